@@ -1,0 +1,110 @@
+"""Low-pass Q-filters, eq. (1) of the paper, and the check that any other filter must pass."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import comb, isfinite, sqrt
+from numbers import Integral
+from typing import Any
+
+import control as ct
+import numpy as np
+
+from .blocks import ComplexArray, FloatArray, Fraction, as_fraction
+
+DC_GAIN_TOLERANCE = 1e-9
+"""How far F(0) may be from 1 and still count as a typed-in 1."""
+
+
+@dataclass(frozen=True)
+class LowPassFilter:
+    r"""Unity-gain low-pass filter :math:`F(s) = 1/(\lambda s + 1)^n`, eq. (1).
+
+    Parameters
+    ----------
+    time_constant : float
+        :math:`\lambda > 0`, in seconds.
+    order : int
+        :math:`n \ge 1`; at least the relative degree of the model, so that F/model is causal.
+
+    Raises
+    ------
+    ValueError
+        If `time_constant` is not positive and finite, or `order` is below 1.
+    TypeError
+        If `order` is not a whole number.
+
+    Examples
+    --------
+    >>> F = LowPassFilter(0.025, 2)
+    >>> round(F.bandwidth, 2)
+    25.74
+    >>> round(float(abs(F(1j * F.bandwidth))), 4)
+    0.7071
+    """
+
+    time_constant: float
+    order: int
+
+    def __post_init__(self) -> None:
+        if not (isfinite(self.time_constant) and self.time_constant > 0):
+            raise ValueError(
+                f"time_constant is {self.time_constant}; F(s) = 1/(time_constant s + 1)^n "
+                "needs a positive one, in seconds"
+            )
+        if isinstance(self.order, bool) or not isinstance(self.order, Integral):
+            raise TypeError(f"order is {self.order!r}; it counts lags and must be a whole number")
+        if self.order < 1:
+            raise ValueError(f"order is {self.order}; F needs at least one lag: order >= 1")
+
+    @property
+    def den(self) -> FloatArray:
+        """Coefficients of (λs+1)^n, descending powers."""
+        n = int(self.order)
+        return np.array([comb(n, k) * self.time_constant**k for k in range(n, -1, -1)])
+
+    @property
+    def tf(self) -> ct.TransferFunction:
+        """The filter as a `control.TransferFunction`."""
+        return ct.tf([1.0], self.den)
+
+    @property
+    def bandwidth(self) -> float:
+        """Frequency at which the gain has fallen to -3 dB (1/√2), in rad/s."""
+        return sqrt(2 ** (1 / self.order) - 1) / self.time_constant
+
+    def __call__(self, s: complex | ComplexArray) -> Any:
+        """Evaluate at complex `s`, a number or an array of any shape."""
+        return 1 / (self.time_constant * np.asarray(s, dtype=complex) + 1) ** self.order
+
+
+def filter_fraction(filter: Any) -> Fraction:
+    """Read a Q-filter, scaled so that both constant coefficients are exactly 1.
+
+    Then 1 - F has its zero at s = 0 exactly, as the theory needs.
+
+    Parameters
+    ----------
+    filter : LowPassFilter, control.TransferFunction, control.StateSpace or (num, den)
+        Stable and proper, with F(0) = 1.
+
+    Raises
+    ------
+    ValueError
+        If the filter is improper, not stable, or F(0) is not 1.
+    """
+    if isinstance(filter, LowPassFilter):
+        return Fraction(np.ones(1), filter.den)
+    num, den = as_fraction(filter, "filter")
+    poles = np.roots(den)
+    if poles.size and poles.real.max() >= 0:
+        raise ValueError(
+            f"filter has a pole at {poles[poles.real.argmax()]:.4g}; F must be stable: "
+            "every pole needs a negative real part"
+        )
+    dc_gain = num[-1] / den[-1]
+    if abs(dc_gain - 1) > DC_GAIN_TOLERANCE:
+        raise ValueError(
+            f"filter has F(0) = {dc_gain:.6g}; the observer needs F(0) = 1: divide it by its DC gain"
+        )
+    return Fraction(num / num[-1], den / den[-1])
