@@ -1,0 +1,97 @@
+"""Sphinx configuration of the book. Nothing here computes: chapters come executed."""
+
+import shutil
+from importlib.metadata import distribution
+from pathlib import Path
+
+from sphinx.application import Sphinx
+from sphinx.config import Config
+from sphinx.errors import ConfigError
+
+BOOK = Path(__file__).resolve().parent
+
+project = "The noise-reduction disturbance observer"
+author = "the nrdob authors"
+project_copyright = "2026, the nrdob authors"
+release = version = distribution("nrdob").version
+language = "en"
+
+extensions = [
+    "myst_nb",
+    "numpydoc",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.mathjax",
+    "sphinx_copybutton",
+    "sphinxcontrib.bibtex",
+]
+
+# --- Text -------------------------------------------------------------------------------------
+myst_enable_extensions = ["amsmath", "attrs_block", "colon_fence", "deflist", "dollarmath"]
+myst_heading_anchors = 3
+numfig = True
+math_numfig = True
+nb_execution_mode = "off"
+nb_ipywidgets_js = {}  # the default asks other servers for scripts
+bibtex_bibfiles = ["references.bib"]
+bibtex_default_style = "plain"
+bibtex_reference_style = "author_year"
+
+# --- API pages --------------------------------------------------------------------------------
+autodoc_member_order = "bysource"
+autodoc_typehints = "none"  # the docstrings tell type, shape and unit
+numpydoc_show_class_members = False
+# Types of the libraries below us; their documentation is not part of this book.
+nitpick_ignore_regex = [
+    ("py:.*", r"(control|ct|matplotlib|np|numpy|scipy)\..*"),
+]
+
+# --- Look -------------------------------------------------------------------------------------
+html_theme = "sphinx_book_theme"
+html_title = project
+html_static_path = ["_static"]
+html_css_files = ["book.css"]
+html_context = {"default_mode": "auto"}
+html_theme_options = {
+    "navbar_persistent": [],  # else there are two search fields
+    "use_download_button": True,
+    "show_toc_level": 2,
+}
+html_copy_source = True
+html_show_sphinx = False
+
+# --- Mathematics, readable without a network ----------------------------------------------------
+# One self-contained file; the package that carries it is no importable package, only files.
+_mathjax = next(
+    file
+    for file in distribution("sphinx-mathjax-offline").files or ()
+    if file.name == "tex-svg-full.js"
+)
+html_static_path.append(str(_mathjax.locate()))
+mathjax_path = "tex-svg-full.js"
+mathjax3_config = {
+    "tex": {"macros": {"Gm": r"\tilde{G}", "e": r"\mathrm{e}", "j": r"\mathrm{j}"}},
+}
+
+
+def copy_chapters(_app: Sphinx, config: Config) -> None:
+    """Bring the notebooks under the source folder, above which Sphinx cannot see."""
+    source = (BOOK / config.nrdob_notebooks).resolve()
+    notebooks = sorted(source.glob("*.ipynb"))
+    if not notebooks:
+        raise ConfigError(f"no notebooks in {source}")
+    chapters = BOOK / "chapters"
+    chapters.mkdir(exist_ok=True)
+    for old in chapters.glob("*.ipynb"):
+        if not (source / old.name).exists():
+            old.unlink()
+    for notebook in notebooks:
+        copy = chapters / notebook.name
+        # Unchanged files keep their time, so that Sphinx reads again only what is new.
+        if not copy.exists() or copy.read_bytes() != notebook.read_bytes():
+            shutil.copyfile(notebook, copy)
+
+
+def setup(app: Sphinx) -> None:
+    """Add the setting that names the folder of executed notebooks, seen from here."""
+    app.add_config_value("nrdob_notebooks", "../notebooks", "env", str)
+    app.connect("config-inited", copy_chapters)
