@@ -1,0 +1,162 @@
+"""The book as a reader gets it: every page there, no dead links, nothing from other servers.
+
+The pages are built here, in a temporary folder, warnings as errors. So they are never stale, and
+the checkout stays untouched.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from urllib.parse import unquote, urlsplit
+
+import pytest
+from bs4 import BeautifulSoup
+
+ROOT = Path(__file__).resolve().parent.parent
+REFERENCE_PAGES = {"index", "notation", "api", "bibliography", "colophon"}
+MATHJAX = "tex-svg-full.js"
+
+# Whatever a browser fetches by itself to show a page.
+FETCHED = (
+    ("script", "src"),
+    (
+        "link[rel~=stylesheet], link[rel~=icon], link[rel~=preload], link[rel~=modulepreload]",
+        "href",
+    ),
+    ("img", "src"),
+    ("img, source", "srcset"),
+    ("iframe, embed, video, audio, source", "src"),
+    ("object", "data"),
+)
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Build the book from the notebooks as they are stored, and give the folder of pages."""
+    folder = tmp_path_factory.mktemp("book")
+    source = folder / "source"
+    shutil.copytree(ROOT / "book", source, ignore=shutil.ignore_patterns("chapters"))
+    command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-n", "-q", "-b", "html"]
+    command += ["-D", f"nrdob_notebooks={ROOT / 'notebooks'}", "-d", str(folder / "doctrees")]
+    done = subprocess.run(
+        [*command, str(source), str(folder / "html")],
+        capture_output=True,
+        text=True,
+        encoding="utf-8",
+        errors="replace",
+    )
+    assert done.returncode == 0, f"the book does not build:\n{done.stdout}\n{done.stderr}"
+    return folder / "html"
+
+
+@pytest.fixture(scope="module")
+def pages(site: Path) -> dict[Path, BeautifulSoup]:
+    """Give every page of the site, parsed; Sphinx's templates for other scripts are no pages."""
+    return {
+        path: BeautifulSoup(path.read_text(encoding="utf-8"), "html.parser")
+        for path in sorted(site.rglob("*.html"))
+        if "_static" not in path.parts
+    }
+
+
+def is_external(address: str) -> bool:
+    parts = urlsplit(address)
+    return bool(parts.netloc) or parts.scheme in {"http", "https", "ftp"}
+
+
+def test_every_page_is_there(site: Path) -> None:
+    chapters = {f"chapters/{path.stem}" for path in (ROOT / "notebooks").glob("*.ipynb")}
+    assert chapters, "there are no notebooks, so there is no book"
+    missing = [
+        page for page in sorted(REFERENCE_PAGES | chapters) if not (site / f"{page}.html").is_file()
+    ]
+    assert not missing, f"pages not built: {missing}"
+
+
+def test_every_chapter_can_be_reached_from_the_front_page(pages: dict[Path, BeautifulSoup]) -> None:
+    front = next(page for path, page in pages.items() if path.name == "index.html")
+    links = {str(link["href"]).split("#")[0] for link in front.select("article a[href]")}
+    wanted = {f"chapters/{path.stem}.html" for path in (ROOT / "notebooks").glob("*.ipynb")}
+    assert wanted <= links, f"no way from the front page to {sorted(wanted - links)}"
+
+
+def test_pages_fetch_nothing_from_elsewhere(pages: dict[Path, BeautifulSoup]) -> None:
+    external = [
+        f"{path.name}: {tag.name} {tag[attribute]}"
+        for path, page in pages.items()
+        for selector, attribute in FETCHED
+        for tag in page.select(selector)
+        if tag.has_attr(attribute)
+        and any(is_external(part.strip()) for part in str(tag[attribute]).split(","))
+    ]
+    assert not external, "fetched from elsewhere:\n  " + "\n  ".join(external)
+
+
+def test_styles_fetch_nothing_from_elsewhere(site: Path, pages: dict[Path, BeautifulSoup]) -> None:
+    styles = {path.name: path.read_text(encoding="utf-8") for path in site.rglob("*.css")}
+    styles |= {
+        path.name: "\n".join(tag.get_text() for tag in page("style"))
+        for path, page in pages.items()
+    }
+    fetch = re.compile(r"""(?:url\(\s*|@import\s+)["']?((?:https?:)?//[^"')\s]+)""")
+    external = [
+        f"{name}: {address}" for name, text in styles.items() for address in fetch.findall(text)
+    ]
+    assert not external, "fetched from elsewhere:\n  " + "\n  ".join(external)
+
+
+def test_every_image_has_alt_text(pages: dict[Path, BeautifulSoup]) -> None:
+    silent = [
+        f"{path.name}: {image.get('src', '')[:80]}"
+        for path, page in pages.items()
+        for image in page("img")
+        if not str(image.get("alt", "")).strip()
+    ]
+    assert not silent, "images without alt text:\n  " + "\n  ".join(silent)
+
+
+def test_every_image_is_there(pages: dict[Path, BeautifulSoup]) -> None:
+    missing = [
+        f"{path.name}: {image['src']}"
+        for path, page in pages.items()
+        for image in page("img", src=True)
+        if not str(image["src"]).startswith("data:")
+        and not (path.parent / unquote(str(image["src"]))).is_file()
+    ]
+    assert not missing, "images that are not there:\n  " + "\n  ".join(missing)
+
+
+def test_links_inside_the_book_lead_somewhere(pages: dict[Path, BeautifulSoup]) -> None:
+    anchors = {
+        path.resolve(): {tag["id"] for tag in page.select("[id]")} for path, page in pages.items()
+    }
+    dead = []
+    for path, page in pages.items():
+        for link in page("a", href=True):
+            address = urlsplit(str(link["href"]))
+            if address.scheme or address.netloc:
+                continue
+            target = (
+                (path.parent / unquote(address.path)).resolve() if address.path else path.resolve()
+            )
+            places = anchors.get(target)  # None: not a page, such as a notebook to download
+            if not target.is_file():
+                dead.append(f"{path.name}: {link['href']}")
+            elif address.fragment and places and unquote(address.fragment) not in places:
+                dead.append(f"{path.name}: {link['href']} (no such place on the page)")
+    assert not dead, "dead links:\n  " + "\n  ".join(sorted(set(dead)))
+
+
+def test_mathematics_needs_no_network(site: Path, pages: dict[Path, BeautifulSoup]) -> None:
+    script = site / "_static" / MATHJAX
+    assert script.is_file(), f"{MATHJAX} is not in the book"
+    with_formulas = {path: page for path, page in pages.items() if page.select(".math")}
+    assert with_formulas, "no page has a formula: something is wrong with the mathematics"
+    for path, page in with_formulas.items():
+        sources = [urlsplit(str(tag["src"])).path for tag in page.select("script[src]")]
+        loaded = [(path.parent / source).resolve() for source in sources]
+        assert script.resolve() in loaded, f"{path.name} has formulas and does not load {MATHJAX}"
