@@ -1,0 +1,65 @@
+# The whole project in a few words: make book, make test, make lab.
+# Each target calls ordinary tools; README.md gives the same commands for Windows.
+
+SHELL := bash
+.SHELLFLAGS := -eu -o pipefail -c
+.DEFAULT_GOAL := help
+
+PYTHON ?= python3
+VENV := .venv
+PY := $(VENV)/bin/python
+READY := $(VENV)/ready
+
+# Jupyter looks for its own programs on PATH.
+export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
+export PYTHONHASHSEED := 0
+
+.PHONY: help env book test lint types layers unit notebooks execute check lab clean
+
+help: ## show this list
+	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /	/' | expand -t 12
+
+env: $(READY) ## make the environment in .venv (the other targets do it when needed)
+
+$(READY): requirements.txt pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or newer is needed, e.g.: make PYTHON=python3.12" if sys.version_info < (3, 11) else 0)'
+	@echo "Making the environment in $(VENV); this takes about a minute, once."
+	$(PYTHON) -m venv $(VENV)
+	$(PY) -m pip install --quiet -r requirements.txt
+	$(PY) -m pip install --quiet --no-deps -e .
+	@touch $(READY)
+
+book: $(READY) ## run every notebook and build the web book
+	$(PY) tools/notebooks.py --output build/notebooks
+	$(PY) -m sphinx -W --keep-going -n -q -D nrdob_notebooks=../build/notebooks -d build/doctrees -b html book build/html
+	@echo "The book is ready. Open $(CURDIR)/build/html/index.html"
+
+test: lint types layers unit notebooks ## run every check
+
+lint: $(READY) ## style and formatting
+	$(PY) -m ruff check .
+	$(PY) -m ruff format --check .
+
+types: $(READY) ## static types
+	$(PY) -m mypy
+
+layers: $(READY) ## imports between the modules run one way
+	$(VENV)/bin/lint-imports
+
+unit: $(READY) ## unit tests, doctests, the rules for notebooks, and the built book
+	$(PY) -m pytest -q tests nrdob --doctest-modules
+
+notebooks: $(READY) ## run every notebook and compare with the outputs stored in it
+	$(PY) -m pytest -q --nbval --nbval-current-env --nbval-cell-timeout 300 --nbval-sanitize-with tests/nbval-sanitize.cfg notebooks
+
+execute: $(READY) ## run every notebook in place and store its outputs
+	$(PY) tools/notebooks.py --in-place --report
+
+check: $(READY) ## run every notebook and compare byte for byte, figures included (same machine only)
+	$(PY) tools/notebooks.py --check
+
+lab: $(READY) ## open the notebooks in JupyterLab
+	$(PY) -m jupyterlab notebooks
+
+clean: ## remove what the other targets made, except the environment
+	rm -rf build book/chapters
