@@ -64,15 +64,15 @@ class QuasiPolynomial:
     scale: FloatArray | None = None
 
     def __post_init__(self) -> None:
-        q, r = (np.atleast_1d(np.asarray(c, dtype=float)) for c in (self.q, self.r))
+        q, r = np.asarray(self.q, dtype=float), np.asarray(self.r, dtype=float)
         scale = add(np.abs(q), np.abs(r)) if self.scale is None else self.scale
         if self.delay == 0:
             q, r = add(q, r), np.zeros(1)
-        q, r = (_trim(c, scale) for c in (q, r))
-        for name, value in (("q", q), ("r", r), ("scale", scale[-max(q.size, r.size) :])):
+        q, r = _trim(q, scale), _trim(r, scale)
+        delay = self.delay if r.any() else 0.0
+        scale = scale[-max(q.size, r.size) :]
+        for name, value in (("q", q), ("r", r), ("scale", scale), ("delay", delay)):
             object.__setattr__(self, name, value)
-        if not r.any():
-            object.__setattr__(self, "delay", 0.0)
 
     @property
     def degree(self) -> int:
@@ -93,8 +93,8 @@ class QuasiPolynomial:
     @property
     def zeros_at_origin(self) -> int:
         """Multiplicity of the root s = 0 that the coefficients prove exactly."""
-        if self.delay == 0:
-            return _trailing_zeros(self.q)
+        if not self.delay:
+            return _trailing_zeros(self.q) if self.q.any() else 0
         return min(_trailing_zeros(self.q), _trailing_zeros(self.r))
 
     @cached_property
@@ -115,16 +115,19 @@ class QuasiPolynomial:
 
     def derivative(self, s: ComplexArray) -> Any:
         """Evaluate dp/ds at complex `s`."""
-        value = np.polyval(np.polyder(self.q), s)
+        value = np.polyval(differentiate(self.q), s)
         if self.delay:
-            r = np.polyval(np.polyder(self.r), s) - self.delay * np.polyval(self.r, s)
+            r = np.polyval(differentiate(self.r), s) - self.delay * np.polyval(self.r, s)
             value = value + r * np.exp(-self.delay * s)
         return value
 
     def near_axis(self, roots: ComplexArray) -> NDArrayBool:
         """Tell which roots a change of the coefficients within rounding moves onto the axis."""
-        omega = np.abs(roots.imag)
-        return np.abs(self(1j * omega)) <= ROUNDING * np.polyval(self.scale, omega)
+        near = np.abs(roots.real) <= 0.1 * np.abs(roots)
+        if near.any():
+            omega = np.abs(roots.imag[near])
+            near[near] = np.abs(self(1j * omega)) <= ROUNDING * np.polyval(self.scale, omega)
+        return near
 
     @cached_property
     def roots(self) -> ComplexArray:
@@ -240,7 +243,7 @@ def multiply(a: QuasiPolynomial, b: QuasiPolynomial) -> QuasiPolynomial:
         raise NotImplementedError("a product of two delayed factors has two delays; keep it factored")
     if b.delay:
         a, b = b, a
-    q, r = np.polymul(a.q, b.q), np.polymul(a.r, b.q)
+    q, r = np.convolve(a.q, b.q), np.convolve(a.r, b.q)
     return QuasiPolynomial(q, r, a.delay, np.convolve(a.scale, b.scale))
 
 
@@ -251,6 +254,11 @@ def add(a: FloatArray, b: FloatArray) -> FloatArray:
     total = np.array(a, dtype=float)
     total[a.size - b.size :] += b
     return total
+
+
+def differentiate(coefficients: FloatArray) -> FloatArray:
+    """Differentiate a polynomial given in descending powers."""
+    return coefficients[:-1] * np.arange(coefficients.size - 1, 0, -1)
 
 
 def _argument_change(p: QuasiPolynomial) -> float | str:
@@ -326,12 +334,15 @@ def _lowest(p: QuasiPolynomial) -> float | None:
 
 def _polished(p: QuasiPolynomial, roots: ComplexArray) -> ComplexArray:
     """Newton steps on p, each kept only where it lowers |p|."""
+    value = p(roots)
     for _ in range(3):
-        value, slope = p(roots), p.derivative(roots)
         with np.errstate(divide="ignore", invalid="ignore"):
-            better = roots - value / slope
-        keep = np.isfinite(better) & (np.abs(p(better)) < np.abs(value))
-        roots = np.where(keep, better, roots)
+            step = value / p.derivative(roots)
+        if np.all(np.abs(step) <= 4e-16 * np.abs(roots)):
+            break
+        tried = p(roots - step)
+        keep = np.abs(tried) < np.abs(value)  # false for a step that is not finite
+        roots, value = np.where(keep, roots - step, roots), np.where(keep, tried, value)
     return roots
 
 
@@ -392,10 +403,11 @@ def _collocated_roots(p: QuasiPolynomial, nodes: int) -> ComplexArray:
     matrix[n:, n:] = transport[1:, 1:]
     matrix[n:, -1] += transport[1:, 0] * through
     guesses = np.linalg.eigvals(matrix).astype(complex) * speed
-    # Only roots that the collocation resolves are worth polishing, and only those are true.
-    guesses = guesses[np.abs(guesses) * p.delay < 1.1 * nodes]
-    guesses = guesses[guesses.real * p.delay > -30]
-    roots = _polished(p, _polished(p, guesses))
+    # To the left only roots that the collocation resolves are true; to the right the delayed term
+    # is small and Newton's method settles every one.
+    resolved = (np.abs(guesses) * p.delay < 1.1 * nodes) & (guesses.real * p.delay > -30)
+    guesses = guesses[resolved | (guesses.real > 0)]
+    roots = _polished(p, guesses)
     moved = np.abs(roots - guesses) * p.delay
     with np.errstate(divide="ignore", invalid="ignore"):
         residual = np.abs(p(roots)) / (
@@ -420,11 +432,15 @@ def _differentiation(nodes: int) -> FloatArray:
 def _trim(coefficients: FloatArray, scale: FloatArray) -> FloatArray:
     """Drop leading coefficients that are rounding of larger terms which cancelled."""
     size = scale[-coefficients.size :]
+    if abs(coefficients[0]) > ROUNDING * size[0]:
+        return coefficients
     used = np.flatnonzero(np.abs(coefficients) > ROUNDING * size)
     return coefficients[used[0] :] if used.size else np.zeros(1)
 
 
 def _trailing_zeros(coefficients: FloatArray) -> int:
+    if coefficients[-1]:
+        return 0
     used = np.flatnonzero(coefficients)
     return int(coefficients.size - 1 - used[-1]) if used.size else int(coefficients.size)
 

@@ -1,0 +1,299 @@
+r"""Lemma 2 and the true loop: gain, phase, modulus and delay margins of C·G̃, F·H and L = K·G.
+
+Frequencies are exact: without delay the crossings and the extremes of :math:`|1+L|` are roots of
+polynomials in :math:`\omega^2`; with delay they are bracketed on frequencies between which the loop
+provably turns by less than half a revolution, then bisected. The points ω = 0 and ω = ∞ are
+looked at too: a loop may be lost there as well as in between.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from math import inf, log10, nan
+from typing import NamedTuple
+
+import numpy as np
+
+from .blocks import ComplexArray, FloatArray
+from .equations import LoopEquations, Quotient
+from .nyquist import minus_point, resolved_frequencies
+from .quasipoly import ROUNDING, QuasiPolynomial, add, differentiate
+from .stability import LoopStability, Stability, stability
+
+
+@dataclass(frozen=True)
+class Margins:
+    """Margins of one loop, which unpack as `control.stability_margins` does.
+
+    ``gm, pm, sm, wpc, wgc, wms = margins``. All numbers are nan unless the closed loop is known to
+    be stable: an unstable loop has no margins; its crossings are still listed.
+
+    Attributes
+    ----------
+    gm : float
+        Gain factor nearest to 1 (on a log scale) at which the loop is lost; below 1 where the gain
+        must not fall. Absolute; inf if there is none.
+    pm : float
+        Smallest rotation of the loop gain, in either sense, at which the loop is lost, degrees.
+    sm : float
+        Modulus margin, the distance min |1 + L| from -1.
+    wpc, wgc, wms : float
+        Frequencies of gm, pm and sm in rad/s; nan where there is none.
+    gm_low, gm_high : float
+        The loop stays stable for every gain factor strictly between them.
+    delay_margin : float
+        Smallest extra dead time at which the loop is lost, in seconds.
+    stable : bool or None
+        The verdict on the closed loop, without which the numbers mean nothing.
+    gain_crossovers, phase_crossovers : array of float
+        All frequencies with |L| = 1, and all with L real and negative (0 and inf included), rad/s.
+    name : str
+        Which loop.
+    """
+
+    gm: float
+    pm: float
+    sm: float
+    wpc: float
+    wgc: float
+    wms: float
+    gm_low: float
+    gm_high: float
+    delay_margin: float
+    stable: bool | None
+    name: str
+    gain_crossovers: FloatArray = field(repr=False)
+    phase_crossovers: FloatArray = field(repr=False)
+
+    def __iter__(self) -> Iterator[float]:
+        return iter((self.gm, self.pm, self.sm, self.wpc, self.wgc, self.wms))
+
+    @property
+    def gm_db(self) -> float:
+        """Gain margin in dB, negative where the gain must not fall."""
+        return 20 * log10(self.gm) if 0 < self.gm < inf else self.gm
+
+    @property
+    def ms(self) -> float:
+        """Peak of the sensitivity |1/(1 + L)|, the inverse of the modulus margin."""
+        return 1 / self.sm
+
+    def __str__(self) -> str:
+        if not self.stable:
+            verdict = "NOT stable" if self.stable is False else "not decided"
+            return f"{self.name:6} {verdict}: no margins"
+        return (
+            f"{self.name:6} GM {self.gm_db:7.3f} dB   PM {self.pm:7.2f}°   Ms {self.ms:7.4f}   "
+            f"gains {self.gm_low:.4g} to {self.gm_high:.4g}   delay margin {self.delay_margin:.4g} s"
+        )
+
+
+@dataclass(frozen=True, repr=False)
+class LoopMargins:
+    """Margins of the three loops, with the verdict on the whole.
+
+    Attributes
+    ----------
+    model_loop, observer_loop : Margins
+        C·G̃ and F·H, conditions i and ii of Lemma 2.
+    plant_loop : Margins
+        L = K·G, whose margins are those that the plant feels.
+    stable : bool or None
+        Verdict of Lemma 1 on the whole NR-DOB loop.
+    """
+
+    model_loop: Margins
+    observer_loop: Margins
+    plant_loop: Margins
+    stable: bool | None
+
+    def __repr__(self) -> str:
+        return "\n".join(map(str, (self.model_loop, self.observer_loop, self.plant_loop)))
+
+
+def loop_margins(loop: LoopEquations, verdict: Stability | None = None) -> LoopMargins:
+    """Compute the margins of C·G̃, F·H and L.
+
+    Parameters
+    ----------
+    loop : LoopEquations
+        The four blocks.
+    verdict : Stability, optional
+        Its stability, if already known.
+    """
+    verdict = verdict or stability(loop)
+    return LoopMargins(
+        margins(loop.CGm, verdict.model_loop, loop.p_A),
+        margins(loop.FH, verdict.observer_loop, loop.p_B),
+        margins(loop.L, verdict.observer_loop, loop.p_B),
+        verdict.stable,
+    )
+
+
+def margins(loop: Quotient, verdict: LoopStability, closed: QuasiPolynomial | None = None) -> Margins:
+    """Compute the margins of one loop gain.
+
+    Parameters
+    ----------
+    loop : Quotient
+        The loop gain L.
+    verdict : LoopStability
+        Stability of 1 + L.
+    closed : QuasiPolynomial, optional
+        Numerator of 1 + L if it is known better than by adding; its roots are those of `verdict`.
+    """
+    find = _delayed_crossings if loop.delay else _rational_crossings
+    gain, phase, nearest = find(loop, closed or minus_point(loop))
+    omega = np.concatenate([gain, phase, nearest])
+    at_gain, at_phase, at_nearest = np.split(
+        loop.numerator(1j * omega) / loop.denominator(1j * omega),
+        [gain.size, gain.size + phase.size],
+    )
+    ends = _Ends(loop.dc_gain, *_at_infinity(loop))
+    gains, phase = _critical_gains(phase, at_phase.real, ends)
+    if not verdict.stable:
+        return Margins(*[nan] * 9, verdict.stable, loop.name, gain, phase)
+    gm_low = float(np.max(gains[gains < 1], initial=0.0))
+    gm_high = float(np.min(gains[gains > 1], initial=inf))
+    gm = gm_low if gm_low * gm_high > 1 else gm_high
+    wpc = float(phase[gains == gm][0]) if 0 < gm < inf else nan
+    pm, wgc, delay_margin = _rotations(gain, at_gain, ends)
+    sm, wms = _closest(nearest, at_nearest, ends)
+    return Margins(
+        gm, pm, sm, wpc, wgc, wms, gm_low, gm_high, delay_margin, True, loop.name, gain, phase
+    )
+
+
+class _Ends(NamedTuple):
+    """L(0), and a and b of the circle a + b exp(-jωθ) that L(jω) tends to."""
+
+    dc_gain: float
+    undelayed: float
+    delayed: float
+
+
+def _at_infinity(loop: Quotient) -> tuple[float, float]:
+    """Return a and b of the limit a + b exp(-jωθ), infinite for an improper loop."""
+    num, den = loop.numerator, loop.denominator
+    limits = []
+    for part in (num.q, num.r):
+        excess = part.size - den.q.size if part.any() else -1
+        limits.append(0.0 if excess < 0 else inf if excess else float(part[0] / den.q[0]))
+    return limits[0], limits[1]
+
+
+def _critical_gains(
+    phase: FloatArray, values: FloatArray, ends: _Ends
+) -> tuple[FloatArray, FloatArray]:
+    """Gain factors k > 0 with k·L(jω) = -1, and where, ω = 0 and ω = ∞ included."""
+    size = abs(ends.delayed)
+    last = {ends.undelayed - size, ends.undelayed + size}
+    values = np.concatenate([[ends.dc_gain], values, list(last)])
+    omega = np.concatenate([[0.0], phase, [inf] * len(last)])
+    negative = np.isfinite(values) & (values < 0)
+    return -1 / values[negative], omega[negative]
+
+
+def _rotations(
+    gain: FloatArray, values: ComplexArray, ends: _Ends
+) -> tuple[float, float, float]:
+    """Phase margin in degrees, its frequency, and the delay margin."""
+    delay_margin = 0.0 if abs(ends.undelayed) + abs(ends.delayed) >= 1 else inf
+    if not gain.size:
+        return inf, nan, delay_margin
+    angle = np.angle(-values)
+    k = int(np.argmin(np.abs(angle)))
+    lags = np.mod(angle, 2 * np.pi) / gain
+    return float(np.degrees(abs(angle[k]))), float(gain[k]), min(delay_margin, float(lags.min()))
+
+
+def _closest(nearest: FloatArray, values: ComplexArray, ends: _Ends) -> tuple[float, float]:
+    """Smallest |1 + L| and where."""
+    limits = [abs(1 + ends.dc_gain), abs(abs(1 + ends.undelayed) - abs(ends.delayed))]
+    distance = np.concatenate([np.abs(1 + values), limits])
+    k = int(np.nanargmin(distance))
+    return float(distance[k]), float(np.concatenate([nearest, [0.0, inf]])[k])
+
+
+# Without delay: polynomials in x = ω², with p(jω) = even(x) + jω odd(x).
+
+
+def _rational_crossings(
+    loop: Quotient, closed: QuasiPolynomial
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Frequencies where |L| = 1, where L is real and negative, and where |1 + L| is extreme."""
+    num, den = loop.numerator.q, loop.denominator.q
+    (ne, no), (de, do), (pe, po) = map(_even_odd, (num, den, closed.q))
+    square_num, square_den, square_closed = _square(ne, no), _square(de, do), _square(pe, po)
+    gain = _positive_roots([(square_num, [1.0]), (square_den, [-1.0])])
+    phase = _positive_roots([(no, de), (ne, -do)])
+    slope = [(differentiate(square_closed), square_den), (square_closed, -differentiate(square_den))]
+    return gain, phase, _positive_roots(slope)
+
+
+def _even_odd(p: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Coefficients in x = ω² (descending) of the real part and of the imaginary part over ω."""
+    ascending = p[::-1]
+    signs = (-1.0) ** np.arange((p.size + 1) // 2)
+    even, odd = ascending[::2] * signs, ascending[1::2] * signs[: p.size // 2]
+    return even[::-1], odd[::-1] if odd.size else np.zeros(1)
+
+
+def _square(even: FloatArray, odd: FloatArray) -> FloatArray:
+    """Return |p(jω)|² as a polynomial in x."""
+    return add(np.convolve(even, even), np.append(np.convolve(odd, odd), 0.0))
+
+
+def _positive_roots(products: list[tuple[FloatArray, FloatArray | list[float]]]) -> FloatArray:
+    """Frequencies ω > 0 at whose square the sum of the products vanishes."""
+    (a, b), (c, d) = products
+    total = add(np.convolve(a, b), np.convolve(c, d))
+    scale = add(np.convolve(np.abs(a), np.abs(b)), np.convolve(np.abs(c), np.abs(d)))
+    total = np.where(np.abs(total) <= ROUNDING * scale, 0.0, total)
+    roots = np.roots(total)
+    real = roots.real[(np.abs(roots.imag) <= 1e-7 * np.abs(roots)) & (roots.real > 0)]
+    return np.sort(np.sqrt(real))
+
+
+# With delay: brackets on resolved frequencies, then bisection.
+
+
+def _delayed_crossings(
+    loop: Quotient, closed: QuasiPolynomial
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Frequencies where |L| = 1, where L is real and negative, and where |1 + L| is smallest."""
+    omega = resolved_frequencies(loop)
+
+    def distance(w: FloatArray) -> FloatArray:
+        return np.abs(closed(1j * w) / loop.denominator(1j * w))
+
+    gain = _zeros(lambda w: np.log(np.abs(loop(1j * w))), omega)
+    phase = _zeros(lambda w: loop(1j * w).imag, omega)
+    phase = phase[np.abs(loop(1j * phase)) < 1e9]  # Im L also changes sign through a pole
+    return gain, phase, _minima(distance, omega)
+
+
+def _zeros(function: Callable[[FloatArray], FloatArray], omega: FloatArray) -> FloatArray:
+    """All sign changes of a function on a grid, bisected together."""
+    signs = np.sign(function(omega))
+    where = np.flatnonzero(signs[:-1] * signs[1:] < 0)
+    low, high, sign = omega[where], omega[where + 1], signs[where]
+    for _ in range(52):
+        middle = (low + high) / 2
+        same = np.sign(function(middle)) == sign
+        low, high = np.where(same, middle, low), np.where(same, high, middle)
+    return (low + high) / 2
+
+
+def _minima(function: Callable[[FloatArray], FloatArray], omega: FloatArray) -> FloatArray:
+    """All local minima of a function on a grid, refined together by golden section."""
+    values = function(omega)
+    where = 1 + np.flatnonzero((values[1:-1] <= values[:-2]) & (values[1:-1] <= values[2:]))
+    low, high = omega[where - 1], omega[where + 1]
+    golden = (5**0.5 - 1) / 2
+    for _ in range(40):
+        left, right = high - golden * (high - low), low + golden * (high - low)
+        keep_left = function(left) < function(right)
+        low, high = np.where(keep_left, low, left), np.where(keep_left, right, high)
+    return (low + high) / 2

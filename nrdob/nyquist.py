@@ -1,0 +1,133 @@
+"""Encirclements that can be trusted: the Nyquist criterion counted with a certificate.
+
+For a loop L = num/den the function 1 + L is p/den with p = num + den, so its turns around 0 are the
+turns of p minus those of den. Both are known without looking at a plot: the argument of p is
+followed along the axis in certified steps (`quasipoly.count_rhp`), that of den from its factors.
+Poles on the axis, of any multiplicity, are left of the contour, which passes them on the right; the
+arcs at infinity of improper loops are contained in the degrees. Conventions are those of
+`control.nyquist_response`: encirclements N are positive clockwise, and Z = N + P.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import reduce
+
+import numpy as np
+
+from .blocks import FloatArray
+from .equations import Quotient
+from .quasipoly import QuasiPolynomial, RootCount, add, count_rhp, frequency_segments
+
+
+@dataclass(frozen=True)
+class NyquistCount:
+    """Encirclements and what they mean, Z = N + P.
+
+    Attributes
+    ----------
+    encirclements : float or None
+        N, clockwise positive; None where the curve meets the point.
+    open_loop_rhp : float
+        P, poles in the open right half plane, counted before any cancellation.
+    closed_loop_rhp : float or None
+        Z, zeros of L - point in the open right half plane.
+    reason : str
+        Why a number is missing.
+    """
+
+    encirclements: float | None
+    open_loop_rhp: float
+    closed_loop_rhp: float | None
+    reason: str = ""
+
+
+def nyquist_count(open_loop: Iterable[QuasiPolynomial], closed_loop: QuasiPolynomial) -> NyquistCount:
+    """Count encirclements from the factors of den and the closed-loop function p.
+
+    Parameters
+    ----------
+    open_loop : iterable of QuasiPolynomial
+        Factors of the open-loop denominator.
+    closed_loop : QuasiPolynomial
+        p = num - point * den.
+    """
+    poles = sum(rhp_roots(factor) for factor in open_loop)
+    zeros = count_rhp(closed_loop)
+    if closed_loop.zeros_at_origin:
+        zeros = RootCount(None, "the curve passes through the point at zero frequency")
+    if zeros.count is None:
+        return NyquistCount(None, poles, None, zeros.reason)
+    return NyquistCount(zeros.count - poles, poles, zeros.count)
+
+
+def encirclements(loop: Quotient, point: float = -1.0) -> NyquistCount:
+    """Count the turns of a Nyquist plot around a point of the real axis.
+
+    Parameters
+    ----------
+    loop : Quotient
+        Any map of the loop, with or without delay, proper or not.
+    point : float
+        The point to encircle: -1 for a loop gain, +1 for the paper's G̃⁻¹G.
+
+    Examples
+    --------
+    >>> import control as ct
+    >>> from nrdob import NRDOB, LowPassFilter
+    >>> s = ct.tf('s')
+    >>> loop = NRDOB(4/(2 - s - s**2), -1/(s**2 + 3*s + 2), -1.8*(0.5*s + 1)/s, LowPassFilter(0.05, 2))
+    >>> encirclements(loop.H)
+    NyquistCount(encirclements=-1, open_loop_rhp=1, closed_loop_rhp=0, reason='')
+    """
+    return nyquist_count(loop.den, minus_point(loop, point))
+
+
+def minus_point(loop: Quotient, point: float = -1.0) -> QuasiPolynomial:
+    """Numerator of L - point, that is num - point * den."""
+    num, den = loop.numerator, loop.denominator
+    return QuasiPolynomial(
+        add(num.q, -point * den.q),
+        add(num.r, -point * den.r),
+        max(num.delay, den.delay),
+        add(num.scale, abs(point) * den.scale),
+    )
+
+
+def rhp_roots(factor: QuasiPolynomial) -> int:
+    """Roots of one factor in the open right half plane; roots on the axis do not count."""
+    right = factor.roots[factor.roots.real > 0]
+    return int(np.sum(~factor.near_axis(right))) if right.size else 0
+
+
+def resolved_frequencies(loop: Quotient, per_segment: int = 8) -> FloatArray:
+    """Frequencies that show every turn of a loop's Nyquist plot.
+
+    Between two certified frequencies neither numerator, denominator nor 1 + L turns by more than
+    half a revolution; each such stretch is sampled `per_segment` times, and the range is wide
+    enough to hold the corner frequencies and, with a delay, two turns beyond them.
+
+    Returns
+    -------
+    array of float
+        Increasing, in rad/s, without 0.
+    """
+    parts = [minus_point(loop)]
+    for factor in (*loop.num, *loop.den):
+        parts += [QuasiPolynomial(c) for c in (factor.q, factor.r) if c.any()]
+    grids = [
+        grid
+        for p in parts
+        if p.degree
+        and p.neutral_ratio < 1
+        and not isinstance(grid := frequency_segments(p.without_origin), str)
+    ]
+    omega = reduce(np.union1d, grids, np.geomspace(1e-2, 1e2, 9))
+    omega = omega[omega > 0]
+    if loop.delay:
+        turn = 2 * np.pi / loop.delay
+        omega = np.union1d(omega, omega[-1] + turn * np.linspace(0, 2, 17))
+    fractions = np.arange(per_segment) / per_segment
+    return np.append((omega[:-1, None] + np.diff(omega)[:, None] * fractions).ravel(), omega[-1])
+

@@ -1,0 +1,171 @@
+"""The paper's four examples, their modified plants, and every number it prints about them.
+
+J. U. Liceaga-Castro, I. I. Siller-Alcalá, E. Liceaga-Castro, Noise reduction disturbance observer
+global stability and robustness conditions based on the Nyquist stability criteria, 2020.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf
+
+import control as ct
+import numpy as np
+
+from .delay import delay
+from .equations import Quotient
+from .filters import LowPassFilter
+from .loop import NRDOB
+
+EXAMPLES = (1, 2, 3, 4)
+"""Matched, non-minimum phase, unstable, time delay."""
+
+_s = ct.tf("s")
+
+
+@dataclass(frozen=True)
+class Printed:
+    """A value as the paper prints it.
+
+    Attributes
+    ----------
+    value : float
+        The number; inf where the paper writes a margin "tends to infinity".
+    unit : str
+        "deg", "dB", or empty for a plain number.
+    digits : int
+        Decimals printed, so that half a unit of the last one is the tolerance.
+    place : str
+        Where in the paper it stands.
+    """
+
+    value: float
+    unit: str
+    digits: int
+    place: str
+
+    def agrees_with(self, computed: float) -> bool:
+        """Tell whether a computed value rounds to the printed one."""
+        if self.value == inf:
+            return computed == inf
+        # A computed 50.65 may be printed 50.6 or 50.7: allow the rounding of the last digit.
+        return abs(computed - self.value) <= 0.5 * 10.0**-self.digits * (1 + 1e-9)
+
+
+PRINTED: dict[str, Printed] = {
+    "ex1.CGm.pm": Printed(50.6, "deg", 1, "Example 1, text"),
+    "ex1.CGm.gm": Printed(inf, "dB", 0, "Example 1, text"),
+    "ex2.CGm.pm": Printed(90.0, "deg", 0, "Example 2, text and Fig. 4"),
+    "ex2.CGm.gm": Printed(inf, "dB", 0, "Example 2, text and Fig. 4"),
+    "ex2.FH.pm": Printed(inf, "deg", 0, "Example 2, text and Fig. 6"),
+    "ex2.FH.gm": Printed(14.0, "dB", 0, "Example 2, text and Fig. 6"),
+    "ex3.CGm.pm": Printed(54.0, "deg", 0, "Example 3, text and Fig. 9"),
+    "ex3.CGm.gm": Printed(inf, "dB", 0, "Example 3, text and Fig. 9"),
+    "ex3.FH.pm": Printed(65.1, "deg", 1, "Example 3, text and Fig. 12"),
+    "ex3.FH.gm": Printed(-14.0, "dB", 0, "Example 3, text and Fig. 12"),
+    "ex4.FH.pm": Printed(inf, "deg", 0, "Example 4, text and Fig. 16"),
+    "ex4.FH.gm": Printed(14.01, "dB", 2, "Example 4, text and Fig. 16"),
+    "ex4.CGm.pm": Printed(68.2, "deg", 1, "Example 4, text and Fig. 17"),
+    "ex4.CGm.gm": Printed(inf, "dB", 0, "Example 4, text and Fig. 17"),
+}
+"""Printed margins by claim id: example, loop, margin."""
+
+
+@dataclass(frozen=True)
+class PrintedFunction:
+    """A transfer function as the paper prints it.
+
+    Attributes
+    ----------
+    num, den : tuple of float
+        Coefficients in descending powers of s.
+    delay : float
+        Dead time in seconds.
+    place : str
+        Where in the paper it stands.
+    """
+
+    num: tuple[float, ...]
+    den: tuple[float, ...]
+    delay: float
+    place: str
+
+    def agrees_with(self, computed: Quotient) -> bool:
+        """Tell whether a computed map has the printed values on a grid of the right half plane."""
+        s = np.add.outer(np.linspace(0.3, 30, 7), 1j * np.linspace(0, 200, 9)).ravel()
+        printed = np.polyval(self.num, s) / np.polyval(self.den, s) * np.exp(-self.delay * s)
+        return bool(np.allclose(computed(s), printed, rtol=1e-10, atol=0))
+
+
+PRINTED_FUNCTIONS: dict[str, PrintedFunction] = {
+    "ex2.ratio": PrintedFunction((-0.01, 1.0), (1.0,), 0.0, "eq. (9)"),
+    "ex2.H": PrintedFunction((-0.01, 0.0), (1.0,), 0.0, "Example 2, below eq. (9)"),
+    "ex3.ratio": PrintedFunction((4.0, 4.0), (1.0, -1.0), 0.0, "eq. (13)"),
+    "ex3.H": PrintedFunction((-3.0, -5.0), (1.0, -1.0), 0.0, "eq. (14)"),
+    "ex4.ratio": PrintedFunction((1.0, 4.0, 3.75), (1.0, 4.0, 4.0), 0.05, "Example 4, above Fig. 15"),
+}
+"""Printed transfer functions by claim id: example, map."""
+
+
+def example(number: int, modified: bool = False) -> NRDOB:
+    """Build one of the paper's loops.
+
+    Parameters
+    ----------
+    number : int
+        1 matched, 2 non-minimum phase, 3 unstable, 4 time delay.
+    modified : bool
+        With the modified plant of the robustness test; Example 1 has none.
+
+    Raises
+    ------
+    ValueError
+        For an example that the paper does not contain.
+
+    Examples
+    --------
+    >>> example(3).filter
+    LowPassFilter(time_constant=0.05, order=2)
+    >>> example(4, modified=True).delay
+    0.1
+    """
+    s = _s
+    if number not in EXAMPLES:
+        raise ValueError(f"there is no Example {number}; the paper has 1, 2, 3 and 4")
+    if number == 1 and modified:
+        raise ValueError("Example 1 has no modified plant; choose 2, 3 or 4")
+    processes = {
+        1: (2 * s + 10) / (s**2 + 11 * s + 10),
+        2: 0.1 * (-s + 100) / (s + 2),
+        3: 4 / (-(s**2) - s + 2),
+        4: delay(0.05) / (s + 2) ** 2,
+    }
+    modified_processes = {
+        2: 0.125 * (-s + 80) / ((s + 2) * (0.1 * s + 1)),
+        3: 2 / ((-(s**2) - s + 2) * (0.1 * s + 1)),
+        4: delay(0.1) / ((s + 2) ** 2 * (0.1 * s + 1)),
+    }
+    models = {
+        1: (2 * s + 10) / (s**2 + 11 * s + 10),
+        2: 10 / (s + 2),
+        3: -1 / (s**2 + 3 * s + 2),
+        4: 1 / ((s + 1.5) * (s + 2.5)),
+    }
+    controllers = {
+        1: 1.39 / s,
+        2: (0.5 * s + 1) / s,
+        3: -1.8 * (0.5 * s + 1) / s,
+        4: 2.7 * (s + 1.5) / s,
+    }
+    filters = {
+        1: LowPassFilter(0.01, 2),
+        2: LowPassFilter(0.025, 2),
+        3: LowPassFilter(0.05, 2),
+        4: LowPassFilter(0.09, 3),
+    }
+    return NRDOB(
+        process=(modified_processes if modified else processes)[number],
+        model=models[number],
+        controller=controllers[number],
+        filter=filters[number],
+    )
