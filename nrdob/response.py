@@ -15,10 +15,10 @@ panel borders, so that no polynomial ever crosses one.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from math import ceil, inf, log10, pi
-from typing import Any
 
 import control as ct
 import numpy as np
@@ -29,6 +29,7 @@ from scipy.signal import fftconvolve
 
 from .blocks import ComplexArray, FloatArray, Fraction
 from .equations import LoopEquations
+from .quasipoly import NDArrayBool
 
 INPUTS = ("R", "d", "delta", "eta")
 OUTPUTS = ("y", "u")
@@ -66,13 +67,14 @@ def step_response(
         `time` (N,), `inputs` (1, 1, N) and `outputs` (2, 1, N) as `control.step_response` shapes
         them for one input and two outputs: `outputs[0, 0]` is y, `outputs[1, 0]` is u. As in
         eq. (7), u is the controller output for R, d and eta, and the plant input u + δ for delta.
-        Where a signal jumps, its value is the one just after the jump.
+        Where a signal jumps, its value is the one just after the jump; once an unstable loop
+        has left the floating-point range, it is nan.
 
     Raises
     ------
     ValueError
-        If `input` is none of the four, `timepts` is not increasing from 0 or later, or the loop
-        is ill-posed.
+        If `input` is none of the four, `timepts` is not increasing from 0 or later, the loop is
+        ill-posed, or, with dead time, `timepts` spans over `MAX_PANELS` of its fastest modes.
 
     Examples
     --------
@@ -144,7 +146,7 @@ def forced_response(
     times, signal = _checked_times(timepts), np.asarray(inputs, dtype=float)
     step = _even_step(times)
     if step is None or times[0] != 0:
-        raise ValueError("timepts must be at least two evenly spaced times from 0: np.linspace(0, ...)")
+        raise ValueError("timepts must be evenly spaced from 0, two or more: np.linspace(0, …)")
     if signal.shape != times.shape or not np.isfinite(signal).all():
         raise ValueError(
             f"inputs has shape {signal.shape}; it needs one finite number for each of the "
@@ -226,14 +228,14 @@ class _System:
 def _system(loop: LoopEquations, input: str) -> _System:
     """Connect process, prefilter and observer; without dead time z = v is closed as well."""
     G, Gm, C, F = loop._G, loop._Gm, loop._C, loop._F
-    # Left out for the other inputs: an idle unstable prefilter would only overflow.
-    prefilter = Fraction(np.convolve(C.num, Gm.den), loop.p_A.q)
+    prefilter = Fraction(np.zeros(1), np.ones(1))  # when idle; an unstable one could overflow
+    if input == "R":
+        prefilter = Fraction(np.convolve(C.num, Gm.den), loop.p_A.q)
+    F_and_inverse = np.convolve(F.num, Gm.num), -np.convolve(F.num, Gm.den)
     blocks = (
         _observable([G.num], G.den),
-        _observable(*(([prefilter.num], prefilter.den) if input == "R" else ([[0.0]], [1.0]))),
-        _observable(
-            [np.convolve(F.num, Gm.num), -np.convolve(F.num, Gm.den)], np.convolve(F.den, Gm.num)
-        ),
+        _observable([prefilter.num], prefilter.den),
+        _observable(F_and_inverse, np.convolve(F.den, Gm.num)),
     )
     a, b, c, d = (block_diag(*parts) for parts in zip(*blocks, strict=True))
     n = a.shape[0]
@@ -265,41 +267,38 @@ def _balanced(system: _System) -> _System:
     around_the_loop = np.abs(system.A) + np.abs(np.outer(system.B, system.C[1]))
     _, (scale, _) = matrix_balance(around_the_loop, permute=False, separate=True)
     column = scale[:, np.newaxis]
-    return _System(
-        system.A * scale / column, system.B / scale, system.C * scale, system.D, system.start / column
-    )
+    A, B, C = system.A * scale / column, system.B / scale, system.C * scale
+    return _System(A, B, C, system.D, system.start / column)
 
 
 def _observable(
-    nums: list[Any], den: ArrayLike
+    nums: Sequence[FloatArray], den: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return A, B, C, D of one output with proper fractions `nums`/`den` from each input."""
-    monic = np.asarray(den, dtype=float)
-    n, leading = monic.size - 1, monic[0]
-    monic = monic[1:] / leading
-    padded = np.array([np.concatenate([np.zeros(n + 1 - len(num)), num]) for num in nums]) / leading
+    n, monic = den.size - 1, den[1:] / den[0]
+    padded = np.array([np.pad(num, (n + 1 - num.size, 0)) for num in nums]) / den[0]
     A = np.eye(n, k=1)
     A[:, :1] = -monic[:, np.newaxis]
     D = padded[:, :1].T
-    return A, padded[:, 1:].T - np.outer(monic, D), np.eye(n)[:1].reshape(1, n), D
+    return A, padded[:, 1:].T - np.outer(monic, D), np.eye(1, n), D
 
 
 # Marching.
 
 
 def _unit_responses(loop: LoopEquations, input: str, times: FloatArray) -> FloatArray:
-    """Outputs (y, u) to a unit step and a unit ramp at `times`, shape (2, 2, N)."""
-    # An unstable loop over a long time leaves the floating-point range: inf says so.
+    """Return y and u after a unit step and a unit ramp at `times`, shape (2, 2, N)."""
     with np.errstate(over="ignore", invalid="ignore"):
         system = _system(loop, input)
         if loop.delay:
             return _delayed_outputs(system, loop.delay, times)
-        return np.einsum("on,nsi->osi", system.C, _delay_free_states(system, times))
+        outputs: FloatArray = np.einsum("on,nsi->osi", system.C, _delay_free_states(system, times))
+        return outputs
 
 
 def _delay_free_states(system: _System, times: FloatArray) -> FloatArray:
     """States at `times` by matrix exponentials, shape (n, 2, N)."""
-    states = (expm(system.A * times[0]) @ system.start)[:, :, np.newaxis]
+    states: FloatArray = (expm(system.A * times[0]) @ system.start)[:, :, np.newaxis]
     step = _even_step(times)
     if step is not None:  # Twice as many states with every product.
         power = expm(system.A * step)
@@ -333,7 +332,7 @@ class _Panel:
 
 
 def _delayed_outputs(system: _System, delay: float, times: FloatArray) -> FloatArray:
-    """Outputs at `times` by the method of steps, shape (2, 2, N)."""
+    """Return the outputs at `times` by the method of steps, shape (2, 2, N)."""
     fastest = float(np.abs(np.linalg.eigvals(system.A)).max())
     per_delay = max(1, ceil(delay * fastest / _PANEL_REACH))
     position = times * (per_delay / delay)
@@ -346,7 +345,8 @@ def _delayed_outputs(system: _System, delay: float, times: FloatArray) -> FloatA
     values = np.einsum("ojn,kns->kojs", panel.outputs, rows)
     local = np.clip(position - index, 0.0, 1.0)
     basis = chebyshev.chebvander(2 * local - 1, _DEGREE) @ _collocation()[0]
-    return np.einsum("ij,iojs->osi", basis, values[which], optimize=False)
+    outputs: FloatArray = np.einsum("ij,iojs->osi", basis, values[which])
+    return outputs
 
 
 def _panel(system: _System, length: float) -> _Panel:
@@ -366,11 +366,11 @@ def _panel(system: _System, length: float) -> _Panel:
 def _collocation() -> tuple[FloatArray, FloatArray]:
     """Chebyshev coefficients and integral over [0, t] from values at the nodes t in [0, 1]."""
     x = -np.cos(pi * np.arange(_DEGREE + 1) / _DEGREE)
-    coefficients = np.linalg.inv(chebyshev.chebvander(x, _DEGREE))
+    coefficients: FloatArray = np.linalg.inv(chebyshev.chebvander(x, _DEGREE))
     antiderivative = chebyshev.chebint(np.eye(_DEGREE + 1), lbnd=-1)
     integral = chebyshev.chebvander(x, _DEGREE + 1) @ antiderivative @ coefficients / 2
     integral[0] = 0.0
-    return coefficients, integral
+    return coefficients, np.asarray(integral, dtype=float)
 
 
 def _march(
@@ -383,13 +383,14 @@ def _march(
             f"timepts spans {count:,} time constants of the fastest mode, more than the "
             f"{MAX_PANELS:,} that dead time allows; shorten timepts or slow the fastest block"
         )
-    rows = np.zeros((count + per_delay, advance.shape[0], 2))
+    rows = np.zeros((count, advance.shape[0], 2))
     rows[0, :n] = start
     for k in range(count - 1):
         end = advance @ rows[k]
         rows[k + 1, :n] = end[:n]
-        rows[k + per_delay, n:] = end[n:]
-    return rows[panels]
+        rows[k + per_delay : k + per_delay + 1, n:] = end[n:]
+    seen: FloatArray = rows[panels]
+    return seen
 
 
 def _leap(advance: FloatArray, start: FloatArray, panels: FloatArray, per_delay: int) -> FloatArray:
@@ -409,29 +410,30 @@ def _leap(advance: FloatArray, start: FloatArray, panels: FloatArray, per_delay:
 
 
 def _default_times(loop: LoopEquations, input: str) -> FloatArray:
-    """Evenly spaced times over what there is to see."""
+    """Return evenly spaced times over what there is to see."""
     roots, on_axis = _modes(loop, input)
-    rates = roots.real[~on_axis]
-    growth, decay = max(rates, default=-inf), -max(rates[rates < 0], default=-inf)
+    rates, swings = roots.real[~on_axis], np.abs(roots.imag[on_axis])
+    growth, decay = max(rates, default=0.0), -max(rates[rates < 0], default=-inf)
     if growth > 0:
         return _even_times(max(6 / growth, 3 * loop.delay))
-    slow = 12 / decay + 5 * loop.delay
-    if on_axis.any():
-        swing = np.abs(roots.imag[on_axis])
-        return _even_times(max(slow, 10 * pi / min(swing[swing > 0], default=inf)) or 10.0)
-    return _even_times(_settling_time(loop, input, slow or 1.0))
+    periods = 10 * pi / min(swings[swings > 0], default=inf)
+    return _even_times(_settling_time(loop, input, max(12 / decay + 5 * loop.delay, periods)))
 
 
-def _modes(loop: LoopEquations, input: str) -> tuple[ComplexArray, np.ndarray[Any, np.dtype[Any]]]:
+def _modes(loop: LoopEquations, input: str) -> tuple[ComplexArray, NDArrayBool]:
     """Roots that `input` excites, and which of them lie on the imaginary axis within rounding."""
     factors = [loop.p_A, loop.p_B] if input == "R" else [loop.p_B]
-    roots = [factor.roots for factor in factors]
-    on_axis = [p.near_axis(r) | (r == 0) for p, r in zip(factors, roots, strict=True)]
+    try:
+        roots = [p.roots for p in factors]
+    except ArithmeticError:  # so long a delay that it alone sets the pace
+        return np.zeros(0, dtype=complex), np.zeros(0, dtype=bool)
+    on_axis = [p.near_axis(found) for p, found in zip(factors, roots, strict=True)]
     return np.concatenate(roots), np.concatenate(on_axis)
 
 
 def _settling_time(loop: LoopEquations, input: str, window: float) -> float:
-    """Time from which y and u stay at their ends; `window` is long enough to hold it."""
+    """Time from which y and u stay near where they are at the end of `window`, seconds."""
+    window = window or 10.0  # neither modes nor dead time: any window will do
     final: FloatArray | None = None
     while True:
         times = np.linspace(0.0, window, _DEFAULT_POINTS)
@@ -446,7 +448,7 @@ def _settling_time(loop: LoopEquations, input: str, window: float) -> float:
 
 
 def _even_times(window: float) -> FloatArray:
-    """Times from 0 to `window`, rounded up to 1, 2 or 5 times a power of ten."""
+    """Return times from 0 to `window`, rounded up to 1, 2 or 5 times a power of ten."""
     decade = 10.0 ** np.floor(log10(window))
     nice = next(factor for factor in (1, 2, 5, 10) if factor * decade >= window * (1 - 1e-9))
     return np.linspace(0.0, nice * decade, _DEFAULT_POINTS)
