@@ -366,11 +366,11 @@ def _panel(system: _System, length: float) -> _Panel:
 def _collocation() -> tuple[FloatArray, FloatArray]:
     """Chebyshev coefficients and integral over [0, t] from values at the nodes t in [0, 1]."""
     x = -np.cos(pi * np.arange(_DEGREE + 1) / _DEGREE)
-    coefficients: FloatArray = np.linalg.inv(chebyshev.chebvander(x, _DEGREE))
+    coefficients = np.linalg.inv(chebyshev.chebvander(x, _DEGREE))
     antiderivative = chebyshev.chebint(np.eye(_DEGREE + 1), lbnd=-1)
     integral = chebyshev.chebvander(x, _DEGREE + 1) @ antiderivative @ coefficients / 2
     integral[0] = 0.0
-    return coefficients, np.asarray(integral, dtype=float)
+    return np.asarray(coefficients, dtype=float), np.asarray(integral, dtype=float)
 
 
 def _march(
