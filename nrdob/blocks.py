@@ -121,9 +121,9 @@ def _coefficients(values: Any, name: str) -> FloatArray:
 def _from_state_space(system: ct.StateSpace) -> tuple[FloatArray, FloatArray]:
     # Zeros, poles and one value of the response: unlike a determinant formula this leaves no
     # rounding noise in the leading numerator coefficients, which would change the relative degree.
-    den = np.real(np.poly(system.poles()))
-    zeros = system.zeros()
-    monic = np.real(np.poly(zeros[np.isfinite(zeros)]))
-    probe = 1.0 + 2.0 * float(np.max(np.abs(np.concatenate([system.poles(), zeros])), initial=0.0))
+    poles, zeros = system.poles(), system.zeros()
+    zeros = zeros[np.isfinite(zeros)]
+    den, monic = (np.atleast_1d(np.real(np.poly(roots))) for roots in (poles, zeros))
+    probe = 1.0 + 2.0 * float(np.max(np.abs(np.concatenate([poles, zeros])), initial=0.0))
     gain = float(np.real(system(probe))) * np.polyval(den, probe) / np.polyval(monic, probe)
-    return np.atleast_1d(gain * monic), np.atleast_1d(den)
+    return gain * monic, den

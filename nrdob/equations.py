@@ -82,12 +82,12 @@ class Quotient:
     def __call__(self, s: complex | ComplexArray) -> Any:
         """Evaluate at complex `s`, a number or an array of any shape; infinite at poles."""
         s = np.asarray(s, dtype=complex)
+        # Powers of s that both sides share are cancelled exactly, so that s = 0 gives the limit.
         power = sum(f.zeros_at_origin for f in self.num) - sum(f.zeros_at_origin for f in self.den)
+        num = np.prod([f.without_origin(s) for f in self.num], axis=0) * s ** max(power, 0)
+        den = np.prod([f.without_origin(s) for f in self.den], axis=0) * s ** max(-power, 0)
         with np.errstate(divide="ignore", invalid="ignore"):
-            value = np.prod([f.without_origin(s) for f in self.num], axis=0)
-            for factor in self.den:
-                value = value / factor.without_origin(s)
-            return value if power == 0 else value * s**power
+            return np.where(den == 0, inf, num / den)[()]
 
     @property
     def dc_gain(self) -> float:
@@ -205,14 +205,24 @@ class LoopEquations:
         return _sum_of_products(undelayed, (G.num, Gm.den, F.num), self.delay)
 
     @property
+    def ill_posed_model_loop(self) -> str:
+        """Why the model loop has no solution at infinite frequency; empty if well posed."""
+        if self.p_A.degree == self._Gm.den.size + self._C.den.size - 2:
+            return ""
+        return "the model loop is ill-posed: 1 + C(∞)·model(∞) = 0; change the controller"
+
+    @property
+    def ill_posed_observer_loop(self) -> str:
+        """Why the observer loop has no solution at infinite frequency; empty if well posed."""
+        if self.p_B.q.size == self._G.den.size + self._Gm.num.size + self._F.den.size - 2:
+            return ""
+        value = "1 - F(∞) = 0" if self.delay else "1 + F(∞)·H(∞) = 0"
+        return f"the observer loop is ill-posed: {value}; choose a filter with another F(∞)"
+
+    @property
     def ill_posed(self) -> str:
         """Why the loop has no solution at infinite frequency; empty if it is well posed."""
-        if self.p_A.degree < self._Gm.den.size + self._C.den.size - 2:
-            return "the model loop is ill-posed: 1 + C(∞)·model(∞) = 0; change the controller"
-        if self.p_B.q.size < self._G.den.size + self._Gm.num.size + self._F.den.size - 2:
-            value = "1 - F(∞) = 0" if self.delay else "1 + F(∞)·H(∞) = 0"
-            return f"the observer loop is ill-posed: {value}; choose a filter with another F(∞)"
-        return ""
+        return self.ill_posed_model_loop or self.ill_posed_observer_loop
 
     # Eq. (4): to the output y.
 

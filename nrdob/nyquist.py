@@ -119,8 +119,7 @@ def resolved_frequencies(loop: Quotient, per_segment: int = 8) -> FloatArray:
     grids = [
         grid
         for p in parts
-        if p.degree
-        and p.neutral_ratio < 1
+        if p.neutral_ratio < 1
         and not isinstance(grid := frequency_segments(p.without_origin), str)
     ]
     omega = reduce(np.union1d, grids, np.geomspace(1e-2, 1e2, 9))

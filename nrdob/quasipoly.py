@@ -209,6 +209,8 @@ def frequency_segments(p: QuasiPolynomial) -> FloatArray | str:
         Increasing frequencies in rad/s from 0 to where the leading term dominates; or, if p
         vanishes on the axis within rounding, a sentence that says where.
     """
+    if p.degree == 0:
+        return np.zeros(1)
     high = _dominance_radius(p.scale[::-1] / (abs(p.q[0]) * (1 - p.neutral_ratio)))
     low = _lowest(p)
     if low is None:
@@ -336,13 +338,13 @@ def _polished(p: QuasiPolynomial, roots: ComplexArray) -> ComplexArray:
     """Newton steps on p, each kept only where it lowers |p|."""
     value = p(roots)
     for _ in range(3):
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with np.errstate(all="ignore"):  # a step that is not finite is refused below
             step = value / p.derivative(roots)
-        if np.all(np.abs(step) <= 4e-16 * np.abs(roots)):
-            break
-        tried = p(roots - step)
-        keep = np.abs(tried) < np.abs(value)  # false for a step that is not finite
+            tried = p(roots - step)
+        keep = np.abs(tried) < np.abs(value)
         roots, value = np.where(keep, roots - step, roots), np.where(keep, tried, value)
+        if not np.any(np.abs(step[keep]) > 4e-16 * np.abs(roots[keep])):
+            break
     return roots
 
 

@@ -119,10 +119,8 @@ def stability(loop: LoopEquations) -> Stability:
     Stability
         Unpack-free evidence: see its attributes.
     """
-    model_loop = judge("C Gm (i)", loop.CGm.den, loop.p_A)
-    observer_loop = judge("F H (ii)", loop.FH.den, loop.p_B)
-    if loop.ill_posed:
-        return Stability(None, loop.ill_posed, model_loop, observer_loop)
+    model_loop = judge("C Gm (i)", loop.CGm.den, loop.p_A, loop.ill_posed_model_loop)
+    observer_loop = judge("F H (ii)", loop.FH.den, loop.p_B, loop.ill_posed_observer_loop)
     both = (model_loop, observer_loop)
     for verdict in (False, None):
         failing = [f"{part.name}: {part.reason}" for part in both if part.stable is verdict]
@@ -132,7 +130,12 @@ def stability(loop: LoopEquations) -> Stability:
     return Stability(True, reason, model_loop, observer_loop)
 
 
-def judge(name: str, open_loop: Iterable[QuasiPolynomial], closed_loop: QuasiPolynomial) -> LoopStability:
+def judge(
+    name: str,
+    open_loop: Iterable[QuasiPolynomial],
+    closed_loop: QuasiPolynomial,
+    ill_posed: str = "",
+) -> LoopStability:
     """Judge one characteristic function by its argument and by its roots.
 
     Parameters
@@ -143,11 +146,15 @@ def judge(name: str, open_loop: Iterable[QuasiPolynomial], closed_loop: QuasiPol
         Factors of the open-loop denominator.
     closed_loop : QuasiPolynomial
         The characteristic function, nothing cancelled.
+    ill_posed : str
+        Why the loop has no solution at infinite frequency, if it has none.
     """
     factors = tuple(open_loop)
     by_argument = nyquist_count(factors, closed_loop)
     roots, trouble = _roots(closed_loop)
     stable, reason = _verdict(closed_loop, by_argument, roots, trouble, factors)
+    if ill_posed:
+        stable, reason = None, ill_posed
     return LoopStability(
         name=name,
         stable=stable,
@@ -192,7 +199,7 @@ def _verdict(
     plural = "root" if count == 1 else "roots"
     hidden = [z for z in roots[roots.real > 0] if any(_vanishes(f, z) for f in open_loop)]
     return False, f"{count} {plural} in the right half plane" + (
-        f", of which {_complex(hidden[0])} is an open-loop pole that cancels out of sight"
+        f", of which s = {_complex(hidden[0])} is an open-loop pole that cancels out of sight"
         if hidden
         else ""
     )

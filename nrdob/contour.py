@@ -1,0 +1,250 @@
+r"""The Nyquist curve as it is drawn: smooth, complete, closed where it runs off to infinity.
+
+Frequencies come from `nyquist.resolved_frequencies`, so that no resonance is missed, and are halved
+until the polygon through them is as smooth as the eye can tell. Near a pole on the axis and at
+infinity of an improper loop the curve leaves every window: it is cut at a finite `radius` and
+closed there by an arc with as many half turns as the pole's order demands.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf, pi
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from .blocks import ComplexArray, FloatArray
+from .equations import Quotient
+from .nyquist import resolved_frequencies
+from .quasipoly import QuasiPolynomial
+
+SMOOTH = 1e-3
+"""Largest distance between curve and polygon, as a fraction of the curve's size."""
+
+_FAR = 1e200
+
+
+class Arc(NamedTuple):
+    """A stylised closure at the radius of the curve."""
+
+    label: str
+    points: ComplexArray
+
+
+class Approach(NamedTuple):
+    """Where a curve comes closest to a point."""
+
+    distance: float
+    omega: float
+    value: complex
+
+
+@dataclass(frozen=True)
+class Contour:
+    """A Nyquist curve ready to draw.
+
+    Attributes
+    ----------
+    omega : array of float
+        Frequencies from 0 or just above it, in rad/s; the last one is inf where the limit is known.
+    values : array of complex
+        The loop at these frequencies.
+    radius : float
+        Where the curve is cut because it goes to infinity; inf if it does not.
+    arcs : tuple of Arc
+        What closes the curve at that radius.
+    """
+
+    omega: FloatArray
+    values: ComplexArray
+    radius: float
+    arcs: tuple[Arc, ...]
+
+    @property
+    def branches(self) -> list[ComplexArray]:
+        """Parts of the curve within the radius, for positive frequencies."""
+        inside = _inside(self.values, self.radius)
+        return [self.values[run] for run in _runs(inside)]
+
+    @property
+    def size(self) -> float:
+        """Largest modulus of what is drawn."""
+        drawn = np.abs(self.values[_inside(self.values, self.radius)])
+        return self.radius if self.radius < inf else float(drawn.max(initial=0.0))
+
+
+def contour(loop: Quotient) -> Contour:
+    """Sample a Nyquist curve and close it.
+
+    Parameters
+    ----------
+    loop : Quotient
+        Any map of the loop, with or without delay, proper or not.
+    """
+    omega = _frequencies(loop)
+    values = _values(loop, omega)
+    radius = _radius(loop, omega, values)
+    omega, values = _refined(loop, omega, values, radius)
+    return Contour(omega, values, radius, _arcs(loop, omega, values, radius))
+
+
+def closest_approach(loop: Quotient, curve: Contour, point: float = -1.0) -> Approach:
+    """Find where a curve comes closest to a point of the real axis.
+
+    Parameters
+    ----------
+    loop : Quotient
+        The map that was sampled.
+    curve : Contour
+        Its samples.
+    point : float
+        The point.
+    """
+    omega, values = curve.omega, curve.values
+    distance = np.abs(values - point)
+    k = int(np.argmin(distance))
+    best = Approach(float(distance[k]), float(omega[k]), complex(values[k]))
+    inner = 1 + np.flatnonzero((distance[1:-1] <= distance[:-2]) & (distance[1:-1] <= distance[2:]))
+    for i in inner[distance[inner] <= 1.05 * distance[k]]:
+        bounds = omega[i - 1], min(omega[i + 1], 10 * omega[i])
+        found = minimize_scalar(
+            lambda w: abs(loop(1j * w) - point),
+            bounds=bounds,
+            method="bounded",
+            options={"xatol": 1e-12 * bounds[1]},
+        )
+        if found.fun < best.distance * (1 - 1e-9):
+            best = Approach(float(found.fun), float(found.x), complex(loop(1j * found.x)))
+    return best
+
+
+def _values(loop: Quotient, omega: FloatArray) -> ComplexArray:
+    """Evaluate the loop; poles become very far points, ω = ∞ the limit."""
+    finite = omega < inf
+    values = np.full(omega.size, _limit(loop), dtype=complex)
+    values[finite] = loop(1j * omega[finite])
+    return np.where(np.isfinite(values), values, _FAR)
+
+
+def _limit(loop: Quotient) -> complex:
+    """Value at infinite frequency, nan where there is none."""
+    num, den = loop.numerator, loop.denominator
+    if num.degree > den.degree or max(num.neutral_ratio, den.neutral_ratio) > 0 and (
+        num.degree == den.degree
+    ):
+        return complex(np.nan)
+    return complex(num.q[0] / den.q[0]) if num.degree == den.degree else 0j
+
+
+def _frequencies(loop: Quotient) -> FloatArray:
+    """Resolved frequencies, from where L is at its value for ω = 0 to where it is at its limit."""
+    omega = resolved_frequencies(loop)
+    parts = [omega]
+    if np.isfinite(loop.dc_gain):
+        parts.append(np.zeros(1))
+    else:
+        parts.append(omega[0] * np.geomspace(1e-12, 1, 97))
+    if np.isfinite(_limit(loop)):
+        parts.append(np.array([inf]))
+    if not loop.delay:
+        parts.append(omega[-1] * np.geomspace(1, 1e12 if loop.numerator.degree else 1e3, 97))
+    else:
+        # A spiral or a circle needs some turns more before one sees where it ends.
+        turn = 2 * pi / loop.delay
+        parts.append(omega[-1] + turn * np.linspace(0, 4, 4 * 64 + 1))
+    return np.unique(np.concatenate(parts))
+
+
+def _radius(loop: Quotient, omega: FloatArray, values: ComplexArray) -> float:
+    """Radius that holds all that is finite: peaks and crossings of the real axis."""
+    size = np.abs(values)
+    runs_off = loop.numerator.degree > loop.denominator.degree
+    if not (runs_off or _poles_on_axis(loop).size or not np.isfinite(loop.dc_gain)):
+        return inf
+    peaks = size[1:-1][(size[1:-1] >= size[:-2]) & (size[1:-1] > size[2:])]
+    crosses = np.diff(np.sign(values.imag)) * np.sign(values.imag[1:]) > 0
+    crossings = np.minimum(size[1:], size[:-1])[crosses]
+    features = np.concatenate([peaks, crossings])
+    return 1.3 * max(2.0, float(features[features < 1e4].max(initial=0.0)))
+
+
+def _refined(
+    loop: Quotient, omega: FloatArray, values: ComplexArray, radius: float
+) -> tuple[FloatArray, ComplexArray]:
+    """Halve the steps whose chord leaves the curve."""
+    finite = np.abs(values)[np.abs(values) < _FAR]
+    tolerance = SMOOTH * min(radius, max(float(finite.max(initial=0.0)), 1e-12))
+    check = np.isfinite(omega[1:])
+    for _ in range(60):
+        near = np.minimum(np.abs(values[1:]), np.abs(values[:-1])) < 1.5 * radius
+        i = np.flatnonzero(check & near)
+        middle = (omega[i] + omega[i + 1]) / 2
+        found = _values(loop, middle)
+        chord = np.abs(values[i + 1] - values[i])
+        bent = np.abs(found - (values[i] + values[i + 1]) / 2) > tolerance
+        # Long chords would also cut the circle at `radius` visibly off its place.
+        bent |= (chord > 50 * tolerance) & (omega[i + 1] - omega[i] > 1e-12 * omega[i + 1])
+        i, middle, found = i[bent], middle[bent], found[bent]
+        if not i.size:
+            break
+        check = np.zeros(check.size + i.size, dtype=bool)
+        new = i + np.arange(i.size)
+        check[new] = check[new + 1] = True
+        omega, values = np.insert(omega, i + 1, middle), np.insert(values, i + 1, found)
+    return omega, values
+
+
+def _arcs(
+    loop: Quotient, omega: FloatArray, values: ComplexArray, radius: float
+) -> tuple[Arc, ...]:
+    """Close the curve at `radius`, in the sense in which it is closed at infinity."""
+    runs = _runs(_inside(values, radius))
+    if radius == inf or not runs:
+        return ()
+    arcs = []
+    order = sum(f.zeros_at_origin for f in loop.den) - sum(f.zeros_at_origin for f in loop.num)
+    first, last = values[runs[0].start], values[runs[-1].stop - 1]
+    if order > 0:
+        arcs.append(Arc("indentation", _arc(np.conj(first), first, order, radius)))
+    for before, after in zip(runs[:-1], runs[1:], strict=True):
+        gap = omega[before.stop - 1], omega[after.start]
+        poles = _poles_on_axis(loop)
+        order = int(np.sum((poles > gap[0]) & (poles < gap[1])))
+        if order:
+            arc = _arc(values[before.stop - 1], values[after.start], order, radius)
+            arcs += [Arc("indentation", arc), Arc("", np.conj(arc))]
+    excess = loop.numerator.q.size - loop.denominator.q.size
+    if excess > 0 and not loop.delay:
+        arcs.append(Arc("arc at infinity", _arc(last, np.conj(last), excess, radius)))
+    return tuple(arcs)
+
+
+def _arc(start: complex, end: complex, half_turns: int, radius: float) -> ComplexArray:
+    """Clockwise arc from the angle of `start` to that of `end`, of about `half_turns` times π."""
+    begin, wanted = np.angle(start), -pi * half_turns
+    turn = np.angle(end) - begin
+    turn += 2 * pi * np.round((wanted - turn) / (2 * pi))
+    count = 2 + int(60 * abs(turn))
+    return np.asarray(radius * np.exp(1j * (begin + turn * np.linspace(0, 1, count))))
+
+
+def _poles_on_axis(loop: Quotient) -> FloatArray:
+    """Frequencies ω > 0 of poles on the imaginary axis."""
+
+    def on_axis(factor: QuasiPolynomial) -> FloatArray:
+        roots = factor.roots
+        return roots.imag[factor.near_axis(roots) & (roots.imag > 0)]
+
+    return np.concatenate([on_axis(factor) for factor in loop.den])
+
+
+def _inside(values: ComplexArray, radius: float) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    return np.abs(values) <= min(radius, _FAR / 2)
+
+
+def _runs(inside: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> list[slice]:
+    """Stretches of consecutive true entries."""
+    edges = np.flatnonzero(np.diff(inside.astype(int), prepend=0, append=0))
+    return [slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]

@@ -1,0 +1,16 @@
+"""Settings that every test shares."""
+
+import matplotlib as mpl
+from hypothesis import HealthCheck, settings
+
+mpl.use("Agg")
+
+# Derandomised, so that a red test is red for everyone; the deadline would measure the machine.
+settings.register_profile(
+    "book",
+    deadline=None,
+    derandomize=True,
+    max_examples=150,
+    suppress_health_check=[HealthCheck.filter_too_much, HealthCheck.too_slow],
+)
+settings.load_profile("book")

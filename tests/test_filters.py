@@ -1,0 +1,49 @@
+import control as ct
+import numpy as np
+import pytest
+
+from nrdob import LowPassFilter
+from nrdob.filters import filter_fraction
+
+
+@pytest.mark.parametrize("order", [1, 2, 5])
+@pytest.mark.parametrize("time_constant", [1e-3, 0.09, 20.0])
+def test_bandwidth_is_where_the_gain_is_down_to_one_over_root_two(time_constant, order):
+    F = LowPassFilter(time_constant, order)
+    assert abs(F(1j * F.bandwidth)) == pytest.approx(2**-0.5, rel=1e-12)
+    assert abs(F.tf(1j * F.bandwidth)) == pytest.approx(2**-0.5, rel=1e-12)
+
+
+@pytest.mark.parametrize("time_constant", [0, -1, float("nan"), float("inf")])
+def test_time_constant_is_positive_and_finite(time_constant):
+    with pytest.raises(ValueError, match="time_constant"):
+        LowPassFilter(time_constant, 2)
+
+
+def test_order_is_a_whole_number_of_at_least_one():
+    with pytest.raises(ValueError, match="order"):
+        LowPassFilter(0.1, 0)
+    for order in (1.5, True, "2"):
+        with pytest.raises(TypeError, match="whole number"):
+            LowPassFilter(0.1, order)
+    assert LowPassFilter(0.1, np.int64(2)).tf.den[0][0].size == 3
+
+
+def test_one_minus_filter_vanishes_exactly_at_zero():
+    num, den = filter_fraction(ct.tf([0.3, 3.0], [0.1, 0.7, 3.0]))
+    assert num[-1] == den[-1] == 1.0
+
+
+@pytest.mark.parametrize(
+    ("filter", "words"),
+    [
+        (ct.tf([2.0], [1.0, 1.0]), r"F\(0\) = 2"),
+        (ct.tf([1.0, 0.0], [1.0, 1.0]), r"F\(0\) = 0"),
+        (ct.tf([-1.0], [1.0, -1.0]), "stable"),
+        (ct.tf([1.0], [1.0, 0.0]), "stable"),
+        (ct.tf([1.0, 1.0, 1.0], [1.0, 1.0]), "improper"),
+    ],
+)
+def test_a_filter_is_stable_proper_and_has_unit_dc_gain(filter, words):
+    with pytest.raises(ValueError, match=words):
+        filter_fraction(filter)

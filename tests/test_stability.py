@@ -1,0 +1,198 @@
+import control as ct
+import numpy as np
+import pytest
+from hypothesis import given
+from strategies import loops
+
+import nrdob
+from nrdob import LowPassFilter, paper
+
+s = ct.tf("s")
+PI = 0.001 / s  # a controller that never decides anything
+
+
+def observer(process, model, time_constant, order):
+    return nrdob.NRDOB(process, model, PI, LowPassFilter(time_constant, order)).stability().observer_loop
+
+
+@pytest.mark.parametrize("modified", [False, True])
+@pytest.mark.parametrize("number", paper.EXAMPLES)
+def test_every_loop_of_the_paper_is_stable(number, modified):
+    if number == 1 and modified:
+        pytest.skip("the paper has no modified plant for Example 1")
+    verdict = paper.example(number, modified).stability()
+    assert verdict.stable is True
+    assert verdict.observer_loop.rightmost.real < 0
+
+
+@given(loops())
+def test_random_verdicts_agree_with_closed_loop_poles(loop):
+    verdict = loop.stability()
+    if verdict.stable is None:
+        return
+    roots = np.concatenate([np.roots(loop.p_A.q), np.roots(loop.p_B.q)])
+    if np.abs(roots.real / (1e-30 + np.abs(roots))).min() > 1e-6:
+        assert verdict.stable == (roots.real.max() < 0)
+        assert verdict.observer_loop.closed_loop_rhp == np.sum(np.roots(loop.p_B.q).real > 0)
+
+
+@given(loops(delayed=True))
+def test_random_delayed_verdicts_agree_with_an_independent_argument_count(loop):
+    verdict = loop.stability().observer_loop
+    if verdict.closed_loop_rhp == np.inf:
+        assert loop.p_B.neutral_ratio > 1
+        return
+    omega = np.union1d(np.geomspace(1e-6, 1e5, 300_001), np.linspace(0, 2000, 300_001)[1:])
+    values = loop.p_B.without_origin(1j * omega)
+    p = loop.p_B.without_origin
+    floor = np.polyval(np.abs(p.q), omega) + np.polyval(np.abs(p.r), omega)
+    if verdict.stable is None or (np.abs(values) / floor).min() < 1e-3:
+        return
+    turn = np.angle(values[1:] / values[:-1]).sum()
+    turn += np.angle(p.q[0] * 1j**p.degree / values[-1])
+    assert round(p.degree / 2 - turn / np.pi) == verdict.closed_loop_rhp
+    assert verdict.stable == (verdict.closed_loop_rhp == 0)
+
+
+def test_a_matched_unstable_plant_is_not_stable_although_b_is_identically_one():
+    G = 4 / (2 - s - s**2)
+    verdict = nrdob.NRDOB(G, G, -2, LowPassFilter(0.05, 2)).stability()
+    assert verdict.model_loop.stable is True
+    assert verdict.observer_loop.closed_loop_rhp == 1
+    assert verdict.observer_loop.rightmost == pytest.approx(1.0)
+    assert "s = 1 is an open-loop pole that cancels out of sight" in verdict.reason
+
+
+def test_a_controller_that_cancels_an_unstable_model_pole_is_found_out():
+    loop = nrdob.NRDOB(1 / (s + 1), 1 / (s - 1), (s - 1) / (s * (s + 3)), LowPassFilter(0.05, 1))
+    model_loop = loop.stability().model_loop
+    assert model_loop.stable is False
+    assert model_loop.rightmost == pytest.approx(1.0)
+    assert model_loop.open_loop_rhp == model_loop.closed_loop_rhp == 1
+
+
+@pytest.mark.parametrize(("time_constant", "stable"), [(0.0049, False), (0.0051, True)])
+def test_example_2_needs_a_time_constant_above_5_ms(time_constant, stable):
+    loop = paper.example(2)
+    assert observer(loop.process, loop.model, time_constant, 2).stable is stable
+
+
+@pytest.mark.parametrize(("factor", "stable"), [(0.999, True), (1.001, False)])
+def test_example_3_needs_a_time_constant_below_three_minus_root_five(factor, stable):
+    loop = paper.example(3)
+    assert observer(loop.process, loop.model, factor * (3 - 5**0.5), 2).stable is stable
+
+
+@pytest.mark.parametrize("delay", [0.05, 0.5, 5.0])
+@pytest.mark.parametrize(("factor", "stable"), [(0.9999, False), (1.0001, True)])
+def test_pure_delay_mismatch_needs_lambda_above_two_theta_over_pi(delay, factor, stable):
+    model = 1 / (s + 1)
+    lam = factor * 2 * delay / np.pi
+    assert observer(nrdob.delay(delay) * model, model, lam, 1).stable is stable
+
+
+def test_at_the_critical_time_constant_no_verdict_is_given():
+    loop = paper.example(2)
+    verdict = observer(loop.process, loop.model, 0.005, 2)
+    assert verdict.stable is None
+    assert "near 200 rad/s" in verdict.reason
+    assert verdict.closed_loop_rhp is None
+
+
+@pytest.mark.parametrize(
+    ("time_constant", "stable"), [(0.04, True), (0.05, False), (1.0, False), (2.7, True)]
+)
+def test_a_resonance_mismatch_of_ten_percent_is_judged(time_constant, stable):
+    model = 1 / (s**2 + 0.02 * s + 1)
+    process = 1 / ((s / 0.9) ** 2 + 0.02 * s / 0.9 + 1)
+    assert observer(process, model, time_constant, 2).stable is stable
+
+
+def test_pade_of_order_one_would_call_this_unstable_loop_stable():
+    model = 1 / (s + 1)
+    verdict = observer(nrdob.delay(0.5) * model, model, 0.28, 1)
+    pade = ct.tf(*ct.pade(0.5, 1))
+    assert nrdob.NRDOB(pade * model, model, PI, LowPassFilter(0.28, 1)).stability().stable is True
+    assert verdict.stable is False
+
+
+def test_a_wrong_sign_in_eq_14_puts_a_root_near_17():
+    loop = paper.example(3)
+    printed = paper.PRINTED_FUNCTIONS["ex3.H"]
+    # 1 + F H = 0 with the printed H: (λs+1)^2 (s-1) - (3s+5) = 0
+    p = np.polysub(np.polymul([0.0025, 0.1, 1], printed.den), np.abs(printed.num))
+    assert np.roots(p).real.max() == pytest.approx(17.4, abs=0.05)
+    assert loop.stability().stable is True
+
+
+def test_an_integrator_matched_by_an_integrator_keeps_its_root_at_zero():
+    loop = nrdob.NRDOB(1 / s, 1 / s, 2, LowPassFilter(0.05, 1))
+    verdict = loop.stability()
+    assert verdict.stable is False
+    assert "s = 0 exactly" in verdict.reason
+
+
+def test_an_ill_posed_loop_is_not_decided_and_says_why():
+    loop = nrdob.NRDOB(0.1 * (100 - s) / (s + 2), 10 / (s + 2), 1 / s, LowPassFilter(0.01, 1))
+    verdict = loop.stability()
+    assert verdict.stable is None
+    assert "ill-posed" in verdict.reason
+    model = -(s + 2) / (s + 1)
+    verdict = nrdob.NRDOB(model, model, 1, LowPassFilter(0.1, 1)).stability()
+    assert verdict.stable is None
+    assert "C(∞)" in verdict.reason
+
+
+BIPROPER = (0.5 * s + 1) / (s + 1)
+
+
+@pytest.mark.parametrize(("gain", "stable"), [(0.8, True), (1.2, False), (1.0, None)])
+def test_neutral_loops_are_reported_as_what_they_are(gain, stable):
+    model = (s + 1) / (s + 2)
+    loop = nrdob.NRDOB(nrdob.delay(0.3) * gain * model, model, 1 / s, BIPROPER)
+    verdict = loop.stability()
+    assert verdict.observer_loop.kind == "neutral"
+    assert verdict.stable is stable
+    assert "neutral" in verdict.observer_loop.reason
+
+
+def test_roots_of_very_different_size_are_judged():
+    process = 1 / ((1e-6 * s + 1) * (1e6 * s + 1))
+    model = 1 / (1e6 * s + 1)
+    verdict = observer(process, model, 1e-3, 1)
+    assert verdict.stable is True
+    assert verdict.roots.size == 3
+    assert min(abs(verdict.roots.real)) == pytest.approx(1e-6, rel=1e-3)
+
+
+@pytest.mark.parametrize("multiplicity", [1, 2])
+def test_plant_poles_on_the_axis_are_judged(multiplicity):
+    process = 1 / (s**2 + 1) ** multiplicity
+    model = 1 / (s**2 + s + 1) ** multiplicity
+    loop = observer(process, model, 0.01, 2 * multiplicity)
+    exact = np.roots(loop_polynomial(process, model, 0.01, 2 * multiplicity))
+    assert loop.open_loop_rhp == 0
+    assert loop.closed_loop_rhp == np.sum(exact.real > 0)
+
+
+def loop_polynomial(process, model, time_constant, order):
+    N, D, Nm, Dm = (c for b in (process, model) for c in (b.num[0][0], b.den[0][0]))
+    Df = np.poly([-1 / time_constant] * order) * time_constant**order
+    return np.polyadd(
+        np.polymul(np.polymul(D, Nm), np.polysub(Df, [1])), np.polymul(N, Dm)
+    )
+
+
+def test_the_verdict_prints_its_evidence_in_a_terminal_and_in_a_notebook():
+    verdict = paper.example(3).stability()
+    assert repr(verdict).splitlines()[3].split() == ["F", "H", "(ii)", "-1", "1", "0", "-1.053"]
+    html = verdict._repr_html_()
+    assert "<strong>stable</strong>" in html
+    assert html.count("<tr>") == 3
+
+
+def test_example_2_without_its_filter_is_the_verdict_that_fails():
+    G = paper.example(2)
+    verdict = nrdob.NRDOB(G.process, G.model, G.controller, LowPassFilter(0.004, 2)).stability()
+    assert "NOT stable" in repr(verdict)
+    assert "2 roots in the right half plane" in verdict.reason
