@@ -409,6 +409,14 @@ def test_default_window_is_a_round_number(window):
     assert response._even_times(0.99 * window)[-1] == window
 
 
+def test_default_window_looks_closer_where_the_slowest_mode_does_not_show():
+    # Nominal: noise meets F alone, 1 ms, although the loop also has the process mode of 100 s.
+    G = 1 / (100 * s + 1)
+    loop = LoopEquations(G, G, 1.0, LowPassFilter(1e-3, 1))
+    assert loop.p_B.roots[0] == pytest.approx(-0.01)
+    assert step_response(loop, "eta").time[-1] == pytest.approx(0.01)
+
+
 def test_default_window_of_an_unstable_loop_spans_some_e_foldings():
     loop = LoopEquations(delay(0.1) * LAG, -LAG, -1.0, LowPassFilter(0.5, 1))
     foldings = step_response(loop, "d").time[-1] * loop.p_B.roots[0].real
