@@ -214,7 +214,8 @@ class LoopEquations:
     @property
     def ill_posed_observer_loop(self) -> str:
         """Why the observer loop has no solution at infinite frequency; empty if well posed."""
-        if self.p_B.q.size == self._G.den.size + self._Gm.num.size + self._F.den.size - 2:
+        full = self._G.den.size + self._Gm.num.size + self._F.den.size - 2
+        if self.p_B.q.size == full and self.p_B.q.any():
             return ""
         value = "1 - F(∞) = 0" if self.delay else "1 + F(∞)·H(∞) = 0"
         return f"the observer loop is ill-posed: {value}; choose a filter with another F(∞)"

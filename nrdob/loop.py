@@ -4,8 +4,12 @@ from __future__ import annotations
 
 from functools import cached_property
 
+import control as ct
+from numpy.typing import ArrayLike
+
 from .equations import LoopEquations
 from .margins import LoopMargins, loop_margins
+from .response import forced_response, step_response
 from .stability import Stability, stability
 
 
@@ -66,3 +70,15 @@ class NRDOB(LoopEquations):
     def margins(self) -> LoopMargins:
         """Compute the margins of C·G̃, F·H (Lemma 2) and of the plant loop L = K·G."""
         return loop_margins(self, self._stability)
+
+    def step_response(
+        self, input: str, timepts: ArrayLike | None = None
+    ) -> ct.TimeResponseData:
+        """Respond to a unit step of "R", "d", "delta" or "eta": see `nrdob.response`."""
+        return step_response(self, input, timepts)
+
+    def forced_response(
+        self, input: str, timepts: ArrayLike, inputs: ArrayLike
+    ) -> ct.TimeResponseData:
+        """Respond to any signal at "R", "d", "delta" or "eta": see `nrdob.response`."""
+        return forced_response(self, input, timepts, inputs)

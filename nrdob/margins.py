@@ -264,14 +264,15 @@ def _delayed_crossings(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Frequencies where |L| = 1, where L is real and negative, and where |1 + L| is smallest."""
     omega = resolved_frequencies(loop)
+    num, den = loop.numerator, loop.denominator
 
-    def distance(w: FloatArray) -> FloatArray:
-        return np.abs(closed(1j * w) / loop.denominator(1j * w))
+    def value(w: FloatArray) -> ComplexArray:
+        return np.asarray(num(1j * w) / den(1j * w))
 
-    gain = _zeros(lambda w: np.log(np.abs(loop(1j * w))), omega)
-    phase = _zeros(lambda w: loop(1j * w).imag, omega)
-    phase = phase[np.abs(loop(1j * phase)) < 1e9]  # Im L also changes sign through a pole
-    return gain, phase, _minima(distance, omega)
+    gain = _zeros(lambda w: np.abs(num(1j * w)) - np.abs(den(1j * w)), omega)
+    phase = _zeros(lambda w: value(w).imag, omega)
+    phase = phase[np.abs(value(phase)) < 1e9]  # Im L also changes sign through a pole
+    return gain, phase, _minima(lambda w: np.abs(closed(1j * w) / den(1j * w)), omega)
 
 
 def _zeros(function: Callable[[FloatArray], FloatArray], omega: FloatArray) -> FloatArray:
@@ -287,9 +288,12 @@ def _zeros(function: Callable[[FloatArray], FloatArray], omega: FloatArray) -> F
 
 
 def _minima(function: Callable[[FloatArray], FloatArray], omega: FloatArray) -> FloatArray:
-    """All local minima of a function on a grid, refined together by golden section."""
+    """The deepest minima of a function on a grid, refined together by golden section."""
     values = function(omega)
-    where = 1 + np.flatnonzero((values[1:-1] <= values[:-2]) & (values[1:-1] <= values[2:]))
+    inner = values[1:-1]
+    # On so fine a grid the least value lies in one of the deepest dips.
+    dips = (inner <= values[:-2]) & (inner <= values[2:]) & (inner <= 1.5 * values.min())
+    where = 1 + np.flatnonzero(dips)
     low, high = omega[where - 1], omega[where + 1]
     golden = (5**0.5 - 1) / 2
     for _ in range(40):

@@ -15,11 +15,11 @@ def observer(process, model, time_constant, order):
     return nrdob.NRDOB(process, model, PI, LowPassFilter(time_constant, order)).stability().observer_loop
 
 
-@pytest.mark.parametrize("modified", [False, True])
-@pytest.mark.parametrize("number", paper.EXAMPLES)
+@pytest.mark.parametrize(
+    ("number", "modified"),
+    [(1, False), (2, False), (2, True), (3, False), (3, True), (4, False), (4, True)],
+)
 def test_every_loop_of_the_paper_is_stable(number, modified):
-    if number == 1 and modified:
-        pytest.skip("the paper has no modified plant for Example 1")
     verdict = paper.example(number, modified).stability()
     assert verdict.stable is True
     assert verdict.observer_loop.rightmost.real < 0
