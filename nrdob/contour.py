@@ -9,7 +9,8 @@ closed there by an arc with as many half turns as the pole's order demands.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import inf, pi
+from itertools import pairwise
+from math import inf, nan, pi
 from typing import NamedTuple
 
 import numpy as np
@@ -24,6 +25,7 @@ SMOOTH = 1e-3
 """Largest distance between curve and polygon, as a fraction of the curve's size."""
 
 _FAR = 1e200
+_TIE = 1e-9
 
 
 class Arc(NamedTuple):
@@ -34,7 +36,7 @@ class Arc(NamedTuple):
 
 
 class Approach(NamedTuple):
-    """Where a curve comes closest to a point."""
+    """Where a curve comes closest to a point; a frequency of nan means everywhere."""
 
     distance: float
     omega: float
@@ -104,20 +106,29 @@ def closest_approach(loop: Quotient, curve: Contour, point: float = -1.0) -> App
     """
     omega, values = curve.omega, curve.values
     distance = np.abs(values - point)
-    k = int(np.argmin(distance))
-    best = Approach(float(distance[k]), float(omega[k]), complex(values[k]))
+    lowest = float(distance.min())
+    limit = _limit_circle(loop, point)
+    if limit and limit.distance <= lowest * (1 + _TIE):
+        return limit
+    if float(distance.max()) <= lowest * (1 + _TIE):
+        return Approach(lowest, nan, complex(values[0]))
+    for end in (0, -1):  # Where an end is as close as anything, rounding must not choose.
+        if distance[end] <= lowest * (1 + _TIE) and omega[end] in (0.0, inf):
+            return Approach(float(distance[end]), float(omega[end]), complex(values[end]))
     inner = 1 + np.flatnonzero((distance[1:-1] <= distance[:-2]) & (distance[1:-1] <= distance[2:]))
-    for i in inner[distance[inner] <= 1.05 * distance[k]]:
-        bounds = omega[i - 1], min(omega[i + 1], 10 * omega[i])
-        found = minimize_scalar(
+    found = [
+        minimize_scalar(
             lambda w: abs(loop(1j * w) - point),
-            bounds=bounds,
+            bounds=(omega[i - 1], min(omega[i + 1], 10 * omega[i])),
             method="bounded",
-            options={"xatol": 1e-12 * bounds[1]},
-        )
-        if found.fun < best.distance * (1 - 1e-9):
-            best = Approach(float(found.fun), float(found.x), complex(loop(1j * found.x)))
-    return best
+            options={"xatol": 1e-12 * omega[i]},
+        ).x
+        for i in inner[distance[inner] <= 1.05 * lowest]
+    ]
+    candidates = np.array([*found, omega[int(np.argmin(distance))]])
+    nearest = float(candidates[np.argmin(np.abs(loop(1j * candidates) - point))])
+    value = complex(loop(1j * nearest))
+    return Approach(abs(value - point), nearest, value)
 
 
 def _values(loop: Quotient, omega: FloatArray) -> ComplexArray:
@@ -131,15 +142,25 @@ def _values(loop: Quotient, omega: FloatArray) -> ComplexArray:
 def _limit(loop: Quotient) -> complex:
     """Value at infinite frequency, nan where there is none."""
     num, den = loop.numerator, loop.denominator
-    if num.degree > den.degree or max(num.neutral_ratio, den.neutral_ratio) > 0 and (
-        num.degree == den.degree
-    ):
-        return complex(np.nan)
+    neutral = max(num.neutral_ratio, den.neutral_ratio) > 0 and num.degree == den.degree
+    if num.degree > den.degree or neutral:
+        return complex(nan)
     return complex(num.q[0] / den.q[0]) if num.degree == den.degree else 0j
 
 
+def _limit_circle(loop: Quotient, point: float) -> Approach | None:
+    """Nearest point of the circle a + b exp(-jωθ) that a neutral loop tends to."""
+    num, den = loop.numerator, loop.denominator
+    if not num.r.any() or den.delay or num.r.size != den.q.size or num.q.size > den.q.size:
+        return None
+    centre = float(num.q[0] / den.q[0]) if num.q.size == den.q.size else 0.0
+    radius = abs(float(num.r[0] / den.q[0]))
+    value = centre + (radius if point >= centre else -radius)
+    return Approach(abs(value - point), inf, complex(value))
+
+
 def _frequencies(loop: Quotient) -> FloatArray:
-    """Resolved frequencies, from where L is at its value for ω = 0 to where it is at its limit."""
+    """Extend the resolved frequencies to where L has its values for ω = 0 and ω = ∞."""
     omega = resolved_frequencies(loop)
     parts = [omega]
     if np.isfinite(loop.dc_gain):
@@ -208,7 +229,7 @@ def _arcs(
     first, last = values[runs[0].start], values[runs[-1].stop - 1]
     if order > 0:
         arcs.append(Arc("indentation", _arc(np.conj(first), first, order, radius)))
-    for before, after in zip(runs[:-1], runs[1:], strict=True):
+    for before, after in pairwise(runs):
         gap = omega[before.stop - 1], omega[after.start]
         poles = _poles_on_axis(loop)
         order = int(np.sum((poles > gap[0]) & (poles < gap[1])))

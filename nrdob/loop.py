@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cached_property
+from typing import Any
 
 import control as ct
 from numpy.typing import ArrayLike
 
-from .equations import LoopEquations
+from .equations import LoopEquations, Quotient
 from .margins import LoopMargins, loop_margins
+from .plots import Figure, bode_plot, nyquist_plot, roots_plot, step_plot
 from .response import forced_response, step_response
 from .stability import Stability, stability
+
+MAPS = (
+    "FH", "H", "CGm", "L", "ratio", "K", "G", "Gm", "C", "F", "T_R", "S_d", "S_delta", "S_eta",
+    "E_R", "U_R", "U_d", "U_delta", "U_eta",
+)  # fmt: skip
+"""Attributes of a loop that can be drawn by name."""
 
 
 class NRDOB(LoopEquations):
@@ -71,9 +80,7 @@ class NRDOB(LoopEquations):
         """Compute the margins of C·G̃, F·H (Lemma 2) and of the plant loop L = K·G."""
         return loop_margins(self, self._stability)
 
-    def step_response(
-        self, input: str, timepts: ArrayLike | None = None
-    ) -> ct.TimeResponseData:
+    def step_response(self, input: str, timepts: ArrayLike | None = None) -> ct.TimeResponseData:
         """Respond to a unit step of "R", "d", "delta" or "eta": see `nrdob.response`."""
         return step_response(self, input, timepts)
 
@@ -82,3 +89,59 @@ class NRDOB(LoopEquations):
     ) -> ct.TimeResponseData:
         """Respond to any signal at "R", "d", "delta" or "eta": see `nrdob.response`."""
         return forced_response(self, input, timepts, inputs)
+
+    def plot_nyquist(
+        self,
+        which: str = "FH",
+        *,
+        point: float = -1.0,
+        zoom: float | None = None,
+        title: str = "",
+        ax: Any = None,
+    ) -> Figure:
+        """Draw the Nyquist plot of one map with N, P, Z: see `nrdob.plots.nyquist_plot`."""
+        quotient = self._map(which)
+        known = {"CGm": self._stability.model_loop, "FH": self._stability.observer_loop}
+        verdict = known.get(which) if point == -1 else None
+        return nyquist_plot(quotient, verdict=verdict, point=point, zoom=zoom, title=title, ax=ax)
+
+    def plot_bode(
+        self,
+        *which: str,
+        omega_limits: tuple[float, float] | None = None,
+        title: str = "",
+        axes: Any = None,
+    ) -> Figure:
+        """Draw Bode diagrams, by default F·H; margins where one open loop is drawn alone."""
+        names = which or ("FH",)
+        quotients = [self._map(name) for name in names]
+        known = {"CGm": "model_loop", "FH": "observer_loop", "L": "plant_loop"}
+        alone = len(names) == 1 and names[0] in known
+        margins = getattr(self.margins(), known[names[0]]) if alone else None
+        return bode_plot(
+            *quotients, margins=margins, omega_limits=omega_limits, title=title, axes=axes
+        )
+
+    def plot_step(
+        self,
+        signal: str = "y",
+        *,
+        compare: LoopEquations | Mapping[str, LoopEquations] | None = None,
+        timepts: ArrayLike | None = None,
+        title: str = "",
+        axes: Any = None,
+    ) -> Figure:
+        """Draw responses to unit steps of R, d, δ and η: see `nrdob.plots.step_plot`."""
+        return step_plot(
+            self, signal=signal, compare=compare, timepts=timepts, title=title, axes=axes
+        )
+
+    def plot_roots(self, *, title: str = "", ax: Any = None) -> Figure:
+        """Draw the roots of p_A and p_B: see `nrdob.plots.roots_plot`."""
+        return roots_plot(self, title=title, ax=ax)
+
+    def _map(self, name: str) -> Quotient:
+        if name not in MAPS:
+            raise ValueError(f"there is no map {name!r} to draw; choose one of {', '.join(MAPS)}")
+        quotient: Quotient = getattr(self, name)
+        return quotient
