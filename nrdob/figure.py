@@ -70,7 +70,7 @@ class Figure(ct.ControlPlot):  # type: ignore[misc]
     def png(self) -> bytes:
         """Render at 150 dpi on a transparent ground; the same figure gives the same bytes."""
         buffer = BytesIO()
-        with plt.style.context(STYLE):
+        with styled():
             self.figure.savefig(
                 buffer, format="png", dpi=DPI, transparent=True, metadata={"Software": None}
             )
@@ -103,9 +103,13 @@ def axes_for(given: Any, count: int, height: float) -> list[Axes]:
             raise ValueError(f"{len(axes)} axes given; this figure needs {count}")
         return axes
     shape = {1: (1, 1), 2: (2, 1), 4: (2, 2)}[count]
-    _, new = plt.subplots(*shape, figsize=(WIDTH, height), squeeze=False)
-    for ax in new.flat:
-        dress(ax)
+    # The first figure loads the backend, which in a notebook turns plotting interactive: within
+    # the style that would be undone, and no figure of the user's would ever be shown.
+    figure = plt.figure(figsize=(WIDTH, height), layout="constrained")
+    with styled():
+        new = figure.subplots(*shape, squeeze=False)
+        for ax in new.flat:
+            dress(ax)
     return list(new.flat)
 
 

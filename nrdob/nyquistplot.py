@@ -55,8 +55,8 @@ def nyquist_plot(
     approach = closest_approach(quotient, curve, point)
     counted = verdict or encirclements(quotient, point)
     half = _inset_half_width(curve, approach, point) if zoom is None else zoom
+    (ax,) = axes_for(ax, 1, TALL)
     with styled():
-        (ax,) = axes_for(ax, 1, TALL)
         colour = colour_of(quotient.name)
         lines = _draw_contour(ax, curve, colour)
         _window(ax, curve, point)

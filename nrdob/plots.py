@@ -85,8 +85,8 @@ def bode_plot(
     if not quotients:
         raise ValueError("bode_plot needs at least one map, such as loop.FH")
     low, high = omega_limits or _frequency_range(quotients, margins)
+    magnitude, phase = axes_for(axes, 2, TALL)
     with styled():
-        magnitude, phase = axes_for(axes, 2, TALL)
         lines: list[list[Line2D]] = [[], []]
         used: set[str] = set()
         for quotient in quotients:
@@ -285,8 +285,8 @@ def step_plot(
         raise ValueError(f"signal is {signal!r}; it must be 'y' or 'u'")
     others = {"nominal": compare} if isinstance(compare, LoopEquations) else dict(compare or {})
     row, facts = "yu".index(signal), []
+    panels = axes_for(axes, 4, TALL)
     with styled():
-        panels = axes_for(axes, 4, TALL)
         lines = np.empty(4, dtype=object)
         for k, (ax, given) in enumerate(zip(panels, INPUTS, strict=True)):
             times = timepts
@@ -361,8 +361,8 @@ def roots_plot(
         found = {"p_A": roots.p_A.roots, "p_B": roots.p_B.roots}
     else:
         found = {label: np.asarray(values) for label, values in roots.items()}
+    (ax,) = axes_for(ax, 1, SHORT)
     with styled():
-        (ax,) = axes_for(ax, 1, SHORT)
         lines = []
         palette = (COLOURS["model"], COLOURS["loop"], COLOURS["process"], COLOURS["filter"])
         for k, (label, values) in enumerate(found.items()):
