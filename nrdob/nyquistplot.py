@@ -163,7 +163,7 @@ def _mark_approach(ax: Axes, curve: Contour, approach: Approach, point: float) -
     ax.plot(near.real, near.imag, "o", ms=3.5, color=INK, zorder=5)
     text = number(approach.distance)
     middle = complex((point + near.real) / 2, near.imag / 2)
-    anchor, offset = _roomiest(ax, curve, (middle, complex(point)), approach, 3.0 * len(text))
+    anchor, offset = _roomiest(ax, curve, (middle, complex(point)), approach, 3.3 * len(text))
     ax.annotate(
         text, (anchor.real, anchor.imag), (offset.real, offset.imag), textcoords="offset points",
         ha="center", va="center", zorder=7,
@@ -193,7 +193,7 @@ def _roomiest(
         x, y = ax.transData.transform((anchor.real, anchor.imag)) * scale
         centre = (x + offset.real, y + offset.imag)
         gap = np.maximum(np.abs(points - centre) - [half_width, 5.0], 0.0)
-        return min(float(np.hypot(*gap.T).min()), 5.0) - 0.08 * abs(offset)
+        return min(float(np.hypot(*gap.T).min()), 5.0) - 0.04 * abs(offset)
 
     return max(places, key=room)
 

@@ -98,7 +98,7 @@ def bode_plot(
             lines[0] += magnitude.semilogx(omega, decibel, **kind)
             lines[1] += phase.semilogx(omega, degrees, **kind)
             if np.isnan(decibel).all():
-                magnitude.text(0.5, 0.5, f"{kind['label']} = 0 at every frequency", ha="center",
+                magnitude.text(0.5, 0.7, f"{kind['label']} = 0 at every frequency", ha="center",
                                transform=magnitude.transAxes)  # fmt: skip
         _bode_frame(magnitude, phase, (low, high), quotients)
         headings(magnitude, title)
@@ -211,7 +211,7 @@ def _span(ax: Axes, x: float, start: float, end: float, text: str, *, rising: bo
     place = (np.log(x) - low) / (high - low)
     # The curve crosses the level on one side of x: write on the other where there is room.
     side = "right" if rising == (beyond > 0) else "left"
-    if place < 0.33 or place > 0.67:
+    if place < 0.3 or place > 0.7:
         side = "left" if place < 0.2 else "right" if place > 0.8 else "center"
     ax.annotate(
         text, (x, end), (0, 4 * beyond), textcoords="offset points", color=COLOURS["critical"],
