@@ -59,13 +59,13 @@ def nyquist_plot(
     with styled():
         colour = colour_of(quotient.name)
         lines = _draw_contour(ax, curve, colour)
+        label = label_of(quotient.name)
+        ax.set(xlabel=f"Re {label}", ylabel=f"Im {label}")
+        headings(ax, title, _n_p_z(counted))
         _window(ax, curve, point)
         _arrows(ax, curve, colour)
         _arc_labels(ax, curve)
         _critical(ax, point)
-        label = label_of(quotient.name)
-        ax.set(xlabel=f"Re {label}", ylabel=f"Im {label}")
-        headings(ax, title, _n_p_z(counted))
         if half:
             _inset(ax, curve, colour, point, half, approach)
         else:
@@ -112,8 +112,9 @@ def _window(ax: Axes, curve: Contour, point: float) -> None:
     ax.update_datalim([(low, -tall), (high, tall)])
     ax.margins(0.06)
     ax.set_aspect("equal", adjustable="datalim")
-    # Settles the limits for the aspect now, so that arrows and labels know where they stand.
+    # Settles layout and limits now, so that arrows and labels know where they stand.
     ax.figure.figure.draw_without_rendering()
+    ax.autoscale(False)
 
 
 def _drawn(curve: Contour) -> ComplexArray:
@@ -177,7 +178,8 @@ def _roomiest(
     way = anchors[1] + (approach.value - anchors[1]) * np.linspace(0, 1, 40)
     axis = np.linspace(*ax.get_xlim(), 600)
     circle = np.exp(1j * np.linspace(0, 2 * np.pi, 300))
-    drawn = _drawn(curve)
+    pieces = [*curve.branches, *(arc.points for arc in curve.arcs)]
+    drawn = np.concatenate([_dense(piece, (axis[-1] - axis[0]) / 400) for piece in pieces])
     obstacles = np.concatenate([drawn, np.conj(drawn), way, axis, 1j * axis, circle])
     scale = 72 / ax.figure.figure.dpi
     points = ax.transData.transform(np.column_stack([obstacles.real, obstacles.imag])) * scale
@@ -196,6 +198,13 @@ def _roomiest(
         return min(float(np.hypot(*gap.T).min()), 5.0) - 0.04 * abs(offset)
 
     return max(places, key=room)
+
+
+def _dense(z: ComplexArray, step: float) -> ComplexArray:
+    """Points along a polygon, no farther apart than `step`."""
+    length = np.append(0.0, np.cumsum(np.abs(np.diff(z))))
+    even = np.linspace(0.0, length[-1], 2 + int(min(length[-1] / step, 1e5)))
+    return np.asarray(np.interp(even, length, z), dtype=complex)
 
 
 def _inset_half_width(curve: Contour, approach: Approach, point: float) -> float:
