@@ -12,8 +12,9 @@ import control as ct
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+FloatArray = NDArray[np.floating[Any]]
+ComplexArray = NDArray[np.complexfloating[Any, Any]]
+BoolArray = NDArray[np.bool_]
 
 
 class Fraction(NamedTuple):
@@ -69,6 +70,8 @@ def as_fraction(system: Any, name: str, *, proper: bool = True) -> Fraction:
                 f"{name} is discrete-time (dt={system.dt}); this analysis is in continuous time: "
                 "pass the continuous-time block"
             )
+    num: Any
+    den: Any
     if isinstance(system, ct.StateSpace):
         num, den = _from_state_space(system)
     elif isinstance(system, ct.TransferFunction):
@@ -82,7 +85,9 @@ def as_fraction(system: Any, name: str, *, proper: bool = True) -> Fraction:
             f"{name} is a {type(system).__name__}; pass a control.TransferFunction, a "
             "control.StateSpace, a number, or a pair (num, den) of coefficients"
         )
-    fraction = Fraction(_coefficients(num, f"{name} numerator"), _coefficients(den, f"{name} denominator"))
+    fraction = Fraction(
+        _coefficients(num, f"{name} numerator"), _coefficients(den, f"{name} denominator")
+    )
     if not fraction.den.any():
         raise ValueError(f"{name} has the denominator 0; give at least one nonzero coefficient")
     if proper and fraction.relative_degree < 0:

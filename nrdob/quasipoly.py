@@ -5,15 +5,7 @@ Two independent ways to know the right half plane, neither of which approximates
 - `count_rhp` follows the argument of p along the imaginary axis (Mikhailov). Each step is
   certified: a Taylor bound proves that p has no zero in the disc over the step, so that no
   resonance, however sharp, can slip between two frequencies.
-- `roots` finds the roots themselves: companion eigenvalues for a polynomial; for a delay, the
-  eigenvalues of the loop closed around a Chebyshev-collocated delay line, each one then polished
-  by Newton's method on p itself.
-
-References
-----------
-W. Michiels, S.-I. Niculescu, Stability, Control, and Computation for Time-Delay Systems, SIAM 2014.
-D. Breda, S. Maset, R. Vermiglio, Pseudospectral differencing methods for characteristic roots of
-delay differential equations, SIAM J. Sci. Comput. 27 (2005) 482-495.
+- `QuasiPolynomial.roots` are the roots themselves, see `nrdob.rootfinding`.
 """
 
 from __future__ import annotations
@@ -21,18 +13,17 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from math import inf, pi
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from numpy.polynomial import chebyshev
 
-from .blocks import ComplexArray, FloatArray
+from .blocks import BoolArray, ComplexArray, FloatArray
+from .rootfinding import delay_roots, dominance_radius, polynomial_roots
 
 ROUNDING = 1e3 * float(np.finfo(float).eps)
 """Relative change of the coefficients below which two loops cannot be told apart."""
 
 MAX_SEGMENTS = 400_000
-MAX_DELAY_NODES = 600
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,11 +52,11 @@ class QuasiPolynomial:
     q: FloatArray
     r: FloatArray = field(default_factory=lambda: np.zeros(1))
     delay: float = 0.0
-    scale: FloatArray | None = None
+    scale: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         q, r = np.asarray(self.q, dtype=float), np.asarray(self.r, dtype=float)
-        scale = add(np.abs(q), np.abs(r)) if self.scale is None else self.scale
+        scale = self.scale if self.scale.size else add(np.abs(q), np.abs(r))
         if self.delay == 0:
             q, r = add(q, r), np.zeros(1)
         q, r = _trim(q, scale), _trim(r, scale)
@@ -113,15 +104,7 @@ class QuasiPolynomial:
             value = value + np.polyval(self.r, s) * np.exp(-self.delay * s)
         return value
 
-    def derivative(self, s: ComplexArray) -> Any:
-        """Evaluate dp/ds at complex `s`."""
-        value = np.polyval(differentiate(self.q), s)
-        if self.delay:
-            r = np.polyval(differentiate(self.r), s) - self.delay * np.polyval(self.r, s)
-            value = value + r * np.exp(-self.delay * s)
-        return value
-
-    def near_axis(self, roots: ComplexArray) -> NDArrayBool:
+    def near_axis(self, roots: ComplexArray) -> BoolArray:
         """Tell which roots a change of the coefficients within rounding moves onto the axis."""
         near = np.abs(roots.real) <= 0.1 * np.abs(roots)
         if near.any():
@@ -139,18 +122,16 @@ class QuasiPolynomial:
         Raises
         ------
         ArithmeticError
-            If the delay is too long for the loop's speed to be resolved (see `MAX_DELAY_NODES`).
+            If the delay is too long for the loop's speed to be resolved (see `nrdob.rootfinding`).
         """
         p = self.without_origin
-        found = _delay_roots(p) if p.delay else _polished(p, np.roots(p.q).astype(complex))
+        found = delay_roots(p.q, p.r, p.delay) if p.delay else polynomial_roots(p.q)
         found = np.concatenate([found, np.zeros(self.zeros_at_origin)])
         return found[np.lexsort((-found.imag, -found.real))]
 
 
-NDArrayBool = np.ndarray[Any, np.dtype[np.bool_]]
-
-
-class RootCount(NamedTuple):
+@dataclass(frozen=True)
+class RootCount:
     """Number of roots with positive real part, or None and the reason why it is not known."""
 
     count: float | None
@@ -211,7 +192,7 @@ def frequency_segments(p: QuasiPolynomial) -> FloatArray | str:
     """
     if p.degree == 0:
         return np.zeros(1)
-    high = _dominance_radius(p.scale[::-1] / (abs(p.q[0]) * (1 - p.neutral_ratio)))
+    high = dominance_radius(p.scale[::-1] / (abs(p.q[0]) * (1 - p.neutral_ratio)))
     low = _lowest(p)
     if low is None:
         return "a root at s = 0 within rounding"
@@ -242,7 +223,7 @@ def frequency_segments(p: QuasiPolynomial) -> FloatArray | str:
 def multiply(a: QuasiPolynomial, b: QuasiPolynomial) -> QuasiPolynomial:
     """Multiply two quasi-polynomials, at most one of which has a delay."""
     if a.delay and b.delay:
-        raise NotImplementedError("a product of two delayed factors has two delays; keep it factored")
+        raise NotImplementedError("two delayed factors have two delays; keep them factored")
     if b.delay:
         a, b = b, a
     q, r = np.convolve(a.q, b.q), np.convolve(a.r, b.q)
@@ -277,7 +258,7 @@ def _argument_change(p: QuasiPolynomial) -> float | str:
 
 def _zero_free(
     p: QuasiPolynomial, centre: FloatArray, radius: FloatArray
-) -> tuple[NDArrayBool, NDArrayBool]:
+) -> tuple[BoolArray, BoolArray]:
     """Certify discs around j·centre in which p cannot vanish; flag centres where p is rounding.
 
     Taylor: |p(s) - p(c)| <= sum |p^(m)(c)|/m! radius^m < |p(c)| over the disc.
@@ -314,14 +295,6 @@ def _pascal(n: int) -> FloatArray:
     return table
 
 
-def _dominance_radius(ascending: FloatArray) -> float:
-    """Radius beyond which the last term exceeds the sum of the others (Fujiwara's bound)."""
-    n = ascending.size - 1
-    sizes = np.abs(ascending[:-1])
-    exponents = n - np.arange(n)
-    return float(2 * np.max(sizes ** (1 / exponents), initial=1e-300)) * 1.01
-
-
 def _lowest(p: QuasiPolynomial) -> float | None:
     """Frequency below which the constant term dominates, None if it is only rounding."""
     constant = p.q[-1] + (p.r[-1] if p.delay else 0.0)
@@ -331,104 +304,7 @@ def _lowest(p: QuasiPolynomial) -> float | None:
     if p.delay:  # |exp(-jωT) - 1| <= ωT
         ascending = add(ascending[::-1], np.append(np.abs(p.r) * p.delay, 0.0))[::-1]
     ascending[0] = abs(constant)
-    return 1 / _dominance_radius(ascending[::-1] / abs(constant))
-
-
-def _polished(p: QuasiPolynomial, roots: ComplexArray) -> ComplexArray:
-    """Newton steps on p, each kept only where it lowers |p|."""
-    value = p(roots)
-    for _ in range(3):
-        with np.errstate(all="ignore"):  # a step that is not finite is refused below
-            step = value / p.derivative(roots)
-            tried = p(roots - step)
-        keep = np.abs(tried) < np.abs(value)
-        roots, value = np.where(keep, roots - step, roots), np.where(keep, tried, value)
-        if not np.any(np.abs(step[keep]) > 4e-16 * np.abs(roots[keep])):
-            break
-    return roots
-
-
-def _delay_roots(p: QuasiPolynomial) -> ComplexArray:
-    """Rightmost roots of p: u = -(r/q) w, w = u delayed, the delay line collocated."""
-    nodes = 24
-    while True:
-        found = _collocated_roots(p, nodes)
-        # |q(s)| <= |r(s)| exp(-T Re s) bounds every root to the right of the rightmost one found.
-        abscissa = min(float(found.real.max(initial=-1 / p.delay)), 0.0)
-        right_half_plane, rightmost = (_nodes_needed(p, a) for a in (0.0, abscissa))
-        if rightmost <= nodes or (right_half_plane <= nodes and rightmost > MAX_DELAY_NODES):
-            return found
-        if right_half_plane > MAX_DELAY_NODES:
-            raise ArithmeticError(
-                f"the delay of {p.delay:.4g} s is too long against the loop's bandwidth to "
-                "resolve its roots"
-            )
-        nodes = int(min(max(rightmost, nodes + 8), MAX_DELAY_NODES))
-
-
-def _nodes_needed(p: QuasiPolynomial, abscissa: float) -> float:
-    """Collocation points that resolve every root to the right of `abscissa`."""
-    return 0.8 * _reach(p, float(np.exp(-p.delay * abscissa))) * p.delay + 20
-
-
-def _reach(p: QuasiPolynomial, growth: float) -> float:
-    """Radius beyond which |q| > growth·|r|, or that of the resolved roots of a neutral chain."""
-    n = p.q.size
-    if p.r.size == n and growth * p.neutral_ratio >= 1:
-        growth = 0.999 / p.neutral_ratio
-    sizes = add(np.abs(p.q), growth * np.abs(p.r))
-    sizes[0] = abs(p.q[0]) - (growth * abs(p.r[0]) if p.r.size == n else 0.0)
-    radius = _dominance_radius(sizes[::-1] / sizes[0])
-    # Cauchy's bound is the positive root of x^n - (the rest); Newton descends to it from above.
-    cauchy = np.append(sizes[0], -sizes[1:])
-    for _ in range(6):
-        radius -= float(np.polyval(cauchy, radius) / np.polyval(np.polyder(cauchy), radius))
-    return radius
-
-
-def _collocated_roots(p: QuasiPolynomial, nodes: int) -> ComplexArray:
-    n = p.q.size - 1
-    speed = _reach(p, 1.0)
-    # Time in units of 1/speed keeps the companion form well scaled.
-    powers = speed ** np.arange(n, -1, -1.0)
-    q = p.q * powers / (p.q[0] * powers[0])
-    r = np.concatenate([np.zeros(n + 1 - p.r.size), p.r]) * powers / (p.q[0] * powers[0])
-    through = -r[0]  # u = output @ x + through * w
-    output = -(r[1:] - r[0] * q[1:])
-    companion = np.eye(n, k=-1)
-    companion[:1] = -q[1:]
-    transport = -_differentiation(nodes) / (p.delay * speed)
-    matrix = np.zeros((n + nodes, n + nodes))
-    matrix[:n, :n] = companion
-    matrix[:1, -1] = 1.0
-    matrix[n:, :n] = np.outer(transport[1:, 0], output)
-    matrix[n:, n:] = transport[1:, 1:]
-    matrix[n:, -1] += transport[1:, 0] * through
-    guesses = np.linalg.eigvals(matrix).astype(complex) * speed
-    # To the left only roots that the collocation resolves are true; to the right the delayed term
-    # is small and Newton's method settles every one.
-    resolved = (np.abs(guesses) * p.delay < 1.1 * nodes) & (guesses.real * p.delay > -30)
-    guesses = guesses[resolved | (guesses.real > 0)]
-    roots = _polished(p, guesses)
-    moved = np.abs(roots - guesses) * p.delay
-    with np.errstate(divide="ignore", invalid="ignore"):
-        residual = np.abs(p(roots)) / (
-            np.polyval(np.abs(p.q), np.abs(roots))
-            + np.polyval(np.abs(p.r), np.abs(roots)) * np.exp(-p.delay * roots.real)
-        )
-    true = (moved < 1e-2 * (1 + np.abs(guesses) * p.delay)) & (residual < 1e-9)
-    return roots[true]
-
-
-@lru_cache(maxsize=32)
-def _differentiation(nodes: int) -> FloatArray:
-    """Chebyshev differentiation on [0, 1], points from 0 to 1, (nodes+1) by (nodes+1)."""
-    x = np.cos(pi * np.arange(nodes + 1) / nodes)
-    weights = np.where((np.arange(nodes + 1) % nodes) == 0, 2.0, 1.0) * (-1.0) ** np.arange(nodes + 1)
-    difference = x[:, None] - x[None, :] + np.eye(nodes + 1)
-    matrix = np.outer(weights, 1 / weights) / difference
-    matrix -= np.diag(matrix.sum(axis=1))
-    return -2.0 * matrix
+    return 1 / dominance_radius(ascending[::-1] / abs(constant))
 
 
 def _trim(coefficients: FloatArray, scale: FloatArray) -> FloatArray:

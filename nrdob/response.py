@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from math import ceil, inf, log10, pi
+from math import ceil, pi
 
 import control as ct
 import numpy as np
@@ -28,22 +28,18 @@ from numpy.typing import ArrayLike
 from scipy.linalg import block_diag, expm, matrix_balance
 from scipy.signal import fftconvolve
 
-from .blocks import ComplexArray, FloatArray, Fraction
+from .blocks import FloatArray, Fraction
 from .equations import LoopEquations
-from .quasipoly import NDArrayBool
+from .window import default_times
 
 INPUTS = ("R", "d", "delta", "eta")
 OUTPUTS = ("y", "u")
-
-SETTLED = 0.002
-"""A response has settled when it stays this close to its end, as a fraction of its span."""
 
 MAX_PANELS = 400_000
 """Panels that fit into memory, for a loop faster than its dead time."""
 
 _DEGREE = 16
 _PANEL_REACH = 2.0  # fastest rate times panel length: degree 16 then leaves nothing but rounding
-_DEFAULT_POINTS = 1001
 _DIRECT_CONVOLUTION = 10_000
 
 
@@ -89,7 +85,10 @@ def step_response(
     ([1.0, 1.0, 1.0], [-0.5, -0.75, -1.0])
     """
     _check(loop, input)
-    times = _default_times(loop, input) if timepts is None else _checked_times(timepts)
+    if timepts is None:
+        times = default_times(loop, input, lambda times: _unit_responses(loop, input, times)[:, 0])
+    else:
+        times = _checked_times(timepts)
     outputs = _unit_responses(loop, input, times)[:, :1]
     return ct.TimeResponseData(
         times,
@@ -405,51 +404,3 @@ def _leap(advance: FloatArray, start: FloatArray, panels: FloatArray, per_delay:
         row = transitions[i] @ row
         rows.append(row)
     return np.array(rows)
-
-
-# The default window.
-
-
-def _default_times(loop: LoopEquations, input: str) -> FloatArray:
-    """Return evenly spaced times over what there is to see."""
-    roots, on_axis = _modes(loop, input)
-    rates, swings = roots.real[~on_axis], np.abs(roots.imag[on_axis])
-    growth, decay = max(rates, default=0.0), -max(rates[rates < 0], default=-inf)
-    if growth > 0:
-        return _even_times(max(6 / growth, 3 * loop.delay))
-    periods = 10 * pi / min(swings[swings > 0], default=inf)
-    return _even_times(_settling_time(loop, input, max(12 / decay + 5 * loop.delay, periods)))
-
-
-def _modes(loop: LoopEquations, input: str) -> tuple[ComplexArray, NDArrayBool]:
-    """Roots that `input` excites, and which of them lie on the imaginary axis within rounding."""
-    factors = [loop.p_A, loop.p_B] if input == "R" else [loop.p_B]
-    try:
-        roots = [p.roots for p in factors]
-    except ArithmeticError:  # so long a delay that it alone sets the pace
-        return np.zeros(0, dtype=complex), np.zeros(0, dtype=bool)
-    on_axis = [p.near_axis(found) for p, found in zip(factors, roots, strict=True)]
-    return np.concatenate(roots), np.concatenate(on_axis)
-
-
-def _settling_time(loop: LoopEquations, input: str, window: float) -> float:
-    """Time from which y and u stay near where they are at the end of `window`, seconds."""
-    window = window or 10.0  # neither modes nor dead time: any window will do
-    final: FloatArray | None = None
-    while True:
-        times = np.linspace(0.0, window, _DEFAULT_POINTS)
-        outputs = _unit_responses(loop, input, times)[:, 0]
-        final = outputs[:, -1:] if final is None else final
-        span = np.ptp(np.hstack([outputs, final]), axis=1, keepdims=True)
-        moving = np.flatnonzero((np.abs(outputs - final) > SETTLED * span).any(axis=0))
-        last = min(int(moving[-1]) + 1 if moving.size else 0, _DEFAULT_POINTS - 1)
-        if last > _DEFAULT_POINTS // 20 or last == 0:
-            return float(times[last]) or window
-        window = 2 * float(times[last])  # the slowest mode hardly shows: look closer
-
-
-def _even_times(window: float) -> FloatArray:
-    """Return times from 0 to `window`, rounded up to 1, 2 or 5 times a power of ten."""
-    decade = 10.0 ** np.floor(log10(window))
-    nice = next(factor for factor in (1, 2, 5, 10) if factor * decade >= window * (1 - 1e-9))
-    return np.linspace(0.0, nice * decade, _DEFAULT_POINTS)

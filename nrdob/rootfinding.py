@@ -1,0 +1,204 @@
+r"""Roots of :math:`p(s) = q(s) + r(s)\,e^{-sT}`: eigenvalues, polished by Newton's method on p.
+
+A polynomial is the characteristic polynomial of its companion matrix. With a delay, p = 0 says
+that u = -(r/q) w closes a loop in which w is u one delay later: the delay line is collocated at
+Chebyshev points, and the loop becomes a matrix, too.
+
+References
+----------
+W. Michiels, S.-I. Niculescu, Stability, Control, and Computation for Time-Delay Systems, SIAM 2014.
+D. Breda, S. Maset, R. Vermiglio, Pseudospectral differencing methods for characteristic roots of
+delay differential equations, SIAM J. Sci. Comput. 27 (2005) 482-495.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from math import pi
+
+import numpy as np
+
+from .blocks import ComplexArray, FloatArray
+
+MAX_DELAY_NODES = 600
+"""Collocation points at most; a loop that needs more is too fast for its delay."""
+
+
+def polynomial_roots(q: FloatArray) -> ComplexArray:
+    """Find all roots of a polynomial.
+
+    Parameters
+    ----------
+    q : array of float
+        Coefficients in descending powers, the first one not zero.
+
+    Examples
+    --------
+    >>> sorted(polynomial_roots(np.array([1.0, 3.0, 2.0])).real.tolist())
+    [-2.0, -1.0]
+    """
+    return _polished(q, np.zeros(1), 0.0, np.roots(q).astype(complex))
+
+
+def delay_roots(q: FloatArray, r: FloatArray, delay: float) -> ComplexArray:
+    """Find the roots of q + r exp(-sT) that matter for stability.
+
+    All of those in the right half plane and the rightmost ones of the left half plane.
+
+    Parameters
+    ----------
+    q, r : array of float
+        Coefficients in descending powers, the first one of q not zero; the degree of r at most
+        that of q.
+    delay : float
+        T > 0, in seconds.
+
+    Raises
+    ------
+    ArithmeticError
+        If the delay is too long for the loop's speed to be resolved (see `MAX_DELAY_NODES`).
+
+    Examples
+    --------
+    >>> roots = delay_roots(np.array([1.0, 0.0]), np.array([np.pi / 2]), delay=1.0)
+    >>> bool(abs(roots - 0.5j * np.pi).min() < 1e-12)     # j exp(jπ/2) = -1
+    True
+    """
+    r = np.pad(r, (q.size - r.size, 0))
+    nodes = 24
+    while True:
+        found = _collocated_roots(q, r, delay, nodes)
+        # |q(s)| <= |r(s)| exp(-T Re s) bounds every root to the right of the rightmost one found.
+        abscissa = min(float(found.real.max(initial=-1 / delay)), 0.0)
+        right_half_plane, rightmost = (_nodes_needed(q, r, delay, a) for a in (0.0, abscissa))
+        if rightmost <= nodes or (right_half_plane <= nodes and rightmost > MAX_DELAY_NODES):
+            return found
+        if right_half_plane > MAX_DELAY_NODES:
+            raise ArithmeticError(
+                f"the delay of {delay:.4g} s is too long against the loop's bandwidth to "
+                "resolve its roots"
+            )
+        nodes = int(min(max(rightmost, nodes + 8), MAX_DELAY_NODES))
+
+
+def dominance_radius(ascending: FloatArray) -> float:
+    """Radius beyond which the last term exceeds the sum of the others (Fujiwara's bound).
+
+    Parameters
+    ----------
+    ascending : array of float
+        Coefficients in ascending powers, the last one 1.
+    """
+    n = ascending.size - 1
+    sizes = np.abs(ascending[:-1])
+    exponents = n - np.arange(n)
+    return float(2 * np.max(sizes ** (1 / exponents), initial=1e-300)) * 1.01
+
+
+def _value_and_slope(
+    q: FloatArray, r: FloatArray, delay: float, s: ComplexArray
+) -> tuple[ComplexArray, ComplexArray]:
+    """Return p and dp/ds at `s`."""
+    value, slope = _horner(q, s)
+    if delay:
+        r_value, r_slope = _horner(r, s)
+        lag = np.exp(-delay * s)
+        value, slope = value + r_value * lag, slope + (r_slope - delay * r_value) * lag
+    return value, slope
+
+
+def _horner(coefficients: FloatArray, s: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+    """Return a polynomial and its derivative at `s`."""
+    value = slope = np.zeros_like(s)
+    for coefficient in coefficients.tolist():
+        slope = slope * s + value
+        value = value * s + coefficient
+    return value, slope
+
+
+def _polished(q: FloatArray, r: FloatArray, delay: float, roots: ComplexArray) -> ComplexArray:
+    """Newton steps on p, each kept only where it lowers |p|."""
+    with np.errstate(all="ignore"):  # a step that is not finite is refused
+        value, slope = _value_and_slope(q, r, delay, roots)
+        for _ in range(3):
+            step = value / slope
+            tried, tried_slope = _value_and_slope(q, r, delay, roots - step)
+            keep = np.abs(tried) < np.abs(value)
+            if not keep.any():
+                break
+            roots = np.where(keep, roots - step, roots)
+            value, slope = np.where(keep, tried, value), np.where(keep, tried_slope, slope)
+            if not np.any(np.abs(step[keep]) > 4e-16 * np.abs(roots[keep])):
+                break
+    return roots
+
+
+def _nodes_needed(q: FloatArray, r: FloatArray, delay: float, abscissa: float) -> float:
+    """Collocation points that resolve every root to the right of `abscissa`."""
+    return 0.8 * _reach(q, r, float(np.exp(-delay * abscissa))) * delay + 20
+
+
+def _reach(q: FloatArray, r: FloatArray, growth: float) -> float:
+    """Radius beyond which |q| > growth·|r|, or that of the resolved roots of a neutral chain."""
+    if growth * abs(r[0]) >= abs(q[0]):
+        growth = 0.999 * abs(q[0] / r[0])
+    sizes = np.abs(q) + growth * np.abs(r)
+    sizes[0] = abs(q[0]) - growth * abs(r[0])
+    radius = dominance_radius(sizes[::-1] / sizes[0])
+    # Cauchy's bound is the positive root of x^n - (the rest); Newton descends to it from above.
+    cauchy = np.append(sizes[0], -sizes[1:])
+    for _ in range(6):
+        radius -= float(np.polyval(cauchy, radius) / np.polyval(np.polyder(cauchy), radius))
+    return radius
+
+
+def _collocated_roots(q: FloatArray, r: FloatArray, delay: float, nodes: int) -> ComplexArray:
+    speed = _reach(q, r, 1.0)
+    loop = _collocated_loop(q, r, delay, speed, nodes)
+    guesses = np.asarray(np.linalg.eigvals(loop), dtype=np.complex128) * speed
+    # To the left only roots that the collocation resolves are true; to the right the delayed term
+    # is small and Newton's method settles every one.
+    resolved = (np.abs(guesses) * delay < 1.1 * nodes) & (guesses.real * delay > -30)
+    guesses = guesses[resolved | (guesses.real > 0)]
+    roots = _polished(q, r, delay, guesses)
+    moved = np.abs(roots - guesses) * delay
+    with np.errstate(divide="ignore", invalid="ignore"):
+        residual = np.abs(_value_and_slope(q, r, delay, roots)[0]) / (
+            np.polyval(np.abs(q), np.abs(roots))
+            + np.polyval(np.abs(r), np.abs(roots)) * np.exp(-delay * roots.real)
+        )
+    true = (moved < 1e-2 * (1 + np.abs(guesses) * delay)) & (residual < 1e-9)
+    return np.asarray(roots[true])
+
+
+def _collocated_loop(
+    q: FloatArray, r: FloatArray, delay: float, speed: float, nodes: int
+) -> FloatArray:
+    """Matrix of the loop closed around the delay line, time in units of 1/speed."""
+    n = q.size - 1
+    powers = speed ** np.arange(n, -1, -1.0)  # keeps the companion form well scaled
+    q, r = q * powers / (q[0] * powers[0]), r * powers / (q[0] * powers[0])
+    through = -r[0]  # u = output @ x + through * w
+    output = -(r[1:] - r[0] * q[1:])
+    companion = np.eye(n, k=-1)
+    companion[:1] = -q[1:]
+    transport = -_differentiation(nodes) / (delay * speed)
+    matrix = np.zeros((n + nodes, n + nodes))
+    matrix[:n, :n] = companion
+    matrix[:1, -1] = 1.0
+    matrix[n:, :n] = np.outer(transport[1:, 0], output)
+    matrix[n:, n:] = transport[1:, 1:]
+    matrix[n:, -1] += transport[1:, 0] * through
+    return matrix
+
+
+@lru_cache(maxsize=32)
+def _differentiation(nodes: int) -> FloatArray:
+    """Chebyshev differentiation on [0, 1], points from 0 to 1, (nodes+1) by (nodes+1)."""
+    k = np.arange(nodes + 1)
+    x = np.cos(pi * k / nodes)
+    weights = np.where(k % nodes == 0, 2.0, 1.0) * (-1.0) ** k
+    difference = x[:, None] - x[None, :] + np.eye(nodes + 1)
+    matrix = np.outer(weights, 1 / weights) / difference
+    matrix -= np.diag(matrix.sum(axis=1))
+    return np.asarray(-2.0 * matrix)

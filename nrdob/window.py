@@ -1,0 +1,79 @@
+"""The default window of a step response: long enough to settle, short enough to see."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import inf, log10, pi
+
+import numpy as np
+
+from .blocks import BoolArray, ComplexArray, FloatArray
+from .equations import LoopEquations
+
+SETTLED = 0.002
+"""A response has settled when it stays this close to its end, as a fraction of its span."""
+
+POINTS = 1001
+"""Times in a default window."""
+
+Response = Callable[[FloatArray], FloatArray]
+
+
+def default_times(loop: LoopEquations, input: str, step_response: Response) -> FloatArray:
+    """Choose evenly spaced times over what there is to see.
+
+    Parameters
+    ----------
+    loop : LoopEquations
+        The loop, stable or not.
+    input : {"R", "d", "delta", "eta"}
+        Where the step enters.
+    step_response : callable
+        Gives the outputs, shape (2, N), at N times.
+
+    Returns
+    -------
+    (N,) array of float
+        Until y and u have settled, or over a few e-foldings of an unstable loop, in seconds.
+    """
+    roots, on_axis = _modes(loop, input)
+    rates, swings = roots.real[~on_axis], np.abs(roots.imag[on_axis])
+    growth, decay = max(rates, default=0.0), -max(rates[rates < 0], default=-inf)
+    if growth > 0:
+        return _even_times(max(6 / growth, 3 * loop.delay))
+    periods = 10 * pi / min(swings[swings > 0], default=inf)
+    return _even_times(_settling_time(step_response, max(12 / decay + 5 * loop.delay, periods)))
+
+
+def _modes(loop: LoopEquations, input: str) -> tuple[ComplexArray, BoolArray]:
+    """Roots that `input` excites, and which of them lie on the imaginary axis within rounding."""
+    factors = [loop.p_A, loop.p_B] if input == "R" else [loop.p_B]
+    try:
+        roots = [p.roots for p in factors]
+    except ArithmeticError:  # so long a delay that it alone sets the pace
+        return np.zeros(0, dtype=complex), np.zeros(0, dtype=bool)
+    on_axis = [p.near_axis(found) for p, found in zip(factors, roots, strict=True)]
+    return np.concatenate(roots), np.concatenate(on_axis)
+
+
+def _settling_time(step_response: Response, window: float) -> float:
+    """Time from which y and u stay near where they are at the end of `window`, seconds."""
+    window = window or 10.0  # neither modes nor dead time: any window will do
+    final: FloatArray | None = None
+    while True:
+        times = np.linspace(0.0, window, POINTS)
+        outputs = step_response(times)
+        final = outputs[:, -1:] if final is None else final
+        span = np.ptp(np.hstack([outputs, final]), axis=1, keepdims=True)
+        moving = np.flatnonzero((np.abs(outputs - final) > SETTLED * span).any(axis=0))
+        last = min(int(moving[-1]) + 1 if moving.size else 0, POINTS - 1)
+        if last > POINTS // 20 or last == 0:
+            return float(times[last]) or window
+        window = 2 * float(times[last])  # the slowest mode hardly shows: look closer
+
+
+def _even_times(window: float) -> FloatArray:
+    """Return times from 0 to `window`, rounded up to 1, 2 or 5 times a power of ten."""
+    decade = 10.0 ** np.floor(log10(window))
+    nice = next(factor for factor in (1, 2, 5, 10) if factor * decade >= window * (1 - 1e-9))
+    return np.linspace(0.0, nice * decade, POINTS)
