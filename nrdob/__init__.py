@@ -1,4 +1,4 @@
-"""Stability and robustness of control loops with a noise-reduction disturbance observer (NR-DOB)."""
+"""Stability and robustness of loops with a noise-reduction disturbance observer (NR-DOB)."""
 
 from . import paper
 from .delay import DelayedTransferFunction, delay

@@ -330,8 +330,7 @@ class LoopEquations:
     def _parts(self) -> dict[str, QuasiPolynomial]:
         G, Gm, C, F = self._G, self._Gm, self._C, self._F
         parts = {
-            "-1": [-1.0],
-            "N": G.num, "D": G.den, "Nm": Gm.num, "Dm": Gm.den,
+            "-1": -np.ones(1), "D": G.den, "Nm": Gm.num, "Dm": Gm.den,
             "Nc": C.num, "Dc": C.den, "Nf": F.num, "Df": F.den,
         }  # fmt: skip
         mismatch = _sum_of_products((-G.den, Gm.num), (G.num, Gm.den), self.delay)
@@ -366,9 +365,11 @@ def _without_common_roots(
     """Divide out the roots of `num` at which `den` vanishes to rounding."""
     if num.degree == 0 or den.degree == 0:
         return num, den
-    shared = num.roots[np.abs(den(num.roots)) <= ROUNDING * np.polyval(den.scale, np.abs(num.roots))]
+    roots = num.roots
+    shared = roots[np.abs(den(roots)) <= ROUNDING * np.polyval(den.scale, np.abs(roots))]
     shared = shared[: den.degree]
     if not shared.size:
         return num, den
     divisor = np.real(np.poly(shared))
-    return tuple(QuasiPolynomial(np.polydiv(p.q, divisor)[0]) for p in (num, den))  # type: ignore[return-value]
+    num_left, den_left = (np.polydiv(p.q, divisor)[0] for p in (num, den))
+    return QuasiPolynomial(num_left), QuasiPolynomial(den_left)

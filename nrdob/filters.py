@@ -105,6 +105,6 @@ def filter_fraction(filter: Any) -> Fraction:
     dc_gain = num[-1] / den[-1]
     if abs(dc_gain - 1) > DC_GAIN_TOLERANCE:
         raise ValueError(
-            f"filter has F(0) = {dc_gain:.6g}; the observer needs F(0) = 1: divide it by its DC gain"
+            f"filter has F(0) = {dc_gain:.6g}; the observer needs 1: divide it by its DC gain"
         )
     return Fraction(num / num[-1], den / den[-1])

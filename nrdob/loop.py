@@ -25,9 +25,10 @@ MAPS = (
 class NRDOB(LoopEquations):
     r"""A control loop with a noise-reduction disturbance observer, Fig. 1 of the paper.
 
-    The maps of eqs. (3), (4) and (7) are attributes, callable at complex s: `T_R`, `S_d`, `S_delta`,
-    `S_eta`, `E_R`, `U_R`, `U_d`, `U_delta`, `U_eta`; so are the open loops `CGm`, `FH`, `L`, the
-    mismatch `H` and `ratio`, and all the feedback `K`. `nrdob.equations` draws the diagram.
+    The maps of eqs. (3), (4) and (7) are attributes, callable at complex s: `T_R`, `S_d`,
+    `S_delta`, `S_eta`, `E_R`, `U_R`, `U_d`, `U_delta`, `U_eta`; so are the open loops `CGm`,
+    `FH`, `L`, the mismatch `H` and `ratio`, and all the feedback `K`. `nrdob.equations` draws the
+    diagram.
 
     Parameters
     ----------

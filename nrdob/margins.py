@@ -24,7 +24,7 @@ from .stability import LoopStability, Stability, stability
 
 @dataclass(frozen=True)
 class Margins:
-    """Margins of one loop, which unpack as `control.stability_margins` does.
+    r"""Margins of one loop, which unpack as `control.stability_margins` does.
 
     ``gm, pm, sm, wpc, wgc, wms = margins``. All numbers are nan unless the closed loop is known to
     be stable: an unstable loop has no margins; its crossings are still listed.
@@ -37,7 +37,7 @@ class Margins:
     pm : float
         Smallest rotation of the loop gain, in either sense, at which the loop is lost, degrees.
     sm : float
-        Modulus margin, the distance min |1 + L| from -1.
+        Modulus margin :math:`\min |1 + L|`, the distance from -1.
     wpc, wgc, wms : float
         Frequencies of gm, pm and sm in rad/s; nan where there is none.
     gm_low, gm_high : float
@@ -47,7 +47,8 @@ class Margins:
     stable : bool or None
         The verdict on the closed loop, without which the numbers mean nothing.
     gain_crossovers, phase_crossovers : array of float
-        All frequencies with |L| = 1, and all with L real and negative (0 and inf included), rad/s.
+        All frequencies with :math:`|L| = 1`, and all with L real and negative (0 and inf
+        included), rad/s.
     name : str
         Which loop.
     """
@@ -76,7 +77,7 @@ class Margins:
 
     @property
     def ms(self) -> float:
-        """Peak of the sensitivity |1/(1 + L)|, the inverse of the modulus margin."""
+        r"""Peak of the sensitivity :math:`|1/(1 + L)|`, the inverse of the modulus margin."""
         return 1 / self.sm
 
     def __str__(self) -> str:
@@ -85,7 +86,8 @@ class Margins:
             return f"{self.name:6} {verdict}: no margins"
         return (
             f"{self.name:6} GM {self.gm_db:7.3f} dB   PM {self.pm:7.2f}°   Ms {self.ms:7.4f}   "
-            f"gains {self.gm_low:.4g} to {self.gm_high:.4g}   delay margin {self.delay_margin:.4g} s"
+            f"gains {self.gm_low:.4g} to {self.gm_high:.4g}   "
+            f"delay margin {self.delay_margin:.4g} s"
         )
 
 
@@ -131,7 +133,9 @@ def loop_margins(loop: LoopEquations, verdict: Stability | None = None) -> LoopM
     )
 
 
-def margins(loop: Quotient, verdict: LoopStability, closed: QuasiPolynomial | None = None) -> Margins:
+def margins(
+    loop: Quotient, verdict: LoopStability, closed: QuasiPolynomial | None = None
+) -> Margins:
     """Compute the margins of one loop gain.
 
     Parameters
@@ -153,7 +157,9 @@ def margins(loop: Quotient, verdict: LoopStability, closed: QuasiPolynomial | No
     ends = _Ends(loop.dc_gain, *_at_infinity(loop))
     gains, phase = _critical_gains(phase, at_phase.real, ends)
     if not verdict.stable:
-        return Margins(*[nan] * 9, verdict.stable, loop.name, gain, phase)
+        return Margins(
+            nan, nan, nan, nan, nan, nan, nan, nan, nan, verdict.stable, loop.name, gain, phase
+        )
     gm_low = float(np.max(gains[gains < 1], initial=0.0))
     gm_high = float(np.min(gains[gains > 1], initial=inf))
     gm = gm_low if gm_low * gm_high > 1 else gm_high
@@ -195,9 +201,7 @@ def _critical_gains(
     return -1 / values[negative], omega[negative]
 
 
-def _rotations(
-    gain: FloatArray, values: ComplexArray, ends: _Ends
-) -> tuple[float, float, float]:
+def _rotations(gain: FloatArray, values: ComplexArray, ends: _Ends) -> tuple[float, float, float]:
     """Phase margin in degrees, its frequency, and the delay margin."""
     delay_margin = 0.0 if abs(ends.undelayed) + abs(ends.delayed) >= 1 else inf
     if not gain.size:
@@ -226,10 +230,12 @@ def _rational_crossings(
     num, den = loop.numerator.q, loop.denominator.q
     (ne, no), (de, do), (pe, po) = map(_even_odd, (num, den, closed.q))
     square_num, square_den, square_closed = _square(ne, no), _square(de, do), _square(pe, po)
-    gain = _positive_roots([(square_num, [1.0]), (square_den, [-1.0])])
+    one = np.ones(1)
+    gain = _positive_roots([(square_num, one), (square_den, -one)])
     phase = _positive_roots([(no, de), (ne, -do)])
-    slope = [(differentiate(square_closed), square_den), (square_closed, -differentiate(square_den))]
-    return gain, phase, _positive_roots(slope)
+    slope_closed, slope_den = differentiate(square_closed), differentiate(square_den)
+    nearest = _positive_roots([(slope_closed, square_den), (square_closed, -slope_den)])
+    return gain, phase, nearest
 
 
 def _even_odd(p: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -245,7 +251,7 @@ def _square(even: FloatArray, odd: FloatArray) -> FloatArray:
     return add(np.convolve(even, even), np.append(np.convolve(odd, odd), 0.0))
 
 
-def _positive_roots(products: list[tuple[FloatArray, FloatArray | list[float]]]) -> FloatArray:
+def _positive_roots(products: list[tuple[FloatArray, FloatArray]]) -> FloatArray:
     """Frequencies ω > 0 at whose square the sum of the products vanishes."""
     (a, b), (c, d) = products
     total = add(np.convolve(a, b), np.convolve(c, d))
@@ -288,7 +294,7 @@ def _zeros(function: Callable[[FloatArray], FloatArray], omega: FloatArray) -> F
 
 
 def _minima(function: Callable[[FloatArray], FloatArray], omega: FloatArray) -> FloatArray:
-    """The deepest minima of a function on a grid, refined together by golden section."""
+    """Refine the deepest minima of a function on a grid together, by golden section."""
     values = function(omega)
     inner = values[1:-1]
     # On so fine a grid the least value lies in one of the deepest dips.

@@ -43,7 +43,9 @@ class NyquistCount:
     reason: str = ""
 
 
-def nyquist_count(open_loop: Iterable[QuasiPolynomial], closed_loop: QuasiPolynomial) -> NyquistCount:
+def nyquist_count(
+    open_loop: Iterable[QuasiPolynomial], closed_loop: QuasiPolynomial
+) -> NyquistCount:
     """Count encirclements from the factors of den and the closed-loop function p.
 
     Parameters
@@ -77,7 +79,8 @@ def encirclements(loop: Quotient, point: float = -1.0) -> NyquistCount:
     >>> import control as ct
     >>> from nrdob import NRDOB, LowPassFilter
     >>> s = ct.tf('s')
-    >>> loop = NRDOB(4/(2 - s - s**2), -1/(s**2 + 3*s + 2), -1.8*(0.5*s + 1)/s, LowPassFilter(0.05, 2))
+    >>> C, F = -1.8*(0.5*s + 1)/s, LowPassFilter(0.05, 2)
+    >>> loop = NRDOB(4/(2 - s - s**2), -1/(s**2 + 3*s + 2), C, F)
     >>> encirclements(loop.H)
     NyquistCount(encirclements=-1, open_loop_rhp=1, closed_loop_rhp=0, reason='')
     """
@@ -119,8 +122,7 @@ def resolved_frequencies(loop: Quotient, per_segment: int = 8) -> FloatArray:
     grids = [
         grid
         for p in parts
-        if p.neutral_ratio < 1
-        and not isinstance(grid := frequency_segments(p.without_origin), str)
+        if p.neutral_ratio < 1 and not isinstance(grid := frequency_segments(p.without_origin), str)
     ]
     omega = reduce(np.union1d, grids, np.geomspace(1e-2, 1e2, 9))
     omega = omega[omega > 0]
@@ -129,4 +131,3 @@ def resolved_frequencies(loop: Quotient, per_segment: int = 8) -> FloatArray:
         omega = np.union1d(omega, omega[-1] + turn * np.linspace(0, 2, 17))
     fractions = np.arange(per_segment) / per_segment
     return np.append((omega[:-1, None] + np.diff(omega)[:, None] * fractions).ravel(), omega[-1])
-

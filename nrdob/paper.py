@@ -68,7 +68,10 @@ PRINTED: dict[str, Printed] = {
     "ex4.CGm.pm": Printed(68.2, "deg", 1, "Example 4, text and Fig. 17"),
     "ex4.CGm.gm": Printed(inf, "dB", 0, "Example 4, text and Fig. 17"),
 }
-"""Printed margins by claim id: example, loop, margin."""
+"""Printed margins by claim id: example, loop, margin.
+
+:meta hide-value:
+"""
 
 
 @dataclass(frozen=True)
@@ -102,9 +105,14 @@ PRINTED_FUNCTIONS: dict[str, PrintedFunction] = {
     "ex2.H": PrintedFunction((-0.01, 0.0), (1.0,), 0.0, "Example 2, below eq. (9)"),
     "ex3.ratio": PrintedFunction((4.0, 4.0), (1.0, -1.0), 0.0, "eq. (13)"),
     "ex3.H": PrintedFunction((-3.0, -5.0), (1.0, -1.0), 0.0, "eq. (14)"),
-    "ex4.ratio": PrintedFunction((1.0, 4.0, 3.75), (1.0, 4.0, 4.0), 0.05, "Example 4, above Fig. 15"),
+    "ex4.ratio": PrintedFunction(
+        (1.0, 4.0, 3.75), (1.0, 4.0, 4.0), 0.05, "Example 4, above Fig. 15"
+    ),
 }
-"""Printed transfer functions by claim id: example, map."""
+"""Printed transfer functions by claim id: example, map.
+
+:meta hide-value:
+"""
 
 
 def example(number: int, modified: bool = False) -> NRDOB:

@@ -82,16 +82,20 @@ class Stability:
     @property
     def _rows(self) -> list[list[str]]:
         return [
-            [loop.name, *map(_count, (loop.encirclements, loop.open_loop_rhp, loop.closed_loop_rhp)),
-             _complex(loop.rightmost)]
-            for loop in (self.model_loop, self.observer_loop)
-        ]  # fmt: skip
+            [
+                part.name,
+                _count(part.encirclements),
+                _count(part.open_loop_rhp),
+                _count(part.closed_loop_rhp),
+                _complex(part.rightmost),
+            ]
+            for part in (self.model_loop, self.observer_loop)
+        ]
 
     def __repr__(self) -> str:
-        lines = [f"NR-DOB loop: {self._verdict}", f"{'':12}{'N':>5}{'P':>5}{'Z':>5}   rightmost root"]
-        for name, n, p, z, root in self._rows:
-            lines.append(f"{name:12}{n:>5}{p:>5}{z:>5}   {root}")
-        return "\n".join([*lines, self.reason])
+        rows = [["", "N", "P", "Z", "rightmost root"], *self._rows]
+        table = [f"{name:12}{n:>5}{p:>5}{z:>5}   {root}" for name, n, p, z, root in rows]
+        return "\n".join([f"NR-DOB loop: {self._verdict}", *table, self.reason])
 
     def _repr_html_(self) -> str:
         head = "".join(f"<th>{h}</th>" for h in ("", "N", "P", "Z", "rightmost root"))
@@ -237,4 +241,6 @@ def _count(value: float | None) -> str:
 def _complex(root: complex) -> str:
     if np.isnan(root):
         return "none"
-    return f"{root.real:.4g}" if root.imag == 0 else f"{root.real:.4g} {'-' if root.imag < 0 else '+'} {abs(root.imag):.4g}j"
+    if root.imag == 0:
+        return f"{root.real:.4g}"
+    return f"{root.real:.4g} {'-' if root.imag < 0 else '+'} {abs(root.imag):.4g}j"

@@ -23,7 +23,8 @@ def simple_loop(gain, filter=None):
 def rhp_with_gain(loop, k):
     """RHP roots of 1 + k L = 0, counted anew."""
     num, den = loop.numerator, loop.denominator
-    return count_rhp(QuasiPolynomial(add(k * num.q, den.q), add(k * num.r, den.r), loop.delay)).count
+    closed = QuasiPolynomial(add(k * num.q, den.q), add(k * num.r, den.r), loop.delay)
+    return count_rhp(closed).count
 
 
 @pytest.mark.parametrize("claim", paper.PRINTED)
@@ -94,8 +95,9 @@ def test_the_delay_margin_is_where_more_dead_time_loses_the_loop(number):
     loop = paper.example(number)
     extra = loop.margins().plant_loop.delay_margin
     for factor, stable in ((0.999, True), (1.001, False)):
-        delayed = nrdob.delay(factor * extra) * loop.process
-        assert nrdob.NRDOB(delayed, loop.model, loop.controller, loop.filter).stability().stable is stable
+        process = nrdob.delay(factor * extra) * loop.process
+        delayed = nrdob.NRDOB(process, loop.model, loop.controller, loop.filter)
+        assert delayed.stability().stable is stable
 
 
 @pytest.mark.parametrize("number", [1, 2, 3, 4])

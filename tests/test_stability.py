@@ -12,7 +12,8 @@ PI = 0.001 / s  # a controller that never decides anything
 
 
 def observer(process, model, time_constant, order):
-    return nrdob.NRDOB(process, model, PI, LowPassFilter(time_constant, order)).stability().observer_loop
+    loop = nrdob.NRDOB(process, model, PI, LowPassFilter(time_constant, order))
+    return loop.stability().observer_loop
 
 
 @pytest.mark.parametrize(
@@ -178,9 +179,7 @@ def test_plant_poles_on_the_axis_are_judged(multiplicity):
 def loop_polynomial(process, model, time_constant, order):
     N, D, Nm, Dm = (c for b in (process, model) for c in (b.num[0][0], b.den[0][0]))
     Df = np.poly([-1 / time_constant] * order) * time_constant**order
-    return np.polyadd(
-        np.polymul(np.polymul(D, Nm), np.polysub(Df, [1])), np.polymul(N, Dm)
-    )
+    return np.polyadd(np.polymul(np.polymul(D, Nm), np.polysub(Df, [1])), np.polymul(N, Dm))
 
 
 def test_the_verdict_prints_its_evidence_in_a_terminal_and_in_a_notebook():
