@@ -52,8 +52,9 @@ unit: $(READY) ## unit tests, doctests, the rules for notebooks, and the built b
 notebooks: $(READY) ## run every notebook and compare with the outputs stored in it
 	$(PY) -m pytest -q --nbval --nbval-current-env --nbval-cell-timeout 300 --nbval-sanitize-with tests/nbval-sanitize.cfg notebooks
 
-execute: $(READY) ## run every notebook in place and store its outputs
+execute: $(READY) ## run every notebook in place, store its outputs, draw the README picture
 	$(PY) tools/notebooks.py --in-place --report
+	$(PY) tools/readme_picture.py
 
 check: $(READY) ## run every notebook and compare byte for byte, figures included (same machine only)
 	$(PY) tools/notebooks.py --check

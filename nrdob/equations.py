@@ -1,18 +1,18 @@
 r"""The NR-DOB loop of Fig. 1 solved: eqs. (3), (4) and (7) as factored quotients.
 
-The block diagram, with r, δ, d, η the reference, input disturbance, output disturbance and noise::
+The block diagram, with R, δ, d, η the reference, input disturbance, output disturbance and noise::
 
-               +----------------- model loop -----------------+          d
-               |                                              |          |
-    r -->(+)--[C]--->(+)------------ u ---->(+)---->[ G e^-θs ]--->(+)--+--> y
-          ^-          ^+                     ^ δ                         |
-          |           |<---[ F ]<--- u                                   |
-          |           |-                                                 |
-          |           +---[ F/Gm ]<---------------(+)<------------------+
-          |                                        ^ η                   |
-          +---- yf = F (y + η) + (1 - F) Gm u <----+---------------------+
+             e            u                 δ              d
+    R --->(+)-->[ C ]-->(+)--------+------>(+)-->[ G ]--->(+)-----+---> y
+          -^            -^         |                              |
+           |             |         |                              v
+           |             +---(+)<--|-------[ F/Gm ]<-------------(+)<--- η
+           |                 -^    |                              |
+           |                  +--[ F ]                            |
+           |                                                      |
+           +------------[ yf = F (y + η) + (1 - F) Gm u ]<--------+
 
-    e = r - yf        u = C e + F u - (F/Gm)(y + η)        y = G (u + δ) + d
+    e = R - yf        u = C e + F u - (F/Gm)(y + η)        y = G (u + δ) + d
 
 With G = N/D exp(-θs), model Gm = Nm/Dm, C = Nc/Dc and F = Nf/Df every closed-loop map is a quotient
 over two characteristic functions, and nothing is left to cancel in floating point::
@@ -25,7 +25,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, reduce
-from math import inf
+from math import inf, prod
 from typing import Any
 
 import control as ct
@@ -72,12 +72,12 @@ class Quotient:
     @cached_property
     def numerator(self) -> QuasiPolynomial:
         """The numerator multiplied out."""
-        return reduce(multiply, self.num)
+        return multiply(*self.num)
 
     @cached_property
     def denominator(self) -> QuasiPolynomial:
         """The denominator multiplied out."""
-        return reduce(multiply, self.den)
+        return multiply(*self.den)
 
     def __call__(self, s: complex | ComplexArray) -> Any:
         """Evaluate at complex `s`, a number or an array of any shape; infinite at poles."""
@@ -92,8 +92,11 @@ class Quotient:
     @property
     def dc_gain(self) -> float:
         """Value at s = 0, infinite with a pole there."""
-        value = self(0.0)
-        return float(value.real) if np.isfinite(value) else inf
+        power = sum(f.zeros_at_origin for f in self.num) - sum(f.zeros_at_origin for f in self.den)
+        num, den = (
+            prod(f.without_origin.constant for f in factors) for factors in (self.num, self.den)
+        )
+        return inf if power < 0 or den == 0 else 0.0 if power else num / den
 
     def to_tf(self) -> ct.TransferFunction:
         """Return the map as a `control.TransferFunction` in lowest structural order.
@@ -114,7 +117,7 @@ class Quotient:
         num, den = list(self.num), list(self.den)
         for i, j in np.ndindex(len(num), len(den)):
             num[i], den[j] = _without_common_roots(num[i], den[j])
-        return ct.tf(reduce(multiply, num).q, reduce(multiply, den).q)
+        return ct.tf(multiply(*num).q, multiply(*den).q)
 
 
 @dataclass(frozen=True, eq=False)

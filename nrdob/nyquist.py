@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import reduce
+from math import inf
 
 import numpy as np
 
@@ -28,13 +29,14 @@ class NyquistCount:
     Attributes
     ----------
     encirclements : float or None
-        N, clockwise positive; None where the curve meets the point.
+        N, clockwise positive; None where the curve meets the point, infinite where it circles the
+        point for ever.
     open_loop_rhp : float
         P, poles in the open right half plane, counted before any cancellation.
     closed_loop_rhp : float or None
         Z, zeros of L - point in the open right half plane.
     reason : str
-        Why a number is missing.
+        Why a number is missing, or why Z is not N + P.
     """
 
     encirclements: float | None
@@ -61,6 +63,9 @@ def nyquist_count(
         zeros = RootCount(None, "the curve passes through the point at zero frequency")
     if zeros.count is None:
         return NyquistCount(None, poles, None, zeros.reason)
+    if closed_loop.delay and not closed_loop.q.any():
+        reason = "the curve turns for ever, so Z is counted without it: Z = N + P needs a limit"
+        return NyquistCount(inf, poles, zeros.count, reason)
     return NyquistCount(zeros.count - poles, poles, zeros.count)
 
 

@@ -79,7 +79,9 @@ def _n_p_z(count: LoopStability | NyquistCount) -> str:
         "?" if value is None else number(value)
         for value in (count.encirclements, count.open_loop_rhp, count.closed_loop_rhp)
     )
-    return f"$N$ = {n},  $P$ = {p},  $Z$ = $N + P$ = {z}"
+    endless = count.encirclements == inf != count.closed_loop_rhp
+    relation = "$Z$" if endless else "$Z$ = $N + P$"
+    return f"$N$ = {n},  $P$ = {p},  {relation} = {z}"
 
 
 def _draw_contour(ax: Axes, curve: Contour, colour: str) -> list[Line2D]:
@@ -114,7 +116,6 @@ def _window(ax: Axes, curve: Contour, point: float) -> None:
     ax.set_aspect("equal", adjustable="datalim")
     # Settles layout and limits now, so that arrows and labels know where they stand.
     ax.figure.figure.draw_without_rendering()
-    ax.autoscale(False)
 
 
 def _drawn(curve: Contour) -> ComplexArray:

@@ -11,8 +11,8 @@ Two independent ways to know the right half plane, neither of which approximates
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
-from math import inf, pi
+from functools import cached_property, lru_cache, reduce
+from math import ceil, comb, inf, log2, pi
 from typing import Any
 
 import numpy as np
@@ -57,10 +57,12 @@ class QuasiPolynomial:
     def __post_init__(self) -> None:
         q, r = np.asarray(self.q, dtype=float), np.asarray(self.r, dtype=float)
         scale = self.scale if self.scale.size else add(np.abs(q), np.abs(r))
-        if self.delay == 0:
+        if self.delay:
+            r = _trim(r, scale)
+        else:
             q, r = add(q, r), np.zeros(1)
-        q, r = _trim(q, scale), _trim(r, scale)
-        delay = self.delay if r.any() else 0.0
+        q = _trim(q, scale)
+        delay = self.delay if self.delay and r.any() else 0.0
         scale = scale[-max(q.size, r.size) :]
         for name, value in (("q", q), ("r", r), ("scale", scale), ("delay", delay)):
             object.__setattr__(self, name, value)
@@ -81,7 +83,7 @@ class QuasiPolynomial:
             return 0.0
         return inf if self.r.size > self.q.size else float(abs(self.r[0] / self.q[0]))
 
-    @property
+    @cached_property
     def zeros_at_origin(self) -> int:
         """Multiplicity of the root s = 0 that the coefficients prove exactly."""
         if not self.delay:
@@ -95,6 +97,11 @@ class QuasiPolynomial:
         if not m:
             return self
         return QuasiPolynomial(_drop(self.q, m), _drop(self.r, m), self.delay, self.scale[:-m])
+
+    @property
+    def constant(self) -> float:
+        """Value at s = 0."""
+        return float(self.q[-1] + self.r[-1])
 
     def __call__(self, s: complex | ComplexArray) -> Any:
         """Evaluate at complex `s`, a number or an array of any shape."""
@@ -126,7 +133,8 @@ class QuasiPolynomial:
         """
         p = self.without_origin
         found = delay_roots(p.q, p.r, p.delay) if p.delay else polynomial_roots(p.q)
-        found = np.concatenate([found, np.zeros(self.zeros_at_origin)])
+        if self.zeros_at_origin:
+            found = np.concatenate([found, np.zeros(self.zeros_at_origin)])
         return found[np.lexsort((-found.imag, -found.real))]
 
 
@@ -162,6 +170,8 @@ def count_rhp(p: QuasiPolynomial) -> RootCount:
     2
     """
     p = p.without_origin
+    if p.delay and not p.q.any():  # a bare dead time has no zeros: those of r are left
+        p = QuasiPolynomial(p.r, scale=p.scale)
     ratio = p.neutral_ratio
     if abs(ratio - 1) <= ROUNDING:
         return RootCount(None, "neutral with |r/q| = 1 at infinite frequency: a chain of roots "
@@ -196,8 +206,9 @@ def frequency_segments(p: QuasiPolynomial) -> FloatArray | str:
     low = _lowest(p)
     if low is None:
         return "a root at s = 0 within rounding"
-    count = int(np.clip(np.ceil(np.log2(high / low)), 1, 2000)) if high > low else 1
-    todo = np.concatenate([[0.0], np.geomspace(low, max(high, low), count + 1)])
+    span = max(high / low, 1.0)
+    count = ceil(min(max(log2(span), 1), 2000))
+    todo = np.concatenate([[0.0], low * span ** (np.arange(count + 1) / count)])
     done = [todo[:1]]
     left, right = todo[1:-1], todo[2:]
     done += [right[-1:], left[:1]]
@@ -220,14 +231,19 @@ def frequency_segments(p: QuasiPolynomial) -> FloatArray | str:
     return np.unique(np.concatenate(done))
 
 
-def multiply(a: QuasiPolynomial, b: QuasiPolynomial) -> QuasiPolynomial:
-    """Multiply two quasi-polynomials, at most one of which has a delay."""
-    if a.delay and b.delay:
+def multiply(*factors: QuasiPolynomial) -> QuasiPolynomial:
+    """Multiply quasi-polynomials, at most one of which has a delay."""
+    if len(factors) == 1:
+        return factors[0]
+    delays = [factor.delay for factor in factors if factor.delay]
+    if len(delays) > 1:
         raise NotImplementedError("two delayed factors have two delays; keep them factored")
-    if b.delay:
-        a, b = b, a
-    q, r = np.convolve(a.q, b.q), np.convolve(a.r, b.q)
-    return QuasiPolynomial(q, r, a.delay, np.convolve(a.scale, b.scale))
+    q = reduce(np.convolve, [factor.q for factor in factors])
+    scale = reduce(np.convolve, [factor.scale for factor in factors])
+    if not delays:
+        return QuasiPolynomial(q, scale=scale)
+    r = reduce(np.convolve, [factor.r if factor.delay else factor.q for factor in factors])
+    return QuasiPolynomial(q, r, delays[0], scale)
 
 
 def add(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -263,48 +279,45 @@ def _zero_free(
 
     Taylor: |p(s) - p(c)| <= sum |p^(m)(c)|/m! radius^m < |p(c)| over the disc.
     """
-    spread = radius / centre
-    value, bound = _taylor_sums(p.q, centre, spread)
+    n = p.scale.size
+    powers, spread = centre[:, None] ** np.arange(n), (radius / centre)[:, None] ** np.arange(n)
+    value, bound = _taylor_sums(p.q, powers, spread)
     if p.delay:
-        r_value, r_bound = _taylor_sums(p.r, centre, spread)
+        r_value, r_bound = _taylor_sums(p.r, powers, spread)
         value = value + r_value * np.exp(-1j * p.delay * centre)
         bound = bound + r_bound + np.abs(r_value) * np.minimum(2.0, p.delay * radius)
     size = np.abs(value)
-    noise = ROUNDING * np.polyval(p.scale, centre)
+    noise = ROUNDING * (powers @ p.scale[::-1])
     return size > bound, size <= noise
 
 
 def _taylor_sums(
-    coefficients: FloatArray, centre: FloatArray, spread: FloatArray
+    coefficients: FloatArray, powers: FloatArray, spread: FloatArray
 ) -> tuple[ComplexArray, FloatArray]:
-    """Value at j·centre and the sum of the higher Taylor terms' sizes for |s - jc| = spread·c."""
+    """Value at jc and the sum of the higher Taylor terms' sizes for |s - jc| = spread·c.
+
+    Both c and spread are given by their powers 0, 1, 2, … along axis 1.
+    """
     n = coefficients.size
-    terms = np.vander(1j * centre, n, increasing=True) * coefficients[::-1]
-    taylor = terms @ _pascal(n)
-    powers = np.vander(spread, n, increasing=True)
-    return taylor[:, 0], (np.abs(taylor[:, 1:]) * powers[:, 1:]).sum(axis=1)
+    taylor = (powers[:, :n] * coefficients[::-1]) @ _binomial(n)
+    return taylor[:, 0], (np.abs(taylor[:, 1:]) * spread[:, 1:n]).sum(axis=1)
 
 
 @lru_cache(maxsize=64)
-def _pascal(n: int) -> FloatArray:
-    """Binomial coefficients C(i, m), row i, column m."""
-    table = np.zeros((n, n))
-    table[:, 0] = 1.0
-    for i in range(1, n):
-        table[i, 1:] = table[i - 1, 1:] + table[i - 1, :-1]
-    return table
+def _binomial(n: int) -> ComplexArray:
+    """Binomial coefficients times powers of j: C(i, m) j^i, row i, column m."""
+    return np.array([[comb(i, m) * (1, 1j, -1, -1j)[i % 4] for m in range(n)] for i in range(n)])
 
 
 def _lowest(p: QuasiPolynomial) -> float | None:
     """Frequency below which the constant term dominates, None if it is only rounding."""
-    constant = p.q[-1] + (p.r[-1] if p.delay else 0.0)
-    if abs(constant) <= ROUNDING * p.scale[-1]:
+    if abs(p.constant) <= ROUNDING * p.scale[-1]:
         return None
     ascending = p.scale[::-1].copy()
     if p.delay:  # |exp(-jωT) - 1| <= ωT
         ascending = add(ascending[::-1], np.append(np.abs(p.r) * p.delay, 0.0))[::-1]
-    ascending[0] = abs(constant)
-    return 1 / dominance_radius(ascending[::-1] / abs(constant))
+    ascending[0] = abs(p.constant)
+    return 1 / dominance_radius(ascending[::-1] / ascending[0])
 
 
 def _trim(coefficients: FloatArray, scale: FloatArray) -> FloatArray:

@@ -87,3 +87,11 @@ def test_sampled_frequencies_hold_a_resonance_between_any_grid_points():
     loop = nrdob.NRDOB(G, 1 / (s + 1) ** 2, 1, nrdob.LowPassFilter(0.1, 2))
     peak = np.abs(loop.G(1j * resolved_frequencies(loop.FH))).max()
     assert peak > 0.9 * np.abs(loop.G(1j))
+
+
+@pytest.mark.parametrize(("name", "point"), [("H", -1.0), ("ratio", 0.0)])
+def test_a_plot_that_turns_for_ever_has_infinitely_many_turns_but_finitely_many_zeros(name, point):
+    count = encirclements(getattr(paper.example(4), name), point)
+    # 1 + H = G/Gm has the two zeros of the rational part, both on the left.
+    assert (count.encirclements, count.closed_loop_rhp) == (np.inf, 0)
+    assert "for ever" in count.reason
