@@ -28,9 +28,7 @@ extensions = [
 # --- Text -------------------------------------------------------------------------------------
 myst_enable_extensions = ["amsmath", "attrs_block", "colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3
-numfig = True
-highlight_language = "none"  # text diagrams are no Python; doctests are seen as such anyway
-math_numfig = True
+numfig = False  # captions name the paper's own figure numbers
 highlight_language = "none"  # text diagrams are no Python; doctests are seen as such anyway
 nb_execution_mode = "off"
 nb_ipywidgets_js = {}  # the default asks other servers for scripts

@@ -203,7 +203,7 @@ def _span(ax: Axes, x: float, start: float, end: float, text: str, *, rising: bo
     bottom, top = ax.get_ylim()
     # The text goes beyond the level that the curve is measured against, off the curve's side.
     beyond = 1 if end > start else -1
-    room = 0.2 * (top - bottom)
+    room = 0.2 * (max(top, end) - min(bottom, end))
     ax.set_ylim(min(bottom, end - room * (beyond < 0)), max(top, end + room * (beyond > 0)))
     ax.plot([x, x], [start, end], color=COLOURS["critical"], lw=1.8, zorder=5)
     ax.plot(x, start, "o", color=COLOURS["critical"], ms=4, zorder=5)
