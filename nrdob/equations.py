@@ -368,10 +368,14 @@ def _without_common_roots(
     """Divide out the roots of `num` at which `den` vanishes to rounding."""
     if num.degree == 0 or den.degree == 0:
         return num, den
-    roots = num.roots
-    shared = roots[np.abs(den(roots)) <= ROUNDING * np.polyval(den.scale, np.abs(roots))]
-    shared = shared[: den.degree]
-    if not shared.size:
+    shared: list[complex] = []
+    left, scale = den.q, den.scale
+    for root in num.roots:
+        if left.size > 1 and abs(np.polyval(left, root)) <= ROUNDING * np.polyval(scale, abs(root)):
+            shared.append(root)
+            # A double root of num is shared once only, unless den has it twice.
+            left, scale = np.polydiv(left, [1, -root])[0], np.polydiv(scale, [1, -abs(root)])[0]
+    if not shared:
         return num, den
     divisor = np.real(np.poly(shared))
     num_left, den_left = (np.polydiv(p.q, divisor)[0] for p in (num, den))

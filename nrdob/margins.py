@@ -19,6 +19,7 @@ from .blocks import ComplexArray, FloatArray
 from .equations import LoopEquations, Quotient
 from .nyquist import minus_point, resolved_frequencies
 from .quasipoly import ROUNDING, QuasiPolynomial, add, differentiate
+from .rootfinding import companion_roots
 from .stability import LoopStability, Stability, stability
 
 
@@ -256,8 +257,11 @@ def _positive_roots(products: list[tuple[FloatArray, FloatArray]]) -> FloatArray
     (a, b), (c, d) = products
     total = add(np.convolve(a, b), np.convolve(c, d))
     scale = add(np.convolve(np.abs(a), np.abs(b)), np.convolve(np.abs(c), np.abs(d)))
-    total = np.where(np.abs(total) <= ROUNDING * scale, 0.0, total)
-    roots = np.roots(total)
+    total[np.abs(total) <= ROUNDING * scale] = 0.0
+    used = np.flatnonzero(total)
+    if not used.size:
+        return np.empty(0)
+    roots = companion_roots(total[used[0] : used[-1] + 1])
     real = roots.real[(np.abs(roots.imag) <= 1e-7 * np.abs(roots)) & (roots.real > 0)]
     return np.sort(np.sqrt(real))
 

@@ -13,6 +13,7 @@ delay differential equations, SIAM J. Sci. Comput. 27 (2005) 482-495.
 
 from __future__ import annotations
 
+from cmath import sqrt
 from functools import lru_cache
 from math import pi
 
@@ -30,14 +31,33 @@ def polynomial_roots(q: FloatArray) -> ComplexArray:
     Parameters
     ----------
     q : array of float
-        Coefficients in descending powers, the first one not zero.
+        Coefficients in descending powers, neither the first nor the last one zero.
 
     Examples
     --------
     >>> sorted(polynomial_roots(np.array([1.0, 3.0, 2.0])).real.tolist())
     [-2.0, -1.0]
     """
-    return _polished(q, np.zeros(1), 0.0, np.roots(q).astype(complex))
+    if q.size <= 2:
+        return -q[1:] / q[:1] + 0j
+    if q.size == 3:
+        return np.array(_quadratic_roots(*(q[1:] / q[0]).tolist()))
+    return _polished(q, np.zeros(1), 0.0, companion_roots(q))
+
+
+def companion_roots(q: FloatArray) -> ComplexArray:
+    """Find all roots of a polynomial as eigenvalues, to the accuracy of `numpy.roots`.
+
+    Parameters
+    ----------
+    q : array of float
+        Coefficients in descending powers, the first one not zero.
+    """
+    if q.size == 1:
+        return np.empty(0, dtype=complex)
+    companion = np.eye(q.size - 1, k=-1)
+    companion[0] = -q[1:] / q[0]
+    return np.asarray(np.linalg.eigvals(companion), dtype=np.complex128)
 
 
 def delay_roots(q: FloatArray, r: FloatArray, delay: float) -> ComplexArray:
@@ -95,6 +115,15 @@ def dominance_radius(ascending: FloatArray) -> float:
     return float(2 * np.max(sizes ** (1 / exponents), initial=1e-300)) * 1.01
 
 
+def _quadratic_roots(b: float, c: float) -> tuple[complex, complex]:
+    """Return the roots of s² + b s + c, c not 0, without cancellation."""
+    root = sqrt(b * b / 4 - c)
+    if root.imag:
+        return -b / 2 + root, -b / 2 - root
+    far = -b / 2 - root if b > 0 else -b / 2 + root
+    return far, c / far
+
+
 def _value_and_slope(
     q: FloatArray, r: FloatArray, delay: float, s: ComplexArray
 ) -> tuple[ComplexArray, ComplexArray]:
@@ -109,10 +138,12 @@ def _value_and_slope(
 
 def _horner(coefficients: FloatArray, s: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
     """Return a polynomial and its derivative at `s`."""
-    value = slope = np.zeros_like(s)
-    for coefficient in coefficients.tolist():
-        slope = slope * s + value
-        value = value * s + coefficient
+    value, slope = np.full_like(s, coefficients[0]), np.zeros_like(s)
+    for coefficient in coefficients[1:].tolist():
+        slope *= s
+        slope += value
+        value *= s
+        value += coefficient
     return value, slope
 
 

@@ -147,3 +147,12 @@ def test_a_block_that_cannot_stand_where_it_is_put_is_named(blocks, error, words
     nrdob.NRDOB(**good)
     with pytest.raises(error, match=words):
         nrdob.NRDOB(**(good | blocks))
+
+
+def test_a_double_root_of_the_numerator_cancels_a_single_one_once():
+    model = (s + 0.5) / (s + 1) ** 2
+    process = (s + 0.5) / ((s + 0.75) * (s + 1))
+    loop = nrdob.NRDOB(process, model, (s + 1) / s, nrdob.LowPassFilter(0.5, 2))
+    for name in printed_maps(loop, 1j):
+        quotient = getattr(loop, name)
+        assert quotient.to_tf()(S) == pytest.approx(quotient(S), rel=1e-9), name
