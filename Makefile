@@ -14,7 +14,7 @@ READY := $(VENV)/ready
 export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
 export PYTHONHASHSEED := 0
 
-.PHONY: help env book test lint types layers unit notebooks execute check lab clean
+.PHONY: help env book test lint types layers unit notebooks execute check bench lab clean
 
 help: ## show this list
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /	/' | expand -t 12
@@ -58,6 +58,9 @@ execute: $(READY) ## run every notebook in place, store its outputs, draw the RE
 
 check: $(READY) ## run every notebook and compare byte for byte, figures included (same machine only)
 	$(PY) tools/notebooks.py --check
+
+bench: $(READY) ## time nrdob against python-control, and the notebooks (takes some minutes)
+	$(PY) -m pytest -q --benchmark-quiet benchmarks
 
 lab: $(READY) ## open the notebooks in JupyterLab
 	$(PY) -m jupyterlab notebooks
