@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from cmath import sqrt
 from functools import lru_cache
-from math import pi
+from math import ceil, pi
 
 import numpy as np
 
@@ -98,7 +98,7 @@ def delay_roots(q: FloatArray, r: FloatArray, delay: float) -> ComplexArray:
                 f"the delay of {delay:.4g} s is too long against the loop's bandwidth to "
                 "resolve its roots"
             )
-        nodes = int(min(max(rightmost, nodes + 8), MAX_DELAY_NODES))
+        nodes = ceil(min(max(rightmost, nodes + 8), MAX_DELAY_NODES))
 
 
 def dominance_radius(ascending: FloatArray) -> float:

@@ -1,5 +1,11 @@
 """Settings that every test shares."""
 
+import os
+
+# Before numpy loads: on a busy machine the threads of BLAS wait for each other, and a small
+# eigenvalue problem takes a hundred times as long.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 import matplotlib as mpl
 from hypothesis import HealthCheck, settings
 
