@@ -84,11 +84,11 @@ class Margins:
     def __str__(self) -> str:
         if not self.stable:
             verdict = "NOT stable" if self.stable is False else "not decided"
-            return f"{self.name:6} {verdict}: no margins"
+            return f"{self.name:4} {verdict}: no margins"
+        gains = f"{self.gm_low:.4g} to {self.gm_high:.4g}"
         return (
-            f"{self.name:6} GM {self.gm_db:7.3f} dB   PM {self.pm:7.2f}°   Ms {self.ms:7.4f}   "
-            f"gains {self.gm_low:.4g} to {self.gm_high:.4g}   "
-            f"delay margin {self.delay_margin:.4g} s"
+            f"{self.name:4} {self.gm_db:9.3f}  {gains:16} {self.pm:7.2f} {self.ms:8.4f}"
+            f" {self.delay_margin:13.4g}"
         )
 
 
@@ -112,7 +112,8 @@ class LoopMargins:
     stable: bool | None
 
     def __repr__(self) -> str:
-        return "\n".join(map(str, (self.model_loop, self.observer_loop, self.plant_loop)))
+        head = f"       GM (dB)  {'gains':16}  PM (°)       Ms   delay margin (s)"
+        return "\n".join([head, *map(str, (self.model_loop, self.observer_loop, self.plant_loop))])
 
 
 def loop_margins(loop: LoopEquations, verdict: Stability | None = None) -> LoopMargins:

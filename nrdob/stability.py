@@ -98,15 +98,18 @@ class Stability:
         return "\n".join([f"NR-DOB loop: {self._verdict}", *table, self.reason])
 
     def _repr_html_(self) -> str:
-        head = "".join(f"<th>{h}</th>" for h in ("", "N", "P", "Z", "rightmost root"))
-        body = "".join(
-            "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>"
-            for row in self._rows
-        )
+        def row(tag: str, cells: Iterable[str]) -> str:
+            # Notebook and book style tables differently; the numbers must stand apart in both.
+            style = 'style="padding: 0.2em 0.9em; text-align: right"'
+            return "<tr>" + "".join(f"<{tag} {style}>{cell}</{tag}>" for cell in cells) + "</tr>"
+
+        head = row("th", ("", "N", "P", "Z", "rightmost root"))
+        cells = ([escape(cell).replace("-", "−") for cell in found] for found in self._rows)
+        body = "".join(row("td", found) for found in cells)
         return (
-            f"<table><caption>NR-DOB loop: <strong>{self._verdict}</strong>. "
-            f"{escape(self.reason)}</caption>"
-            f"<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+            f"<p>NR-DOB loop: <strong>{self._verdict}</strong></p>"
+            f"<table><thead>{head}</thead><tbody>{body}</tbody></table>"
+            f"<p>{escape(self.reason)}</p>"
         )
 
 

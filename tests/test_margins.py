@@ -206,4 +206,4 @@ def test_margins_of_any_map_need_its_verdict():
     assert margins(loop.L, verdict).sm == pytest.approx(
         margins(loop.L, verdict, minus_point(loop.L)).sm
     )
-    assert len(repr(loop.margins()).splitlines()) == 3
+    assert len(repr(loop.margins()).splitlines()) == 4

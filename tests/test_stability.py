@@ -188,6 +188,7 @@ def test_the_verdict_prints_its_evidence_in_a_terminal_and_in_a_notebook():
     html = verdict._repr_html_()
     assert "<strong>stable</strong>" in html
     assert html.count("<tr>") == 3
+    assert ">−1</td>" in html
 
 
 def test_example_2_without_its_filter_is_the_verdict_that_fails():
