@@ -6,9 +6,10 @@ digits and the same digits on every platform.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import inf, isfinite, isnan
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,6 +21,14 @@ NAMES = {"FH": "F·H", "CGm": "C·Gm", "ratio": "G/Gm"}
 """Maps whose name in code is not how one says it."""
 
 _WORDS = ("no", "one", "two", "three", "four", "five", "six")
+
+
+class BodePoint(NamedTuple):
+    """One point of a Bode diagram."""
+
+    omega: float
+    decibels: float
+    degrees: float
 
 
 @dataclass(frozen=True)
@@ -105,10 +114,16 @@ def nyquist(name: str, title: str, point: float, count: float | None, approach: 
     return f"{_opening('Nyquist plot', [name], title)}: {turns(count, point)}, {closest}"
 
 
-def bode(names: Iterable[str], title: str, margins: Margins | None) -> str:
-    """Describe Bode diagrams, with the margins of the first map if they are given."""
-    opening = _opening("Bode diagrams", names, title)
-    return f"{opening}: {_margins(margins)}" if margins else opening
+def bode(title: str, curves: Mapping[str, Sequence[BodePoint]], margins: Margins | None) -> str:
+    """Describe Bode diagrams: the margins if given, else where each curve starts and ends."""
+    opening = _opening("Bode diagrams", curves, title)
+    if margins:
+        return f"{opening}: {_margins(margins)}"
+    ways = (
+        f"{spoken(name)} from " + " to ".join(map(_bode_point, ends))
+        for name, ends in curves.items()
+    )
+    return f"{opening}: {'; '.join(ways)}"
 
 
 def steps(signal: str, title: str, facts: Iterable[StepFacts], compared: Iterable[str] = ()) -> str:
@@ -139,6 +154,13 @@ def complex_number(value: complex) -> str:
         return number(value.real)
     real = "" if abs(value.real) <= 1e-9 * abs(value) else f"{number(value.real)} "
     return f"{real}± {number(abs(value.imag))}j"
+
+
+def _bode_point(point: BodePoint) -> str:
+    where = frequency(point.omega)
+    if isnan(point.decibels):
+        return f"zero {where}"
+    return f"{number(point.decibels)} dB and {number(point.degrees)}° {where}"
 
 
 def _opening(kind: str, names: Iterable[str], title: str) -> str:

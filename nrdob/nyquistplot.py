@@ -70,6 +70,10 @@ def nyquist_plot(
             _inset(ax, curve, colour, point, half, approach)
         else:
             _mark_approach(ax, curve, approach, point)
+        # A later change of the layout may move the limits again, without a message. Reading them
+        # first settles what the drawing above has left pending.
+        ax.get_xlim()
+        ax.set_autoscale_on(True)
     alt = alttext.nyquist(quotient.name, title, point, counted.encirclements, approach)
     return Figure(np.array([lines], dtype=object), ax, alt)
 
@@ -116,6 +120,7 @@ def _window(ax: Axes, curve: Contour, point: float) -> None:
     ax.set_aspect("equal", adjustable="datalim")
     # Settles layout and limits now, so that arrows and labels know where they stand.
     ax.figure.figure.draw_without_rendering()
+    ax.autoscale(False)
 
 
 def _drawn(curve: Contour) -> ComplexArray:
@@ -131,13 +136,27 @@ def _arrows(ax: Axes, curve: Contour, colour: str) -> None:
         return
     for z, fraction in ((branch, 0.35), (branch, 0.7), (np.conj(branch[::-1]), 0.5)):
         along = length if z is branch else length[-1] - length[::-1]
-        at = fraction * min(length[-1], 4 * view)
-        head, tail = (_at(along, z, at + shift * 0.012 * view) for shift in (1, -1))
-        ax.annotate(
-            "", (head.real, head.imag), (tail.real, tail.imag), zorder=4,
-            arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 0, "mutation_scale": 15,
-                        "shrinkA": 0, "shrinkB": 0},
-        )  # fmt: skip
+        _arrow(ax, along, z, fraction * min(length[-1], 4 * view), view, colour)
+    for arc in curve.arcs:
+        along = np.append(0.0, np.cumsum(np.abs(np.diff(arc.points))))
+        _arrow(ax, along, arc.points, 0.3 * along[-1], view, colour, alpha=0.6)
+
+
+def _arrow(
+    ax: Axes,
+    length: FloatArray,
+    z: ComplexArray,
+    where: float,
+    view: float,
+    colour: str,
+    alpha: float = 1.0,
+) -> None:
+    head, tail = (_at(length, z, where + shift * 0.012 * view) for shift in (1, -1))
+    ax.annotate(
+        "", (head.real, head.imag), (tail.real, tail.imag), zorder=4,
+        arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 0, "mutation_scale": 15,
+                    "shrinkA": 0, "shrinkB": 0, "alpha": alpha},
+    )  # fmt: skip
 
 
 def _at(length: FloatArray, z: ComplexArray, where: float) -> complex:
@@ -218,9 +237,9 @@ def _inset_half_width(curve: Contour, approach: Approach, point: float) -> float
 def _inset(
     ax: Axes, curve: Contour, colour: str, point: float, half: float, approach: Approach
 ) -> None:
-    """Magnify the neighbourhood of the point in the emptiest corner."""
+    """Magnify the neighbourhood of the point in the emptiest place."""
     size = (0.32, 0.40)
-    corners = [(x, y) for x in (0.03, 0.34, 0.65) for y in (0.56, 0.04)]
+    places = [(x, y) for x in (0.03, 0.34, 0.40, 0.65) for y in (0.56, 0.30, 0.04)]
     drawn = _drawn(curve)
     drawn = np.concatenate([drawn, np.conj(drawn), np.linspace(-1.0, 1.0, 50)])
     weights = np.abs(np.diff(drawn, append=drawn[-1:]))
@@ -228,11 +247,11 @@ def _inset(
         ax.transData.transform(np.column_stack([drawn.real, drawn.imag]))
     )
 
-    def crossed(corner: tuple[float, float]) -> float:
-        inside = (seen >= np.array(corner) - 0.02) & (seen <= np.array(corner) + size)
+    def crossed(place: tuple[float, float]) -> float:
+        inside = (seen >= np.array(place) - 0.02) & (seen <= np.array(place) + size)
         return float(weights[inside.all(axis=1)].sum())
 
-    box = ax.inset_axes((*min(corners, key=crossed), *size))
+    box = ax.inset_axes((*min(places, key=crossed), *size))
     _draw_contour(box, curve, colour)
     _critical(box, point)
     extent = box.get_window_extent()

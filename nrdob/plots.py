@@ -89,12 +89,15 @@ def bode_plot(
     with styled():
         lines: list[list[Line2D]] = [[], []]
         used: set[str] = set()
+        curves: dict[str, list[alttext.BodePoint]] = {}
         for quotient in quotients:
             omega = _bode_frequencies(quotient, low, high)
             decibel, degrees = _decibels(quotient, omega), _degrees(quotient, omega)
             kind = {"color": colour_of(quotient.name), "label": label_of(quotient.name)}
             kind["ls"] = "--" if kind["color"] in used else "-"
             used.add(kind["color"])
+            ends = [alttext.BodePoint(omega[k], decibel[k], degrees[k]) for k in (0, -1)]
+            curves[quotient.name] = ends
             lines[0] += magnitude.semilogx(omega, decibel, **kind)
             lines[1] += phase.semilogx(omega, degrees, **kind)
             if np.isnan(decibel).all():
@@ -106,7 +109,7 @@ def bode_plot(
             _draw_margins(magnitude, phase, quotients[0], margins)
         if len(quotients) > 1:
             _label_curves(magnitude, lines[0])
-    alt = alttext.bode([q.name for q in quotients], title, margins)
+    alt = alttext.bode(title, curves, margins)
     shaped = np.empty((2, 1), dtype=object)
     shaped[:, 0] = lines
     return Figure(shaped, np.array([[magnitude], [phase]]), alt)

@@ -253,6 +253,13 @@ def test_a_matched_model_has_nothing_to_encircle() -> None:
 # Bode.
 
 
+def test_bode_without_margins_says_where_each_curve_starts_and_ends():
+    alt = paper.example(2).plot_bode("G", "Gm").alt
+    assert "G from 13.9 dB and −5.83° at 0.2 rad/s" in alt
+    assert "Gm from 13.9 dB" in alt
+    assert "zero at" in paper.example(1).plot_bode("H").alt
+
+
 def test_bode_alt_text_gives_the_margins_and_where() -> None:
     assert paper.example(2).plot_bode(title="Example 2").alt == (
         "Bode diagrams of F·H, Example 2: gain margin 14 dB at 40 rad/s, infinite phase margin"
