@@ -13,7 +13,7 @@ ROOT = Path(__file__).resolve().parent.parent
 IMPORTS = 15
 
 
-# A machine that writes no bytecode would compile our modules every time, but not an installed one's.
+# Where no bytecode is written our modules would be compiled every time, installed ones not.
 ENVIRONMENT = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
 
 
