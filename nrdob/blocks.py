@@ -6,15 +6,20 @@ block (its type, its time base, its coefficients) is found here, and named.
 
 from __future__ import annotations
 
+from math import comb
 from typing import Any, NamedTuple
 
 import control as ct
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import matrix_balance
 
 FloatArray = NDArray[np.floating[Any]]
 ComplexArray = NDArray[np.complexfloating[Any, Any]]
 BoolArray = NDArray[np.bool_]
+
+ROUNDING = 1e3 * float(np.finfo(float).eps)
+"""Relative change of the coefficients below which two loops cannot be told apart."""
 
 
 class Fraction(NamedTuple):
@@ -124,11 +129,24 @@ def _coefficients(values: Any, name: str) -> FloatArray:
 
 
 def _from_state_space(system: ct.StateSpace) -> tuple[FloatArray, FloatArray]:
-    # Zeros, poles and one value of the response: unlike a determinant formula this leaves no
-    # rounding noise in the leading numerator coefficients, which would change the relative degree.
-    poles, zeros = system.poles(), system.zeros()
-    zeros = zeros[np.isfinite(zeros)]
-    den, monic = (np.atleast_1d(np.real(np.poly(roots))) for roots in (poles, zeros))
-    probe = 1.0 + 2.0 * float(np.max(np.abs(np.concatenate([poles, zeros])), initial=0.0))
-    gain = float(np.real(system(probe))) * np.polyval(den, probe) / np.polyval(monic, probe)
-    return gain * monic, den
+    """Numerator and denominator from the Markov parameters D, CB, CAB, ...
+
+    What is only rounding of larger terms is set to zero: it would otherwise change the relative
+    degree, or move an integrator off the origin.
+    """
+    A, B, C, D = system.A, system.B, system.C, float(system.D[0, 0])
+    n = A.shape[0]
+    den = np.atleast_1d(np.real(np.poly(A))) if n else np.ones(1)
+    markov, size = [D], [abs(D)]
+    column, bound = B, np.abs(B)
+    for _ in range(n):
+        markov.append(float((C @ column)[0, 0]))
+        size.append(float((np.abs(C) @ bound)[0, 0]))
+        column, bound = A @ column, np.abs(A) @ bound
+    num = np.convolve(den, markov)[: n + 1]
+    num[np.abs(num) <= ROUNDING * np.convolve(np.abs(den), size)[: n + 1]] = 0.0
+    norm = float(np.linalg.norm(matrix_balance(A)[0], 2)) if n else 0.0
+    noise = 16 * np.finfo(float).eps * np.array([comb(n, k) * norm**k for k in range(n + 1)])
+    large = np.flatnonzero(np.abs(den) > noise)
+    den[large[-1] + 1 :] = 0.0
+    return num, den

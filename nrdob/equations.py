@@ -31,10 +31,10 @@ from typing import Any
 import control as ct
 import numpy as np
 
-from .blocks import ComplexArray, FloatArray, Fraction, as_fraction, nonzero
+from .blocks import ROUNDING, ComplexArray, FloatArray, Fraction, as_fraction, nonzero
 from .delay import DelayedTransferFunction
 from .filters import filter_fraction
-from .quasipoly import ROUNDING, QuasiPolynomial, add, multiply
+from .quasipoly import QuasiPolynomial, add, multiply
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,7 +210,7 @@ class LoopEquations:
     @property
     def ill_posed_model_loop(self) -> str:
         """Why the model loop has no solution at infinite frequency; empty if well posed."""
-        if self.p_A.degree == self._Gm.den.size + self._C.den.size - 2:
+        if self.p_A.degree == self._Gm.den.size + self._C.den.size - 2 and self.p_A.q.any():
             return ""
         return "the model loop is ill-posed: 1 + C(∞)·model(∞) = 0; change the controller"
 

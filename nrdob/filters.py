@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import comb, isfinite, sqrt
+from math import comb, isfinite, log10, sqrt
 from numbers import Integral
 from typing import Any
 
@@ -56,6 +56,11 @@ class LowPassFilter:
             raise TypeError(f"order is {self.order!r}; it counts lags and must be a whole number")
         if self.order < 1:
             raise ValueError(f"order is {self.order}; F needs at least one lag: order >= 1")
+        if abs(self.order * log10(self.time_constant)) > 300:
+            raise ValueError(
+                f"time_constant {self.time_constant:g} to the power {self.order} is outside the "
+                "range of floating-point numbers; choose another unit of time"
+            )
 
     @property
     def den(self) -> FloatArray:
@@ -107,4 +112,7 @@ def filter_fraction(filter: Any) -> Fraction:
         raise ValueError(
             f"filter has F(0) = {dc_gain:.6g}; the observer needs 1: divide it by its DC gain"
         )
-    return Fraction(num / num[-1], den / den[-1])
+    num, den = num / num[-1], den / den[-1]
+    if num.size == den.size and np.array_equal(num, den):
+        raise ValueError("filter is 1 at every frequency; F must fall off, such as LowPassFilter")
+    return Fraction(num, den)

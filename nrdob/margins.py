@@ -2,8 +2,9 @@ r"""Lemma 2 and the true loop: gain, phase, modulus and delay margins of C·G̃,
 
 Frequencies are exact: without delay the crossings and the extremes of :math:`|1+L|` are roots of
 polynomials in :math:`\omega^2`; with delay they are bracketed on frequencies between which the loop
-provably turns by less than half a revolution, then bisected. The points ω = 0 and ω = ∞ are
-looked at too: a loop may be lost there as well as in between.
+provably turns by less than half a revolution, then bisected; and so they are where time scales
+are so far apart that polynomials in :math:`\omega^2` would lose the slow ones. The points ω = 0
+and ω = ∞ are looked at too: a loop may be lost there as well as in between.
 """
 
 from __future__ import annotations
@@ -15,12 +16,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .blocks import ComplexArray, FloatArray
+from .blocks import ROUNDING, ComplexArray, FloatArray
 from .equations import LoopEquations, Quotient
 from .nyquist import minus_point, resolved_frequencies
-from .quasipoly import ROUNDING, QuasiPolynomial, add, differentiate
+from .quasipoly import QuasiPolynomial, add, differentiate
 from .rootfinding import companion_roots
 from .stability import LoopStability, Stability, stability
+
+MAX_SPREAD = 1e5
+"""Ratio of the fastest to the slowest closed-loop root up to which polynomials are trusted."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +83,7 @@ class Margins:
     @property
     def ms(self) -> float:
         r"""Peak of the sensitivity :math:`|1/(1 + L)|`, the inverse of the modulus margin."""
-        return 1 / self.sm
+        return 1 / self.sm if self.sm else inf
 
     def __str__(self) -> str:
         if not self.stable:
@@ -149,8 +153,9 @@ def margins(
     closed : QuasiPolynomial, optional
         Numerator of 1 + L if it is known better than by adding; its roots are those of `verdict`.
     """
-    find = _delayed_crossings if loop.delay else _rational_crossings
-    gain, phase, nearest = find(loop, closed or minus_point(loop))
+    closed = closed or minus_point(loop)
+    find = _bracketed_crossings if loop.delay or _widely_spread(closed) else _rational_crossings
+    gain, phase, nearest = (_off_poles(loop, found) for found in find(loop, closed))
     omega = np.concatenate([gain, phase, nearest])
     at_gain, at_phase, at_nearest = np.split(
         loop.numerator(1j * omega) / loop.denominator(1j * omega),
@@ -179,6 +184,19 @@ class _Ends(NamedTuple):
     dc_gain: float
     undelayed: float
     delayed: float
+
+
+def _widely_spread(closed: QuasiPolynomial) -> bool:
+    """Whether the roots are so far apart that polynomials in ω² lose the slow ones."""
+    size = np.abs(closed.without_origin.roots)
+    return size.size > 0 and float(size.max()) > MAX_SPREAD * float(size.min())
+
+
+def _off_poles(loop: Quotient, omega: FloatArray) -> FloatArray:
+    """Drop frequencies of poles of L on the axis, where nothing is crossed."""
+    den = loop.denominator
+    size = np.abs(den(1j * omega))
+    return np.asarray(omega[size > 1e-9 * np.polyval(den.scale, omega)])
 
 
 def _at_infinity(loop: Quotient) -> tuple[float, float]:
@@ -262,15 +280,22 @@ def _positive_roots(products: list[tuple[FloatArray, FloatArray]]) -> FloatArray
     used = np.flatnonzero(total)
     if not used.size:
         return np.empty(0)
-    roots = companion_roots(total[used[0] : used[-1] + 1])
-    real = roots.real[(np.abs(roots.imag) <= 1e-7 * np.abs(roots)) & (roots.real > 0)]
+    total = total[used[0] : used[-1] + 1]
+    roots = companion_roots(total)
+    real = roots.real[(np.abs(roots.imag) <= 1e-5 * np.abs(roots)) & (roots.real > 0)]
+    if not real.size:
+        return real
+    slope = differentiate(total)
+    for _ in range(2):  # eigenvalues are accurate against the largest root, Newton to each
+        step = np.polyval(total, real) / np.polyval(slope, real)
+        real = np.where(np.abs(step) < 1e-3 * real, real - step, real)
     return np.sort(np.sqrt(real))
 
 
-# With delay: brackets on resolved frequencies, then bisection.
+# With delay, or time scales far apart: brackets on resolved frequencies, then bisection.
 
 
-def _delayed_crossings(
+def _bracketed_crossings(
     loop: Quotient, closed: QuasiPolynomial
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Frequencies where |L| = 1, where L is real and negative, and where |1 + L| is smallest."""
@@ -282,12 +307,19 @@ def _delayed_crossings(
 
     gain = _zeros(lambda w: np.abs(num(1j * w)) - np.abs(den(1j * w)), omega)
     phase = _zeros(lambda w: value(w).imag, omega)
-    phase = phase[np.abs(value(phase)) < 1e9]  # Im L also changes sign through a pole
     return gain, phase, _minima(lambda w: np.abs(closed(1j * w) / den(1j * w)), omega)
 
 
 def _zeros(function: Callable[[FloatArray], FloatArray], omega: FloatArray) -> FloatArray:
-    """All sign changes of a function on a grid, bisected together."""
+    """Bisect all sign changes of a function on a grid, and those that hide between its points."""
+    signs = np.sign(values := function(omega))
+    # A dip towards zero may hide two crossings between neighbours of the same sign.
+    inner, sign = np.abs(values[1:-1]), signs[1:-1]
+    dips = (inner <= np.abs(values[:-2])) & (inner <= np.abs(values[2:]))
+    dips &= (sign == signs[:-2]) & (sign == signs[2:])
+    where = 1 + np.flatnonzero(dips)
+    bottom = _golden(lambda w: signs[where] * function(w), omega[where - 1], omega[where + 1])
+    omega = np.union1d(omega, bottom)
     signs = np.sign(function(omega))
     where = np.flatnonzero(signs[:-1] * signs[1:] < 0)
     low, high, sign = omega[where], omega[where + 1], signs[where]
@@ -299,13 +331,19 @@ def _zeros(function: Callable[[FloatArray], FloatArray], omega: FloatArray) -> F
 
 
 def _minima(function: Callable[[FloatArray], FloatArray], omega: FloatArray) -> FloatArray:
-    """Refine the deepest minima of a function on a grid together, by golden section."""
+    """Refine the deepest minima of a function on a grid, all together."""
     values = function(omega)
     inner = values[1:-1]
     # On so fine a grid the least value lies in one of the deepest dips.
     dips = (inner <= values[:-2]) & (inner <= values[2:]) & (inner <= 1.5 * values.min())
     where = 1 + np.flatnonzero(dips)
-    low, high = omega[where - 1], omega[where + 1]
+    return _golden(function, omega[where - 1], omega[where + 1])
+
+
+def _golden(
+    function: Callable[[FloatArray], FloatArray], low: FloatArray, high: FloatArray
+) -> FloatArray:
+    """Find the minima between `low` and `high`, all at once, by golden section."""
     golden = (5**0.5 - 1) / 2
     for _ in range(40):
         left, right = high - golden * (high - low), low + golden * (high - low)

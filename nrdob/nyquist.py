@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import reduce
-from math import inf
+from math import inf, pi
 
 import numpy as np
 
@@ -129,10 +129,13 @@ def resolved_frequencies(loop: Quotient, per_segment: int = 8) -> FloatArray:
         for p in parts
         if p.neutral_ratio < 1 and not isinstance(grid := frequency_segments(p.without_origin), str)
     ]
-    omega = reduce(np.union1d, grids, np.geomspace(1e-2, 1e2, 9))
-    omega = omega[omega > 0]
+    omega = reduce(np.union1d, grids, np.zeros(1))[1:]
+    if not omega.size:  # nothing but gains and dead time
+        omega = np.array([pi / loop.delay if loop.delay else 1.0])
+    # Towards zero nothing turns any more, but a size may still pass 1.
+    omega = np.append(omega[0] * np.geomspace(1e-8, 0.8, 25), omega)
     if loop.delay:
-        turn = 2 * np.pi / loop.delay
+        turn = 2 * pi / loop.delay
         omega = np.union1d(omega, omega[-1] + turn * np.linspace(0, 2, 17))
     fractions = np.arange(per_segment) / per_segment
     return np.append((omega[:-1, None] + np.diff(omega)[:, None] * fractions).ravel(), omega[-1])

@@ -17,11 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from .blocks import BoolArray, ComplexArray, FloatArray
+from .blocks import ROUNDING, BoolArray, ComplexArray, FloatArray
 from .rootfinding import delay_roots, dominance_radius, polynomial_roots
-
-ROUNDING = 1e3 * float(np.finfo(float).eps)
-"""Relative change of the coefficients below which two loops cannot be told apart."""
 
 MAX_SEGMENTS = 400_000
 
@@ -81,7 +78,9 @@ class QuasiPolynomial:
         """
         if self.delay == 0 or self.r.size < self.q.size:
             return 0.0
-        return inf if self.r.size > self.q.size else float(abs(self.r[0] / self.q[0]))
+        if self.r.size > self.q.size or not self.q.any():
+            return inf
+        return float(abs(self.r[0] / self.q[0]))
 
     @cached_property
     def zeros_at_origin(self) -> int:

@@ -298,16 +298,30 @@ def _unit_responses(loop: LoopEquations, input: str, times: FloatArray) -> Float
 
 def _delay_free_states(system: _System, times: FloatArray) -> FloatArray:
     """States at `times` by matrix exponentials, shape (n, 2, N)."""
-    states: FloatArray = (expm(system.A * times[0]) @ system.start)[:, :, np.newaxis]
+    states = _free_states(system.A, system.start, times)
+    n = system.A.shape[0] - 2
+    A, constant = system.A[:n, :n], system.A[:n, n:] @ system.start[n:, :1]
+    rates = np.abs(np.linalg.eigvals(A))
+    if n and rates.min() > 1e-12 * rates.max():
+        # A step response is its rest plus what dies out, and rounding then dies out with it.
+        rest = -np.linalg.solve(A, constant)
+        fading = _free_states(A, system.start[:n, :1] - rest, times)
+        states[:n, :1] = rest[:, :, np.newaxis] + fading
+    return states
+
+
+def _free_states(A: FloatArray, start: FloatArray, times: FloatArray) -> FloatArray:
+    """Solve x' = A x from each column of `start`, an array of states, columns and times."""
+    states: FloatArray = (expm(A * times[0]) @ start)[:, :, np.newaxis]
     step = _even_step(times)
     if step is not None:  # Twice as many states with every product.
-        power = expm(system.A * step)
+        power = expm(A * step)
         while states.shape[2] < times.size:
             states = np.concatenate([states, np.einsum("mn,nsi->msi", power, states)], axis=2)
             power = power @ power
         return states[:, :, : times.size]
     steps, which = np.unique(np.diff(times), return_inverse=True)
-    transitions = [expm(system.A * step) for step in steps]
+    transitions = [expm(A * step) for step in steps]
     state, columns = states[:, :, 0], [states[:, :, 0]]
     for i in which:
         state = transitions[i] @ state

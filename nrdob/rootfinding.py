@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from cmath import sqrt
 from functools import lru_cache
-from math import ceil, pi
+from math import ceil, inf, pi
 
 import numpy as np
 
@@ -166,25 +166,42 @@ def _polished(q: FloatArray, r: FloatArray, delay: float, roots: ComplexArray) -
 
 def _nodes_needed(q: FloatArray, r: FloatArray, delay: float, abscissa: float) -> float:
     """Collocation points that resolve every root to the right of `abscissa`."""
-    return 0.8 * _reach(q, r, float(np.exp(-delay * abscissa))) * delay + 20
+    return 0.8 * _reach(q, r, abscissa, delay) * delay + 20
 
 
-def _reach(q: FloatArray, r: FloatArray, growth: float) -> float:
-    """Radius beyond which |q| > growth·|r|, or that of the resolved roots of a neutral chain."""
-    if growth * abs(r[0]) >= abs(q[0]):
-        growth = 0.999 * abs(q[0] / r[0])
-    sizes = np.abs(q) + growth * np.abs(r)
-    sizes[0] = abs(q[0]) - growth * abs(r[0])
-    radius = dominance_radius(sizes[::-1] / sizes[0])
-    # Cauchy's bound is the positive root of x^n - (the rest); Newton descends to it from above.
-    cauchy = np.append(sizes[0], -sizes[1:])
-    for _ in range(6):
-        radius -= float(np.polyval(cauchy, radius) / np.polyval(np.polyder(cauchy), radius))
-    return radius
+def _reach(q: FloatArray, r: FloatArray, abscissa: float, delay: float) -> float:
+    """Largest modulus that a root to the right of `abscissa` can have.
+
+    There |q(s)| <= |r(s)| exp(-T·abscissa). With s = abscissa + z, Re z >= 0, a factor z + a of q
+    with real a > 0 is at least as large as |z| and as a: fast stable lags do not count.
+    """
+    growth = min(float(np.exp(-delay * abscissa)), 0.999 * abs(q[0] / r[0]) if r[0] else inf)
+    poles, zeros = (companion_roots(np.trim_zeros(c, "f")) - abscissa for c in (q, r))
+    sizes = np.concatenate([np.abs(poles), np.abs(zeros)])
+    top = 4 * float(np.max(sizes, initial=0.0)) + 4 * _crossover(q, r, growth)
+    radius = np.geomspace(1e-6, 1.0, 500) * top
+    gap = np.where(
+        (poles.real <= 0) & (np.abs(poles.imag) <= 1e-9 * np.abs(poles)),
+        np.hypot(radius[:, None], np.abs(poles)),
+        np.abs(radius[:, None] - np.abs(poles)),
+    )
+    with np.errstate(divide="ignore"):
+        lower = np.log(gap).sum(axis=1) + np.log(abs(q[0]))
+    leading = abs(np.trim_zeros(r, "f")[0])
+    upper = np.log(radius[:, None] + np.abs(zeros)).sum(axis=1) + np.log(growth * leading)
+    inside = np.flatnonzero(lower <= upper)
+    return float(radius[min(inside[-1] + 1, 499)] if inside.size else radius[0]) + abs(abscissa)
+
+
+def _crossover(q: FloatArray, r: FloatArray, growth: float) -> float:
+    """Return where the leading terms of q and growth·r are equal, 0 for equal degrees."""
+    r = np.trim_zeros(r, "f")
+    excess = q.size - r.size
+    return float(abs(growth * r[0] / q[0]) ** (1 / excess)) if excess else 0.0
 
 
 def _collocated_roots(q: FloatArray, r: FloatArray, delay: float, nodes: int) -> ComplexArray:
-    speed = _reach(q, r, 1.0)
+    speed = max(_reach(q, r, 0.0, delay), 1 / delay)
     loop = _collocated_loop(q, r, delay, speed, nodes)
     guesses = np.asarray(np.linalg.eigvals(loop), dtype=np.complex128) * speed
     # To the left only roots that the collocation resolves are true; to the right the delayed term
@@ -216,7 +233,7 @@ def _collocated_loop(
     transport = -_differentiation(nodes) / (delay * speed)
     matrix = np.zeros((n + nodes, n + nodes))
     matrix[:n, :n] = companion
-    matrix[:1, -1] = 1.0
+    matrix[: min(n, 1), -1] = 1.0
     matrix[n:, :n] = np.outer(transport[1:, 0], output)
     matrix[n:, n:] = transport[1:, 1:]
     matrix[n:, -1] += transport[1:, 0] * through

@@ -42,8 +42,16 @@ def test_one_minus_filter_vanishes_exactly_at_zero():
         (ct.tf([-1.0], [1.0, -1.0]), "stable"),
         (ct.tf([1.0], [1.0, 0.0]), "stable"),
         (ct.tf([1.0, 1.0, 1.0], [1.0, 1.0]), "improper"),
+        (1.0, "1 at every frequency"),
+        (ct.tf([1.0, 2.0], [1.0, 2.0]), "1 at every frequency"),
     ],
 )
 def test_a_filter_is_stable_proper_and_has_unit_dc_gain(filter, words):
     with pytest.raises(ValueError, match=words):
         filter_fraction(filter)
+
+
+@pytest.mark.parametrize(("time_constant", "order"), [(1e200, 3), (1e-200, 4)])
+def test_a_power_beyond_floating_point_is_refused_not_rounded(time_constant, order):
+    with pytest.raises(ValueError, match="another unit of time"):
+        LowPassFilter(time_constant, order)

@@ -305,11 +305,6 @@ def test_uneven_times_give_the_same_curve(loop, input):
         assert_close(a, b, 1e-11)
 
 
-def test_static_loop_answers_at_once():
-    loop = LoopEquations(2.0, 1.0, 1.0, ct.tf([1], [1]))
-    assert step_response(loop, "R").outputs[0, 0] == pytest.approx(0.5)
-
-
 def test_pure_dead_time_process_is_a_staircase_of_the_observer():
     loop = LoopEquations(delay(1.0), 1.0, 0.0, LowPassFilter(1.0, 1))
     # u = -F/(1-F) y = -∫ y: for d, u falls with slope 1 until its own effect returns.
