@@ -100,6 +100,7 @@ def execute(path: Path, timeout: int) -> str:
         kernel_name="python3",
         record_timing=False,
         store_widget_state=False,
+        coalesce_streams=True,  # else one print may be stored in two parts, as the timing falls
         # Else the kernel remarks, each time, that it talks over the loopback unencrypted.
         extra_arguments=["--log-level=ERROR"],
         resources={"metadata": {"path": str(path.parent)}},
