@@ -27,6 +27,10 @@ MAX_SPREAD = 1e5
 """Ratio of the fastest to the slowest closed-loop root up to which polynomials are trusted."""
 
 
+CROSSING = 1e-6
+"""How well a crossing found must be one."""
+
+
 @dataclass(frozen=True)
 class Margins:
     r"""Margins of one loop, which unpack as `control.stability_margins` does.
@@ -155,14 +159,16 @@ def margins(
     """
     closed = closed or minus_point(loop)
     find = _bracketed_crossings if loop.delay or _widely_spread(closed) else _rational_crossings
-    gain, phase, nearest = (_off_poles(loop, found) for found in find(loop, closed))
+    gain, phase, nearest = find(loop, closed)
     omega = np.concatenate([gain, phase, nearest])
-    at_gain, at_phase, at_nearest = np.split(
-        loop.numerator(1j * omega) / loop.denominator(1j * omega),
-        [gain.size, gain.size + phase.size],
-    )
+    at_gain, at_phase, at_nearest = np.split(loop(1j * omega), [gain.size, gain.size + phase.size])
+    # The factors know better than the products from which the crossings came, where a pole and a
+    # zero near the axis almost cancel; and no gain is critical at a pole.
+    true = np.abs(np.abs(at_gain) - 1) < CROSSING
+    gain, at_gain = gain[true], at_gain[true]
+    true = (np.abs(at_phase.imag) < CROSSING * np.abs(at_phase)) & (np.abs(at_phase) < 1e9)
     ends = _Ends(loop.dc_gain, *_at_infinity(loop))
-    gains, phase = _critical_gains(phase, at_phase.real, ends)
+    gains, phase = _critical_gains(phase[true], at_phase.real[true], ends)
     if not verdict.stable:
         return Margins(
             nan, nan, nan, nan, nan, nan, nan, nan, nan, verdict.stable, loop.name, gain, phase
@@ -190,13 +196,6 @@ def _widely_spread(closed: QuasiPolynomial) -> bool:
     """Whether the roots are so far apart that polynomials in ω² lose the slow ones."""
     size = np.abs(closed.without_origin.roots)
     return size.size > 0 and float(size.max()) > MAX_SPREAD * float(size.min())
-
-
-def _off_poles(loop: Quotient, omega: FloatArray) -> FloatArray:
-    """Drop frequencies of poles of L on the axis, where nothing is crossed."""
-    den = loop.denominator
-    size = np.abs(den(1j * omega))
-    return np.asarray(omega[size > 1e-9 * np.polyval(den.scale, omega)])
 
 
 def _at_infinity(loop: Quotient) -> tuple[float, float]:
@@ -287,7 +286,8 @@ def _positive_roots(products: list[tuple[FloatArray, FloatArray]]) -> FloatArray
         return real
     slope = differentiate(total)
     for _ in range(2):  # eigenvalues are accurate against the largest root, Newton to each
-        step = np.polyval(total, real) / np.polyval(slope, real)
+        with np.errstate(divide="ignore", invalid="ignore"):  # a step to nowhere is not taken
+            step = np.polyval(total, real) / np.polyval(slope, real)
         real = np.where(np.abs(step) < 1e-3 * real, real - step, real)
     return np.sort(np.sqrt(real))
 

@@ -126,3 +126,16 @@ def test_a_long_response_comes_to_rest_where_it_should():
         LowPassFilter(0.17807366614, 1),
     )
     assert loop.step_response("eta").outputs[0, 0, -1] == pytest.approx(-1, abs=1e-9)
+
+
+def test_a_pole_and_a_zero_that_almost_cancel_near_the_axis_make_no_crossing():
+    den = [0.0148736, 0.2439147, 1.0]
+    loop = nrdob.NRDOB(
+        ct.tf([5.36099153e-6, 3.64094585e-8, 3.19376194], den),
+        ct.tf([2.68510490e-6, 1.82360324e-8, 1.59962682], den),
+        ct.tf([3.39571793e-3, 2.52535211, 8.43950695], [0.02668938, 0.32673772, 1.0]),
+        LowPassFilter(0.00012544379591233315, 1),
+    )
+    # G/Gm is 1.9966 up to a dipole of relative width 1e-8; the rest of FH never reaches 1.
+    assert loop.margins().observer_loop.pm == np.inf
+    assert loop.margins().plant_loop.gm_high == np.inf
