@@ -84,8 +84,8 @@ class Quotient:
         s = np.asarray(s, dtype=complex)
         # Powers of s that both sides share are cancelled exactly, so that s = 0 gives the limit.
         power = sum(f.zeros_at_origin for f in self.num) - sum(f.zeros_at_origin for f in self.den)
-        num = np.prod([f.without_origin(s) for f in self.num], axis=0) * s ** max(power, 0)
-        den = np.prod([f.without_origin(s) for f in self.den], axis=0) * s ** max(-power, 0)
+        num = prod((f.without_origin(s) for f in self.num), start=s**power if power > 0 else 1.0)
+        den = prod((f.without_origin(s) for f in self.den), start=s**-power if power < 0 else 1.0)
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(den == 0, inf, num / den)[()]
 

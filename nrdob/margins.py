@@ -284,12 +284,18 @@ def _positive_roots(products: list[tuple[FloatArray, FloatArray]]) -> FloatArray
     real = roots.real[(np.abs(roots.imag) <= 1e-5 * np.abs(roots)) & (roots.real > 0)]
     if not real.size:
         return real
-    slope = differentiate(total)
-    for _ in range(2):  # eigenvalues are accurate against the largest root, Newton to each
-        with np.errstate(divide="ignore", invalid="ignore"):  # a step to nowhere is not taken
-            step = np.polyval(total, real) / np.polyval(slope, real)
-        real = np.where(np.abs(step) < 1e-3 * real, real - step, real)
-    return np.sort(np.sqrt(real))
+    # Eigenvalues are accurate against the largest root, a Newton step makes each so by itself.
+    return np.sort(np.sqrt([_newton(total.tolist(), x) for x in real.tolist()]))
+
+
+def _newton(polynomial: list[float], x: float) -> float:
+    """One Newton step, unless it would lead away."""
+    value = slope = 0.0
+    for coefficient in polynomial:
+        slope = slope * x + value
+        value = value * x + coefficient
+    step = value / slope if slope else 0.0
+    return x - step if abs(step) < 1e-3 * x else x
 
 
 # With delay, or time scales far apart: brackets on resolved frequencies, then bisection.

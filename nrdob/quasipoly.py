@@ -105,9 +105,9 @@ class QuasiPolynomial:
     def __call__(self, s: complex | ComplexArray) -> Any:
         """Evaluate at complex `s`, a number or an array of any shape."""
         s = np.asarray(s, dtype=complex)
-        value = np.polyval(self.q, s)
+        value = _horner(self.q, s)
         if self.delay:
-            value = value + np.polyval(self.r, s) * np.exp(-self.delay * s)
+            value = value + _horner(self.r, s) * np.exp(-self.delay * s)
         return value
 
     def near_axis(self, roots: ComplexArray) -> BoolArray:
@@ -257,6 +257,15 @@ def add(a: FloatArray, b: FloatArray) -> FloatArray:
 def differentiate(coefficients: FloatArray) -> FloatArray:
     """Differentiate a polynomial given in descending powers."""
     return coefficients[:-1] * np.arange(coefficients.size - 1, 0, -1)
+
+
+def _horner(coefficients: FloatArray, s: ComplexArray) -> Any:
+    """`numpy.polyval` without its overhead, which would be most of the time on a few points."""
+    first, *others = coefficients.tolist()
+    value = np.full_like(s, first)[()]
+    for coefficient in others:
+        value = value * s + coefficient
+    return value
 
 
 def _argument_change(p: QuasiPolynomial) -> float | str:
