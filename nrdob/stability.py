@@ -124,7 +124,7 @@ def stability(loop: LoopEquations) -> Stability:
     Returns
     -------
     Stability
-        Unpack-free evidence: see its attributes.
+        The verdict with its evidence, which prints as a table.
     """
     model_loop = judge("C Gm (i)", loop.CGm.den, loop.p_A, loop.ill_posed_model_loop)
     observer_loop = judge("F H (ii)", loop.FH.den, loop.p_B, loop.ill_posed_observer_loop)

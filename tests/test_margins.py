@@ -15,11 +15,6 @@ from nrdob.quasipoly import QuasiPolynomial, add, count_rhp
 s = ct.tf("s")
 
 
-def simple_loop(gain, filter=None):
-    """C·Gm = `gain`, with a matched plant that never matters."""
-    return nrdob.NRDOB(1 / (s + 1), 1 / (s + 1), gain * (s + 1), filter or LowPassFilter(0.1, 1))
-
-
 def rhp_with_gain(loop, k):
     """RHP roots of 1 + k L = 0, counted anew."""
     num, den = loop.numerator, loop.denominator
