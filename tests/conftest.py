@@ -6,7 +6,10 @@ import os
 # eigenvalue problem takes a hundred times as long.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+import warnings
+
 import matplotlib as mpl
+import pytest
 from hypothesis import HealthCheck, settings
 
 mpl.use("Agg")
@@ -20,3 +23,12 @@ settings.register_profile(
     suppress_health_check=[HealthCheck.filter_too_much, HealthCheck.too_slow],
 )
 settings.load_profile("book")
+
+
+@pytest.fixture
+def no_warning_leaks():
+    """Turn every warning into an error, but for matplotlib's quarrels with its own parser."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        warnings.filterwarnings("ignore", category=DeprecationWarning, module="matplotlib|pyparsing")
+        yield

@@ -1,7 +1,5 @@
 """Cases in which the usual software is silently wrong: each must come out right here."""
 
-import warnings
-
 import control as ct
 import matplotlib.pyplot as plt
 import numpy as np
@@ -67,16 +65,15 @@ def test_units_are_never_mixed():
     assert found.pm == pytest.approx(65.09, abs=0.01)  # degrees
 
 
+@pytest.mark.usefixtures("no_warning_leaks")
 @pytest.mark.parametrize("number", paper.EXAMPLES)
 def test_nothing_is_printed_and_nothing_warns(number, capfd):
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        loop = paper.example(number)
-        loop.stability()
-        loop.margins()
-        loop.step_response("eta")
-        for draw in (loop.plot_nyquist, loop.plot_bode, loop.plot_step, loop.plot_roots):
-            draw()._repr_mimebundle_()
+    loop = paper.example(number)
+    loop.stability()
+    loop.margins()
+    loop.step_response("eta")
+    for draw in (loop.plot_nyquist, loop.plot_bode, loop.plot_step, loop.plot_roots):
+        draw()._repr_mimebundle_()
     plt.close("all")
     captured = capfd.readouterr()
     assert captured.out == captured.err == ""

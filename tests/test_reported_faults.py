@@ -1,7 +1,5 @@
 """Faults that were found by hostile use, each kept from coming back."""
 
-import warnings
-
 import control as ct
 import numpy as np
 import pytest
@@ -14,11 +12,7 @@ from nrdob.quasipoly import count_rhp
 s = ct.tf("s")
 
 
-@pytest.fixture(autouse=True)
-def no_warning_leaks():
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        yield
+pytestmark = pytest.mark.usefixtures("no_warning_leaks")
 
 
 def rotated(poles, seed):
