@@ -30,5 +30,6 @@ def no_warning_leaks():
     """Turn every warning into an error, but for matplotlib's quarrels with its own parser."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        warnings.filterwarnings("ignore", category=DeprecationWarning, module="matplotlib|pyparsing")
+        for module in ("matplotlib", "pyparsing"):
+            warnings.filterwarnings("ignore", category=DeprecationWarning, module=module)
         yield
