@@ -248,3 +248,14 @@ def test_ends_with_try_it_and_a_summary(path: Path) -> None:
     sections = re.findall(r"^## +(.+?) *$", text, flags=re.MULTILINE)
     assert sections.count("Try it") == 1, f"{path.name} needs one section '## Try it': {sections}"
     assert sections[-1] == "Summary", f"{path.name}: the last section must be '## Summary'"
+
+
+def test_every_figure_of_the_paper_is_reproduced_and_named_after_it():
+    found = {
+        int(match.group(1))
+        for path in NOTEBOOKS
+        for cell in cells(path, "code")
+        if (name := cell.metadata.get("mystnb", {}).get("figure", {}).get("name"))
+        and (match := re.fullmatch(r"fig-(\d+)(-[a-zH]+)?", name))
+    }
+    assert found == set(range(2, 20))  # Figure 1 is the block diagram
