@@ -7,7 +7,7 @@ cancellation. A verdict is given only where the two agree; otherwise it is None,
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from html import escape
 from math import inf, nan
 
@@ -17,6 +17,8 @@ from .blocks import ComplexArray
 from .equations import LoopEquations
 from .nyquist import NyquistCount, nyquist_count
 from .quasipoly import QuasiPolynomial
+
+AT_ORIGIN = "a root at s = 0 exactly"
 
 
 @dataclass(frozen=True)
@@ -128,6 +130,10 @@ def stability(loop: LoopEquations) -> Stability:
     """
     model_loop = judge("C Gm (i)", loop.CGm.den, loop.p_A, loop.ill_posed_model_loop)
     observer_loop = judge("F H (ii)", loop.FH.den, loop.p_B, loop.ill_posed_observer_loop)
+    if observer_loop.reason == AT_ORIGIN:
+        observer_loop = replace(
+            observer_loop, reason=f"{AT_ORIGIN}, {_root_for_every_filter(loop)}"
+        )
     both = (model_loop, observer_loop)
     for verdict in (False, None):
         failing = [f"{part.name}: {part.reason}" for part in both if part.stable is verdict]
@@ -135,6 +141,13 @@ def stability(loop: LoopEquations) -> Stability:
             return Stability(verdict, "; ".join(failing), model_loop, observer_loop)
     reason = "p_A and p_B have all roots in the left half plane, by encirclements and by roots"
     return Stability(True, reason, model_loop, observer_loop)
+
+
+def _root_for_every_filter(loop: LoopEquations) -> str:
+    """Explain p_B(0) = N(0) Dm(0) = 0."""
+    if loop.Gm.dc_gain == inf:
+        return "for every filter: the model has an integrator; give it a slow stable pole instead"
+    return "for every filter: the process has a zero there, which no feedback moves"
 
 
 def judge(
@@ -189,7 +202,7 @@ def _verdict(
             "infinitely many roots in the right half plane"
         )
     if p.zeros_at_origin:
-        return False, "a root at s = 0 exactly"
+        return False, AT_ORIGIN
     if count is None:
         return None, by_argument.reason
     if trouble:

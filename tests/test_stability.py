@@ -131,6 +131,19 @@ def test_an_integrator_matched_by_an_integrator_keeps_its_root_at_zero():
     verdict = loop.stability()
     assert verdict.stable is False
     assert "s = 0 exactly" in verdict.reason
+    assert "the model has an integrator" in verdict.reason
+
+
+def test_an_integrating_plant_is_served_by_a_model_with_a_slow_pole():
+    verdict = nrdob.NRDOB(1 / s, 1 / (s + 0.1), 2, LowPassFilter(0.05, 1)).stability()
+    assert verdict.stable is True
+
+
+def test_a_zero_of_the_plant_at_the_origin_stays_for_every_filter():
+    for lam in (0.01, 1.0):
+        verdict = nrdob.NRDOB(s / (s + 1) ** 2, 1 / (s + 1), 1, LowPassFilter(lam, 1)).stability()
+        assert verdict.stable is False
+        assert "the process has a zero there" in verdict.reason
 
 
 def test_an_ill_posed_loop_is_not_decided_and_says_why():
