@@ -15,10 +15,11 @@ from .plots import Figure, bode_plot, nyquist_plot, roots_plot, step_plot
 from .response import forced_response, step_response
 from .stability import Stability, stability
 
-MAPS = (
-    "FH", "H", "CGm", "L", "ratio", "K", "G", "Gm", "C", "F", "T_R", "S_d", "S_delta", "S_eta",
-    "E_R", "U_R", "U_d", "U_delta", "U_eta",
+OPEN_LOOP = ("FH", "H", "CGm", "L", "ratio", "K", "G", "Gm", "C", "F")
+CLOSED_LOOP = (
+    "T_R", "S_d", "S_delta", "S_eta", "E_R", "U_R", "U_d", "U_delta", "U_eta",
 )  # fmt: skip
+MAPS = OPEN_LOOP + CLOSED_LOOP
 """Attributes of a loop that can be drawn by name."""
 
 
@@ -144,5 +145,7 @@ class NRDOB(LoopEquations):
     def _map(self, name: str) -> Quotient:
         if name not in MAPS:
             raise ValueError(f"there is no map {name!r} to draw; choose one of {', '.join(MAPS)}")
+        if self.ill_posed and name in CLOSED_LOOP:
+            raise ValueError(f"{name} cannot be drawn: {self.ill_posed}")
         quotient: Quotient = getattr(self, name)
         return quotient

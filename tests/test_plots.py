@@ -382,3 +382,12 @@ def test_unknown_maps_and_signals_are_refused_with_the_choices() -> None:
 )  # fmt: skip
 def test_numbers_are_said_with_three_digits_the_same_everywhere(value: float, said: str) -> None:
     assert alttext.number(value) == said
+
+
+def test_closed_loop_maps_of_an_ill_posed_loop_are_not_drawn_but_its_open_loops_are():
+    s = ct.tf("s")
+    filter = nrdob.LowPassFilter(0.01, 1)
+    loop = nrdob.NRDOB(0.1 * (100 - s) / (s + 2), 10 / (s + 2), 1 / s, filter)
+    with pytest.raises(ValueError, match="S_d cannot be drawn: the observer loop is ill-posed"):
+        loop.plot_nyquist("S_d")
+    assert "F·H" in loop.plot_bode("FH").alt
