@@ -141,20 +141,17 @@ def _values(loop: Quotient, omega: FloatArray) -> ComplexArray:
 
 def _limit(loop: Quotient) -> complex:
     """Value at infinite frequency, nan where there is none."""
-    num, den = loop.numerator, loop.denominator
-    neutral = max(num.neutral_ratio, den.neutral_ratio) > 0 and num.degree == den.degree
-    if num.degree > den.degree or neutral:
-        return complex(nan)
-    return complex(num.q[0] / den.q[0]) if num.degree == den.degree else 0j
+    undelayed, delayed = loop.at_infinity
+    endless = delayed or (undelayed and loop.denominator.neutral_ratio > 0)
+    return complex(nan) if endless or undelayed == inf else complex(undelayed)
 
 
 def _limit_circle(loop: Quotient, point: float) -> Approach | None:
     """Nearest point of the circle a + b exp(-jωθ) that a neutral loop tends to."""
-    num, den = loop.numerator, loop.denominator
-    if not num.r.any() or den.delay or num.r.size != den.q.size or num.q.size > den.q.size:
+    centre, delayed = loop.at_infinity
+    if not delayed or inf in (centre, delayed) or loop.denominator.delay:
         return None
-    centre = float(num.q[0] / den.q[0]) if num.q.size == den.q.size else 0.0
-    radius = abs(float(num.r[0] / den.q[0]))
+    radius = abs(delayed)
     value = centre + (radius if point >= centre else -radius)
     return Approach(abs(value - point), inf, complex(value))
 
@@ -225,7 +222,7 @@ def _arcs(
     if radius == inf or not runs:
         return ()
     arcs = []
-    order = sum(f.zeros_at_origin for f in loop.den) - sum(f.zeros_at_origin for f in loop.num)
+    order = -loop.zeros_at_origin
     first, last = values[runs[0].start], values[runs[-1].stop - 1]
     if order > 0:
         arcs.append(Arc("indentation", _arc(np.conj(first), first, order, radius)))

@@ -79,11 +79,28 @@ class Quotient:
         """The denominator multiplied out."""
         return multiply(*self.den)
 
+    @property
+    def zeros_at_origin(self) -> int:
+        """Power of s that is left when those of both sides are cancelled; negative for poles."""
+        return sum(f.zeros_at_origin for f in self.num) - sum(f.zeros_at_origin for f in self.den)
+
+    @property
+    def at_infinity(self) -> tuple[float, float]:
+        """The a and b of the limit a + b exp(-jωθ) over an undelayed denominator.
+
+        Infinite for an improper map.
+        """
+        den = self.denominator.q
+        limits = []
+        for part in (self.numerator.q, self.numerator.r):
+            excess = part.size - den.size if part.any() else -1
+            limits.append(0.0 if excess < 0 else inf if excess else float(part[0] / den[0]))
+        return limits[0], limits[1]
+
     def __call__(self, s: complex | ComplexArray) -> Any:
         """Evaluate at complex `s`, a number or an array of any shape; infinite at poles."""
         s = np.asarray(s, dtype=complex)
-        # Powers of s that both sides share are cancelled exactly, so that s = 0 gives the limit.
-        power = sum(f.zeros_at_origin for f in self.num) - sum(f.zeros_at_origin for f in self.den)
+        power = self.zeros_at_origin
         num = prod((f.without_origin(s) for f in self.num), start=s**power if power > 0 else 1.0)
         den = prod((f.without_origin(s) for f in self.den), start=s**-power if power < 0 else 1.0)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -92,7 +109,7 @@ class Quotient:
     @property
     def dc_gain(self) -> float:
         """Value at s = 0, infinite with a pole there."""
-        power = sum(f.zeros_at_origin for f in self.num) - sum(f.zeros_at_origin for f in self.den)
+        power = self.zeros_at_origin
         num, den = (
             prod(f.without_origin.constant for f in factors) for factors in (self.num, self.den)
         )

@@ -167,7 +167,7 @@ def margins(
     true = np.abs(np.abs(at_gain) - 1) < CROSSING
     gain, at_gain = gain[true], at_gain[true]
     true = (np.abs(at_phase.imag) < CROSSING * np.abs(at_phase)) & (np.abs(at_phase) < 1e9)
-    ends = _Ends(loop.dc_gain, *_at_infinity(loop))
+    ends = _Ends(loop.dc_gain, *loop.at_infinity)
     gains, phase = _critical_gains(phase[true], at_phase.real[true], ends)
     if not verdict.stable:
         return Margins(
@@ -196,16 +196,6 @@ def _widely_spread(closed: QuasiPolynomial) -> bool:
     """Whether the roots are so far apart that polynomials in ω² lose the slow ones."""
     size = np.abs(closed.without_origin.roots)
     return size.size > 0 and float(size.max()) > MAX_SPREAD * float(size.min())
-
-
-def _at_infinity(loop: Quotient) -> tuple[float, float]:
-    """Return a and b of the limit a + b exp(-jωθ), infinite for an improper loop."""
-    num, den = loop.numerator, loop.denominator
-    limits = []
-    for part in (num.q, num.r):
-        excess = part.size - den.q.size if part.any() else -1
-        limits.append(0.0 if excess < 0 else inf if excess else float(part[0] / den.q[0]))
-    return limits[0], limits[1]
 
 
 def _critical_gains(

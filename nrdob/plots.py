@@ -154,8 +154,7 @@ def _degrees(quotient: Quotient, omega: FloatArray) -> FloatArray:
     """Continuous phase, which starts where the poles and zeros at s = 0 put it."""
     values = quotient(1j * omega)
     degrees = np.degrees(np.unwrap(np.angle(values)))
-    zeros = sum(f.zeros_at_origin for f in quotient.num)
-    zeros -= sum(f.zeros_at_origin for f in quotient.den)
+    zeros = quotient.zeros_at_origin
     gain = (values[0] / (1j * omega[0]) ** zeros).real
     expected = 90.0 * zeros - 180.0 * (gain < 0)
     degrees += 360 * np.round((expected - degrees[0]) / 360)
