@@ -1,0 +1,195 @@
+"""What a claim is, how it is checked, and what may be said of it afterwards.
+
+A claim is a statement of the paper together with a check. The check computes two things: whether
+the statement holds *as printed*, and, where it does not, whether the amended statement that we put
+in its place does. The verdict follows from what the check found and is nowhere else to be had: a
+claim whose check has not run, or did not find what the ledger says, has none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+
+class Verdict(StrEnum):
+    """What a check can show of a statement of the paper."""
+
+    REPRODUCED = "reproduced"
+    CONDITION = "needs a condition"
+    CORRECTED = "corrected"
+    REFUTED = "refuted"
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What a check found.
+
+    Attributes
+    ----------
+    as_printed : bool
+        Whether the statement holds as the paper prints it, in every case that was tried.
+    computed : str
+        The computed value, or the fact that decides, in a few words.
+    tolerance : str
+        What was allowed between printed and computed; empty for an exact comparison or a yes or no.
+    amended : bool or None
+        Whether the amended statement holds; None where nothing is amended.
+    """
+
+    as_printed: bool
+    computed: str
+    tolerance: str = ""
+    amended: bool | None = None
+
+
+@dataclass(frozen=True)
+class Amendment:
+    """What we put in the place of a statement that does not hold as printed.
+
+    Attributes
+    ----------
+    verdict : Verdict
+        CONDITION: true under a condition that the paper does not state. CORRECTED: true once a sign,
+        a word or a formula is put right. REFUTED: false; what is true instead is another statement.
+    text : str
+        The correct statement, in Markdown.
+    """
+
+    verdict: Verdict
+    text: str
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A statement of the paper and its check.
+
+    Attributes
+    ----------
+    id : str
+        Short and stable, as "eq05.S_eta": the chapters cite it.
+    place : str
+        Where in the paper it stands.
+    says : str
+        The statement, in our words, in Markdown.
+    printed : str
+        The printed value; empty for a statement without one.
+    chapter : str
+        Notebook that shows it, without ".ipynb".
+    amendment : Amendment or None
+        What is true instead, for a statement that does not hold as printed.
+    check : callable
+        Computes the `Finding`; its docstring tells how.
+    """
+
+    id: str
+    place: str
+    says: str
+    printed: str
+    chapter: str
+    amendment: Amendment | None
+    check: Callable[[], Finding] = field(repr=False)
+
+    @property
+    def method(self) -> str:
+        """How the claim is checked, in words."""
+        return " ".join((self.check.__doc__ or "").split())
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A claim, what its check found, and the verdict that follows."""
+
+    claim: Claim
+    finding: Finding
+    verdict: Verdict
+
+    def __repr__(self) -> str:
+        claim, finding = self.claim, self.finding
+        rows = [
+            ("the paper", f"{claim.says}" + (f"  [{claim.printed}]" if claim.printed else "")),
+            (
+                "computed",
+                finding.computed + (f"  ({finding.tolerance})" if finding.tolerance else ""),
+            ),
+            ("verdict", self.verdict.value),
+        ]
+        if claim.amendment:
+            rows.append(("instead", claim.amendment.text))
+        lines = [
+            f"{claim.id}, {claim.place}",
+            *(f"  {label + ':':<11}{text}" for label, text in rows),
+        ]
+        return "\n".join(lines)
+
+
+class LedgerError(AssertionError):
+    """A check that did not find what the ledger says."""
+
+
+def settle(claim: Claim) -> Entry:
+    """Run the check of a claim and give the verdict that follows from it.
+
+    Raises
+    ------
+    LedgerError
+        If the statement holds but the ledger amends it, if it fails and nothing is put in its place,
+        or if what is put in its place fails as well.
+    """
+    finding = claim.check()
+    if claim.amendment is None:
+        if not finding.as_printed:
+            raise LedgerError(
+                f"{claim.id}: does not hold as printed ({finding.computed}), and the ledger has no "
+                "amendment for it"
+            )
+        return Entry(claim, finding, Verdict.REPRODUCED)
+    if finding.as_printed:
+        raise LedgerError(
+            f"{claim.id}: holds as printed ({finding.computed}), but the ledger amends it"
+        )
+    if not finding.amended:
+        raise LedgerError(f"{claim.id}: the amended statement fails as well ({finding.computed})")
+    return Entry(claim, finding, claim.amendment.verdict)
+
+
+class Section:
+    """The claims of one part of the paper, in its order.
+
+    Examples
+    --------
+    >>> part = Section()
+    >>> @part.claim("sum", "p. 1", "1 + 1 is 3", "chapter", printed="3",
+    ...             amendment=Amendment(Verdict.CORRECTED, "1 + 1 is 2"))
+    ... def check() -> Finding:
+    ...     '''Count on fingers.'''
+    ...     return Finding(1 + 1 == 3, "2", amended=1 + 1 == 2)
+    >>> settle(part.claims[0])
+    sum, p. 1
+      the paper: 1 + 1 is 3  [3]
+      computed:  2
+      verdict:   corrected
+      instead:   1 + 1 is 2
+    """
+
+    def __init__(self) -> None:
+        self.claims: list[Claim] = []
+
+    def claim(
+        self,
+        id: str,
+        place: str,
+        says: str,
+        chapter: str,
+        *,
+        printed: str = "",
+        amendment: Amendment | None = None,
+    ) -> Callable[[Callable[[], Finding]], Callable[[], Finding]]:
+        """Enter the decorated check, with its statement, as the next claim of this section."""
+
+        def enter(check: Callable[[], Finding]) -> Callable[[], Finding]:
+            self.claims.append(Claim(id, place, says, printed, chapter, amendment, check))
+            return check
+
+        return enter
