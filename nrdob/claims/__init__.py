@@ -7,14 +7,17 @@
 
 from __future__ import annotations
 
-from .ledger import Amendment, Claim, Entry, Finding, LedgerError, Verdict, settle
+from . import section2, section3
+from .ledger import Amendment, Claim, Entry, Finding, LedgerError, Verdict, collect, settle
 
 __all__ = [
     "LEDGER", "Amendment", "Claim", "Entry", "Finding", "LedgerError", "Verdict",
     "check", "check_all",
 ]  # fmt: skip
 
-LEDGER: dict[str, Claim] = {}
+_PARTS = (section2, section3)  # in the order of the paper
+
+LEDGER: dict[str, Claim] = collect(part.SECTION for part in _PARTS)
 """Every claim by its id, in the order of the paper.
 
 :meta hide-value:

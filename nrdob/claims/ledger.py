@@ -8,9 +8,13 @@ claim whose check has not run, or did not find what the ledger says, has none.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from enum import StrEnum
+from textwrap import fill
+
+WIDTH = 95
+"""Characters to a line of a printed entry: what a page of the book is wide."""
 
 
 class Verdict(StrEnum):
@@ -51,8 +55,9 @@ class Amendment:
     Attributes
     ----------
     verdict : Verdict
-        CONDITION: true under a condition that the paper does not state. CORRECTED: true once a sign,
-        a word or a formula is put right. REFUTED: false; what is true instead is another statement.
+        CONDITION: true under a condition that the paper does not state. CORRECTED: true once a
+        sign, a word or a formula is put right. REFUTED: false; what is true instead is another
+        statement.
     text : str
         The correct statement, in Markdown.
     """
@@ -107,21 +112,26 @@ class Entry:
 
     def __repr__(self) -> str:
         claim, finding = self.claim, self.finding
-        rows = [
-            ("the paper", f"{claim.says}" + (f"  [{claim.printed}]" if claim.printed else "")),
-            (
-                "computed",
-                finding.computed + (f"  ({finding.tolerance})" if finding.tolerance else ""),
-            ),
-            ("verdict", self.verdict.value),
-        ]
-        if claim.amendment:
-            rows.append(("instead", claim.amendment.text))
-        lines = [
-            f"{claim.id}, {claim.place}",
-            *(f"  {label + ':':<11}{text}" for label, text in rows),
-        ]
-        return "\n".join(lines)
+        rows = {
+            "the paper": claim.says + (f" [{claim.printed}]" if claim.printed else ""),
+            "computed": finding.computed + (f" ({finding.tolerance})" if finding.tolerance else ""),
+            "verdict": self.verdict.value,
+            "instead": claim.amendment.text if claim.amendment else "",
+        }
+        lines = [_wrapped(label, text) for label, text in rows.items() if text]
+        return "\n".join([f"{claim.id}, {claim.place}", *lines])
+
+
+def _wrapped(label: str, text: str) -> str:
+    """Write one row of an entry, its further lines below the first word of its text."""
+    return fill(
+        text,
+        WIDTH,
+        initial_indent=f"  {label + ':':<11}",
+        subsequent_indent=" " * 13,
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
 
 
 class LedgerError(AssertionError):
@@ -134,8 +144,8 @@ def settle(claim: Claim) -> Entry:
     Raises
     ------
     LedgerError
-        If the statement holds but the ledger amends it, if it fails and nothing is put in its place,
-        or if what is put in its place fails as well.
+        If the statement holds but the ledger amends it, if it fails and nothing is put in its
+        place, or if what is put in its place fails as well.
     """
     finding = claim.check()
     if claim.amendment is None:
@@ -167,7 +177,7 @@ class Section:
     ...     return Finding(1 + 1 == 3, "2", amended=1 + 1 == 2)
     >>> settle(part.claims[0])
     sum, p. 1
-      the paper: 1 + 1 is 3  [3]
+      the paper: 1 + 1 is 3 [3]
       computed:  2
       verdict:   corrected
       instead:   1 + 1 is 2
@@ -193,3 +203,22 @@ class Section:
             return check
 
         return enter
+
+
+def collect(sections: Iterable[Section]) -> dict[str, Claim]:
+    """Put the claims of all sections into one ledger, in the order given.
+
+    Raises
+    ------
+    ValueError
+        If two claims have the same id: it must be known which one a chapter cites.
+    """
+    ledger: dict[str, Claim] = {}
+    for claim in (claim for section in sections for claim in section.claims):
+        if claim.id in ledger:
+            raise ValueError(
+                f"two claims have the id {claim.id!r}: that of {ledger[claim.id].place} "
+                f"and that of {claim.place}; rename one"
+            )
+        ledger[claim.id] = claim
+    return ledger

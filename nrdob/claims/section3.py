@@ -1,0 +1,5 @@
+"""Section III: stability and robustness."""
+
+from .ledger import Section
+
+SECTION = Section()
