@@ -19,6 +19,7 @@ from .. import paper
 from ..blocks import ComplexArray, FloatArray, Fraction
 from ..loop import NRDOB
 from ..sampling import random_loop
+from .ledger import Finding
 
 EXACT = 1e-8
 """Relative difference up to which two ways to compute one number agree."""
@@ -235,3 +236,24 @@ def turns(values_at: Callable[[ComplexArray], ComplexArray], end: float) -> int:
     else:
         raise ArithmeticError("the curve turns faster than it can be followed")
     return -round(float(steps.sum()) / np.pi)
+
+
+def printed_map(name: str) -> Finding:
+    """Find whether a map is the printed one, in the diagram and in the package."""
+    rng = np.random.default_rng(4)
+    blocks = random_blocks(rng)
+    by_formula = np.isclose(
+        PRINTED_MAPS[name](blocks), from_diagram(name, blocks), rtol=EXACT, atol=0
+    )
+    loops = many_loops()
+    by_package = []
+    for loop in loops:
+        s = random_points(rng)
+        by_package.append(same(getattr(loop, name)(s), from_diagram(name, blocks_of(loop, s))))
+    return Finding(
+        every(by_formula) and every(by_package),
+        f"the printed formula agrees with the diagram for {by_formula.sum()} of {QUADRUPLES} "
+        f"random values of the four blocks, the package's map for {sum(by_package)} of "
+        f"{len(loops)} loops",
+        TOLERANCE,
+    )
