@@ -7,7 +7,7 @@
 
 from __future__ import annotations
 
-from . import section2, section3
+from . import conclusions, example3, example4, examples12, section2, section3
 from .ledger import Amendment, Claim, Entry, Finding, LedgerError, Verdict, collect, settle
 
 __all__ = [
@@ -15,7 +15,7 @@ __all__ = [
     "check", "check_all",
 ]  # fmt: skip
 
-_PARTS = (section2, section3)  # in the order of the paper
+_PARTS = (section2, section3, examples12, example3, example4, conclusions)  # as in the paper
 
 LEDGER: dict[str, Claim] = collect(part.SECTION for part in _PARTS)
 """Every claim by its id, in the order of the paper.
