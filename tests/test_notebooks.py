@@ -258,4 +258,4 @@ def test_every_figure_of_the_paper_is_reproduced_and_named_after_it():
         if (name := cell.metadata.get("mystnb", {}).get("figure", {}).get("name"))
         and (match := re.fullmatch(r"fig-(\d+)(-[a-zH]+)?", name))
     }
-    assert found == set(range(2, 20))  # Figure 1 is the block diagram
+    assert found == set(range(1, 20))
