@@ -9,7 +9,7 @@ and ω = ∞ are looked at too: a loop may be lost there as well as in between.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from math import inf, log10, nan
 from typing import NamedTuple
@@ -17,11 +17,12 @@ from typing import NamedTuple
 import numpy as np
 
 from .blocks import ROUNDING, ComplexArray, FloatArray
+from .crossings import minima, zeros
 from .equations import LoopEquations, Quotient
 from .nyquist import minus_point, resolved_frequencies
 from .quasipoly import QuasiPolynomial, add, differentiate
 from .rootfinding import companion_roots
-from .stability import LoopStability, Stability, stability
+from .stability import Stability, stability
 
 MAX_SPREAD = 1e5
 """Ratio of the fastest to the slowest closed-loop root up to which polynomials are trusted."""
@@ -136,26 +137,24 @@ def loop_margins(loop: LoopEquations, verdict: Stability | None = None) -> LoopM
     """
     verdict = verdict or stability(loop)
     return LoopMargins(
-        margins(loop.CGm, verdict.model_loop, loop.p_A),
-        margins(loop.FH, verdict.observer_loop, loop.p_B),
-        margins(loop.L, verdict.observer_loop, loop.p_B),
+        margins(loop.CGm, verdict.model_loop.stable, loop.p_A),
+        margins(loop.FH, verdict.observer_loop.stable, loop.p_B),
+        margins(loop.L, verdict.observer_loop.stable, loop.p_B),
         verdict.stable,
     )
 
 
-def margins(
-    loop: Quotient, verdict: LoopStability, closed: QuasiPolynomial | None = None
-) -> Margins:
+def margins(loop: Quotient, stable: bool | None, closed: QuasiPolynomial | None = None) -> Margins:
     """Compute the margins of one loop gain.
 
     Parameters
     ----------
     loop : Quotient
         The loop gain L.
-    verdict : LoopStability
-        Stability of 1 + L.
+    stable : bool or None
+        Verdict on 1 + L, None where it is not known.
     closed : QuasiPolynomial, optional
-        Numerator of 1 + L if it is known better than by adding; its roots are those of `verdict`.
+        Numerator of 1 + L if it is known better than by adding.
     """
     closed = closed or minus_point(loop)
     find = _bracketed_crossings if loop.delay or _widely_spread(closed) else _rational_crossings
@@ -169,10 +168,8 @@ def margins(
     true = (np.abs(at_phase.imag) < CROSSING * np.abs(at_phase)) & (np.abs(at_phase) < 1e9)
     ends = _Ends(loop.dc_gain, *loop.at_infinity)
     gains, phase = _critical_gains(phase[true], at_phase.real[true], ends)
-    if not verdict.stable:
-        return Margins(
-            nan, nan, nan, nan, nan, nan, nan, nan, nan, verdict.stable, loop.name, gain, phase
-        )
+    if not stable:
+        return Margins(nan, nan, nan, nan, nan, nan, nan, nan, nan, stable, loop.name, gain, phase)
     gm_low = float(np.max(gains[gains < 1], initial=0.0))
     gm_high = float(np.min(gains[gains > 1], initial=inf))
     gm = gm_low if gm_low * gm_high > 1 else gm_high
@@ -301,48 +298,6 @@ def _bracketed_crossings(
     def value(w: FloatArray) -> ComplexArray:
         return np.asarray(num(1j * w) / den(1j * w))
 
-    gain = _zeros(lambda w: np.abs(num(1j * w)) - np.abs(den(1j * w)), omega)
-    phase = _zeros(lambda w: value(w).imag, omega)
-    return gain, phase, _minima(lambda w: np.abs(closed(1j * w) / den(1j * w)), omega)
-
-
-def _zeros(function: Callable[[FloatArray], FloatArray], omega: FloatArray) -> FloatArray:
-    """Bisect all sign changes of a function on a grid, and those that hide between its points."""
-    signs = np.sign(values := function(omega))
-    # A dip towards zero may hide two crossings between neighbours of the same sign.
-    inner, sign = np.abs(values[1:-1]), signs[1:-1]
-    dips = (inner <= np.abs(values[:-2])) & (inner <= np.abs(values[2:]))
-    dips &= (sign == signs[:-2]) & (sign == signs[2:])
-    where = 1 + np.flatnonzero(dips)
-    bottom = _golden(lambda w: signs[where] * function(w), omega[where - 1], omega[where + 1])
-    omega = np.union1d(omega, bottom)
-    signs = np.sign(function(omega))
-    where = np.flatnonzero(signs[:-1] * signs[1:] < 0)
-    low, high, sign = omega[where], omega[where + 1], signs[where]
-    for _ in range(52):
-        middle = (low + high) / 2
-        same = np.sign(function(middle)) == sign
-        low, high = np.where(same, middle, low), np.where(same, high, middle)
-    return (low + high) / 2
-
-
-def _minima(function: Callable[[FloatArray], FloatArray], omega: FloatArray) -> FloatArray:
-    """Refine the deepest minima of a function on a grid, all together."""
-    values = function(omega)
-    inner = values[1:-1]
-    # On so fine a grid the least value lies in one of the deepest dips.
-    dips = (inner <= values[:-2]) & (inner <= values[2:]) & (inner <= 1.5 * values.min())
-    where = 1 + np.flatnonzero(dips)
-    return _golden(function, omega[where - 1], omega[where + 1])
-
-
-def _golden(
-    function: Callable[[FloatArray], FloatArray], low: FloatArray, high: FloatArray
-) -> FloatArray:
-    """Find the minima between `low` and `high`, all at once, by golden section."""
-    golden = (5**0.5 - 1) / 2
-    for _ in range(40):
-        left, right = high - golden * (high - low), low + golden * (high - low)
-        keep_left = function(left) < function(right)
-        low, high = np.where(keep_left, low, left), np.where(keep_left, right, high)
-    return (low + high) / 2
+    gain = zeros(lambda w: np.abs(num(1j * w)) - np.abs(den(1j * w)), omega)
+    phase = zeros(lambda w: value(w).imag, omega)
+    return gain, phase, minima(lambda w: np.abs(closed(1j * w) / den(1j * w)), omega)

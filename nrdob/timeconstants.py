@@ -1,0 +1,282 @@
+r"""Every stabilising filter: the time constants at which the loop changes sides, exactly.
+
+The observer loop has a root at :math:`s = j\omega` if and only if
+:math:`(1 + j\lambda\omega)^n = -H(j\omega)`: an n-th root w of :math:`-H(j\omega)` must have real
+part 1, and then :math:`\lambda = \operatorname{Im} w/\omega`. So one looks for the frequencies at
+which one of n branches crosses the line Re w = 1, with H evaluated exactly, dead time included.
+Between two neighbouring critical time constants the number of roots in the right half plane does
+not change; it is counted there by the argument of p_B, which knows nothing of the crossings.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from math import inf, pi, sqrt
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .blocks import ComplexArray, FloatArray
+from .crossings import bisect, golden, side
+from .mismatch import Mismatch
+from .quasipoly import add, count_rhp, differentiate
+
+SAME = 1e-9
+"""Relative distance below which two critical time constants are one."""
+
+
+class CriticalTimeConstant(NamedTuple):
+    """A time constant at which roots cross the imaginary axis.
+
+    Attributes
+    ----------
+    time_constant : float
+        λ in seconds.
+    frequency : float
+        Where they cross, in rad/s; inf for a real root that passes through infinity.
+    direction : int
+        +1 if they enter the right half plane as λ grows, -1 if they leave it, 0 if they touch.
+    """
+
+    time_constant: float
+    frequency: float
+    direction: int
+
+
+def critical_time_constants(
+    process: Any, model: Any, order: int, *, floor: float | None = None
+) -> list[CriticalTimeConstant]:
+    r"""Find every time constant λ at which the observer loop has a root on the imaginary axis.
+
+    Parameters
+    ----------
+    process, model : as for `nrdob.NRDOB`
+        G, with or without dead time, and G̃.
+    order : int
+        n of the filter :math:`1/(\lambda s + 1)^n`.
+    floor : float, optional
+        Smallest λ of interest, in seconds. With dead time the critical time constants accumulate
+        at 0 and the list must end somewhere: by default at `default_floor`. Without dead time the
+        default is 0, and the list is complete.
+
+    Returns
+    -------
+    list of CriticalTimeConstant
+        Tuples (time_constant, frequency, direction) with growing time constant.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a block cannot stand where it is put; if `floor` is not positive and finite, or so small
+        that too many turns of the dead time had to be followed.
+
+    Examples
+    --------
+    Example 2 of the paper, a zero in the right half plane at z = 100: n = 2 needs λ > 1/(2z).
+
+    >>> import control as ct
+    >>> s = ct.tf('s')
+    >>> critical, = critical_time_constants(0.1*(100 - s)/(s + 2), 10/(s + 2), 2)
+    >>> round(critical.time_constant, 9), round(critical.frequency, 3), critical.direction
+    (0.005, 200.0, -1)
+    """
+    mismatch = Mismatch.of(process, model, order)
+    return _critical(mismatch, mismatch.checked_floor(floor))
+
+
+def stabilizing_time_constants(
+    process: Any, model: Any, order: int, *, floor: float | None = None
+) -> list[tuple[float, float]]:
+    r"""Find all λ for which the filter :math:`1/(\lambda s + 1)^n` stabilises the observer loop.
+
+    That is condition ii of Lemma 1: p_B has all its roots in the open left half plane. Condition i
+    does not depend on the filter.
+
+    Parameters
+    ----------
+    process, model, order, floor
+        As for `critical_time_constants`.
+
+    Returns
+    -------
+    list of (low, high)
+        Open intervals in seconds, increasing; `high` may be inf. Empty where no λ works. Without
+        dead time the list is complete and `low` may be 0. With dead time it is complete above the
+        floor, and an interval that begins at the floor may reach below it.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As `critical_time_constants`.
+    ArithmeticError
+        If the counts of roots contradict the crossings, so that no answer can be trusted.
+
+    Examples
+    --------
+    Example 3 of the paper: 0 < λ < 3 - √5.
+
+    >>> import control as ct
+    >>> s = ct.tf('s')
+    >>> (low, high), = stabilizing_time_constants(4/(2 - s - s**2), -1/((s + 1)*(s + 2)), 2)
+    >>> low, round(high, 9)
+    (0.0, 0.763932023)
+    """
+    mismatch = Mismatch.of(process, model, order)
+    floor = mismatch.checked_floor(floor)
+    intervals = _intervals(floor, _critical(mismatch, floor))
+    counts = _counts(mismatch, intervals)
+    return [
+        (part.low, part.high) for part, count in zip(intervals, counts, strict=True) if count == 0
+    ]
+
+
+def default_floor(process: Any, model: Any, order: int) -> float:
+    """Smallest time constant down to which the sets are complete by default, in seconds.
+
+    0 without dead time. With a dead time θ: the λ above which every critical frequency lies within
+    the first 32 turns of exp(-jωθ), and at least θ/1000.
+
+    Examples
+    --------
+    >>> import control as ct
+    >>> from nrdob import delay
+    >>> G = ct.tf([1], [1, 1])
+    >>> round(default_floor(delay(0.5) * G, G, 1), 5)
+    0.00431
+    """
+    return Mismatch.of(process, model, order).default_floor
+
+
+class _Interval(NamedTuple):
+    """Neighbouring ends, and by how much the count of roots must change at the lower one."""
+
+    low: float
+    high: float
+    change: int | None
+
+
+# Where the crossings are.
+
+
+def _critical(mismatch: Mismatch, floor: float) -> list[CriticalTimeConstant]:
+    found = _crossings(mismatch, mismatch.frequencies(floor)) + _through_infinity(mismatch)
+    return sorted(c for c in found if c.time_constant > floor)
+
+
+def _crossings(mismatch: Mismatch, omega: FloatArray) -> list[CriticalTimeConstant]:
+    """Find where a branch of the n-th root of -H(jω) has real part 1, and a positive imaginary one.
+
+    Each branch is continuous in ω: its phase is followed from one frequency to the next.
+    """
+    n = mismatch.order
+    root = _log_minus_H(mismatch, omega)
+    phase = np.unwrap(root.imag)
+    turns = 2 * pi * np.arange(n)[:, None]
+    excess = np.expm1(root.real / n + 1j * (phase + turns) / n)
+
+    def branch(of: Any, at: Any, w: FloatArray) -> ComplexArray:
+        """Branch `of`, reached continuously from frequency number `at`, less 1."""
+        value = _log_minus_H(mismatch, w)
+        near = phase[at] + np.angle(np.exp(1j * (value.imag - phase[at])))
+        return np.asarray(np.expm1(value.real / n + 1j * (near + 2 * pi * of) / n))
+
+    # Two crossings between neighbours leave the same sign at both, but a dip.
+    real = excess.real
+    sign, size = side(real), np.abs(real)
+    inner = np.s_[:, 1:-1]
+    dips = (size[inner] <= size[:, :-2]) & (size[inner] <= size[:, 2:]) & (size[inner] < 1)
+    dips &= (sign[inner] == sign[:, :-2]) & (sign[inner] == sign[:, 2:]) & (excess.imag[inner] > 0)
+    of, at = np.nonzero(dips)
+    at = at + 1
+    left, right, way = omega[at - 1], omega[at + 1], sign[of, at]
+    bottom = golden(lambda w: way * branch(of, at, w).real, left, right)
+    hidden = way * branch(of, at, bottom).real < 0
+    plain_of, plain_at = np.nonzero(sign[:, :-1] * sign[:, 1:] < 0)
+    of = np.concatenate([plain_of, of[hidden], of[hidden]])
+    at = np.concatenate([plain_at, at[hidden], at[hidden]])
+    low = np.concatenate([omega[plain_at], left[hidden], bottom[hidden]])
+    high = np.concatenate([omega[plain_at + 1], bottom[hidden], right[hidden]])
+    where = bisect(lambda w: branch(of, at, w).real, low, high)
+    value = branch(of, at, where)
+    # A pole on the axis makes a branch jump, which is no crossing.
+    true = (np.abs(value.real) < 1e-6) & (value.imag > 0)
+    where, critical = where[true], value.imag[true] / where[true]
+    directions = _directions(mismatch, critical, where)
+    return [
+        CriticalTimeConstant(float(c), float(w), int(d))
+        for c, w, d in zip(critical, where, directions, strict=True)
+    ]
+
+
+def _log_minus_H(mismatch: Mismatch, omega: FloatArray) -> ComplexArray:
+    """ln(1 - R(jω)), accurate for small R too, where numpy's complex log1p is not."""
+    R = mismatch.ratio(omega)
+    with np.errstate(divide="ignore"):  # where H vanishes exactly, all branches are at 0
+        size = np.log1p(-R.real * (2 - R.real) + R.imag**2) / 2
+    return np.asarray(size + 1j * np.arctan2(-R.imag, 1 - R.real))
+
+
+def _directions(mismatch: Mismatch, critical: FloatArray, omega: FloatArray) -> FloatArray:
+    """Sign of Re ds/dλ, from ln(1 + λs) n = ln(-H(s)) differentiated."""
+    s, n = 1j * omega, mismatch.order
+    R = mismatch.ratio(omega)
+    log_slope = -mismatch.delay + 0j * s
+    for p, power in ((mismatch.b, 1), (mismatch.a, -1)):
+        log_slope += power * np.polyval(differentiate(p), s) / np.polyval(p, s)
+    by_s = n * critical / (1 + critical * s) - R * log_slope / (R - 1)
+    speed = -(n * s / (1 + critical * s)) / by_s
+    return np.where(np.abs(speed.real) > 1e-7 * np.abs(speed), np.sign(speed.real), 0)
+
+
+def _through_infinity(mismatch: Mismatch) -> list[CriticalTimeConstant]:
+    """Find the λ at which the leading coefficient of p_B vanishes: 1 + F(∞) H(∞) = 0."""
+    n, (a, b) = mismatch.order, (mismatch.a, mismatch.b)
+    if mismatch.delay or mismatch.excess != n or b[0] / a[0] > 0:
+        return []
+    critical = float((-b[0] / a[0]) ** (1 / n))
+    # Near it p_B is a0 (λ^n - critical^n) s^N + second s^(N-1) + …, with one large root.
+    second = add(mismatch.undelayed(critical), b)[1]
+    return [CriticalTimeConstant(critical, inf, int(-np.sign(second / a[0])))]
+
+
+# What the intervals between them hold.
+
+
+def _intervals(floor: float, critical: list[CriticalTimeConstant]) -> list[_Interval]:
+    ends, changes = [floor], [0]
+    for time_constant, frequency, direction in critical:
+        if time_constant > ends[-1] * (1 + SAME) or len(ends) == 1:
+            ends.append(time_constant)
+            changes.append(0)
+        changes[-1] += direction * (1 if frequency == inf else 2)
+    known = [None, *changes[1:]]
+    return [
+        _Interval(*pair, change) for pair, change in zip(pairwise([*ends, inf]), known, strict=True)
+    ]
+
+
+def _counts(mismatch: Mismatch, intervals: list[_Interval]) -> list[float | None]:
+    """Count the roots in the right half plane in each interval; None where they cannot be."""
+    counts = [_count(mismatch, interval) for interval in intervals]
+    for (before, after), interval in zip(pairwise(counts), intervals[1:], strict=True):
+        if before is not None and after is not None and after - before != interval.change:
+            raise ArithmeticError(
+                f"at λ = {interval.low:.9g} s the crossings say that the number of roots in the "
+                f"right half plane changes by {interval.change}, but it is {before:g} below and "
+                f"{after:g} above: the loop is too stiff for a trustworthy answer"
+            )
+    return counts
+
+
+def _count(mismatch: Mismatch, interval: _Interval) -> float | None:
+    low, high = interval.low, interval.high
+    if low and high < inf:
+        inside = sqrt(low * high)
+    elif low or high < inf:
+        inside = 2 * low or high / 2
+    else:
+        inside = 1 / float(np.median(np.abs(mismatch.roots))) if mismatch.roots.size else 1.0
+    p = mismatch.p_B(inside)
+    if p.zeros_at_origin:
+        return None
+    return count_rhp(p).count
