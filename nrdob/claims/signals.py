@@ -17,6 +17,7 @@ from scipy.linalg import block_diag
 
 from .. import paper
 from ..blocks import ComplexArray, FloatArray, Fraction
+from ..equations import Quotient
 from ..loop import NRDOB
 from ..sampling import random_loop
 from .ledger import Finding
@@ -25,6 +26,9 @@ EXACT = 1e-8
 """Relative difference up to which two ways to compute one number agree."""
 
 TOLERANCE = "1e-8 relative"
+
+AXIS = 1e-7
+"""How far to the right of the imaginary axis a curve is followed, rad/s."""
 
 QUADRUPLES = 100
 """How many random values of the four blocks a formula is tried on."""
@@ -184,6 +188,16 @@ def every(outcomes: Iterable[Any]) -> bool:
     return all(found)
 
 
+def fraction(quotient: Quotient) -> Fraction:
+    """Numerator and denominator of a block of a loop without dead time, nothing cancelled."""
+    return Fraction(quotient.numerator.q, quotient.denominator.q)
+
+
+def loop_modes(loop: NRDOB) -> ComplexArray:
+    """Modes of a loop without dead time."""
+    return modes(*(fraction(block) for block in (loop.G, loop.Gm, loop.C, loop.F)))
+
+
 def modes(G: Fraction, Gm: Fraction, C: Fraction, F: Fraction) -> ComplexArray:
     """Eigenvalues of the whole diagram, every block realised by itself; without dead time.
 
@@ -215,27 +229,30 @@ def _state_space(block: Fraction) -> tuple[FloatArray, ...]:
     return A, np.eye(order)[:, :1].reshape(order, 1), c, num[:1][None]
 
 
-def turns(values_at: Callable[[ComplexArray], ComplexArray], end: float) -> int:
-    """Clockwise turns around 0 that a curve makes from ω = -∞ to ∞, followed point by point.
+def turns(values_at: Callable[[ComplexArray], ComplexArray], excess: int = 0) -> int:
+    """Clockwise turns around 0 that a closed Nyquist curve makes, followed point by point.
 
     Parameters
     ----------
     values_at : callable
-        The curve at s = jω, real at ω = 0 and without poles on the axis.
-    end : float
-        Its value at infinite frequency.
+        The curve at s, which runs up the imaginary axis and leaves poles on it at its left.
+    excess : int
+        By how many degrees the map is improper: so many half turns the arc at infinity adds.
+
+    Raises
+    ------
+    ArithmeticError
+        If the curve turns faster than it can be followed.
     """
     omega = np.append(0.0, np.geomspace(1e-5, 1e6, 2001))
     for _ in range(40):
-        values = np.append(values_at(1j * omega), end)
+        values = values_at(1j * omega + AXIS)
         steps = np.angle(values[1:] / values[:-1])
-        wide = np.flatnonzero(np.abs(steps[:-1]) > 0.5)
+        wide = np.flatnonzero(np.abs(steps) > 0.5)
         if not wide.size:
-            break
+            return round(excess / 2 - float(steps.sum()) / np.pi)
         omega = np.insert(omega, wide + 1, (omega[wide] + omega[wide + 1]) / 2)
-    else:
-        raise ArithmeticError("the curve turns faster than it can be followed")
-    return -round(float(steps.sum()) / np.pi)
+    raise ArithmeticError("the curve turns faster than it can be followed")
 
 
 def printed_map(name: str) -> Finding:
