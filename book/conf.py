@@ -1,14 +1,17 @@
 """Sphinx configuration of the book. Nothing here computes: chapters come executed."""
 
 import shutil
+import sys
 from importlib.metadata import distribution
 from pathlib import Path
+from typing import Any
 
 from sphinx.application import Sphinx
 from sphinx.config import Config
 from sphinx.errors import ConfigError
 
 BOOK = Path(__file__).resolve().parent
+sys.path.insert(0, str(BOOK))  # for claimlinks
 
 project = "The noise-reduction disturbance observer"
 author = "the nrdob authors"
@@ -23,10 +26,13 @@ extensions = [
     "sphinx.ext.mathjax",
     "sphinx_copybutton",
     "sphinxcontrib.bibtex",
+    "claimlinks",
 ]
 
 # --- Text -------------------------------------------------------------------------------------
-myst_enable_extensions = ["amsmath", "attrs_block", "colon_fence", "deflist", "dollarmath"]
+myst_enable_extensions = [
+    "amsmath", "attrs_block", "attrs_inline", "colon_fence", "deflist", "dollarmath",
+]  # fmt: skip
 myst_heading_anchors = 3
 numfig = False  # captions name the paper's own figure numbers
 highlight_language = "none"  # text diagrams are no Python; doctests are seen as such anyway
@@ -91,7 +97,27 @@ def copy_chapters(_app: Sphinx, config: Config) -> None:
             shutil.copyfile(notebook, copy)
 
 
+def require_ledger(_app: Sphinx, _config: Config) -> None:
+    """Stop where the two generated pages are missing, and say what makes them."""
+    missing = [name for name in ("ledger.md", "errata.md") if not (BOOK / name).exists()]
+    if missing:
+        raise ConfigError(
+            f"{' and '.join(missing)} not in {BOOK}. They are made by: python tools/ledger.py "
+            "(or make ledger; make book does it by itself)"
+        )
+
+
+def add_filter(
+    app: Sphinx, page: str, _template: str, _context: dict[str, Any], _doctree: object
+) -> None:
+    """Let the ledger be filtered; before MathJax, so that formulas are searched as LaTeX."""
+    if page == "ledger":
+        app.add_js_file("claims.js", priority=400, loading_method="defer")
+
+
 def setup(app: Sphinx) -> None:
     """Add the setting that names the folder of executed notebooks, seen from here."""
     app.add_config_value("nrdob_notebooks", "../notebooks", "env", str)
     app.connect("config-inited", copy_chapters)
+    app.connect("config-inited", require_ledger)
+    app.connect("html-page-context", add_filter)

@@ -1,0 +1,73 @@
+"""Links between the chapters and the ledger: inline code ``claim:ID`` leads to the entry of ID.
+
+The way back is made here as well: the first mention of a claim in a chapter gets the label
+``shown-<chapter>-<ID>``, to which its entry links.
+"""
+
+from __future__ import annotations
+
+import re
+
+from docutils import nodes
+from sphinx.addnodes import pending_xref
+from sphinx.application import Sphinx
+from sphinx.environment import BuildEnvironment
+from sphinx.transforms import SphinxTransform
+from sphinx.util import logging
+from sphinx.util.nodes import make_refnode
+
+CITED_IN_PROSE = re.compile(r"claim:(\S+)")
+CITED_IN_CODE = re.compile(r"""\bclaims\.check\(\s*["']([^"']+)["']""")
+
+logger = logging.getLogger(__name__)
+
+
+class ClaimLinks(SphinxTransform):
+    """Turn citations of claims into links, and mark the first one of each claim."""
+
+    default_priority = 500
+
+    def apply(self, **_: object) -> None:
+        marked: set[str] = set()
+        for node in list(self.document.findall(nodes.Element)):
+            if isinstance(node, nodes.literal_block):
+                for id in CITED_IN_CODE.findall(node.astext()):
+                    self.mark(node, id, marked)
+            elif isinstance(node, nodes.literal) and (
+                match := CITED_IN_PROSE.fullmatch(node.astext())
+            ):
+                id = match.group(1)
+                name = nodes.literal(id, id, classes=["claim-link"])
+                link = pending_xref("", name, reftype="claim", reftarget=id)
+                link["refdoc"], link.source, link.line = self.env.docname, node.source, node.line
+                node.replace_self(link)
+                self.mark(name, id, marked)
+
+    def mark(self, node: nodes.Element, id: str, marked: set[str]) -> None:
+        """Label the first mention of a claim in a chapter."""
+        folder, _, chapter = self.env.docname.rpartition("/")
+        if folder == "chapters" and id not in marked:
+            marked.add(id)
+            node["names"].append(f"shown-{chapter}-{id}".lower())
+            self.document.note_explicit_target(node)
+
+
+def resolve(
+    app: Sphinx, env: BuildEnvironment, node: pending_xref, name: nodes.TextElement
+) -> nodes.Element | None:
+    """Lead a citation to the entry of its claim, or say that there is none."""
+    if node["reftype"] != "claim":
+        return None
+    label = f"claim-{node['reftarget']}".lower()
+    if label not in env.domains.standard_domain.anonlabels:
+        logger.warning("there is no claim %r in the ledger", node["reftarget"], location=node)
+        return name
+    page, anchor = env.domains.standard_domain.anonlabels[label]
+    return make_refnode(app.builder, node["refdoc"], page, anchor, name, "in the ledger of claims")
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Register the transform and the way its links are resolved."""
+    app.add_transform(ClaimLinks)
+    app.connect("missing-reference", resolve)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
