@@ -14,7 +14,7 @@ READY := $(VENV)/ready
 export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
 export PYTHONHASHSEED := 0
 
-.PHONY: help env book test lint types layers unit notebooks execute check bench lab clean
+.PHONY: help env book ledger test lint types layers unit notebooks execute check bench lab clean
 
 help: ## show this list
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /	/' | expand -t 12
@@ -31,8 +31,12 @@ $(READY): requirements.txt pyproject.toml
 
 book: $(READY) ## run every notebook and build the web book
 	$(PY) tools/notebooks.py --output build/notebooks
+	$(PY) tools/ledger.py --notebooks build/notebooks
 	$(PY) -m sphinx -W --keep-going -n -q -D nrdob_notebooks=../build/notebooks -d build/doctrees -b html book build/html
 	@echo "The book is ready. Open $(CURDIR)/build/html/index.html"
+
+ledger: $(READY) ## run every check of the ledger, and write its two pages into the book
+	$(PY) tools/ledger.py
 
 test: lint types layers unit notebooks ## run every check
 
@@ -46,7 +50,7 @@ types: $(READY) ## static types
 layers: $(READY) ## imports between the modules run one way
 	$(VENV)/bin/lint-imports
 
-unit: $(READY) ## unit tests, doctests, the rules for notebooks, and the built book
+unit: $(READY) ## unit tests, doctests, the rules for notebooks, the ledger, and the built book
 	$(PY) -m pytest -q tests nrdob --doctest-modules
 
 notebooks: $(READY) ## run every notebook and compare with the outputs stored in it
@@ -66,4 +70,4 @@ lab: $(READY) ## open the notebooks in JupyterLab
 	$(PY) -m jupyterlab notebooks
 
 clean: ## remove what the other targets made, except the environment
-	rm -rf build book/chapters
+	rm -rf build book/chapters book/ledger.md book/errata.md

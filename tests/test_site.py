@@ -6,6 +6,7 @@ the checkout stays untouched.
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
 import subprocess
@@ -16,8 +17,10 @@ from urllib.parse import unquote, urlsplit
 import pytest
 from bs4 import BeautifulSoup
 
+from nrdob.claims import LEDGER, Verdict
+
 ROOT = Path(__file__).resolve().parent.parent
-REFERENCE_PAGES = {"index", "notation", "api", "bibliography", "colophon"}
+REFERENCE_PAGES = {"index", "ledger", "errata", "notation", "api", "bibliography", "colophon"}
 MATHJAX = "tex-svg-full.js"
 
 # Whatever a browser fetches by itself to show a page.
@@ -35,11 +38,33 @@ FETCHED = (
 
 
 @pytest.fixture(scope="module")
-def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Give a copy of the book's folder, without what was generated there."""
+    source = tmp_path_factory.mktemp("book") / "source"
+    shutil.copytree(
+        ROOT / "book", source, ignore=shutil.ignore_patterns("chapters", "ledger.md", "errata.md")
+    )
+    return source
+
+
+@pytest.fixture(scope="module")
+def ledger_run(source: Path) -> subprocess.CompletedProcess[str]:
+    """Run every check of the ledger, and write its pages; the test below judges the result."""
+    command = [sys.executable, str(ROOT / "tools" / "ledger.py"), "--output", str(source)]
+    return subprocess.run(
+        command,
+        capture_output=True,
+        text=True,
+        encoding="utf-8",
+        errors="replace",
+        env={**os.environ, "PYTHONIOENCODING": "utf-8"},
+    )
+
+
+@pytest.fixture(scope="module")
+def site(source: Path, ledger_run: subprocess.CompletedProcess[str]) -> Path:
     """Build the book from the notebooks as they are stored, and give the folder of pages."""
-    folder = tmp_path_factory.mktemp("book")
-    source = folder / "source"
-    shutil.copytree(ROOT / "book", source, ignore=shutil.ignore_patterns("chapters"))
+    folder = source.parent
     command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-n", "-q", "-b", "html"]
     command += ["-D", f"nrdob_notebooks={ROOT / 'notebooks'}", "-d", str(folder / "doctrees")]
     done = subprocess.run(
@@ -66,6 +91,10 @@ def pages(site: Path) -> dict[Path, BeautifulSoup]:
 def is_external(address: str) -> bool:
     parts = urlsplit(address)
     return bool(parts.netloc) or parts.scheme in {"http", "https", "ftp"}
+
+
+def test_the_ledger_is_in_order(ledger_run: subprocess.CompletedProcess[str]) -> None:
+    assert ledger_run.returncode == 0, f"{ledger_run.stdout}\n{ledger_run.stderr}"
 
 
 def test_every_page_is_there(site: Path) -> None:
@@ -160,3 +189,57 @@ def test_mathematics_needs_no_network(site: Path, pages: dict[Path, BeautifulSou
         sources = [urlsplit(str(tag["src"])).path for tag in page.select("script[src]")]
         loaded = [(path.parent / source).resolve() for source in sources]
         assert script.resolve() in loaded, f"{path.name} has formulas and does not load {MATHJAX}"
+
+
+# --- the ledger -------------------------------------------------------------------------------
+
+
+def anchor_of(id: str) -> str:
+    """Give the anchor of a claim's entry; addresses in letters and papers rely on it."""
+    return "claim-" + re.sub("[^a-z0-9]+", "-", id.lower())
+
+
+def test_the_ledger_has_an_entry_for_every_claim(
+    site: Path, pages: dict[Path, BeautifulSoup]
+) -> None:
+    entries = pages[site / "ledger.html"].select(".claim")
+    names = [entry.select_one("h3 code").get_text() for entry in entries]
+    assert names == sorted(LEDGER, key=names.index)
+    assert [entry["id"] for entry in entries] == [anchor_of(id) for id in names]
+
+
+def test_citations_lead_to_the_ledger(site: Path, pages: dict[Path, BeautifulSoup]) -> None:
+    citations = [
+        (path, code) for path, page in pages.items() for code in page.select("code.claim-link")
+    ]
+    assert {path.parent.name for path, _ in citations} >= {"chapters"}, "no chapter cites a claim"
+    ledger = (site / "ledger.html").resolve()
+    for path, code in citations:
+        address = urlsplit(str(code.find_parent("a")["href"]))
+        assert (path.parent / (address.path or path.name)).resolve() == ledger
+        assert address.fragment == anchor_of(code.get_text())
+
+
+def test_the_ledger_leads_to_the_first_citation(
+    site: Path, pages: dict[Path, BeautifulSoup]
+) -> None:
+    places = {
+        path.resolve(): {tag["id"]: tag for tag in page.select("[id]")}
+        for path, page in pages.items()
+    }
+    for entry in pages[site / "ledger.html"].select(".claim"):
+        id = entry.select_one("h3 code").get_text()
+        links = entry.select("a[href*='#shown-']")
+        assert links, f"{id} leads to no chapter"
+        for link in links:
+            address = urlsplit(str(link["href"]))
+            place = places[(site / address.path).resolve()][address.fragment]
+            assert id in place.get_text()
+
+
+def test_only_the_ledger_has_the_filter(site: Path, pages: dict[Path, BeautifulSoup]) -> None:
+    with_filter = {path for path, page in pages.items() if page.select("script[src*='claims.js']")}
+    assert with_filter == {site / "ledger.html"}
+    assert pages[site / "ledger.html"].select_one(".claims-filter")
+    verdicts = {badge.get_text() for badge in pages[site / "ledger.html"].select("dt .verdict")}
+    assert verdicts == set(Verdict)
