@@ -845,20 +845,17 @@ def plots_of_small_mismatches() -> Finding:
     40 random pairs with parameters within 1 % are exchanged. 8 random H with |H| below 0.96 are
     tried with 5 λ and n up to 4.
     """
-    resonant = [
-        NRDOB(_resonance(0.9), _resonance(1.0), 0.0, LowPassFilter(value, 2))
-        for value in (0.01, 0.3, 100.0)
-    ]
-    omega = np.linspace(0.5, 1.5, 4001)
-    real = resonant[0].H(1j * omega).real
+    process, model = _resonance(0.9), _resonance(1.0)
 
-    def real_part(logarithm: float) -> float:
-        return rightmost(
-            NRDOB(_resonance(0.9), _resonance(1.0), 0.0, LowPassFilter(float(np.exp(logarithm)), 2))
-        )
+    def resonant(time_constant: float) -> NRDOB:
+        return NRDOB(process, model, 0.0, LowPassFilter(time_constant, 2))
 
-    ends = [float(np.log(loop.filter.time_constant)) for loop in resonant]
-    low, high = (float(np.exp(brentq(real_part, *pair))) for pair in (ends[:2], ends[1:]))
+    real = resonant(1.0).H(1j * np.linspace(0.5, 1.5, 4001)).real
+    fast, middle, slow = 0.01, 0.3, 100.0
+    low, high = (
+        float(np.exp(brentq(lambda x: rightmost(resonant(float(np.exp(x)))), *np.log(ends))))
+        for ends in ((fast, middle), (middle, slow))
+    )
     exchanged, left = _exchanged()
     small = list(_small_mismatches(8))
     return Finding(
@@ -871,7 +868,8 @@ def plots_of_small_mismatches() -> Finding:
         and every(left)
         and every(small)
         and high > 50 * low
-        and [rightmost(loop) < 0 for loop in resonant] == [True, False, True],
+        and [rightmost(resonant(x)) < 0 for x in (0.99 * low, 1.01 * low, 0.99 * high, 1.01 * high)]
+        == [True, False, False, True],
     )
 
 
@@ -902,10 +900,11 @@ def _small_mismatches(count: int) -> Iterator[bool]:
         den = np.poly(pole)
         num = rng.normal(size=3 + int(rng.integers(0, 2)))
         num = num * 0.95 / np.abs(np.polyval(num, grid) / np.polyval(den, grid)).max()
-        ratio = ct.tf(np.polyadd(den, num), den)
+        process = np.polyadd(den, num), np.convolve(den, [1.0, 1.0])
+        model = [1.0], [1.0, 1.0]
         for order in (1, 2, 3, 4):
             for value in np.geomspace(1e-2, 1e2, 5):
-                loop = observer(ratio, 1 / (_s + 1), value, order)
+                loop = NRDOB(process, model, 0.0, LowPassFilter(value, order))
                 bounded = bool(np.abs(loop.H(grid)).max() < 0.96)
                 yield bounded and rightmost(loop) < 0
 
@@ -933,7 +932,11 @@ def right_half_plane_mismatch() -> Finding:
     hump, step = 10 * _s / ((_s + 0.01) * (_s + 1)), 49 * _s / (_s + 1)
     second = [observer(1 + hump, model, value, 2) for value in (1e-3, 1.0, 1e3)]
     third = [observer(1 + step, model, value, 3) for value in (0.1, 10.0)]
-    border = float(brentq(lambda value: rightmost(observer(1 + step, model, value, 3)), 0.1, 10.0))
+
+    def at_border(value: float) -> float:
+        return rightmost(observer(1 + step, model, value, 3))
+
+    border = float(brentq(at_border, 0.1, 10.0))
     within = [_in_the_right(loop) for loop in (second[0], third[0])]
     roots = [rightmost(loop) for loop in second]
     rng = np.random.default_rng(23)
@@ -960,6 +963,7 @@ def right_half_plane_mismatch() -> Finding:
         amended=every(within)
         and [root < 0 for root in roots] == [True, False, True]
         and [rightmost(loop) < 0 for loop in third] == [False, True]
+        and at_border(0.999 * border) > 0 > at_border(1.001 * border)
         and every(first_order),
     )
 
