@@ -131,6 +131,7 @@ def conventional_observer_and_noise() -> Finding:
         f"with the conventional observer, {number(alone, 4)} with C alone; the NR-DOB falls below "
         f"C alone at λ = {number(equal, 4)} s",
         amended=same(powers[:, 0], 0.25 / tried)
+        and same(equal, 0.25 / alone, rtol=1e-6)
         and every((powers[:, 0] < alone) == (tried > equal))
         and every(powers[:, 1] > alone)
         and same(from_diagram("T_R", matched), tracking)

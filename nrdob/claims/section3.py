@@ -661,15 +661,12 @@ def turns_of_h_alone() -> Finding:
         0.0,
         LowPassFilter(0.1, 2),
     )
+    model = 1 / (_s + 1) ** 3
+    process = 10 * (_s + 1) / (_s - 1) * model
     turning = [
-        observer(10 * (_s + 1) / (_s - 1), 1 / (_s + 1) ** 3, value, 3)
-        for value in np.geomspace(1e-4, 1e4, 81)
+        NRDOB(process, model, 0.0, LowPassFilter(value, 3)) for value in np.geomspace(1e-4, 1e4, 81)
     ]
     no_turn = _turns_around_minus_one(stabilised.H, excess=1)
-    turning = [
-        observer(10 * (_s + 1) / (_s - 1), 1 / (_s + 1) ** 3, value, 3)
-        for value in np.geomspace(1e-4, 1e4, 81)
-    ]
     one_turn = _turns_around_minus_one(turning[0].H)
     root = rightmost(stabilised)
     routh = [_routh(loop.filter) for loop in turning]
