@@ -85,7 +85,7 @@ def design_filter(
         orders = range(lowest, lowest + EXTRA_ORDERS + 1)
     else:
         orders = range(order, order + 1)
-    searches = [_Search.of(process, model, n, specification) for n in orders]
+    searches = [FilterSearch.of(process, model, n, specification) for n in orders]
     limits = [(search, search.fastest()) for search in searches]
     unlimited = [search for search, time_constant in limits if time_constant == 0]
     if unlimited:
@@ -154,42 +154,52 @@ class Specification:
 
 
 @dataclass(frozen=True, eq=False)
-class _Search:
+class FilterSearch:
     """The search for the fastest filter of one order.
 
     Attributes
     ----------
     order : int
         n.
+    intervals : list of (low, high)
+        The stabilising set.
     tried : list of float
         The λ at which the specification is looked at, increasing; two neighbours may lie on both
         sides of a stretch where the loop is unstable.
     rough : array of float
         Slack of the specification at each, read off a grid of frequencies.
-    slack : callable
-        Exact slack as a function of ln λ.
+    plant_loop : callable
+        Margins of L as a function of λ.
+    specification : Specification
+        What is asked of them.
     """
 
     order: int
+    intervals: list[tuple[float, float]]
     tried: list[float]
     rough: FloatArray
-    slack: Callable[[float], float]
+    plant_loop: Callable[[float], Margins]
+    specification: Specification
 
     @classmethod
-    def of(cls, process: Any, model: Any, order: int, specification: Specification) -> _Search:
+    def of(cls, process: Any, model: Any, order: int, specification: Specification) -> FilterSearch:
+        """Prepare the search: the stabilising set, and where in it to look."""
         intervals = stabilizing_time_constants(process, model, order)
         mismatch = Mismatch.of(process, model, order)
         tried = [value for ends in intervals for value in _samples(*ends, mismatch)]
 
         @cache
-        def slack(exponent: float) -> float:
-            value = float(np.exp(exponent))
-            if not any(low < value < high for low, high in intervals):
-                return UNSTABLE
-            loop = LoopEquations(process, model, 1.0, LowPassFilter(value, order))
-            return specification.slack(margins(loop.L, True, loop.p_B))
+        def plant_loop(time_constant: float) -> Margins:
+            stable = any(low < time_constant < high for low, high in intervals)
+            loop = LoopEquations(process, model, 1.0, LowPassFilter(time_constant, order))
+            return margins(loop.L, stable, loop.p_B)
 
-        return cls(order, tried, _rough_slacks(mismatch, tried, specification), slack)
+        rough = _rough_slacks(mismatch, tried, specification)
+        return cls(order, intervals, tried, rough, plant_loop, specification)
+
+    def slack(self, exponent: float) -> float:
+        """Exact slack of the specification at ln λ."""
+        return self.specification.slack(self.plant_loop(float(np.exp(exponent))))
 
     def fastest(self) -> float | None:
         """Find the smallest λ that meets the specification: None if none does, 0 if all do."""
@@ -266,7 +276,7 @@ def _samples(low: float, high: float, mismatch: Mismatch) -> list[float]:
 
 
 def _refusal(
-    process: Any, model: Any, searches: list[_Search], specification: Specification
+    process: Any, model: Any, searches: list[FilterSearch], specification: Specification
 ) -> str:
     """Say why there is no filter, and what comes closest."""
     orders = " or ".join(str(search.order) for search in searches)
@@ -276,12 +286,11 @@ def _refusal(
         reason = "" if answer.holds else f" ({answer.reason})"
         return f"no filter of order {orders} stabilises the loop{reason}: choose another model"
     closest = max(stable, key=lambda search: search.closest()[1])
-    filter = LowPassFilter(closest.closest()[0], closest.order)
-    loop = LoopEquations(process, model, 1.0, filter)
-    best = margins(loop.L, True, loop.p_B)
+    time_constant = closest.closest()[0]
+    best = closest.plant_loop(time_constant)
     return (
         f"no filter of order {orders} meets {specification}; closest comes λ = "
-        f"{filter.time_constant:.4g} s, n = {filter.order}, with Ms = {best.ms:.4g}, "
+        f"{time_constant:.4g} s, n = {closest.order}, with Ms = {best.ms:.4g}, "
         f"GM = {abs(best.gm_db):.4g} dB, PM = {best.pm:.4g}°: relax the specification or choose "
         "another model"
     )

@@ -124,7 +124,8 @@ class Mismatch:
             steps = np.geomspace(0.1 * width, abs(root), int(8 * np.log10(abs(root) / width)) + 9)
             grids += [root.imag + steps, root.imag - steps]
         omega = np.unique(np.concatenate(grids))
-        return np.asarray(omega[omega >= 10**low])
+        at_pole = np.polyval(self.a, 1j * omega) == 0
+        return np.asarray(omega[(omega >= 10**low) & ~at_pole])
 
     @cached_property
     def speeds(self) -> FloatArray:
