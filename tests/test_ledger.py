@@ -220,9 +220,9 @@ def test_a_claim_links_all_its_chapters_its_own_first(
     run(EVERY_VERDICT, chapters, capsys)
     text = page(chapters, "ledger.md")
     assert (
-        "[The loop](#shown-11_one-eq03); [The second, “End”](#shown-12_two-eq03)" in text
+        "[The loop](#shown-11_one-eq03); [The second › End](#shown-12_two-eq03)" in text
     )  # in the chapter's opening there is no section to name
-    assert "[The loop, “Two bands of $S_d$”](#shown-11_one-eq05.s_d)" in text
+    assert "[The loop › Two bands of $S_d$](#shown-11_one-eq05.s_d)" in text
 
 
 def test_the_errata_are_what_is_not_reproduced(

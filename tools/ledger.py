@@ -83,7 +83,7 @@ plots, stands. A list like this one can be made of most papers, and of most book
 mistake in ours, we would like to know.
 
 For each statement you find what is printed, what is true, and the place in the book where it is
-shown. The order is that of the paper.
+shown. They are grouped by kind; within a group the order is that of the paper.
 """
 
 ERRATA_SECTIONS = {
@@ -240,7 +240,7 @@ def places(claim: Claim, chapters: Mapping[str, Chapter]) -> str:
     for chapter in shown:
         citation = chapter.first(claim.id)
         assert citation
-        section = f", “{citation.heading}”" if citation.heading != chapter.title else ""
+        section = f" › {citation.heading}" if citation.heading != chapter.title else ""
         links.append(f"[{chapter.title}{section}](#shown-{chapter.stem}-{claim.id.lower()})")
     return "; ".join(links)
 
@@ -301,9 +301,8 @@ def ledger_page(entries: Sequence[Entry], chapters: Mapping[str, Chapter]) -> st
 def erratum(entry: Entry, chapters: Mapping[str, Chapter]) -> str:
     """Write one entry of the errata."""
     claim = entry.claim
-    printed = f" Printed: {claim.printed}." if claim.printed else ""
     rows = [
-        term("Printed", claim.says + printed),
+        term("Printed", claim.says),
         term("True", claim.amendment.text if claim.amendment else ""),
         term("Shown in", f"{places(claim, chapters)}; the check: `claim:{claim.id}`"),
     ]
