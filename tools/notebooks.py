@@ -91,6 +91,12 @@ def copy_alt_text(cell: Any) -> None:
         cell.metadata["mystnb"]["image"].pop("alt", None)
 
 
+def drop_widget_views(cell: Any) -> None:
+    """Keep the picture of a figure with sliders; its sliders live only as long as the kernel."""
+    for output in cell.outputs:
+        output.get("data", {}).pop("application/vnd.jupyter.widget-view+json", None)
+
+
 def execute(path: Path, timeout: int) -> str:
     """Run one notebook from its own folder and give back the text to store."""
     notebook = nbformat.read(path, as_version=4)
@@ -109,6 +115,7 @@ def execute(path: Path, timeout: int) -> str:
     for cell in notebook.cells:
         if cell.cell_type == "code":
             copy_alt_text(cell)
+            drop_widget_views(cell)
     notebook.metadata = nbformat.from_dict(METADATA)
     nbformat.validate(notebook)
     return str(nbformat.writes(notebook)).rstrip("\n") + "\n"
