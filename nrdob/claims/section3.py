@@ -416,7 +416,7 @@ def poles_of_the_mismatch() -> Finding:
     before, after, stay = [], [], []
     for which in (1, 2, 3):
         loop = example(which)
-        roots = loop.H.denominator.roots
+        roots = _poles_and_zeros(loop)
         kept = [_is_pole(loop, root) for root in roots]
         before.append(roots.size)
         after.append(sum(kept))
@@ -426,7 +426,7 @@ def poles_of_the_mismatch() -> Finding:
             if not is_pole
         ]
     loops = _random_loops(20) + _random_loops(10, delayed=True)
-    poles = [_is_pole(loop, root) for loop in loops for root in loop.H.denominator.roots]
+    poles = [_is_pole(loop, root) for loop in loops for root in _poles_and_zeros(loop)]
     return Finding(
         before == after,
         f"Examples 1 to 3 have {_numbers(before)} poles of G and zeros of Gm, of which "
@@ -434,6 +434,11 @@ def poles_of_the_mismatch() -> Finding:
         "where nothing is shared",
         amended=every(poles) and every(stay),
     )
+
+
+def _poles_and_zeros(loop: NRDOB) -> ComplexArray:
+    """Poles of G and zeros of Gm."""
+    return np.concatenate([loop.G.denominator.roots, loop.Gm.numerator.roots])
 
 
 def _is_pole(loop: NRDOB, root: complex) -> bool:
@@ -453,8 +458,8 @@ def _is_pole(loop: NRDOB, root: complex) -> bool:
         r"If and only if, provided that $N_p$ is counted before cancellation, that nothing cancels "
         r"on the imaginary axis ($G=\tilde G=1/s$ has $N_p=0$ and no turns, yet $p_B(0)=0$), that "
         r"$F$ is stable and $F(\infty)H(\infty)\ne-1$, and that the contour passes open-loop "
-        "poles on the axis on their right. With dead time the plot must come to rest: $FH$ is "
-        "strictly proper.",
+        "poles on the axis on their right. With dead time the plot must not circle $-1$ for ever; "
+        "it does not if $FH$ is strictly proper.",
     ),
 )
 def turns_that_condition_ii_needs() -> Finding:
@@ -470,7 +475,7 @@ def turns_that_condition_ii_needs() -> Finding:
     hidden = NRDOB(1 / _s, 1 / _s, 2.0, LowPassFilter(0.05, 1))
     G = 4 / (2 - _s - _s**2)
     matched = NRDOB(G, G, -2.0, LowPassFilter(0.05, 2))
-    after = sum(_is_pole(matched, root) for root in matched.H.denominator.roots)
+    after = sum(_is_pole(matched, root) for root in _poles_and_zeros(matched) if root.real > 0)
     turned = _turns_around_minus_one(matched.FH)
     stable = sum(_condition_ii(loop) for loop in [*rational, *delayed])
     return Finding(
