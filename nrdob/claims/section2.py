@@ -5,7 +5,7 @@ Where the paper writes "approximately" the checks allow 10 %, of 1 or of the val
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from math import inf, sqrt
 from typing import Any
 
@@ -30,6 +30,7 @@ from .signals import (
     every,
     from_diagram,
     many_loops,
+    numbers,
     printed_map,
     random_blocks,
     random_points,
@@ -50,10 +51,6 @@ STOPPED = 0.01
 ORDERS = (1, 2, 3, 4)
 
 _s = ct.tf("s")
-
-
-def _numbers(values: Iterable[Any], digits: int = 4) -> str:
-    return ", ".join(number(float(value), digits) for value in values)
 
 
 # Section I.
@@ -235,7 +232,7 @@ def time_constant_and_bandwidth() -> Finding:
         for value in (1e-3, 0.05, 1.0, 1e3)
         if (F := LowPassFilter(value, order))
     ]
-    return Finding(every(agree), f"λω_B = {_numbers(corners)} for n = 1 to 4", TOLERANCE)
+    return Finding(every(agree), f"λω_B = {numbers(corners)} for n = 1 to 4", TOLERANCE)
 
 
 @SECTION.claim(
@@ -268,8 +265,8 @@ def filter_in_its_pass_band() -> Finding:
                 share.append(limit / F.bandwidth)
     return Finding(
         min(at_corner) >= 1 - NEAR,
-        f"at ω_B |F| = {_numbers(set(np.round(at_corner, 9)))} for n = 1 to 4; within 10 % of 1 "
-        f"only up to {_numbers(share)} of ω_B",
+        f"at ω_B |F| = {numbers(set(np.round(at_corner, 9)))} for n = 1 to 4; within 10 % of 1 "
+        f"only up to {numbers(share)} of ω_B",
         ABOUT,
         amended=every(exact) and every(0.45 < value < 0.55 for value in share),
     )
@@ -298,7 +295,7 @@ def filter_in_its_stop_band() -> Finding:
             if allowed == STOPPED:
                 width.append(found - F.bandwidth)
     return Finding(
-        every(right), f"|F| ≤ 0.01 needs λΔ = {_numbers(width)} for n = 1 to 4", TOLERANCE
+        every(right), f"|F| ≤ 0.01 needs λΔ = {numbers(width)} for n = 1 to 4", TOLERANCE
     )
 
 
@@ -433,7 +430,7 @@ def tracking_at_low_frequency() -> Finding:
     worst = _worst(farthest)
     return Finding(
         every(abs(value - 1) <= NEAR for value in worst),
-        f"the factor between the two reaches {_numbers(worst)} on [0, ω_B] in Examples 1 to 4",
+        f"the factor between the two reaches {numbers(worst)} on [0, ω_B] in Examples 1 to 4",
         ABOUT,
         amended=same(factor, (1 + blocks.H) / (1 + blocks.FH))
         and same(factor - 1, (1 - blocks.F) * blocks.H / (1 + blocks.FH))
@@ -467,8 +464,8 @@ def output_disturbance_at_low_frequency() -> Finding:
     worst = _worst(lambda loop: float(np.abs(loop.S_d(_low_band(loop))).max()))
     return Finding(
         every(value <= NEAR for value in worst),
-        f"|S_d| reaches {_numbers(worst)} on [0, ω_B] in Examples 1 to 4; |1 − F| at ω_B is "
-        f"{_numbers(error)} for n = 1, 2, 3, and below 0.1 only up to {_numbers(reach)} of ω_B",
+        f"|S_d| reaches {numbers(worst)} on [0, ω_B] in Examples 1 to 4; |1 − F| at ω_B is "
+        f"{numbers(error)} for n = 1, 2, 3, and below 0.1 only up to {numbers(reach)} of ω_B",
         ABOUT,
         amended=same(from_diagram("S_d", blocks), (1 - blocks.F) / (1 + blocks.FH))
         and same(from_diagram("S_d", _matched(blocks)), 1 - blocks.F)
@@ -557,7 +554,7 @@ def input_disturbance_at_low_frequency() -> Finding:
 
     return Finding(
         every(value <= NEAR for value in worst) and abs(integrators) <= NEAR,
-        f"|S_δ| reaches {_numbers(worst)} on [0, ω_B] in Examples 1 to 4; for G = Gm = 1/s, "
+        f"|S_δ| reaches {numbers(worst)} on [0, ω_B] in Examples 1 to 4; for G = Gm = 1/s, "
         f"n = 2, λ = 0.5 s it tends to {number(integrators.real, 4)}",
         ABOUT,
         amended=same(from_diagram("S_delta", blocks), blocks.G * from_diagram("S_d", blocks))
@@ -608,7 +605,7 @@ def _approach(
     stable = biproper.stability().stable is True
     return Finding(
         every(value <= NEAR for value in worst) and deviation(biproper) <= NEAR,
-        f"where |F| ≤ 0.01 {what} is off by at most {_numbers(worst)} in Examples 1 to 4; in "
+        f"where |F| ≤ 0.01 {what} is off by at most {numbers(worst)} in Examples 1 to 4; in "
         f"Example 2 with n = 1, λ = 0.02 s ({'stable' if stable else 'not stable'}) it tends to "
         f"{number(abs(part(biproper, _high_band(biproper)[-1:])[0]), 4)}",
         ABOUT,
@@ -696,7 +693,7 @@ def noise_at_high_frequency() -> Finding:
     stable = biproper.stability().stable is True
     return Finding(
         every(value <= NEAR for value in worst) and passes <= NEAR,
-        f"where |F| ≤ 0.01 |S_η| is at most {_numbers(worst)} in Examples 1 to 4; in Example 2 "
+        f"where |F| ≤ 0.01 |S_η| is at most {numbers(worst)} in Examples 1 to 4; in Example 2 "
         f"with n = 1, λ = 0.02 s ({'stable' if stable else 'not stable'}) it is nowhere below "
         f"{number(passes, 4)}",
         ABOUT,
@@ -774,7 +771,7 @@ def noise_against_tracking() -> Finding:
     return Finding(
         every(quieter) and every(value <= NEAR for value in departs),
         f"filters four times slower: T_R departs from C Gm/(1 + C Gm) by up to "
-        f"{_numbers(departs)} in Examples 2 to 4; in Example 3 it was "
+        f"{numbers(departs)} in Examples 2 to 4; in Example 3 it was "
         f"{number(before_departs, 4)}, while the noise power at y falls from {number(power[0], 4)} "
         f"to {number(power[1], 4)}",
         ABOUT,
@@ -819,8 +816,8 @@ def disturbances_above_the_bandwidth() -> Finding:
     worst = _worst(peak)
     return Finding(
         every(abs(value - 1) <= NEAR for value in worst),
-        f"|S_d| above ω_B reaches {_numbers(worst)} in Examples 1 to 4; max|1 − F| is "
-        f"{_numbers(floor)} for n = 1, 2, 3",
+        f"|S_d| above ω_B reaches {numbers(worst)} in Examples 1 to 4; max|1 − F| is "
+        f"{numbers(floor)} for n = 1, 2, 3",
         ABOUT,
         amended=floor[0] < 1
         and same(floor, [1, 2 / sqrt(3), 9 / 7], rtol=1e-6)

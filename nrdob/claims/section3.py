@@ -34,6 +34,7 @@ from .signals import (
     loop_modes,
     many_loops,
     modes,
+    numbers,
     printed_map,
     random_blocks,
     random_points,
@@ -45,10 +46,6 @@ from .signals import (
 SECTION = Section()
 
 _s = ct.tf("s")
-
-
-def _numbers(values: Iterable[Any], digits: int = 4) -> str:
-    return ", ".join(number(float(value), digits) for value in values)
 
 
 def observer(ratio: Any, model: Any, time_constant: float, order: int) -> NRDOB:
@@ -189,7 +186,7 @@ def input_disturbance_to_control() -> Finding:
     ),
 )
 def rational_functions_not_polynomials() -> Finding:
-    """Follow A and the three forms of B from s = 3 to 10⁹: a polynomial would be constant or grow.
+    """Follow A, and B in its first form, from s = 3 to 10⁹: a polynomial is constant or grows.
 
     Diagram, p_A and p_B are compared at random points; the eigenvalues of a state space of the
     whole diagram with the roots of the product, as polynomials.
@@ -206,8 +203,8 @@ def rational_functions_not_polynomials() -> Finding:
         ends.append(a_far)
     return Finding(
         every(grows),
-        f"Examples 1 to 4: from s = 3 to 10⁹ the size of A goes from {_numbers(starts[:4])} to "
-        f"{_numbers(np.round(ends[:4], 6))}; {sum(grows)} of {len(grows)} functions A and B of "
+        f"Examples 1 to 4: from s = 3 to 10⁹ the size of A goes from {numbers(starts[:4])} to "
+        f"{numbers(np.round(ends[:4], 6))}; {sum(grows)} of {len(grows)} functions A and B of "
         f"{len(loops)} loops are constant or grow, as a polynomial must",
         amended=every(_factors(loop) for loop in loops)
         and every(_modes_are_the_roots(loop) for loop in loops if not loop.delay),
@@ -256,7 +253,7 @@ def three_forms_of_b() -> Finding:
     """Compare the forms at random values, at the roots of p_B, and for G = Gm = (1 − s)/(s + 2)."""
     blocks = random_blocks(np.random.default_rng(7))
     second = 1 + blocks.F * (blocks.G / blocks.Gm - 1)
-    loops = [loop for loop in many_loops() if not loop.delay and loop.H.dc_gain != 0]
+    loops = [loop for loop in many_loops() if not loop.delay]
     vanish = [_vanishes_at_roots(loop) for loop in loops if not _shares(loop)]
     G = (1 - _s) / (_s + 2)
     shared = NRDOB(G, G, 0.1, LowPassFilter(0.1, 1))
@@ -408,10 +405,10 @@ def _zeros_of_one_plus(loop: Quotient) -> ComplexArray:
     ),
 )
 def poles_of_the_mismatch() -> Finding:
-    """Divide out what cancels in H, in Examples 1 to 3; approach every pole in random loops.
+    """Approach every pole of G and every zero of Gm, in Examples 1 to 3 and in random loops.
 
-    A root of D or Nm is a pole if |H| grows like one over the distance. Where one has cancelled,
-    p_B must vanish.
+    It is a pole of H if |H| grows like one over the distance. Where one has cancelled, p_B must
+    vanish.
     """
     before, after, stay = [], [], []
     for which in (1, 2, 3):
@@ -429,9 +426,9 @@ def poles_of_the_mismatch() -> Finding:
     poles = [_is_pole(loop, root) for loop in loops for root in _poles_and_zeros(loop)]
     return Finding(
         before == after,
-        f"Examples 1 to 3 have {_numbers(before)} poles of G and zeros of Gm, of which "
-        f"{_numbers(after)} are poles of H; {sum(poles)} of {len(poles)} are in random loops, "
-        "where nothing is shared",
+        f"Examples 1 to 3 have {numbers(before)} poles of G and zeros of Gm, of which "
+        f"{numbers(after)} are poles of H; in random loops, where nothing is shared, "
+        f"{sum(poles)} of {len(poles)} are",
         amended=every(poles) and every(stay),
     )
 
@@ -631,7 +628,7 @@ def slowing_the_filter_down() -> Finding:
     return Finding(
         every(count > 0 for count in stable),
         f"(s − 1)/(s + 1), n = 1, and 10(1 − s/100)/(1 + s/100), n = 3: H turns "
-        f"{_numbers(turning)} times clockwise, and {_numbers(stable)} of {tried.size} λ up to "
+        f"{numbers(turning)} times clockwise, and {numbers(stable)} of {tried.size} λ up to "
         f"10⁵ s are stable; the rule decides {sum(agree)} of {len(agree)} random cases, {wins} of "
         "them stable",
         amended=every(agree)
@@ -1234,6 +1231,6 @@ def margins_of_a_perfect_model() -> Finding:
         # C Gm of Example 1 has an infinite gain margin: were it that of the loop, so had this.
         every(value == pm.gm for value in limits),
         f"Example 1: C Gm has a gain margin of {number(pm.gm)}, the process may grow by "
-        f"{_numbers(limits)} for n = 1 to 6, with phase margins {_numbers(phases)}°",
+        f"{numbers(limits)} for n = 1 to 6, with phase margins {numbers(phases)}°",
         amended=every(same_margins) and every(ends) and same(limits, gains, 1e-6),
     )

@@ -16,6 +16,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from .. import paper
+from ..alttext import number
 from ..blocks import ComplexArray, FloatArray, Fraction
 from ..equations import Quotient
 from ..loop import NRDOB
@@ -196,6 +197,11 @@ def fraction(quotient: Quotient) -> Fraction:
 def loop_modes(loop: NRDOB) -> ComplexArray:
     """Modes of a loop without dead time."""
     return modes(*(fraction(block) for block in (loop.G, loop.Gm, loop.C, loop.F)))
+
+
+def numbers(values: Iterable[Any], digits: int = 4) -> str:
+    """Write numbers one after the other."""
+    return ", ".join(number(float(value), digits) for value in values)
 
 
 def modes(G: Fraction, Gm: Fraction, C: Fraction, F: Fraction) -> ComplexArray:
