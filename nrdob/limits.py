@@ -285,7 +285,7 @@ def stabilizing_filter_exists(process: Any, model: Any) -> Answer:
 
 ROOT_AT_ORIGIN = (
     "p_B(0) = N(0)·Dm(0) = 0 for every filter: the process has a zero at s = 0, or the model an "
-    "integrator; give the model a slow stable pole instead"
+    "integrator; give the model a slow stable pole instead, or build (1 - F)·model as one block"
 )
 
 OPPOSITE_SIGNS = "with a stable process and a minimum-phase model both need the same DC sign"

@@ -89,7 +89,15 @@ def encirclements(loop: Quotient, point: float = -1.0) -> NyquistCount:
     >>> encirclements(loop.H)
     NyquistCount(encirclements=-1, open_loop_rhp=1, closed_loop_rhp=0, reason='')
     """
-    return nyquist_count(loop.den, minus_point(loop, point))
+    closed = minus_point(loop, point)
+    found = nyquist_count(loop.den, closed)
+    full = max(loop.numerator.degree, loop.denominator.degree)
+    if found.reason or closed.delay or closed.degree == full:
+        return found
+    # The leading terms cancel, or all do: what is left is counted, but the plot does not turn.
+    where = "ends at the point at infinite frequency" if closed.q.any() else "stays at the point"
+    zeros = found.closed_loop_rhp if closed.q.any() else None
+    return NyquistCount(None, found.open_loop_rhp, zeros, f"the curve {where}")
 
 
 def minus_point(loop: Quotient, point: float = -1.0) -> QuasiPolynomial:

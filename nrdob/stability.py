@@ -146,7 +146,10 @@ def stability(loop: LoopEquations) -> Stability:
 def _root_for_every_filter(loop: LoopEquations) -> str:
     """Explain p_B(0) = N(0) Dm(0) = 0."""
     if loop.Gm.dc_gain == inf:
-        return "for every filter: the model has an integrator; give it a slow stable pole instead"
+        return (
+            "for every filter: the model has an integrator; give it a slow stable pole instead, or "
+            "build (1 - F)·model as one block, without the factor s that cancels in it"
+        )
     return "for every filter: the process has a zero there, which no feedback moves"
 
 

@@ -95,3 +95,17 @@ def test_a_plot_that_turns_for_ever_has_infinitely_many_turns_but_finitely_many_
     # 1 + H = G/Gm has the two zeros of the rational part, both on the left.
     assert (count.encirclements, count.closed_loop_rhp) == (np.inf, 0)
     assert "for ever" in count.reason
+
+
+def test_a_curve_that_ends_at_the_point_has_no_turns_to_count():
+    s = ct.tf("s")
+    loop = nrdob.NRDOB((s + 3) / (s + 1) ** 2, (s + 2) / (s + 1) ** 2, 1, nrdob.LowPassFilter(1, 1))
+    found = encirclements(loop.ratio, point=1.0)
+    assert found.encirclements is None and found.closed_loop_rhp == 0
+    assert "infinite frequency" in found.reason
+
+
+def test_a_curve_that_stays_at_the_point_has_no_turns_to_count():
+    found = encirclements(nrdob.paper.example(1).ratio, point=1.0)
+    assert found.encirclements is None and found.closed_loop_rhp is None
+    assert "stays at the point" in found.reason
