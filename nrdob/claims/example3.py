@@ -42,10 +42,11 @@ PLANT = ([4], [-1, -1, 2])
     UNSTABLE,
 )
 def matched_fails() -> Finding:
-    """Exact match: p_B = N·D·Df. Almost: 9 models, off by up to 20 %, with 15 filters each.
+    """Judge the exact model and eight that are off by 5 to 20 %, with 15 filters each.
 
-    p_B(0) has the sign opposite to that of the leading coefficient, so that the number of roots in
-    the right half plane must be odd; turns and roots are counted as well.
+    With the exact one p_B must be N·D·Df. With every one p_B(0) must have the sign opposite to that
+    of the leading coefficient, which makes the number of roots in the right half plane odd; turns
+    and roots are counted as well.
     """
     filters = [LowPassFilter(lam, n) for n in (2, 3, 4) for lam in (0.001, 0.03, 0.3, 3.0, 100.0)]
     exact = all(
@@ -336,7 +337,7 @@ def fast_enough() -> Finding:
     ),
 )
 def critical_point() -> Finding:
-    """Compare N = −P around both points with the verdict, in both examples and with ten filters."""
+    """See around which of the two points N = −P tells the verdict, in ten loops of both kinds."""
     loops = [
         filtered(example(number), lam, order)
         for number, order, lams in (

@@ -22,6 +22,12 @@ OMEGA = np.geomspace(1e-3, 1e5, 4001)
 """Frequencies on which a statement about all frequencies is tried, rad/s."""
 
 _LOOPS = {"CGm": ("model_loop", r"$C\tilde G$"), "FH": ("observer_loop", "$FH$")}
+_METHOD = {
+    ("pm", True): "Compute the margin; the loop gain, rotated by it, must meet −1.",
+    ("pm", False): "Compute the margin; the loop gain must stay inside the unit circle on a grid.",
+    ("gm", True): "Compute the margin; the loop gain, multiplied by it, must meet −1.",
+    ("gm", False): "Compute the margin; the loop gain must not cross the negative real axis.",
+}
 _FINAL = {"R": 1.0, "d": 0.0, "delta": 0.0, "eta": -1.0}
 _MAPS = {"R": "T_R", "d": "S_d", "delta": "S_delta", "eta": "S_eta"}
 _SPOKEN = {"R": "T_R", "d": "S_d", "delta": "S_δ", "eta": "S_η"}
@@ -79,11 +85,6 @@ def enter_margin(section: Section, id: str, chapter: str) -> None:
         printed=value,
     )
     def check() -> Finding:
-        """Compute the margin, then see by the loop gain that it is one.
-
-        Scaled or rotated by a finite margin the loop gain must meet −1; for an infinite one it must
-        stay off the negative real axis (gain) or inside the unit circle (phase) on a dense grid.
-        """
         loop = example(int(which[2:]))
         margins: Margins = getattr(loop.margins(), attribute)
         gain: Quotient = getattr(loop, loop_name)
@@ -93,6 +94,8 @@ def enter_margin(section: Section, id: str, chapter: str) -> None:
             f"±{0.5 * 10.0**-printed.digits:g}{_unit(printed)}" if isfinite(computed) else ""
         )
         return Finding(printed.agrees_with(computed) and confirmed, text, tolerance)
+
+    check.__doc__ = _METHOD[kind, isfinite(printed.value)]
 
 
 def _with_unit(printed: Printed) -> str:
@@ -201,7 +204,7 @@ def enter_function(
         printed=printed_text(printed_as),
     )
     def check() -> Finding:
-        """Compare with the printed one on a grid of the right half plane, and divide it out."""
+        """Compare with the printed one on a grid of the right half plane; cancel to show it."""
         computed: Quotient = getattr(example(which), printed_as.split(".")[1])
         return Finding(
             PRINTED_FUNCTIONS[printed_as].agrees_with(computed),
