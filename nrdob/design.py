@@ -86,17 +86,22 @@ def design_filter(
     else:
         orders = range(order, order + 1)
     searches = [FilterSearch.of(process, model, n, specification) for n in orders]
-    limits = [(search, search.fastest()) for search in searches]
-    unlimited = [search for search, time_constant in limits if time_constant == 0]
-    if unlimited:
-        raise ValueError(
-            f"{specification} is met by every filter of order {unlimited[0].order}, however fast "
-            f"(tried down to {unlimited[0].tried[0]:.3g} s); let the noise choose, for example "
-            "by the largest |U_eta| that the actuator bears"
-        )
-    found = [LowPassFilter(value, search.order) for search, value in limits if value]
-    if found:
-        return max(found, key=lambda filter: filter.bandwidth)
+    best: LowPassFilter | None = None
+    for search in sorted(searches, key=lambda search: -search.promise):
+        if best and search.promise < best.bandwidth:
+            break
+        time_constant = search.fastest()
+        if time_constant == 0:
+            raise ValueError(
+                f"{specification} is met by every filter of order {search.order}, however fast "
+                f"(tried down to {search.tried[0]:.3g} s); let the noise choose, for example by "
+                "the largest |U_eta| that the actuator bears"
+            )
+        if time_constant:
+            found = LowPassFilter(time_constant, search.order)
+            best = found if not best or found.bandwidth > best.bandwidth else best
+    if best:
+        return best
     raise ValueError(_refusal(process, model, searches, specification))
 
 
@@ -196,6 +201,15 @@ class FilterSearch:
 
         rough = _rough_slacks(mismatch, tried, specification)
         return cls(order, intervals, tried, rough, plant_loop, specification)
+
+    @property
+    def promise(self) -> float:
+        """Bandwidth that the rough slacks do not exclude, in rad/s."""
+        good = np.flatnonzero(self.rough >= 0)
+        if not good.size:
+            return 0.0
+        fastest = self.tried[max(int(good[0]) - 1, 0)]
+        return LowPassFilter(fastest, self.order).bandwidth if good[0] else inf
 
     def slack(self, exponent: float) -> float:
         """Exact slack of the specification at ln λ."""
