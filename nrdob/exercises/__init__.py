@@ -1,0 +1,63 @@
+"""Problem sets that grade themselves: the graders behind the notebooks of `notebooks/exercises`.
+
+In a notebook, `check` gives immediate feedback and `score`, in the hidden tests, the points.
+
+>>> from nrdob.exercises import PROBLEMS, check
+>>> check("2.1", None, group=7)
+Nothing to check yet: replace the placeholder by your answer and run this cell again.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from . import set2
+from .grading import HIDDEN_CASES, VISIBLE_CASES, Case, Feedback, Misconception, Problem, review
+
+__all__ = ["PROBLEMS", "Feedback", "Misconception", "Problem", "check", "own_case", "score"]
+
+PROBLEMS: dict[str, Problem] = {
+    problem.id: problem for part in (set2,) for problem in part.PROBLEMS
+}
+"""Every problem by its id.
+
+:meta hide-value:
+"""
+
+
+def own_case(id: str, group: int) -> Case:
+    """Give the case of a group: the same problem for all, with numbers of its own."""
+    return _problem(id).cases(group, 1)[0]
+
+
+def check(id: str, answer: Any, group: int) -> Feedback:
+    """Judge an answer on the group's own case and some more, and tell what to think about.
+
+    Parameters
+    ----------
+    id : str
+        Number of the problem, "2.1".
+    answer : object
+        What the problem asks for: a function of a case, or a value for the group's own case.
+    group : int
+        Seed of the group.
+    """
+    problem = _problem(id)
+    return review(problem, answer, problem.cases(group, VISIBLE_CASES))
+
+
+def score(id: str, answer: Any, group: int, points: float, seed: int) -> float:
+    """Points of an answer on cases that the student has not seen, for the hidden tests.
+
+    The answer must hold on the group's own case too; a value is for that case alone.
+    """
+    problem = _problem(id)
+    own = problem.cases(group, 1)
+    cases = own if problem.own else own + problem.cases(seed, HIDDEN_CASES)
+    return points * review(problem, answer, cases).share
+
+
+def _problem(id: str) -> Problem:
+    if id not in PROBLEMS:
+        raise KeyError(f"there is no problem {id!r}; there are {', '.join(PROBLEMS)}")
+    return PROBLEMS[id]
