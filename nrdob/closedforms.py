@@ -177,7 +177,7 @@ def disturbance_index(order: int) -> float:
 
 
 def sensitivity_floor(order: int) -> float:
-    r"""Compute max |1 - F|, the sensitivity peak of a matched loop, whatever λ.
+    r"""Compute the peak of ``|1 - F|``, the sensitivity peak of a matched loop, whatever λ.
 
     With :math:`\lambda\omega = \tan\varphi` it lies where
     :math:`\sin (n+1)\varphi = \cos^n\varphi\,\sin\varphi`.

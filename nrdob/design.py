@@ -50,7 +50,7 @@ def design_filter(
     order : int, optional
         Order of the filter. By default the lowest causal one and the next two are compared.
     max_ms : float, optional
-        Largest allowed peak of the sensitivity, max |S_d|; above 1.
+        Largest allowed peak of the sensitivity ``|S_d|``; above 1.
     min_gm_db : float, optional
         Smallest allowed gain margin, up and down, in dB.
     min_pm_deg : float, optional

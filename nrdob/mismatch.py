@@ -104,7 +104,7 @@ class Mismatch:
         return np.convolve(self.a, _den_less_1(time_constant, self.order))
 
     def largest_time_constant(self, omega: FloatArray) -> FloatArray:
-        """Bound of the critical λ at a frequency: |1 + jλω|^n = |H| <= 1 + |b/a|."""
+        """Bound of the critical λ at a frequency, from ``|1 + jλω|^n = |H| <= 1 + |R|``."""
         size = np.abs(self.ratio(omega))
         return np.asarray(np.sqrt((1 + size) ** (2 / self.order) - 1) / omega)
 
