@@ -354,9 +354,9 @@ def figure_16() -> Finding:
     printed="14.01 dB",
     amendment=Amendment(
         Verdict.CORRECTED,
-        "It says so of a factor on $FH$, which no part of the loop can change. A factor $k$ on the "
-        r"plant turns $H$ into $k\,\tilde G^{-1}G-1$; what it may be is the gain margin of "
-        r"$L=F\,\tilde G^{-1}G/(1-F)$.",
+        r"It says so of a factor on the mismatch, $\tilde G+k(G-\tilde G)$ in the place of $G$. A "
+        r"factor $k$ on the plant turns $H$ into $k\,\tilde G^{-1}G-1$; what it may be is the gain "
+        r"margin of $L=F\,\tilde G^{-1}G/(1-F)$.",
     ),
 )
 def gain_margin() -> Finding:

@@ -916,7 +916,7 @@ def _small_mismatches(count: int) -> Iterator[bool]:
     "17_lemma_1",
     amendment=Amendment(
         Verdict.CONDITION,
-        r"True for $n=1$, where $FH$ never turns by 180°. For $n\ge2$ it can: with "
+        r"True for $n=1$ and a proper $H$: $FH$ never turns by 180°. For $n\ge2$ it can: with "
         r"$H=10s/((s+0.01)(s+1))$, $n=2$, $\lambda=1$ s is unstable, and $H=49s/(s+1)$ with $n=3$ "
         r"is stable only for $\lambda$ beyond a border.",
     ),
@@ -1124,8 +1124,8 @@ def perfect_models() -> Finding:
 @SECTION.claim(
     "cor1.necessary",
     "Corollary 1",
-    r"Each of the conditions of Corollary 1 is needed; they exclude poles and zeros of $G$ on the "
-    "imaginary axis, too.",
+    r"Each of the conditions of Corollary 1 is needed, if the blocks are built as drawn; they exclude "
+    "poles and zeros of $G$ on the imaginary axis, too.",
     "17_lemma_1",
 )
 def each_condition_dropped() -> Finding:
