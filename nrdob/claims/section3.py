@@ -1124,8 +1124,8 @@ def perfect_models() -> Finding:
 @SECTION.claim(
     "cor1.necessary",
     "Corollary 1",
-    r"Each of the conditions of Corollary 1 is needed, if the blocks are built as drawn; they exclude "
-    "poles and zeros of $G$ on the imaginary axis, too.",
+    r"Each of the conditions of Corollary 1 is needed, if the blocks are built as drawn; they "
+    "exclude poles and zeros of $G$ on the imaginary axis, too.",
     "17_lemma_1",
 )
 def each_condition_dropped() -> Finding:
