@@ -9,7 +9,6 @@ from strategies import loops
 import nrdob
 from nrdob import LowPassFilter, paper
 from nrdob.margins import margins
-from nrdob.nyquist import minus_point
 from nrdob.quasipoly import QuasiPolynomial, add, count_rhp
 
 s = ct.tf("s")
@@ -195,10 +194,14 @@ def test_a_matched_model_has_an_observer_loop_with_nothing_to_lose():
     assert tuple(found)[:3] == (math.inf, math.inf, 1.0)
 
 
-def test_margins_of_any_map_need_its_verdict():
+def test_margins_of_a_loop_follow_from_its_own_terms():
     loop = paper.example(2)
-    verdict = loop.stability().observer_loop
-    assert margins(loop.L, True).sm == pytest.approx(
-        margins(loop.L, True, minus_point(loop.L)).sm
-    )
+    by_sum = margins(loop.L, True)
+    assert by_sum.sm == pytest.approx(margins(loop.L, True, loop.p_B).sm)
     assert len(repr(loop.margins()).splitlines()) == 4
+
+
+@pytest.mark.parametrize("stable", [False, None])
+def test_without_stability_there_are_no_margins(stable):
+    found = margins(paper.example(2).L, stable)
+    assert found.stable is stable and all(math.isnan(value) for value in found)
