@@ -100,8 +100,8 @@ def _noise_powers(loop: NRDOB, time_constant: float) -> FloatArray:
         r"observer, whatever the filter. White noise of unit density reaches $y$ with the power "
         r"$1/(4\lambda)$ under the NR-DOB ($n=2$). With $C$ alone it is "
         r"$\|C\tilde G/(1+C\tilde G)\|_2^2$: the noise is reduced only by a filter slow enough, "
-        "slower than the loop of $C$. In Example 1 the conventional observer passes more noise "
-        "than $C$ alone with every filter tried.",
+        "about as slow as the loop of $C$. In Example 1 the conventional observer passes more "
+        "noise than $C$ alone with every filter tried.",
     ),
 )
 def conventional_observer_and_noise() -> Finding:
