@@ -6,6 +6,7 @@ cancellation. A verdict is given only where the two agree; otherwise it is None,
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from html import escape
@@ -97,7 +98,8 @@ class Stability:
     def __repr__(self) -> str:
         rows = [["", "N", "P", "Z", "rightmost root"], *self._rows]
         table = [f"{name:12}{n:>5}{p:>5}{z:>5}   {root}" for name, n, p, z, root in rows]
-        return "\n".join([f"NR-DOB loop: {self._verdict}", *table, self.reason])
+        reason = textwrap.wrap(self.reason, 95, subsequent_indent="  ")
+        return "\n".join([f"NR-DOB loop: {self._verdict}", *table, *reason])
 
     def _repr_html_(self) -> str:
         def row(tag: str, cells: Iterable[str]) -> str:

@@ -709,9 +709,10 @@ def _routh(F: LowPassFilter) -> bool:
     amendment=Amendment(
         Verdict.REFUTED,
         r"Three blocks, two degrees of freedom: $u=VR-K(y+\eta)$ with the feedback "
-        r"$K=F/((1-F)\tilde G)$ and $V=C/((1+C\tilde G)(1-F))$. Any other model gives the same "
-        r"$u$ and $y$ with a suitable $F$ and $C$; for $n=1$, $\tilde G$ with $\lambda$ and "
-        r"$2\tilde G$ with $\lambda/2$ are the same feedback.",
+        r"$K=F/((1-F)\tilde G)$ and $V=C/((1+C\tilde G)(1-F))$. Another model gives the same $u$ "
+        r"and $y$ with a suitable $F$ and $C$, and a stable loop if it is stable and minimum phase "
+        r"and $K$ stabilises it; for $n=1$, $\tilde G$ with $\lambda$ and $2\tilde G$ with "
+        r"$\lambda/2$ are the same feedback.",
     ),
 )
 def three_blocks_two_freedoms() -> Finding:
