@@ -9,17 +9,43 @@ Nothing to check yet: replace the placeholder by your answer and run this cell a
 
 from __future__ import annotations
 
+import contextlib
+import os
+import re
+from importlib import import_module
+from pkgutil import iter_modules
 from typing import Any
 
-from . import set2
-from .grading import HIDDEN_CASES, VISIBLE_CASES, Case, Feedback, Misconception, Problem, review
+from .grading import (
+    HIDDEN_CASES,
+    VISIBLE_CASES,
+    Case,
+    Feedback,
+    Misconception,
+    Points,
+    Problem,
+    review,
+)
 
-__all__ = ["PROBLEMS", "Feedback", "Misconception", "Problem", "check", "own_case", "score"]
+__all__ = [
+    "PROBLEMS",
+    "Feedback",
+    "Misconception",
+    "Points",
+    "Problem",
+    "check",
+    "own_case",
+    "score",
+]
+
+_SETS = sorted(name for _, name, _ in iter_modules(__path__) if re.fullmatch(r"set\d+", name))
 
 PROBLEMS: dict[str, Problem] = {
-    problem.id: problem for part in (set2,) for problem in part.PROBLEMS
+    problem.id: problem
+    for name in _SETS
+    for problem in import_module(f"{__name__}.{name}").PROBLEMS
 }
-"""Every problem by its id.
+"""Every problem by its id, found in the modules set1, set2, …
 
 :meta hide-value:
 """
@@ -46,15 +72,21 @@ def check(id: str, answer: Any, group: int) -> Feedback:
     return review(problem, answer, problem.cases(group, VISIBLE_CASES))
 
 
-def score(id: str, answer: Any, group: int, points: float, seed: int) -> float:
+def score(id: str, answer: Any, group: int, points: float, seed: int) -> Points:
     """Points of an answer on cases that the student has not seen, for the hidden tests.
 
-    The answer must hold on the group's own case too; a value is for that case alone.
+    The answer must hold on the group's own case too; a value is for that case alone. What the
+    answer prints is left out.
     """
     problem = _problem(id)
     own = problem.cases(group, 1)
     cases = own if problem.own else own + problem.cases(seed, HIDDEN_CASES)
-    return points * review(problem, answer, cases).share
+    with (
+        open(os.devnull, "w") as nowhere,
+        contextlib.redirect_stdout(nowhere),
+        contextlib.redirect_stderr(nowhere),
+    ):
+        return Points(review(problem, answer, cases), points)
 
 
 def _problem(id: str) -> Problem:

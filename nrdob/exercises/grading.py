@@ -9,7 +9,10 @@ went wrong and what to do; else it shows the first case that fails.
 
 from __future__ import annotations
 
+import copy
 import hashlib
+import traceback
+import warnings
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from html import escape
@@ -56,18 +59,42 @@ def answers_like(
 
 
 def same(expected: Any, got: Any, rtol: float = 1e-4) -> bool:
-    """Compare numbers, arrays, tuples, booleans or texts, numbers to four digits."""
+    """Compare numbers, arrays, lists, tuples, booleans or texts, numbers to four digits.
+
+    What is zero may be off by rounding, measured by the largest of the numbers compared.
+
+    Examples
+    --------
+    >>> same((2, "stable"), [2.00001, "stable"])
+    True
+    >>> same(1, True)
+    False
+    """
     if isinstance(expected, bool | np.bool_) or isinstance(got, bool | np.bool_):
-        return isinstance(got, bool | np.bool_) and bool(expected) == bool(got)
-    if isinstance(expected, str) or got is None or isinstance(got, str):
-        return bool(expected == got)
+        both = isinstance(expected, bool | np.bool_) and isinstance(got, bool | np.bool_)
+        return both and bool(expected) == bool(got)
+    if isinstance(expected, str) or isinstance(got, str) or expected is None or got is None:
+        return type(expected) is type(got) and bool(expected == got)
     try:
-        a, b = np.asarray(expected, dtype=complex), np.asarray(got, dtype=complex)
+        a, b = _numbers(expected), _numbers(got)
     except (TypeError, ValueError):
-        return bool(expected == got)
+        if isinstance(expected, list | tuple) and isinstance(got, list | tuple):
+            pairs = zip(expected, got, strict=False)
+            return len(expected) == len(got) and all(same(x, y, rtol) for x, y in pairs)
+        return bool(np.all(expected == got))
     if a.shape != b.shape:
         return False
-    return bool(np.allclose(a, b, rtol=rtol, atol=1e-9, equal_nan=True))
+    finite = np.abs(a[np.isfinite(a)])
+    rounding = max(1e-12, 1e-9 * finite.max(initial=0.0))
+    return bool(np.allclose(b, a, rtol=rtol, atol=rounding, equal_nan=True))
+
+
+def _numbers(value: Any) -> Any:
+    """Make an array of numbers; texts and booleans, which numpy would convert, are none."""
+    array = np.asarray(value)
+    if array.dtype.kind in "USb":
+        raise TypeError("no numbers")
+    return array.astype(complex)
 
 
 @dataclass(frozen=True)
@@ -95,6 +122,23 @@ class Feedback:
         # A word and a mark, not colour alone.
         mark = "✓" if self.share == 1 else "→"
         return f"<p><strong>{mark}</strong> {escape(self.text)}</p>"
+
+
+class Points(float):
+    """Points, and the words that go with them.
+
+    nbgrader reads the number; whoever reads the marked notebook sees the words.
+    """
+
+    def __new__(cls, feedback: Feedback, most: float) -> Points:
+        """Give the share of the feedback, of the points that there are at most."""
+        return super().__new__(cls, most * feedback.share)
+
+    def __init__(self, feedback: Feedback, most: float) -> None:
+        self.feedback, self.most = feedback, most
+
+    def _repr_html_(self) -> str:
+        return f"<p>{float(self):g} of {self.most:g} points</p>{self.feedback._repr_html_()}"
 
 
 @dataclass(frozen=True)
@@ -128,8 +172,11 @@ class Problem:
     misconceptions: tuple[Misconception, ...] = ()
     own: bool = False
 
-    def cases(self, seed: int, count: int) -> list[Case]:
+    def cases(self, seed: Any, count: int) -> list[Case]:
         """Draw cases; the first one of a group's seed is its own."""
+        if isinstance(seed, float) and seed.is_integer():
+            seed = int(seed)
+        # Anything can be a seed, so that a group's number that is none does not stop the grading.
         digest = hashlib.sha256(f"{self.id}/{seed}".encode()).digest()
         rng = np.random.default_rng(int.from_bytes(digest[:8], "big"))
         return [self.case(rng) for _ in range(count)]
@@ -158,22 +205,48 @@ def review(problem: Problem, answer: Any, cases: Iterable[Case]) -> Feedback:
     if answer is None or answer is Ellipsis:
         return Feedback(0.0, BLANK)
     if problem.own:
-        tried = [(next(iter(cases)), answer)]
-    elif not callable(answer):
+        return _judge(problem, [(next(iter(cases)), answer)])
+    if not callable(answer):
         return Feedback(0.0, "The answer must be a function of a case; this is a value.")
-    else:
-        tried = []
-        for case in cases:
-            try:
-                got = answer(case)
-            except NotImplementedError:
-                return Feedback(0.0, BLANK)
-            except Exception as error:
-                return Feedback(0.0, f"{type(error).__name__} for {case}: {error}")
-            if got is None or got is Ellipsis:
-                return Feedback(0.0, "The function returns nothing: end it with return …")
-            tried.append((case, got))
+    tried = []
+    for case in cases:
+        try:
+            # A copy, so that an answer which changes its case is judged on the case it was given.
+            got = _quietly(answer, copy.deepcopy(case))
+        except NotImplementedError:
+            return Feedback(0.0, BLANK)
+        except (Exception, SystemExit) as error:
+            return Feedback(0.0, _told(error, answer, case))
+        if got is None or got is Ellipsis:
+            return Feedback(0.0, "The function returns nothing: end it with return …")
+        tried.append((case, got))
     return _judge(problem, tried)
+
+
+def _quietly(function: Callable[..., Any], *arguments: Any) -> Any:
+    """Call without warnings: nbgrader gives no points to a test that writes to stderr."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return function(*arguments)
+
+
+def _told(error: BaseException, answer: Any, case: Case) -> str:
+    """Tell an error, and the line of the answer that it comes from."""
+    file = getattr(getattr(answer, "__code__", None), "co_filename", None)
+    lines = [
+        frame.line for frame in traceback.extract_tb(error.__traceback__) if frame.filename == file
+    ]
+    where = f" In the line: {lines[-1]}" if lines and lines[-1] else ""
+    return f"Your function ends with an error, {type(error).__name__}, for {case}: {error}.{where}"
+
+
+def _shown(value: Any, longest: int = 200) -> str:
+    """Write a value as text, cut where it is long."""
+    try:
+        text = str(value)
+    except Exception:
+        text = f"an object of type {type(value).__name__}"
+    return text if len(text) <= longest else text[:longest] + " …"
 
 
 def _judge(problem: Problem, tried: list[tuple[Case, Any]]) -> Feedback:
@@ -185,22 +258,24 @@ def _judge(problem: Problem, tried: list[tuple[Case, Any]]) -> Feedback:
     for misconception in problem.misconceptions:
         if all(_recognises(misconception, case, got) for case, got in failing):
             return Feedback(misconception.marks, misconception.says, misconception.name)
-    if len(tried) > 1 and wrong[0] > 0 and len({str(got) for _, got in tried}) == 1:
+    first = tried[0][1]
+    if len(tried) > 1 and wrong[0] > 0 and all(same(first, got) for _, got in tried):
         return Feedback(0.0, HARD_CODED, "hard-coded")
     case, got = failing[0]
     reason = verdicts[wrong[0]] or "it does not have the properties asked for"
-    return Feedback(0.0, f"Not yet. For {case} the answer {got} fails: {reason}")
+    return Feedback(0.0, f"Not yet. For {case} the answer {_shown(got)} fails: {reason}")
 
 
 def _accepts(problem: Problem, case: Case, got: Any) -> bool | str:
     try:
-        return problem.accepts(case, got)
+        verdict = _quietly(problem.accepts, case, got)
     except Exception as error:
         return f"it cannot be used: {type(error).__name__}: {error}"
+    return verdict if isinstance(verdict, str) else bool(verdict)
 
 
 def _recognises(misconception: Misconception, case: Case, got: Any) -> bool:
     try:
-        return misconception.recognises(case, got)
+        return bool(_quietly(misconception.recognises, case, got))
     except Exception:
         return False
