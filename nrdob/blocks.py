@@ -17,6 +17,7 @@ from scipy.linalg import matrix_balance
 FloatArray = NDArray[np.floating[Any]]
 ComplexArray = NDArray[np.complexfloating[Any, Any]]
 BoolArray = NDArray[np.bool_]
+IntArray = NDArray[np.intp]
 
 ROUNDING = 1e3 * float(np.finfo(float).eps)
 """Relative change of the coefficients below which two loops cannot be told apart."""

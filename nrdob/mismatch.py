@@ -88,8 +88,15 @@ class Mismatch:
     def ratio(self, omega: FloatArray) -> ComplexArray:
         """R(jω)."""
         s = 1j * omega
-        R = np.polyval(self.b, s) / np.polyval(self.a, s)
-        return np.asarray(R * np.exp(-self.delay * s) if self.delay else R)
+        with np.errstate(divide="ignore", invalid="ignore"):  # at a pole on the axis
+            R = np.polyval(self.b, s) / np.polyval(self.a, s)
+            return np.asarray(R * np.exp(-self.delay * s) if self.delay else R)
+
+    def noise(self, omega: FloatArray) -> FloatArray:
+        """Bound the rounding error of R(jω), which near a zero on the axis exceeds R itself."""
+        with np.errstate(divide="ignore"):
+            size = np.polyval(np.abs(self.b), omega) / np.abs(np.polyval(self.a, 1j * omega))
+        return np.asarray(64 * np.finfo(float).eps * size)
 
     def p_B(self, time_constant: float) -> QuasiPolynomial:
         """Characteristic function for one filter."""
@@ -168,7 +175,7 @@ class Mismatch:
         possible = np.flatnonzero(self.largest_time_constant(omega) > floor)
         last = omega[min(possible[-1] + 1, omega.size - 1)] if possible.size else omega[0]
         step = 2 * pi / (self.delay * PER_TURN)
-        if last > step * MAX_FREQUENCIES or possible[-1:] == omega.size - 1:
+        if last > step * MAX_FREQUENCIES or last == omega[-1]:
             raise ValueError(
                 f"floor is {floor:g} s; down to it the dead time of {self.delay:g} s would have to "
                 f"be followed up to {last:.3g} rad/s: choose a larger one, or None for "

@@ -11,12 +11,12 @@ not change; it is counted there by the argument of p_B, which knows nothing of t
 from __future__ import annotations
 
 from itertools import pairwise
-from math import inf, pi, sqrt
+from math import inf, pi
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from .blocks import ComplexArray, FloatArray
+from .blocks import BoolArray, ComplexArray, FloatArray, IntArray
 from .crossings import bisect, golden, side
 from .mismatch import Mismatch
 from .quasipoly import add, count_rhp, differentiate
@@ -180,32 +180,51 @@ def _crossings(mismatch: Mismatch, omega: FloatArray) -> list[CriticalTimeConsta
         near = phase[at] + np.angle(np.exp(1j * (value.imag - phase[at])))
         return np.asarray(np.expm1(value.real / n + 1j * (near + 2 * pi * of) / n))
 
-    # Two crossings between neighbours leave the same sign at both, but a dip.
     real = excess.real
     sign, size = side(real), np.abs(real)
+    # Where R nearly vanishes a branch is so close to 1 that its side is only rounding.
+    known = size > mismatch.noise(omega) * np.abs(1 + excess) / (
+        n * np.abs(1 - mismatch.ratio(omega))
+    )
+    of, at, after = _changes(sign, known)
+    low, high = omega[at], omega[after]
+
+    # Two crossings between neighbours leave the same sign at both, but a dip.
     inner = np.s_[:, 1:-1]
     dips = (size[inner] <= size[:, :-2]) & (size[inner] <= size[:, 2:]) & (size[inner] < 1)
     dips &= (sign[inner] == sign[:, :-2]) & (sign[inner] == sign[:, 2:]) & (excess.imag[inner] > 0)
-    of, at = np.nonzero(dips)
-    at = at + 1
-    left, right, way = omega[at - 1], omega[at + 1], sign[of, at]
-    bottom = golden(lambda w: way * branch(of, at, w).real, left, right)
-    hidden = way * branch(of, at, bottom).real < 0
-    plain_of, plain_at = np.nonzero(sign[:, :-1] * sign[:, 1:] < 0)
-    of = np.concatenate([plain_of, of[hidden], of[hidden]])
-    at = np.concatenate([plain_at, at[hidden], at[hidden]])
-    low = np.concatenate([omega[plain_at], left[hidden], bottom[hidden]])
-    high = np.concatenate([omega[plain_at + 1], bottom[hidden], right[hidden]])
+    dip_of, dip_at = np.nonzero(dips & known[inner])
+    dip_at = dip_at + 1
+    left, right, way = omega[dip_at - 1], omega[dip_at + 1], sign[dip_of, dip_at]
+    bottom = golden(lambda w: way * branch(dip_of, dip_at, w).real, left, right)
+    hidden = way * branch(dip_of, dip_at, bottom).real < 0
+    of = np.concatenate([of, dip_of[hidden], dip_of[hidden]])
+    at = np.concatenate([at, dip_at[hidden], dip_at[hidden]])
+    low = np.concatenate([low, left[hidden], bottom[hidden]])
+    high = np.concatenate([high, bottom[hidden], right[hidden]])
     where = bisect(lambda w: branch(of, at, w).real, low, high)
     value = branch(of, at, where)
-    # A pole on the axis makes a branch jump, which is no crossing.
-    true = (np.abs(value.real) < 1e-6) & (value.imag > 0)
+    # A pole on the axis makes a branch jump, which is no crossing; a zero there leads through 1,
+    # which is λ = 0.
+    true = (np.abs(value.real) < 1e-6) & (value.imag > mismatch.noise(where))
     where, critical = where[true], value.imag[true] / where[true]
     directions = _directions(mismatch, critical, where)
     return [
         CriticalTimeConstant(float(c), float(w), int(d))
         for c, w, d in zip(critical, where, directions, strict=True)
     ]
+
+
+def _changes(sign: FloatArray, known: BoolArray) -> tuple[IntArray, IntArray, IntArray]:
+    """Row and columns before and after each change of sign between neighbouring known entries."""
+    found = []
+    for row in range(sign.shape[0]):
+        columns = np.flatnonzero(known[row])
+        changed = np.flatnonzero(sign[row, columns[1:]] != sign[row, columns[:-1]])
+        before, after = columns[changed], columns[changed + 1]
+        found.append((np.full_like(before, row), before, after))
+    of, at, after = (np.concatenate(part) for part in zip(*found, strict=True))
+    return of, at, after
 
 
 def _log_minus_H(mismatch: Mismatch, omega: FloatArray) -> ComplexArray:
@@ -220,11 +239,12 @@ def _directions(mismatch: Mismatch, critical: FloatArray, omega: FloatArray) -> 
     """Sign of Re ds/dλ, from ln(1 + λs) n = ln(-H(s)) differentiated."""
     s, n = 1j * omega, mismatch.order
     R = mismatch.ratio(omega)
-    log_slope = -mismatch.delay + 0j * s
-    for p, power in ((mismatch.b, 1), (mismatch.a, -1)):
-        log_slope += power * np.polyval(differentiate(p), s) / np.polyval(p, s)
-    by_s = n * critical / (1 + critical * s) - R * log_slope / (R - 1)
-    speed = -(n * s / (1 + critical * s)) / by_s
+    with np.errstate(divide="ignore", invalid="ignore"):  # at a pole or zero itself: unknown, 0
+        log_slope = -mismatch.delay + 0j * s
+        for p, power in ((mismatch.b, 1), (mismatch.a, -1)):
+            log_slope += power * np.polyval(differentiate(p), s) / np.polyval(p, s)
+        by_s = n * critical / (1 + critical * s) - R * log_slope / (R - 1)
+        speed = -(n * s / (1 + critical * s)) / by_s
     return np.where(np.abs(speed.real) > 1e-7 * np.abs(speed), np.sign(speed.real), 0)
 
 
@@ -269,14 +289,18 @@ def _counts(mismatch: Mismatch, intervals: list[_Interval]) -> list[float | None
 
 
 def _count(mismatch: Mismatch, interval: _Interval) -> float | None:
+    """Count at a λ inside; near an end a root may be too close to the axis to be counted."""
     low, high = interval.low, interval.high
-    if low and high < inf:
-        inside = sqrt(low * high)
-    elif low or high < inf:
-        inside = 2 * low or high / 2
-    else:
-        inside = 1 / float(np.median(np.abs(mismatch.roots))) if mismatch.roots.size else 1.0
-    p = mismatch.p_B(inside)
-    if p.zeros_at_origin:
-        return None
-    return count_rhp(p).count
+    typical = 1 / float(np.median(mismatch.speeds))
+    if not low:
+        low = min(typical, high) / 4
+    if high == inf:
+        high = 4 * max(typical, low)
+    for share in (0.5, 0.25, 0.75, 1e-2, 0.99):
+        p = mismatch.p_B(low ** (1 - share) * high**share)
+        if p.zeros_at_origin:
+            return None
+        found = count_rhp(p).count
+        if found is not None:
+            return found
+    return None

@@ -227,3 +227,29 @@ def test_random_sets_miss_nothing_on_a_scan(data):
             continue
         inside = any(low < value < high for low, high in intervals)
         assert inside == (not np.any(roots.real > 0))
+
+
+# Poles and zeros on the axis, where branches jump, or pass through 1 at λ = 0.
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.1])
+@pytest.mark.parametrize(
+    ("process", "model", "order"),
+    [
+        ((2 * s**2 + 2) / (s**2 + 2 * s + 2), s / (s**2 + 4 * s + 3), 1),
+        (1 / (s * (s + 1)), 1 / ((s + 0.1) * (s + 1)), 2),
+        (1 / (s**2 + 1), 1 / (s**2 + 0.2 * s + 1.01), 2),
+        ((s**2 + 4) / (s + 1) ** 3, 4 * lag**3, 3),
+        ((s**2 + 1) / (s**2 + 1), 1 / (s**2 + 1), 4),
+        (-1 * lag, (s**3 + 3 * s**2 + s + 3) / (s + 1) ** 3, 1),
+    ],
+)
+def test_poles_and_zeros_on_the_axis(process, model, order, delay, no_warning_leaks):
+    process = nrdob.delay(delay) * process if delay else process
+    intervals = stabilizing_time_constants(process, model, order)
+    mismatch = Mismatch.of(process, model, order)
+    for value in np.geomspace(max(0.02, 2 * mismatch.default_floor), 50, 25):
+        roots = mismatch.p_B(value).roots
+        if np.abs(roots.real).min() > 1e-7:
+            inside = any(low < value < high for low, high in intervals)
+            assert inside == (not np.any(roots.real > 0))
