@@ -196,7 +196,7 @@ def right_half_plane_parity(process: Any, model: Any) -> Answer:
     r"""Tell whether the DC signs allow a stable observer loop: a necessary condition on the model.
 
     A root that enters the right half plane as a real one must pass through s = 0 or infinity. But
-    p_B(0) = N(0)Dm(0), and the leading coefficient of p_B is that of D·Nm·Df, if F·G/G̃ is strictly
+    p_B(0) = N(0)Dm(0), and the leading coefficient of p_B is that of D·Nm·Df, if F·H is strictly
     proper: neither depends on F. So the number of right-half-plane roots is even for every F or odd
     for every F: even if and only if G(0)/G̃(0) has the sign :math:`(-1)^{P}`, where P counts the
     right-half-plane poles of the process and zeros of the model.
@@ -209,7 +209,7 @@ def right_half_plane_parity(process: Any, model: Any) -> Answer:
     Returns
     -------
     Answer
-        `holds` False: no filter with F·G/G̃ strictly proper stabilises the loop. True: the signs
+        `holds` False: no filter with F·H strictly proper stabilises the loop. True: the signs
         forbid nothing.
 
     Examples
@@ -231,7 +231,7 @@ def right_half_plane_parity(process: Any, model: Any) -> Answer:
 
 
 def stabilizing_filter_exists(process: Any, model: Any) -> Answer:
-    r"""Tell whether any stable F with F(0) = 1 stabilises the observer loop, of whatever form.
+    r"""Tell whether any stable F stabilises the loop that has F(0) = 1 and rolls off, F(∞) = 0.
 
     Such an F is a stable controller for the mismatch H = (b - a)/a with one value prescribed. By
     the parity interlacing property it exists if and only if a and b have no common root in the
@@ -276,7 +276,7 @@ def stabilizing_filter_exists(process: Any, model: Any) -> Answer:
         return Answer(
             False,
             f"an odd number of unstable poles of G/model lies above the real zero {wrong[0]:.4g} "
-            "of H: no stable filter stabilises that",
+            "of H: no stable filter that rolls off stabilises that",
         )
     return Answer(
         True, "a and b - a interlace: p_B can be positive on the whole positive real axis"

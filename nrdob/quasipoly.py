@@ -273,7 +273,7 @@ def _argument_change(p: QuasiPolynomial) -> float | str:
     omega = frequency_segments(p)
     if isinstance(omega, str):
         return omega
-    values = p(1j * omega)
+    values = np.append(complex(p.constant), _scaled_values(p, omega[1:]))
     # Beyond the last frequency the leading term q_n (jω)^n keeps p in an open half plane around it.
     leading = p.q[0] * 1j**p.degree
     steps = np.angle(values[1:] / values[:-1])
@@ -288,7 +288,7 @@ def _zero_free(
     Taylor: |p(s) - p(c)| <= sum |p^(m)(c)|/m! radius^m < |p(c)| over the disc.
     """
     n = p.scale.size
-    powers, spread = centre[:, None] ** np.arange(n), (radius / centre)[:, None] ** np.arange(n)
+    powers, spread = _powers(p, centre), (radius / centre)[:, None] ** np.arange(n)
     value, bound = _taylor_sums(p.q, powers, spread)
     if p.delay:
         r_value, r_bound = _taylor_sums(p.r, powers, spread)
@@ -297,6 +297,32 @@ def _zero_free(
     size = np.abs(value)
     noise = ROUNDING * (powers @ p.scale[::-1])
     return size > bound, size <= noise
+
+
+def _powers(p: QuasiPolynomial, omega: FloatArray) -> FloatArray:
+    """Powers 0, 1, 2, … of each frequency along axis 1, in a unit in which no term exceeds 1.
+
+    The unit differs from row to row; what is asked of a row does not depend on it. Without it the
+    roots of a very fast filter, 1e30 rad/s and more, would overflow.
+    """
+    exponents = np.log(omega)[:, None] * np.arange(p.scale.size)
+    present = p.scale[::-1] > 0
+    with np.errstate(divide="ignore"):
+        largest = np.max(exponents + np.log(p.scale[::-1]), axis=1, keepdims=True)
+    return np.exp(np.where(present, exponents - largest, -np.inf))
+
+
+def _scaled_values(p: QuasiPolynomial, omega: FloatArray) -> ComplexArray:
+    """p(jω) up to a positive factor that differs from one frequency to the next, ω > 0."""
+    powers = _powers(p, omega) * _unit_powers(p.scale.size)
+    values = powers[:, : p.q.size] @ p.q[::-1]
+    if p.delay:
+        values = values + (powers[:, : p.r.size] @ p.r[::-1]) * np.exp(-1j * p.delay * omega)
+    return np.asarray(values)
+
+
+def _unit_powers(count: int) -> ComplexArray:
+    return np.array([(1, 1j, -1, -1j)[i % 4] for i in range(count)])
 
 
 def _taylor_sums(

@@ -183,9 +183,8 @@ def _crossings(mismatch: Mismatch, omega: FloatArray) -> list[CriticalTimeConsta
     real = excess.real
     sign, size = side(real), np.abs(real)
     # Where R nearly vanishes a branch is so close to 1 that its side is only rounding.
-    known = size > mismatch.noise(omega) * np.abs(1 + excess) / (
-        n * np.abs(1 - mismatch.ratio(omega))
-    )
+    mismatch_size = n * np.abs(1 - mismatch.ratio(omega))
+    known = size * mismatch_size >= mismatch.noise(omega) * np.abs(1 + excess)
     of, at, after = _changes(sign, known)
     low, high = omega[at], omega[after]
 
