@@ -183,8 +183,7 @@ def _crossings(mismatch: Mismatch, omega: FloatArray) -> list[CriticalTimeConsta
     real = excess.real
     sign, size = side(real), np.abs(real)
     # Where R nearly vanishes a branch is so close to 1 that its side is only rounding.
-    mismatch_size = n * np.abs(1 - mismatch.ratio(omega))
-    known = size * mismatch_size >= mismatch.noise(omega) * np.abs(1 + excess)
+    known = size >= _rounding(mismatch, omega, excess)
     of, at, after = _changes(sign, known)
     low, high = omega[at], omega[after]
 
@@ -205,13 +204,20 @@ def _crossings(mismatch: Mismatch, omega: FloatArray) -> list[CriticalTimeConsta
     value = branch(of, at, where)
     # A pole on the axis makes a branch jump, which is no crossing; a zero there leads through 1,
     # which is λ = 0.
-    true = (np.abs(value.real) < 1e-6) & (value.imag > mismatch.noise(where))
+    true = (np.abs(value.real) < 1e-6) & (value.imag > _rounding(mismatch, where, value))
     where, critical = where[true], value.imag[true] / where[true]
     directions = _directions(mismatch, critical, where)
     return [
         CriticalTimeConstant(float(c), float(w), int(d))
         for c, w, d in zip(critical, where, directions, strict=True)
     ]
+
+
+def _rounding(mismatch: Mismatch, omega: FloatArray, excess: ComplexArray) -> FloatArray:
+    """Bound the rounding error of a branch w, where w - 1 is `excess`: dw/w = dH/(nH)."""
+    with np.errstate(divide="ignore", invalid="ignore"):  # at zeros of H and poles of R
+        relative = mismatch.noise(omega) / (mismatch.order * np.abs(1 - mismatch.ratio(omega)))
+        return np.asarray(np.nan_to_num(relative * np.abs(1 + excess)))
 
 
 def _changes(sign: FloatArray, known: BoolArray) -> tuple[IntArray, IntArray, IntArray]:
