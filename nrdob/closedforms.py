@@ -1,8 +1,8 @@
 r"""The design card: what can be worked out once and for all, as functions.
 
 Bounds on λ for one kind of mismatch at a time, and the price of a filter when the model is right.
-Each is derived in the chapter on rules of thumb; `nrdob.timeconstants` gives the exact set for any
-mismatch, and agrees.
+The bounds are derived in the chapter on rules of thumb, the prices in the one on limits;
+`nrdob.timeconstants` gives the exact set for any mismatch, and agrees.
 """
 
 from __future__ import annotations

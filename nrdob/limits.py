@@ -187,8 +187,8 @@ def _fast_roots(mismatch: Mismatch) -> Answer:
         )
     return Answer(
         n - m <= 2,
-        f"the model has {m} more lags than the process, and the filter {n - m} more than that; "
-        "at most two are borne",
+        f"the model has relative degree {m} more than the process, and the filter's order is "
+        f"{n - m} more than that; a difference of two is the most that is borne",
     )
 
 
