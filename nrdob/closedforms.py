@@ -39,14 +39,14 @@ def smallest_for_delay(delay: float, order: int) -> float:
     delay : float
         θ > 0, in seconds.
     order : int
-        n of the filter.
+        n of the filter, up to 27.
 
     Examples
     --------
     >>> [round(smallest_for_delay(1.0, n), 4) for n in (1, 2, 3)]
     [0.6366, 0.3646, 0.2632]
     """
-    _check(delay, "delay", order)
+    _check(delay, "delay", order, largest=27)
     phi = brentq(lambda p: 2 * cos(order * p) * cos(p) ** order - 1, 0.0, pi / (2 * order))
     return float(delay * tan(phi) / (pi - 2 * order * phi))
 
@@ -62,14 +62,14 @@ def smallest_for_rhp_zero(zero: float, order: int) -> float:
     zero : float
         z > 0, in rad/s.
     order : int
-        n of the filter.
+        n of the filter, up to 18.
 
     Examples
     --------
     >>> round(smallest_for_rhp_zero(100.0, 2), 9)
     0.005
     """
-    _check(zero, "zero", order)
+    _check(zero, "zero", order, largest=18)
     phi = pi / (2 * order)
     return 1 / zero if order == 1 else tan(phi) * cos(phi) ** order / zero
 
@@ -86,14 +86,14 @@ def smallest_for_double_lag(time_constant: float, order: int) -> float:
     time_constant : float
         T > 0, in seconds.
     order : int
-        n of the filter.
+        n of the filter, up to 8.
 
     Examples
     --------
     >>> [round(smallest_for_double_lag(1.0, n), 4) for n in (1, 2, 3, 4)]
     [0.5, 0.3247, 0.2419, 0.193]
     """
-    _check(time_constant, "time_constant", order)
+    _check(time_constant, "time_constant", order, largest=8)
 
     def root(x: float) -> complex:
         return complex((1 / (1 - (1 + 1j * x) ** order)) ** 0.5)
@@ -199,7 +199,12 @@ def sensitivity_floor(order: int) -> float:
     return sqrt(1 - 2 * power * cos(order * phi) + power**2)
 
 
-def _check(value: float, name: str, order: int) -> None:
+def _check(value: float, name: str, order: int, largest: int | None = None) -> None:
     LowPassFilter(1.0, order)  # the same refusals
+    if largest and order > largest:  # beyond it another branch may decide
+        raise NotImplementedError(
+            f"order is {order}; the closed form is for orders up to {largest}: use "
+            "stabilizing_time_constants"
+        )
     if not (isfinite(value) and value > 0):
         raise ValueError(f"{name} is {value}; it must be positive and finite")

@@ -56,9 +56,24 @@ def test_double_lag(order, time_constant):
     assert smallest_for_double_lag(time_constant, order) == pytest.approx(exact, rel=1e-9)
 
 
-def test_one_neglected_lag_is_harmless_up_to_order_2_only():
-    assert above(lag / (0.2 * s + 1), lag, 1) == 0
-    assert above(lag / (0.2 * s + 1), lag, 2) == 0
+@pytest.mark.parametrize("order", [*ORDERS, 12])
+def test_one_neglected_lag_is_harmless(order):
+    # |H| = |Tjω/(Tjω + 1)| < 1 at every frequency.
+    assert stabilizing_time_constants(lag / (0.2 * s + 1), lag, order) == [(0.0, inf)]
+
+
+@pytest.mark.parametrize(
+    ("function", "largest", "process"),
+    [
+        (smallest_for_delay, 27, nrdob.delay(1.0) * lag),
+        (smallest_for_rhp_zero, 18, (1 - s) * lag),
+        (smallest_for_double_lag, 8, lag * (1 / (s + 1)) ** 2),
+    ],
+)
+def test_closed_forms_hold_to_their_largest_order_and_refuse_the_next(function, largest, process):
+    assert function(1.0, largest) == pytest.approx(above(process, lag, largest), rel=1e-8)
+    with pytest.raises(NotImplementedError, match=f"up to {largest}"):
+        function(1.0, largest + 1)
 
 
 @pytest.mark.parametrize("order", [1, 2])
