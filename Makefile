@@ -14,7 +14,7 @@ READY := $(VENV)/ready
 export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
 export PYTHONHASHSEED := 0
 
-.PHONY: help env book ledger test lint types layers unit notebooks execute check bench lab clean
+.PHONY: help env book ledger test lint types layers unit notebooks execute check bench slides lab clean
 
 help: ## show this list
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /	/' | expand -t 12
@@ -65,6 +65,9 @@ check: $(READY) ## run every notebook and compare byte for byte, figures include
 
 bench: $(READY) ## time nrdob against python-control, and the notebooks (takes some minutes)
 	$(PY) -m pytest -q --benchmark-quiet benchmarks
+
+slides: $(READY) ## make slides of the questions for class, which need no network
+	$(PY) tools/slides.py
 
 lab: $(READY) ## open the notebooks in JupyterLab
 	$(PY) -m jupyterlab notebooks

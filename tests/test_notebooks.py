@@ -19,10 +19,12 @@ from bs4 import BeautifulSoup
 
 FOLDER = Path(__file__).resolve().parent.parent / "notebooks"
 NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
+CLASS = sorted((FOLDER / "class").glob("*.ipynb"))
 OPENING = ("**You will be able to**", "**You need**", "**Time**")
 LONGEST_MEDIAN = 8
 
-each_notebook = pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+each_chapter = pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+each_notebook = pytest.mark.parametrize("path", NOTEBOOKS + CLASS, ids=lambda path: path.stem)
 
 
 def cells(path: Path, kind: str) -> list[Any]:
@@ -173,7 +175,7 @@ def test_no_errors_and_nothing_on_stderr(path: Path) -> None:
 
 
 @each_notebook
-def test_figures_have_alt_text_caption_and_name(path: Path) -> None:
+def test_figures_have_alt_text_and_in_the_book_caption_and_name(path: Path) -> None:
     problems = []
     for cell, output in code_outputs(path):
         if "image/png" not in output.get("data", {}):
@@ -187,7 +189,7 @@ def test_figures_have_alt_text_caption_and_name(path: Path) -> None:
         problems += [
             f"{short(cell)}: metadata mystnb.figure.{key} is missing"
             for key in ("caption", "name")
-            if not str(book.get("figure", {}).get(key, "")).strip()
+            if path in NOTEBOOKS and not str(book.get("figure", {}).get(key, "")).strip()
         ]
     assert not problems, f"{path.name}:\n  " + "\n  ".join(problems)
 
@@ -233,7 +235,7 @@ def test_code_cells_are_short(path: Path) -> None:
     )
 
 
-@each_notebook
+@each_chapter
 def test_opens_with_goal_need_and_time(path: Path) -> None:
     opening = nbformat.read(path, as_version=4).cells[0]
     assert opening.cell_type == "markdown", f"{path.name} must open with a markdown cell"
@@ -242,7 +244,7 @@ def test_opens_with_goal_need_and_time(path: Path) -> None:
     assert not missing, f"{path.name}: the opening cell must say {' and '.join(missing)}"
 
 
-@each_notebook
+@each_chapter
 def test_ends_with_try_it_and_a_summary(path: Path) -> None:
     text = "\n\n".join(cell.source for cell in cells(path, "markdown"))
     sections = re.findall(r"^## +(.+?) *$", text, flags=re.MULTILINE)

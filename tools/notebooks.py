@@ -31,6 +31,7 @@ except ImportError:  # Windows
 
 ROOT = Path(__file__).resolve().parent.parent
 FOLDER = ROOT / "notebooks"
+CLASS = FOLDER / "class"
 
 METADATA = {
     "kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"},
@@ -174,7 +175,8 @@ def same_as_stored(run: Run) -> bool:
 def parse(arguments: list[str] | None) -> argparse.Namespace:
     """Read the command line."""
     parser = argparse.ArgumentParser(
-        description="Run notebooks; by default all of notebooks/, in reading order."
+        description="Run notebooks; by default all of notebooks/, in reading order, and those of "
+        "notebooks/class/. A folder for the book gets the chapters only."
     )
     parser.add_argument("notebooks", nargs="*", type=Path, metavar="NOTEBOOK")
     mode = parser.add_mutually_exclusive_group(required=True)
@@ -192,6 +194,8 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the command line; the result is the exit code."""
     options = parse(arguments)
     paths = [path.resolve() for path in options.notebooks] or sorted(FOLDER.glob("*.ipynb"))
+    if not options.notebooks and not options.output:
+        paths += sorted(CLASS.glob("*.ipynb"))
     if not paths:
         print(f"No notebooks in {FOLDER}", file=sys.stderr)
         return 1
