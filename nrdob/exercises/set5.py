@@ -1,0 +1,869 @@
+"""Set 5: unstable and delayed plants."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from math import inf, log, pi
+from typing import Any, NamedTuple
+
+import control as ct
+import numpy as np
+from scipy.optimize import brentq
+
+from ..alttext import number
+from ..blocks import ComplexArray, FloatArray
+from ..delay import DelayedTransferFunction, delay
+from ..equations import Quotient
+from ..figure import COLOURS, INK, TALL, Figure, axes_for, styled
+from ..filters import LowPassFilter
+from ..limits import right_half_plane_parity
+from ..loop import NRDOB
+from ..margins import margins
+from ..timeconstants import critical_time_constants, stabilizing_time_constants
+from .cases import apart, factored, first_fitting
+from .grading import Misconception, Problem, answers_like
+
+s = ct.tf("s")
+
+POINTS = np.array([0.3 + 0.2j, 1j, 3 + 2j, 10j, 40 + 7j])
+"""Where two plants are compared."""
+
+
+def _few(value: float, digits: int = 2) -> float:
+    """Round to a few significant digits, so that a case is short to print."""
+    return float(f"{value:.{digits}g}")
+
+
+def _log(rng: np.random.Generator, low: float, high: float) -> float:
+    """Draw from a range, evenly on a log scale."""
+    return _few(float(np.exp(rng.uniform(log(low), log(high)))))
+
+
+def _sign(rng: np.random.Generator) -> float:
+    return float(rng.choice([-1, 1]))
+
+
+def _observer_loop(process: Any, model: Any, value: float, order: int) -> bool | None:
+    """Judge p_B; the controller does not occur in it."""
+    loop = NRDOB(process, model, 0, LowPassFilter(value, order))
+    return loop.stability().observer_loop.stable
+
+
+# --- 5.1 Which sign? ----------------------------------------------------------------------------
+
+
+class Pair(NamedTuple):
+    """A plant, and a stable model whose sign is still open."""
+
+    process: ct.TransferFunction
+    model: ct.TransferFunction
+
+    def __str__(self) -> str:
+        return f"plant {factored(self.process)}, model {factored(self.model)}"
+
+
+@dataclass(frozen=True)
+class SignCase:
+    """Five pairs.
+
+    Attributes
+    ----------
+    pairs : tuple of Pair
+        Each has a `process` and a `model`, both transfer functions; the model is stable and has a
+        positive DC gain.
+    """
+
+    pairs: tuple[Pair, ...]
+
+    def __repr__(self) -> str:
+        return f"the five pairs of which the first is {self.pairs[0]}"
+
+
+def _sign_case(rng: np.random.Generator) -> SignCase:
+    def root() -> float:
+        return _log(rng, 0.3, 5)
+
+    def pair_of_poles() -> ct.TransferFunction:
+        omega = _log(rng, 0.5, 3)
+        return s**2 - _few(rng.uniform(0.1, 0.9) * omega) * s + _few(omega**2)
+
+    def model(zero: bool) -> ct.TransferFunction:
+        first, second = root(), root()
+        over = root() - s if zero else 1
+        return _few(rng.uniform(0.5, 2)) * over / ((s + first) * (s + second))
+
+    def plant(over: Any, under: Any) -> ct.TransferFunction:
+        return _sign(rng) * _few(rng.uniform(0.5, 4)) * over / under
+
+    zero = root()
+    beside = first_fitting(root, lambda pole: apart(pole, zero, by=0.2))
+
+    pairs = [
+        Pair(plant(1, (s - root()) * (s + root())), model(False)),
+        Pair(plant(1, pair_of_poles()), model(False)),
+        Pair(plant(s - root(), (s + root()) * (s + root())), model(False)),
+        Pair(plant(s - zero, (s - beside) * (s + root())), model(False)),
+        Pair(plant(1, (s - root()) * (s + root())), model(True)),
+    ]
+    return SignCase(tuple(pairs[k] for k in rng.permutation(len(pairs))))
+
+
+def _signs(case: SignCase, rule: Callable[[Pair], float]) -> list[int]:
+    return [int(np.sign(rule(pair))) for pair in case.pairs]
+
+
+def _on_the_right(roots: Any) -> int:
+    return int(np.sum(np.real(roots) > 0))
+
+
+def _dc(pair: Pair) -> float:
+    return float(np.real(pair.process(0) / pair.model(0)))
+
+
+def _same_dc_sign(pair: Pair) -> float:
+    return _dc(pair)
+
+
+def _opposite_dc_sign(pair: Pair) -> float:
+    return -_dc(pair)
+
+
+def _zeros_of_the_model_forgotten(pair: Pair) -> float:
+    return _dc(pair) * (-1.0) ** _on_the_right(pair.process.poles())
+
+
+def _high_frequency_sign(pair: Pair) -> float:
+    (a, b), (c, d) = ((tf.num[0][0][0], tf.den[0][0][0]) for tf in pair)
+    return float(a / b * c / d)
+
+
+def _odd(pair: Pair, sign: float) -> bool:
+    """Whether p_B has an odd number of roots on the right: by the rule, or counted for a filter."""
+    loop = NRDOB(pair.process, sign * pair.model, 0, LowPassFilter(0.1, 2))
+    counted = loop.stability().observer_loop.closed_loop_rhp
+    return not right_half_plane_parity(loop.process, loop.model).holds or bool((counted or 0) % 2)
+
+
+def _sign_accepts(case: SignCase, got: Any) -> bool | str:
+    signs = np.asarray(got)
+    if signs.shape != (5,) or not np.all(np.abs(signs) == 1):
+        return "give five numbers, each +1 or -1, in the order of the pairs"
+    for k, (pair, sign) in enumerate(zip(case.pairs, signs, strict=True), start=1):
+        if _odd(pair, float(sign)):
+            return f"with your sign, p_B of pair {k} has an odd number of roots on the right"
+    return True
+
+
+SIGN = Problem(
+    id="5.1",
+    title="Which sign?",
+    case=_sign_case,
+    accepts=_sign_accepts,
+    praise=(
+        "Right, every one: the signs at DC agree if the poles of the plant and the zeros of the "
+        "model on the right are even in number, and differ if they are odd. It is necessary, and "
+        "costs a minute."
+    ),
+    misconceptions=(
+        answers_like(
+            "the DC sign of the plant, always",
+            "You give every model the DC sign of its plant. That is right while no pole of H is on "
+            "the right. One unstable pole turns the sign of the plant on its way from DC to high "
+            "frequency, and the model must have turned with it: count the poles of H.",
+            lambda case: _signs(case, _same_dc_sign),
+            marks=0.25,
+        ),
+        answers_like(
+            "the opposite sign, always",
+            "You give every model the opposite sign, as in Example 3. There the plant had one "
+            "unstable pole. With two, or with none, the signs agree: what counts is whether the "
+            "number is odd.",
+            lambda case: _signs(case, _opposite_dc_sign),
+            marks=0.25,
+        ),
+        answers_like(
+            "zeros of the plant counted",
+            "You have matched the signs at high frequency, or counted the plant's zeros on the "
+            "right along with its poles. For a plant without such zeros that is the same rule; in "
+            "general only poles of H count, and a zero of the plant is none.",
+            lambda case: _signs(case, _high_frequency_sign),
+            marks=0.5,
+        ),
+        answers_like(
+            "zeros of the model forgotten",
+            "All right but where the model has a zero on the right. It is a pole of H = G/Gm - 1, "
+            "and counts as an unstable pole of the plant does.",
+            lambda case: _signs(case, _zeros_of_the_model_forgotten),
+            marks=0.75,
+        ),
+    ),
+)
+
+
+# --- 5.3 How fast may the filter be? ------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class LateCase:
+    """A plant with dead time, a model without, and the order of the filter.
+
+    Attributes
+    ----------
+    process : DelayedTransferFunction
+        The plant; its dead time is `process.delay`, in seconds.
+    model : control.TransferFunction
+    order : int
+    """
+
+    process: DelayedTransferFunction
+    model: ct.TransferFunction
+    order: int
+
+    def __repr__(self) -> str:
+        return f"{factored(self.process)} under {factored(self.model)}, n = {self.order}"
+
+    @cached_property
+    def borders(self) -> dict[str, float]:
+        """The true border, and what one would take for it."""
+        edges = critical_time_constants(self.process, self.model, self.order)
+        late, rational = self.process.delay, self.process.tf
+        by_order = {
+            f"Padé {k}": stabilizing_time_constants(
+                ct.tf(*ct.pade(late, k)) * rational, self.model, self.order
+            )[-1][0]
+            for k in (1, 2)
+        }
+        return {
+            "true": edges[-1].time_constant,
+            "first edge": edges[0].time_constant,
+            "bandwidth": 1 / edges[-1].time_constant,
+            "2θ/π": 2 * late / pi,
+            "small gain": self._small_gain(),
+            **by_order,
+        }
+
+    def _small_gain(self) -> float:
+        """Fastest filter with ``|FH| < 1`` at all frequencies."""
+        omega = np.geomspace(1e-3, 1e3, 4001) / self.process.delay
+        size = np.abs(NRDOB(self.process, self.model, 0, LowPassFilter(1.0, 3)).H(1j * omega))
+
+        def excess(value: float) -> float:
+            return float((size * np.abs(LowPassFilter(value, self.order)(1j * omega))).max() - 1)
+
+        late = self.process.delay
+        return float(brentq(excess, 1e-3 * late, 100 * late, xtol=1e-9))
+
+
+def _late_case(rng: np.random.Generator) -> LateCase:
+    return first_fitting(lambda: _draw_late(rng), _tells_apart)
+
+
+def _draw_late(rng: np.random.Generator) -> LateCase:
+    """Draw a plant of two lags and a dead time, and a model whose poles are a little off."""
+    poles = [_log(rng, 1, 6) for _ in range(2)]
+    near = [_few(pole * rng.uniform(0.75, 1.35)) for pole in poles]
+    gain = _few(rng.uniform(0.85, 1.2) * poles[0] * poles[1])
+    return LateCase(
+        delay(_log(rng, 0.06, 0.4)) * (gain / ((s + poles[0]) * (s + poles[1]))),
+        _few(near[0] * near[1]) / ((s + near[0]) * (s + near[1])),
+        int(rng.integers(2, 4)),
+    )
+
+
+def _tells_apart(case: LateCase) -> bool:
+    found = case.borders
+    rough = [value for name, value in found.items() if name != "Padé 2"]
+    sets = stabilizing_time_constants(case.process, case.model, case.order)
+    one_set = len(sets) == 1 and sets[0][1] == inf
+    return one_set and apart(*rough, by=0.05) and apart(found["true"], found["Padé 2"], by=0.0025)
+
+
+def _border_accepts(case: LateCase, got: Any) -> bool | str:
+    value = float(got)
+    if not value > 0:
+        return "a time constant is a positive number"
+    slower = (50.0, 5.0, 1.5, 1.001)
+    if not all(_observer_loop(case.process, case.model, k * value, case.order) for k in slower):
+        return "there is a slower filter that does not stabilise the loop"
+    if _observer_loop(case.process, case.model, 0.999 * value, case.order) is not False:
+        return "a slightly faster filter stabilises the loop, too"
+    return True
+
+
+def _border_like(name: str, says: str, *which: str, marks: float) -> Misconception:
+    """Make a misconception that has taken another number for the border."""
+
+    def recognises(case: LateCase, got: Any) -> bool:
+        return any(abs(float(got) / case.borders[each] - 1) < 1.2e-3 for each in which)
+
+    return Misconception(name, says, lambda case: case.borders[which[0]], recognises, marks)
+
+
+BORDER = Problem(
+    id="5.3",
+    title="How fast may the filter be?",
+    case=_late_case,
+    accepts=_border_accepts,
+    praise=(
+        "Right: one part in a thousand faster and the loop is lost, and every slower filter holds "
+        "it. No fraction stands for the dead time in that statement."
+    ),
+    misconceptions=(
+        _border_like(
+            "Padé trusted",
+            "This is the border of another loop, in which a Padé fraction stands for the dead "
+            "time. It lies on the unsafe side: the true loop is lost before. On the axis "
+            "exp(-j theta omega) is just a number; use it, or the package, which does.",
+            "Padé 1",
+            "Padé 2",
+            marks=0.25,
+        ),
+        _border_like(
+            "the closed form of a pure dead time",
+            "2 theta/pi is exact for a pure dead time and n = 1. Here plant and model differ in "
+            "their poles, too, and n is not 1: the border must be computed for this loop.",
+            "2θ/π",
+            marks=0.0,
+        ),
+        _border_like(
+            "small gain taken for the border",
+            "This is where |FH| reaches 1. Slower filters are safe, that is true; but small gain "
+            "is sufficient, not necessary, and faster ones work as well. Where does FH reach -1?",
+            "small gain",
+            marks=0.5,
+        ),
+        _border_like(
+            "the first edge taken for the last",
+            "You have found an edge, but not the one that matters. With a dead time there are "
+            "many, crowding towards 0, and below the largest one roots are on the right.",
+            "first edge",
+            marks=0.25,
+        ),
+        _border_like(
+            "bandwidth given for the time constant",
+            "The number is right, but upside down: you have returned 1/lambda, a frequency. Asked "
+            "for is the time constant, in seconds.",
+            "bandwidth",
+            marks=0.75,
+        ),
+    ),
+)
+
+
+# --- 5.4 Read an edge off a picture -------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class EdgeCase:
+    """A loop with exactly one edge, for a filter of order 2.
+
+    Attributes
+    ----------
+    process, model : control.TransferFunction
+    """
+
+    process: ct.TransferFunction
+    model: ct.TransferFunction
+
+    def __repr__(self) -> str:
+        return f"{factored(self.process)} under {factored(self.model)}, n = 2"
+
+    @cached_property
+    def edge(self) -> tuple[float, float]:
+        """The time constant of the edge, and the frequency of the roots there."""
+        ((value, omega, _),) = critical_time_constants(self.process, self.model, 2)
+        return value, omega
+
+    @cached_property
+    def side(self) -> str:
+        """Whether the loop is stable "below" or "above" the edge."""
+        return (
+            "below" if _observer_loop(self.process, self.model, 0.9 * self.edge[0], 2) else "above"
+        )
+
+
+def _edge_case(rng: np.random.Generator) -> EdgeCase:
+    unstable = bool(rng.random() < 0.5)
+    return first_fitting(lambda: _draw_edge(rng, unstable), lambda case: _legible(case, unstable))
+
+
+def _draw_edge(rng: np.random.Generator, unstable: bool) -> EdgeCase:
+    """Draw an unstable pole that the model mirrors, or a zero on the right that it leaves out."""
+    gain, lag, speed = (_log(rng, low, high) for low, high in ((1.3, 5), (2, 9), (0.6, 6)))
+    size = _log(rng, 0.5, 4)
+    if unstable:
+        mirrored = _few(speed * rng.uniform(0.6, 1.6))
+        process = _few(gain * size) / ((s - speed) * (s + lag))
+        return EdgeCase(process, size / ((s + mirrored) * (s + lag)))
+    process = (
+        _few(size * rng.uniform(0.7, 1.4)) * (1 - s / _few(2 * speed)) / ((s + speed) * (s + lag))
+    )
+    return EdgeCase(process, size / ((s + _few(speed * rng.uniform(0.6, 1.6))) * (s + lag)))
+
+
+def _legible(case: EdgeCase, unstable: bool) -> bool:
+    """Whether there is one edge, in the picture, and every misreading leads elsewhere."""
+    if len(critical_time_constants(case.process, case.model, 2)) != 1:
+        return False
+    value, omega = case.edge
+    x = value * omega
+    verdicts = [_observer_loop(case.process, case.model, k * value, 2) for k in (0.9, 1.1)]
+    return (
+        verdicts == [unstable, not unstable]
+        and 0.5 < x < 2.2
+        and 0.5 < omega < 30
+        and apart(value, x, 1 / value, by=0.3)
+        and apart(value, x, omega, by=0.3)
+    )
+
+
+def draw_edge(case: EdgeCase) -> Figure:
+    """Draw H, marked at round frequencies, and the curve of order 2, marked at round x."""
+    value, omega = case.edge
+    loop = NRDOB(case.process, case.model, 0, LowPassFilter(1.0, 2))
+
+    def H(w: Any) -> Any:
+        return loop.H(1j * np.asarray(w))
+
+    step = _few(0.15 * omega, 1)
+    frequencies = step * np.arange(np.ceil(0.5 * omega / step), 1 + 1.5 * omega // step)
+    x = 0.2 * np.arange(1, 1 + 1.4 * value * omega // 0.2)
+    seen = np.concatenate([H(frequencies), _gamma(x), [-1, 0]])
+    low = complex(seen.real.min(), seen.imag.min())
+    size = complex(seen.real.max(), seen.imag.max()) - low
+    centre, half = low + size / 2, 0.62 * max(size.real / 1.7, size.imag)
+    along_H, along_curve = H(omega * np.geomspace(1e-3, 1e3, 6001)), _gamma(np.linspace(0, 9, 3001))
+    (ax,) = axes_for(None, 1, TALL)
+    with styled():
+        across, up = np.array([-1.7, 1.7]) * half, np.array([-1, 1]) * half
+        ax.set(xlim=centre.real + across, ylim=centre.imag + up, aspect="equal")
+        ax.set(xlabel="real part", ylabel="imaginary part")
+        label = r"$H$, marked at $\omega$ in rad/s"
+        lines = ax.plot(along_H.real, along_H.imag, color=COLOURS["process"], label=label)
+        label = r"$\Gamma_2$, marked at $x$"
+        ax.plot(along_curve.real, along_curve.imag, color=COLOURS["filter"], label=label)
+        point = half / 125  # of type, about
+        _marks(ax, H, frequencies, "process", along_curve, point)
+        _marks(ax, _gamma, x, "filter", along_H, point)
+        ax.plot(-1, 0, "+", color=COLOURS["critical"], ms=9, mew=2.2, zorder=6)
+        ax.axhline(0, color=INK, lw=0.6)
+        ax.axvline(0, color=INK, lw=0.6)
+        ax.legend(loc="best")
+    places = ", ".join(f"{number(w)} rad/s at {_complex(H(w))}" for w in frequencies)
+    points = ", ".join(f"{number(v, 2)} at {_complex(_gamma(v))}" for v in x)
+    return Figure(lines, ax, alt=f"H passes ω = {places}. Γ₂ passes x = {points}")
+
+
+def _gamma(x: Any) -> Any:
+    return -((1 + 1j * np.asarray(x)) ** 2)
+
+
+def _complex(value: complex) -> str:
+    return f"{number(value.real, 2)} {'−' if value.imag < 0 else '+'} {number(abs(value.imag), 2)}j"
+
+
+def _marks(
+    ax: Any, curve: Any, values: FloatArray, role: str, other: ComplexArray, point: float
+) -> None:
+    """Mark points of a curve, with their values on the side away from the other curve."""
+    for value in values:
+        here, ahead = complex(curve(value)), complex(curve(1.001 * value))
+        sides = [turn * 10 * (ahead - here) / abs(ahead - here) for turn in (1j, -1j)]
+        room = [float(np.abs(other - here - point * side).min()) for side in sides]
+        ax.plot(here.real, here.imag, ".", color=COLOURS[role], ms=7)
+        if max(room) < 8 * point:
+            continue
+        side = sides[int(np.argmax(room))]
+        ax.annotate(
+            number(value, 2),
+            (here.real, here.imag),
+            (1.2 * side.real, side.imag),
+            textcoords="offset points",
+            color=COLOURS[role],
+            fontsize="small",
+            ha="center",
+            va="center",
+        )
+
+
+def _edge_accepts(case: EdgeCase, got: Any) -> bool | str:
+    value, side = float(got[0]), str(got[1])
+    if side not in ("below", "above"):
+        return 'the second entry must be "below" or "above"'
+    if not value > 0:
+        return "a time constant is a positive number"
+    low, high = (
+        _observer_loop(case.process, case.model, k * value, 2) for k in (1 / NEAR_EDGE, NEAR_EDGE)
+    )
+    if low is high:
+        return f"the verdict is the same on both sides of {value:.3g} s: the edge is elsewhere"
+    return bool(low) is (side == "below") or "it is stable on the other side"
+
+
+NEAR_EDGE = 1.12
+"""How well an edge can be read off a picture."""
+
+Edge = tuple[float, str]
+
+
+def _reads(case: EdgeCase, got: Any, *values: float) -> bool:
+    return any(1 / NEAR_EDGE < float(got[0]) / value < NEAR_EDGE for value in values)
+
+
+def _other_side(case: EdgeCase) -> Edge:
+    return case.edge[0], "above" if case.side == "below" else "below"
+
+
+EDGE = Problem(
+    id="5.4",
+    title="Read an edge off a picture",
+    case=_edge_case,
+    accepts=_edge_accepts,
+    praise=(
+        "Right: x from the one curve, the frequency from the other, and lambda = x/omega. The "
+        "verdict is another one on the other side of it."
+    ),
+    own=True,
+    misconceptions=(
+        Misconception(
+            "the wrong side",
+            "The edge is right, the side is not. Ask for very slow filters: they are stable only "
+            "if H has no pole on the right and the DC gains have the same sign. Has it, here?",
+            _other_side,
+            lambda case, got: _reads(case, got, case.edge[0]) and got[1] == _other_side(case)[1],
+            marks=0.5,
+        ),
+        Misconception(
+            "x taken for the time constant",
+            "That is x = lambda omega, where the curves meet. It has no unit. Read off the "
+            "frequency of H at the same point, too, and divide: lambda = x/omega.",
+            lambda case: (case.edge[0] * case.edge[1], case.side),
+            lambda case, got: _reads(case, got, case.edge[0] * case.edge[1]),
+            marks=0.25,
+        ),
+        Misconception(
+            "a frequency taken for the time constant",
+            "That is a frequency, in rad/s: the one of H where the curves meet, or omega/x. The "
+            "time constant is lambda = x/omega, in seconds.",
+            lambda case: (1 / case.edge[0], case.side),
+            lambda case, got: _reads(case, got, 1 / case.edge[0], case.edge[1]),
+            marks=0.25,
+        ),
+    ),
+)
+
+
+# --- 5.5 More lags in the model -----------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class UnstablePlant:
+    """A plant gain/((s - pole)(s + decay)).
+
+    Attributes
+    ----------
+    gain, pole, decay : float
+        All positive; `pole` and `decay` in rad/s.
+    """
+
+    gain: float
+    pole: float
+    decay: float
+
+    @property
+    def process(self) -> ct.TransferFunction:
+        """The plant made of these numbers."""
+        return self.gain / ((s - self.pole) * (s + self.decay))
+
+    def __repr__(self) -> str:
+        return f"the plant {factored(self.process)}"
+
+
+def _unstable_plant(rng: np.random.Generator) -> UnstablePlant:
+    pole = _log(rng, 0.5, 3)
+    return UnstablePlant(_log(rng, 0.5, 5), pole, _few(pole * rng.uniform(1.5, 4)))
+
+
+def _relative_degree(tf: ct.TransferFunction) -> int:
+    return int(tf.poles().size - tf.zeros().size)
+
+
+def _advice_failed(case: UnstablePlant, got: Any) -> str:
+    """Name what keeps a model and an order from refuting the advice; empty if nothing does."""
+    if not (isinstance(got, tuple | list) and len(got) == 2):
+        return "type"
+    model, order = ct.tf(got[0]), got[1]
+    if not isinstance(order, int | np.integer):
+        return "type"
+    roots = np.concatenate([model.poles(), model.zeros()])
+    if np.any(roots.real >= 0):
+        return "right"
+    if _relative_degree(model) <= 2:
+        return "lags"
+    if order < _relative_degree(model):
+        return "order"
+    if not right_half_plane_parity(case.process, model).holds:
+        return "sign"
+    works = stabilizing_time_constants(case.process, model, int(order))
+    small = works[0][0] / 2 if works else 0.01 / float(np.abs(roots).max())
+    if not small:
+        return "works"
+    fails = (_observer_loop(case.process, model, k * small, int(order)) for k in (1.0, 0.1))
+    return "" if not any(fails) else "works"
+
+
+_NOT_REFUTED = {
+    "type": "return two things, the model and the order, a whole number",
+    "right": "the model has a pole or a zero that is not on the left; the advice asks for neither",
+    "lags": "the model must fall off faster than the plant: that is what over-parametrised is for",
+    "order": "F/model is not causal with this order",
+    "sign": "the model has the wrong sign, so that no filter can work: that is not the advice",
+    "works": "every filter that is fast enough stabilises this, as the advice says",
+}
+
+
+def _advice_like(name: str, says: str, kind: str, example: Any, marks: float) -> Misconception:
+    return Misconception(
+        name, says, example, lambda case, got: _advice_failed(case, got) == kind, marks
+    )
+
+
+def _over(case: UnstablePlant, lags: int = 1, sign: float = 1.0) -> ct.TransferFunction:
+    """Mirror the pole of the plant, and add lags ten times as fast."""
+    mirrored = sign * case.gain / ((s + case.pole) * (s + case.decay))
+    return mirrored / (s / (10 * case.decay) + 1) ** lags
+
+
+ADVICE = Problem(
+    id="5.5",
+    title="Find the error: the faster the better",
+    case=_unstable_plant,
+    accepts=lambda case, got: _NOT_REFUTED[kind] if (kind := _advice_failed(case, got)) else True,
+    praise=(
+        "Right. The model is what the paper recommends, the order is more than enough, and every "
+        "fast filter fails: the model may have m lags more than the plant only if n - m is at "
+        "most 2."
+    ),
+    misconceptions=(
+        _advice_like(
+            "an order that works",
+            "With your order the advice is good: every filter that is fast enough stabilises the "
+            "loop. Which orders does the paper's sentence allow besides? Count how many lags the "
+            "filter has more than the model has more than the plant.",
+            "works",
+            lambda case: (_over(case), 3),
+            marks=0.5,
+        ),
+        _advice_like(
+            "the DC sign of the plant",
+            "All filters fail, but for another reason: parity. The paper's own model has the "
+            "opposite DC sign of its plant, and so must yours, or you refute what nobody has "
+            "claimed.",
+            "sign",
+            lambda case: (_over(case, sign=-1.0), 4),
+            marks=0.25,
+        ),
+        _advice_like(
+            "no lag more than the plant",
+            "Your model falls off as the plant does, so it is not over-parametrised. Give it one "
+            "stable pole more, or several.",
+            "lags",
+            lambda case: (_over(case, lags=0) / 20, 3),
+            marks=0.25,
+        ),
+        _advice_like(
+            "an unstable pole in the model",
+            "Your model has a pole or a zero that is not on the left. The advice is to "
+            "over-parametrise with stable poles. Mirror the plant's pole first.",
+            "right",
+            lambda case: (case.process / (s / (10 * case.decay) + 1), 4),
+            marks=0.0,
+        ),
+        _advice_like(
+            "a filter that is not causal",
+            "F/model is not causal: the order of the filter must be at least the number of lags "
+            "that the model has more than zeros.",
+            "order",
+            lambda case: (_over(case), 2),
+            marks=0.0,
+        ),
+    ),
+)
+
+
+# --- 5.6 Hold it --------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class DesignCase:
+    """A plant gain/((s - pole)(s/decay + 1)), with a dead time that may come on top.
+
+    Attributes
+    ----------
+    gain, pole, decay : float
+        All positive; `pole` and `decay` in rad/s.
+    dead_time : float
+        In seconds.
+    max_ms, max_noise : float
+        Largest sensitivity peak, and largest ``|U_eta|``, allowed with the dead time.
+    """
+
+    gain: float
+    pole: float
+    decay: float
+    dead_time: float
+    max_ms: float = inf
+    max_noise: float = inf
+
+    @property
+    def process(self) -> ct.TransferFunction:
+        """The plant without dead time."""
+        return self.gain / ((s - self.pole) * (s / self.decay + 1))
+
+    @property
+    def feared(self) -> DelayedTransferFunction:
+        """The plant with it."""
+        return DelayedTransferFunction(self.process, self.dead_time)
+
+    def __repr__(self) -> str:
+        return (
+            f"the plant {factored(self.process)}, feared with {self.dead_time:g} s of dead time, "
+            f"Ms ≤ {self.max_ms:g}, |U_eta| ≤ {self.max_noise:g}"
+        )
+
+
+def _design_case(rng: np.random.Generator) -> DesignCase:
+    """Draw a plant; the limits are such that the mirrored model of full size meets them."""
+    pole = _log(rng, 0.5, 5)
+    case = DesignCase(
+        gain=_log(rng, 0.5, 4),
+        pole=pole,
+        decay=_few(pole * rng.uniform(3, 6)),
+        dead_time=_few(rng.uniform(0.055, 0.065) / pole),
+    )
+    tempting = _with_dead_time(case, _design(case, 0.2, size=0.5))
+    max_ms = _few((_ms(tempting, tempting.L) * _ms(tempting, tempting.FH)) ** 0.5, 3)
+    max_noise = _few(1.6 * _noise(_with_dead_time(case, _design(case, 0.1))))
+    return DesignCase(case.gain, case.pole, case.decay, case.dead_time, max_ms, max_noise)
+
+
+def _design(case: DesignCase, value: float, size: float = 1.0, sign: float = 1.0) -> NRDOB:
+    """Mirror the pole; the time constant is given in units of 1/pole."""
+    model = sign * size * case.gain / ((s + case.pole) * (s / case.decay + 1))
+    controller = sign * (s + case.pole) * case.pole / (size * case.gain * s)
+    return NRDOB(case.process, model, controller, LowPassFilter(value / case.pole, 2))
+
+
+def _with_dead_time(case: DesignCase, loop: NRDOB) -> NRDOB:
+    return NRDOB(case.feared, loop.model, loop.controller, loop.filter)
+
+
+def _ms(loop: NRDOB, quotient: Quotient) -> float:
+    """Peak of 1/(1 + FH) or 1/(1 + L); nan if the loop is not stable."""
+    return margins(quotient, loop.stability().observer_loop.stable, loop.p_B).ms
+
+
+def _noise(loop: NRDOB) -> float:
+    roots = np.abs(np.concatenate([loop.p_B.roots, loop.G.denominator.roots]))
+    omega = np.geomspace(1e-3 * roots.min(), 1e3 * roots.max(), 3001)
+    return float(np.abs(loop.U_eta(1j * omega)).max())
+
+
+def _shortcoming(case: DesignCase, loop: Any) -> tuple[str, str]:
+    """Name what a design lacks, and say it with numbers; empty if nothing."""
+    if not isinstance(loop, NRDOB):
+        return "type", "it is not an nrdob.NRDOB"
+    own = not loop.delay and np.allclose(loop.G(POINTS), case.process(POINTS), rtol=1e-6, atol=0)
+    if not own:
+        return "plant", "its plant is not case.process"
+    verdict = loop.stability()
+    if np.any(np.abs(loop.p_B.roots - case.pole) < 1e-6 * case.pole):
+        return "matched", "the plant's unstable pole is a root of p_B"
+    if not right_half_plane_parity(loop.process, loop.model).holds:
+        return "sign", "p_B has an odd number of roots on the right"
+    if verdict.model_loop.stable is not True:
+        return "controller", "the controller does not stabilise the model"
+    if verdict.stable is not True:
+        return "nominal", "the loop is not stable, even without the dead time"
+    late = _with_dead_time(case, loop)
+    if late.stability().stable is not True:
+        return "feared", "with the dead time the loop is not stable"
+    ms, noise = _ms(late, late.L), _noise(late)
+    if not ms <= case.max_ms * (1 + 1e-6):
+        trusted = _ms(late, late.FH) <= case.max_ms
+        return "margin of FH" if trusted else "ms", f"with the dead time Ms is {ms:.3g}"
+    if not noise <= case.max_noise * (1 + 1e-6):
+        return "noise", f"with the dead time |U_eta| reaches {noise:.3g}"
+    if abs(late.T_R.dc_gain - 1) > 0.01:
+        return "reference", f"y comes to rest at {late.T_R.dc_gain:.3g} after a unit step of R"
+    return "", ""
+
+
+def _lacks(name: str, says: str, kind: str, example: Any, marks: float) -> Misconception:
+    return Misconception(
+        name, says, example, lambda case, got: _shortcoming(case, got)[0] == kind, marks
+    )
+
+
+def _matched_design(case: DesignCase) -> NRDOB:
+    controller = 3 * (s + case.pole) * case.pole / (case.gain * s)
+    return NRDOB(case.process, case.process, controller, LowPassFilter(0.1 / case.pole, 2))
+
+
+DESIGN = Problem(
+    id="5.6",
+    title="Hold it",
+    case=_design_case,
+    accepts=lambda case, got: said if (said := _shortcoming(case, got)[1]) else True,
+    praise=(
+        "Your loop holds the plant, with the dead time and without, with the margins that were "
+        "asked for, quietly enough, and it follows its reference. That is a design."
+    ),
+    misconceptions=(
+        _lacks(
+            "a model that matches the plant",
+            "The plant's unstable pole is a root of p_B: your model has it, too, so that it "
+            "cancels in FH and stays in the loop for every filter. Mirror it instead.",
+            "matched",
+            _matched_design,
+            marks=0.0,
+        ),
+        _lacks(
+            "the DC sign of the plant",
+            "p_B has an odd number of roots on the right for every filter. Before any tuning: one "
+            "unstable pole asks for a model with the opposite DC sign.",
+            "sign",
+            lambda case: _design(case, 0.1, sign=-1.0),
+            marks=0.0,
+        ),
+        _lacks(
+            "designed for the plant that is hoped for",
+            "Your loop is stable without the dead time, and lost with it: the filter is too fast "
+            "for what it does not know. Design for the plant that you fear, case.feared.",
+            "feared",
+            lambda case: _design(case, 0.02),
+            marks=0.25,
+        ),
+        _lacks(
+            "margin of FH taken for the plant's",
+            "The peak of 1/(1 + FH) is within the limit, that of S_d = 1/(1 + L) is not, and S_d "
+            "is what the plant feels. Look at margins().plant_loop of the loop with the dead time. "
+            "Which size of the model makes it calmer?",
+            "margin of FH",
+            lambda case: _design(case, 0.2, size=0.5),
+            marks=0.5,
+        ),
+        _lacks(
+            "too much noise at the actuator",
+            "Stable, with the margins asked for; but the sensor's noise reaches the actuator too "
+            "loudly. |U_eta| at high frequency is |F/model|: a slower filter is quieter.",
+            "noise",
+            lambda case: _design(case, 0.065),
+            marks=0.5,
+        ),
+    ),
+)
+
+PROBLEMS = (SIGN, BORDER, EDGE, ADVICE, DESIGN)
