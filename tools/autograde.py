@@ -144,6 +144,9 @@ def keep_points(cell: Any) -> None:
     nbgrader takes the first result, whatever it is, and gives full points if there is none; text
     on stderr, a mere warning, costs all of them.
     """
+    for out in cell.outputs:
+        if out.output_type == "error":  # its lines would show the hidden tests
+            out.traceback = [f"{out.ename}: {out.evalue}"]
     if any(out.output_type == "error" for out in cell.outputs):
         return
     most = float(cell.metadata.nbgrader["points"])

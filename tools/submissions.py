@@ -33,7 +33,7 @@ NEW_CELL: dict[str, Any] = {
     "raw": new_raw_cell,
 }
 SET_IN_NAME = re.compile(r"set[\s_-]*0*(\d+)", re.IGNORECASE)
-STUDENT_IN_NAME = re.compile(r"(?P<student>.*\w)[\s_-]+set[\s_-]*\d+", re.IGNORECASE)
+STUDENT_IN_NAME = re.compile(r"(?P<student>.*[^\s_-])[\s_-]+set[\s_-]*\d+", re.IGNORECASE)
 PICTURES = {".png", ".jpg", ".jpeg", ".gif", ".svg"}
 
 
@@ -88,12 +88,15 @@ def find(
     submissions = []
     for student in students:
         own = [found for found in everything if found.student == student]
-        unknown = [found for found in own if not found.set]
+        empty = [found for found in own if found.path.is_dir()]
+        unknown = [found for found in own if not found.set and found not in empty]
+        if not looked_for:
+            unknown += empty
         for name in looked_for:
             named = [found for found in own if found.set == name]
             if not named and len(looked_for) == 1 and len(unknown) == 1:
                 named, unknown = unknown, []  # nothing else that it could be
-            submissions.append(_choose(student, name, named))
+            submissions.append(_choose(student, name, named or empty))
         submissions += [
             Submission(student, "", found.path, reason=_no_set(found)) for found in unknown
         ]
