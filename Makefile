@@ -14,10 +14,11 @@ READY := $(VENV)/ready
 export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
 export PYTHONHASHSEED := 0
 
-.PHONY: help env book ledger test lint types layers unit notebooks execute check bench slides lab clean
+.PHONY: help env book ledger test lint types layers unit notebooks execute check bench slides lab \
+	release grade report test-exercises clean
 
 help: ## show this list
-	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /	/' | expand -t 12
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /	/' | expand -t 16
 
 env: $(READY) ## make the environment in .venv (the other targets do it when needed)
 
@@ -71,6 +72,19 @@ slides: $(READY) ## make slides of the questions for class, which need no networ
 
 lab: $(READY) ## open the notebooks in JupyterLab
 	$(PY) -m jupyterlab notebooks
+
+release: $(READY) ## make the students' copies of the problem sets, and the solutions (SETS="set1 set2")
+	$(PY) tools/exercises.py release $(SETS)
+
+grade: $(READY) ## grade what students handed in: make grade SUBMISSIONS=folder
+	@test -n "$(SUBMISSIONS)" || { echo "Say where they are: make grade SUBMISSIONS=folder"; exit 2; }
+	$(PY) tools/exercises.py grade "$(SUBMISSIONS)"
+
+report: $(READY) ## take over the points filled into grading/written.csv
+	$(PY) tools/exercises.py report
+
+test-exercises: $(READY) ## test the problem sets, their graders, and the way from a submission to its points
+	$(PY) -m pytest -q tests/test_grading.py tests/test_exercises.py tests/test_course.py
 
 clean: ## remove what the other targets made, except the environment
 	rm -rf build book/chapters book/ledger.md book/errata.md
