@@ -39,7 +39,7 @@ from nrdob import NRDOB
 from nrdob.sampling import random_loop
 
 FOLDER = Path(__file__).resolve().parent.parent / "notebooks"
-NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
+NOTEBOOKS = sorted(FOLDER.glob("*.ipynb")) + sorted(FOLDER.glob("class/*.ipynb"))
 
 TOLERANCE = 1e-9
 LOOPS, POINTS = 6, 5
