@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import reduce
-from itertools import pairwise
 from typing import Any
 
 import control as ct
@@ -15,10 +14,8 @@ from ..blocks import ComplexArray, FloatArray
 from ..figure import SHORT, Figure, axes_for, colour_of, styled
 from ..filters import LowPassFilter
 from ..loop import NRDOB
+from .cases import apart, first_fitting
 from .grading import Misconception, Problem
-
-TRIES = 2000
-"""How often a case is drawn again before something must be wrong."""
 
 POINTS = np.array([0.3 + 0.2j, 0.7j, 1 + 2j, 5j, 3 + 9j, 20j, 40 + 10j, 90j])
 """Where functions of s are compared."""
@@ -81,11 +78,16 @@ def _settled(case: SettledCase) -> Table:
 
 
 def _rows(got: Any) -> FloatArray:
+    """Read the answer as a table, a row for each input."""
     return np.array([[float(value) for value in got[name]] for name in INPUTS]).reshape(4, 3)
 
 
 def _settled_accepts(case: SettledCase, got: Any) -> bool | str:
-    for name, (y, u, e) in zip(INPUTS, _rows(got), strict=True):
+    try:
+        rows = _rows(got)
+    except (KeyError, TypeError, ValueError):
+        return f"it must have the keys {', '.join(INPUTS)}, and three numbers (y, u, e) for each"
+    for name, (y, u, e) in zip(INPUTS, rows, strict=True):
         R, delta, d, eta = (float(name == each) for each in INPUTS)
         lines = {
             "e = R - yf, with yf = y + eta": (e, R - y - eta),
@@ -95,7 +97,7 @@ def _settled_accepts(case: SettledCase, got: Any) -> bool | str:
         for line, (left, right) in lines.items():
             if abs(left - right) > 1e-4 * (1 + abs(right)):
                 return (
-                    f"after a step of {name}, the line {line} is not satisfied at s = 0: "
+                    f"after a step of {name}, the line {line} is not satisfied, where F = 1: "
                     f"{left:.4g} on the left, {right:.4g} on the right"
                 )
     return True
@@ -258,6 +260,8 @@ def _disturbance_to_output(case: PolynomialCase, s: complex) -> complex:
 
 
 def _polynomial_accepts(case: PolynomialCase, got: Any) -> bool | str:
+    if np.iscomplexobj(got):
+        return "coefficients are asked for, which are real; these look like roots"
     p = _coefficients(got)
     degree = case.D.size + case.Nm.size - 2 + case.order
     if p.size - 1 != degree:
@@ -270,7 +274,10 @@ def _polynomial_accepts(case: PolynomialCase, got: Any) -> bool | str:
     S_d = np.array([_disturbance_to_output(case, s) for s in POINTS])
     factor = S_d * np.polyval(p, POINTS) / np.polyval(numerator, POINTS)
     if not np.allclose(factor, factor[0], rtol=1e-4):
-        return "y after a step of d, solved from the diagram, is not D Nm (Df - Nf) over it"
+        return (
+            "S_d, solved from the diagram at a few s, is not D Nm (Df - Nf) divided by it; check "
+            "both terms of p_B, and their sign"
+        )
     return True
 
 
@@ -383,20 +390,19 @@ class SensitivityCase:
 
 
 def _sensitivity_case(rng: np.random.Generator) -> SensitivityCase:
-    for _ in range(TRIES):
+    def draw() -> SensitivityCase:
         order, constant, gain = int(rng.integers(2, 4)), _draw(rng, 0.05, 0.5), _draw(rng, 2, 9)
-        ratio = _gain_error(rng)
         pole, lag = _draw(rng, 0.3, 1) / constant, _draw(rng, 0.1, 0.3) * constant
         model = ct.tf([gain], [1 / pole, 1])
-        plant = ct.tf([gain * ratio], np.polymul([1 / pole, 1], [lag, 1]))
-        case = SensitivityCase(
-            gain, constant, order, NRDOB(plant, model, 1 / gain, LowPassFilter(constant, order))
-        )
-        values = sorted(map(abs, _gain_readings(case).values()))
-        apart = all(b / a > 1.4 for a, b in pairwise(values))
-        if apart and case._loop.stability().stable:
-            return case
-    raise RuntimeError("no case found for problem 1.4")
+        plant = model * ct.tf([_gain_error(rng)], [lag, 1])
+        loop = NRDOB(plant, model, 1 / gain, LowPassFilter(constant, order))
+        return SensitivityCase(gain, constant, order, loop)
+
+    def fits(case: SensitivityCase) -> bool:
+        values = _gain_readings(case).values()
+        return apart(*values, by=0.3) and case._loop.stability().stable is True
+
+    return first_fitting(draw, fits)
 
 
 def _gain_readings(case: SensitivityCase) -> dict[str, float]:
@@ -504,15 +510,15 @@ class TwinCase:
 
 
 def _twin_case(rng: np.random.Generator) -> TwinCase:
-    for _ in range(TRIES):
+    def draw() -> TwinCase:
         order, gain = int(rng.integers(2, 4)), _draw(rng, 0.5, 5)
         poles = [_draw(rng, 0.5, 2), _draw(rng, 2.5, 8)]
         moved = [p * float(rng.uniform(1.1, 1.4)) for p in poles]
         model, plant = (ct.tf([gain * p * q], np.poly([-p, -q])) for p, q in (poles, moved))
-        loop = NRDOB(plant, model, 0.5 / gain, LowPassFilter(_draw(rng, 0.05, 0.3), order))
-        if loop.stability().stable:
-            return TwinCase(loop)
-    raise RuntimeError("no case found for problem 1.5")
+        F = LowPassFilter(_draw(rng, 0.05, 0.3), order)
+        return TwinCase(NRDOB(plant, model, 0.5 / gain, F))
+
+    return first_fitting(draw, lambda case: case.loop.stability().stable is True)
 
 
 def _twin(case: TwinCase, got: Any) -> tuple[float, ct.TransferFunction]:
@@ -564,7 +570,8 @@ def _same_integral_gain(case: TwinCase, got: Any) -> bool:
     given, tiny = case.loop.filter, 1e-6
     slope = (1 - filter(tiny).real) / tiny
     expected = given.order * given.time_constant / factor
-    return bool(abs(filter(0).real - 1) < 1e-6 and abs(slope / expected - 1) < 1e-3)
+    same = np.allclose(_feedback(case, got), case.loop.K(POINTS), rtol=1e-4)
+    return abs(filter(0).real - 1) < 1e-6 and abs(slope / expected - 1) < 1e-3 and not same
 
 
 def _den(case: TwinCase, factor: float = 1.0) -> list[float]:
@@ -671,10 +678,11 @@ def _wish_case(rng: np.random.Generator) -> WishCase:
 
 
 def _wish_filter(got: Any) -> LowPassFilter:
-    if isinstance(got, LowPassFilter):
-        return got
-    time_constant, order = got
-    return LowPassFilter(time_constant, order)
+    if isinstance(got, tuple | list):
+        got = LowPassFilter(*got)
+    if not isinstance(got, LowPassFilter):
+        raise TypeError("a LowPassFilter(λ, n) is asked for")
+    return got
 
 
 def _rejects(case: WishCase, F: LowPassFilter) -> bool:

@@ -58,18 +58,24 @@ def _promise(case: PeakCase) -> tuple[float, float, float]:
 
 
 def _promise_accepts(case: PeakCase, got: Any) -> bool | str:
+    if np.size(got) != 3:
+        return "three numbers are asked for: (low, high, angle)"
     low, high, angle = map(float, got)
+    if not 0 < low < 1 < high:
+        return "the loop is stable as it is: the lower gain is below 1 and the upper above"
     distance = 1 / case.ms
     points = {
-        "the upper gain": (1 - 1 / high, f"-1/{high:.4g}"),
-        "the lower gain": (1 / low - 1, f"-1/{low:.4g}"),
-        "the angle": (2 * sin(radians(angle) / 2), f"the unit circle at {angle:.4g}° from it"),
+        f"upper gain: the point -1/{high:.4g}": 1 - 1 / high,
+        f"lower gain: the point -1/{low:.4g}": 1 / low - 1,
+        f"angle: the point of the unit circle that is {angle:.4g}° from -1": (
+            2 * abs(sin(radians(angle) / 2))
+        ),
     }
-    for name, (found, where) in points.items():
+    for where, found in points.items():
         if abs(found - distance) > 1e-3 * distance:
             return (
-                f"{name}: the point {where} is {found:.4g} from -1, not 1/Ms = {distance:.4g}; "
-                "the curve may come as near as that, and no nearer"
+                f"{where} is at the distance {found:.4g} from -1, not 1/Ms = {distance:.4g}; the "
+                "curve may come as near as that, and no nearer"
             )
     return True
 
@@ -98,6 +104,13 @@ PROMISE = Problem(
             "-(1 + 1/Ms) = -1/g; solve for g.",
             lambda case: (1 / _promise(case)[1], *_promise(case)[1:]),
             0.5,
+        ),
+        answers_like(
+            "Ms taken for a gain margin",
+            "You let the gain change by the factor Ms. But 1/Ms is a distance, from -1 to the "
+            "curve, not a gain. The gain multiplies the curve, which crosses the axis at some "
+            "-1/g: its distance from -1 is |1 - 1/g|. Make that 1/Ms, on either side.",
+            lambda case: (1 / case.ms, case.ms, _promise(case)[2]),
         ),
         answers_like(
             "distance taken for a change of gain",
@@ -203,7 +216,9 @@ READ_OFF = 0.04
 
 
 def _delay_accepts(case: MeasuredCase, got: Any) -> bool | str:
-    margin = float(got)
+    if np.size(got) != 1:
+        return "one number is asked for, the smallest dead time at which the loop is lost"
+    margin = float(np.ravel(got)[0])
     if not 0 < margin < inf:
         return "the delay margin of this loop is a positive number of seconds"
     plant = case._loop.process
@@ -519,7 +534,7 @@ GAIN = Problem(
             "The loop bears this gain: look at the roots, with the plant multiplied. The "
             "error of Lemma 2 shows only beyond the upper gain margin of L = K G.",
             example=lambda case: 0.95 * case.loop.margins().plant_loop.gm_high,
-            recognises=lambda case, got: 0 < float(got) <= case.loop.margins().plant_loop.gm_high,
+            recognises=lambda case, got: 0 < float(got) < case.loop.margins().plant_loop.gm_high,
             marks=0.25,
         ),
     ),
@@ -618,7 +633,11 @@ def _fastest(case: MarginCase, which: str) -> float:
 
 
 def _design_filter(got: Any) -> Any:
-    return LowPassFilter(*got) if isinstance(got, tuple | list) else got
+    if isinstance(got, tuple | list):
+        return LowPassFilter(*got)
+    if isinstance(got, float | int):
+        raise TypeError("a filter is asked for, LowPassFilter(λ, n)")
+    return got
 
 
 def _missing(case: MarginCase, got: Any) -> list[str]:
@@ -673,9 +692,9 @@ DESIGN = Problem(
     misconceptions=(
         Misconception(
             "Ms of FH taken for the plant's",
-            "The Ms of F H is small enough, that of L is not. The first tells how far the model "
-            "error may be exaggerated; what the disturbances and the plant feel is L = K G. Take "
-            "the third line of the margins.",
+            "The Ms of F H is small enough, that of L is not. The first belongs to a loop in "
+            "which the model error is exaggerated; what the plant and its disturbances feel is "
+            "L = K G. Take the third line of the margins.",
             example=_example(lambda case: 1.02 * _fastest(case, "observer_loop")),
             recognises=_trusts_FH,
             marks=0.25,
