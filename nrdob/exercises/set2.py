@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any
 
 import control as ct
@@ -312,11 +313,15 @@ def _plot_accepts(case: PlotCase, got: Any) -> bool | str:
     if got[0] != N:
         return (
             "the first number is not what the plot does around -1. Draw a ray from -1 to the far "
-            "left, and count how often the plot crosses it downwards and upwards"
+            "left: where the plot crosses it upwards it has made a clockwise turn, where downwards "
+            "an anticlockwise one. Both halves count, the solid and the dashed"
         )
     if got[1] != P:
-        return "P is not what plant and model give: the roots of D Nm on the right"
-    return bool(got[2] == N + P) or "Z does not follow from your N and P"
+        return (
+            "N is right, P is not: it counts the poles of the plant and the zeros of the model on "
+            "the right, whether they cancel or not"
+        )
+    return bool(got[2] == N + P) or "N and P are right, and Z does not follow from them: Z = N + P"
 
 
 READING = Problem(
@@ -397,17 +402,16 @@ class HalfCurve:
 
 
 def _half_curve(rng: np.random.Generator) -> HalfCurve:
-    return first_fitting(
-        lambda: _draw_half_curve(rng),
-        lambda case: (
-            case.count.encirclements is not None
-            and apart(
-                _closed(case),
-                *(wrong(case) for wrong in _CLOSING_MISTAKES),
-                by=0.05,
-            )
-            and apart(_detour_missing(case), _closed(case), _axis_only(case), by=0.05)
-        ),
+    return first_fitting(lambda: _draw_half_curve(rng), _unambiguous)
+
+
+def _unambiguous(case: HalfCurve) -> bool:
+    """Whether every mistake gives a number of its own."""
+    mistakes = [wrong(case) for wrong in _CLOSING_MISTAKES]
+    return (
+        case.count.encirclements is not None
+        and apart(_closed(case), *mistakes, *_hints(case), by=0.05)
+        and apart(_closed(case), _detour_missing(case), *_hints(case), by=0.05)
     )
 
 
@@ -475,18 +479,35 @@ def _near(value: float, got: Any) -> bool:
     return bool(abs(float(got) - value) < 0.05)
 
 
+def _hints(case: HalfCurve) -> dict[float, str]:
+    """Say what other slips look like."""
+    axis, pieces = _axis_only(case), (case.poles_at_zero + case.excess) / 2
+    return {
+        axis / 2: "it is what positive frequencies alone give. Where are the mirror image, the "
+        "detour, and the half circle?",
+        axis - pieces: "the two closing pieces seem to go the wrong way: both are clockwise",
+        axis + 2 * pieces: "each pole at 0 and each degree of excess adds half a turn, not a whole",
+        pieces - axis: "the closing pieces seem right; but numpy's angles grow counter-clockwise, "
+        "so their sum needs a minus sign",
+    }
+
+
+def _closing_accepts(case: HalfCurve, got: Any) -> bool | str:
+    if _near(_closed(case), got):
+        return True
+    for value, hint in _hints(case).items():
+        if _near(value, got):
+            return hint
+    if abs(float(got) - round(float(got))) > 0.05:
+        return "a closed curve turns a whole number of times"
+    return "that many turns do not fit the zeros of 1 + H and the poles of H on the right"
+
+
 CLOSING = Problem(
     id="2.4",
     title="Close the curve",
     case=_half_curve,
-    accepts=lambda case, got: (
-        _near(_closed(case), got)
-        or (
-            "a closed curve turns a whole number of times"
-            if abs(float(got) - round(float(got))) > 0.05
-            else "that many turns do not fit the zeros of 1 + H and the poles of H on the right"
-        )
-    ),
+    accepts=_closing_accepts,
     praise=(
         "Right: half the turns are on the page, its mirror image makes as many, each pole at 0 "
         "adds half a turn by the detour, and each degree of excess half a turn at infinity."
@@ -688,6 +709,14 @@ LITERAL = Problem(
             lambda case: _held(case, case.pole, -1.0),
             marks=0.25,
         ),
+        _diagnosed(
+            "another plant",
+            "This loop is not built around your plant. Take process=case.process, which is another "
+            "one in every case, and compute the model from its pole, case.pole.",
+            "plant",
+            lambda case: NRDOB(4 / (2 - s - s**2), 4 / (2 - s - s**2), -2, LowPassFilter(0.05, 2)),
+            marks=0.0,
+        ),
     ),
 )
 
@@ -731,8 +760,11 @@ def _distant_zero(rng: np.random.Generator) -> DistantZero:
 
 def _why_not_stable(case: DistantZero, loop: Any) -> str:
     """Name why a loop is not the one that should not exist; empty if it is."""
-    if not isinstance(loop, NRDOB):
-        return "type"
+    return _cause(case, loop) if isinstance(loop, NRDOB) else "type"
+
+
+@lru_cache(maxsize=32)
+def _cause(case: DistantZero, loop: NRDOB) -> str:
     if not _is_own(case, loop):
         return "plant"
     verdict = loop.stability()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from math import inf, log, pi
 from typing import Any, NamedTuple
 
@@ -82,6 +82,14 @@ class SignCase:
 
 
 def _sign_case(rng: np.random.Generator) -> SignCase:
+    """Draw five pairs, not all of whose plants have a positive DC gain."""
+    return first_fitting(
+        lambda: _draw_pairs(rng),
+        lambda case: any(np.real(pair.process(0)) < 0 for pair in case.pairs),
+    )
+
+
+def _draw_pairs(rng: np.random.Generator) -> SignCase:
     def root() -> float:
         return _log(rng, 0.3, 5)
 
@@ -126,8 +134,12 @@ def _same_dc_sign(pair: Pair) -> float:
     return _dc(pair)
 
 
-def _opposite_dc_sign(pair: Pair) -> float:
-    return -_dc(pair)
+def _opposite_if_unstable(pair: Pair) -> float:
+    return -_dc(pair) if _on_the_right(pair.process.poles()) else _dc(pair)
+
+
+def _relative_to_the_plant(pair: Pair) -> float:
+    return (-1.0) ** _on_the_right([*pair.process.poles(), *pair.model.zeros()])
 
 
 def _zeros_of_the_model_forgotten(pair: Pair) -> float:
@@ -148,7 +160,7 @@ def _odd(pair: Pair, sign: float) -> bool:
 
 def _sign_accepts(case: SignCase, got: Any) -> bool | str:
     signs = np.asarray(got)
-    if signs.shape != (5,) or not np.all(np.abs(signs) == 1):
+    if signs.shape != (5,) or signs.dtype.kind not in "if" or not np.all(np.abs(signs) == 1):
         return "give five numbers, each +1 or -1, in the order of the pairs"
     for k, (pair, sign) in enumerate(zip(case.pairs, signs, strict=True), start=1):
         if _odd(pair, float(sign)):
@@ -176,12 +188,20 @@ SIGN = Problem(
             marks=0.25,
         ),
         answers_like(
-            "the opposite sign, always",
-            "You give every model the opposite sign, as in Example 3. There the plant had one "
-            "unstable pole. With two, or with none, the signs agree: what counts is whether the "
-            "number is odd.",
-            lambda case: _signs(case, _opposite_dc_sign),
+            "the opposite sign for every unstable plant",
+            "You turn the sign whenever the plant is unstable, as in Example 3. There it had one "
+            "unstable pole. A pair turns the sign twice: what counts is whether the number is odd. "
+            "And a zero of the model on the right counts, too.",
+            lambda case: _signs(case, _opposite_if_unstable),
             marks=0.25,
+        ),
+        answers_like(
+            "the sign of the plant left out",
+            "You have found where plant and model must agree in sign and where not, and that is "
+            "the idea. But your number multiplies a model of positive DC gain: a plant with a "
+            "negative one turns it again.",
+            lambda case: _signs(case, _relative_to_the_plant),
+            marks=0.75,
         ),
         answers_like(
             "zeros of the plant counted",
@@ -239,6 +259,7 @@ class LateCase:
             "true": edges[-1].time_constant,
             "first edge": edges[0].time_constant,
             "bandwidth": 1 / edges[-1].time_constant,
+            "frequency": edges[-1].frequency,
             "2θ/π": 2 * late / pi,
             "small gain": self._small_gain(),
             **by_order,
@@ -274,15 +295,22 @@ def _draw_late(rng: np.random.Generator) -> LateCase:
 
 def _tells_apart(case: LateCase) -> bool:
     found = case.borders
-    rough = [value for name, value in found.items() if name != "Padé 2"]
+    rough = [value for name, value in found.items() if name not in ("Padé 2", "frequency")]
     sets = stabilizing_time_constants(case.process, case.model, case.order)
     one_set = len(sets) == 1 and sets[0][1] == inf
-    return one_set and apart(*rough, by=0.05) and apart(found["true"], found["Padé 2"], by=0.0025)
+    return (
+        one_set
+        and apart(*rough, by=0.05)
+        and apart(found["true"], found["Padé 2"], by=0.0025)
+        and apart(found["true"], found["frequency"], by=0.5)
+    )
 
 
 def _border_accepts(case: LateCase, got: Any) -> bool | str:
+    if np.shape(got) != ():
+        return "return one number, the time constant in seconds"
     value = float(got)
-    if not value > 0:
+    if not 0 < value < inf:
         return "a time constant is a positive number"
     slower = (50.0, 5.0, 1.5, 1.001)
     if not all(_observer_loop(case.process, case.model, k * value, case.order) for k in slower):
@@ -342,10 +370,11 @@ BORDER = Problem(
             marks=0.25,
         ),
         _border_like(
-            "bandwidth given for the time constant",
-            "The number is right, but upside down: you have returned 1/lambda, a frequency. Asked "
-            "for is the time constant, in seconds.",
+            "a frequency given for the time constant",
+            "You have found the edge, and returned a frequency: 1/lambda, or the one at which the "
+            "roots cross. Asked for is the time constant lambda itself, in seconds.",
             "bandwidth",
+            "frequency",
             marks=0.75,
         ),
     ),
@@ -489,7 +518,9 @@ def _marks(
 
 
 def _edge_accepts(case: EdgeCase, got: Any) -> bool | str:
-    value, side = float(got[0]), str(got[1])
+    if not isinstance(got, tuple | list) or len(got) != 2:
+        return 'give two things, the time constant and "below" or "above"'
+    value, side = float(got[0]), str(got[1]).lower()
     if side not in ("below", "above"):
         return 'the second entry must be "below" or "above"'
     if not value > 0:
@@ -498,7 +529,10 @@ def _edge_accepts(case: EdgeCase, got: Any) -> bool | str:
         _observer_loop(case.process, case.model, k * value, 2) for k in (1 / NEAR_EDGE, NEAR_EDGE)
     )
     if low is high:
-        return f"the verdict is the same on both sides of {value:.3g} s: the edge is elsewhere"
+        return (
+            f"the verdict is the same on both sides of {value:.3g} s, so the edge is elsewhere. "
+            "Where the two curves cross, read x off the one and the frequency off the other"
+        )
     return bool(low) is (side == "below") or "it is stable on the other side"
 
 
@@ -532,7 +566,9 @@ EDGE = Problem(
             "The edge is right, the side is not. Ask for very slow filters: they are stable only "
             "if H has no pole on the right and the DC gains have the same sign. Has it, here?",
             _other_side,
-            lambda case, got: _reads(case, got, case.edge[0]) and got[1] == _other_side(case)[1],
+            lambda case, got: (
+                _reads(case, got, case.edge[0]) and str(got[1]).lower() == _other_side(case)[1]
+            ),
             marks=0.5,
         ),
         Misconception(
@@ -595,7 +631,7 @@ def _advice_failed(case: UnstablePlant, got: Any) -> str:
     if not (isinstance(got, tuple | list) and len(got) == 2):
         return "type"
     model, order = ct.tf(got[0]), got[1]
-    if not isinstance(order, int | np.integer):
+    if not isinstance(order, int | float | np.number) or order != int(order):
         return "type"
     roots = np.concatenate([model.poles(), model.zeros()])
     if np.any(roots.real >= 0):
@@ -773,8 +809,11 @@ def _noise(loop: NRDOB) -> float:
 
 def _shortcoming(case: DesignCase, loop: Any) -> tuple[str, str]:
     """Name what a design lacks, and say it with numbers; empty if nothing."""
-    if not isinstance(loop, NRDOB):
-        return "type", "it is not an nrdob.NRDOB"
+    return _judged(case, loop) if isinstance(loop, NRDOB) else ("type", "it is not an nrdob.NRDOB")
+
+
+@lru_cache(maxsize=32)
+def _judged(case: DesignCase, loop: NRDOB) -> tuple[str, str]:
     own = not loop.delay and np.allclose(loop.G(POINTS), case.process(POINTS), rtol=1e-6, atol=0)
     if not own:
         return "plant", "its plant is not case.process"
@@ -786,19 +825,48 @@ def _shortcoming(case: DesignCase, loop: Any) -> tuple[str, str]:
     if verdict.model_loop.stable is not True:
         return "controller", "the controller does not stabilise the model"
     if verdict.stable is not True:
-        return "nominal", "the loop is not stable, even without the dead time"
+        return "nominal", f"even without the dead time it is not stable: {_which_way(loop)}"
     late = _with_dead_time(case, loop)
     if late.stability().stable is not True:
         return "feared", "with the dead time the loop is not stable"
     ms, noise = _ms(late, late.L), _noise(late)
     if not ms <= case.max_ms * (1 + 1e-6):
         trusted = _ms(late, late.FH) <= case.max_ms
-        return "margin of FH" if trusted else "ms", f"with the dead time Ms is {ms:.3g}"
+        return (
+            "margin of FH" if trusted else "ms",
+            f"with the dead time Ms is {ms:.3g}{_calmer(late)}",
+        )
     if not noise <= case.max_noise * (1 + 1e-6):
         return "noise", f"with the dead time |U_eta| reaches {noise:.3g}"
     if abs(late.T_R.dc_gain - 1) > 0.01:
         return "reference", f"y comes to rest at {late.T_R.dc_gain:.3g} after a unit step of R"
     return "", ""
+
+
+def _which_way(loop: NRDOB) -> str:
+    """Tell an unstable loop whether its filter is too fast or too slow."""
+    F = loop.filter
+    if not isinstance(F, LowPassFilter):
+        return "the filter does not stabilise p_B"
+    works = stabilizing_time_constants(loop.process, loop.model, F.order)
+    if not works:
+        return "no filter of this order stabilises p_B with this model"
+    slow = F.time_constant >= works[0][1]
+    return "the filter is too slow for the unstable pole" if slow else "the filter is too fast"
+
+
+def _calmer(late: NRDOB) -> str:
+    """Tell a loop whose sensitivity peak is too high which way is down."""
+    F = late.filter
+    if not isinstance(F, LowPassFilter):
+        return ""
+    peaks = []
+    for factor in (0.9, 1.1):
+        filter = LowPassFilter(factor * F.time_constant, F.order)
+        other = NRDOB(late.process, late.model, late.controller, filter)
+        peaks.append(_ms(other, other.L))
+    best = np.nanargmin(peaks) if not np.isnan(peaks).all() else 1
+    return f"; a {('faster', 'slower')[int(best)]} filter lowers it"
 
 
 def _lacks(name: str, says: str, kind: str, example: Any, marks: float) -> Misconception:
