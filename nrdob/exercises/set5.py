@@ -601,7 +601,7 @@ class UnstablePlant:
     Attributes
     ----------
     gain, pole, decay : float
-        All positive; `pole` and `decay` in rad/s.
+        The gain of either sign; `pole` and `decay` positive, in rad/s.
     """
 
     gain: float
@@ -619,7 +619,7 @@ class UnstablePlant:
 
 def _unstable_plant(rng: np.random.Generator) -> UnstablePlant:
     pole = _log(rng, 0.5, 3)
-    return UnstablePlant(_log(rng, 0.5, 5), pole, _few(pole * rng.uniform(1.5, 4)))
+    return UnstablePlant(_sign(rng) * _log(rng, 0.5, 5), pole, _few(pole * rng.uniform(1.5, 4)))
 
 
 def _relative_degree(tf: ct.TransferFunction) -> int:
