@@ -96,7 +96,8 @@ class Mismatch:
         """Bound the rounding error of R(jω), which near a zero on the axis exceeds R itself."""
         with np.errstate(divide="ignore"):
             size = np.polyval(np.abs(self.b), omega) / np.abs(np.polyval(self.a, 1j * omega))
-        return np.asarray(64 * np.finfo(float).eps * size)
+        # The angle ωθ of the dead time is rounded in proportion to its size.
+        return np.asarray(np.finfo(float).eps * size * (64 + 8 * self.delay * omega))
 
     def p_B(self, time_constant: float) -> QuasiPolynomial:
         """Characteristic function for one filter."""

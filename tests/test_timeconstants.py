@@ -263,3 +263,15 @@ def test_a_very_fast_filter_is_counted_without_overflow(no_warning_leaks):
     assert stabilizing_time_constants(process, model, 5) == []
     counts = [count_rhp(Mismatch.of(process, model, 5).p_B(10.0**-k)).count for k in (9, 12, 16)]
     assert counts == [1, 1, 1]
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_no_crossing_is_lost_where_it_falls_on_a_frequency_tried(order):
+    for gain in np.geomspace(0.2, 10, 120):
+        process = gain * nrdob.delay(1.0) * lag
+        intervals = stabilizing_time_constants(process, lag, order)
+        assert len(intervals) == 1
+    critical = critical_time_constants(3.885 * nrdob.delay(1.0) * lag, lag, 1)
+    frequencies = np.array([c.frequency for c in critical])
+    # n = 1: cos ω = 0 and sin ω = 1, every turn one.
+    assert np.allclose(np.diff(np.sort(frequencies)), 2 * pi)
