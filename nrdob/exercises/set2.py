@@ -80,32 +80,47 @@ class RootsCase:
 
 
 def _roots_case(rng: np.random.Generator) -> RootsCase:
+    """Draw a loop whose plot turns either way, once or more often, with equal chances."""
+    low, high = ((-9, -1), (1, 1), (2, 9))[int(rng.integers(3))]
     return first_fitting(
-        lambda: _draw_roots(rng),
+        lambda: _draw_roots(rng, 2 if low < 0 else int(rng.integers(1, 3))),
         lambda case: (
             case.verdict.stable is not None
+            and low <= _turns(case) <= high
             and apart(_turns(case), *(wrong(case) for wrong in _TURN_MISTAKES))
         ),
     )
 
 
-def _draw_roots(rng: np.random.Generator) -> RootsCase:
-    def roots(right: int, left: int) -> ComplexArray:
-        sides = [1.0] * right + [-1.0] * left
-        return np.array([side * _log(rng, 0.2, 9) for side in sides], dtype=complex)
-
-    some = int(rng.integers(1, 3))
-    plant_zeros, plant_poles = roots(int(rng.integers(0, 2)), 1), roots(int(rng.integers(1, 3)), 2)
-    model_zeros, model_poles = roots(some, 1), roots(3 - some, 2)
-    gain = rng.choice([-1, 1]) * _log(rng, 0.5, 5)
+def _draw_roots(rng: np.random.Generator, unstable: int) -> RootsCase:
+    """Draw a loop with so many unstable poles of the plant, and as many zeros of the model."""
+    plant_zeros = _draw_sides(rng, int(rng.integers(0, 3)), 1)
+    plant_poles = _draw_sides(rng, unstable, 2)
+    model_zeros = _draw_sides(rng, unstable, 1)
+    model_poles = _draw_sides(rng, 3 - unstable, unstable + 1)
+    gain = rng.choice([-1, 1]) * _log(rng, 0.5, 9)
     loop = NRDOB(
-        process=(gain * np.poly(plant_zeros.real), np.poly(plant_poles.real)),
-        model=(np.poly(model_zeros.real), np.poly(model_poles.real)),
+        process=(gain * np.real(np.poly(plant_zeros)), np.real(np.poly(plant_poles))),
+        model=(np.real(np.poly(model_zeros)), np.real(np.poly(model_poles))),
         controller=0,
-        filter=LowPassFilter(_log(rng, 0.02, 2), 3),
+        filter=LowPassFilter(_log(rng, 0.01, 2), 3),
     )
     verdict = loop.stability().observer_loop
     return RootsCase(plant_zeros, plant_poles, model_zeros, model_poles, verdict.roots, verdict)
+
+
+def _draw_sides(rng: np.random.Generator, right: int, left: int) -> ComplexArray:
+    """Draw roots on either side of the axis, some of them in pairs."""
+    roots: list[complex] = []
+    for side, count in ((1.0, right), (-1.0, left)):
+        while count:
+            size = _log(rng, 0.2, 9)
+            pair = count >= 2 and rng.random() < 0.6
+            damping = rng.uniform(0.1, 0.9)
+            root = complex(_few(side * size * damping), _few(size * (1 - damping**2) ** 0.5))
+            roots += [root, root.conjugate()] if pair else [complex(side * size)]
+            count -= 2 if pair else 1
+    return np.array(roots)
 
 
 def _turns(case: RootsCase) -> float:
