@@ -33,6 +33,7 @@ $(READY): requirements.txt pyproject.toml
 book: $(READY) ## run every notebook and build the web book
 	$(PY) tools/notebooks.py --output build/notebooks
 	$(PY) tools/ledger.py --notebooks build/notebooks
+	$(PY) tools/teaching.py
 	$(PY) -m sphinx -W --keep-going -n -q -D nrdob_notebooks=../build/notebooks -d build/doctrees -b html book build/html
 	@echo "The book is ready. Open $(CURDIR)/build/html/index.html"
 
@@ -87,4 +88,4 @@ test-exercises: $(READY) ## test the problem sets, their graders, and the way fr
 	$(PY) -m pytest -q tests/test_grading.py tests/test_exercises.py tests/test_course.py
 
 clean: ## remove what the other targets made, except the environment
-	rm -rf build book/chapters book/ledger.md book/errata.md
+	rm -rf build book/chapters book/ledger.md book/errata.md book/teaching/{mistakes,objectives,rubric}.md

@@ -97,14 +97,21 @@ def copy_chapters(_app: Sphinx, config: Config) -> None:
             shutil.copyfile(notebook, copy)
 
 
-def require_ledger(_app: Sphinx, _config: Config) -> None:
-    """Stop where the two generated pages are missing, and say what makes them."""
-    missing = [name for name in ("ledger.md", "errata.md") if not (BOOK / name).exists()]
-    if missing:
-        raise ConfigError(
-            f"{' and '.join(missing)} not in {BOOK}. They are made by: python tools/ledger.py "
-            "(or make ledger; make book does it by itself)"
-        )
+GENERATED = {
+    "tools/ledger.py": ("ledger.md", "errata.md"),
+    "tools/teaching.py": ("teaching/mistakes.md", "teaching/objectives.md", "teaching/rubric.md"),
+}
+
+
+def require_generated(_app: Sphinx, _config: Config) -> None:
+    """Stop where generated pages are missing, and say what makes them."""
+    for tool, pages in GENERATED.items():
+        missing = [name for name in pages if not (BOOK / name).exists()]
+        if missing:
+            raise ConfigError(
+                f"{' and '.join(missing)} not in {BOOK}. They are made by: python {tool} "
+                "(make book does it by itself)"
+            )
 
 
 def add_filter(
@@ -119,5 +126,5 @@ def setup(app: Sphinx) -> None:
     """Add the setting that names the folder of executed notebooks, seen from here."""
     app.add_config_value("nrdob_notebooks", "../notebooks", "env", str)
     app.connect("config-inited", copy_chapters)
-    app.connect("config-inited", require_ledger)
+    app.connect("config-inited", require_generated)
     app.connect("html-page-context", add_filter)

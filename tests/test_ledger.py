@@ -260,4 +260,4 @@ def test_a_book_without_its_ledger_says_what_makes_it(
     monkeypatch.setattr(conf, "BOOK", tmp_path)
     (tmp_path / "errata.md").touch()
     with pytest.raises(ConfigError, match=r"ledger\.md not in .* python tools/ledger\.py"):
-        conf.require_ledger(None, None)
+        conf.require_generated(None, None)

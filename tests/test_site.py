@@ -18,9 +18,18 @@ import pytest
 from bs4 import BeautifulSoup
 
 from nrdob.claims import LEDGER, Verdict
+from nrdob.exercises import PROBLEMS
 
 ROOT = Path(__file__).resolve().parent.parent
 REFERENCE_PAGES = {"index", "ledger", "errata", "notation", "api", "bibliography", "colophon"}
+TEACHING_PAGES = {
+    f"teaching/{name}"
+    for name in (
+        "index", "syllabus", "objectives", "in_class", "mistakes", "rubric", "running", "seeds",
+        "adding",
+    )
+}  # fmt: skip
+GENERATED = ("chapters", "ledger.md", "errata.md", "objectives.md", "mistakes.md", "rubric.md")
 MATHJAX = "tex-svg-full.js"
 
 # Whatever a browser fetches by itself to show a page.
@@ -41,9 +50,7 @@ FETCHED = (
 def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Give a copy of the book's folder, without what was generated there."""
     source = tmp_path_factory.mktemp("book") / "source"
-    shutil.copytree(
-        ROOT / "book", source, ignore=shutil.ignore_patterns("chapters", "ledger.md", "errata.md")
-    )
+    shutil.copytree(ROOT / "book", source, ignore=shutil.ignore_patterns(*GENERATED))
     return source
 
 
@@ -62,7 +69,25 @@ def ledger_run(source: Path) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.fixture(scope="module")
-def site(source: Path, ledger_run: subprocess.CompletedProcess[str]) -> Path:
+def teaching_run(source: Path) -> subprocess.CompletedProcess[str]:
+    """Write the generated pages for teachers; a test below judges the result."""
+    tool = ROOT / "tools" / "teaching.py"
+    return subprocess.run(
+        [sys.executable, str(tool), "--output", str(source / "teaching")],
+        capture_output=True,
+        text=True,
+        encoding="utf-8",
+        errors="replace",
+        env={**os.environ, "PYTHONIOENCODING": "utf-8"},
+    )
+
+
+@pytest.fixture(scope="module")
+def site(
+    source: Path,
+    ledger_run: subprocess.CompletedProcess[str],
+    teaching_run: subprocess.CompletedProcess[str],
+) -> Path:
     """Build the book from the notebooks as they are stored, and give the folder of pages."""
     folder = source.parent
     command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-n", "-q", "-b", "html"]
@@ -97,11 +122,19 @@ def test_the_ledger_is_in_order(ledger_run: subprocess.CompletedProcess[str]) ->
     assert ledger_run.returncode == 0, f"{ledger_run.stdout}\n{ledger_run.stderr}"
 
 
+def test_the_pages_for_teachers_are_in_order(
+    teaching_run: subprocess.CompletedProcess[str],
+) -> None:
+    assert teaching_run.returncode == 0, f"{teaching_run.stdout}\n{teaching_run.stderr}"
+
+
 def test_every_page_is_there(site: Path) -> None:
     chapters = {f"chapters/{path.stem}" for path in (ROOT / "notebooks").glob("*.ipynb")}
     assert chapters, "there are no notebooks, so there is no book"
     missing = [
-        page for page in sorted(REFERENCE_PAGES | chapters) if not (site / f"{page}.html").is_file()
+        page
+        for page in sorted(REFERENCE_PAGES | TEACHING_PAGES | chapters)
+        if not (site / f"{page}.html").is_file()
     ]
     assert not missing, f"pages not built: {missing}"
 
@@ -243,3 +276,23 @@ def test_only_the_ledger_has_the_filter(site: Path, pages: dict[Path, BeautifulS
     assert pages[site / "ledger.html"].select_one(".claims-filter")
     verdicts = {badge.get_text() for badge in pages[site / "ledger.html"].select("dt .verdict")}
     assert verdicts == set(Verdict)
+
+
+# --- for teachers -----------------------------------------------------------------------------
+
+
+def test_every_mistake_is_shown_as_the_student_reads_it(
+    site: Path, pages: dict[Path, BeautifulSoup]
+) -> None:
+    def text(tag: object) -> str:
+        straight = str.maketrans("‘’“”", "''\"\"")  # Sphinx writes the quotes of print
+        return " ".join(str(tag.get_text()).translate(straight).split())
+
+    tables = {
+        text(section.h3).split()[0]: section.select("tbody tr")
+        for section in pages[site / "teaching" / "mistakes.html"].select("section section")
+        if section.h3
+    }
+    for id, problem in PROBLEMS.items():
+        shown = [[text(cell) for cell in row("td")][:2] for row in tables[id]]
+        assert shown == [[m.name, " ".join(m.says.split())] for m in problem.misconceptions]
