@@ -66,17 +66,9 @@ class RootsCase:
     verdict: LoopStability = field(repr=False)
 
     def __repr__(self) -> str:
-        on_the_right = ", ".join(
-            f"{_right(getattr(self, name))} of {name}"
-            for name in (
-                "plant_zeros",
-                "plant_poles",
-                "model_zeros",
-                "model_poles",
-                "closed_loop_roots",
-            )
-        )
-        return f"the loop whose roots on the right are {on_the_right}"
+        names = "plant_zeros", "plant_poles", "model_zeros", "model_poles", "closed_loop_roots"
+        found = [f"{_right(getattr(self, name))} {name.replace('_', ' ')}" for name in names]
+        return f"on the right: {', '.join(found)}"
 
 
 def _roots_case(rng: np.random.Generator) -> RootsCase:
@@ -411,7 +403,7 @@ class HalfCurve:
 
     def __repr__(self) -> str:
         return (
-            f"the curve with {self.poles_at_zero} poles at 0, excess {self.excess} and H(j) near "
+            f"poles_at_zero = {self.poles_at_zero}, excess = {self.excess}, H at 1 rad/s about "
             f"{np.round(np.interp(1.0, self.omega, self.values), 2)}"
         )
 

@@ -242,7 +242,7 @@ class LateCase:
     order: int
 
     def __repr__(self) -> str:
-        return f"{factored(self.process)} under {factored(self.model)}, n = {self.order}"
+        return f"plant {factored(self.process)}, model {factored(self.model)}, n = {self.order}"
 
     @cached_property
     def borders(self) -> dict[str, float]:
@@ -397,7 +397,7 @@ class EdgeCase:
     model: ct.TransferFunction
 
     def __repr__(self) -> str:
-        return f"{factored(self.process)} under {factored(self.model)}, n = 2"
+        return f"plant {factored(self.process)}, model {factored(self.model)}, n = 2"
 
     @cached_property
     def edge(self) -> tuple[float, float]:
@@ -474,8 +474,8 @@ def draw_edge(case: EdgeCase) -> Figure:
         label = r"$\Gamma_2$, marked at $x$"
         ax.plot(along_curve.real, along_curve.imag, color=COLOURS["filter"], label=label)
         point = half / 125  # of type, about
-        _marks(ax, H, frequencies, "process", along_curve, point)
-        _marks(ax, _gamma, x, "filter", along_H, point)
+        labels = _marks(ax, H, frequencies, "process", along_curve, point)
+        _marks(ax, _gamma, x, "filter", np.concatenate([along_H, labels]), point)
         ax.plot(-1, 0, "+", color=COLOURS["critical"], ms=9, mew=2.2, zorder=6)
         ax.axhline(0, color=INK, lw=0.6)
         ax.axvline(0, color=INK, lw=0.6)
@@ -494,17 +494,19 @@ def _complex(value: complex) -> str:
 
 
 def _marks(
-    ax: Any, curve: Any, values: FloatArray, role: str, other: ComplexArray, point: float
-) -> None:
-    """Mark points of a curve, with their values on the side away from the other curve."""
+    ax: Any, curve: Any, values: FloatArray, role: str, others: ComplexArray, point: float
+) -> ComplexArray:
+    """Mark points of a curve, with their values on the roomier side; return where those stand."""
+    places = []
     for value in values:
         here, ahead = complex(curve(value)), complex(curve(1.001 * value))
         sides = [turn * 10 * (ahead - here) / abs(ahead - here) for turn in (1j, -1j)]
-        room = [float(np.abs(other - here - point * side).min()) for side in sides]
+        room = [float(np.abs(others - here - point * side).min()) for side in sides]
         ax.plot(here.real, here.imag, ".", color=COLOURS[role], ms=7)
         if max(room) < 8 * point:
             continue
         side = sides[int(np.argmax(room))]
+        places.append(here + point * side)
         ax.annotate(
             number(value, 2),
             (here.real, here.imag),
@@ -515,6 +517,7 @@ def _marks(
             ha="center",
             va="center",
         )
+    return np.array(places, dtype=complex)
 
 
 def _edge_accepts(case: EdgeCase, got: Any) -> bool | str:
