@@ -11,6 +11,7 @@ import re
 import shutil
 import subprocess
 import sys
+from copy import copy
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
@@ -279,6 +280,16 @@ def test_only_the_ledger_has_the_filter(site: Path, pages: dict[Path, BeautifulS
 
 
 # --- for teachers -----------------------------------------------------------------------------
+
+
+def test_formulas_of_the_pages_for_teachers_are_set(
+    site: Path, pages: dict[Path, BeautifulSoup]
+) -> None:
+    for name in TEACHING_PAGES:
+        article = copy(pages[site / f"{name}.html"].article)
+        for tag in article.select("code, pre, .math"):
+            tag.decompose()
+        assert not re.search(r"[$\\]", article.get_text()), name
 
 
 def test_every_mistake_is_shown_as_the_student_reads_it(

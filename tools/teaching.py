@@ -69,8 +69,8 @@ tests see to it that each mistake is recognised, with the message and the points
 RUBRIC_PAGE = """\
 # Rubric of the written answers
 
-One problem in each set, or two, is done with paper and pencil and read by somebody. What is asked
-for earns the points below; the model solutions are in the notebooks that `make release` writes into
+Each set has a problem that is done with paper and pencil and read by somebody. What is asked for
+earns the points below; the model solutions are in the notebooks that `make release` writes into
 `build/exercises/solutions`.
 
 - Half points are allowed. A slip of the pen costs half a point once, not again where it is carried
