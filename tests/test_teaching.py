@@ -315,6 +315,17 @@ def test_numbers_on_the_board_are_right() -> None:
     assert "0.9620" in str(chapter), "Ms ≤ 2 for a dead time"
 
 
+def test_sections_that_are_shown_at_the_computer_exist() -> None:
+    for stem, heading in (
+        ("00_start_here", "The loop in ten lines"),
+        ("21_all_filters", "Move it yourself"),
+        ("23_choosing_the_model", "The recipe"),
+        ("23_choosing_the_model", "First design: the ball"),
+    ):
+        cells = nbformat.read(ROOT / "notebooks" / f"{stem}.ipynb", as_version=4).cells
+        assert any(f"## {heading}\n" in f"{cell.source}\n" for cell in cells), heading
+
+
 def test_the_slides_are_where_the_page_says() -> None:
     said = re.findall(r"`(\w+)\.html`", PAGES["in_class"])
     assert said == [path.stem for path in sorted(slides.FOLDER.glob("*.ipynb"))]
