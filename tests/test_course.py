@@ -20,6 +20,7 @@ from typing import Any
 import nbformat
 import pytest
 from bs4 import BeautifulSoup
+from nbconvert.filters import markdown2html
 from problemsets import SETS, SOURCE, Posed, cells, nbgrader, posed
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -614,6 +615,9 @@ def test_folders_of_students_are_unique_and_no_patterns(tmp_path: Path) -> None:
         (r"\begin{align} a &= b \\ c &= d \end{align}", "<mtable"),
         (r"\begin{equation} a = b \end{equation}", 'display="block"'),
         (r"$a, \dots, b$", "…"),
+        (r"$\dfrac12$", "<mfrac"),
+        (r"$\frac1\pi$", "<mfrac>"),
+        (r"$\tfrac 1{ab}$", "<mfrac"),
         (r"$\nonsense{x}$", r"<code>$\nonsense{x}$</code>"),
         ("it costs $5 and $6", "it costs $5 and $6"),
         (r"a price of \$5 and $x$", r"\$5 and <math"),
@@ -623,6 +627,14 @@ def test_folders_of_students_are_unique_and_no_patterns(tmp_path: Path) -> None:
 )
 def test_formulas_become_mathml(tex: str, shown: str) -> None:
     assert shown in offline(f"<p>{tex}</p>")
+
+
+@pytest.mark.parametrize("path", SETS, ids=lambda path: path.stem)
+def test_every_formula_of_a_set_becomes_mathml(path: Path) -> None:
+    for cell in cells(path):
+        if cell.cell_type == "markdown":
+            page = BeautifulSoup(offline(markdown2html(cell.source)), "html.parser")
+            assert "$" not in page.get_text(), cell.id
 
 
 def test_what_would_be_loaded_is_taken_out() -> None:

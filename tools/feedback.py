@@ -14,6 +14,7 @@ from docutils.utils.math.latex2mathml import tex2mathml
 
 LOADED = {"script": "src", "link": "href", "iframe": "src", "embed": "src", "object": "data"}
 VERBATIM = {"pre", "code", "style", "textarea", "title"}
+TOKEN = r"[^{}\s\\]|\\[A-Za-z]+"
 FORMULA = re.compile(
     r"""
       \$\$ (?P<dollars>.+?) \$\$
@@ -69,4 +70,8 @@ def _known(tex: str) -> str:
     """Write a formula in the words that the converter knows."""
     tex = re.sub(r"\\(begin|end)\{(equation|gather)\*?\}", "", tex)
     tex = re.sub(r"\\(begin|end)\{align\*?\}", r"\\\1{aligned}", tex)
-    return re.sub(r"\\dots(?![A-Za-z])", r"\\ldots", tex).strip()
+    # A fraction of single tokens needs no braces in TeX; here it does.
+    tex = re.sub(rf"\\([dt]?frac)\s*({TOKEN})\s*({TOKEN})", r"\\\1{\2}{\3}", tex)
+    tex = re.sub(rf"\\([dt]?frac)\s*({TOKEN})\s*{{", r"\\\1{\2}{", tex)
+    tex = re.sub(r"\\dots(?![A-Za-z])", r"\\ldots", tex.strip())
+    return re.sub(r"(?<=.)\\displaystyle(?![A-Za-z])", "", tex)
