@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
 from math import inf, isfinite, log, pi
 from typing import Any
 
@@ -29,8 +29,8 @@ from ..loop import NRDOB
 from ..mismatch import Mismatch
 from ..quasipoly import QuasiPolynomial
 from ..timeconstants import critical_time_constants
-from .cases import factored, first_fitting
-from .grading import Misconception, Problem
+from .cases import apart, factored, first_fitting
+from .grading import Misconception, Problem, same
 
 
 def _digits(value: float, count: int = 2) -> float:
@@ -124,27 +124,31 @@ EDGE = 1.01
 
 
 def _on_the_edge(case: CardCase, got: Any) -> bool | str:
-    model, values = ct.tf([1], [1, 1]), [float(value) for value in got]
+    values = [float(value) for value in got]
     if len(values) != 4:
         return f"{len(values)} numbers; four are asked for"
+    off: dict[str, list[str]] = {}
     for name, plant, value, edge in zip(ERRORS, case.plants, values, case.edges, strict=True):
-        if not (isfinite(value) and value >= 0):
-            return f"for {name} it is not a time"
-        if edge == 0 and value > 0:
-            return f"for {name} smaller λ are stable, too"
-        if edge == 0:
-            continue
-        if value == 0:
-            return f"for {name} not every λ is stable"
-        above, below = (
-            _judge(plant, model, LowPassFilter(factor * value, case.order))
-            for factor in (EDGE, 1 / EDGE)
-        )
-        if above is not True:
-            return f"for {name} the loop is lost at λ = {EDGE * value:.4g} s"
-        if below is not False:
-            return f"for {name} the loop is stable at λ = {value / EDGE:.4g} s as well"
-    return True
+        if how := _off_the_edge(plant, case.order, value, edge):
+            off.setdefault(how, []).append(name)
+    return "; ".join(f"{how} for {' and '.join(names)}" for how, names in off.items()) or True
+
+
+def _off_the_edge(plant: Any, order: int, value: float, edge: float) -> str:
+    """Tell whether the loop is lost just below a λ, and not just above it; empty if so."""
+    if not (isfinite(value) and value >= 0):
+        return "it is not a time"
+    if edge == 0:
+        return "smaller λ are stable, too," if value else ""
+    if value == 0:
+        return "not every λ is stable"
+    above, below = (
+        _judge(plant, ct.tf([1], [1, 1]), LowPassFilter(factor * value, order))
+        for factor in (EDGE, 1 / EDGE)
+    )
+    if above is not True:
+        return "the loop is lost at this λ"
+    return "smaller λ are stable, too," if below is not False else ""
 
 
 def _wrong_entry(
@@ -206,12 +210,12 @@ CARD = Problem(
             lambda case: 0.0,
             0.5,
         ),
-        _wrong_entry(
-            "two lags counted as dead time",
-            "Three are right. Two lags T counted as a dead time 2T give a safe λ, but not the "
-            "edge: lags also make the gain fall, and the loop bears more.",
-            3,
-            lambda case: smallest_for_delay(2 * case.double_lag, case.order),
+        Misconception(
+            "column of another order",
+            "These are the numbers for another order of the filter. Each further lag changes them "
+            "all; take n from the case.",
+            lambda case: replace(case, order=5 - case.order).edges,
+            lambda case, got: same(replace(case, order=5 - case.order).edges, list(got), 5e-3),
             0.5,
         ),
     ),
@@ -405,52 +409,53 @@ FASTEST_ORDER = Problem(
 )
 
 
-# --- 4.3 One filter for two plants --------------------------------------------------------------
+# --- 4.3 One filter for three plants ------------------------------------------------------------
 
 FASTER = 1.05
 """By how much a filter may be slower than needed."""
 
 
 @dataclass(frozen=True, eq=False)
-class TwoPlants:
-    """A plant, the plant that is feared, and what is asked of the filter.
+class PlantsCase:
+    """A plant as it is and as it may become, and what is asked of the filter.
 
     Attributes
     ----------
-    plant, feared, model : control.TransferFunction
+    plants : list of control.TransferFunction
+        The first is the plant as it is today.
+    model : control.TransferFunction
     order : int
         Order of the filter.
     max_ms : float
-        Limit for Ms, with either plant.
+        Limit for Ms, with each of the plants.
     """
 
-    plant: ct.TransferFunction
-    feared: ct.TransferFunction
+    plants: list[ct.TransferFunction]
     model: ct.TransferFunction
     order: int
     max_ms: float
 
     def __repr__(self) -> str:
-        return (
-            f"{factored(self.plant)} and {factored(self.feared)} under {factored(self.model)}, "
-            f"n = {self.order}, Ms ≤ {self.max_ms:g}"
-        )
+        each = ", ".join(f"{gain:.3g}(1 − s/{zero:.3g})" for gain, zero in self.errors)
+        return f"G/model = {each}; n = {self.order}, Ms ≤ {self.max_ms:g}"
 
-    def loops(self, filter: Any) -> tuple[NRDOB, NRDOB]:
-        """Make the two loops with a filter; no controller, since L does not depend on it."""
-        plant, feared = (NRDOB(G, self.model, 0.0, filter) for G in (self.plant, self.feared))
-        return plant, feared
+    def loops(self, time_constant: float) -> list[NRDOB]:
+        """Make the loops with a filter; no controller, since L does not depend on it."""
+        F = LowPassFilter(time_constant, self.order)
+        return [NRDOB(plant, self.model, 0.0, F) for plant in self.plants]
 
-    def peaks(self, time_constant: float) -> tuple[float, float]:
-        """Ms of the plant loop with either plant; infinite where it is not stable."""
-        loops = self.loops(LowPassFilter(time_constant, self.order))
-        plant, feared = (m.ms if m.stable else inf for m in (_plant_loop(p) for p in loops))
-        return plant, feared
+    def peaks(self, time_constant: float) -> list[float]:
+        """Ms of the plant loop with each plant; infinite where it is not stable."""
+        found = [loop.margins().plant_loop for loop in self.loops(time_constant)]
+        return [m.ms if m.stable else inf for m in found]
+
+    def peak(self, time_constant: float) -> float:
+        """Compute the largest of them."""
+        return max(self.peaks(time_constant))
 
     def peak_of_FH(self, time_constant: float) -> float:
-        """Larger peak of 1/|1 + FH|, which is not what is asked for."""
-        loops = self.loops(LowPassFilter(time_constant, self.order))
-        found = (loop.margins().observer_loop for loop in loops)
+        """Compute the largest peak of 1/|1 + FH|, which is not what is asked for."""
+        found = [loop.margins().observer_loop for loop in self.loops(time_constant)]
         return max(m.ms if m.stable else inf for m in found)
 
     def good(self, peak: float) -> bool:
@@ -461,69 +466,93 @@ class TwoPlants:
         """Whether a peak is within the limit, but not with a slightly faster filter."""
         return self.good(peak(value)) and not self.good(peak(value / FASTER))
 
-    def border(self, *plants: Any, of_FH: bool = False) -> float:
-        """Smallest λ at which the peak on a grid of frequencies is within the limit, plus 1 %."""
-        edge = self.edge(*plants)
-        omega = np.geomspace(1e-2, 1e2, 1000) / edge
-        R = np.array([Mismatch.of(G, self.model, self.order).ratio(omega) for G in plants])
+    @property
+    def errors(self) -> list[tuple[float, float]]:
+        """Gain and zero of G/model, for each plant."""
+        return [
+            (round(float(plant.dcgain() / self.model.dcgain()), 6), float(plant.zeros().real.max()))
+            for plant in self.plants
+        ]
 
-        def excess(exponent: float) -> float:
-            F = LowPassFilter(float(np.exp(exponent)), self.order)(1j * omega)
-            sensitivity = (1.0 if of_FH else 1 - F) / (1 + F * (R - 1))
-            return float(np.abs(sensitivity).max()) - self.max_ms
+    def borders(self, of_FH: bool = False) -> list[float]:
+        """Smallest λ that meets the limit, for each plant, plus 1 %."""
+        return [
+            1.01 * _border(self.order, gain, self.max_ms, of_FH) / zero
+            for gain, zero in self.errors
+        ]
 
-        ends = log(1.01 * edge), log(30 * edge)
-        return 1.01 * float(np.exp(brentq(excess, *ends, xtol=1e-5)))
-
-    def edge(self, *plants: Any) -> float:
-        """Smallest λ at which the loops are stable with these plants."""
-        return max(
-            critical_time_constants(G, self.model, self.order)[-1].time_constant for G in plants
-        )
-
-
-def _plant_loop(loop: NRDOB) -> Any:
-    return loop.margins().plant_loop
+    @property
+    def edge(self) -> float:
+        """Smallest λ at which the loop is stable with every plant."""
+        return max(_edge(self.order, gain) / zero for gain, zero in self.errors)
 
 
-def _two_plants(rng: np.random.Generator) -> TwoPlants:
-    slow = _draw(rng, 0.3, 3)
-    other, zero = _digits(slow * rng.uniform(1.5, 3)), _digits(slow * rng.uniform(15, 30))
-    nearer, more = _digits(zero / rng.uniform(1.4, 1.7)), _digits(rng.uniform(1.1, 1.25))
-    model = _lags(_draw(rng, 0.3, 5), [slow, other])
-    return TwoPlants(
-        plant=model * ct.tf([-1 / zero, 1], [1]),
-        feared=more * model * ct.tf([-1 / nearer, 1], [1]),
-        model=model,
-        order=int(rng.integers(2, 4)),
-        max_ms=float(rng.choice([1.7, 1.8, 1.9, 2.0])),
-    )
+@cache
+def _edge(order: int, gain: float) -> float:
+    """Edge for G/model = gain (1 - s), to be divided by the zero."""
+    lag = ct.tf([1], [1, 1])
+    return critical_time_constants(gain * lag * ct.tf([-1, 1], [1]), lag, order)[-1].time_constant
 
 
-def _good_for_both(case: TwoPlants, got: Any) -> bool | str:
+@cache
+def _border(order: int, gain: float, max_ms: float, of_FH: bool) -> float:
+    """Smallest λ of the same loop with a peak of L, or of FH, on a grid, within the limit."""
+    edge = _edge(order, gain)
+    omega = np.geomspace(1e-2, 1e2, 4000) / edge
+    R = gain * (1 - 1j * omega)
+
+    def excess(exponent: float) -> float:
+        F = LowPassFilter(float(np.exp(exponent)), order)(1j * omega)
+        sensitivity = (1.0 if of_FH else 1 - F) / (1 + F * (R - 1))
+        return float(np.abs(sensitivity).max()) - max_ms
+
+    return float(np.exp(brentq(excess, log(1.01 * edge), log(50 * edge), xtol=1e-6)))
+
+
+def _plants_case(rng: np.random.Generator) -> PlantsCase:
+    def draw() -> PlantsCase:
+        slow = _draw(rng, 0.3, 3)
+        other, zero = _digits(slow * rng.uniform(1.5, 3)), _digits(slow * rng.uniform(15, 30))
+        nearer, more = _digits(zero / rng.uniform(1.15, 1.6)), _digits(rng.uniform(1.1, 1.5))
+        model = _lags(_draw(rng, 0.3, 5), [slow, other])
+        worn = [model * ct.tf([-1 / nearer, 1], [1]), more * model * ct.tf([-1 / zero, 1], [1])]
+        plants = [model * ct.tf([-1 / zero, 1], [1]), *(worn[k] for k in rng.permutation(2))]
+        order, max_ms = int(rng.integers(2, 4)), float(rng.choice([1.8, 1.9, 2.0]))
+        return PlantsCase(plants, model, order, max_ms)
+
+    def fits(case: PlantsCase) -> bool:
+        # Either of the other two may be the one that decides; each mistake leads elsewhere.
+        borders = case.borders()
+        return min(borders) == borders[0] and apart(*borders, max(case.borders(True)), by=0.07)
+
+    return first_fitting(draw, fits)
+
+
+def _good_for_all(case: PlantsCase, got: Any) -> bool | str:
     if not isinstance(got, LowPassFilter):
         return "an nrdob.LowPassFilter is asked for"
     if got.order != case.order:
         return f"it has the order {got.order}, asked for is {case.order}"
-    verdicts = [loop.stability().observer_loop.stable for loop in case.loops(got)]
-    peaks = case.peaks(got.time_constant)
-    for name, verdict, peak in zip(("plant", "feared plant"), verdicts, peaks, strict=True):
+    verdicts = [loop.stability().observer_loop.stable for loop in case.loops(got.time_constant)]
+    pairs = zip(verdicts, case.peaks(got.time_constant), strict=True)
+    for number, (verdict, peak) in enumerate(pairs, start=1):
         if verdict is not True:
-            return f"the loop with the {name} is not stable"
+            return f"with plant {number} the loop is not stable"
         if not case.good(peak):
-            return f"with the {name} Ms is {peak:.4g}"
-    if case.good(max(case.peaks(got.time_constant / FASTER))):
-        return f"Ms is met with both plants, but a filter {FASTER:g} times as fast does it, too"
+            return f"with plant {number} Ms is {peak:.4g}"
+    if case.good(case.peak(got.time_constant / FASTER)):
+        return f"Ms is met with every plant, but a filter {FASTER:g} times as fast does it, too"
     return True
 
 
-def _two_filters(
+def _slowed(
     name: str,
     says: str,
-    example: Callable[[TwoPlants], float],
-    recognises: Callable[[TwoPlants, float], bool],
+    example: Callable[[PlantsCase], float],
+    recognises: Callable[[PlantsCase, float], bool],
     marks: float = 0.0,
 ) -> Misconception:
+    """Make a misconception that leads to another λ."""
     return Misconception(
         name,
         says,
@@ -533,50 +562,58 @@ def _two_filters(
     )
 
 
-TWO_PLANTS = Problem(
+THREE_PLANTS = Problem(
     id="4.3",
-    title="One filter for two plants",
-    case=_two_plants,
-    accepts=_good_for_both,
+    title="One filter for three plants",
+    case=_plants_case,
+    accepts=_good_for_all,
     praise=(
-        "Right: both loops are stable, Ms of L is within the limit with either plant, and no "
+        "Right: each loop is stable, Ms of L is within the limit with each plant, and no "
         "noticeably faster filter of this order does that."
     ),
     misconceptions=(
-        _two_filters(
+        _slowed(
             "edge of stability taken for the specification",
-            "This is the edge of the stabilising set: both loops are just about stable, and Ms is "
+            "This is the edge of the stabilising set: the loops are just about stable, and Ms is "
             "beyond all bounds. The set says where the loop is lost; how far you must stay away "
             "from there is what the limit on Ms asks for.",
-            lambda case: case.edge(case.plant, case.feared) * (1 + 1e-6),
-            lambda case, value: abs(log(value / case.edge(case.plant, case.feared))) < 0.01,
+            lambda case: case.edge * (1 + 1e-6),
+            lambda case, value: abs(log(value / case.edge)) < 0.01,
         ),
-        _two_filters(
-            "feared plant left out",
-            "This is the fastest filter for the plant as it is. With the feared plant Ms is above "
-            "the limit, or the loop is lost. Ask both, and keep the filter that is slow enough "
-            "for either.",
-            lambda case: case.border(case.plant),
+        _slowed(
+            "plant of today only",
+            "This is the fastest filter for the first plant, the one of today. With another Ms is "
+            "above the limit, or the loop is lost. Ask all of them, and keep the filter that is "
+            "slow enough for each.",
+            lambda case: case.borders()[0],
             lambda case, value: (
-                case.just(lambda v: case.peaks(v)[0], value) and not case.good(case.peaks(value)[1])
+                case.just(lambda v: case.peaks(v)[0], value) and not case.good(case.peak(value))
             ),
             marks=0.25,
         ),
-        _two_filters(
+        _slowed(
             "margin of FH taken for the plant's",
             "Here it is 1/|1 + FH| that stays below the limit. A change of the plant uses up the "
             "margins of L = FR/(1 - F): take Ms from plant_loop, not from observer_loop.",
-            lambda case: case.border(case.plant, case.feared, of_FH=True),
+            lambda case: max(case.borders(of_FH=True)),
             lambda case, value: case.just(case.peak_of_FH, value),
             marks=0.25,
         ),
-        _two_filters(
+        _slowed(
+            "the fastest kept instead of the slowest",
+            "Two of the plants are content, the third is not. Each plant has a smallest λ of its "
+            "own; a filter that is good for all must have the largest of them.",
+            lambda case: sorted(case.borders())[1],
+            lambda case, value: sum(map(case.good, case.peaks(value))) == 2,
+            marks=0.5,
+        ),
+        _slowed(
             "slower than needed",
-            "Ms is within the limit with both plants, so this filter is safe. But it is slower "
+            "Ms is within the limit with every plant, so this filter is safe. But it is slower "
             "than it need be, and disturbances pay for that: |S_d| is about nλω. Find the "
-            "smallest λ that still meets the limit with both plants.",
-            lambda case: 3 * case.border(case.plant, case.feared),
-            lambda case, value: case.good(max(case.peaks(value))),
+            "smallest λ that still meets the limit with every plant.",
+            lambda case: 3 * max(case.borders()),
+            lambda case, value: case.good(case.peak(value)),
             marks=0.5,
         ),
     ),
@@ -657,7 +694,10 @@ def _refutes(case: SlowCase, got: Any) -> bool | str:
     if not facts.g0 > 0:
         return f"G(0)/model(0) is {facts.g0:.3g}; the two are to have the same sign"
     if not facts.lost:
-        return "a slow enough filter makes this loop stable"
+        return (
+            f"a slow enough filter makes this loop stable; G(0)/model(0) is {facts.g0:.3g}, and H "
+            f"makes {facts.turns} clockwise turns"
+        )
     return facts.turns >= 1 or "H makes no clockwise turn around -1"
 
 
@@ -920,4 +960,4 @@ BETTER = Problem(
     own=True,
 )
 
-PROBLEMS = (CARD, FASTEST_ORDER, TWO_PLANTS, SLOW_FILTER, BETTER)
+PROBLEMS = (CARD, FASTEST_ORDER, THREE_PLANTS, SLOW_FILTER, BETTER)

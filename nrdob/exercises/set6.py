@@ -121,6 +121,8 @@ _WRONG_REJECTION: tuple[Callable[[RejectionCase], float], ...] = (
 
 
 def _rejects_equally(case: RejectionCase, got: Any) -> bool | str:
+    if isinstance(got, LowPassFilter):
+        return "a number is asked for, λ in seconds, not a filter"
     loop = NRDOB(case.plant, case.other, 0.0, LowPassFilter(float(got), case.order))
     if loop.stability().observer_loop.stable is not True:
         return "with this λ the loop is not stable"
@@ -242,11 +244,22 @@ class Project:
     _last: dict[str, Any] = field(default_factory=dict, repr=False)
 
     def __repr__(self) -> str:
-        return (
-            f"{factored(self.plant)}, modified {factored(self.modified)}; Ms ≤ {self.max_ms:g}, "
-            f"|S_d| ≤ {self.max_disturbance:g} at {self.omega:g} rad/s, settled after "
-            f"{self.settling:g} s, noise ≤ {self.max_noise:g}; gains {self.gains}, dead time "
-            f"{self.dead_time:g} s"
+        return f"plant {factored(self.plant)}"
+
+    @property
+    def specification(self) -> str:
+        """All that is known and asked for, in words."""
+        gains = ", ".join(f"{gain:g}" for gain in self.gains)
+        return "\n".join(
+            [
+                f"plant             {factored(self.plant)}",
+                f"modified plant    {factored(self.modified)}",
+                f"other changes     gain × {gains}, with a dead time of 0 or {self.dead_time:g} s",
+                f"Ms                at most {self.max_ms:g}",
+                f"disturbances      |S_d| at most {self.max_disturbance:g} at {self.omega:g} rad/s",
+                f"settling          y within 5 % after {self.settling:g} s",
+                f"noise             rms of u at most {self.max_noise:g}",
+            ]
         )
 
     @property
@@ -406,7 +419,8 @@ class Readings:
                 )
                 edge = 1000 * self.edges[which]
                 ax.axvline(edge, color=COLOURS[role], ls=":", lw=1.5)
-                ax.text(edge, 1.1, f"{label} lost ", color=COLOURS[role], rotation=90, ha="right")
+                short = label.split()[0]
+                ax.text(edge, 1.1, f"{short}: lost ", color=COLOURS[role], rotation=90, ha="right")
             ax.axhline(self.limit, color=COLOURS["critical"], lw=1)
             ax.minorticks_on()
             ax.grid(True, which="minor", color=INK, alpha=0.12, lw=0.5)
@@ -660,7 +674,10 @@ ONE_PLANT = Problem(
             "its upper crossover, and where does a lower gain put that crossover?",
             lambda case: (case.gain, 0.0),
             lambda case, got: (
-                case.inside(*_pair(got)) and _pair(got)[1] == 0 and case.stable(*_pair(got)) is True
+                case.inside(*_pair(got))
+                and _pair(got)[0] < 1
+                and _pair(got)[1] == 0
+                and case.stable(*_pair(got)) is True
             ),
         ),
         Misconception(
@@ -804,12 +821,16 @@ def _benched(case: BenchCase, got: Any) -> bool | str:
         return f"{len(values)} numbers for {len(case.filters)} filters"
     if _like(case.worst, values):
         return True
-    wrong = next(
-        k
-        for k, pair in enumerate(zip(values, case.worst, strict=True))
-        if not _like([pair[1]], [pair[0]])
-    )
-    return f"for λ = {case.filters[wrong].time_constant:g} s it is not {values[wrong]:.4g}"
+    for filter, true, value in zip(case.filters, case.worst, values, strict=True):
+        if _like([true], [value]):
+            continue
+        where = f"for λ = {filter.time_constant:g} s"
+        if isinf(true):
+            return f"{where} a plant is lost"
+        if isinf(value):
+            return f"{where} no plant is lost"
+        return f"{where} it is {'larger' if value < true else 'smaller'} than {value:.4g}"
+    return True
 
 
 BENCH = Problem(
@@ -833,8 +854,9 @@ BENCH = Problem(
         ),
         Misconception(
             "lost plants left out",
-            "You took the largest Ms over those plants with which the loop is stable. A plant that "
-            "is lost is the worst of all: report inf.",
+            "This is the largest Ms over those plants with which the loop is stable. (Python's max "
+            "passes over a nan that is not the first.) A plant that is lost is the worst of all: "
+            "ask for the verdict, and report inf.",
             lambda case: [float(np.nanmax(row)) for row in case.peaks()],
             lambda case, got: _like([float(np.nanmax(row)) for row in case.peaks()], got),
             marks=0.25,
@@ -887,6 +909,8 @@ def _missed(case: Project, got: Any) -> str:
 
 
 def _passes(case: Project, got: Any) -> bool | str:
+    if not isinstance(got, tuple | list) or len(got) != 3:
+        return "three blocks are asked for: (model, controller, filter)"
     return not _missed(case, got) or f"\n{case._table(_design(case, got))}"
 
 
@@ -945,10 +969,10 @@ DESIGN = _Part(
         ),
         Misconception(
             "controller for the plant, not for the model",
-            "The observer holds the plant, but C does not stabilise the model, condition (i). C "
-            "sees the model only: design it for that, sign included.",
+            "The observer holds the plant, but C does not stabilise the model: condition (i) "
+            "fails. C sees the model only. Design it for that, sign included.",
             lambda case: _of(case.loop(case._good), controller=-case.controller),
-            lambda case, got: _missed(case, got) == "model",
+            lambda case, got: _missed(case, got) == "model" and case.goals(*got)[1].met,
             marks=1 / 7,
         ),
         _stage(
