@@ -512,7 +512,9 @@ KNOWN = {f"set{k}": nbformat.from_dict(tiny(k)) for k in (1, 2)}
         ({"a/set1.ipynb": "[]"}, (), ["a set1 refused"]),
         ({"a/set1.ipynb": '{"cells": [1]}'}, (), ["a set1 refused"]),
         ({"a/set1.ipynb": 1, "b/what.ipynb": "{"}, (), ["a set1", "b set1 refused"]),
+        # Nobody's.
         ({"a/set1.ipynb": 1, "set1.ipynb": 1}, (), ["a set1", "set1.ipynb set1 refused"]),
+        ({"a/set1.ipynb": 1, "b.zip": "x"}, (), ["a set1", "b.zip  refused"]),
         ({"a/what.ipynb": "{"}, (), ["a  refused"]),
     ],
 )  # fmt: skip

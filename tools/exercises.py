@@ -77,6 +77,11 @@ def generate(root: Path, source: Path, name: str) -> Path:
         shutil.rmtree(target)
     shutil.copytree(source / name, target, ignore=shutil.ignore_patterns(".*", "__pycache__"))
     done = course(root).generate_assignment(name)
+    if "Cannot add or remove cells" in done["log"]:
+        raise CourseError(
+            f"{name} has other cells than when submissions of it were graded into {root}: "
+            "grade into another folder, with --output"
+        )
     if not done["success"]:
         raise CourseError(f"nbgrader cannot give out {name}:\n{done['log']}")
     return root / "release" / name
@@ -155,13 +160,15 @@ def grade(
     for submission in submissions:
         if not submission.reason:
             hand_over(submission, given_out[submission.set], target, records)
-        entry = records.add(submission)
+        entry = records.add(submission, submission.reason or "it is still to be graded")
         if submission.reason:
             print(f"not graded: {described(submission)}: {submission.reason}", flush=True)
         else:
             ready.append((entry["folder"], submission))
-    run(ready, target, records, jobs, limit)
-    write_tables(target, records)
+    try:
+        run(ready, target, records, jobs, limit)
+    finally:  # after an interrupt, too
+        write_tables(target, records)
     return summary(target, submissions, records, faults)
 
 
@@ -318,6 +325,9 @@ def main(arguments: list[str] | None = None) -> int:
             left = report(options.output)
     except CourseError as error:
         print(error, file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("Stopped. What was graded is in the tables.", file=sys.stderr)
         return 2
     return 1 if left else 0
 

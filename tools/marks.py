@@ -71,7 +71,7 @@ class Records:
             "set": submission.set,
             "group": submission.group,
             "remarks": submission.remarks,
-            "reason": reason or submission.reason,
+            "reason": reason,
         }
         key = (submission.student, submission.set)
         others = [old for old in self.entries if (old["student"], old["set"]) != key]

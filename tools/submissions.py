@@ -88,6 +88,9 @@ def find(
     submissions = []
     for student in students:
         own = [found for found in everything if found.student == student]
+        if own[0].path.name == student and own[0].path.is_file():  # nobody's
+            submissions.append(Submission(student, own[0].set, own[0].path, reason=own[0].problem))
+            continue
         empty = [found for found in own if found.path.is_dir()]
         unknown = [found for found in own if not found.set and found not in empty]
         if not looked_for:
@@ -104,7 +107,7 @@ def find(
 
 
 def _files(folder: Path) -> Iterator[tuple[str, Path]]:
-    """Give student and file, for everything that looks like a notebook."""
+    """Give student and file for every notebook, and what else lies where one should."""
     for entry in sorted(folder.iterdir()):
         if entry.name.startswith((".", "__")):
             continue
@@ -112,8 +115,8 @@ def _files(folder: Path) -> Iterator[tuple[str, Path]]:
             found = [path for path in sorted(entry.rglob("*")) if _is_notebook(path, entry)]
             # A folder without a notebook stands for its student, who must not be forgotten.
             yield from ((entry.name, path) for path in found or [entry])
-        elif _is_notebook(entry, folder):
-            match = STUDENT_IN_NAME.match(entry.name)
+        else:
+            match = STUDENT_IN_NAME.match(entry.name) if _is_notebook(entry, folder) else None
             yield (match["student"] if match else entry.name, entry)
 
 
@@ -125,7 +128,11 @@ def _is_notebook(path: Path, top: Path) -> bool:
 def _candidate(student: str, path: Path, folder: Path, sets: Mapping[str, Notebook]) -> _Candidate:
     shown = path.relative_to(folder).as_posix()
     if path.is_dir():
-        return _Candidate(student, path, shown, None, "there is no notebook in the folder", "")
+        files = ", ".join(sorted(file.name for file in path.iterdir())[:3])
+        problem = "there is no notebook in the folder" + (f", but {files}" if files else "")
+        return _Candidate(student, path, shown, None, problem, "")
+    if not _is_notebook(path, folder):
+        return _Candidate(student, path, shown, None, "it is no notebook", "")
     notebook, problem = read(path)
     if student == path.name:
         problem = problem or "the name of the file does not say whose it is"
