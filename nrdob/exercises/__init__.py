@@ -69,7 +69,8 @@ def check(id: str, answer: Any, group: int) -> Feedback:
         Seed of the group.
     """
     problem = _problem(id)
-    return review(problem, answer, problem.cases(group, VISIBLE_CASES))
+    count = 1 if problem.own else VISIBLE_CASES
+    return review(problem, answer, problem.cases(group, count))
 
 
 def score(id: str, answer: Any, group: int, points: float, seed: int) -> Points:

@@ -20,6 +20,8 @@ from typing import Any
 
 import numpy as np
 
+from ..loop import NRDOB
+
 Case = Any
 """What a problem is posed with: a dataclass whose fields the problem's text names."""
 
@@ -243,7 +245,7 @@ def _told(error: BaseException, answer: Any, case: Case) -> str:
 def _shown(value: Any, longest: int = 200) -> str:
     """Write a value as text, cut where it is long."""
     try:
-        text = str(value)
+        text = "(a loop)" if isinstance(value, NRDOB) else str(value)
     except Exception:
         text = f"an object of type {type(value).__name__}"
     return text if len(text) <= longest else text[:longest] + " …"
