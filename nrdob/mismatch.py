@@ -17,6 +17,9 @@ from .quasipoly import QuasiPolynomial, add
 PER_DECADE, DECADES = 16, 5
 """Density of the frequencies, and how far they reach below and above all poles and zeros."""
 
+LAST_DECADE = 40.0
+"""Frequencies beyond 10^40 rad/s, or below 10^-40, are not looked at."""
+
 PER_TURN = 24
 """Frequencies to each turn of the dead time."""
 
@@ -125,7 +128,9 @@ class Mismatch:
             if difference.any():
                 roots = np.append(roots, QuasiPolynomial(difference).without_origin.roots)
         sizes = np.append(np.abs(roots), self.speeds)
-        low, high = np.log10(sizes.min()) - DECADES, np.log10(sizes.max()) + DECADES
+        first, last = self._far_crossings
+        low = min(np.log10(sizes.min()) - DECADES, first - 1)
+        high = max(np.log10(sizes.max()) + DECADES, last + 1)
         grids: list[FloatArray] = [np.logspace(low, high, int(PER_DECADE * (high - low)) + 1)]
         for root in roots[roots.imag >= 0]:
             width = max(abs(root.real), 1e-8 * abs(root))
@@ -134,6 +139,24 @@ class Mismatch:
         omega = np.unique(np.concatenate(grids))
         at_pole = np.polyval(self.a, 1j * omega) == 0
         return np.asarray(omega[(omega >= 10**low) & ~at_pole])
+
+    @cached_property
+    def _far_crossings(self) -> tuple[float, float]:
+        """Decades of ω below and above which a large R cannot cross Re w = 1 any more.
+
+        Where R ≈ c s^m is large, a branch of size |c|^(1/n) ω^(m/n) may run along the imaginary
+        axis but for an angle of about (largest root)/ω, or ω/(smallest root) at low frequency.
+        """
+        n, slowest, fastest = self.order, np.log10(self.speeds.min()), np.log10(self.speeds.max())
+        first, last = slowest, fastest
+        m, size = self.excess, np.log10(abs(self.b[0] / self.a[0]))
+        if 0 <= m < n:
+            last = min((size / n + fastest) * n / (n - m), LAST_DECADE)
+        (b0, zeros), (a0, poles) = (_lowest_term(p) for p in (self.b, self.a))
+        m, size = zeros - poles, np.log10(abs(b0 / a0))
+        if -n < m <= 0:
+            first = max((slowest - size / n) * n / (n + m), -LAST_DECADE)
+        return first, last
 
     @cached_property
     def speeds(self) -> FloatArray:
@@ -183,6 +206,12 @@ class Mismatch:
                 f"{self.default_floor:.4g}"
             )
         return np.union1d(omega[omega <= last], np.arange(step, last, step))
+
+
+def _lowest_term(p: FloatArray) -> tuple[float, int]:
+    """Coefficient and power of the lowest term of a polynomial."""
+    power = QuasiPolynomial(p).zeros_at_origin
+    return float(p[p.size - 1 - power]), power
 
 
 def _den_less_1(time_constant: float, order: int) -> FloatArray:

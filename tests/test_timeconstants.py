@@ -275,3 +275,14 @@ def test_no_crossing_is_lost_where_it_falls_on_a_frequency_tried(order):
     frequencies = np.array([c.frequency for c in critical])
     # n = 1: cos ω = 0 and sin ω = 1, every turn one.
     assert np.allclose(np.diff(np.sort(frequencies)), 2 * pi)
+
+
+def test_a_fast_pair_far_beyond_all_roots_is_found():
+    # R(∞) = 1e7: the pair of the fast filter crosses at some 1e7 times the fastest root.
+    process = 1e3 * (s + 2) * (s + 1) / ((s - 100) * (s + 1))
+    model = 1e-4 * (s + 1) / (s + 3)
+    intervals = stabilizing_time_constants(process, model, 2)
+    mismatch = Mismatch.of(process, model, 2)
+    counts = {float(v): count_rhp(mismatch.p_B(v)).count for v in np.geomspace(1e-6, 1e6, 60)}
+    for value, count in counts.items():
+        assert (count == 0) == any(low < value < high for low, high in intervals)
