@@ -19,7 +19,7 @@ import numpy as np
 from .blocks import BoolArray, ComplexArray, FloatArray, IntArray
 from .crossings import bisect, golden, side
 from .mismatch import Mismatch
-from .quasipoly import add, count_rhp, differentiate
+from .quasipoly import add, count_rhp
 
 SAME = 1e-9
 """Relative distance below which two critical time constants are one."""
@@ -35,7 +35,7 @@ class CriticalTimeConstant(NamedTuple):
     frequency : float
         Where they cross, in rad/s; inf for a real root that passes through infinity.
     direction : int
-        +1 if they enter the right half plane as λ grows, -1 if they leave it, 0 if they touch.
+        +1 if they enter the right half plane as λ grows, -1 if they leave it.
     """
 
     time_constant: float
@@ -205,8 +205,10 @@ def _crossings(mismatch: Mismatch, omega: FloatArray) -> list[CriticalTimeConsta
     # A pole on the axis makes a branch jump, which is no crossing; a zero there leads through 1,
     # which is λ = 0.
     true = (np.abs(value.real) < 1e-6) & (value.imag > _rounding(mismatch, where, value))
+    # A pair leaves where the branch rises through the line as ω grows, and enters where it falls:
+    # Re ds/dλ has the sign opposite to that of the slope.
+    directions = side(branch(of, at, low).real)[true]
     where, critical = where[true], value.imag[true] / where[true]
-    directions = _directions(mismatch, critical, where)
     return [
         CriticalTimeConstant(float(c), float(w), int(d))
         for c, w, d in zip(critical, where, directions, strict=True)
@@ -238,19 +240,6 @@ def _log_minus_H(mismatch: Mismatch, omega: FloatArray) -> ComplexArray:
     with np.errstate(divide="ignore"):  # where H vanishes exactly, all branches are at 0
         size = np.log1p(-R.real * (2 - R.real) + R.imag**2) / 2
     return np.asarray(size + 1j * np.arctan2(-R.imag, 1 - R.real))
-
-
-def _directions(mismatch: Mismatch, critical: FloatArray, omega: FloatArray) -> FloatArray:
-    """Sign of Re ds/dλ, from ln(1 + λs) n = ln(-H(s)) differentiated."""
-    s, n = 1j * omega, mismatch.order
-    R = mismatch.ratio(omega)
-    with np.errstate(divide="ignore", invalid="ignore"):  # at a pole or zero itself: unknown, 0
-        log_slope = -mismatch.delay + 0j * s
-        for p, power in ((mismatch.b, 1), (mismatch.a, -1)):
-            log_slope += power * np.polyval(differentiate(p), s) / np.polyval(p, s)
-        by_s = n * critical / (1 + critical * s) - R * log_slope / (R - 1)
-        speed = -(n * s / (1 + critical * s)) / by_s
-    return np.where(np.abs(speed.real) > 1e-7 * np.abs(speed), np.sign(speed.real), 0)
 
 
 def _through_infinity(mismatch: Mismatch) -> list[CriticalTimeConstant]:

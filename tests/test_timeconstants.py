@@ -286,3 +286,11 @@ def test_a_fast_pair_far_beyond_all_roots_is_found():
     counts = {float(v): count_rhp(mismatch.p_B(v)).count for v in np.geomspace(1e-6, 1e6, 60)}
     for value, count in counts.items():
         assert (count == 0) == any(low < value < high for low, high in intervals)
+
+
+def test_a_pair_that_creeps_across_far_out_has_its_direction():
+    # At 1.7e8 rad/s the real part moves a ten-millionth as fast as the imaginary one.
+    process = ct.tf([0.1, 10.11, 11.01, 1.0], [1e-5, 3.2e-4, 0.10261, 1.2043, 2.102, 1.0])
+    model = ct.tf([-1.0], [-1e6, -3.01e6, -3.0299e6, -1.029699e6, -9697.0, 103.0, 1.0])
+    creeping, last = critical_time_constants(process, model, 6)
+    assert creeping.frequency > 1e8 and (creeping.direction, last.direction) == (1, -1)
