@@ -17,7 +17,7 @@ from .filters import LowPassFilter
 from .limits import stabilizing_filter_exists
 from .margins import Margins, margins
 from .mismatch import Mismatch
-from .timeconstants import stabilizing_time_constants
+from .timeconstants import stabilizing_set
 
 PER_DECADE, DECADES = 6, 3
 """How densely time constants are tried, and how far beyond the time constants of the plant."""
@@ -189,8 +189,8 @@ class FilterSearch:
     @classmethod
     def of(cls, process: Any, model: Any, order: int, specification: Specification) -> FilterSearch:
         """Prepare the search: the stabilising set, and where in it to look."""
-        intervals = stabilizing_time_constants(process, model, order)
         mismatch = Mismatch.of(process, model, order)
+        intervals = stabilizing_set(mismatch, mismatch.default_floor)
         tried = [value for ends in intervals for value in _samples(*ends, mismatch)]
 
         @cache
@@ -299,8 +299,8 @@ def _refusal(
         answer = stabilizing_filter_exists(process, model)
         reason = "" if answer.holds else f" ({answer.reason})"
         return f"no filter of order {orders} stabilises the loop{reason}: choose another model"
-    closest = max(stable, key=lambda search: search.closest()[1])
-    time_constant = closest.closest()[0]
+    found = [(search, *search.closest()) for search in stable]
+    closest, time_constant, _slack = max(found, key=lambda item: item[2])
     best = closest.plant_loop(time_constant)
     return (
         f"no filter of order {orders} meets {specification}; closest comes λ = "

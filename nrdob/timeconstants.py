@@ -122,7 +122,11 @@ def stabilizing_time_constants(
     (0.0, 0.763932023)
     """
     mismatch = Mismatch.of(process, model, order)
-    floor = mismatch.checked_floor(floor)
+    return stabilizing_set(mismatch, mismatch.checked_floor(floor))
+
+
+def stabilizing_set(mismatch: Mismatch, floor: float) -> list[tuple[float, float]]:
+    """Find the set of `stabilizing_time_constants` for a mismatch that is already read."""
     intervals = _intervals(floor, _critical(mismatch, floor))
     counts = _counts(mismatch, intervals)
     return [
@@ -171,14 +175,18 @@ def _crossings(mismatch: Mismatch, omega: FloatArray) -> list[CriticalTimeConsta
     n = mismatch.order
     root = _log_minus_H(mismatch, omega)
     phase = np.unwrap(root.imag)
-    turns = 2 * pi * np.arange(n)[:, None]
-    excess = np.expm1(root.real / n + 1j * (phase + turns) / n)
+
+    def less_1(value: ComplexArray, near: FloatArray, of: Any) -> ComplexArray:
+        """Branch `of`, less 1, where ln(-H) is `value` and its phase near to `near`."""
+        # Whole turns are counted apart: a phase of 2π would leave a branch near 1 only rounding.
+        turns = (np.round((near - value.imag) / (2 * pi)) + of) % n
+        return np.asarray(np.expm1(value.real / n + 1j * (value.imag + 2 * pi * turns) / n))
+
+    excess = less_1(root, phase, np.arange(n)[:, None])
 
     def branch(of: Any, at: Any, w: FloatArray) -> ComplexArray:
         """Branch `of`, reached continuously from frequency number `at`, less 1."""
-        value = _log_minus_H(mismatch, w)
-        near = phase[at] + np.angle(np.exp(1j * (value.imag - phase[at])))
-        return np.asarray(np.expm1(value.real / n + 1j * (near + 2 * pi * of) / n))
+        return less_1(_log_minus_H(mismatch, w), phase[at], of)
 
     real = excess.real
     sign, size = side(real), np.abs(real)

@@ -294,3 +294,11 @@ def test_a_pair_that_creeps_across_far_out_has_its_direction():
     model = ct.tf([-1.0], [-1e6, -3.01e6, -3.0299e6, -1.029699e6, -9697.0, 103.0, 1.0])
     creeping, last = critical_time_constants(process, model, 6)
     assert creeping.frequency > 1e8 and (creeping.direction, last.direction) == (1, -1)
+
+
+def test_whole_turns_of_the_phase_leave_no_false_crossing(no_warning_leaks):
+    # The phase of -H ends a turn away from where it began; far out R is below 1e-25.
+    process = ct.tf([1.0, 1.0], [1.0, 4.02, 7.08, 8.12, 7.08, 4.02, 1.0])
+    critical = critical_time_constants(process, ct.tf([-1.0], [1.0]), 1)
+    assert all(c.time_constant > 1e-12 for c in critical)
+    assert stabilizing_time_constants(process, ct.tf([-1.0, -1.0], [1.0, 1.0]), 1) == []
