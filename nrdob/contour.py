@@ -17,9 +17,9 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from .blocks import ComplexArray, FloatArray
-from .equations import Quotient
 from .nyquist import resolved_frequencies
 from .quasipoly import QuasiPolynomial
+from .quotient import Quotient
 
 SMOOTH = 1e-3
 """Largest distance between curve and polygon, as a fraction of the curve's size."""

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
 from .blocks import BoolArray, ComplexArray, FloatArray
-from .equations import LoopEquations
+from .equations import ObserverEquations
 from .filters import LowPassFilter
 from .limits import stabilizing_filter_exists
 from .margins import Margins, margins
@@ -196,7 +196,7 @@ class FilterSearch:
         @cache
         def plant_loop(time_constant: float) -> Margins:
             stable = any(low < time_constant < high for low, high in intervals)
-            loop = LoopEquations(process, model, 1.0, LowPassFilter(time_constant, order))
+            loop = ObserverEquations(process, model, LowPassFilter(time_constant, order))
             return margins(loop.L, stable, loop.p_B)
 
         rough = _rough_slacks(mismatch, tried, specification)

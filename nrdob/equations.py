@@ -25,180 +25,65 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, reduce
-from math import inf, prod
-from typing import Any
+from typing import Any, NamedTuple
 
-import control as ct
 import numpy as np
 
-from .blocks import ROUNDING, ComplexArray, FloatArray, Fraction, as_fraction, nonzero
+from .blocks import FloatArray, Fraction, as_fraction, nonzero
 from .delay import DelayedTransferFunction
 from .filters import filter_fraction
-from .quasipoly import QuasiPolynomial, add, multiply
+from .quasipoly import QuasiPolynomial, add
+from .quotient import Quotient
 
 
-@dataclass(frozen=True, eq=False)
-class Quotient:
-    r"""A transfer function kept as factors: product of `num` over product of `den`.
+class ObserverFractions(NamedTuple):
+    """Numerators and denominators of the blocks of an observer: process, model, filter."""
 
-    Parameters
-    ----------
-    num, den : tuple of QuasiPolynomial
-        The factors, as the block diagram gives them.
-    name : str
-        How the map is written in messages and figures.
-
-    Examples
-    --------
-    >>> import control as ct
-    >>> from nrdob import NRDOB, LowPassFilter
-    >>> G = ct.tf([2, 10], [1, 11, 10])
-    >>> loop = NRDOB(G, G, ct.tf([1.39], [1, 0]), LowPassFilter(0.01, 2))
-    >>> complex(loop.S_d(0.0))
-    0j
-    >>> loop.T_R.to_tf().den[0][0].size - 1
-    3
-    """
-
-    num: tuple[QuasiPolynomial, ...]
-    den: tuple[QuasiPolynomial, ...]
-    name: str = ""
-
-    @property
-    def delay(self) -> float:
-        """Longest dead time in any factor, in seconds."""
-        return max(factor.delay for factor in self.num + self.den)
-
-    @cached_property
-    def numerator(self) -> QuasiPolynomial:
-        """The numerator multiplied out."""
-        return multiply(*self.num)
-
-    @cached_property
-    def denominator(self) -> QuasiPolynomial:
-        """The denominator multiplied out."""
-        return multiply(*self.den)
-
-    @property
-    def zeros_at_origin(self) -> int:
-        """Power of s that is left when those of both sides are cancelled; negative for poles."""
-        return sum(f.zeros_at_origin for f in self.num) - sum(f.zeros_at_origin for f in self.den)
-
-    @property
-    def at_infinity(self) -> tuple[float, float]:
-        """The a and b of the limit a + b exp(-jωθ) over an undelayed denominator.
-
-        Infinite for an improper map.
-        """
-        den = self.denominator.q
-        limits = []
-        for part in (self.numerator.q, self.numerator.r):
-            excess = part.size - den.size if part.any() else -1
-            limits.append(0.0 if excess < 0 else inf if excess else float(part[0] / den[0]))
-        return limits[0], limits[1]
-
-    def __call__(self, s: complex | ComplexArray) -> Any:
-        """Evaluate at complex `s`, a number or an array of any shape; infinite at poles."""
-        s = np.asarray(s, dtype=complex)
-        power = self.zeros_at_origin
-        num = prod((f.without_origin(s) for f in self.num), start=s**power if power > 0 else 1.0)
-        den = prod((f.without_origin(s) for f in self.den), start=s**-power if power < 0 else 1.0)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.where(den == 0, inf, num / den)[()]
-
-    @property
-    def dc_gain(self) -> float:
-        """Value at s = 0, infinite with a pole there."""
-        power = self.zeros_at_origin
-        num, den = (
-            prod(f.without_origin.constant for f in factors) for factors in (self.num, self.den)
-        )
-        return inf if power < 0 or den == 0 else 0.0 if power else num / den
-
-    def to_tf(self) -> ct.TransferFunction:
-        """Return the map as a `control.TransferFunction` in lowest structural order.
-
-        Factors that numerator and denominator share, because blocks of the diagram share them,
-        are divided out; hidden modes are then invisible: only `stability` may judge a loop.
-
-        Raises
-        ------
-        ValueError
-            If the map contains dead time, which no rational function equals.
-        """
-        if self.delay:
-            raise ValueError(
-                f"{self.name or 'this map'} contains a dead time of {self.delay:g} s and has no "
-                "rational form; evaluate it at complex s, or use step_response"
-            )
-        num, den = list(self.num), list(self.den)
-        for i, j in np.ndindex(len(num), len(den)):
-            num[i], den[j] = _without_common_roots(num[i], den[j])
-        return ct.tf(multiply(*num).q, multiply(*den).q)
+    G: Fraction
+    Gm: Fraction
+    F: Fraction
 
 
-@dataclass(frozen=True, eq=False)
-class LoopEquations:
-    """The four blocks of an NR-DOB loop and every map between its signals.
+class LoopFractions(NamedTuple):
+    """Numerators and denominators of the four blocks: process, model, controller, filter."""
 
-    Parameters
-    ----------
-    process : control.TransferFunction, StateSpace, DelayedTransferFunction or (num, den)
-        G, proper, with or without dead time.
-    model : control.TransferFunction, StateSpace or (num, den)
-        Gm, proper, without dead time.
-    controller : control.TransferFunction, StateSpace, number or (num, den)
-        C, proper.
-    filter : LowPassFilter, or a stable proper block with F(0) = 1
-        F, of at least the model's relative degree, so that F/model is causal.
+    G: Fraction
+    Gm: Fraction
+    C: Fraction
+    F: Fraction
 
-    Raises
-    ------
-    TypeError, ValueError
-        If a block cannot stand where it is put; the message names the block and the remedy.
-    """
+
+class _ObserverMaps:
+    """What does not depend on the controller: condition ii, and all the feedback there is."""
 
     process: Any
     model: Any
-    controller: Any
     filter: Any
 
-    def __post_init__(self) -> None:
+    @cached_property
+    def fractions(self) -> ObserverFractions | LoopFractions:
+        """Numerators and denominators of the blocks; the process without its dead time."""
+        return self._observer_fractions
+
+    @cached_property
+    def _observer_fractions(self) -> ObserverFractions:
         if isinstance(self.model, DelayedTransferFunction) and self.model.delay:
             raise ValueError(
                 f"model has a dead time of {self.model.delay:g} s; F/model would have to predict "
                 "the future: leave the dead time out of the model"
             )
-        if isinstance(self.controller, DelayedTransferFunction):
-            raise TypeError("controller has a dead time; only the process may have one")
-        relative_degree = self._F.relative_degree
-        if relative_degree < self._Gm.relative_degree:
+        G, Gm = (
+            nonzero(as_fraction(_undelayed(block), name), name)
+            for block, name in ((self.process, "process"), (self.model, "model"))
+        )
+        F = filter_fraction(self.filter)
+        if F.relative_degree < Gm.relative_degree:
             raise ValueError(
-                f"filter has relative degree {relative_degree}, model has "
-                f"{self._Gm.relative_degree}: F/model is not causal; use a filter of order "
-                f"{self._Gm.relative_degree} or more"
+                f"filter has relative degree {F.relative_degree}, model has "
+                f"{Gm.relative_degree}: F/model is not causal; use a filter of order "
+                f"{Gm.relative_degree} or more"
             )
-        _ = self._G, self._C
-
-    @cached_property
-    def _G(self) -> Fraction:
-        given = self.process
-        rational = given.tf if isinstance(given, DelayedTransferFunction) else given
-        return nonzero(as_fraction(rational, "process"), "process")
-
-    @cached_property
-    def _Gm(self) -> Fraction:
-        given = self.model
-        rational = given.tf if isinstance(given, DelayedTransferFunction) else given
-        return nonzero(as_fraction(rational, "model"), "model")
-
-    @cached_property
-    def _C(self) -> Fraction:
-        return as_fraction(self.controller, "controller")
-
-    @cached_property
-    def _F(self) -> Fraction:
-        return filter_fraction(self.filter)
+        return ObserverFractions(G, Gm, F)
 
     @property
     def delay(self) -> float:
@@ -208,49 +93,27 @@ class LoopEquations:
     @cached_property
     def _one_minus_F(self) -> QuasiPolynomial:
         # Both constant coefficients are exactly 1, so 1 - F keeps its zero at s = 0 exactly.
-        num, den = self._F
+        num, den = self._observer_fractions.F
         return QuasiPolynomial(add(den, -num), scale=add(np.abs(den), np.abs(num)))
-
-    @cached_property
-    def p_A(self) -> QuasiPolynomial:
-        """Characteristic polynomial of the model loop, Dm Dc + Nm Nc."""
-        Gm, C = self._Gm, self._C
-        return _sum_of_products((Gm.den, C.den), (Gm.num, C.num))
 
     @cached_property
     def p_B(self) -> QuasiPolynomial:
         """Characteristic quasi-polynomial of the observer loop, D Nm (Df-Nf) + N Dm Nf e^(-θs)."""
-        G, Gm, F = self._G, self._Gm, self._F
+        G, Gm, F = self._observer_fractions
         undelayed = (G.den, Gm.num, self._one_minus_F.q)
         return _sum_of_products(undelayed, (G.num, Gm.den, F.num), self.delay)
 
     @property
-    def ill_posed_model_loop(self) -> str:
-        """Why the model loop has no solution at infinite frequency; empty if well posed."""
-        if self.p_A.degree == self._Gm.den.size + self._C.den.size - 2 and self.p_A.q.any():
-            return ""
-        return "the model loop is ill-posed: 1 + C(∞)·model(∞) = 0; change the controller"
-
-    @property
     def ill_posed_observer_loop(self) -> str:
         """Why the observer loop has no solution at infinite frequency; empty if well posed."""
-        full = self._G.den.size + self._Gm.num.size + self._F.den.size - 2
+        G, Gm, F = self._observer_fractions
+        full = G.den.size + Gm.num.size + F.den.size - 2
         if self.p_B.q.size == full and self.p_B.q.any():
             return ""
         value = "1 - F(∞) = 0" if self.delay else "1 + F(∞)·H(∞) = 0"
         return f"the observer loop is ill-posed: {value}; choose a filter with another F(∞)"
 
-    @property
-    def ill_posed(self) -> str:
-        """Why the loop has no solution at infinite frequency; empty if it is well posed."""
-        return self.ill_posed_model_loop or self.ill_posed_observer_loop
-
     # Eq. (4): to the output y.
-
-    @cached_property
-    def T_R(self) -> Quotient:
-        """Reference R to output y, eq. (4)."""
-        return self._quotient("T_R", "Nc Ne Nm Dm Df", "A B")
 
     @cached_property
     def S_d(self) -> Quotient:
@@ -268,16 +131,6 @@ class LoopEquations:
         return self._quotient("S_eta", "-1 Ne Dm Nf", "B")
 
     # Eq. (7): to the error and to the control signal.
-
-    @cached_property
-    def E_R(self) -> Quotient:
-        """Reference R to error e, eq. (7), which collapses to 1/(1 + Gm C)."""
-        return self._quotient("E_R", "Dm Dc", "A")
-
-    @cached_property
-    def U_R(self) -> Quotient:
-        """Reference R to controller output u, eq. (7)."""
-        return self._quotient("U_R", "Nc D Nm Dm Df", "A B")
 
     @cached_property
     def U_d(self) -> Quotient:
@@ -307,11 +160,6 @@ class LoopEquations:
         return self._quotient("Gm", "Nm", "Dm")
 
     @cached_property
-    def C(self) -> Quotient:
-        """The controller."""
-        return self._quotient("C", "Nc", "Dc")
-
-    @cached_property
     def F(self) -> Quotient:
         """The filter."""
         return self._quotient("F", "Nf", "Df")
@@ -332,11 +180,6 @@ class LoopEquations:
         return self._quotient("FH", "Nf mismatch", "D Nm Df")
 
     @cached_property
-    def CGm(self) -> Quotient:
-        """Model loop C G̃, condition i of Lemmas 1 and 2."""
-        return self._quotient("CGm", "Nc Nm", "Dc Dm")
-
-    @cached_property
     def K(self) -> Quotient:
         """All the feedback there is: K = F/((1 - F) G̃)."""
         return self._quotient("K", "Nf Dm", "1-F Nm")
@@ -348,17 +191,15 @@ class LoopEquations:
 
     @cached_property
     def _parts(self) -> dict[str, QuasiPolynomial]:
-        G, Gm, C, F = self._G, self._Gm, self._C, self._F
+        G, Gm, F = self._observer_fractions
         parts = {
-            "-1": -np.ones(1), "D": G.den, "Nm": Gm.num, "Dm": Gm.den,
-            "Nc": C.num, "Dc": C.den, "Nf": F.num, "Df": F.den,
+            "-1": -np.ones(1), "D": G.den, "Nm": Gm.num, "Dm": Gm.den, "Nf": F.num, "Df": F.den,
         }  # fmt: skip
         mismatch = _sum_of_products((-G.den, Gm.num), (G.num, Gm.den), self.delay)
         return {name: QuasiPolynomial(c) for name, c in parts.items()} | {
             "Ne": QuasiPolynomial(np.zeros(1), G.num, self.delay),
             "1-F": self._one_minus_F,
             "mismatch": mismatch,
-            "A": self.p_A,
             "B": self.p_B,
         }
 
@@ -369,6 +210,132 @@ class LoopEquations:
         return Quotient(num_factors, den_factors, name)
 
 
+@dataclass(frozen=True, eq=False)
+class ObserverEquations(_ObserverMaps):
+    """Process, model and filter: the observer loop alone, which needs no controller.
+
+    Parameters
+    ----------
+    process, model, filter
+        As for `LoopEquations`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a block cannot stand where it is put; the message names the block and the remedy.
+
+    Examples
+    --------
+    >>> import control as ct
+    >>> from nrdob import LowPassFilter
+    >>> observer = ObserverEquations(ct.tf([2], [1, 1]), ct.tf([1], [1, 1]), LowPassFilter(0.5, 1))
+    >>> observer.p_B.q.tolist()                             # (s + 1)(0.5 s) + 2 (s + 1)
+    [0.5, 2.5, 2.0]
+    """
+
+    process: Any
+    model: Any
+    filter: Any
+
+    def __post_init__(self) -> None:
+        _ = self.fractions
+
+
+@dataclass(frozen=True, eq=False)
+class LoopEquations(_ObserverMaps):
+    """The four blocks of an NR-DOB loop and every map between its signals.
+
+    Parameters
+    ----------
+    process : control.TransferFunction, StateSpace, DelayedTransferFunction or (num, den)
+        G, proper, with or without dead time.
+    model : control.TransferFunction, StateSpace or (num, den)
+        Gm, proper, without dead time.
+    controller : control.TransferFunction, StateSpace, number or (num, den)
+        C, proper.
+    filter : LowPassFilter, or a stable proper block with F(0) = 1
+        F, of at least the model's relative degree, so that F/model is causal.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a block cannot stand where it is put; the message names the block and the remedy.
+    """
+
+    process: Any
+    model: Any
+    controller: Any
+    filter: Any
+
+    def __post_init__(self) -> None:
+        if isinstance(self.controller, DelayedTransferFunction):
+            raise TypeError("controller has a dead time; only the process may have one")
+        _ = self.fractions
+
+    @cached_property
+    def fractions(self) -> LoopFractions:
+        """Numerators and denominators of the blocks; the process without its dead time."""
+        G, Gm, F = self._observer_fractions
+        return LoopFractions(G, Gm, as_fraction(self.controller, "controller"), F)
+
+    @cached_property
+    def p_A(self) -> QuasiPolynomial:
+        """Characteristic polynomial of the model loop, Dm Dc + Nm Nc."""
+        _, Gm, C, _ = self.fractions
+        return _sum_of_products((Gm.den, C.den), (Gm.num, C.num))
+
+    @property
+    def ill_posed_model_loop(self) -> str:
+        """Why the model loop has no solution at infinite frequency; empty if well posed."""
+        _, Gm, C, _ = self.fractions
+        if self.p_A.degree == Gm.den.size + C.den.size - 2 and self.p_A.q.any():
+            return ""
+        return "the model loop is ill-posed: 1 + C(∞)·model(∞) = 0; change the controller"
+
+    @property
+    def ill_posed(self) -> str:
+        """Why the loop has no solution at infinite frequency; empty if it is well posed."""
+        return self.ill_posed_model_loop or self.ill_posed_observer_loop
+
+    @cached_property
+    def T_R(self) -> Quotient:
+        """Reference R to output y, eq. (4)."""
+        return self._quotient("T_R", "Nc Ne Nm Dm Df", "A B")
+
+    @cached_property
+    def E_R(self) -> Quotient:
+        """Reference R to error e, eq. (7), which collapses to 1/(1 + Gm C)."""
+        return self._quotient("E_R", "Dm Dc", "A")
+
+    @cached_property
+    def U_R(self) -> Quotient:
+        """Reference R to controller output u, eq. (7)."""
+        return self._quotient("U_R", "Nc D Nm Dm Df", "A B")
+
+    @cached_property
+    def C(self) -> Quotient:
+        """The controller."""
+        return self._quotient("C", "Nc", "Dc")
+
+    @cached_property
+    def CGm(self) -> Quotient:
+        """Model loop C G̃, condition i of Lemmas 1 and 2."""
+        return self._quotient("CGm", "Nc Nm", "Dc Dm")
+
+    @cached_property
+    def _parts(self) -> dict[str, QuasiPolynomial]:
+        C = self.fractions.C
+        return super()._parts | {
+            "Nc": QuasiPolynomial(C.num),
+            "Dc": QuasiPolynomial(C.den),
+            "A": self.p_A,
+        }
+
+
+def _undelayed(block: Any) -> Any:
+    return block.tf if isinstance(block, DelayedTransferFunction) else block
+
+
 def _sum_of_products(
     undelayed: tuple[FloatArray, ...], delayed: tuple[FloatArray, ...], delay: float = 0.0
 ) -> QuasiPolynomial:
@@ -377,23 +344,3 @@ def _sum_of_products(
     return QuasiPolynomial(
         reduce(np.convolve, undelayed), reduce(np.convolve, delayed), delay, scale
     )
-
-
-def _without_common_roots(
-    num: QuasiPolynomial, den: QuasiPolynomial
-) -> tuple[QuasiPolynomial, QuasiPolynomial]:
-    """Divide out the roots of `num` at which `den` vanishes to rounding."""
-    if num.degree == 0 or den.degree == 0:
-        return num, den
-    shared: list[complex] = []
-    left, scale = den.q, den.scale
-    for root in num.roots:
-        if left.size > 1 and abs(np.polyval(left, root)) <= ROUNDING * np.polyval(scale, abs(root)):
-            shared.append(root)
-            # A double root of num is shared once only, unless den has it twice.
-            left, scale = np.polydiv(left, [1, -root])[0], np.polydiv(scale, [1, -abs(root)])[0]
-    if not shared:
-        return num, den
-    divisor = np.real(np.poly(shared))
-    num_left, den_left = (np.polydiv(p.q, divisor)[0] for p in (num, den))
-    return QuasiPolynomial(num_left), QuasiPolynomial(den_left)

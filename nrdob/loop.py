@@ -9,9 +9,10 @@ from typing import Any
 import control as ct
 from numpy.typing import ArrayLike
 
-from .equations import LoopEquations, Quotient
+from .equations import LoopEquations
 from .margins import LoopMargins, loop_margins
 from .plots import Figure, bode_plot, nyquist_plot, roots_plot, step_plot
+from .quotient import Quotient
 from .response import forced_response, step_response
 from .stability import Stability, stability
 

@@ -18,9 +18,10 @@ import numpy as np
 
 from .blocks import ROUNDING, ComplexArray, FloatArray
 from .crossings import minima, zeros
-from .equations import LoopEquations, Quotient
+from .equations import LoopEquations
 from .nyquist import minus_point, resolved_frequencies
 from .quasipoly import QuasiPolynomial, add, differentiate
+from .quotient import Quotient
 from .rootfinding import companion_roots
 from .stability import Stability, stability
 

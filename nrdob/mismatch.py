@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from .blocks import ComplexArray, FloatArray, as_fraction
-from .equations import LoopEquations
+from .equations import ObserverEquations
 from .filters import LowPassFilter
 from .quasipoly import QuasiPolynomial, add
 
@@ -62,8 +62,8 @@ class Mismatch:
         """
         if order is None:
             order = max(1, as_fraction(model, "model").relative_degree)
-        loop = LoopEquations(process, model, 1.0, LowPassFilter(1.0, order))
-        G, Gm = loop._G, loop._Gm
+        loop = ObserverEquations(process, model, LowPassFilter(1.0, order))
+        G, Gm = loop.fractions.G, loop.fractions.Gm
         a, b = np.convolve(G.den, Gm.num), np.convolve(G.num, Gm.den)
         return cls(a, b, loop.delay, int(order), (*G, *Gm))
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from .blocks import ComplexArray, FloatArray
 from .design import FilterSearch, Specification
-from .equations import LoopEquations
+from .equations import ObserverEquations
 from .filters import LowPassFilter
 from .mismatch import Mismatch
 from .quasipoly import QuasiPolynomial
@@ -108,15 +108,16 @@ def suggest_model(process: Any, *, max_ms: float = 2.0) -> list[ModelCandidate]:
     [-4.0]
     """
     specification = Specification(max_ms=max_ms)
-    blocks = LoopEquations(process, 1.0, 1.0, LowPassFilter(1.0, 1))
-    if blocks._G.num[-1] == 0:
+    blocks = ObserverEquations(process, 1.0, LowPassFilter(1.0, 1))
+    G = blocks.fractions.G
+    if G.num[-1] == 0:
         raise ValueError(
             "process has a zero at s = 0, so that p_B(0) = 0 for every model and filter: its "
             "output cannot be held against a constant disturbance; use another output"
         )
     candidates = [
         _judged(process, model, how, specification)
-        for model, how in _models(blocks._G.num, blocks._G.den, blocks.delay)
+        for model, how in _models(G.num, G.den, blocks.delay)
     ]
     return sorted(candidates, key=_rank)
 

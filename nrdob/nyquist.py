@@ -18,8 +18,8 @@ from math import inf, pi
 import numpy as np
 
 from .blocks import FloatArray
-from .equations import Quotient
 from .quasipoly import QuasiPolynomial, RootCount, add, count_rhp, frequency_segments
+from .quotient import Quotient
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,9 @@ from . import alttext
 from .alttext import number
 from .blocks import ComplexArray, FloatArray
 from .contour import Approach, Contour, closest_approach, contour
-from .equations import Quotient
 from .figure import COLOURS, INK, TALL, Figure, axes_for, colour_of, headings, label_of, styled
 from .nyquist import NyquistCount, encirclements
+from .quotient import Quotient
 from .stability import LoopStability
 
 

@@ -13,9 +13,9 @@ import control as ct
 import numpy as np
 
 from .delay import delay
-from .equations import Quotient
 from .filters import LowPassFilter
 from .loop import NRDOB
+from .quotient import Quotient
 
 EXAMPLES = (1, 2, 3, 4)
 """Matched, non-minimum phase, unstable, time delay."""

@@ -19,7 +19,7 @@ from matplotlib.ticker import MultipleLocator
 from . import alttext
 from .alttext import complex_number, number
 from .blocks import ComplexArray, FloatArray
-from .equations import LoopEquations, Quotient
+from .equations import LoopEquations
 from .figure import (
     COLOURS,
     INK,
@@ -35,6 +35,7 @@ from .figure import (
 from .margins import Margins
 from .nyquist import resolved_frequencies
 from .nyquistplot import nyquist_plot
+from .quotient import Quotient
 from .response import INPUTS, step_response
 
 __all__ = ["COLOURS", "Figure", "bode_plot", "nyquist_plot", "roots_plot", "step_plot"]

@@ -227,7 +227,7 @@ class _System:
 
 def _system(loop: LoopEquations, input: str) -> _System:
     """Connect process, prefilter and observer; without dead time z = v is closed as well."""
-    G, Gm, C, F = loop._G, loop._Gm, loop._C, loop._F
+    G, Gm, C, F = loop.fractions
     prefilter = Fraction(np.zeros(1), np.ones(1))  # when idle; an unstable one could overflow
     if input == "R":
         prefilter = Fraction(np.convolve(C.num, Gm.den), loop.p_A.q)

@@ -65,7 +65,7 @@ def exact_term(loop, input, signal, k):
     """
     coefficients = [
         [mp.mpf(c) for c in part]
-        for block in (loop._G, loop._Gm, loop._C, loop._F)
+        for block in loop.fractions
         for part in block
     ]
 

@@ -7,11 +7,11 @@ from math import pi, sqrt
 import numpy as np
 
 from ..alttext import number, turns
-from ..equations import Quotient
 from ..filters import LowPassFilter
 from ..loop import NRDOB
 from ..nyquist import encirclements
 from ..paper import PRINTED_FUNCTIONS, PrintedFunction, example
+from ..quotient import Quotient
 from .ledger import Amendment, Finding, Section, Verdict
 from .recurring import (
     border,

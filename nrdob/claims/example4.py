@@ -9,12 +9,12 @@ import numpy as np
 
 from ..alttext import number, turns
 from ..delay import DelayedTransferFunction
-from ..equations import Quotient
 from ..filters import LowPassFilter
 from ..loop import NRDOB
 from ..nyquist import encirclements, minus_point
 from ..paper import example
 from ..quasipoly import QuasiPolynomial, count_rhp
+from ..quotient import Quotient
 from .ledger import Amendment, Finding, Section, Verdict
 from .recurring import (
     OMEGA,

@@ -9,11 +9,11 @@ import numpy as np
 
 from ..alttext import number
 from ..blocks import ComplexArray
-from ..equations import Quotient
 from ..filters import LowPassFilter
 from ..loop import NRDOB
 from ..nyquist import encirclements, minus_point
 from ..paper import example
+from ..quotient import Quotient
 from ..response import INPUTS
 from .ledger import Amendment, Finding, Section, Verdict
 from .recurring import (

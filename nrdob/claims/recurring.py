@@ -9,12 +9,12 @@ from scipy.optimize import brentq
 
 from ..alttext import complex_number, frequency, number, spoken
 from ..blocks import FloatArray
-from ..equations import Quotient
 from ..filters import LowPassFilter
 from ..loop import NRDOB
 from ..margins import Margins
 from ..nyquist import NyquistCount
 from ..paper import PRINTED, PRINTED_FUNCTIONS, Printed, example
+from ..quotient import Quotient
 from ..stability import LoopStability
 from .ledger import Amendment, Finding, Section, Verdict
 

@@ -13,12 +13,12 @@ from scipy.optimize import brentq
 
 from ..alttext import number
 from ..blocks import ComplexArray, FloatArray, Fraction
-from ..equations import Quotient
 from ..filters import LowPassFilter
 from ..loop import NRDOB
 from ..margins import Margins
 from ..nyquist import encirclements
 from ..paper import EXAMPLES, example
+from ..quotient import Quotient
 from ..sampling import random_block, random_loop
 from .ledger import Amendment, Finding, Section, Verdict
 from .signals import (

@@ -18,8 +18,8 @@ from scipy.linalg import block_diag
 from .. import paper
 from ..alttext import number
 from ..blocks import ComplexArray, FloatArray, Fraction
-from ..equations import Quotient
 from ..loop import NRDOB
+from ..quotient import Quotient
 from ..sampling import random_loop
 from .ledger import Finding
 

@@ -11,13 +11,13 @@ import numpy as np
 
 from ..alttext import number
 from ..blocks import ComplexArray, FloatArray
-from ..equations import Quotient
 from ..figure import Figure
 from ..filters import LowPassFilter
 from ..limits import right_half_plane_parity
 from ..loop import NRDOB
 from ..nyquist import resolved_frequencies
 from ..quasipoly import QuasiPolynomial
+from ..quotient import Quotient
 from ..stability import LoopStability, judge
 from ..timeconstants import stabilizing_time_constants
 from .cases import apart, factored, first_fitting

@@ -15,12 +15,12 @@ from scipy.optimize import brentq
 from ..alttext import number
 from ..blocks import ComplexArray, FloatArray
 from ..delay import DelayedTransferFunction, delay
-from ..equations import Quotient
 from ..figure import COLOURS, INK, TALL, Figure, axes_for, styled
 from ..filters import LowPassFilter
 from ..limits import right_half_plane_parity
 from ..loop import NRDOB
 from ..margins import margins
+from ..quotient import Quotient
 from ..timeconstants import critical_time_constants, stabilizing_time_constants
 from .cases import apart, factored, first_fitting
 from .grading import Misconception, Problem, answers_like

@@ -15,13 +15,13 @@ from scipy.optimize import brentq
 from ..blocks import FloatArray
 from ..controllers import design_controller
 from ..delay import delay
-from ..equations import Quotient
 from ..figure import COLOURS, INK, TALL, Figure, axes_for, styled
 from ..filters import LowPassFilter
 from ..limits import right_half_plane_parity
 from ..loop import NRDOB
 from ..margins import LoopMargins
 from ..mismatch import Mismatch
+from ..quotient import Quotient
 from ..timeconstants import stabilizing_time_constants
 from .cases import apart, factored, first_fitting
 from .grading import Case, Misconception, Problem, answers_like
