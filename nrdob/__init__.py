@@ -1,6 +1,6 @@
 """Stability and robustness of loops with a noise-reduction disturbance observer (NR-DOB)."""
 
-from . import paper
+from . import paper, plants
 from .controllers import design_controller
 from .delay import DelayedTransferFunction, delay
 from .design import design_filter
@@ -11,5 +11,6 @@ from .timeconstants import critical_time_constants, stabilizing_time_constants
 
 __all__ = [
     "NRDOB", "DelayedTransferFunction", "LowPassFilter", "critical_time_constants", "delay",
-    "design_controller", "design_filter", "paper", "stabilizing_time_constants", "suggest_model",
+    "design_controller", "design_filter", "paper", "plants", "stabilizing_time_constants",
+    "suggest_model",
 ]  # fmt: skip

@@ -1,0 +1,237 @@
+r"""A small zoo of plants, each a function of what one would measure on it, each with its source.
+
+All are written as they are met in a loop: from the input that an actuator takes to the output that
+a sensor reads, in SI units. Where a plant stands in print with numbers these are the defaults.
+"""
+
+from __future__ import annotations
+
+import control as ct
+import numpy as np
+
+from .delay import DelayedTransferFunction
+
+__all__ = [
+    "heated_air",
+    "heated_bed",
+    "hotend",
+    "lags",
+    "motor_position",
+    "motor_speed",
+    "resonance",
+    "two_masses",
+]
+
+
+def lags(*time_constants: float, gain: float = 1.0) -> ct.TransferFunction:
+    r"""Lags in series, :math:`k/\prod_i(T_is+1)`.
+
+    Parameters
+    ----------
+    *time_constants : float
+        :math:`T_i`, in seconds; negative for an unstable pole.
+    gain : float
+        Gain k at zero frequency.
+
+    Returns
+    -------
+    control.TransferFunction
+
+    Examples
+    --------
+    >>> [round(float(c), 6) for c in lags(0.5, 0.1, gain=2.0).den[0][0]]
+    [0.05, 0.6, 1.0]
+    """
+    den = np.ones(1)
+    for time_constant in time_constants:
+        den = np.convolve(den, [time_constant, 1.0])
+    return ct.tf([gain], den)
+
+
+def resonance(
+    natural_frequency: float, damping: float, *, gain: float = 1.0
+) -> ct.TransferFunction:
+    r"""Give a damped oscillator, :math:`k/\big((s/\omega_0)^2+2\zeta s/\omega_0+1\big)`.
+
+    Parameters
+    ----------
+    natural_frequency : float
+        :math:`\omega_0`, in rad/s.
+    damping : float
+        Damping ratio :math:`\zeta`; 0 for an undamped one.
+    gain : float
+        Gain k at zero frequency.
+
+    Returns
+    -------
+    control.TransferFunction
+
+    Examples
+    --------
+    >>> round(abs(complex(resonance(2.0, 0.05)(2j))), 6)      # 1/(2ζ) at resonance
+    10.0
+    """
+    return ct.tf([gain], [natural_frequency**-2, 2 * damping / natural_frequency, 1.0])
+
+
+def motor_speed(
+    inertia: float = 0.01, friction: float = 0.1, torque: float = 0.01, resistance: float = 1.0
+) -> ct.TransferFunction:
+    r"""Speed of a DC motor from its voltage, the inductance left out.
+
+    From :math:`J\dot\omega + b\omega = K_ti` and :math:`v = Ri + K_t\omega` follows
+    :math:`K_t/(RJs + Rb + K_t^2)`.
+
+    Parameters
+    ----------
+    inertia : float
+        J of motor and load, in kg m².
+    friction : float
+        b, in N m s.
+    torque : float
+        Torque constant :math:`K_t`, in N m/A, which is also the voltage at 1 rad/s.
+    resistance : float
+        R of the winding, in ohm.
+
+    Returns
+    -------
+    control.TransferFunction
+        From volt to rad/s.
+
+    References
+    ----------
+    The numbers are those of the University of Michigan's Control Tutorials, "DC Motor Speed".
+
+    Examples
+    --------
+    >>> round(float(motor_speed().dcgain()), 4)
+    0.0999
+    """
+    return ct.tf([torque], [resistance * inertia, resistance * friction + torque**2])
+
+
+def motor_position(
+    inertia: float = 0.01, friction: float = 0.1, torque: float = 0.01, resistance: float = 1.0
+) -> ct.TransferFunction:
+    r"""Angle of a DC motor from its voltage: `motor_speed` and an integrator.
+
+    Parameters
+    ----------
+    inertia, friction, torque, resistance : float
+        As for `motor_speed`.
+
+    Returns
+    -------
+    control.TransferFunction
+        From volt to rad.
+
+    Examples
+    --------
+    >>> sorted(round(float(p.real), 4) for p in motor_position().poles())
+    [-10.01, 0.0]
+    """
+    speed = motor_speed(inertia, friction, torque, resistance)
+    # An integrator multiplied in as a polynomial: its pole is 0 exactly.
+    return ct.tf(speed.num[0][0], np.append(speed.den[0][0], 0.0))
+
+
+def two_masses(
+    motor: float, load: float, stiffness: float, damping: float = 0.0
+) -> ct.TransferFunction:
+    r"""Speed of a motor that drives its load through a shaft, from the motor's torque.
+
+    From :math:`J_m\dot\omega_m = \tau - T`, :math:`J_l\dot\omega_l = T` and
+    :math:`\dot T = k(\omega_m-\omega_l) + c(\dot\omega_m-\dot\omega_l)` follows
+
+    .. math::
+
+        \frac{\omega_m}{\tau} = \frac{J_ls^2 + cs + k}{s\big(J_mJ_ls^2 + (J_m+J_l)(cs+k)\big)} .
+
+    Parameters
+    ----------
+    motor, load : float
+        Inertias :math:`J_m` and :math:`J_l`, in kg m².
+    stiffness : float
+        k of the shaft, in N m/rad.
+    damping : float
+        c of the shaft, in N m s/rad.
+
+    Returns
+    -------
+    control.TransferFunction
+        From N m to rad/s.
+
+    Examples
+    --------
+    The antiresonance is where the load swings on a motor that stands still, at √(k/Jl).
+
+    >>> max(round(float(z.imag), 6) for z in two_masses(1e-3, 4e-3, 10.0).zeros())
+    50.0
+    """
+    total = motor + load
+    return ct.tf(
+        [load, damping, stiffness], [motor * load, total * damping, total * stiffness, 0.0]
+    )
+
+
+def hotend() -> DelayedTransferFunction:
+    """Temperature of a 3D printer's hotend from its heater, 337.6 K, 36.7 s and 0.8 s.
+
+    Returns
+    -------
+    DelayedTransferFunction
+        From the heater's share of full power, 0 to 1, to kelvin above the surroundings.
+
+    References
+    ----------
+    A model fitted by the Klipper project, in its pull request 7243.
+
+    Examples
+    --------
+    >>> hotend().delay
+    0.8
+    """
+    return DelayedTransferFunction(lags(36.7, gain=337.6), 0.8)
+
+
+def heated_bed() -> DelayedTransferFunction:
+    """Temperature of a 3D printer's bed from its heater, 89.4 K, 170.8 s and 1.7 s.
+
+    Returns
+    -------
+    DelayedTransferFunction
+        From the heater's share of full power, 0 to 1, to kelvin above the surroundings.
+
+    References
+    ----------
+    A model fitted by the Klipper project, in its pull request 7243.
+
+    Examples
+    --------
+    >>> heated_bed().delay
+    1.7
+    """
+    return DelayedTransferFunction(lags(170.8, gain=89.4), 1.7)
+
+
+def heated_air() -> DelayedTransferFunction:
+    """Temperature of air blown through a heated tube, fitted to a laboratory record.
+
+    Gain 0.93, lags of 0.27 s and 0.12 s, and a dead time of 0.16 s, two samples of 0.08 s.
+
+    Returns
+    -------
+    DelayedTransferFunction
+        In the units of the record, which it does not name.
+
+    References
+    ----------
+    Fitted to the example data of routine IB01AD of the SLICOT library, whose length and levels are
+    those of the hot-air trainer PT326 sampled at 0.08 s.
+
+    Examples
+    --------
+    >>> heated_air().delay
+    0.16
+    """
+    return DelayedTransferFunction(lags(0.27, 0.12, gain=0.93), 0.16)
