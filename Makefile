@@ -36,6 +36,9 @@ $(READY): requirements.txt pyproject.toml
 	$(PYTHON) -m venv $(VENV)
 	$(PY) -m pip install --quiet -r requirements.txt
 	$(PY) -m pip install --quiet --no-deps -e .
+	@# The path of this folder as pip notes it is UTF-8; Python before 3.13 reads it in the
+	@# encoding of the locale. A relative one needs no letters.
+	@cd $(VENV)/lib/python3*/site-packages && echo ../../../.. > _editable_impl_nrdob.pth
 	@touch $(READY)
 
 book: $(READY) ## run every notebook and build the web book
