@@ -14,8 +14,16 @@ READY := $(VENV)/ready
 export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
 export PYTHONHASHSEED := 0
 
-.PHONY: help env book ledger test lint types layers unit notebooks execute check bench slides lab \
-	release grade report test-exercises clean
+# Two tests at a time, those of one file in one process, each with one thread of BLAS.
+PYTEST := OPENBLAS_NUM_THREADS=1 $(PY) -m pytest -q -n 2 --dist loadfile
+NBVAL := --nbval --nbval-current-env --nbval-cell-timeout 300 \
+	--nbval-sanitize-with tests/nbval-sanitize.cfg notebooks
+# Another processor rounds otherwise: the oldest kernels of OpenBLAS and of NumPy's own loops.
+OLD_PROCESSOR := OPENBLAS_CORETYPE=Nehalem \
+	NPY_DISABLE_CPU_FEATURES="X86_V3 X86_V4 AVX512_ICL AVX512_SPR"
+
+.PHONY: help env book ledger test lint types layers unit notebooks old-processor execute check \
+	bench bench-table slides lab release grade report test-exercises clean
 
 help: ## show this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /	/' | expand -t 16
@@ -28,6 +36,9 @@ $(READY): requirements.txt pyproject.toml
 	$(PYTHON) -m venv $(VENV)
 	$(PY) -m pip install --quiet -r requirements.txt
 	$(PY) -m pip install --quiet --no-deps -e .
+	@# The path of this folder as pip notes it is UTF-8; Python before 3.13 reads it in the
+	@# encoding of the locale. A relative one needs no letters.
+	@cd $(VENV)/lib/python3*/site-packages && echo ../../../.. > _editable_impl_nrdob.pth
 	@touch $(READY)
 
 book: $(READY) ## run every notebook and build the web book
@@ -40,7 +51,7 @@ book: $(READY) ## run every notebook and build the web book
 ledger: $(READY) ## run every check of the ledger, and write its two pages into the book
 	$(PY) tools/ledger.py
 
-test: lint types layers unit notebooks ## run every check
+test: lint types layers unit notebooks old-processor ## run every check
 
 lint: $(READY) ## style and formatting
 	$(PY) -m ruff check .
@@ -53,10 +64,14 @@ layers: $(READY) ## imports between the modules run one way
 	$(VENV)/bin/lint-imports
 
 unit: $(READY) ## unit tests, doctests, the rules for notebooks, the ledger, and the built book
-	$(PY) -m pytest -q tests nrdob --doctest-modules
+	$(PYTEST) tests nrdob --doctest-modules
 
 notebooks: $(READY) ## run every notebook and compare with the outputs stored in it
-	$(PY) -m pytest -q --nbval --nbval-current-env --nbval-cell-timeout 300 --nbval-sanitize-with tests/nbval-sanitize.cfg notebooks
+	$(PYTEST) $(NBVAL)
+
+old-processor: $(READY) ## doctests and notebooks again, in the arithmetic of an old processor
+	$(OLD_PROCESSOR) $(PYTEST) nrdob --doctest-modules
+	$(OLD_PROCESSOR) $(PYTEST) $(NBVAL)
 
 execute: $(READY) ## run every notebook in place, store its outputs, draw the README picture
 	$(PY) tools/notebooks.py --in-place --report
@@ -67,6 +82,9 @@ check: $(READY) ## run every notebook and compare byte for byte, figures include
 
 bench: $(READY) ## time nrdob against python-control, and the notebooks (takes some minutes)
 	$(PY) -m pytest -q --benchmark-quiet benchmarks
+
+bench-table: $(READY) ## time the public calls, before and after, in one table
+	OPENBLAS_NUM_THREADS=1 $(PY) benchmarks/table.py --before benchmarks/before.json
 
 slides: $(READY) ## make slides of the questions for class, which need no network
 	$(PY) tools/slides.py

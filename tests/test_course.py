@@ -334,8 +334,8 @@ def graded(everything: list[Handed], tmp_path_factory: pytest.TempPathFactory) -
         path.write_text(json.dumps(this.notebook), "utf-8")
     for student in ("corrupt", "empty", "forgot", "undecided"):
         (folder / student).mkdir()
-    (folder / "corrupt" / f"{NAME}.ipynb").write_text('{"cells": ')
-    (folder / "empty" / f"{NAME}.ipynb").write_text("")
+    (folder / "corrupt" / f"{NAME}.ipynb").write_text('{"cells": ', "utf-8")
+    (folder / "empty" / f"{NAME}.ipynb").write_text("", "utf-8")
     for letter in "ab":
         nbformat.write(everything[0].notebook, folder / "undecided" / f"{letter}_{NAME}.ipynb")
     target = tmp_path_factory.mktemp("grading")

@@ -17,6 +17,7 @@ from urllib.parse import unquote, urlsplit
 
 import pytest
 from bs4 import BeautifulSoup
+from digits import hanging_on_rounding
 
 from nrdob.claims import LEDGER, Verdict
 from nrdob.exercises import PROBLEMS
@@ -121,6 +122,13 @@ def is_external(address: str) -> bool:
 
 def test_the_ledger_is_in_order(ledger_run: subprocess.CompletedProcess[str]) -> None:
     assert ledger_run.returncode == 0, f"{ledger_run.stdout}\n{ledger_run.stderr}"
+
+
+def test_the_ledger_prints_nothing_that_hangs_on_rounding(
+    source: Path, ledger_run: subprocess.CompletedProcess[str]
+) -> None:
+    text = "\n".join((source / f"{page}.md").read_text("utf-8") for page in ("ledger", "errata"))
+    assert hanging_on_rounding(text) == []
 
 
 def test_the_pages_for_teachers_are_in_order(

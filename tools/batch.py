@@ -85,7 +85,7 @@ class Batch:
         environment["IPYTHONDIR"] = str(private / "ipython")
         environment["JUPYTER_CONFIG_DIR"] = str(private / "jupyter")
         log = private / "log.txt"
-        with log.open("w") as output:
+        with log.open("wb") as output:
             process = subprocess.Popen(
                 [sys.executable, str(GRADER), str(private), student, name],
                 stdin=subprocess.DEVNULL,

@@ -83,7 +83,7 @@ def score(id: str, answer: Any, group: int, points: float, seed: int) -> Points:
     own = problem.cases(group, 1)
     cases = own if problem.own else own + problem.cases(seed, HIDDEN_CASES)
     with (
-        open(os.devnull, "w") as nowhere,
+        open(os.devnull, "w", encoding="utf-8") as nowhere,
         contextlib.redirect_stdout(nowhere),
         contextlib.redirect_stderr(nowhere),
     ):
