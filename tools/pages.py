@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,14 @@ TEMPLATES = Environment(
     keep_trailing_newline=True,
 )
 """The templates, NAME.j2 for the page NAME; a line with nothing but a statement leaves no line."""
+
+TEMPLATES.filters |= {
+    # Plain text, so that Markdown shows it as it is.
+    "plain": lambda text: re.sub(r"([\\`*_{}\[\]<>|$~#])", r"\\\1", text),
+    # Markdown, so that it fits into a cell of a table.
+    "cell": lambda text: text.replace("|", r"\|").replace("\n", " "),
+    "points": lambda points: "1 point" if points == 1 else f"{points:g} points",
+}
 
 
 def render(name: str, **given: Any) -> str:
