@@ -31,6 +31,7 @@ from .recurring import (
     steps_finding,
     swings,
 )
+from .signals import TO_OUTPUT
 
 SECTION = Section()
 
@@ -162,10 +163,7 @@ def responses_prove() -> Finding:
 
 def _bounded(loop: NRDOB) -> bool:
     """Whether T_R, S_d, S_delta and S_eta, common factors divided out, are all stable."""
-    return all(
-        bool(np.all(getattr(loop, name).to_tf().poles().real < 0))
-        for name in ("T_R", "S_d", "S_delta", "S_eta")
-    )
+    return all(bool(np.all(getattr(loop, name).to_tf().poles().real < 0)) for name in TO_OUTPUT)
 
 
 # Example 2.

@@ -29,9 +29,13 @@ _METHOD = {
     ("gm", True): "Compute the margin; the loop gain, multiplied by it, must meet −1.",
     ("gm", False): "Compute the margin; the loop gain must not cross the negative real axis.",
 }
-_FINAL = {"R": 1.0, "d": 0.0, "delta": 0.0, "eta": -1.0}
-_MAPS = {"R": "T_R", "d": "S_d", "delta": "S_delta", "eta": "S_eta"}
-_SPOKEN = {"R": "T_R", "d": "S_d", "delta": "S_δ", "eta": "S_η"}
+_STEPS = {
+    "R": ("T_R", "T_R", 1.0),
+    "d": ("S_d", "S_d", 0.0),
+    "delta": ("S_delta", "S_δ", 0.0),
+    "eta": ("S_eta", "S_η", -1.0),
+}
+"""For each input its map to y, how one says it, and where y should end after a unit step."""
 
 
 def filtered(loop: NRDOB, time_constant: float, order: int) -> NRDOB:
@@ -256,18 +260,17 @@ def comes_to_rest(loop: NRDOB) -> bool:
         return float(loop.step_response(input, [0.0, late]).outputs[0, 0, -1])
 
     return all(
-        abs(getattr(loop, _MAPS[input]).dc_gain - final) < 1e-9
-        and abs(at_the_end(input) - final) < 1e-3
-        for input, final in _FINAL.items()
+        abs(getattr(loop, name).dc_gain - final) < 1e-9 and abs(at_the_end(input) - final) < 1e-3
+        for input, (name, _, final) in _STEPS.items()
     )
 
 
 def steps_finding(loop: NRDOB) -> Finding:
     """Find whether a loop is stable and its step responses end where they should."""
     peaks = ", ".join(
-        f"{name} {number(extreme(loop, input), 4)}" for input, name in _SPOKEN.items()
+        f"{said} {number(extreme(loop, input), 4)}" for input, (_, said, _) in _STEPS.items()
     )
-    finals = ", ".join(number(getattr(loop, name).dc_gain, 4) for name in _MAPS.values())
+    finals = ", ".join(number(getattr(loop, name).dc_gain, 4) for name, _, _ in _STEPS.values())
     verdict = loop.stability()
     stable = "stable" if verdict.stable else f"not known to be stable: {verdict.reason}"
     return Finding(

@@ -25,6 +25,7 @@ from .signals import (
     EXACT,
     PRINTED_MAPS,
     QUADRUPLES,
+    TO_OUTPUT,
     TOLERANCE,
     Values,
     blocks_of,
@@ -323,7 +324,6 @@ def output_is_the_sum_of_four() -> Finding:
     On loops the sum is made of the package's maps, with and without dead time.
     """
     rng = np.random.default_rng(3)
-    names = ("T_R", "S_d", "S_delta", "S_eta")
 
     def inputs(count: int) -> ComplexArray:
         parts = rng.normal(size=(2, 4, count))
@@ -334,12 +334,12 @@ def output_is_the_sum_of_four() -> Finding:
         return solve(blocks, R=R, d=d, delta=delta, eta=eta).y
 
     blocks, given = random_blocks(rng), inputs(QUADRUPLES)
-    total = sum(PRINTED_MAPS[name](blocks) * x for name, x in zip(names, given, strict=True))
+    total = sum(PRINTED_MAPS[name](blocks) * x for name, x in zip(TO_OUTPUT, given, strict=True))
     agree = np.isclose(output(blocks, given), total, rtol=EXACT, atol=0)
     by_package = []
     for loop in many_loops():
         s, given = random_points(rng), inputs(4)
-        total = sum(getattr(loop, name)(s) * x for name, x in zip(names, given, strict=True))
+        total = sum(getattr(loop, name)(s) * x for name, x in zip(TO_OUTPUT, given, strict=True))
         by_package.append(same(output(blocks_of(loop, s), given), total))
     return Finding(
         every(agree) and every(by_package),
