@@ -978,22 +978,12 @@ def right_half_plane_mismatch() -> Finding:
     border = float(brentq(at_border, 0.1, 10.0))
     within = [_in_the_right(loop) for loop in (second[0], third[0])]
     roots = [rightmost(loop) for loop in second]
-    rng = np.random.default_rng(23)
-    first_order = []
-    for _ in range(12):
-        terms = [
-            (weight, pole, bool(high))
-            for weight, pole, high in zip(
-                rng.uniform(0, 10, 3),
-                10 ** rng.uniform(-2, 2, 3),
-                rng.integers(0, 2, 3),
-                strict=True,
-            )
-        ]
-        H = sum(weight * (_s if high else pole) / (_s + pole) for weight, pole, high in terms)
-        for value in np.geomspace(1e-3, 1e3, 9):
-            loop = observer(1 + H, model, value, 1)
-            first_order.append(_in_the_right(loop) and rightmost(loop) < 0)
+    first_order = [
+        _in_the_right(loop) and rightmost(loop) < 0
+        for H in _positive_real(12)
+        for value in np.geomspace(1e-3, 1e3, 9)
+        if (loop := observer(1 + H, model, value, 1))
+    ]
     return Finding(
         every(root < 0 for root in roots) and every(rightmost(loop) < 0 for loop in third),
         f"H = 10s/((s + 0.01)(s + 1)), n = 2: rightmost root {number(roots[1], 4)} for λ = 1 s; "
@@ -1013,6 +1003,18 @@ def right_half_plane_mismatch() -> Finding:
             "n = 1 is stable with every λ": every(first_order),
         },
     )
+
+
+def _positive_real(count: int) -> Iterator[ct.TransferFunction]:
+    """Draw sums of three lags or their complements, none of which leaves the right half plane."""
+    rng = np.random.default_rng(23)
+    for _ in range(count):
+        weights, poles = rng.uniform(0, 10, 3), 10 ** rng.uniform(-2, 2, 3)
+        tops = [
+            _s if high else pole for high, pole in zip(rng.integers(0, 2, 3), poles, strict=True)
+        ]
+        terms = zip(weights, tops, poles, strict=True)
+        yield sum(weight * top / (_s + pole) for weight, top, pole in terms)
 
 
 def _in_the_right(loop: NRDOB) -> bool:
