@@ -7,6 +7,7 @@ import os
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import warnings
+from functools import cache
 
 import matplotlib as mpl
 import pytest
@@ -33,3 +34,11 @@ def no_warning_leaks():
         for module in ("matplotlib", "pyparsing"):
             warnings.filterwarnings("ignore", category=DeprecationWarning, module=module)
         yield
+
+
+@pytest.fixture(scope="session")
+def settled():
+    """Settle claims of the ledger, each at most once in a run, for all that want its entry."""
+    from nrdob.claims import check
+
+    return cache(check)

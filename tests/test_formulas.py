@@ -117,8 +117,8 @@ class AnyNumbers:
 # --- the vocabulary of the book -----------------------------------------------------------------
 
 POLYNOMIALS = {
-    "N": "_G num", "D": "_G den", "N_m": "_Gm num", "D_m": "_Gm den",
-    "N_c": "_C num", "D_c": "_C den", "N_f": "_F num", "D_f": "_F den",
+    "N": "G num", "D": "G den", "N_m": "Gm num", "D_m": "Gm den",
+    "N_c": "C num", "D_c": "C den", "N_f": "F num", "D_f": "F den",
 }  # fmt: skip
 BLOCKS = {"G": "G", "tilde G": "Gm", "C": "C", "F": "F"}
 RESULTS = {
@@ -197,7 +197,7 @@ class Loop:
             return loop.ratio(s)
         if name in POLYNOMIALS:
             block, part = POLYNOMIALS[name].split()
-            return np.polyval(getattr(getattr(loop, block), part), s)
+            return np.polyval(getattr(getattr(loop.fractions, block), part), s)
         value = {
             "0": lambda s: 0 * s,
             "1 + C G~": lambda s: 1 + loop.CGm(s),

@@ -6,20 +6,25 @@ the checkout stays untouched.
 
 from __future__ import annotations
 
-import os
 import re
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
+from contextlib import redirect_stderr, redirect_stdout
 from copy import copy
+from io import StringIO
 from pathlib import Path
+from typing import Any
 from urllib.parse import unquote, urlsplit
 
 import pytest
 from bs4 import BeautifulSoup
 from digits import hanging_on_rounding
 
-from nrdob.claims import LEDGER, Verdict
+import ledger
+import teaching
+from nrdob.claims import LEDGER, Entry, Verdict
 from nrdob.exercises import PROBLEMS
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -56,40 +61,31 @@ def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return source
 
 
-@pytest.fixture(scope="module")
-def ledger_run(source: Path) -> subprocess.CompletedProcess[str]:
-    """Run every check of the ledger, and write its pages; the test below judges the result."""
-    command = [sys.executable, str(ROOT / "tools" / "ledger.py"), "--output", str(source)]
-    return subprocess.run(
-        command,
-        capture_output=True,
-        text=True,
-        encoding="utf-8",
-        errors="replace",
-        env={**os.environ, "PYTHONIOENCODING": "utf-8"},
-    )
+Run = tuple[int, str]
+"""Exit code of a program that makes pages, and what it says."""
+
+
+def run(main: Callable[..., int], output: Path, **how: Any) -> Run:
+    """Run a program that makes pages; a test judges the result."""
+    with redirect_stdout(StringIO()) as said, redirect_stderr(said):
+        code = main(["--output", str(output)], **how)
+    return code, said.getvalue()
 
 
 @pytest.fixture(scope="module")
-def teaching_run(source: Path) -> subprocess.CompletedProcess[str]:
-    """Write the generated pages for teachers; a test below judges the result."""
-    tool = ROOT / "tools" / "teaching.py"
-    return subprocess.run(
-        [sys.executable, str(tool), "--output", str(source / "teaching")],
-        capture_output=True,
-        text=True,
-        encoding="utf-8",
-        errors="replace",
-        env={**os.environ, "PYTHONIOENCODING": "utf-8"},
-    )
+def ledger_run(source: Path, settled: Callable[[str], Entry]) -> Run:
+    """Write the pages of the ledger, each claim settled once in a run of the tests."""
+    return run(ledger.main, source, settle=lambda claim: settled(claim.id))
 
 
 @pytest.fixture(scope="module")
-def site(
-    source: Path,
-    ledger_run: subprocess.CompletedProcess[str],
-    teaching_run: subprocess.CompletedProcess[str],
-) -> Path:
+def teaching_run(source: Path) -> Run:
+    """Write the generated pages for teachers."""
+    return run(teaching.main, source / "teaching")
+
+
+@pytest.fixture(scope="module")
+def site(source: Path, ledger_run: Run, teaching_run: Run) -> Path:
     """Build the book from the notebooks as they are stored, and give the folder of pages."""
     folder = source.parent
     command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-n", "-q", "-b", "html"]
@@ -120,21 +116,19 @@ def is_external(address: str) -> bool:
     return bool(parts.netloc) or parts.scheme in {"http", "https", "ftp"}
 
 
-def test_the_ledger_is_in_order(ledger_run: subprocess.CompletedProcess[str]) -> None:
-    assert ledger_run.returncode == 0, f"{ledger_run.stdout}\n{ledger_run.stderr}"
+def test_the_ledger_is_in_order(ledger_run: Run) -> None:
+    code, said = ledger_run
+    assert code == 0, said
 
 
-def test_the_ledger_prints_nothing_that_hangs_on_rounding(
-    source: Path, ledger_run: subprocess.CompletedProcess[str]
-) -> None:
+def test_the_ledger_prints_nothing_that_hangs_on_rounding(source: Path, ledger_run: Run) -> None:
     text = "\n".join((source / f"{page}.md").read_text("utf-8") for page in ("ledger", "errata"))
     assert hanging_on_rounding(text) == []
 
 
-def test_the_pages_for_teachers_are_in_order(
-    teaching_run: subprocess.CompletedProcess[str],
-) -> None:
-    assert teaching_run.returncode == 0, f"{teaching_run.stdout}\n{teaching_run.stderr}"
+def test_the_pages_for_teachers_are_in_order(teaching_run: Run) -> None:
+    code, said = teaching_run
+    assert code == 0, said
 
 
 def test_every_page_is_there(site: Path) -> None:
@@ -255,10 +249,10 @@ def test_citations_lead_to_the_ledger(site: Path, pages: dict[Path, BeautifulSou
         (path, code) for path, page in pages.items() for code in page.select("code.claim-link")
     ]
     assert {path.parent.name for path, _ in citations} >= {"chapters"}, "no chapter cites a claim"
-    ledger = (site / "ledger.html").resolve()
+    target = (site / "ledger.html").resolve()
     for path, code in citations:
         address = urlsplit(str(code.find_parent("a")["href"]))
-        assert (path.parent / (address.path or path.name)).resolve() == ledger
+        assert (path.parent / (address.path or path.name)).resolve() == target
         assert address.fragment == anchor_of(code.get_text())
 
 

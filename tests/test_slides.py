@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import re
 from pathlib import Path
 from typing import Any
@@ -12,11 +11,9 @@ import nbformat
 import pytest
 from bs4 import BeautifulSoup, Tag
 
+import slides
+
 ROOT = Path(__file__).resolve().parent.parent
-SPEC = importlib.util.spec_from_file_location("slides", ROOT / "tools" / "slides.py")
-assert SPEC and SPEC.loader
-slides = importlib.util.module_from_spec(SPEC)
-SPEC.loader.exec_module(slides)
 
 CHAPTERS = sorted(path.stem for path in (ROOT / "notebooks").glob("*.ipynb"))
 DECKS = sorted((ROOT / "notebooks" / "class").glob("*.ipynb"))

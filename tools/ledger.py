@@ -16,7 +16,7 @@ import argparse
 import re
 import sys
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -24,6 +24,7 @@ import nbformat
 
 from nrdob.claims import LEDGER, Claim, Entry, Verdict
 from nrdob.claims.ledger import settle
+from pages import render, store
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -31,6 +32,8 @@ CITED_IN_PROSE = re.compile(r"(?<!`)`claim:([^`\s]+)`(?!`)")
 CITED_IN_CODE = re.compile(r"""\bclaims\.check\(\s*["']([^"']+)["']""")
 HEADING = re.compile(r"#{1,6}\s+(.*?)\s*#*$")
 FENCE = re.compile(r"\s*(?:```|~~~)")
+
+PAGES = ("ledger.md", "errata.md")
 
 PARTS = {
     "Sections I, II: the loop": "sec1 sec2 eq01 eq02 eq03 eq04 eq05 eq06 fig01",
@@ -43,63 +46,6 @@ PARTS = {
     "Conclusions: Section V, and the references": "concl ref02",
 }
 """The parts of the paper, and how the ids of their claims begin, up to the first dot."""
-
-MEANING = {
-    Verdict.REPRODUCED: "The statement holds as printed, in every case that was tried.",
-    Verdict.CONDITION: "It holds under a condition that the paper does not state. The entry names "
-    "the condition, and the check shows a case without it that fails.",
-    Verdict.CORRECTED: "It holds once a sign, a word or a formula is put right.",
-    Verdict.REFUTED: "It does not hold. The check shows a case that contradicts it, and the entry "
-    "says what is true instead.",
-}
-
-LEDGER_INTRODUCTION = """\
-# The ledger of claims
-
-Every statement of {cite:t}`liceaga2020noise` that a computation can judge stands here once: what
-the paper says, in our words; what we computed; and the verdict that follows. The verdicts are not
-typed in. Each time the book is built the checks run anew, and the build stops if one of them does
-not find what the ledger says.
-
-## How to read it
-"""
-
-LEDGER_READING = """\
-A printed value is compared within half a unit of its last printed digit, unless the entry says
-otherwise. Each entry leads to the place in the book that shows it, and the chapters lead back: a
-name such as {example} in the text of a chapter is a link to its entry. What is not reproduced is
-collected, without the rest, in the [errata](errata.md).
-"""
-
-FOLLOWS = "All claims follow, in the order of the paper."
-
-ERRATA_INTRODUCTION = """\
-# Errata and conditions
-
-These are the statements of {{cite:t}}`liceaga2020noise` that do not hold as printed, {count} of the
-{total} in the [ledger](ledger.md). They should be read beside the others: every printed margin
-reproduces, the four examples work, and the idea of the paper, to judge an NR-DOB by two Nyquist
-plots, stands. A list like this one can be made of most papers, and of most books. If you find a
-mistake in ours, we would like to know.
-
-For each statement you find what is printed, what is true, and the place in the book where it is
-shown. They are grouped by kind; within a group the order is that of the paper.
-"""
-
-ERRATA_SECTIONS = {
-    Verdict.CORRECTED: (
-        "Put right",
-        "A sign, a word or a formula. The intended statement is clear, and true.",
-    ),
-    Verdict.CONDITION: (
-        "True under a condition",
-        "These hold, but not always. The condition that is missing is given.",
-    ),
-    Verdict.REFUTED: (
-        "Does not hold",
-        "No condition would save what is said; something else is true.",
-    ),
-}
 
 
 @dataclass(frozen=True)
@@ -154,7 +100,9 @@ def read_chapters(folder: Path) -> dict[str, Chapter]:
     return {path.stem: read_chapter(path) for path in sorted(folder.glob("*.ipynb"))}
 
 
-def settle_all(ledger: Mapping[str, Claim]) -> tuple[list[Entry], list[str]]:
+def settle_all(
+    ledger: Mapping[str, Claim], settle: Callable[[Claim], Entry]
+) -> tuple[list[Entry], list[str]]:
     """Run every check; give the entries that are settled, and what is wrong with the others."""
     entries, problems = [], []
     for id, claim in ledger.items():
@@ -215,23 +163,6 @@ def count(entries: Sequence[Entry], verdict: Verdict) -> int:
     return sum(entry.verdict is verdict for entry in entries)
 
 
-def totals(entries: Sequence[Entry]) -> str:
-    """Make the table of verdicts by part of the paper."""
-    lines = [
-        f"| Part | {' | '.join(verdict.value for verdict in Verdict)} | all |",
-        "|---|" + "--:|" * (len(Verdict) + 1),
-    ]
-    for part, members in [*by_part(entries).items(), ("The paper", entries)]:
-        counts = [str(count(members, verdict)) for verdict in Verdict]
-        lines.append(f"| {part.partition(':')[0]} | {' | '.join(counts)} | {len(members)} |")
-    return "\n".join(lines)
-
-
-def badge(verdict: Verdict) -> str:
-    """Write a verdict as the page shows it, a word with a colour of its own."""
-    return f"[{verdict.value}]{{.verdict .{verdict.name.lower()}}}"
-
-
 def places(claim: Claim, chapters: Mapping[str, Chapter]) -> str:
     """Link every chapter that shows a claim, its own first, at the first mention in it."""
     shown = [chapter for chapter in chapters.values() if chapter.first(claim.id)]
@@ -245,99 +176,16 @@ def places(claim: Claim, chapters: Mapping[str, Chapter]) -> str:
     return "; ".join(links)
 
 
-def term(name: str, text: str) -> str:
-    """Write one row of an entry, with whatever Markdown the text holds; nothing without a text."""
-    return f"{name}\n: " + "\n  ".join(text.strip().splitlines()) + "\n" if text.strip() else ""
-
-
-def card(entry: Entry, chapters: Mapping[str, Chapter]) -> str:
-    """Write one entry of the ledger."""
-    claim, finding = entry.claim, entry.finding
-    tolerance = f" ({finding.tolerance})" if finding.tolerance else ""
-    rows = [
-        term("The paper", claim.says),
-        term("Printed", claim.printed),
-        term("Computed", f"{finding.computed}{tolerance}"),
-        term("Instead", claim.amendment.text if claim.amendment else ""),
-        term("The check", claim.method),
-        term("Shown in", places(claim, chapters)),
-    ]
-    label = f"claim-{claim.id}"
-    return "\n".join(
-        [
-            f"::::{{container}} claim {entry.verdict.name.lower()}",
-            f":name: {label}",
-            "",
-            f":::{{rubric}} [`{claim.id}`](#{label.lower()}) {claim.place}",
-            ":heading-level: 3",
-            ":::",
-            "",
-            badge(entry.verdict),
-            "",
-            "\n".join(row for row in rows if row),
-            "::::",
-            "",
-        ]
+def page(name: str, entries: Sequence[Entry], chapters: Mapping[str, Chapter]) -> str:
+    """Write the ledger, with every claim, or the errata, with what does not hold as printed."""
+    return render(
+        name,
+        entries=entries,
+        parts=by_part(entries),
+        verdicts=Verdict,
+        count=count,
+        places=lambda claim: places(claim, chapters),
     )
-
-
-def ledger_page(entries: Sequence[Entry], chapters: Mapping[str, Chapter]) -> str:
-    """Write the page with every claim."""
-    meaning = "\n".join(f"{badge(verdict)}\n: {text}\n" for verdict, text in MEANING.items())
-    example = f"`claim:{entries[0].claim.id}`" if entries else "`eq05`"
-    lines = [
-        LEDGER_INTRODUCTION,
-        meaning,
-        LEDGER_READING.format(example=example),
-        "{.totals}",
-        totals(entries),
-    ]
-    lines += ["", "```{container} claims-filter", FOLLOWS, "```", ""]
-    for part, members in by_part(entries).items():
-        lines += [f"## {part}", "", *(card(entry, chapters) for entry in members)]
-    return "\n".join(lines)
-
-
-def erratum(entry: Entry, chapters: Mapping[str, Chapter]) -> str:
-    """Write one entry of the errata."""
-    claim = entry.claim
-    rows = [
-        term("Printed", claim.says),
-        term("True", claim.amendment.text if claim.amendment else ""),
-        term("Shown in", f"{places(claim, chapters)}; the check: `claim:{claim.id}`"),
-    ]
-    return "\n".join(
-        [
-            f"::::{{container}} claim {entry.verdict.name.lower()}",
-            "",
-            f":::{{rubric}} {claim.place}",
-            ":heading-level: 3",
-            ":::",
-            "",
-            *rows,
-            "::::",
-            "",
-        ]
-    )
-
-
-def errata_page(entries: Sequence[Entry], chapters: Mapping[str, Chapter]) -> str:
-    """Write the page with what does not hold as printed."""
-    amended = [entry for entry in entries if entry.verdict is not Verdict.REPRODUCED]
-    lines = [ERRATA_INTRODUCTION.format(count=len(amended), total=len(entries))]
-    for verdict, (title, explanation) in ERRATA_SECTIONS.items():
-        members = [entry for entry in amended if entry.verdict is verdict]
-        if members:
-            lines += [f"## {title}", "", explanation, ""]
-            lines += [erratum(entry, chapters) for entry in members]
-    return "\n".join(lines)
-
-
-def store(text: str, target: Path) -> None:
-    """Write a page, with Unix line ends everywhere, and only where it changed."""
-    content = text.encode()
-    if not target.exists() or target.read_bytes() != content:
-        target.write_bytes(content)
 
 
 # --- the command line ---------------------------------------------------------------------------
@@ -361,17 +209,24 @@ def parse(arguments: list[str] | None) -> argparse.Namespace:
     return parser.parse_args(arguments)
 
 
-def main(arguments: list[str] | None = None, ledger: Mapping[str, Claim] = LEDGER) -> int:
-    """Run the command line; the result is the exit code."""
+def main(
+    arguments: list[str] | None = None,
+    ledger: Mapping[str, Claim] = LEDGER,
+    settle: Callable[[Claim], Entry] = settle,
+) -> int:
+    """Run the command line; the result is the exit code.
+
+    `settle` may be one that remembers the claims it has settled before, as in the tests.
+    """
     options = parse(arguments)
     start = time.perf_counter()
     chapters = read_chapters(options.notebooks)
-    entries, problems = settle_all(ledger)
+    entries, problems = settle_all(ledger, settle)
     problems += misfits(ledger, chapters)
 
     options.output.mkdir(parents=True, exist_ok=True)
-    store(ledger_page(entries, chapters), options.output / "ledger.md")
-    store(errata_page(entries, chapters), options.output / "errata.md")
+    for name in PAGES:
+        store(page(name, entries, chapters), options.output / name)
 
     verdicts = ", ".join(f"{count(entries, verdict)} {verdict.value}" for verdict in Verdict)
     print(f"The ledger: {len(entries)} claims ({verdicts}), {time.perf_counter() - start:.1f} s")

@@ -15,15 +15,15 @@ import argparse
 import re
 import sys
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import nbformat
 
-from ledger import store
 from nrdob.exercises import PROBLEMS, Problem
+from pages import render, store
 
 ROOT = Path(__file__).resolve().parent.parent
 NOTEBOOKS = ROOT / "notebooks"
@@ -36,49 +36,7 @@ TIME = re.compile(r"\*\*Time\*\* (.*?minutes)")
 PARTS = {"0": "The examples", "1": "The derivations", "2": "Design"}
 """The parts of the book, by the first digit of a chapter's name."""
 
-OBJECTIVES_PAGE = """\
-# Objectives, chapters and problems
-
-What each chapter promises, in its own words, and the problems in which a student shows it. Where no
-problem is named, the chapter's own questions under *Try it* are the practice. This page is made
-from the chapters and the sets each time the book is built.
-
-After the chapter, the student can …
-"""
-
-SETS_INTRODUCTION = """\
-## The sets
-
-*Checked* problems are graded by a program, on cases drawn anew; those marked *own plant* on the
-numbers of the student's group alone. The others are read by somebody, with the [rubric](rubric.md).
-"""
-
-MISTAKES_PAGE = """\
-# Expected wrong answers
-
-For each problem: a question to ask the student who is stuck, and the mistakes that the grader
-recognises, with what the student is told, by the check at once and by the feedback later, and with
-the points that such an answer gets. One that is wrong in no known way is shown the first case
-that it fails, and gets nothing.
-
-Ask before you tell. The question helps whatever the mistake is; the message below it is what the
-student has read already. This page is made from the graders each time the book is built, and the
-tests see to it that each mistake is recognised, with the message and the points that stand here.
-"""
-
-RUBRIC_PAGE = """\
-# Rubric of the written answers
-
-Each set has a problem that is done with paper and pencil and read by somebody. What is asked for
-earns the points below; the model solutions are in the notebooks that `make release` writes into
-`build/exercises/solutions`.
-
-- Half points are allowed. A slip of the pen costs half a point once, not again where it is carried
-  on.
-- Another way that leads there is as good as ours. A right result without a reason earns half.
-- A formula need not be typed well to be read: a photo of a page in the cell is an answer.
-- Write one sentence into the column *comment* where points are missing; the student reads it.
-"""
+PAGES = ("objectives.md", "mistakes.md", "rubric.md")
 
 
 # --- what there is ------------------------------------------------------------------------------
@@ -231,147 +189,44 @@ class Pack:
                 if len(found) != 1:
                     told.append(f"{id}: {stem} has {len(found)} objectives that begin {begins!r}")
         for id, task in written.items():
-            rubric = self.advice[id].rubric if id in self.advice else ()
-            if sum(points for points, _ in rubric) != task.points:
+            if sum(points for points, _ in self.rubric_of(task)) != task.points:
                 told.append(f"{id}: the rubric does not give the {task.points:g} points of the set")
         return told
+
+    # What the pages ask for.
+
+    @property
+    def parts(self) -> dict[str, list[Chapter]]:
+        """The chapters of each part of the book."""
+        return {
+            part: [chapter for stem, chapter in self.chapters.items() if stem.startswith(digit)]
+            for digit, part in PARTS.items()
+        }
+
+    def problems_for(self, stem: str, objective: str) -> list[str]:
+        """Name the problems that practise an objective of a chapter."""
+        return [task.id for task in self.tasks if (stem, objective) in self.objectives_of(task.id)]
+
+    def chapters_of(self, task: Task) -> list[Chapter]:
+        """Give the chapters that a problem belongs to."""
+        stems = dict.fromkeys(stem for stem, _ in self.objectives_of(task.id))
+        return [self.chapters[stem] for stem in stems]
+
+    def kind_of(self, task: Task) -> str:
+        """Tell how a problem is judged."""
+        if task.written:
+            return "by hand"
+        own = task.id in self.problems and self.problems[task.id].own
+        return "checked, own plant" if own else "checked"
+
+    def rubric_of(self, task: Task) -> tuple[tuple[float, str], ...]:
+        """Give what earns points in a written answer."""
+        return self.advice[task.id].rubric if task.id in self.advice else ()
 
 
 def read_pack() -> Pack:
     """Read everything where it is."""
     return Pack(read_chapters(), read_sets(), read_advice(), PROBLEMS)
-
-
-# --- the pages ----------------------------------------------------------------------------------
-
-
-def plain(text: str) -> str:
-    """Write a plain text so that Markdown shows it as it is."""
-    return re.sub(r"([\\`*_{}\[\]<>|$~#])", r"\\\1", text)
-
-
-def in_cell(text: str) -> str:
-    """Write Markdown so that it fits into a cell of a table."""
-    return text.replace("|", r"\|").replace("\n", " ")
-
-
-def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
-    """Write a table, and an empty line."""
-    lines = [head, ["---"] * len(head), *rows]
-    return [*(f"| {' | '.join(line)} |" for line in lines), ""]
-
-
-def points_of(points: float) -> str:
-    return "1 point" if points == 1 else f"{points:g} points"
-
-
-def kind_of(task: Task, problems: Mapping[str, Problem]) -> str:
-    """Tell how a problem is judged."""
-    if task.written:
-        return "by hand"
-    own = task.id in problems and problems[task.id].own
-    return "checked, own plant" if own else "checked"
-
-
-def objectives_page(pack: Pack) -> str:
-    """Write the page that maps objectives to chapters and problems."""
-    practised: dict[tuple[str, str], list[str]] = {}
-    for task in pack.tasks:
-        for objective in pack.objectives_of(task.id):
-            practised.setdefault(objective, []).append(task.id)
-    lines = [OBJECTIVES_PAGE]
-    for digit, part in PARTS.items():
-        rows = [
-            (
-                chapter.link if number == 0 else "",
-                in_cell(objective),
-                ", ".join(practised.get((chapter.stem, objective), [])),
-            )
-            for chapter in pack.chapters.values()
-            if chapter.stem.startswith(digit)
-            for number, objective in enumerate(chapter.objectives)
-        ]
-        lines += [f"## {part}", "", *table(("Chapter", "… can", "Problems"), rows)]
-    lines.append(SETS_INTRODUCTION)
-    for each in pack.sets:
-        lines += [f"### {each.title}", "", f"{points_of(each.points)}, {each.time}.", ""]
-        listed = [
-            (
-                task.id,
-                in_cell(task.title),
-                f"{task.points:g}",
-                kind_of(task, pack.problems),
-                ", ".join(dict.fromkeys(chapter_links(pack, task.id))),
-            )
-            for task in each.tasks
-        ]
-        lines += table(("Problem", "", "Points", "", "Chapters"), listed)
-    return "\n".join(lines)
-
-
-def chapter_links(pack: Pack, id: str) -> list[str]:
-    return [pack.chapters[stem].link for stem, _ in pack.objectives_of(id)]
-
-
-def heading(task: Task) -> str:
-    return f"### {task.id} {task.title}"
-
-
-def asked(pack: Pack, task: Task) -> list[str]:
-    """Write what to ask the student."""
-    advice = pack.advice.get(task.id)
-    return [f"**Ask.** {advice.ask}", ""] if advice else []
-
-
-def mistakes_page(pack: Pack) -> str:
-    """Write the page with every mistake that the graders recognise."""
-    lines = [MISTAKES_PAGE]
-    for each in pack.sets:
-        lines += [f"## {each.title}", ""]
-        for task in each.tasks:
-            lines += [heading(task), ""]
-            kind = kind_of(task, pack.problems)
-            lines += [f"{points_of(task.points)}, {kind}.", "", *asked(pack, task)]
-            if task.written:
-                rows: list[tuple[str, ...]] = [
-                    (in_cell(did), in_cell(say)) for did, say in wrong_of(pack, task)
-                ]
-                lines += table(("The student writes", "What to say"), rows) if rows else []
-            elif task.id in pack.problems:
-                rows = [
-                    (plain(m.name), plain(m.says), f"{m.marks * task.points:g}")
-                    for m in pack.problems[task.id].misconceptions
-                ]
-                lines += table(("The mistake", "What the student reads", "Points"), rows)
-    return "\n".join(lines)
-
-
-def wrong_of(pack: Pack, task: Task) -> tuple[tuple[str, str], ...]:
-    return pack.advice[task.id].wrong if task.id in pack.advice else ()
-
-
-def rubric_page(pack: Pack) -> str:
-    """Write the page with what earns points in the written answers."""
-    lines = [RUBRIC_PAGE]
-    for each in pack.sets:
-        for task in (task for task in each.tasks if task.written):
-            lines += [
-                f"## {task.id} {task.title}",
-                "",
-                f"{each.title}. {points_of(task.points)}.",
-                "",
-            ]
-            rubric = pack.advice[task.id].rubric if task.id in pack.advice else ()
-            rows = [(f"{points:g}", in_cell(text)) for points, text in rubric]
-            lines += table(("Points", "For"), rows)
-    return "\n".join(lines)
-
-
-PAGES = {
-    "objectives.md": objectives_page,
-    "mistakes.md": mistakes_page,
-    "rubric.md": rubric_page,
-}
 
 
 # --- the command line ---------------------------------------------------------------------------
@@ -388,8 +243,8 @@ def main(arguments: list[str] | None = None) -> int:
     folder = parser.parse_args(arguments).output
     pack = read_pack()
     folder.mkdir(parents=True, exist_ok=True)
-    for name, page in PAGES.items():
-        store(page(pack), folder / name)
+    for name in PAGES:
+        store(render(name, pack=pack), folder / name)
     mistakes = sum(len(problem.misconceptions) for problem in pack.problems.values())
     print(
         f"The instructor's pack: {len(pack.sets)} sets, {sum(1 for _ in pack.tasks)} problems, "

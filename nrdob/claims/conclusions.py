@@ -85,21 +85,25 @@ def not_matching() -> Finding:
         fails == len(matched) and works == 0,
         f"matched Examples 2 and 3: unstable in {fails} of {len(matched)} loops; Example 4 with "
         f"the path Fu delayed: stable in {works} of {len(late)}",
-        amended=fails == len(matched) and works == len(late) and own_factors,
+        conditions={
+            "the matched model never works in Examples 2 and 3": fails == len(matched),
+            "dead time can be matched with the path Fu delayed": works == len(late),
+            "the characteristic function is then N·D·Df": own_factors,
+        },
     )
 
 
 def _with_delayed_path(
     process: tuple[list[float], list[float]],
     model: tuple[list[float], list[float]],
-    filter: LowPassFilter,
+    F: LowPassFilter,
     delay: float,
 ) -> QuasiPolynomial:
     """Characteristic function of the plant loop for K = F/((1 − F exp(−θs)) Gm)."""
     (N, D), (Nm, Dm) = process, model
     common = np.polymul(D, Nm)
     late = np.polysub(np.polymul(N, Dm), common)
-    return QuasiPolynomial(np.polymul(common, filter.den), np.atleast_1d(late), delay)
+    return QuasiPolynomial(np.polymul(common, F.den), np.atleast_1d(late), delay)
 
 
 REFERENCE_2 = (
@@ -130,5 +134,8 @@ def year() -> Finding:
         printed == by_doi,
         f"{number(by_doi, 4)} by the DOI 10.1109/TMECH.2004.839034, {number(by_volume, 4)} by the "
         "volume",
-        amended=by_doi == by_volume == 2004,
+        conditions={
+            "the DOI says 2004": by_doi == 2004,
+            "the volume says 2004": by_volume == 2004,
+        },
     )

@@ -2,13 +2,15 @@
 
 A claim is a statement of the paper together with a check. The check computes two things: whether
 the statement holds *as printed*, and, where it does not, whether the amended statement that we put
-in its place does. The verdict follows from what the check found and is nowhere else to be had: a
-claim whose check has not run, or did not find what the ledger says, has none.
+in its place does. An amended statement says several things at once; each is a condition with a name
+of its own, so that a check that fails tells which. The verdict follows from what the check found
+and is nowhere else to be had: a claim whose check has not run, or did not find what the ledger
+says, has none.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from textwrap import fill
@@ -38,14 +40,31 @@ class Finding:
         The computed value, or the fact that decides, in a few words.
     tolerance : str
         What was allowed between printed and computed; empty for an exact comparison or a yes or no.
-    amended : bool or None
-        Whether the amended statement holds; None where nothing is amended.
+    conditions : mapping from str to bool
+        What the amended statement says, one thing after the other in words, and whether it was
+        found so; empty where nothing is amended.
+
+    Examples
+    --------
+    >>> found = Finding(False, "2", conditions={"1 + 1 is 2": True, "2 is odd": False})
+    >>> found.amended, found.unmet
+    (False, ['2 is odd'])
     """
 
     as_printed: bool
     computed: str
     tolerance: str = ""
-    amended: bool | None = None
+    conditions: Mapping[str, bool] = field(default_factory=dict)
+
+    @property
+    def amended(self) -> bool | None:
+        """Whether the amended statement holds; None where nothing is amended."""
+        return not self.unmet if self.conditions else None
+
+    @property
+    def unmet(self) -> list[str]:
+        """Conditions of the amended statement that were found not to hold."""
+        return [name for name, met in self.conditions.items() if not met]
 
 
 @dataclass(frozen=True)
@@ -145,7 +164,7 @@ def settle(claim: Claim) -> Entry:
     ------
     LedgerError
         If the statement holds but the ledger amends it, if it fails and nothing is put in its
-        place, or if what is put in its place fails as well.
+        place, or if what is put in its place fails as well; the conditions that fail are named.
     """
     finding = claim.check()
     if claim.amendment is None:
@@ -160,7 +179,11 @@ def settle(claim: Claim) -> Entry:
             f"{claim.id}: holds as printed ({finding.computed}), but the ledger amends it"
         )
     if not finding.amended:
-        raise LedgerError(f"{claim.id}: the amended statement fails as well ({finding.computed})")
+        unmet = "; ".join(finding.unmet) or "any condition, since none was tried"
+        raise LedgerError(
+            f"{claim.id}: the amended statement fails as well ({finding.computed}); "
+            f"not met: {unmet}"
+        )
     return Entry(claim, finding, claim.amendment.verdict)
 
 
@@ -174,7 +197,7 @@ class Section:
     ...             amendment=Amendment(Verdict.CORRECTED, "1 + 1 is 2"))
     ... def check() -> Finding:
     ...     '''Count on fingers.'''
-    ...     return Finding(1 + 1 == 3, "2", amended=1 + 1 == 2)
+    ...     return Finding(1 + 1 == 3, "2", conditions={"1 + 1 is 2": 1 + 1 == 2})
     >>> settle(part.claims[0])
     sum, p. 1
       the paper: 1 + 1 is 3 [3]

@@ -20,10 +20,12 @@ from ..loop import NRDOB
 from ..paper import EXAMPLES, example
 from ..sampling import random_block
 from .ledger import Amendment, Finding, Section, Verdict
+from .recurring import enter_map
 from .signals import (
     EXACT,
     PRINTED_MAPS,
     QUADRUPLES,
+    TO_OUTPUT,
     TOLERANCE,
     Values,
     blocks_of,
@@ -31,7 +33,6 @@ from .signals import (
     from_diagram,
     many_loops,
     numbers,
-    printed_map,
     random_blocks,
     random_points,
     same,
@@ -127,12 +128,18 @@ def conventional_observer_and_noise() -> Finding:
         f"Example 1, noise power at y: {number(nr, 5)} with the NR-DOB, {number(conventional, 5)} "
         f"with the conventional observer, {number(alone, 4)} with C alone; the NR-DOB falls below "
         f"C alone at λ = {number(equal, 4)} s",
-        amended=same(powers[:, 0], 0.25 / tried)
-        and same(equal, 0.25 / alone, rtol=1e-6)
-        and every((powers[:, 0] < alone) == (tried > equal))
-        and every(powers[:, 1] > alone)
-        and same(from_diagram("T_R", matched), tracking)
-        and same(from_diagram("T_R", matched, conventional=True), tracking),
+        conditions={
+            "the noise power of the NR-DOB is 1/(4λ)": same(powers[:, 0], 0.25 / tried),
+            "it equals that of C alone where 1/(4λ) does": same(equal, 0.25 / alone, rtol=1e-6),
+            "it is below that of C alone for the slower filters and for no others": every(
+                (powers[:, 0] < alone) == (tried > equal)
+            ),
+            "the conventional observer passes more than C alone": every(powers[:, 1] > alone),
+            "T_R of the NR-DOB is free of F": same(from_diagram("T_R", matched), tracking),
+            "T_R of the conventional observer is free of F": same(
+                from_diagram("T_R", matched, conventional=True), tracking
+            ),
+        },
     )
 
 
@@ -268,7 +275,10 @@ def filter_in_its_pass_band() -> Finding:
         f"at ω_B |F| = {numbers(set(np.round(at_corner, 9)))} for n = 1 to 4; within 10 % of 1 "
         f"only up to {numbers(share)} of ω_B",
         ABOUT,
-        amended=every(exact) and every(0.45 < value < 0.55 for value in share),
+        conditions={
+            "|F| ≥ 1 − ε exactly up to ω_ε, and ω_ε < ω_B": every(exact),
+            "ω_ε is about half of ω_B for ε = 0.1": every(0.45 < value < 0.55 for value in share),
+        },
     )
 
 
@@ -314,7 +324,6 @@ def output_is_the_sum_of_four() -> Finding:
     On loops the sum is made of the package's maps, with and without dead time.
     """
     rng = np.random.default_rng(3)
-    names = ("T_R", "S_d", "S_delta", "S_eta")
 
     def inputs(count: int) -> ComplexArray:
         parts = rng.normal(size=(2, 4, count))
@@ -325,12 +334,12 @@ def output_is_the_sum_of_four() -> Finding:
         return solve(blocks, R=R, d=d, delta=delta, eta=eta).y
 
     blocks, given = random_blocks(rng), inputs(QUADRUPLES)
-    total = sum(PRINTED_MAPS[name](blocks) * x for name, x in zip(names, given, strict=True))
+    total = sum(PRINTED_MAPS[name](blocks) * x for name, x in zip(TO_OUTPUT, given, strict=True))
     agree = np.isclose(output(blocks, given), total, rtol=EXACT, atol=0)
     by_package = []
     for loop in many_loops():
         s, given = random_points(rng), inputs(4)
-        total = sum(getattr(loop, name)(s) * x for name, x in zip(names, given, strict=True))
+        total = sum(getattr(loop, name)(s) * x for name, x in zip(TO_OUTPUT, given, strict=True))
         by_package.append(same(output(blocks_of(loop, s), given), total))
     return Finding(
         every(agree) and every(by_package),
@@ -340,48 +349,13 @@ def output_is_the_sum_of_four() -> Finding:
     )
 
 
-@SECTION.claim(
-    "eq04.T_R",
-    "eq. (4)",
-    r"$T_R=\dfrac{C G\tilde G}{(1+\tilde G C)\,[\tilde G+F(G-\tilde G)]}$.",
-    "13_closed_loop",
-)
-def reference_to_output() -> Finding:
-    """Solve the diagram with R alone at random values; compare y with the printed formula."""
-    return printed_map("T_R")
-
-
-@SECTION.claim(
-    "eq04.S_d",
-    "eq. (4)",
-    r"$S_d=\dfrac{\tilde G(1-F)}{\tilde G+F(G-\tilde G)}$.",
-    "13_closed_loop",
-)
-def output_disturbance_to_output() -> Finding:
-    """Solve the diagram with d alone at random values; compare y with the printed formula."""
-    return printed_map("S_d")
-
-
-@SECTION.claim(
-    "eq04.S_delta",
-    "eq. (4)",
-    r"$S_\delta=\dfrac{G\tilde G(1-F)}{\tilde G+F(G-\tilde G)}$.",
-    "13_closed_loop",
-)
-def input_disturbance_to_output() -> Finding:
-    """Solve the diagram with δ alone at random values; compare y with the printed formula."""
-    return printed_map("S_delta")
-
-
-@SECTION.claim(
-    "eq04.S_eta",
-    "eq. (4)",
-    r"$S_\eta=\dfrac{-GF}{\tilde G+F(G-\tilde G)}$.",
-    "13_closed_loop",
-)
-def noise_to_output() -> Finding:
-    """Solve the diagram with η alone at random values; compare y with the printed formula."""
-    return printed_map("S_eta")
+for _name, _input, _formula in (
+    ("T_R", "R", r"T_R=\dfrac{C G\tilde G}{(1+\tilde G C)\,[\tilde G+F(G-\tilde G)]}"),
+    ("S_d", "d", r"S_d=\dfrac{\tilde G(1-F)}{\tilde G+F(G-\tilde G)}"),
+    ("S_delta", "δ", r"S_\delta=\dfrac{G\tilde G(1-F)}{\tilde G+F(G-\tilde G)}"),
+    ("S_eta", "η", r"S_\eta=\dfrac{-GF}{\tilde G+F(G-\tilde G)}"),
+):
+    enter_map(SECTION, f"eq04.{_name}", f"${_formula}$.", "13_closed_loop", (_input, "y"))
 
 
 # Eq. (5): low frequency.
@@ -432,9 +406,15 @@ def tracking_at_low_frequency() -> Finding:
         every(abs(value - 1) <= NEAR for value in worst),
         f"the factor between the two reaches {numbers(worst)} on [0, ω_B] in Examples 1 to 4",
         ABOUT,
-        amended=same(factor, (1 + blocks.H) / (1 + blocks.FH))
-        and same(factor - 1, (1 - blocks.F) * blocks.H / (1 + blocks.FH))
-        and every(same(near_zero(loop), 1, rtol=1e-4) for loop in many_loops()),
+        conditions={
+            "the first factor is (1 + H)/(1 + FH)": same(factor, (1 + blocks.H) / (1 + blocks.FH)),
+            "it differs from 1 by (1 − F)H/(1 + FH)": same(
+                factor - 1, (1 - blocks.F) * blocks.H / (1 + blocks.FH)
+            ),
+            "it tends to 1 with s": every(
+                same(near_zero(loop), 1, rtol=1e-4) for loop in many_loops()
+            ),
+        },
     )
 
 
@@ -467,10 +447,16 @@ def output_disturbance_at_low_frequency() -> Finding:
         f"|S_d| reaches {numbers(worst)} on [0, ω_B] in Examples 1 to 4; |1 − F| at ω_B is "
         f"{numbers(error)} for n = 1, 2, 3, and below 0.1 only up to {numbers(reach)} of ω_B",
         ABOUT,
-        amended=same(from_diagram("S_d", blocks), (1 - blocks.F) / (1 + blocks.FH))
-        and same(from_diagram("S_d", _matched(blocks)), 1 - blocks.F)
-        and every(loop.S_d.dc_gain == 0 for loop in many_loops())
-        and every(value > 0.5 for value in error),
+        conditions={
+            "S_d = (1 − F)/(1 + FH)": same(
+                from_diagram("S_d", blocks), (1 - blocks.F) / (1 + blocks.FH)
+            ),
+            "S_d = 1 − F with a perfect model": same(
+                from_diagram("S_d", _matched(blocks)), 1 - blocks.F
+            ),
+            "S_d(0) = 0": every(loop.S_d.dc_gain == 0 for loop in many_loops()),
+            "|1 − F| is near 1 at ω_B": every(value > 0.5 for value in error),
+        },
     )
 
 
@@ -508,9 +494,11 @@ def noise_at_low_frequency() -> Finding:
         f"{sum(abs(value + 1) < EXACT for value in at_zero)} of {len(loops)} loops; with "
         f"G(0)/Gm(0) = 0, for one, {number(lost.real, 4)}",
         ABOUT,
-        amended=every(abs(value + 1) < EXACT for value in at_zero)
-        and same(from_diagram("S_eta", blocks) + 1, from_diagram("S_d", blocks))
-        and abs(lost + 1) > NEAR,
+        conditions={
+            "S_η(0) = −1": every(abs(value + 1) < EXACT for value in at_zero),
+            "S_η + 1 = S_d": same(from_diagram("S_eta", blocks) + 1, from_diagram("S_d", blocks)),
+            "S_η(0) is another value with G(0)/Gm(0) = 0": abs(lost + 1) > NEAR,
+        },
     )
 
 
@@ -557,10 +545,18 @@ def input_disturbance_at_low_frequency() -> Finding:
         f"|S_δ| reaches {numbers(worst)} on [0, ω_B] in Examples 1 to 4; for G = Gm = 1/s, "
         f"n = 2, λ = 0.5 s it tends to {number(integrators.real, 4)}",
         ABOUT,
-        amended=same(from_diagram("S_delta", blocks), blocks.G * from_diagram("S_d", blocks))
-        and every(slope(loop) for loop in loops)
-        and plant_only.stability().stable is True
-        and abs(integrators - F.order * F.time_constant) < 1e-4,
+        conditions={
+            "S_δ = G S_d": same(
+                from_diagram("S_delta", blocks), blocks.G * from_diagram("S_d", blocks)
+            ),
+            "the slope of S_δ at s = 0 is nλGm(0)": every(slope(loop) for loop in loops),
+            "the loop with an integrator in the plant only is stable": (
+                plant_only.stability().stable is True
+            ),
+            "S_δ tends to nλ for G = Gm = 1/s": (
+                abs(integrators - F.order * F.time_constant) < 1e-4
+            ),
+        },
     )
 
 
@@ -590,9 +586,12 @@ def _tends_to_one(loop: NRDOB, part: Callable[[NRDOB, ComplexArray], ComplexArra
 
 
 def _approach(
-    part: Callable[[NRDOB, ComplexArray], ComplexArray], what: str, exact: bool
+    part: Callable[[NRDOB, ComplexArray], ComplexArray], what: str, form: str, exact: bool
 ) -> Finding:
-    """Judge a statement of eq. (6) by the ratio of both sides, `part`, which should be 1."""
+    """Judge a statement of eq. (6) by the ratio of both sides, `part`, which should be 1.
+
+    `form` is what the ratio is said to be exactly, and `exact` whether it is.
+    """
 
     def deviation(loop: NRDOB) -> float:
         off = float(np.abs(np.abs(part(loop, _high_band(loop))) - 1).max())
@@ -609,10 +608,16 @@ def _approach(
         f"Example 2 with n = 1, λ = 0.02 s ({'stable' if stable else 'not stable'}) it tends to "
         f"{number(abs(part(biproper, _high_band(biproper)[-1:])[0]), 4)}",
         ABOUT,
-        amended=exact
-        and stable
-        and same(abs(part(biproper, _high_band(biproper)[-1:])[0]), limit, rtol=1e-3)
-        and every(_tends_to_one(loop, part) for loop in dying),
+        conditions={
+            f"{what} is {form}": exact,
+            "Example 2 with n = 1, λ = 0.02 s is stable": stable,
+            f"there {what} tends to |1/(1 + FH)| at infinity, not to 1": same(
+                abs(part(biproper, _high_band(biproper)[-1:])[0]), limit, rtol=1e-3
+            ),
+            f"{what} tends to 1 if FH is strictly proper": every(
+                _tends_to_one(loop, part) for loop in dying
+            ),
+        },
     )
 
 
@@ -638,6 +643,7 @@ def tracking_at_high_frequency() -> Finding:
     return _approach(
         lambda loop, s: loop.T_R(s) * (1 + loop.CGm(s)) / (loop.C(s) * loop.G(s)),
         "the factor between the two",
+        "1/(1 + FH)",
         same(factor, 1 / (1 + blocks.FH)),
     )
 
@@ -663,6 +669,7 @@ def output_disturbance_at_high_frequency() -> Finding:
     return _approach(
         lambda loop, s: np.asarray(loop.S_d(s)),
         "|S_d|",
+        "|(1 − F)/(1 + FH)|",
         same(from_diagram("S_d", blocks), (1 - blocks.F) / (1 + blocks.FH)),
     )
 
@@ -697,10 +704,14 @@ def noise_at_high_frequency() -> Finding:
         f"with n = 1, λ = 0.02 s ({'stable' if stable else 'not stable'}) it is nowhere below "
         f"{number(passes, 4)}",
         ABOUT,
-        amended=same(from_diagram("S_eta", blocks), exact)
-        and stable
-        and passes > 1 - NEAR
-        and every(abs(loop.S_eta(_high_band(loop)[-1])) < 1e-3 for loop in dying),
+        conditions={
+            "S_η = −F(1 + H)/(1 + FH)": same(from_diagram("S_eta", blocks), exact),
+            "Example 2 with n = 1, λ = 0.02 s is stable": stable,
+            "there S_η does not die out": passes > 1 - NEAR,
+            "S_η dies out if FH is strictly proper": every(
+                abs(loop.S_eta(_high_band(loop)[-1])) < 1e-3 for loop in dying
+            ),
+        },
     )
 
 
@@ -724,6 +735,7 @@ def input_disturbance_at_high_frequency() -> Finding:
     return _approach(
         lambda loop, s: np.asarray(loop.S_delta(s) / loop.G(s)),
         "|S_δ/G|",
+        "|(1 − F)/(1 + FH)|",
         same(from_diagram("S_delta", blocks), blocks.G * (1 - blocks.F) / (1 + blocks.FH)),
     )
 
@@ -775,11 +787,19 @@ def noise_against_tracking() -> Finding:
         f"{number(before_departs, 4)}, while the noise power at y falls from {number(power[0], 4)} "
         f"to {number(power[1], 4)}",
         ABOUT,
-        amended=every(quieter)
-        and same(from_diagram("T_R", _matched(blocks)), from_diagram("T_R", _matched(other)))
-        and not np.isclose(tracking, from_diagram("T_R", other)).any()
-        and same(tracking * (1 + blocks.CGm) / blocks.CGm, (1 + blocks.H) / (1 + blocks.FH))
-        and same(from_diagram("S_d", blocks) - from_diagram("S_eta", blocks), 1),
+        conditions={
+            "slower filters pass less noise, and stay stable": every(quieter),
+            "T_R is free of F for G = Gm": same(
+                from_diagram("T_R", _matched(blocks)), from_diagram("T_R", _matched(other))
+            ),
+            "T_R depends on F otherwise": not np.isclose(
+                tracking, from_diagram("T_R", other)
+            ).any(),
+            "F enters T_R as (1 + H)/(1 + FH)": same(
+                tracking * (1 + blocks.CGm) / blocks.CGm, (1 + blocks.H) / (1 + blocks.FH)
+            ),
+            "S_d − S_η = 1": same(from_diagram("S_d", blocks) - from_diagram("S_eta", blocks), 1),
+        },
     )
 
 
@@ -819,8 +839,16 @@ def disturbances_above_the_bandwidth() -> Finding:
         f"|S_d| above ω_B reaches {numbers(worst)} in Examples 1 to 4; max|1 − F| is "
         f"{numbers(floor)} for n = 1, 2, 3",
         ABOUT,
-        amended=floor[0] < 1
-        and same(floor, [1, 2 / sqrt(3), 9 / 7], rtol=1e-6)
-        and same(worst[0], floor[1], rtol=1e-6)
-        and every(floor[1] < value < inf for value in worst[1:]),
+        conditions={
+            "|1 − F| stays below 1 for n = 1": floor[0] < 1,
+            "it peaks at 1, 2/√3 and 9/7 for n = 1, 2, 3": same(
+                floor, [1, 2 / sqrt(3), 9 / 7], rtol=1e-6
+            ),
+            "|S_d| of the perfect model in Example 1 peaks there": same(
+                worst[0], floor[1], rtol=1e-6
+            ),
+            "a mismatch raises the peak, in Examples 2 to 4": every(
+                floor[1] < value < inf for value in worst[1:]
+            ),
+        },
     )

@@ -21,6 +21,7 @@ from ..paper import EXAMPLES, example
 from ..quotient import Quotient
 from ..sampling import random_block, random_loop
 from .ledger import Amendment, Finding, Section, Verdict
+from .recurring import enter_map
 from .signals import (
     EXACT,
     PRINTED_MAPS,
@@ -113,15 +114,13 @@ def the_error_sees_no_disturbance() -> Finding:
     )
 
 
-@SECTION.claim(
+enter_map(
+    SECTION,
     "eq07.U_R",
-    "eq. (7)",
     r"$\dfrac{U}{R}=\dfrac{\tilde G C}{(1+\tilde G C)\,[\tilde G+F(G-\tilde G)]}$.",
     "13_closed_loop",
+    ("R", "u"),
 )
-def reference_to_control() -> Finding:
-    """Solve the diagram with R alone at random values; compare u with the printed formula."""
-    return printed_map("U_R")
 
 
 @SECTION.claim(
@@ -159,13 +158,16 @@ def input_disturbance_to_control() -> Finding:
     printed = PRINTED_MAPS["U_delta"](blocks)
     agree = np.isclose(printed, u, rtol=EXACT, atol=0)
     plant_input = np.isclose(printed, u + 1, rtol=EXACT, atol=0)
-    corrected = same(u, -blocks.F * blocks.G / blocks.B)
     return Finding(
         every(agree),
         f"the printed formula is u in {agree.sum()} and u + δ in {plant_input.sum()} of "
         f"{QUADRUPLES} random solutions of the diagram",
         TOLERANCE,
-        amended=every(plant_input) and corrected and printed_map("U_delta").as_printed,
+        conditions={
+            "the printed formula is (U + δ)/δ": every(plant_input),
+            "it is so in the package, too": printed_map("U_delta").as_printed,
+            "U/δ = −FG/(Gm + F(G − Gm))": same(u, -blocks.F * blocks.G / blocks.B),
+        },
     )
 
 
@@ -206,8 +208,14 @@ def rational_functions_not_polynomials() -> Finding:
         f"Examples 1 to 4: from s = 3 to 10⁹ the size of A goes from {numbers(starts[:4])} to "
         f"{numbers(np.round(ends[:4], 6))}; {sum(grows)} of {len(grows)} functions A and B of "
         f"{len(loops)} loops are constant or grow, as a polynomial must",
-        amended=every(_factors(loop) for loop in loops)
-        and every(_modes_are_the_roots(loop) for loop in loops if not loop.delay),
+        conditions={
+            "A = p_A/(Dm Dc), 1 + FH = p_B/(D Nm Df), and the diagram has their product": every(
+                _factors(loop) for loop in loops
+            ),
+            "the modes are the roots of Df³ p_A p_B": every(
+                _modes_are_the_roots(loop) for loop in loops if not loop.delay
+            ),
+        },
     )
 
 
@@ -265,10 +273,12 @@ def three_forms_of_b() -> Finding:
         f"G = Gm = (1 − s)/(s + 2): at s = 1 the first form is {number(first, 4)}, the third "
         f"{number(third, 4)}, and p_B has the root {number(root, 4)}; in {sum(vanish)} of "
         f"{len(vanish)} loops that share nothing all forms vanish at every root of p_B",
-        amended=same(blocks.B, blocks.Gm * second)
-        and same(second, 1 + blocks.FH)
-        and every(vanish)
-        and same(root, 1.0),
+        conditions={
+            "the first form is Gm times the second": same(blocks.B, blocks.Gm * second),
+            "the second form is the third": same(second, 1 + blocks.FH),
+            "all vanish at the roots of p_B that Gm does not share": every(vanish),
+            "a zero that plant and model share is a root of p_B": same(root, 1.0),
+        },
     )
 
 
@@ -361,13 +371,19 @@ def what_lemma_1_does_not_see() -> Finding:
         f"(Gm = 1/(s − 1), C = (s − 1)/(s(s + 3)), G = −1/(s + 1), λ = 2 s, n = 1); modes, and "
         f"p_A with p_B, agree for {np.sum(stable == hurwitz)} of {len(loops)} random loops, of "
         f"which {stable.sum()} are stable",
-        amended=every(stable == hurwitz)
-        and 0 < stable.sum() < len(loops)
-        and every(value > 0 for value in true)
-        and not in_right_half(p_b)
-        and by_filter > 0
-        and ill_posed.stability().stable is None
-        and every(loop.stability().stable is False for loop in (in_b, in_a)),
+        conditions={
+            "modes, and p_A with p_B, give the same verdict": every(stable == hurwitz),
+            "both verdicts occur": 0 < stable.sum() < len(loops),
+            "both loops with a cancellation have an unstable mode": every(
+                value > 0 for value in true
+            ),
+            "they are judged unstable": every(
+                loop.stability().stable is False for loop in (in_b, in_a)
+            ),
+            "p_B is Hurwitz under the unstable F": not in_right_half(p_b),
+            "an unstable F brings an unstable mode": by_filter > 0,
+            "the ill-posed loop gets no verdict": ill_posed.stability().stable is None,
+        },
     )
 
 
@@ -429,7 +445,10 @@ def poles_of_the_mismatch() -> Finding:
         f"Examples 1 to 3 have {numbers(before)} poles of G and zeros of Gm, of which "
         f"{numbers(after)} are poles of H; in random loops, where nothing is shared, "
         f"{sum(poles)} of {len(poles)} are",
-        amended=every(poles) and every(stay),
+        conditions={
+            "where nothing is shared all are poles of H": every(poles),
+            "those that cancel stay roots of p_B": every(stay),
+        },
     )
 
 
@@ -482,15 +501,18 @@ def turns_that_condition_ii_needs() -> Finding:
         f"N_p = {_n_p(hidden)} and a root of p_B at {number(rightmost(hidden))}; "
         f"G = Gm = 4/(2 − s − s²) has {turned} turns, N_p = {_n_p(matched)} before and {after} "
         f"after cancellation, and a root at {number(rightmost(matched), 4)}",
-        amended=every(agree)
-        and 0 < stable < len(agree)
-        and len(delayed) > 0
-        and _enough_turns(integrating)
-        and _condition_ii(integrating)
-        and not _condition_ii(hidden)
-        and not _enough_turns(matched)
-        and not _condition_ii(matched)
-        and turned == -after,
+        conditions={
+            "turns and roots agree": every(agree),
+            "both verdicts occur": 0 < stable < len(agree),
+            "there are loops with dead time": len(delayed) > 0,
+            "a pole on the axis, passed on its right, is no obstacle": (
+                _enough_turns(integrating) and _condition_ii(integrating)
+            ),
+            "G = Gm = 1/s violates condition ii": not _condition_ii(hidden),
+            "the matched unstable plant violates condition ii": not _condition_ii(matched),
+            "N_p before cancellation tells": not _enough_turns(matched),
+            "N_p after cancellation does not": turned == -after,
+        },
     )
 
 
@@ -583,7 +605,12 @@ def zeros_of_the_mismatch() -> Finding:
         f"the plot meets +1, or circles through it for ever, in Examples {', '.join(undefined)}; "
         f"in Example 3 N_H = {number(n_h)}, P_H = {p_h}, Z_H = {z_h}; the formula holds for "
         f"{sum(agree)} of {len(agree)} random loops, {improper} of them with an arc at infinity",
-        amended=every(agree) and improper > 0 and not meets[2] and n_h + p_h == z_h,
+        conditions={
+            "Z_H = N_H + P_H where the plot does not meet +1": every(agree),
+            "some of the plots are closed by an arc": improper > 0,
+            "the plot of Example 3 does not meet +1": not meets[2],
+            "Z_H = N_H + P_H in Example 3": n_h + p_h == z_h,
+        },
     )
 
 
@@ -631,10 +658,12 @@ def slowing_the_filter_down() -> Finding:
         f"{numbers(turning)} times clockwise, and {numbers(stable)} of {tried.size} λ up to "
         f"10⁵ s are stable; the rule decides {sum(agree)} of {len(agree)} random cases, {wins} of "
         "them stable",
-        amended=every(agree)
-        and 0 < wins < len(agree)
-        and every(count == 1 for count in turning)
-        and not any(stable),
+        conditions={
+            "the rule decides": every(agree),
+            "both verdicts occur": 0 < wins < len(agree),
+            "H turns once clockwise in both cases": every(count == 1 for count in turning),
+            "no filter is slow enough for them": not any(stable),
+        },
     )
 
 
@@ -679,15 +708,20 @@ def turns_of_h_alone() -> Finding:
         f"rightmost root is {number(root, 4)}; conversely P_H = {_n_p(turning[0])}, H turns "
         f"{number(-one_turn)} times, and {min(counts)} or more roots are in the right half plane "
         f"for all {len(counts)} λ",
-        amended=no_turn == 0
-        and _n_p(stabilised) == _n_p(turning[0]) == 1
-        and root < 0
-        and one_turn == -1
-        and every(routh)
-        and min(counts) > 0
-        and encirclements(stabilised.H).encirclements == no_turn
-        and encirclements(turning[0].H).encirclements == one_turn
-        and stabilised.stability().observer_loop.stable is True,
+        conditions={
+            "P_H = 1 in both cases": _n_p(stabilised) == _n_p(turning[0]) == 1,
+            "in the first H does not turn": (
+                no_turn == encirclements(stabilised.H).encirclements == 0
+            ),
+            "a filter stabilises it all the same": (
+                root < 0 and stabilised.stability().observer_loop.stable is True
+            ),
+            "in the other H turns once anticlockwise": (
+                one_turn == encirclements(turning[0].H).encirclements == -1
+            ),
+            "no λ stabilises it": min(counts) > 0,
+            "by Routh's conditions none can": every(routh),
+        },
     )
 
 
@@ -742,10 +776,12 @@ def three_blocks_two_freedoms() -> Finding:
         f"Gm = 1/(s + 1) with λ = 0.4 s and 2 Gm with λ = 0.2 s have K(1) = "
         f"{number(abs(first.K(1.0)), 5)} and {number(abs(second.K(1.0)), 5)}",
         "1e-6 relative",
-        amended=every(undone)
-        and feedback
-        and same(first.K(s), second.K(s))
-        and not same(first.Gm(s), second.Gm(s)),
+        conditions={
+            "another model is undone by F and C": every(undone),
+            "u = VR − K(y + η)": feedback,
+            "Gm with λ and 2Gm with λ/2 are the same feedback": same(first.K(s), second.K(s)),
+            "the two models differ": not same(first.Gm(s), second.Gm(s)),
+        },
     )
 
 
@@ -853,9 +889,10 @@ def plots_of_small_mismatches() -> Finding:
     real = resonant(1.0).H(1j * np.linspace(0.5, 1.5, 4001)).real
     fast, middle, slow = 0.01, 0.3, 100.0
     low, high = (
-        float(np.exp(brentq(lambda x: rightmost(resonant(float(np.exp(x)))), *np.log(ends))))
-        for ends in ((fast, middle), (middle, slow))
+        float(np.exp(brentq(lambda x: rightmost(resonant(float(np.exp(x)))), *np.log(within))))
+        for within in ((fast, middle), (middle, slow))
     )
+    ends = (0.99 * low, 1.01 * low, 0.99 * high, 1.01 * high)
     exchanged, left = _exchanged()
     small = list(_small_mismatches(8))
     return Finding(
@@ -864,12 +901,14 @@ def plots_of_small_mismatches() -> Finding:
         f"unstable for λ from {number(low, 4)} to {number(high, 4)} s; {sum(left)} of {len(left)} "
         "random pairs within 1 % leave the right half plane in one order or the other; "
         f"{sum(small)} of {len(small)} loops with |H| < 0.96 are stable",
-        amended=every(exchanged)
-        and every(left)
-        and every(small)
-        and high > 50 * low
-        and [rightmost(resonant(x)) < 0 for x in (0.99 * low, 1.01 * low, 0.99 * high, 1.01 * high)]
-        == [True, False, False, True],
+        conditions={
+            "exchanging G and Gm changes the side of H": every(exchanged),
+            "in one order or the other H leaves the right half plane": every(left),
+            "|H| < 1 suffices for every λ and n": every(small),
+            "the resonance costs almost two decades of λ": high > 50 * low,
+            "they end at these two λ": [rightmost(resonant(x)) < 0 for x in ends]
+            == [True, False, False, True],
+        },
     )
 
 
@@ -939,33 +978,43 @@ def right_half_plane_mismatch() -> Finding:
     border = float(brentq(at_border, 0.1, 10.0))
     within = [_in_the_right(loop) for loop in (second[0], third[0])]
     roots = [rightmost(loop) for loop in second]
-    rng = np.random.default_rng(23)
-    first_order = []
-    for _ in range(12):
-        terms = [
-            (weight, pole, bool(high))
-            for weight, pole, high in zip(
-                rng.uniform(0, 10, 3),
-                10 ** rng.uniform(-2, 2, 3),
-                rng.integers(0, 2, 3),
-                strict=True,
-            )
-        ]
-        H = sum(weight * (_s if high else pole) / (_s + pole) for weight, pole, high in terms)
-        for value in np.geomspace(1e-3, 1e3, 9):
-            loop = observer(1 + H, model, value, 1)
-            first_order.append(_in_the_right(loop) and rightmost(loop) < 0)
+    first_order = [
+        _in_the_right(loop) and rightmost(loop) < 0
+        for H in _positive_real(12)
+        for value in np.geomspace(1e-3, 1e3, 9)
+        if (loop := observer(1 + H, model, value, 1))
+    ]
     return Finding(
         every(root < 0 for root in roots) and every(rightmost(loop) < 0 for loop in third),
         f"H = 10s/((s + 0.01)(s + 1)), n = 2: rightmost root {number(roots[1], 4)} for λ = 1 s; "
         f"H = 49s/(s + 1), n = 3: stable from λ = {number(border, 5)} s on; n = 1: "
         f"{sum(first_order)} of {len(first_order)} loops with a random positive real H are stable",
-        amended=every(within)
-        and [root < 0 for root in roots] == [True, False, True]
-        and [rightmost(loop) < 0 for loop in third] == [False, True]
-        and at_border(0.999 * border) > 0 > at_border(1.001 * border)
-        and every(first_order),
+        conditions={
+            "both H stay in the right half plane, G and Gm stable and minimum phase": every(within),
+            "n = 2 is unstable for λ = 1 s, and neither much faster nor much slower": (
+                [root < 0 for root in roots] == [True, False, True]
+            ),
+            "n = 3 is stable for the slow filter only": (
+                [rightmost(loop) < 0 for loop in third] == [False, True]
+            ),
+            "n = 3 is lost at the border": (
+                at_border(0.999 * border) > 0 > at_border(1.001 * border)
+            ),
+            "n = 1 is stable with every λ": every(first_order),
+        },
     )
+
+
+def _positive_real(count: int) -> Iterator[ct.TransferFunction]:
+    """Draw sums of three lags or their complements, none of which leaves the right half plane."""
+    rng = np.random.default_rng(23)
+    for _ in range(count):
+        weights, poles = rng.uniform(0, 10, 3), 10 ** rng.uniform(-2, 2, 3)
+        tops = [
+            _s if high else pole for high, pole in zip(rng.integers(0, 2, 3), poles, strict=True)
+        ]
+        terms = zip(weights, tops, poles, strict=True)
+        yield sum(weight * top / (_s + pole) for weight, top, pole in terms)
 
 
 def _in_the_right(loop: NRDOB) -> bool:
@@ -1022,11 +1071,13 @@ def margins_without_the_process() -> Finding:
         f"neglected in the process, {number(pm[1], 4)}°; the loop then has a root at "
         f"{number(verdict.observer_loop.rightmost.real, 4)} ± "
         f"{number(abs(verdict.observer_loop.rightmost.imag), 4)}j",
-        amended=verdict.stable is False
-        and loop.stability().stable is True
-        and pm[0] == pm[1]
-        and every(fixed)
-        and every(shaped),
+        conditions={
+            "Example 3 is stable": loop.stability().stable is True,
+            "with the lag it is not": verdict.stable is False,
+            "the phase margin of C Gm stays what it was": pm[0] == pm[1],
+            "margins of C Gm are free of G, those of L of C": every(fixed),
+            "C shapes the crossover of C Gm": every(shaped),
+        },
     )
 
 
@@ -1077,7 +1128,7 @@ def margins_of_the_mismatch() -> Finding:
     return Finding(
         every(as_claimed),
         f"gain factors that FH and the process allow in Examples 2 to 4: {'; '.join(texts)}",
-        amended=every(as_amended),
+        conditions={"the range of L is that of the process": every(as_amended)},
     )
 
 
@@ -1233,5 +1284,9 @@ def margins_of_a_perfect_model() -> Finding:
         every(value == pm.gm for value in limits),
         f"Example 1: C Gm has a gain margin of {number(pm.gm)}, the process may grow by "
         f"{numbers(limits)} for n = 1 to 6, with phase margins {numbers(phases)}°",
-        amended=every(same_margins) and every(ends) and same(limits, gains, 1e-6),
+        conditions={
+            "the margins of L depend on n alone": every(same_margins),
+            "the process may grow up to M_n and no further": every(ends),
+            "the upper gain margin of L is M_n": same(limits, gains, 1e-6),
+        },
     )

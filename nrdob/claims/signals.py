@@ -116,6 +116,9 @@ MAPS = {
 :meta hide-value:
 """
 
+TO_OUTPUT = tuple(name for name, (_, signal) in MAPS.items() if signal == "y")
+"""The maps of eq. (4), to y."""
+
 
 def from_diagram(name: str, blocks: Values, *, conventional: bool = False) -> ComplexArray:
     """Value of one closed-loop map, by a unit input at one place and nothing elsewhere."""
