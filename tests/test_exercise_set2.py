@@ -8,8 +8,8 @@ import pytest
 
 from nrdob import NRDOB, LowPassFilter
 from nrdob.exercises import own_case
-from nrdob.exercises.cases import first_fitting
-from nrdob.exercises.set2 import CLOSING, LITERAL, READING, UNTURNED, draw_without_count, s
+from nrdob.exercises.cases import first_fitting, s
+from nrdob.exercises.set2 import CLOSING, LITERAL, READING, UNTURNED, draw_without_count
 from nrdob.nyquist import encirclements
 
 GROUPS = range(1, 13)

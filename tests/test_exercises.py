@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import ast
 import re
-import time
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -140,11 +139,9 @@ def test_the_points_of_a_set_sum_to_a_round_number(path: Path) -> None:
 @each_problem
 @pytest.mark.parametrize(("group", "seed"), GROUPS_AND_SEEDS)
 def test_the_published_solution_gets_full_marks(this: Posed, group: int, seed: int) -> None:
-    start = time.process_time()
     points = this.score(answer(this, group), group, seed)
     assert points == this.points, points.feedback.text
     assert points.feedback.text == this.problem.praise
-    assert time.process_time() - start < 8, "a check is answered at once"
 
 
 @each_problem
