@@ -15,6 +15,25 @@ from ..delay import DelayedTransferFunction
 from ..loop import NRDOB
 from .grading import Lack
 
+__all__ = [
+    "POINTS",
+    "TRIES",
+    "LoopCase",
+    "UnstablePlant",
+    "alike",
+    "apart",
+    "draw",
+    "either_sign",
+    "factored",
+    "few",
+    "first_fitting",
+    "grid_peak",
+    "not_around",
+    "observer_stable",
+    "on_the_right",
+    "s",
+]
+
 T = TypeVar("T")
 
 TRIES = 2000

@@ -24,6 +24,25 @@ import numpy as np
 
 from ..loop import NRDOB
 
+__all__ = [
+    "BLANK",
+    "HARD_CODED",
+    "HIDDEN_CASES",
+    "VISIBLE_CASES",
+    "Case",
+    "Feedback",
+    "Lack",
+    "Misconception",
+    "Points",
+    "Problem",
+    "answers_like",
+    "answers_like_any",
+    "lacking",
+    "near",
+    "review",
+    "same",
+]
+
 Case = Any
 """What a problem is posed with: a dataclass whose fields the problem's text names."""
 
@@ -254,7 +273,7 @@ class Problem:
         return copy.deepcopy(_drawn(self.case, int.from_bytes(digest[:8], "big"), count))
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=512)
 def _drawn(draw: Callable[[np.random.Generator], Case], seed: int, count: int) -> list[Case]:
     rng = np.random.default_rng(seed)
     return [draw(rng) for _ in range(count)]

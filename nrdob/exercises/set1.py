@@ -11,6 +11,7 @@ import control as ct
 import numpy as np
 
 from ..blocks import ComplexArray, FloatArray, as_fraction
+from ..equations import ObserverEquations
 from ..figure import SHORT, Figure, axes_for, colour_of, styled
 from ..filters import LowPassFilter
 from ..loop import NRDOB
@@ -222,8 +223,8 @@ def _lags(case: PolynomialCase) -> FloatArray:
 
 
 def _p_B(case: PolynomialCase) -> FloatArray:
-    missing = np.polysub(_lags(case), [1.0])
-    return np.polyadd(_product(case.D, case.Nm, missing), _product(case.N, case.Dm))
+    F = LowPassFilter(case.time_constant, case.order)
+    return ObserverEquations((case.N, case.D), (case.Nm, case.Dm), F).p_B.q
 
 
 def _coefficients(got: Any) -> FloatArray:

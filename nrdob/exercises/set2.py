@@ -582,7 +582,7 @@ def _not_refuting(case: UnstablePlant, got: Any) -> str:
             )
     verdict = got.stability().stable
     if verdict is None:
-        return BORDER
+        return AT_A_BORDER
     if verdict:
         return Lack("stable", "this loop is stable, as the lemma says")
     if alike(got.G, got.Gm):
@@ -590,7 +590,7 @@ def _not_refuting(case: UnstablePlant, got: Any) -> str:
     return ""
 
 
-BORDER = "there is no verdict on this loop, it is at a border; move away from it"
+AT_A_BORDER = "there is no verdict on this loop, it is at a border; move away from it"
 
 
 def _held(case: UnstablePlant, pole: float, gain: float) -> NRDOB:
@@ -710,7 +710,7 @@ def _not_held(case: DistantZero, got: Any) -> str:
         return ""
     if verdict.observer_loop.stable:
         if verdict.stable is None:
-            return BORDER
+            return AT_A_BORDER
         return Lack("controller", "the controller does not stabilise the model (condition i)")
     shared = [
         root
@@ -722,7 +722,7 @@ def _not_held(case: DistantZero, got: Any) -> str:
             "shared", "the model shares a root on the right with the plant, which stays in the loop"
         )
     if verdict.stable is None:
-        return BORDER
+        return AT_A_BORDER
     if not right_half_plane_parity(got.process, got.model).holds:
         return Lack("sign", "p_B has an odd number of roots on the right, whatever the filter")
     F = got.filter
