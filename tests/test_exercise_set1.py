@@ -87,9 +87,7 @@ def test_any_factor_has_a_twin(c: float) -> None:
 def test_a_twin_with_an_unstable_filter_is_refused_with_the_reason(c: float) -> None:
     # Beyond M_3 = 9 the filter of order 3 is unstable; any is for a negative c.
     [case] = [each for each in PROBLEMS["1.5"].cases(1, 30) if each.loop.filter.order == 3][:1]
-    reason = PROBLEMS["1.5"].accepts(case, shifted(case, c))
-    assert isinstance(reason, str)
-    assert "F must be stable" in reason
+    assert "F must be stable" in PROBLEMS["1.5"].lacks(case, shifted(case, c))
     kinds = PROBLEMS["1.5"].misconceptions
     assert not any(kind.recognises(case, shifted(case, c)) for kind in kinds)
 
@@ -116,6 +114,7 @@ def test_the_wishes_are_no_rounder_than_they_can_be_met() -> None:
             assert (PROBLEMS["1.6"].accepts(case, F) is True) is expected, (case, share)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("id", ["1.1", "1.3", "1.4", "1.5", "1.6"])
 def test_cases_are_found_for_every_group(id: str) -> None:
     texts = {str(own_case(id, group)) for group in range(150)}

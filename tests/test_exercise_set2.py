@@ -8,8 +8,8 @@ import pytest
 
 from nrdob import NRDOB, LowPassFilter
 from nrdob.exercises import own_case
-from nrdob.exercises.cases import first_fitting
-from nrdob.exercises.set2 import CLOSING, LITERAL, READING, UNTURNED, draw_without_count, s
+from nrdob.exercises.cases import first_fitting, s
+from nrdob.exercises.set2 import CLOSING, LITERAL, READING, UNTURNED, draw_without_count
 from nrdob.nyquist import encirclements
 
 GROUPS = range(1, 13)
@@ -30,6 +30,7 @@ def test_the_plot_does_not_tell_its_count(group: int) -> None:
     plt.close(figure.figure)
 
 
+@pytest.mark.slow
 def test_every_count_occurs_and_the_plot_hides_a_root() -> None:
     loops = [READING.cases(group, 1)[0].loop for group in range(40)]
     found = [loop.stability().observer_loop for loop in loops]

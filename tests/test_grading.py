@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 import sys
 import warnings
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,10 +17,13 @@ from nrdob.exercises.grading import (
     BLANK,
     HARD_CODED,
     Feedback,
+    Lack,
     Misconception,
     Points,
     Problem,
     answers_like,
+    answers_like_any,
+    lacking,
     review,
     same,
 )
@@ -36,15 +40,15 @@ class Square:
         return f"side {self.side:.3f}"
 
 
-def judged(case: Square, got: Any) -> bool | str:
-    return same(case.side**2, got) or "the area of a square of side 1 is 1"
+def judged(case: Square, got: Any) -> str:
+    return "" if same(case.side**2, got) else "the area of a square of side 1 is 1"
 
 
 AREA = Problem(
     id="0.1",
     title="Area of a square",
     case=lambda rng: Square(rng.uniform(1, 9)),
-    accepts=judged,
+    lacks=judged,
     praise="Right: the side, squared.",
     misconceptions=(
         answers_like("circumference", "That is the way around.", lambda case: 4 * case.side, 0.25),
@@ -181,10 +185,43 @@ def test_a_constant_that_is_always_wrong_is_not_called_hard_coded() -> None:
     assert review(AREA, lambda case: 1000.0, CASES).recognised == ""
 
 
-def test_numpy_verdicts_count() -> None:
-    numpy = Problem("0.2", "", AREA.case, lambda case, got: np.bool_(got == 1), "Right.")
-    assert review(numpy, lambda case: 1, CASES).share == 1
-    assert review(numpy, lambda case: 2, CASES).share == 0
+def test_a_misconception_may_be_known_by_what_its_answers_lack() -> None:
+    def signed(case: Square, got: float) -> str:
+        return judged(case, got) and Lack("sign" if got < 0 else "size", judged(case, got))
+
+    negative = lacking("sign", "negative", "An area is not negative.", lambda case: -1.0, 0.1)
+    area = Problem("0.2", "", AREA.case, signed, "Right.", (negative,))
+    assert review(area, lambda case: -case.side, CASES) == Feedback(0.1, negative.says, "negative")
+    assert review(area, lambda case: 1e9, CASES).recognised == ""
+    # Without a word for it, what an answer lacks is no kind.
+    assert review(replace(area, lacks=judged), lambda case: -1.0, CASES).recognised == ""
+
+
+def test_one_of_several_answers_is_recognised_and_the_first_is_the_example() -> None:
+    around = answers_like_any(
+        "around",
+        "Around.",
+        lambda case: [4 * case.side, 2 * case.side],
+        close=partial(same, rtol=0.1),
+    )
+    area = replace(AREA, misconceptions=(around,))
+    assert around.example(CASES[0]) == 4 * CASES[0].side
+    for share, recognised in ((4, "around"), (2, "around"), (2.1, "around"), (3, "")):
+        found = review(area, lambda case, share=share: share * case.side, CASES)
+        assert found.recognised == recognised
+
+
+@pytest.mark.parametrize("verdict", [True, False, None, np.bool_(True)])
+def test_a_grader_that_gives_no_sentence_says_so_at_once(verdict: Any) -> None:
+    # True would read as lacking something, False as a sentence without words.
+    unclear = Problem("0.2", "", AREA.case, lambda case, got: verdict, "Right.")
+    with pytest.raises(TypeError, match=r"problem 0\.2.* sentence"):
+        review(unclear, lambda case: 1, CASES)
+
+
+def test_a_problem_accepts_what_lacks_nothing() -> None:
+    assert AREA.accepts(CASES[0], CASES[0].side ** 2) is True
+    assert AREA.accepts(CASES[0], -1.0) is False
 
 
 # --- answers that misbehave ---------------------------------------------------------------------
@@ -252,7 +289,7 @@ def test_an_answer_that_changes_its_case_is_judged_on_the_case_it_was_given() ->
         "0.3",
         "",
         case=lambda rng: Square(rng.uniform(1, 9), [1.0, 2.0]),
-        accepts=lambda case, got: same(sum(case.notes), got),
+        lacks=lambda case, got: "" if same(sum(case.notes), got) else "another sum",
         praise="Right.",
     )
 
@@ -280,8 +317,39 @@ def test_cases_depend_on_problem_and_seed_only() -> None:
     assert AREA.cases(3, 4) == AREA.cases(3, 4)
     assert AREA.cases(3, 4)[:2] == AREA.cases(3, 2)
     assert AREA.cases(3, 1) != AREA.cases(4, 1)
-    other = Problem("0.9", "", AREA.case, AREA.accepts, "")
+    other = Problem("0.9", "", AREA.case, AREA.lacks, "")
     assert other.cases(3, 1) != AREA.cases(3, 1)
+
+
+def test_cases_are_drawn_once_whoever_asks_and_nobody_changes_those_of_another() -> None:
+    drawn: list[Square] = []
+
+    def draw(rng: np.random.Generator) -> Square:
+        drawn.append(Square(rng.uniform(1, 9)))
+        return drawn[-1]
+
+    counted = replace(AREA, case=draw)
+    first = counted.cases(3, 4)
+    first[0].notes.append(7.0)
+    assert counted.cases(3, 4)[0].notes == []
+    assert counted.cases("3", 4) == first
+    assert len(drawn) == 4
+
+
+def test_an_answer_is_asked_once_for_each_case_and_judged_once() -> None:
+    asked: list[Square] = []
+    judged_of: list[Square] = []
+
+    def answer(case: Square) -> float:
+        asked.append(case)
+        return -7.0
+
+    def lacks(case: Square, got: float) -> str:
+        judged_of.append(case)
+        return judged(case, got)
+
+    review(replace(AREA, lacks=lacks), answer, CASES)
+    assert asked == judged_of == CASES
 
 
 @pytest.mark.parametrize("seed", [7.0, "7", np.int64(7), np.float64(7)])

@@ -1,19 +1,65 @@
-"""What the problem sets share: draw a case that fits, and write a block in factors."""
+"""What the problem sets share: draw a case that fits, write a block in factors, judge p_B."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, TypeVar
 
+import control as ct
 import numpy as np
 
 from ..alttext import number
-from ..blocks import FloatArray
+from ..blocks import ComplexArray, FloatArray
 from ..delay import DelayedTransferFunction
+from ..loop import NRDOB
+from .grading import Lack
+
+__all__ = [
+    "POINTS",
+    "TRIES",
+    "LoopCase",
+    "UnstablePlant",
+    "alike",
+    "apart",
+    "draw",
+    "either_sign",
+    "factored",
+    "few",
+    "first_fitting",
+    "grid_peak",
+    "not_around",
+    "observer_stable",
+    "on_the_right",
+    "s",
+]
 
 T = TypeVar("T")
 
 TRIES = 2000
+
+s = ct.tf("s")
+
+
+def few(value: float, digits: int = 2) -> float:
+    """Round to a few significant digits, so that a case is short to print.
+
+    Examples
+    --------
+    >>> few(0.12345), few(1234.5, 3)
+    (0.12, 1230.0)
+    """
+    return float(f"{value:.{digits}g}")
+
+
+def draw(rng: np.random.Generator, low: float, high: float) -> float:
+    """Draw a number of two digits, evenly on a log scale."""
+    return few(float(np.exp(rng.uniform(np.log(low), np.log(high)))))
+
+
+def either_sign(rng: np.random.Generator) -> float:
+    """Draw 1 or -1."""
+    return float(rng.choice([-1, 1]))
 
 
 def first_fitting(draw: Callable[[], T], fits: Callable[[T], bool], tries: int = TRIES) -> T:
@@ -52,6 +98,80 @@ def apart(*values: Any, by: float = 0.02) -> bool:
             if not np.any(np.abs(first - second) > by * scale):
                 return False
     return True
+
+
+def on_the_right(*roots: Any) -> int:
+    """Count roots with a positive real part, of one list or several."""
+    return int(sum(np.sum(np.real(each) > 0) for each in roots))
+
+
+def observer_stable(plant: Any, model: Any, filter: Any) -> bool | None:
+    """Judge p_B in two ways; the controller does not occur in it."""
+    return NRDOB(plant, model, 0.0, filter).stability().observer_loop.stable
+
+
+def grid_peak(F: ComplexArray, R: ComplexArray, of_FH: bool = False) -> float:
+    """Ms of L, or of FH, where F and R = G/Gm are known on a grid; true for a stable loop only."""
+    return float(np.abs((1 if of_FH else 1 - F) / (1 + F * (R - 1))).max())
+
+
+POINTS = np.array([0.3 + 0.2j, 1j, 3 + 2j, 10j, 40 + 7j])
+"""Where two plants are compared."""
+
+
+def alike(first: Callable[[Any], Any], second: Callable[[Any], Any]) -> bool:
+    """Tell whether two functions of s are the same."""
+    return bool(np.allclose(first(POINTS), second(POINTS), rtol=1e-6, atol=0))
+
+
+def not_around(plant: Any, loop: Any) -> str:
+    """Tell why an answer is no loop around a plant; empty if it is one."""
+    if not isinstance(loop, NRDOB):
+        return Lack("type", "it is not an nrdob.NRDOB")
+    if loop.delay or not alike(loop.G, plant):
+        return Lack("plant", "its plant is not case.process")
+    return ""
+
+
+@dataclass(frozen=True, eq=False)
+class LoopCase:
+    """A loop.
+
+    Attributes
+    ----------
+    loop : NRDOB
+        The loop: its `process`, `model`, `controller` and `filter`.
+    """
+
+    loop: NRDOB
+
+
+@dataclass(frozen=True)
+class UnstablePlant:
+    """A plant gain/((s - pole)(s + decay)).
+
+    Attributes
+    ----------
+    gain, pole, decay : float
+        The gain of either sign; `pole` and `decay` positive, in rad/s.
+    """
+
+    gain: float
+    pole: float
+    decay: float
+
+    @property
+    def process(self) -> ct.TransferFunction:
+        """The plant made of these numbers."""
+        return self.gain / ((s - self.pole) * (s + self.decay))
+
+    @property
+    def mirrored(self) -> ct.TransferFunction:
+        """The model with the pole on the left."""
+        return self.gain / ((s + self.pole) * (s + self.decay))
+
+    def __repr__(self) -> str:
+        return f"the plant {factored(self.process)}"
 
 
 def factored(block: Any) -> str:

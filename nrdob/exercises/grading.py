@@ -13,51 +13,40 @@ import copy
 import hashlib
 import traceback
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from html import escape
+from math import log
 from typing import Any
 
 import numpy as np
 
 from ..loop import NRDOB
 
+__all__ = [
+    "BLANK",
+    "HARD_CODED",
+    "HIDDEN_CASES",
+    "VISIBLE_CASES",
+    "Case",
+    "Feedback",
+    "Lack",
+    "Misconception",
+    "Points",
+    "Problem",
+    "answers_like",
+    "answers_like_any",
+    "lacking",
+    "near",
+    "review",
+    "same",
+]
+
 Case = Any
 """What a problem is posed with: a dataclass whose fields the problem's text names."""
 
 VISIBLE_CASES, HIDDEN_CASES = 4, 8
-
-
-@dataclass(frozen=True)
-class Misconception:
-    """A typical mistake.
-
-    Attributes
-    ----------
-    name : str
-        Short, for the instructor: "counter-clockwise counted as positive".
-    says : str
-        What the student reads: what seems to have happened, why it is not right, what to do.
-    example : callable
-        What somebody who holds it answers to a case.
-    recognises : callable
-        Tells whether an answer to a case is of this kind.
-    marks : float
-        Share of the points that it deserves, from 0 to 1.
-    """
-
-    name: str
-    says: str
-    example: Callable[[Case], Any]
-    recognises: Callable[[Case, Any], bool]
-    marks: float = 0.0
-
-
-def answers_like(
-    name: str, says: str, example: Callable[[Case], Any], marks: float = 0.0
-) -> Misconception:
-    """Make a misconception that is recognised by giving the same answer as its example."""
-    return Misconception(name, says, example, lambda case, got: same(example(case), got), marks)
 
 
 def same(expected: Any, got: Any, rtol: float = 1e-4) -> bool:
@@ -97,6 +86,102 @@ def _numbers(value: Any) -> Any:
     if array.dtype.kind in "USb":
         raise TypeError("no numbers")
     return array.astype(complex)
+
+
+def near(expected: float, got: Any, tolerance: float) -> bool:
+    """Tell whether a number is right that was read off a figure: nearly the same share.
+
+    Examples
+    --------
+    >>> near(2.0, 2.1, 0.08), near(2.0, 2.2, 0.08), near(2.0, -2.0, 0.08)
+    (True, False, False)
+    """
+    share = float(got) / expected
+    return share > 0 and abs(log(share)) < tolerance
+
+
+@dataclass(frozen=True)
+class Misconception:
+    """A typical mistake.
+
+    Attributes
+    ----------
+    name : str
+        Short, for the instructor: "counter-clockwise counted as positive".
+    says : str
+        What the student reads: what seems to have happened, why it is not right, what to do.
+    example : callable
+        What somebody who holds it answers to a case.
+    recognises : callable
+        Tells whether an answer to a case is of this kind.
+    marks : float
+        Share of the points that it deserves, from 0 to 1.
+    kind : str
+        What an answer lacks, see `Lack`, if it is recognised by that instead.
+    """
+
+    name: str
+    says: str
+    example: Callable[[Case], Any]
+    recognises: Callable[[Case, Any], bool] = lambda case, got: False
+    marks: float = 0.0
+    kind: str = ""
+
+
+def answers_like(
+    name: str,
+    says: str,
+    example: Callable[[Case], Any],
+    marks: float = 0.0,
+    close: Callable[[Any, Any], bool] = same,
+) -> Misconception:
+    """Make a misconception that is recognised by giving the same answer as its example.
+
+    What is the same, `close` tells of the example's answer and of the one given.
+    """
+    return answers_like_any(name, says, lambda case: (example(case),), marks, close)
+
+
+def answers_like_any(
+    name: str,
+    says: str,
+    examples: Callable[[Case], Sequence[Any]],
+    marks: float = 0.0,
+    close: Callable[[Any, Any], bool] = same,
+) -> Misconception:
+    """Make a misconception that leads to one of several answers; the first is its example."""
+    return Misconception(
+        name,
+        says,
+        example=lambda case: examples(case)[0],
+        recognises=lambda case, got: any(close(each, got) for each in examples(case)),
+        marks=marks,
+    )
+
+
+def lacking(
+    kind: str, name: str, says: str, example: Callable[[Case], Any], marks: float = 0.0
+) -> Misconception:
+    """Make a misconception that is recognised by what its answers lack."""
+    return Misconception(name, says, example, marks=marks, kind=kind)
+
+
+class Lack(str):
+    """What an answer lacks, in words, and in one word by which a misconception knows it.
+
+    Examples
+    --------
+    >>> Lack("sign", "the gain has the wrong sign").kind
+    'sign'
+    """
+
+    kind: str
+
+    def __new__(cls, kind: str, words: str) -> Lack:
+        """Say it in words; the kind goes with them."""
+        found = super().__new__(cls, words)
+        found.kind = kind
+        return found
 
 
 @dataclass(frozen=True)
@@ -155,9 +240,9 @@ class Problem:
         What it is about.
     case : callable
         Draws a case from a random generator.
-    accepts : callable
-        Tells whether an answer to a case has the properties asked for: True, or a sentence that
-        says which one it lacks.
+    lacks : callable
+        Tells which of the properties asked for an answer to a case lacks, as a sentence or as a
+        `Lack`; empty if it has them all.
     praise : str
         What the student reads when all is well: a sentence that says what was shown.
     misconceptions : tuple of Misconception
@@ -169,10 +254,14 @@ class Problem:
     id: str
     title: str
     case: Callable[[np.random.Generator], Case]
-    accepts: Callable[[Case, Any], bool | str]
+    lacks: Callable[[Case, Any], str]
     praise: str
     misconceptions: tuple[Misconception, ...] = ()
     own: bool = False
+
+    def accepts(self, case: Case, got: Any) -> bool:
+        """Tell whether an answer to a case has the properties asked for."""
+        return not self.lacks(case, got)
 
     def cases(self, seed: Any, count: int) -> list[Case]:
         """Draw cases; the first one of a group's seed is its own."""
@@ -180,8 +269,14 @@ class Problem:
             seed = int(seed)
         # Anything can be a seed, so that a group's number that is none does not stop the grading.
         digest = hashlib.sha256(f"{self.id}/{seed}".encode()).digest()
-        rng = np.random.default_rng(int.from_bytes(digest[:8], "big"))
-        return [self.case(rng) for _ in range(count)]
+        # Drawn once; a copy, so that whoever changes a case changes nobody else's.
+        return copy.deepcopy(_drawn(self.case, int.from_bytes(digest[:8], "big"), count))
+
+
+@lru_cache(maxsize=512)
+def _drawn(draw: Callable[[np.random.Generator], Case], seed: int, count: int) -> list[Case]:
+    rng = np.random.default_rng(seed)
+    return [draw(rng) for _ in range(count)]
 
 
 BLANK = "Nothing to check yet: replace the placeholder by your answer and run this cell again."
@@ -252,31 +347,36 @@ def _shown(value: Any, longest: int = 200) -> str:
 
 
 def _judge(problem: Problem, tried: list[tuple[Case, Any]]) -> Feedback:
-    verdicts = [_accepts(problem, case, got) for case, got in tried]
-    wrong = [k for k, verdict in enumerate(verdicts) if verdict is not True]
-    if not wrong:
+    found = [(case, got, _lack(problem, case, got)) for case, got in tried]
+    failing = [each for each in found if each[2]]
+    if not failing:
         return Feedback(1.0, problem.praise)
-    failing = [tried[k] for k in wrong]
     for misconception in problem.misconceptions:
-        if all(_recognises(misconception, case, got) for case, got in failing):
+        if all(_recognises(misconception, *each) for each in failing):
             return Feedback(misconception.marks, misconception.says, misconception.name)
     first = tried[0][1]
-    if len(tried) > 1 and wrong[0] > 0 and all(same(first, got) for _, got in tried):
+    if len(tried) > 1 and not found[0][2] and all(same(first, got) for _, got in tried):
         return Feedback(0.0, HARD_CODED, "hard-coded")
-    case, got = failing[0]
-    reason = verdicts[wrong[0]] or "it does not have the properties asked for"
-    return Feedback(0.0, f"Not yet. For {case} the answer {_shown(got)} fails: {reason}")
+    case, got, lack = failing[0]
+    return Feedback(0.0, f"Not yet. For {case} the answer {_shown(got)} fails: {lack}")
 
 
-def _accepts(problem: Problem, case: Case, got: Any) -> bool | str:
+def _lack(problem: Problem, case: Case, got: Any) -> str:
     try:
-        verdict = _quietly(problem.accepts, case, got)
+        lack = _quietly(problem.lacks, case, got)
     except Exception as error:
         return f"it cannot be used: {type(error).__name__}: {error}"
-    return verdict if isinstance(verdict, str) else bool(verdict)
+    if not isinstance(lack, str):
+        raise TypeError(
+            f"lacks of problem {problem.id} gives {lack!r}; it must give a sentence that says what "
+            "the answer lacks, or an empty one if it lacks nothing"
+        )
+    return lack
 
 
-def _recognises(misconception: Misconception, case: Case, got: Any) -> bool:
+def _recognises(misconception: Misconception, case: Case, got: Any, lack: str) -> bool:
+    if misconception.kind:
+        return isinstance(lack, Lack) and lack.kind == misconception.kind
     try:
         return bool(_quietly(misconception.recognises, case, got))
     except Exception:

@@ -2,33 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import reduce
+from functools import partial, reduce
+from math import log
 from typing import Any
 
 import control as ct
 import numpy as np
 
-from ..blocks import ComplexArray, FloatArray
+from ..blocks import ComplexArray, FloatArray, as_fraction
+from ..equations import ObserverEquations
 from ..figure import SHORT, Figure, axes_for, colour_of, styled
 from ..filters import LowPassFilter
 from ..loop import NRDOB
-from .cases import apart, first_fitting
-from .grading import Misconception, Problem
+from .cases import LoopCase, apart, draw, few, first_fitting
+from .grading import Misconception, Problem, answers_like, near
 
 POINTS = np.array([0.3 + 0.2j, 0.7j, 1 + 2j, 5j, 3 + 9j, 20j, 40 + 10j, 90j])
 """Where functions of s are compared."""
-
-
-def _digits(value: float, count: int = 2) -> float:
-    """Round to a few significant digits, so that a case is short to print."""
-    return float(f"{value:.{count}g}")
-
-
-def _draw(rng: np.random.Generator, low: float, high: float) -> float:
-    """Draw a number, on a log scale, of two digits."""
-    return _digits(float(np.exp(rng.uniform(np.log(low), np.log(high)))))
 
 
 def _gain_error(rng: np.random.Generator) -> float:
@@ -63,8 +54,8 @@ Table = dict[str, tuple[float, float, float]]
 
 
 def _settled_case(rng: np.random.Generator) -> SettledCase:
-    model = _draw(rng, 0.5, 4)
-    return SettledCase(_digits(model * _gain_error(rng)), model, _draw(rng, 0.4, 3))
+    model = draw(rng, 0.5, 4)
+    return SettledCase(few(model * _gain_error(rng)), model, draw(rng, 0.4, 3))
 
 
 def _settled(case: SettledCase) -> Table:
@@ -82,7 +73,7 @@ def _rows(got: Any) -> FloatArray:
     return np.array([[float(value) for value in got[name]] for name in INPUTS]).reshape(4, 3)
 
 
-def _settled_accepts(case: SettledCase, got: Any) -> bool | str:
+def _settled_lacks(case: SettledCase, got: Any) -> str:
     try:
         rows = _rows(got)
     except (KeyError, TypeError, ValueError):
@@ -100,21 +91,14 @@ def _settled_accepts(case: SettledCase, got: Any) -> bool | str:
                     f"after a step of {name}, the line {line} is not satisfied, where F = 1: "
                     f"{left:.4g} on the left, {right:.4g} on the right"
                 )
-    return True
+    return ""
 
 
-def _settled_like(
-    name: str, says: str, changed: Callable[[SettledCase], Table], marks: float
-) -> Misconception:
-    """Make a misconception that shows in some rows of the table."""
+def _same_table(expected: Table, got: Any) -> bool:
+    return bool(np.allclose(_rows(expected), _rows(got), rtol=1e-3, atol=1e-6))
 
-    def example(case: SettledCase) -> Table:
-        return _settled(case) | changed(case)
 
-    def recognises(case: SettledCase, got: Any) -> bool:
-        return bool(np.allclose(_rows(example(case)), _rows(got), rtol=1e-3, atol=1e-6))
-
-    return Misconception(name, says, example, recognises, marks)
+_settled_like = partial(answers_like, close=_same_table)
 
 
 def _ordinary_loop(case: SettledCase) -> Table:
@@ -132,7 +116,7 @@ SETTLED = Problem(
     id="1.1",
     title="What is left when all has settled",
     case=_settled_case,
-    accepts=_settled_accepts,
+    lacks=_settled_lacks,
     praise=(
         "Right. The observer brings y back after both disturbances, follows the noise, and leaves "
         "the error of the reference to C and the model; e sees nothing but R."
@@ -151,14 +135,14 @@ SETTLED = Problem(
             "All is right but u after a load: 0 is what the plant gets, u + delta. The "
             "controller's output u itself must cancel the load. (Equation (7) of the paper has "
             "the same mix-up.)",
-            lambda case: {"delta": (0.0, 0.0, 0.0)},
+            lambda case: _settled(case) | {"delta": (0.0, 0.0, 0.0)},
             0.75,
         ),
         _settled_like(
             "noise with a plus sign",
             "Look at the sign after a step of eta. The loop believes the sensor: if that reads "
             "one unit too much, by how much, and in which direction, does the loop move y?",
-            lambda case: {"eta": (1.0, 1 / case.G, 0.0)},
+            lambda case: _settled(case) | {"eta": (1.0, 1 / case.G, 0.0)},
             0.5,
         ),
         _settled_like(
@@ -166,7 +150,7 @@ SETTLED = Problem(
             "After a step of R you let y reach 1. The observer does integrate, but it acts on what "
             "the model did not foresee; the reference is foreseen. What remains of R is up to C "
             "and the model, and C(0) is finite here: solve e = R - Gm C e.",
-            lambda case: {"R": (1.0, 1 / case.G, 0.0)},
+            lambda case: _settled(case) | {"R": (1.0, 1 / case.G, 0.0)},
             0.5,
         ),
         _settled_like(
@@ -218,14 +202,14 @@ _PARTS = ("N", "D", "Nm", "Dm")
 
 def _polynomial_case(rng: np.random.Generator) -> PolynomialCase:
     # Plant and model share the pole on the right, exactly, as a careful modeller would have it.
-    shared = -_draw(rng, 0.5, 3)
-    plant, model, zero = _draw(rng, 1, 2), _draw(rng, 2.5, 5), _draw(rng, 6, 12)
+    shared = -draw(rng, 0.5, 3)
+    plant, model, zero = draw(rng, 1, 2), draw(rng, 2.5, 5), draw(rng, 6, 12)
     return PolynomialCase(
-        N=np.array([_draw(rng, 2, 9)]),
+        N=np.array([draw(rng, 2, 9)]),
         D=np.polymul([1, shared], [1, plant]),
-        Nm=_draw(rng, 0.3, 0.8) * np.array([1, zero]),
+        Nm=draw(rng, 0.3, 0.8) * np.array([1, zero]),
         Dm=np.polymul([1, shared], [1, model]),
-        time_constant=_draw(rng, 0.05, 0.4),
+        time_constant=draw(rng, 0.05, 0.4),
         order=int(rng.integers(2, 4)),
     )
 
@@ -239,8 +223,8 @@ def _lags(case: PolynomialCase) -> FloatArray:
 
 
 def _p_B(case: PolynomialCase) -> FloatArray:
-    missing = np.polysub(_lags(case), [1.0])
-    return np.polyadd(_product(case.D, case.Nm, missing), _product(case.N, case.Dm))
+    F = LowPassFilter(case.time_constant, case.order)
+    return ObserverEquations((case.N, case.D), (case.Nm, case.Dm), F).p_B.q
 
 
 def _coefficients(got: Any) -> FloatArray:
@@ -259,7 +243,7 @@ def _disturbance_to_output(case: PolynomialCase, s: complex) -> complex:
     return complex(np.linalg.solve(left, np.array([0, 0, 1]))[2])
 
 
-def _polynomial_accepts(case: PolynomialCase, got: Any) -> bool | str:
+def _polynomial_lacks(case: PolynomialCase, got: Any) -> str:
     if np.iscomplexobj(got):
         return "coefficients are asked for, which are real; these look like roots"
     p = _coefficients(got)
@@ -278,19 +262,16 @@ def _polynomial_accepts(case: PolynomialCase, got: Any) -> bool | str:
             "S_d, solved from the diagram at a few s, is not D Nm (Df - Nf) divided by it; check "
             "both terms of p_B, and their sign"
         )
-    return True
+    return ""
 
 
-def _polynomial_like(
-    name: str, says: str, example: Callable[[PolynomialCase], FloatArray], marks: float
-) -> Misconception:
-    """Make a misconception that is recognised up to a constant factor."""
+def _same_roots(expected: FloatArray, got: Any) -> bool:
+    """Compare up to a constant factor."""
+    p, held = _coefficients(got), _coefficients(expected)
+    return p.size == held.size and bool(np.allclose(p / p[0], held / held[0], rtol=1e-4))
 
-    def recognises(case: PolynomialCase, got: Any) -> bool:
-        p, held = _coefficients(got), _coefficients(example(case))
-        return p.size == held.size and bool(np.allclose(p / p[0], held / held[0], rtol=1e-4))
 
-    return Misconception(name, says, example, recognises, marks)
+_polynomial_like = partial(answers_like, close=_same_roots)
 
 
 def _without_shared(case: PolynomialCase) -> FloatArray:
@@ -302,7 +283,7 @@ POLYNOMIAL = Problem(
     id="1.3",
     title="The polynomial of the observer",
     case=_polynomial_case,
-    accepts=_polynomial_accepts,
+    lacks=_polynomial_lacks,
     praise=(
         "Right, and nothing is lost: the pole that plant and model share on the right is a root of "
         "p_B, so this loop is unstable, whatever the filter."
@@ -390,9 +371,9 @@ class SensitivityCase:
 
 
 def _sensitivity_case(rng: np.random.Generator) -> SensitivityCase:
-    def draw() -> SensitivityCase:
-        order, constant, gain = int(rng.integers(2, 4)), _draw(rng, 0.05, 0.5), _draw(rng, 2, 9)
-        pole, lag = _draw(rng, 0.3, 1) / constant, _draw(rng, 0.1, 0.3) * constant
+    def drawn() -> SensitivityCase:
+        order, constant, gain = int(rng.integers(2, 4)), draw(rng, 0.05, 0.5), draw(rng, 2, 9)
+        pole, lag = draw(rng, 0.3, 1) / constant, draw(rng, 0.1, 0.3) * constant
         model = ct.tf([gain], [1 / pole, 1])
         plant = model * ct.tf([_gain_error(rng)], [lag, 1])
         loop = NRDOB(plant, model, 1 / gain, LowPassFilter(constant, order))
@@ -402,7 +383,7 @@ def _sensitivity_case(rng: np.random.Generator) -> SensitivityCase:
         values = _gain_readings(case).values()
         return apart(*values, by=0.3) and case._loop.stability().stable is True
 
-    return first_fitting(draw, fits)
+    return first_fitting(drawn, fits)
 
 
 def _gain_readings(case: SensitivityCase) -> dict[str, float]:
@@ -419,39 +400,31 @@ def _gain_readings(case: SensitivityCase) -> dict[str, float]:
     }
 
 
-def _gain_accepts(case: SensitivityCase, got: Any) -> bool | str:
+READ_OFF = log(1.13)
+"""How far a number that is read off a figure may be from the true one."""
+
+
+def _gain_lacks(case: SensitivityCase, got: Any) -> str:
     if float(got) <= 0:
         return "the plant's gain is positive, as its model's is"
     slope = case.order * case.time_constant * case.model_gain / float(got)
     w = 1e-3 / case.time_constant
-    if _near(slope * w, abs(case._loop.S_d(1j * w))):
-        return True
+    if near(abs(case._loop.S_d(1j * w)), slope * w, READ_OFF):
+        return ""
     return (
         "with this gain |S_d| would begin as "
         f"{slope:.3g} ω; compare that with your figure, at its left end"
     )
 
 
-def _near(a: float, b: float) -> bool:
-    """Tell whether a value read off a figure is right."""
-    return bool(abs(np.log(a / b)) < np.log(1.13))
-
-
-def _misread(name: str, key: str, says: str, marks: float) -> Misconception:
-    return Misconception(
-        name,
-        says,
-        example=lambda case: _gain_readings(case)[key],
-        recognises=lambda case, got: _near(float(got), _gain_readings(case)[key]),
-        marks=marks,
-    )
+_misread = partial(answers_like, close=partial(near, tolerance=READ_OFF))
 
 
 READING = Problem(
     id="1.4",
     title="The plant's gain, read off a curve",
     case=_sensitivity_case,
-    accepts=_gain_accepts,
+    lacks=_gain_lacks,
     praise=(
         "Right. At low frequency S_d is n λ s/R(0), so the rejection tells how strong the plant "
         "is against its model."
@@ -459,29 +432,29 @@ READING = Problem(
     misconceptions=(
         _misread(
             "the model's gain",
-            "model",
             "This is the gain of the model. It would be the plant's if the curve began as n λ ω; "
             "but yours lies beside that line. The factor between the two is R(0) = G(0)/Gm(0).",
+            lambda case: _gain_readings(case)["model"],
             0.0,
         ),
         _misread(
             "ratio upside down",
-            "inverse",
             "The ratio is upside down. A plant that is stronger than its model makes the loop "
             "gain larger and |S_d| smaller: |S_d| = n λ ω/R(0), with R(0) = G(0)/Gm(0).",
+            lambda case: _gain_readings(case)["inverse"],
             0.5,
         ),
         _misread(
             "order forgotten",
-            "order",
             "You are off by the order of the filter. Each lag adds its λ to the delay of F: "
             "1 - F begins as n λ s, not as λ s.",
+            lambda case: _gain_readings(case)["order"],
             0.5,
         ),
         _misread(
             "ratio only",
-            "ratio",
             "This is R(0) = G(0)/Gm(0). Asked is G(0) itself: one step is left.",
+            lambda case: _gain_readings(case)["ratio"],
             0.75,
         ),
     ),
@@ -492,17 +465,8 @@ READING = Problem(
 # --- 1.5 Find the error: three degrees of freedom -----------------------------------------------
 
 
-@dataclass(frozen=True, eq=False)
-class TwinCase:
-    """A stable loop, for which a twin is to be found.
-
-    Attributes
-    ----------
-    loop : NRDOB
-        The loop: its `process`, `model`, `controller` and `filter`.
-    """
-
-    loop: NRDOB
+class TwinCase(LoopCase):
+    """A stable loop, for which a twin is to be found."""
 
     def __repr__(self) -> str:
         F = self.loop.filter
@@ -510,15 +474,15 @@ class TwinCase:
 
 
 def _twin_case(rng: np.random.Generator) -> TwinCase:
-    def draw() -> TwinCase:
-        order, gain = int(rng.integers(2, 4)), _draw(rng, 0.5, 5)
-        poles = [_draw(rng, 0.5, 2), _draw(rng, 2.5, 8)]
+    def drawn() -> TwinCase:
+        order, gain = int(rng.integers(2, 4)), draw(rng, 0.5, 5)
+        poles = [draw(rng, 0.5, 2), draw(rng, 2.5, 8)]
         moved = [p * float(rng.uniform(1.1, 1.4)) for p in poles]
         model, plant = (ct.tf([gain * p * q], np.poly([-p, -q])) for p, q in (poles, moved))
-        F = LowPassFilter(_draw(rng, 0.05, 0.3), order)
+        F = LowPassFilter(draw(rng, 0.05, 0.3), order)
         return TwinCase(NRDOB(plant, model, 0.5 / gain, F))
 
-    return first_fitting(draw, lambda case: case.loop.stability().stable is True)
+    return first_fitting(drawn, lambda case: case.loop.stability().stable is True)
 
 
 def _twin(case: TwinCase, got: Any) -> tuple[float, ct.TransferFunction]:
@@ -536,7 +500,7 @@ def _feedback(case: TwinCase, got: Any) -> ComplexArray:
     return np.asarray(F / ((1 - F) * factor * case.loop.Gm(POINTS)))
 
 
-def _twin_accepts(case: TwinCase, got: Any) -> bool | str:
+def _twin_lacks(case: TwinCase, got: Any) -> str:
     factor, filter = _twin(case, got)
     if abs(factor - 1) < 1e-3:
         return "c is 1: give a model that differs from the given one"
@@ -550,7 +514,7 @@ def _twin_accepts(case: TwinCase, got: Any) -> bool | str:
         return f"the feedback K is not the same: at s = {POINTS[worst]:g} it is {off:.3g} times it"
     if twin.stability().observer_loop.stable is not True:
         return "K is the same, but p_B of the new loop is not stable"
-    return True
+    return ""
 
 
 def _same_filter(case: TwinCase, got: Any) -> bool:
@@ -584,7 +548,7 @@ TWIN = Problem(
     id="1.5",
     title="Find the error: three degrees of freedom",
     case=_twin_case,
-    accepts=_twin_accepts,
+    lacks=_twin_lacks,
     praise=(
         "Right. Another model and another filter, and no plant can tell: K is the same. There are "
         "two functions to choose, V and K, and the model is not a third."
@@ -653,7 +617,7 @@ class WishCase:
     @property
     def relative_degree(self) -> int:
         """Poles minus zeros of the plant."""
-        return int(self.plant.poles().size - self.plant.zeros().size)
+        return as_fraction(self.plant, "plant").relative_degree
 
     def __repr__(self) -> str:
         return (
@@ -666,15 +630,15 @@ REJECTION = 0.1
 
 
 def _wish_case(rng: np.random.Generator) -> WishCase:
-    zero, poles = _draw(rng, 2, 6), [_draw(rng, 0.5, 2), _draw(rng, 2.5, 8)]
+    zero, poles = draw(rng, 2, 6), [draw(rng, 0.5, 2), draw(rng, 2.5, 8)]
     num = [1.0] if rng.random() < 0.5 else [1 / zero, 1.0]
-    plant = ct.tf(_draw(rng, 0.5, 5) * np.array(num), _product(*([1 / p, 1] for p in poles)))
-    omega_d = _draw(rng, 0.2, 2)
+    plant = ct.tf(draw(rng, 0.5, 5) * np.array(num), _product(*([1 / p, 1] for p in poles)))
+    omega_d = draw(rng, 0.2, 2)
     order = 4 - len(num)  # one lag more than causality asks for
     # The slowest filter that rejects enough has λ ω_d just above 0.1/n; a fifth less is allowed.
     fastest = LowPassFilter(0.8 * REJECTION / order / omega_d, order)
-    omega_hum = _digits(omega_d * float(rng.uniform(60, 120)))
-    return WishCase(plant, omega_d, omega_hum, _digits(abs(fastest(1j * omega_hum))))
+    omega_hum = few(omega_d * float(rng.uniform(60, 120)))
+    return WishCase(plant, omega_d, omega_hum, few(abs(fastest(1j * omega_hum))))
 
 
 def _wish_filter(got: Any) -> LowPassFilter:
@@ -690,7 +654,7 @@ def _rejects(case: WishCase, F: LowPassFilter) -> bool:
     return bool(np.abs(1 - F(1j * w)).max() <= REJECTION * (1 + 1e-3))
 
 
-def _wish_accepts(case: WishCase, got: Any) -> bool | str:
+def _wish_lacks(case: WishCase, got: Any) -> str:
     F = _wish_filter(got)
     loop = NRDOB(case.plant, case.plant, 0.1 / case.plant.dcgain(), F)
     w = np.linspace(0, case.omega_d, 201)
@@ -702,7 +666,7 @@ def _wish_accepts(case: WishCase, got: Any) -> bool | str:
     hum = float(abs(loop.S_eta(1j * case.omega_hum)))
     if hum > case.hum * (1 + 1e-3):
         return f"|S_η| is {hum:.3g} at {case.omega_hum:g} rad/s"
-    return loop.stability().stable is True or "the loop is not stable"
+    return "" if loop.stability().stable else "the loop is not stable"
 
 
 def _rule(case: WishCase, order: int, share: float = 1.0) -> LowPassFilter:
@@ -734,7 +698,7 @@ WISHES = Problem(
     id="1.6",
     title="A filter for three wishes",
     case=_wish_case,
-    accepts=_wish_accepts,
+    lacks=_wish_lacks,
     praise=(
         "Right: the disturbance, the hum and the actuator are all content. Between λ from the "
         "disturbance and λ from the hum there is not much room; look how much, for other orders."

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import partial
 from typing import Any
 
 import control as ct
@@ -20,28 +20,21 @@ from ..quasipoly import QuasiPolynomial
 from ..quotient import Quotient
 from ..stability import LoopStability, judge
 from ..timeconstants import stabilizing_time_constants
-from .cases import apart, factored, first_fitting
-from .grading import Misconception, Problem, answers_like, same
-
-s = ct.tf("s")
-
-POINTS = np.array([0.3 + 0.2j, 1j, 3 + 2j, 10j, 40 + 7j])
-"""Where two plants are compared."""
-
-
-def _few(value: float, digits: int = 2) -> float:
-    """Round to a few significant digits, so that a case is short to print."""
-    return float(f"{value:.{digits}g}")
-
-
-def _log(rng: np.random.Generator, low: float, high: float) -> float:
-    """Draw from a range, evenly on a log scale."""
-    return _few(float(np.exp(rng.uniform(np.log(low), np.log(high)))))
-
-
-def _right(roots: ComplexArray) -> int:
-    return int(np.sum(roots.real > 0))
-
+from .cases import (
+    LoopCase,
+    UnstablePlant,
+    alike,
+    apart,
+    draw,
+    either_sign,
+    factored,
+    few,
+    first_fitting,
+    not_around,
+    on_the_right,
+    s,
+)
+from .grading import Lack, Problem, answers_like, answers_like_any, lacking, same
 
 # --- 2.1 Turns from a list of roots -------------------------------------------------------------
 
@@ -67,7 +60,7 @@ class RootsCase:
 
     def __repr__(self) -> str:
         names = "plant_zeros", "plant_poles", "model_zeros", "model_poles", "closed_loop_roots"
-        found = [f"{_right(getattr(self, name))} {name.replace('_', ' ')}" for name in names]
+        found = [f"{on_the_right(getattr(self, name))} {name.replace('_', ' ')}" for name in names]
         return f"on the right: {', '.join(found)}"
 
 
@@ -90,12 +83,12 @@ def _draw_roots(rng: np.random.Generator, unstable: int) -> RootsCase:
     plant_poles = _draw_sides(rng, unstable, 2)
     model_zeros = _draw_sides(rng, unstable, 1)
     model_poles = _draw_sides(rng, 3 - unstable, unstable + 1)
-    gain = rng.choice([-1, 1]) * _log(rng, 0.5, 9)
+    gain = rng.choice([-1, 1]) * draw(rng, 0.5, 9)
     loop = NRDOB(
         process=(gain * np.real(np.poly(plant_zeros)), np.real(np.poly(plant_poles))),
         model=(np.real(np.poly(model_zeros)), np.real(np.poly(model_poles))),
         controller=0,
-        filter=LowPassFilter(_log(rng, 0.01, 2), 3),
+        filter=LowPassFilter(draw(rng, 0.01, 2), 3),
     )
     verdict = loop.stability().observer_loop
     return RootsCase(plant_zeros, plant_poles, model_zeros, model_poles, verdict.roots, verdict)
@@ -106,10 +99,10 @@ def _draw_sides(rng: np.random.Generator, right: int, left: int) -> ComplexArray
     roots: list[complex] = []
     for side, count in ((1.0, right), (-1.0, left)):
         while count:
-            size = _log(rng, 0.2, 9)
+            size = draw(rng, 0.2, 9)
             pair = count >= 2 and rng.random() < 0.6
             damping = rng.uniform(0.1, 0.9)
-            root = complex(_few(side * size * damping), _few(size * (1 - damping**2) ** 0.5))
+            root = complex(few(side * size * damping), few(size * (1 - damping**2) ** 0.5))
             roots += [root, root.conjugate()] if pair else [complex(side * size)]
             count -= 2 if pair else 1
     return np.array(roots)
@@ -124,19 +117,19 @@ def _counter_clockwise(case: RootsCase) -> float:
 
 
 def _sum_of_both(case: RootsCase) -> float:
-    return _right(case.closed_loop_roots) + _right(case.plant_poles) + _right(case.model_zeros)
+    return on_the_right(case.closed_loop_roots, case.plant_poles, case.model_zeros)
 
 
 def _poles_of_both(case: RootsCase) -> float:
-    return _right(case.closed_loop_roots) - _right(case.plant_poles) - _right(case.model_poles)
+    return on_the_right(case.closed_loop_roots) - on_the_right(case.plant_poles, case.model_poles)
 
 
 def _plant_only(case: RootsCase) -> float:
-    return _right(case.closed_loop_roots) - _right(case.plant_poles)
+    return on_the_right(case.closed_loop_roots) - on_the_right(case.plant_poles)
 
 
 def _as_if_stable(case: RootsCase) -> float:
-    return -_right(case.plant_poles) - _right(case.model_zeros)
+    return -on_the_right(case.plant_poles, case.model_zeros)
 
 
 _TURN_MISTAKES = (_counter_clockwise, _sum_of_both, _poles_of_both, _plant_only, _as_if_stable)
@@ -145,9 +138,10 @@ TURNS = Problem(
     id="2.1",
     title="Turns from a list of roots",
     case=_roots_case,
-    accepts=lambda case, got: (
-        same(_turns(case), got)
-        or f"that many turns do not turn P = {case.verdict.open_loop_rhp:g} poles into Z = "
+    lacks=lambda case, got: (
+        ""
+        if same(_turns(case), got)
+        else f"that many turns do not turn P = {case.verdict.open_loop_rhp:g} poles into Z = "
         f"{case.verdict.closed_loop_rhp:g} roots of p_B on the right"
     ),
     praise=(
@@ -198,16 +192,8 @@ TURNS = Problem(
 # --- 2.3 Read a plot ----------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class PlotCase:
-    """A loop whose plot of FH is to be read.
-
-    Attributes
-    ----------
-    loop : NRDOB
-    """
-
-    loop: NRDOB
+class PlotCase(LoopCase):
+    """A loop whose plot of FH is to be read."""
 
     def __repr__(self) -> str:
         F = self.loop.filter
@@ -224,18 +210,18 @@ def _plot_case(rng: np.random.Generator) -> PlotCase:
 
 def _draw_plot(rng: np.random.Generator, wanted: int) -> PlotCase:
     """Draw a loop whose plot may turn as wanted, and which has one root that cancels in it."""
-    g, lag, other, hidden = (_log(rng, low, high) for low, high in ((2, 7), (2, 9), (2, 9), (1, 9)))
-    omega = _log(rng, 0.5, 3)
+    g, lag, other, hidden = (draw(rng, low, high) for low, high in ((2, 7), (2, 9), (2, 9), (1, 9)))
+    omega = draw(rng, 0.5, 3)
     above, below = {
-        2: (ct.tf(_few(omega), 1), s + _few(omega)),
-        -2: (s**2 + omega * s + _few(omega**2), s**2 - 0.5 * omega * s + _few(omega**2)),
-    }.get(wanted, (s + _log(rng, 0.5, 3), s - omega))
+        2: (ct.tf(few(omega), 1), s + few(omega)),
+        -2: (s**2 + omega * s + few(omega**2), s**2 - 0.5 * omega * s + few(omega**2)),
+    }.get(wanted, (s + draw(rng, 0.5, 3), s - omega))
     if rng.random() < 0.5:
         model = 1 / ((s - hidden) * (s + lag))
     else:
         model = (s - hidden) / ((s + lag) * (s + other))
     process = ct.tf(*_product(g * above / below, model))
-    filter = LowPassFilter(_log(rng, 0.05, 2), 3 if wanted == 2 else 2)
+    filter = LowPassFilter(draw(rng, 0.05, 2), 3 if wanted == 2 else 2)
     return PlotCase(NRDOB(process, model, 0, filter))
 
 
@@ -313,7 +299,7 @@ def _after_cancellation(case: PlotCase) -> Reading:
     return N, P - 1, Z - 1
 
 
-def _plot_accepts(case: PlotCase, got: Any) -> bool | str:
+def _plot_lacks(case: PlotCase, got: Any) -> str:
     N, P, _ = _reading(case)
     if np.shape(got) != (3,):
         return "give three numbers, (N, P, Z)"
@@ -328,14 +314,16 @@ def _plot_accepts(case: PlotCase, got: Any) -> bool | str:
             "N is right, P is not: it counts the poles of the plant and the zeros of the model on "
             "the right, whether they cancel or not"
         )
-    return bool(got[2] == N + P) or "N and P are right, and Z does not follow from them: Z = N + P"
+    if got[2] != N + P:
+        return "N and P are right, and Z does not follow from them: Z = N + P"
+    return ""
 
 
 READING = Problem(
     id="2.3",
     title="Read a plot",
     case=_plot_case,
-    accepts=_plot_accepts,
+    lacks=_plot_lacks,
     praise=(
         "Right, all three. The plot shows N and nothing else: P comes from the factors of plant "
         "and model, and one of them never appears in the plot."
@@ -428,14 +416,14 @@ def _draw_half_curve(rng: np.random.Generator) -> HalfCurve:
 
     def polynomial(degree: int) -> FloatArray:
         sides = rng.choice([-1, 1], degree, p=[0.6, 0.4])
-        return np.atleast_1d(np.poly([side * _log(rng, 0.3, 9) for side in sides]))
+        return np.atleast_1d(np.poly([side * draw(rng, 0.3, 9) for side in sides]))
 
     below = np.append(polynomial(others), np.zeros(integrators))
     above = polynomial(below.size - 1 + excess)
     omega = np.geomspace(1e-5, 1e5, 5001)
     ratio = np.polyval(above, 1j * omega) / np.polyval(below, 1j * omega)
     # Small in the middle, so that the turns around -1 are not those around 0.
-    gain = rng.choice([-1, 1]) * _few(rng.uniform(0.1, 0.5) / np.abs(ratio).min())
+    gain = rng.choice([-1, 1]) * few(rng.uniform(0.1, 0.5) / np.abs(ratio).min())
     above = gain * above
     return HalfCurve(
         omega,
@@ -486,6 +474,9 @@ def _near(value: float, got: Any) -> bool:
     return bool(abs(float(got) - value) < 0.05)
 
 
+_turning_like = partial(answers_like_any, close=_near)
+
+
 def _hints(case: HalfCurve) -> dict[float, str]:
     """Say what other slips look like."""
     axis, pieces = _axis_only(case), (case.poles_at_zero + case.excess) / 2
@@ -499,9 +490,9 @@ def _hints(case: HalfCurve) -> dict[float, str]:
     }
 
 
-def _closing_accepts(case: HalfCurve, got: Any) -> bool | str:
+def _closing_lacks(case: HalfCurve, got: Any) -> str:
     if _near(_closed(case), got):
-        return True
+        return ""
     for value, hint in _hints(case).items():
         if _near(value, got):
             return hint
@@ -514,55 +505,48 @@ CLOSING = Problem(
     id="2.4",
     title="Close the curve",
     case=_half_curve,
-    accepts=_closing_accepts,
+    lacks=_closing_lacks,
     praise=(
         "Right: half the turns are on the page, its mirror image makes as many, each pole at 0 "
         "adds half a turn by the detour, and each degree of excess half a turn at infinity."
     ),
     misconceptions=(
-        Misconception(
+        _turning_like(
             "the curve left open",
             "You have counted what is on the page, positive and negative frequencies, and left the "
             "curve open. Poles at 0 make the path take a detour, and an excess of the numerator "
             "makes the large half circle count: how much does each add, and which way round?",
-            _axis_only,
-            lambda case, got: _near(_axis_only(case), got),
+            lambda case: [_axis_only(case)],
             marks=0.25,
         ),
-        Misconception(
+        _turning_like(
             "one of the two closing pieces forgotten",
             "One piece of the closed path is missing. There are two: the detour around the poles "
             "at 0, and the large half circle, which counts because H is improper. Each adds half a "
             "turn, clockwise, for each pole at 0 and for each degree of excess.",
-            _half_circle_missing,
-            lambda case, got: (
-                _near(_half_circle_missing(case), got) or _near(_detour_missing(case), got)
-            ),
+            lambda case: [_half_circle_missing(case), _detour_missing(case)],
             marks=0.5,
         ),
-        Misconception(
+        _turning_like(
             "counter-clockwise counted as positive",
             "The number is right, the sign is not. numpy's angles grow counter-clockwise, turns "
             "here are positive clockwise: there must be a minus sign in front of the sum.",
-            _anticlockwise,
-            lambda case, got: _near(_anticlockwise(case), got),
+            lambda case: [_anticlockwise(case)],
             marks=0.5,
         ),
-        Misconception(
+        _turning_like(
             "turns around 0",
             "These are the turns of H around 0. We want those around -1, which are the turns of "
             "1 + H around 0: add up the angles of 1 + H.",
-            _around_zero,
-            lambda case, got: _near(_around_zero(case), got),
+            lambda case: [_around_zero(case)],
             marks=0.25,
         ),
-        Misconception(
+        _turning_like(
             "negative frequencies forgotten",
             "The values are given for positive frequencies only. The other half of the plot is the "
             "mirror image, and turns as much: count what is on the page twice. The detour and the "
             "half circle are whole already.",
-            _one_half,
-            lambda case, got: _near(_one_half(case), got),
+            lambda case: [_one_half(case)],
             marks=0.5,
         ),
     ),
@@ -572,38 +556,9 @@ CLOSING = Problem(
 # --- 2.5 Lemma 1, read literally ----------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class UnstablePlant:
-    """A plant gain/((s - pole)(s + decay)).
-
-    Attributes
-    ----------
-    gain, pole, decay : float
-        All positive; `pole` and `decay` in rad/s.
-    """
-
-    gain: float
-    pole: float
-    decay: float
-
-    @property
-    def process(self) -> ct.TransferFunction:
-        """The plant made of these numbers."""
-        return self.gain / ((s - self.pole) * (s + self.decay))
-
-    def __repr__(self) -> str:
-        return f"the plant {factored(self.process)}"
-
-
 def _unstable_plant(rng: np.random.Generator) -> UnstablePlant:
-    pole = _log(rng, 0.5, 3)
-    return UnstablePlant(_log(rng, 0.5, 5), pole, _few(pole * rng.uniform(1.5, 4)))
-
-
-def _is_own(case: Any, loop: NRDOB) -> bool:
-    return not loop.delay and bool(
-        np.allclose(loop.G(POINTS), case.process(POINTS), rtol=1e-6, atol=0)
-    )
+    pole = draw(rng, 0.5, 3)
+    return UnstablePlant(draw(rng, 0.5, 5), pole, few(pole * rng.uniform(1.5, 4)))
 
 
 def _visible(open_loop: Quotient) -> ComplexArray:
@@ -615,41 +570,27 @@ def _visible(open_loop: Quotient) -> ComplexArray:
     return np.asarray(roots[roots.real >= 0], dtype=complex)
 
 
-def _matches(loop: NRDOB) -> bool:
-    return bool(np.allclose(loop.G(POINTS), loop.Gm(POINTS), rtol=1e-6, atol=0))
-
-
-def _says_wrongly_stable(case: UnstablePlant, loop: Any) -> str:
-    """Name what keeps a loop from being a counterexample; empty if nothing does."""
-    if not isinstance(loop, NRDOB):
-        return "type"
-    if not _is_own(case, loop):
-        return "plant"
-    if _visible(loop.CGm).size:
-        return "A"
-    if _visible(loop.FH).size:
-        return "B"
-    verdict = loop.stability().stable
+def _not_refuting(case: UnstablePlant, got: Any) -> str:
+    """Tell what keeps a loop from being a counterexample."""
+    if lack := not_around(case.process, got):
+        return lack
+    for kind, term, open_loop in (("A", "C Gm", got.CGm), ("B", "FH", got.FH)):
+        if _visible(open_loop).size:
+            return Lack(
+                kind,
+                f"1 + {term} has a zero on the right, so the lemma does not call this loop stable",
+            )
+    verdict = got.stability().stable
     if verdict is None:
-        return "undecided"
-    return "stable" if verdict else "matched" if _matches(loop) else ""
+        return AT_A_BORDER
+    if verdict:
+        return Lack("stable", "this loop is stable, as the lemma says")
+    if alike(got.G, got.Gm):
+        return Lack("matched", "the model is the plant itself, which was excluded")
+    return ""
 
 
-_NO_COUNTEREXAMPLE = {
-    "type": "it is not an nrdob.NRDOB",
-    "plant": "its plant is not case.process",
-    "A": "1 + C Gm has a zero on the right, so the lemma does not call this loop stable",
-    "B": "1 + FH has a zero on the right, so the lemma does not call this loop stable",
-    "undecided": "there is no verdict on this loop, it is at a border; move away from it",
-    "stable": "this loop is stable, as the lemma says",
-    "matched": "the model is the plant itself, which was excluded",
-}
-
-
-def _diagnosed(name: str, says: str, kind: str, example: Any, marks: float) -> Misconception:
-    return Misconception(
-        name, says, example, lambda case, got: _says_wrongly_stable(case, got) == kind, marks
-    )
+AT_A_BORDER = "there is no verdict on this loop, it is at a border; move away from it"
 
 
 def _held(case: UnstablePlant, pole: float, gain: float) -> NRDOB:
@@ -659,29 +600,30 @@ def _held(case: UnstablePlant, pole: float, gain: float) -> NRDOB:
     return NRDOB(case.process, model, gain * 2 * pole * decay, LowPassFilter(0.1 / case.pole, 2))
 
 
-def _mirrored(case: UnstablePlant) -> NRDOB:
-    model = case.gain / ((s + case.pole) * (s + case.decay))
-    return NRDOB(case.process, model, 0.5 / model.dcgain(), LowPassFilter(0.1 / case.pole, 2))
+def _around_mirrored(
+    case: UnstablePlant, value: float, sign: float = 1.0, hold: float = 0.5
+) -> NRDOB:
+    """Take the mirrored model, and a controller that gives C Gm a gain."""
+    controller = sign * hold * case.pole * case.decay / case.gain
+    return NRDOB(case.process, sign * case.mirrored, controller, LowPassFilter(value, 2))
 
 
 LITERAL = Problem(
     id="2.5",
     title="Lemma 1, read literally",
     case=_unstable_plant,
-    accepts=lambda case, got: (
-        _NO_COUNTEREXAMPLE[kind] if (kind := _says_wrongly_stable(case, got)) else True
-    ),
+    lacks=_not_refuting,
     praise=(
         "Right. Neither 1 + C Gm nor 1 + FH has a zero on the right, and yet the loop is not "
         "stable: a root of p_A or p_B has cancelled in the fraction and stays in the loop."
     ),
     misconceptions=(
-        _diagnosed(
+        lacking(
+            "matched",
             "the model is the plant itself",
             "A counterexample it is: with a matched model B = 1 has no zeros at all. But the "
             "problem asks for a model that differs from the plant. What is the least that the two "
             "must have in common?",
-            "matched",
             lambda case: NRDOB(
                 case.process,
                 case.process,
@@ -690,37 +632,37 @@ LITERAL = Problem(
             ),
             marks=0.5,
         ),
-        _diagnosed(
+        lacking(
+            "stable",
             "a loop that is stable",
             "This loop is stable, so it does not contradict the lemma. You need the opposite: a "
             "loop that is not stable, and two fractions that do not show it. What makes a root "
             "disappear from a fraction?",
-            "stable",
-            _mirrored,
+            lambda case: _around_mirrored(case, 0.1 / case.pole),
             marks=0.0,
         ),
-        _diagnosed(
+        lacking(
+            "B",
             "a pole matched nearly",
             "The loop is not stable, and 1 + FH shows it: it has a zero on the right, so the lemma "
             "gives the right warning. A root hides only where it cancels exactly; next to the "
             "plant's pole it does not.",
-            "B",
             lambda case: _held(case, 1.05 * case.pole, 1.0),
             marks=0.25,
         ),
-        _diagnosed(
+        lacking(
+            "A",
             "the controller does not hold the model",
             "1 + C Gm has a zero on the right: condition (i) of the lemma is not met, and then the "
             "lemma says nothing. Choose a controller that stabilises your model.",
-            "A",
             lambda case: _held(case, case.pole, -1.0),
             marks=0.25,
         ),
-        _diagnosed(
+        lacking(
+            "plant",
             "another plant",
             "This loop is not built around your plant. Take process=case.process, which is another "
             "one in every case, and compute the model from its pole, case.pole.",
-            "plant",
             lambda case: NRDOB(4 / (2 - s - s**2), 4 / (2 - s - s**2), -2, LowPassFilter(0.05, 2)),
             marks=0.0,
         ),
@@ -731,8 +673,8 @@ LITERAL = Problem(
 # --- 2.6 A loop that should not exist -----------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class DistantZero:
+@dataclass(frozen=True, repr=False)
+class DistantZero(UnstablePlant):
     """A plant gain (1 - s/zero)/((s - pole)(s + decay)).
 
     Attributes
@@ -741,151 +683,115 @@ class DistantZero:
         The gain of either sign; the others positive, in rad/s. The zero is far beyond the pole.
     """
 
-    gain: float
-    pole: float
-    decay: float
     zero: float
 
     @property
     def process(self) -> ct.TransferFunction:
         """The plant made of these numbers."""
-        return self.gain * (1 - s / self.zero) / ((s - self.pole) * (s + self.decay))
-
-    def __repr__(self) -> str:
-        return f"the plant {factored(self.process)}"
+        return (1 - s / self.zero) * super().process
 
 
 def _distant_zero(rng: np.random.Generator) -> DistantZero:
-    pole = _log(rng, 0.5, 3)
+    pole = draw(rng, 0.5, 3)
     return DistantZero(
-        float(rng.choice([-1, 1])) * _log(rng, 0.5, 5),
+        either_sign(rng) * draw(rng, 0.5, 5),
         pole,
-        _few(pole * rng.uniform(2, 5)),
-        _few(pole * rng.uniform(60, 150)),
+        few(pole * rng.uniform(2, 5)),
+        few(pole * rng.uniform(60, 150)),
     )
 
 
-def _why_not_stable(case: DistantZero, loop: Any) -> str:
-    """Name why a loop is not the one that should not exist; empty if it is."""
-    return _cause(case, loop) if isinstance(loop, NRDOB) else "type"
-
-
-@lru_cache(maxsize=32)
-def _cause(case: DistantZero, loop: NRDOB) -> str:
-    if not _is_own(case, loop):
-        return "plant"
-    verdict = loop.stability()
+def _not_held(case: DistantZero, got: Any) -> str:
+    """Tell why a loop is not the one that should not exist."""
+    if lack := not_around(case.process, got):
+        return lack
+    verdict = got.stability()
     if verdict.stable:
         return ""
     if verdict.observer_loop.stable:
-        return "controller" if verdict.stable is False else "undecided"
+        if verdict.stable is None:
+            return AT_A_BORDER
+        return Lack("controller", "the controller does not stabilise the model (condition i)")
     shared = [
         root
         for root in verdict.observer_loop.roots
         if root.real > 0 and any(abs(root - r) < 1e-6 * abs(r) for r in (case.pole, case.zero))
     ]
     if shared:
-        return "shared"
+        return Lack(
+            "shared", "the model shares a root on the right with the plant, which stays in the loop"
+        )
     if verdict.stable is None:
-        return "undecided"
-    if not right_half_plane_parity(loop.process, loop.model).holds:
-        return "sign"
-    if not isinstance(loop.filter, LowPassFilter):
-        return "filter"
-    works = stabilizing_time_constants(loop.process, loop.model, loop.filter.order)
-    if not works:
-        return "filter"
-    return "fast" if loop.filter.time_constant <= works[0][0] else "slow"
-
-
-_NOT_STABLE = {
-    "type": "it is not an nrdob.NRDOB",
-    "plant": "its plant is not case.process",
-    "controller": "the controller does not stabilise the model (condition i)",
-    "shared": "the model shares a root on the right with the plant, which stays in the loop",
-    "undecided": "there is no verdict on this loop, it is at a border; move away from it",
-    "sign": "p_B has an odd number of roots on the right, whatever the filter",
-    "filter": "with this model and order the filter does not stabilise p_B",
-    "fast": "the filter is too fast, p_B has roots on the right",
-    "slow": "the filter is too slow, p_B has roots on the right",
-}
-
-
-def _mistaken(name: str, says: str, kind: str, example: Any, marks: float) -> Misconception:
-    return Misconception(
-        name, says, example, lambda case, got: _why_not_stable(case, got) == kind, marks
+        return AT_A_BORDER
+    if not right_half_plane_parity(got.process, got.model).holds:
+        return Lack("sign", "p_B has an odd number of roots on the right, whatever the filter")
+    F = got.filter
+    works = isinstance(F, LowPassFilter) and stabilizing_time_constants(
+        got.process, got.model, F.order
     )
-
-
-def _with_filter(case: DistantZero, value: float, sign: float = 1.0) -> NRDOB:
-    model = sign * case.gain / ((s + case.pole) * (s + case.decay))
-    controller = sign * 0.5 * case.pole * case.decay / case.gain
-    return NRDOB(case.process, model, controller, LowPassFilter(value, 2))
+    if not works:
+        return "with this model and order the filter does not stabilise p_B"
+    kind = "fast" if F.time_constant <= works[0][0] else "slow"
+    return Lack(kind, f"the filter is too {kind}, p_B has roots on the right")
 
 
 def _with_shared_zero(case: DistantZero) -> NRDOB:
-    model = case.gain * (1 - s / case.zero) / ((s + case.pole) * (s + case.decay))
+    model = (1 - s / case.zero) * case.mirrored
     return NRDOB(case.process, model, 0, LowPassFilter(0.1 / case.pole, 2))
-
-
-def _with_bad_controller(case: DistantZero) -> NRDOB:
-    model = case.gain / ((s + case.pole) * (s + case.decay))
-    controller = -2 * case.pole * case.decay / case.gain
-    return NRDOB(case.process, model, controller, LowPassFilter(0.1 / case.pole, 2))
 
 
 UNTURNED = Problem(
     id="2.6",
     title="A loop that should not exist",
     case=_distant_zero,
-    accepts=lambda case, got: _NOT_STABLE[kind] if (kind := _why_not_stable(case, got)) else True,
+    lacks=_not_held,
     praise=(
         "Stable, in two ways. H does not make the turn of its unstable pole, because it must turn "
         "back for the plant's zero; FH makes it, because the filter has rolled off by then."
     ),
     misconceptions=(
-        _mistaken(
+        lacking(
+            "shared",
             "a root shared on the right",
             "The model has a root on the right in common with the plant. In H it cancels, and the "
             "turns look better; in the loop it stays, for every filter. Leave the zero out of the "
             "model, and mirror the pole.",
-            "shared",
             _with_shared_zero,
             marks=0.0,
         ),
-        _mistaken(
+        lacking(
+            "sign",
             "the DC sign of the plant",
             "p_B has an odd number of roots on the right, and no filter changes that: parity. One "
             "unstable pole of H asks for a model whose DC gain has the opposite sign of the "
             "plant's.",
-            "sign",
-            lambda case: _with_filter(case, 0.1 / case.pole, sign=-1.0),
+            lambda case: _around_mirrored(case, 0.1 / case.pole, sign=-1.0),
             marks=0.25,
         ),
-        _mistaken(
+        lacking(
+            "controller",
             "the controller does not hold the model",
             "The observer loop is stable, and that is the hard part. But the controller does not "
             "stabilise the model: condition (i). Look at p_A.",
-            "controller",
-            _with_bad_controller,
+            lambda case: _around_mirrored(case, 0.1 / case.pole, hold=-2.0),
             marks=0.5,
         ),
-        _mistaken(
+        lacking(
+            "fast",
             "a filter that is too fast",
             "The model is good, and some filters stabilise this loop. Yours is too fast: it still "
             "works where the plant's distant zero does, and turns back as H does. Let it roll off "
             "before the zero.",
-            "fast",
-            lambda case: _with_filter(case, 0.2 / case.zero),
+            lambda case: _around_mirrored(case, 0.2 / case.zero),
             marks=0.5,
         ),
-        _mistaken(
+        lacking(
+            "slow",
             "a filter that is too slow",
             "The model is good, and some filters stabilise this loop. Yours is too slow: it has "
             "rolled off before FH has made the turn that the unstable pole needs. Make it faster "
             "than the pole.",
-            "slow",
-            lambda case: _with_filter(case, 2 / case.pole),
+            lambda case: _around_mirrored(case, 2 / case.pole),
             marks=0.5,
         ),
     ),

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import partial
 from math import asin, degrees, inf, log, pi, radians, sin, sqrt
 from typing import Any
 
@@ -15,23 +16,13 @@ from ..delay import delay
 from ..figure import SHORT, Figure, axes_for, colour_of, styled
 from ..filters import LowPassFilter
 from ..loop import NRDOB
-from .cases import apart, first_fitting
-from .grading import Misconception, Problem, answers_like
-
-
-def _digits(value: float, count: int = 2) -> float:
-    """Round to a few significant digits, so that a case is short to print."""
-    return float(f"{value:.{count}g}")
-
-
-def _draw(rng: np.random.Generator, low: float, high: float) -> float:
-    """Draw a number, on a log scale, of two digits."""
-    return _digits(float(np.exp(rng.uniform(log(low), log(high)))))
+from .cases import LoopCase, apart, draw, few, first_fitting
+from .grading import Lack, Misconception, Problem, answers_like, lacking, near, same
 
 
 def _changed(loop: NRDOB, plant: Any) -> bool | None:
     """Judge the same loop around another plant; p_A stays as it is."""
-    return NRDOB(plant, loop.model, loop.controller, loop.filter).stability().observer_loop.stable
+    return replace(loop, process=plant).stability().observer_loop.stable
 
 
 # --- 3.1 What M_s promises ----------------------------------------------------------------------
@@ -57,7 +48,7 @@ def _promise(case: PeakCase) -> tuple[float, float, float]:
     return case.ms / (case.ms + 1), case.ms / (case.ms - 1), degrees(2 * asin(0.5 / case.ms))
 
 
-def _promise_accepts(case: PeakCase, got: Any) -> bool | str:
+def _promise_lacks(case: PeakCase, got: Any) -> str:
     if np.size(got) != 3:
         return "three numbers are asked for: (low, high, angle)"
     low, high, angle = map(float, got)
@@ -77,14 +68,14 @@ def _promise_accepts(case: PeakCase, got: Any) -> bool | str:
                 f"{where} is at the distance {found:.4g} from -1, not 1/Ms = {distance:.4g}; the "
                 "curve may come as near as that, and no nearer"
             )
-    return True
+    return ""
 
 
 PROMISE = Problem(
     id="3.1",
     title="What M_s promises",
     case=lambda rng: PeakCase(round(float(rng.uniform(1.2, 1.9)), 2)),
-    accepts=_promise_accepts,
+    lacks=_promise_lacks,
     praise=(
         "Right: three points on a circle of radius 1/Ms around -1. The converse is false: fine "
         "gain and phase margins do not bound Ms."
@@ -161,7 +152,7 @@ def _resonance(pole: float, zero: float, damping: float) -> ct.TransferFunction:
 
 
 def _measured(rng: np.random.Generator) -> MeasuredCase:
-    constant, gain = _draw(rng, 0.2, 1.5), _draw(rng, 0.6, 2)
+    constant, gain = draw(rng, 0.2, 1.5), draw(rng, 0.6, 2)
     pole = float(rng.uniform(11, 16)) / constant
     corner = pole * float(rng.uniform(0.5, 0.8))
     lead = ct.tf([1 / corner, 1], [1 / (corner * float(rng.uniform(2.0, 2.6))), 1])
@@ -215,7 +206,7 @@ READ_OFF = 0.04
 """How far a delay found from measured points may be off."""
 
 
-def _delay_accepts(case: MeasuredCase, got: Any) -> bool | str:
+def _delay_lacks(case: MeasuredCase, got: Any) -> str:
     if np.size(got) != 1:
         return "one number is asked for, the smallest dead time at which the loop is lost"
     margin = float(np.ravel(got)[0])
@@ -231,22 +222,21 @@ def _delay_accepts(case: MeasuredCase, got: Any) -> bool | str:
         return f"with a little less, {margin * (1 - READ_OFF):.4g} s, the loop is already lost"
     if _changed(case._loop, delay(margin * (1 + READ_OFF)) * plant) is not False:
         return f"with a little more, {margin * (1 + READ_OFF):.4g} s, the loop is still stable"
-    return True
+    return ""
 
 
-def _delay_like(name: str, key: str, says: str, marks: float) -> Misconception:
-    def recognises(case: MeasuredCase, got: Any) -> bool:
-        held = _delay_readings(case)[key]
-        return abs(float(got) - held) <= READ_OFF * abs(held)
+def _same_delay(held: float, got: Any) -> bool:
+    return same(held, float(got), READ_OFF)
 
-    return Misconception(name, says, lambda case: _delay_readings(case)[key], recognises, marks)
+
+_delay_like = partial(answers_like, close=_same_delay)
 
 
 DELAY_MARGIN = Problem(
     id="3.3",
     title="The delay margin, from a measurement",
     case=_measured_case,
-    accepts=_delay_accepts,
+    lacks=_delay_lacks,
     praise=(
         "Right, and the exact count agrees: stable with a little less dead time, lost with a "
         "little more. Not the crossover with the least phase decides, but the one with the least "
@@ -255,40 +245,40 @@ DELAY_MARGIN = Problem(
     misconceptions=(
         _delay_like(
             "degrees for radians",
-            "degrees",
             "Right, if a full turn were 360 radians: the angle must be in radians before it is "
             "divided by ω in rad/s. Leave out np.degrees.",
+            lambda case: _delay_readings(case)["degrees"],
             0.5,
         ),
         _delay_like(
             "the crossover of the phase margin only",
-            "phase margin",
             "You took the crossover with the smallest phase margin. But a delay turns the curve by "
             "ω τ, fast at high frequency: a crossover far out is lost sooner, though it has "
             "more phase in hand. Take the smallest quotient over all crossovers.",
+            lambda case: _delay_readings(case)["phase margin"],
             0.25,
         ),
         _delay_like(
             "measured to +1 instead of -1",
-            "plus one",
             "You measured the angle to the positive real axis. Critical for 1 + L = 0 is -1: the "
             "angle by which L must turn clockwise to reach it is that of -L, modulo 2π.",
+            lambda case: _delay_readings(case)["plus one"],
             0.25,
         ),
         _delay_like(
             "negative angle not taken modulo 2π",
-            "negative",
             "A negative dead time does not exist. Where np.angle(-L) is negative the curve has "
             "passed -1, seen clockwise, and must go nearly once around: take the angle modulo "
             "2π.",
+            lambda case: _delay_readings(case)["negative"],
             0.25,
         ),
         _delay_like(
             "turned either way",
-            "either way",
             "At one crossover you let the curve turn counter-clockwise to -1, which is nearer. A "
             "delay turns it clockwise only: where np.angle(-L) is negative add 2π, instead of "
             "dropping the sign.",
+            lambda case: _delay_readings(case)["either way"],
             0.25,
         ),
     ),
@@ -358,8 +348,8 @@ def _noise_readings(case: NoiseCase) -> dict[str, float]:
 
 
 def _noise_case(rng: np.random.Generator) -> NoiseCase:
-    def draw() -> NoiseCase:
-        constant, gain, pole = _draw(rng, 0.05, 0.5), _draw(rng, 0.5, 5), _draw(rng, 0.5, 3)
+    def drawn() -> NoiseCase:
+        constant, gain, pole = draw(rng, 0.05, 0.5), draw(rng, 0.5, 5), draw(rng, 0.5, 3)
         model = ct.tf([gain], [1 / pole, 1])
         stronger = float(rng.uniform(2.0, 2.5))
         plant = model * ct.tf([stronger], [float(rng.uniform(0.01, 0.03)) * constant, 1])
@@ -371,15 +361,10 @@ def _noise_case(rng: np.random.Generator) -> NoiseCase:
             case._loop.stability().stable is True
         )
 
-    return first_fitting(draw, fits)
+    return first_fitting(drawn, fits)
 
 
-def _near(a: float, b: float) -> bool:
-    """Tell whether a value read off a figure is right."""
-    return bool(abs(np.log(a / b)) < np.log(1.13))
-
-
-def _noise_accepts(case: NoiseCase, got: Any) -> bool | str:
+def _noise_lacks(case: NoiseCase, got: Any) -> str:
     omega = float(got)
     if omega <= 0:
         return "a frequency in rad/s is asked for"
@@ -392,47 +377,40 @@ def _noise_accepts(case: NoiseCase, got: Any) -> bool | str:
     before = float(abs(case._loop.S_eta(1j * omega / 1.13)))
     if before * case.size < 1:
         return f"a little below it |Δ S_η| is at most {before * case.size:.3g}: go lower"
-    return True
+    return ""
 
 
-def _noise_like(name: str, key: str, says: str, marks: float) -> Misconception:
-    return Misconception(
-        name,
-        says,
-        example=lambda case: _noise_readings(case)[key],
-        recognises=lambda case, got: _near(float(got), _noise_readings(case)[key]),
-        marks=marks,
-    )
+_noise_like = partial(answers_like, close=partial(near, tolerance=log(1.13)))
 
 
 NOISE_MAP = Problem(
     id="3.4",
     title="Where may the plant be wrong?",
     case=_noise_case,
-    accepts=_noise_accepts,
+    lacks=_noise_lacks,
     praise=(
         "Right: |Δ| |S_η| < 1. Where the loop stops the noise, it does not need to know the plant."
     ),
     misconceptions=(
         _noise_like(
             "filter's curve read instead of the noise map",
-            "F",
             "You read the curve of F. It would be the right one for a perfect model. This plant is "
             "stronger than its model, so the loop is faster than the filter: read |S_η|.",
+            lambda case: _noise_readings(case)["F"],
             0.5,
         ),
         _noise_like(
             "disturbance map read instead of the noise map",
-            "S_d",
             "You read |S_d|. That tells where disturbances are rejected; there the loop needs the "
             "plant most of all. 1 + L(1 + Δ) = (1 + L)(1 + TΔ), and T = -S_η.",
+            lambda case: _noise_readings(case)["S_d"],
             0.0,
         ),
         _noise_like(
             "bandwidth of the noise map",
-            "bandwidth",
             "This is where |S_η| has lost 3 dB. There it is 0.71, and an error of the size given "
             "would make |Δ S_η| far larger than 1. Which |S_η| makes the product 1?",
+            lambda case: _noise_readings(case)["bandwidth"],
             0.25,
         ),
     ),
@@ -443,17 +421,8 @@ NOISE_MAP = Problem(
 # --- 3.5 Find the error: the margin of FH -------------------------------------------------------
 
 
-@dataclass(frozen=True, eq=False)
-class GainCase:
-    """A stable loop whose F H has an adequate gain margin.
-
-    Attributes
-    ----------
-    loop : NRDOB
-        The loop: its `process`, `model`, `controller` and `filter`.
-    """
-
-    loop: NRDOB
+class GainCase(LoopCase):
+    """A stable loop whose F H has an adequate gain margin."""
 
     def __repr__(self) -> str:
         m = self.loop.margins().observer_loop
@@ -461,9 +430,9 @@ class GainCase:
 
 
 def _gain_case(rng: np.random.Generator) -> GainCase:
-    def draw() -> GainCase:
-        constant, gain = _draw(rng, 0.05, 0.5), _draw(rng, 0.5, 5)
-        pole = _draw(rng, 0.5, 3)
+    def drawn() -> GainCase:
+        constant, gain = draw(rng, 0.05, 0.5), draw(rng, 0.5, 5)
+        pole = draw(rng, 0.5, 3)
         model = ct.tf([gain], [1 / pole, 1])
         # Two kinds, so that no one number lies between the two margins of all loops.
         stronger = float(rng.choice([rng.uniform(1.1, 1.2), rng.uniform(1.8, 2.1)]))
@@ -484,17 +453,17 @@ def _gain_case(rng: np.random.Generator) -> GainCase:
             and fh.gm_high > 1.3 * true.gm_high
         )
 
-    return first_fitting(draw, fits)
+    return first_fitting(drawn, fits)
 
 
-def _gain_accepts(case: GainCase, got: Any) -> bool | str:
+def _gain_lacks(case: GainCase, got: Any) -> str:
     k = float(got)
     fh = case.loop.margins().observer_loop
     if not fh.gm_low < k < fh.gm_high:
         return f"the margin of F H allows gains from {fh.gm_low:.4g} to {fh.gm_high:.4g} only"
     stable = _changed(case.loop, k * case.loop.process)
     if stable is False:
-        return True
+        return ""
     return f"with {k:.4g} times its plant the loop is " + ("stable" if stable else "on the border")
 
 
@@ -508,7 +477,7 @@ GAIN = Problem(
     id="3.5",
     title="Find the error: the margin of F H",
     case=_gain_case,
-    accepts=_gain_accepts,
+    lacks=_gain_lacks,
     praise=(
         "Right: the margin of F H allows this gain, and the plant loop is lost. 1 + F (kR - 1) is "
         "(1 - F)(1 + kL), not 1 + kFH."
@@ -583,14 +552,14 @@ class MarginCase:
 
 
 def _margin_case(rng: np.random.Generator) -> MarginCase:
-    def draw() -> MarginCase:
-        lag, gain = _draw(rng, 0.02, 0.3), _draw(rng, 0.5, 5)
-        slow = [_draw(rng, 0.05, 0.15) / lag, _draw(rng, 0.2, 0.4) / lag]
+    def drawn() -> MarginCase:
+        lag, gain = draw(rng, 0.02, 0.3), draw(rng, 0.5, 5)
+        slow = [draw(rng, 0.05, 0.15) / lag, draw(rng, 0.2, 0.4) / lag]
         model = ct.tf([gain], np.polymul(*([1 / p, 1] for p in slow)))
         stronger = float(rng.uniform(1.2, 1.5))
         plant = model * ct.tf([stronger], np.polymul([lag, 1], [lag, 1]))
         controller = ct.tf([1 / slow[0], 1], [4 * gain / slow[1], 0])
-        good, omega = float(rng.uniform(3.5, 5)) * lag, _digits(0.05 / lag)
+        good, omega = float(rng.uniform(3.5, 5)) * lag, few(0.05 / lag)
 
         def at(share: float) -> NRDOB:
             return NRDOB(plant, model, controller, LowPassFilter(share * good, 2))
@@ -600,9 +569,9 @@ def _margin_case(rng: np.random.Generator) -> MarginCase:
             model,
             controller,
             ms=float(np.ceil(100 * at(SHARES[0]).margins().plant_loop.ms) / 100),
-            delay_margin=_digits(at(SHARES[1]).margins().plant_loop.delay_margin, 3),
+            delay_margin=few(at(SHARES[1]).margins().plant_loop.delay_margin, 3),
             omega=omega,
-            rejection=_digits(float(abs(at(SHARES[2]).S_d(1j * omega))), 3),
+            rejection=few(float(abs(at(SHARES[2]).S_d(1j * omega))), 3),
             _good=good,
         )
 
@@ -611,7 +580,7 @@ def _margin_case(rng: np.random.Generator) -> MarginCase:
         faster = case.loop(LowPassFilter(0.88 * SHARES[0] * case._good, 2))
         return bool(faster.margins().observer_loop.ms <= case.ms)
 
-    return first_fitting(draw, fits)
+    return first_fitting(drawn, fits)
 
 
 SHARES = (0.7, 0.9, 1.15)
@@ -640,35 +609,20 @@ def _design_filter(got: Any) -> Any:
     return got
 
 
-def _missing(case: MarginCase, got: Any) -> list[str]:
-    """Tell what a filter lacks."""
+def _design_lacks(case: MarginCase, got: Any) -> str:
     loop = case.loop(_design_filter(got))
     if loop.stability().stable is not True:
-        return ["stable"]
+        return "the loop is not stable"
     true = loop.margins().plant_loop
     size = float(abs(loop.S_d(1j * case.omega)))
-    lacks = {
-        "ms": true.ms > case.ms * (1 + 1e-3),
-        "delay": true.delay_margin < case.delay_margin * (1 - 1e-3),
-        "rejection": size > case.rejection * (1 + 1e-3),
-    }
-    return [name for name, lacking in lacks.items() if lacking]
-
-
-def _design_accepts(case: MarginCase, got: Any) -> bool | str:
-    lacks = _missing(case, got)
-    if not lacks:
-        return True
-    if lacks == ["stable"]:
-        return "the loop is not stable"
-    loop = case.loop(_design_filter(got))
-    true = loop.margins().plant_loop
-    words = {
-        "ms": f"Ms of L is {true.ms:.4g}",
-        "delay": f"the delay margin is {true.delay_margin:.4g} s",
-        "rejection": f"|S_d| is {abs(loop.S_d(1j * case.omega)):.4g} at {case.omega:g} rad/s",
-    }
-    return ", ".join(words[name] for name in lacks)
+    lacks = []
+    if true.ms > case.ms * (1 + 1e-3):
+        lacks.append(Lack("ms", f"Ms of L is {true.ms:.4g}"))
+    if true.delay_margin < case.delay_margin * (1 - 1e-3):
+        lacks.append(Lack("delay", f"the delay margin is {true.delay_margin:.4g} s"))
+    if size > case.rejection * (1 + 1e-3):
+        lacks.append(Lack("rejection", f"|S_d| is {size:.4g} at {case.omega:g} rad/s"))
+    return lacks[0] if len(lacks) == 1 else ", ".join(lacks)
 
 
 def _trusts_FH(case: MarginCase, got: Any) -> bool:
@@ -684,7 +638,7 @@ DESIGN = Problem(
     id="3.6",
     title="Design for margins",
     case=_margin_case,
-    accepts=_design_accepts,
+    lacks=_design_lacks,
     praise=(
         "Right: stable, and with margins that the plant feels. How narrow the room is shows what "
         "the neglected lags cost."
@@ -699,20 +653,20 @@ DESIGN = Problem(
             recognises=_trusts_FH,
             marks=0.25,
         ),
-        Misconception(
+        lacking(
+            "delay",
             "delay margin not looked at",
             "Ms and the rejection are as wanted, but the delay margin is too small. Ms does not "
             "bound it from below. Make the filter a little slower.",
             example=_example(lambda case: 1.05 * _fastest(case, "plant_loop")),
-            recognises=lambda case, got: _missing(case, got) == ["delay"],
             marks=0.5,
         ),
-        Misconception(
+        lacking(
+            "rejection",
             "robust only",
             "Robust enough, and too slow: the disturbance is not rejected as it should be. The "
             "margins leave you room; make λ smaller, until the first of them is used up.",
             example=_example(lambda case: 2.2 * _fastest(case, "plant_loop")),
-            recognises=lambda case, got: _missing(case, got) == ["rejection"],
             marks=0.5,
         ),
     ),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from math import inf, isfinite, log, pi
 from typing import Any
 
@@ -12,7 +12,7 @@ import control as ct
 import numpy as np
 from scipy.optimize import brentq
 
-from ..blocks import ComplexArray, FloatArray
+from ..blocks import ComplexArray, FloatArray, as_fraction
 from ..closedforms import (
     disturbance_index,
     gain_bound,
@@ -29,23 +29,17 @@ from ..loop import NRDOB
 from ..mismatch import Mismatch
 from ..quasipoly import QuasiPolynomial
 from ..timeconstants import critical_time_constants
-from .cases import apart, factored, first_fitting
-from .grading import Misconception, Problem, same
-
-
-def _digits(value: float, count: int = 2) -> float:
-    """Round to a few significant digits, so that a case is short to print."""
-    return float(f"{value:.{count}g}")
-
-
-def _draw(rng: np.random.Generator, low: float, high: float) -> float:
-    """Draw a number, on a log scale, of two digits."""
-    return _digits(float(np.exp(rng.uniform(log(low), log(high)))))
-
-
-def _judge(plant: Any, model: Any, filter: Any) -> bool | None:
-    """Judge p_B in two ways; the controller does not occur in it."""
-    return NRDOB(plant, model, 0.0, filter).stability().observer_loop.stable
+from .cases import (
+    apart,
+    draw,
+    either_sign,
+    factored,
+    few,
+    first_fitting,
+    grid_peak,
+    observer_stable,
+)
+from .grading import Misconception, Problem, answers_like, answers_like_any, near, same
 
 
 def _lags(gain: float, poles: list[float]) -> ct.TransferFunction:
@@ -110,10 +104,10 @@ class CardCase:
 
 def _card_case(rng: np.random.Generator) -> CardCase:
     return CardCase(
-        delay=_draw(rng, 0.02, 3),
-        zero=_draw(rng, 3, 60),
-        lag=_draw(rng, 0.02, 3),
-        double_lag=_draw(rng, 0.02, 3),
+        delay=draw(rng, 0.02, 3),
+        zero=draw(rng, 3, 60),
+        lag=draw(rng, 0.02, 3),
+        double_lag=draw(rng, 0.02, 3),
         order=int(rng.integers(2, 4)),
     )
 
@@ -123,7 +117,7 @@ EDGE = 1.01
 """How near to an edge a number must be: a step of one per cent must cross it."""
 
 
-def _on_the_edge(case: CardCase, got: Any) -> bool | str:
+def _on_the_edge(case: CardCase, got: Any) -> str:
     values = [float(value) for value in got]
     if len(values) != 4:
         return f"{len(values)} numbers; four are asked for"
@@ -131,7 +125,7 @@ def _on_the_edge(case: CardCase, got: Any) -> bool | str:
     for name, plant, value, edge in zip(ERRORS, case.plants, values, case.edges, strict=True):
         if how := _off_the_edge(plant, case.order, value, edge):
             off.setdefault(how, []).append(name)
-    return "; ".join(f"{how} for {' and '.join(names)}" for how, names in off.items()) or True
+    return "; ".join(f"{how} for {' and '.join(names)}" for how, names in off.items())
 
 
 def _off_the_edge(plant: Any, order: int, value: float, edge: float) -> str:
@@ -143,7 +137,7 @@ def _off_the_edge(plant: Any, order: int, value: float, edge: float) -> str:
     if value == 0:
         return "not every λ is stable"
     above, below = (
-        _judge(plant, ct.tf([1], [1, 1]), LowPassFilter(factor * value, order))
+        observer_stable(plant, ct.tf([1], [1, 1]), LowPassFilter(factor * value, order))
         for factor in (EDGE, 1 / EDGE)
     )
     if above is not True:
@@ -151,71 +145,60 @@ def _off_the_edge(plant: Any, order: int, value: float, edge: float) -> str:
     return "smaller λ are stable, too," if below is not False else ""
 
 
-def _wrong_entry(
-    name: str, says: str, which: int, value: Callable[[CardCase], float], marks: float
-) -> Misconception:
-    """Make a misconception that shows in one of the four numbers."""
+_card_like = partial(
+    answers_like, close=lambda expected, got: same(expected, [float(value) for value in got], 5e-3)
+)
 
-    def example(case: CardCase) -> list[float]:
-        numbers = case.edges
-        numbers[which] = value(case)
-        return numbers
 
-    def recognises(case: CardCase, got: Any) -> bool:
-        return bool(np.allclose(np.asarray(got, dtype=float), example(case), rtol=5e-3, atol=1e-9))
-
-    return Misconception(name, says, example, recognises, marks)
+def _but_for(entry: int, value: Callable[[CardCase], float]) -> Callable[[CardCase], list[float]]:
+    """Answer as one should, but for one of the four numbers."""
+    return lambda case: [value(case) if k == entry else edge for k, edge in enumerate(case.edges)]
 
 
 CARD = Problem(
     id="4.1",
     title="Four errors, four numbers",
     case=_card_case,
-    accepts=_on_the_edge,
+    lacks=_on_the_edge,
     praise=(
         "Right: each edge is a number times the size of the error, and a single neglected lag "
         "has none. (For several errors at once the numbers do not add.)"
     ),
     misconceptions=(
-        _wrong_entry(
+        _card_like(
             "2θ/π for every order",
             "Three are right. But 2θ/π is the edge of a dead time for one lag in the filter. With "
             "more lags the number is smaller: look at the card in the column of your n.",
-            0,
-            lambda case: 2 * case.delay / pi,
+            _but_for(0, lambda case: 2 * case.delay / pi),
             0.5,
         ),
-        _wrong_entry(
+        _card_like(
             "frequency taken for a time",
             "Three are right. The size of a zero at z is the time 1/z: a zero far out is a small "
             "error. You multiplied by z.",
-            1,
-            lambda case: smallest_for_rhp_zero(1.0, case.order) * case.zero,
+            _but_for(1, lambda case: smallest_for_rhp_zero(1.0, case.order) * case.zero),
             0.5,
         ),
-        _wrong_entry(
+        _card_like(
             "one lag counted as dead time",
             "Three are right. To count a lag as a dead time is safe, but it is not the edge: "
             "|H| = |Ts/(Ts + 1)| is below 1, so small gain makes the loop stable for every λ. "
             "The smallest λ is 0.",
-            2,
-            lambda case: smallest_for_delay(case.lag, case.order),
+            _but_for(2, lambda case: smallest_for_delay(case.lag, case.order)),
             0.5,
         ),
-        _wrong_entry(
+        _card_like(
             "two lags as harmless as one",
             "Three are right. One lag is harmless because |H| < 1. For two |H| exceeds 1 at high "
             "frequency, and there is an edge.",
-            3,
-            lambda case: 0.0,
+            _but_for(3, lambda case: 0.0),
             0.5,
         ),
-        Misconception(
+        _card_like(
             "column of another order",
             "These are the numbers for another order of the filter. Each further lag changes them "
             "all; take n from the case.",
             lambda case: replace(case, order=5 - case.order).edges,
-            lambda case, got: same(replace(case, order=5 - case.order).edges, list(got), 5e-3),
             0.5,
         ),
     ),
@@ -265,7 +248,7 @@ class OrdersCase:
         """Ms on a grid of frequencies; true only where the loop is stable."""
         omega, R = self._grid
         F = _filter(order, bandwidth)(1j * omega)
-        return float(np.abs((1 - F) / (1 - F + F * R)).max())
+        return grid_peak(F, R)
 
     @cached_property
     def fastest(self) -> dict[int, float]:
@@ -320,16 +303,16 @@ def _filter(order: int, bandwidth: float) -> LowPassFilter:
 
 
 def _orders_case(rng: np.random.Generator) -> OrdersCase:
-    def draw() -> OrdersCase:
-        poles = [_draw(rng, 0.5, 2), _draw(rng, 2.5, 6)]
-        gain, zero = _draw(rng, 0.5, 5), _draw(rng, 15, 90)
+    def drawn() -> OrdersCase:
+        poles = [draw(rng, 0.5, 2), draw(rng, 2.5, 6)]
+        gain, zero = draw(rng, 0.5, 5), draw(rng, 15, 90)
         stronger = round(float(rng.uniform(0.92, 1.08)), 2)
         model = _lags(gain, poles)
         plant = stronger * model * ct.tf([-1 / zero, 1], [1 / zero, 1])
         return OrdersCase(plant, model, float(rng.choice([1.8, 1.9, 2.0])))
 
     # The curves must be told apart, and so must the λ that the mistakes lead to.
-    return first_fitting(draw, lambda case: case.fastest[3] < 0.9 * case.fastest[2])
+    return first_fitting(drawn, lambda case: case.fastest[3] < 0.9 * case.fastest[2])
 
 
 def _order_and_time(got: Any) -> tuple[int, float]:
@@ -339,9 +322,9 @@ def _order_and_time(got: Any) -> tuple[int, float]:
     return int(order), float(time_constant)
 
 
-def _read_well(case: OrdersCase, got: Any) -> bool | str:
+def _read_well(case: OrdersCase, got: Any) -> str:
     F = LowPassFilter(*_order_and_time(got)[::-1])
-    if not _judge(case.plant, case.model, F):
+    if not observer_stable(case.plant, case.model, F):
         return "with this filter the loop is not stable"
     ms = NRDOB(case.plant, case.model, 0.0, F).margins().plant_loop.ms
     if ms > case.max_ms * (1 + READING / 2):
@@ -352,22 +335,15 @@ def _read_well(case: OrdersCase, got: Any) -> bool | str:
             f"its bandwidth is {F.bandwidth:.3g} rad/s, and more can be had; read again where the "
             "curves meet the line, or compute λ from the bandwidth again"
         )
-    return True
+    return ""
 
 
-def _misread(
-    name: str,
-    says: str,
-    readings: Callable[[OrdersCase], list[tuple[int, float]]],
-    marks: float = 0.0,
-) -> Misconception:
-    """Make a misconception that leads to one of some pairs of order and λ."""
+def _read_alike(expected: tuple[int, float], got: Any) -> bool:
+    order, value = _order_and_time(got)
+    return order == expected[0] and near(expected[1], value, READING)
 
-    def recognises(case: OrdersCase, got: Any) -> bool:
-        order, value = _order_and_time(got)
-        return any(order == n and abs(log(value / at)) < READING for n, at in readings(case))
 
-    return Misconception(name, says, lambda case: readings(case)[0], recognises, marks)
+_misread = partial(answers_like_any, close=_read_alike)
 
 
 def _times(bandwidths: dict[int, float], *orders: int) -> list[tuple[int, float]]:
@@ -378,7 +354,7 @@ FASTEST_ORDER = Problem(
     id="4.2",
     title="Which order is the fastest?",
     case=_orders_case,
-    accepts=_read_well,
+    lacks=_read_well,
     praise=(
         "Right: the lowest order is the fastest that meets the specification, although a higher "
         "one is lost later. An edge is not a margin."
@@ -503,18 +479,17 @@ def _border(order: int, gain: float, max_ms: float, of_FH: bool) -> float:
 
     def excess(exponent: float) -> float:
         F = LowPassFilter(float(np.exp(exponent)), order)(1j * omega)
-        sensitivity = (1.0 if of_FH else 1 - F) / (1 + F * (R - 1))
-        return float(np.abs(sensitivity).max()) - max_ms
+        return grid_peak(F, R, of_FH) - max_ms
 
     return float(np.exp(brentq(excess, log(1.01 * edge), log(50 * edge), xtol=1e-6)))
 
 
 def _plants_case(rng: np.random.Generator) -> PlantsCase:
-    def draw() -> PlantsCase:
-        slow = _draw(rng, 0.3, 3)
-        other, zero = _digits(slow * rng.uniform(1.5, 3)), _digits(slow * rng.uniform(15, 30))
-        nearer, more = _digits(zero / rng.uniform(1.15, 1.6)), _digits(rng.uniform(1.1, 1.5))
-        model = _lags(_draw(rng, 0.3, 5), [slow, other])
+    def drawn() -> PlantsCase:
+        slow = draw(rng, 0.3, 3)
+        other, zero = few(slow * rng.uniform(1.5, 3)), few(slow * rng.uniform(15, 30))
+        nearer, more = few(zero / rng.uniform(1.15, 1.6)), few(rng.uniform(1.1, 1.5))
+        model = _lags(draw(rng, 0.3, 5), [slow, other])
         worn = [model * ct.tf([-1 / nearer, 1], [1]), more * model * ct.tf([-1 / zero, 1], [1])]
         plants = [model * ct.tf([-1 / zero, 1], [1]), *(worn[k] for k in rng.permutation(2))]
         order, max_ms = int(rng.integers(2, 4)), float(rng.choice([1.8, 1.9, 2.0]))
@@ -525,10 +500,10 @@ def _plants_case(rng: np.random.Generator) -> PlantsCase:
         borders = case.borders()
         return min(borders) == borders[0] and apart(*borders, max(case.borders(True)), by=0.07)
 
-    return first_fitting(draw, fits)
+    return first_fitting(drawn, fits)
 
 
-def _good_for_all(case: PlantsCase, got: Any) -> bool | str:
+def _good_for_all(case: PlantsCase, got: Any) -> str:
     if not isinstance(got, LowPassFilter):
         return "an nrdob.LowPassFilter is asked for"
     if got.order != case.order:
@@ -542,7 +517,7 @@ def _good_for_all(case: PlantsCase, got: Any) -> bool | str:
             return f"with plant {number} Ms is {peak:.4g}"
     if case.good(case.peak(got.time_constant / FASTER)):
         return f"Ms is met with every plant, but a filter {FASTER:g} times as fast does it, too"
-    return True
+    return ""
 
 
 def _slowed(
@@ -566,7 +541,7 @@ THREE_PLANTS = Problem(
     id="4.3",
     title="One filter for three plants",
     case=_plants_case,
-    accepts=_good_for_all,
+    lacks=_good_for_all,
     praise=(
         "Right: each loop is stable, Ms of L is within the limit with each plant, and no "
         "noticeably faster filter of this order does that."
@@ -650,8 +625,8 @@ class SlowCase:
 
 
 def _slow_case(rng: np.random.Generator) -> SlowCase:
-    gain = float(rng.choice([-1, 1])) * _draw(rng, 0.3, 5)
-    return SlowCase(_lags(gain, [_draw(rng, 0.2, 1), _draw(rng, 2, 6)]), int(rng.integers(3, 7)))
+    gain = either_sign(rng) * draw(rng, 0.3, 5)
+    return SlowCase(_lags(gain, [draw(rng, 0.2, 1), draw(rng, 2, 6)]), int(rng.integers(3, 7)))
 
 
 def _mirrored(case: SlowCase, gain: float) -> ct.TransferFunction:
@@ -673,9 +648,8 @@ class _Facts:
 def _facts(case: SlowCase, plant: Any) -> _Facts:
     mismatch = Mismatch.of(plant, case.model, case.order)
     slowest = 1 / float(mismatch.speeds.min())
-    verdicts = [
-        _judge(plant, case.model, LowPassFilter(factor * slowest, case.order)) for factor in SLOW
-    ]
+    filters = [LowPassFilter(factor * slowest, case.order) for factor in SLOW]
+    verdicts = [observer_stable(plant, case.model, F) for F in filters]
     limit = stable_for_slow_filters(plant, case.model, case.order).holds
     # 1 + H = b/a: its zeros less its poles on the right are the clockwise turns.
     poles, zeros = (
@@ -685,7 +659,7 @@ def _facts(case: SlowCase, plant: Any) -> _Facts:
     return _Facts(poles == 0, g0, zeros - poles, verdicts == [False] * 3 and limit is False)
 
 
-def _refutes(case: SlowCase, got: Any) -> bool | str:
+def _refutes(case: SlowCase, got: Any) -> str:
     if isinstance(got, DelayedTransferFunction) and got.delay:
         return "it has a dead time; give a plant without one"
     facts = _facts(case, got)
@@ -698,14 +672,14 @@ def _refutes(case: SlowCase, got: Any) -> bool | str:
             f"a slow enough filter makes this loop stable; G(0)/model(0) is {facts.g0:.3g}, and H "
             f"makes {facts.turns} clockwise turns"
         )
-    return facts.turns >= 1 or "H makes no clockwise turn around -1"
+    return "" if facts.turns >= 1 else "H makes no clockwise turn around -1"
 
 
 SLOW_FILTER = Problem(
     id="4.5",
     title="Find the error: reduce the bandwidth",
     case=_slow_case,
-    accepts=_refutes,
+    lacks=_refutes,
     praise=(
         "Right, and this refutes the sentence as it stands: H turns clockwise, and no filter is "
         "slow enough. Near zero frequency FH is H(0)/(1 + jx)^n however slow the filter is; "
@@ -795,7 +769,7 @@ class BetterCase:
     @property
     def order(self) -> int:
         """Relative degree of the model."""
-        return int(self.model.poles().size - self.model.zeros().size)
+        return as_fraction(self.model, "model").relative_degree
 
     @property
     def equal(self) -> float:
@@ -843,16 +817,16 @@ def _spread(case: BetterCase, slow: float, ratio: float) -> ct.TransferFunction:
 
 def _better_case(rng: np.random.Generator) -> BetterCase:
     order = int(rng.integers(3, 5))
-    slowest = _draw(rng, 0.5, 5)
-    poles = [slowest, *(_digits(slowest * rng.uniform(2, 5)) for _ in range(order - 1))]
-    free = BetterCase(_lags(_draw(rng, 0.5, 5), poles), inf, inf, inf)
+    slowest = draw(rng, 0.5, 5)
+    poles = [slowest, *(few(slowest * rng.uniform(2, 5)) for _ in range(order - 1))]
+    free = BetterCase(_lags(draw(rng, 0.5, 5), poles), inf, inf, inf)
     slow = slowest * float(rng.uniform(3, 6))
     price = _price(free, _spread(free, slow, 4.0))
     return BetterCase(
         free.model,
-        noise=_digits(1.03 * price.noise, 3),
-        error=_digits(1.04 * price.error, 3),
-        fastest=_digits(6.5 * slow),
+        noise=few(1.03 * price.noise, 3),
+        error=few(1.04 * price.error, 3),
+        fastest=few(6.5 * slow),
     )
 
 
@@ -860,11 +834,11 @@ LEEWAY = 1 + 1e-3
 """Limits are printed to three digits."""
 
 
-def _beats(case: BetterCase, got: Any) -> bool | str:
+def _beats(case: BetterCase, got: Any) -> str:
     price = _price(case, got)
     if not price.causal:
         return "F/model is not causal"
-    if _judge(case.model, case.model, got) is not True:
+    if observer_stable(case.model, case.model, got) is not True:
         return "the loop is not stable"
     if price.speed > case.fastest * LEEWAY:
         return f"its fastest pole is {price.speed:.4g} rad/s"
@@ -873,7 +847,7 @@ def _beats(case: BetterCase, got: Any) -> bool | str:
         lacks.append(f"the noise is {price.noise:.4g}")
     if price.error > case.error * LEEWAY:
         lacks.append(f"the error is {price.error:.4g}")
-    return " and ".join(lacks) or True
+    return " and ".join(lacks)
 
 
 def _scaled(case: BetterCase, poles: list[float]) -> ct.TransferFunction:
@@ -903,7 +877,7 @@ BETTER = Problem(
     id="4.6",
     title="Better than equal lags",
     case=_better_case,
-    accepts=_beats,
+    lacks=_beats,
     praise=(
         "Within all limits, where no filter 1/(λs + 1)^n can be: with equal lags the product of "
         "noise and error is too large, whatever λ. The bound 1/4 is still below you."

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from math import inf, log, pi
 from typing import Any, NamedTuple
 
@@ -13,43 +13,36 @@ import numpy as np
 from scipy.optimize import brentq
 
 from ..alttext import number
-from ..blocks import ComplexArray, FloatArray
+from ..blocks import ComplexArray, FloatArray, as_fraction
 from ..delay import DelayedTransferFunction, delay
 from ..figure import COLOURS, INK, TALL, Figure, axes_for, styled
 from ..filters import LowPassFilter
 from ..limits import right_half_plane_parity
 from ..loop import NRDOB
-from ..margins import margins
-from ..quotient import Quotient
 from ..timeconstants import critical_time_constants, stabilizing_time_constants
-from .cases import apart, factored, first_fitting
-from .grading import Misconception, Problem, answers_like
-
-s = ct.tf("s")
-
-POINTS = np.array([0.3 + 0.2j, 1j, 3 + 2j, 10j, 40 + 7j])
-"""Where two plants are compared."""
-
-
-def _few(value: float, digits: int = 2) -> float:
-    """Round to a few significant digits, so that a case is short to print."""
-    return float(f"{value:.{digits}g}")
-
-
-def _log(rng: np.random.Generator, low: float, high: float) -> float:
-    """Draw from a range, evenly on a log scale."""
-    return _few(float(np.exp(rng.uniform(log(low), log(high)))))
-
-
-def _sign(rng: np.random.Generator) -> float:
-    return float(rng.choice([-1, 1]))
-
-
-def _observer_loop(process: Any, model: Any, value: float, order: int) -> bool | None:
-    """Judge p_B; the controller does not occur in it."""
-    loop = NRDOB(process, model, 0, LowPassFilter(value, order))
-    return loop.stability().observer_loop.stable
-
+from .cases import (
+    UnstablePlant,
+    apart,
+    draw,
+    either_sign,
+    factored,
+    few,
+    first_fitting,
+    not_around,
+    observer_stable,
+    on_the_right,
+    s,
+)
+from .grading import (
+    Lack,
+    Misconception,
+    Problem,
+    answers_like,
+    answers_like_any,
+    lacking,
+    near,
+    same,
+)
 
 # --- 5.1 Which sign? ----------------------------------------------------------------------------
 
@@ -91,19 +84,19 @@ def _sign_case(rng: np.random.Generator) -> SignCase:
 
 def _draw_pairs(rng: np.random.Generator) -> SignCase:
     def root() -> float:
-        return _log(rng, 0.3, 5)
+        return draw(rng, 0.3, 5)
 
     def pair_of_poles() -> ct.TransferFunction:
-        omega = _log(rng, 0.5, 3)
-        return s**2 - _few(rng.uniform(0.1, 0.9) * omega) * s + _few(omega**2)
+        omega = draw(rng, 0.5, 3)
+        return s**2 - few(rng.uniform(0.1, 0.9) * omega) * s + few(omega**2)
 
     def model(zero: bool) -> ct.TransferFunction:
         first, second = root(), root()
         over = root() - s if zero else 1
-        return _few(rng.uniform(0.5, 2)) * over / ((s + first) * (s + second))
+        return few(rng.uniform(0.5, 2)) * over / ((s + first) * (s + second))
 
     def plant(over: Any, under: Any) -> ct.TransferFunction:
-        return _sign(rng) * _few(rng.uniform(0.5, 4)) * over / under
+        return either_sign(rng) * few(rng.uniform(0.5, 4)) * over / under
 
     zero = root()
     beside = first_fitting(root, lambda pole: apart(pole, zero, by=0.2))
@@ -122,10 +115,6 @@ def _signs(case: SignCase, rule: Callable[[Pair], float]) -> list[int]:
     return [int(np.sign(rule(pair))) for pair in case.pairs]
 
 
-def _on_the_right(roots: Any) -> int:
-    return int(np.sum(np.real(roots) > 0))
-
-
 def _dc(pair: Pair) -> float:
     return float(np.real(pair.process(0) / pair.model(0)))
 
@@ -135,15 +124,15 @@ def _same_dc_sign(pair: Pair) -> float:
 
 
 def _opposite_if_unstable(pair: Pair) -> float:
-    return -_dc(pair) if _on_the_right(pair.process.poles()) else _dc(pair)
+    return -_dc(pair) if on_the_right(pair.process.poles()) else _dc(pair)
 
 
 def _relative_to_the_plant(pair: Pair) -> float:
-    return (-1.0) ** _on_the_right([*pair.process.poles(), *pair.model.zeros()])
+    return (-1.0) ** on_the_right(pair.process.poles(), pair.model.zeros())
 
 
 def _zeros_of_the_model_forgotten(pair: Pair) -> float:
-    return _dc(pair) * (-1.0) ** _on_the_right(pair.process.poles())
+    return _dc(pair) * (-1.0) ** on_the_right(pair.process.poles())
 
 
 def _high_frequency_sign(pair: Pair) -> float:
@@ -158,21 +147,21 @@ def _odd(pair: Pair, sign: float) -> bool:
     return not right_half_plane_parity(loop.process, loop.model).holds or bool((counted or 0) % 2)
 
 
-def _sign_accepts(case: SignCase, got: Any) -> bool | str:
+def _sign_lacks(case: SignCase, got: Any) -> str:
     signs = np.asarray(got)
     if signs.shape != (5,) or signs.dtype.kind not in "if" or not np.all(np.abs(signs) == 1):
         return "give five numbers, each +1 or -1, in the order of the pairs"
     for k, (pair, sign) in enumerate(zip(case.pairs, signs, strict=True), start=1):
         if _odd(pair, float(sign)):
             return f"with your sign, p_B of pair {k} has an odd number of roots on the right"
-    return True
+    return ""
 
 
 SIGN = Problem(
     id="5.1",
     title="Which sign?",
     case=_sign_case,
-    accepts=_sign_accepts,
+    lacks=_sign_lacks,
     praise=(
         "Right, every one: the signs at DC agree if the poles of the plant and the zeros of the "
         "model on the right are even in number, and differ if they are odd. It is necessary, and "
@@ -226,23 +215,32 @@ SIGN = Problem(
 
 
 @dataclass(frozen=True)
-class LateCase:
-    """A plant with dead time, a model without, and the order of the filter.
+class FilterCase:
+    """A plant, a model and the order of the filter.
 
     Attributes
     ----------
-    process : DelayedTransferFunction
-        The plant; its dead time is `process.delay`, in seconds.
+    process : control.TransferFunction or DelayedTransferFunction
+        The plant; a dead time is `process.delay`, in seconds.
     model : control.TransferFunction
     order : int
     """
 
-    process: DelayedTransferFunction
+    process: Any
     model: ct.TransferFunction
     order: int
 
     def __repr__(self) -> str:
         return f"plant {factored(self.process)}, model {factored(self.model)}, n = {self.order}"
+
+    def stable(self, time_constant: float) -> bool | None:
+        """Judge p_B with a filter."""
+        F = LowPassFilter(time_constant, self.order)
+        return observer_stable(self.process, self.model, F)
+
+
+class LateCase(FilterCase):
+    """A plant with dead time, a model without, and the order of the filter."""
 
     @cached_property
     def borders(self) -> dict[str, float]:
@@ -283,12 +281,12 @@ def _late_case(rng: np.random.Generator) -> LateCase:
 
 def _draw_late(rng: np.random.Generator) -> LateCase:
     """Draw a plant of two lags and a dead time, and a model whose poles are a little off."""
-    poles = [_log(rng, 1, 6) for _ in range(2)]
-    near = [_few(pole * rng.uniform(0.75, 1.35)) for pole in poles]
-    gain = _few(rng.uniform(0.85, 1.2) * poles[0] * poles[1])
+    poles = [draw(rng, 1, 6) for _ in range(2)]
+    close = [few(pole * rng.uniform(0.75, 1.35)) for pole in poles]
+    gain = few(rng.uniform(0.85, 1.2) * poles[0] * poles[1])
     return LateCase(
-        delay(_log(rng, 0.06, 0.4)) * (gain / ((s + poles[0]) * (s + poles[1]))),
-        _few(near[0] * near[1]) / ((s + near[0]) * (s + near[1])),
+        delay(draw(rng, 0.06, 0.4)) * (gain / ((s + poles[0]) * (s + poles[1]))),
+        few(close[0] * close[1]) / ((s + close[0]) * (s + close[1])),
         int(rng.integers(2, 4)),
     )
 
@@ -306,34 +304,32 @@ def _tells_apart(case: LateCase) -> bool:
     )
 
 
-def _border_accepts(case: LateCase, got: Any) -> bool | str:
+def _border_lacks(case: LateCase, got: Any) -> str:
     if np.shape(got) != ():
         return "return one number, the time constant in seconds"
     value = float(got)
     if not 0 < value < inf:
         return "a time constant is a positive number"
     slower = (50.0, 5.0, 1.5, 1.001)
-    if not all(_observer_loop(case.process, case.model, k * value, case.order) for k in slower):
+    if not all(case.stable(k * value) for k in slower):
         return "there is a slower filter that does not stabilise the loop"
-    if _observer_loop(case.process, case.model, 0.999 * value, case.order) is not False:
+    if case.stable(0.999 * value) is not False:
         return "a slightly faster filter stabilises the loop, too"
-    return True
+    return ""
 
 
-def _border_like(name: str, says: str, *which: str, marks: float) -> Misconception:
-    """Make a misconception that has taken another number for the border."""
+def _same_border(border: float, got: Any) -> bool:
+    return same(border, float(got), 1.2e-3)
 
-    def recognises(case: LateCase, got: Any) -> bool:
-        return any(abs(float(got) / case.borders[each] - 1) < 1.2e-3 for each in which)
 
-    return Misconception(name, says, lambda case: case.borders[which[0]], recognises, marks)
+_border_like = partial(answers_like_any, close=_same_border)
 
 
 BORDER = Problem(
     id="5.3",
     title="How fast may the filter be?",
     case=_late_case,
-    accepts=_border_accepts,
+    lacks=_border_lacks,
     praise=(
         "Right: one part in a thousand faster and the loop is lost, and every slower filter holds "
         "it. No fraction stands for the dead time in that statement."
@@ -344,37 +340,35 @@ BORDER = Problem(
             "This is the border of another loop, in which a Padé fraction stands for the dead "
             "time. It lies on the unsafe side: the true loop is lost before. On the axis "
             "exp(-j theta omega) is just a number; use it, or the package, which does.",
-            "Padé 1",
-            "Padé 2",
+            lambda case: [case.borders["Padé 1"], case.borders["Padé 2"]],
             marks=0.25,
         ),
         _border_like(
             "the closed form of a pure dead time",
             "2 theta/pi is exact for a pure dead time and n = 1. Here plant and model differ in "
             "their poles, too, and n is not 1: the border must be computed for this loop.",
-            "2θ/π",
+            lambda case: [case.borders["2θ/π"]],
             marks=0.0,
         ),
         _border_like(
             "small gain taken for the border",
             "This is where |FH| reaches 1. Slower filters are safe, that is true; but small gain "
             "is sufficient, not necessary, and faster ones work as well. Where does FH reach -1?",
-            "small gain",
+            lambda case: [case.borders["small gain"]],
             marks=0.5,
         ),
         _border_like(
             "the first edge taken for the last",
             "You have found an edge, but not the one that matters. With a dead time there are "
             "many, crowding towards 0, and below the largest one roots are on the right.",
-            "first edge",
+            lambda case: [case.borders["first edge"]],
             marks=0.25,
         ),
         _border_like(
             "a frequency given for the time constant",
             "You have found the edge, and returned a frequency: 1/lambda, or the one at which the "
             "roots cross. Asked for is the time constant lambda itself, in seconds.",
-            "bandwidth",
-            "frequency",
+            lambda case: [case.borders["bandwidth"], case.borders["frequency"]],
             marks=0.75,
         ),
     ),
@@ -384,33 +378,19 @@ BORDER = Problem(
 # --- 5.4 Read an edge off a picture -------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class EdgeCase:
-    """A loop with exactly one edge, for a filter of order 2.
-
-    Attributes
-    ----------
-    process, model : control.TransferFunction
-    """
-
-    process: ct.TransferFunction
-    model: ct.TransferFunction
-
-    def __repr__(self) -> str:
-        return f"plant {factored(self.process)}, model {factored(self.model)}, n = 2"
+class EdgeCase(FilterCase):
+    """A loop with exactly one edge."""
 
     @cached_property
     def edge(self) -> tuple[float, float]:
         """The time constant of the edge, and the frequency of the roots there."""
-        ((value, omega, _),) = critical_time_constants(self.process, self.model, 2)
+        ((value, omega, _),) = critical_time_constants(self.process, self.model, self.order)
         return value, omega
 
     @cached_property
     def side(self) -> str:
         """Whether the loop is stable "below" or "above" the edge."""
-        return (
-            "below" if _observer_loop(self.process, self.model, 0.9 * self.edge[0], 2) else "above"
-        )
+        return "below" if self.stable(0.9 * self.edge[0]) else "above"
 
 
 def _edge_case(rng: np.random.Generator) -> EdgeCase:
@@ -420,25 +400,25 @@ def _edge_case(rng: np.random.Generator) -> EdgeCase:
 
 def _draw_edge(rng: np.random.Generator, unstable: bool) -> EdgeCase:
     """Draw an unstable pole that the model mirrors, or a zero on the right that it leaves out."""
-    gain, lag, speed = (_log(rng, low, high) for low, high in ((1.3, 5), (2, 9), (0.6, 6)))
-    size = _log(rng, 0.5, 4)
+    gain, lag, speed = (draw(rng, low, high) for low, high in ((1.3, 5), (2, 9), (0.6, 6)))
+    size = draw(rng, 0.5, 4)
     if unstable:
-        mirrored = _few(speed * rng.uniform(0.6, 1.6))
-        process = _few(gain * size) / ((s - speed) * (s + lag))
-        return EdgeCase(process, size / ((s + mirrored) * (s + lag)))
+        mirrored = few(speed * rng.uniform(0.6, 1.6))
+        process = few(gain * size) / ((s - speed) * (s + lag))
+        return EdgeCase(process, size / ((s + mirrored) * (s + lag)), 2)
     process = (
-        _few(size * rng.uniform(0.7, 1.4)) * (1 - s / _few(2 * speed)) / ((s + speed) * (s + lag))
+        few(size * rng.uniform(0.7, 1.4)) * (1 - s / few(2 * speed)) / ((s + speed) * (s + lag))
     )
-    return EdgeCase(process, size / ((s + _few(speed * rng.uniform(0.6, 1.6))) * (s + lag)))
+    return EdgeCase(process, size / ((s + few(speed * rng.uniform(0.6, 1.6))) * (s + lag)), 2)
 
 
 def _legible(case: EdgeCase, unstable: bool) -> bool:
     """Whether there is one edge, in the picture, and every misreading leads elsewhere."""
-    if len(critical_time_constants(case.process, case.model, 2)) != 1:
+    if len(critical_time_constants(case.process, case.model, case.order)) != 1:
         return False
     value, omega = case.edge
     x = value * omega
-    verdicts = [_observer_loop(case.process, case.model, k * value, 2) for k in (0.9, 1.1)]
+    verdicts = [case.stable(k * value) for k in (0.9, 1.1)]
     return (
         verdicts == [unstable, not unstable]
         and 0.5 < x < 2.2
@@ -456,7 +436,7 @@ def draw_edge(case: EdgeCase) -> Figure:
     def H(w: Any) -> Any:
         return loop.H(1j * np.asarray(w))
 
-    step = _few(0.15 * omega, 1)
+    step = few(0.15 * omega, 1)
     frequencies = step * np.arange(np.ceil(0.5 * omega / step), 1 + 1.5 * omega // step)
     x = 0.2 * np.arange(1, 1 + 1.4 * value * omega // 0.2)
     seen = np.concatenate([H(frequencies), _gamma(x), [-1, 0]])
@@ -520,7 +500,7 @@ def _marks(
     return np.array(places, dtype=complex)
 
 
-def _edge_accepts(case: EdgeCase, got: Any) -> bool | str:
+def _edge_lacks(case: EdgeCase, got: Any) -> str:
     if not isinstance(got, tuple | list) or len(got) != 2:
         return 'give two things, the time constant and "below" or "above"'
     value, side = float(got[0]), str(got[1]).lower()
@@ -528,15 +508,13 @@ def _edge_accepts(case: EdgeCase, got: Any) -> bool | str:
         return 'the second entry must be "below" or "above"'
     if not value > 0:
         return "a time constant is a positive number"
-    low, high = (
-        _observer_loop(case.process, case.model, k * value, 2) for k in (1 / NEAR_EDGE, NEAR_EDGE)
-    )
+    low, high = (case.stable(k * value) for k in (1 / NEAR_EDGE, NEAR_EDGE))
     if low is high:
         return (
             f"the verdict is the same on both sides of {value:.3g} s, so the edge is elsewhere. "
             "Where the two curves cross, read x off the one and the frequency off the other"
         )
-    return bool(low) is (side == "below") or "it is stable on the other side"
+    return "" if bool(low) is (side == "below") else "it is stable on the other side"
 
 
 NEAR_EDGE = 1.12
@@ -545,8 +523,12 @@ NEAR_EDGE = 1.12
 Edge = tuple[float, str]
 
 
-def _reads(case: EdgeCase, got: Any, *values: float) -> bool:
-    return any(1 / NEAR_EDGE < float(got[0]) / value < NEAR_EDGE for value in values)
+def _read_alike(expected: Edge, got: Any) -> bool:
+    """Compare the time constants."""
+    return near(expected[0], got[0], log(NEAR_EDGE))
+
+
+_edge_like = partial(answers_like_any, close=_read_alike)
 
 
 def _other_side(case: EdgeCase) -> Edge:
@@ -557,7 +539,7 @@ EDGE = Problem(
     id="5.4",
     title="Read an edge off a picture",
     case=_edge_case,
-    accepts=_edge_accepts,
+    lacks=_edge_lacks,
     praise=(
         "Right: x from the one curve, the frequency from the other, and lambda = x/omega. The "
         "verdict is another one on the other side of it."
@@ -570,24 +552,22 @@ EDGE = Problem(
             "if H has no pole on the right and the DC gains have the same sign. Has it, here?",
             _other_side,
             lambda case, got: (
-                _reads(case, got, case.edge[0]) and str(got[1]).lower() == _other_side(case)[1]
+                _read_alike(case.edge, got) and str(got[1]).lower() == _other_side(case)[1]
             ),
             marks=0.5,
         ),
-        Misconception(
+        _edge_like(
             "x taken for the time constant",
             "That is x = lambda omega, where the curves meet. It has no unit. Read off the "
             "frequency of H at the same point, too, and divide: lambda = x/omega.",
-            lambda case: (case.edge[0] * case.edge[1], case.side),
-            lambda case, got: _reads(case, got, case.edge[0] * case.edge[1]),
+            lambda case: [(case.edge[0] * case.edge[1], case.side)],
             marks=0.25,
         ),
-        Misconception(
+        _edge_like(
             "a frequency taken for the time constant",
             "That is a frequency, in rad/s: the one of H where the curves meet, or omega/x. The "
             "time constant is lambda = x/omega, in seconds.",
-            lambda case: (1 / case.edge[0], case.side),
-            lambda case, got: _reads(case, got, 1 / case.edge[0], case.edge[1]),
+            lambda case: [(1 / case.edge[0], case.side), (case.edge[1], case.side)],
             marks=0.25,
         ),
     ),
@@ -597,134 +577,100 @@ EDGE = Problem(
 # --- 5.5 More lags in the model -----------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class UnstablePlant:
-    """A plant gain/((s - pole)(s + decay)).
-
-    Attributes
-    ----------
-    gain, pole, decay : float
-        The gain of either sign; `pole` and `decay` positive, in rad/s.
-    """
-
-    gain: float
-    pole: float
-    decay: float
-
-    @property
-    def process(self) -> ct.TransferFunction:
-        """The plant made of these numbers."""
-        return self.gain / ((s - self.pole) * (s + self.decay))
-
-    def __repr__(self) -> str:
-        return f"the plant {factored(self.process)}"
-
-
 def _unstable_plant(rng: np.random.Generator) -> UnstablePlant:
-    pole = _log(rng, 0.5, 3)
-    return UnstablePlant(_sign(rng) * _log(rng, 0.5, 5), pole, _few(pole * rng.uniform(1.5, 4)))
+    pole = draw(rng, 0.5, 3)
+    gain = either_sign(rng) * draw(rng, 0.5, 5)
+    return UnstablePlant(gain, pole, few(pole * rng.uniform(1.5, 4)))
 
 
-def _relative_degree(tf: ct.TransferFunction) -> int:
-    return int(tf.poles().size - tf.zeros().size)
-
-
-def _advice_failed(case: UnstablePlant, got: Any) -> str:
-    """Name what keeps a model and an order from refuting the advice; empty if nothing does."""
-    if not (isinstance(got, tuple | list) and len(got) == 2):
-        return "type"
-    model, order = ct.tf(got[0]), got[1]
-    if not isinstance(order, int | float | np.number) or order != int(order):
-        return "type"
+def _not_refuting(case: UnstablePlant, got: Any) -> str:
+    """Tell what keeps a model and an order from refuting the advice."""
+    two = isinstance(got, tuple | list) and len(got) == 2
+    if not two or not isinstance(got[1], int | float | np.number) or got[1] != int(got[1]):
+        return "return two things, the model and the order, a whole number"
+    model, order = ct.tf(got[0]), int(got[1])
     roots = np.concatenate([model.poles(), model.zeros()])
     if np.any(roots.real >= 0):
-        return "right"
-    if _relative_degree(model) <= 2:
-        return "lags"
-    if order < _relative_degree(model):
-        return "order"
+        return Lack(
+            "right",
+            "the model has a pole or a zero that is not on the left; the advice asks for neither",
+        )
+    falls = as_fraction(model, "model", proper=False).relative_degree
+    if falls <= 2:
+        return Lack(
+            "lags",
+            "the model must fall off faster than the plant: that is what over-parametrised is for",
+        )
+    if order < falls:
+        return Lack("order", "F/model is not causal with this order")
     if not right_half_plane_parity(case.process, model).holds:
-        return "sign"
-    works = stabilizing_time_constants(case.process, model, int(order))
+        return Lack(
+            "sign",
+            "the model has the wrong sign, so that no filter can work: that is not the advice",
+        )
+    works = stabilizing_time_constants(case.process, model, order)
     small = works[0][0] / 2 if works else 0.01 / float(np.abs(roots).max())
-    if not small:
-        return "works"
-    fails = (_observer_loop(case.process, model, k * small, int(order)) for k in (1.0, 0.1))
-    return "" if not any(fails) else "works"
-
-
-_NOT_REFUTED = {
-    "type": "return two things, the model and the order, a whole number",
-    "right": "the model has a pole or a zero that is not on the left; the advice asks for neither",
-    "lags": "the model must fall off faster than the plant: that is what over-parametrised is for",
-    "order": "F/model is not causal with this order",
-    "sign": "the model has the wrong sign, so that no filter can work: that is not the advice",
-    "works": "every filter that is fast enough stabilises this, as the advice says",
-}
-
-
-def _advice_like(name: str, says: str, kind: str, example: Any, marks: float) -> Misconception:
-    return Misconception(
-        name, says, example, lambda case, got: _advice_failed(case, got) == kind, marks
-    )
+    fast = (LowPassFilter(k * small, order) for k in (1.0, 0.1)) if small else ()
+    if not small or any(observer_stable(case.process, model, F) for F in fast):
+        return Lack("works", "every filter that is fast enough stabilises this, as the advice says")
+    return ""
 
 
 def _over(case: UnstablePlant, lags: int = 1, sign: float = 1.0) -> ct.TransferFunction:
     """Mirror the pole of the plant, and add lags ten times as fast."""
-    mirrored = sign * case.gain / ((s + case.pole) * (s + case.decay))
-    return mirrored / (s / (10 * case.decay) + 1) ** lags
+    return sign * case.mirrored / (s / (10 * case.decay) + 1) ** lags
 
 
 ADVICE = Problem(
     id="5.5",
     title="Find the error: the faster the better",
     case=_unstable_plant,
-    accepts=lambda case, got: _NOT_REFUTED[kind] if (kind := _advice_failed(case, got)) else True,
+    lacks=_not_refuting,
     praise=(
         "Right. The model is what the paper recommends, the order is more than enough, and every "
         "fast filter fails: the model may have m lags more than the plant only if n - m is at "
         "most 2."
     ),
     misconceptions=(
-        _advice_like(
+        lacking(
+            "works",
             "an order that works",
             "With your order the advice is good: every filter that is fast enough stabilises the "
             "loop. Which orders does the paper's sentence allow besides? Count how many lags the "
             "filter has more than the model has more than the plant.",
-            "works",
             lambda case: (_over(case), 3),
             marks=0.5,
         ),
-        _advice_like(
+        lacking(
+            "sign",
             "the DC sign of the plant",
             "All filters fail, but for another reason: parity. The paper's own model has the "
             "opposite DC sign of its plant, and so must yours, or you refute what nobody has "
             "claimed.",
-            "sign",
             lambda case: (_over(case, sign=-1.0), 4),
             marks=0.25,
         ),
-        _advice_like(
+        lacking(
+            "lags",
             "no lag more than the plant",
             "Your model falls off as the plant does, so it is not over-parametrised. Give it one "
             "stable pole more, or several.",
-            "lags",
             lambda case: (_over(case, lags=0) / 20, 3),
             marks=0.25,
         ),
-        _advice_like(
+        lacking(
+            "right",
             "an unstable pole in the model",
             "Your model has a pole or a zero that is not on the left. The advice is to "
             "over-parametrise with stable poles. Mirror the plant's pole first.",
-            "right",
             lambda case: (case.process / (s / (10 * case.decay) + 1), 4),
             marks=0.0,
         ),
-        _advice_like(
+        lacking(
+            "order",
             "a filter that is not causal",
             "F/model is not causal: the order of the filter must be at least the number of lags "
             "that the model has more than zeros.",
-            "order",
             lambda case: (_over(case), 2),
             marks=0.0,
         ),
@@ -775,16 +721,17 @@ class DesignCase:
 
 def _design_case(rng: np.random.Generator) -> DesignCase:
     """Draw a plant; the limits are such that the mirrored model of full size meets them."""
-    pole = _log(rng, 0.5, 5)
+    pole = draw(rng, 0.5, 5)
     case = DesignCase(
-        gain=_log(rng, 0.5, 4),
+        gain=draw(rng, 0.5, 4),
         pole=pole,
-        decay=_few(pole * rng.uniform(3, 6)),
-        dead_time=_few(rng.uniform(0.055, 0.065) / pole),
+        decay=few(pole * rng.uniform(3, 6)),
+        dead_time=few(rng.uniform(0.055, 0.065) / pole),
     )
     tempting = _with_dead_time(case, _design(case, 0.2, size=0.5))
-    max_ms = _few((_ms(tempting, tempting.L) * _ms(tempting, tempting.FH)) ** 0.5, 3)
-    max_noise = _few(1.6 * _noise(_with_dead_time(case, _design(case, 0.1))))
+    found = tempting.margins()
+    max_ms = few((found.plant_loop.ms * found.observer_loop.ms) ** 0.5, 3)
+    max_noise = few(1.6 * _noise(_with_dead_time(case, _design(case, 0.1))))
     return DesignCase(case.gain, case.pole, case.decay, case.dead_time, max_ms, max_noise)
 
 
@@ -796,12 +743,7 @@ def _design(case: DesignCase, value: float, size: float = 1.0, sign: float = 1.0
 
 
 def _with_dead_time(case: DesignCase, loop: NRDOB) -> NRDOB:
-    return NRDOB(case.feared, loop.model, loop.controller, loop.filter)
-
-
-def _ms(loop: NRDOB, quotient: Quotient) -> float:
-    """Peak of 1/(1 + FH) or 1/(1 + L); nan if the loop is not stable."""
-    return margins(quotient, loop.stability().observer_loop.stable, loop.p_B).ms
+    return replace(loop, process=case.feared)
 
 
 def _noise(loop: NRDOB) -> float:
@@ -810,40 +752,34 @@ def _noise(loop: NRDOB) -> float:
     return float(np.abs(loop.U_eta(1j * omega)).max())
 
 
-def _shortcoming(case: DesignCase, loop: Any) -> tuple[str, str]:
-    """Name what a design lacks, and say it with numbers; empty if nothing."""
-    return _judged(case, loop) if isinstance(loop, NRDOB) else ("type", "it is not an nrdob.NRDOB")
-
-
-@lru_cache(maxsize=32)
-def _judged(case: DesignCase, loop: NRDOB) -> tuple[str, str]:
-    own = not loop.delay and np.allclose(loop.G(POINTS), case.process(POINTS), rtol=1e-6, atol=0)
-    if not own:
-        return "plant", "its plant is not case.process"
-    verdict = loop.stability()
-    if np.any(np.abs(loop.p_B.roots - case.pole) < 1e-6 * case.pole):
-        return "matched", "the plant's unstable pole is a root of p_B"
-    if not right_half_plane_parity(loop.process, loop.model).holds:
-        return "sign", "p_B has an odd number of roots on the right"
+def _shortcoming(case: DesignCase, got: Any) -> str:
+    """Tell what a design lacks, with numbers."""
+    if lack := not_around(case.process, got):
+        return lack
+    verdict = got.stability()
+    if np.any(np.abs(got.p_B.roots - case.pole) < 1e-6 * case.pole):
+        return Lack("matched", "the plant's unstable pole is a root of p_B")
+    if not right_half_plane_parity(got.process, got.model).holds:
+        return Lack("sign", "p_B has an odd number of roots on the right")
     if verdict.model_loop.stable is not True:
-        return "controller", "the controller does not stabilise the model"
+        return "the controller does not stabilise the model"
     if verdict.stable is not True:
-        return "nominal", f"even without the dead time it is not stable: {_which_way(loop)}"
-    late = _with_dead_time(case, loop)
+        return f"even without the dead time it is not stable: {_which_way(got)}"
+    late = _with_dead_time(case, got)
     if late.stability().stable is not True:
-        return "feared", "with the dead time the loop is not stable"
-    ms, noise = _ms(late, late.L), _noise(late)
-    if not ms <= case.max_ms * (1 + 1e-6):
-        trusted = _ms(late, late.FH) <= case.max_ms
-        return (
+        return Lack("feared", "with the dead time the loop is not stable")
+    found, noise = late.margins(), _noise(late)
+    if not found.plant_loop.ms <= case.max_ms * (1 + 1e-6):
+        trusted = found.observer_loop.ms <= case.max_ms
+        return Lack(
             "margin of FH" if trusted else "ms",
-            f"with the dead time Ms is {ms:.3g}{_calmer(late)}",
+            f"with the dead time Ms is {found.plant_loop.ms:.3g}{_calmer(late)}",
         )
     if not noise <= case.max_noise * (1 + 1e-6):
-        return "noise", f"with the dead time |U_eta| reaches {noise:.3g}"
+        return Lack("noise", f"with the dead time |U_eta| reaches {noise:.3g}")
     if abs(late.T_R.dc_gain - 1) > 0.01:
-        return "reference", f"y comes to rest at {late.T_R.dc_gain:.3g} after a unit step of R"
-    return "", ""
+        return f"y comes to rest at {late.T_R.dc_gain:.3g} after a unit step of R"
+    return ""
 
 
 def _which_way(loop: NRDOB) -> str:
@@ -865,17 +801,10 @@ def _calmer(late: NRDOB) -> str:
         return ""
     peaks = []
     for factor in (0.9, 1.1):
-        filter = LowPassFilter(factor * F.time_constant, F.order)
-        other = NRDOB(late.process, late.model, late.controller, filter)
-        peaks.append(_ms(other, other.L))
+        other = replace(late, filter=LowPassFilter(factor * F.time_constant, F.order))
+        peaks.append(other.margins().plant_loop.ms)
     best = np.nanargmin(peaks) if not np.isnan(peaks).all() else 1
     return f"; a {('faster', 'slower')[int(best)]} filter lowers it"
-
-
-def _lacks(name: str, says: str, kind: str, example: Any, marks: float) -> Misconception:
-    return Misconception(
-        name, says, example, lambda case, got: _shortcoming(case, got)[0] == kind, marks
-    )
 
 
 def _matched_design(case: DesignCase) -> NRDOB:
@@ -887,50 +816,50 @@ DESIGN = Problem(
     id="5.6",
     title="Hold it",
     case=_design_case,
-    accepts=lambda case, got: said if (said := _shortcoming(case, got)[1]) else True,
+    lacks=_shortcoming,
     praise=(
         "Your loop holds the plant, with the dead time and without, with the margins that were "
         "asked for, quietly enough, and it follows its reference. That is a design."
     ),
     misconceptions=(
-        _lacks(
+        lacking(
+            "matched",
             "a model that matches the plant",
             "The plant's unstable pole is a root of p_B: your model has it, too, so that it "
             "cancels in FH and stays in the loop for every filter. Mirror it instead.",
-            "matched",
             _matched_design,
             marks=0.0,
         ),
-        _lacks(
+        lacking(
+            "sign",
             "the DC sign of the plant",
             "p_B has an odd number of roots on the right for every filter. Before any tuning: one "
             "unstable pole asks for a model with the opposite DC sign.",
-            "sign",
             lambda case: _design(case, 0.1, sign=-1.0),
             marks=0.0,
         ),
-        _lacks(
+        lacking(
+            "feared",
             "designed for the plant that is hoped for",
             "Your loop is stable without the dead time, and lost with it: the filter is too fast "
             "for what it does not know. Design for the plant that you fear, case.feared.",
-            "feared",
             lambda case: _design(case, 0.02),
             marks=0.25,
         ),
-        _lacks(
+        lacking(
+            "margin of FH",
             "margin of FH taken for the plant's",
             "The peak of 1/(1 + FH) is within the limit, that of S_d = 1/(1 + L) is not, and S_d "
             "is what the plant feels. Look at margins().plant_loop of the loop with the dead time. "
             "Which size of the model makes it calmer?",
-            "margin of FH",
             lambda case: _design(case, 0.2, size=0.5),
             marks=0.5,
         ),
-        _lacks(
+        lacking(
+            "noise",
             "too much noise at the actuator",
             "Stable, with the margins asked for; but the sensor's noise reaches the actuator too "
             "loudly. |U_eta| at high frequency is |F/model|: a slower filter is quieter.",
-            "noise",
             lambda case: _design(case, 0.065),
             marks=0.5,
         ),

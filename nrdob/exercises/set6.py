@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
-from functools import cached_property
-from math import inf, isinf, isnan, log, nan, pi
+from functools import cached_property, partial
+from math import inf, isinf, isnan, nan, pi
 from typing import Any
 
 import control as ct
@@ -23,18 +23,26 @@ from ..margins import LoopMargins
 from ..mismatch import Mismatch
 from ..quotient import Quotient
 from ..timeconstants import stabilizing_time_constants
-from .cases import apart, factored, first_fitting
-from .grading import Case, Misconception, Problem, answers_like
-
-
-def _digits(value: float, count: int = 2) -> float:
-    """Round to a few significant digits, so that a case is short to print."""
-    return float(f"{value:.{count}g}")
-
-
-def _draw(rng: np.random.Generator, low: float, high: float) -> float:
-    """Draw a number, on a log scale, of two digits."""
-    return _digits(float(np.exp(rng.uniform(log(low), log(high)))))
+from .cases import (
+    apart,
+    draw,
+    either_sign,
+    factored,
+    few,
+    first_fitting,
+    grid_peak,
+    observer_stable,
+)
+from .grading import (
+    Case,
+    Lack,
+    Misconception,
+    Problem,
+    answers_like,
+    answers_like_any,
+    lacking,
+    near,
+)
 
 
 def _blocks(gain: float, pole: float, decay: float) -> tuple[Any, Any]:
@@ -43,11 +51,6 @@ def _blocks(gain: float, pole: float, decay: float) -> tuple[Any, Any]:
         ct.tf([gain * pole * decay], np.polymul([1, side * pole], [1, decay])) for side in (-1, 1)
     )
     return plant, model
-
-
-def _stable(plant: Any, model: Any, filter: Any) -> bool | None:
-    """Judge p_B in two ways; the controller does not occur in it."""
-    return NRDOB(plant, model, 0.0, filter).stability().observer_loop.stable
 
 
 # --- 6.1 Equal rejection ------------------------------------------------------------------------
@@ -92,24 +95,24 @@ class RejectionCase:
 
 
 def _rejection_case(rng: np.random.Generator) -> RejectionCase:
-    def draw() -> RejectionCase:
-        pole = _draw(rng, 0.5, 10)
-        plant, mirrored = _blocks(_draw(rng, 0.5, 5), pole, _digits(pole * rng.uniform(1.5, 3)))
+    def drawn() -> RejectionCase:
+        pole = draw(rng, 0.5, 10)
+        plant, mirrored = _blocks(draw(rng, 0.5, 5), pole, few(pole * rng.uniform(1.5, 3)))
         first, second = rng.permutation([2, 3]).tolist()
         factor, other = rng.permutation([1.0, float(rng.choice([0.4, 0.5, 0.6]))]).tolist()
-        filter = LowPassFilter(_draw(rng, 0.02 / pole, 0.05 / pole), int(first))
+        filter = LowPassFilter(draw(rng, 0.02 / pole, 0.05 / pole), int(first))
         return RejectionCase(plant, factor * mirrored, filter, other * mirrored, int(second))
 
     def fits(case: RejectionCase) -> bool:
         value = case.time_constant
         return bool(
-            _stable(case.plant, case.model, case.filter)
-            and _stable(case.plant, case.other, LowPassFilter(value, case.order))
+            observer_stable(case.plant, case.model, case.filter)
+            and observer_stable(case.plant, case.other, LowPassFilter(value, case.order))
             # Each way to go wrong leads elsewhere.
             and apart(value, *(of(case) for of in _WRONG_REJECTION), by=0.05)
         )
 
-    return first_fitting(draw, fits)
+    return first_fitting(drawn, fits)
 
 
 _WRONG_REJECTION: tuple[Callable[[RejectionCase], float], ...] = (
@@ -120,7 +123,7 @@ _WRONG_REJECTION: tuple[Callable[[RejectionCase], float], ...] = (
 )
 
 
-def _rejects_equally(case: RejectionCase, got: Any) -> bool | str:
+def _rejects_equally(case: RejectionCase, got: Any) -> str:
     if isinstance(got, LowPassFilter):
         return "a number is asked for, λ in seconds, not a filter"
     loop = NRDOB(case.plant, case.other, 0.0, LowPassFilter(float(got), case.order))
@@ -131,7 +134,7 @@ def _rejects_equally(case: RejectionCase, got: Any) -> bool | str:
     omega = 1e-5 / max(float(got), case.filter.time_constant)
     size, wanted = (float(abs(of.S_d(1j * omega))) for of in (loop, first))
     if abs(size / wanted - 1) < 5e-3:
-        return True
+        return ""
     return f"at low frequency |S_d| is {size / wanted:.3g} times what it was"
 
 
@@ -139,7 +142,7 @@ EQUAL_REJECTION = Problem(
     id="6.1",
     title="Equal rejection",
     case=_rejection_case,
-    accepts=_rejects_equally,
+    lacks=_rejects_equally,
     praise=(
         "Right: at low frequency |S_d| is nλω/|R(0)|, so a model of half the gain takes twice the "
         "λ for the same rejection. Only at equal rejection can designs be compared."
@@ -241,7 +244,6 @@ class Project:
     settling: float = inf
     max_noise: float = inf
     _good: float = field(default=0.072, repr=False)
-    _last: dict[str, Any] = field(default_factory=dict, repr=False)
 
     def __repr__(self) -> str:
         return f"plant {factored(self.plant)}"
@@ -274,7 +276,7 @@ class Project:
 
     def report(self, model: Any, controller: Any, filter: Any) -> None:
         """Print the table of goals."""
-        print(self._table(NRDOB(self.plant, model, controller, filter)))
+        print(_table(self.goals(model, controller, filter)))
 
     def _goals(self, loop: NRDOB) -> Iterator[Goal]:
         verdict = loop.stability()
@@ -288,10 +290,9 @@ class Project:
         size = float(abs(loop.S_d(1j * self.omega)))
         yield Goal(f"|S_d| at {self.omega:g} rad/s", size, self.max_disturbance)
         yield Goal("settled after (s)", self._settled(loop), self.settling)
-        lost = [
-            plant for plant in self.changed if _stable(plant, loop.model, loop.filter) is not True
-        ]
-        yield Goal(f"lost of {len(self.changed)} changed plants", float(len(lost)), 0.0)
+        verdicts = [observer_stable(plant, loop.model, loop.filter) for plant in self.changed]
+        lost = sum(verdict is not True for verdict in verdicts)
+        yield Goal(f"lost of {len(verdicts)} changed plants", float(lost), 0.0)
         yield Goal("noise in u (rms)", rms(loop.U_eta), self.max_noise)
 
     def _settled(self, loop: NRDOB) -> float:
@@ -301,13 +302,6 @@ class Project:
         outside = np.abs(loop.step_response("R", times).outputs[0, 0] - 1) > 0.05
         last = int(np.flatnonzero(outside)[-1]) if outside.any() else -1
         return float(times[last + 1]) if last + 1 < times.size else inf
-
-    def _table(self, loop: NRDOB) -> str:
-        rows = [f"{'':28}{'yours':>10}{'limit':>10}"]
-        for goal in self._goals(loop):
-            word = "met" if goal.met else "not met"
-            rows.append(f"{goal.name:28}{goal.value:10.4g}{goal.limit:10.4g}   {word}")
-        return "\n".join(rows)
 
     # The model in which the pole is mirrored, for the figure and for examples.
 
@@ -335,6 +329,14 @@ class Project:
     def plot(self) -> Figure:
         """Draw Ms over λ, for the plant and for the modified one."""
         return self.readings.plot()
+
+
+def _table(goals: list[Goal]) -> str:
+    rows = [f"{'':28}{'yours':>10}{'limit':>10}"]
+    for goal in goals:
+        word = "met" if goal.met else "not met"
+        rows.append(f"{goal.name:28}{goal.value:10.4g}{goal.limit:10.4g}   {word}")
+    return "\n".join(rows)
 
 
 def rms(transfer: Quotient) -> float:
@@ -382,7 +384,7 @@ class Readings:
     def peak(self, which: int, time_constant: float) -> float:
         """Ms, of the plant loop with the plant (0) or the modified plant (1)."""
         F, R = LowPassFilter(time_constant, ORDER)(1j * self.omega), self.ratios[which]
-        return float(np.abs((1 - F) / (1 - F + F * R)).max())
+        return grid_peak(F, R)
 
     def meeting(self, which: int, low: float, high: float) -> float:
         """Time constant between two others at which Ms is at the limit."""
@@ -440,13 +442,13 @@ GAINS = (0.7, 1.0, 1.5)
 
 
 def _project(rng: np.random.Generator) -> Project:
-    def draw() -> Project:
-        pole = _draw(rng, 0.8, 20)
-        gain = float(rng.choice([-1, 1])) * _draw(rng, 0.5, 5)
-        decay = _digits(pole * rng.uniform(1.2, 2))
+    def drawn() -> Project:
+        pole = draw(rng, 0.8, 20)
+        gain = either_sign(rng) * draw(rng, 0.5, 5)
+        decay = few(pole * rng.uniform(1.2, 2))
         plant = _blocks(gain, pole, decay)[0]
-        lag = _digits(rng.uniform(0.045, 0.055) / pole)
-        less, faster = _digits(rng.uniform(0.8, 0.9)), _digits(pole * rng.uniform(1.1, 1.15), 3)
+        lag = few(rng.uniform(0.045, 0.055) / pole)
+        less, faster = few(rng.uniform(0.8, 0.9)), few(pole * rng.uniform(1.1, 1.15), 3)
         modified = (
             less
             * gain
@@ -454,24 +456,21 @@ def _project(rng: np.random.Generator) -> Project:
             * decay
             * ct.tf([1], np.polymul(np.polymul([1, -faster], [1, decay]), [lag, 1]))
         )
-        dead_time = _digits(rng.uniform(0.045, 0.055) / pole)
-        free = Project(
-            plant, gain, pole, decay, modified, GAINS, dead_time, omega=_digits(0.1 * pole)
-        )
+        dead_time = few(rng.uniform(0.045, 0.055) / pole)
+        free = Project(plant, gain, pole, decay, modified, GAINS, dead_time, omega=few(0.1 * pole))
         # A good λ, times the pole; up to a fifth more or a seventh less will do.
         good = float(rng.uniform(0.06, 0.08))
         slow = free.loop(1.18 * good)
         return replace(
             free,
-            max_ms=_digits(free.loop(1.4 * good).margins().plant_loop.ms, 3),
-            max_disturbance=_digits(float(abs(slow.S_d(1j * free.omega)))),
-            settling=_digits(1.4 * free._settled(free.loop(good))),
-            max_noise=_digits(rms(free.loop(0.86 * good).U_eta)),
+            max_ms=few(free.loop(1.4 * good).margins().plant_loop.ms, 3),
+            max_disturbance=few(float(abs(slow.S_d(1j * free.omega)))),
+            settling=few(1.4 * free._settled(free.loop(good))),
+            max_noise=few(rms(free.loop(0.86 * good).U_eta)),
             _good=good,
-            _last={},
         )
 
-    return first_fitting(draw, _telling)
+    return first_fitting(drawn, _telling)
 
 
 def _telling(case: Project) -> bool:
@@ -495,38 +494,27 @@ READING = 0.08
 """How far a number that is read off a figure may be from the true one."""
 
 
-def _quiet(case: Project, got: Any) -> bool | str:
+def _quiet(case: Project, got: Any) -> str:
     value, found = float(got), case.readings
     for name, plant in (("plant", case.plant), ("modified plant", case.modified)):
-        if _stable(plant, case.mirrored, LowPassFilter(value, ORDER)) is not True:
+        if observer_stable(plant, case.mirrored, LowPassFilter(value, ORDER)) is not True:
             return f"the loop with the {name} is lost there"
-    if abs(log(value / found.slow_end)) < READING:
-        return True
+    if near(found.slow_end, value, READING):
+        return ""
     peak = found.peak(1, value)
     if peak > found.limit:
         return f"with the modified plant Ms is {peak:.3g} there"
     return "Ms is within the limit, but a slower and quieter filter keeps to it, too"
 
 
-def _misread(
-    name: str, says: str, reading: Callable[[Readings], list[float]], marks: float = 0.0
-) -> Misconception:
-    return Misconception(
-        name,
-        says,
-        lambda case: reading(case.readings)[0],
-        lambda case, got: any(
-            abs(log(float(got) / value)) < READING for value in reading(case.readings)
-        ),
-        marks,
-    )
+_misread = partial(answers_like_any, close=partial(near, tolerance=READING))
 
 
 QUIETEST = _Part(
     id="6.2",
     title="The quietest filter",
     case=_project,
-    accepts=_quiet,
+    lacks=_quiet,
     praise=(
         "Right: an unstable plant gives an interval of filters, and its slow end is the quiet one. "
         "The modified plant decides where it ends."
@@ -536,27 +524,26 @@ QUIETEST = _Part(
             "fast end read",
             "This is the fast end of the interval. It is the best against disturbances; but the "
             "faster the filter, the more of the sensor's noise reaches the actuator.",
-            lambda found: [found.fast_end],
+            lambda case: [case.readings.fast_end],
             marks=0.25,
         ),
         _misread(
             "modified plant left out",
             "You have read the curve of the plant as it is. With the modified plant Ms is above "
             "the line there: a filter must be good for both.",
-            lambda found: [found.nominal_end],
+            lambda case: [case.readings.nominal_end],
             marks=0.25,
         ),
         _misread(
             "edge taken for the specification",
             "You have read a dotted line, where the loop is lost. Asked for is where the curve "
             "meets the red line.",
-            lambda found: list(found.edges[::-1]),
+            lambda case: list(case.readings.edges[::-1]),
         ),
-        Misconception(
+        _misread(
             "milliseconds for seconds",
             "The axis of the figure is in milliseconds; the answer is to be in seconds.",
-            lambda case: 1000 * case.readings.slow_end,
-            lambda case, got: abs(log(float(got) / 1000 / case.readings.slow_end)) < READING,
+            lambda case: [1000 * case.readings.slow_end],
             marks=0.5,
         ),
     ),
@@ -597,7 +584,7 @@ class SurvivalCase:
         plant = gain * self.loop.process
         if lag:
             plant = plant * ct.tf([1], [lag, 1])
-        return NRDOB(plant, self.loop.model, self.loop.controller, self.loop.filter)
+        return replace(self.loop, process=plant)
 
     def stable(self, gain: float, lag: float) -> bool | None:
         """Judge it."""
@@ -612,22 +599,22 @@ class SurvivalCase:
 
 
 def _survival_case(rng: np.random.Generator) -> SurvivalCase:
-    def draw() -> SurvivalCase:
-        pole = _draw(rng, 0.5, 10)
-        gain = float(rng.choice([-1, 1])) * _draw(rng, 0.5, 5)
-        plant, mirrored = _blocks(gain, pole, _digits(pole * rng.uniform(1.5, 2.5)))
+    def drawn() -> SurvivalCase:
+        pole = draw(rng, 0.5, 10)
+        gain = either_sign(rng) * draw(rng, 0.5, 5)
+        plant, mirrored = _blocks(gain, pole, few(pole * rng.uniform(1.5, 2.5)))
         model = float(rng.choice([0.2, 0.25, 0.3])) * mirrored
-        filter = LowPassFilter(_digits(rng.uniform(0.04, 0.06) / pole), 2)
+        filter = LowPassFilter(few(rng.uniform(0.04, 0.06) / pole), 2)
         controller = design_controller(model, bandwidth=pole, phase_margin=60)
         loop = NRDOB(plant, model, controller, filter)
-        less, lag = round(float(rng.uniform(0.4, 0.6)), 2), _digits(rng.uniform(0.08, 0.12) / pole)
+        less, lag = round(float(rng.uniform(0.4, 0.6)), 2), few(rng.uniform(0.08, 0.12) / pole)
         return SurvivalCase(loop, less, lag)
 
     def fits(case: SurvivalCase) -> bool:
         good = ((1, 0), (case.gain, case.lag), (case.gain, 0), _half(case))
         return case.stable(1, case.lag) is False and all(case.stable(*at) is True for at in good)
 
-    return first_fitting(draw, fits)
+    return first_fitting(drawn, fits)
 
 
 def _half(case: SurvivalCase) -> tuple[float, float]:
@@ -639,14 +626,14 @@ def _pair(got: Any) -> tuple[float, float]:
     return float(gain), float(lag)
 
 
-def _lost_inside(case: SurvivalCase, got: Any) -> bool | str:
+def _lost_inside(case: SurvivalCase, got: Any) -> str:
     at = _pair(got)
     if not case.inside(*at):
         return "this plant is changed by more than the modified one"
-    return case.stable(*at) is False or "the loop is stable with this plant"
+    return "" if case.stable(*at) is False else "the loop is stable with this plant"
 
 
-def _near(at: tuple[float, float], got: Any) -> bool:
+def _same_pair(at: tuple[float, float], got: Any) -> bool:
     return bool(np.allclose(_pair(got), at, rtol=1e-3, atol=1e-9))
 
 
@@ -654,19 +641,19 @@ ONE_PLANT = Problem(
     id="6.4",
     title="Find the error: one modified plant",
     case=_survival_case,
-    accepts=_lost_inside,
+    lacks=_lost_inside,
     praise=(
         "Right: a change that is smaller in every respect loses the loop. The modified plant "
         "survived because its lower gain made up for the lag; one plant proves nothing about its "
         "neighbours."
     ),
     misconceptions=(
-        Misconception(
+        answers_like(
             "the modified plant itself",
             "That is the plant that was tried, and the loop is stable with it. Change less: which "
             "of its two changes hurts, and which one helps?",
             lambda case: (case.gain, case.lag),
-            lambda case, got: _near((case.gain, case.lag), got),
+            close=_same_pair,
         ),
         Misconception(
             "the harmless change alone",
@@ -707,7 +694,7 @@ ONE_PLANT = Problem(
             "lag in seconds.",
             lambda case: (case.lag, 1.0),
             lambda case, got: (
-                not case.inside(*_pair(got)) and _lost_inside(case, _pair(got)[::-1]) is True
+                not case.inside(*_pair(got)) and not _lost_inside(case, _pair(got)[::-1])
             ),
             marks=0.5,
         ),
@@ -776,14 +763,14 @@ class BenchCase:
 
 
 def _bench_case(rng: np.random.Generator) -> BenchCase:
-    def draw() -> BenchCase:
-        pole = _draw(rng, 0.5, 10)
-        gain = float(rng.choice([-1, 1])) * _draw(rng, 0.5, 5)
-        plant, model = _blocks(gain, pole, _digits(pole * rng.uniform(1.5, 2.5)))
-        lags = [ct.tf([1], [_digits(share / pole), 1]) for share in rng.uniform(0.06, 0.11, 2)]
+    def drawn() -> BenchCase:
+        pole = draw(rng, 0.5, 10)
+        gain = either_sign(rng) * draw(rng, 0.5, 5)
+        plant, model = _blocks(gain, pole, few(pole * rng.uniform(1.5, 2.5)))
+        lags = [ct.tf([1], [few(share / pole), 1]) for share in rng.uniform(0.06, 0.11, 2)]
         weak, strong = (round(float(rng.uniform(*ends)), 2) for ends in ((0.5, 0.8), (1.3, 1.8)))
         plants = [plant, weak * plant * lags[0], strong * plant * lags[1]]
-        values = [_digits(share / pole) for share in (0.05, 0.08, 0.16)]
+        values = [few(share / pole) for share in (0.05, 0.08, 0.16)]
         filters = [LowPassFilter(value, 3) for value in rng.permutation(values).tolist()]
         controller = design_controller(model, bandwidth=pole, phase_margin=60)
         return BenchCase(model, controller, plants, filters)
@@ -801,7 +788,7 @@ def _bench_case(rng: np.random.Generator) -> BenchCase:
             any(abs(other[k] / worst[k] - 1) > 0.05 for k in finite) for other in others
         ) and all(peaks[0] < inf for peaks in case.peaks())
 
-    return first_fitting(draw, fits)
+    return first_fitting(drawn, fits)
 
 
 def _largest(peaks: list[list[float]], lost: float = inf) -> list[float]:
@@ -815,12 +802,12 @@ def _like(expected: list[float], got: Any) -> bool:
     )
 
 
-def _benched(case: BenchCase, got: Any) -> bool | str:
+def _benched(case: BenchCase, got: Any) -> str:
     values = [float(value) for value in got]
     if len(values) != len(case.filters):
         return f"{len(values)} numbers for {len(case.filters)} filters"
     if _like(case.worst, values):
-        return True
+        return ""
     for filter, true, value in zip(case.filters, case.worst, values, strict=True):
         if _like([true], [value]):
             continue
@@ -830,14 +817,17 @@ def _benched(case: BenchCase, got: Any) -> bool | str:
         if isinf(value):
             return f"{where} no plant is lost"
         return f"{where} it is {'larger' if value < true else 'smaller'} than {value:.4g}"
-    return True
+    return ""
+
+
+_bench_like = partial(answers_like, close=_like)
 
 
 BENCH = Problem(
     id="6.5",
     title="The test bench",
     case=_bench_case,
-    accepts=_benched,
+    lacks=_benched,
     praise=(
         "Right: the worst plant counts, a lost plant counts as infinitely bad, and Ms is that of "
         "the loop which the plant feels. This bench will serve you below."
@@ -852,36 +842,32 @@ BENCH = Problem(
             lambda case, got: bool(np.isnan(np.asarray(got, dtype=float)).any()),
             marks=0.5,
         ),
-        Misconception(
+        _bench_like(
             "lost plants left out",
             "This is the largest Ms over those plants with which the loop is stable. (Python's max "
             "passes over a nan that is not the first.) A plant that is lost is the worst of all: "
             "ask for the verdict, and report inf.",
             lambda case: [float(np.nanmax(row)) for row in case.peaks()],
-            lambda case, got: _like([float(np.nanmax(row)) for row in case.peaks()], got),
             marks=0.25,
         ),
-        Misconception(
+        _bench_like(
             "peak without a verdict",
             "You have computed the peak of |1/(1 + L)|, and it is finite for unstable loops, too. "
             "A distance from -1 means nothing on the wrong side of it: ask for stability first.",
             lambda case: case.unjudged,
-            lambda case, got: _like(case.unjudged, got),
             marks=0.25,
         ),
-        Misconception(
+        _bench_like(
             "margins of FH",
             "These are the Ms of FH. What the plant feels is L = KG: take plant_loop.",
             lambda case: _largest(case.peaks("observer_loop")),
-            lambda case, got: _like(_largest(case.peaks("observer_loop")), got),
             marks=0.25,
         ),
-        Misconception(
+        _bench_like(
             "plant as it is",
             "These are the numbers for the first plant, the one that you hope for. Go through all "
             "of case.plants and keep the largest.",
             lambda case: [row[0] for row in case.peaks()],
-            lambda case, got: _like([row[0] for row in case.peaks()], got),
             marks=0.25,
         ),
     ),
@@ -894,35 +880,16 @@ STAGES = ("model", "observer", "Ms", "disturbance", "settling", "changed", "nois
 """In the order in which they are looked at; each is worth a point of seven."""
 
 
-def _design(case: Project, got: Any) -> NRDOB:
-    model, controller, filter = got
-    return NRDOB(case.plant, model, controller, filter)
-
-
-def _missed(case: Project, got: Any) -> str:
-    """Tell the first stage that a design does not pass; empty if it passes all."""
-    if case._last.get("design") is not got:
-        goals = zip(STAGES, case._goals(_design(case, got)), strict=False)
-        missed = next((stage for stage, goal in goals if not goal.met), "")
-        case._last.update(design=got, missed=missed)
-    return str(case._last["missed"])
-
-
-def _passes(case: Project, got: Any) -> bool | str:
+def _passes(case: Project, got: Any) -> str:
     if not isinstance(got, tuple | list) or len(got) != 3:
         return "three blocks are asked for: (model, controller, filter)"
-    return not _missed(case, got) or f"\n{case._table(_design(case, got))}"
-
-
-def _stage(stage: str, name: str, says: str, example: Callable[[Project], Any]) -> Misconception:
-    """Make a mistake of which one knows where it stops a design."""
-    return Misconception(
-        name,
-        says,
-        example,
-        lambda case, got: _missed(case, got) == stage,
-        marks=1 / 7 if stage == "observer" else STAGES.index(stage) / 7,
-    )
+    goals = case.goals(*got)
+    missed = [stage for stage, goal in zip(STAGES, goals, strict=False) if not goal.met]
+    if not missed:
+        return ""
+    # Where the observer loop is stable nonetheless, it is the controller.
+    kind = "controller" if missed[0] == "model" and goals[1].met else missed[0]
+    return Lack(kind, f"\n{_table(goals)}")
 
 
 def _of(loop: NRDOB, **changes: Any) -> tuple[Any, Any, Any]:
@@ -939,7 +906,7 @@ DESIGN = _Part(
     id="6.6",
     title="The design",
     case=_project,
-    accepts=_passes,
+    lacks=_passes,
     praise=(
         "Specification met, verified in two ways, and every changed plant survived. Now you may "
         "sign it."
@@ -959,37 +926,40 @@ DESIGN = _Part(
             lambda case: (-case.mirrored, -case.controller, LowPassFilter(0.07 / case.pole, ORDER)),
             lambda case, got: right_half_plane_parity(case.plant, got[0]).holds is False,
         ),
-        _stage(
+        lacking(
             "observer",
             "filter too slow for the plant",
             "The signs are right, but with this filter p_B is unstable. An unstable plant is lost "
             "where the feedback is too weak: in general λ is then too large for this model. Look "
             "at stabilizing_time_constants, for your model and your order.",
             lambda case: _of(case.loop(1.0)),
+            marks=1 / 7,
         ),
-        Misconception(
+        lacking(
+            "controller",
             "controller for the plant, not for the model",
             "The observer holds the plant, but C does not stabilise the model: condition (i) "
             "fails. C sees the model only. Design it for that, sign included.",
             lambda case: _of(case.loop(case._good), controller=-case.controller),
-            lambda case, got: _missed(case, got) == "model" and case.goals(*got)[1].met,
             marks=1 / 7,
         ),
-        _stage(
+        lacking(
             "Ms",
             "Ms above its limit",
             "The loop is stable, but Ms is too large. Too slow a filter lets go of the plant; a "
             "model that is too small makes the loop nervous. Draw Ms over λ, as in problem 6.2.",
             lambda case: _of(case.loop(1.7 * case._good)),
+            marks=2 / 7,
         ),
-        _stage(
+        lacking(
             "disturbance",
             "disturbances not held",
             "Stable, with a good Ms, but slow disturbances are not held well enough: |S_d| is "
             "about nλω/|R(0)|. Make λ smaller, or the model.",
             lambda case: _of(case.loop(1.3 * case._good)),
+            marks=3 / 7,
         ),
-        _stage(
+        lacking(
             "settling",
             "reference too slow",
             "The plant is held well; now y is too slow to follow the reference, or does not settle "
@@ -998,22 +968,25 @@ DESIGN = _Part(
                 case.loop(case._good),
                 controller=design_controller(case.mirrored, bandwidth=0.2 * case.pole),
             ),
+            marks=4 / 7,
         ),
-        _stage(
+        lacking(
             "changed",
             "changed plant lost",
             "Everything is met with the plant as it is, and a changed plant is lost. A filter that "
             "is very fast leans on a plant that is known exactly up to high frequency; a lag or a "
             "dead time breaks that. Slow it down.",
             lambda case: _of(case.loop(0.01)),
+            marks=5 / 7,
         ),
-        _stage(
+        lacking(
             "noise",
             "too much noise in u",
             "Everything is met but the noise. If it is infinite, F has only as many lags as the "
             "model: take one more. If it is finite, go to the slow end of the λ that meet the "
             "other goals, where the loop is quiet.",
             lambda case: _of(case.loop(0.7 * case._good)),
+            marks=6 / 7,
         ),
     ),
     own=True,
