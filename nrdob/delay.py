@@ -104,7 +104,7 @@ class DelayedTransferFunction:
         if isinstance(exponent, bool) or not isinstance(exponent, Integral):
             raise TypeError(f"the exponent is {exponent!r}; a power needs a whole number")
         if exponent < 0:
-            return 1 / self ** -int(exponent)
+            return DelayedTransferFunction(1.0, 0.0) / self.__pow__(-int(exponent))
         return DelayedTransferFunction(self.tf ** int(exponent), self.delay * int(exponent))
 
     def __add__(self, other: Any) -> DelayedTransferFunction:
@@ -123,7 +123,7 @@ class DelayedTransferFunction:
         return self + -_as_delayed(other, "the other term")
 
     def __rsub__(self, other: Any) -> DelayedTransferFunction:
-        return -self + other
+        return _as_delayed(other, "the other term") + -self
 
     def __neg__(self) -> DelayedTransferFunction:
         return DelayedTransferFunction(-self.tf, self.delay)

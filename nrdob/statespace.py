@@ -21,6 +21,7 @@ References
 from __future__ import annotations
 
 from fractions import Fraction as Exact
+from functools import lru_cache
 from typing import Any
 
 import control as ct
@@ -72,22 +73,30 @@ def polynomials(system: ct.StateSpace, name: str) -> tuple[FloatArray, FloatArra
     >>> num.size, round(float(num[-1] / den[-1]), 12)
     (1, 1.0)
     """
-    A, B, C, D = (
-        np.asarray(part, dtype=float) for part in (system.A, system.B, system.C, system.D)
-    )
-    n = A.shape[0]
-    if not all(np.isfinite(part).all() for part in (A, B, C, D)):
-        raise ValueError(f"{name} has an entry that is not finite in A, B, C or D")
+    parts = [np.asarray(part, dtype=float) for part in (system.A, system.B, system.C, system.D)]
+    if not all(np.isfinite(part).all() for part in parts):
+        raise ValueError(
+            f"{name} has an entry in A, B, C or D that is not finite; every one must be a number"
+        )
+    n = parts[0].shape[0]
     if n > MAX_STATES:
         raise ValueError(
             f"{name} has {n} states; up to {MAX_STATES} are read exactly: pass a reduced model, or "
             "the transfer function if you have it"
         )
-    (whole_A, a), (whole_B, b), (whole_C, c) = map(_whole, (A, B, C))
+    num, den = _polynomials(name, n, *(tuple(part.ravel().tolist()) for part in parts))
+    return num.copy(), den.copy()
+
+
+@lru_cache(maxsize=32)  # a search reads the same block again and again
+def _polynomials(name: str, n: int, *parts: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
+    (whole_A, a), (whole_B, b), (whole_C, c) = (
+        _whole(part, shape) for part, shape in zip(parts, ((n, n), (n, 1), (1, n)), strict=False)
+    )
     # A is whole/a; with the input in other units, so that B C has the same denominator as A.
     den, adjugates = _faddeev(whole_A)
     closed, closed_adjugates = _faddeev(whole_A - whole_B @ whole_C)
-    through = Exact(float(D[0, 0])) * b * c / a
+    through = Exact(parts[3][0]) * b * c / a
     num = [q - p + through * p for p, q in zip(den, closed, strict=True)]
 
     size_A, size_B, size_C = (np.abs(part) for part in (whole_A, whole_B, whole_C))
@@ -119,12 +128,13 @@ def polynomials(system: ct.StateSpace, name: str) -> tuple[FloatArray, FloatArra
         ) from None
 
 
-def _whole(matrix: FloatArray) -> tuple[Any, int]:
+def _whole(entries: tuple[float, ...], shape: tuple[int, int]) -> tuple[Any, int]:
     """Write a matrix as whole numbers over one power of two."""
-    ratios = [value.as_integer_ratio() for value in matrix.ravel().tolist()]
+    ratios = [value.as_integer_ratio() for value in entries]
     over = max((den for _, den in ratios), default=1)
-    whole = np.array([num * (over // den) for num, den in ratios] + [None], dtype=object)[:-1]
-    return whole.reshape(matrix.shape), over
+    whole = np.empty(len(ratios), dtype=object)
+    whole[:] = [num * (over // den) for num, den in ratios]
+    return whole.reshape(shape), over
 
 
 def _faddeev(A: Any) -> tuple[list[Any], list[Any]]:
