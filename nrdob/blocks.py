@@ -34,7 +34,6 @@ REMEDIES = {
     "poly1d": "give numerator and denominator: (num, den)",
     "Polynomial": "give numerator and denominator, descending: (num.coef[::-1], den.coef[::-1])",
     "LowPassFilter": "pass its transfer function, .tf",
-    "DelayedTransferFunction": "only the process may have a dead time",
 }
 """What to do with types that mean something, but no block, by name."""
 
@@ -128,6 +127,13 @@ def is_number(value: Any) -> bool:
 
 
 def _read(system: Any, name: str) -> tuple[FloatArray, FloatArray]:
+    if type(system).__name__ == "DelayedTransferFunction":  # its room is above this one
+        if system.delay:
+            raise ValueError(
+                f"{name} has a dead time of {system.delay:g} s; only the process may have one: "
+                "leave the dead time out"
+            )
+        system = system.tf
     if isinstance(system, ct.StateSpace | ct.TransferFunction):
         if not system.issiso():
             raise ValueError(
