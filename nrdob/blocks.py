@@ -172,25 +172,35 @@ def _refusal(system: Any, name: str) -> str:
 
 
 def _coefficients(values: Any, name: str) -> FloatArray:
+    array = values if _is_real_array(values) else _numbers(values, name)
+    if array.ndim != 1 or array.size == 0:
+        raise ValueError(f"{name} has shape {array.shape}; it must be a non-empty 1-D list")
+    if not np.isfinite(array).all():
+        raise ValueError(f"{name} is {values}; every coefficient must be a finite number")
+    used = np.flatnonzero(array)
+    return array[used[0] :] if used.size else array[-1:]
+
+
+def _is_real_array(values: Any) -> bool:
+    return isinstance(values, np.ndarray) and values.dtype == float
+
+
+def _numbers(values: Any, name: str) -> FloatArray:
     if isinstance(values, np.polynomial.polynomial.Polynomial):
         raise TypeError(
             f"{name} is a Polynomial, whose coefficients ascend; pass them descending, .coef[::-1]"
         )
     try:
         array = np.array([] if values is None else values, dtype=object, ndmin=1)
-    except ValueError:
-        array = np.array([values], dtype=object)
-    if not all(map(is_number, array.ravel().tolist())):
+    except ValueError:  # rows of different length
+        array = np.array([None])
+    given = array.ravel().tolist()
+    if not all(map(is_number, given)):
         raise TypeError(f"{name} is {values!r}; it must be a list of real coefficients, numbers")
-    if array.ndim != 1 or array.size == 0:
-        raise ValueError(f"{name} has shape {array.shape}; it must be a non-empty 1-D list")
-    if any(complex(value).imag for value in array if isinstance(value, complex)):
+    if any(complex(value).imag for value in given if isinstance(value, complex)):
         raise TypeError(f"{name} has complex coefficients {values}; they must be real")
     try:
-        array = np.array([float(complex(value).real) for value in array])
+        real = [float(complex(value).real) for value in given]
     except OverflowError:
-        array = np.array([inf])
-    if not np.isfinite(array).all():
-        raise ValueError(f"{name} is {values}; every coefficient must be a finite number")
-    used = np.flatnonzero(array)
-    return array[used[0] :] if used.size else array[-1:]
+        real = [inf] * len(given)
+    return np.array(real).reshape(array.shape)

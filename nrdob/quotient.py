@@ -95,18 +95,27 @@ class Quotient:
         s = np.asarray(s, dtype=complex)
         power = self.zeros_at_origin
         with np.errstate(all="ignore"):  # what is not finite is looked at again
-            num = prod((f.without_origin(s) for f in self.num), start=s ** max(power, 0))
-            den = prod((f.without_origin(s) for f in self.den), start=s ** max(-power, 0))
+            num = prod(
+                (f.without_origin(s) for f in self.num), start=s**power if power > 0 else 1.0
+            )
+            den = prod(
+                (f.without_origin(s) for f in self.den), start=s**-power if power < 0 else 1.0
+            )
             value = np.asarray(num / den)
             vanishing = np.abs(den) <= NEAR_ROOT * self._den_size(s)
-        doubtful = (vanishing | ~np.isfinite(value)) & np.isfinite(s) & (s != 0)
+        doubtful = vanishing | ~np.isfinite(value)
         if doubtful.any():
-            value[doubtful] = self._careful(s[doubtful])
-        return np.where(np.isnan(value) & (den == 0), inf, value)[()]
+            careful = doubtful & np.isfinite(s) & (s != 0)
+            value[careful] = self._careful(s[careful])
+            value[doubtful & (den == 0) & ~careful] = inf
+        return value[()]
 
     def _den_size(self, s: ComplexArray) -> FloatArray:
         """Size of what is summed to give the denominator."""
-        size = np.polyval(self._den_scale, np.abs(s)) * np.abs(s) ** max(-self.zeros_at_origin, 0)
+        far, power = np.abs(s), self.zeros_at_origin
+        size = np.polyval(self._den_scale, far)
+        if power < 0:
+            size = size * far**-power
         if self.delay:
             size = size * np.exp(sum(f.delay for f in self.den) * np.maximum(-s.real, 0.0))
         return np.asarray(size)
