@@ -6,13 +6,15 @@ block (its type, its time base, its coefficients) is found here, and named.
 
 from __future__ import annotations
 
-from math import comb
+from math import inf
+from numbers import Number
 from typing import Any, NamedTuple
 
 import control as ct
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import matrix_balance
+
+from .statespace import polynomials
 
 FloatArray = NDArray[np.floating[Any]]
 ComplexArray = NDArray[np.complexfloating[Any, Any]]
@@ -21,6 +23,19 @@ IntArray = NDArray[np.intp]
 
 ROUNDING = 1e3 * float(np.finfo(float).eps)
 """Relative change of the coefficients below which two loops cannot be told apart."""
+
+ACCEPTED = (
+    "pass a control.TransferFunction, a control.StateSpace, a number, or a pair (num, den) of "
+    "coefficients in descending powers of s"
+)
+
+REMEDIES = {
+    "FrequencyResponseData": "measured points are no block: fit a transfer function to them first",
+    "poly1d": "give numerator and denominator: (num, den)",
+    "Polynomial": "give numerator and denominator, descending: (num.coef[::-1], den.coef[::-1])",
+    "LowPassFilter": "pass its transfer function, .tf",
+}
+"""What to do with types that mean something, but no block, by name."""
 
 
 class Fraction(NamedTuple):
@@ -41,7 +56,8 @@ def as_fraction(system: Any, name: str, *, proper: bool = True) -> Fraction:
     Parameters
     ----------
     system : control.TransferFunction, control.StateSpace, number or (num, den)
-        The block. Pairs hold coefficients in descending powers of s.
+        The block. Pairs (tuples, lists or arrays of two rows) hold coefficients in descending
+        powers of s. A state space is read exactly, see `nrdob.statespace`.
     name : str
         What the block is called in messages.
     proper : bool
@@ -55,45 +71,18 @@ def as_fraction(system: Any, name: str, *, proper: bool = True) -> Fraction:
     Raises
     ------
     TypeError
-        If `system` is none of the types above, or has complex coefficients.
+        If `system` is none of the types above, or has coefficients that are no real numbers.
     ValueError
         If it is not single-input single-output, not continuous-time, has NaN or infinite
-        coefficients, a zero denominator, or is improper where that is not allowed.
+        coefficients, a zero denominator, or is improper where that is not allowed; and for a
+        state space that does not tell whether it has an integrator.
 
     Examples
     --------
     >>> as_fraction(([0, 2], [1, 3]), "process")
     Fraction(num=array([2.]), den=array([1., 3.]))
     """
-    if isinstance(system, ct.StateSpace | ct.TransferFunction):
-        if not system.issiso():
-            raise ValueError(
-                f"{name} has {system.ninputs} inputs and {system.noutputs} outputs; this analysis "
-                "is for one input and one output: pass one channel, for example sys[0, 0]"
-            )
-        if not system.isctime():
-            raise ValueError(
-                f"{name} is discrete-time (dt={system.dt}); this analysis is in continuous time: "
-                "pass the continuous-time block"
-            )
-    num: Any
-    den: Any
-    if isinstance(system, ct.StateSpace):
-        num, den = _from_state_space(system)
-    elif isinstance(system, ct.TransferFunction):
-        num, den = system.num_array[0, 0], system.den_array[0, 0]
-    elif isinstance(system, tuple | list) and len(system) == 2:
-        num, den = system
-    elif np.isscalar(system) and not isinstance(system, str | bytes):
-        num, den = [system], [1.0]
-    else:
-        raise TypeError(
-            f"{name} is a {type(system).__name__}; pass a control.TransferFunction, a "
-            "control.StateSpace, a number, or a pair (num, den) of coefficients"
-        )
-    fraction = Fraction(
-        _coefficients(num, f"{name} numerator"), _coefficients(den, f"{name} denominator")
-    )
+    fraction = Fraction(*_read(system, name))
     if not fraction.den.any():
         raise ValueError(f"{name} has the denominator 0; give at least one nonzero coefficient")
     if proper and fraction.relative_degree < 0:
@@ -111,43 +100,107 @@ def nonzero(fraction: Fraction, name: str) -> Fraction:
     return fraction
 
 
+def real_number(value: Any, name: str, remedy: str) -> float:
+    """Read one real number, or raise TypeError with the `remedy`.
+
+    Examples
+    --------
+    >>> real_number("1", "delay", "give seconds as a number")
+    Traceback (most recent call last):
+    TypeError: delay is '1', a str; give seconds as a number
+    """
+    if not is_number(value) or complex(value).imag:
+        raise TypeError(f"{name} is {value!r}, a {type(value).__name__}; {remedy}")
+    return float(complex(value).real)
+
+
+def six_digits(value: float) -> float:
+    """Round to what is worth printing; the last digits hang on the processor."""
+    return float(f"{value:.6g}")
+
+
+def is_number(value: Any) -> bool:
+    """Tell whether `value` is one number: truth values and texts are none, 0-D arrays are."""
+    if isinstance(value, np.ndarray) and value.ndim == 0:
+        value = value[()]
+    return isinstance(value, Number) and not isinstance(value, bool | np.bool_)
+
+
+def _read(system: Any, name: str) -> tuple[FloatArray, FloatArray]:
+    if type(system).__name__ == "DelayedTransferFunction":  # its room is above this one
+        if system.delay:
+            raise ValueError(
+                f"{name} has a dead time of {system.delay:g} s; only the process may have one: "
+                "leave the dead time out"
+            )
+        system = system.tf
+    if isinstance(system, ct.StateSpace | ct.TransferFunction):
+        if not system.issiso():
+            raise ValueError(
+                f"{name} has {system.ninputs} inputs and {system.noutputs} outputs; this analysis "
+                "is for one input and one output: pass one channel, for example sys[0, 0]"
+            )
+        if not system.isctime():
+            raise ValueError(
+                f"{name} is discrete-time (dt={system.dt}); this analysis is in continuous time: "
+                "pass the continuous-time block"
+            )
+    num: Any
+    den: Any
+    if isinstance(system, ct.StateSpace):
+        return polynomials(system, name)
+    if isinstance(system, ct.TransferFunction):
+        num, den = system.num_array[0, 0], system.den_array[0, 0]
+    elif is_number(system):
+        num, den = [system], [1.0]
+    elif isinstance(system, tuple | list | np.ndarray) and len(system) == 2:
+        num, den = system
+    else:
+        raise TypeError(_refusal(system, name))
+    return _coefficients(num, f"{name} numerator"), _coefficients(den, f"{name} denominator")
+
+
+def _refusal(system: Any, name: str) -> str:
+    kind = type(system)
+    if kind.__module__.startswith("scipy.signal"):
+        remedy = "pass control.tf(sys.num, sys.den) of its transfer function"
+    elif kind.__module__.startswith("sympy"):
+        remedy = f"turn it into numbers first; {ACCEPTED}"
+    else:
+        remedy = REMEDIES.get(kind.__name__, ACCEPTED)
+    return f"{name} is a {kind.__name__}; {remedy}"
+
+
 def _coefficients(values: Any, name: str) -> FloatArray:
-    array = np.atleast_1d(np.asarray(values))
-    if array.dtype.kind == "c":
-        if np.any(array.imag != 0):
-            raise TypeError(f"{name} has complex coefficients {array}; they must be real")
-        array = array.real
-    try:
-        array = array.astype(float)
-    except (TypeError, ValueError) as error:
-        raise TypeError(f"{name} is {values!r}; it must be a list of real coefficients") from error
+    array = values if _is_real_array(values) else _numbers(values, name)
     if array.ndim != 1 or array.size == 0:
         raise ValueError(f"{name} has shape {array.shape}; it must be a non-empty 1-D list")
     if not np.isfinite(array).all():
-        raise ValueError(f"{name} is {array}; every coefficient must be a finite number")
+        raise ValueError(f"{name} is {values}; every coefficient must be a finite number")
     used = np.flatnonzero(array)
     return array[used[0] :] if used.size else array[-1:]
 
 
-def _from_state_space(system: ct.StateSpace) -> tuple[FloatArray, FloatArray]:
-    """Numerator and denominator from the Markov parameters D, CB, CAB, ...
+def _is_real_array(values: Any) -> bool:
+    return isinstance(values, np.ndarray) and values.dtype == float
 
-    What is only rounding of larger terms is set to zero: it would otherwise change the relative
-    degree, or move an integrator off the origin.
-    """
-    A, B, C, D = system.A, system.B, system.C, float(system.D[0, 0])
-    n = A.shape[0]
-    den = np.atleast_1d(np.real(np.poly(A))) if n else np.ones(1)
-    markov, size = [D], [abs(D)]
-    column, bound = B, np.abs(B)
-    for _ in range(n):
-        markov.append(float((C @ column)[0, 0]))
-        size.append(float((np.abs(C) @ bound)[0, 0]))
-        column, bound = A @ column, np.abs(A) @ bound
-    num = np.convolve(den, markov)[: n + 1]
-    num[np.abs(num) <= ROUNDING * np.convolve(np.abs(den), size)[: n + 1]] = 0.0
-    norm = float(np.linalg.norm(matrix_balance(A)[0], 2)) if n else 0.0
-    noise = 16 * np.finfo(float).eps * np.array([comb(n, k) * norm**k for k in range(n + 1)])
-    large = np.flatnonzero(np.abs(den) > noise)
-    den[large[-1] + 1 :] = 0.0
-    return num, den
+
+def _numbers(values: Any, name: str) -> FloatArray:
+    if isinstance(values, np.polynomial.polynomial.Polynomial):
+        raise TypeError(
+            f"{name} is a Polynomial, whose coefficients ascend; pass them descending, .coef[::-1]"
+        )
+    try:
+        array = np.array([] if values is None else values, dtype=object, ndmin=1)
+    except ValueError:  # rows of different length
+        array = np.array([None])
+    given = array.ravel().tolist()
+    if not all(map(is_number, given)):
+        raise TypeError(f"{name} is {values!r}; it must be a list of real coefficients, numbers")
+    if any(complex(value).imag for value in given if isinstance(value, complex)):
+        raise TypeError(f"{name} has complex coefficients {values}; they must be real")
+    try:
+        real = [float(complex(value).real) for value in given]
+    except OverflowError:
+        real = [inf] * len(given)
+    return np.array(real).reshape(array.shape)

@@ -10,13 +10,14 @@ from typing import Any
 import control as ct
 import numpy as np
 
-from .blocks import ComplexArray, FloatArray, Fraction, as_fraction
+from .blocks import ComplexArray, FloatArray, Fraction, as_fraction, real_number, six_digits
+from .quasipoly import QuasiPolynomial, count_rhp
 
 DC_GAIN_TOLERANCE = 1e-9
 """How far F(0) may be from 1 and still count as a typed-in 1."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class LowPassFilter:
     r"""Unity-gain low-pass filter :math:`F(s) = 1/(\lambda s + 1)^n`, eq. (1).
 
@@ -32,7 +33,7 @@ class LowPassFilter:
     ValueError
         If `time_constant` is not positive and finite, or `order` is below 1.
     TypeError
-        If `order` is not a whole number.
+        If `time_constant` is no real number, or `order` no whole one.
 
     Examples
     --------
@@ -47,6 +48,8 @@ class LowPassFilter:
     order: int
 
     def __post_init__(self) -> None:
+        remedy = "F(s) = 1/(time_constant s + 1)^n needs a positive number of seconds"
+        real_number(self.time_constant, "time_constant", remedy)
         if not (isfinite(self.time_constant) and self.time_constant > 0):
             raise ValueError(
                 f"time_constant is {self.time_constant}; F(s) = 1/(time_constant s + 1)^n "
@@ -61,6 +64,9 @@ class LowPassFilter:
                 f"time_constant {self.time_constant:g} to the power {self.order} is outside the "
                 "range of floating-point numbers; choose another unit of time"
             )
+
+    def __repr__(self) -> str:
+        return f"LowPassFilter(time_constant={six_digits(self.time_constant)}, order={self.order})"
 
     @property
     def den(self) -> FloatArray:
@@ -101,10 +107,10 @@ def filter_fraction(filter: Any) -> Fraction:
     if isinstance(filter, LowPassFilter):
         return Fraction(np.ones(1), filter.den)
     num, den = as_fraction(filter, "filter")
-    poles = np.roots(den)
-    if poles.size and poles.real.max() >= 0:
+    characteristic = QuasiPolynomial(den)
+    if characteristic.zeros_at_origin or count_rhp(characteristic).count != 0:
         raise ValueError(
-            f"filter has a pole at {poles[poles.real.argmax()]:.4g}; F must be stable: "
+            f"filter has a pole at {characteristic.roots[0]:.4g}; F must be stable: "
             "every pole needs a negative real part"
         )
     dc_gain = num[-1] / den[-1]

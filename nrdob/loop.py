@@ -29,8 +29,9 @@ class NRDOB(LoopEquations):
 
     The maps of eqs. (3), (4) and (7) are attributes, callable at complex s: `T_R`, `S_d`,
     `S_delta`, `S_eta`, `E_R`, `U_R`, `U_d`, `U_delta`, `U_eta`; so are the open loops `CGm`,
-    `FH`, `L`, the mismatch `H` and `ratio`, and all the feedback `K`. `nrdob.equations` draws the
-    diagram.
+    `FH`, `L`, the mismatch `H` and `ratio`, and all the feedback `K`. Each can say how much white
+    noise it passes, as `loop.S_eta.noise_power()`. `fractions` holds numerator and denominator of
+    the four blocks, as `loop.fractions.Gm.den`. `nrdob.equations` draws the diagram.
 
     Parameters
     ----------

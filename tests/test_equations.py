@@ -156,3 +156,80 @@ def test_a_double_root_of_the_numerator_cancels_a_single_one_once():
     for name in printed_maps(loop, 1j):
         quotient = getattr(loop, name)
         assert quotient.to_tf()(S) == pytest.approx(quotient(S), rel=1e-9), name
+
+
+@pytest.mark.usefixtures("no_warning_leaks")
+class TestMapsAtDelicatePoints:
+    """Poles that cancel, true poles, and values beyond floating point."""
+
+    @pytest.mark.parametrize("dead_time", [0.0, 1.0])
+    @pytest.mark.parametrize("name", ["S_d", "S_eta", "T_R", "U_delta", "E_R", "L"])
+    def test_an_undamped_pole_that_cancels_leaves_the_limit(self, name, dead_time):
+        P = 1 / (s**2 + 4)
+        G = nrdob.delay(dead_time) * P if dead_time else P
+        loop = nrdob.NRDOB(G, P, 0.1 / s, nrdob.LowPassFilter(0.5, 2))
+        at = 2j + 1e-3 * np.array([1, 1j, -1, -1j, *(np.exp(0.25j * np.pi * np.arange(1, 8, 2)))])
+        limit = printed_maps(loop, at)[name].mean()  # of a smooth function, to its 8th derivative
+        for s_near in (2j, 2j * (1 + 1e-12), 2j * (1 - 1e-9)):
+            assert getattr(loop, name)(s_near) == pytest.approx(limit, rel=1e-6, abs=1e-6)
+        many = getattr(loop, name)(np.array([[2j, 0.3j], [2j, 1.0]]))
+        assert many[0, 0] == many[1, 0] == pytest.approx(limit, rel=1e-6, abs=1e-6)
+
+    def test_poles_that_do_not_cancel_are_infinite(self):
+        loop = nrdob.NRDOB(1 / (s**2 + 4), 1 / (s + 1), 0.1 / s, nrdob.LowPassFilter(0.5, 2))
+        assert all(np.isinf(getattr(loop, name)(2j)) for name in ("G", "H", "FH", "L", "ratio"))
+        detuned = nrdob.NRDOB(
+            1 / (s**2 + 4), 1 / (s**2 + 4 + 1e-6), 0.1 / s, nrdob.LowPassFilter(0.5, 2)
+        )
+        assert np.isinf(detuned.ratio(2j))
+
+    def test_a_perfect_model_has_no_mismatch_not_even_at_its_poles(self):
+        P = 1 / (s**2 + 4)
+        loop = nrdob.NRDOB(P, P, 0.1 / s, nrdob.LowPassFilter(0.5, 2))
+        assert loop.H(2j) == loop.FH(2j) == 0
+
+    def test_far_to_the_left_the_dead_time_wins(self):
+        loop = nrdob.NRDOB(
+            nrdob.delay(1.0) / (s + 1), 1 / (s + 1), 0.1 / s, nrdob.LowPassFilter(0.5, 2)
+        )
+        for point in (-1e4, -1e4 + 3j, -720.0):
+            assert loop.S_d(point) == pytest.approx(0, abs=1e-300)
+            assert loop.S_eta(point) == pytest.approx(-1, rel=1e-12)
+            assert np.isinf(loop.G(point))
+        # The two ways agree where both can be had: e^700 is still a number.
+        assert loop.S_d(-690.0) == pytest.approx(printed_maps(loop, -690.0)["S_d"], rel=1e-9)
+
+    def test_far_out_the_leading_terms_win(self):
+        G = 2 / (s + 1) ** 4
+        loop = nrdob.NRDOB(G, 1 / (s + 1) ** 4, (s + 2) / s, nrdob.LowPassFilter(0.5, 4))
+        assert loop.ratio(1e200j) == pytest.approx(2, rel=1e-9)
+        assert loop.K(-1e150) == pytest.approx(16, rel=1e-9)
+
+
+def test_roots_that_are_only_near_do_not_cancel():
+    G = 1.2 / ((s + 1) * (1e-4 * s + 1))
+    loop = nrdob.NRDOB(G, 1 / (s + 1), 0.1 / s, nrdob.LowPassFilter(10.0, 3))
+    tf = loop.S_d.to_tf()
+    assert abs(tf(0.01j)) == pytest.approx(0.2488415, rel=1e-6)
+    assert tf.poles().real.max() < 0
+
+
+@pytest.mark.parametrize("order", [1, 2, 4, 10])
+@pytest.mark.parametrize("seed", range(6))
+def test_transfer_functions_of_separated_time_scales_are_the_maps(seed, order):
+    rng = np.random.default_rng(100 * order + seed)
+    poles = -(10 ** rng.uniform(-3, 3, order))
+    if seed % 2:
+        poles[:] = -1.0
+    Gm = ct.tf([abs(np.prod(poles))], np.poly(poles))
+    fast = 10 ** rng.uniform(-4, -2)
+    for G in (Gm, 1.2 * Gm, 1.2 * Gm * ct.tf([1], [fast, 1]), Gm * ct.tf([1, 2], [1, 1.7])):
+        F = nrdob.LowPassFilter(10 ** rng.uniform(-1, 1), order)
+        loop = nrdob.NRDOB(G, Gm, ct.tf([0.1, 0.123], [1, 0]), F)
+        at = 1j * np.geomspace(1e-4, 1e4, 17)
+        for name in ("T_R", "S_d", "S_delta", "S_eta", "U_R", "U_d", "L", "FH"):
+            quotient = getattr(loop, name)
+            assert quotient.to_tf()(at) == pytest.approx(quotient(at), rel=1e-7, abs=1e-13), name
+        if G is Gm:
+            assert loop.T_R.to_tf().poles().size == order + 1
+            assert loop.S_d.to_tf().poles().size == order

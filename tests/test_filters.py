@@ -55,3 +55,15 @@ def test_a_filter_is_stable_proper_and_has_unit_dc_gain(filter, words):
 def test_a_power_beyond_floating_point_is_refused_not_rounded(time_constant, order):
     with pytest.raises(ValueError, match="another unit of time"):
         LowPassFilter(time_constant, order)
+
+
+def test_repr_rounds_to_six_digits():
+    found = repr(LowPassFilter(np.float64(0.01708001234567), np.int64(2)))
+    assert found == "LowPassFilter(time_constant=0.01708, order=2)"
+
+
+@pytest.mark.usefixtures("no_warning_leaks")
+@pytest.mark.parametrize("den", [[1.0, 0.0, 4.0], [1.0, 1.0, 4.0, 4.0], [1.0, 0.0, 0.0]])
+def test_a_filter_with_undamped_poles_is_not_stable(den):
+    with pytest.raises(ValueError, match="F must be stable"):
+        filter_fraction(([den[-1] or 1.0], den))

@@ -6,6 +6,7 @@ Where the paper writes "approximately" the checks allow 10 %, of 1 or of the val
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import reduce
 from math import inf, sqrt
 from typing import Any
 
@@ -17,6 +18,7 @@ from ..alttext import number
 from ..blocks import ComplexArray, FloatArray
 from ..filters import LowPassFilter
 from ..loop import NRDOB
+from ..noise import rational_power
 from ..paper import EXAMPLES, example
 from ..sampling import random_block
 from .ledger import Amendment, Finding, Section, Verdict
@@ -57,34 +59,20 @@ _s = ct.tf("s")
 # Section I.
 
 
-def noise_power(transfer: Callable[[ComplexArray], ComplexArray], corner: float) -> float:
-    """Power of white noise of unit density behind a strictly proper stable map.
-
-    With ω = corner·tan φ the integral over all ω becomes one over a period, for which equal
-    steps are as good as exact.
-    """
-    angle = (np.arange(4000) + 0.5) / 4000 * np.pi / 2
-    omega = corner * np.tan(angle)
-    density = np.abs(transfer(1j * omega)) ** 2
-    return float(np.mean(density * corner / np.cos(angle) ** 2)) / 2
-
-
 def _noise_powers(loop: NRDOB, time_constant: float) -> FloatArray:
     """Noise at y under NR-DOB, conventional observer and C alone, for a perfect model, n = 2."""
-    F = LowPassFilter(time_constant, 2)
-
-    def blocks(s: ComplexArray) -> Values:
-        return Values(loop.G(s), loop.G(s), loop.C(s), F(s))
-
-    def alone(s: ComplexArray) -> ComplexArray:
-        return np.asarray(-loop.CGm(s) / (1 + loop.CGm(s)))
-
-    corner = 1 / sqrt(time_constant)
+    matched = NRDOB(loop.model, loop.model, loop.controller, LowPassFilter(time_constant, 2))
+    _, model, C, F = matched.fractions
+    alone = np.convolve(model.num, C.num), matched.p_A.q  # C Gm/(1 + C Gm)
+    conventional = (  # (F + C Gm)/(1 + C Gm)
+        np.polyadd(np.convolve(alone[0], F.den), reduce(np.convolve, (model.den, C.den, F.num))),
+        np.convolve(alone[1], F.den),
+    )
     return np.array(
         [
-            noise_power(lambda s: from_diagram("S_eta", blocks(s)), corner),
-            noise_power(lambda s: from_diagram("S_eta", blocks(s), conventional=True), corner),
-            noise_power(alone, 1.0),
+            matched.S_eta.noise_power(),
+            rational_power(*conventional),
+            rational_power(*alone),
         ]
     )
 
@@ -138,6 +126,10 @@ def conventional_observer_and_noise() -> Finding:
             "T_R of the NR-DOB is free of F": same(from_diagram("T_R", matched), tracking),
             "T_R of the conventional observer is free of F": same(
                 from_diagram("T_R", matched, conventional=True), tracking
+            ),
+            "S_eta of the conventional observer is -(F + C Gm)/(1 + C Gm)": same(
+                from_diagram("S_eta", matched, conventional=True),
+                -(matched.F + matched.CGm) / (1 + matched.CGm),
             ),
         },
     )
@@ -768,8 +760,7 @@ def noise_against_tracking() -> Finding:
         loop = example(which)
         F = LowPassFilter(4 * loop.filter.time_constant, loop.filter.order)
         slower = NRDOB(loop.process, loop.model, loop.controller, F)
-        corner = sqrt(loop.filter.bandwidth)
-        before, after = (noise_power(case.S_eta, corner) for case in (loop, slower))
+        before, after = (case.S_eta.noise_power() for case in (loop, slower))
         quieter.append(after < before and slower.stability().stable is True)
         wanted = loop.CGm(s) / (1 + loop.CGm(s))
         departs.append(float(np.abs(slower.T_R(s) - wanted).max()))

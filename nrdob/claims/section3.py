@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
-from math import cos, inf, pi
+from math import inf
 from typing import Any
 
 import control as ct
@@ -14,6 +14,7 @@ from scipy.optimize import brentq
 from ..alttext import number
 from ..blocks import ComplexArray, FloatArray, Fraction
 from ..filters import LowPassFilter
+from ..limits import gain_bound
 from ..loop import NRDOB
 from ..margins import Margins
 from ..nyquist import encirclements
@@ -65,8 +66,14 @@ def in_right_half(coefficients: FloatArray) -> int:
 
 
 def critical_gain(order: int) -> float:
-    """M_n, the gain factor at which F/(1 − F) is lost."""
-    return inf if order <= 2 else 1 + cos(pi / order) ** -order
+    """M_n, the gain factor at which F/(1 − F) is lost, by the roots of (s + 1)^n − 1 + k."""
+
+    def rightmost_root(gain: float) -> float:
+        coefficients = np.poly(-np.ones(order))
+        coefficients[-1] += gain - 1
+        return float(np.roots(coefficients).real.max())
+
+    return inf if rightmost_root(1e3) < 0 else float(brentq(rightmost_root, 1.0, 1e3))
 
 
 # Eq. (7).
@@ -1288,5 +1295,8 @@ def margins_of_a_perfect_model() -> Finding:
             "the margins of L depend on n alone": every(same_margins),
             "the process may grow up to M_n and no further": every(ends),
             "the upper gain margin of L is M_n": same(limits, gains, 1e-6),
+            "the closed form of M_n agrees": same(
+                [gain_bound(order) for order in range(1, 7)], gains, 1e-9
+            ),
         },
     )

@@ -27,6 +27,7 @@ from ..filters import LowPassFilter, filter_fraction
 from ..limits import stable_for_slow_filters
 from ..loop import NRDOB
 from ..mismatch import Mismatch
+from ..noise import rational_power
 from ..quasipoly import QuasiPolynomial
 from ..timeconstants import critical_time_constants
 from .cases import (
@@ -793,22 +794,12 @@ def _price(case: BetterCase, filter: Any) -> _Price:
     left = np.polysub(den, num)[:-1]  # (1 - F)/s
     poles = np.roots(den).astype(complex)
     return _Price(
-        _power(num, den),
-        _power(left, den),
+        rational_power(num, den),
+        rational_power(left, den),
         float(np.abs(poles).max()),
         poles,
         den.size - num.size >= case.order,
     )
-
-
-def _power(num: FloatArray, den: FloatArray) -> float:
-    """Integrate |num/den|² over all frequencies and divide by 2π."""
-    # With ω = w tan(φ/2) the integrand is periodic and smooth, and the trapezoidal rule exact.
-    scale = float(np.exp(np.log(np.abs(np.roots(den))).mean()))
-    half = (np.arange(20000) + 0.5) * pi / 20000 / 2
-    s = 1j * scale * np.tan(half)
-    density = np.abs(np.polyval(num, s) / np.polyval(den, s)) ** 2
-    return float(np.sum(density / np.cos(half) ** 2) * scale / 2 / 20000)
 
 
 def _spread(case: BetterCase, slow: float, ratio: float) -> ct.TransferFunction:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from math import inf, isinf, isnan, nan, pi
+from math import inf, isinf, isnan, log, nan, pi, sqrt
 from typing import Any
 
 import control as ct
@@ -348,14 +348,7 @@ def rms(transfer: Quotient) -> float:
     >>> round(rms(loop.S_eta) ** 2, 6)                  # 1/(4λ)
     0.5
     """
-    if any(transfer.at_infinity):
-        return inf
-    # With ω = w tan(φ/2) the integrand is periodic and smooth, and the midpoint rule exact.
-    count, poles = 20000, np.abs(transfer.denominator.roots)
-    scale = float(np.exp(np.log(poles).mean()))
-    half = (np.arange(count) + 0.5) * pi / count / 2
-    density = np.abs(transfer(1j * scale * np.tan(half))) ** 2
-    return float(np.sqrt(np.sum(density / np.cos(half) ** 2) * scale / 2 / count))
+    return inf if any(transfer.at_infinity) else sqrt(transfer.noise_power())
 
 
 class Readings:
