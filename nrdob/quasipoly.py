@@ -19,6 +19,9 @@ import numpy as np
 
 from .argument import Term, Turn, turn, zero_free_frequencies
 from .blocks import ROUNDING, BoolArray, ComplexArray, FloatArray
+from .crossingcount import count_by_crossings
+from .exact import rhp_count, whole
+from .longdelay import rightmost_roots
 from .rootfinding import delay_roots, polynomial_roots
 
 
@@ -143,19 +146,43 @@ class QuasiPolynomial:
     def roots(self) -> ComplexArray:
         """Roots, rightmost first.
 
-        All of them for a polynomial. With a delay: those that matter for stability, that is all
-        in the right half plane and the rightmost ones of the left half plane.
-
-        Raises
-        ------
-        ArithmeticError
-            If the delay is too long for the loop's speed to be resolved (see `nrdob.rootfinding`).
+        All of them for a polynomial. With a delay: all in the right half plane and the rightmost
+        ones of the left half plane. With a delay so long that `roots_resolved` is false: roots of
+        which none lies further to the right than the first; none at all if that is not certain.
         """
-        p = self.without_origin
-        found = delay_roots(p.q, p.r, p.delay) if p.delay else polynomial_roots(p.q)
+        found = self._eigenvalues
+        if found is None:
+            p = self.without_origin
+            found = rightmost_roots(p.q, p.r, p.delay)
         if self.zeros_at_origin:
             found = np.concatenate([found, np.zeros(self.zeros_at_origin)])
         return found[np.lexsort((-found.imag, -found.real))]
+
+    @property
+    def roots_resolved(self) -> bool:
+        """Whether `roots` are eigenvalues, which hold every root in the right half plane."""
+        return self._eigenvalues is not None
+
+    @cached_property
+    def _eigenvalues(self) -> ComplexArray | None:
+        p = self.without_origin
+        if not p.delay:
+            return polynomial_roots(p.q)
+        try:
+            return delay_roots(p.q, p.r, p.delay)
+        except ArithmeticError:
+            return None
+
+    @cached_property
+    def rhp_in_whole_numbers(self) -> int | None:
+        """Roots in the open right half plane, from the coefficients alone, without rounding.
+
+        By Routh and Hurwitz's test, see `nrdob.exact`, or with a delay by Walton and Marshall's
+        count, see `nrdob.crossingcount`. None where there are roots on the axis; roots at s = 0
+        that the coefficients prove are not counted.
+        """
+        p = self.finite_part
+        return count_by_crossings(p.q, p.r, p.delay) if p.delay else rhp_count(whole(p.q)[0])
 
 
 @dataclass(frozen=True)
@@ -170,7 +197,8 @@ class RootCount:
     reason : str
         Why the count is not known.
     at_least : float
-        Roots that are on the right whatever rounding does to the others.
+        Roots that are on the right whatever rounding does to those on the axis, which the path
+        passes on their right.
     """
 
     count: float | None
@@ -214,7 +242,10 @@ def count_rhp(p: QuasiPolynomial) -> RootCount:
         return RootCount(None, str(error))
     if isnan(turn.angle):
         return RootCount(None, _where(turn))
-    count = round(p.degree / 2 - turn.angle / pi)
+    turns = p.degree / 2 - turn.angle / pi
+    count = round(turns)
+    if abs(turns - count) > 0.1:
+        return RootCount(None, "the turns of the argument do not add up to a whole number")
     if turn.touched:
         return RootCount(None, _where(turn), count)
     return RootCount(count, at_least=count)
