@@ -55,7 +55,7 @@ def rightmost_roots(q: FloatArray, r: FloatArray, delay: float) -> ComplexArray:
     >>> import numpy as np
     >>> roots = rightmost_roots(np.array([1.0, 0.0]), np.array([1.0]), 1000.0)   # s + exp(-1000 s)
     >>> print(f"{roots[0]:.4g}")
-    0.004912+0.001477j
+    0.00515+0.002664j
     """
     found = _newton(q, r, delay, _guesses(q, r, delay))
     if not found.size:
