@@ -35,6 +35,10 @@ ARCS = 32
 """Discs that cover a half circle around a zero on the axis."""
 
 
+FREE, OPEN = -1, -2
+"""Marks of a stretch of the axis: the sum has no zero there; it may have one."""
+
+
 class Term(NamedTuple):
     """A polynomial q, coefficients in descending powers, behind a dead time in seconds."""
 
@@ -60,7 +64,7 @@ class Turn:
 
 
 class _Stretches(NamedTuple):
-    """Stretches of the axis that are certified: by no zero (term -1) or by a dominant term."""
+    """Certified stretches of the axis: the number of the dominant term, or `FREE`."""
 
     left: FloatArray
     right: FloatArray
@@ -101,29 +105,23 @@ def turn(terms: Sequence[Term], scale: FloatArray) -> Turn:
     degree = lead.size - 1
     if degree == 0:
         return Turn(0.0)
-    if degree == 1 and len(terms) == 1 and abs(lead[1]) > ROUNDING * scale[-1]:
-        return Turn(pi / 2 if lead[0] * lead[1] > 0 else -pi / 2)
+    if len(terms) == 1 and degree <= 2 and (angle := _short(lead, scale)) is not None:
+        return Turn(angle)
     low, high = _range(terms, scale)
     touched: list[float] = []
-    first = float(sum(term.q[-1] for term in terms))
     angle = 0.0
-    start = 0.0
     if low is None:
         touched.append(0.0)
-        start, angle = _pass_origin(terms, scale, high)
-        low = start
+        low, angle = _pass_origin(terms, scale, high)
     stretches, holes = _certified(terms, scale, low, high, dominance=True)
-    if start == 0.0:
-        begin = _Stretches(np.zeros(1), np.array([low]), np.array([-1]))
-        stretches = _Stretches(*map(np.concatenate, zip(begin, stretches, strict=True)))
+    if not touched:  # there the constant term dominates
+        first = _Stretches(np.zeros(1), np.array([low]), np.array([FREE]))
+        stretches = _Stretches(*map(np.concatenate, zip(first, stretches, strict=True)))
     for a, b, around in _passed(terms, scale, holes):
         stretches = stretches.outside(a, b)
         angle += around
         touched.append((a + b) / 2)
-    angle += _angles(terms, scale, stretches, first)
-    # Beyond the last frequency the leading term keeps the sum in an open half plane around it.
-    last = _values(terms, scale, np.array([high])).sum(axis=0)[0]
-    angle += float(np.angle(lead[0] * 1j**degree / last))
+    angle += _angles(terms, scale, stretches, high)
     return Turn(angle, tuple(touched))
 
 
@@ -153,6 +151,24 @@ def zero_free_frequencies(terms: Sequence[Term], scale: FloatArray) -> FloatArra
     low = low or 1e-12 * high
     (left, right, _), _ = _certified(terms, scale, low, high, dominance=False)
     return np.unique(np.concatenate([[0.0, low], left, (left + right) / 2, right]))
+
+
+def _short(q: FloatArray, scale: FloatArray) -> float | None:
+    """Turn of a polynomial of degree 1 or 2, which is seen from where it crosses an axis.
+
+    None where a root is on the axis within rounding.
+    """
+    a, c = q[0], q[-1]
+    if abs(c) <= ROUNDING * scale[-1]:
+        return None
+    if q.size == 2:
+        return pi / 2 if a * c > 0 else -pi / 2
+    if a * c < 0:  # the real part keeps its sign
+        return 0.0
+    omega = np.sqrt(c / a)  # here the value is imaginary
+    if abs(q[1]) * omega <= ROUNDING * np.polyval(scale, omega):
+        return None
+    return pi if q[1] * c > 0 else -pi
 
 
 def _range(terms: Sequence[Term], scale: FloatArray) -> tuple[float | None, float]:
@@ -209,10 +225,6 @@ def _certified(
     )
 
 
-OPEN = -2
-"""Mark of a stretch that no term dominates and that may hold a zero."""
-
-
 def _examine(
     terms: Sequence[Term],
     scale: FloatArray,
@@ -234,7 +246,7 @@ def _examine(
     for (_, delay), (value, rest), size in zip(terms, found, sizes, strict=True):
         total += value * np.exp(-1j * delay * centre) if delay else value
         bound += rest + (size * np.minimum(2.0, delay * radius) if delay else 0.0)
-    result = np.where(np.abs(total) > SLACK * bound + noise, -1, OPEN)
+    result = np.where(np.abs(total) > SLACK * bound + noise, FREE, OPEN)
     if dominance and len(terms) > 1:
         everything = sum(size + rest for size, (_, rest) in zip(sizes, found, strict=True))
         for i, (size, (_, rest)) in enumerate(zip(sizes, found, strict=True)):
@@ -244,23 +256,28 @@ def _examine(
 
 
 def _angles(
-    terms: Sequence[Term], scale: FloatArray, stretches: _Stretches, first: float
+    terms: Sequence[Term], scale: FloatArray, stretches: _Stretches, high: float
 ) -> float:
-    """Sum of what the argument turns over certified stretches; `first` is the value at ω = 0."""
+    """Sum of what the argument turns over certified stretches, and beyond the frequency `high`."""
     left, right, mark = stretches
-    at_left, at_right = (_values(terms, scale, np.where(x > 0, x, 1.0)) for x in (left, right))
-    at_left[:, left == 0] = np.array([term.q[-1] for term in terms])[:, None]
-    before, after = at_left.sum(axis=0), at_right.sum(axis=0)
-    free = mark == -1
-    angle = float(np.angle(after[free] / before[free]).sum())
+    n, origin = left.size, left == 0
+    values = _values(terms, scale, np.concatenate([np.where(origin, 1.0, left), right, [high]]))
+    values[:, :n][:, origin] = np.array([[term.q[-1]] for term in terms])
+    sums = values.sum(axis=0)
+    before, after = sums[:n], sums[n:-1]
+    # Beyond the last frequency the leading term keeps the sum in an open half plane around it.
+    lead = terms[0].q
+    angle = float(np.angle(lead[0] * 1j ** (lead.size - 1) / sums[-1]))
+    free = mark == FREE
+    angle += float(np.angle(after[free] / before[free]).sum())
     for i, (_, delay) in enumerate(terms):
         on = mark == i
         if on.any():
-            a, b = at_left[i, on], at_right[i, on]
+            a, b = values[i, :n][on], values[i, n:-1][on]
             # The term itself without its dead time, the dead time, and the angles from the term
             # to the sum at both ends.
-            unlagged = b * np.exp(1j * delay * right[on]) / (a * np.exp(1j * delay * left[on]))
-            angle += float(np.angle(unlagged).sum() - delay * (right[on] - left[on]).sum())
+            waits = np.exp(1j * delay * right[on]) / np.exp(1j * delay * left[on])
+            angle += float(np.angle(b * waits / a).sum() - delay * (right[on] - left[on]).sum())
             angle += float((np.angle(after[on] / b) - np.angle(before[on] / a)).sum())
     return angle
 

@@ -178,9 +178,33 @@ FAMILIES: dict[str, Callable[[np.random.Generator], Blocks]] = {
 
 
 def random_blocks(rng: np.random.Generator, family: str) -> Blocks:
-    """One loop of a family, its unit of time and of gain anything."""
+    """One loop of a family; in half of the cases its units of time and gain are anything."""
     blocks = FAMILIES[family](rng)
-    return blocks
+    if rng.random() < 0.5:
+        return blocks
+    return rescaled(blocks, 10 ** rng.uniform(-9, 9), 10 ** rng.uniform(-12, 12))
+
+
+def rescaled(blocks: Blocks, time: float, gain: float, factor: float = 1.0) -> Blocks:
+    """The same loop in another unit of time and of the output.
+
+    `factor` multiplies numerators and denominators alike.
+    """
+
+    def slower(coefficients: np.ndarray) -> np.ndarray:
+        return np.asarray(coefficients) * time ** np.arange(len(coefficients) - 1, -1, -1.0)
+
+    def block(num: np.ndarray, den: np.ndarray, gain: float) -> tuple[np.ndarray, np.ndarray]:
+        return factor * gain * slower(num), factor * slower(den)
+
+    F = blocks.filter
+    return Blocks(
+        block(*blocks.process, gain),
+        block(*blocks.model, gain),
+        block(*blocks.controller, 1 / gain),
+        (F[0] * time, F[1]) if np.isscalar(F[0]) else block(*F, 1.0),
+        blocks.delay * time,
+    )
 
 
 # Oracles.
