@@ -26,7 +26,10 @@ from .blocks import ROUNDING, BoolArray, ComplexArray, FloatArray
 from .rootfinding import dominance_radius
 
 MAX_SEGMENTS = 400_000
-"""Stretches of the axis at most."""
+"""Stretches of the axis at most where every turn is to be followed."""
+
+MAX_STEPS = 40_000
+"""Stretches at most where a dominant term is enough."""
 
 SLACK = 1.05
 """By how much a value must exceed its Taylor bound, so that no zero hides at the end of a step."""
@@ -200,12 +203,17 @@ def _certified(
     todo = low * span ** (np.arange(count + 1) / count)
     todo[-1] = high
     left, right = todo[:-1], todo[1:]
+    leads = _leads(terms, scale.size) if dominance and len(terms) > 1 else []
+    limit = MAX_STEPS if dominance else MAX_SEGMENTS
     done: list[_Stretches] = []
     holes: list[FloatArray] = []
     steps = left.size
     while left.size:
         middle = (left + right) / 2
         term, vanishing = _examine(terms, scale, middle, (right - left) / 2, dominance)
+        if leads and (unsure := term == OPEN).any():
+            term[unsure] = _leader(leads, scale, left[unsure], right[unsure])
+            vanishing &= term == OPEN
         vanishing |= (term == OPEN) & ((middle <= left) | (middle >= right))
         known = (term != OPEN) & ~vanishing
         done.append(_Stretches(left[known], right[known], term[known]))
@@ -214,9 +222,9 @@ def _certified(
         left, middle, right = left[more], middle[more], right[more]
         left, right = np.concatenate([left, middle]), np.concatenate([middle, right])
         steps += left.size
-        if steps > MAX_SEGMENTS:
+        if steps > limit:
             raise ArithmeticError(
-                f"over {MAX_SEGMENTS} frequencies would be needed to follow the argument: the "
+                f"over {limit} frequencies would be needed to follow the argument: the "
                 "dead time is too long for terms of so nearly equal size"
             )
     return (
@@ -255,9 +263,46 @@ def _examine(
     return result, (result == OPEN) & (np.abs(total) <= noise)
 
 
-def _angles(
-    terms: Sequence[Term], scale: FloatArray, stretches: _Stretches, high: float
-) -> float:
+def _leads(terms: Sequence[Term], count: int) -> list[FloatArray]:
+    """For every term |q_i|² - (n - 1) sum |q_j|², ascending in ω²; positive, the term dominates.
+
+    The sum of n - 1 squares is at least the square of the sum divided by n - 1.
+    """
+    sizes = [_squared_size(term.q, count) for term in terms]
+    return [size - (len(terms) - 1) * (sum(sizes) - size) for size in sizes]
+
+
+def _squared_size(q: FloatArray, count: int) -> FloatArray:
+    """|q(jω)|² in ascending powers of ω², `count` of them."""
+    ascending = np.zeros(2 * count)
+    ascending[: q.size] = q[::-1]
+    even, odd = (ascending[k::2] * (-1.0) ** np.arange(count) for k in (0, 1))
+    square = np.convolve(even, even)
+    square[1:] += np.convolve(odd, odd)[:-1]
+    return square[:count]
+
+
+def _leader(
+    leads: Sequence[FloatArray], scale: FloatArray, left: FloatArray, right: FloatArray
+) -> FloatArray:
+    """Number of the term whose lead is certainly positive on each stretch, or `OPEN`.
+
+    For terms of nearly equal size over a long stretch: their difference is bounded, not each.
+    """
+    ratio = right / left
+    omega = left * np.sqrt((1 + ratio**2) / 2)
+    spread = ((ratio**2 - 1) / (ratio**2 + 1))[:, None] ** np.arange(scale.size)
+    noise = ROUNDING * (_powers(scale, omega) @ scale[::-1]) ** 2
+    exponents = 2 * (np.log(omega)[:, None] * np.arange(scale.size) - _log_unit(scale, omega))
+    result = np.full(omega.size, OPEN)
+    for i, lead in enumerate(leads):
+        taylor = (np.exp(np.where(lead != 0, exponents, -inf)) * lead) @ _binomial(scale.size)
+        rest = (np.abs(taylor[:, 1:]) * spread[:, 1:]).sum(axis=1)
+        result[taylor[:, 0] - rest > noise] = i
+    return result
+
+
+def _angles(terms: Sequence[Term], scale: FloatArray, stretches: _Stretches, high: float) -> float:
     """Sum of what the argument turns over certified stretches, and beyond the frequency `high`."""
     left, right, mark = stretches
     n, origin = left.size, left == 0
@@ -313,9 +358,7 @@ def _passed(
     return passed
 
 
-def _pass_origin(
-    terms: Sequence[Term], scale: FloatArray, high: float
-) -> tuple[float, float]:
+def _pass_origin(terms: Sequence[Term], scale: FloatArray, high: float) -> tuple[float, float]:
     """Pass s = 0 by a quarter circle: its radius, and the angle turned on the way."""
     speeds = [high, 1 / dominance_radius(scale / scale[-1])]
     radius = 1e-15 * min([*speeds, *(1 / delay for _, delay in terms if delay)])
@@ -353,9 +396,7 @@ def _round(
     return float(np.angle(at_ends[1:] / at_ends[:-1]).sum())
 
 
-def _taylor_at(
-    q: FloatArray, s: ComplexArray, radius: float
-) -> tuple[ComplexArray, FloatArray]:
+def _taylor_at(q: FloatArray, s: ComplexArray, radius: float) -> tuple[ComplexArray, FloatArray]:
     """Values at s and bounds of how far q can be from them within `radius`."""
     rows = [np.full(s.shape, complex(c)) for c in q]
     n = q.size
@@ -374,11 +415,17 @@ def _powers(scale: FloatArray, omega: FloatArray) -> FloatArray:
     The unit differs from row to row; what is asked of a row does not depend on it. Without it the
     roots of a very fast filter, 1e30 rad/s and more, would overflow.
     """
-    exponents = np.log(omega)[:, None] * np.arange(scale.size)
-    present = scale[::-1] > 0
+    exponents = np.log(omega)[:, None] * np.arange(scale.size) - _log_unit(scale, omega)
+    return np.exp(np.where(scale[::-1] > 0, exponents, -inf))
+
+
+def _log_unit(scale: FloatArray, omega: FloatArray) -> FloatArray:
+    """Logarithm of the largest term of `scale` at each frequency, as a column."""
     with np.errstate(divide="ignore"):
-        largest = np.max(exponents + np.log(scale[::-1]), axis=1, keepdims=True)
-    return np.exp(np.where(present, exponents - largest, -inf))
+        sizes = np.log(scale[::-1])
+    return np.asarray(
+        np.max(np.log(omega)[:, None] * np.arange(scale.size) + sizes, axis=1, keepdims=True)
+    )
 
 
 def _taylor_sums(
@@ -389,16 +436,19 @@ def _taylor_sums(
     Both c and spread are given by their powers 0, 1, 2, … along axis 1.
     """
     n = coefficients.size
-    taylor = (powers[:, :n] * coefficients[::-1]) @ _binomial(n)
+    taylor = (powers[:, :n] * coefficients[::-1]) @ _turned_binomial(n)
     return taylor[:, 0], (np.abs(taylor[:, 1:]) * spread[:, 1:n]).sum(axis=1)
 
 
 @lru_cache(maxsize=64)
-def _binomial(n: int) -> ComplexArray:
-    """Binomial coefficients times powers of j: C(i, m) j^i, row i, column m."""
-    return _units(n)[:, None] * np.array(
-        [[float(comb(i, m)) for m in range(n)] for i in range(n)]
-    )
+def _binomial(n: int) -> FloatArray:
+    """Binomial coefficients C(i, m), row i, column m."""
+    return np.array([[float(comb(i, m)) for m in range(n)] for i in range(n)])
+
+
+@lru_cache(maxsize=64)
+def _turned_binomial(n: int) -> ComplexArray:
+    return np.asarray(_units(n)[:, None] * _binomial(n))
 
 
 @lru_cache(maxsize=64)

@@ -55,7 +55,9 @@ def count_by_crossings(q: FloatArray, r: FloatArray, delay: float) -> int | None
     if count is None:
         return None
     for omega, angle, direction in crossings:
-        count += 2 * direction * (floor((omega * delay - angle) / tau) + 1)
+        # A pair that starts on the axis does not come from the right: it is not lost there.
+        first = 0 if angle == 0 and direction < 0 else 1
+        count += 2 * direction * (floor((omega * delay - angle) / tau) + first)
     return count
 
 

@@ -62,7 +62,7 @@ def rightmost_roots(q: FloatArray, r: FloatArray, delay: float) -> ComplexArray:
         return found
     rightmost = found[0]
     margin = BESIDE * max(abs(rightmost.real), 1e-6 * abs(rightmost), 1e-6 / delay)
-    return found[:0] if _roots_right_of(q, r, delay, rightmost.real + margin) else found
+    return found if _none_right_of(q, r, delay, rightmost.real + margin) else found[:0]
 
 
 def _guesses(q: FloatArray, r: FloatArray, delay: float) -> ComplexArray:
@@ -141,14 +141,17 @@ def _newton(q: FloatArray, r: FloatArray, delay: float, s: ComplexArray) -> Comp
     return np.asarray(s[np.lexsort((-s.imag, -s.real))])
 
 
-def _roots_right_of(q: FloatArray, r: FloatArray, delay: float, line: float) -> float:
-    """Count the roots with a larger real part by the argument along a vertical line."""
+def _none_right_of(q: FloatArray, r: FloatArray, delay: float, line: float) -> bool:
+    """Whether the argument along a vertical line shows that no root has a larger real part."""
     shrink = float(np.exp(-delay * line))
     q_line, r_line = _shifted(q, line), shrink * _shifted(r, line)
     scale = _shifted(np.abs(q), abs(line))
     scale[-r.size :] += shrink * _shifted(np.abs(r), abs(line))
-    found = turn((Term(q_line, 0.0), Term(r_line, delay)), scale)
-    return float(round((q.size - 1) / 2 - found.angle / pi))
+    try:
+        found = turn((Term(q_line, 0.0), Term(r_line, delay)), scale)
+    except ArithmeticError:
+        return False
+    return bool(abs((q.size - 1) / 2 - found.angle / pi) < 0.5)
 
 
 def _shifted(p: FloatArray, by: float) -> FloatArray:

@@ -69,7 +69,9 @@ def nyquist_count(
         reason = "the curve turns for ever, so Z is counted without it: Z = N + P needs a limit"
         return NyquistCount(inf, poles, zeros.count, reason)
     if poles == inf:
-        return NyquistCount(None, poles, None, "the open loop has infinitely many poles on the right")
+        return NyquistCount(
+            None, poles, None, "the open loop has infinitely many poles on the right"
+        )
     # Each count is one of turns, of 1 + L's numerator and of its denominator around 0, ω from -∞
     # to ∞ and back on the large arc; what the denominator has on the axis is passed on the right.
     turns = zeros.count - sum(count_rhp(factor).at_least for factor in factors)

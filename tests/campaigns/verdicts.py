@@ -103,7 +103,9 @@ def resonant(rng: np.random.Generator) -> Blocks:
         return np.array([gain]), den
 
     T = _dead_time(rng, np.array([lag, 1 / corner])) if rng.random() < 0.6 else 0.0
-    model = block(1.0, detuned, damping) if rng.random() < 0.5 else (np.ones(1), _from_lags([lag] * 3))
+    model = (
+        block(1.0, detuned, damping) if rng.random() < 0.5 else (np.ones(1), _from_lags([lag] * 3))
+    )
     return Blocks(
         block(_gain(rng), corner, damping), model, _pi(rng, np.array([lag])),
         _filter(rng, 3, lag, 1 / corner), T,
@@ -162,7 +164,9 @@ def many_roots(rng: np.random.Generator) -> Blocks:
 
 def _pi(rng: np.random.Generator, lags: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     time_constant = float(np.max(lags))
-    return 10 ** rng.uniform(-2, 0.5) * np.array([time_constant, 1.0]), np.array([time_constant, 0.0])
+    return 10 ** rng.uniform(-2, 0.5) * np.array([time_constant, 1.0]), np.array(
+        [time_constant, 0.0]
+    )
 
 
 FAMILIES: dict[str, Callable[[np.random.Generator], Blocks]] = {
