@@ -121,7 +121,11 @@ class Stability:
 
     def __repr__(self) -> str:
         rows = [["", "N", "P", "Z", "rightmost root"], *self._rows]
-        table = [f"{name:12}{n:>5}{p:>5}{z:>5}   {root}" for name, n, p, z, root in rows]
+        wide = [max(5, 1 + max(len(row[k]) for row in rows)) for k in (1, 2, 3)]
+        table = [
+            f"{name:12}{n:>{wide[0]}}{p:>{wide[1]}}{z:>{wide[2]}}   {root}"
+            for name, n, p, z, root in rows
+        ]
         reason = textwrap.wrap(self.reason, 95, subsequent_indent="  ")
         return "\n".join([f"NR-DOB loop: {self._verdict}", *table, *reason])
 

@@ -63,11 +63,7 @@ def exact_term(loop, input, signal, k):
 
     With E = exp(-θs) the loop's 1/p_B = 1/(q + r E) is the sum of (-r)^k E^k / q^(k+1).
     """
-    coefficients = [
-        [mp.mpf(c) for c in part]
-        for block in loop.fractions
-        for part in block
-    ]
+    coefficients = [[mp.mpf(c) for c in part] for block in loop.fractions for part in block]
 
     def term(s):
         N, D, Nm, Dm, Nc, Dc, Nf, Df = (mp.polyval(c, s) for c in coefficients)
@@ -431,10 +427,9 @@ def test_default_window_of_a_loop_on_the_axis_shows_some_periods():
     assert 5 <= step_response(loop, "R").time[-1] * 2 / (2 * math.pi) < 15
 
 
-def test_default_window_falls_back_on_the_delay_if_the_roots_are_out_of_reach():
+def test_default_window_shows_some_dead_times_where_hundreds_of_roots_are_on_the_right():
     loop = delayed_lag(1.0, 1e-3)
-    with pytest.raises(ArithmeticError):
-        _ = loop.p_B.roots
+    assert not loop.p_B.roots_resolved
     assert step_response(loop, "d").time[-1] == 5.0
 
 
