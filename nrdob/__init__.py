@@ -12,5 +12,6 @@ from .timeconstants import critical_time_constants, stabilizing_time_constants
 
 __all__ = [
     "NRDOB", "DelayedTransferFunction", "LowPassFilter", "critical_time_constants", "delay",
-    "design_controller", "design_filter", "judge_observer", "paper", "stabilizing_time_constants", "suggest_model",
+    "design_controller", "design_filter", "judge_observer", "paper", "stabilizing_time_constants",
+    "suggest_model",
 ]  # fmt: skip

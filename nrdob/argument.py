@@ -96,7 +96,7 @@ def turn(terms: Sequence[Term], scale: FloatArray) -> Turn:
     Raises
     ------
     ArithmeticError
-        If more than `MAX_SEGMENTS` steps would be needed.
+        If more than `MAX_STEPS` steps would be needed.
 
     Examples
     --------
@@ -285,7 +285,7 @@ def _squared_size(q: FloatArray, count: int) -> FloatArray:
 def _leader(
     leads: Sequence[FloatArray], scale: FloatArray, left: FloatArray, right: FloatArray
 ) -> FloatArray:
-    """Number of the term whose lead is certainly positive on each stretch, or `OPEN`.
+    """Find the term whose lead is certainly positive on each stretch, or `OPEN`.
 
     For terms of nearly equal size over a long stretch: their difference is bounded, not each.
     """
@@ -380,17 +380,16 @@ def _round(
     total, bound = np.zeros(ARCS, dtype=complex), np.zeros(ARCS)
     at_ends = np.zeros(ARCS + 1, dtype=complex)
     unit = max(centre, radius)
-    weight = scale * unit ** np.arange(scale.size - 1, -1, -1.0)
-    largest = weight.max()
+    powers = _powers(scale, np.array([unit]))[0, ::-1]
     for q, delay in terms:
-        scaled = q * unit ** np.arange(q.size - 1, -1, -1.0) / largest
+        scaled = q * powers[-q.size :]
         value, rest = _taylor_at(scaled, middles / unit, reach / unit)
         lag = np.exp(-delay * middles)
         growth = float(np.expm1(min(delay * reach, 700.0)))
         total += value * lag
         bound += np.abs(lag) * (rest * (1 + growth) + np.abs(value) * growth)
         at_ends += np.polyval(scaled, ends / unit) * np.exp(-delay * ends)
-    noise = ROUNDING * np.polyval(weight / largest, np.abs(middles) / unit)
+    noise = ROUNDING * np.polyval(scale * powers, np.abs(middles) / unit)
     if not np.all(np.abs(total) > bound + 4 * noise):
         return None
     return float(np.angle(at_ends[1:] / at_ends[:-1]).sum())

@@ -11,6 +11,7 @@ F. R. Gantmacher, The Theory of Matrices, vol. 2, 1959, ch. XV: Sturm, Routh and
 
 from __future__ import annotations
 
+from itertools import pairwise
 from math import gcd, nextafter, sqrt
 
 from .blocks import FloatArray
@@ -163,7 +164,7 @@ def _changes_at_infinity(chain: list[Whole], side: int) -> int:
 
 def _sign_changes(signs: list[int]) -> int:
     present = [sign for sign in signs if sign]
-    return sum(a != b for a, b in zip(present, present[1:], strict=False))
+    return sum(a != b for a, b in pairwise(present))
 
 
 def _bisect(p: Whole, a: float, b: float, side: int) -> float:

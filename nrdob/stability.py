@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .blocks import ComplexArray
+from .blocks import BoolArray, ComplexArray
 from .equations import LoopEquations, ObserverEquations
 from .nyquist import NyquistCount, nyquist_count
 from .quasipoly import QuasiPolynomial, count_rhp
@@ -287,9 +287,11 @@ def _find(
         neutral = f" ({_kind(p)}, |r/q| = {p.neutral_ratio:.4g} at infinity)"
         told = (neutral if p.neutral_ratio else "") + told
         return _Finding(True, "no roots in the right half plane" + told, ways)
-    hidden = [z for z in roots[roots.real > 0] if any(_vanishes(f, z) for f in open_loop)]
-    if hidden:
-        told = f", of which s = {_complex(hidden[0])} is an open-loop pole that cancels out of sight{told}"
+    right = roots[roots.real > 0]
+    hidden = right[np.any([_vanishes(factor, right) for factor in open_loop], axis=0)]
+    if hidden.size:
+        pole = f"s = {_complex(hidden[0])} is an open-loop pole that cancels out of sight"
+        told = f", of which {pole}{told}"
     return _Finding(False, f"{_many(count)} in the right half plane{told}", ways)
 
 
@@ -301,7 +303,7 @@ def _second_count(
     The roots are the cheaper way. What they say is only used where it is the same; else they may
     be too badly conditioned, and the coefficients themselves are asked.
     """
-    if p.roots_resolved and not p.near_axis(roots).any():
+    if p.neutral_ratio < 1 and p.roots_resolved and not p.near_axis(roots).any():
         found = int(np.sum(roots.real > 0))
         if found == expected:
             return found, ROOTS
@@ -309,7 +311,7 @@ def _second_count(
 
 
 def _beside_the_axis(p: QuasiPolynomial, reason: str, roots: ComplexArray) -> _Finding:
-    """Judge where there is a root on the axis within rounding: others may be clearly right of it."""
+    """Judge beside a root on the axis within rounding: others may be clearly right of it."""
     by_turns = count_rhp(p).at_least
     by_roots = int(np.sum((roots.real > 0) & ~p.near_axis(roots)))
     if not (by_turns and by_roots):
@@ -341,10 +343,10 @@ def _known(stable: bool | None, reason: str) -> bool:
     return stable
 
 
-def _vanishes(factor: QuasiPolynomial, s: complex) -> bool:
+def _vanishes(factor: QuasiPolynomial, s: ComplexArray) -> BoolArray:
     """Whether `factor` is zero at `s` within rounding."""
     # The root itself is known to about sqrt(rounding) of a double one at worst.
-    return bool(abs(factor(s)) <= 1e-9 * np.polyval(factor.scale, abs(s)))
+    return np.asarray(np.abs(factor(s)) <= 1e-9 * np.polyval(factor.scale, np.abs(s)))
 
 
 def _kind(p: QuasiPolynomial) -> str:

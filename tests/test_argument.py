@@ -1,3 +1,4 @@
+from itertools import pairwise
 from math import floor, pi
 
 import numpy as np
@@ -20,7 +21,7 @@ def test_a_dead_time_costs_steps_with_its_logarithm_only(delay, monkeypatch):
     import nrdob.argument
 
     p = QuasiPolynomial(np.poly([-1, -2, -3.0]), [40.0], delay)
-    monkeypatch.setattr(nrdob.argument, "MAX_SEGMENTS", 300 + 60 * int(np.log10(delay)))
+    monkeypatch.setattr(nrdob.argument, "MAX_STEPS", 300 + 60 * int(np.log10(delay)))
     assert count_rhp(p).count == pytest.approx(2 * delay * 2.7 / (2 * pi), rel=0.2)
 
 
@@ -74,7 +75,7 @@ def test_a_sum_of_three_terms_is_followed_term_by_term():
 def test_between_the_frequencies_nothing_turns_by_half_a_revolution():
     p = QuasiPolynomial([1.0, 0.02, 1.0], [0.5], 40.0)
     omega = zero_free_frequencies(p.terms, p.scale)
-    for low, high in zip(omega, omega[1:], strict=False):
+    for low, high in pairwise(omega):
         values = p(1j * np.linspace(low, high, 50))
         assert np.ptp(np.unwrap(np.angle(values))) < pi
 

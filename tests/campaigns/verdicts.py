@@ -332,9 +332,8 @@ def truth(loop: nrdob.NRDOB) -> tuple[int | None, float | None]:
     if not loop.delay:
         right, on = rhp_of_polynomial(q + r)
         return Z_A, None if on else right
-    if r.degree() > q.degree() or (
-        r.degree() == q.degree() and abs(r[r.degree()]) > abs(q[q.degree()])
-    ):
+    n, m = q.degree(), r.degree()
+    if m > n or (m == n and abs(r[m] / q[n]) > 1):
         return Z_A, math.inf
     Z_B = rhp_with_delay(q, r, loop.delay)
     by_argument = rhp_by_argument(q, r, loop.delay)
