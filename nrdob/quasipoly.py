@@ -1,11 +1,15 @@
 r"""Quasi-polynomials :math:`p(s) = q(s) + r(s)\,e^{-sT}`: where the roots of a delayed loop live.
 
-Two independent ways to know the right half plane, neither of which approximates the delay away:
+Independent ways to know the right half plane, none of which approximates the delay away:
 
-- `count_rhp` follows the argument of p along the imaginary axis (Mikhailov). Each step is
-  certified: a Taylor bound proves that p has no zero in the disc over the step, so that no
-  resonance, however sharp, can slip between two frequencies.
-- `QuasiPolynomial.roots` are the roots themselves, see `nrdob.rootfinding`.
+- `count_rhp` follows the argument of p along the imaginary axis (Mikhailov), in steps that are
+  certified, so that no resonance, however sharp, can slip between two frequencies: see
+  `nrdob.argument`.
+- `QuasiPolynomial.roots` are the roots themselves: eigenvalues (`nrdob.rootfinding`), or with a
+  long delay the rightmost ones (`nrdob.longdelay`).
+- `QuasiPolynomial.rhp_in_whole_numbers` asks the coefficients alone, without rounding: Routh and
+  Hurwitz's test (`nrdob.exact`), or with a delay Walton and Marshall's count
+  (`nrdob.crossingcount`).
 """
 
 from __future__ import annotations

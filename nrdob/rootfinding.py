@@ -22,7 +22,10 @@ import numpy as np
 from .blocks import ComplexArray, FloatArray
 
 MAX_DELAY_NODES = 120
-"""Collocation points at most; a loop that needs more is too fast for its delay."""
+"""Collocation points at most: the time for eigenvalues grows with their third power.
+
+A loop that needs more is so fast for its delay that `nrdob.longdelay` finds its rightmost roots.
+"""
 
 
 def polynomial_roots(q: FloatArray) -> ComplexArray:

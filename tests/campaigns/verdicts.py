@@ -337,7 +337,7 @@ def truth(loop: nrdob.NRDOB) -> tuple[int | None, float | None]:
         return Z_A, math.inf
     Z_B = rhp_with_delay(q, r, loop.delay)
     by_argument = rhp_by_argument(q, r, loop.delay)
-    if Z_B is not None and by_argument is not None and Z_B != by_argument:
+    if Z_B is not None and by_argument is not None and by_argument != Z_B:
         raise ArithmeticError(f"the oracles disagree: {Z_B} and {by_argument}")
     return Z_A, by_argument if Z_B is None else Z_B
 
