@@ -136,7 +136,7 @@ def loop_margins(loop: LoopEquations, verdict: Stability | None = None) -> LoopM
     verdict : Stability, optional
         Its stability, if already known.
     """
-    verdict = verdict or stability(loop)
+    verdict = stability(loop) if verdict is None else verdict
     return LoopMargins(
         margins(loop.CGm, verdict.model_loop.stable, loop.p_A),
         margins(loop.FH, verdict.observer_loop.stable, loop.p_B),

@@ -1,8 +1,9 @@
 """Encirclements that can be trusted: the Nyquist criterion counted with a certificate.
 
 For a loop L = num/den the function 1 + L is p/den with p = num + den, so its turns around 0 are the
-turns of p minus those of den. Both are known without looking at a plot: the argument of p is
-followed along the axis in certified steps (`quasipoly.count_rhp`), that of den from its factors.
+turns of p minus those of den. Both are counted without a plot: the argument of p and that of every
+factor of den are followed along the axis in certified steps (`nrdob.argument`). That is N; P comes
+from the coefficients or roots of the factors alone, and Z = N + P.
 Poles on the axis, of any multiplicity, are left of the contour, which passes them on the right; the
 arcs at infinity of improper loops are contained in the degrees. Conventions are those of
 `control.nyquist_response`: encirclements N are positive clockwise, and Z = N + P.
@@ -57,7 +58,8 @@ def nyquist_count(
     closed_loop : QuasiPolynomial
         p = num - point * den.
     """
-    poles = sum(rhp_roots(factor) for factor in open_loop)
+    factors = tuple(open_loop)
+    poles = sum(rhp_roots(factor) for factor in factors)
     zeros = count_rhp(closed_loop)
     if closed_loop.zeros_at_origin:
         zeros = RootCount(None, "the curve passes through the point at zero frequency")
@@ -66,7 +68,14 @@ def nyquist_count(
     if closed_loop.delay and not closed_loop.q.any():
         reason = "the curve turns for ever, so Z is counted without it: Z = N + P needs a limit"
         return NyquistCount(inf, poles, zeros.count, reason)
-    return NyquistCount(zeros.count - poles, poles, zeros.count)
+    if poles == inf:
+        return NyquistCount(
+            None, poles, None, "the open loop has infinitely many poles on the right"
+        )
+    # Each count is one of turns, of 1 + L's numerator and of its denominator around 0, ω from -∞
+    # to ∞ and back on the large arc; what the denominator has on the axis is passed on the right.
+    turns = zeros.count - sum(count_rhp(factor).at_least for factor in factors)
+    return NyquistCount(turns, poles, turns + poles)
 
 
 def encirclements(loop: Quotient, point: float = -1.0) -> NyquistCount:
@@ -111,10 +120,15 @@ def minus_point(loop: Quotient, point: float = -1.0) -> QuasiPolynomial:
     )
 
 
-def rhp_roots(factor: QuasiPolynomial) -> int:
+def rhp_roots(factor: QuasiPolynomial) -> float:
     """Roots of one factor in the open right half plane; roots on the axis do not count."""
-    right = factor.roots[factor.roots.real > 0]
-    return int(np.sum(~factor.near_axis(right))) if right.size else 0
+    if factor.finite_part.neutral_ratio >= 1:
+        return inf
+    count = None if factor.turn.touched else factor.rhp_in_whole_numbers
+    if count is None:
+        roots = factor.without_origin.roots
+        count = int(np.sum((roots.real > 0) & ~factor.near_axis(roots)))
+    return count
 
 
 def resolved_frequencies(loop: Quotient, per_segment: int = 8) -> FloatArray:

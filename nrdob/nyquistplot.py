@@ -53,7 +53,7 @@ def nyquist_plot(
     """
     curve = contour(quotient)
     approach = closest_approach(quotient, curve, point)
-    counted = verdict or encirclements(quotient, point)
+    counted = encirclements(quotient, point) if verdict is None else verdict
     half = _inset_half_width(curve, approach, point) if zoom is None else zoom
     (ax,) = axes_for(ax, 1, TALL)
     with styled():

@@ -1,26 +1,32 @@
 r"""Quasi-polynomials :math:`p(s) = q(s) + r(s)\,e^{-sT}`: where the roots of a delayed loop live.
 
-Two independent ways to know the right half plane, neither of which approximates the delay away:
+Independent ways to know the right half plane, none of which approximates the delay away:
 
-- `count_rhp` follows the argument of p along the imaginary axis (Mikhailov). Each step is
-  certified: a Taylor bound proves that p has no zero in the disc over the step, so that no
-  resonance, however sharp, can slip between two frequencies.
-- `QuasiPolynomial.roots` are the roots themselves, see `nrdob.rootfinding`.
+- `count_rhp` follows the argument of p along the imaginary axis (Mikhailov), in steps that are
+  certified, so that no resonance, however sharp, can slip between two frequencies: see
+  `nrdob.argument`.
+- `QuasiPolynomial.roots` are the roots themselves: eigenvalues (`nrdob.rootfinding`), or with a
+  long delay the rightmost ones (`nrdob.longdelay`).
+- `QuasiPolynomial.rhp_in_whole_numbers` asks the coefficients alone, without rounding: Routh and
+  Hurwitz's test (`nrdob.exact`), or with a delay Walton and Marshall's count
+  (`nrdob.crossingcount`).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache, reduce
-from math import ceil, comb, inf, log2, pi
+from functools import cached_property, reduce
+from math import inf, isnan, pi
 from typing import Any
 
 import numpy as np
 
+from .argument import Term, Turn, turn, zero_free_frequencies
 from .blocks import ROUNDING, BoolArray, ComplexArray, FloatArray
-from .rootfinding import delay_roots, dominance_radius, polynomial_roots
-
-MAX_SEGMENTS = 400_000
+from .crossingcount import count_by_crossings
+from .exact import rhp_count, whole
+from .longdelay import rightmost_roots
+from .rootfinding import delay_roots, polynomial_roots
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,6 +116,28 @@ class QuasiPolynomial:
             value = value + _horner(self.r, s) * np.exp(-self.delay * s)
         return value
 
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        """The polynomials with their dead times."""
+        undelayed = Term(self.q, 0.0)
+        return (undelayed, Term(self.r, self.delay)) if self.delay else (undelayed,)
+
+    @cached_property
+    def finite_part(self) -> QuasiPolynomial:
+        """What is left when roots at s = 0 and a bare dead time, which has none, are taken out."""
+        p = self.without_origin
+        return QuasiPolynomial(p.r, scale=p.scale) if p.delay and not p.q.any() else p
+
+    @cached_property
+    def turn(self) -> Turn:
+        """Turn of the argument from ω = 0 to infinity, see `nrdob.argument`.
+
+        That of the finite part: a root at s = 0, which the path passes on the right, adds a
+        quarter of a revolution.
+        """
+        p = self.finite_part
+        return turn(p.terms, p.scale)
+
     def near_axis(self, roots: ComplexArray) -> BoolArray:
         """Tell which roots a change of the coefficients within rounding moves onto the axis."""
         near = np.abs(roots.real) <= 0.1 * np.abs(roots)
@@ -122,27 +150,64 @@ class QuasiPolynomial:
     def roots(self) -> ComplexArray:
         """Roots, rightmost first.
 
-        All of them for a polynomial. With a delay: those that matter for stability, that is all
-        in the right half plane and the rightmost ones of the left half plane.
-
-        Raises
-        ------
-        ArithmeticError
-            If the delay is too long for the loop's speed to be resolved (see `nrdob.rootfinding`).
+        All of them for a polynomial. With a delay: all in the right half plane and the rightmost
+        ones of the left half plane. With a delay so long that `roots_resolved` is false: roots of
+        which none lies further to the right than the first; none at all if that is not certain.
         """
-        p = self.without_origin
-        found = delay_roots(p.q, p.r, p.delay) if p.delay else polynomial_roots(p.q)
+        found = self._eigenvalues
+        if found is None:
+            p = self.without_origin
+            found = rightmost_roots(p.q, p.r, p.delay)
         if self.zeros_at_origin:
             found = np.concatenate([found, np.zeros(self.zeros_at_origin)])
         return found[np.lexsort((-found.imag, -found.real))]
 
+    @property
+    def roots_resolved(self) -> bool:
+        """Whether `roots` are eigenvalues, which hold every root in the right half plane."""
+        return self._eigenvalues is not None
+
+    @cached_property
+    def _eigenvalues(self) -> ComplexArray | None:
+        p = self.without_origin
+        if not p.delay:
+            return polynomial_roots(p.q)
+        try:
+            return delay_roots(p.q, p.r, p.delay)
+        except ArithmeticError:
+            return None
+
+    @cached_property
+    def rhp_in_whole_numbers(self) -> int | None:
+        """Roots in the open right half plane, from the coefficients alone, without rounding.
+
+        By Routh and Hurwitz's test, see `nrdob.exact`, or with a delay by Walton and Marshall's
+        count, see `nrdob.crossingcount`. None where there are roots on the axis; roots at s = 0
+        that the coefficients prove are not counted.
+        """
+        p = self.finite_part
+        return count_by_crossings(p.q, p.r, p.delay) if p.delay else rhp_count(whole(p.q)[0])
+
 
 @dataclass(frozen=True)
 class RootCount:
-    """Number of roots with positive real part, or None and the reason why it is not known."""
+    """Number of roots with positive real part.
+
+    Attributes
+    ----------
+    count : float or None
+        The number, infinite for an advanced or an unstable neutral equation; None where roots on
+        the axis, within rounding, leave it open.
+    reason : str
+        Why the count is not known.
+    at_least : float
+        Roots that are on the right whatever rounding does to those on the axis, which the path
+        passes on their right.
+    """
 
     count: float | None
     reason: str = ""
+    at_least: float = 0
 
 
 def count_rhp(p: QuasiPolynomial) -> RootCount:
@@ -168,25 +233,32 @@ def count_rhp(p: QuasiPolynomial) -> RootCount:
     >>> count_rhp(QuasiPolynomial([1.0, 0.0], [2.0], delay=1.0)).count   # s + 2 exp(-s)
     2
     """
-    p = p.without_origin
-    if p.delay and not p.q.any():  # a bare dead time has no zeros: those of r are left
-        p = QuasiPolynomial(p.r, scale=p.scale)
+    p = p.finite_part
     ratio = p.neutral_ratio
     if abs(ratio - 1) <= ROUNDING:
         return RootCount(None, "neutral with |r/q| = 1 at infinite frequency: a chain of roots "
                                "comes arbitrarily close to the imaginary axis")  # fmt: skip
     if ratio > 1:
-        return RootCount(inf)
-    if p.degree == 0:
-        return RootCount(0)
-    turn = _argument_change(p)
-    if isinstance(turn, str):
-        return RootCount(None, turn)
-    return RootCount(round((p.degree * pi / 2 - turn) / pi))
+        return RootCount(inf, at_least=inf)
+    try:
+        turn = p.turn
+    except ArithmeticError as error:
+        return RootCount(None, str(error))
+    if isnan(turn.angle):
+        return RootCount(None, _where(turn))
+    turns = p.degree / 2 - turn.angle / pi
+    count = round(turns)
+    if abs(turns - count) > 0.1:
+        return RootCount(None, "the turns of the argument do not add up to a whole number")
+    if turn.touched:
+        return RootCount(None, _where(turn), count)
+    return RootCount(count, at_least=count)
 
 
-def frequency_segments(p: QuasiPolynomial) -> FloatArray | str:
+def frequency_segments(p: QuasiPolynomial) -> FloatArray:
     """Frequencies between which p provably turns by less than half a revolution.
+
+    Where p vanishes on the axis, within rounding, a stretch is left in which it turns by more.
 
     Parameters
     ----------
@@ -195,39 +267,21 @@ def frequency_segments(p: QuasiPolynomial) -> FloatArray | str:
 
     Returns
     -------
-    array of float, or str
-        Increasing frequencies in rad/s from 0 to where the leading term dominates; or, if p
-        vanishes on the axis within rounding, a sentence that says where.
+    array of float
+        Increasing frequencies in rad/s from 0 to where the leading term dominates.
+
+    Raises
+    ------
+    ArithmeticError
+        If the delay is so long that too many frequencies would be needed.
     """
-    if p.degree == 0:
-        return np.zeros(1)
-    high = dominance_radius(p.scale[::-1] / (abs(p.q[0]) * (1 - p.neutral_ratio)))
-    low = _lowest(p)
-    if low is None:
+    return zero_free_frequencies(p.terms, p.scale)
+
+
+def _where(turn: Turn) -> str:
+    if 0.0 in turn.touched:
         return "a root at s = 0 within rounding"
-    span = max(high / low, 1.0)
-    count = ceil(min(max(log2(span), 1), 2000))
-    todo = np.concatenate([[0.0], low * span ** (np.arange(count + 1) / count)])
-    done = [todo[:1]]
-    left, right = todo[1:-1], todo[2:]
-    done += [right[-1:], left[:1]]
-    total = left.size
-    while left.size:
-        middle = (left + right) / 2
-        certified, vanishing = _zero_free(p, middle, (right - left) / 2)
-        if vanishing.any():
-            omega = middle[vanishing][0]
-            return f"a root on the imaginary axis within rounding, near {omega:.6g} rad/s"
-        done += [middle, right[certified]]
-        left, right = left[~certified], right[~certified]
-        left, right = (
-            np.concatenate([left, (left + right) / 2]),
-            np.concatenate([(left + right) / 2, right]),
-        )
-        total += left.size
-        if total > MAX_SEGMENTS:
-            return f"the delay is so long that over {MAX_SEGMENTS} frequencies would be needed"
-    return np.unique(np.concatenate(done))
+    return f"a root on the imaginary axis within rounding, near {turn.touched[0]:.6g} rad/s"
 
 
 def multiply(*factors: QuasiPolynomial) -> QuasiPolynomial:
@@ -266,92 +320,6 @@ def _horner(coefficients: FloatArray, s: ComplexArray) -> Any:
     for coefficient in others:
         value = value * s + coefficient
     return value
-
-
-def _argument_change(p: QuasiPolynomial) -> float | str:
-    """Change of arg p(jω) from ω = 0 to infinity, in radians; or the reason why there is none."""
-    omega = frequency_segments(p)
-    if isinstance(omega, str):
-        return omega
-    values = np.append(complex(p.constant), _scaled_values(p, omega[1:]))
-    # Beyond the last frequency the leading term q_n (jω)^n keeps p in an open half plane around it.
-    leading = p.q[0] * 1j**p.degree
-    steps = np.angle(values[1:] / values[:-1])
-    return float(steps.sum() + np.angle(leading / values[-1]))
-
-
-def _zero_free(
-    p: QuasiPolynomial, centre: FloatArray, radius: FloatArray
-) -> tuple[BoolArray, BoolArray]:
-    """Certify discs around j·centre in which p cannot vanish; flag centres where p is rounding.
-
-    Taylor: |p(s) - p(c)| <= sum |p^(m)(c)|/m! radius^m < |p(c)| over the disc.
-    """
-    n = p.scale.size
-    powers, spread = _powers(p, centre), (radius / centre)[:, None] ** np.arange(n)
-    value, bound = _taylor_sums(p.q, powers, spread)
-    if p.delay:
-        r_value, r_bound = _taylor_sums(p.r, powers, spread)
-        value = value + r_value * np.exp(-1j * p.delay * centre)
-        bound = bound + r_bound + np.abs(r_value) * np.minimum(2.0, p.delay * radius)
-    size = np.abs(value)
-    noise = ROUNDING * (powers @ p.scale[::-1])
-    return size > bound, size <= noise
-
-
-def _powers(p: QuasiPolynomial, omega: FloatArray) -> FloatArray:
-    """Powers 0, 1, 2, … of each frequency along axis 1, in a unit in which no term exceeds 1.
-
-    The unit differs from row to row; what is asked of a row does not depend on it. Without it the
-    roots of a very fast filter, 1e30 rad/s and more, would overflow.
-    """
-    exponents = np.log(omega)[:, None] * np.arange(p.scale.size)
-    present = p.scale[::-1] > 0
-    with np.errstate(divide="ignore"):
-        largest = np.max(exponents + np.log(p.scale[::-1]), axis=1, keepdims=True)
-    return np.exp(np.where(present, exponents - largest, -np.inf))
-
-
-def _scaled_values(p: QuasiPolynomial, omega: FloatArray) -> ComplexArray:
-    """p(jω) up to a positive factor that differs from one frequency to the next, ω > 0."""
-    powers = _powers(p, omega) * _unit_powers(p.scale.size)
-    values = powers[:, : p.q.size] @ p.q[::-1]
-    if p.delay:
-        values = values + (powers[:, : p.r.size] @ p.r[::-1]) * np.exp(-1j * p.delay * omega)
-    return np.asarray(values)
-
-
-def _unit_powers(count: int) -> ComplexArray:
-    return np.array([(1, 1j, -1, -1j)[i % 4] for i in range(count)])
-
-
-def _taylor_sums(
-    coefficients: FloatArray, powers: FloatArray, spread: FloatArray
-) -> tuple[ComplexArray, FloatArray]:
-    """Value at jc and the sum of the higher Taylor terms' sizes for |s - jc| = spread·c.
-
-    Both c and spread are given by their powers 0, 1, 2, … along axis 1.
-    """
-    n = coefficients.size
-    taylor = (powers[:, :n] * coefficients[::-1]) @ _binomial(n)
-    return taylor[:, 0], (np.abs(taylor[:, 1:]) * spread[:, 1:n]).sum(axis=1)
-
-
-@lru_cache(maxsize=64)
-def _binomial(n: int) -> ComplexArray:
-    """Binomial coefficients times powers of j: C(i, m) j^i, row i, column m."""
-    return np.array([[comb(i, m) * (1, 1j, -1, -1j)[i % 4] for m in range(n)] for i in range(n)])
-
-
-def _lowest(p: QuasiPolynomial) -> float | None:
-    """Frequency below which the constant term dominates, None if it is only rounding."""
-    if abs(p.constant) <= ROUNDING * p.scale[-1]:
-        return None
-    ascending = p.scale[::-1].copy()
-    if p.delay:  # |exp(-jωT) - 1| <= ωT
-        ascending = add(ascending[::-1], np.append(np.abs(p.r) * p.delay, 0.0))[::-1]
-    ascending[0] = abs(p.constant)
-    return 1 / dominance_radius(ascending[::-1] / ascending[0])
 
 
 def _trim(coefficients: FloatArray, scale: FloatArray) -> FloatArray:

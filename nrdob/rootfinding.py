@@ -21,8 +21,11 @@ import numpy as np
 
 from .blocks import ComplexArray, FloatArray
 
-MAX_DELAY_NODES = 600
-"""Collocation points at most; a loop that needs more is too fast for its delay."""
+MAX_DELAY_NODES = 120
+"""Collocation points at most: the time for eigenvalues grows with their third power.
+
+A loop that needs more is so fast for its delay that `nrdob.longdelay` finds its rightmost roots.
+"""
 
 
 def polynomial_roots(q: FloatArray) -> ComplexArray:
@@ -124,7 +127,7 @@ def _quadratic_roots(b: float, c: float) -> tuple[complex, complex]:
     return far, c / far
 
 
-def _value_and_slope(
+def value_and_slope(
     q: FloatArray, r: FloatArray, delay: float, s: ComplexArray
 ) -> tuple[ComplexArray, ComplexArray]:
     """Return p and dp/ds at `s`."""
@@ -150,10 +153,10 @@ def _horner(coefficients: FloatArray, s: ComplexArray) -> tuple[ComplexArray, Co
 def _polished(q: FloatArray, r: FloatArray, delay: float, roots: ComplexArray) -> ComplexArray:
     """Newton steps on p, each kept only where it lowers |p|."""
     with np.errstate(all="ignore"):  # a step that is not finite is refused
-        value, slope = _value_and_slope(q, r, delay, roots)
+        value, slope = value_and_slope(q, r, delay, roots)
         for _ in range(3):
             step = value / slope
-            tried, tried_slope = _value_and_slope(q, r, delay, roots - step)
+            tried, tried_slope = value_and_slope(q, r, delay, roots - step)
             keep = np.abs(tried) < np.abs(value)
             if not keep.any():
                 break
@@ -211,7 +214,7 @@ def _collocated_roots(q: FloatArray, r: FloatArray, delay: float, nodes: int) ->
     roots = _polished(q, r, delay, guesses)
     moved = np.abs(roots - guesses) * delay
     with np.errstate(divide="ignore", invalid="ignore"):
-        residual = np.abs(_value_and_slope(q, r, delay, roots)[0]) / (
+        residual = np.abs(value_and_slope(q, r, delay, roots)[0]) / (
             np.polyval(np.abs(q), np.abs(roots))
             + np.polyval(np.abs(r), np.abs(roots)) * np.exp(-delay * roots.real)
         )
