@@ -1,6 +1,6 @@
 r"""The Nyquist curve as it is drawn: smooth, complete, closed where it runs off to infinity.
 
-Frequencies come from `nyquist.resolved_frequencies`, so that no resonance is missed, and are halved
+Frequencies come from `frequencies.resolved_frequencies`, so that no resonance is missed, and are halved
 until the polygon through them is as smooth as the eye can tell. Near a pole on the axis and at
 infinity of an improper loop the curve leaves every window: it is cut at a finite `radius` and
 closed there by an arc with as many half turns as the pole's order demands.
@@ -17,8 +17,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from .blocks import ComplexArray, FloatArray
-from .nyquist import resolved_frequencies
-from .quasipoly import QuasiPolynomial
+from .frequencies import on_axis, resolved_frequencies
 from .quotient import Quotient
 
 SMOOTH = 1e-3
@@ -179,7 +178,7 @@ def _radius(loop: Quotient, omega: FloatArray, values: ComplexArray) -> float:
     """Radius that holds all that is finite: peaks and crossings of the real axis."""
     size = np.abs(values)
     runs_off = loop.numerator.degree > loop.denominator.degree
-    if not (runs_off or _poles_on_axis(loop).size or not np.isfinite(loop.dc_gain)):
+    if not (runs_off or on_axis(loop.den).size or not np.isfinite(loop.dc_gain)):
         return inf
     peaks = size[1:-1][(size[1:-1] >= size[:-2]) & (size[1:-1] > size[2:])]
     crosses = np.diff(np.sign(values.imag)) * np.sign(values.imag[1:]) > 0
@@ -228,7 +227,7 @@ def _arcs(
         arcs.append(Arc("indentation", _arc(np.conj(first), first, order, radius)))
     for before, after in pairwise(runs):
         gap = omega[before.stop - 1], omega[after.start]
-        poles = _poles_on_axis(loop)
+        poles = on_axis(loop.den)
         order = int(np.sum((poles > gap[0]) & (poles < gap[1])))
         if order:
             arc = _arc(values[before.stop - 1], values[after.start], order, radius)
@@ -246,16 +245,6 @@ def _arc(start: complex, end: complex, half_turns: int, radius: float) -> Comple
     turn += 2 * pi * np.round((wanted - turn) / (2 * pi))
     count = 2 + int(60 * abs(turn))
     return np.asarray(radius * np.exp(1j * (begin + turn * np.linspace(0, 1, count))))
-
-
-def _poles_on_axis(loop: Quotient) -> FloatArray:
-    """Frequencies ω > 0 of poles on the imaginary axis."""
-
-    def on_axis(factor: QuasiPolynomial) -> FloatArray:
-        roots = factor.roots
-        return roots.imag[factor.near_axis(roots) & (roots.imag > 0)]
-
-    return np.concatenate([on_axis(factor) for factor in loop.den])
 
 
 def _inside(values: ComplexArray, radius: float) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:

@@ -11,26 +11,38 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from math import inf, log10, nan
+from math import acos, asin, degrees, inf, isfinite, log10, nan, pi
 from typing import NamedTuple
 
 import numpy as np
 
 from .blocks import ROUNDING, ComplexArray, FloatArray
-from .crossings import minima, zeros
 from .equations import LoopEquations
-from .nyquist import minus_point, resolved_frequencies
+from .frequencies import on_axis, resolved_frequencies
+from .locus import SIDE, SIZE, Locus, Notable, notable_frequencies
+from .nyquist import minus_point
 from .quasipoly import QuasiPolynomial, add, differentiate
 from .quotient import Quotient
 from .rootfinding import companion_roots
 from .stability import Stability, stability
 
-MAX_SPREAD = 1e5
-"""Ratio of the fastest to the slowest closed-loop root up to which polynomials are trusted."""
+MAX_SPREAD = 1e4
+"""Ratio of the fastest to the slowest root up to which polynomials in ω² are trusted."""
 
+LITTLE_DAMPING = 0.01
+"""Damping ratio of roots below which polynomials in ω² are not trusted."""
 
-CROSSING = 1e-6
-"""How well a crossing found must be one."""
+TINY = 1e-60
+"""Coefficients below it, or above its inverse, are in units in which products may overflow."""
+
+CONFIRMED = 1e-6
+"""How well the factors must confirm a crossing that the polynomials in ω² give."""
+
+AT_POLE = 1e-9
+"""A crossing so close to a pole on the axis, as a fraction, is the pole."""
+
+PER_SEGMENT = 4
+"""Frequencies in each certified stretch, where derivatives tell what lies between them."""
 
 
 @dataclass(frozen=True)
@@ -158,17 +170,15 @@ def margins(loop: Quotient, stable: bool | None, closed: QuasiPolynomial | None 
         Numerator of 1 + L if it is known better than by adding.
     """
     closed = closed or minus_point(loop)
-    find = _bracketed_crossings if loop.delay or _widely_spread(closed) else _rational_crossings
-    gain, phase, nearest = find(loop, closed)
-    omega = np.concatenate([gain, phase, nearest])
-    at_gain, at_phase, at_nearest = np.split(loop(1j * omega), [gain.size, gain.size + phase.size])
-    # The factors know better than the products from which the crossings came, where a pole and a
-    # zero near the axis almost cancel; and no gain is critical at a pole.
-    true = np.abs(np.abs(at_gain) - 1) < CROSSING
-    gain, at_gain = gain[true], at_gain[true]
-    true = (np.abs(at_phase.imag) < CROSSING * np.abs(at_phase)) & (np.abs(at_phase) < 1e9)
+    locus = Locus(loop)
+    found = _rational_crossings(loop, closed) if _tame(loop, closed) else None
+    if found is None or not _confirmed(locus, found):
+        found = _bracketed_crossings(loop, closed, locus)
+    gain, phase, nearest = found
+    values = np.exp(locus.log(np.concatenate(found)))
+    at_gain, at_phase, at_nearest = np.split(values, [gain.size, gain.size + phase.size])
     ends = _Ends(loop.dc_gain, *loop.at_infinity)
-    gains, phase = _critical_gains(phase[true], at_phase.real[true], ends)
+    gains, phase = _critical_gains(phase, at_phase.real, ends)
     if not stable:
         return Margins(nan, nan, nan, nan, nan, nan, nan, nan, nan, stable, loop.name, gain, phase)
     gm_low = float(np.max(gains[gains < 1], initial=0.0))
@@ -190,10 +200,18 @@ class _Ends(NamedTuple):
     delayed: float
 
 
-def _widely_spread(closed: QuasiPolynomial) -> bool:
-    """Whether the roots are so far apart that polynomials in ω² lose the slow ones."""
-    size = np.abs(closed.without_origin.roots)
-    return size.size > 0 and float(size.max()) > MAX_SPREAD * float(size.min())
+def _tame(loop: Quotient, closed: QuasiPolynomial) -> bool:
+    """Whether products multiplied out into polynomials in ω² can be trusted."""
+    if loop.delay:
+        return False
+    sizes = np.abs(np.concatenate([loop.numerator.q, loop.denominator.q, closed.q]))
+    if not sizes.any() or sizes.max() > 1 / TINY or sizes[sizes > 0].min() < TINY:
+        return False
+    factors = (*loop.num, *loop.den, closed)
+    roots = np.concatenate([factor.without_origin.roots for factor in factors])
+    size = np.abs(roots)
+    damped = np.abs(roots.real) >= LITTLE_DAMPING * size
+    return bool(damped.all() and size.max(initial=0.0) <= MAX_SPREAD * size.min(initial=inf))
 
 
 def _critical_gains(
@@ -230,10 +248,8 @@ def _closest(nearest: FloatArray, values: ComplexArray, ends: _Ends) -> tuple[fl
 # Without delay: polynomials in x = ω², with p(jω) = even(x) + jω odd(x).
 
 
-def _rational_crossings(
-    loop: Quotient, closed: QuasiPolynomial
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Frequencies where |L| = 1, where L is real and negative, and where |1 + L| is extreme."""
+def _rational_crossings(loop: Quotient, closed: QuasiPolynomial) -> Notable:
+    """Frequencies where |L| = 1, where L is real, and where |1 + L| is extreme."""
     num, den = loop.numerator.q, loop.denominator.q
     (ne, no), (de, do), (pe, po) = map(_even_odd, (num, den, closed.q))
     square_num, square_den, square_closed = _square(ne, no), _square(de, do), _square(pe, po)
@@ -242,7 +258,7 @@ def _rational_crossings(
     phase = _positive_roots([(no, de), (ne, -do)])
     slope_closed, slope_den = differentiate(square_closed), differentiate(square_den)
     nearest = _positive_roots([(slope_closed, square_den), (square_closed, -slope_den)])
-    return gain, phase, nearest
+    return Notable(gain, phase, nearest)
 
 
 def _even_odd(p: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -286,19 +302,23 @@ def _newton(polynomial: list[float], x: float) -> float:
     return x - step if abs(step) < 1e-3 * x else x
 
 
-# With delay, or time scales far apart: brackets on resolved frequencies, then bisection.
+def _confirmed(locus: Locus, found: Notable) -> bool:
+    """Whether the factors, which know better than the products, find the same crossings."""
+    for row, omega in ((SIZE, found.gain), (SIDE, found.phase)):
+        if omega.size and np.abs(locus.motion(omega)[row]).max() > CONFIRMED:
+            return False
+    return True
 
 
-def _bracketed_crossings(
-    loop: Quotient, closed: QuasiPolynomial
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Frequencies where |L| = 1, where L is real and negative, and where |1 + L| is smallest."""
-    omega = resolved_frequencies(loop)
-    num, den = loop.numerator, loop.denominator
+# With delay, and wherever polynomials in ω² cannot be trusted.
 
-    def value(w: FloatArray) -> ComplexArray:
-        return np.asarray(num(1j * w) / den(1j * w))
 
-    gain = zeros(lambda w: np.abs(num(1j * w)) - np.abs(den(1j * w)), omega)
-    phase = zeros(lambda w: value(w).imag, omega)
-    return gain, phase, minima(lambda w: np.abs(closed(1j * w) / den(1j * w)), omega)
+def _bracketed_crossings(loop: Quotient, closed: QuasiPolynomial, locus: Locus) -> Notable:
+    """Frequencies where |L| = 1, where L is real, and where |1 + L| is smallest."""
+    omega = resolved_frequencies(loop, PER_SEGMENT, closed)
+    # Far beyond all roots L is small or large, but its phase may still creep across the axis.
+    end = omega[-1] + 4 * pi / loop.delay if loop.delay else 1e8 * omega[-1]
+    found = notable_frequencies(locus, np.union1d(omega, np.geomspace(omega[-1], end, 65)))
+    poles = on_axis(loop.den)
+    at_pole = np.abs(found.phase[:, None] / poles - 1).min(axis=1, initial=1.0) < AT_POLE
+    return found._replace(phase=found.phase[~at_pole])

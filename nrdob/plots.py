@@ -32,8 +32,8 @@ from .figure import (
     label_of,
     styled,
 )
+from .frequencies import resolved_frequencies
 from .margins import Margins
-from .nyquist import resolved_frequencies
 from .nyquistplot import nyquist_plot
 from .quotient import Quotient
 from .response import INPUTS, step_response

@@ -15,7 +15,7 @@ from ..figure import Figure
 from ..filters import LowPassFilter
 from ..limits import right_half_plane_parity
 from ..loop import NRDOB
-from ..nyquist import resolved_frequencies
+from ..frequencies import resolved_frequencies
 from ..quasipoly import QuasiPolynomial
 from ..quotient import Quotient
 from ..stability import LoopStability, judge
