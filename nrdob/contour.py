@@ -1,9 +1,9 @@
 r"""The Nyquist curve as it is drawn: smooth, complete, closed where it runs off to infinity.
 
-Frequencies come from `frequencies.resolved_frequencies`, so that no resonance is missed, and are halved
-until the polygon through them is as smooth as the eye can tell. Near a pole on the axis and at
-infinity of an improper loop the curve leaves every window: it is cut at a finite `radius` and
-closed there by an arc with as many half turns as the pole's order demands.
+Frequencies come from `nrdob.frequencies`, so that no resonance is missed, and are halved until the
+polygon through them is as smooth as the eye can tell. Near a pole on the axis and at infinity of an
+improper loop the curve leaves every window: it is cut at a finite `radius` and closed there by an
+arc with as many half turns as the pole's order demands.
 """
 
 from __future__ import annotations

@@ -87,4 +87,3 @@ def zeros(function: Function, omega: FloatArray) -> FloatArray:
     signs = side(function(omega))
     where = np.flatnonzero(signs[:-1] * signs[1:] < 0)
     return bisect(function, omega[where], omega[where + 1])
-

@@ -58,7 +58,7 @@ def resolved_frequencies(
 
 def on_axis(factors: Iterable[QuasiPolynomial]) -> FloatArray:
     """Frequencies ω > 0, in rad/s, at which a factor has a root on the axis within rounding."""
-    found = [np.empty(0)]
+    found: list[FloatArray] = [np.empty(0)]
     for factor in factors:
         roots = factor.roots
         found.append(roots.imag[factor.near_axis(roots) & (roots.imag > 0)])

@@ -1,10 +1,11 @@
 r"""Lemma 2 and the true loop: gain, phase, modulus and delay margins of C·G̃, F·H and L = K·G.
 
 Frequencies are exact: without delay the crossings and the extremes of :math:`|1+L|` are roots of
-polynomials in :math:`\omega^2`; with delay they are bracketed on frequencies between which the loop
-provably turns by less than half a revolution, then bisected; and so they are where time scales
-are so far apart that polynomials in :math:`\omega^2` would lose the slow ones. The points ω = 0
-and ω = ∞ are looked at too: a loop may be lost there as well as in between.
+polynomials in :math:`\omega^2`. With delay they are bracketed on frequencies between which the loop
+provably turns by less than half a revolution (`nrdob.locus`); and so they are where time scales are
+far apart or modes hardly damped, because polynomials in :math:`\omega^2` would lose what lies close
+together. The points ω = 0 and ω = ∞ are looked at too: a loop may be lost there as well as in
+between.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from math import acos, asin, degrees, inf, isfinite, log10, nan, pi
+from numbers import Real
 from typing import NamedTuple
 
 import numpy as np
@@ -138,6 +140,59 @@ class LoopMargins:
         return "\n".join([head, *map(str, (self.model_loop, self.observer_loop, self.plant_loop))])
 
 
+class MarginBounds(NamedTuple):
+    """Margins that a loop has at least, whatever else it is.
+
+    Attributes
+    ----------
+    gm_low, gm_high : float
+        The loop stays stable for every gain factor strictly between them.
+    pm : float
+        It stays stable under every rotation smaller than this, in degrees.
+    """
+
+    gm_low: float
+    gm_high: float
+    pm: float
+
+
+def margin_bounds(ms: float) -> MarginBounds:
+    r"""Gain and phase margin that a peak of the sensitivity guarantees.
+
+    L keeps the distance :math:`1/M_s` from -1: it may be multiplied by any gain between
+    :math:`M_s/(M_s + 1)` and :math:`M_s/(M_s - 1)`, or rotated by less than
+    :math:`2\arcsin(1/(2 M_s))`, which is the angle over a chord of that length.
+
+    Parameters
+    ----------
+    ms : float
+        :math:`M_s = \max|1/(1 + L)|` of a stable loop, above 1.
+
+    Returns
+    -------
+    MarginBounds
+
+    Raises
+    ------
+    TypeError, ValueError
+        If `ms` is not a finite number above 1.
+
+    Examples
+    --------
+    >>> low, high, pm = margin_bounds(2.0)
+    >>> round(low, 4), high, round(pm, 2)
+    (0.6667, 2.0, 28.96)
+    """
+    if isinstance(ms, bool) or not isinstance(ms, Real):
+        raise TypeError(f"ms is {ms!r}; give the sensitivity's peak as a number, such as 1.4")
+    if not 1 < ms < inf:
+        raise ValueError(
+            f"ms is {ms}; bounds exist for a finite peak above 1: a peak of 1 or less bounds no "
+            "gain from above (the sensitivity of a loop that falls off is never below 1)"
+        )
+    return MarginBounds(ms / (ms + 1), ms / (ms - 1), degrees(2 * asin(1 / (2 * ms))))
+
+
 def loop_margins(loop: LoopEquations, verdict: Stability | None = None) -> LoopMargins:
     """Compute the margins of C·G̃, F·H and L.
 
@@ -199,6 +254,20 @@ class _Ends(NamedTuple):
     undelayed: float
     delayed: float
 
+    @property
+    def angles(self) -> tuple[float, float]:
+        """Rotations that bring L(0), and a point of the circle, to -1; inf if not of size 1."""
+        at_zero = inf
+        if abs(abs(self.dc_gain) - 1) <= ROUNDING:
+            at_zero = 0.0 if self.dc_gain < 0 else pi
+        a, b = self.undelayed, self.delayed
+        if a == 0 or not isfinite(a):
+            return at_zero, inf
+        cosine = (1 + a * a - b * b) / (2 * a)
+        if abs(cosine) > 1 + ROUNDING:
+            return at_zero, inf
+        return at_zero, pi - acos(max(-1.0, min(1.0, cosine)))
+
 
 def _tame(loop: Quotient, closed: QuasiPolynomial) -> bool:
     """Whether products multiplied out into polynomials in ω² can be trusted."""
@@ -229,12 +298,13 @@ def _critical_gains(
 def _rotations(gain: FloatArray, values: ComplexArray, ends: _Ends) -> tuple[float, float, float]:
     """Phase margin in degrees, its frequency, and the delay margin."""
     delay_margin = 0.0 if abs(ends.undelayed) + abs(ends.delayed) >= 1 else inf
-    if not gain.size:
-        return inf, nan, delay_margin
     angle = np.angle(-values)
-    k = int(np.argmin(np.abs(angle)))
-    lags = np.mod(angle, 2 * np.pi) / gain
-    return float(np.degrees(abs(angle[k]))), float(gain[k]), min(delay_margin, float(lags.min()))
+    delay_margin = float(np.min(np.mod(angle, 2 * np.pi) / gain, initial=delay_margin))
+    angles, omega = np.append(np.abs(angle), ends.angles), np.append(gain, [0.0, inf])
+    k = int(np.argmin(angles))
+    if angles[k] == inf:
+        return inf, nan, delay_margin
+    return float(np.degrees(angles[k])), float(omega[k]), delay_margin
 
 
 def _closest(nearest: FloatArray, values: ComplexArray, ends: _Ends) -> tuple[float, float]:

@@ -15,6 +15,7 @@ from ..delay import delay
 from ..figure import SHORT, Figure, axes_for, colour_of, styled
 from ..filters import LowPassFilter
 from ..loop import NRDOB
+from ..margins import margin_bounds
 from .cases import apart, first_fitting
 from .grading import Misconception, Problem, answers_like
 
@@ -54,7 +55,7 @@ class PeakCase:
 
 
 def _promise(case: PeakCase) -> tuple[float, float, float]:
-    return case.ms / (case.ms + 1), case.ms / (case.ms - 1), degrees(2 * asin(0.5 / case.ms))
+    return margin_bounds(case.ms)
 
 
 def _promise_accepts(case: PeakCase, got: Any) -> bool | str:
