@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from math import inf
+from operator import itemgetter
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -17,6 +18,12 @@ from .figure import COLOURS, INK, TALL, Figure, axes_for, colour_of, headings, l
 from .nyquist import NyquistCount, encirclements
 from .quotient import Quotient
 from .stability import LoopStability
+
+REACHES = (14.0, 20.0, 27.0, 35.0)
+"""Distances, in points, at which a text may stand from what it belongs to."""
+
+ENOUGH = 5.0
+"""Room around a text, in points, of which more is not better."""
 
 
 def nyquist_plot(
@@ -203,21 +210,22 @@ def _roomiest(
     obstacles = np.concatenate([drawn, np.conj(drawn), way, axis, 1j * axis, circle])
     scale = 72 / ax.figure.figure.dpi
     points = ax.transData.transform(np.column_stack([obstacles.real, obstacles.imag])) * scale
-    places = [
-        (anchor, reach * np.exp(1j * np.pi * k / 8))
-        for anchor in anchors
-        for reach in (14, 20, 27, 35)
-        for k in range(16)
-    ]
+    far = REACHES[-1] + half_width + 2 * ENOUGH
 
-    def room(place: tuple[complex, complex]) -> float:
-        anchor, offset = place
-        x, y = ax.transData.transform((anchor.real, anchor.imag)) * scale
-        centre = (x + offset.real, y + offset.imag)
-        gap = np.maximum(np.abs(points - centre) - [half_width, 5.0], 0.0)
-        return min(float(np.hypot(*gap.T).min()), 5.0) - 0.04 * abs(offset)
+    def places() -> Iterator[tuple[float, complex, complex]]:
+        for anchor in anchors:
+            x, y = ax.transData.transform((anchor.real, anchor.imag)) * scale
+            gap = points - (x, y)
+            near = gap[np.all(np.abs(gap) < far, axis=1)]
+            for reach in REACHES:
+                for k in range(16):
+                    offset = reach * np.exp(1j * np.pi * k / 8)
+                    beside = np.abs(near - (offset.real, offset.imag)) - [half_width, 5.0]
+                    room = np.hypot(*np.maximum(beside, 0.0).T).min(initial=ENOUGH)
+                    yield float(room) - 0.04 * reach, anchor, offset
 
-    return max(places, key=room)
+    _, anchor, offset = max(places(), key=itemgetter(0))
+    return anchor, offset
 
 
 def _dense(z: ComplexArray, step: float) -> ComplexArray:
