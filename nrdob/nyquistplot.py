@@ -14,13 +14,28 @@ from . import alttext
 from .alttext import number
 from .blocks import ComplexArray, FloatArray
 from .contour import Approach, Contour, closest_approach, contour
-from .figure import COLOURS, INK, TALL, Figure, axes_for, colour_of, headings, label_of, styled
+from .figure import (
+    COLOURS,
+    INK,
+    TALL,
+    Figure,
+    as_map,
+    as_number,
+    axes_for,
+    colour_of,
+    headings,
+    label_of,
+    styled,
+)
 from .nyquist import NyquistCount, encirclements
 from .quotient import Quotient
 from .stability import LoopStability
 
 REACHES = (14.0, 20.0, 27.0, 35.0)
 """Distances, in points, at which a text may stand from what it belongs to."""
+
+CROWDED = 5000
+"""So many points near a text need not be told apart by less than one point of type."""
 
 ENOUGH = 5.0
 """Room around a text, in points, of which more is not better."""
@@ -57,8 +72,16 @@ def nyquist_plot(
     -------
     Figure
         With `.lines`, `.axes`, `.figure` and `.alt`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If something is given that cannot be drawn; the message names it and the remedy.
     """
-    curve = contour(quotient)
+    point = as_number(point, "point", "a finite real number: -1, or +1 for the ratio G̃⁻¹G")
+    if zoom is not None:
+        as_number(zoom, "zoom", "the half-width of the inset, 0 for none", low=0.0)
+    curve = contour(as_map(quotient))
     approach = closest_approach(quotient, curve, point)
     counted = verdict or encirclements(quotient, point)
     half = _inset_half_width(curve, approach, point) if zoom is None else zoom
@@ -81,7 +104,9 @@ def nyquist_plot(
         # first settles what the drawing above has left pending.
         ax.get_xlim()
         ax.set_autoscale_on(True)
-    alt = alttext.nyquist(quotient.name, title, point, counted.encirclements, approach)
+    alt = alttext.nyquist(
+        quotient.name, title, point, counted.encirclements, approach, curve.left_out
+    )
     return Figure(np.array([lines], dtype=object), ax, alt)
 
 
@@ -214,9 +239,12 @@ def _roomiest(
 
     def places() -> Iterator[tuple[float, complex, complex]]:
         for anchor in anchors:
-            x, y = ax.transData.transform((anchor.real, anchor.imag)) * scale
-            gap = points - (x, y)
+            gap = points - ax.transData.transform((anchor.real, anchor.imag)) * scale
             near = gap[np.all(np.abs(gap) < far, axis=1)]
+            if len(near) > CROWDED:
+                x, y = np.round(near.T)
+                thinned = np.unique(x + 1j * y)
+                near = np.column_stack([thinned.real, thinned.imag])
             for reach in REACHES:
                 for k in range(16):
                     offset = reach * np.exp(1j * np.pi * k / 8)

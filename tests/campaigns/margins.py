@@ -81,9 +81,7 @@ def certified(loop: Quotient) -> tuple[float, float, float, float]:
 
     def value(at: flint.arb) -> flint.acb:
         w = at.sqrt()
-        top, bottom = (
-            flint.acb(_at(e, at), w * _at(o, at)) for e, o in ((ne, no), (de, do))
-        )
+        top, bottom = (flint.acb(_at(e, at), w * _at(o, at)) for e, o in ((ne, no), (de, do)))
         return top / bottom
 
     tops = [1 + value(at) for at in _positive_roots(p2.derivative() * d2 - p2 * d2.derivative())]
@@ -165,7 +163,9 @@ def overlooks(found: Margins, loop: Quotient, closed) -> str:
     at = _sign_changes(side)
     at = at[(values[at].real < 0) & (values[at + 1].real < 0)]
     gains = -1 / np.stack([values[at].real, values[at + 1].real])
-    missed = (gains > found.gm_low * 1.0001).all(axis=0) & (gains < found.gm_high * 0.9999).all(axis=0)
+    missed = (gains > found.gm_low * 1.0001).all(axis=0) & (gains < found.gm_high * 0.9999).all(
+        axis=0
+    )
     wrong += [f"critical gain near {k:.6g}" for k in gains[0, missed]]
     return "; ".join(wrong)
 
