@@ -21,7 +21,7 @@ import numpy as np
 from .blocks import ROUNDING, ComplexArray, FloatArray
 from .equations import LoopEquations
 from .frequencies import on_axis, resolved_frequencies
-from .locus import SIDE, SIZE, Locus, Notable, notable_frequencies
+from .locus import Locus, Notable, notable_frequencies
 from .nyquist import minus_point
 from .quasipoly import QuasiPolynomial, add, differentiate
 from .quotient import Quotient
@@ -227,11 +227,12 @@ def margins(loop: Quotient, stable: bool | None, closed: QuasiPolynomial | None 
     closed = closed or minus_point(loop)
     locus = Locus(loop)
     found = _rational_crossings(loop, closed) if _tame(loop, closed) else None
-    if found is None or not _confirmed(locus, found):
+    logs = _logs(locus, found) if found else []
+    if not found or not _confirmed(logs):
         found = _bracketed_crossings(loop, closed, locus)
+        logs = _logs(locus, found)
     gain, phase, nearest = found
-    values = np.exp(locus.log(np.concatenate(found)))
-    at_gain, at_phase, at_nearest = np.split(values, [gain.size, gain.size + phase.size])
+    at_gain, at_phase, at_nearest = map(np.exp, logs)
     ends = _Ends(loop.dc_gain, *loop.at_infinity)
     gains, phase = _critical_gains(phase, at_phase.real, ends)
     if not stable:
@@ -372,12 +373,16 @@ def _newton(polynomial: list[float], x: float) -> float:
     return x - step if abs(step) < 1e-3 * x else x
 
 
-def _confirmed(locus: Locus, found: Notable) -> bool:
+def _logs(locus: Locus, found: Notable) -> list[ComplexArray]:
+    """Evaluate log L at each kind of frequency, all at once."""
+    gain, phase, _ = (omega.size for omega in found)
+    return np.split(locus.log(np.concatenate(found)), [gain, gain + phase])
+
+
+def _confirmed(logs: list[ComplexArray]) -> bool:
     """Whether the factors, which know better than the products, find the same crossings."""
-    for row, omega in ((SIZE, found.gain), (SIDE, found.phase)):
-        if omega.size and np.abs(locus.motion(omega)[row]).max() > CONFIRMED:
-            return False
-    return True
+    sizes, sides = logs[0].real, np.sin(logs[1].imag)
+    return bool((np.abs(sizes) < CONFIRMED).all() and (np.abs(sides) < CONFIRMED).all())
 
 
 # With delay, and wherever polynomials in ω² cannot be trusted.
