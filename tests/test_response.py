@@ -63,7 +63,11 @@ def exact_term(loop, input, signal, k):
 
     With E = exp(-θs) the loop's 1/p_B = 1/(q + r E) is the sum of (-r)^k E^k / q^(k+1).
     """
-    coefficients = [[mp.mpf(c) for c in part] for block in loop.fractions for part in block]
+    coefficients = [
+        [mp.mpf(c) for c in part]
+        for block in loop.fractions
+        for part in block
+    ]
 
     def term(s):
         N, D, Nm, Dm, Nc, Dc, Nf, Df = (mp.polyval(c, s) for c in coefficients)
