@@ -6,12 +6,13 @@ from .delay import DelayedTransferFunction, delay
 from .design import design_filter
 from .filters import LowPassFilter
 from .loop import NRDOB
+from .margins import margin_bounds
 from .models import suggest_model
 from .stability import judge_observer
 from .timeconstants import critical_time_constants, stabilizing_time_constants
 
 __all__ = [
     "NRDOB", "DelayedTransferFunction", "LowPassFilter", "critical_time_constants", "delay",
-    "design_controller", "design_filter", "judge_observer", "paper", "plants",
+    "design_controller", "design_filter", "judge_observer", "margin_bounds", "paper", "plants",
     "stabilizing_time_constants", "suggest_model",
 ]  # fmt: skip

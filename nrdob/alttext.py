@@ -108,10 +108,21 @@ def frequency(omega: float) -> str:
     return "as ω → ∞" if omega == inf else f"at {number(omega)} rad/s"
 
 
-def nyquist(name: str, title: str, point: float, count: float | None, approach: Approach) -> str:
-    """Describe a Nyquist plot."""
+def nyquist(
+    name: str,
+    title: str,
+    point: float,
+    count: float | None,
+    approach: Approach,
+    left_out: int = 0,
+) -> str:
+    """Describe a Nyquist plot, with the number of like turns that are not drawn one by one."""
     closest = f"closest approach {number(approach.distance)} {frequency(approach.omega)}"
-    return f"{_opening('Nyquist plot', [name], title)}: {turns(count, point)}, {closest}"
+    like = f"; {left_out} turns of the dead time, each within the line of another, are left out"
+    return (
+        f"{_opening('Nyquist plot', [name], title)}: {turns(count, point)}, {closest}"
+        f"{like if left_out else ''}"
+    )
 
 
 def bode(title: str, curves: Mapping[str, Sequence[BodePoint]], margins: Margins | None) -> str:

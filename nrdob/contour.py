@@ -1,14 +1,15 @@
 r"""The Nyquist curve as it is drawn: smooth, complete, closed where it runs off to infinity.
 
-Frequencies come from `nyquist.resolved_frequencies`, so that no resonance is missed, and are halved
-until the polygon through them is as smooth as the eye can tell. Near a pole on the axis and at
-infinity of an improper loop the curve leaves every window: it is cut at a finite `radius` and
-closed there by an arc with as many half turns as the pole's order demands.
+Frequencies come from `nrdob.frequencies`, so that no resonance is missed, and are halved until the
+polygon through them is as smooth as the eye can tell. Near a pole on the axis and at infinity of an
+improper loop the curve leaves every window: it is cut at a finite `radius` and closed there by an
+arc with as many half turns as the pole's order demands.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import reduce
 from itertools import pairwise
 from math import inf, nan, pi
 from typing import NamedTuple
@@ -16,13 +17,18 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from .blocks import ComplexArray, FloatArray
-from .nyquist import resolved_frequencies
-from .quasipoly import QuasiPolynomial
+from .blocks import BoolArray, ComplexArray, FloatArray
+from .frequencies import on_axis, resolved_frequencies
 from .quotient import Quotient
 
 SMOOTH = 1e-3
 """Largest distance between curve and polygon, as a fraction of the curve's size."""
+
+LINE = 6e-3
+"""Width of a line, as a fraction of the curve's size: turns within it look like one."""
+
+MANY_TURNS = 100
+"""So many turns of the dead time are drawn one by one."""
 
 _FAR = 1e200
 _TIE = 1e-9
@@ -57,12 +63,15 @@ class Contour:
         Where the curve is cut because it goes to infinity; inf if it does not.
     arcs : tuple of Arc
         What closes the curve at that radius.
+    left_out : int
+        Turns of the dead time that are not sampled, because they lie within the line of others.
     """
 
     omega: FloatArray
     values: ComplexArray
     radius: float
     arcs: tuple[Arc, ...]
+    left_out: int = 0
 
     @property
     def branches(self) -> list[ComplexArray]:
@@ -88,8 +97,12 @@ def contour(loop: Quotient) -> Contour:
     omega = _frequencies(loop)
     values = _values(loop, omega)
     radius = _radius(loop, omega, values)
-    omega, values = _refined(loop, omega, values, radius)
-    return Contour(omega, values, radius, _arcs(loop, omega, values, radius))
+    omega, left_out = _without_like_turns(loop, omega, _size(values, radius))
+    if left_out.any():
+        values = _values(loop, omega)
+    turns = round(float(np.diff(omega)[left_out].sum()) * loop.delay / (2 * pi))
+    omega, values = _refined(loop, omega, values, radius, ~left_out)
+    return Contour(omega, values, radius, _arcs(loop, omega, values, radius), turns)
 
 
 def closest_approach(loop: Quotient, curve: Contour, point: float = -1.0) -> Approach:
@@ -179,22 +192,80 @@ def _radius(loop: Quotient, omega: FloatArray, values: ComplexArray) -> float:
     """Radius that holds all that is finite: peaks and crossings of the real axis."""
     size = np.abs(values)
     runs_off = loop.numerator.degree > loop.denominator.degree
-    if not (runs_off or _poles_on_axis(loop).size or not np.isfinite(loop.dc_gain)):
+    if not (runs_off or on_axis(loop.den).size or not np.isfinite(loop.dc_gain)):
         return inf
     peaks = size[1:-1][(size[1:-1] >= size[:-2]) & (size[1:-1] > size[2:])]
     crosses = np.diff(np.sign(values.imag)) * np.sign(values.imag[1:]) > 0
     crossings = np.minimum(size[1:], size[:-1])[crosses]
     features = np.concatenate([peaks, crossings])
-    return 1.3 * max(2.0, float(features[features < 1e4].max(initial=0.0)))
+    # A curve that is nowhere small is still shown where it is smallest.
+    smallest = 2.0 * float(size.min())
+    return 1.3 * max(2.0, smallest, float(features[features < 1e4].max(initial=0.0)))
+
+
+def _size(values: ComplexArray, radius: float) -> float:
+    """Size of what will be drawn."""
+    finite = np.abs(values)[np.abs(values) < _FAR]
+    return min(radius, max(float(finite.max(initial=0.0)), 1e-12))
+
+
+def _without_like_turns(
+    loop: Quotient, omega: FloatArray, size: float
+) -> tuple[FloatArray, BoolArray]:
+    """Leave out turns of the dead time that lie within the line of the last one that is drawn.
+
+    A turn begins where the one before ends, so that whole ones can be left out without a gap.
+
+    Returns
+    -------
+    omega : array of float
+        Frequencies; those of the turns that stay are fine enough to show them.
+    left_out : array of bool
+        Which of the steps between them leave out turns.
+    """
+    turn = 2 * pi / loop.delay if loop.delay else inf
+    finite = omega[(omega > 0) & (omega < inf)]
+    start, count = finite[0], int((finite[-1] - finite[0]) / turn)
+    if count <= MANY_TURNS:
+        return omega, np.zeros(omega.size - 1, dtype=bool)
+    begins = start + turn * np.arange(count + 1)
+    every = np.union1d(finite, begins)
+    # How the curve changes apart from turning: with the dead time's phase held at four values.
+    held = _held(loop, every)
+    held = np.where(np.abs(held) < 2 * size, held, 2 * size)
+    # Near the point an inset may magnify the curve: there the line is thinner.
+    line = LINE * np.minimum(size, np.maximum(np.abs(held[:, 1:]), 1.0))
+    moved = (np.abs(np.diff(held)) / line).max(axis=0)
+    marks = np.floor(np.append(0.0, np.cumsum(moved))[np.searchsorted(every, begins)])
+    drawn = marks[1:] != marks[:-1]
+    drawn[[0, -1]] = True
+    fine = begins[:-1][drawn][:, None] + turn * np.arange(0, 1, 1 / 16)
+    ends = begins[1:][drawn]
+    of = np.clip(np.searchsorted(begins, omega, "right") - 1, 0, count - 1)
+    kept = omega[drawn[of] | (omega < start) | (omega > begins[-1])]
+    omega = np.unique(np.concatenate([kept, fine.ravel(), ends]))
+    first = np.clip(np.searchsorted(begins, omega[:-1], "right") - 1, 0, count - 1)
+    inside = (omega[:-1] >= start) & (omega[:-1] < begins[-1])
+    return omega, inside & ~drawn[first]
+
+
+def _held(loop: Quotient, omega: FloatArray) -> ComplexArray:
+    """Evaluate a loop with exp(-jωθ) held at four values, one a row."""
+    s, held = 1j * omega, np.array([[1], [-1j], [-1], [1j]])
+    num, den = (
+        reduce(np.multiply, [np.polyval(f.q, s) + held * np.polyval(f.r, s) for f in factors])
+        for factors in (loop.num, loop.den)
+    )
+    with np.errstate(all="ignore"):
+        return np.asarray(np.nan_to_num(num / den, nan=_FAR, posinf=_FAR, neginf=-_FAR))
 
 
 def _refined(
-    loop: Quotient, omega: FloatArray, values: ComplexArray, radius: float
+    loop: Quotient, omega: FloatArray, values: ComplexArray, radius: float, check: BoolArray
 ) -> tuple[FloatArray, ComplexArray]:
-    """Halve the steps whose chord leaves the curve."""
-    finite = np.abs(values)[np.abs(values) < _FAR]
-    tolerance = SMOOTH * min(radius, max(float(finite.max(initial=0.0)), 1e-12))
-    check = np.isfinite(omega[1:])
+    """Halve those steps to be checked whose chord leaves the curve."""
+    tolerance = SMOOTH * _size(values, radius)
+    check = check & np.isfinite(omega[1:])
     for _ in range(60):
         near = np.minimum(np.abs(values[1:]), np.abs(values[:-1])) < 1.5 * radius
         i = np.flatnonzero(check & near)
@@ -228,7 +299,7 @@ def _arcs(
         arcs.append(Arc("indentation", _arc(np.conj(first), first, order, radius)))
     for before, after in pairwise(runs):
         gap = omega[before.stop - 1], omega[after.start]
-        poles = _poles_on_axis(loop)
+        poles = on_axis(loop.den)
         order = int(np.sum((poles > gap[0]) & (poles < gap[1])))
         if order:
             arc = _arc(values[before.stop - 1], values[after.start], order, radius)
@@ -246,16 +317,6 @@ def _arc(start: complex, end: complex, half_turns: int, radius: float) -> Comple
     turn += 2 * pi * np.round((wanted - turn) / (2 * pi))
     count = 2 + int(60 * abs(turn))
     return np.asarray(radius * np.exp(1j * (begin + turn * np.linspace(0, 1, count))))
-
-
-def _poles_on_axis(loop: Quotient) -> FloatArray:
-    """Frequencies ω > 0 of poles on the imaginary axis."""
-
-    def on_axis(factor: QuasiPolynomial) -> FloatArray:
-        roots = factor.roots
-        return roots.imag[factor.near_axis(roots) & (roots.imag > 0)]
-
-    return np.concatenate([on_axis(factor) for factor in loop.den])
 
 
 def _inside(values: ComplexArray, radius: float) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:

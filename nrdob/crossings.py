@@ -10,6 +10,8 @@ from .blocks import FloatArray
 
 Function = Callable[[FloatArray], FloatArray]
 
+EPS = float(np.finfo(float).eps)
+
 
 def side(values: FloatArray) -> FloatArray:
     """Sign of each value, a zero counted as positive so that none falls between two sides."""
@@ -17,13 +19,41 @@ def side(values: FloatArray) -> FloatArray:
 
 
 def bisect(function: Function, low: FloatArray, high: FloatArray) -> FloatArray:
-    """Find a zero between each `low` and `high`, on which the function's sides differ."""
-    sign = side(function(low))
-    for _ in range(52):
-        middle = (low + high) / 2
-        same = side(function(middle)) == sign
-        low, high = np.where(same, middle, low), np.where(same, high, middle)
-    return (low + high) / 2
+    """Find a zero between each `low` and `high`, on which the function's sides differ.
+
+    Brackets shrink by inverse quadratic interpolation where that is safe, else by halves: on
+    smooth functions about ten evaluations reach the last bits, on jumps as many as halving needs.
+
+    References
+    ----------
+    T. R. Chandrupatla, A new hybrid quadratic/bisection algorithm for finding the zero of a
+    nonlinear function without using derivatives, Adv. Eng. Software 28 (1997) 145-149.
+    """
+    a, b = np.array(high, dtype=float), np.array(low, dtype=float)
+    at_a, at_b = function(a), function(b)
+    width = np.abs(a - b)
+    t = np.full(a.shape, 0.5)
+    for _ in range(120):
+        x = a + t * (b - a)
+        at_x = function(x)
+        same = side(at_x) == side(at_a)
+        # The last point but one of the bracket shapes the parabola.
+        c, at_c = np.where(same, a, b), np.where(same, at_a, at_b)
+        b, at_b = np.where(same, b, a), np.where(same, at_b, at_a)
+        a, at_a = x, at_x
+        best = np.where(np.abs(at_a) < np.abs(at_b), a, b)
+        gap = np.abs(b - a)
+        tolerance = 2 * EPS * np.abs(best) + EPS * width
+        if np.all((gap <= tolerance) | (np.minimum(np.abs(at_a), np.abs(at_b)) == 0)):
+            break
+        with np.errstate(all="ignore"):  # what is not finite is halved
+            xi, phi = (a - b) / (c - b), (at_a - at_b) / (at_c - at_b)
+            smooth = (phi**2 < xi) & ((1 - phi) ** 2 < 1 - xi)
+            step = at_a / (at_b - at_a) * at_c / (at_b - at_c)
+            step += (c - a) / (b - a) * at_a / (at_c - at_a) * at_b / (at_c - at_b)
+            least = np.minimum(tolerance / gap, 0.5)
+        t = np.where(smooth & np.isfinite(step), np.clip(step, least, 1 - least), 0.5)
+    return best
 
 
 def golden(function: Function, low: FloatArray, high: FloatArray) -> FloatArray:
@@ -57,13 +87,3 @@ def zeros(function: Function, omega: FloatArray) -> FloatArray:
     signs = side(function(omega))
     where = np.flatnonzero(signs[:-1] * signs[1:] < 0)
     return bisect(function, omega[where], omega[where + 1])
-
-
-def minima(function: Function, omega: FloatArray) -> FloatArray:
-    """Refine the deepest minima of a function on a grid, all together."""
-    values = function(omega)
-    inner = values[1:-1]
-    # On a grid that follows every turn the least value lies in one of the deepest dips.
-    dips = (inner <= values[:-2]) & (inner <= values[2:]) & (inner <= 1.5 * values.min())
-    where = 1 + np.flatnonzero(dips)
-    return golden(function, omega[where - 1], omega[where + 1])

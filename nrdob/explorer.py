@@ -35,6 +35,11 @@ class Slider:
         Range and initial value. Three whole numbers make a slider of whole numbers.
     log : bool
         Move on a logarithmic scale.
+
+    Raises
+    ------
+    ValueError
+        If the range is empty, does not hold the value, or is logarithmic and not positive.
     """
 
     label: str
@@ -42,6 +47,18 @@ class Slider:
     high: float
     value: float
     log: bool = False
+
+    def __post_init__(self) -> None:
+        if not self.low < self.high or not self.low <= self.value <= self.high:
+            raise ValueError(
+                f"slider {self.label} goes from {self.low} to {self.high} and stands at "
+                f"{self.value}; it needs low < high, and a value between them"
+            )
+        if self.log and self.low <= 0:
+            raise ValueError(
+                f"slider {self.label} begins at {self.low}; on a logarithmic scale it must begin "
+                "above 0"
+            )
 
     def widget(self) -> Any:
         """Make the slider."""

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from io import BytesIO
+from math import inf, isfinite
+from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +15,8 @@ import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
+
+from .quotient import Quotient
 
 STYLE = Path(__file__).with_name("nrdob.mplstyle")
 WIDTH, TALL, SHORT = 7.0, 4.4, 3.2
@@ -101,6 +105,12 @@ def axes_for(given: Any, count: int, height: float) -> list[Axes]:
         axes = list(np.ravel(np.asarray(given, dtype=object)))
         if len(axes) != count:
             raise ValueError(f"{len(axes)} axes given; this figure needs {count}")
+        for ax in axes:
+            if not isinstance(ax, Axes):
+                raise TypeError(
+                    f"{ax!r} is a {type(ax).__name__}; give matplotlib axes, such as those that "
+                    "plt.subplots() returns"
+                )
         return axes
     shape = {1: (1, 1), 2: (2, 1), 4: (2, 2)}[count]
     # The first figure loads the backend, which in a notebook turns plotting interactive: within
@@ -111,6 +121,25 @@ def axes_for(given: Any, count: int, height: float) -> list[Axes]:
         for ax in new.flat:
             dress(ax)
     return list(new.flat)
+
+
+def as_map(given: Any) -> Quotient:
+    """Return a map of the loop, or say how to get one."""
+    if not isinstance(given, Quotient):
+        raise TypeError(
+            f"a {type(given).__name__} is given; pass a map of the loop, such as loop.FH or loop.L"
+        )
+    return given
+
+
+def as_number(given: Any, name: str, needed: str, *, low: float = -inf) -> float:
+    """Return a finite real number not below `low`, or say what is `needed`."""
+    if isinstance(given, bool) or not isinstance(given, Real):
+        raise TypeError(f"{name} is {given!r}; it must be {needed}")
+    number = float(given)
+    if not (isfinite(number) and number >= low):
+        raise ValueError(f"{name} is {given}; it must be {needed}")
+    return number
 
 
 def dress(ax: Axes) -> None:

@@ -1,36 +1,50 @@
 r"""Lemma 2 and the true loop: gain, phase, modulus and delay margins of C·G̃, F·H and L = K·G.
 
 Frequencies are exact: without delay the crossings and the extremes of :math:`|1+L|` are roots of
-polynomials in :math:`\omega^2`; with delay they are bracketed on frequencies between which the loop
-provably turns by less than half a revolution, then bisected; and so they are where time scales
-are so far apart that polynomials in :math:`\omega^2` would lose the slow ones. The points ω = 0
-and ω = ∞ are looked at too: a loop may be lost there as well as in between.
+polynomials in :math:`\omega^2`. With delay they are bracketed on frequencies between which the loop
+provably turns by less than half a revolution (`nrdob.locus`); and so they are where time scales are
+far apart or modes hardly damped, because polynomials in :math:`\omega^2` would lose what lies close
+together. The points ω = 0 and ω = ∞ are looked at too: a loop may be lost there as well as in
+between.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from math import inf, log10, nan
+from math import acos, asin, degrees, inf, isfinite, log10, nan, pi
+from numbers import Real
 from typing import NamedTuple
 
 import numpy as np
 
 from .blocks import ROUNDING, ComplexArray, FloatArray
-from .crossings import minima, zeros
 from .equations import LoopEquations
-from .nyquist import minus_point, resolved_frequencies
+from .frequencies import on_axis, resolved_frequencies
+from .locus import Locus, Notable, notable_frequencies
+from .nyquist import minus_point
 from .quasipoly import QuasiPolynomial, add, differentiate
 from .quotient import Quotient
 from .rootfinding import companion_roots
 from .stability import Stability, stability
 
-MAX_SPREAD = 1e5
-"""Ratio of the fastest to the slowest closed-loop root up to which polynomials are trusted."""
+MAX_SPREAD = 1e4
+"""Ratio of the fastest to the slowest root up to which polynomials in ω² are trusted."""
 
+LITTLE_DAMPING = 0.01
+"""Damping ratio of roots below which polynomials in ω² are not trusted."""
 
-CROSSING = 1e-6
-"""How well a crossing found must be one."""
+TINY = 1e-60
+"""Coefficients below it, or above its inverse, are in units in which products may overflow."""
+
+CONFIRMED = 1e-6
+"""How well the factors must confirm a crossing that the polynomials in ω² give."""
+
+AT_POLE = 1e-9
+"""A crossing so close to a pole on the axis, as a fraction, is the pole."""
+
+PER_SEGMENT = 4
+"""Frequencies in each certified stretch, where derivatives tell what lies between them."""
 
 
 @dataclass(frozen=True)
@@ -126,6 +140,59 @@ class LoopMargins:
         return "\n".join([head, *map(str, (self.model_loop, self.observer_loop, self.plant_loop))])
 
 
+class MarginBounds(NamedTuple):
+    """Margins that a loop has at least, whatever else it is.
+
+    Attributes
+    ----------
+    gm_low, gm_high : float
+        The loop stays stable for every gain factor strictly between them.
+    pm : float
+        It stays stable under every rotation smaller than this, in degrees.
+    """
+
+    gm_low: float
+    gm_high: float
+    pm: float
+
+
+def margin_bounds(ms: float) -> MarginBounds:
+    r"""Gain and phase margin that a peak of the sensitivity guarantees.
+
+    L keeps the distance :math:`1/M_s` from -1: it may be multiplied by any gain between
+    :math:`M_s/(M_s + 1)` and :math:`M_s/(M_s - 1)`, or rotated by less than
+    :math:`2\arcsin(1/(2 M_s))`, which is the angle over a chord of that length.
+
+    Parameters
+    ----------
+    ms : float
+        :math:`M_s = \max|1/(1 + L)|` of a stable loop, above 1.
+
+    Returns
+    -------
+    MarginBounds
+
+    Raises
+    ------
+    TypeError, ValueError
+        If `ms` is not a finite number above 1.
+
+    Examples
+    --------
+    >>> low, high, pm = margin_bounds(2.0)
+    >>> round(low, 4), high, round(pm, 2)
+    (0.6667, 2.0, 28.96)
+    """
+    if isinstance(ms, bool) or not isinstance(ms, Real):
+        raise TypeError(f"ms is {ms!r}; give the sensitivity's peak as a number, such as 1.4")
+    if not 1 < ms < inf:
+        raise ValueError(
+            f"ms is {ms}; bounds exist for a finite peak above 1: a peak of 1 or less bounds no "
+            "gain from above (the sensitivity of a loop that falls off is never below 1)"
+        )
+    return MarginBounds(ms / (ms + 1), ms / (ms - 1), degrees(2 * asin(1 / (2 * ms))))
+
+
 def loop_margins(loop: LoopEquations, verdict: Stability | None = None) -> LoopMargins:
     """Compute the margins of C·G̃, F·H and L.
 
@@ -158,17 +225,16 @@ def margins(loop: Quotient, stable: bool | None, closed: QuasiPolynomial | None 
         Numerator of 1 + L if it is known better than by adding.
     """
     closed = closed or minus_point(loop)
-    find = _bracketed_crossings if loop.delay or _widely_spread(closed) else _rational_crossings
-    gain, phase, nearest = find(loop, closed)
-    omega = np.concatenate([gain, phase, nearest])
-    at_gain, at_phase, at_nearest = np.split(loop(1j * omega), [gain.size, gain.size + phase.size])
-    # The factors know better than the products from which the crossings came, where a pole and a
-    # zero near the axis almost cancel; and no gain is critical at a pole.
-    true = np.abs(np.abs(at_gain) - 1) < CROSSING
-    gain, at_gain = gain[true], at_gain[true]
-    true = (np.abs(at_phase.imag) < CROSSING * np.abs(at_phase)) & (np.abs(at_phase) < 1e9)
+    locus = Locus(loop)
+    found = _rational_crossings(loop, closed) if _tame(loop, closed) else None
+    logs = _logs(locus, found) if found else []
+    if not found or not _confirmed(logs):
+        found = _bracketed_crossings(loop, closed, locus)
+        logs = _logs(locus, found)
+    gain, phase, nearest = found
+    at_gain, at_phase, at_nearest = map(np.exp, logs)
     ends = _Ends(loop.dc_gain, *loop.at_infinity)
-    gains, phase = _critical_gains(phase[true], at_phase.real[true], ends)
+    gains, phase = _critical_gains(phase, at_phase.real, ends)
     if not stable:
         return Margins(nan, nan, nan, nan, nan, nan, nan, nan, nan, stable, loop.name, gain, phase)
     gm_low = float(np.max(gains[gains < 1], initial=0.0))
@@ -189,11 +255,33 @@ class _Ends(NamedTuple):
     undelayed: float
     delayed: float
 
+    @property
+    def angles(self) -> tuple[float, float]:
+        """Rotations that bring L(0), and a point of the circle, to -1; inf if not of size 1."""
+        at_zero = inf
+        if abs(abs(self.dc_gain) - 1) <= ROUNDING:
+            at_zero = 0.0 if self.dc_gain < 0 else pi
+        a, b = self.undelayed, self.delayed
+        if a == 0 or not isfinite(a):
+            return at_zero, inf
+        cosine = (1 + a * a - b * b) / (2 * a)
+        if abs(cosine) > 1 + ROUNDING:
+            return at_zero, inf
+        return at_zero, pi - acos(max(-1.0, min(1.0, cosine)))
 
-def _widely_spread(closed: QuasiPolynomial) -> bool:
-    """Whether the roots are so far apart that polynomials in ω² lose the slow ones."""
-    size = np.abs(closed.without_origin.roots)
-    return size.size > 0 and float(size.max()) > MAX_SPREAD * float(size.min())
+
+def _tame(loop: Quotient, closed: QuasiPolynomial) -> bool:
+    """Whether products multiplied out into polynomials in ω² can be trusted."""
+    if loop.delay:
+        return False
+    sizes = np.abs(np.concatenate([loop.numerator.q, loop.denominator.q, closed.q]))
+    if not sizes.any() or sizes.max() > 1 / TINY or sizes[sizes > 0].min() < TINY:
+        return False
+    factors = (*loop.num, *loop.den, closed)
+    roots = np.concatenate([factor.without_origin.roots for factor in factors])
+    size = np.abs(roots)
+    damped = np.abs(roots.real) >= LITTLE_DAMPING * size
+    return bool(damped.all() and size.max(initial=0.0) <= MAX_SPREAD * size.min(initial=inf))
 
 
 def _critical_gains(
@@ -211,12 +299,13 @@ def _critical_gains(
 def _rotations(gain: FloatArray, values: ComplexArray, ends: _Ends) -> tuple[float, float, float]:
     """Phase margin in degrees, its frequency, and the delay margin."""
     delay_margin = 0.0 if abs(ends.undelayed) + abs(ends.delayed) >= 1 else inf
-    if not gain.size:
-        return inf, nan, delay_margin
     angle = np.angle(-values)
-    k = int(np.argmin(np.abs(angle)))
-    lags = np.mod(angle, 2 * np.pi) / gain
-    return float(np.degrees(abs(angle[k]))), float(gain[k]), min(delay_margin, float(lags.min()))
+    delay_margin = float(np.min(np.mod(angle, 2 * np.pi) / gain, initial=delay_margin))
+    angles, omega = np.append(np.abs(angle), ends.angles), np.append(gain, [0.0, inf])
+    k = int(np.argmin(angles))
+    if angles[k] == inf:
+        return inf, nan, delay_margin
+    return float(np.degrees(angles[k])), float(omega[k]), delay_margin
 
 
 def _closest(nearest: FloatArray, values: ComplexArray, ends: _Ends) -> tuple[float, float]:
@@ -230,10 +319,8 @@ def _closest(nearest: FloatArray, values: ComplexArray, ends: _Ends) -> tuple[fl
 # Without delay: polynomials in x = ω², with p(jω) = even(x) + jω odd(x).
 
 
-def _rational_crossings(
-    loop: Quotient, closed: QuasiPolynomial
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Frequencies where |L| = 1, where L is real and negative, and where |1 + L| is extreme."""
+def _rational_crossings(loop: Quotient, closed: QuasiPolynomial) -> Notable:
+    """Frequencies where |L| = 1, where L is real, and where |1 + L| is extreme."""
     num, den = loop.numerator.q, loop.denominator.q
     (ne, no), (de, do), (pe, po) = map(_even_odd, (num, den, closed.q))
     square_num, square_den, square_closed = _square(ne, no), _square(de, do), _square(pe, po)
@@ -242,7 +329,7 @@ def _rational_crossings(
     phase = _positive_roots([(no, de), (ne, -do)])
     slope_closed, slope_den = differentiate(square_closed), differentiate(square_den)
     nearest = _positive_roots([(slope_closed, square_den), (square_closed, -slope_den)])
-    return gain, phase, nearest
+    return Notable(gain, phase, nearest)
 
 
 def _even_odd(p: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -286,19 +373,27 @@ def _newton(polynomial: list[float], x: float) -> float:
     return x - step if abs(step) < 1e-3 * x else x
 
 
-# With delay, or time scales far apart: brackets on resolved frequencies, then bisection.
+def _logs(locus: Locus, found: Notable) -> list[ComplexArray]:
+    """Evaluate log L at each kind of frequency, all at once."""
+    gain, phase, _ = (omega.size for omega in found)
+    return np.split(locus.log(np.concatenate(found)), [gain, gain + phase])
 
 
-def _bracketed_crossings(
-    loop: Quotient, closed: QuasiPolynomial
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Frequencies where |L| = 1, where L is real and negative, and where |1 + L| is smallest."""
-    omega = resolved_frequencies(loop)
-    num, den = loop.numerator, loop.denominator
+def _confirmed(logs: list[ComplexArray]) -> bool:
+    """Whether the factors, which know better than the products, find the same crossings."""
+    sizes, sides = logs[0].real, np.sin(logs[1].imag)
+    return bool((np.abs(sizes) < CONFIRMED).all() and (np.abs(sides) < CONFIRMED).all())
 
-    def value(w: FloatArray) -> ComplexArray:
-        return np.asarray(num(1j * w) / den(1j * w))
 
-    gain = zeros(lambda w: np.abs(num(1j * w)) - np.abs(den(1j * w)), omega)
-    phase = zeros(lambda w: value(w).imag, omega)
-    return gain, phase, minima(lambda w: np.abs(closed(1j * w) / den(1j * w)), omega)
+# With delay, and wherever polynomials in ω² cannot be trusted.
+
+
+def _bracketed_crossings(loop: Quotient, closed: QuasiPolynomial, locus: Locus) -> Notable:
+    """Frequencies where |L| = 1, where L is real, and where |1 + L| is smallest."""
+    omega = resolved_frequencies(loop, PER_SEGMENT, closed)
+    # Far beyond all roots L is small or large, but its phase may still creep across the axis.
+    end = omega[-1] + 4 * pi / loop.delay if loop.delay else 1e8 * omega[-1]
+    found = notable_frequencies(locus, np.union1d(omega, np.geomspace(omega[-1], end, 65)))
+    poles = on_axis(loop.den)
+    at_pole = np.abs(found.phase[:, None] / poles - 1).min(axis=1, initial=1.0) < AT_POLE
+    return found._replace(phase=found.phase[~at_pole])

@@ -13,13 +13,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import reduce
-from math import inf, pi
+from math import inf
 
 import numpy as np
 
-from .blocks import FloatArray
-from .quasipoly import QuasiPolynomial, RootCount, add, count_rhp, frequency_segments
+from .quasipoly import QuasiPolynomial, RootCount, add, count_rhp
 from .quotient import Quotient
 
 
@@ -129,35 +127,3 @@ def rhp_roots(factor: QuasiPolynomial) -> float:
         roots = factor.without_origin.roots
         count = int(np.sum((roots.real > 0) & ~factor.near_axis(roots)))
     return count
-
-
-def resolved_frequencies(loop: Quotient, per_segment: int = 8) -> FloatArray:
-    """Frequencies that show every turn of a loop's Nyquist plot.
-
-    Between two certified frequencies neither numerator, denominator nor 1 + L turns by more than
-    half a revolution; each such stretch is sampled `per_segment` times, and the range is wide
-    enough to hold the corner frequencies and, with a delay, two turns beyond them.
-
-    Returns
-    -------
-    array of float
-        Increasing, in rad/s, without 0.
-    """
-    parts = [minus_point(loop)]
-    for factor in (*loop.num, *loop.den):
-        parts += [QuasiPolynomial(c) for c in (factor.q, factor.r) if c.any()]
-    grids = [
-        grid
-        for p in parts
-        if p.neutral_ratio < 1 and not isinstance(grid := frequency_segments(p.without_origin), str)
-    ]
-    omega = reduce(np.union1d, grids, np.zeros(1))[1:]
-    if not omega.size:  # nothing but gains and dead time
-        omega = np.array([pi / loop.delay if loop.delay else 1.0])
-    # Towards zero nothing turns any more, but a size may still pass 1.
-    omega = np.append(omega[0] * np.geomspace(1e-8, 0.8, 25), omega)
-    if loop.delay:
-        turn = 2 * pi / loop.delay
-        omega = np.union1d(omega, omega[-1] + turn * np.linspace(0, 2, 17))
-    fractions = np.arange(per_segment) / per_segment
-    return np.append((omega[:-1, None] + np.diff(omega)[:, None] * fractions).ravel(), omega[-1])

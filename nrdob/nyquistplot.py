@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from math import inf
+from operator import itemgetter
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,10 +14,31 @@ from . import alttext
 from .alttext import number
 from .blocks import ComplexArray, FloatArray
 from .contour import Approach, Contour, closest_approach, contour
-from .figure import COLOURS, INK, TALL, Figure, axes_for, colour_of, headings, label_of, styled
+from .figure import (
+    COLOURS,
+    INK,
+    TALL,
+    Figure,
+    as_map,
+    as_number,
+    axes_for,
+    colour_of,
+    headings,
+    label_of,
+    styled,
+)
 from .nyquist import NyquistCount, encirclements
 from .quotient import Quotient
 from .stability import LoopStability
+
+REACHES = (14.0, 20.0, 27.0, 35.0)
+"""Distances, in points, at which a text may stand from what it belongs to."""
+
+CROWDED = 5000
+"""So many points near a text need not be told apart by less than one point of type."""
+
+ENOUGH = 5.0
+"""Room around a text, in points, of which more is not better."""
 
 
 def nyquist_plot(
@@ -50,8 +72,16 @@ def nyquist_plot(
     -------
     Figure
         With `.lines`, `.axes`, `.figure` and `.alt`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If something is given that cannot be drawn; the message names it and the remedy.
     """
-    curve = contour(quotient)
+    point = as_number(point, "point", "a finite real number: -1, or +1 for the ratio G̃⁻¹G")
+    if zoom is not None:
+        as_number(zoom, "zoom", "the half-width of the inset, 0 for none", low=0.0)
+    curve = contour(as_map(quotient))
     approach = closest_approach(quotient, curve, point)
     counted = encirclements(quotient, point) if verdict is None else verdict
     half = _inset_half_width(curve, approach, point) if zoom is None else zoom
@@ -74,7 +104,9 @@ def nyquist_plot(
         # first settles what the drawing above has left pending.
         ax.get_xlim()
         ax.set_autoscale_on(True)
-    alt = alttext.nyquist(quotient.name, title, point, counted.encirclements, approach)
+    alt = alttext.nyquist(
+        quotient.name, title, point, counted.encirclements, approach, curve.left_out
+    )
     return Figure(np.array([lines], dtype=object), ax, alt)
 
 
@@ -203,21 +235,25 @@ def _roomiest(
     obstacles = np.concatenate([drawn, np.conj(drawn), way, axis, 1j * axis, circle])
     scale = 72 / ax.figure.figure.dpi
     points = ax.transData.transform(np.column_stack([obstacles.real, obstacles.imag])) * scale
-    places = [
-        (anchor, reach * np.exp(1j * np.pi * k / 8))
-        for anchor in anchors
-        for reach in (14, 20, 27, 35)
-        for k in range(16)
-    ]
+    far = REACHES[-1] + half_width + 2 * ENOUGH
 
-    def room(place: tuple[complex, complex]) -> float:
-        anchor, offset = place
-        x, y = ax.transData.transform((anchor.real, anchor.imag)) * scale
-        centre = (x + offset.real, y + offset.imag)
-        gap = np.maximum(np.abs(points - centre) - [half_width, 5.0], 0.0)
-        return min(float(np.hypot(*gap.T).min()), 5.0) - 0.04 * abs(offset)
+    def places() -> Iterator[tuple[float, complex, complex]]:
+        for anchor in anchors:
+            gap = points - ax.transData.transform((anchor.real, anchor.imag)) * scale
+            near = gap[np.all(np.abs(gap) < far, axis=1)]
+            if len(near) > CROWDED:
+                x, y = np.round(near.T)
+                thinned = np.unique(x + 1j * y)
+                near = np.column_stack([thinned.real, thinned.imag])
+            for reach in REACHES:
+                for k in range(16):
+                    offset = reach * np.exp(1j * np.pi * k / 8)
+                    beside = np.abs(near - (offset.real, offset.imag)) - [half_width, 5.0]
+                    room = np.hypot(*np.maximum(beside, 0.0).T).min(initial=ENOUGH)
+                    yield float(room) - 0.04 * reach, anchor, offset
 
-    return max(places, key=room)
+    _, anchor, offset = max(places(), key=itemgetter(0))
+    return anchor, offset
 
 
 def _dense(z: ComplexArray, step: float) -> ComplexArray:

@@ -26,14 +26,16 @@ from .figure import (
     SHORT,
     TALL,
     Figure,
+    as_map,
+    as_number,
     axes_for,
     colour_of,
     headings,
     label_of,
     styled,
 )
+from .frequencies import resolved_frequencies
 from .margins import Margins
-from .nyquist import resolved_frequencies
 from .nyquistplot import nyquist_plot
 from .quotient import Quotient
 from .response import INPUTS, step_response
@@ -80,12 +82,18 @@ def bode_plot(
 
     Raises
     ------
-    ValueError
-        Without a map.
+    TypeError, ValueError
+        Without a map, or if something is given that cannot be drawn.
     """
     if not quotients:
         raise ValueError("bode_plot needs at least one map, such as loop.FH")
-    low, high = omega_limits or _frequency_range(quotients, margins)
+    quotients = tuple(map(as_map, quotients))
+    if not isinstance(margins, Margins | None):
+        raise TypeError(
+            f"margins is a {type(margins).__name__}; give those of the map that is drawn, such as "
+            "loop.margins().observer_loop for loop.FH"
+        )
+    low, high = _limits(omega_limits) or _frequency_range(quotients, margins)
     magnitude, phase = axes_for(axes, 2, TALL)
     with styled():
         lines: list[list[Line2D]] = [[], []]
@@ -114,6 +122,19 @@ def bode_plot(
     shaped = np.empty((2, 1), dtype=object)
     shaped[:, 0] = lines
     return Figure(shaped, np.array([[magnitude], [phase]]), alt)
+
+
+def _limits(given: Any) -> tuple[float, float] | None:
+    """Check the frequency range that the user wants to see."""
+    if given is None:
+        return None
+    needed = "the pair (low, high) of frequencies in rad/s, 0 < low < high"
+    if np.shape(given) != (2,):
+        raise ValueError(f"omega_limits is {given!r}; it must be {needed}")
+    low, high = (as_number(end, "omega_limits", needed) for end in given)
+    if not 0 < low < high:
+        raise ValueError(f"omega_limits is {given!r}; it must be {needed}")
+    return low, high
 
 
 def _frequency_range(quotients: Sequence[Quotient], margins: Margins | None) -> tuple[float, float]:
@@ -183,8 +204,9 @@ def _bode_frame(
 def _draw_margins(magnitude: Axes, phase: Axes, quotient: Quotient, margins: Margins) -> None:
     """Draw the way to 0 dB and to -180 degrees, with its length beside it."""
     low, high = magnitude.get_xlim()
+    first, last = low * (high / low) ** 0.015, high * (low / high) ** 0.015
     omega = margins.phase_crossovers
-    ends = np.clip(omega, low * (high / low) ** 0.015, high * (low / high) ** 0.015)
+    ends = np.clip(omega, first, last)
     levels = _decibels(quotient, ends)
     for gain in (margins.gm_low, margins.gm_high):
         if 0 < gain < inf:
@@ -194,11 +216,11 @@ def _draw_margins(magnitude: Axes, phase: Axes, quotient: Quotient, margins: Mar
             level = -20 * float(np.log10(gain))
             _span(magnitude, float(ends[k]), level, 0.0, text, rising=bool(later > levels[k]))
     if margins.pm < inf:
-        w = margins.wgc
+        w = min(max(margins.wgc, first), last)
         grid = _bode_frequencies(quotient, low, high)
         angle, later = np.interp([w, 1.02 * w], grid, _degrees(quotient, grid))
         level = 360 * round((angle - 180) / 360) + 180.0
-        text = f"PM {number(margins.pm)}° {alttext.frequency(w)}"
+        text = f"PM {number(margins.pm)}° {alttext.frequency(margins.wgc)}"
         _span(phase, w, float(angle), level, text, rising=bool(later > angle))
 
 
@@ -281,12 +303,21 @@ def step_plot(
 
     Raises
     ------
-    ValueError
-        If `signal` is neither "y" nor "u".
+    TypeError, ValueError
+        If `signal` is neither "y" nor "u", or something is given that is no loop.
     """
     if signal not in ("y", "u"):
         raise ValueError(f"signal is {signal!r}; it must be 'y' or 'u'")
-    others = {"nominal": compare} if isinstance(compare, LoopEquations) else dict(compare or {})
+    named = {"nominal": compare} if isinstance(compare, LoopEquations) else compare
+    if not isinstance(named, Mapping | None):
+        raise TypeError(
+            f"compare is a {type(compare).__name__}; give another loop, or loops by label: "
+            '{"slower filter": loop}'
+        )
+    others = dict(named or {})
+    for each in (loop, *others.values()):
+        if not isinstance(each, LoopEquations):
+            raise TypeError(f"a {type(each).__name__} is given where a loop, an NRDOB, is needed")
     row, facts = "yu".index(signal), []
     panels = axes_for(axes, 4, TALL)
     with styled():
@@ -359,11 +390,20 @@ def roots_plot(
     -------
     Figure
         With `.lines`, `.axes`, `.figure` and `.alt`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If `roots` is neither a loop nor lists of finite roots by label.
     """
     if isinstance(roots, LoopEquations):
         found = {"p_A": roots.p_A.roots, "p_B": roots.p_B.roots}
+    elif isinstance(roots, Mapping) and roots:
+        found = {label: _roots(values, label) for label, values in roots.items()}
     else:
-        found = {label: np.asarray(values) for label, values in roots.items()}
+        raise TypeError(
+            f"roots is {roots!r}; give a loop, or roots by label: {{'p_B': loop.p_B.roots}}"
+        )
     (ax,) = axes_for(ax, 1, SHORT)
     with styled():
         lines = []
@@ -381,6 +421,16 @@ def roots_plot(
         ax.set(xlabel="Re s (rad/s)", ylabel="Im s (rad/s)")
         headings(ax, title)
     return Figure(np.array([lines], dtype=object), ax, alttext.roots(title, found))
+
+
+def _roots(values: Any, label: str) -> ComplexArray:
+    """Check the roots of one label."""
+    found = np.asarray(values)
+    if found.dtype.kind not in "iufc" or found.ndim != 1 or not np.isfinite(found).all():
+        raise ValueError(
+            f"roots of {label} are {values!r}; give a list of finite numbers, in rad/s"
+        )
+    return found
 
 
 def _roots_window(ax: Axes, groups: Sequence[ComplexArray]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from io import BytesIO
 
 import matplotlib.pyplot as plt
@@ -76,3 +77,17 @@ def test_a_page_gets_the_picture_and_a_running_notebook_the_sliders(explorer):
 def test_an_unknown_slider_is_named(explorer):
     with pytest.raises(ValueError, match="no slider lag; there are slope, count"):
         explorer.move(lag=1)
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "value", "log"),
+    [
+        (1.0, 0.0, 0.5, False),
+        (0.0, 1.0, 2.0, False),
+        (0.0, math.nan, 0.5, False),
+        (0.0, 1.0, 0.5, True),
+    ],
+)
+def test_a_slider_without_a_range_is_refused(low, high, value, log):
+    with pytest.raises(ValueError, match="slider gain"):
+        Slider("gain", low, high, value, log=log)

@@ -3,6 +3,7 @@ import math
 import control as ct
 import numpy as np
 import pytest
+from campaigns.margins import FAMILIES, differs, random_hard_loop, run
 from hypothesis import assume, given, settings
 from strategies import loops
 
@@ -10,6 +11,7 @@ import nrdob
 from nrdob import LowPassFilter, paper
 from nrdob.margins import margins
 from nrdob.quasipoly import QuasiPolynomial, add, count_rhp
+from nrdob.quotient import Quotient
 
 s = ct.tf("s")
 
@@ -205,3 +207,138 @@ def test_margins_of_a_loop_follow_from_its_own_terms():
 def test_without_stability_there_are_no_margins(stable):
     found = margins(paper.example(2).L, stable)
     assert found.stable is stable and all(math.isnan(value) for value in found)
+
+
+# Where products of the factors lose what lies close together.
+
+
+def test_a_detuned_mode_of_damping_1e_6_leaves_13_percent_of_the_distance():
+    d = 1.000003
+    plant = ([1 / d**2, 2e-6, 1], np.polymul([1, 1], [1, 2e-6, 1]))
+    loop = nrdob.NRDOB(plant, 1 / (s + 1), 1.0, LowPassFilter(0.1, 2))
+    found = loop.margins().observer_loop
+    assert found.sm == pytest.approx(0.1327, abs=5e-5)
+    assert found.pm == pytest.approx(8.25, abs=5e-3)
+    assert not differs(found, loop.FH)
+
+
+def test_margins_at_300_detuned_hardly_damped_modes_are_the_certified_ones():
+    rng, compared = np.random.default_rng(5), 0
+    while compared < 300:
+        loop = random_hard_loop(rng, "detuned")
+        found = loop.margins()
+        for each, quotient in ((found.observer_loop, loop.FH), (found.plant_loop, loop.L)):
+            if each.stable:
+                compared += 1
+                assert not differs(each, quotient)
+
+
+def test_hard_loops_with_and_without_dead_time_agree_with_their_oracles():
+    tally = run(10 * len(FAMILIES), seed=3)
+    assert tally["wrong"] == 0
+    assert all(tally[f"{family}: compared"] for family in FAMILIES)
+
+
+@pytest.mark.parametrize("unit", [1e-30, 1e-9, 1e9, 1e30])
+@pytest.mark.parametrize("delay", [0.0, 0.3])
+def test_another_unit_of_time_scales_the_frequencies_and_nothing_else(unit, delay):
+    def scaled(unit):
+        process = nrdob.delay(delay * unit) * ct.tf([1.2], [0.1 * unit**2, 0.7 * unit, 1])
+        model = ct.tf([1], [unit, 1])
+        controller = ct.tf([unit, 1], [unit, 0])
+        plant = process if delay else process.tf
+        return nrdob.NRDOB(plant, model, controller, LowPassFilter(0.5 * unit, 2)).margins()
+
+    one, other = scaled(1.0), scaled(unit)
+    for name in ("model_loop", "observer_loop", "plant_loop"):
+        a, b = getattr(one, name), getattr(other, name)
+        assert a.stable
+        assert (b.gm, b.pm, b.sm) == pytest.approx((a.gm, a.pm, a.sm), rel=1e-6)
+        assert b.wms * unit == pytest.approx(a.wms, rel=1e-4)
+        assert b.delay_margin / unit == pytest.approx(a.delay_margin, rel=1e-6)
+
+
+@pytest.mark.parametrize("gain", [1e-30, 1e-12, 1e12, 1e30])
+def test_another_unit_of_the_plants_output_changes_no_margin(gain):
+    def scaled(gain):
+        plant = gain * 1.2 / ((s + 1) * (0.1 * s + 1))
+        return nrdob.NRDOB(plant, gain / (s + 1), 0.5 / gain / s, LowPassFilter(0.5, 2)).margins()
+
+    for name in ("model_loop", "observer_loop", "plant_loop"):
+        a, b = getattr(scaled(1.0), name), getattr(scaled(gain), name)
+        assert tuple(b) == pytest.approx(tuple(a), rel=1e-6, nan_ok=True)
+
+
+def test_margins_are_found_for_five_lags_in_nanoseconds():
+    def margins_in(second):
+        lags = np.poly(-np.arange(1.0, 6.0) / second)
+        plant = ([lags[-1]], lags)
+        return nrdob.NRDOB(plant, plant, 0.5, LowPassFilter(10 * second, 5)).margins()
+
+    for name in ("model_loop", "plant_loop"):
+        a, b = getattr(margins_in(1.0), name), getattr(margins_in(1e-9), name)
+        assert (b.gm, b.pm, b.sm) == pytest.approx((a.gm, a.pm, a.sm), rel=1e-6)
+
+
+def test_an_undamped_mode_behind_a_dead_time_divides_by_no_zero():
+    plant = nrdob.delay(11.0) * (s**2 + 1) / (s**2 + 4)
+    loop = nrdob.NRDOB(plant, 1 / (s + 1), 1 / s, LowPassFilter(50.0, 2))
+    assert loop.margins().observer_loop.stable is False  # warnings of the package are errors
+
+
+@pytest.mark.parametrize("fastest", [1e-6, 1e-8, 1e-10])
+def test_a_gain_margin_of_many_decades_is_found(fastest):
+    # Lags 1, T and T with an integral controller of slow loop: lost where the phases add to 180°,
+    # Routh: (T s + 1)^2 s + k = 0 at k = 2/T.
+    model = 1 / (fastest * s + 1) ** 2
+    loop = nrdob.NRDOB(model, model, 1 / s, LowPassFilter(1.0, 2))
+    found = loop.margins().model_loop
+    assert found.gm_high == pytest.approx(2 / fastest, rel=1e-6)
+    assert found.wpc == pytest.approx(1 / fastest, rel=1e-6)
+
+
+def test_a_static_loop_of_gain_one_is_lost_by_half_a_revolution():
+    found = nrdob.NRDOB(1 / (s + 1), 1.0, 1.0, LowPassFilter(1.0, 1)).margins().model_loop
+    assert (found.pm, found.sm, found.gm) == (pytest.approx(180.0), pytest.approx(2.0), math.inf)
+
+
+def test_a_neutral_loop_has_the_phase_margin_of_the_circle_it_ends_in():
+    # a + b exp(-jωθ) meets the unit circle at the angle of cosine (1 + a² - b²)/(2a).
+    a, b = 0.8, 0.5
+    loop = Quotient((QuasiPolynomial([a], [b], 1.0),), (QuasiPolynomial([1.0]),))
+    angle = np.degrees(np.arccos((1 + a**2 - b**2) / (2 * a)))
+    assert margins(loop, True).pm == pytest.approx(180 - angle)
+
+
+# What a peak of the sensitivity guarantees.
+
+
+@pytest.mark.parametrize("ms", [1.01, 1.4, 2.0, 50.0])
+def test_the_bounds_of_a_peak_lie_on_the_circle_around_minus_one(ms):
+    bounds = nrdob.margin_bounds(ms)
+    rotated = -np.exp(1j * np.radians(bounds.pm))
+    for point in (-1 / bounds.gm_low, -1 / bounds.gm_high, rotated):
+        assert abs(1 + point) == pytest.approx(1 / ms)
+
+
+@given(loops())
+@settings(max_examples=30)
+def test_margins_are_never_below_the_bounds_of_the_peak(loop):
+    found = loop.margins().plant_loop
+    assume(found.stable and found.ms > 1 + 1e-9)
+    bounds = nrdob.margin_bounds(found.ms)
+    assert found.gm_low <= bounds.gm_low * (1 + 1e-9)
+    assert found.gm_high >= bounds.gm_high * (1 - 1e-9)
+    assert found.pm >= bounds.pm * (1 - 1e-9)
+
+
+@pytest.mark.parametrize("ms", [1, 0.5, -2.0, math.inf, math.nan])
+def test_a_peak_of_one_or_less_bounds_nothing_and_is_refused(ms):
+    with pytest.raises(ValueError, match="above 1"):
+        nrdob.margin_bounds(ms)
+
+
+@pytest.mark.parametrize("ms", ["1.4", True, None, 1.4 + 1j])
+def test_what_is_no_number_has_no_bounds(ms):
+    with pytest.raises(TypeError, match="as a number"):
+        nrdob.margin_bounds(ms)

@@ -6,7 +6,8 @@ from strategies import loops
 
 import nrdob
 from nrdob import paper
-from nrdob.nyquist import encirclements, resolved_frequencies
+from nrdob.frequencies import resolved_frequencies
+from nrdob.nyquist import encirclements
 
 s = ct.tf("s")
 

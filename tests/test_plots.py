@@ -391,3 +391,93 @@ def test_closed_loop_maps_of_an_ill_posed_loop_are_not_drawn_but_its_open_loops_
     with pytest.raises(ValueError, match="S_d cannot be drawn: the observer loop is ill-posed"):
         loop.plot_nyquist("S_d")
     assert "F·H" in loop.plot_bode("FH").alt
+
+
+# Long dead times, extreme units, and what cannot be drawn.
+
+
+@pytest.mark.parametrize("ratio", [1e3, 1e4])
+def test_turns_within_the_line_of_others_are_left_out_and_said(ratio: float) -> None:
+    s = ct.tf("s")
+    plant = delay(ratio) * 1.3 / (s + 2)
+    loop = nrdob.NRDOB(plant, 1 / (s + 1), 0.1 / s, LowPassFilter(2 * ratio, 1))
+    curve = contour(loop.H)
+    assert curve.left_out > 100
+    assert curve.omega.size < 60_000
+    assert f"{curve.left_out} turns of the dead time" in alttext.nyquist(
+        "H", "", -1.0, 0, closest_approach(loop.H, curve), curve.left_out
+    )
+
+
+def test_no_turn_that_is_left_out_lies_off_the_line() -> None:
+    s = ct.tf("s")
+    loop = nrdob.NRDOB(delay(1e3) / (s + 1), 1 / (s + 2), 0.1 / s, LowPassFilter(2e3, 1))
+    curve = contour(loop.H)
+    assert curve.left_out > 0
+    omega = np.random.default_rng(0).uniform(curve.omega[1], curve.omega[-1], 2000)
+    gap = [np.abs(curve.values - value).min() for value in loop.H(1j * omega)]
+    # Half the distance of neighbouring samples along the line, and the width of the line.
+    step = np.abs(np.diff(curve.values)).max()
+    assert max(gap) < 0.5 * step + 1e-2 * curve.size
+
+
+def test_ordinary_loops_are_drawn_turn_by_turn() -> None:
+    loop = paper.example(4, modified=True)
+    assert contour(loop.FH).left_out == contour(loop.H).left_out == 0
+    assert "left out" not in loop.plot_nyquist().alt
+
+
+@pytest.mark.parametrize("unit", [1e-30, 1e30])
+@pytest.mark.parametrize("which", ["FH", "L", "K"])
+def test_a_loop_in_extreme_units_is_drawn(unit: float, which: str) -> None:
+    s = ct.tf("s")
+    for loop in (
+        nrdob.NRDOB(unit / (s + 1), unit / (s + 1), 1 / (unit * s), LowPassFilter(1.0, 1)),
+        nrdob.NRDOB(([1.2], [unit, 1]), ([1], [unit, 1]), 0.1, LowPassFilter(unit, 1)),
+        nrdob.NRDOB(([unit], [1, 1]), 1 / (s + 1), 1 / s, LowPassFilter(1.0, 1)),
+    ):
+        assert "Nyquist" in loop.plot_nyquist(which).alt
+        assert "Bode" in loop.plot_bode(which).alt
+
+
+@pytest.mark.parametrize(
+    ("method", "given", "error", "said"),
+    [
+        ("plot_nyquist", {"point": np.nan}, ValueError, "point is nan"),
+        ("plot_nyquist", {"point": 1j}, TypeError, "finite real number"),
+        ("plot_nyquist", {"zoom": -1}, ValueError, "zoom is -1"),
+        ("plot_nyquist", {"zoom": "a"}, TypeError, "half-width"),
+        ("plot_nyquist", {"ax": 3}, TypeError, "plt.subplots"),
+        ("plot_bode", {"axes": [3, 4]}, TypeError, "plt.subplots"),
+        ("plot_bode", {"omega_limits": (1,)}, ValueError, "pair"),
+        ("plot_bode", {"omega_limits": (0, 1)}, ValueError, "0 < low < high"),
+        ("plot_bode", {"omega_limits": (2, 1)}, ValueError, "0 < low < high"),
+        ("plot_bode", {"omega_limits": (1, np.inf)}, ValueError, "0 < low < high"),
+        ("plot_step", {"compare": 3}, TypeError, "loops by label"),
+        ("plot_step", {"compare": {"a": 3}}, TypeError, "an NRDOB"),
+    ],
+)
+def test_what_cannot_be_drawn_is_named_with_the_remedy(
+    method: str, given: dict[str, object], error: type[Exception], said: str
+) -> None:
+    with pytest.raises(error, match=said):
+        getattr(paper.example(2), method)(**given)
+
+
+def test_a_plot_function_is_told_a_map_from_a_loop() -> None:
+    loop = paper.example(2)
+    for wrong in (loop, ct.tf([1], [1, 1])):
+        with pytest.raises(TypeError, match=r"such as loop\.FH"):
+            nyquist_plot(wrong)  # type: ignore[arg-type]
+        with pytest.raises(TypeError, match=r"such as loop\.FH"):
+            bode_plot(wrong)  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="an NRDOB"):
+        step_plot(loop.FH)  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="margins is a int"):
+        bode_plot(loop.FH, margins=3)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("roots", [3, {}, {"a": "x"}, {"a": [np.nan]}])
+def test_roots_are_a_loop_or_lists_by_label(roots: object) -> None:
+    with pytest.raises((TypeError, ValueError), match="roots"):
+        roots_plot(roots)  # type: ignore[arg-type]

@@ -13,9 +13,9 @@ from ..alttext import number
 from ..blocks import ComplexArray, FloatArray
 from ..figure import Figure
 from ..filters import LowPassFilter
+from ..frequencies import resolved_frequencies
 from ..limits import right_half_plane_parity
 from ..loop import NRDOB
-from ..nyquist import resolved_frequencies
 from ..quasipoly import QuasiPolynomial
 from ..quotient import Quotient
 from ..stability import LoopStability, judge

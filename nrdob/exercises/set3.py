@@ -16,6 +16,7 @@ from ..delay import delay
 from ..figure import SHORT, Figure, axes_for, colour_of, styled
 from ..filters import LowPassFilter
 from ..loop import NRDOB
+from ..margins import margin_bounds
 from .cases import LoopCase, apart, draw, few, first_fitting
 from .grading import Lack, Misconception, Problem, answers_like, lacking, near, same
 
@@ -45,7 +46,7 @@ class PeakCase:
 
 
 def _promise(case: PeakCase) -> tuple[float, float, float]:
-    return case.ms / (case.ms + 1), case.ms / (case.ms - 1), degrees(2 * asin(0.5 / case.ms))
+    return margin_bounds(case.ms)
 
 
 def _promise_lacks(case: PeakCase, got: Any) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from math import inf, isinf, isnan, log, nan, pi, sqrt
+from math import inf, isinf, isnan, nan, sqrt
 from typing import Any
 
 import control as ct
