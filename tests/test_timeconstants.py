@@ -250,7 +250,7 @@ def test_poles_and_zeros_on_the_axis(process, model, order, delay, no_warning_le
     process = nrdob.delay(delay) * process if delay else process
     intervals = stabilizing_time_constants(process, model, order)
     mismatch = Mismatch.of(process, model, order)
-    for value in np.geomspace(max(0.02, 2 * mismatch.default_floor), 50, 25):
+    for value in np.geomspace(max(0.02, 2 * default_floor(process, model, order)), 50, 25):
         roots = mismatch.p_B(value).roots
         if np.abs(roots.real).min() > 1e-7:
             inside = any(low < value < high for low, high in intervals)
