@@ -3,13 +3,14 @@
 from . import paper
 from .controllers import design_controller
 from .delay import DelayedTransferFunction, delay
-from .design import design_filter
+from .design import admissible_time_constants, design_filter
 from .filters import LowPassFilter
 from .loop import NRDOB
 from .models import suggest_model
 from .timeconstants import critical_time_constants, stabilizing_time_constants
 
 __all__ = [
-    "NRDOB", "DelayedTransferFunction", "LowPassFilter", "critical_time_constants", "delay",
-    "design_controller", "design_filter", "paper", "stabilizing_time_constants", "suggest_model",
+    "NRDOB", "DelayedTransferFunction", "LowPassFilter", "admissible_time_constants",
+    "critical_time_constants", "delay", "design_controller", "design_filter", "paper",
+    "stabilizing_time_constants", "suggest_model",
 ]  # fmt: skip

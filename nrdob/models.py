@@ -19,11 +19,12 @@ import control as ct
 import numpy as np
 
 from .blocks import ComplexArray, FloatArray
-from .design import FilterSearch, Specification
+from .design import FilterSearch
 from .equations import ObserverEquations
 from .filters import LowPassFilter
 from .mismatch import Mismatch
 from .quasipoly import QuasiPolynomial
+from .slack import Specification
 
 GAINS = (1.0, 0.5, 0.25)
 """Size of the model's DC gain against the process's, tried where the process is unstable."""
@@ -137,8 +138,8 @@ def _judged(
     for order in (lowest, lowest + 1):
         search = FilterSearch.of(process, model, order, specification)
         fastest = search.fastest()
-        time_constant = search.closest()[0] if search.tried else nan
-        ms = search.plant_loop(time_constant).ms if search.tried else nan
+        time_constant = search.closest()[0] if search.tried.size else nan
+        ms = search.plant_loop(time_constant).ms if search.tried.size else nan
         found.append(ModelCandidate(model, how, order, search.intervals, fastest, ms))
     return min(found, key=_rank)
 
