@@ -297,7 +297,7 @@ class FilterSearch:
         around = log(self.tried[max(k - 1, 0)]), log(self.tried[min(k + 1, self.tried.size - 1)])
         best = minimize_scalar(
             lambda x: -self.precise(exp(x)), bounds=around, method="bounded",
-            options={"xatol": 1e-6 * (around[1] - around[0])},
+            options={"xatol": 1e-4 * (around[1] - around[0])},
         )  # fmt: skip
         time_constant = max((float(np.exp(best.x)), float(self.tried[k])), key=self.precise)
         return time_constant, self.slack(time_constant)

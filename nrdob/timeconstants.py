@@ -312,7 +312,9 @@ def _accepted(branches: _Branches, omega: FloatArray, excess: ComplexArray) -> B
     """Tell crossings from jumps at a pole on the axis, and from zeros there, where λ = 0."""
     rounding = branches.rounding(omega, excess)
     on_line = np.abs(excess.real) <= JUMP * np.abs(1 + excess) + rounding
-    return on_line & (excess.imag > rounding) & ~branches.mismatch.at_pole(omega)
+    # Beside a pole a branch is so large that the line cannot be told from the imaginary axis.
+    near_pole = (rounding >= 1) | branches.mismatch.at_pole(omega)
+    return on_line & (excess.imag > rounding) & ~near_pole
 
 
 def _less_1(value: ComplexArray, near: FloatArray, of: IntArray, order: int) -> ComplexArray:
