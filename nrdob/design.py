@@ -257,8 +257,14 @@ class FilterSearch:
 
     @property
     def promise(self) -> float:
-        """Smallest nλ that is not excluded, in seconds; inf if none will do."""
-        return self.order * self.windows[0].low if self.windows else inf
+        """Smallest nλ that is not excluded, in seconds: 0 if all will do, inf if none."""
+        if not self.windows:
+            return inf
+        return 0.0 if self._begins(self.windows[0]) else self.order * self.windows[0].low
+
+    def _begins(self, window: _Window) -> bool:
+        """Whether a window begins with the fastest filter tried."""
+        return not window.bounded_below and window.low == self.tried[0]
 
     def slack(self, time_constant: float) -> float:
         """Exact slack of the specification."""
@@ -267,7 +273,7 @@ class FilterSearch:
     def fastest(self) -> float | None:
         """Find the smallest λ that meets the specification: None if none does, 0 if all do."""
         for window in self.windows:
-            if not window.bounded_below and window.low == self.tried[0]:
+            if self._begins(window):
                 return 0.0
             found = self._end(window, window.low, window.high)
             if found is not None:
@@ -304,7 +310,7 @@ class FilterSearch:
 
     def _end(self, window: _Window, end: float, other: float) -> float | None:
         """Find the end of a window by the exact slack, which may differ by a rounding error."""
-        steps = (0.0, *np.logspace(-9, 0, 7).tolist())
+        steps = np.logspace(-10, 0, 6).tolist()
         tried = (end * (other / end) ** step for step in steps)
         return next((value for value in tried if self.slack(value) >= 0), None)
 

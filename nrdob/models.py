@@ -138,11 +138,10 @@ def _judged(
     """Try the lowest causal order and the next, and keep the better."""
     lowest = Mismatch.of(process, model).order
     searches = [FilterSearch.of(process, model, n, specification) for n in (lowest, lowest + 1)]
-    # Where the limit is met the peak does not choose; only of the chosen it is told.
-    met = [search for search in searches if search.windows]
-    chosen = [min(met, key=lambda search: search.promise)] if met else searches
+    # Where one is faster the peak need not choose; only of the chosen it is told.
+    best = min(search.promise for search in searches)
     found = []
-    for search in chosen:
+    for search in (search for search in searches if search.promise == best):
         ms = search.plant_loop(search.closest()[0]).ms if search.tried.size else nan
         fastest = search.fastest()
         found.append(ModelCandidate(model, how, search.order, search.intervals, fastest, ms))

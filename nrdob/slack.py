@@ -16,7 +16,6 @@ from numbers import Real
 import numpy as np
 
 from .blocks import ComplexArray, FloatArray, IntArray
-from .crossings import bisect
 from .frequencies import Frequencies
 from .margins import Margins
 from .mismatch import Mismatch
@@ -28,7 +27,7 @@ DEEPEST = 1.2
 """A dip of ``|1 + L|`` may turn out the deepest if on the grid it is this close to it."""
 
 ZOOMS, ACROSS = 6, 9
-"""How often a dip is looked at more closely, and at how many frequencies."""
+"""How often a dip or a zero is looked at more closely, and at how many frequencies."""
 
 
 @dataclass(frozen=True)
@@ -227,10 +226,10 @@ class PlantLoops:
             share = np.nan_to_num(share, nan=0.5)
             there = L[row, column] + share * (L[row, column + 1] - L[row, column])
             return row, there
-        chosen = time_constants[row]
+        chosen = time_constants[row, None]
         low, high = self.omega[column], self.omega[column + 1]
-        where = bisect(lambda w: function(self._gain(chosen, w)), low, high)
-        return row, self._gain(chosen, where)
+        where = _zero(lambda w: function(self._gain(chosen, w)), low, high)
+        return row, self._gain(chosen[:, 0], where)
 
 
 def _lowest(
@@ -248,3 +247,21 @@ def _lowest(
         low, high = omega[rows, k - 1], omega[rows, k + 1]
     return best
 
+
+def _zero(
+    function: Callable[[FloatArray], FloatArray], low: FloatArray, high: FloatArray
+) -> FloatArray:
+    """Zero between each `low` and `high`, on which the sides differ, by looking ever more closely.
+
+    A dozen calls of a function with many frequencies each are faster than fifty with a few.
+    """
+    share, rows = np.linspace(0, 1, ACROSS), np.arange(low.size)
+    for _ in range(ZOOMS):
+        omega = low[:, None] + share * (high - low)[:, None]
+        values = function(omega)
+        k = np.argmax((values[:, 1:] >= 0) != (values[:, :1] >= 0), axis=1)
+        low, high = omega[rows, k], omega[rows, k + 1]
+    before, after = values[rows, k], values[rows, k + 1]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        at = np.nan_to_num(before / (before - after), nan=0.5, posinf=0.5, neginf=0.5)
+    return np.asarray(low + at * (high - low))
