@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 from math import asin, atan, ceil, degrees, isfinite, log, log10, radians, sin, tan
 from numbers import Real
 from typing import Any
@@ -167,14 +168,16 @@ def _largest_integral_gain(model: Fraction, phase_margin: float) -> _Design:
     """
     omega = _frequencies(model, CROSSOVERS)
     found: list[_Design] = []
-    for sign in (1, -1):
-        phase = _missing_phase(model, omega, phase_margin, sign)
-        possible = (phase > -180) & (phase <= -INTEGRAL_LAG)
+    # The margin may be just kept against a turn in either sense.
+    for sign, turn in product((1, -1), (phase_margin, -phase_margin)):
+        phase = _missing_phase(model, omega, turn, sign)
+        slowest = -180 if turn > 0 else -90
+        possible = (phase > slowest) & (phase <= -INTEGRAL_LAG)
         gain = np.where(possible, _integral_gain(model, omega, phase), 0.0)
         good = possible & (_smallest_rotations(model, omega, phase, sign) >= phase_margin - ROUGH)
         for run in np.split(np.arange(omega.size), 1 + np.flatnonzero(np.diff(good))):
             if good[run[0]]:
-                found += _best_of_run(model, phase_margin, sign, omega, gain, run)
+                found += _best_of_run(model, turn, sign, omega, gain, run)
     if not found:
         raise ValueError(
             f"no PI gives the model a phase margin of {phase_margin:g}°: give a bandwidth, so that "
@@ -191,7 +194,7 @@ def _largest_integral_gain(model: Fraction, phase_margin: float) -> _Design:
 
 def _best_of_run(
     model: Fraction,
-    phase_margin: float,
+    turn: float,
     sign: int,
     omega: FloatArray,
     gain: FloatArray,
@@ -201,10 +204,10 @@ def _best_of_run(
 
     def design(exponent: float) -> _Design:
         at = float(np.exp(exponent))
-        return _design(model, at, _missing(model, at, phase_margin, sign), sign)
+        return _design(model, at, _missing(model, at, turn, sign), sign)
 
     def keeps(tried: _Design) -> bool:
-        return bool(tried.found.stable and tried.found.pm >= phase_margin * (1 - 1e-6))
+        return bool(tried.found.stable and tried.found.pm >= abs(turn) * (1 - 1e-6))
 
     order = run[np.argsort(-gain[run], kind="stable")]
     # Beside the end of a run the rough margin may be a little too good.
@@ -216,7 +219,7 @@ def _best_of_run(
     for neighbour in (max(best - 1, 0), min(best + 1, omega.size - 1)):
         good, beyond = inside, log(omega[neighbour])
         if keeps(design(beyond)):
-            good = beyond
+            good = beyond  # the top may lie in between, but no end
         while abs(beyond - good) > 1e-9:
             middle = (good + beyond) / 2
             good, beyond = (middle, beyond) if keeps(design(middle)) else (good, middle)
