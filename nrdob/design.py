@@ -243,9 +243,7 @@ class FilterSearch:
         loops = PlantLoops.of(frequencies, slowest) if samples else PlantLoops(mismatch, np.ones(1))
 
         def precise(time_constant: float) -> float:
-            return float(
-                specification.of_many(loops, np.array([time_constant]), rough=False)[0]
-            )
+            return float(specification.of_many(loops, np.array([time_constant]), rough=False)[0])
 
         looked = [_looked_at(loops, tried, specification) for tried in samples]
         windows = [w for tried, slacks in looked for w in _windows(tried, slacks, precise)]
@@ -355,7 +353,7 @@ def _around_extremes(tried: FloatArray, slacks: FloatArray) -> FloatArray:
 def _beside_a_change(slacks: FloatArray) -> BoolArray:
     """Tell which samples lie beside a change of sign."""
     changes = (slacks[1:] >= 0) != (slacks[:-1] >= 0)
-    return np.append(changes, False) | np.append(False, changes)
+    return np.asarray(np.append(changes, False) | np.append(False, changes))
 
 
 def _windows(

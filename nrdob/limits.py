@@ -21,7 +21,6 @@ from .filters import LowPassFilter
 from .mismatch import Mismatch
 from .quasipoly import QuasiPolynomial, add
 
-
 SIDEWAYS = 1e-10
 """Share of a root's motion off the axis below which the motion is along it, within rounding."""
 
@@ -128,7 +127,9 @@ def stable_for_slow_filters(process: Any, model: Any, order: int) -> Answer:
 def _drift_when_slow(mismatch: Mismatch, root: complex) -> tuple[complex, complex]:
     """First and second change of a simple root of a as λ falls from infinity."""
     n, a = mismatch.order, np.append(mismatch.a, 0.0) if mismatch.order == 1 else mismatch.a
-    b, slope, curvature = (np.polyval(p, root) for p in (mismatch.b, np.polyder(a), np.polyder(a, 2)))
+    b, slope, curvature = (
+        np.polyval(p, root) for p in (mismatch.b, np.polyder(a), np.polyder(a, 2))
+    )
     lag = np.exp(-mismatch.delay * root)
     if n == 1:  # exactly s·a(s) + b(s)/λ
         first = -b * lag / slope
@@ -148,7 +149,9 @@ def _drift_when_fast(mismatch: Mismatch, root: complex) -> tuple[complex, comple
         )
     )  # fmt: skip
     first = -n * root * a / slope
-    second = curvature * first**2 / 2 + n * first * (tilt * root + a) + n * (n - 1) * a * root**2 / 2
+    second = (
+        curvature * first**2 / 2 + n * first * (tilt * root + a) + n * (n - 1) * a * root**2 / 2
+    )
     return complex(first), complex(-second / slope)
 
 
@@ -186,7 +189,7 @@ def _moved(
 
 
 def _first_decisive(answers: list[Answer]) -> Answer:
-    """A no before an open question before a yes; of several yes the last."""
+    """Put a no before an open question before a yes; of several yes take the last."""
     for wanted in (False, None):
         for answer in answers:
             if answer.holds is wanted:
@@ -434,7 +437,7 @@ def stabilizing_filter_exists(process: Any, model: Any) -> Answer:
     zeros = difference.roots if difference.degree else np.empty(0, dtype=complex)
     zeros = zeros[(zeros.real > 0) & (zeros.imag >= 0)]
     real = (zeros.imag == 0) | (
-        np.abs(difference(zeros.real)) <= ROUNDING * np.polyval(difference.scale, zeros.real)
+        np.abs(difference(zeros.real + 0j)) <= ROUNDING * np.polyval(difference.scale, zeros.real)
     )
     zeros = zeros[real]
     wrong = zeros[np.polyval(a, zeros.real) * b[-1] < 0]

@@ -17,6 +17,7 @@ import numpy as np
 
 from .blocks import ComplexArray, FloatArray, IntArray
 from .frequencies import Frequencies
+from .limits import roots_by_side
 from .margins import Margins
 from .mismatch import Mismatch
 
@@ -25,6 +26,9 @@ UNSTABLE = -10.0
 
 DEEPEST = 1.2
 """A dip of ``|1 + L|`` may turn out the deepest if on the grid it is this close to it."""
+
+NARROW = 1e-9
+"""Width of a resonance, against its frequency, below which it is looked at by itself."""
 
 ZOOMS, ACROSS = 6, 9
 """How often a dip or a zero is looked at more closely, and at how many frequencies."""
@@ -142,7 +146,9 @@ class PlantLoops:
     def peaks(self, time_constants: FloatArray, L: ComplexArray, rough: bool) -> FloatArray:
         """Peak of the sensitivity of each loop, the limit at infinite frequency included."""
         distance = np.abs(1 + L)
-        least = np.minimum(distance.min(axis=1), self._at_infinity(time_constants, near=True))
+        ends = self._at_infinity(time_constants, near=True)
+        _, beside = self._beside_poles(time_constants)
+        least = np.minimum(distance.min(axis=1), np.minimum(ends, beside))
         inner = distance[:, 1:-1]
         dips = (inner <= distance[:, :-2]) & (inner <= distance[:, 2:])
         row, column = np.nonzero(dips & (inner <= DEEPEST * least[:, None]))
@@ -166,9 +172,9 @@ class PlantLoops:
         row, there = self._crossings(
             time_constants, L, size, lambda value: np.abs(value) - 1, rough
         )
-        angles = np.full(time_constants.shape, inf)
+        angles, _ = self._beside_poles(time_constants)
         np.minimum.at(angles, row, np.degrees(np.abs(np.angle(-there))))
-        return angles
+        return np.asarray(angles)
 
     def gain_margins(self, time_constants: FloatArray, L: ComplexArray, rough: bool) -> FloatArray:
         """Smallest change of gain, up or down, at which each loop is lost, in dB."""
@@ -178,7 +184,7 @@ class PlantLoops:
         np.minimum.at(gains, row, 20 * np.abs(np.log10(np.abs(there))))
         with np.errstate(divide="ignore"):
             last = 20 * np.abs(np.log10(self._at_infinity(time_constants, near=False)))
-        return np.minimum(gains, last)
+        return np.asarray(np.minimum(gains, last))
 
     def _gain(
         self, time_constants: FloatArray, omega: FloatArray, ratio: ComplexArray | None = None
@@ -199,7 +205,35 @@ class PlantLoops:
             return np.full(time_constants.shape, 1.0 if near else 0.0)
         last = float(mismatch.b[0] / mismatch.a[0]) / time_constants**mismatch.order
         last = -np.abs(last) if mismatch.delay else last  # a circle around 0
-        return np.abs(1 + last) if near else np.maximum(-last, 0.0)
+        return np.asarray(np.abs(1 + last) if near else np.maximum(-last, 0.0))
+
+    def _beside_poles(self, time_constants: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Smallest phase margin, in degrees, and ``|1 + L|`` beside poles of R on the axis.
+
+        There L = ρ/(j(ω - ω0)) is a straight line through 0. It is looked at here where |ρ| is so
+        small that the frequencies of the grid are too far apart to show it.
+        """
+        angles, distances = (np.full(time_constants.shape, end) for end in (inf, 1.0))
+        mismatch, n = self.mismatch, self.mismatch.order
+        for root in self._undamped.tolist():
+            residue = np.polyval(mismatch.b, root) * np.exp(-mismatch.delay * root)
+            residue = residue / np.polyval(np.polyder(mismatch.a), root)
+            residue = residue / ((1 + time_constants * root) ** n - 1)
+            size = np.abs(residue)
+            narrow = (size > 0) & (size <= NARROW * abs(root))
+            with np.errstate(divide="ignore", invalid="ignore"):
+                along = np.abs(residue.real) / size
+            distances = np.where(narrow, np.minimum(distances, along), distances)
+            angle = np.degrees(np.arcsin(np.minimum(along, 1.0)))
+            angles = np.where(narrow, np.minimum(angles, angle), angles)
+        return angles, distances
+
+    @cached_property
+    def _undamped(self) -> ComplexArray:
+        """Poles of R on the positive imaginary axis."""
+        _, D, Nm, _ = self.mismatch.factors
+        axis = roots_by_side(D, Nm)[1]
+        return axis[axis.imag > 0]
 
     def _crossings(
         self,

@@ -7,6 +7,7 @@ from math import inf, sqrt
 import control as ct
 import numpy as np
 import pytest
+from campaigns.designs import campaign
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from strategies import fractions
@@ -188,3 +189,35 @@ def test_contradictory_specifications_say_what_comes_closest():
 def test_an_order_too_low_for_causality_is_refused():
     with pytest.raises(ValueError, match="not causal"):
         design_filter(lag**2, lag**2, order=1, max_ms=2)
+
+
+def test_a_sample_of_the_campaign_finds_no_fault():
+    found = campaign(4, seed=2)
+    assert not [name for name in found if name.startswith("WRONG")]
+
+
+@pytest.mark.parametrize("gain", [1e-12, 1e12])
+def test_the_unit_of_the_output_changes_nothing(gain):
+    loop = paper.example(4)
+    F = design_filter(loop.process, loop.model, order=3, max_ms=1.8)
+    scaled = design_filter(gain * loop.process, gain * loop.model, order=3, max_ms=1.8)
+    assert scaled.time_constant == pytest.approx(F.time_constant, rel=1e-9)
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1e9])
+def test_the_unit_of_time_scales_the_answer(unit):
+    F = design_filter((1 - unit * s) / (unit * s + 1), 1 / (unit * s + 1), order=2, max_ms=1.6)
+    here = design_filter((1 - s) / (s + 1), 1 / (s + 1), order=2, max_ms=1.6)
+    assert F.time_constant == pytest.approx(unit * here.time_constant, rel=1e-9)
+
+
+@pytest.mark.parametrize("size", [1e-30, 1e30])
+def test_the_size_of_the_coefficients_changes_nothing(size):
+    process, model = ct.tf([-size, size], [size, size]), ct.tf([size], [size, size])
+    F = design_filter(process, model, order=1, max_ms=1.6)
+    assert F.time_constant == pytest.approx(8 / 3, rel=1e-8)
+
+
+def test_coefficients_whose_products_leave_the_range_of_numbers_are_refused():
+    with pytest.raises(ValueError, match="range of floating-point numbers"):
+        design_filter(([1e-200], [1e-200, 1e-200]), ([1e-200], [1e-200, 1e-200]), max_ms=2)

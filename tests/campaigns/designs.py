@@ -1,6 +1,6 @@
 """Designs against brute force: a dense scan, what it finds confirmed by exact margins.
 
-    python -m tests.campaigns.designs --count 1000 --seed 0
+python -m tests.campaigns.designs --count 1000 --seed 0
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ def _scan(
         grid = np.array([np.sqrt(intervals[0][0] * intervals[0][1])])
     omega = np.geomspace(1e-3 / slow, 1e4 / fast, 6000)
     for root in mismatch.roots[mismatch.roots.imag > 0]:
-        steps = np.geomspace(1e-6, 1, 300) * abs(root)
+        steps = np.geomspace(1e-13 if abs(root.real) < 1e-9 else 1e-6, 1, 400) * abs(root)
         omega = np.concatenate([omega, root.imag + steps, root.imag - steps])
     omega = np.unique(omega[omega > 0])
     if mismatch.delay:

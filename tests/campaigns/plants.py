@@ -69,6 +69,8 @@ def _left(roots: np.ndarray) -> np.ndarray:
 
 
 def _block(poles: np.ndarray, zeros: np.ndarray) -> ct.TransferFunction:
-    num, den = (np.atleast_1d(np.real(np.poly(r))) if r.size else np.ones(1) for r in (zeros, poles))
+    num, den = (
+        np.atleast_1d(np.real(np.poly(r))) if r.size else np.ones(1) for r in (zeros, poles)
+    )
     last = den[np.flatnonzero(den)[-1]]
     return ct.tf(num / num[-1], den / last)

@@ -1,6 +1,6 @@
 """Sets of stabilising filters against the roots beside every end, and on a scan.
 
-    python -m tests.campaigns.sets --count 2000 --seed 0
+python -m tests.campaigns.sets --count 2000 --seed 0
 """
 
 from __future__ import annotations
