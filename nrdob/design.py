@@ -35,8 +35,11 @@ PER_DECADE, DECADES = 16, 3
 REFINED, BETWEEN = 4, 3
 """How often the surroundings of each extreme of the slack are refined, and by how many more."""
 
-CLOSE = 0.02
-"""Slack below which the frequencies between those of the grid are looked at, too."""
+CLOSE = 0.1
+"""Slack within which the frequencies between those of the grid are looked at, too."""
+
+NEARLY = 0.02
+"""Slack by which the top of a peak may exceed the samples beside it."""
 
 EXTRA_ORDERS = 2
 """How many orders above the lowest causal one are tried where none is asked for."""
@@ -297,7 +300,8 @@ class FilterSearch:
 
     def closest(self) -> tuple[float, float]:
         """Find the λ of the greatest slack, and the slack."""
-        k = int(np.argmax(self.slacks))
+        high = np.flatnonzero(self.slacks > self.slacks.max() - CLOSE)
+        k = max(high.tolist(), key=lambda k: self.precise(float(self.tried[k])))
         around = log(self.tried[max(k - 1, 0)]), log(self.tried[min(k + 1, self.tried.size - 1)])
         best = minimize_scalar(
             lambda x: -self.precise(exp(x)), bounds=around, method="bounded",
@@ -383,7 +387,7 @@ def _with_peaks(
 ) -> tuple[FloatArray, FloatArray]:
     """Add the tops of peaks that reach nearly 0, where the specification may just be met."""
     inner = slacks[1:-1]
-    peaks = (inner < 0) & (inner > -CLOSE) & (inner >= slacks[:-2]) & (inner >= slacks[2:])
+    peaks = (inner < 0) & (inner > -NEARLY) & (inner >= slacks[:-2]) & (inner >= slacks[2:])
     for k in 1 + np.flatnonzero(peaks):
         around = log(tried[k - 1]), log(tried[k + 1])
         best = minimize_scalar(

@@ -442,11 +442,12 @@ def stabilizing_filter_exists(process: Any, model: Any) -> Answer:
     zeros = zeros[real]
     wrong = zeros[np.polyval(a, zeros.real) * b[-1] < 0]
     if wrong.size:
+        where = "below" if free_at_infinity else "above"
         doubtful = bool((wrong.imag != 0).all())
         sure = complex(wrong[wrong.imag == 0][0] if not doubtful else wrong[0]).real
         return Answer(
             None if doubtful else False,
-            f"an odd number of unstable poles of G/model lies beside the real zero {sure:.4g} of H"
+            f"an odd number of unstable poles of G/model lies {where} the real zero {sure:.4g} of H"
             + (
                 ", if that is not a complex pair: within rounding either may be true"
                 if doubtful
