@@ -22,7 +22,7 @@ from scipy.optimize import brentq, minimize_scalar
 from .blocks import BoolArray, FloatArray
 from .equations import ObserverEquations
 from .filters import LowPassFilter
-from .frequencies import Frequencies
+from .mismatchgrid import Frequencies
 from .limits import stabilizing_filter_exists
 from .margins import Margins, margins
 from .mismatch import Mismatch

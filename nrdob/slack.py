@@ -16,7 +16,7 @@ from numbers import Real
 import numpy as np
 
 from .blocks import ComplexArray, FloatArray, IntArray
-from .frequencies import Frequencies
+from .mismatchgrid import Frequencies
 from .limits import roots_by_side
 from .margins import Margins
 from .mismatch import Mismatch

@@ -20,7 +20,7 @@ import numpy as np
 
 from .blocks import BoolArray, ComplexArray, FloatArray, IntArray
 from .crossings import bisect, golden, side
-from .frequencies import Frequencies
+from .mismatchgrid import Frequencies
 from .mismatch import Mismatch
 from .quasipoly import add, count_rhp
 
