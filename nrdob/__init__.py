@@ -3,7 +3,7 @@
 from . import paper, plants
 from .controllers import design_controller
 from .delay import DelayedTransferFunction, delay
-from .design import design_filter
+from .design import admissible_time_constants, design_filter
 from .filters import LowPassFilter
 from .loop import NRDOB
 from .margins import margin_bounds
@@ -12,7 +12,8 @@ from .stability import judge_observer
 from .timeconstants import critical_time_constants, stabilizing_time_constants
 
 __all__ = [
-    "NRDOB", "DelayedTransferFunction", "LowPassFilter", "critical_time_constants", "delay",
-    "design_controller", "design_filter", "judge_observer", "margin_bounds", "paper", "plants",
+    "NRDOB", "DelayedTransferFunction", "LowPassFilter", "admissible_time_constants",
+    "critical_time_constants", "delay", "design_controller", "design_filter", "judge_observer",
+    "margin_bounds", "paper", "plants",
     "stabilizing_time_constants", "suggest_model",
 ]  # fmt: skip

@@ -1,32 +1,48 @@
-"""The fastest filter that meets a specification, judged on the loop that the plant feels."""
+r"""The fastest filter that meets a specification, judged on the loop that the plant feels.
+
+Among filters of different order "fastest" means the one that rejects most. A disturbance reaches
+the output through :math:`S_d = (1 - F)/(1 + FH)`, which at low frequency is
+:math:`n\lambda s/R(0)`: what a constant disturbance leaves behind, and how far a ramp pulls the
+output away, is proportional to nλ, and R(0) is the same for every filter. So the smallest nλ wins;
+the bandwidth of F would flatter the high orders.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from math import ceil, inf, isfinite, log, log10
+from itertools import pairwise
+from math import ceil, exp, inf, log, log10
 from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
-from .blocks import BoolArray, ComplexArray, FloatArray
+from .blocks import BoolArray, FloatArray
 from .equations import ObserverEquations
 from .filters import LowPassFilter
+from .mismatchgrid import Frequencies
 from .limits import stabilizing_filter_exists
 from .margins import Margins, margins
 from .mismatch import Mismatch
-from .timeconstants import stabilizing_set
+from .slack import PlantLoops, Specification
+from .timeconstants import lowest_floor, stabilizing_set
 
-PER_DECADE, DECADES = 6, 3
+PER_DECADE, DECADES = 16, 3
 """How densely time constants are tried, and how far beyond the time constants of the plant."""
+
+REFINED, BETWEEN = 4, 3
+"""How often the surroundings of each extreme of the slack are refined, and by how many more."""
+
+CLOSE = 0.1
+"""Slack within which the frequencies between those of the grid are looked at, too."""
+
+NEARLY = 0.02
+"""Slack by which the top of a peak may exceed the samples beside it."""
 
 EXTRA_ORDERS = 2
 """How many orders above the lowest causal one are tried where none is asked for."""
-
-UNSTABLE = -10.0
-"""Slack given to a loop that is not stable, below that of any stable one tried."""
 
 
 def design_filter(
@@ -38,10 +54,12 @@ def design_filter(
     min_gm_db: float | None = None,
     min_pm_deg: float | None = None,
 ) -> LowPassFilter:
-    """Find the filter of widest bandwidth whose plant loop L meets a specification.
+    """Find the filter that rejects most and whose plant loop L meets a specification.
 
-    Margins are those of L = F·R/(1 - F), R = G/G̃, because these are what a change of the plant uses
-    up; the margins of F·H are not.
+    Of one order that is the filter of widest bandwidth, the smallest λ. Orders are compared by nλ,
+    the slope of the filter's part in S_d at low frequency, which says what a slow disturbance
+    leaves behind. Margins are those of L = F·R/(1 - F), R = G/G̃, because these are what a change
+    of the plant uses up; the margins of F·H are not.
 
     Parameters
     ----------
@@ -63,11 +81,15 @@ def design_filter(
     Raises
     ------
     TypeError
-        If a block or the order is of the wrong type.
+        If a block, the order or a limit is of the wrong type.
     ValueError
         If no specification is given, or one that no loop can meet; if no filter stabilises the
         loop; if none meets the specification (the message gives the best that can be had); or if
         every filter does, however fast, so that noise alone must choose.
+
+    See Also
+    --------
+    admissible_time_constants : all time constants of one order that meet it.
 
     Examples
     --------
@@ -82,13 +104,13 @@ def design_filter(
     specification = Specification(max_ms, min_gm_db, min_pm_deg)
     if order is None:
         lowest = Mismatch.of(process, model).order
-        orders = range(lowest, lowest + EXTRA_ORDERS + 1)
+        orders = tuple(range(lowest, lowest + EXTRA_ORDERS + 1))
     else:
-        orders = range(order, order + 1)
+        orders = (order,)
     searches = [FilterSearch.of(process, model, n, specification) for n in orders]
     best: LowPassFilter | None = None
-    for search in sorted(searches, key=lambda search: -search.promise):
-        if best and search.promise < best.bandwidth:
+    for search in sorted(searches, key=lambda search: search.promise):
+        if best and search.promise > _sluggishness(best):
             break
         time_constant = search.fastest()
         if time_constant == 0:
@@ -97,70 +119,85 @@ def design_filter(
                 f"(tried down to {search.tried[0]:.3g} s); let the noise choose, for example by "
                 "the largest |U_eta| that the actuator bears"
             )
-        if time_constant:
-            found = LowPassFilter(time_constant, search.order)
-            best = found if not best or found.bandwidth > best.bandwidth else best
+        if time_constant and (not best or search.order * time_constant < _sluggishness(best)):
+            best = LowPassFilter(time_constant, search.order)
     if best:
         return best
     raise ValueError(_refusal(process, model, searches, specification))
 
 
+def admissible_time_constants(
+    process: Any,
+    model: Any,
+    order: int,
+    *,
+    max_ms: float | None = None,
+    min_gm_db: float | None = None,
+    min_pm_deg: float | None = None,
+) -> list[tuple[float, float]]:
+    """Find all λ for which the filter meets a specification on the plant loop L.
+
+    Parameters
+    ----------
+    process, model : as for `nrdob.NRDOB`
+        G, with or without dead time, and G̃.
+    order : int
+        n of the filter 1/(λs + 1)^n.
+    max_ms, min_gm_db, min_pm_deg : float, optional
+        The specification, as for `design_filter`; at least one of the three.
+
+    Returns
+    -------
+    list of (low, high)
+        Intervals in seconds, increasing, within those of `nrdob.stabilizing_time_constants`; empty
+        where no λ will do. `low` is 0 and `high` inf where every filter will do that is at least
+        so fast, or so slow. With dead time nothing is looked for below
+        `nrdob.timeconstants.default_floor`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As `design_filter`, but for a specification that no λ meets.
+
+    Examples
+    --------
+    An unstable plant: with a slow filter the loop is lost, with a fast one it comes close to it.
+
+    >>> import control as ct
+    >>> s = ct.tf('s')
+    >>> found = admissible_time_constants(4/(2 - s - s**2), -1/(s**2 + 3*s + 2), 2, max_ms=1.5)
+    >>> [(round(low, 4), round(high, 4)) for low, high in found]
+    [(0.0, 0.031)]
+    """
+    specification = Specification(max_ms, min_gm_db, min_pm_deg)
+    return FilterSearch.of(process, model, order, specification).admissible()
+
+
+def _sluggishness(filter: LowPassFilter) -> float:
+    return filter.order * filter.time_constant
+
+
 @dataclass(frozen=True)
-class Specification:
-    """What is asked of the plant loop; at least one of the three.
+class _Window:
+    """Time constants that meet the specification, and what was tried around them.
 
     Attributes
     ----------
-    max_ms, min_gm_db, min_pm_deg : float or None
-        As for `design_filter`.
+    low, high : float
+        First and last that will do, in seconds.
+    bounded_below, bounded_above : bool
+        Whether the next one tried will not do.
     """
 
-    max_ms: float | None = None
-    min_gm_db: float | None = None
-    min_pm_deg: float | None = None
-
-    def __post_init__(self) -> None:
-        if self.max_ms is None and self.min_gm_db is None and self.min_pm_deg is None:
-            raise ValueError(
-                "nothing is specified; give max_ms, min_gm_db or min_pm_deg, for example max_ms=1.7"
-            )
-        if self.max_ms is not None and not 1 < self.max_ms < inf:
-            raise ValueError(
-                f"max_ms is {self.max_ms}; |S_d| tends to 1 at high frequency, so its peak cannot "
-                "be held to 1 or less: give a number above 1, for example 1.7"
-            )
-        if self.min_gm_db is not None and not (isfinite(self.min_gm_db) and self.min_gm_db > 0):
-            raise ValueError(
-                f"min_gm_db is {self.min_gm_db}; it is how far the gain may move either way, in "
-                "dB: give a positive number, for example 6"
-            )
-        if self.min_pm_deg is not None and not 0 < self.min_pm_deg < 180:
-            raise ValueError(
-                f"min_pm_deg is {self.min_pm_deg}; give an angle between 0 and 180 degrees, for "
-                "example 45"
-            )
-
-    def slack(self, found: Margins) -> float:
-        """By how much a loop meets the specification; negative where it does not."""
-        if not found.stable:
-            return UNSTABLE
-        slacks = [-UNSTABLE]
-        if self.max_ms is not None:
-            slacks.append(log(self.max_ms / found.ms))
-        if self.min_gm_db is not None:
-            slacks.append((abs(found.gm_db) - self.min_gm_db) / 20)
-        if self.min_pm_deg is not None:
-            slacks.append((found.pm - self.min_pm_deg) / 60)
-        return max(min(slacks), UNSTABLE)
-
-    def __str__(self) -> str:
-        given = {"Ms ≤ %g": self.max_ms, "GM ≥ %g dB": self.min_gm_db, "PM ≥ %g°": self.min_pm_deg}
-        return ", ".join(text % value for text, value in given.items() if value is not None)
+    low: float
+    high: float
+    bounded_below: bool
+    bounded_above: bool
 
 
 @dataclass(frozen=True, eq=False)
 class FilterSearch:
-    """The search for the fastest filter of one order.
+    """The search for the filters of one order that meet a specification.
 
     Attributes
     ----------
@@ -168,30 +205,35 @@ class FilterSearch:
         n.
     intervals : list of (low, high)
         The stabilising set.
-    tried : list of float
-        The λ at which the specification is looked at, increasing; two neighbours may lie on both
-        sides of a stretch where the loop is unstable.
-    rough : array of float
-        Slack of the specification at each, read off a grid of frequencies.
+    tried : array of float
+        The λ at which the specification was looked at, increasing, in seconds.
+    slacks : array of float
+        By how much it is met at each.
+    windows : list of _Window
+        Where it is met, all of them.
+    precise : callable
+        Slack as a function of λ, between the frequencies of the grid, too.
     plant_loop : callable
-        Margins of L as a function of λ.
+        Margins of L as a function of λ: they decide.
     specification : Specification
         What is asked of them.
     """
 
     order: int
     intervals: list[tuple[float, float]]
-    tried: list[float]
-    rough: FloatArray
+    tried: FloatArray
+    slacks: FloatArray
+    windows: list[_Window]
+    precise: Callable[[float], float]
     plant_loop: Callable[[float], Margins]
     specification: Specification
 
     @classmethod
     def of(cls, process: Any, model: Any, order: int, specification: Specification) -> FilterSearch:
-        """Prepare the search: the stabilising set, and where in it to look."""
-        mismatch = Mismatch.of(process, model, order)
-        intervals = stabilizing_set(mismatch, mismatch.default_floor)
-        tried = [value for ends in intervals for value in _samples(*ends, mismatch)]
+        """Find the stabilising set, and in it where the specification is met."""
+        frequencies = Frequencies(Mismatch.of(process, model, order))
+        mismatch = frequencies.mismatch
+        intervals = stabilizing_set(frequencies, lowest_floor(frequencies))
 
         @cache
         def plant_loop(time_constant: float) -> Margins:
@@ -199,84 +241,178 @@ class FilterSearch:
             loop = ObserverEquations(process, model, LowPassFilter(time_constant, order))
             return margins(loop.L, stable, loop.p_B)
 
-        rough = _rough_slacks(mismatch, tried, specification)
-        return cls(order, intervals, tried, rough, plant_loop, specification)
+        samples = [_samples(low, high, mismatch) for low, high in intervals]
+        slowest = float(samples[0][0]) if samples else 1.0
+        loops = PlantLoops.of(frequencies, slowest) if samples else PlantLoops(mismatch, np.ones(1))
+
+        def precise(time_constant: float) -> float:
+            return float(specification.of_many(loops, np.array([time_constant]), rough=False)[0])
+
+        looked = [_looked_at(loops, tried, specification) for tried in samples]
+        windows = [w for tried, slacks in looked for w in _windows(tried, slacks, precise)]
+        tried, slacks = (
+            np.concatenate([*part, np.empty(0)])
+            for part in (zip(*looked, strict=True) if looked else ((), ()))
+        )
+        return cls(order, intervals, tried, slacks, windows, precise, plant_loop, specification)
 
     @property
     def promise(self) -> float:
-        """Bandwidth that the rough slacks do not exclude, in rad/s."""
-        good = np.flatnonzero(self.rough >= 0)
-        if not good.size:
-            return 0.0
-        fastest = self.tried[max(int(good[0]) - 1, 0)]
-        return LowPassFilter(fastest, self.order).bandwidth if good[0] else inf
+        """Smallest nλ that is not excluded, in seconds: 0 if all will do, inf if none."""
+        if not self.windows:
+            return inf
+        return 0.0 if self._begins(self.windows[0]) else self.order * self.windows[0].low
 
-    def slack(self, exponent: float) -> float:
-        """Exact slack of the specification at ln λ."""
-        return self.specification.slack(self.plant_loop(float(np.exp(exponent))))
+    def _begins(self, window: _Window) -> bool:
+        """Whether a window begins with the fastest filter tried."""
+        return not window.bounded_below and window.low == self.tried[0]
+
+    def slack(self, time_constant: float) -> float:
+        """Exact slack of the specification."""
+        return self.specification.slack(self.plant_loop(time_constant))
 
     def fastest(self) -> float | None:
         """Find the smallest λ that meets the specification: None if none does, 0 if all do."""
-        exponents = [log(value) for value in self.tried]
-        # The rough slacks tell where to begin, the exact ones decide.
-        first = next(iter(np.flatnonzero(self.rough >= 0).tolist()), len(exponents))
-        while first > 0 and self.slack(exponents[first - 1]) >= 0:
-            first -= 1
-        while first < len(exponents) and self.slack(exponents[first]) < 0:
-            first += 1
-        if first == len(exponents):
-            return None
-        if first == 0:
-            return 0.0
-        bad, good = exponents[first - 1], exponents[first]
-        border = float(brentq(self.slack, bad, good, xtol=1e-10))
-        # The zero found may lie a rounding error on the wrong side.
-        steps = [0.0, *(good - border) * np.logspace(-8, 0, 5)]
-        return next(
-            float(np.exp(border + step)) for step in steps if self.slack(border + step) >= 0
-        )
+        for window in self.windows:
+            if self._begins(window):
+                return 0.0
+            found = self._end(window, window.low, window.high)
+            if found is not None:
+                return found
+        return None
+
+    def admissible(self) -> list[tuple[float, float]]:
+        """Find all intervals of λ that meet the specification."""
+        found = []
+        for window in self.windows:
+            low = self._end(window, window.low, window.high)
+            high = self._end(window, window.high, window.low)
+            if low is None or high is None:
+                continue
+            inside = next(ends for ends in self.intervals if ends[0] < low < ends[1])
+            found.append(
+                (
+                    low if window.bounded_below else inside[0],
+                    high if window.bounded_above else inside[1],
+                )
+            )
+        return found
 
     def closest(self) -> tuple[float, float]:
         """Find the λ of the greatest slack, and the slack."""
-        k = int(np.argmax(self.rough))
-        around = (self.tried[max(k - 1, 0)], self.tried[min(k + 1, len(self.tried) - 1)])
-        best = minimize_scalar(lambda x: -self.slack(x), bounds=np.log(around), method="bounded")
-        return float(np.exp(best.x)), float(-best.fun)
+        high = np.flatnonzero(self.slacks > self.slacks.max() - CLOSE)
+        k = max(high.tolist(), key=lambda k: self.precise(float(self.tried[k])))
+        around = log(self.tried[max(k - 1, 0)]), log(self.tried[min(k + 1, self.tried.size - 1)])
+        best = minimize_scalar(
+            lambda x: -self.precise(exp(x)), bounds=around, method="bounded",
+            options={"xatol": 1e-4 * (around[1] - around[0])},
+        )  # fmt: skip
+        time_constant = max((float(np.exp(best.x)), float(self.tried[k])), key=self.precise)
+        return time_constant, self.slack(time_constant)
+
+    def _end(self, window: _Window, end: float, other: float) -> float | None:
+        """Find the end of a window by the exact slack, which may differ by a rounding error."""
+        steps = np.logspace(-10, 0, 6).tolist()
+        tried = (end * (other / end) ** step for step in steps)
+        return next((value for value in tried if self.slack(value) >= 0), None)
 
 
-def _rough_slacks(
-    mismatch: Mismatch, tried: list[float], specification: Specification
-) -> FloatArray:
-    """Read the slacks off L(jω) on a grid of frequencies, for all λ at once."""
-    if not tried:
-        return np.empty(0)
-    omega = mismatch.frequencies(tried[0])
-    R = mismatch.ratio(omega)
-    F = (1 + 1j * np.outer(tried, omega)) ** -mismatch.order
-    L = F * R / (1 - F)
-    slacks = []
-    if specification.max_ms is not None:
-        slacks.append(np.log(specification.max_ms * np.abs(1 + L).min(axis=1)))
-    if specification.min_pm_deg is not None:
-        crossing, L_there = _interpolated(np.log(np.abs(L)), L)
-        phase = np.where(crossing, np.degrees(np.abs(np.angle(-L_there))), 180.0).min(axis=1)
-        slacks.append((phase - specification.min_pm_deg) / 60)
-    if specification.min_gm_db is not None:
-        crossing, L_there = _interpolated(L.imag, L)
-        size = np.where(crossing & (L_there.real < 0), np.abs(L_there), 1e-10)
-        gain = np.abs(np.log10(size))
-        slacks.append(gain.min(axis=1) - specification.min_gm_db / 20)
-    return np.asarray(np.min(slacks, axis=0))
+def _looked_at(
+    loops: PlantLoops, tried: FloatArray, specification: Specification
+) -> tuple[FloatArray, FloatArray]:
+    """Look at the specification at given λ, and around every extreme of its slack at more.
+
+    Between two samples a slack can only change its sign unseen where it has an extreme; the
+    surroundings of each are refined until the slack is the same from one to the next.
+    """
+    slacks = specification.of_many(loops, tried, rough=True)
+    for _ in range(REFINED):
+        more = _around_extremes(tried, slacks)
+        if not more.size:
+            break
+        new = specification.of_many(loops, more, rough=True)
+        tried, slacks = np.append(tried, more), np.append(slacks, new)
+        by_size = np.argsort(tried)
+        tried, slacks = tried[by_size], slacks[by_size]
+    known = np.zeros(tried.size, dtype=bool)
+    while (unsure := ((np.abs(slacks) < CLOSE) | _beside_a_change(slacks)) & ~known).any():
+        slacks[unsure] = specification.of_many(loops, tried[unsure], rough=False)
+        known |= unsure
+    return tried, slacks
 
 
-def _interpolated(function: FloatArray, L: ComplexArray) -> tuple[BoolArray, ComplexArray]:
-    """Tell where rows of a function change sign, and interpolate L there."""
-    before, after = function[:, :-1], function[:, 1:]
-    share = before / np.where(before == after, 1.0, before - after)
-    return before * after < 0, L[:, :-1] + share * (L[:, 1:] - L[:, :-1])
+def _around_extremes(tried: FloatArray, slacks: FloatArray) -> FloatArray:
+    """More λ in the gaps on both sides of each extreme that points towards the other sign."""
+    inner, before, after = slacks[1:-1], slacks[:-2], slacks[2:]
+    below = (inner < 0) & (inner >= before) & (inner >= after)
+    above = (inner >= 0) & (inner <= before) & (inner <= after)
+    at = 1 + np.flatnonzero(below | above)
+    gaps = np.unique(np.concatenate([at - 1, at]))
+    share = np.arange(1, BETWEEN + 1) / (BETWEEN + 1)
+    low, high = tried[gaps, None], tried[gaps + 1, None]
+    wide = (high > low * (1 + 1e-9)).ravel()
+    return np.asarray((low * (high / low) ** share)[wide].ravel())
 
 
-def _samples(low: float, high: float, mismatch: Mismatch) -> list[float]:
+def _beside_a_change(slacks: FloatArray) -> BoolArray:
+    """Tell which samples lie beside a change of sign."""
+    changes = (slacks[1:] >= 0) != (slacks[:-1] >= 0)
+    return np.asarray(np.append(changes, False) | np.append(False, changes))
+
+
+def _windows(
+    tried: FloatArray, slacks: FloatArray, precise: Callable[[float], float]
+) -> list[_Window]:
+    """Bound the runs of samples that meet a specification, and the peaks that nearly do."""
+    tried, slacks = _with_peaks(tried, slacks, precise)
+    good = slacks >= 0
+    edges = np.flatnonzero(good[1:] != good[:-1])
+    bounds = [0, *(edges + 1).tolist(), good.size]
+    found = []
+    for first, after in pairwise(bounds):
+        if not good[first]:
+            continue
+        below, above = first > 0, after < good.size
+        low, high = float(tried[first]), float(tried[after - 1])
+        if below:
+            low = _border(precise, low, float(tried[first - 1]))
+        if above:
+            high = _border(precise, high, float(tried[after]))
+        found.append(_Window(low, high, below, above))
+    return found
+
+
+def _with_peaks(
+    tried: FloatArray, slacks: FloatArray, precise: Callable[[float], float]
+) -> tuple[FloatArray, FloatArray]:
+    """Add the tops of peaks that reach nearly 0, where the specification may just be met."""
+    inner = slacks[1:-1]
+    peaks = (inner < 0) & (inner > -NEARLY) & (inner >= slacks[:-2]) & (inner >= slacks[2:])
+    for k in 1 + np.flatnonzero(peaks):
+        around = log(tried[k - 1]), log(tried[k + 1])
+        best = minimize_scalar(
+            lambda x: -precise(exp(x)), bounds=around, method="bounded",
+            options={"xatol": 1e-3 * (around[1] - around[0])},
+        )  # fmt: skip
+        if best.fun <= 0:
+            return _with_peaks(*_inserted(tried, slacks, exp(best.x), -best.fun), precise)
+    return tried, slacks
+
+
+def _inserted(
+    tried: FloatArray, slacks: FloatArray, time_constant: float, slack: float
+) -> tuple[FloatArray, FloatArray]:
+    k = int(np.searchsorted(tried, time_constant))
+    return np.insert(tried, k, time_constant), np.insert(slacks, k, slack)
+
+
+def _border(precise: Callable[[float], float], good: float, bad: float) -> float:
+    """Find where the slack passes 0 between two λ, on the good side."""
+    border = float(brentq(lambda x: precise(exp(x)), log(good), log(bad), xtol=1e-11, rtol=1e-14))
+    return exp(border)
+
+
+def _samples(low: float, high: float, mismatch: Mismatch) -> FloatArray:
     """Time constants to try between two critical ones, or some decades around the plant's."""
     sizes = mismatch.speeds
     if not low:
@@ -286,7 +422,7 @@ def _samples(low: float, high: float, mismatch: Mismatch) -> list[float]:
     count = max(8, ceil(PER_DECADE * log10(high / low)))
     inside = np.geomspace(low, high, count + 1)[1:-1]
     # At an end the loop is lost; beside it the margins are nearly zero.
-    return [low * (1 + 1e-6), *inside.tolist(), high * (1 - 1e-6)]
+    return np.array([low * (1 + 1e-6), *inside, high * (1 - 1e-6)])
 
 
 def _refusal(
@@ -294,7 +430,7 @@ def _refusal(
 ) -> str:
     """Say why there is no filter, and what comes closest."""
     orders = " or ".join(str(search.order) for search in searches)
-    stable = [search for search in searches if search.tried]
+    stable = [search for search in searches if search.tried.size]
     if not stable:
         answer = stabilizing_filter_exists(process, model)
         reason = "" if answer.holds else f" ({answer.reason})"

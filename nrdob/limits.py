@@ -9,16 +9,23 @@ with its reason in words.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import cos, inf, pi
 from typing import Any
 
 import numpy as np
 
-from .blocks import ROUNDING, FloatArray
+from .blocks import ROUNDING, ComplexArray, FloatArray
 from .filters import LowPassFilter
 from .mismatch import Mismatch
 from .quasipoly import QuasiPolynomial, add
+
+SIDEWAYS = 1e-10
+"""Share of a root's motion off the axis below which the motion is along it, within rounding."""
+
+CLUSTER = 1e-4
+"""Relative distance within which roots on the axis count as one multiple root."""
 
 
 @dataclass(frozen=True)
@@ -47,6 +54,16 @@ def gain_bound(order: int) -> float:
     :math:`M_n = 1 + \sec^n(\pi/n)` for n ≥ 3, infinite for n ≤ 2: there the curve
     :math:`1 - (1 + jx)^n`, x > 0, meets the positive real axis.
 
+    Parameters
+    ----------
+    order : int
+        n of the filter.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the order is no whole number, or below 1.
+
     Examples
     --------
     >>> [round(gain_bound(n), 3) for n in (2, 3, 4, 5, 6)]
@@ -62,12 +79,29 @@ def stable_for_slow_filters(process: Any, model: Any, order: int) -> Answer:
     As λ → ∞ the roots of p_B tend to those of D·Nm, and n of them to 0 as
     :math:`(-1 + (1 - g_0)^{1/n})/\lambda`, with :math:`g_0 = G(0)/\tilde G(0)`. So the loop is
     stable for all large λ if D·Nm is Hurwitz and :math:`0 < g_0 < M_n`, and unstable if either
-    fails strictly.
+    fails strictly. A simple root :math:`s_0 \ne 0` of D·Nm on the axis moves by
+
+    .. math:: -\frac{b(s_0)\,e^{-s_0\theta}}{a'(s_0)\,s_0^n}\,\lambda^{-n},
+
+    which decides to which side. With m roots at 0, m + n roots spread evenly around a circle that
+    shrinks as :math:`\lambda^{-n/(m+n)}`: three or more reach the right half plane.
 
     Parameters
     ----------
-    process, model, order
-        As for `nrdob.stabilizing_time_constants`.
+    process, model : as for `nrdob.NRDOB`
+        G, with or without dead time, and G̃.
+    order : int
+        n of the filter :math:`1/(\lambda s + 1)^n`.
+
+    Returns
+    -------
+    Answer
+        Open where the loop is on the border at every slow filter within rounding.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a block cannot stand where it is put, or the order is no whole number.
 
     Examples
     --------
@@ -76,29 +110,126 @@ def stable_for_slow_filters(process: Any, model: Any, order: int) -> Answer:
     no: process or inverse model is unstable (pole at 1): a slow filter leaves it so
     """
     mismatch = Mismatch.of(process, model, order)
-    if (pole := _rightmost(mismatch.a)).real > 0:
+    _, D, Nm, _ = mismatch.factors
+    right, axis = roots_by_side(D, Nm)
+    if right.size:
         return Answer(
             False,
-            f"process or inverse model is unstable (pole at {_text(pole)}): "
+            f"process or inverse model is unstable (pole at {_text(right[0])}): "
             "a slow filter leaves it so",
         )
     if mismatch.b[-1] == 0:
         return Answer(False, ROOT_AT_ORIGIN)
-    if pole.real == 0:
-        return Answer(
-            None,
-            "process or inverse model has a pole on the imaginary axis; a slow filter moves it, "
-            "but to which side depends on more than its limit",
+    moved = _moved(mismatch, axis, "process or inverse model", "slow", _drift_when_slow)
+    return _first_decisive([moved, _slow_roots(mismatch)])
+
+
+def _drift_when_slow(mismatch: Mismatch, root: complex) -> tuple[complex, complex]:
+    """First and second change of a simple root of a as λ falls from infinity."""
+    n, a = mismatch.order, np.append(mismatch.a, 0.0) if mismatch.order == 1 else mismatch.a
+    b, slope, curvature = (
+        np.polyval(p, root) for p in (mismatch.b, np.polyder(a), np.polyder(a, 2))
+    )
+    lag = np.exp(-mismatch.delay * root)
+    if n == 1:  # exactly s·a(s) + b(s)/λ
+        first = -b * lag / slope
+        tilt = (np.polyval(np.polyder(mismatch.b), root) - mismatch.delay * b) * lag
+        return complex(first), complex(-(curvature * first**2 / 2 + tilt * first) / slope)
+    first = -b * lag / (slope * root**n)
+    return complex(first), complex(-n * first / root)  # ((λs + 1)^n - 1)^-1 = (λs)^-n (1 - n/λs …)
+
+
+def _drift_when_fast(mismatch: Mismatch, root: complex) -> tuple[complex, complex]:
+    """First and second change of a simple root of b as λ grows from 0."""
+    n = mismatch.order
+    a, tilt, slope, curvature = (
+        np.polyval(p, root)
+        for p in (
+            mismatch.a, np.polyder(mismatch.a), np.polyder(mismatch.b), np.polyder(mismatch.b, 2),
         )
-    g0, bound = float(mismatch.b[-1] / mismatch.a[-1]), gain_bound(order)
+    )  # fmt: skip
+    first = -n * root * a / slope
+    second = (
+        curvature * first**2 / 2 + n * first * (tilt * root + a) + n * (n - 1) * a * root**2 / 2
+    )
+    return complex(first), complex(-second / slope)
+
+
+def _moved(
+    mismatch: Mismatch,
+    axis: ComplexArray,
+    whose: str,
+    speed: str,
+    drift: Callable[[Mismatch, complex], tuple[complex, complex]],
+) -> Answer:
+    """Tell to which side the roots on the axis go, from the first change of each off the axis."""
+    upper = axis[axis.imag > 0]
+    if not upper.size:
+        return Answer(True, "no root of the limit is on the axis")
+    answers = []
+    for root in upper:
+        pole = f"{whose} has a pole on the imaginary axis at ±{abs(root.imag):.4g}j"
+        if np.sum(np.abs(upper - root) <= CLUSTER * abs(root)) > 1:
+            answers.append(Answer(None, f"{pole}, a multiple one; give it a trace of damping"))
+        elif _vanishes(mismatch.a, root) and _vanishes(mismatch.b, root):
+            answers.append(
+                Answer(False, f"{pole}, which cancels in G/model, out of reach of every filter")
+            )
+        else:
+            off = [d for d in drift(mismatch, complex(root)) if abs(d.real) > SIDEWAYS * abs(d)]
+            if off:
+                side = "right" if off[0].real > 0 else "left"
+                moves = f"{pole}; a {speed} filter moves it to the {side}"
+                answers.append(Answer(off[0].real < 0, moves))
+            else:
+                answers.append(
+                    Answer(None, f"{pole}, which a {speed} filter hardly moves off the axis")
+                )
+    return _first_decisive(answers)
+
+
+def _first_decisive(answers: list[Answer]) -> Answer:
+    """Put a no before an open question before a yes; of several yes take the last."""
+    for wanted in (False, None):
+        for answer in answers:
+            if answer.holds is wanted:
+                return answer
+    return answers[-1]
+
+
+def _slow_roots(mismatch: Mismatch) -> Answer:
+    """Tell where the roots go that tend to 0 as λ grows."""
+    n, (a, b) = mismatch.order, (mismatch.a, mismatch.b)
+    origin = QuasiPolynomial(a).zeros_at_origin
+    if origin:
+        start = a.size - 1 - origin
+        ratio = float(b[-1] / a[start])
+        if origin + n > 2:
+            return Answer(
+                False,
+                f"process over model has {origin} pole{'s' if origin > 1 else ''} at s = 0: with a "
+                f"slow filter of order {n}, {origin + n} roots leave 0 in all directions",
+            )
+        if ratio < 0:
+            return Answer(False, f"process and model differ in sign at low frequency: {OPPOSITE}")
+        # λ a1 s² (1 + α s) + b0 (1 + β s) = 0 has a pair whose real part is (α - β) b0/(2 λ a1).
+        alpha = float(a[start - 1] / a[start]) if start else 0.0
+        beta = (float(b[-2] / b[-1]) if b.size > 1 else 0.0) - mismatch.delay
+        border = abs(alpha - beta) <= SIDEWAYS * (abs(alpha) + abs(beta))
+        return Answer(
+            None if border else beta > alpha,
+            "process over model has a pole at s = 0; with a slow filter of order 1 it becomes a "
+            f"pair near 0 whose real part has the sign of {alpha - beta:.4g}",
+        )
+    g0, bound = float(b[-1] / a[-1]), gain_bound(n)
     if g0 < 0:
         return Answer(False, f"G(0)/model(0) = {g0:.4g} is negative: {OPPOSITE_SIGNS}")
-    if g0 == bound:
-        return Answer(None, f"G(0)/model(0) = {g0:.6g} is exactly the bound for order {order}")
+    if abs(g0 - bound) <= ROUNDING * g0:
+        return Answer(None, f"G(0)/model(0) = {g0:.6g} is exactly the bound for order {n}")
     if g0 > bound:
         return Answer(
             False,
-            f"G(0)/model(0) = {g0:.4g} exceeds {bound:.4g}, the bound for order {order}: raise the "
+            f"G(0)/model(0) = {g0:.4g} exceeds {bound:.4g}, the bound for order {n}: raise the "
             "model's gain or lower the order",
         )
     return Answer(
@@ -120,12 +251,26 @@ def stable_for_fast_filters(process: Any, model: Any, order: int) -> Answer:
       :math:`(n-1)c/(4n) + (\sum p_R - \sum z_R)/2` if c > 0;
     - m ≤ -2: at least one of the roots of :math:`s^{1-m} = -c/(n\lambda)` is on the right.
 
-    A dead time leaves more and more roots on the right as λ → 0.
+    A simple root :math:`s_0` of N·Dm on the axis moves by
+    :math:`-n\lambda s_0 a(s_0)/b'(s_0)`, which decides to which side. A dead time leaves more and
+    more roots on the right as λ → 0.
 
     Parameters
     ----------
-    process, model, order
-        As for `nrdob.stabilizing_time_constants`.
+    process, model : as for `nrdob.NRDOB`
+        G, with or without dead time, and G̃.
+    order : int
+        n of the filter :math:`1/(\lambda s + 1)^n`.
+
+    Returns
+    -------
+    Answer
+        Open where the loop is on the border at every fast filter within rounding.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a block cannot stand where it is put, or the order is no whole number.
 
     Examples
     --------
@@ -139,18 +284,16 @@ def stable_for_fast_filters(process: Any, model: Any, order: int) -> Answer:
         return Answer(False, "with a dead time ever more roots are on the right as λ falls")
     if mismatch.b[-1] == 0:
         return Answer(False, ROOT_AT_ORIGIN)
-    if (root := _rightmost(mismatch.b)).real > 0:
+    N, _, _, Dm = mismatch.factors
+    right, axis = roots_by_side(N, Dm)
+    if right.size:
         return Answer(
             False,
-            f"the slow roots tend to a zero of the process or a pole of the model at {_text(root)}",
+            "the slow roots tend to a zero of the process or a pole of the model at "
+            f"{_text(right[0])}",
         )
-    if root.real == 0:
-        return Answer(
-            None,
-            "the process has a zero, or the model a pole, on the imaginary axis; to which side a "
-            "fast filter moves it depends on more than its limit",
-        )
-    return _fast_roots(mismatch)
+    moved = _moved(mismatch, axis, "inverse process or model", "fast", _drift_when_fast)
+    return _first_decisive([moved, _fast_roots(mismatch)])
 
 
 def _fast_roots(mismatch: Mismatch) -> Answer:
@@ -180,7 +323,7 @@ def _fast_roots(mismatch: Mismatch) -> Answer:
             f"tends to {real:.4g} rad/s",
         )
     if m == 0:
-        verdict = None if c == bound else c < bound
+        verdict = None if abs(c - bound) <= ROUNDING * c else c < bound
         return Answer(
             verdict,
             f"the gain ratio at high frequency is {c:.4g}, the bound for order {n} is {bound:.4g}",
@@ -203,14 +346,19 @@ def right_half_plane_parity(process: Any, model: Any) -> Answer:
 
     Parameters
     ----------
-    process, model
-        As for `nrdob.NRDOB`; a dead time changes nothing.
+    process, model : as for `nrdob.NRDOB`
+        G, with or without dead time, which changes nothing, and G̃.
 
     Returns
     -------
     Answer
         `holds` False: no filter with F·H strictly proper stabilises the loop. True: the signs
         forbid nothing.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a block cannot stand where it is put.
 
     Examples
     --------
@@ -221,7 +369,8 @@ def right_half_plane_parity(process: Any, model: Any) -> Answer:
     mismatch = Mismatch.of(process, model)
     if mismatch.b[-1] == 0:
         return Answer(False, ROOT_AT_ORIGIN)
-    P = int(np.sum(QuasiPolynomial(mismatch.a).roots.real > 0))
+    _, D, Nm, _ = mismatch.factors
+    P = roots_by_side(D, Nm)[0].size
     even = bool(mismatch.b[-1] * mismatch.a[0] > 0)
     poles = f"{P or 'no'} unstable pole{'' if P == 1 else 's'} of G/model"
     if even:
@@ -231,19 +380,31 @@ def right_half_plane_parity(process: Any, model: Any) -> Answer:
 
 
 def stabilizing_filter_exists(process: Any, model: Any) -> Answer:
-    r"""Tell whether any stable F stabilises the loop that has F(0) = 1 and rolls off, F(∞) = 0.
+    r"""Tell whether any stable, causal F stabilises the loop that has F(0) = 1 and F(∞) = 0.
 
     Such an F is a stable controller for the mismatch H = (b - a)/a with one value prescribed. By
     the parity interlacing property it exists if and only if a and b have no common root in the
     closed right half plane and p_B can keep one sign on the positive real axis. There p_B has the
-    sign of a at infinity (F rolls off), that of a at each real zero z > 0 of b - a, and that of b
-    at s = 0.
+    sign of b at s = 0, that of a at each real zero z > 0 of b - a, and that of a at infinity
+    if F·H rolls off. It must, unless the process is biproper and the model is not: then F need not
+    fall faster than H grows, the leading coefficient of p_B has either sign, and infinity forbids
+    nothing.
 
     Parameters
     ----------
-    process, model
-        As for `nrdob.NRDOB`. For a dead time the question is left open unless the signs at 0 and at
-        infinity already forbid it.
+    process, model : as for `nrdob.NRDOB`
+        G, with or without dead time, and G̃. For a dead time the question is left open unless the
+        signs at 0 and at infinity already forbid it.
+
+    Returns
+    -------
+    Answer
+        Open also where two real zeros of b - a cannot be told from a complex pair.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a block cannot stand where it is put.
 
     References
     ----------
@@ -258,29 +419,67 @@ def stabilizing_filter_exists(process: Any, model: Any) -> Answer:
     """
     mismatch = Mismatch.of(process, model)
     a, b = mismatch.a, mismatch.b
-    shared = [root for root in QuasiPolynomial(a).roots if root.real >= 0 and _vanishes(b, root)]
+    N, D, Nm, Dm = mismatch.factors
+    unstable = np.concatenate(roots_by_side(D, Nm))
+    shared = [root for root in unstable if any(_vanishes(p, root) for p in (N, Dm))]
     if shared:
         return Answer(
             False, f"a mode at {_text(shared[0])} cancels in G/model, out of reach of every filter"
         )
+    # With a dead time p_B has the sign of a far out on the real axis, whatever F.
+    free_at_infinity = N.size == D.size and Nm.size < Dm.size and not mismatch.delay
     parity = right_half_plane_parity(process, model)
-    if not parity.holds:
+    if not parity.holds and (b[-1] == 0 or not free_at_infinity):
         return parity
     if mismatch.delay:
         return Answer(None, "with a dead time the signs at zero and at infinity forbid nothing")
-    difference = add(b, -a)
-    zeros = QuasiPolynomial(difference).roots if difference.any() else np.empty(0, dtype=complex)
-    real = zeros.real[(np.abs(zeros.imag) <= 1e-9 * np.abs(zeros)) & (zeros.real > 0)]
-    wrong = real[np.polyval(a, real) * a[0] < 0]
+    difference = QuasiPolynomial(add(b, -a), scale=add(np.abs(a), np.abs(b)))
+    zeros = difference.roots if difference.degree else np.empty(0, dtype=complex)
+    zeros = zeros[(zeros.real > 0) & (zeros.imag >= 0)]
+    real = (zeros.imag == 0) | (
+        np.abs(difference(zeros.real + 0j)) <= ROUNDING * np.polyval(difference.scale, zeros.real)
+    )
+    zeros = zeros[real]
+    wrong = zeros[np.polyval(a, zeros.real) * b[-1] < 0]
     if wrong.size:
+        where = "below" if free_at_infinity else "above"
+        doubtful = bool((wrong.imag != 0).all())
+        sure = complex(wrong[wrong.imag == 0][0] if not doubtful else wrong[0]).real
         return Answer(
-            False,
-            f"an odd number of unstable poles of G/model lies above the real zero {wrong[0]:.4g} "
-            "of H: no stable filter that rolls off stabilises that",
+            None if doubtful else False,
+            f"an odd number of unstable poles of G/model lies {where} the real zero {sure:.4g} of H"
+            + (
+                ", if that is not a complex pair: within rounding either may be true"
+                if doubtful
+                else ": no stable filter that rolls off stabilises that"
+            ),
         )
     return Answer(
         True, "a and b - a interlace: p_B can be positive on the whole positive real axis"
     )
+
+
+def roots_by_side(*polynomials: FloatArray) -> tuple[ComplexArray, ComplexArray]:
+    """Sort the roots of polynomials: in the right half plane, and on the axis within rounding.
+
+    Parameters
+    ----------
+    polynomials : arrays of float
+        Coefficients in descending powers.
+
+    Returns
+    -------
+    right, axis : array of complex
+        The roots, rightmost first; those on the axis without their rounding error.
+    """
+    right, axis = [np.empty(0, dtype=complex)], [np.empty(0, dtype=complex)]
+    for coefficients in polynomials:
+        p = QuasiPolynomial(coefficients)
+        on_axis = p.near_axis(p.roots)
+        axis.append(1j * p.roots.imag[on_axis])
+        right.append(p.roots[~on_axis & (p.roots.real > 0)])
+    found = np.concatenate(right)
+    return found[np.argsort(-found.real, kind="stable")], np.concatenate(axis)
 
 
 ROOT_AT_ORIGIN = (
@@ -288,13 +487,9 @@ ROOT_AT_ORIGIN = (
     "integrator; give the model a slow stable pole instead, or build (1 - F)·model as one block"
 )
 
+OPPOSITE = "a real root goes to the right; give the model the other sign"
+
 OPPOSITE_SIGNS = "with a stable process and a minimum-phase model both need the same DC sign"
-
-
-def _rightmost(p: FloatArray) -> complex:
-    """Rightmost root of a polynomial; far on the left if it has none."""
-    found = QuasiPolynomial(p).roots
-    return complex(found[0]) if found.size else complex(-inf)
 
 
 def _sum_of_roots(p: FloatArray) -> float:

@@ -19,11 +19,13 @@ import control as ct
 import numpy as np
 
 from .blocks import ComplexArray, FloatArray
-from .design import FilterSearch, Specification
+from .design import FilterSearch
 from .equations import ObserverEquations
 from .filters import LowPassFilter
+from .limits import roots_by_side
 from .mismatch import Mismatch
 from .quasipoly import QuasiPolynomial
+from .slack import Specification
 
 GAINS = (1.0, 0.5, 0.25)
 """Size of the model's DC gain against the process's, tried where the process is unstable."""
@@ -87,8 +89,8 @@ def suggest_model(process: Any, *, max_ms: float = 2.0) -> list[ModelCandidate]:
     Returns
     -------
     list of ModelCandidate
-        Those that meet `max_ms` first, by how fast the filter may be; then the others, by the
-        smallest peak. Also those that no filter stabilises are listed, last.
+        Those that meet `max_ms` first, by what rejection the fastest filter gives, nλ·G̃(0); then
+        the others, by the smallest peak. Also those that no filter stabilises are listed, last.
 
     Raises
     ------
@@ -123,8 +125,10 @@ def suggest_model(process: Any, *, max_ms: float = 2.0) -> list[ModelCandidate]:
 
 
 def _rank(candidate: ModelCandidate) -> tuple[int, float, float]:
+    """Those that meet the limit first, by S_δ ≈ nλ·G̃(0)·s, what is left of a slow disturbance."""
     if candidate.fastest is not None:
-        return 0, candidate.fastest * candidate.order, candidate.ms
+        num, den = (float(p[0][0][-1]) for p in (candidate.model.num, candidate.model.den))
+        return 0, candidate.fastest * candidate.order * abs(num / den), candidate.ms
     return (1, candidate.ms, 0.0) if candidate.time_constants else (2, 0.0, 0.0)
 
 
@@ -133,13 +137,14 @@ def _judged(
 ) -> ModelCandidate:
     """Try the lowest causal order and the next, and keep the better."""
     lowest = Mismatch.of(process, model).order
+    searches = [FilterSearch.of(process, model, n, specification) for n in (lowest, lowest + 1)]
+    # Where one is faster the peak need not choose; only of the chosen it is told.
+    best = min(search.promise for search in searches)
     found = []
-    for order in (lowest, lowest + 1):
-        search = FilterSearch.of(process, model, order, specification)
+    for search in (search for search in searches if search.promise == best):
+        ms = search.plant_loop(search.closest()[0]).ms if search.tried.size else nan
         fastest = search.fastest()
-        time_constant = search.closest()[0] if search.tried else nan
-        ms = search.plant_loop(time_constant).ms if search.tried else nan
-        found.append(ModelCandidate(model, how, order, search.intervals, fastest, ms))
+        found.append(ModelCandidate(model, how, search.order, search.intervals, fastest, ms))
     return min(found, key=_rank)
 
 
@@ -147,49 +152,63 @@ def _models(
     num: FloatArray, den: FloatArray, delay: float
 ) -> Iterator[tuple[ct.TransferFunction, str]]:
     """Give every combination of what can be done about what cannot be matched."""
-    zeros, poles = QuasiPolynomial(num).roots, QuasiPolynomial(den).roots
-    gains = GAINS if (poles.real > 0).any() else (1.0,)
+    gains = GAINS if roots_by_side(den)[0].size else (1.0,)
+    new_den, poles_how = _denominator(num, den, delay)
     for (new_num, zeros_how), (lag, delay_how), gain in product(
-        _numerators(zeros, num[0]), _lags(delay), gains
+        _numerators(num), _lags(delay), gains
     ):
-        new_den, poles_how = _denominator(poles, zeros, den[0], delay)
         scaled = f"gain × {gain:g}" if gain != 1 else ""
         how = ", ".join(filter(None, (zeros_how, poles_how, delay_how, scaled)))
         yield ct.tf(gain * new_num, np.convolve(new_den, lag)), how or "matched"
 
 
-def _numerators(zeros: ComplexArray, leading: float) -> list[tuple[FloatArray, str]]:
+def _numerators(num: FloatArray) -> list[tuple[FloatArray, str]]:
     """Numerators of the same DC gain, without zeros in the right half plane."""
-    wrong = zeros.real >= 0
-    if not wrong.any():
-        return [(leading * _polynomial(zeros), "")]
-    constant = leading * _polynomial(zeros)[-1]
-    left = _polynomial(zeros[~wrong])
-    mirrored = _polynomial(np.where(zeros.real > 0, -zeros.conj(), _damped(zeros)))
+    right, axis = roots_by_side(num)
+    if not right.size + axis.size:
+        return [(num, "")]
+    wrong = np.concatenate([right, axis])
+    left_out = _without(num, wrong)
+    mirrored = np.convolve(left_out, _polynomial(np.concatenate([-right.conj(), _damped(axis)])))
     return [
-        (constant / left[-1] * left, "zeros in the right half plane left out"),
-        (constant / mirrored[-1] * mirrored, "zeros in the right half plane mirrored"),
+        (num[-1] / left_out[-1] * left_out, "zeros in the right half plane left out"),
+        (num[-1] / mirrored[-1] * mirrored, "zeros in the right half plane mirrored"),
     ]
 
 
-def _denominator(
-    poles: ComplexArray, zeros: ComplexArray, leading: float, delay: float
-) -> tuple[FloatArray, str]:
+def _denominator(num: FloatArray, den: FloatArray, delay: float) -> tuple[FloatArray, str]:
     """Denominator of the same leading coefficient, all of whose roots are on the left.
 
     To mirror a real pole turns the sign of the DC gain, which is what parity asks for.
     """
-    done = []
-    if (poles.real > 0).any():
-        poles = np.where(poles.real > 0, -poles.conj(), poles)
+    right, axis = roots_by_side(den)
+    if not right.size + axis.size:
+        return den, ""
+    moved, done = [-right.conj()], []
+    if right.size:
         done.append("unstable poles mirrored")
-    if (poles.real == 0).any():
-        others = np.abs(np.concatenate([poles, zeros]))
-        speeds = [*others[others > 0], *([1 / delay] if delay else [])]
-        slow = -DETUNING * min(speeds, default=1.0)
-        poles = np.where(poles == 0, slow, np.where(poles.real == 0, _damped(poles), poles))
+    if axis.size:
+        sizes = np.abs(np.concatenate([QuasiPolynomial(p).roots for p in (num, den)]))
+        speeds = [*sizes[sizes > 0], *([1 / delay] if delay else [])]
+        moved.append(np.where(axis == 0, -DETUNING * min(speeds, default=1.0), _damped(axis)))
         done.append("poles on the axis moved to the left")
-    return leading * _polynomial(poles), ", ".join(done)
+    kept = _without(den, np.concatenate([right, axis]))
+    return np.convolve(kept, _polynomial(np.concatenate(moved))), ", ".join(done)
+
+
+def _without(p: FloatArray, roots: ComplexArray) -> FloatArray:
+    """Divide a polynomial by some of its roots, those at 0 exactly.
+
+    The others stay as they are given: a multiple root is not looked for.
+    """
+    p = p[: p.size - int(np.sum(roots == 0))]
+    divisor = _polynomial(roots[roots != 0])
+    # Which end the division begins at decides whether slow or fast roots keep their accuracy.
+    tried = [
+        np.polydiv(p, divisor)[0],
+        np.polydiv(p[::-1], divisor[::-1])[0][::-1],
+    ]
+    return min(tried, key=lambda left: float(np.abs(np.convolve(left, divisor) - p).max()))
 
 
 def _lags(delay: float) -> list[tuple[FloatArray, str]]:

@@ -10,19 +10,31 @@ not change; it is counted there by the argument of p_B, which knows nothing of t
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import pairwise
-from math import inf, pi
+from math import inf, isfinite, pi
+from numbers import Real
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from .blocks import BoolArray, ComplexArray, FloatArray, IntArray
 from .crossings import bisect, golden, side
+from .mismatchgrid import Frequencies
 from .mismatch import Mismatch
 from .quasipoly import add, count_rhp
 
 SAME = 1e-9
 """Relative distance below which two critical time constants are one."""
+
+JUMP = 1e-6
+"""Distance from the line, against the branch's own size, at which a change of side is a jump."""
+
+TURNS = 32
+"""Turns of the dead time over which the default floor resolves the critical time constants."""
+
+FASTEST = 1000
+"""How many times faster than the dead time a filter of the default range may be."""
 
 
 class CriticalTimeConstant(NamedTuple):
@@ -80,8 +92,8 @@ def critical_time_constants(
     >>> round(critical.time_constant, 9), round(critical.frequency, 3), critical.direction
     (0.005, 200.0, -1)
     """
-    mismatch = Mismatch.of(process, model, order)
-    return _critical(mismatch, mismatch.checked_floor(floor))
+    frequencies = Frequencies(Mismatch.of(process, model, order))
+    return _critical(frequencies, _checked_floor(frequencies, floor))
 
 
 def stabilizing_time_constants(
@@ -121,14 +133,14 @@ def stabilizing_time_constants(
     >>> low, round(high, 6)
     (0.0, 0.763932)
     """
-    mismatch = Mismatch.of(process, model, order)
-    return stabilizing_set(mismatch, mismatch.checked_floor(floor))
+    frequencies = Frequencies(Mismatch.of(process, model, order))
+    return stabilizing_set(frequencies, _checked_floor(frequencies, floor))
 
 
-def stabilizing_set(mismatch: Mismatch, floor: float) -> list[tuple[float, float]]:
+def stabilizing_set(frequencies: Frequencies, floor: float) -> list[tuple[float, float]]:
     """Find the set of `stabilizing_time_constants` for a mismatch that is already read."""
-    intervals = _intervals(floor, _critical(mismatch, floor))
-    counts = _counts(mismatch, intervals)
+    intervals = _intervals(floor, _critical(frequencies, floor))
+    counts = _counts(frequencies.mismatch, intervals)
     return [
         (part.low, part.high) for part, count in zip(intervals, counts, strict=True) if count == 0
     ]
@@ -140,6 +152,11 @@ def default_floor(process: Any, model: Any, order: int) -> float:
     0 without dead time. With a dead time θ: the λ above which every critical frequency lies within
     the first 32 turns of exp(-jωθ), and at least θ/1000.
 
+    Parameters
+    ----------
+    process, model, order
+        As for `critical_time_constants`.
+
     Examples
     --------
     >>> import control as ct
@@ -148,74 +165,117 @@ def default_floor(process: Any, model: Any, order: int) -> float:
     >>> round(default_floor(delay(0.5) * G, G, 1), 5)
     0.00431
     """
-    return Mismatch.of(process, model, order).default_floor
+    return lowest_floor(Frequencies(Mismatch.of(process, model, order)))
 
 
-class _Interval(NamedTuple):
-    """Neighbouring ends, and by how much the count of roots must change at the lower one."""
+def lowest_floor(frequencies: Frequencies) -> float:
+    """Find the `default_floor` of a mismatch that is already read."""
+    mismatch = frequencies.mismatch
+    if not mismatch.delay:
+        return 0.0
+    last = 2 * pi * TURNS / mismatch.delay
+    beyond = np.append(last, frequencies.base[frequencies.base > last])
+    highest = float(frequencies.largest_time_constant(beyond).max())
+    return max(highest, mismatch.delay / FASTEST, 1.001 * mismatch.neutral_limit)
 
-    low: float
-    high: float
-    change: int | None
+
+def _checked_floor(frequencies: Frequencies, floor: float | None) -> float:
+    """Return the floor asked for, or the default; an error for one that cannot be."""
+    if floor is None:
+        return lowest_floor(frequencies)
+    if isinstance(floor, bool) or not isinstance(floor, Real):
+        raise TypeError(
+            f"floor is {floor!r}; it is the smallest time constant of interest, a number of "
+            "seconds, or None"
+        )
+    if not (isfinite(floor) and floor > 0):
+        raise ValueError(
+            f"floor is {floor}; it is the smallest time constant of interest, in seconds: "
+            "positive and finite, or None"
+        )
+    mismatch = frequencies.mismatch
+    if mismatch.delay and floor <= mismatch.neutral_limit:
+        raise ValueError(
+            f"floor is {floor:g} s, but with dead time and order {mismatch.order} every time "
+            f"constant up to {mismatch.neutral_limit:.6g} s leaves infinitely many roots in the "
+            "right half plane: choose a larger floor, or a higher order"
+        )
+    return float(floor)
 
 
 # Where the crossings are.
 
 
-def _critical(mismatch: Mismatch, floor: float) -> list[CriticalTimeConstant]:
-    found = _crossings(mismatch, mismatch.frequencies(floor)) + _through_infinity(mismatch)
+def _critical(frequencies: Frequencies, floor: float) -> list[CriticalTimeConstant]:
+    mismatch = frequencies.mismatch
+    branches = _Branches.on(mismatch, frequencies.above(floor))
+    found = _crossings(branches) + _through_infinity(mismatch)
     return sorted(c for c in found if c.time_constant > floor)
 
 
-def _crossings(mismatch: Mismatch, omega: FloatArray) -> list[CriticalTimeConstant]:
-    """Find where a branch of the n-th root of -H(jω) has real part 1, and a positive imaginary one.
+@dataclass(frozen=True, eq=False)
+class _Branches:
+    """The n-th roots w of -H(jω), each continuous in ω, less 1.
 
-    Each branch is continuous in ω: its phase is followed from one frequency to the next.
+    Attributes
+    ----------
+    mismatch : Mismatch
+        The ratio R and the order.
+    omega : array of float
+        Frequencies, N of them.
+    phase : array of float
+        arg(-H) at each, followed from one frequency to the next.
+    excess : array of complex
+        w - 1, of shape (n, N).
     """
-    n = mismatch.order
-    root = _log_minus_H(mismatch, omega)
-    phase = np.unwrap(root.imag)
 
-    def less_1(value: ComplexArray, near: FloatArray, of: Any) -> ComplexArray:
-        """Branch `of`, less 1, where ln(-H) is `value` and its phase near to `near`."""
-        # Whole turns are counted apart: a phase of 2π would leave a branch near 1 only rounding.
-        turns = (np.round((near - value.imag) / (2 * pi)) + of) % n
-        return np.asarray(np.expm1(value.real / n + 1j * (value.imag + 2 * pi * turns) / n))
+    mismatch: Mismatch
+    omega: FloatArray
+    phase: FloatArray
+    excess: ComplexArray
 
-    excess = less_1(root, phase, np.arange(n)[:, None])
+    @classmethod
+    def on(cls, mismatch: Mismatch, omega: FloatArray) -> _Branches:
+        """Follow the branches over given frequencies."""
+        root = _log_minus_H(mismatch, omega)
+        phase = np.unwrap(root.imag)
+        each = np.arange(mismatch.order)[:, None]
+        return cls(mismatch, omega, phase, _less_1(root, phase, each, mismatch.order))
 
-    def branch(of: Any, at: Any, w: FloatArray) -> ComplexArray:
-        """Branch `of`, reached continuously from frequency number `at`, less 1."""
-        return less_1(_log_minus_H(mismatch, w), phase[at], of)
+    def __call__(self, of: IntArray, at: IntArray, omega: FloatArray) -> ComplexArray:
+        """Branches `of`, reached continuously from frequencies number `at`, less 1."""
+        root = _log_minus_H(self.mismatch, omega)
+        return _less_1(root, self.phase[at], of, self.mismatch.order)
 
-    real = excess.real
-    sign, size = side(real), np.abs(real)
+    def rounding(self, omega: FloatArray, excess: ComplexArray) -> FloatArray:
+        """Bound the rounding error of a branch w, where w - 1 is `excess`: dw/w = dH/(nH)."""
+        mismatch = self.mismatch
+        with np.errstate(divide="ignore", invalid="ignore"):  # at zeros of H and poles of R
+            relative = mismatch.noise(omega) / (mismatch.order * np.abs(1 - mismatch.ratio(omega)))
+            return np.asarray(np.nan_to_num(relative * np.abs(1 + excess)))
+
+
+class _Brackets(NamedTuple):
+    """Between which frequencies which branch changes sides, and from which one it is reached."""
+
+    of: IntArray
+    at: IntArray
+    low: FloatArray
+    high: FloatArray
+
+
+def _crossings(branches: _Branches) -> list[CriticalTimeConstant]:
+    """Find where a branch crosses the line Re w = 1 with a positive imaginary part."""
     # Where R nearly vanishes a branch is so close to 1 that its side is only rounding.
-    known = size >= _rounding(mismatch, omega, excess)
-    of, at, after = _changes(sign, known)
-    low, high = omega[at], omega[after]
-
-    # Two crossings between neighbours leave the same sign at both, but a dip.
-    inner = np.s_[:, 1:-1]
-    dips = (size[inner] <= size[:, :-2]) & (size[inner] <= size[:, 2:]) & (size[inner] < 1)
-    dips &= (sign[inner] == sign[:, :-2]) & (sign[inner] == sign[:, 2:]) & (excess.imag[inner] > 0)
-    dip_of, dip_at = np.nonzero(dips & known[inner])
-    dip_at = dip_at + 1
-    left, right, way = omega[dip_at - 1], omega[dip_at + 1], sign[dip_of, dip_at]
-    bottom = golden(lambda w: way * branch(dip_of, dip_at, w).real, left, right)
-    hidden = way * branch(dip_of, dip_at, bottom).real < 0
-    of = np.concatenate([of, dip_of[hidden], dip_of[hidden]])
-    at = np.concatenate([at, dip_at[hidden], dip_at[hidden]])
-    low = np.concatenate([low, left[hidden], bottom[hidden]])
-    high = np.concatenate([high, bottom[hidden], right[hidden]])
-    where = bisect(lambda w: branch(of, at, w).real, low, high)
-    value = branch(of, at, where)
-    # A pole on the axis makes a branch jump, which is no crossing; a zero there leads through 1,
-    # which is λ = 0.
-    true = (np.abs(value.real) < 1e-6) & (value.imag > _rounding(mismatch, where, value))
+    known = np.abs(branches.excess.real) >= branches.rounding(branches.omega, branches.excess)
+    parts = (_sign_changes(branches, known), *_hidden_pairs(branches, known))
+    of, at, low, high = (np.concatenate(part) for part in zip(*parts, strict=True))
+    where = bisect(lambda w: branches(of, at, w).real, low, high)
+    value = branches(of, at, where)
+    true = _accepted(branches, where, value)
     # A pair leaves where the branch rises through the line as ω grows, and enters where it falls:
     # Re ds/dλ has the sign opposite to that of the slope.
-    directions = side(branch(of, at, low).real)[true]
+    directions = side(branches(of, at, low).real)[true]
     where, critical = where[true], value.imag[true] / where[true]
     return [
         CriticalTimeConstant(float(c), float(w), int(d))
@@ -223,23 +283,45 @@ def _crossings(mismatch: Mismatch, omega: FloatArray) -> list[CriticalTimeConsta
     ]
 
 
-def _rounding(mismatch: Mismatch, omega: FloatArray, excess: ComplexArray) -> FloatArray:
-    """Bound the rounding error of a branch w, where w - 1 is `excess`: dw/w = dH/(nH)."""
-    with np.errstate(divide="ignore", invalid="ignore"):  # at zeros of H and poles of R
-        relative = mismatch.noise(omega) / (mismatch.order * np.abs(1 - mismatch.ratio(omega)))
-        return np.asarray(np.nan_to_num(relative * np.abs(1 + excess)))
+def _sign_changes(branches: _Branches, known: BoolArray) -> _Brackets:
+    """Bracket the changes of side between neighbouring frequencies where it is known."""
+    of, columns = np.nonzero(known)
+    sign = side(branches.excess.real[of, columns])
+    changed = np.flatnonzero((of[1:] == of[:-1]) & (sign[1:] != sign[:-1]))
+    before, after = columns[changed], columns[changed + 1]
+    return _Brackets(of[changed], before, branches.omega[before], branches.omega[after])
 
 
-def _changes(sign: FloatArray, known: BoolArray) -> tuple[IntArray, IntArray, IntArray]:
-    """Row and columns before and after each change of sign between neighbouring known entries."""
-    found = []
-    for row in range(sign.shape[0]):
-        columns = np.flatnonzero(known[row])
-        changed = np.flatnonzero(sign[row, columns[1:]] != sign[row, columns[:-1]])
-        before, after = columns[changed], columns[changed + 1]
-        found.append((np.full_like(before, row), before, after))
-    of, at, after = (np.concatenate(part) for part in zip(*found, strict=True))
-    return of, at, after
+def _hidden_pairs(branches: _Branches, known: BoolArray) -> tuple[_Brackets, _Brackets]:
+    """Bracket pairs of crossings that leave the same side at both neighbours, but a dip."""
+    real, omega = branches.excess.real, branches.omega
+    sign, size = side(real), np.abs(real)
+    inner = np.s_[:, 1:-1]
+    dips = (size[inner] <= size[:, :-2]) & (size[inner] <= size[:, 2:]) & known[inner]
+    dips &= (sign[inner] == sign[:, :-2]) & (sign[inner] == sign[:, 2:])
+    of, at = np.nonzero(dips & (size[inner] < 1) & (branches.excess.imag[inner] > 0))
+    at = at + 1
+    left, right, way = omega[at - 1], omega[at + 1], sign[of, at]
+    bottom = golden(lambda w: way * branches(of, at, w).real, left, right)
+    through = way * branches(of, at, bottom).real < 0
+    of, at, bottom = of[through], at[through], bottom[through]
+    return _Brackets(of, at, left[through], bottom), _Brackets(of, at, bottom, right[through])
+
+
+def _accepted(branches: _Branches, omega: FloatArray, excess: ComplexArray) -> BoolArray:
+    """Tell crossings from jumps at a pole on the axis, and from zeros there, where λ = 0."""
+    rounding = branches.rounding(omega, excess)
+    on_line = np.abs(excess.real) <= JUMP * np.abs(1 + excess) + rounding
+    # Beside a pole a branch is so large that the line cannot be told from the imaginary axis.
+    near_pole = (rounding >= 1) | branches.mismatch.at_pole(omega)
+    return on_line & (excess.imag > rounding) & ~near_pole
+
+
+def _less_1(value: ComplexArray, near: FloatArray, of: IntArray, order: int) -> ComplexArray:
+    """n-th root number `of`, less 1, where ln(-H) is `value` and its phase near to `near`."""
+    # Whole turns are counted apart: a phase of 2π would leave a branch near 1 only rounding.
+    turns = (np.round((near - value.imag) / (2 * pi)) + of) % order
+    return np.asarray(np.expm1(value.real / order + 1j * (value.imag + 2 * pi * turns) / order))
 
 
 def _log_minus_H(mismatch: Mismatch, omega: FloatArray) -> ComplexArray:
@@ -264,6 +346,14 @@ def _through_infinity(mismatch: Mismatch) -> list[CriticalTimeConstant]:
 # What the intervals between them hold.
 
 
+class _Interval(NamedTuple):
+    """Neighbouring ends, and by how much the count of roots must change at the lower one."""
+
+    low: float
+    high: float
+    change: int
+
+
 def _intervals(floor: float, critical: list[CriticalTimeConstant]) -> list[_Interval]:
     ends, changes = [floor], [0]
     for time_constant, frequency, direction in critical:
@@ -271,23 +361,40 @@ def _intervals(floor: float, critical: list[CriticalTimeConstant]) -> list[_Inte
             ends.append(time_constant)
             changes.append(0)
         changes[-1] += direction * (1 if frequency == inf else 2)
-    known = [None, *changes[1:]]
     return [
-        _Interval(*pair, change) for pair, change in zip(pairwise([*ends, inf]), known, strict=True)
+        _Interval(low, high, change)
+        for (low, high), change in zip(pairwise([*ends, inf]), changes, strict=True)
     ]
 
 
 def _counts(mismatch: Mismatch, intervals: list[_Interval]) -> list[float | None]:
-    """Count the roots in the right half plane in each interval; None where they cannot be."""
-    counts = [_count(mismatch, interval) for interval in intervals]
-    for (before, after), interval in zip(pairwise(counts), intervals[1:], strict=True):
-        if before is not None and after is not None and after - before != interval.change:
+    """Count the roots in the right half plane in each interval; None where they cannot be.
+
+    The crossings carry one count through all intervals. It is counted again by the argument at
+    both ends, and wherever it is said to be 0.
+    """
+    counted: dict[int, float | None] = {}
+
+    def count(k: int) -> float | None:
+        if k not in counted:
+            counted[k] = _count(mismatch, intervals[k])
+        return counted[k]
+
+    last = len(intervals) - 1
+    start = next((k for k in range(last, -1, -1) if count(k) is not None), None)
+    if start is None:
+        return [None] * len(intervals)
+    carried = np.cumsum([interval.change for interval in intervals])
+    carried = carried - carried[start] + counted[start]
+    for k in {0, *np.flatnonzero(carried <= 0).tolist()}:
+        if (found := count(k)) is not None and found != carried[k]:
             raise ArithmeticError(
-                f"at λ = {interval.low:.9g} s the crossings say that the number of roots in the "
-                f"right half plane changes by {interval.change}, but it is {before:g} below and "
-                f"{after:g} above: the loop is too stiff for a trustworthy answer"
+                f"between λ = {intervals[k].low:.9g} s and {intervals[k].high:.9g} s the crossings "
+                f"leave {carried[k]:g} roots in the right half plane, but {found:g} are counted: "
+                "the loop is too stiff for a trustworthy answer; leave out what is much faster or "
+                "much slower than the filter"
             )
-    return counts
+    return [counted.get(k, float(value)) for k, value in enumerate(carried)]
 
 
 def _count(mismatch: Mismatch, interval: _Interval) -> float | None:

@@ -119,10 +119,87 @@ def test_exactly_at_the_bound_the_question_is_open():
     assert stable_for_fast_filters(bound * lag, lag, 4).holds is None
 
 
-def test_poles_and_zeros_on_the_axis_leave_the_question_open():
-    oscillator = 1 / (s**2 + 1)
-    assert stable_for_slow_filters(oscillator, lag**2, 2).holds is None
-    assert stable_for_fast_filters(lag**2, oscillator, 2).holds is None
+# Roots on the axis: to which side they go decides.
+
+
+def test_an_undamped_mode_of_the_process_is_followed():
+    process, model = 1 / ((s + 1) * (s**2 + 1)), 1 / ((s + 1) * (s**2 + 0.5 * s + 1))
+    # The first change of the roots is along the axis, the second leads to the right.
+    answer = stable_for_slow_filters(process, model, 3)
+    assert answer.holds is False and "±1j" in answer.reason and "to the right" in answer.reason
+    ((low, high),) = stabilizing_time_constants(process, model, 3)
+    assert (low, high) == (0.0, pytest.approx(0.491163, abs=1e-6))
+    assert stable_for_fast_filters(process, model, 3).holds is True
+
+
+def test_an_undamped_mode_of_the_model_is_followed():
+    answer = stable_for_fast_filters(lag**2, 1 / (s**2 + 1), 2)
+    assert answer.holds is not None
+    intervals = stabilizing_time_constants(lag**2, 1 / (s**2 + 1), 2)
+    assert answer.holds == bool(intervals and intervals[0][0] == 0)
+
+
+def test_an_undamped_mode_that_cancels_is_out_of_reach():
+    mode = 1 / ((s + 1) * (s**2 + 1))
+    for answer in (
+        stable_for_slow_filters(2 * mode, mode, 3),
+        stable_for_fast_filters(mode, mode, 3),
+    ):
+        assert answer.holds is False and "cancels" in answer.reason
+
+
+def test_a_double_mode_on_the_axis_is_left_open():
+    answer = stable_for_slow_filters(1 / (s**2 + 1) ** 2, lag**4, 4)
+    assert answer.holds is None and "multiple" in answer.reason
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.3])
+@pytest.mark.parametrize("zero", [0.2, 5.0])
+@pytest.mark.parametrize("order", [1, 2])
+def test_an_integrator_under_a_slow_filter(order, zero, delay):
+    # n = 1: λ s² a1 (1 + αs) + b0 (1 + βs) = 0 near 0, stable if β > α; from n = 2 on, never.
+    process = nrdob.delay(delay) * (s + zero) / (s * (s + 1))
+    answer = stable_for_slow_filters(process, 1 / (s + 1), order)
+    *_, (_, high) = [(0, 0), *stabilizing_time_constants(process, 1 / (s + 1), order)]
+    assert answer.holds == (high == inf) == (order == 1 and 1 / zero - delay > 0)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_definite_answers_about_modes_on_the_axis_are_those_of_the_sets(seed):
+    rng = np.random.default_rng(seed)
+    definite = 0
+    for _ in range(12):
+        a, w, v, damping = 10 ** rng.uniform(-1, 1, 4)
+        k = rng.choice([-1, 1, 1]) * 10 ** rng.uniform(-0.5, 0.5)
+        process, model = k / ((s + a) * (s**2 + w)), 1 / ((s + a) * (s**2 + damping * s + v))
+        if rng.random() < 0.5:
+            process, model = model, process
+        order = int(rng.integers(3, 5))
+        intervals = stabilizing_time_constants(process, model, order)
+        slow = stable_for_slow_filters(process, model, order)
+        fast = stable_for_fast_filters(process, model, order)
+        assert slow.holds in (None, bool(intervals) and intervals[-1][1] == inf)
+        assert fast.holds in (None, bool(intervals) and intervals[0][0] == 0)
+        definite += (slow.holds is not None) + (fast.holds is not None)
+    assert definite >= 20
+
+
+# A filter that falls no faster than H grows.
+
+
+def test_where_F_H_is_biproper_infinity_forbids_nothing():
+    process, model = ct.tf([-0.137, -2.51], [1, -0.694]), ct.tf([1], [1, 0.128])
+    assert stabilizing_filter_exists(process, model).holds is True
+    assert right_half_plane_parity(process, model).holds is False
+    assert nrdob.NRDOB(process, model, 0.0, nrdob.LowPassFilter(0.05, 1)).stability().stable
+    ((low, high),) = stabilizing_time_constants(process, model, 1)
+    assert low < 0.05 < high
+
+
+@given(mismatches())
+def test_where_a_filter_of_ours_does_the_existence_is_not_denied(case):
+    if stabilizing_time_constants(*case):
+        assert stabilizing_filter_exists(case[0], case[1]).holds is not False
 
 
 @pytest.mark.parametrize("order", [0, -1])

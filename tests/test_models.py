@@ -67,6 +67,38 @@ def test_undamped_zeros_of_the_process_are_not_left_in_the_model():
     assert any(candidate.time_constants for candidate in candidates)
 
 
+@pytest.mark.parametrize("process", [1 / ((s + 1) * (s**2 + 4)), (s + 3) / ((s + 2) * (s**2 + 9))])
+def test_an_undamped_mode_is_damped_in_the_model(process):
+    best = suggest_model(process)[0]
+    assert best.how == "poles on the axis moved to the left"
+    assert best.model.poles().real.max() < -0.05
+    assert best.time_constants[0][0] == 0 and best.ms < 1.4 and best.fastest is not None
+    filter = LowPassFilter(0.9 * best.time_constants[0][1], best.order)
+    assert NRDOB(process, best.model, 0.0, filter).margins().plant_loop.stable
+
+
+@pytest.mark.parametrize("lags", [3, 6, 10, 14])
+def test_a_matched_model_has_the_coefficients_of_the_process(lags):
+    process = ct.tf([2.0], np.poly([-1.0] * lags))
+    (candidate,) = suggest_model(process)
+    assert candidate.how == "matched"
+    assert candidate.model.den[0][0].tolist() == process.den[0][0].tolist()
+
+
+def test_what_need_not_change_is_not_changed():
+    lags = np.poly([-1.0] * 6)
+    candidate, *_ = suggest_model(ct.tf([2.0], np.polymul(lags, [1, -0.5])))
+    assert candidate.model.den[0][0] == pytest.approx(np.polymul(lags, [1, 0.5]), rel=1e-9)
+
+
+def test_candidates_are_ranked_by_what_is_left_of_a_slow_disturbance():
+    # S_δ tends to nλ·G̃(0)·s: a small model gain rejects as a small λ does.
+    process = 1 / ((0.3 * s - 1) * (0.05 * s + 1))
+    met = [c for c in suggest_model(process, max_ms=4.0) if c.fastest]
+    left = [c.order * c.fastest * abs(dc_gain(c.model)) for c in met]
+    assert left == sorted(left)
+
+
 def test_a_process_with_a_zero_at_the_origin_has_no_model():
     with pytest.raises(ValueError, match="zero at s = 0"):
         suggest_model(s * lag**2)
@@ -130,6 +162,36 @@ def test_without_a_bandwidth_the_integral_gain_is_the_largest(model):
             assert abs(other.num[0][0][-1] / other.den[0][0][-2]) < integral * 1.02
 
 
+@pytest.mark.parametrize(
+    ("den", "gain", "phase_margin"),
+    [
+        ([1, 2.16083, 34.1958, 73.4772], 0.43538, 60.0),  # a resonance limits an integrator
+        ([1, 0.3, 1.0], 1.0, 45.0),
+        ([1, 3, 3, 1], -2.0, 30.0),
+        ([1, 1.06, 1.0608, 1.0408, 0.04], 0.1, 60.0),
+    ],
+)
+def test_no_gain_and_integral_time_of_a_scan_have_more_integral_action(den, gain, phase_margin):
+    model = ct.tf([gain], den)
+    controller = design_controller(model, phase_margin=phase_margin)
+    best = abs(controller.num[0][0][-1] / controller.den[0][0][-2])
+    assert model_loop(model, controller).pm >= phase_margin * (1 - 1e-6)
+    poles = np.roots(den)
+    near = np.concatenate([abs(p.imag) + abs(p) * np.geomspace(1e-4, 1, 80) * k
+                           for p in poles for k in (-1, 1)])  # fmt: skip
+    omega = np.union1d(np.geomspace(1e-4, 1e4, 800), near[near > 0])
+    G = np.sign(gain) * model(1j * omega)
+    for time in [0.0, *np.geomspace(1e-2, 1e2, 50)]:
+        for integral in best * np.array([1.02, 1.1, 1.3, 2.0, 4.0]):
+            L = (integral * time + integral / (1j * omega)) * G
+            size = np.log(np.abs(L))
+            at = np.flatnonzero((size[1:] >= 0) != (size[:-1] >= 0))
+            if np.degrees(np.abs(np.angle(-L[at]))).min(initial=180) < phase_margin + 0.5:
+                continue
+            closed = np.polyadd([*den, 0], abs(gain) * np.array([integral * time, integral]))
+            assert np.roots(closed).real.max() > 0
+
+
 def test_a_first_order_model_does_not_limit_the_bandwidth():
     with pytest.raises(ValueError, match="does not limit the bandwidth"):
         design_controller(lag)
@@ -147,8 +209,11 @@ def test_a_model_that_lags_too_far_is_refused_with_the_angle():
         ({"phase_margin": 90}, "phase_margin is 90"),
         ({"bandwidth": 0.0}, "bandwidth is 0.0"),
         ({"bandwidth": inf}, "bandwidth is inf"),
+        ({"bandwidth": True}, "bandwidth is True"),
+        ({"phase_margin": "60"}, "phase_margin is '60'"),
+        ({"phase_margin": 60j}, "phase_margin is 60j"),
     ],
 )
 def test_impossible_wishes_are_refused(options, message):
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises((ValueError, TypeError), match=message):
         design_controller(lag, **options)

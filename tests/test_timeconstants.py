@@ -7,6 +7,7 @@ from math import cos, inf, pi, sqrt, tan
 import control as ct
 import numpy as np
 import pytest
+from campaigns.sets import campaign
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
@@ -250,7 +251,7 @@ def test_poles_and_zeros_on_the_axis(process, model, order, delay, no_warning_le
     process = nrdob.delay(delay) * process if delay else process
     intervals = stabilizing_time_constants(process, model, order)
     mismatch = Mismatch.of(process, model, order)
-    for value in np.geomspace(max(0.02, 2 * mismatch.default_floor), 50, 25):
+    for value in np.geomspace(max(0.02, 2 * default_floor(process, model, order)), 50, 25):
         roots = mismatch.p_B(value).roots
         if np.abs(roots.real).min() > 1e-7:
             inside = any(low < value < high for low, high in intervals)
@@ -302,3 +303,52 @@ def test_whole_turns_of_the_phase_leave_no_false_crossing(no_warning_leaks):
     critical = critical_time_constants(process, ct.tf([-1.0], [1.0]), 1)
     assert all(c.time_constant > 1e-12 for c in critical)
     assert stabilizing_time_constants(process, ct.tf([-1.0, -1.0], [1.0, 1.0]), 1) == []
+
+
+def test_a_crossing_of_a_branch_that_is_large_is_found():
+    # H = 1/(s² + 2e-6 s + 1), n = 1: λ = 2e-6 and 5e5, where the branch is 5e5 in size.
+    process = ([1, 2e-6, 2], np.polymul([1, 1], [1, 2e-6, 1]))
+    (first, second) = stabilizing_time_constants(process, lag, 1)
+    assert first == (0, pytest.approx(2e-6, rel=1e-6))
+    assert second == (pytest.approx(5e5, rel=1e-6), inf)
+
+
+def test_a_crossing_beside_a_pole_on_the_axis_is_kept_apart_from_the_jump():
+    # H = 1e-10 (s + 1)/(s² + 4), n = 1: λs³ + … is lost at λ = 1, 2.5e-11 rad/s from the pole.
+    process = ([1, 1e-10, 4 + 1e-10], np.polymul([1, 1], [1, 0, 4]))
+    (interval,) = stabilizing_time_constants(process, lag, 1)
+    assert interval == (0, pytest.approx(1.0, rel=1e-4))  # as well as 4 + 1e-10 is known
+
+
+def test_the_jump_at_an_undamped_pole_is_no_crossing_at_a_huge_time_constant():
+    process = ct.tf([-0.28157946, 0, -0.26895486], np.polymul([1, 0.12244663], [1, 0, 3.3426]))
+    model = ct.tf([-0.3918, -1.068], [1, 1.745, 0.3919])
+    for time_constant, _, _ in critical_time_constants(process, model, 2):
+        assert time_constant < 1e4
+
+
+@pytest.mark.parametrize("floor", [True, "0.1", 1j])
+def test_a_floor_that_is_no_number_is_named(floor):
+    with pytest.raises(TypeError, match="floor is"):
+        stabilizing_time_constants(nrdob.delay(1) * lag, lag, 1, floor=floor)
+
+
+@pytest.mark.parametrize("exponent", [-9, 9])
+def test_another_unit_of_time_changes_nothing_else(exponent):
+    unit = 10.0**exponent
+    loop = paper.example(4, modified=True)
+
+    def rescaled(block):
+        num, den = block.num_array[0, 0], block.den_array[0, 0]
+        return ct.tf(*(c * unit ** np.arange(c.size - 1.0, -1, -1) for c in (num, den)))
+
+    process = nrdob.delay(loop.delay * unit) * rescaled(loop.process.tf)
+    model = rescaled(loop.model)
+    there = stabilizing_time_constants(process, model, 3)
+    here = stabilizing_time_constants(loop.process, loop.model, 3)
+    assert np.array(there) == pytest.approx(np.array(here) * unit, rel=1e-9)
+
+
+def test_a_sample_of_the_campaign_finds_no_fault():
+    found = campaign(40, seed=1)
+    assert not [name for name in found if name.startswith("WRONG")]

@@ -1,0 +1,69 @@
+"""Sets of stabilising filters against the roots beside every end, and on a scan.
+
+python -m tests.campaigns.sets --count 2000 --seed 0
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections import Counter
+
+import numpy as np
+
+import nrdob
+from nrdob.mismatch import Mismatch
+
+from .plants import plant_and_model
+
+BESIDE = 1e-5
+"""How far inside and outside an end the roots are counted."""
+
+SCANNED = 24
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--count", type=int, default=2000)
+    parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args()
+    for name, number in sorted(campaign(options.count, options.seed).items()):
+        print(f"{number:6}  {name}")
+
+
+def campaign(count: int, seed: int) -> Counter[str]:
+    """Count what became of random sets; "WRONG" begins the name of every fault."""
+    rng = np.random.default_rng(seed)
+    return Counter(_set(rng, f"seed {seed}, number {k}") for k in range(count))
+
+
+def _set(rng: np.random.Generator, label: str) -> str:
+    kind, process, model = plant_and_model(rng)
+    order = Mismatch.of(process, model).order + int(rng.integers(0, 3))
+    try:
+        intervals = nrdob.stabilizing_time_constants(process, model, order)
+    except ArithmeticError:
+        return f"{kind}: refused"
+    mismatch = Mismatch.of(process, model, order)
+    ends = {end for ends in intervals for end in ends if 0 < end < np.inf}
+    beside = [end * (1 + side * BESIDE) for end in ends for side in (-1, 1)]
+    slow, fast = 1 / mismatch.speeds.min(), 1 / mismatch.speeds.max()
+    floor = nrdob.timeconstants.default_floor(process, model, order)
+    scanned = np.geomspace(max(fast / 100, 1.01 * floor), max(slow * 100, 2 * floor), SCANNED)
+    for value in [*beside, *scanned.tolist()]:
+        if value <= floor * (1 + 2 * BESIDE):
+            continue
+        p = mismatch.p_B(value)
+        try:
+            roots = p.roots
+        except ArithmeticError:  # so long a dead time that its roots are out of reach
+            continue
+        if p.near_axis(roots).any():
+            continue
+        if any(low < value < high for low, high in intervals) != (not (roots.real > 0).any()):
+            print(label, kind, order, intervals, value)
+            return f"WRONG {kind}"
+    return f"{kind}: right"
+
+
+if __name__ == "__main__":
+    main()
