@@ -16,9 +16,10 @@ signal, and more only where millions of delays are marched through.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import reduce
+from math import factorial
 
 import control as ct
 import numpy as np
@@ -27,19 +28,23 @@ from scipy.signal import fftconvolve
 
 from .blocks import FloatArray, Fraction
 from .equations import LoopEquations
+from .quotient import Quotient
 from .steps import delayed_response
-from .timescales import impulse_states, split
+from .timescales import Block, impulse_states, split
 from .window import default_times
 
 INPUTS = ("R", "d", "delta", "eta")
 OUTPUTS = ("y", "u")
 
-MAX_PANELS = 400_000
-"""Panels that fit into memory, for a loop faster than its dead time."""
-
-_DEGREE = 16
-_PANEL_REACH = 2.0  # fastest rate times panel length: degree 16 then leaves nothing but rounding
 _DIRECT_CONVOLUTION = 10_000
+
+_OTHER_UNIT = 3.0  # of time, in which coefficients are rounded differently
+_AGREEMENT = 1e-10  # of the size of a signal: what may hang on rounding
+_GRID = 32  # times at which each response is looked at, besides some of those asked for
+_SPOT_CHECKS = 9
+_FEW_DELAYS = 20_000  # that are marched through without a look for a shorter way
+_STARTING = 60  # delays, after which a short one is smooth enough to be replaced by a rational
+_ORDERS = 9, 7  # of the rational that replaces it, and of the one it is checked against
 
 
 def step_response(
@@ -201,97 +206,174 @@ def _convolve(signal: FloatArray, pulse: FloatArray) -> FloatArray:
     return np.asarray(convolve(signal, pulse)[: signal.size])
 
 
-# The response to a step (one integral of an impulse) or a ramp (two).
+# A step is one integral of an impulse, a ramp is two.
+
+Solver = Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
+"""Gives y and u, shape (2, N), at two sets of times."""
 
 
 def _response(loop: LoopEquations, input: str, times: FloatArray, integrals: int = 1) -> FloatArray:
     """Return y and u at `times`, shape (2, N), or refuse where nine digits cannot be had.
 
-    The same is computed a second time in another unit of time, in which every coefficient is
-    rounded differently: digits that depend on it are not in the data.
+    Everything is computed a second time in another unit of time, in which every coefficient is
+    rounded differently. Digits that hang on this are neither in the data nor in the result.
     """
-    with np.errstate(all="ignore"):
-        outputs = _computed(loop, input, times, integrals, 1.0)
-        some = _some(times)
-        again = _computed(loop, input, times[some], integrals, _OTHER_UNIT)
-    finite = np.isfinite(outputs[:, some]) & np.isfinite(again)
-    size = np.max(np.abs(np.where(np.isfinite(outputs), outputs, 0.0)), axis=1, keepdims=True)
-    doubt = np.abs(outputs[:, some] - again)[finite] > _AGREEMENT * np.broadcast_to(size, finite.shape)[finite]
-    if doubt.any():
-        raise ArithmeticError("not so")
-    at_start = times == 0
-    outputs[:, at_start] = 0.0
-    if integrals == 1:
-        for row, quotient in zip(outputs, _maps(loop, input), strict=True):
-            row[at_start] = quotient.at_infinity[0]
-    outputs[~np.isfinite(outputs)] = np.nan
-    return outputs
+    horizon = float(times[-1])
+    grid = horizon * np.arange(1, _GRID + 1) / _GRID
+    asked = np.unique(np.linspace(0, times.size - 1, _SPOT_CHECKS).astype(int))
+    short = loop.delay and horizon > _FEW_DELAYS * loop.delay
+    for way in (_short_delay, _solver) if short else (_solver,):
+        with np.errstate(all="ignore"):
+            outputs, seen = way(loop, input, horizon, integrals, 0)(times, grid)
+            pair = way(loop, input, horizon, integrals, 1)(times[asked], grid)
+            _put_jumps(outputs, times, loop, input, integrals)
+            _put_jumps(pair[0], times[asked], loop, input, integrals)
+            found = np.hstack([outputs[:, asked], seen])
+            size = _largest(np.hstack([outputs, seen]))
+            if (_largest(found - np.hstack(pair)) <= _AGREEMENT * size).all():
+                outputs[~np.isfinite(outputs)] = np.nan
+                return outputs
+    raise ArithmeticError(
+        f"the response to {input} over {horizon:g} s cannot be given to nine digits: they hang on "
+        "the last digits of the coefficients, as a mode turns or grows too often in this time or "
+        "nearly cancels; shorten timepts, or give blocks without what cancels"
+    )
 
 
-def _some(times):
-    if times.size <= 8:
-        return np.arange(times.size)
-    if _even_step(times) is None:
-        return np.linspace(0, times.size - 1, 8).astype(int)
-    stride = -(-(times.size-1) // 32)
-    return np.arange(0, times.size, stride)
+def _largest(signals: FloatArray) -> FloatArray:
+    """Largest size of y and of u; what has left the floating-point range does not count."""
+    finite = np.isfinite(signals)
+    return np.asarray(np.abs(np.where(finite, signals, 0.0)).max(axis=1))
 
 
-_OTHER_UNIT = 3.0
-_AGREEMENT = 1e-10
+def _put_jumps(
+    outputs: FloatArray, times: FloatArray, loop: LoopEquations, input: str, integrals: int
+) -> None:
+    """Put in the values at t = 0, just after the jump, which the leading coefficients give."""
+    for row, quotient in zip(outputs, _maps(loop, input), strict=True):
+        row[times == 0] = quotient.at_infinity[0] if integrals == 1 else 0.0
 
 
-def _maps(loop, input):
+def _maps(loop: LoopEquations, input: str) -> tuple[Quotient, Quotient]:
+    """Return the maps from `input` to y and to u."""
     return {
-        "R": (loop.T_R, loop.U_R),
-        "d": (loop.S_d, loop.U_d),
-        "delta": (loop.S_delta, loop.U_delta),
-        "eta": (loop.S_eta, loop.U_eta),
-    }[input]
+        "R": lambda: (loop.T_R, loop.U_R),
+        "d": lambda: (loop.S_d, loop.U_d),
+        "delta": lambda: (loop.S_delta, loop.U_delta),
+        "eta": lambda: (loop.S_eta, loop.U_eta),
+    }[input]()
 
 
-def _in_units(coefficients: FloatArray, unit: float) -> FloatArray:
-    return coefficients * unit ** np.arange(coefficients.size - 1, -1, -1.0)
+def _solver(
+    loop: LoopEquations, input: str, horizon: float, integrals: int, attempt: int
+) -> Solver:
+    """Prepare all responses up to `horizon`, in seconds (attempt 0) or in another unit (1)."""
+    unit = _OTHER_UNIT**attempt
+    if not loop.delay:
+        maps = _maps(loop, input)
+        closed = [m.numerator.q for m in maps], maps[0].denominator.q
+        blocks = _impulses(_in_blocks(_forced(*closed, integrals), horizon, unit), unit)
+
+        def solve(times: FloatArray) -> FloatArray:
+            step = _even_step(times)
+            step = step and step * unit
+            return sum(
+                (b.C @ impulse_states(b, times * unit, step) for b in blocks),
+                np.zeros((2, times.size)),
+            )
+
+        return lambda times, grid: (solve(times), solve(grid))
+    driven = _in_blocks(_around_the_delay(loop), horizon, unit)
+    before = _forced(*_before_the_delay(loop, input), integrals)
+    free = _impulses(_in_blocks(before, horizon, unit), unit)
+
+    def march(times: FloatArray, grid: FloatArray) -> tuple[FloatArray, FloatArray]:
+        union, which = np.unique(np.concatenate([times, grid]), return_inverse=True)
+        outputs = delayed_response(driven, free, loop.delay * unit, union * unit)[:, which]
+        return outputs[:, : times.size], outputs[:, times.size :]
+
+    return march
 
 
-def _computed(loop, input, times, integrals, unit):
-    if loop.delay:
-        return _with_delay(loop, input, times, integrals, unit)
-    maps = _maps(loop, input)
-    den = maps[0].denominator.q
-    nums = [m.numerator.q for m in maps]
-    return _rational(nums, den, times, integrals, unit)
+def _short_delay(
+    loop: LoopEquations, input: str, horizon: float, integrals: int, attempt: int
+) -> Solver:
+    """Replace the dead time by a rational once the first few of them are over.
+
+    What is then left of the loop is far slower than its dead time; where it is not, two rationals
+    of different order do not agree.
+    """
+    numbers = _pade(_ORDERS[attempt], loop.delay)
+    G = loop.fractions.G
+    rational = replace(
+        loop, process=(np.convolve(G.num, numbers[0]), np.convolve(G.den, numbers[1]))
+    )
+    start = _STARTING * loop.delay
+    early = _solver(loop, input, start, integrals, attempt)
+    late = _solver(rational, input, horizon, integrals, attempt)
+
+    def solve(times: FloatArray, grid: FloatArray) -> tuple[FloatArray, FloatArray]:
+        outputs, seen = late(times, grid)
+        first = times <= start
+        if first.any():
+            outputs[:, first] = early(times[first], times[:0])[0]
+        return outputs, seen
+
+    return solve
 
 
-def _rational(nums, den, times, integrals, unit):
-    blocks = _forced_blocks(nums, den, times[-1], integrals, unit)
-    times = times * unit
-    step = _even_step(times)
-    return sum(b.C @ impulse_states(b, times, step) for b in blocks)
+def _pade(order: int, delay: float) -> tuple[FloatArray, FloatArray]:
+    """Numerator and denominator of the diagonal Padé approximant of exp(-delay·s)."""
+    k = np.arange(order, -1, -1)
+    den = np.array([
+        factorial(2 * order - i) * factorial(order)
+        / (factorial(2 * order) * factorial(i) * factorial(order - i))
+        * delay**i
+        for i in k.tolist()
+    ])  # fmt: skip
+    return den * (-1.0) ** k, den
 
 
-def _forced_blocks(nums, den, horizon, integrals, unit):
-    den = np.append(den, np.zeros(integrals))
-    # An impulse response in the other unit of time is so much smaller.
-    nums = [unit * _in_units(num, unit) for num in nums]
-    return split(nums, _in_units(den, unit), horizon * unit)
+Rational = tuple[Sequence[FloatArray], FloatArray]
+"""Numerators to y and to v, and their common denominator."""
 
 
-def _with_delay(loop, input, times, integrals, unit):
-    G, Gm, C, F = loop.fractions
-    one_minus_F = loop._one_minus_F.q
-    K_num, K_den = np.convolve(F.num, Gm.den), np.convolve(one_minus_F, Gm.num)
-    zero = np.zeros(1)
+def _around_the_delay(loop: LoopEquations) -> Rational:
+    """What z does: y = G0 z and v = -K G0 z with K = F/((1 - F) Gm)."""
+    G, Gm, _, F = loop.fractions
+    num, den = np.convolve(F.num, Gm.den), np.convolve(loop.one_minus_F.q, Gm.num)
+    return (np.convolve(G.num, den), -np.convolve(G.num, num)), np.convolve(G.den, den)
+
+
+def _before_the_delay(loop: LoopEquations, input: str) -> Rational:
+    """What the input does to y and v before anything has come around."""
+    _, Gm, C, F = loop.fractions
+    nothing, one = np.zeros(1), np.ones(1)
+    if input == "delta":
+        return (nothing, one), one
     if input == "R":
-        free = (zero, reduce(np.convolve, (C.num, Gm.den, F.den))), np.convolve(loop.p_A.q, one_minus_F)
-    elif input == "d":
-        free = (K_den, -K_num), K_den
-    elif input == "eta":
-        free = (zero, -K_num), K_den
-    else:
-        free = (zero, np.ones(1)), np.ones(1)
-    driven = (np.convolve(G.num, K_den), -np.convolve(G.num, K_num)), np.convolve(G.den, K_den)
-    horizon = times[-1]
-    driven_blocks = split([_in_units(p, unit) for p in driven[0]], _in_units(driven[1], unit), horizon * unit)
-    free_blocks = _forced_blocks(*free, horizon, integrals, unit)
-    return delayed_response(driven_blocks, free_blocks, loop.delay * unit, times * unit)
+        prefilter = reduce(np.convolve, (C.num, Gm.den, F.den))
+        return (nothing, prefilter), np.convolve(loop.p_A.q, loop.one_minus_F.q)
+    num, den = np.convolve(F.num, Gm.den), np.convolve(loop.one_minus_F.q, Gm.num)
+    return (den if input == "d" else nothing, -num), den
+
+
+def _forced(nums: Sequence[FloatArray], den: FloatArray, integrals: int) -> Rational:
+    return nums, np.append(den, np.zeros(integrals))
+
+
+def _in_blocks(rational: Rational, horizon: float, unit: float) -> list[Block]:
+    """Split by time scale, with time in units of 1/unit seconds."""
+    nums, den = rational
+    return split(
+        [_in_unit(num, unit) for num in nums], _in_unit(den, unit), horizon * unit
+    )
+
+
+def _impulses(blocks: Sequence[Block], unit: float) -> list[Block]:
+    """Scale what an impulse sets off: one of a second is shorter or longer in another unit."""
+    return [replace(block, B=unit * block.B) for block in blocks]
+
+
+def _in_unit(coefficients: FloatArray, unit: float) -> FloatArray:
+    return coefficients * unit ** np.arange(coefficients.size - 1, -1, -1.0)
