@@ -31,7 +31,7 @@ from .equations import LoopEquations
 from .quotient import Quotient
 from .steps import delayed_response
 from .timescales import Block, impulse_states, split
-from .window import default_times
+from .window import POINTS, default_response
 
 INPUTS = ("R", "d", "delta", "eta")
 OUTPUTS = ("y", "u")
@@ -58,9 +58,10 @@ def step_response(
         The loop, stable or not.
     input : {"R", "d", "delta", "eta"}
         Where the step enters: reference, output disturbance, input disturbance or noise.
-    timepts : (N,) array_like, optional
-        Increasing times from 0 on, in seconds; evenly spaced ones are fastest. By default
-        1,001 points until y and u have settled, or over a few e-foldings of an unstable loop.
+    timepts : (N,) array_like or float, optional
+        Increasing times from 0 on, in seconds; evenly spaced ones are fastest. A number is the
+        last of 1,001 times. By default 1,001 until y and u have settled, or over a few
+        e-foldings of an unstable loop; fewer seconds where that cannot be computed.
 
     Returns
     -------
@@ -90,13 +91,15 @@ def step_response(
     """
     _check(loop, input)
     if timepts is None:
-        times = default_times(loop, input, lambda times: _response(loop, input, times))
+        times, outputs = default_response(
+            loop, input, lambda times: _response(loop, input, times)
+        )
     else:
         times = _checked_times(timepts)
-    outputs = _response(loop, input, times)[:, np.newaxis]
+        outputs = _response(loop, input, times)
     return ct.TimeResponseData(
         times,
-        outputs,
+        outputs[:, np.newaxis],
         inputs=np.ones((1, 1, times.size)),
         issiso=False,
         output_labels=list(OUTPUTS),
@@ -183,7 +186,12 @@ def _check(loop: LoopEquations, input: str) -> None:
 
 
 def _checked_times(timepts: ArrayLike) -> FloatArray:
-    times = np.asarray(timepts, dtype=float)
+    try:
+        times = np.asarray(timepts, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise TypeError(f"timepts is {timepts!r}; give times in seconds, or the last one") from error
+    if times.ndim == 0:
+        times = np.linspace(0.0, float(times), POINTS) if times > 0 else np.full(2, np.nan)
     if times.ndim != 1 or times.size == 0:
         raise ValueError(f"timepts has shape {times.shape}; it must be a non-empty 1-D array")
     if not (np.isfinite(times).all() and times[0] >= 0 and (np.diff(times) > 0).all()):

@@ -93,6 +93,26 @@ def split(nums: Sequence[FloatArray], den: FloatArray, horizon: float) -> list[B
     return _blocks(ascending, den[::-1], horizon)
 
 
+def roots_by_time_scale(den: FloatArray) -> ComplexArray:
+    """Find the roots of a polynomial, each group of them to the accuracy of its own time scale.
+
+    Parameters
+    ----------
+    den : array of float
+        Coefficients in descending powers, the first one not zero.
+
+    Examples
+    --------
+    >>> roots = roots_by_time_scale(np.array([1e-18, 1e-9 + 1e-15, 1e-6, 0.0]))
+    >>> [round(float(root), 3) for root in np.log10(-roots.real[1:])]
+    [3.0, 9.0]
+    """
+    moduli = _moduli(den)
+    slowest = min(moduli[np.isfinite(moduli)], default=0.0)
+    blocks = _blocks(np.zeros((1, den.size)), den[::-1], 2.0 ** (-slowest))
+    return np.concatenate([np.linalg.eigvals(block.A).astype(complex) for block in blocks])
+
+
 def _blocks(nums: FloatArray, den: FloatArray, horizon: float) -> list[Block]:
     n = den.size - 1
     if n == 0:

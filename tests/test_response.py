@@ -15,7 +15,7 @@ from nrdob.delay import delay
 from nrdob.equations import LoopEquations
 from nrdob.filters import LowPassFilter
 from nrdob.response import INPUTS, forced_response, step_response
-from nrdob.window import _even_times
+from nrdob.window import even_times
 
 mpl.use("Agg")
 s = ct.tf("s")
@@ -401,7 +401,7 @@ def test_default_window_holds_the_transient_and_little_more(k, input):
 
 @pytest.mark.parametrize("window", [1, 2, 5, 10])
 def test_default_window_is_a_round_number(window):
-    assert _even_times(0.99 * window)[-1] == window
+    assert even_times(0.99 * window)[-1] == window
 
 
 def test_default_window_looks_closer_where_the_slowest_mode_does_not_show():
