@@ -28,6 +28,7 @@ from scipy.signal import fftconvolve
 
 from .blocks import FloatArray, Fraction
 from .equations import LoopEquations
+from .quasipoly import add
 from .quotient import Quotient
 from .steps import delayed_response
 from .timescales import Block, impulse_states, split
@@ -38,10 +39,11 @@ OUTPUTS = ("y", "u")
 
 _DIRECT_CONVOLUTION = 10_000
 
-_OTHER_UNIT = 3.0  # of time, in which coefficients are rounded differently
+_UNITS = 1.0, 3.0  # of time, in which coefficients are rounded differently
 _AGREEMENT = 1e-10  # of the size of a signal: what may hang on rounding
 _GRID = 32  # times at which each response is looked at, besides some of those asked for
 _SPOT_CHECKS = 9
+_ECHOES = 8  # delays at most whose echoes are summed one by one
 _FEW_DELAYS = 20_000  # that are marched through without a look for a shorter way
 _STARTING = 60  # delays, after which a short one is smooth enough to be replaced by a rational
 _ORDERS = 9, 7  # of the rational that replaces it, and of the one it is checked against
@@ -216,6 +218,9 @@ def _convolve(signal: FloatArray, pulse: FloatArray) -> FloatArray:
 
 # A step is one integral of an impulse, a ramp is two.
 
+Rational = tuple[Sequence[FloatArray], FloatArray]
+"""Numerators to y and to v, and their common denominator."""
+
 Solver = Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
 """Gives y and u, shape (2, N), at two sets of times."""
 
@@ -229,23 +234,41 @@ def _response(loop: LoopEquations, input: str, times: FloatArray, integrals: int
     horizon = float(times[-1])
     grid = horizon * np.arange(1, _GRID + 1) / _GRID
     asked = np.unique(np.linspace(0, times.size - 1, _SPOT_CHECKS).astype(int))
-    short = loop.delay and horizon > _FEW_DELAYS * loop.delay
-    for way in (_short_delay, _solver) if short else (_solver,):
-        with np.errstate(all="ignore"):
-            outputs, seen = way(loop, input, horizon, integrals, 0)(times, grid)
-            pair = way(loop, input, horizon, integrals, 1)(times[asked], grid)
-            _put_jumps(outputs, times, loop, input, integrals)
-            _put_jumps(pair[0], times[asked], loop, input, integrals)
-            found = np.hstack([outputs[:, asked], seen])
-            size = _largest(np.hstack([outputs, seen]))
-            if (_largest(found - np.hstack(pair)) <= _AGREEMENT * size).all():
-                outputs[~np.isfinite(outputs)] = np.nan
-                return outputs
-    raise ArithmeticError(
+    reason = ""
+    for way in _ways(loop, horizon):
+        try:
+            with np.errstate(all="ignore"):
+                outputs, seen = way(loop, input, horizon, integrals, 0)(times, grid)
+                pair = way(loop, input, horizon, integrals, 1)(times[asked], grid)
+        except (ValueError, ArithmeticError) as refusal:
+            reason = reason or str(refusal)
+            continue
+        _put_jumps(outputs, times, loop, input, integrals)
+        _put_jumps(pair[0], times[asked], loop, input, integrals)
+        found, again = np.hstack([outputs[:, asked], seen]), np.hstack(pair)
+        size = _largest(np.hstack([outputs, seen]))
+        if (_largest(found - again) <= _AGREEMENT * size).all():
+            outputs[~np.isfinite(outputs)] = np.nan
+            return outputs
+        reason = reason or _undecided(input, horizon)
+    raise ArithmeticError(reason)
+
+
+def _undecided(input: str, horizon: float) -> str:
+    return (
         f"the response to {input} over {horizon:g} s cannot be given to nine digits: they hang on "
         "the last digits of the coefficients, as a mode turns or grows too often in this time or "
         "nearly cancels; shorten timepts, or give blocks without what cancels"
     )
+
+
+def _ways(loop: LoopEquations, horizon: float) -> tuple[Callable[..., Solver], ...]:
+    """Ways to compute a response, in the order in which they are tried."""
+    if not loop.delay:
+        return (_rational,)
+    if horizon > _FEW_DELAYS * loop.delay:
+        return _short_delay, _marching
+    return (_marching, _echoes) if horizon < _ECHOES * loop.delay else (_marching,)
 
 
 def _largest(signals: FloatArray) -> FloatArray:
@@ -272,25 +295,68 @@ def _maps(loop: LoopEquations, input: str) -> tuple[Quotient, Quotient]:
     }[input]()
 
 
-def _solver(
+def _rational(
     loop: LoopEquations, input: str, horizon: float, integrals: int, attempt: int
 ) -> Solver:
-    """Prepare all responses up to `horizon`, in seconds (attempt 0) or in another unit (1)."""
-    unit = _OTHER_UNIT**attempt
-    if not loop.delay:
-        maps = _maps(loop, input)
-        closed = [m.numerator.q for m in maps], maps[0].denominator.q
-        blocks = _impulses(_in_blocks(_forced(*closed, integrals), horizon, unit), unit)
+    """Without dead time both signals are sums of exponentials."""
+    maps = _maps(loop, input)
+    terms = [([m.numerator.q for m in maps], maps[0].denominator.q)]
+    return _shifted(terms, 0.0, horizon, integrals, attempt)
 
-        def solve(times: FloatArray) -> FloatArray:
-            step = _even_step(times)
-            step = step and step * unit
-            return sum(
-                (b.C @ impulse_states(b, times * unit, step) for b in blocks),
-                np.zeros((2, times.size)),
-            )
 
-        return lambda times, grid: (solve(times), solve(grid))
+def _echoes(
+    loop: LoopEquations, input: str, horizon: float, integrals: int, attempt: int
+) -> Solver:
+    r"""Sum up what has come around the loop k times, each a rational transform.
+
+    ``(a + b E)/(q + r E) = a/q + sum of (-r)^(k-1) (b q - a r)/q^(k+1) E^k`` with E = exp(-θs).
+    Their degree grows, but nothing has to cancel on the way through a plant after a filter so fast
+    that the input of the plant is next to an impulse and all its derivatives.
+    """
+    maps = _maps(loop, input)
+    q, r = loop.p_B.q, loop.p_B.r
+    rest = loop.p_A.q if input == "R" else np.ones(1)
+    ends = [(m.numerator.q, m.numerator.r) for m in maps]
+    terms = [([a for a, _ in ends], np.convolve(rest, q))]
+    nums = [add(np.convolve(b, q), -np.convolve(a, r)) for a, b in ends]
+    for _ in range(int(horizon / loop.delay + 1e-9)):
+        terms.append((nums, np.convolve(terms[-1][1], q)))
+        nums = [-np.convolve(num, r) for num in nums]
+    return _shifted(terms, loop.delay, horizon, integrals, attempt)
+
+
+def _shifted(
+    terms: Sequence[Rational], delay: float, horizon: float, integrals: int, attempt: int
+) -> Solver:
+    """Sum up transforms, the k-th one delayed by k times `delay`."""
+    unit = _UNITS[attempt]
+    late = [
+        _impulses(_in_blocks(_forced(*term, integrals), horizon - k * delay, unit), unit)
+        for k, term in enumerate(terms)
+    ]
+
+    def solve(times: FloatArray) -> FloatArray:
+        outputs = np.zeros((2, times.size))
+        for k, blocks in enumerate(late):
+            # A time that only rounding puts before a multiple of the delay is meant to be on it.
+            since = times - k * delay
+            begun = since >= -1e-9 * delay
+            since = np.maximum(since[begun], 0.0)
+            if since.size:
+                step = _even_step(since)
+                for block in blocks:
+                    states = impulse_states(block, since * unit, step and step * unit)
+                    outputs[:, begun] += block.C @ states
+        return outputs
+
+    return lambda times, grid: (solve(times), solve(grid))
+
+
+def _marching(
+    loop: LoopEquations, input: str, horizon: float, integrals: int, attempt: int
+) -> Solver:
+    """Dead time by dead time, see `nrdob.steps`."""
+    unit = _UNITS[attempt]
     driven = _in_blocks(_around_the_delay(loop), horizon, unit)
     before = _forced(*_before_the_delay(loop, input), integrals)
     free = _impulses(_in_blocks(before, horizon, unit), unit)
@@ -317,8 +383,8 @@ def _short_delay(
         loop, process=(np.convolve(G.num, numbers[0]), np.convolve(G.den, numbers[1]))
     )
     start = _STARTING * loop.delay
-    early = _solver(loop, input, start, integrals, attempt)
-    late = _solver(rational, input, horizon, integrals, attempt)
+    early = _marching(loop, input, start, integrals, attempt)
+    late = _rational(rational, input, horizon, integrals, attempt)
 
     def solve(times: FloatArray, grid: FloatArray) -> tuple[FloatArray, FloatArray]:
         outputs, seen = late(times, grid)
@@ -341,9 +407,6 @@ def _pade(order: int, delay: float) -> tuple[FloatArray, FloatArray]:
     ])  # fmt: skip
     return den * (-1.0) ** k, den
 
-
-Rational = tuple[Sequence[FloatArray], FloatArray]
-"""Numerators to y and to v, and their common denominator."""
 
 
 def _around_the_delay(loop: LoopEquations) -> Rational:

@@ -82,7 +82,8 @@ def _modes(loop: LoopEquations, input: str) -> tuple[ComplexArray, BoolArray]:
     """Roots that `input` excites, and which of them lie on the imaginary axis within rounding."""
     factors = [loop.p_A, loop.p_B] if input == "R" else [loop.p_B]
     try:
-        roots = [p.roots if p.delay else roots_by_time_scale(p.q) for p in factors]
+        with np.errstate(all="ignore"):
+            roots = [p.roots if p.delay else roots_by_time_scale(p.q) for p in factors]
     except ArithmeticError:  # so long a delay that it alone sets the pace
         return np.zeros(0, dtype=complex), np.zeros(0, dtype=bool)
     on_axis = [p.near_axis(found) for p, found in zip(factors, roots, strict=True)]
