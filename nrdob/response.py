@@ -26,11 +26,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.signal import fftconvolve
 
-from .blocks import FloatArray, Fraction
+from .blocks import FloatArray
 from .equations import LoopEquations
 from .quasipoly import add
 from .quotient import Quotient
-from .steps import delayed_response
+from .steps import MAX_DELAYS, delayed_response
 from .timescales import Block, impulse_states, split
 from .window import POINTS, default_response
 
@@ -93,9 +93,7 @@ def step_response(
     """
     _check(loop, input)
     if timepts is None:
-        times, outputs = default_response(
-            loop, input, lambda times: _response(loop, input, times)
-        )
+        times, outputs = default_response(loop, input, lambda times: _response(loop, input, times))
     else:
         times = _checked_times(timepts)
         outputs = _response(loop, input, times)
@@ -191,7 +189,9 @@ def _checked_times(timepts: ArrayLike) -> FloatArray:
     try:
         times = np.asarray(timepts, dtype=float)
     except (TypeError, ValueError) as error:
-        raise TypeError(f"timepts is {timepts!r}; give times in seconds, or the last one") from error
+        raise TypeError(
+            f"timepts is {timepts!r}; give times in seconds, or the last one"
+        ) from error
     if times.ndim == 0:
         times = np.linspace(0.0, float(times), POINTS) if times > 0 else np.full(2, np.nan)
     if times.ndim != 1 or times.size == 0:
@@ -266,6 +266,8 @@ def _ways(loop: LoopEquations, horizon: float) -> tuple[Callable[..., Solver], .
     """Ways to compute a response, in the order in which they are tried."""
     if not loop.delay:
         return (_rational,)
+    if horizon > MAX_DELAYS * loop.delay:
+        return (_short_delay,)
     if horizon > _FEW_DELAYS * loop.delay:
         return _short_delay, _marching
     return (_marching, _echoes) if horizon < _ECHOES * loop.delay else (_marching,)
@@ -408,16 +410,15 @@ def _pade(order: int, delay: float) -> tuple[FloatArray, FloatArray]:
     return den * (-1.0) ** k, den
 
 
-
 def _around_the_delay(loop: LoopEquations) -> Rational:
-    """What z does: y = G0 z and v = -K G0 z with K = F/((1 - F) Gm)."""
+    """Return what z does: y = G0 z and v = -K G0 z with K = F/((1 - F) Gm)."""
     G, Gm, _, F = loop.fractions
     num, den = np.convolve(F.num, Gm.den), np.convolve(loop.one_minus_F.q, Gm.num)
     return (np.convolve(G.num, den), -np.convolve(G.num, num)), np.convolve(G.den, den)
 
 
 def _before_the_delay(loop: LoopEquations, input: str) -> Rational:
-    """What the input does to y and v before anything has come around."""
+    """Return what the input does to y and v before anything has come around."""
     _, Gm, C, F = loop.fractions
     nothing, one = np.zeros(1), np.ones(1)
     if input == "delta":
@@ -436,9 +437,7 @@ def _forced(nums: Sequence[FloatArray], den: FloatArray, integrals: int) -> Rati
 def _in_blocks(rational: Rational, horizon: float, unit: float) -> list[Block]:
     """Split by time scale, with time in units of 1/unit seconds."""
     nums, den = rational
-    return split(
-        [_in_unit(num, unit) for num in nums], _in_unit(den, unit), horizon * unit
-    )
+    return split([_in_unit(num, unit) for num in nums], _in_unit(den, unit), horizon * unit)
 
 
 def _impulses(blocks: Sequence[Block], unit: float) -> list[Block]:

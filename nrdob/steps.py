@@ -14,17 +14,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from math import lgamma, log
+from math import lgamma, log, log2
 
 import numpy as np
 from numpy.polynomial import chebyshev, legendre
-from scipy.linalg import block_diag, schur
+from scipy.linalg import schur
 
-from .blocks import ComplexArray, FloatArray
+from .blocks import FloatArray, IntArray
 from .timescales import Block
 
 MAX_PANELS = 400_000
 """Panels that one march may take: a second or two."""
+
+MAX_PANELS_PER_DELAY = 20_000
+"""Panels of one dead time that fit into memory."""
 
 MAX_DELAYS = 1_000_000
 """Dead times that may be leapt over: rounding grows with each."""
@@ -32,8 +35,9 @@ MAX_DELAYS = 1_000_000
 _NODES = 17
 _REACH = 2.0  # rate times length of a panel at which nothing but rounding is left
 _LOG_ROUNDING = log(1e-16)
-_MAX_STATE = 800
-_LONG_MARCH = 20_000
+_MOST_GROWTH = 4.0  # of panels, from one to the next
+_GROWING = 300  # panels, after which the rest of an interval is cut evenly
+_PRODUCTS_PER_PANEL = 15_000  # of matrix elements, that take the time of one panel
 
 
 @dataclass(frozen=True)
@@ -78,7 +82,7 @@ class _Interval:
 def delayed_response(
     driven: Sequence[Block], free: Sequence[Block], delay: float, times: FloatArray
 ) -> FloatArray:
-    """Outputs y and v at `times`, shape (2, N).
+    """March from dead time to dead time.
 
     Parameters
     ----------
@@ -91,17 +95,24 @@ def delayed_response(
     times : (N,) array of float
         Increasing, from 0 or later, in seconds.
 
+    Returns
+    -------
+    (2, N) array of float
+        y and v at `times`.
+
     Raises
     ------
     ValueError
         If `times` spans so many panels, or so many dead times, that no result could be given in
         reasonable time and with nine digits.
+    ArithmeticError
+        If signals are too fast for the panels.
     """
     start = np.concatenate([np.zeros(sum(b.B.size for b in driven)), *(b.B for b in free)])
     idle = [Block(b.A, np.zeros_like(b.B), b.C, np.zeros_like(b.D)) for b in free]
     blocks = [*driven, *idle]
     for finer in (1.0, 2.0, 4.0):
-        interval = _interval(blocks, _mesh(blocks, delay, finer), delay)
+        interval = _interval(blocks, _mesh(blocks, delay, finer))
         edges = interval.edges
         # A time that only rounding puts before a border is meant to be on it.
         index = np.floor(times / delay + 1e-9).astype(int)
@@ -124,21 +135,27 @@ def delayed_response(
 
 
 def _mesh(blocks: Sequence[Block], delay: float, finer: float) -> FloatArray:
-    """Borders of panels: each mode is resolved, or has died out since the last multiple of θ."""
-    poles = np.concatenate([np.linalg.eigvals(b.A) for b in blocks] or [np.zeros(0)])
+    """Lengths of panels on which each mode is resolved, or has died out since the last multiple."""
+    poles = np.concatenate([np.linalg.eigvals(b.A) for b in blocks])
     rate, decay = finer * np.abs(poles), np.maximum(-poles.real, 0.0) / finer
-    edges = [0.0]
-    while edges[-1] < delay:
-        left = edges[-1]
-        length = delay - left
-        while length > 1e-14 * delay and not _resolved(rate * length, decay * left):
+    lengths: list[float] = []
+    left, length = 0.0, delay
+    while left < delay * (1 - 1e-12):
+        length = min(delay - left, _MOST_GROWTH * length)
+        while not _resolved(rate * length, decay * left):
             length /= 1.5
-        if delay - left - length < 1e-9 * delay:
-            length = delay - left
-        edges.append(left + length)
-        if len(edges) > MAX_PANELS // 8 or length <= 1e-14 * delay:
-            raise ValueError(_too_long(len(edges)))
-    return np.array(edges)
+        if len(lengths) >= _GROWING:  # what is left does not die out
+            count = np.ceil((delay - left) / length)
+            if count > MAX_PANELS_PER_DELAY:
+                raise ValueError(
+                    f"a mode turns so often in a dead time that {count:,.0f} panels would be "
+                    f"needed for it, more than {MAX_PANELS_PER_DELAY:,}; damp the mode, or leave "
+                    "it out of the blocks"
+                )
+            return np.append(lengths, np.full(int(count), (delay - left) / count))
+        lengths.append(length)
+        left += length
+    return np.array(lengths)
 
 
 def _resolved(reach: FloatArray, died_out: FloatArray) -> bool:
@@ -151,22 +168,20 @@ def _resolved(reach: FloatArray, died_out: FloatArray) -> bool:
     return bool((size - died_out[hard] <= _LOG_ROUNDING).all())
 
 
-def _too_long(panels: float) -> str:
-    return (
-        f"timepts spans over {panels:,} panels of the fastest mode that does not die out, more "
-        f"than the {MAX_PANELS:,} that dead time allows; shorten timepts or slow the fastest block"
-    )
-
-
-def _interval(blocks: Sequence[Block], edges: FloatArray, delay: float) -> _Interval:
+def _interval(blocks: Sequence[Block], lengths: FloatArray) -> _Interval:
     """Solve every panel for every block."""
-    lengths = np.diff(edges)
-    solved = [_collocated(block, lengths) for block in blocks]
-    advance = np.array([block_diag(*parts) for parts in zip(*(s[0] for s in solved), strict=True)])
-    gamma = np.concatenate([s[1] for s in solved], axis=1)
-    from_x = np.concatenate([s[2] for s in solved], axis=3)
-    from_z = sum((s[3] for s in solved), np.zeros(1))
-    return _Interval(edges, (advance, gamma), (from_x, from_z))
+    different, which = np.unique(lengths, return_inverse=True)
+    n, m = sum(block.B.size for block in blocks), _NODES
+    E, gamma = np.zeros((different.size, n, n)), np.zeros((different.size, n, m))
+    from_x, from_z = np.zeros((different.size, 2, m, n)), np.zeros((different.size, 2, m, m))
+    first = 0
+    for block in blocks:
+        own = slice(first, first + block.B.size)
+        E[:, own, own], gamma[:, own], from_x[..., own], more = _collocated(block, different)
+        from_z += more
+        first = own.stop
+    edges = np.append(0.0, np.cumsum(lengths))
+    return _Interval(edges, (E[which], gamma[which]), (from_x[which], from_z[which]))
 
 
 def _collocated(
@@ -200,8 +215,8 @@ def _radau() -> tuple[FloatArray, FloatArray]:
     x[-1] = 1.0
     nodes = (x + 1) / 2
     antiderivative = chebyshev.chebint(np.eye(m), lbnd=-1) / 2
-    integral = chebyshev.chebvander(x, m) @ antiderivative @ np.linalg.inv(
-        chebyshev.chebvander(x, m - 1)
+    integral = (
+        chebyshev.chebvander(x, m) @ antiderivative @ np.linalg.inv(chebyshev.chebvander(x, m - 1))
     )
     return nodes, np.asarray(integral)
 
@@ -217,36 +232,40 @@ def _seen(
 ) -> tuple[FloatArray, float]:
     """Values (k, P, 2, m) at the nodes of the k `intervals`, and what polynomials leave of them."""
     panels, n = interval.advance[0].shape[:2]
-    last = int(intervals[-1])
-    x, z = start[:, np.newaxis], np.zeros((panels, _NODES, 1))
-    size = n + panels * _NODES
-    jumps, which = np.unique(np.diff(intervals, prepend=0), return_inverse=True)
-    leaps = last > 4 * intervals.size and last > 1000 and size <= _MAX_STATE
-    if leaps and last > MAX_DELAYS:
+    last, size = int(intervals[-1]), n + panels * _NODES
+    jumps: IntArray = np.diff(intervals, prepend=0)
+    marched = (last + 1) * (panels + 10)
+    leapt = len(set(jumps.tolist())) * log2(last + 2) * size**3 / _PRODUCTS_PER_PANEL
+    if min(marched, leapt) > MAX_PANELS:
         raise ValueError(
-            f"timepts spans {last:,} dead times, more than the {MAX_DELAYS:,} after which "
-            "rounding could show in the ninth digit; shorten timepts"
+            f"timepts spans {last:,} dead times of {panels:,} panels, more than the {MAX_PANELS:,} "
+            "panels that take a second; shorten timepts or slow the fastest block"
         )
-    if not leaps and (last + 1) * panels > MAX_PANELS:
-        raise ValueError(_too_long((last + 1) * panels))
+    walk = _leap if leapt < marched else _march
+    values = walk(interval, start[:, np.newaxis], np.zeros((panels, _NODES, 1)), jumps)
+    sizes = np.abs(values).max(axis=(1, 3))
+    tails = np.abs(np.einsum("cm,kpom->kpoc", _to_chebyshev()[-2:], values)).max(axis=(1, 3))
+    tail, most = (np.where(np.isfinite(each), each, 0.0).max(axis=0) for each in (tails, sizes))
+    return values, float((tail / np.where(most > 0, most, 1.0)).max())
+
+
+def _march(interval: _Interval, x: FloatArray, z: FloatArray, jumps: IntArray) -> FloatArray:
+    """Take interval by interval, and keep the values after each of the jumps."""
     seen = []
-    if leaps:
-        matrix = interval.as_matrix
-        powers = [np.linalg.matrix_power(matrix, int(jump)) for jump in jumps]
-        state = np.vstack([x, z.reshape(-1, 1)])
-        for i in which:
-            state = powers[i] @ state
-            x, z = state[:n], state[n:].reshape(panels, _NODES, 1)
-            seen.append(interval.step(x, z)[1][..., 0])
-    else:
-        wanted = set(intervals.tolist())
-        for k in range(last + 1):
+    for jump in jumps:
+        for _ in range(jump):
             x, values = interval.step(x, z)
             z = values[:, 1]
-            if k in wanted:
-                seen.append(values[..., 0])
-    values = np.array(seen)
-    tail = np.abs(np.einsum("cm,kpom->kpoc", _to_chebyshev()[-2:], values)).max(axis=(1, 3))
-    size = np.abs(values).max(axis=(1, 3))
-    tail, size = (np.where(np.isfinite(each), each, 0.0).max(axis=0) for each in (tail, size))
-    return values, float((tail / np.where(size > 0, size, 1.0)).max())
+        seen.append(interval.step(x, z)[1][..., 0])
+    return np.array(seen)
+
+
+def _leap(interval: _Interval, x: FloatArray, z: FloatArray, jumps: IntArray) -> FloatArray:
+    """Take the same with powers of the matrix of one interval."""
+    n = x.shape[0]
+    matrix, state, seen = interval.as_matrix, np.vstack([x, z.reshape(-1, 1)]), []
+    powers = {jump: np.linalg.matrix_power(matrix, jump) for jump in set(jumps.tolist())}
+    for jump in jumps.tolist():
+        state = powers[jump] @ state
+        seen.append(interval.step(state[:n], state[n:].reshape(z.shape))[1][..., 0])
+    return np.array(seen)

@@ -7,10 +7,10 @@ a gap, p = g h with the slow roots in g and the fast ones in h, and
 
     num/p = a/g + b/h        with        a h + b g = num.
 
-Both equations are linear in the small corrections, and close to the identity once s is measured in
-the middle of the gap: each coefficient comes out with the relative accuracy of the data, however far
-the time scales are apart. The gaps are read off the Newton polygon of p (the upper hull of the
-logarithms of its coefficients, whose slopes are the moduli of the roots up to a small factor).
+Both are solved by linear equations that are next to the identity once s is measured in the middle
+of the gap: each coefficient comes out with the relative accuracy of the data, however far the time
+scales are apart. The gaps are read off the Newton polygon of p, the upper hull of the logarithms of
+its coefficients, whose slopes are the moduli of the roots up to a small factor.
 """
 
 from __future__ import annotations
@@ -24,14 +24,15 @@ from scipy.linalg import expm, matrix_balance
 
 from .blocks import ComplexArray, FloatArray
 
-EPS = float(np.finfo(float).eps)
-
-GAP = 5.0  # ratio of moduli, as a power of two, at which a polynomial is always cut
+# Ratios of moduli, as powers of two:
+_GAP = 5.0  # at which a polynomial is always cut
 _NARROW_GAP = 1.5  # at which it is cut if its roots are otherwise too far apart for one block
 _SPREAD = 12.0  # what one block bears: three or four digits
 _REMOTE = 2.0  # roots slower than 1/(4 horizon) are not told apart
-_STEPS = 30
-_SMALLEST = 1e-290
+
+_NEWTON_STEPS = 30
+_SMALLEST = 1e-290  # coefficients below may have lost digits to underflow
+_EPS = float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True)
@@ -48,16 +49,6 @@ class Block:
     B: FloatArray
     C: FloatArray
     D: FloatArray
-
-    def __call__(self, s: ComplexArray) -> ComplexArray:
-        """Evaluate the m transfer functions at N complex `s`, shape (m, N)."""
-        n = self.A.shape[0]
-        x = np.linalg.solve(
-            s[:, np.newaxis, np.newaxis] * np.eye(n) - self.A,
-            np.broadcast_to(self.B[:, np.newaxis], (s.size, n, 1)),
-        )[:, :, 0]
-        value: ComplexArray = self.C @ x.T + self.D[:, np.newaxis]
-        return value
 
 
 def split(nums: Sequence[FloatArray], den: FloatArray, horizon: float) -> list[Block]:
@@ -90,7 +81,7 @@ def split(nums: Sequence[FloatArray], den: FloatArray, horizon: float) -> list[B
     """
     n = den.size - 1
     ascending = np.array([np.pad(num, (n + 1 - num.size, 0))[::-1] for num in nums])
-    return _blocks(ascending, den[::-1], horizon)
+    return _blocks(_in_unit(ascending, 0), _in_unit(den[::-1], 0), horizon)
 
 
 def roots_by_time_scale(den: FloatArray) -> ComplexArray:
@@ -147,13 +138,13 @@ def _moduli(den: FloatArray) -> FloatArray:
 def _cuts(moduli: FloatArray) -> list[int]:
     """Degrees at which to try and cut, the widest gap first."""
     gaps = np.diff(moduli)
-    least = _NARROW_GAP if np.ptp(moduli) > _SPREAD else GAP
+    least = _NARROW_GAP if np.ptp(moduli) > _SPREAD else _GAP
     order = np.argsort(-gaps, kind="stable")
     return [int(i) + 1 for i in order if gaps[i] >= least]
 
 
 def _in_unit(coefficients: FloatArray, unit: int) -> FloatArray:
-    """Coefficients over powers of s in units of 2^unit rad/s: exact, unless they leave the range."""
+    """Measure s in units of 2^unit rad/s: exact, unless coefficients leave the range."""
     scaled = np.ldexp(coefficients, unit * np.arange(coefficients.shape[-1]))
     lost = (np.abs(scaled) < _SMALLEST) & (coefficients != 0)
     if lost.any() or not np.isfinite(scaled).all():
@@ -173,51 +164,42 @@ def _parted(
     """
     n = p.size - 1
     g, h = p[: k + 1] / p[k], p[k:].copy()
-    for _ in range(_STEPS):
-        size = np.convolve(np.abs(g), np.abs(h))
+    for _ in range(_NEWTON_STEPS):
         rest = p - np.convolve(g, h)
-        if (np.abs(rest) <= 4 * n * EPS * size).all():
+        if (np.abs(rest) <= 4 * n * _EPS * np.convolve(np.abs(g), np.abs(h))).all():
             break
-        correction = _solved(g, h, rest)
+        correction = _solved(_sylvester(g, h), rest)
         g[:k] += correction[:k]
         h += correction[k:]
-        if not (np.isfinite(g).all() and np.isfinite(h).all()):
-            return None
     else:
         return None
-    ab = _solved(g, h, nums.T)
-    ab += _solved(g, h, nums.T - _combined(g, h, ab))
+    matrix = _sylvester(g, h)
+    ab = _solved(matrix, nums.T)
+    ab += _solved(matrix, nums.T - matrix @ ab)
     return (np.pad(ab[:k].T, ((0, 0), (0, 1))), g), (ab[k:].T, h)
 
 
-def _solved(g: FloatArray, h: FloatArray, right: FloatArray) -> FloatArray:
-    """Solve a h + b g = right, a of degree below that of g."""
-    k, n = g.size - 1, g.size + h.size - 2
-    matrix = np.zeros((n + 1, n + 1))
+def _sylvester(g: FloatArray, h: FloatArray) -> FloatArray:
+    """Matrix from the coefficients of a, of lower degree than g, and b to those of a h + b g."""
+    k, size = g.size - 1, g.size + h.size - 1
+    matrix = np.zeros((size, size))
     for i in range(k):
         matrix[i : i + h.size, i] = h
     for i in range(h.size):
         matrix[i : i + k + 1, k + i] = g
-    with np.errstate(all="ignore"):
-        try:
-            return np.asarray(np.linalg.solve(matrix, right))
-        except np.linalg.LinAlgError:
-            return np.full(right.shape, np.nan)
+    return matrix
 
 
-def _combined(g: FloatArray, h: FloatArray, ab: FloatArray) -> FloatArray:
-    k = g.size - 1
-    columns = [
-        np.convolve(column[:k], h) if k else np.zeros(h.size) for column in ab.T
-    ]
-    total = np.array([np.convolve(column[k:], g) for column in ab.T])
-    for row, slow in zip(total, columns, strict=True):
-        row[: slow.size] += slow
-    return total.T
+def _solved(matrix: FloatArray, right: FloatArray) -> FloatArray:
+    """Solve, or return what no one takes for a solution where there is none."""
+    try:
+        return np.asarray(np.linalg.solve(matrix, right))
+    except np.linalg.LinAlgError:
+        return np.full(right.shape, np.nan)
 
 
 def _realised(nums: FloatArray, den: FloatArray, modulus: float) -> Block:
-    """Controllable companion form, balanced, in a unit of time near that of the roots."""
+    """Build the controllable companion form, balanced in a unit of time near that of the roots."""
     unit = round(modulus)
     n = den.size - 1
     nums, den = _in_unit(nums, unit), _in_unit(den, unit)

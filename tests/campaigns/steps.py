@@ -142,6 +142,8 @@ def error(case):
     wanted = np.array([exact_step(case.loop, case.input, t) for t in case.times[case.asked]]).T
     if not wanted.size:
         return 0.0
+    if not np.isfinite(found).all():
+        raise OverflowError("the response leaves the range of floating-point numbers")
     size = np.maximum(np.abs(found).max(axis=1), np.abs(wanted).max(axis=1))
     wrong = np.abs(found[:, case.asked] - wanted).max(axis=1)
     return float(np.max(wrong / np.where(size > 0, size, 1.0)))
