@@ -233,7 +233,7 @@ def _seen(
     """Values (k, P, 2, m) at the nodes of the k `intervals`, and what polynomials leave of them."""
     panels, n = interval.advance[0].shape[:2]
     last, size = int(intervals[-1]), n + panels * _NODES
-    jumps: IntArray = np.diff(intervals, prepend=0)
+    jumps = np.diff(intervals, prepend=0).astype(np.intp)
     marched = (last + 1) * (panels + 10)
     leapt = len(set(jumps.tolist())) * log2(last + 2) * size**3 / _PRODUCTS_PER_PANEL
     if min(marched, leapt) > MAX_PANELS:
@@ -242,7 +242,7 @@ def _seen(
             "panels that take a second; shorten timepts or slow the fastest block"
         )
     walk = _leap if leapt < marched else _march
-    values = walk(interval, start[:, np.newaxis], np.zeros((panels, _NODES, 1)), jumps)
+    values: FloatArray = walk(interval, start[:, np.newaxis], np.zeros((panels, _NODES, 1)), jumps)
     sizes = np.abs(values).max(axis=(1, 3))
     tails = np.abs(np.einsum("cm,kpom->kpoc", _to_chebyshev()[-2:], values)).max(axis=(1, 3))
     tail, most = (np.where(np.isfinite(each), each, 0.0).max(axis=0) for each in (tails, sizes))

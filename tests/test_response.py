@@ -16,7 +16,6 @@ from nrdob.equations import LoopEquations
 from nrdob.filters import LowPassFilter
 from nrdob.response import INPUTS, forced_response, step_response
 from nrdob.window import even_times
-
 from tests.campaigns.steps import campaign, exact_step
 
 pytestmark = pytest.mark.usefixtures("no_warning_leaks")
