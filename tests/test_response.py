@@ -599,7 +599,7 @@ def test_a_mode_that_turns_too_often_for_nine_digits_is_refused():
 
 
 def test_random_loops_are_certified():
-    errors, refusals = campaign(16, seed=11)
+    errors, refusals = campaign(8, seed=11)
     assert max(max(found) for found in errors.values())[0] < 1e-9
     assert sum(refusals.values()) <= 1
 
