@@ -46,6 +46,7 @@ _AGREEMENT = 1e-10  # of the size of a signal: what may hang on rounding
 _TRACE = 1e-6  # of the jump at t = 0, against which what has died out is measured
 _GRID = 32  # times at which each response is looked at, besides some of those asked for
 _SPOT_CHECKS = 9
+_FIRST_ECHOES = 2  # delays in which the echoes are summed one by one, which is exact
 _ECHOES = 8  # delays at most whose echoes are summed one by one
 _FEW_DELAYS = 20_000  # that are marched through without a look for a shorter way
 _STARTING = 60  # delays, after which a short one is smooth enough to be replaced by a rational
@@ -277,6 +278,8 @@ def _ways(loop: LoopEquations, horizon: float) -> tuple[Callable[..., Solver], .
         return (_short_delay,)
     if horizon > _FEW_DELAYS * loop.delay:
         return _short_delay, _marching
+    if horizon < _FIRST_ECHOES * loop.delay:
+        return _echoes, _marching
     return (_marching, _echoes) if horizon < _ECHOES * loop.delay else (_marching,)
 
 

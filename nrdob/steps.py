@@ -119,8 +119,8 @@ def delayed_response(
         local = np.clip(times - index * delay, 0.0, delay)
         panel = np.clip(np.searchsorted(edges, local, side="right") - 1, 0, edges.size - 2)
         intervals, which = np.unique(index, return_inverse=True)
-        values, tail = _seen(interval, start, intervals)
-        if tail <= 1e-11:
+        values = _seen(interval, start, intervals)[which, panel]
+        if _resolved_to(1e-11, values):
             break
     else:
         raise ArithmeticError(
@@ -130,7 +130,7 @@ def delayed_response(
     length = np.diff(edges)
     place = (local - edges[panel]) / length[panel]
     basis = chebyshev.chebvander(2 * place - 1, _NODES - 1) @ _to_chebyshev()
-    outputs: FloatArray = np.einsum("im,iom->oi", basis, values[which, panel])
+    outputs: FloatArray = np.einsum("im,iom->oi", basis, values)
     return outputs
 
 
@@ -227,10 +227,8 @@ def _to_chebyshev() -> FloatArray:
     return np.asarray(np.linalg.inv(chebyshev.chebvander(2 * _radau()[0] - 1, _NODES - 1)))
 
 
-def _seen(
-    interval: _Interval, start: FloatArray, intervals: FloatArray
-) -> tuple[FloatArray, float]:
-    """Values (k, P, 2, m) at the nodes of the k `intervals`, and what polynomials leave of them."""
+def _seen(interval: _Interval, start: FloatArray, intervals: FloatArray) -> FloatArray:
+    """Values (k, P, 2, m) at the nodes of the k `intervals`."""
     panels, n = interval.advance[0].shape[:2]
     last, size = int(intervals[-1]), n + panels * _NODES
     jumps = np.diff(intervals, prepend=0).astype(np.intp)
@@ -242,11 +240,16 @@ def _seen(
             "panels that take a second; shorten timepts or slow the fastest block"
         )
     walk = _leap if leapt < marched else _march
-    values: FloatArray = walk(interval, start[:, np.newaxis], np.zeros((panels, _NODES, 1)), jumps)
-    sizes = np.abs(values).max(axis=(1, 3))
-    tails = np.abs(np.einsum("cm,kpom->kpoc", _to_chebyshev()[-2:], values)).max(axis=(1, 3))
-    tail, most = (np.where(np.isfinite(each), each, 0.0).max(axis=0) for each in (tails, sizes))
-    return values, float((tail / np.where(most > 0, most, 1.0)).max())
+    return walk(interval, start[:, np.newaxis], np.zeros((panels, _NODES, 1)), jumps)
+
+
+def _resolved_to(tolerance: float, values: FloatArray) -> bool:
+    """Tell whether polynomials leave that little of the signals on the panels looked at."""
+    tails = np.abs(values @ _to_chebyshev()[-2:].T)
+    tail, most = (
+        np.where(np.isfinite(each), each, 0.0).max(axis=(0, 2)) for each in (tails, np.abs(values))
+    )
+    return bool((tail <= tolerance * most).all())
 
 
 def _march(interval: _Interval, x: FloatArray, z: FloatArray, jumps: IntArray) -> FloatArray:

@@ -145,6 +145,7 @@ def error(case):
     if not np.isfinite(found).all():
         raise OverflowError("the response leaves the range of floating-point numbers")
     size = np.maximum(np.abs(found).max(axis=1), np.abs(wanted).max(axis=1))
+    size[0] = max(size[0], 1e-6 * (case.input == "d"))  # of a jump by 1 that may have died out
     wrong = np.abs(found[:, case.asked] - wanted).max(axis=1)
     return float(np.max(wrong / np.where(size > 0, size, 1.0)))
 
