@@ -22,10 +22,10 @@ from scipy.optimize import brentq, minimize_scalar
 from .blocks import BoolArray, FloatArray
 from .equations import ObserverEquations
 from .filters import LowPassFilter
-from .mismatchgrid import Frequencies
 from .limits import stabilizing_filter_exists
 from .margins import Margins, margins
 from .mismatch import Mismatch
+from .mismatchgrid import Frequencies
 from .slack import PlantLoops, Specification
 from .timeconstants import lowest_floor, stabilizing_set
 

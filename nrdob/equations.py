@@ -91,7 +91,8 @@ class _ObserverMaps:
         return self.process.delay if isinstance(self.process, DelayedTransferFunction) else 0.0
 
     @cached_property
-    def _one_minus_F(self) -> QuasiPolynomial:
+    def one_minus_F(self) -> QuasiPolynomial:
+        """Numerator Df - Nf of 1 - F."""
         # Both constant coefficients are exactly 1, so 1 - F keeps its zero at s = 0 exactly.
         num, den = self._observer_fractions.F
         return QuasiPolynomial(add(den, -num), scale=add(np.abs(den), np.abs(num)))
@@ -100,7 +101,7 @@ class _ObserverMaps:
     def p_B(self) -> QuasiPolynomial:
         """Characteristic quasi-polynomial of the observer loop, D Nm (Df-Nf) + N Dm Nf e^(-θs)."""
         G, Gm, F = self._observer_fractions
-        undelayed = (G.den, Gm.num, self._one_minus_F.q)
+        undelayed = (G.den, Gm.num, self.one_minus_F.q)
         return _sum_of_products(undelayed, (G.num, Gm.den, F.num), self.delay)
 
     @property
@@ -198,7 +199,7 @@ class _ObserverMaps:
         mismatch = _sum_of_products((-G.den, Gm.num), (G.num, Gm.den), self.delay)
         return {name: QuasiPolynomial(c) for name, c in parts.items()} | {
             "Ne": QuasiPolynomial(np.zeros(1), G.num, self.delay),
-            "1-F": self._one_minus_F,
+            "1-F": self.one_minus_F,
             "mismatch": mismatch,
             "B": self.p_B,
         }

@@ -289,8 +289,8 @@ def step_plot(
         Output or control signal.
     compare : LoopEquations or dict of str: LoopEquations, optional
         Other loops, drawn dashed and grey; one without a label is called "nominal".
-    timepts : array_like, optional
-        Times in seconds; by default each panel shows what there is to see.
+    timepts : array_like or float, optional
+        Times in seconds, or the last one; by default each panel shows what there is to see.
     title : str
         Heading, which also enters the alt text.
     axes : four matplotlib Axes, optional
@@ -324,10 +324,11 @@ def step_plot(
         lines = np.empty(4, dtype=object)
         for k, (ax, given) in enumerate(zip(panels, INPUTS, strict=True)):
             times = timepts
-            if times is None:
+            if times is None and others:
                 longest = max(step_response(x, given).time[-1] for x in (loop, *others.values()))
                 times = np.linspace(0.0, longest, 1001)
-            values = step_response(loop, given, times).outputs[row, 0]
+            response = step_response(loop, given, times)
+            times, values = response.time, response.outputs[row, 0]
             lines[k] = ax.plot(times, values, color=colour_of(given), zorder=3)
             for style, (label, other) in zip(("--", ":", "-."), others.items(), strict=False):
                 faint = step_response(other, given, times).outputs[row, 0]

@@ -6,41 +6,51 @@ E/R = 1/(1 + Gm C)::
 
     y = G0 z + d       u = (Nc Dm/p_A) R + F u - (F/Gm)(y + η)       v = u + δ       z(t) = v(t - θ)
 
-One signal v is delayed, everything else is a linear system. Without dead time z = v closes it and
-matrix exponentials are the answer. With dead time z is known on every interval of length θ from
-the interval before (the method of steps): the interval is cut into panels on which signals are
-polynomials through Chebyshev nodes, and one matrix leads from any panel to the next. Jumps fall on
-panel borders, so that no polynomial ever crosses one. What is left is rounding: some 1e-14 of the
-signal, and more only where millions of delays are marched through.
+One signal v is delayed, everything else is rational. Without dead time y and u are rational, too,
+and their factors are taken apart by time scale before anything is simulated (`nrdob.timescales`).
+With dead time z is known on every interval of length θ from the interval before (`nrdob.steps`).
+Two more ways are at hand where marching loses digits: the first few echoes can be summed up one by
+one, and a dead time far below all else is, after its first echoes, as good as a rational.
+
+Every response is computed twice, in two units of time. Where rounding makes the ninth digit differ
+it is refused: there is no such thing here as a response that is only nearly right.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import lru_cache
-from math import ceil, pi
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import reduce
+from math import factorial, inf
 
 import control as ct
 import numpy as np
-from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike
-from scipy.linalg import block_diag, expm, matrix_balance
 from scipy.signal import fftconvolve
 
-from .blocks import FloatArray, Fraction
+from .blocks import FloatArray
 from .equations import LoopEquations
-from .window import default_times
+from .quasipoly import add
+from .quotient import Quotient
+from .steps import MAX_DELAYS, delayed_response
+from .timescales import Block, impulse_states, split
+from .window import POINTS, default_response
 
 INPUTS = ("R", "d", "delta", "eta")
 OUTPUTS = ("y", "u")
 
-MAX_PANELS = 400_000
-"""Panels that fit into memory, for a loop faster than its dead time."""
-
-_DEGREE = 16
-_PANEL_REACH = 2.0  # fastest rate times panel length: degree 16 then leaves nothing but rounding
 _DIRECT_CONVOLUTION = 10_000
+
+_UNITS = 1.0, 3.0  # of time, in which coefficients are rounded differently
+_AGREEMENT = 1e-10  # of the size of a signal: what may hang on rounding
+_TRACE = 1e-6  # of the jump at t = 0, against which what has died out is measured
+_GRID = 32  # times at which each response is looked at, besides some of those asked for
+_SPOT_CHECKS = 9
+_FIRST_ECHOES = 2  # delays in which the echoes are summed one by one, which is exact
+_ECHOES = 8  # delays at most whose echoes are summed one by one
+_FEW_DELAYS = 20_000  # that are marched through without a look for a shorter way
+_STARTING = 60  # delays, after which a short one is smooth enough to be replaced by a rational
+_ORDERS = 9, 7  # of the rational that replaces it, and of the one it is checked against
 
 
 def step_response(
@@ -54,9 +64,10 @@ def step_response(
         The loop, stable or not.
     input : {"R", "d", "delta", "eta"}
         Where the step enters: reference, output disturbance, input disturbance or noise.
-    timepts : (N,) array_like, optional
-        Increasing times from 0 on, in seconds; evenly spaced ones are fastest. By default
-        1,001 points until y and u have settled, or over a few e-foldings of an unstable loop.
+    timepts : (N,) array_like or float, optional
+        Increasing times from 0 on, in seconds; evenly spaced ones are fastest. A number is the
+        last of 1,001 times. By default 1,001 until y and u have settled, or over a few
+        e-foldings of an unstable loop; fewer seconds where that cannot be computed.
 
     Returns
     -------
@@ -70,8 +81,11 @@ def step_response(
     Raises
     ------
     ValueError
-        If `input` is none of the four, `timepts` is not increasing from 0 or later, the loop is
-        ill-posed, or, with dead time, `timepts` spans over `MAX_PANELS` of its fastest modes.
+        If `input` is none of the four, `timepts` is not increasing from 0 or later, or the loop
+        is ill-posed.
+    ArithmeticError
+        If nine digits of the largest value cannot be had, or not within some seconds; the message
+        says why.
 
     Examples
     --------
@@ -81,18 +95,18 @@ def step_response(
     >>> Gm = ct.tf([1], [1, 1])
     >>> loop = LoopEquations(delay(1.0) * Gm, Gm, 1.0, LowPassFilter(2.0, 1))
     >>> y, u = step_response(loop, "d", [0.0, 0.5, 1.0]).outputs[:, 0]
-    >>> y.tolist(), [round(float(value), 12) for value in u]
+    >>> y.round(6).tolist(), u.round(6).tolist()
     ([1.0, 1.0, 1.0], [-0.5, -0.75, -1.0])
     """
     _check(loop, input)
     if timepts is None:
-        times = default_times(loop, input, lambda times: _unit_responses(loop, input, times)[:, 0])
+        times, outputs = default_response(loop, input, lambda times: _response(loop, input, times))
     else:
         times = _checked_times(timepts)
-    outputs = _unit_responses(loop, input, times)[:, :1]
+        outputs = _response(loop, input, times)
     return ct.TimeResponseData(
         times,
-        outputs,
+        outputs[:, np.newaxis],
         inputs=np.ones((1, 1, times.size)),
         issiso=False,
         output_labels=list(OUTPUTS),
@@ -128,7 +142,7 @@ def forced_response(
 
     Raises
     ------
-    ValueError
+    ValueError, ArithmeticError
         As `step_response`; or if `timepts` is not evenly spaced from 0, or `inputs` does not
         hold one finite number for each time.
 
@@ -152,7 +166,7 @@ def forced_response(
             f"inputs has shape {signal.shape}; it needs one finite number for each of the "
             f"{times.size} timepts"
         )
-    unit, ramp = np.moveaxis(_unit_responses(loop, input, times), 1, 0)
+    unit, ramp = (_response(loop, input, times, integrals) for integrals in (1, 2))
     # The input is a sum of hats, one around each sample; the first is cut in half at t = 0.
     # Hat responses die out where ramp responses grow, so that long records lose no digits.
     rise = np.diff(ramp, axis=1, prepend=0.0) / step
@@ -179,7 +193,14 @@ def _check(loop: LoopEquations, input: str) -> None:
 
 
 def _checked_times(timepts: ArrayLike) -> FloatArray:
-    times = np.asarray(timepts, dtype=float)
+    try:
+        times = np.asarray(timepts, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise TypeError(
+            f"timepts is {timepts!r}; give times in seconds, or the last one"
+        ) from error
+    if times.ndim == 0:
+        times = np.linspace(0.0, float(times), POINTS) if 0 < times < inf else np.full(2, np.nan)
     if times.ndim != 1 or times.size == 0:
         raise ValueError(f"timepts has shape {times.shape}; it must be a non-empty 1-D array")
     if not (np.isfinite(times).all() and times[0] >= 0 and (np.diff(times) > 0).all()):
@@ -202,219 +223,237 @@ def _convolve(signal: FloatArray, pulse: FloatArray) -> FloatArray:
     return np.asarray(convolve(signal, pulse)[: signal.size])
 
 
-# The loop as one linear system with one delayed signal.
+# A step is one integral of an impulse, a ramp is two.
+
+Rational = tuple[Sequence[FloatArray], FloatArray]
+"""Numerators to y and to v, and their common denominator."""
+
+Solver = Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
+"""Gives y and u, shape (2, N), at two sets of times."""
 
 
-@dataclass(frozen=True)
-class _System:
-    """x' = A x + B z and (y, v) = C x + D z.
+def _response(loop: LoopEquations, input: str, times: FloatArray, integrals: int = 1) -> FloatArray:
+    """Return y and u at `times`, shape (2, N), or refuse where nine digits cannot be had.
 
-    The last two states generate the input: its value w and its slope, w' = slope.
-
-    Attributes
-    ----------
-    A, B, C, D : arrays of shapes (n, n), (n,), (2, n), (2,)
-    start : (n, 2) array
-        Initial states for a unit step (w = 1) and a unit ramp (slope = 1).
+    Everything is computed a second time in another unit of time, in which every coefficient is
+    rounded differently. Digits that hang on this are neither in the data nor in the result.
     """
+    horizon = float(times[-1])
+    grid = horizon * np.arange(1, _GRID + 1) / _GRID
+    asked = np.unique(np.linspace(0, times.size - 1, _SPOT_CHECKS).astype(int))
+    reason = ""
+    for way in _ways(loop, horizon):
+        try:
+            with np.errstate(all="ignore"):
+                outputs, seen = way(loop, input, horizon, integrals, 0)(times, grid)
+                pair = way(loop, input, horizon, integrals, 1)(times[asked], grid)
+        except (ValueError, ArithmeticError) as refusal:
+            reason = reason or str(refusal)
+            continue
+        _put_jumps(outputs, times, loop, input, integrals)
+        _put_jumps(pair[0], times[asked], loop, input, integrals)
+        found, again = np.hstack([outputs[:, asked], seen]), np.hstack(pair)
+        jumps = np.abs([quotient.at_infinity[0] for quotient in _maps(loop, input)])
+        size = np.maximum(_largest(np.hstack([outputs, seen])), _TRACE * np.minimum(jumps, 1.0))
+        if (_largest(found - again) <= _AGREEMENT * size).all():
+            outputs[~np.isfinite(outputs)] = np.nan
+            return outputs
+        reason = reason or _undecided(input, horizon)
+    raise ArithmeticError(reason)
 
-    A: FloatArray
-    B: FloatArray
-    C: FloatArray
-    D: FloatArray
-    start: FloatArray
 
-
-def _system(loop: LoopEquations, input: str) -> _System:
-    """Connect process, prefilter and observer; without dead time z = v is closed as well."""
-    G, Gm, C, F = loop.fractions
-    prefilter = Fraction(np.zeros(1), np.ones(1))  # when idle; an unstable one could overflow
-    if input == "R":
-        prefilter = Fraction(np.convolve(C.num, Gm.den), loop.p_A.q)
-    F_and_inverse = np.convolve(F.num, Gm.num), -np.convolve(F.num, Gm.den)
-    blocks = (
-        _observable([G.num], G.den),
-        _observable([prefilter.num], prefilter.den),
-        _observable(F_and_inverse, np.convolve(F.den, Gm.num)),
+def _undecided(input: str, horizon: float) -> str:
+    return (
+        f"the response to {input} over {horizon:g} s cannot be given to nine digits: they hang on "
+        "the last digits of the coefficients, as a mode turns or grows too often in this time or "
+        "nearly cancels; shorten timepts, or give blocks without what cancels"
     )
-    a, b, c, d = (block_diag(*parts) for parts in zip(*blocks, strict=True))
-    n = a.shape[0]
-    # Block inputs (process, prefilter, observer u, observer y + η) from the outputs of the blocks,
-    # and from z and w, which stand in columns n and n + 1.
-    feedback, outside = np.zeros((4, 3)), np.zeros((4, n + 2))
-    feedback[2, 1:] = feedback[3, 0] = 1.0
-    if loop.delay:
-        outside[0, n] = 1.0
-    else:
-        feedback[0, 1:] = 1.0
-        outside[0, n + 1] = input == "delta"
-    outside[1, n + 1] = input == "R"
-    outside[3, n + 1] = input in ("d", "eta")
-    pad = np.zeros((3, 2))
-    block_outputs = np.linalg.solve(np.eye(3) - d @ feedback, np.hstack([c, pad]) + d @ outside)
-    x_dot = np.hstack([a, np.zeros((n, 2))]) + b @ (feedback @ block_outputs + outside)
-    y_v = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 1.0]]) @ block_outputs
-    y_v[:, n + 1] += [input == "d", input == "delta"]
-
-    A, B, out = np.zeros((n + 2, n + 2)), np.zeros(n + 2), np.zeros((2, n + 2))
-    A[:n, : n + 1], B[:n], A[n, n + 1] = np.delete(x_dot, n, axis=1), x_dot[:, n], 1.0
-    out[:, : n + 1] = np.delete(y_v, n, axis=1)
-    return _balanced(_System(A, B, out, y_v[:, n], np.eye(n + 2)[:, n:]))
 
 
-def _balanced(system: _System) -> _System:
-    """Scale the states by powers of two until companion forms are as good as any other."""
-    around_the_loop = np.abs(system.A) + np.abs(np.outer(system.B, system.C[1]))
-    _, (scale, _) = matrix_balance(around_the_loop, permute=False, separate=True)
-    column = scale[:, np.newaxis]
-    A, B, C = system.A * scale / column, system.B / scale, system.C * scale
-    return _System(A, B, C, system.D, system.start / column)
+def _ways(loop: LoopEquations, horizon: float) -> tuple[Callable[..., Solver], ...]:
+    """Ways to compute a response, in the order in which they are tried."""
+    if not loop.delay:
+        return (_rational,)
+    if horizon > MAX_DELAYS * loop.delay:
+        return (_short_delay,)
+    if horizon > _FEW_DELAYS * loop.delay:
+        return _short_delay, _marching
+    if horizon < _FIRST_ECHOES * loop.delay:
+        return _echoes, _marching
+    return (_marching, _echoes) if horizon < _ECHOES * loop.delay else (_marching,)
 
 
-def _observable(
-    nums: Sequence[FloatArray], den: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return A, B, C, D of one output with proper fractions `nums`/`den` from each input."""
-    n, monic = den.size - 1, den[1:] / den[0]
-    padded = np.array([np.pad(num, (n + 1 - num.size, 0)) for num in nums]) / den[0]
-    A = np.eye(n, k=1)
-    A[:, :1] = -monic[:, np.newaxis]
-    D = padded[:, :1].T
-    return A, padded[:, 1:].T - np.outer(monic, D), np.eye(1, n), D
+def _largest(signals: FloatArray) -> FloatArray:
+    """Largest size of y and of u; what has left the floating-point range does not count."""
+    finite = np.isfinite(signals)
+    return np.asarray(np.abs(np.where(finite, signals, 0.0)).max(axis=1))
 
 
-# Marching.
+def _put_jumps(
+    outputs: FloatArray, times: FloatArray, loop: LoopEquations, input: str, integrals: int
+) -> None:
+    """Put in the values at t = 0, just after the jump, which the leading coefficients give."""
+    for row, quotient in zip(outputs, _maps(loop, input), strict=True):
+        row[times == 0] = quotient.at_infinity[0] if integrals == 1 else 0.0
 
 
-def _unit_responses(loop: LoopEquations, input: str, times: FloatArray) -> FloatArray:
-    """Return y and u after a unit step and a unit ramp at `times`, shape (2, 2, N)."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        system = _system(loop, input)
-        if loop.delay:
-            return _delayed_outputs(system, loop.delay, times)
-        outputs: FloatArray = np.einsum("on,nsi->osi", system.C, _delay_free_states(system, times))
+def _maps(loop: LoopEquations, input: str) -> tuple[Quotient, Quotient]:
+    """Return the maps from `input` to y and to u."""
+    return {
+        "R": lambda: (loop.T_R, loop.U_R),
+        "d": lambda: (loop.S_d, loop.U_d),
+        "delta": lambda: (loop.S_delta, loop.U_delta),
+        "eta": lambda: (loop.S_eta, loop.U_eta),
+    }[input]()
+
+
+def _rational(
+    loop: LoopEquations, input: str, horizon: float, integrals: int, attempt: int
+) -> Solver:
+    """Without dead time both signals are sums of exponentials."""
+    maps = _maps(loop, input)
+    terms = [([m.numerator.q for m in maps], maps[0].denominator.q)]
+    return _shifted(terms, 0.0, horizon, integrals, attempt)
+
+
+def _echoes(
+    loop: LoopEquations, input: str, horizon: float, integrals: int, attempt: int
+) -> Solver:
+    r"""Sum up what has come around the loop k times, each a rational transform.
+
+    ``(a + b E)/(q + r E) = a/q + sum of (-r)^(k-1) (b q - a r)/q^(k+1) E^k`` with E = exp(-θs).
+    Their degree grows, but nothing has to cancel on the way through a plant after a filter so fast
+    that the input of the plant is next to an impulse and all its derivatives.
+    """
+    maps = _maps(loop, input)
+    q, r = loop.p_B.q, loop.p_B.r
+    rest = loop.p_A.q if input == "R" else np.ones(1)
+    ends = [(m.numerator.q, m.numerator.r) for m in maps]
+    terms = [([a for a, _ in ends], np.convolve(rest, q))]
+    nums = [add(np.convolve(b, q), -np.convolve(a, r)) for a, b in ends]
+    for _ in range(int(horizon / loop.delay + 1e-9)):
+        terms.append((nums, np.convolve(terms[-1][1], q)))
+        nums = [-np.convolve(num, r) for num in nums]
+    return _shifted(terms, loop.delay, horizon, integrals, attempt)
+
+
+def _shifted(
+    terms: Sequence[Rational], delay: float, horizon: float, integrals: int, attempt: int
+) -> Solver:
+    """Sum up transforms, the k-th one delayed by k times `delay`."""
+    unit = _UNITS[attempt]
+    late = [
+        _impulses(_in_blocks(_forced(*term, integrals), horizon - k * delay, unit), unit)
+        for k, term in enumerate(terms)
+    ]
+
+    def solve(times: FloatArray) -> FloatArray:
+        outputs = np.zeros((2, times.size))
+        for k, blocks in enumerate(late):
+            # A time that only rounding puts before a multiple of the delay is meant to be on it.
+            since = times - k * delay
+            begun = since >= -1e-9 * delay
+            since = np.maximum(since[begun], 0.0)
+            if since.size:
+                step = _even_step(since)
+                for block in blocks:
+                    states = impulse_states(block, since * unit, step and step * unit)
+                    outputs[:, begun] += block.C @ states
         return outputs
 
-
-def _delay_free_states(system: _System, times: FloatArray) -> FloatArray:
-    """States at `times` by matrix exponentials, shape (n, 2, N)."""
-    states = _free_states(system.A, system.start, times)
-    n = system.A.shape[0] - 2
-    A, constant = system.A[:n, :n], system.A[:n, n:] @ system.start[n:, :1]
-    rates = np.abs(np.linalg.eigvals(A))
-    if n and rates.min() > 1e-12 * rates.max():
-        # A step response is its rest plus what dies out, and rounding then dies out with it.
-        rest = -np.linalg.solve(A, constant)
-        fading = _free_states(A, system.start[:n, :1] - rest, times)
-        states[:n, :1] = rest[:, :, np.newaxis] + fading
-    return states
+    return lambda times, grid: (solve(times), solve(grid))
 
 
-def _free_states(A: FloatArray, start: FloatArray, times: FloatArray) -> FloatArray:
-    """Solve x' = A x from each column of `start`, an array of states, columns and times."""
-    states: FloatArray = (expm(A * times[0]) @ start)[:, :, np.newaxis]
-    step = _even_step(times)
-    if step is not None:  # Twice as many states with every product.
-        power = expm(A * step)
-        while states.shape[2] < times.size:
-            states = np.concatenate([states, np.einsum("mn,nsi->msi", power, states)], axis=2)
-            power = power @ power
-        return states[:, :, : times.size]
-    steps, which = np.unique(np.diff(times), return_inverse=True)
-    transitions = [expm(A * step) for step in steps]
-    state, columns = states[:, :, 0], [states[:, :, 0]]
-    for i in which:
-        state = transitions[i] @ state
-        columns.append(state)
-    return np.stack(columns, axis=2)
+def _marching(
+    loop: LoopEquations, input: str, horizon: float, integrals: int, attempt: int
+) -> Solver:
+    """Dead time by dead time, see `nrdob.steps`."""
+    unit = _UNITS[attempt]
+    driven = _in_blocks(_around_the_delay(loop), horizon, unit)
+    before = _forced(*_before_the_delay(loop, input), integrals)
+    free = _impulses(_in_blocks(before, horizon, unit), unit)
+
+    def march(times: FloatArray, grid: FloatArray) -> tuple[FloatArray, FloatArray]:
+        union, which = np.unique(np.concatenate([times, grid]), return_inverse=True)
+        outputs = delayed_response(driven, free, loop.delay * unit, union * unit)[:, which]
+        return outputs[:, : times.size], outputs[:, times.size :]
+
+    return march
 
 
-@dataclass(frozen=True)
-class _Panel:
-    """What one panel does to [x at its start; z at its nodes].
+def _short_delay(
+    loop: LoopEquations, input: str, horizon: float, integrals: int, attempt: int
+) -> Solver:
+    """Replace the dead time by a rational once the first few of them are over.
 
-    Attributes
-    ----------
-    advance : (n+m, n+m) array
-        To [x at its end; v at its nodes].
-    outputs : (2, m, n+m) array
-        To y and v at its m nodes.
+    What is then left of the loop is far slower than its dead time; where it is not, two rationals
+    of different order do not agree.
     """
+    numbers = _pade(_ORDERS[attempt], loop.delay)
+    G = loop.fractions.G
+    rational = replace(
+        loop, process=(np.convolve(G.num, numbers[0]), np.convolve(G.den, numbers[1]))
+    )
+    start = _STARTING * loop.delay
+    early = _marching(loop, input, start, integrals, attempt)
+    late = _rational(rational, input, horizon, integrals, attempt)
 
-    advance: FloatArray
-    outputs: FloatArray
+    def solve(times: FloatArray, grid: FloatArray) -> tuple[FloatArray, FloatArray]:
+        outputs, seen = late(times, grid)
+        first = times <= start
+        if first.any():
+            outputs[:, first] = early(times[first], times[:0])[0]
+        return outputs, seen
 
-
-def _delayed_outputs(system: _System, delay: float, times: FloatArray) -> FloatArray:
-    """Return the outputs at `times` by the method of steps, shape (2, 2, N)."""
-    fastest = float(np.abs(np.linalg.eigvals(system.A)).max())
-    per_delay = max(1, ceil(delay * fastest / _PANEL_REACH))
-    position = times * (per_delay / delay)
-    # A time that only rounding puts before a border is meant to be on it.
-    index = np.floor(position + 1e-9).astype(int)
-    panels, which = np.unique(index, return_inverse=True)
-    panel = _panel(system, delay / per_delay)
-    walk = _leap if per_delay == 1 else _march
-    rows = walk(panel.advance, system.start, panels, per_delay)
-    values = np.einsum("ojn,kns->kojs", panel.outputs, rows)
-    local = np.clip(position - index, 0.0, 1.0)
-    basis = chebyshev.chebvander(2 * local - 1, _DEGREE) @ _collocation()[0]
-    outputs: FloatArray = np.einsum("ij,iojs->osi", basis, values[which])
-    return outputs
+    return solve
 
 
-def _panel(system: _System, length: float) -> _Panel:
-    """Solve x = x(0) + ∫(A x + B z), integrated exactly for polynomials through the nodes."""
-    _, integral = _collocation()
-    m, n = integral.shape[0], system.A.shape[0]
-    left = np.eye(m * n) - length * np.kron(integral, system.A)
-    from_start = np.kron(np.ones((m, 1)), np.eye(n))
-    from_delayed = length * np.kron(integral, system.B[:, np.newaxis])
-    x = np.linalg.solve(left, np.hstack([from_start, from_delayed])).reshape(m, n, n + m)
-    outputs = np.einsum("on,jnk->ojk", system.C, x)
-    outputs[:, np.arange(m), n + np.arange(m)] += system.D[:, np.newaxis]
-    return _Panel(np.vstack([x[-1], outputs[1]]), outputs)
+def _pade(order: int, delay: float) -> tuple[FloatArray, FloatArray]:
+    """Numerator and denominator of the diagonal Padé approximant of exp(-delay·s)."""
+    k = np.arange(order, -1, -1)
+    den = np.array([
+        factorial(2 * order - i) * factorial(order)
+        / (factorial(2 * order) * factorial(i) * factorial(order - i))
+        * delay**i
+        for i in k.tolist()
+    ])  # fmt: skip
+    return den * (-1.0) ** k, den
 
 
-@lru_cache(maxsize=1)
-def _collocation() -> tuple[FloatArray, FloatArray]:
-    """Chebyshev coefficients and integral over [0, t] from values at the nodes t in [0, 1]."""
-    x = -np.cos(pi * np.arange(_DEGREE + 1) / _DEGREE)
-    coefficients = np.linalg.inv(chebyshev.chebvander(x, _DEGREE))
-    antiderivative = chebyshev.chebint(np.eye(_DEGREE + 1), lbnd=-1)
-    integral = chebyshev.chebvander(x, _DEGREE + 1) @ antiderivative @ coefficients / 2
-    integral[0] = 0.0
-    return np.asarray(coefficients, dtype=float), np.asarray(integral, dtype=float)
+def _around_the_delay(loop: LoopEquations) -> Rational:
+    """Return what z does: y = G0 z and v = -K G0 z with K = F/((1 - F) Gm)."""
+    G, Gm, _, F = loop.fractions
+    num, den = np.convolve(F.num, Gm.den), np.convolve(loop.one_minus_F.q, Gm.num)
+    return (np.convolve(G.num, den), -np.convolve(G.num, num)), np.convolve(G.den, den)
 
 
-def _march(
-    advance: FloatArray, start: FloatArray, panels: FloatArray, per_delay: int
-) -> FloatArray:
-    """Panel by panel: [x; z] at the start of `panels`, shape (panels, n+m, 2)."""
-    count, n = int(panels[-1]) + 1, start.shape[0]
-    if count > MAX_PANELS:
-        raise ValueError(
-            f"timepts spans {count:,} time constants of the fastest mode, more than the "
-            f"{MAX_PANELS:,} that dead time allows; shorten timepts or slow the fastest block"
-        )
-    rows = np.zeros((count, advance.shape[0], 2))
-    rows[0, :n] = start
-    for k in range(count - 1):
-        end = advance @ rows[k]
-        rows[k + 1, :n] = end[:n]
-        rows[k + per_delay : k + per_delay + 1, n:] = end[n:]
-    seen: FloatArray = rows[panels]
-    return seen
+def _before_the_delay(loop: LoopEquations, input: str) -> Rational:
+    """Return what the input does to y and v before anything has come around."""
+    _, Gm, C, F = loop.fractions
+    nothing, one = np.zeros(1), np.ones(1)
+    if input == "delta":
+        return (nothing, one), one
+    if input == "R":
+        prefilter = reduce(np.convolve, (C.num, Gm.den, F.den))
+        return (nothing, prefilter), np.convolve(loop.p_A.q, loop.one_minus_F.q)
+    num, den = np.convolve(F.num, Gm.den), np.convolve(loop.one_minus_F.q, Gm.num)
+    return (den if input == "d" else nothing, -num), den
 
 
-def _leap(advance: FloatArray, start: FloatArray, panels: FloatArray, per_delay: int) -> FloatArray:
-    """With one panel per delay [x; z] is the whole state: powers jump over unseen panels."""
-    row = np.zeros((advance.shape[0], 2))
-    row[: start.shape[0]] = start
-    jumps, which = np.unique(np.diff(panels, prepend=0), return_inverse=True)
-    transitions = [np.linalg.matrix_power(advance, jump) for jump in jumps]
-    rows = []
-    for i in which:
-        row = transitions[i] @ row
-        rows.append(row)
-    return np.array(rows)
+def _forced(nums: Sequence[FloatArray], den: FloatArray, integrals: int) -> Rational:
+    return nums, np.append(den, np.zeros(integrals))
+
+
+def _in_blocks(rational: Rational, horizon: float, unit: float) -> list[Block]:
+    """Split by time scale, with time in units of 1/unit seconds."""
+    nums, den = rational
+    return split([_in_unit(num, unit) for num in nums], _in_unit(den, unit), horizon * unit)
+
+
+def _impulses(blocks: Sequence[Block], unit: float) -> list[Block]:
+    """Scale what an impulse sets off: one of a second is shorter or longer in another unit."""
+    return [replace(block, B=unit * block.B) for block in blocks]
+
+
+def _in_unit(coefficients: FloatArray, unit: float) -> FloatArray:
+    return coefficients * unit ** np.arange(coefficients.size - 1, -1, -1.0)

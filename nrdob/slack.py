@@ -16,10 +16,10 @@ from numbers import Real
 import numpy as np
 
 from .blocks import ComplexArray, FloatArray, IntArray
-from .mismatchgrid import Frequencies
 from .limits import roots_by_side
 from .margins import Margins
 from .mismatch import Mismatch
+from .mismatchgrid import Frequencies
 
 UNSTABLE = -10.0
 """Slack given to a loop that is not stable, below that of any stable one tried."""

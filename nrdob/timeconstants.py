@@ -20,8 +20,8 @@ import numpy as np
 
 from .blocks import BoolArray, ComplexArray, FloatArray, IntArray
 from .crossings import bisect, golden, side
-from .mismatchgrid import Frequencies
 from .mismatch import Mismatch
+from .mismatchgrid import Frequencies
 from .quasipoly import add, count_rhp
 
 SAME = 1e-9
