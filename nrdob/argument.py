@@ -131,7 +131,9 @@ def turn(terms: Sequence[Term], scale: FloatArray) -> Turn:
 def zero_free_frequencies(terms: Sequence[Term], scale: FloatArray) -> FloatArray:
     """Frequencies between which the sum provably turns by less than half a revolution.
 
-    Around a zero on the axis, within rounding, a stretch is left in which it may.
+    Around a zero on the axis, within rounding, a stretch is left in which it may. If the dead time
+    is so long that more than `MAX_SEGMENTS` frequencies would be needed, there are stretches, too,
+    in which it turns with a dominant term's dead time, any number of times.
 
     Parameters
     ----------
@@ -142,17 +144,15 @@ def zero_free_frequencies(terms: Sequence[Term], scale: FloatArray) -> FloatArra
     -------
     array of float
         Increasing, in rad/s, from 0 to where the leading term dominates.
-
-    Raises
-    ------
-    ArithmeticError
-        If more than `MAX_SEGMENTS` of them would be needed: the dead time is too long.
     """
     if terms[0].q.size == 1:
         return np.zeros(1)
     low, high = _range(terms, scale)
     low = low or 1e-12 * high
-    (left, right, _), _ = _certified(terms, scale, low, high, dominance=False)
+    try:
+        (left, right, _), _ = _certified(terms, scale, low, high, dominance=False)
+    except ArithmeticError:
+        (left, right, _), _ = _certified(terms, scale, low, high, dominance=True)
     return np.unique(np.concatenate([[0.0, low], left, (left + right) / 2, right]))
 
 

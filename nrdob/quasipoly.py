@@ -258,7 +258,7 @@ def count_rhp(p: QuasiPolynomial) -> RootCount:
 def frequency_segments(p: QuasiPolynomial) -> FloatArray:
     """Frequencies between which p provably turns by less than half a revolution.
 
-    Where p vanishes on the axis, within rounding, a stretch is left in which it turns by more.
+    See `nrdob.argument.zero_free_frequencies` for roots on the axis and for very long delays.
 
     Parameters
     ----------
@@ -269,11 +269,6 @@ def frequency_segments(p: QuasiPolynomial) -> FloatArray:
     -------
     array of float
         Increasing frequencies in rad/s from 0 to where the leading term dominates.
-
-    Raises
-    ------
-    ArithmeticError
-        If the delay is so long that too many frequencies would be needed.
     """
     return zero_free_frequencies(p.terms, p.scale)
 

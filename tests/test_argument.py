@@ -80,8 +80,8 @@ def test_between_the_frequencies_nothing_turns_by_half_a_revolution():
         assert np.ptp(np.unwrap(np.angle(values))) < pi
 
 
-def test_frequencies_that_are_too_many_are_refused_with_the_reason():
+def test_where_the_turns_are_too_many_a_dominant_term_is_enough():
     p = QuasiPolynomial([1e-6, 1.0, 0.0], [1.0], delay=1e9)
-    with pytest.raises(ArithmeticError, match="dead time is too long"):
-        zero_free_frequencies(p.terms, p.scale)
-    assert count_rhp(p).count > 1e8
+    omega = zero_free_frequencies(p.terms, p.scale)
+    assert omega.size < 2000
+    assert np.min(np.abs(omega - 1.0)) < 1e-9  # where the terms are of equal size it is as dense
