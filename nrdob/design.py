@@ -300,9 +300,15 @@ class FilterSearch:
 
     def closest(self) -> tuple[float, float]:
         """Find the λ of the greatest slack, and the slack."""
-        high = np.flatnonzero(self.slacks > self.slacks.max() - CLOSE)
-        k = max(high.tolist(), key=lambda k: self.precise(float(self.tried[k])))
-        around = log(self.tried[max(k - 1, 0)]), log(self.tried[min(k + 1, self.tried.size - 1)])
+        before, after = np.append(-inf, self.slacks[:-1]), np.append(self.slacks[1:], -inf)
+        tops = (self.slacks >= before) & (self.slacks >= after)
+        highest = np.flatnonzero(tops & (self.slacks > self.slacks.max() - CLOSE))
+        k = max(highest.tolist(), key=lambda k: self.precise(float(self.tried[k])))
+        low, high = next(ends for ends in self.intervals if ends[0] < self.tried[k] < ends[1])
+        inside = self.tried[(self.tried > low) & (self.tried < high)]
+        # The slack off the grid has its top a little beside the true one.
+        middle = log(self.tried[k])
+        around = max(middle - CLOSE, log(inside[0])), min(middle + CLOSE, log(inside[-1]))
         best = minimize_scalar(
             lambda x: -self.precise(exp(x)), bounds=around, method="bounded",
             options={"xatol": 1e-4 * (around[1] - around[0])},

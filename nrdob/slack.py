@@ -196,7 +196,9 @@ class PlantLoops:
         for k in range(n - 1, 0, -1):
             den = den * jx + comb(n, k)
         R = self.mismatch.ratio(omega) if ratio is None else ratio
-        return np.asarray(R / (den * jx))
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            L = R / (den * jx)
+        return np.where(np.isfinite(L), L, inf + 0j)  # at a pole
 
     def _at_infinity(self, time_constants: FloatArray, *, near: bool) -> FloatArray:
         """Limit of ``|1 + L|``, or size of L where it is negative, at infinite frequency."""
