@@ -148,12 +148,11 @@ def steps(signal: str, title: str, facts: Iterable[StepFacts], compared: Iterabl
     return f"{_opening('Step responses', [signal], title)}{beside}: {said}"
 
 
-def roots(title: str, found: Mapping[str, ComplexArray]) -> str:
-    """Describe a map of roots."""
+def roots(title: str, found: Mapping[str, ComplexArray], right: Mapping[str, float]) -> str:
+    """Describe a map of roots, and say how many are in the right half plane."""
     said = []
     for name, values in found.items():
-        right = int(np.sum(values.real > 0))
-        where = f"{right} in the right half plane, " if right else ""
+        where = f"{right[name]:g} in the right half plane, " if right[name] else ""
         rightmost = f"rightmost {complex_number(values[0])}" if values.size else "none"
         said.append(f"{name} {where}{rightmost}")
     return f"{_opening('Roots', found, title)}: {'; '.join(said)}"

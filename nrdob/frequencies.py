@@ -67,10 +67,7 @@ def on_axis(factors: Iterable[QuasiPolynomial]) -> FloatArray:
 
 def _segments(p: QuasiPolynomial) -> FloatArray:
     """Certified frequencies, and ever finer ones at a root on the axis, where none can be."""
-    try:
-        found = frequency_segments(p)
-    except ArithmeticError:  # turns without end: the other factors say where there is more to see
-        return np.zeros(1)
+    found = frequency_segments(p)
     if p.delay or not (omega := on_axis([p])).size:
         return found
     closer = 2.0 ** -np.arange(1.0, 1 - np.log2(CLOSEST))

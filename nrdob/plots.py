@@ -37,6 +37,7 @@ from .figure import (
 from .frequencies import resolved_frequencies
 from .margins import Margins
 from .nyquistplot import nyquist_plot
+from .quasipoly import QuasiPolynomial, count_rhp
 from .quotient import Quotient
 from .response import INPUTS, step_response
 
@@ -350,7 +351,8 @@ def _step_facts(
     """Peak and rest of one response; the loop's own roots say whether there is rest."""
     excited = (loop.p_A, loop.p_B) if given == "R" else (loop.p_B,)
     rightmost = max(p.roots[0].real if p.roots.size else -inf for p in excited)
-    final = inf if rightmost > 0 else nan if rightmost == 0 else through.dc_gain
+    unstable = any(_on_the_right(p) for p in excited)
+    final = inf if unstable else nan if rightmost == 0 else through.dc_gain
     peak = float(values[int(np.argmax(np.abs(values)))])
     return alttext.StepFacts(given, peak, final)
 
@@ -398,9 +400,12 @@ def roots_plot(
         If `roots` is neither a loop nor lists of finite roots by label.
     """
     if isinstance(roots, LoopEquations):
-        found = {"p_A": roots.p_A.roots, "p_B": roots.p_B.roots}
+        factors = {"p_A": roots.p_A, "p_B": roots.p_B}
+        found = {label: p.roots for label, p in factors.items()}
+        right = {label: _on_the_right(p) for label, p in factors.items()}
     elif isinstance(roots, Mapping) and roots:
         found = {label: _roots(values, label) for label, values in roots.items()}
+        right = {label: float(np.sum(values.real > 0)) for label, values in found.items()}
     else:
         raise TypeError(
             f"roots is {roots!r}; give a loop, or roots by label: {{'p_B': loop.p_B.roots}}"
@@ -421,7 +426,12 @@ def roots_plot(
         ax.legend(loc="lower right", bbox_to_anchor=(1, 1), borderaxespad=0.2, ncols=columns)
         ax.set(xlabel="Re s (rad/s)", ylabel="Im s (rad/s)")
         headings(ax, title)
-    return Figure(np.array([lines], dtype=object), ax, alttext.roots(title, found))
+    return Figure(np.array([lines], dtype=object), ax, alttext.roots(title, found, right))
+
+
+def _on_the_right(p: QuasiPolynomial) -> float:
+    """Roots in the right half plane; counted where a long dead time has more than are listed."""
+    return float(np.sum(p.roots.real > 0)) if p.roots_resolved else count_rhp(p).at_least
 
 
 def _roots(values: Any, label: str) -> ComplexArray:

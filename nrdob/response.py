@@ -9,8 +9,10 @@ E/R = 1/(1 + Gm C)::
 One signal v is delayed, everything else is rational. Without dead time y and u are rational, too,
 and their factors are taken apart by time scale before anything is simulated (`nrdob.timescales`).
 With dead time z is known on every interval of length θ from the interval before (`nrdob.steps`).
-Two more ways are at hand where marching loses digits: the first few echoes can be summed up one by
-one, and a dead time far below all else is, after its first echoes, as good as a rational.
+Where marching loses digits two more ways are at hand. The first few echoes can be summed up one
+by one. And where a window spans so many dead times that the rounding of each adds up, a rational
+stands in for the dead time once its first echoes are over; there, and nowhere else, and only where
+one of another order gives the same ten digits.
 
 Every response is computed twice, in two units of time. Where rounding makes the ninth digit differ
 it is refused: there is no such thing here as a response that is only nearly right.
@@ -48,7 +50,7 @@ _GRID = 32  # times at which each response is looked at, besides some of those a
 _SPOT_CHECKS = 9
 _FIRST_ECHOES = 2  # delays in which the echoes are summed one by one, which is exact
 _ECHOES = 8  # delays at most whose echoes are summed one by one
-_FEW_DELAYS = 20_000  # that are marched through without a look for a shorter way
+_FEW_DELAYS = 20_000  # through which rounding does not add up
 _STARTING = 60  # delays, after which a short one is smooth enough to be replaced by a rational
 _ORDERS = 9, 7  # of the rational that replaces it, and of the one it is checked against
 
@@ -277,7 +279,7 @@ def _ways(loop: LoopEquations, horizon: float) -> tuple[Callable[..., Solver], .
     if horizon > MAX_DELAYS * loop.delay:
         return (_short_delay,)
     if horizon > _FEW_DELAYS * loop.delay:
-        return _short_delay, _marching
+        return _marching, _short_delay
     if horizon < _FIRST_ECHOES * loop.delay:
         return _echoes, _marching
     return (_marching, _echoes) if horizon < _ECHOES * loop.delay else (_marching,)

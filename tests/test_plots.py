@@ -481,3 +481,12 @@ def test_a_plot_function_is_told_a_map_from_a_loop() -> None:
 def test_roots_are_a_loop_or_lists_by_label(roots: object) -> None:
     with pytest.raises((TypeError, ValueError), match="roots"):
         roots_plot(roots)  # type: ignore[arg-type]
+
+
+def test_roots_of_a_long_dead_time_are_counted_though_not_all_are_listed() -> None:
+    loop = nrdob.NRDOB(
+        delay(1e4) * ct.tf([1], [1, 1]), ct.tf([1], [1, 1]), 0.1, LowPassFilter(30.0, 1)
+    )
+    count = loop.stability().observer_loop.closed_loop_rhp
+    assert count and count > 100
+    assert f"p_B {count} in the right half plane" in loop.plot_roots().alt
