@@ -63,8 +63,8 @@ def design_controller(
     model : control.TransferFunction, StateSpace or (num, den)
         G̃, proper, without dead time.
     bandwidth : float, optional
-        Crossover frequency of C·G̃, in rad/s. Without it, the PI of largest integral gain k/T_i that
-        has the phase margin.
+        Crossover frequency of C·G̃, in rad/s. Without it, the PI, T_i > 0, of largest integral gain
+        k/T_i that has the phase margin.
     phase_margin : float
         In degrees, between 0 and 90.
 

@@ -6,8 +6,8 @@ for :math:`T = (\varphi + 2\pi m)/\omega` with :math:`e^{j\varphi} = -r/q` and m
 left to right if :math:`|q|^2 - |r|^2` grows with frequency there, else from right to left. With
 the roots of :math:`q + r` that makes the number of roots on the right for every dead time.
 
-References
-----------
+.. rubric:: References
+
 K. Walton, J. E. Marshall, Direct method for TDS stability analysis, IEE Proceedings D 134 (1987)
 101-107.
 """

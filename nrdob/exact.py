@@ -4,8 +4,8 @@ A floating-point number is a whole number times a power of two, so a polynomial 
 coefficients is one in whole numbers, and Sturm's chains decide where its roots are without any
 rounding. Lists hold coefficients in descending powers, the first one not zero.
 
-References
-----------
+.. rubric:: References
+
 F. R. Gantmacher, The Theory of Matrices, vol. 2, 1959, ch. XV: Sturm, Routh and Hurwitz.
 """
 
@@ -79,7 +79,7 @@ def rhp_count(p: Whole) -> int | None:
 
 
 def squared_size(p: Whole) -> Whole:
-    """Return |p(jω)|² as a polynomial in x = ω²."""
+    """Return ``|p(jω)|²`` as a polynomial in x = ω²."""
     ascending = p[::-1]
     parts = [[(-1) ** i * c for i, c in enumerate(ascending[odd::2])] for odd in (0, 1)]
     square = [0] * len(p)

@@ -22,7 +22,7 @@ CROSSING = 1e-3
 """How well a crossing found must be one: at a pole on the axis the side of L changes by a jump."""
 
 SHALLOW = 0.5
-"""Minima of log |1 + L| that begin so far above the least value are not looked into."""
+"""Minima of ``log |1 + L|`` that begin so far above the least value are not looked into."""
 
 SIZE, SIDE, RETREAT, SIZE_SLOPE, SIDE_SLOPE, DISTANCE = range(6)
 r"""Rows of `Locus.motion`: :math:`\log|L|`, zero at a gain crossover; :math:`\sin\arg L`, zero
@@ -31,7 +31,7 @@ derivatives of the first two with respect to :math:`\log\omega`; :math:`\log|1 +
 
 
 class Notable(NamedTuple):
-    """Frequencies in rad/s where |L| = 1, where L is real, and where |1 + L| is smallest."""
+    """Frequencies in rad/s where ``|L|`` = 1, L is real, and ``|1 + L|`` is smallest."""
 
     gain: FloatArray
     phase: FloatArray
@@ -127,8 +127,8 @@ def notable_frequencies(locus: Locus, omega: FloatArray) -> Notable:
     return Notable(*found)
 
 
+# Indices of the lower and upper ends of intervals.
 Bracket = tuple[IntArray, IntArray]
-"""Indices of the lower and upper ends of intervals."""
 
 
 def _changes(values: FloatArray) -> Bracket:

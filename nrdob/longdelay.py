@@ -5,8 +5,8 @@ axis, at a distance of :math:`\ln|r/q|/T`, and near roots of q on its right. The
 those near the highest points of the curve. Newton's method finds them from there, and a count of
 the roots to the right of a vertical line shows that nothing has been missed.
 
-References
-----------
+.. rubric:: References
+
 M. Lichtner, M. Wolfrum, S. Yanchuk, The spectrum of delay differential equations with large delay,
 SIAM J. Math. Anal. 43 (2011) 788-802.
 """

@@ -3,7 +3,7 @@ r"""Power of white noise behind a map: the square of its :math:`\mathcal H_2` no
 .. math:: \|Q\|_2^2 = \frac1{2\pi}\int_{-\infty}^{\infty} |Q(j\omega)|^2\,d\omega
 
 Without dead time it follows from the coefficients in finitely many steps, none of which subtracts
-a larger number (Åström's recursion, the Routh table carried on [1]_). With dead time it is an
+a larger number (Åström's recursion, the Routh table carried on). With dead time it is an
 integral over frequencies between which the denominator provably has no zero, so that no resonance
 is missed; beyond the last one
 
@@ -13,9 +13,9 @@ is missed; beyond the last one
 where W is rational, and X, which turns for ever on the imaginary axis, dies out to its right: there
 it is integrated.
 
-References
-----------
-.. [1] K. J. Åström, Introduction to Stochastic Control Theory, Academic Press 1970, chapter 5.
+.. rubric:: References
+
+K. J. Åström, Introduction to Stochastic Control Theory, Academic Press 1970, chapter 5.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ GAUSS = np.array([*HALF_GAUSS, 0.417959183673469387755102040816327, *HALF_GAUSS[
 def noise_power(
     num: tuple[QuasiPolynomial, ...], den: tuple[QuasiPolynomial, ...], name: str
 ) -> float:
-    """Integrate |num/den|² over all frequencies and divide by 2π: see `Quotient.noise_power`."""
+    """Integrate ``|num/den|²`` over all frequencies, over 2π: see `Quotient.noise_power`."""
     for factor in den:
         found = count_rhp(factor)
         if factor.zeros_at_origin or found.count != 0:
@@ -91,7 +91,7 @@ def noise_power(
 
 
 def rational_power(num: FloatArray, den: FloatArray) -> float:
-    r"""Integrate |num/den|² over all frequencies and divide by 2π, by Åström's recursion.
+    r"""Integrate ``|num/den|²`` over all frequencies and divide by 2π, by Åström's recursion.
 
     Parameters
     ----------

@@ -227,11 +227,11 @@ def _convolve(signal: FloatArray, pulse: FloatArray) -> FloatArray:
 
 # A step is one integral of an impulse, a ramp is two.
 
+# Numerators to y and to v, and their common denominator.
 Rational = tuple[Sequence[FloatArray], FloatArray]
-"""Numerators to y and to v, and their common denominator."""
 
+# Gives y and u, shape (2, N), at two sets of times.
 Solver = Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
-"""Gives y and u, shape (2, N), at two sets of times."""
 
 
 def _response(loop: LoopEquations, input: str, times: FloatArray, integrals: int = 1) -> FloatArray:

@@ -4,9 +4,10 @@ A polynomial is the characteristic polynomial of its companion matrix. With a de
 that u = -(r/q) w closes a loop in which w is u one delay later: the delay line is collocated at
 Chebyshev points, and the loop becomes a matrix, too.
 
-References
-----------
+.. rubric:: References
+
 W. Michiels, S.-I. Niculescu, Stability, Control, and Computation for Time-Delay Systems, SIAM 2014.
+
 D. Breda, S. Maset, R. Vermiglio, Pseudospectral differencing methods for characteristic roots of
 delay differential equations, SIAM J. Sci. Comput. 27 (2005) 482-495.
 """

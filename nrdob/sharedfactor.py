@@ -3,13 +3,13 @@ r"""The factor that two polynomials share, found as a polynomial and never root 
 A block that occurs on both sides of a quotient, or in every term of p_A or p_B, leaves a factor d
 in numerator and denominator: f = d·u, g = d·v. Roots that are only near give no such d; multiple
 roots, which rounding scatters, do. So the roots only suggest d; it is then fitted to the
-coefficients of f and g together (Gauss and Newton [1]_), each against its own size, and it counts
+coefficients of f and g together (Gauss and Newton), each against its own size, and it counts
 only if d·u and d·v give back every single coefficient.
 
-References
-----------
-.. [1] Z. Zeng, The numerical greatest common divisor of univariate polynomials, Contemporary
-   Mathematics 556 (2011) 187-217.
+.. rubric:: References
+
+Z. Zeng, The numerical greatest common divisor of univariate polynomials, Contemporary
+Mathematics 556 (2011) 187-217.
 """
 
 from __future__ import annotations
@@ -46,9 +46,9 @@ def without_shared_factor(
     >>> [len(p.q) - 1 for p in without_shared_factor(f, g)]
     [1, 1]
     """
-    m = min(f.zeros_at_origin, g.zeros_at_origin)
-    if m:
-        f, g = (QuasiPolynomial(p.q[:-m], scale=p.scale[:-m]) for p in (f, g))
+    # Powers of s are known exactly and stay so: the fit is about the other roots.
+    excess = f.zeros_at_origin - g.zeros_at_origin
+    f, g = f.without_origin, g.without_origin
     found = True
     while found:
         found = False
@@ -57,7 +57,14 @@ def without_shared_factor(
             if cofactors:
                 (f, g), found = cofactors, True
                 break
-    return f, g
+    return _times_s(f, max(excess, 0)), _times_s(g, max(-excess, 0))
+
+
+def _times_s(p: QuasiPolynomial, power: int) -> QuasiPolynomial:
+    if not power:
+        return p
+    q, scale = (np.append(c, np.zeros(power)) for c in (p.q, p.scale))
+    return QuasiPolynomial(q, scale=scale)
 
 
 def _suggested(f: QuasiPolynomial, g: QuasiPolynomial) -> Iterator[FloatArray]:

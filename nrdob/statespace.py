@@ -10,12 +10,12 @@ against a faster one. What remains is that A, B, C themselves have been rounded:
 a relative degree, hidden by a change of coordinates, comes out as a number of the size of that
 rounding instead of 0. How far a coefficient moves if each entry of A, B and C is off by one
 rounding follows from the same matrices. For det A it is, up to a factor n, the componentwise
-distance to the nearest singular matrix [1]_, which does not depend on the units of the states.
+distance to the nearest singular matrix, which does not depend on the units of the states.
 
-References
-----------
-.. [1] J. W. Demmel, The componentwise distance to the nearest singular matrix, SIAM J. Matrix
-   Anal. Appl. 13 (1992) 10-19.
+.. rubric:: References
+
+J. W. Demmel, The componentwise distance to the nearest singular matrix, SIAM J. Matrix
+Anal. Appl. 13 (1992) 10-19.
 """
 
 from __future__ import annotations
