@@ -301,14 +301,18 @@ class FilterSearch:
     def closest(self) -> tuple[float, float]:
         """Find the λ of the greatest slack, and the slack."""
         before, after = np.append(-inf, self.slacks[:-1]), np.append(self.slacks[1:], -inf)
-        tops = (self.slacks >= before) & (self.slacks >= after)
+        tops = (self.slacks > before) & (self.slacks >= after)  # of a plateau, its first end
         highest = np.flatnonzero(tops & (self.slacks > self.slacks.max() - CLOSE))
         k = max(highest.tolist(), key=lambda k: self.precise(float(self.tried[k])))
         low, high = next(ends for ends in self.intervals if ends[0] < self.tried[k] < ends[1])
         inside = self.tried[(self.tried > low) & (self.tried < high)]
         # The slack off the grid has its top a little beside the true one.
-        middle = log(self.tried[k])
-        around = max(middle - CLOSE, log(inside[0])), min(middle + CLOSE, log(inside[-1]))
+        middle, at = log(self.tried[k]), int(np.searchsorted(inside, self.tried[k]))
+        below, above = inside[max(at - 1, 0)], inside[min(at + 1, inside.size - 1)]
+        around = (
+            max(min(middle - CLOSE, log(below)), log(inside[0])),
+            min(max(middle + CLOSE, log(above)), log(inside[-1])),
+        )
         best = minimize_scalar(
             lambda x: -self.precise(exp(x)), bounds=around, method="bounded",
             options={"xatol": 1e-4 * (around[1] - around[0])},
@@ -352,7 +356,8 @@ def _around_extremes(tried: FloatArray, slacks: FloatArray) -> FloatArray:
     inner, before, after = slacks[1:-1], slacks[:-2], slacks[2:]
     below = (inner < 0) & (inner >= before) & (inner >= after)
     above = (inner >= 0) & (inner <= before) & (inner <= after)
-    at = 1 + np.flatnonzero(below | above)
+    level = (inner == before) & (inner == after)
+    at = 1 + np.flatnonzero((below | above) & ~level)
     gaps = np.unique(np.concatenate([at - 1, at]))
     share = np.arange(1, BETWEEN + 1) / (BETWEEN + 1)
     low, high = tried[gaps, None], tried[gaps + 1, None]

@@ -10,7 +10,15 @@ from typing import Any
 import control as ct
 import numpy as np
 
-from .blocks import ComplexArray, FloatArray, Fraction, as_fraction, real_number, six_digits
+from .blocks import (
+    ComplexArray,
+    FloatArray,
+    Fraction,
+    as_fraction,
+    real_number,
+    six_digits,
+    written,
+)
 from .quasipoly import QuasiPolynomial, count_rhp
 
 DC_GAIN_TOLERANCE = 1e-9
@@ -110,7 +118,7 @@ def filter_fraction(filter: Any) -> Fraction:
     characteristic = QuasiPolynomial(den)
     if characteristic.zeros_at_origin or count_rhp(characteristic).count != 0:
         raise ValueError(
-            f"filter has a pole at {characteristic.roots[0]:.4g}; F must be stable: "
+            f"filter has a pole at {written(complex(characteristic.roots[0]))}; F must be stable: "
             "every pole needs a negative real part"
         )
     dc_gain = num[-1] / den[-1]

@@ -86,8 +86,8 @@ def step_response(
         If `input` is none of the four, `timepts` is not increasing from 0 or later, or the loop
         is ill-posed.
     ArithmeticError
-        If nine digits of the largest value cannot be had, or not within some seconds; the message
-        says why.
+        If nine digits of the largest value since t = 0 cannot be had, or not within some seconds;
+        the message says why.
 
     Examples
     --------

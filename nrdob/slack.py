@@ -24,6 +24,9 @@ from .mismatchgrid import Frequencies
 UNSTABLE = -10.0
 """Slack given to a loop that is not stable, below that of any stable one tried."""
 
+EQUAL = 1e-13
+"""Relative difference of two values that may be rounding."""
+
 DEEPEST = 1.2
 """A dip of ``|1 + L|`` may turn out the deepest if on the grid it is this close to it."""
 
@@ -149,7 +152,8 @@ class PlantLoops:
         ends = self._at_infinity(time_constants, near=True)
         _, beside = self._beside_poles(time_constants)
         least = np.minimum(distance.min(axis=1), np.minimum(ends, beside))
-        inner = distance[:, 1:-1]
+        # Of two frequencies a rounding error apart both are dips: the true one lies on either side.
+        inner = distance[:, 1:-1] * (1 - EQUAL)
         dips = (inner <= distance[:, :-2]) & (inner <= distance[:, 2:])
         row, column = np.nonzero(dips & (inner <= DEEPEST * least[:, None]))
         column = column + 1

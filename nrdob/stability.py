@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .blocks import BoolArray, ComplexArray
+from .blocks import BoolArray, ComplexArray, written
 from .equations import LoopEquations, ObserverEquations
 from .nyquist import NyquistCount, nyquist_count
 from .quasipoly import QuasiPolynomial, count_rhp
@@ -290,7 +290,7 @@ def _find(
     right = roots[roots.real > 0]
     hidden = right[np.any([_vanishes(factor, right) for factor in open_loop], axis=0)]
     if hidden.size:
-        pole = f"s = {_complex(hidden[0])} is an open-loop pole that cancels out of sight"
+        pole = f"s = {written(hidden[0])} is an open-loop pole that cancels out of sight"
         told = f", of which {pole}{told}"
     return _Finding(False, f"{_many(count)} in the right half plane{told}", ways)
 
@@ -365,12 +365,6 @@ def _count(value: float | None) -> str:
 
 def _rightmost(part: LoopStability) -> str:
     if not np.isnan(part.rightmost):
-        return _complex(part.rightmost)
+        return written(part.rightmost)
     countless = part.kind in ("retarded", "neutral") and part.closed_loop_rhp != inf
     return "not computed" if countless else "none"
-
-
-def _complex(root: complex) -> str:
-    if root.imag == 0:
-        return f"{root.real:.4g}"
-    return f"{root.real:.4g} {'-' if root.imag < 0 else '+'} {abs(root.imag):.4g}j"

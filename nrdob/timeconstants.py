@@ -267,8 +267,9 @@ class _Brackets(NamedTuple):
 def _crossings(branches: _Branches) -> list[CriticalTimeConstant]:
     """Find where a branch crosses the line Re w = 1 with a positive imaginary part."""
     # Where R nearly vanishes a branch is so close to 1 that its side is only rounding.
-    known = np.abs(branches.excess.real) >= branches.rounding(branches.omega, branches.excess)
-    parts = (_sign_changes(branches, known), *_hidden_pairs(branches, known))
+    rounding = branches.rounding(branches.omega, branches.excess)
+    known = np.abs(branches.excess.real) >= rounding
+    parts = (_sign_changes(branches, known), *_hidden_pairs(branches, known, rounding))
     of, at, low, high = (np.concatenate(part) for part in zip(*parts, strict=True))
     where = bisect(lambda w: branches(of, at, w).real, low, high)
     value = branches(of, at, where)
@@ -292,12 +293,18 @@ def _sign_changes(branches: _Branches, known: BoolArray) -> _Brackets:
     return _Brackets(of[changed], before, branches.omega[before], branches.omega[after])
 
 
-def _hidden_pairs(branches: _Branches, known: BoolArray) -> tuple[_Brackets, _Brackets]:
-    """Bracket pairs of crossings that leave the same side at both neighbours, but a dip."""
+def _hidden_pairs(
+    branches: _Branches, known: BoolArray, rounding: FloatArray
+) -> tuple[_Brackets, _Brackets]:
+    """Bracket pairs of crossings that leave the same side at both neighbours, but a dip.
+
+    Of two frequencies so close that only rounding tells them apart both may be the bottom.
+    """
     real, omega = branches.excess.real, branches.omega
     sign, size = side(real), np.abs(real)
     inner = np.s_[:, 1:-1]
-    dips = (size[inner] <= size[:, :-2]) & (size[inner] <= size[:, 2:]) & known[inner]
+    least = size[inner] - rounding[inner]
+    dips = (least <= size[:, :-2]) & (least <= size[:, 2:]) & known[inner]
     dips &= (sign[inner] == sign[:, :-2]) & (sign[inner] == sign[:, 2:])
     of, at = np.nonzero(dips & (size[inner] < 1) & (branches.excess.imag[inner] > 0))
     at = at + 1
