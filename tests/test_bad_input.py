@@ -20,7 +20,9 @@ FILTER = LowPassFilter(0.5, 1)
 
 TAKES_A_PROCESS = {
     "NRDOB": lambda G: nrdob.NRDOB(G, PLANT, 1.0, FILTER),
+    "judge_observer": lambda G: nrdob.judge_observer(G, PLANT, FILTER),
     "design_filter": lambda G: nrdob.design_filter(G, PLANT, max_ms=2),
+    "admissible_time_constants": lambda G: nrdob.admissible_time_constants(G, PLANT, 1, max_ms=2),
     "suggest_model": nrdob.suggest_model,
     "stabilizing_time_constants": lambda G: nrdob.stabilizing_time_constants(G, PLANT, 1),
     "critical_time_constants": lambda G: nrdob.critical_time_constants(G, PLANT, 1),
@@ -31,7 +33,9 @@ TAKES_A_PROCESS = {
 }
 TAKES_A_MODEL = {
     "NRDOB": lambda Gm: nrdob.NRDOB(PLANT, Gm, 1.0, FILTER),
+    "judge_observer": lambda Gm: nrdob.judge_observer(PLANT, Gm, FILTER),
     "design_filter": lambda Gm: nrdob.design_filter(PLANT, Gm, max_ms=2),
+    "admissible_time_constants": lambda Gm: nrdob.admissible_time_constants(PLANT, Gm, 1, max_ms=2),
     "design_controller": lambda Gm: nrdob.design_controller(Gm, bandwidth=1.0),
     "stabilizing_time_constants": lambda Gm: nrdob.stabilizing_time_constants(PLANT, Gm, 1),
     "critical_time_constants": lambda Gm: nrdob.critical_time_constants(PLANT, Gm, 1),
@@ -45,6 +49,7 @@ DOORS = {
     **{("model", name): door for name, door in TAKES_A_MODEL.items()},
     ("controller", "NRDOB"): lambda C: nrdob.NRDOB(PLANT, PLANT, C, FILTER),
     ("filter", "NRDOB"): lambda F: nrdob.NRDOB(PLANT, PLANT, 1.0, F),
+    ("filter", "judge_observer"): lambda F: nrdob.judge_observer(PLANT, PLANT, F),
     ("rational part", "DelayedTransferFunction"): lambda P: nrdob.DelayedTransferFunction(P, 0.1),
     ("other factor", "delay"): lambda P: nrdob.delay(0.1) * P,
     ("other term", "delay"): lambda P: nrdob.delay(0.1) + P,
