@@ -15,9 +15,9 @@ from math import inf, nan, pi
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from .blocks import BoolArray, ComplexArray, FloatArray
+from .crossings import golden
 from .frequencies import on_axis, resolved_frequencies
 from .quotient import Quotient
 
@@ -129,16 +129,13 @@ def closest_approach(loop: Quotient, curve: Contour, point: float = -1.0) -> App
         if distance[end] <= lowest * (1 + _TIE) and omega[end] in (0.0, inf):
             return Approach(float(distance[end]), float(omega[end]), complex(values[end]))
     inner = 1 + np.flatnonzero((distance[1:-1] <= distance[:-2]) & (distance[1:-1] <= distance[2:]))
-    found = [
-        minimize_scalar(
-            lambda w: abs(loop(1j * w) - point),
-            bounds=(omega[i - 1], min(omega[i + 1], 10 * omega[i])),
-            method="bounded",
-            options={"xatol": 1e-12 * omega[i]},
-        ).x
-        for i in inner[distance[inner] <= 1.05 * lowest]
-    ]
-    candidates = np.array([*found, omega[int(np.argmin(distance))]])
+    near = inner[distance[inner] <= 1.05 * lowest]
+    found = golden(
+        lambda w: np.abs(loop(1j * w) - point),
+        omega[near - 1],
+        np.minimum(omega[near + 1], 10 * omega[near]),
+    )
+    candidates = np.append(found, omega[int(np.argmin(distance))])
     nearest = float(candidates[np.argmin(np.abs(loop(1j * candidates) - point))])
     value = complex(loop(1j * nearest))
     return Approach(abs(value - point), nearest, value)
