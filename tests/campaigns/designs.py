@@ -97,7 +97,7 @@ def _scan(
     if mismatch.delay:
         last = 40 / (grid[0] + mismatch.delay / 100)
         turns = np.arange(0.02 / mismatch.delay, last, 0.02 / mismatch.delay)
-        omega = np.union1d(omega[omega < 20 * last], turns)
+        omega = np.union1d(omega[omega < max(20 * last, 10 / slow)], turns)
     R = mismatch.ratio(omega)
     found = [_read(R / ((1 + 1j * value * omega) ** order - 1)) for value in grid]
     return grid, *map(np.array, zip(*found, strict=True))
