@@ -88,7 +88,8 @@ def _scan(
         # Under a slow filter an undamped mode is so narrow that no frequency of the scan shows it.
         grid = grid[grid < 3 * slow]
     if not grid.size:
-        grid = np.array([np.sqrt(intervals[0][0] * intervals[0][1])])
+        low, high = intervals[0]
+        grid = np.array([np.sqrt(low * min(high, 4 * low))])
     omega = np.geomspace(1e-3 / slow, 1e4 / fast, 6000)
     for root in mismatch.roots[mismatch.roots.imag > 0]:
         steps = np.geomspace(1e-13 if abs(root.real) < 1e-9 else 1e-6, 1, 400) * abs(root)
