@@ -18,7 +18,7 @@ import numpy as np
 
 from .blocks import BoolArray, ComplexArray, FloatArray
 from .crossings import golden
-from .frequencies import on_axis, resolved_frequencies
+from .frequencies import on_axis, resolved_frequencies, subdivided
 from .quotient import Quotient
 
 SMOOTH = 1e-3
@@ -26,6 +26,9 @@ SMOOTH = 1e-3
 
 LINE = 6e-3
 """Width of a line, as a fraction of the curve's size: turns within it look like one."""
+
+PER_SEGMENT, MANY_FREQUENCIES = 8, 20_000
+"""Samples in each certified stretch; from so many stretches on there is one in each."""
 
 MANY_TURNS = 100
 """So many turns of the dead time are drawn one by one."""
@@ -168,7 +171,10 @@ def _limit_circle(loop: Quotient, point: float) -> Approach | None:
 
 def _frequencies(loop: Quotient) -> FloatArray:
     """Extend the resolved frequencies to where L has its values for ω = 0 and ω = ∞."""
-    omega = resolved_frequencies(loop)
+    omega = resolved_frequencies(loop, per_segment=1)
+    # Of very many turns most will be left out again, see `_without_like_turns`.
+    if omega.size < MANY_FREQUENCIES:
+        omega = subdivided(omega, PER_SEGMENT)
     parts = [omega]
     if np.isfinite(loop.dc_gain):
         parts.append(np.zeros(1))
@@ -229,14 +235,15 @@ def _without_like_turns(
     # Frequencies that only follow the dead time stand up to some hundreds to a turn; those that
     # follow a resonance stand closer.
     closer = np.diff(finite, prepend=0.0) < turn / 1000
-    every = np.union1d(finite[closer], begins)
+    apart = 1 + count // MANY_FREQUENCIES
+    every = np.union1d(finite[closer], np.append(begins[::apart], begins[-1]))
     # How the curve changes apart from turning: with the dead time's phase held at four values.
     held = _held(loop, every)
     held = np.where(np.abs(held) < 2 * size, held, 2 * size)
     # Near the point an inset may magnify the curve: there the line is thinner.
     line = LINE * np.minimum(size, np.maximum(np.abs(held[:, 1:]), 1.0))
     moved = (np.abs(np.diff(held)) / line).max(axis=0)
-    marks = np.floor(np.append(0.0, np.cumsum(moved))[np.searchsorted(every, begins)])
+    marks = np.floor(np.interp(begins, every, np.append(0.0, np.cumsum(moved))))
     drawn = marks[1:] != marks[:-1]
     drawn[[0, -1]] = True
     fine = begins[:-1][drawn][:, None] + turn * np.arange(0, 1, 1 / 16)

@@ -52,7 +52,12 @@ def resolved_frequencies(
     if loop.delay:
         turn = 2 * pi / loop.delay
         omega = np.union1d(omega, omega[-1] + turn * np.linspace(0, 2, 17))
-    fractions = np.arange(per_segment) / per_segment
+    return subdivided(omega, per_segment)
+
+
+def subdivided(omega: FloatArray, count: int) -> FloatArray:
+    """Cut each stretch between neighbouring frequencies into `count` equal ones."""
+    fractions = np.arange(count) / count
     return np.append((omega[:-1, None] + np.diff(omega)[:, None] * fractions).ravel(), omega[-1])
 
 

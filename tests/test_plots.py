@@ -490,3 +490,11 @@ def test_roots_of_a_long_dead_time_are_counted_though_not_all_are_listed() -> No
     count = loop.stability().observer_loop.closed_loop_rhp
     assert count and count > 100
     assert f"p_B {count} in the right half plane" in loop.plot_roots().alt
+
+
+def test_of_a_million_turns_few_are_drawn_and_the_words_say_so() -> None:
+    lag = ct.tf([1], [1, 1])
+    loop = nrdob.NRDOB(delay(1e4) * lag, lag, 0.1, LowPassFilter(0.01, 1))
+    plot = loop.plot_nyquist()
+    assert sum(line.get_xdata().size for line in plot.axes.get_lines()) < 100_000
+    assert "turns of the dead time, each within the line of another, are left out" in plot.alt
