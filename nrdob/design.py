@@ -38,6 +38,9 @@ REFINED, BETWEEN = 4, 3
 CLOSE = 0.1
 """Slack within which the frequencies between those of the grid are looked at, too."""
 
+SMALL_STEP, HALVINGS = 1e-6, 26
+"""Share of a window that counts as rounding at its end; how closely an end is found otherwise."""
+
 NEARLY = 0.02
 """Slack by which the top of a peak may exceed the samples beside it."""
 
@@ -321,10 +324,25 @@ class FilterSearch:
         return time_constant, self.slack(time_constant)
 
     def _end(self, window: _Window, end: float, other: float) -> float | None:
-        """Find the end of a window by the exact slack, which may differ by a rounding error."""
-        steps = np.logspace(-10, 0, 6).tolist()
-        tried = (end * (other / end) ** step for step in steps)
-        return next((value for value in tried if self.slack(value) >= 0), None)
+        """Find the end of a window by the exact slack.
+
+        It may differ by a rounding error; by more where a margin jumps because the loop gain just
+        reaches 1 between two frequencies of the grid.
+        """
+        bad = end
+        for step in np.logspace(-10, 0, 6).tolist():
+            value = end * (other / end) ** step
+            if self.slack(value) >= 0:
+                return value if step <= SMALL_STEP else self._last_good(value, bad)
+            bad = value
+        return None
+
+    def _last_good(self, good: float, bad: float) -> float:
+        """Halve the way from a λ that meets the specification to one that does not."""
+        for _ in range(HALVINGS):
+            middle = (good * bad) ** 0.5
+            good, bad = (middle, bad) if self.slack(middle) >= 0 else (good, middle)
+        return good
 
 
 def _looked_at(

@@ -221,3 +221,14 @@ def test_the_size_of_the_coefficients_changes_nothing(size):
 def test_coefficients_whose_products_leave_the_range_of_numbers_are_refused():
     with pytest.raises(ValueError, match="range of floating-point numbers"):
         design_filter(([1e-200], [1e-200, 1e-200]), ([1e-200], [1e-200, 1e-200]), max_ms=2)
+
+
+def test_a_window_ends_where_a_new_crossover_appears():
+    # The loop gain just reaches 1 at a second frequency: the phase margin jumps from 69° to 46°.
+    process = ct.tf([0.5054], [20.4, 118.8, 178.6, 56.74, 5.157, 1])
+    model = ct.tf([1], [36.81, 97.09, 39.18, 4.104, 1])
+    first, *_ = nrdob.admissible_time_constants(process, model, 5, min_pm_deg=64.1)
+    for factor, meets in ((1 - 1e-5, True), (1 + 1e-5, False)):
+        F = LowPassFilter(factor * first[1], 5)
+        pm = nrdob.NRDOB(process, model, 0, F).margins().plant_loop.pm
+        assert (pm >= 64.1) is meets
