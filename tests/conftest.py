@@ -39,6 +39,6 @@ def no_warning_leaks():
 @pytest.fixture(scope="session")
 def settled():
     """Settle claims of the ledger, each at most once in a run, for all that want its entry."""
-    from nrdob.claims import check
+    from nrdob.course.claims import check
 
     return cache(check)

@@ -19,10 +19,8 @@ from typing import NamedTuple
 import numpy as np
 from flint import arb, arb_mat, ctx, fmpq, fmpq_poly
 
-from nrdob.delay import DelayedTransferFunction
-from nrdob.equations import LoopEquations
-from nrdob.filters import LowPassFilter
-from nrdob.response import INPUTS, step_response
+from nrdob.analysis import INPUTS, step_response
+from nrdob.diagram import DelayedTransferFunction, LoopEquations, LowPassFilter
 
 PROMISED = 1e-9
 _CERTIFIED = 1e-13

@@ -1,0 +1,23 @@
+"""What is wired to what: the blocks handed in, and the loop's maps as factored quotients."""
+
+from .blocks import Fraction, as_fraction, nonzero, written
+from .delay import DelayedTransferFunction, delay
+from .equations import LoopEquations, ObserverEquations
+from .filters import LowPassFilter, filter_fraction
+from .noise import rational_power
+from .quotient import Quotient
+
+__all__ = [
+    "DelayedTransferFunction",
+    "Fraction",
+    "LoopEquations",
+    "LowPassFilter",
+    "ObserverEquations",
+    "Quotient",
+    "as_fraction",
+    "delay",
+    "filter_fraction",
+    "nonzero",
+    "rational_power",
+    "written",
+]
