@@ -22,7 +22,7 @@ NBVAL := --nbval --nbval-current-env --nbval-cell-timeout 300 \
 OLD_PROCESSOR := OPENBLAS_CORETYPE=Nehalem \
 	NPY_DISABLE_CPU_FEATURES="X86_V3 X86_V4 AVX512_ICL AVX512_SPR"
 
-.PHONY: help env book ledger test lint types layers unit notebooks old-processor execute check \
+.PHONY: help env book ledger quick test lint types layers map unit notebooks old-processor execute check \
 	bench bench-table slides lab release grade report test-exercises clean
 
 help: ## show this list
@@ -62,6 +62,12 @@ types: $(READY) ## static types
 
 layers: $(READY) ## imports between the modules run one way
 	$(VENV)/bin/lint-imports
+
+map: $(READY) ## print the rooms of the package floor by floor, as its imports have them
+	$(PY) book/make/map.py
+
+quick: lint types layers ## the checks of the working day, in below 90 seconds
+	$(PYTEST) -m "not slow" tests nrdob --doctest-modules
 
 unit: $(READY) ## unit tests, doctests, the rules for notebooks, the ledger, and the built book
 	$(PYTEST) tests nrdob --doctest-modules

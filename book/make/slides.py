@@ -19,9 +19,9 @@ import nbformat
 from nbconvert.exporters import SlidesExporter
 from traitlets.config import Config
 
-TOOLS = Path(__file__).resolve().parent
-FOLDER = TOOLS.parent / "notebooks" / "class"
-TEMPLATE = TOOLS / "slidetemplate"
+ROOT = Path(__file__).resolve().parents[2]
+FOLDER = ROOT / "notebooks" / "class"
+TEMPLATE = ROOT / "book" / "templates" / "slides"
 
 BESIDE = (
     ("sphinx-revealjs", "_static/revealjs/dist/reveal.js"),
@@ -72,7 +72,7 @@ def copy_beside(folder: Path) -> None:
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line; the result is the exit code."""
     parser = argparse.ArgumentParser(description="Make slides of the notebooks for class.")
-    parser.add_argument("--output", type=Path, default=TOOLS.parent / "build" / "slides")
+    parser.add_argument("--output", type=Path, default=ROOT / "build" / "slides")
     folder = parser.parse_args(arguments).output
     folder.mkdir(parents=True, exist_ok=True)
     for old in folder.glob("*.html"):

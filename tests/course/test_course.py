@@ -118,7 +118,7 @@ def mistake(this: Posed, number: int) -> str:
     example = f'PROBLEMS["{this.id}"].misconceptions[{number}].example'
     if this.problem.own:
         example += f'(own_case("{this.id}", GROUP))'
-    return f"from nrdob.exercises import PROBLEMS, own_case\n\n{this.answer} = {example}"
+    return f"from nrdob.course.exercises import PROBLEMS, own_case\n\n{this.answer} = {example}"
 
 
 def cell_of(notebook: Notebook, name: str) -> Any:
