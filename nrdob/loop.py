@@ -17,17 +17,10 @@ from .analysis import (
     stability,
     step_response,
 )
-from .diagram import LoopEquations, Quotient
+from .diagram import CLOSED_LOOP, MAPS, LoopEquations, Quotient
 
 if TYPE_CHECKING:
     from .plotting import Figure
-
-OPEN_LOOP = ("FH", "H", "CGm", "L", "ratio", "K", "G", "Gm", "C", "F")
-CLOSED_LOOP = (
-    "T_R", "S_d", "S_delta", "S_eta", "E_R", "U_R", "U_d", "U_delta", "U_eta",
-)  # fmt: skip
-MAPS = OPEN_LOOP + CLOSED_LOOP
-"""Attributes of a loop that can be drawn by name."""
 
 
 class NRDOB(LoopEquations):

@@ -3,11 +3,10 @@
 from .frequencies import on_axis, resolved_frequencies, subdivided
 from .margins import LoopMargins, Margins, loop_margins, margin_bounds, margins
 from .nyquist import NyquistCount, encirclements, minus_point, rhp_roots
-from .response import INPUTS, forced_response, step_response
+from .response import forced_response, step_response
 from .stability import LoopStability, Stability, judge, judge_observer, stability
 
 __all__ = [
-    "INPUTS",
     "LoopMargins",
     "LoopStability",
     "Margins",

@@ -30,12 +30,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.signal import fftconvolve
 
-from ..diagram import LoopEquations, Quotient
+from ..diagram import INPUTS, LoopEquations, Quotient
 from ..numerics import Block, FloatArray, add, impulse_states, split
 from .steps import MAX_DELAYS, delayed_response
 from .window import POINTS, default_response
 
-INPUTS = ("R", "d", "delta", "eta")
 OUTPUTS = ("y", "u")
 
 _DIRECT_CONVOLUTION = 10_000

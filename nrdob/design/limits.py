@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from ..diagram import LowPassFilter
-from ..numerics import ROUNDING, ComplexArray, FloatArray, QuasiPolynomial, add
+from ..numerics import ROUNDING, ComplexArray, FloatArray, QuasiPolynomial, add, written
 from .mismatch import Mismatch
 
 SIDEWAYS = 1e-10
@@ -114,7 +114,7 @@ def stable_for_slow_filters(process: Any, model: Any, order: int) -> Answer:
     if right.size:
         return Answer(
             False,
-            f"process or inverse model is unstable (pole at {_text(right[0])}): "
+            f"process or inverse model is unstable (pole at {written(right[0], pair=True)}): "
             "a slow filter leaves it so",
         )
     if mismatch.b[-1] == 0:
@@ -289,7 +289,7 @@ def stable_for_fast_filters(process: Any, model: Any, order: int) -> Answer:
         return Answer(
             False,
             "the slow roots tend to a zero of the process or a pole of the model at "
-            f"{_text(right[0])}",
+            f"{written(right[0], pair=True)}",
         )
     moved = _moved(mismatch, axis, "inverse process or model", "fast", _drift_when_fast)
     return _first_decisive([moved, _fast_roots(mismatch)])
@@ -423,7 +423,9 @@ def stabilizing_filter_exists(process: Any, model: Any) -> Answer:
     shared = [root for root in unstable if any(_vanishes(p, root) for p in (N, Dm))]
     if shared:
         return Answer(
-            False, f"a mode at {_text(shared[0])} cancels in G/model, out of reach of every filter"
+            False,
+            f"a mode at {written(shared[0], pair=True)} cancels in G/model, "
+            "out of reach of every filter",
         )
     # With a dead time p_B has the sign of a far out on the real axis, whatever F.
     free_at_infinity = N.size == D.size and Nm.size < Dm.size and not mismatch.delay
@@ -497,7 +499,3 @@ def _sum_of_roots(p: FloatArray) -> float:
 
 def _vanishes(p: FloatArray, s: complex) -> bool:
     return bool(abs(np.polyval(p, s)) <= 1e-9 * np.polyval(np.abs(p), abs(s)))
-
-
-def _text(root: complex) -> str:
-    return f"{root.real:.4g}" + (f" ± {abs(root.imag):.4g}j" if root.imag else "")

@@ -111,19 +111,6 @@ def six_digits(value: float) -> float:
     return float(f"{value:.6g}")
 
 
-def written(root: complex) -> str:
-    """Write a root with four digits, a real one without its imaginary part.
-
-    Examples
-    --------
-    >>> written(-0.5 + 2j), written(10 + 0j)
-    ('-0.5 + 2j', '10')
-    """
-    if root.imag == 0:
-        return f"{root.real:.4g}"
-    return f"{root.real:.4g} {'-' if root.imag < 0 else '+'} {abs(root.imag):.4g}j"
-
-
 def is_number(value: Any) -> bool:
     """Tell whether `value` is one number: truth values and texts are none, 0-D arrays are."""
     if isinstance(value, np.ndarray) and value.ndim == 0:

@@ -14,6 +14,7 @@ from .quasipoly import (
 from .rootfinding import companion_roots
 from .sharedfactor import without_shared_factor
 from .timescales import Block, impulse_states, roots_by_time_scale, split
+from .writing import number, written
 
 __all__ = [
     "ROUNDING",
@@ -33,8 +34,10 @@ __all__ = [
     "golden",
     "impulse_states",
     "multiply",
+    "number",
     "roots_by_time_scale",
     "side",
     "split",
     "without_shared_factor",
+    "written",
 ]

@@ -1,6 +1,6 @@
 """Every figure, with one look, and the words for those who cannot see it."""
 
-from .alttext import complex_number, frequency, number, spoken, turns
+from .alttext import complex_number, frequency, spoken, turns
 from .explorer import Explorer, Slider
 from .figure import (
     COLOURS,
@@ -34,7 +34,6 @@ __all__ = [
     "dress",
     "frequency",
     "label_of",
-    "number",
     "nyquist_plot",
     "roots_plot",
     "spoken",

@@ -11,13 +11,11 @@ from dataclasses import dataclass
 from math import inf, isfinite, isnan
 from typing import NamedTuple
 
-import numpy as np
-
 from ..analysis import Margins
-from ..numerics import ComplexArray
+from ..diagram import MAPS
+from ..numerics import ComplexArray, number, written
 from .contour import Approach
 
-NAMES = {"FH": "F·H", "CGm": "C·Gm", "ratio": "G/Gm"}
 """Maps whose name in code is not how one says it."""
 
 _WORDS = ("no", "one", "two", "three", "four", "five", "six")
@@ -50,32 +48,9 @@ class StepFacts:
     final: float
 
 
-def number(value: float, digits: int = 3) -> str:
-    """Write a number with so many significant digits, a true minus sign and no needless zeros.
-
-    Examples
-    --------
-    >>> number(-0.73284), number(1234.5), number(46.82, 2), number(float("inf"))
-    ('−0.733', '1230', '47', '∞')
-    """
-    if not isfinite(value):
-        return "undefined" if isnan(value) else "∞" if value > 0 else "−∞"
-    # A value such as 0.7325 must not fall to either side by the last bit: settle nine digits first.
-    settled = float(f"{value:.8e}")
-    if settled == 0:
-        return "0"
-    if 1e-4 <= abs(settled) < 1e6:
-        text = np.format_float_positional(
-            settled, precision=digits, unique=False, fractional=False, trim="-"
-        )
-    else:
-        text = f"{settled:.{digits - 1}e}"
-    return text.replace("-", "−")
-
-
 def spoken(name: str) -> str:
     """Write the name of a map as one says it."""
-    return NAMES.get(name, name) or "the loop"
+    return MAPS[name].spoken if name in MAPS else name or "the loop"
 
 
 def turns(count: float | None, point: float = -1.0) -> str:
@@ -160,10 +135,10 @@ def roots(title: str, found: Mapping[str, ComplexArray], right: Mapping[str, flo
 
 def complex_number(value: complex) -> str:
     """Write a complex number, a conjugate pair as one of the two."""
-    if abs(value.imag) <= 1e-9 * abs(value):
-        return number(value.real)
-    real = "" if abs(value.real) <= 1e-9 * abs(value) else f"{number(value.real)} "
-    return f"{real}± {number(abs(value.imag))}j"
+    real, imag = (
+        0.0 if abs(part) <= 1e-9 * abs(value) else part for part in (value.real, value.imag)
+    )
+    return written(complex(real, imag), number, pair=True)
 
 
 def _bode_point(point: BodePoint) -> str:

@@ -18,6 +18,7 @@ from schemdraw import Drawing
 from schemdraw.elements import Element
 from schemdraw.segments import Segment, SegmentCircle, SegmentPoly, SegmentText, SegmentType
 
+from ..diagram import INPUTS
 from .figure import COLOURS, INK, WIDTH, Figure, axes_for, styled
 
 Point = tuple[float, float]
@@ -41,13 +42,6 @@ BLOCKS = {
     "C/((1 - F)*(1 + C*Gm))": (r"$\dfrac{C}{(1-F)\,(1+C\,\tilde{G})}$", "controller"),
 }
 """How each block is written in a picture, and its role, which gives the colour."""
-
-INPUTS = {
-    "R": (r"$R$", "reference"),
-    "delta": (r"$\delta$", "disturbance"),
-    "d": (r"$d$", "disturbance"),
-    "eta": (r"$\eta$", "noise"),
-}
 
 
 class Term(NamedTuple):
@@ -206,7 +200,7 @@ class Diagram:
 
     def _drawn_wire(self, wire: Wire) -> list[SegmentType]:
         points, start, end = self.polyline(wire), wire.path[0], wire.path[-1]
-        colour = COLOURS[INPUTS[start][1]] if isinstance(start, str) and start in INPUTS else INK
+        colour = COLOURS[INPUTS[start].role] if isinstance(start, str) and start in INPUTS else INK
         drawn: list[SegmentType] = [Segment(points, arrow="->", color=colour)]
         if not isinstance(start, str):
             drawn.append(SegmentCircle(start, 0.075, color=colour, fill=colour))
@@ -350,7 +344,7 @@ def _sum(terms: tuple[Term, ...]) -> str:
 
 def _drawn_part(name: str, part: Input | Sum | Block) -> list[SegmentType]:
     if isinstance(part, Input):
-        label, role = INPUTS[name]
+        label, role = INPUTS[name].label, INPUTS[name].role
         return [_text(label, part.at, COLOURS[role])]
     if isinstance(part, Sum):
         return [SegmentCircle(part.at, RADIUS)]

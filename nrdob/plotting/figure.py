@@ -16,7 +16,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 
-from ..diagram import Quotient
+from ..diagram import INPUTS, MAPS, Quotient
 
 STYLE = Path(__file__).with_name("nrdob.mplstyle")
 WIDTH, TALL, SHORT = 7.0, 4.4, 3.2
@@ -37,18 +37,7 @@ COLOURS = {
 }
 """Colour of each role, after Okabe and Ito, darkened where white paper asks for it."""
 
-ROLES = {
-    "G": "process", "L": "process", "Gm": "model", "CGm": "model", "F": "filter", "C": "controller",
-    "K": "controller", "T_R": "reference", "U_R": "reference", "E_R": "reference",
-    "S_eta": "noise", "U_eta": "noise", "R": "reference", "eta": "noise",
-} | dict.fromkeys(("S_d", "S_delta", "U_d", "U_delta", "d", "delta"), "disturbance")  # fmt: skip
-"""Role of each map and input; the model loop is the model's, the plant loop the process's."""
-
-LABELS = {
-    "FH": r"$F\,H$", "CGm": r"$C\,\tilde{G}$", "Gm": r"$\tilde{G}$", "ratio": r"$\tilde{G}^{-1}G$",
-    "S_delta": r"$S_\delta$", "S_eta": r"$S_\eta$", "U_delta": r"$U_\delta$", "U_eta": r"$U_\eta$",
-    "delta": r"$\delta$", "eta": r"$\eta$",
-}  # fmt: skip
+_NAMES = MAPS | INPUTS
 
 
 class Figure(ct.ControlPlot):  # type: ignore[misc]
@@ -158,9 +147,9 @@ def headings(ax: Axes, left: str, right: str = "") -> None:
 
 def colour_of(name: str) -> str:
     """Return the colour of a map or an input."""
-    return COLOURS[ROLES.get(name, "loop")]
+    return COLOURS[_NAMES[name].role if name in _NAMES else "loop"]
 
 
 def label_of(name: str) -> str:
     """Write the name of a map or an input as in the book."""
-    return LABELS.get(name, f"${name}$")
+    return _NAMES[name].label if name in _NAMES else f"${name}$"

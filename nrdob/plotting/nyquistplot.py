@@ -12,9 +12,8 @@ from matplotlib.lines import Line2D
 
 from ..analysis import LoopStability, NyquistCount, encirclements
 from ..diagram import Quotient
-from ..numerics import ComplexArray, FloatArray
+from ..numerics import ComplexArray, FloatArray, number
 from . import alttext
-from .alttext import number
 from .contour import Approach, Contour, closest_approach, contour
 from .figure import (
     COLOURS,

@@ -16,11 +16,11 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MultipleLocator
 
-from ..analysis import INPUTS, Margins, resolved_frequencies, step_response
-from ..diagram import LoopEquations, Quotient
-from ..numerics import ComplexArray, FloatArray, QuasiPolynomial, count_rhp
+from ..analysis import Margins, resolved_frequencies, step_response
+from ..diagram import INPUTS, LoopEquations, Quotient
+from ..numerics import ComplexArray, FloatArray, QuasiPolynomial, count_rhp, number
 from . import alttext
-from .alttext import complex_number, number
+from .alttext import complex_number
 from .figure import (
     COLOURS,
     INK,
@@ -41,11 +41,6 @@ __all__ = ["COLOURS", "Figure", "bode_plot", "nyquist_plot", "roots_plot", "step
 
 MAX_PHASE_SPAN = 720.0
 """Degrees below which a delay's phase is not followed."""
-
-INPUT_WORDS = {
-    "R": "reference", "d": "output disturbance", "delta": "input disturbance", "eta": "noise",
-}  # fmt: skip
-
 
 # Bode.
 
@@ -356,7 +351,7 @@ def _step_facts(
 def _step_frame(ax: Axes, given: str, name: str, signal: str, *, bottom: bool) -> None:
     # As in eq. (7): an input disturbance is seen where it acts.
     reached = r"u + $\delta$" if (signal, given) == ("u", "delta") else signal
-    ax.set_title(f"{label_of(name)}   {INPUT_WORDS[given]} {label_of(given)} → {reached}")
+    ax.set_title(f"{label_of(name)}   {INPUTS[given].spoken} {label_of(given)} → {reached}")
     ax.set(xlabel="time (s)" if bottom else "", ylabel=f"{reached} (per unit step)")
     ax.set_xlim(left=0)
     low, high = ax.get_ylim()

@@ -19,8 +19,8 @@ from typing import NamedTuple
 import numpy as np
 from flint import arb, arb_mat, ctx, fmpq, fmpq_poly
 
-from nrdob.analysis import INPUTS, step_response
-from nrdob.diagram import DelayedTransferFunction, LoopEquations, LowPassFilter
+from nrdob.analysis import step_response
+from nrdob.diagram import INPUTS, DelayedTransferFunction, LoopEquations, LowPassFilter
 
 PROMISED = 1e-9
 _CERTIFIED = 1e-13
@@ -131,7 +131,7 @@ def random_case(rng):
         asked = asked[np.minimum(phase, 1 - phase) > 1e-6]
     family = ("lags 1e11 apart" if wide else "lags 1e2 apart") + (", dead time" if delay else "")
     loop = LoopEquations(DelayedTransferFunction((N, D), delay), (Nm, Dm), C, F)
-    return Case(family, loop, str(rng.choice(INPUTS)), times, asked)
+    return Case(family, loop, str(rng.choice(list(INPUTS))), times, asked)
 
 
 def error(case):

@@ -14,8 +14,9 @@ import pytest
 import schemdraw
 import sympy as sp
 
+from nrdob.diagram import INPUTS
 from nrdob.plotting import WIDTH, Figure, diagrams
-from nrdob.plotting.diagrams import BLOCKS, INPUTS, Block, Diagram, Input, Point, Sum
+from nrdob.plotting.diagrams import BLOCKS, Block, Diagram, Input, Point, Sum
 from nrdob.sampling import random_loop
 
 mpl.use("Agg")
@@ -177,7 +178,7 @@ def test_every_block_and_signal_is_labelled_once(draw: Callable[[], Diagram]) ->
     for name, part in diagram.parts.items():
         if isinstance(part, Sum):
             continue
-        label = INPUTS[name][0] if isinstance(part, Input) else BLOCKS[name.rstrip("'")][0]
+        label = INPUTS[name].label if isinstance(part, Input) else BLOCKS[name.rstrip("'")][0]
         twice = isinstance(part, Block) and f"{name.rstrip(chr(39))}'" in diagram.parts
         assert shown.count(label) == 1 + twice, label
     terms = [term for terms in diagram.equations.values() for term in terms]

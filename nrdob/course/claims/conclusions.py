@@ -9,9 +9,8 @@ import numpy as np
 from ...analysis import judge
 from ...diagram import LowPassFilter
 from ...loop import NRDOB
-from ...numerics import QuasiPolynomial
+from ...numerics import QuasiPolynomial, number
 from ...paper import example
-from ...plotting import number
 from .ledger import Amendment, Finding, Section, Verdict
 
 SECTION = Section()

@@ -9,8 +9,9 @@ import numpy as np
 from ...analysis import encirclements
 from ...diagram import LowPassFilter, Quotient
 from ...loop import NRDOB
+from ...numerics import number
 from ...paper import PRINTED_FUNCTIONS, PrintedFunction, example
-from ...plotting import number, turns
+from ...plotting import turns
 from .ledger import Amendment, Finding, Section, Verdict
 from .recurring import (
     border,

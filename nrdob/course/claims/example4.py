@@ -10,9 +10,9 @@ import numpy as np
 from ...analysis import encirclements, minus_point
 from ...diagram import DelayedTransferFunction, LowPassFilter, Quotient
 from ...loop import NRDOB
-from ...numerics import QuasiPolynomial, count_rhp
+from ...numerics import QuasiPolynomial, count_rhp, number
 from ...paper import example
-from ...plotting import number, turns
+from ...plotting import turns
 from .ledger import Amendment, Finding, Section, Verdict
 from .recurring import (
     OMEGA,

@@ -8,12 +8,11 @@ from math import cos, pi, tan
 import control as ct
 import numpy as np
 
-from ...analysis import INPUTS, encirclements, minus_point
-from ...diagram import LowPassFilter, Quotient
+from ...analysis import encirclements, minus_point
+from ...diagram import INPUTS, LowPassFilter, Quotient
 from ...loop import NRDOB
-from ...numerics import ComplexArray
+from ...numerics import ComplexArray, number
 from ...paper import example
-from ...plotting import number
 from .ledger import Amendment, Finding, Section, Verdict
 from .recurring import (
     enter_controller,

@@ -8,11 +8,11 @@ import numpy as np
 from scipy.optimize import brentq
 
 from ...analysis import LoopStability, Margins, NyquistCount
-from ...diagram import LowPassFilter, Quotient
+from ...diagram import INPUTS, LowPassFilter, Quotient
 from ...loop import NRDOB
-from ...numerics import FloatArray
+from ...numerics import FloatArray, number
 from ...paper import PRINTED, PRINTED_FUNCTIONS, Printed, example
-from ...plotting import complex_number, frequency, number, spoken
+from ...plotting import complex_number, frequency, spoken
 from .ledger import Finding, Section
 from .signals import printed_map
 
@@ -26,13 +26,8 @@ _METHOD = {
     ("gm", True): "Compute the margin; the loop gain, multiplied by it, must meet −1.",
     ("gm", False): "Compute the margin; the loop gain must not cross the negative real axis.",
 }
-_STEPS = {
-    "R": ("T_R", "T_R", 1.0),
-    "d": ("S_d", "S_d", 0.0),
-    "delta": ("S_delta", "S_δ", 0.0),
-    "eta": ("S_eta", "S_η", -1.0),
-}
-"""For each input its map to y, how one says it, and where y should end after a unit step."""
+_FINAL = {"R": 1.0, "d": 0.0, "delta": 0.0, "eta": -1.0}
+"""Where y should end after a unit step at each input."""
 
 
 def filtered(loop: NRDOB, time_constant: float, order: int) -> NRDOB:
@@ -249,6 +244,12 @@ def extreme(loop: NRDOB, input: str) -> float:
     return max(response(loop, input), key=abs)
 
 
+def to_y(loop: NRDOB, input: str) -> Quotient:
+    """Give the map from an input to the output y."""
+    quotient: Quotient = getattr(loop, INPUTS[input].to_y)
+    return quotient
+
+
 def comes_to_rest(loop: NRDOB) -> bool:
     """Whether the four responses end at 1, 0, 0 and −1, by the maps at s = 0 and by simulation."""
 
@@ -257,17 +258,18 @@ def comes_to_rest(loop: NRDOB) -> bool:
         return float(loop.step_response(input, [0.0, late]).outputs[0, 0, -1])
 
     return all(
-        abs(getattr(loop, name).dc_gain - final) < 1e-9 and abs(at_the_end(input) - final) < 1e-3
-        for input, (name, _, final) in _STEPS.items()
+        abs(to_y(loop, input).dc_gain - final) < 1e-9 and abs(at_the_end(input) - final) < 1e-3
+        for input, final in _FINAL.items()
     )
 
 
 def steps_finding(loop: NRDOB) -> Finding:
     """Find whether a loop is stable and its step responses end where they should."""
     peaks = ", ".join(
-        f"{said} {number(extreme(loop, input), 4)}" for input, (_, said, _) in _STEPS.items()
+        f"{name.to_y.replace('delta', 'δ').replace('eta', 'η')} {number(extreme(loop, input), 4)}"
+        for input, name in INPUTS.items()
     )
-    finals = ", ".join(number(getattr(loop, name).dc_gain, 4) for name, _, _ in _STEPS.values())
+    finals = ", ".join(number(to_y(loop, input).dc_gain, 4) for input in INPUTS)
     verdict = loop.stability()
     stable = "stable" if verdict.stable else f"not known to be stable: {verdict.reason}"
     return Finding(

@@ -16,9 +16,8 @@ from scipy.optimize import brentq
 
 from ...diagram import LowPassFilter, rational_power
 from ...loop import NRDOB
-from ...numerics import ComplexArray, FloatArray
+from ...numerics import ComplexArray, FloatArray, number
 from ...paper import EXAMPLES, example
-from ...plotting import number
 from ...sampling import random_block
 from .ledger import Amendment, Finding, Section, Verdict
 from .recurring import enter_map

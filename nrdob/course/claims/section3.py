@@ -15,9 +15,8 @@ from ...analysis import Margins, encirclements
 from ...design import gain_bound
 from ...diagram import Fraction, LowPassFilter, Quotient
 from ...loop import NRDOB
-from ...numerics import ComplexArray, FloatArray
+from ...numerics import ComplexArray, FloatArray, number
 from ...paper import EXAMPLES, example
-from ...plotting import number
 from ...sampling import random_block, random_loop
 from .ledger import Amendment, Finding, Section, Verdict
 from .recurring import enter_map

@@ -18,8 +18,7 @@ from scipy.linalg import block_diag
 from ... import paper
 from ...diagram import Fraction, Quotient
 from ...loop import NRDOB
-from ...numerics import ComplexArray, FloatArray
-from ...plotting import number
+from ...numerics import ComplexArray, FloatArray, number
 from ...sampling import random_loop
 from .ledger import Finding
 

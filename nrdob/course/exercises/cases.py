@@ -11,8 +11,7 @@ import numpy as np
 
 from ...diagram import DelayedTransferFunction
 from ...loop import NRDOB
-from ...numerics import ComplexArray, FloatArray
-from ...plotting import number
+from ...numerics import ComplexArray, FloatArray, number
 from .problems import Lack
 
 __all__ = [

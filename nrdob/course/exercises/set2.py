@@ -13,8 +13,8 @@ from ...analysis import LoopStability, judge, resolved_frequencies
 from ...design import right_half_plane_parity, stabilizing_time_constants
 from ...diagram import LowPassFilter, Quotient
 from ...loop import NRDOB
-from ...numerics import ComplexArray, FloatArray, QuasiPolynomial
-from ...plotting import Figure, number
+from ...numerics import ComplexArray, FloatArray, QuasiPolynomial, number
+from ...plotting import Figure
 from .cases import (
     LoopCase,
     UnstablePlant,

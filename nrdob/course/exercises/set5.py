@@ -15,8 +15,8 @@ from scipy.optimize import brentq
 from ...design import critical_time_constants, right_half_plane_parity, stabilizing_time_constants
 from ...diagram import DelayedTransferFunction, LowPassFilter, as_fraction, delay
 from ...loop import NRDOB
-from ...numerics import ComplexArray, FloatArray
-from ...plotting import COLOURS, INK, TALL, Figure, axes_for, number, styled
+from ...numerics import ComplexArray, FloatArray, number, written
+from ...plotting import COLOURS, INK, TALL, Figure, axes_for, styled
 from .cases import (
     UnstablePlant,
     apart,
@@ -457,17 +457,16 @@ def draw_edge(case: EdgeCase) -> Figure:
         ax.axhline(0, color=INK, lw=0.6)
         ax.axvline(0, color=INK, lw=0.6)
         ax.legend(loc="best")
-    places = ", ".join(f"{number(w)} rad/s at {_complex(H(w))}" for w in frequencies)
-    points = ", ".join(f"{number(v, 2)} at {_complex(_gamma(v))}" for v in x)
+    places = ", ".join(f"{number(w)} rad/s at {written(H(w), _two_digits)}" for w in frequencies)
+    points = ", ".join(f"{number(v, 2)} at {written(_gamma(v), _two_digits)}" for v in x)
     return Figure(lines, ax, alt=f"H passes ω = {places}. Γ₂ passes x = {points}")
+
+
+_two_digits = partial(number, digits=2)
 
 
 def _gamma(x: Any) -> Any:
     return -((1 + 1j * np.asarray(x)) ** 2)
-
-
-def _complex(value: complex) -> str:
-    return f"{number(value.real, 2)} {'−' if value.imag < 0 else '+'} {number(abs(value.imag), 2)}j"
 
 
 def _marks(
