@@ -17,6 +17,7 @@ from ...diagram import Fraction, LowPassFilter, Quotient
 from ...loop import NRDOB
 from ...numerics import ComplexArray, FloatArray, number
 from ...paper import EXAMPLES, example
+from ...plants import resonance
 from ...sampling import random_block, random_loop
 from .ledger import Amendment, Finding, Section, Verdict
 from .recurring import enter_map
@@ -858,11 +859,6 @@ def ratio_at_high_frequency() -> Finding:
     )
 
 
-def _resonance(natural_frequency: float) -> ct.TransferFunction:
-    """Lightly damped, of DC gain 1."""
-    return 1 / ((_s / natural_frequency) ** 2 + 0.02 * _s / natural_frequency + 1)
-
-
 @SECTION.claim(
     "sec3.speculation",
     "Section III",
@@ -885,7 +881,7 @@ def plots_of_small_mismatches() -> Finding:
     40 random pairs with parameters within 1 % are exchanged. 8 random H with |H| below 0.96 are
     tried with 5 λ and n up to 4.
     """
-    process, model = _resonance(0.9), _resonance(1.0)
+    process, model = resonance(0.9, 0.01), resonance(1.0, 0.01)
 
     def resonant(time_constant: float) -> NRDOB:
         return NRDOB(process, model, 0.0, LowPassFilter(time_constant, 2))
