@@ -59,6 +59,7 @@ def margins_if_stable(loop):
     return margins(loop.L, verdict.stable, loop.p_B)
 
 
+@pytest.mark.slow
 @given(loops())
 def test_modulus_margin_is_the_smallest_distance_on_a_dense_grid(loop):
     found = margins_if_stable(loop)
@@ -70,12 +71,14 @@ def test_modulus_margin_is_the_smallest_distance_on_a_dense_grid(loop):
     assert found.ms == pytest.approx(1 / found.sm)
 
 
+@pytest.mark.slow
 @given(loops())
 @settings(max_examples=80)
 def test_the_loop_keeps_its_roots_inside_the_gain_interval_and_loses_them_outside(loop):
     check_gain_interval(loop.L, margins_if_stable(loop))
 
 
+@pytest.mark.slow
 @given(loops(delayed=True))
 @settings(max_examples=50)
 def test_the_delayed_loop_keeps_its_roots_inside_the_gain_interval(loop):
@@ -228,6 +231,7 @@ def test_a_detuned_mode_of_damping_1e_6_leaves_13_percent_of_the_distance():
     assert not differs(found, loop.FH)
 
 
+@pytest.mark.slow
 def test_margins_at_300_detuned_hardly_damped_modes_are_the_certified_ones():
     rng, compared = np.random.default_rng(5), 0
     while compared < 300:
