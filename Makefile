@@ -64,7 +64,9 @@ types: $(READY) ## static types
 	$(PY) -m mypy
 
 layers: $(READY) ## imports between the modules run one way
-	$(VENV)/bin/lint-imports
+	@# Not by the program in bin, whose first line holds this path in the letters of the locale;
+	@# and in UTF-8, which is all that the reader of the imports takes a path for.
+	PYTHONUTF8=1 $(PY) -c 'from importlinter.cli import lint_imports_command as lint; lint()'
 
 unit: $(READY) ## unit tests, doctests, the rules for notebooks, the ledger, and the built book
 	$(PYTEST) tests nrdob --doctest-modules
