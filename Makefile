@@ -13,6 +13,8 @@ READY := $(VENV)/ready
 # Jupyter looks for its own programs on PATH.
 export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
 export PYTHONHASHSEED := 0
+# Matplotlib keeps its list of fonts here, and warns in the notebooks where a home is missing.
+export MPLCONFIGDIR := $(CURDIR)/$(VENV)/matplotlib
 
 # Two tests at a time, those of one file in one process, each with one thread of BLAS.
 PYTEST := OPENBLAS_NUM_THREADS=1 $(PY) -m pytest -q -n 2 --dist loadfile
@@ -39,6 +41,7 @@ $(READY): requirements.txt pyproject.toml
 	@# The path of this folder as pip notes it is UTF-8; Python before 3.13 reads it in the
 	@# encoding of the locale. A relative one needs no letters.
 	@cd $(VENV)/lib/python3*/site-packages && echo ../../../.. > _editable_impl_nrdob.pth
+	@$(PY) -c 'import matplotlib.font_manager' 2> /dev/null
 	@touch $(READY)
 
 book: $(READY) ## run every notebook and build the web book
@@ -61,7 +64,9 @@ types: $(READY) ## static types
 	$(PY) -m mypy
 
 layers: $(READY) ## imports between the modules run one way
-	$(VENV)/bin/lint-imports
+	@# Not by the program in bin, whose first line holds this path in the letters of the locale;
+	@# and in UTF-8, which is all that the reader of the imports takes a path for.
+	PYTHONUTF8=1 $(PY) -c 'from importlinter.cli import lint_imports_command as lint; lint()'
 
 map: $(READY) ## print the rooms of the package floor by floor, as its imports have them
 	$(PY) book/make/map.py

@@ -42,3 +42,11 @@ def settled():
     from nrdob.course.claims import check
 
     return cache(check)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items):
+    """What waits for the built book, the settled ledger or a graded class is slow."""
+    for item in items:
+        if {"site", "ledger_run", "graded"} & set(getattr(item, "fixturenames", ())):
+            item.add_marker(pytest.mark.slow)

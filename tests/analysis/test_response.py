@@ -544,6 +544,7 @@ def test_a_process_with_lags_1e11_apart_is_certified(seconds):
             assert_close(row, exactly, 1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("input", INPUTS)
 def test_a_filter_far_below_the_dead_time_is_certified(input):
     # The plant's input is next to an impulse and its derivatives: 1e36 for some microseconds.
@@ -595,6 +596,7 @@ def test_a_mode_that_turns_too_often_for_nine_digits_is_refused():
         step_response(loop, "d", [0.0, 1e3])
 
 
+@pytest.mark.slow
 def test_random_loops_are_certified():
     errors, refusals = campaign(8, seed=11)
     assert max(max(found) for found in errors.values())[0] < 1e-9

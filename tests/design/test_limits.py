@@ -36,6 +36,7 @@ def mismatches(draw):
     return process, model, max(1, relative_degree) + draw(st.integers(0, 3))
 
 
+@pytest.mark.slow
 @given(mismatches())
 def test_the_ends_of_the_exact_set_are_as_the_limits_say(case):
     intervals = stabilizing_time_constants(*case)
@@ -196,6 +197,7 @@ def test_where_F_H_is_biproper_infinity_forbids_nothing():
     assert low < 0.05 < high
 
 
+@pytest.mark.slow
 @given(mismatches())
 def test_where_a_filter_of_ours_does_the_existence_is_not_denied(case):
     if stabilizing_time_constants(*case):

@@ -126,6 +126,7 @@ def test_admissible_time_constants_end_where_the_closed_form_says():
     assert admissible_time_constants(4 / (2 - s - s**2), 1 / (s + 1) ** 2, 2, max_ms=2) == []
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(fractions(), fractions(), st.floats(1.2, 3.0))
 def test_random_designs_keep_their_promise(process, model, max_ms):
