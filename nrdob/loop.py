@@ -22,6 +22,8 @@ from .diagram import LoopEquations, Quotient
 if TYPE_CHECKING:
     from .plotting import Figure
 
+__all__ = ["NRDOB"]
+
 OPEN_LOOP = ("FH", "H", "CGm", "L", "ratio", "K", "G", "Gm", "C", "F")
 CLOSED_LOOP = (
     "T_R", "S_d", "S_delta", "S_eta", "E_R", "U_R", "U_d", "U_delta", "U_eta",

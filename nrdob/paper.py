@@ -16,6 +16,8 @@ import numpy as np
 from .diagram import LowPassFilter, Quotient, delay
 from .loop import NRDOB
 
+__all__ = ["EXAMPLES", "PRINTED", "PRINTED_FUNCTIONS", "Printed", "PrintedFunction", "example"]
+
 EXAMPLES = (1, 2, 3, 4)
 """Matched, non-minimum phase, unstable, time delay."""
 

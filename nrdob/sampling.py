@@ -9,6 +9,8 @@ from .diagram import DelayedTransferFunction, LowPassFilter
 from .loop import NRDOB
 from .numerics import FloatArray
 
+__all__ = ["random_block", "random_loop"]
+
 
 def random_loop(rng: np.random.Generator, *, delayed: bool = False) -> NRDOB:
     """Draw a well-posed loop, stable or not, from plants and models of orders 1 to 3.

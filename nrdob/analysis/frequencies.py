@@ -12,6 +12,8 @@ from ..diagram import Quotient
 from ..numerics import FloatArray, QuasiPolynomial, frequency_segments
 from .nyquist import minus_point
 
+__all__ = ["on_axis", "resolved_frequencies", "subdivided"]
+
 CLOSEST = 2.0**-40
 """How close to a root on the axis there are still frequencies, as a fraction of its own."""
 

@@ -20,6 +20,8 @@ import numpy as np
 from ..diagram import Quotient
 from ..numerics import QuasiPolynomial, RootCount, add, count_rhp
 
+__all__ = ["NyquistCount", "encirclements", "minus_point", "nyquist_count", "rhp_roots"]
+
 
 @dataclass(frozen=True)
 class NyquistCount:

@@ -12,6 +12,8 @@ import numpy as np
 from ..diagram import LowPassFilter, ObserverEquations, as_fraction
 from ..numerics import BoolArray, ComplexArray, FloatArray, QuasiPolynomial, add
 
+__all__ = ["Mismatch"]
+
 ERROR = 64 * float(np.finfo(float).eps)
 """Bound of the rounding error of a polynomial's value, against the sum of its terms' sizes."""
 

@@ -32,6 +32,15 @@ from ..numerics import (
 from .mismatch import Mismatch
 from .mismatchgrid import Frequencies
 
+__all__ = [
+    "CriticalTimeConstant",
+    "critical_time_constants",
+    "default_floor",
+    "lowest_floor",
+    "stabilizing_set",
+    "stabilizing_time_constants",
+]
+
 SAME = 1e-9
 """Relative distance below which two critical time constants are one."""
 

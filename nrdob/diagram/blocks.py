@@ -16,6 +16,16 @@ import numpy as np
 from ..numerics import FloatArray
 from .statespace import polynomials
 
+__all__ = [
+    "Fraction",
+    "as_fraction",
+    "is_number",
+    "nonzero",
+    "real_number",
+    "six_digits",
+    "written",
+]
+
 ACCEPTED = (
     "pass a control.TransferFunction, a control.StateSpace, a number, or a pair (num, den) of "
     "coefficients in descending powers of s"

@@ -12,6 +12,8 @@ import numpy as np
 from ..numerics import ComplexArray, FloatArray
 from .blocks import as_fraction, real_number, six_digits
 
+__all__ = ["DelayedTransferFunction", "delay"]
+
 
 class DelayedTransferFunction:
     r"""A process with dead time, :math:`G(s) = G_0(s)\,e^{-sT}`.

@@ -35,6 +35,8 @@ from .delay import DelayedTransferFunction
 from .filters import filter_fraction
 from .quotient import Quotient
 
+__all__ = ["LoopEquations", "LoopFractions", "ObserverEquations", "ObserverFractions"]
+
 
 class ObserverFractions(NamedTuple):
     """Numerators and denominators of the blocks of an observer: process, model, filter."""

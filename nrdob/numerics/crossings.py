@@ -8,6 +8,8 @@ import numpy as np
 
 from .arrays import FloatArray
 
+__all__ = ["bisect", "golden", "side", "zeros"]
+
 Function = Callable[[FloatArray], FloatArray]
 
 EPS = float(np.finfo(float).eps)

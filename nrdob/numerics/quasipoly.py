@@ -28,6 +28,16 @@ from .exact import rhp_count, whole
 from .longdelay import rightmost_roots
 from .rootfinding import delay_roots, polynomial_roots
 
+__all__ = [
+    "QuasiPolynomial",
+    "RootCount",
+    "add",
+    "count_rhp",
+    "differentiate",
+    "frequency_segments",
+    "multiply",
+]
+
 
 @dataclass(frozen=True, eq=False)
 class QuasiPolynomial:

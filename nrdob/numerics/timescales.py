@@ -24,6 +24,8 @@ from scipy.linalg import expm, matrix_balance
 
 from .arrays import ComplexArray, FloatArray
 
+__all__ = ["Block", "impulse_states", "roots_by_time_scale", "split"]
+
 # Ratios of moduli, as powers of two:
 _GAP = 5.0  # at which a polynomial is always cut
 _NARROW_GAP = 1.5  # at which it is cut if its roots are otherwise too far apart for one block

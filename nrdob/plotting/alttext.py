@@ -17,6 +17,20 @@ from ..analysis import Margins
 from ..numerics import ComplexArray
 from .contour import Approach
 
+__all__ = [
+    "BodePoint",
+    "StepFacts",
+    "bode",
+    "complex_number",
+    "frequency",
+    "number",
+    "nyquist",
+    "roots",
+    "spoken",
+    "steps",
+    "turns",
+]
+
 NAMES = {"FH": "F·H", "CGm": "C·Gm", "ratio": "G/Gm"}
 """Maps whose name in code is not how one says it."""
 

@@ -20,6 +20,22 @@ from schemdraw.segments import Segment, SegmentCircle, SegmentPoly, SegmentText,
 
 from .figure import COLOURS, INK, WIDTH, Figure, axes_for, styled
 
+__all__ = [
+    "BLOCKS",
+    "INPUTS",
+    "Block",
+    "Diagram",
+    "Input",
+    "Point",
+    "Sum",
+    "Term",
+    "Wire",
+    "conventional",
+    "internal_model_control",
+    "nrdob",
+    "two_degrees_of_freedom",
+]
+
 Point = tuple[float, float]
 
 UNIT = 0.5

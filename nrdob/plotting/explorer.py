@@ -20,6 +20,8 @@ from PIL import Image
 
 from .figure import DPI, Figure, styled
 
+__all__ = ["WIDGET_VIEW", "Explorer", "Slider"]
+
 WIDGET_VIEW = "application/vnd.jupyter.widget-view+json"
 
 

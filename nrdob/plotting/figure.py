@@ -18,6 +18,24 @@ from matplotlib.axes import Axes
 
 from ..diagram import Quotient
 
+__all__ = [
+    "COLOURS",
+    "DPI",
+    "INK",
+    "SHORT",
+    "TALL",
+    "WIDTH",
+    "Figure",
+    "as_map",
+    "as_number",
+    "axes_for",
+    "colour_of",
+    "dress",
+    "headings",
+    "label_of",
+    "styled",
+]
+
 STYLE = Path(__file__).with_name("nrdob.mplstyle")
 WIDTH, TALL, SHORT = 7.0, 4.4, 3.2
 """Size of a figure in inches: one width, two heights."""

@@ -14,6 +14,8 @@ from ...paper import example
 from ...plotting import number
 from .ledger import Amendment, Finding, Section, Verdict
 
+__all__ = ["REFERENCE_2", "SECTION"]
+
 SECTION = Section()
 
 LATE = "04_time_delay"

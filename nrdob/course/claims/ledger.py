@@ -15,6 +15,19 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from textwrap import fill
 
+__all__ = [
+    "WIDTH",
+    "Amendment",
+    "Claim",
+    "Entry",
+    "Finding",
+    "LedgerError",
+    "Section",
+    "Verdict",
+    "collect",
+    "settle",
+]
+
 WIDTH = 95
 """Characters to a line of a printed entry: what a page of the book is wide."""
 

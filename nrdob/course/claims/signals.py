@@ -23,6 +23,30 @@ from ...plotting import number
 from ...sampling import random_loop
 from .ledger import Finding
 
+__all__ = [
+    "EXACT",
+    "PRINTED_MAPS",
+    "QUADRUPLES",
+    "TOLERANCE",
+    "TO_OUTPUT",
+    "Values",
+    "blocks_of",
+    "equations",
+    "every",
+    "fraction",
+    "from_diagram",
+    "loop_modes",
+    "many_loops",
+    "modes",
+    "numbers",
+    "printed_map",
+    "random_blocks",
+    "random_points",
+    "same",
+    "solve",
+    "turns",
+]
+
 EXACT = 1e-8
 """Relative difference up to which two ways to compute one number agree."""
 

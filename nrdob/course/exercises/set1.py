@@ -17,6 +17,8 @@ from ...plotting import SHORT, Figure, axes_for, colour_of, styled
 from .cases import LoopCase, apart, draw, few, first_fitting
 from .problems import Misconception, Problem, answers_like, near
 
+__all__ = ["INPUTS", "PROBLEMS", "PolynomialCase", "SettledCase", "TwinCase", "WishCase"]
+
 POINTS = np.array([0.3 + 0.2j, 0.7j, 1 + 2j, 5j, 3 + 9j, 20j, 40 + 10j, 90j])
 """Where functions of s are compared."""
 

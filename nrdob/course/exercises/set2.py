@@ -31,6 +31,8 @@ from .cases import (
 )
 from .problems import Lack, Problem, answers_like, answers_like_any, lacking, same
 
+__all__ = ["CLOSING", "LITERAL", "PROBLEMS", "READING", "UNTURNED", "draw_without_count"]
+
 # --- 2.1 Turns from a list of roots -------------------------------------------------------------
 
 

@@ -19,6 +19,8 @@ from ...plotting import SHORT, Figure, axes_for, colour_of, styled
 from .cases import LoopCase, apart, draw, few, first_fitting
 from .problems import Lack, Misconception, Problem, answers_like, lacking, near, same
 
+__all__ = ["PROBLEMS", "SHARES", "GainCase", "MarginCase", "MeasuredCase", "NoiseCase", "PeakCase"]
+
 
 def _changed(loop: NRDOB, plant: Any) -> bool | None:
     """Judge the same loop around another plant; p_A stays as it is."""

@@ -41,6 +41,8 @@ from .problems import (
     same,
 )
 
+__all__ = ["ADVICE", "BORDER", "DESIGN", "EDGE", "PROBLEMS", "SIGN", "draw_edge"]
+
 # --- 5.1 Which sign? ----------------------------------------------------------------------------
 
 
