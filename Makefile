@@ -64,7 +64,7 @@ layers: $(READY) ## imports between the modules run one way
 	$(VENV)/bin/lint-imports
 
 map: $(READY) ## print the rooms of the package floor by floor, as its imports have them
-	$(PY) book/make/map.py
+	$(PY) -m tests.house.map
 
 quick: lint types layers ## the checks of the working day, in below 90 seconds
 	$(PYTEST) -m "not slow" tests nrdob --doctest-modules

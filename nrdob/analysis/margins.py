@@ -178,6 +178,7 @@ def margin_bounds(ms: float) -> MarginBounds:
     Returns
     -------
     MarginBounds
+        `gm_low`, `gm_high` and `pm`, in degrees.
 
     Raises
     ------

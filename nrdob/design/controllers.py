@@ -70,6 +70,7 @@ def design_controller(
     Returns
     -------
     control.TransferFunction
+        C, verified with the model.
 
     Raises
     ------

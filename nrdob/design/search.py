@@ -81,6 +81,7 @@ def design_filter(
     Returns
     -------
     LowPassFilter
+        The one of smallest nλ.
 
     Raises
     ------

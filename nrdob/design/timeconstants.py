@@ -123,8 +123,12 @@ def stabilizing_time_constants(
 
     Parameters
     ----------
-    process, model, order, floor
-        As for `critical_time_constants`.
+    process, model : as for `nrdob.NRDOB`
+        G, with or without dead time, and G̃.
+    order : int
+        n of the filter.
+    floor : float, optional
+        Smallest λ of interest, in seconds, as for `critical_time_constants`.
 
     Returns
     -------
@@ -171,8 +175,10 @@ def default_floor(process: Any, model: Any, order: int) -> float:
 
     Parameters
     ----------
-    process, model, order
-        As for `critical_time_constants`.
+    process, model : as for `nrdob.NRDOB`
+        G, with or without dead time, and G̃.
+    order : int
+        n of the filter.
 
     Examples
     --------

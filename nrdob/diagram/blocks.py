@@ -41,7 +41,13 @@ REMEDIES = {
 
 
 class Fraction(NamedTuple):
-    """A ratio of two real polynomials in s, coefficients in descending powers."""
+    """A ratio of two real polynomials in s, coefficients in descending powers.
+
+    Attributes
+    ----------
+    num, den : array of float
+        The coefficients, without leading zeros.
+    """
 
     num: FloatArray
     den: FloatArray
@@ -96,7 +102,15 @@ def as_fraction(system: Any, name: str, *, proper: bool = True) -> Fraction:
 
 
 def nonzero(fraction: Fraction, name: str) -> Fraction:
-    """Return `fraction`, or raise ValueError if it is identically zero."""
+    """Return `fraction`, or raise ValueError if it is identically zero.
+
+    Parameters
+    ----------
+    fraction : Fraction
+        A block.
+    name : str
+        What it is called in the message.
+    """
     if not fraction.num.any():
         raise ValueError(f"{name} is identically zero; its numerator needs a nonzero coefficient")
     return fraction
@@ -123,6 +137,11 @@ def six_digits(value: float) -> float:
 
 def written(root: complex) -> str:
     """Write a root with four digits, a real one without its imaginary part.
+
+    Parameters
+    ----------
+    root : complex
+        A pole, a zero or a root, in rad/s.
 
     Examples
     --------

@@ -219,8 +219,8 @@ class ObserverEquations(_ObserverMaps):
 
     Parameters
     ----------
-    process, model, filter
-        As for `LoopEquations`.
+    process, model, filter : as for `LoopEquations`
+        G, G̃ and F.
 
     Raises
     ------

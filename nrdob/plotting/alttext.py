@@ -67,6 +67,13 @@ class StepFacts:
 def number(value: float, digits: int = 3) -> str:
     """Write a number with so many significant digits, a true minus sign and no needless zeros.
 
+    Parameters
+    ----------
+    value : float
+        Infinite and undefined ones have words of their own.
+    digits : int
+        Significant digits.
+
     Examples
     --------
     >>> number(-0.73284), number(1234.5), number(46.82, 2), number(float("inf"))
@@ -88,12 +95,25 @@ def number(value: float, digits: int = 3) -> str:
 
 
 def spoken(name: str) -> str:
-    """Write the name of a map as one says it."""
+    """Write the name of a map as one says it.
+
+    Parameters
+    ----------
+    name : str
+        Attribute of a loop, as "FH".
+    """
     return NAMES.get(name, name) or "the loop"
 
 
 def turns(count: float | None, point: float = -1.0) -> str:
     """Say how often a curve turns around a point, `count` positive clockwise.
+
+    Parameters
+    ----------
+    count : float or None
+        N; None where the curve meets the point.
+    point : float
+        Point of the real axis.
 
     Examples
     --------
@@ -114,7 +134,13 @@ def turns(count: float | None, point: float = -1.0) -> str:
 
 
 def frequency(omega: float) -> str:
-    """Say where something happens."""
+    """Say where something happens.
+
+    Parameters
+    ----------
+    omega : float
+        In rad/s; inf for its limit, nan for all.
+    """
     if isnan(omega):
         return "at every frequency"
     if omega == 0:
@@ -173,7 +199,13 @@ def roots(title: str, found: Mapping[str, ComplexArray], right: Mapping[str, flo
 
 
 def complex_number(value: complex) -> str:
-    """Write a complex number, a conjugate pair as one of the two."""
+    """Write a complex number, a conjugate pair as one of the two.
+
+    Parameters
+    ----------
+    value : complex
+        The number.
+    """
     if abs(value.imag) <= 1e-9 * abs(value):
         return number(value.real)
     real = "" if abs(value.real) <= 1e-9 * abs(value) else f"{number(value.real)} "

@@ -67,7 +67,17 @@ INPUTS = {
 
 
 class Term(NamedTuple):
-    """An arrow into a sum: sign times block times signal; the block of a plain wire is "1"."""
+    """An arrow into a sum: sign times block times signal; the block of a plain wire is "1".
+
+    Attributes
+    ----------
+    sign : int
+        1 or -1.
+    block : str
+        Gain of the block on the way.
+    signal : str
+        Where the way begins.
+    """
 
     sign: int
     block: str
@@ -79,14 +89,26 @@ class Term(NamedTuple):
 
 @dataclass(frozen=True)
 class Input:
-    """A signal from outside, written at `at`."""
+    """A signal from outside, written at `at`.
+
+    Attributes
+    ----------
+    at : (x, y)
+        Centre, in units of the drawing.
+    """
 
     at: Point
 
 
 @dataclass(frozen=True)
 class Sum:
-    """A circle: its output, named as the part, is the signed sum of what arrives."""
+    """A circle: its output, named as the part, is the signed sum of what arrives.
+
+    Attributes
+    ----------
+    at : (x, y)
+        Centre, in units of the drawing.
+    """
 
     at: Point
 
@@ -98,7 +120,15 @@ class Sum:
 
 @dataclass(frozen=True)
 class Block:
-    """A box: its output is its input times the part's name."""
+    """A box: its output is its input times the part's name.
+
+    Attributes
+    ----------
+    at : (x, y)
+        Centre, in units of the drawing.
+    width, height : float
+        Size of the box.
+    """
 
     at: Point
     width: float = 1.1
@@ -185,14 +215,26 @@ class Diagram:
         )
 
     def polyline(self, wire: Wire) -> list[Point]:
-        """Give the corners of a wire, from border to border."""
+        """Give the corners of a wire, from border to border.
+
+        Parameters
+        ----------
+        wire : Wire
+            One of the diagram's.
+        """
         centres = [self.parts[p].at if isinstance(p, str) else p for p in wire.path]
         first = self._border(wire.path[0], centres[0], centres[1])
         last = self._border(wire.path[-1], centres[-1], centres[-2])
         return [first, *centres[1:-1], last]
 
     def plot(self, ax: Any = None) -> Figure:
-        """Draw the diagram in the house style, on `ax` or in a figure of the house width."""
+        """Draw the diagram in the house style, on `ax` or in a figure of the house width.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Where to draw.
+        """
         (ax,) = axes_for(ax, 1, UNIT * (self.top - self.bottom))
         with styled():
             drawing = Drawing(

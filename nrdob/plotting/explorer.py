@@ -127,7 +127,13 @@ class Explorer:
         return self.alt
 
     def move(self, **values: float) -> str:
-        """Set some sliders' values and update the artists; give the line of text."""
+        """Set some sliders' values and update the artists; give the line of text.
+
+        Parameters
+        ----------
+        **values : float
+            By the sliders' names.
+        """
         unknown = set(values) - set(self.sliders)
         if unknown:
             raise ValueError(

@@ -27,6 +27,11 @@ LEDGER: dict[str, Claim] = collect(part.SECTION for part in _PARTS)
 def check(id: str) -> Entry:
     """Run the check of one claim now, and give the entry with what it found.
 
+    Parameters
+    ----------
+    id : str
+        Of the claim, as "eq05.S_eta".
+
     Raises
     ------
     KeyError

@@ -136,7 +136,17 @@ class Claim:
 
 @dataclass(frozen=True)
 class Entry:
-    """A claim, what its check found, and the verdict that follows."""
+    """A claim, what its check found, and the verdict that follows.
+
+    Attributes
+    ----------
+    claim : Claim
+        The statement.
+    finding : Finding
+        What its check found.
+    verdict : Verdict
+        What follows.
+    """
 
     claim: Claim
     finding: Finding
