@@ -106,7 +106,7 @@ class PrintedFunction:
 
     Examples
     --------
-    >>> PRINTED_FUNCTIONS["ex3.H"].agrees_with(example(3).H)
+    >>> PRINTED_FUNCTIONS["ex3.ratio"].agrees_with(example(3).ratio)
     True
     """
 

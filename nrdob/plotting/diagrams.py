@@ -202,7 +202,7 @@ class Diagram:
         """What each sum adds up, read off the wires."""
         return {
             name: tuple(
-                Term(wire.sign, *self._origin(wire)) for wire in self.wires if wire.path[-1] == name
+                Term(wire.sign, *self.origin(wire)) for wire in self.wires if wire.path[-1] == name
             )
             for name, part in self.parts.items()
             if isinstance(part, Sum)
@@ -280,15 +280,26 @@ class Diagram:
         x, y = (c + r * ((o > c) - (o < c)) for c, r, o in zip(centre, reach, other, strict=True))
         return x, y
 
-    def _origin(self, wire: Wire) -> tuple[str, str]:
-        """Follow a wire back to its signal, and name the block on the way."""
+    def origin(self, wire: Wire) -> tuple[str, str]:
+        """Follow a wire back to where it comes from.
+
+        Parameters
+        ----------
+        wire : Wire
+            One of the diagram's.
+
+        Returns
+        -------
+        block, signal : str
+            The block on the way, "1" for none, and the signal at its beginning.
+        """
         start = wire.path[0]
         if not isinstance(start, str):
-            return self._origin(next(w for w in self.wires if w != wire and self._on(w, start)))
+            return self.origin(next(w for w in self.wires if w != wire and self._on(w, start)))
         if not isinstance(self.parts[start], Block):
             return "1", start
         before = next(w for w in self.wires if w.path[-1] == start)
-        block, signal = self._origin(before)
+        block, signal = self.origin(before)
         gain = start.rstrip("'")
         return (gain if block == "1" else f"{block}*{gain}"), signal
 

@@ -222,7 +222,18 @@ def fraction(quotient: Quotient) -> Fraction:
 
 
 def loop_modes(loop: NRDOB) -> ComplexArray:
-    """Modes of a loop without dead time."""
+    """Modes of a loop without dead time.
+
+    Parameters
+    ----------
+    loop : NRDOB
+        Without dead time.
+
+    Returns
+    -------
+    array of complex
+        Eigenvalues of the whole diagram, every block realised by itself, in rad/s.
+    """
     return modes(*(fraction(block) for block in (loop.G, loop.Gm, loop.C, loop.F)))
 
 

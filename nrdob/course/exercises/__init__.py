@@ -16,6 +16,7 @@ from importlib import import_module
 from pkgutil import iter_modules
 from typing import Any
 
+from .cases import factored
 from .problems import (
     HIDDEN_CASES,
     VISIBLE_CASES,
@@ -26,6 +27,8 @@ from .problems import (
     Problem,
     review,
 )
+from .set2 import draw_without_count
+from .set5 import draw_edge
 
 __all__ = [
     "PROBLEMS",
@@ -34,6 +37,9 @@ __all__ = [
     "Points",
     "Problem",
     "check",
+    "draw_edge",
+    "draw_without_count",
+    "factored",
     "own_case",
     "score",
 ]
