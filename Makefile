@@ -53,9 +53,10 @@ ledger: $(READY) ## run every check of the ledger, and write its two pages into 
 
 test: lint types layers unit notebooks old-processor ## run every check
 
-lint: $(READY) ## style and formatting
+lint: $(READY) layers ## style and formatting, and whether everything stands, and is told, where it belongs
 	$(PY) -m ruff check .
 	$(PY) -m ruff format --check .
+	$(PY) -m tests.house
 
 types: $(READY) ## static types
 	$(PY) -m mypy

@@ -8,22 +8,13 @@ from __future__ import annotations
 
 import ast
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
 
-from .rooms import PACKAGE, Module, modules, room_of
+from .rooms import PACKAGE, Module, below, bound, modules, room_of, uses
 
 OPEN = ("_repr_html_", "_repr_mimebundle_", "_replace", "_asdict", "_fields", "_make")
 """Names with an underscore that belong to the language of others, not to one class."""
-
-
-class Use(NamedTuple):
-    """A name taken from a module of the package, and where."""
-
-    line: int
-    module: str
-    name: str
 
 
 def faults(root: Path) -> Iterator[str]:
@@ -64,7 +55,7 @@ def _shown(root: Path, module: Module) -> Iterator[str]:
     if module.shows is None:
         yield f"{place}: {module.name} has no __all__"
         return
-    there = _bound(module.tree) | _below(root, module.name)
+    there = bound(module.tree) | below(root, module.name)
     for name in module.shows:
         if name not in there:
             yield f"{place}: {module.name} shows {name}, which is not there"
@@ -72,7 +63,9 @@ def _shown(root: Path, module: Module) -> Iterator[str]:
 
 def _within(root: Path, module: Module) -> Iterator[str]:
     """Another room is entered by its front, and what is taken is shown."""
-    for use in _uses(root, module.tree, module):
+    for use in uses(root, module.tree, module):
+        if f"{use.module}.{use.name}" in modules(root):
+            continue  # a module; what is taken from it is asked about where it is taken
         place = f"{module.path.relative_to(root)}:{use.line}"
         front = f"{PACKAGE}.{room_of(use.module)}"
         if room_of(use.module) not in (module.room, PACKAGE) and use.module != front:
@@ -92,7 +85,7 @@ def _chapter(root: Path, path: Path) -> Iterator[str]:
             continue
         tree = _parsed("".join(cell["source"]))
         place = f"{path.relative_to(root)}, cell {number}, line "
-        for use in _uses(root, tree, None):
+        for use in uses(root, tree, None):
             if not _is_open(root, use.module):
                 yield (
                     f"{place}{use.line}: {use.name} comes from the deep room {use.module}; "
@@ -108,79 +101,19 @@ def _chapter(root: Path, path: Path) -> Iterator[str]:
 def _is_open(root: Path, name: str) -> bool:
     """Tell fronts, modules at the top, and those that a front shows, from deep rooms."""
     front, _, last = name.rpartition(".")
-    return modules(root)[name].is_front or front == PACKAGE or _is_shown(root, front, last)
+    if modules(root)[name].is_front or front == PACKAGE:
+        return True
+    # A front may show a function of the same name.
+    imported = (n for n in modules(root)[front].tree.body if isinstance(n, ast.ImportFrom))
+    named = {alias.name for n in imported if n.module for alias in n.names}
+    return _is_shown(root, front, last) and last not in named
 
 
 def _is_shown(root: Path, module: str, name: str) -> bool:
     """Tell whether a module shows a name; the package shows all its rooms."""
     return name in (modules(root)[module].shows or ()) or (
-        module == PACKAGE and name in _below(root, module)
+        module == PACKAGE and name in below(root, module)
     )
-
-
-def _below(root: Path, module: str) -> set[str]:
-    """Return the names of the modules right below a front."""
-    return {name.rpartition(".")[2] for name in modules(root) if name.rpartition(".")[0] == module}
-
-
-def _bound(tree: ast.Module) -> set[str]:
-    """Return the names that a module binds at its top, imports included."""
-    found: set[str] = set()
-    for statement in tree.body:
-        match statement:
-            case ast.FunctionDef() | ast.ClassDef():
-                found.add(statement.name)
-            case ast.Import() | ast.ImportFrom():
-                found |= {alias.asname or alias.name for alias in statement.names}
-            case _:
-                names = (node for node in ast.walk(statement) if isinstance(node, ast.Name))
-                found |= {node.id for node in names if isinstance(node.ctx, ast.Store)}
-    return found
-
-
-def _uses(root: Path, tree: ast.Module, inside: Module | None) -> Iterator[Use]:
-    """Find what is taken from modules of the package: by import, or as `module.name`."""
-    known = modules(root)
-    aliases: dict[str, str] = {}
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Import):
-            for alias in node.names:
-                if alias.name in known:
-                    bound = alias.asname or alias.name.split(".")[0]
-                    aliases[bound] = alias.name if alias.asname else bound
-        elif isinstance(node, ast.ImportFrom):
-            source = _absolute(node, inside)
-            for alias in node.names if source in known else ():
-                whole = f"{source}.{alias.name}"
-                if whole in known:
-                    aliases[alias.asname or alias.name] = whole
-                # Within the package it is told where something is taken from that module.
-                if whole not in known or inside is None:
-                    yield Use(node.lineno, source, alias.name)
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Attribute) and _module(node, aliases, known) is None:
-            base = _module(node.value, aliases, known)
-            if base is not None:
-                yield Use(node.lineno, base, node.attr)
-
-
-def _module(node: ast.expr, aliases: dict[str, str], known: Iterable[str]) -> str | None:
-    """Return the module that an expression names, as `nrdob.plotting` or an alias does."""
-    if isinstance(node, ast.Name):
-        return aliases.get(node.id)
-    if isinstance(node, ast.Attribute) and (base := _module(node.value, aliases, known)):
-        whole = f"{base}.{node.attr}"
-        return whole if whole in known else None
-    return None
-
-
-def _absolute(node: ast.ImportFrom, inside: Module | None) -> str:
-    """Return the module that an import names, seen from where it stands."""
-    if not node.level or inside is None:
-        return node.module or ""
-    parts = inside.name.split(".")
-    base = parts[: len(parts) - node.level + inside.is_front]
-    return ".".join([*base, *(node.module or "").split(".")]).rstrip(".")
 
 
 def _private(root: Path, tree: ast.Module) -> Iterator[tuple[int, str]]:
