@@ -56,9 +56,10 @@ ledger: $(READY) ## run every check of the ledger, and write its two pages into 
 
 test: lint types layers unit notebooks old-processor ## run every check
 
-lint: $(READY) ## style and formatting
+lint: $(READY) layers ## style and formatting, and whether everything stands, and is told, where it belongs
 	$(PY) -m ruff check .
 	$(PY) -m ruff format --check .
+	$(PY) -m tests.house
 
 types: $(READY) ## static types
 	$(PY) -m mypy
@@ -69,7 +70,7 @@ layers: $(READY) ## imports between the modules run one way
 	PYTHONUTF8=1 $(PY) -c 'from importlinter.cli import lint_imports_command as lint; lint()'
 
 map: $(READY) ## print the rooms of the package floor by floor, as its imports have them
-	$(PY) book/make/map.py
+	$(PY) -m tests.house.map
 
 quick: lint types layers ## the checks of the working day, in below 90 seconds
 	$(PYTEST) -m "not slow" tests nrdob --doctest-modules

@@ -1,4 +1,10 @@
-"""Stability and robustness of loops with a noise-reduction disturbance observer (NR-DOB)."""
+"""Stability and robustness of loops with a noise-reduction disturbance observer (NR-DOB).
+
+The list below is the table of contents, by topic. What answers, with which fields, is one room
+further: `nrdob.analysis` (verdicts, margins, responses), `nrdob.design` (which filter, model and
+controller), `nrdob.diagram` (blocks and the maps between them), `nrdob.numerics` (polynomials with
+a delay), `nrdob.plotting` (figures) and `nrdob.course` (the paper's claims, the problem sets).
+"""
 
 from . import paper, plants
 from .analysis import encirclements, judge_observer, margin_bounds

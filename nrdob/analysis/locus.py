@@ -14,6 +14,8 @@ import numpy as np
 from ..diagram import Quotient
 from ..numerics import ComplexArray, FloatArray, IntArray, bisect, side
 
+__all__ = ["Locus", "Notable", "notable_frequencies"]
+
 NOISE = 1e-13
 """What is below it may be rounding, and has no sign."""
 

@@ -33,6 +33,8 @@ from .locus import Locus, Notable, notable_frequencies
 from .nyquist import minus_point
 from .stability import Stability, stability
 
+__all__ = ["LoopMargins", "MarginBounds", "Margins", "loop_margins", "margin_bounds", "margins"]
+
 MAX_SPREAD = 1e4
 """Ratio of the fastest to the slowest root up to which polynomials in ω² are trusted."""
 
@@ -176,6 +178,7 @@ def margin_bounds(ms: float) -> MarginBounds:
     Returns
     -------
     MarginBounds
+        `gm_low`, `gm_high` and `pm`, in degrees.
 
     Raises
     ------

@@ -20,6 +20,8 @@ import numpy as np
 from ..diagram import Quotient
 from ..numerics import QuasiPolynomial, RootCount, add, count_rhp
 
+__all__ = ["NyquistCount", "encirclements", "minus_point", "nyquist_count", "rhp_roots"]
+
 
 @dataclass(frozen=True)
 class NyquistCount:
@@ -86,6 +88,11 @@ def encirclements(loop: Quotient, point: float = -1.0) -> NyquistCount:
     point : float
         The point to encircle: -1 for a loop gain, +1 for the paper's G̃⁻¹G.
 
+    Returns
+    -------
+    NyquistCount
+        N, P and Z = N + P; None, with the reason, where the curve meets the point.
+
     Examples
     --------
     >>> import control as ct
@@ -108,7 +115,15 @@ def encirclements(loop: Quotient, point: float = -1.0) -> NyquistCount:
 
 
 def minus_point(loop: Quotient, point: float = -1.0) -> QuasiPolynomial:
-    """Numerator of L - point, that is num - point * den."""
+    """Numerator of L - point, that is num - point * den.
+
+    Parameters
+    ----------
+    loop : Quotient
+        L, any map of the loop.
+    point : float
+        Point of the real axis.
+    """
     num, den = loop.numerator, loop.denominator
     return QuasiPolynomial(
         add(num.q, -point * den.q),
@@ -119,7 +134,13 @@ def minus_point(loop: Quotient, point: float = -1.0) -> QuasiPolynomial:
 
 
 def rhp_roots(factor: QuasiPolynomial) -> float:
-    """Roots of one factor in the open right half plane; roots on the axis do not count."""
+    """Roots of one factor in the open right half plane; roots on the axis do not count.
+
+    Parameters
+    ----------
+    factor : QuasiPolynomial
+        A factor, with or without delay.
+    """
     if factor.finite_part.neutral_ratio >= 1:
         return inf
     count = None if factor.turn.touched else factor.rhp_in_whole_numbers

@@ -35,6 +35,8 @@ from ..numerics import Block, FloatArray, add, impulse_states, split
 from .steps import MAX_DELAYS, delayed_response
 from .window import POINTS, default_response
 
+__all__ = ["forced_response", "step_response"]
+
 OUTPUTS = ("y", "u")
 
 _DIRECT_CONVOLUTION = 10_000

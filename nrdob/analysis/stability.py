@@ -22,6 +22,15 @@ from ..diagram import LoopEquations, ObserverEquations
 from ..numerics import BoolArray, ComplexArray, QuasiPolynomial, count_rhp, written
 from .nyquist import NyquistCount, nyquist_count
 
+__all__ = [
+    "LoopStability",
+    "Stability",
+    "judge",
+    "judge_observer",
+    "observer_stability",
+    "stability",
+]
+
 AT_ORIGIN = "a root at s = 0 exactly"
 
 TURNS = "encirclements"

@@ -22,6 +22,8 @@ from scipy.linalg import schur
 
 from ..numerics import Block, FloatArray, IntArray
 
+__all__ = ["MAX_DELAYS", "delayed_response"]
+
 MAX_PANELS = 400_000
 """Panels that one march may take: a second or two."""
 

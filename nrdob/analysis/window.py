@@ -10,6 +10,8 @@ import numpy as np
 from ..diagram import LoopEquations
 from ..numerics import BoolArray, ComplexArray, FloatArray, roots_by_time_scale
 
+__all__ = ["POINTS", "default_response", "even_times"]
+
 SETTLED = 0.002
 """A response has settled when it stays this close to its end, as a fraction of its span."""
 

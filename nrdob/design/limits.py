@@ -20,6 +20,16 @@ from ..diagram import LowPassFilter
 from ..numerics import ROUNDING, ComplexArray, FloatArray, QuasiPolynomial, add, written
 from .mismatch import Mismatch
 
+__all__ = [
+    "Answer",
+    "gain_bound",
+    "right_half_plane_parity",
+    "roots_by_side",
+    "stabilizing_filter_exists",
+    "stable_for_fast_filters",
+    "stable_for_slow_filters",
+]
+
 SIDEWAYS = 1e-10
 """Share of a root's motion off the axis below which the motion is along it, within rounding."""
 

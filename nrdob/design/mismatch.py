@@ -12,6 +12,8 @@ import numpy as np
 from ..diagram import LowPassFilter, ObserverEquations, as_fraction
 from ..numerics import BoolArray, ComplexArray, FloatArray, QuasiPolynomial, add
 
+__all__ = ["Mismatch"]
+
 ERROR = 64 * float(np.finfo(float).eps)
 """Bound of the rounding error of a polynomial's value, against the sum of its terms' sizes."""
 
@@ -43,6 +45,13 @@ class Mismatch:
         """Read process and model as the loop does, with the same refusals.
 
         Without an order, the lowest that is causal.
+
+        Parameters
+        ----------
+        process, model : as for `nrdob.NRDOB`
+            G, with or without dead time, and G̃.
+        order : int, optional
+            n of the filter.
         """
         if order is None:
             order = max(1, as_fraction(model, "model").relative_degree)
@@ -91,6 +100,11 @@ class Mismatch:
 
         A factor with an undamped root keeps its own accuracy there, which its product with the
         others would lose.
+
+        Parameters
+        ----------
+        omega : array of float, shape (N,)
+            Frequencies, in rad/s.
         """
         N, D, Nm, Dm = self._values(omega)
         with np.errstate(divide="ignore", invalid="ignore"):  # at a pole on the axis
@@ -98,7 +112,13 @@ class Mismatch:
             return np.asarray(R * np.exp(-1j * self.delay * omega) if self.delay else R)
 
     def noise(self, omega: FloatArray) -> FloatArray:
-        """Bound the rounding error of R(jω), which near a zero on the axis exceeds R itself."""
+        """Bound the rounding error of R(jω), which near a zero on the axis exceeds R itself.
+
+        Parameters
+        ----------
+        omega : array of float, shape (N,)
+            Frequencies, in rad/s.
+        """
         values = [np.abs(value) for value in self._values(omega)]
         sizes = self._sizes(omega)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -110,7 +130,13 @@ class Mismatch:
             return np.asarray(ERROR * (turned + values[0] * values[3] / poles * relative))
 
     def at_pole(self, omega: FloatArray) -> BoolArray:
-        """Tell at which frequencies a pole of R lies within rounding."""
+        """Tell at which frequencies a pole of R lies within rounding.
+
+        Parameters
+        ----------
+        omega : array of float, shape (N,)
+            Frequencies, in rad/s.
+        """
         values, sizes = self._values(omega), self._sizes(omega)
         return np.asarray(
             (np.abs(values[1]) <= ERROR * sizes[1]) | (np.abs(values[2]) <= ERROR * sizes[2])
@@ -124,7 +150,13 @@ class Mismatch:
         return [np.asarray(np.polyval(np.abs(p), omega)) for p in self.factors]
 
     def p_B(self, time_constant: float) -> QuasiPolynomial:
-        """Characteristic function for one filter."""
+        """Characteristic function for one filter.
+
+        Parameters
+        ----------
+        time_constant : float
+            λ in seconds.
+        """
         undelayed = self.undelayed(time_constant)
         # No term of (λs + 1)^n - 1 is negative, so that its sizes are its coefficients.
         scale = add(
@@ -133,7 +165,13 @@ class Mismatch:
         return QuasiPolynomial(undelayed, self.b, self.delay, scale)
 
     def undelayed(self, time_constant: float) -> FloatArray:
-        """Coefficients of D Nm (Df - 1)."""
+        """Coefficients of D Nm (Df - 1).
+
+        Parameters
+        ----------
+        time_constant : float
+            λ in seconds.
+        """
         return np.convolve(self.a, _den_less_1(time_constant, self.order))
 
 

@@ -11,6 +11,8 @@ import numpy as np
 from ..numerics import FloatArray, QuasiPolynomial, add
 from .mismatch import Mismatch
 
+__all__ = ["Frequencies"]
+
 PER_DECADE, DECADES = 16, 5
 """Density of the frequencies, and how far they reach below and above all poles and zeros."""
 

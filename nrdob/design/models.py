@@ -25,6 +25,8 @@ from .mismatch import Mismatch
 from .search import FilterSearch
 from .slack import Specification
 
+__all__ = ["ModelCandidate", "suggest_model"]
+
 GAINS = (1.0, 0.5, 0.25)
 """Size of the model's DC gain against the process's, tried where the process is unstable."""
 

@@ -32,6 +32,15 @@ from ..numerics import (
 from .mismatch import Mismatch
 from .mismatchgrid import Frequencies
 
+__all__ = [
+    "CriticalTimeConstant",
+    "critical_time_constants",
+    "default_floor",
+    "lowest_floor",
+    "stabilizing_set",
+    "stabilizing_time_constants",
+]
+
 SAME = 1e-9
 """Relative distance below which two critical time constants are one."""
 
@@ -114,8 +123,12 @@ def stabilizing_time_constants(
 
     Parameters
     ----------
-    process, model, order, floor
-        As for `critical_time_constants`.
+    process, model : as for `nrdob.NRDOB`
+        G, with or without dead time, and G̃.
+    order : int
+        n of the filter.
+    floor : float, optional
+        Smallest λ of interest, in seconds, as for `critical_time_constants`.
 
     Returns
     -------
@@ -162,8 +175,10 @@ def default_floor(process: Any, model: Any, order: int) -> float:
 
     Parameters
     ----------
-    process, model, order
-        As for `critical_time_constants`.
+    process, model : as for `nrdob.NRDOB`
+        G, with or without dead time, and G̃.
+    order : int
+        n of the filter.
 
     Examples
     --------

@@ -35,6 +35,8 @@ from .delay import DelayedTransferFunction
 from .filters import filter_fraction
 from .quotient import Quotient
 
+__all__ = ["LoopEquations", "LoopFractions", "ObserverEquations", "ObserverFractions"]
+
 
 class ObserverFractions(NamedTuple):
     """Numerators and denominators of the blocks of an observer: process, model, filter."""
@@ -217,8 +219,8 @@ class ObserverEquations(_ObserverMaps):
 
     Parameters
     ----------
-    process, model, filter
-        As for `LoopEquations`.
+    process, model, filter : as for `LoopEquations`
+        G, G̃ and F.
 
     Raises
     ------

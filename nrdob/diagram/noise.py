@@ -36,6 +36,8 @@ from ..numerics import (
     multiply,
 )
 
+__all__ = ["noise_power", "rational_power"]
+
 TOLERANCE = 1e-10
 """Relative error of the integral at which no interval is halved any more."""
 

@@ -20,6 +20,8 @@ from ..numerics import (
 )
 from .noise import noise_power
 
+__all__ = ["Quotient"]
+
 NEAR_ROOT = 1e-7
 """Size of a denominator, against its terms, below which half the digits are lost."""
 

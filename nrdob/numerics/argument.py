@@ -25,6 +25,8 @@ import numpy as np
 from .arrays import ROUNDING, BoolArray, ComplexArray, FloatArray
 from .rootfinding import dominance_radius
 
+__all__ = ["Term", "Turn", "turn", "zero_free_frequencies"]
+
 MAX_SEGMENTS = 400_000
 """Stretches of the axis at most where every turn is to be followed."""
 

@@ -23,6 +23,8 @@ from .arrays import FloatArray
 from .exact import Whole, positive_sign_changes, rhp_count, squared_size, total, whole
 from .rootfinding import polynomial_roots
 
+__all__ = ["count_by_crossings"]
+
 AT_ZERO = 1e-6
 """Angle in radians at which a crossing belongs to the dead time zero, where it starts."""
 

@@ -8,13 +8,21 @@ import numpy as np
 
 from .arrays import FloatArray
 
+__all__ = ["bisect", "golden", "side", "zeros"]
+
 Function = Callable[[FloatArray], FloatArray]
 
 EPS = float(np.finfo(float).eps)
 
 
 def side(values: FloatArray) -> FloatArray:
-    """Sign of each value, a zero counted as positive so that none falls between two sides."""
+    """Sign of each value, a zero counted as positive so that none falls between two sides.
+
+    Parameters
+    ----------
+    values : array of float
+        Of any shape.
+    """
     return np.where(values >= 0, 1.0, -1.0)
 
 
@@ -23,6 +31,13 @@ def bisect(function: Function, low: FloatArray, high: FloatArray) -> FloatArray:
 
     Brackets shrink by inverse quadratic interpolation where that is safe, else by halves: on
     smooth functions about ten evaluations reach the last bits, on jumps as many as halving needs.
+
+    Parameters
+    ----------
+    function : callable
+        Takes an array of the brackets' shape, and gives one.
+    low, high : array of float, of one shape
+        Ends of the brackets.
 
     References
     ----------
@@ -57,7 +72,15 @@ def bisect(function: Function, low: FloatArray, high: FloatArray) -> FloatArray:
 
 
 def golden(function: Function, low: FloatArray, high: FloatArray) -> FloatArray:
-    """Find the minimum between each `low` and `high` by golden section."""
+    """Find the minimum between each `low` and `high` by golden section.
+
+    Parameters
+    ----------
+    function : callable
+        Takes an array of the brackets' shape, and gives one.
+    low, high : array of float, of one shape
+        Ends of the brackets.
+    """
     ratio = (5**0.5 - 1) / 2
     left, right = high - ratio * (high - low), low + ratio * (high - low)
     at_left, at_right = function(left), function(right)

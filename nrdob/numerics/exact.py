@@ -16,6 +16,17 @@ from math import gcd, nextafter, sqrt
 
 from .arrays import FloatArray
 
+__all__ = [
+    "Whole",
+    "positive_sign_changes",
+    "rhp_count",
+    "sign_at",
+    "squared_size",
+    "sturm_chain",
+    "total",
+    "whole",
+]
+
 Whole = list[int]
 
 

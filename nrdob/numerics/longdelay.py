@@ -21,6 +21,8 @@ from .argument import Term, turn
 from .arrays import ComplexArray, FloatArray
 from .rootfinding import companion_roots, value_and_slope
 
+__all__ = ["rightmost_roots"]
+
 NEIGHBOURS = 6
 """Roots that are looked for on either side of every highest point of the curve."""
 

@@ -28,6 +28,16 @@ from .exact import rhp_count, whole
 from .longdelay import rightmost_roots
 from .rootfinding import delay_roots, polynomial_roots
 
+__all__ = [
+    "QuasiPolynomial",
+    "RootCount",
+    "add",
+    "count_rhp",
+    "differentiate",
+    "frequency_segments",
+    "multiply",
+]
+
 
 @dataclass(frozen=True, eq=False)
 class QuasiPolynomial:
@@ -139,7 +149,13 @@ class QuasiPolynomial:
         return turn(p.terms, p.scale)
 
     def near_axis(self, roots: ComplexArray) -> BoolArray:
-        """Tell which roots a change of the coefficients within rounding moves onto the axis."""
+        """Tell which roots a change of the coefficients within rounding moves onto the axis.
+
+        Parameters
+        ----------
+        roots : array of complex, shape (N,)
+            Roots of this polynomial, in rad/s.
+        """
         near = np.abs(roots.real) <= 0.1 * np.abs(roots)
         if near.any():
             omega = np.abs(roots.imag[near])
@@ -281,7 +297,13 @@ def _where(turn: Turn) -> str:
 
 
 def multiply(*factors: QuasiPolynomial) -> QuasiPolynomial:
-    """Multiply quasi-polynomials, at most one of which has a delay."""
+    """Multiply quasi-polynomials, at most one of which has a delay.
+
+    Parameters
+    ----------
+    *factors : QuasiPolynomial
+        One or more.
+    """
     if len(factors) == 1:
         return factors[0]
     delays = [factor.delay for factor in factors if factor.delay]
@@ -296,7 +318,13 @@ def multiply(*factors: QuasiPolynomial) -> QuasiPolynomial:
 
 
 def add(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Add two coefficient arrays in descending powers."""
+    """Add two coefficient arrays in descending powers.
+
+    Parameters
+    ----------
+    a, b : array of float
+        Of any lengths.
+    """
     if a.size < b.size:
         a, b = b, a
     total = np.array(a, dtype=float)
@@ -305,7 +333,13 @@ def add(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def differentiate(coefficients: FloatArray) -> FloatArray:
-    """Differentiate a polynomial given in descending powers."""
+    """Differentiate a polynomial given in descending powers.
+
+    Parameters
+    ----------
+    coefficients : array of float, shape (n + 1,)
+        Of degree n.
+    """
     return coefficients[:-1] * np.arange(coefficients.size - 1, 0, -1)
 
 

@@ -22,6 +22,14 @@ import numpy as np
 
 from .arrays import ComplexArray, FloatArray
 
+__all__ = [
+    "companion_roots",
+    "delay_roots",
+    "dominance_radius",
+    "polynomial_roots",
+    "value_and_slope",
+]
+
 MAX_DELAY_NODES = 120
 """Collocation points at most: the time for eigenvalues grows with their third power.
 

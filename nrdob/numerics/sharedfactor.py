@@ -21,6 +21,8 @@ import numpy as np
 from .arrays import ROUNDING, BoolArray, ComplexArray, FloatArray, IntArray
 from .quasipoly import QuasiPolynomial
 
+__all__ = ["without_shared_factor"]
+
 NEARNESS = (1e-6, 1e-2, 0.3)
 """Relative distances within which roots may be copies of one; multiple ones scatter widely."""
 

@@ -20,6 +20,8 @@ from ..analysis import on_axis, resolved_frequencies, subdivided
 from ..diagram import Quotient
 from ..numerics import BoolArray, ComplexArray, FloatArray, golden
 
+__all__ = ["Approach", "Arc", "Contour", "closest_approach", "contour"]
+
 SMOOTH = 1e-3
 """Largest distance between curve and polygon, as a fraction of the curve's size."""
 

@@ -28,7 +28,9 @@ from nrdob.course.claims import LEDGER, Entry, Verdict
 from nrdob.course.exercises import PROBLEMS
 
 ROOT = Path(__file__).resolve().parents[2]
-REFERENCE_PAGES = {"index", "ledger", "errata", "notation", "api", "bibliography", "colophon"}
+REFERENCE_PAGES = {
+    "index", "ledger", "errata", "notation", "api", "comparison", "bibliography", "colophon",
+}  # fmt: skip
 TEACHING_PAGES = {
     f"teaching/{name}"
     for name in (

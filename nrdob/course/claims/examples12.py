@@ -30,6 +30,8 @@ from .recurring import (
 )
 from .signals import TO_OUTPUT
 
+__all__ = ["SECTION"]
+
 SECTION = Section()
 
 MATCHED, ZERO = "01_matched", "02_nonminimum_phase"

@@ -43,6 +43,8 @@ from .signals import (
     turns,
 )
 
+__all__ = ["SECTION"]
+
 SECTION = Section()
 
 _s = ct.tf("s")
