@@ -23,7 +23,6 @@ __all__ = [
     "nonzero",
     "real_number",
     "six_digits",
-    "written",
 ]
 
 ACCEPTED = (
