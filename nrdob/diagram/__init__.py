@@ -2,7 +2,7 @@
 
 from .blocks import Fraction, as_fraction, nonzero, written
 from .delay import DelayedTransferFunction, delay
-from .equations import LoopEquations, ObserverEquations
+from .equations import LoopEquations, ObserverEquations, unstable_roots
 from .filters import LowPassFilter, filter_fraction
 from .noise import rational_power
 from .quotient import Quotient
@@ -19,5 +19,6 @@ __all__ = [
     "filter_fraction",
     "nonzero",
     "rational_power",
+    "unstable_roots",
     "written",
 ]

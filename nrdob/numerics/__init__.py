@@ -12,7 +12,7 @@ from .quasipoly import (
     multiply,
 )
 from .rootfinding import companion_roots
-from .sharedfactor import without_shared_factor
+from .sharedfactor import Shared, shared_factor, without_shared_factor
 from .timescales import Block, impulse_states, roots_by_time_scale, split
 
 __all__ = [
@@ -24,6 +24,7 @@ __all__ = [
     "IntArray",
     "QuasiPolynomial",
     "RootCount",
+    "Shared",
     "add",
     "bisect",
     "companion_roots",
@@ -34,6 +35,7 @@ __all__ = [
     "impulse_states",
     "multiply",
     "roots_by_time_scale",
+    "shared_factor",
     "side",
     "split",
     "without_shared_factor",

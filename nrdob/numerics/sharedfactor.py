@@ -15,6 +15,7 @@ Mathematics 556 (2011) 187-217.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,6 +24,14 @@ from .quasipoly import QuasiPolynomial
 
 NEARNESS = (1e-6, 1e-2, 0.3)
 """Relative distances within which roots may be copies of one; multiple ones scatter widely."""
+
+
+class Shared(NamedTuple):
+    """What two polynomials share, and what is left of them: f = common·u and g = common·v."""
+
+    common: QuasiPolynomial
+    u: QuasiPolynomial
+    v: QuasiPolynomial
 
 
 def without_shared_factor(
@@ -46,18 +55,42 @@ def without_shared_factor(
     >>> [len(p.q) - 1 for p in without_shared_factor(f, g)]
     [1, 1]
     """
+    return shared_factor(f, g)[1:]
+
+
+def shared_factor(f: QuasiPolynomial, g: QuasiPolynomial) -> Shared:
+    """Find what two polynomials share: powers of s exactly, the rest within rounding.
+
+    Parameters
+    ----------
+    f, g : QuasiPolynomial
+        As for `without_shared_factor`.
+
+    Examples
+    --------
+    >>> f, g = (QuasiPolynomial(np.poly(roots)) for roots in ([0, -1, -3], [0, 0, -1, -2]))
+    >>> [p.q.round(6).tolist() for p in shared_factor(f, g)]
+    [[1.0, 1.0, 0.0], [1.0, 3.0], [1.0, 2.0, 0.0]]
+    """
     # Powers of s are known exactly and stay so: the fit is about the other roots.
+    power = min(f.zeros_at_origin, g.zeros_at_origin)
     excess = f.zeros_at_origin - g.zeros_at_origin
     f, g = f.without_origin, g.without_origin
+    common = np.ones(1)
     found = True
     while found:
         found = False
         for divisor in _suggested(f, g):
-            cofactors = _fitted(f, g, divisor)
-            if cofactors:
-                (f, g), found = cofactors, True
+            fitted = _fitted(f, g, divisor)
+            if fitted:
+                f, g, found = fitted.u, fitted.v, True
+                common = np.convolve(common, fitted.common.q)
                 break
-    return _times_s(f, max(excess, 0)), _times_s(g, max(-excess, 0))
+    return Shared(
+        _times_s(QuasiPolynomial(common), power),
+        _times_s(f, max(excess, 0)),
+        _times_s(g, max(-excess, 0)),
+    )
 
 
 def _times_s(p: QuasiPolynomial, power: int) -> QuasiPolynomial:
@@ -115,8 +148,8 @@ def _with_conjugates(roots: ComplexArray) -> ComplexArray:
 
 def _fitted(
     f: QuasiPolynomial, g: QuasiPolynomial, divisor: FloatArray
-) -> tuple[QuasiPolynomial, QuasiPolynomial] | None:
-    """Cofactors of the nearest common factor, if it gives back all coefficients."""
+) -> Shared | None:
+    """The nearest common factor with its cofactors, if they give back all coefficients."""
     m = divisor.size - 1
     if m >= f.q.size or m >= g.q.size:
         return None
@@ -145,7 +178,7 @@ def _fitted(
             u, v = u + step[m : m + u.size], v + step[m + u.size :]
     if not error <= ROUNDING:
         return None
-    return QuasiPolynomial(u), QuasiPolynomial(v)
+    return Shared(QuasiPolynomial(divisor), QuasiPolynomial(u), QuasiPolynomial(v))
 
 
 def _sizes(p: QuasiPolynomial) -> FloatArray:
