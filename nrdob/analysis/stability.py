@@ -18,8 +18,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..diagram import LoopEquations, ObserverEquations, unstable_roots, written
-from ..numerics import BoolArray, ComplexArray, QuasiPolynomial, count_rhp
+from ..diagram import LoopEquations, ObserverEquations, written
+from ..numerics import BoolArray, ComplexArray, QuasiPolynomial, count_rhp, unstable_roots
 from .nyquist import NyquistCount, nyquist_count
 
 AT_ORIGIN = "a root at s = 0 exactly"

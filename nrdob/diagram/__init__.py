@@ -2,8 +2,9 @@
 
 from .blocks import Fraction, as_fraction, nonzero, written
 from .delay import DelayedTransferFunction, delay
-from .equations import LoopEquations, ObserverEquations, unstable_roots
+from .equations import LoopEquations, ObserverEquations
 from .filters import LowPassFilter, filter_fraction
+from .interpolation import interpolating_filter
 from .noise import rational_power
 from .quotient import Quotient
 
@@ -17,8 +18,8 @@ __all__ = [
     "as_fraction",
     "delay",
     "filter_fraction",
+    "interpolating_filter",
     "nonzero",
     "rational_power",
-    "unstable_roots",
     "written",
 ]

@@ -43,7 +43,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..numerics import ComplexArray, FloatArray, QuasiPolynomial, Shared, add, shared_factor
+from ..numerics import FloatArray, QuasiPolynomial, Shared, add, shared_factor, unstable_roots
 from .blocks import Fraction, as_fraction, nonzero
 from .delay import DelayedTransferFunction
 from .filters import filter_fraction
@@ -403,12 +403,6 @@ class LoopEquations(_ObserverMaps):
             "Dc": QuasiPolynomial(C.den),
             "A": self.p_A,
         }
-
-
-def unstable_roots(p: QuasiPolynomial) -> ComplexArray:
-    """Roots right of the imaginary axis, or on it within rounding; not those at s = 0 exactly."""
-    roots = p.without_origin.roots
-    return roots[(roots.real > 0) | p.near_axis(roots)]
 
 
 def _shared(model: QuasiPolynomial, filter: QuasiPolynomial, *, keep: bool) -> Shared:

@@ -10,9 +10,10 @@ from .quasipoly import (
     differentiate,
     frequency_segments,
     multiply,
+    unstable_roots,
 )
 from .rootfinding import companion_roots
-from .sharedfactor import Shared, shared_factor, without_shared_factor
+from .sharedfactor import Shared, factor_near, shared_factor, without_shared_factor
 from .timescales import Block, impulse_states, roots_by_time_scale, split
 
 __all__ = [
@@ -30,6 +31,7 @@ __all__ = [
     "companion_roots",
     "count_rhp",
     "differentiate",
+    "factor_near",
     "frequency_segments",
     "golden",
     "impulse_states",
@@ -38,5 +40,6 @@ __all__ = [
     "shared_factor",
     "side",
     "split",
+    "unstable_roots",
     "without_shared_factor",
 ]

@@ -280,6 +280,18 @@ def _where(turn: Turn) -> str:
     return f"a root on the imaginary axis within rounding, near {turn.touched[0]:.6g} rad/s"
 
 
+def unstable_roots(p: QuasiPolynomial) -> ComplexArray:
+    """Roots right of the imaginary axis, or on it within rounding; not those at s = 0 exactly.
+
+    Examples
+    --------
+    >>> unstable_roots(QuasiPolynomial([1.0, 0.0, 0.0, -1.0, 0.0])).real.tolist()   # s (s³ - 1)
+    [1.0]
+    """
+    roots = p.without_origin.roots
+    return np.asarray(roots[(roots.real > 0) | p.without_origin.near_axis(roots)])
+
+
 def multiply(*factors: QuasiPolynomial) -> QuasiPolynomial:
     """Multiply quasi-polynomials, at most one of which has a delay."""
     if len(factors) == 1:
