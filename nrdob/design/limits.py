@@ -501,8 +501,8 @@ def roots_by_side(*polynomials: FloatArray) -> tuple[ComplexArray, ComplexArray]
 
 
 ROOT_AT_ORIGIN = (
-    "p_B(0) = 0 for every filter 1/(λs + 1)^n: the process has a zero at s = 0, or the model as many "
-    "integrators as the process and more than one, which takes a filter with 1 - F ~ s^2 or more"
+    "p_B(0) = 0 for every filter 1/(λs + 1)^n: the process has a zero at s = 0, or the model more "
+    "than one integrator, as the process has, which takes a filter with 1 - F ~ s^2 or more"
 )
 
 INTEGRATOR = "the model's integrator, which cancels in (1 - F)·model, leaves p_B(0) to the filter"

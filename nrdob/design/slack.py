@@ -188,7 +188,9 @@ class PlantLoops:
         np.minimum.at(gains, row, 20 * np.abs(np.log10(np.abs(there))))
         ends = self._at_infinity(time_constants, near=False), self._at_zero(time_constants)
         with np.errstate(divide="ignore"):
-            return np.asarray(np.min([gains, *(20 * np.abs(np.log10(end)) for end in ends)], axis=0))
+            return np.asarray(
+                np.min([gains, *(20 * np.abs(np.log10(end)) for end in ends)], axis=0)
+            )
 
     def _gain(
         self, time_constants: FloatArray, omega: FloatArray, ratio: ComplexArray | None = None

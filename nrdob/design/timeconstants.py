@@ -349,7 +349,7 @@ def _log_minus_H(mismatch: Mismatch, omega: FloatArray) -> ComplexArray:
 
 
 def _through_zero(mismatch: Mismatch) -> list[CriticalTimeConstant]:
-    """Find the λ at which p_B(0) vanishes, if (1 - F)·model has lost an integrator: n λ a(0) + b'(0).
+    """Find the λ at which p_B(0) = n λ a(0) + b'(0) vanishes, without the model's integrator.
 
     The direction is that of the root -p_B(0)/p_B'(0) beside it.
     """
