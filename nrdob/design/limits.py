@@ -384,7 +384,8 @@ def right_half_plane_parity(process: Any, model: Any) -> Answer:
     """
     mismatch = Mismatch.of(process, model)
     if mismatch.held_at_origin:
-        return Answer(False, ROOT_AT_ORIGIN)
+        # Of a zero of the process no filter is rid, of integrators one with 1 - F ~ s^2 or more.
+        return Answer(False if mismatch.factors[0][-1] == 0 else None, ROOT_AT_ORIGIN)
     if mismatch.integrator:
         return Answer(True, INTEGRATOR)
     _, D, Nm, _ = mismatch.factors
@@ -402,11 +403,11 @@ def stabilizing_filter_exists(process: Any, model: Any) -> Answer:
 
     Such an F is a stable controller for the mismatch H = (b - a)/a with one value prescribed. By
     the parity interlacing property it exists if and only if a and b have no common root in the
-    closed right half plane and p_B can keep one sign on the positive real axis. There p_B has the
-    sign of b at s = 0, that of a at each real zero z > 0 of b - a, and that of a at infinity
-    if F·H rolls off. It must, unless the process is biproper and the model is not: then F need not
-    fall faster than H grows, the leading coefficient of p_B has either sign, and infinity forbids
-    nothing.
+    closed right half plane (with one, the question is left open) and p_B can keep one sign on the
+    positive real axis. There p_B has the sign of b at s = 0, that of a at each real zero z > 0 of b
+    - a, and that of a at infinity if F·H rolls off. It must, unless the process is biproper and the
+    model is not: then F need not fall faster than H grows, the leading coefficient of p_B has
+    either sign, and infinity forbids nothing.
 
     Parameters
     ----------
@@ -442,12 +443,15 @@ def stabilizing_filter_exists(process: Any, model: Any) -> Answer:
     shared = [root for root in unstable if any(_vanishes(p, root) for p in (N, Dm))]
     if shared:
         return Answer(
-            False, f"a mode at {_text(shared[0])} cancels in G/model, out of reach of every filter"
+            None,
+            f"a mode at {_text(shared[0])} cancels in G/model, out of reach of every filter but "
+            "one made for it, with F = 0 at such a zero and F = 1 at such a pole: see "
+            "nrdob.interpolating_filter",
         )
     # With a dead time p_B has the sign of a far out on the real axis, whatever F.
     free_at_infinity = N.size == D.size and Nm.size < Dm.size and not mismatch.delay
     parity = right_half_plane_parity(process, model)
-    if not parity.holds and (b[-1] == 0 or not free_at_infinity):
+    if not parity.holds and (mismatch.held_at_origin or not free_at_infinity):
         return parity
     if mismatch.delay:
         return Answer(None, "with a dead time the signs at zero and at infinity forbid nothing")
@@ -458,7 +462,11 @@ def stabilizing_filter_exists(process: Any, model: Any) -> Answer:
         np.abs(difference(zeros.real + 0j)) <= ROUNDING * np.polyval(difference.scale, zeros.real)
     )
     zeros = zeros[real]
-    wrong = zeros[np.polyval(a, zeros.real) * b[-1] < 0]
+    signs = np.sign(np.polyval(a, zeros.real))
+    first = b[-1]
+    if mismatch.integrator:  # the sign at 0 is free
+        first = signs[0] if free_at_infinity and signs.size else a[0]
+    wrong = zeros[signs * first < 0]
     if wrong.size:
         where = "below" if free_at_infinity else "above"
         doubtful = bool((wrong.imag != 0).all())
