@@ -44,6 +44,10 @@ class NRDOB(LoopEquations):
         The feedback controller C, proper.
     filter : LowPassFilter, or a stable proper block with F(0) = 1
         The noise filter F, of at least the model's relative degree.
+    keep_factors : bool
+        By default the blocks F/G̃ and (1 - F)G̃ are each built as one, without what they share with
+        themselves: zeros of the model that F has, too, and poles of the model at which F = 1.
+        True keeps these, as a diagram does whose blocks are 1 - F, G̃ and its inverse.
 
     Raises
     ------
@@ -169,7 +173,8 @@ class NRDOB(LoopEquations):
         from .plotting import nyquist_plot
 
         quotient = self._map(which)
-        known = {"CGm": self._stability.model_loop, "FH": self._stability.observer_loop}
+        verdicts = self._stability
+        known = {"CGm": verdicts.model_loop, self.condition_ii.name: verdicts.observer_loop}
         verdict = known.get(which) if point == -1 else None
         return nyquist_plot(quotient, verdict=verdict, point=point, zoom=zoom, title=title, ax=ax)
 
@@ -202,7 +207,7 @@ class NRDOB(LoopEquations):
 
         names = which or ("FH",)
         quotients = [self._map(name) for name in names]
-        known = {"CGm": "model_loop", "FH": "observer_loop", "L": "plant_loop"}
+        known = {"CGm": "model_loop", self.condition_ii.name: "observer_loop", "L": "plant_loop"}
         alone = len(names) == 1 and names[0] in known
         margins = getattr(self.margins(), known[names[0]]) if alone else None
         return bode_plot(

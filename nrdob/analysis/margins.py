@@ -27,6 +27,7 @@ from ..numerics import (
     add,
     companion_roots,
     differentiate,
+    multiply,
 )
 from .frequencies import on_axis, resolved_frequencies
 from .locus import Locus, Notable, notable_frequencies
@@ -130,7 +131,8 @@ class LoopMargins:
     Attributes
     ----------
     model_loop, observer_loop : Margins
-        C·G̃ and F·H, conditions i and ii of Lemma 2.
+        C·G̃ and F·H, conditions i and ii of Lemma 2; L in place of F·H where a pole on the axis or
+        right of it cancels inside (1 - F)·G̃, so that F·H passes through -1 whatever the process.
     plant_loop : Margins
         L = K·G, whose margins are those that the plant feels.
     stable : bool or None
@@ -144,7 +146,8 @@ class LoopMargins:
 
     def __repr__(self) -> str:
         head = f"       GM (dB)  {'gains':16}  PM (°)       Ms   delay margin (s)"
-        return "\n".join([head, *map(str, (self.model_loop, self.observer_loop, self.plant_loop))])
+        rows = {each.name: str(each) for each in (self.model_loop, self.observer_loop)}
+        return "\n".join([head, *(rows | {self.plant_loop.name: str(self.plant_loop)}).values()])
 
 
 class MarginBounds(NamedTuple):
@@ -214,7 +217,11 @@ def loop_margins(loop: LoopEquations, verdict: Stability | None = None) -> LoopM
     verdict = stability(loop) if verdict is None else verdict
     return LoopMargins(
         margins(loop.CGm, verdict.model_loop.stable, loop.p_A),
-        margins(loop.FH, verdict.observer_loop.stable, loop.p_B),
+        margins(
+            loop.condition_ii,
+            verdict.observer_loop.stable,
+            multiply(loop.p_B, loop.built.poles) if loop.condition_ii is loop.FH else loop.p_B,
+        ),
         margins(loop.L, verdict.observer_loop.stable, loop.p_B),
         verdict.stable,
     )

@@ -422,22 +422,28 @@ def _pade(order: int, delay: float) -> tuple[FloatArray, FloatArray]:
 
 def _around_the_delay(loop: LoopEquations) -> Rational:
     """Return what z does: y = G0 z and v = -K G0 z with K = F/((1 - F) Gm)."""
-    G, Gm, _, F = loop.fractions
-    num, den = np.convolve(F.num, Gm.den), np.convolve(loop.one_minus_F.q, Gm.num)
+    G, (num, den) = loop.fractions.G, _feedback(loop)
     return (np.convolve(G.num, den), -np.convolve(G.num, num)), np.convolve(G.den, den)
 
 
 def _before_the_delay(loop: LoopEquations, input: str) -> Rational:
     """Return what the input does to y and v before anything has come around."""
-    _, Gm, C, F = loop.fractions
     nothing, one = np.zeros(1), np.ones(1)
     if input == "delta":
         return (nothing, one), one
     if input == "R":
-        prefilter = reduce(np.convolve, (C.num, Gm.den, F.den))
-        return (nothing, prefilter), np.convolve(loop.p_A.q, loop.one_minus_F.q)
-    num, den = np.convolve(F.num, Gm.den), np.convolve(loop.one_minus_F.q, Gm.num)
+        prefilter = reduce(
+            np.convolve, (loop.fractions.C.num, loop.built.Dm.q, loop.fractions.F.den)
+        )
+        return (nothing, prefilter), np.convolve(loop.p_A.q, loop.built.E.q)
+    num, den = _feedback(loop)
     return (den if input == "d" else nothing, -num), den
+
+
+def _feedback(loop: LoopEquations) -> tuple[FloatArray, FloatArray]:
+    """Numerator and denominator of K, from the blocks as they are built."""
+    built = loop.built
+    return np.convolve(built.Nf.q, built.Dm.q), np.convolve(built.E.q, built.Nm.q)
 
 
 def _forced(nums: Sequence[FloatArray], den: FloatArray, integrals: int) -> Rational:

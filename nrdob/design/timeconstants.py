@@ -62,7 +62,8 @@ class CriticalTimeConstant(NamedTuple):
     time_constant : float
         λ in seconds.
     frequency : float
-        Where they cross, in rad/s; inf for a real root that passes through infinity.
+        Where they cross, in rad/s; 0 for a real root that passes through s = 0, which takes a model
+        with an integrator; inf for one that passes through infinity.
     direction : int
         +1 if they enter the right half plane as λ grows, -1 if they leave it.
     """
@@ -232,7 +233,7 @@ def _checked_floor(frequencies: Frequencies, floor: float | None) -> float:
 def _critical(frequencies: Frequencies, floor: float) -> list[CriticalTimeConstant]:
     mismatch = frequencies.mismatch
     branches = _Branches.on(mismatch, frequencies.above(floor))
-    found = _crossings(branches) + _through_infinity(mismatch)
+    found = _crossings(branches) + _through_zero(mismatch) + _through_infinity(mismatch)
     return sorted(c for c in found if c.time_constant > floor)
 
 
@@ -362,6 +363,21 @@ def _log_minus_H(mismatch: Mismatch, omega: FloatArray) -> ComplexArray:
     return np.asarray(size + 1j * np.arctan2(-R.imag, 1 - R.real))
 
 
+def _through_zero(mismatch: Mismatch) -> list[CriticalTimeConstant]:
+    """Find the λ at which p_B(0) = n λ a(0) + b'(0) vanishes, without the model's integrator.
+
+    The direction is that of the root -p_B(0)/p_B'(0) beside it.
+    """
+    if not mismatch.integrator:
+        return []
+    slope, b = mismatch.order * float(mismatch.a[-1]), mismatch.delayed
+    critical = -float(b[-1]) / slope
+    if critical <= 0:
+        return []
+    tilt = add(mismatch.undelayed(critical), b)[-2:-1].sum() - mismatch.delay * b[-1]
+    return [CriticalTimeConstant(critical, 0.0, int(-np.sign(slope * tilt)))]
+
+
 def _through_infinity(mismatch: Mismatch) -> list[CriticalTimeConstant]:
     """Find the λ at which the leading coefficient of p_B vanishes: 1 + F(∞) H(∞) = 0."""
     n, (a, b) = mismatch.order, (mismatch.a, mismatch.b)
@@ -369,7 +385,7 @@ def _through_infinity(mismatch: Mismatch) -> list[CriticalTimeConstant]:
         return []
     critical = float((-b[0] / a[0]) ** (1 / n))
     # Near it p_B is a0 (λ^n - critical^n) s^N + second s^(N-1) + …, with one large root.
-    second = add(mismatch.undelayed(critical), b)[1]
+    second = add(mismatch.undelayed(critical), mismatch.delayed)[1]
     return [CriticalTimeConstant(critical, inf, int(-np.sign(second / a[0])))]
 
 
@@ -390,7 +406,7 @@ def _intervals(floor: float, critical: list[CriticalTimeConstant]) -> list[_Inte
         if time_constant > ends[-1] * (1 + SAME) or len(ends) == 1:
             ends.append(time_constant)
             changes.append(0)
-        changes[-1] += direction * (1 if frequency == inf else 2)
+        changes[-1] += direction * (1 if frequency in (0.0, inf) else 2)
     return [
         _Interval(low, high, change)
         for (low, high), change in zip(pairwise([*ends, inf]), changes, strict=True)

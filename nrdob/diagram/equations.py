@@ -19,6 +19,20 @@ over two characteristic functions, and nothing is left to cancel in floating poi
 
     p_A = Dm Dc + Nm Nc                          condition i  of Lemma 1
     p_B = D Nm (Df - Nf) + N Dm Nf exp(-θs)      condition ii of Lemma 1
+
+The blocks F/Gm and (1 - F) Gm are each built as one. Zeros of the model that F has too, and poles
+of the model at which F = 1, are then in no block at all::
+
+    Nm = gz Nm'     Nf = gz Nf'     gz = gcd(Nm, Nf)           F/Gm     = Nf' Dm/(Df Nm')
+    Dm = gp Dm'     Df - Nf = gp E  gp = gcd(Dm, Df - Nf)      (1-F) Gm = E Nm/(Df Dm')
+
+With these blocks, two of F, C and G the diagram has the characteristic function Df³ p_A p_B/(gz gp)
+and condition ii is about ::
+
+    p_B/(gz gp) = D Nm' E + N Dm' Nf' exp(-θs)
+
+which is what `p_B` means here; every map is the same quotient in these factors. `keep_factors=True`
+keeps gz and gp, as a diagram does in which 1 - F, Gm and 1/Gm are blocks of their own.
 """
 
 from __future__ import annotations
@@ -29,13 +43,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..numerics import FloatArray, QuasiPolynomial, add
+from ..numerics import FloatArray, QuasiPolynomial, Shared, add, shared_factor, unstable_roots
 from .blocks import Fraction, as_fraction, nonzero
 from .delay import DelayedTransferFunction
 from .filters import filter_fraction
 from .quotient import Quotient
 
 __all__ = ["LoopEquations", "LoopFractions", "ObserverEquations", "ObserverFractions"]
+
+TYPED_IN = 8 * float(np.finfo(float).eps)
+"""Difference of two coefficients, against their size, that are meant to be the same."""
 
 
 class ObserverFractions(NamedTuple):
@@ -44,6 +61,25 @@ class ObserverFractions(NamedTuple):
     G: Fraction
     Gm: Fraction
     F: Fraction
+
+
+class BuiltFactors(NamedTuple):
+    """Factors of the blocks F/Gm = Nf Dm/(Df Nm) and (1 - F) Gm = E Nm/(Df Dm), each as one.
+
+    Attributes
+    ----------
+    Nm, Nf, Dm, E : QuasiPolynomial
+        What is left of the model's zeros, the filter's, the model's poles and Df - Nf.
+    zeros, poles : QuasiPolynomial
+        What has cancelled inside F/Gm, and inside (1 - F) Gm; 1 where nothing has.
+    """
+
+    Nm: QuasiPolynomial
+    Nf: QuasiPolynomial
+    Dm: QuasiPolynomial
+    E: QuasiPolynomial
+    zeros: QuasiPolynomial
+    poles: QuasiPolynomial
 
 
 class LoopFractions(NamedTuple):
@@ -61,6 +97,7 @@ class _ObserverMaps:
     process: Any
     model: Any
     filter: Any
+    keep_factors: bool
 
     @cached_property
     def fractions(self) -> ObserverFractions | LoopFractions:
@@ -95,22 +132,48 @@ class _ObserverMaps:
     @cached_property
     def one_minus_F(self) -> QuasiPolynomial:
         """Numerator Df - Nf of 1 - F."""
-        # Both constant coefficients are exactly 1, so 1 - F keeps its zero at s = 0 exactly.
+        # Both constant coefficients are exactly 1, so 1 - F keeps its zero at s = 0 exactly. Those
+        # of its next powers that are only rounding are zeros of the same kind.
         num, den = self._observer_fractions.F
-        return QuasiPolynomial(add(den, -num), scale=add(np.abs(den), np.abs(num)))
+        difference, scale = add(den, -num), add(np.abs(den), np.abs(num))
+        used = np.flatnonzero(np.abs(difference) > TYPED_IN * scale)
+        difference[used[-1] + 1 :] = 0.0
+        return QuasiPolynomial(difference, scale=scale)
+
+    @cached_property
+    def built(self) -> BuiltFactors:
+        """Factors of the blocks F/Gm and (1 - F) Gm as they are built."""
+        _, Gm, F = self._observer_fractions
+        num, den, filter_num = map(QuasiPolynomial, (*Gm, F.num))
+        gz, Nm, Nf = _shared(num, filter_num, keep=self.keep_factors)
+        gp, Dm, E = _shared(den, self.one_minus_F, keep=self.keep_factors)
+        return BuiltFactors(Nm, Nf, Dm, E, gz, gp)
 
     @cached_property
     def p_B(self) -> QuasiPolynomial:
-        """Characteristic quasi-polynomial of the observer loop, D Nm (Df-Nf) + N Dm Nf e^(-θs)."""
-        G, Gm, F = self._observer_fractions
-        undelayed = (G.den, Gm.num, self.one_minus_F.q)
-        return _sum_of_products(undelayed, (G.num, Gm.den, F.num), self.delay)
+        """Characteristic quasi-polynomial of the observer loop, D Nm (Df-Nf) + N Dm Nf e^(-θs).
+
+        Without what has cancelled inside its blocks.
+        """
+        G, built = self._observer_fractions.G, self.built
+        undelayed = (G.den, built.Nm.q, built.E.q)
+        return _sum_of_products(undelayed, (G.num, built.Dm.q, built.Nf.q), self.delay)
+
+    @cached_property
+    def condition_ii(self) -> Quotient:
+        """The open loop on which condition ii is counted: F H, or L.
+
+        With a pole on the axis or right of it that has cancelled inside (1 - F) Gm, 1 + FH has a
+        zero there, which is no root of the loop; 1 + L has none.
+        """
+        cancelled = self.built.poles
+        return self.L if cancelled.zeros_at_origin or unstable_roots(cancelled).size else self.FH
 
     @property
     def ill_posed_observer_loop(self) -> str:
         """Why the observer loop has no solution at infinite frequency; empty if well posed."""
-        G, Gm, F = self._observer_fractions
-        full = G.den.size + Gm.num.size + F.den.size - 2
+        G, _, F = self._observer_fractions
+        full = G.den.size + self.built.Nm.degree + F.den.size - 1 - self.built.poles.degree
         if self.p_B.q.size == full and self.p_B.q.any():
             return ""
         value = "1 - F(∞) = 0" if self.delay else "1 + F(∞)·H(∞) = 0"
@@ -121,34 +184,34 @@ class _ObserverMaps:
     @cached_property
     def S_d(self) -> Quotient:
         """Output disturbance d to output y, eq. (4): the sensitivity of the plant loop."""
-        return self._quotient("S_d", "D Nm 1-F", "B")
+        return self._quotient("S_d", "D Nm' E", "B")
 
     @cached_property
     def S_delta(self) -> Quotient:
         """Input disturbance δ to output y, eq. (4)."""
-        return self._quotient("S_delta", "Ne Nm 1-F", "B")
+        return self._quotient("S_delta", "Ne Nm' E", "B")
 
     @cached_property
     def S_eta(self) -> Quotient:
         """Measurement noise η to output y, eq. (4)."""
-        return self._quotient("S_eta", "-1 Ne Dm Nf", "B")
+        return self._quotient("S_eta", "-1 Ne Dm' Nf'", "B")
 
     # Eq. (7): to the error and to the control signal.
 
     @cached_property
     def U_d(self) -> Quotient:
         """Output disturbance d to controller output u, eq. (7)."""
-        return self._quotient("U_d", "-1 D Dm Nf", "B")
+        return self._quotient("U_d", "-1 D Dm' Nf'", "B")
 
     @cached_property
     def U_delta(self) -> Quotient:
         """Input disturbance δ to plant input u + δ, eq. (7)."""
-        return self._quotient("U_delta", "D Nm 1-F", "B")
+        return self._quotient("U_delta", "D Nm' E", "B")
 
     @cached_property
     def U_eta(self) -> Quotient:
         """Measurement noise η to controller output u, eq. (7): the same map as `U_d`."""
-        return self._quotient("U_eta", "-1 D Dm Nf", "B")
+        return self._quotient("U_eta", "-1 D Dm' Nf'", "B")
 
     # Blocks and open loops.
 
@@ -180,28 +243,32 @@ class _ObserverMaps:
     @cached_property
     def FH(self) -> Quotient:
         """Observer loop F H, condition ii of Lemmas 1 and 2."""
-        return self._quotient("FH", "Nf mismatch", "D Nm Df")
+        return self._quotient("FH", "Nf' mismatch", "D Nm' Df")
 
     @cached_property
     def K(self) -> Quotient:
         """All the feedback there is: K = F/((1 - F) G̃)."""
-        return self._quotient("K", "Nf Dm", "1-F Nm")
+        return self._quotient("K", "Nf' Dm'", "E Nm'")
 
     @cached_property
     def L(self) -> Quotient:
         """Plant loop L = K G = F (G/G̃)/(1 - F), the loop that the plant itself sees."""
-        return self._quotient("L", "Nf Dm Ne", "1-F Nm D")
+        return self._quotient("L", "Nf' Dm' Ne", "E Nm' D")
 
     @cached_property
     def _parts(self) -> dict[str, QuasiPolynomial]:
         G, Gm, F = self._observer_fractions
+        built = self.built
         parts = {
             "-1": -np.ones(1), "D": G.den, "Nm": Gm.num, "Dm": Gm.den, "Nf": F.num, "Df": F.den,
         }  # fmt: skip
         mismatch = _sum_of_products((-G.den, Gm.num), (G.num, Gm.den), self.delay)
         return {name: QuasiPolynomial(c) for name, c in parts.items()} | {
             "Ne": QuasiPolynomial(np.zeros(1), G.num, self.delay),
-            "1-F": self.one_minus_F,
+            "Nm'": built.Nm,
+            "Nf'": built.Nf,
+            "Dm'": built.Dm,
+            "E": built.E,
             "mismatch": mismatch,
             "B": self.p_B,
         }
@@ -219,8 +286,8 @@ class ObserverEquations(_ObserverMaps):
 
     Parameters
     ----------
-    process, model, filter : as for `LoopEquations`
-        G, G̃ and F.
+    process, model, filter, keep_factors : as for `LoopEquations`
+        G, G̃ and F, and whether every factor is kept.
 
     Raises
     ------
@@ -239,6 +306,7 @@ class ObserverEquations(_ObserverMaps):
     process: Any
     model: Any
     filter: Any
+    keep_factors: bool = False
 
     def __post_init__(self) -> None:
         _ = self.fractions
@@ -258,6 +326,9 @@ class LoopEquations(_ObserverMaps):
         C, proper.
     filter : LowPassFilter, or a stable proper block with F(0) = 1
         F, of at least the model's relative degree, so that F/model is causal.
+    keep_factors : bool
+        Whether what F/model and (1 - F)·model share with themselves is kept, because 1 - F, the
+        model and its inverse are built as blocks of their own.
 
     Raises
     ------
@@ -269,6 +340,7 @@ class LoopEquations(_ObserverMaps):
     model: Any
     controller: Any
     filter: Any
+    keep_factors: bool = False
 
     def __post_init__(self) -> None:
         if isinstance(self.controller, DelayedTransferFunction):
@@ -303,7 +375,7 @@ class LoopEquations(_ObserverMaps):
     @cached_property
     def T_R(self) -> Quotient:
         """Reference R to output y, eq. (4)."""
-        return self._quotient("T_R", "Nc Ne Nm Dm Df", "A B")
+        return self._quotient("T_R", "Nc Ne Nm' Dm' Df", "A B")
 
     @cached_property
     def E_R(self) -> Quotient:
@@ -313,7 +385,7 @@ class LoopEquations(_ObserverMaps):
     @cached_property
     def U_R(self) -> Quotient:
         """Reference R to controller output u, eq. (7)."""
-        return self._quotient("U_R", "Nc D Nm Dm Df", "A B")
+        return self._quotient("U_R", "Nc D Nm' Dm' Df", "A B")
 
     @cached_property
     def C(self) -> Quotient:
@@ -333,6 +405,13 @@ class LoopEquations(_ObserverMaps):
             "Dc": QuasiPolynomial(C.den),
             "A": self.p_A,
         }
+
+
+def _shared(model: QuasiPolynomial, filter: QuasiPolynomial, *, keep: bool) -> Shared:
+    """Take out what a numerator or denominator of the model shares with one of the filter's."""
+    if keep or not (model.degree and filter.degree):
+        return Shared(QuasiPolynomial(np.ones(1)), model, filter)
+    return shared_factor(model, filter)
 
 
 def _undelayed(block: Any) -> Any:

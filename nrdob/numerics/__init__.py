@@ -10,9 +10,10 @@ from .quasipoly import (
     differentiate,
     frequency_segments,
     multiply,
+    unstable_roots,
 )
 from .rootfinding import companion_roots
-from .sharedfactor import without_shared_factor
+from .sharedfactor import Shared, factor_near, shared_factor, without_shared_factor
 from .timescales import Block, impulse_states, roots_by_time_scale, split
 from .writing import number, written
 
@@ -25,19 +26,23 @@ __all__ = [
     "IntArray",
     "QuasiPolynomial",
     "RootCount",
+    "Shared",
     "add",
     "bisect",
     "companion_roots",
     "count_rhp",
     "differentiate",
+    "factor_near",
     "frequency_segments",
     "golden",
     "impulse_states",
     "multiply",
     "number",
     "roots_by_time_scale",
+    "shared_factor",
     "side",
     "split",
+    "unstable_roots",
     "without_shared_factor",
     "written",
 ]

@@ -36,6 +36,7 @@ __all__ = [
     "differentiate",
     "frequency_segments",
     "multiply",
+    "unstable_roots",
 ]
 
 
@@ -294,6 +295,28 @@ def _where(turn: Turn) -> str:
     if 0.0 in turn.touched:
         return "a root at s = 0 within rounding"
     return f"a root on the imaginary axis within rounding, near {turn.touched[0]:.6g} rad/s"
+
+
+def unstable_roots(p: QuasiPolynomial) -> ComplexArray:
+    """Roots right of the imaginary axis, or on it within rounding; not those at s = 0 exactly.
+
+    Parameters
+    ----------
+    p : QuasiPolynomial
+        Its roots are computed.
+
+    Returns
+    -------
+    array of complex
+        In rad/s.
+
+    Examples
+    --------
+    >>> unstable_roots(QuasiPolynomial([1.0, 0.0, 0.0, -1.0, 0.0])).real.tolist()   # s (s³ - 1)
+    [1.0]
+    """
+    roots = p.without_origin.roots
+    return np.asarray(roots[(roots.real > 0) | p.without_origin.near_axis(roots)])
 
 
 def multiply(*factors: QuasiPolynomial) -> QuasiPolynomial:

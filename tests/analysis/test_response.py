@@ -416,7 +416,7 @@ def test_default_window_of_an_unstable_loop_spans_some_e_foldings():
 
 def test_default_window_with_an_integrator_is_set_by_the_next_mode():
     # The filter removes an input disturbance before an integrator, but leaves y displaced.
-    loop = LoopEquations(1 / s, 1 / s, 1.0, LowPassFilter(0.1, 1))
+    loop = LoopEquations(1 / s, 1 / s, 1.0, LowPassFilter(0.1, 1), keep_factors=True)
     assert 0 in loop.p_B.roots
     assert step_response(loop, "delta").time[-1] == 1.0
 
