@@ -11,7 +11,7 @@ from sphinx.config import Config
 from sphinx.errors import ConfigError
 
 BOOK = Path(__file__).resolve().parent
-sys.path.insert(0, str(BOOK / "ext"))
+sys.path[:0] = [str(BOOK / "ext"), str(BOOK / "make")]
 
 project = "The noise-reduction disturbance observer"
 author = "the nrdob authors"
@@ -27,6 +27,7 @@ extensions = [
     "sphinx_copybutton",
     "sphinxcontrib.bibtex",
     "claimlinks",
+    "predict",
 ]
 
 # --- Text -------------------------------------------------------------------------------------
