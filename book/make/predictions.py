@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 import nbformat
 
-from pages import store
+from pages import same, store
 
 ROOT = Path(__file__).resolve().parents[2]
 NOTEBOOKS = ROOT / "notebooks"
@@ -69,12 +69,12 @@ def read_questions(folder: Path = NOTEBOOKS / CLASS) -> dict[str, Question]:
     found = [
         _read(f"{folder.name}/{path.name}", cells)
         for path in sorted(folder.glob("*.ipynb"))
-        for cells in _split(nbformat.read(path, as_version=4).cells)
+        for cells in split(nbformat.read(path, as_version=4).cells)
     ]
     return {question.chapter: question for question in found}
 
 
-def _split(cells: list[Any]) -> list[list[Any]]:
+def split(cells: list[Any]) -> list[list[Any]]:
     """Give the cells of each question; what comes before the first one is left out."""
     starts = [k for k, cell in enumerate(cells) if _data(cell).get("kind") == "question"]
     return [cells[a:b] for a, b in zip(starts, [*starts[1:], len(cells)], strict=True)]
@@ -204,13 +204,12 @@ def main(arguments: list[str] | None = None) -> int:
     for chapter, question in read_questions().items():
         path = NOTEBOOKS / f"{chapter}.ipynb"
         notebook = nbformat.read(path, as_version=4)
-        before = nbformat.writes(notebook)
         put_into(notebook, question)
-        after = nbformat.writes(notebook)
-        if check and after != before:
+        text = nbformat.writes(notebook).rstrip("\n") + "\n"
+        if not check:
+            store(text, path)
+        elif not same(text, path):
             behind.append(path.name)
-        elif not check:
-            store(after.rstrip("\n") + "\n", path)
     if behind:
         print("The question for class is not in, or another one:", *behind, file=sys.stderr)
         print("python book/make/predictions.py brings them in", file=sys.stderr)

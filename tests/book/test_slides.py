@@ -193,6 +193,18 @@ def test_the_first_slide_leads_to_every_question(folder: Path, deck: Path) -> No
     assert [unquote(link["href"].removeprefix("#")) for link in first[0].select("li a")] == wanted
 
 
+def test_the_deck_of_two_days_has_every_question_in_the_order_of_the_plan(folder: Path) -> None:
+    soup = BeautifulSoup((folder / "two_days.html").read_text(encoding="utf-8"), "html.parser")
+    first, *rest = stacks(soup)
+    asked = [stack[0]["data-chapter"] for stack in rest]
+    assert sorted(asked) == CHAPTERS
+    plan = (ROOT / "book" / "teaching" / "syllabus.md").read_text("utf-8").split("## Two days")[1]
+    told = [number for row in slides.TWO_DAYS.findall(plan) for number in row.split(", ")]
+    assert [chapter[:2] for chapter in asked] == told
+    wanted = [stack[0].h2["id"] for stack in rest]
+    assert [unquote(link["href"].removeprefix("#")) for link in first[0].select("li a")] == wanted
+
+
 def test_a_notebook_that_has_not_been_run_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
