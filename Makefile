@@ -101,6 +101,9 @@ bench-table: $(READY) ## time the public calls, before and after, in one table
 slides: $(READY) ## make slides of the questions for class, which need no network
 	$(PY) book/make/slides.py
 
+paper: $(READY) ## write sets, solutions and boards as pages to be printed
+	$(PY) book/make/paper.py
+
 lab: $(READY) ## open the notebooks in JupyterLab
 	$(PY) -m jupyterlab notebooks
 
