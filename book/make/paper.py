@@ -14,9 +14,11 @@ import re
 import sys
 from collections.abc import Iterator
 from html import escape
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
+import matplotlib
 import nbformat
 from docutils.utils.math.latex2mathml import tex2mathml
 from markdown_it import MarkdownIt
@@ -24,6 +26,7 @@ from markupsafe import Markup
 from mdit_py_plugins.dollarmath import dollarmath_plugin
 from nbgrader.preprocessors import ClearHiddenTests, ClearSolutions
 
+from nrdob.plotting import diagrams
 from pages import render, store
 from teaching import NOTEBOOKS, SOLUTION, TEACHING, Pack, ProblemSet, read_pack
 
@@ -35,6 +38,9 @@ NOT_PRINTED = ("group", "imports", "check")
 
 LINES = 11
 """To write on, for an answer in words."""
+
+DRAWN = {"## Week 1\n": diagrams.nrdob, "## Week 2\n": diagrams.two_degrees_of_freedom}
+"""The weeks whose board has a block diagram."""
 
 MARKER = re.compile(r"^ *### (?:BEGIN|END) SOLUTION\n?", re.MULTILINE)
 
@@ -107,10 +113,19 @@ def solutions(path: Path, pack: Pack, of: ProblemSet) -> Iterator[list[Markup]]:
 
 
 def boards() -> Iterator[list[Markup]]:
-    """Give the session of each week: its minutes, and its board."""
+    """Give the session of each week: its minutes, its board, and the diagram drawn on it."""
     text = (TEACHING / "in_class.md").read_text("utf-8")
     for session in re.split(r"^(?=## Week \d)", text, flags=re.MULTILINE)[1:]:
-        yield [html(session)]
+        yield [html(session), *(sketch(draw()) for week, draw in DRAWN.items() if week in session)]
+
+
+def sketch(diagram: diagrams.Diagram) -> Markup:
+    """Give a block diagram as a picture within the page."""
+    drawn, buffer = diagram.plot(), StringIO()
+    with matplotlib.rc_context({"svg.hashsalt": "nrdob"}):  # else its names change each time
+        drawn.figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None})
+    _, _, picture = buffer.getvalue().partition("<svg")
+    return Markup(f'<figure role="img" aria-label="{escape(drawn.alt)}"><svg{picture}</figure>')
 
 
 def write(folder: Path) -> list[Path]:

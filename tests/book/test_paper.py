@@ -100,6 +100,16 @@ def test_each_session_begins_a_sheet(printed: dict[str, BeautifulSoup]) -> None:
     assert weeks == [f"Week {number}" for number in (1, 2, 3, 4, 5, 6, 8)]
     boards = [section.select("ol > li") for section in printed["boards"].select("section")]
     assert all(len(board) >= 6 for board in boards[:6])
+    drawn = [section.select("figure") for section in printed["boards"].select("section")]
+    assert [len(figures) for figures in drawn] == [1, 1, 0, 0, 0, 0, 0]
+    assert drawn[0][0]["aria-label"].startswith("Block diagram of the NR-DOB loop: e = R - yf")
+    assert drawn[0][0].svg
+
+
+def test_a_page_is_the_same_each_time(printed: dict[str, BeautifulSoup], tmp_path: Path) -> None:
+    assert paper.main(["--output", str(tmp_path)]) == 0
+    again = (tmp_path / "boards.html").read_text("utf-8")
+    assert BeautifulSoup(again, "html.parser") == printed["boards"]
 
 
 def test_the_pages_are_written_into_the_folder_that_is_asked_for(tmp_path: Path) -> None:

@@ -197,6 +197,11 @@ def test_the_syllabus_says_how_long_a_set_takes() -> None:
     for each in PACK.sets:
         tasks = [task for task in each.tasks if task not in project]
         assert said[each.name.removeprefix("set")] == pytest.approx(PACK.hours_of(tasks), abs=0.26)
+        # A set that names hours names these.
+        path = ROOT / "notebooks" / "exercises" / "source" / each.name / f"{each.name}.ipynb"
+        opening = nbformat.read(path, as_version=4).cells[0].source
+        if own := re.search(r"\*\*Time\*\* (.*?) hours", opening):
+            assert hours_in(own[1]) == said[each.name.removeprefix("set")]
     assert said["the project, 6.6"] == pytest.approx(PACK.hours_of(project), abs=0.26)
 
 
