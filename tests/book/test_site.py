@@ -27,6 +27,9 @@ from digits import hanging_on_rounding
 from nrdob.course.claims import LEDGER, Entry, Verdict
 from nrdob.course.exercises import PROBLEMS
 
+# The whole book is built.
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).resolve().parents[2]
 REFERENCE_PAGES = {
     "index", "ledger", "errata", "notation", "api", "comparison", "bibliography", "colophon",
