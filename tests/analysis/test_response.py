@@ -135,6 +135,7 @@ def test_example_4_equals_the_series_in_delayed_terms(input):
     assert_exact(example(4), input, np.array([0.02, 0.049, 0.0501, 0.12, 0.33, 0.61]), 1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("input", INPUTS)
 @pytest.mark.parametrize(
     "loop", [neutral(), neutral(0.1), delayed_lag(1.0, 1.5), delayed_lag(1.0, 1e-3)]
@@ -544,6 +545,7 @@ def test_a_process_with_lags_1e11_apart_is_certified(seconds):
             assert_close(row, exactly, 1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("input", INPUTS)
 def test_a_filter_far_below_the_dead_time_is_certified(input):
     # The plant's input is next to an impulse and its derivatives: 1e36 for some microseconds.
