@@ -7,4 +7,5 @@ from . import docstrings, doors, pages
 
 if __name__ == "__main__":
     root = Path(__file__).resolve().parents[2]
-    sys.exit("\n".join([*doors.faults(root), *pages.faults(root), *docstrings.faults(root)]))
+    found = [*doors.faults(root), *pages.faults(root), *docstrings.faults(root)]
+    sys.exit("\n".join(found) or None)
