@@ -182,7 +182,11 @@ def _moved(
             answers.append(Answer(None, f"{pole}, a multiple one; give it a trace of damping"))
         elif _vanishes(mismatch.a, root) and _vanishes(mismatch.b, root):
             answers.append(
-                Answer(False, f"{pole}, which cancels in G/model, out of reach of every filter")
+                Answer(
+                    False,
+                    f"{pole}, which cancels in G/model, out of reach of every filter but one made "
+                    "for it: see nrdob.interpolating_filter",
+                )
             )
         else:
             off = [d for d in drift(mismatch, complex(root)) if abs(d.real) > SIDEWAYS * abs(d)]

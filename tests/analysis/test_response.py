@@ -135,6 +135,7 @@ def test_example_4_equals_the_series_in_delayed_terms(input):
     assert_exact(example(4), input, np.array([0.02, 0.049, 0.0501, 0.12, 0.33, 0.61]), 1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("input", INPUTS)
 @pytest.mark.parametrize(
     "loop", [neutral(), neutral(0.1), delayed_lag(1.0, 1.5), delayed_lag(1.0, 1e-3)]

@@ -28,6 +28,9 @@ from nrdob.course.claims import LEDGER, Entry, Verdict
 from nrdob.course.exercises import PROBLEMS
 from predictions import read_questions
 
+# The whole book is built.
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).resolve().parents[2]
 REFERENCE_PAGES = {
     "index", "ledger", "errata", "notation", "api", "comparison", "bibliography", "colophon",

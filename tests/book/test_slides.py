@@ -13,6 +13,9 @@ from bs4 import BeautifulSoup, Tag
 
 import slides
 
+# The slides are made.
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).resolve().parents[2]
 
 CHAPTERS = sorted(path.stem for path in (ROOT / "notebooks").glob("*.ipynb"))

@@ -196,6 +196,7 @@ def mismatches(draw, *, delayed):
     return process, model, max(1, relative_degree) + draw(st.integers(0, 1))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("delayed", [False, True])
 @settings(max_examples=200)
 @given(data=st.data())

@@ -172,4 +172,4 @@ def _reached(tree: Tree, start: str) -> set[str]:
 
 
 if __name__ == "__main__":
-    sys.exit(main(Path(__file__).resolve().parents[2]))
+    sys.exit(main(Path(__file__).resolve().parents[2]) or None)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -63,3 +65,10 @@ def test_a_circle_fails_with_its_names(tmp_path: Path, capsys: pytest.CaptureFix
     (room / "two.py").write_text("from .one import a\nb = 1\n", encoding="utf-8")
     assert "these import each other: nrdob.one, nrdob.two" in plan.main(tmp_path)
     assert "Modules: 0 floors" in capsys.readouterr().out
+
+
+def test_the_command_succeeds_where_there_is_no_circle() -> None:
+    command = [sys.executable, "-m", "tests.house.map"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, encoding="utf-8")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith("Rooms: ")
