@@ -45,6 +45,15 @@ def total(a: Whole, b: Whole) -> Whole:
     return _stripped([x + y for x, y in zip(a, b, strict=True)])
 
 
+def multiply(a: Whole, b: Whole) -> Whole:
+    """Multiply two polynomials."""
+    product = [0] * (len(a) + len(b) - 1) if a and b else []
+    for i, x in enumerate(a):
+        for k, y in enumerate(b):
+            product[i + k] += x * y
+    return product
+
+
 def rhp_count(p: Whole) -> int | None:
     """Count the roots in the open right half plane, None if there are roots on the axis.
 

@@ -121,14 +121,14 @@ def _newton(q: FloatArray, r: FloatArray, delay: float, s: ComplexArray) -> Comp
     """Newton's method on p from many guesses; what converges, each once, with its conjugate."""
     with np.errstate(all="ignore"):
         for _ in range(40):
-            value, slope = value_and_slope(q, r, delay, s)
+            value, slope = value_and_slope(q, [(r, delay)], s)
             step = value / slope
             # A step of more than a turn of the dead time says nothing.
             size = np.abs(step) * delay
             s = s - np.where(size > 2, 2 * step / size, step)
             if np.all(~np.isfinite(s) | (size <= 1e-12 * (1 + np.abs(s) * delay))):
                 break
-        value, _ = value_and_slope(q, r, delay, s)
+        value, _ = value_and_slope(q, [(r, delay)], s)
         weight = np.polyval(np.abs(q), np.abs(s)) + np.polyval(np.abs(r), np.abs(s)) * np.exp(
             -delay * s.real
         )

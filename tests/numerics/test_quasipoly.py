@@ -132,10 +132,12 @@ def test_cancelled_leading_coefficients_are_dropped_not_kept_as_rounding():
 def test_product_of_factors_has_the_product_of_values():
     a = QuasiPolynomial([1.0, 2.0], [3.0], delay=0.5)
     b = QuasiPolynomial([2.0, 0.0, 1.0])
+    c = QuasiPolynomial([0.0], [1.0, -1.0], delay=0.2)
     s = np.array([0.2 + 1j, -0.5j])
-    assert multiply(a, b)(s) == pytest.approx(a(s) * b(s), rel=1e-14)
-    with pytest.raises(NotImplementedError, match="two delays"):
-        multiply(a, a)
+    for factors in ((a, b), (a, a), (a, b, c)):
+        values = np.prod([factor(s) for factor in factors], axis=0)
+        assert multiply(*factors)(s) == pytest.approx(values, rel=1e-14)
+    assert [term.delay for term in multiply(a, c).terms] == [0.0, 0.7, 0.2]
 
 
 def test_a_delay_too_long_for_eigenvalues_leaves_the_rightmost_root():
