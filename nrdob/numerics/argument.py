@@ -389,7 +389,7 @@ def _beside_origin(
             rest += abs(a) * (T * radius) ** 2 / 2 * (1 + growth)
         if rest < abs(c) * radius / 2:
             s = radius * np.array([1.0, 1j])
-            start, end = sum(np.polyval(q, s) * np.exp(-T * s) for q, T in terms)
+            start, end = np.sum([np.polyval(q, s) * np.exp(-T * s) for q, T in terms], axis=0)
             return radius, float(np.angle(end / start))
         radius /= 4
     return None

@@ -127,6 +127,11 @@ class QuasiPolynomial:
         return shared + (sum(self._constants(shared)) == 0)
 
     @property
+    def divided(self) -> int:
+        """Power of s by which the sum of terms is divided: 0, or 1 in some `without_origin`."""
+        return 0
+
+    @property
     def _shared_zeros(self) -> int:
         """Multiplicity of the root s = 0 that all terms share."""
         return min(_trailing_zeros(p) for p, _ in self.terms if p.any())
@@ -276,6 +281,10 @@ class _OverS(QuasiPolynomial):
     @property
     def degree(self) -> int:
         return self.undivided.degree - 1
+
+    @property
+    def divided(self) -> int:
+        return 1
 
     @cached_property
     def zeros_at_origin(self) -> int:
