@@ -4,8 +4,8 @@ Each condition is judged twice, before any cancellation: by the turns of 1 + L a
 poles of L, Z = N + P, and by a count that follows no curve. That is one of the roots themselves;
 where they cannot all be computed to be trusted, it is Routh and Hurwitz's test in whole numbers or,
 with a long dead time, Walton and Marshall's count; with two dead times that count for two equal
-ones, and what crosses the axis while one of them becomes what it is. A verdict is given only where the two agree;
-otherwise it is None, with the reason.
+ones, and what crosses the axis while one of them becomes what it is. A verdict is given only where
+the two agree; otherwise it is None, with the reason.
 """
 
 from __future__ import annotations

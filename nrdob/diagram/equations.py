@@ -86,7 +86,6 @@ from .delay import DelayedTransferFunction
 from .filters import filter_fraction
 from .quotient import Quotient
 
-
 SAME_DELAY = 4 * float(np.finfo(float).eps)
 """Relative difference of two dead times that are meant to be one: 0.1 + 0.2 is not 0.3."""
 
