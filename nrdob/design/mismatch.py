@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..diagram import LowPassFilter, ObserverEquations, as_fraction
-from ..numerics import BoolArray, ComplexArray, FloatArray, QuasiPolynomial, add
+from ..numerics import BoolArray, ComplexArray, FloatArray, QuasiPolynomial, Term, add
 
 ERROR = 64 * float(np.finfo(float).eps)
 """Bound of the rounding error of a polynomial's value, against the sum of its terms' sizes."""
@@ -18,7 +18,7 @@ ERROR = 64 * float(np.finfo(float).eps)
 
 @dataclass(frozen=True, eq=False)
 class Mismatch:
-    """The ratio R = G/G̃ = b/a · exp(-θs) and the order of the filter.
+    """The ratio R = G/G̃ = b/a · exp(-(θ - θm)s) and the order of the filter.
 
     Attributes
     ----------
@@ -30,6 +30,8 @@ class Mismatch:
         n.
     factors : tuple of arrays
         N, D, Nm and Dm, whose roots say where R changes.
+    wait : float
+        θm in seconds, for a model that waits.
     """
 
     a: FloatArray
@@ -37,16 +39,26 @@ class Mismatch:
     delay: float
     order: int
     factors: tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+    wait: float = 0.0
 
     @classmethod
-    def of(cls, process: Any, model: Any, order: int | None = None) -> Mismatch:
+    def of(
+        cls, process: Any, model: Any, order: int | None = None, *, waits: bool = False
+    ) -> Mismatch:
         """Read process and model as the loop does, with the same refusals.
 
-        Without an order, the lowest that is causal.
+        Without an order, the lowest that is causal. A model with a dead time is refused unless it
+        may wait.
         """
         if order is None:
             order = max(1, as_fraction(model, "model").relative_degree)
         loop = ObserverEquations(process, model, LowPassFilter(1.0, order))
+        if loop.model_delay and not waits:
+            raise ValueError(
+                f"model has a dead time of {loop.model_delay:g} s; for a model that waits ask "
+                "nrdob.NRDOB, judge_observer, stabilizing_time_constants or "
+                "critical_time_constants; here, leave the dead time out"
+            )
         G, Gm = loop.fractions.G, loop.fractions.Gm
         with np.errstate(over="ignore", under="ignore"):
             a, b = np.convolve(G.den, Gm.num), np.convolve(G.num, Gm.den)
@@ -57,7 +69,12 @@ class Mismatch:
                     "product leaves the range of floating-point numbers: divide numerator and "
                     "denominator of each block by its leading coefficient, or change the units"
                 )
-        return cls(a, b, loop.delay, int(order), (*G, *Gm))
+        return cls(a, b, loop.delay, int(order), (*G, *Gm), loop.model_delay)
+
+    @property
+    def longest_delay(self) -> float:
+        """The longer of the two dead times, in seconds."""
+        return max(self.delay, self.wait)
 
     @cached_property
     def roots(self) -> ComplexArray:
@@ -83,7 +100,8 @@ class Mismatch:
     @cached_property
     def speeds(self) -> FloatArray:
         """Sizes of all roots, and one over the dead time, in rad/s; 1 where there is neither."""
-        sizes = np.append(np.abs(self.roots), 1 / self.delay if self.delay else [])
+        delays = [1 / delay for delay in (self.delay, self.wait) if delay]
+        sizes = np.append(np.abs(self.roots), delays)
         return sizes if sizes.size else np.ones(1)
 
     def ratio(self, omega: FloatArray) -> ComplexArray:
@@ -95,7 +113,8 @@ class Mismatch:
         N, D, Nm, Dm = self._values(omega)
         with np.errstate(divide="ignore", invalid="ignore"):  # at a pole on the axis
             R = N * Dm / (D * Nm)
-            return np.asarray(R * np.exp(-1j * self.delay * omega) if self.delay else R)
+            delay = self.delay - self.wait
+            return np.asarray(R * np.exp(-1j * delay * omega) if delay else R)
 
     def noise(self, omega: FloatArray) -> FloatArray:
         """Bound the rounding error of R(jω), which near a zero on the axis exceeds R itself."""
@@ -106,7 +125,7 @@ class Mismatch:
             at_most = sizes[0] * sizes[3] / poles
             relative = sizes[1] / values[1] + sizes[2] / values[2]
             # The angle ωθ of the dead time is rounded in proportion to its size.
-            turned = at_most * (1 + self.delay * omega / 8)
+            turned = at_most * (1 + self.longest_delay * omega / 8)
             return np.asarray(ERROR * (turned + values[0] * values[3] / poles * relative))
 
     def at_pole(self, omega: FloatArray) -> BoolArray:
@@ -130,11 +149,16 @@ class Mismatch:
         scale = add(
             np.convolve(np.abs(self.a), _den_less_1(time_constant, self.order)), np.abs(self.b)
         )
-        return QuasiPolynomial(undelayed, self.b, self.delay, scale)
+        if not self.wait:
+            return QuasiPolynomial(undelayed, self.b, self.delay, scale)
+        more = (Term(-self.a, self.wait),)
+        return QuasiPolynomial(undelayed, self.b, self.delay, add(scale, np.abs(self.a)), more)
 
     def undelayed(self, time_constant: float) -> FloatArray:
-        """Coefficients of D Nm (Df - 1)."""
-        return np.convolve(self.a, _den_less_1(time_constant, self.order))
+        """Coefficients of D Nm (Df - 1), or of D Nm Df where the model waits."""
+        den = _den_less_1(time_constant, self.order)
+        den[-1] = float(self.wait > 0)
+        return np.convolve(self.a, den)
 
 
 def _den_less_1(time_constant: float, order: int) -> FloatArray:
