@@ -2,6 +2,7 @@
 
 from . import paper, plants
 from .analysis import encirclements, judge_observer, margin_bounds
+from .deadtime import dead_time_observer, smith_predictor
 from .design import (
     admissible_time_constants,
     critical_time_constants,
@@ -17,6 +18,8 @@ from .sampling import random_loop
 __all__ = [  # noqa: RUF022  (by topic: the contents of the package)
     # The loop, and what it is made of.
     "NRDOB", "LowPassFilter", "DelayedTransferFunction", "delay",
+    # The same with a model that waits.
+    "dead_time_observer", "smith_predictor",
     # Is it stable, and how nearly not?
     "judge_observer", "encirclements", "margin_bounds",
     # Which filters work, and which is the fastest?
