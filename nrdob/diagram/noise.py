@@ -85,15 +85,10 @@ def noise_power(
         )
     if not any(term.q.any() for term in top.terms):
         return 0.0
-    if bottom.more or top.more:
+    if bottom.more or top.more or (top.delay and top.q.any()):
         return _turning_power(top, den, bottom)
-    if top.delay and not top.q.any():
-        top = QuasiPolynomial(top.r, scale=top.scale)  # a dead time alone changes no size
     if top.delay:
-        raise NotImplementedError(
-            f"{name} has a sum of delayed and undelayed terms as numerator; the noise power is "
-            "computed for maps with one of them, as all closed-loop maps are"
-        )
+        top = QuasiPolynomial(top.r, scale=top.scale)  # a dead time alone changes no size
     if not bottom.delay:
         return rational_power(top.q, bottom.q)
     return _delayed_power(top.q, den, bottom)
