@@ -153,10 +153,10 @@ def exact_step(loop, input, t):
     return values
 
 
-def step_error(loop, rng):
-    """Largest error of a step response at a few times, relative to its size; None if refused."""
+def step_error(loop, rng, horizon=6.0):
+    """Largest error of a step response within some of the shorter dead times, against its size."""
     shortest = min(T for T in (loop.delay, loop.model_delay) if T)
-    times = np.sort(rng.uniform(0, 6 * shortest, 3))
+    times = np.sort(rng.uniform(0, horizon * shortest, 3))
     input = str(rng.choice(INPUTS))
     found = loop.step_response(input, times).outputs[:, 0]
     wanted = np.array([exact_step(loop, input, t) for t in times]).T
