@@ -30,7 +30,7 @@ from .rootfinding import companion_roots, polynomial_roots
 PER_TURN = 24
 """Frequencies to each turn of a dead time."""
 
-MAX_FREQUENCIES = 200_000
+MAX_FREQUENCIES = 1_000_000
 """Frequencies of a band at most."""
 
 AT_ZERO = 1e-6

@@ -201,15 +201,12 @@ class QuasiPolynomial:
 
         All of them for a polynomial. With a delay: all in the right half plane and the rightmost
         ones of the left half plane. With a delay so long that `roots_resolved` is false: roots of
-        which none lies further to the right than the first; none at all if that is not certain, or
-        if there are two delays.
+        which none lies further to the right than the first; none at all if that is not certain.
         """
         found = self._eigenvalues
         if found is None:
             p = self.without_origin
-            found = np.empty(0, dtype=complex)
-            if not p.more:
-                found = rightmost_roots(p.q, p.r, p.delay)
+            found = rightmost_roots(p.q, p.delayed)
         if self.zeros_at_origin:
             found = np.concatenate([found, np.zeros(self.zeros_at_origin)])
         return found[np.lexsort((-found.imag, -found.real))]

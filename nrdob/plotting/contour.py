@@ -99,9 +99,9 @@ def contour(loop: Quotient) -> Contour:
     omega = _frequencies(loop)
     values = _values(loop, omega)
     radius = _radius(loop, omega, values)
-    omega, left_out = _without_like_turns(loop, omega, _size(values, radius))
-    if left_out.any():
-        values = _values(loop, omega)
+    shown, left_out = _without_like_turns(loop, omega, _size(values, radius))
+    if shown is not omega:
+        omega, values = shown, _values(loop, shown)
     turns = round(float(np.diff(omega)[left_out].sum()) * loop.delay / (2 * pi))
     omega, values = _refined(loop, omega, values, radius, ~left_out)
     return Contour(omega, values, radius, _arcs(loop, omega, values, radius), turns)
