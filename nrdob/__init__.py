@@ -8,6 +8,7 @@ a delay), `nrdob.plotting` (figures) and `nrdob.course` (the paper's claims, the
 
 from . import paper, plants
 from .analysis import encirclements, judge_observer, margin_bounds
+from .deadtime import dead_time_observer, smith_predictor
 from .design import (
     admissible_time_constants,
     critical_time_constants,
@@ -23,6 +24,8 @@ from .sampling import random_loop
 __all__ = [  # noqa: RUF022  (by topic: the contents of the package)
     # The loop, and what it is made of.
     "NRDOB", "LowPassFilter", "interpolating_filter", "DelayedTransferFunction", "delay",
+    # The same with a model that waits.
+    "dead_time_observer", "smith_predictor",
     # Is it stable, and how nearly not?
     "judge_observer", "encirclements", "margin_bounds",
     # Which filters work, and which is the fastest?

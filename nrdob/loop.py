@@ -38,8 +38,9 @@ class NRDOB(LoopEquations):
     ----------
     process : control.TransferFunction, StateSpace, DelayedTransferFunction or (num, den)
         The plant G, proper, with or without dead time.
-    model : control.TransferFunction, StateSpace or (num, den)
-        The process model G̃, proper, without dead time.
+    model : control.TransferFunction, StateSpace, DelayedTransferFunction or (num, den)
+        The process model G̃, proper. With a dead time it waits: the inverse leaves the dead time
+        out, and u waits for it, see `nrdob.diagram.equations`.
     controller : control.TransferFunction, StateSpace, number or (num, den)
         The feedback controller C, proper.
     filter : LowPassFilter, or a stable proper block with F(0) = 1

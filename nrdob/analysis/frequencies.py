@@ -43,7 +43,9 @@ def resolved_frequencies(
     """
     parts = [minus_point(loop) if closed is None else closed]
     for factor in (*loop.num, *loop.den):
-        parts += [QuasiPolynomial(c) for c in (factor.q, factor.r) if c.any()]
+        parts += [QuasiPolynomial(term.q) for term in factor.terms if term.q.any()]
+    # A delayed factor of the denominator may come close to zero again and again.
+    parts += [factor for factor in loop.den if factor.delay]
     grids = [_segments(p.without_origin) for p in parts if p.neutral_ratio < 1]
     omega = reduce(np.union1d, grids, np.zeros(1))[1:]
     if not omega.size:  # nothing but gains and dead time

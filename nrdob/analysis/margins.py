@@ -248,7 +248,7 @@ def margins(loop: Quotient, stable: bool | None, closed: QuasiPolynomial | None 
         logs = _logs(locus, found)
     gain, phase, nearest = found
     at_gain, at_phase, at_nearest = map(np.exp, logs)
-    ends = _Ends(loop.dc_gain, *loop.at_infinity)
+    ends = _Ends(loop.dc_gain, *_circle_at_infinity(loop))
     gains, phase = _critical_gains(phase, at_phase.real, ends)
     if not stable:
         return Margins(nan, nan, nan, nan, nan, nan, nan, nan, nan, stable, loop.name, gain, phase)
@@ -283,6 +283,27 @@ class _Ends(NamedTuple):
         if abs(cosine) > 1 + ROUNDING:
             return at_zero, inf
         return at_zero, pi - acos(max(-1.0, min(1.0, cosine)))
+
+
+def _circle_at_infinity(loop: Quotient) -> tuple[float, float]:
+    """Return the a and b of the circle a + b exp(-jωθ) that L(jω) tends to.
+
+    With a denominator 1 + c exp(-jωθm) that a model with a direct term leaves it is the image of
+    one; where two different dead times turn, the circle around 0 that holds all L comes near to.
+    """
+    num, den = loop.numerator, loop.denominator
+    a, b = loop.at_infinity
+    c = [(float(p[0] / den.q[0]), delay) for p, delay in den.delayed if p.size == den.q.size]
+    if not c or den.neutral_ratio >= 1 or not isfinite(a + b):
+        return a, b
+    ratio, delay = c[0]
+    size = den.neutral_ratio
+    shrink = 1 - size**2
+    if not b:
+        return a / shrink, abs(a) * size / shrink
+    if not a and len(c) == 1 and num.delayed == num.delayed[:1] and num.delay == delay:
+        return -b * ratio / shrink, abs(b) / shrink
+    return a / shrink, abs(a) * size / shrink + abs(b) / (1 - size)
 
 
 def _tame(loop: Quotient, closed: QuasiPolynomial) -> bool:

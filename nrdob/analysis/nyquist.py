@@ -18,7 +18,7 @@ from math import inf
 import numpy as np
 
 from ..diagram import Quotient
-from ..numerics import QuasiPolynomial, RootCount, add, count_rhp
+from ..numerics import QuasiPolynomial, RootCount, Term, add, count_rhp
 
 __all__ = ["NyquistCount", "encirclements", "minus_point", "nyquist_count", "rhp_roots"]
 
@@ -125,12 +125,9 @@ def minus_point(loop: Quotient, point: float = -1.0) -> QuasiPolynomial:
         Point of the real axis.
     """
     num, den = loop.numerator, loop.denominator
-    return QuasiPolynomial(
-        add(num.q, -point * den.q),
-        add(num.r, -point * den.r),
-        max(num.delay, den.delay),
-        add(num.scale, abs(point) * den.scale),
-    )
+    less = tuple(Term(-point * p, delay) for p, delay in den.terms)
+    scale = add(num.scale, abs(point) * den.scale)
+    return QuasiPolynomial(num.q, scale=scale, more=num.delayed + less)
 
 
 def rhp_roots(factor: QuasiPolynomial) -> float:

@@ -3,8 +3,10 @@
 Each condition is judged twice, before any cancellation but that inside a block that is built as
 one: by the turns of 1 + L around 0 with the poles of L, Z = N + P, and by a count that follows no
 curve. That is one of the roots themselves; where they cannot all be computed to be trusted, it is
-Routh and Hurwitz's test in whole numbers or, with a long dead time, Walton and Marshall's count. A
-verdict is given only where the two agree; otherwise it is None, with the reason.
+Routh and Hurwitz's test in whole numbers or, with a long dead time, Walton and Marshall's count;
+with two dead times that count for two equal ones, and what crosses the axis while one of them
+becomes what it is. A verdict is given only where the two agree; otherwise it is None, with the
+reason.
 """
 
 from __future__ import annotations
@@ -43,6 +45,7 @@ AT_ORIGIN = "a root at s = 0 exactly"
 TURNS = "encirclements"
 ROOTS = "roots"
 CROSSINGS = "Walton and Marshall's count"
+TWO_CROSSINGS = "Walton and Marshall's count and the crossings between the two dead times"
 WHOLE_NUMBERS = "Routh and Hurwitz's test in whole numbers"
 """The ways in which roots are counted."""
 
@@ -167,7 +170,7 @@ def stability(loop: LoopEquations) -> Stability:
     Parameters
     ----------
     loop : LoopEquations
-        The four blocks, with or without dead time in the process.
+        The four blocks, with or without dead time in process and model.
 
     Returns
     -------
@@ -194,8 +197,8 @@ def judge_observer(
     ----------
     process : control.TransferFunction, StateSpace, DelayedTransferFunction or (num, den)
         G, proper, with or without dead time.
-    model : control.TransferFunction, StateSpace or (num, den)
-        The model, proper, without dead time.
+    model : control.TransferFunction, StateSpace, DelayedTransferFunction or (num, den)
+        The model, proper, with or without dead time.
     filter : LowPassFilter, or a stable proper block with F(0) = 1
         F, of at least the model's relative degree.
     keep_factors : bool
@@ -365,7 +368,9 @@ def _second_count(
         found = int(np.sum(roots.real > 0))
         if found == expected:
             return found, ROOTS
-    return p.rhp_in_whole_numbers, CROSSINGS if p.finite_part.delay else WHOLE_NUMBERS
+    finite = p.finite_part
+    way = TWO_CROSSINGS if finite.more else CROSSINGS if finite.delay else WHOLE_NUMBERS
+    return p.rhp_in_whole_numbers, way
 
 
 def _beside_the_axis(p: QuasiPolynomial, reason: str, roots: ComplexArray) -> _Finding:

@@ -1,5 +1,6 @@
 """Numbers only, no control theory: roots, crossings, polynomials with a delay."""
 
+from .argument import Term
 from .arrays import ROUNDING, BoolArray, ComplexArray, FloatArray, IntArray
 from .crossings import bisect, golden, side
 from .quasipoly import (
@@ -27,6 +28,7 @@ __all__ = [
     "QuasiPolynomial",
     "RootCount",
     "Shared",
+    "Term",
     "add",
     "bisect",
     "companion_roots",

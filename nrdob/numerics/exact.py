@@ -18,6 +18,7 @@ from .arrays import FloatArray
 
 __all__ = [
     "Whole",
+    "multiply",
     "positive_sign_changes",
     "rhp_count",
     "sign_at",
@@ -54,6 +55,15 @@ def total(a: Whole, b: Whole) -> Whole:
     size = max(len(a), len(b))
     a, b = [0] * (size - len(a)) + a, [0] * (size - len(b)) + b
     return _stripped([x + y for x, y in zip(a, b, strict=True)])
+
+
+def multiply(a: Whole, b: Whole) -> Whole:
+    """Multiply two polynomials."""
+    product = [0] * (len(a) + len(b) - 1) if a and b else []
+    for i, x in enumerate(a):
+        for k, y in enumerate(b):
+            product[i + k] += x * y
+    return product
 
 
 def rhp_count(p: Whole) -> int | None:

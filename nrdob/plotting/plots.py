@@ -134,7 +134,7 @@ def _frequency_range(quotients: Sequence[Quotient], margins: Margins | None) -> 
         np.abs(np.roots(part))
         for quotient in quotients
         for factor in (*quotient.num, *quotient.den)
-        for part in (factor.q, factor.r)
+        for part, _ in factor.terms
     ]
     if margins is not None:
         corners.append(np.array([margins.wpc, margins.wgc]))

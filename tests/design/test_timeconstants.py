@@ -392,3 +392,68 @@ def test_sets_of_integrating_models_agree_with_verdicts(seed):
     for value in np.geomspace(0.11, 30, 8):
         stable = nrdob.judge_observer(process, model, nrdob.LowPassFilter(value, order)).stable
         assert stable is any(low < value < high for low, high in found)
+
+
+# A model that waits.
+
+
+PRACTICAL = (1.4775, 2.3911, 3.0427, 3.5775, 4.0421, 4.4585)
+"""c_n: a matched model that waits is lost where its dead time is wrong by c_n λ, λ far below it."""
+
+
+def lost_at(n):
+    """Minimum of (2/x) arcsin((1 + x²)^(n/2)/2), from |exp(jωΔ) - 1| = |1 + jλω|^n, x = λω."""
+    x = np.linspace(0, sqrt(4 ** (1 / n) - 1), 1_000_001)[1:-1]
+    return float(np.min(2 / x * np.arcsin((1 + x**2) ** (n / 2) / 2)))
+
+
+@pytest.mark.parametrize("n", range(1, 7))
+@pytest.mark.parametrize("side", [-1, 1])
+def test_a_dead_time_wrong_by_c_n_time_constants_is_too_wrong(n, side):
+    wrong = 1e-3
+    plant = nrdob.delay(1.0 + side * wrong) * lag
+    low = above(plant, nrdob.delay(1.0) * lag, n, floor=wrong / PRACTICAL[n - 1] / 2)
+    assert wrong / low == pytest.approx(PRACTICAL[n - 1], abs=6e-5)
+    assert wrong / low == pytest.approx(lost_at(n), rel=1e-5)
+
+
+@pytest.mark.parametrize("n", [1, 3])
+def test_an_exact_model_that_waits_is_stable_for_every_filter(n):
+    G = nrdob.delay(2.0) * lag
+    assert critical_time_constants(G, G, n) == []
+    assert stabilizing_time_constants(G, G, n, floor=1e-3) == [(1e-3, inf)]
+
+
+def test_waiting_makes_example_4_stable_for_every_filter_and_a_wrong_wait_does_not():
+    ex = paper.example(4)
+    assert len(stabilizing_time_constants(ex.process, ex.model, 3)) == 1
+    waits = nrdob.delay(0.05) * ex.model
+    floor = 1e-3
+    assert stabilizing_time_constants(ex.process, waits, 3, floor=floor) == [(floor, inf)]
+    late = nrdob.delay(0.07) * ex.model
+    *_, (low, high) = stabilizing_time_constants(ex.process, late, 3, floor=floor)
+    assert low > floor and high == inf
+
+
+def test_sets_of_models_that_wait_end_where_verdicts_change():
+    rng = np.random.default_rng(0)
+    ends = 0
+    for k in range(16):
+        order = 1 + k % 2
+        poles = 10 ** rng.uniform(-1, 1, order) * rng.choice([1, 1, 1, -1], order)
+        near = np.abs(poles) * 10 ** rng.uniform(-0.3, 0.3, order)
+        G = ct.tf([10 ** rng.uniform(-0.5, 0.5)], np.poly(-poles))
+        Gm = ct.tf([1.0], np.poly(-near))
+        theta = 0.0 if k % 5 == 0 else 10 ** rng.uniform(-2, 0.5)
+        wait = theta if k % 7 == 0 else (theta or 0.5) * 10 ** rng.uniform(-0.3, 0.3)
+        G, Gm = nrdob.delay(theta) * G, nrdob.delay(wait) * Gm
+        n = order + int(rng.integers(0, 2))
+        intervals = stabilizing_time_constants(G, Gm, n)
+        floor = default_floor(G, Gm, n)
+        inner = [end for pair in intervals for end in pair if 1.001 * floor < end < inf]
+        tried = [end * (1 + side * 1e-5) for end in inner for side in (-1, 1)]
+        for time_constant in [*tried, *np.geomspace(max(1.01 * floor, 1e-4), 100, 4)]:
+            found = nrdob.judge_observer(G, Gm, nrdob.LowPassFilter(time_constant, n))
+            assert found.stable is any(low < time_constant < high for low, high in intervals)
+        ends += len(inner)
+    assert ends >= 10
