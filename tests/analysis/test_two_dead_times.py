@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import nrdob
-from nrdob.analysis import INPUTS, judge, step_response
+from nrdob.analysis import judge, step_response
+from nrdob.diagram import INPUTS
 from nrdob.numerics import QuasiPolynomial, Term, count_rhp
 from tests.campaigns import waiting
 
