@@ -6,6 +6,7 @@ Whatever a student's code does, it gives an outcome: points, or the reason why t
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -22,6 +23,8 @@ from ..running import kernel_environment
 from .submissions import Submission
 
 GRADER = f"{__package__}.autograde"
+PACKAGE = str(Path(__file__).resolve().parents[3])
+"""Where this package was found, so that the graders find the same."""
 
 
 @dataclass
@@ -57,8 +60,8 @@ class Batch:
     def grade_one(self, student: str, submission: Submission) -> Outcome:
         """Grade one, in a copy of the course.
 
-        So two can be graded at a time (sqlite is not made for two who write), and the real
-        gradebook is out of reach.
+        So two can be graded at a time (sqlite is not made for two who write), and neither the real
+        gradebook nor a solution is anywhere near.
         """
         start = time.perf_counter()
         outcome = Outcome(submission)
@@ -68,8 +71,10 @@ class Batch:
             try:
                 for file in ("gradebook.db", "nbgrader_config.py"):
                     shutil.copy(self.root / file, private)
-                for part in (Path("source") / submission.set, "submitted" / work):
-                    shutil.copytree(self.root / part, private / part)
+                solutions = shutil.ignore_patterns("*.ipynb")
+                source = Path("source") / submission.set
+                shutil.copytree(self.root / source, private / source, ignore=solutions)
+                shutil.copytree(self.root / "submitted" / work, private / "submitted" / work)
                 outcome.reason = self.run(private, student, submission.set)
                 if not outcome.reason:
                     self.take(private, work, outcome)
@@ -84,10 +89,12 @@ class Batch:
         # Neither the teacher's own settings nor their history have a part in it.
         environment["IPYTHONDIR"] = str(private / "ipython")
         environment["JUPYTER_CONFIG_DIR"] = str(private / "jupyter")
+        environment["PYTHONPATH"] = os.pathsep.join(filter(None, [PACKAGE, os.getenv("PYTHONPATH")]))
         log = private / "log.txt"
         with log.open("wb") as output:
             process = subprocess.Popen(
-                [sys.executable, "-m", GRADER, str(private), student, name],
+                [sys.executable, "-P", "-m", GRADER, str(private), student, name],
+                cwd=private,  # what a process can learn of its parents leads nowhere
                 stdin=subprocess.DEVNULL,
                 stdout=output,
                 stderr=subprocess.STDOUT,
@@ -117,6 +124,12 @@ class Batch:
             replace(private / step / work, self.root / step / work)
         outcome.grades, outcome.comments = result["grades"], result["comments"]
         outcome.submission.remarks += result["remarks"]
+        groups = result["groups"]
+        if len(groups) > 1:
+            told = ", ".join(map(str, groups))
+            outcome.submission.remarks.append(f"answers for several groups: {told}")
+        elif groups and outcome.submission.stated:
+            outcome.submission.group = groups[0]
 
 
 def end(pid: int) -> None:
