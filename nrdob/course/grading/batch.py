@@ -89,7 +89,9 @@ class Batch:
         # Neither the teacher's own settings nor their history have a part in it.
         environment["IPYTHONDIR"] = str(private / "ipython")
         environment["JUPYTER_CONFIG_DIR"] = str(private / "jupyter")
-        environment["PYTHONPATH"] = os.pathsep.join(filter(None, [PACKAGE, os.getenv("PYTHONPATH")]))
+        environment["PYTHONPATH"] = os.pathsep.join(
+            filter(None, [PACKAGE, os.getenv("PYTHONPATH")])
+        )
         log = private / "log.txt"
         with log.open("wb") as output:
             process = subprocess.Popen(
@@ -128,8 +130,8 @@ class Batch:
         if len(groups) > 1:
             told = ", ".join(map(str, groups))
             outcome.submission.remarks.append(f"answers for several groups: {told}")
-        elif groups and outcome.submission.stated:
-            outcome.submission.group = groups[0]
+        elif groups and groups[0] != outcome.submission.assumed:
+            outcome.submission.group = groups[0]  # also where it was computed
 
 
 def end(pid: int) -> None:

@@ -29,11 +29,13 @@ FORMULA = re.compile(
 )
 
 
-TAGS = set(
-    "a abbr b blockquote body br caption code col colgroup dd del details div dl dt em figcaption "
-    "figure h1 h2 h3 h4 h5 h6 hr i img ins kbd li main ol p pre q s samp small span strong sub "
-    "summary sup table tbody td tfoot th thead tr u ul var".split()
-)
+TAGS = {
+    "a", "abbr", "b", "blockquote", "br", "caption", "code", "col", "colgroup", "dd", "del",
+    "details", "div", "dl", "dt", "em", "figcaption", "figure", "h1", "h2", "h3", "h4", "h5",
+    "h6", "hr", "i", "img", "ins", "kbd", "li", "main", "ol", "p", "pre", "q", "s", "samp",
+    "small", "span", "strong", "sub", "summary", "sup", "table", "tbody", "td", "tfoot", "th",
+    "thead", "tr", "u", "ul", "var",
+}  # fmt: skip
 ATTRIBUTES = {
     "*": {"class", "id", "title", "lang", "dir"},
     "a": {"href", "name"},
@@ -44,11 +46,12 @@ ATTRIBUTES = {
 }
 PICTURE = re.compile(r"data:image/(png|jpeg|gif|webp);base64,[A-Za-z0-9+/=\s]*")
 PLACE = re.compile(r"#|https?://", re.IGNORECASE)
-MATH = set(
-    "math mrow mi mn mo mtext mspace ms mfrac msqrt mroot mstyle merror mpadded mphantom msub msup "
-    "msubsup munder mover munderover mmultiscripts mprescripts mtable mtr mtd menclose "
-    "semantics annotation".split()
-)
+MATH = {
+    "math", "mrow", "mi", "mn", "mo", "mtext", "mspace", "ms", "mfrac", "msqrt", "mroot",
+    "mstyle", "merror", "mpadded", "mphantom", "msub", "msup", "msubsup", "munder", "mover",
+    "munderover", "mmultiscripts", "mprescripts", "mtable", "mtr", "mtd", "menclose",
+    "semantics", "annotation",
+}  # fmt: skip
 NOWHERE = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
 """What a browser is told: even if something got through, it can load nothing and run nothing."""
 

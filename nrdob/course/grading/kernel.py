@@ -18,12 +18,10 @@ from typing import Any
 import matplotlib.pyplot  # noqa: F401
 from ipykernel.kernelapp import IPKernelApp
 
-import nrdob
-import nrdob.course.exercises
+from .. import exercises  # noqa: F401
+from . import plain, wall  # noqa: F401
 
-from . import plain, wall
-
-MEMORY, FILE_SIZE, PROCESSES = 4 << 30, 50 << 20, 256
+MEMORY, FILE_SIZE = 4 << 30, 50 << 20
 
 
 def leave(*code: Any) -> None:
@@ -32,7 +30,7 @@ def leave(*code: Any) -> None:
 
 
 def limit() -> None:
-    """Limit memory, the size of a file, and the number of processes, where that is possible."""
+    """Limit memory and the size of a file, where that is possible."""
     try:
         import resource
     except ImportError:  # Windows
@@ -53,7 +51,7 @@ def main(arguments: list[str]) -> None:
     wall.build(desk, [port for name, port in ports.items() if name.endswith("_port")])
     limit()
     builtins.exit = builtins.quit = leave  # type: ignore[assignment]
-    app = IPKernelApp.instance()
+    app: Any = IPKernelApp.instance()
     app.initialize(["-f", str(connection), "--HistoryManager.enabled=False", "--log-level=ERROR"])
     app.shell.user_ns.update(exit=leave, quit=leave)
     app.start()

@@ -20,7 +20,7 @@ import numpy as np
 from ...diagram import DelayedTransferFunction, LowPassFilter
 from ...loop import NRDOB
 
-__all__ = ["LONGEST", "MIME", "Unreadable", "decode", "encode", "packed", "tell"]
+__all__ = ["LONGEST", "MIME", "Foreign", "decode", "encode", "packed", "tell"]
 
 MIME = "application/vnd.nrdob.answer+json"
 
@@ -28,7 +28,7 @@ LONGEST = 2_000_000
 """Letters of an answer; a longer one is not taken."""
 
 
-class Unreadable:
+class Foreign:
     """Stands for an answer that is none of the kinds that a problem asks for."""
 
     def __init__(self, text: str) -> None:
@@ -58,9 +58,9 @@ def encode(value: Any) -> Any:
         if value.dtype.kind not in "biufc":
             return {"list": [encode(each) for each in value.tolist()]}
         return {"array": [encode(each) for each in value.ravel()], "shape": list(value.shape)}
-    for name, kind in _SEQUENCES.items():
-        if isinstance(value, kind):
-            return {name: [encode(each) for each in value]}
+    if isinstance(value, tuple | list | range):
+        name = "tuple" if isinstance(value, tuple) else "list"
+        return {name: [encode(each) for each in value]}
     if isinstance(value, dict):
         return {"dict": [[encode(key), encode(each)] for key, each in value.items()]}
     if isinstance(value, NRDOB):
@@ -80,9 +80,6 @@ def encode(value: Any) -> Any:
     if isinstance(value, np.poly1d):
         return {"poly1d": [encode(value.coeffs)]}
     return _other(value)
-
-
-_SEQUENCES: dict[str, type] = {"tuple": tuple, "list": list, "range": range}
 
 
 def _blocks(loop: NRDOB) -> tuple[Any, Any, Any, Any]:
@@ -127,7 +124,7 @@ def decode(data: Any) -> Any:
         return {decode(key): decode(each) for key, each in parts}
     if kind == "other":
         name, text = (str(part)[:300] for part in parts)
-        return type(name, (Unreadable,), {})(text)
+        return type(name, (Foreign,), {})(text)
     if kind == "array":
         return np.array([decode(each) for each in parts]).reshape(data["shape"])
     if kind not in _BUILD:
@@ -137,7 +134,6 @@ def decode(data: Any) -> Any:
 
 _BUILD: dict[str, Any] = {
     "list": list,
-    "range": list,
     "tuple": tuple,
     "complex": lambda parts: complex(*parts),
     "loop": lambda parts: NRDOB(*parts),
@@ -162,7 +158,7 @@ def tell(answer: Any, case: str = "") -> None:
     """Call the answer on a packed case, and publish what it returns; a value without a case."""
     from IPython.display import publish_display_data
 
-    publish_display_data({MIME: _told(answer, case)})
+    publish_display_data({MIME: _told(answer, case)})  # type: ignore[no-untyped-call]
 
 
 def _told(answer: Any, case: str) -> str:

@@ -27,7 +27,18 @@ FILE = 0b111 | 1 << 14  # what a rule for a single file may name: execute, write
 PORT = 0b1  # bind
 NO_NEW_PRIVILEGES = 38
 
-TREES = ("/usr", "/lib", "/lib64", "/lib32", "/bin", "/opt", "/nix", "/gnu", "/etc/fonts", "/etc/ssl")
+TREES = (
+    "/usr",
+    "/lib",
+    "/lib64",
+    "/lib32",
+    "/bin",
+    "/opt",
+    "/nix",
+    "/gnu",
+    "/etc/fonts",
+    "/etc/ssl",
+)
 FILES = ("/etc/ld.so.cache", "/etc/localtime", "/etc/mime.types", "/dev/random", "/dev/urandom")
 BOTH_WAYS = ("/dev/null", "/dev/zero", "/dev/full")
 
@@ -77,10 +88,12 @@ def build(desk: Path, ports: Iterable[int]) -> None:
     # What is imported later must still be found.
     package = Path(__file__).resolve().parents[2]
     libraries = [Path(path) for path in sys.path if "-packages" in path or "python3" in path]
-    for path in [sys.prefix, sys.base_prefix, package, *libraries, *TREES, *FILES]:
-        _allow(ruleset, Path(path), READ)
-    for path in BOTH_WAYS:
-        _allow(ruleset, Path(path), READ | 0b10)
+    for name in (sys.prefix, sys.base_prefix, *TREES, *FILES):
+        _allow(ruleset, Path(name), READ)
+    for path in (package, *libraries):
+        _allow(ruleset, path, READ)
+    for name in BOTH_WAYS:
+        _allow(ruleset, Path(name), READ | 0b10)
     _allow(ruleset, desk, everything)
     for port in ports if network else ():
         _checked(ADD, ruleset, 2, struct.pack("QQ", PORT, port), 0)

@@ -1,7 +1,8 @@
 """Read a submission's code before it runs, and remark what no answer needs.
 
-A remark is no verdict: there are honest reasons to open a file. It says where to look. And no reading
-finds everything, for names can be put together while the code runs; see `wall` for what holds.
+A remark is no verdict: there are honest reasons to open a file. It says where to look. And no
+reading finds everything, for names can be put together while the code runs; see `wall` for what
+holds.
 """
 
 from __future__ import annotations
@@ -15,14 +16,15 @@ __all__ = ["parsed", "suspicious"]
 
 PACKAGE = "nrdob"
 GRADERS = f"{PACKAGE}.course"
-BUILT_IN = set(
-    "open exec eval compile __import__ __builtins__ __loader__ globals vars get_ipython "
-    "breakpoint memoryview".split()
-)
-MODULES = set(
-    "builtins ctypes gc importlib inspect io multiprocessing os pathlib pickle psutil shutil "
-    "signal socket subprocess sys tempfile threading urllib requests ftplib http IPython".split()
-)
+BUILT_IN = {
+    "open", "exec", "eval", "compile", "__import__", "__builtins__", "__loader__", "globals",
+    "vars", "get_ipython", "breakpoint", "memoryview",
+}  # fmt: skip
+MODULES = {
+    "builtins", "ctypes", "gc", "importlib", "inspect", "io", "multiprocessing", "os",
+    "pathlib", "pickle", "psutil", "shutil", "signal", "socket", "subprocess", "sys",
+    "tempfile", "threading", "urllib", "requests", "ftplib", "http", "IPython",
+}  # fmt: skip
 HARMLESS = {"sys.exit", "sys.maxsize", "sys.float_info", "os.path", "os.linesep"}
 PLACES = re.compile(r"/proc\b|/dev/|gradebook|\.\./|\.ipynb|/etc/|/home/|/root/", re.IGNORECASE)
 
@@ -83,9 +85,7 @@ def _of_node(node: ast.AST) -> Iterator[str]:
                 yield text[-60:]
             elif isinstance(node.ctx, ast.Store) and text.split(".")[0] == PACKAGE:
                 yield f"{text[:60]} = …"
-            elif text.startswith(f"{GRADERS}."):
-                yield text[:60]
-            elif text.split(".")[0] in ("os", "sys") and text not in HARMLESS:
+            elif text not in HARMLESS and text.startswith((f"{GRADERS}.", "os.", "sys.")):
                 yield text[:60]
         case ast.Constant(value=str(text)) if PLACES.search(text):
             yield repr(text[:60])
