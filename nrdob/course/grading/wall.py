@@ -44,7 +44,7 @@ BOTH_WAYS = ("/dev/null", "/dev/zero", "/dev/full")
 
 
 @cache
-def _generation() -> int:
+def generation() -> int:
     """Give the version of Landlock that this system has; 0 if it has none."""
     if sys.platform != "linux":
         return 0
@@ -55,7 +55,7 @@ def missing() -> str:
     """Say why no wall can be built here; empty if it can."""
     if sys.platform != "linux":
         return f"there is no wall around students' code on {sys.platform}; there is one on Linux"
-    if _generation() < 3:
+    if generation() < 3:
         return "there is no wall around students' code: it needs Linux 6.2 with Landlock"
     return ""
 
@@ -78,12 +78,12 @@ def build(desk: Path, ports: Iterable[int]) -> None:
     """
     if missing():
         return
-    generation = _generation()
-    everything = (1 << {3: 15, 4: 15}.get(generation, 16)) - 1
-    network = 0b11 if generation >= 4 else 0
-    scoped = 0b11 if generation >= 6 else 0
+    number = generation()
+    everything = (1 << {3: 15, 4: 15}.get(number, 16)) - 1
+    network = 0b11 if number >= 4 else 0
+    scoped = 0b11 if number >= 6 else 0
     rules = struct.pack("QQQ", everything, network, scoped)
-    size = 24 if generation >= 6 else 16 if generation >= 4 else 8
+    size = 24 if number >= 6 else 16 if number >= 4 else 8
     ruleset = _checked(CREATE, rules[:size], size, 0)
     # What is imported later must still be found.
     package = Path(__file__).resolve().parents[2]
