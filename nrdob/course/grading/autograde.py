@@ -92,15 +92,14 @@ class PatientExecute(Execute):  # type: ignore[misc]
                     self.desk = lay_out(Path(desk), Path(resources["metadata"]["path"]))
                     nb, resources = super().preprocess(nb, resources, km)
                 break
-            except (DeadKernelError, TimeoutError) as error:
+            except Exception as error:
                 if self.at < 0 or len(self.left_out) == self.most_deaths:
                     raise
-                dead = isinstance(error, DeadKernelError)
-                why = "it ended the kernel" if dead else "it could not be stopped"
+                why = next((why for kind, why in WHY.items() if isinstance(error, kind)), BROKE)
                 self.left_out[self.at] = why
                 REMARKS.append(f"{name_of(nb.cells[self.at])} was left out: {why}")
         for cell in nb.cells:
-            if cell.cell_type == "code" and is_grade(cell) and not is_solution(cell):
+            if is_test(cell):
                 keep_points(cell)
         return nb, resources
 
@@ -128,8 +127,7 @@ class PatientExecute(Execute):  # type: ignore[misc]
         if index in self.left_out:
             cell.outputs = [failure("CellLeftOut", self.left_out[index])]
             return cell, resources
-        graded = cell.cell_type == "code" and is_grade(cell) and not is_solution(cell)
-        test = hidden_test(cell.source) if graded else None
+        test = hidden_test(cell.source) if is_test(cell) else None
         if test:
             cell.outputs = self.judged(test, cell, index)
             return cell, resources
@@ -197,6 +195,12 @@ class PatientExecute(Execute):  # type: ignore[misc]
         if remark not in REMARKS:
             REMARKS.append(remark)
 
+
+WHY = {
+    DeadKernelError: "it ended the kernel",
+    TimeoutError: "it could not be stopped",
+}
+BROKE = "it broke the kernel"
 
 SAID = {"stream", "display_data", "execute_result", "update_display_data", "error", "comm_open"}
 SAID |= {"comm_msg"}
@@ -271,6 +275,11 @@ KEPT = (
 )  # fmt: skip
 
 
+def is_test(cell: Any) -> bool:
+    """Tell whether a cell holds a hidden test."""
+    return bool(cell.cell_type == "code" and is_grade(cell) and not is_solution(cell))
+
+
 def name_of(cell: Any) -> str:
     """Give the name of a cell, as the person who marks knows it."""
     return str(cell.metadata.get("nbgrader", {}).get("grade_id") or cell.get("id", "a cell"))
@@ -343,6 +352,8 @@ def write_feedback(api: NbGraderAPI, student: str, set_name: str) -> None:
 def main(arguments: list[str]) -> int:
     """Run the command line; the result is the exit code."""
     root, student, set_name = Path(arguments[0]), arguments[1], arguments[2]
+    # Neither the teacher's own settings nor their history have a part in it.
+    os.environ.update(IPYTHONDIR=str(root / "ipython"), JUPYTER_CONFIG_DIR=str(root / "jupyter"))
     result = grade(root, student, set_name)
     (root / "result.json").write_text(json.dumps(result), "utf-8")
     return 0
