@@ -54,6 +54,56 @@ def test_what_would_be_loaded_is_taken_out() -> None:
     assert page == '[https://a/b.png]<img src="data:image/png;base64,"/>'
 
 
+@pytest.mark.parametrize(
+    "harm",
+    [
+        "<img src=x onerror=alert(1)>",
+        "<img src='data:image/svg+xml;base64,PHN2Zz4='>",
+        "<svg onload=alert(1)><script>alert(1)</script></svg>",
+        "<body onload=alert(1)>",
+        "<a href='javascript:alert(1)'>a</a>",
+        "<a href='java&#10;script:alert(1)'>a</a>",
+        "<a href='data:text/html,<script>alert(1)</script>'>a</a>",
+        "<meta http-equiv=refresh content='0;url=//evil.example'>",
+        "<base href='//evil.example'>",
+        "<p style='background: url(//evil.example)'>a</p>",
+        "<style>* {display: none}</style>",
+        "<form action='//evil.example'><input autofocus onfocus=alert(1)></form>",
+        "<iframe srcdoc='<script>alert(1)</script>'></iframe>",
+        "<math><mi xlink:href='javascript:alert(1)'>x</mi></math>",
+        "<video src='//evil.example'></video><audio src='//evil.example'></audio>",
+        "<object data='//evil.example'></object><embed src='//evil.example'>",
+        r"$\href{javascript:alert(1)}{x}$ $\text{<img src=x onerror=alert(1)>}$",
+        "</div></body></html><script>alert(1)</script>",
+        "<details open ontoggle=alert(1)>a</details>",
+        "<img src='data:image/png;base64,iVBO' onclick=alert(1) srcset='//evil.example'>",
+    ],
+)
+def test_what_would_act_is_taken_out(harm: str) -> None:
+    page = f"<html><head><title>t</title><style>p {{}}</style></head><body>{harm}</body></html>"
+    for text in (offline(harm), offline(page).split("</head>")[1]):
+        soup = BeautifulSoup(text, "html.parser")
+        allowed = {"src", "href", "alt", "rel", "xmlns", "open", "display"}
+        assert {name for tag in soup.find_all(True) for name in tag.attrs} <= allowed
+        for tag in soup.find_all(src=True):
+            assert tag["src"].startswith("data:image/png;base64,")
+        assert not soup.find_all(href=True)
+        assert not soup.find_all(["script", "style", "meta", "base", "svg", "form", "iframe"])
+
+
+def test_a_page_tells_the_browser_to_load_nothing() -> None:
+    page = offline("<html><head><title>t</title></head><body>a</body></html>")
+    [rule] = BeautifulSoup(page, "html.parser").find_all("meta", content=True)
+    assert rule["http-equiv"] == "Content-Security-Policy"
+    assert rule["content"].startswith("default-src 'none'")
+
+
+def test_what_is_to_be_read_stays() -> None:
+    text = "<h1 id='a'>A</h1><table><tr><td colspan='2'>b</td></tr></table><a href='#a'>c</a>"
+    soup = BeautifulSoup(offline(text), "html.parser")
+    assert soup.h1["id"] == "a" and soup.td["colspan"] == "2" and soup.a["href"] == "#a"
+
+
 def output(kind: str, text: str = "") -> Any:
     if kind == "stream":
         return nbformat.v4.new_output("stream", name="stderr", text=text)

@@ -186,6 +186,7 @@ def test_what_goes_wrong_is_told_as_the_check_tells_it(
     points, _ = judge(test, kernel(space))
     assert points == 0
     assert says in points._repr_html_()
+    assert "raise type" not in points._repr_html_()
 
 
 def test_a_tampered_grader_gives_no_points(kernel: Any, monkeypatch: pytest.MonkeyPatch) -> None:

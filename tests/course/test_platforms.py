@@ -13,7 +13,6 @@ from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
 
-import nbformat
 import pytest
 
 from handin import KNOWN, NAME, POINTS, handed, release, tiny, write
@@ -82,7 +81,7 @@ def test_two_of_one_name_are_known_by_their_numbers_only() -> None:
         ({f"{ANNA}/set1.ipynb": 1}, ["Anna Müller set1"]),
         ({f"{ANNA}set1.ipynb": 1}, ["Anna Müller set1"]),
         (
-            {f"{ANNA}/set1.ipynb": 1, "Anna Müller_12345_assignsubmission_onlinetext_/x.html": "hi"},
+            {f"{ANNA}/set1.ipynb": 1, f"{ANNA.replace('file', 'onlinetext')}/x.html": "hi"},
             ["Anna Müller set1"],
         ),
         (
@@ -90,7 +89,7 @@ def test_two_of_one_name_are_known_by_their_numbers_only() -> None:
             ["Anna Müller set1", "Bo set1: a text was typed"],
         ),
         (
-            {"Bo_1_assignsubmission_file_/set1.ipynb": 1, "Bo_2_assignsubmission_file_/set1.ipynb": 1},
+            {f"Bo_{k}_assignsubmission_file_/set1.ipynb": 1 for k in (1, 2)},
             ["Bo (1) set1", "Bo (2) set1"],
         ),
         ({"a_1_5_set1.ipynb": 1, "a_1_9_set1-1.ipynb": 1}, ["a set1 (a_1_5_set1.ipynb was left)"]),
@@ -395,7 +394,7 @@ def test_settings_that_mean_nothing_are_named(settings: str, says: str, tmp_path
         ("id,name,group\n7,Anna,3\n", [("Anna", "7", 3)]),
         ("\ufeffName;Group\nAnna;\n", [("Anna", "", None)]),
         ("First name,Last name,ID number\nAnna,Müller,7\n", [("Anna Müller", "7", None)]),
-        ('Student,ID,Section\n    Points Possible,,\n"Müller, Anna",7,A\n', [("Müller, Anna", "7", None)]),
+        ('Student,ID\n    Points Possible,\n"Müller, Anna",7\n', [("Müller, Anna", "7", None)]),
     ],
 )  # fmt: skip
 def test_rosters_are_read(text: str, students: list[Any], tmp_path: Path) -> None:
@@ -418,4 +417,3 @@ def test_nbgraders_own_timestamp_comes_first(tmp_path: Path) -> None:
     [this] = submissions.find(tmp_path, KNOWN)
     assert this.handed_in is not None
     assert this.handed_in.isoformat().startswith("2026-11-02T12:00:00.5")
-    assert nbformat.from_dict(tiny(1)).cells

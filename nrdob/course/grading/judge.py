@@ -57,15 +57,23 @@ def hidden_test(source: str) -> HiddenTest | None:
     return None
 
 
+@dataclass(frozen=True)
+class Remote:
+    """A function of the student's, called where it is."""
+
+    expression: str
+    ask: Ask
+
+    def __call__(self, case: Any) -> Any:
+        """Send the case, and give back the answer."""
+        return _value(self.ask(asking(self.expression, packed(case))))
+
+
 def judge(test: HiddenTest, ask: Ask) -> tuple[Points, Any]:
     """Give the points of an answer, and the group that it was given for."""
     group = _value(ask(asking(test.group)))
-
-    def remote(case: Any) -> Any:
-        return _value(ask(asking(test.answer, packed(case))))
-
     told = json.loads(ask(asking(test.answer)))
-    answer = remote if "function" in told else decode(told["value"])
+    answer = Remote(test.answer, ask) if "function" in told else decode(told["value"])
     return score(test.problem, answer, group, **test.settings), group
 
 

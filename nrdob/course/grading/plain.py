@@ -191,10 +191,11 @@ def _called(answer: Any, case: Any) -> Any:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            return _returned(answer(case))
+            got = answer(case)
     except (Exception, SystemExit) as error:
         file = getattr(getattr(answer, "__code__", None), "co_filename", None)
         frames = traceback.extract_tb(error.__traceback__)
         lines = [frame.line for frame in frames if frame.filename == file and frame.line]
         where = f". In the line: {lines[-1]}" if lines else ""
         return {"error": [type(error).__name__, f"{error!s:.500}{where:.300}"]}
+    return _returned(got)
