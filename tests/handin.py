@@ -114,31 +114,32 @@ def mistaken(released: Path, number: int) -> Handed:
 SLOW = f"took longer than the {TIMEOUT} s that the set allows"
 CUT = "the outputs of {answer} were cut: more than 300000 letters"
 
-# Code that a student may write: at the top of an answer's cell, before the right answer.
+# Code that a student may write: at the top of an answer's cell, before the right answer. What ends
+# the kernel comes before what takes long, for the notebook is run again without it.
 DISASTERS = {
-    "an exception": ("1 / 0", 0, "", ""),
-    "an exit": ("import sys\n\nsys.exit()", 0, "", ""),
-    "another exit": ("exit()", 0, "", ""),
     "a dead kernel": (
         "import os\n\nos._exit(1)",
         0,
         "os._exit",
         "{answer} was left out: it ended the kernel",
     ),
-    "a segfault": (
-        "import ctypes\n\nctypes.string_at(0)",
-        0,
-        "import ctypes",
-        "{answer} was left out: it ended the kernel",
-    ),
-    "an endless loop": ("while True:\n    pass", 0, "", f"{{answer}} {SLOW}"),
     "a deaf endless loop": (
         "import signal\n\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\nwhile True:\n    pass",
         0,
         "import signal",
         "{answer} was left out: it could not be stopped",
     ),
+    "an endless loop": ("while True:\n    pass", 0, "", f"{{answer}} {SLOW}"),
     "a flood": ("for _ in range(1000):\n    print('x' * 100_000)", 1, "", CUT),
+    "a segfault": (
+        "import ctypes\n\nctypes.string_at(0)",
+        0,
+        "import ctypes",
+        "{answer} was left out: it ended the kernel",
+    ),
+    "an exception": ("1 / 0", 0, "", ""),
+    "an exit": ("import sys\n\nsys.exit()", 0, "", ""),
+    "another exit": ("exit()", 0, "", ""),
     "a large page": (
         "from IPython.display import HTML, display\n\ndisplay(HTML('x' * 50_000_000))",
         1,
@@ -172,7 +173,7 @@ def disasters(released: Path) -> Iterator[Handed]:
             this.earned[problem.cell.id] *= share
             read += [odd(cell.id, signs)] if signs else []
             ran += [remark.format(answer=cell.id)] if remark else []
-        this.remarks = "; ".join([*read, *sorted(ran, key=lambda text: "left out" not in text)])
+        this.remarks = "; ".join([*read, *ran])
         yield this
 
 

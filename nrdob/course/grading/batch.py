@@ -83,7 +83,8 @@ class Nursery:
     def close(self) -> None:
         """End it."""
         end(self.process.pid)
-        self.process.wait()
+        with self.process:  # its pipes are closed, and its end is waited for
+            pass
 
 
 class Batch:
