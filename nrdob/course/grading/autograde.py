@@ -156,7 +156,9 @@ class PatientExecute(Execute):  # type: ignore[misc]
             for out in asked.outputs:
                 if out.output_type == "display_data" and plain.MIME in out.data:
                     return str(out.data[plain.MIME])
-            raise Stopped(next((out for out in asked.outputs if out.output_type == "error"), None))
+            errors = [out for out in asked.outputs if out.output_type == "error"]
+            # An interrupt has an error of its own, before ours.
+            raise Stopped(max(errors, key=lambda out: bool(out.ename == TOO_SLOW), default=None))
 
         try:
             with patience(PATIENCE * budget):
