@@ -115,6 +115,30 @@ def test_no_other_process_can_be_ended(behind: dict[str, str]) -> None:
     assert behind[SIGNALS[0]] == "refused"
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux gives orphans to a grandparent")
+def test_what_is_left_running_can_be_ended() -> None:
+    program = """
+import os, time
+import psutil
+from nrdob.course.grading import wall
+from nrdob.course.grading.batch import end
+wall.adopt_orphans()
+if not os.fork():
+    if not os.fork():
+        os.setsid()
+        time.sleep(600)
+    os._exit(0)
+os.wait()
+left = psutil.Process().children(recursive=True)
+end(os.getpid(), itself=False)
+print(len(left), left[0].wait(60) is not None or not left[0].is_running())
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, encoding="utf-8", check=True
+    )
+    assert done.stdout.split() == ["1", "True"]
+
+
 # --- what is read -------------------------------------------------------------------------------
 
 

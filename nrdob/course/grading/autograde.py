@@ -33,7 +33,8 @@ from traitlets.config import Config
 from traitlets.config.loader import PyFileConfigLoader
 
 from .. import exercises
-from . import plain
+from . import plain, wall
+from .batch import end
 from .feedback import offline
 from .judge import HiddenTest, Stopped, hidden_test, judge
 
@@ -356,7 +357,11 @@ def main(arguments: list[str]) -> int:
     root, student, set_name = Path(arguments[0]), arguments[1], arguments[2]
     # Neither the teacher's own settings nor their history have a part in it.
     os.environ.update(IPYTHONDIR=str(root / "ipython"), JUPYTER_CONFIG_DIR=str(root / "jupyter"))
-    result = grade(root, student, set_name)
+    wall.adopt_orphans()
+    try:
+        result = grade(root, student, set_name)
+    finally:  # whatever the student's code has left running
+        end(os.getpid(), itself=False)
     (root / "result.json").write_text(json.dumps(result), "utf-8")
     return 0
 
