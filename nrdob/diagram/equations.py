@@ -332,8 +332,8 @@ class LoopEquations(_ObserverMaps):
     def __post_init__(self) -> None:
         if delay := _dead_time(self.controller):
             raise TypeError(
-                f"controller has a dead time of {delay:g} s; only the process and the model may have "
-                "one: leave the dead time out"
+                f"controller has a dead time of {delay:g} s; only the process and the model may "
+                "have one: leave the dead time out"
             )
         _ = self.fractions
 
