@@ -29,7 +29,7 @@ import numpy as np
 
 from ...diagram import LowPassFilter
 from ...loop import NRDOB
-from .reading import Unreadable, as_given
+from .reading import UnreadableError, as_given
 
 __all__ = [
     "BLANK",
@@ -37,6 +37,8 @@ __all__ = [
     "FOUR_DIGITS",
     "HARD_CODED",
     "HIDDEN_CASES",
+    "ROUNDED",
+    "TOO_SLOW",
     "VISIBLE_CASES",
     "Case",
     "Feedback",
@@ -44,8 +46,6 @@ __all__ = [
     "Misconception",
     "Points",
     "Problem",
-    "ROUNDED",
-    "TOO_SLOW",
     "answers_like",
     "answers_like_any",
     "lacking",
@@ -65,7 +65,7 @@ Draw = Callable[[np.random.Generator], Case]
 VISIBLE_CASES, HIDDEN_CASES = 4, 8
 
 BUDGET = 60.0
-"""Seconds that a cell may take when it is graded; `check` tells how much of them an answer needs."""
+"""Seconds that a cell may take when it is graded; `check` tells how much of them it needs."""
 
 FOUR_DIGITS = 6e-4
 """By how much a number may differ that is given to four digits, as a share of it."""
@@ -541,7 +541,7 @@ def _lack(problem: Problem, case: Case, got: Any) -> str:
 
 
 def _unusable(error: Exception) -> str:
-    if isinstance(error, Unreadable):
+    if isinstance(error, UnreadableError):
         return str(error)
     return f"it cannot be used: {type(error).__name__}: {error}"
 

@@ -17,7 +17,7 @@ from ...diagram import DelayedTransferFunction, LowPassFilter, as_fraction
 from ...numerics import FloatArray
 
 __all__ = [
-    "Unreadable",
+    "UnreadableError",
     "as_given",
     "block",
     "lowpass",
@@ -31,7 +31,7 @@ REAL = 1e-9
 """An imaginary part smaller than this share is rounding: NumPy leaves such behind."""
 
 
-class Unreadable(ValueError):
+class UnreadableError(ValueError):
     """An answer that is not what was asked for; the message says so to the student."""
 
 
@@ -45,7 +45,7 @@ def number(given: Any) -> float:
 
     Raises
     ------
-    Unreadable
+    UnreadableError
         If it is none.
 
     Examples
@@ -56,7 +56,7 @@ def number(given: Any) -> float:
     >>> number("2 s")
     Traceback (most recent call last):
     ...
-    nrdob.course.exercises.reading.Unreadable: a number is asked for, without a unit; this is '2 s'
+    nrdob.course.exercises.reading.UnreadableError: a number is asked for, without a unit; this is '2 s'
     """
     if isinstance(given, str | bytes):
         return _spelled(given)
@@ -65,15 +65,17 @@ def number(given: Any) -> float:
     ):
         return _constant(given)
     if isinstance(given, bool | np.bool_):
-        raise Unreadable(f"a number is asked for; this is {given}")
+        raise UnreadableError(f"a number is asked for; this is {given}")
     if callable(given) and not isinstance(given, np.generic):
-        raise Unreadable("a number is asked for; this is a function: call it, with its brackets")
+        raise UnreadableError(
+            "a number is asked for; this is a function: call it, with its brackets"
+        )
     if isinstance(given, dict | set | frozenset | LowPassFilter):
-        raise Unreadable(f"a number is asked for; this is a {type(given).__name__}")
+        raise UnreadableError(f"a number is asked for; this is a {type(given).__name__}")
     if isinstance(given, Sequence) or np.ndim(given):
         held = list(given)
         if len(held) != 1:
-            raise Unreadable(f"one number is asked for; these are {len(held)}")
+            raise UnreadableError(f"one number is asked for; these are {len(held)}")
         return number(held[0])
     return _real(given)
 
@@ -82,9 +84,9 @@ def _real(given: Any) -> float:
     try:
         value = complex(given)
     except (TypeError, ValueError, OverflowError):
-        raise Unreadable(f"a number is asked for; this is a {type(given).__name__}") from None
+        raise UnreadableError(f"a number is asked for; this is a {type(given).__name__}") from None
     if abs(value.imag) > REAL * abs(value):
-        raise Unreadable(
+        raise UnreadableError(
             f"a real number is asked for; this one has the imaginary part {value.imag:.3g}"
         )
     return value.real
@@ -95,9 +97,11 @@ def _spelled(given: str | bytes) -> float:
     try:
         return _real(complex(text.strip().replace("−", "-").replace(",", ".")))
     except ValueError as error:
-        if isinstance(error, Unreadable):
+        if isinstance(error, UnreadableError):
             raise
-        raise Unreadable(f"a number is asked for, without a unit; this is {text[:40]!r}") from None
+        raise UnreadableError(
+            f"a number is asked for, without a unit; this is {text[:40]!r}"
+        ) from None
 
 
 def _constant(given: Any) -> float:
@@ -105,11 +109,11 @@ def _constant(given: Any) -> float:
         num, den = as_fraction(given, "it", proper=False)
         if num.size == den.size == 1:
             return float(num[0] / den[0])
-        raise Unreadable("a number is asked for; this is a transfer function")
+        raise UnreadableError("a number is asked for; this is a transfer function")
     coefficients = polynomial(given)
     if coefficients.size == 1:
         return float(coefficients[0])
-    raise Unreadable("a number is asked for; this is a polynomial")
+    raise UnreadableError("a number is asked for; this is a polynomial")
 
 
 def whole(given: Any) -> int:
@@ -122,7 +126,7 @@ def whole(given: Any) -> int:
     """
     value = number(given)
     if not np.isfinite(value) or abs(value - round(value)) > REAL * max(1.0, abs(value)):
-        raise Unreadable(f"a whole number is asked for; this is {value:g}")
+        raise UnreadableError(f"a whole number is asked for; this is {value:g}")
     return round(value)
 
 
@@ -144,10 +148,10 @@ def numbers(given: Any, names: str = "") -> FloatArray:
     count = len(names.split(",")) if names else 0
     wanted = f"{count} numbers are asked for, ({names})" if names else "numbers are asked for"
     if isinstance(given, str | dict | set | frozenset) or not np.iterable(given):
-        raise Unreadable(f"{wanted}, in a list or a tuple; this is a {type(given).__name__}")
+        raise UnreadableError(f"{wanted}, in a list or a tuple; this is a {type(given).__name__}")
     held = list(np.ravel(given) if isinstance(given, np.ndarray) else given)
     if names and len(held) != count:
-        raise Unreadable(f"{wanted}; these are {len(held)}")
+        raise UnreadableError(f"{wanted}; these are {len(held)}")
     return np.array([number(value) for value in held], dtype=float)
 
 
@@ -166,17 +170,21 @@ def polynomial(given: Any) -> FloatArray:
     elif isinstance(given, ct.TransferFunction):
         num, den = as_fraction(given, "it", proper=False)
         if den.size > 1:
-            raise Unreadable("a polynomial is asked for; this is a fraction: give its numerator")
+            raise UnreadableError(
+                "a polynomial is asked for; this is a fraction: give its numerator"
+            )
         given = num / den[0]
     elif isinstance(given, str | dict | set | frozenset) or not np.iterable(given):
-        raise Unreadable(f"coefficients are asked for, in a list; this is a {type(given).__name__}")
+        raise UnreadableError(
+            f"coefficients are asked for, in a list; this is a {type(given).__name__}"
+        )
     p = np.array(list(np.ravel(np.asarray(given, dtype=object))), dtype=object)
     try:
         values = p.astype(complex)
     except (TypeError, ValueError):
         values = numbers(p).astype(complex)
     if np.abs(values.imag).max(initial=0) > REAL * np.abs(values).max(initial=0):
-        raise Unreadable("coefficients are asked for, which are real; these look like roots")
+        raise UnreadableError("coefficients are asked for, which are real; these look like roots")
     used = np.flatnonzero(np.abs(values) > 1e-12 * np.abs(values).max(initial=0))
     return values.real[used[0] :] if used.size else np.zeros(1)
 
@@ -204,9 +212,9 @@ def block(given: Any) -> Any:
         else:
             num, den = as_fraction(given, "it", proper=False)
     except (TypeError, ValueError) as error:
-        if isinstance(error, Unreadable):
+        if isinstance(error, UnreadableError):
             raise
-        raise Unreadable(f"a transfer function is asked for: {error}") from None
+        raise UnreadableError(f"a transfer function is asked for: {error}") from None
     return ct.tf(num, den)
 
 
@@ -224,5 +232,5 @@ def lowpass(given: Any) -> LowPassFilter:
         try:
             return LowPassFilter(number(given[0]), whole(given[1]))
         except ValueError as error:
-            raise Unreadable(str(error)) from None
-    raise Unreadable("a filter is asked for, LowPassFilter(λ, n)")
+            raise UnreadableError(str(error)) from None
+    raise UnreadableError("a filter is asked for, LowPassFilter(λ, n)")

@@ -17,7 +17,7 @@ from ...numerics import ComplexArray, FloatArray
 from ...plotting import SHORT, Figure, axes_for, colour_of, styled
 from .cases import LoopCase, apart, draw, few, first_fitting
 from .problems import FOUR_DIGITS, Misconception, Problem, answers_like, near, rounds
-from .reading import Unreadable, block, lowpass, number, numbers, polynomial
+from .reading import UnreadableError, block, lowpass, number, numbers, polynomial
 
 POINTS = np.array([0.3 + 0.2j, 0.7j, 1 + 2j, 5j, 3 + 9j, 20j, 40 + 10j, 90j])
 """Where functions of s are compared."""
@@ -72,14 +72,14 @@ def _settled(case: SettledCase) -> Table:
 def _table(given: Any) -> FloatArray:
     """Read a row for each input; a row that cannot be read is filled with nan."""
     if not isinstance(given, Mapping):
-        raise Unreadable(f"a dictionary is asked for, with the keys {', '.join(INPUTS)}")
+        raise UnreadableError(f"a dictionary is asked for, with the keys {', '.join(INPUTS)}")
     return np.array([_row(given.get(name)) for name in INPUTS])
 
 
 def _row(given: Any) -> FloatArray:
     try:
         return numbers(given, "y, u, e")
-    except Unreadable:
+    except UnreadableError:
         return np.full(3, nan)
 
 
@@ -511,7 +511,7 @@ Twin = tuple[float, ct.TransferFunction]
 def _twin(given: Any) -> Twin:
     """Read c and F', given as (c, num, den) or as (c, F')."""
     if not isinstance(given, tuple | list) or len(given) not in (2, 3):
-        raise Unreadable("three things are asked for, (c, num, den)")
+        raise UnreadableError("three things are asked for, (c, num, den)")
     return number(given[0]), block(given[1] if len(given) == 2 else tuple(given[1:]))
 
 

@@ -354,7 +354,7 @@ READING = Problem(
             "N and P are right. The formula Z = P - N belongs to books that count anticlockwise "
             "turns as positive; here they are negative, and it is Z = N + P.",
             _mixed_conventions,
-            marks=0.5,
+            marks=2 / 3,
         ),
         answers_like(
             "the other convention, used consistently",
@@ -369,7 +369,7 @@ READING = Problem(
             "not either. Follow the arrowheads: which way does a walker go around -1? Clockwise is "
             "positive.",
             _other_sense,
-            marks=0.25,
+            marks=1 / 3,
         ),
     ),
 )
@@ -448,7 +448,7 @@ def _clockwise(values: ComplexArray) -> float:
 
 
 def _pieces(case: HalfCurve) -> float:
-    """Turns of the detour around 0 and of the large half circle."""
+    """Count the turns of the detour around 0 and of the large half circle."""
     return (case.poles_at_zero + case.excess) / 2
 
 

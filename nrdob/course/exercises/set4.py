@@ -45,7 +45,7 @@ from .cases import (
     observer_stable,
 )
 from .problems import Misconception, Problem, answers_like, answers_like_any, near, rounds, same
-from .reading import Unreadable, block, lowpass, number, numbers, whole
+from .reading import UnreadableError, block, lowpass, number, numbers, whole
 
 
 def _lags(gain: float, poles: list[float]) -> ct.TransferFunction:
@@ -329,7 +329,7 @@ def _order_and_time(given: Any) -> LowPassFilter:
     if isinstance(given, LowPassFilter):
         return given
     if not isinstance(given, tuple | list) or len(given) != 2:
-        raise Unreadable("two things are asked for, (order, time constant in seconds)")
+        raise UnreadableError("two things are asked for, (order, time constant in seconds)")
     return LowPassFilter(number(given[1]), whole(given[0]))
 
 
@@ -508,11 +508,11 @@ def _plants_case(rng: np.random.Generator) -> PlantsCase:
 def _good_for_all(case: PlantsCase, got: LowPassFilter) -> str:
     if got.order != case.order:
         return f"it has the order {got.order}, asked for is {case.order}"
-    for number, peak in enumerate(_peaks(case, got.time_constant), start=1):
+    for k, peak in enumerate(_peaks(case, got.time_constant), start=1):
         if peak == inf:
-            return f"with plant {number} the loop is not stable"
+            return f"with plant {k} the loop is not stable"
         if not _good(case, peak):
-            return f"with plant {number} Ms is {peak:.4g}"
+            return f"with plant {k} Ms is {peak:.4g}"
     if _good(case, max(_peaks(case, got.time_constant / FASTER))):
         return f"Ms is met with every plant, but a filter {FASTER:g} times as fast does it, too"
     return ""
