@@ -17,7 +17,7 @@ import pytest
 from nbgrader.nbgraderformat import MetadataValidator
 
 from nrdob.course.exercises import PROBLEMS, Misconception, own_case
-from nrdob.course.exercises.problems import BLANK, HARD_CODED
+from nrdob.course.exercises.problems import BLANK, HARD_CODED, NOTHING, ROUNDED
 from problemsets import SETS, Posed, calls, cells, nbgrader, posed, run
 
 GROUPS_AND_SEEDS = [
@@ -155,7 +155,7 @@ def test_the_published_solution_gets_full_marks(this: Posed, group: int, seed: i
 def test_the_blank_gets_nothing(this: Posed, group: int, seed: int) -> None:
     points = this.score(answer(this, group, blank=True), group, seed)
     assert points == 0
-    assert points.feedback.text == BLANK
+    assert points.feedback.text == (BLANK if this.problem.own else NOTHING)
 
 
 @each_misconception
@@ -203,7 +203,14 @@ def test_cases_can_be_read(this: Posed) -> None:
 @each_problem
 def test_messages_differ_and_are_sentences(this: Posed) -> None:
     kinds = this.problem.misconceptions
-    said = [BLANK, HARD_CODED, this.problem.praise, *(kind.says for kind in kinds)]
+    said = [
+        BLANK,
+        NOTHING,
+        HARD_CODED,
+        ROUNDED,
+        this.problem.praise,
+        *(kind.says for kind in kinds),
+    ]
     assert len(set(said)) == len(said)
     assert len({kind.name for kind in kinds}) == len(kinds)
     assert all(re.search(r"[.?…][)”]?$", text) for text in said)

@@ -56,7 +56,7 @@ def number(given: Any) -> float:
     >>> number("2 s")
     Traceback (most recent call last):
     ...
-    nrdob.course.exercises.reading.UnreadableError: a number is asked for, without a unit; this is '2 s'
+    nrdob.course.exercises.reading.UnreadableError: a number without a unit is asked for, not '2 s'
     """
     if isinstance(given, str | bytes):
         return _spelled(given)
@@ -99,9 +99,7 @@ def _spelled(given: str | bytes) -> float:
     except ValueError as error:
         if isinstance(error, UnreadableError):
             raise
-        raise UnreadableError(
-            f"a number is asked for, without a unit; this is {text[:40]!r}"
-        ) from None
+        raise UnreadableError(f"a number without a unit is asked for, not {text[:40]!r}") from None
 
 
 def _constant(given: Any) -> float:
