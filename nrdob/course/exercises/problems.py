@@ -543,7 +543,9 @@ def _lack(problem: Problem, case: Case, got: Any) -> str:
 def _unusable(error: Exception) -> str:
     if isinstance(error, UnreadableError):
         return str(error)
-    return f"it cannot be used: {type(error).__name__}: {error}"
+    # What the package refuses it says in words that need no name.
+    name = "" if isinstance(error, ValueError | TypeError) else f"{type(error).__name__}: "
+    return f"it cannot be used: {name}{_shown(error, longest=300)}"
 
 
 def _recognises(misconception: Misconception, tried: _Tried) -> bool:

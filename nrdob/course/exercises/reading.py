@@ -7,7 +7,7 @@ python-control or of NumPy's polynomials. What cannot be read is refused with a 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import control as ct
@@ -29,6 +29,18 @@ __all__ = [
 
 REAL = 1e-9
 """An imaginary part smaller than this share is rounding: NumPy leaves such behind."""
+
+UNORDERED = (
+    str,
+    bytes,
+    dict,
+    set,
+    frozenset,
+    np.poly1d,
+    np.polynomial.Polynomial,
+    ct.InputOutputSystem,
+)
+"""What can be gone through, but holds no numbers in an order that was meant."""
 
 
 class UnreadableError(ValueError):
@@ -108,10 +120,9 @@ def _constant(given: Any) -> float:
         if num.size == den.size == 1:
             return float(num[0] / den[0])
         raise UnreadableError("a number is asked for; this is a transfer function")
-    coefficients = polynomial(given)
-    if coefficients.size == 1:
-        return float(coefficients[0])
-    raise UnreadableError("a number is asked for; this is a polynomial")
+    if given.degree() if isinstance(given, np.polynomial.Polynomial) else given.order:
+        raise UnreadableError("a number is asked for; this is a polynomial")
+    return number(given(0))
 
 
 def whole(given: Any) -> int:
@@ -145,7 +156,7 @@ def numbers(given: Any, names: str = "") -> FloatArray:
     """
     count = len(names.split(",")) if names else 0
     wanted = f"{count} numbers are asked for, ({names})" if names else "numbers are asked for"
-    if isinstance(given, str | dict | set | frozenset) or not np.iterable(given):
+    if not isinstance(given, Iterable) or isinstance(given, UNORDERED):
         raise UnreadableError(f"{wanted}, in a list or a tuple; this is a {type(given).__name__}")
     held = list(np.ravel(given) if isinstance(given, np.ndarray) else given)
     if names and len(held) != count:
@@ -172,7 +183,7 @@ def polynomial(given: Any) -> FloatArray:
                 "a polynomial is asked for; this is a fraction: give its numerator"
             )
         given = num / den[0]
-    elif isinstance(given, str | dict | set | frozenset) or not np.iterable(given):
+    elif not isinstance(given, Iterable) or isinstance(given, UNORDERED):
         raise UnreadableError(
             f"coefficients are asked for, in a list; this is a {type(given).__name__}"
         )

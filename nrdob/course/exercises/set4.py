@@ -455,14 +455,18 @@ def _peaks(case: PlantsCase, time_constant: float, which: str = "plant_loop") ->
     return [m.ms if m.stable else inf for m in found]
 
 
+THREE_DIGITS = 1.01
+"""By what factor Ms may be exceeded, for a λ of three digits."""
+
+
 def _good(case: PlantsCase, peak: float) -> bool:
-    """Tell whether a peak is within the limit, with a λ of three digits."""
-    return peak <= case.max_ms * 1.01
+    """Tell whether a peak is within the limit."""
+    return peak <= case.max_ms * THREE_DIGITS
 
 
 def _just(case: PlantsCase, peak: Callable[[float], float], value: float) -> bool:
     """Tell whether a peak is within the limit, but not with a slightly faster filter."""
-    return _good(case, peak(value)) and not _good(case, peak(value / FASTER))
+    return _good(case, peak(value)) and not peak(value / FASTER) <= case.max_ms
 
 
 @cache
@@ -513,7 +517,7 @@ def _good_for_all(case: PlantsCase, got: LowPassFilter) -> str:
             return f"with plant {k} the loop is not stable"
         if not _good(case, peak):
             return f"with plant {k} Ms is {peak:.4g}"
-    if _good(case, max(_peaks(case, got.time_constant / FASTER))):
+    if max(_peaks(case, got.time_constant / FASTER)) <= case.max_ms:
         return f"Ms is met with every plant, but a filter {FASTER:g} times as fast does it, too"
     return ""
 
@@ -541,6 +545,7 @@ THREE_PLANTS = Problem(
     case=_plants_case,
     reads=lowpass,
     lacks=_good_for_all,
+    rounded=lambda case, got: rounds(LowPassFilter(max(_borders(case)) / 1.01, case.order), got),
     praise=(
         "Right: each loop is stable, Ms of L is within the limit with each plant, and no "
         "noticeably faster filter of this order does that."
