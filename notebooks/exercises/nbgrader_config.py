@@ -10,9 +10,6 @@ c = get_config()  # noqa: F821  (nbgrader provides it)
 
 c.CourseDirectory.course_id = "nrdob"
 
-# What stands where an answer is to be written; a value has its own placeholder, x = ...
-c.ClearSolutions.code_stub = {"python": "# YOUR CODE HERE"}
-
 # An endless loop costs this many seconds, and the points of its own problem.
 c.Execute.timeout = 20
 c.Execute.interrupt_on_timeout = True
@@ -23,3 +20,5 @@ c.LimitOutput.max_lines = 200
 c.HTMLExporter.embed_images = True
 # Feedback shows what the hidden tests found, not the tests: they serve the next course, too.
 c.GenerateFeedback.preprocessors = [ClearHiddenTests, GetGrades, CSSHTMLHeaderPreprocessor]
+# What stands where an answer is to be written; a value has its own placeholder, x = ...
+c.ClearSolutions.code_stub = {"python": "# YOUR CODE HERE"}
