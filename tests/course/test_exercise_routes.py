@@ -170,8 +170,8 @@ def scanned_orders(case: Any) -> tuple[int, float]:
 
 def scanned_for_three(case: Any) -> LowPassFilter:
     zero = min(float(plant.zeros().real.max()) for plant in case.plants)
-    good = LowPassFilter(30 / zero, case.order)
-    for value in np.geomspace(30, 0.3, 120) / zero:
+    good = LowPassFilter(12 / zero, case.order)
+    for value in np.geomspace(12, 1, 60) / zero:
         F = LowPassFilter(float(value), case.order)
         for plant in case.plants:
             found = NRDOB(plant, case.model, 0, F).margins().plant_loop
@@ -315,7 +315,7 @@ def peaks_on_a_grid(case: Any) -> Any:
 def another_design(case: Any) -> list[Any]:
     model = ct.tf([case.gain * case.pole * case.decay], np.poly([-case.pole, -case.decay]))
     controller = nrdob.design_controller(model, bandwidth=case.pole, phase_margin=60)
-    for value in np.geomspace(0.02, 0.2, 120) / case.pole:
+    for value in np.geomspace(0.05, 0.1, 25) / case.pole:
         F = LowPassFilter(float(value), 3)
         if all(goal.met for goal in case.goals(model, controller, F)):
             return [model, controller, F]
@@ -599,10 +599,9 @@ CHEAP = [id for id in WRONG if id not in ("4.1", "4.2", "5.3", "5.6", "6.2", "6.
 
 @pytest.mark.slow
 @pytest.mark.parametrize("id", CHEAP)
-def test_what_only_looks_right_fails_in_every_group_but_a_few(id: str) -> None:
-    groups = range(1, 21)
+def test_what_only_looks_right_fails_in_every_group(id: str) -> None:
     for wrong in WRONG[id]:
-        assert sum(points(id, wrong, group).share == 1 for group in groups) <= 0.05 * len(groups)
+        assert not [group for group in range(1, 9) if points(id, wrong, group).share == 1]
 
 
 # --- the published answers, with fewer digits and in another dress ------------------------------
@@ -620,7 +619,7 @@ def rounded(value: Any, digits: int) -> Any:
         return LowPassFilter(few(value.time_constant, digits), value.order)
     if isinstance(value, ct.TransferFunction):
         den = np.poly([-few(float(abs(pole)), digits) for pole in value.poles()])
-        return ct.tf([den[-1]], den) if value.zeros().size == 0 else value
+        return ct.tf([value.dcgain() * den[-1]], den) if value.zeros().size == 0 else value
     if isinstance(value, NRDOB):
         return replace(value, filter=rounded(value.filter, digits))
     return few(float(value), digits) if isinstance(value, float) else value
@@ -642,7 +641,7 @@ def changed(this: Posed, group: int, change: Route) -> Any:
 
 
 @each_problem
-@pytest.mark.parametrize("digits", [2, 3, 4, 6])
+@pytest.mark.parametrize("digits", [3, 4, 6])
 def test_a_rounded_right_answer_is_right_or_told_so_and_never_accused(
     this: Posed, digits: int
 ) -> None:
@@ -702,4 +701,4 @@ def test_what_is_no_answer_is_told_kindly(this: Posed) -> None:
         found = score(this.id, answer, 2, points=1, seed=2).feedback
         assert found.share < 1, misfit
         assert not re.search(r"Error\b", found.text), (misfit, found.text)
-        assert len(found.text) < 700
+        assert len(found.text) < 1000

@@ -542,7 +542,7 @@ def _lack(problem: Problem, case: Case, got: Any) -> str:
 
 def _unusable(error: Exception) -> str:
     if isinstance(error, UnreadableError):
-        return str(error)
+        return _shown(error, longest=300)
     # What the package refuses it says in words that need no name.
     name = "" if isinstance(error, ValueError | TypeError) else f"{type(error).__name__}: "
     return f"it cannot be used: {name}{_shown(error, longest=300)}"
