@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import re
 from collections.abc import Callable
 from dataclasses import replace
@@ -413,7 +414,7 @@ WRONG: dict[str, list[Route]] = {
     ],
     "1.4": [
         lambda case: 1.0,
-        lambda case: case.model_gain * case.S_d[0] / case.omega[0],
+        lambda case: 0.75 * straight_line(case),
         lambda case: 1.25 * straight_line(case),
         lambda case: -straight_line(case),
     ],
@@ -471,7 +472,7 @@ WRONG: dict[str, list[Route]] = {
     ],
     "3.4": [
         lambda case: 1 / case.size,
-        lambda case: case.size,
+        lambda case: float(case.omega[np.argmax(case.S_eta)]),
         lambda case: 2 * interpolated(case),
         lambda case: 0.5 * interpolated(case),
     ],
@@ -629,8 +630,21 @@ ALL = [problem for path in SETS for problem in posed(path)]
 each_problem = pytest.mark.parametrize("this", ALL, ids=lambda this: this.id)
 
 
+KNOWN: dict[tuple[str, bytes], Any] = {}
+"""What the published answers give, by the problem and the case."""
+
+
 def published(this: Posed, group: int) -> Any:
-    return eval(this.answer, run(this.path, group if this.problem.own else 1))
+    """The published answer; it is asked once for each case."""
+    right = eval(this.answer, run(this.path, group if this.problem.own else 1))
+
+    def remembered(case: Any) -> Any:
+        key = this.id, pickle.dumps(case)
+        if key not in KNOWN:
+            KNOWN[key] = right(case)
+        return KNOWN[key]
+
+    return right if this.problem.own else remembered
 
 
 def changed(this: Posed, group: int, change: Route) -> Any:
@@ -679,7 +693,13 @@ DRESSES: dict[str, Route] = {
 }
 
 
-@each_problem
+BLOCKS = ("1.6", "2.5", "2.6", "3.6", "4.3", "4.5", "4.6", "5.6", "6.6")
+"""Problems that ask for a filter, a plant or a loop, and not for numbers."""
+
+
+@pytest.mark.parametrize(
+    "this", [this for this in ALL if this.id not in BLOCKS], ids=lambda this: this.id
+)
 @pytest.mark.parametrize("dress", DRESSES)
 def test_a_right_answer_may_wear_any_dress(this: Posed, dress: str) -> None:
     found = changed(this, 2, partial(dressed, DRESSES[dress]))
