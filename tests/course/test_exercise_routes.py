@@ -574,8 +574,16 @@ WRONG: dict[str, list[Route]] = {
 }
 
 
+LONG = ("4.3", "5.6")
+"""Problems whose scans take seconds."""
+
 each_route = pytest.mark.parametrize(
-    ("id", "number"), [(id, k) for id, routes in ROUTES.items() for k in range(len(routes))]
+    ("id", "number"),
+    [
+        pytest.param(id, k, marks=[pytest.mark.slow] * (id in LONG))
+        for id, routes in ROUTES.items()
+        for k in range(len(routes))
+    ],
 )
 each_wrong = pytest.mark.parametrize(
     ("id", "number"), [(id, k) for id, wrong in WRONG.items() for k in range(len(wrong))]
