@@ -23,3 +23,5 @@ c.LimitOutput.max_lines = 200
 c.HTMLExporter.embed_images = True
 # Feedback shows what the hidden tests found, not the tests: they serve the next course, too.
 c.GenerateFeedback.preprocessors = [ClearHiddenTests, GetGrades, CSSHTMLHeaderPreprocessor]
+# What stands where an answer is to be written; a value has its own placeholder, x = ...
+c.ClearSolutions.code_stub = {"python": "# YOUR CODE HERE"}
