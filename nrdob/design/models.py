@@ -97,7 +97,7 @@ def suggest_model(process: Any, *, max_ms: float = 2.0) -> list[ModelCandidate]:
     ------
     TypeError, ValueError
         If the process cannot stand in the loop; or if it has a zero at s = 0, with which p_B(0) = 0
-        for every model and every filter.
+        unless the model integrates, and nothing holds the output.
 
     Examples
     --------
@@ -115,7 +115,7 @@ def suggest_model(process: Any, *, max_ms: float = 2.0) -> list[ModelCandidate]:
     G = blocks.fractions.G
     if G.num[-1] == 0:
         raise ValueError(
-            "process has a zero at s = 0, so that p_B(0) = 0 for every model and filter: its "
+            "process has a zero at s = 0, so that p_B(0) = 0 unless the model integrates: its "
             "output cannot be held against a constant disturbance; use another output"
         )
     candidates = [
