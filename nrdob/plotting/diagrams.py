@@ -10,7 +10,7 @@ This module needs schemdraw, which comes with the notebooks; `nrdob` itself does
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -35,6 +35,7 @@ __all__ = [
     "internal_model_control",
     "nrdob",
     "two_degrees_of_freedom",
+    "waiting",
 ]
 
 Point = tuple[float, float]
@@ -53,6 +54,9 @@ BLOCKS = {
     "F": (r"$F$", "filter"),
     "F/Gm": (r"$F\,\tilde{G}^{-1}$", "filter"),
     "(1 - F)*Gm": (r"$(1-F)\,\tilde{G}$", "model"),
+    "F*W": (r"$F\,e^{-\theta_ms}$", "filter"),
+    "F/Gm0": (r"$F\,\tilde{G}_0^{-1}$", "filter"),
+    "(1 - F*W)*Gm0": (r"$(1-F\,e^{-\theta_ms})\,\tilde{G}_0$", "model"),
     "K": (r"$K$", "controller"),
     "C/(1 + C*Gm)": (r"$\dfrac{C}{1+C\,\tilde{G}}$", "controller"),
     "C/((1 - F)*(1 + C*Gm))": (r"$\dfrac{C}{(1-F)\,(1+C\,\tilde{G})}$", "controller"),
@@ -330,6 +334,18 @@ def nrdob() -> Diagram:
     )  # fmt: skip
 
 
+def waiting() -> Diagram:
+    """Draw the loop whose model waits: W is its dead time, Gm0 what is inverted."""
+    drawn = nrdob()
+    parts = {_WAITING.get(name, name): part for name, part in drawn.parts.items()}
+    parts |= {"F*W": Block((5.2, 1.2), 1.3), "(1 - F*W)*Gm0": Block((5.2, -1.2), 2.5)}
+    wires = tuple(
+        Wire(tuple(_WAITING.get(p, p) if isinstance(p, str) else p for p in wire.path), wire.sign)
+        for wire in drawn.wires
+    )
+    return replace(drawn, title="the loop with a model that waits", parts=parts, wires=wires)
+
+
 def conventional() -> Diagram:
     """Draw the loop with a conventional disturbance observer: the measurement itself goes to C."""
     parts, wires = _observer()
@@ -385,6 +401,9 @@ _PLANT_WIRES = (
     Wire(("y", "ym")), Wire(((10.6, 0), (10.6, -0.65))), Wire(("eta", "ym")),
 )  # fmt: skip
 """The plant with its disturbances and its sensor, the same in every diagram."""
+
+_WAITING = {"F": "F*W", "F/Gm": "F/Gm0", "(1 - F)*Gm": "(1 - F*W)*Gm0"}
+"""What takes the place of what where the model waits; F' of the noise reduction stays."""
 
 _LABELS = {"$u$": (4.8, 0.3), "$y$": (10.6, -0.9), r"$y+\eta$": (12.65, 0.3)}
 _ESTIMATE = ((4.55, 0.5), (6.0, 0.5), (6.0, 1.8), (12.0, 1.8), (12.0, 2.9), (4.55, 2.9))

@@ -25,6 +25,7 @@ DRAW: dict[str, Callable[[], Diagram]] = {
     "conventional": diagrams.conventional,
     "two_degrees_of_freedom": diagrams.two_degrees_of_freedom,
     "internal_model_control": diagrams.internal_model_control,
+    "waiting": diagrams.waiting,
 }
 each_diagram = pytest.mark.parametrize("draw", DRAW.values(), ids=DRAW)
 C, F, G, Gm = (sp.Symbol(name) for name in ("C", "F", "G", "Gm"))
@@ -73,6 +74,13 @@ def test_the_conventional_observer_feeds_the_measurement_itself_to_the_controlle
     assert [(t.sign, t.signal) for t in theirs["e"]] == [(1, "R"), (-1, "ym")]
     assert {name for name in theirs if theirs[name] != ours[name]} == {"e"}
     assert set(ours) - set(theirs) == {"yf"}
+
+
+def test_a_model_that_waits_leaves_the_error_what_it_is_without_dead_time() -> None:
+    W, Gm0 = sp.symbols("W Gm0")
+    solved = maps(diagrams.waiting())
+    assert sp.simplify(solved["e"]["R"] - 1 / (1 + Gm0 * C)) == 0
+    assert sp.simplify(solved["y"]["d"] - (1 - F * W) / (1 - F * W + F * G / Gm0)) == 0
 
 
 @pytest.mark.parametrize("delayed", [False, True])
