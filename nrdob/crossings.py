@@ -18,11 +18,14 @@ def side(values: FloatArray) -> FloatArray:
     return np.where(values >= 0, 1.0, -1.0)
 
 
-def bisect(function: Function, low: FloatArray, high: FloatArray) -> FloatArray:
+def bisect(
+    function: Function, low: FloatArray, high: FloatArray, within: float = 0.0
+) -> FloatArray:
     """Find a zero between each `low` and `high`, on which the function's sides differ.
 
     Brackets shrink by inverse quadratic interpolation where that is safe, else by halves: on
     smooth functions about ten evaluations reach the last bits, on jumps as many as halving needs.
+    Brackets no wider than `within` are narrow enough.
 
     References
     ----------
@@ -43,7 +46,7 @@ def bisect(function: Function, low: FloatArray, high: FloatArray) -> FloatArray:
         a, at_a = x, at_x
         best = np.where(np.abs(at_a) < np.abs(at_b), a, b)
         gap = np.abs(b - a)
-        tolerance = 2 * EPS * np.abs(best) + EPS * width
+        tolerance = np.maximum(2 * EPS * np.abs(best) + EPS * width, within)
         if np.all((gap <= tolerance) | (np.minimum(np.abs(at_a), np.abs(at_b)) == 0)):
             break
         with np.errstate(all="ignore"):  # what is not finite is halved

@@ -76,6 +76,12 @@ class Specification:
                 "example 45"
             )
 
+    @property
+    def smallest_gain(self) -> float:
+        """Size of L below which nothing is forbidden."""
+        near_1 = 1 - 1 / self.max_ms if self.max_ms else 1.0
+        return min(near_1, 10 ** (-self.min_gm_db / 20) if self.min_gm_db else 1.0)
+
     def slack(self, found: Margins) -> float:
         """By how much a loop meets the specification; negative where it does not."""
         if not found.stable:
