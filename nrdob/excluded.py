@@ -34,6 +34,9 @@ NEWTON = 3
 ACROSS, ZOOMS = 9, 5
 """At how many frequencies, and how often, an edge of a patch is looked at more closely."""
 
+STEEPEST = 1e-6
+"""Relative distance of two frequencies at which a patch that is so steep is cut no more."""
+
 CHEAP = 14
 """How often where it costs little."""
 
@@ -211,12 +214,12 @@ class _Forbidden(NamedTuple):
 class _Limit(NamedTuple):
     """One limit: half the angle around -1 in which it forbids anything, and what it forbids.
 
-    `zooms` is how closely the edges are looked at.
+    What is `thick` covers a range of λ at each frequency.
     `forbids` takes ln|R| and the angle that D must have to turn L onto the negative real axis.
     """
 
     half_angle: float
-    zooms: int
+    thick: bool
     forbids: Callable[[FloatArray, FloatArray], _Forbidden]
 
 
@@ -243,7 +246,7 @@ def _gain_margin(curve: _Curve, most: float) -> _Limit:
         # D = jx has but one angle: a whole range of x, at single frequencies.
         return _Forbidden(size - most, size + most, THIN - np.abs(angle - first))
 
-    return _Limit(0.0, CHEAP, forbids if curve.order > 1 else forbids_first_order)
+    return _Limit(0.0, False, forbids if curve.order > 1 else forbids_first_order)
 
 
 def _phase_margin(curve: _Curve, most: float) -> Iterator[_Limit]:
@@ -261,7 +264,7 @@ def _phase_margin(curve: _Curve, most: float) -> Iterator[_Limit]:
             off = np.abs(angle - _log_den_less_1(u, curve.order)[0].imag)
             return _Forbidden(u, u, np.minimum(most - off, np.minimum(size - first, last - size)))
 
-        yield _Limit(most, CHEAP, forbids)
+        yield _Limit(most, False, forbids)
 
 
 def _sensitivity(curve: _Curve, max_ms: float) -> _Limit:
@@ -290,7 +293,7 @@ def _sensitivity(curve: _Curve, max_ms: float) -> _Limit:
         low[within], high[within] = np.split(edges, 2)
         return _Forbidden(low, high, depth)
 
-    return _Limit(half_angle, ZOOMS, forbids)
+    return _Limit(half_angle, True, forbids)
 
 
 # The patches of the (ω, λ) plane.
@@ -342,7 +345,7 @@ class _Patches:
         at, turn = at[by_turn], turn[by_turn]
         found = limit.forbids(np.log(np.abs(R))[at], phase[at] + pi + 2 * pi * turn)
         patches = cls(mismatch, limit, omega, phase, stretch, at, turn, found)
-        between = patches._hidden()
+        between = patches._between()
         if between.size:
             return cls.of(mismatch, np.union1d(omega, between), limit)
         return patches
@@ -353,7 +356,7 @@ class _Patches:
         if not there.size:
             return []
         low, high = (edge - np.log(self.omega[self.at]) for edge in self.found[:2])
-        linked = self._joined & (self.found.depth[1:] >= 0) & (self.found.depth[:-1] >= 0)
+        linked = self._linked
         patch = np.cumsum(np.append(True, ~linked))[there]
         starts = np.flatnonzero(np.append(True, np.diff(patch) > 0))
         if closely:
@@ -390,17 +393,40 @@ class _Patches:
             to_0 &= self.at < self.omega.size - 1
         return to_0, to_inf
 
-    def _hidden(self) -> FloatArray:
-        """Frequencies of patches that lie between two of those looked at."""
-        depth = self.found.depth
+    @property
+    def _linked(self) -> BoolArray:
+        """Tell between which of the points looked at a patch goes on."""
+        there = self.found.depth >= 0
+        return np.asarray(self._joined & there[1:] & there[:-1])
+
+    def _between(self) -> FloatArray:
+        """Frequencies of patches, or of gaps, that lie between two of those looked at."""
+        parts = [self._hidden(np.array([way])) for way in (1, -1)]
+        return np.concatenate([*parts, self._steep()])
+
+    def _hidden(self, way: IntArray) -> FloatArray:
+        """Frequencies at which a patch hides, or a gap if the way is -1."""
+        depth = way * self.found.depth
         near = np.flatnonzero((depth < 0) & _tops(depth, self._joined))
         near = near[(near > 0) & (near < depth.size - 1)]
         drop = depth[near] - np.minimum(depth[near - 1], depth[near + 1])
         near = near[depth[near] + 2 * drop >= 0]
         if not near.size:
             return np.empty(0)
-        where, depth = self._zoomed(near, lambda found, omega: found.depth)
-        return where[depth >= 0]
+        where, best = self._zoomed(near, lambda found, _: way * found.depth)
+        return where[best > 0]
+
+    def _steep(self) -> FloatArray:
+        """Frequencies between neighbours of one patch, if it is one, that share no λ."""
+        if not self.limit.thick:
+            return np.empty(0)
+        low, high = (edge - np.log(self.omega[self.at]) for edge in self.found[:2])
+        apart = (low[1:] > high[:-1]) | (low[:-1] > high[1:])
+        k = np.flatnonzero(self._linked & apart)
+        before, after = self.omega[self.at[k]], self.omega[self.at[k + 1]]
+        wide = after > before * (1 + STEEPEST)
+        share = np.linspace(0, 1, ACROSS)[1:-1]
+        return (before[wide, None] + share * (after - before)[wide, None]).ravel()
 
     def _zoomed(
         self, of: IntArray, value: Callable[[_Forbidden, FloatArray], FloatArray]
@@ -411,7 +437,7 @@ class _Patches:
         turned = pi + 2 * pi * self.turn[of, None]
         phase = self.phase[self.at[of], None]
         share, rows = np.linspace(0, 1, ACROSS), np.arange(of.size)
-        for _ in range(self.limit.zooms):
+        for _ in range(ZOOMS if self.limit.thick else CHEAP):
             omega = low[:, None] + share * (high - low)[:, None]
             R = self.mismatch.ratio(omega)
             angle = np.angle(R)

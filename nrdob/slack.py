@@ -89,8 +89,8 @@ class Specification:
         slacks = self._slacks(*(np.array([x]) for x in (found.ms, abs(found.gm_db), found.pm)))
         return float(slacks[0])
 
-    def of_many(self, loops: PlantLoops, time_constants: FloatArray, *, rough: bool) -> FloatArray:
-        """Slacks of stable loops with given time constants, off the grid of frequencies if rough.
+    def of_many(self, loops: PlantLoops, time_constants: FloatArray) -> FloatArray:
+        """Slacks of stable loops with given time constants.
 
         Parameters
         ----------
@@ -98,14 +98,12 @@ class Specification:
             The loops of one mismatch.
         time_constants : (k,) array of float
             In seconds.
-        rough : bool
-            Whether to interpolate between the frequencies instead of looking there.
         """
         L = loops.gains(time_constants)
         nothing = np.full(time_constants.shape, inf)
-        ms = loops.peaks(time_constants, L, rough) if self.max_ms else nothing
-        gm = loops.gain_margins(time_constants, L, rough) if self.min_gm_db else nothing
-        pm = loops.phase_margins(time_constants, L, rough) if self.min_pm_deg else nothing
+        ms = loops.peaks(time_constants, L) if self.max_ms else nothing
+        gm = loops.gain_margins(time_constants, L) if self.min_gm_db else nothing
+        pm = loops.phase_margins(time_constants, L) if self.min_pm_deg else nothing
         return self._slacks(ms, gm, pm)
 
     def _slacks(self, ms: FloatArray, gm_db: FloatArray, pm: FloatArray) -> FloatArray:
@@ -152,7 +150,7 @@ class PlantLoops:
         """L on the grid, shape (k, N)."""
         return self._gain(time_constants[:, None], self.omega, self._ratio)
 
-    def peaks(self, time_constants: FloatArray, L: ComplexArray, rough: bool) -> FloatArray:
+    def peaks(self, time_constants: FloatArray, L: ComplexArray) -> FloatArray:
         """Peak of the sensitivity of each loop, the limit at infinite frequency included."""
         distance = np.abs(1 + L)
         ends = self._at_infinity(time_constants, near=True)
@@ -163,32 +161,24 @@ class PlantLoops:
         dips = (inner <= distance[:, :-2]) & (inner <= distance[:, 2:])
         row, column = np.nonzero(dips & (inner <= DEEPEST * least[:, None]))
         column = column + 1
-        if rough:
-            before, at, after = (np.log(distance[row, column + k]) for k in (-1, 0, 1))
-            curvature = before - 2 * at + after
-            bottom = at - (after - before) ** 2 / (8 * np.where(curvature > 0, curvature, inf))
-            bottom = np.exp(bottom)
-        else:
-            chosen = time_constants[row, None]
-            low, high = self.omega[column - 1], self.omega[column + 1]
-            bottom = _lowest(lambda w: np.abs(1 + self._gain(chosen, w)), low, high)
+        chosen = time_constants[row, None]
+        low, high = self.omega[column - 1], self.omega[column + 1]
+        bottom = _lowest(lambda w: np.abs(1 + self._gain(chosen, w)), low, high)
         np.minimum.at(least, row, bottom)
         return np.asarray(1 / np.maximum(least, 1e-300))
 
-    def phase_margins(self, time_constants: FloatArray, L: ComplexArray, rough: bool) -> FloatArray:
+    def phase_margins(self, time_constants: FloatArray, L: ComplexArray) -> FloatArray:
         """Smallest rotation of each loop gain at which it is lost, in degrees."""
         with np.errstate(divide="ignore"):
             size = np.log(np.abs(L))
-        row, there = self._crossings(
-            time_constants, L, size, lambda value: np.abs(value) - 1, rough
-        )
+        row, there = self._crossings(time_constants, size, lambda value: np.abs(value) - 1)
         angles, _ = self._beside_poles(time_constants)
         np.minimum.at(angles, row, np.degrees(np.abs(np.angle(-there))))
         return np.asarray(angles)
 
-    def gain_margins(self, time_constants: FloatArray, L: ComplexArray, rough: bool) -> FloatArray:
+    def gain_margins(self, time_constants: FloatArray, L: ComplexArray) -> FloatArray:
         """Smallest change of gain, up or down, at which each loop is lost, in dB."""
-        row, there = self._crossings(time_constants, L, L.imag, lambda value: value.imag, rough)
+        row, there = self._crossings(time_constants, L.imag, lambda value: value.imag)
         row, there = row[there.real < 0], there[there.real < 0]
         gains = np.full(time_constants.shape, inf)
         np.minimum.at(gains, row, 20 * np.abs(np.log10(np.abs(there))))
@@ -250,10 +240,8 @@ class PlantLoops:
     def _crossings(
         self,
         time_constants: FloatArray,
-        L: ComplexArray,
         values: FloatArray,
         function: Callable[[ComplexArray], FloatArray],
-        rough: bool,
     ) -> tuple[IntArray, ComplexArray]:
         """Find where a function of L changes sign, and L there.
 
@@ -266,12 +254,6 @@ class PlantLoops:
         """
         before, after = values[:, :-1], values[:, 1:]
         row, column = np.nonzero((before >= 0) != (after >= 0))
-        if rough:
-            with np.errstate(invalid="ignore"):  # between infinities
-                share = before[row, column] / (before[row, column] - after[row, column])
-            share = np.nan_to_num(share, nan=0.5)
-            there = L[row, column] + share * (L[row, column + 1] - L[row, column])
-            return row, there
         chosen = time_constants[row, None]
         low, high = self.omega[column], self.omega[column + 1]
         where = _zero(lambda w: function(self._gain(chosen, w)), low, high)
