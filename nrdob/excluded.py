@@ -81,7 +81,9 @@ def admissible(
     rough = _without(left, [shadow for each in patches for shadow in each.shadows(closely=False)])
     least = max(specification.smallest_gain, SMALLEST_GAIN)
     if mismatch.delay and rough:
-        patches = _looked_at(mismatch, frequencies.above(max(floor, rough[0][0]), least), limits)
+        floor = max(floor, rough[0][0])
+        left = _without(left, [(0.0, floor)])
+        patches = _looked_at(mismatch, frequencies.above(floor, least), limits)
     for each in patches:
         left = _without(left, each.shadows() if left else [])
     return left
