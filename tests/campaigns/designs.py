@@ -23,7 +23,10 @@ PER_DECADE = 100
 """Time constants of the scan."""
 
 EXACT_EACH = 12
-"""Which of them are looked at by exact margins, where frequencies cannot show a mode."""
+"""Which of them are looked at by exact margins, where no frequency of the scan shows a mode.
+
+Where the verdict is left open a mode is too narrow for the margins, too.
+"""
 
 
 def campaign(count: int, seed: int) -> Counter[str]:
@@ -97,7 +100,11 @@ def _scan(
     R = mismatch.ratio(omega)
     found = [_read(R / ((1 + 1j * value * omega) ** order - 1)) for value in grid]
     scanned = grid, *map(np.array, zip(*found, strict=True))
-    exact = [_exact(process, model, order, intervals, value) for value in narrow]
+    exact = [
+        _exact(process, model, order, intervals, value)
+        for value in narrow
+        if nrdob.NRDOB(process, model, 0.0, LowPassFilter(value, order)).margins().plant_loop.stable
+    ]
     return tuple(map(np.concatenate, zip(scanned, *exact, strict=True)))
 
 
