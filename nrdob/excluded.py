@@ -22,8 +22,8 @@ from .mismatch import Mismatch
 from .mismatchgrid import Frequencies
 from .slack import Specification
 
-ACROSS, ZOOMS = 9, 5
-"""At how many frequencies, and how often, an edge of a patch is looked at more closely."""
+BESIDE, ZOOMS = 5, 5
+"""At how many frequencies on each side, and how often, an edge is looked at more closely."""
 
 STEEPEST = 1e-6
 """Relative distance of two frequencies at which a patch that is so steep is cut no more."""
@@ -239,7 +239,7 @@ class _Patches:
         k = np.flatnonzero(self._linked & apart)
         before, after = self.omega[self.at[k]], self.omega[self.at[k + 1]]
         wide = after > before * (1 + STEEPEST)
-        share = np.linspace(0, 1, ACROSS)[1:-1]
+        share = np.linspace(0, 1, 2 * BESIDE)[1:-1]
         return (before[wide, None] + share * (after - before)[wide, None]).ravel()
 
     def _zoomed(
@@ -247,21 +247,22 @@ class _Patches:
     ) -> tuple[FloatArray, FloatArray]:
         """Frequencies beside some of the points at which a value is largest, and the value."""
         before, after = np.append(False, self._joined)[of], np.append(self._joined, False)[of]
-        low, high = self.omega[self.at[of - before]], self.omega[self.at[of + after]]
+        low, best, high = (self.omega[self.at[k]] for k in (of - before, of, of + after))
         turned = pi + 2 * pi * self.turn[of, None]
         phase = self.phase[self.at[of], None]
-        share, rows = np.linspace(0, 1, ACROSS), np.arange(of.size)
+        rows = np.arange(of.size)
         for _ in range(ZOOMS if self.limit.thick else CHEAP):
-            omega = low[:, None] + share * (high - low)[:, None]
+            sides = np.linspace(low, best, BESIDE), np.linspace(best, high, BESIDE)
+            omega = np.concatenate([sides[0], sides[1][1:]]).T
             R = self.mismatch.ratio(omega)
             angle = np.angle(R)
             angle = angle + 2 * pi * np.round((phase - angle) / (2 * pi)) + turned
             found = self.limit.forbids(np.log(np.abs(R)).ravel(), angle.ravel())
             values = value(Forbidden(*(part.reshape(omega.shape) for part in found)), omega)
             k = values.argmax(axis=1)
-            below, above = np.maximum(k - 1, 0), np.minimum(k + 1, ACROSS - 1)
-            low, high = omega[rows, below], omega[rows, above]
-        return omega[rows, k], values[rows, k]
+            below, above = np.maximum(k - 1, 0), np.minimum(k + 1, omega.shape[1] - 1)
+            low, best, high = omega[rows, below], omega[rows, k], omega[rows, above]
+        return best, values[rows, k]
 
 
 def _reach(way: IntArray, found: Forbidden, omega: FloatArray) -> FloatArray:
