@@ -293,8 +293,8 @@ class FilterSearch:
     def _end(self, end: float, other: float) -> float | None:
         """Find the end of a window to the last digits, by the exact slack: None if there is none.
 
-        Its own end is found by the slack of the sensitivity but for what is quadratic in the
-        distance of two frequencies; where a crossover appears the slack jumps.
+        A window is known to about 1e-8 of its end, less closely where an edge of what is excluded
+        is steep. Where a crossover appears the slack jumps.
         """
         way = 1.0 if other > end else -1.0
         width = abs(log(other / end)) if 0 < other < inf else 1.0

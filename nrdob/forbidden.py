@@ -23,7 +23,7 @@ WIDEST, PER_E_FOLD = 46.0, 40
 """Range of ±ln x in which the curve D is tabulated, and how densely."""
 
 NEWTON = 3
-"""Steps from the table to the inverse of the curve."""
+"""Steps from the table to the inverse of the angle, none wider than the table's."""
 
 THIN = 1e-8
 """Half the angle that a whole range of λ is wide, where the phase of L does not depend on λ."""
@@ -59,6 +59,10 @@ class Curve:
     def of(cls, order: int) -> Curve:
         """Tabulate the curve of one order."""
         u = np.linspace(-WIDEST, WIDEST, int(2 * WIDEST * PER_E_FOLD) + 1)
+        slope = log_den_less_1(u, order)[1].real
+        k = np.flatnonzero(np.diff(slope >= 0))
+        turns = bisect(lambda u: log_den_less_1(u, order)[1].real, u[k], u[k + 1])
+        u = np.union1d(u, turns)
         table = log_den_less_1(u, order)[0]
         return cls(order, u, table.real, table.imag)
 
@@ -70,7 +74,12 @@ class Curve:
     def at_angle(self, angle: FloatArray) -> FloatArray:
         """Return u where D has an angle, or the end of the table beyond the ends."""
         first, last = self.ends
-        u = self._polished(np.interp(angle, self.angle, self.u), angle, lambda z: z.imag)
+        u = np.interp(angle, self.angle, self.u)
+        for _ in range(NEWTON):
+            value, slope = log_den_less_1(u, self.order)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                step = np.nan_to_num((angle - value.imag) / slope.imag)
+            u = u + np.clip(step, -1 / PER_E_FOLD, 1 / PER_E_FOLD)
         return np.where(angle <= first, -WIDEST, np.where(angle >= last, WIDEST, u))
 
     def rising(self) -> Iterator[tuple[float, float, Callable[[FloatArray], FloatArray]]]:
@@ -84,18 +93,8 @@ class Curve:
 
     def _at_size(self, size: FloatArray, u: FloatArray, wanted: FloatArray) -> FloatArray:
         """Return u where ln|D| has a value, on a stretch where it is tabulated as rising."""
-        return self._polished(np.interp(wanted, size, u), wanted, lambda z: z.real)
-
-    def _polished(
-        self, u: FloatArray, wanted: FloatArray, part: Callable[[ComplexArray], FloatArray]
-    ) -> FloatArray:
-        """Newton steps, none wider than the table's."""
-        for _ in range(NEWTON):
-            value, slope = log_den_less_1(u, self.order)
-            with np.errstate(divide="ignore", invalid="ignore"):
-                step = np.nan_to_num((wanted - part(value)) / part(slope))
-            u = u + np.clip(step, -1 / PER_E_FOLD, 1 / PER_E_FOLD)
-        return u
+        k = np.clip(np.searchsorted(size, wanted), 1, size.size - 1)
+        return bisect(lambda u: log_den_less_1(u, self.order)[0].real - wanted, u[k - 1], u[k])
 
 
 def log_den_less_1(u: FloatArray, order: int) -> tuple[ComplexArray, ComplexArray]:

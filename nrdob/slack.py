@@ -2,7 +2,7 @@ r"""How far the plant loops of many filters are from a specification, all at onc
 
 The mismatch R does not depend on the filter, so that :math:`L = R/((1 + j\lambda\omega)^n - 1)`
 is read at all frequencies for all time constants in one array. What `nrdob.margins` finds for one
-loop with all care is found here for hundreds, to find out where to look.
+loop with all care is found here for hundreds, to find out which comes closest.
 """
 
 from __future__ import annotations

@@ -14,6 +14,7 @@ from strategies import fractions
 
 import nrdob
 from nrdob import LowPassFilter, admissible_time_constants, design_filter, paper
+from nrdob.forbidden import Curve
 
 s = ct.tf("s")
 lag = 1 / (s + 1)
@@ -115,6 +116,79 @@ def test_two_windows_beside_a_resonance_that_shifted(max_ms):
     ]
     inside = [any(low <= value <= high for low, high in windows) for value in grid]
     assert inside == met and len(windows) == 2
+
+
+def test_a_window_between_two_limits_that_no_sample_shows():
+    # From below it is bounded by Ms, from above by a phase crossover that appears at once.
+    process = ct.tf([0.1553, 0.7645], [0.002378, 0.02574, 0.1412, 0.6161, 1])
+    model = ct.tf([0.2031, 1], [0.01132, 0.05687, 0.4166, 1])
+    wanted = {"max_ms": 1.926, "min_gm_db": 11.6}
+    first, second = admissible_time_constants(process, model, 2, **wanted)
+    assert first == (pytest.approx(0.13, abs=1e-3), pytest.approx(0.1414, abs=1e-3))
+    assert second == (pytest.approx(0.209, abs=1e-3), inf)
+    assert design_filter(process, model, order=2, **wanted).time_constant == first[0]
+    for end, beyond in ((first[0], 1 - 1e-6), (first[1], 1 + 1e-6), (second[0], 1 - 1e-6)):
+        assert meets(plant_loop(process, model, LowPassFilter(end, 2)), **wanted)
+        assert not meets(plant_loop(process, model, LowPassFilter(end * beyond, 2)), **wanted)
+
+
+def test_a_high_limit_of_the_sensitivity_is_kept_all_over_a_window():
+    # The peak grows smoothly from 38 to infinity, and is narrow.
+    process = ct.tf([1.99], [-0.02339, -0.03169, 1.252, 3.326, 1])
+    model = ct.tf([-1], [0.04419, 0.643, 2.929, 4.198, 1])
+    (window,) = admissible_time_constants(process, model, 5, max_ms=47.2)
+    assert window[0] == 0
+    inside = np.geomspace(1e-5, window[1], 8)
+    peaks = [plant_loop(process, model, LowPassFilter(v, 5)).ms for v in inside.tolist()]
+    assert peaks == sorted(peaks)
+    assert peaks[-1] == pytest.approx(47.2, rel=1e-8)
+
+
+@pytest.mark.parametrize("lateness", [0.01, 1.0, 100.0])
+def test_dead_time_alone_has_closed_forms(lateness):
+    # n = 1, R = exp(-θs): L = exp(-jωθ)/(jλω) is -2θ/(πλ) at ω = π/(2θ), of size 1 at 1/λ.
+    process = nrdob.delay(lateness) * lag
+    (by_gain,) = admissible_time_constants(process, lag, 1, min_gm_db=20 * np.log10(3.0))
+    (by_phase,) = admissible_time_constants(process, lag, 1, min_pm_deg=30.0)
+    assert by_gain == (pytest.approx(6 / np.pi * lateness, rel=1e-8), inf)
+    assert by_phase == (pytest.approx(3 / np.pi * lateness, rel=1e-8), inf)
+
+
+@pytest.mark.parametrize(
+    ("specification", "ends"),
+    [({"max_ms": 1.5}, 3.0), ({"min_gm_db": 20 * np.log10(2.0)}, 2.0)],
+)
+def test_a_loop_that_does_not_vanish_at_infinite_frequency_has_closed_forms(specification, ends):
+    # n = 1, R = 1 - s: L = (1 - s)/(λs) tends to -1/λ.
+    (window,) = admissible_time_constants((1 - s) * lag, lag, 1, **specification)
+    assert window == (pytest.approx(ends, rel=1e-8), inf)
+
+
+def test_slow_filters_lose_their_phase_margin_beside_an_undamped_mode():
+    # Close to the mode L is a straight line through 0, whose angle tends to a limit with λ.
+    process, model = 1 / ((s**2 + 1) * (s + 1)), 1 / ((s**2 + 0.2 * s + 1.1) * (s + 1))
+    for wanted in (20.0, 40.0, 60.0):
+        windows = admissible_time_constants(process, model, 3, min_pm_deg=wanted)
+        for value in np.geomspace(0.2, 100, 25).tolist():
+            inside = any(low <= value <= high for low, high in windows)
+            found = plant_loop(process, model, LowPassFilter(value, 3))
+            assert inside is meets(found, min_pm_deg=wanted)
+
+
+@pytest.mark.parametrize("order", [1, 2, 5, 12, 13, 20])
+def test_the_inverses_of_the_curve_of_each_order(order):
+    curve = Curve.of(order)
+    x = np.geomspace(1e-3, 1e3, 400)
+    value = (1 + 1j * x) ** order - 1
+    if order > 1:
+        angle = np.unwrap(np.angle(value))
+        assert np.exp(curve.at_angle(angle)) == pytest.approx(x, rel=1e-6)
+    stretches = list(curve.rising())
+    assert (len(stretches) == 1) is (order <= 12)  # the size of the curve is monotone up to 12
+    sizes = np.log(np.abs(value))
+    for size, u in zip(sizes, np.log(x), strict=True):
+        inverses = [inverse(size) for first, last, inverse in stretches if first < size < last]
+        assert np.abs(np.array(inverses) - u).min() < 1e-6
 
 
 def test_admissible_time_constants_end_where_the_closed_form_says():
