@@ -75,6 +75,7 @@ def admissible(
 
 
 def _looked_at(mismatch: Mismatch, omega: FloatArray, every: list[Limit]) -> list[_Patches]:
+    """Find the patches of each limit."""
     omega = _followed(mismatch, omega)
     return [_Patches.of(mismatch, omega, limit) for limit in every]
 
@@ -110,6 +111,7 @@ def _at_infinity(mismatch: Mismatch, specification: Specification) -> Iterator[I
 
 
 def _between(last: float, least: float, most: float, order: int) -> Interval:
+    """Give the λ at which last/λ^n lies between two sizes."""
     return (last / most) ** (1 / order), (last / least) ** (1 / order)
 
 
@@ -223,6 +225,7 @@ class _Patches:
         depth = way * self.found.depth
         near = np.flatnonzero((depth < 0) & _tops(depth, self._joined))
         near = near[(near > 0) & (near < depth.size - 1)]
+        # Off a grid a corner may lie as much higher as its lower neighbour lies below, and a bit.
         drop = depth[near] - np.minimum(depth[near - 1], depth[near + 1])
         near = near[depth[near] + 2 * drop >= 0]
         if not near.size:
