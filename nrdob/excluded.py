@@ -40,6 +40,9 @@ NOISE = 1e-2
 SMALLEST_GAIN = 0.01
 """Size of L down to which a dead time is followed."""
 
+SHORT = 1.01
+"""How far short of it, because L may tend to a circle of just that size."""
+
 FAR = 1e10
 """How far beyond all else R is followed if L does not vanish at infinite frequency."""
 
@@ -64,7 +67,7 @@ def admissible(
     patches = _looked_at(mismatch, frequencies.above(floor), every)
     # Smaller loop gains than those of an unstable loop are forbidden, too, up to higher frequency.
     rough = _without(left, [shadow for each in patches for shadow in each.shadows(closely=False)])
-    least = max(specification.smallest_gain, SMALLEST_GAIN)
+    least = SHORT * max(specification.smallest_gain, SMALLEST_GAIN)
     if mismatch.delay and rough:
         floor = max(floor, rough[0][0])
         left = _without(left, [(0.0, floor)])
@@ -222,12 +225,16 @@ class _Patches:
 
     def _hidden(self, way: IntArray) -> FloatArray:
         """Frequencies at which a patch hides, or a gap if the way is -1."""
-        depth = way * self.found.depth
-        near = np.flatnonzero((depth < 0) & _tops(depth, self._joined))
-        near = near[(near > 0) & (near < depth.size - 1)]
-        # Off a grid a corner may lie as much higher as its lower neighbour lies below, and a bit.
-        drop = depth[near] - np.minimum(depth[near - 1], depth[near + 1])
-        near = near[depth[near] + 2 * drop >= 0]
+        depth, joined = way * self.found.depth, self._joined
+        tops = (depth < 0) & _tops(depth, joined)
+        # Off a grid a top may lie as much higher as its neighbours lie below, and a bit.
+        around = np.pad(depth, 2, mode="edge")
+        lowest = np.min([around[k : k + depth.size] for k in range(5)], axis=0)
+        tops &= depth + 2 * (depth - lowest) >= 0
+        # Where L passes from one side to the other it passes what is forbidden, however fast.
+        off = self.found.off >= 0
+        passed = joined & (off[1:] != off[:-1]) & (depth[1:] < 0) & (depth[:-1] < 0) & (way > 0)
+        near = np.flatnonzero(tops | np.append(passed, False) | np.append(False, passed))
         if not near.size:
             return np.empty(0)
         where, best = self._zoomed(near, lambda found, _: way * found.depth)

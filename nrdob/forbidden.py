@@ -110,11 +110,15 @@ def log_den_less_1(u: FloatArray, order: int) -> tuple[ComplexArray, ComplexArra
 
 
 class Forbidden(NamedTuple):
-    """Range of u = ln(λω) that is forbidden, and by how much: negative where none is."""
+    """Range of u = ln(λω) that is forbidden, and by how much: negative where none is.
+
+    The sign of `off` tells on which side of the middle of what is forbidden L passes.
+    """
 
     low: FloatArray
     high: FloatArray
     depth: FloatArray
+    off: FloatArray
 
 
 class Limit(NamedTuple):
@@ -146,12 +150,14 @@ def _gain_margin(curve: Curve, most: float) -> Limit:
 
     def forbids(size: FloatArray, angle: FloatArray) -> Forbidden:
         u = curve.at_angle(angle)
-        off = np.abs(size - log_den_less_1(u, curve.order)[0].real)
-        return Forbidden(u, u, np.minimum(most - off, np.minimum(angle - first, last - angle)))
+        off = size - log_den_less_1(u, curve.order)[0].real
+        depth = np.minimum(most - np.abs(off), np.minimum(angle - first, last - angle))
+        return Forbidden(u, u, depth, off)
 
     def forbids_first_order(size: FloatArray, angle: FloatArray) -> Forbidden:
         # D = jx has but one angle: a whole range of x, at single frequencies.
-        return Forbidden(size - most, size + most, THIN - np.abs(angle - first))
+        off = angle - first
+        return Forbidden(size - most, size + most, THIN - np.abs(off), off)
 
     return Limit(0.0, False, forbids if curve.order > 1 else forbids_first_order)
 
@@ -166,8 +172,9 @@ def _phase_margin(curve: Curve, most: float) -> Iterator[Limit]:
     ) -> Forbidden:
         first, last, inverse = stretch
         u = inverse(size)
-        off = np.abs(angle - log_den_less_1(u, curve.order)[0].imag)
-        return Forbidden(u, u, np.minimum(most - off, np.minimum(size - first, last - size)))
+        off = angle - log_den_less_1(u, curve.order)[0].imag
+        depth = np.minimum(most - np.abs(off), np.minimum(size - first, last - size))
+        return Forbidden(u, u, depth, off)
 
     for stretch in curve.rising():
         yield Limit(most, False, partial(forbids, stretch))
@@ -178,25 +185,26 @@ def _sensitivity(curve: Curve, max_ms: float) -> Limit:
     half_angle = asin(1 / max_ms)
 
     def forbids(size: FloatArray, angle: FloatArray) -> Forbidden:
-        def distance(u: FloatArray, of: Any = np.s_[:]) -> tuple[FloatArray, FloatArray]:
-            """|1 + L| and the sign of its slope."""
+        def distance(u: FloatArray, of: Any = np.s_[:]) -> tuple[FloatArray, ComplexArray]:
+            """|1 + L|, and its slope in u and across it but for a positive factor."""
             value, slope = log_den_less_1(u, curve.order)
             L = -np.exp(np.minimum(size[of] - value.real, LARGEST) + 1j * (angle[of] - value.imag))
-            return np.abs(1 + L), -(L * slope * np.conj(1 + L)).real
+            return np.abs(1 + L), -L * slope * np.conj(1 + L)
 
         ends = curve.at_angle(np.stack([angle - half_angle, angle + half_angle]))
         (at_first, falls), (at_last, rises) = distance(ends[0]), distance(ends[1])
         middle = np.where(at_first < at_last, ends[0], ends[1])
-        dips = (falls < 0) & (rises > 0)
+        dips = (falls.real < 0) & (rises.real > 0)
         first, last = ends[:, dips]
-        middle[dips] = bisect(lambda u: distance(u, dips)[1], first, last, ENOUGH**0.5)
-        depth = 1 - max_ms * distance(middle)[0]
+        middle[dips] = bisect(lambda u: distance(u, dips)[1].real, first, last, ENOUGH**0.5)
+        least, across = distance(middle)
+        depth = 1 - max_ms * least
         low, high = middle.copy(), middle.copy()
         within = np.flatnonzero(depth > 0)
         both = np.tile(within, 2)
         outer = ends[:, within].ravel()
         edges = bisect(lambda u: max_ms * distance(u, both)[0] - 1, outer, middle[both], ENOUGH)
         low[within], high[within] = np.split(edges, 2)
-        return Forbidden(low, high, depth)
+        return Forbidden(low, high, depth, across.imag)
 
     return Limit(half_angle, True, forbids)
