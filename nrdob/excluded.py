@@ -164,10 +164,8 @@ class _Patches:
         at, turn = at[by_turn], turn[by_turn]
         found = limit.forbids(np.log(np.abs(R))[at], phase[at] + pi + 2 * pi * turn)
         patches = cls(mismatch, limit, omega, phase, stretch, at, turn, found)
-        between = patches._between()
-        if between.size:
-            return cls.of(mismatch, np.union1d(omega, between), limit)
-        return patches
+        more = np.union1d(omega, patches._between())
+        return cls.of(mismatch, more, limit) if more.size > omega.size else patches
 
     def shadows(self, *, closely: bool = True) -> list[Interval]:
         """Find the λ that each patch covers, off the frequencies looked at if not closely."""
@@ -228,16 +226,21 @@ class _Patches:
         depth, joined = way * self.found.depth, self._joined
         tops = (depth < 0) & _tops(depth, joined)
         # Off a grid a top may lie as much higher as its neighbours lie below, and a bit.
-        around = np.pad(depth, 2, mode="edge")
+        around = np.pad(depth, 2, constant_values=np.inf)
         lowest = np.min([around[k : k + depth.size] for k in range(5)], axis=0)
         tops &= depth + 2 * (depth - lowest) >= 0
+        near = np.flatnonzero(tops)
         # Where L passes from one side to the other it passes what is forbidden, however fast.
         off = self.found.off >= 0
         passed = joined & (off[1:] != off[:-1]) & (depth[1:] < 0) & (depth[:-1] < 0) & (way > 0)
-        near = np.flatnonzero(tops | np.append(passed, False) | np.append(False, passed))
-        if not near.size:
+        last = np.flatnonzero(passed)
+        if not near.size + last.size:
             return np.empty(0)
-        where, best = self._zoomed(near, lambda found, _: way * found.depth)
+        where, best = self._zoomed(
+            np.append(near, last),
+            lambda found, _: way * found.depth,
+            both_sides=np.arange(near.size + last.size) < near.size,
+        )
         return where[best > 0]
 
     def _steep(self) -> FloatArray:
@@ -253,10 +256,17 @@ class _Patches:
         return (before[wide, None] + share * (after - before)[wide, None]).ravel()
 
     def _zoomed(
-        self, of: IntArray, value: Callable[[Forbidden, FloatArray], FloatArray]
+        self,
+        of: IntArray,
+        value: Callable[[Forbidden, FloatArray], FloatArray],
+        both_sides: BoolArray | bool = True,
     ) -> tuple[FloatArray, FloatArray]:
-        """Frequencies beside some of the points at which a value is largest, and the value."""
+        """Frequencies beside some of the points at which a value is largest, and the value.
+
+        On both sides, or only between a point and the next.
+        """
         before, after = np.append(False, self._joined)[of], np.append(self._joined, False)[of]
+        before = before & both_sides
         low, best, high = (self.omega[self.at[k]] for k in (of - before, of, of + after))
         turned = pi + 2 * pi * self.turn[of, None]
         phase = self.phase[self.at[of], None]
