@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache, partial
 from math import pi
 
 import numpy as np
@@ -297,6 +297,7 @@ def _tops(values: FloatArray, linked: BoolArray) -> BoolArray:
     return np.asarray(np.append(lower[0], True) & np.append(True, lower[1]))
 
 
+@lru_cache(maxsize=4)
 def _on_axis(mismatch: Mismatch) -> tuple[FloatArray, BoolArray]:
     """Frequencies of the poles and zeros of R on the axis, increasing, and which are poles."""
     N, D, Nm, Dm = mismatch.factors
