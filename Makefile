@@ -13,6 +13,8 @@ READY := $(VENV)/ready
 # Jupyter looks for its own programs on PATH.
 export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
 export PYTHONHASHSEED := 0
+# Matplotlib keeps its list of fonts here, and warns in the notebooks where a home is missing.
+export MPLCONFIGDIR := $(CURDIR)/$(VENV)/matplotlib
 
 # Two tests at a time, those of one file in one process, each with one thread of BLAS.
 PYTEST := OPENBLAS_NUM_THREADS=1 $(PY) -m pytest -q -n 2 --dist loadfile
@@ -22,7 +24,7 @@ NBVAL := --nbval --nbval-current-env --nbval-cell-timeout 300 \
 OLD_PROCESSOR := OPENBLAS_CORETYPE=Nehalem \
 	NPY_DISABLE_CPU_FEATURES="X86_V3 X86_V4 AVX512_ICL AVX512_SPR"
 
-.PHONY: help env book ledger test lint types layers unit notebooks old-processor execute check \
+.PHONY: help env book ledger quick test lint types layers map unit notebooks old-processor execute check \
 	bench bench-table slides lab release grade report test-exercises clean
 
 help: ## show this list
@@ -39,17 +41,18 @@ $(READY): requirements.txt pyproject.toml
 	@# The path of this folder as pip notes it is UTF-8; Python before 3.13 reads it in the
 	@# encoding of the locale. A relative one needs no letters.
 	@cd $(VENV)/lib/python3*/site-packages && echo ../../../.. > _editable_impl_nrdob.pth
+	@$(PY) -c 'import matplotlib.font_manager' 2> /dev/null
 	@touch $(READY)
 
 book: $(READY) ## run every notebook and build the web book
-	$(PY) tools/notebooks.py --output build/notebooks
-	$(PY) tools/ledger.py --notebooks build/notebooks
-	$(PY) tools/teaching.py
+	$(PY) book/make/notebooks.py --output build/notebooks
+	$(PY) book/make/ledger.py --notebooks build/notebooks
+	$(PY) book/make/teaching.py
 	$(PY) -m sphinx -W --keep-going -n -q -D nrdob_notebooks=../build/notebooks -d build/doctrees -b html book build/html
 	@echo "The book is ready. Open $(CURDIR)/build/html/index.html"
 
 ledger: $(READY) ## run every check of the ledger, and write its two pages into the book
-	$(PY) tools/ledger.py
+	$(PY) book/make/ledger.py
 
 test: lint types layers unit notebooks old-processor ## run every check
 
@@ -61,7 +64,15 @@ types: $(READY) ## static types
 	$(PY) -m mypy
 
 layers: $(READY) ## imports between the modules run one way
-	$(VENV)/bin/lint-imports
+	@# Not by the program in bin, whose first line holds this path in the letters of the locale;
+	@# and in UTF-8, which is all that the reader of the imports takes a path for.
+	PYTHONUTF8=1 $(PY) -c 'from importlinter.cli import lint_imports_command as lint; lint()'
+
+map: $(READY) ## print the rooms of the package floor by floor, as its imports have them
+	$(PY) book/make/map.py
+
+quick: lint types layers ## the checks of the working day, in below 90 seconds
+	$(PYTEST) -m "not slow" tests nrdob --doctest-modules
 
 unit: $(READY) ## unit tests, doctests, the rules for notebooks, the ledger, and the built book
 	$(PYTEST) tests nrdob --doctest-modules
@@ -74,36 +85,36 @@ old-processor: $(READY) ## doctests and notebooks again, in the arithmetic of an
 	$(OLD_PROCESSOR) $(PYTEST) $(NBVAL)
 
 execute: $(READY) ## run every notebook in place, store its outputs, draw the README picture
-	$(PY) tools/notebooks.py --in-place --report
-	$(PY) tools/readme_picture.py
+	$(PY) book/make/notebooks.py --in-place --report
+	$(PY) book/make/readme_picture.py
 
 check: $(READY) ## run every notebook and compare byte for byte, figures included (same machine only)
-	$(PY) tools/notebooks.py --check
+	$(PY) book/make/notebooks.py --check
 
 bench: $(READY) ## time nrdob against python-control, and the notebooks (takes some minutes)
-	$(PY) -m pytest -q --benchmark-quiet benchmarks
+	$(PY) -m pytest -q --benchmark-quiet tests/bench
 
 bench-table: $(READY) ## time the public calls, before and after, in one table
-	OPENBLAS_NUM_THREADS=1 $(PY) benchmarks/table.py --before benchmarks/before.json
+	OPENBLAS_NUM_THREADS=1 $(PY) tests/bench/table.py --before tests/bench/before.json
 
 slides: $(READY) ## make slides of the questions for class, which need no network
-	$(PY) tools/slides.py
+	$(PY) book/make/slides.py
 
 lab: $(READY) ## open the notebooks in JupyterLab
 	$(PY) -m jupyterlab notebooks
 
 release: $(READY) ## make the students' copies of the problem sets, and the solutions (SETS="set1 set2")
-	$(PY) tools/exercises.py release $(SETS)
+	$(PY) -m nrdob.course.grading release $(SETS)
 
 grade: $(READY) ## grade what students handed in: make grade SUBMISSIONS=folder
 	@test -n "$(SUBMISSIONS)" || { echo "Say where they are: make grade SUBMISSIONS=folder"; exit 2; }
-	$(PY) tools/exercises.py grade "$(SUBMISSIONS)"
+	$(PY) -m nrdob.course.grading grade "$(SUBMISSIONS)"
 
 report: $(READY) ## take over the points filled into grading/written.csv
-	$(PY) tools/exercises.py report
+	$(PY) -m nrdob.course.grading report
 
 test-exercises: $(READY) ## test the problem sets, their graders, and the way from a submission to its points
-	$(PY) -m pytest -q tests/test_grading.py tests/test_exercises.py tests/test_course.py
+	$(PY) -m pytest -q tests/course
 
 clean: ## remove what the other targets made, except the environment
 	rm -rf build book/chapters book/ledger.md book/errata.md book/teaching/{mistakes,objectives,rubric}.md

@@ -11,7 +11,7 @@ from sphinx.config import Config
 from sphinx.errors import ConfigError
 
 BOOK = Path(__file__).resolve().parent
-sys.path.insert(0, str(BOOK))  # for claimlinks
+sys.path.insert(0, str(BOOK / "ext"))
 
 project = "The noise-reduction disturbance observer"
 author = "the nrdob authors"
@@ -98,8 +98,12 @@ def copy_chapters(_app: Sphinx, config: Config) -> None:
 
 
 GENERATED = {
-    "tools/ledger.py": ("ledger.md", "errata.md"),
-    "tools/teaching.py": ("teaching/mistakes.md", "teaching/objectives.md", "teaching/rubric.md"),
+    "book/make/ledger.py": ("ledger.md", "errata.md"),
+    "book/make/teaching.py": (
+        "teaching/mistakes.md",
+        "teaching/objectives.md",
+        "teaching/rubric.md",
+    ),
 }
 
 

@@ -1,19 +1,29 @@
 """Stability and robustness of loops with a noise-reduction disturbance observer (NR-DOB)."""
 
 from . import paper, plants
-from .controllers import design_controller
-from .delay import DelayedTransferFunction, delay
-from .design import admissible_time_constants, design_filter
-from .filters import LowPassFilter
+from .analysis import encirclements, judge_observer, margin_bounds
+from .design import (
+    admissible_time_constants,
+    critical_time_constants,
+    design_controller,
+    design_filter,
+    stabilizing_time_constants,
+    suggest_model,
+)
+from .diagram import DelayedTransferFunction, LowPassFilter, delay
 from .loop import NRDOB
-from .margins import margin_bounds
-from .models import suggest_model
-from .stability import judge_observer
-from .timeconstants import critical_time_constants, stabilizing_time_constants
+from .sampling import random_loop
 
-__all__ = [
-    "NRDOB", "DelayedTransferFunction", "LowPassFilter", "admissible_time_constants",
-    "critical_time_constants", "delay", "design_controller", "design_filter", "judge_observer",
-    "margin_bounds", "paper", "plants",
-    "stabilizing_time_constants", "suggest_model",
+__all__ = [  # noqa: RUF022  (by topic: the contents of the package)
+    # The loop, and what it is made of.
+    "NRDOB", "LowPassFilter", "DelayedTransferFunction", "delay",
+    # Is it stable, and how nearly not?
+    "judge_observer", "encirclements", "margin_bounds",
+    # Which filters work, and which is the fastest?
+    "stabilizing_time_constants", "critical_time_constants",
+    "admissible_time_constants", "design_filter",
+    # Which model, and which controller?
+    "suggest_model", "design_controller",
+    # Loops to try things on: the paper's, some with a name, random ones.
+    "paper", "plants", "random_loop",
 ]  # fmt: skip

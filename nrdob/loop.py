@@ -4,24 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import control as ct
 from numpy.typing import ArrayLike
 
-from .equations import LoopEquations
-from .margins import LoopMargins, loop_margins
-from .plots import Figure, bode_plot, nyquist_plot, roots_plot, step_plot
-from .quotient import Quotient
-from .response import forced_response, step_response
-from .stability import Stability, stability
+from .analysis import (
+    LoopMargins,
+    Stability,
+    forced_response,
+    loop_margins,
+    stability,
+    step_response,
+)
+from .diagram import CLOSED_LOOP, MAPS, LoopEquations, Quotient
 
-OPEN_LOOP = ("FH", "H", "CGm", "L", "ratio", "K", "G", "Gm", "C", "F")
-CLOSED_LOOP = (
-    "T_R", "S_d", "S_delta", "S_eta", "E_R", "U_R", "U_d", "U_delta", "U_eta",
-)  # fmt: skip
-MAPS = OPEN_LOOP + CLOSED_LOOP
-"""Attributes of a loop that can be drawn by name."""
+if TYPE_CHECKING:
+    from .plotting import Figure
 
 
 class NRDOB(LoopEquations):
@@ -31,7 +30,7 @@ class NRDOB(LoopEquations):
     `S_delta`, `S_eta`, `E_R`, `U_R`, `U_d`, `U_delta`, `U_eta`; so are the open loops `CGm`,
     `FH`, `L`, the mismatch `H` and `ratio`, and all the feedback `K`. Each can say how much white
     noise it passes, as `loop.S_eta.noise_power()`. `fractions` holds numerator and denominator of
-    the four blocks, as `loop.fractions.Gm.den`. `nrdob.equations` draws the diagram.
+    the four blocks, as `loop.fractions.Gm.den`. `nrdob.diagram.equations` draws the diagram.
 
     Parameters
     ----------
@@ -85,13 +84,13 @@ class NRDOB(LoopEquations):
         return loop_margins(self, self._stability)
 
     def step_response(self, input: str, timepts: ArrayLike | None = None) -> ct.TimeResponseData:
-        """Respond to a unit step of "R", "d", "delta" or "eta": see `nrdob.response`."""
+        """Respond to a unit step of "R", "d", "delta" or "eta": see `nrdob.analysis.response`."""
         return step_response(self, input, timepts)
 
     def forced_response(
         self, input: str, timepts: ArrayLike, inputs: ArrayLike
     ) -> ct.TimeResponseData:
-        """Respond to any signal at "R", "d", "delta" or "eta": see `nrdob.response`."""
+        """Respond to any signal at "R", "d", "delta" or "eta": see `nrdob.analysis.response`."""
         return forced_response(self, input, timepts, inputs)
 
     def plot_nyquist(
@@ -103,7 +102,9 @@ class NRDOB(LoopEquations):
         title: str = "",
         ax: Any = None,
     ) -> Figure:
-        """Draw the Nyquist plot of one map with N, P, Z: see `nrdob.plots.nyquist_plot`."""
+        """Draw the Nyquist plot of one map with N, P, Z: see `nrdob.plotting.nyquist_plot`."""
+        from .plotting import nyquist_plot
+
         quotient = self._map(which)
         known = {"CGm": self._stability.model_loop, "FH": self._stability.observer_loop}
         verdict = known.get(which) if point == -1 else None
@@ -117,6 +118,8 @@ class NRDOB(LoopEquations):
         axes: Any = None,
     ) -> Figure:
         """Draw Bode diagrams, by default F·H; margins where one open loop is drawn alone."""
+        from .plotting import bode_plot
+
         names = which or ("FH",)
         quotients = [self._map(name) for name in names]
         known = {"CGm": "model_loop", "FH": "observer_loop", "L": "plant_loop"}
@@ -135,13 +138,17 @@ class NRDOB(LoopEquations):
         title: str = "",
         axes: Any = None,
     ) -> Figure:
-        """Draw responses to unit steps of R, d, δ and η: see `nrdob.plots.step_plot`."""
+        """Draw responses to unit steps of R, d, δ and η: see `nrdob.plotting.step_plot`."""
+        from .plotting import step_plot
+
         return step_plot(
             self, signal=signal, compare=compare, timepts=timepts, title=title, axes=axes
         )
 
     def plot_roots(self, *, title: str = "", ax: Any = None) -> Figure:
-        """Draw the roots of p_A and p_B: see `nrdob.plots.roots_plot`."""
+        """Draw the roots of p_A and p_B: see `nrdob.plotting.roots_plot`."""
+        from .plotting import roots_plot
+
         return roots_plot(self, title=title, ax=ax)
 
     def _map(self, name: str) -> Quotient:

@@ -13,10 +13,8 @@ from typing import Any
 import control as ct
 import numpy as np
 
-from .delay import delay
-from .filters import LowPassFilter
+from .diagram import LowPassFilter, Quotient, delay
 from .loop import NRDOB
-from .quotient import Quotient
 
 EXAMPLES = (1, 2, 3, 4)
 """Matched, non-minimum phase, unstable, time delay."""

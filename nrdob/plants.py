@@ -9,7 +9,7 @@ from __future__ import annotations
 import control as ct
 import numpy as np
 
-from .delay import DelayedTransferFunction
+from .diagram import DelayedTransferFunction
 
 __all__ = [
     "heated_air",

@@ -5,10 +5,9 @@ from __future__ import annotations
 import control as ct
 import numpy as np
 
-from .blocks import FloatArray
-from .delay import DelayedTransferFunction
-from .filters import LowPassFilter
+from .diagram import DelayedTransferFunction, LowPassFilter
 from .loop import NRDOB
+from .numerics import FloatArray
 
 
 def random_loop(rng: np.random.Generator, *, delayed: bool = False) -> NRDOB:

@@ -39,6 +39,14 @@ def no_warning_leaks():
 @pytest.fixture(scope="session")
 def settled():
     """Settle claims of the ledger, each at most once in a run, for all that want its entry."""
-    from nrdob.claims import check
+    from nrdob.course.claims import check
 
     return cache(check)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items):
+    """What waits for the built book, the settled ledger or a graded class is slow."""
+    for item in items:
+        if {"site", "ledger_run", "graded"} & set(getattr(item, "fixturenames", ())):
+            item.add_marker(pytest.mark.slow)

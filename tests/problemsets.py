@@ -13,7 +13,7 @@ import matplotlib.pyplot as plt
 import nbformat
 from nbgrader.preprocessors import ClearHiddenTests, ClearSolutions
 
-from nrdob.exercises import PROBLEMS, Points, Problem, score
+from nrdob.course.exercises import PROBLEMS, Points, Problem, score
 
 SOURCE = Path(__file__).resolve().parent.parent / "notebooks" / "exercises" / "source"
 SETS = sorted(SOURCE.glob("*/*.ipynb"))

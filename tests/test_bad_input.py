@@ -10,7 +10,8 @@ import scipy.signal
 import sympy
 
 import nrdob
-from nrdob import LowPassFilter, limits
+from nrdob import LowPassFilter
+from nrdob.design import limits
 
 pytestmark = pytest.mark.usefixtures("no_warning_leaks")
 

@@ -6,8 +6,8 @@ import pytest
 
 import nrdob
 from nrdob import LowPassFilter, delay
-from nrdob.blocks import as_fraction
-from nrdob.quasipoly import count_rhp
+from nrdob.diagram import as_fraction
+from nrdob.numerics import count_rhp
 
 s = ct.tf("s")
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from nrdob import figure
+from nrdob.plotting import figure
 
 LARGE, SMALL = (5.6, 2.85), (2.8, 2.15)
 """Inches of a figure that fills a slide, and of one that shares it with a question."""

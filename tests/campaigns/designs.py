@@ -12,9 +12,9 @@ import numpy as np
 
 import nrdob
 from nrdob import LowPassFilter
-from nrdob.equations import ObserverEquations
-from nrdob.margins import margins
-from nrdob.mismatch import Mismatch
+from nrdob.analysis import margins
+from nrdob.design import Mismatch
+from nrdob.diagram import ObserverEquations
 
 from .plants import plant_and_model
 from .runner import print_tally

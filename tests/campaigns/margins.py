@@ -18,8 +18,8 @@ import flint
 import numpy as np
 
 import nrdob
-from nrdob.margins import Margins
-from nrdob.quotient import Quotient
+from nrdob.analysis import Margins
+from nrdob.diagram import Quotient
 
 from .runner import print_tally
 

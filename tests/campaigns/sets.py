@@ -10,7 +10,7 @@ from collections import Counter
 import numpy as np
 
 import nrdob
-from nrdob.mismatch import Mismatch
+from nrdob.design import Mismatch
 
 from .plants import plant_and_model
 from .runner import print_tally
@@ -38,7 +38,7 @@ def _set(rng: np.random.Generator, label: str) -> str:
     ends = {end for ends in intervals for end in ends if 0 < end < np.inf}
     beside = [end * (1 + side * BESIDE) for end in ends for side in (-1, 1)]
     slow, fast = 1 / mismatch.speeds.min(), 1 / mismatch.speeds.max()
-    floor = nrdob.timeconstants.default_floor(process, model, order)
+    floor = nrdob.design.timeconstants.default_floor(process, model, order)
     scanned = np.geomspace(max(fast / 100, 1.01 * floor), max(slow * 100, 2 * floor), SCANNED)
     for value in [*beside, *scanned.tolist()]:
         if value <= floor * (1 + 2 * BESIDE):

@@ -18,10 +18,8 @@ from typing import NamedTuple
 import numpy as np
 from flint import arb, arb_mat, ctx, fmpq, fmpq_poly
 
-from nrdob.delay import DelayedTransferFunction
-from nrdob.equations import LoopEquations
-from nrdob.filters import LowPassFilter
-from nrdob.response import INPUTS, step_response
+from nrdob.analysis import step_response
+from nrdob.diagram import INPUTS, DelayedTransferFunction, LoopEquations, LowPassFilter
 
 from .runner import asked
 
@@ -134,7 +132,7 @@ def random_case(rng):
         asked = asked[np.minimum(phase, 1 - phase) > 1e-6]
     family = ("lags 1e11 apart" if wide else "lags 1e2 apart") + (", dead time" if delay else "")
     loop = LoopEquations(DelayedTransferFunction((N, D), delay), (Nm, Dm), C, F)
-    return Case(family, loop, str(rng.choice(INPUTS)), times, asked)
+    return Case(family, loop, str(rng.choice(list(INPUTS))), times, asked)
 
 
 def error(case):

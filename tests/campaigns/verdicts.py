@@ -365,7 +365,7 @@ class Case(NamedTuple):
 
     family: str
     blocks: Blocks
-    verdict: nrdob.stability.Stability
+    verdict: nrdob.analysis.stability.Stability
     truth: tuple[int | None, float | None]
     seconds: float
 

@@ -1,0 +1,239 @@
+"""Run every check of the ledger, and write its two pages into the book: ledger and errata.
+
+Nothing is published that was not checked in this run. The exit code is 1, and every reason is
+listed, if a check does not give its verdict, or if ledger and chapters do not fit together: a
+citation of a claim that does not exist, a claim that its own chapter does not cite, a claim whose
+chapter is missing. The pages are written in any case, with what could be settled, so that the
+author of a chapter can look at them.
+
+    python book/make/ledger.py                     write book/ledger.md and book/errata.md
+    python book/make/ledger.py --output FOLDER     write them there
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import nbformat
+
+from nrdob.course.claims import LEDGER, Claim, Entry, Verdict
+from nrdob.course.claims.ledger import settle
+from pages import render, store
+
+ROOT = Path(__file__).resolve().parents[2]
+
+CITED_IN_PROSE = re.compile(r"(?<!`)`claim:([^`\s]+)`(?!`)")
+CITED_IN_CODE = re.compile(r"""\bclaims\.check\(\s*["']([^"']+)["']""")
+HEADING = re.compile(r"#{1,6}\s+(.*?)\s*#*$")
+FENCE = re.compile(r"\s*(?:```|~~~)")
+
+PAGES = ("ledger.md", "errata.md")
+
+PARTS = {
+    "Sections I, II: the loop": "sec1 sec2 eq01 eq02 eq03 eq04 eq05 eq06 fig01",
+    "Section III: stability and robustness": "sec3 eq07 lemma1 lemma2 cor1",
+    "Example 1: the perfect model": "ex1 fig02",
+    "Example 2: the zero on the right": "ex2 eq08 eq09 eq10 fig03 fig04 fig05 fig06 fig07 fig08",
+    "Example 3: the unstable process": "ex3 eq11 eq12 eq13 eq14 eq15 fig09 fig10 fig11 fig12 fig13 "
+    "fig14",
+    "Example 4: the time delay": "ex4 eq16 eq17 fig15a fig15b fig16 fig17 fig18 fig19",
+    "Conclusions: Section V, and the references": "concl ref02",
+}
+"""The parts of the paper, and how the ids of their claims begin, up to the first dot."""
+
+
+@dataclass(frozen=True)
+class Citation:
+    """One mention of a claim in a chapter, with the heading above it."""
+
+    id: str
+    heading: str
+
+
+@dataclass(frozen=True)
+class Chapter:
+    """A notebook as the ledger sees it: its title and the claims it cites, in order."""
+
+    stem: str
+    title: str
+    citations: tuple[Citation, ...]
+
+    def first(self, id: str) -> Citation | None:
+        """Give the first mention of a claim, if there is one."""
+        return next((citation for citation in self.citations if citation.id == id), None)
+
+
+def read_chapter(path: Path) -> Chapter:
+    """Read title and citations of one notebook."""
+    title = heading = ""
+    citations = []
+    for cell in nbformat.read(path, as_version=4).cells:
+        if cell.cell_type == "code":
+            citations += [Citation(id, heading) for id in CITED_IN_CODE.findall(cell.source)]
+            continue
+        for line in prose(cell.source):
+            if match := HEADING.match(line):
+                heading = match.group(1)
+                title = title or heading
+            citations += [Citation(id, heading) for id in CITED_IN_PROSE.findall(line)]
+    return Chapter(path.stem, title or path.stem, tuple(citations))
+
+
+def prose(text: str) -> Iterator[str]:
+    """Give the lines of a Markdown text, fenced code left out."""
+    inside = False
+    for line in text.splitlines():
+        if FENCE.match(line):
+            inside = not inside
+        elif not inside:
+            yield line
+
+
+def read_chapters(folder: Path) -> dict[str, Chapter]:
+    """Read every notebook of a folder, in reading order."""
+    return {path.stem: read_chapter(path) for path in sorted(folder.glob("*.ipynb"))}
+
+
+def settle_all(
+    ledger: Mapping[str, Claim], settle: Callable[[Claim], Entry]
+) -> tuple[list[Entry], list[str]]:
+    """Run every check; give the entries that are settled, and what is wrong with the others."""
+    entries, problems = [], []
+    for id, claim in ledger.items():
+        try:
+            entries.append(settle(claim))
+        except Exception as error:  # whatever a check raises, the other checks are still to run
+            text = str(error) or type(error).__name__
+            problems.append(text if text.startswith(f"{id}:") else f"{id}: the check fails: {text}")
+    return entries, problems
+
+
+def misfits(ledger: Mapping[str, Claim], chapters: Mapping[str, Chapter]) -> list[str]:
+    """Tell where ledger and chapters do not fit together."""
+    unknown = [
+        f"{citation.id}: cited in {chapter.stem}, section {citation.heading!r}, but there is no "
+        "such claim"
+        for chapter in chapters.values()
+        for citation in chapter.citations
+        if citation.id not in ledger
+    ]
+    without_chapter = [
+        f"{claim.id}: belongs to the chapter {claim.chapter}, which does not exist"
+        for claim in ledger.values()
+        if claim.chapter not in chapters
+    ]
+    not_shown = [
+        f"{claim.id}: not cited in its own chapter, {claim.chapter}"
+        for claim in ledger.values()
+        if claim.chapter in chapters and not chapters[claim.chapter].first(claim.id)
+    ]
+    nowhere = [
+        f"{id}: begins like no part of the paper; see PARTS in book/make/ledger.py"
+        for id in ledger
+        if part_of(id) is None
+    ]
+    return unknown + without_chapter + not_shown + nowhere
+
+
+# --- the pages ----------------------------------------------------------------------------------
+
+
+def part_of(id: str) -> str | None:
+    """Name the part of the paper that a claim belongs to."""
+    stem = id.partition(".")[0]
+    return next((part for part, stems in PARTS.items() if stem in stems.split()), None)
+
+
+def by_part(entries: Sequence[Entry]) -> dict[str, list[Entry]]:
+    """Group the entries by part of the paper, in its order."""
+    groups = {
+        part: [entry for entry in entries if part_of(entry.claim.id) == part] for part in PARTS
+    }
+    return {part: members for part, members in groups.items() if members}
+
+
+def count(entries: Sequence[Entry], verdict: Verdict) -> int:
+    """Count the entries with a verdict."""
+    return sum(entry.verdict is verdict for entry in entries)
+
+
+def places(claim: Claim, chapters: Mapping[str, Chapter]) -> str:
+    """Link every chapter that shows a claim, its own first, at the first mention in it."""
+    shown = [chapter for chapter in chapters.values() if chapter.first(claim.id)]
+    shown.sort(key=lambda chapter: chapter.stem != claim.chapter)
+    links = []
+    for chapter in shown:
+        citation = chapter.first(claim.id)
+        assert citation
+        section = f" › {citation.heading}" if citation.heading != chapter.title else ""
+        links.append(f"[{chapter.title}{section}](#shown-{chapter.stem}-{claim.id.lower()})")
+    return "; ".join(links)
+
+
+def page(name: str, entries: Sequence[Entry], chapters: Mapping[str, Chapter]) -> str:
+    """Write the ledger, with every claim, or the errata, with what does not hold as printed."""
+    return render(
+        name,
+        entries=entries,
+        parts=by_part(entries),
+        verdicts=Verdict,
+        count=count,
+        places=lambda claim: places(claim, chapters),
+    )
+
+
+# --- the command line ---------------------------------------------------------------------------
+
+
+def parse(arguments: list[str] | None) -> argparse.Namespace:
+    """Read the command line."""
+    parser = argparse.ArgumentParser(
+        description="Run every check of the ledger and write the pages ledger.md and errata.md."
+    )
+    parser.add_argument(
+        "--output", type=Path, default=ROOT / "book", metavar="FOLDER", help="write them there"
+    )
+    parser.add_argument(
+        "--notebooks",
+        type=Path,
+        default=ROOT / "notebooks",
+        metavar="FOLDER",
+        help="read the chapters there",
+    )
+    return parser.parse_args(arguments)
+
+
+def main(
+    arguments: list[str] | None = None,
+    ledger: Mapping[str, Claim] = LEDGER,
+    settle: Callable[[Claim], Entry] = settle,
+) -> int:
+    """Run the command line; the result is the exit code.
+
+    `settle` may be one that remembers the claims it has settled before, as in the tests.
+    """
+    options = parse(arguments)
+    start = time.perf_counter()
+    chapters = read_chapters(options.notebooks)
+    entries, problems = settle_all(ledger, settle)
+    problems += misfits(ledger, chapters)
+
+    options.output.mkdir(parents=True, exist_ok=True)
+    for name in PAGES:
+        store(page(name, entries, chapters), options.output / name)
+
+    verdicts = ", ".join(f"{count(entries, verdict)} {verdict.value}" for verdict in Verdict)
+    print(f"The ledger: {len(entries)} claims ({verdicts}), {time.perf_counter() - start:.1f} s")
+    if problems:
+        print("The ledger is not in order:", *problems, sep="\n  ", file=sys.stderr)
+    return 1 if problems else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

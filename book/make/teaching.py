@@ -1,0 +1,260 @@
+"""Write the pages of the instructor's pack that are made from the problems and the chapters.
+
+What a program knows comes from it: the problems, their points and typical mistakes, what the
+chapters promise. What only a teacher knows stands in ``book/teaching/problems.toml``: what to ask a
+student, what earns points where somebody reads the answer. The exit code is 1, and every reason is
+listed, if the two do not fit together; the pages are written in any case.
+
+    python book/make/teaching.py                     write the pages into book/teaching
+    python book/make/teaching.py --output FOLDER     write them there
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import nbformat
+
+from nrdob.course.exercises import PROBLEMS, Problem
+from pages import render, store
+
+ROOT = Path(__file__).resolve().parents[2]
+NOTEBOOKS = ROOT / "notebooks"
+TEACHING = ROOT / "book" / "teaching"
+ADVICE = "problems.toml"
+
+GRADED = re.compile(r"(check|written)-(\d+)-(\d+)([a-z]?)")
+TIME = re.compile(r"\*\*Time\*\* (.*?minutes)")
+
+PARTS = {"0": "The examples", "1": "The derivations", "2": "Design"}
+"""The parts of the book, by the first digit of a chapter's name."""
+
+PAGES = ("objectives.md", "mistakes.md", "rubric.md")
+
+
+# --- what there is ------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Chapter:
+    """What a chapter promises."""
+
+    stem: str
+    title: str
+    minutes: int
+    objectives: tuple[str, ...]
+
+    @property
+    def link(self) -> str:
+        return f"[{self.title}](../chapters/{self.stem}.ipynb)"
+
+
+@dataclass(frozen=True)
+class Task:
+    """A graded cell of a set."""
+
+    id: str
+    title: str
+    points: float
+    written: bool
+
+
+@dataclass(frozen=True)
+class ProblemSet:
+    """A notebook of problems."""
+
+    name: str
+    title: str
+    time: str
+    tasks: tuple[Task, ...]
+
+    @property
+    def points(self) -> float:
+        return sum(task.points for task in self.tasks)
+
+
+@dataclass(frozen=True)
+class Advice:
+    """What a teacher knows about a problem.
+
+    `trains` names objectives: the chapter, and how the objective begins.
+    """
+
+    ask: str
+    trains: tuple[tuple[str, str], ...]
+    rubric: tuple[tuple[float, str], ...] = ()
+    wrong: tuple[tuple[str, str], ...] = ()
+
+
+def read_chapter(path: Path) -> Chapter:
+    """Read the first cell of a chapter."""
+    opening = nbformat.read(path, as_version=4).cells[0].source
+    title = opening.partition("\n")[0].lstrip("# ")
+    time = re.search(r"\*\*Time\*\* (\d+) minutes", opening)
+    promised = re.search(r"\*\*You will be able to\*\*(.*?)\*\*You need\*\*", opening, re.DOTALL)
+    lines = promised[1].splitlines() if promised else []
+    objectives = [line.removeprefix("- ").rstrip(";. ") for line in lines if line.startswith("- ")]
+    return Chapter(path.stem, title, int(time[1]) if time else 0, tuple(objectives))
+
+
+def read_chapters(folder: Path = NOTEBOOKS) -> dict[str, Chapter]:
+    """Read every chapter, in reading order."""
+    return {path.stem: read_chapter(path) for path in sorted(folder.glob("*.ipynb"))}
+
+
+def read_set(path: Path) -> ProblemSet:
+    """Read titles, time and points of a set."""
+    cells = nbformat.read(path, as_version=4).cells
+    text = "\n".join(cell.source for cell in cells if cell.cell_type == "markdown")
+    headings = dict(re.findall(r"^## (\d+\.\d+) (.+)$", text, re.MULTILINE))
+    title = re.search(r"^# (.+)$", text, re.MULTILINE)
+    time = TIME.search(text)
+    tasks = []
+    for cell in cells:
+        kind = cell.metadata.get("nbgrader", {})
+        if kind.get("grade") and (name := GRADED.fullmatch(kind["grade_id"])):
+            number = f"{name[2]}.{name[3]}"
+            task = Task(
+                number + name[4], headings.get(number, ""), kind["points"], name[1] == "written"
+            )
+            tasks.append(task)
+    return ProblemSet(
+        path.stem, title[1] if title else path.stem, time[1] if time else "", tuple(tasks)
+    )
+
+
+def read_sets(folder: Path = NOTEBOOKS / "exercises" / "source") -> list[ProblemSet]:
+    """Read every set, in order."""
+    return [read_set(path) for path in sorted(folder.glob("set*/set*.ipynb"))]
+
+
+def read_advice(path: Path = TEACHING / ADVICE) -> dict[str, Advice]:
+    """Read what teachers know."""
+    entries = tomllib.loads(path.read_text("utf-8"))
+    return {id: _advice(entry) for id, entry in entries.items()}
+
+
+def _advice(entry: Mapping[str, Any]) -> Advice:
+    trains = (text.partition(": ") for text in entry["trains"])
+    return Advice(
+        entry["ask"],
+        tuple((stem, begins) for stem, _, begins in trains),
+        tuple((points, text) for points, text in entry.get("rubric", ())),
+        tuple((did, say) for did, say in entry.get("wrong", ())),
+    )
+
+
+@dataclass(frozen=True)
+class Pack:
+    """All that the pages are made from."""
+
+    chapters: Mapping[str, Chapter]
+    sets: Sequence[ProblemSet]
+    advice: Mapping[str, Advice]
+    problems: Mapping[str, Problem]
+
+    @property
+    def tasks(self) -> Iterator[Task]:
+        return (task for each in self.sets for task in each.tasks)
+
+    def objectives_of(self, id: str) -> list[tuple[str, str]]:
+        """Give chapter and objective for all that a problem trains, as far as they exist."""
+        advice = self.advice.get(id)
+        return [
+            (stem, objective)
+            for stem, begins in (advice.trains if advice else ())
+            if stem in self.chapters
+            for objective in self.chapters[stem].objectives
+            if objective.startswith(begins)
+        ]
+
+    def misfits(self) -> list[str]:
+        """Tell where problems, chapters and advice do not fit together."""
+        tasks = {task.id: task for task in self.tasks}
+        written = {id: task for id, task in tasks.items() if task.written}
+        told = [f"{id}: posed in no set" for id in self.problems if id not in tasks]
+        told += [f"{id}: not in {ADVICE}" for id in tasks if id not in self.advice]
+        told += [f"{id}: in {ADVICE}, and no such problem" for id in self.advice if id not in tasks]
+        for id, advice in self.advice.items():
+            for stem, begins in advice.trains:
+                chapter = self.chapters.get(stem)
+                found = [o for o in chapter.objectives if o.startswith(begins)] if chapter else []
+                if len(found) != 1:
+                    told.append(f"{id}: {stem} has {len(found)} objectives that begin {begins!r}")
+        for id, task in written.items():
+            if sum(points for points, _ in self.rubric_of(task)) != task.points:
+                told.append(f"{id}: the rubric does not give the {task.points:g} points of the set")
+        return told
+
+    # What the pages ask for.
+
+    @property
+    def parts(self) -> dict[str, list[Chapter]]:
+        """The chapters of each part of the book."""
+        return {
+            part: [chapter for stem, chapter in self.chapters.items() if stem.startswith(digit)]
+            for digit, part in PARTS.items()
+        }
+
+    def problems_for(self, stem: str, objective: str) -> list[str]:
+        """Name the problems that practise an objective of a chapter."""
+        return [task.id for task in self.tasks if (stem, objective) in self.objectives_of(task.id)]
+
+    def chapters_of(self, task: Task) -> list[Chapter]:
+        """Give the chapters that a problem belongs to."""
+        stems = dict.fromkeys(stem for stem, _ in self.objectives_of(task.id))
+        return [self.chapters[stem] for stem in stems]
+
+    def kind_of(self, task: Task) -> str:
+        """Tell how a problem is judged."""
+        if task.written:
+            return "by hand"
+        own = task.id in self.problems and self.problems[task.id].own
+        return "checked, own plant" if own else "checked"
+
+    def rubric_of(self, task: Task) -> tuple[tuple[float, str], ...]:
+        """Give what earns points in a written answer."""
+        return self.advice[task.id].rubric if task.id in self.advice else ()
+
+
+def read_pack() -> Pack:
+    """Read everything where it is."""
+    return Pack(read_chapters(), read_sets(), read_advice(), PROBLEMS)
+
+
+# --- the command line ---------------------------------------------------------------------------
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command line; the result is the exit code."""
+    parser = argparse.ArgumentParser(
+        description="Write the generated pages of the instructor's pack: " + ", ".join(PAGES)
+    )
+    parser.add_argument(
+        "--output", type=Path, default=TEACHING, metavar="FOLDER", help="write them there"
+    )
+    folder = parser.parse_args(arguments).output
+    pack = read_pack()
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in PAGES:
+        store(render(name, pack=pack), folder / name)
+    mistakes = sum(len(problem.misconceptions) for problem in pack.problems.values())
+    print(
+        f"The instructor's pack: {len(pack.sets)} sets, {sum(1 for _ in pack.tasks)} problems, "
+        f"{mistakes} mistakes with what to say"
+    )
+    if misfits := pack.misfits():
+        print("The instructor's pack is not in order:", *misfits, sep="\n  ", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,29 @@
+"""What the loop does: its stability, its margins, its responses, the power of its noise."""
+
+from .frequencies import on_axis, resolved_frequencies, subdivided
+from .margins import LoopMargins, Margins, loop_margins, margin_bounds, margins
+from .nyquist import NyquistCount, encirclements, minus_point, rhp_roots
+from .response import forced_response, step_response
+from .stability import LoopStability, Stability, judge, judge_observer, stability
+
+__all__ = [
+    "LoopMargins",
+    "LoopStability",
+    "Margins",
+    "NyquistCount",
+    "Stability",
+    "encirclements",
+    "forced_response",
+    "judge",
+    "judge_observer",
+    "loop_margins",
+    "margin_bounds",
+    "margins",
+    "minus_point",
+    "on_axis",
+    "resolved_frequencies",
+    "rhp_roots",
+    "stability",
+    "step_response",
+    "subdivided",
+]

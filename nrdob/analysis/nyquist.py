@@ -1,0 +1,129 @@
+"""Encirclements that can be trusted: the Nyquist criterion counted with a certificate.
+
+For a loop L = num/den the function 1 + L is p/den with p = num + den, so its turns around 0 are the
+turns of p minus those of den. Both are counted without a plot: the argument of p and that of every
+factor of den are followed along the axis in certified steps (`nrdob.numerics.argument`). That is N;
+P comes from the coefficients or roots of the factors alone, and Z = N + P. Poles on the axis, of
+any multiplicity, are left of the contour, which passes them on the right; the arcs at infinity of
+improper loops are contained in the degrees. Conventions are those of `control.nyquist_response`:
+encirclements N are positive clockwise, and Z = N + P.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from math import inf
+
+import numpy as np
+
+from ..diagram import Quotient
+from ..numerics import QuasiPolynomial, RootCount, add, count_rhp
+
+
+@dataclass(frozen=True)
+class NyquistCount:
+    """Encirclements and what they mean, Z = N + P.
+
+    Attributes
+    ----------
+    encirclements : float or None
+        N, clockwise positive; None where the curve meets the point, infinite where it circles the
+        point for ever.
+    open_loop_rhp : float
+        P, poles in the open right half plane, counted before any cancellation.
+    closed_loop_rhp : float or None
+        Z, zeros of L - point in the open right half plane.
+    reason : str
+        Why a number is missing, or why Z is not N + P.
+    """
+
+    encirclements: float | None
+    open_loop_rhp: float
+    closed_loop_rhp: float | None
+    reason: str = ""
+
+
+def nyquist_count(
+    open_loop: Iterable[QuasiPolynomial], closed_loop: QuasiPolynomial
+) -> NyquistCount:
+    """Count encirclements from the factors of den and the closed-loop function p.
+
+    Parameters
+    ----------
+    open_loop : iterable of QuasiPolynomial
+        Factors of the open-loop denominator.
+    closed_loop : QuasiPolynomial
+        p = num - point * den.
+    """
+    factors = tuple(open_loop)
+    poles = sum(rhp_roots(factor) for factor in factors)
+    zeros = count_rhp(closed_loop)
+    if closed_loop.zeros_at_origin:
+        zeros = RootCount(None, "the curve passes through the point at zero frequency")
+    if zeros.count is None:
+        return NyquistCount(None, poles, None, zeros.reason)
+    if closed_loop.delay and not closed_loop.q.any():
+        reason = "the curve turns for ever, so Z is counted without it: Z = N + P needs a limit"
+        return NyquistCount(inf, poles, zeros.count, reason)
+    if poles == inf:
+        return NyquistCount(
+            None, poles, None, "the open loop has infinitely many poles on the right"
+        )
+    # Each count is one of turns, of 1 + L's numerator and of its denominator around 0, ω from -∞
+    # to ∞ and back on the large arc; what the denominator has on the axis is passed on the right.
+    turns = zeros.count - sum(count_rhp(factor).at_least for factor in factors)
+    return NyquistCount(turns, poles, turns + poles)
+
+
+def encirclements(loop: Quotient, point: float = -1.0) -> NyquistCount:
+    """Count the turns of a Nyquist plot around a point of the real axis.
+
+    Parameters
+    ----------
+    loop : Quotient
+        Any map of the loop, with or without delay, proper or not.
+    point : float
+        The point to encircle: -1 for a loop gain, +1 for the paper's G̃⁻¹G.
+
+    Examples
+    --------
+    >>> import control as ct
+    >>> from nrdob import NRDOB, LowPassFilter
+    >>> s = ct.tf('s')
+    >>> C, F = -1.8*(0.5*s + 1)/s, LowPassFilter(0.05, 2)
+    >>> loop = NRDOB(4/(2 - s - s**2), -1/(s**2 + 3*s + 2), C, F)
+    >>> encirclements(loop.H)
+    NyquistCount(encirclements=-1, open_loop_rhp=1, closed_loop_rhp=0, reason='')
+    """
+    closed = minus_point(loop, point)
+    found = nyquist_count(loop.den, closed)
+    full = max(loop.numerator.degree, loop.denominator.degree)
+    if found.reason or closed.delay or closed.degree == full:
+        return found
+    # The leading terms cancel, or all do: what is left is counted, but the plot does not turn.
+    where = "ends at the point at infinite frequency" if closed.q.any() else "stays at the point"
+    zeros = found.closed_loop_rhp if closed.q.any() else None
+    return NyquistCount(None, found.open_loop_rhp, zeros, f"the curve {where}")
+
+
+def minus_point(loop: Quotient, point: float = -1.0) -> QuasiPolynomial:
+    """Numerator of L - point, that is num - point * den."""
+    num, den = loop.numerator, loop.denominator
+    return QuasiPolynomial(
+        add(num.q, -point * den.q),
+        add(num.r, -point * den.r),
+        max(num.delay, den.delay),
+        add(num.scale, abs(point) * den.scale),
+    )
+
+
+def rhp_roots(factor: QuasiPolynomial) -> float:
+    """Roots of one factor in the open right half plane; roots on the axis do not count."""
+    if factor.finite_part.neutral_ratio >= 1:
+        return inf
+    count = None if factor.turn.touched else factor.rhp_in_whole_numbers
+    if count is None:
+        roots = factor.without_origin.roots
+        count = int(np.sum((roots.real > 0) & ~factor.near_axis(roots)))
+    return count

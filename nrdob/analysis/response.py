@@ -1,0 +1,457 @@
+r"""Time responses of the NR-DOB loop, exact with dead time.
+
+The loop is kept as the blocks that run it: the process rational part G0, the observer with its two
+inputs u and y + η, and, for a reference, the prefilter to which the model loop collapses because
+E/R = 1/(1 + Gm C)::
+
+    y = G0 z + d       u = (Nc Dm/p_A) R + F u - (F/Gm)(y + η)       v = u + δ       z(t) = v(t - θ)
+
+One signal v is delayed, everything else is rational. Without dead time y and u are rational, too,
+and their factors are taken apart by time scale before anything is simulated
+(`nrdob.numerics.timescales`). With dead time z is known on every interval of length θ from the
+interval before (`nrdob.analysis.steps`). Where marching loses digits two more ways are at hand. The
+first few echoes can be summed up one by one. And where a window spans so many dead times that the
+rounding of each adds up, a rational stands in for the dead time once its first echoes are over;
+there, and nowhere else, and only where one of another order gives the same ten digits.
+
+Every response is computed twice, in two units of time. Where rounding makes the ninth digit differ
+it is refused: there is no such thing here as a response that is only nearly right.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import reduce
+from math import factorial, inf
+
+import control as ct
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.signal import fftconvolve
+
+from ..diagram import INPUTS, LoopEquations, Quotient
+from ..numerics import Block, FloatArray, add, impulse_states, split
+from .steps import MAX_DELAYS, delayed_response
+from .window import POINTS, default_response
+
+OUTPUTS = ("y", "u")
+
+_DIRECT_CONVOLUTION = 10_000
+
+_UNITS = 1.0, 3.0  # of time, in which coefficients are rounded differently
+_AGREEMENT = 1e-10  # of the size of a signal: what may hang on rounding
+_TRACE = 1e-6  # of the jump at t = 0, against which what has died out is measured
+_GRID = 32  # times at which each response is looked at, besides some of those asked for
+_SPOT_CHECKS = 9
+_FIRST_ECHOES = 2  # delays in which the echoes are summed one by one, which is exact
+_ECHOES = 8  # delays at most whose echoes are summed one by one
+_FEW_DELAYS = 20_000  # through which rounding does not add up
+_STARTING = 60  # delays, after which a short one is smooth enough to be replaced by a rational
+_ORDERS = 9, 7  # of the rational that replaces it, and of the one it is checked against
+
+
+def step_response(
+    loop: LoopEquations, input: str, timepts: ArrayLike | None = None
+) -> ct.TimeResponseData:
+    r"""Response of y and u to a unit step at t = 0, all signals zero before.
+
+    Parameters
+    ----------
+    loop : LoopEquations
+        The loop, stable or not.
+    input : {"R", "d", "delta", "eta"}
+        Where the step enters: reference, output disturbance, input disturbance or noise.
+    timepts : (N,) array_like or float, optional
+        Increasing times from 0 on, in seconds; evenly spaced ones are fastest. A number is the
+        last of 1,001 times. By default 1,001 until y and u have settled, or over a few
+        e-foldings of an unstable loop; fewer seconds where that cannot be computed.
+
+    Returns
+    -------
+    control.TimeResponseData
+        `time` (N,), `inputs` (1, 1, N) and `outputs` (2, 1, N) as `control.step_response` shapes
+        them for one input and two outputs: `outputs[0, 0]` is y, `outputs[1, 0]` is u. As in
+        eq. (7), u is the controller output for R, d and eta, and the plant input u + δ for delta.
+        Where a signal jumps, its value is the one just after the jump; once an unstable loop
+        has left the floating-point range, it is nan.
+
+    Raises
+    ------
+    ValueError
+        If `input` is none of the four, `timepts` is not increasing from 0 or later, or the loop
+        is ill-posed.
+    ArithmeticError
+        If nine digits of the largest value since t = 0 cannot be had, or not within some seconds;
+        the message says why.
+
+    Examples
+    --------
+    >>> import control as ct
+    >>> from nrdob.diagram import delay
+    >>> from nrdob.diagram import LowPassFilter
+    >>> Gm = ct.tf([1], [1, 1])
+    >>> loop = LoopEquations(delay(1.0) * Gm, Gm, 1.0, LowPassFilter(2.0, 1))
+    >>> y, u = step_response(loop, "d", [0.0, 0.5, 1.0]).outputs[:, 0]
+    >>> y.round(6).tolist(), u.round(6).tolist()
+    ([1.0, 1.0, 1.0], [-0.5, -0.75, -1.0])
+    """
+    _check(loop, input)
+    if timepts is None:
+        times, outputs = default_response(loop, input, lambda times: _response(loop, input, times))
+    else:
+        times = _checked_times(timepts)
+        outputs = _response(loop, input, times)
+    return ct.TimeResponseData(
+        times,
+        outputs[:, np.newaxis],
+        inputs=np.ones((1, 1, times.size)),
+        issiso=False,
+        output_labels=list(OUTPUTS),
+        input_labels=[input],
+        title=f"Step response to {input}",
+        trace_labels=[f"From {input}"],
+        trace_types=["step"],
+        plot_inputs=False,
+    )
+
+
+def forced_response(
+    loop: LoopEquations, input: str, timepts: ArrayLike, inputs: ArrayLike
+) -> ct.TimeResponseData:
+    """Response of y and u to a sampled input, piecewise linear between its samples.
+
+    Parameters
+    ----------
+    loop : LoopEquations
+        The loop, stable or not.
+    input : {"R", "d", "delta", "eta"}
+        Where the signal enters, see `step_response`.
+    timepts : (N,) array_like
+        Evenly spaced times from 0 on, N >= 2, in seconds.
+    inputs : (N,) array_like
+        The signal at these times; zero before, so that it may jump at t = 0.
+
+    Returns
+    -------
+    control.TimeResponseData
+        `time` (N,), `inputs` (1, N) and `outputs` (2, N) with rows y and u, as
+        `control.forced_response` shapes them.
+
+    Raises
+    ------
+    ValueError, ArithmeticError
+        As `step_response`; or if `timepts` is not evenly spaced from 0, or `inputs` does not
+        hold one finite number for each time.
+
+    Examples
+    --------
+    >>> import control as ct
+    >>> from nrdob.diagram import LowPassFilter
+    >>> G = ct.tf([1], [1, 1])
+    >>> loop = LoopEquations(G, G, 1.0, LowPassFilter(1.0, 1))
+    >>> response = forced_response(loop, "R", [0.0, 1.0, 2.0], [0.0, 1.0, 2.0])
+    >>> response.outputs[0].round(6).tolist()          # T_R = 1/(s + 2)
+    [0.0, 0.283834, 0.754579]
+    """
+    _check(loop, input)
+    times, signal = _checked_times(timepts), np.asarray(inputs, dtype=float)
+    step = _even_step(times)
+    if step is None or times[0] != 0:
+        raise ValueError("timepts must be evenly spaced from 0, two or more: np.linspace(0, …)")
+    if signal.shape != times.shape or not np.isfinite(signal).all():
+        raise ValueError(
+            f"inputs has shape {signal.shape}; it needs one finite number for each of the "
+            f"{times.size} timepts"
+        )
+    unit, ramp = (_response(loop, input, times, integrals) for integrals in (1, 2))
+    # The input is a sum of hats, one around each sample; the first is cut in half at t = 0.
+    # Hat responses die out where ramp responses grow, so that long records lose no digits.
+    rise = np.diff(ramp, axis=1, prepend=0.0) / step
+    hat = np.diff(rise, axis=1, append=0.0)[:, :-1]
+    outputs = signal[0] * (unit - rise)
+    for row, pulse in zip(outputs, hat, strict=True):
+        row[1:] += _convolve(signal[1:], pulse)
+    return ct.TimeResponseData(
+        times,
+        outputs,
+        inputs=signal[np.newaxis],
+        issiso=False,
+        output_labels=list(OUTPUTS),
+        input_labels=[input],
+        title=f"Forced response to {input}",
+    )
+
+
+def _check(loop: LoopEquations, input: str) -> None:
+    if input not in INPUTS:
+        raise ValueError(f"input is {input!r}; it must be one of {', '.join(map(repr, INPUTS))}")
+    if loop.ill_posed:
+        raise ValueError(f"no time response: {loop.ill_posed}")
+
+
+def _checked_times(timepts: ArrayLike) -> FloatArray:
+    try:
+        times = np.asarray(timepts, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise TypeError(
+            f"timepts is {timepts!r}; give times in seconds, or the last one"
+        ) from error
+    if times.ndim == 0:
+        times = np.linspace(0.0, float(times), POINTS) if 0 < times < inf else np.full(2, np.nan)
+    if times.ndim != 1 or times.size == 0:
+        raise ValueError(f"timepts has shape {times.shape}; it must be a non-empty 1-D array")
+    if not (np.isfinite(times).all() and times[0] >= 0 and (np.diff(times) > 0).all()):
+        raise ValueError("timepts must be finite and increasing from 0 or later, in seconds")
+    return times
+
+
+def _even_step(times: FloatArray) -> float | None:
+    """Return the spacing of `times`, or None if they are not evenly spaced."""
+    if times.size < 2:
+        return None
+    step = float(times[-1] - times[0]) / (times.size - 1)
+    deviation = np.abs(times - times[0] - step * np.arange(times.size)).max()
+    return step if deviation <= 1e-8 * step else None
+
+
+def _convolve(signal: FloatArray, pulse: FloatArray) -> FloatArray:
+    # Direct sums are causal to the last digit; the FFT is for records too long for them.
+    convolve = np.convolve if signal.size <= _DIRECT_CONVOLUTION else fftconvolve
+    return np.asarray(convolve(signal, pulse)[: signal.size])
+
+
+# A step is one integral of an impulse, a ramp is two.
+
+# Numerators to y and to v, and their common denominator.
+Rational = tuple[Sequence[FloatArray], FloatArray]
+
+# Gives y and u, shape (2, N), at two sets of times.
+Solver = Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
+
+
+def _response(loop: LoopEquations, input: str, times: FloatArray, integrals: int = 1) -> FloatArray:
+    """Return y and u at `times`, shape (2, N), or refuse where nine digits cannot be had.
+
+    Everything is computed a second time in another unit of time, in which every coefficient is
+    rounded differently. Digits that hang on this are neither in the data nor in the result.
+    """
+    horizon = float(times[-1])
+    grid = horizon * np.arange(1, _GRID + 1) / _GRID
+    asked = np.unique(np.linspace(0, times.size - 1, _SPOT_CHECKS).astype(int))
+    reason = ""
+    for way in _ways(loop, horizon):
+        try:
+            with np.errstate(all="ignore"):
+                outputs, seen = way(loop, input, horizon, integrals, 0)(times, grid)
+                pair = way(loop, input, horizon, integrals, 1)(times[asked], grid)
+        except (ValueError, ArithmeticError) as refusal:
+            reason = reason or str(refusal)
+            continue
+        _put_jumps(outputs, times, loop, input, integrals)
+        _put_jumps(pair[0], times[asked], loop, input, integrals)
+        found, again = np.hstack([outputs[:, asked], seen]), np.hstack(pair)
+        jumps = np.abs([quotient.at_infinity[0] for quotient in _maps(loop, input)])
+        size = np.maximum(_largest(np.hstack([outputs, seen])), _TRACE * np.minimum(jumps, 1.0))
+        if (_largest(found - again) <= _AGREEMENT * size).all():
+            outputs[~np.isfinite(outputs)] = np.nan
+            return outputs
+        reason = reason or _undecided(input, horizon)
+    raise ArithmeticError(reason)
+
+
+def _undecided(input: str, horizon: float) -> str:
+    return (
+        f"the response to {input} over {horizon:g} s cannot be given to nine digits: they hang on "
+        "the last digits of the coefficients, as a mode turns or grows too often in this time or "
+        "nearly cancels; shorten timepts, or give blocks without what cancels"
+    )
+
+
+def _ways(loop: LoopEquations, horizon: float) -> tuple[Callable[..., Solver], ...]:
+    """Ways to compute a response, in the order in which they are tried."""
+    if not loop.delay:
+        return (_rational,)
+    if horizon > MAX_DELAYS * loop.delay:
+        return (_short_delay,)
+    if horizon > _FEW_DELAYS * loop.delay:
+        return _marching, _short_delay
+    if horizon < _FIRST_ECHOES * loop.delay:
+        return _echoes, _marching
+    return (_marching, _echoes) if horizon < _ECHOES * loop.delay else (_marching,)
+
+
+def _largest(signals: FloatArray) -> FloatArray:
+    """Largest size of y and of u; what has left the floating-point range does not count."""
+    finite = np.isfinite(signals)
+    return np.asarray(np.abs(np.where(finite, signals, 0.0)).max(axis=1))
+
+
+def _put_jumps(
+    outputs: FloatArray, times: FloatArray, loop: LoopEquations, input: str, integrals: int
+) -> None:
+    """Put in the values at t = 0, just after the jump, which the leading coefficients give."""
+    for row, quotient in zip(outputs, _maps(loop, input), strict=True):
+        row[times == 0] = quotient.at_infinity[0] if integrals == 1 else 0.0
+
+
+def _maps(loop: LoopEquations, input: str) -> tuple[Quotient, Quotient]:
+    """Return the maps from `input` to y and to u."""
+    return {
+        "R": lambda: (loop.T_R, loop.U_R),
+        "d": lambda: (loop.S_d, loop.U_d),
+        "delta": lambda: (loop.S_delta, loop.U_delta),
+        "eta": lambda: (loop.S_eta, loop.U_eta),
+    }[input]()
+
+
+def _rational(
+    loop: LoopEquations, input: str, horizon: float, integrals: int, attempt: int
+) -> Solver:
+    """Without dead time both signals are sums of exponentials."""
+    maps = _maps(loop, input)
+    terms = [([m.numerator.q for m in maps], maps[0].denominator.q)]
+    return _shifted(terms, 0.0, horizon, integrals, attempt)
+
+
+def _echoes(
+    loop: LoopEquations, input: str, horizon: float, integrals: int, attempt: int
+) -> Solver:
+    r"""Sum up what has come around the loop k times, each a rational transform.
+
+    ``(a + b E)/(q + r E) = a/q + sum of (-r)^(k-1) (b q - a r)/q^(k+1) E^k`` with E = exp(-θs).
+    Their degree grows, but nothing has to cancel on the way through a plant after a filter so fast
+    that the input of the plant is next to an impulse and all its derivatives.
+    """
+    maps = _maps(loop, input)
+    q, r = loop.p_B.q, loop.p_B.r
+    rest = loop.p_A.q if input == "R" else np.ones(1)
+    ends = [(m.numerator.q, m.numerator.r) for m in maps]
+    terms = [([a for a, _ in ends], np.convolve(rest, q))]
+    nums = [add(np.convolve(b, q), -np.convolve(a, r)) for a, b in ends]
+    for _ in range(int(horizon / loop.delay + 1e-9)):
+        terms.append((nums, np.convolve(terms[-1][1], q)))
+        nums = [-np.convolve(num, r) for num in nums]
+    return _shifted(terms, loop.delay, horizon, integrals, attempt)
+
+
+def _shifted(
+    terms: Sequence[Rational], delay: float, horizon: float, integrals: int, attempt: int
+) -> Solver:
+    """Sum up transforms, the k-th one delayed by k times `delay`."""
+    unit = _UNITS[attempt]
+    late = [
+        _impulses(_in_blocks(_forced(*term, integrals), horizon - k * delay, unit), unit)
+        for k, term in enumerate(terms)
+    ]
+
+    def solve(times: FloatArray) -> FloatArray:
+        outputs = np.zeros((2, times.size))
+        for k, blocks in enumerate(late):
+            # A time that only rounding puts before a multiple of the delay is meant to be on it.
+            since = times - k * delay
+            begun = since >= -1e-9 * delay
+            since = np.maximum(since[begun], 0.0)
+            if since.size:
+                step = _even_step(since)
+                for block in blocks:
+                    states = impulse_states(block, since * unit, step and step * unit)
+                    outputs[:, begun] += block.C @ states
+        return outputs
+
+    return lambda times, grid: (solve(times), solve(grid))
+
+
+def _marching(
+    loop: LoopEquations, input: str, horizon: float, integrals: int, attempt: int
+) -> Solver:
+    """Dead time by dead time, see `nrdob.analysis.steps`."""
+    unit = _UNITS[attempt]
+    driven = _in_blocks(_around_the_delay(loop), horizon, unit)
+    before = _forced(*_before_the_delay(loop, input), integrals)
+    free = _impulses(_in_blocks(before, horizon, unit), unit)
+
+    def march(times: FloatArray, grid: FloatArray) -> tuple[FloatArray, FloatArray]:
+        union, which = np.unique(np.concatenate([times, grid]), return_inverse=True)
+        outputs = delayed_response(driven, free, loop.delay * unit, union * unit)[:, which]
+        return outputs[:, : times.size], outputs[:, times.size :]
+
+    return march
+
+
+def _short_delay(
+    loop: LoopEquations, input: str, horizon: float, integrals: int, attempt: int
+) -> Solver:
+    """Replace the dead time by a rational once the first few of them are over.
+
+    What is then left of the loop is far slower than its dead time; where it is not, two rationals
+    of different order do not agree.
+    """
+    numbers = _pade(_ORDERS[attempt], loop.delay)
+    G = loop.fractions.G
+    rational = replace(
+        loop, process=(np.convolve(G.num, numbers[0]), np.convolve(G.den, numbers[1]))
+    )
+    start = _STARTING * loop.delay
+    early = _marching(loop, input, start, integrals, attempt)
+    late = _rational(rational, input, horizon, integrals, attempt)
+
+    def solve(times: FloatArray, grid: FloatArray) -> tuple[FloatArray, FloatArray]:
+        outputs, seen = late(times, grid)
+        first = times <= start
+        if first.any():
+            outputs[:, first] = early(times[first], times[:0])[0]
+        return outputs, seen
+
+    return solve
+
+
+def _pade(order: int, delay: float) -> tuple[FloatArray, FloatArray]:
+    """Numerator and denominator of the diagonal Padé approximant of exp(-delay·s)."""
+    k = np.arange(order, -1, -1)
+    den = np.array([
+        factorial(2 * order - i) * factorial(order)
+        / (factorial(2 * order) * factorial(i) * factorial(order - i))
+        * delay**i
+        for i in k.tolist()
+    ])  # fmt: skip
+    return den * (-1.0) ** k, den
+
+
+def _around_the_delay(loop: LoopEquations) -> Rational:
+    """Return what z does: y = G0 z and v = -K G0 z with K = F/((1 - F) Gm)."""
+    G, Gm, _, F = loop.fractions
+    num, den = np.convolve(F.num, Gm.den), np.convolve(loop.one_minus_F.q, Gm.num)
+    return (np.convolve(G.num, den), -np.convolve(G.num, num)), np.convolve(G.den, den)
+
+
+def _before_the_delay(loop: LoopEquations, input: str) -> Rational:
+    """Return what the input does to y and v before anything has come around."""
+    _, Gm, C, F = loop.fractions
+    nothing, one = np.zeros(1), np.ones(1)
+    if input == "delta":
+        return (nothing, one), one
+    if input == "R":
+        prefilter = reduce(np.convolve, (C.num, Gm.den, F.den))
+        return (nothing, prefilter), np.convolve(loop.p_A.q, loop.one_minus_F.q)
+    num, den = np.convolve(F.num, Gm.den), np.convolve(loop.one_minus_F.q, Gm.num)
+    return (den if input == "d" else nothing, -num), den
+
+
+def _forced(nums: Sequence[FloatArray], den: FloatArray, integrals: int) -> Rational:
+    return nums, np.append(den, np.zeros(integrals))
+
+
+def _in_blocks(rational: Rational, horizon: float, unit: float) -> list[Block]:
+    """Split by time scale, with time in units of 1/unit seconds."""
+    nums, den = rational
+    return split([_in_unit(num, unit) for num in nums], _in_unit(den, unit), horizon * unit)
+
+
+def _impulses(blocks: Sequence[Block], unit: float) -> list[Block]:
+    """Scale what an impulse sets off: one of a second is shorter or longer in another unit."""
+    return [replace(block, B=unit * block.B) for block in blocks]
+
+
+def _in_unit(coefficients: FloatArray, unit: float) -> FloatArray:
+    return coefficients * unit ** np.arange(coefficients.size - 1, -1, -1.0)

@@ -1,0 +1,369 @@
+"""Lemma 1, corrected: the loop is stable if and only if p_A and p_B have all roots on the left.
+
+Each condition is judged twice, before any cancellation: by the turns of 1 + L around 0 with the
+poles of L, Z = N + P, and by a count that follows no curve. That is one of the roots themselves;
+where they cannot all be computed to be trusted, it is Routh and Hurwitz's test in whole numbers or,
+with a long dead time, Walton and Marshall's count. A verdict is given only where the two agree;
+otherwise it is None, with the reason.
+"""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from html import escape
+from math import inf, nan
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..diagram import LoopEquations, ObserverEquations
+from ..numerics import BoolArray, ComplexArray, QuasiPolynomial, count_rhp, written
+from .nyquist import NyquistCount, nyquist_count
+
+AT_ORIGIN = "a root at s = 0 exactly"
+
+TURNS = "encirclements"
+ROOTS = "roots"
+CROSSINGS = "Walton and Marshall's count"
+WHOLE_NUMBERS = "Routh and Hurwitz's test in whole numbers"
+"""The ways in which roots are counted."""
+
+
+@dataclass(frozen=True)
+class LoopStability:
+    """Evidence for one condition of Lemma 1.
+
+    Attributes
+    ----------
+    name : str
+        Which loop: "C Gm (i)" or "F H (ii)".
+    stable : bool or None
+        All roots in the open left half plane; None if that cannot be told.
+    reason : str
+        Why, in words.
+    encirclements : float or None
+        N, clockwise encirclements of -1 (as in control's `count`).
+    open_loop_rhp : float
+        P, open-loop poles in the right half plane, before cancellation.
+    closed_loop_rhp : float or None
+        Z, roots of the characteristic function in the right half plane.
+    rightmost : complex
+        Root with the largest real part (the one with positive imaginary part of a pair), rad/s;
+        nan if there is none, or if it is not known.
+    roots : array of complex
+        Roots, rightmost first: all of them, or with a delay the rightmost ones (see
+        `nrdob.numerics.quasipoly.QuasiPolynomial.roots`).
+    kind : str
+        "rational", "retarded", "neutral" or "advanced".
+    ways : tuple of str
+        The two ways in which Z was found; empty where the coefficients alone decide, or nothing
+        does.
+    """
+
+    name: str
+    stable: bool | None
+    reason: str
+    encirclements: float | None
+    open_loop_rhp: float
+    closed_loop_rhp: float | None
+    rightmost: complex
+    kind: str
+    roots: ComplexArray = field(repr=False, compare=False)
+    ways: tuple[str, ...] = ()
+
+    def __bool__(self) -> bool:
+        """Whether the condition holds; ValueError if that cannot be told."""
+        return _known(self.stable, self.reason)
+
+
+@dataclass(frozen=True, repr=False)
+class Stability:
+    """The verdict on an NR-DOB loop; prints its evidence as a table.
+
+    Attributes
+    ----------
+    stable : bool or None
+        Whether the loop is internally stable; None if that cannot be told.
+    reason : str
+        Why, in words.
+    model_loop, observer_loop : LoopStability
+        Conditions i (C·Gm) and ii (F·H) of Lemma 1.
+    """
+
+    stable: bool | None
+    reason: str
+    model_loop: LoopStability
+    observer_loop: LoopStability
+
+    def __bool__(self) -> bool:
+        """Whether the loop is stable; ValueError if that cannot be told."""
+        return _known(self.stable, self.reason)
+
+    @property
+    def _verdict(self) -> str:
+        return {True: "stable", False: "NOT stable", None: "not decided"}[self.stable]
+
+    @property
+    def _rows(self) -> list[list[str]]:
+        return [
+            [
+                part.name,
+                _count(part.encirclements),
+                _count(part.open_loop_rhp),
+                _count(part.closed_loop_rhp),
+                _rightmost(part),
+            ]
+            for part in (self.model_loop, self.observer_loop)
+        ]
+
+    def __repr__(self) -> str:
+        rows = [["", "N", "P", "Z", "rightmost root"], *self._rows]
+        wide = [max(5, 1 + max(len(row[k]) for row in rows)) for k in (1, 2, 3)]
+        table = [
+            f"{name:12}{n:>{wide[0]}}{p:>{wide[1]}}{z:>{wide[2]}}   {root}"
+            for name, n, p, z, root in rows
+        ]
+        reason = textwrap.wrap(self.reason, 95, subsequent_indent="  ")
+        return "\n".join([f"NR-DOB loop: {self._verdict}", *table, *reason])
+
+    def _repr_html_(self) -> str:
+        def row(tag: str, cells: Iterable[str]) -> str:
+            # Notebook and book style tables differently; the numbers must stand apart in both.
+            style = 'style="padding: 0.2em 0.9em; text-align: right"'
+            return "<tr>" + "".join(f"<{tag} {style}>{cell}</{tag}>" for cell in cells) + "</tr>"
+
+        head = row("th", ("", "N", "P", "Z", "rightmost root"))
+        cells = ([escape(cell).replace("-", "−") for cell in found] for found in self._rows)
+        body = "".join(row("td", found) for found in cells)
+        return (
+            f"<p>NR-DOB loop: <strong>{self._verdict}</strong></p>"
+            f"<table><thead>{head}</thead><tbody>{body}</tbody></table>"
+            f"<p>{escape(self.reason)}</p>"
+        )
+
+
+def stability(loop: LoopEquations) -> Stability:
+    """Judge internal stability by Lemma 1.
+
+    Parameters
+    ----------
+    loop : LoopEquations
+        The four blocks, with or without dead time in the process.
+
+    Returns
+    -------
+    Stability
+        The verdict with its evidence, which prints as a table.
+    """
+    model_loop = judge("C Gm (i)", loop.CGm.den, loop.p_A, loop.ill_posed_model_loop)
+    observer_loop = observer_stability(loop)
+    both = (model_loop, observer_loop)
+    for verdict in (False, None):
+        failing = [f"{part.name}: {part.reason}" for part in both if part.stable is verdict]
+        if failing:
+            return Stability(verdict, "; ".join(failing), model_loop, observer_loop)
+    reason = f"p_A and p_B have all roots in the left half plane, {_by(*both)}"
+    return Stability(True, reason, model_loop, observer_loop)
+
+
+def judge_observer(process: Any, model: Any, filter: Any) -> LoopStability:
+    """Judge condition ii of Lemma 1, the observer loop, which needs no controller.
+
+    Parameters
+    ----------
+    process : control.TransferFunction, StateSpace, DelayedTransferFunction or (num, den)
+        G, proper, with or without dead time.
+    model : control.TransferFunction, StateSpace or (num, den)
+        The model, proper, without dead time.
+    filter : LowPassFilter, or a stable proper block with F(0) = 1
+        F, of at least the model's relative degree.
+
+    Returns
+    -------
+    LoopStability
+        The verdict on p_B with its evidence.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a block cannot stand where it is put; the message names the block and the remedy.
+
+    Examples
+    --------
+    >>> import control as ct
+    >>> from nrdob import LowPassFilter
+    >>> judge_observer(ct.tf([2], [1, 1]), ct.tf([1], [1, 1]), LowPassFilter(0.5, 1)).stable
+    True
+    """
+    return observer_stability(ObserverEquations(process, model, filter))
+
+
+def observer_stability(loop: ObserverEquations | LoopEquations) -> LoopStability:
+    """Judge condition ii of Lemma 1 for equations that are already there."""
+    found = judge("F H (ii)", loop.FH.den, loop.p_B, loop.ill_posed_observer_loop)
+    if found.reason != AT_ORIGIN:
+        return found
+    return replace(found, reason=f"{AT_ORIGIN}, {_root_for_every_filter(loop)}")
+
+
+def _root_for_every_filter(loop: ObserverEquations | LoopEquations) -> str:
+    """Explain p_B(0) = N(0) Dm(0) = 0."""
+    if loop.Gm.dc_gain == inf:
+        return (
+            "for every filter: the model has an integrator; give it a slow stable pole instead, or "
+            "build (1 - F)·model as one block, without the factor s that cancels in it"
+        )
+    return "for every filter: the process has a zero there, which no feedback moves"
+
+
+def judge(
+    name: str,
+    open_loop: Iterable[QuasiPolynomial],
+    closed_loop: QuasiPolynomial,
+    ill_posed: str = "",
+) -> LoopStability:
+    """Judge one characteristic function by the turns of the curve and by a second count.
+
+    Parameters
+    ----------
+    name : str
+        What to call the loop.
+    open_loop : iterable of QuasiPolynomial
+        Factors of the open-loop denominator.
+    closed_loop : QuasiPolynomial
+        The characteristic function, nothing cancelled.
+    ill_posed : str
+        Why the loop has no solution at infinite frequency, if it has none.
+    """
+    factors = tuple(open_loop)
+    by_turns = nyquist_count(factors, closed_loop)
+    roots = closed_loop.roots if closed_loop.neutral_ratio < 1 else np.empty(0, dtype=complex)
+    found = _Finding(None, ill_posed) if ill_posed else _find(closed_loop, by_turns, roots, factors)
+    return LoopStability(
+        name=name,
+        stable=found.stable,
+        reason=found.reason,
+        encirclements=by_turns.encirclements,
+        open_loop_rhp=by_turns.open_loop_rhp,
+        closed_loop_rhp=by_turns.closed_loop_rhp if found.stable is not None else None,
+        rightmost=complex(roots[0]) if roots.size else complex(nan, nan),
+        kind=_kind(closed_loop),
+        roots=roots,
+        ways=found.ways,
+    )
+
+
+class _Finding(NamedTuple):
+    stable: bool | None
+    reason: str
+    ways: tuple[str, ...] = ()
+
+
+def _find(
+    p: QuasiPolynomial,
+    by_turns: NyquistCount,
+    roots: ComplexArray,
+    open_loop: tuple[QuasiPolynomial, ...],
+) -> _Finding:
+    count = by_turns.closed_loop_rhp
+    if count == inf:
+        return _Finding(False, (
+            f"{_kind(p)} with |r/q| = {p.neutral_ratio:.4g} at infinite frequency: "
+            "infinitely many roots in the right half plane"
+        ))  # fmt: skip
+    if p.zeros_at_origin:
+        return _Finding(False, AT_ORIGIN)
+    if count is None:
+        return _beside_the_axis(p, by_turns.reason, roots)
+    second, way = _second_count(p, count, roots)
+    if count != second:
+        return _Finding(None, f"the turns give Z = {count}, {way} {second}: no verdict")
+    ways = (TURNS, way)
+    told = "" if way == ROOTS else f", {_written(ways)}"
+    if count == 0:
+        neutral = f" ({_kind(p)}, |r/q| = {p.neutral_ratio:.4g} at infinity)"
+        told = (neutral if p.neutral_ratio else "") + told
+        return _Finding(True, "no roots in the right half plane" + told, ways)
+    right = roots[roots.real > 0]
+    hidden = right[np.any([_vanishes(factor, right) for factor in open_loop], axis=0)]
+    if hidden.size:
+        pole = f"s = {written(hidden[0])} is an open-loop pole that cancels out of sight"
+        told = f", of which {pole}{told}"
+    return _Finding(False, f"{_many(count)} in the right half plane{told}", ways)
+
+
+def _second_count(
+    p: QuasiPolynomial, expected: float, roots: ComplexArray
+) -> tuple[int | None, str]:
+    """Count without the argument: how many roots are on the right, and by which way.
+
+    The roots are the cheaper way. What they say is only used where it is the same; else they may
+    be too badly conditioned, and the coefficients themselves are asked.
+    """
+    if p.neutral_ratio < 1 and p.roots_resolved and not p.near_axis(roots).any():
+        found = int(np.sum(roots.real > 0))
+        if found == expected:
+            return found, ROOTS
+    return p.rhp_in_whole_numbers, CROSSINGS if p.finite_part.delay else WHOLE_NUMBERS
+
+
+def _beside_the_axis(p: QuasiPolynomial, reason: str, roots: ComplexArray) -> _Finding:
+    """Judge beside a root on the axis within rounding: others may be clearly right of it."""
+    by_turns = count_rhp(p).at_least
+    by_roots = int(np.sum((roots.real > 0) & ~p.near_axis(roots)))
+    if not (by_turns and by_roots):
+        return _Finding(None, reason)
+    return _Finding(
+        False, f"{_many(by_turns)} in the right half plane, and {reason}", (TURNS, ROOTS)
+    )
+
+
+def _many(count: float) -> str:
+    return f"{count:g} {'root' if count == 1 else 'roots'}"
+
+
+def _written(ways: tuple[str, ...]) -> str:
+    return " and ".join(f"by {way}" for way in ways)
+
+
+def _by(*parts: LoopStability) -> str:
+    """Say which ways were used; where they differ, for which function."""
+    first, second = (_written(part.ways) for part in parts)
+    return first if first == second else f"p_A {first}, p_B {second}"
+
+
+def _known(stable: bool | None, reason: str) -> bool:
+    if stable is None:
+        raise ValueError(
+            f"neither stable nor unstable can be told: {reason}; ask for .stable, which is None"
+        )
+    return stable
+
+
+def _vanishes(factor: QuasiPolynomial, s: ComplexArray) -> BoolArray:
+    """Whether `factor` is zero at `s` within rounding."""
+    # The root itself is known to about sqrt(rounding) of a double one at worst.
+    return np.asarray(np.abs(factor(s)) <= 1e-9 * np.polyval(factor.scale, np.abs(s)))
+
+
+def _kind(p: QuasiPolynomial) -> str:
+    if not p.delay:
+        return "rational"
+    if p.neutral_ratio == 0:
+        return "retarded"
+    return "advanced" if p.neutral_ratio == inf else "neutral"
+
+
+def _count(value: float | None) -> str:
+    if value is None:
+        return "?"
+    return f"{value:g}".replace("inf", "∞")
+
+
+def _rightmost(part: LoopStability) -> str:
+    if not np.isnan(part.rightmost):
+        return written(part.rightmost)
+    countless = part.kind in ("retarded", "neutral") and part.closed_loop_rhp != inf
+    return "not computed" if countless else "none"

@@ -1,0 +1,273 @@
+r"""The method of steps: a linear system driven by its own output one dead time ago.
+
+    x' = A x + B z        (y, v) = C x + D z        z(t) = v(t - θ), zero before t = θ
+
+In every interval between two multiples of θ the signal z is known from the interval before. The
+interval is cut into panels on which signals are polynomials, the same panels in every interval, so
+that no jump and no kink ever lies inside one. What a multiple of θ sets off is fast first and slow
+afterwards: the panels start as short as the fastest mode asks, and grow as it dies out. Panels are
+solved by Radau collocation, which damps what is too fast to be seen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from math import lgamma, log, log2
+
+import numpy as np
+from numpy.polynomial import chebyshev, legendre
+from scipy.linalg import schur
+
+from ..numerics import Block, FloatArray, IntArray
+
+MAX_PANELS = 400_000
+"""Panels that one march may take: a second or two."""
+
+MAX_PANELS_PER_DELAY = 20_000
+"""Panels of one dead time that fit into memory."""
+
+MAX_DELAYS = 1_000_000
+"""Dead times that may be leapt over: rounding grows with each."""
+
+_NODES = 17
+_REACH = 2.0  # rate times length of a panel at which nothing but rounding is left
+_LOG_ROUNDING = log(1e-16)
+_MOST_GROWTH = 4.0  # of panels, from one to the next
+_GROWING = 300  # panels, after which the rest of an interval is cut evenly
+_PRODUCTS_PER_PANEL = 15_000  # of matrix elements, that take the time of one panel
+
+
+@dataclass(frozen=True)
+class _Interval:
+    """What one interval of length θ does, panel by panel (P of them, m nodes in each).
+
+    Attributes
+    ----------
+    edges : (P + 1,) array
+        Borders of the panels, from 0 to θ.
+    advance : (P, n, n) and (P, n, m) arrays
+        To the state at the end of a panel, from the state at its start and z at its nodes.
+    outputs : (P, 2, m, n) and (P, 2, m, m) arrays
+        To y and v at its nodes, likewise.
+    """
+
+    edges: FloatArray
+    advance: tuple[FloatArray, FloatArray]
+    outputs: tuple[FloatArray, FloatArray]
+
+    def step(self, x: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """From x (n, c) and z (P, m, c) to the next x, and to y and v at the nodes (P, 2, m, c)."""
+        (E, gamma), (from_x, from_z) = self.advance, self.outputs
+        drive = gamma @ z
+        starts = np.empty((E.shape[0], *x.shape))
+        for j in range(E.shape[0]):
+            starts[j] = x
+            x = E[j] @ x + drive[j]
+        values = from_x @ starts[:, np.newaxis] + from_z @ z[:, np.newaxis]
+        return x, values
+
+    @property
+    def as_matrix(self) -> FloatArray:
+        """Return the map of [x; z] over one interval."""
+        panels, n = self.advance[0].shape[:2]
+        size = n + panels * _NODES
+        unit = np.eye(size)
+        x, values = self.step(unit[:n], unit[n:].reshape(panels, _NODES, size))
+        return np.vstack([x, values[:, 1].reshape(-1, size)])
+
+
+def delayed_response(
+    driven: Sequence[Block], free: Sequence[Block], delay: float, times: FloatArray
+) -> FloatArray:
+    """March from dead time to dead time.
+
+    Parameters
+    ----------
+    driven : sequence of Block
+        What z does to (y, v), side by side, at rest at first.
+    free : sequence of Block
+        What the input does to (y, v): impulse responses of these blocks.
+    delay : float
+        θ > 0, seconds.
+    times : (N,) array of float
+        Increasing, from 0 or later, in seconds.
+
+    Returns
+    -------
+    (2, N) array of float
+        y and v at `times`.
+
+    Raises
+    ------
+    ValueError
+        If `times` spans so many panels, or so many dead times, that no result could be given in
+        reasonable time and with nine digits.
+    ArithmeticError
+        If signals are too fast for the panels.
+    """
+    start = np.concatenate([np.zeros(sum(b.B.size for b in driven)), *(b.B for b in free)])
+    idle = [Block(b.A, np.zeros_like(b.B), b.C, np.zeros_like(b.D)) for b in free]
+    blocks = [*driven, *idle]
+    for finer in (1.0, 2.0, 4.0):
+        interval = _interval(blocks, _mesh(blocks, delay, finer))
+        edges = interval.edges
+        # A time that only rounding puts before a border is meant to be on it.
+        index = np.floor(times / delay + 1e-9).astype(int)
+        local = np.clip(times - index * delay, 0.0, delay)
+        panel = np.clip(np.searchsorted(edges, local, side="right") - 1, 0, edges.size - 2)
+        intervals, which = np.unique(index, return_inverse=True)
+        values = _seen(interval, start, intervals)[which, panel]
+        if _resolved_to(1e-11, values):
+            break
+    else:
+        raise ArithmeticError(
+            "the signals between two multiples of the dead time are too fast to be resolved; "
+            "shorten timepts or slow the fastest block"
+        )
+    length = np.diff(edges)
+    place = (local - edges[panel]) / length[panel]
+    basis = chebyshev.chebvander(2 * place - 1, _NODES - 1) @ _to_chebyshev()
+    outputs: FloatArray = np.einsum("im,iom->oi", basis, values)
+    return outputs
+
+
+def _mesh(blocks: Sequence[Block], delay: float, finer: float) -> FloatArray:
+    """Lengths of panels on which each mode is resolved, or has died out since the last multiple."""
+    poles = np.concatenate([np.linalg.eigvals(b.A) for b in blocks])
+    rate, decay = finer * np.abs(poles), np.maximum(-poles.real, 0.0) / finer
+    lengths: list[float] = []
+    left, length = 0.0, delay
+    while left < delay * (1 - 1e-12):
+        length = min(delay - left, _MOST_GROWTH * length)
+        while not _resolved(rate * length, decay * left):
+            length /= 1.5
+        if len(lengths) >= _GROWING:  # what is left does not die out
+            count = np.ceil((delay - left) / length)
+            if count > MAX_PANELS_PER_DELAY:
+                raise ValueError(
+                    f"a mode turns so often in a dead time that {count:,.0f} panels would be "
+                    f"needed for it, more than {MAX_PANELS_PER_DELAY:,}; damp the mode, or leave "
+                    "it out of the blocks"
+                )
+            return np.append(lengths, np.full(int(count), (delay - left) / count))
+        lengths.append(length)
+        left += length
+    return np.array(lengths)
+
+
+def _resolved(reach: FloatArray, died_out: FloatArray) -> bool:
+    """Tell whether all of exp(p t), |p| length = `reach`, are polynomials to rounding."""
+    hard = reach > _REACH
+    if not hard.any():
+        return True
+    # The coefficients of exp(z x/2) behind degree m - 1 start with about 2 (z/4)^m/m!.
+    size = _NODES * np.log(reach[hard] / 4) - lgamma(_NODES + 1)
+    return bool((size - died_out[hard] <= _LOG_ROUNDING).all())
+
+
+def _interval(blocks: Sequence[Block], lengths: FloatArray) -> _Interval:
+    """Solve every panel for every block."""
+    different, which = np.unique(lengths, return_inverse=True)
+    n, m = sum(block.B.size for block in blocks), _NODES
+    E, gamma = np.zeros((different.size, n, n)), np.zeros((different.size, n, m))
+    from_x, from_z = np.zeros((different.size, 2, m, n)), np.zeros((different.size, 2, m, m))
+    first = 0
+    for block in blocks:
+        own = slice(first, first + block.B.size)
+        E[:, own, own], gamma[:, own], from_x[..., own], more = _collocated(block, different)
+        from_z += more
+        first = own.stop
+    edges = np.append(0.0, np.cumsum(lengths))
+    return _Interval(edges, (E[which], gamma[which]), (from_x[which], from_z[which]))
+
+
+def _collocated(
+    block: Block, lengths: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Panels of the given lengths for one block, in the order of `_Interval`."""
+    panels, n, m = lengths.size, block.B.size, _NODES
+    integral = _radau()[1]
+    T, U = schur(block.A, output="complex")
+    x = np.zeros((panels, n, m, n + m), dtype=complex)  # in the coordinates of Schur
+    for i in reversed(range(n)):
+        right = np.zeros((panels, m, n + m), dtype=complex)
+        right[:, :, i] = 1.0
+        slope = np.einsum("k,pkmc->pmc", T[i, i + 1 :], x[:, i + 1 :])
+        slope[:, :, n:] += (U[:, i].conj() @ block.B) * np.eye(m)
+        right += lengths[:, None, None] * (integral @ slope)
+        left = np.eye(m) - (lengths * T[i, i])[:, None, None] * integral
+        x[:, i] = np.linalg.solve(left, right)
+    x[..., :n] = x[..., :n] @ U.conj().T
+    states = np.real(np.einsum("ik,pkmc->pimc", U, x))
+    values = np.einsum("oi,pimc->pomc", block.C, states)
+    from_z = values[..., n:] + block.D[:, None, None] * np.eye(m)
+    return states[:, :, -1, :n], states[:, :, -1, n:], values[..., :n], from_z
+
+
+@lru_cache(maxsize=1)
+def _radau() -> tuple[FloatArray, FloatArray]:
+    """Nodes in (0, 1], the last one 1, and the integrals from 0 to each of them."""
+    m = _NODES
+    x = np.sort(legendre.legroots(np.append(np.zeros(m - 1), [1.0, -1.0])).real)
+    x[-1] = 1.0
+    nodes = (x + 1) / 2
+    antiderivative = chebyshev.chebint(np.eye(m), lbnd=-1) / 2
+    integral = (
+        chebyshev.chebvander(x, m) @ antiderivative @ np.linalg.inv(chebyshev.chebvander(x, m - 1))
+    )
+    return nodes, np.asarray(integral)
+
+
+@lru_cache(maxsize=1)
+def _to_chebyshev() -> FloatArray:
+    """Chebyshev coefficients on a panel from values at its nodes."""
+    return np.asarray(np.linalg.inv(chebyshev.chebvander(2 * _radau()[0] - 1, _NODES - 1)))
+
+
+def _seen(interval: _Interval, start: FloatArray, intervals: FloatArray) -> FloatArray:
+    """Values (k, P, 2, m) at the nodes of the k `intervals`."""
+    panels, n = interval.advance[0].shape[:2]
+    last, size = int(intervals[-1]), n + panels * _NODES
+    jumps = np.diff(intervals, prepend=0).astype(np.intp)
+    marched = (last + 1) * (panels + 10)
+    leapt = len(set(jumps.tolist())) * log2(last + 2) * size**3 / _PRODUCTS_PER_PANEL
+    if min(marched, leapt) > MAX_PANELS:
+        raise ValueError(
+            f"timepts spans {last:,} dead times of {panels:,} panels, more than the {MAX_PANELS:,} "
+            "panels that take a second; shorten timepts or slow the fastest block"
+        )
+    walk = _leap if leapt < marched else _march
+    return walk(interval, start[:, np.newaxis], np.zeros((panels, _NODES, 1)), jumps)
+
+
+def _resolved_to(tolerance: float, values: FloatArray) -> bool:
+    """Tell whether polynomials leave that little of the signals on the panels looked at."""
+    tails = np.abs(values @ _to_chebyshev()[-2:].T)
+    tail, most = (
+        np.where(np.isfinite(each), each, 0.0).max(axis=(0, 2)) for each in (tails, np.abs(values))
+    )
+    return bool((tail <= tolerance * most).all())
+
+
+def _march(interval: _Interval, x: FloatArray, z: FloatArray, jumps: IntArray) -> FloatArray:
+    """Take interval by interval, and keep the values after each of the jumps."""
+    seen = []
+    for jump in jumps:
+        for _ in range(jump):
+            x, values = interval.step(x, z)
+            z = values[:, 1]
+        seen.append(interval.step(x, z)[1][..., 0])
+    return np.array(seen)
+
+
+def _leap(interval: _Interval, x: FloatArray, z: FloatArray, jumps: IntArray) -> FloatArray:
+    """Take the same with powers of the matrix of one interval."""
+    n = x.shape[0]
+    matrix, state, seen = interval.as_matrix, np.vstack([x, z.reshape(-1, 1)]), []
+    powers = {jump: np.linalg.matrix_power(matrix, jump) for jump in set(jumps.tolist())}
+    for jump in jumps.tolist():
+        state = powers[jump] @ state
+        seen.append(interval.step(state[:n], state[n:].reshape(z.shape))[1][..., 0])
+    return np.array(seen)

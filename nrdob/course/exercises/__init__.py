@@ -1,0 +1,96 @@
+"""Problem sets that grade themselves: the graders behind the notebooks of `notebooks/exercises`.
+
+In a notebook, `check` gives immediate feedback and `score`, in the hidden tests, the points.
+
+>>> from nrdob.course.exercises import PROBLEMS, check
+>>> check("2.1", None, group=7)
+Nothing to check yet: replace the placeholder by your answer and run this cell again.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+from importlib import import_module
+from pkgutil import iter_modules
+from typing import Any
+
+from .problems import (
+    HIDDEN_CASES,
+    VISIBLE_CASES,
+    Case,
+    Feedback,
+    Misconception,
+    Points,
+    Problem,
+    review,
+)
+
+__all__ = [
+    "PROBLEMS",
+    "Feedback",
+    "Misconception",
+    "Points",
+    "Problem",
+    "check",
+    "own_case",
+    "score",
+]
+
+_SETS = sorted(name for _, name, _ in iter_modules(__path__) if re.fullmatch(r"set\d+", name))
+
+PROBLEMS: dict[str, Problem] = {
+    problem.id: problem
+    for name in _SETS
+    for problem in import_module(f"{__name__}.{name}").PROBLEMS
+}
+"""Every problem by its id, found in the modules set1, set2, …
+
+:meta hide-value:
+"""
+
+
+def own_case(id: str, group: int) -> Case:
+    """Give the case of a group: the same problem for all, with numbers of its own."""
+    return _problem(id).cases(group, 1)[0]
+
+
+def check(id: str, answer: Any, group: int) -> Feedback:
+    """Judge an answer on the group's own case and some more, and tell what to think about.
+
+    Parameters
+    ----------
+    id : str
+        Number of the problem, "2.1".
+    answer : object
+        What the problem asks for: a function of a case, or a value for the group's own case.
+    group : int
+        Seed of the group.
+    """
+    problem = _problem(id)
+    count = 1 if problem.own else VISIBLE_CASES
+    return review(problem, answer, problem.cases(group, count))
+
+
+def score(id: str, answer: Any, group: int, points: float, seed: int) -> Points:
+    """Points of an answer on cases that the student has not seen, for the hidden tests.
+
+    The answer must hold on the group's own case too; a value is for that case alone. What the
+    answer prints is left out.
+    """
+    problem = _problem(id)
+    own = problem.cases(group, 1)
+    cases = own if problem.own else own + problem.cases(seed, HIDDEN_CASES)
+    with (
+        open(os.devnull, "w", encoding="utf-8") as nowhere,
+        contextlib.redirect_stdout(nowhere),
+        contextlib.redirect_stderr(nowhere),
+    ):
+        return Points(review(problem, answer, cases), points)
+
+
+def _problem(id: str) -> Problem:
+    if id not in PROBLEMS:
+        raise KeyError(f"there is no problem {id!r}; there are {', '.join(PROBLEMS)}")
+    return PROBLEMS[id]

@@ -1,0 +1,988 @@
+"""Set 6: a design project, from specification to a verified loop."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
+from math import inf, isinf, isnan, nan, sqrt
+from typing import Any
+
+import control as ct
+import numpy as np
+from scipy.optimize import brentq
+
+from ...analysis import LoopMargins
+from ...design import (
+    Mismatch,
+    design_controller,
+    right_half_plane_parity,
+    stabilizing_time_constants,
+)
+from ...diagram import LowPassFilter, Quotient, delay
+from ...loop import NRDOB
+from ...numerics import FloatArray
+from ...plotting import COLOURS, INK, TALL, Figure, axes_for, styled
+from .cases import (
+    apart,
+    draw,
+    either_sign,
+    factored,
+    few,
+    first_fitting,
+    grid_peak,
+    observer_stable,
+)
+from .problems import (
+    Case,
+    Lack,
+    Misconception,
+    Problem,
+    answers_like,
+    answers_like_any,
+    lacking,
+    near,
+)
+
+
+def _blocks(gain: float, pole: float, decay: float) -> tuple[Any, Any]:
+    """Give an unstable plant, and the model in which its pole is mirrored."""
+    plant, model = (
+        ct.tf([gain * pole * decay], np.polymul([1, side * pole], [1, decay])) for side in (-1, 1)
+    )
+    return plant, model
+
+
+# --- 6.1 Equal rejection ------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class RejectionCase:
+    """A loop for an unstable plant, and another model and order for the same plant.
+
+    Attributes
+    ----------
+    plant, model : control.TransferFunction
+    filter : LowPassFilter
+        The filter that goes with `model`.
+    other : control.TransferFunction
+        Another model.
+    order : int
+        Order of the filter that is to go with it.
+    """
+
+    plant: ct.TransferFunction
+    model: ct.TransferFunction
+    filter: LowPassFilter
+    other: ct.TransferFunction
+    order: int
+
+    def __repr__(self) -> str:
+        return (
+            f"{factored(self.plant)}: {factored(self.model)} with n = {self.filter.order}, "
+            f"λ = {self.filter.time_constant:g} s; {factored(self.other)} with n = {self.order}"
+        )
+
+    @property
+    def gains(self) -> float:
+        """DC gain of the model over that of the other one."""
+        return float(abs(self.model.dcgain() / self.other.dcgain()))
+
+    @property
+    def time_constant(self) -> float:
+        """The answer: nλ/|R(0)| is to stay."""
+        return self.filter.order * self.filter.time_constant * self.gains / self.order
+
+
+def _rejection_case(rng: np.random.Generator) -> RejectionCase:
+    def drawn() -> RejectionCase:
+        pole = draw(rng, 0.5, 10)
+        plant, mirrored = _blocks(draw(rng, 0.5, 5), pole, few(pole * rng.uniform(1.5, 3)))
+        first, second = rng.permutation([2, 3]).tolist()
+        factor, other = rng.permutation([1.0, float(rng.choice([0.4, 0.5, 0.6]))]).tolist()
+        filter = LowPassFilter(draw(rng, 0.02 / pole, 0.05 / pole), int(first))
+        return RejectionCase(plant, factor * mirrored, filter, other * mirrored, int(second))
+
+    def fits(case: RejectionCase) -> bool:
+        value = case.time_constant
+        return bool(
+            observer_stable(case.plant, case.model, case.filter)
+            and observer_stable(case.plant, case.other, LowPassFilter(value, case.order))
+            # Each way to go wrong leads elsewhere.
+            and apart(value, *(of(case) for of in _WRONG_REJECTION), by=0.05)
+        )
+
+    return first_fitting(drawn, fits)
+
+
+_WRONG_REJECTION: tuple[Callable[[RejectionCase], float], ...] = (
+    lambda case: case.filter.time_constant,
+    lambda case: case.filter.time_constant * case.filter.order / case.order,
+    lambda case: case.filter.time_constant * case.gains,
+    lambda case: case.filter.time_constant * case.filter.order / case.order / case.gains,
+)
+
+
+def _rejects_equally(case: RejectionCase, got: Any) -> str:
+    if isinstance(got, LowPassFilter):
+        return "a number is asked for, λ in seconds, not a filter"
+    loop = NRDOB(case.plant, case.other, 0.0, LowPassFilter(float(got), case.order))
+    if loop.stability().observer_loop.stable is not True:
+        return "with this λ the loop is not stable"
+    first = NRDOB(case.plant, case.model, 0.0, case.filter)
+    # Far below every corner |S_d| is a straight line.
+    omega = 1e-5 / max(float(got), case.filter.time_constant)
+    size, wanted = (float(abs(of.S_d(1j * omega))) for of in (loop, first))
+    if abs(size / wanted - 1) < 5e-3:
+        return ""
+    return f"at low frequency |S_d| is {size / wanted:.3g} times what it was"
+
+
+EQUAL_REJECTION = Problem(
+    id="6.1",
+    title="Equal rejection",
+    case=_rejection_case,
+    lacks=_rejects_equally,
+    praise=(
+        "Right: at low frequency |S_d| is nλω/|R(0)|, so a model of half the gain takes twice the "
+        "λ for the same rejection. Only at equal rejection can designs be compared."
+    ),
+    misconceptions=(
+        answers_like(
+            "same λ",
+            "You kept λ. But the disturbance meets nλ/|R(0)|, R = G/Gm: the order and the gain of "
+            "the model both count.",
+            _WRONG_REJECTION[0],
+        ),
+        answers_like(
+            "gain of the model forgotten",
+            "You kept nλ. That is right for models of equal gain. A smaller model makes the "
+            "feedback F/((1 - F) Gm) stronger, and the rejection with it.",
+            _WRONG_REJECTION[1],
+            marks=0.5,
+        ),
+        answers_like(
+            "order forgotten",
+            "The gain is taken into account, the order is not: F is late by nλ, not by λ.",
+            _WRONG_REJECTION[2],
+            marks=0.5,
+        ),
+        answers_like(
+            "gain upside down",
+            "The gain went the wrong way. A smaller model makes |R(0)| larger and |S_d| = "
+            "nλω/|R(0)| smaller, so it can afford a larger λ, not a smaller one.",
+            _WRONG_REJECTION[3],
+            marks=0.5,
+        ),
+    ),
+)
+
+
+# --- The plant of the project: 6.2 and 6.6 ------------------------------------------------------
+
+ORDER = 3
+"""Relative degree of the model and one more, so that noise reaches u with a finite power."""
+
+
+@dataclass(frozen=True)
+class Goal:
+    """One line of the specification.
+
+    Attributes
+    ----------
+    name : str
+    value, limit : float
+        What the design makes of it, and what it may be at most.
+    """
+
+    name: str
+    value: float
+    limit: float
+
+    @property
+    def met(self) -> bool:
+        """Whether the value is within the limit, printed to two or three digits."""
+        return self.value <= self.limit * (1 + 1e-3)
+
+
+@dataclass(frozen=True, eq=False)
+class Project:
+    """A plant with an unstable pole, and what is asked of its loop.
+
+    Attributes
+    ----------
+    plant : control.TransferFunction
+        gain · pole · decay/((s - pole)(s + decay)).
+    gain, pole, decay : float
+        Its numbers; pole and decay in rad/s.
+    modified : control.TransferFunction
+        The plant with a lag that was neglected, another pole and another gain.
+    gains : tuple of float
+        By which the plant's gain may be multiplied,
+    dead_time : float
+        and a dead time in seconds that may be added to each of them.
+    max_ms : float
+        Limit for Ms.
+    omega, max_disturbance : float
+        A frequency in rad/s, and the limit for |S_d| there.
+    settling : float
+        After this time, in seconds, y stays within 5 % of a step of R.
+    max_noise : float
+        Limit for the rms value of u, if white noise of unit density is at the sensor.
+    """
+
+    plant: ct.TransferFunction
+    gain: float
+    pole: float
+    decay: float
+    modified: ct.TransferFunction
+    gains: tuple[float, ...]
+    dead_time: float
+    max_ms: float = inf
+    omega: float = nan
+    max_disturbance: float = inf
+    settling: float = inf
+    max_noise: float = inf
+    _good: float = field(default=0.072, repr=False)
+
+    def __repr__(self) -> str:
+        return f"plant {factored(self.plant)}"
+
+    @property
+    def specification(self) -> str:
+        """All that is known and asked for, in words."""
+        gains = ", ".join(f"{gain:g}" for gain in self.gains)
+        return "\n".join(
+            [
+                f"plant             {factored(self.plant)}",
+                f"modified plant    {factored(self.modified)}",
+                f"other changes     gain × {gains}, with a dead time of 0 or {self.dead_time:g} s",
+                f"Ms                at most {self.max_ms:g}",
+                f"disturbances      |S_d| at most {self.max_disturbance:g} at {self.omega:g} rad/s",
+                f"settling          y within 5 % after {self.settling:g} s",
+                f"noise             rms of u at most {self.max_noise:g}",
+            ]
+        )
+
+    @property
+    def changed(self) -> list[Any]:
+        """Every plant that the loop must survive: the modified one, gains, and dead times."""
+        scaled = [gain * self.plant for gain in self.gains]
+        return [self.modified, *scaled, *(delay(self.dead_time) * plant for plant in scaled)]
+
+    def goals(self, model: Any, controller: Any, filter: Any) -> list[Goal]:
+        """Compute what a design makes of each goal."""
+        return list(self._goals(NRDOB(self.plant, model, controller, filter)))
+
+    def report(self, model: Any, controller: Any, filter: Any) -> None:
+        """Print the table of goals."""
+        print(_table(self.goals(model, controller, filter)))
+
+    def _goals(self, loop: NRDOB) -> Iterator[Goal]:
+        verdict = loop.stability()
+        for name, part in (("model", verdict.model_loop), ("observer", verdict.observer_loop)):
+            # A root on the right, or no verdict: then there is no number to be signed.
+            value = part.rightmost.real if part.stable is not None else nan
+            yield Goal(f"rightmost root, {name} loop", value, 0.0)
+        if not verdict.stable:
+            return
+        yield Goal("Ms", loop.margins().plant_loop.ms, self.max_ms)
+        size = float(abs(loop.S_d(1j * self.omega)))
+        yield Goal(f"|S_d| at {self.omega:g} rad/s", size, self.max_disturbance)
+        yield Goal("settled after (s)", self._settled(loop), self.settling)
+        verdicts = [observer_stable(plant, loop.model, loop.filter) for plant in self.changed]
+        lost = sum(verdict is not True for verdict in verdicts)
+        yield Goal(f"lost of {len(verdicts)} changed plants", float(lost), 0.0)
+        yield Goal("noise in u (rms)", rms(loop.U_eta), self.max_noise)
+
+    def _settled(self, loop: NRDOB) -> float:
+        """Time after which y stays within 5 % of a step of R; infinite if it is too long."""
+        horizon = 3 * self.settling if self.settling < inf else 25 / self.pole
+        times = np.linspace(0, horizon, 1201)
+        outside = np.abs(loop.step_response("R", times).outputs[0, 0] - 1) > 0.05
+        last = int(np.flatnonzero(outside)[-1]) if outside.any() else -1
+        return float(times[last + 1]) if last + 1 < times.size else inf
+
+    # The model in which the pole is mirrored, for the figure and for examples.
+
+    @cached_property
+    def mirrored(self) -> ct.TransferFunction:
+        """The plant with its pole on the left."""
+        return _blocks(self.gain, self.pole, self.decay)[1]
+
+    @cached_property
+    def controller(self) -> ct.TransferFunction:
+        """A PI controller for it."""
+        return design_controller(self.mirrored, bandwidth=self.pole, phase_margin=60)
+
+    def loop(self, speed: float, order: int = ORDER) -> NRDOB:
+        """Make the loop with λ = speed/pole."""
+        return NRDOB(
+            self.plant, self.mirrored, self.controller, LowPassFilter(speed / self.pole, order)
+        )
+
+    @cached_property
+    def readings(self) -> Readings:
+        """What there is to read off the figure."""
+        return Readings(self)
+
+    def plot(self) -> Figure:
+        """Draw Ms over λ, for the plant and for the modified one."""
+        return self.readings.plot()
+
+
+def _table(goals: list[Goal]) -> str:
+    rows = [f"{'':28}{'yours':>10}{'limit':>10}"]
+    for goal in goals:
+        word = "met" if goal.met else "not met"
+        rows.append(f"{goal.name:28}{goal.value:10.4g}{goal.limit:10.4g}   {word}")
+    return "\n".join(rows)
+
+
+def rms(transfer: Quotient) -> float:
+    """Root of the power of the output for white noise of unit density, the norm of order 2.
+
+    Examples
+    --------
+    >>> loop = NRDOB(ct.tf([1], [1, 1]), ct.tf([1], [1, 1]), 1.0, LowPassFilter(0.5, 2))
+    >>> round(rms(loop.S_eta) ** 2, 6)                  # 1/(4λ)
+    0.5
+    """
+    return inf if any(transfer.at_infinity) else sqrt(transfer.noise_power())
+
+
+class Readings:
+    """Ms over λ for the plant and the modified plant, with the mirrored model."""
+
+    def __init__(self, case: Project) -> None:
+        self.case = case
+        self.omega = case.pole * np.geomspace(1e-2, 1e3, 1500)
+        self.ratios = [
+            Mismatch.of(plant, case.mirrored, ORDER).ratio(self.omega)
+            for plant in (case.plant, case.modified)
+        ]
+        self.edges = [
+            stabilizing_time_constants(plant, case.mirrored, ORDER)[-1][1]
+            for plant in (case.plant, case.modified)
+        ]
+        tried = self.tried(1)
+        found = [self.peak(1, value) for value in tried]
+        self.best = float(tried[int(np.argmin(found))])
+        self.limit = round(1.15 * min(found), 1)
+
+    def tried(self, which: int) -> FloatArray:
+        """Time constants from fast to the edge, in seconds."""
+        return np.linspace(0.01 / self.case.pole, 0.97 * self.edges[which], 120)
+
+    def peak(self, which: int, time_constant: float) -> float:
+        """Ms, of the plant loop with the plant (0) or the modified plant (1)."""
+        F, R = LowPassFilter(time_constant, ORDER)(1j * self.omega), self.ratios[which]
+        return grid_peak(F, R)
+
+    def meeting(self, which: int, low: float, high: float) -> float:
+        """Time constant between two others at which Ms is at the limit."""
+        return float(brentq(lambda value: self.peak(which, value) - self.limit, low, high))
+
+    @cached_property
+    def slow_end(self) -> float:
+        """The answer."""
+        return self.meeting(1, self.best, 0.99 * self.edges[1])
+
+    @cached_property
+    def fast_end(self) -> float:
+        """The other end."""
+        return self.meeting(1, 1e-3 / self.case.pole, self.best)
+
+    @cached_property
+    def nominal_end(self) -> float:
+        """What the curve of the plant as it is would allow."""
+        return self.meeting(0, self.best, 0.99 * self.edges[0])
+
+    def plot(self) -> Figure:
+        """Draw it."""
+        with styled():
+            (ax,) = axes_for(None, 1, TALL)
+            for which, (label, style, role) in enumerate(
+                (("plant", "--", "process"), ("modified plant", "-", "loop"))
+            ):
+                lines = ax.plot(
+                    1000 * self.tried(which),
+                    [self.peak(which, value) for value in self.tried(which)],
+                    style,
+                    color=COLOURS[role],
+                    label=label,
+                )
+                edge = 1000 * self.edges[which]
+                ax.axvline(edge, color=COLOURS[role], ls=":", lw=1.5)
+                short = label.split()[0]
+                ax.text(edge, 1.1, f"{short}: lost ", color=COLOURS[role], rotation=90, ha="right")
+            ax.axhline(self.limit, color=COLOURS["critical"], lw=1)
+            ax.minorticks_on()
+            ax.grid(True, which="minor", color=INK, alpha=0.12, lw=0.5)
+            ax.set(xlabel="time constant λ (ms)", ylabel="$M_s$", ylim=(1, 2.2 * self.limit))
+            ax.set_xlim(0, 1050 * self.edges[0])
+            ax.legend(loc="upper left")
+        ends = f"{1000 * self.fast_end:.3g} to {1000 * self.slow_end:.3g} ms"
+        alt = (
+            f"Ms over λ: with the modified plant below {self.limit:g} for λ from {ends}, with the "
+            f"plant up to {1000 * self.nominal_end:.3g} ms; lost at {1000 * self.edges[1]:.3g} and "
+            f"{1000 * self.edges[0]:.3g} ms"
+        )
+        return Figure(lines, ax, alt=alt)
+
+
+GAINS = (0.7, 1.0, 1.5)
+
+
+def _project(rng: np.random.Generator) -> Project:
+    def drawn() -> Project:
+        pole = draw(rng, 0.8, 20)
+        gain = either_sign(rng) * draw(rng, 0.5, 5)
+        decay = few(pole * rng.uniform(1.2, 2))
+        plant = _blocks(gain, pole, decay)[0]
+        lag = few(rng.uniform(0.045, 0.055) / pole)
+        less, faster = few(rng.uniform(0.8, 0.9)), few(pole * rng.uniform(1.1, 1.15), 3)
+        modified = (
+            less
+            * gain
+            * pole
+            * decay
+            * ct.tf([1], np.polymul(np.polymul([1, -faster], [1, decay]), [lag, 1]))
+        )
+        dead_time = few(rng.uniform(0.045, 0.055) / pole)
+        free = Project(plant, gain, pole, decay, modified, GAINS, dead_time, omega=few(0.1 * pole))
+        # A good λ, times the pole; up to a fifth more or a seventh less will do.
+        good = float(rng.uniform(0.06, 0.08))
+        slow = free.loop(1.18 * good)
+        return replace(
+            free,
+            max_ms=few(free.loop(1.4 * good).margins().plant_loop.ms, 3),
+            max_disturbance=few(float(abs(slow.S_d(1j * free.omega)))),
+            settling=few(1.4 * free._settled(free.loop(good))),
+            max_noise=few(rms(free.loop(0.86 * good).U_eta)),
+            _good=good,
+        )
+
+    return first_fitting(drawn, _telling)
+
+
+def _telling(case: Project) -> bool:
+    """Whether every reading of the figure and every stage of the design is told apart."""
+    found = case.readings
+    return apart(found.slow_end, found.fast_end, found.nominal_end, *found.edges, by=0.2)
+
+
+@dataclass(frozen=True)
+class _Part(Problem):
+    """A part of the project, which is about one plant of the group."""
+
+    def cases(self, seed: int, count: int) -> list[Case]:
+        """Draw the same cases for every part."""
+        return Problem.cases(replace(self, id="6"), seed, count)
+
+
+# --- 6.2 The quietest filter --------------------------------------------------------------------
+
+READING = 0.08
+"""How far a number that is read off a figure may be from the true one."""
+
+
+def _quiet(case: Project, got: Any) -> str:
+    value, found = float(got), case.readings
+    for name, plant in (("plant", case.plant), ("modified plant", case.modified)):
+        if observer_stable(plant, case.mirrored, LowPassFilter(value, ORDER)) is not True:
+            return f"the loop with the {name} is lost there"
+    if near(found.slow_end, value, READING):
+        return ""
+    peak = found.peak(1, value)
+    if peak > found.limit:
+        return f"with the modified plant Ms is {peak:.3g} there"
+    return "Ms is within the limit, but a slower and quieter filter keeps to it, too"
+
+
+_misread = partial(answers_like_any, close=partial(near, tolerance=READING))
+
+
+QUIETEST = _Part(
+    id="6.2",
+    title="The quietest filter",
+    case=_project,
+    lacks=_quiet,
+    praise=(
+        "Right: an unstable plant gives an interval of filters, and its slow end is the quiet one. "
+        "The modified plant decides where it ends."
+    ),
+    misconceptions=(
+        _misread(
+            "fast end read",
+            "This is the fast end of the interval. It is the best against disturbances; but the "
+            "faster the filter, the more of the sensor's noise reaches the actuator.",
+            lambda case: [case.readings.fast_end],
+            marks=0.25,
+        ),
+        _misread(
+            "modified plant left out",
+            "You have read the curve of the plant as it is. With the modified plant Ms is above "
+            "the line there: a filter must be good for both.",
+            lambda case: [case.readings.nominal_end],
+            marks=0.25,
+        ),
+        _misread(
+            "edge taken for the specification",
+            "You have read a dotted line, where the loop is lost. Asked for is where the curve "
+            "meets the red line.",
+            lambda case: list(case.readings.edges[::-1]),
+        ),
+        _misread(
+            "milliseconds for seconds",
+            "The axis of the figure is in milliseconds; the answer is to be in seconds.",
+            lambda case: [1000 * case.readings.slow_end],
+            marks=0.5,
+        ),
+    ),
+    own=True,
+)
+
+
+# --- 6.4 Find the error: one modified plant -----------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class SurvivalCase:
+    """A loop that is stable with its plant and with a modified one.
+
+    Attributes
+    ----------
+    loop : NRDOB
+        The loop with the nominal plant.
+    gain : float
+        The modified plant has this gain, as a factor below 1,
+    lag : float
+        and this lag 1/(lag s + 1) besides, in seconds.
+    """
+
+    loop: NRDOB
+    gain: float
+    lag: float
+
+    def __repr__(self) -> str:
+        return (
+            f"{factored(self.loop.process)} under {factored(self.loop.model)}, n = 2, "
+            f"λ = {self.loop.filter.time_constant:g} s; modified: gain × {self.gain:g}, lag "
+            f"{self.lag:g} s"
+        )
+
+    def changed(self, gain: float, lag: float) -> NRDOB:
+        """Give the loop around the plant with another gain and a lag."""
+        plant = gain * self.loop.process
+        if lag:
+            plant = plant * ct.tf([1], [lag, 1])
+        return replace(self.loop, process=plant)
+
+    def stable(self, gain: float, lag: float) -> bool | None:
+        """Judge it."""
+        return self.changed(gain, lag).stability().stable
+
+    def inside(self, gain: float, lag: float) -> bool:
+        """Whether nothing changes by more than in the modified plant."""
+        slack = 1e-9
+        return bool(
+            self.gain * (1 - slack) <= gain <= 1 + slack and 0 <= lag <= self.lag * (1 + slack)
+        )
+
+
+def _survival_case(rng: np.random.Generator) -> SurvivalCase:
+    def drawn() -> SurvivalCase:
+        pole = draw(rng, 0.5, 10)
+        gain = either_sign(rng) * draw(rng, 0.5, 5)
+        plant, mirrored = _blocks(gain, pole, few(pole * rng.uniform(1.5, 2.5)))
+        model = float(rng.choice([0.2, 0.25, 0.3])) * mirrored
+        filter = LowPassFilter(few(rng.uniform(0.04, 0.06) / pole), 2)
+        controller = design_controller(model, bandwidth=pole, phase_margin=60)
+        loop = NRDOB(plant, model, controller, filter)
+        less, lag = round(float(rng.uniform(0.4, 0.6)), 2), few(rng.uniform(0.08, 0.12) / pole)
+        return SurvivalCase(loop, less, lag)
+
+    def fits(case: SurvivalCase) -> bool:
+        good = ((1, 0), (case.gain, case.lag), (case.gain, 0), _half(case))
+        return case.stable(1, case.lag) is False and all(case.stable(*at) is True for at in good)
+
+    return first_fitting(drawn, fits)
+
+
+def _half(case: SurvivalCase) -> tuple[float, float]:
+    return (1 + case.gain) / 2, case.lag / 4
+
+
+def _pair(got: Any) -> tuple[float, float]:
+    gain, lag = got
+    return float(gain), float(lag)
+
+
+def _lost_inside(case: SurvivalCase, got: Any) -> str:
+    at = _pair(got)
+    if not case.inside(*at):
+        return "this plant is changed by more than the modified one"
+    return "" if case.stable(*at) is False else "the loop is stable with this plant"
+
+
+def _same_pair(at: tuple[float, float], got: Any) -> bool:
+    return bool(np.allclose(_pair(got), at, rtol=1e-3, atol=1e-9))
+
+
+ONE_PLANT = Problem(
+    id="6.4",
+    title="Find the error: one modified plant",
+    case=_survival_case,
+    lacks=_lost_inside,
+    praise=(
+        "Right: a change that is smaller in every respect loses the loop. The modified plant "
+        "survived because its lower gain made up for the lag; one plant proves nothing about its "
+        "neighbours."
+    ),
+    misconceptions=(
+        answers_like(
+            "the modified plant itself",
+            "That is the plant that was tried, and the loop is stable with it. Change less: which "
+            "of its two changes hurts, and which one helps?",
+            lambda case: (case.gain, case.lag),
+            close=_same_pair,
+        ),
+        Misconception(
+            "the harmless change alone",
+            "Here only the gain has changed, and the loop bears it. What does a lag do to L near "
+            "its upper crossover, and where does a lower gain put that crossover?",
+            lambda case: (case.gain, 0.0),
+            lambda case, got: (
+                case.inside(*_pair(got))
+                and _pair(got)[0] < 1
+                and _pair(got)[1] == 0
+                and case.stable(*_pair(got)) is True
+            ),
+        ),
+        Misconception(
+            "stable inside",
+            "Within the range that was tried, but the loop is stable there. Follow the rightmost "
+            "root from the modified plant while you take back one change, then the other.",
+            _half,
+            lambda case, got: case.inside(*_pair(got)) and case.stable(*_pair(got)) is True,
+        ),
+        Misconception(
+            "beyond what was tried",
+            "The loop is lost with this plant, but it is changed by more than the modified one, so "
+            "nobody had promised anything. Stay between the two plants: gain between case.gain and "
+            "1, lag between 0 and case.lag.",
+            lambda case: (1.0, 2 * case.lag),
+            lambda case, got: (
+                not case.inside(*_pair(got))
+                and min(_pair(got)) > 0
+                and not case.inside(*_pair(got)[::-1])
+                and case.stable(*_pair(got)) is False
+            ),
+            marks=0.25,
+        ),
+        Misconception(
+            "lag and gain exchanged",
+            "The right plant, but the two numbers have changed places: first the gain, then the "
+            "lag in seconds.",
+            lambda case: (case.lag, 1.0),
+            lambda case, got: (
+                not case.inside(*_pair(got)) and not _lost_inside(case, _pair(got)[::-1])
+            ),
+            marks=0.5,
+        ),
+    ),
+)
+
+
+# --- 6.5 The test bench -------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class BenchCase:
+    """Three filters to be tried on several plants.
+
+    Attributes
+    ----------
+    model, controller : control.TransferFunction
+    plants : list of control.TransferFunction
+        The first is the plant as it is.
+    filters : list of LowPassFilter
+    """
+
+    model: ct.TransferFunction
+    controller: ct.TransferFunction
+    plants: list[ct.TransferFunction]
+    filters: list[LowPassFilter]
+
+    def __repr__(self) -> str:
+        times = ", ".join(f"{filter.time_constant:g}" for filter in self.filters)
+        return (
+            f"{len(self.plants)} plants like {factored(self.plants[0])}, n = "
+            f"{self.filters[0].order}, λ = {times} s"
+        )
+
+    @cached_property
+    def _loops(self) -> list[list[NRDOB]]:
+        return [
+            [NRDOB(plant, self.model, self.controller, filter) for plant in self.plants]
+            for filter in self.filters
+        ]
+
+    @cached_property
+    def _margins(self) -> list[list[LoopMargins]]:
+        return [[loop.margins() for loop in row] for row in self._loops]
+
+    def peaks(self, which: str = "plant_loop") -> list[list[float]]:
+        """Ms for each filter and plant; nan where the loop is not stable."""
+        return [[float(getattr(found, which).ms) for found in row] for row in self._margins]
+
+    @cached_property
+    def worst(self) -> list[float]:
+        """The answer: the largest Ms for each filter, infinite where a plant is lost."""
+        return [
+            max(found.plant_loop.ms for found in row) if all(found.stable for found in row) else inf
+            for row in self._margins
+        ]
+
+    @cached_property
+    def unjudged(self) -> list[float]:
+        """Largest |1/(1 + L)| on a grid, stable or not."""
+        omega = np.geomspace(1e-2, 1e3, 1500) * float(np.abs(self.model.poles()).min())
+        return [
+            max(float((1 / np.abs(1 + loop.L(1j * omega))).max()) for loop in row)
+            for row in self._loops
+        ]
+
+
+def _bench_case(rng: np.random.Generator) -> BenchCase:
+    def drawn() -> BenchCase:
+        pole = draw(rng, 0.5, 10)
+        gain = either_sign(rng) * draw(rng, 0.5, 5)
+        plant, model = _blocks(gain, pole, few(pole * rng.uniform(1.5, 2.5)))
+        lags = [ct.tf([1], [few(share / pole), 1]) for share in rng.uniform(0.06, 0.11, 2)]
+        weak, strong = (round(float(rng.uniform(*ends)), 2) for ends in ((0.5, 0.8), (1.3, 1.8)))
+        plants = [plant, weak * plant * lags[0], strong * plant * lags[1]]
+        values = [few(share / pole) for share in (0.05, 0.08, 0.16)]
+        filters = [LowPassFilter(value, 3) for value in rng.permutation(values).tolist()]
+        controller = design_controller(model, bandwidth=pole, phase_margin=60)
+        return BenchCase(model, controller, plants, filters)
+
+    def fits(case: BenchCase) -> bool:
+        worst = case.worst
+        if not 0 < sum(map(isinf, worst)) < len(worst):
+            return False
+        finite = [k for k, value in enumerate(worst) if value < inf]
+        others = (
+            _largest(case.peaks("observer_loop")),
+            [peaks[0] for peaks in case.peaks()],
+        )
+        return all(
+            any(abs(other[k] / worst[k] - 1) > 0.05 for k in finite) for other in others
+        ) and all(peaks[0] < inf for peaks in case.peaks())
+
+    return first_fitting(drawn, fits)
+
+
+def _largest(peaks: list[list[float]], lost: float = inf) -> list[float]:
+    return [lost if any(map(isnan, row)) else max(row) for row in peaks]
+
+
+def _like(expected: list[float], got: Any) -> bool:
+    values = np.asarray(got, dtype=float)
+    return values.shape == (len(expected),) and bool(
+        np.allclose(values, expected, rtol=0.01, equal_nan=True)
+    )
+
+
+def _benched(case: BenchCase, got: Any) -> str:
+    values = [float(value) for value in got]
+    if len(values) != len(case.filters):
+        return f"{len(values)} numbers for {len(case.filters)} filters"
+    if _like(case.worst, values):
+        return ""
+    for filter, true, value in zip(case.filters, case.worst, values, strict=True):
+        if _like([true], [value]):
+            continue
+        where = f"for λ = {filter.time_constant:g} s"
+        if isinf(true):
+            return f"{where} a plant is lost"
+        if isinf(value):
+            return f"{where} no plant is lost"
+        return f"{where} it is {'larger' if value < true else 'smaller'} than {value:.4g}"
+    return ""
+
+
+_bench_like = partial(answers_like, close=_like)
+
+
+BENCH = Problem(
+    id="6.5",
+    title="The test bench",
+    case=_bench_case,
+    lacks=_benched,
+    praise=(
+        "Right: the worst plant counts, a lost plant counts as infinitely bad, and Ms is that of "
+        "the loop which the plant feels. This bench will serve you below."
+    ),
+    misconceptions=(
+        Misconception(
+            "nan reported",
+            "There is a nan in your answer. An unstable loop has no margins, so its Ms is nan, and "
+            "what max makes of nan depends on where it stands. Ask for the verdict first, and "
+            "report inf where a plant is lost.",
+            lambda case: _largest(case.peaks(), nan),
+            lambda case, got: bool(np.isnan(np.asarray(got, dtype=float)).any()),
+            marks=0.5,
+        ),
+        _bench_like(
+            "lost plants left out",
+            "This is the largest Ms over those plants with which the loop is stable. (Python's max "
+            "passes over a nan that is not the first.) A plant that is lost is the worst of all: "
+            "ask for the verdict, and report inf.",
+            lambda case: [float(np.nanmax(row)) for row in case.peaks()],
+            marks=0.25,
+        ),
+        _bench_like(
+            "peak without a verdict",
+            "You have computed the peak of |1/(1 + L)|, and it is finite for unstable loops, too. "
+            "A distance from -1 means nothing on the wrong side of it: ask for stability first.",
+            lambda case: case.unjudged,
+            marks=0.25,
+        ),
+        _bench_like(
+            "margins of FH",
+            "These are the Ms of FH. What the plant feels is L = KG: take plant_loop.",
+            lambda case: _largest(case.peaks("observer_loop")),
+            marks=0.25,
+        ),
+        _bench_like(
+            "plant as it is",
+            "These are the numbers for the first plant, the one that you hope for. Go through all "
+            "of case.plants and keep the largest.",
+            lambda case: [row[0] for row in case.peaks()],
+            marks=0.25,
+        ),
+    ),
+)
+
+
+# --- 6.6 The design -----------------------------------------------------------------------------
+
+STAGES = ("model", "observer", "Ms", "disturbance", "settling", "changed", "noise")
+"""In the order in which they are looked at; each is worth a point of seven."""
+
+
+def _passes(case: Project, got: Any) -> str:
+    if not isinstance(got, tuple | list) or len(got) != 3:
+        return "three blocks are asked for: (model, controller, filter)"
+    goals = case.goals(*got)
+    missed = [stage for stage, goal in zip(STAGES, goals, strict=False) if not goal.met]
+    if not missed:
+        return ""
+    # Where the observer loop is stable nonetheless, it is the controller.
+    kind = "controller" if missed[0] == "model" and goals[1].met else missed[0]
+    return Lack(kind, f"\n{_table(goals)}")
+
+
+def _of(loop: NRDOB, **changes: Any) -> tuple[Any, Any, Any]:
+    blocks = {"model": loop.model, "controller": loop.controller, "filter": loop.filter} | changes
+    return blocks["model"], blocks["controller"], blocks["filter"]
+
+
+def _is_matched(case: Project, got: Any) -> bool:
+    poles = got[0].poles()
+    return bool(np.abs(poles - case.pole).min() < 1e-2 * case.pole)
+
+
+DESIGN = _Part(
+    id="6.6",
+    title="The design",
+    case=_project,
+    lacks=_passes,
+    praise=(
+        "Specification met, verified in two ways, and every changed plant survived. Now you may "
+        "sign it."
+    ),
+    misconceptions=(
+        Misconception(
+            "matched model",
+            "Your model has the plant's unstable pole, or nearly so. Then p_B keeps a root on the "
+            "right at that place, whatever the filter: what cancels stays. Mirror the pole.",
+            lambda case: (case.plant, case.controller, LowPassFilter(0.07 / case.pole, ORDER)),
+            _is_matched,
+        ),
+        Misconception(
+            "sign of the model",
+            "With this model p_B has an odd number of roots on the right for every filter: parity. "
+            "The plant has one unstable pole, so the model's DC gain must have the opposite sign.",
+            lambda case: (-case.mirrored, -case.controller, LowPassFilter(0.07 / case.pole, ORDER)),
+            lambda case, got: right_half_plane_parity(case.plant, got[0]).holds is False,
+        ),
+        lacking(
+            "observer",
+            "filter too slow for the plant",
+            "The signs are right, but with this filter p_B is unstable. An unstable plant is lost "
+            "where the feedback is too weak: in general λ is then too large for this model. Look "
+            "at stabilizing_time_constants, for your model and your order.",
+            lambda case: _of(case.loop(1.0)),
+            marks=1 / 7,
+        ),
+        lacking(
+            "controller",
+            "controller for the plant, not for the model",
+            "The observer holds the plant, but C does not stabilise the model: condition (i) "
+            "fails. C sees the model only. Design it for that, sign included.",
+            lambda case: _of(case.loop(case._good), controller=-case.controller),
+            marks=1 / 7,
+        ),
+        lacking(
+            "Ms",
+            "Ms above its limit",
+            "The loop is stable, but Ms is too large. Too slow a filter lets go of the plant; a "
+            "model that is too small makes the loop nervous. Draw Ms over λ, as in problem 6.2.",
+            lambda case: _of(case.loop(1.7 * case._good)),
+            marks=2 / 7,
+        ),
+        lacking(
+            "disturbance",
+            "disturbances not held",
+            "Stable, with a good Ms, but slow disturbances are not held well enough: |S_d| is "
+            "about nλω/|R(0)|. Make λ smaller, or the model.",
+            lambda case: _of(case.loop(1.3 * case._good)),
+            marks=3 / 7,
+        ),
+        lacking(
+            "settling",
+            "reference too slow",
+            "The plant is held well; now y is too slow to follow the reference, or does not settle "
+            "at it. That is up to C and the model: give C an integrator and a higher crossover.",
+            lambda case: _of(
+                case.loop(case._good),
+                controller=design_controller(case.mirrored, bandwidth=0.2 * case.pole),
+            ),
+            marks=4 / 7,
+        ),
+        lacking(
+            "changed",
+            "changed plant lost",
+            "Everything is met with the plant as it is, and a changed plant is lost. A filter that "
+            "is very fast leans on a plant that is known exactly up to high frequency; a lag or a "
+            "dead time breaks that. Slow it down.",
+            lambda case: _of(case.loop(0.01)),
+            marks=5 / 7,
+        ),
+        lacking(
+            "noise",
+            "too much noise in u",
+            "Everything is met but the noise. If it is infinite, F has only as many lags as the "
+            "model: take one more. If it is finite, go to the slow end of the λ that meet the "
+            "other goals, where the loop is quiet.",
+            lambda case: _of(case.loop(0.7 * case._good)),
+            marks=6 / 7,
+        ),
+    ),
+    own=True,
+)
+
+PROBLEMS = (EQUAL_REJECTION, QUIETEST, ONE_PLANT, BENCH, DESIGN)

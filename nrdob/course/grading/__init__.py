@@ -1,0 +1,6 @@
+"""The way from a submission to its points: give out the problem sets, grade, report.
+
+python -m nrdob.course.grading release
+python -m nrdob.course.grading grade FOLDER
+python -m nrdob.course.grading report
+"""

@@ -1,0 +1,333 @@
+"""Give out the problem sets, and grade what comes back.
+
+    python -m nrdob.course.grading release                       student copies and solutions
+    python -m nrdob.course.grading grade FOLDER                  grade what students handed in
+    python -m nrdob.course.grading report                        after marks were written by hand
+
+FOLDER holds a folder for each student with the notebook in it, ``FOLDER/anna/set2.ipynb``. The
+result is a course in nbgrader's layout: ``grades.csv``, the feedback of each student, the list
+``written.csv`` of the answers to be marked by hand, and nbgrader's gradebook.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import shutil
+import sys
+import tempfile
+import zipfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import nbformat
+from nbclient.exceptions import CellExecutionError
+from nbgrader.preprocessors import ClearHiddenTests
+
+from ..running import execute
+from .autograde import SETTINGS, course, write_feedback
+from .batch import Batch, Outcome
+from .marks import (
+    Records,
+    enter,
+    grades_of,
+    number,
+    read_written,
+    unmarked,
+    write_grades,
+    write_written,
+)
+from .submissions import Submission, find, repair
+
+ROOT = Path(__file__).resolve().parents[3]
+SOURCE = ROOT / "notebooks" / "exercises" / "source"
+RELEASE = ROOT / "build" / "exercises"
+GRADING = ROOT / "grading"
+
+MARKERS = re.compile(r"^.*(BEGIN|END) (SOLUTION|HIDDEN TESTS).*\n?", re.MULTILINE)
+
+Notebook = Any
+
+
+class CourseError(Exception):
+    """Something that the person at the keyboard has to put right."""
+
+
+# --- giving out ---------------------------------------------------------------------------------
+
+
+def sets_in(source: Path) -> dict[str, Notebook]:
+    """Read the sets, by name."""
+    paths = sorted(source.glob("set*/set*.ipynb"))
+    return {path.stem: nbformat.read(path, as_version=4) for path in paths}
+
+
+def found_course(root: Path) -> None:
+    """Make a folder a course of nbgrader's; settings that are there stay."""
+    root.mkdir(parents=True, exist_ok=True)
+    if not (root / SETTINGS).exists():
+        shutil.copy(SOURCE.parent / SETTINGS, root)
+
+
+def generate(root: Path, source: Path, name: str) -> Path:
+    """Let nbgrader make the students' copy of a set, in the course of a folder."""
+    target = root / "source" / name
+    if target.exists():
+        shutil.rmtree(target)
+    shutil.copytree(source / name, target, ignore=shutil.ignore_patterns(".*", "__pycache__"))
+    done = course(root).generate_assignment(name)
+    if "Cannot add or remove cells" in done["log"]:
+        raise CourseError(
+            f"{name} has other cells than when submissions of it were graded into {root}: "
+            "grade into another folder, with --output"
+        )
+    if not done["success"]:
+        raise CourseError(f"nbgrader cannot give out {name}:\n{done['log']}")
+    return root / "release" / name
+
+
+def release(names: Sequence[str], source: Path, target: Path, solutions: bool = True) -> None:
+    """Write the students' copies, as folders and as archives, and the solutions."""
+    with tempfile.TemporaryDirectory() as folder:
+        found_course(Path(folder))
+        for name in names:
+            given_out = target / "release" / name
+            if given_out.exists():
+                shutil.rmtree(given_out)
+            shutil.copytree(generate(Path(folder), source, name), given_out)
+            archive(given_out)
+            print(f"{name}: {given_out}.zip")
+    if solutions:
+        for name in names:
+            solution = target / "solutions" / f"{name}.ipynb"
+            solution.parent.mkdir(parents=True, exist_ok=True)
+            solution.write_text(solved(source / name / f"{name}.ipynb"), "utf-8")
+            print(f"{name}: {solution}")
+
+
+def archive(folder: Path) -> None:
+    """Pack a folder; the same files give the same bytes."""
+    with zipfile.ZipFile(folder.with_suffix(".zip"), "w", zipfile.ZIP_DEFLATED) as packed:
+        for path in sorted(path for path in folder.rglob("*") if path.is_file()):
+            entry = zipfile.ZipInfo(path.relative_to(folder.parent).as_posix())
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            entry.external_attr = 0o644 << 16
+            packed.writestr(entry, path.read_bytes())
+
+
+def solved(path: Path) -> str:
+    """Run a set with its published solutions, without the hidden tests."""
+    notebook = nbformat.read(path, as_version=4)
+    notebook, _ = ClearHiddenTests().preprocess(notebook, {})
+    for cell in notebook.cells:
+        cell.source = MARKERS.sub("", cell.source).rstrip("\n")
+    with tempfile.TemporaryDirectory() as folder:
+        copy = Path(folder) / path.name
+        nbformat.write(notebook, copy)
+        try:
+            return execute(copy, timeout=120)
+        except CellExecutionError as error:
+            raise CourseError(f"the solutions of {path.stem} do not run:\n{error}") from None
+
+
+# --- grading ------------------------------------------------------------------------------------
+
+
+def grade(
+    folder: Path,
+    wanted: Sequence[str] = (),
+    target: Path = GRADING,
+    source: Path = SOURCE,
+    jobs: int = 2,
+    limit: float = 300,
+) -> int:
+    """Grade what students handed in; the result is how many could not be graded."""
+    if not folder.is_dir():
+        raise CourseError(f"there is no folder {folder}")
+    submissions = find(folder, sets_in(source), wanted)
+    if not submissions:
+        raise CourseError(f"there are no submissions in {folder}")
+    found_course(target)
+    names = sorted({submission.set for submission in submissions if not submission.reason})
+    given_out = {
+        name: nbformat.read(generate(target, source, name) / f"{name}.ipynb", as_version=4)
+        for name in names
+    }
+    records = Records(target / "submissions.json")
+    faults = take_marks(target, records)
+    ready = []
+    for submission in submissions:
+        if not submission.reason:
+            hand_over(submission, given_out[submission.set], target, records)
+        entry = records.add(submission, submission.reason or "it is still to be graded")
+        if submission.reason:
+            print(f"not graded: {described(submission)}: {submission.reason}", flush=True)
+        else:
+            ready.append((entry["folder"], submission))
+    try:
+        run(ready, target, records, jobs, limit)
+    finally:  # after an interrupt, too
+        write_tables(target, records)
+    return summary(target, submissions, records, faults)
+
+
+def hand_over(submission: Submission, given_out: Notebook, target: Path, records: Records) -> None:
+    """Put a submission where nbgrader looks for it, repaired."""
+    try:
+        repair(submission, given_out)
+    except Exception as error:  # whatever a file may hold
+        submission.reason = f"its cells cannot be read ({type(error).__name__}: {error})"
+        return
+    place = target / "submitted" / records.folder_of(submission.student) / submission.set
+    if place.exists():
+        shutil.rmtree(place)
+    place.mkdir(parents=True)
+    nbformat.write(submission.notebook, place / f"{submission.set}.ipynb")
+    for picture in submission.pictures:
+        shutil.copy(picture, place)
+
+
+def run(
+    ready: list[tuple[str, Submission]], target: Path, records: Records, jobs: int, limit: float
+) -> None:
+    """Grade, and tell how it goes."""
+    for count, outcome in enumerate(Batch(target, jobs, limit).grade(ready), start=1):
+        entry = records.add(outcome.submission, outcome.reason)
+        if not outcome.reason:
+            with course(target).gradebook as gradebook:
+                enter(gradebook, entry["folder"], outcome)
+        print(f"[{count:>{len(str(len(ready)))}}/{len(ready)}] {told(outcome)}", flush=True)
+
+
+def described(submission: Submission) -> str:
+    """Name the student and the set."""
+    return " ".join(filter(None, [submission.student, submission.set]))
+
+
+def told(outcome: Outcome) -> str:
+    """Tell in a line what came of a submission."""
+    points = [points for points in outcome.grades.values() if points is not None]
+    open_ones = len(outcome.grades) - len(points)
+    parts = (
+        [f"not graded: {outcome.reason}"] if outcome.reason else [f"{number(sum(points))} points"]
+    )
+    if open_ones:
+        parts.append(f"{open_ones} to mark by hand")
+    parts += outcome.submission.remarks
+    return f"{described(outcome.submission)} ({outcome.seconds:.0f} s): {'; '.join(parts)}"
+
+
+def take_marks(target: Path, records: Records) -> list[str]:
+    """Enter the marks written by hand, if there are any yet."""
+    if not (target / "gradebook.db").exists():
+        return []
+    with course(target).gradebook as gradebook:
+        return read_written(target / "written.csv", gradebook, records)
+
+
+def write_tables(target: Path, records: Records) -> None:
+    """Write what the teacher reads."""
+    records.save()
+    with course(target).gradebook as gradebook:
+        write_grades(target / "grades.csv", gradebook, records)
+        write_written(target / "written.csv", gradebook, records)
+
+
+def summary(
+    target: Path, submissions: list[Submission], records: Records, faults: list[str]
+) -> int:
+    """Say at the end what somebody should look at, by name."""
+    mine = {(submission.student, submission.set) for submission in submissions}
+    entries = [entry for entry in records.entries if (entry["student"], entry["set"]) in mine]
+    refused = [entry for entry in entries if entry["reason"]]
+    print(f"\n{len(entries) - len(refused)} of {len(entries)} submissions are graded.")
+    for entry in entries:
+        said = [f"NOT GRADED: {entry['reason']}"] if entry["reason"] else []
+        for remark in [*said, *entry["remarks"]]:
+            print(f"  {' '.join(filter(None, [entry['student'], entry['set']]))}: {remark}")
+    for fault in faults:
+        print(f"  {fault}")
+    print(f"Points: {target / 'grades.csv'}\nFeedback: {target / 'feedback'}")
+    with course(target).gradebook as gradebook:
+        left = sum(unmarked(grade) for entry in entries for grade in grades_of(gradebook, entry))
+    if left:
+        print(
+            f"{left} answers are to be marked by hand: fill in the points in "
+            f"{target / 'written.csv'}, then: python -m nrdob.course.grading report"
+        )
+    return len(refused) + len(faults)
+
+
+def report(target: Path = GRADING) -> int:
+    """Enter the marks written by hand; write feedback and tables anew."""
+    if not (target / "gradebook.db").exists():
+        raise CourseError(f"nothing is graded yet in {target}")
+    records = Records(target / "submissions.json")
+    faults = take_marks(target, records)
+    api = course(target)
+    for entry in records.entries:
+        if not entry["reason"]:
+            write_feedback(api, entry["folder"], entry["set"])
+            print(f"feedback for {entry['student']} {entry['set']}", flush=True)
+    write_tables(target, records)
+    for fault in faults:
+        print(f"  {fault}")
+    print(f"Points: {target / 'grades.csv'}")
+    return len(faults)
+
+
+# --- command line -------------------------------------------------------------------------------
+
+
+def parse(arguments: list[str] | None) -> argparse.Namespace:
+    """Read the command line."""
+    parser = argparse.ArgumentParser(description="Give out problem sets, and grade them.")
+    commands = parser.add_subparsers(dest="command", required=True)
+    giving = commands.add_parser("release", help="make the students' copies and the solutions")
+    giving.add_argument("sets", nargs="*", metavar="SET", help="set1, set2, …; by default all")
+    giving.add_argument("--output", type=Path, default=RELEASE, metavar="FOLDER")
+    grading = commands.add_parser("grade", help="grade what students handed in")
+    grading.add_argument("folder", type=Path, metavar="FOLDER")
+    grading.add_argument("--set", action="append", default=[], help="only this one, e.g. set2")
+    grading.add_argument("--jobs", type=int, default=2, help="how many at a time")
+    grading.add_argument(
+        "--limit", type=float, default=300, metavar="SECONDS", help="for one submission"
+    )
+    reporting = commands.add_parser("report", help="after marks were written into written.csv")
+    for command in (grading, reporting):
+        command.add_argument("--output", type=Path, default=GRADING, metavar="FOLDER")
+    return parser.parse_args(arguments)
+
+
+def checked(names: Sequence[str]) -> list[str]:
+    """Take sets as "set2" or "2"; an unknown one is an error."""
+    known = sets_in(SOURCE)
+    names = [name if name.startswith("set") else f"set{name}" for name in names]
+    for name in names:
+        if name not in known:
+            raise CourseError(f"there is no {name}; there are {', '.join(known)}")
+    return names
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command line; 0 if all is well, 1 if some could not be graded, 2 if nothing was."""
+    options = parse(arguments)
+    try:
+        if options.command == "release":
+            release(checked(options.sets) or list(sets_in(SOURCE)), SOURCE, options.output)
+            return 0
+        if options.command == "grade":
+            names = checked(options.set)
+            left = grade(
+                options.folder, names, options.output, jobs=options.jobs, limit=options.limit
+            )
+        else:
+            left = report(options.output)
+    except CourseError as error:
+        print(error, file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("Stopped. What was graded is in the tables.", file=sys.stderr)
+        return 2
+    return 1 if left else 0

@@ -1,0 +1,274 @@
+"""A controller for the model loop: condition i of Lemmas 1 and 2 by classical loop shaping."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+from math import asin, atan, ceil, degrees, isfinite, log, log10, radians, sin, tan
+from numbers import Real
+from typing import Any
+
+import control as ct
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from ..analysis import Margins, judge, margins
+from ..diagram import Fraction, LoopEquations, LowPassFilter, as_fraction, nonzero
+from ..numerics import ComplexArray, FloatArray, IntArray, QuasiPolynomial
+
+SLOWEST_INTEGRAL = 5.0
+"""Largest Ti·ω: the integral action takes at least atan(1/5), 11°, at the crossover."""
+
+LARGEST_RATIO = 10.0
+"""Largest ratio of the two corners of the lead, derivative and its filter."""
+
+INTEGRAL_LAG = degrees(atan(1 / SLOWEST_INTEGRAL))
+MOST_AHEAD = degrees(asin((LARGEST_RATIO - 1) / (LARGEST_RATIO + 1))) - INTEGRAL_LAG
+"""By how much a PID can be ahead at the crossover, in degrees: 43.6."""
+
+CROSSOVERS, PER_DECADE = 48, 32
+"""Crossovers tried, and frequencies at which each loop is looked at, in a decade."""
+
+ROUGH = 2.0
+"""How many degrees a phase margin read off the frequencies may be too small."""
+
+TRIED = 8
+"""Samples of a run that are judged exactly until one is good."""
+
+
+@dataclass(frozen=True)
+class _Design:
+    """A controller tried, and what became of the model loop."""
+
+    controller: ct.TransferFunction
+    integral_gain: float
+    found: Margins
+
+
+def design_controller(
+    model: Any, *, bandwidth: float | None = None, phase_margin: float = 60.0
+) -> ct.TransferFunction:
+    r"""Design an I, PI or PID controller on the model, from bandwidth and phase margin.
+
+    At the crossover ω the controller must supply the phase that is missing:
+    :math:`\arg C(j\omega) = P_M - 180° - \arg\tilde G(j\omega)`. Between -90° and -11° a PI,
+    :math:`k(1 + 1/(T_is))`, does so exactly; above that a PID with filter, up to 44° ahead; below
+    -90° an integrator, with a larger margin than asked for. What comes out is verified.
+
+    Parameters
+    ----------
+    model : control.TransferFunction, StateSpace or (num, den)
+        G̃, proper, without dead time.
+    bandwidth : float, optional
+        Crossover frequency of C·G̃, in rad/s. Without it, the PI, T_i > 0, of largest integral gain
+        k/T_i that has the phase margin.
+    phase_margin : float
+        In degrees, between 0 and 90.
+
+    Returns
+    -------
+    control.TransferFunction
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the model cannot stand in the loop, or no controller of this kind does what is asked;
+        the message says what to change.
+
+    Examples
+    --------
+    The model of Example 4 of the paper:
+
+    >>> import control as ct
+    >>> C = design_controller(ct.tf([1], [1, 4, 3.75]), bandwidth=1.0, phase_margin=68)
+    >>> [round(float(k), 3) for k in C.num[0][0]]
+    [1.772, 2.679]
+    """
+    fraction = nonzero(as_fraction(model, "model"), "model")
+    for name, given in (("bandwidth", bandwidth), ("phase_margin", phase_margin)):
+        if given is not None and (isinstance(given, bool) or not isinstance(given, Real)):
+            raise TypeError(f"{name} is {given!r}; give a real number")
+    if not 0 < phase_margin < 90:
+        raise ValueError(
+            f"phase_margin is {phase_margin}; give an angle between 0 and 90 degrees, such as 60"
+        )
+    if bandwidth is None:
+        return _largest_integral_gain(fraction, phase_margin).controller
+    if not (isfinite(bandwidth) and bandwidth > 0):
+        raise ValueError(
+            f"bandwidth is {bandwidth}; it is a frequency in rad/s, positive and finite"
+        )
+    missing = {sign: _missing(fraction, bandwidth, phase_margin, sign) for sign in (1, -1)}
+    tried = [
+        _design(fraction, bandwidth, phase, sign)
+        for sign, phase in missing.items()
+        if phase <= MOST_AHEAD
+    ]
+    stable = [design for design in tried if design.found.stable]
+    if not stable:
+        ahead = [f"{phase:.1f}° ahead" for phase in missing.values() if phase > MOST_AHEAD]
+        needed = f"; it had to be {ahead[0]}, a PID reaches {MOST_AHEAD:.1f}°" if ahead else ""
+        raise ValueError(
+            f"no PI or PID with crossover at {bandwidth:g} rad/s and a phase margin of "
+            f"{phase_margin:g}° stabilises the model{needed}: choose another bandwidth"
+        )
+    best = max(stable, key=lambda design: design.found.pm)
+    if best.found.pm < phase_margin * (1 - 1e-6):
+        raise ValueError(
+            f"|C·model| is 1 at {best.found.wgc:.4g} rad/s, too, where the phase margin is only "
+            f"{best.found.pm:.1f}°: choose another bandwidth"
+        )
+    return best.controller
+
+
+def _missing_phase(
+    model: Fraction, omega: FloatArray, phase_margin: float, sign: int
+) -> FloatArray:
+    """Phase that the controller must have at the crossover, in degrees, from -270 to 90."""
+    angle = np.degrees(np.angle(sign * _value(model, omega)))
+    return np.asarray((phase_margin - 180 - angle + 270) % 360 - 270)
+
+
+def _missing(model: Fraction, omega: float, phase_margin: float, sign: int) -> float:
+    return float(_missing_phase(model, np.array(omega), phase_margin, sign))
+
+
+def _design(model: Fraction, omega: float, phase: float, sign: int) -> _Design:
+    """Give the controller a phase and the loop a crossover, and see what becomes of it."""
+    if phase <= -90:  # an integrator alone leaves more phase margin than asked for
+        shape = ct.tf([1.0], [1.0, 0.0])
+    elif phase <= -INTEGRAL_LAG:
+        time = tan(radians(90 + phase)) / omega
+        shape = ct.tf([time, 1.0], [time, 0.0])
+    else:
+        lead = sin(radians(phase + INTEGRAL_LAG))
+        ratio = (1 + lead) / (1 - lead)  # of the two corners around the crossover
+        slow, fast = ratio**0.5 / omega, 1 / (ratio**0.5 * omega)
+        time = SLOWEST_INTEGRAL / omega
+        shape = ct.tf(np.convolve([time, 1.0], [slow, 1.0]), np.convolve([time, 0.0], [fast, 1.0]))
+    gain = sign / abs(complex(shape(1j * omega)) * complex(_value(model, np.array(omega))))
+    controller = gain * shape
+    loop = LoopEquations(
+        model, model, controller, LowPassFilter(1.0, max(1, model.relative_degree))
+    )
+    verdict = judge("C Gm", loop.CGm.den, loop.p_A, loop.ill_posed_model_loop)
+    integral = abs(gain * shape.num[0][0][-1] / shape.den[0][0][-2])
+    return _Design(controller, float(integral), margins(loop.CGm, verdict.stable, loop.p_A))
+
+
+def _largest_integral_gain(model: Fraction, phase_margin: float) -> _Design:
+    """Find the PI of largest integral gain among those of every crossover frequency.
+
+    The crossovers that keep the phase margin form runs, in each of which the loop is either always
+    stable or never: to change, it would have to pass -1. So one exact verdict judges a run, and
+    the largest gain in it lies at its best sample, or between that one and a neighbour.
+    """
+    omega = _frequencies(model, CROSSOVERS)
+    found: list[_Design] = []
+    # The margin may be just kept against a turn in either sense.
+    for sign, turn in product((1, -1), (phase_margin, -phase_margin)):
+        phase = _missing_phase(model, omega, turn, sign)
+        slowest = -180 if turn > 0 else -90
+        possible = (phase > slowest) & (phase <= -INTEGRAL_LAG)
+        gain = np.where(possible, _integral_gain(model, omega, phase), 0.0)
+        good = possible & (_smallest_rotations(model, omega, phase, sign) >= phase_margin - ROUGH)
+        for run in np.split(np.arange(omega.size), 1 + np.flatnonzero(np.diff(good))):
+            if good[run[0]]:
+                found += _best_of_run(model, turn, sign, omega, gain, run)
+    if not found:
+        raise ValueError(
+            f"no PI gives the model a phase margin of {phase_margin:g}°: give a bandwidth, so that "
+            "a PID can be used, or lower the phase margin"
+        )
+    best = max(found, key=lambda design: design.integral_gain)
+    if best.found.wgc > 0.9 * omega[-1]:
+        raise ValueError(
+            f"a phase margin of {phase_margin:g}° does not limit the bandwidth of this model: give "
+            "a bandwidth in rad/s"
+        )
+    return best
+
+
+def _best_of_run(
+    model: Fraction,
+    turn: float,
+    sign: int,
+    omega: FloatArray,
+    gain: FloatArray,
+    run: IntArray,
+) -> list[_Design]:
+    """Refine the largest integral gain around the best sample of a run; empty if none is good."""
+
+    def design(exponent: float) -> _Design:
+        at = float(np.exp(exponent))
+        return _design(model, at, _missing(model, at, turn, sign), sign)
+
+    def keeps(tried: _Design) -> bool:
+        return bool(tried.found.stable and tried.found.pm >= abs(turn) * (1 - 1e-6))
+
+    order = run[np.argsort(-gain[run], kind="stable")]
+    # Beside the end of a run the rough margin may be a little too good.
+    best = next((k for k in order[:TRIED].tolist() if keeps(design(log(omega[k])))), None)
+    if best is None:
+        return []
+    inside = log(omega[best])
+    ends = []
+    for neighbour in (max(best - 1, 0), min(best + 1, omega.size - 1)):
+        good, beyond = inside, log(omega[neighbour])
+        if keeps(design(beyond)):
+            good = beyond  # the top may lie in between, but no end
+        while abs(beyond - good) > 1e-9:
+            middle = (good + beyond) / 2
+            good, beyond = (middle, beyond) if keeps(design(middle)) else (good, middle)
+        ends.append(good)
+    top = minimize_scalar(lambda x: -design(x).integral_gain, bounds=ends, method="bounded")
+    tried = [design(x) for x in (inside, *ends, float(top.x))]
+    return [each for each in tried if keeps(each)]
+
+
+def _frequencies(model: Fraction, per_decade: int) -> FloatArray:
+    """Frequencies from two decades below to two above the model's, dense beside resonances."""
+    roots = np.concatenate([QuasiPolynomial(p).without_origin.roots for p in model])
+    sizes = np.abs(roots) if roots.size else np.ones(1)
+    low, high = sizes.min() / 100, sizes.max() * 100
+    grids = [np.geomspace(low, high, ceil(per_decade * log10(high / low)) + 1)]
+    for root in roots[roots.imag > 0]:
+        width = max(abs(root.real), 1e-8 * abs(root))
+        steps = np.geomspace(0.1 * width, abs(root), 16)
+        grids += [root.imag + steps, root.imag - steps]
+    omega = np.unique(np.concatenate(grids))
+    return np.asarray(omega[(omega >= low) & (omega <= high)])
+
+
+def _integral_gain(model: Fraction, omega: FloatArray, phase: FloatArray) -> FloatArray:
+    """k/Ti of the PI, or k of the integrator, with a given phase at each crossover."""
+    with np.errstate(divide="ignore"):  # at an undamped pole the gain is 0
+        share = np.where(phase <= -90, 1.0, -np.sin(np.radians(phase)))
+        return np.asarray(omega * share / np.abs(_value(model, omega)))
+
+
+def _smallest_rotations(
+    model: Fraction, omega: FloatArray, phase: FloatArray, sign: int
+) -> FloatArray:
+    """Roughly the smallest phase margin over all crossovers, for a PI at each frequency."""
+    grid = _frequencies(model, PER_DECADE)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        plant = sign * _value(model, grid)
+        time = np.where(phase <= -90, 0.0, np.tan(np.radians(90 + phase)) / omega)
+        gain = _integral_gain(model, omega, phase)
+        L = gain[:, None] * (1 / (1j * grid) + time[:, None]) * plant
+        size = np.log(np.abs(L))
+        row, column = np.nonzero((size[:, 1:] >= 0) != (size[:, :-1] >= 0))
+        before, after = size[row, column], size[row, column + 1]
+        turn = np.angle(-L[row, column])
+        step = np.angle(L[row, column + 1] / L[row, column])
+        angle = np.abs(np.angle(np.exp(1j * (turn + before / (before - after) * step))))
+    smallest = np.full(omega.shape, 180.0)
+    np.minimum.at(smallest, row, np.degrees(np.nan_to_num(angle)))
+    return smallest
+
+
+def _value(model: Fraction, omega: FloatArray) -> ComplexArray:
+    """G̃(jω)."""
+    s = 1j * np.asarray(omega)
+    return np.asarray(np.polyval(model.num, s) / np.polyval(model.den, s))

@@ -1,0 +1,308 @@
+r"""The time constants that a specification excludes, found frequency by frequency.
+
+What a limit forbids at a frequency is a range of λ, or a single one, that changes continuously with
+the frequency along each turn of :math:`(1 + j\lambda\omega)^n`. So it excludes a few patches, or
+lines, of the (ω, λ) plane, whose shadows on the axis of λ are left out: no λ is tried, and none
+lies unseen between two that were.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import lru_cache, partial
+from math import pi
+
+import numpy as np
+
+from ..numerics import BoolArray, FloatArray, IntArray
+from .forbidden import Curve, Forbidden, Limit, limits
+from .limits import roots_by_side
+from .mismatch import Mismatch
+from .mismatchgrid import Frequencies
+from .slack import Specification
+
+BESIDE, ZOOMS = 5, 5
+"""At how many frequencies on each side, and how often, an edge is looked at more closely."""
+
+STEEPEST = 1e-6
+"""Relative distance of two frequencies at which a patch that is so steep is cut no more."""
+
+CHEAP = 14
+"""How often where it costs little."""
+
+MARGIN = 0.5
+"""Angle beyond what is forbidden in which it may come close between two frequencies."""
+
+NOISE = 1e-2
+"""Relative rounding error of R, beside its poles and zeros on the axis, from which it is none."""
+
+SMALLEST_GAIN = 0.01
+"""Size of L down to which a dead time is followed."""
+
+SHORT = 1.01
+"""How far short of it, because L may tend to a circle of just that size."""
+
+FAR = 1e10
+"""How far beyond all else R is followed if L does not vanish at infinite frequency."""
+
+Interval = tuple[float, float]
+
+
+def admissible(
+    frequencies: Frequencies, specification: Specification, intervals: list[Interval]
+) -> list[Interval]:
+    """Find all λ within intervals of stable loops that meet a specification.
+
+    Returns
+    -------
+    list of (low, high)
+        Disjoint and increasing, in seconds.
+    """
+    mismatch = frequencies.mismatch
+    left = _without(intervals, list(_at_infinity(mismatch, specification)))
+    if not left:
+        return []
+    floor, every = left[0][0], list(limits(mismatch.order, specification))
+    patches = _looked_at(mismatch, frequencies.above(floor), every)
+    # Smaller loop gains than those of an unstable loop are forbidden, too, up to higher frequency.
+    rough = _without(left, [shadow for each in patches for shadow in each.shadows(closely=False)])
+    least = SHORT * max(specification.smallest_gain, SMALLEST_GAIN)
+    if mismatch.delay and rough:
+        floor = max(floor, rough[0][0])
+        left = _without(left, [(0.0, floor)])
+        patches = _looked_at(mismatch, frequencies.above(floor, least), every)
+    for each in patches:
+        left = _without(left, each.shadows() if left else [])
+    return left
+
+
+def _looked_at(mismatch: Mismatch, omega: FloatArray, every: list[Limit]) -> list[_Patches]:
+    """Find the patches of each limit."""
+    omega = _followed(mismatch, omega)
+    return [_Patches.of(mismatch, omega, limit) for limit in every]
+
+
+def _without(intervals: list[Interval], covered: list[Interval]) -> list[Interval]:
+    """Leave out of increasing intervals what others cover."""
+    for low, high in covered:
+        parts = [((a, min(b, low)), (max(a, high), b)) for a, b in intervals]
+        intervals = [(a, b) for pair in parts for a, b in pair if a < b]
+    return intervals
+
+
+def _followed(mismatch: Mismatch, omega: FloatArray) -> FloatArray:
+    """Leave out frequencies at which R is noise; follow it further if L does not vanish."""
+    if mismatch.excess == mismatch.order and not mismatch.delay:
+        omega = np.append(omega, omega[-1] * np.geomspace(1, FAR, 41)[1:])
+    return omega[mismatch.noise(omega) < NOISE * np.abs(mismatch.ratio(omega))]
+
+
+def _at_infinity(mismatch: Mismatch, specification: Specification) -> Iterator[Interval]:
+    """Give the λ at which L tends to a forbidden point, or circle, at infinite frequency."""
+    if mismatch.excess < mismatch.order:
+        return
+    last = float(mismatch.b[0] / mismatch.a[0])
+    if last > 0 and not mismatch.delay:
+        return
+    if specification.max_ms is not None:
+        near = 1 / specification.max_ms
+        yield _between(abs(last), 1 - near, 1 + near, mismatch.order)
+    if specification.min_gm_db is not None:
+        gain = 10 ** (specification.min_gm_db / 20)
+        yield _between(abs(last), 1 / gain, gain, mismatch.order)
+
+
+def _between(last: float, least: float, most: float, order: int) -> Interval:
+    """Give the λ at which last/λ^n lies between two sizes."""
+    return (last / most) ** (1 / order), (last / least) ** (1 / order)
+
+
+@dataclass(frozen=True, eq=False)
+class _Patches:
+    """What one limit forbids, frequency by frequency along each turn of D.
+
+    Attributes
+    ----------
+    mismatch : Mismatch
+        The ratio R and the order.
+    limit : Limit
+        What is forbidden.
+    omega, phase : array of float
+        N frequencies and arg R there, continued.
+    stretch : array of int
+        Number of poles and zeros of R on the axis below each.
+    at, turn : array of int
+        Which frequency, and how many whole turns are added to the phase, sorted by turn.
+    found : Forbidden
+        What is forbidden there.
+    """
+
+    mismatch: Mismatch
+    limit: Limit
+    omega: FloatArray
+    phase: FloatArray
+    stretch: IntArray
+    at: IntArray
+    turn: IntArray
+    found: Forbidden
+
+    @classmethod
+    def of(cls, mismatch: Mismatch, omega: FloatArray, limit: Limit) -> _Patches:
+        """Look at all frequencies, and where the limit is nearly reached between two."""
+        R = mismatch.ratio(omega)
+        phase = np.unwrap(np.angle(R))
+        stretch = np.searchsorted(_on_axis(mismatch)[0], omega)
+        first, last = Curve.of(mismatch.order).ends
+        beside = limit.half_angle + MARGIN
+        least = np.ceil((first - beside - pi - phase) / (2 * pi))
+        most = np.floor((last + beside - pi - phase) / (2 * pi))
+        turns = least[:, None] + np.arange(int((most - least).max(initial=0)) + 1)
+        at, k = np.nonzero(turns <= most[:, None])
+        turn = turns[at, k].astype(int)
+        by_turn = np.lexsort((at, turn))
+        at, turn = at[by_turn], turn[by_turn]
+        found = limit.forbids(np.log(np.abs(R))[at], phase[at] + pi + 2 * pi * turn)
+        patches = cls(mismatch, limit, omega, phase, stretch, at, turn, found)
+        more = np.union1d(omega, patches._between())
+        return cls.of(mismatch, more, limit) if more.size > omega.size else patches
+
+    def shadows(self, *, closely: bool = True) -> list[Interval]:
+        """Find the λ that each patch covers, off the frequencies looked at if not closely."""
+        there = np.flatnonzero(self.found.depth >= 0)
+        if not there.size:
+            return []
+        low, high = (edge - np.log(self.omega[self.at]) for edge in self.found[:2])
+        linked = self._linked
+        patch = np.cumsum(np.append(True, ~linked))[there]
+        starts = np.flatnonzero(np.append(True, np.diff(patch) > 0))
+        if closely:
+            lowest, highest = (there[_tops(edge, linked)[there]] for edge in (-low, high))
+            way = np.repeat([-1, 1], [lowest.size, highest.size])[:, None]
+            _, reach = self._zoomed(np.append(lowest, highest), partial(_reach, way))
+            low[lowest], high[highest] = -reach[: lowest.size], reach[lowest.size :]
+        to_0, to_inf = (np.logical_or.reduceat(end[there], starts) for end in self._open_ends)
+        lows = np.exp(np.minimum.reduceat(low[there], starts))
+        highs = np.exp(np.maximum.reduceat(high[there], starts))
+        lows, highs = np.where(to_0, 0.0, lows), np.where(to_inf, np.inf, highs)
+        return list(zip(lows.tolist(), highs.tolist(), strict=True))
+
+    @property
+    def _joined(self) -> BoolArray:
+        """Tell between which of the points looked at everything changes continuously."""
+        same = (np.diff(self.turn) == 0) & (np.diff(self.at) == 1)
+        return np.asarray(same & (np.diff(self.stretch[self.at]) == 0))
+
+    @property
+    def _open_ends(self) -> tuple[BoolArray, BoolArray]:
+        """Tell from which points a patch goes on to λ = 0, or to infinite λ.
+
+        At a zero of R on the axis, and at infinite frequency, L is of size 1 only if λ tends to 0;
+        at a pole and at ω = 0 only if it is infinite.
+        """
+        is_pole = np.concatenate([[True], _on_axis(self.mismatch)[1], [False]])
+        breaks = np.diff(self.stretch) > 0
+        first, last = np.append(True, breaks)[self.at], np.append(breaks, True)[self.at]
+        below, above = self.stretch[self.at], self.stretch[self.at] + 1
+        to_inf = (first & is_pole[below]) | (last & is_pole[above])
+        to_0 = (first & ~is_pole[below]) | (last & ~is_pole[above])
+        if self.mismatch.excess == self.mismatch.order:  # L does not vanish at infinite frequency
+            to_0 &= self.at < self.omega.size - 1
+        return to_0, to_inf
+
+    @property
+    def _linked(self) -> BoolArray:
+        """Tell between which of the points looked at a patch goes on."""
+        there = self.found.depth >= 0
+        return np.asarray(self._joined & there[1:] & there[:-1])
+
+    def _between(self) -> FloatArray:
+        """Frequencies of patches, or of gaps, that lie between two of those looked at."""
+        parts = [self._hidden(np.array([way])) for way in (1, -1)]
+        return np.concatenate([*parts, self._steep()])
+
+    def _hidden(self, way: IntArray) -> FloatArray:
+        """Frequencies at which a patch hides, or a gap if the way is -1."""
+        depth, joined = way * self.found.depth, self._joined
+        tops = (depth < 0) & _tops(depth, joined)
+        # Off a grid a top may lie as much higher as its neighbours lie below, and a bit.
+        around = np.pad(depth, 2, constant_values=np.inf)
+        lowest = np.min([around[k : k + depth.size] for k in range(5)], axis=0)
+        tops &= depth + 2 * (depth - lowest) >= 0
+        near = np.flatnonzero(tops)
+        # Where L passes from one side to the other it passes what is forbidden, however fast.
+        off = self.found.off >= 0
+        passed = joined & (off[1:] != off[:-1]) & (depth[1:] < 0) & (depth[:-1] < 0) & (way > 0)
+        last = np.flatnonzero(passed)
+        if not near.size + last.size:
+            return np.empty(0)
+        where, best = self._zoomed(
+            np.append(near, last),
+            lambda found, _: way * found.depth,
+            both_sides=np.arange(near.size + last.size) < near.size,
+        )
+        return where[best > 0]
+
+    def _steep(self) -> FloatArray:
+        """Frequencies between neighbours of one patch, if it is one, that share no λ."""
+        if not self.limit.thick:
+            return np.empty(0)
+        low, high = (edge - np.log(self.omega[self.at]) for edge in self.found[:2])
+        apart = (low[1:] > high[:-1]) | (low[:-1] > high[1:])
+        k = np.flatnonzero(self._linked & apart)
+        before, after = self.omega[self.at[k]], self.omega[self.at[k + 1]]
+        wide = after > before * (1 + STEEPEST)
+        share = np.linspace(0, 1, 2 * BESIDE)[1:-1]
+        return (before[wide, None] + share * (after - before)[wide, None]).ravel()
+
+    def _zoomed(
+        self,
+        of: IntArray,
+        value: Callable[[Forbidden, FloatArray], FloatArray],
+        both_sides: BoolArray | bool = True,
+    ) -> tuple[FloatArray, FloatArray]:
+        """Frequencies beside some of the points at which a value is largest, and the value.
+
+        On both sides, or only between a point and the next.
+        """
+        before, after = np.append(False, self._joined)[of], np.append(self._joined, False)[of]
+        before = before & both_sides
+        low, best, high = (self.omega[self.at[k]] for k in (of - before, of, of + after))
+        turned = pi + 2 * pi * self.turn[of, None]
+        phase = self.phase[self.at[of], None]
+        rows = np.arange(of.size)
+        for _ in range(ZOOMS if self.limit.thick else CHEAP):
+            sides = np.linspace(low, best, BESIDE), np.linspace(best, high, BESIDE)
+            omega = np.concatenate([sides[0], sides[1][1:]]).T
+            R = self.mismatch.ratio(omega)
+            angle = np.angle(R)
+            angle = angle + 2 * pi * np.round((phase - angle) / (2 * pi)) + turned
+            found = self.limit.forbids(np.log(np.abs(R)).ravel(), angle.ravel())
+            values = value(Forbidden(*(part.reshape(omega.shape) for part in found)), omega)
+            k = values.argmax(axis=1)
+            below, above = np.maximum(k - 1, 0), np.minimum(k + 1, omega.shape[1] - 1)
+            low, best, high = omega[rows, below], omega[rows, k], omega[rows, above]
+        return best, values[rows, k]
+
+
+def _reach(way: IntArray, found: Forbidden, omega: FloatArray) -> FloatArray:
+    """Return ln λ at the upper edge of a patch, or -ln λ at the lower one; -inf beside it."""
+    edge = np.where(way > 0, found.high, found.low) - np.log(omega)
+    return np.where(found.depth >= 0, way * edge, -np.inf)
+
+
+def _tops(values: FloatArray, linked: BoolArray) -> BoolArray:
+    """Tell which values are at least as large as their neighbours, where these are linked."""
+    lower = ~linked | (values[1:] <= values[:-1]), ~linked | (values[1:] >= values[:-1])
+    return np.asarray(np.append(lower[0], True) & np.append(True, lower[1]))
+
+
+@lru_cache(maxsize=4)
+def _on_axis(mismatch: Mismatch) -> tuple[FloatArray, BoolArray]:
+    """Frequencies of the poles and zeros of R on the axis, increasing, and which are poles."""
+    N, D, Nm, Dm = mismatch.factors
+    parts = [roots_by_side(*factors)[1].imag for factors in ((D, Nm), (N, Dm))]
+    omega = np.concatenate([part[part > 0] for part in parts])
+    is_pole = np.arange(omega.size) < np.sum(parts[0] > 0)
+    by_size = np.argsort(omega)
+    return omega[by_size], is_pole[by_size]

@@ -1,0 +1,121 @@
+"""Frequencies at which a mismatch is looked at, so that nothing hides between two of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import pi
+
+import numpy as np
+
+from ..numerics import FloatArray, QuasiPolynomial, add
+from .mismatch import Mismatch
+
+PER_DECADE, DECADES = 16, 5
+"""Density of the frequencies, and how far they reach below and above all poles and zeros."""
+
+NARROWEST = 4 * float(np.finfo(float).eps)
+"""Relative width to which the surroundings of an undamped pole or zero are looked at."""
+
+LAST_DECADE = 40.0
+"""Frequencies beyond 10^40 rad/s, or below 10^-40, are not looked at."""
+
+PER_TURN = 24
+"""Frequencies to each turn of the dead time."""
+
+MAX_FREQUENCIES = 2_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class Frequencies:
+    """The frequencies for one mismatch.
+
+    Attributes
+    ----------
+    mismatch : Mismatch
+        The ratio R and the order.
+    """
+
+    mismatch: Mismatch
+
+    @cached_property
+    def base(self) -> FloatArray:
+        """Frequencies over the whole range of R, dense where a pole or zero is near the axis."""
+        mismatch = self.mismatch
+        roots = mismatch.roots
+        if not mismatch.delay:  # a zero of H turns its phase as fast
+            difference = add(mismatch.b, -mismatch.a)
+            if difference.any():
+                roots = np.append(roots, QuasiPolynomial(difference).without_origin.roots)
+        sizes = np.append(np.abs(roots), mismatch.speeds)
+        first, last = self._far_crossings
+        low = min(np.log10(sizes.min()) - DECADES, first - 1)
+        high = max(np.log10(sizes.max()) + DECADES, last + 1)
+        grids: list[FloatArray] = [np.logspace(low, high, int(PER_DECADE * (high - low)) + 1)]
+        for root in roots[roots.imag >= 0]:
+            narrowest = NARROWEST if root.imag else 1e-8
+            width = max(abs(root.real), narrowest * abs(root))
+            steps = np.geomspace(0.1 * width, abs(root), int(8 * np.log10(abs(root) / width)) + 9)
+            grids += [root.imag + steps, root.imag - steps]
+        omega = np.unique(np.concatenate(grids))
+        omega = omega[omega >= 10**low]
+        return np.asarray(omega[~mismatch.at_pole(omega)])
+
+    @cached_property
+    def _far_crossings(self) -> tuple[float, float]:
+        """Decades of ω below and above which a large R cannot cross Re w = 1 any more.
+
+        Where R ≈ c s^m is large, a branch of size |c|^(1/n) ω^(m/n) may run along the imaginary
+        axis but for an angle of about (largest root)/ω, or ω/(smallest root) at low frequency.
+        """
+        mismatch = self.mismatch
+        n, speeds = mismatch.order, mismatch.speeds
+        slowest, fastest = np.log10(speeds.min()), np.log10(speeds.max())
+        first, last = slowest, fastest
+        m, size = mismatch.excess, np.log10(abs(mismatch.b[0] / mismatch.a[0]))
+        if 0 <= m < n:
+            last = min((size / n + fastest) * n / (n - m), LAST_DECADE)
+        (b0, zeros), (a0, poles) = (_lowest_term(p) for p in (mismatch.b, mismatch.a))
+        m, size = zeros - poles, np.log10(abs(b0 / a0))
+        if -n < m <= 0:
+            first = max((slowest - size / n) * n / (n + m), -LAST_DECADE)
+        return first, last
+
+    def largest_time_constant(self, omega: FloatArray, gain: float = 1.0) -> FloatArray:
+        """Bound of the λ with ``|L| = gain`` at a frequency: ``|1 + jλω|^n <= 1 + |R|/gain``.
+
+        The critical λ are among those of gain 1.
+        """
+        size = np.abs(self.mismatch.ratio(omega)) / gain
+        return np.asarray(np.sqrt((1 + size) ** (2 / self.mismatch.order) - 1) / omega)
+
+    def above(self, floor: float, gain: float = 1.0) -> FloatArray:
+        """Frequencies that hold every crossing for λ above a floor, none hidden between two.
+
+        With a gain, all at which L may be so large.
+
+        Raises
+        ------
+        ValueError
+            If too many turns of the dead time had to be followed.
+        """
+        omega = self.base
+        if not self.mismatch.delay:
+            return omega
+        possible = np.flatnonzero(self.largest_time_constant(omega, gain) > floor)
+        last = omega[min(possible[-1] + 1, omega.size - 1)] if possible.size else omega[0]
+        step = 2 * pi / (self.mismatch.delay * PER_TURN)
+        if last > step * MAX_FREQUENCIES or last == omega[-1]:
+            raise ValueError(
+                f"floor is {floor:g} s; down to it the dead time of {self.mismatch.delay:g} s "
+                f"would have to be followed up to {last:.3g} rad/s: choose a larger one, or None "
+                "for the default"
+            )
+        turns = np.arange(step, last, step)
+        return np.union1d(omega[omega <= last], turns[~self.mismatch.at_pole(turns)])
+
+
+def _lowest_term(p: FloatArray) -> tuple[float, int]:
+    """Coefficient and power of the lowest term of a polynomial."""
+    power = QuasiPolynomial(p).zeros_at_origin
+    return float(p[p.size - 1 - power]), power

@@ -1,0 +1,238 @@
+r"""Which model to put into the observer, when the right one is not the best one.
+
+A matched model makes p_B = N·D·Df, so it never works for a process with a pole or a zero in the
+right half plane; a dead time cannot be inverted. The candidates here differ from the process just
+there: zeros in the right half plane are left out or mirrored, unstable poles are mirrored and the
+DC sign is chosen by parity, dead time is left out or replaced by a lag. Nothing is chosen silently:
+each candidate comes with the set of filters that stabilise it and the sensitivity peak to be had.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import product
+from math import nan
+from typing import Any
+
+import control as ct
+import numpy as np
+
+from ..diagram import LowPassFilter, ObserverEquations
+from ..numerics import ComplexArray, FloatArray, QuasiPolynomial
+from .limits import roots_by_side
+from .mismatch import Mismatch
+from .search import FilterSearch
+from .slack import Specification
+
+GAINS = (1.0, 0.5, 0.25)
+"""Size of the model's DC gain against the process's, tried where the process is unstable."""
+
+DETUNING = 0.1
+"""How far a pole on the axis is moved to the left, against its size or the slowest one."""
+
+
+@dataclass(frozen=True)
+class ModelCandidate:
+    """A model that one could use, and what it would allow.
+
+    Attributes
+    ----------
+    model : control.TransferFunction
+        G̃.
+    how : str
+        In what it differs from the process.
+    order : int
+        Order of the filter, the lowest that is causal or one more, whichever does better.
+    time_constants : list of (low, high)
+        The stabilising set of that order, in seconds.
+    fastest : float or None
+        Smallest λ at which the plant loop has a sensitivity peak of at most the one asked for;
+        0 if every small λ does, None if none does.
+    ms : float
+        Smallest sensitivity peak found on the stabilising set; nan if it is empty.
+    """
+
+    model: ct.TransferFunction
+    how: str
+    order: int
+    time_constants: list[tuple[float, float]]
+    fastest: float | None
+    ms: float
+
+    def __repr__(self) -> str:
+        num, den = (_written(p[0][0]) for p in (self.model.num, self.model.den))
+        if not self.time_constants:
+            return f"({num})/({den}): {self.how}; no filter of order {self.order}"
+        sets = " and ".join(f"{low:.4g} < λ < {high:.4g}" for low, high in self.time_constants)
+        fastest = {None: "not met", 0.0: "met by every fast filter"}.get(
+            self.fastest, f"met from λ = {self.fastest:.4g} s" if self.fastest else ""
+        )
+        return (
+            f"({num})/({den}): {self.how}; n = {self.order}, {sets}; Ms down to {self.ms:.3g}, "
+            f"specification {fastest}"
+        )
+
+
+def suggest_model(process: Any, *, max_ms: float = 2.0) -> list[ModelCandidate]:
+    """Propose models for a process, each with what it allows, best first.
+
+    Parameters
+    ----------
+    process : as for `nrdob.NRDOB`
+        G, with or without dead time.
+    max_ms : float
+        Sensitivity peak of the plant loop by which the candidates are compared.
+
+    Returns
+    -------
+    list of ModelCandidate
+        Those that meet `max_ms` first, by what rejection the fastest filter gives, nλ·G̃(0); then
+        the others, by the smallest peak. Also those that no filter stabilises are listed, last.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the process cannot stand in the loop; or if it has a zero at s = 0, with which p_B(0) = 0
+        for every model and every filter.
+
+    Examples
+    --------
+    The unstable process of Example 3 of the paper:
+
+    >>> import control as ct
+    >>> best, *_ = suggest_model(ct.tf([4], [-1, -1, 2]), max_ms=2.0)
+    >>> best.how
+    'unstable poles mirrored'
+    >>> [float(k) for k in best.model.num[0][0] / best.model.den[0][0][0]]
+    [-4.0]
+    """
+    specification = Specification(max_ms=max_ms)
+    blocks = ObserverEquations(process, 1.0, LowPassFilter(1.0, 1))
+    G = blocks.fractions.G
+    if G.num[-1] == 0:
+        raise ValueError(
+            "process has a zero at s = 0, so that p_B(0) = 0 for every model and filter: its "
+            "output cannot be held against a constant disturbance; use another output"
+        )
+    candidates = [
+        _judged(process, model, how, specification)
+        for model, how in _models(G.num, G.den, blocks.delay)
+    ]
+    return sorted(candidates, key=_rank)
+
+
+def _rank(candidate: ModelCandidate) -> tuple[int, float, float]:
+    """Those that meet the limit first, by S_δ ≈ nλ·G̃(0)·s, what is left of a slow disturbance."""
+    if candidate.fastest is not None:
+        num, den = (float(p[0][0][-1]) for p in (candidate.model.num, candidate.model.den))
+        return 0, candidate.fastest * candidate.order * abs(num / den), candidate.ms
+    return (1, candidate.ms, 0.0) if candidate.time_constants else (2, 0.0, 0.0)
+
+
+def _judged(
+    process: Any, model: ct.TransferFunction, how: str, specification: Specification
+) -> ModelCandidate:
+    """Try the lowest causal order and the next, and keep the better."""
+    lowest = Mismatch.of(process, model).order
+    searches = [FilterSearch.of(process, model, n, specification) for n in (lowest, lowest + 1)]
+    # Where one is faster the peak need not choose; only of the chosen it is told.
+    best = min(search.promise for search in searches)
+    found = []
+    for search in (search for search in searches if search.promise == best):
+        ms = search.plant_loop(search.closest()[0]).ms if search.intervals else nan
+        fastest = search.fastest()
+        found.append(ModelCandidate(model, how, search.order, search.intervals, fastest, ms))
+    return min(found, key=_rank)
+
+
+def _models(
+    num: FloatArray, den: FloatArray, delay: float
+) -> Iterator[tuple[ct.TransferFunction, str]]:
+    """Give every combination of what can be done about what cannot be matched."""
+    gains = GAINS if roots_by_side(den)[0].size else (1.0,)
+    new_den, poles_how = _denominator(num, den, delay)
+    for (new_num, zeros_how), (lag, delay_how), gain in product(
+        _numerators(num), _lags(delay), gains
+    ):
+        scaled = f"gain × {gain:g}" if gain != 1 else ""
+        how = ", ".join(filter(None, (zeros_how, poles_how, delay_how, scaled)))
+        yield ct.tf(gain * new_num, np.convolve(new_den, lag)), how or "matched"
+
+
+def _numerators(num: FloatArray) -> list[tuple[FloatArray, str]]:
+    """Numerators of the same DC gain, without zeros in the right half plane."""
+    right, axis = roots_by_side(num)
+    if not right.size + axis.size:
+        return [(num, "")]
+    wrong = np.concatenate([right, axis])
+    left_out = _without(num, wrong)
+    mirrored = np.convolve(left_out, _polynomial(np.concatenate([-right.conj(), _damped(axis)])))
+    return [
+        (num[-1] / left_out[-1] * left_out, "zeros in the right half plane left out"),
+        (num[-1] / mirrored[-1] * mirrored, "zeros in the right half plane mirrored"),
+    ]
+
+
+def _denominator(num: FloatArray, den: FloatArray, delay: float) -> tuple[FloatArray, str]:
+    """Denominator of the same leading coefficient, all of whose roots are on the left.
+
+    To mirror a real pole turns the sign of the DC gain, which is what parity asks for.
+    """
+    right, axis = roots_by_side(den)
+    if not right.size + axis.size:
+        return den, ""
+    moved, done = [-right.conj()], []
+    if right.size:
+        done.append("unstable poles mirrored")
+    if axis.size:
+        sizes = np.abs(np.concatenate([QuasiPolynomial(p).roots for p in (num, den)]))
+        speeds = [*sizes[sizes > 0], *([1 / delay] if delay else [])]
+        moved.append(np.where(axis == 0, -DETUNING * min(speeds, default=1.0), _damped(axis)))
+        done.append("poles on the axis moved to the left")
+    kept = _without(den, np.concatenate([right, axis]))
+    return np.convolve(kept, _polynomial(np.concatenate(moved))), ", ".join(done)
+
+
+def _without(p: FloatArray, roots: ComplexArray) -> FloatArray:
+    """Divide a polynomial by some of its roots, those at 0 exactly.
+
+    The others stay as they are given: a multiple root is not looked for.
+    """
+    p = p[: p.size - int(np.sum(roots == 0))]
+    divisor = _polynomial(roots[roots != 0])
+    # Which end the division begins at decides whether slow or fast roots keep their accuracy.
+    tried = [
+        np.polydiv(p, divisor)[0],
+        np.polydiv(p[::-1], divisor[::-1])[0][::-1],
+    ]
+    return min(tried, key=lambda left: float(np.abs(np.convolve(left, divisor) - p).max()))
+
+
+def _lags(delay: float) -> list[tuple[FloatArray, str]]:
+    """Denominators that stand for the dead time."""
+    if not delay:
+        return [(np.ones(1), "")]
+    return [
+        (np.ones(1), "dead time left out"),
+        (np.array([delay, 1.0]), "dead time replaced by a lag"),
+    ]
+
+
+def _damped(roots: ComplexArray) -> ComplexArray:
+    return np.asarray(roots - DETUNING * np.abs(roots))
+
+
+def _polynomial(roots: ComplexArray) -> FloatArray:
+    return np.atleast_1d(np.real(np.poly(roots))) if roots.size else np.ones(1)
+
+
+def _written(coefficients: FloatArray) -> str:
+    """Write a polynomial in s."""
+    degree = coefficients.size - 1
+    terms = []
+    for power, value in zip(range(degree, -1, -1), coefficients, strict=True):
+        if value:
+            s = {0: "", 1: " s"}.get(power, f" s^{power}")
+            terms.append(f"{value:.4g}{s}")
+    return " + ".join(terms).replace("+ -", "- ")

@@ -1,0 +1,430 @@
+r"""Every stabilising filter: the time constants at which the loop changes sides, exactly.
+
+The observer loop has a root at :math:`s = j\omega` if and only if
+:math:`(1 + j\lambda\omega)^n = -H(j\omega)`: an n-th root w of :math:`-H(j\omega)` must have real
+part 1, and then :math:`\lambda = \operatorname{Im} w/\omega`. So one looks for the frequencies at
+which one of n branches crosses the line Re w = 1, with H evaluated exactly, dead time included.
+Between two neighbouring critical time constants the number of roots in the right half plane does
+not change; it is counted there by the argument of p_B, which knows nothing of the crossings.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from math import inf, isfinite, pi
+from numbers import Real
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..numerics import (
+    BoolArray,
+    ComplexArray,
+    FloatArray,
+    IntArray,
+    add,
+    bisect,
+    count_rhp,
+    golden,
+    side,
+)
+from .mismatch import Mismatch
+from .mismatchgrid import Frequencies
+
+SAME = 1e-9
+"""Relative distance below which two critical time constants are one."""
+
+JUMP = 1e-6
+"""Distance from the line, against the branch's own size, at which a change of side is a jump."""
+
+TURNS = 32
+"""Turns of the dead time over which the default floor resolves the critical time constants."""
+
+FASTEST = 1000
+"""How many times faster than the dead time a filter of the default range may be."""
+
+
+class CriticalTimeConstant(NamedTuple):
+    """A time constant at which roots cross the imaginary axis.
+
+    Attributes
+    ----------
+    time_constant : float
+        λ in seconds.
+    frequency : float
+        Where they cross, in rad/s; inf for a real root that passes through infinity.
+    direction : int
+        +1 if they enter the right half plane as λ grows, -1 if they leave it.
+    """
+
+    time_constant: float
+    frequency: float
+    direction: int
+
+
+def critical_time_constants(
+    process: Any, model: Any, order: int, *, floor: float | None = None
+) -> list[CriticalTimeConstant]:
+    r"""Find every time constant λ at which the observer loop has a root on the imaginary axis.
+
+    Parameters
+    ----------
+    process, model : as for `nrdob.NRDOB`
+        G, with or without dead time, and G̃.
+    order : int
+        n of the filter :math:`1/(\lambda s + 1)^n`.
+    floor : float, optional
+        Smallest λ of interest, in seconds. With dead time the critical time constants accumulate
+        at 0 and the list must end somewhere: by default at `default_floor`. Without dead time the
+        default is 0, and the list is complete.
+
+    Returns
+    -------
+    list of CriticalTimeConstant
+        Tuples (time_constant, frequency, direction) with growing time constant.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a block cannot stand where it is put; if `floor` is not positive and finite, or so small
+        that too many turns of the dead time had to be followed.
+
+    Examples
+    --------
+    Example 2 of the paper, a zero in the right half plane at z = 100: n = 2 needs λ > 1/(2z).
+
+    >>> import control as ct
+    >>> s = ct.tf('s')
+    >>> critical, = critical_time_constants(0.1*(100 - s)/(s + 2), 10/(s + 2), 2)
+    >>> round(critical.time_constant, 9), round(critical.frequency, 3), critical.direction
+    (0.005, 200.0, -1)
+    """
+    frequencies = Frequencies(Mismatch.of(process, model, order))
+    return _critical(frequencies, _checked_floor(frequencies, floor))
+
+
+def stabilizing_time_constants(
+    process: Any, model: Any, order: int, *, floor: float | None = None
+) -> list[tuple[float, float]]:
+    r"""Find all λ for which the filter :math:`1/(\lambda s + 1)^n` stabilises the observer loop.
+
+    That is condition ii of Lemma 1: p_B has all its roots in the open left half plane. Condition i
+    does not depend on the filter.
+
+    Parameters
+    ----------
+    process, model, order, floor
+        As for `critical_time_constants`.
+
+    Returns
+    -------
+    list of (low, high)
+        Open intervals in seconds, increasing; `high` may be inf. Empty where no λ works. Without
+        dead time the list is complete and `low` may be 0. With dead time it is complete above the
+        floor, and an interval that begins at the floor may reach below it.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As `critical_time_constants`.
+    ArithmeticError
+        If the counts of roots contradict the crossings, so that no answer can be trusted.
+
+    Examples
+    --------
+    Example 3 of the paper: 0 < λ < 3 - √5.
+
+    >>> import control as ct
+    >>> s = ct.tf('s')
+    >>> (low, high), = stabilizing_time_constants(4/(2 - s - s**2), -1/((s + 1)*(s + 2)), 2)
+    >>> low, round(high, 6)
+    (0.0, 0.763932)
+    """
+    frequencies = Frequencies(Mismatch.of(process, model, order))
+    return stabilizing_set(frequencies, _checked_floor(frequencies, floor))
+
+
+def stabilizing_set(frequencies: Frequencies, floor: float) -> list[tuple[float, float]]:
+    """Find the set of `stabilizing_time_constants` for a mismatch that is already read."""
+    intervals = _intervals(floor, _critical(frequencies, floor))
+    counts = _counts(frequencies.mismatch, intervals)
+    return [
+        (part.low, part.high) for part, count in zip(intervals, counts, strict=True) if count == 0
+    ]
+
+
+def default_floor(process: Any, model: Any, order: int) -> float:
+    """Smallest time constant down to which the sets are complete by default, in seconds.
+
+    0 without dead time. With a dead time θ: the λ above which every critical frequency lies within
+    the first 32 turns of exp(-jωθ), and at least θ/1000.
+
+    Parameters
+    ----------
+    process, model, order
+        As for `critical_time_constants`.
+
+    Examples
+    --------
+    >>> import control as ct
+    >>> from nrdob import delay
+    >>> G = ct.tf([1], [1, 1])
+    >>> round(default_floor(delay(0.5) * G, G, 1), 5)
+    0.00431
+    """
+    return lowest_floor(Frequencies(Mismatch.of(process, model, order)))
+
+
+def lowest_floor(frequencies: Frequencies) -> float:
+    """Find the `default_floor` of a mismatch that is already read."""
+    mismatch = frequencies.mismatch
+    if not mismatch.delay:
+        return 0.0
+    last = 2 * pi * TURNS / mismatch.delay
+    beyond = np.append(last, frequencies.base[frequencies.base > last])
+    highest = float(frequencies.largest_time_constant(beyond).max())
+    return max(highest, mismatch.delay / FASTEST, 1.001 * mismatch.neutral_limit)
+
+
+def _checked_floor(frequencies: Frequencies, floor: float | None) -> float:
+    """Return the floor asked for, or the default; an error for one that cannot be."""
+    if floor is None:
+        return lowest_floor(frequencies)
+    if isinstance(floor, bool) or not isinstance(floor, Real):
+        raise TypeError(
+            f"floor is {floor!r}; it is the smallest time constant of interest, a number of "
+            "seconds, or None"
+        )
+    if not (isfinite(floor) and floor > 0):
+        raise ValueError(
+            f"floor is {floor}; it is the smallest time constant of interest, in seconds: "
+            "positive and finite, or None"
+        )
+    mismatch = frequencies.mismatch
+    if mismatch.delay and floor <= mismatch.neutral_limit:
+        raise ValueError(
+            f"floor is {floor:g} s, but with dead time and order {mismatch.order} every time "
+            f"constant up to {mismatch.neutral_limit:.6g} s leaves infinitely many roots in the "
+            "right half plane: choose a larger floor, or a higher order"
+        )
+    return float(floor)
+
+
+# Where the crossings are.
+
+
+def _critical(frequencies: Frequencies, floor: float) -> list[CriticalTimeConstant]:
+    mismatch = frequencies.mismatch
+    branches = _Branches.on(mismatch, frequencies.above(floor))
+    found = _crossings(branches) + _through_infinity(mismatch)
+    return sorted(c for c in found if c.time_constant > floor)
+
+
+@dataclass(frozen=True, eq=False)
+class _Branches:
+    """The n-th roots w of -H(jω), each continuous in ω, less 1.
+
+    Attributes
+    ----------
+    mismatch : Mismatch
+        The ratio R and the order.
+    omega : array of float
+        Frequencies, N of them.
+    phase : array of float
+        arg(-H) at each, followed from one frequency to the next.
+    excess : array of complex
+        w - 1, of shape (n, N).
+    """
+
+    mismatch: Mismatch
+    omega: FloatArray
+    phase: FloatArray
+    excess: ComplexArray
+
+    @classmethod
+    def on(cls, mismatch: Mismatch, omega: FloatArray) -> _Branches:
+        """Follow the branches over given frequencies."""
+        root = _log_minus_H(mismatch, omega)
+        phase = np.unwrap(root.imag)
+        each = np.arange(mismatch.order)[:, None]
+        return cls(mismatch, omega, phase, _less_1(root, phase, each, mismatch.order))
+
+    def __call__(self, of: IntArray, at: IntArray, omega: FloatArray) -> ComplexArray:
+        """Branches `of`, reached continuously from frequencies number `at`, less 1."""
+        root = _log_minus_H(self.mismatch, omega)
+        return _less_1(root, self.phase[at], of, self.mismatch.order)
+
+    def rounding(self, omega: FloatArray, excess: ComplexArray) -> FloatArray:
+        """Bound the rounding error of a branch w, where w - 1 is `excess`: dw/w = dH/(nH)."""
+        mismatch = self.mismatch
+        with np.errstate(divide="ignore", invalid="ignore"):  # at zeros of H and poles of R
+            relative = mismatch.noise(omega) / (mismatch.order * np.abs(1 - mismatch.ratio(omega)))
+            return np.asarray(np.nan_to_num(relative * np.abs(1 + excess)))
+
+
+class _Brackets(NamedTuple):
+    """Between which frequencies which branch changes sides, and from which one it is reached."""
+
+    of: IntArray
+    at: IntArray
+    low: FloatArray
+    high: FloatArray
+
+
+def _crossings(branches: _Branches) -> list[CriticalTimeConstant]:
+    """Find where a branch crosses the line Re w = 1 with a positive imaginary part."""
+    # Where R nearly vanishes a branch is so close to 1 that its side is only rounding.
+    rounding = branches.rounding(branches.omega, branches.excess)
+    known = np.abs(branches.excess.real) >= rounding
+    parts = (_sign_changes(branches, known), *_hidden_pairs(branches, known, rounding))
+    of, at, low, high = (np.concatenate(part) for part in zip(*parts, strict=True))
+    where = bisect(lambda w: branches(of, at, w).real, low, high)
+    value = branches(of, at, where)
+    true = _accepted(branches, where, value)
+    # A pair leaves where the branch rises through the line as ω grows, and enters where it falls:
+    # Re ds/dλ has the sign opposite to that of the slope.
+    directions = side(branches(of, at, low).real)[true]
+    where, critical = where[true], value.imag[true] / where[true]
+    return [
+        CriticalTimeConstant(float(c), float(w), int(d))
+        for c, w, d in zip(critical, where, directions, strict=True)
+    ]
+
+
+def _sign_changes(branches: _Branches, known: BoolArray) -> _Brackets:
+    """Bracket the changes of side between neighbouring frequencies where it is known."""
+    of, columns = np.nonzero(known)
+    sign = side(branches.excess.real[of, columns])
+    changed = np.flatnonzero((of[1:] == of[:-1]) & (sign[1:] != sign[:-1]))
+    before, after = columns[changed], columns[changed + 1]
+    return _Brackets(of[changed], before, branches.omega[before], branches.omega[after])
+
+
+def _hidden_pairs(
+    branches: _Branches, known: BoolArray, rounding: FloatArray
+) -> tuple[_Brackets, _Brackets]:
+    """Bracket pairs of crossings that leave the same side at both neighbours, but a dip.
+
+    Of two frequencies so close that only rounding tells them apart both may be the bottom.
+    """
+    real, omega = branches.excess.real, branches.omega
+    sign, size = side(real), np.abs(real)
+    inner = np.s_[:, 1:-1]
+    least = size[inner] - rounding[inner]
+    dips = (least <= size[:, :-2]) & (least <= size[:, 2:]) & known[inner]
+    dips &= (sign[inner] == sign[:, :-2]) & (sign[inner] == sign[:, 2:])
+    of, at = np.nonzero(dips & (size[inner] < 1) & (branches.excess.imag[inner] > 0))
+    at = at + 1
+    left, right, way = omega[at - 1], omega[at + 1], sign[of, at]
+    bottom = golden(lambda w: way * branches(of, at, w).real, left, right)
+    through = way * branches(of, at, bottom).real < 0
+    of, at, bottom = of[through], at[through], bottom[through]
+    return _Brackets(of, at, left[through], bottom), _Brackets(of, at, bottom, right[through])
+
+
+def _accepted(branches: _Branches, omega: FloatArray, excess: ComplexArray) -> BoolArray:
+    """Tell crossings from jumps at a pole on the axis, and from zeros there, where λ = 0."""
+    rounding = branches.rounding(omega, excess)
+    on_line = np.abs(excess.real) <= JUMP * np.abs(1 + excess) + rounding
+    # Beside a pole a branch is so large that the line cannot be told from the imaginary axis.
+    near_pole = (rounding >= 1) | branches.mismatch.at_pole(omega)
+    return on_line & (excess.imag > rounding) & ~near_pole
+
+
+def _less_1(value: ComplexArray, near: FloatArray, of: IntArray, order: int) -> ComplexArray:
+    """n-th root number `of`, less 1, where ln(-H) is `value` and its phase near to `near`."""
+    # Whole turns are counted apart: a phase of 2π would leave a branch near 1 only rounding.
+    turns = (np.round((near - value.imag) / (2 * pi)) + of) % order
+    return np.asarray(np.expm1(value.real / order + 1j * (value.imag + 2 * pi * turns) / order))
+
+
+def _log_minus_H(mismatch: Mismatch, omega: FloatArray) -> ComplexArray:
+    """ln(1 - R(jω)), accurate for small R too, where numpy's complex log1p is not."""
+    R = mismatch.ratio(omega)
+    with np.errstate(divide="ignore"):  # where H vanishes exactly, all branches are at 0
+        size = np.log1p(-R.real * (2 - R.real) + R.imag**2) / 2
+    return np.asarray(size + 1j * np.arctan2(-R.imag, 1 - R.real))
+
+
+def _through_infinity(mismatch: Mismatch) -> list[CriticalTimeConstant]:
+    """Find the λ at which the leading coefficient of p_B vanishes: 1 + F(∞) H(∞) = 0."""
+    n, (a, b) = mismatch.order, (mismatch.a, mismatch.b)
+    if mismatch.delay or mismatch.excess != n or b[0] / a[0] > 0:
+        return []
+    critical = float((-b[0] / a[0]) ** (1 / n))
+    # Near it p_B is a0 (λ^n - critical^n) s^N + second s^(N-1) + …, with one large root.
+    second = add(mismatch.undelayed(critical), b)[1]
+    return [CriticalTimeConstant(critical, inf, int(-np.sign(second / a[0])))]
+
+
+# What the intervals between them hold.
+
+
+class _Interval(NamedTuple):
+    """Neighbouring ends, and by how much the count of roots must change at the lower one."""
+
+    low: float
+    high: float
+    change: int
+
+
+def _intervals(floor: float, critical: list[CriticalTimeConstant]) -> list[_Interval]:
+    ends, changes = [floor], [0]
+    for time_constant, frequency, direction in critical:
+        if time_constant > ends[-1] * (1 + SAME) or len(ends) == 1:
+            ends.append(time_constant)
+            changes.append(0)
+        changes[-1] += direction * (1 if frequency == inf else 2)
+    return [
+        _Interval(low, high, change)
+        for (low, high), change in zip(pairwise([*ends, inf]), changes, strict=True)
+    ]
+
+
+def _counts(mismatch: Mismatch, intervals: list[_Interval]) -> list[float | None]:
+    """Count the roots in the right half plane in each interval; None where they cannot be.
+
+    The crossings carry one count through all intervals. It is counted again by the argument at
+    both ends, and wherever it is said to be 0.
+    """
+    counted: dict[int, float | None] = {}
+
+    def count(k: int) -> float | None:
+        if k not in counted:
+            counted[k] = _count(mismatch, intervals[k])
+        return counted[k]
+
+    last = len(intervals) - 1
+    start = next((k for k in range(last, -1, -1) if count(k) is not None), None)
+    if start is None:
+        return [None] * len(intervals)
+    carried = np.cumsum([interval.change for interval in intervals])
+    carried = carried - carried[start] + counted[start]
+    for k in {0, *np.flatnonzero(carried <= 0).tolist()}:
+        if (found := count(k)) is not None and found != carried[k]:
+            raise ArithmeticError(
+                f"between λ = {intervals[k].low:.9g} s and {intervals[k].high:.9g} s the crossings "
+                f"leave {carried[k]:g} roots in the right half plane, but {found:g} are counted: "
+                "the loop is too stiff for a trustworthy answer; leave out what is much faster or "
+                "much slower than the filter"
+            )
+    return [counted.get(k, float(value)) for k, value in enumerate(carried)]
+
+
+def _count(mismatch: Mismatch, interval: _Interval) -> float | None:
+    """Count at a λ inside; near an end a root may be too close to the axis to be counted."""
+    low, high = interval.low, interval.high
+    typical = 1 / float(np.median(mismatch.speeds))
+    if not low:
+        low = min(typical, high) / 4
+    if high == inf:
+        high = 4 * max(typical, low)
+    for share in (0.5, 0.25, 0.75, 1e-2, 0.99):
+        p = mismatch.p_B(low ** (1 - share) * high**share)
+        if p.zeros_at_origin:
+            return None
+        found = count_rhp(p).count
+        if found is not None:
+            return found
+    return None

@@ -1,0 +1,26 @@
+"""What is wired to what: the blocks handed in, and the loop's maps as factored quotients."""
+
+from .blocks import Fraction, as_fraction, nonzero
+from .delay import DelayedTransferFunction, delay
+from .equations import LoopEquations, ObserverEquations
+from .filters import LowPassFilter, filter_fraction
+from .names import CLOSED_LOOP, INPUTS, MAPS
+from .noise import rational_power
+from .quotient import Quotient
+
+__all__ = [
+    "CLOSED_LOOP",
+    "INPUTS",
+    "MAPS",
+    "DelayedTransferFunction",
+    "Fraction",
+    "LoopEquations",
+    "LowPassFilter",
+    "ObserverEquations",
+    "Quotient",
+    "as_fraction",
+    "delay",
+    "filter_fraction",
+    "nonzero",
+    "rational_power",
+]

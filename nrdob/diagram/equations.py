@@ -1,0 +1,347 @@
+r"""The NR-DOB loop of Fig. 1 solved: eqs. (3), (4) and (7) as factored quotients.
+
+The block diagram, with R, δ, d, η the reference, input disturbance, output disturbance and noise::
+
+             e            u                 δ              d
+    R --->(+)-->[ C ]-->(+)--------+------>(+)-->[ G ]--->(+)-----+---> y
+          -^            -^         |                              |
+           |             |         |                              v
+           |             +---(+)<--|-------[ F/Gm ]<-------------(+)<--- η
+           |                 -^    |                              |
+           |                  +--[ F ]                            |
+           |                                                      |
+           +------------[ yf = F (y + η) + (1 - F) Gm u ]<--------+
+
+    e = R - yf        u = C e + F u - (F/Gm)(y + η)        y = G (u + δ) + d
+
+With G = N/D exp(-θs), model Gm = Nm/Dm, C = Nc/Dc and F = Nf/Df every closed-loop map is a quotient
+over two characteristic functions, and nothing is left to cancel in floating point::
+
+    p_A = Dm Dc + Nm Nc                          condition i  of Lemma 1
+    p_B = D Nm (Df - Nf) + N Dm Nf exp(-θs)      condition ii of Lemma 1
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property, reduce
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..numerics import FloatArray, QuasiPolynomial, add
+from .blocks import Fraction, as_fraction, nonzero
+from .delay import DelayedTransferFunction
+from .filters import filter_fraction
+from .quotient import Quotient
+
+
+class ObserverFractions(NamedTuple):
+    """Numerators and denominators of the blocks of an observer: process, model, filter."""
+
+    G: Fraction
+    Gm: Fraction
+    F: Fraction
+
+
+class LoopFractions(NamedTuple):
+    """Numerators and denominators of the four blocks: process, model, controller, filter."""
+
+    G: Fraction
+    Gm: Fraction
+    C: Fraction
+    F: Fraction
+
+
+class _ObserverMaps:
+    """What does not depend on the controller: condition ii, and all the feedback there is."""
+
+    process: Any
+    model: Any
+    filter: Any
+
+    @cached_property
+    def fractions(self) -> ObserverFractions | LoopFractions:
+        """Numerators and denominators of the blocks; the process without its dead time."""
+        return self._observer_fractions
+
+    @cached_property
+    def _observer_fractions(self) -> ObserverFractions:
+        if isinstance(self.model, DelayedTransferFunction) and self.model.delay:
+            raise ValueError(
+                f"model has a dead time of {self.model.delay:g} s; F/model would have to predict "
+                "the future: leave the dead time out of the model"
+            )
+        G, Gm = (
+            nonzero(as_fraction(_undelayed(block), name), name)
+            for block, name in ((self.process, "process"), (self.model, "model"))
+        )
+        F = filter_fraction(self.filter)
+        if F.relative_degree < Gm.relative_degree:
+            raise ValueError(
+                f"filter has relative degree {F.relative_degree}, model has "
+                f"{Gm.relative_degree}: F/model is not causal; use a filter of order "
+                f"{Gm.relative_degree} or more"
+            )
+        return ObserverFractions(G, Gm, F)
+
+    @property
+    def delay(self) -> float:
+        """Dead time of the process, in seconds."""
+        return self.process.delay if isinstance(self.process, DelayedTransferFunction) else 0.0
+
+    @cached_property
+    def one_minus_F(self) -> QuasiPolynomial:
+        """Numerator Df - Nf of 1 - F."""
+        # Both constant coefficients are exactly 1, so 1 - F keeps its zero at s = 0 exactly.
+        num, den = self._observer_fractions.F
+        return QuasiPolynomial(add(den, -num), scale=add(np.abs(den), np.abs(num)))
+
+    @cached_property
+    def p_B(self) -> QuasiPolynomial:
+        """Characteristic quasi-polynomial of the observer loop, D Nm (Df-Nf) + N Dm Nf e^(-θs)."""
+        G, Gm, F = self._observer_fractions
+        undelayed = (G.den, Gm.num, self.one_minus_F.q)
+        return _sum_of_products(undelayed, (G.num, Gm.den, F.num), self.delay)
+
+    @property
+    def ill_posed_observer_loop(self) -> str:
+        """Why the observer loop has no solution at infinite frequency; empty if well posed."""
+        G, Gm, F = self._observer_fractions
+        full = G.den.size + Gm.num.size + F.den.size - 2
+        if self.p_B.q.size == full and self.p_B.q.any():
+            return ""
+        value = "1 - F(∞) = 0" if self.delay else "1 + F(∞)·H(∞) = 0"
+        return f"the observer loop is ill-posed: {value}; choose a filter with another F(∞)"
+
+    # Eq. (4): to the output y.
+
+    @cached_property
+    def S_d(self) -> Quotient:
+        """Output disturbance d to output y, eq. (4): the sensitivity of the plant loop."""
+        return self._quotient("S_d", "D Nm 1-F", "B")
+
+    @cached_property
+    def S_delta(self) -> Quotient:
+        """Input disturbance δ to output y, eq. (4)."""
+        return self._quotient("S_delta", "Ne Nm 1-F", "B")
+
+    @cached_property
+    def S_eta(self) -> Quotient:
+        """Measurement noise η to output y, eq. (4)."""
+        return self._quotient("S_eta", "-1 Ne Dm Nf", "B")
+
+    # Eq. (7): to the error and to the control signal.
+
+    @cached_property
+    def U_d(self) -> Quotient:
+        """Output disturbance d to controller output u, eq. (7)."""
+        return self._quotient("U_d", "-1 D Dm Nf", "B")
+
+    @cached_property
+    def U_delta(self) -> Quotient:
+        """Input disturbance δ to plant input u + δ, eq. (7)."""
+        return self._quotient("U_delta", "D Nm 1-F", "B")
+
+    @cached_property
+    def U_eta(self) -> Quotient:
+        """Measurement noise η to controller output u, eq. (7): the same map as `U_d`."""
+        return self._quotient("U_eta", "-1 D Dm Nf", "B")
+
+    # Blocks and open loops.
+
+    @cached_property
+    def G(self) -> Quotient:
+        """The process."""
+        return self._quotient("G", "Ne", "D")
+
+    @cached_property
+    def Gm(self) -> Quotient:
+        """The model G̃."""
+        return self._quotient("Gm", "Nm", "Dm")
+
+    @cached_property
+    def F(self) -> Quotient:
+        """The filter."""
+        return self._quotient("F", "Nf", "Df")
+
+    @cached_property
+    def ratio(self) -> Quotient:
+        """Process over model, G̃⁻¹G."""
+        return self._quotient("ratio", "Ne Dm", "D Nm")
+
+    @cached_property
+    def H(self) -> Quotient:
+        """Relative mismatch H = G/G̃ - 1 of Lemma 1."""
+        return self._quotient("H", "mismatch", "D Nm")
+
+    @cached_property
+    def FH(self) -> Quotient:
+        """Observer loop F H, condition ii of Lemmas 1 and 2."""
+        return self._quotient("FH", "Nf mismatch", "D Nm Df")
+
+    @cached_property
+    def K(self) -> Quotient:
+        """All the feedback there is: K = F/((1 - F) G̃)."""
+        return self._quotient("K", "Nf Dm", "1-F Nm")
+
+    @cached_property
+    def L(self) -> Quotient:
+        """Plant loop L = K G = F (G/G̃)/(1 - F), the loop that the plant itself sees."""
+        return self._quotient("L", "Nf Dm Ne", "1-F Nm D")
+
+    @cached_property
+    def _parts(self) -> dict[str, QuasiPolynomial]:
+        G, Gm, F = self._observer_fractions
+        parts = {
+            "-1": -np.ones(1), "D": G.den, "Nm": Gm.num, "Dm": Gm.den, "Nf": F.num, "Df": F.den,
+        }  # fmt: skip
+        mismatch = _sum_of_products((-G.den, Gm.num), (G.num, Gm.den), self.delay)
+        return {name: QuasiPolynomial(c) for name, c in parts.items()} | {
+            "Ne": QuasiPolynomial(np.zeros(1), G.num, self.delay),
+            "1-F": self.one_minus_F,
+            "mismatch": mismatch,
+            "B": self.p_B,
+        }
+
+    def _quotient(self, name: str, num: str, den: str) -> Quotient:
+        num_factors, den_factors = (
+            tuple(self._parts[part] for part in parts.split()) for parts in (num, den)
+        )
+        return Quotient(num_factors, den_factors, name)
+
+
+@dataclass(frozen=True, eq=False)
+class ObserverEquations(_ObserverMaps):
+    """Process, model and filter: the observer loop alone, which needs no controller.
+
+    Parameters
+    ----------
+    process, model, filter
+        As for `LoopEquations`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a block cannot stand where it is put; the message names the block and the remedy.
+
+    Examples
+    --------
+    >>> import control as ct
+    >>> from nrdob import LowPassFilter
+    >>> observer = ObserverEquations(ct.tf([2], [1, 1]), ct.tf([1], [1, 1]), LowPassFilter(0.5, 1))
+    >>> observer.p_B.q.tolist()                             # (s + 1)(0.5 s) + 2 (s + 1)
+    [0.5, 2.5, 2.0]
+    """
+
+    process: Any
+    model: Any
+    filter: Any
+
+    def __post_init__(self) -> None:
+        _ = self.fractions
+
+
+@dataclass(frozen=True, eq=False)
+class LoopEquations(_ObserverMaps):
+    """The four blocks of an NR-DOB loop and every map between its signals.
+
+    Parameters
+    ----------
+    process : control.TransferFunction, StateSpace, DelayedTransferFunction or (num, den)
+        G, proper, with or without dead time.
+    model : control.TransferFunction, StateSpace or (num, den)
+        Gm, proper, without dead time.
+    controller : control.TransferFunction, StateSpace, number or (num, den)
+        C, proper.
+    filter : LowPassFilter, or a stable proper block with F(0) = 1
+        F, of at least the model's relative degree, so that F/model is causal.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a block cannot stand where it is put; the message names the block and the remedy.
+    """
+
+    process: Any
+    model: Any
+    controller: Any
+    filter: Any
+
+    def __post_init__(self) -> None:
+        if isinstance(self.controller, DelayedTransferFunction):
+            raise TypeError("controller has a dead time; only the process may have one")
+        _ = self.fractions
+
+    @cached_property
+    def fractions(self) -> LoopFractions:
+        """Numerators and denominators of the blocks; the process without its dead time."""
+        G, Gm, F = self._observer_fractions
+        return LoopFractions(G, Gm, as_fraction(self.controller, "controller"), F)
+
+    @cached_property
+    def p_A(self) -> QuasiPolynomial:
+        """Characteristic polynomial of the model loop, Dm Dc + Nm Nc."""
+        _, Gm, C, _ = self.fractions
+        return _sum_of_products((Gm.den, C.den), (Gm.num, C.num))
+
+    @property
+    def ill_posed_model_loop(self) -> str:
+        """Why the model loop has no solution at infinite frequency; empty if well posed."""
+        _, Gm, C, _ = self.fractions
+        if self.p_A.degree == Gm.den.size + C.den.size - 2 and self.p_A.q.any():
+            return ""
+        return "the model loop is ill-posed: 1 + C(∞)·model(∞) = 0; change the controller"
+
+    @property
+    def ill_posed(self) -> str:
+        """Why the loop has no solution at infinite frequency; empty if it is well posed."""
+        return self.ill_posed_model_loop or self.ill_posed_observer_loop
+
+    @cached_property
+    def T_R(self) -> Quotient:
+        """Reference R to output y, eq. (4)."""
+        return self._quotient("T_R", "Nc Ne Nm Dm Df", "A B")
+
+    @cached_property
+    def E_R(self) -> Quotient:
+        """Reference R to error e, eq. (7), which collapses to 1/(1 + Gm C)."""
+        return self._quotient("E_R", "Dm Dc", "A")
+
+    @cached_property
+    def U_R(self) -> Quotient:
+        """Reference R to controller output u, eq. (7)."""
+        return self._quotient("U_R", "Nc D Nm Dm Df", "A B")
+
+    @cached_property
+    def C(self) -> Quotient:
+        """The controller."""
+        return self._quotient("C", "Nc", "Dc")
+
+    @cached_property
+    def CGm(self) -> Quotient:
+        """Model loop C G̃, condition i of Lemmas 1 and 2."""
+        return self._quotient("CGm", "Nc Nm", "Dc Dm")
+
+    @cached_property
+    def _parts(self) -> dict[str, QuasiPolynomial]:
+        C = self.fractions.C
+        return super()._parts | {
+            "Nc": QuasiPolynomial(C.num),
+            "Dc": QuasiPolynomial(C.den),
+            "A": self.p_A,
+        }
+
+
+def _undelayed(block: Any) -> Any:
+    return block.tf if isinstance(block, DelayedTransferFunction) else block
+
+
+def _sum_of_products(
+    undelayed: tuple[FloatArray, ...], delayed: tuple[FloatArray, ...], delay: float = 0.0
+) -> QuasiPolynomial:
+    """Multiply out and add, keeping the size of what may cancel."""
+    scale = add(*(reduce(np.convolve, map(np.abs, factors)) for factors in (undelayed, delayed)))
+    return QuasiPolynomial(
+        reduce(np.convolve, undelayed), reduce(np.convolve, delayed), delay, scale
+    )

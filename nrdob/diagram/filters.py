@@ -1,0 +1,124 @@
+"""Low-pass Q-filters, eq. (1) of the paper, and the check that any other filter must pass."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import comb, isfinite, log10, sqrt
+from numbers import Integral
+from typing import Any
+
+import control as ct
+import numpy as np
+
+from ..numerics import ComplexArray, FloatArray, QuasiPolynomial, count_rhp, written
+from .blocks import Fraction, as_fraction, real_number, six_digits
+
+DC_GAIN_TOLERANCE = 1e-9
+"""How far F(0) may be from 1 and still count as a typed-in 1."""
+
+
+@dataclass(frozen=True, repr=False)
+class LowPassFilter:
+    r"""Unity-gain low-pass filter :math:`F(s) = 1/(\lambda s + 1)^n`, eq. (1).
+
+    Parameters
+    ----------
+    time_constant : float
+        :math:`\lambda > 0`, in seconds.
+    order : int
+        :math:`n \ge 1`; at least the relative degree of the model, so that F/model is causal.
+
+    Raises
+    ------
+    ValueError
+        If `time_constant` is not positive and finite, or `order` is below 1.
+    TypeError
+        If `time_constant` is no real number, or `order` no whole one.
+
+    Examples
+    --------
+    >>> F = LowPassFilter(0.025, 2)
+    >>> round(F.bandwidth, 2)
+    25.74
+    >>> round(float(abs(F(1j * F.bandwidth))), 4)
+    0.7071
+    """
+
+    time_constant: float
+    order: int
+
+    def __post_init__(self) -> None:
+        remedy = "F(s) = 1/(time_constant s + 1)^n needs a positive number of seconds"
+        real_number(self.time_constant, "time_constant", remedy)
+        if not (isfinite(self.time_constant) and self.time_constant > 0):
+            raise ValueError(
+                f"time_constant is {self.time_constant}; F(s) = 1/(time_constant s + 1)^n "
+                "needs a positive one, in seconds"
+            )
+        if isinstance(self.order, bool) or not isinstance(self.order, Integral):
+            raise TypeError(f"order is {self.order!r}; it counts lags and must be a whole number")
+        if self.order < 1:
+            raise ValueError(f"order is {self.order}; F needs at least one lag: order >= 1")
+        if abs(self.order * log10(self.time_constant)) > 300:
+            raise ValueError(
+                f"time_constant {self.time_constant:g} to the power {self.order} is outside the "
+                "range of floating-point numbers; choose another unit of time"
+            )
+
+    def __repr__(self) -> str:
+        return f"LowPassFilter(time_constant={six_digits(self.time_constant)}, order={self.order})"
+
+    @property
+    def den(self) -> FloatArray:
+        """Coefficients of (λs+1)^n, descending powers."""
+        n = int(self.order)
+        return np.array([comb(n, k) * self.time_constant**k for k in range(n, -1, -1)])
+
+    @property
+    def tf(self) -> ct.TransferFunction:
+        """The filter as a `control.TransferFunction`."""
+        return ct.tf([1.0], self.den)
+
+    @property
+    def bandwidth(self) -> float:
+        """Frequency at which the gain has fallen to -3 dB (1/√2), in rad/s."""
+        return sqrt(2 ** (1 / self.order) - 1) / self.time_constant
+
+    def __call__(self, s: complex | ComplexArray) -> Any:
+        """Evaluate at complex `s`, a number or an array of any shape."""
+        return 1 / (self.time_constant * np.asarray(s, dtype=complex) + 1) ** self.order
+
+
+def filter_fraction(filter: Any) -> Fraction:
+    """Read a Q-filter, scaled so that both constant coefficients are exactly 1.
+
+    Then 1 - F has its zero at s = 0 exactly, as the theory needs.
+
+    Parameters
+    ----------
+    filter : LowPassFilter, control.TransferFunction, control.StateSpace or (num, den)
+        Stable and proper, with F(0) = 1.
+
+    Raises
+    ------
+    ValueError
+        If the filter is improper, not stable, or F(0) is not 1.
+    """
+    if isinstance(filter, LowPassFilter):
+        return Fraction(np.ones(1), filter.den)
+    num, den = as_fraction(filter, "filter")
+    characteristic = QuasiPolynomial(den)
+    if characteristic.zeros_at_origin or count_rhp(characteristic).count != 0:
+        raise ValueError(
+            f"filter has a pole at {written(complex(characteristic.roots[0]))}; F must be stable: "
+            "every pole needs a negative real part"
+        )
+    dc_gain = num[-1] / den[-1]
+    if abs(dc_gain - 1) > DC_GAIN_TOLERANCE:
+        raise ValueError(
+            f"filter has F(0) = {dc_gain:.6g}; the observer needs 1: divide it by its DC gain"
+        )
+    num, den = num / num[-1], den / den[-1]
+    if num.size == den.size and np.array_equal(num, den):
+        raise ValueError("filter is 1 at every frequency; F must fall off, such as LowPassFilter")
+    return Fraction(num, den)

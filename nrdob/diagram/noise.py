@@ -1,0 +1,186 @@
+r"""Power of white noise behind a map: the square of its :math:`\mathcal H_2` norm.
+
+.. math:: \|Q\|_2^2 = \frac1{2\pi}\int_{-\infty}^{\infty} |Q(j\omega)|^2\,d\omega
+
+Without dead time it follows from the coefficients in finitely many steps, none of which subtracts
+a larger number (Åström's recursion, the Routh table carried on). With dead time it is an
+integral over frequencies between which the denominator provably has no zero, so that no resonance
+is missed; beyond the last one
+
+.. math:: |Q|^2 = W + 2\,\mathrm{Re}\,X,\qquad W = \frac{n\tilde n}{q\tilde q - r\tilde r},\qquad
+          X = -W\,\frac{r\,e^{-sT}}{q + r\,e^{-sT}},\qquad \tilde n(s) = n(-s),
+
+where W is rational, and X, which turns for ever on the imaginary axis, dies out to its right: there
+it is integrated.
+
+.. rubric:: References
+
+K. J. Åström, Introduction to Stochastic Control Theory, Academic Press 1970, chapter 5.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import pi
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..numerics import (
+    ComplexArray,
+    FloatArray,
+    QuasiPolynomial,
+    count_rhp,
+    frequency_segments,
+    multiply,
+)
+
+TOLERANCE = 1e-10
+"""Relative error of the integral at which no interval is halved any more."""
+
+MAX_INTERVALS = 2_000_000
+
+HALF_NODES = (
+    0.991455371120812639206854697526329, 0.949107912342758524526189684047851,
+    0.864864423359769072789712788640926, 0.741531185599394439863864773280788,
+    0.586087235467691130294144691693013, 0.405845151377397166906606412076961,
+    0.207784955007898467600689403773245,
+)  # fmt: skip
+HALF_KRONROD = (
+    0.022935322010529224963732008058970, 0.063092092629978553290700663189204,
+    0.104790010322250183839876322541518, 0.140653259715525918745189590510238,
+    0.169004726639267902826583426598550, 0.190350578064785409913256402421014,
+    0.204432940075298892414161999234649,
+)  # fmt: skip
+HALF_GAUSS = (
+    0.129484966168869693270611432679082, 0.279705391489276667901467771423780,
+    0.381830050505118944950369775488975,
+)  # fmt: skip
+NODES = np.array([*(-x for x in HALF_NODES), 0.0, *HALF_NODES[::-1]])
+KRONROD = np.array([*HALF_KRONROD, 0.209482141084727828012999174891714, *HALF_KRONROD[::-1]])
+GAUSS = np.array([*HALF_GAUSS, 0.417959183673469387755102040816327, *HALF_GAUSS[::-1]])
+
+
+def noise_power(
+    num: tuple[QuasiPolynomial, ...], den: tuple[QuasiPolynomial, ...], name: str
+) -> float:
+    """Integrate ``|num/den|²`` over all frequencies, over 2π: see `Quotient.noise_power`."""
+    for factor in den:
+        found = count_rhp(factor)
+        if factor.zeros_at_origin or found.count != 0:
+            where = found.reason or f"{found.count} roots in the right half plane"
+            if factor.zeros_at_origin:
+                where = "a root at s = 0"
+            raise ValueError(
+                f"the noise power of {name} is infinite or undecided: its denominator has {where}; "
+                "make the loop stable first, see stability()"
+            )
+    top, bottom = multiply(*num), multiply(*den)
+    if max(top.q.size, top.r.size) >= bottom.q.size:
+        raise ValueError(
+            f"the noise power of {name} is infinite: it is not strictly proper and lets all "
+            "frequencies through; use a filter of higher order, or a map that rolls off"
+        )
+    if top.delay and not top.q.any():
+        top = QuasiPolynomial(top.r, scale=top.scale)  # a dead time alone changes no size
+    if not top.q.any():
+        return 0.0
+    if top.delay:
+        raise NotImplementedError(
+            f"{name} has a sum of delayed and undelayed terms as numerator; the noise power is "
+            "computed for maps with one of them, as all closed-loop maps are"
+        )
+    if not bottom.delay:
+        return rational_power(top.q, bottom.q)
+    return _delayed_power(top.q, den, bottom)
+
+
+def rational_power(num: FloatArray, den: FloatArray) -> float:
+    r"""Integrate ``|num/den|²`` over all frequencies and divide by 2π, by Åström's recursion.
+
+    Parameters
+    ----------
+    num, den : array of float
+        Coefficients in descending powers; den Hurwitz and of higher degree.
+
+    Examples
+    --------
+    A lag of time constant 2 passes 1/(2·2) of white noise:
+
+    >>> rational_power(np.array([1.0]), np.array([2.0, 1.0]))
+    0.25
+    """
+    a = den / den[0]
+    b = np.concatenate([np.zeros(den.size - 1 - num.size), num / den[0]])
+    power = 0.0
+    while a.size > 1:
+        if not a[1] > 0:
+            raise ArithmeticError("the denominator has a root on the imaginary axis to rounding")
+        ratio, share, third = a[0] / a[1], b[0] / a[1], a[3::2]
+        power += share * share / (2 * ratio)
+        a, b = a[1:].copy(), b[1:].copy()
+        a[1 : 2 * third.size : 2] -= ratio * third
+        b[1 : 2 * third.size : 2] -= share * third
+    return float(power)
+
+
+def _delayed_power(
+    num: FloatArray, den: tuple[QuasiPolynomial, ...], product: QuasiPolynomial
+) -> float:
+    top = QuasiPolynomial(num)
+    q, r = QuasiPolynomial(product.q), QuasiPolynomial(product.r)
+
+    def density(omega: FloatArray) -> FloatArray:
+        return np.asarray(np.abs(top(1j * omega) / product(1j * omega)) ** 2)
+
+    def rational(s: ComplexArray) -> ComplexArray:
+        return np.asarray(top(s) / q(s) * top(-s) / q(-s) / (1 - r(s) / q(s) * (r(-s) / q(-s))))
+
+    def turning(s: ComplexArray) -> ComplexArray:
+        delayed = r(s) / q(s) * np.exp(-product.delay * s)
+        return np.asarray(-rational(s) * delayed / (1 + delayed))
+
+    edges = np.unique(np.concatenate([_frequencies(factor) for factor in den]))
+    end = edges[-1]
+    unit = np.array([0.0, 0.5, 1.0])
+    body = _integral(density, edges, 0.0).real
+    # Beyond: ω = end/x for the rational part, s = j end + end x/(1 - x) for the turning one.
+    tail = _integral(lambda x: rational(1j * end / x) * end / x**2, unit, body).real
+    side = _integral(
+        lambda x: turning(1j * end + end * x / (1 - x)) * end / (1 - x) ** 2, unit, body
+    )
+    return float(body + tail + 2 * (side / 1j).real) / pi
+
+
+def _frequencies(factor: QuasiPolynomial) -> FloatArray:
+    found = frequency_segments(factor)
+    if isinstance(found, str):
+        raise ArithmeticError(f"the noise power is undecided: {found}")
+    return found
+
+
+def _integral(
+    f: Callable[[FloatArray], NDArray[Any]], edges: FloatArray, besides: float
+) -> complex:
+    """Gauss and Kronrod's rule on every interval, halved where its two values differ."""
+    left, right = edges[:-1], edges[1:]
+    total, used = 0j, 0
+    while left.size:
+        used += left.size
+        if used > MAX_INTERVALS:
+            raise ArithmeticError(
+                "the dead time is too long against the loop's bandwidth: the noise power needs "
+                f"over {MAX_INTERVALS} intervals"
+            )
+        half = (right - left) / 2
+        points = (left + half)[:, None] + half[:, None] * NODES
+        values = np.reshape(f(points.ravel()), points.shape)
+        kronrod, gauss = half * (values @ KRONROD), half * (values[:, 1::2] @ GAUSS)
+        error, size = np.abs(kronrod - gauss), abs(total) + np.abs(kronrod).sum() + besides
+        done = (error <= TOLERANCE * np.abs(kronrod)) | (error <= 1e-3 * TOLERANCE * size)
+        total += complex(kronrod[done].sum())
+        left, right = left[~done], right[~done]
+        middle = (left + right) / 2
+        left, right = np.concatenate([left, middle]), np.concatenate([middle, right])
+    return total

@@ -1,0 +1,246 @@
+"""A map of the loop kept as factors, so that nothing cancels in floating point."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property, reduce
+from math import inf, pi, prod
+from typing import Any
+
+import control as ct
+import numpy as np
+
+from ..numerics import (
+    ROUNDING,
+    ComplexArray,
+    FloatArray,
+    QuasiPolynomial,
+    multiply,
+    without_shared_factor,
+)
+from .noise import noise_power
+
+NEAR_ROOT = 1e-7
+"""Size of a denominator, against its terms, below which half the digits are lost."""
+
+CIRCLES = (1e-2, 1e-9), (1e-3, 1e-8), (1e-4, 1e-8), (1e-5, 1e-8)
+"""Radii around such a point relative to its size, and what negative powers may be rounding."""
+
+LARGEST = 1e300
+"""In place of infinity, where a difference of two would have no value."""
+
+UNIT_CIRCLE = np.exp(2j * pi * (np.arange(16) + 0.5) / 16)
+
+
+@dataclass(frozen=True, eq=False)
+class Quotient:
+    r"""A transfer function kept as factors: product of `num` over product of `den`.
+
+    Parameters
+    ----------
+    num, den : tuple of QuasiPolynomial
+        The factors, as the block diagram gives them.
+    name : str
+        How the map is written in messages and figures.
+
+    Examples
+    --------
+    >>> import control as ct
+    >>> from nrdob import NRDOB, LowPassFilter
+    >>> G = ct.tf([2, 10], [1, 11, 10])
+    >>> loop = NRDOB(G, G, ct.tf([1.39], [1, 0]), LowPassFilter(0.01, 2))
+    >>> complex(loop.S_d(0.0))
+    0j
+    >>> loop.T_R.to_tf().den[0][0].size - 1
+    3
+    """
+
+    num: tuple[QuasiPolynomial, ...]
+    den: tuple[QuasiPolynomial, ...]
+    name: str = ""
+
+    @property
+    def delay(self) -> float:
+        """Longest dead time in any factor, in seconds."""
+        return max(factor.delay for factor in self.num + self.den)
+
+    @cached_property
+    def numerator(self) -> QuasiPolynomial:
+        """The numerator multiplied out."""
+        return multiply(*self.num)
+
+    @cached_property
+    def denominator(self) -> QuasiPolynomial:
+        """The denominator multiplied out."""
+        return multiply(*self.den)
+
+    @property
+    def zeros_at_origin(self) -> int:
+        """Power of s that is left when those of both sides are cancelled; negative for poles."""
+        return sum(f.zeros_at_origin for f in self.num) - sum(f.zeros_at_origin for f in self.den)
+
+    @property
+    def at_infinity(self) -> tuple[float, float]:
+        """The a and b of the limit a + b exp(-jωθ) over an undelayed denominator.
+
+        Infinite for an improper map.
+        """
+        den = self.denominator.q
+        limits = []
+        for part in (self.numerator.q, self.numerator.r):
+            excess = part.size - den.size if part.any() else -1
+            limits.append(0.0 if excess < 0 else inf if excess else float(part[0] / den[0]))
+        return limits[0], limits[1]
+
+    def __call__(self, s: complex | ComplexArray) -> Any:
+        """Evaluate at complex `s`, a number or an array of any shape.
+
+        Infinite at poles; the limit where numerator and denominator vanish together.
+        """
+        s = np.asarray(s, dtype=complex)
+        power = self.zeros_at_origin
+        with np.errstate(all="ignore"):  # what is not finite is looked at again
+            num = prod(
+                (f.without_origin(s) for f in self.num), start=s**power if power > 0 else 1.0
+            )
+            den = prod(
+                (f.without_origin(s) for f in self.den), start=s**-power if power < 0 else 1.0
+            )
+            value = np.asarray(num / den)
+            vanishing = np.abs(den) <= NEAR_ROOT * self._den_size(s)
+        doubtful = vanishing | ~np.isfinite(value)
+        if doubtful.any():
+            careful = doubtful & np.isfinite(s) & (s != 0)
+            value[careful] = self._careful(s[careful])
+            value[doubtful & (den == 0) & ~careful] = inf
+        return value[()]
+
+    def _den_size(self, s: ComplexArray) -> FloatArray:
+        """Size of what is summed to give the denominator."""
+        far, power = np.abs(s), self.zeros_at_origin
+        size = np.polyval(self._den_scale, far)
+        if power < 0:
+            size = size * far**-power
+        if self.delay:
+            size = size * np.exp(sum(f.delay for f in self.den) * np.maximum(-s.real, 0.0))
+        return np.asarray(size)
+
+    @cached_property
+    def _den_scale(self) -> FloatArray:
+        return reduce(np.convolve, [f.without_origin.scale for f in self.den])
+
+    def _careful(self, s: ComplexArray) -> ComplexArray:
+        """Values where plain ones may be lost: at or beside a root, or beyond floating point.
+
+        By Laurent's series on a small circle: what has no negative powers there has no pole
+        inside, and its mean is the value at the centre.
+        """
+        value = self._scaled(s)
+        value[~np.isfinite(value)] = inf
+        for size, tolerance in CIRCLES:
+            radius = size * np.minimum(np.abs(s), 10 / self.delay if self.delay else inf)
+            around = self._scaled(s[:, None] + radius[:, None] * UNIT_CIRCLE)
+            largest = np.abs(around).max(axis=1)
+            with np.errstate(all="ignore"):
+                laurent = np.abs(np.fft.fft(around / largest[:, None]))
+                removable = (largest == 0) | (laurent[:, 8:].max(axis=1) <= tolerance)
+            value[removable] = around[removable].mean(axis=1)
+            if removable.all():
+                break
+        return value
+
+    def _scaled(self, s: ComplexArray) -> ComplexArray:
+        """Values by factors whose size is kept apart as a logarithm, so that none overflows."""
+        size, power = np.abs(s), self.zeros_at_origin
+        value, log_size = (s / size) ** power, power * np.log(size)
+        with np.errstate(all="ignore"):
+            for factors, sign in ((self.num, 1), (self.den, -1)):
+                for factor in factors:
+                    mantissa, log_factor = _mantissa(factor.without_origin, s)
+                    value = value * mantissa if sign > 0 else value / mantissa
+                    log_size = log_size + sign * log_factor
+            return np.where(np.isfinite(value), value * np.exp(log_size), value)
+
+    @property
+    def dc_gain(self) -> float:
+        """Value at s = 0, infinite with a pole there."""
+        power = self.zeros_at_origin
+        num, den = (
+            prod(f.without_origin.constant for f in factors) for factors in (self.num, self.den)
+        )
+        return inf if power < 0 or den == 0 else 0.0 if power else num / den
+
+    def noise_power(self) -> float:
+        r"""Power of the output for white noise of unit density at the input.
+
+        The variance :math:`\frac1{2\pi}\int |Q(j\omega)|^2 d\omega`, square of the norm that
+        `control.norm(sys, 2)` computes, also with dead time: see `nrdob.diagram.noise`. To 1e-8 of
+        itself.
+
+        Raises
+        ------
+        ValueError
+            If the power is infinite: the map is not strictly proper, or its denominator, hidden
+            modes included, has roots that are not in the left half plane.
+
+        Examples
+        --------
+        >>> import control as ct
+        >>> from nrdob import NRDOB, LowPassFilter
+        >>> G = ct.tf([1], [1, 1])
+        >>> loop = NRDOB(G, G, 1.0, LowPassFilter(0.5, 2))
+        >>> round(loop.S_eta.noise_power(), 12)                  # 1/(4λ)
+        0.5
+        """
+        return noise_power(self.num, self.den, self.name or "this map")
+
+    def to_tf(self) -> ct.TransferFunction:
+        """Return the map as a `control.TransferFunction` in lowest structural order.
+
+        Factors that numerator and denominator share, because blocks of the diagram share them, are
+        divided out as polynomials (`nrdob.numerics.sharedfactor`); roots that are only near stay.
+        Hidden modes are then invisible: only `stability` may judge a loop.
+
+        Raises
+        ------
+        ValueError
+            If the map contains dead time, which no rational function equals.
+        """
+        if self.delay:
+            raise ValueError(
+                f"{self.name or 'this map'} contains a dead time of {self.delay:g} s and has no "
+                "rational form; evaluate it at complex s, or use step_response"
+            )
+        num, den = list(self.num), list(self.den)
+        for i, j in np.ndindex(len(num), len(den)):
+            num[i], den[j] = without_shared_factor(num[i], den[j])
+        lowest = Quotient(tuple(num), tuple(den))
+        kept = lowest if self._agrees_with(lowest) else self
+        return ct.tf(kept.numerator.q, kept.denominator.q)
+
+    def _agrees_with(self, other: Quotient) -> bool:
+        """Compare with a quotient in lowest order, along the axis where anything happens.
+
+        Beside a root, where the coefficients' rounding moves the map itself, that much is allowed.
+        """
+        roots = np.concatenate([f.without_origin.roots for f in self.num + self.den])
+        sizes = np.abs(roots) if roots.size else np.ones(1)
+        s = 1j * np.unique(np.outer([0.01, 0.5, 0.9, 0.999, 1.1, 2.0, 100.0], sizes))
+        with np.errstate(all="ignore"):
+            allowed = 1e-9 + ROUNDING * sum(
+                np.polyval(f.scale, np.abs(s)) / np.abs(f(s)) for f in self.num + self.den
+            )
+            return not np.any(np.abs(other(s) / self(s) - 1) > allowed)
+
+
+def _mantissa(p: QuasiPolynomial, s: ComplexArray) -> tuple[ComplexArray, FloatArray]:
+    """p(s) as a number of moderate size and the logarithm of a positive factor, s not 0."""
+    size, delay = np.abs(s)[..., None], p.delay * s[..., None]
+    exponents, terms = [], []
+    for part, lag in ((p.q, 0 * delay), (p.r, delay)):
+        k = np.arange(part.size - 1, -1, -1)
+        exponents.append(np.log(np.abs(part)) + k * np.log(size) - lag.real)
+        terms.append(np.sign(part) * (s[..., None] / size) ** k * np.exp(-1j * lag.imag))
+    exponent, term = np.concatenate(exponents, axis=-1), np.concatenate(terms, axis=-1)
+    largest = np.maximum(exponent.max(axis=-1), -LARGEST)  # -inf for the polynomial 0
+    return (np.exp(exponent - largest[..., None]) * term).sum(axis=-1), largest

@@ -1,0 +1,163 @@
+r"""The rightmost roots of :math:`q(s) + r(s)\,e^{-sT}` when T is long.
+
+Then the roots lie where :math:`sT = \ln(-r/q) + 2\pi jk`: close to a curve along the imaginary
+axis, at a distance of :math:`\ln|r/q|/T`, and near roots of q on its right. The rightmost ones are
+those near the highest points of the curve. Newton's method finds them from there, and a count of
+the roots to the right of a vertical line shows that nothing has been missed.
+
+.. rubric:: References
+
+M. Lichtner, M. Wolfrum, S. Yanchuk, The spectrum of delay differential equations with large delay,
+SIAM J. Math. Anal. 43 (2011) 788-802.
+"""
+
+from __future__ import annotations
+
+from math import comb, perm, pi, tau
+
+import numpy as np
+
+from .argument import Term, turn
+from .arrays import ComplexArray, FloatArray
+from .rootfinding import companion_roots, value_and_slope
+
+NEIGHBOURS = 6
+"""Roots that are looked for on either side of every highest point of the curve."""
+
+PEAKS = 8
+"""Highest points that are looked at."""
+
+SHOWN = 400
+"""If fewer roots than this are on the right, all of them are looked for."""
+
+BESIDE = 1e-4
+"""How far to the right of the rightmost root the line is laid, against its distance."""
+
+
+def rightmost_roots(q: FloatArray, r: FloatArray, delay: float) -> ComplexArray:
+    """Find roots of q + r exp(-sT), of which none lies to the right of the first.
+
+    Parameters
+    ----------
+    q, r : array of float
+        Coefficients in descending powers; the leading one of q dominates.
+    delay : float
+        T > 0, in seconds.
+
+    Returns
+    -------
+    array of complex
+        Rightmost first; there may be others between them. The first one's real part is known to
+        be the largest, to four digits. Empty if no such root was found.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> roots = rightmost_roots(np.array([1.0, 0.0]), np.array([1.0]), 1000.0)   # s + exp(-1000 s)
+    >>> print(f"{roots[0]:.4g}")
+    0.00515+0.002664j
+    """
+    found = _newton(q, r, delay, _guesses(q, r, delay))
+    if not found.size:
+        return found
+    rightmost = found[0]
+    margin = BESIDE * max(abs(rightmost.real), 1e-6 * abs(rightmost), 1e-6 / delay)
+    return found if _none_right_of(q, r, delay, rightmost.real + margin) else found[:0]
+
+
+def _guesses(q: FloatArray, r: FloatArray, delay: float) -> ComplexArray:
+    zeros, poles = companion_roots(np.trim_zeros(r, "f")), companion_roots(q)
+    omega = _frequencies(np.concatenate([zeros, poles]), delay)
+    height = _log_ratio(q, r, 1j * omega).real
+    inner = np.flatnonzero((height[1:-1] >= height[:-2]) & (height[1:-1] >= height[2:])) + 1
+    peaks = omega[inner[np.argsort(-height[inner])[:PEAKS]]]
+    turn_of_delay = tau / delay
+    beside = turn_of_delay * np.arange(-NEIGHBOURS, NEIGHBOURS + 1)
+    near = [(peaks[:, None] + beside).ravel(), turn_of_delay * np.arange(0.05, NEIGHBOURS, 0.5)]
+    above = np.flatnonzero(np.diff(np.concatenate([[0], height > 0, [0]])))
+    bands = [(omega[max(i - 1, 0)], omega[min(k, omega.size - 1)]) for i, k in above.reshape(-1, 2)]
+    if sum(high - low for low, high in bands) < SHOWN * turn_of_delay:
+        near += [np.arange(low, high + turn_of_delay, turn_of_delay) for low, high in bands]
+    s = 1j * np.maximum(np.abs(np.concatenate(near)), 1e-3 / delay)
+    for _ in range(4):  # sT = ln(-r/q) + 2πjk, with the k that is nearest
+        ratio = _log_ratio(q, r, s)
+        excess = s.imag * delay - ratio.imag
+        moved = (ratio.real + 1j * (s.imag * delay - excess + tau * np.round(excess / tau))) / delay
+        s = np.where(np.isfinite(moved), moved, s)
+    return np.concatenate([s, poles, _slow_roots(q, r, delay)])
+
+
+def _frequencies(roots: ComplexArray, delay: float) -> FloatArray:
+    """Frequencies over the range of the roots, dense where one is near the axis."""
+    corners = np.append(np.abs(roots), 1 / delay)
+    corners = corners[corners > 0]
+    grid = [np.geomspace(corners.min() / 1e3, corners.max() * 1e3, 600)]
+    for root in roots[roots.imag > 0]:
+        width = max(abs(root.real), 1e-9 * abs(root))
+        steps = np.geomspace(0.1 * width, abs(root), 40)
+        grid += [root.imag + steps, root.imag - steps, np.array([root.imag])]
+    omega = np.unique(np.concatenate(grid))
+    return np.asarray(omega[omega > 0])
+
+
+def _log_ratio(q: FloatArray, r: FloatArray, s: ComplexArray) -> ComplexArray:
+    with np.errstate(all="ignore"):
+        return np.asarray(np.log(-np.polyval(r, s) / np.polyval(q, s)))
+
+
+def _slow_roots(q: FloatArray, r: FloatArray, delay: float) -> ComplexArray:
+    """Roots of the equation with Padé's approximation of the dead time, good near s = 0."""
+    n = 6
+    den = np.array([comb(n, k) * delay**k / perm(2 * n, k) for k in range(n, -1, -1)])
+    num = den * (-1.0) ** np.arange(n, -1, -1)
+    a, b = np.convolve(q, den), np.convolve(r, num)
+    total = a.copy()
+    total[a.size - b.size :] += b
+    found = companion_roots(np.trim_zeros(total, "f"))
+    return found[np.abs(found) * delay < 2 * n]
+
+
+def _newton(q: FloatArray, r: FloatArray, delay: float, s: ComplexArray) -> ComplexArray:
+    """Newton's method on p from many guesses; what converges, each once, with its conjugate."""
+    with np.errstate(all="ignore"):
+        for _ in range(40):
+            value, slope = value_and_slope(q, r, delay, s)
+            step = value / slope
+            # A step of more than a turn of the dead time says nothing.
+            size = np.abs(step) * delay
+            s = s - np.where(size > 2, 2 * step / size, step)
+            if np.all(~np.isfinite(s) | (size <= 1e-12 * (1 + np.abs(s) * delay))):
+                break
+        value, _ = value_and_slope(q, r, delay, s)
+        weight = np.polyval(np.abs(q), np.abs(s)) + np.polyval(np.abs(r), np.abs(s)) * np.exp(
+            -delay * s.real
+        )
+        s = s[np.isfinite(s) & (np.abs(value) <= 1e-9 * weight)]
+    s = np.where(s.imag < 0, s.conj(), s)
+    s = np.where(np.abs(s.imag) <= 1e-9 * np.abs(s), s.real, s)
+    s = s[np.lexsort((s.real, s.imag))]
+    s = s[np.append(True, np.abs(np.diff(s)) > 1e-7 * (np.abs(s[1:]) + 1 / delay))]
+    s = np.concatenate([s, s[s.imag > 0].conj()])
+    return np.asarray(s[np.lexsort((-s.imag, -s.real))])
+
+
+def _none_right_of(q: FloatArray, r: FloatArray, delay: float, line: float) -> bool:
+    """Whether the argument along a vertical line shows that no root has a larger real part."""
+    shrink = float(np.exp(-delay * line))
+    q_line, r_line = _shifted(q, line), shrink * _shifted(r, line)
+    scale = _shifted(np.abs(q), abs(line))
+    scale[-r.size :] += shrink * _shifted(np.abs(r), abs(line))
+    try:
+        found = turn((Term(q_line, 0.0), Term(r_line, delay)), scale)
+    except ArithmeticError:
+        return False
+    return bool(abs((q.size - 1) / 2 - found.angle / pi) < 0.5)
+
+
+def _shifted(p: FloatArray, by: float) -> FloatArray:
+    """Coefficients of p(s + by)."""
+    rows = p.copy()
+    for m in range(p.size - 1):
+        for i in range(1, p.size - m):
+            rows[i] += by * rows[i - 1]
+    return rows

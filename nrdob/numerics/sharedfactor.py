@@ -1,0 +1,171 @@
+r"""The factor that two polynomials share, found as a polynomial and never root by root.
+
+A block that occurs on both sides of a quotient, or in every term of p_A or p_B, leaves a factor d
+in numerator and denominator: f = d·u, g = d·v. Roots that are only near give no such d; multiple
+roots, which rounding scatters, do. So the roots only suggest d; it is then fitted to the
+coefficients of f and g together (Gauss and Newton), each against its own size, and it counts
+only if d·u and d·v give back every single coefficient.
+
+.. rubric:: References
+
+Z. Zeng, The numerical greatest common divisor of univariate polynomials, Contemporary
+Mathematics 556 (2011) 187-217.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from .arrays import ROUNDING, BoolArray, ComplexArray, FloatArray, IntArray
+from .quasipoly import QuasiPolynomial
+
+NEARNESS = (1e-6, 1e-2, 0.3)
+"""Relative distances within which roots may be copies of one; multiple ones scatter widely."""
+
+
+def without_shared_factor(
+    f: QuasiPolynomial, g: QuasiPolynomial
+) -> tuple[QuasiPolynomial, QuasiPolynomial]:
+    """Divide two polynomials by what they share.
+
+    Parameters
+    ----------
+    f, g : QuasiPolynomial
+        Without dead time. Their `scale` says how much of each coefficient is rounding.
+
+    Returns
+    -------
+    u, v : QuasiPolynomial
+        The cofactors: f = d u and g = d v, every coefficient within rounding.
+
+    Examples
+    --------
+    >>> f, g = (QuasiPolynomial(np.poly(roots)) for roots in ([-1, -1, -3], [-1, -1, -1.001]))
+    >>> [len(p.q) - 1 for p in without_shared_factor(f, g)]
+    [1, 1]
+    """
+    # Powers of s are known exactly and stay so: the fit is about the other roots.
+    excess = f.zeros_at_origin - g.zeros_at_origin
+    f, g = f.without_origin, g.without_origin
+    found = True
+    while found:
+        found = False
+        for divisor in _suggested(f, g):
+            cofactors = _fitted(f, g, divisor)
+            if cofactors:
+                (f, g), found = cofactors, True
+                break
+    return _times_s(f, max(excess, 0)), _times_s(g, max(-excess, 0))
+
+
+def _times_s(p: QuasiPolynomial, power: int) -> QuasiPolynomial:
+    if not power:
+        return p
+    q, scale = (np.append(c, np.zeros(power)) for c in (p.q, p.scale))
+    return QuasiPolynomial(q, scale=scale)
+
+
+def _suggested(f: QuasiPolynomial, g: QuasiPolynomial) -> Iterator[FloatArray]:
+    """Monic polynomials of nearby roots, those of highest degree in each neighbourhood first."""
+    p, q = f.without_origin.roots, g.without_origin.roots
+    if not (p.size and q.size):
+        return
+    distance = np.abs(p[:, None] - q) / np.maximum(np.abs(p)[:, None], np.abs(q))
+    tried: set[tuple[complex, ...]] = set()
+    for nearness in NEARNESS:
+        for rows, columns in _neighbourhoods(distance <= nearness):
+            near = distance[np.ix_(rows, columns)]
+            fewer, order = (
+                (p[rows], np.argsort(near.min(axis=1)))
+                if rows.size <= columns.size
+                else (q[columns], np.argsort(near.min(axis=0)))
+            )
+            for count in range(fewer.size, 0, -1):
+                chosen = _with_conjugates(fewer[order[:count]])
+                if (key := tuple(np.sort_complex(chosen))) not in tried:
+                    tried.add(key)
+                    yield np.real(np.poly(chosen))
+
+
+def _neighbourhoods(near: BoolArray) -> Iterator[tuple[IntArray, IntArray]]:
+    """Rows and columns that hang together, as connected parts of a graph."""
+    left = near.any(axis=1)
+    while left.any():
+        rows = np.zeros(near.shape[0], dtype=bool)
+        rows[np.argmax(left)] = True
+        while True:
+            columns = near[rows].any(axis=0)
+            more: BoolArray = np.any(near[:, columns], axis=1)
+            if (more == rows).all():
+                break
+            rows = more
+        left &= ~rows
+        yield np.flatnonzero(rows), np.flatnonzero(columns)
+
+
+def _with_conjugates(roots: ComplexArray) -> ComplexArray:
+    upper = roots[roots.imag > 0]
+    lower = roots[roots.imag < 0].conj()
+    extra = [root for root in lower if not np.any(np.isclose(upper, root, rtol=1e-12, atol=0))]
+    pairs = np.concatenate([upper, np.array(extra, dtype=complex)])
+    return np.concatenate([roots[roots.imag == 0], pairs, pairs.conj()])
+
+
+def _fitted(
+    f: QuasiPolynomial, g: QuasiPolynomial, divisor: FloatArray
+) -> tuple[QuasiPolynomial, QuasiPolynomial] | None:
+    """Cofactors of the nearest common factor, if it gives back all coefficients."""
+    m = divisor.size - 1
+    if m >= f.q.size or m >= g.q.size:
+        return None
+    weights = tuple(1 / _sizes(p) for p in (f, g))
+    with np.errstate(all="ignore"):
+        u, v = (
+            _least_squares(_products(divisor, p.q.size - m) * w[:, None], p.q * w)
+            for p, w in zip((f, g), weights, strict=True)
+        )
+        for _ in range(5):
+            errors = [
+                (p.q - np.convolve(divisor, c)) * w
+                for p, c, w in zip((f, g), (u, v), weights, strict=True)
+            ]
+            error = max(float(np.abs(e).max()) for e in errors)
+            if not error > ROUNDING / 20:
+                break
+            rows_f, rows_g = f.q.size, g.q.size
+            jacobian = np.zeros((rows_f + rows_g, m + u.size + v.size))
+            jacobian[:rows_f, :m] = _products(u, m + 1)[:, 1:] * weights[0][:, None]
+            jacobian[rows_f:, :m] = _products(v, m + 1)[:, 1:] * weights[1][:, None]
+            jacobian[:rows_f, m : m + u.size] = _products(divisor, u.size) * weights[0][:, None]
+            jacobian[rows_f:, m + u.size :] = _products(divisor, v.size) * weights[1][:, None]
+            step = _least_squares(jacobian, np.concatenate(errors))
+            divisor = divisor + np.concatenate([[0.0], step[:m]])
+            u, v = u + step[m : m + u.size], v + step[m + u.size :]
+    if not error <= ROUNDING:
+        return None
+    return QuasiPolynomial(u), QuasiPolynomial(v)
+
+
+def _sizes(p: QuasiPolynomial) -> FloatArray:
+    """Size of each coefficient; of one that is zero, what its neighbours let expect."""
+    k = np.arange(p.q.size)
+    sizes = p.scale.copy()
+    there = np.flatnonzero(sizes)
+    sizes[sizes == 0] = np.exp(np.interp(k, there, np.log(sizes[there])))[sizes == 0]
+    return sizes
+
+
+def _products(coefficients: FloatArray, size: int) -> FloatArray:
+    """Matrix that multiplies polynomials of `size` coefficients by one."""
+    matrix = np.zeros((coefficients.size + size - 1, size))
+    for k in range(size):
+        matrix[k : k + coefficients.size, k] = coefficients
+    return matrix
+
+
+def _least_squares(matrix: FloatArray, target: FloatArray) -> FloatArray:
+    """Solve with columns of equal length, so that no unit of time is preferred."""
+    length = np.linalg.norm(matrix, axis=0)
+    return np.asarray(np.linalg.lstsq(matrix / length, target, rcond=None)[0] / length)

@@ -1,0 +1,43 @@
+"""Every figure, with one look, and the words for those who cannot see it."""
+
+from .alttext import complex_number, frequency, spoken, turns
+from .explorer import Explorer, Slider
+from .figure import (
+    COLOURS,
+    INK,
+    SHORT,
+    TALL,
+    WIDTH,
+    Figure,
+    axes_for,
+    colour_of,
+    dress,
+    label_of,
+    styled,
+)
+from .nyquistplot import nyquist_plot
+from .plots import bode_plot, roots_plot, step_plot
+
+__all__ = [
+    "COLOURS",
+    "INK",
+    "SHORT",
+    "TALL",
+    "WIDTH",
+    "Explorer",
+    "Figure",
+    "Slider",
+    "axes_for",
+    "bode_plot",
+    "colour_of",
+    "complex_number",
+    "dress",
+    "frequency",
+    "label_of",
+    "nyquist_plot",
+    "roots_plot",
+    "spoken",
+    "step_plot",
+    "styled",
+    "turns",
+]

@@ -1,0 +1,369 @@
+"""Block diagrams that are drawn, and read, from one list of parts and wires.
+
+Each function gives a `Diagram`. Its `plot` is the picture; its `equations` are what the picture
+says, read off it as a reader does: follow each arrow that ends at a circle back to where it comes
+from, and write down the block on the way. So the picture cannot say one thing and the algebra
+another.
+
+This module needs schemdraw, which comes with the notebooks; `nrdob` itself does not import it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+from schemdraw import Drawing
+from schemdraw.elements import Element
+from schemdraw.segments import Segment, SegmentCircle, SegmentPoly, SegmentText, SegmentType
+
+from ..diagram import INPUTS
+from .figure import COLOURS, INK, WIDTH, Figure, axes_for, styled
+
+Point = tuple[float, float]
+
+UNIT = 0.5
+"""Inches to a unit of the drawing: a house figure is 14 units wide."""
+
+RADIUS = 0.3
+SHADE = INK + "1e"
+SIGNS = {1: "+", -1: "−"}
+
+BLOCKS = {
+    "C": (r"$C$", "controller"),
+    "G": (r"$G$", "process"),
+    "Gm": (r"$\tilde{G}$", "model"),
+    "F": (r"$F$", "filter"),
+    "F/Gm": (r"$F\,\tilde{G}^{-1}$", "filter"),
+    "(1 - F)*Gm": (r"$(1-F)\,\tilde{G}$", "model"),
+    "K": (r"$K$", "controller"),
+    "C/(1 + C*Gm)": (r"$\dfrac{C}{1+C\,\tilde{G}}$", "controller"),
+    "C/((1 - F)*(1 + C*Gm))": (r"$\dfrac{C}{(1-F)\,(1+C\,\tilde{G})}$", "controller"),
+}
+"""How each block is written in a picture, and its role, which gives the colour."""
+
+
+class Term(NamedTuple):
+    """An arrow into a sum: sign times block times signal; the block of a plain wire is "1"."""
+
+    sign: int
+    block: str
+    signal: str
+
+    def __str__(self) -> str:
+        return self.signal if self.block == "1" else f"{self.block}*{self.signal}"
+
+
+@dataclass(frozen=True)
+class Input:
+    """A signal from outside, written at `at`."""
+
+    at: Point
+
+
+@dataclass(frozen=True)
+class Sum:
+    """A circle: its output, named as the part, is the signed sum of what arrives."""
+
+    at: Point
+
+    @property
+    def reach(self) -> Point:
+        """Distance from the centre to the border, sideways and upwards."""
+        return RADIUS, RADIUS
+
+
+@dataclass(frozen=True)
+class Block:
+    """A box: its output is its input times the part's name."""
+
+    at: Point
+    width: float = 1.1
+    height: float = 0.95
+
+    @property
+    def reach(self) -> Point:
+        """Distance from the centre to the border, sideways and upwards."""
+        return self.width / 2, self.height / 2
+
+
+@dataclass(frozen=True)
+class Wire:
+    """A line through parts, given by name, and points; all of its pieces are level or upright.
+
+    Parameters
+    ----------
+    path : tuple of str or (x, y)
+        From where to where. A wire that starts at a point is a branch of the wire that passes
+        there; one that ends at a point leaves the diagram.
+    sign : int
+        With which sign it enters the sum at its end.
+    """
+
+    path: tuple[str | Point, ...]
+    sign: int = 1
+
+
+Parts = dict[str, Input | Sum | Block]
+
+
+@dataclass(frozen=True)
+class Diagram:
+    """A block diagram: parts by name, the wires between them, and what is written beside.
+
+    Attributes
+    ----------
+    title : str
+        Of what; begins the alt text.
+    parts : dict
+        Inputs and sums under the name of their signal, blocks under their gain; a gain that occurs
+        twice has an apostrophe the second time.
+    wires : tuple of Wire
+    bottom, top : float
+        Lower and upper edge of the picture.
+    labels : dict
+        Places of the texts that name signals and groups; they say nothing to `equations`.
+    shades : tuple
+        Corners of each shaded group.
+
+    Examples
+    --------
+    >>> from nrdob.plotting import diagrams
+    >>> print(diagrams.two_degrees_of_freedom())
+    u  = C/((1 - F)*(1 + C*Gm))*R - K*ym
+    x  = u + delta
+    y  = G*x + d
+    ym = y + eta
+    """
+
+    title: str
+    parts: Parts
+    wires: tuple[Wire, ...]
+    bottom: float
+    top: float
+    labels: dict[str, Point]
+    shades: tuple[tuple[Point, ...], ...] = ()
+
+    @property
+    def equations(self) -> dict[str, tuple[Term, ...]]:
+        """What each sum adds up, read off the wires."""
+        return {
+            name: tuple(
+                Term(wire.sign, *self._origin(wire)) for wire in self.wires if wire.path[-1] == name
+            )
+            for name, part in self.parts.items()
+            if isinstance(part, Sum)
+        }
+
+    def __str__(self) -> str:
+        width = max(map(len, self.equations))
+        return "\n".join(
+            f"{name:<{width}} = {_sum(terms)}" for name, terms in self.equations.items()
+        )
+
+    def polyline(self, wire: Wire) -> list[Point]:
+        """Give the corners of a wire, from border to border."""
+        centres = [self.parts[p].at if isinstance(p, str) else p for p in wire.path]
+        first = self._border(wire.path[0], centres[0], centres[1])
+        last = self._border(wire.path[-1], centres[-1], centres[-2])
+        return [first, *centres[1:-1], last]
+
+    def plot(self, ax: Any = None) -> Figure:
+        """Draw the diagram in the house style, on `ax` or in a figure of the house width."""
+        (ax,) = axes_for(ax, 1, UNIT * (self.top - self.bottom))
+        with styled():
+            drawing = Drawing(
+                canvas=ax, show=False, color=INK, lw=1.2, ls="-", fill=None, fontsize=10,
+                font="DejaVu Sans", mathfont="dejavusans",
+            )  # fmt: skip
+            whole = Element().at((0, 0)).theta(0)
+            whole.segments += self._segments()
+            drawing.add(whole)
+            drawing.draw(show=False)
+        ax.set(xlim=(0, WIDTH / UNIT), ylim=(self.bottom, self.top), aspect="equal")
+        ax.set_axis_off()
+        equations = "; ".join(f"{name} = {_sum(terms)}" for name, terms in self.equations.items())
+        return Figure(ax.lines, ax, alt=f"Block diagram of {self.title}: {equations}")
+
+    def _segments(self) -> list[SegmentType]:
+        segments: list[SegmentType] = [
+            SegmentPoly(list(corners), color="none", fill=SHADE, zorder=0)
+            for corners in self.shades
+        ]
+        segments += [_text(label, place) for label, place in self.labels.items()]
+        for wire in self.wires:
+            segments += self._drawn_wire(wire)
+        for name, part in self.parts.items():
+            segments += _drawn_part(name, part)
+        return segments
+
+    def _drawn_wire(self, wire: Wire) -> list[SegmentType]:
+        points, start, end = self.polyline(wire), wire.path[0], wire.path[-1]
+        colour = COLOURS[INPUTS[start].role] if isinstance(start, str) and start in INPUTS else INK
+        drawn: list[SegmentType] = [Segment(points, arrow="->", color=colour)]
+        if not isinstance(start, str):
+            drawn.append(SegmentCircle(start, 0.075, color=colour, fill=colour))
+        if isinstance(end, str) and isinstance(self.parts[end], Sum):
+            drawn.append(_text(SIGNS[wire.sign], _beside(*points[-2:]), colour))
+        return drawn
+
+    def _border(self, end: str | Point, centre: Point, other: Point) -> Point:
+        if not isinstance(end, str):
+            return centre
+        part = self.parts[end]
+        reach = (0.3, 0.3) if isinstance(part, Input) else part.reach
+        x, y = (c + r * ((o > c) - (o < c)) for c, r, o in zip(centre, reach, other, strict=True))
+        return x, y
+
+    def _origin(self, wire: Wire) -> tuple[str, str]:
+        """Follow a wire back to its signal, and name the block on the way."""
+        start = wire.path[0]
+        if not isinstance(start, str):
+            return self._origin(next(w for w in self.wires if w != wire and self._on(w, start)))
+        if not isinstance(self.parts[start], Block):
+            return "1", start
+        before = next(w for w in self.wires if w.path[-1] == start)
+        block, signal = self._origin(before)
+        gain = start.rstrip("'")
+        return (gain if block == "1" else f"{block}*{gain}"), signal
+
+    def _on(self, wire: Wire, point: Point) -> bool:
+        """Tell whether the wire passes through the point."""
+        corners = self.polyline(wire)
+        return (
+            any(
+                min(a[i], b[i]) <= point[i] <= max(a[i], b[i]) and a[j] == b[j] == point[j]
+                for a, b in pairwise(corners)
+                for i, j in ((0, 1), (1, 0))
+            )
+            and wire.path[0] != point
+        )
+
+
+def nrdob() -> Diagram:
+    """Draw the loop with a noise-reduction disturbance observer, Fig. 1 of the paper."""
+    parts, wires = _observer()
+    low = -2.35
+    return Diagram(
+        "the NR-DOB loop",
+        parts | {"(1 - F)*Gm": Block((5.2, -1.2), 2.2), "yf": Sum((5.2, low)),
+                 "F'": Block((8, low))},
+        (*wires,
+         Wire(((5.2, 0), "(1 - F)*Gm")), Wire(("(1 - F)*Gm", "yf")),
+         Wire(((13.2, 0), (13.2, low), "F'")), Wire(("F'", "yf")),
+         Wire(("yf", (1.4, low), "e"), -1)),
+        -3.1, 3.1,
+        _LABELS | {"$e$": (1.95, 0.3), r"$\hat{\delta}$": (4.35, 2.65), "$y_f$": (3.3, low + 0.3),
+                   "disturbance estimate": (10.35, 2.6), "noise reduction": (9.95, low + 0.25)},
+        (_ESTIMATE, ((3.9, -0.5), (6.5, -0.5), (6.5, -1.8), (12.0, -1.8), (12.0, -2.9),
+                     (3.9, -2.9))),
+    )  # fmt: skip
+
+
+def conventional() -> Diagram:
+    """Draw the loop with a conventional disturbance observer: the measurement itself goes to C."""
+    parts, wires = _observer()
+    return Diagram(
+        "the loop with a conventional disturbance observer",
+        parts,
+        (*wires, Wire(((13.2, 0), (13.2, -1.4), (1.4, -1.4), "e"), -1)),
+        -1.6, 3.1,
+        _LABELS | {"$e$": (1.95, 0.3), r"$\hat{\delta}$": (4.35, 2.65),
+                   "disturbance estimate": (10.35, 2.6)},
+        (_ESTIMATE,),
+    )  # fmt: skip
+
+
+def two_degrees_of_freedom() -> Diagram:
+    """Draw what the loop amounts to: a prefilter, and one feedback K = F/((1 - F) Gm)."""
+    prefilter = "C/((1 - F)*(1 + C*Gm))"
+    parts: Parts = {"R": Input((0.35, 0)), prefilter: Block((2.75, 0), 3.0, 1.3), "u": Sum((5, 0))}
+    return Diagram(
+        "the equivalent loop with two degrees of freedom",
+        parts | _PLANT | {"K": Block((8, -1.4))},
+        (Wire(("R", prefilter)), Wire((prefilter, "u")), Wire(("u", "x")), *_PLANT_WIRES,
+         Wire(("ym", (13.2, 0), (13.2, -1.4), "K")), Wire(("K", (5, -1.4), "u"), -1)),
+        -2.0, 1.4,
+        _LABELS | {"$u$": (5.55, 0.3)},
+    )  # fmt: skip
+
+
+def internal_model_control() -> Diagram:
+    """Draw the same loop as internal model control: what the model does not explain is fed back."""
+    prefilter = "C/(1 + C*Gm)"
+    parts: Parts = {"R": Input((0.35, 0)), prefilter: Block((2.2, 0), 1.9, 1.3), "u": Sum((4.1, 0))}
+    return Diagram(
+        "the same loop as internal model control",
+        parts | _PLANT
+        | {"Gm": Block((8, -1.4)), "r": Sum((11.8, -1.4)), "F/Gm": Block((8, -2.7), 1.5)},
+        (Wire(("R", prefilter)), Wire((prefilter, "u")), Wire(("u", "x")), *_PLANT_WIRES,
+         Wire(("ym", (13.2, 0), (13.2, -1.4), "r")),
+         Wire(((5.2, 0), (5.2, -1.4), "Gm")), Wire(("Gm", "r"), -1),
+         Wire(("r", (11.8, -2.7), "F/Gm")), Wire(("F/Gm", (4.1, -2.7), "u"), -1)),
+        -3.3, 1.4,
+        _LABELS,
+    )  # fmt: skip
+
+
+_PLANT: Parts = {
+    "delta": Input((6.5, 1.15)), "x": Sum((6.5, 0)), "G": Block((8, 0)),
+    "d": Input((9.5, 1.15)), "y": Sum((9.5, 0)),
+    "eta": Input((11.8, 1.15)), "ym": Sum((11.8, 0)),
+}  # fmt: skip
+_PLANT_WIRES = (
+    Wire(("delta", "x")), Wire(("x", "G")), Wire(("G", "y")), Wire(("d", "y")),
+    Wire(("y", "ym")), Wire(((10.6, 0), (10.6, -0.65))), Wire(("eta", "ym")),
+)  # fmt: skip
+"""The plant with its disturbances and its sensor, the same in every diagram."""
+
+_LABELS = {"$u$": (4.8, 0.3), "$y$": (10.6, -0.9), r"$y+\eta$": (12.65, 0.3)}
+_ESTIMATE = ((4.55, 0.5), (6.0, 0.5), (6.0, 1.8), (12.0, 1.8), (12.0, 2.9), (4.55, 2.9))
+
+
+def _observer() -> tuple[Parts, tuple[Wire, ...]]:
+    """Give what both observers share: the forward path, the plant, the disturbance estimate."""
+    high = 2.35
+    parts: Parts = {
+        "R": Input((0.35, 0)), "e": Sum((1.4, 0)), "C": Block((2.75, 0)), "u": Sum((4.1, 0)),
+        "dhat": Sum((5.2, high)), "F": Block((5.2, 1.2)), "F/Gm": Block((8, high), 1.5),
+    }  # fmt: skip
+    wires = (
+        Wire(("R", "e")), Wire(("e", "C")), Wire(("C", "u")), Wire(("u", "x")), *_PLANT_WIRES,
+        Wire(("ym", (13.2, 0), (13.2, high), "F/Gm")), Wire(("F/Gm", "dhat")),
+        Wire(((5.2, 0), "F")), Wire(("F", "dhat"), -1), Wire(("dhat", (4.1, high), "u"), -1),
+    )  # fmt: skip
+    return parts | _PLANT, wires
+
+
+def _sum(terms: tuple[Term, ...]) -> str:
+    """Write a signed sum."""
+    text = " ".join(f"{'-' if term.sign < 0 else '+'} {term}" for term in terms)
+    return text.removeprefix("+ ")
+
+
+def _drawn_part(name: str, part: Input | Sum | Block) -> list[SegmentType]:
+    if isinstance(part, Input):
+        label, role = INPUTS[name].label, INPUTS[name].role
+        return [_text(label, part.at, COLOURS[role])]
+    if isinstance(part, Sum):
+        return [SegmentCircle(part.at, RADIUS)]
+    label, role = BLOCKS[name.rstrip("'")]
+    (x, y), (dx, dy) = part.at, part.reach
+    corners = [(x - dx, y - dy), (x - dx, y + dy), (x + dx, y + dy), (x + dx, y - dy)]
+    return [
+        SegmentPoly(corners, color=COLOURS[role]),
+        _text(label, part.at, COLOURS[role], size=11),
+    ]
+
+
+def _beside(before: Point, end: Point) -> Point:
+    """Give the place of a sign: left of an upright arrowhead, above a level one."""
+    along = [(b > e) - (b < e) for b, e in zip(before, end, strict=True)]
+    if along[0]:
+        return end[0] + 0.2 * along[0], end[1] + 0.25
+    return end[0] - 0.25, end[1] + 0.2 * along[1]
+
+
+def _text(text: str, at: Point, colour: str = INK, size: float = 9.5) -> SegmentText:
+    return SegmentText(at, text, align=("center", "center"), color=colour, fontsize=size)

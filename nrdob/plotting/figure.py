@@ -1,0 +1,155 @@
+"""What all figures share: the result object, the style, one colour for each role, the names."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from io import BytesIO
+from math import inf, isfinite
+from numbers import Real
+from pathlib import Path
+from typing import Any
+
+import control as ct
+import matplotlib as mpl
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+
+from ..diagram import INPUTS, MAPS, Quotient
+
+STYLE = Path(__file__).with_name("nrdob.mplstyle")
+WIDTH, TALL, SHORT = 7.0, 4.4, 3.2
+"""Size of a figure in inches: one width, two heights."""
+
+DPI = 150
+INK = "#757575"
+COLOURS = {
+    "process": "#0072B2",
+    "model": "#D55E00",
+    "loop": "#009E73",
+    "filter": "#B57B00",
+    "noise": "#CC79A7",
+    "reference": "#2E96D1",
+    "disturbance": "#8A8200",
+    "controller": "#8573B5",
+    "critical": "#E0202E",
+}
+"""Colour of each role, after Okabe and Ito, darkened where white paper asks for it."""
+
+_NAMES = MAPS | INPUTS
+
+
+class Figure(ct.ControlPlot):  # type: ignore[misc]
+    """What every plot function returns: control's plot result, and the figure in words.
+
+    Attributes
+    ----------
+    lines, axes, figure
+        As in `control.ControlPlot`.
+    alt : str
+        Alt text: the facts that the figure shows.
+    """
+
+    def __init__(self, lines: Any, axes: Any, alt: str) -> None:
+        shaped = np.atleast_2d(axes)
+        # The figure of a subfigure's axes is the whole one.
+        super().__init__(lines, shaped, shaped[0, 0].figure.figure)
+        self.alt = alt
+
+    def __repr__(self) -> str:
+        return self.alt
+
+    def png(self) -> bytes:
+        """Render at 150 dpi on a transparent ground; the same figure gives the same bytes."""
+        buffer = BytesIO()
+        with styled():
+            self.figure.savefig(
+                buffer, format="png", dpi=DPI, transparent=True, metadata={"Software": None}
+            )
+        return buffer.getvalue()
+
+    def _repr_mimebundle_(
+        self, include: Any = None, exclude: Any = None
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        # 96 CSS pixels to the inch: the figure appears in its own size, sharp on fine screens.
+        width, height = (round(float(96 * inches)) for inches in self.figure.get_size_inches())
+        data = {"image/png": self.png(), "text/plain": self.alt}
+        # Left open, the inline backend would show the figure a second time; a window stays.
+        if self.figure.canvas.required_interactive_framework is None:
+            plt.close(self.figure)
+        return data, {"image/png": {"alt": self.alt, "width": width, "height": height}}
+
+
+@contextmanager
+def styled() -> Iterator[None]:
+    """Draw in the house style and leave the user's settings as they are."""
+    with plt.style.context(STYLE):
+        yield
+
+
+def axes_for(given: Any, count: int, height: float) -> list[Axes]:
+    """Return the user's axes, or new ones in a figure of the house size."""
+    if given is not None:
+        axes = list(np.ravel(np.asarray(given, dtype=object)))
+        if len(axes) != count:
+            raise ValueError(f"{len(axes)} axes given; this figure needs {count}")
+        for ax in axes:
+            if not isinstance(ax, Axes):
+                raise TypeError(
+                    f"{ax!r} is a {type(ax).__name__}; give matplotlib axes, such as those that "
+                    "plt.subplots() returns"
+                )
+        return axes
+    shape = {1: (1, 1), 2: (2, 1), 4: (2, 2)}[count]
+    # The first figure loads the backend, which in a notebook turns plotting interactive: within
+    # the style that would be undone, and no figure of the user's would ever be shown.
+    figure = plt.figure(figsize=(WIDTH, height), layout="constrained")
+    with styled():
+        new = figure.subplots(*shape, squeeze=False)
+        for ax in new.flat:
+            dress(ax)
+    return list(new.flat)
+
+
+def as_map(given: Any) -> Quotient:
+    """Return a map of the loop, or say how to get one."""
+    if not isinstance(given, Quotient):
+        raise TypeError(
+            f"a {type(given).__name__} is given; pass a map of the loop, such as loop.FH or loop.L"
+        )
+    return given
+
+
+def as_number(given: Any, name: str, needed: str, *, low: float = -inf) -> float:
+    """Return a finite real number not below `low`, or say what is `needed`."""
+    if isinstance(given, bool) or not isinstance(given, Real):
+        raise TypeError(f"{name} is {given!r}; it must be {needed}")
+    number = float(given)
+    if not (isfinite(number) and number >= low):
+        raise ValueError(f"{name} is {given}; it must be {needed}")
+    return number
+
+
+def dress(ax: Axes) -> None:
+    """Fix the style of ticks, which matplotlib would otherwise look up when it draws."""
+    ax.tick_params(colors=INK, labelsize=mpl.rcParams["xtick.labelsize"], which="both")
+    ax.grid(True, color=INK, alpha=mpl.rcParams["grid.alpha"], lw=mpl.rcParams["grid.linewidth"])
+
+
+def headings(ax: Axes, left: str, right: str = "") -> None:
+    """Write above the axes, at the left and at the right."""
+    if left:
+        ax.set_title(left, loc="left")
+    if right:
+        ax.set_title(right, loc="right")
+
+
+def colour_of(name: str) -> str:
+    """Return the colour of a map or an input."""
+    return COLOURS[_NAMES[name].role if name in _NAMES else "loop"]
+
+
+def label_of(name: str) -> str:
+    """Write the name of a map or an input as in the book."""
+    return _NAMES[name].label if name in _NAMES else f"${name}$"

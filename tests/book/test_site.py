@@ -1,0 +1,311 @@
+"""The book as a reader gets it: every page there, no dead links, nothing from other servers.
+
+The pages are built here, in a temporary folder, warnings as errors. So they are never stale, and
+the checkout stays untouched.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from contextlib import redirect_stderr, redirect_stdout
+from copy import copy
+from io import StringIO
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote, urlsplit
+
+import pytest
+from bs4 import BeautifulSoup
+
+import ledger
+import teaching
+from digits import hanging_on_rounding
+from nrdob.course.claims import LEDGER, Entry, Verdict
+from nrdob.course.exercises import PROBLEMS
+
+ROOT = Path(__file__).resolve().parents[2]
+REFERENCE_PAGES = {"index", "ledger", "errata", "notation", "api", "bibliography", "colophon"}
+TEACHING_PAGES = {
+    f"teaching/{name}"
+    for name in (
+        "index", "syllabus", "objectives", "in_class", "mistakes", "rubric", "running", "seeds",
+        "adding",
+    )
+}  # fmt: skip
+GENERATED = ("chapters", "ledger.md", "errata.md", "objectives.md", "mistakes.md", "rubric.md")
+MATHJAX = "tex-svg-full.js"
+
+# Whatever a browser fetches by itself to show a page.
+FETCHED = (
+    ("script", "src"),
+    (
+        "link[rel~=stylesheet], link[rel~=icon], link[rel~=preload], link[rel~=modulepreload]",
+        "href",
+    ),
+    ("img", "src"),
+    ("img, source", "srcset"),
+    ("iframe, embed, video, audio, source", "src"),
+    ("object", "data"),
+)
+
+
+@pytest.fixture(scope="module")
+def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Give a copy of the book's folder, without what was generated there."""
+    source = tmp_path_factory.mktemp("book") / "source"
+    shutil.copytree(ROOT / "book", source, ignore=shutil.ignore_patterns(*GENERATED))
+    return source
+
+
+Run = tuple[int, str]
+"""Exit code of a program that makes pages, and what it says."""
+
+
+def run(main: Callable[..., int], output: Path, **how: Any) -> Run:
+    """Run a program that makes pages; a test judges the result."""
+    with redirect_stdout(StringIO()) as said, redirect_stderr(said):
+        code = main(["--output", str(output)], **how)
+    return code, said.getvalue()
+
+
+@pytest.fixture(scope="module")
+def ledger_run(source: Path, settled: Callable[[str], Entry]) -> Run:
+    """Write the pages of the ledger, each claim settled once in a run of the tests."""
+    return run(ledger.main, source, settle=lambda claim: settled(claim.id))
+
+
+@pytest.fixture(scope="module")
+def teaching_run(source: Path) -> Run:
+    """Write the generated pages for teachers."""
+    return run(teaching.main, source / "teaching")
+
+
+@pytest.fixture(scope="module")
+def site(source: Path, ledger_run: Run, teaching_run: Run) -> Path:
+    """Build the book from the notebooks as they are stored, and give the folder of pages."""
+    folder = source.parent
+    command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-n", "-q", "-b", "html"]
+    command += ["-D", f"nrdob_notebooks={ROOT / 'notebooks'}", "-d", str(folder / "doctrees")]
+    done = subprocess.run(
+        [*command, str(source), str(folder / "html")],
+        capture_output=True,
+        text=True,
+        encoding="utf-8",
+        errors="replace",
+    )
+    assert done.returncode == 0, f"the book does not build:\n{done.stdout}\n{done.stderr}"
+    return folder / "html"
+
+
+@pytest.fixture(scope="module")
+def pages(site: Path) -> dict[Path, BeautifulSoup]:
+    """Give every page of the site, parsed; Sphinx's templates for other scripts are no pages."""
+    return {
+        path: BeautifulSoup(path.read_text(encoding="utf-8"), "html.parser")
+        for path in sorted(site.rglob("*.html"))
+        if "_static" not in path.parts
+    }
+
+
+def is_external(address: str) -> bool:
+    parts = urlsplit(address)
+    return bool(parts.netloc) or parts.scheme in {"http", "https", "ftp"}
+
+
+def test_the_ledger_is_in_order(ledger_run: Run) -> None:
+    code, said = ledger_run
+    assert code == 0, said
+
+
+def test_the_ledger_prints_nothing_that_hangs_on_rounding(source: Path, ledger_run: Run) -> None:
+    text = "\n".join((source / f"{page}.md").read_text("utf-8") for page in ("ledger", "errata"))
+    assert hanging_on_rounding(text) == []
+
+
+def test_the_pages_for_teachers_are_in_order(teaching_run: Run) -> None:
+    code, said = teaching_run
+    assert code == 0, said
+
+
+def test_every_page_is_there(site: Path) -> None:
+    chapters = {f"chapters/{path.stem}" for path in (ROOT / "notebooks").glob("*.ipynb")}
+    assert chapters, "there are no notebooks, so there is no book"
+    missing = [
+        page
+        for page in sorted(REFERENCE_PAGES | TEACHING_PAGES | chapters)
+        if not (site / f"{page}.html").is_file()
+    ]
+    assert not missing, f"pages not built: {missing}"
+
+
+def test_every_chapter_can_be_reached_from_the_front_page(pages: dict[Path, BeautifulSoup]) -> None:
+    front = next(page for path, page in pages.items() if path.name == "index.html")
+    links = {str(link["href"]).split("#")[0] for link in front.select("article a[href]")}
+    wanted = {f"chapters/{path.stem}.html" for path in (ROOT / "notebooks").glob("*.ipynb")}
+    assert wanted <= links, f"no way from the front page to {sorted(wanted - links)}"
+
+
+def test_pages_fetch_nothing_from_elsewhere(pages: dict[Path, BeautifulSoup]) -> None:
+    external = [
+        f"{path.name}: {tag.name} {tag[attribute]}"
+        for path, page in pages.items()
+        for selector, attribute in FETCHED
+        for tag in page.select(selector)
+        if tag.has_attr(attribute)
+        and any(is_external(part.strip()) for part in str(tag[attribute]).split(","))
+    ]
+    assert not external, "fetched from elsewhere:\n  " + "\n  ".join(external)
+
+
+def test_styles_fetch_nothing_from_elsewhere(site: Path, pages: dict[Path, BeautifulSoup]) -> None:
+    styles = {path.name: path.read_text(encoding="utf-8") for path in site.rglob("*.css")}
+    styles |= {
+        path.name: "\n".join(tag.get_text() for tag in page("style"))
+        for path, page in pages.items()
+    }
+    fetch = re.compile(r"""(?:url\(\s*|@import\s+)["']?((?:https?:)?//[^"')\s]+)""")
+    external = [
+        f"{name}: {address}" for name, text in styles.items() for address in fetch.findall(text)
+    ]
+    assert not external, "fetched from elsewhere:\n  " + "\n  ".join(external)
+
+
+def test_every_image_has_alt_text(pages: dict[Path, BeautifulSoup]) -> None:
+    silent = [
+        f"{path.name}: {image.get('src', '')[:80]}"
+        for path, page in pages.items()
+        for image in page("img")
+        if not str(image.get("alt", "")).strip()
+    ]
+    assert not silent, "images without alt text:\n  " + "\n  ".join(silent)
+
+
+def test_every_image_is_there(pages: dict[Path, BeautifulSoup]) -> None:
+    missing = [
+        f"{path.name}: {image['src']}"
+        for path, page in pages.items()
+        for image in page("img", src=True)
+        if not str(image["src"]).startswith("data:")
+        and not (path.parent / unquote(str(image["src"]))).is_file()
+    ]
+    assert not missing, "images that are not there:\n  " + "\n  ".join(missing)
+
+
+def test_links_inside_the_book_lead_somewhere(pages: dict[Path, BeautifulSoup]) -> None:
+    anchors = {
+        path.resolve(): {tag["id"] for tag in page.select("[id]")} for path, page in pages.items()
+    }
+    dead = []
+    for path, page in pages.items():
+        for link in page("a", href=True):
+            address = urlsplit(str(link["href"]))
+            if address.scheme or address.netloc:
+                continue
+            target = (
+                (path.parent / unquote(address.path)).resolve() if address.path else path.resolve()
+            )
+            places = anchors.get(target)  # None: not a page, such as a notebook to download
+            if not target.is_file():
+                dead.append(f"{path.name}: {link['href']}")
+            elif address.fragment and places and unquote(address.fragment) not in places:
+                dead.append(f"{path.name}: {link['href']} (no such place on the page)")
+    assert not dead, "dead links:\n  " + "\n  ".join(sorted(set(dead)))
+
+
+def test_mathematics_needs_no_network(site: Path, pages: dict[Path, BeautifulSoup]) -> None:
+    script = site / "_static" / MATHJAX
+    assert script.is_file(), f"{MATHJAX} is not in the book"
+    with_formulas = {path: page for path, page in pages.items() if page.select(".math")}
+    assert with_formulas, "no page has a formula: something is wrong with the mathematics"
+    for path, page in with_formulas.items():
+        sources = [urlsplit(str(tag["src"])).path for tag in page.select("script[src]")]
+        loaded = [(path.parent / source).resolve() for source in sources]
+        assert script.resolve() in loaded, f"{path.name} has formulas and does not load {MATHJAX}"
+
+
+# --- the ledger -------------------------------------------------------------------------------
+
+
+def anchor_of(id: str) -> str:
+    """Give the anchor of a claim's entry; addresses in letters and papers rely on it."""
+    return "claim-" + re.sub("[^a-z0-9]+", "-", id.lower())
+
+
+def test_the_ledger_has_an_entry_for_every_claim(
+    site: Path, pages: dict[Path, BeautifulSoup]
+) -> None:
+    entries = pages[site / "ledger.html"].select(".claim")
+    names = [entry.select_one("h3 code").get_text() for entry in entries]
+    assert names == sorted(LEDGER, key=names.index)
+    assert [entry["id"] for entry in entries] == [anchor_of(id) for id in names]
+
+
+def test_citations_lead_to_the_ledger(site: Path, pages: dict[Path, BeautifulSoup]) -> None:
+    citations = [
+        (path, code) for path, page in pages.items() for code in page.select("code.claim-link")
+    ]
+    assert {path.parent.name for path, _ in citations} >= {"chapters"}, "no chapter cites a claim"
+    target = (site / "ledger.html").resolve()
+    for path, code in citations:
+        address = urlsplit(str(code.find_parent("a")["href"]))
+        assert (path.parent / (address.path or path.name)).resolve() == target
+        assert address.fragment == anchor_of(code.get_text())
+
+
+def test_the_ledger_leads_to_the_first_citation(
+    site: Path, pages: dict[Path, BeautifulSoup]
+) -> None:
+    places = {
+        path.resolve(): {tag["id"]: tag for tag in page.select("[id]")}
+        for path, page in pages.items()
+    }
+    for entry in pages[site / "ledger.html"].select(".claim"):
+        id = entry.select_one("h3 code").get_text()
+        links = entry.select("a[href*='#shown-']")
+        assert links, f"{id} leads to no chapter"
+        for link in links:
+            address = urlsplit(str(link["href"]))
+            place = places[(site / address.path).resolve()][address.fragment]
+            assert id in place.get_text()
+
+
+def test_only_the_ledger_has_the_filter(site: Path, pages: dict[Path, BeautifulSoup]) -> None:
+    with_filter = {path for path, page in pages.items() if page.select("script[src*='claims.js']")}
+    assert with_filter == {site / "ledger.html"}
+    assert pages[site / "ledger.html"].select_one(".claims-filter")
+    verdicts = {badge.get_text() for badge in pages[site / "ledger.html"].select("dt .verdict")}
+    assert verdicts == set(Verdict)
+
+
+# --- for teachers -----------------------------------------------------------------------------
+
+
+def test_formulas_of_the_pages_for_teachers_are_set(
+    site: Path, pages: dict[Path, BeautifulSoup]
+) -> None:
+    for name in TEACHING_PAGES:
+        article = copy(pages[site / f"{name}.html"].article)
+        for tag in article.select("code, pre, .math"):
+            tag.decompose()
+        assert not re.search(r"[$\\]", article.get_text()), name
+
+
+def test_every_mistake_is_shown_as_the_student_reads_it(
+    site: Path, pages: dict[Path, BeautifulSoup]
+) -> None:
+    def text(tag: object) -> str:
+        straight = str.maketrans("‘’“”", "''\"\"")  # Sphinx writes the quotes of print
+        return " ".join(str(tag.get_text()).translate(straight).split())
+
+    tables = {
+        text(section.h3).split()[0]: section.select("tbody tr")
+        for section in pages[site / "teaching" / "mistakes.html"].select("section section")
+        if section.h3
+    }
+    for id, problem in PROBLEMS.items():
+        shown = [[text(cell) for cell in row("td")][:2] for row in tables[id]]
+        assert shown == [[m.name, " ".join(m.says.split())] for m in problem.misconceptions]

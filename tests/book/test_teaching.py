@@ -1,0 +1,407 @@
+"""The instructor's pack: what it says of chapters, problems and commands is so."""
+
+from __future__ import annotations
+
+import contextlib
+import re
+import shlex
+import textwrap
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import cache
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import nbformat
+import numpy as np
+import pytest
+import test_formulas
+from test_notebooks import CLASS
+
+import pages
+import slides
+import teaching
+from nrdob.course.exercises import PROBLEMS
+from nrdob.course.exercises.problems import review
+from nrdob.course.grading import command as exercises
+from nrdob.design import closedforms
+
+ROOT = Path(__file__).resolve().parents[2]
+
+PACK = teaching.read_pack()
+PAGES = {
+    path.stem: path.read_text("utf-8")
+    for path in sorted(teaching.TEACHING.glob("*.md"))
+    if path.name not in teaching.PAGES
+}
+MADE = {name.removesuffix(".md"): pages.render(name, pack=PACK) for name in teaching.PAGES}
+
+LINK = r"\[[^\]]*\]\(\.\./chapters/(\w+)\.ipynb\)"
+READ = re.compile(LINK + r" \((\d+)\)")
+
+each_written = pytest.mark.parametrize(
+    "task", [task for task in PACK.tasks if task.written], ids=lambda task: task.id
+)
+
+
+def rows(text: str) -> list[list[str]]:
+    """Give the cells of every line of a table but its head and the rule below."""
+    lines = re.findall(r"^ *\|(.*)\|$", text, re.MULTILINE)
+    cells = [[cell.strip() for cell in re.split(r"(?<!\\)\|", line)] for line in lines]
+    return [row for row in cells if not set("".join(row)) <= set("-: ")]
+
+
+# --- problems, objectives, advice ---------------------------------------------------------------
+
+
+def test_problems_chapters_and_advice_fit_together() -> None:
+    assert PACK.misfits() == []
+
+
+def test_every_problem_has_a_question_to_ask_and_an_objective() -> None:
+    for task in PACK.tasks:
+        assert PACK.advice[task.id].ask.endswith("?"), task.id
+        assert PACK.objectives_of(task.id), task.id
+    asked = [advice.ask for advice in PACK.advice.values()]
+    assert len(set(asked)) == len(asked)
+
+
+@each_written
+def test_every_written_answer_has_its_rubric_and_its_mistakes(task: teaching.Task) -> None:
+    advice = PACK.advice[task.id]
+    assert sum(points for points, _ in advice.rubric) == task.points
+    assert all(points <= 2 and text for points, text in advice.rubric)
+    assert len(advice.wrong) >= 2
+    section = MADE["rubric"].split(f"## {task.id} ")[1].split("\n## ")[0]
+    assert [row[0] for row in rows(section)[1:]] == [f"{points:g}" for points, _ in advice.rubric]
+
+
+def test_misfits_are_noticed() -> None:
+    some = next(task.id for task in PACK.tasks if task.written)
+    chapters = dict(PACK.chapters)
+    del chapters["16_nyquist"]
+    mean = replace(PACK.advice[some], rubric=((0.5, "something"),))
+    misfits = [
+        replace(PACK, advice={**PACK.advice, "9.9": PACK.advice[some]}),
+        replace(PACK, advice={id: each for id, each in PACK.advice.items() if id != some}),
+        replace(PACK, advice={**PACK.advice, some: mean}),
+        replace(PACK, chapters=chapters),
+        replace(PACK, sets=PACK.sets[1:]),
+    ]
+    for pack in misfits:
+        assert pack.misfits()
+        for name in teaching.PAGES:
+            assert pages.render(
+                name, pack=pack
+            )  # the author of a set can look at the pages all the same
+
+
+def test_the_program_tells_what_is_wrong(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert teaching.main(["--output", str(tmp_path)]) == 0
+    assert {path.name for path in tmp_path.iterdir()} == set(teaching.PAGES)
+    monkeypatch.setattr(teaching, "read_pack", lambda: replace(PACK, sets=PACK.sets[1:]))
+    assert teaching.main(["--output", str(tmp_path)]) == 1
+    assert "1.1: posed in no set" in capsys.readouterr().err
+
+
+# --- the pages that are made --------------------------------------------------------------------
+
+
+def test_every_chapter_and_every_problem_has_its_place_among_the_objectives() -> None:
+    head, sets = MADE["objectives"].split("## The sets\n")
+    table = [row for row in rows(head) if row[0] != "Chapter"]
+    assert [re.findall(LINK, row[0])[0] for row in table if row[0]] == list(PACK.chapters)
+    assert len(table) == sum(len(chapter.objectives) for chapter in PACK.chapters.values())
+    named = {id for row in table for id in row[2].split(", ") if id}
+    assert named == {task.id for task in PACK.tasks} >= set(PROBLEMS)
+    listed = [row[0] for row in rows(sets) if row[0] != "Problem"]
+    assert listed == [task.id for task in PACK.tasks]
+
+
+def test_every_mistake_is_told_with_what_the_student_reads() -> None:
+    for id, problem in PROBLEMS.items():
+        section = MADE["mistakes"].split(f"### {id} ")[1].split("\n### ")[0]
+        points = next(task.points for task in PACK.tasks if task.id == id)
+        told = [[unescaped(cell) for cell in row] for row in rows(section)[1:]]
+        assert told == [[m.name, m.says, f"{m.marks * points:g}"] for m in problem.misconceptions]
+        assert f"**Ask.** {PACK.advice[id].ask}" in section
+
+
+def unescaped(text: str) -> str:
+    return re.sub(r"\\([^\w\s]|_)", r"\1", text)
+
+
+# --- the syllabus -------------------------------------------------------------------------------
+
+
+@cache
+def weeks() -> dict[int, tuple[dict[str, int], int, list[str]]]:
+    """Give for each week its chapters with their minutes, the sum, and its sets."""
+    found = {}
+    for row in rows(PAGES["syllabus"].split("## Two days")[0]):
+        if row[0].isdigit():
+            read = {stem: int(minutes) for stem, minutes in READ.findall(row[2])}
+            sets = [f"set{number}" for number in re.findall(r"\d+", row[4])]
+            found[int(row[0])] = (read, int(row[3]), sets)
+    return found
+
+
+def week_of(stem: str) -> int:
+    [week] = [week for week, (read, _, _) in weeks().items() if stem in read]
+    return week
+
+
+def test_reading_times_are_those_of_the_chapters() -> None:
+    promised = {stem: chapter.minutes for stem, chapter in PACK.chapters.items()}
+    planned = [item for read, _, _ in weeks().values() for item in read.items()]
+    assert sorted(planned) == sorted(promised.items())
+    for read, total, _ in weeks().values():
+        assert sum(read.values()) == total
+    assert dict(READ.findall(PAGES["syllabus"].split("## Two days")[1])).items() <= {
+        (stem, str(minutes)) for stem, minutes in promised.items()
+    }
+
+
+def test_what_a_student_spends_is_added_up() -> None:
+    said = re.search(
+        r"about (\d+) hours reading, (\d+) in class, and\s(\d+) to (\d+)", PAGES["syllabus"]
+    )
+    assert said
+    reading, in_class, least, most = map(int, said.groups())
+    times = [[int(number) for number in re.findall(r"\d+", each.time)] for each in PACK.sets]
+    assert all(60 <= min(time) <= max(time) <= 90 for time in times)
+    assert reading == hours_of_reading()
+    assert in_class == 1.5 * len(weeks())
+    assert [least, most] == [sum(map(min, times)) / 60, sum(map(max, times)) / 60]
+
+
+def hours_of_reading() -> int:
+    return round(sum(chapter.minutes for chapter in PACK.chapters.values()) / 60)
+
+
+def test_what_a_chapter_needs_is_read_before_it() -> None:
+    order = [stem for read, _, _ in weeks().values() for stem in read]
+    for path in (ROOT / "notebooks").glob("*.ipynb"):
+        opening = nbformat.read(path, as_version=4).cells[0].source
+        needs = re.search(r"\*\*You need\*\*(.*)", opening)
+        assert needs
+        for stem in re.findall(r"\((\w+)\.ipynb\)", needs[1]):
+            assert order.index(stem) < order.index(path.stem), f"{path.stem} needs {stem}"
+
+
+def test_what_a_set_needs_is_read_by_then() -> None:
+    given_out = {name: week for week, (_, _, sets) in weeks().items() for name in sets}
+    assert sorted(given_out) == [each.name for each in PACK.sets]
+    for each in PACK.sets:
+        for task in each.tasks:
+            for stem, _ in PACK.objectives_of(task.id):
+                assert week_of(stem) <= given_out[each.name], f"{task.id} trains {stem}"
+        for stem in needed_by(each.name):
+            assert week_of(stem) <= given_out[each.name], f"{each.name} needs {stem}"
+
+
+def needed_by(name: str) -> Iterator[str]:
+    """Give the chapters that a set asks for, by the beginnings of their titles."""
+    path = ROOT / "notebooks" / "exercises" / "source" / name / f"{name}.ipynb"
+    opening = nbformat.read(path, as_version=4).cells[0].source
+    needs = re.search(r"\*\*You need\*\*(.*)", opening)
+    assert needs
+    for title in re.findall(r"\*([^*]+)\*", needs[1]):
+        [stem] = [stem for stem, each in PACK.chapters.items() if each.title.startswith(title)]
+        yield stem
+
+
+def test_what_is_left_out_takes_its_problems_along() -> None:
+    said = re.search(r"To shorten: leave out (.*?)\. To lengthen", PAGES["syllabus"], re.DOTALL)
+    assert said
+    left_out = set(re.findall(LINK, said[1]))
+    only = {task.id for task in PACK.tasks if PACK.objectives_of(task.id)[0][0] in left_out}
+    assert set(re.findall(r"\d\.\d", said[1])) == only
+
+
+def test_two_days_run_on_time_and_leave_no_question_out() -> None:
+    days = PAGES["syllabus"].split("## Two days")[1].split("| Day ")[1:]
+    asked, minutes = [], 0
+    for day in days:
+        times = [(clock(row[0]), clock(row[1])) for row in rows("| " + day)[1:]]
+        assert all(start < end for start, end in times)
+        assert all(before[1] <= after[0] for before, after in pairwise(times))
+        assert (times[0][0], times[-1][1]) == (9 * 60, 17 * 60)
+        minutes += sum(end - start for start, end in times)
+        for row in rows("| " + day)[1:]:
+            asked += re.findall(r"\d+", row[3])
+            assert set(re.findall(r"\d\.\d", row[4])) <= {task.id for task in PACK.tasks}
+    assert sorted(asked) == [stem[:2] for stem in PACK.chapters]
+    said = re.search(r"(\d+) hours in a room.* reads (\d+) hours of chapters", PAGES["syllabus"])
+    assert said
+    assert [int(hours) for hours in said.groups()] == [minutes / 60, hours_of_reading()]
+
+
+def clock(text: str) -> int:
+    hours, minutes = text.split(":")
+    return 60 * int(hours) + int(minutes)
+
+
+# --- in class -----------------------------------------------------------------------------------
+
+
+def sessions() -> list[str]:
+    return re.split(r"^## Week \d+\n", PAGES["in_class"], flags=re.MULTILINE)[1:]
+
+
+def test_a_session_takes_ninety_minutes() -> None:
+    assert len(sessions()) == len(weeks())
+    for session in sessions():
+        plan = rows(session.split("### Board")[0])
+        assert sum(int(row[0]) for row in plan if row[0].isdigit()) == 90
+
+
+def test_a_session_asks_the_questions_of_its_chapters() -> None:
+    titles = {}
+    for deck in CLASS:
+        for cell in nbformat.read(deck, as_version=4).cells:
+            data = cell.metadata.get("slideshow", {}).get("data", {})
+            if data.get("kind") == "question":
+                titles[data["chapter"]] = cell.source.partition("\n")[0].removeprefix("## ")
+    for session, (read, _, _) in zip(sessions(), weeks().values(), strict=True):
+        asked = re.findall(r"^\| 5 \| question (\d\d), \*(.+)\* \|$", session, re.MULTILINE)
+        assert sorted(f"{number} {title}" for number, title in asked) == sorted(
+            titles[stem] for stem in read
+        )
+        opening = re.search(r"Open with \*(.+)\*\.", session)
+        assert opening and opening[1] == asked[0][1]
+
+
+def test_a_session_has_the_theme_of_its_week() -> None:
+    themes = [row[1] for row in rows(PAGES["syllabus"].split("## Two")[0]) if row[0].isdigit()]
+    for session, theme in zip(sessions(), themes, strict=True):
+        assert session.startswith(f"*{theme}.*")
+
+
+def test_the_plan_names_every_line_of_the_board_once() -> None:
+    for session in sessions():
+        plan, board = session.split("### Board")
+        lines = [int(number) for number in re.findall(r"^(\d+)\. ", board, re.MULTILINE)]
+        assert lines == list(range(1, len(lines) + 1))
+        named = []
+        for first, _, last in re.findall(r"board (\d+)( (?:to|and) (\d+))?:", plan):
+            named += range(int(first), int(last or first) + 1)
+        assert named == lines
+
+
+def test_formulas_on_the_board_are_true() -> None:
+    lines = [
+        textwrap.dedent(line)
+        for session in sessions()
+        for line in re.split(r"^\d+\. ", session.split("### Board")[1], flags=re.MULTILINE)[1:]
+    ]
+    cells = [nbformat.v4.new_markdown_cell(line) for line in ["# In class", *lines]]
+    displayed = [formula for cell in cells for formula in test_formulas.formulas(cell)]
+    assert sum(formula.displayed for formula in displayed) > 15
+    assert test_formulas.problems(nbformat.v4.new_notebook(cells=cells)) == []
+
+
+def test_numbers_on_the_board_are_right() -> None:
+    board = sessions()[4]
+    for kind, function in (
+        ("a dead time $\\theta$", closedforms.smallest_for_delay),
+        ("two lags $T$", closedforms.smallest_for_double_lag),
+    ):
+        [row] = [row for row in rows(board) if row[0] == kind]
+        assert f"${function(1, 2):.4f}\\," in row[2]
+    assert np.isclose(closedforms.smallest_for_delay(1, 1), 2 / np.pi)
+    assert np.isclose(closedforms.smallest_for_double_lag(1, 1), 1 / 2)
+    assert np.isclose(closedforms.smallest_for_rhp_zero(1, 1), 1)
+    assert np.isclose(closedforms.smallest_for_rhp_zero(1, 2), 1 / 2)
+    assert np.allclose([closedforms.gain_bound(n) for n in (1, 2, 3)], [np.inf, np.inf, 9])
+    chapter = nbformat.read(ROOT / "notebooks" / "22_rules.ipynb", as_version=4)
+    assert "0.9620" in str(chapter), "Ms ≤ 2 for a dead time"
+
+
+def test_sections_that_are_shown_at_the_computer_exist() -> None:
+    for stem, heading in (
+        ("00_start_here", "The loop in ten lines"),
+        ("21_all_filters", "Move it yourself"),
+        ("23_choosing_the_model", "The recipe"),
+        ("23_choosing_the_model", "First design: the ball"),
+    ):
+        cells = nbformat.read(ROOT / "notebooks" / f"{stem}.ipynb", as_version=4).cells
+        assert any(f"## {heading}\n" in f"{cell.source}\n" for cell in cells), heading
+
+
+def test_the_slides_are_where_the_page_says() -> None:
+    said = re.findall(r"`(\w+)\.html`", PAGES["in_class"])
+    assert said == [path.stem for path in sorted(slides.FOLDER.glob("*.ipynb"))]
+
+
+# --- commands and names -------------------------------------------------------------------------
+
+BLOCK = re.compile(r"^ *```([\w{}]*)\n(.*?)^ *```$", re.MULTILINE | re.DOTALL)
+EVERYTHING = "\n".join([*PAGES.values(), *MADE.values()])
+COMMANDS = [
+    *[
+        line.strip()
+        for language, block in BLOCK.findall(EVERYTHING)
+        if not language
+        for line in block.splitlines()
+    ],
+    *re.findall(r"`((?:make|python|nbgrader) [^`]+)`", re.sub(r"\s+", " ", EVERYTHING)),
+]
+
+
+def test_every_make_target_exists() -> None:
+    targets = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text("utf-8"), re.M))
+    named = [command.split()[1] for command in COMMANDS if command.startswith("make ")]
+    assert {"release", "grade", "report", "slides"} <= set(named) <= targets
+
+
+def test_our_own_programs_take_these_arguments() -> None:
+    commands = [shlex.split(command) for command in COMMANDS if "nrdob.course.grading" in command]
+    assert commands
+    for command in commands:
+        program = "nrdob.course.grading"
+        arguments = command[command.index(program) + 1 :]
+        with contextlib.suppress(SystemExit):
+            assert exercises.parse(arguments).command == arguments[0]
+            continue
+        pytest.fail(f"{program} does not take {arguments}")
+
+
+def test_files_and_folders_that_are_named_exist() -> None:
+    made = ("build/", "grading", "dist/", "submissions", "notebooks/exercises/submitted")
+    to_come = {"set7"}
+    for name in re.findall(r"`([\w./-]+/[\w./-]+)`", "\n".join(PAGES.values())):
+        if name.startswith(("/", *made)) or any(part in name for part in to_come):
+            continue
+        assert (ROOT / name).exists(), name
+
+
+def test_new_seeds_can_be_set_as_the_page_says() -> None:
+    [command] = [command for command in COMMANDS if command.startswith("perl")]
+    expression = re.search(r"s/(.*)/\$\{1\}26/", command)
+    assert expression
+    for path in (ROOT / "notebooks" / "exercises" / "source").glob("*/*.ipynb"):
+        text = path.read_text("utf-8")
+        changed = re.sub(expression[1], r"\g<1>26", text)
+        assert len(re.findall(r"seed=\d", text)) == len(re.findall(r"seed=26\d{4,}", changed)) > 0
+        assert re.sub("seed=26", "seed=", changed) == text
+
+
+# --- the example of a problem -------------------------------------------------------------------
+
+
+def test_the_example_of_a_new_problem_works() -> None:
+    [code] = [block for language, block in BLOCK.findall(PAGES["adding"]) if language == "python"]
+    space: dict[str, Any] = {"__name__": __name__}
+    exec(textwrap.dedent(code), space)
+    [problem] = space["PROBLEMS"]
+    for seed in (1, 2, 2024):
+        cases = problem.cases(seed, 8)
+        right = review(problem, lambda c: (2 ** (1 / c.order) - 1) ** 0.5 / c.time_constant, cases)
+        assert right.share == 1
+        for mistake in problem.misconceptions:
+            assert review(problem, mistake.example, cases).recognised == mistake.name
+        assert "no" in review(problem, lambda case: 2 / case.time_constant, cases).text.lower()

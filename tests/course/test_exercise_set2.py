@@ -1,0 +1,86 @@
+"""Set 2, what is special about it: the reader counts, and a statement of the paper is refuted."""
+
+from __future__ import annotations
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+from nrdob import NRDOB, LowPassFilter
+from nrdob.analysis import encirclements
+from nrdob.course.exercises import own_case
+from nrdob.course.exercises.cases import first_fitting, s
+from nrdob.course.exercises.set2 import CLOSING, LITERAL, READING, UNTURNED, draw_without_count
+
+GROUPS = range(1, 13)
+
+
+def test_a_generator_that_never_fits_says_so() -> None:
+    with pytest.raises(RuntimeError, match="none of 50 cases"):
+        first_fitting(lambda: 1, lambda case: False, tries=50)
+
+
+@pytest.mark.parametrize("group", GROUPS[:4])
+def test_the_plot_does_not_tell_its_count(group: int) -> None:
+    figure = draw_without_count(own_case("2.3", group).loop)
+    (ax,) = np.ravel(figure.axes)
+    written = [ax.get_title(loc=loc) for loc in ("left", "center", "right")]
+    assert written == ["", "", ""]
+    assert "turn" not in figure.alt
+    plt.close(figure.figure)
+
+
+@pytest.mark.slow
+def test_every_count_occurs_and_the_plot_hides_a_root() -> None:
+    loops = [READING.cases(group, 1)[0].loop for group in range(40)]
+    found = [loop.stability().observer_loop for loop in loops]
+    assert {count.encirclements for count in found} == {-2, -1, 1, 2}
+    for loop, count in zip(loops, found, strict=True):
+        assert "cancels out of sight" in count.reason
+        shown = loop.FH.to_tf().poles()
+        assert np.sum(shown.real > 0) == count.open_loop_rhp - 1
+
+
+@pytest.mark.parametrize("group", GROUPS)
+def test_the_alt_text_of_the_plot_suffices_to_count(group: int) -> None:
+    """Crossings left of -1, upwards less downwards, on both halves; the start lies on both."""
+    loop = own_case("2.3", group).loop
+    figure = draw_without_count(loop)
+    plt.close(figure.figure)
+    start, *crossings = figure.alt.split(": ")[1].split(", ")[:-1]
+    ways = {"upwards": 1, "downwards": -1}
+    at, way = (start.split()[k].replace("−", "-") for k in (3, -1))
+    turns = ways[way] if float(at) < -1 else 0
+    for crossing in crossings:
+        at, way = (crossing.split()[k].replace("−", "-") for k in (-2, -1))
+        turns += 2 * ways[way] if float(at) < -1 else 0
+    assert turns == loop.stability().observer_loop.encirclements
+
+
+@pytest.mark.parametrize("case", CLOSING.cases(1, 12), ids=str)
+def test_the_closed_curve_has_data_enough(case: object) -> None:
+    curve = 1 + case.values  # type: ignore[attr-defined]
+    steps = np.abs(np.angle(curve[1:] / curve[:-1]))
+    assert steps.max() < 0.5
+
+
+@pytest.mark.parametrize("case", LITERAL.cases(1, 4), ids=str)
+def test_a_pole_that_the_controller_cancels_is_a_counterexample_too(case: object) -> None:
+    pole, plant = case.pole, case.process  # type: ignore[attr-defined]
+    hidden = NRDOB(
+        plant, 1 / (s - pole), (s - pole) / (s * (s + 3 * pole)), LowPassFilter(0.1 / pole, 1)
+    )
+    assert LITERAL.accepts(case, hidden) is True
+    held = NRDOB(plant, 1 / (s - pole), 2 * pole, LowPassFilter(0.1 / pole, 2))
+    assert LITERAL.accepts(case, held) is True
+
+
+@pytest.mark.parametrize("case", UNTURNED.cases(1, 6), ids=str)
+def test_no_stable_model_makes_the_turn(case: object) -> None:
+    """Count the turns of H for three models of either sign: never the one that is said needed."""
+    plant = case.process  # type: ignore[attr-defined]
+    for poles in ([-1.0, -2.0], [-0.3, -0.5, -40.0], [-2 + 3j, -2 - 3j]):
+        for gain in (0.7, -0.7):
+            model = ([gain], np.real(np.poly(poles)))
+            count = encirclements(NRDOB(plant, model, 0, LowPassFilter(0.1, 3)).H)
+            assert (count.encirclements, count.open_loop_rhp) == (0, 1)

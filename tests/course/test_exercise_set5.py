@@ -1,0 +1,79 @@
+"""Set 5, what is special about it: other ways to the same properties, and pictures to be read."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+from nrdob import NRDOB, LowPassFilter, stabilizing_time_constants
+from nrdob.course.exercises import own_case
+from nrdob.course.exercises.cases import s
+from nrdob.course.exercises.set5 import ADVICE, BORDER, DESIGN, EDGE, SIGN, draw_edge
+
+
+@pytest.mark.parametrize("case", SIGN.cases(1, 4), ids=lambda case: str(case)[-40:])
+def test_with_the_other_sign_no_filter_stabilises(case: Any) -> None:
+    """Ask the exact sets, which know nothing of parity."""
+    for process, model in case.pairs:
+        sets = [stabilizing_time_constants(process, k * model, 2) for k in (1, -1)]
+        assert [] in sets
+
+
+@pytest.mark.parametrize("case", BORDER.cases(1, 3), ids=str)
+@pytest.mark.parametrize(("factor", "right"), [(1.0005, True), (0.9995, True), (1.003, False)])
+def test_the_border_is_wanted_to_one_part_in_a_thousand(
+    case: Any, factor: float, right: bool
+) -> None:
+    assert (BORDER.accepts(case, factor * case.borders["true"]) is True) is right
+
+
+@pytest.mark.parametrize("case", EDGE.cases(1, 6), ids=str)
+def test_an_edge_may_be_read_with_the_eye(case: Any) -> None:
+    value, _ = case.edge
+    for factor in (0.93, 1.07):
+        assert EDGE.accepts(case, (factor * value, case.side)) is True
+    for factor in (0.7, 1.4):
+        assert EDGE.accepts(case, [factor * value, case.side]) is not True
+
+
+@pytest.mark.parametrize("group", range(1, 7))
+def test_the_edge_lies_between_marks(group: int) -> None:
+    """The alt text names points of both curves before the crossing, and beyond it."""
+    case = own_case("5.4", group)
+    value, omega = case.edge
+    figure = draw_edge(case)
+    frequencies, points = figure.alt.split(". Γ₂ passes x = ")
+    plt.close(figure.figure)
+    marks = [float(part.split(" rad/s")[0]) for part in frequencies.split("ω = ")[1].split(", ")]
+    x = [float(part.split(" at ")[0]) for part in points.split(", ")]
+    assert marks[0] < omega < marks[-1]
+    assert x[0] < value * omega < x[-1]
+    assert len({np.sign(mark - omega) for mark in marks}) == 2
+    assert len(marks) < 14 and len(x) < 20
+
+
+@pytest.mark.parametrize("case", ADVICE.cases(1, 4), ids=str)
+def test_every_order_above_the_lowest_refutes_the_advice(case: Any) -> None:
+    for lags in (1, 2):
+        model = case.gain / ((s + case.pole) * (s + case.decay) * (s / 50 + 1) ** lags)
+        assert ADVICE.accepts(case, (model, 2 + lags)) is not True
+        for order in (3 + lags, 4 + lags):
+            assert ADVICE.accepts(case, (model, order)) is True
+        assert ADVICE.accepts(case, (model, float(3 + lags))) is True
+
+
+@pytest.mark.parametrize("case", DESIGN.cases(1, 4), ids=str)
+def test_other_designs_count_as_well(case: Any) -> None:
+    k, p, a = case.gain, case.pole, case.decay
+    model = k / ((s + p) * (s / a + 1))
+    for value, order in ((0.09, 2), (0.13, 2), (0.08, 3)):
+        for C in (p / (k * s), 0.5 * p * (s + p) / (k * s)):
+            loop = NRDOB(case.process, model, C, LowPassFilter(value / p, order))
+            assert DESIGN.accepts(case, loop) is True
+    slow = NRDOB(case.process, model, p / (k * s), LowPassFilter(0.3 / p, 2))
+    assert "a faster filter lowers it" in DESIGN.lacks(case, slow)
+    without = NRDOB(case.process, model, 0, LowPassFilter(0.1 / p, 2))
+    assert "comes to rest at 0" in DESIGN.lacks(case, without)

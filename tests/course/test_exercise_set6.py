@@ -1,0 +1,111 @@
+"""Set 6: what its texts and its solutions by hand say, beyond what every set is asked."""
+
+from __future__ import annotations
+
+from math import inf
+
+import control as ct
+import numpy as np
+import pytest
+
+from nrdob import NRDOB, LowPassFilter, stabilizing_time_constants
+from nrdob.course.exercises import PROBLEMS, check, own_case
+from nrdob.course.exercises.set6 import STAGES, Project, rms
+
+GROUPS = range(1, 13)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_the_lag_must_be_shorter_than_half_the_time_of_the_unstable_pole(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    p, g, share = 10 ** rng.uniform(-1, 1), 10 ** rng.uniform(-1, 1), rng.uniform(0.05, 0.9)
+    lag = share / p
+    model = ct.tf([1.0], [1.0, p])
+    plant = g * ct.tf([1.0], np.polymul([1.0, -p], [lag, 1.0]))
+    found = stabilizing_time_constants(plant, model, 1)
+    if share > 0.5:
+        assert found == []
+    else:
+        ((low, high),) = found
+        assert low == 0
+        assert high == pytest.approx(g / p * (1 - 2 * share) / (1 - share))
+
+
+@pytest.mark.parametrize("group", GROUPS)
+def test_the_project_is_about_one_plant(group: int) -> None:
+    figure, project = own_case("6.2", group), own_case("6.6", group)
+    assert repr(figure) == repr(project)
+    assert figure.specification == project.specification
+
+
+@pytest.mark.parametrize("group", GROUPS)
+def test_the_figure_shows_what_the_package_finds(group: int) -> None:
+    case = own_case("6.2", group)
+    found = case.readings
+    for plant, value in (
+        (case.modified, found.slow_end),
+        (case.modified, found.fast_end),
+        (case.plant, found.nominal_end),
+    ):
+        ms = NRDOB(plant, case.mirrored, 0.0, LowPassFilter(value, 3)).margins().plant_loop.ms
+        assert ms == pytest.approx(found.limit, rel=2e-3)
+    assert f"to {1000 * found.slow_end:.3g} ms" in case.plot().alt
+
+
+@pytest.mark.parametrize("group", GROUPS)
+def test_noise_is_the_norm_that_the_text_names(group: int) -> None:
+    case = own_case("6.6", group)
+    loop = case.loop(0.07)
+    assert rms(loop.U_eta) == pytest.approx(ct.norm(loop.U_eta.to_tf(), 2), rel=1e-6)
+    assert rms(case.loop(0.07, order=2).U_eta) == inf
+
+
+def test_every_stage_earns_a_point_more() -> None:
+    problem = PROBLEMS["6.6"]
+    marks = {kind.name: 7 * kind.marks for kind in problem.misconceptions}
+    earned = [
+        marks[name]
+        for name in (
+            "controller for the plant, not for the model",
+            "Ms above its limit",
+            "disturbances not held",
+            "reference too slow",
+            "changed plant lost",
+            "too much noise in u",
+        )
+    ]
+    assert earned == pytest.approx([1, 2, 3, 4, 5, 6])
+    assert len(STAGES) == 7
+
+
+def passing(case: Project, order: int, gain: float) -> list[float]:
+    """Tell the λ of a scan with which a design of another kind meets everything."""
+    model, controller = gain * case.mirrored, (1 / gain) * case.controller
+    tried = np.geomspace(0.02, 0.2, 40) / case.pole
+    return [
+        float(value)
+        for value in tried
+        if all(
+            goal.met for goal in case.goals(model, controller, LowPassFilter(float(value), order))
+        )
+    ]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("group", [1, 2, 3])
+def test_more_than_one_design_counts_and_not_every_one(group: int) -> None:
+    case = own_case("6.6", group)
+    for order, gain in ((3, 1.0), (4, 1.0)):
+        good = passing(case, order, gain)
+        assert good, "there is room"
+        assert len(good) < 12, "but not much"
+        design = (gain * case.mirrored, (1 / gain) * case.controller, LowPassFilter(good[0], order))
+        assert check("6.6", design, group).share == 1
+
+
+@pytest.mark.parametrize("group", GROUPS)
+def test_the_modified_plant_survives_and_its_neighbour_does_not(group: int) -> None:
+    for case in PROBLEMS["6.4"].cases(group, 3):
+        assert case.stable(1, 0)
+        assert case.stable(case.gain, case.lag)
+        assert case.stable(1, case.lag) is False

@@ -1,0 +1,434 @@
+"""The core of the graders: what is the same, what is blank, and what an answer may do to them."""
+
+from __future__ import annotations
+
+import math
+import sys
+import warnings
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pytest
+
+from nrdob.course.exercises import PROBLEMS, check, own_case, score
+from nrdob.course.exercises.problems import (
+    BLANK,
+    HARD_CODED,
+    Feedback,
+    Lack,
+    Misconception,
+    Points,
+    Problem,
+    answers_like,
+    answers_like_any,
+    lacking,
+    review,
+    same,
+)
+
+
+@dataclass(frozen=True)
+class Square:
+    """A square, whose area is asked for."""
+
+    side: float
+    notes: list[float] = field(default_factory=list, compare=False)
+
+    def __str__(self) -> str:
+        return f"side {self.side:.3f}"
+
+
+def judged(case: Square, got: Any) -> str:
+    return "" if same(case.side**2, got) else "the area of a square of side 1 is 1"
+
+
+AREA = Problem(
+    id="0.1",
+    title="Area of a square",
+    case=lambda rng: Square(rng.uniform(1, 9)),
+    lacks=judged,
+    praise="Right: the side, squared.",
+    misconceptions=(
+        answers_like("circumference", "That is the way around.", lambda case: 4 * case.side, 0.25),
+        Misconception(
+            "negative",
+            "An area is not negative.",
+            example=lambda case: -1.0,
+            recognises=lambda case, got: got < 0,
+            marks=0.1,
+        ),
+    ),
+)
+CASES = AREA.cases(1, 5)
+
+
+# --- the same -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("expected", "got"),
+    [
+        (1, 1.0),
+        (1.0, 1.00005),
+        (1, np.float64(1)),
+        (1j, np.complex128(1j)),
+        (0.0, 1e-13),
+        (math.inf, math.inf),
+        (math.nan, math.nan),
+        ([1, 2], (1, 2)),
+        ([1, 2], np.array([1, 2])),
+        ([1e5, 0], [1e5, 1e-6]),  # zero but for rounding
+        ((2, "stable"), [2.00001, "stable"]),
+        ((None, 1.0), (None, 1.00001)),
+        (True, np.True_),
+        ("stable", "stable"),
+        ({"N": 1}, {"N": 1}),
+        ([], []),
+    ],
+)
+def test_the_same(expected: Any, got: Any) -> None:
+    assert same(expected, got) is True
+
+
+@pytest.mark.parametrize(
+    ("expected", "got"),
+    [
+        (1, 1.001),
+        (1, True),
+        (True, 1),
+        (False, None),
+        (1, "1"),
+        ("1", 1),
+        ([1, 2], ["1", "2"]),
+        ([1, 0], [True, False]),
+        ([1, 2], [1, 2, 3]),
+        ([1, 2], 1),
+        ((None, 1.0), (None, 1.1)),
+        ((None, 1.0), (1.0, None)),
+        (3e-10, 0.0),  # small is not zero
+        (0.0, 1e-6),
+        (math.inf, -math.inf),
+        (math.inf, 1e300),
+        (1.0, math.inf),
+        (1.0, math.nan),
+        (1.0, {"a": 1.0}),
+        (1.0, lambda case: 1.0),
+        (("stable", 1), np.array([1, 2])),
+        ([[1], [2, 3]], [[1], [2, 4]]),
+    ],
+)
+def test_not_the_same(expected: Any, got: Any) -> None:
+    assert same(expected, got) is False
+
+
+# --- an answer that is right, blank, mistaken ---------------------------------------------------
+
+
+def test_a_right_answer_is_praised() -> None:
+    assert review(AREA, lambda case: case.side**2, CASES) == Feedback(1.0, AREA.praise)
+
+
+def not_written(case: Square) -> float:
+    raise NotImplementedError
+
+
+@pytest.mark.parametrize("blank", [None, ..., not_written])
+def test_a_blank_answer_gets_nothing_and_is_told_so(blank: Any) -> None:
+    assert review(AREA, blank, CASES) == Feedback(0.0, BLANK)
+
+
+@pytest.mark.parametrize("nothing", [lambda case: None, lambda case: ...])
+def test_a_function_without_return_is_told_so(nothing: Any) -> None:
+    assert "returns nothing" in review(AREA, nothing, CASES).text
+
+
+def test_a_value_is_no_function() -> None:
+    assert "must be a function" in review(AREA, 16.0, CASES).text
+
+
+@pytest.mark.parametrize("misconception", AREA.misconceptions, ids=lambda m: m.name)
+def test_a_misconception_is_recognised_and_gets_its_marks(misconception: Misconception) -> None:
+    found = review(AREA, misconception.example, CASES)
+    assert found == Feedback(misconception.marks, misconception.says, misconception.name)
+
+
+def test_a_misconception_that_shows_in_some_cases_only_is_recognised() -> None:
+    def partly(case: Square) -> float:
+        return case.side**2 if case == CASES[0] else 4 * case.side
+
+    assert review(AREA, partly, CASES).recognised == "circumference"
+
+
+def test_two_kinds_of_mistake_at_once_are_not_taken_for_one() -> None:
+    def mixed(case: Square) -> float:
+        return 4 * case.side if case == CASES[0] else -1.0
+
+    assert review(AREA, mixed, CASES).recognised == ""
+
+
+def test_another_wrong_answer_is_shown_with_its_case_and_the_reason() -> None:
+    found = review(AREA, lambda case: 7 * case.side**2, CASES)
+    assert found.share == 0
+    assert str(CASES[0]) in found.text
+    assert "of side 1 is 1" in found.text
+
+
+def test_a_number_of_the_first_case_is_recognised_as_hard_coded() -> None:
+    assert review(AREA, lambda case: CASES[0].side ** 2, CASES) == Feedback(
+        0.0, HARD_CODED, "hard-coded"
+    )
+
+
+def test_a_constant_that_is_always_wrong_is_not_called_hard_coded() -> None:
+    assert review(AREA, lambda case: 1000.0, CASES).recognised == ""
+
+
+def test_a_misconception_may_be_known_by_what_its_answers_lack() -> None:
+    def signed(case: Square, got: float) -> str:
+        return judged(case, got) and Lack("sign" if got < 0 else "size", judged(case, got))
+
+    negative = lacking("sign", "negative", "An area is not negative.", lambda case: -1.0, 0.1)
+    area = Problem("0.2", "", AREA.case, signed, "Right.", (negative,))
+    assert review(area, lambda case: -case.side, CASES) == Feedback(0.1, negative.says, "negative")
+    assert review(area, lambda case: 1e9, CASES).recognised == ""
+    # Without a word for it, what an answer lacks is no kind.
+    assert review(replace(area, lacks=judged), lambda case: -1.0, CASES).recognised == ""
+
+
+def test_one_of_several_answers_is_recognised_and_the_first_is_the_example() -> None:
+    around = answers_like_any(
+        "around",
+        "Around.",
+        lambda case: [4 * case.side, 2 * case.side],
+        close=partial(same, rtol=0.1),
+    )
+    area = replace(AREA, misconceptions=(around,))
+    assert around.example(CASES[0]) == 4 * CASES[0].side
+    for share, recognised in ((4, "around"), (2, "around"), (2.1, "around"), (3, "")):
+        found = review(area, lambda case, share=share: share * case.side, CASES)
+        assert found.recognised == recognised
+
+
+@pytest.mark.parametrize("verdict", [True, False, None, np.bool_(True)])
+def test_a_grader_that_gives_no_sentence_says_so_at_once(verdict: Any) -> None:
+    # True would read as lacking something, False as a sentence without words.
+    unclear = Problem("0.2", "", AREA.case, lambda case, got: verdict, "Right.")
+    with pytest.raises(TypeError, match=r"problem 0\.2.* sentence"):
+        review(unclear, lambda case: 1, CASES)
+
+
+def test_a_problem_accepts_what_lacks_nothing() -> None:
+    assert AREA.accepts(CASES[0], CASES[0].side ** 2) is True
+    assert AREA.accepts(CASES[0], -1.0) is False
+
+
+# --- answers that misbehave ---------------------------------------------------------------------
+
+
+def faulty(case: Square) -> float:
+    return case.side / 0
+
+
+@pytest.mark.parametrize(
+    ("answer", "says"),
+    [
+        (faulty, "ZeroDivisionError"),
+        (lambda: 1, "TypeError"),
+        (lambda case: case.edge, "AttributeError"),
+        (lambda case: sys.exit(3), "SystemExit"),
+        (lambda case: recursion(case), "RecursionError"),
+    ],
+)
+def test_an_error_is_told_with_its_case(answer: Any, says: str) -> None:
+    found = review(AREA, answer, CASES)
+    assert found.share == 0
+    assert says in found.text and str(CASES[0]) in found.text
+
+
+def recursion(case: Square) -> float:
+    return recursion(case)
+
+
+def test_the_line_of_an_error_is_shown() -> None:
+    assert "return case.side / 0" in review(AREA, faulty, CASES).text
+
+
+def test_an_interrupt_is_not_swallowed() -> None:
+    def endless(case: Square) -> float:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        review(AREA, endless, CASES)
+
+
+class Nasty:
+    def __str__(self) -> str:
+        raise RuntimeError
+
+    __repr__ = __str__
+
+    def __eq__(self, other: object) -> bool:
+        raise RuntimeError
+
+    __hash__ = None  # type: ignore[assignment]
+
+
+@pytest.mark.parametrize(
+    "got", ["x" * 10**6, list(range(10**5)), Nasty(), {"a": 1}, {1}, b"1", object(), np.array("?")]
+)
+def test_whatever_is_returned_gives_a_short_message(got: Any) -> None:
+    found = review(AREA, lambda case: got, CASES)
+    assert found.share == 0
+    assert len(found.text) < 500
+
+
+def test_an_answer_that_changes_its_case_is_judged_on_the_case_it_was_given() -> None:
+    problem = Problem(
+        "0.3",
+        "",
+        case=lambda rng: Square(rng.uniform(1, 9), [1.0, 2.0]),
+        lacks=lambda case, got: "" if same(sum(case.notes), got) else "another sum",
+        praise="Right.",
+    )
+
+    def careless(case: Square) -> float:
+        case.notes.append(7.0)
+        return sum(case.notes)
+
+    assert review(problem, careless, problem.cases(1, 2)).share == 0
+
+
+def test_warnings_of_an_answer_do_not_reach_stderr() -> None:
+    def warns(case: Square) -> float:
+        warnings.warn("careful", stacklevel=1)
+        return case.side**2
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert review(AREA, warns, CASES).share == 1
+
+
+# --- cases, and an own value --------------------------------------------------------------------
+
+
+def test_cases_depend_on_problem_and_seed_only() -> None:
+    assert AREA.cases(3, 4) == AREA.cases(3, 4)
+    assert AREA.cases(3, 4)[:2] == AREA.cases(3, 2)
+    assert AREA.cases(3, 1) != AREA.cases(4, 1)
+    other = Problem("0.9", "", AREA.case, AREA.lacks, "")
+    assert other.cases(3, 1) != AREA.cases(3, 1)
+
+
+def test_cases_are_drawn_once_whoever_asks_and_nobody_changes_those_of_another() -> None:
+    drawn: list[Square] = []
+
+    def draw(rng: np.random.Generator) -> Square:
+        drawn.append(Square(rng.uniform(1, 9)))
+        return drawn[-1]
+
+    counted = replace(AREA, case=draw)
+    first = counted.cases(3, 4)
+    first[0].notes.append(7.0)
+    assert counted.cases(3, 4)[0].notes == []
+    assert counted.cases("3", 4) == first
+    assert len(drawn) == 4
+
+
+def test_an_answer_is_asked_once_for_each_case_and_judged_once() -> None:
+    asked: list[Square] = []
+    judged_of: list[Square] = []
+
+    def answer(case: Square) -> float:
+        asked.append(case)
+        return -7.0
+
+    def lacks(case: Square, got: float) -> str:
+        judged_of.append(case)
+        return judged(case, got)
+
+    review(replace(AREA, lacks=lacks), answer, CASES)
+    assert asked == judged_of == CASES
+
+
+@pytest.mark.parametrize("seed", [7.0, "7", np.int64(7), np.float64(7)])
+def test_a_number_written_otherwise_is_the_same_group(seed: Any) -> None:
+    assert AREA.cases(seed, 2) == AREA.cases(7, 2)
+
+
+@pytest.mark.parametrize("seed", [None, ..., "seven", 7.5, -1, 10**30, math.nan, math.inf, [7]])
+def test_a_group_that_is_no_number_does_not_stop_the_grading(seed: Any) -> None:
+    assert len(AREA.cases(seed, 2)) == 2
+
+
+def test_a_value_for_the_own_case_is_judged_on_that_case_alone() -> None:
+    own = Problem("0.4", "", AREA.case, judged, "Right.", AREA.misconceptions, own=True)
+    mine = own.cases(5, 1)[0]
+    assert review(own, mine.side**2, own.cases(5, 4)).share == 1
+    assert review(own, 4 * mine.side, own.cases(5, 4)).share == 0.25
+    assert review(own, None, own.cases(5, 4)).text == BLANK
+    # One case cannot show that a number is hard-coded: it is asked for.
+    assert review(own, 1000.0, own.cases(5, 4)).recognised == ""
+
+
+# --- check and score ----------------------------------------------------------------------------
+
+
+@pytest.fixture
+def area(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(PROBLEMS, AREA.id, AREA)
+
+
+@pytest.mark.usefixtures("area")
+class TestCheckAndScore:
+    def test_right(self) -> None:
+        assert check("0.1", lambda case: case.side**2, 3).share == 1
+        assert score("0.1", lambda case: case.side**2, 3, points=4, seed=1) == 4
+
+    def test_marks(self) -> None:
+        assert score("0.1", lambda case: 4 * case.side, 3, points=4, seed=1) == 1
+
+    def test_hard_coding_of_the_visible_cases_is_caught(self) -> None:
+        seen = {case.side: case.side**2 for case in AREA.cases(3, 4)}
+
+        def table(case: Square) -> float:
+            return seen.get(case.side, 0.0)
+
+        assert check("0.1", table, 3).share == 1
+        assert score("0.1", table, 3, points=4, seed=1) == 0
+
+    def test_the_own_case_counts_too(self) -> None:
+        own = own_case("0.1", 3)
+
+        def all_but_the_own(case: Square) -> float:
+            return -2.0 if case == own else case.side**2
+
+        assert score("0.1", all_but_the_own, 3, points=4, seed=1) < 4
+
+    def test_points_are_a_number_to_nbgrader_and_words_to_the_reader(self) -> None:
+        points = score("0.1", lambda case: 4 * case.side, 3, points=4, seed=1)
+        assert isinstance(points, Points)
+        assert float(repr(points)) == 1
+        assert "1 of 4 points" in points._repr_html_()
+        assert "That is the way around." in points._repr_html_()
+
+    def test_what_an_answer_prints_stays_out_of_the_score(self, capfd: Any) -> None:
+        def chatty(case: Square) -> float:
+            print("side", case.side)
+            print("area", case.side**2, file=sys.stderr)
+            return case.side**2
+
+        assert score("0.1", chatty, 3, points=4, seed=1) == 4
+        assert capfd.readouterr() == ("", "")
+
+
+def test_an_unknown_problem_is_named_with_the_known_ones() -> None:
+    with pytest.raises(KeyError, match=r"no problem '9\.9'.*2\.1"):
+        check("9.9", None, 1)
+
+
+def test_feedback_reads_as_its_text_and_escapes_it() -> None:
+    assert repr(Feedback(0.0, "a < b")) == "a < b"
+    assert "a &lt; b" in Feedback(0.0, "a < b")._repr_html_()
+    assert "✓" in Feedback(1.0, "yes")._repr_html_()

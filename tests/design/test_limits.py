@@ -1,0 +1,210 @@
+"""What holds for every filter, for all fast and all slow ones: held against the exact sets."""
+
+from __future__ import annotations
+
+from math import inf
+
+import control as ct
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+import nrdob
+from nrdob import paper
+from nrdob.design import (
+    Mismatch,
+    gain_bound,
+    right_half_plane_parity,
+    stabilizing_filter_exists,
+    stabilizing_time_constants,
+    stable_for_fast_filters,
+    stable_for_slow_filters,
+)
+from nrdob.numerics import count_rhp
+from strategies import fractions
+
+s = ct.tf("s")
+lag = 1 / (s + 1)
+
+
+@st.composite
+def mismatches(draw):
+    """Process, model and an order, with the relative degrees in every relation to each other."""
+    process, model = draw(fractions()), draw(fractions())
+    relative_degree = model.den[0][0].size - model.num[0][0].size
+    return process, model, max(1, relative_degree) + draw(st.integers(0, 3))
+
+
+@pytest.mark.slow
+@given(mismatches())
+def test_the_ends_of_the_exact_set_are_as_the_limits_say(case):
+    intervals = stabilizing_time_constants(*case)
+    slow, fast = stable_for_slow_filters(*case), stable_for_fast_filters(*case)
+    if slow.holds is not None:
+        assert slow.holds == (bool(intervals) and intervals[-1][1] == inf), slow
+    if fast.holds is not None:
+        assert fast.holds == (bool(intervals) and intervals[0][0] == 0), fast
+
+
+@given(mismatches(), st.floats(-2, 2))
+def test_the_parity_of_the_count_is_that_of_the_signs(case, exponent):
+    process, model, order = case
+    mismatch = Mismatch.of(*case)
+    assume(mismatch.excess < order)
+    count = count_rhp(mismatch.p_B(10**exponent)).count
+    assume(count is not None)
+    assert right_half_plane_parity(process, model).holds == (count % 2 == 0)
+
+
+@given(mismatches())
+def test_where_no_filter_exists_none_of_ours_does(case):
+    process, model, order = case
+    if stabilizing_filter_exists(process, model).holds is False:
+        assume(Mismatch.of(*case).excess < order)
+        assert stabilizing_time_constants(*case) == []
+
+
+@pytest.mark.parametrize("order", [1, 2, 3, 4])
+def test_dead_time_is_never_stable_for_all_fast_filters(order):
+    answer = stable_for_fast_filters(nrdob.delay(0.1) * lag, lag, order)
+    assert answer.holds is False and "dead time" in answer.reason
+
+
+@pytest.mark.parametrize("number", paper.EXAMPLES)
+def test_every_example_passes_the_parity_test(number):
+    loop = paper.example(number)
+    assert right_half_plane_parity(loop.process, loop.model).holds is True
+    assert stabilizing_filter_exists(loop.process, loop.model).holds is not False
+
+
+def test_an_unstable_pole_asks_for_the_opposite_sign():
+    process = 4 / (2 - s - s**2)
+    answer = right_half_plane_parity(process, 1 / ((s + 1) * (s + 2)))
+    assert answer.holds is False and "opposite DC sign" in answer.reason
+    assert right_half_plane_parity(process, -1 / ((s + 1) * (s + 2))).holds is True
+
+
+def test_a_model_with_a_right_half_plane_zero_turns_the_sign_round():
+    process = 4 / (2 - s - s**2)
+    assert right_half_plane_parity(process, (1 - s) / ((s + 1) * (s + 2))).holds is True
+
+
+def test_a_hidden_unstable_mode_is_out_of_reach():
+    process = 4 / (2 - s - s**2)
+    answer = stabilizing_filter_exists(process, process)
+    assert answer.holds is False and "cancels" in answer.reason
+
+
+def test_parity_interlacing_fails_between_two_real_zeros():
+    # H = k (s-1)(s-3)/(s-2)^… has an unstable pole between two real zeros on the right.
+    a = np.poly([2.0, 2.5, -5.0])
+    difference = -0.2 * np.poly([1.0, 2.2, -1.0])
+    model = ct.tf([1.0], [1, 3, 3, 1])
+    process = ct.tf(a + difference, np.convolve(a, [1, 3, 3, 1]))
+    answer = stabilizing_filter_exists(process, model)
+    assert answer.holds is False and "stable filter" in answer.reason
+    assert all(stabilizing_time_constants(process, model, n) == [] for n in (3, 4, 5, 6))
+
+
+@pytest.mark.parametrize("answer", [stable_for_fast_filters, stable_for_slow_filters])
+def test_a_root_at_the_origin_is_named(answer):
+    found = answer(s * lag**2, lag, 2)
+    assert found.holds is False and "s = 0" in found.reason
+
+
+def test_exactly_at_the_bound_the_question_is_open():
+    assert gain_bound(3) == pytest.approx(9, abs=1e-12)
+    bound = gain_bound(4)
+    assert stable_for_slow_filters(bound * lag, lag, 4).holds is None
+    assert stable_for_fast_filters(bound * lag, lag, 4).holds is None
+
+
+# Roots on the axis: to which side they go decides.
+
+
+def test_an_undamped_mode_of_the_process_is_followed():
+    process, model = 1 / ((s + 1) * (s**2 + 1)), 1 / ((s + 1) * (s**2 + 0.5 * s + 1))
+    # The first change of the roots is along the axis, the second leads to the right.
+    answer = stable_for_slow_filters(process, model, 3)
+    assert answer.holds is False and "±1j" in answer.reason and "to the right" in answer.reason
+    ((low, high),) = stabilizing_time_constants(process, model, 3)
+    assert (low, high) == (0.0, pytest.approx(0.491163, abs=1e-6))
+    assert stable_for_fast_filters(process, model, 3).holds is True
+
+
+def test_an_undamped_mode_of_the_model_is_followed():
+    answer = stable_for_fast_filters(lag**2, 1 / (s**2 + 1), 2)
+    assert answer.holds is not None
+    intervals = stabilizing_time_constants(lag**2, 1 / (s**2 + 1), 2)
+    assert answer.holds == bool(intervals and intervals[0][0] == 0)
+
+
+def test_an_undamped_mode_that_cancels_is_out_of_reach():
+    mode = 1 / ((s + 1) * (s**2 + 1))
+    for answer in (
+        stable_for_slow_filters(2 * mode, mode, 3),
+        stable_for_fast_filters(mode, mode, 3),
+    ):
+        assert answer.holds is False and "cancels" in answer.reason
+
+
+def test_a_double_mode_on_the_axis_is_left_open():
+    answer = stable_for_slow_filters(1 / (s**2 + 1) ** 2, lag**4, 4)
+    assert answer.holds is None and "multiple" in answer.reason
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.3])
+@pytest.mark.parametrize("zero", [0.2, 5.0])
+@pytest.mark.parametrize("order", [1, 2])
+def test_an_integrator_under_a_slow_filter(order, zero, delay):
+    # n = 1: λ s² a1 (1 + αs) + b0 (1 + βs) = 0 near 0, stable if β > α; from n = 2 on, never.
+    process = nrdob.delay(delay) * (s + zero) / (s * (s + 1))
+    answer = stable_for_slow_filters(process, 1 / (s + 1), order)
+    *_, (_, high) = [(0, 0), *stabilizing_time_constants(process, 1 / (s + 1), order)]
+    assert answer.holds == (high == inf) == (order == 1 and 1 / zero - delay > 0)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_definite_answers_about_modes_on_the_axis_are_those_of_the_sets(seed):
+    rng = np.random.default_rng(seed)
+    definite = 0
+    for _ in range(12):
+        a, w, v, damping = 10 ** rng.uniform(-1, 1, 4)
+        k = rng.choice([-1, 1, 1]) * 10 ** rng.uniform(-0.5, 0.5)
+        process, model = k / ((s + a) * (s**2 + w)), 1 / ((s + a) * (s**2 + damping * s + v))
+        if rng.random() < 0.5:
+            process, model = model, process
+        order = int(rng.integers(3, 5))
+        intervals = stabilizing_time_constants(process, model, order)
+        slow = stable_for_slow_filters(process, model, order)
+        fast = stable_for_fast_filters(process, model, order)
+        assert slow.holds in (None, bool(intervals) and intervals[-1][1] == inf)
+        assert fast.holds in (None, bool(intervals) and intervals[0][0] == 0)
+        definite += (slow.holds is not None) + (fast.holds is not None)
+    assert definite >= 20
+
+
+# A filter that falls no faster than H grows.
+
+
+def test_where_F_H_is_biproper_infinity_forbids_nothing():
+    process, model = ct.tf([-0.137, -2.51], [1, -0.694]), ct.tf([1], [1, 0.128])
+    assert stabilizing_filter_exists(process, model).holds is True
+    assert right_half_plane_parity(process, model).holds is False
+    assert nrdob.NRDOB(process, model, 0.0, nrdob.LowPassFilter(0.05, 1)).stability().stable
+    ((low, high),) = stabilizing_time_constants(process, model, 1)
+    assert low < 0.05 < high
+
+
+@pytest.mark.slow
+@given(mismatches())
+def test_where_a_filter_of_ours_does_the_existence_is_not_denied(case):
+    if stabilizing_time_constants(*case):
+        assert stabilizing_filter_exists(case[0], case[1]).holds is not False
+
+
+@pytest.mark.parametrize("order", [0, -1])
+def test_gain_bound_refuses_no_lag_at_all(order):
+    with pytest.raises(ValueError, match="order"):
+        gain_bound(order)

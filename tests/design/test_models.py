@@ -1,0 +1,219 @@
+"""Models proposed for plants that nobody prepared: what is promised of them holds."""
+
+from __future__ import annotations
+
+from math import inf
+
+import control as ct
+import numpy as np
+import pytest
+from hypothesis import given, settings
+
+import nrdob
+from nrdob import NRDOB, LowPassFilter
+from nrdob.design import design_controller, suggest_model
+from strategies import fractions
+
+s = ct.tf("s")
+lag = 1 / (s + 1)
+
+
+def dc_gain(tf):
+    return float(np.real(tf(0)))
+
+
+def test_a_well_behaved_process_is_matched():
+    (candidate,) = suggest_model(lag)
+    assert candidate.how == "matched" and candidate.time_constants == [(0.0, inf)]
+
+
+def test_an_unstable_process_gets_the_opposite_dc_sign():
+    process = 4 / (2 - s - s**2)
+    for candidate in suggest_model(process):
+        assert dc_gain(candidate.model) * dc_gain(process) < 0
+        assert candidate.model.poles().real.max() < 0
+        assert candidate.time_constants
+
+
+def test_two_unstable_poles_keep_the_dc_sign():
+    process = 5 / ((s - 1) * (s - 2) * (s + 4))
+    assert all(dc_gain(c.model) * dc_gain(process) > 0 for c in suggest_model(process))
+
+
+def test_a_zero_in_the_right_half_plane_is_left_out_or_mirrored():
+    process = 0.1 * (100 - s) / (s + 2)
+    left_out, mirrored = suggest_model(process)
+    assert left_out.how.endswith("left out") and mirrored.how.endswith("mirrored")
+    assert dc_gain(left_out.model) == dc_gain(mirrored.model) == pytest.approx(5)
+    # R = 1 - s/z needs λ > 1/z, R = (z - s)/(z + s) the same; and Ms = λ/(λ - 1/z) = 2 at 2/z.
+    assert left_out.time_constants == [(pytest.approx(0.01), inf)]
+    assert left_out.fastest == pytest.approx(0.02, rel=1e-6)
+
+
+def test_dead_time_is_left_out_or_replaced_by_a_lag():
+    kinds = {candidate.how for candidate in suggest_model(nrdob.delay(0.05) / (s + 2) ** 2)}
+    assert kinds == {"dead time left out", "dead time replaced by a lag"}
+
+
+def test_an_integrator_is_moved_to_the_left():
+    (candidate,) = suggest_model(1 / (s * (s + 1)))
+    assert candidate.model.poles().real.max() == pytest.approx(-0.1)
+    assert candidate.time_constants[0][0] == 0
+
+
+def test_undamped_zeros_of_the_process_are_not_left_in_the_model():
+    candidates = suggest_model((s**2 + 4) / (s + 1) ** 3)
+    assert any(candidate.time_constants for candidate in candidates)
+
+
+@pytest.mark.parametrize("process", [1 / ((s + 1) * (s**2 + 4)), (s + 3) / ((s + 2) * (s**2 + 9))])
+def test_an_undamped_mode_is_damped_in_the_model(process):
+    best = suggest_model(process)[0]
+    assert best.how == "poles on the axis moved to the left"
+    assert best.model.poles().real.max() < -0.05
+    assert best.time_constants[0][0] == 0 and best.ms < 1.4 and best.fastest is not None
+    filter = LowPassFilter(0.9 * best.time_constants[0][1], best.order)
+    assert NRDOB(process, best.model, 0.0, filter).margins().plant_loop.stable
+
+
+@pytest.mark.parametrize("lags", [3, 6, 10, 14])
+def test_a_matched_model_has_the_coefficients_of_the_process(lags):
+    process = ct.tf([2.0], np.poly([-1.0] * lags))
+    (candidate,) = suggest_model(process)
+    assert candidate.how == "matched"
+    assert candidate.model.den[0][0].tolist() == process.den[0][0].tolist()
+
+
+def test_what_need_not_change_is_not_changed():
+    lags = np.poly([-1.0] * 6)
+    candidate, *_ = suggest_model(ct.tf([2.0], np.polymul(lags, [1, -0.5])))
+    assert candidate.model.den[0][0] == pytest.approx(np.polymul(lags, [1, 0.5]), rel=1e-9)
+
+
+def test_candidates_are_ranked_by_what_is_left_of_a_slow_disturbance():
+    # S_δ tends to nλ·G̃(0)·s: a small model gain rejects as a small λ does.
+    process = 1 / ((0.3 * s - 1) * (0.05 * s + 1))
+    met = [c for c in suggest_model(process, max_ms=4.0) if c.fastest]
+    left = [c.order * c.fastest * abs(dc_gain(c.model)) for c in met]
+    assert left == sorted(left)
+
+
+def test_a_process_with_a_zero_at_the_origin_has_no_model():
+    with pytest.raises(ValueError, match="zero at s = 0"):
+        suggest_model(s * lag**2)
+
+
+def test_candidates_are_written_with_what_they_allow():
+    text = repr(suggest_model(0.1 * (100 - s) / (s + 2))[0])
+    assert "left out" in text and "0.01 < λ < inf" in text and "met from λ = 0.02 s" in text
+
+
+@pytest.mark.slow
+@settings(max_examples=40)
+@given(fractions())
+def test_what_is_promised_holds(process):
+    try:
+        candidates = suggest_model(process)
+    except ValueError as refusal:
+        if "zero at s = 0" not in str(refusal):
+            raise
+        return
+    ranks = [candidate.fastest is None for candidate in candidates]
+    assert ranks == sorted(ranks)
+    for candidate in candidates:
+        if candidate.fastest:
+            filter = LowPassFilter(candidate.fastest, candidate.order)
+            found = NRDOB(process, candidate.model, 0.0, filter).margins().plant_loop
+            assert found.stable and found.ms == pytest.approx(2.0, rel=1e-4)
+
+
+# Controllers for the model loop.
+
+
+@pytest.mark.parametrize("phase_margin", [30.0, 45.0, 60.0, 75.0])
+@pytest.mark.parametrize("bandwidth", [0.5, 1.0, 2.0])
+@pytest.mark.parametrize(
+    "model", [1 / (s**2 + 4 * s + 3.75), -1 / (s**2 + 3 * s + 2), 10 / (s + 2), (2 * s + 10) * lag]
+)
+def test_bandwidth_and_phase_margin_are_met(model, bandwidth, phase_margin):
+    found = model_loop(
+        model, design_controller(model, bandwidth=bandwidth, phase_margin=phase_margin)
+    )
+    assert found.wgc == pytest.approx(bandwidth, rel=1e-9)
+    assert found.pm >= phase_margin * (1 - 1e-9)
+
+
+def model_loop(model, controller):
+    order = max(1, model.den[0][0].size - model.num[0][0].size)
+    return NRDOB(model, model, controller, LowPassFilter(1.0, order)).margins().model_loop
+
+
+@pytest.mark.parametrize("model", [lag**2, lag**3, -(lag**2), (1 - s) * lag**2])
+def test_without_a_bandwidth_the_integral_gain_is_the_largest(model):
+    controller = design_controller(model, phase_margin=50)
+    assert model_loop(model, controller).pm == pytest.approx(50, rel=1e-6)
+    integral = abs(controller.num[0][0][-1] / controller.den[0][0][-2])
+    for bandwidth in np.geomspace(0.1, 3, 15):
+        try:
+            other = design_controller(model, bandwidth=bandwidth, phase_margin=50)
+        except ValueError:
+            continue
+        if other.den[0][0].size == 2 and model_loop(model, other).pm < 50.1:
+            assert abs(other.num[0][0][-1] / other.den[0][0][-2]) < integral * 1.02
+
+
+@pytest.mark.parametrize(
+    ("den", "gain", "phase_margin"),
+    [
+        ([1, 2.16083, 34.1958, 73.4772], 0.43538, 60.0),  # a resonance limits an integrator
+        ([1, 0.3, 1.0], 1.0, 45.0),
+        ([1, 3, 3, 1], -2.0, 30.0),
+        ([1, 1.06, 1.0608, 1.0408, 0.04], 0.1, 60.0),
+    ],
+)
+def test_no_gain_and_integral_time_of_a_scan_have_more_integral_action(den, gain, phase_margin):
+    model = ct.tf([gain], den)
+    controller = design_controller(model, phase_margin=phase_margin)
+    best = abs(controller.num[0][0][-1] / controller.den[0][0][-2])
+    assert model_loop(model, controller).pm >= phase_margin * (1 - 1e-6)
+    poles = np.roots(den)
+    near = np.concatenate([abs(p.imag) + abs(p) * np.geomspace(1e-4, 1, 80) * k
+                           for p in poles for k in (-1, 1)])  # fmt: skip
+    omega = np.union1d(np.geomspace(1e-4, 1e4, 800), near[near > 0])
+    G = np.sign(gain) * model(1j * omega)
+    for time in [0.0, *np.geomspace(1e-2, 1e2, 50)]:
+        for integral in best * np.array([1.02, 1.1, 1.3, 2.0, 4.0]):
+            L = (integral * time + integral / (1j * omega)) * G
+            size = np.log(np.abs(L))
+            at = np.flatnonzero((size[1:] >= 0) != (size[:-1] >= 0))
+            if np.degrees(np.abs(np.angle(-L[at]))).min(initial=180) < phase_margin + 0.5:
+                continue
+            closed = np.polyadd([*den, 0], abs(gain) * np.array([integral * time, integral]))
+            assert np.roots(closed).real.max() > 0
+
+
+def test_a_first_order_model_does_not_limit_the_bandwidth():
+    with pytest.raises(ValueError, match="does not limit the bandwidth"):
+        design_controller(lag)
+
+
+def test_a_model_that_lags_too_far_is_refused_with_the_angle():
+    with pytest.raises(ValueError, match=r"had to be .*° ahead, a PID reaches 43.6°"):
+        design_controller(lag**3, bandwidth=1.7)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"phase_margin": 0}, "phase_margin is 0"),
+        ({"phase_margin": 90}, "phase_margin is 90"),
+        ({"bandwidth": 0.0}, "bandwidth is 0.0"),
+        ({"bandwidth": inf}, "bandwidth is inf"),
+        ({"bandwidth": True}, "bandwidth is True"),
+        ({"phase_margin": "60"}, "phase_margin is '60'"),
+        ({"phase_margin": 60j}, "phase_margin is 60j"),
+    ],
+)
+def test_impossible_wishes_are_refused(options, message):
+    with pytest.raises((ValueError, TypeError), match=message):
+        design_controller(lag, **options)

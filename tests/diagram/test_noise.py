@@ -1,0 +1,151 @@
+import control as ct
+import mpmath as mp
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+
+import nrdob
+from nrdob import LowPassFilter
+from nrdob.diagram import rational_power
+from strategies import loops
+
+pytestmark = pytest.mark.usefixtures("no_warning_leaks")
+
+s = ct.tf("s")
+
+
+@pytest.mark.parametrize(("order", "index"), [(1, 1 / 2), (2, 1 / 4), (3, 3 / 16)])
+@pytest.mark.parametrize("time_constant", [1e-6, 0.3, 1e3])
+def test_a_perfect_model_passes_noise_in_inverse_proportion_to_lambda(order, index, time_constant):
+    G = 1 / (s + 1) ** order
+    loop = nrdob.NRDOB(G, G, 1.0, LowPassFilter(time_constant, order))
+    assert loop.S_eta.noise_power() == pytest.approx(index / time_constant, rel=1e-12)
+    # A dead time alone lets the same noise through.
+    assert nrdob.NRDOB(nrdob.delay(2) * G, G, 1.0, LowPassFilter(1, order)).G.noise_power() == (
+        pytest.approx(nrdob.NRDOB(G, G, 1.0, LowPassFilter(1, order)).G.noise_power(), rel=1e-12)
+    )
+
+
+@settings(max_examples=25)
+@given(loops())
+def test_power_without_dead_time_is_the_square_of_controls_norm(loop):
+    assume(max(np.roots(loop.p_B.q).real, default=-1.0) < -1e-3)
+    num, den = loop.S_eta.numerator.q, loop.S_eta.denominator.q
+    assume(num.size < den.size)
+    system = ct.ss(ct.tf(num, den))
+    theirs = ct.norm(system, 2, print_warning=False)
+    assert loop.S_eta.noise_power() == pytest.approx(theirs**2, rel=1e-5)
+
+
+@pytest.mark.parametrize("roots", [[-1, -2], [-1e-6 + 1j, -1e-6 - 1j], [-1e5, -1.0, -1e-5, -3]])
+def test_power_of_a_rational_map_is_the_sum_over_its_poles(roots):
+    mp.mp.dps = 40
+    roots = [mp.mpc(root) for root in roots]
+    den = [1.0]
+    for root in roots:
+        den = [a - root * b for a, b in zip([*den, 0], [0, *den], strict=True)]  # times (s - root)
+    exact = sum(
+        1
+        / mp.fprod(root - other for other in roots if other is not root)
+        / mp.fprod(-root - other for other in roots)
+        for root in roots
+    )
+    found = rational_power(np.ones(1), np.array([float(mp.re(c)) for c in den]))
+    assert found == pytest.approx(float(mp.re(exact)), rel=1e-9)
+
+
+def test_power_with_dead_time_is_the_integral_by_extended_precision():
+    G = 1 / (s + 1) ** 2
+    loop = nrdob.NRDOB(nrdob.delay(0.5) * 1.1 * G, G, 1.0, LowPassFilter(0.4, 2))
+    mp.mp.dps = 18
+
+    def density(omega):
+        at, value = mp.mpc(0, omega), mp.mpf(1)
+        for factors, sign in ((loop.S_eta.num, 2), (loop.S_eta.den, -2)):
+            for p in factors:
+                q, r = (mp.polyval([mp.mpf(c) for c in part.tolist()], at) for part in (p.q, p.r))
+                value *= abs(q + r * mp.exp(-at * p.delay)) ** sign
+        return value
+
+    points = [*range(0, 30, 2), 40, 60, 100, 200, 400]  # beyond it falls with the fourth power
+    exact = mp.quad(density, points, maxdegree=6) / mp.pi
+    rest = density(400) * 400 / 3 / mp.pi
+    assert loop.S_eta.noise_power() == pytest.approx(float(exact + rest), rel=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("dead_time", "time_constant", "order"), [(5.0, 4.0, 2), (0.05, 0.09, 3), (3.0, 6.0, 2)]
+)
+def test_power_with_dead_time_is_the_integral_over_all_frequencies(dead_time, time_constant, order):
+    G = 1 / (s + 1) ** order
+    F = LowPassFilter(time_constant, order)
+    loop = nrdob.NRDOB(nrdob.delay(dead_time) * 1.1 * G, G, 0.3, F)
+    assert loop.stability().stable is True
+    nodes, weights = np.polynomial.legendre.leggauss(20)
+    half = 0.05 * min(1 / dead_time, 1 / time_constant)
+    omega = (half * (2 * np.arange(30000) + 1))[:, None] + half * nodes
+    for quotient in (loop.S_eta, loop.T_R):
+        body = float(np.sum(np.abs(quotient(1j * omega)) ** 2 * weights) * half / np.pi)
+        assert quotient.noise_power() == pytest.approx(body, rel=1e-7)
+
+
+def test_power_near_the_limit_of_stability_is_that_of_the_nearly_undamped_pair():
+    # R = exp(-sT) and n = 1: the pair comes onto the axis at λ = 2T/π.
+    G, T = 1 / (s + 1), 1.0
+    powers = []
+    for excess in (1e-3, 1e-4, 1e-5):
+        F = LowPassFilter(2 * T / np.pi * (1 + excess), 1)
+        powers.append(nrdob.NRDOB(nrdob.delay(T) * G, G, 1.0, F).S_eta.noise_power() * excess)
+    assert powers[1] == pytest.approx(powers[2], rel=1e-3)
+    # s λ + exp(-sT) = 0 moves by -s/(1 + sT)·dλ/λ from s = jπ/(2T); power |residue|²/|Re s|.
+    root = 0.5j * np.pi / T
+    residue = abs(1 / (2 * T / np.pi * (1 + root * T)))
+    damping = (root / (1 + root * T)).real
+    assert powers[2] == pytest.approx(residue**2 / damping, rel=1e-3)
+
+
+def test_short_and_long_dead_times_tend_to_their_limits():
+    G, F = 1 / (s + 1), LowPassFilter(1.0, 2)
+    plain = nrdob.NRDOB(1.1 * G, G, 1.0, F).S_eta.noise_power()
+    short = nrdob.NRDOB(nrdob.delay(1e-9) * 1.1 * G, G, 1.0, F).S_eta.noise_power()
+    assert short == pytest.approx(plain, rel=1e-8)
+    # R = exp(-sT), n = 1, λ = aT: the power is that of T = 1, divided by T.
+    unit, long = (
+        nrdob.NRDOB(nrdob.delay(T) * G, G, 1.0, LowPassFilter(2 * T, 1)).S_eta.noise_power() * T
+        for T in (1.0, 1e4)
+    )
+    assert long == pytest.approx(unit, rel=1e-9)
+
+
+def test_first_order_with_pure_delay_is_the_known_integral():
+    # Küchler and Mensch, Langevin's stochastic differential equation extended by a time-delayed
+    # term, Stochastics and Stochastics Reports 40 (1992).
+    G = 1 / (s + 1)
+    for T, lam in ((1.0, 1.0), (0.1, 2.0), (1.0, 0.7)):
+        loop = nrdob.NRDOB(nrdob.delay(T) * G, G, 1.0, LowPassFilter(lam, 1))
+        b = 1 / lam  # x' = -b x(t - T) + noise has the variance (1 + sin bT)/(2b cos bT)
+        exact = b**2 * (1 + np.sin(b * T)) / (2 * b * np.cos(b * T))
+        assert loop.S_eta.noise_power() == pytest.approx(exact, rel=1e-10)
+
+
+@pytest.mark.parametrize("dead_time", [0.0, 0.1])
+def test_infinite_power_is_refused_with_the_reason(dead_time):
+    G, Gm = nrdob.delay(dead_time) / (s + 1), 1 / (s + 1)
+    loop = nrdob.NRDOB(G, Gm, 1 / s, LowPassFilter(0.5, 1))
+    with pytest.raises(ValueError, match="S_d is infinite: it is not strictly proper"):
+        loop.S_d.noise_power()
+    with pytest.raises(ValueError, match="root at s = 0; make the loop stable"):
+        loop.L.noise_power()
+    unstable = nrdob.NRDOB(nrdob.delay(dead_time) / (s - 1), 1 / (s + 1), 1, LowPassFilter(9, 1))
+    with pytest.raises(ValueError, match="right half plane; make the loop stable"):
+        unstable.S_eta.noise_power()
+    border = nrdob.NRDOB(nrdob.delay(dead_time) / (s + 1), 1 / (s**2 + 4), 1, LowPassFilter(1, 2))
+    with pytest.raises(ValueError, match="undecided"):
+        border.Gm.noise_power()
+
+
+def test_a_numerator_with_and_without_dead_time_is_refused():
+    loop = nrdob.NRDOB(nrdob.delay(1) / (s + 1), 1 / (s + 1), 1, LowPassFilter(2, 1))
+    with pytest.raises(NotImplementedError, match="numerator"):
+        loop.FH.noise_power()
+    assert nrdob.NRDOB(1 / (s + 1), 1 / (s + 1), 1, LowPassFilter(2, 1)).FH.noise_power() == 0.0

@@ -1,0 +1,50 @@
+from math import floor, pi
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from nrdob.numerics import QuasiPolynomial, count_rhp
+from nrdob.numerics.crossingcount import count_by_crossings
+from strategies import root_sets
+
+
+@pytest.mark.parametrize("delay", 10.0 ** np.arange(-3, 10))
+def test_an_integrator_gains_a_pair_at_every_turn(delay):
+    count = 2 * floor((delay - pi / 2) / (2 * pi)) + 2
+    assert count_by_crossings(np.array([1.0, 0.0]), np.array([1.0]), delay) == count
+
+
+@given(
+    st.integers(1, 6).flatmap(lambda n: root_sets(n)),
+    st.integers(0, 5).flatmap(lambda n: root_sets(n)),
+    st.floats(-1, 1),
+    st.floats(-4, 5),
+)
+def test_it_agrees_with_the_argument_which_shares_nothing_with_it(zq, zr, log_gain, log_delay):
+    if zr.size > zq.size:
+        return
+    q, r = np.real(np.poly(zq)), np.atleast_1d(np.real(np.poly(zr)))
+    size = abs(q[-1] / r[-1]) if zr.size < zq.size else min(0.09, abs(q[-1] / r[-1]))
+    p = QuasiPolynomial(q, 10**log_gain * size * r, 10**log_delay)
+    found = count_rhp(p).count
+    if found is not None:
+        assert p.rhp_in_whole_numbers == found
+
+
+@pytest.mark.parametrize("delay", [0.1, 1.0, 1.9, 30.0, 1e4])
+def test_a_pair_that_starts_on_the_axis_crosses_from_there(delay):
+    # s² + 1/2 + exp(-sT)/2 has ±j for T = 0; the pair moves to the right, or to the left.
+    for share in (0.5, -0.5):
+        p = QuasiPolynomial([1.0, 0.0, 1 - share], [share], delay)
+        found = count_rhp(p)
+        assert found.count is not None
+        assert p.rhp_in_whole_numbers == found.count
+
+
+@given(st.floats(0.05, 0.99), st.floats(-2, 3))
+@settings(max_examples=50)
+def test_neutral_equations_below_the_limit_are_counted(ratio, log_delay):
+    p = QuasiPolynomial([1.0, 0.3, 0.5], [ratio, 0.2, 0.7], 10**log_delay)
+    assert p.rhp_in_whole_numbers == count_rhp(p).count

@@ -1,0 +1,168 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.special import lambertw
+
+from nrdob.numerics import QuasiPolynomial, count_rhp, multiply
+from strategies import root_sets
+
+
+def dense_argument_count(p, top, points=200_001):
+    """RHP roots from the unwrapped argument on a brute-force frequency grid."""
+    omega = np.union1d(np.geomspace(1e-6 * top, top, points), np.linspace(0, top, points))
+    values = p(1j * omega)
+    leading = p.q[0] * 1j**p.degree
+    turn = np.angle(values[1:] / values[:-1]).sum() + np.angle(leading / values[-1])
+    return round((p.degree * math.pi / 2 - turn) / math.pi)
+
+
+@given(st.integers(1, 10).flatmap(lambda n: root_sets(n)))
+def test_count_and_roots_agree_with_the_roots_a_polynomial_was_made_of(roots):
+    p = QuasiPolynomial(np.real(np.poly(roots)))
+    if p.near_axis(p.roots).any():
+        return
+    assert count_rhp(p).count == np.sum(roots.real > 0) == np.sum(p.roots.real > 0)
+
+
+@pytest.mark.parametrize("spread", [1e-6, 1e6])
+def test_roots_of_very_different_size_are_counted(spread):
+    p = QuasiPolynomial(np.real(np.poly([1.0, -2.0, spread, -3 * spread, 0.5 * spread**2])))
+    assert count_rhp(p).count == 3
+    assert np.sum(p.roots.real > 0) == 3
+
+
+@pytest.mark.parametrize("damping", [1e-3, 1e-6, 1e-9])
+def test_a_resonance_of_any_sharpness_is_seen(damping):
+    for sign, count in ((1, 0), (-1, 2)):
+        p = QuasiPolynomial(np.polymul([1, 2 * sign * damping, 1], [1, 5, 6]))
+        assert count_rhp(p).count == count == np.sum(p.roots.real > 0)
+
+
+@pytest.mark.parametrize("multiplicity", [1, 2, 3])
+def test_roots_on_the_axis_are_reported_with_their_frequency_not_counted(multiplicity):
+    p = QuasiPolynomial(np.poly([2j, -2j] * multiplicity + [-1]).real)
+    result = count_rhp(p)
+    assert result.count is None
+    assert "near 2" in result.reason or "near 1.99" in result.reason
+
+
+@pytest.mark.parametrize("multiplicity", [1, 2, 5])
+def test_exact_roots_at_the_origin_are_known_and_divided_out(multiplicity):
+    p = QuasiPolynomial([1.0, -1.0] + [0.0] * multiplicity)
+    assert p.zeros_at_origin == multiplicity
+    assert count_rhp(p).count == 1
+
+
+@pytest.mark.parametrize("gain", [0.5, 1.5, math.pi / 2 - 1e-6])
+def test_integrator_with_delay_is_stable_below_half_pi(gain):
+    p = QuasiPolynomial([1.0, 0.0], [gain], delay=1.0)
+    assert count_rhp(p).count == 0
+    assert p.roots[0].real < 0
+
+
+JUST_LOST = math.pi / 2 + 1e-6
+
+
+@pytest.mark.parametrize(("gain", "count"), [(JUST_LOST, 2), (8.0, 4), (50.0, 16), (-1, 1)])
+def test_integrator_with_delay_gains_a_pair_at_every_turn(gain, count):
+    p = QuasiPolynomial([1.0, 0.0], [gain], delay=1.0)
+    assert count_rhp(p).count == count == np.sum(p.roots.real > 0)
+
+
+def test_rightmost_root_is_the_lambert_w_function():
+    p = QuasiPolynomial([1.0, 0.0], [1.2], delay=0.7)
+    assert p.roots[0] == pytest.approx(lambertw(-1.2 * 0.7) / 0.7, rel=1e-12) or p.roots[
+        0
+    ] == pytest.approx(np.conj(lambertw(-1.2 * 0.7) / 0.7), rel=1e-12)
+
+
+@given(
+    st.integers(1, 5).flatmap(lambda n: root_sets(n)),
+    st.integers(0, 4).flatmap(lambda n: root_sets(n)),
+    st.floats(-1, 1),
+    st.floats(-2, 0.3),
+)
+@settings(max_examples=60)
+def test_delayed_counts_agree_with_roots_and_with_a_dense_grid(zq, zr, log_gain, log_delay):
+    if zr.size >= zq.size:
+        return
+    q, r = np.real(np.poly(zq)), np.atleast_1d(np.real(np.poly(zr)))
+    r = 10**log_gain * r * abs(q[-1] / r[-1])
+    p = QuasiPolynomial(q, r, 10**log_delay)
+    count = count_rhp(p)
+    if count.count is None:
+        return
+    if not p.roots_resolved:  # not all of them are known
+        assert (count.count > 0) == (p.roots[0].real > 0)
+        return
+    assert count.count == np.sum(p.roots.real > 0)
+    top = 3 * (1 + np.abs(q[1:] / q[0]).max() + np.abs(r / q[0]).max())
+    if top < 2e4 and min(abs(p.roots.real) / (1e-9 + abs(p.roots))) > 1e-3:
+        assert count.count == dense_argument_count(p, top)
+
+
+@pytest.mark.parametrize("ratio", [0.3, -0.9])
+def test_neutral_equations_below_the_limit_are_counted(ratio):
+    stable = QuasiPolynomial([1.0, 2.0], [ratio, 0.1], delay=1.0)
+    assert stable.neutral_ratio == pytest.approx(abs(ratio))
+    assert count_rhp(stable).count == 0
+    assert stable.roots[0].real < 0
+
+
+def test_neutral_equation_beyond_the_limit_has_infinitely_many_rhp_roots():
+    assert count_rhp(QuasiPolynomial([1.0, 2.0], [1.1, 0.1], delay=1.0)).count == math.inf
+    assert count_rhp(QuasiPolynomial([1.0], [1.0, 1.0], delay=1.0)).count == math.inf
+
+
+def test_neutral_equation_at_the_limit_is_not_judged():
+    result = count_rhp(QuasiPolynomial([1.0, 2.0], [-1.0, 0.1], delay=1.0))
+    assert result.count is None
+    assert "neutral" in result.reason
+
+
+def test_cancelled_leading_coefficients_are_dropped_not_kept_as_rounding():
+    a, b = np.array([0.1, 0.2, 0.3]), np.array([-0.3, 0.1, 1.0])
+    p = QuasiPolynomial(3 * a, b, scale=3 * abs(a) + abs(b))
+    assert p.degree == 1
+
+
+def test_product_of_factors_has_the_product_of_values():
+    a = QuasiPolynomial([1.0, 2.0], [3.0], delay=0.5)
+    b = QuasiPolynomial([2.0, 0.0, 1.0])
+    s = np.array([0.2 + 1j, -0.5j])
+    assert multiply(a, b)(s) == pytest.approx(a(s) * b(s), rel=1e-14)
+    with pytest.raises(NotImplementedError, match="two delays"):
+        multiply(a, a)
+
+
+def test_a_delay_too_long_for_eigenvalues_leaves_the_rightmost_root():
+    p = QuasiPolynomial([1e-6, 1.0, 0.0], [1.0], delay=1e4)
+    assert not p.roots_resolved
+    assert abs(p(p.roots[:6])).max() < 1e-9
+    # (1e-6 s² + s) exp(1e4 s) = -1, and the first term hardly counts.
+    expected = lambertw(-1e4) / 1e4
+    assert p.roots[0] == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize("unit", [1e-30, 1e-9, 1e9, 1e30])
+def test_counts_and_roots_do_not_hang_on_units(unit):
+    q, r, delay = np.array([1.0, 0.3, 1.2, 0.0]), np.array([0.5, 0.7]), 3.0
+    plain = QuasiPolynomial(q, r, delay)
+    scaled = QuasiPolynomial(unit * q, unit * r, delay)
+    slower = QuasiPolynomial(
+        q * unit ** np.arange(3, -1, -1), r * unit ** np.arange(1, -1, -1), delay * unit
+    )
+    for p, time in ((scaled, 1.0), (slower, unit)):
+        assert count_rhp(p).count == p.rhp_in_whole_numbers == count_rhp(plain).count == 2
+        assert p.roots[:2] * time == pytest.approx(plain.roots[:2], rel=1e-9)
+
+
+@pytest.mark.parametrize("delay", [0.0, 1.0, 1e3])
+def test_roots_clearly_on_the_right_are_counted_beside_one_on_the_axis(delay):
+    q, r = np.polymul([1.0, -0.6, 1.0], [1.0, 0.0, 4.0]), np.polymul([0.3], [1.0, 0.0, 4.0])
+    found = count_rhp(QuasiPolynomial(q, r, delay))
+    assert found.count is None and "near 2 rad/s" in found.reason
+    assert found.at_least == count_rhp(QuasiPolynomial([1.0, -0.6, 1.0], [0.3], delay)).count > 0
