@@ -2,15 +2,21 @@ r"""The time constants that a specification excludes, found frequency by frequen
 
 What a limit forbids at a frequency is a range of λ, or a single one, that changes continuously with
 the frequency along each turn of :math:`(1 + j\lambda\omega)^n`. So it excludes a few patches, or
-lines, of the (ω, λ) plane, whose shadows on the axis of λ are left out: no λ is tried, and none
+lines, of the (ω, λ) plane, whose shadows on the axis of λ are left out. No λ is tried, so that none
 lies unseen between two that were.
+
+At one frequency all that is forbidden is found. Between two frequencies a patch, or a gap, is found
+where L passes what is forbidden from one side to the other, and where the depths around it let one
+expect it: this is not proved, but rests on frequencies so dense that R is smooth between them, as
+`nrdob.design.mismatchgrid` chooses them. The ends of what is left are good to some eight digits;
+`nrdob.design.search` confirms each by exact margins.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import cached_property, lru_cache, partial
 from math import pi
 
 import numpy as np
@@ -22,14 +28,14 @@ from .mismatch import Mismatch
 from .mismatchgrid import Frequencies
 from .slack import Specification
 
-BESIDE, ZOOMS = 5, 5
-"""At how many frequencies on each side, and how often, an edge is looked at more closely."""
+BESIDE = 11
+"""At how many frequencies on each side an edge is looked at more closely."""
+
+ZOOMS, MORE_ZOOMS = 3, 9
+"""How often, and how often where what is forbidden at a frequency is but a point: a closed form."""
 
 STEEPEST = 1e-6
 """Relative distance of two frequencies at which a patch that is so steep is cut no more."""
-
-CHEAP = 14
-"""How often where it costs little."""
 
 MARGIN = 0.5
 """Angle beyond what is forbidden in which it may come close between two frequencies."""
@@ -37,11 +43,8 @@ MARGIN = 0.5
 NOISE = 1e-2
 """Relative rounding error of R, beside its poles and zeros on the axis, from which it is none."""
 
-SMALLEST_GAIN = 0.01
-"""Size of L down to which a dead time is followed."""
-
 SHORT = 1.01
-"""How far short of it, because L may tend to a circle of just that size."""
+"""How far short of the smallest forbidden gain a dead time is followed: L may tend to just that."""
 
 FAR = 1e10
 """How far beyond all else R is followed if L does not vanish at infinite frequency."""
@@ -67,7 +70,7 @@ def admissible(
     patches = _looked_at(mismatch, frequencies.above(floor), every)
     # Smaller loop gains than those of an unstable loop are forbidden, too, up to higher frequency.
     rough = _without(left, [shadow for each in patches for shadow in each.shadows(closely=False)])
-    least = SHORT * max(specification.smallest_gain, SMALLEST_GAIN)
+    least = SHORT * specification.smallest_gain
     if mismatch.delay and rough:
         floor = max(floor, rough[0][0])
         left = _without(left, [(0.0, floor)])
@@ -172,7 +175,7 @@ class _Patches:
         there = np.flatnonzero(self.found.depth >= 0)
         if not there.size:
             return []
-        low, high = (edge - np.log(self.omega[self.at]) for edge in self.found[:2])
+        low, high = self._edges.copy()
         linked = self._linked
         patch = np.cumsum(np.append(True, ~linked))[there]
         starts = np.flatnonzero(np.append(True, np.diff(patch) > 0))
@@ -186,6 +189,11 @@ class _Patches:
         highs = np.exp(np.maximum.reduceat(high[there], starts))
         lows, highs = np.where(to_0, 0.0, lows), np.where(to_inf, np.inf, highs)
         return list(zip(lows.tolist(), highs.tolist(), strict=True))
+
+    @cached_property
+    def _edges(self) -> FloatArray:
+        """Edges of ln λ, lower and upper, at each of the points looked at."""
+        return np.stack(self.found.edges()) - np.log(self.omega[self.at])
 
     @property
     def _joined(self) -> BoolArray:
@@ -218,36 +226,27 @@ class _Patches:
 
     def _between(self) -> FloatArray:
         """Frequencies of patches, or of gaps, that lie between two of those looked at."""
-        parts = [self._hidden(np.array([way])) for way in (1, -1)]
-        return np.concatenate([*parts, self._steep()])
-
-    def _hidden(self, way: IntArray) -> FloatArray:
-        """Frequencies at which a patch hides, or a gap if the way is -1."""
-        depth, joined = way * self.found.depth, self._joined
-        tops = (depth < 0) & _tops(depth, joined)
-        # Off a grid a top may lie as much higher as its neighbours lie below, and a bit.
-        around = np.pad(depth, 2, constant_values=np.inf)
-        lowest = np.min([around[k : k + depth.size] for k in range(5)], axis=0)
-        tops &= depth + 2 * (depth - lowest) >= 0
-        near = np.flatnonzero(tops)
+        depth, joined = self.found.depth, self._joined
+        k = np.flatnonzero(_nearly_reached(depth, joined) | _nearly_reached(-depth, joined))
         # Where L passes from one side to the other it passes what is forbidden, however fast.
         off = self.found.off >= 0
-        passed = joined & (off[1:] != off[:-1]) & (depth[1:] < 0) & (depth[:-1] < 0) & (way > 0)
-        last = np.flatnonzero(passed)
-        if not near.size + last.size:
-            return np.empty(0)
+        passed = joined & (off[1:] != off[:-1]) & (depth[1:] < 0) & (depth[:-1] < 0)
+        of = np.append(k, np.flatnonzero(passed))
+        if not of.size:
+            return self._steep()
+        way = np.where(depth[of] < 0, 1, -1)
         where, best = self._zoomed(
-            np.append(near, last),
-            lambda found, _: way * found.depth,
-            both_sides=np.arange(near.size + last.size) < near.size,
+            of,
+            lambda found, _: way[:, None] * found.depth,
+            both_sides=np.arange(of.size) < k.size,
         )
-        return where[best > 0]
+        return np.append(where[best > 0], self._steep())
 
     def _steep(self) -> FloatArray:
         """Frequencies between neighbours of one patch, if it is one, that share no λ."""
         if not self.limit.thick:
             return np.empty(0)
-        low, high = (edge - np.log(self.omega[self.at]) for edge in self.found[:2])
+        low, high = self._edges
         apart = (low[1:] > high[:-1]) | (low[:-1] > high[1:])
         k = np.flatnonzero(self._linked & apart)
         before, after = self.omega[self.at[k]], self.omega[self.at[k + 1]]
@@ -271,14 +270,13 @@ class _Patches:
         turned = pi + 2 * pi * self.turn[of, None]
         phase = self.phase[self.at[of], None]
         rows = np.arange(of.size)
-        for _ in range(ZOOMS if self.limit.thick else CHEAP):
+        for _ in range(ZOOMS if self.limit.thick else MORE_ZOOMS):
             sides = np.linspace(low, best, BESIDE), np.linspace(best, high, BESIDE)
             omega = np.concatenate([sides[0], sides[1][1:]]).T
             R = self.mismatch.ratio(omega)
             angle = np.angle(R)
             angle = angle + 2 * pi * np.round((phase - angle) / (2 * pi)) + turned
-            found = self.limit.forbids(np.log(np.abs(R)).ravel(), angle.ravel())
-            values = value(Forbidden(*(part.reshape(omega.shape) for part in found)), omega)
+            values = value(self.limit.forbids(np.log(np.abs(R)), angle), omega)
             k = values.argmax(axis=1)
             below, above = np.maximum(k - 1, 0), np.minimum(k + 1, omega.shape[1] - 1)
             low, best, high = omega[rows, below], omega[rows, k], omega[rows, above]
@@ -287,8 +285,18 @@ class _Patches:
 
 def _reach(way: IntArray, found: Forbidden, omega: FloatArray) -> FloatArray:
     """Return ln λ at the upper edge of a patch, or -ln λ at the lower one; -inf beside it."""
-    edge = np.where(way > 0, found.high, found.low) - np.log(omega)
+    low, high = found.edges()
+    edge = np.where(way > 0, high, low) - np.log(omega)
     return np.where(found.depth >= 0, way * edge, -np.inf)
+
+
+def _nearly_reached(depth: FloatArray, joined: BoolArray) -> BoolArray:
+    """Tell beside which negative depths there may be a positive one between two points."""
+    # Off a grid a top may lie as much higher as its neighbours lie below, and a bit.
+    around = np.pad(depth, 2, constant_values=np.inf)
+    lowest = np.min([around[k : k + depth.size] for k in range(5)], axis=0)
+    near = depth + 2 * (depth - lowest) >= 0
+    return np.asarray((depth < 0) & near & _tops(depth, joined))
 
 
 def _tops(values: FloatArray, linked: BoolArray) -> BoolArray:

@@ -11,11 +11,11 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache, partial
 from math import asin, log, pi, radians
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from ..numerics import ComplexArray, FloatArray, bisect
+from ..numerics import ComplexArray, FloatArray, bisect, newton
 from .slack import Specification
 
 WIDEST, PER_E_FOLD = 46.0, 40
@@ -109,15 +109,15 @@ def log_den_less_1(u: FloatArray, order: int) -> tuple[ComplexArray, ComplexArra
 
 
 class Forbidden(NamedTuple):
-    """Range of u = ln(λω) that is forbidden, and by how much: negative where none is.
+    """By how much anything is forbidden, negative where nothing is, and which range of u = ln(λω).
 
-    The sign of `off` tells on which side of the middle of what is forbidden L passes.
+    The sign of `off` tells on which side of the middle of what is forbidden L passes. The edges of
+    the range are found when they are asked for, for they are dear and the depth often is enough.
     """
 
-    low: FloatArray
-    high: FloatArray
     depth: FloatArray
     off: FloatArray
+    edges: Callable[[], tuple[FloatArray, FloatArray]]
 
 
 class Limit(NamedTuple):
@@ -151,12 +151,12 @@ def _gain_margin(curve: Curve, most: float) -> Limit:
         u = curve.at_angle(angle)
         off = size - log_den_less_1(u, curve.order)[0].real
         depth = np.minimum(most - np.abs(off), np.minimum(angle - first, last - angle))
-        return Forbidden(u, u, depth, off)
+        return Forbidden(depth, off, lambda: (u, u))
 
     def forbids_first_order(size: FloatArray, angle: FloatArray) -> Forbidden:
         # D = jx has but one angle: a whole range of x, at single frequencies.
         off = angle - first
-        return Forbidden(size - most, size + most, THIN - np.abs(off), off)
+        return Forbidden(THIN - np.abs(off), off, lambda: (size - most, size + most))
 
     return Limit(0.0, False, forbids if curve.order > 1 else forbids_first_order)
 
@@ -173,37 +173,75 @@ def _phase_margin(curve: Curve, most: float) -> Iterator[Limit]:
         u = inverse(size)
         off = angle - log_den_less_1(u, curve.order)[0].imag
         depth = np.minimum(most - np.abs(off), np.minimum(size - first, last - size))
-        return Forbidden(u, u, depth, off)
+        return Forbidden(depth, off, lambda: (u, u))
 
     for stretch in curve.rising():
         yield Limit(most, False, partial(forbids, stretch))
 
 
 def _sensitivity(curve: Curve, max_ms: float) -> Limit:
-    """Forbid L within 1/Ms of -1."""
-    half_angle = asin(1 / max_ms)
+    """Forbid L within 1/Ms of -1.
+
+    Within half a turn ``|1 + L|`` has but one dip, and rises from it to both sides: this is seen
+    for thousands of R and orders up to 30, not proved.
+    """
+    half_angle, radius = asin(1 / max_ms), 1 / max_ms
 
     def forbids(size: FloatArray, angle: FloatArray) -> Forbidden:
-        def distance(u: FloatArray, of: Any = np.s_[:]) -> tuple[FloatArray, ComplexArray]:
-            """|1 + L|, and its slope in u and across it but for a positive factor."""
-            value, slope = log_den_less_1(u, curve.order)
-            L = -np.exp(np.minimum(size[of] - value.real, LARGEST) + 1j * (angle[of] - value.imag))
-            return np.abs(1 + L), -L * slope * np.conj(1 + L)
-
         ends = curve.at_angle(np.stack([angle - half_angle, angle + half_angle]))
-        (at_first, falls), (at_last, rises) = distance(ends[0]), distance(ends[1])
-        middle = np.where(at_first < at_last, ends[0], ends[1])
-        dips = (falls.real < 0) & (rises.real > 0)
+        at_ends = _Distance.of(curve, ends, size, angle)
+        u = np.where(at_ends.square[0] < at_ends.square[1], ends[0], ends[1])
+        dips = (at_ends.slope[0] < 0) & (at_ends.slope[1] > 0)
+
+        def rise(u: FloatArray) -> tuple[FloatArray, FloatArray]:
+            there = _Distance.of(curve, u, size[dips], angle[dips])
+            return there.slope, there.bend
+
         first, last = ends[:, dips]
-        middle[dips] = bisect(lambda u: distance(u, dips)[1].real, first, last, ENOUGH**0.5)
-        least, across = distance(middle)
-        depth = 1 - max_ms * least
-        low, high = middle.copy(), middle.copy()
-        within = np.flatnonzero(depth > 0)
-        both = np.tile(within, 2)
-        outer = ends[:, within].ravel()
-        edges = bisect(lambda u: max_ms * distance(u, both)[0] - 1, outer, middle[both], ENOUGH)
-        low[within], high[within] = np.split(edges, 2)
-        return Forbidden(low, high, depth, across.imag)
+        of_size_1 = np.interp(size[dips], curve.size, curve.u)
+        u[dips] = newton(rise, first, last, of_size_1, ENOUGH**0.5)
+        middle = _Distance.of(curve, u, size, angle)
+        depth = 1 - max_ms * np.sqrt(middle.square)
+
+        def edges() -> tuple[FloatArray, FloatArray]:
+            within = depth > 0
+            sizes, angles = size[within], angle[within]
+
+            def beyond(u: FloatArray) -> tuple[FloatArray, FloatArray]:
+                there = _Distance.of(curve, u, sizes, angles)
+                return there.square - radius**2, 2 * there.slope
+
+            inner = u[within]
+            short = np.maximum(radius**2 - middle.square[within], 0)
+            half = np.sqrt(short / np.abs(middle.bend[within]))
+            start = np.stack([inner - half, inner + half])
+            found = np.stack([u, u])
+            inner = np.stack([inner, inner])
+            found[:, within] = newton(beyond, inner, ends[:, within], start, ENOUGH)
+            return found[0], found[1]
+
+        return Forbidden(depth, middle.across, edges)
 
     return Limit(half_angle, True, forbids)
+
+
+class _Distance(NamedTuple):
+    """The square of |1 + L|, half its first and second derivative by u, and that across it."""
+
+    square: FloatArray
+    slope: FloatArray
+    bend: FloatArray
+    across: FloatArray
+
+    @classmethod
+    def of(cls, curve: Curve, u: FloatArray, size: FloatArray, angle: FloatArray) -> _Distance:
+        """Find it where L = -exp(size + j angle)/D(x)."""
+        value, slope = log_den_less_1(u, curve.order)
+        L = -np.exp(np.minimum(size - value.real, LARGEST) + 1j * (angle - value.imag))
+        turn, toward = -L * slope, np.conj(1 + L)
+        rising = turn * toward
+        # The second derivative of ln D follows from the first.
+        q = 1j / (np.exp(-u) + 1j)
+        curved = -turn * (2 * slope - 1 - (curve.order - 1) * q) * toward
+        bend = np.abs(turn) ** 2 + curved.real
+        return cls(np.abs(toward) ** 2, rising.real, bend, rising.imag)

@@ -158,6 +158,13 @@ def admissible_time_constants(
     TypeError, ValueError
         As `design_filter`, but for a specification that no λ meets.
 
+    Notes
+    -----
+    No λ is tried: what the specification forbids at each frequency is a range of λ, and left out.
+    So windows of a millionth of their λ are found, and their ends confirmed by exact margins. That
+    no range is missed between two frequencies rests on how densely they lie beside each pole, zero
+    and turn of the dead time: it is not proved.
+
     Examples
     --------
     An unstable plant: with a slow filter the loop is lost, with a fast one it comes close to it.

@@ -1,7 +1,7 @@
 """Numbers only, no control theory: roots, crossings, polynomials with a delay."""
 
 from .arrays import ROUNDING, BoolArray, ComplexArray, FloatArray, IntArray
-from .crossings import bisect, golden, side
+from .crossings import bisect, golden, newton, side
 from .quasipoly import (
     QuasiPolynomial,
     RootCount,
@@ -34,6 +34,7 @@ __all__ = [
     "golden",
     "impulse_states",
     "multiply",
+    "newton",
     "number",
     "roots_by_time_scale",
     "side",

@@ -59,6 +59,32 @@ def bisect(
     return best
 
 
+def newton(
+    function: Callable[[FloatArray], tuple[FloatArray, FloatArray]],
+    low: FloatArray,
+    high: FloatArray,
+    start: FloatArray,
+    within: float,
+) -> FloatArray:
+    """Find a zero between each `low` and `high`, at which the function is below and above 0.
+
+    By Newton's steps from `start`, for `function` gives values and slopes; by halves where a step
+    would leave the bracket or is not half as long as the last, until all are as short as `within`.
+    """
+    x, last = np.clip(start, np.minimum(low, high), np.maximum(low, high)), np.abs(high - low)
+    for _ in range(120):
+        value, slope = function(x)
+        low, high = np.where(value < 0, x, low), np.where(value < 0, high, x)
+        with np.errstate(all="ignore"):  # what is not finite is halved
+            step = -value / slope
+            safe = ((x + step - low) * (x + step - high) <= 0) & (np.abs(step) < last / 2)
+        step = np.where(safe | (np.abs(step) <= within), step, (low + high) / 2 - x)
+        x, last = x + step, np.abs(step)
+        if np.all(last <= within):
+            break
+    return x
+
+
 def golden(function: Function, low: FloatArray, high: FloatArray) -> FloatArray:
     """Find the minimum between each `low` and `high` by golden section."""
     ratio = (5**0.5 - 1) / 2
