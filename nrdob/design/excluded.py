@@ -66,24 +66,25 @@ def admissible(
     left = _without(intervals, list(_at_infinity(mismatch, specification)))
     if not left:
         return []
-    floor, every = left[0][0], list(limits(mismatch.order, specification))
-    patches = _looked_at(mismatch, frequencies.above(floor), every)
-    # Smaller loop gains than those of an unstable loop are forbidden, too, up to higher frequency.
-    rough = _without(left, [shadow for each in patches for shadow in each.shadows(closely=False)])
-    least = SHORT * specification.smallest_gain
-    if mismatch.delay and rough:
-        floor = max(floor, rough[0][0])
-        left = _without(left, [(0.0, floor)])
-        patches = _looked_at(mismatch, frequencies.above(floor, least), every)
+    every = list(limits(mismatch.order, specification))
+
+    def looked_at(gain: float) -> list[_Patches]:
+        omega = _followed(mismatch, frequencies.above(left[0][0], gain))
+        return [_Patches.of(mismatch, omega, limit) for limit in every]
+
+    patches = looked_at(1.0)
+    if mismatch.delay:
+        # Smaller gains than an unstable loop's are forbidden, too, up to higher frequency; how high
+        # depends on the fastest filter that may be left.
+        covered = [shadow for each in patches for shadow in each.shadows(closely=False)]
+        rough = _without(left, covered)
+        if not rough:
+            return []
+        left = _without(left, [(0.0, rough[0][0])])
+        patches = looked_at(SHORT * specification.smallest_gain)
     for each in patches:
         left = _without(left, each.shadows() if left else [])
     return left
-
-
-def _looked_at(mismatch: Mismatch, omega: FloatArray, every: list[Limit]) -> list[_Patches]:
-    """Find the patches of each limit."""
-    omega = _followed(mismatch, omega)
-    return [_Patches.of(mismatch, omega, limit) for limit in every]
 
 
 def _without(intervals: list[Interval], covered: list[Interval]) -> list[Interval]:

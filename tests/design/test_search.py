@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 import nrdob
 from campaigns.designs import campaign
 from nrdob import LowPassFilter, admissible_time_constants, design_filter, paper
-from nrdob.design.forbidden import Curve
+from nrdob.design.forbidden import Curve, limits
+from nrdob.design.slack import Specification
 from strategies import fractions
 
 s = ct.tf("s")
@@ -189,6 +190,34 @@ def test_the_inverses_of_the_curve_of_each_order(order):
     for size, u in zip(sizes, np.log(x), strict=True):
         inverses = [inverse(size) for first, last, inverse in stretches if first < size < last]
         assert np.abs(np.array(inverses) - u).min() < 1e-6
+
+
+@pytest.mark.parametrize("max_ms", [1.001, 1.6, 5.0])
+@pytest.mark.parametrize("order", [1, 2, 5, 12, 20])
+def test_what_the_sensitivity_forbids_at_a_frequency_is_one_range(order, max_ms):
+    rng = np.random.default_rng(order)
+    (limit,) = limits(order, Specification(max_ms=max_ms))
+    size, angle = rng.uniform(-10, 10, 60), rng.uniform(0, order * np.pi / 2 + 1.5, 60)
+    found = limit.forbids(size, angle)
+    low, high = found.edges()
+    x = np.geomspace(1e-16, 1e16, 16001)
+    log_D = order * np.log1p(1j * x) + np.log(-np.expm1(-order * np.log1p(1j * x)))
+    for k in range(60):
+        turned = angle[k] - log_D.imag
+        ratio = -np.exp(size[k] - log_D.real + 1j * turned)
+        there = np.flatnonzero((np.abs(turned) < np.pi / 2) & (np.abs(1 + ratio) < 1 / max_ms))
+        if there.size:
+            assert np.all(np.diff(there) == 1)
+            assert np.exp(low[k]) == pytest.approx(x[there[0]], rel=0.01)
+            assert np.exp(high[k]) == pytest.approx(x[there[-1]], rel=0.01)
+        assert there.size or found.depth[k] < 1e-3 * max_ms
+
+
+@pytest.mark.parametrize("above", [1e-4, 1e-6, 1e-9])
+def test_a_peak_close_to_1_needs_a_filter_as_much_slower_than_the_dead_time(above):
+    # L = exp(-θs)/(λs): |1 + L|² = 1 - 2 sin(θω)/(λω) + 1/(λω)², so Ms - 1 → θ/λ for slow filters.
+    (window,) = admissible_time_constants(nrdob.delay(3.0) * lag, lag, 1, max_ms=1 + above)
+    assert window == (pytest.approx(3.0 / above, rel=above**0.5), inf)
 
 
 def test_admissible_time_constants_end_where_the_closed_form_says():
