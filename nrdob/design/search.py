@@ -113,10 +113,12 @@ def design_filter(
             break
         time_constant = search.fastest()
         if time_constant == 0:
+            floor = search.intervals[0][0]
+            looked_at = f" (looked at down to {floor:.3g} s)" if floor else ""
             raise ValueError(
-                f"{specification} is met by every filter of order {search.order}, however fast "
-                f"(down to {search.intervals[0][0]:.3g} s); let the noise choose, for example by "
-                "the largest |U_eta| that the actuator bears"
+                f"{specification} is met by every filter of order {search.order}, however fast"
+                f"{looked_at}; let the noise choose, for example by the largest |U_eta| that the "
+                "actuator bears"
             )
         if time_constant and (not best or search.order * time_constant < _sluggishness(best)):
             best = LowPassFilter(time_constant, search.order)
