@@ -25,7 +25,7 @@ OLD_PROCESSOR := OPENBLAS_CORETYPE=Nehalem \
 	NPY_DISABLE_CPU_FEATURES="X86_V3 X86_V4 AVX512_ICL AVX512_SPR"
 
 .PHONY: help env book ledger quick test lint types layers map unit notebooks old-processor execute check \
-	bench bench-table slides lab release grade report test-exercises clean
+	bench bench-table pages slides paper lab release grade report test-exercises clean
 
 help: ## show this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /	/' | expand -t 16
@@ -47,7 +47,6 @@ $(READY): requirements.txt pyproject.toml
 book: $(READY) ## run every notebook and build the web book
 	$(PY) book/make/notebooks.py --output build/notebooks
 	$(PY) book/make/ledger.py --notebooks build/notebooks
-	$(PY) book/make/teaching.py
 	$(PY) -m sphinx -W --keep-going -n -q -D nrdob_notebooks=../build/notebooks -d build/doctrees -b html book build/html
 	@echo "The book is ready. Open $(CURDIR)/build/html/index.html"
 
@@ -56,9 +55,12 @@ ledger: $(READY) ## run every check of the ledger, and write its two pages into 
 
 test: lint types layers unit notebooks old-processor ## run every check
 
-lint: $(READY) ## style and formatting
+lint: $(READY) layers ## style and formatting, and whether everything stands, and is told, where it belongs
 	$(PY) -m ruff check .
 	$(PY) -m ruff format --check .
+	$(PY) -m tests.house
+	$(PY) book/make/teaching.py --check
+	$(PY) book/make/predictions.py --check
 
 types: $(READY) ## static types
 	$(PY) -m mypy
@@ -69,7 +71,7 @@ layers: $(READY) ## imports between the modules run one way
 	PYTHONUTF8=1 $(PY) -c 'from importlinter.cli import lint_imports_command as lint; lint()'
 
 map: $(READY) ## print the rooms of the package floor by floor, as its imports have them
-	$(PY) book/make/map.py
+	$(PY) -m tests.house.map
 
 quick: lint types layers ## the checks of the working day, in below 90 seconds
 	$(PYTEST) -m "not slow" tests nrdob --doctest-modules
@@ -84,8 +86,13 @@ old-processor: $(READY) ## doctests and notebooks again, in the arithmetic of an
 	$(OLD_PROCESSOR) $(PYTEST) nrdob --doctest-modules
 	$(OLD_PROCESSOR) $(PYTEST) $(NBVAL)
 
+pages: $(READY) ## write what is made and stored: pages for teachers, the questions in the chapters
+	$(PY) book/make/teaching.py
+	$(PY) book/make/predictions.py
+
 execute: $(READY) ## run every notebook in place, store its outputs, draw the README picture
 	$(PY) book/make/notebooks.py --in-place --report
+	$(PY) book/make/predictions.py
 	$(PY) book/make/readme_picture.py
 
 check: $(READY) ## run every notebook and compare byte for byte, figures included (same machine only)
@@ -99,6 +106,9 @@ bench-table: $(READY) ## time the public calls, before and after, in one table
 
 slides: $(READY) ## make slides of the questions for class, which need no network
 	$(PY) book/make/slides.py
+
+paper: $(READY) ## write sets, solutions and boards as pages to be printed
+	$(PY) book/make/paper.py
 
 lab: $(READY) ## open the notebooks in JupyterLab
 	$(PY) -m jupyterlab notebooks
@@ -117,4 +127,4 @@ test-exercises: $(READY) ## test the problem sets, their graders, and the way fr
 	$(PY) -m pytest -q tests/course
 
 clean: ## remove what the other targets made, except the environment
-	rm -rf build book/chapters book/ledger.md book/errata.md book/teaching/{mistakes,objectives,rubric}.md
+	rm -rf build book/chapters book/ledger.md book/errata.md

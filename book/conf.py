@@ -11,7 +11,7 @@ from sphinx.config import Config
 from sphinx.errors import ConfigError
 
 BOOK = Path(__file__).resolve().parent
-sys.path.insert(0, str(BOOK / "ext"))
+sys.path[:0] = [str(BOOK / "ext"), str(BOOK / "make")]
 
 project = "The noise-reduction disturbance observer"
 author = "the nrdob authors"
@@ -27,6 +27,7 @@ extensions = [
     "sphinx_copybutton",
     "sphinxcontrib.bibtex",
     "claimlinks",
+    "predict",
 ]
 
 # --- Text -------------------------------------------------------------------------------------
@@ -97,14 +98,7 @@ def copy_chapters(_app: Sphinx, config: Config) -> None:
             shutil.copyfile(notebook, copy)
 
 
-GENERATED = {
-    "book/make/ledger.py": ("ledger.md", "errata.md"),
-    "book/make/teaching.py": (
-        "teaching/mistakes.md",
-        "teaching/objectives.md",
-        "teaching/rubric.md",
-    ),
-}
+GENERATED = {"book/make/ledger.py": ("ledger.md", "errata.md")}
 
 
 def require_generated(_app: Sphinx, _config: Config) -> None:
@@ -116,6 +110,12 @@ def require_generated(_app: Sphinx, _config: Config) -> None:
                 f"{' and '.join(missing)} not in {BOOK}. They are made by: python {tool} "
                 "(make book does it by itself)"
             )
+
+
+def lead_to_chapters(_app: Sphinx, page: str, source: list[str]) -> None:
+    """Turn the links to notebooks, which lead somewhere without a build, into those of the book."""
+    if page.startswith("teaching/"):
+        source[0] = source[0].replace("(../../notebooks/", "(../chapters/")
 
 
 def add_filter(
@@ -131,4 +131,5 @@ def setup(app: Sphinx) -> None:
     app.add_config_value("nrdob_notebooks", "../notebooks", "env", str)
     app.connect("config-inited", copy_chapters)
     app.connect("config-inited", require_generated)
+    app.connect("source-read", lead_to_chapters)
     app.connect("html-page-context", add_filter)

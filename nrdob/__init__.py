@@ -1,7 +1,14 @@
-"""Stability and robustness of loops with a noise-reduction disturbance observer (NR-DOB)."""
+"""Stability and robustness of loops with a noise-reduction disturbance observer (NR-DOB).
+
+The list below is the table of contents, by topic. What answers, with which fields, is one room
+further: `nrdob.analysis` (verdicts, margins, responses), `nrdob.design` (which filter, model and
+controller), `nrdob.diagram` (blocks and the maps between them), `nrdob.numerics` (polynomials with
+a delay), `nrdob.plotting` (figures) and `nrdob.course` (the paper's claims, the problem sets).
+"""
 
 from . import paper, plants
 from .analysis import encirclements, judge_observer, margin_bounds
+from .deadtime import dead_time_observer, smith_predictor
 from .design import (
     admissible_time_constants,
     critical_time_constants,
@@ -10,13 +17,15 @@ from .design import (
     stabilizing_time_constants,
     suggest_model,
 )
-from .diagram import DelayedTransferFunction, LowPassFilter, delay
+from .diagram import DelayedTransferFunction, LowPassFilter, delay, interpolating_filter
 from .loop import NRDOB
 from .sampling import random_loop
 
 __all__ = [  # noqa: RUF022  (by topic: the contents of the package)
     # The loop, and what it is made of.
-    "NRDOB", "LowPassFilter", "DelayedTransferFunction", "delay",
+    "NRDOB", "LowPassFilter", "interpolating_filter", "DelayedTransferFunction", "delay",
+    # The same with a model that waits.
+    "dead_time_observer", "smith_predictor",
     # Is it stable, and how nearly not?
     "judge_observer", "encirclements", "margin_bounds",
     # Which filters work, and which is the fastest?

@@ -22,6 +22,8 @@ from .diagram import CLOSED_LOOP, MAPS, LoopEquations, Quotient
 if TYPE_CHECKING:
     from .plotting import Figure
 
+__all__ = ["NRDOB"]
+
 
 class NRDOB(LoopEquations):
     r"""A control loop with a noise-reduction disturbance observer, Fig. 1 of the paper.
@@ -36,12 +38,17 @@ class NRDOB(LoopEquations):
     ----------
     process : control.TransferFunction, StateSpace, DelayedTransferFunction or (num, den)
         The plant G, proper, with or without dead time.
-    model : control.TransferFunction, StateSpace or (num, den)
-        The process model G̃, proper, without dead time.
+    model : control.TransferFunction, StateSpace, DelayedTransferFunction or (num, den)
+        The process model G̃, proper. With a dead time it waits: the inverse leaves the dead time
+        out, and u waits for it, see `nrdob.diagram.equations`.
     controller : control.TransferFunction, StateSpace, number or (num, den)
         The feedback controller C, proper.
     filter : LowPassFilter, or a stable proper block with F(0) = 1
         The noise filter F, of at least the model's relative degree.
+    keep_factors : bool
+        By default the blocks F/G̃ and (1 - F)G̃ are each built as one, without what they share with
+        themselves: zeros of the model that F has, too, and poles of the model at which F = 1.
+        True keeps these, as a diagram does whose blocks are 1 - F, G̃ and its inverse.
 
     Raises
     ------
@@ -76,21 +83,63 @@ class NRDOB(LoopEquations):
         return stability(self)
 
     def stability(self) -> Stability:
-        """Judge the loop by Lemma 1, each condition in two independent ways."""
+        """Judge the loop by Lemma 1, each condition in two independent ways.
+
+        Returns
+        -------
+        Stability
+            The verdict, and for C·G̃ and F·H the counts and roots that prove it.
+        """
         return self._stability
 
     def margins(self) -> LoopMargins:
-        """Compute the margins of C·G̃, F·H (Lemma 2) and of the plant loop L = K·G."""
+        """Compute the margins of C·G̃, F·H (Lemma 2) and of the plant loop L = K·G.
+
+        Returns
+        -------
+        LoopMargins
+            `.model_loop`, `.observer_loop` and `.plant_loop`, each of which unpacks as
+            `control.stability_margins`.
+        """
         return loop_margins(self, self._stability)
 
     def step_response(self, input: str, timepts: ArrayLike | None = None) -> ct.TimeResponseData:
-        """Respond to a unit step of "R", "d", "delta" or "eta": see `nrdob.analysis.response`."""
+        """Respond to a unit step: see `nrdob.analysis.step_response`.
+
+        Parameters
+        ----------
+        input : {"R", "d", "delta", "eta"}
+            Where the step enters: reference, output disturbance, input disturbance or noise.
+        timepts : (N,) array_like or float, optional
+            Increasing times from 0 on, in seconds, or the last one; by default until y and u have
+            settled.
+
+        Returns
+        -------
+        control.TimeResponseData
+            `time` (N,), and `outputs` (2, 1, N) with y and u.
+        """
         return step_response(self, input, timepts)
 
     def forced_response(
         self, input: str, timepts: ArrayLike, inputs: ArrayLike
     ) -> ct.TimeResponseData:
-        """Respond to any signal at "R", "d", "delta" or "eta": see `nrdob.analysis.response`."""
+        """Respond to any signal: see `nrdob.analysis.forced_response`.
+
+        Parameters
+        ----------
+        input : {"R", "d", "delta", "eta"}
+            Where the signal enters.
+        timepts : (N,) array_like
+            Evenly spaced times from 0 on, in seconds.
+        inputs : (N,) array_like
+            The signal at these times, linear between them.
+
+        Returns
+        -------
+        control.TimeResponseData
+            `time` (N,), and `outputs` (2, N) with y and u.
+        """
         return forced_response(self, input, timepts, inputs)
 
     def plot_nyquist(
@@ -102,11 +151,31 @@ class NRDOB(LoopEquations):
         title: str = "",
         ax: Any = None,
     ) -> Figure:
-        """Draw the Nyquist plot of one map with N, P, Z: see `nrdob.plotting.nyquist_plot`."""
+        """Draw the Nyquist plot of one map with N, P, Z: see `nrdob.plotting.nyquist_plot`.
+
+        Parameters
+        ----------
+        which : str
+            Attribute that holds the map, as "FH", "CGm" or "L".
+        point : float
+            Point of the real axis to turn around.
+        zoom : float, optional
+            Half-width of an inset around the point; 0 for none.
+        title : str
+            Heading, which also enters the alt text.
+        ax : matplotlib Axes, optional
+            Where to draw.
+
+        Returns
+        -------
+        Figure
+            With `.lines`, `.axes`, `.figure` and `.alt`.
+        """
         from .plotting import nyquist_plot
 
         quotient = self._map(which)
-        known = {"CGm": self._stability.model_loop, "FH": self._stability.observer_loop}
+        verdicts = self._stability
+        known = {"CGm": verdicts.model_loop, self.condition_ii.name: verdicts.observer_loop}
         verdict = known.get(which) if point == -1 else None
         return nyquist_plot(quotient, verdict=verdict, point=point, zoom=zoom, title=title, ax=ax)
 
@@ -117,12 +186,29 @@ class NRDOB(LoopEquations):
         title: str = "",
         axes: Any = None,
     ) -> Figure:
-        """Draw Bode diagrams, by default F·H; margins where one open loop is drawn alone."""
+        """Draw Bode diagrams, by default F·H; margins where one open loop is drawn alone.
+
+        Parameters
+        ----------
+        *which : str
+            Attributes that hold the maps, as "FH" or "S_d".
+        omega_limits : (float, float), optional
+            Frequency range in rad/s; by default what there is to see.
+        title : str
+            Heading, which also enters the alt text.
+        axes : two matplotlib Axes, optional
+            Where to draw magnitude and phase.
+
+        Returns
+        -------
+        Figure
+            With `.lines`, `.axes`, `.figure` and `.alt`.
+        """
         from .plotting import bode_plot
 
         names = which or ("FH",)
         quotients = [self._map(name) for name in names]
-        known = {"CGm": "model_loop", "FH": "observer_loop", "L": "plant_loop"}
+        known = {"CGm": "model_loop", self.condition_ii.name: "observer_loop", "L": "plant_loop"}
         alone = len(names) == 1 and names[0] in known
         margins = getattr(self.margins(), known[names[0]]) if alone else None
         return bode_plot(
@@ -138,7 +224,26 @@ class NRDOB(LoopEquations):
         title: str = "",
         axes: Any = None,
     ) -> Figure:
-        """Draw responses to unit steps of R, d, δ and η: see `nrdob.plotting.step_plot`."""
+        """Draw responses to unit steps of R, d, δ and η: see `nrdob.plotting.step_plot`.
+
+        Parameters
+        ----------
+        signal : {"y", "u"}
+            Output or control signal.
+        compare : LoopEquations or dict of str: LoopEquations, optional
+            Other loops, drawn dashed and grey.
+        timepts : array_like or float, optional
+            Times in seconds, or the last one; by default what there is to see.
+        title : str
+            Heading, which also enters the alt text.
+        axes : four matplotlib Axes, optional
+            Where to draw R, d, δ and η.
+
+        Returns
+        -------
+        Figure
+            With `.lines`, `.axes`, `.figure` and `.alt`.
+        """
         from .plotting import step_plot
 
         return step_plot(
@@ -146,7 +251,20 @@ class NRDOB(LoopEquations):
         )
 
     def plot_roots(self, *, title: str = "", ax: Any = None) -> Figure:
-        """Draw the roots of p_A and p_B: see `nrdob.plotting.roots_plot`."""
+        """Draw the roots of p_A and p_B: see `nrdob.plotting.roots_plot`.
+
+        Parameters
+        ----------
+        title : str
+            Heading, which also enters the alt text.
+        ax : matplotlib Axes, optional
+            Where to draw.
+
+        Returns
+        -------
+        Figure
+            With `.lines`, `.axes`, `.figure` and `.alt`.
+        """
         from .plotting import roots_plot
 
         return roots_plot(self, title=title, ax=ax)

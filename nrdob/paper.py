@@ -16,6 +16,8 @@ import numpy as np
 from .diagram import LowPassFilter, Quotient, delay
 from .loop import NRDOB
 
+__all__ = ["EXAMPLES", "PRINTED", "PRINTED_FUNCTIONS", "Printed", "PrintedFunction", "example"]
+
 EXAMPLES = (1, 2, 3, 4)
 """Matched, non-minimum phase, unstable, time delay."""
 
@@ -36,6 +38,11 @@ class Printed:
         Decimals printed, so that half a unit of the last one is the tolerance.
     place : str
         Where in the paper it stands.
+
+    Examples
+    --------
+    >>> PRINTED["ex3.FH.pm"].agrees_with(65.13)
+    True
     """
 
     value: float
@@ -44,7 +51,18 @@ class Printed:
     place: str
 
     def agrees_with(self, computed: float) -> bool:
-        """Tell whether a computed value rounds to the printed one."""
+        """Tell whether a computed value rounds to the printed one.
+
+        Parameters
+        ----------
+        computed : float
+            A value in the same unit.
+
+        Returns
+        -------
+        bool
+            True within half a unit of the last printed digit.
+        """
         if self.value == inf:
             return computed == inf
         # A computed 50.65 may be printed 50.6 or 50.7: allow the rounding of the last digit.
@@ -85,6 +103,11 @@ class PrintedFunction:
         Dead time in seconds.
     place : str
         Where in the paper it stands.
+
+    Examples
+    --------
+    >>> PRINTED_FUNCTIONS["ex3.ratio"].agrees_with(example(3).ratio)
+    True
     """
 
     num: tuple[float, ...]
@@ -93,7 +116,18 @@ class PrintedFunction:
     place: str
 
     def agrees_with(self, computed: Quotient) -> bool:
-        """Tell whether a computed map has the printed values on a grid of the right half plane."""
+        """Tell whether a computed map has the printed values on a grid of the right half plane.
+
+        Parameters
+        ----------
+        computed : Quotient
+            A map of the loop.
+
+        Returns
+        -------
+        bool
+            True if all values agree to ten digits.
+        """
         s = np.add.outer(np.linspace(0.3, 30, 7), 1j * np.linspace(0, 200, 9)).ravel()
         printed = np.polyval(self.num, s) / np.polyval(self.den, s) * np.exp(-self.delay * s)
         return bool(np.allclose(computed(s), printed, rtol=1e-10, atol=0))
@@ -123,6 +157,11 @@ def example(number: int, modified: bool = False) -> NRDOB:
         1 matched, 2 non-minimum phase, 3 unstable, 4 time delay.
     modified : bool
         With the modified plant of the robustness test; Example 1 has none.
+
+    Returns
+    -------
+    NRDOB
+        The loop, with the blocks that the paper prints.
 
     Raises
     ------

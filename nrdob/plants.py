@@ -36,6 +36,7 @@ def lags(*time_constants: float, gain: float = 1.0) -> ct.TransferFunction:
     Returns
     -------
     control.TransferFunction
+        Of as many poles as there are lags.
 
     Examples
     --------
@@ -65,6 +66,7 @@ def resonance(
     Returns
     -------
     control.TransferFunction
+        Of order 2.
 
     Examples
     --------

@@ -9,6 +9,8 @@ from .diagram import DelayedTransferFunction, LowPassFilter
 from .loop import NRDOB
 from .numerics import FloatArray
 
+__all__ = ["random_block", "random_loop"]
+
 
 def random_loop(rng: np.random.Generator, *, delayed: bool = False) -> NRDOB:
     """Draw a well-posed loop, stable or not, from plants and models of orders 1 to 3.
@@ -26,6 +28,7 @@ def random_loop(rng: np.random.Generator, *, delayed: bool = False) -> NRDOB:
     Returns
     -------
     NRDOB
+        With a low-pass filter of the lowest causal order.
 
     Examples
     --------
@@ -50,7 +53,20 @@ def random_loop(rng: np.random.Generator, *, delayed: bool = False) -> NRDOB:
 
 
 def random_block(rng: np.random.Generator, max_order: int) -> ct.TransferFunction:
-    """Draw a proper rational block of order 1 to `max_order` with a DC gain of either sign."""
+    """Draw a proper rational block of order 1 to `max_order` with a DC gain of either sign.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Source of the numbers.
+    max_order : int
+        Highest order drawn.
+
+    Returns
+    -------
+    control.TransferFunction
+        The block.
+    """
     order = int(rng.integers(1, max_order + 1))
     num, den = (
         _random_polynomial(rng, int(rng.integers(0, order + 1))),

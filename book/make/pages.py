@@ -22,6 +22,8 @@ TEMPLATES.filters |= {
     "plain": lambda text: re.sub(r"([\\`*_{}\[\]<>|$~#])", r"\\\1", text),
     # Markdown, so that it fits into a cell of a table.
     "cell": lambda text: text.replace("|", r"\|").replace("\n", " "),
+    # 2.75 as 2¾.
+    "hours": lambda hours: f"{int(hours) or ''}{('', '¼', '½', '¾')[int(hours * 4) % 4]}",
     "points": lambda points: "1 point" if points == 1 else f"{points:g} points",
 }
 
@@ -31,8 +33,12 @@ def render(name: str, **given: Any) -> str:
     return TEMPLATES.get_template(f"{name}.j2").render(**given)
 
 
+def same(text: str, target: Path) -> bool:
+    """Tell whether a page is stored as it is made; git may have changed the line ends."""
+    return target.exists() and target.read_bytes().replace(b"\r\n", b"\n") == text.encode()
+
+
 def store(text: str, target: Path) -> None:
     """Store a page, with Unix line ends everywhere, and only where it changed."""
-    content = text.encode()
-    if not target.exists() or target.read_bytes() != content:
-        target.write_bytes(content)
+    if not target.exists() or target.read_bytes() != text.encode():
+        target.write_bytes(text.encode())

@@ -1,5 +1,7 @@
 """Make slides of the prediction questions: for a projector, and without a network.
 
+One deck for each week, and one with all questions in the order of the course of two days.
+
 `jupyter nbconvert --to slides` with a template of our own. Code cells are not shown; what they
 made is. reveal.js and MathJax come out of installed packages and are laid beside the slides.
 
@@ -10,18 +12,27 @@ made is. reveal.js and MathJax come out of installed packages and are laid besid
 from __future__ import annotations
 
 import argparse
+import re
 import shutil
 import sys
+from collections.abc import Iterable
 from importlib.metadata import distribution
 from pathlib import Path
+from typing import Any
 
 import nbformat
 from nbconvert.exporters import SlidesExporter
 from traitlets.config import Config
 
+from predictions import split
+
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "notebooks" / "class"
 TEMPLATE = ROOT / "book" / "templates" / "slides"
+SYLLABUS = ROOT / "book" / "teaching" / "syllabus.md"
+
+TWO_DAYS = re.compile(r"^\| \d+:\d\d \| \d+:\d\d \|[^|]*\| ([\d, ]+) \|", re.MULTILINE)
+"""A line of the plan for two days that has questions; their numbers."""
 
 BESIDE = (
     ("sphinx-revealjs", "_static/revealjs/dist/reveal.js"),
@@ -49,12 +60,34 @@ class SlidesError(Exception):
     """A notebook of which no slides can be made."""
 
 
-def slides(path: Path) -> str:
-    """Convert an executed notebook to one page of slides."""
+def read(path: Path) -> Any:
+    """Read a notebook that has been executed."""
     notebook = nbformat.read(path, as_version=4)
     code = [cell for cell in notebook.cells if cell.cell_type == "code" and cell.source.strip()]
     if any(cell.execution_count is None for cell in code):
         raise SlidesError(f"{path.name} has not been run: make execute")
+    return notebook
+
+
+def two_days(notebooks: Iterable[Any]) -> Any:
+    """Give all questions in one notebook, in the order of the course of two days."""
+    by_number = {
+        cells[0].source.removeprefix("## ")[:2]: cells
+        for notebook in notebooks
+        for cells in split(notebook.cells)
+    }
+    numbers = ", ".join(TWO_DAYS.findall(SYLLABUS.read_text("utf-8"))).split(", ")
+    chosen = [by_number[number] for number in numbers if number in by_number]
+    titles = [cells[0].source.partition("\n")[0].removeprefix("## ") for cells in chosen]
+    first = "# Predict, then look: two days\n\n" + "\n".join(
+        f"- [{title}](#{title.replace(' ', '-')})" for title in titles
+    )
+    opening = nbformat.v4.new_markdown_cell(first, metadata={"slideshow": {"slide_type": "slide"}})
+    return nbformat.v4.new_notebook(cells=[opening, *(cell for cells in chosen for cell in cells)])
+
+
+def slides(notebook: Any) -> str:
+    """Convert an executed notebook to one page of slides."""
     title = notebook.cells[0].source.partition("\n")[0].lstrip("# ")
     page, _ = SlidesExporter(config=CONFIG).from_notebook_node(notebook, {"deck_title": title})
     return str(page)
@@ -78,14 +111,14 @@ def main(arguments: list[str] | None = None) -> int:
     for old in folder.glob("*.html"):
         old.unlink()
     copy_beside(folder)
-    for path in sorted(FOLDER.glob("*.ipynb")):
-        try:
-            page = slides(path)
-        except SlidesError as error:
-            print(error, file=sys.stderr)
-            return 1
-        target = folder / f"{path.stem}.html"
-        target.write_text(page, encoding="utf-8")
+    try:
+        notebooks = {path.stem: read(path) for path in sorted(FOLDER.glob("*.ipynb"))}
+    except SlidesError as error:
+        print(error, file=sys.stderr)
+        return 1
+    for name, notebook in (notebooks | {"two_days": two_days(notebooks.values())}).items():
+        target = folder / f"{name}.html"
+        target.write_text(slides(notebook), encoding="utf-8")
         print(target)
     return 0
 

@@ -1,5 +1,7 @@
 """Write the pages of the instructor's pack that are made from the problems and the chapters.
 
+They are stored with the project, so that they can be read without a build.
+
 What a program knows comes from it: the problems, their points and typical mistakes, what the
 chapters promise. What only a teacher knows stands in ``book/teaching/problems.toml``: what to ask a
 student, what earns points where somebody reads the answer. The exit code is 1, and every reason is
@@ -7,6 +9,7 @@ listed, if the two do not fit together; the pages are written in any case.
 
     python book/make/teaching.py                     write the pages into book/teaching
     python book/make/teaching.py --output FOLDER     write them there
+    python book/make/teaching.py --check             fail if a stored page is behind its source
 """
 
 from __future__ import annotations
@@ -15,7 +18,7 @@ import argparse
 import re
 import sys
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,7 +26,7 @@ from typing import Any
 import nbformat
 
 from nrdob.course.exercises import PROBLEMS, Problem
-from pages import render, store
+from pages import render, same, store
 
 ROOT = Path(__file__).resolve().parents[2]
 NOTEBOOKS = ROOT / "notebooks"
@@ -31,12 +34,29 @@ TEACHING = ROOT / "book" / "teaching"
 ADVICE = "problems.toml"
 
 GRADED = re.compile(r"(check|written)-(\d+)-(\d+)([a-z]?)")
-TIME = re.compile(r"\*\*Time\*\* (.*?minutes)")
+SOLUTION = re.compile(r"### BEGIN SOLUTION\n(.*?)\s*### END SOLUTION", re.DOTALL)
 
 PARTS = {"0": "The examples", "1": "The derivations", "2": "Design"}
 """The parts of the book, by the first digit of a chapter's name."""
 
 PAGES = ("objectives.md", "mistakes.md", "rubric.md")
+
+
+@dataclass(frozen=True)
+class Rule:
+    """How long a problem takes: what is read and written in a minute, and minutes for the rest.
+
+    A line of code takes a minute, too. A step that must be found, and the checks of an answer, have
+    two numbers: for a quick student and for a slow one.
+    """
+
+    words_read: int = 100
+    words_written: int = 10
+    step: tuple[int, int] = (2, 4)
+    check: tuple[int, int] = (2, 4)
+
+
+RULE = Rule()
 
 
 # --- what there is ------------------------------------------------------------------------------
@@ -53,17 +73,22 @@ class Chapter:
 
     @property
     def link(self) -> str:
-        return f"[{self.title}](../chapters/{self.stem}.ipynb)"
+        return f"[{self.title}](../../notebooks/{self.stem}.ipynb)"
 
 
 @dataclass(frozen=True)
 class Task:
-    """A graded cell of a set."""
+    """A graded cell of a set, with the minutes that its text and its solution take to read, write.
+
+    What has to be thought of in between is counted in steps, by hand: `Advice.steps`.
+    """
 
     id: str
     title: str
     points: float
     written: bool
+    reading: float
+    writing: float
 
 
 @dataclass(frozen=True)
@@ -72,7 +97,6 @@ class ProblemSet:
 
     name: str
     title: str
-    time: str
     tasks: tuple[Task, ...]
 
     @property
@@ -84,10 +108,12 @@ class ProblemSet:
 class Advice:
     """What a teacher knows about a problem.
 
-    `trains` names objectives: the chapter, and how the objective begins.
+    `trains` names objectives: the chapter, and how the objective begins. `steps` are the thoughts
+    that a solution takes.
     """
 
     ask: str
+    steps: int
     trains: tuple[tuple[str, str], ...]
     rubric: tuple[tuple[float, str], ...] = ()
     wrong: tuple[tuple[str, str], ...] = ()
@@ -110,24 +136,55 @@ def read_chapters(folder: Path = NOTEBOOKS) -> dict[str, Chapter]:
 
 
 def read_set(path: Path) -> ProblemSet:
-    """Read titles, time and points of a set."""
+    """Read titles, points and times of a set."""
     cells = nbformat.read(path, as_version=4).cells
     text = "\n".join(cell.source for cell in cells if cell.cell_type == "markdown")
     headings = dict(re.findall(r"^## (\d+\.\d+) (.+)$", text, re.MULTILINE))
     title = re.search(r"^# (.+)$", text, re.MULTILINE)
-    time = TIME.search(text)
     tasks = []
     for cell in cells:
         kind = cell.metadata.get("nbgrader", {})
         if kind.get("grade") and (name := GRADED.fullmatch(kind["grade_id"])):
             number = f"{name[2]}.{name[3]}"
+            of_task = [each for each in cells if _number(each) == number + name[4]]
             task = Task(
-                number + name[4], headings.get(number, ""), kind["points"], name[1] == "written"
+                number + name[4],
+                headings.get(number, ""),
+                kind["points"],
+                name[1] == "written",
+                _reading(of_task),
+                _writing(of_task),
             )
             tasks.append(task)
-    return ProblemSet(
-        path.stem, title[1] if title else path.stem, time[1] if time else "", tuple(tasks)
-    )
+    return ProblemSet(path.stem, title[1] if title else path.stem, tuple(tasks))
+
+
+def _number(cell: Any) -> str:
+    """Give the problem that a cell belongs to, "2.4" for answer-2-4."""
+    found = re.fullmatch(r"[a-z]+-(\d+)-(\d+[a-z]?)", cell.id)
+    return f"{found[1]}.{found[2]}" if found else ""
+
+
+def _reading(cells: Sequence[Any]) -> float:
+    """Give the minutes that it takes to read a problem."""
+    text = " ".join(cell.source for cell in cells if cell.id.startswith("task-"))
+    return len(text.split()) / RULE.words_read
+
+
+def _writing(cells: Sequence[Any]) -> float:
+    """Give the minutes that it takes to write the solution down, once it is known."""
+    minutes = 0.0
+    for cell in cells:
+        for solution in SOLUTION.findall(cell.source):
+            if cell.cell_type == "markdown":
+                minutes += len(solution.split()) / RULE.words_written
+            else:
+                minutes += len([line for line in solution.splitlines() if _is_code(line)])
+    return minutes
+
+
+def _is_code(line: str) -> bool:
+    return bool(line.strip()) and not line.lstrip().startswith("#")
 
 
 def read_sets(folder: Path = NOTEBOOKS / "exercises" / "source") -> list[ProblemSet]:
@@ -145,6 +202,7 @@ def _advice(entry: Mapping[str, Any]) -> Advice:
     trains = (text.partition(": ") for text in entry["trains"])
     return Advice(
         entry["ask"],
+        entry["steps"],
         tuple((stem, begins) for stem, _, begins in trains),
         tuple((points, text) for points, text in entry.get("rubric", ())),
         tuple((did, say) for did, say in entry.get("wrong", ())),
@@ -219,6 +277,21 @@ class Pack:
         own = task.id in self.problems and self.problems[task.id].own
         return "checked, own plant" if own else "checked"
 
+    def minutes_of(self, task: Task) -> tuple[float, float]:
+        """Give the minutes that a problem takes a quick student, and a slow one."""
+        steps = self.advice[task.id].steps if task.id in self.advice else 0
+        fixed = task.reading + task.writing
+        quick, slow = (
+            fixed + steps * step + (0 if task.written else check)
+            for step, check in zip(RULE.step, RULE.check, strict=True)
+        )
+        return quick, slow
+
+    def hours_of(self, tasks: Iterable[Task]) -> tuple[float, float]:
+        """Give the hours that problems take together, to a quarter."""
+        quick, slow = map(sum, zip(*map(self.minutes_of, tasks), strict=True))
+        return round(quick / 15) / 4, round(slow / 15) / 4
+
     def rubric_of(self, task: Task) -> tuple[tuple[float, str], ...]:
         """Give what earns points in a written answer."""
         return self.advice[task.id].rubric if task.id in self.advice else ()
@@ -240,11 +313,18 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument(
         "--output", type=Path, default=TEACHING, metavar="FOLDER", help="write them there"
     )
-    folder = parser.parse_args(arguments).output
+    parser.add_argument("--check", action="store_true", help="only compare with what is stored")
+    options = parser.parse_args(arguments)
     pack = read_pack()
-    folder.mkdir(parents=True, exist_ok=True)
-    for name in PAGES:
-        store(render(name, pack=pack), folder / name)
+    made = {name: render(name, pack=pack, rule=RULE) for name in PAGES}
+    if options.check:
+        behind = [name for name in PAGES if not same(made[name], options.output / name)]
+        if behind:
+            print("Behind their source:", *behind, "- make pages writes them", file=sys.stderr)
+        return 1 if behind else 0
+    options.output.mkdir(parents=True, exist_ok=True)
+    for name, text in made.items():
+        store(text, options.output / name)
     mistakes = sum(len(problem.misconceptions) for problem in pack.problems.values())
     print(
         f"The instructor's pack: {len(pack.sets)} sets, {sum(1 for _ in pack.tasks)} problems, "

@@ -1,7 +1,7 @@
-"""What the loop does: its stability, its margins, its responses, the power of its noise."""
+"""What the loop does: its stability, its margins, its responses, its turns around -1."""
 
 from .frequencies import on_axis, resolved_frequencies, subdivided
-from .margins import LoopMargins, Margins, loop_margins, margin_bounds, margins
+from .margins import LoopMargins, MarginBounds, Margins, loop_margins, margin_bounds, margins
 from .nyquist import NyquistCount, encirclements, minus_point, rhp_roots
 from .response import forced_response, step_response
 from .stability import LoopStability, Stability, judge, judge_observer, stability
@@ -9,6 +9,7 @@ from .stability import LoopStability, Stability, judge, judge_observer, stabilit
 __all__ = [
     "LoopMargins",
     "LoopStability",
+    "MarginBounds",
     "Margins",
     "NyquistCount",
     "Stability",

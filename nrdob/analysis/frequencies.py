@@ -12,6 +12,8 @@ from ..diagram import Quotient
 from ..numerics import FloatArray, QuasiPolynomial, frequency_segments
 from .nyquist import minus_point
 
+__all__ = ["on_axis", "resolved_frequencies", "subdivided"]
+
 CLOSEST = 2.0**-40
 """How close to a root on the axis there are still frequencies, as a fraction of its own."""
 
@@ -41,7 +43,9 @@ def resolved_frequencies(
     """
     parts = [minus_point(loop) if closed is None else closed]
     for factor in (*loop.num, *loop.den):
-        parts += [QuasiPolynomial(c) for c in (factor.q, factor.r) if c.any()]
+        parts += [QuasiPolynomial(term.q) for term in factor.terms if term.q.any()]
+    # A delayed factor of the denominator may come close to zero again and again.
+    parts += [factor for factor in loop.den if factor.delay]
     grids = [_segments(p.without_origin) for p in parts if p.neutral_ratio < 1]
     omega = reduce(np.union1d, grids, np.zeros(1))[1:]
     if not omega.size:  # nothing but gains and dead time
@@ -55,13 +59,27 @@ def resolved_frequencies(
 
 
 def subdivided(omega: FloatArray, count: int) -> FloatArray:
-    """Cut each stretch between neighbouring frequencies into `count` equal ones."""
+    """Cut each stretch between neighbouring frequencies into `count` equal ones.
+
+    Parameters
+    ----------
+    omega : array of float, shape (N,)
+        Increasing frequencies, in rad/s.
+    count : int
+        Into how many.
+    """
     fractions = np.arange(count) / count
     return np.append((omega[:-1, None] + np.diff(omega)[:, None] * fractions).ravel(), omega[-1])
 
 
 def on_axis(factors: Iterable[QuasiPolynomial]) -> FloatArray:
-    """Frequencies ω > 0, in rad/s, at which a factor has a root on the axis within rounding."""
+    """Frequencies ω > 0, in rad/s, at which a factor has a root on the axis within rounding.
+
+    Parameters
+    ----------
+    factors : iterable of QuasiPolynomial
+        The factors.
+    """
     found: list[FloatArray] = [np.empty(0)]
     for factor in factors:
         roots = factor.roots

@@ -7,12 +7,15 @@ that almost cancel keep their places, and no unit of time or gain makes a produc
 
 from __future__ import annotations
 
+from functools import reduce
 from typing import NamedTuple
 
 import numpy as np
 
 from ..diagram import Quotient
-from ..numerics import ComplexArray, FloatArray, IntArray, bisect, side
+from ..numerics import ComplexArray, FloatArray, IntArray, add, bisect, side
+
+__all__ = ["Locus", "Notable", "notable_frequencies"]
 
 NOISE = 1e-13
 """What is below it may be rounding, and has no sign."""
@@ -49,10 +52,17 @@ class Locus:
     def __init__(self, loop: Quotient) -> None:
         factors = (*loop.num, *loop.den)
         self._signs = np.repeat([1.0, -1.0], [len(loop.num), len(loop.den)])
-        delays = np.array([factor.delay for factor in factors])
-        self._delayed = np.flatnonzero(delays)
-        self._delays = delays[self._delayed, None]
-        rows = [f.q for f in factors] + [factors[i].r for i in self._delayed]
+        delayed = [(i, *term) for i, factor in enumerate(factors) for term in factor.delayed]
+        self._delayed = np.array([i for i, _, _ in delayed], dtype=np.intp)
+        self._delays = np.array([delay for _, _, delay in delayed])[:, None]
+        # Near a zero at s = 0 that the terms have only together, exp(-sT) - 1 is what counts.
+        vanishing = [factor.without_origin.divided == 1 for factor in factors]
+        self._less = np.array([float(vanishing[i]) for i, _, _ in delayed])[:, None]
+        rows = [
+            reduce(add, [r for r, _ in factor.delayed], factor.q) if less else factor.q
+            for factor, less in zip(factors, vanishing, strict=True)
+        ]
+        rows += [r for _, r, _ in delayed]
         # p(s) = even(s²) + s odd(s²): on the axis s² is real, so that half the work is left.
         length = max(row.size for row in rows) // 2 + 1
         table = np.zeros((length, 2, len(rows)))
@@ -89,10 +99,13 @@ class Locus:
         p = value[0] + s * value[1]
         dp = value[1] + 2 * s * (slope[0] + s * slope[1])
         if self._delayed.size:
-            lag, count = np.exp(-self._delays * s), self._signs.size
-            p[self._delayed] += p[count:] * lag
-            dp[self._delayed] += (dp[count:] - self._delays * p[count:]) * lag
+            count, wait = self._signs.size, -self._delays * s
+            lag = np.where(self._less, np.expm1(wait), np.exp(wait))
+            slope_of_lag = -self._delays * (lag + self._less)
+            late = p[count:] * lag, dp[count:] * lag + p[count:] * slope_of_lag
             p, dp = p[:count], dp[:count]
+            for values, more in zip((p, dp), late, strict=True):
+                np.add.at(values, self._delayed, more)
         with np.errstate(all="ignore"):
             return self._signs @ np.log(p), s * (self._signs @ (dp / p))
 

@@ -27,11 +27,14 @@ from ..numerics import (
     add,
     companion_roots,
     differentiate,
+    multiply,
 )
 from .frequencies import on_axis, resolved_frequencies
 from .locus import Locus, Notable, notable_frequencies
 from .nyquist import minus_point
 from .stability import Stability, stability
+
+__all__ = ["LoopMargins", "MarginBounds", "Margins", "loop_margins", "margin_bounds", "margins"]
 
 MAX_SPREAD = 1e4
 """Ratio of the fastest to the slowest root up to which polynomials in ω² are trusted."""
@@ -128,7 +131,8 @@ class LoopMargins:
     Attributes
     ----------
     model_loop, observer_loop : Margins
-        C·G̃ and F·H, conditions i and ii of Lemma 2.
+        C·G̃ and F·H, conditions i and ii of Lemma 2; L in place of F·H where a pole on the axis or
+        right of it cancels inside (1 - F)·G̃, so that F·H passes through -1 whatever the process.
     plant_loop : Margins
         L = K·G, whose margins are those that the plant feels.
     stable : bool or None
@@ -142,7 +146,8 @@ class LoopMargins:
 
     def __repr__(self) -> str:
         head = f"       GM (dB)  {'gains':16}  PM (°)       Ms   delay margin (s)"
-        return "\n".join([head, *map(str, (self.model_loop, self.observer_loop, self.plant_loop))])
+        rows = {each.name: str(each) for each in (self.model_loop, self.observer_loop)}
+        return "\n".join([head, *(rows | {self.plant_loop.name: str(self.plant_loop)}).values()])
 
 
 class MarginBounds(NamedTuple):
@@ -176,6 +181,7 @@ def margin_bounds(ms: float) -> MarginBounds:
     Returns
     -------
     MarginBounds
+        `gm_low`, `gm_high` and `pm`, in degrees.
 
     Raises
     ------
@@ -211,7 +217,11 @@ def loop_margins(loop: LoopEquations, verdict: Stability | None = None) -> LoopM
     verdict = stability(loop) if verdict is None else verdict
     return LoopMargins(
         margins(loop.CGm, verdict.model_loop.stable, loop.p_A),
-        margins(loop.FH, verdict.observer_loop.stable, loop.p_B),
+        margins(
+            loop.condition_ii,
+            verdict.observer_loop.stable,
+            multiply(loop.p_B, loop.built.poles) if loop.condition_ii is loop.FH else loop.p_B,
+        ),
         margins(loop.L, verdict.observer_loop.stable, loop.p_B),
         verdict.stable,
     )
@@ -238,7 +248,7 @@ def margins(loop: Quotient, stable: bool | None, closed: QuasiPolynomial | None 
         logs = _logs(locus, found)
     gain, phase, nearest = found
     at_gain, at_phase, at_nearest = map(np.exp, logs)
-    ends = _Ends(loop.dc_gain, *loop.at_infinity)
+    ends = _Ends(loop.dc_gain, *_circle_at_infinity(loop))
     gains, phase = _critical_gains(phase, at_phase.real, ends)
     if not stable:
         return Margins(nan, nan, nan, nan, nan, nan, nan, nan, nan, stable, loop.name, gain, phase)
@@ -273,6 +283,27 @@ class _Ends(NamedTuple):
         if abs(cosine) > 1 + ROUNDING:
             return at_zero, inf
         return at_zero, pi - acos(max(-1.0, min(1.0, cosine)))
+
+
+def _circle_at_infinity(loop: Quotient) -> tuple[float, float]:
+    """Return the a and b of the circle a + b exp(-jωθ) that L(jω) tends to.
+
+    With a denominator 1 + c exp(-jωθm) that a model with a direct term leaves it is the image of
+    one; where two different dead times turn, the circle around 0 that holds all L comes near to.
+    """
+    num, den = loop.numerator, loop.denominator
+    a, b = loop.at_infinity
+    c = [(float(p[0] / den.q[0]), delay) for p, delay in den.delayed if p.size == den.q.size]
+    if not c or den.neutral_ratio >= 1 or not isfinite(a + b):
+        return a, b
+    ratio, delay = c[0]
+    size = den.neutral_ratio
+    shrink = 1 - size**2
+    if not b:
+        return a / shrink, abs(a) * size / shrink
+    if not a and len(c) == 1 and num.delayed == num.delayed[:1] and num.delay == delay:
+        return -b * ratio / shrink, abs(b) / shrink
+    return a / shrink, abs(a) * size / shrink + abs(b) / (1 - size)
 
 
 def _tame(loop: Quotient, closed: QuasiPolynomial) -> bool:

@@ -18,7 +18,9 @@ from math import inf
 import numpy as np
 
 from ..diagram import Quotient
-from ..numerics import QuasiPolynomial, RootCount, add, count_rhp
+from ..numerics import QuasiPolynomial, RootCount, Term, add, count_rhp
+
+__all__ = ["NyquistCount", "encirclements", "minus_point", "nyquist_count", "rhp_roots"]
 
 
 @dataclass(frozen=True)
@@ -86,6 +88,11 @@ def encirclements(loop: Quotient, point: float = -1.0) -> NyquistCount:
     point : float
         The point to encircle: -1 for a loop gain, +1 for the paper's G̃⁻¹G.
 
+    Returns
+    -------
+    NyquistCount
+        N, P and Z = N + P; None, with the reason, where the curve meets the point.
+
     Examples
     --------
     >>> import control as ct
@@ -108,18 +115,29 @@ def encirclements(loop: Quotient, point: float = -1.0) -> NyquistCount:
 
 
 def minus_point(loop: Quotient, point: float = -1.0) -> QuasiPolynomial:
-    """Numerator of L - point, that is num - point * den."""
+    """Numerator of L - point, that is num - point * den.
+
+    Parameters
+    ----------
+    loop : Quotient
+        L, any map of the loop.
+    point : float
+        Point of the real axis.
+    """
     num, den = loop.numerator, loop.denominator
-    return QuasiPolynomial(
-        add(num.q, -point * den.q),
-        add(num.r, -point * den.r),
-        max(num.delay, den.delay),
-        add(num.scale, abs(point) * den.scale),
-    )
+    less = tuple(Term(-point * p, delay) for p, delay in den.terms)
+    scale = add(num.scale, abs(point) * den.scale)
+    return QuasiPolynomial(num.q, scale=scale, more=num.delayed + less)
 
 
 def rhp_roots(factor: QuasiPolynomial) -> float:
-    """Roots of one factor in the open right half plane; roots on the axis do not count."""
+    """Roots of one factor in the open right half plane; roots on the axis do not count.
+
+    Parameters
+    ----------
+    factor : QuasiPolynomial
+        A factor, with or without delay.
+    """
     if factor.finite_part.neutral_ratio >= 1:
         return inf
     count = None if factor.turn.touched else factor.rhp_in_whole_numbers

@@ -9,8 +9,10 @@ E/R = 1/(1 + Gm C)::
 One signal v is delayed, everything else is rational. Without dead time y and u are rational, too,
 and their factors are taken apart by time scale before anything is simulated
 (`nrdob.numerics.timescales`). With dead time z is known on every interval of length θ from the
-interval before (`nrdob.analysis.steps`). Where marching loses digits two more ways are at hand. The
-first few echoes can be summed up one by one. And where a window spans so many dead times that the
+interval before (`nrdob.analysis.steps`). A model that waits needs u as it was θm ago, a second
+delayed signal: u = … + F u(t - θm) - … is known between any two moments at which something comes
+around (`nrdob.analysis.lattice`). Where marching loses digits two more ways are at hand. The first
+few echoes can be summed up one by one. And where a window spans so many dead times that the
 rounding of each adds up, a rational stands in for the dead time once its first echoes are over;
 there, and nowhere else, and only where one of another order gives the same ten digits.
 
@@ -23,7 +25,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import reduce
-from math import factorial, inf
+from itertools import product
+from math import comb, factorial, inf
 
 import control as ct
 import numpy as np
@@ -32,8 +35,11 @@ from scipy.signal import fftconvolve
 
 from ..diagram import INPUTS, LoopEquations, Quotient
 from ..numerics import Block, FloatArray, add, impulse_states, split
+from .lattice import Driven, delayed_responses
 from .steps import MAX_DELAYS, delayed_response
 from .window import POINTS, default_response
+
+__all__ = ["forced_response", "step_response"]
 
 OUTPUTS = ("y", "u")
 
@@ -47,6 +53,8 @@ _SPOT_CHECKS = 9
 _FIRST_ECHOES = 2  # delays in which the echoes are summed one by one, which is exact
 _ECHOES = 8  # delays at most whose echoes are summed one by one
 _FEW_DELAYS = 20_000  # through which rounding does not add up
+_ALL_ECHOES = 4  # of the shorter of two delays, whose echoes are summed in every order
+_FINER = 1.0, 1.5  # panels of two marches that are compared
 _STARTING = 60  # delays, after which a short one is smooth enough to be replaced by a rational
 _ORDERS = 9, 7  # of the rational that replaces it, and of the one it is checked against
 
@@ -270,6 +278,11 @@ def _undecided(input: str, horizon: float) -> str:
 
 def _ways(loop: LoopEquations, horizon: float) -> tuple[Callable[..., Solver], ...]:
     """Ways to compute a response, in the order in which they are tried."""
+    if loop.model_delay:
+        shortest = min(each for each in (loop.delay, loop.model_delay) if each)
+        if horizon < _FIRST_ECHOES * shortest:
+            return _all_echoes, _waiting
+        return (_waiting, _all_echoes) if horizon < _ALL_ECHOES * shortest else (_waiting,)
     if not loop.delay:
         return (_rational,)
     if horizon > MAX_DELAYS * loop.delay:
@@ -310,8 +323,8 @@ def _rational(
 ) -> Solver:
     """Without dead time both signals are sums of exponentials."""
     maps = _maps(loop, input)
-    terms = [([m.numerator.q for m in maps], maps[0].denominator.q)]
-    return _shifted(terms, 0.0, horizon, integrals, attempt)
+    term = [m.numerator.q for m in maps], maps[0].denominator.q
+    return _shifted([(0.0, term)], 0.0, horizon, integrals, attempt)
 
 
 def _echoes(
@@ -327,29 +340,65 @@ def _echoes(
     q, r = loop.p_B.q, loop.p_B.r
     rest = loop.p_A.q if input == "R" else np.ones(1)
     ends = [(m.numerator.q, m.numerator.r) for m in maps]
-    terms = [([a for a, _ in ends], np.convolve(rest, q))]
+    terms = [(0.0, ([a for a, _ in ends], np.convolve(rest, q)))]
     nums = [add(np.convolve(b, q), -np.convolve(a, r)) for a, b in ends]
-    for _ in range(int(horizon / loop.delay + 1e-9)):
-        terms.append((nums, np.convolve(terms[-1][1], q)))
+    for k in range(1, int(horizon / loop.delay + 1e-9) + 1):
+        terms.append((k * loop.delay, (nums, np.convolve(terms[-1][1][1], q))))
         nums = [-np.convolve(num, r) for num in nums]
     return _shifted(terms, loop.delay, horizon, integrals, attempt)
 
 
-def _shifted(
-    terms: Sequence[Rational], delay: float, horizon: float, integrals: int, attempt: int
+def _all_echoes(
+    loop: LoopEquations, input: str, horizon: float, integrals: int, attempt: int
 ) -> Solver:
-    """Sum up transforms, the k-th one delayed by k times `delay`."""
+    """Sum up what has come around in every order, with two dead times or one of two signals.
+
+    ``1/(q + sum of r E)`` is the sum over the numbers of times that each r E occurs, as often as
+    they can be ordered.
+    """
+    q, echoes = loop.p_B.q, loop.p_B.delayed
+    rest = loop.p_A.q if input == "R" else np.ones(1)
+    ends = [m.numerator.terms for m in _maps(loop, input)]
+    counts = [range(int(horizon / echo.delay + 1e-9) + 1) for echo in echoes]
+    terms: list[tuple[float, Rational]] = []
+    for occurs in product(*counts):
+        around = sum(k * echo.delay for k, echo in zip(occurs, echoes, strict=True))
+        if around > horizon * (1 + 1e-9):
+            continue
+        ways = float(comb(sum(occurs), occurs[0])) if occurs else 1.0
+        powers = [-echo.q for k, echo in zip(occurs, echoes, strict=True) for _ in range(k)]
+        num = reduce(np.convolve, powers, np.array([ways]))
+        den = reduce(np.convolve, [q] * sum(occurs), np.convolve(rest, q))
+        for row, end in enumerate(ends):
+            for a, delay in end:
+                if a.any():
+                    nums = [np.zeros(1), np.zeros(1)]
+                    nums[row] = np.convolve(a, num)
+                    terms.append((around + delay, (nums, den)))
+    shortest = min((echo.delay for echo in echoes), default=0.0)
+    return _shifted(terms, shortest, horizon, integrals, attempt)
+
+
+def _shifted(
+    terms: Sequence[tuple[float, Rational]],
+    delay: float,
+    horizon: float,
+    integrals: int,
+    attempt: int,
+) -> Solver:
+    """Sum up transforms, each delayed, where `delay` is the shortest of the dead times."""
     unit = _UNITS[attempt]
     late = [
-        _impulses(_in_blocks(_forced(*term, integrals), horizon - k * delay, unit), unit)
-        for k, term in enumerate(terms)
+        (begin, _impulses(_in_blocks(_forced(*term, integrals), horizon - begin, unit), unit))
+        for begin, term in terms
+        if begin <= horizon * (1 + 1e-9)
     ]
 
     def solve(times: FloatArray) -> FloatArray:
         outputs = np.zeros((2, times.size))
-        for k, blocks in enumerate(late):
+        for begin, blocks in late:
             # A time that only rounding puts before a multiple of the delay is meant to be on it.
-            since = times - k * delay
+            since = times - begin
             begun = since >= -1e-9 * delay
             since = np.maximum(since[begun], 0.0)
             if since.size:
@@ -377,6 +426,94 @@ def _marching(
         return outputs[:, : times.size], outputs[:, times.size :]
 
     return march
+
+
+def _waiting(
+    loop: LoopEquations, input: str, horizon: float, integrals: int, attempt: int
+) -> Solver:
+    """From moment to moment at which something comes around, see `nrdob.analysis.lattice`."""
+    unit = _UNITS[attempt]
+    known = np.append([unit ** (1 - integrals)], np.zeros(integrals - 1))  # of δ in this unit
+    nothing = np.zeros(0)
+    driven = [
+        Driven(
+            _in_blocks(rational, horizon, unit),
+            delay * unit,
+            known if input == "delta" and of_v else nothing,
+        )
+        for rational, delay, of_v in _behind_the_delays(loop)
+    ]
+    before = _forced(*_beside_the_delays(loop, input), integrals)
+    free = _impulses(_in_blocks(before, horizon, unit), unit)
+    _, _, _, F = loop.fractions
+    ratio = loop.ratio
+    around = [F.relative_degree]
+    if loop.delay:
+        around.append(F.relative_degree + ratio.denominator.degree - ratio.numerator.degree)
+
+    def march(times: FloatArray, grid: FloatArray) -> tuple[FloatArray, FloatArray]:
+        union, which = np.unique(np.concatenate([times, grid]), return_inverse=True)
+        outputs = delayed_responses(driven, free, union * unit, min(around), _FINER[attempt])
+        if input == "delta":
+            outputs[1] += np.polyval(known, union * unit)
+        outputs = outputs[:, which]
+        return outputs[:, : times.size], outputs[:, times.size :]
+
+    return march
+
+
+def _behind_the_delays(loop: LoopEquations) -> list[tuple[Rational, float, bool]]:
+    """Return what delayed signals do to y and u, their dead times, and which of them is v.
+
+    That of the process is v = u + δ, what the model waits for is u.
+    """
+    G, Gm, _, F = loop.fractions
+    nothing = np.zeros(1)
+    if not loop.delay:
+        both = _product(G.num, Gm.num, F.num), _product(G.den, Gm.num, F.num)
+        return [((both, _without_waiting(loop)), loop.model_delay, False)]
+    inverse = _product(F.den, Gm.num)
+    y, u = np.convolve(G.num, inverse), -_product(G.num, F.num, Gm.den)
+    process = (y, u), np.convolve(G.den, inverse)
+    return [(process, loop.delay, True), (((nothing, F.num), F.den), loop.model_delay, False)]
+
+
+def _beside_the_delays(loop: LoopEquations, input: str) -> Rational:
+    """Return what the input does to y and u before anything has come around.
+
+    u = c - (F/Gm0)(y + η), where c = C e is the prefiltered reference; without dead time in the
+    process y = G0 (u + δ) + d at once.
+    """
+    G, Gm, C, F = loop.fractions
+    nothing, one = np.zeros(1), np.ones(1)
+    feedback, through = _product(F.num, Gm.den), _product(F.den, Gm.num)
+    prefilter = _product(C.num, Gm.den)
+    if loop.delay:
+        return {
+            "R": ((nothing, prefilter), loop.p_A.q),
+            "d": ((through, -feedback), through),
+            "eta": ((nothing, -feedback), through),
+            "delta": ((nothing, nothing), one),
+        }[input]
+    den = _without_waiting(loop)
+    to_y, to_u = _product(G.num, through), _product(G.den, through)
+    around, back = _product(G.num, feedback), _product(G.den, feedback)
+    return {
+        "R": ((_product(to_y, prefilter), _product(to_u, prefilter)), _product(loop.p_A.q, den)),
+        "d": ((to_u, -back), den),
+        "eta": ((-around, -back), den),
+        "delta": ((to_y, -around), den),
+    }[input]
+
+
+def _without_waiting(loop: LoopEquations) -> FloatArray:
+    """D Nm Df + N Dm Nf, what a process without dead time does while the model still waits."""
+    G, Gm, _, F = loop.fractions
+    return add(_product(G.den, Gm.num, F.den), _product(G.num, Gm.den, F.num))
+
+
+def _product(*factors: FloatArray) -> FloatArray:
+    return reduce(np.convolve, factors)
 
 
 def _short_delay(
@@ -420,22 +557,28 @@ def _pade(order: int, delay: float) -> tuple[FloatArray, FloatArray]:
 
 def _around_the_delay(loop: LoopEquations) -> Rational:
     """Return what z does: y = G0 z and v = -K G0 z with K = F/((1 - F) Gm)."""
-    G, Gm, _, F = loop.fractions
-    num, den = np.convolve(F.num, Gm.den), np.convolve(loop.one_minus_F.q, Gm.num)
+    G, (num, den) = loop.fractions.G, _feedback(loop)
     return (np.convolve(G.num, den), -np.convolve(G.num, num)), np.convolve(G.den, den)
 
 
 def _before_the_delay(loop: LoopEquations, input: str) -> Rational:
     """Return what the input does to y and v before anything has come around."""
-    _, Gm, C, F = loop.fractions
     nothing, one = np.zeros(1), np.ones(1)
     if input == "delta":
         return (nothing, one), one
     if input == "R":
-        prefilter = reduce(np.convolve, (C.num, Gm.den, F.den))
-        return (nothing, prefilter), np.convolve(loop.p_A.q, loop.one_minus_F.q)
-    num, den = np.convolve(F.num, Gm.den), np.convolve(loop.one_minus_F.q, Gm.num)
+        prefilter = reduce(
+            np.convolve, (loop.fractions.C.num, loop.built.Dm.q, loop.fractions.F.den)
+        )
+        return (nothing, prefilter), np.convolve(loop.p_A.q, loop.built.E.q)
+    num, den = _feedback(loop)
     return (den if input == "d" else nothing, -num), den
+
+
+def _feedback(loop: LoopEquations) -> tuple[FloatArray, FloatArray]:
+    """Numerator and denominator of K, from the blocks as they are built."""
+    built = loop.built
+    return np.convolve(built.Nf.q, built.Dm.q), np.convolve(built.E.q, built.Nm.q)
 
 
 def _forced(nums: Sequence[FloatArray], den: FloatArray, integrals: int) -> Rational:

@@ -1,10 +1,12 @@
 """Lemma 1, corrected: the loop is stable if and only if p_A and p_B have all roots on the left.
 
-Each condition is judged twice, before any cancellation: by the turns of 1 + L around 0 with the
-poles of L, Z = N + P, and by a count that follows no curve. That is one of the roots themselves;
-where they cannot all be computed to be trusted, it is Routh and Hurwitz's test in whole numbers or,
-with a long dead time, Walton and Marshall's count. A verdict is given only where the two agree;
-otherwise it is None, with the reason.
+Each condition is judged twice, before any cancellation but that inside a block that is built as
+one: by the turns of 1 + L around 0 with the poles of L, Z = N + P, and by a count that follows no
+curve. That is one of the roots themselves; where they cannot all be computed to be trusted, it is
+Routh and Hurwitz's test in whole numbers or, with a long dead time, Walton and Marshall's count;
+with two dead times that count for two equal ones, and what crosses the axis while one of them
+becomes what it is. A verdict is given only where the two agree; otherwise it is None, with the
+reason.
 """
 
 from __future__ import annotations
@@ -19,14 +21,31 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..diagram import LoopEquations, ObserverEquations
-from ..numerics import BoolArray, ComplexArray, QuasiPolynomial, count_rhp, written
+from ..numerics import (
+    BoolArray,
+    ComplexArray,
+    QuasiPolynomial,
+    count_rhp,
+    unstable_roots,
+    written,
+)
 from .nyquist import NyquistCount, nyquist_count
+
+__all__ = [
+    "LoopStability",
+    "Stability",
+    "judge",
+    "judge_observer",
+    "observer_stability",
+    "stability",
+]
 
 AT_ORIGIN = "a root at s = 0 exactly"
 
 TURNS = "encirclements"
 ROOTS = "roots"
 CROSSINGS = "Walton and Marshall's count"
+TWO_CROSSINGS = "Walton and Marshall's count and the crossings between the two dead times"
 WHOLE_NUMBERS = "Routh and Hurwitz's test in whole numbers"
 """The ways in which roots are counted."""
 
@@ -38,7 +57,8 @@ class LoopStability:
     Attributes
     ----------
     name : str
-        Which loop: "C Gm (i)" or "F H (ii)".
+        Which loop: "C Gm (i)", "F H (ii)", or "L (ii)" in its place where a pole on the axis or
+        right of it cancels inside (1-F)Gm.
     stable : bool or None
         All roots in the open left half plane; None if that cannot be told.
     reason : str
@@ -89,7 +109,7 @@ class Stability:
     reason : str
         Why, in words.
     model_loop, observer_loop : LoopStability
-        Conditions i (C·Gm) and ii (F·H) of Lemma 1.
+        Conditions i (C·Gm) and ii (F·H, or L) of Lemma 1.
     """
 
     stable: bool | None
@@ -150,7 +170,7 @@ def stability(loop: LoopEquations) -> Stability:
     Parameters
     ----------
     loop : LoopEquations
-        The four blocks, with or without dead time in the process.
+        The four blocks, with or without dead time in process and model.
 
     Returns
     -------
@@ -165,20 +185,24 @@ def stability(loop: LoopEquations) -> Stability:
         if failing:
             return Stability(verdict, "; ".join(failing), model_loop, observer_loop)
     reason = f"p_A and p_B have all roots in the left half plane, {_by(*both)}"
-    return Stability(True, reason, model_loop, observer_loop)
+    return Stability(True, _with(reason, _cancelled(loop)), model_loop, observer_loop)
 
 
-def judge_observer(process: Any, model: Any, filter: Any) -> LoopStability:
+def judge_observer(
+    process: Any, model: Any, filter: Any, *, keep_factors: bool = False
+) -> LoopStability:
     """Judge condition ii of Lemma 1, the observer loop, which needs no controller.
 
     Parameters
     ----------
     process : control.TransferFunction, StateSpace, DelayedTransferFunction or (num, den)
         G, proper, with or without dead time.
-    model : control.TransferFunction, StateSpace or (num, den)
-        The model, proper, without dead time.
+    model : control.TransferFunction, StateSpace, DelayedTransferFunction or (num, den)
+        The model, proper, with or without dead time.
     filter : LowPassFilter, or a stable proper block with F(0) = 1
         F, of at least the model's relative degree.
+    keep_factors : bool
+        Whether 1 - F, the model and its inverse are blocks of their own, see `nrdob.NRDOB`.
 
     Returns
     -------
@@ -197,25 +221,63 @@ def judge_observer(process: Any, model: Any, filter: Any) -> LoopStability:
     >>> judge_observer(ct.tf([2], [1, 1]), ct.tf([1], [1, 1]), LowPassFilter(0.5, 1)).stable
     True
     """
-    return observer_stability(ObserverEquations(process, model, filter))
+    return observer_stability(ObserverEquations(process, model, filter, keep_factors))
 
 
 def observer_stability(loop: ObserverEquations | LoopEquations) -> LoopStability:
     """Judge condition ii of Lemma 1 for equations that are already there."""
-    found = judge("F H (ii)", loop.FH.den, loop.p_B, loop.ill_posed_observer_loop)
-    if found.reason != AT_ORIGIN:
-        return found
-    return replace(found, reason=f"{AT_ORIGIN}, {_root_for_every_filter(loop)}")
+    counted = loop.condition_ii
+    name = {"FH": "F H (ii)", "L": "L (ii)"}[counted.name]
+    found = judge(name, counted.den, loop.p_B, loop.ill_posed_observer_loop)
+    reason = found.reason
+    if reason == AT_ORIGIN:
+        reason = f"{AT_ORIGIN}, {_held_at_origin(loop)}"
+    return replace(found, reason=_with(reason, _cancelled(loop)))
 
 
-def _root_for_every_filter(loop: ObserverEquations | LoopEquations) -> str:
-    """Explain p_B(0) = N(0) Dm(0) = 0."""
-    if loop.Gm.dc_gain == inf:
+def _held_at_origin(loop: ObserverEquations | LoopEquations) -> str:
+    """Explain p_B(0) = D(0) Nm(0) E(0) + N(0) Dm(0) = 0."""
+    integrators, kept = -loop.Gm.zeros_at_origin, loop.built.Dm.zeros_at_origin
+    if kept and loop.keep_factors:
         return (
             "for every filter: the model has an integrator; give it a slow stable pole instead, or "
-            "build (1 - F)·model as one block, without the factor s that cancels in it"
+            "build (1 - F)·model as one block (keep_factors=False), without what cancels in it"
+        )
+    if kept:
+        return (
+            f"the model has {integrators} integrators, of which (1 - F)·model keeps {kept}: take "
+            f"a filter with 1 - F ~ s^{integrators}, such as nrdob.interpolating_filter(model, "
+            "time_constant)"
+        )
+    if integrators > 0:
+        return (
+            "the process has a zero there, which an observer with integral action does not move: "
+            "take a filter for which 1 - F has no more zeros at s = 0 than the model has poles"
         )
     return "for every filter: the process has a zero there, which no feedback moves"
+
+
+def _cancelled(loop: ObserverEquations | LoopEquations) -> str:
+    """Name what has cancelled inside a block, and what of it rests on rounding."""
+    notes = []
+    for common, block in ((loop.built.zeros, "F/Gm"), (loop.built.poles, "(1-F)Gm")):
+        if common.degree:
+            note = f"{_named(common.roots)} inside {block}"
+            if (fragile := unstable_roots(common)).size:
+                note += f", {_named(fragile)} to rounding only: build {block} as one"
+            notes.append(note)
+    return "; ".join(notes)
+
+
+def _named(roots: ComplexArray) -> str:
+    """Say which roots cancel, each once and of a pair one."""
+    upper = roots[roots.imag >= 0].tolist()
+    named = list(dict.fromkeys(written(root).replace("+", "±") for root in upper))
+    return f"s = {', '.join(named)} {'cancels' if len(named) == 1 else 'cancel'}"
+
+
+def _with(reason: str, note: str) -> str:
+    return f"{reason}; {note}" if note else reason
 
 
 def judge(
@@ -306,7 +368,9 @@ def _second_count(
         found = int(np.sum(roots.real > 0))
         if found == expected:
             return found, ROOTS
-    return p.rhp_in_whole_numbers, CROSSINGS if p.finite_part.delay else WHOLE_NUMBERS
+    finite = p.finite_part
+    way = TWO_CROSSINGS if finite.more else CROSSINGS if finite.delay else WHOLE_NUMBERS
+    return p.rhp_in_whole_numbers, way
 
 
 def _beside_the_axis(p: QuasiPolynomial, reason: str, roots: ComplexArray) -> _Finding:

@@ -22,6 +22,17 @@ from scipy.linalg import schur
 
 from ..numerics import Block, FloatArray, IntArray
 
+__all__ = [
+    "MAX_DELAYS",
+    "NODES",
+    "collocated",
+    "delayed_response",
+    "panel_lengths",
+    "radau",
+    "resolved_to",
+    "to_chebyshev",
+]
+
 MAX_PANELS = 400_000
 """Panels that one march may take: a second or two."""
 
@@ -31,7 +42,9 @@ MAX_PANELS_PER_DELAY = 20_000
 MAX_DELAYS = 1_000_000
 """Dead times that may be leapt over: rounding grows with each."""
 
-_NODES = 17
+NODES = 17
+"""Nodes of a panel."""
+
 _REACH = 2.0  # rate times length of a panel at which nothing but rounding is left
 _LOG_ROUNDING = log(1e-16)
 _MOST_GROWTH = 4.0  # of panels, from one to the next
@@ -72,9 +85,9 @@ class _Interval:
     def as_matrix(self) -> FloatArray:
         """Return the map of [x; z] over one interval."""
         panels, n = self.advance[0].shape[:2]
-        size = n + panels * _NODES
+        size = n + panels * NODES
         unit = np.eye(size)
-        x, values = self.step(unit[:n], unit[n:].reshape(panels, _NODES, size))
+        x, values = self.step(unit[:n], unit[n:].reshape(panels, NODES, size))
         return np.vstack([x, values[:, 1].reshape(-1, size)])
 
 
@@ -111,7 +124,7 @@ def delayed_response(
     idle = [Block(b.A, np.zeros_like(b.B), b.C, np.zeros_like(b.D)) for b in free]
     blocks = [*driven, *idle]
     for finer in (1.0, 2.0, 4.0):
-        interval = _interval(blocks, _mesh(blocks, delay, finer))
+        interval = _interval(blocks, panel_lengths(blocks, delay, finer))
         edges = interval.edges
         # A time that only rounding puts before a border is meant to be on it.
         index = np.floor(times / delay + 1e-9).astype(int)
@@ -119,7 +132,7 @@ def delayed_response(
         panel = np.clip(np.searchsorted(edges, local, side="right") - 1, 0, edges.size - 2)
         intervals, which = np.unique(index, return_inverse=True)
         values = _seen(interval, start, intervals)[which, panel]
-        if _resolved_to(1e-11, values):
+        if resolved_to(1e-11, values):
             break
     else:
         raise ArithmeticError(
@@ -128,12 +141,12 @@ def delayed_response(
         )
     length = np.diff(edges)
     place = (local - edges[panel]) / length[panel]
-    basis = chebyshev.chebvander(2 * place - 1, _NODES - 1) @ _to_chebyshev()
+    basis = chebyshev.chebvander(2 * place - 1, NODES - 1) @ to_chebyshev()
     outputs: FloatArray = np.einsum("im,iom->oi", basis, values)
     return outputs
 
 
-def _mesh(blocks: Sequence[Block], delay: float, finer: float) -> FloatArray:
+def panel_lengths(blocks: Sequence[Block], delay: float, finer: float) -> FloatArray:
     """Lengths of panels on which each mode is resolved, or has died out since the last multiple."""
     poles = np.concatenate([np.linalg.eigvals(b.A) for b in blocks])
     rate, decay = finer * np.abs(poles), np.maximum(-poles.real, 0.0) / finer
@@ -141,7 +154,7 @@ def _mesh(blocks: Sequence[Block], delay: float, finer: float) -> FloatArray:
     left, length = 0.0, delay
     while left < delay * (1 - 1e-12):
         length = min(delay - left, _MOST_GROWTH * length)
-        while not _resolved(rate * length, decay * left):
+        while not resolved(rate * length, decay * left):
             length /= 1.5
         if len(lengths) >= _GROWING:  # what is left does not die out
             count = np.ceil((delay - left) / length)
@@ -157,38 +170,38 @@ def _mesh(blocks: Sequence[Block], delay: float, finer: float) -> FloatArray:
     return np.array(lengths)
 
 
-def _resolved(reach: FloatArray, died_out: FloatArray) -> bool:
+def resolved(reach: FloatArray, died_out: FloatArray) -> bool:
     """Tell whether all of exp(p t), |p| length = `reach`, are polynomials to rounding."""
     hard = reach > _REACH
     if not hard.any():
         return True
     # The coefficients of exp(z x/2) behind degree m - 1 start with about 2 (z/4)^m/m!.
-    size = _NODES * np.log(reach[hard] / 4) - lgamma(_NODES + 1)
+    size = NODES * np.log(reach[hard] / 4) - lgamma(NODES + 1)
     return bool((size - died_out[hard] <= _LOG_ROUNDING).all())
 
 
 def _interval(blocks: Sequence[Block], lengths: FloatArray) -> _Interval:
     """Solve every panel for every block."""
     different, which = np.unique(lengths, return_inverse=True)
-    n, m = sum(block.B.size for block in blocks), _NODES
+    n, m = sum(block.B.size for block in blocks), NODES
     E, gamma = np.zeros((different.size, n, n)), np.zeros((different.size, n, m))
     from_x, from_z = np.zeros((different.size, 2, m, n)), np.zeros((different.size, 2, m, m))
     first = 0
     for block in blocks:
         own = slice(first, first + block.B.size)
-        E[:, own, own], gamma[:, own], from_x[..., own], more = _collocated(block, different)
+        E[:, own, own], gamma[:, own], from_x[..., own], more = collocated(block, different)
         from_z += more
         first = own.stop
     edges = np.append(0.0, np.cumsum(lengths))
     return _Interval(edges, (E[which], gamma[which]), (from_x[which], from_z[which]))
 
 
-def _collocated(
+def collocated(
     block: Block, lengths: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Panels of the given lengths for one block, in the order of `_Interval`."""
-    panels, n, m = lengths.size, block.B.size, _NODES
-    integral = _radau()[1]
+    panels, n, m = lengths.size, block.B.size, NODES
+    integral = radau()[1]
     T, U = schur(block.A, output="complex")
     x = np.zeros((panels, n, m, n + m), dtype=complex)  # in the coordinates of Schur
     for i in reversed(range(n)):
@@ -207,9 +220,9 @@ def _collocated(
 
 
 @lru_cache(maxsize=1)
-def _radau() -> tuple[FloatArray, FloatArray]:
+def radau() -> tuple[FloatArray, FloatArray]:
     """Nodes in (0, 1], the last one 1, and the integrals from 0 to each of them."""
-    m = _NODES
+    m = NODES
     x = np.sort(legendre.legroots(np.append(np.zeros(m - 1), [1.0, -1.0])).real)
     x[-1] = 1.0
     nodes = (x + 1) / 2
@@ -221,15 +234,15 @@ def _radau() -> tuple[FloatArray, FloatArray]:
 
 
 @lru_cache(maxsize=1)
-def _to_chebyshev() -> FloatArray:
+def to_chebyshev() -> FloatArray:
     """Chebyshev coefficients on a panel from values at its nodes."""
-    return np.asarray(np.linalg.inv(chebyshev.chebvander(2 * _radau()[0] - 1, _NODES - 1)))
+    return np.asarray(np.linalg.inv(chebyshev.chebvander(2 * radau()[0] - 1, NODES - 1)))
 
 
 def _seen(interval: _Interval, start: FloatArray, intervals: FloatArray) -> FloatArray:
     """Values (k, P, 2, m) at the nodes of the k `intervals`."""
     panels, n = interval.advance[0].shape[:2]
-    last, size = int(intervals[-1]), n + panels * _NODES
+    last, size = int(intervals[-1]), n + panels * NODES
     jumps = np.diff(intervals, prepend=0).astype(np.intp)
     marched = (last + 1) * (panels + 10)
     leapt = len(set(jumps.tolist())) * log2(last + 2) * size**3 / _PRODUCTS_PER_PANEL
@@ -239,12 +252,12 @@ def _seen(interval: _Interval, start: FloatArray, intervals: FloatArray) -> Floa
             "panels that take a second; shorten timepts or slow the fastest block"
         )
     walk = _leap if leapt < marched else _march
-    return walk(interval, start[:, np.newaxis], np.zeros((panels, _NODES, 1)), jumps)
+    return walk(interval, start[:, np.newaxis], np.zeros((panels, NODES, 1)), jumps)
 
 
-def _resolved_to(tolerance: float, values: FloatArray) -> bool:
+def resolved_to(tolerance: float, values: FloatArray) -> bool:
     """Tell whether polynomials leave that little of the signals on the panels looked at."""
-    tails = np.abs(values @ _to_chebyshev()[-2:].T)
+    tails = np.abs(values @ to_chebyshev()[-2:].T)
     tail, most = (
         np.where(np.isfinite(each), each, 0.0).max(axis=(0, 2)) for each in (tails, np.abs(values))
     )

@@ -10,6 +10,8 @@ import numpy as np
 from ..diagram import LoopEquations
 from ..numerics import BoolArray, ComplexArray, FloatArray, roots_by_time_scale
 
+__all__ = ["POINTS", "default_response", "even_times"]
+
 SETTLED = 0.002
 """A response has settled when it stays this close to its end, as a fraction of its span."""
 
@@ -69,12 +71,13 @@ def _estimate(loop: LoopEquations, input: str) -> tuple[float, bool]:
     """Time in seconds after which nothing is left to see, and whether the response settles."""
     roots, on_axis = _modes(loop, input)
     rates, swings = roots.real[~on_axis], np.abs(roots.imag[on_axis])
+    longest = max(loop.delay, loop.model_delay)
     growth, decay = max(rates, default=0.0), -max(rates[rates < 0], default=-inf)
     if growth > 0:
-        return max(6 / growth, 3 * loop.delay), False
+        return max(6 / growth, 3 * longest), False
     periods = 10 * pi / min(swings[swings > 0], default=inf)
     # Neither modes nor dead time: any window will do.
-    return max(12 / decay + 5 * loop.delay, periods) or 10.0, True
+    return max(12 / decay + 5 * longest, periods) or 10.0, True
 
 
 def _modes(loop: LoopEquations, input: str) -> tuple[ComplexArray, BoolArray]:

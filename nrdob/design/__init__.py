@@ -1,7 +1,9 @@
 """Which filters, models and controllers to choose, and what limits the choice."""
 
+from . import closedforms
 from .closedforms import (
     disturbance_index,
+    largest_for_unstable_pole,
     noise_index,
     sensitivity_floor,
     smallest_for_delay,
@@ -10,6 +12,7 @@ from .closedforms import (
 )
 from .controllers import design_controller
 from .limits import (
+    Answer,
     gain_bound,
     right_half_plane_parity,
     stabilizing_filter_exists,
@@ -17,19 +20,29 @@ from .limits import (
     stable_for_slow_filters,
 )
 from .mismatch import Mismatch
-from .models import suggest_model
+from .models import ModelCandidate, suggest_model
 from .search import admissible_time_constants, design_filter
-from .timeconstants import critical_time_constants, default_floor, stabilizing_time_constants
+from .timeconstants import (
+    CriticalTimeConstant,
+    critical_time_constants,
+    default_floor,
+    stabilizing_time_constants,
+)
 
 __all__ = [
+    "Answer",
+    "CriticalTimeConstant",
     "Mismatch",
+    "ModelCandidate",
     "admissible_time_constants",
+    "closedforms",
     "critical_time_constants",
     "default_floor",
     "design_controller",
     "design_filter",
     "disturbance_index",
     "gain_bound",
+    "largest_for_unstable_pole",
     "noise_index",
     "right_half_plane_parity",
     "sensitivity_floor",

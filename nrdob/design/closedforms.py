@@ -150,6 +150,11 @@ def noise_index(order: int) -> float:
 
     :math:`\|F\|_2^2 = I_n/\lambda`, :math:`I_n = \binom{2n-2}{n-1}/2^{2n-1}`.
 
+    Parameters
+    ----------
+    order : int
+        n of the filter, 1 or more.
+
     Examples
     --------
     >>> [noise_index(n) for n in (1, 2, 3)]
@@ -166,6 +171,11 @@ def disturbance_index(order: int) -> float:
     :math:`J_n = \sum_{i,j<n}\binom{i+j}{i}/2^{i+j+1}`. The product of noise power and error,
     :math:`I_nJ_n`, does not contain λ.
 
+    Parameters
+    ----------
+    order : int
+        n of the filter, 1 or more.
+
     Examples
     --------
     >>> [disturbance_index(n) for n in (1, 2, 3)]
@@ -181,6 +191,11 @@ def sensitivity_floor(order: int) -> float:
 
     With :math:`\lambda\omega = \tan\varphi` it lies where
     :math:`\sin (n+1)\varphi = \cos^n\varphi\,\sin\varphi`.
+
+    Parameters
+    ----------
+    order : int
+        n of the filter, 1 or more.
 
     Examples
     --------

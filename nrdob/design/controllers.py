@@ -16,6 +16,8 @@ from ..analysis import Margins, judge, margins
 from ..diagram import Fraction, LoopEquations, LowPassFilter, as_fraction, nonzero
 from ..numerics import ComplexArray, FloatArray, IntArray, QuasiPolynomial
 
+__all__ = ["design_controller"]
+
 SLOWEST_INTEGRAL = 5.0
 """Largest Ti·ω: the integral action takes at least atan(1/5), 11°, at the crossover."""
 
@@ -68,6 +70,7 @@ def design_controller(
     Returns
     -------
     control.TransferFunction
+        C, verified with the model.
 
     Raises
     ------

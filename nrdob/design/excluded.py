@@ -28,6 +28,8 @@ from .mismatch import Mismatch
 from .mismatchgrid import Frequencies
 from .slack import Specification
 
+__all__ = ["admissible"]
+
 BESIDE = 11
 """At how many frequencies on each side an edge is looked at more closely."""
 
@@ -63,7 +65,7 @@ def admissible(
         Disjoint and increasing, in seconds.
     """
     mismatch = frequencies.mismatch
-    left = _without(intervals, list(_at_infinity(mismatch, specification)))
+    left = _without(intervals, list(_at_ends(mismatch, specification)))
     if not left:
         return []
     every = list(limits(mismatch.order, specification))
@@ -102,24 +104,30 @@ def _followed(mismatch: Mismatch, omega: FloatArray) -> FloatArray:
     return omega[mismatch.noise(omega) < NOISE * np.abs(mismatch.ratio(omega))]
 
 
-def _at_infinity(mismatch: Mismatch, specification: Specification) -> Iterator[Interval]:
-    """Give the λ at which L tends to a forbidden point, or circle, at infinite frequency."""
-    if mismatch.excess < mismatch.order:
-        return
-    last = float(mismatch.b[0] / mismatch.a[0])
-    if last > 0 and not mismatch.delay:
-        return
-    if specification.max_ms is not None:
-        near = 1 / specification.max_ms
-        yield _between(abs(last), 1 - near, 1 + near, mismatch.order)
-    if specification.min_gm_db is not None:
-        gain = 10 ** (specification.min_gm_db / 20)
-        yield _between(abs(last), 1 / gain, gain, mismatch.order)
+def _at_ends(mismatch: Mismatch, specification: Specification) -> Iterator[Interval]:
+    """Give the λ at which L tends to what is forbidden at zero or at infinite frequency.
+
+    At infinite frequency that is a point, or with dead time a circle, at zero a point.
+    """
+    n, ends = mismatch.order, []
+    if mismatch.excess == n:
+        last = float(mismatch.b[0] / mismatch.a[0])
+        ends += [(abs(last), n)] if last < 0 or mismatch.delay else []
+    if mismatch.integrator:
+        first = float(mismatch.delayed[-1] / mismatch.a[-1]) / n
+        ends += [(-first, 1)] if first < 0 else []
+    for size, power in ends:
+        if specification.max_ms is not None:
+            near = 1 / specification.max_ms
+            yield _between(size, 1 - near, 1 + near, power)
+        if specification.min_gm_db is not None:
+            gain = 10 ** (specification.min_gm_db / 20)
+            yield _between(size, 1 / gain, gain, power)
 
 
-def _between(last: float, least: float, most: float, order: int) -> Interval:
-    """Give the λ at which last/λ^n lies between two sizes."""
-    return (last / most) ** (1 / order), (last / least) ** (1 / order)
+def _between(size: float, least: float, most: float, power: int) -> Interval:
+    """Give the λ at which size/λ^power lies between two others."""
+    return (size / most) ** (1 / power), (size / least) ** (1 / power)
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,6 +225,8 @@ class _Patches:
         to_0 = (first & ~is_pole[below]) | (last & ~is_pole[above])
         if self.mismatch.excess == self.mismatch.order:  # L does not vanish at infinite frequency
             to_0 &= self.at < self.omega.size - 1
+        if self.mismatch.integrator:  # and is finite at zero
+            to_inf &= self.at > 0
         return to_0, to_inf
 
     @property

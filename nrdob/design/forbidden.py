@@ -18,6 +18,8 @@ import numpy as np
 from ..numerics import ComplexArray, FloatArray, bisect, newton
 from .slack import Specification
 
+__all__ = ["Curve", "Forbidden", "Limit", "limits", "log_den_less_1"]
+
 WIDEST, PER_E_FOLD = 46.0, 40
 """Range of ±ln x in which the curve D is tabulated, and how densely."""
 

@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 
 from ..diagram import LowPassFilter, ObserverEquations, as_fraction
-from ..numerics import BoolArray, ComplexArray, FloatArray, QuasiPolynomial, add
+from ..numerics import BoolArray, ComplexArray, FloatArray, QuasiPolynomial, Term, add
+
+__all__ = ["ERROR", "Mismatch"]
 
 ERROR = 64 * float(np.finfo(float).eps)
 """Bound of the rounding error of a polynomial's value, against the sum of its terms' sizes."""
@@ -18,7 +20,7 @@ ERROR = 64 * float(np.finfo(float).eps)
 
 @dataclass(frozen=True, eq=False)
 class Mismatch:
-    """The ratio R = G/G̃ = b/a · exp(-θs) and the order of the filter.
+    """The ratio R = G/G̃ = b/a · exp(-(θ - θm)s) and the order of the filter.
 
     Attributes
     ----------
@@ -30,6 +32,11 @@ class Mismatch:
         n.
     factors : tuple of arrays
         N, D, Nm and Dm, whose roots say where R changes.
+    integrator : bool
+        Whether the model has an integrator that the process has not. It cancels inside
+        (1 - F)·model, and p_B is divided by s. One that both have is in no factor at all.
+    wait : float
+        θm in seconds, for a model that waits.
     """
 
     a: FloatArray
@@ -37,17 +44,40 @@ class Mismatch:
     delay: float
     order: int
     factors: tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+    integrator: bool = False
+    wait: float = 0.0
 
     @classmethod
-    def of(cls, process: Any, model: Any, order: int | None = None) -> Mismatch:
+    def of(
+        cls, process: Any, model: Any, order: int | None = None, *, waits: bool = False
+    ) -> Mismatch:
         """Read process and model as the loop does, with the same refusals.
 
-        Without an order, the lowest that is causal.
+        Without an order, the lowest that is causal. A model with a dead time is refused unless it
+        may wait.
+
+        Parameters
+        ----------
+        process, model : as for `nrdob.NRDOB`
+            G, with or without dead time, and G̃.
+        order : int, optional
+            n of the filter.
+        waits : bool
+            Whether the model may have a dead time.
         """
         if order is None:
             order = max(1, as_fraction(model, "model").relative_degree)
         loop = ObserverEquations(process, model, LowPassFilter(1.0, order))
+        if loop.model_delay and not waits:
+            raise ValueError(
+                f"model has a dead time of {loop.model_delay:g} s; for a model that waits ask "
+                "nrdob.NRDOB, judge_observer, stabilizing_time_constants or "
+                "critical_time_constants; here, leave the dead time out"
+            )
         G, Gm = loop.fractions.G, loop.fractions.Gm
+        integrator = Gm.den[-1] == 0 and not loop.model_delay  # 1 - F exp(-θm s) keeps its s
+        if integrator and G.den[-1] == 0:
+            G, Gm, integrator = G._replace(den=G.den[:-1]), Gm._replace(den=Gm.den[:-1]), False
         with np.errstate(over="ignore", under="ignore"):
             a, b = np.convolve(G.den, Gm.num), np.convolve(G.num, Gm.den)
         for product in (a, b):
@@ -57,7 +87,17 @@ class Mismatch:
                     "product leaves the range of floating-point numbers: divide numerator and "
                     "denominator of each block by its leading coefficient, or change the units"
                 )
-        return cls(a, b, loop.delay, int(order), (*G, *Gm))
+        return cls(a, b, loop.delay, int(order), (*G, *Gm), bool(integrator), loop.model_delay)
+
+    @property
+    def longest_delay(self) -> float:
+        """The longer of the two dead times, in seconds."""
+        return max(self.delay, self.wait)
+
+    @property
+    def held_at_origin(self) -> bool:
+        """Whether p_B(0) = N(0) Dm(0) = 0 whatever λ."""
+        return bool(self.b[-1] == 0) and not self.integrator
 
     @cached_property
     def roots(self) -> ComplexArray:
@@ -83,7 +123,8 @@ class Mismatch:
     @cached_property
     def speeds(self) -> FloatArray:
         """Sizes of all roots, and one over the dead time, in rad/s; 1 where there is neither."""
-        sizes = np.append(np.abs(self.roots), 1 / self.delay if self.delay else [])
+        delays = [1 / delay for delay in (self.delay, self.wait) if delay]
+        sizes = np.append(np.abs(self.roots), delays)
         return sizes if sizes.size else np.ones(1)
 
     def ratio(self, omega: FloatArray) -> ComplexArray:
@@ -91,14 +132,26 @@ class Mismatch:
 
         A factor with an undamped root keeps its own accuracy there, which its product with the
         others would lose.
+
+        Parameters
+        ----------
+        omega : array of float, shape (N,)
+            Frequencies, in rad/s.
         """
         N, D, Nm, Dm = self._values(omega)
         with np.errstate(divide="ignore", invalid="ignore"):  # at a pole on the axis
             R = N * Dm / (D * Nm)
-            return np.asarray(R * np.exp(-1j * self.delay * omega) if self.delay else R)
+            delay = self.delay - self.wait
+            return np.asarray(R * np.exp(-1j * delay * omega) if delay else R)
 
     def noise(self, omega: FloatArray) -> FloatArray:
-        """Bound the rounding error of R(jω), which near a zero on the axis exceeds R itself."""
+        """Bound the rounding error of R(jω), which near a zero on the axis exceeds R itself.
+
+        Parameters
+        ----------
+        omega : array of float, shape (N,)
+            Frequencies, in rad/s.
+        """
         values = [np.abs(value) for value in self._values(omega)]
         sizes = self._sizes(omega)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -106,11 +159,17 @@ class Mismatch:
             at_most = sizes[0] * sizes[3] / poles
             relative = sizes[1] / values[1] + sizes[2] / values[2]
             # The angle ωθ of the dead time is rounded in proportion to its size.
-            turned = at_most * (1 + self.delay * omega / 8)
+            turned = at_most * (1 + self.longest_delay * omega / 8)
             return np.asarray(ERROR * (turned + values[0] * values[3] / poles * relative))
 
     def at_pole(self, omega: FloatArray) -> BoolArray:
-        """Tell at which frequencies a pole of R lies within rounding."""
+        """Tell at which frequencies a pole of R lies within rounding.
+
+        Parameters
+        ----------
+        omega : array of float, shape (N,)
+            Frequencies, in rad/s.
+        """
         values, sizes = self._values(omega), self._sizes(omega)
         return np.asarray(
             (np.abs(values[1]) <= ERROR * sizes[1]) | (np.abs(values[2]) <= ERROR * sizes[2])
@@ -124,17 +183,39 @@ class Mismatch:
         return [np.asarray(np.polyval(np.abs(p), omega)) for p in self.factors]
 
     def p_B(self, time_constant: float) -> QuasiPolynomial:
-        """Characteristic function for one filter."""
-        undelayed = self.undelayed(time_constant)
+        """Characteristic function for one filter, without what cancels inside (1 - F)·model.
+
+        Parameters
+        ----------
+        time_constant : float
+            λ in seconds.
+        """
         # No term of (λs + 1)^n - 1 is negative, so that its sizes are its coefficients.
-        scale = add(
-            np.convolve(np.abs(self.a), _den_less_1(time_constant, self.order)), np.abs(self.b)
-        )
-        return QuasiPolynomial(undelayed, self.b, self.delay, scale)
+        sizes = np.convolve(np.abs(self.a), _den_less_1(time_constant, self.order))
+        terms = self.undelayed(time_constant), self.delayed
+        scale = add(sizes[: terms[0].size], np.abs(terms[1]))
+        if not self.wait:
+            return QuasiPolynomial(*terms, self.delay, scale)
+        more = (Term(-self.a, self.wait),)
+        return QuasiPolynomial(*terms, self.delay, add(scale, np.abs(self.a)), more)
 
     def undelayed(self, time_constant: float) -> FloatArray:
-        """Coefficients of D Nm (Df - 1)."""
-        return np.convolve(self.a, _den_less_1(time_constant, self.order))
+        """Coefficients of D Nm (Df - 1) or of that over s, or of D Nm Df where the model waits.
+
+        Parameters
+        ----------
+        time_constant : float
+            λ in seconds.
+        """
+        den = _den_less_1(time_constant, self.order)
+        den[-1] = float(self.wait > 0)
+        product = np.convolve(self.a, den)
+        return product[:-1] if self.integrator else product
+
+    @property
+    def delayed(self) -> FloatArray:
+        """Coefficients of N Dm, or of that over s."""
+        return self.b[:-1] if self.integrator else self.b
 
 
 def _den_less_1(time_constant: float, order: int) -> FloatArray:

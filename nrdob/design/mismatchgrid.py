@@ -11,6 +11,8 @@ import numpy as np
 from ..numerics import FloatArray, QuasiPolynomial, add
 from .mismatch import Mismatch
 
+__all__ = ["Frequencies"]
+
 PER_DECADE, DECADES = 16, 5
 """Density of the frequencies, and how far they reach below and above all poles and zeros."""
 
@@ -43,7 +45,7 @@ class Frequencies:
         """Frequencies over the whole range of R, dense where a pole or zero is near the axis."""
         mismatch = self.mismatch
         roots = mismatch.roots
-        if not mismatch.delay:  # a zero of H turns its phase as fast
+        if not mismatch.longest_delay:  # a zero of H turns its phase as fast
             difference = add(mismatch.b, -mismatch.a)
             if difference.any():
                 roots = np.append(roots, QuasiPolynomial(difference).without_origin.roots)
@@ -100,14 +102,15 @@ class Frequencies:
             If too many turns of the dead time had to be followed.
         """
         omega = self.base
-        if not self.mismatch.delay:
+        longest = self.mismatch.longest_delay
+        if not longest:
             return omega
         possible = np.flatnonzero(self.largest_time_constant(omega, gain) > floor)
         last = omega[min(possible[-1] + 1, omega.size - 1)] if possible.size else omega[0]
-        step = 2 * pi / (self.mismatch.delay * PER_TURN)
+        step = 2 * pi / (longest * PER_TURN)
         if last > step * MAX_FREQUENCIES or last == omega[-1]:
             raise ValueError(
-                f"floor is {floor:g} s; down to it the dead time of {self.mismatch.delay:g} s "
+                f"floor is {floor:g} s; down to it the dead time of {longest:g} s "
                 f"would have to be followed up to {last:.3g} rad/s: choose a larger one, or None "
                 "for the default"
             )

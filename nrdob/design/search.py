@@ -28,6 +28,8 @@ from .mismatchgrid import Frequencies
 from .slack import PlantLoops, Specification
 from .timeconstants import lowest_floor, stabilizing_set
 
+__all__ = ["FilterSearch", "admissible_time_constants", "design_filter"]
+
 PER_DECADE, DECADES = 16, 3
 """How densely time constants are tried, and how far beyond the time constants of the plant."""
 
@@ -76,6 +78,7 @@ def design_filter(
     Returns
     -------
     LowPassFilter
+        The one of smallest nλ.
 
     Raises
     ------

@@ -3,7 +3,8 @@ r"""Every stabilising filter: the time constants at which the loop changes sides
 The observer loop has a root at :math:`s = j\omega` if and only if
 :math:`(1 + j\lambda\omega)^n = -H(j\omega)`: an n-th root w of :math:`-H(j\omega)` must have real
 part 1, and then :math:`\lambda = \operatorname{Im} w/\omega`. So one looks for the frequencies at
-which one of n branches crosses the line Re w = 1, with H evaluated exactly, dead time included.
+which one of n branches crosses the line Re w = 1, with H evaluated exactly, dead time included;
+for a model that waits, :math:`-H = e^{-j\omega\theta_m} - e^{-j\omega\theta} G_0/\tilde G_0`.
 Between two neighbouring critical time constants the number of roots in the right half plane does
 not change; it is counted there by the argument of p_B, which knows nothing of the crossings.
 """
@@ -29,8 +30,17 @@ from ..numerics import (
     golden,
     side,
 )
-from .mismatch import Mismatch
+from .mismatch import ERROR, Mismatch
 from .mismatchgrid import Frequencies
+
+__all__ = [
+    "CriticalTimeConstant",
+    "critical_time_constants",
+    "default_floor",
+    "lowest_floor",
+    "stabilizing_set",
+    "stabilizing_time_constants",
+]
 
 SAME = 1e-9
 """Relative distance below which two critical time constants are one."""
@@ -53,7 +63,8 @@ class CriticalTimeConstant(NamedTuple):
     time_constant : float
         λ in seconds.
     frequency : float
-        Where they cross, in rad/s; inf for a real root that passes through infinity.
+        Where they cross, in rad/s; 0 for a real root that passes through s = 0, which takes a model
+        with an integrator; inf for one that passes through infinity.
     direction : int
         +1 if they enter the right half plane as λ grows, -1 if they leave it.
     """
@@ -71,7 +82,7 @@ def critical_time_constants(
     Parameters
     ----------
     process, model : as for `nrdob.NRDOB`
-        G, with or without dead time, and G̃.
+        G and G̃, both with or without dead time.
     order : int
         n of the filter :math:`1/(\lambda s + 1)^n`.
     floor : float, optional
@@ -100,7 +111,7 @@ def critical_time_constants(
     >>> round(critical.time_constant, 9), round(critical.frequency, 3), critical.direction
     (0.005, 200.0, -1)
     """
-    frequencies = Frequencies(Mismatch.of(process, model, order))
+    frequencies = Frequencies(Mismatch.of(process, model, order, waits=True))
     return _critical(frequencies, _checked_floor(frequencies, floor))
 
 
@@ -114,8 +125,12 @@ def stabilizing_time_constants(
 
     Parameters
     ----------
-    process, model, order, floor
-        As for `critical_time_constants`.
+    process, model : as for `nrdob.NRDOB`
+        G, with or without dead time, and G̃.
+    order : int
+        n of the filter.
+    floor : float, optional
+        Smallest λ of interest, in seconds, as for `critical_time_constants`.
 
     Returns
     -------
@@ -141,7 +156,7 @@ def stabilizing_time_constants(
     >>> low, round(high, 6)
     (0.0, 0.763932)
     """
-    frequencies = Frequencies(Mismatch.of(process, model, order))
+    frequencies = Frequencies(Mismatch.of(process, model, order, waits=True))
     return stabilizing_set(frequencies, _checked_floor(frequencies, floor))
 
 
@@ -162,8 +177,10 @@ def default_floor(process: Any, model: Any, order: int) -> float:
 
     Parameters
     ----------
-    process, model, order
-        As for `critical_time_constants`.
+    process, model : as for `nrdob.NRDOB`
+        G, with or without dead time, and G̃.
+    order : int
+        n of the filter.
 
     Examples
     --------
@@ -173,18 +190,20 @@ def default_floor(process: Any, model: Any, order: int) -> float:
     >>> round(default_floor(delay(0.5) * G, G, 1), 5)
     0.00431
     """
-    return lowest_floor(Frequencies(Mismatch.of(process, model, order)))
+    return lowest_floor(Frequencies(Mismatch.of(process, model, order, waits=True)))
 
 
 def lowest_floor(frequencies: Frequencies) -> float:
     """Find the `default_floor` of a mismatch that is already read."""
     mismatch = frequencies.mismatch
-    if not mismatch.delay:
+    longest = mismatch.longest_delay
+    if not longest:
         return 0.0
-    last = 2 * pi * TURNS / mismatch.delay
+    last = 2 * pi * TURNS / longest
     beyond = np.append(last, frequencies.base[frequencies.base > last])
     highest = float(frequencies.largest_time_constant(beyond).max())
-    return max(highest, mismatch.delay / FASTEST, 1.001 * mismatch.neutral_limit)
+    neutral_limit = mismatch.neutral_limit if mismatch.delay else 0.0
+    return max(highest, longest / FASTEST, 1.001 * neutral_limit)
 
 
 def _checked_floor(frequencies: Frequencies, floor: float | None) -> float:
@@ -217,7 +236,7 @@ def _checked_floor(frequencies: Frequencies, floor: float | None) -> float:
 def _critical(frequencies: Frequencies, floor: float) -> list[CriticalTimeConstant]:
     mismatch = frequencies.mismatch
     branches = _Branches.on(mismatch, frequencies.above(floor))
-    found = _crossings(branches) + _through_infinity(mismatch)
+    found = _crossings(branches) + _through_zero(mismatch) + _through_infinity(mismatch)
     return sorted(c for c in found if c.time_constant > floor)
 
 
@@ -259,8 +278,9 @@ class _Branches:
         """Bound the rounding error of a branch w, where w - 1 is `excess`: dw/w = dH/(nH)."""
         mismatch = self.mismatch
         with np.errstate(divide="ignore", invalid="ignore"):  # at zeros of H and poles of R
-            relative = mismatch.noise(omega) / (mismatch.order * np.abs(1 - mismatch.ratio(omega)))
-            return np.asarray(np.nan_to_num(relative * np.abs(1 + excess)))
+            relative = mismatch.noise(omega) / np.abs(1 - mismatch.ratio(omega))
+            relative += mismatch.wait * omega * ERROR / 8
+            return np.asarray(np.nan_to_num(relative / mismatch.order * np.abs(1 + excess)))
 
 
 class _Brackets(NamedTuple):
@@ -340,11 +360,29 @@ def _less_1(value: ComplexArray, near: FloatArray, of: IntArray, order: int) -> 
 
 
 def _log_minus_H(mismatch: Mismatch, omega: FloatArray) -> ComplexArray:
-    """ln(1 - R(jω)), accurate for small R too, where numpy's complex log1p is not."""
+    """ln(1 - R(jω)), accurate for small R too, where numpy's complex log1p is not.
+
+    Where the model waits, -H is that behind its dead time.
+    """
     R = mismatch.ratio(omega)
     with np.errstate(divide="ignore"):  # where H vanishes exactly, all branches are at 0
         size = np.log1p(-R.real * (2 - R.real) + R.imag**2) / 2
-    return np.asarray(size + 1j * np.arctan2(-R.imag, 1 - R.real))
+    return np.asarray(size + 1j * (np.arctan2(-R.imag, 1 - R.real) - mismatch.wait * omega))
+
+
+def _through_zero(mismatch: Mismatch) -> list[CriticalTimeConstant]:
+    """Find the λ at which p_B(0) = n λ a(0) + b'(0) vanishes, without the model's integrator.
+
+    The direction is that of the root -p_B(0)/p_B'(0) beside it.
+    """
+    if not mismatch.integrator:
+        return []
+    slope, b = mismatch.order * float(mismatch.a[-1]), mismatch.delayed
+    critical = -float(b[-1]) / slope
+    if critical <= 0:
+        return []
+    tilt = add(mismatch.undelayed(critical), b)[-2:-1].sum() - mismatch.delay * b[-1]
+    return [CriticalTimeConstant(critical, 0.0, int(-np.sign(slope * tilt)))]
 
 
 def _through_infinity(mismatch: Mismatch) -> list[CriticalTimeConstant]:
@@ -354,7 +392,7 @@ def _through_infinity(mismatch: Mismatch) -> list[CriticalTimeConstant]:
         return []
     critical = float((-b[0] / a[0]) ** (1 / n))
     # Near it p_B is a0 (λ^n - critical^n) s^N + second s^(N-1) + …, with one large root.
-    second = add(mismatch.undelayed(critical), b)[1]
+    second = add(mismatch.undelayed(critical), mismatch.delayed)[1]
     return [CriticalTimeConstant(critical, inf, int(-np.sign(second / a[0])))]
 
 
@@ -375,7 +413,7 @@ def _intervals(floor: float, critical: list[CriticalTimeConstant]) -> list[_Inte
         if time_constant > ends[-1] * (1 + SAME) or len(ends) == 1:
             ends.append(time_constant)
             changes.append(0)
-        changes[-1] += direction * (1 if frequency == inf else 2)
+        changes[-1] += direction * (1 if frequency in (0.0, inf) else 2)
     return [
         _Interval(low, high, change)
         for (low, high), change in zip(pairwise([*ends, inf]), changes, strict=True)

@@ -4,6 +4,7 @@ from .blocks import Fraction, as_fraction, nonzero
 from .delay import DelayedTransferFunction, delay
 from .equations import LoopEquations, ObserverEquations
 from .filters import LowPassFilter, filter_fraction
+from .interpolation import interpolating_filter
 from .names import CLOSED_LOOP, INPUTS, MAPS
 from .noise import rational_power
 from .quotient import Quotient
@@ -21,6 +22,7 @@ __all__ = [
     "as_fraction",
     "delay",
     "filter_fraction",
+    "interpolating_filter",
     "nonzero",
     "rational_power",
 ]

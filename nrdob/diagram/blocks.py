@@ -16,6 +16,15 @@ import numpy as np
 from ..numerics import FloatArray
 from .statespace import polynomials
 
+__all__ = [
+    "Fraction",
+    "as_fraction",
+    "is_number",
+    "nonzero",
+    "real_number",
+    "six_digits",
+]
+
 ACCEPTED = (
     "pass a control.TransferFunction, a control.StateSpace, a number, or a pair (num, den) of "
     "coefficients in descending powers of s"
@@ -31,7 +40,13 @@ REMEDIES = {
 
 
 class Fraction(NamedTuple):
-    """A ratio of two real polynomials in s, coefficients in descending powers."""
+    """A ratio of two real polynomials in s, coefficients in descending powers.
+
+    Attributes
+    ----------
+    num, den : array of float
+        The coefficients, without leading zeros.
+    """
 
     num: FloatArray
     den: FloatArray
@@ -86,7 +101,15 @@ def as_fraction(system: Any, name: str, *, proper: bool = True) -> Fraction:
 
 
 def nonzero(fraction: Fraction, name: str) -> Fraction:
-    """Return `fraction`, or raise ValueError if it is identically zero."""
+    """Return `fraction`, or raise ValueError if it is identically zero.
+
+    Parameters
+    ----------
+    fraction : Fraction
+        A block.
+    name : str
+        What it is called in the message.
+    """
     if not fraction.num.any():
         raise ValueError(f"{name} is identically zero; its numerator needs a nonzero coefficient")
     return fraction
@@ -122,8 +145,8 @@ def _read(system: Any, name: str) -> tuple[FloatArray, FloatArray]:
     if type(system).__name__ == "DelayedTransferFunction":  # its room is above this one
         if system.delay:
             raise ValueError(
-                f"{name} has a dead time of {system.delay:g} s; only the process may have one: "
-                "leave the dead time out"
+                f"{name} has a dead time of {system.delay:g} s; only the process and the model may "
+                "have one: leave the dead time out"
             )
         system = system.tf
     if isinstance(system, ct.StateSpace | ct.TransferFunction):

@@ -12,6 +12,8 @@ import numpy as np
 from ..numerics import ComplexArray, FloatArray
 from .blocks import as_fraction, real_number, six_digits
 
+__all__ = ["DelayedTransferFunction", "delay"]
+
 
 class DelayedTransferFunction:
     r"""A process with dead time, :math:`G(s) = G_0(s)\,e^{-sT}`.
@@ -66,15 +68,33 @@ class DelayedTransferFunction:
             return np.where((den == 0) | np.isnan(value), inf, value)[()]
 
     def poles(self) -> ComplexArray:
-        """Poles of the rational part, as `control.poles`; the dead time has none."""
+        """Poles of the rational part, as `control.poles`; the dead time has none.
+
+        Returns
+        -------
+        array of complex, shape (n,)
+            In rad/s, with multiplicity.
+        """
         return np.asarray(self.tf.poles())
 
     def zeros(self) -> ComplexArray:
-        """Zeros of the rational part, as `control.zeros`; the dead time has none."""
+        """Zeros of the rational part, as `control.zeros`; the dead time has none.
+
+        Returns
+        -------
+        array of complex, shape (m,)
+            In rad/s, with multiplicity.
+        """
         return np.asarray(self.tf.zeros())
 
     def dcgain(self) -> float:
-        """Value at s = 0, infinite with a pole there, as `control.dcgain`."""
+        """Value at s = 0, infinite with a pole there, as `control.dcgain`.
+
+        Returns
+        -------
+        float
+            Gain in units of output over input; nan for 0/0.
+        """
         num, den = (float(part[-1]) for part in self._coefficients)
         return num / den if den else inf if num else nan
 
@@ -161,6 +181,16 @@ class DelayedTransferFunction:
 
 def delay(seconds: float) -> DelayedTransferFunction:
     """Pure dead time exp(-s·seconds), to be multiplied with a transfer function.
+
+    Parameters
+    ----------
+    seconds : float
+        The dead time, zero or positive.
+
+    Returns
+    -------
+    DelayedTransferFunction
+        With `.tf` 1; products with transfer functions keep the delay exact.
 
     Raises
     ------

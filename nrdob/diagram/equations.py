@@ -19,6 +19,71 @@ over two characteristic functions, and nothing is left to cancel in floating poi
 
     p_A = Dm Dc + Nm Nc                          condition i  of Lemma 1
     p_B = D Nm (Df - Nf) + N Dm Nf exp(-θs)      condition ii of Lemma 1
+
+The blocks F/Gm and (1 - F) Gm are each built as one. Zeros of the model that F has too, and poles
+of the model at which F = 1, are then in no block at all::
+
+    Nm = gz Nm'     Nf = gz Nf'     gz = gcd(Nm, Nf)           F/Gm     = Nf' Dm/(Df Nm')
+    Dm = gp Dm'     Df - Nf = gp E  gp = gcd(Dm, Df - Nf)      (1-F) Gm = E Nm/(Df Dm')
+
+With these blocks, two of F, C and G the diagram has the characteristic function Df³ p_A p_B/(gz gp)
+and condition ii is about ::
+
+    p_B/(gz gp) = D Nm' E + N Dm' Nf' exp(-θs)
+
+which is what `p_B` means here; every map is the same quotient in these factors. `keep_factors=True`
+keeps gz and gp, as a diagram does in which 1 - F, Gm and 1/Gm are blocks of their own.
+
+.. rubric:: A model that waits
+
+A model with a dead time, Gm = Gm0 exp(-θm s), Gm0 = Nm/Dm, cannot be inverted: no block predicts.
+The inverse leaves the dead time out, and what it is compared with waits instead::
+
+             e            u                 δ              d
+    R --->(+)-->[ C ]-->(+)--------+------>(+)-->[ G ]--->(+)-----+---> y
+          -^            -^         |                              |
+           |             |         v                              v
+           |             |  [ exp(-θm s) ]                       (+)<--- η
+           |             |         v                              |
+           |             |       [ F ]                            |
+           |             |        -v                              |
+           |             +--------(+)<-----[ F/Gm0 ]<-------------+
+           |                                                      |
+           +-----[ yf = F (y + η) + (1 - F exp(-θm s)) Gm0 u ]<---+
+
+    e = R - yf       u = C e + F exp(-θm s) u - (F/Gm0)(y + η)       y = G (u + δ) + d
+
+The line for u says Gm0 C e = (1 - F exp(-θm s)) Gm0 u + F (y + η): this is the only yf with
+yf = Gm0 C e, that is with E/R = 1/(1 + Gm0 C). It is also Gm0 u + F (y + η - Gm u), the output as
+it would be without dead time and the filtered error of the model with it: a Smith predictor with an
+observer. C and the model loop see no dead time, p_A stays what it is, and all other maps are the
+same quotients with ::
+
+    1 - F exp(-θm s)                                                in place of 1 - F
+    p_B = D Nm (Df - Nf exp(-θm s)) + N Dm Nf exp(-θs)              condition ii
+    H   = G/Gm0 - exp(-θm s)                                        as large as G/Gm - 1
+    K   = F/((1 - F exp(-θm s)) Gm0)
+
+There are two dead times in p_B, and one where θ = θm: then the terms with Nf are added up. `delay`
+is that of the process, `model_delay` that of the model.
+
+Which poles of Gm0 cancel inside the block (1 - F exp(-θm s)) Gm0 changes, too: those at which
+F(p) exp(-θm p) = 1. For p != 0 that is a coincidence of F and θm which rounding undoes, and they
+are kept. At s = 0 it would be exact: (1 - F exp(-θm s))/s is what a memory of length θm holds,
+(1 - F)/s + F (1 - exp(-θm s))/s. That is no block with rational parts, and it is not built here.
+
+.. rubric:: References
+
+O. J. M. Smith, Closer control of loops with dead time, Chem. Eng. Progress 53 (1957) 217-219.
+
+Q.-C. Zhong, J. E. Normey-Rico, Control of integral processes with dead-time. Part 1: Disturbance
+observer-based 2DOF control scheme, IEE Proc. Control Theory Appl. 149 (2002) 285-290.
+
+Z. J. Palmor, Stability properties of Smith dead-time compensator controllers, Int. J. Control 32
+(1980) 937-949.
+
+K. Yamanaka, E. Shimemura, Effects of mismatched Smith controller on stability in systems with
+time-delay, Automatica 23 (1987) 787-791.
 """
 
 from __future__ import annotations
@@ -29,11 +94,26 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..numerics import FloatArray, QuasiPolynomial, add
+from ..numerics import (
+    FloatArray,
+    QuasiPolynomial,
+    Shared,
+    Term,
+    add,
+    shared_factor,
+    unstable_roots,
+)
 from .blocks import Fraction, as_fraction, nonzero
 from .delay import DelayedTransferFunction
 from .filters import filter_fraction
 from .quotient import Quotient
+
+__all__ = ["LoopEquations", "LoopFractions", "ObserverEquations", "ObserverFractions"]
+
+TYPED_IN = 8 * float(np.finfo(float).eps)
+"""Difference of two coefficients, against their size, that are meant to be the same."""
+SAME_DELAY = 4 * float(np.finfo(float).eps)
+"""Relative difference of two dead times that are meant to be one: 0.1 + 0.2 is not 0.3."""
 
 
 class ObserverFractions(NamedTuple):
@@ -42,6 +122,25 @@ class ObserverFractions(NamedTuple):
     G: Fraction
     Gm: Fraction
     F: Fraction
+
+
+class BuiltFactors(NamedTuple):
+    """Factors of the blocks F/Gm = Nf Dm/(Df Nm) and (1 - F) Gm = E Nm/(Df Dm), each as one.
+
+    Attributes
+    ----------
+    Nm, Nf, Dm, E : QuasiPolynomial
+        What is left of the model's zeros, the filter's, the model's poles and Df - Nf.
+    zeros, poles : QuasiPolynomial
+        What has cancelled inside F/Gm, and inside (1 - F) Gm; 1 where nothing has.
+    """
+
+    Nm: QuasiPolynomial
+    Nf: QuasiPolynomial
+    Dm: QuasiPolynomial
+    E: QuasiPolynomial
+    zeros: QuasiPolynomial
+    poles: QuasiPolynomial
 
 
 class LoopFractions(NamedTuple):
@@ -59,19 +158,15 @@ class _ObserverMaps:
     process: Any
     model: Any
     filter: Any
+    keep_factors: bool
 
     @cached_property
     def fractions(self) -> ObserverFractions | LoopFractions:
-        """Numerators and denominators of the blocks; the process without its dead time."""
+        """Numerators and denominators of the blocks, without dead times."""
         return self._observer_fractions
 
     @cached_property
     def _observer_fractions(self) -> ObserverFractions:
-        if isinstance(self.model, DelayedTransferFunction) and self.model.delay:
-            raise ValueError(
-                f"model has a dead time of {self.model.delay:g} s; F/model would have to predict "
-                "the future: leave the dead time out of the model"
-            )
         G, Gm = (
             nonzero(as_fraction(_undelayed(block), name), name)
             for block, name in ((self.process, "process"), (self.model, "model"))
@@ -87,28 +182,64 @@ class _ObserverMaps:
 
     @property
     def delay(self) -> float:
-        """Dead time of the process, in seconds."""
-        return self.process.delay if isinstance(self.process, DelayedTransferFunction) else 0.0
+        """Dead time θ of the process, in seconds."""
+        return _dead_time(self.process)
+
+    @property
+    def model_delay(self) -> float:
+        """Dead time θm of the model, in seconds; θ where only rounding keeps them apart."""
+        found = _dead_time(self.model)
+        return self.delay if abs(found - self.delay) <= SAME_DELAY * found else found
 
     @cached_property
     def one_minus_F(self) -> QuasiPolynomial:
-        """Numerator Df - Nf of 1 - F."""
-        # Both constant coefficients are exactly 1, so 1 - F keeps its zero at s = 0 exactly.
+        """Numerator Df - Nf exp(-θm s) of 1 - F, or of 1 - F exp(-θm s) in a model that waits."""
+        # Both constant coefficients are exactly 1, so 1 - F keeps its zero at s = 0 exactly. Those
+        # of its next powers that are only rounding are zeros of the same kind.
         num, den = self._observer_fractions.F
-        return QuasiPolynomial(add(den, -num), scale=add(np.abs(den), np.abs(num)))
+        scale = add(np.abs(den), np.abs(num))
+        if self.model_delay:
+            return QuasiPolynomial(den, -num, self.model_delay, scale)
+        difference = add(den, -num)
+        used = np.flatnonzero(np.abs(difference) > TYPED_IN * scale)
+        difference[used[-1] + 1 :] = 0.0
+        return QuasiPolynomial(difference, scale=scale)
+
+    @cached_property
+    def built(self) -> BuiltFactors:
+        """Factors of the blocks F/Gm and (1 - F) Gm as they are built."""
+        _, Gm, F = self._observer_fractions
+        num, den, filter_num = map(QuasiPolynomial, (*Gm, F.num))
+        gz, Nm, Nf = _shared(num, filter_num, keep=self.keep_factors)
+        keep = self.keep_factors or self.model_delay > 0
+        gp, Dm, E = _shared(den, self.one_minus_F, keep=keep)
+        return BuiltFactors(Nm, Nf, Dm, E, gz, gp)
 
     @cached_property
     def p_B(self) -> QuasiPolynomial:
-        """Characteristic quasi-polynomial of the observer loop, D Nm (Df-Nf) + N Dm Nf e^(-θs)."""
-        G, Gm, F = self._observer_fractions
-        undelayed = (G.den, Gm.num, self.one_minus_F.q)
-        return _sum_of_products(undelayed, (G.num, Gm.den, F.num), self.delay)
+        """Characteristic function of the observer loop, D Nm (Df - Nf e^(-θm s)) + N Dm Nf e^(-θs).
+
+        Without what has cancelled inside its blocks.
+        """
+        G, built = self._observer_fractions.G, self.built
+        waiting = [((G.den, built.Nm.q, p), delay) for p, delay in built.E.terms]
+        return _sum_of_products(*waiting, ((G.num, built.Dm.q, built.Nf.q), self.delay))
+
+    @cached_property
+    def condition_ii(self) -> Quotient:
+        """The open loop on which condition ii is counted: F H, or L.
+
+        With a pole on the axis or right of it that has cancelled inside (1 - F) Gm, 1 + FH has a
+        zero there, which is no root of the loop; 1 + L has none.
+        """
+        cancelled = self.built.poles
+        return self.L if cancelled.zeros_at_origin or unstable_roots(cancelled).size else self.FH
 
     @property
     def ill_posed_observer_loop(self) -> str:
         """Why the observer loop has no solution at infinite frequency; empty if well posed."""
-        G, Gm, F = self._observer_fractions
-        full = G.den.size + Gm.num.size + F.den.size - 2
+        G, _, F = self._observer_fractions
+        full = G.den.size + self.built.Nm.degree + F.den.size - 1 - self.built.poles.degree
         if self.p_B.q.size == full and self.p_B.q.any():
             return ""
         value = "1 - F(∞) = 0" if self.delay else "1 + F(∞)·H(∞) = 0"
@@ -119,34 +250,34 @@ class _ObserverMaps:
     @cached_property
     def S_d(self) -> Quotient:
         """Output disturbance d to output y, eq. (4): the sensitivity of the plant loop."""
-        return self._quotient("S_d", "D Nm 1-F", "B")
+        return self._quotient("S_d", "D Nm' E", "B")
 
     @cached_property
     def S_delta(self) -> Quotient:
         """Input disturbance δ to output y, eq. (4)."""
-        return self._quotient("S_delta", "Ne Nm 1-F", "B")
+        return self._quotient("S_delta", "Ne Nm' E", "B")
 
     @cached_property
     def S_eta(self) -> Quotient:
         """Measurement noise η to output y, eq. (4)."""
-        return self._quotient("S_eta", "-1 Ne Dm Nf", "B")
+        return self._quotient("S_eta", "-1 Ne Dm' Nf'", "B")
 
     # Eq. (7): to the error and to the control signal.
 
     @cached_property
     def U_d(self) -> Quotient:
         """Output disturbance d to controller output u, eq. (7)."""
-        return self._quotient("U_d", "-1 D Dm Nf", "B")
+        return self._quotient("U_d", "-1 D Dm' Nf'", "B")
 
     @cached_property
     def U_delta(self) -> Quotient:
         """Input disturbance δ to plant input u + δ, eq. (7)."""
-        return self._quotient("U_delta", "D Nm 1-F", "B")
+        return self._quotient("U_delta", "D Nm' E", "B")
 
     @cached_property
     def U_eta(self) -> Quotient:
         """Measurement noise η to controller output u, eq. (7): the same map as `U_d`."""
-        return self._quotient("U_eta", "-1 D Dm Nf", "B")
+        return self._quotient("U_eta", "-1 D Dm' Nf'", "B")
 
     # Blocks and open loops.
 
@@ -158,7 +289,7 @@ class _ObserverMaps:
     @cached_property
     def Gm(self) -> Quotient:
         """The model G̃."""
-        return self._quotient("Gm", "Nm", "Dm")
+        return self._quotient("Gm", "Nme", "Dm")
 
     @cached_property
     def F(self) -> Quotient:
@@ -167,39 +298,46 @@ class _ObserverMaps:
 
     @cached_property
     def ratio(self) -> Quotient:
-        """Process over model, G̃⁻¹G."""
+        """Process over model, G̃⁻¹G; the model without its dead time."""
         return self._quotient("ratio", "Ne Dm", "D Nm")
 
     @cached_property
     def H(self) -> Quotient:
-        """Relative mismatch H = G/G̃ - 1 of Lemma 1."""
+        """Relative mismatch H = G/G̃ - 1 of Lemma 1; G/G̃0 - exp(-θm s) for a model that waits."""
         return self._quotient("H", "mismatch", "D Nm")
 
     @cached_property
     def FH(self) -> Quotient:
         """Observer loop F H, condition ii of Lemmas 1 and 2."""
-        return self._quotient("FH", "Nf mismatch", "D Nm Df")
+        return self._quotient("FH", "Nf' mismatch", "D Nm' Df")
 
     @cached_property
     def K(self) -> Quotient:
-        """All the feedback there is: K = F/((1 - F) G̃)."""
-        return self._quotient("K", "Nf Dm", "1-F Nm")
+        """All the feedback there is: K = F/((1 - F) G̃), or F/((1 - F exp(-θm s)) G̃0)."""
+        return self._quotient("K", "Nf' Dm'", "E Nm'")
 
     @cached_property
     def L(self) -> Quotient:
-        """Plant loop L = K G = F (G/G̃)/(1 - F), the loop that the plant itself sees."""
-        return self._quotient("L", "Nf Dm Ne", "1-F Nm D")
+        """Plant loop L = K G, the loop that the plant itself sees."""
+        return self._quotient("L", "Nf' Dm' Ne", "E Nm' D")
 
     @cached_property
     def _parts(self) -> dict[str, QuasiPolynomial]:
         G, Gm, F = self._observer_fractions
+        built = self.built
         parts = {
             "-1": -np.ones(1), "D": G.den, "Nm": Gm.num, "Dm": Gm.den, "Nf": F.num, "Df": F.den,
         }  # fmt: skip
-        mismatch = _sum_of_products((-G.den, Gm.num), (G.num, Gm.den), self.delay)
+        mismatch = _sum_of_products(
+            ((-G.den, Gm.num), self.model_delay), ((G.num, Gm.den), self.delay)
+        )
         return {name: QuasiPolynomial(c) for name, c in parts.items()} | {
             "Ne": QuasiPolynomial(np.zeros(1), G.num, self.delay),
-            "1-F": self.one_minus_F,
+            "Nme": QuasiPolynomial(np.zeros(1), Gm.num, self.model_delay),
+            "Nm'": built.Nm,
+            "Nf'": built.Nf,
+            "Dm'": built.Dm,
+            "E": built.E,
             "mismatch": mismatch,
             "B": self.p_B,
         }
@@ -217,8 +355,8 @@ class ObserverEquations(_ObserverMaps):
 
     Parameters
     ----------
-    process, model, filter
-        As for `LoopEquations`.
+    process, model, filter, keep_factors : as for `LoopEquations`
+        G, G̃ and F, and whether every factor is kept.
 
     Raises
     ------
@@ -237,6 +375,7 @@ class ObserverEquations(_ObserverMaps):
     process: Any
     model: Any
     filter: Any
+    keep_factors: bool = False
 
     def __post_init__(self) -> None:
         _ = self.fractions
@@ -250,12 +389,15 @@ class LoopEquations(_ObserverMaps):
     ----------
     process : control.TransferFunction, StateSpace, DelayedTransferFunction or (num, den)
         G, proper, with or without dead time.
-    model : control.TransferFunction, StateSpace or (num, den)
-        Gm, proper, without dead time.
+    model : control.TransferFunction, StateSpace, DelayedTransferFunction or (num, den)
+        Gm, proper, with or without dead time.
     controller : control.TransferFunction, StateSpace, number or (num, den)
         C, proper.
     filter : LowPassFilter, or a stable proper block with F(0) = 1
         F, of at least the model's relative degree, so that F/model is causal.
+    keep_factors : bool
+        Whether what F/model and (1 - F)·model share with themselves is kept, because 1 - F, the
+        model and its inverse are built as blocks of their own.
 
     Raises
     ------
@@ -267,15 +409,18 @@ class LoopEquations(_ObserverMaps):
     model: Any
     controller: Any
     filter: Any
+    keep_factors: bool = False
 
     def __post_init__(self) -> None:
         if isinstance(self.controller, DelayedTransferFunction):
-            raise TypeError("controller has a dead time; only the process may have one")
+            raise TypeError(
+                "controller has a dead time; only the process and the model may have one"
+            )
         _ = self.fractions
 
     @cached_property
     def fractions(self) -> LoopFractions:
-        """Numerators and denominators of the blocks; the process without its dead time."""
+        """Numerators and denominators of the blocks, without dead times."""
         G, Gm, F = self._observer_fractions
         return LoopFractions(G, Gm, as_fraction(self.controller, "controller"), F)
 
@@ -283,7 +428,7 @@ class LoopEquations(_ObserverMaps):
     def p_A(self) -> QuasiPolynomial:
         """Characteristic polynomial of the model loop, Dm Dc + Nm Nc."""
         _, Gm, C, _ = self.fractions
-        return _sum_of_products((Gm.den, C.den), (Gm.num, C.num))
+        return _sum_of_products(((Gm.den, C.den), 0.0), ((Gm.num, C.num), 0.0))
 
     @property
     def ill_posed_model_loop(self) -> str:
@@ -301,7 +446,7 @@ class LoopEquations(_ObserverMaps):
     @cached_property
     def T_R(self) -> Quotient:
         """Reference R to output y, eq. (4)."""
-        return self._quotient("T_R", "Nc Ne Nm Dm Df", "A B")
+        return self._quotient("T_R", "Nc Ne Nm' Dm' Df", "A B")
 
     @cached_property
     def E_R(self) -> Quotient:
@@ -311,7 +456,7 @@ class LoopEquations(_ObserverMaps):
     @cached_property
     def U_R(self) -> Quotient:
         """Reference R to controller output u, eq. (7)."""
-        return self._quotient("U_R", "Nc D Nm Dm Df", "A B")
+        return self._quotient("U_R", "Nc D Nm' Dm' Df", "A B")
 
     @cached_property
     def C(self) -> Quotient:
@@ -320,7 +465,7 @@ class LoopEquations(_ObserverMaps):
 
     @cached_property
     def CGm(self) -> Quotient:
-        """Model loop C G̃, condition i of Lemmas 1 and 2."""
+        """Model loop C G̃, condition i of Lemmas 1 and 2; the model without its dead time."""
         return self._quotient("CGm", "Nc Nm", "Dc Dm")
 
     @cached_property
@@ -333,15 +478,23 @@ class LoopEquations(_ObserverMaps):
         }
 
 
+def _shared(model: QuasiPolynomial, filter: QuasiPolynomial, *, keep: bool) -> Shared:
+    """Take out what a numerator or denominator of the model shares with one of the filter's."""
+    if keep or not (model.degree and filter.degree):
+        return Shared(QuasiPolynomial(np.ones(1)), model, filter)
+    return shared_factor(model, filter)
+
+
 def _undelayed(block: Any) -> Any:
     return block.tf if isinstance(block, DelayedTransferFunction) else block
 
 
-def _sum_of_products(
-    undelayed: tuple[FloatArray, ...], delayed: tuple[FloatArray, ...], delay: float = 0.0
-) -> QuasiPolynomial:
-    """Multiply out and add, keeping the size of what may cancel."""
-    scale = add(*(reduce(np.convolve, map(np.abs, factors)) for factors in (undelayed, delayed)))
-    return QuasiPolynomial(
-        reduce(np.convolve, undelayed), reduce(np.convolve, delayed), delay, scale
-    )
+def _dead_time(block: Any) -> float:
+    return block.delay if isinstance(block, DelayedTransferFunction) else 0.0
+
+
+def _sum_of_products(*products: tuple[tuple[FloatArray, ...], float]) -> QuasiPolynomial:
+    """Multiply out and add, each with its dead time, keeping the size of what may cancel."""
+    scale = reduce(add, [reduce(np.convolve, map(np.abs, factors)) for factors, _ in products])
+    terms = tuple(Term(reduce(np.convolve, factors), delay) for factors, delay in products)
+    return QuasiPolynomial(np.zeros(1), scale=scale, more=terms)

@@ -13,6 +13,8 @@ import numpy as np
 from ..numerics import ComplexArray, FloatArray, QuasiPolynomial, count_rhp, written
 from .blocks import Fraction, as_fraction, real_number, six_digits
 
+__all__ = ["LowPassFilter", "filter_fraction"]
+
 DC_GAIN_TOLERANCE = 1e-9
 """How far F(0) may be from 1 and still count as a typed-in 1."""
 

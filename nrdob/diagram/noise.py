@@ -11,7 +11,8 @@ is missed; beyond the last one
           X = -W\,\frac{r\,e^{-sT}}{q + r\,e^{-sT}},\qquad \tilde n(s) = n(-s),
 
 where W is rational, and X, which turns for ever on the imaginary axis, dies out to its right: there
-it is integrated.
+it is integrated. With several dead times the integral goes on until what turns cannot matter any
+more, and of what is beyond only the mean is left, which is rational.
 
 .. rubric:: References
 
@@ -35,6 +36,8 @@ from ..numerics import (
     frequency_segments,
     multiply,
 )
+
+__all__ = ["noise_power", "rational_power"]
 
 TOLERANCE = 1e-10
 """Relative error of the integral at which no interval is halved any more."""
@@ -77,20 +80,17 @@ def noise_power(
                 "make the loop stable first, see stability()"
             )
     top, bottom = multiply(*num), multiply(*den)
-    if max(top.q.size, top.r.size) >= bottom.q.size:
+    if top.degree >= bottom.degree:
         raise ValueError(
             f"the noise power of {name} is infinite: it is not strictly proper and lets all "
             "frequencies through; use a filter of higher order, or a map that rolls off"
         )
-    if top.delay and not top.q.any():
-        top = QuasiPolynomial(top.r, scale=top.scale)  # a dead time alone changes no size
-    if not top.q.any():
+    if not any(term.q.any() for term in top.terms):
         return 0.0
+    if bottom.more or top.more or (top.delay and top.q.any()):
+        return _turning_power(top, den, bottom)
     if top.delay:
-        raise NotImplementedError(
-            f"{name} has a sum of delayed and undelayed terms as numerator; the noise power is "
-            "computed for maps with one of them, as all closed-loop maps are"
-        )
+        top = QuasiPolynomial(top.r, scale=top.scale)  # a dead time alone changes no size
     if not bottom.delay:
         return rational_power(top.q, bottom.q)
     return _delayed_power(top.q, den, bottom)
@@ -151,6 +151,48 @@ def _delayed_power(
         lambda x: turning(1j * end + end * x / (1 - x)) * end / (1 - x) ** 2, unit, body
     )
     return float(body + tail + 2 * (side / 1j).real) / pi
+
+
+def _turning_power(
+    top: QuasiPolynomial, den: tuple[QuasiPolynomial, ...], product: QuasiPolynomial
+) -> float:
+    """Integrate with several dead times, until their turning averages out."""
+    lead = QuasiPolynomial(product.q)
+    delays = sorted({delay for p in (top, product) for _, delay in p.terms})
+    beats = np.diff(delays)
+
+    def density(omega: FloatArray) -> FloatArray:
+        return np.asarray(np.abs(top(1j * omega) / product(1j * omega)) ** 2)
+
+    def mean(omega: FloatArray) -> FloatArray:
+        s = 1j * omega
+        sizes = [np.abs(np.polyval(p, s)) ** 2 for p, _ in top.terms]
+        return np.asarray(sum(sizes) / np.abs(lead(s)) ** 2)
+
+    def turning(omega: float) -> float:
+        """Bound of the integral beyond of what turns: once around, and what two turns leave."""
+        s = np.array([1j * omega])
+        late = sum(float(np.abs(np.polyval(p, s) / lead(s))[0]) for p, _ in product.delayed)
+        sizes = [float(np.abs(np.polyval(p, s) / lead(s))[0]) for p, _ in top.terms]
+        once = sum(sizes) ** 2 - sum(size**2 for size in sizes) + 2 * late * sum(sizes) ** 2
+        twice = 3 * late**2 * sum(sizes) ** 2 / max(1 - late, 1e-3) ** 2
+        return once * min(4 / float(beats.min()), omega) + twice * omega
+
+    edges = np.unique(np.concatenate([_frequencies(factor) for factor in den]))
+    body = _integral(density, edges, 0.0).real
+    step = pi / delays[-1]
+    while turning(edges[-1]) > TOLERANCE * body:
+        count = max(int(edges[-1] / step), 1)
+        if count > MAX_INTERVALS:
+            raise ArithmeticError(
+                "what turns with the dead times dies out too slowly: the noise power needs over "
+                f"{MAX_INTERVALS} intervals; use a filter of higher order"
+            )
+        edges = edges[-1] + max(edges[-1] / count, step) * np.arange(count + 1)
+        body += _integral(density, edges, body).real
+    end = edges[-1]
+    tail = _integral(lambda x: mean(end / x) * end / x**2, np.array([0.0, 0.5, 1.0]), body).real
+    return float(body + tail) / pi
 
 
 def _frequencies(factor: QuasiPolynomial) -> FloatArray:

@@ -20,6 +20,8 @@ from ..numerics import (
 )
 from .noise import noise_power
 
+__all__ = ["Quotient"]
+
 NEAR_ROOT = 1e-7
 """Size of a denominator, against its terms, below which half the digits are lost."""
 
@@ -83,14 +85,16 @@ class Quotient:
     def at_infinity(self) -> tuple[float, float]:
         """The a and b of the limit a + b exp(-jωθ) over an undelayed denominator.
 
-        Infinite for an improper map.
+        Infinite for an improper map. With several dead times b is the sum of the sizes: what turns
+        in so many senses gets as far from a as that.
         """
         den = self.denominator.q
         limits = []
-        for part in (self.numerator.q, self.numerator.r):
+        for part, _ in self.numerator.terms:
             excess = part.size - den.size if part.any() else -1
             limits.append(0.0 if excess < 0 else inf if excess else float(part[0] / den[0]))
-        return limits[0], limits[1]
+        undelayed, *delayed = limits
+        return undelayed, sum(map(abs, delayed)) if len(delayed) > 1 else sum(delayed)
 
     def __call__(self, s: complex | ComplexArray) -> Any:
         """Evaluate at complex `s`, a number or an array of any shape.
@@ -235,12 +239,17 @@ class Quotient:
 
 def _mantissa(p: QuasiPolynomial, s: ComplexArray) -> tuple[ComplexArray, FloatArray]:
     """p(s) as a number of moderate size and the logarithm of a positive factor, s not 0."""
-    size, delay = np.abs(s)[..., None], p.delay * s[..., None]
+    size, column = np.abs(s)[..., None], s[..., None]
     exponents, terms = [], []
-    for part, lag in ((p.q, 0 * delay), (p.r, delay)):
-        k = np.arange(part.size - 1, -1, -1)
+    for part, delay in p.terms:
+        lag = delay * column
+        k = np.arange(part.size - 1, -1, -1) - p.divided
         exponents.append(np.log(np.abs(part)) + k * np.log(size) - lag.real)
-        terms.append(np.sign(part) * (s[..., None] / size) ** k * np.exp(-1j * lag.imag))
+        terms.append(np.sign(part) * (column / size) ** k * np.exp(-1j * lag.imag))
     exponent, term = np.concatenate(exponents, axis=-1), np.concatenate(terms, axis=-1)
     largest = np.maximum(exponent.max(axis=-1), -LARGEST)  # -inf for the polynomial 0
-    return (np.exp(exponent - largest[..., None]) * term).sum(axis=-1), largest
+    mantissa = (np.exp(exponent - largest[..., None]) * term).sum(axis=-1)
+    if p.divided:  # near s = 0 the terms cancel
+        plain = np.abs(s) * p.delay < 1
+        mantissa, largest = np.where(plain, p(s), mantissa), np.where(plain, 0.0, largest)
+    return mantissa, largest

@@ -28,6 +28,8 @@ import control as ct
 import numpy as np
 from numpy.typing import NDArray
 
+__all__ = ["MAX_STATES", "polynomials"]
+
 FloatArray = NDArray[np.floating[Any]]
 
 MAX_STATES = 24

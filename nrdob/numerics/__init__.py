@@ -1,5 +1,6 @@
 """Numbers only, no control theory: roots, crossings, polynomials with a delay."""
 
+from .argument import Term
 from .arrays import ROUNDING, BoolArray, ComplexArray, FloatArray, IntArray
 from .crossings import bisect, golden, newton, side
 from .quasipoly import (
@@ -10,9 +11,10 @@ from .quasipoly import (
     differentiate,
     frequency_segments,
     multiply,
+    unstable_roots,
 )
 from .rootfinding import companion_roots
-from .sharedfactor import without_shared_factor
+from .sharedfactor import Shared, factor_near, shared_factor, without_shared_factor
 from .timescales import Block, impulse_states, roots_by_time_scale, split
 from .writing import number, written
 
@@ -25,11 +27,14 @@ __all__ = [
     "IntArray",
     "QuasiPolynomial",
     "RootCount",
+    "Shared",
+    "Term",
     "add",
     "bisect",
     "companion_roots",
     "count_rhp",
     "differentiate",
+    "factor_near",
     "frequency_segments",
     "golden",
     "impulse_states",
@@ -37,8 +42,10 @@ __all__ = [
     "newton",
     "number",
     "roots_by_time_scale",
+    "shared_factor",
     "side",
     "split",
+    "unstable_roots",
     "without_shared_factor",
     "written",
 ]

@@ -25,6 +25,8 @@ import numpy as np
 from .arrays import ROUNDING, BoolArray, ComplexArray, FloatArray
 from .rootfinding import dominance_radius
 
+__all__ = ["Term", "Turn", "turn", "zero_free_frequencies"]
+
 MAX_SEGMENTS = 400_000
 """Stretches of the axis at most where every turn is to be followed."""
 
@@ -46,7 +48,15 @@ FREE, OPEN = -1, -2
 
 
 class Term(NamedTuple):
-    """A polynomial q, coefficients in descending powers, behind a dead time in seconds."""
+    """A polynomial behind a dead time.
+
+    Attributes
+    ----------
+    q : array of float
+        Coefficients of the polynomial, in descending powers.
+    delay : float
+        Dead time in seconds.
+    """
 
     q: FloatArray
     delay: float
@@ -63,10 +73,13 @@ class Turn:
         one of them cannot be passed.
     touched : tuple of float
         Frequencies at which the function vanishes within rounding, in rad/s.
+    simple_origin: bool
+        Whether no more than one zero was passed at s = 0.
     """
 
     angle: float
     touched: tuple[float, ...] = ()
+    simple_origin: bool = True
 
 
 class _Stretches(NamedTuple):
@@ -115,10 +128,12 @@ def turn(terms: Sequence[Term], scale: FloatArray) -> Turn:
         return Turn(angle)
     low, high = _range(terms, scale)
     touched: list[float] = []
-    angle = 0.0
+    angle, simple = 0.0, True
     if low is None:
         touched.append(0.0)
-        low, angle = _pass_origin(terms, scale, high)
+        beside = _beside_origin(terms, scale, high)
+        simple = beside is not None
+        low, angle = beside or _pass_origin(terms, scale, high)
     stretches, holes = _certified(terms, scale, low, high, dominance=True)
     if not touched:  # there the constant term dominates
         first = _Stretches(np.zeros(1), np.array([low]), np.array([FREE]))
@@ -128,7 +143,7 @@ def turn(terms: Sequence[Term], scale: FloatArray) -> Turn:
         angle += around
         touched.append((a + b) / 2)
     angle += _angles(terms, scale, stretches, high)
-    return Turn(angle, tuple(touched))
+    return Turn(angle, tuple(touched), simple)
 
 
 def zero_free_frequencies(terms: Sequence[Term], scale: FloatArray) -> FloatArray:
@@ -360,6 +375,34 @@ def _passed(
                 centre, radius = (a + centre + radius) / 2, (centre + radius - a) / 2
         passed.append((centre - radius, centre + radius, angle))
     return passed
+
+
+def _beside_origin(
+    terms: Sequence[Term], scale: FloatArray, high: float
+) -> tuple[float, float] | None:
+    """Pass a simple zero at s = 0: a radius within which there is no other, and the angle turned.
+
+    There the sum is c s but for less than half of it (Rouché), so that it turns by less than half
+    a revolution.
+    """
+    constants = [term.q[-1] for term in terms]
+    slopes = [term.q[-2] if term.q.size > 1 else 0.0 for term in terms]
+    delays = [term.delay for term in terms]
+    c = sum(b - T * a for a, b, T in zip(constants, slopes, delays, strict=True))
+    radius = min([high, *(1 / T for T in delays if T)])
+    while abs(c) * radius > 4 * ROUNDING * scale[-1]:
+        rest = 0.0
+        for (q, T), a, b in zip(terms, constants, slopes, strict=True):
+            higher = float(np.polyval(np.append(np.abs(q[:-2]), [0.0, 0.0]), radius))
+            growth = float(np.expm1(T * radius))
+            rest += higher * (1 + growth) + abs(b) * radius * growth
+            rest += abs(a) * (T * radius) ** 2 / 2 * (1 + growth)
+        if rest < abs(c) * radius / 2:
+            s = radius * np.array([1.0, 1j])
+            start, end = np.sum([np.polyval(q, s) * np.exp(-T * s) for q, T in terms], axis=0)
+            return radius, float(np.angle(end / start))
+        radius /= 4
+    return None
 
 
 def _pass_origin(terms: Sequence[Term], scale: FloatArray, high: float) -> tuple[float, float]:

@@ -6,6 +6,9 @@ for :math:`T = (\varphi + 2\pi m)/\omega` with :math:`e^{j\varphi} = -r/q` and m
 left to right if :math:`|q|^2 - |r|^2` grows with frequency there, else from right to left. With
 the roots of :math:`q + r` that makes the number of roots on the right for every dead time.
 
+With a second dead time that does not change q is no polynomial but a sum of two terms, which only
+makes it harder to find the frequencies.
+
 .. rubric:: References
 
 K. Walton, J. E. Marshall, Direct method for TDS stability analysis, IEE Proceedings D 134 (1987)
@@ -20,8 +23,17 @@ from typing import NamedTuple
 import numpy as np
 
 from .arrays import FloatArray
-from .exact import Whole, positive_sign_changes, rhp_count, squared_size, total, whole
-from .rootfinding import polynomial_roots
+from .crossings import side, zeros
+from .exact import Whole, multiply, positive_sign_changes, rhp_count, squared_size, total, whole
+from .rootfinding import companion_roots, polynomial_roots
+
+PER_TURN = 24
+"""Frequencies to each turn of a dead time."""
+
+MAX_FREQUENCIES = 1_000_000
+"""Frequencies of a band at most."""
+
+__all__ = ["count_by_crossings", "crossings_between"]
 
 AT_ZERO = 1e-6
 """Angle in radians at which a crossing belongs to the dead time zero, where it starts."""
@@ -40,11 +52,11 @@ def count_by_crossings(q: FloatArray, r: FloatArray, delay: float) -> int | None
     Returns
     -------
     int or None
-        The number, or None where the equation without dead time has roots on the axis.
+        The number, or None where the equation without dead time has roots on the axis. A root at
+        s = 0 for every dead time, where q + r = 0, is not counted.
 
     Examples
     --------
-    >>> import numpy as np
     >>> count_by_crossings(np.array([1.0, 0.0]), np.array([8.0]), 1.0)    # s + 8 exp(-s)
     4
     """
@@ -58,7 +70,103 @@ def count_by_crossings(q: FloatArray, r: FloatArray, delay: float) -> int | None
         # A pair that starts on the axis does not come from the right: it is not lost there.
         first = 0 if angle == 0 and direction < 0 else 1
         count += 2 * direction * (floor((omega * delay - angle) / tau) + first)
+    return count + _through_zero(q, r, delay)
+
+
+def crossings_between(
+    q: FloatArray, fixed: tuple[FloatArray, float], moving: FloatArray, start: float, end: float
+) -> int | None:
+    """Count the roots that enter the right half plane while one of two dead times changes.
+
+    Parameters
+    ----------
+    q : array of float
+        Coefficients in descending powers; the leading one dominates.
+    fixed : (r, T)
+        The term r exp(-sT) whose dead time stays.
+    moving : array of float
+        The polynomial behind the other dead time.
+    start, end : float
+        That dead time, in seconds, before and afterwards.
+
+    Returns
+    -------
+    int or None
+        How many more are there afterwards; None if there are too many frequencies to look at.
+
+    Examples
+    --------
+    s + 1 + 4 exp(-sT) - 4 exp(-s) has no roots on the right for T = 1, but ten for T = 10:
+
+    >>> four = np.array([4.0])
+    >>> crossings_between(np.array([1.0, 1.0]), (-four, 1.0), four, 1.0, 10.0)
+    10
+    """
+    r, delay = fixed
+
+    def excess(omega: FloatArray) -> FloatArray:
+        s = 1j * omega
+        a, b, c = (np.polyval(p, s) for p in (q, r, moving))
+        size = np.abs(a) ** 2 + np.abs(b) ** 2 + np.abs(c) ** 2
+        return np.asarray((np.abs(a + b * np.exp(-delay * s)) ** 2 - np.abs(c) ** 2) / size)
+
+    count = 0
+    for low, high in _bands(q, r, moving):
+        omega = _frequencies([q, r, moving], delay, low, high)
+        if omega.size > MAX_FREQUENCIES:
+            return None
+        where = zeros(excess, omega)
+        ends = np.concatenate([[low], where, [high]])
+        beyond = side(excess((ends[1:-1] + ends[2:]) / 2))
+        s = 1j * where
+        rest = np.polyval(q, s) + np.polyval(r, s) * np.exp(-delay * s)
+        angle = np.angle(-np.polyval(moving, s) / rest)
+        turns = [np.floor((where * each - angle) / tau) for each in (start, end)]
+        count += 2 * int((beyond * (turns[1] - turns[0])).sum())
     return count
+
+
+def _bands(q: FloatArray, r: FloatArray, moving: FloatArray) -> list[tuple[float, float]]:
+    """Frequencies between which |q + r exp(-sT)| may be as large as the moving term, for any T."""
+    a, b, c = map(squared_size, whole(q, r, moving))
+    between = _difference(total(a, b), c)
+    product = [4 * x for x in multiply(a, b)]
+    changes = positive_sign_changes(_difference(multiply(between, between), product))
+    edges = [sqrt(x) for x, _ in changes]
+    if changes and changes[0][1] > 0:  # negative from zero frequency on
+        edges = [0.0, *edges]
+    return list(zip(edges[::2], edges[1::2], strict=True))
+
+
+def _frequencies(
+    polynomials: list[FloatArray], delay: float, low: float, high: float
+) -> FloatArray:
+    """Frequencies of a band, some to each turn of the dead time, dense at roots near the axis."""
+    low = max(low, 1e-9 * high)
+    step = tau / (PER_TURN * delay)
+    count = min((high - low) / step, MAX_FREQUENCIES)
+    grids = [np.linspace(low, high, int(count) + 64), np.geomspace(low, high, 64)]
+    for root in np.concatenate([companion_roots(p) for p in polynomials]):
+        if root.imag > 0:
+            width = max(abs(root.real), 1e-12 * abs(root))
+            steps = np.geomspace(0.1 * width, abs(root), 60)
+            grids += [root.imag - steps, root.imag + steps]
+    omega = np.unique(np.concatenate(grids))
+    return np.asarray(omega[(omega >= low) & (omega <= high)])
+
+
+def _through_zero(q: FloatArray, r: FloatArray, delay: float) -> int:
+    """Count the real root that passes s = 0 where another one stays, (q + r)(0) = 0.
+
+    That other one divided out, (c - T r(0)) + (b - T r'(0) + T² r(0)/2) s + … is left, where c and
+    b are the next coefficients of q + r.
+    """
+    _, c, b = np.pad((q + np.pad(r, (q.size - r.size, 0)))[::-1], (0, 3))[:3]
+    if q[-1] + r[-1] or c * (c - delay * r[-1]) >= 0:
+        return 0
+    T = c / r[-1]
+    slope = b - T * (r[-2] if r.size > 1 else 0.0) + T * T * r[-1] / 2
+    return 1 if c * slope > 0 else -1
 
 
 class _Crossing(NamedTuple):
@@ -76,9 +184,11 @@ def _crossing(q: FloatArray, r: FloatArray, omega: float, direction: int) -> _Cr
 def _count_without_delay(q: FloatArray, r: FloatArray, on_axis: list[float]) -> int | None:
     """Roots of q + r on the right, those on the axis not counted: they cross from there."""
     p = total(*whole(q, r))
+    if not p[-1]:
+        p = p[:-1]
     if not on_axis:
         return rhp_count(p)
-    roots = polynomial_roots(np.polyadd(q, r))
+    roots = polynomial_roots(np.trim_zeros(np.polyadd(q, r), "b"))
     for omega in on_axis:
         for s in (1j * omega, -1j * omega):
             roots = np.delete(roots, np.argmin(np.abs(roots - s)))

@@ -8,13 +8,21 @@ import numpy as np
 
 from .arrays import FloatArray
 
+__all__ = ["bisect", "golden", "newton", "side", "zeros"]
+
 Function = Callable[[FloatArray], FloatArray]
 
 EPS = float(np.finfo(float).eps)
 
 
 def side(values: FloatArray) -> FloatArray:
-    """Sign of each value, a zero counted as positive so that none falls between two sides."""
+    """Sign of each value, a zero counted as positive so that none falls between two sides.
+
+    Parameters
+    ----------
+    values : array of float
+        Of any shape.
+    """
     return np.where(values >= 0, 1.0, -1.0)
 
 
@@ -26,6 +34,13 @@ def bisect(
     Brackets shrink by inverse quadratic interpolation where that is safe, else by halves: on
     smooth functions about ten evaluations reach the last bits, on jumps as many as halving needs.
     Brackets no wider than `within` are narrow enough.
+
+    Parameters
+    ----------
+    function : callable
+        Takes an array of the brackets' shape, and gives one.
+    low, high : array of float, of one shape
+        Ends of the brackets.
 
     References
     ----------
@@ -70,6 +85,15 @@ def newton(
 
     By Newton's steps from `start`, for `function` gives values and slopes; by halves where a step
     would leave the bracket or is not half as long as the last, until all are as short as `within`.
+
+    Parameters
+    ----------
+    function : callable
+        Takes an array of the brackets' shape, and gives two.
+    low, high, start : array of float, of one shape
+        Ends of the brackets, and where to begin.
+    within : float
+        Longest last step.
     """
     x, last = np.clip(start, np.minimum(low, high), np.maximum(low, high)), np.abs(high - low)
     for _ in range(120):
@@ -86,7 +110,15 @@ def newton(
 
 
 def golden(function: Function, low: FloatArray, high: FloatArray) -> FloatArray:
-    """Find the minimum between each `low` and `high` by golden section."""
+    """Find the minimum between each `low` and `high` by golden section.
+
+    Parameters
+    ----------
+    function : callable
+        Takes an array of the brackets' shape, and gives one.
+    low, high : array of float, of one shape
+        Ends of the brackets.
+    """
     ratio = (5**0.5 - 1) / 2
     left, right = high - ratio * (high - low), low + ratio * (high - low)
     at_left, at_right = function(left), function(right)

@@ -16,6 +16,18 @@ from math import gcd, nextafter, sqrt
 
 from .arrays import FloatArray
 
+__all__ = [
+    "Whole",
+    "multiply",
+    "positive_sign_changes",
+    "rhp_count",
+    "sign_at",
+    "squared_size",
+    "sturm_chain",
+    "total",
+    "whole",
+]
+
 Whole = list[int]
 
 
@@ -43,6 +55,15 @@ def total(a: Whole, b: Whole) -> Whole:
     size = max(len(a), len(b))
     a, b = [0] * (size - len(a)) + a, [0] * (size - len(b)) + b
     return _stripped([x + y for x, y in zip(a, b, strict=True)])
+
+
+def multiply(a: Whole, b: Whole) -> Whole:
+    """Multiply two polynomials."""
+    product = [0] * (len(a) + len(b) - 1) if a and b else []
+    for i, x in enumerate(a):
+        for k, y in enumerate(b):
+            product[i + k] += x * y
+    return product
 
 
 def rhp_count(p: Whole) -> int | None:

@@ -1,9 +1,10 @@
-r"""The rightmost roots of :math:`q(s) + r(s)\,e^{-sT}` when T is long.
+r"""The rightmost roots of :math:`q(s) + r(s)\,e^{-sT} + …` when T is long.
 
 Then the roots lie where :math:`sT = \ln(-r/q) + 2\pi jk`: close to a curve along the imaginary
 axis, at a distance of :math:`\ln|r/q|/T`, and near roots of q on its right. The rightmost ones are
 those near the highest points of the curve. Newton's method finds them from there, and a count of
-the roots to the right of a vertical line shows that nothing has been missed.
+the roots to the right of a vertical line shows that nothing has been missed. With a second dead
+time the guesses are where a step of Newton's method from the axis is smallest.
 
 .. rubric:: References
 
@@ -19,7 +20,9 @@ import numpy as np
 
 from .argument import Term, turn
 from .arrays import ComplexArray, FloatArray
-from .rootfinding import companion_roots, value_and_slope
+from .rootfinding import Delayed, companion_roots, value_and_slope
+
+__all__ = ["rightmost_roots"]
 
 NEIGHBOURS = 6
 """Roots that are looked for on either side of every highest point of the curve."""
@@ -30,19 +33,25 @@ PEAKS = 8
 SHOWN = 400
 """If fewer roots than this are on the right, all of them are looked for."""
 
+PER_TURN = 12
+"""Frequencies to each turn of the longest of several dead times."""
+
+MOST_DIPS = 100_000
+"""Frequencies at most at which several dead times are looked at."""
+
 BESIDE = 1e-4
 """How far to the right of the rightmost root the line is laid, against its distance."""
 
 
-def rightmost_roots(q: FloatArray, r: FloatArray, delay: float) -> ComplexArray:
-    """Find roots of q + r exp(-sT), of which none lies to the right of the first.
+def rightmost_roots(q: FloatArray, delayed: Delayed) -> ComplexArray:
+    """Find roots of q + sum of r exp(-sT), of which none lies to the right of the first.
 
     Parameters
     ----------
-    q, r : array of float
+    q : array of float
         Coefficients in descending powers; the leading one of q dominates.
-    delay : float
-        T > 0, in seconds.
+    delayed : sequence of (r, T)
+        Coefficients, and dead times T > 0 in seconds, the longest first.
 
     Returns
     -------
@@ -53,16 +62,18 @@ def rightmost_roots(q: FloatArray, r: FloatArray, delay: float) -> ComplexArray:
     Examples
     --------
     >>> import numpy as np
-    >>> roots = rightmost_roots(np.array([1.0, 0.0]), np.array([1.0]), 1000.0)   # s + exp(-1000 s)
+    >>> roots = rightmost_roots(np.array([1.0, 0.0]), [(np.array([1.0]), 1000.0)])
     >>> print(f"{roots[0]:.4g}")
     0.00515+0.002664j
     """
-    found = _newton(q, r, delay, _guesses(q, r, delay))
+    longest = delayed[0][1]
+    guesses = _guesses(q, *delayed[0]) if len(delayed) == 1 else _dips(q, delayed)
+    found = _newton(q, delayed, guesses)
     if not found.size:
         return found
     rightmost = found[0]
-    margin = BESIDE * max(abs(rightmost.real), 1e-6 * abs(rightmost), 1e-6 / delay)
-    return found if _none_right_of(q, r, delay, rightmost.real + margin) else found[:0]
+    margin = BESIDE * max(abs(rightmost.real), 1e-6 * abs(rightmost), 1e-6 / longest)
+    return found if _none_right_of(q, delayed, rightmost.real + margin) else found[:0]
 
 
 def _guesses(q: FloatArray, r: FloatArray, delay: float) -> ComplexArray:
@@ -85,6 +96,28 @@ def _guesses(q: FloatArray, r: FloatArray, delay: float) -> ComplexArray:
         moved = (ratio.real + 1j * (s.imag * delay - excess + tau * np.round(excess / tau))) / delay
         s = np.where(np.isfinite(moved), moved, s)
     return np.concatenate([s, poles, _slow_roots(q, r, delay)])
+
+
+def _dips(q: FloatArray, delayed: Delayed) -> ComplexArray:
+    """Guesses where a sum of several terms is smallest along the axis, and poles of q.
+
+    As far as the delayed terms can be as large as q.
+    """
+    poles = companion_roots(q)
+    corners = [np.concatenate([poles, companion_roots(r)]) for r, _ in delayed]
+    omega = _frequencies(np.concatenate(corners), delayed[0][1])
+    sizes = sum(np.abs(np.polyval(r, 1j * omega)) for r, _ in delayed)
+    reached = np.flatnonzero(sizes > 0.1 * np.abs(np.polyval(q, 1j * omega)))
+    last = omega[reached[-1]] if reached.size else omega[0]
+    step = tau / (PER_TURN * delayed[0][1])
+    omega = np.union1d(omega[omega <= last], step * np.arange(1, min(last / step, MOST_DIPS)))
+    s = 1j * omega
+    value, slope = value_and_slope(q, delayed, s)
+    nearness = np.abs(value / slope)  # about the distance of a root
+    inner = nearness[1:-1]
+    dips = 1 + np.flatnonzero((inner <= nearness[:-2]) & (inner <= nearness[2:]))
+    nearest = dips[np.argsort(nearness[dips])[:SHOWN]]
+    return np.concatenate([s[nearest] - (value / slope)[nearest], poles])
 
 
 def _frequencies(roots: ComplexArray, delay: float) -> FloatArray:
@@ -117,38 +150,44 @@ def _slow_roots(q: FloatArray, r: FloatArray, delay: float) -> ComplexArray:
     return found[np.abs(found) * delay < 2 * n]
 
 
-def _newton(q: FloatArray, r: FloatArray, delay: float, s: ComplexArray) -> ComplexArray:
+def _newton(q: FloatArray, delayed: Delayed, s: ComplexArray) -> ComplexArray:
     """Newton's method on p from many guesses; what converges, each once, with its conjugate."""
+    longest = delayed[0][1]
     with np.errstate(all="ignore"):
         for _ in range(40):
-            value, slope = value_and_slope(q, r, delay, s)
+            value, slope = value_and_slope(q, delayed, s)
             step = value / slope
             # A step of more than a turn of the dead time says nothing.
-            size = np.abs(step) * delay
+            size = np.abs(step) * longest
             s = s - np.where(size > 2, 2 * step / size, step)
-            if np.all(~np.isfinite(s) | (size <= 1e-12 * (1 + np.abs(s) * delay))):
+            if np.all(~np.isfinite(s) | (size <= 1e-12 * (1 + np.abs(s) * longest))):
                 break
-        value, _ = value_and_slope(q, r, delay, s)
-        weight = np.polyval(np.abs(q), np.abs(s)) + np.polyval(np.abs(r), np.abs(s)) * np.exp(
-            -delay * s.real
-        )
+        value, _ = value_and_slope(q, delayed, s)
+        weight = np.polyval(np.abs(q), np.abs(s))
+        for r, delay in delayed:
+            weight = weight + np.polyval(np.abs(r), np.abs(s)) * np.exp(-delay * s.real)
         s = s[np.isfinite(s) & (np.abs(value) <= 1e-9 * weight)]
     s = np.where(s.imag < 0, s.conj(), s)
     s = np.where(np.abs(s.imag) <= 1e-9 * np.abs(s), s.real, s)
     s = s[np.lexsort((s.real, s.imag))]
-    s = s[np.append(True, np.abs(np.diff(s)) > 1e-7 * (np.abs(s[1:]) + 1 / delay))]
+    s = s[np.append(True, np.abs(np.diff(s)) > 1e-7 * (np.abs(s[1:]) + 1 / longest))]
     s = np.concatenate([s, s[s.imag > 0].conj()])
     return np.asarray(s[np.lexsort((-s.imag, -s.real))])
 
 
-def _none_right_of(q: FloatArray, r: FloatArray, delay: float, line: float) -> bool:
+def _none_right_of(q: FloatArray, delayed: Delayed, line: float) -> bool:
     """Whether the argument along a vertical line shows that no root has a larger real part."""
-    shrink = float(np.exp(-delay * line))
-    q_line, r_line = _shifted(q, line), shrink * _shifted(r, line)
+    terms = [Term(_shifted(q, line), 0.0)]
     scale = _shifted(np.abs(q), abs(line))
-    scale[-r.size :] += shrink * _shifted(np.abs(r), abs(line))
+    for r, delay in delayed:
+        shrink = float(np.exp(-delay * line))
+        terms.append(Term(shrink * _shifted(r, line), delay))
+        scale[-r.size :] += shrink * _shifted(np.abs(r), abs(line))
+    neutral = sum(abs(r[0]) for r, _ in terms[1:] if r.size == q.size)
+    if neutral >= abs(q[0]):  # to the left of where chains of roots go
+        return False
     try:
-        found = turn((Term(q_line, 0.0), Term(r_line, delay)), scale)
+        found = turn(terms, scale)
     except ArithmeticError:
         return False
     return bool(abs((q.size - 1) / 2 - found.angle / pi) < 0.5)

@@ -1,4 +1,6 @@
-r"""Quasi-polynomials :math:`p(s) = q(s) + r(s)\,e^{-sT}`: where the roots of a delayed loop live.
+r"""Quasi-polynomials :math:`q(s) + r(s)\,e^{-sT} + …`: where the roots of a delayed loop live.
+
+There is one delayed term for every dead time: one in the process, one more in a model that waits.
 
 Independent ways to know the right half plane, none of which approximates the delay away:
 
@@ -8,14 +10,15 @@ Independent ways to know the right half plane, none of which approximates the de
 - `QuasiPolynomial.roots` are the roots themselves: eigenvalues (`nrdob.numerics.rootfinding`), or
   with a long delay the rightmost ones (`nrdob.numerics.longdelay`).
 - `QuasiPolynomial.rhp_in_whole_numbers` asks the coefficients alone, without rounding: Routh and
-  Hurwitz's test (`nrdob.numerics.exact`), or with a delay Walton and Marshall's count
-  (`nrdob.numerics.crossingcount`).
+  Hurwitz's test (`nrdob.numerics.exact`), or with one delay Walton and Marshall's count; with two
+  the same crossings while one delay grows into the other (`nrdob.numerics.crossingcount`).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property, reduce
+from itertools import product
 from math import inf, isnan, pi
 from typing import Any
 
@@ -23,15 +26,26 @@ import numpy as np
 
 from .argument import Term, Turn, turn, zero_free_frequencies
 from .arrays import ROUNDING, BoolArray, ComplexArray, FloatArray
-from .crossingcount import count_by_crossings
+from .crossingcount import count_by_crossings, crossings_between
 from .exact import rhp_count, whole
 from .longdelay import rightmost_roots
 from .rootfinding import delay_roots, polynomial_roots
 
+__all__ = [
+    "QuasiPolynomial",
+    "RootCount",
+    "add",
+    "count_rhp",
+    "differentiate",
+    "frequency_segments",
+    "multiply",
+    "unstable_roots",
+]
+
 
 @dataclass(frozen=True, eq=False)
 class QuasiPolynomial:
-    r"""The function :math:`q(s) + r(s)\,e^{-sT}` with real polynomials q and r.
+    r"""The function :math:`q(s) + r(s)\,e^{-sT}` with real polynomials, or with further such terms.
 
     Parameters
     ----------
@@ -42,6 +56,9 @@ class QuasiPolynomial:
     scale : array_like of float, optional
         For each power of s (descending) the size of what was summed to give the coefficient.
         It tells how much of a small coefficient may be rounding.
+    more : tuple of Term, optional
+        Further terms. Those with equal delays are added up; r and `delay` are then the term with
+        the longest one, `more` those with the others, in descending order.
 
     Examples
     --------
@@ -56,44 +73,83 @@ class QuasiPolynomial:
     r: FloatArray = field(default_factory=lambda: np.zeros(1))
     delay: float = 0.0
     scale: FloatArray = field(default_factory=lambda: np.zeros(0))
+    more: tuple[Term, ...] = ()
 
     def __post_init__(self) -> None:
         q, r = np.asarray(self.q, dtype=float), np.asarray(self.r, dtype=float)
-        scale = self.scale if self.scale.size else add(np.abs(q), np.abs(r))
-        if self.delay:
-            r = _trim(r, scale)
-        else:
-            q, r = add(q, r), np.zeros(1)
+        given = [Term(r, self.delay), *self.more]
+        scale = self.scale
+        if not scale.size:
+            scale = reduce(add, [np.abs(term.q) for term in given], np.abs(q))
+        sums: dict[float, FloatArray] = {}
+        for p, delay in given:
+            if delay:
+                sums[delay] = add(sums[delay], p) if delay in sums else p
+            else:
+                q = add(q, p)
+        trimmed = {delay: _trim(p, scale) for delay, p in sums.items()}
+        delayed = [Term(p, delay) for delay, p in trimmed.items() if p.any()]
+        delayed.sort(key=lambda term: -term.delay)
         q = _trim(q, scale)
-        delay = self.delay if self.delay and r.any() else 0.0
-        scale = scale[-max(q.size, r.size) :]
-        for name, value in (("q", q), ("r", r), ("scale", scale), ("delay", delay)):
+        r, delay = delayed[0] if delayed else (np.zeros(1), 0.0)
+        scale = scale[-max(q.size, *(term.q.size for term in delayed), 1) :]
+        for name, value in (
+            ("q", q), ("r", r), ("scale", scale), ("delay", delay), ("more", tuple(delayed[1:])),
+        ):  # fmt: skip
             object.__setattr__(self, name, value)
+
+    @cached_property
+    def delayed(self) -> tuple[Term, ...]:
+        """The terms with dead time, the longest first."""
+        return (Term(self.r, self.delay), *self.more) if self.delay else ()
+
+    @cached_property
+    def terms(self) -> tuple[Term, ...]:
+        """The polynomials with their dead times, the one without first."""
+        return (Term(self.q, 0.0), *self.delayed)
 
     @property
     def degree(self) -> int:
         """Highest power of s that occurs."""
-        return int(max(self.q.size, self.r.size)) - 1
+        return max(term.q.size for term in self.terms) - 1
 
     @property
     def neutral_ratio(self) -> float:
-        """Size of the delayed leading coefficient against the undelayed one.
+        """Sizes of the delayed leading coefficients together against the undelayed one.
 
         0 for a polynomial or a retarded equation, a positive number for a neutral one,
         infinite for an advanced one.
         """
-        if self.delay == 0 or self.r.size < self.q.size:
+        sizes = [term.q.size for term in self.delayed]
+        if not sizes or max(sizes) < self.q.size:
             return 0.0
-        if self.r.size > self.q.size or not self.q.any():
+        if max(sizes) > self.q.size or not self.q.any():
             return inf
-        return float(abs(self.r[0] / self.q[0]))
+        return float(sum(abs(p[0]) for p, _ in self.delayed if p.size == self.q.size)) / float(
+            abs(self.q[0])
+        )
 
     @cached_property
     def zeros_at_origin(self) -> int:
         """Multiplicity of the root s = 0 that the coefficients prove exactly."""
         if not self.delay:
             return _trailing_zeros(self.q) if self.q.any() else 0
-        return min(_trailing_zeros(self.q), _trailing_zeros(self.r))
+        shared = self._shared_zeros
+        return shared + (sum(self._constants(shared)) == 0)
+
+    @property
+    def divided(self) -> int:
+        """Power of s by which the sum of terms is divided: 0, or 1 in some `without_origin`."""
+        return 0
+
+    @property
+    def _shared_zeros(self) -> int:
+        """Multiplicity of the root s = 0 that all terms share."""
+        return min(_trailing_zeros(p) for p, _ in self.terms if p.any())
+
+    def _constants(self, power: int) -> list[float]:
+        """Coefficients of s to this power, one of each term."""
+        return [float(p[-1 - power]) for p, _ in self.terms if p.size > power]
 
     @cached_property
     def without_origin(self) -> QuasiPolynomial:
@@ -101,32 +157,35 @@ class QuasiPolynomial:
         m = self.zeros_at_origin
         if not m:
             return self
-        return QuasiPolynomial(_drop(self.q, m), _drop(self.r, m), self.delay, self.scale[:-m])
+        shared = self._shared_zeros
+        if not shared:
+            return _OverS.of(self)
+        delayed = tuple(Term(_drop(p, shared), delay) for p, delay in self.delayed)
+        p = QuasiPolynomial(_drop(self.q, shared), scale=self.scale[:-shared], more=delayed)
+        return p if m == shared else _OverS.of(p)
 
     @property
     def constant(self) -> float:
         """Value at s = 0."""
-        return float(self.q[-1] + self.r[-1])
+        return float(sum(self._constants(0)))
 
     def __call__(self, s: complex | ComplexArray) -> Any:
         """Evaluate at complex `s`, a number or an array of any shape."""
         s = np.asarray(s, dtype=complex)
         value = _horner(self.q, s)
-        if self.delay:
-            value = value + _horner(self.r, s) * np.exp(-self.delay * s)
+        for r, delay in self.delayed:
+            value = value + _horner(r, s) * np.exp(-delay * s)
         return value
-
-    @property
-    def terms(self) -> tuple[Term, ...]:
-        """The polynomials with their dead times."""
-        undelayed = Term(self.q, 0.0)
-        return (undelayed, Term(self.r, self.delay)) if self.delay else (undelayed,)
 
     @cached_property
     def finite_part(self) -> QuasiPolynomial:
         """What is left when roots at s = 0 and a bare dead time, which has none, are taken out."""
         p = self.without_origin
-        return QuasiPolynomial(p.r, scale=p.scale) if p.delay and not p.q.any() else p
+        if not p.delay or p.q.any():
+            return p
+        shortest = p.delayed[-1].delay
+        advanced = tuple(Term(r, delay - shortest) for r, delay in p.delayed)
+        return QuasiPolynomial(np.zeros(1), scale=p.scale, more=advanced)
 
     @cached_property
     def turn(self) -> Turn:
@@ -136,14 +195,21 @@ class QuasiPolynomial:
         quarter of a revolution.
         """
         p = self.finite_part
-        return turn(p.terms, p.scale)
+        return turn(p.terms, p.scale) if p is self else p.turn
 
     def near_axis(self, roots: ComplexArray) -> BoolArray:
-        """Tell which roots a change of the coefficients within rounding moves onto the axis."""
+        """Tell which roots a change of the coefficients within rounding moves onto the axis.
+
+        Parameters
+        ----------
+        roots : array of complex, shape (N,)
+            Roots of this polynomial, in rad/s.
+        """
         near = np.abs(roots.real) <= 0.1 * np.abs(roots)
         if near.any():
             omega = np.abs(roots.imag[near])
-            near[near] = np.abs(self(1j * omega)) <= ROUNDING * np.polyval(self.scale, omega)
+            p = _terms_of(self)
+            near[near] = np.abs(p(1j * omega)) <= ROUNDING * np.polyval(p.scale, omega)
         return near
 
     @cached_property
@@ -157,7 +223,7 @@ class QuasiPolynomial:
         found = self._eigenvalues
         if found is None:
             p = self.without_origin
-            found = rightmost_roots(p.q, p.r, p.delay)
+            found = rightmost_roots(p.q, p.delayed)
         if self.zeros_at_origin:
             found = np.concatenate([found, np.zeros(self.zeros_at_origin)])
         return found[np.lexsort((-found.imag, -found.real))]
@@ -170,10 +236,12 @@ class QuasiPolynomial:
     @cached_property
     def _eigenvalues(self) -> ComplexArray | None:
         p = self.without_origin
+        if p is not self:
+            return p._eigenvalues
         if not p.delay:
             return polynomial_roots(p.q)
         try:
-            return delay_roots(p.q, p.r, p.delay)
+            return delay_roots(p.q, p.delayed)
         except ArithmeticError:
             return None
 
@@ -182,11 +250,104 @@ class QuasiPolynomial:
         """Roots in the open right half plane, from the coefficients alone, without rounding.
 
         By Routh and Hurwitz's test, see `nrdob.numerics.exact`, or with a delay by Walton and
-        Marshall's count, see `nrdob.numerics.crossingcount`. None where there are roots on the
-        axis; roots at s = 0 that the coefficients prove are not counted.
+        Marshall's count, see `nrdob.numerics.crossingcount`. With two delays what their count gives
+        where the shorter one is as long as the other, and what crosses until it is what it is.
+        None where there are roots on the axis; roots at s = 0 that the coefficients prove are not
+        counted.
         """
         p = self.finite_part
-        return count_by_crossings(p.q, p.r, p.delay) if p.delay else rhp_count(whole(p.q)[0])
+        if p is not self:
+            return p.rhp_in_whole_numbers
+        if not p.delay:
+            return rhp_count(whole(p.q)[0])
+        if not p.more:
+            return count_by_crossings(p.q, p.r, p.delay)
+        if len(p.more) > 1:
+            return None
+        (moving, shorter), longer = p.more[0], p.delay
+        equal = QuasiPolynomial(p.q, add(p.r, moving), longer, p.scale)
+        start = None if equal.zeros_at_origin else equal.rhp_in_whole_numbers
+        change = crossings_between(p.q, (p.r, longer), moving, longer, shorter)
+        return None if start is None or change is None else start + change
+
+
+@dataclass(frozen=True, eq=False)
+class _OverS(QuasiPolynomial):
+    """A sum that vanishes at s = 0 although not all of its terms do, divided by s.
+
+    Attributes
+    ----------
+    undivided : QuasiPolynomial
+        The sum, whose polynomials are also those of this object.
+    """
+
+    undivided: QuasiPolynomial = field(kw_only=True)
+
+    def __post_init__(self) -> None:
+        pass
+
+    @classmethod
+    def of(cls, p: QuasiPolynomial) -> _OverS:
+        # |exp(-sT) - 1| <= T |s| on the right
+        parts = [np.abs(r) * delay for r, delay in p.delayed]
+        return cls(p.q, p.r, p.delay, reduce(add, parts, p.scale[:-1]), p.more, undivided=p)
+
+    @property
+    def degree(self) -> int:
+        return self.undivided.degree - 1
+
+    @property
+    def divided(self) -> int:
+        return 1
+
+    @cached_property
+    def zeros_at_origin(self) -> int:
+        return 0
+
+    @property
+    def constant(self) -> float:
+        without_delay = self._without_delay
+        at_zero = float(without_delay[-1]) if without_delay.size else 0.0
+        return at_zero - sum(float(r[-1]) * delay for r, delay in self.delayed)
+
+    @cached_property
+    def _without_delay(self) -> FloatArray:
+        """What the sum is without its delays, divided by s."""
+        return reduce(add, [r for r, _ in self.delayed], self.q)[:-1]
+
+    def __call__(self, s: complex | ComplexArray) -> Any:
+        s = np.asarray(s, dtype=complex)
+        value = _horner(self._without_delay, s) if self._without_delay.size else 0.0
+        at_zero = s == 0
+        divisor = np.where(at_zero, 1.0, s)
+        for r, delay in self.delayed:
+            waits = np.where(at_zero, -delay, np.expm1(-delay * s) / divisor)
+            value = value + _horner(r, s) * waits
+        return value
+
+    @property
+    def finite_part(self) -> QuasiPolynomial:
+        return self
+
+    @cached_property
+    def turn(self) -> Turn:
+        found = turn(self.undivided.terms, self.undivided.scale)
+        touched = found.touched
+        if found.simple_origin:
+            touched = tuple(omega for omega in touched if omega)
+        return Turn(found.angle - pi / 2, touched)
+
+    @cached_property
+    def _eigenvalues(self) -> ComplexArray | None:
+        try:
+            found = delay_roots(self.q, self.delayed)
+        except ArithmeticError:
+            return None
+        return np.delete(found, np.argmin(np.abs(found)))
+
+    @property
+    def rhp_in_whole_numbers(self) -> int | None:
+        return None if self.more else count_by_crossings(self.q, self.r, self.delay)
 
 
 @dataclass(frozen=True)
@@ -235,6 +396,8 @@ def count_rhp(p: QuasiPolynomial) -> RootCount:
     """
     p = p.finite_part
     ratio = p.neutral_ratio
+    if p.more and ratio > 1 - ROUNDING:
+        return _chains(p, ratio)
     if abs(ratio - 1) <= ROUNDING:
         return RootCount(None, "neutral with |r/q| = 1 at infinite frequency: a chain of roots "
                                "comes arbitrarily close to the imaginary axis")  # fmt: skip
@@ -255,6 +418,17 @@ def count_rhp(p: QuasiPolynomial) -> RootCount:
     return RootCount(count, at_least=count)
 
 
+def _chains(p: QuasiPolynomial, ratio: float) -> RootCount:
+    """Judge chains of roots of an equation with several delays whose delayed terms are so large."""
+    leading = [abs(term.q[0]) for term in p.terms if term.q.size == p.degree + 1]
+    if p.q.size <= p.degree or max(leading[1:]) > (1 + ROUNDING) * (sum(leading) - max(leading)):
+        return RootCount(inf, at_least=inf)
+    return RootCount(None, (
+        f"neutral, the sizes of its delayed terms at infinite frequency add up to {ratio:.4g}, not "
+        "below 1: the smallest change of a dead time may put a chain of roots on the right"
+    ))  # fmt: skip
+
+
 def frequency_segments(p: QuasiPolynomial) -> FloatArray:
     """Frequencies between which p provably turns by less than half a revolution.
 
@@ -271,7 +445,13 @@ def frequency_segments(p: QuasiPolynomial) -> FloatArray:
     array of float
         Increasing frequencies in rad/s from 0 to where the leading term dominates.
     """
+    p = _terms_of(p)
     return zero_free_frequencies(p.terms, p.scale)
+
+
+def _terms_of(p: QuasiPolynomial) -> QuasiPolynomial:
+    """Return the sum itself, where it has been divided by s."""
+    return p.undivided if isinstance(p, _OverS) else p
 
 
 def _where(turn: Turn) -> str:
@@ -280,23 +460,54 @@ def _where(turn: Turn) -> str:
     return f"a root on the imaginary axis within rounding, near {turn.touched[0]:.6g} rad/s"
 
 
+def unstable_roots(p: QuasiPolynomial) -> ComplexArray:
+    """Roots right of the imaginary axis, or on it within rounding; not those at s = 0 exactly.
+
+    Parameters
+    ----------
+    p : QuasiPolynomial
+        Its roots are computed.
+
+    Returns
+    -------
+    array of complex
+        In rad/s.
+
+    Examples
+    --------
+    >>> unstable_roots(QuasiPolynomial([1.0, 0.0, 0.0, -1.0, 0.0])).real.tolist()   # s (s³ - 1)
+    [1.0]
+    """
+    roots = p.without_origin.roots
+    return np.asarray(roots[(roots.real > 0) | p.without_origin.near_axis(roots)])
+
+
 def multiply(*factors: QuasiPolynomial) -> QuasiPolynomial:
-    """Multiply quasi-polynomials, at most one of which has a delay."""
+    """Multiply quasi-polynomials; dead times add up.
+
+    Parameters
+    ----------
+    *factors : QuasiPolynomial
+        One or more.
+    """
     if len(factors) == 1:
         return factors[0]
-    delays = [factor.delay for factor in factors if factor.delay]
-    if len(delays) > 1:
-        raise NotImplementedError("two delayed factors have two delays; keep them factored")
-    q = reduce(np.convolve, [factor.q for factor in factors])
     scale = reduce(np.convolve, [factor.scale for factor in factors])
-    if not delays:
-        return QuasiPolynomial(q, scale=scale)
-    r = reduce(np.convolve, [factor.r if factor.delay else factor.q for factor in factors])
-    return QuasiPolynomial(q, r, delays[0], scale)
+    terms = [
+        Term(reduce(np.convolve, [p for p, _ in chosen]), sum(delay for _, delay in chosen))
+        for chosen in product(*(factor.terms for factor in factors))
+    ]
+    return QuasiPolynomial(terms[0].q, scale=scale, more=tuple(terms[1:]))
 
 
 def add(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Add two coefficient arrays in descending powers."""
+    """Add two coefficient arrays in descending powers.
+
+    Parameters
+    ----------
+    a, b : array of float
+        Of any lengths.
+    """
     if a.size < b.size:
         a, b = b, a
     total = np.array(a, dtype=float)
@@ -305,7 +516,13 @@ def add(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def differentiate(coefficients: FloatArray) -> FloatArray:
-    """Differentiate a polynomial given in descending powers."""
+    """Differentiate a polynomial given in descending powers.
+
+    Parameters
+    ----------
+    coefficients : array of float, shape (n + 1,)
+        Of degree n.
+    """
     return coefficients[:-1] * np.arange(coefficients.size - 1, 0, -1)
 
 

@@ -1,8 +1,9 @@
-r"""Roots of :math:`p(s) = q(s) + r(s)\,e^{-sT}`: eigenvalues, polished by Newton's method on p.
+r"""Roots of :math:`q(s) + \sum_i r_i(s)\,e^{-sT_i}`: eigenvalues, polished by Newton's method.
 
-A polynomial is the characteristic polynomial of its companion matrix. With a delay, p = 0 says
-that u = -(r/q) w closes a loop in which w is u one delay later: the delay line is collocated at
-Chebyshev points, and the loop becomes a matrix, too.
+A polynomial is the characteristic polynomial of its companion matrix. With delays, p = 0 says that
+:math:`u = -\sum_i (r_i/q)\,w_i` closes a loop in which :math:`w_i` is u some time ago: one delay
+line, as long as the longest delay, is collocated at Chebyshev points and read at its end and, by
+interpolation, further in. The loop becomes a matrix, too.
 
 .. rubric:: References
 
@@ -15,12 +16,24 @@ delay differential equations, SIAM J. Sci. Comput. 27 (2005) 482-495.
 from __future__ import annotations
 
 from cmath import sqrt
-from functools import lru_cache
-from math import ceil, inf, pi
+from collections.abc import Sequence
+from functools import lru_cache, reduce
+from math import ceil, pi
 
 import numpy as np
 
 from .arrays import ComplexArray, FloatArray
+
+__all__ = [
+    "Delayed",
+    "companion_roots",
+    "delay_roots",
+    "dominance_radius",
+    "polynomial_roots",
+    "value_and_slope",
+]
+# Polynomials behind their delays in seconds.
+Delayed = Sequence[tuple[FloatArray, float]]
 
 MAX_DELAY_NODES = 120
 """Collocation points at most: the time for eigenvalues grows with their third power.
@@ -47,7 +60,7 @@ def polynomial_roots(q: FloatArray) -> ComplexArray:
         return -q[1:] / q[:1] + 0j
     if q.size == 3:
         return np.array(_quadratic_roots(*(q[1:] / q[0]).tolist()))
-    return _polished(q, np.zeros(1), 0.0, companion_roots(q))
+    return _polished(q, (), companion_roots(q))
 
 
 def companion_roots(q: FloatArray) -> ComplexArray:
@@ -65,42 +78,41 @@ def companion_roots(q: FloatArray) -> ComplexArray:
     return np.asarray(np.linalg.eigvals(companion), dtype=np.complex128)
 
 
-def delay_roots(q: FloatArray, r: FloatArray, delay: float) -> ComplexArray:
-    """Find the roots of q + r exp(-sT) that matter for stability.
+def delay_roots(q: FloatArray, delayed: Delayed) -> ComplexArray:
+    """Find the roots of q + sum of r exp(-sT) that matter for stability.
 
     All of those in the right half plane and the rightmost ones of the left half plane.
 
     Parameters
     ----------
-    q, r : array of float
-        Coefficients in descending powers, the first one of q not zero; the degree of r at most
-        that of q.
-    delay : float
-        T > 0, in seconds.
+    q : array of float
+        Coefficients in descending powers, the first one not zero.
+    delayed : sequence of (r, T)
+        Coefficients of degree at most that of q, and delays T > 0 in seconds, the longest first.
 
     Raises
     ------
     ArithmeticError
-        If the delay is too long for the loop's speed to be resolved (see `MAX_DELAY_NODES`).
+        If a delay is too long for the loop's speed to be resolved (see `MAX_DELAY_NODES`).
 
     Examples
     --------
-    >>> roots = delay_roots(np.array([1.0, 0.0]), np.array([np.pi / 2]), delay=1.0)
+    >>> roots = delay_roots(np.array([1.0, 0.0]), [(np.array([np.pi / 2]), 1.0)])
     >>> bool(abs(roots - 0.5j * np.pi).min() < 1e-12)     # j exp(jπ/2) = -1
     True
     """
-    r = np.pad(r, (q.size - r.size, 0))
+    longest = delayed[0][1]
     nodes = 24
     while True:
-        found = _collocated_roots(q, r, delay, nodes)
-        # |q(s)| <= |r(s)| exp(-T Re s) bounds every root to the right of the rightmost one found.
-        abscissa = min(float(found.real.max(initial=-1 / delay)), 0.0)
-        right_half_plane, rightmost = (_nodes_needed(q, r, delay, a) for a in (0.0, abscissa))
+        found = _collocated_roots(q, delayed, nodes)
+        # |q(s)| <= sum of |r(s)| exp(-T Re s) bounds every root to the right of the rightmost one.
+        abscissa = min(float(found.real.max(initial=-1 / longest)), 0.0)
+        right_half_plane, rightmost = (_nodes_needed(q, delayed, a) for a in (0.0, abscissa))
         if rightmost <= nodes or (right_half_plane <= nodes and rightmost > MAX_DELAY_NODES):
             return found
         if right_half_plane > MAX_DELAY_NODES:
             raise ArithmeticError(
-                f"the delay of {delay:.4g} s is too long against the loop's bandwidth to "
+                f"the delay of {longest:.4g} s is too long against the loop's bandwidth to "
                 "resolve its roots"
             )
         nodes = ceil(min(max(rightmost, nodes + 8), MAX_DELAY_NODES))
@@ -130,11 +142,11 @@ def _quadratic_roots(b: float, c: float) -> tuple[complex, complex]:
 
 
 def value_and_slope(
-    q: FloatArray, r: FloatArray, delay: float, s: ComplexArray
+    q: FloatArray, delayed: Delayed, s: ComplexArray
 ) -> tuple[ComplexArray, ComplexArray]:
     """Return p and dp/ds at `s`."""
     value, slope = _horner(q, s)
-    if delay:
+    for r, delay in delayed:
         r_value, r_slope = _horner(r, s)
         lag = np.exp(-delay * s)
         value, slope = value + r_value * lag, slope + (r_slope - delay * r_value) * lag
@@ -152,13 +164,13 @@ def _horner(coefficients: FloatArray, s: ComplexArray) -> tuple[ComplexArray, Co
     return value, slope
 
 
-def _polished(q: FloatArray, r: FloatArray, delay: float, roots: ComplexArray) -> ComplexArray:
+def _polished(q: FloatArray, delayed: Delayed, roots: ComplexArray) -> ComplexArray:
     """Newton steps on p, each kept only where it lowers |p|."""
     with np.errstate(all="ignore"):  # a step that is not finite is refused
-        value, slope = value_and_slope(q, r, delay, roots)
+        value, slope = value_and_slope(q, delayed, roots)
         for _ in range(3):
             step = value / slope
-            tried, tried_slope = value_and_slope(q, r, delay, roots - step)
+            tried, tried_slope = value_and_slope(q, delayed, roots - step)
             keep = np.abs(tried) < np.abs(value)
             if not keep.any():
                 break
@@ -169,21 +181,32 @@ def _polished(q: FloatArray, r: FloatArray, delay: float, roots: ComplexArray) -
     return roots
 
 
-def _nodes_needed(q: FloatArray, r: FloatArray, delay: float, abscissa: float) -> float:
+def _nodes_needed(q: FloatArray, delayed: Delayed, abscissa: float) -> float:
     """Collocation points that resolve every root to the right of `abscissa`."""
-    return 0.8 * _reach(q, r, abscissa, delay) * delay + 20
+    return 0.8 * _reach(q, delayed, abscissa) * delayed[0][1] + 20
 
 
-def _reach(q: FloatArray, r: FloatArray, abscissa: float, delay: float) -> float:
+def _reach(q: FloatArray, delayed: Delayed, abscissa: float) -> float:
     """Largest modulus that a root to the right of `abscissa` can have.
 
-    There |q(s)| <= |r(s)| exp(-T·abscissa). With s = abscissa + z, Re z >= 0, a factor z + a of q
-    with real a > 0 is at least as large as |z| and as a: fast stable lags do not count.
+    There |q(s)| <= sum of |r(s)| exp(-T·abscissa). With s = abscissa + z, Re z >= 0, a factor z + a
+    of q with real a > 0 is at least as large as |z| and as a: fast stable lags do not count.
     """
-    growth = min(float(np.exp(-delay * abscissa)), 0.999 * abs(q[0] / r[0]) if r[0] else inf)
-    poles, zeros = (companion_roots(np.trim_zeros(c, "f")) - abscissa for c in (q, r))
-    sizes = np.concatenate([np.abs(poles), np.abs(zeros)])
-    top = 4 * float(np.max(sizes, initial=0.0)) + 4 * _crossover(q, r, growth)
+    growths = [float(np.exp(-delay * abscissa)) for _, delay in delayed]
+    neutral = sum(
+        growth * abs(r[0] / q[0])
+        for growth, (r, _) in zip(growths, delayed, strict=True)
+        if r.size == q.size
+    )
+    # A neutral equation has chains of roots that no radius bounds: those further left are left out.
+    shrink = min(1.0, 0.999 / neutral) if neutral else 1.0
+    poles = companion_roots(q) - abscissa
+    zeros = [companion_roots(r) - abscissa for r, _ in delayed]
+    leading = [shrink * growth * abs(r[0]) for growth, (r, _) in zip(growths, delayed, strict=True)]
+    sizes = np.concatenate([np.abs(poles), *map(np.abs, zeros)])
+    top = 4 * float(np.max(sizes, initial=0.0)) + 4 * max(
+        _crossover(q, r, size) for (r, _), size in zip(delayed, leading, strict=True)
+    )
     radius = np.geomspace(1e-6, 1.0, 500) * top
     gap = np.where(
         (poles.real <= 0) & (np.abs(poles.imag) <= 1e-9 * np.abs(poles)),
@@ -192,57 +215,84 @@ def _reach(q: FloatArray, r: FloatArray, abscissa: float, delay: float) -> float
     )
     with np.errstate(divide="ignore"):
         lower = np.log(gap).sum(axis=1) + np.log(abs(q[0]))
-    leading = abs(np.trim_zeros(r, "f")[0])
-    upper = np.log(radius[:, None] + np.abs(zeros)).sum(axis=1) + np.log(growth * leading)
+    upper = reduce(
+        np.logaddexp,
+        [
+            np.log(radius[:, None] + np.abs(each)).sum(axis=1) + np.log(size)
+            for each, size in zip(zeros, leading, strict=True)
+        ],
+    )
     inside = np.flatnonzero(lower <= upper)
     return float(radius[min(inside[-1] + 1, 499)] if inside.size else radius[0]) + abs(abscissa)
 
 
-def _crossover(q: FloatArray, r: FloatArray, growth: float) -> float:
-    """Return where the leading terms of q and growth·r are equal, 0 for equal degrees."""
-    r = np.trim_zeros(r, "f")
+def _crossover(q: FloatArray, r: FloatArray, leading: float) -> float:
+    """Return where the leading terms of q and r are equal, 0 for equal degrees."""
     excess = q.size - r.size
-    return float(abs(growth * r[0] / q[0]) ** (1 / excess)) if excess else 0.0
+    return float((leading / abs(q[0])) ** (1 / excess)) if excess else 0.0
 
 
-def _collocated_roots(q: FloatArray, r: FloatArray, delay: float, nodes: int) -> ComplexArray:
-    speed = max(_reach(q, r, 0.0, delay), 1 / delay)
-    loop = _collocated_loop(q, r, delay, speed, nodes)
+def _collocated_roots(q: FloatArray, delayed: Delayed, nodes: int) -> ComplexArray:
+    longest = delayed[0][1]
+    speed = max(_reach(q, delayed, 0.0), 1 / longest)
+    loop = _collocated_loop(q, delayed, speed, nodes)
     guesses = np.asarray(np.linalg.eigvals(loop), dtype=np.complex128) * speed
-    # To the left only roots that the collocation resolves are true; to the right the delayed term
-    # is small and Newton's method settles every one.
-    resolved = (np.abs(guesses) * delay < 1.1 * nodes) & (guesses.real * delay > -30)
+    # To the left only roots that the collocation resolves are true; to the right the delayed terms
+    # are small and Newton's method settles every one.
+    resolved = (np.abs(guesses) * longest < 1.1 * nodes) & (guesses.real * longest > -30)
     guesses = guesses[resolved | (guesses.real > 0)]
-    roots = _polished(q, r, delay, guesses)
-    moved = np.abs(roots - guesses) * delay
+    roots = _polished(q, delayed, guesses)
+    moved = np.abs(roots - guesses) * longest
     with np.errstate(divide="ignore", invalid="ignore"):
-        residual = np.abs(value_and_slope(q, r, delay, roots)[0]) / (
-            np.polyval(np.abs(q), np.abs(roots))
-            + np.polyval(np.abs(r), np.abs(roots)) * np.exp(-delay * roots.real)
-        )
-    true = (moved < 1e-2 * (1 + np.abs(guesses) * delay)) & (residual < 1e-9)
+        size = np.polyval(np.abs(q), np.abs(roots))
+        for r, delay in delayed:
+            size = size + np.polyval(np.abs(r), np.abs(roots)) * np.exp(-delay * roots.real)
+        residual = np.abs(value_and_slope(q, delayed, roots)[0]) / size
+    true = (moved < 1e-2 * (1 + np.abs(guesses) * longest)) & (residual < 1e-9)
     return np.asarray(roots[true])
 
 
-def _collocated_loop(
-    q: FloatArray, r: FloatArray, delay: float, speed: float, nodes: int
-) -> FloatArray:
-    """Matrix of the loop closed around the delay line, time in units of 1/speed."""
-    n = q.size - 1
+def _collocated_loop(q: FloatArray, delayed: Delayed, speed: float, nodes: int) -> FloatArray:
+    """Matrix of the loop closed around the delay line, time in units of 1/speed.
+
+    x' = A x + sum of b w and u = x[0] + sum of d w, in observer form so that one x is enough.
+    """
+    n, longest = q.size - 1, delayed[0][1]
     powers = speed ** np.arange(n, -1, -1.0)  # keeps the companion form well scaled
-    q, r = q * powers / (q[0] * powers[0]), r * powers / (q[0] * powers[0])
-    through = -r[0]  # u = output @ x + through * w
-    output = -(r[1:] - r[0] * q[1:])
-    companion = np.eye(n, k=-1)
-    companion[:1] = -q[1:]
-    transport = -_differentiation(nodes) / (delay * speed)
+    lead = q[0] * powers[0]
+    q = q * powers / lead
+    transport = -_differentiation(nodes) / (longest * speed)
     matrix = np.zeros((n + nodes, n + nodes))
-    matrix[:n, :n] = companion
-    matrix[: min(n, 1), -1] = 1.0
-    matrix[n:, :n] = np.outer(transport[1:, 0], output)
-    matrix[n:, n:] = transport[1:, 1:]
-    matrix[n:, -1] += transport[1:, 0] * through
+    matrix[:n, :n] = np.eye(n, k=1)
+    matrix[:n, :1] = -q[1:, None]
+    read_at_start, line = 0.0, np.zeros(nodes)
+    into_states = np.zeros(n)  # of u itself, where a delay is read next to the start of the line
+    for r, delay in delayed:
+        r = np.pad(r, (n + 1 - r.size, 0)) * powers / lead
+        row = _read(nodes, delay / longest)
+        through, drive = -r[0], r[0] * q[1:] - r[1:]
+        matrix[:n, n:] += np.outer(drive, row[1:])
+        into_states += drive * row[0]
+        line += through * row[1:]
+        read_at_start += through * row[0]
+    # u = x[0] + line·w + read_at_start u
+    u = np.concatenate([np.eye(1, n)[0], line]) / (1 - read_at_start)
+    matrix[:n] += np.outer(into_states, u)
+    matrix[n:, n:] += transport[1:, 1:]
+    matrix[n:] += np.outer(transport[1:, 0], u)
     return matrix
+
+
+def _read(nodes: int, place: float) -> FloatArray:
+    """Weights of the line's nodes for its value at a place in (0, 1], by barycentric formula."""
+    k = np.arange(nodes + 1)
+    if place == 1:
+        return np.asarray(k == nodes, dtype=float)
+    distance = place - (1 - np.cos(pi * k / nodes)) / 2
+    if (exact := distance == 0).any():
+        return np.asarray(exact, dtype=float)
+    weights = (-1.0) ** k * np.where(k % nodes == 0, 0.5, 1.0) / distance
+    return np.asarray(weights / weights.sum())
 
 
 @lru_cache(maxsize=32)

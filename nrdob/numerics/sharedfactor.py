@@ -15,14 +15,42 @@ Mathematics 556 (2011) 187-217.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
 from .arrays import ROUNDING, BoolArray, ComplexArray, FloatArray, IntArray
 from .quasipoly import QuasiPolynomial
 
+__all__ = ["Shared", "factor_near", "shared_factor", "without_shared_factor"]
+
 NEARNESS = (1e-6, 1e-2, 0.3)
 """Relative distances within which roots may be copies of one; multiple ones scatter widely."""
+
+
+EPS = 4 * float(np.finfo(float).eps)
+"""Rounding of a product, against the sizes of what is summed."""
+
+VANISHING, NO_ROOT = 1e-9, 1e-2
+"""Value of a polynomial, against the size of its terms, at a root of it; above which there is none.
+A multiple root, however its copies scatter, gives small values, too.
+"""
+
+
+class Shared(NamedTuple):
+    """What two polynomials share, and what is left of them: f = common·u and g = common·v.
+
+    Attributes
+    ----------
+    common : QuasiPolynomial
+        The factor in both.
+    u, v : QuasiPolynomial
+        The cofactors.
+    """
+
+    common: QuasiPolynomial
+    u: QuasiPolynomial
+    v: QuasiPolynomial
 
 
 def without_shared_factor(
@@ -46,18 +74,71 @@ def without_shared_factor(
     >>> [len(p.q) - 1 for p in without_shared_factor(f, g)]
     [1, 1]
     """
+    return shared_factor(f, g)[1:]
+
+
+def shared_factor(f: QuasiPolynomial, g: QuasiPolynomial) -> Shared:
+    """Find what two polynomials share: powers of s exactly, the rest within rounding.
+
+    Parameters
+    ----------
+    f, g : QuasiPolynomial
+        As for `without_shared_factor`.
+
+    Examples
+    --------
+    >>> f, g = (QuasiPolynomial(np.poly(roots)) for roots in ([0, -1, -3], [0, 0, -1, -2]))
+    >>> [p.q.round(6).tolist() for p in shared_factor(f, g)]
+    [[1.0, 1.0, 0.0], [1.0, 3.0], [1.0, 2.0, 0.0]]
+    """
     # Powers of s are known exactly and stay so: the fit is about the other roots.
+    power = min(f.zeros_at_origin, g.zeros_at_origin)
     excess = f.zeros_at_origin - g.zeros_at_origin
     f, g = f.without_origin, g.without_origin
+    common = np.ones(1)
     found = True
     while found:
         found = False
         for divisor in _suggested(f, g):
-            cofactors = _fitted(f, g, divisor)
-            if cofactors:
-                (f, g), found = cofactors, True
+            fitted = _fitted(f, g, divisor)
+            if fitted:
+                f, g, found = fitted.u, fitted.v, True
+                common = np.convolve(common, fitted.common.q)
                 break
-    return _times_s(f, max(excess, 0)), _times_s(g, max(-excess, 0))
+    return Shared(
+        _times_s(QuasiPolynomial(common), power),
+        _times_s(f, max(excess, 0)),
+        _times_s(g, max(-excess, 0)),
+    )
+
+
+def factor_near(p: QuasiPolynomial, divisor: FloatArray) -> FloatArray:
+    """Find the monic factor of a polynomial near a given one.
+
+    Parameters
+    ----------
+    p : QuasiPolynomial
+        Without dead time.
+    divisor : array of float
+        Descending powers, the first coefficient 1: what computed roots make of the factor.
+
+    Raises
+    ------
+    ArithmeticError
+        If none divides p within rounding.
+
+    Examples
+    --------
+    >>> factor_near(QuasiPolynomial([1.0, 3.0, 2.0]), np.array([1.0, 1.01])).round(6).tolist()
+    [1.0, 1.0]
+    """
+    fitted = _fitted(p, p, divisor)
+    if fitted is None:
+        raise ArithmeticError(
+            f"a factor of degree {divisor.size - 1} cannot be told from the rest of the "
+            f"polynomial {p.q.tolist()} to rounding: roots inside and outside of it are too close"
+        )
+    return fitted.common.q
 
 
 def _times_s(p: QuasiPolynomial, power: int) -> QuasiPolynomial:
@@ -69,9 +150,16 @@ def _times_s(p: QuasiPolynomial, power: int) -> QuasiPolynomial:
 
 def _suggested(f: QuasiPolynomial, g: QuasiPolynomial) -> Iterator[FloatArray]:
     """Monic polynomials of nearby roots, those of highest degree in each neighbourhood first."""
-    p, q = f.without_origin.roots, g.without_origin.roots
+    p, q = f.roots, g.roots
     if not (p.size and q.size):
         return
+    at_p, at_q = _sizes_at(g, p), _sizes_at(f, q)
+    if min(at_p.min(), at_q.min()) > NO_ROOT:
+        return
+    # A sum of large terms may have roots that are badly known, but it vanishes at the true ones.
+    for roots, sizes in ((p, at_p), (q, at_q)):
+        if (vanishing := sizes <= VANISHING).any():
+            yield np.real(np.poly(_with_conjugates(roots[vanishing])))
     distance = np.abs(p[:, None] - q) / np.maximum(np.abs(p)[:, None], np.abs(q))
     tried: set[tuple[complex, ...]] = set()
     for nearness in NEARNESS:
@@ -87,6 +175,11 @@ def _suggested(f: QuasiPolynomial, g: QuasiPolynomial) -> Iterator[FloatArray]:
                 if (key := tuple(np.sort_complex(chosen))) not in tried:
                     tried.add(key)
                     yield np.real(np.poly(chosen))
+
+
+def _sizes_at(p: QuasiPolynomial, s: ComplexArray) -> FloatArray:
+    """Values against the sizes of their terms."""
+    return np.asarray(np.abs(p(s)) / np.polyval(p.scale, np.abs(s)))
 
 
 def _neighbourhoods(near: BoolArray) -> Iterator[tuple[IntArray, IntArray]]:
@@ -113,10 +206,8 @@ def _with_conjugates(roots: ComplexArray) -> ComplexArray:
     return np.concatenate([roots[roots.imag == 0], pairs, pairs.conj()])
 
 
-def _fitted(
-    f: QuasiPolynomial, g: QuasiPolynomial, divisor: FloatArray
-) -> tuple[QuasiPolynomial, QuasiPolynomial] | None:
-    """Cofactors of the nearest common factor, if it gives back all coefficients."""
+def _fitted(f: QuasiPolynomial, g: QuasiPolynomial, divisor: FloatArray) -> Shared | None:
+    """Fit the nearest common factor with its cofactors, which must give back all coefficients."""
     m = divisor.size - 1
     if m >= f.q.size or m >= g.q.size:
         return None
@@ -143,9 +234,16 @@ def _fitted(
             step = _least_squares(jacobian, np.concatenate(errors))
             divisor = divisor + np.concatenate([[0.0], step[:m]])
             u, v = u + step[m : m + u.size], v + step[m + u.size :]
-    if not error <= ROUNDING:
-        return None
-    return QuasiPolynomial(u), QuasiPolynomial(v)
+        if not all(_gives_back(p, divisor, c) for p, c in ((f, u), (g, v))):
+            return None
+    return Shared(QuasiPolynomial(divisor), QuasiPolynomial(u), QuasiPolynomial(v))
+
+
+def _gives_back(p: QuasiPolynomial, divisor: FloatArray, cofactor: FloatArray) -> bool:
+    """Whether a product is p, within the rounding of its coefficients and of the factors."""
+    error = np.abs(p.q - np.convolve(divisor, cofactor))
+    rounding = EPS * np.convolve(np.abs(divisor), np.abs(cofactor))
+    return bool(np.all(error <= ROUNDING * _sizes(p) + rounding))
 
 
 def _sizes(p: QuasiPolynomial) -> FloatArray:

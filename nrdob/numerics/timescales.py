@@ -24,6 +24,8 @@ from scipy.linalg import expm, matrix_balance
 
 from .arrays import ComplexArray, FloatArray
 
+__all__ = ["Block", "impulse_states", "roots_by_time_scale", "split"]
+
 # Ratios of moduli, as powers of two:
 _GAP = 5.0  # at which a polynomial is always cut
 _NARROW_GAP = 1.5  # at which it is cut if its roots are otherwise too far apart for one block
@@ -215,7 +217,17 @@ def _realised(nums: FloatArray, den: FloatArray, modulus: float) -> Block:
 
 
 def impulse_states(block: Block, times: FloatArray, step: float | None) -> FloatArray:
-    """States x = exp(A t) B at `times`, spaced by `step` if evenly, shape (n, N)."""
+    """States x = exp(A t) B at `times`, spaced by `step` if evenly, shape (n, N).
+
+    Parameters
+    ----------
+    block : Block
+        With n states.
+    times : array of float, shape (N,)
+        Increasing, in seconds.
+    step : float or None
+        Distance of the times if they are evenly spaced.
+    """
     states: FloatArray = (expm(block.A * times[0]) @ block.B)[:, np.newaxis]
     if step is not None:  # Twice as many states with every product.
         power = expm(block.A * step)

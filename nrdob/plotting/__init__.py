@@ -1,4 +1,7 @@
-"""Every figure, with one look, and the words for those who cannot see it."""
+"""Every figure, with one look, and the words for those who cannot see it.
+
+`diagrams`, the block diagrams, is a module of its own: it is loaded where it is asked for.
+"""
 
 from .alttext import complex_number, frequency, spoken, turns
 from .explorer import Explorer, Slider
@@ -31,6 +34,7 @@ __all__ = [
     "bode_plot",
     "colour_of",
     "complex_number",
+    "diagrams",
     "dress",
     "frequency",
     "label_of",

@@ -16,7 +16,18 @@ from ..diagram import MAPS
 from ..numerics import ComplexArray, number, written
 from .contour import Approach
 
-"""Maps whose name in code is not how one says it."""
+__all__ = [
+    "BodePoint",
+    "StepFacts",
+    "bode",
+    "complex_number",
+    "frequency",
+    "nyquist",
+    "roots",
+    "spoken",
+    "steps",
+    "turns",
+]
 
 _WORDS = ("no", "one", "two", "three", "four", "five", "six")
 
@@ -49,12 +60,25 @@ class StepFacts:
 
 
 def spoken(name: str) -> str:
-    """Write the name of a map as one says it."""
+    """Write the name of a map as one says it.
+
+    Parameters
+    ----------
+    name : str
+        Attribute of a loop, as "FH".
+    """
     return MAPS[name].spoken if name in MAPS else name or "the loop"
 
 
 def turns(count: float | None, point: float = -1.0) -> str:
     """Say how often a curve turns around a point, `count` positive clockwise.
+
+    Parameters
+    ----------
+    count : float or None
+        N; None where the curve meets the point.
+    point : float
+        Point of the real axis.
 
     Examples
     --------
@@ -75,7 +99,13 @@ def turns(count: float | None, point: float = -1.0) -> str:
 
 
 def frequency(omega: float) -> str:
-    """Say where something happens."""
+    """Say where something happens.
+
+    Parameters
+    ----------
+    omega : float
+        In rad/s; inf for its limit, nan for all.
+    """
     if isnan(omega):
         return "at every frequency"
     if omega == 0:
@@ -134,7 +164,13 @@ def roots(title: str, found: Mapping[str, ComplexArray], right: Mapping[str, flo
 
 
 def complex_number(value: complex) -> str:
-    """Write a complex number, a conjugate pair as one of the two."""
+    """Write a complex number, a conjugate pair as one of the two.
+
+    Parameters
+    ----------
+    value : complex
+        The number.
+    """
     real, imag = (
         0.0 if abs(part) <= 1e-9 * abs(value) else part for part in (value.real, value.imag)
     )

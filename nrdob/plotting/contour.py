@@ -18,7 +18,9 @@ import numpy as np
 
 from ..analysis import on_axis, resolved_frequencies, subdivided
 from ..diagram import Quotient
-from ..numerics import BoolArray, ComplexArray, FloatArray, golden
+from ..numerics import BoolArray, ComplexArray, FloatArray, QuasiPolynomial, golden
+
+__all__ = ["Approach", "Arc", "Contour", "closest_approach", "contour"]
 
 SMOOTH = 1e-3
 """Largest distance between curve and polygon, as a fraction of the curve's size."""
@@ -99,9 +101,9 @@ def contour(loop: Quotient) -> Contour:
     omega = _frequencies(loop)
     values = _values(loop, omega)
     radius = _radius(loop, omega, values)
-    omega, left_out = _without_like_turns(loop, omega, _size(values, radius))
-    if left_out.any():
-        values = _values(loop, omega)
+    shown, left_out = _without_like_turns(loop, omega, _size(values, radius))
+    if shown is not omega:
+        omega, values = shown, _values(loop, shown)
     turns = round(float(np.diff(omega)[left_out].sum()) * loop.delay / (2 * pi))
     omega, values = _refined(loop, omega, values, radius, ~left_out)
     return Contour(omega, values, radius, _arcs(loop, omega, values, radius), turns)
@@ -256,12 +258,17 @@ def _without_like_turns(
 
 
 def _held(loop: Quotient, omega: FloatArray) -> ComplexArray:
-    """Evaluate a loop with exp(-jωθ) held at four values, one a row."""
+    """Evaluate a loop with exp(-jωθ) held at four values, one a row, for the longest θ.
+
+    Shorter dead times turn against it as they do.
+    """
     s, held = 1j * omega, np.array([[1], [-1j], [-1], [1j]])
-    num, den = (
-        reduce(np.multiply, [np.polyval(f.q, s) + held * np.polyval(f.r, s) for f in factors])
-        for factors in (loop.num, loop.den)
-    )
+
+    def value(factor: QuasiPolynomial) -> ComplexArray:
+        late = [np.polyval(r, s) * np.exp((loop.delay - T) * s) for r, T in factor.delayed]
+        return np.asarray(np.polyval(factor.q, s) + held * sum(late))
+
+    num, den = (reduce(np.multiply, map(value, factors)) for factors in (loop.num, loop.den))
     with np.errstate(all="ignore"):
         return np.asarray(np.nan_to_num(num / den, nan=_FAR, posinf=_FAR, neginf=-_FAR))
 

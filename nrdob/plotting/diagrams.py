@@ -21,6 +21,22 @@ from schemdraw.segments import Segment, SegmentCircle, SegmentPoly, SegmentText,
 from ..diagram import INPUTS
 from .figure import COLOURS, INK, WIDTH, Figure, axes_for, styled
 
+__all__ = [
+    "BLOCKS",
+    "INPUTS",
+    "Block",
+    "Diagram",
+    "Input",
+    "Point",
+    "Sum",
+    "Term",
+    "Wire",
+    "conventional",
+    "internal_model_control",
+    "nrdob",
+    "two_degrees_of_freedom",
+]
+
 Point = tuple[float, float]
 
 UNIT = 0.5
@@ -45,7 +61,17 @@ BLOCKS = {
 
 
 class Term(NamedTuple):
-    """An arrow into a sum: sign times block times signal; the block of a plain wire is "1"."""
+    """An arrow into a sum: sign times block times signal; the block of a plain wire is "1".
+
+    Attributes
+    ----------
+    sign : int
+        1 or -1.
+    block : str
+        Gain of the block on the way.
+    signal : str
+        Where the way begins.
+    """
 
     sign: int
     block: str
@@ -57,14 +83,26 @@ class Term(NamedTuple):
 
 @dataclass(frozen=True)
 class Input:
-    """A signal from outside, written at `at`."""
+    """A signal from outside, written at `at`.
+
+    Attributes
+    ----------
+    at : (x, y)
+        Centre, in units of the drawing.
+    """
 
     at: Point
 
 
 @dataclass(frozen=True)
 class Sum:
-    """A circle: its output, named as the part, is the signed sum of what arrives."""
+    """A circle: its output, named as the part, is the signed sum of what arrives.
+
+    Attributes
+    ----------
+    at : (x, y)
+        Centre, in units of the drawing.
+    """
 
     at: Point
 
@@ -76,7 +114,15 @@ class Sum:
 
 @dataclass(frozen=True)
 class Block:
-    """A box: its output is its input times the part's name."""
+    """A box: its output is its input times the part's name.
+
+    Attributes
+    ----------
+    at : (x, y)
+        Centre, in units of the drawing.
+    width, height : float
+        Size of the box.
+    """
 
     at: Point
     width: float = 1.1
@@ -150,7 +196,7 @@ class Diagram:
         """What each sum adds up, read off the wires."""
         return {
             name: tuple(
-                Term(wire.sign, *self._origin(wire)) for wire in self.wires if wire.path[-1] == name
+                Term(wire.sign, *self.origin(wire)) for wire in self.wires if wire.path[-1] == name
             )
             for name, part in self.parts.items()
             if isinstance(part, Sum)
@@ -163,14 +209,26 @@ class Diagram:
         )
 
     def polyline(self, wire: Wire) -> list[Point]:
-        """Give the corners of a wire, from border to border."""
+        """Give the corners of a wire, from border to border.
+
+        Parameters
+        ----------
+        wire : Wire
+            One of the diagram's.
+        """
         centres = [self.parts[p].at if isinstance(p, str) else p for p in wire.path]
         first = self._border(wire.path[0], centres[0], centres[1])
         last = self._border(wire.path[-1], centres[-1], centres[-2])
         return [first, *centres[1:-1], last]
 
     def plot(self, ax: Any = None) -> Figure:
-        """Draw the diagram in the house style, on `ax` or in a figure of the house width."""
+        """Draw the diagram in the house style, on `ax` or in a figure of the house width.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Where to draw.
+        """
         (ax,) = axes_for(ax, 1, UNIT * (self.top - self.bottom))
         with styled():
             drawing = Drawing(
@@ -216,15 +274,26 @@ class Diagram:
         x, y = (c + r * ((o > c) - (o < c)) for c, r, o in zip(centre, reach, other, strict=True))
         return x, y
 
-    def _origin(self, wire: Wire) -> tuple[str, str]:
-        """Follow a wire back to its signal, and name the block on the way."""
+    def origin(self, wire: Wire) -> tuple[str, str]:
+        """Follow a wire back to where it comes from.
+
+        Parameters
+        ----------
+        wire : Wire
+            One of the diagram's.
+
+        Returns
+        -------
+        block, signal : str
+            The block on the way, "1" for none, and the signal at its beginning.
+        """
         start = wire.path[0]
         if not isinstance(start, str):
-            return self._origin(next(w for w in self.wires if w != wire and self._on(w, start)))
+            return self.origin(next(w for w in self.wires if w != wire and self._on(w, start)))
         if not isinstance(self.parts[start], Block):
             return "1", start
         before = next(w for w in self.wires if w.path[-1] == start)
-        block, signal = self._origin(before)
+        block, signal = self.origin(before)
         gain = start.rstrip("'")
         return (gain if block == "1" else f"{block}*{gain}"), signal
 

@@ -20,6 +20,8 @@ from PIL import Image
 
 from .figure import DPI, Figure, styled
 
+__all__ = ["WIDGET_VIEW", "Explorer", "Slider"]
+
 WIDGET_VIEW = "application/vnd.jupyter.widget-view+json"
 
 
@@ -125,7 +127,13 @@ class Explorer:
         return self.alt
 
     def move(self, **values: float) -> str:
-        """Set some sliders' values and update the artists; give the line of text."""
+        """Set some sliders' values and update the artists; give the line of text.
+
+        Parameters
+        ----------
+        **values : float
+            By the sliders' names.
+        """
         unknown = set(values) - set(self.sliders)
         if unknown:
             raise ValueError(

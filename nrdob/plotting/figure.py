@@ -18,6 +18,24 @@ from matplotlib.axes import Axes
 
 from ..diagram import INPUTS, MAPS, Quotient
 
+__all__ = [
+    "COLOURS",
+    "DPI",
+    "INK",
+    "SHORT",
+    "TALL",
+    "WIDTH",
+    "Figure",
+    "as_map",
+    "as_number",
+    "axes_for",
+    "colour_of",
+    "dress",
+    "headings",
+    "label_of",
+    "styled",
+]
+
 STYLE = Path(__file__).with_name("nrdob.mplstyle")
 WIDTH, TALL, SHORT = 7.0, 4.4, 3.2
 """Size of a figure in inches: one width, two heights."""
@@ -43,10 +61,10 @@ _NAMES = MAPS | INPUTS
 class Figure(ct.ControlPlot):  # type: ignore[misc]
     """What every plot function returns: control's plot result, and the figure in words.
 
-    Attributes
+    Parameters
     ----------
-    lines, axes, figure
-        As in `control.ControlPlot`.
+    lines, axes : as in `control.ControlPlot`
+        What was drawn, and where.
     alt : str
         Alt text: the facts that the figure shows.
     """
@@ -83,13 +101,29 @@ class Figure(ct.ControlPlot):  # type: ignore[misc]
 
 @contextmanager
 def styled() -> Iterator[None]:
-    """Draw in the house style and leave the user's settings as they are."""
+    """Draw in the house style and leave the user's settings as they are.
+
+    Yields
+    ------
+    None
+        Inside the block the style holds.
+    """
     with plt.style.context(STYLE):
         yield
 
 
 def axes_for(given: Any, count: int, height: float) -> list[Axes]:
-    """Return the user's axes, or new ones in a figure of the house size."""
+    """Return the user's axes, or new ones in a figure of the house size.
+
+    Parameters
+    ----------
+    given : matplotlib Axes, a sequence of them, or None
+        What the user gave.
+    count : {1, 2, 4}
+        How many the figure needs.
+    height : float
+        Of a new figure, in inches.
+    """
     if given is not None:
         axes = list(np.ravel(np.asarray(given, dtype=object)))
         if len(axes) != count:
@@ -132,7 +166,13 @@ def as_number(given: Any, name: str, needed: str, *, low: float = -inf) -> float
 
 
 def dress(ax: Axes) -> None:
-    """Fix the style of ticks, which matplotlib would otherwise look up when it draws."""
+    """Fix the style of ticks, which matplotlib would otherwise look up when it draws.
+
+    Parameters
+    ----------
+    ax : matplotlib Axes
+        New ones, within `styled`.
+    """
     ax.tick_params(colors=INK, labelsize=mpl.rcParams["xtick.labelsize"], which="both")
     ax.grid(True, color=INK, alpha=mpl.rcParams["grid.alpha"], lw=mpl.rcParams["grid.linewidth"])
 
@@ -146,10 +186,22 @@ def headings(ax: Axes, left: str, right: str = "") -> None:
 
 
 def colour_of(name: str) -> str:
-    """Return the colour of a map or an input."""
+    """Return the colour of a map or an input.
+
+    Parameters
+    ----------
+    name : str
+        Attribute of a loop, as "FH", or an input, as "delta".
+    """
     return COLOURS[_NAMES[name].role if name in _NAMES else "loop"]
 
 
 def label_of(name: str) -> str:
-    """Write the name of a map or an input as in the book."""
+    """Write the name of a map or an input as in the book.
+
+    Parameters
+    ----------
+    name : str
+        Attribute of a loop, as "FH", or an input, as "delta".
+    """
     return _NAMES[name].label if name in _NAMES else f"${name}$"

@@ -29,6 +29,8 @@ from .figure import (
     styled,
 )
 
+__all__ = ["nyquist_plot"]
+
 REACHES = (14.0, 20.0, 27.0, 35.0)
 """Distances, in points, at which a text may stand from what it belongs to."""
 

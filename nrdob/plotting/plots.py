@@ -1,4 +1,4 @@
-"""Every figure: Nyquist, Bode, step responses and roots, each with its alt text.
+"""Bode diagrams, step responses and roots, each with its alt text.
 
 A plot function draws into the axes it is given or into a figure of its own, and returns what
 control's plot functions return, plus the figure in words. All figures share one width, two heights,
@@ -35,9 +35,8 @@ from .figure import (
     label_of,
     styled,
 )
-from .nyquistplot import nyquist_plot
 
-__all__ = ["COLOURS", "Figure", "bode_plot", "nyquist_plot", "roots_plot", "step_plot"]
+__all__ = ["bode_plot", "roots_plot", "step_plot"]
 
 MAX_PHASE_SPAN = 720.0
 """Degrees below which a delay's phase is not followed."""
@@ -135,7 +134,7 @@ def _frequency_range(quotients: Sequence[Quotient], margins: Margins | None) -> 
         np.abs(np.roots(part))
         for quotient in quotients
         for factor in (*quotient.num, *quotient.den)
-        for part in (factor.q, factor.r)
+        for part, _ in factor.terms
     ]
     if margins is not None:
         corners.append(np.array([margins.wpc, margins.wgc]))

@@ -135,6 +135,7 @@ def test_example_4_equals_the_series_in_delayed_terms(input):
     assert_exact(example(4), input, np.array([0.02, 0.049, 0.0501, 0.12, 0.33, 0.61]), 1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("input", INPUTS)
 @pytest.mark.parametrize(
     "loop", [neutral(), neutral(0.1), delayed_lag(1.0, 1.5), delayed_lag(1.0, 1e-3)]
@@ -416,7 +417,7 @@ def test_default_window_of_an_unstable_loop_spans_some_e_foldings():
 
 def test_default_window_with_an_integrator_is_set_by_the_next_mode():
     # The filter removes an input disturbance before an integrator, but leaves y displaced.
-    loop = LoopEquations(1 / s, 1 / s, 1.0, LowPassFilter(0.1, 1))
+    loop = LoopEquations(1 / s, 1 / s, 1.0, LowPassFilter(0.1, 1), keep_factors=True)
     assert 0 in loop.p_B.roots
     assert step_response(loop, "delta").time[-1] == 1.0
 

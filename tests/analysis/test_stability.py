@@ -130,8 +130,8 @@ def test_a_wrong_sign_in_eq_14_puts_a_root_near_17():
     assert loop.stability().stable is True
 
 
-def test_an_integrator_matched_by_an_integrator_keeps_its_root_at_zero():
-    loop = nrdob.NRDOB(1 / s, 1 / s, 2, LowPassFilter(0.05, 1))
+def test_an_integrator_matched_by_an_integrator_keeps_its_root_at_zero_if_its_factors_are_kept():
+    loop = nrdob.NRDOB(1 / s, 1 / s, 2, LowPassFilter(0.05, 1), keep_factors=True)
     verdict = loop.stability()
     assert verdict.stable is False
     assert "s = 0 exactly" in verdict.reason

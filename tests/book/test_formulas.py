@@ -37,6 +37,7 @@ from sympy.core.function import AppliedUndef
 from latex import Equation, FormulaError, equations, parse
 from nrdob import NRDOB
 from nrdob.sampling import random_loop
+from predictions import KEY
 
 FOLDER = Path(__file__).resolve().parents[2] / "notebooks"
 NOTEBOOKS = sorted(FOLDER.glob("*.ipynb")) + sorted(FOLDER.glob("class/*.ipynb"))
@@ -353,8 +354,8 @@ def problems(notebook: Any) -> list[str]:
     for number, cell in enumerate(notebook.cells):
         for _, equation in (output for output in outputs if output[0] == number):
             definitions |= definition(equation)
-        if cell.cell_type != "markdown":
-            continue
+        if cell.cell_type != "markdown" or KEY in cell.metadata:
+            continue  # a question for class is read where it is written
         context = context_of(cell) or whole_chapter
         here: list[tuple[Formula, Equation]] = []
         for formula in formulas(cell):

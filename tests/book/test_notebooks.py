@@ -17,6 +17,8 @@ import nbformat
 import pytest
 from bs4 import BeautifulSoup
 
+from predictions import KEY
+
 FOLDER = Path(__file__).resolve().parents[2] / "notebooks"
 NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
 CLASS = sorted((FOLDER / "class").glob("*.ipynb"))
@@ -140,6 +142,7 @@ def test_numbers_in_prose_come_from_code(path: Path) -> None:
     missing = [
         f"{number}  in {short(cell)}"
         for cell in cells(path, "markdown")
+        if KEY not in cell.metadata  # a question for class: its own notebook holds the code
         for number in numbers_in_prose(cell.source)
         if not appears(number, computed)
     ]
@@ -250,6 +253,23 @@ def test_ends_with_try_it_and_a_summary(path: Path) -> None:
     sections = re.findall(r"^## +(.+?) *$", text, flags=re.MULTILINE)
     assert sections.count("Try it") == 1, f"{path.name} needs one section '## Try it': {sections}"
     assert sections[-1] == "Summary", f"{path.name}: the last section must be '## Summary'"
+
+
+@each_chapter
+def test_answers_are_folded_and_their_first_line_gives_nothing_away(path: Path) -> None:
+    """JupyterLab shows the first line of a folded cell, and folds no Markdown but <details>."""
+    every = nbformat.read(path, as_version=4).cells
+    start, end = (
+        next(k for k, cell in enumerate(every) if re.search(f"^## {name}$", cell.source, re.M))
+        for name in ("Try it", "Summary")
+    )
+    for cell in every[start:end]:
+        if cell.cell_type == "code":
+            assert cell.source.startswith("# Solution\n"), short(cell)
+            assert cell.metadata["jupyter"] == {"outputs_hidden": True, "source_hidden": True}
+            assert "hide-cell" in cell.metadata["tags"], short(cell)
+        else:
+            assert cell.source.count("<details>") == cell.source.count("</details>"), short(cell)
 
 
 def test_every_figure_of_the_paper_is_reproduced_and_named_after_it():

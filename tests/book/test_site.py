@@ -26,9 +26,15 @@ import teaching
 from digits import hanging_on_rounding
 from nrdob.course.claims import LEDGER, Entry, Verdict
 from nrdob.course.exercises import PROBLEMS
+from predictions import read_questions
+
+# The whole book is built.
+pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).resolve().parents[2]
-REFERENCE_PAGES = {"index", "ledger", "errata", "notation", "api", "bibliography", "colophon"}
+REFERENCE_PAGES = {
+    "index", "ledger", "errata", "notation", "api", "comparison", "bibliography", "colophon",
+}  # fmt: skip
 TEACHING_PAGES = {
     f"teaching/{name}"
     for name in (
@@ -90,6 +96,7 @@ def site(source: Path, ledger_run: Run, teaching_run: Run) -> Path:
     folder = source.parent
     command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-n", "-q", "-b", "html"]
     command += ["-D", f"nrdob_notebooks={ROOT / 'notebooks'}", "-d", str(folder / "doctrees")]
+    command += ["-D", f"nrdob_class={ROOT / 'notebooks' / 'class'}"]
     done = subprocess.run(
         [*command, str(source), str(folder / "html")],
         capture_output=True,
@@ -225,6 +232,28 @@ def test_mathematics_needs_no_network(site: Path, pages: dict[Path, BeautifulSou
         sources = [urlsplit(str(tag["src"])).path for tag in page.select("script[src]")]
         loaded = [(path.parent / source).resolve() for source in sources]
         assert script.resolve() in loaded, f"{path.name} has formulas and does not load {MATHJAX}"
+
+
+def test_every_chapter_opens_with_a_question_that_needs_no_script(
+    site: Path, pages: dict[Path, BeautifulSoup]
+) -> None:
+    for chapter, question in read_questions().items():
+        page = pages[site / "chapters" / f"{chapter}.html"]
+        (box,) = page.select(".prediction")
+        choices = box.find_all("details", recursive=False)
+        assert len(choices) == len(question.choices) and not box.select("script, button, input")
+        for letter, choice in zip(question.choices, choices, strict=True):
+            assert choice.summary.get_text().split()[0] == letter
+            assert choice.get_text().count("Yes:") == (letter == question.right)
+            assert len(choice.select("img")) == (letter == question.right), (
+                "the figure that answers"
+            )
+        text = copy(box)
+        for formula in text.select(".math"):
+            formula.decompose()
+        assert not re.search(r"[$\\*]", text.get_text()), chapter
+        told = [picture for picture in (question.asked_with, question.answered_with) if picture]
+        assert [image["alt"] for image in box.select("img")] == ([picture.alt for picture in told])
 
 
 # --- the ledger -------------------------------------------------------------------------------

@@ -7,7 +7,7 @@ import re
 import shlex
 import textwrap
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -20,6 +20,7 @@ import test_formulas
 from test_notebooks import CLASS
 
 import pages
+import predictions
 import slides
 import teaching
 from nrdob.course.exercises import PROBLEMS
@@ -35,9 +36,12 @@ PAGES = {
     for path in sorted(teaching.TEACHING.glob("*.md"))
     if path.name not in teaching.PAGES
 }
-MADE = {name.removesuffix(".md"): pages.render(name, pack=PACK) for name in teaching.PAGES}
+MADE = {
+    name.removesuffix(".md"): pages.render(name, pack=PACK, rule=teaching.RULE)
+    for name in teaching.PAGES
+}
 
-LINK = r"\[[^\]]*\]\(\.\./chapters/(\w+)\.ipynb\)"
+LINK = r"\[[^\]]*\]\(\.\./\.\./notebooks/(\w+)\.ipynb\)"
 READ = re.compile(LINK + r" \((\d+)\)")
 
 each_written = pytest.mark.parametrize(
@@ -92,9 +96,8 @@ def test_misfits_are_noticed() -> None:
     for pack in misfits:
         assert pack.misfits()
         for name in teaching.PAGES:
-            assert pages.render(
-                name, pack=pack
-            )  # the author of a set can look at the pages all the same
+            # The author of a set can look at the pages all the same.
+            assert pages.render(name, pack=pack, rule=teaching.RULE)
 
 
 def test_the_program_tells_what_is_wrong(
@@ -105,6 +108,18 @@ def test_the_program_tells_what_is_wrong(
     monkeypatch.setattr(teaching, "read_pack", lambda: replace(PACK, sets=PACK.sets[1:]))
     assert teaching.main(["--output", str(tmp_path)]) == 1
     assert "1.1: posed in no set" in capsys.readouterr().err
+
+
+def test_the_stored_pages_are_in_step_with_their_sources(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert teaching.main(["--check"]) == 0, capsys.readouterr().err
+    assert teaching.main(["--check", "--output", str(tmp_path)]) == 1  # nothing is stored there
+    teaching.main(["--output", str(tmp_path)])
+    with (tmp_path / "rubric.md").open("a", encoding="utf-8") as page:
+        page.write("written by hand\n")
+    assert teaching.main(["--check", "--output", str(tmp_path)]) == 1
+    assert "rubric.md" in capsys.readouterr().err.splitlines()[-1]
 
 
 # --- the pages that are made --------------------------------------------------------------------
@@ -134,32 +149,104 @@ def unescaped(text: str) -> str:
     return re.sub(r"\\([^\w\s]|_)", r"\1", text)
 
 
+# --- how long problems take -----------------------------------------------------------------------
+
+
+def test_minutes_follow_the_rule() -> None:
+    rule, [task] = teaching.RULE, [task for task in PACK.tasks if task.id == "2.4"]
+    source = nbformat.read(
+        ROOT / "notebooks" / "exercises" / "source" / "set2" / "set2.ipynb", as_version=4
+    )
+    cells = {cell.id: cell.source for cell in source.cells}
+    assert task.reading == len(cells["task-2-4"].split()) / rule.words_read
+    lines = cells["answer-2-4"].split("### BEGIN SOLUTION")[1].split("### END")[0].splitlines()
+    assert task.writing == sum(bool(re.match(r" *[^ #]", line)) for line in lines)
+    steps = PACK.advice["2.4"].steps
+    for k, minutes in enumerate(PACK.minutes_of(task)):
+        assert minutes == task.reading + task.writing + steps * rule.step[k] + rule.check[k]
+
+
+def test_every_problem_has_its_minutes_on_the_page() -> None:
+    table = {row[0]: row for row in rows(MADE["objectives"].split("## The sets")[1])}
+    for task in PACK.tasks:
+        quick, slow = map(round, PACK.minutes_of(task))
+        assert table[task.id][4] == f"{quick}–{slow}"
+        assert 5 < quick < slow < 240
+        assert PACK.advice[task.id].steps >= 3
+
+
+@pytest.mark.parametrize(("hours", "text"), [(2, "2"), (2.75, "2¾"), (0.5, "½"), (3.25, "3¼")])
+def test_hours_are_written_with_quarters(hours: float, text: str) -> None:
+    assert pages.TEMPLATES.filters["hours"](hours) == text
+    assert hours_in(text) == [hours]
+
+
+def hours_in(text: str) -> list[float]:
+    """Read the hours that a text names, 2¾ as 2.75."""
+    quarters = {"": 0, "¼": 0.25, "½": 0.5, "¾": 0.75}
+    return [
+        int(whole or 0) + quarters[part] for whole, part in re.findall(r"(\d*)([¼½¾]?)", text)
+        if whole or part
+    ]  # fmt: skip
+
+
+def test_the_syllabus_says_how_long_a_set_takes() -> None:
+    section = PAGES["syllabus"].split("## How long the sets take")[1].split("\n## ")[0]
+    said = {row[0]: hours_in(row[1].split(" and ")[0].split(",")[0]) for row in rows(section)[1:]}
+    project = [task for task in PACK.tasks if task.id == "6.6"]
+    for each in PACK.sets:
+        tasks = [task for task in each.tasks if task not in project]
+        assert said[each.name.removeprefix("set")] == pytest.approx(PACK.hours_of(tasks), abs=0.26)
+        # A set that names hours names these.
+        path = ROOT / "notebooks" / "exercises" / "source" / each.name / f"{each.name}.ipynb"
+        opening = nbformat.read(path, as_version=4).cells[0].source
+        if own := re.search(r"\*\*Time\*\* (.*?) hours", opening):
+            assert hours_in(own[1]) == said[each.name.removeprefix("set")]
+    assert said["the project, 6.6"] == pytest.approx(PACK.hours_of(project), abs=0.26)
+
+
 # --- the syllabus -------------------------------------------------------------------------------
 
 
+@dataclass(frozen=True)
+class Week:
+    """A row of the plan for six weeks."""
+
+    theme: str
+    read: dict[str, int]
+    minutes: int
+    given_out: list[str]
+    due: list[str]
+
+
 @cache
-def weeks() -> dict[int, tuple[dict[str, int], int, list[str]]]:
-    """Give for each week its chapters with their minutes, the sum, and its sets."""
+def plan() -> dict[int, Week]:
+    """Give the weeks, those without a session or without reading too."""
     found = {}
-    for row in rows(PAGES["syllabus"].split("## Two days")[0]):
+    for row in rows(PAGES["syllabus"].split("## How long")[0]):
         if row[0].isdigit():
             read = {stem: int(minutes) for stem, minutes in READ.findall(row[2])}
-            sets = [f"set{number}" for number in re.findall(r"\d+", row[4])]
-            found[int(row[0])] = (read, int(row[3]), sets)
+            sets = ([f"set{number}" for number in re.findall(r"\d+", cell)] for cell in row[4:])
+            found[int(row[0])] = Week(row[1], read, int(row[3]), *sets)
     return found
 
 
+def weeks() -> dict[int, Week]:
+    """Give the weeks that teach."""
+    return {number: week for number, week in plan().items() if week.read}
+
+
 def week_of(stem: str) -> int:
-    [week] = [week for week, (read, _, _) in weeks().items() if stem in read]
+    [week] = [number for number, week in weeks().items() if stem in week.read]
     return week
 
 
 def test_reading_times_are_those_of_the_chapters() -> None:
     promised = {stem: chapter.minutes for stem, chapter in PACK.chapters.items()}
-    planned = [item for read, _, _ in weeks().values() for item in read.items()]
+    planned = [item for week in weeks().values() for item in week.read.items()]
     assert sorted(planned) == sorted(promised.items())
-    for read, total, _ in weeks().values():
-        assert sum(read.values()) == total
+    for week in plan().values():
+        assert sum(week.read.values()) == week.minutes
     assert dict(READ.findall(PAGES["syllabus"].split("## Two days")[1])).items() <= {
         (stem, str(minutes)) for stem, minutes in promised.items()
     }
@@ -167,15 +254,14 @@ def test_reading_times_are_those_of_the_chapters() -> None:
 
 def test_what_a_student_spends_is_added_up() -> None:
     said = re.search(
-        r"about (\d+) hours reading, (\d+) in class, and\s(\d+) to (\d+)", PAGES["syllabus"]
+        r"about (\d+) hours reading, ([\d.]+) in\s+class, and (\d+) to (\d+) on the sets",
+        PAGES["syllabus"],
     )
     assert said
-    reading, in_class, least, most = map(int, said.groups())
-    times = [[int(number) for number in re.findall(r"\d+", each.time)] for each in PACK.sets]
-    assert all(60 <= min(time) <= max(time) <= 90 for time in times)
+    reading, in_class, least, most = map(float, said.groups())
     assert reading == hours_of_reading()
-    assert in_class == 1.5 * len(weeks())
-    assert [least, most] == [sum(map(min, times)) / 60, sum(map(max, times)) / 60]
+    assert in_class == 1.5 * len(sessions())
+    assert [least, most] == pytest.approx(PACK.hours_of(PACK.tasks), abs=1)
 
 
 def hours_of_reading() -> int:
@@ -183,7 +269,7 @@ def hours_of_reading() -> int:
 
 
 def test_what_a_chapter_needs_is_read_before_it() -> None:
-    order = [stem for read, _, _ in weeks().values() for stem in read]
+    order = [stem for week in weeks().values() for stem in week.read]
     for path in (ROOT / "notebooks").glob("*.ipynb"):
         opening = nbformat.read(path, as_version=4).cells[0].source
         needs = re.search(r"\*\*You need\*\*(.*)", opening)
@@ -193,7 +279,7 @@ def test_what_a_chapter_needs_is_read_before_it() -> None:
 
 
 def test_what_a_set_needs_is_read_by_then() -> None:
-    given_out = {name: week for week, (_, _, sets) in weeks().items() for name in sets}
+    given_out = {name: number for number, week in plan().items() for name in week.given_out}
     assert sorted(given_out) == [each.name for each in PACK.sets]
     for each in PACK.sets:
         for task in each.tasks:
@@ -201,6 +287,45 @@ def test_what_a_set_needs_is_read_by_then() -> None:
                 assert week_of(stem) <= given_out[each.name], f"{task.id} trains {stem}"
         for stem in needed_by(each.name):
             assert week_of(stem) <= given_out[each.name], f"{each.name} needs {stem}"
+
+
+def test_a_set_is_due_after_it_was_given_out_and_talked_about_in_a_session() -> None:
+    given_out = {name: number for number, week in plan().items() for name in week.given_out}
+    due = {name: number for number, week in plan().items() for name in week.due}
+    assert sorted(due) == sorted(given_out) == [each.name for each in PACK.sets]
+    section = PAGES["syllabus"].split("## How long the sets take")[1].split("\n## ")[0]
+    for row in rows(section)[1:]:
+        number = "6" if "project" in row[0] else row[0]
+        assert row[2] == f"week {due[f'set{number}']}"
+    for name, week in due.items():
+        assert week > given_out[name]
+        later = [number for number in sessions() if number >= week]
+        assert f"set {name[-1]}" in sessions()[min(later)].split("### Board")[0], name
+        assert re.search(rf"set{name[-1]}|sets? [\d and]*{name[-1]}", sessions()[given_out[name]])
+    assert set(plan()) - set(sessions()) == {7}
+    assert plan()[7].theme.startswith("no session")
+
+
+def test_what_is_begun_in_a_session_has_been_on_the_board() -> None:
+    for number, session in sessions().items():
+        for line in session.split("### Board")[0].splitlines():
+            for id in re.findall(r"problem (\d\.\d)|begins (\d\.\d)", line):
+                for stem, _ in PACK.objectives_of("".join(id)):
+                    assert week_of(stem) <= number, f"week {number} poses {id}"
+
+
+def test_a_problem_that_is_solved_in_class_fits_into_its_minutes() -> None:
+    tasks = {task.id: task for task in PACK.tasks}
+    for session in sessions().values():
+        for minutes, what in re.findall(r"^\| (\d+) \| (.*) \|$", session, re.MULTILINE):
+            for id in re.findall(r"^problem (\d\.\d) in pairs", what):
+                assert int(minutes) >= PACK.minutes_of(tasks[id])[0], what
+    for day in PAGES["syllabus"].split("## Two days")[1].split("| Day ")[1:]:
+        for row in rows("| " + day)[1:]:
+            there = clock(row[1]) - clock(row[0])
+            asked = 5 * len(re.findall(r"\d+", row[3]))
+            solved = [PACK.minutes_of(tasks[id])[0] for id in re.findall(r"\d\.\d", row[4])]
+            assert there - asked - sum(solved) >= (0 if "in pairs" in row[2] else 10), row
 
 
 def needed_by(name: str) -> Iterator[str]:
@@ -248,13 +373,21 @@ def clock(text: str) -> int:
 # --- in class -----------------------------------------------------------------------------------
 
 
-def sessions() -> list[str]:
-    return re.split(r"^## Week \d+\n", PAGES["in_class"], flags=re.MULTILINE)[1:]
+def sessions() -> dict[int, str]:
+    """Give the sessions by their weeks."""
+    parts = re.split(r"^## Week (\d+)\n", PAGES["in_class"], flags=re.MULTILINE)[1:]
+    return {int(week): text for week, text in zip(parts[::2], parts[1::2], strict=True)}
+
+
+def teaching_sessions() -> list[str]:
+    return [sessions()[number] for number in weeks()]
 
 
 def test_a_session_takes_ninety_minutes() -> None:
-    assert len(sessions()) == len(weeks())
-    for session in sessions():
+    assert {"seven": 7}[re.search(r"(\w+) sessions", PAGES["in_class"])[1].lower()] == len(
+        sessions()
+    )
+    for session in sessions().values():
         plan = rows(session.split("### Board")[0])
         assert sum(int(row[0]) for row in plan if row[0].isdigit()) == 90
 
@@ -266,28 +399,79 @@ def test_a_session_asks_the_questions_of_its_chapters() -> None:
             data = cell.metadata.get("slideshow", {}).get("data", {})
             if data.get("kind") == "question":
                 titles[data["chapter"]] = cell.source.partition("\n")[0].removeprefix("## ")
-    for session, (read, _, _) in zip(sessions(), weeks().values(), strict=True):
+    for session, week in zip(teaching_sessions(), weeks().values(), strict=True):
         asked = re.findall(r"^\| 5 \| question (\d\d), \*(.+)\* \|$", session, re.MULTILINE)
         assert sorted(f"{number} {title}" for number, title in asked) == sorted(
-            titles[stem] for stem in read
+            titles[stem] for stem in week.read
         )
         opening = re.search(r"Open with \*(.+)\*\.", session)
         assert opening and opening[1] == asked[0][1]
 
 
 def test_a_session_has_the_theme_of_its_week() -> None:
-    themes = [row[1] for row in rows(PAGES["syllabus"].split("## Two")[0]) if row[0].isdigit()]
-    for session, theme in zip(sessions(), themes, strict=True):
-        assert session.startswith(f"*{theme}.*")
+    for number, session in sessions().items():
+        assert session.startswith(f"*{plan()[number].theme}.*")
+
+
+def test_a_session_needs_one_deck_with_its_questions_in_its_order() -> None:
+    for number, session in zip(weeks(), teaching_sessions(), strict=True):
+        notebook = nbformat.read(slides.FOLDER / f"week{number}.ipynb", as_version=4)
+        deck = [cells[0].source.partition("\n")[0] for cells in predictions.split(notebook.cells)]
+        asked = re.findall(r"question (\d\d), \*(.+)\* \|$", session, re.MULTILINE)
+        assert deck == [f"## {number} {title}" for number, title in asked]
+        opening = notebook.cells[0].source.partition("\n")[0].partition(": ")[2]
+        assert opening.lower() == plan()[number].theme.lower()
+
+
+SYMBOLS = ("p_A", "p_B", "FH", "H", "K", "L", "T_R", "S_d", "S_\\delta", "S_\\eta", "M_s")
+"""What a class learns to read from the board."""
+
+
+def test_a_question_uses_what_was_on_the_board_before() -> None:
+    known: set[str] = set()
+    for number, session in zip(weeks(), teaching_sessions(), strict=True):
+        deck = nbformat.read(slides.FOLDER / f"week{number}.ipynb", as_version=4)
+        asked = {cells[0].source[3:5]: cells for cells in predictions.split(deck.cells)}
+        table, board = session.split("### Board")
+        lines = re.split(r"^\d+\. ", board, flags=re.MULTILINE)
+        for row in table.splitlines():
+            for first, _, last in re.findall(r"board (\d+)( (?:to|and) (\d+))?:", row):
+                known |= symbols(" ".join(lines[int(first) : int(last or first) + 1]))
+            if found := re.search(r"question (\d\d)", row):
+                question = predictions.read_questions()[
+                    next(c for c in PACK.chapters if c.startswith(found[1]))
+                ]
+                text = " ".join([question.asks, *question.choices.values()])
+                own = {name for name in SYMBOLS if re.search(rf"\$\s*{re.escape(name)} *=", text)}
+                assert symbols(text) <= known | own, f"week {number}, question {found[1]}"
+                assert found[1] in asked
+
+
+def symbols(text: str) -> set[str]:
+    """Give the symbols in the formulas of a text."""
+    formulas = " ".join(re.findall(r"\$+([^$]+)\$+", text))
+    return {
+        name
+        for name in SYMBOLS
+        if re.search(rf"(?<![A-Za-z_\\]){re.escape(name)}(?![A-Za-z_])", formulas)
+    }
+
+
+def test_everybody_has_opened_a_notebook_when_the_class_goes_to_the_computer() -> None:
+    rows_of_week_1 = sessions()[1].split("### Board")[0].splitlines()
+    [first] = [k for k, row in enumerate(rows_of_week_1) if "at the computer" in row]
+    assert "everybody opens" in rows_of_week_1[first]
+    assert all("everybody opens" not in row for row in rows_of_week_1[:first])
+    assert "# Before the first session" in PAGES["syllabus"]
 
 
 def test_the_plan_names_every_line_of_the_board_once() -> None:
-    for session in sessions():
-        plan, board = session.split("### Board")
+    for session in teaching_sessions():
+        minutes, board = session.split("### Board")
         lines = [int(number) for number in re.findall(r"^(\d+)\. ", board, re.MULTILINE)]
         assert lines == list(range(1, len(lines) + 1))
         named = []
-        for first, _, last in re.findall(r"board (\d+)( (?:to|and) (\d+))?:", plan):
+        for first, _, last in re.findall(r"board (\d+)( (?:to|and) (\d+))?:", minutes):
             named += range(int(first), int(last or first) + 1)
         assert named == lines
 
@@ -295,7 +479,7 @@ def test_the_plan_names_every_line_of_the_board_once() -> None:
 def test_formulas_on_the_board_are_true() -> None:
     lines = [
         textwrap.dedent(line)
-        for session in sessions()
+        for session in teaching_sessions()
         for line in re.split(r"^\d+\. ", session.split("### Board")[1], flags=re.MULTILINE)[1:]
     ]
     cells = [nbformat.v4.new_markdown_cell(line) for line in ["# In class", *lines]]
@@ -305,7 +489,7 @@ def test_formulas_on_the_board_are_true() -> None:
 
 
 def test_numbers_on_the_board_are_right() -> None:
-    board = sessions()[4]
+    board = sessions()[5]
     for kind, function in (
         ("a dead time $\\theta$", closedforms.smallest_for_delay),
         ("two lags $T$", closedforms.smallest_for_double_lag),
@@ -334,7 +518,8 @@ def test_sections_that_are_shown_at_the_computer_exist() -> None:
 
 def test_the_slides_are_where_the_page_says() -> None:
     said = re.findall(r"`(\w+)\.html`", PAGES["in_class"])
-    assert said == [path.stem for path in sorted(slides.FOLDER.glob("*.ipynb"))]
+    decks = [path.stem for path in sorted(slides.FOLDER.glob("*.ipynb"))]
+    assert said == [decks[0], decks[-1]] and decks == [f"week{number}" for number in weeks()]
 
 
 # --- commands and names -------------------------------------------------------------------------

@@ -30,7 +30,7 @@ from nrdob.course.claims import (
     signals,
 )
 from nrdob.course.claims.ledger import WIDTH, Section, collect
-from nrdob.diagram import LoopEquations
+from nrdob.diagram import LoopEquations, Quotient
 
 SECTIONS = (section2, section3, examples12, example3, example4, conclusions)
 MODULES = (*SECTIONS, ledger, recurring, signals)
@@ -175,9 +175,10 @@ def everywhere(monkeypatch, name, value):
             monkeypatch.setattr(module, name, value)
 
 
-def replace_map(monkeypatch, name, num, den):
-    """Give a loop another quotient for one of its maps."""
-    changed = cached_property(lambda loop: loop._quotient(name, num, den))
+def replace_map(monkeypatch, name, factors):
+    """Give a loop another quotient for one of its maps, made of the factors of the right one."""
+    right = getattr(LoopEquations, name).func
+    changed = cached_property(lambda loop: Quotient(*factors(right(loop), loop), name))
     changed.__set_name__(LoopEquations, name)
     monkeypatch.setattr(LoopEquations, name, changed)
 
@@ -189,7 +190,7 @@ def change_examples(monkeypatch, change):
 
 
 def loop_with(loop, process=1.0, model=1.0):
-    return nrdob.NRDOB(process * loop.process, model * loop.model, loop.controller, loop.filter)
+    return replace(loop, process=process * loop.process, model=model * loop.model)
 
 
 def wrong_sign_of_p_b(monkeypatch):
@@ -227,19 +228,19 @@ def misplaced_bandwidth(monkeypatch):
 
 
 def h_without_minus_one(monkeypatch):
-    replace_map(monkeypatch, "H", "Ne Dm", "D Nm")
+    replace_map(monkeypatch, "H", lambda H, loop: (loop.ratio.num, loop.ratio.den))
 
 
 def h_without_zeros_of_the_model(monkeypatch):
-    replace_map(monkeypatch, "H", "mismatch", "D")
+    replace_map(monkeypatch, "H", lambda H, loop: (H.num, H.den[:1]))
 
 
 def ratio_upside_down(monkeypatch):
-    replace_map(monkeypatch, "ratio", "D Nm", "Ne Dm")
+    replace_map(monkeypatch, "ratio", lambda ratio, loop: (ratio.den, ratio.num))
 
 
 def filter_left_out(monkeypatch):
-    replace_map(monkeypatch, "F", "Df", "Df")
+    replace_map(monkeypatch, "F", lambda F, loop: (F.den, F.den))
 
 
 def one_turn_more(monkeypatch):

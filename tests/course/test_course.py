@@ -44,8 +44,8 @@ MAX = sum(POINTS.values())
 
 Notebook = Any
 
-# What nbgrader does with its own database.
-pytestmark = pytest.mark.filterwarnings("ignore:Object of type")
+# Every test runs nbgrader and kernels; nbgrader quarrels with its own database.
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore:Object of type")]
 
 
 # --- giving out ---------------------------------------------------------------------------------

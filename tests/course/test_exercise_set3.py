@@ -6,7 +6,7 @@ import control as ct
 import numpy as np
 import pytest
 
-from nrdob import NRDOB, LowPassFilter, delay
+from nrdob import NRDOB, LowPassFilter, delay, margin_bounds
 from nrdob.course.exercises import PROBLEMS, check, own_case
 from nrdob.course.exercises.set3 import (
     SHARES,
@@ -15,10 +15,9 @@ from nrdob.course.exercises.set3 import (
     MeasuredCase,
     NoiseCase,
     PeakCase,
-    _delay_readings,
-    _measured_crossovers,
-    _noise_readings,
-    _promise,
+    delay_readings,
+    measured_crossovers,
+    noise_readings,
 )
 from nrdob.sampling import random_loop
 
@@ -33,7 +32,7 @@ def test_the_promise_is_kept_by_every_loop() -> None:
         m = random_loop(rng).margins().plant_loop
         if m.stable and m.ms > 1.001:
             case = PeakCase(m.ms)
-            low, high, angle = _promise(case)
+            low, high, angle = margin_bounds(case.ms)
             assert accepts(case, (low, high, angle)) is True
             assert m.gm_low <= low * (1 + 1e-9) and m.gm_high >= high * (1 - 1e-9)
             assert m.pm >= angle * (1 - 1e-9)
@@ -46,7 +45,7 @@ def test_nobody_can_promise_more(share: float) -> None:
     for k in range(3):
 
         def moved(case: PeakCase, k: int = k) -> list[float]:
-            found = list(_promise(case))
+            found = list(margin_bounds(case.ms))
             found[k] *= share
             return found
 
@@ -67,16 +66,16 @@ def test_the_neglected_lag_by_hand() -> None:
 def test_the_measurement_gives_the_delay_margin_of_the_loop() -> None:
     for group in GROUPS:
         case: MeasuredCase = own_case("3.3", group)
-        true = case._loop.margins().plant_loop
-        assert _delay_readings(case)["right"] == pytest.approx(true.delay_margin, rel=1e-3)
-        assert _measured_crossovers(case)[0] == pytest.approx(true.gain_crossovers, rel=1e-3)
+        true = case.truth.margins().plant_loop
+        assert delay_readings(case)["right"] == pytest.approx(true.delay_margin, rel=1e-3)
+        assert measured_crossovers(case)[0] == pytest.approx(true.gain_crossovers, rel=1e-3)
 
 
 def test_a_later_border_is_no_delay_margin() -> None:
     # With more dead time the loop is stable once more; a border there would pass a test at two
     # dead times alone.
     case: MeasuredCase = own_case("3.3", 1)
-    later, loop = _delay_readings(case)["phase margin"], case._loop
+    later, loop = delay_readings(case)["phase margin"], case.truth
 
     def stable(theta: float) -> bool | None:
         plant = delay(theta) * loop.process
@@ -89,7 +88,7 @@ def test_a_later_border_is_no_delay_margin() -> None:
 def test_beyond_the_border_no_change_of_the_size_does_harm_and_before_it_one_does() -> None:
     for group in range(1, 9):
         case: NoiseCase = own_case("3.4", group)
-        loop, border = case._loop, _noise_readings(case)["right"]
+        loop, border = case.truth, noise_readings(case)["right"]
         for share, expected in ((0.8, False), (1.25, True)):
             # A narrow resonance at w, of the size, turned such that T Δ is negative there.
             w = share * border
@@ -105,7 +104,7 @@ def test_beyond_the_border_no_change_of_the_size_does_harm_and_before_it_one_doe
 
 def test_a_frequency_may_be_read_within_a_tenth_and_not_worse() -> None:
     for group in GROUPS:
-        true = _noise_readings(own_case("3.4", group))["right"]
+        true = noise_readings(own_case("3.4", group))["right"]
         assert all(check("3.4", share * true, group).share == 1 for share in (0.91, 1, 1.1))
         assert all(check("3.4", share * true, group).share < 1 for share in (0.8, 1.25))
 
@@ -127,9 +126,9 @@ def test_every_design_in_the_room_that_is_left_counts() -> None:
     for group in GROUPS:
         case: MarginCase = own_case("3.6", group)
         for share in (0.92, 1.0, 1.12):
-            assert accepts(case, LowPassFilter(share * case._good, 2)) is True
+            assert accepts(case, LowPassFilter(share * case.good, 2)) is True
         for share in (0.65, 0.8, 1.2):
-            assert accepts(case, LowPassFilter(share * case._good, 2)) is not True
+            assert accepts(case, LowPassFilter(share * case.good, 2)) is not True
     assert SHARES[0] < 0.8 < SHARES[1] < 1 < SHARES[2]
 
 

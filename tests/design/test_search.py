@@ -220,6 +220,19 @@ def test_a_peak_close_to_1_needs_a_filter_as_much_slower_than_the_dead_time(abov
     assert window == (pytest.approx(3.0 / above, rel=above**0.5), inf)
 
 
+@pytest.mark.parametrize("gain", [0.01, 2.0])
+def test_with_an_integrator_of_the_model_alone_the_gain_at_zero_decides(gain):
+    # n = 1: L = -(k/λ)/(s + 1), whose largest sensitivity is λ/(λ - k), at zero frequency.
+    process, model = -gain * lag, ct.tf([1], [1, 0])
+    (window,) = admissible_time_constants(process, model, 1, max_ms=1.6)
+    assert window == (pytest.approx(8 / 3 * gain, rel=1e-8), inf)
+    (window,) = admissible_time_constants(process, model, 1, min_gm_db=20.0)
+    assert window == (pytest.approx(10 * gain, rel=1e-8), inf)
+    assert design_filter(process, model, order=1, max_ms=1.6).time_constant == pytest.approx(
+        8 / 3 * gain, rel=1e-8
+    )
+
+
 def test_admissible_time_constants_end_where_the_closed_form_says():
     # n = 1, R = 1 - s/z: Ms = λ/(λ - 1/z), so that Ms ≤ 1.6 from 8/3 on, and for every slow one.
     (window,) = admissible_time_constants((1 - s) * lag, lag, 1, max_ms=1.6)

@@ -21,6 +21,7 @@ from nrdob.design import (
     stabilizing_time_constants,
 )
 from nrdob.numerics import count_rhp
+from nrdob.sampling import random_block
 from strategies import fractions, root_sets
 
 s = ct.tf("s")
@@ -195,6 +196,7 @@ def mismatches(draw, *, delayed):
     return process, model, max(1, relative_degree) + draw(st.integers(0, 1))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("delayed", [False, True])
 @settings(max_examples=200)
 @given(data=st.data())
@@ -352,3 +354,106 @@ def test_another_unit_of_time_changes_nothing_else(exponent):
 def test_a_sample_of_the_campaign_finds_no_fault():
     found = campaign(40, seed=1)
     assert not [name for name in found if name.startswith("WRONG")]
+
+
+# Models with an integrator, which cancels inside (1 - F)·model.
+
+
+@pytest.mark.parametrize("order", [1, 2, 3, 4])
+def test_an_integrating_model_of_a_lag_is_lost_where_the_root_passes_zero(order):
+    # p_B = (s + 1)((λs + 1)^n - 1)/s - g passes s = 0 at λ = g/n.
+    for gain in (0.02, 1.0, 30.0):
+        process, model = ct.tf([-gain], [1, 1]), ct.tf([1], [1, 0])
+        critical = critical_time_constants(process, model, order)
+        assert (gain / order, 0.0, -1) in [
+            (pytest.approx(c.time_constant), c.frequency, c.direction) for c in critical
+        ]
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_a_matched_integrator_works_with_every_filter_of_one_and_two_with_none(order):
+    one, two = ct.tf([1], [1, 0]), ct.tf([1], [1, 0, 0])
+    assert stabilizing_time_constants(one, one, order) == [(0.0, inf)]
+    assert stabilizing_time_constants(two, two, order + 1) == []
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_sets_of_integrating_models_agree_with_verdicts(seed):
+    rng = np.random.default_rng(seed)
+    model = random_block(rng, 2) / ct.tf("s")
+    process = random_block(rng, 2)
+    if seed % 2:
+        process = process / ct.tf("s")
+    if seed % 4 > 1:
+        process = nrdob.delay(0.3) * process
+    order = model.den[0][0].size - model.num[0][0].size + 1
+    floor = 0.1 if seed % 4 > 1 else None
+    found = stabilizing_time_constants(process, model, order, floor=floor)
+    for value in np.geomspace(0.11, 30, 8):
+        stable = nrdob.judge_observer(process, model, nrdob.LowPassFilter(value, order)).stable
+        assert stable is any(low < value < high for low, high in found)
+
+
+# A model that waits.
+
+
+PRACTICAL = (1.4775, 2.3911, 3.0427, 3.5775, 4.0421, 4.4585)
+"""c_n: a matched model that waits is lost where its dead time is wrong by c_n λ, λ far below it."""
+
+
+def lost_at(n):
+    """Minimum of (2/x) arcsin((1 + x²)^(n/2)/2), from |exp(jωΔ) - 1| = |1 + jλω|^n, x = λω."""
+    x = np.linspace(0, sqrt(4 ** (1 / n) - 1), 1_000_001)[1:-1]
+    return float(np.min(2 / x * np.arcsin((1 + x**2) ** (n / 2) / 2)))
+
+
+@pytest.mark.parametrize("n", range(1, 7))
+@pytest.mark.parametrize("side", [-1, 1])
+def test_a_dead_time_wrong_by_c_n_time_constants_is_too_wrong(n, side):
+    wrong = 1e-3
+    plant = nrdob.delay(1.0 + side * wrong) * lag
+    low = above(plant, nrdob.delay(1.0) * lag, n, floor=wrong / PRACTICAL[n - 1] / 2)
+    assert wrong / low == pytest.approx(PRACTICAL[n - 1], abs=6e-5)
+    assert wrong / low == pytest.approx(lost_at(n), rel=1e-5)
+
+
+@pytest.mark.parametrize("n", [1, 3])
+def test_an_exact_model_that_waits_is_stable_for_every_filter(n):
+    G = nrdob.delay(2.0) * lag
+    assert critical_time_constants(G, G, n) == []
+    assert stabilizing_time_constants(G, G, n, floor=1e-3) == [(1e-3, inf)]
+
+
+def test_waiting_makes_example_4_stable_for_every_filter_and_a_wrong_wait_does_not():
+    ex = paper.example(4)
+    assert len(stabilizing_time_constants(ex.process, ex.model, 3)) == 1
+    waits = nrdob.delay(0.05) * ex.model
+    floor = 1e-3
+    assert stabilizing_time_constants(ex.process, waits, 3, floor=floor) == [(floor, inf)]
+    late = nrdob.delay(0.07) * ex.model
+    *_, (low, high) = stabilizing_time_constants(ex.process, late, 3, floor=floor)
+    assert low > floor and high == inf
+
+
+def test_sets_of_models_that_wait_end_where_verdicts_change():
+    rng = np.random.default_rng(0)
+    ends = 0
+    for k in range(16):
+        order = 1 + k % 2
+        poles = 10 ** rng.uniform(-1, 1, order) * rng.choice([1, 1, 1, -1], order)
+        near = np.abs(poles) * 10 ** rng.uniform(-0.3, 0.3, order)
+        G = ct.tf([10 ** rng.uniform(-0.5, 0.5)], np.poly(-poles))
+        Gm = ct.tf([1.0], np.poly(-near))
+        theta = 0.0 if k % 5 == 0 else 10 ** rng.uniform(-2, 0.5)
+        wait = theta if k % 7 == 0 else (theta or 0.5) * 10 ** rng.uniform(-0.3, 0.3)
+        G, Gm = nrdob.delay(theta) * G, nrdob.delay(wait) * Gm
+        n = order + int(rng.integers(0, 2))
+        intervals = stabilizing_time_constants(G, Gm, n)
+        floor = default_floor(G, Gm, n)
+        inner = [end for pair in intervals for end in pair if 1.001 * floor < end < inf]
+        tried = [end * (1 + side * 1e-5) for end in inner for side in (-1, 1)]
+        for time_constant in [*tried, *np.geomspace(max(1.01 * floor, 1e-4), 100, 4)]:
+            found = nrdob.judge_observer(G, Gm, nrdob.LowPassFilter(time_constant, n))
+            assert found.stable is any(low < time_constant < high for low, high in intervals)
+        ends += len(inner)
+    assert ends >= 10

@@ -128,6 +128,30 @@ def test_first_order_with_pure_delay_is_the_known_integral():
         assert loop.S_eta.noise_power() == pytest.approx(exact, rel=1e-10)
 
 
+def test_a_model_that_waits_exactly_passes_what_the_filter_passes():
+    G = nrdob.delay(1.3) / (s + 1)
+    loop = nrdob.NRDOB(G, G, 1.0, LowPassFilter(0.5, 2))
+    assert loop.S_eta.noise_power() == pytest.approx(1 / (4 * 0.5), rel=1e-12)
+
+
+@pytest.mark.parametrize(("theta", "wait", "order"), [(1.0, 0.8, 2), (0.0, 0.7, 2), (0.5, 1.1, 3)])
+def test_two_dead_times_pass_the_integral_of_the_squared_size(theta, wait, order):
+    loop = nrdob.NRDOB(
+        nrdob.delay(theta) / (s + 1), nrdob.delay(wait) / (s + 1.2), 1.0, LowPassFilter(0.4, order)
+    )
+    for quotient in (loop.S_eta, loop.U_eta, loop.S_delta):
+        power, last = 0.0, 2000.0
+        nodes, weights = np.polynomial.legendre.leggauss(20)
+        for low in np.arange(0.0, last, 2.0):
+            omega = low + 1 + nodes
+            power += weights @ np.abs(quotient(1j * omega)) ** 2
+        omega = np.linspace(last - 500, last, 20_001)
+        decay = 2 * (quotient.denominator.degree - quotient.numerator.degree)
+        height = (np.abs(quotient(1j * omega)) ** 2 * omega**decay).mean()  # of what turns
+        power += height * last ** (1 - decay) / (decay - 1)
+        assert quotient.noise_power() == pytest.approx(power / np.pi, rel=2e-7)
+
+
 @pytest.mark.parametrize("dead_time", [0.0, 0.1])
 def test_infinite_power_is_refused_with_the_reason(dead_time):
     G, Gm = nrdob.delay(dead_time) / (s + 1), 1 / (s + 1)
@@ -144,8 +168,8 @@ def test_infinite_power_is_refused_with_the_reason(dead_time):
         border.Gm.noise_power()
 
 
-def test_a_numerator_with_and_without_dead_time_is_refused():
+def test_a_numerator_with_and_without_dead_time_passes_what_its_turns_leave():
+    # |F|² |exp(-jω) - 1|², of which 2/(2λ) is left without the cosine and exp(-1/λ) of it with it.
     loop = nrdob.NRDOB(nrdob.delay(1) / (s + 1), 1 / (s + 1), 1, LowPassFilter(2, 1))
-    with pytest.raises(NotImplementedError, match="numerator"):
-        loop.FH.noise_power()
+    assert loop.FH.noise_power() == pytest.approx((1 - np.exp(-0.5)) / 2, rel=1e-9)
     assert nrdob.NRDOB(1 / (s + 1), 1 / (s + 1), 1, LowPassFilter(2, 1)).FH.noise_power() == 0.0

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from nrdob.numerics import QuasiPolynomial, count_rhp
-from nrdob.numerics.crossingcount import count_by_crossings
+from nrdob.numerics import QuasiPolynomial, Term, count_rhp
+from nrdob.numerics.crossingcount import count_by_crossings, crossings_between
 from strategies import root_sets
 
 
@@ -48,3 +48,39 @@ def test_a_pair_that_starts_on_the_axis_crosses_from_there(delay):
 def test_neutral_equations_below_the_limit_are_counted(ratio, log_delay):
     p = QuasiPolynomial([1.0, 0.3, 0.5], [ratio, 0.2, 0.7], 10**log_delay)
     assert p.rhp_in_whole_numbers == count_rhp(p).count
+
+
+@pytest.mark.parametrize(("start", "end"), [(1.0, 10.0), (10.0, 1.0), (0.3, 0.31), (2.0, 30.0)])
+def test_what_crosses_while_a_dead_time_changes_is_the_difference_of_the_counts(start, end):
+    q, r, moving = np.array([1.0, 1.0, 2.0]), np.array([1.5, 0.3]), np.array([-0.8, 4.0])
+    counts = [
+        count_rhp(QuasiPolynomial(q, r, 0.7, more=(Term(moving, delay),))).count
+        for delay in (start, end)
+    ]
+    assert crossings_between(q, (r, 0.7), moving, start, end) == counts[1] - counts[0]
+
+
+def test_nothing_crosses_where_the_moving_term_is_the_smallest():
+    q, r, moving = np.array([1.0, 4.0]), np.array([1.0]), np.array([1.0])
+    assert crossings_between(q, (r, 3.0), moving, 0.1, 1e6) == 0
+
+
+@given(
+    st.integers(1, 4).flatmap(lambda n: root_sets(n)),
+    st.integers(0, 3).flatmap(lambda n: root_sets(n)),
+    st.floats(-1, 1),
+    st.floats(-3, 3),
+)
+@settings(max_examples=60)
+def test_a_root_that_stays_at_zero_is_not_counted(zq, zr, log_share, log_delay):
+    if zr.size >= zq.size:
+        return
+    q, r = np.real(np.poly(zq)), np.atleast_1d(np.real(np.poly(zr)))
+    r = r * 10**log_share
+    r[-1] = -q[-1]
+    p = QuasiPolynomial(q, r, 10**log_delay)
+    if not p.zeros_at_origin:  # lost as rounding of larger terms
+        return
+    found = count_rhp(p).count
+    if found is not None:
+        assert p.rhp_in_whole_numbers == found

@@ -11,7 +11,7 @@ from nrdob.numerics.longdelay import rightmost_roots
 def test_the_rightmost_root_of_an_integrator_is_the_lambert_w_function(delay, gain):
     # (sT) exp(sT) = -KT, and the principal branch is the rightmost.
     expected = lambertw(-gain * delay) / delay
-    root = rightmost_roots(np.array([1.0, 0.0]), np.array([gain]), delay)[0]
+    root = rightmost_roots(np.array([1.0, 0.0]), [(np.array([gain]), delay)])[0]
     assert root.real == pytest.approx(expected.real, rel=1e-9)
     assert abs(root.imag) == pytest.approx(abs(expected.imag), rel=1e-9)
 
@@ -19,7 +19,7 @@ def test_the_rightmost_root_of_an_integrator_is_the_lambert_w_function(delay, ga
 @pytest.mark.parametrize("delay", [60.0, 150.0, 400.0])
 def test_hundreds_of_roots_on_the_right_are_all_found(delay):
     q, r = np.polymul([1.0, 0.02, 1.0], [1.0, 1.0]), np.array([1.0, 3.0])
-    found = rightmost_roots(q, r, delay)
+    found = rightmost_roots(q, [(r, delay)])
     count = count_rhp(QuasiPolynomial(q, r, delay)).count
     assert 20 < count == np.sum(found.real > 0)
 
@@ -28,7 +28,7 @@ def test_hundreds_of_roots_on_the_right_are_all_found(delay):
 def test_the_chain_of_a_neutral_equation_is_seen_from_its_top(ratio):
     # (s + 1)(1 + c exp(-sT)): roots on one vertical line, and -1.
     delay = 50.0
-    root = rightmost_roots(np.array([1.0, 1.0]), ratio * np.array([1.0, 1.0]), delay)[0]
+    root = rightmost_roots(np.array([1.0, 1.0]), [(ratio * np.array([1.0, 1.0]), delay)])[0]
     assert root.real == pytest.approx(np.log(abs(ratio)) / delay, rel=1e-6)
 
 
@@ -43,6 +43,6 @@ def test_roots_agree_with_another_program():
         A0[-1], A1[-1, 0] = -q[:0:-1], -r[0]
         system = tdscontrol.tds([np.asfortranarray(A0), np.asfortranarray(A1)], [0.0, delay])
         theirs = np.array(tdscontrol.roots(system, -1.5 / delay))
-        ours = rightmost_roots(q, r, delay)[0]
+        ours = rightmost_roots(q, [(r, delay)])[0]
         assert abs(theirs - ours).min() < 1e-6 * abs(ours)
         assert theirs.real.max() == pytest.approx(ours.real, rel=1e-6)

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import lambertw
 
-from nrdob.numerics import QuasiPolynomial, count_rhp, multiply
+from nrdob.numerics import QuasiPolynomial, Term, count_rhp, multiply
 from strategies import root_sets
 
 
@@ -132,10 +132,12 @@ def test_cancelled_leading_coefficients_are_dropped_not_kept_as_rounding():
 def test_product_of_factors_has_the_product_of_values():
     a = QuasiPolynomial([1.0, 2.0], [3.0], delay=0.5)
     b = QuasiPolynomial([2.0, 0.0, 1.0])
+    c = QuasiPolynomial([0.0], [1.0, -1.0], delay=0.2)
     s = np.array([0.2 + 1j, -0.5j])
-    assert multiply(a, b)(s) == pytest.approx(a(s) * b(s), rel=1e-14)
-    with pytest.raises(NotImplementedError, match="two delays"):
-        multiply(a, a)
+    for factors in ((a, b), (a, a), (a, b, c)):
+        values = np.prod([factor(s) for factor in factors], axis=0)
+        assert multiply(*factors)(s) == pytest.approx(values, rel=1e-14)
+    assert [term.delay for term in multiply(a, c).terms] == [0.0, 0.7, 0.2]
 
 
 def test_a_delay_too_long_for_eigenvalues_leaves_the_rightmost_root():
@@ -166,3 +168,73 @@ def test_roots_clearly_on_the_right_are_counted_beside_one_on_the_axis(delay):
     found = count_rhp(QuasiPolynomial(q, r, delay))
     assert found.count is None and "near 2 rad/s" in found.reason
     assert found.at_least == count_rhp(QuasiPolynomial([1.0, -0.6, 1.0], [0.3], delay)).count > 0
+
+
+@given(
+    st.integers(1, 4).flatmap(lambda n: root_sets(n)),
+    st.lists(st.floats(-4, 4), min_size=1, max_size=3),
+    st.lists(st.floats(-4, 4), min_size=1, max_size=3),
+    st.floats(-2, 0.5),
+    st.floats(-2, 0.5),
+)
+@settings(max_examples=60)
+def test_two_delays_are_counted_alike_by_argument_roots_and_crossings(zq, r1, r2, log_1, log_2):
+    q = np.real(np.poly(zq))
+    if max(len(r1), len(r2)) >= q.size or not (any(r1) and any(r2)):
+        return
+    p = QuasiPolynomial(q, r1, 10**log_1, more=(Term(np.array(r2), 10**log_2),))
+    found = count_rhp(p).count
+    if found is None or p.near_axis(p.roots).any():
+        return
+    assert found == dense_argument_count(p, 3e3 * max(1, *np.abs(zq)))
+    if p.roots_resolved:
+        assert found == np.sum(p.roots.real > 0)
+    if (other := p.rhp_in_whole_numbers) is not None:
+        assert found == other
+
+
+def test_terms_with_equal_delays_are_one_and_none_is_kept_that_is_rounding():
+    one, two = Term(np.array([1.0]), 0.5), Term(np.array([2.0, 1.0]), 0.5)
+    p = QuasiPolynomial([1.0, 0.0, 0.0], [3.0], 0.2, more=(one, two, Term(np.array([7.0]), 0.0)))
+    assert [(term.q.tolist(), term.delay) for term in p.terms] == [
+        ([1.0, 0.0, 7.0], 0.0), ([2.0, 2.0], 0.5), ([3.0], 0.2),
+    ]  # fmt: skip
+    gone = QuasiPolynomial([1.0, 1.0], [0.3], 0.5, more=(Term(np.array([-0.1 - 0.2]), 0.5),))
+    assert gone.delay == 0 and gone.terms == (gone.terms[0],)
+
+
+def test_the_three_roots_of_a_sum_with_two_delays_are_found_to_the_last_digit():
+    # s + 1 + a exp(-s) + b exp(-s/2) with roots 0.3 and -0.2, by choice of a and b.
+    x = np.array([0.3, -0.2])
+    a, b = np.linalg.solve(np.exp(-np.outer(x, [1.0, 0.5])), -(x + 1))
+    p = QuasiPolynomial([1.0, 1.0], [a], 1.0, more=(Term(np.array([b]), 0.5),))
+    real = p.roots[p.roots.imag == 0].real
+    assert min(abs(real - 0.3)) < 1e-13 and min(abs(real + 0.2)) < 1e-13
+
+
+def test_a_zero_that_the_terms_have_only_together_is_divided_out_without_losing_digits():
+    # 2s + 1 - exp(-3s) = s (2 + 3 - 9s/2 + …)
+    p = QuasiPolynomial([2.0, 1.0], [-1.0], 3.0)
+    rest = p.without_origin
+    assert p.zeros_at_origin == 1 and rest.zeros_at_origin == 0 and rest.constant == 5
+    assert rest(0.0) == 5 and rest(1e-10) == pytest.approx(5 - 4.5e-10, rel=1e-15)
+    s = np.array([0.7 - 2j, -0.1, 5j])
+    assert rest(s) * s == pytest.approx(p(s), rel=1e-14)
+    assert count_rhp(p).count == 0 == rest.rhp_in_whole_numbers
+    assert np.min(np.abs(rest.roots)) > 0.1 and p.roots[0] == 0
+
+
+@pytest.mark.parametrize(("slope", "count"), [(2.9, 1), (3.1, 0)])
+def test_the_root_beside_a_zero_that_stays_is_told_from_it(slope, count):
+    p = QuasiPolynomial([-slope, 1.0], [-1.0], -0.0 + 3.0)  # (3 - slope) s - 9/2 s² + …
+    assert count_rhp(p).count == count == p.rhp_in_whole_numbers == np.sum(p.roots.real > 1e-9)
+
+
+def test_sizes_of_several_delayed_leading_terms_add_up():
+    def neutral(a, b):
+        return QuasiPolynomial([1.0, 2.0], [a, 0.1], 1.0, more=(Term(np.array([b, 0.3]), 0.6),))
+
+    assert neutral(0.5, -0.3).neutral_ratio == pytest.approx(0.8)
+    assert count_rhp(neutral(0.5, -0.3)).count == 0
+    assert "add up to 1.2" in count_rhp(neutral(0.7, -0.5)).reason
+    assert count_rhp(neutral(2.0, -0.5)).count == math.inf

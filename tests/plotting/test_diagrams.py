@@ -120,7 +120,7 @@ def test_lines_are_level_or_upright_and_lines_of_two_signals_never_touch(
     draw: Callable[[], Diagram],
 ) -> None:
     diagram = draw()
-    lines = [(diagram._origin(wire), diagram.polyline(wire)) for wire in diagram.wires]
+    lines = [(diagram.origin(wire), diagram.polyline(wire)) for wire in diagram.wires]
     for _, line in lines:
         assert all((a[0] == b[0]) != (a[1] == b[1]) for a, b in pairwise(line))
     for (one, first), (other, second) in combinations(lines, 2):

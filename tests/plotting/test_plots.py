@@ -498,3 +498,18 @@ def test_of_a_million_turns_few_are_drawn_and_the_words_say_so() -> None:
     drawn = [line for line in np.ravel(plot.lines) if line is not None]
     assert sum(line.get_xdata().size for line in drawn) < 100_000
     assert "turns of the dead time, each within the line of another, are left out" in plot.alt
+
+
+def test_loops_with_two_dead_times_are_drawn(no_warning_leaks):
+    lag, s = ct.tf([1], [1, 1]), ct.tf("s")
+    plant, model = delay(300.0) * lag, delay(299.9) * 1.1 * lag
+    near = nrdob.NRDOB(plant, model, 1 / s, LowPassFilter(0.2, 2))
+    ex = paper.example(4)
+    waits = nrdob.NRDOB(ex.process, delay(0.04) * ex.model, ex.controller, ex.filter)
+    for loop, names in ((waits, ("FH", "L", "H", "ratio", "Gm")), (near, ("FH", "H"))):
+        for name in names:
+            curve = contour(getattr(loop, name))
+            assert curve.omega.size == curve.values.size
+            assert "Nyquist" in loop.plot_nyquist(name).alt
+    assert "dB" in waits.plot_bode("FH", "L", "S_d").alt
+    assert waits.plot_step().alt and waits.plot_roots().alt

@@ -9,10 +9,11 @@ from __future__ import annotations
 
 from . import conclusions, example3, example4, examples12, section2, section3
 from .ledger import Amendment, Claim, Entry, Finding, LedgerError, Verdict, collect, settle
+from .signals import loop_modes
 
 __all__ = [
     "LEDGER", "Amendment", "Claim", "Entry", "Finding", "LedgerError", "Verdict",
-    "check", "check_all",
+    "check", "check_all", "loop_modes",
 ]  # fmt: skip
 
 _PARTS = (section2, section3, examples12, example3, example4, conclusions)  # as in the paper
@@ -26,6 +27,11 @@ LEDGER: dict[str, Claim] = collect(part.SECTION for part in _PARTS)
 
 def check(id: str) -> Entry:
     """Run the check of one claim now, and give the entry with what it found.
+
+    Parameters
+    ----------
+    id : str
+        Of the claim, as "eq05.S_eta".
 
     Raises
     ------

@@ -13,6 +13,8 @@ from ...numerics import QuasiPolynomial, number
 from ...paper import example
 from .ledger import Amendment, Finding, Section, Verdict
 
+__all__ = ["REFERENCE_2", "SECTION"]
+
 SECTION = Section()
 
 LATE = "04_time_delay"

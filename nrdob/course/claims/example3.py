@@ -27,6 +27,8 @@ from .recurring import (
     printed_text,
 )
 
+__all__ = ["SECTION"]
+
 SECTION = Section()
 
 UNSTABLE = "03_unstable"

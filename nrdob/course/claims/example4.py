@@ -28,6 +28,8 @@ from .recurring import (
     performance_finding,
 )
 
+__all__ = ["SECTION"]
+
 SECTION = Section()
 
 LATE = "04_time_delay"

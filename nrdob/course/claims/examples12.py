@@ -30,6 +30,8 @@ from .recurring import (
 )
 from .signals import TO_OUTPUT
 
+__all__ = ["SECTION"]
+
 SECTION = Section()
 
 MATCHED, ZERO = "01_matched", "02_nonminimum_phase"
@@ -61,7 +63,7 @@ def any_stable_filter() -> Finding:
     plant = np.polymul(loop.process.num_array[0, 0], loop.process.den_array[0, 0])
     holds = True
     for each in (*filters, *others):
-        tried = NRDOB(loop.process, loop.model, loop.controller, each)
+        tried = NRDOB(loop.process, loop.model, loop.controller, each, keep_factors=True)
         den = each.den if isinstance(each, LowPassFilter) else each.den_array[0, 0]
         holds &= np.allclose(tried.p_B.q, np.polymul(plant, den), rtol=1e-12)
         holds &= tried.stability().stable is True

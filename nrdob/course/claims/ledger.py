@@ -15,6 +15,19 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from textwrap import fill
 
+__all__ = [
+    "WIDTH",
+    "Amendment",
+    "Claim",
+    "Entry",
+    "Finding",
+    "LedgerError",
+    "Section",
+    "Verdict",
+    "collect",
+    "settle",
+]
+
 WIDTH = 95
 """Characters to a line of a printed entry: what a page of the book is wide."""
 
@@ -123,7 +136,17 @@ class Claim:
 
 @dataclass(frozen=True)
 class Entry:
-    """A claim, what its check found, and the verdict that follows."""
+    """A claim, what its check found, and the verdict that follows.
+
+    Attributes
+    ----------
+    claim : Claim
+        The statement.
+    finding : Finding
+        What its check found.
+    verdict : Verdict
+        What follows.
+    """
 
     claim: Claim
     finding: Finding

@@ -16,6 +16,25 @@ from ...plotting import complex_number, frequency, spoken
 from .ledger import Finding, Section
 from .signals import printed_map
 
+__all__ = [
+    "OMEGA",
+    "border",
+    "enter_controller",
+    "enter_function",
+    "enter_map",
+    "enter_margin",
+    "enter_steps",
+    "filtered",
+    "inverse_degree",
+    "map_text",
+    "npz",
+    "npz_text",
+    "performance_finding",
+    "printed_text",
+    "steps_finding",
+    "swings",
+]
+
 OMEGA = np.geomspace(1e-3, 1e5, 4001)
 """Frequencies on which a statement about all frequencies is tried, rad/s."""
 

@@ -39,6 +39,8 @@ from .signals import (
     solve,
 )
 
+__all__ = ["SECTION"]
+
 SECTION = Section()
 
 NEAR = 0.1

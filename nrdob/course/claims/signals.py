@@ -22,6 +22,30 @@ from ...numerics import ComplexArray, FloatArray, number
 from ...sampling import random_loop
 from .ledger import Finding
 
+__all__ = [
+    "EXACT",
+    "PRINTED_MAPS",
+    "QUADRUPLES",
+    "TOLERANCE",
+    "TO_OUTPUT",
+    "Values",
+    "blocks_of",
+    "equations",
+    "every",
+    "fraction",
+    "from_diagram",
+    "loop_modes",
+    "many_loops",
+    "modes",
+    "numbers",
+    "printed_map",
+    "random_blocks",
+    "random_points",
+    "same",
+    "solve",
+    "turns",
+]
+
 EXACT = 1e-8
 """Relative difference up to which two ways to compute one number agree."""
 
@@ -197,7 +221,18 @@ def fraction(quotient: Quotient) -> Fraction:
 
 
 def loop_modes(loop: NRDOB) -> ComplexArray:
-    """Modes of a loop without dead time."""
+    """Modes of a loop without dead time.
+
+    Parameters
+    ----------
+    loop : NRDOB
+        Without dead time.
+
+    Returns
+    -------
+    array of complex
+        Eigenvalues of the whole diagram, every block realised by itself, in rad/s.
+    """
     return modes(*(fraction(block) for block in (loop.G, loop.Gm, loop.C, loop.F)))
 
 

@@ -16,6 +16,7 @@ from importlib import import_module
 from pkgutil import iter_modules
 from typing import Any
 
+from .cases import factored
 from .problems import (
     HIDDEN_CASES,
     VISIBLE_CASES,
@@ -26,6 +27,8 @@ from .problems import (
     Problem,
     review,
 )
+from .set2 import draw_without_count
+from .set5 import draw_edge
 
 __all__ = [
     "PROBLEMS",
@@ -34,6 +37,9 @@ __all__ = [
     "Points",
     "Problem",
     "check",
+    "draw_edge",
+    "draw_without_count",
+    "factored",
     "own_case",
     "score",
 ]
@@ -52,7 +58,15 @@ PROBLEMS: dict[str, Problem] = {
 
 
 def own_case(id: str, group: int) -> Case:
-    """Give the case of a group: the same problem for all, with numbers of its own."""
+    """Give the case of a group: the same problem for all, with numbers of its own.
+
+    Parameters
+    ----------
+    id : str
+        Number of the problem, "2.1".
+    group : int
+        Seed of the group.
+    """
     return _problem(id).cases(group, 1)[0]
 
 
@@ -78,6 +92,19 @@ def score(id: str, answer: Any, group: int, points: float, seed: int) -> Points:
 
     The answer must hold on the group's own case too; a value is for that case alone. What the
     answer prints is left out.
+
+    Parameters
+    ----------
+    id : str
+        Number of the problem, "2.1".
+    answer : object
+        A function of a case, or a value for the group's own case.
+    group : int
+        Seed of the group.
+    points : float
+        Points of a right answer.
+    seed : int
+        Hidden seed of the cases that the student has not seen.
     """
     problem = _problem(id)
     own = problem.cases(group, 1)

@@ -176,6 +176,11 @@ class UnstablePlant:
 def factored(block: Any) -> str:
     """Write a transfer function, with or without dead time, in factors.
 
+    Parameters
+    ----------
+    block : as for `nrdob.NRDOB`
+        The transfer function.
+
     Examples
     --------
     >>> import control as ct

@@ -215,6 +215,13 @@ class Points(float):
     """Points, and the words that go with them.
 
     nbgrader reads the number; whoever reads the marked notebook sees the words.
+
+    Parameters
+    ----------
+    feedback : Feedback
+        What comes of the answer.
+    most : float
+        Points for an answer that has all that is asked for.
     """
 
     def __new__(cls, feedback: Feedback, most: float) -> Points:
@@ -260,11 +267,27 @@ class Problem:
     own: bool = False
 
     def accepts(self, case: Case, got: Any) -> bool:
-        """Tell whether an answer to a case has the properties asked for."""
+        """Tell whether an answer to a case has the properties asked for.
+
+        Parameters
+        ----------
+        case : object
+            A case of the problem.
+        got : object
+            What the answer gives for it.
+        """
         return not self.lacks(case, got)
 
     def cases(self, seed: Any, count: int) -> list[Case]:
-        """Draw cases; the first one of a group's seed is its own."""
+        """Draw cases; the first one of a group's seed is its own.
+
+        Parameters
+        ----------
+        seed : object
+            Number of the group, or a hidden seed.
+        count : int
+            How many.
+        """
         if isinstance(seed, float) and seed.is_integer():
             seed = int(seed)
         # Anything can be a seed, so that a group's number that is none does not stop the grading.

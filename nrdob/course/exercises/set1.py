@@ -17,6 +17,8 @@ from ...plotting import SHORT, Figure, axes_for, colour_of, styled
 from .cases import LoopCase, apart, draw, few, first_fitting
 from .problems import Misconception, Problem, answers_like, near
 
+__all__ = ["INPUTS", "PROBLEMS", "PolynomialCase", "SettledCase", "TwinCase", "WishCase"]
+
 POINTS = np.array([0.3 + 0.2j, 0.7j, 1 + 2j, 5j, 3 + 9j, 20j, 40 + 10j, 90j])
 """Where functions of s are compared."""
 
@@ -343,12 +345,14 @@ class SensitivityCase:
         λ of the filter, in seconds.
     order : int
         n of the filter.
+    truth : NRDOB
+        The loop that was measured: for graders and solutions alone.
     """
 
     model_gain: float
     time_constant: float
     order: int
-    _loop: NRDOB = field(repr=False)
+    truth: NRDOB = field(repr=False)
 
     def __repr__(self) -> str:
         return f"Gm(0) = {self.model_gain:g}, λ = {self.time_constant:g} s, n = {self.order}"
@@ -357,7 +361,7 @@ class SensitivityCase:
         """Draw |S_d| over the frequency, both on log scales."""
         unit = 1 / self.time_constant
         w = np.geomspace(1e-3 * unit, 10 * unit, 600)
-        size = np.abs(self._loop.S_d(1j * w))
+        size = np.abs(self.truth.S_d(1j * w))
         with styled():
             (ax,) = axes_for(None, 1, SHORT)
             lines = ax.loglog(w, size, color=colour_of("S_d"))
@@ -380,7 +384,7 @@ def _sensitivity_case(rng: np.random.Generator) -> SensitivityCase:
 
     def fits(case: SensitivityCase) -> bool:
         values = _gain_readings(case).values()
-        return apart(*values, by=0.3) and case._loop.stability().stable is True
+        return apart(*values, by=0.3) and case.truth.stability().stable is True
 
     return first_fitting(drawn, fits)
 
@@ -388,7 +392,7 @@ def _sensitivity_case(rng: np.random.Generator) -> SensitivityCase:
 def _gain_readings(case: SensitivityCase) -> dict[str, float]:
     """Read the low end of the curve, rightly and wrongly."""
     w = 1e-3 / case.time_constant
-    ratio = case.order * case.time_constant * w / abs(case._loop.S_d(1j * w))
+    ratio = case.order * case.time_constant * w / abs(case.truth.S_d(1j * w))
     gain = case.model_gain
     return {
         "right": gain * ratio,
@@ -408,7 +412,7 @@ def _gain_lacks(case: SensitivityCase, got: Any) -> str:
         return "the plant's gain is positive, as its model's is"
     slope = case.order * case.time_constant * case.model_gain / float(got)
     w = 1e-3 / case.time_constant
-    if near(abs(case._loop.S_d(1j * w)), slope * w, READ_OFF):
+    if near(abs(case.truth.S_d(1j * w)), slope * w, READ_OFF):
         return ""
     return (
         "with this gain |S_d| would begin as "

@@ -31,6 +31,8 @@ from .cases import (
 )
 from .problems import Lack, Problem, answers_like, answers_like_any, lacking, same
 
+__all__ = ["CLOSING", "LITERAL", "PROBLEMS", "READING", "UNTURNED", "draw_without_count"]
+
 # --- 2.1 Turns from a list of roots -------------------------------------------------------------
 
 
@@ -244,6 +246,11 @@ def draw_without_count(loop: NRDOB) -> Figure:
     """Draw the Nyquist plot of FH as the book does, but let the reader count.
 
     The alt text says where the plot crosses the real axis, which is what the eye would see.
+
+    Parameters
+    ----------
+    loop : NRDOB
+        The loop of a case.
     """
     figure = loop.plot_nyquist("FH")
     for ax in np.ravel(figure.axes):

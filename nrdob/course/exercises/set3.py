@@ -19,6 +19,19 @@ from ...plotting import SHORT, Figure, axes_for, colour_of, styled
 from .cases import LoopCase, apart, draw, few, first_fitting
 from .problems import Lack, Misconception, Problem, answers_like, lacking, near, same
 
+__all__ = [
+    "PROBLEMS",
+    "SHARES",
+    "GainCase",
+    "MarginCase",
+    "MeasuredCase",
+    "NoiseCase",
+    "PeakCase",
+    "delay_readings",
+    "measured_crossovers",
+    "noise_readings",
+]
+
 
 def _changed(loop: NRDOB, plant: Any) -> bool | None:
     """Judge the same loop around another plant; p_A stays as it is."""
@@ -135,11 +148,13 @@ class MeasuredCase:
         Frequencies, rad/s, ascending.
     L : array of complex
         L(jω) at these frequencies.
+    truth : NRDOB
+        The loop that was measured: for graders and solutions alone.
     """
 
     omega: FloatArray
     L: ComplexArray
-    _loop: NRDOB = field(repr=False)
+    truth: NRDOB = field(repr=False)
 
     def __repr__(self) -> str:
         low, high = self.omega[[0, -1]]
@@ -163,7 +178,7 @@ def _measured(rng: np.random.Generator) -> MeasuredCase:
     return MeasuredCase(omega, loop.L(1j * omega), loop)
 
 
-def _measured_crossovers(case: MeasuredCase) -> tuple[FloatArray, ComplexArray]:
+def measured_crossovers(case: MeasuredCase) -> tuple[FloatArray, ComplexArray]:
     """Frequencies where |L| crosses 1, and L there."""
     above = np.abs(case.L) > 1
     k = np.flatnonzero(above[1:] != above[:-1])
@@ -173,9 +188,9 @@ def _measured_crossovers(case: MeasuredCase) -> tuple[FloatArray, ComplexArray]:
     return omega, case.L[k] + share * (case.L[k + 1] - case.L[k])
 
 
-def _delay_readings(case: MeasuredCase) -> dict[str, float]:
+def delay_readings(case: MeasuredCase) -> dict[str, float]:
     """Compute the delay margin, rightly and wrongly."""
-    w, L = _measured_crossovers(case)
+    w, L = measured_crossovers(case)
     angle = np.angle(-L)
     lag = np.mod(angle, 2 * pi)
     smallest = int(np.argmin(np.abs(angle)))
@@ -191,12 +206,12 @@ def _delay_readings(case: MeasuredCase) -> dict[str, float]:
 
 def _measured_case(rng: np.random.Generator) -> MeasuredCase:
     def fits(case: MeasuredCase) -> bool:
-        w, found = _measured_crossovers(case)[0], _delay_readings(case)
+        w, found = measured_crossovers(case)[0], delay_readings(case)
         return (
             w.size == 3
             and w[2] > 1.03 * w[1]  # a peak that a reader of the points can see
             and apart(*(value for key, value in found.items() if key != "negative"), by=0.1)
-            and case._loop.stability().stable is True
+            and case.truth.stability().stable is True
         )
 
     return first_fitting(lambda: _measured(rng), fits)
@@ -212,15 +227,15 @@ def _delay_lacks(case: MeasuredCase, got: Any) -> str:
     margin = float(np.ravel(got)[0])
     if not 0 < margin < inf:
         return "the delay margin of this loop is a positive number of seconds"
-    plant = case._loop.process
-    w, L = _measured_crossovers(case)
+    plant = case.truth.process
+    w, L = measured_crossovers(case)
     # At a longer dead time the loop may be stable once more: every shorter one must do.
     for shorter in np.mod(np.angle(-L), 2 * pi) / w * (1 + READ_OFF):
-        if shorter < margin and _changed(case._loop, delay(float(shorter)) * plant) is not True:
+        if shorter < margin and _changed(case.truth, delay(float(shorter)) * plant) is not True:
             return f"at a shorter dead time, {shorter:.4g} s, the loop is already lost"
-    if _changed(case._loop, delay(margin * (1 - READ_OFF)) * plant) is not True:
+    if _changed(case.truth, delay(margin * (1 - READ_OFF)) * plant) is not True:
         return f"with a little less, {margin * (1 - READ_OFF):.4g} s, the loop is already lost"
-    if _changed(case._loop, delay(margin * (1 + READ_OFF)) * plant) is not False:
+    if _changed(case.truth, delay(margin * (1 + READ_OFF)) * plant) is not False:
         return f"with a little more, {margin * (1 + READ_OFF):.4g} s, the loop is still stable"
     return ""
 
@@ -247,7 +262,7 @@ DELAY_MARGIN = Problem(
             "degrees for radians",
             "Right, if a full turn were 360 radians: the angle must be in radians before it is "
             "divided by ω in rad/s. Leave out np.degrees.",
-            lambda case: _delay_readings(case)["degrees"],
+            lambda case: delay_readings(case)["degrees"],
             0.5,
         ),
         _delay_like(
@@ -255,14 +270,14 @@ DELAY_MARGIN = Problem(
             "You took the crossover with the smallest phase margin. But a delay turns the curve by "
             "ω τ, fast at high frequency: a crossover far out is lost sooner, though it has "
             "more phase in hand. Take the smallest quotient over all crossovers.",
-            lambda case: _delay_readings(case)["phase margin"],
+            lambda case: delay_readings(case)["phase margin"],
             0.25,
         ),
         _delay_like(
             "measured to +1 instead of -1",
             "You measured the angle to the positive real axis. Critical for 1 + L = 0 is -1: the "
             "angle by which L must turn clockwise to reach it is that of -L, modulo 2π.",
-            lambda case: _delay_readings(case)["plus one"],
+            lambda case: delay_readings(case)["plus one"],
             0.25,
         ),
         _delay_like(
@@ -270,7 +285,7 @@ DELAY_MARGIN = Problem(
             "A negative dead time does not exist. Where np.angle(-L) is negative the curve has "
             "passed -1, seen clockwise, and must go nearly once around: take the angle modulo "
             "2π.",
-            lambda case: _delay_readings(case)["negative"],
+            lambda case: delay_readings(case)["negative"],
             0.25,
         ),
         _delay_like(
@@ -278,7 +293,7 @@ DELAY_MARGIN = Problem(
             "At one crossover you let the curve turn counter-clockwise to -1, which is nearer. A "
             "delay turns it clockwise only: where np.angle(-L) is negative add 2π, instead of "
             "dropping the sign.",
-            lambda case: _delay_readings(case)["either way"],
+            lambda case: delay_readings(case)["either way"],
             0.25,
         ),
     ),
@@ -296,29 +311,31 @@ class NoiseCase:
     ----------
     size : float
         Bound of the plant's relative error |Δ| beyond the frequency asked for.
+    truth : NRDOB
+        The loop itself: for graders and solutions alone.
     """
 
     size: float
-    _loop: NRDOB = field(repr=False)
+    truth: NRDOB = field(repr=False)
 
     def __repr__(self) -> str:
         return f"|Δ| up to {self.size:g}"
 
     def plot(self) -> Figure:
         """Draw |S_d|, |S_η| and |F| over the frequency, all on log scales."""
-        unit = self._loop.filter.bandwidth
+        unit = self.truth.filter.bandwidth
         w = np.geomspace(0.03, 30, 600) * unit
         with styled():
             (ax,) = axes_for(None, 1, SHORT)
             lines = []
             for name, style in (("S_d", "-"), ("S_eta", "-"), ("F", "--")):
-                size = np.abs(getattr(self._loop, name)(1j * w))
+                size = np.abs(getattr(self.truth, name)(1j * w))
                 label = {"S_eta": r"$|S_\eta|$"}.get(name, f"$|{name}|$")
                 lines += ax.loglog(w, size, style, color=colour_of(name), label=label)
             ax.grid(True, which="minor", alpha=0.15)
             ax.set(xlabel="frequency (rad/s)", ylabel="gain", ylim=(0.02, 4))
             ax.legend(loc="center left")
-        seen = [_falls_to(self._loop, "S_eta", level) for level in (0.5, 0.2, 0.1)]
+        seen = [_falls_to(self.truth, "S_eta", level) for level in (0.5, 0.2, 0.1)]
         words = ", ".join(f"{value:.3g}" for value in seen)
         return Figure(lines, ax, alt=f"|S_η| falls through 0.5, 0.2 and 0.1 at {words} rad/s")
 
@@ -336,9 +353,9 @@ def _rises_to(loop: NRDOB, name: str, level: float) -> float:
     return float(w[np.argmax(np.abs(getattr(loop, name)(1j * w)) >= level)])
 
 
-def _noise_readings(case: NoiseCase) -> dict[str, float]:
+def noise_readings(case: NoiseCase) -> dict[str, float]:
     """Read the figure, rightly and wrongly."""
-    loop, level = case._loop, 1 / case.size
+    loop, level = case.truth, 1 / case.size
     return {
         "right": _falls_to(loop, "S_eta", level),
         "F": _falls_to(loop, "F", level),
@@ -357,8 +374,8 @@ def _noise_case(rng: np.random.Generator) -> NoiseCase:
         return NoiseCase(float(rng.integers(7, 13)), loop)
 
     def fits(case: NoiseCase) -> bool:
-        return apart(*_noise_readings(case).values(), by=0.25) and (
-            case._loop.stability().stable is True
+        return apart(*noise_readings(case).values(), by=0.25) and (
+            case.truth.stability().stable is True
         )
 
     return first_fitting(drawn, fits)
@@ -369,12 +386,12 @@ def _noise_lacks(case: NoiseCase, got: Any) -> str:
     if omega <= 0:
         return "a frequency in rad/s is asked for"
     beyond = np.geomspace(1.13 * omega, 1e3 * omega, 400)
-    worst = float(np.abs(case._loop.S_eta(1j * beyond)).max())
+    worst = float(np.abs(case.truth.S_eta(1j * beyond)).max())
     if worst * case.size >= 1:
         return (
             f"beyond it |S_η| is still {worst:.3g}, and |Δ S_η| may reach {worst * case.size:.3g}"
         )
-    before = float(abs(case._loop.S_eta(1j * omega / 1.13)))
+    before = float(abs(case.truth.S_eta(1j * omega / 1.13)))
     if before * case.size < 1:
         return f"a little below it |Δ S_η| is at most {before * case.size:.3g}: go lower"
     return ""
@@ -396,21 +413,21 @@ NOISE_MAP = Problem(
             "filter's curve read instead of the noise map",
             "You read the curve of F. It would be the right one for a perfect model. This plant is "
             "stronger than its model, so the loop is faster than the filter: read |S_η|.",
-            lambda case: _noise_readings(case)["F"],
+            lambda case: noise_readings(case)["F"],
             0.5,
         ),
         _noise_like(
             "disturbance map read instead of the noise map",
             "You read |S_d|. That tells where disturbances are rejected; there the loop needs the "
             "plant most of all. 1 + L(1 + Δ) = (1 + L)(1 + TΔ), and T = -S_η.",
-            lambda case: _noise_readings(case)["S_d"],
+            lambda case: noise_readings(case)["S_d"],
             0.0,
         ),
         _noise_like(
             "bandwidth of the noise map",
             "This is where |S_η| has lost 3 dB. There it is 0.71, and an error of the size given "
             "would make |Δ S_η| far larger than 1. Which |S_η| makes the product 1?",
-            lambda case: _noise_readings(case)["bandwidth"],
+            lambda case: noise_readings(case)["bandwidth"],
             0.25,
         ),
     ),
@@ -529,6 +546,8 @@ class MarginCase:
         A frequency in rad/s,
     rejection : float
         at which |S_d| may not be larger than this.
+    good : float
+        λ of a filter of order 2 that does it all: for graders alone.
     """
 
     plant: ct.TransferFunction
@@ -538,7 +557,7 @@ class MarginCase:
     delay_margin: float
     omega: float
     rejection: float
-    _good: float = field(repr=False)
+    good: float = field(repr=False)
 
     def loop(self, filter: Any) -> NRDOB:
         """Make the loop with a filter."""
@@ -572,12 +591,12 @@ def _margin_case(rng: np.random.Generator) -> MarginCase:
             delay_margin=few(at(SHARES[1]).margins().plant_loop.delay_margin, 3),
             omega=omega,
             rejection=few(float(abs(at(SHARES[2]).S_d(1j * omega))), 3),
-            _good=good,
+            good=good,
         )
 
     def fits(case: MarginCase) -> bool:
         # Between what F H allows and what L allows there must be room for the mistake.
-        faster = case.loop(LowPassFilter(0.88 * SHARES[0] * case._good, 2))
+        faster = case.loop(LowPassFilter(0.88 * SHARES[0] * case.good, 2))
         return bool(faster.margins().observer_loop.ms <= case.ms)
 
     return first_fitting(drawn, fits)
@@ -594,7 +613,7 @@ def _fastest(case: MarginCase, which: str) -> float:
         found = case.loop(LowPassFilter(constant, 2)).margins()
         return bool(found.stable) and bool(getattr(found, which).ms <= case.ms)
 
-    low, high = 0.1 * case._good, 2 * case._good
+    low, high = 0.1 * case.good, 2 * case.good
     for _ in range(12):
         middle = sqrt(low * high)
         low, high = (low, middle) if enough(middle) else (middle, high)

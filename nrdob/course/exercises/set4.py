@@ -45,6 +45,8 @@ from .cases import (
 )
 from .problems import Misconception, Problem, answers_like, answers_like_any, near, same
 
+__all__ = ["PROBLEMS"]
+
 
 def _lags(gain: float, poles: list[float]) -> ct.TransferFunction:
     den = np.real(np.poly([-pole for pole in poles]))

@@ -41,6 +41,8 @@ from .problems import (
     same,
 )
 
+__all__ = ["ADVICE", "BORDER", "DESIGN", "EDGE", "PROBLEMS", "SIGN", "draw_edge"]
+
 # --- 5.1 Which sign? ----------------------------------------------------------------------------
 
 
@@ -426,7 +428,13 @@ def _legible(case: EdgeCase, unstable: bool) -> bool:
 
 
 def draw_edge(case: EdgeCase) -> Figure:
-    """Draw H, marked at round frequencies, and the curve of order 2, marked at round x."""
+    """Draw H, marked at round frequencies, and the curve of order 2, marked at round x.
+
+    Parameters
+    ----------
+    case : EdgeCase
+        The case of a group.
+    """
     value, omega = case.edge
     loop = NRDOB(case.process, case.model, 0, LowPassFilter(1.0, 2))
 

@@ -44,6 +44,8 @@ from .problems import (
     near,
 )
 
+__all__ = ["PROBLEMS", "STAGES", "Project", "rms"]
+
 
 def _blocks(gain: float, pole: float, decay: float) -> tuple[Any, Any]:
     """Give an unstable plant, and the model in which its pole is mirrored."""

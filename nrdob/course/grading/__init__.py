@@ -4,3 +4,5 @@ python -m nrdob.course.grading release
 python -m nrdob.course.grading grade FOLDER
 python -m nrdob.course.grading report
 """
+
+__all__: list[str] = []

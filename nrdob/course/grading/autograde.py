@@ -25,6 +25,8 @@ from traitlets.config.loader import PyFileConfigLoader
 
 from .feedback import offline
 
+__all__ = ["SETTINGS", "course", "keep_points", "write_feedback"]
+
 # What nbgrader does with its own database is not for those who grade.
 warnings.filterwarnings("ignore", module="nbgrader")
 

@@ -21,6 +21,8 @@ import psutil
 from ..running import kernel_environment
 from .submissions import Submission
 
+__all__ = ["Batch", "Outcome"]
+
 GRADER = f"{__package__}.autograde"
 
 

@@ -40,6 +40,8 @@ from .marks import (
 )
 from .submissions import Submission, find, repair
 
+__all__ = ["MARKERS", "grade", "main", "parse", "release", "report", "solved"]
+
 ROOT = Path(__file__).resolve().parents[3]
 SOURCE = ROOT / "notebooks" / "exercises" / "source"
 RELEASE = ROOT / "build" / "exercises"

@@ -12,6 +12,8 @@ from typing import Any
 from bs4 import BeautifulSoup
 from docutils.utils.math.latex2mathml import tex2mathml
 
+__all__ = ["offline"]
+
 LOADED = {"script": "src", "link": "href", "iframe": "src", "embed": "src", "object": "data"}
 VERBATIM = {"pre", "code", "style", "textarea", "title"}
 TOKEN = r"[^{}\s\\]|\\[A-Za-z]+"

@@ -17,6 +17,20 @@ from nbgrader.api import Gradebook, MissingEntry
 from .batch import Outcome
 from .submissions import Submission
 
+__all__ = [
+    "WRITTEN",
+    "Records",
+    "enter",
+    "grades_of",
+    "number",
+    "problem_of",
+    "read_written",
+    "unmarked",
+    "write_grades",
+    "write_table",
+    "write_written",
+]
+
 GRADED_CELL = re.compile(r"(?:check|written)-(\d+)-(\w+)")
 WRITTEN = ("student", "set", "problem", "of", "points", "comment")
 

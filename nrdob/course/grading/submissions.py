@@ -21,6 +21,8 @@ from typing import Any
 import nbformat
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_raw_cell
 
+__all__ = ["Submission", "find", "group_of", "read", "repair"]
+
 Notebook = Any
 Cell = Any
 

@@ -1,0 +1,220 @@
+"""Bring the prediction questions of notebooks/class into the chapters, to choose and then to see.
+
+A question is written once, in the notebook of its week. Its chapter holds a copy in one Markdown
+cell, made here: each choice can be opened and tells what is wrong with it, without a kernel or a
+script. The book shows the same cell with its figures (``book/ext/predict.py``).
+
+    python book/make/predictions.py              write the cells into the chapters
+    python book/make/predictions.py --check      fail if one is not what its question gives
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import nbformat
+
+from pages import same, store
+
+ROOT = Path(__file__).resolve().parents[2]
+NOTEBOOKS = ROOT / "notebooks"
+CLASS = "class"
+
+KEY = "prediction"
+"""The metadata of a cell that is made here: the chapter of its question."""
+
+CHOICE = re.compile(r"^- \*\*([A-D])\*\* (.+)$", re.MULTILINE)
+ANSWER = re.compile(r"#### \*\*([A-D])\*\*: (.+)")
+COMMENT = re.compile(r"\s*<!--.*?-->")
+
+
+class Picture(NamedTuple):
+    """A figure as a notebook stores it: PNG in base64, what it says, its width on the page."""
+
+    png: str
+    alt: str
+    width: int
+
+
+@dataclass(frozen=True)
+class Question:
+    """A question for class: what is asked, the choices, what each comes from, what follows."""
+
+    chapter: str
+    deck: str
+    title: str
+    asks: str
+    choices: dict[str, str]
+    right: str
+    answer: str
+    why: str
+    wrong: dict[str, str]
+    further: str
+    further_answer: str
+    asked_with: Picture | None
+    answered_with: Picture
+
+
+# --- reading ------------------------------------------------------------------------------------
+
+
+def read_questions(folder: Path = NOTEBOOKS / CLASS) -> dict[str, Question]:
+    """Read the questions of all weeks, by their chapters."""
+    found = [
+        _read(f"{folder.name}/{path.name}", cells)
+        for path in sorted(folder.glob("*.ipynb"))
+        for cells in split(nbformat.read(path, as_version=4).cells)
+    ]
+    return {question.chapter: question for question in found}
+
+
+def split(cells: list[Any]) -> list[list[Any]]:
+    """Give the cells of each question; what comes before the first one is left out."""
+    starts = [k for k, cell in enumerate(cells) if _data(cell).get("kind") == "question"]
+    return [cells[a:b] for a, b in zip(starts, [*starts[1:], len(cells)], strict=True)]
+
+
+def _data(cell: Any) -> dict[str, str]:
+    return dict(cell.metadata.get("slideshow", {}).get("data", {}))
+
+
+def _read(deck: str, cells: list[Any]) -> Question:
+    reveal, answer = (
+        next(k for k, cell in enumerate(cells) if _data(cell).get("kind") == kind)
+        for kind in ("reveal", "answer")
+    )
+    title, _, asks = _text(cells[0]).partition("\n")
+    headline, _, told = _text(cells[answer]).partition("\n")
+    letter = ANSWER.fullmatch(headline)
+    assert letter, headline
+    last = [
+        _text(cell)
+        for cell in cells[answer:]
+        if cell.metadata["slideshow"]["slide_type"] == "fragment"
+    ]
+    (picture,) = _pictures(cells[reveal:answer])
+    return Question(
+        chapter=_data(cells[0])["chapter"],
+        deck=deck,
+        title=title.partition(" ")[2].partition(" ")[2],
+        asks=asks.strip(),
+        choices=dict(CHOICE.findall("\n".join(map(_text, cells[:reveal])))),
+        right=letter[1],
+        answer=letter[2],
+        why=CHOICE.split(told)[0].strip(),
+        wrong=dict(CHOICE.findall(told)),
+        further=last[0].removeprefix("*And then:* "),
+        further_answer=last[1],
+        asked_with=next(iter(_pictures(cells[:reveal])), None),
+        answered_with=picture,
+    )
+
+
+def _text(cell: Any) -> str:
+    return COMMENT.sub("", cell.source).strip() if cell.cell_type == "markdown" else ""
+
+
+def _pictures(cells: list[Any]) -> list[Picture]:
+    return [
+        Picture(output["data"]["image/png"], about["alt"], about["width"])
+        for cell in cells
+        for output in cell.get("outputs", [])
+        if (about := output.get("metadata", {}).get("image/png"))
+    ]
+
+
+# --- writing ------------------------------------------------------------------------------------
+
+
+def in_html(markdown: str) -> str:
+    """Give a line as HTML; formulas stay, Jupyter sets them wherever they stand."""
+    parts = re.split(r"(\$[^$]+\$)", markdown)
+    for k in range(0, len(parts), 2):
+        parts[k] = re.sub(r"\*\*(.+?)\*\*", r"<b>\1</b>", parts[k])
+        parts[k] = re.sub(r"\*(.+?)\*", r"<i>\1</i>", parts[k])
+    return "".join(parts)
+
+
+def no_picture(_question: Question, _which: str) -> str:
+    """Leave a picture out: a Markdown cell has none, the notebook of the week does."""
+    return ""
+
+
+def markdown(
+    question: Question,
+    summary: Callable[[str], str] = in_html,
+    picture: Callable[[Question, str], str] = no_picture,
+) -> str:
+    """Write a question: its choices can be opened, each one tells what it comes from.
+
+    `summary` writes the line that is clicked, `picture` the figures ``asked_with`` and
+    ``answered_with``.
+    """
+    end = "" if question.title.endswith("?") else "."
+    blocks = [
+        '<div class="prediction">',
+        f"**Predict before you read.** *{question.title}{end}*",
+        question.asks,
+        picture(question, "asked_with"),
+        "*Choose, then open your choice.*",
+    ]
+    for letter, choice in question.choices.items():
+        blocks.append(f"<details><summary>{summary(f'**{letter}** {choice}')}</summary>")
+        if letter == question.right:
+            blocks += [
+                f"**Yes:** {question.answer}.",
+                question.why,
+                picture(question, "answered_with")
+                or f"(The figure is in [{question.deck}]({question.deck}).)",
+                f"<details><summary>{summary(f'*And then:* {question.further}')}</summary>",
+                question.further_answer,
+                "</details>",
+            ]
+        else:
+            blocks.append(f"**No.** {letter} {question.wrong[letter]}")
+        blocks.append("</details>")
+    return "\n\n".join(block for block in [*blocks, "</div>"] if block)
+
+
+def put_into(notebook: Any, question: Question) -> None:
+    """Put a question into its chapter: where it stands already, else after the opening."""
+    places = [cell for cell in notebook.cells if KEY in cell.metadata]
+    if not places:
+        new = nbformat.v4.new_markdown_cell(metadata={KEY: question.chapter})
+        new["id"] = KEY
+        notebook.cells.insert(1, new)
+        places = [new]
+    (cell,) = places
+    cell.metadata[KEY] = question.chapter
+    cell.source = markdown(question)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command line; the result is the exit code."""
+    parser = argparse.ArgumentParser(description="Bring the questions for class into the chapters.")
+    parser.add_argument("--check", action="store_true", help="only see whether they are there")
+    check = parser.parse_args(arguments).check
+    behind = []
+    for chapter, question in read_questions().items():
+        path = NOTEBOOKS / f"{chapter}.ipynb"
+        notebook = nbformat.read(path, as_version=4)
+        put_into(notebook, question)
+        text = nbformat.writes(notebook).rstrip("\n") + "\n"
+        if not check:
+            store(text, path)
+        elif not same(text, path):
+            behind.append(path.name)
+    if behind:
+        print("The question for class is not in, or another one:", *behind, file=sys.stderr)
+        print("python book/make/predictions.py brings them in", file=sys.stderr)
+    return 1 if behind else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

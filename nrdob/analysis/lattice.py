@@ -1,0 +1,242 @@
+r"""The method of steps with several dead times.
+
+    x' = A x + sum of B z        (y, u) = C x + sum of D z        z(t) = u(t - T) + w(t - T)
+
+for every dead time T, where w is known, and all is zero before t = 0. What happens at t = 0 comes
+around at every sum of multiples of the dead times, a lattice of moments at which signals jump or
+bend. Panels are laid between them, on which signals are polynomials, as in `nrdob.analysis.steps`:
+
+- fine after each moment of the lattice and coarser until the next, for as long as there are not too
+  many moments; the lengths between neighbours are only a few different ones;
+- or, since every way around the loop makes a bend smoother, between the first few echoes only, and
+  then evenly, short enough for the fastest mode.
+
+Where each delayed signal is known: a panel is no longer than the shortest dead time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import ceil, inf
+
+import numpy as np
+from numpy.polynomial import chebyshev
+
+from ..numerics import Block, FloatArray, IntArray
+from .steps import NODES, collocated, panel_lengths, radau, resolved_to, to_chebyshev
+
+__all__ = ["Driven", "delayed_responses"]
+
+MAX_PANELS = 60_000
+"""Panels that one march may take: a second or two."""
+
+SMOOTH = NODES + 3
+"""Derivatives that a bend may have so that a polynomial on a short panel passes through it."""
+
+_CHUNK = 500  # panels, whose delayed signals are looked up together
+_SAME = 1e-12  # of the last time: two moments of the lattice that are one
+
+
+@dataclass(frozen=True)
+class Driven:
+    """What one delayed signal does.
+
+    Attributes
+    ----------
+    blocks : sequence of Block
+        To (y, u), side by side, at rest at first.
+    delay : float
+        T > 0, seconds.
+    known : array of float
+        Coefficients, in descending powers of t, of what is added to u before the dead time.
+    """
+
+    blocks: Sequence[Block]
+    delay: float
+    known: FloatArray
+
+
+def delayed_responses(
+    driven: Sequence[Driven],
+    free: Sequence[Block],
+    times: FloatArray,
+    smoothing: int,
+    finer: float = 1.0,
+) -> FloatArray:
+    """March from moment to moment.
+
+    Parameters
+    ----------
+    driven : sequence of Driven
+        The delayed signals.
+    free : sequence of Block
+        What the input does to (y, u): impulse responses of these blocks.
+    times : (N,) array of float
+        Increasing, from 0 or later, in seconds.
+    smoothing : int
+        How many derivatives a bend gains at least on every way around the loop.
+    finer : float
+        How much shorter than necessary the panels are at first.
+
+    Returns
+    -------
+    (2, N) array of float
+        y and u at `times`.
+
+    Raises
+    ------
+    ValueError
+        If `times` spans too many panels.
+    ArithmeticError
+        If signals are too fast for the panels.
+    """
+    groups = [each.blocks for each in driven]
+    blocks = [(block, k) for k, group in enumerate(groups) for block in group]
+    start = np.concatenate(
+        [np.zeros(sum(b.B.size for b, _ in blocks)), *(b.B for b in free)], dtype=float
+    )
+    # A free block is one that nothing drives.
+    blocks += [(Block(b.A, np.zeros_like(b.B), b.C, np.zeros_like(b.D)), 0) for b in free]
+    delays = np.array([each.delay for each in driven])
+    for refined in (finer, 2 * finer, 4 * finer, 8 * finer):
+        lengths = _mesh([b for b, _ in blocks], delays, float(times[-1]), smoothing, refined)
+        edges = np.append(0.0, np.cumsum(lengths))
+        values = _march(blocks, driven, start, edges)
+        if resolved_to(1e-11, values):
+            break
+    else:
+        raise ArithmeticError(
+            "the signals between two echoes of the dead times are too fast to be resolved; shorten "
+            "timepts or slow the fastest block"
+        )
+    # A time that only rounding puts before a moment is meant to be on it.
+    panel = np.searchsorted(edges, times + 1e-9 * delays.min(), side="right") - 1
+    panel = np.clip(panel, 0, edges.size - 2)
+    basis = _basis((times - edges[panel]) / np.diff(edges)[panel])
+    outputs: FloatArray = np.einsum("im,iom->oi", basis, values[panel])
+    return outputs
+
+
+def _mesh(
+    blocks: Sequence[Block], delays: FloatArray, last: float, smoothing: int, finer: float
+) -> FloatArray:
+    """Lengths of panels until the last time: those of the cheaper of the two ways."""
+    span = max(last, 1e-3 * float(delays.min()))
+    echoes = ceil(SMOOTH / smoothing) if smoothing else inf
+    poles = np.concatenate([np.linalg.eigvals(b.A) for b in blocks])
+    fastest = float(np.abs(poles).max(initial=0.0)) * finer
+    even = min(float(delays.min()), 2 / fastest if fastest else inf)
+    most = _graded(blocks, _lattice(delays, span, inf), inf, finer)
+    few = None
+    if echoes < inf and span / even < MAX_PANELS:
+        few = _graded(blocks, _lattice(delays, span, echoes), even, finer)
+    found = min((each for each in (most, few) if each is not None), key=len, default=None)
+    if found is None:
+        raise ValueError(
+            f"timepts spans so many echoes of the dead times {', '.join(f'{T:g}' for T in delays)} "
+            f"s that more than {MAX_PANELS:,} panels would be needed; shorten timepts or slow the "
+            "fastest block"
+        )
+    return found
+
+
+def _lattice(delays: FloatArray, span: float, echoes: float) -> FloatArray | None:
+    """Add up multiples of the dead times, from 0 to `span`; None if there are too many."""
+    moments = np.zeros(1)
+    for delay in delays:
+        count = min(int(span / delay), echoes) + 1
+        if count * moments.size > 4 * MAX_PANELS:
+            return None
+        moments = (moments[:, None] + delay * np.arange(count)).ravel()
+        moments = moments[moments < span * (1 - _SAME)]
+    moments = np.append(np.sort(moments), span)
+    return np.asarray(moments[np.append(True, np.diff(moments) > _SAME * span)])
+
+
+def _graded(
+    blocks: Sequence[Block], moments: FloatArray | None, longest: float, finer: float
+) -> FloatArray | None:
+    """Lengths of panels between neighbouring moments, none of them above `longest`."""
+    if moments is None or moments.size > MAX_PANELS:
+        return None
+    gaps = np.diff(moments)
+    # Only a few gaps are different ones, but for rounding.
+    kinds, which = np.unique(np.round(gaps / (1e-13 * moments[-1])), return_inverse=True)
+    typical = [float(gaps[np.argmax(which == k)]) for k in range(kinds.size)]
+    parts = []
+    for gap in typical:
+        lengths = panel_lengths(blocks, gap, finer)
+        pieces = np.ceil(lengths / longest).astype(int) if longest < inf else np.ones(1, dtype=int)
+        parts.append(np.repeat(lengths / pieces, pieces))
+    if sum(parts[k].size for k in which) > MAX_PANELS:
+        return None
+    return np.concatenate([parts[k] for k in which])
+
+
+def _march(
+    blocks: Sequence[tuple[Block, int]],
+    driven: Sequence[Driven],
+    x: FloatArray,
+    edges: FloatArray,
+) -> FloatArray:
+    """Values (P, 2, m) of y and u at the nodes of all panels."""
+    lengths = np.diff(edges)
+    rounded = np.round(lengths / (1e-13 * edges[-1]))
+    _, first, which = np.unique(rounded, return_index=True, return_inverse=True)
+    matrices = _matrices(blocks, len(driven), lengths[first])
+    n, m, panels = x.size, NODES, lengths.size
+    values = np.zeros((panels, 2, m))
+    for begin in range(0, panels, _CHUNK):
+        some = slice(begin, min(begin + _CHUNK, panels))
+        sources = [_source(each, edges, some) for each in driven]
+        for j in range(some.start, some.stop):
+            waited = [
+                np.einsum("mk,mk->m", weights[j - begin], values[index[j - begin], 1])
+                + known[j - begin]
+                for index, weights, known in sources
+            ]
+            found = matrices[which[j]] @ np.concatenate([x, *waited])
+            x = found[:n]
+            values[j] = found[n:].reshape(2, m)
+    return values
+
+
+def _matrices(blocks: Sequence[tuple[Block, int]], groups: int, lengths: FloatArray) -> FloatArray:
+    """From the state and the delayed signals at the nodes to the next state and to (y, u)."""
+    n, m = sum(block.B.size for block, _ in blocks), NODES
+    matrices = np.zeros((lengths.size, n + 2 * m, n + groups * m))
+    first = 0
+    for block, group in blocks:
+        own, late = slice(first, first + block.B.size), slice(n + group * m, n + (group + 1) * m)
+        E, gamma, from_x, from_z = collocated(block, lengths)
+        matrices[:, own, own] = E
+        matrices[:, own, late] = gamma
+        matrices[:, n:, own] = from_x.reshape(lengths.size, 2 * m, -1)
+        matrices[:, n:, late] += from_z.reshape(lengths.size, 2 * m, m)
+        first = own.stop
+    return matrices
+
+
+def _source(
+    each: Driven, edges: FloatArray, some: slice
+) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Where some panels find their delayed signal: panels, weights of their nodes, what is added.
+
+    Of shapes (P, m), (P, m, m) and (P, m).
+    """
+    left, right = edges[:-1][some, None], edges[1:][some, None]
+    then = left + (right - left) * radau()[0] - each.delay
+    middle = (left + right) / 2 - each.delay
+    inside = middle + (then - middle) * (1 - 1e-9)  # rounding must not choose the side of a jump
+    begun = inside > 0
+    index = np.clip(np.searchsorted(edges, inside, side="right") - 1, 0, None)
+    place = (then - edges[index]) / np.diff(edges)[index]
+    weights = _basis(np.where(begun, place, 0.0).ravel()).reshape(*place.shape, NODES)
+    known = np.polyval(each.known, then) if each.known.size else np.zeros_like(then)
+    return index, weights * begun[..., None], known * begun
+
+
+def _basis(place: FloatArray) -> FloatArray:
+    """Weights of a panel's nodes for values at places in [0, 1] of it."""
+    return np.asarray(chebyshev.chebvander(2 * place - 1, NODES - 1) @ to_chebyshev())

@@ -1,0 +1,88 @@
+"""Pages that tell what there is: each must name all of it, and nothing that is gone."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+from .rooms import PACKAGE, modules, room_of
+
+TOLD = ("README.md", "CONTRIBUTING.md")
+"""Pages that tell a reader which file to open and which command to run."""
+
+OF_ITS_OWN = "course"
+"""The room whose contents have pages of their own, the ledger and the problem sets."""
+
+
+def faults(root: Path) -> Iterator[str]:
+    """Name every line of a page that is out of step with what it tells of.
+
+    Parameters
+    ----------
+    root : Path
+        Folder of the project.
+
+    Yields
+    ------
+    str
+        A fault, with its place.
+    """
+    yield from _reference(root)
+    yield from _table_of_rooms(root)
+    for page in TOLD:
+        yield from _told(root, page)
+
+
+def _reference(root: Path) -> Iterator[str]:
+    """The page of the package has a section for each module, and none twice."""
+    page = "book/api.md"
+    lines = (root / page).read_text(encoding="utf-8").splitlines()
+    shown: dict[str, int] = {}
+    for number, line in enumerate(lines, 1):
+        if line.startswith(".. automodule::"):
+            name = line.split()[-1]
+            if name not in modules(root):
+                yield f"{page}:{number}: there is no module {name}"
+            if name in shown:
+                yield f"{page}:{number}: {name} stands in line {shown[name]} already"
+            shown[name] = number
+    for name, module in modules(root).items():
+        if not module.is_front and module.room != OF_ITS_OWN and name not in shown:
+            yield f"{page}:{len(lines)}: {name} has no section: enter `.. automodule:: {name}`"
+
+
+def _table_of_rooms(root: Path) -> Iterator[str]:
+    """The README's table has a row for each room, and in it each of its modules."""
+    page = "README.md"
+    lines = (root / page).read_text(encoding="utf-8").splitlines()
+    start = lines.index("| Room | What is in it |")
+    rows: dict[str, tuple[int, str]] = {}
+    for number, line in enumerate(lines[start + 2 :], start + 3):
+        if not (row := re.match(r"\| `(\w+)/?` \| (.*) \|$", line)):
+            break
+        rows[row[1]] = number, row[2]
+    rooms = {room_of(name) for name in modules(root)} - {PACKAGE}
+    for name in rows.keys() - rooms:
+        yield f"{page}:{rows[name][0]}: there is no room {name}"
+    for name in sorted(rooms - rows.keys()):
+        yield f"{page}:{start + 1}: the room {name} has no row in the table"
+    for name in modules(root):
+        parts = name.split(".")
+        if len(parts) == 3 and parts[1] in rows:
+            number, text = rows[parts[1]]
+            if not re.search(rf"`{parts[2]}/?`", text):
+                yield f"{page}:{number}: {name} is not named in the row of its room"
+
+
+def _told(root: Path, page: str) -> Iterator[str]:
+    """Files and commands that a page names are there."""
+    makefile = (root / "Makefile").read_text(encoding="utf-8")
+    targets = set(re.findall(r"^([a-z-]+):", makefile, re.MULTILINE))
+    for number, line in enumerate((root / page).read_text(encoding="utf-8").splitlines(), 1):
+        for path in re.findall(r"`((?:book|notebooks|nrdob|tests)/[\w./-]*)`", line):
+            if not (root / path).exists():
+                yield f"{page}:{number}: there is no {path}"
+        for target in re.findall(r"(?:^|`)make ([a-z-]+)\b", line):
+            if target not in targets:
+                yield f"{page}:{number}: the Makefile has no target {target}"
