@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
-from math import pi
+from math import asin, pi, radians
 
 import numpy as np
 
@@ -26,7 +26,7 @@ from .forbidden import Curve, Forbidden, Limit, limits
 from .limits import roots_by_side
 from .mismatch import Mismatch
 from .mismatchgrid import Frequencies
-from .slack import Specification
+from .slack import NARROW, Specification
 
 __all__ = ["admissible"]
 
@@ -65,7 +65,8 @@ def admissible(
         Disjoint and increasing, in seconds.
     """
     mismatch = frequencies.mismatch
-    left = _without(intervals, list(_at_ends(mismatch, specification)))
+    known = [*_at_ends(mismatch, specification), *_beside_poles(mismatch, specification)]
+    left = _without(intervals, known)
     if not left:
         return []
     every = list(limits(mismatch.order, specification))
@@ -91,7 +92,7 @@ def admissible(
 
 def _without(intervals: list[Interval], covered: list[Interval]) -> list[Interval]:
     """Leave out of increasing intervals what others cover."""
-    for low, high in covered:
+    for low, high in (ends for ends in covered if ends[0] < ends[1]):
         parts = [((a, min(b, low)), (max(a, high), b)) for a, b in intervals]
         intervals = [(a, b) for pair in parts for a, b in pair if a < b]
     return intervals
@@ -128,6 +129,34 @@ def _at_ends(mismatch: Mismatch, specification: Specification) -> Iterator[Inter
 def _between(size: float, least: float, most: float, power: int) -> Interval:
     """Give the λ at which size/λ^power lies between two others."""
     return (size / most) ** (1 / power), (size / least) ** (1 / power)
+
+
+def _beside_poles(mismatch: Mismatch, specification: Specification) -> Iterator[Interval]:
+    """Give the λ at which a resonance is too narrow to be looked at, and comes too close to -1.
+
+    Beside a pole of R on the axis L = ρ/(j(ω - ω0) D(λω0)) is a straight line through 0, the longer
+    the narrower. The angle at which it runs hangs on λ alone.
+    """
+    near = [asin(1 / specification.max_ms)] if specification.max_ms else []
+    near += [radians(specification.min_pm_deg)] if specification.min_pm_deg else []
+    half_angle = min(max(near, default=0.0), pi / 2)
+    curve = Curve.of(mismatch.order)
+    first, last = curve.ends
+    _, D, Nm, _ = mismatch.factors
+    axis = roots_by_side(D, Nm)[1]
+    for pole in axis[axis.imag > 0].tolist():
+        slope = np.polyval(np.polyder(mismatch.a), pole)
+        if not (near and slope):
+            continue
+        residue = np.polyval(mismatch.b, pole) * np.exp(-mismatch.delay * pole) / slope
+        # From here on |D| >= (λω0)^n - 1 is so large that the resonance is narrow.
+        narrow = (1 + abs(residue) / (NARROW * pole.imag)) ** (1 / mismatch.order) / pole.imag
+        lines = np.arange(np.angle(residue) - 2.5 * pi, last + pi, pi)
+        u = curve.at_angle(np.stack([lines - half_angle, lines + half_angle]))
+        within = (lines + half_angle > first) & (lines - half_angle < last)
+        lows, highs = np.exp(u[:, within]) / pole.imag
+        highs[lines[within] + half_angle >= last] = np.inf
+        yield from zip(np.maximum(lows, narrow).tolist(), highs.tolist(), strict=True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,11 +246,17 @@ class _Patches:
         At a zero of R on the axis, and at infinite frequency, L is of size 1 only if λ tends to 0;
         at a pole and at ω = 0 only if it is infinite.
         """
-        is_pole = np.concatenate([[True], _on_axis(self.mismatch)[1], [False]])
+        axis, is_pole = _on_axis(self.mismatch)
+        axis = np.concatenate([[0.0], axis, [np.inf]])
+        is_pole = np.concatenate([[True], is_pole, [False]])
         breaks = np.diff(self.stretch) > 0
         first, last = np.append(True, breaks)[self.at], np.append(breaks, True)[self.at]
         below, above = self.stretch[self.at], self.stretch[self.at] + 1
         to_inf = (first & is_pole[below]) | (last & is_pole[above])
+        # So close to a pole it is known what happens: see _beside_poles.
+        omega = self.omega[self.at]
+        to_inf &= ~(first & (omega <= axis[below] * (1 + NARROW)))
+        to_inf &= ~(last & (omega >= axis[above] * (1 - NARROW)))
         to_0 = (first & ~is_pole[below]) | (last & ~is_pole[above])
         if self.mismatch.excess == self.mismatch.order:  # L does not vanish at infinite frequency
             to_0 &= self.at < self.omega.size - 1

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from scipy.optimize import brentq
 
 import nrdob
 from campaigns.designs import campaign
@@ -231,6 +232,24 @@ def test_with_an_integrator_of_the_model_alone_the_gain_at_zero_decides(gain):
     assert design_filter(process, model, order=1, max_ms=1.6).time_constant == pytest.approx(
         8 / 3 * gain, rel=1e-8
     )
+
+
+@pytest.mark.parametrize("above", [1e-2, 1e-3, 1e-4])
+@pytest.mark.parametrize("delay", [0.0, 0.1])
+def test_an_undamped_mode_comes_too_close_however_narrow_it_is(above, delay):
+    # Beside the pole at j, R/D(λ) is a straight line through 0, at an angle that λ turns.
+    process, model = lag / (s**2 + 1), lag**2
+    residue = (1 + 1j) / 2j * np.exp(-1j * delay)
+
+    def peak(slowness):
+        value = residue / ((1 + 1j * slowness) ** 3 - 1)
+        return abs(value) / abs(value.real)
+
+    max_ms = peak(1e12) * (1 + above)
+    end = brentq(lambda u: peak(np.exp(u)) - max_ms, 4.0, 14.0, xtol=1e-12)
+    wanted = {"order": 3, "max_ms": max_ms}
+    *_, window = admissible_time_constants(nrdob.delay(delay) * process, model, **wanted)
+    assert window == (pytest.approx(np.exp(end), rel=1e-4), inf)
 
 
 def test_admissible_time_constants_end_where_the_closed_form_says():
