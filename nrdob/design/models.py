@@ -143,7 +143,7 @@ def _judged(
     best = min(search.promise for search in searches)
     found = []
     for search in (search for search in searches if search.promise == best):
-        ms = search.plant_loop(search.closest()[0]).ms if search.tried.size else nan
+        ms = search.plant_loop(search.closest()[0]).ms if search.intervals else nan
         fastest = search.fastest()
         found.append(ModelCandidate(model, how, search.order, search.intervals, fastest, ms))
     return min(found, key=_rank)
