@@ -10,13 +10,21 @@ from .design import (
     stabilizing_time_constants,
     suggest_model,
 )
-from .diagram import DelayedTransferFunction, LowPassFilter, delay, interpolating_filter
+from .diagram import (
+    DelayedTransferFunction,
+    FilterFamily,
+    LowPassFilter,
+    delay,
+    filter_family,
+    interpolating_filter,
+)
 from .loop import NRDOB
 from .sampling import random_loop
 
 __all__ = [  # noqa: RUF022  (by topic: the contents of the package)
     # The loop, and what it is made of.
     "NRDOB", "LowPassFilter", "interpolating_filter", "DelayedTransferFunction", "delay",
+    "FilterFamily", "filter_family",
     # Is it stable, and how nearly not?
     "judge_observer", "encirclements", "margin_bounds",
     # Which filters work, and which is the fastest?

@@ -3,6 +3,7 @@
 from .blocks import Fraction, as_fraction, nonzero, written
 from .delay import DelayedTransferFunction, delay
 from .equations import LoopEquations, ObserverEquations
+from .families import FilterFamily, as_family, filter_family
 from .filters import LowPassFilter, filter_fraction
 from .interpolation import interpolating_filter
 from .noise import rational_power
@@ -10,13 +11,16 @@ from .quotient import Quotient
 
 __all__ = [
     "DelayedTransferFunction",
+    "FilterFamily",
     "Fraction",
     "LoopEquations",
     "LowPassFilter",
     "ObserverEquations",
     "Quotient",
+    "as_family",
     "as_fraction",
     "delay",
+    "filter_family",
     "filter_fraction",
     "interpolating_filter",
     "nonzero",
