@@ -121,6 +121,11 @@ class FamilyMismatch(Mismatch):
 
     def p_B(self, time_constant: float) -> QuasiPolynomial:
         """Characteristic function for one filter."""
+        parts, sizes = self.built(time_constant)
+        return QuasiPolynomial(*parts, self.delay, add(*sizes))
+
+    def built(self, time_constant: float) -> tuple[list[FloatArray], list[FloatArray]]:
+        """Coefficients of a E and b Nf for one filter, and the sizes of what is summed in them."""
         parts, sizes = [], []
         for table, factor in ((self.E, self.a), (self.Nf, self.b)):
             parts.append(np.convolve(factor, _in_lambda(table, time_constant)))
@@ -130,7 +135,7 @@ class FamilyMismatch(Mismatch):
                 f"time constant {time_constant:g} s to the power {self.order} leaves the range of "
                 "floating-point numbers: choose another unit of time"
             )
-        return QuasiPolynomial(*parts, self.delay, add(*sizes))
+        return parts, sizes
 
     # On the imaginary axis: a polynomial in λ at each frequency.
 
@@ -150,6 +155,15 @@ class FamilyMismatch(Mismatch):
             for table in (self.E, self.Nf)
         )
         return np.asarray(ERROR * (off_a * E + off_b * Nf))
+
+    def parts(self, omega: FloatArray, time_constant: FloatArray) -> tuple[Any, Any]:
+        """a E and b Nf exp(-jωθ) at points (ω, λ), arrays that are broadcast against each other."""
+        (a, b), (E, Nf) = self._products(omega), self._tables(omega)
+        powers = [np.asarray(time_constant) ** k for k in range(len(E))]
+        ahead, behind = (
+            sum(row * power for row, power in zip(table, powers, strict=True)) for table in (E, Nf)
+        )
+        return a * ahead, b * behind
 
     def roots_in_lambda(self, omega: FloatArray) -> ComplexArray:
         """All λ for which p_B(jω) = 0, complex ones too: shape (n, N)."""
