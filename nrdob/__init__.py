@@ -7,7 +7,10 @@ from .design import (
     critical_time_constants,
     design_controller,
     design_filter,
+    observer_form,
+    stability_chart,
     stabilizing_time_constants,
+    stable_model_exists,
     suggest_model,
 )
 from .diagram import (
@@ -29,9 +32,11 @@ __all__ = [  # noqa: RUF022  (by topic: the contents of the package)
     "judge_observer", "encirclements", "margin_bounds",
     # Which filters work, and which is the fastest?
     "stabilizing_time_constants", "critical_time_constants",
-    "admissible_time_constants", "design_filter",
+    "admissible_time_constants", "design_filter", "stability_chart",
     # Which model, and which controller?
     "suggest_model", "design_controller",
+    # Is a controller an observer?
+    "observer_form", "stable_model_exists",
     # Loops to try things on: the paper's, some with a name, random ones.
     "paper", "plants", "random_loop",
 ]  # fmt: skip

@@ -1,5 +1,6 @@
 """Which filters, models and controllers to choose, and what limits the choice."""
 
+from .chart import Border, Region, StabilityChart, stability_chart
 from .closedforms import (
     disturbance_index,
     noise_index,
@@ -19,10 +20,20 @@ from .limits import (
 from .mismatch import Mismatch
 from .models import suggest_model
 from .search import admissible_time_constants, design_filter
-from .timeconstants import critical_time_constants, default_floor, stabilizing_time_constants
+from .timeconstants import (
+    critical_time_constants,
+    default_floor,
+    stable_filters,
+    stabilizing_time_constants,
+)
+from .youla import ObserverForm, observer_form, stable_model_exists
 
 __all__ = [
+    "Border",
     "Mismatch",
+    "ObserverForm",
+    "Region",
+    "StabilityChart",
     "admissible_time_constants",
     "critical_time_constants",
     "default_floor",
@@ -31,6 +42,7 @@ __all__ = [
     "disturbance_index",
     "gain_bound",
     "noise_index",
+    "observer_form",
     "right_half_plane_parity",
     "sensitivity_floor",
     "smallest_for_delay",
@@ -38,7 +50,10 @@ __all__ = [
     "smallest_for_rhp_zero",
     "stabilizing_filter_exists",
     "stabilizing_time_constants",
+    "stability_chart",
+    "stable_filters",
     "stable_for_fast_filters",
     "stable_for_slow_filters",
+    "stable_model_exists",
     "suggest_model",
 ]

@@ -30,8 +30,22 @@ import numpy as np
 from contourpy import contour_generator
 from scipy.ndimage import distance_transform_edt, label
 
-from ..diagram import DelayedTransferFunction, FilterFamily, LowPassFilter, ObserverEquations, as_family
-from ..numerics import BoolArray, ComplexArray, FloatArray, IntArray, QuasiPolynomial, add, count_rhp
+from ..diagram import (
+    DelayedTransferFunction,
+    FilterFamily,
+    LowPassFilter,
+    ObserverEquations,
+    as_family,
+)
+from ..numerics import (
+    BoolArray,
+    ComplexArray,
+    FloatArray,
+    IntArray,
+    QuasiPolynomial,
+    add,
+    count_rhp,
+)
 from .familygrid import FamilyFrequencies
 from .familymismatch import FamilyMismatch
 
@@ -84,7 +98,8 @@ class Border(NamedTuple):
     omega: FloatArray
 
 
-class Region(NamedTuple):
+@dataclass(frozen=True)
+class Region:
     """A part of the chart in which the number of roots on the right is the same.
 
     Attributes
@@ -121,14 +136,14 @@ class Axis(NamedTuple):
         if self.logarithmic:
             values = np.maximum(values, self.low / LOGARITHMIC)
             return np.asarray(np.log(values / self.low) / log(self.high / self.low))
-        return (values - self.low) / (self.high - self.low)
+        return np.asarray((values - self.low) / (self.high - self.low))
 
     def value(self, share: Any) -> FloatArray:
         """Values at positions."""
         share = np.asarray(share, dtype=float)
         if self.logarithmic:
             return np.asarray(self.low * (self.high / self.low) ** share)
-        return self.low + share * (self.high - self.low)
+        return np.asarray(self.low + share * (self.high - self.low))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -246,7 +261,9 @@ def stability_chart(
         raise ValueError(f"both axes are {axes[0].name}: choose two different parameters")
     for level in ms:
         if isinstance(level, bool) or not isinstance(level, Real) or not 1 < level < inf:
-            raise ValueError(f"ms has the level {level!r}; give numbers above 1, such as (1.5, 2.0)")
+            raise ValueError(
+                f"ms has the level {level!r}; give numbers above 1, such as (1.5, 2.0)"
+            )
     loops = _Loops.of(process, model, filter, {axis.name for axis in axes})
     borders = tuple(_borders(loops, *axes))
 
@@ -280,8 +297,11 @@ def _check_value(name: str, value: Any) -> None:
     positive = name in ("time_constant", "gain")
     if isinstance(value, bool) or not isinstance(value, Real):
         raise TypeError(f"{name} is {value!r}; give a real number")
-    if not (isfinite(value) and (value > 0 if positive else value >= 0)):
-        raise ValueError(f"{name} is {value}; it must be {'positive' if positive else '0 or above'}")
+    number = float(value)
+    if not (isfinite(number) and (number > 0 if positive else number >= 0)):
+        raise ValueError(
+            f"{name} is {value}; it must be {'positive' if positive else '0 or above'}"
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -342,7 +362,7 @@ class _Loops:
         return QuasiPolynomial(np.convolve(lag, ahead), k * behind, values["delay"], scale)
 
     def peaks(self, given: dict[str, Any], omega: FloatArray) -> FloatArray:
-        """Peak of the sensitivity of stable loops, one a row, between the frequencies by a parabola."""
+        """Peak of the sensitivity of each stable loop, one a row."""
         values = self.fixed | given
         ahead, behind = self.mismatch.parts(omega, values["time_constant"])
         ahead = ahead * (1 + 1j * values["lag"] * omega)
@@ -423,7 +443,7 @@ def _family(filter: Any) -> FilterFamily:
 
 
 def _positive(axis: Axis) -> tuple[float, float]:
-    """Ends of an axis of a parameter that must be positive, a little wider than the chart."""
+    """Widen the ends of an axis of a parameter that must be positive a little."""
     return max(axis.low / 1.1, axis.high / (10 * PIXELS)), 1.1 * axis.high
 
 
@@ -522,8 +542,8 @@ def _turned(
     near = seen.copy()
     near[1:] |= seen[:-1]
     near[:-1] |= seen[1:]
-    for w, x, at in _where(near, omega, values, np.arange(omega.size)):
-        for theta in _delays(second, w, W[at]):
+    for w, x, at in _where(near, omega, values, np.arange(omega.size, dtype=float)):
+        for theta in _delays(second, w, W[at.astype(int)]):
             yield w, x, theta
 
 
@@ -659,8 +679,8 @@ def _end_curves(
                     yield np.full(2, gain[0]), whole, at
             elif first.name == "time_constant":
                 off = gain - loops.fixed["gain"]
-                k = np.flatnonzero((off[:-1] < 0) != (off[1:] < 0))
-                for i in k[np.isfinite(off[k]) & np.isfinite(off[k + 1])]:
+                crossed = np.flatnonzero((off[:-1] < 0) != (off[1:] < 0))
+                for i in crossed[np.isfinite(off[crossed]) & np.isfinite(off[crossed + 1])]:
                     share = off[i] / (off[i] - off[i + 1])
                     lam = values[i] + share * (values[i + 1] - values[i])
                     yield np.full(2, lam), whole, at
@@ -670,7 +690,7 @@ def _end_curves(
 
 
 def _labelled(axes: tuple[Axis, Axis], borders: tuple[Border, ...]) -> IntArray:
-    """Number the parts that the borders leave, on a raster; 0 on a border."""
+    """Give a number to the parts that the borders leave, on a raster; 0 on a border."""
     drawn = np.zeros((PIXELS, PIXELS), dtype=bool)
     for border in borders:
         u, v = axes[0].share(border.x) * PIXELS, axes[1].share(border.y) * PIXELS

@@ -50,12 +50,15 @@ class FamilyBranches:
     @classmethod
     def on(cls, mismatch: FamilyMismatch, omega: FloatArray) -> FamilyBranches:
         """Follow the branches over given frequencies."""
+
         def at(omega: FloatArray) -> ComplexArray:
             return 1j * omega * mismatch.roots_in_lambda(omega)
 
         roots, most = at(omega), MOST * omega.size
         for _ in range(CUTS):
-            unclear = np.flatnonzero(_matched(roots)[1] & (omega[1:] > omega[:-1] * (1 + NARROWEST)))
+            unclear = np.flatnonzero(
+                _matched(roots)[1] & (omega[1:] > omega[:-1] * (1 + NARROWEST))
+            )
             middle = np.sqrt(omega[unclear] * omega[unclear + 1])
             kept = ~mismatch.at_pole(middle)
             unclear, middle = unclear[kept], middle[kept]

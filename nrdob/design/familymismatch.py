@@ -81,7 +81,7 @@ class FamilyMismatch(Mismatch):
         """Sizes of the roots that the family's coefficients have in s, in rad/s."""
         rows = [row for table in (self.E, self.Nf) for row in table if row.any()]
         parts = [QuasiPolynomial(np.trim_zeros(row, "f")).without_origin.roots for row in rows]
-        return np.abs(np.concatenate(parts))
+        return np.asarray(np.abs(np.concatenate(parts)))
 
     @cached_property
     def speeds(self) -> FloatArray:
@@ -122,7 +122,7 @@ class FamilyMismatch(Mismatch):
     def p_B(self, time_constant: float) -> QuasiPolynomial:
         """Characteristic function for one filter."""
         parts, sizes = self.built(time_constant)
-        return QuasiPolynomial(*parts, self.delay, add(*sizes))
+        return QuasiPolynomial(parts[0], parts[1], self.delay, add(*sizes))
 
     def built(self, time_constant: float) -> tuple[list[FloatArray], list[FloatArray]]:
         """Coefficients of a E and b Nf for one filter, and the sizes of what is summed in them."""
@@ -157,7 +157,7 @@ class FamilyMismatch(Mismatch):
         return np.asarray(ERROR * (off_a * E + off_b * Nf))
 
     def parts(self, omega: FloatArray, time_constant: FloatArray) -> tuple[Any, Any]:
-        """a E and b Nf exp(-jωθ) at points (ω, λ), arrays that are broadcast against each other."""
+        """Return a E and b Nf exp(-jωθ) at points (ω, λ), arrays broadcast against each other."""
         (a, b), (E, Nf) = self._products(omega), self._tables(omega)
         powers = [np.asarray(time_constant) ** k for k in range(len(E))]
         ahead, behind = (
@@ -172,10 +172,14 @@ class FamilyMismatch(Mismatch):
     def largest(self, omega: FloatArray) -> FloatArray:
         """Bound of the critical λ at each frequency: the last at which ``|a E| = |b Nf|``."""
         (a, b), (E, Nf) = self._products(omega), self._tables(omega)
-        square = size_squared(a * E) - size_squared(b * Nf)
+        ahead, behind = a * E, b * Nf
+        most = np.maximum(np.abs(ahead).max(axis=0), np.abs(behind).max(axis=0))
+        with np.errstate(all="ignore"):
+            ahead, behind = (np.nan_to_num(part / most) for part in (ahead, behind))
+        square = size_squared(ahead) - size_squared(behind)
         roots = roots_of_columns(square)
         real = np.abs(roots.imag) <= REAL * np.abs(roots)
-        return np.where(real, roots.real, 0.0).max(axis=0, initial=0.0)
+        return np.asarray(np.where(real, roots.real, 0.0).max(axis=0, initial=0.0))
 
     def _products(self, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:
         N, D, Nm, Dm = self._values(omega)
@@ -183,9 +187,7 @@ class FamilyMismatch(Mismatch):
 
     def _tables(self, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:
         s = 1j * np.asarray(omega)
-        E, Nf = (
-            np.array([np.polyval(row, s) for row in table]) for table in (self.E, self.Nf)
-        )
+        E, Nf = (np.array([np.polyval(row, s) for row in table]) for table in (self.E, self.Nf))
         return E, Nf
 
     # At the ends of the axis: real polynomials in λ.
@@ -251,7 +253,7 @@ def _value_and_slope(
 
 
 def slope_in_lambda(coefficients: ComplexArray, x: ComplexArray) -> ComplexArray:
-    """Derivative of polynomials, ascending coefficients in columns."""
+    """Differentiate polynomials, ascending coefficients in columns."""
     return _value_and_slope(coefficients, x)[1]
 
 
@@ -302,18 +304,25 @@ def _without_shared(table: FloatArray, block: FloatArray) -> tuple[FloatArray, F
         common = shared_factor(common, one).common
     if not common.degree:
         return table, block
-    divided = [np.polydiv(column, common.q)[0] for column in table.T]
+    divided = [_divided(column, common) for column in table.T]
     rows = max(column.size for column in divided)
     columns = [np.pad(column, (rows - column.size, 0)) for column in divided]
-    return np.array(columns).T, np.polydiv(block, common.q)[0]
+    return np.array(columns).T, _divided(block, common)
+
+
+def _divided(p: FloatArray, divisor: QuasiPolynomial) -> FloatArray:
+    """Divide a polynomial by a factor of it; roots at s = 0 stay exact."""
+    if not p.any():
+        return np.zeros(1)
+    zeros, fewer = QuasiPolynomial(p).zeros_at_origin, divisor.zeros_at_origin
+    quotient = np.polydiv(p[: p.size - zeros], divisor.without_origin.q)[0]
+    return np.append(quotient, np.zeros(zeros - fewer))
 
 
 def _by_powers(E: FloatArray, Nf: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Turn tables to ascending powers of λ in rows, as many in both as are used."""
     columns = max(E.shape[1], Nf.shape[1])
-    E, Nf = (
-        np.pad(table, ((0, 0), (columns - table.shape[1], 0))).T[::-1] for table in (E, Nf)
-    )
+    E, Nf = (np.pad(table, ((0, 0), (columns - table.shape[1], 0))).T[::-1] for table in (E, Nf))
     used = np.flatnonzero(E.any(axis=1) | Nf.any(axis=1))
     return E[used[0] : used[-1] + 1], Nf[used[0] : used[-1] + 1]
 

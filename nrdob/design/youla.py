@@ -204,8 +204,8 @@ def _model(model: Any) -> Fraction:
 def _characteristic(K: Fraction, Gm: Fraction) -> tuple[QuasiPolynomial, int]:
     """p = Dk Dm + Nk Nm with the size of its terms, and the degree that it should have."""
     terms = (K.den, Gm.den), (K.num, Gm.num)
-    value = add(*(np.convolve(*term) for term in terms))
-    scale = add(*(np.convolve(*map(np.abs, term)) for term in terms))
+    value = add(*(np.convolve(one, other) for one, other in terms))
+    scale = add(*(np.convolve(np.abs(one), np.abs(other)) for one, other in terms))
     return QuasiPolynomial(value, scale=scale), K.den.size + Gm.den.size - 2
 
 
@@ -224,4 +224,3 @@ def _real_right(p: QuasiPolynomial) -> list[float]:
 
 def _number(value: float) -> str:
     return "∞" if value == np.inf else f"{value:.4g}"
-

@@ -2,7 +2,8 @@ r"""Families of filters: one shape of F for every time constant.
 
 Everything that is asked of a filter family needs only that the coefficients of
 
-.. math:: F(s; \lambda) = \frac{\sum_i s^i \sum_k n_{ik} \lambda^k}{\sum_i s^i \sum_k d_{ik} \lambda^k}
+.. math:: F(s; \lambda)
+          = \frac{\sum_i s^i \sum_k n_{ik} \lambda^k}{\sum_i s^i \sum_k d_{ik} \lambda^k}
 
 are polynomials in the time constant λ. A prototype :math:`F(\lambda s)` has one power of λ to each
 power of s; the interpolating filters of a model, whose poles and zeros have a time scale of their
@@ -79,7 +80,7 @@ class FilterFamily:
         return self.order - int(np.flatnonzero(self.difference.any(axis=1))[-1])
 
     def ramp_coefficient(self, time_constant: float) -> float:
-        """The c of 1 - F ~ c s^ramp, in seconds to the power ramp: nλ for eq. (1)."""
+        """Return the c of 1 - F ~ c s^ramp, in seconds to the power ramp: nλ for eq. (1)."""
         low = _at(self.difference, time_constant)[self.order - self.ramp]
         return float(low / _at(self.den, time_constant)[-1])
 
@@ -202,9 +203,7 @@ def _butterworth(order: int) -> tuple[FloatArray, FloatArray]:
 
 def _bessel(order: int) -> tuple[FloatArray, FloatArray]:
     n = int(order)
-    den = [
-        comb(n, k) * factorial(2 * n - k) * 2**k / factorial(2 * n) for k in range(n, -1, -1)
-    ]
+    den = [comb(n, k) * factorial(2 * n - k) * 2**k / factorial(2 * n) for k in range(n, -1, -1)]
     return _prototype(np.ones(1)), _prototype(np.array(den))
 
 

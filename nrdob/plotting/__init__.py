@@ -1,6 +1,7 @@
 """Every figure, with one look, and the words for those who cannot see it."""
 
 from .alttext import complex_number, frequency, number, spoken, turns
+from .chartplot import chart_plot
 from .explorer import Explorer, Slider
 from .figure import (
     COLOURS,
@@ -29,6 +30,7 @@ __all__ = [
     "Slider",
     "axes_for",
     "bode_plot",
+    "chart_plot",
     "colour_of",
     "complex_number",
     "dress",
