@@ -39,6 +39,9 @@ NEWTON, FARTHEST = 3, 1e-2
 OWN, TRIED = "own", (1.0, 0.1, 10.0, 1e-2, 1e2, 1e-3, 1e3)
 """The only kind whose filters may be unstable, and the λ of which one should not be."""
 
+NEARLY_REAL = 0.2
+"""Imaginary part of a root, against the real one, with which it is near a real one."""
+
 REAL = 1e-7
 """Imaginary part of a root, against its size, that may be rounding."""
 
@@ -178,7 +181,8 @@ class FamilyMismatch(Mismatch):
             ahead, behind = (np.nan_to_num(part / most) for part in (ahead, behind))
         square = size_squared(ahead) - size_squared(behind)
         roots = roots_of_columns(square)
-        real = np.abs(roots.imag) <= REAL * np.abs(roots)
+        # A pair that is not quite real may become so between two frequencies.
+        real = np.abs(roots.imag) <= NEARLY_REAL * roots.real
         return np.asarray(np.where(real, roots.real, 0.0).max(axis=0, initial=0.0))
 
     def _products(self, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:

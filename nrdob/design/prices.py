@@ -74,7 +74,10 @@ class Prices:
     def slack(self, loop: LoopEquations) -> float:
         """By how much a stable loop meets the limits, as a logarithm; negative where it does not."""
         paid = {name: PAID[name](loop) for name in self._given}
-        slacks = [log(limit / max(paid[name], 1e-300)) for name, limit in self._given.items()]
+        slacks = [
+            log(limit) - log(min(max(paid[name], 1e-300), 1e300))
+            for name, limit in self._given.items()
+        ]
         return max(min(slacks, default=-UNSTABLE), UNSTABLE)
 
     def __str__(self) -> str:

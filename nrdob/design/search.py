@@ -242,12 +242,13 @@ def _best_paid(
     found = []
     for search in searches:
         for low, _ in search.windows[:1]:
-            if low == search.intervals[0][0] and not prices:
+            if low in (ends[0] for ends in search.intervals):
+                edge = f"down to the border of stability at {low:.4g} s" if low else "however fast"
                 raise ValueError(
-                    f"{asked} is met by every filter of {_named(search.family)}, however fast; let "
-                    "the noise choose, by max_noise or max_u_eta"
+                    f"{asked} is met by every filter of {_named(search.family)}, {edge}; ask for "
+                    "more, such as max_ms against the border, or max_u_eta against the noise"
                 )
-            best = member(search.family, low or float(np.finfo(float).tiny))
+            best = member(search.family, low)
             found.append((sluggishness(process, model, best), best))
     if found:
         return min(found, key=lambda item: item[0])[1]
