@@ -48,13 +48,13 @@ def test_first_order_is_a_lag_and_needs_two_theta_over_pi(kind, delay):
 
 @pytest.mark.parametrize("zeta", [0.5, sqrt(0.5), 1.0])
 def test_pure_delay_under_a_second_order_filter(zeta):
-    # 1 - F = F (1 - exp(-jωθ)) - F... : |1/F - 1| = 1 with 1/F = 1 - x² + 2ζjx, x = λω.
+    # exp(-jωθ) = 1 - 1/F = x² - 2ζjx with x = λω.
     family = filter_family("own", num=[1], den=[[1, 0, 0], [2 * zeta, 0], 1])
     x = brentq(lambda x: x**4 + 4 * zeta**2 * x**2 - 1, 0, 2)
-    angle = np.angle(-1 / (-(x**2) + 2j * zeta * x))  # = -ωθ
+    angle = -np.angle(x**2 - 2j * zeta * x)  # = ωθ
     theta = 0.7
     low, high = stabilizing_time_constants(nrdob.delay(theta) * lag, lag, family)[-1]
-    assert (low, high) == (pytest.approx(x * theta / (-angle % (2 * pi)), rel=1e-9), inf)
+    assert (low, high) == (pytest.approx(x * theta / angle, rel=1e-9), inf)
 
 
 @pytest.mark.parametrize(
