@@ -33,11 +33,14 @@ from .mismatch import ERROR, Mismatch
 GENERIC = (0.71, 1.93, 0.31)
 """Time constants, against the typical one, at which a factor must be shared to be so at all."""
 
-NEWTON, FARTHEST = 3, 1e-2
+NEWTON, FARTHEST = 2, 1e-5
 """Steps that polish a root, and how far one may lead, against the root."""
 
 OWN, TRIED = "own", (1.0, 0.1, 10.0, 1e-2, 1e2, 1e-3, 1e3)
 """The only kind whose filters may be unstable, and the λ of which one should not be."""
+
+SETTLING, SETTLED, SAME_ROOT = 5, 1e-11, 0.05
+"""Newton steps to a root from a guess, how small the last must be, and how far all may lead."""
 
 NEARLY_REAL = 0.2
 """Imaginary part of a root, against the real one, with which it is near a real one."""
@@ -254,6 +257,27 @@ def _value_and_slope(
         slope = slope * x + value
         value = value * x + coefficients[k]
     return value, slope
+
+
+def root_near(coefficients: ComplexArray, guess: ComplexArray) -> ComplexArray:
+    """Root of each polynomial, ascending coefficients in columns, next to a guess.
+
+    By Newton's steps, and where these do not settle the nearest of all.
+    """
+    found = guess[None]
+    with np.errstate(all="ignore"):
+        for _ in range(SETTLING):
+            value, slope = _value_and_slope(coefficients, found)
+            step = value / slope
+            found = found - step
+        lost = ~(np.abs(step[0]) <= SETTLED * np.abs(found[0]))
+        lost |= ~(np.abs(found[0] - guess) <= SAME_ROOT * np.abs(guess))
+    found = found[0]
+    if lost.any():
+        every = roots_of_columns(coefficients[:, lost])
+        nearest = np.abs(every - guess[lost]).argmin(axis=0)
+        found[lost] = every[nearest, np.arange(nearest.size)]
+    return found
 
 
 def slope_in_lambda(coefficients: ComplexArray, x: ComplexArray) -> ComplexArray:

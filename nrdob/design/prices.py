@@ -30,7 +30,7 @@ PER_DECADE, DECADES = 8, 3
 NEARLY = 0.3
 """Slack within which an extreme between samples may lie on the other side of 0."""
 
-NEAR_PEAK, ROUNDS, ACROSS = 0.9, 4, 9
+NEAR_PEAK, ROUNDS, ACROSS = 0.9, 2, 65
 """Share of the largest value from which a peak is looked at; how often, at how many points."""
 
 Interval = tuple[float, float]
@@ -71,14 +71,17 @@ class Prices:
         if self.max_u_step_R is not None and controller is None:
             raise ValueError("max_u_step_R needs the controller: give controller=C")
 
-    def slack(self, loop: LoopEquations) -> float:
-        """By how much a stable loop meets the limits, as a logarithm; negative where it does not."""
-        paid = {name: PAID[name](loop) for name in self._given}
-        slacks = [
-            log(limit) - log(min(max(paid[name], 1e-300), 1e300))
-            for name, limit in self._given.items()
-        ]
-        return max(min(slacks, default=-UNSTABLE), UNSTABLE)
+    def slack(self, loop: LoopEquations, so_far: float) -> float:
+        """By how much a stable loop meets the limits, as a logarithm; negative where it does not.
+
+        What takes long is not looked at any more where the slack `so_far` is far from 0.
+        """
+        for name, limit in self._given.items():
+            if so_far < -NEARLY:
+                break
+            paid = PAID[name](loop)
+            so_far = min(so_far, log(limit) - log(min(max(paid, 1e-300), 1e300)))
+        return max(so_far, UNSTABLE)
 
     def __str__(self) -> str:
         return ", ".join(f"{SAID[name]} ≤ {value:g}" for name, value in self._given.items())
@@ -171,10 +174,10 @@ class PricedSearch:
         def slack(time_constant: float) -> float:
             filter = member(family, time_constant)
             loop = LoopEquations(process, model, 0.0 if controller is None else controller, filter)
-            slacks = [prices.slack(loop)]
+            so_far = -UNSTABLE
             if specification is not None:
-                slacks.append(specification.slack(margins(loop.L, True, loop.p_B)))
-            return min(slacks)
+                so_far = specification.slack(margins(loop.L, True, loop.p_B))
+            return prices.slack(loop, so_far)
 
         windows, tried = [], {}
         for low, high in intervals:
@@ -221,9 +224,7 @@ def _samples(low: float, high: float, speeds: FloatArray) -> FloatArray:
     return np.array([low * (1 + 1e-6), *inside, high * (1 - 1e-6)])
 
 
-def _extremes(
-    slack: Callable[[float], float], looked: dict[float, float]
-) -> dict[float, float]:
+def _extremes(slack: Callable[[float], float], looked: dict[float, float]) -> dict[float, float]:
     """Look closer where the slack may touch 0 between two samples."""
     values, slacks = list(looked), list(looked.values())
     found = {}

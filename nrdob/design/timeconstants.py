@@ -295,6 +295,12 @@ class _Branches:
         """Size of a branch w, against which a jump is told from a crossing."""
         return np.asarray(np.abs(1 + excess))
 
+    def nearest(
+        self, of: IntArray, at: IntArray, way: FloatArray, low: FloatArray, high: FloatArray
+    ) -> FloatArray:
+        """Frequencies at which branches on one side, `way`, come closest to the line."""
+        return golden(lambda omega: way * self(of, at, omega).real, low, high)
+
     @staticmethod
     def near_line(excess: ComplexArray) -> BoolArray:
         """Whether a branch may touch the line between two frequencies and leave it again."""
@@ -368,7 +374,7 @@ def _hidden_pairs(
     of, at = np.nonzero(dips & (branches.excess.imag[inner] > 0))
     at = at + 1
     left, right, way = omega[at - 1], omega[at + 1], sign[of, at]
-    bottom = golden(lambda w: way * branches(of, at, w).real, left, right)
+    bottom = branches.nearest(of, at, way, left, right)
     through = way * branches(of, at, bottom).real < 0
     of, at, bottom = of[through], at[through], bottom[through]
     return _Brackets(of, at, left[through], bottom), _Brackets(of, at, bottom, right[through])

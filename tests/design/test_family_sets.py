@@ -58,7 +58,8 @@ def test_pure_delay_under_a_second_order_filter(zeta):
 
 
 @pytest.mark.parametrize(
-    "model", [4 / (2 - s - s**2), (1 - s) / (s + 1) ** 2, (s - 3) / (s * (s - 1) * (s + 2)), 1 / s**2]
+    "model",
+    [4 / (2 - s - s**2), (1 - s) / (s + 1) ** 2, (s - 3) / (s * (s - 1) * (s + 2)), 1 / s**2],
 )
 @pytest.mark.parametrize("ramp", [1, 2])
 def test_every_interpolating_filter_works_where_the_model_matches(model, ramp):

@@ -71,6 +71,7 @@ def test_no_stable_model_that_was_tried_stabilises_against_parity():
         gain = rng.choice([-1, 1]) * 10 ** rng.uniform(-1, 3)
         model = ct.tf(gain * np.poly(rng.normal(size=2) * 10), np.poly(roots))
         assert not observer_form(K, model).holds
-        assert "does not stabilise" in observer_form(K, model).reason or "ill" in observer_form(
-            K, model
-        ).reason
+        assert (
+            "does not stabilise" in observer_form(K, model).reason
+            or "ill" in observer_form(K, model).reason
+        )
