@@ -23,8 +23,8 @@ from .search import admissible_time_constants, design_filter
 from .timeconstants import (
     critical_time_constants,
     default_floor,
-    stable_filters,
     stabilizing_time_constants,
+    stable_filters,
 )
 from .youla import ObserverForm, observer_form, stable_model_exists
 
@@ -48,9 +48,9 @@ __all__ = [
     "smallest_for_delay",
     "smallest_for_double_lag",
     "smallest_for_rhp_zero",
+    "stability_chart",
     "stabilizing_filter_exists",
     "stabilizing_time_constants",
-    "stability_chart",
     "stable_filters",
     "stable_for_fast_filters",
     "stable_for_slow_filters",

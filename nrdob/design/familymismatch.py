@@ -277,7 +277,7 @@ def root_near(coefficients: ComplexArray, guess: ComplexArray) -> ComplexArray:
         every = roots_of_columns(coefficients[:, lost])
         nearest = np.abs(every - guess[lost]).argmin(axis=0)
         found[lost] = every[nearest, np.arange(nearest.size)]
-    return found
+    return np.asarray(found)
 
 
 def slope_in_lambda(coefficients: ComplexArray, x: ComplexArray) -> ComplexArray:

@@ -22,7 +22,7 @@ from ..diagram import FilterFamily, LoopEquations, LowPassFilter, ObserverEquati
 from ..numerics import FloatArray, golden
 from .familygrid import frequencies_for
 from .slack import UNSTABLE, Specification
-from .timeconstants import intersection, lowest_floor, stable_filters, stabilizing_set
+from .timeconstants import intersection, lowest_floor, stabilizing_set, stable_filters
 
 PER_DECADE, DECADES = 8, 3
 """How densely time constants are tried, and how far beyond the time constants of the plant."""
@@ -49,7 +49,7 @@ class Prices:
     max_noise: float | None = None
     max_u_eta: float | None = None
     max_u_step_d: float | None = None
-    max_u_step_R: float | None = None
+    max_u_step_R: float | None = None  # noqa: N815  (R is the reference, as in the diagram)
 
     def __post_init__(self) -> None:
         for name, value in self._given.items():
@@ -88,7 +88,7 @@ class Prices:
 
 
 def noise_on_u(loop: LoopEquations) -> float:
-    """Standard deviation of u for white noise η of unit density; infinite without roll-off."""
+    """Return the standard deviation of u for white noise η of unit density: inf without roll-off."""
     return inf if any(loop.U_eta.at_infinity) else loop.U_eta.noise_power() ** 0.5
 
 
@@ -179,7 +179,8 @@ class PricedSearch:
                 so_far = specification.slack(margins(loop.L, True, loop.p_B))
             return prices.slack(loop, so_far)
 
-        windows, tried = [], {}
+        windows: list[Interval] = []
+        tried: dict[float, float] = {}
         for low, high in intervals:
             samples = _samples(low, high, frequencies.mismatch.speeds)
             looked = {value: slack(value) for value in samples.tolist()}

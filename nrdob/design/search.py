@@ -169,8 +169,10 @@ def admissible_time_constants(
         G, with or without dead time, and G̃.
     order : int or FilterFamily
         n of the filter 1/(λs + 1)^n, or a family from `nrdob.filter_family`.
-    max_ms, min_gm_db, min_pm_deg, max_noise, max_u_eta, max_u_step_d, max_u_step_R : float, optional
-        The specification, as for `design_filter`; at least one of them.
+    max_ms, min_gm_db, min_pm_deg : float, optional
+        What is asked of the margins, as for `design_filter`.
+    max_noise, max_u_eta, max_u_step_d, max_u_step_R : float, optional
+        What it may cost, as for `design_filter`. At least one limit must be given.
     controller : as for `nrdob.NRDOB`, optional
         C, for `max_u_step_R` alone.
 

@@ -21,6 +21,7 @@ control).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import control as ct
@@ -182,7 +183,7 @@ def stable_model_exists(controller: Any) -> Answer:
     if len(ends) < 2:
         return Answer(True, "K has no two real zeros on the right, infinity included")
     said = []
-    for low, high in zip(ends[:-1], ends[1:], strict=True):
+    for low, high in pairwise(ends):
         between = [pole for pole in poles if low < pole < high]
         ends_text = f"{low:.4g} and {_number(high)}"
         if len(between) % 2:
@@ -202,7 +203,7 @@ def _model(model: Any) -> Fraction:
 
 
 def _characteristic(K: Fraction, Gm: Fraction) -> tuple[QuasiPolynomial, int]:
-    """p = Dk Dm + Nk Nm with the size of its terms, and the degree that it should have."""
+    """Give p = Dk Dm + Nk Nm with the size of its terms, and the degree that it should have."""
     terms = (K.den, Gm.den), (K.num, Gm.num)
     value = add(*(np.convolve(one, other) for one, other in terms))
     scale = add(*(np.convolve(np.abs(one), np.abs(other)) for one, other in terms))
