@@ -1,10 +1,10 @@
 """Lemma 1, corrected: the loop is stable if and only if p_A and p_B have all roots on the left.
 
-Each condition is judged twice, before any cancellation but that inside one block: by the turns of 1 + L around 0 with the
-poles of L, Z = N + P, and by a count that follows no curve. That is one of the roots themselves;
-where they cannot all be computed to be trusted, it is Routh and Hurwitz's test in whole numbers or,
-with a long dead time, Walton and Marshall's count. A verdict is given only where the two agree;
-otherwise it is None, with the reason.
+Each condition is judged twice, before any cancellation but that inside a block that is built as
+one: by the turns of 1 + L around 0 with the poles of L, Z = N + P, and by a count that follows no
+curve. That is one of the roots themselves; where they cannot all be computed to be trusted, it is
+Routh and Hurwitz's test in whole numbers or, with a long dead time, Walton and Marshall's count. A
+verdict is given only where the two agree; otherwise it is None, with the reason.
 """
 
 from __future__ import annotations

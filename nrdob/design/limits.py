@@ -117,7 +117,7 @@ def stable_for_slow_filters(process: Any, model: Any, order: int) -> Answer:
             f"process or inverse model is unstable (pole at {_text(right[0])}): "
             "a slow filter leaves it so",
         )
-    if mismatch.b[-1] == 0:
+    if mismatch.held_at_origin:
         return Answer(False, ROOT_AT_ORIGIN)
     moved = _moved(mismatch, axis, "process or inverse model", "slow", _drift_when_slow)
     return _first_decisive([moved, _slow_roots(mismatch)])
@@ -198,6 +198,8 @@ def _first_decisive(answers: list[Answer]) -> Answer:
 
 def _slow_roots(mismatch: Mismatch) -> Answer:
     """Tell where the roots go that tend to 0 as λ grows."""
+    if mismatch.integrator:
+        return Answer(True, f"process and inverse model are stable, and {INTEGRATOR}")
     n, (a, b) = mismatch.order, (mismatch.a, mismatch.b)
     origin = QuasiPolynomial(a).zeros_at_origin
     if origin:
@@ -281,7 +283,7 @@ def stable_for_fast_filters(process: Any, model: Any, order: int) -> Answer:
     mismatch = Mismatch.of(process, model, order)
     if mismatch.delay:
         return Answer(False, "with a dead time ever more roots are on the right as λ falls")
-    if mismatch.b[-1] == 0:
+    if mismatch.held_at_origin:
         return Answer(False, ROOT_AT_ORIGIN)
     N, _, _, Dm = mismatch.factors
     right, axis = roots_by_side(N, Dm)
@@ -292,7 +294,22 @@ def stable_for_fast_filters(process: Any, model: Any, order: int) -> Answer:
             f"{_text(right[0])}",
         )
     moved = _moved(mismatch, axis, "inverse process or model", "fast", _drift_when_fast)
-    return _first_decisive([moved, _fast_roots(mismatch)])
+    return _first_decisive([moved, _roots_near_origin(mismatch), _fast_roots(mismatch)])
+
+
+def _roots_near_origin(mismatch: Mismatch) -> Answer:
+    """Tell where the roots of n λ a(0) + N·Dm/s go that tend to 0 as λ falls."""
+    b = QuasiPolynomial(mismatch.delayed)
+    count = b.zeros_at_origin if mismatch.integrator else 0
+    if not count:
+        return Answer(True, "no root of the limit is at s = 0")
+    positive = bool(mismatch.a[-1] * b.without_origin.q[-1] > 0)
+    where = "process over model vanishes at s = 0 more than once: with a fast filter"
+    if count == 1:
+        return Answer(positive, f"{where} a root leaves 0 to the {'left' if positive else 'right'}")
+    if count == 2 and positive:
+        return Answer(None, f"{where} a pair leaves 0 along the axis")
+    return Answer(False, f"{where} {count} roots leave 0 in all directions")
 
 
 def _fast_roots(mismatch: Mismatch) -> Answer:
@@ -366,8 +383,11 @@ def right_half_plane_parity(process: Any, model: Any) -> Answer:
     no: 1 unstable pole of G/model: the model must have the opposite DC sign
     """
     mismatch = Mismatch.of(process, model)
-    if mismatch.b[-1] == 0:
-        return Answer(False, ROOT_AT_ORIGIN)
+    if mismatch.held_at_origin:
+        # Of a zero of the process no filter is rid, of integrators one with 1 - F ~ s^2 or more.
+        return Answer(False if mismatch.factors[0][-1] == 0 else None, ROOT_AT_ORIGIN)
+    if mismatch.integrator:
+        return Answer(True, INTEGRATOR)
     _, D, Nm, _ = mismatch.factors
     P = roots_by_side(D, Nm)[0].size
     even = bool(mismatch.b[-1] * mismatch.a[0] > 0)
@@ -383,11 +403,11 @@ def stabilizing_filter_exists(process: Any, model: Any) -> Answer:
 
     Such an F is a stable controller for the mismatch H = (b - a)/a with one value prescribed. By
     the parity interlacing property it exists if and only if a and b have no common root in the
-    closed right half plane and p_B can keep one sign on the positive real axis. There p_B has the
-    sign of b at s = 0, that of a at each real zero z > 0 of b - a, and that of a at infinity
-    if F·H rolls off. It must, unless the process is biproper and the model is not: then F need not
-    fall faster than H grows, the leading coefficient of p_B has either sign, and infinity forbids
-    nothing.
+    closed right half plane (with one, the question is left open) and p_B can keep one sign on the
+    positive real axis. There p_B has the sign of b at s = 0, that of a at each real zero z > 0 of b
+    - a, and that of a at infinity if F·H rolls off. It must, unless the process is biproper and the
+    model is not: then F need not fall faster than H grows, the leading coefficient of p_B has
+    either sign, and infinity forbids nothing.
 
     Parameters
     ----------
@@ -423,12 +443,15 @@ def stabilizing_filter_exists(process: Any, model: Any) -> Answer:
     shared = [root for root in unstable if any(_vanishes(p, root) for p in (N, Dm))]
     if shared:
         return Answer(
-            False, f"a mode at {_text(shared[0])} cancels in G/model, out of reach of every filter"
+            None,
+            f"a mode at {_text(shared[0])} cancels in G/model, out of reach of every filter but "
+            "one made for it, with F = 0 at such a zero and F = 1 at such a pole: see "
+            "nrdob.interpolating_filter",
         )
     # With a dead time p_B has the sign of a far out on the real axis, whatever F.
     free_at_infinity = N.size == D.size and Nm.size < Dm.size and not mismatch.delay
     parity = right_half_plane_parity(process, model)
-    if not parity.holds and (b[-1] == 0 or not free_at_infinity):
+    if not parity.holds and (mismatch.held_at_origin or not free_at_infinity):
         return parity
     if mismatch.delay:
         return Answer(None, "with a dead time the signs at zero and at infinity forbid nothing")
@@ -439,7 +462,11 @@ def stabilizing_filter_exists(process: Any, model: Any) -> Answer:
         np.abs(difference(zeros.real + 0j)) <= ROUNDING * np.polyval(difference.scale, zeros.real)
     )
     zeros = zeros[real]
-    wrong = zeros[np.polyval(a, zeros.real) * b[-1] < 0]
+    signs = np.sign(np.polyval(a, zeros.real))
+    first = b[-1]
+    if mismatch.integrator:  # the sign at 0 is free
+        first = signs[0] if free_at_infinity and signs.size else a[0]
+    wrong = zeros[signs * first < 0]
     if wrong.size:
         where = "below" if free_at_infinity else "above"
         doubtful = bool((wrong.imag != 0).all())
@@ -482,9 +509,11 @@ def roots_by_side(*polynomials: FloatArray) -> tuple[ComplexArray, ComplexArray]
 
 
 ROOT_AT_ORIGIN = (
-    "p_B(0) = N(0)·Dm(0) = 0 for every filter: the process has a zero at s = 0, or the model an "
-    "integrator; give the model a slow stable pole instead, or build (1 - F)·model as one block"
+    "p_B(0) = 0 for every filter 1/(λs + 1)^n: the process has a zero at s = 0, or the model more "
+    "than one integrator, as the process has, which takes a filter with 1 - F ~ s^2 or more"
 )
+
+INTEGRATOR = "the model's integrator, which cancels in (1 - F)·model, leaves p_B(0) to the filter"
 
 OPPOSITE = "a real root goes to the right; give the model the other sign"
 

@@ -30,6 +30,9 @@ class Mismatch:
         n.
     factors : tuple of arrays
         N, D, Nm and Dm, whose roots say where R changes.
+    integrator : bool
+        Whether the model has an integrator that the process has not. It cancels inside
+        (1 - F)·model, and p_B is divided by s. One that both have is in no factor at all.
     """
 
     a: FloatArray
@@ -37,6 +40,7 @@ class Mismatch:
     delay: float
     order: int
     factors: tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+    integrator: bool = False
 
     @classmethod
     def of(cls, process: Any, model: Any, order: int | None = None) -> Mismatch:
@@ -48,6 +52,9 @@ class Mismatch:
             order = max(1, as_fraction(model, "model").relative_degree)
         loop = ObserverEquations(process, model, LowPassFilter(1.0, order))
         G, Gm = loop.fractions.G, loop.fractions.Gm
+        integrator = Gm.den[-1] == 0
+        if integrator and G.den[-1] == 0:
+            G, Gm, integrator = G._replace(den=G.den[:-1]), Gm._replace(den=Gm.den[:-1]), False
         with np.errstate(over="ignore", under="ignore"):
             a, b = np.convolve(G.den, Gm.num), np.convolve(G.num, Gm.den)
         for product in (a, b):
@@ -57,7 +64,12 @@ class Mismatch:
                     "product leaves the range of floating-point numbers: divide numerator and "
                     "denominator of each block by its leading coefficient, or change the units"
                 )
-        return cls(a, b, loop.delay, int(order), (*G, *Gm))
+        return cls(a, b, loop.delay, int(order), (*G, *Gm), bool(integrator))
+
+    @property
+    def held_at_origin(self) -> bool:
+        """Whether p_B(0) = N(0) Dm(0) = 0 whatever λ."""
+        return bool(self.b[-1] == 0) and not self.integrator
 
     @cached_property
     def roots(self) -> ComplexArray:
@@ -124,17 +136,22 @@ class Mismatch:
         return [np.asarray(np.polyval(np.abs(p), omega)) for p in self.factors]
 
     def p_B(self, time_constant: float) -> QuasiPolynomial:
-        """Characteristic function for one filter."""
-        undelayed = self.undelayed(time_constant)
+        """Characteristic function for one filter, without what cancels inside (1 - F)·model."""
         # No term of (λs + 1)^n - 1 is negative, so that its sizes are its coefficients.
-        scale = add(
-            np.convolve(np.abs(self.a), _den_less_1(time_constant, self.order)), np.abs(self.b)
-        )
-        return QuasiPolynomial(undelayed, self.b, self.delay, scale)
+        sizes = np.convolve(np.abs(self.a), _den_less_1(time_constant, self.order))
+        terms = self.undelayed(time_constant), self.delayed
+        scale = add(sizes[: terms[0].size], np.abs(terms[1]))
+        return QuasiPolynomial(*terms, self.delay, scale)
 
     def undelayed(self, time_constant: float) -> FloatArray:
-        """Coefficients of D Nm (Df - 1)."""
-        return np.convolve(self.a, _den_less_1(time_constant, self.order))
+        """Coefficients of D Nm (Df - 1), or of that over s."""
+        product = np.convolve(self.a, _den_less_1(time_constant, self.order))
+        return product[:-1] if self.integrator else product
+
+    @property
+    def delayed(self) -> FloatArray:
+        """Coefficients of N Dm, or of that over s."""
+        return self.b[:-1] if self.integrator else self.b
 
 
 def _den_less_1(time_constant: float, order: int) -> FloatArray:

@@ -1,10 +1,11 @@
 r"""Which model to put into the observer, when the right one is not the best one.
 
-A matched model makes p_B = N·D·Df, so it never works for a process with a pole or a zero in the
-right half plane; a dead time cannot be inverted. The candidates here differ from the process just
-there: zeros in the right half plane are left out or mirrored, unstable poles are mirrored and the
-DC sign is chosen by parity, dead time is left out or replaced by a lag. Nothing is chosen silently:
-each candidate comes with the set of filters that stabilise it and the sensitivity peak to be had.
+With the filter (1) a matched model makes p_B = N·D·Df, so it never works for a process with a pole
+or a zero in the right half plane (`nrdob.interpolating_filter` is for such a model); a dead time
+cannot be inverted. The candidates here differ from the process just there: zeros in the right half
+plane are left out or mirrored, unstable poles are mirrored and the DC sign is chosen by parity,
+dead time is left out or replaced by a lag. Nothing is chosen silently: each candidate comes with
+the set of filters that stabilise it and the sensitivity peak to be had.
 """
 
 from __future__ import annotations

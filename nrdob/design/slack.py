@@ -186,9 +186,11 @@ class PlantLoops:
         row, there = row[there.real < 0], there[there.real < 0]
         gains = np.full(time_constants.shape, inf)
         np.minimum.at(gains, row, 20 * np.abs(np.log10(np.abs(there))))
+        ends = self._at_infinity(time_constants, near=False), self._at_zero(time_constants)
         with np.errstate(divide="ignore"):
-            last = 20 * np.abs(np.log10(self._at_infinity(time_constants, near=False)))
-        return np.asarray(np.minimum(gains, last))
+            return np.asarray(
+                np.min([gains, *(20 * np.abs(np.log10(end)) for end in ends)], axis=0)
+            )
 
     def _gain(
         self, time_constants: FloatArray, omega: FloatArray, ratio: ComplexArray | None = None
@@ -212,6 +214,14 @@ class PlantLoops:
         last = float(mismatch.b[0] / mismatch.a[0]) / time_constants**mismatch.order
         last = -np.abs(last) if mismatch.delay else last  # a circle around 0
         return np.asarray(np.abs(1 + last) if near else np.maximum(-last, 0.0))
+
+    def _at_zero(self, time_constants: FloatArray) -> FloatArray:
+        """Size of L(0) where it is negative; finite if an integrator of the model alone cancels."""
+        mismatch = self.mismatch
+        if not mismatch.integrator:
+            return np.zeros(time_constants.shape)
+        slope = float(mismatch.delayed[-1] / mismatch.a[-1]) / mismatch.order
+        return np.asarray(np.maximum(-slope / time_constants, 0.0))
 
     def _beside_poles(self, time_constants: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Smallest phase margin, in degrees, and ``|1 + L|`` beside poles of R on the axis.

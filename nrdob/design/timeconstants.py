@@ -252,7 +252,8 @@ def _critical(frequencies: Frequencies, floor: float) -> list[CriticalTimeConsta
     if isinstance(mismatch, FamilyMismatch):
         found = _crossings(FamilyBranches.on(mismatch, omega)) + _through_ends(mismatch)
     else:
-        found = _crossings(_Branches.on(mismatch, omega)) + _through_infinity(mismatch)
+        found = _crossings(_Branches.on(mismatch, omega))
+        found += _through_zero(mismatch) + _through_infinity(mismatch)
     return sorted(c for c in found if c.time_constant > floor)
 
 
@@ -407,6 +408,21 @@ def _log_minus_H(mismatch: Mismatch, omega: FloatArray) -> ComplexArray:
     return np.asarray(size + 1j * np.arctan2(-R.imag, 1 - R.real))
 
 
+def _through_zero(mismatch: Mismatch) -> list[CriticalTimeConstant]:
+    """Find the λ at which p_B(0) = n λ a(0) + b'(0) vanishes, without the model's integrator.
+
+    The direction is that of the root -p_B(0)/p_B'(0) beside it.
+    """
+    if not mismatch.integrator:
+        return []
+    slope, b = mismatch.order * float(mismatch.a[-1]), mismatch.delayed
+    critical = -float(b[-1]) / slope
+    if critical <= 0:
+        return []
+    tilt = add(mismatch.undelayed(critical), b)[-2:-1].sum() - mismatch.delay * b[-1]
+    return [CriticalTimeConstant(critical, 0.0, int(-np.sign(slope * tilt)))]
+
+
 def _through_infinity(mismatch: Mismatch) -> list[CriticalTimeConstant]:
     """Find the λ at which the leading coefficient of p_B vanishes: 1 + F(∞) H(∞) = 0."""
     n, (a, b) = mismatch.order, (mismatch.a, mismatch.b)
@@ -414,7 +430,7 @@ def _through_infinity(mismatch: Mismatch) -> list[CriticalTimeConstant]:
         return []
     critical = float((-b[0] / a[0]) ** (1 / n))
     # Near it p_B is a0 (λ^n - critical^n) s^N + second s^(N-1) + …, with one large root.
-    second = add(mismatch.undelayed(critical), b)[1]
+    second = add(mismatch.undelayed(critical), mismatch.delayed)[1]
     return [CriticalTimeConstant(critical, inf, int(-np.sign(second / a[0])))]
 
 

@@ -2,7 +2,8 @@ r"""Every controller that stabilises the model is an NR-DOB: the filter that mak
 
 All the feedback of the diagram is :math:`K = F/((1 - F)\tilde G)`, so that
 
-.. math:: F = \frac{K \tilde G}{1 + K \tilde G}, \qquad Q = \frac{F}{\tilde G} = \frac{K}{1 + K \tilde G} :
+.. math:: F = \frac{K \tilde G}{1 + K \tilde G}, \qquad
+          Q = \frac{F}{\tilde G} = \frac{K}{1 + K \tilde G} :
 
 F is the complementary sensitivity of the model under K, and the block F/G̃ is Youla's parameter. A K
 that stabilises the model internally meets the conditions on F at the model's poles and zeros by

@@ -161,8 +161,8 @@ class _ObserverMaps:
     def condition_ii(self) -> Quotient:
         """The open loop on which condition ii is counted: F H, or L.
 
-        With a pole on the axis or right of it that has cancelled inside (1 - F) Gm, the curve 1 + FH
-        has a zero there, which is no root of the loop; 1 + L has none.
+        With a pole on the axis or right of it that has cancelled inside (1 - F) Gm, 1 + FH has a
+        zero there, which is no root of the loop; 1 + L has none.
         """
         cancelled = self.built.poles
         return self.L if cancelled.zeros_at_origin or unstable_roots(cancelled).size else self.FH
@@ -406,7 +406,7 @@ class LoopEquations(_ObserverMaps):
 
 
 def _shared(model: QuasiPolynomial, filter: QuasiPolynomial, *, keep: bool) -> Shared:
-    """What a numerator or denominator of the model shares with one of the filter's."""
+    """Take out what a numerator or denominator of the model shares with one of the filter's."""
     if keep or not (model.degree and filter.degree):
         return Shared(QuasiPolynomial(np.ones(1)), model, filter)
     return shared_factor(model, filter)

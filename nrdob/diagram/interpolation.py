@@ -159,7 +159,7 @@ def _right_factor(p: FloatArray) -> FloatArray:
     q = QuasiPolynomial(p).without_origin
     right = unstable_roots(q)
     if right.size == q.degree:
-        return q.q / q.q[0]
+        return np.asarray(q.q / q.q[0])
     return factor_near(q, np.atleast_1d(np.real(np.poly(right))))
 
 

@@ -196,10 +196,8 @@ def _with_conjugates(roots: ComplexArray) -> ComplexArray:
     return np.concatenate([roots[roots.imag == 0], pairs, pairs.conj()])
 
 
-def _fitted(
-    f: QuasiPolynomial, g: QuasiPolynomial, divisor: FloatArray
-) -> Shared | None:
-    """The nearest common factor with its cofactors, if they give back all coefficients."""
+def _fitted(f: QuasiPolynomial, g: QuasiPolynomial, divisor: FloatArray) -> Shared | None:
+    """Fit the nearest common factor with its cofactors, which must give back all coefficients."""
     m = divisor.size - 1
     if m >= f.q.size or m >= g.q.size:
         return None

@@ -189,7 +189,7 @@ def change_examples(monkeypatch, change):
 
 
 def loop_with(loop, process=1.0, model=1.0):
-    return nrdob.NRDOB(process * loop.process, model * loop.model, loop.controller, loop.filter)
+    return replace(loop, process=process * loop.process, model=model * loop.model)
 
 
 def wrong_sign_of_p_b(monkeypatch):

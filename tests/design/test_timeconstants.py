@@ -21,6 +21,7 @@ from nrdob.design import (
     stabilizing_time_constants,
 )
 from nrdob.numerics import count_rhp
+from nrdob.sampling import random_block
 from strategies import fractions, root_sets
 
 s = ct.tf("s")
@@ -352,3 +353,41 @@ def test_another_unit_of_time_changes_nothing_else(exponent):
 def test_a_sample_of_the_campaign_finds_no_fault():
     found = campaign(40, seed=1)
     assert not [name for name in found if name.startswith("WRONG")]
+
+
+# Models with an integrator, which cancels inside (1 - F)·model.
+
+
+@pytest.mark.parametrize("order", [1, 2, 3, 4])
+def test_an_integrating_model_of_a_lag_is_lost_where_the_root_passes_zero(order):
+    # p_B = (s + 1)((λs + 1)^n - 1)/s - g passes s = 0 at λ = g/n.
+    for gain in (0.02, 1.0, 30.0):
+        process, model = ct.tf([-gain], [1, 1]), ct.tf([1], [1, 0])
+        critical = critical_time_constants(process, model, order)
+        assert (gain / order, 0.0, -1) in [
+            (pytest.approx(c.time_constant), c.frequency, c.direction) for c in critical
+        ]
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_a_matched_integrator_works_with_every_filter_of_one_and_two_with_none(order):
+    one, two = ct.tf([1], [1, 0]), ct.tf([1], [1, 0, 0])
+    assert stabilizing_time_constants(one, one, order) == [(0.0, inf)]
+    assert stabilizing_time_constants(two, two, order + 1) == []
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_sets_of_integrating_models_agree_with_verdicts(seed):
+    rng = np.random.default_rng(seed)
+    model = random_block(rng, 2) / ct.tf("s")
+    process = random_block(rng, 2)
+    if seed % 2:
+        process = process / ct.tf("s")
+    if seed % 4 > 1:
+        process = nrdob.delay(0.3) * process
+    order = model.den[0][0].size - model.num[0][0].size + 1
+    floor = 0.1 if seed % 4 > 1 else None
+    found = stabilizing_time_constants(process, model, order, floor=floor)
+    for value in np.geomspace(0.11, 30, 8):
+        stable = nrdob.judge_observer(process, model, nrdob.LowPassFilter(value, order)).stable
+        assert stable is any(low < value < high for low, high in found)

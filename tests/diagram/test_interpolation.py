@@ -45,7 +45,7 @@ def test_the_lowest_order_is_causal_and_one_less_is_refused():
     F = interpolating_filter(model, 0.1)
     assert F.den[0][0].size - F.num[0][0].size == 2  # the model's relative degree
     assert interpolating_filter(model, 0.1, 7).den[0][0].size == 8
-    with pytest.raises(ValueError, match="1 times F = 0 and 2 times F = 1.*order 4 or more"):
+    with pytest.raises(ValueError, match=r"1 times F = 0 and 2 times F = 1.*order 4 or more"):
         interpolating_filter(model, 0.1, 3)
 
 
@@ -82,7 +82,7 @@ def test_what_cancels_is_recognised_in_random_models(decades):
     [
         ((s - 1) / ((s - 1) * (s + 2)), {}, "a zero and a pole at s = 1, where F would have to be"),
         (s / (s + 1) ** 2, {}, "a zero at s = 0"),
-        (1 / (s - 1), {"order": 1}, "2 times F = 1 to meet.*take order 2 or more"),
+        (1 / (s - 1), {"order": 1}, r"2 times F = 1 to meet.*take order 2 or more"),
         (1 / s**2, {"order": 2}, "take order 3 or more"),
         (1 / (s - 1), {"time_constant": 0.0}, "needs a positive one"),
         (1 / (s - 1), {"ramp": 0}, "ramp >= 1"),
