@@ -88,7 +88,7 @@ class Prices:
 
 
 def noise_on_u(loop: LoopEquations) -> float:
-    """Return the standard deviation of u for white noise of unit density, infinite without roll-off."""
+    """Return the standard deviation of u for white noise of unit density; inf without roll-off."""
     return inf if any(loop.U_eta.at_infinity) else loop.U_eta.noise_power() ** 0.5
 
 
