@@ -44,6 +44,7 @@ from ..numerics import (
     IntArray,
     QuasiPolynomial,
     add,
+    bisect,
     count_rhp,
 )
 from .familygrid import FamilyFrequencies
@@ -407,7 +408,7 @@ class _Loops:
             return omega[~self.mismatch.at_pole(omega)]
         last = self._last(omega, axes)
         step = 2 * pi / (self.fixed["delay"] * PER_TURN)
-        if last > MANY * step:
+        if last > MANY * step or last == omega[-1]:
             raise ValueError(
                 f"the dead time of {self.fixed['delay']:g} s would have to be followed up to "
                 f"{last:.3g} rad/s: let the axes begin farther from 0"
@@ -521,7 +522,10 @@ def _explicit(loops: _Loops, axes: tuple[Axis, Axis], omega: FloatArray) -> Iter
     if (first.name, second.name) == ("gain", "delay"):
         yield from _turned(axes, omega, np.abs(W), W)
     elif (first.name, second.name) == ("gain", "lag"):
-        V = W * np.exp(1j * omega * fixed["delay"])
+        omega = _closer(
+            lambda w: (_W(loops, w, np.ones(1)) * np.exp(1j * w * fixed["delay"])).real, omega
+        )
+        V = _W(loops, omega, np.ones(1)) * np.exp(1j * omega * fixed["delay"])
         with np.errstate(all="ignore"):
             lag, gain = -V.imag / (omega * V.real), np.abs(V) ** 2 / V.real
         yield from _where(V.real > 0, omega, gain, lag)
@@ -530,6 +534,16 @@ def _explicit(loops: _Loops, axes: tuple[Axis, Axis], omega: FloatArray) -> Iter
             square = (fixed["gain"] / np.abs(W)) ** 2 - 1
         lag = np.sign(square) * np.sqrt(np.abs(square)) / omega
         yield from _turned(axes, omega, lag, W * (1 + 1j * np.maximum(lag, 0.0) * omega))
+
+
+def _closer(function: Callable[[FloatArray], FloatArray], omega: FloatArray) -> FloatArray:
+    """Add frequencies on both sides of each change of sign, where a curve runs off to infinity."""
+    values = function(omega)
+    k = np.flatnonzero((values[:-1] > 0) != (values[1:] > 0))
+    at = bisect(function, omega[k], omega[k + 1])
+    share = np.geomspace(1e-9, 1, 28)
+    added = [at[:, None] + (omega[end] - at)[:, None] * share for end in (k, k + 1)]
+    return np.unique(np.concatenate([omega, *(each.ravel() for each in added)]))
 
 
 def _turned(
