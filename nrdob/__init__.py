@@ -14,25 +14,38 @@ from .design import (
     critical_time_constants,
     design_controller,
     design_filter,
+    observer_form,
+    stability_chart,
     stabilizing_time_constants,
+    stable_model_exists,
     suggest_model,
 )
-from .diagram import DelayedTransferFunction, LowPassFilter, delay, interpolating_filter
+from .diagram import (
+    DelayedTransferFunction,
+    FilterFamily,
+    LowPassFilter,
+    delay,
+    filter_family,
+    interpolating_filter,
+)
 from .loop import NRDOB
 from .sampling import random_loop
 
 __all__ = [  # noqa: RUF022  (by topic: the contents of the package)
     # The loop, and what it is made of.
     "NRDOB", "LowPassFilter", "interpolating_filter", "DelayedTransferFunction", "delay",
+    "FilterFamily", "filter_family",
     # The same with a model that waits.
     "dead_time_observer", "smith_predictor",
     # Is it stable, and how nearly not?
     "judge_observer", "encirclements", "margin_bounds",
     # Which filters work, and which is the fastest?
     "stabilizing_time_constants", "critical_time_constants",
-    "admissible_time_constants", "design_filter",
+    "admissible_time_constants", "design_filter", "stability_chart",
     # Which model, and which controller?
     "suggest_model", "design_controller",
+    # Is a controller an observer?
+    "observer_form", "stable_model_exists",
     # Loops to try things on: the paper's, some with a name, random ones.
     "paper", "plants", "random_loop",
 ]  # fmt: skip

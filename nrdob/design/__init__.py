@@ -1,6 +1,7 @@
 """Which filters, models and controllers to choose, and what limits the choice."""
 
 from . import closedforms
+from .chart import Border, Region, StabilityChart, stability_chart
 from .closedforms import (
     disturbance_index,
     largest_for_unstable_pole,
@@ -27,13 +28,19 @@ from .timeconstants import (
     critical_time_constants,
     default_floor,
     stabilizing_time_constants,
+    stable_filters,
 )
+from .youla import ObserverForm, observer_form, stable_model_exists
 
 __all__ = [
     "Answer",
+    "Border",
     "CriticalTimeConstant",
     "Mismatch",
     "ModelCandidate",
+    "ObserverForm",
+    "Region",
+    "StabilityChart",
     "admissible_time_constants",
     "closedforms",
     "critical_time_constants",
@@ -44,14 +51,18 @@ __all__ = [
     "gain_bound",
     "largest_for_unstable_pole",
     "noise_index",
+    "observer_form",
     "right_half_plane_parity",
     "sensitivity_floor",
     "smallest_for_delay",
     "smallest_for_double_lag",
     "smallest_for_rhp_zero",
+    "stability_chart",
     "stabilizing_filter_exists",
     "stabilizing_time_constants",
+    "stable_filters",
     "stable_for_fast_filters",
     "stable_for_slow_filters",
+    "stable_model_exists",
     "suggest_model",
 ]

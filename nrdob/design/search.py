@@ -9,22 +9,24 @@ the bandwidth of F would flatter the high orders.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 from math import ceil, exp, inf, log, log10
 from typing import Any
 
+import control as ct
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
 from ..analysis import Margins, margins
-from ..diagram import LowPassFilter, ObserverEquations
+from ..diagram import FilterFamily, LowPassFilter, ObserverEquations
 from ..numerics import FloatArray
 from .excluded import admissible
 from .limits import stabilizing_filter_exists
 from .mismatch import Mismatch
 from .mismatchgrid import Frequencies
+from .prices import PricedSearch, Prices, member, sluggishness
 from .slack import PlantLoops, Specification
 from .timeconstants import lowest_floor, stabilizing_set
 
@@ -50,35 +52,52 @@ def design_filter(
     process: Any,
     model: Any,
     *,
-    order: int | None = None,
+    order: int | FilterFamily | Sequence[int | FilterFamily] | None = None,
     max_ms: float | None = None,
     min_gm_db: float | None = None,
     min_pm_deg: float | None = None,
-) -> LowPassFilter:
+    max_noise: float | None = None,
+    max_u_eta: float | None = None,
+    max_u_step_d: float | None = None,
+    max_u_step_R: float | None = None,
+    controller: Any = None,
+) -> LowPassFilter | ct.TransferFunction:
     """Find the filter that rejects most and whose plant loop L meets a specification.
 
     Of one order that is the filter of widest bandwidth, the smallest λ. Orders are compared by nλ,
     the slope of the filter's part in S_d at low frequency, which says what a slow disturbance
-    leaves behind. Margins are those of L = F·R/(1 - F), R = G/G̃, because these are what a change
-    of the plant uses up; the margins of F·H are not.
+    leaves behind. Families are compared alike: where S_d ~ c s^k, by c^(1/k), one over the
+    frequency at which that line reaches 1, whatever the ramp k. Margins are those of
+    L = F·R/(1 - F), R = G/G̃, because these are what a change of the plant uses up; the margins of
+    F·H are not.
 
     Parameters
     ----------
     process, model : as for `nrdob.NRDOB`
         G, with or without dead time, and G̃.
-    order : int, optional
-        Order of the filter. By default the lowest causal one and the next two are compared.
+    order : int or FilterFamily, or several of them, optional
+        Order or family of the filter. By default the lowest causal order and the next two are
+        compared.
     max_ms : float, optional
         Largest allowed peak of the sensitivity ``|S_d|``; above 1.
     min_gm_db : float, optional
         Smallest allowed gain margin, up and down, in dB.
     min_pm_deg : float, optional
         Smallest allowed phase margin in degrees, below 180.
+    max_noise : float, optional
+        Largest allowed standard deviation of u for white measurement noise of unit density,
+        ``‖U_η‖₂``.
+    max_u_eta : float, optional
+        Largest allowed peak of ``|U_η|``, noise to controller output, over all frequencies.
+    max_u_step_d, max_u_step_R : float, optional
+        Largest allowed ``|u|`` after a unit step of d, or of R, for which C must be given.
+    controller : as for `nrdob.NRDOB`, optional
+        C, for `max_u_step_R` alone.
 
     Returns
     -------
-    LowPassFilter
-        The one of smallest nλ.
+    LowPassFilter, or control.TransferFunction of another family
+        The one of smallest nλ, or what corresponds to it in a family.
 
     Raises
     ------
@@ -103,12 +122,12 @@ def design_filter(
     >>> round(F.time_constant, 5)
     0.01708
     """
+    orders = _orders(process, model, order)
+    prices = Prices(max_noise, max_u_eta, max_u_step_d, max_u_step_R)
+    if prices or any(isinstance(each, FilterFamily) for each in orders):
+        specification = _specification(prices, max_ms, min_gm_db, min_pm_deg)
+        return _best_paid(process, model, orders, specification, prices, controller)
     specification = Specification(max_ms, min_gm_db, min_pm_deg)
-    if order is None:
-        lowest = Mismatch.of(process, model).order
-        orders = tuple(range(lowest, lowest + EXTRA_ORDERS + 1))
-    else:
-        orders = (order,)
     searches = [FilterSearch.of(process, model, n, specification) for n in orders]
     best: LowPassFilter | None = None
     for search in sorted(searches, key=lambda search: search.promise):
@@ -133,11 +152,16 @@ def design_filter(
 def admissible_time_constants(
     process: Any,
     model: Any,
-    order: int,
+    order: int | FilterFamily,
     *,
     max_ms: float | None = None,
     min_gm_db: float | None = None,
     min_pm_deg: float | None = None,
+    max_noise: float | None = None,
+    max_u_eta: float | None = None,
+    max_u_step_d: float | None = None,
+    max_u_step_R: float | None = None,
+    controller: Any = None,
 ) -> list[tuple[float, float]]:
     """Find all λ for which the filter meets a specification on the plant loop L.
 
@@ -145,10 +169,14 @@ def admissible_time_constants(
     ----------
     process, model : as for `nrdob.NRDOB`
         G, with or without dead time, and G̃.
-    order : int
-        n of the filter 1/(λs + 1)^n.
+    order : int or FilterFamily
+        n of the filter 1/(λs + 1)^n, or a family from `nrdob.filter_family`.
     max_ms, min_gm_db, min_pm_deg : float, optional
-        The specification, as for `design_filter`; at least one of the three.
+        What is asked of the margins, as for `design_filter`.
+    max_noise, max_u_eta, max_u_step_d, max_u_step_R : float, optional
+        What it may cost, as for `design_filter`. At least one limit must be given.
+    controller : as for `nrdob.NRDOB`, optional
+        C, for `max_u_step_R` alone.
 
     Returns
     -------
@@ -180,8 +208,76 @@ def admissible_time_constants(
     >>> [(round(low, 4), round(high, 4)) for low, high in found]
     [(0.0, 0.031)]
     """
+    prices = Prices(max_noise, max_u_eta, max_u_step_d, max_u_step_R)
+    if prices or isinstance(order, FilterFamily):
+        specification = _specification(prices, max_ms, min_gm_db, min_pm_deg)
+        prices.check_controller(controller)
+        return PricedSearch.of(process, model, order, specification, prices, controller).windows
     specification = Specification(max_ms, min_gm_db, min_pm_deg)
     return FilterSearch.of(process, model, order, specification).admissible()
+
+
+def _orders(
+    process: Any, model: Any, order: int | FilterFamily | Sequence[int | FilterFamily] | None
+) -> tuple[Any, ...]:
+    """Give the orders and families to be compared."""
+    if order is None:
+        lowest = Mismatch.of(process, model).order
+        return tuple(range(lowest, lowest + EXTRA_ORDERS + 1))
+    several = tuple(order) if isinstance(order, list | tuple) else (order,)
+    if not several:
+        raise ValueError("order is an empty list; give an order, a family, or several of them")
+    return several
+
+
+def _specification(prices: Prices, *margins: float | None) -> Specification | None:
+    """Return the specification of the margins, if there is one besides other limits."""
+    return None if prices and margins == (None, None, None) else Specification(*margins)
+
+
+def _best_paid(
+    process: Any,
+    model: Any,
+    families: tuple[int | FilterFamily, ...],
+    specification: Specification | None,
+    prices: Prices,
+    controller: Any,
+) -> Any:
+    """Find the filter that rejects most among families and orders, if limits are on its price."""
+    prices.check_controller(controller)
+    asked = ", ".join(filter(None, [str(specification or ""), str(prices)]))
+    searches = [
+        PricedSearch.of(process, model, family, specification, prices, controller)
+        for family in families
+    ]
+    found = []
+    for search in searches:
+        for low, _ in search.windows[:1]:
+            if low in (ends[0] for ends in search.intervals):
+                edge = f"down to the border of stability at {low:.4g} s" if low else "however fast"
+                raise ValueError(
+                    f"{asked} is met by every filter of {_named(search.family)}, {edge}; ask for "
+                    "more, such as max_ms against the border, or max_u_eta against the noise"
+                )
+            best = member(search.family, low)
+            found.append((sluggishness(process, model, best), best))
+    if found:
+        return min(found, key=lambda item: item[0])[1]
+    names = " or ".join(_named(search.family) for search in searches)
+    stable = [search for search in searches if search.intervals]
+    if not stable:
+        raise ValueError(f"no filter of {names} stabilises the loop: choose another model")
+    closest = max(stable, key=lambda search: search.best[1])
+    raise ValueError(
+        f"no filter of {names} meets {asked}; closest comes λ = {closest.best[0]:.4g} s of "
+        f"{_named(closest.family)}: relax the specification or choose another model"
+    )
+
+
+def _named(family: int | FilterFamily) -> str:
+    if isinstance(family, FilterFamily):
+        return f"the {family.kind} family of order {family.order}"
+    return f"order {family}"
 
 
 def _sluggishness(filter: LowPassFilter) -> float:

@@ -21,7 +21,7 @@ from .limits import roots_by_side
 from .mismatch import Mismatch
 from .mismatchgrid import Frequencies
 
-__all__ = ["NARROW", "PlantLoops", "Specification"]
+__all__ = ["NARROW", "UNSTABLE", "PlantLoops", "Specification"]
 
 UNSTABLE = -10.0
 """Slack given to a loop that is not stable, below that of any stable one tried."""

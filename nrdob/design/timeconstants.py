@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..diagram import FilterFamily
 from ..numerics import (
     BoolArray,
     ComplexArray,
@@ -30,6 +31,9 @@ from ..numerics import (
     golden,
     side,
 )
+from .familybranches import FamilyBranches
+from .familygrid import frequencies_for
+from .familymismatch import FamilyMismatch, positive_roots
 from .mismatch import ERROR, Mismatch
 from .mismatchgrid import Frequencies
 
@@ -37,9 +41,11 @@ __all__ = [
     "CriticalTimeConstant",
     "critical_time_constants",
     "default_floor",
+    "intersection",
     "lowest_floor",
     "stabilizing_set",
     "stabilizing_time_constants",
+    "stable_filters",
 ]
 
 SAME = 1e-9
@@ -63,8 +69,8 @@ class CriticalTimeConstant(NamedTuple):
     time_constant : float
         λ in seconds.
     frequency : float
-        Where they cross, in rad/s; 0 for a real root that passes through s = 0, which takes a model
-        with an integrator; inf for one that passes through infinity.
+        Where they cross, in rad/s; 0 for a real root that passes through s = 0, inf for one that
+        passes through infinity.
     direction : int
         +1 if they enter the right half plane as λ grows, -1 if they leave it.
     """
@@ -75,7 +81,7 @@ class CriticalTimeConstant(NamedTuple):
 
 
 def critical_time_constants(
-    process: Any, model: Any, order: int, *, floor: float | None = None
+    process: Any, model: Any, order: int | FilterFamily, *, floor: float | None = None
 ) -> list[CriticalTimeConstant]:
     r"""Find every time constant λ at which the observer loop has a root on the imaginary axis.
 
@@ -83,8 +89,8 @@ def critical_time_constants(
     ----------
     process, model : as for `nrdob.NRDOB`
         G and G̃, both with or without dead time.
-    order : int
-        n of the filter :math:`1/(\lambda s + 1)^n`.
+    order : int or FilterFamily
+        n of the filter :math:`1/(\lambda s + 1)^n`, or a family from `nrdob.filter_family`.
     floor : float, optional
         Smallest λ of interest, in seconds. With dead time the critical time constants accumulate
         at 0 and the list must end somewhere: by default at `default_floor`. Without dead time the
@@ -111,17 +117,19 @@ def critical_time_constants(
     >>> round(critical.time_constant, 9), round(critical.frequency, 3), critical.direction
     (0.005, 200.0, -1)
     """
-    frequencies = Frequencies(Mismatch.of(process, model, order, waits=True))
+    frequencies = frequencies_for(process, model, order)
     return _critical(frequencies, _checked_floor(frequencies, floor))
 
 
 def stabilizing_time_constants(
-    process: Any, model: Any, order: int, *, floor: float | None = None
+    process: Any, model: Any, order: int | FilterFamily, *, floor: float | None = None
 ) -> list[tuple[float, float]]:
     r"""Find all λ for which the filter :math:`1/(\lambda s + 1)^n` stabilises the observer loop.
 
     That is condition ii of Lemma 1: p_B has all its roots in the open left half plane. Condition i
-    does not depend on the filter.
+    does not depend on the filter. Of a family whose filters are not all stable, those that are not
+    are left out. What F/G̃ and (1 - F)G̃ share with themselves for every λ is in no block, and so not
+    in p_B.
 
     Parameters
     ----------
@@ -156,8 +164,9 @@ def stabilizing_time_constants(
     >>> low, round(high, 6)
     (0.0, 0.763932)
     """
-    frequencies = Frequencies(Mismatch.of(process, model, order, waits=True))
-    return stabilizing_set(frequencies, _checked_floor(frequencies, floor))
+    frequencies = frequencies_for(process, model, order)
+    found = stabilizing_set(frequencies, _checked_floor(frequencies, floor))
+    return intersection(found, stable_filters(order)) if found else found
 
 
 def stabilizing_set(frequencies: Frequencies, floor: float) -> list[tuple[float, float]]:
@@ -169,7 +178,41 @@ def stabilizing_set(frequencies: Frequencies, floor: float) -> list[tuple[float,
     ]
 
 
-def default_floor(process: Any, model: Any, order: int) -> float:
+def stable_filters(order: int | FilterFamily) -> list[tuple[float, float]]:
+    """Find all λ for which the filters of a family are stable themselves.
+
+    Parameters
+    ----------
+    order : int or FilterFamily
+        n of the filters of eq. (1), or a family.
+
+    Returns
+    -------
+    list of (low, high)
+        Intervals in seconds.
+
+    Examples
+    --------
+    >>> from nrdob import filter_family
+    >>> resonant = filter_family("own", num=[1], den=[[1, 0, 0], [-1, 2, 0], 1])
+    >>> [(low, round(high, 6)) for low, high in stable_filters(resonant)]
+    [(0.0, 2.0)]
+    """
+    if not isinstance(order, FilterFamily) or order.kind != "own":
+        return [(0.0, inf)]
+    # Under a process of 1 and a model of 1 the observer loop is the filter.
+    return stabilizing_set(frequencies_for(1.0, 1.0, order), 0.0)
+
+
+def intersection(
+    first: list[tuple[float, float]], second: list[tuple[float, float]]
+) -> list[tuple[float, float]]:
+    """Intersect two increasing lists of open intervals."""
+    pairs = ((max(a, c), min(b, d)) for a, b in first for c, d in second)
+    return [(low, high) for low, high in pairs if low < high]
+
+
+def default_floor(process: Any, model: Any, order: int | FilterFamily) -> float:
     """Smallest time constant down to which the sets are complete by default, in seconds.
 
     0 without dead time. With a dead time θ: the λ above which every critical frequency lies within
@@ -190,7 +233,7 @@ def default_floor(process: Any, model: Any, order: int) -> float:
     >>> round(default_floor(delay(0.5) * G, G, 1), 5)
     0.00431
     """
-    return lowest_floor(Frequencies(Mismatch.of(process, model, order, waits=True)))
+    return lowest_floor(frequencies_for(process, model, order))
 
 
 def lowest_floor(frequencies: Frequencies) -> float:
@@ -235,8 +278,12 @@ def _checked_floor(frequencies: Frequencies, floor: float | None) -> float:
 
 def _critical(frequencies: Frequencies, floor: float) -> list[CriticalTimeConstant]:
     mismatch = frequencies.mismatch
-    branches = _Branches.on(mismatch, frequencies.above(floor))
-    found = _crossings(branches) + _through_zero(mismatch) + _through_infinity(mismatch)
+    omega = frequencies.above(floor)
+    if isinstance(mismatch, FamilyMismatch):
+        found = _crossings(FamilyBranches.on(mismatch, omega)) + _through_ends(mismatch)
+    else:
+        found = _crossings(_Branches.on(mismatch, omega))
+        found += _through_zero(mismatch) + _through_infinity(mismatch)
     return sorted(c for c in found if c.time_constant > floor)
 
 
@@ -274,6 +321,27 @@ class _Branches:
         root = _log_minus_H(self.mismatch, omega)
         return _less_1(root, self.phase[at], of, self.mismatch.order)
 
+    @staticmethod
+    def size(excess: ComplexArray) -> FloatArray:
+        """Size of a branch w, against which a jump is told from a crossing."""
+        return np.asarray(np.abs(1 + excess))
+
+    def nearest(
+        self, of: IntArray, at: IntArray, way: FloatArray, low: FloatArray, high: FloatArray
+    ) -> FloatArray:
+        """Frequencies at which branches on one side, `way`, come closest to the line."""
+        return golden(lambda omega: way * self(of, at, omega).real, low, high)
+
+    @staticmethod
+    def near_line(excess: ComplexArray) -> BoolArray:
+        """Whether a branch may touch the line between two frequencies and leave it again."""
+        return np.asarray(np.abs(excess.real) < 1)
+
+    @staticmethod
+    def lost(excess: ComplexArray, rounding: FloatArray) -> BoolArray:
+        """Whether a branch is not known at all, as beside a pole."""
+        return rounding >= np.ones(excess.shape)
+
     def rounding(self, omega: FloatArray, excess: ComplexArray) -> FloatArray:
         """Bound the rounding error of a branch w, where w - 1 is `excess`: dw/w = dH/(nH)."""
         mismatch = self.mismatch
@@ -292,7 +360,7 @@ class _Brackets(NamedTuple):
     high: FloatArray
 
 
-def _crossings(branches: _Branches) -> list[CriticalTimeConstant]:
+def _crossings(branches: _Branches | FamilyBranches) -> list[CriticalTimeConstant]:
     """Find where a branch crosses the line Re w = 1 with a positive imaginary part."""
     # Where R nearly vanishes a branch is so close to 1 that its side is only rounding.
     rounding = branches.rounding(branches.omega, branches.excess)
@@ -312,7 +380,7 @@ def _crossings(branches: _Branches) -> list[CriticalTimeConstant]:
     ]
 
 
-def _sign_changes(branches: _Branches, known: BoolArray) -> _Brackets:
+def _sign_changes(branches: _Branches | FamilyBranches, known: BoolArray) -> _Brackets:
     """Bracket the changes of side between neighbouring frequencies where it is known."""
     of, columns = np.nonzero(known)
     sign = side(branches.excess.real[of, columns])
@@ -322,7 +390,7 @@ def _sign_changes(branches: _Branches, known: BoolArray) -> _Brackets:
 
 
 def _hidden_pairs(
-    branches: _Branches, known: BoolArray, rounding: FloatArray
+    branches: _Branches | FamilyBranches, known: BoolArray, rounding: FloatArray
 ) -> tuple[_Brackets, _Brackets]:
     """Bracket pairs of crossings that leave the same side at both neighbours, but a dip.
 
@@ -334,21 +402,25 @@ def _hidden_pairs(
     least = size[inner] - rounding[inner]
     dips = (least <= size[:, :-2]) & (least <= size[:, 2:]) & known[inner]
     dips &= (sign[inner] == sign[:, :-2]) & (sign[inner] == sign[:, 2:])
-    of, at = np.nonzero(dips & (size[inner] < 1) & (branches.excess.imag[inner] > 0))
+    dips &= branches.near_line(branches.excess)[inner]
+    of, at = np.nonzero(dips & (branches.excess.imag[inner] > 0))
     at = at + 1
     left, right, way = omega[at - 1], omega[at + 1], sign[of, at]
-    bottom = golden(lambda w: way * branches(of, at, w).real, left, right)
+    bottom = branches.nearest(of, at, way, left, right)
     through = way * branches(of, at, bottom).real < 0
     of, at, bottom = of[through], at[through], bottom[through]
     return _Brackets(of, at, left[through], bottom), _Brackets(of, at, bottom, right[through])
 
 
-def _accepted(branches: _Branches, omega: FloatArray, excess: ComplexArray) -> BoolArray:
+def _accepted(
+    branches: _Branches | FamilyBranches, omega: FloatArray, excess: ComplexArray
+) -> BoolArray:
     """Tell crossings from jumps at a pole on the axis, and from zeros there, where λ = 0."""
     rounding = branches.rounding(omega, excess)
-    on_line = np.abs(excess.real) <= JUMP * np.abs(1 + excess) + rounding
+    size = branches.size(excess)
+    on_line = np.abs(excess.real) <= JUMP * size + rounding
     # Beside a pole a branch is so large that the line cannot be told from the imaginary axis.
-    near_pole = (rounding >= 1) | branches.mismatch.at_pole(omega)
+    near_pole = branches.lost(excess, rounding) | branches.mismatch.at_pole(omega)
     return on_line & (excess.imag > rounding) & ~near_pole
 
 
@@ -394,6 +466,21 @@ def _through_infinity(mismatch: Mismatch) -> list[CriticalTimeConstant]:
     # Near it p_B is a0 (λ^n - critical^n) s^N + second s^(N-1) + …, with one large root.
     second = add(mismatch.undelayed(critical), mismatch.delayed)[1]
     return [CriticalTimeConstant(critical, inf, int(-np.sign(second / a[0])))]
+
+
+def _through_ends(mismatch: FamilyMismatch) -> list[CriticalTimeConstant]:
+    """Find the λ at which a real root passes through s = 0 or through infinity.
+
+    There p_B(0), or its leading coefficient, vanishes; the root is near -p_B(0)/p_B'(0), or near
+    minus the second coefficient over the leading one.
+    """
+    constant, slope, leading, second = mismatch.at_ends[:, ::-1]
+    found = []
+    for end, other, frequency in ((constant, slope, 0.0), (leading, second, inf)):
+        for critical in positive_roots(end).tolist():
+            motion = np.polyval(np.polyder(end), critical) * np.polyval(other, critical)
+            found.append(CriticalTimeConstant(critical, frequency, int(-np.sign(motion))))
+    return found
 
 
 # What the intervals between them hold.

@@ -3,6 +3,7 @@
 from .blocks import Fraction, as_fraction, nonzero
 from .delay import DelayedTransferFunction, delay
 from .equations import LoopEquations, ObserverEquations
+from .families import FilterFamily, as_family, filter_family
 from .filters import LowPassFilter, filter_fraction
 from .interpolation import interpolating_filter
 from .names import CLOSED_LOOP, INPUTS, MAPS
@@ -14,13 +15,16 @@ __all__ = [
     "INPUTS",
     "MAPS",
     "DelayedTransferFunction",
+    "FilterFamily",
     "Fraction",
     "LoopEquations",
     "LowPassFilter",
     "ObserverEquations",
     "Quotient",
+    "as_family",
     "as_fraction",
     "delay",
+    "filter_family",
     "filter_fraction",
     "interpolating_filter",
     "nonzero",

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from fractions import Fraction as Exact
 from numbers import Integral
-from typing import Any
+from typing import Any, NamedTuple
 
 import control as ct
 import numpy as np
@@ -35,7 +35,7 @@ from ..numerics import (
 from .blocks import Fraction, as_fraction, nonzero
 from .filters import LowPassFilter
 
-__all__ = ["interpolating_filter"]
+__all__ = ["interpolating_filter", "interpolation"]
 
 Rationals = list[Exact]
 
@@ -93,25 +93,52 @@ def interpolating_filter(
     >>> interpolating_filter(ct.tf([1], [1, 0, 0]), 0.1).num[0][0].round(6).tolist()
     [0.3, 1.0]
     """
+    LowPassFilter(time_constant, 1)  # the same refusals
+    conditions = interpolation(model, order, ramp)
+    den = LowPassFilter(time_constant, conditions.order).den
+    return ct.tf(conditions.numerator(den), den)
+
+
+class Interpolation(NamedTuple):
+    """What an interpolating filter of a model has to meet, whatever its time constant.
+
+    Attributes
+    ----------
+    zeros, poles : array of float
+        The monic M and Q.
+    order : int
+        n.
+    """
+
+    zeros: FloatArray
+    poles: FloatArray
+    order: int
+
+    def numerator(self, den: FloatArray) -> FloatArray:
+        """Numerator of the F with a given denominator, which meets the conditions."""
+        return _numerator(self.zeros, self.poles, den)
+
+
+def interpolation(model: Any, order: int | None, ramp: int) -> Interpolation:
+    """Read off a model what `interpolating_filter` has to meet, with the same refusals."""
     Gm = nonzero(as_fraction(model, "model"), "model")
     _check_ramp(ramp)
-    LowPassFilter(time_constant, 1)  # the same refusals
     zeros, poles = _right_factor(Gm.num), _right_factor(Gm.den)
     _check_apart(Gm, zeros, poles)
     integrators = QuasiPolynomial(Gm.den).zeros_at_origin
     poles = np.append(poles, np.zeros(max(int(ramp), integrators)))
     degree = zeros.size + poles.size - 3
     least = degree + max(Gm.relative_degree, 1)
-    if order is not None:
-        LowPassFilter(time_constant, order)
-        if order < least:
-            raise ValueError(
-                f"order is {order}; F has {_conditions(zeros, poles)} to meet, so that its "
-                f"numerator has degree {degree}, and the model has relative degree "
-                f"{Gm.relative_degree}: take order {least} or more"
-            )
-    den = LowPassFilter(time_constant, least if order is None else order).den
-    return ct.tf(_numerator(zeros, poles, den), den)
+    if order is None:
+        return Interpolation(zeros, poles, least)
+    LowPassFilter(1.0, order)  # the same refusals
+    if order < least:
+        raise ValueError(
+            f"order is {order}; F has {_conditions(zeros, poles)} to meet, so that its "
+            f"numerator has degree {degree}, and the model has relative degree "
+            f"{Gm.relative_degree}: take order {least} or more"
+        )
+    return Interpolation(zeros, poles, int(order))
 
 
 def _check_ramp(ramp: int) -> None:

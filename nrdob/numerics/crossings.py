@@ -41,6 +41,8 @@ def bisect(
         Takes an array of the brackets' shape, and gives one.
     low, high : array of float, of one shape
         Ends of the brackets.
+    within : float
+        Width at which a bracket is narrow enough.
 
     References
     ----------

@@ -4,6 +4,7 @@
 """
 
 from .alttext import complex_number, frequency, spoken, turns
+from .chartplot import chart_plot
 from .explorer import Explorer, Slider
 from .figure import (
     COLOURS,
@@ -32,6 +33,7 @@ __all__ = [
     "Slider",
     "axes_for",
     "bode_plot",
+    "chart_plot",
     "colour_of",
     "complex_number",
     "diagrams",

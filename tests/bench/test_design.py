@@ -54,6 +54,31 @@ def test_stabilising_set(race, side, name, process, model, order):
     race(f"stabilising set, {name}", side, ours, theirs)
 
 
+@pytest.mark.parametrize("kind", ["butterworth", "bessel", "ramp", "interpolating"])
+@mismatches
+def test_stabilising_set_of_a_family(benchmark, name, process, model, order, kind):
+    options = {"model": model} if kind == "interpolating" else {"order": order + (kind == "ramp")}
+    family = nrdob.filter_family(kind, **options)
+    benchmark(nrdob.stabilizing_time_constants, process, model, family)
+
+
+AXES = {
+    "time_constant": (0.005, 0.5),
+    "gain": (0.1, 10.0),
+    "delay": (0.0, 0.2),
+    "lag": (0.0, 0.3),
+}
+
+
+@pytest.mark.parametrize("pair", [("time_constant", "delay"), ("gain", "lag"), ("gain", "delay")])
+def test_stability_chart(benchmark, note, pair):
+    loop = paper.example(4)
+    x, y = ((name, *AXES[name]) for name in pair)
+    benchmark(nrdob.stability_chart, loop.process, loop.model, loop.filter, x=x, y=y)
+    if benchmark.stats:
+        note(f"chart in {' and '.join(pair)}: {benchmark.stats.stats.min:.2f} s (below 1 s)")
+
+
 @mismatches
 def test_error_of_the_ends(note, name, process, model, order):
     intervals = nrdob.stabilizing_time_constants(process, model, order)

@@ -1,0 +1,390 @@
+r"""Process over model for a family of filters: the observer loop as a polynomial in λ.
+
+What F/G̃ and (1 - F)G̃ share with themselves for every λ is in no block. Without it
+
+.. math:: p_B(s; \lambda) = \sum_k \lambda^k \left( a\,e_k + b\,n_k\,e^{-\theta s} \right),
+          \qquad a = D N_m', \quad b = N D_m',
+
+where :math:`e_k` and :math:`n_k` are the coefficients of the powers of λ in what is left of
+:math:`D_f - N_f` and of :math:`N_f`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ..diagram import FilterFamily, ObserverEquations
+from ..numerics import (
+    ROUNDING,
+    ComplexArray,
+    FloatArray,
+    QuasiPolynomial,
+    add,
+    companion_roots,
+    count_rhp,
+    shared_factor,
+)
+from .mismatch import ERROR, Mismatch
+
+__all__ = [
+    "FamilyMismatch",
+    "positive_roots",
+    "product",
+    "root_near",
+    "roots_of_columns",
+    "size_squared",
+    "slope_in_lambda",
+]
+
+GENERIC = (0.71, 1.93, 0.31)
+"""Time constants, against the typical one, at which a factor must be shared to be so at all."""
+
+NEWTON, FARTHEST = 2, 1e-5
+"""Steps that polish a root, and how far one may lead, against the root."""
+
+OWN, TRIED = "own", (1.0, 0.1, 10.0, 1e-2, 1e2, 1e-3, 1e3)
+"""The only kind whose filters may be unstable, and the λ of which one should not be."""
+
+SETTLING, SETTLED, SAME_ROOT = 5, 1e-11, 0.05
+"""Newton steps to a root from a guess, how small the last must be, and how far all may lead."""
+
+NEARLY_REAL = 0.2
+"""Imaginary part of a root, against the real one, with which it is near a real one."""
+
+REAL = 1e-7
+"""Imaginary part of a root, against its size, that may be rounding."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FamilyMismatch(Mismatch):
+    """The ratio R = b/a · exp(-θs), and what is left of a family's Df - Nf and Nf.
+
+    Attributes
+    ----------
+    E, Nf : (K, m) array of float
+        Row k holds the coefficients of λ^k, descending in s.
+    """
+
+    E: FloatArray
+    Nf: FloatArray
+
+    @classmethod
+    def for_family(cls, process: Any, model: Any, family: FilterFamily) -> FamilyMismatch:
+        """Read process and model as the loop does, with the same refusals."""
+        loop = ObserverEquations(process, model, _stable_member(family))
+        if loop.model_delay:
+            raise ValueError(
+                f"model has a dead time of {loop.model_delay:g} s; for a model that waits ask with "
+                "an order, n of 1/(λs + 1)^n, or leave the dead time out of the model"
+            )
+        G, Gm = loop.fractions.G, loop.fractions.Gm
+        E, Dm = _without_shared(family.difference, Gm.den)
+        Nf, Nm = _without_shared(family.num, Gm.num)
+        E, Nf = _by_powers(E, Nf)
+        with np.errstate(over="ignore", under="ignore"):
+            a, b = np.convolve(G.den, Nm), np.convolve(G.num, Dm)
+        for product in (a, b):
+            if not (np.isfinite(product).all() and product[0]):
+                raise ValueError(
+                    "the coefficients of process and model are so large or so small that their "
+                    "product leaves the range of floating-point numbers: divide numerator and "
+                    "denominator of each block by its leading coefficient, or change the units"
+                )
+        factors = (G.num, G.den, Nm, Dm)
+        return cls(a, b, loop.delay, family.order, factors, E=E, Nf=Nf)
+
+    @cached_property
+    def own_speeds(self) -> FloatArray:
+        """Sizes of the roots that the family's coefficients have in s, in rad/s."""
+        rows = [row for table in (self.E, self.Nf) for row in table if row.any()]
+        parts = [QuasiPolynomial(np.trim_zeros(row, "f")).without_origin.roots for row in rows]
+        return np.asarray(np.abs(np.concatenate(parts)))
+
+    @cached_property
+    def speeds(self) -> FloatArray:
+        """Sizes of all roots, and one over the dead time, in rad/s; 1 where there is neither."""
+        lags = np.array([1 / self.delay]) if self.delay else np.empty(0)
+        sizes = np.concatenate([np.abs(self.roots), lags, self.own_speeds])
+        return sizes if sizes.size else np.ones(1)
+
+    @cached_property
+    def neutral_limit(self) -> float:
+        """λ below which a dead time leaves infinitely many roots on the right; 0 if there is none.
+
+        Raises
+        ------
+        ValueError
+            If it does so for every large λ.
+        """
+        ahead, behind = (
+            _wide(table)[::-1, 0] * lead
+            for table, lead in ((self.E, self.a[0]), (self.Nf, self.b[0]))
+        )
+        excess = (_degree(self.Nf) + self.b.size) - (_degree(self.E) + self.a.size)
+        if excess < 0 or not self.delay:
+            return 0.0
+        square = add(np.convolve(ahead, ahead), -np.convolve(behind, behind))
+        square = np.trim_zeros(square, "f")
+        if excess > 0 or not square.size or square[0] < 0:
+            raise ValueError(
+                "with dead time every slow filter of this family leaves infinitely many roots in "
+                "the right half plane: take one of higher relative degree"
+            )
+        return float(positive_roots(square).max(initial=0.0))
+
+    def undelayed(self, time_constant: float) -> FloatArray:
+        """Coefficients of D Nm' E."""
+        return np.convolve(self.a, _trimmed(_in_lambda(self.E, time_constant)))
+
+    def p_B(self, time_constant: float) -> QuasiPolynomial:
+        """Characteristic function for one filter."""
+        parts, sizes = self.built(time_constant)
+        return QuasiPolynomial(parts[0], parts[1], self.delay, add(*sizes))
+
+    def built(self, time_constant: float) -> tuple[list[FloatArray], list[FloatArray]]:
+        """Coefficients of a E and b Nf for one filter, and the sizes of what is summed in them."""
+        parts, sizes = [], []
+        for table, factor in ((self.E, self.a), (self.Nf, self.b)):
+            parts.append(np.convolve(factor, _in_lambda(table, time_constant)))
+            sizes.append(np.convolve(np.abs(factor), _in_lambda(np.abs(table), time_constant)))
+        if not all(np.isfinite(size).all() for size in sizes):
+            raise ArithmeticError(
+                f"time constant {time_constant:g} s to the power {self.order} leaves the range of "
+                "floating-point numbers: choose another unit of time"
+            )
+        return parts, sizes
+
+    # On the imaginary axis: a polynomial in λ at each frequency.
+
+    def coefficients(self, omega: FloatArray) -> ComplexArray:
+        """Coefficients of λ^k in p_B(jω), ascending, each frequency a column."""
+        (a, b), (E, Nf) = self._products(omega), self._tables(omega)
+        return np.asarray(a * E + b * Nf)
+
+    def uncertainty(self, omega: FloatArray) -> FloatArray:
+        """Bounds of the rounding errors of the coefficients."""
+        values, sizes = [np.abs(value) for value in self._values(omega)], self._sizes(omega)
+        N, D, Nm, Dm = values
+        off_a = sizes[1] * Nm + D * sizes[2]
+        off_b = sizes[0] * Dm + N * sizes[3] + N * Dm * self.delay * omega / 8
+        E, Nf = (
+            np.array([np.polyval(row, omega) for row in np.abs(table)])
+            for table in (self.E, self.Nf)
+        )
+        return np.asarray(ERROR * (off_a * E + off_b * Nf))
+
+    def parts(self, omega: FloatArray, time_constant: FloatArray) -> tuple[Any, Any]:
+        """Return a E and b Nf exp(-jωθ) at points (ω, λ), arrays broadcast against each other."""
+        (a, b), (E, Nf) = self._products(omega), self._tables(omega)
+        powers = [np.asarray(time_constant) ** k for k in range(len(E))]
+        ahead, behind = (
+            sum(row * power for row, power in zip(table, powers, strict=True)) for table in (E, Nf)
+        )
+        return a * ahead, b * behind
+
+    def roots_in_lambda(self, omega: FloatArray) -> ComplexArray:
+        """All λ for which p_B(jω) = 0, complex ones too: shape (n, N)."""
+        return roots_of_columns(self.coefficients(omega))
+
+    def largest(self, omega: FloatArray) -> FloatArray:
+        """Bound of the critical λ at each frequency: the last at which ``|a E| = |b Nf|``."""
+        (a, b), (E, Nf) = self._products(omega), self._tables(omega)
+        ahead, behind = a * E, b * Nf
+        most = np.maximum(np.abs(ahead).max(axis=0), np.abs(behind).max(axis=0))
+        with np.errstate(all="ignore"):
+            ahead, behind = (np.nan_to_num(part / most) for part in (ahead, behind))
+        square = size_squared(ahead) - size_squared(behind)
+        roots = roots_of_columns(square)
+        # A pair that is not quite real may become so between two frequencies.
+        real = np.abs(roots.imag) <= NEARLY_REAL * roots.real
+        return np.asarray(np.where(real, roots.real, 0.0).max(axis=0, initial=0.0))
+
+    def _products(self, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:
+        N, D, Nm, Dm = self._values(omega)
+        return D * Nm, N * Dm * np.exp(-1j * self.delay * omega)
+
+    def _tables(self, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:
+        s = 1j * np.asarray(omega)
+        E, Nf = (np.array([np.polyval(row, s) for row in table]) for table in (self.E, self.Nf))
+        return E, Nf
+
+    # At the ends of the axis: real polynomials in λ.
+
+    @cached_property
+    def at_ends(self) -> FloatArray:
+        """Coefficients in λ, ascending, of s^0, s^1 and of the two highest powers of s in p_B.
+
+        Of the sum of both parts: what is behind the dead time counts at s = 0 only.
+        """
+        ahead, behind = (
+            np.array([np.convolve(factor, row) for row in table])
+            for table, factor in ((_wide(self.E), self.a), (_wide(self.Nf), self.b))
+        )
+        columns = max(ahead.shape[1], behind.shape[1])
+        ahead, behind = (
+            np.pad(table, ((0, 0), (columns + 1 - table.shape[1], 0))) for table in (ahead, behind)
+        )
+        size = np.abs(ahead) + np.abs(behind)
+        both = ahead + behind
+        both[np.abs(both) <= ROUNDING * size] = 0.0
+        slope = both[:, -2] - self.delay * behind[:, -1]
+        top = ahead if self.delay else both
+        first = int(np.flatnonzero(top.any(axis=0))[0])
+        last = top[:, first + 1] if first + 1 < top.shape[1] else np.zeros(top.shape[0])
+        return np.array([both[:, -1], slope, top[:, first], last])
+
+
+def roots_of_columns(coefficients: Any) -> ComplexArray:
+    """Roots of polynomials, ascending coefficients in columns: shape (n, N), all at once."""
+    coefficients = np.asarray(coefficients, dtype=complex)
+    n = coefficients.shape[0] - 1
+    first, last = np.abs(coefficients[0]), np.abs(coefficients[-1])
+    tiny = 1e-290 + 1e-30 * np.abs(coefficients).max(axis=0, initial=0.0)
+    with np.errstate(all="ignore"):
+        scale = np.where(first > 0, first / np.maximum(last, tiny), 1.0) ** (1 / n)
+        scaled = coefficients * scale ** np.arange(n + 1)[:, None]
+        scaled = scaled / np.where(last > 0, scaled[-1], 1.0)
+    if n == 1:
+        return np.asarray(-scaled[:1] * scale)
+    companion = np.zeros((coefficients.shape[1], n, n), dtype=complex)
+    companion[:, np.arange(1, n), np.arange(n - 1)] = 1
+    companion[:, :, -1] = -np.nan_to_num(scaled[:-1].T)
+    roots = np.linalg.eigvals(companion).T * scale
+    with np.errstate(all="ignore"):
+        for _ in range(NEWTON):
+            value, slope = _value_and_slope(coefficients, roots)
+            step = np.nan_to_num(value / slope, posinf=0.0, neginf=0.0)
+            roots = roots - np.where(np.abs(step) <= FARTHEST * np.abs(roots), step, 0.0)
+    return np.asarray(roots)
+
+
+def _value_and_slope(
+    coefficients: ComplexArray, x: ComplexArray
+) -> tuple[ComplexArray, ComplexArray]:
+    """Polynomials, ascending coefficients in columns, at the points of the same columns."""
+    value = np.zeros_like(x) + coefficients[-1]
+    slope = np.zeros_like(x)
+    for k in range(coefficients.shape[0] - 2, -1, -1):
+        slope = slope * x + value
+        value = value * x + coefficients[k]
+    return value, slope
+
+
+def root_near(coefficients: ComplexArray, guess: ComplexArray) -> ComplexArray:
+    """Root of each polynomial, ascending coefficients in columns, next to a guess.
+
+    By Newton's steps, and where these do not settle the nearest of all.
+    """
+    found = guess[None]
+    with np.errstate(all="ignore"):
+        for _ in range(SETTLING):
+            value, slope = _value_and_slope(coefficients, found)
+            step = value / slope
+            found = found - step
+        lost = ~(np.abs(step[0]) <= SETTLED * np.abs(found[0]))
+        lost |= ~(np.abs(found[0] - guess) <= SAME_ROOT * np.abs(guess))
+    found = found[0]
+    if lost.any():
+        every = roots_of_columns(coefficients[:, lost])
+        nearest = np.abs(every - guess[lost]).argmin(axis=0)
+        found[lost] = every[nearest, np.arange(nearest.size)]
+    return np.asarray(found)
+
+
+def slope_in_lambda(coefficients: ComplexArray, x: ComplexArray) -> ComplexArray:
+    """Differentiate polynomials, ascending coefficients in columns."""
+    return _value_and_slope(coefficients, x)[1]
+
+
+def size_squared(columns: ComplexArray) -> FloatArray:
+    """|p|² of polynomials in a real λ, ascending coefficients in columns."""
+    return product(columns, columns.conj()).real
+
+
+def product(p: ComplexArray, q: ComplexArray) -> ComplexArray:
+    """Multiply polynomials, ascending coefficients in columns."""
+    total = np.zeros((p.shape[0] + q.shape[0] - 1, p.shape[1]), dtype=complex)
+    for k in range(p.shape[0]):
+        total[k : k + q.shape[0]] += p[k] * q
+    return total
+
+
+def positive_roots(p: FloatArray) -> FloatArray:
+    """Real positive roots of a polynomial, descending coefficients, increasing."""
+    p = np.trim_zeros(np.trim_zeros(p, "f"), "b")
+    if p.size < 2:
+        return np.empty(0)
+    roots = companion_roots(p)
+    real = np.abs(roots.imag) <= REAL * np.abs(roots)
+    return np.sort(roots.real[real & (roots.real > 0)])
+
+
+def _stable_member(family: FilterFamily) -> Any:
+    """Give one filter of the family that is stable, if there is one, as all should be."""
+    for time_constant in TRIED:
+        filter = family.at(time_constant)
+        if family.kind != OWN or count_rhp(QuasiPolynomial(filter.den[0][0])).count == 0:
+            break
+    return filter
+
+
+def _without_shared(table: FloatArray, block: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Divide a family's polynomial and one of the model by what they share for every λ."""
+    if block.size == 1:
+        return table, block
+    model = QuasiPolynomial(block)
+    sizes = np.abs(model.without_origin.roots)
+    typical = 1 / float(np.median(sizes)) if sizes.size else 1.0
+    common = model
+    for share in GENERIC:
+        one = QuasiPolynomial(_trimmed(np.polyval(table.T, share * typical)))
+        if not (common.degree and one.degree):
+            return table, block
+        common = shared_factor(common, one).common
+    if not common.degree:
+        return table, block
+    divided = [_divided(column, common) for column in table.T]
+    rows = max(column.size for column in divided)
+    columns = [np.pad(column, (rows - column.size, 0)) for column in divided]
+    return np.array(columns).T, _divided(block, common)
+
+
+def _divided(p: FloatArray, divisor: QuasiPolynomial) -> FloatArray:
+    """Divide a polynomial by a factor of it; roots at s = 0 stay exact."""
+    if not p.any():
+        return np.zeros(1)
+    zeros, fewer = QuasiPolynomial(p).zeros_at_origin, divisor.zeros_at_origin
+    quotient = np.polydiv(p[: p.size - zeros], divisor.without_origin.q)[0]
+    return np.append(quotient, np.zeros(zeros - fewer))
+
+
+def _by_powers(E: FloatArray, Nf: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Turn tables to ascending powers of λ in rows, as many in both as are used."""
+    columns = max(E.shape[1], Nf.shape[1])
+    E, Nf = (np.pad(table, ((0, 0), (columns - table.shape[1], 0))).T[::-1] for table in (E, Nf))
+    used = np.flatnonzero(E.any(axis=1) | Nf.any(axis=1))
+    return E[used[0] : used[-1] + 1], Nf[used[0] : used[-1] + 1]
+
+
+def _wide(table: FloatArray) -> FloatArray:
+    """Leave out the powers of s that no λ needs."""
+    used = np.flatnonzero(table.any(axis=0))
+    return table[:, used[0] :] if used.size else table[:, -1:]
+
+
+def _degree(table: FloatArray) -> int:
+    return int(_wide(table).shape[1])
+
+
+def _in_lambda(table: FloatArray, time_constant: float) -> FloatArray:
+    """Coefficients for one λ, the rows ascending powers of it."""
+    return np.asarray(np.polyval(table[::-1], time_constant))
+
+
+def _trimmed(p: FloatArray) -> FloatArray:
+    used = np.flatnonzero(p)
+    return p[used[0] :] if used.size else p[-1:]

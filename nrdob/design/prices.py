@@ -1,0 +1,276 @@
+r"""What a filter costs: noise on u, and how far u moves, as limits on the time constant.
+
+A limit that no closed form inverts is met on some intervals of λ. They are found by sampling its
+slack, by looking closer at every extreme that comes close to 0, and by solving for the ends.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from functools import cache
+from itertools import pairwise
+from math import ceil, exp, inf, isfinite, log, log10
+from numbers import Real
+from typing import Any
+
+import numpy as np
+from scipy.optimize import brentq, minimize_scalar
+
+from ..analysis import margins, resolved_frequencies, step_response
+from ..diagram import FilterFamily, LoopEquations, LowPassFilter, ObserverEquations, Quotient
+from ..numerics import FloatArray, golden
+from .familygrid import frequencies_for
+from .slack import UNSTABLE, Specification
+from .timeconstants import intersection, lowest_floor, stabilizing_set, stable_filters
+
+__all__ = [
+    "PricedSearch",
+    "Prices",
+    "member",
+    "noise_on_u",
+    "peak_gain",
+    "peak_of_u",
+    "sluggishness",
+]
+
+PER_DECADE, DECADES = 8, 3
+"""How densely time constants are tried, and how far beyond the time constants of the plant."""
+
+NEARLY = 0.3
+"""Slack within which an extreme between samples may lie on the other side of 0."""
+
+NEAR_PEAK, ROUNDS, ACROSS = 0.9, 2, 65
+"""Share of the largest value from which a peak is looked at; how often, at how many points."""
+
+Interval = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Prices:
+    """Limits on noise and actuator, none of them or some.
+
+    Attributes
+    ----------
+    max_noise, max_u_eta, max_u_step_d, max_u_step_R : float or None
+        As for `nrdob.design_filter`.
+    """
+
+    max_noise: float | None = None
+    max_u_eta: float | None = None
+    max_u_step_d: float | None = None
+    max_u_step_R: float | None = None  # noqa: N815  (R is the reference, as in the diagram)
+
+    def __post_init__(self) -> None:
+        for name, value in self._given.items():
+            if isinstance(value, bool) or not isinstance(value, Real):
+                raise TypeError(f"{name} is {value!r}; give a real number, or None")
+            if not (isfinite(value) and value > 0):
+                raise ValueError(f"{name} is {value}; give a positive number")
+
+    def __bool__(self) -> bool:
+        return bool(self._given)
+
+    @property
+    def _given(self) -> dict[str, float]:
+        every = {field.name: getattr(self, field.name) for field in fields(self)}
+        return {name: value for name, value in every.items() if value is not None}
+
+    def check_controller(self, controller: Any) -> None:
+        """Refuse a step of R without a controller, which u then is all about."""
+        if self.max_u_step_R is not None and controller is None:
+            raise ValueError("max_u_step_R needs the controller: give controller=C")
+
+    def slack(self, loop: LoopEquations, so_far: float) -> float:
+        """By how much a stable loop meets the limits, as a logarithm; negative where it does not.
+
+        What takes long is not looked at any more where the slack `so_far` is far from 0.
+        """
+        for name, limit in self._given.items():
+            if so_far < -NEARLY:
+                break
+            paid = PAID[name](loop)
+            so_far = min(so_far, log(limit) - log(min(max(paid, 1e-300), 1e300)))
+        return max(so_far, UNSTABLE)
+
+    def __str__(self) -> str:
+        return ", ".join(f"{SAID[name]} ≤ {value:g}" for name, value in self._given.items())
+
+
+def noise_on_u(loop: LoopEquations) -> float:
+    """Return the standard deviation of u for white noise of unit density; inf without roll-off."""
+    return inf if any(loop.U_eta.at_infinity) else loop.U_eta.noise_power() ** 0.5
+
+
+def peak_gain(quotient: Quotient) -> float:
+    """Largest size of a stable map on the imaginary axis, its limit at infinity included."""
+    omega = resolved_frequencies(quotient)
+    size = np.abs(quotient(1j * omega))
+    largest = size.max()
+    inner = 1 + np.flatnonzero((size[1:-1] >= size[:-2]) & (size[1:-1] >= size[2:]))
+    inner = inner[size[inner] > NEAR_PEAK * largest]
+    tops = golden(lambda w: -np.abs(quotient(1j * w)), omega[inner - 1], omega[inner + 1])
+    ends = [abs(quotient.dc_gain), sum(map(abs, quotient.at_infinity))]
+    return float(max([largest, *np.abs(quotient(1j * tops)).tolist(), *ends]))
+
+
+def peak_of_u(loop: LoopEquations, input: str) -> float:
+    """Largest ``|u|`` after a unit step."""
+    found = step_response(loop, input)
+    times, u = found.time, np.abs(found.outputs[1, 0])
+    for _ in range(ROUNDS):
+        k = int(np.nanargmax(u))
+        if k == 0:
+            break
+        low, high = times[k - 1], times[min(k + 1, times.size - 1)]
+        times = np.linspace(low, high, ACROSS)
+        u = np.abs(step_response(loop, input, times).outputs[1, 0])
+    return float(np.nanmax(np.append(u, np.abs(found.outputs[1, 0]).max())))
+
+
+PAID: dict[str, Callable[[LoopEquations], float]] = {
+    "max_noise": noise_on_u,
+    "max_u_eta": lambda loop: peak_gain(loop.U_eta),
+    "max_u_step_d": lambda loop: peak_of_u(loop, "d"),
+    "max_u_step_R": lambda loop: peak_of_u(loop, "R"),
+}
+"""What each limit bounds."""
+
+SAID = {
+    "max_noise": "‖U_η‖₂",
+    "max_u_eta": "|U_η|",
+    "max_u_step_d": "|u| for a step of d",
+    "max_u_step_R": "|u| for a step of R",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class PricedSearch:
+    """The search for the filters of a family that meet a specification and can be paid for.
+
+    Attributes
+    ----------
+    family : int or FilterFamily
+        The filters.
+    intervals : list of (low, high)
+        The stabilising set.
+    windows : list of (low, high)
+        Where in it all limits are met.
+    best : (time_constant, slack)
+        Where they are met most, or least missed.
+    """
+
+    family: int | FilterFamily
+    intervals: list[Interval]
+    windows: list[Interval]
+    best: tuple[float, float]
+
+    @classmethod
+    def of(
+        cls,
+        process: Any,
+        model: Any,
+        family: int | FilterFamily,
+        specification: Specification | None,
+        prices: Prices,
+        controller: Any,
+    ) -> PricedSearch:
+        """Find the stabilising set, and in it where the limits are met."""
+        frequencies = frequencies_for(process, model, family)
+        found = stabilizing_set(frequencies, lowest_floor(frequencies))
+        intervals = intersection(found, stable_filters(family))
+
+        @cache
+        def slack(time_constant: float) -> float:
+            filter = member(family, time_constant)
+            loop = LoopEquations(process, model, 0.0 if controller is None else controller, filter)
+            so_far = -UNSTABLE
+            if specification is not None:
+                so_far = specification.slack(margins(loop.L, True, loop.p_B))
+            return prices.slack(loop, so_far)
+
+        windows: list[Interval] = []
+        tried: dict[float, float] = {}
+        for low, high in intervals:
+            samples = _samples(low, high, frequencies.mismatch.speeds)
+            looked = {value: slack(value) for value in samples.tolist()}
+            looked |= _extremes(slack, looked)
+            tried |= looked
+            windows += _windows(slack, dict(sorted(looked.items())), (low, high))
+        best = max(tried.items(), key=lambda item: item[1], default=(inf, -inf))
+        return cls(family, intervals, windows, best)
+
+
+def member(family: int | FilterFamily, time_constant: float) -> Any:
+    """Return the filter of an order, or of a family."""
+    if isinstance(family, FilterFamily):
+        return family.at(time_constant)
+    return LowPassFilter(time_constant, family)
+
+
+def sluggishness(process: Any, model: Any, filter: Any) -> float:
+    r"""Time in which the loop rejects, in seconds: the smaller, the more it rejects.
+
+    At low frequency :math:`S_d \to (1 - F)/R = c\,s^k`, and :math:`c^{1/k}` is one over the
+    frequency at which that line reaches 1: nλ/R(0) for eq. (1), comparable for ramps of all kinds.
+    """
+    S = ObserverEquations(process, model, filter).S_d
+    k = S.zeros_at_origin
+    if k <= 0:
+        return inf
+    num, den = (
+        np.prod([factor.without_origin.constant for factor in part]) for part in (S.num, S.den)
+    )
+    return float(abs(num / den) ** (1 / k))
+
+
+def _samples(low: float, high: float, speeds: FloatArray) -> FloatArray:
+    """Time constants to try between two critical ones, or some decades around the plant's."""
+    if not low:
+        low = min(1 / float(speeds.max()), high) * 10.0**-DECADES
+    if high == inf:
+        high = max(1 / float(speeds.min()), low) * 10.0**DECADES
+    inside = np.geomspace(low, high, max(8, ceil(PER_DECADE * log10(high / low))) + 1)[1:-1]
+    # At an end the loop is lost; beside it the margins are nearly zero.
+    return np.array([low * (1 + 1e-6), *inside, high * (1 - 1e-6)])
+
+
+def _extremes(slack: Callable[[float], float], looked: dict[float, float]) -> dict[float, float]:
+    """Look closer where the slack may touch 0 between two samples."""
+    values, slacks = list(looked), list(looked.values())
+    found = {}
+    for k in range(1, len(values) - 1):
+        before, at, after = slacks[k - 1 : k + 2]
+        top, bottom = at >= max(before, after) and at < 0, at <= min(before, after) and at >= 0
+        if (top or bottom) and abs(at) < NEARLY:
+            sign = -1.0 if top else 1.0
+            best = minimize_scalar(
+                lambda x, sign=sign: sign * slack(exp(x)),
+                bounds=(log(values[k - 1]), log(values[k + 1])), method="bounded",
+                options={"xatol": 1e-6},
+            )  # fmt: skip
+            found[exp(best.x)] = slack(exp(best.x))
+    return found
+
+
+def _windows(
+    slack: Callable[[float], float], looked: dict[float, float], interval: Interval
+) -> list[Interval]:
+    """Join neighbouring samples that will do; an end is solved for, or is that of the interval."""
+    good = [value >= 0 for value in looked.values()]
+    values = list(looked)
+    ends = [interval[0]] if good[0] else []
+    for (before, after), (first, second) in zip(pairwise(values), pairwise(good), strict=True):
+        if first != second:
+            ends.append(_border(slack, *((before, after) if first else (after, before))))
+    if good[-1]:
+        ends.append(interval[1])
+    return list(zip(ends[::2], ends[1::2], strict=True))
+
+
+def _border(slack: Callable[[float], float], good: float, bad: float) -> float:
+    """Find where the slack passes 0 between two λ, on the good side."""
+    at = float(brentq(lambda x: slack(exp(x)), log(good), log(bad), xtol=1e-12, rtol=1e-13))
+    way = 1.0 if good > bad else -1.0
+    steps = (0.0, 1e-12, 1e-11, 1e-10, 1e-9, 1e-8)
+    return next((exp(at + way * x) for x in steps if slack(exp(at + way * x)) >= 0), good)

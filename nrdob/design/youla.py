@@ -1,0 +1,232 @@
+r"""Every controller that stabilises the model is an NR-DOB: the filter that makes it one.
+
+All the feedback of the diagram is :math:`K = F/((1 - F)\tilde G)`, so that
+
+.. math:: F = \frac{K \tilde G}{1 + K \tilde G}, \qquad
+          Q = \frac{F}{\tilde G} = \frac{K}{1 + K \tilde G} :
+
+F is the complementary sensitivity of the model under K, and the block F/G̃ is Youla's parameter. A K
+that stabilises the model internally meets the conditions on F at the model's poles and zeros by
+itself. What may still be missing are blocks that are stable as they stand, and F(0) = 1: K G̃ must
+integrate.
+
+.. rubric:: References
+
+D. C. Youla, J. J. Bongiorno, C. N. Lu, Single-loop feedback-stabilization of linear multivariable
+dynamical plants, Automatica 10 (1974) 159-173.
+
+M. Morari, E. Zafiriou, Robust Process Control, Prentice Hall 1989, chapter 4 (Q as internal model
+control).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import control as ct
+import numpy as np
+
+from ..diagram import Fraction, as_fraction, nonzero
+from ..numerics import (
+    FloatArray,
+    QuasiPolynomial,
+    add,
+    count_rhp,
+    without_shared_factor,
+    written,
+)
+from .limits import Answer, roots_by_side
+
+__all__ = ["ObserverForm", "observer_form", "stable_model_exists"]
+
+REAL = 1e-7
+"""Imaginary part of a root, against its size, that may be rounding."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ObserverForm:
+    """What a controller is as an NR-DOB, or why it is none.
+
+    Attributes
+    ----------
+    holds : bool
+        Whether K is an NR-DOB whose blocks are all stable.
+    reason : str
+        Why, in a sentence.
+    F, inverse, prediction : control.TransferFunction or None
+        The blocks F, F/G̃ (Youla's Q) and (1 - F)G̃, each as one; None where K does not stabilise
+        the model, or makes the loop ill-posed.
+    """
+
+    holds: bool
+    reason: str
+    F: ct.TransferFunction | None = None
+    inverse: ct.TransferFunction | None = None
+    prediction: ct.TransferFunction | None = None
+
+    def __repr__(self) -> str:
+        return f"{'yes' if self.holds else 'no'}: {self.reason}"
+
+    def __bool__(self) -> bool:
+        return self.holds
+
+
+def observer_form(controller: Any, model: Any) -> ObserverForm:
+    r"""Write a controller K as an NR-DOB for a model, with the blocks if it is one.
+
+    With :math:`K = N_k/D_k` and :math:`p = D_k D_m + N_k N_m`
+
+    .. math:: F = \frac{N_k N_m}{p}, \qquad \frac{F}{\tilde G} = \frac{N_k D_m}{p}, \qquad
+              (1 - F)\tilde G = \frac{D_k N_m}{p},
+
+    so that all three blocks are stable if and only if K stabilises the model internally.
+
+    Parameters
+    ----------
+    controller : control.TransferFunction, StateSpace, number or (num, den)
+        K, proper, without dead time: all that is fed back from y to u, with u = -K y.
+    model : as for `nrdob.NRDOB`
+        G̃.
+
+    Returns
+    -------
+    ObserverForm
+        `F` is a filter for `nrdob.NRDOB` if `holds`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a block cannot stand where it is put.
+
+    Examples
+    --------
+    A PI controller for a lag is an observer whose filter has a zero:
+
+    >>> import control as ct
+    >>> found = observer_form(ct.tf([3, 4], [1, 0]), ct.tf([1], [1, 1]))
+    >>> found
+    yes: K stabilises the model, and K·model integrates
+    >>> found.F.num[0][0].round(6).tolist(), found.F.den[0][0].round(6).tolist()
+    ([0.75, 1.0], [0.25, 1.0, 1.0])
+    """
+    K, Gm = nonzero(as_fraction(controller, "controller"), "controller"), _model(model)
+    p, full = _characteristic(K, Gm)
+    if p.degree < full or not p.q.any():
+        return ObserverForm(
+            False, "1 + K(∞)·model(∞) = 0: the loop of K and the model is ill-posed; change K"
+        )
+    count = count_rhp(p)
+    if p.zeros_at_origin or count.count != 0:
+        roots = p.roots
+        if count.count is None or not roots.size:
+            where = count.reason
+        else:
+            where = f"1 + K·model has a zero at s = {written(complex(roots[0]))}"
+        return ObserverForm(
+            False, f"K does not stabilise the model: {where}; change K, or the model with it"
+        )
+    F, inverse, prediction = (
+        _block(np.convolve(one, other), p.q / p.q[-1], p.q[-1])
+        for one, other in ((K.num, Gm.num), (K.num, Gm.den), (K.den, Gm.num))
+    )
+    if K.den[-1] and Gm.den[-1]:
+        dc = F.num[0][0][-1]
+        return ObserverForm(
+            False,
+            f"F(0) = {dc:.4g}, not 1: neither K nor the model integrates; give K an integrator",
+            F, inverse, prediction,
+        )  # fmt: skip
+    return ObserverForm(
+        True, "K stabilises the model, and K·model integrates", F, inverse, prediction
+    )
+
+
+def stable_model_exists(controller: Any) -> Answer:
+    r"""Tell whether any stable model makes an NR-DOB with stable blocks of a controller.
+
+    A stable G̃ that K stabilises is a stable controller for K: by the parity interlacing property
+    one exists if and only if between any two neighbouring real zeros of K with Re s ≥ 0, infinity
+    among them if K is strictly proper, there is an even number of poles of K. The model is then all
+    the diagram needs that is not stable by construction; where none exists, either the model is
+    unstable, and the controller C is designed for an unstable model, or K is another one.
+
+    Parameters
+    ----------
+    controller : as for `observer_form`
+        K, without common factors of numerator and denominator.
+
+    Returns
+    -------
+    Answer
+        Whether one exists, and why.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the controller is no proper rational block.
+
+    References
+    ----------
+    D. C. Youla, J. J. Bongiorno, C. N. Lu, Single-loop feedback-stabilization of linear
+    multivariable dynamical plants, Automatica 10 (1974) 159-173.
+
+    Examples
+    --------
+    >>> import control as ct
+    >>> s = ct.tf('s')
+    >>> stable_model_exists((s - 2) / ((s - 1) * (s + 5)))
+    yes: the poles of K interlace with its real zeros on the right: 0 of them between 2 and ∞
+    >>> stable_model_exists((s - 1) / ((s - 2) * (s + 5)))
+    no: between the zeros 1 and ∞ of K there is an odd number of its real poles (1), at 2
+    """
+    K = nonzero(as_fraction(controller, "controller"), "controller")
+    num, den = without_shared_factor(QuasiPolynomial(K.num), QuasiPolynomial(K.den))
+    zeros, poles = _real_right(num), _real_right(den)
+    ends = [*zeros, *([np.inf] if den.degree > num.degree else [])]
+    if len(ends) < 2:
+        return Answer(True, "K has no two real zeros on the right, infinity included")
+    said = []
+    for low, high in pairwise(ends):
+        between = [pole for pole in poles if low < pole < high]
+        ends_text = f"{low:.4g} and {_number(high)}"
+        if len(between) % 2:
+            where = ", ".join(f"{pole:.4g}" for pole in between)
+            return Answer(
+                False,
+                f"between the zeros {ends_text} of K there is an odd number of its real poles "
+                f"({len(between)}), at {where}",
+            )
+        said.append(f"{len(between)} of them between {ends_text}")
+    reason = "the poles of K interlace with its real zeros on the right"
+    return Answer(True, f"{reason}: {', '.join(said)}")
+
+
+def _model(model: Any) -> Fraction:
+    return nonzero(as_fraction(model, "model"), "model")
+
+
+def _characteristic(K: Fraction, Gm: Fraction) -> tuple[QuasiPolynomial, int]:
+    """Give p = Dk Dm + Nk Nm with the size of its terms, and the degree that it should have."""
+    terms = (K.den, Gm.den), (K.num, Gm.num)
+    value = add(*(np.convolve(one, other) for one, other in terms))
+    scale = add(*(np.convolve(np.abs(one), np.abs(other)) for one, other in terms))
+    return QuasiPolynomial(value, scale=scale), K.den.size + Gm.den.size - 2
+
+
+def _block(num: FloatArray, den: FloatArray, constant: float) -> ct.TransferFunction:
+    """Build num/(constant den) in lowest terms, the constant coefficient of the denominator 1."""
+    top, bottom = without_shared_factor(QuasiPolynomial(num / constant), QuasiPolynomial(den))
+    return ct.tf(top.q / bottom.q[-1], bottom.q / bottom.q[-1])
+
+
+def _real_right(p: QuasiPolynomial) -> list[float]:
+    """Real roots with Re s >= 0, increasing."""
+    right, axis = roots_by_side(p.q) if p.degree else (np.empty(0), np.empty(0))
+    real = right.real[np.abs(right.imag) <= REAL * np.abs(right)]
+    return sorted([*real.tolist(), *[0.0] * int(np.sum(axis == 0))])
+
+
+def _number(value: float) -> str:
+    return "∞" if value == np.inf else f"{value:.4g}"

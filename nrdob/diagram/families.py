@@ -1,0 +1,341 @@
+r"""Families of filters: one shape of F for every time constant.
+
+Everything that is asked of a filter family needs only that the coefficients of
+
+.. math:: F(s; \lambda)
+          = \frac{\sum_i s^i \sum_k n_{ik} \lambda^k}{\sum_i s^i \sum_k d_{ik} \lambda^k}
+
+are polynomials in the time constant λ. A prototype :math:`F(\lambda s)` has one power of λ to each
+power of s; the interpolating filters of a model, whose poles and zeros have a time scale of their
+own, have several.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from math import comb, factorial, pi
+from numbers import Integral
+from typing import Any
+
+import control as ct
+import numpy as np
+
+from ..numerics import FloatArray
+from .blocks import is_number
+from .filters import LowPassFilter
+from .interpolation import interpolation
+
+__all__ = ["FilterFamily", "as_family", "filter_family"]
+
+TYPED_IN = 8 * float(np.finfo(float).eps)
+"""Difference of two coefficients, against their size, that are meant to be the same."""
+
+OWN = (
+    "give one row for each power of s, descending, and in it the coefficients of the powers of λ, "
+    "descending, or a number: 1/((λs + 1)(2λs + 1)) is num=[1], den=[[2, 0, 0], [3, 0], 1]"
+)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FilterFamily:
+    """A filter for every time constant; made by `filter_family`.
+
+    Attributes
+    ----------
+    kind : str
+        The name of the family.
+    num, den : (n, m) array of float
+        A row for each power of s, a column for each power of λ, both descending.
+
+    Examples
+    --------
+    >>> filter_family("binomial", 3).at(0.5).time_constant
+    0.5
+    """
+
+    kind: str
+    num: FloatArray
+    den: FloatArray
+
+    @property
+    def order(self) -> int:
+        """Degree of the denominator."""
+        return int(self.den.shape[0]) - 1
+
+    @property
+    def relative_degree(self) -> int:
+        """Degree of the denominator minus degree of the numerator."""
+        return int(self.den.shape[0] - self.num.shape[0])
+
+    @property
+    def is_binomial(self) -> bool:
+        """Whether the filters are those of eq. (1)."""
+        return self.kind == "binomial"
+
+    @cached_property
+    def difference(self) -> FloatArray:
+        """Coefficients of Df - Nf, without what is only rounding."""
+        num, den = _like(self.num, self.den)
+        found = den - num
+        return np.where(np.abs(found) <= TYPED_IN * (np.abs(den) + np.abs(num)), 0.0, found)
+
+    @property
+    def ramp(self) -> int:
+        """Zeros of 1 - F at s = 0, whatever λ."""
+        return self.order - int(np.flatnonzero(self.difference.any(axis=1))[-1])
+
+    def ramp_coefficient(self, time_constant: float) -> float:
+        """Return the c of 1 - F ~ c s^ramp, in seconds to the power ramp: nλ for eq. (1).
+
+        Parameters
+        ----------
+        time_constant : float
+            λ > 0, in seconds.
+
+        Returns
+        -------
+        float
+            In seconds to the power ramp.
+        """
+        low = _at(self.difference, time_constant)[self.order - self.ramp]
+        return float(low / _at(self.den, time_constant)[-1])
+
+    def at(self, time_constant: float) -> LowPassFilter | ct.TransferFunction:
+        """Return the filter with one time constant.
+
+        Parameters
+        ----------
+        time_constant : float
+            λ > 0, in seconds.
+
+        Returns
+        -------
+        LowPassFilter or control.TransferFunction
+            What `nrdob.NRDOB` takes as a filter.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If it is no positive number.
+        """
+        lag = LowPassFilter(time_constant, self.order)  # the same refusals
+        if self.is_binomial:
+            return lag
+        return ct.tf(_at(self.num, time_constant), _at(self.den, time_constant))
+
+    def __repr__(self) -> str:
+        return f"<{self.kind} filters of order {self.order}>"
+
+
+def filter_family(
+    kind: str,
+    order: int | None = None,
+    *,
+    ramp: int | None = None,
+    model: Any = None,
+    num: Any = None,
+    den: Any = None,
+) -> FilterFamily:
+    r"""Give a family of filters, to be taken wherever the order of eq. (1) is.
+
+    Parameters
+    ----------
+    kind : str
+        One of
+
+        - "binomial": :math:`1/(\lambda s + 1)^n`, eq. (1), what an order means by itself;
+        - "butterworth": maximally flat, :math:`|F| = 1/\sqrt2` at :math:`\omega = 1/\lambda`;
+        - "bessel": maximally linear phase, with the delay λ at low frequency:
+          :math:`1 - F \sim \lambda s`;
+        - "ramp": the lowest terms of :math:`(\lambda s + 1)^n` over it, so many that
+          :math:`1 - F \sim s^k` with k = `ramp`;
+        - "interpolating": `nrdob.interpolating_filter` for a `model`;
+        - "own": coefficients that are polynomials in λ, `num` and `den`.
+    order : int, optional
+        n, the degree of the denominator; may be left out for "interpolating".
+    ramp : int, optional
+        Zeros of 1 - F at s = 0, for "ramp" (by default 2) and "interpolating" (by default 1).
+    model : as for `nrdob.NRDOB`, optional
+        For "interpolating".
+    num, den : list of rows, optional
+        For "own": a row for each power of s, descending, with the coefficients of the powers of λ,
+        descending; a number is a constant.
+
+    Returns
+    -------
+    FilterFamily
+        `family.at(time_constant)` is a filter for `nrdob.NRDOB`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If there is no such kind; if it lacks something, or cannot take what is given; if the
+        coefficients are no polynomials in λ, do not depend on λ, or F(0) is not 1 for every λ.
+
+    References
+    ----------
+    W. E. Thomson, Delay networks having maximally flat frequency characteristics, Proc. IEE 96
+    (1949) 487-490; for the ramp filters T. Umeno, Y. Hori, Robust speed control of DC servomotors
+    using modern two degrees-of-freedom controller design, IEEE Trans. Ind. Electron. 38 (1991).
+
+    Examples
+    --------
+    >>> ramp = filter_family("ramp", 3, ramp=2)
+    >>> ramp.at(0.1).num[0][0].round(6).tolist()                   # 3 λ s + 1
+    [0.3, 1.0]
+
+    A lag of a tenth of the time constant, as a sensor may have it, behind the one that is chosen:
+
+    >>> own = filter_family("own", num=[1], den=[[0.1, 0, 0], [1.1, 0], 1])
+    >>> own.at(2.0).den[0][0].round(6).tolist()
+    [0.4, 2.2, 1.0]
+    """
+    if kind not in MAKERS:
+        known = ", ".join(f'"{name}"' for name in MAKERS)
+        raise ValueError(f"there is no family {kind!r}; choose one of {known}")
+    given = {"order": order, "ramp": ramp, "model": model, "num": num, "den": den}
+    needed, possible, make = MAKERS[kind]
+    for name, value in given.items():
+        if value is None and name in needed:
+            raise ValueError(f'the family "{kind}" needs {name}; see nrdob.filter_family')
+        if value is not None and name not in needed + possible:
+            raise ValueError(f'the family "{kind}" takes no {name}: leave it out')
+    if order is not None:
+        LowPassFilter(1.0, order)  # the same refusals
+    used = {name: value for name, value in given.items() if value is not None}
+    return FilterFamily(kind, *make(**used))
+
+
+def as_family(order: int | FilterFamily) -> FilterFamily:
+    """Return a family; an order is that of the filters of eq. (1).
+
+    Parameters
+    ----------
+    order : int or FilterFamily
+        n, or a family.
+    """
+    return order if isinstance(order, FilterFamily) else filter_family("binomial", order)
+
+
+def _binomial(order: int) -> tuple[FloatArray, FloatArray]:
+    return _prototype(np.ones(1)), _prototype(_lags(order))
+
+
+def _butterworth(order: int) -> tuple[FloatArray, FloatArray]:
+    poles = np.exp(1j * pi * (2 * np.arange(order) + order + 1) / (2 * order))
+    den = np.atleast_1d(np.real(np.poly(poles)))
+    den[-1] = 1.0
+    return _prototype(np.ones(1)), _prototype(den)
+
+
+def _bessel(order: int) -> tuple[FloatArray, FloatArray]:
+    n = int(order)
+    den = [comb(n, k) * factorial(2 * n - k) * 2**k / factorial(2 * n) for k in range(n, -1, -1)]
+    return _prototype(np.ones(1)), _prototype(np.array(den))
+
+
+def _ramp(order: int, ramp: int = 2) -> tuple[FloatArray, FloatArray]:
+    if isinstance(ramp, bool) or not isinstance(ramp, Integral):
+        raise TypeError(f"ramp is {ramp!r}; it counts zeros of 1 - F and must be a whole number")
+    if not 1 <= ramp <= order:
+        raise ValueError(
+            f"ramp is {ramp}; a filter of order {order} can have 1 - F ~ s^1 to s^{order}: take a "
+            "ramp between, or a higher order"
+        )
+    den = _lags(order)
+    return _prototype(den[-int(ramp) :]), _prototype(den)
+
+
+def _interpolating(
+    model: Any, order: int | None = None, ramp: int = 1
+) -> tuple[FloatArray, FloatArray]:
+    conditions = interpolation(model, order, ramp)
+    n = conditions.order
+    # The conditions are linear in the denominator: they are met for each of its terms by itself.
+    parts = []
+    for k in range(n, -1, -1):
+        term = np.zeros(k + 1)
+        term[0] = comb(n, k)
+        parts.append(conditions.numerator(term))
+    rows = max(part.size for part in parts)
+    return np.array([np.pad(p, (rows - p.size, 0)) for p in parts]).T, _prototype(_lags(n))
+
+
+def _own(num: Any, den: Any) -> tuple[FloatArray, FloatArray]:
+    tables = _table(num, "num"), _table(den, "den")
+    columns = max(table.shape[1] for table in tables)
+    top, bottom = (_padded(table, table.shape[0], columns) for table in tables)
+    if top.shape[0] > bottom.shape[0]:
+        raise ValueError(
+            f"num has degree {top.shape[0] - 1}, den {bottom.shape[0] - 1} in s: F must be proper"
+        )
+    if not bottom[-1].any() or np.any(
+        np.abs(top[-1] - bottom[-1]) > TYPED_IN * (np.abs(top[-1]) + np.abs(bottom[-1]))
+    ):
+        raise ValueError(
+            "F(0) is not 1 for every λ: the last rows of num and den, which belong to s^0, must be "
+            "the same and not 0"
+        )
+    if not (top[:, :-1].any() or bottom[:, :-1].any()):
+        raise ValueError("the coefficients do not depend on λ: there is no family, but one filter")
+    if np.array_equal(top, bottom):
+        raise ValueError("F is 1 at every frequency; it must fall off")
+    return top, bottom
+
+
+MAKERS: dict[str, tuple[tuple[str, ...], tuple[str, ...], Callable[..., Any]]] = {
+    "binomial": (("order",), (), _binomial),
+    "butterworth": (("order",), (), _butterworth),
+    "bessel": (("order",), (), _bessel),
+    "ramp": (("order",), ("ramp",), _ramp),
+    "interpolating": (("model",), ("order", "ramp"), _interpolating),
+    "own": (("num", "den"), (), _own),
+}
+"""What each kind needs, what it may be given, and who makes it."""
+
+
+def _lags(order: int) -> FloatArray:
+    """Coefficients of (s + 1)^n."""
+    return np.array([float(comb(int(order), k)) for k in range(int(order), -1, -1)])
+
+
+def _prototype(coefficients: FloatArray) -> FloatArray:
+    """Coefficients of p(λs)."""
+    return np.diag(coefficients)
+
+
+def _table(rows: Any, name: str) -> FloatArray:
+    """Read coefficients that are polynomials in λ."""
+    if not isinstance(rows, list | tuple | np.ndarray) or len(rows) == 0:
+        raise TypeError(f"{name} is {rows!r}, no list of rows; {OWN}")
+    read = []
+    for row in rows:
+        values = [row] if is_number(row) else row
+        if not isinstance(values, list | tuple | np.ndarray) or not len(values):
+            raise TypeError(f"{name} has the row {row!r}, which is no polynomial in λ; {OWN}")
+        if not all(is_number(value) and not complex(value).imag for value in values):
+            raise TypeError(f"{name} has the row {row!r}, which is no polynomial in λ; {OWN}")
+        read.append(np.array([float(complex(value).real) for value in values]))
+    if not all(np.isfinite(row).all() for row in read):
+        raise ValueError(f"{name} is {rows!r}; every coefficient must be a finite number")
+    columns = max(row.size for row in read)
+    table = np.array([np.pad(row, (columns - row.size, 0)) for row in read])
+    used, powers = np.flatnonzero(table.any(axis=1)), np.flatnonzero(table.any(axis=0))
+    return table[used[0] :, powers[0] :] if used.size else table[-1:, -1:]
+
+
+def _padded(table: FloatArray, rows: int, columns: int) -> FloatArray:
+    return np.pad(table, ((rows - table.shape[0], 0), (columns - table.shape[1], 0)))
+
+
+def _like(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Fill up two tables with zeros, so that they can be subtracted."""
+    rows, columns = (max(sizes) for sizes in zip(a.shape, b.shape, strict=True))
+    return _padded(a, rows, columns), _padded(b, rows, columns)
+
+
+def _at(table: FloatArray, time_constant: float) -> FloatArray:
+    """Coefficients for one λ."""
+    return np.asarray(np.polyval(table.T, time_constant))

@@ -1,0 +1,110 @@
+"""Charts of stability: the borders, the number of unstable roots between them, levels of Ms."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..numerics import number
+from .figure import COLOURS, INK, TALL, Figure, axes_for, headings, styled
+
+__all__ = ["chart_plot"]
+
+LABELS = {
+    "time_constant": "time constant λ (s)",
+    "gain": "gain of the process, times",
+    "delay": "dead time θ (s)",
+    "lag": "one more lag τ (s)",
+}
+
+NUMBERED = 0.004
+"""Regions that cover less of a chart have no number written in them."""
+
+NAMED = 3
+"""How many of the regions the alt text names."""
+
+
+def chart_plot(chart: Any, *, title: str = "", ax: Any = None) -> Figure:
+    """Draw a stability chart.
+
+    Parameters
+    ----------
+    chart : StabilityChart
+        From `nrdob.stability_chart`.
+    title : str
+        Written above it.
+    ax : matplotlib axes, optional
+        Where to draw; by default a new figure.
+
+    Returns
+    -------
+    Figure
+        The chart, with alt text.
+    """
+    (axes,) = axes_for(ax, 1, TALL)
+    x, y = chart.x, chart.y
+    lines = []
+    with styled():
+        counts = np.array([np.nan, *(region.count for region in chart.regions)])[chart.labels]
+        edges = [axis.value(np.linspace(0, 1, counts.shape[0] + 1)) for axis in (x, y)]
+        stable = np.ma.masked_where(~(counts == 0), np.ones(counts.shape))
+        axes.pcolormesh(
+            *edges, stable, cmap=_one_colour(), alpha=0.22, shading="flat", rasterized=True
+        )
+        for border in chart.borders:
+            lines += axes.plot(border.x, border.y, color=INK, lw=1.0)
+        for level, parts in chart.ms_levels.items():
+            for k, part in enumerate(parts):
+                lines += axes.plot(*part.T, color=COLOURS["filter"], lw=1.0, ls="--")
+                if k == 0:
+                    at = part[len(part) // 2]
+                    axes.annotate(f"Ms = {level:g}", at, color=COLOURS["filter"], fontsize=8)
+        for region in chart.regions:
+            if region.share >= NUMBERED:
+                colour = COLOURS["loop"] if region.count == 0 else INK
+                axes.annotate(
+                    _many(region.count), (region.x, region.y), color=colour, ha="center",
+                    va="center", weight="bold" if region.count == 0 else "normal",
+                )  # fmt: skip
+        for axis, scale, limits, name in (
+            (x, axes.set_xscale, axes.set_xlim, axes.set_xlabel),
+            (y, axes.set_yscale, axes.set_ylim, axes.set_ylabel),
+        ):
+            if axis.logarithmic:
+                scale("log")
+            limits(axis.low, axis.high)
+            name(LABELS[axis.name])
+        headings(axes, title)
+    return Figure(lines, axes, _alt(chart))
+
+
+def _one_colour() -> Any:
+    from matplotlib.colors import ListedColormap
+
+    return ListedColormap([COLOURS["loop"]])
+
+
+def _many(count: float) -> str:
+    return "∞" if count == np.inf else f"{count:g}"
+
+
+def _alt(chart: Any) -> str:
+    axes = " and ".join(LABELS[axis.name].partition(" (")[0] for axis in (chart.x, chart.y))
+    stable = sum(region.share for region in chart.regions if region.count == 0)
+    others = [region for region in chart.regions if region.count]
+    text = (
+        f"Stability chart in {axes}: the loop is stable in {number(100 * stable)} % of it"
+        if stable
+        else f"Stability chart in {axes}: the loop is stable nowhere in it"
+    )
+    if others:
+        named = ", ".join(
+            f"{_many(region.count)} around {number(region.x)} and {number(region.y)}"
+            for region in others[:NAMED]
+        )
+        text += f"; unstable roots elsewhere: {named}"
+    if chart.ms_levels:
+        levels = ", ".join(f"{level:g}" for level in chart.ms_levels)
+        text += f"; dashed lines where Ms is {levels}"
+    return text

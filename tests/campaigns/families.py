@@ -1,0 +1,99 @@
+"""Sets of families of filters against the verdict beside every end, and on a scan.
+
+python -m tests.campaigns.families --count 500 --seed 0
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections import Counter
+
+import control as ct
+import numpy as np
+
+import nrdob
+from nrdob import filter_family
+from nrdob.design import default_floor
+from nrdob.sampling import random_block
+
+from .plants import plant_and_model
+
+BESIDE = 1e-5
+"""How far inside and outside an end the loop is judged."""
+
+SCANNED = 16
+
+KINDS = ["butterworth", "bessel", "ramp", "interpolating", "own"]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--count", type=int, default=500)
+    parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args()
+    for name, number in sorted(campaign(options.count, options.seed).items()):
+        print(f"{number:6}  {name}")
+
+
+def campaign(count: int, seed: int) -> Counter[str]:
+    """Count what became of random sets; "WRONG" begins the name of every fault."""
+    rng = np.random.default_rng(seed)
+    return Counter(_set(rng, f"seed {seed}, number {k}") for k in range(count))
+
+
+def _loop(rng: np.random.Generator):
+    """Plant and model: near each other, or anything, some of them stiff or resonant."""
+    if rng.random() < 0.3:
+        return plant_and_model(rng)[1:]
+    model = random_block(rng, 3)
+    process = random_block(rng, 3)
+    if rng.random() < 0.5:
+        num, den = model.num[0][0], model.den[0][0]
+        process = ct.tf(num * rng.uniform(0.5, 1.5), den * (1 + 0.1 * rng.normal(size=den.size)))
+    return nrdob.delay(10 ** rng.uniform(-2, 0)) * process if rng.random() < 0.4 else process, model
+
+
+def _family(rng: np.random.Generator, model) -> nrdob.FilterFamily:
+    kind = KINDS[int(rng.integers(len(KINDS)))]
+    least = max(1, model.den[0][0].size - model.num[0][0].size)
+    order = least + int(rng.integers(0, 3))
+    if kind == "ramp":
+        return filter_family(kind, order + 1)
+    if kind == "interpolating":
+        return filter_family(kind, model=model, ramp=int(rng.integers(1, 3)))
+    if kind == "own":  # one lag that is fixed, behind those that are chosen
+        x = rng.uniform(0.1, 2)
+        den = np.zeros((order + 2, order + 1))
+        lags = np.poly(-np.ones(order))
+        for k, c in enumerate(lags):
+            den[k, k] += x * c
+            den[k + 1, k] += c
+        return filter_family(kind, num=[1], den=den)
+    return filter_family(kind, order)
+
+
+def _set(rng: np.random.Generator, label: str) -> str:
+    process, model = _loop(rng)
+    try:
+        family = _family(rng, model)
+        intervals = nrdob.stabilizing_time_constants(process, model, family)
+        floor = default_floor(process, model, family)
+    except (ArithmeticError, ValueError) as error:
+        return f"refused: {type(error).__name__}"
+    ends = {end for ends in intervals for end in ends if 0 < end < np.inf}
+    beside = [end * (1 + side * BESIDE) for end in ends for side in (-1, 1)]
+    scanned = np.geomspace(max(1e-3, 1.01 * floor), max(1e2, 2 * floor), SCANNED)
+    for value in [*beside, *scanned.tolist()]:
+        if value <= floor * (1 + 2 * BESIDE):
+            continue
+        stable = nrdob.judge_observer(process, model, family.at(value)).stable
+        if stable is None:
+            continue
+        if any(low < value < high for low, high in intervals) != stable:
+            print(label, family, intervals, value)
+            return f"WRONG {family.kind}"
+    return f"{family.kind}: right"
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,136 @@
+"""Stability charts: closed forms on the borders, and every region's count at random points."""
+
+from __future__ import annotations
+
+from math import pi, sqrt
+
+import control as ct
+import numpy as np
+import pytest
+
+import nrdob
+from nrdob import filter_family, paper, stability_chart, stabilizing_time_constants
+
+s = ct.tf("s")
+lag = 1 / (s + 1)
+
+EXAMPLE_4 = paper.example(4)
+RANGES = {
+    "time_constant": (0.005, 0.5),
+    "gain": (0.1, 10.0),
+    "delay": (0.0, 0.2),
+    "lag": (0.0, 0.3),
+}
+PAIRS = [(a, b) for a in RANGES for b in RANGES if a != b]
+
+
+def wrong_points(chart, count, seed):
+    """Points off the borders at which the region's count is not the loop's."""
+    rng, wrong, seen = np.random.default_rng(seed), [], 0
+    for u, v in rng.random((count, 2)):
+        x, y = float(chart.x.value(u)), float(chart.y.value(v))
+        region = chart.region(x, y)
+        if region is not None:
+            seen += 1
+            if region.count != chart.count(x, y):
+                wrong.append((x, y))
+    assert seen > 0.8 * count
+    return wrong
+
+
+@pytest.mark.parametrize("pair", PAIRS)
+def test_every_region_of_example_4_has_its_count(pair):
+    x, y = ((name, *RANGES[name]) for name in pair)
+    chart = stability_chart(EXAMPLE_4.process, EXAMPLE_4.model, EXAMPLE_4.filter, x=x, y=y)
+    assert wrong_points(chart, 42, 1) == []
+
+
+def test_every_region_of_an_unstable_plant_under_its_interpolating_family_has_its_count():
+    model = 4 / (2 - s - s**2)
+    family = filter_family("interpolating", model=model)
+    chart = stability_chart(
+        model, model, family, x=("time_constant", 0.02, 2.0), y=("delay", 0.0, 0.5)
+    )
+    assert wrong_points(chart, 80, 2) == []
+    assert any(region.count == 0 for region in chart.regions)
+
+
+def test_pure_delay_has_its_border_at_two_theta_over_pi():
+    chart = stability_chart(lag, lag, 1, x=("delay", 0.1, 1.0), y=("time_constant", 0.1, 1.0))
+    top = max(chart.borders, key=lambda border: float((border.y / border.x).max()))
+    assert top.y == pytest.approx(2 * top.x / pi, rel=1e-8)
+    assert top.omega * top.x == pytest.approx(np.full(top.x.size, pi / 2), rel=1e-8)
+
+
+def test_gain_of_a_matched_third_order_filter_has_its_border_at_nine():
+    # M_3 = 1 + sec³(π/3) = 9, whatever λ.
+    model = 1 / (s + 1) ** 3
+    chart = stability_chart(model, model, 3, x=("time_constant", 0.1, 10), y=("gain", 0.5, 50))
+    (border,) = chart.borders
+    assert border.y == pytest.approx(np.full(border.y.size, 9.0), rel=1e-8)
+    assert border.x * border.omega == pytest.approx(np.full(border.x.size, sqrt(3)), rel=1e-8)
+
+
+def test_a_vertical_line_through_a_chart_is_a_set_of_time_constants():
+    x, y = ("time_constant", 0.002, 0.2), ("delay", 0.01, 0.1)
+    G, model = EXAMPLE_4.process.tf, EXAMPLE_4.model
+    chart = stability_chart(G, model, 3, x=x, y=y)
+    for theta in (0.02, 0.05, 0.09):
+        ends = [
+            end
+            for interval in stabilizing_time_constants(nrdob.delay(theta) * G, model, 3)
+            for end in interval
+            if 0.002 < end < 0.2
+        ]
+        found = []
+        for border in chart.borders:
+            cut = np.flatnonzero(np.diff(np.sign(border.y - theta)))
+            share = (theta - border.y[cut]) / (border.y[cut + 1] - border.y[cut])
+            found += (border.x[cut] + share * (border.x[cut + 1] - border.x[cut])).tolist()
+        for end in ends:
+            assert min(abs(value / end - 1) for value in found) < 1e-3
+
+
+def test_a_real_root_crosses_on_a_line_with_frequency_zero_or_infinity():
+    chart = stability_chart(
+        (1 - 0.01 * s) * lag, lag, 1, x=("time_constant", 0.001, 0.1), y=("gain", 0.1, 3.0)
+    )
+    (border,) = [border for border in chart.borders if border.omega[0] == np.inf]
+    assert border.y == pytest.approx(border.x / 0.01, rel=1e-9)
+    assert wrong_points(chart, 60, 3) == []
+
+
+def test_levels_of_the_sensitivity_lie_where_the_margins_have_them():
+    G, model, F = EXAMPLE_4.process, EXAMPLE_4.model, EXAMPLE_4.filter
+    chart = stability_chart(
+        G, model, F, x=("time_constant", 0.03, 0.3), y=("gain", 0.5, 1.5), ms=(1.6,)
+    )
+    (line,) = chart.ms_levels[1.6]
+    for lam, gain in line[:: max(1, len(line) // 6)]:
+        filter = nrdob.LowPassFilter(float(lam), F.order)
+        loop = nrdob.NRDOB(G * float(gain), model, EXAMPLE_4.controller, filter)
+        assert loop.margins().plant_loop.ms == pytest.approx(1.6, rel=2e-2)
+
+
+def test_the_plot_says_what_it_shows():
+    chart = stability_chart(lag, lag, 1, x=("delay", 0.1, 1.0), y=("time_constant", 0.1, 1.0))
+    figure = chart.plot()
+    assert "the loop is stable in 71.9 % of it" in figure.alt and "2 around" in figure.alt
+    assert figure.png()[:4] == b"\x89PNG"
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "message"),
+    [
+        ({"x": ("delay", 0, 1), "y": ("delay", 0, 1)}, ValueError, "two different"),
+        ({"x": ("tempo", 0, 1), "y": ("delay", 0, 1)}, ValueError, "one of"),
+        ({"x": ("gain", 1, 0.5), "y": ("delay", 0, 1)}, ValueError, "increasing"),
+        ({"x": "gain", "y": ("delay", 0, 1)}, TypeError, "name, low, high"),
+        ({"x": ("gain", 1, "2"), "y": ("delay", 0, 1)}, TypeError, "real numbers"),
+        ({"x": ("gain", 1, 2), "y": ("delay", 0, 1)}, TypeError, "whole family"),
+        ({"x": ("gain", 1, 2), "y": ("time_constant", 0, 1), "ms": (0.9,)}, ValueError, "above 1"),
+    ],
+)
+def test_what_is_no_chart_is_refused(options, error, message):
+    with pytest.raises(error, match=message):
+        stability_chart(lag, lag, 2, **options)

@@ -1,0 +1,99 @@
+"""Sets of filter families: closed forms, the same as for lags, and the verdict beside every end."""
+
+from __future__ import annotations
+
+from math import inf, pi, sqrt
+
+import control as ct
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+import nrdob
+from campaigns.families import campaign
+from nrdob import critical_time_constants, filter_family, paper, stabilizing_time_constants
+
+s = ct.tf("s")
+lag = 1 / (s + 1)
+
+
+def lags(order):
+    """The filters of eq. (1), as any family is read."""
+    rows = filter_family("binomial", order)
+    return filter_family("own", num=rows.num.tolist(), den=rows.den.tolist())
+
+
+@pytest.mark.parametrize("number", [2, 3])
+@pytest.mark.parametrize("modified", [False, True])
+@pytest.mark.parametrize("more", [0, 1, 2])
+def test_lags_as_a_family_have_the_set_of_their_order(number, modified, more):
+    loop = paper.example(number, modified)
+    order = loop.filter.order + more
+    one = critical_time_constants(loop.process, loop.model, order)
+    other = critical_time_constants(loop.process, loop.model, lags(order))
+    assert [c.direction for c in one] == [c.direction for c in other]
+    for a, b in zip(one, other, strict=True):
+        assert a.time_constant == pytest.approx(b.time_constant, rel=1e-10)
+    binomial = filter_family("binomial", order)
+    expected = stabilizing_time_constants(loop.process, loop.model, order)
+    assert stabilizing_time_constants(loop.process, loop.model, binomial) == expected
+
+
+@pytest.mark.parametrize("delay", [0.05, 5.0])
+@pytest.mark.parametrize("kind", ["butterworth", "bessel"])
+def test_first_order_is_a_lag_and_needs_two_theta_over_pi(kind, delay):
+    found = stabilizing_time_constants(nrdob.delay(delay) * lag, lag, filter_family(kind, 1))
+    assert found[-1] == (pytest.approx(2 * delay / pi, rel=1e-10), inf)
+
+
+@pytest.mark.parametrize("zeta", [0.5, sqrt(0.5), 1.0])
+def test_pure_delay_under_a_second_order_filter(zeta):
+    # exp(-jωθ) = 1 - 1/F = x² - 2ζjx with x = λω.
+    family = filter_family("own", num=[1], den=[[1, 0, 0], [2 * zeta, 0], 1])
+    x = brentq(lambda x: x**4 + 4 * zeta**2 * x**2 - 1, 0, 2)
+    angle = -np.angle(x**2 - 2j * zeta * x)  # = ωθ
+    theta = 0.7
+    low, high = stabilizing_time_constants(nrdob.delay(theta) * lag, lag, family)[-1]
+    assert (low, high) == (pytest.approx(x * theta / angle, rel=1e-9), inf)
+
+
+@pytest.mark.parametrize(
+    "model",
+    [4 / (2 - s - s**2), (1 - s) / (s + 1) ** 2, (s - 3) / (s * (s - 1) * (s + 2)), 1 / s**2],
+)
+@pytest.mark.parametrize("ramp", [1, 2])
+def test_every_interpolating_filter_works_where_the_model_matches(model, ramp):
+    family = filter_family("interpolating", model=model, ramp=ramp)
+    assert stabilizing_time_constants(model, model, family) == [(0.0, inf)]
+
+
+def test_an_inexact_model_bounds_the_interpolating_filters_of_an_unstable_plant():
+    model, process = 4 / (2 - s - s**2), 0.6 * 4 / (2 - s - s**2)
+    family = filter_family("interpolating", model=model)
+    ((low, high),) = stabilizing_time_constants(process, model, family)
+    assert low == 0
+    for side in (-1, 1):
+        F = family.at(high * (1 + side * 1e-6))
+        assert nrdob.judge_observer(process, model, F).stable is (side < 0)
+
+
+def test_time_constants_at_which_the_filter_itself_is_unstable_are_left_out():
+    family = filter_family("own", num=[1], den=[[1, 0, 0], [-1, 2, 0], 1])
+    assert stabilizing_time_constants(lag, lag, family) == [(0.0, pytest.approx(2.0, rel=1e-12))]
+
+
+def test_a_double_integrator_needs_a_ramp_filter_and_has_all_of_them():
+    model = 1 / s**2
+    assert stabilizing_time_constants(model, model, filter_family("ramp", 3, ramp=2)) == [(0, inf)]
+    assert stabilizing_time_constants(model, model, filter_family("bessel", 3)) == []
+
+
+def test_an_order_too_low_for_the_model_is_refused():
+    with pytest.raises(ValueError, match="not causal"):
+        stabilizing_time_constants(1 / s**2, 1 / (s + 1) ** 2, filter_family("ramp", 2))
+
+
+def test_random_sets_are_right_beside_every_end():
+    found = campaign(24, 11)
+    assert not [name for name in found if name.startswith("WRONG")]
+    assert sum(number for name, number in found.items() if "right" in name) >= 20

@@ -1,0 +1,80 @@
+"""Limits on noise and actuator: closed forms, and the loop at the end that was found."""
+
+from __future__ import annotations
+
+import control as ct
+import numpy as np
+import pytest
+
+import nrdob
+from nrdob import admissible_time_constants, design_filter, filter_family
+
+s = ct.tf("s")
+lag = 1 / (s + 1)
+G, MODEL = 0.1 * (100 - s) / (s + 2), 10 / (s + 2)
+
+
+def test_noise_of_a_matched_lag_has_a_closed_form():
+    # U_η = -(s + 1)/(λs + 1)²: power (1 + λ²)/(4λ³).
+    ((low, high),) = admissible_time_constants(lag, lag, 2, max_noise=1.0)
+    assert (1 + low**2) / (4 * low**3) == pytest.approx(1.0, rel=1e-9) and high == np.inf
+
+
+def test_peak_of_u_eta_of_a_matched_lag_has_a_closed_form():
+    # |U_η| = |jω + 1|/|jλω + 1|² peaks at (λω)² = 1 - 2λ², with 1/(2λ sqrt(1 - λ²)).
+    low = admissible_time_constants(lag, lag, 2, max_u_eta=4.0)[0][0]
+    assert 1 / (2 * low * np.sqrt(1 - low**2)) == pytest.approx(4.0, rel=1e-8)
+
+
+def test_step_of_d_on_a_matched_lag_has_a_closed_form():
+    # u = -(1 + (1/λ - 1) exp(-t/λ)) for n = 1: |u(0)| = 1/λ.
+    low = admissible_time_constants(lag, lag, 1, max_u_step_d=5.0)[0][0]
+    assert low == pytest.approx(0.2, rel=1e-8)
+
+
+def test_the_filter_found_just_meets_what_binds():
+    C = (s + 2) / s
+    F = design_filter(G, MODEL, order=2, max_ms=2.5, max_u_step_R=1.1, controller=C)
+    loop = nrdob.NRDOB(G, MODEL, C, F)
+    assert loop.margins().plant_loop.ms <= 2.5 + 1e-9
+    assert np.abs(loop.step_response("R").outputs[1, 0]).max() <= 1.1 * (1 + 1e-6)
+    faster = nrdob.NRDOB(G, MODEL, C, nrdob.LowPassFilter(F.time_constant * 0.99, 2))
+    over = faster.margins().plant_loop.ms > 2.5
+    assert over or np.abs(faster.step_response("R").outputs[1, 0]).max() > 1.1
+
+
+def test_a_family_of_lags_is_judged_as_its_order_is():
+    family = filter_family("binomial", 2)
+    one = design_filter(G, MODEL, order=2, max_ms=1.6)
+    other = design_filter(G, MODEL, order=family, max_ms=1.6)
+    assert other.time_constant == pytest.approx(one.time_constant, rel=1e-6)
+    unstable, model = 4 / (2 - s - s**2), -1 / (s**2 + 3 * s + 2)
+    ((_, high),) = admissible_time_constants(unstable, model, family, max_ms=1.5)
+    ((_, expected),) = admissible_time_constants(unstable, model, 2, max_ms=1.5)
+    assert high == pytest.approx(expected, rel=1e-6)
+
+
+def test_of_several_families_the_one_that_rejects_most_is_taken():
+    families = [filter_family(kind, 2) for kind in ("butterworth", "bessel")]
+    best = design_filter(G, MODEL, order=families, max_ms=1.6)
+
+    def slope(F):
+        return abs(nrdob.NRDOB(G, MODEL, 1.0, F).S_d(1e-6j)) / 1e-6
+
+    alone = [design_filter(G, MODEL, order=family, max_ms=1.6) for family in families]
+    assert slope(best) == pytest.approx(min(map(slope, alone)), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "message"),
+    [
+        ({"max_noise": -1.0}, ValueError, "positive"),
+        ({"max_u_eta": "1"}, TypeError, "real number"),
+        ({"max_u_step_R": 2.0}, ValueError, "needs the controller"),
+        ({"max_noise": 1e-9, "max_ms": 1.5}, ValueError, "closest comes"),
+        ({"order": filter_family("bessel", 2)}, ValueError, "nothing is specified"),
+    ],
+)
+def test_limits_that_are_none_are_refused(options, error, message):
+    with pytest.raises(error, match=message):
+        design_filter(G, MODEL, **options)

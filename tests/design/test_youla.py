@@ -1,0 +1,77 @@
+"""Controllers as observers: against eigenvalues, and against the loop that they make."""
+
+from __future__ import annotations
+
+import control as ct
+import numpy as np
+import pytest
+
+import nrdob
+from nrdob import observer_form, stable_model_exists
+from nrdob.sampling import random_block
+
+s = ct.tf("s")
+
+
+def test_random_controllers_have_stable_blocks_where_the_closed_loop_has():
+    rng, seen = np.random.default_rng(5), set()
+    for _ in range(120):
+        model = random_block(rng, 3)
+        K = random_block(rng, 2) / s * 10 ** rng.uniform(-1, 1)
+        found = observer_form(K, model)
+        parts = [ct.tf2ss(K), ct.tf2ss(model)]
+        roots = ct.feedback(parts[0] * parts[1], 1).poles()
+        assert found.holds == bool(roots.real.max() < 0)
+        seen.add(found.holds)
+        if found:
+            for block in (found.F, found.inverse, found.prediction):
+                assert block.poles().real.max() < 0
+            assert found.F.dcgain() == pytest.approx(1)
+    assert seen == {True, False}
+
+
+@pytest.mark.parametrize(
+    ("K", "model"),
+    [
+        ((3 * s + 4) / s, 1 / (s + 1)),
+        ((3 * s + 2) / s, 1 / (s - 1)),
+        (20 * (s + 1) ** 2 / (s * (s / 40 + 1)), 1 / (s * (s + 4))),
+    ],
+)
+def test_the_diagram_with_these_blocks_feeds_back_K(K, model):
+    found = observer_form(K, model)
+    assert found
+    loop = nrdob.NRDOB(model, model, 0.1, found.F)
+    at = 1j * np.array([0.01, 0.3, 2.0, 50.0])
+    assert np.asarray(loop.K(at)) == pytest.approx(K(at), rel=1e-9)
+    assert np.asarray(found.inverse(at)) == pytest.approx(found.F(at) / model(at), rel=1e-9)
+    assert loop.stability().observer_loop.stable
+
+
+def test_what_fails_is_named():
+    assert "F(0) = 1.5" in observer_form(3.0, 1 / (s - 1)).reason
+    assert "zero at s = 0.7" in observer_form(0.3, 1 / (s - 1)).reason
+    assert "ill-posed" in observer_form(-1.0, (s + 2) / (s + 1)).reason
+
+
+def test_stable_models_exist_by_parity():
+    assert stable_model_exists((s - 2) / ((s - 1) * (s + 5))).holds is True
+    assert stable_model_exists((s - 1) / ((s - 2) * (s + 5))).holds is False
+    assert stable_model_exists((s - 1) / ((s - 2) * (s - 3))).holds is True
+    assert stable_model_exists((s - 1) / (s + 5)).holds is True
+    # The zero at infinity counts only while K falls off; what cancels counts not at all.
+    assert stable_model_exists((s - 1) * (s + 7) / ((s - 2) * (s + 5))).holds is True
+    assert stable_model_exists((s - 1) * (s - 2) / ((s - 2) * (s + 5) ** 2)).holds is True
+
+
+def test_no_stable_model_that_was_tried_stabilises_against_parity():
+    rng, K = np.random.default_rng(0), (s - 1) / ((s - 2) * (s + 5))
+    for _ in range(300):
+        roots = -(10 ** rng.uniform(-1, 2, 2))
+        gain = rng.choice([-1, 1]) * 10 ** rng.uniform(-1, 3)
+        model = ct.tf(gain * np.poly(rng.normal(size=2) * 10), np.poly(roots))
+        assert not observer_form(K, model).holds
+        assert (
+            "does not stabilise" in observer_form(K, model).reason
+            or "ill" in observer_form(K, model).reason
+        )
