@@ -245,8 +245,9 @@ def _held_at_origin(loop: ObserverEquations | LoopEquations) -> str:
         )
     if kept and loop.model_delay:
         return (
-            "for every filter: the model integrates and waits, and (1 - F e^(-θm s))·model without "
-            "the s that cancels is no rational block; give the model a slow stable pole instead"
+            "for every filter: the model has an integrator and waits, and (1 - F exp(-θm s))/s is "
+            "no block that is built here; give it a slow stable pole instead of the integrator, or "
+            "leave its dead time out"
         )
     if kept:
         return (

@@ -271,6 +271,8 @@ def stability_chart(
         time asks for are too many.
     ArithmeticError
         If two counts within one region differ.
+    NotImplementedError
+        For gain and lag together with a dead time, whose borders can lie too close.
 
     Examples
     --------
@@ -352,6 +354,12 @@ class _Loops:
         delayed = isinstance(process, DelayedTransferFunction)
         undelayed = process.tf if delayed else process
         fixed = {"gain": 1.0, "delay": process.delay if delayed else 0.0, "lag": 0.0}
+        if free == {"gain", "lag"} and fixed["delay"]:
+            raise NotImplementedError(
+                f"a chart of gain and lag with a dead time of {fixed['delay']:g} s: its borders "
+                "can come closer than the chart can part them; put the time constant or the dead "
+                "time on one axis, or ask nrdob.judge_observer at single points"
+            )
         if "time_constant" in free:
             family = _family(filter)
             return cls(FamilyMismatch.for_family(undelayed, model, family), fixed)
@@ -362,6 +370,11 @@ class _Loops:
             )
         fixed["time_constant"] = 1.0
         loop = ObserverEquations(undelayed, model, filter)
+        if loop.model_delay:
+            raise ValueError(
+                f"model has a dead time of {loop.model_delay:g} s; a chart needs a model without: "
+                "leave its dead time out, or ask stabilizing_time_constants, which takes both"
+            )
         G, built = loop.fractions.G, loop.built
         a, b = np.convolve(G.den, built.Nm.q), np.convolve(G.num, built.Dm.q)
         factors = (G.num, G.den, built.Nm.q, built.Dm.q)
