@@ -124,7 +124,7 @@ report: $(READY) ## take over the points filled into grading/written.csv
 	$(PY) -m nrdob.course.grading report
 
 test-exercises: $(READY) ## test the problem sets, their graders, and the way from a submission to its points
-	$(PY) -m pytest -q tests/course
+	$(PYTEST) tests/course
 
 clean: ## remove what the other targets made, except the environment
 	rm -rf build book/chapters book/ledger.md book/errata.md

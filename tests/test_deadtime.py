@@ -56,3 +56,12 @@ def test_what_makes_no_predictor_is_named_with_the_remedy():
         nrdob.smith_predictor(G, G, nrdob.delay(0.1) / s)
     with pytest.raises(ValueError, match="delay is -1"):
         nrdob.delay(-1.0)
+
+
+def test_a_model_that_integrates_and_waits_is_told_what_to_do():
+    G = nrdob.delay(0.9) * ct.tf([1], [1, 0])
+    found = nrdob.judge_observer(G, G, nrdob.LowPassFilter(0.5, 1))
+    assert found.stable is False and "integrates and waits" in found.reason
+    near = nrdob.delay(0.9) * ct.tf([1], [1, 0.01])
+    assert nrdob.judge_observer(near, near, nrdob.LowPassFilter(0.5, 1)).stable
+    assert nrdob.stabilizing_time_constants(G, G, 1) == []

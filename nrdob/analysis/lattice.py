@@ -31,6 +31,9 @@ __all__ = ["Driven", "delayed_responses"]
 MAX_PANELS = 60_000
 """Panels that one march may take: a second or two."""
 
+MAX_LENGTHS = 5_000
+"""Lengths of panels that may differ: each has a matrix of its own."""
+
 SMOOTH = NODES + 3
 """Derivatives that a bend may have so that a polynomial on a short panel passes through it."""
 
@@ -100,8 +103,7 @@ def delayed_responses(
     blocks += [(Block(b.A, np.zeros_like(b.B), b.C, np.zeros_like(b.D)), 0) for b in free]
     delays = np.array([each.delay for each in driven])
     for refined in (finer, 2 * finer, 4 * finer, 8 * finer):
-        lengths = _mesh([b for b, _ in blocks], delays, float(times[-1]), smoothing, refined)
-        edges = np.append(0.0, np.cumsum(lengths))
+        edges = _mesh([b for b, _ in blocks], delays, float(times[-1]), smoothing, refined)
         values = _march(blocks, driven, start, edges)
         if resolved_to(1e-11, values):
             break
@@ -121,7 +123,7 @@ def delayed_responses(
 def _mesh(
     blocks: Sequence[Block], delays: FloatArray, last: float, smoothing: int, finer: float
 ) -> FloatArray:
-    """Lengths of panels until the last time: those of the cheaper of the two ways."""
+    """Borders of panels until the last time: those of the cheaper of the two ways."""
     span = max(last, 1e-3 * float(delays.min()))
     echoes = ceil(SMOOTH / smoothing) if smoothing else inf
     poles = np.concatenate([np.linalg.eigvals(b.A) for b in blocks])
@@ -157,21 +159,22 @@ def _lattice(delays: FloatArray, span: float, echoes: float) -> FloatArray | Non
 def _graded(
     blocks: Sequence[Block], moments: FloatArray | None, longest: float, finer: float
 ) -> FloatArray | None:
-    """Lengths of panels between neighbouring moments, none of them above `longest`."""
+    """Borders of panels between neighbouring moments, none of them longer than `longest`."""
     if moments is None or moments.size > MAX_PANELS:
         return None
     gaps = np.diff(moments)
     # Only a few gaps are different ones, but for rounding.
     kinds, which = np.unique(np.round(gaps / (1e-13 * moments[-1])), return_inverse=True)
     typical = [float(gaps[np.argmax(which == k)]) for k in range(kinds.size)]
-    parts = []
+    inner = []
     for gap in typical:
         lengths = panel_lengths(blocks, gap, finer)
         pieces = np.ceil(lengths / longest).astype(int) if longest < inf else np.ones(1, dtype=int)
-        parts.append(np.repeat(lengths / pieces, pieces))
-    if sum(parts[k].size for k in which) > MAX_PANELS:
+        inner.append(np.append(0.0, np.cumsum(np.repeat(lengths / pieces, pieces))[:-1]))
+    if sum(inner[k].size for k in which) > MAX_PANELS:
         return None
-    return np.concatenate([parts[k] for k in which])
+    begins = zip(moments[:-1], which, strict=True)
+    return np.concatenate([*(begin + inner[k] for begin, k in begins), moments[-1:]])
 
 
 def _march(
@@ -184,6 +187,11 @@ def _march(
     lengths = np.diff(edges)
     rounded = np.round(lengths / (1e-13 * edges[-1]))
     _, first, which = np.unique(rounded, return_index=True, return_inverse=True)
+    if first.size > MAX_LENGTHS:
+        raise ValueError(
+            f"panels of {first.size:,} different lengths would be needed, more than "
+            f"{MAX_LENGTHS:,}; shorten timepts or slow the fastest block"
+        )
     matrices = _matrices(blocks, len(driven), lengths[first])
     n, m, panels = x.size, NODES, lengths.size
     values = np.zeros((panels, 2, m))

@@ -249,6 +249,11 @@ def _held_at_origin(loop: ObserverEquations | LoopEquations) -> str:
             "for every filter: the model has an integrator; give it a slow stable pole instead, or "
             "build (1 - F)·model as one block (keep_factors=False), without what cancels in it"
         )
+    if kept and loop.model_delay:
+        return (
+            "for every filter: the model integrates and waits, and (1 - F e^(-θm s))·model without "
+            "the s that cancels is no rational block; give the model a slow stable pole instead"
+        )
     if kept:
         return (
             f"the model has {integrators} integrators, of which (1 - F)·model keeps {kept}: take "

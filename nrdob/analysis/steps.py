@@ -171,7 +171,7 @@ def panel_lengths(blocks: Sequence[Block], delay: float, finer: float) -> FloatA
 
 
 def resolved(reach: FloatArray, died_out: FloatArray) -> bool:
-    """Tell whether all of exp(p t), |p| length = `reach`, are polynomials to rounding."""
+    """Tell whether all of exp(p t), ``|p|`` length = `reach`, are polynomials to rounding."""
     hard = reach > _REACH
     if not hard.any():
         return True

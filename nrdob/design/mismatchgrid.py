@@ -83,13 +83,18 @@ class Frequencies:
             first = max((slowest - size / n) * n / (n + m), -LAST_DECADE)
         return first, last
 
-    def largest_time_constant(self, omega: FloatArray) -> FloatArray:
-        """Bound of the critical λ at a frequency, from ``|1 + jλω|^n = |H| <= 1 + |R|``."""
-        size = np.abs(self.mismatch.ratio(omega))
+    def largest_time_constant(self, omega: FloatArray, gain: float = 1.0) -> FloatArray:
+        """Bound of the λ with ``|L| = gain`` at a frequency: ``|1 + jλω|^n <= 1 + |R|/gain``.
+
+        The critical λ are among those of gain 1.
+        """
+        size = np.abs(self.mismatch.ratio(omega)) / gain
         return np.asarray(np.sqrt((1 + size) ** (2 / self.mismatch.order) - 1) / omega)
 
-    def above(self, floor: float) -> FloatArray:
+    def above(self, floor: float, gain: float = 1.0) -> FloatArray:
         """Frequencies that hold every crossing for λ above a floor, none hidden between two.
+
+        With a gain, all at which L may be so large.
 
         Raises
         ------
@@ -100,7 +105,7 @@ class Frequencies:
         longest = self.mismatch.longest_delay
         if not longest:
             return omega
-        possible = np.flatnonzero(self.largest_time_constant(omega) > floor)
+        possible = np.flatnonzero(self.largest_time_constant(omega, gain) > floor)
         last = omega[min(possible[-1] + 1, omega.size - 1)] if possible.size else omega[0]
         step = 2 * pi / (longest * PER_TURN)
         if last > step * MAX_FREQUENCIES or last == omega[-1]:

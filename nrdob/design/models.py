@@ -97,7 +97,7 @@ def suggest_model(process: Any, *, max_ms: float = 2.0) -> list[ModelCandidate]:
     ------
     TypeError, ValueError
         If the process cannot stand in the loop; or if it has a zero at s = 0, with which p_B(0) = 0
-        for every model and every filter.
+        unless the model integrates, and nothing holds the output.
 
     Examples
     --------
@@ -115,7 +115,7 @@ def suggest_model(process: Any, *, max_ms: float = 2.0) -> list[ModelCandidate]:
     G = blocks.fractions.G
     if G.num[-1] == 0:
         raise ValueError(
-            "process has a zero at s = 0, so that p_B(0) = 0 for every model and filter: its "
+            "process has a zero at s = 0, so that p_B(0) = 0 unless the model integrates: its "
             "output cannot be held against a constant disturbance; use another output"
         )
     candidates = [
@@ -143,7 +143,7 @@ def _judged(
     best = min(search.promise for search in searches)
     found = []
     for search in (search for search in searches if search.promise == best):
-        ms = search.plant_loop(search.closest()[0]).ms if search.tried.size else nan
+        ms = search.plant_loop(search.closest()[0]).ms if search.intervals else nan
         fastest = search.fastest()
         found.append(ModelCandidate(model, how, search.order, search.intervals, fastest, ms))
     return min(found, key=_rank)

@@ -11,8 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
-from itertools import pairwise
+from functools import cache, cached_property
 from math import ceil, exp, inf, log, log10
 from typing import Any
 
@@ -21,7 +20,8 @@ from scipy.optimize import brentq, minimize_scalar
 
 from ..analysis import Margins, margins
 from ..diagram import LowPassFilter, ObserverEquations
-from ..numerics import BoolArray, FloatArray
+from ..numerics import FloatArray
+from .excluded import admissible
 from .limits import stabilizing_filter_exists
 from .mismatch import Mismatch
 from .mismatchgrid import Frequencies
@@ -33,17 +33,14 @@ __all__ = ["FilterSearch", "admissible_time_constants", "design_filter"]
 PER_DECADE, DECADES = 16, 3
 """How densely time constants are tried, and how far beyond the time constants of the plant."""
 
-REFINED, BETWEEN = 4, 3
-"""How often the surroundings of each extreme of the slack are refined, and by how many more."""
-
 CLOSE = 0.1
-"""Slack within which the frequencies between those of the grid are looked at, too."""
+"""Half the width, in ln λ, within which the top of the slack is looked for at least."""
 
-SMALL_STEP, HALVINGS = 1e-6, 26
-"""Share of a window that counts as rounding at its end; how closely an end is found otherwise."""
+BESIDE, WIDER = 1e-8, 30.0
+"""Distance from an end, in ln λ, at which it is confirmed, and by how much it grows otherwise."""
 
-NEARLY = 0.02
-"""Slack by which the top of a peak may exceed the samples beside it."""
+ROUNDING = (0.0, 1e-12, 1e-11, 1e-10, 1e-9)
+"""Steps inwards from an end, in ln λ, until rounding does not matter."""
 
 EXTRA_ORDERS = 2
 """How many orders above the lowest causal one are tried where none is asked for."""
@@ -119,10 +116,12 @@ def design_filter(
             break
         time_constant = search.fastest()
         if time_constant == 0:
+            floor = search.intervals[0][0]
+            looked_at = f" (looked at down to {floor:.3g} s)" if floor else ""
             raise ValueError(
-                f"{specification} is met by every filter of order {search.order}, however fast "
-                f"(tried down to {search.tried[0]:.3g} s); let the noise choose, for example by "
-                "the largest |U_eta| that the actuator bears"
+                f"{specification} is met by every filter of order {search.order}, however fast"
+                f"{looked_at}; let the noise choose, for example by the largest |U_eta| that the "
+                "actuator bears"
             )
         if time_constant and (not best or search.order * time_constant < _sluggishness(best)):
             best = LowPassFilter(time_constant, search.order)
@@ -164,6 +163,13 @@ def admissible_time_constants(
     TypeError, ValueError
         As `design_filter`, but for a specification that no λ meets.
 
+    Notes
+    -----
+    No λ is tried: what the specification forbids at each frequency is a range of λ, and left out.
+    So windows of a millionth of their λ are found, and their ends confirmed by exact margins. That
+    no range is missed between two frequencies rests on how densely they lie beside each pole, zero
+    and turn of the dead time: it is not proved.
+
     Examples
     --------
     An unstable plant: with a slow filter the loop is lost, with a fast one it comes close to it.
@@ -182,24 +188,6 @@ def _sluggishness(filter: LowPassFilter) -> float:
     return filter.order * filter.time_constant
 
 
-@dataclass(frozen=True)
-class _Window:
-    """Time constants that meet the specification, and what was tried around them.
-
-    Attributes
-    ----------
-    low, high : float
-        First and last that will do, in seconds.
-    bounded_below, bounded_above : bool
-        Whether the next one tried will not do.
-    """
-
-    low: float
-    high: float
-    bounded_below: bool
-    bounded_above: bool
-
-
 @dataclass(frozen=True, eq=False)
 class FilterSearch:
     """The search for the filters of one order that meet a specification.
@@ -210,34 +198,27 @@ class FilterSearch:
         n.
     intervals : list of (low, high)
         The stabilising set.
-    tried : array of float
-        The λ at which the specification was looked at, increasing, in seconds.
-    slacks : array of float
-        By how much it is met at each.
-    windows : list of _Window
-        Where it is met, all of them.
-    precise : callable
-        Slack as a function of λ, between the frequencies of the grid, too.
+    windows : list of (low, high)
+        Where in it the specification is met, all of them, but for the last digits.
     plant_loop : callable
         Margins of L as a function of λ: they decide.
     specification : Specification
         What is asked of them.
+    frequencies : Frequencies
+        Where the mismatch is looked at.
     """
 
     order: int
     intervals: list[tuple[float, float]]
-    tried: FloatArray
-    slacks: FloatArray
-    windows: list[_Window]
-    precise: Callable[[float], float]
+    windows: list[tuple[float, float]]
     plant_loop: Callable[[float], Margins]
     specification: Specification
+    frequencies: Frequencies
 
     @classmethod
     def of(cls, process: Any, model: Any, order: int, specification: Specification) -> FilterSearch:
         """Find the stabilising set, and in it where the specification is met."""
         frequencies = Frequencies(Mismatch.of(process, model, order))
-        mismatch = frequencies.mismatch
         intervals = stabilizing_set(frequencies, lowest_floor(frequencies))
 
         @cache
@@ -246,31 +227,20 @@ class FilterSearch:
             loop = ObserverEquations(process, model, LowPassFilter(time_constant, order))
             return margins(loop.L, stable, loop.p_B)
 
-        samples = [_samples(low, high, mismatch) for low, high in intervals]
-        slowest = float(samples[0][0]) if samples else 1.0
-        loops = PlantLoops.of(frequencies, slowest) if samples else PlantLoops(mismatch, np.ones(1))
-
-        def precise(time_constant: float) -> float:
-            return float(specification.of_many(loops, np.array([time_constant]), rough=False)[0])
-
-        looked = [_looked_at(loops, tried, specification) for tried in samples]
-        windows = [w for tried, slacks in looked for w in _windows(tried, slacks, precise)]
-        tried, slacks = (
-            np.concatenate([*part, np.empty(0)])
-            for part in (zip(*looked, strict=True) if looked else ((), ()))
-        )
-        return cls(order, intervals, tried, slacks, windows, precise, plant_loop, specification)
+        windows = admissible(frequencies, specification, intervals)
+        return cls(order, intervals, windows, plant_loop, specification, frequencies)
 
     @property
     def promise(self) -> float:
         """Smallest nλ that is not excluded, in seconds: 0 if all will do, inf if none."""
         if not self.windows:
             return inf
-        return 0.0 if self._begins(self.windows[0]) else self.order * self.windows[0].low
+        return 0.0 if self._all_fast_ones_do else self.order * self.windows[0][0]
 
-    def _begins(self, window: _Window) -> bool:
-        """Whether a window begins with the fastest filter tried."""
-        return not window.bounded_below and window.low == self.tried[0]
+    @property
+    def _all_fast_ones_do(self) -> bool:
+        """Whether the first window begins with the fastest filter there is."""
+        return bool(self.windows) and self.windows[0][0] == self.intervals[0][0]
 
     def slack(self, time_constant: float) -> float:
         """Exact slack of the specification."""
@@ -278,169 +248,80 @@ class FilterSearch:
 
     def fastest(self) -> float | None:
         """Find the smallest λ that meets the specification: None if none does, 0 if all do."""
-        for window in self.windows:
-            if self._begins(window):
-                return 0.0
-            found = self._end(window, window.low, window.high)
-            if found is not None:
-                return found
-        return None
+        if self._all_fast_ones_do:
+            return 0.0
+        ends = (self._end(low, high) for low, high in self.windows)
+        return next((end for end in ends if end is not None), None)
 
     def admissible(self) -> list[tuple[float, float]]:
         """Find all intervals of λ that meet the specification."""
+        ends = {end for ends in self.intervals for end in ends}
         found = []
         for window in self.windows:
-            low = self._end(window, window.low, window.high)
-            high = self._end(window, window.high, window.low)
-            if low is None or high is None:
-                continue
-            inside = next(ends for ends in self.intervals if ends[0] < low < ends[1])
-            found.append(
-                (
-                    low if window.bounded_below else inside[0],
-                    high if window.bounded_above else inside[1],
-                )
+            low, high = (
+                end if end in ends else self._end(end, other)
+                for end, other in (window, window[::-1])
             )
+            if low is not None and high is not None:
+                found.append((low, high))
         return found
 
     def closest(self) -> tuple[float, float]:
         """Find the λ of the greatest slack, and the slack."""
-        before, after = np.append(-inf, self.slacks[:-1]), np.append(self.slacks[1:], -inf)
-        tops = (self.slacks > before) & (self.slacks >= after)  # of a plateau, its first end
-        highest = np.flatnonzero(tops & (self.slacks > self.slacks.max() - CLOSE))
-        k = max(highest.tolist(), key=lambda k: self.precise(float(self.tried[k])))
-        low, high = next(ends for ends in self.intervals if ends[0] < self.tried[k] < ends[1])
-        inside = self.tried[(self.tried > low) & (self.tried < high)]
+        tried, slacks = self._tried
+        k = int(slacks.argmax())
+        low, high = next(ends for ends in self.intervals if ends[0] < tried[k] < ends[1])
+        inside = tried[(tried > low) & (tried < high)]
         # The slack off the grid has its top a little beside the true one.
-        middle, at = log(self.tried[k]), int(np.searchsorted(inside, self.tried[k]))
+        middle, at = log(tried[k]), int(np.searchsorted(inside, tried[k]))
         below, above = inside[max(at - 1, 0)], inside[min(at + 1, inside.size - 1)]
         around = (
             max(min(middle - CLOSE, log(below)), log(inside[0])),
             min(max(middle + CLOSE, log(above)), log(inside[-1])),
         )
         best = minimize_scalar(
-            lambda x: -self.precise(exp(x)), bounds=around, method="bounded",
+            lambda x: -self._precise(np.exp([x]))[0], bounds=around, method="bounded",
             options={"xatol": 1e-4 * (around[1] - around[0])},
         )  # fmt: skip
-        time_constant = max((float(np.exp(best.x)), float(self.tried[k])), key=self.precise)
+        time_constant = float(np.exp(best.x)) if -best.fun > slacks[k] else float(tried[k])
         return time_constant, self.slack(time_constant)
 
-    def _end(self, window: _Window, end: float, other: float) -> float | None:
-        """Find the end of a window by the exact slack.
+    @cached_property
+    def _tried(self) -> tuple[FloatArray, FloatArray]:
+        """Time constants all over the stabilising set, and the slack of each."""
+        samples = [_samples(low, high, self.frequencies.mismatch) for low, high in self.intervals]
+        tried = np.concatenate(samples)
+        return tried, self._precise(tried)
 
-        It may differ by a rounding error; by more where a margin jumps because the loop gain just
-        reaches 1 between two frequencies of the grid.
+    def _precise(self, time_constants: FloatArray) -> FloatArray:
+        """Slack of many time constants at once."""
+        return self.specification.of_many(self._loops, time_constants)
+
+    @cached_property
+    def _loops(self) -> PlantLoops:
+        return PlantLoops.of(self.frequencies, self.intervals[0][0])
+
+    def _end(self, end: float, other: float) -> float | None:
+        """Find the end of a window to the last digits, by the exact slack: None if there is none.
+
+        A window is known to about 1e-8 of its end, less closely where an edge of what is excluded
+        is steep. Where a crossover appears the slack jumps.
         """
-        bad = end
-        for step in np.logspace(-10, 0, 6).tolist():
-            value = end * (other / end) ** step
-            if self.slack(value) >= 0:
-                return value if step <= SMALL_STEP else self._last_good(value, bad)
-            bad = value
-        return None
+        way = 1.0 if other > end else -1.0
+        width = abs(log(other / end)) if 0 < other < inf else 1.0
 
-    def _last_good(self, good: float, bad: float) -> float:
-        """Halve the way from a λ that meets the specification to one that does not."""
-        for _ in range(HALVINGS):
-            middle = (good * bad) ** 0.5
-            good, bad = (middle, bad) if self.slack(middle) >= 0 else (good, middle)
-        return good
+        def at(step: float) -> float:
+            return end * exp(way * step)
 
-
-def _looked_at(
-    loops: PlantLoops, tried: FloatArray, specification: Specification
-) -> tuple[FloatArray, FloatArray]:
-    """Look at the specification at given λ, and around every extreme of its slack at more.
-
-    Between two samples a slack can only change its sign unseen where it has an extreme; the
-    surroundings of each are refined until the slack is the same from one to the next.
-    """
-    slacks = specification.of_many(loops, tried, rough=True)
-    for _ in range(REFINED):
-        more = _around_extremes(tried, slacks)
-        if not more.size:
-            break
-        new = specification.of_many(loops, more, rough=True)
-        tried, slacks = np.append(tried, more), np.append(slacks, new)
-        by_size = np.argsort(tried)
-        tried, slacks = tried[by_size], slacks[by_size]
-    known = np.zeros(tried.size, dtype=bool)
-    while (unsure := ((np.abs(slacks) < CLOSE) | _beside_a_change(slacks)) & ~known).any():
-        slacks[unsure] = specification.of_many(loops, tried[unsure], rough=False)
-        known |= unsure
-    return tried, slacks
-
-
-def _around_extremes(tried: FloatArray, slacks: FloatArray) -> FloatArray:
-    """More λ in the gaps on both sides of each extreme that points towards the other sign."""
-    inner, before, after = slacks[1:-1], slacks[:-2], slacks[2:]
-    below = (inner < 0) & (inner >= before) & (inner >= after)
-    above = (inner >= 0) & (inner <= before) & (inner <= after)
-    level = (inner == before) & (inner == after)
-    at = 1 + np.flatnonzero((below | above) & ~level)
-    gaps = np.unique(np.concatenate([at - 1, at]))
-    share = np.arange(1, BETWEEN + 1) / (BETWEEN + 1)
-    low, high = tried[gaps, None], tried[gaps + 1, None]
-    wide = (high > low * (1 + 1e-9)).ravel()
-    return np.asarray((low * (high / low) ** share)[wide].ravel())
-
-
-def _beside_a_change(slacks: FloatArray) -> BoolArray:
-    """Tell which samples lie beside a change of sign."""
-    changes = (slacks[1:] >= 0) != (slacks[:-1] >= 0)
-    return np.asarray(np.append(changes, False) | np.append(False, changes))
-
-
-def _windows(
-    tried: FloatArray, slacks: FloatArray, precise: Callable[[float], float]
-) -> list[_Window]:
-    """Bound the runs of samples that meet a specification, and the peaks that nearly do."""
-    tried, slacks = _with_peaks(tried, slacks, precise)
-    good = slacks >= 0
-    edges = np.flatnonzero(good[1:] != good[:-1])
-    bounds = [0, *(edges + 1).tolist(), good.size]
-    found = []
-    for first, after in pairwise(bounds):
-        if not good[first]:
-            continue
-        below, above = first > 0, after < good.size
-        low, high = float(tried[first]), float(tried[after - 1])
-        if below:
-            low = _border(precise, low, float(tried[first - 1]))
-        if above:
-            high = _border(precise, high, float(tried[after]))
-        found.append(_Window(low, high, below, above))
-    return found
-
-
-def _with_peaks(
-    tried: FloatArray, slacks: FloatArray, precise: Callable[[float], float]
-) -> tuple[FloatArray, FloatArray]:
-    """Add the tops of peaks that reach nearly 0, where the specification may just be met."""
-    inner = slacks[1:-1]
-    peaks = (inner < 0) & (inner > -NEARLY) & (inner >= slacks[:-2]) & (inner >= slacks[2:])
-    for k in 1 + np.flatnonzero(peaks):
-        around = log(tried[k - 1]), log(tried[k + 1])
-        best = minimize_scalar(
-            lambda x: -precise(exp(x)), bounds=around, method="bounded",
-            options={"xatol": 1e-3 * (around[1] - around[0])},
-        )  # fmt: skip
-        if best.fun <= 0:
-            return _with_peaks(*_inserted(tried, slacks, exp(best.x), -best.fun), precise)
-    return tried, slacks
-
-
-def _inserted(
-    tried: FloatArray, slacks: FloatArray, time_constant: float, slack: float
-) -> tuple[FloatArray, FloatArray]:
-    k = int(np.searchsorted(tried, time_constant))
-    return np.insert(tried, k, time_constant), np.insert(slacks, k, slack)
-
-
-def _border(precise: Callable[[float], float], good: float, bad: float) -> float:
-    """Find where the slack passes 0 between two λ, on the good side."""
-    border = float(brentq(lambda x: precise(exp(x)), log(good), log(bad), xtol=1e-11, rtol=1e-14))
-    return exp(border)
+        inwards = (BESIDE * WIDER**k for k in range(6))
+        good = next((x for x in inwards if x < width and self.slack(at(x)) >= 0), None)
+        if good is None:
+            return None
+        bad = next((-good * k for k in (1.0, WIDER) if self.slack(at(-good * k)) < 0), None)
+        if bad is None:
+            return at(good)
+        border = float(brentq(lambda x: self.slack(at(x)), bad, good, xtol=1e-12, rtol=1e-12))
+        return next((at(border + x) for x in ROUNDING if self.slack(at(border + x)) >= 0), at(good))
 
 
 def _samples(low: float, high: float, mismatch: Mismatch) -> FloatArray:
@@ -461,7 +342,7 @@ def _refusal(
 ) -> str:
     """Say why there is no filter, and what comes closest."""
     orders = " or ".join(str(search.order) for search in searches)
-    stable = [search for search in searches if search.tried.size]
+    stable = [search for search in searches if search.intervals]
     if not stable:
         answer = stabilizing_filter_exists(process, model)
         reason = "" if answer.holds else f" ({answer.reason})"

@@ -2,7 +2,7 @@ r"""How far the plant loops of many filters are from a specification, all at onc
 
 The mismatch R does not depend on the filter, so that :math:`L = R/((1 + j\lambda\omega)^n - 1)` is
 read at all frequencies for all time constants in one array. What `nrdob.analysis.margins` finds for
-one loop with all care is found here for hundreds, to find out where to look.
+one loop with all care is found here for hundreds, to find out which comes closest.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from .limits import roots_by_side
 from .mismatch import Mismatch
 from .mismatchgrid import Frequencies
 
-__all__ = ["PlantLoops", "Specification"]
+__all__ = ["NARROW", "PlantLoops", "Specification"]
 
 UNSTABLE = -10.0
 """Slack given to a loop that is not stable, below that of any stable one tried."""
@@ -78,6 +78,12 @@ class Specification:
                 "example 45"
             )
 
+    @property
+    def smallest_gain(self) -> float:
+        """Size of L below which nothing is forbidden."""
+        near_1 = 1 - 1 / self.max_ms if self.max_ms else 1.0
+        return min(near_1, 10 ** (-self.min_gm_db / 20) if self.min_gm_db else 1.0)
+
     def slack(self, found: Margins) -> float:
         """By how much a loop meets the specification; negative where it does not."""
         if not found.stable:
@@ -85,8 +91,8 @@ class Specification:
         slacks = self._slacks(*(np.array([x]) for x in (found.ms, abs(found.gm_db), found.pm)))
         return float(slacks[0])
 
-    def of_many(self, loops: PlantLoops, time_constants: FloatArray, *, rough: bool) -> FloatArray:
-        """Slacks of stable loops with given time constants, off the grid of frequencies if rough.
+    def of_many(self, loops: PlantLoops, time_constants: FloatArray) -> FloatArray:
+        """Slacks of stable loops with given time constants.
 
         Parameters
         ----------
@@ -94,14 +100,12 @@ class Specification:
             The loops of one mismatch.
         time_constants : (k,) array of float
             In seconds.
-        rough : bool
-            Whether to interpolate between the frequencies instead of looking there.
         """
         L = loops.gains(time_constants)
         nothing = np.full(time_constants.shape, inf)
-        ms = loops.peaks(time_constants, L, rough) if self.max_ms else nothing
-        gm = loops.gain_margins(time_constants, L, rough) if self.min_gm_db else nothing
-        pm = loops.phase_margins(time_constants, L, rough) if self.min_pm_deg else nothing
+        ms = loops.peaks(time_constants, L) if self.max_ms else nothing
+        gm = loops.gain_margins(time_constants, L) if self.min_gm_db else nothing
+        pm = loops.phase_margins(time_constants, L) if self.min_pm_deg else nothing
         return self._slacks(ms, gm, pm)
 
     def _slacks(self, ms: FloatArray, gm_db: FloatArray, pm: FloatArray) -> FloatArray:
@@ -148,7 +152,7 @@ class PlantLoops:
         """L on the grid, shape (k, N)."""
         return self._gain(time_constants[:, None], self.omega, self._ratio)
 
-    def peaks(self, time_constants: FloatArray, L: ComplexArray, rough: bool) -> FloatArray:
+    def peaks(self, time_constants: FloatArray, L: ComplexArray) -> FloatArray:
         """Peak of the sensitivity of each loop, the limit at infinite frequency included."""
         distance = np.abs(1 + L)
         ends = self._at_infinity(time_constants, near=True)
@@ -159,32 +163,24 @@ class PlantLoops:
         dips = (inner <= distance[:, :-2]) & (inner <= distance[:, 2:])
         row, column = np.nonzero(dips & (inner <= DEEPEST * least[:, None]))
         column = column + 1
-        if rough:
-            before, at, after = (np.log(distance[row, column + k]) for k in (-1, 0, 1))
-            curvature = before - 2 * at + after
-            bottom = at - (after - before) ** 2 / (8 * np.where(curvature > 0, curvature, inf))
-            bottom = np.exp(bottom)
-        else:
-            chosen = time_constants[row, None]
-            low, high = self.omega[column - 1], self.omega[column + 1]
-            bottom = _lowest(lambda w: np.abs(1 + self._gain(chosen, w)), low, high)
+        chosen = time_constants[row, None]
+        low, high = self.omega[column - 1], self.omega[column + 1]
+        bottom = _lowest(lambda w: np.abs(1 + self._gain(chosen, w)), low, high)
         np.minimum.at(least, row, bottom)
         return np.asarray(1 / np.maximum(least, 1e-300))
 
-    def phase_margins(self, time_constants: FloatArray, L: ComplexArray, rough: bool) -> FloatArray:
+    def phase_margins(self, time_constants: FloatArray, L: ComplexArray) -> FloatArray:
         """Smallest rotation of each loop gain at which it is lost, in degrees."""
         with np.errstate(divide="ignore"):
             size = np.log(np.abs(L))
-        row, there = self._crossings(
-            time_constants, L, size, lambda value: np.abs(value) - 1, rough
-        )
+        row, there = self._crossings(time_constants, size, lambda value: np.abs(value) - 1)
         angles, _ = self._beside_poles(time_constants)
         np.minimum.at(angles, row, np.degrees(np.abs(np.angle(-there))))
         return np.asarray(angles)
 
-    def gain_margins(self, time_constants: FloatArray, L: ComplexArray, rough: bool) -> FloatArray:
+    def gain_margins(self, time_constants: FloatArray, L: ComplexArray) -> FloatArray:
         """Smallest change of gain, up or down, at which each loop is lost, in dB."""
-        row, there = self._crossings(time_constants, L, L.imag, lambda value: value.imag, rough)
+        row, there = self._crossings(time_constants, L.imag, lambda value: value.imag)
         row, there = row[there.real < 0], there[there.real < 0]
         gains = np.full(time_constants.shape, inf)
         np.minimum.at(gains, row, 20 * np.abs(np.log10(np.abs(there))))
@@ -256,10 +252,8 @@ class PlantLoops:
     def _crossings(
         self,
         time_constants: FloatArray,
-        L: ComplexArray,
         values: FloatArray,
         function: Callable[[ComplexArray], FloatArray],
-        rough: bool,
     ) -> tuple[IntArray, ComplexArray]:
         """Find where a function of L changes sign, and L there.
 
@@ -272,12 +266,6 @@ class PlantLoops:
         """
         before, after = values[:, :-1], values[:, 1:]
         row, column = np.nonzero((before >= 0) != (after >= 0))
-        if rough:
-            with np.errstate(invalid="ignore"):  # between infinities
-                share = before[row, column] / (before[row, column] - after[row, column])
-            share = np.nan_to_num(share, nan=0.5)
-            there = L[row, column] + share * (L[row, column + 1] - L[row, column])
-            return row, there
         chosen = time_constants[row, None]
         low, high = self.omega[column], self.omega[column + 1]
         where = _zero(lambda w: function(self._gain(chosen, w)), low, high)

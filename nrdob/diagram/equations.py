@@ -412,9 +412,10 @@ class LoopEquations(_ObserverMaps):
     keep_factors: bool = False
 
     def __post_init__(self) -> None:
-        if isinstance(self.controller, DelayedTransferFunction):
+        if delay := _dead_time(self.controller):
             raise TypeError(
-                "controller has a dead time; only the process and the model may have one"
+                f"controller has a dead time of {delay:g} s; only the process and the model may "
+                "have one: leave the dead time out"
             )
         _ = self.fractions
 

@@ -2,7 +2,7 @@
 
 from .argument import Term
 from .arrays import ROUNDING, BoolArray, ComplexArray, FloatArray, IntArray
-from .crossings import bisect, golden, side
+from .crossings import bisect, golden, newton, side
 from .quasipoly import (
     QuasiPolynomial,
     RootCount,
@@ -39,6 +39,7 @@ __all__ = [
     "golden",
     "impulse_states",
     "multiply",
+    "newton",
     "number",
     "roots_by_time_scale",
     "shared_factor",

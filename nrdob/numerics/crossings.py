@@ -8,7 +8,7 @@ import numpy as np
 
 from .arrays import FloatArray
 
-__all__ = ["bisect", "golden", "side", "zeros"]
+__all__ = ["bisect", "golden", "newton", "side", "zeros"]
 
 Function = Callable[[FloatArray], FloatArray]
 
@@ -26,11 +26,14 @@ def side(values: FloatArray) -> FloatArray:
     return np.where(values >= 0, 1.0, -1.0)
 
 
-def bisect(function: Function, low: FloatArray, high: FloatArray) -> FloatArray:
+def bisect(
+    function: Function, low: FloatArray, high: FloatArray, within: float = 0.0
+) -> FloatArray:
     """Find a zero between each `low` and `high`, on which the function's sides differ.
 
     Brackets shrink by inverse quadratic interpolation where that is safe, else by halves: on
     smooth functions about ten evaluations reach the last bits, on jumps as many as halving needs.
+    Brackets no wider than `within` are narrow enough.
 
     Parameters
     ----------
@@ -58,7 +61,7 @@ def bisect(function: Function, low: FloatArray, high: FloatArray) -> FloatArray:
         a, at_a = x, at_x
         best = np.where(np.abs(at_a) < np.abs(at_b), a, b)
         gap = np.abs(b - a)
-        tolerance = 2 * EPS * np.abs(best) + EPS * width
+        tolerance = np.maximum(2 * EPS * np.abs(best) + EPS * width, within)
         if np.all((gap <= tolerance) | (np.minimum(np.abs(at_a), np.abs(at_b)) == 0)):
             break
         with np.errstate(all="ignore"):  # what is not finite is halved
@@ -69,6 +72,41 @@ def bisect(function: Function, low: FloatArray, high: FloatArray) -> FloatArray:
             least = np.minimum(tolerance / gap, 0.5)
         t = np.where(smooth & np.isfinite(step), np.clip(step, least, 1 - least), 0.5)
     return best
+
+
+def newton(
+    function: Callable[[FloatArray], tuple[FloatArray, FloatArray]],
+    low: FloatArray,
+    high: FloatArray,
+    start: FloatArray,
+    within: float,
+) -> FloatArray:
+    """Find a zero between each `low` and `high`, at which the function is below and above 0.
+
+    By Newton's steps from `start`, for `function` gives values and slopes; by halves where a step
+    would leave the bracket or is not half as long as the last, until all are as short as `within`.
+
+    Parameters
+    ----------
+    function : callable
+        Takes an array of the brackets' shape, and gives two.
+    low, high, start : array of float, of one shape
+        Ends of the brackets, and where to begin.
+    within : float
+        Longest last step.
+    """
+    x, last = np.clip(start, np.minimum(low, high), np.maximum(low, high)), np.abs(high - low)
+    for _ in range(120):
+        value, slope = function(x)
+        low, high = np.where(value < 0, x, low), np.where(value < 0, high, x)
+        with np.errstate(all="ignore"):  # what is not finite is halved
+            step = -value / slope
+            safe = ((x + step - low) * (x + step - high) <= 0) & (np.abs(step) < last / 2)
+        step = np.where(safe | (np.abs(step) <= within), step, (low + high) / 2 - x)
+        x, last = x + step, np.abs(step)
+        if np.all(last <= within):
+            break
+    return x
 
 
 def golden(function: Function, low: FloatArray, high: FloatArray) -> FloatArray:

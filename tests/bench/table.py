@@ -79,6 +79,13 @@ def tasks() -> Iterator[tuple[str, str, Task]]:
 
     hotend = ct.tf([337.6], [36.7, 1])
     example = paper.example(4)
+    for row, wait in (("Example 4", 0.0), ("Example 4, waits 0.04 s", 0.04)):
+        model = nrdob.delay(wait) * example.model
+        given = example.process, model, example.controller, example.filter
+        yield row, "stability", lambda g=given: nrdob.NRDOB(*g).stability()
+        yield row, "margins", lambda g=given: nrdob.NRDOB(*g).margins()
+        yield row, "sets", lambda g=given: nrdob.stabilizing_time_constants(g[0], g[1], 3)
+        yield row, "step", lambda g=given: nrdob.NRDOB(*g).step_response("R")
     for row, process, model in (
         ("Example 4", example.process, example.model),
         ("hotend", nrdob.delay(0.8) * hotend, hotend),

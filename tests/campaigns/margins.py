@@ -9,7 +9,6 @@ every root of every factor: whatever it sees must have been found.
 
 from __future__ import annotations
 
-import argparse
 from collections import Counter
 from fractions import Fraction
 from functools import reduce
@@ -21,6 +20,8 @@ import numpy as np
 import nrdob
 from nrdob.analysis import Margins
 from nrdob.diagram import Quotient
+
+from .runner import print_tally
 
 FAMILIES = ("detuned", "spread", "integrating", "lags", "resonant")
 
@@ -219,9 +220,4 @@ def run(count: int, seed: int, *, show: bool = True) -> Counter[str]:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--count", type=int, default=1000)
-    parser.add_argument("--seed", type=int, default=0)
-    given = parser.parse_args()
-    for what, number in sorted(run(given.count, given.seed).items()):
-        print(f"{number:6} {what}")
+    print_tally(run, __doc__, 1000)

@@ -5,7 +5,6 @@ python -m tests.campaigns.sets --count 2000 --seed 0
 
 from __future__ import annotations
 
-import argparse
 from collections import Counter
 
 import numpy as np
@@ -14,20 +13,12 @@ import nrdob
 from nrdob.design import Mismatch
 
 from .plants import plant_and_model
+from .runner import print_tally
 
 BESIDE = 1e-5
 """How far inside and outside an end the roots are counted."""
 
 SCANNED = 24
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--count", type=int, default=2000)
-    parser.add_argument("--seed", type=int, default=0)
-    options = parser.parse_args()
-    for name, number in sorted(campaign(options.count, options.seed).items()):
-        print(f"{number:6}  {name}")
 
 
 def campaign(count: int, seed: int) -> Counter[str]:
@@ -66,4 +57,4 @@ def _set(rng: np.random.Generator, label: str) -> str:
 
 
 if __name__ == "__main__":
-    main()
+    print_tally(campaign, __doc__, 2000)

@@ -9,7 +9,6 @@ the series in powers of exp(-θs) is summed term by term, each a rational transf
 
 from __future__ import annotations
 
-import argparse
 from collections import Counter, defaultdict
 from fractions import Fraction
 from functools import reduce
@@ -21,6 +20,8 @@ from flint import arb, arb_mat, ctx, fmpq, fmpq_poly
 
 from nrdob.analysis import step_response
 from nrdob.diagram import INPUTS, DelayedTransferFunction, LoopEquations, LowPassFilter
+
+from .runner import asked
 
 PROMISED = 1e-9
 _CERTIFIED = 1e-13
@@ -175,11 +176,8 @@ def campaign(count, seed):
 
 def main():
     """Print one row for each family, and the refusals."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--count", type=int, default=1000)
-    parser.add_argument("--seed", type=int, default=0)
-    given = parser.parse_args()
-    errors, refusals = campaign(given.count, given.seed)
+    given = asked(__doc__, 1000)
+    errors, refusals = campaign(*given)
     print(f"{'family':32} {'count':>5} {'median':>8} {'worst':>8}  case  over {PROMISED:g}")
     for family, found in sorted(errors.items()):
         worst, number = max(found)

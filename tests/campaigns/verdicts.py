@@ -10,7 +10,6 @@ Run `python -m tests.campaigns.verdicts --count 10000 --seed 0`.
 
 from __future__ import annotations
 
-import argparse
 import math
 import time
 from collections import Counter, defaultdict
@@ -22,6 +21,8 @@ import flint
 import numpy as np
 
 import nrdob
+
+from .runner import asked
 
 DIGITS = 100
 SHORT = 300.0
@@ -403,12 +404,9 @@ def cases(count: int, seed: int) -> Iterator[Case]:
 
 def main() -> None:
     """Print the table of a campaign."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--count", type=int, default=10_000)
-    parser.add_argument("--seed", type=int, default=0)
-    asked = parser.parse_args()
+    given = asked(__doc__, 10_000)
     found: dict[str, list[Case]] = defaultdict(list)
-    for case in cases(asked.count, asked.seed):
+    for case in cases(*given):
         found[case.family].append(case)
         if case.wrong:
             print("WRONG", case.family, case.blocks, case.verdict, case.truth, sep="\n  ")

@@ -23,7 +23,7 @@ import numpy as np
 from flint import fmpq, fmpq_poly
 
 import nrdob
-from nrdob.analysis import INPUTS
+from nrdob.diagram import INPUTS
 from tests.campaigns.steps import exact_polynomial, inverse_laplace
 
 MOST_BALLS = 20_000
@@ -157,7 +157,7 @@ def step_error(loop, rng, horizon=6.0):
     """Largest error of a step response within some of the shorter dead times, against its size."""
     shortest = min(T for T in (loop.delay, loop.model_delay) if T)
     times = np.sort(rng.uniform(0, horizon * shortest, 3))
-    input = str(rng.choice(INPUTS))
+    input = str(rng.choice(list(INPUTS)))
     found = loop.step_response(input, times).outputs[:, 0]
     wanted = np.array([exact_step(loop, input, t) for t in times]).T
     size = np.maximum(

@@ -326,8 +326,8 @@ def negative_models(monkeypatch):
     change_examples(monkeypatch, lambda loop: loop_with(loop, model=-1.0))
 
 
-def no_block_refused(monkeypatch):
-    monkeypatch.setattr(LoopEquations, "__post_init__", lambda loop: None)
+def inverse_that_predicts(monkeypatch):
+    replace_map(monkeypatch, "K", "Nf Dm", "Df Nme")
 
 
 def another_year(monkeypatch):
@@ -365,7 +365,7 @@ MUTATIONS = {
     larger_plants: "eq09 eq13 eq14 ex4.ratio ex4.radius",
     larger_modified_plants: "ex2.variation ex3.variation ex4.variation",
     negative_models: "eq11 fig15a",
-    no_block_refused: "ex4.model_delay",
+    inverse_that_predicts: "ex4.model_delay",
     another_year: "ref02.year",
 }  # fmt: skip
 """What is made wrong, and claims that must not survive it."""

@@ -14,6 +14,8 @@ from nrdob.course.exercises.set1 import (
     SettledCase,
     TwinCase,
     WishCase,
+    draw_sensitivity,
+    gain_readings,
 )
 from nrdob.numerics import FloatArray
 
@@ -76,10 +78,16 @@ def test_roots_in_place_of_coefficients_are_told() -> None:
     assert "look like roots" in text
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_the_left_end_of_the_curve_tells_the_gain_of_the_plant(seed: int) -> None:
+    case, loop = draw_sensitivity(np.random.default_rng(seed))
+    assert gain_readings(case)["right"] == pytest.approx(loop.G.dc_gain, rel=1e-4)
+
+
 def test_the_gain_may_be_read_within_a_tenth_and_not_worse() -> None:
     for group in GROUPS:
         case = own_case("1.4", group)
-        true = case.truth.G.dc_gain
+        true = gain_readings(case)["right"]
         assert all(check("1.4", share * true, group).share == 1 for share in (0.91, 1, 1.1))
         assert all(check("1.4", share * true, group).share < 1 for share in (0.8, 1.25, -1))
 
@@ -94,9 +102,11 @@ def test_any_factor_has_a_twin(c: float) -> None:
 def test_a_twin_with_an_unstable_filter_is_refused_with_the_reason(c: float) -> None:
     # Beyond M_3 = 9 the filter of order 3 is unstable; any is for a negative c.
     [case] = [each for each in PROBLEMS["1.5"].cases(1, 30) if each.loop.filter.order == 3][:1]
-    assert "F must be stable" in PROBLEMS["1.5"].lacks(case, shifted(case, c))
-    kinds = PROBLEMS["1.5"].misconceptions
-    assert not any(kind.recognises(case, shifted(case, c)) for kind in kinds)
+    assert "F must be stable" in PROBLEMS["1.5"].lacks(
+        case, PROBLEMS["1.5"].reads(shifted(case, c))
+    )
+    kinds, got = PROBLEMS["1.5"].misconceptions, PROBLEMS["1.5"].reads(shifted(case, c))
+    assert not any(kind.recognises(case, got) for kind in kinds)
 
 
 def test_other_filters_may_meet_the_wishes() -> None:

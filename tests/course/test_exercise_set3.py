@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import control as ct
 import numpy as np
 import pytest
@@ -11,11 +13,14 @@ from nrdob.course.exercises import PROBLEMS, check, own_case
 from nrdob.course.exercises.set3 import (
     SHARES,
     GainCase,
-    MarginCase,
-    MeasuredCase,
-    NoiseCase,
     PeakCase,
     delay_readings,
+    delays_of,
+    draw_close,
+    draw_far,
+    draw_margin_loop,
+    draw_measured_loop,
+    draw_noise_loop,
     measured_crossovers,
     noise_readings,
 )
@@ -63,19 +68,40 @@ def test_the_neglected_lag_by_hand() -> None:
         assert found.observer_loop.gm_high == pytest.approx(limit)
 
 
-def test_the_measurement_gives_the_delay_margin_of_the_loop() -> None:
-    for group in GROUPS:
-        case: MeasuredCase = own_case("3.3", group)
-        true = case.truth.margins().plant_loop
-        assert delay_readings(case)["right"] == pytest.approx(true.delay_margin, rel=1e-3)
-        assert measured_crossovers(case)[0] == pytest.approx(true.gain_crossovers, rel=1e-3)
+KINDS = pytest.mark.parametrize(("draw", "which"), [(draw_far, -1), (draw_close, 0)])
+
+
+@KINDS
+def test_the_measurement_gives_the_delay_margin_of_the_loop(draw: Any, which: int) -> None:
+    for seed in range(12):
+        case, loop = draw_measured_loop(draw, which, np.random.default_rng(seed))
+        true = loop.margins().plant_loop
+        assert delay_readings(case)["right"] == pytest.approx(true.delay_margin, rel=2e-3)
+        assert measured_crossovers(case)[0] == pytest.approx(true.gain_crossovers, rel=2e-3)
+
+
+@KINDS
+def test_roots_cross_where_the_grader_says(draw: Any, which: int) -> None:
+    for seed in range(4):
+        case, loop = draw_measured_loop(draw, which, np.random.default_rng(seed))
+        margin = delay_readings(case)["right"]
+        for share, expected in ((0.97, True), (1.03, False)):
+            plant = delay(share * margin) * loop.process
+            late = NRDOB(plant, loop.model, loop.controller, loop.filter)
+            assert late.stability().stable is expected
+
+
+def test_every_group_meets_a_loop_that_is_lost_first_at_either_end() -> None:
+    for group in range(1, 61):
+        ends = {int(np.argmin(delays_of(case))) for case in PROBLEMS["3.3"].cases(group, 2)}
+        assert ends == {0, 2}
 
 
 def test_a_later_border_is_no_delay_margin() -> None:
     # With more dead time the loop is stable once more; a border there would pass a test at two
     # dead times alone.
-    case: MeasuredCase = own_case("3.3", 1)
-    later, loop = delay_readings(case)["phase margin"], case.truth
+    case, loop = draw_measured_loop(draw_far, -1, np.random.default_rng(1))
+    later = delay_readings(case)["phase margin"]
 
     def stable(theta: float) -> bool | None:
         plant = delay(theta) * loop.process
@@ -87,8 +113,8 @@ def test_a_later_border_is_no_delay_margin() -> None:
 
 def test_beyond_the_border_no_change_of_the_size_does_harm_and_before_it_one_does() -> None:
     for group in range(1, 9):
-        case: NoiseCase = own_case("3.4", group)
-        loop, border = case.truth, noise_readings(case)["right"]
+        case, loop = draw_noise_loop(np.random.default_rng(group))
+        border = noise_readings(case)["right"]
         for share, expected in ((0.8, False), (1.25, True)):
             # A narrow resonance at w, of the size, turned such that T Δ is negative there.
             w = share * border
@@ -123,12 +149,12 @@ def test_every_gain_between_the_margins_is_a_counterexample() -> None:
 @pytest.mark.slow
 def test_every_design_in_the_room_that_is_left_counts() -> None:
     accepts = PROBLEMS["3.6"].accepts
-    for group in GROUPS:
-        case: MarginCase = own_case("3.6", group)
+    for seed in GROUPS:
+        case, good = draw_margin_loop(np.random.default_rng(seed))
         for share in (0.92, 1.0, 1.12):
-            assert accepts(case, LowPassFilter(share * case.good, 2)) is True
+            assert accepts(case, LowPassFilter(share * good, 2)) is True
         for share in (0.65, 0.8, 1.2):
-            assert accepts(case, LowPassFilter(share * case.good, 2)) is not True
+            assert accepts(case, LowPassFilter(share * good, 2)) is not True
     assert SHARES[0] < 0.8 < SHARES[1] < 1 < SHARES[2]
 
 

@@ -11,7 +11,17 @@ import pytest
 from nrdob import NRDOB, LowPassFilter, stabilizing_time_constants
 from nrdob.course.exercises import own_case
 from nrdob.course.exercises.cases import s
-from nrdob.course.exercises.set5 import ADVICE, BORDER, DESIGN, EDGE, SIGN, draw_edge
+from nrdob.course.exercises.set5 import (
+    ADVICE,
+    BORDER,
+    DESIGN,
+    EDGE,
+    SIGN,
+    borders_read,
+    draw_edge,
+    edge_of,
+    side_of,
+)
 
 
 @pytest.mark.parametrize("case", SIGN.cases(1, 4), ids=lambda case: str(case)[-40:])
@@ -27,23 +37,23 @@ def test_with_the_other_sign_no_filter_stabilises(case: Any) -> None:
 def test_the_border_is_wanted_to_one_part_in_a_thousand(
     case: Any, factor: float, right: bool
 ) -> None:
-    assert (BORDER.accepts(case, factor * case.borders["true"]) is True) is right
+    assert (BORDER.accepts(case, factor * borders_read(case)["true"]) is True) is right
 
 
 @pytest.mark.parametrize("case", EDGE.cases(1, 6), ids=str)
 def test_an_edge_may_be_read_with_the_eye(case: Any) -> None:
-    value, _ = case.edge
+    value, _ = edge_of(case)
     for factor in (0.93, 1.07):
-        assert EDGE.accepts(case, (factor * value, case.side)) is True
+        assert EDGE.accepts(case, (factor * value, side_of(case))) is True
     for factor in (0.7, 1.4):
-        assert EDGE.accepts(case, [factor * value, case.side]) is not True
+        assert EDGE.accepts(case, [factor * value, side_of(case)]) is not True
 
 
 @pytest.mark.parametrize("group", range(1, 7))
 def test_the_edge_lies_between_marks(group: int) -> None:
     """The alt text names points of both curves before the crossing, and beyond it."""
     case = own_case("5.4", group)
-    value, omega = case.edge
+    value, omega = edge_of(case)
     figure = draw_edge(case)
     frequencies, points = figure.alt.split(". Γ₂ passes x = ")
     plt.close(figure.figure)

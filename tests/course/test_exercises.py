@@ -17,15 +17,12 @@ import pytest
 from nbgrader.nbgraderformat import MetadataValidator
 
 from nrdob.course.exercises import PROBLEMS, Misconception, own_case
-from nrdob.course.exercises.problems import BLANK, HARD_CODED
+from nrdob.course.exercises.problems import BLANK, HARD_CODED, NOTHING, ROUNDED
 from problemsets import SETS, Posed, calls, cells, nbgrader, posed, run
 
 GROUPS_AND_SEEDS = [
     (1, 11),
-    *(
-        pytest.param(*more, marks=pytest.mark.slow)
-        for more in ((2, 12), (7, 13), (30, 14), (2024, 15))
-    ),
+    *(pytest.param(*more, marks=pytest.mark.slow) for more in ((7, 13), (30, 14))),
 ]
 
 ALL = [problem for path in SETS for problem in posed(path)]
@@ -161,7 +158,7 @@ def test_the_published_solution_gets_full_marks(this: Posed, group: int, seed: i
 def test_the_blank_gets_nothing(this: Posed, group: int, seed: int) -> None:
     points = this.score(answer(this, group, blank=True), group, seed)
     assert points == 0
-    assert points.feedback.text == BLANK
+    assert points.feedback.text == (BLANK if this.problem.own else NOTHING)
 
 
 @each_misconception
@@ -175,7 +172,10 @@ def test_a_misconception_gets_its_message_and_its_marks(
     points = this.score(mistaken, group, seed)
     assert points.feedback.recognised == misconception.name, points.feedback.text
     assert points.feedback.text == misconception.says
-    assert points == pytest.approx(this.points * misconception.marks)
+    # More only where parts of the answer are right all the same.
+    assert points == pytest.approx(this.points * misconception.marks) or (
+        this.problem.parts and points > this.points * misconception.marks
+    )
 
 
 @each_problem_of_many_cases
@@ -207,7 +207,14 @@ def test_cases_can_be_read(this: Posed) -> None:
 @each_problem
 def test_messages_differ_and_are_sentences(this: Posed) -> None:
     kinds = this.problem.misconceptions
-    said = [BLANK, HARD_CODED, this.problem.praise, *(kind.says for kind in kinds)]
+    said = [
+        BLANK,
+        NOTHING,
+        HARD_CODED,
+        ROUNDED,
+        this.problem.praise,
+        *(kind.says for kind in kinds),
+    ]
     assert len(set(said)) == len(said)
     assert len({kind.name for kind in kinds}) == len(kinds)
     assert all(re.search(r"[.?…][)”]?$", text) for text in said)

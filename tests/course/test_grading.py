@@ -13,9 +13,12 @@ import numpy as np
 import pytest
 
 from nrdob.course.exercises import PROBLEMS, check, own_case, score
+from nrdob.course.exercises.cases import few
 from nrdob.course.exercises.problems import (
     BLANK,
+    BUDGET,
     HARD_CODED,
+    TOO_SLOW,
     Feedback,
     Lack,
     Misconception,
@@ -25,8 +28,10 @@ from nrdob.course.exercises.problems import (
     answers_like_any,
     lacking,
     review,
+    rounds,
     same,
 )
+from nrdob.course.exercises.reading import numbers
 
 
 @dataclass(frozen=True)
@@ -372,7 +377,82 @@ def test_a_value_for_the_own_case_is_judged_on_that_case_alone() -> None:
     assert review(own, 1000.0, own.cases(5, 4)).recognised == ""
 
 
+# --- parts, digits, dress -----------------------------------------------------------------------
+
+SIDES = Problem(
+    "0.5",
+    "",
+    AREA.case,
+    lambda case, got: "" if same([4 * case.side, case.side**2], got) else "one of the two is wrong",
+    "Right.",
+    (answers_like("twice", "That is half.", lambda case: [2 * case.side, case.side**2], 0.25),),
+    reads=partial(numbers, names="around, area"),
+    parts=lambda case, got: {
+        "around": same(4 * case.side, got[0]),
+        "area": same(case.side**2, got[1]),
+    },
+    rounded=lambda case, got: rounds([4 * case.side, case.side**2], got),
+)
+
+
+def test_independent_parts_are_marked_apart() -> None:
+    found = review(SIDES, lambda case: (4 * case.side, 1000.0), CASES)
+    assert found.share == 0.5
+    assert "Right in every case: around" in found.text
+    assert review(SIDES, lambda case: (1000.0, 1000.0), CASES).share == 0
+
+
+def test_a_part_must_be_right_in_every_case() -> None:
+    def once(case: Square) -> tuple[float, float]:
+        return 4 * case.side, case.side**2 if case == CASES[0] else -1.0
+
+    assert review(SIDES, once, CASES).share == 0.5
+
+
+def test_a_mistake_that_is_known_earns_no_less_than_one_that_is_not() -> None:
+    found = review(SIDES, lambda case: (2 * case.side, case.side**2), CASES)
+    assert (found.share, found.recognised) == (0.5, "twice")
+
+
+@pytest.mark.parametrize(("digits", "share"), [(2, 0.75), (3, 0.75), (4, 1), (6, 1)])
+def test_rounding_costs_a_quarter_and_is_called_so(digits: int, share: float) -> None:
+    found = review(
+        SIDES, lambda case: [few(x, digits) for x in (4 * case.side, case.side**2)], CASES
+    )
+    assert found.share == share
+    assert ("rounded" in found.text) is (share < 1)
+
+
+def test_what_cannot_be_read_is_told_in_the_words_of_the_reader() -> None:
+    text = review(SIDES, lambda case: 7.0, CASES).text
+    assert text.endswith(
+        "2 numbers are asked for, (around, area), in a list or a tuple; this is a float"
+    )
+
+
+def test_kinds_of_cases_take_turns_and_either_may_be_the_first() -> None:
+    kinds = replace(AREA, case=(lambda rng: "near", lambda rng: "far"))
+    drawn = {tuple(kinds.cases(seed, 4)) for seed in range(20)}
+    assert drawn == {("near", "far") * 2, ("far", "near") * 2}
+    assert kinds.cases(3, 2) == kinds.cases(3, 5)[:2]
+
+
 # --- check and score ----------------------------------------------------------------------------
+
+
+class Clock:
+    """A clock that answers set forward."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.now = 0.0
+        monkeypatch.setattr("nrdob.course.exercises.problems.time.perf_counter", lambda: self.now)
+
+    def answer(self, seconds: float) -> Any:
+        def slow(case: Square) -> float:
+            self.now += seconds
+            return case.side**2
+
+        return slow
 
 
 @pytest.fixture
@@ -382,6 +462,33 @@ def area(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("area")
 class TestCheckAndScore:
+    def test_the_time_is_told_that_the_graded_answer_will_take(
+        self, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        found = check("0.1", Clock(monkeypatch).answer(4.0), 3)
+        assert found.share == 1
+        assert repr(found).endswith("When it is graded it takes about 36 s of the 60 s allowed.")
+        assert "36 s of the 60 s" in found._repr_html_()
+
+    def test_what_is_too_slow_is_not_called_right(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        found = check("0.1", Clock(monkeypatch).answer(7.0), 3)
+        assert (found.share, found.text) == (0, TOO_SLOW)
+        assert f"63 s of the {BUDGET:g} s" in repr(found)
+
+    def test_little_time_is_not_talked_about(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        assert repr(check("0.1", Clock(monkeypatch).answer(0.1), 3)) == AREA.praise
+
+    def test_nothing_is_checked_while_it_is_graded(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setenv("NBGRADER_EXECUTION", "autograde")
+        asked: list[Square] = []
+        assert "Not checked" in check("0.1", asked.append, 3).text
+        assert asked == []
+        assert score("0.1", lambda case: case.side**2, 3, points=4, seed=1) == 4
+
+    def test_a_group_that_was_not_written_down_is_remarked(self) -> None:
+        assert "group 0" in repr(check("0.1", lambda case: case.side**2, 0))
+        assert "group 0" not in repr(check("0.1", lambda case: case.side**2, 1))
+
     def test_right(self) -> None:
         assert check("0.1", lambda case: case.side**2, 3).share == 1
         assert score("0.1", lambda case: case.side**2, 3, points=4, seed=1) == 4

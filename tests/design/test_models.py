@@ -103,6 +103,13 @@ def test_a_process_with_a_zero_at_the_origin_has_no_model():
         suggest_model(s * lag**2)
 
 
+def test_with_a_zero_at_the_origin_only_a_model_that_integrates_is_stable_and_rejects_nothing():
+    with pytest.raises(ValueError, match="unless the model integrates"):
+        suggest_model(s * lag**2)
+    idle = NRDOB(s * lag**2, 1 / s, 1, LowPassFilter(0.5, 1))
+    assert idle.stability().stable and idle.S_d.dc_gain == 1
+
+
 def test_candidates_are_written_with_what_they_allow():
     text = repr(suggest_model(0.1 * (100 - s) / (s + 2))[0])
     assert "left out" in text and "0.01 < λ < inf" in text and "met from λ = 0.02 s" in text

@@ -9,10 +9,13 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from scipy.optimize import brentq
 
 import nrdob
 from campaigns.designs import campaign
 from nrdob import LowPassFilter, admissible_time_constants, design_filter, paper
+from nrdob.design.forbidden import Curve, limits
+from nrdob.design.slack import Specification
 from strategies import fractions
 
 s = ct.tf("s")
@@ -117,6 +120,138 @@ def test_two_windows_beside_a_resonance_that_shifted(max_ms):
     assert inside == met and len(windows) == 2
 
 
+def test_a_window_between_two_limits_that_no_sample_shows():
+    # From below it is bounded by Ms, from above by a phase crossover that appears at once.
+    process = ct.tf([0.1553, 0.7645], [0.002378, 0.02574, 0.1412, 0.6161, 1])
+    model = ct.tf([0.2031, 1], [0.01132, 0.05687, 0.4166, 1])
+    wanted = {"max_ms": 1.926, "min_gm_db": 11.6}
+    first, second = admissible_time_constants(process, model, 2, **wanted)
+    assert first == (pytest.approx(0.13, abs=1e-3), pytest.approx(0.1414, abs=1e-3))
+    assert second == (pytest.approx(0.209, abs=1e-3), inf)
+    assert design_filter(process, model, order=2, **wanted).time_constant == first[0]
+    for end, beyond in ((first[0], 1 - 1e-6), (first[1], 1 + 1e-6), (second[0], 1 - 1e-6)):
+        assert meets(plant_loop(process, model, LowPassFilter(end, 2)), **wanted)
+        assert not meets(plant_loop(process, model, LowPassFilter(end * beyond, 2)), **wanted)
+
+
+def test_a_high_limit_of_the_sensitivity_is_kept_all_over_a_window():
+    # The peak grows smoothly from 38 to infinity, and is narrow.
+    process = ct.tf([1.99], [-0.02339, -0.03169, 1.252, 3.326, 1])
+    model = ct.tf([-1], [0.04419, 0.643, 2.929, 4.198, 1])
+    (window,) = admissible_time_constants(process, model, 5, max_ms=47.2)
+    assert window[0] == 0
+    inside = np.geomspace(1e-5, window[1], 8)
+    peaks = [plant_loop(process, model, LowPassFilter(v, 5)).ms for v in inside.tolist()]
+    assert peaks == sorted(peaks)
+    assert peaks[-1] == pytest.approx(47.2, rel=1e-8)
+
+
+@pytest.mark.parametrize("lateness", [0.01, 1.0, 100.0])
+def test_dead_time_alone_has_closed_forms(lateness):
+    # n = 1, R = exp(-θs): L = exp(-jωθ)/(jλω) is -2θ/(πλ) at ω = π/(2θ), of size 1 at 1/λ.
+    process = nrdob.delay(lateness) * lag
+    (by_gain,) = admissible_time_constants(process, lag, 1, min_gm_db=20 * np.log10(3.0))
+    (by_phase,) = admissible_time_constants(process, lag, 1, min_pm_deg=30.0)
+    assert by_gain == (pytest.approx(6 / np.pi * lateness, rel=1e-8), inf)
+    assert by_phase == (pytest.approx(3 / np.pi * lateness, rel=1e-8), inf)
+
+
+@pytest.mark.parametrize(
+    ("specification", "ends"),
+    [({"max_ms": 1.5}, 3.0), ({"min_gm_db": 20 * np.log10(2.0)}, 2.0)],
+)
+def test_a_loop_that_does_not_vanish_at_infinite_frequency_has_closed_forms(specification, ends):
+    # n = 1, R = 1 - s: L = (1 - s)/(λs) tends to -1/λ.
+    (window,) = admissible_time_constants((1 - s) * lag, lag, 1, **specification)
+    assert window == (pytest.approx(ends, rel=1e-8), inf)
+
+
+def test_slow_filters_lose_their_phase_margin_beside_an_undamped_mode():
+    # Close to the mode L is a straight line through 0, whose angle tends to a limit with λ.
+    process, model = 1 / ((s**2 + 1) * (s + 1)), 1 / ((s**2 + 0.2 * s + 1.1) * (s + 1))
+    for wanted in (20.0, 40.0, 60.0):
+        windows = admissible_time_constants(process, model, 3, min_pm_deg=wanted)
+        for value in np.geomspace(0.2, 100, 25).tolist():
+            inside = any(low <= value <= high for low, high in windows)
+            found = plant_loop(process, model, LowPassFilter(value, 3))
+            assert inside is meets(found, min_pm_deg=wanted)
+
+
+@pytest.mark.parametrize("order", [1, 2, 5, 12, 13, 20])
+def test_the_inverses_of_the_curve_of_each_order(order):
+    curve = Curve.of(order)
+    x = np.geomspace(1e-3, 1e3, 400)
+    value = (1 + 1j * x) ** order - 1
+    if order > 1:
+        angle = np.unwrap(np.angle(value))
+        assert np.exp(curve.at_angle(angle)) == pytest.approx(x, rel=1e-6)
+    stretches = list(curve.rising())
+    assert (len(stretches) == 1) is (order <= 12)  # the size of the curve is monotone up to 12
+    sizes = np.log(np.abs(value))
+    for size, u in zip(sizes, np.log(x), strict=True):
+        inverses = [inverse(size) for first, last, inverse in stretches if first < size < last]
+        assert np.abs(np.array(inverses) - u).min() < 1e-6
+
+
+@pytest.mark.parametrize("max_ms", [1.001, 1.6, 5.0])
+@pytest.mark.parametrize("order", [1, 2, 5, 12, 20])
+def test_what_the_sensitivity_forbids_at_a_frequency_is_one_range(order, max_ms):
+    rng = np.random.default_rng(order)
+    (limit,) = limits(order, Specification(max_ms=max_ms))
+    size, angle = rng.uniform(-10, 10, 60), rng.uniform(0, order * np.pi / 2 + 1.5, 60)
+    found = limit.forbids(size, angle)
+    low, high = found.edges()
+    x = np.geomspace(1e-16, 1e16, 16001)
+    log_D = order * np.log1p(1j * x) + np.log(-np.expm1(-order * np.log1p(1j * x)))
+    for k in range(60):
+        turned = angle[k] - log_D.imag
+        ratio = -np.exp(size[k] - log_D.real + 1j * turned)
+        there = np.flatnonzero((np.abs(turned) < np.pi / 2) & (np.abs(1 + ratio) < 1 / max_ms))
+        if there.size:
+            assert np.all(np.diff(there) == 1)
+            assert np.exp(low[k]) == pytest.approx(x[there[0]], rel=0.01)
+            assert np.exp(high[k]) == pytest.approx(x[there[-1]], rel=0.01)
+        assert there.size or found.depth[k] < 1e-3 * max_ms
+
+
+@pytest.mark.parametrize("above", [1e-4, 1e-6, 1e-9])
+def test_a_peak_close_to_1_needs_a_filter_as_much_slower_than_the_dead_time(above):
+    # L = exp(-θs)/(λs): |1 + L|² = 1 - 2 sin(θω)/(λω) + 1/(λω)², so Ms - 1 → θ/λ for slow filters.
+    (window,) = admissible_time_constants(nrdob.delay(3.0) * lag, lag, 1, max_ms=1 + above)
+    assert window == (pytest.approx(3.0 / above, rel=above**0.5), inf)
+
+
+@pytest.mark.parametrize("gain", [0.01, 2.0])
+def test_with_an_integrator_of_the_model_alone_the_gain_at_zero_decides(gain):
+    # n = 1: L = -(k/λ)/(s + 1), whose largest sensitivity is λ/(λ - k), at zero frequency.
+    process, model = -gain * lag, ct.tf([1], [1, 0])
+    (window,) = admissible_time_constants(process, model, 1, max_ms=1.6)
+    assert window == (pytest.approx(8 / 3 * gain, rel=1e-8), inf)
+    (window,) = admissible_time_constants(process, model, 1, min_gm_db=20.0)
+    assert window == (pytest.approx(10 * gain, rel=1e-8), inf)
+    assert design_filter(process, model, order=1, max_ms=1.6).time_constant == pytest.approx(
+        8 / 3 * gain, rel=1e-8
+    )
+
+
+@pytest.mark.parametrize("above", [1e-2, 1e-3, 1e-4])
+@pytest.mark.parametrize("delay", [0.0, 0.1])
+def test_an_undamped_mode_comes_too_close_however_narrow_it_is(above, delay):
+    # Beside the pole at j, R/D(λ) is a straight line through 0, at an angle that λ turns.
+    process, model = lag / (s**2 + 1), lag**2
+    residue = (1 + 1j) / 2j * np.exp(-1j * delay)
+
+    def peak(slowness):
+        value = residue / ((1 + 1j * slowness) ** 3 - 1)
+        return abs(value) / abs(value.real)
+
+    max_ms = peak(1e12) * (1 + above)
+    end = brentq(lambda u: peak(np.exp(u)) - max_ms, 4.0, 14.0, xtol=1e-12)
+    wanted = {"order": 3, "max_ms": max_ms}
+    *_, window = admissible_time_constants(nrdob.delay(delay) * process, model, **wanted)
+    assert window == (pytest.approx(np.exp(end), rel=1e-4), inf)
+
+
 def test_admissible_time_constants_end_where_the_closed_form_says():
     # n = 1, R = 1 - s/z: Ms = λ/(λ - 1/z), so that Ms ≤ 1.6 from 8/3 on, and for every slow one.
     (window,) = admissible_time_constants((1 - s) * lag, lag, 1, max_ms=1.6)
@@ -146,7 +281,7 @@ def test_the_floor_of_the_sensitivity_is_told():
 
 
 def test_without_a_limit_the_noise_must_choose():
-    with pytest.raises(ValueError, match="every filter of order 2"):
+    with pytest.raises(ValueError, match="every filter of order 2, however fast; let the noise"):
         design_filter(lag, lag, order=2, max_ms=1.2)
 
 

@@ -111,6 +111,8 @@ def _is_open(root: Path, name: str) -> bool:
 
 def _is_shown(root: Path, module: str, name: str) -> bool:
     """Tell whether a module shows a name; the package shows all its rooms."""
+    if name.startswith("__"):
+        return True  # such as __name__, which every module has
     return name in (modules(root)[module].shows or ()) or (
         module == PACKAGE and name in below(root, module)
     )

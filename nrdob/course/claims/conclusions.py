@@ -7,7 +7,7 @@ import re
 import numpy as np
 
 from ...analysis import judge
-from ...diagram import LowPassFilter
+from ...diagram import LowPassFilter, interpolating_filter
 from ...loop import NRDOB
 from ...numerics import QuasiPolynomial, number
 from ...paper import example
@@ -50,18 +50,22 @@ def designs_exist() -> Finding:
     LATE,
     amendment=Amendment(
         Verdict.CONDITION,
-        "For a plant with a pole or a zero in the right half plane that is so: the matched model "
-        "never works. Dead time alone can be matched, if the observer is changed: with the path "
-        r"$Fu$ delayed by the known $\theta$ the characteristic function of the observer loop is "
-        r"$ND\,D_f$, stable with every filter if the process is otherwise stable and minimum "
-        "phase.",
+        "For a plant with a pole or a zero in the right half plane that is so with the filter (1): "
+        "the matched model never works. A filter made for the model, 0 at its zeros and 1 at its "
+        "poles on the right, makes it work, if each block is built as one. Dead time alone can be "
+        r"matched, if the observer is changed: with the path $Fu$ delayed by $\theta$, a Smith "
+        r"predictor, the characteristic function of the observer loop is $ND\,D_f$, stable with "
+        "every filter if the process is otherwise stable and minimum phase. That is for the exact "
+        r"$\theta$; with a filter fast against it the loop is lost as soon as $\theta$ is wrong by "
+        r"$c_n\lambda$, $c_3=3.0427$.",
     ),
 )
 def not_matching() -> Finding:
     """Judge nine filters with each: matched Examples 2 and 3; Example 4 with the path Fu delayed.
 
     Then p = D Nm (Df − exp(−θs)) + N Dm exp(−θs), which is N·D·Df for a matched rational part; the
-    model of Example 4, whose rational part differs, is judged as well.
+    model of Example 4, whose rational part differs, is judged as well. So is a plant whose dead
+    time is a little longer, by turns, and filters made for the matched models.
     """
     filters = [LowPassFilter(lam, n) for n in (2, 3, 4) for lam in (0.01, 0.1, 1.0)]
     matched = [
@@ -76,6 +80,13 @@ def not_matching() -> Finding:
         for each in filters
     ]
     late = [judge("", [QuasiPolynomial(each.den)], p).stable for p, each in delayed]
+    made = [
+        NRDOB(loop.process, loop.process, 0.1, interpolating_filter(loop.process, lam))
+        for loop in (example(2), example(3))
+        for lam in (0.01, 0.1, 1.0)
+    ]
+    as_one = [loop.stability().observer_loop.stable is True for loop in made]
+    lost = [_lost_to_a_wrong_delay(times * 0.001, 0.05, 0.001) for times in (3.0, 3.1)]
     own_factors = all(
         p.delay == 0 and np.allclose(p.q, np.polymul(process[1], each.den))
         for p, each in delayed[: len(filters)]
@@ -85,11 +96,15 @@ def not_matching() -> Finding:
     return Finding(
         fails == len(matched) and works == 0,
         f"matched Examples 2 and 3: unstable in {fails} of {len(matched)} loops; Example 4 with "
-        f"the path Fu delayed: stable in {works} of {len(late)}",
+        f"the path Fu delayed: stable in {works} of {len(late)}, and with n = 3, λ = 0.001 s, "
+        f"θ = 0.05 s {_words(lost[0])} with 3.0 ms more dead time, {_words(lost[1])} with 3.1 ms; "
+        f"matched with filters made for the model: stable in {sum(as_one)} of {len(as_one)}",
         conditions={
             "the matched model never works in Examples 2 and 3": fails == len(matched),
             "dead time can be matched with the path Fu delayed": works == len(late),
             "the characteristic function is then N·D·Df": own_factors,
+            "an error of θ below c₃λ does no harm, one above loses the loop": lost == [False, True],
+            "a filter made for the model makes the matched model work": all(as_one),
         },
     )
 
@@ -106,6 +121,20 @@ def _with_delayed_path(
     late = np.polysub(np.polymul(N, Dm), common)
     return QuasiPolynomial(np.polymul(common, F.den), np.atleast_1d(late), delay)
 
+
+def _lost_to_a_wrong_delay(error: float, delay: float, time_constant: float) -> bool:
+    """Whether 1 + F (exp(−(θ + error)s) − exp(−θs)), n = 3, turns around 0."""
+    late, early = np.exp(np.array([[-1j * (delay + error)], [-1j * delay]]) * _FREQUENCIES)
+    values = 1 + LowPassFilter(time_constant, 3)(1j * _FREQUENCIES) * (late - early)
+    return bool(abs(np.angle(values[1:] / values[:-1]).sum()) > np.pi / 2)
+
+
+def _words(lost: bool) -> str:
+    return "lost" if lost else "stable"
+
+
+_FREQUENCIES = np.linspace(0, 2e4, 200_001)
+"""Far enough for λ = 0.001 s, and dense enough for θ = 0.05 s."""
 
 REFERENCE_2 = (
     "IEEE/ASME Transactions on Mechatronics, 9 (4), pp. 706-710 [10.1109/TMECH.2004.839034], 2006"

@@ -481,7 +481,8 @@ def _is_pole(loop: NRDOB, root: complex) -> bool:
         r"If and only if, provided that $N_p$ is counted before cancellation, that nothing cancels "
         r"on the imaginary axis ($G=\tilde G=1/s$ has $N_p=0$ and no turns, yet $p_B(0)=0$ if "
         r"every factor is kept; built as one, $(1-F)\tilde G$ has no such root), that "
-        r"$F$ is stable and $F(\infty)H(\infty)\ne-1$, and that the contour passes open-loop "
+        r"$F$ is stable, not zero where $D\,N_m$ is zero on the axis, and "
+        r"$F(\infty)H(\infty)\ne-1$, and that the contour passes open-loop "
         "poles on the axis on their right. With dead time the plot must not circle $-1$ for ever; "
         "it does not if $FH$ is strictly proper.",
     ),
@@ -490,8 +491,8 @@ def turns_that_condition_ii_needs() -> Finding:
     """Follow 1 + FH point by point and count its turns; compare with the roots of p_B.
 
     Random loops with and without dead time, a plant with an integrator, G = Gm = 1/s with every
-    factor kept and with blocks built as one, and G = Gm = 4/(2 − s − s²), for which a count after
-    cancellation would call the loop stable.
+    factor kept and with blocks built as one, a filter that is zero on the axis, and
+    G = Gm = 4/(2 − s − s²), for which a count after cancellation would call the loop stable.
     """
     rational = _random_loops(80)
     delayed = [loop for loop in _random_loops(40, delayed=True) if not any(loop.FH.at_infinity)]
@@ -499,6 +500,7 @@ def turns_that_condition_ii_needs() -> Finding:
     agree = [_enough_turns(loop) == _condition_ii(loop) for loop in [*rational, *delayed]]
     hidden = NRDOB(1 / _s, 1 / _s, 2.0, LowPassFilter(0.05, 1), keep_factors=True)
     as_one = NRDOB(1 / _s, 1 / _s, 2.0, LowPassFilter(0.05, 1))
+    notch = NRDOB(1 / (_s**2 + 1), 1 / (_s + 1) ** 2, 1.0, (_s**2 + 1) / (_s + 1) ** 4)
     G = 4 / (2 - _s - _s**2)
     matched = NRDOB(G, G, -2.0, LowPassFilter(0.05, 2))
     after = sum(_is_pole(matched, root) for root in _poles_and_zeros(matched) if root.real > 0)
@@ -520,6 +522,9 @@ def turns_that_condition_ii_needs() -> Finding:
             ),
             "G = Gm = 1/s violates condition ii if every factor is kept": not _condition_ii(hidden),
             "built as one it fulfils it": _condition_ii(as_one),
+            "a zero of F on a pole of G on the axis: enough turns, and roots on the axis": (
+                _enough_turns(notch) and not _condition_ii(notch)
+            ),
             "the matched unstable plant violates condition ii": not _condition_ii(matched),
             "N_p before cancellation tells": not _enough_turns(matched),
             "N_p after cancellation does not": turned == -after,

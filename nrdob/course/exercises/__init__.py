@@ -12,12 +12,14 @@ from __future__ import annotations
 import contextlib
 import os
 import re
+from dataclasses import replace
 from importlib import import_module
 from pkgutil import iter_modules
 from typing import Any
 
 from .cases import factored
 from .problems import (
+    BUDGET,
     HIDDEN_CASES,
     VISIBLE_CASES,
     Case,
@@ -26,11 +28,13 @@ from .problems import (
     Points,
     Problem,
     review,
+    timed,
 )
 from .set2 import draw_without_count
 from .set5 import draw_edge
 
 __all__ = [
+    "BUDGET",
     "PROBLEMS",
     "Feedback",
     "Misconception",
@@ -57,6 +61,13 @@ PROBLEMS: dict[str, Problem] = {
 """
 
 
+NOT_NOW = "Not checked while the notebook is graded: it would take the time of the grading."
+
+NOBODY = (
+    "This is the case of group 0, which is nobody's: write your group's number into the first cell."
+)
+
+
 def own_case(id: str, group: int) -> Case:
     """Give the case of a group: the same problem for all, with numbers of its own.
 
@@ -73,6 +84,9 @@ def own_case(id: str, group: int) -> Case:
 def check(id: str, answer: Any, group: int) -> Feedback:
     """Judge an answer on the group's own case and some more, and tell what to think about.
 
+    It tells, too, how much of the time allowed the answer takes when it is graded, if that is more
+    than a little.
+
     Parameters
     ----------
     id : str
@@ -83,8 +97,11 @@ def check(id: str, answer: Any, group: int) -> Feedback:
         Seed of the group.
     """
     problem = _problem(id)
-    count = 1 if problem.own else VISIBLE_CASES
-    return review(problem, answer, problem.cases(group, count))
+    if os.environ.get("NBGRADER_EXECUTION") == "autograde":
+        return Feedback(0.0, NOT_NOW)
+    count, graded = (1, 1) if problem.own else (VISIBLE_CASES, 1 + HIDDEN_CASES)
+    found = timed(problem, answer, problem.drawn(group, count), graded)
+    return replace(found, notes=(*found.notes, NOBODY)) if group == 0 else found
 
 
 def score(id: str, answer: Any, group: int, points: float, seed: int) -> Points:
@@ -107,8 +124,8 @@ def score(id: str, answer: Any, group: int, points: float, seed: int) -> Points:
         Hidden seed of the cases that the student has not seen.
     """
     problem = _problem(id)
-    own = problem.cases(group, 1)
-    cases = own if problem.own else own + problem.cases(seed, HIDDEN_CASES)
+    own = problem.drawn(group, 1)
+    cases = own if problem.own else own + problem.drawn(seed, HIDDEN_CASES)
     with (
         open(os.devnull, "w", encoding="utf-8") as nowhere,
         contextlib.redirect_stdout(nowhere),

@@ -4,30 +4,41 @@ A problem draws its cases from a seed: the same difficulty for everyone, other n
 An answer is a function of a case, or a value for the student's own case. It is judged by what it
 must satisfy, never by comparison with a stored number. If it fails, the grader looks whether it is
 what somebody would answer who holds one of the problem's typical misconceptions, and tells what
-went wrong and what to do; else it shows the first case that fails.
+went wrong and what to do; else it shows the first case that fails. A right answer that was rounded
+is told so, and accused of nothing.
+
+A case holds what the problem's text names, and nothing else: what a grader knows besides, it
+computes from the case, in functions of the problem's module.
 """
 
 from __future__ import annotations
 
 import copy
 import hashlib
+import time
 import traceback
 import warnings
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
-from functools import lru_cache
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache, partial
 from html import escape
 from math import log
 from typing import Any
 
 import numpy as np
 
+from ...diagram import LowPassFilter
 from ...loop import NRDOB
+from .reading import UnreadableError, as_given
 
 __all__ = [
     "BLANK",
+    "BUDGET",
+    "FOUR_DIGITS",
     "HARD_CODED",
     "HIDDEN_CASES",
+    "ROUNDED",
+    "TOO_SLOW",
     "VISIBLE_CASES",
     "Case",
     "Feedback",
@@ -40,16 +51,27 @@ __all__ = [
     "lacking",
     "near",
     "review",
+    "rounds",
     "same",
+    "timed",
 ]
 
 Case = Any
 """What a problem is posed with: a dataclass whose fields the problem's text names."""
 
+Draw = Callable[[np.random.Generator], Case]
+"""Draws a case."""
+
 VISIBLE_CASES, HIDDEN_CASES = 4, 8
 
+BUDGET = 60.0
+"""Seconds that a cell may take when it is graded; `check` tells how much of them it needs."""
 
-def same(expected: Any, got: Any, rtol: float = 1e-4) -> bool:
+FOUR_DIGITS = 6e-4
+"""By how much a number may differ that is given to four digits, as a share of it."""
+
+
+def same(expected: Any, got: Any, rtol: float = FOUR_DIGITS) -> bool:
     """Compare numbers, arrays, lists, tuples, booleans or texts, numbers to four digits.
 
     What is zero may be off by rounding, measured by the largest of the numbers compared.
@@ -98,6 +120,35 @@ def near(expected: float, got: Any, tolerance: float) -> bool:
     """
     share = float(got) / expected
     return share > 0 and abs(log(share)) < tolerance
+
+
+def rounds(right: Any, got: Any) -> bool:
+    """Tell whether an answer is a right one with fewer digits, rounded or cut off.
+
+    Numbers are so if they have few digits, and are off by less than one in the last of them and by
+    at most 5 %; of filters, the time constants. What is right to four digits counts, too.
+
+    Examples
+    --------
+    >>> rounds(0.12345, 0.123), rounds([0.12345, 2.0], [0.12, 2.0]), rounds(0.12345, 0.1236)
+    (True, True, False)
+    """
+    if isinstance(right, LowPassFilter):
+        return right.order == got.order and rounds(right.time_constant, got.time_constant)
+    if isinstance(right, Mapping):
+        return right.keys() == got.keys() and all(rounds(right[key], got[key]) for key in right)
+    expected, given = np.ravel(right).astype(float), np.ravel(got).astype(float)
+    return expected.size == given.size and all(map(_rounds, expected, given))
+
+
+def _rounds(right: float, got: float) -> bool:
+    if same(right, got):
+        return True
+    if not (np.isfinite(right) and np.isfinite(got)) or abs(got - right) > 0.05 * abs(right):
+        return False
+    units = 10.0 ** -np.arange(-3, 9)
+    short = np.abs(got / units - np.round(got / units)) < 1e-9
+    return bool(np.any(short & (abs(got - right) < units)))
 
 
 @dataclass(frozen=True)
@@ -196,19 +247,23 @@ class Feedback:
         What the student reads.
     recognised : str
         Name of the misconception recognised; empty if there is none.
+    notes : tuple of str
+        What is to be said besides, about the time and the group.
     """
 
     share: float
     text: str
     recognised: str = ""
+    notes: tuple[str, ...] = field(default=(), compare=False)
 
     def __repr__(self) -> str:
-        return self.text
+        return "\n".join([self.text, *self.notes])
 
     def _repr_html_(self) -> str:
         # A word and a mark, not colour alone.
         mark = "✓" if self.share == 1 else "→"
-        return f"<p><strong>{mark}</strong> {escape(self.text)}</p>"
+        notes = "".join(f"<p>{escape(note)}</p>" for note in self.notes)
+        return f"<p><strong>{mark}</strong> {escape(self.text)}</p>{notes}"
 
 
 class Points(float):
@@ -245,8 +300,9 @@ class Problem:
         Number of the set and of the problem: "2.1".
     title : str
         What it is about.
-    case : callable
-        Draws a case from a random generator.
+    case : callable or tuple of callable
+        Draws a case from a random generator. Several are used in turn, so that every student meets
+        each kind of case.
     lacks : callable
         Tells which of the properties asked for an answer to a case lacks, as a sentence or as a
         `Lack`; empty if it has them all.
@@ -256,35 +312,63 @@ class Problem:
         In the order in which they are looked for.
     own : bool
         Whether the answer is a value for the student's own case rather than a function of a case.
+    reads : callable
+        Reads what a student gives, see `nrdob.course.exercises.reading`; all that judges an answer
+        gets what this returns.
+    rounded : callable, optional
+        Tells whether an answer that fails is right but for rounding.
+    parts : callable, optional
+        Tells which of several independent parts of an answer are right, each by its name. An answer
+        earns the share of the parts that are right in every case.
+    budget : float
+        Seconds that the graded cell may take.
     """
 
     id: str
     title: str
-    case: Callable[[np.random.Generator], Case]
+    case: Draw | tuple[Draw, ...]
     lacks: Callable[[Case, Any], str]
     praise: str
     misconceptions: tuple[Misconception, ...] = ()
     own: bool = False
+    reads: Callable[[Any], Any] = as_given
+    rounded: Callable[[Case, Any], bool] | None = None
+    parts: Callable[[Case, Any], Mapping[str, bool]] | None = None
+    budget: float = BUDGET
 
     def accepts(self, case: Case, got: Any) -> bool:
         """Tell whether an answer to a case has the properties asked for.
 
         Parameters
         ----------
-        case : object
-            A case of the problem.
+        case : Case
+            What was asked.
         got : object
-            What the answer gives for it.
+            The answer, as it is given.
         """
-        return not self.lacks(case, got)
+        return not self.lacks(case, self.reads(got))
 
     def cases(self, seed: Any, count: int) -> list[Case]:
-        """Draw cases; the first one of a group's seed is its own.
+        """Give cases; the first one of a group's seed is its own.
+
+        They are copies, so that whoever changes a case changes nobody else's.
 
         Parameters
         ----------
         seed : object
-            Number of the group, or a hidden seed.
+            A group, or a hidden seed.
+        count : int
+            How many.
+        """
+        return copy.deepcopy(self.drawn(seed, count))
+
+    def drawn(self, seed: Any, count: int) -> list[Case]:
+        """Draw cases, once; what graders have computed of them stays known.
+
+        Parameters
+        ----------
+        seed : object
+            A group, or a hidden seed.
         count : int
             How many.
         """
@@ -292,17 +376,44 @@ class Problem:
             seed = int(seed)
         # Anything can be a seed, so that a group's number that is none does not stop the grading.
         digest = hashlib.sha256(f"{self.id}/{seed}".encode()).digest()
-        # Drawn once; a copy, so that whoever changes a case changes nobody else's.
-        return copy.deepcopy(_drawn(self.case, int.from_bytes(digest[:8], "big"), count))
+        kinds = self.case if isinstance(self.case, tuple) else (self.case,)
+        cases = _sequence(kinds, int.from_bytes(digest[:8], "big"))
+        while len(cases.drawn) < count:
+            cases.draw()
+        return cases.drawn[:count]
 
 
-@lru_cache(maxsize=512)
-def _drawn(draw: Callable[[np.random.Generator], Case], seed: int, count: int) -> list[Case]:
-    rng = np.random.default_rng(seed)
-    return [draw(rng) for _ in range(count)]
+class _Sequence:
+    """Cases of one seed, drawn as they are asked for."""
+
+    def __init__(self, kinds: tuple[Draw, ...], seed: int) -> None:
+        self.rng = np.random.default_rng(seed)
+        self.kinds, self.first = kinds, seed % len(kinds)
+        self.drawn: list[Case] = []
+
+    def draw(self) -> None:
+        kind = self.kinds[(self.first + len(self.drawn)) % len(self.kinds)]
+        self.drawn.append(kind(self.rng))
+
+
+_sequence = lru_cache(maxsize=512)(_Sequence)
 
 
 BLANK = "Nothing to check yet: replace the placeholder by your answer and run this cell again."
+
+NOTHING = (
+    "Nothing to check yet: your function returns nothing. Write the answer into it, end it with "
+    "return …, and run this cell again."
+)
+
+ROUNDED = (
+    "Right, but rounded: numbers are compared to four digits, and these have fewer, which costs a "
+    "quarter of the points. Leave the rounding out, or keep four digits or more."
+)
+KEPT = 0.75
+"""Share of the points for a right answer that was rounded."""
+
+TOO_SLOW = "Right, but too slow: when it is graded it would be stopped, and earn nothing."
 
 HARD_CODED = (
     "Right for the first case and wrong for another: it looks as if a number of one case were "
@@ -325,7 +436,7 @@ def review(problem: Problem, answer: Any, cases: Iterable[Case]) -> Feedback:
     if answer is None or answer is Ellipsis:
         return Feedback(0.0, BLANK)
     if problem.own:
-        return _judge(problem, [(next(iter(cases)), answer)])
+        return _judge(problem, [_tried(problem, next(iter(cases)), answer)])
     if not callable(answer):
         return Feedback(0.0, "The answer must be a function of a case; this is a value.")
     tried = []
@@ -338,9 +449,30 @@ def review(problem: Problem, answer: Any, cases: Iterable[Case]) -> Feedback:
         except (Exception, SystemExit) as error:
             return Feedback(0.0, _told(error, answer, case))
         if got is None or got is Ellipsis:
-            return Feedback(0.0, "The function returns nothing: end it with return …")
-        tried.append((case, got))
+            return Feedback(0.0, NOTHING)
+        tried.append(_tried(problem, case, got))
     return _judge(problem, tried)
+
+
+def timed(problem: Problem, answer: Any, cases: Sequence[Case], graded: int) -> Feedback:
+    """Judge an answer, and tell how much of the time allowed it takes when it is graded.
+
+    Parameters
+    ----------
+    problem, answer, cases
+        As `review` takes them.
+    graded : int
+        On how many cases it will be graded.
+    """
+    start = time.perf_counter()
+    found = review(problem, answer, cases)
+    seconds = (time.perf_counter() - start) * graded / len(cases)
+    if seconds < 0.05 * problem.budget:
+        return found
+    note = f"When it is graded it takes about {seconds:.2g} s of the {problem.budget:g} s allowed."
+    if seconds > problem.budget:
+        found = replace(found, share=0.0, text=TOO_SLOW if found.share == 1 else found.text)
+    return replace(found, notes=(note,))
 
 
 def _quietly(function: Callable[..., Any], *arguments: Any) -> Any:
@@ -369,26 +501,67 @@ def _shown(value: Any, longest: int = 200) -> str:
     return text if len(text) <= longest else text[:longest] + " …"
 
 
-def _judge(problem: Problem, tried: list[tuple[Case, Any]]) -> Feedback:
-    found = [(case, got, _lack(problem, case, got)) for case, got in tried]
-    failing = [each for each in found if each[2]]
+@dataclass(frozen=True, eq=False)
+class _Tried:
+    """An answer to a case, as it was given and as it was read, and what it lacks."""
+
+    case: Case
+    given: Any
+    got: Any
+    lack: str
+
+
+def _tried(problem: Problem, case: Case, given: Any) -> _Tried:
+    try:
+        got = _quietly(problem.reads, given)
+    except Exception as error:
+        return _Tried(case, given, None, _unusable(error))
+    return _Tried(case, given, got, _lack(problem, case, got))
+
+
+def _judge(problem: Problem, tried: Sequence[_Tried]) -> Feedback:
+    failing = [each for each in tried if each.lack]
     if not failing:
         return Feedback(1.0, problem.praise)
+    right = _right_parts(problem, tried)
+    earned = sum(right.values()) / len(right) if right else 0.0
+
+    def recognised(how: Callable[[_Tried], Any]) -> bool:
+        return all(each.got is not None and _holds(how, each) for each in failing)
+
+    is_rounded = problem.rounded
+    if is_rounded and recognised(lambda each: is_rounded(each.case, each.got)):
+        return Feedback(max(earned, KEPT), ROUNDED, "rounded")
     for misconception in problem.misconceptions:
-        if all(_recognises(misconception, *each) for each in failing):
-            return Feedback(misconception.marks, misconception.says, misconception.name)
-    first = tried[0][1]
-    if len(tried) > 1 and not found[0][2] and all(same(first, got) for _, got in tried):
+        if recognised(partial(_recognises, misconception)):
+            share = max(earned, misconception.marks)
+            return Feedback(share, misconception.says, misconception.name)
+    first = tried[0]
+    if len(tried) > 1 and not first.lack and all(same(first.given, t.given) for t in tried):
         return Feedback(0.0, HARD_CODED, "hard-coded")
-    case, got, lack = failing[0]
-    return Feedback(0.0, f"Not yet. For {case} the answer {_shown(got)} fails: {lack}")
+    worst = failing[0]
+    text = f"Not yet. For {worst.case} the answer {_shown(worst.given)} fails: {worst.lack}"
+    if earned:
+        text += f". (Right in every case: {', '.join(name for name in right if right[name])}.)"
+    return Feedback(earned, text)
+
+
+def _right_parts(problem: Problem, tried: Sequence[_Tried]) -> dict[str, bool]:
+    """Tell which parts of an answer are right in every case."""
+    if not problem.parts or any(each.got is None for each in tried):
+        return {}
+    try:
+        found = [_quietly(problem.parts, each.case, each.got) for each in tried]
+    except Exception:  # what cannot be taken apart has no parts that are right
+        return {}
+    return {name: all(parts[name] for parts in found) for name in found[0]}
 
 
 def _lack(problem: Problem, case: Case, got: Any) -> str:
     try:
         lack = _quietly(problem.lacks, case, got)
     except Exception as error:
-        return f"it cannot be used: {type(error).__name__}: {error}"
+        return _unusable(error)
     if not isinstance(lack, str):
         raise TypeError(
             f"lacks of problem {problem.id} gives {lack!r}; it must give a sentence that says what "
@@ -397,10 +570,22 @@ def _lack(problem: Problem, case: Case, got: Any) -> str:
     return lack
 
 
-def _recognises(misconception: Misconception, case: Case, got: Any, lack: str) -> bool:
+def _unusable(error: Exception) -> str:
+    if isinstance(error, UnreadableError):
+        return _shown(error, longest=300)
+    # What the package refuses it says in words that need no name.
+    name = "" if isinstance(error, ValueError | TypeError) else f"{type(error).__name__}: "
+    return f"it cannot be used: {name}{_shown(error, longest=300)}"
+
+
+def _recognises(misconception: Misconception, tried: _Tried) -> bool:
     if misconception.kind:
-        return isinstance(lack, Lack) and lack.kind == misconception.kind
+        return isinstance(tried.lack, Lack) and tried.lack.kind == misconception.kind
+    return misconception.recognises(tried.case, tried.got)
+
+
+def _holds(how: Callable[[_Tried], Any], tried: _Tried) -> bool:
     try:
-        return bool(_quietly(misconception.recognises, case, got))
+        return bool(_quietly(how, tried))
     except Exception:
         return False

@@ -25,18 +25,22 @@ from .cases import (
     factored,
     few,
     first_fitting,
+    kept,
+    mirrored,
     not_around,
     on_the_right,
     s,
 )
 from .problems import Lack, Problem, answers_like, answers_like_any, lacking, same
+from .reading import number as one_number
+from .reading import numbers
 
 __all__ = ["CLOSING", "LITERAL", "PROBLEMS", "READING", "UNTURNED", "draw_without_count"]
 
 # --- 2.1 Turns from a list of roots -------------------------------------------------------------
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class RootsCase:
     """A loop, taken apart into roots.
 
@@ -53,7 +57,6 @@ class RootsCase:
     model_zeros: ComplexArray
     model_poles: ComplexArray
     closed_loop_roots: ComplexArray
-    verdict: LoopStability = field(repr=False)
 
     def __repr__(self) -> str:
         names = "plant_zeros", "plant_poles", "model_zeros", "model_poles", "closed_loop_roots"
@@ -64,17 +67,21 @@ class RootsCase:
 def _roots_case(rng: np.random.Generator) -> RootsCase:
     """Draw a loop whose plot turns either way, once or more often, with equal chances."""
     low, high = ((-9, -1), (1, 1), (2, 9))[int(rng.integers(3))]
-    return first_fitting(
-        lambda: _draw_roots(rng, 2 if low < 0 else int(rng.integers(1, 3))),
-        lambda case: (
-            case.verdict.stable is not None
+
+    def fits(drawn: tuple[RootsCase, LoopStability]) -> bool:
+        case, verdict = drawn
+        return (
+            verdict.stable is not None
             and low <= _turns(case) <= high
             and apart(_turns(case), *(wrong(case) for wrong in _TURN_MISTAKES))
-        ),
-    )
+        )
+
+    return first_fitting(lambda: _draw_roots(rng, 2 if low < 0 else int(rng.integers(1, 3))), fits)[
+        0
+    ]
 
 
-def _draw_roots(rng: np.random.Generator, unstable: int) -> RootsCase:
+def _draw_roots(rng: np.random.Generator, unstable: int) -> tuple[RootsCase, LoopStability]:
     """Draw a loop with so many unstable poles of the plant, and as many zeros of the model."""
     plant_zeros = _draw_sides(rng, int(rng.integers(0, 3)), 1)
     plant_poles = _draw_sides(rng, unstable, 2)
@@ -88,7 +95,8 @@ def _draw_roots(rng: np.random.Generator, unstable: int) -> RootsCase:
         filter=LowPassFilter(draw(rng, 0.01, 2), 3),
     )
     verdict = loop.stability().observer_loop
-    return RootsCase(plant_zeros, plant_poles, model_zeros, model_poles, verdict.roots, verdict)
+    case = RootsCase(plant_zeros, plant_poles, model_zeros, model_poles, verdict.roots)
+    return case, verdict
 
 
 def _draw_sides(rng: np.random.Generator, right: int, left: int) -> ComplexArray:
@@ -105,8 +113,12 @@ def _draw_sides(rng: np.random.Generator, right: int, left: int) -> ComplexArray
     return np.array(roots)
 
 
+def _poles(case: RootsCase) -> int:
+    return on_the_right(case.plant_poles, case.model_zeros)
+
+
 def _turns(case: RootsCase) -> float:
-    return case.verdict.encirclements or 0
+    return on_the_right(case.closed_loop_roots) - _poles(case)
 
 
 def _counter_clockwise(case: RootsCase) -> float:
@@ -114,7 +126,7 @@ def _counter_clockwise(case: RootsCase) -> float:
 
 
 def _sum_of_both(case: RootsCase) -> float:
-    return on_the_right(case.closed_loop_roots, case.plant_poles, case.model_zeros)
+    return on_the_right(case.closed_loop_roots) + _poles(case)
 
 
 def _poles_of_both(case: RootsCase) -> float:
@@ -126,7 +138,7 @@ def _plant_only(case: RootsCase) -> float:
 
 
 def _as_if_stable(case: RootsCase) -> float:
-    return -on_the_right(case.plant_poles, case.model_zeros)
+    return -_poles(case)
 
 
 _TURN_MISTAKES = (_counter_clockwise, _sum_of_both, _poles_of_both, _plant_only, _as_if_stable)
@@ -135,11 +147,12 @@ TURNS = Problem(
     id="2.1",
     title="Turns from a list of roots",
     case=_roots_case,
+    reads=one_number,
     lacks=lambda case, got: (
         ""
         if same(_turns(case), got)
-        else f"that many turns do not turn P = {case.verdict.open_loop_rhp:g} poles into Z = "
-        f"{case.verdict.closed_loop_rhp:g} roots of p_B on the right"
+        else f"that many turns do not turn P = {_poles(case)} poles into Z = "
+        f"{on_the_right(case.closed_loop_roots)} roots of p_B on the right"
     ),
     praise=(
         "Right: N = Z - P, clockwise turns counted as positive, and P counts the poles of the "
@@ -276,6 +289,7 @@ def _crossings(loop: NRDOB) -> str:
 Reading = tuple[float, float, float]
 
 
+@kept
 def _reading(case: PlotCase) -> Reading:
     found = case.loop.stability().observer_loop
     return found.encirclements or 0, found.open_loop_rhp, found.closed_loop_rhp or 0
@@ -301,10 +315,8 @@ def _after_cancellation(case: PlotCase) -> Reading:
     return N, P - 1, Z - 1
 
 
-def _plot_lacks(case: PlotCase, got: Any) -> str:
+def _plot_lacks(case: PlotCase, got: FloatArray) -> str:
     N, P, _ = _reading(case)
-    if np.shape(got) != (3,):
-        return "give three numbers, (N, P, Z)"
     if got[0] != N:
         return (
             "the first number is not what the plot does around -1. Draw a ray from -1 to the far "
@@ -325,7 +337,11 @@ READING = Problem(
     id="2.3",
     title="Read a plot",
     case=_plot_case,
+    reads=partial(numbers, names="N, P, Z"),
     lacks=_plot_lacks,
+    parts=lambda case, got: dict(
+        zip("NPZ", (same(*each) for each in zip(_reading(case), got, strict=True)), strict=True)
+    ),
     praise=(
         "Right, all three. The plot shows N and nothing else: P comes from the factors of plant "
         "and model, and one of them never appears in the plot."
@@ -345,7 +361,7 @@ READING = Problem(
             "N and P are right. The formula Z = P - N belongs to books that count anticlockwise "
             "turns as positive; here they are negative, and it is Z = N + P.",
             _mixed_conventions,
-            marks=0.5,
+            marks=2 / 3,
         ),
         answers_like(
             "the other convention, used consistently",
@@ -360,7 +376,7 @@ READING = Problem(
             "not either. Follow the arrowheads: which way does a walker go around -1? Clockwise is "
             "positive.",
             _other_sense,
-            marks=0.25,
+            marks=1 / 3,
         ),
     ),
 )
@@ -369,7 +385,7 @@ READING = Problem(
 # --- 2.4 Close the curve ------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class HalfCurve:
     """What is known of a function H: its values, and how it behaves at both ends.
 
@@ -389,7 +405,6 @@ class HalfCurve:
     values: ComplexArray = field(repr=False)
     poles_at_zero: int
     excess: int
-    count: LoopStability = field(repr=False)
 
     def __repr__(self) -> str:
         return (
@@ -398,21 +413,35 @@ class HalfCurve:
         )
 
 
-def _half_curve(rng: np.random.Generator) -> HalfCurve:
-    return first_fitting(lambda: _draw_half_curve(rng), _unambiguous)
+def _half_curve(way: int, rng: np.random.Generator) -> HalfCurve:
+    """Draw a curve that turns clockwise, 1, or the other way, -1."""
+
+    def fits(drawn: tuple[HalfCurve, FloatArray, FloatArray]) -> bool:
+        case, above, below = drawn
+        return (
+            way * _closed(case) > 0
+            and _unambiguous(case)
+            and judge("H", [QuasiPolynomial(below)], QuasiPolynomial(above)).encirclements
+            == _closed(case)
+        )
+
+    return first_fitting(lambda: _draw_half_curve(rng), fits)[0]
 
 
 def _unambiguous(case: HalfCurve) -> bool:
-    """Whether every mistake gives a number of its own."""
+    """Whether every mistake gives a number of its own, which does not round to the right one."""
+    right = _closed(case)
     mistakes = [wrong(case) for wrong in _CLOSING_MISTAKES]
     return (
-        case.count.encirclements is not None
-        and apart(_closed(case), *mistakes, *_hints(case), by=0.05)
-        and apart(_closed(case), _detour_missing(case), *_hints(case), by=0.05)
+        apart(right, *mistakes, *_hints(case), by=0.05)
+        and apart(right, _detour_missing(case), *_hints(case), by=0.05)
+        and all(abs(value - right) > 0.4 for value in (_jumps(case), _one_half(case)))
+        # Clockwise curves of which this is true, too, are too rare to be found.
+        and (right > 0 or apart(_jumps(case), _around_zero(case), by=0.05))
     )
 
 
-def _draw_half_curve(rng: np.random.Generator) -> HalfCurve:
+def _draw_half_curve(rng: np.random.Generator) -> tuple[HalfCurve, FloatArray, FloatArray]:
     """Draw H = G/Gm - 1 of a plant with integrators and a model with more lags than the plant."""
     integrators, excess, others = (int(k) for k in rng.integers(1, 3, 3))
 
@@ -427,13 +456,7 @@ def _draw_half_curve(rng: np.random.Generator) -> HalfCurve:
     # Small in the middle, so that the turns around -1 are not those around 0.
     gain = rng.choice([-1, 1]) * few(rng.uniform(0.1, 0.5) / np.abs(ratio).min())
     above = gain * above
-    return HalfCurve(
-        omega,
-        gain * ratio - 1,
-        integrators,
-        excess,
-        judge("H", [QuasiPolynomial(below)], QuasiPolynomial(above)),
-    )
+    return HalfCurve(omega, gain * ratio - 1, integrators, excess), above, below
 
 
 def _clockwise(values: ComplexArray) -> float:
@@ -441,12 +464,27 @@ def _clockwise(values: ComplexArray) -> float:
     return float(-np.angle(values[1:] / values[:-1]).sum() / (2 * np.pi))
 
 
+def _pieces(case: HalfCurve) -> float:
+    """Count the turns of the detour around 0 and of the large half circle."""
+    return (case.poles_at_zero + case.excess) / 2
+
+
+@kept
+def _on_page(case: HalfCurve) -> float:
+    return _clockwise(1 + case.values)
+
+
+def _sum(case: HalfCurve) -> float:
+    """Add up what there is: the right number, but for rounding."""
+    return 2 * _on_page(case) + _pieces(case)
+
+
 def _closed(case: HalfCurve) -> float:
-    return case.count.encirclements or 0
+    return round(_sum(case))
 
 
 def _axis_only(case: HalfCurve) -> float:
-    return 2 * _clockwise(1 + case.values)
+    return 2 * _on_page(case)
 
 
 def _half_circle_missing(case: HalfCurve) -> float:
@@ -462,18 +500,27 @@ def _anticlockwise(case: HalfCurve) -> float:
 
 
 def _around_zero(case: HalfCurve) -> float:
-    return 2 * _clockwise(case.values) + (case.poles_at_zero + case.excess) / 2
+    return 2 * _clockwise(case.values) + _pieces(case)
 
 
 def _one_half(case: HalfCurve) -> float:
-    return _clockwise(1 + case.values) + (case.poles_at_zero + case.excess) / 2
+    return _on_page(case) + _pieces(case)
+
+
+def _jumps(case: HalfCurve) -> float:
+    """Take the difference of two angles as NumPy gives them, between -π and π."""
+    first, last = np.angle(1 + case.values[[0, -1]])
+    return float((first - last) / np.pi) + _pieces(case)
 
 
 _CLOSING_MISTAKES = (_axis_only, _half_circle_missing, _anticlockwise, _around_zero, _one_half)
 
 
-def _near(value: float, got: Any) -> bool:
-    return bool(abs(float(got) - value) < 0.05)
+def _near(value: float, got: float) -> bool:
+    """Tell whether a count is a value, or a value between two counts made whole."""
+    return abs(got - value) < 0.05 or (
+        abs(value - round(value)) > 0.05 and got in (np.floor(value), np.ceil(value))
+    )
 
 
 _turning_like = partial(answers_like_any, close=_near)
@@ -481,7 +528,7 @@ _turning_like = partial(answers_like_any, close=_near)
 
 def _hints(case: HalfCurve) -> dict[float, str]:
     """Say what other slips look like."""
-    axis, pieces = _axis_only(case), (case.poles_at_zero + case.excess) / 2
+    axis, pieces = _axis_only(case), _pieces(case)
     return {
         axis / 2: "it is what positive frequencies alone give. Where are the mirror image, the "
         "detour, and the half circle?",
@@ -492,13 +539,13 @@ def _hints(case: HalfCurve) -> dict[float, str]:
     }
 
 
-def _closing_lacks(case: HalfCurve, got: Any) -> str:
-    if _near(_closed(case), got):
+def _closing_lacks(case: HalfCurve, got: float) -> str:
+    if abs(got - _closed(case)) < 0.05:
         return ""
     for value, hint in _hints(case).items():
-        if _near(value, got):
+        if abs(got - value) < 0.05:
             return hint
-    if abs(float(got) - round(float(got))) > 0.05:
+    if abs(got - np.round(got)) > 0.05:
         return "a closed curve turns a whole number of times"
     return "that many turns do not fit the zeros of 1 + H and the poles of H on the right"
 
@@ -506,13 +553,30 @@ def _closing_lacks(case: HalfCurve, got: Any) -> str:
 CLOSING = Problem(
     id="2.4",
     title="Close the curve",
-    case=_half_curve,
+    case=(partial(_half_curve, 1), partial(_half_curve, -1)),
+    reads=one_number,
     lacks=_closing_lacks,
     praise=(
         "Right: half the turns are on the page, its mirror image makes as many, each pole at 0 "
         "adds half a turn by the detour, and each degree of excess half a turn at infinity."
     ),
     misconceptions=(
+        answers_like(
+            "cut off instead of rounded",
+            "One turn is missing where the sum is a little below a whole number: int() cuts off, "
+            "and 3.99999 becomes 3. Use round(). (If there is no int() in your answer, look for a "
+            "piece of the path that you have left out.)",
+            lambda case: int(_sum(case)),
+            marks=0.75,
+        ),
+        _turning_like(
+            "angles that jump",
+            "You have taken the difference of two angles, and np.angle gives every angle between "
+            "-π and π: whole turns are lost on the way. Add up the small angles from one "
+            "frequency to the next, or use np.unwrap.",
+            lambda case: [_jumps(case)],
+            marks=0.5,
+        ),
         _turning_like(
             "the curve left open",
             "You have counted what is on the page, positive and negative frequencies, and left the "
@@ -607,7 +671,7 @@ def _around_mirrored(
 ) -> NRDOB:
     """Take the mirrored model, and a controller that gives C Gm a gain."""
     controller = sign * hold * case.pole * case.decay / case.gain
-    return NRDOB(case.process, sign * case.mirrored, controller, LowPassFilter(value, 2))
+    return NRDOB(case.process, sign * mirrored(case), controller, LowPassFilter(value, 2))
 
 
 LITERAL = Problem(
@@ -675,7 +739,7 @@ LITERAL = Problem(
 # --- 2.6 A loop that should not exist -----------------------------------------------------------
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class DistantZero(UnstablePlant):
     """A plant gain (1 - s/zero)/((s - pole)(s + decay)).
 
@@ -738,7 +802,7 @@ def _not_held(case: DistantZero, got: Any) -> str:
 
 
 def _with_shared_zero(case: DistantZero) -> NRDOB:
-    model = (1 - s / case.zero) * case.mirrored
+    model = (1 - s / case.zero) * mirrored(case)
     return NRDOB(case.process, model, 0, LowPassFilter(0.1 / case.pole, 2))
 
 

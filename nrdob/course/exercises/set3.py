@@ -11,13 +11,14 @@ from typing import Any
 import control as ct
 import numpy as np
 
-from ...analysis import margin_bounds
-from ...diagram import LowPassFilter, delay
+from ...analysis import LoopMargins, margin_bounds
+from ...diagram import LowPassFilter
 from ...loop import NRDOB
 from ...numerics import ComplexArray, FloatArray
 from ...plotting import SHORT, Figure, axes_for, colour_of, styled
-from .cases import LoopCase, apart, draw, few, first_fitting
-from .problems import Lack, Misconception, Problem, answers_like, lacking, near, same
+from .cases import LoopCase, apart, draw, few, first_fitting, kept
+from .problems import Lack, Misconception, Problem, answers_like, lacking, near, rounds, same
+from .reading import lowpass, number, numbers
 
 __all__ = [
     "PROBLEMS",
@@ -41,7 +42,7 @@ def _changed(loop: NRDOB, plant: Any) -> bool | None:
 # --- 3.1 What M_s promises ----------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PeakCase:
     """A loop of which only the peak of the sensitivity is known.
 
@@ -57,29 +58,40 @@ class PeakCase:
         return f"Ms = {self.ms:g}"
 
 
-def _promise(case: PeakCase) -> tuple[float, float, float]:
+def promised_margins(case: PeakCase) -> tuple[float, float, float]:
     return margin_bounds(case.ms)
 
 
-def _promise_lacks(case: PeakCase, got: Any) -> str:
-    if np.size(got) != 3:
-        return "three numbers are asked for: (low, high, angle)"
+def _distances(case: PeakCase, got: FloatArray) -> dict[str, tuple[str, float]]:
+    """Tell for each of the three numbers which point it moves to -1, and how far that is."""
+    low, high, angle = map(float, got)
+    return {
+        "high": (f"upper gain: the point -1/{high:.4g}", 1 - 1 / high),
+        "low": (f"lower gain: the point -1/{low:.4g}", 1 / low - 1),
+        "angle": (
+            f"angle: the point of the unit circle that is {angle:.4g}° from -1",
+            2 * sin(radians(angle) / 2) if 0 < angle < 180 else -1.0,
+        ),
+    }
+
+
+def _kept_promises(case: PeakCase, got: FloatArray) -> dict[str, bool]:
+    found = _distances(case, got)
+    return {name: abs(at * case.ms - 1) <= 1e-3 for name, (_, at) in found.items()}
+
+
+def _promise_lacks(case: PeakCase, got: FloatArray) -> str:
     low, high, angle = map(float, got)
     if not 0 < low < 1 < high:
         return "the loop is stable as it is: the lower gain is below 1 and the upper above"
-    distance = 1 / case.ms
-    points = {
-        f"upper gain: the point -1/{high:.4g}": 1 - 1 / high,
-        f"lower gain: the point -1/{low:.4g}": 1 / low - 1,
-        f"angle: the point of the unit circle that is {angle:.4g}° from -1": (
-            2 * abs(sin(radians(angle) / 2))
-        ),
-    }
-    for where, found in points.items():
-        if abs(found - distance) > 1e-3 * distance:
+    if not 0 < angle < 180:
+        return "the angle is asked for in degrees, between 0 and 180"
+    for name, right in _kept_promises(case, got).items():
+        if not right:
+            where, found = _distances(case, got)[name]
             return (
-                f"{where} is at the distance {found:.4g} from -1, not 1/Ms = {distance:.4g}; the "
-                "curve may come as near as that, and no nearer"
+                f"{where} is at the distance {found:.4g} from -1, not 1/Ms = {1 / case.ms:.4g}; "
+                "the curve may come as near as that, and no nearer"
             )
     return ""
 
@@ -88,7 +100,10 @@ PROMISE = Problem(
     id="3.1",
     title="What M_s promises",
     case=lambda rng: PeakCase(round(float(rng.uniform(1.2, 1.9)), 2)),
+    reads=partial(numbers, names="low, high, angle"),
     lacks=_promise_lacks,
+    parts=_kept_promises,
+    rounded=lambda case, got: rounds(promised_margins(case), got),
     praise=(
         "Right: three points on a circle of radius 1/Ms around -1. The converse is false: fine "
         "gain and phase margins do not bound Ms."
@@ -98,7 +113,7 @@ PROMISE = Problem(
             "angle in radians",
             "The gains are right, and so is the angle, but for its unit: sines and arcs in "
             "numpy are in radians, and degrees were asked for.",
-            lambda case: (*_promise(case)[:2], radians(_promise(case)[2])),
+            lambda case: (*promised_margins(case)[:2], radians(promised_margins(case)[2])),
             0.75,
         ),
         answers_like(
@@ -106,29 +121,30 @@ PROMISE = Problem(
             "The lower gain is not one over the upper one. Draw the circle of radius 1/Ms "
             "around -1: it is symmetric about -1, and -1/g is not. The far side is at "
             "-(1 + 1/Ms) = -1/g; solve for g.",
-            lambda case: (1 / _promise(case)[1], *_promise(case)[1:]),
-            0.5,
+            lambda case: (1 / promised_margins(case)[1], *promised_margins(case)[1:]),
+            2 / 3,
         ),
         answers_like(
             "Ms taken for a gain margin",
             "You let the gain change by the factor Ms. But 1/Ms is a distance, from -1 to the "
             "curve, not a gain. The gain multiplies the curve, which crosses the axis at some "
             "-1/g: its distance from -1 is |1 - 1/g|. Make that 1/Ms, on either side.",
-            lambda case: (1 / case.ms, case.ms, _promise(case)[2]),
+            lambda case: (1 / case.ms, case.ms, promised_margins(case)[2]),
+            1 / 3,
         ),
         answers_like(
             "distance taken for a change of gain",
             "You let the gain change by 1/Ms either way. But the gain multiplies the curve, which "
             "crosses the axis at some -1/g: what is 1/Ms is the distance from there to -1, "
             "|1 - 1/g|.",
-            lambda case: (1 - 1 / case.ms, 1 + 1 / case.ms, _promise(case)[2]),
-            0.25,
+            lambda case: (1 - 1 / case.ms, 1 + 1 / case.ms, promised_margins(case)[2]),
+            1 / 3,
         ),
         answers_like(
             "chord taken for a sine",
             "The gains are right. The angle belongs to a chord of the unit circle, from -1 to the "
             "curve: a chord of length c spans the angle 2 arcsin(c/2), not arcsin(c).",
-            lambda case: (*_promise(case)[:2], degrees(asin(1 / case.ms))),
+            lambda case: (*promised_margins(case)[:2], degrees(asin(1 / case.ms))),
             0.75,
         ),
     ),
@@ -154,7 +170,6 @@ class MeasuredCase:
 
     omega: FloatArray
     L: ComplexArray
-    truth: NRDOB = field(repr=False)
 
     def __repr__(self) -> str:
         low, high = self.omega[[0, -1]]
@@ -166,16 +181,31 @@ def _resonance(pole: float, zero: float, damping: float) -> ct.TransferFunction:
     return ct.tf((pole / zero) ** 2 * top, bottom)
 
 
-def _measured(rng: np.random.Generator) -> MeasuredCase:
+def draw_far(rng: np.random.Generator) -> tuple[NRDOB, float]:
+    """Draw a loop with a resonance far out, where it decides; and its λ."""
     constant, gain = draw(rng, 0.2, 1.5), draw(rng, 0.6, 2)
     pole = float(rng.uniform(11, 16)) / constant
     corner = pole * float(rng.uniform(0.5, 0.8))
     lead = ct.tf([1 / corner, 1], [1 / (corner * float(rng.uniform(2.0, 2.6))), 1])
     model = ct.tf([gain], [1, gain])
     shape = _resonance(pole, pole * float(rng.uniform(0.8, 0.88)), float(rng.uniform(0.012, 0.016)))
-    loop = NRDOB(model * shape * lead, model, 1.0, LowPassFilter(constant, 1))
-    omega = np.geomspace(0.1, 100, 20_001) / constant
-    return MeasuredCase(omega, loop.L(1j * omega), loop)
+    return NRDOB(model * shape * lead, model, 1.0, LowPassFilter(constant, 1)), constant
+
+
+def draw_close(rng: np.random.Generator) -> tuple[NRDOB, float]:
+    """Draw a loop with lags and a resonance so near that the first crossover decides."""
+    constant, gain = draw(rng, 0.2, 1.5), draw(rng, 0.6, 2)
+    lag = float(rng.uniform(0.3, 0.6)) * constant
+    pole, damping = float(rng.uniform(2.5, 3.5)) / constant, float(rng.uniform(0.02, 0.05))
+    model = ct.tf([gain], [1, gain])
+    resonance = ct.tf([pole**2], [1, 2 * damping * pole, pole**2])
+    stronger = float(rng.uniform(0.9, 1.3)) * ct.tf([1], [lag, 1]) * ct.tf([1], [lag, 1])
+    return NRDOB(model * resonance * stronger, model, 1.0, LowPassFilter(constant, 1)), constant
+
+
+def _measure(loop: NRDOB, constant: float) -> MeasuredCase:
+    omega = np.geomspace(0.2, 60, 3001) / constant
+    return MeasuredCase(omega, loop.L(1j * omega))
 
 
 def measured_crossovers(case: MeasuredCase) -> tuple[FloatArray, ComplexArray]:
@@ -188,15 +218,22 @@ def measured_crossovers(case: MeasuredCase) -> tuple[FloatArray, ComplexArray]:
     return omega, case.L[k] + share * (case.L[k + 1] - case.L[k])
 
 
+@kept
+def delays_of(case: MeasuredCase) -> FloatArray:
+    """Dead time with which each crossover reaches -1."""
+    w, L = measured_crossovers(case)
+    return np.asarray(np.mod(np.angle(-L), 2 * pi) / w)
+
+
 def delay_readings(case: MeasuredCase) -> dict[str, float]:
     """Compute the delay margin, rightly and wrongly."""
     w, L = measured_crossovers(case)
-    angle = np.angle(-L)
-    lag = np.mod(angle, 2 * pi)
+    angle, delays = np.angle(-L), delays_of(case)
     smallest = int(np.argmin(np.abs(angle)))
     return {
-        "right": float((lag / w).min()),
-        "degrees": float((np.degrees(lag) / w).min()),
+        "right": float(delays.min()),
+        "last": float(delays[-1]),
+        "degrees": float(np.degrees(delays).min()),
         "phase margin": float(abs(angle[smallest]) / w[smallest]),
         "plus one": float((np.mod(np.angle(L), 2 * pi) / w).min()),
         "either way": float((np.abs(angle) / w).min()),
@@ -204,57 +241,68 @@ def delay_readings(case: MeasuredCase) -> dict[str, float]:
     }
 
 
-def _measured_case(rng: np.random.Generator) -> MeasuredCase:
-    def fits(case: MeasuredCase) -> bool:
-        w, found = measured_crossovers(case)[0], delay_readings(case)
+def draw_measured_loop(draw: Callable[..., Any], which: int, rng: np.random.Generator) -> Any:
+    """Draw a loop whose delay margin is decided by the first crossover, 0, or the last, -1."""
+
+    def drawn() -> tuple[MeasuredCase, NRDOB]:
+        loop, constant = draw(rng)
+        return _measure(loop, constant), loop
+
+    def fits(found: tuple[MeasuredCase, NRDOB]) -> bool:
+        case, loop = found
+        w = measured_crossovers(case)[0]
+        if w.size != 3 or w[2] < 1.03 * w[1]:  # a peak that a reader of the points can see
+            return False
+        readings = delay_readings(case)
+        others = ["degrees", "plus one", "either way", "phase margin" if which else "last"]
         return (
-            w.size == 3
-            and w[2] > 1.03 * w[1]  # a peak that a reader of the points can see
-            and apart(*(value for key, value in found.items() if key != "negative"), by=0.1)
-            and case.truth.stability().stable is True
+            readings["right"] == delays_of(case)[which]
+            and apart(*(readings[name] for name in ("right", *others)), by=0.1)
+            and loop.stability().stable is True
         )
 
-    return first_fitting(lambda: _measured(rng), fits)
+    return first_fitting(drawn, fits)
+
+
+def _far_case(rng: np.random.Generator) -> MeasuredCase:
+    case: MeasuredCase = draw_measured_loop(draw_far, -1, rng)[0]
+    return case
+
+
+def _close_case(rng: np.random.Generator) -> MeasuredCase:
+    case: MeasuredCase = draw_measured_loop(draw_close, 0, rng)[0]
+    return case
 
 
 READ_OFF = 0.04
 """How far a delay found from measured points may be off."""
 
 
-def _delay_lacks(case: MeasuredCase, got: Any) -> str:
-    if np.size(got) != 1:
-        return "one number is asked for, the smallest dead time at which the loop is lost"
-    margin = float(np.ravel(got)[0])
+def _delay_lacks(case: MeasuredCase, margin: float) -> str:
     if not 0 < margin < inf:
         return "the delay margin of this loop is a positive number of seconds"
-    plant = case.truth.process
-    w, L = measured_crossovers(case)
-    # At a longer dead time the loop may be stable once more: every shorter one must do.
-    for shorter in np.mod(np.angle(-L), 2 * pi) / w * (1 + READ_OFF):
-        if shorter < margin and _changed(case.truth, delay(float(shorter)) * plant) is not True:
-            return f"at a shorter dead time, {shorter:.4g} s, the loop is already lost"
-    if _changed(case.truth, delay(margin * (1 - READ_OFF)) * plant) is not True:
-        return f"with a little less, {margin * (1 - READ_OFF):.4g} s, the loop is already lost"
-    if _changed(case.truth, delay(margin * (1 + READ_OFF)) * plant) is not False:
+    # A dead time turns each point of the curve clockwise, by ω times it; stable until one is at -1.
+    reached = delays_of(case) <= margin * (1 - READ_OFF)
+    if reached.any():
+        shorter = float(delays_of(case).min())
+        return f"at a shorter dead time, {shorter:.4g} s, the loop is already lost"
+    if not np.any(delays_of(case) <= margin * (1 + READ_OFF)):
         return f"with a little more, {margin * (1 + READ_OFF):.4g} s, the loop is still stable"
     return ""
 
 
-def _same_delay(held: float, got: Any) -> bool:
-    return same(held, float(got), READ_OFF)
-
-
-_delay_like = partial(answers_like, close=_same_delay)
+_delay_like = partial(answers_like, close=partial(same, rtol=READ_OFF))
 
 
 DELAY_MARGIN = Problem(
     id="3.3",
     title="The delay margin, from a measurement",
-    case=_measured_case,
+    case=(_far_case, _close_case),
+    reads=number,
     lacks=_delay_lacks,
     praise=(
-        "Right, and the exact count agrees: stable with a little less dead time, lost with a "
-        "little more. Not the crossover with the least phase decides, but the one with the least "
+        "Right: with a little less dead time the curve does not reach -1, with a little more it "
+        "does. Not the crossover with the least phase decides, but the one with the least "
         "time."
     ),
     misconceptions=(
@@ -271,6 +319,14 @@ DELAY_MARGIN = Problem(
             "ω τ, fast at high frequency: a crossover far out is lost sooner, though it has "
             "more phase in hand. Take the smallest quotient over all crossovers.",
             lambda case: delay_readings(case)["phase margin"],
+            0.25,
+        ),
+        _delay_like(
+            "the last crossover only",
+            "You took the last crossover. It is often lost first, since a delay turns the curve "
+            "by ω τ; but where the first one has little phase in hand, that is lost sooner. Take "
+            "the smallest quotient over all crossovers.",
+            lambda case: delay_readings(case)["last"],
             0.25,
         ),
         _delay_like(
@@ -311,87 +367,83 @@ class NoiseCase:
     ----------
     size : float
         Bound of the plant's relative error |Δ| beyond the frequency asked for.
-    truth : NRDOB
-        The loop itself: for graders and solutions alone.
+    omega, S_d, S_eta, F : array of float
+        The points of the curves: frequencies in rad/s, and the three gains there.
     """
 
     size: float
-    truth: NRDOB = field(repr=False)
+    omega: FloatArray = field(repr=False)
+    S_d: FloatArray = field(repr=False)
+    S_eta: FloatArray = field(repr=False)
+    F: FloatArray = field(repr=False)
 
     def __repr__(self) -> str:
         return f"|Δ| up to {self.size:g}"
 
     def plot(self) -> Figure:
         """Draw |S_d|, |S_η| and |F| over the frequency, all on log scales."""
-        unit = self.truth.filter.bandwidth
-        w = np.geomspace(0.03, 30, 600) * unit
         with styled():
             (ax,) = axes_for(None, 1, SHORT)
             lines = []
             for name, style in (("S_d", "-"), ("S_eta", "-"), ("F", "--")):
-                size = np.abs(getattr(self.truth, name)(1j * w))
                 label = {"S_eta": r"$|S_\eta|$"}.get(name, f"$|{name}|$")
-                lines += ax.loglog(w, size, style, color=colour_of(name), label=label)
+                size = getattr(self, name)
+                lines += ax.loglog(self.omega, size, style, color=colour_of(name), label=label)
             ax.grid(True, which="minor", alpha=0.15)
             ax.set(xlabel="frequency (rad/s)", ylabel="gain", ylim=(0.02, 4))
             ax.legend(loc="center left")
-        seen = [_falls_to(self.truth, "S_eta", level) for level in (0.5, 0.2, 0.1)]
+        seen = [_falls_to(self.omega, self.S_eta, level) for level in (0.5, 0.2, 0.1)]
         words = ", ".join(f"{value:.3g}" for value in seen)
         return Figure(lines, ax, alt=f"|S_η| falls through 0.5, 0.2 and 0.1 at {words} rad/s")
 
 
-def _falls_to(loop: NRDOB, name: str, level: float) -> float:
+def _falls_to(omega: FloatArray, size: FloatArray, level: float) -> float:
     """Find the last frequency at which a map has a size."""
-    w = np.geomspace(1e-3, 1e3, 6001) * loop.filter.bandwidth
-    above = np.flatnonzero(np.abs(getattr(loop, name)(1j * w)) >= level)
-    return float(w[above[-1]]) if above.size else float(w[0])
-
-
-def _rises_to(loop: NRDOB, name: str, level: float) -> float:
-    """Find the first frequency at which a map has a size."""
-    w = np.geomspace(1e-3, 1e3, 6001) * loop.filter.bandwidth
-    return float(w[np.argmax(np.abs(getattr(loop, name)(1j * w)) >= level)])
+    return float(omega[np.flatnonzero(size >= level)[-1]])
 
 
 def noise_readings(case: NoiseCase) -> dict[str, float]:
     """Read the figure, rightly and wrongly."""
-    loop, level = case.truth, 1 / case.size
+    level = 1 / case.size
     return {
-        "right": _falls_to(loop, "S_eta", level),
-        "F": _falls_to(loop, "F", level),
-        "S_d": _rises_to(loop, "S_d", level),
-        "bandwidth": _falls_to(loop, "S_eta", sqrt(0.5)),
+        "right": _falls_to(case.omega, case.S_eta, level),
+        "F": _falls_to(case.omega, case.F, level),
+        "S_d": float(case.omega[np.argmax(case.S_d >= level)]),
+        "bandwidth": _falls_to(case.omega, case.S_eta, sqrt(0.5)),
     }
 
 
-def _noise_case(rng: np.random.Generator) -> NoiseCase:
-    def drawn() -> NoiseCase:
-        constant, gain, pole = draw(rng, 0.05, 0.5), draw(rng, 0.5, 5), draw(rng, 0.5, 3)
-        model = ct.tf([gain], [1 / pole, 1])
-        stronger = float(rng.uniform(2.0, 2.5))
-        plant = model * ct.tf([stronger], [float(rng.uniform(0.01, 0.03)) * constant, 1])
-        loop = NRDOB(plant, model, 1 / gain, LowPassFilter(constant, 2))
-        return NoiseCase(float(rng.integers(7, 13)), loop)
-
-    def fits(case: NoiseCase) -> bool:
-        return apart(*noise_readings(case).values(), by=0.25) and (
-            case.truth.stability().stable is True
-        )
-
-    return first_fitting(drawn, fits)
+def _noisy(rng: np.random.Generator) -> tuple[NoiseCase, NRDOB]:
+    """Draw a loop, and what is drawn of it."""
+    constant, gain, pole = draw(rng, 0.05, 0.5), draw(rng, 0.5, 5), draw(rng, 0.5, 3)
+    model = ct.tf([gain], [1 / pole, 1])
+    stronger = float(rng.uniform(2.0, 2.5))
+    plant = model * ct.tf([stronger], [float(rng.uniform(0.01, 0.03)) * constant, 1])
+    loop = NRDOB(plant, model, 1 / gain, LowPassFilter(constant, 2))
+    omega = np.geomspace(0.01, 100, 2001) * loop.filter.bandwidth
+    S_d, S_eta, F = (np.abs(of(1j * omega)) for of in (loop.S_d, loop.S_eta, loop.F))
+    return NoiseCase(float(rng.integers(7, 13)), omega, S_d, S_eta, F), loop
 
 
-def _noise_lacks(case: NoiseCase, got: Any) -> str:
-    omega = float(got)
-    if omega <= 0:
+def draw_noise_loop(rng: np.random.Generator) -> tuple[NoiseCase, NRDOB]:
+    def fits(drawn: tuple[NoiseCase, NRDOB]) -> bool:
+        case, loop = drawn
+        return apart(*noise_readings(case).values(), by=0.25) and loop.stability().stable is True
+
+    return first_fitting(lambda: _noisy(rng), fits)
+
+
+def _noise_lacks(case: NoiseCase, omega: float) -> str:
+    if not omega > 0:
         return "a frequency in rad/s is asked for"
-    beyond = np.geomspace(1.13 * omega, 1e3 * omega, 400)
-    worst = float(np.abs(case.truth.S_eta(1j * beyond)).max())
+    beyond, worst = case.omega >= 1.13 * omega, 0.0
+    if beyond.any():
+        worst = float(case.S_eta[beyond].max())
     if worst * case.size >= 1:
         return (
             f"beyond it |S_η| is still {worst:.3g}, and |Δ S_η| may reach {worst * case.size:.3g}"
         )
-    before = float(abs(case.truth.S_eta(1j * omega / 1.13)))
+    before = float(np.interp(omega / 1.13, case.omega, case.S_eta))
     if before * case.size < 1:
         return f"a little below it |Δ S_η| is at most {before * case.size:.3g}: go lower"
     return ""
@@ -403,7 +455,8 @@ _noise_like = partial(answers_like, close=partial(near, tolerance=log(1.13)))
 NOISE_MAP = Problem(
     id="3.4",
     title="Where may the plant be wrong?",
-    case=_noise_case,
+    case=lambda rng: draw_noise_loop(rng)[0],
+    reads=number,
     lacks=_noise_lacks,
     praise=(
         "Right: |Δ| |S_η| < 1. Where the loop stops the noise, it does not need to know the plant."
@@ -473,9 +526,13 @@ def _gain_case(rng: np.random.Generator) -> GainCase:
     return first_fitting(drawn, fits)
 
 
-def _gain_lacks(case: GainCase, got: Any) -> str:
-    k = float(got)
-    fh = case.loop.margins().observer_loop
+@kept
+def _margins(case: GainCase) -> LoopMargins:
+    return case.loop.margins()
+
+
+def _gain_lacks(case: GainCase, k: float) -> str:
+    fh = _margins(case).observer_loop
     if not fh.gm_low < k < fh.gm_high:
         return f"the margin of F H allows gains from {fh.gm_low:.4g} to {fh.gm_high:.4g} only"
     stable = _changed(case.loop, k * case.loop.process)
@@ -484,9 +541,8 @@ def _gain_lacks(case: GainCase, got: Any) -> str:
     return f"with {k:.4g} times its plant the loop is " + ("stable" if stable else "on the border")
 
 
-def _decibels(case: GainCase, got: Any) -> bool:
-    found = case.loop.margins()
-    k = float(got)
+def _decibels(case: GainCase, k: float) -> bool:
+    found = _margins(case)
     return any(abs(k / m.gm_db - 1) < 1e-2 for m in (found.observer_loop, found.plant_loop))
 
 
@@ -494,6 +550,7 @@ GAIN = Problem(
     id="3.5",
     title="Find the error: the margin of F H",
     case=_gain_case,
+    reads=number,
     lacks=_gain_lacks,
     praise=(
         "Right: the margin of F H allows this gain, and the plant loop is lost. 1 + F (kR - 1) is "
@@ -503,7 +560,7 @@ GAIN = Problem(
         Misconception(
             "decibels taken for a factor",
             "This is a margin in decibels. The plant's gain is a plain factor: 10^(dB/20).",
-            example=lambda case: case.loop.margins().observer_loop.gm_db,
+            example=lambda case: _margins(case).observer_loop.gm_db,
             recognises=_decibels,
             marks=0.25,
         ),
@@ -512,15 +569,15 @@ GAIN = Problem(
             "At this gain the loop is lost, but the margin of F H did not promise it: you went "
             "beyond that margin. The loop breaks earlier. Which loop has the plant's gain as a "
             "factor? Compute its margin, and take a gain between the two.",
-            example=lambda case: 1.01 * case.loop.margins().observer_loop.gm_high,
-            recognises=lambda case, got: float(got) >= case.loop.margins().observer_loop.gm_high,
+            example=lambda case: 1.01 * _margins(case).observer_loop.gm_high,
+            recognises=lambda case, got: got >= _margins(case).observer_loop.gm_high,
         ),
         Misconception(
             "still stable",
             "The loop bears this gain: look at the roots, with the plant multiplied. The "
             "error of Lemma 2 shows only beyond the upper gain margin of L = K G.",
-            example=lambda case: 0.95 * case.loop.margins().plant_loop.gm_high,
-            recognises=lambda case, got: 0 < float(got) < case.loop.margins().plant_loop.gm_high,
+            example=lambda case: 0.95 * _margins(case).plant_loop.gm_high,
+            recognises=lambda case, got: 0 < got < _margins(case).plant_loop.gm_high,
             marks=0.25,
         ),
     ),
@@ -557,7 +614,6 @@ class MarginCase:
     delay_margin: float
     omega: float
     rejection: float
-    good: float = field(repr=False)
 
     def loop(self, filter: Any) -> NRDOB:
         """Make the loop with a filter."""
@@ -570,8 +626,10 @@ class MarginCase:
         )
 
 
-def _margin_case(rng: np.random.Generator) -> MarginCase:
-    def drawn() -> MarginCase:
+def draw_margin_loop(rng: np.random.Generator) -> tuple[MarginCase, float]:
+    """Draw a case, and a λ that is good for it."""
+
+    def drawn() -> tuple[MarginCase, float]:
         lag, gain = draw(rng, 0.02, 0.3), draw(rng, 0.5, 5)
         slow = [draw(rng, 0.05, 0.15) / lag, draw(rng, 0.2, 0.4) / lag]
         model = ct.tf([gain], np.polymul(*([1 / p, 1] for p in slow)))
@@ -583,7 +641,7 @@ def _margin_case(rng: np.random.Generator) -> MarginCase:
         def at(share: float) -> NRDOB:
             return NRDOB(plant, model, controller, LowPassFilter(share * good, 2))
 
-        return MarginCase(
+        case = MarginCase(
             plant,
             model,
             controller,
@@ -591,12 +649,13 @@ def _margin_case(rng: np.random.Generator) -> MarginCase:
             delay_margin=few(at(SHARES[1]).margins().plant_loop.delay_margin, 3),
             omega=omega,
             rejection=few(float(abs(at(SHARES[2]).S_d(1j * omega))), 3),
-            good=good,
         )
+        return case, good
 
-    def fits(case: MarginCase) -> bool:
+    def fits(found: tuple[MarginCase, float]) -> bool:
         # Between what F H allows and what L allows there must be room for the mistake.
-        faster = case.loop(LowPassFilter(0.88 * SHARES[0] * case.good, 2))
+        case, good = found
+        faster = case.loop(LowPassFilter(0.88 * SHARES[0] * good, 2))
         return bool(faster.margins().observer_loop.ms <= case.ms)
 
     return first_fitting(drawn, fits)
@@ -613,40 +672,42 @@ def _fastest(case: MarginCase, which: str) -> float:
         found = case.loop(LowPassFilter(constant, 2)).margins()
         return bool(found.stable) and bool(getattr(found, which).ms <= case.ms)
 
-    low, high = 0.1 * case.good, 2 * case.good
+    lag = 1 / float(np.abs(case.plant.poles()).max())
+    low, high = 0.5 * lag, 8 * lag
     for _ in range(12):
         middle = sqrt(low * high)
         low, high = (low, middle) if enough(middle) else (middle, high)
     return high
 
 
-def _design_filter(got: Any) -> Any:
-    if isinstance(got, tuple | list):
-        return LowPassFilter(*got)
-    if isinstance(got, float | int):
-        raise TypeError("a filter is asked for, LowPassFilter(λ, n)")
-    return got
+def _filter(given: Any) -> Any:
+    """Read a filter of the family, or take one of another."""
+    return given if isinstance(given, ct.TransferFunction) else lowpass(given)
 
 
-def _design_lacks(case: MarginCase, got: Any) -> str:
-    loop = case.loop(_design_filter(got))
+WITHIN = 6e-3
+"""By what share a limit may be missed: that is three digits of λ."""
+
+
+def _design_lacks(case: MarginCase, filter: Any) -> str:
+    loop = case.loop(filter)
     if loop.stability().stable is not True:
         return "the loop is not stable"
     true = loop.margins().plant_loop
     size = float(abs(loop.S_d(1j * case.omega)))
     lacks = []
-    if true.ms > case.ms * (1 + 1e-3):
+    if true.ms > case.ms * (1 + WITHIN):
         lacks.append(Lack("ms", f"Ms of L is {true.ms:.4g}"))
-    if true.delay_margin < case.delay_margin * (1 - 1e-3):
+    if true.delay_margin < case.delay_margin * (1 - WITHIN):
         lacks.append(Lack("delay", f"the delay margin is {true.delay_margin:.4g} s"))
-    if size > case.rejection * (1 + 1e-3):
+    if size > case.rejection * (1 + WITHIN):
         lacks.append(Lack("rejection", f"|S_d| is {size:.4g} at {case.omega:g} rad/s"))
     return lacks[0] if len(lacks) == 1 else ", ".join(lacks)
 
 
-def _trusts_FH(case: MarginCase, got: Any) -> bool:
-    found = case.loop(_design_filter(got)).margins()
-    return bool(found.observer_loop.ms <= case.ms * (1 + 1e-3) < found.plant_loop.ms)
+def _trusts_FH(case: MarginCase, filter: Any) -> bool:
+    found = case.loop(filter).margins()
+    return bool(found.observer_loop.ms <= case.ms * (1 + WITHIN) < found.plant_loop.ms)
 
 
 def _example(find: Callable[[MarginCase], float]) -> Callable[[MarginCase], LowPassFilter]:
@@ -656,7 +717,8 @@ def _example(find: Callable[[MarginCase], float]) -> Callable[[MarginCase], LowP
 DESIGN = Problem(
     id="3.6",
     title="Design for margins",
-    case=_margin_case,
+    case=lambda rng: draw_margin_loop(rng)[0],
+    reads=_filter,
     lacks=_design_lacks,
     praise=(
         "Right: stable, and with margins that the plant feels. How narrow the room is shows what "

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache, cached_property, partial
+from functools import cache, partial
 from math import inf, isfinite, log, pi
 from typing import Any
 
@@ -41,9 +41,11 @@ from .cases import (
     few,
     first_fitting,
     grid_peak,
+    kept,
     observer_stable,
 )
-from .problems import Misconception, Problem, answers_like, answers_like_any, near, same
+from .problems import Misconception, Problem, answers_like, answers_like_any, near, rounds, same
+from .reading import UnreadableError, block, lowpass, number, numbers, whole
 
 __all__ = ["PROBLEMS"]
 
@@ -86,26 +88,26 @@ class CardCase:
             f"of {self.double_lag:g} s, n = {self.order}"
         )
 
-    @property
-    def edges(self) -> list[float]:
-        """The answer, by the closed forms."""
-        return [
-            smallest_for_delay(self.delay, self.order),
-            smallest_for_rhp_zero(self.zero, self.order),
-            0.0,
-            smallest_for_double_lag(self.double_lag, self.order),
-        ]
 
-    @property
-    def plants(self) -> list[Any]:
-        """A model 1/(s + 1) with each of the errors."""
-        lag, T = ct.tf([1], [1, 1]), self.double_lag
-        return [
-            DelayedTransferFunction(lag, self.delay),
-            lag * ct.tf([-1 / self.zero, 1], [1]),
-            lag * ct.tf([1], [self.lag, 1]),
-            lag * ct.tf([1], [T * T, 2 * T, 1]),
-        ]
+def _edges(case: CardCase) -> list[float]:
+    """Give the four numbers, by the closed forms."""
+    return [
+        smallest_for_delay(case.delay, case.order),
+        smallest_for_rhp_zero(case.zero, case.order),
+        0.0,
+        smallest_for_double_lag(case.double_lag, case.order),
+    ]
+
+
+def _plants(case: CardCase) -> list[Any]:
+    """Give a model 1/(s + 1) each of the errors."""
+    lag, T = ct.tf([1], [1, 1]), case.double_lag
+    return [
+        DelayedTransferFunction(lag, case.delay),
+        lag * ct.tf([-1 / case.zero, 1], [1]),
+        lag * ct.tf([1], [case.lag, 1]),
+        lag * ct.tf([1], [T * T, 2 * T, 1]),
+    ]
 
 
 def _card_case(rng: np.random.Generator) -> CardCase:
@@ -123,13 +125,19 @@ EDGE = 1.01
 """How near to an edge a number must be: a step of one per cent must cross it."""
 
 
-def _on_the_edge(case: CardCase, got: Any) -> str:
-    values = [float(value) for value in got]
-    if len(values) != 4:
-        return f"{len(values)} numbers; four are asked for"
+def _off(case: CardCase, got: FloatArray) -> dict[str, str]:
+    """Tell of each number why it is no edge; empty if it is one."""
+    each = zip(ERRORS, _plants(case), got, _edges(case), strict=True)
+    return {
+        name: _off_the_edge(plant, case.order, float(value), edge)
+        for name, plant, value, edge in each
+    }
+
+
+def _on_the_edge(case: CardCase, got: FloatArray) -> str:
     off: dict[str, list[str]] = {}
-    for name, plant, value, edge in zip(ERRORS, case.plants, values, case.edges, strict=True):
-        if how := _off_the_edge(plant, case.order, value, edge):
+    for name, how in _off(case, got).items():
+        if how:
             off.setdefault(how, []).append(name)
     return "; ".join(f"{how} for {' and '.join(names)}" for how, names in off.items())
 
@@ -151,21 +159,22 @@ def _off_the_edge(plant: Any, order: int, value: float, edge: float) -> str:
     return "smaller λ are stable, too," if below is not False else ""
 
 
-_card_like = partial(
-    answers_like, close=lambda expected, got: same(expected, [float(value) for value in got], 5e-3)
-)
+_card_like = partial(answers_like, close=partial(same, rtol=5e-3))
 
 
 def _but_for(entry: int, value: Callable[[CardCase], float]) -> Callable[[CardCase], list[float]]:
     """Answer as one should, but for one of the four numbers."""
-    return lambda case: [value(case) if k == entry else edge for k, edge in enumerate(case.edges)]
+    return lambda case: [value(case) if k == entry else edge for k, edge in enumerate(_edges(case))]
 
 
 CARD = Problem(
     id="4.1",
     title="Four errors, four numbers",
     case=_card_case,
+    reads=partial(numbers, names=", ".join(ERRORS)),
     lacks=_on_the_edge,
+    parts=lambda case, got: {name: not how for name, how in _off(case, got).items()},
+    rounded=lambda case, got: rounds(_edges(case), got),
     praise=(
         "Right: each edge is a number times the size of the error, and a single neglected lag "
         "has none. (For several errors at once the numbers do not add.)"
@@ -176,14 +185,14 @@ CARD = Problem(
             "Three are right. But 2θ/π is the edge of a dead time for one lag in the filter. With "
             "more lags the number is smaller: look at the card in the column of your n.",
             _but_for(0, lambda case: 2 * case.delay / pi),
-            0.5,
+            0.75,
         ),
         _card_like(
             "frequency taken for a time",
             "Three are right. The size of a zero at z is the time 1/z: a zero far out is a small "
             "error. You multiplied by z.",
             _but_for(1, lambda case: smallest_for_rhp_zero(1.0, case.order) * case.zero),
-            0.5,
+            0.75,
         ),
         _card_like(
             "one lag counted as dead time",
@@ -191,20 +200,20 @@ CARD = Problem(
             "|H| = |Ts/(Ts + 1)| is below 1, so small gain makes the loop stable for every λ. "
             "The smallest λ is 0.",
             _but_for(2, lambda case: smallest_for_delay(case.lag, case.order)),
-            0.5,
+            0.75,
         ),
         _card_like(
             "two lags as harmless as one",
             "Three are right. One lag is harmless because |H| < 1. For two |H| exceeds 1 at high "
             "frequency, and there is an edge.",
             _but_for(3, lambda case: 0.0),
-            0.5,
+            0.75,
         ),
         _card_like(
             "column of another order",
             "These are the numbers for another order of the filter. Each further lag changes them "
             "all; take n from the case.",
-            lambda case: replace(case, order=5 - case.order).edges,
+            lambda case: _edges(replace(case, order=5 - case.order)),
             0.5,
         ),
     ),
@@ -235,73 +244,69 @@ class OrdersCase:
     def __repr__(self) -> str:
         return f"{factored(self.plant)} under {factored(self.model)}, Ms ≤ {self.max_ms:g}"
 
-    @cached_property
-    def edges(self) -> dict[int, float]:
-        """Bandwidth in rad/s at which the loop is lost, for each order."""
-        return {
-            n: LowPassFilter(
-                critical_time_constants(self.plant, self.model, n)[-1].time_constant, n
-            ).bandwidth
-            for n in ORDERS
-        }
-
-    @cached_property
-    def _grid(self) -> tuple[FloatArray, Any]:
-        omega = np.geomspace(2e-2, 2e2, 1200) * self.edges[2]
-        return omega, Mismatch.of(self.plant, self.model, 2).ratio(omega)
-
-    def peak(self, order: int, bandwidth: float) -> float:
-        """Ms on a grid of frequencies; true only where the loop is stable."""
-        omega, R = self._grid
-        F = _filter(order, bandwidth)(1j * omega)
-        return grid_peak(F, R)
-
-    @cached_property
-    def fastest(self) -> dict[int, float]:
-        """Bandwidth up to which Ms is within its limit, for each order."""
-        return {
-            n: float(
-                brentq(
-                    lambda w, n=n: self.peak(n, w) - self.max_ms,
-                    0.02 * self.edges[n],
-                    0.97 * self.edges[n],
-                )
-            )
-            for n in ORDERS
-        }
-
     def plot(self) -> Figure:
         """Draw Ms over the bandwidth of the filter, for three orders."""
+        edges, fastest = lost_of(self), fastest_of(self)
         with styled():
             (ax,) = axes_for(None, 1, TALL)
             for n, role, style in zip(
                 ORDERS, ("filter", "process", "noise"), ("-", "--", "-."), strict=True
             ):
-                bandwidth = np.linspace(0.04, 0.98, 150) * self.edges[n]
-                lines = ax.plot(
-                    bandwidth,
-                    [self.peak(n, w) for w in bandwidth],
-                    style,
-                    color=COLOURS[role],
-                    label=f"n = {n}",
-                )
-                ax.axvline(self.edges[n], color=COLOURS[role], ls=":", lw=1.5)
+                bandwidth = np.linspace(0.04, 0.98, 150) * edges[n]
+                peaks = [_peak(self, n, w) for w in bandwidth]
+                colour = COLOURS[role]
+                lines = ax.plot(bandwidth, peaks, style, color=colour, label=f"n = {n}")
+                ax.axvline(edges[n], color=colour, ls=":", lw=1.5)
                 ax.text(
-                    self.edges[n], 4.4, f"n = {n} lost ", color=COLOURS[role], rotation=90,
-                    ha="right", va="top",
-                )  # fmt: skip
+                    edges[n], 4.4, f"n = {n} lost ", color=colour, rotation=90, ha="right", va="top"
+                )
             ax.axhline(self.max_ms, color=COLOURS["critical"], lw=1)
             ax.minorticks_on()
             ax.grid(True, which="minor", color=INK, alpha=0.12, lw=0.5)
             ax.set(xlabel="bandwidth of the filter (rad/s)", ylabel="$M_s$", ylim=(1, 4.5))
-            ax.set_xlim(0, 1.04 * self.edges[4])
+            ax.set_xlim(0, 1.04 * edges[4])
             ax.legend(loc="upper left")
         read = "; ".join(
-            f"n = {n} reaches {self.max_ms:g} at {self.fastest[n]:.3g} and is lost at "
-            f"{self.edges[n]:.3g} rad/s"
+            f"n = {n} reaches {self.max_ms:g} at {fastest[n]:.3g} and is lost at "
+            f"{edges[n]:.3g} rad/s"
             for n in ORDERS
         )
         return Figure(lines, ax, alt=f"Ms over the bandwidth: {read}")
+
+
+@kept
+def lost_of(case: OrdersCase) -> dict[int, float]:
+    """Give the bandwidth in rad/s at which the loop is lost, for each order."""
+    return {
+        n: LowPassFilter(
+            critical_time_constants(case.plant, case.model, n)[-1].time_constant, n
+        ).bandwidth
+        for n in ORDERS
+    }
+
+
+@kept
+def _grid(case: OrdersCase) -> tuple[FloatArray, Any]:
+    omega = np.geomspace(2e-2, 2e2, 1200) * lost_of(case)[2]
+    return omega, Mismatch.of(case.plant, case.model, 2).ratio(omega)
+
+
+def _peak(case: OrdersCase, order: int, bandwidth: float) -> float:
+    """Compute Ms on a grid of frequencies; true only where the loop is stable."""
+    omega, R = _grid(case)
+    return grid_peak(_filter(order, bandwidth)(1j * omega), R)
+
+
+@kept
+def fastest_of(case: OrdersCase) -> dict[int, float]:
+    """Give the bandwidth up to which Ms is within its limit, for each order."""
+
+    def meeting(order: int) -> float:
+        edge = lost_of(case)[order]
+        excess = partial(_peak, case, order)
+        return float(brentq(lambda w: excess(w) - case.max_ms, 0.02 * edge, 0.97 * edge))
+
+    return {order: meeting(order) for order in ORDERS}
 
 
 def _filter(order: int, bandwidth: float) -> LowPassFilter:
@@ -318,24 +323,25 @@ def _orders_case(rng: np.random.Generator) -> OrdersCase:
         return OrdersCase(plant, model, float(rng.choice([1.8, 1.9, 2.0])))
 
     # The curves must be told apart, and so must the λ that the mistakes lead to.
-    return first_fitting(drawn, lambda case: case.fastest[3] < 0.9 * case.fastest[2])
+    return first_fitting(drawn, lambda case: fastest_of(case)[3] < 0.9 * fastest_of(case)[2])
 
 
-def _order_and_time(got: Any) -> tuple[int, float]:
-    if isinstance(got, LowPassFilter):
-        return got.order, got.time_constant
-    order, time_constant = got
-    return int(order), float(time_constant)
+def _order_and_time(given: Any) -> LowPassFilter:
+    """Read an order and a time constant, or the filter that has them."""
+    if isinstance(given, LowPassFilter):
+        return given
+    if not isinstance(given, tuple | list) or len(given) != 2:
+        raise UnreadableError("two things are asked for, (order, time constant in seconds)")
+    return LowPassFilter(number(given[1]), whole(given[0]))
 
 
-def _read_well(case: OrdersCase, got: Any) -> str:
-    F = LowPassFilter(*_order_and_time(got)[::-1])
+def _read_well(case: OrdersCase, F: LowPassFilter) -> str:
     if not observer_stable(case.plant, case.model, F):
         return "with this filter the loop is not stable"
     ms = NRDOB(case.plant, case.model, 0.0, F).margins().plant_loop.ms
     if ms > case.max_ms * (1 + READING / 2):
         return f"its Ms is {ms:.3g}"
-    best = max(case.fastest.values())
+    best = max(fastest_of(case).values())
     if F.bandwidth < (1 - READING) * best:
         return (
             f"its bandwidth is {F.bandwidth:.3g} rad/s, and more can be had; read again where the "
@@ -344,9 +350,9 @@ def _read_well(case: OrdersCase, got: Any) -> str:
     return ""
 
 
-def _read_alike(expected: tuple[int, float], got: Any) -> bool:
-    order, value = _order_and_time(got)
-    return order == expected[0] and near(expected[1], value, READING)
+def _read_alike(expected: tuple[int, float], got: LowPassFilter) -> bool:
+    order, value = expected
+    return got.order == order and near(value, got.time_constant, READING)
 
 
 _misread = partial(answers_like_any, close=_read_alike)
@@ -360,6 +366,7 @@ FASTEST_ORDER = Problem(
     id="4.2",
     title="Which order is the fastest?",
     case=_orders_case,
+    reads=_order_and_time,
     lacks=_read_well,
     praise=(
         "Right: the lowest order is the fastest that meets the specification, although a higher "
@@ -370,20 +377,20 @@ FASTEST_ORDER = Problem(
             "judged by the edge",
             "You have read a dotted line: there the loop is lost, and Ms has no bound. What is "
             "asked for is where a curve meets the red line, at the largest Ms that is allowed.",
-            lambda case: _times(case.edges, 4, 3, 2),
+            lambda case: _times(lost_of(case), 4, 3, 2),
         ),
         _misread(
             "reciprocal of the bandwidth",
             "The order is right, and so is the bandwidth, but λ is not its reciprocal: n lags in "
             "a row lose 3 dB earlier than one. ω_B = √(2^(1/n) - 1)/λ; solve that for λ.",
-            lambda case: [(n, 1 / case.fastest[n]) for n in (2,)],
+            lambda case: [(2, 1 / fastest_of(case)[2])],
             marks=0.5,
         ),
         _misread(
             "another curve than the fastest",
             "This filter meets the specification, just so. But the curve of another order meets "
             "the red line farther to the right: at equal Ms that one is faster.",
-            lambda case: _times(case.fastest, 4, 3),
+            lambda case: _times(fastest_of(case), 4, 3),
             marks=0.5,
         ),
     ),
@@ -418,55 +425,50 @@ class PlantsCase:
     max_ms: float
 
     def __repr__(self) -> str:
-        each = ", ".join(f"{gain:.3g}(1 − s/{zero:.3g})" for gain, zero in self.errors)
+        each = ", ".join(f"{gain:.3g}(1 − s/{zero:.3g})" for gain, zero in _errors(self))
         return f"G/model = {each}; n = {self.order}, Ms ≤ {self.max_ms:g}"
 
-    def loops(self, time_constant: float) -> list[NRDOB]:
-        """Make the loops with a filter; no controller, since L does not depend on it."""
-        F = LowPassFilter(time_constant, self.order)
-        return [NRDOB(plant, self.model, 0.0, F) for plant in self.plants]
 
-    def peaks(self, time_constant: float) -> list[float]:
-        """Ms of the plant loop with each plant; infinite where it is not stable."""
-        found = [loop.margins().plant_loop for loop in self.loops(time_constant)]
-        return [m.ms if m.stable else inf for m in found]
+def _errors(case: PlantsCase) -> list[tuple[float, float]]:
+    """Give gain and zero of G/model, for each plant."""
+    return [
+        (round(float(plant.dcgain() / case.model.dcgain()), 6), float(plant.zeros().real.max()))
+        for plant in case.plants
+    ]
 
-    def peak(self, time_constant: float) -> float:
-        """Compute the largest of them."""
-        return max(self.peaks(time_constant))
 
-    def peak_of_FH(self, time_constant: float) -> float:
-        """Compute the largest peak of 1/|1 + FH|, which is not what is asked for."""
-        found = [loop.margins().observer_loop for loop in self.loops(time_constant)]
-        return max(m.ms if m.stable else inf for m in found)
+def borders_of(case: PlantsCase, of_FH: bool = False) -> list[float]:
+    """Give the smallest λ that meets the limit, for each plant, plus 1 %."""
+    return [
+        1.01 * _border(case.order, gain, case.max_ms, of_FH) / zero for gain, zero in _errors(case)
+    ]
 
-    def good(self, peak: float) -> bool:
-        """Whether a peak is within the limit."""
-        return peak <= self.max_ms * (1 + 1e-4)
 
-    def just(self, peak: Callable[[float], float], value: float) -> bool:
-        """Whether a peak is within the limit, but not with a slightly faster filter."""
-        return self.good(peak(value)) and not self.good(peak(value / FASTER))
+def _last_edge(case: PlantsCase) -> float:
+    """Give the smallest λ at which the loop is stable with every plant."""
+    return max(_edge(case.order, gain) / zero for gain, zero in _errors(case))
 
-    @property
-    def errors(self) -> list[tuple[float, float]]:
-        """Gain and zero of G/model, for each plant."""
-        return [
-            (round(float(plant.dcgain() / self.model.dcgain()), 6), float(plant.zeros().real.max()))
-            for plant in self.plants
-        ]
 
-    def borders(self, of_FH: bool = False) -> list[float]:
-        """Smallest λ that meets the limit, for each plant, plus 1 %."""
-        return [
-            1.01 * _border(self.order, gain, self.max_ms, of_FH) / zero
-            for gain, zero in self.errors
-        ]
+@kept
+def peaks_of(case: PlantsCase, time_constant: float, which: str = "plant_loop") -> list[float]:
+    """Give Ms with each plant; infinite where the loop is not stable."""
+    F = LowPassFilter(time_constant, case.order)
+    found = [getattr(NRDOB(plant, case.model, 0.0, F).margins(), which) for plant in case.plants]
+    return [m.ms if m.stable else inf for m in found]
 
-    @property
-    def edge(self) -> float:
-        """Smallest λ at which the loop is stable with every plant."""
-        return max(_edge(self.order, gain) / zero for gain, zero in self.errors)
+
+THREE_DIGITS = 1.01
+"""By what factor Ms may be exceeded, for a λ of three digits."""
+
+
+def _good(case: PlantsCase, peak: float) -> bool:
+    """Tell whether a peak is within the limit."""
+    return peak <= case.max_ms * THREE_DIGITS
+
+
+def just_good(case: PlantsCase, peak: Callable[[float], float], value: float) -> bool:
+    """Tell whether a peak is within the limit, but not with a slightly faster filter."""
+    return _good(case, peak(value)) and not peak(value / FASTER) <= case.max_ms
 
 
 @cache
@@ -503,25 +505,21 @@ def _plants_case(rng: np.random.Generator) -> PlantsCase:
 
     def fits(case: PlantsCase) -> bool:
         # Either of the other two may be the one that decides; each mistake leads elsewhere.
-        borders = case.borders()
-        return min(borders) == borders[0] and apart(*borders, max(case.borders(True)), by=0.07)
+        borders = borders_of(case)
+        return min(borders) == borders[0] and apart(*borders, max(borders_of(case, True)), by=0.07)
 
     return first_fitting(drawn, fits)
 
 
-def _good_for_all(case: PlantsCase, got: Any) -> str:
-    if not isinstance(got, LowPassFilter):
-        return "an nrdob.LowPassFilter is asked for"
+def _good_for_all(case: PlantsCase, got: LowPassFilter) -> str:
     if got.order != case.order:
         return f"it has the order {got.order}, asked for is {case.order}"
-    verdicts = [loop.stability().observer_loop.stable for loop in case.loops(got.time_constant)]
-    pairs = zip(verdicts, case.peaks(got.time_constant), strict=True)
-    for number, (verdict, peak) in enumerate(pairs, start=1):
-        if verdict is not True:
-            return f"with plant {number} the loop is not stable"
-        if not case.good(peak):
-            return f"with plant {number} Ms is {peak:.4g}"
-    if case.good(case.peak(got.time_constant / FASTER)):
+    for k, peak in enumerate(peaks_of(case, got.time_constant), start=1):
+        if peak == inf:
+            return f"with plant {k} the loop is not stable"
+        if not _good(case, peak):
+            return f"with plant {k} Ms is {peak:.4g}"
+    if max(peaks_of(case, got.time_constant / FASTER)) <= case.max_ms:
         return f"Ms is met with every plant, but a filter {FASTER:g} times as fast does it, too"
     return ""
 
@@ -547,7 +545,9 @@ THREE_PLANTS = Problem(
     id="4.3",
     title="One filter for three plants",
     case=_plants_case,
+    reads=lowpass,
     lacks=_good_for_all,
+    rounded=lambda case, got: rounds(LowPassFilter(max(borders_of(case)) / 1.01, case.order), got),
     praise=(
         "Right: each loop is stable, Ms of L is within the limit with each plant, and no "
         "noticeably faster filter of this order does that."
@@ -558,17 +558,18 @@ THREE_PLANTS = Problem(
             "This is the edge of the stabilising set: the loops are just about stable, and Ms is "
             "beyond all bounds. The set says where the loop is lost; how far you must stay away "
             "from there is what the limit on Ms asks for.",
-            lambda case: case.edge * (1 + 1e-6),
-            lambda case, value: abs(log(value / case.edge)) < 0.01,
+            lambda case: _last_edge(case) * (1 + 1e-6),
+            lambda case, value: abs(log(value / _last_edge(case))) < 0.01,
         ),
         _slowed(
             "plant of today only",
             "This is the fastest filter for the first plant, the one of today. With another Ms is "
             "above the limit, or the loop is lost. Ask all of them, and keep the filter that is "
             "slow enough for each.",
-            lambda case: case.borders()[0],
+            lambda case: borders_of(case)[0],
             lambda case, value: (
-                case.just(lambda v: case.peaks(v)[0], value) and not case.good(case.peak(value))
+                just_good(case, lambda v: peaks_of(case, v)[0], value)
+                and not _good(case, max(peaks_of(case, value)))
             ),
             marks=0.25,
         ),
@@ -576,16 +577,18 @@ THREE_PLANTS = Problem(
             "margin of FH taken for the plant's",
             "Here it is 1/|1 + FH| that stays below the limit. A change of the plant uses up the "
             "margins of L = FR/(1 - F): take Ms from plant_loop, not from observer_loop.",
-            lambda case: max(case.borders(of_FH=True)),
-            lambda case, value: case.just(case.peak_of_FH, value),
+            lambda case: max(borders_of(case, of_FH=True)),
+            lambda case, value: just_good(
+                case, lambda v: max(peaks_of(case, v, "observer_loop")), value
+            ),
             marks=0.25,
         ),
         _slowed(
             "the fastest kept instead of the slowest",
             "Two of the plants are content, the third is not. Each plant has a smallest λ of its "
             "own; a filter that is good for all must have the largest of them.",
-            lambda case: sorted(case.borders())[1],
-            lambda case, value: sum(map(case.good, case.peaks(value))) == 2,
+            lambda case: sorted(borders_of(case))[1],
+            lambda case, value: sum(_good(case, peak) for peak in peaks_of(case, value)) == 2,
             marks=0.5,
         ),
         _slowed(
@@ -593,8 +596,8 @@ THREE_PLANTS = Problem(
             "Ms is within the limit with every plant, so this filter is safe. But it is slower "
             "than it need be, and disturbances pay for that: |S_d| is about nλω. Find the "
             "smallest λ that still meets the limit with every plant.",
-            lambda case: 3 * max(case.borders()),
-            lambda case, value: case.good(case.peak(value)),
+            lambda case: 3 * max(borders_of(case)),
+            lambda case, value: _good(case, max(peaks_of(case, value))),
             marks=0.5,
         ),
     ),
@@ -624,10 +627,10 @@ class SlowCase:
     def __repr__(self) -> str:
         return f"{factored(self.model)}, n = {self.order}"
 
-    @property
-    def onset(self) -> float:
-        """The size at which H(0) meets Γ_n, sec^n(π/n): the bound of G(0)/model(0), less 1."""
-        return gain_bound(self.order) - 1
+
+def _onset(case: SlowCase) -> float:
+    """Give the size at which H(0) meets Γ_n, sec^n(π/n): the bound of G(0)/model(0), less 1."""
+    return gain_bound(case.order) - 1
 
 
 def _slow_case(rng: np.random.Generator) -> SlowCase:
@@ -685,6 +688,7 @@ SLOW_FILTER = Problem(
     id="4.5",
     title="Find the error: reduce the bandwidth",
     case=_slow_case,
+    reads=block,
     lacks=_refutes,
     praise=(
         "Right, and this refutes the sentence as it stands: H turns clockwise, and no filter is "
@@ -699,16 +703,16 @@ SLOW_FILTER = Problem(
             "frequency.",
             lambda case: _mirrored(case, 1.0),
             lambda case, got: (
-                (f := _facts(case, got)).stable and f.turns >= 1 and 0 < f.g0 <= case.onset
+                (f := _facts(case, got)).stable and f.turns >= 1 and 0 < f.g0 <= _onset(case)
             ),
         ),
         Misconception(
             "H(0) mixed up with G(0)/model(0)",
             "Very near. The curve Γ_n meets the positive axis at sec^n(π/n), and H(0) must be "
             "beyond it. But H(0) is G(0)/model(0) - 1, so the ratio must be larger by 1.",
-            lambda case: _mirrored(case, case.onset + 0.5),
+            lambda case: _mirrored(case, _onset(case) + 0.5),
             lambda case, got: (
-                (f := _facts(case, got)).stable and case.onset < f.g0 <= case.onset + 1
+                (f := _facts(case, got)).stable and _onset(case) < f.g0 <= _onset(case) + 1
             ),
             marks=0.5,
         ),
@@ -717,7 +721,7 @@ SLOW_FILTER = Problem(
             "No slow filter works here, for the right reason: the plant is too strong. But this H "
             "makes no clockwise turn, so the sentence does not speak of it. Give the plant a "
             "zero on the right as well.",
-            lambda case: (case.onset + 3) * case.model,
+            lambda case: (_onset(case) + 3) * case.model,
             lambda case, got: (
                 (f := _facts(case, got)).stable and f.g0 > 0 and f.lost and f.turns == 0
             ),
@@ -772,15 +776,15 @@ class BetterCase:
             f"to {self.fastest:g} rad/s"
         )
 
-    @property
-    def order(self) -> int:
-        """Relative degree of the model."""
-        return as_fraction(self.model, "model").relative_degree
 
-    @property
-    def equal(self) -> float:
-        """Product of noise and error for equal lags."""
-        return noise_index(self.order) * disturbance_index(self.order)
+def _order(case: BetterCase) -> int:
+    """Give the relative degree of the model."""
+    return as_fraction(case.model, "model").relative_degree
+
+
+def _with_equal_lags(case: BetterCase) -> float:
+    """Give the product of noise and error for equal lags."""
+    return noise_index(_order(case)) * disturbance_index(_order(case))
 
 
 @dataclass(frozen=True)
@@ -803,12 +807,12 @@ def _price(case: BetterCase, filter: Any) -> _Price:
         rational_power(left, den),
         float(np.abs(poles).max()),
         poles,
-        den.size - num.size >= case.order,
+        den.size - num.size >= _order(case),
     )
 
 
 def _spread(case: BetterCase, slow: float, ratio: float) -> ct.TransferFunction:
-    return _lags(1.0, [slow] + [ratio * slow] * (case.order - 1))
+    return _lags(1.0, [slow] + [ratio * slow] * (_order(case) - 1))
 
 
 def _better_case(rng: np.random.Generator) -> BetterCase:
@@ -826,8 +830,8 @@ def _better_case(rng: np.random.Generator) -> BetterCase:
     )
 
 
-LEEWAY = 1 + 1e-3
-"""Limits are printed to three digits."""
+LEEWAY = 1 + 6e-3
+"""Limits, and the filter's coefficients, are given to three digits."""
 
 
 def _beats(case: BetterCase, got: Any) -> str:
@@ -859,7 +863,7 @@ def _slow(case: BetterCase) -> float:
 
 
 def _butterworth(case: BetterCase) -> ct.TransferFunction:
-    angles = pi * (2 * np.arange(case.order) + 1 + case.order) / (2 * case.order)
+    angles = pi * (2 * np.arange(_order(case)) + 1 + _order(case)) / (2 * _order(case))
     den = np.real(np.poly(2 * _slow(case) * np.exp(1j * angles)))
     return ct.tf([den[-1]], den)
 
@@ -873,6 +877,7 @@ BETTER = Problem(
     id="4.6",
     title="Better than equal lags",
     case=_better_case,
+    reads=block,
     lacks=_beats,
     praise=(
         "Within all limits, where no filter 1/(λs + 1)^n can be: with equal lags the product of "
@@ -891,7 +896,7 @@ BETTER = Problem(
             "equal lags",
             "With equal lags noise times error is the same number for every λ, and it is larger "
             "than what is allowed here. Trading λ gains nothing; spread the poles.",
-            lambda case: _scaled(case, [1.0] * case.order),
+            lambda case: _scaled(case, [1.0] * _order(case)),
             lambda case, got: _equal(_price(case, got)),
             marks=0.25,
         ),
@@ -901,13 +906,15 @@ BETTER = Problem(
             "steeply is late, and being late is what the error counts. Go the other way: less "
             "steep, with real poles that differ.",
             _butterworth,
-            lambda case, got: (p := _price(case, got)).noise * p.error > case.equal * LEEWAY,
+            lambda case, got: (
+                (p := _price(case, got)).noise * p.error > _with_equal_lags(case) * LEEWAY
+            ),
         ),
         Misconception(
             "a pole that is too fast",
             "Noise and error are fine, but a pole is faster than what can be built. Bring it in, "
             "and see how far the product of noise and error still allows that.",
-            lambda case: _scaled(case, [1.0] + [12.0] * (case.order - 1)),
+            lambda case: _scaled(case, [1.0] + [12.0] * (_order(case) - 1)),
             lambda case, got: (
                 (p := _price(case, got)).speed > case.fastest * LEEWAY
                 and p.noise <= case.noise * LEEWAY

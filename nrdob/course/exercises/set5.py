@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import partial
 from math import inf, log, pi
 from typing import Any, NamedTuple
 
@@ -25,6 +25,8 @@ from .cases import (
     factored,
     few,
     first_fitting,
+    kept,
+    mirrored,
     not_around,
     observer_stable,
     on_the_right,
@@ -38,8 +40,11 @@ from .problems import (
     answers_like_any,
     lacking,
     near,
+    rounds,
     same,
 )
+from .reading import UnreadableError, block, numbers, whole
+from .reading import number as one_number
 
 __all__ = ["ADVICE", "BORDER", "DESIGN", "EDGE", "PROBLEMS", "SIGN", "draw_edge"]
 
@@ -56,7 +61,7 @@ class Pair(NamedTuple):
         return f"plant {factored(self.process)}, model {factored(self.model)}"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SignCase:
     """Five pairs.
 
@@ -146,9 +151,8 @@ def _odd(pair: Pair, sign: float) -> bool:
     return not right_half_plane_parity(loop.process, loop.model).holds or bool((counted or 0) % 2)
 
 
-def _sign_lacks(case: SignCase, got: Any) -> str:
-    signs = np.asarray(got)
-    if signs.shape != (5,) or signs.dtype.kind not in "if" or not np.all(np.abs(signs) == 1):
+def _sign_lacks(case: SignCase, signs: FloatArray) -> str:
+    if not np.all(np.abs(signs) == 1):
         return "give five numbers, each +1 or -1, in the order of the pairs"
     for k, (pair, sign) in enumerate(zip(case.pairs, signs, strict=True), start=1):
         if _odd(pair, float(sign)):
@@ -160,6 +164,7 @@ SIGN = Problem(
     id="5.1",
     title="Which sign?",
     case=_sign_case,
+    reads=partial(numbers, names="first, second, third, fourth, fifth"),
     lacks=_sign_lacks,
     praise=(
         "Right, every one: the signs at DC agree if the poles of the plant and the zeros of the "
@@ -213,7 +218,7 @@ SIGN = Problem(
 # --- 5.3 How fast may the filter be? ------------------------------------------------------------
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FilterCase:
     """A plant, a model and the order of the filter.
 
@@ -232,66 +237,64 @@ class FilterCase:
     def __repr__(self) -> str:
         return f"plant {factored(self.process)}, model {factored(self.model)}, n = {self.order}"
 
-    def stable(self, time_constant: float) -> bool | None:
-        """Judge p_B with a filter."""
-        F = LowPassFilter(time_constant, self.order)
-        return observer_stable(self.process, self.model, F)
+
+def _stable(case: FilterCase, time_constant: float) -> bool | None:
+    """Judge p_B with a filter."""
+    return observer_stable(case.process, case.model, LowPassFilter(time_constant, case.order))
 
 
-class LateCase(FilterCase):
-    """A plant with dead time, a model without, and the order of the filter."""
-
-    @cached_property
-    def borders(self) -> dict[str, float]:
-        """The true border, and what one would take for it."""
-        edges = critical_time_constants(self.process, self.model, self.order)
-        late, rational = self.process.delay, self.process.tf
-        by_order = {
-            f"Padé {k}": stabilizing_time_constants(
-                ct.tf(*ct.pade(late, k)) * rational, self.model, self.order
-            )[-1][0]
-            for k in (1, 2)
-        }
-        return {
-            "true": edges[-1].time_constant,
-            "first edge": edges[0].time_constant,
-            "bandwidth": 1 / edges[-1].time_constant,
-            "frequency": edges[-1].frequency,
-            "2θ/π": 2 * late / pi,
-            "small gain": self._small_gain(),
-            **by_order,
-        }
-
-    def _small_gain(self) -> float:
-        """Fastest filter with ``|FH| < 1`` at all frequencies."""
-        omega = np.geomspace(1e-3, 1e3, 4001) / self.process.delay
-        size = np.abs(NRDOB(self.process, self.model, 0, LowPassFilter(1.0, 3)).H(1j * omega))
-
-        def excess(value: float) -> float:
-            return float((size * np.abs(LowPassFilter(value, self.order)(1j * omega))).max() - 1)
-
-        late = self.process.delay
-        return float(brentq(excess, 1e-3 * late, 100 * late, xtol=1e-9))
+@kept
+def borders_read(case: FilterCase) -> dict[str, float]:
+    """Give the true border, and what one would take for it."""
+    edges = critical_time_constants(case.process, case.model, case.order)
+    late, rational = case.process.delay, case.process.tf
+    by_order = {
+        f"Padé {k}": stabilizing_time_constants(
+            ct.tf(*ct.pade(late, k)) * rational, case.model, case.order
+        )[-1][0]
+        for k in (1, 2)
+    }
+    return {
+        "true": edges[-1].time_constant,
+        "first edge": edges[0].time_constant,
+        "bandwidth": 1 / edges[-1].time_constant,
+        "frequency": edges[-1].frequency,
+        "2θ/π": 2 * late / pi,
+        "small gain": _small_gain(case),
+        **by_order,
+    }
 
 
-def _late_case(rng: np.random.Generator) -> LateCase:
+def _small_gain(case: FilterCase) -> float:
+    """Find the fastest filter with ``|FH| < 1`` at all frequencies."""
+    late = case.process.delay
+    omega = np.geomspace(1e-3, 1e3, 4001) / late
+    size = np.abs(NRDOB(case.process, case.model, 0, LowPassFilter(1.0, 3)).H(1j * omega))
+
+    def excess(value: float) -> float:
+        return float((size * np.abs(LowPassFilter(value, case.order)(1j * omega))).max() - 1)
+
+    return float(brentq(excess, 1e-3 * late, 100 * late, xtol=1e-9))
+
+
+def _late_case(rng: np.random.Generator) -> FilterCase:
     return first_fitting(lambda: _draw_late(rng), _tells_apart)
 
 
-def _draw_late(rng: np.random.Generator) -> LateCase:
+def _draw_late(rng: np.random.Generator) -> FilterCase:
     """Draw a plant of two lags and a dead time, and a model whose poles are a little off."""
     poles = [draw(rng, 1, 6) for _ in range(2)]
     close = [few(pole * rng.uniform(0.75, 1.35)) for pole in poles]
     gain = few(rng.uniform(0.85, 1.2) * poles[0] * poles[1])
-    return LateCase(
+    return FilterCase(
         delay(draw(rng, 0.06, 0.4)) * (gain / ((s + poles[0]) * (s + poles[1]))),
         few(close[0] * close[1]) / ((s + close[0]) * (s + close[1])),
         int(rng.integers(2, 4)),
     )
 
 
-def _tells_apart(case: LateCase) -> bool:
-    found = case.borders
+def _tells_apart(case: FilterCase) -> bool:
+    found = borders_read(case)
     rough = [value for name, value in found.items() if name not in ("Padé 2", "frequency")]
     sets = stabilizing_time_constants(case.process, case.model, case.order)
     one_set = len(sets) == 1 and sets[0][1] == inf
@@ -303,32 +306,27 @@ def _tells_apart(case: LateCase) -> bool:
     )
 
 
-def _border_lacks(case: LateCase, got: Any) -> str:
-    if np.shape(got) != ():
-        return "return one number, the time constant in seconds"
-    value = float(got)
+def _border_lacks(case: FilterCase, value: float) -> str:
     if not 0 < value < inf:
         return "a time constant is a positive number"
     slower = (50.0, 5.0, 1.5, 1.001)
-    if not all(case.stable(k * value) for k in slower):
+    if not all(_stable(case, k * value) for k in slower):
         return "there is a slower filter that does not stabilise the loop"
-    if case.stable(0.999 * value) is not False:
+    if _stable(case, 0.999 * value) is not False:
         return "a slightly faster filter stabilises the loop, too"
     return ""
 
 
-def _same_border(border: float, got: Any) -> bool:
-    return same(border, float(got), 1.2e-3)
-
-
-_border_like = partial(answers_like_any, close=_same_border)
+_border_like = partial(answers_like_any, close=partial(same, rtol=1.2e-3))
 
 
 BORDER = Problem(
     id="5.3",
     title="How fast may the filter be?",
     case=_late_case,
+    reads=one_number,
     lacks=_border_lacks,
+    rounded=lambda case, got: rounds(borders_read(case)["true"], got),
     praise=(
         "Right: one part in a thousand faster and the loop is lost, and every slower filter holds "
         "it. No fraction stands for the dead time in that statement."
@@ -339,35 +337,35 @@ BORDER = Problem(
             "This is the border of another loop, in which a Padé fraction stands for the dead "
             "time. It lies on the unsafe side: the true loop is lost before. On the axis "
             "exp(-j theta omega) is just a number; use it, or the package, which does.",
-            lambda case: [case.borders["Padé 1"], case.borders["Padé 2"]],
+            lambda case: [borders_read(case)["Padé 1"], borders_read(case)["Padé 2"]],
             marks=0.25,
         ),
         _border_like(
             "the closed form of a pure dead time",
             "2 theta/pi is exact for a pure dead time and n = 1. Here plant and model differ in "
             "their poles, too, and n is not 1: the border must be computed for this loop.",
-            lambda case: [case.borders["2θ/π"]],
+            lambda case: [borders_read(case)["2θ/π"]],
             marks=0.0,
         ),
         _border_like(
             "small gain taken for the border",
             "This is where |FH| reaches 1. Slower filters are safe, that is true; but small gain "
             "is sufficient, not necessary, and faster ones work as well. Where does FH reach -1?",
-            lambda case: [case.borders["small gain"]],
+            lambda case: [borders_read(case)["small gain"]],
             marks=0.5,
         ),
         _border_like(
             "the first edge taken for the last",
             "You have found an edge, but not the one that matters. With a dead time there are "
             "many, crowding towards 0, and below the largest one roots are on the right.",
-            lambda case: [case.borders["first edge"]],
+            lambda case: [borders_read(case)["first edge"]],
             marks=0.25,
         ),
         _border_like(
             "a frequency given for the time constant",
             "You have found the edge, and returned a frequency: 1/lambda, or the one at which the "
             "roots cross. Asked for is the time constant lambda itself, in seconds.",
-            lambda case: [case.borders["bandwidth"], case.borders["frequency"]],
+            lambda case: [borders_read(case)["bandwidth"], borders_read(case)["frequency"]],
             marks=0.75,
         ),
     ),
@@ -377,47 +375,45 @@ BORDER = Problem(
 # --- 5.4 Read an edge off a picture -------------------------------------------------------------
 
 
-class EdgeCase(FilterCase):
-    """A loop with exactly one edge."""
-
-    @cached_property
-    def edge(self) -> tuple[float, float]:
-        """The time constant of the edge, and the frequency of the roots there."""
-        ((value, omega, _),) = critical_time_constants(self.process, self.model, self.order)
-        return value, omega
-
-    @cached_property
-    def side(self) -> str:
-        """Whether the loop is stable "below" or "above" the edge."""
-        return "below" if self.stable(0.9 * self.edge[0]) else "above"
+@kept
+def edge_of(case: FilterCase) -> tuple[float, float]:
+    """Give the time constant of the edge, and the frequency of the roots there."""
+    ((value, omega, _),) = critical_time_constants(case.process, case.model, case.order)
+    return value, omega
 
 
-def _edge_case(rng: np.random.Generator) -> EdgeCase:
+@kept
+def side_of(case: FilterCase) -> str:
+    """Tell whether the loop is stable "below" or "above" the edge."""
+    return "below" if _stable(case, 0.9 * edge_of(case)[0]) else "above"
+
+
+def _edge_case(rng: np.random.Generator) -> FilterCase:
     unstable = bool(rng.random() < 0.5)
     return first_fitting(lambda: _draw_edge(rng, unstable), lambda case: _legible(case, unstable))
 
 
-def _draw_edge(rng: np.random.Generator, unstable: bool) -> EdgeCase:
+def _draw_edge(rng: np.random.Generator, unstable: bool) -> FilterCase:
     """Draw an unstable pole that the model mirrors, or a zero on the right that it leaves out."""
     gain, lag, speed = (draw(rng, low, high) for low, high in ((1.3, 5), (2, 9), (0.6, 6)))
     size = draw(rng, 0.5, 4)
     if unstable:
         mirrored = few(speed * rng.uniform(0.6, 1.6))
         process = few(gain * size) / ((s - speed) * (s + lag))
-        return EdgeCase(process, size / ((s + mirrored) * (s + lag)), 2)
+        return FilterCase(process, size / ((s + mirrored) * (s + lag)), 2)
     process = (
         few(size * rng.uniform(0.7, 1.4)) * (1 - s / few(2 * speed)) / ((s + speed) * (s + lag))
     )
-    return EdgeCase(process, size / ((s + few(speed * rng.uniform(0.6, 1.6))) * (s + lag)), 2)
+    return FilterCase(process, size / ((s + few(speed * rng.uniform(0.6, 1.6))) * (s + lag)), 2)
 
 
-def _legible(case: EdgeCase, unstable: bool) -> bool:
+def _legible(case: FilterCase, unstable: bool) -> bool:
     """Whether there is one edge, in the picture, and every misreading leads elsewhere."""
     if len(critical_time_constants(case.process, case.model, case.order)) != 1:
         return False
-    value, omega = case.edge
+    value, omega = edge_of(case)
     x = value * omega
-    verdicts = [case.stable(k * value) for k in (0.9, 1.1)]
+    verdicts = [_stable(case, k * value) for k in (0.9, 1.1)]
     return (
         verdicts == [unstable, not unstable]
         and 0.5 < x < 2.2
@@ -427,15 +423,15 @@ def _legible(case: EdgeCase, unstable: bool) -> bool:
     )
 
 
-def draw_edge(case: EdgeCase) -> Figure:
+def draw_edge(case: FilterCase) -> Figure:
     """Draw H, marked at round frequencies, and the curve of order 2, marked at round x.
 
     Parameters
     ----------
-    case : EdgeCase
-        The case of a group.
+    case : FilterCase
+        What is asked for.
     """
-    value, omega = case.edge
+    value, omega = edge_of(case)
     loop = NRDOB(case.process, case.model, 0, LowPassFilter(1.0, 2))
 
     def H(w: Any) -> Any:
@@ -504,15 +500,23 @@ def _marks(
     return np.array(places, dtype=complex)
 
 
-def _edge_lacks(case: EdgeCase, got: Any) -> str:
-    if not isinstance(got, tuple | list) or len(got) != 2:
-        return 'give two things, the time constant and "below" or "above"'
-    value, side = float(got[0]), str(got[1]).lower()
+Edge = tuple[float, str]
+
+
+def _read_edge(given: Any) -> Edge:
+    if not isinstance(given, tuple | list | np.ndarray) or len(given) != 2:
+        raise UnreadableError('two things are asked for, the time constant and "below" or "above"')
+    side = str(given[1]).strip().lower()
     if side not in ("below", "above"):
-        return 'the second entry must be "below" or "above"'
+        raise UnreadableError('the second entry must be "below" or "above"')
+    return one_number(given[0]), side
+
+
+def _edge_lacks(case: FilterCase, got: Edge) -> str:
+    value, side = got
     if not value > 0:
         return "a time constant is a positive number"
-    low, high = (case.stable(k * value) for k in (1 / NEAR_EDGE, NEAR_EDGE))
+    low, high = (_stable(case, k * value) for k in (1 / NEAR_EDGE, NEAR_EDGE))
     if low is high:
         return (
             f"the verdict is the same on both sides of {value:.3g} s, so the edge is elsewhere. "
@@ -524,10 +528,8 @@ def _edge_lacks(case: EdgeCase, got: Any) -> str:
 NEAR_EDGE = 1.12
 """How well an edge can be read off a picture."""
 
-Edge = tuple[float, str]
 
-
-def _read_alike(expected: Edge, got: Any) -> bool:
+def _read_alike(expected: Edge, got: Edge) -> bool:
     """Compare the time constants."""
     return near(expected[0], got[0], log(NEAR_EDGE))
 
@@ -535,14 +537,15 @@ def _read_alike(expected: Edge, got: Any) -> bool:
 _edge_like = partial(answers_like_any, close=_read_alike)
 
 
-def _other_side(case: EdgeCase) -> Edge:
-    return case.edge[0], "above" if case.side == "below" else "below"
+def _other_side(case: FilterCase) -> Edge:
+    return edge_of(case)[0], "above" if side_of(case) == "below" else "below"
 
 
 EDGE = Problem(
     id="5.4",
     title="Read an edge off a picture",
     case=_edge_case,
+    reads=_read_edge,
     lacks=_edge_lacks,
     praise=(
         "Right: x from the one curve, the frequency from the other, and lambda = x/omega. The "
@@ -556,7 +559,7 @@ EDGE = Problem(
             "if H has no pole on the right and the DC gains have the same sign. Has it, here?",
             _other_side,
             lambda case, got: (
-                _read_alike(case.edge, got) and str(got[1]).lower() == _other_side(case)[1]
+                _read_alike(_other_side(case), got) and got[1] == _other_side(case)[1]
             ),
             marks=0.5,
         ),
@@ -564,14 +567,17 @@ EDGE = Problem(
             "x taken for the time constant",
             "That is x = lambda omega, where the curves meet. It has no unit. Read off the "
             "frequency of H at the same point, too, and divide: lambda = x/omega.",
-            lambda case: [(case.edge[0] * case.edge[1], case.side)],
+            lambda case: [(edge_of(case)[0] * edge_of(case)[1], side_of(case))],
             marks=0.25,
         ),
         _edge_like(
             "a frequency taken for the time constant",
             "That is a frequency, in rad/s: the one of H where the curves meet, or omega/x. The "
             "time constant is lambda = x/omega, in seconds.",
-            lambda case: [(1 / case.edge[0], case.side), (case.edge[1], case.side)],
+            lambda case: [
+                (1 / edge_of(case)[0], side_of(case)),
+                (edge_of(case)[1], side_of(case)),
+            ],
             marks=0.25,
         ),
     ),
@@ -587,12 +593,18 @@ def _unstable_plant(rng: np.random.Generator) -> UnstablePlant:
     return UnstablePlant(gain, pole, few(pole * rng.uniform(1.5, 4)))
 
 
-def _not_refuting(case: UnstablePlant, got: Any) -> str:
+def _model_and_order(given: Any) -> tuple[ct.TransferFunction, int]:
+    if not isinstance(given, tuple | list) or len(given) != 2:
+        raise UnreadableError("two things are asked for, the model and the order, a whole number")
+    model = block(given[0])
+    if not isinstance(model, ct.TransferFunction):
+        raise UnreadableError("the model has a dead time; give one without")
+    return model, whole(given[1])
+
+
+def _not_refuting(case: UnstablePlant, got: tuple[ct.TransferFunction, int]) -> str:
     """Tell what keeps a model and an order from refuting the advice."""
-    two = isinstance(got, tuple | list) and len(got) == 2
-    if not two or not isinstance(got[1], int | float | np.number) or got[1] != int(got[1]):
-        return "return two things, the model and the order, a whole number"
-    model, order = ct.tf(got[0]), int(got[1])
+    model, order = got
     roots = np.concatenate([model.poles(), model.zeros()])
     if np.any(roots.real >= 0):
         return Lack(
@@ -622,13 +634,14 @@ def _not_refuting(case: UnstablePlant, got: Any) -> str:
 
 def _over(case: UnstablePlant, lags: int = 1, sign: float = 1.0) -> ct.TransferFunction:
     """Mirror the pole of the plant, and add lags ten times as fast."""
-    return sign * case.mirrored / (s / (10 * case.decay) + 1) ** lags
+    return sign * mirrored(case) / (s / (10 * case.decay) + 1) ** lags
 
 
 ADVICE = Problem(
     id="5.5",
     title="Find the error: the faster the better",
     case=_unstable_plant,
+    reads=_model_and_order,
     lacks=_not_refuting,
     praise=(
         "Right. The model is what the paper recommends, the order is more than enough, and every "
@@ -685,7 +698,7 @@ ADVICE = Problem(
 # --- 5.6 Hold it --------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class DesignCase:
     """A plant gain/((s - pole)(s/decay + 1)), with a dead time that may come on top.
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from dataclasses import dataclass, replace
+from functools import partial
 from math import inf, isinf, isnan, nan, sqrt
 from typing import Any
 
@@ -31,6 +31,7 @@ from .cases import (
     few,
     first_fitting,
     grid_peak,
+    kept,
     observer_stable,
 )
 from .problems import (
@@ -42,7 +43,9 @@ from .problems import (
     answers_like_any,
     lacking,
     near,
+    same,
 )
+from .reading import UnreadableError, number, numbers
 
 __all__ = ["PROBLEMS", "STAGES", "Project", "rms"]
 
@@ -85,15 +88,15 @@ class RejectionCase:
             f"λ = {self.filter.time_constant:g} s; {factored(self.other)} with n = {self.order}"
         )
 
-    @property
-    def gains(self) -> float:
-        """DC gain of the model over that of the other one."""
-        return float(abs(self.model.dcgain() / self.other.dcgain()))
 
-    @property
-    def time_constant(self) -> float:
-        """The answer: nλ/|R(0)| is to stay."""
-        return self.filter.order * self.filter.time_constant * self.gains / self.order
+def _gains(case: RejectionCase) -> float:
+    """Give the DC gain of the model over that of the other one."""
+    return float(abs(case.model.dcgain() / case.other.dcgain()))
+
+
+def _equal(case: RejectionCase) -> float:
+    """Give the λ with which nλ/|R(0)| stays."""
+    return case.filter.order * case.filter.time_constant * _gains(case) / case.order
 
 
 def _rejection_case(rng: np.random.Generator) -> RejectionCase:
@@ -106,7 +109,7 @@ def _rejection_case(rng: np.random.Generator) -> RejectionCase:
         return RejectionCase(plant, factor * mirrored, filter, other * mirrored, int(second))
 
     def fits(case: RejectionCase) -> bool:
-        value = case.time_constant
+        value = _equal(case)
         return bool(
             observer_stable(case.plant, case.model, case.filter)
             and observer_stable(case.plant, case.other, LowPassFilter(value, case.order))
@@ -120,22 +123,20 @@ def _rejection_case(rng: np.random.Generator) -> RejectionCase:
 _WRONG_REJECTION: tuple[Callable[[RejectionCase], float], ...] = (
     lambda case: case.filter.time_constant,
     lambda case: case.filter.time_constant * case.filter.order / case.order,
-    lambda case: case.filter.time_constant * case.gains,
-    lambda case: case.filter.time_constant * case.filter.order / case.order / case.gains,
+    lambda case: case.filter.time_constant * _gains(case),
+    lambda case: case.filter.time_constant * case.filter.order / case.order / _gains(case),
 )
 
 
-def _rejects_equally(case: RejectionCase, got: Any) -> str:
-    if isinstance(got, LowPassFilter):
-        return "a number is asked for, λ in seconds, not a filter"
-    loop = NRDOB(case.plant, case.other, 0.0, LowPassFilter(float(got), case.order))
+def _rejects_equally(case: RejectionCase, got: float) -> str:
+    loop = NRDOB(case.plant, case.other, 0.0, LowPassFilter(got, case.order))
     if loop.stability().observer_loop.stable is not True:
         return "with this λ the loop is not stable"
     first = NRDOB(case.plant, case.model, 0.0, case.filter)
     # Far below every corner |S_d| is a straight line.
-    omega = 1e-5 / max(float(got), case.filter.time_constant)
+    omega = 1e-5 / max(got, case.filter.time_constant)
     size, wanted = (float(abs(of.S_d(1j * omega))) for of in (loop, first))
-    if abs(size / wanted - 1) < 5e-3:
+    if abs(size / wanted - 1) < 6e-3:  # three digits
         return ""
     return f"at low frequency |S_d| is {size / wanted:.3g} times what it was"
 
@@ -144,6 +145,7 @@ EQUAL_REJECTION = Problem(
     id="6.1",
     title="Equal rejection",
     case=_rejection_case,
+    reads=number,
     lacks=_rejects_equally,
     praise=(
         "Right: at low frequency |S_d| is nλω/|R(0)|, so a model of half the gain takes twice the "
@@ -245,7 +247,6 @@ class Project:
     max_disturbance: float = inf
     settling: float = inf
     max_noise: float = inf
-    _good: float = field(default=0.072, repr=False)
 
     def __repr__(self) -> str:
         return f"plant {factored(self.plant)}"
@@ -274,63 +275,67 @@ class Project:
 
     def goals(self, model: Any, controller: Any, filter: Any) -> list[Goal]:
         """Compute what a design makes of each goal."""
-        return list(self._goals(NRDOB(self.plant, model, controller, filter)))
+        return list(_goals(self, NRDOB(self.plant, model, controller, filter)))
 
     def report(self, model: Any, controller: Any, filter: Any) -> None:
         """Print the table of goals."""
         print(_table(self.goals(model, controller, filter)))
 
-    def _goals(self, loop: NRDOB) -> Iterator[Goal]:
-        verdict = loop.stability()
-        for name, part in (("model", verdict.model_loop), ("observer", verdict.observer_loop)):
-            # A root on the right, or no verdict: then there is no number to be signed.
-            value = part.rightmost.real if part.stable is not None else nan
-            yield Goal(f"rightmost root, {name} loop", value, 0.0)
-        if not verdict.stable:
-            return
-        yield Goal("Ms", loop.margins().plant_loop.ms, self.max_ms)
-        size = float(abs(loop.S_d(1j * self.omega)))
-        yield Goal(f"|S_d| at {self.omega:g} rad/s", size, self.max_disturbance)
-        yield Goal("settled after (s)", self._settled(loop), self.settling)
-        verdicts = [observer_stable(plant, loop.model, loop.filter) for plant in self.changed]
-        lost = sum(verdict is not True for verdict in verdicts)
-        yield Goal(f"lost of {len(verdicts)} changed plants", float(lost), 0.0)
-        yield Goal("noise in u (rms)", rms(loop.U_eta), self.max_noise)
 
-    def _settled(self, loop: NRDOB) -> float:
-        """Time after which y stays within 5 % of a step of R; infinite if it is too long."""
-        horizon = 3 * self.settling if self.settling < inf else 25 / self.pole
-        times = np.linspace(0, horizon, 1201)
-        outside = np.abs(loop.step_response("R", times).outputs[0, 0] - 1) > 0.05
-        last = int(np.flatnonzero(outside)[-1]) if outside.any() else -1
-        return float(times[last + 1]) if last + 1 < times.size else inf
+def _goals(case: Project, loop: NRDOB) -> Iterator[Goal]:
+    verdict = loop.stability()
+    for name, part in (("model", verdict.model_loop), ("observer", verdict.observer_loop)):
+        # A root on the right, or no verdict: then there is no number to be signed.
+        value = part.rightmost.real if part.stable is not None else nan
+        yield Goal(f"rightmost root, {name} loop", value, 0.0)
+    if not verdict.stable:
+        return
+    yield Goal("Ms", loop.margins().plant_loop.ms, case.max_ms)
+    size = float(abs(loop.S_d(1j * case.omega)))
+    yield Goal(f"|S_d| at {case.omega:g} rad/s", size, case.max_disturbance)
+    yield Goal("settled after (s)", _settled(case, loop), case.settling)
+    verdicts = [observer_stable(plant, loop.model, loop.filter) for plant in case.changed]
+    lost = sum(verdict is not True for verdict in verdicts)
+    yield Goal(f"lost of {len(verdicts)} changed plants", float(lost), 0.0)
+    yield Goal("noise in u (rms)", rms(loop.U_eta), case.max_noise)
 
-    # The model in which the pole is mirrored, for the figure and for examples.
 
-    @cached_property
-    def mirrored(self) -> ct.TransferFunction:
-        """The plant with its pole on the left."""
-        return _blocks(self.gain, self.pole, self.decay)[1]
+def _settled(case: Project, loop: NRDOB) -> float:
+    """Time after which y stays within 5 % of a step of R; infinite if it is too long."""
+    horizon = 3 * case.settling if case.settling < inf else 25 / case.pole
+    times = np.linspace(0, horizon, 1201)
+    outside = np.abs(loop.step_response("R", times).outputs[0, 0] - 1) > 0.05
+    last = int(np.flatnonzero(outside)[-1]) if outside.any() else -1
+    return float(times[last + 1]) if last + 1 < times.size else inf
 
-    @cached_property
-    def controller(self) -> ct.TransferFunction:
-        """A PI controller for it."""
-        return design_controller(self.mirrored, bandwidth=self.pole, phase_margin=60)
 
-    def loop(self, speed: float, order: int = ORDER) -> NRDOB:
-        """Make the loop with λ = speed/pole."""
-        return NRDOB(
-            self.plant, self.mirrored, self.controller, LowPassFilter(speed / self.pole, order)
-        )
+def mirrored_model(case: Project) -> ct.TransferFunction:
+    """Give the plant with its pole on the left."""
+    return _blocks(case.gain, case.pole, case.decay)[1]
 
-    @cached_property
-    def readings(self) -> Readings:
-        """What there is to read off the figure."""
-        return Readings(self)
 
-    def plot(self) -> Figure:
-        """Draw Ms over λ, for the plant and for the modified one."""
-        return self.readings.plot()
+@kept
+def controller_of(case: Project) -> ct.TransferFunction:
+    """Give a PI controller for the mirrored model."""
+    return design_controller(mirrored_model(case), bandwidth=case.pole, phase_margin=60)
+
+
+def loop_of(case: Project, speed: float, order: int = ORDER) -> NRDOB:
+    """Make the loop with the mirrored model and λ = speed/pole."""
+    filter = LowPassFilter(speed / case.pole, order)
+    return NRDOB(case.plant, mirrored_model(case), controller_of(case), filter)
+
+
+SLOWEST = 1.18
+"""By how much a good λ may grow until slow disturbances are not held well enough."""
+
+
+@kept
+def _good(case: Project) -> float:
+    """Find a good λ, times the pole: |S_d| is proportional to λ."""
+    tried = 0.07
+    size = float(abs(loop_of(case, tried).S_d(1j * case.omega)))
+    return tried * case.max_disturbance / size / SLOWEST
 
 
 def _table(goals: list[Goal]) -> str:
@@ -353,84 +358,104 @@ def rms(transfer: Quotient) -> float:
     return inf if any(transfer.at_infinity) else sqrt(transfer.noise_power())
 
 
-class Readings:
-    """Ms over λ for the plant and the modified plant, with the mirrored model."""
+@dataclass(frozen=True, eq=False)
+class QuietCase:
+    """A plant, a plant that it may become, and a model: `case.plot()` draws Ms over λ for both.
 
-    def __init__(self, case: Project) -> None:
-        self.case = case
-        self.omega = case.pole * np.geomspace(1e-2, 1e3, 1500)
-        self.ratios = [
-            Mismatch.of(plant, case.mirrored, ORDER).ratio(self.omega)
-            for plant in (case.plant, case.modified)
-        ]
-        self.edges = [
-            stabilizing_time_constants(plant, case.mirrored, ORDER)[-1][1]
-            for plant in (case.plant, case.modified)
-        ]
-        tried = self.tried(1)
-        found = [self.peak(1, value) for value in tried]
-        self.best = float(tried[int(np.argmin(found))])
-        self.limit = round(1.15 * min(found), 1)
+    Attributes
+    ----------
+    plant, modified, model : control.TransferFunction
+    max_ms : float
+        The red line.
+    """
 
-    def tried(self, which: int) -> FloatArray:
-        """Time constants from fast to the edge, in seconds."""
-        return np.linspace(0.01 / self.case.pole, 0.97 * self.edges[which], 120)
+    plant: ct.TransferFunction
+    modified: ct.TransferFunction
+    model: ct.TransferFunction
+    max_ms: float
 
-    def peak(self, which: int, time_constant: float) -> float:
-        """Ms, of the plant loop with the plant (0) or the modified plant (1)."""
-        F, R = LowPassFilter(time_constant, ORDER)(1j * self.omega), self.ratios[which]
-        return grid_peak(F, R)
-
-    def meeting(self, which: int, low: float, high: float) -> float:
-        """Time constant between two others at which Ms is at the limit."""
-        return float(brentq(lambda value: self.peak(which, value) - self.limit, low, high))
-
-    @cached_property
-    def slow_end(self) -> float:
-        """The answer."""
-        return self.meeting(1, self.best, 0.99 * self.edges[1])
-
-    @cached_property
-    def fast_end(self) -> float:
-        """The other end."""
-        return self.meeting(1, 1e-3 / self.case.pole, self.best)
-
-    @cached_property
-    def nominal_end(self) -> float:
-        """What the curve of the plant as it is would allow."""
-        return self.meeting(0, self.best, 0.99 * self.edges[0])
+    def __repr__(self) -> str:
+        return f"plant {factored(self.plant)}"
 
     def plot(self) -> Figure:
-        """Draw it."""
+        """Draw Ms over λ, for the plant and for the modified one."""
+        found = _curves(self)
         with styled():
             (ax,) = axes_for(None, 1, TALL)
             for which, (label, style, role) in enumerate(
                 (("plant", "--", "process"), ("modified plant", "-", "loop"))
             ):
-                lines = ax.plot(
-                    1000 * self.tried(which),
-                    [self.peak(which, value) for value in self.tried(which)],
-                    style,
-                    color=COLOURS[role],
-                    label=label,
-                )
-                edge = 1000 * self.edges[which]
+                tried = found.tried(which)
+                peaks = [found.peak(which, value) for value in tried]
+                lines = ax.plot(1000 * tried, peaks, style, color=COLOURS[role], label=label)
+                edge = 1000 * found.edges[which]
                 ax.axvline(edge, color=COLOURS[role], ls=":", lw=1.5)
                 short = label.split()[0]
                 ax.text(edge, 1.1, f"{short}: lost ", color=COLOURS[role], rotation=90, ha="right")
-            ax.axhline(self.limit, color=COLOURS["critical"], lw=1)
+            ax.axhline(self.max_ms, color=COLOURS["critical"], lw=1)
             ax.minorticks_on()
             ax.grid(True, which="minor", color=INK, alpha=0.12, lw=0.5)
-            ax.set(xlabel="time constant λ (ms)", ylabel="$M_s$", ylim=(1, 2.2 * self.limit))
-            ax.set_xlim(0, 1050 * self.edges[0])
+            ax.set(xlabel="time constant λ (ms)", ylabel="$M_s$", ylim=(1, 2.2 * self.max_ms))
+            ax.set_xlim(0, 1050 * found.edges[0])
             ax.legend(loc="upper left")
-        ends = f"{1000 * self.fast_end:.3g} to {1000 * self.slow_end:.3g} ms"
+        ends = ends_of_quiet(self)
         alt = (
-            f"Ms over λ: with the modified plant below {self.limit:g} for λ from {ends}, with the "
-            f"plant up to {1000 * self.nominal_end:.3g} ms; lost at {1000 * self.edges[1]:.3g} and "
-            f"{1000 * self.edges[0]:.3g} ms"
+            f"Ms over λ: with the modified plant below {self.max_ms:g} for λ from "
+            f"{1000 * ends['fast']:.3g} to {1000 * ends['slow']:.3g} ms, with the plant up to "
+            f"{1000 * ends['nominal']:.3g} ms; lost at {1000 * found.edges[1]:.3g} and "
+            f"{1000 * found.edges[0]:.3g} ms"
         )
         return Figure(lines, ax, alt=alt)
+
+
+class _Curves:
+    """Ms over λ, for a plant (0) and a modified plant (1), with one model."""
+
+    def __init__(self, plant: Any, modified: Any, model: Any) -> None:
+        self.speed = float(np.abs(plant.poles()).min())  # of the unstable pole
+        self.omega = self.speed * np.geomspace(1e-2, 1e3, 1500)
+        plants = (plant, modified)
+        self.ratios = [Mismatch.of(each, model, ORDER).ratio(self.omega) for each in plants]
+        self.edges = [stabilizing_time_constants(each, model, ORDER)[-1][1] for each in plants]
+        tried = self.tried(1)
+        peaks = [self.peak(1, value) for value in tried]
+        self.calmest, self.least = float(tried[int(np.argmin(peaks))]), min(peaks)
+
+    def tried(self, which: int) -> FloatArray:
+        """Time constants from fast to the edge, in seconds."""
+        return np.linspace(0.01 / self.speed, 0.97 * self.edges[which], 120)
+
+    def peak(self, which: int, time_constant: float) -> float:
+        """Ms of the plant loop."""
+        F, R = LowPassFilter(time_constant, ORDER)(1j * self.omega), self.ratios[which]
+        return grid_peak(F, R)
+
+
+@kept
+def _curves(case: QuietCase) -> _Curves:
+    return _Curves(case.plant, case.modified, case.model)
+
+
+@kept
+def ends_of_quiet(case: QuietCase) -> dict[str, float]:
+    """Find where the curves meet the red line: λ in seconds."""
+    found = _curves(case)
+
+    def meeting(which: int, low: float, high: float) -> float:
+        return float(brentq(lambda value: found.peak(which, value) - case.max_ms, low, high))
+
+    return {
+        "slow": meeting(1, found.calmest, 0.99 * found.edges[1]),
+        "fast": meeting(1, 1e-3 / found.speed, found.calmest),
+        "nominal": meeting(0, found.calmest, 0.99 * found.edges[0]),
+    }
+
+
+def _quiet_case(project: Project) -> QuietCase:
+    """Draw the red line a little above the least Ms with the modified plant."""
+    model = mirrored_model(project)
+    least = _Curves(project.plant, project.modified, model).least
+    return QuietCase(project.plant, project.modified, model, round(1.15 * least, 1))
 
 
 GAINS = (0.7, 1.0, 1.5)
@@ -455,14 +480,13 @@ def _project(rng: np.random.Generator) -> Project:
         free = Project(plant, gain, pole, decay, modified, GAINS, dead_time, omega=few(0.1 * pole))
         # A good λ, times the pole; up to a fifth more or a seventh less will do.
         good = float(rng.uniform(0.06, 0.08))
-        slow = free.loop(1.18 * good)
+        slow = loop_of(free, SLOWEST * good)
         return replace(
             free,
-            max_ms=few(free.loop(1.4 * good).margins().plant_loop.ms, 3),
+            max_ms=few(loop_of(free, 1.4 * good).margins().plant_loop.ms, 3),
             max_disturbance=few(float(abs(slow.S_d(1j * free.omega)))),
-            settling=few(1.4 * free._settled(free.loop(good))),
-            max_noise=few(rms(free.loop(0.86 * good).U_eta)),
-            _good=good,
+            settling=few(1.4 * _settled(free, loop_of(free, good))),
+            max_noise=few(rms(loop_of(free, 0.86 * good).U_eta)),
         )
 
     return first_fitting(drawn, _telling)
@@ -470,17 +494,17 @@ def _project(rng: np.random.Generator) -> Project:
 
 def _telling(case: Project) -> bool:
     """Whether every reading of the figure and every stage of the design is told apart."""
-    found = case.readings
-    return apart(found.slow_end, found.fast_end, found.nominal_end, *found.edges, by=0.2)
+    quiet = _quiet_case(case)
+    return apart(*ends_of_quiet(quiet).values(), *_curves(quiet).edges, by=0.2)
 
 
 @dataclass(frozen=True)
 class _Part(Problem):
     """A part of the project, which is about one plant of the group."""
 
-    def cases(self, seed: int, count: int) -> list[Case]:
+    def drawn(self, seed: Any, count: int) -> list[Case]:
         """Draw the same cases for every part."""
-        return Problem.cases(replace(self, id="6"), seed, count)
+        return Problem.drawn(replace(self, id="6"), seed, count)
 
 
 # --- 6.2 The quietest filter --------------------------------------------------------------------
@@ -489,15 +513,14 @@ READING = 0.08
 """How far a number that is read off a figure may be from the true one."""
 
 
-def _quiet(case: Project, got: Any) -> str:
-    value, found = float(got), case.readings
+def _quiet(case: QuietCase, value: float) -> str:
     for name, plant in (("plant", case.plant), ("modified plant", case.modified)):
-        if observer_stable(plant, case.mirrored, LowPassFilter(value, ORDER)) is not True:
+        if observer_stable(plant, case.model, LowPassFilter(value, ORDER)) is not True:
             return f"the loop with the {name} is lost there"
-    if near(found.slow_end, value, READING):
+    if near(ends_of_quiet(case)["slow"], value, READING):
         return ""
-    peak = found.peak(1, value)
-    if peak > found.limit:
+    peak = _curves(case).peak(1, value)
+    if peak > case.max_ms:
         return f"with the modified plant Ms is {peak:.3g} there"
     return "Ms is within the limit, but a slower and quieter filter keeps to it, too"
 
@@ -508,7 +531,8 @@ _misread = partial(answers_like_any, close=partial(near, tolerance=READING))
 QUIETEST = _Part(
     id="6.2",
     title="The quietest filter",
-    case=_project,
+    case=lambda rng: _quiet_case(_project(rng)),
+    reads=number,
     lacks=_quiet,
     praise=(
         "Right: an unstable plant gives an interval of filters, and its slow end is the quiet one. "
@@ -519,26 +543,26 @@ QUIETEST = _Part(
             "fast end read",
             "This is the fast end of the interval. It is the best against disturbances; but the "
             "faster the filter, the more of the sensor's noise reaches the actuator.",
-            lambda case: [case.readings.fast_end],
+            lambda case: [ends_of_quiet(case)["fast"]],
             marks=0.25,
         ),
         _misread(
             "modified plant left out",
             "You have read the curve of the plant as it is. With the modified plant Ms is above "
             "the line there: a filter must be good for both.",
-            lambda case: [case.readings.nominal_end],
+            lambda case: [ends_of_quiet(case)["nominal"]],
             marks=0.25,
         ),
         _misread(
             "edge taken for the specification",
             "You have read a dotted line, where the loop is lost. Asked for is where the curve "
             "meets the red line.",
-            lambda case: list(case.readings.edges[::-1]),
+            lambda case: _curves(case).edges[::-1],
         ),
         _misread(
             "milliseconds for seconds",
             "The axis of the figure is in milliseconds; the answer is to be in seconds.",
-            lambda case: [1000 * case.readings.slow_end],
+            lambda case: [1000 * ends_of_quiet(case)["slow"]],
             marks=0.5,
         ),
     ),
@@ -581,16 +605,16 @@ class SurvivalCase:
             plant = plant * ct.tf([1], [lag, 1])
         return replace(self.loop, process=plant)
 
-    def stable(self, gain: float, lag: float) -> bool | None:
-        """Judge it."""
-        return self.changed(gain, lag).stability().stable
 
-    def inside(self, gain: float, lag: float) -> bool:
-        """Whether nothing changes by more than in the modified plant."""
-        slack = 1e-9
-        return bool(
-            self.gain * (1 - slack) <= gain <= 1 + slack and 0 <= lag <= self.lag * (1 + slack)
-        )
+@kept
+def survives(case: SurvivalCase, gain: float, lag: float) -> bool | None:
+    return case.changed(gain, lag).stability().stable
+
+
+def _inside(case: SurvivalCase, gain: float, lag: float) -> bool:
+    """Whether nothing changes by more than in the modified plant."""
+    slack = 1e-9
+    return bool(case.gain * (1 - slack) <= gain <= 1 + slack and 0 <= lag <= case.lag * (1 + slack))
 
 
 def _survival_case(rng: np.random.Generator) -> SurvivalCase:
@@ -607,7 +631,9 @@ def _survival_case(rng: np.random.Generator) -> SurvivalCase:
 
     def fits(case: SurvivalCase) -> bool:
         good = ((1, 0), (case.gain, case.lag), (case.gain, 0), _half(case))
-        return case.stable(1, case.lag) is False and all(case.stable(*at) is True for at in good)
+        return survives(case, 1, case.lag) is False and all(
+            survives(case, *at) is True for at in good
+        )
 
     return first_fitting(drawn, fits)
 
@@ -616,26 +642,17 @@ def _half(case: SurvivalCase) -> tuple[float, float]:
     return (1 + case.gain) / 2, case.lag / 4
 
 
-def _pair(got: Any) -> tuple[float, float]:
-    gain, lag = got
-    return float(gain), float(lag)
-
-
-def _lost_inside(case: SurvivalCase, got: Any) -> str:
-    at = _pair(got)
-    if not case.inside(*at):
+def _lost_inside(case: SurvivalCase, at: FloatArray) -> str:
+    if not _inside(case, *at):
         return "this plant is changed by more than the modified one"
-    return "" if case.stable(*at) is False else "the loop is stable with this plant"
-
-
-def _same_pair(at: tuple[float, float], got: Any) -> bool:
-    return bool(np.allclose(_pair(got), at, rtol=1e-3, atol=1e-9))
+    return "" if survives(case, *at) is False else "the loop is stable with this plant"
 
 
 ONE_PLANT = Problem(
     id="6.4",
     title="Find the error: one modified plant",
     case=_survival_case,
+    reads=partial(numbers, names="gain, lag"),
     lacks=_lost_inside,
     praise=(
         "Right: a change that is smaller in every respect loses the loop. The modified plant "
@@ -648,7 +665,7 @@ ONE_PLANT = Problem(
             "That is the plant that was tried, and the loop is stable with it. Change less: which "
             "of its two changes hurts, and which one helps?",
             lambda case: (case.gain, case.lag),
-            close=_same_pair,
+            close=partial(same, rtol=1e-3),
         ),
         Misconception(
             "the harmless change alone",
@@ -656,10 +673,7 @@ ONE_PLANT = Problem(
             "its upper crossover, and where does a lower gain put that crossover?",
             lambda case: (case.gain, 0.0),
             lambda case, got: (
-                case.inside(*_pair(got))
-                and _pair(got)[0] < 1
-                and _pair(got)[1] == 0
-                and case.stable(*_pair(got)) is True
+                _inside(case, *got) and got[0] < 1 and got[1] == 0 and survives(case, *got) is True
             ),
         ),
         Misconception(
@@ -667,7 +681,7 @@ ONE_PLANT = Problem(
             "Within the range that was tried, but the loop is stable there. Follow the rightmost "
             "root from the modified plant while you take back one change, then the other.",
             _half,
-            lambda case, got: case.inside(*_pair(got)) and case.stable(*_pair(got)) is True,
+            lambda case, got: _inside(case, *got) and survives(case, *got) is True,
         ),
         Misconception(
             "beyond what was tried",
@@ -676,10 +690,10 @@ ONE_PLANT = Problem(
             "1, lag between 0 and case.lag.",
             lambda case: (1.0, 2 * case.lag),
             lambda case, got: (
-                not case.inside(*_pair(got))
-                and min(_pair(got)) > 0
-                and not case.inside(*_pair(got)[::-1])
-                and case.stable(*_pair(got)) is False
+                not _inside(case, *got)
+                and min(got) > 0
+                and not _inside(case, *got[::-1])
+                and survives(case, *got) is False
             ),
             marks=0.25,
         ),
@@ -688,9 +702,7 @@ ONE_PLANT = Problem(
             "The right plant, but the two numbers have changed places: first the gain, then the "
             "lag in seconds.",
             lambda case: (case.lag, 1.0),
-            lambda case, got: (
-                not case.inside(*_pair(got)) and not _lost_inside(case, _pair(got)[::-1])
-            ),
+            lambda case, got: not _inside(case, *got) and not _lost_inside(case, got[::-1]),
             marks=0.5,
         ),
     ),
@@ -724,37 +736,39 @@ class BenchCase:
             f"{self.filters[0].order}, λ = {times} s"
         )
 
-    @cached_property
-    def _loops(self) -> list[list[NRDOB]]:
-        return [
-            [NRDOB(plant, self.model, self.controller, filter) for plant in self.plants]
-            for filter in self.filters
-        ]
 
-    @cached_property
-    def _margins(self) -> list[list[LoopMargins]]:
-        return [[loop.margins() for loop in row] for row in self._loops]
+def _bench(case: BenchCase) -> list[list[NRDOB]]:
+    return [
+        [NRDOB(plant, case.model, case.controller, filter) for plant in case.plants]
+        for filter in case.filters
+    ]
 
-    def peaks(self, which: str = "plant_loop") -> list[list[float]]:
-        """Ms for each filter and plant; nan where the loop is not stable."""
-        return [[float(getattr(found, which).ms) for found in row] for row in self._margins]
 
-    @cached_property
-    def worst(self) -> list[float]:
-        """The answer: the largest Ms for each filter, infinite where a plant is lost."""
-        return [
-            max(found.plant_loop.ms for found in row) if all(found.stable for found in row) else inf
-            for row in self._margins
-        ]
+@kept
+def _margins(case: BenchCase) -> list[list[LoopMargins]]:
+    return [[loop.margins() for loop in row] for row in _bench(case)]
 
-    @cached_property
-    def unjudged(self) -> list[float]:
-        """Largest |1/(1 + L)| on a grid, stable or not."""
-        omega = np.geomspace(1e-2, 1e3, 1500) * float(np.abs(self.model.poles()).min())
-        return [
-            max(float((1 / np.abs(1 + loop.L(1j * omega))).max()) for loop in row)
-            for row in self._loops
-        ]
+
+def _peaks(case: BenchCase, which: str = "plant_loop") -> list[list[float]]:
+    """Give Ms for each filter and plant; nan where the loop is not stable."""
+    return [[float(getattr(found, which).ms) for found in row] for row in _margins(case)]
+
+
+def _worst(case: BenchCase) -> list[float]:
+    """Give the largest Ms for each filter, infinite where a plant is lost."""
+    return [
+        max(found.plant_loop.ms for found in row) if all(found.stable for found in row) else inf
+        for row in _margins(case)
+    ]
+
+
+def _unjudged(case: BenchCase) -> list[float]:
+    """Give the largest |1/(1 + L)| on a grid, stable or not."""
+    omega = np.geomspace(1e-2, 1e3, 1500) * float(np.abs(case.model.poles()).min())
+    return [
+        max(float((1 / np.abs(1 + loop.L(1j * omega))).max()) for loop in row)
+        for row in _bench(case)
+    ]
 
 
 def _bench_case(rng: np.random.Generator) -> BenchCase:
@@ -771,17 +785,17 @@ def _bench_case(rng: np.random.Generator) -> BenchCase:
         return BenchCase(model, controller, plants, filters)
 
     def fits(case: BenchCase) -> bool:
-        worst = case.worst
+        worst = _worst(case)
         if not 0 < sum(map(isinf, worst)) < len(worst):
             return False
         finite = [k for k, value in enumerate(worst) if value < inf]
         others = (
-            _largest(case.peaks("observer_loop")),
-            [peaks[0] for peaks in case.peaks()],
+            _largest(_peaks(case, "observer_loop")),
+            [peaks[0] for peaks in _peaks(case)],
         )
         return all(
             any(abs(other[k] / worst[k] - 1) > 0.05 for k in finite) for other in others
-        ) and all(peaks[0] < inf for peaks in case.peaks())
+        ) and all(peaks[0] < inf for peaks in _peaks(case))
 
     return first_fitting(drawn, fits)
 
@@ -790,28 +804,30 @@ def _largest(peaks: list[list[float]], lost: float = inf) -> list[float]:
     return [lost if any(map(isnan, row)) else max(row) for row in peaks]
 
 
-def _like(expected: list[float], got: Any) -> bool:
-    values = np.asarray(got, dtype=float)
-    return values.shape == (len(expected),) and bool(
-        np.allclose(values, expected, rtol=0.01, equal_nan=True)
-    )
+def _like(expected: list[float], got: FloatArray) -> bool:
+    return got.size == len(expected) and bool(np.allclose(got, expected, rtol=0.01, equal_nan=True))
 
 
-def _benched(case: BenchCase, got: Any) -> str:
-    values = [float(value) for value in got]
-    if len(values) != len(case.filters):
-        return f"{len(values)} numbers for {len(case.filters)} filters"
-    if _like(case.worst, values):
-        return ""
-    for filter, true, value in zip(case.filters, case.worst, values, strict=True):
-        if _like([true], [value]):
+def _by_filter(case: BenchCase, got: FloatArray) -> dict[str, bool]:
+    """Tell for which filters the number is right."""
+    return {
+        f"filter {k}": _like([true], np.array([value]))
+        for k, (true, value) in enumerate(zip(_worst(case), got, strict=True), start=1)
+    }
+
+
+def _benched(case: BenchCase, got: FloatArray) -> str:
+    if got.size != len(case.filters):
+        return f"{got.size} numbers for {len(case.filters)} filters"
+    each = zip(_by_filter(case, got).items(), _worst(case), got, strict=True)
+    for (filter, right), true, value in each:
+        if right:
             continue
-        where = f"for λ = {filter.time_constant:g} s"
         if isinf(true):
-            return f"{where} a plant is lost"
+            return f"for {filter} a plant is lost"
         if isinf(value):
-            return f"{where} no plant is lost"
-        return f"{where} it is {'larger' if value < true else 'smaller'} than {value:.4g}"
+            return f"for {filter} no plant is lost"
+        return f"for {filter} it is {'larger' if value < true else 'smaller'} than {value:.4g}"
     return ""
 
 
@@ -822,7 +838,9 @@ BENCH = Problem(
     id="6.5",
     title="The test bench",
     case=_bench_case,
+    reads=numbers,
     lacks=_benched,
+    parts=_by_filter,
     praise=(
         "Right: the worst plant counts, a lost plant counts as infinitely bad, and Ms is that of "
         "the loop which the plant feels. This bench will serve you below."
@@ -833,7 +851,7 @@ BENCH = Problem(
             "There is a nan in your answer. An unstable loop has no margins, so its Ms is nan, and "
             "what max makes of nan depends on where it stands. Ask for the verdict first, and "
             "report inf where a plant is lost.",
-            lambda case: _largest(case.peaks(), nan),
+            lambda case: _largest(_peaks(case), nan),
             lambda case, got: bool(np.isnan(np.asarray(got, dtype=float)).any()),
             marks=0.5,
         ),
@@ -842,27 +860,27 @@ BENCH = Problem(
             "This is the largest Ms over those plants with which the loop is stable. (Python's max "
             "passes over a nan that is not the first.) A plant that is lost is the worst of all: "
             "ask for the verdict, and report inf.",
-            lambda case: [float(np.nanmax(row)) for row in case.peaks()],
+            lambda case: [float(np.nanmax(row)) for row in _peaks(case)],
             marks=0.25,
         ),
         _bench_like(
             "peak without a verdict",
             "You have computed the peak of |1/(1 + L)|, and it is finite for unstable loops, too. "
             "A distance from -1 means nothing on the wrong side of it: ask for stability first.",
-            lambda case: case.unjudged,
+            lambda case: _unjudged(case),
             marks=0.25,
         ),
         _bench_like(
             "margins of FH",
             "These are the Ms of FH. What the plant feels is L = KG: take plant_loop.",
-            lambda case: _largest(case.peaks("observer_loop")),
+            lambda case: _largest(_peaks(case, "observer_loop")),
             marks=0.25,
         ),
         _bench_like(
             "plant as it is",
             "These are the numbers for the first plant, the one that you hope for. Go through all "
             "of case.plants and keep the largest.",
-            lambda case: [row[0] for row in case.peaks()],
+            lambda case: [row[0] for row in _peaks(case)],
             marks=0.25,
         ),
     ),
@@ -875,11 +893,23 @@ STAGES = ("model", "observer", "Ms", "disturbance", "settling", "changed", "nois
 """In the order in which they are looked at; each is worth a point of seven."""
 
 
+WITHIN = 1 + 6e-3
+"""By what factor a limit may be exceeded: that is three digits of λ."""
+
+
+def _three_blocks(given: Any) -> tuple[Any, Any, Any]:
+    if not isinstance(given, tuple | list) or len(given) != 3:
+        raise UnreadableError("three blocks are asked for: (model, controller, filter)")
+    return tuple(given)
+
+
 def _passes(case: Project, got: Any) -> str:
-    if not isinstance(got, tuple | list) or len(got) != 3:
-        return "three blocks are asked for: (model, controller, filter)"
     goals = case.goals(*got)
-    missed = [stage for stage, goal in zip(STAGES, goals, strict=False) if not goal.met]
+    missed = [
+        stage
+        for stage, goal in zip(STAGES, goals, strict=False)
+        if not goal.value <= goal.limit * WITHIN
+    ]
     if not missed:
         return ""
     # Where the observer loop is stable nonetheless, it is the controller.
@@ -901,6 +931,7 @@ DESIGN = _Part(
     id="6.6",
     title="The design",
     case=_project,
+    reads=_three_blocks,
     lacks=_passes,
     praise=(
         "Specification met, verified in two ways, and every changed plant survived. Now you may "
@@ -911,14 +942,22 @@ DESIGN = _Part(
             "matched model",
             "Your model has the plant's unstable pole, or nearly so. Then p_B keeps a root on the "
             "right at that place, whatever the filter: what cancels stays. Mirror the pole.",
-            lambda case: (case.plant, case.controller, LowPassFilter(0.07 / case.pole, ORDER)),
+            lambda case: (
+                case.plant,
+                controller_of(case),
+                LowPassFilter(0.07 / case.pole, ORDER),
+            ),
             _is_matched,
         ),
         Misconception(
             "sign of the model",
             "With this model p_B has an odd number of roots on the right for every filter: parity. "
             "The plant has one unstable pole, so the model's DC gain must have the opposite sign.",
-            lambda case: (-case.mirrored, -case.controller, LowPassFilter(0.07 / case.pole, ORDER)),
+            lambda case: (
+                -mirrored_model(case),
+                -controller_of(case),
+                LowPassFilter(0.07 / case.pole, ORDER),
+            ),
             lambda case, got: right_half_plane_parity(case.plant, got[0]).holds is False,
         ),
         lacking(
@@ -927,7 +966,7 @@ DESIGN = _Part(
             "The signs are right, but with this filter p_B is unstable. An unstable plant is lost "
             "where the feedback is too weak: in general λ is then too large for this model. Look "
             "at stabilizing_time_constants, for your model and your order.",
-            lambda case: _of(case.loop(1.0)),
+            lambda case: _of(loop_of(case, 1.0)),
             marks=1 / 7,
         ),
         lacking(
@@ -935,7 +974,7 @@ DESIGN = _Part(
             "controller for the plant, not for the model",
             "The observer holds the plant, but C does not stabilise the model: condition (i) "
             "fails. C sees the model only. Design it for that, sign included.",
-            lambda case: _of(case.loop(case._good), controller=-case.controller),
+            lambda case: _of(loop_of(case, _good(case)), controller=-controller_of(case)),
             marks=1 / 7,
         ),
         lacking(
@@ -943,7 +982,7 @@ DESIGN = _Part(
             "Ms above its limit",
             "The loop is stable, but Ms is too large. Too slow a filter lets go of the plant; a "
             "model that is too small makes the loop nervous. Draw Ms over λ, as in problem 6.2.",
-            lambda case: _of(case.loop(1.7 * case._good)),
+            lambda case: _of(loop_of(case, 1.7 * _good(case))),
             marks=2 / 7,
         ),
         lacking(
@@ -951,7 +990,7 @@ DESIGN = _Part(
             "disturbances not held",
             "Stable, with a good Ms, but slow disturbances are not held well enough: |S_d| is "
             "about nλω/|R(0)|. Make λ smaller, or the model.",
-            lambda case: _of(case.loop(1.3 * case._good)),
+            lambda case: _of(loop_of(case, 1.3 * _good(case))),
             marks=3 / 7,
         ),
         lacking(
@@ -960,8 +999,8 @@ DESIGN = _Part(
             "The plant is held well; now y is too slow to follow the reference, or does not settle "
             "at it. That is up to C and the model: give C an integrator and a higher crossover.",
             lambda case: _of(
-                case.loop(case._good),
-                controller=design_controller(case.mirrored, bandwidth=0.2 * case.pole),
+                loop_of(case, _good(case)),
+                controller=design_controller(mirrored_model(case), bandwidth=0.2 * case.pole),
             ),
             marks=4 / 7,
         ),
@@ -971,7 +1010,7 @@ DESIGN = _Part(
             "Everything is met with the plant as it is, and a changed plant is lost. A filter that "
             "is very fast leans on a plant that is known exactly up to high frequency; a lag or a "
             "dead time breaks that. Slow it down.",
-            lambda case: _of(case.loop(0.01)),
+            lambda case: _of(loop_of(case, 0.01)),
             marks=5 / 7,
         ),
         lacking(
@@ -980,7 +1019,7 @@ DESIGN = _Part(
             "Everything is met but the noise. If it is infinite, F has only as many lags as the "
             "model: take one more. If it is finite, go to the slow end of the λ that meet the "
             "other goals, where the loop is quiet.",
-            lambda case: _of(case.loop(0.7 * case._good)),
+            lambda case: _of(loop_of(case, 0.7 * _good(case))),
             marks=6 / 7,
         ),
     ),

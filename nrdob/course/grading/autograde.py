@@ -10,58 +10,44 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
+import signal
 import sys
+import tempfile
+import time
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from math import ceil
 from pathlib import Path
 from typing import Any
 
+from jupyter_client.kernelspec import KernelSpec
+from jupyter_core.utils import run_sync
 from nbclient.exceptions import DeadKernelError
-from nbformat.v4 import new_output
+from nbformat.v4 import new_code_cell, new_output
 from nbgrader.apps.api import NbGraderAPI
 from nbgrader.preprocessors import CheckCellMetadata, Execute, LimitOutput, SaveAutoGrades
 from nbgrader.utils import is_grade, is_solution, temp_attrs
 from traitlets.config import Config
 from traitlets.config.loader import PyFileConfigLoader
 
+from .. import exercises
+from . import plain, wall
+from .batch import end
 from .feedback import offline
+from .judge import HiddenTest, Stopped, hidden_test, judge
 
-__all__ = ["SETTINGS", "course", "keep_points", "write_feedback"]
+__all__ = ["SETTINGS", "course", "is_test", "keep_points", "main", "write_feedback"]
 
 # What nbgrader does with its own database is not for those who grade.
 warnings.filterwarnings("ignore", module="nbgrader")
 
 SETTINGS = "nbgrader_config.py"
 
+KERNEL = f"{__package__}.kernel"
+
 NOT_MARKED = "Not marked yet: its points are still to come."
-
-PRELUDE = """
-def _prepare():
-    import builtins, sys
-
-    def leave(*code):
-        raise SystemExit(*code)
-
-    # IPython's own would end the kernel a moment after the cell is done, and nobody knew why.
-    get_ipython().user_ns.update(exit=leave, quit=leave)
-    builtins.exit = builtins.quit = leave
-    try:
-        import resource
-    except ImportError:  # Windows
-        return
-    for limit, most in [(resource.RLIMIT_AS, 4 << 30), (resource.RLIMIT_FSIZE, 200 << 20)]:
-        try:
-            resource.setrlimit(limit, (most, resource.getrlimit(limit)[1]))
-        except (ValueError, OSError):
-            pass
-
-
-_prepare()
-del _prepare
-# On a busy machine this takes long, and the time is not the student's.
-import matplotlib.pyplot
-import nrdob.course.exercises
-del matplotlib, nrdob
-"""
 
 
 def course(root: Path) -> NbGraderAPI:
@@ -83,15 +69,19 @@ def course(root: Path) -> NbGraderAPI:
 REMARKS: list[str] = []
 """What happened while the cells ran; this process runs one notebook."""
 
+GROUPS: list[Any] = []
+"""The groups that the answers were given for."""
+
 
 class PatientExecute(Execute):  # type: ignore[misc]
     """Run the cells as nbgrader does, and survive those that end the kernel or flood it.
 
-    A cell that ends its kernel, or that cannot be interrupted, is left out, with an error in its
-    place, and the notebook run again. So each such cell costs its own problem only.
+    The kernel stands behind a wall, and what is graded is judged here, see `judge`. A cell that
+    ends its kernel, or that cannot be interrupted, is left out, with an error in its place, and
+    the notebook run again. So each such cell costs its own problem only.
     """
 
-    most_output = 200_000  # bytes of one cell
+    most_output = 300_000  # letters of one cell, of every kind together
     most_deaths = 10
 
     def preprocess(self, nb: Any, resources: Any = None, km: Any = None) -> tuple[Any, Any]:
@@ -99,42 +89,200 @@ class PatientExecute(Execute):  # type: ignore[misc]
         self.left_out: dict[int, str] = {}
         while True:
             self.at = -1
+            GROUPS.clear()
             try:
-                nb, resources = super().preprocess(nb, resources, km)
+                with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as desk:
+                    self.desk = lay_out(Path(desk), Path(resources["metadata"]["path"]))
+                    nb, resources = super().preprocess(nb, resources, km)
                 break
-            except (DeadKernelError, TimeoutError) as error:
+            except Exception as error:
                 if self.at < 0 or len(self.left_out) == self.most_deaths:
                     raise
-                dead = isinstance(error, DeadKernelError)
-                why = "it ended the kernel" if dead else "it could not be stopped"
+                why = next((why for kind, why in WHY.items() if isinstance(error, kind)), BROKE)
                 self.left_out[self.at] = why
                 REMARKS.append(f"{name_of(nb.cells[self.at])} was left out: {why}")
         for cell in nb.cells:
-            if cell.cell_type == "code" and is_grade(cell) and not is_solution(cell):
+            if is_test(cell):
                 keep_points(cell)
         return nb, resources
 
+    def create_kernel_manager(self) -> Any:
+        """Make the manager of a kernel that starts behind the wall."""
+        connection = self.desk / "connection.json"
+        manager = self.kernel_manager_class(connection_file=str(connection), config=self.config)
+        command = [sys.executable, "-P", "-m", KERNEL, str(connection), str(self.desk)]
+        manager._kernel_spec = KernelSpec(argv=command, language="python", display_name="walled")
+        self.km = manager
+        return manager
+
+    async def async_start_new_kernel(self, **kwargs: Any) -> None:
+        """Start the kernel on its desk, with nothing in its environment that it does not need."""
+        self.extra_arguments: list[str] = []
+        await super().async_start_new_kernel(
+            **{**kwargs, "cwd": str(self.desk), "env": surroundings(self.desk)}
+        )
+
+    start_new_kernel = run_sync(async_start_new_kernel)
+
     def preprocess_cell(self, cell: Any, resources: Any, index: int) -> tuple[Any, Any]:
-        """Execute one cell; the first is ours and may take longer."""
-        if index == 0:
-            with temp_attrs(self, timeout=120):
-                self.wait_for_reply(self.kc.execute(PRELUDE, silent=True, store_history=False))
+        """Execute one cell, or judge what it tests."""
         self.at, self.size = index, 0
         if index in self.left_out:
             cell.outputs = [failure("CellLeftOut", self.left_out[index])]
             return cell, resources
-        cell, resources = super().preprocess_cell(cell, resources, index)
-        if any(out.get("ename") == "CellTimeoutError" for out in cell.get("outputs", [])):
-            REMARKS.append(f"{name_of(cell)} was stopped after {self.timeout} s")
+        test = hidden_test(cell.source) if is_test(cell) else None
+        if test:
+            cell.outputs = self.judged(test, cell, index)
+            return cell, resources
+        with temp_attrs(self, error_on_timeout=slow(self.timeout)):
+            cell, resources = super().preprocess_cell(cell, resources, index)
+        if any(out.get("ename") == TOO_SLOW for out in cell.get("outputs", [])):
+            REMARKS.append(f"{name_of(cell)} {too_slow(self.timeout)}")
         return cell, resources
 
-    def output(self, outs: list[Any], msg: Any, display_id: Any, cell_index: int) -> Any:
-        """Keep an output, unless the cell has said enough; points and errors are always kept."""
+    def judged(self, test: HiddenTest, cell: Any, index: int) -> list[Any]:
+        """Judge what a cell tests; its points, or what went wrong, as its outputs."""
+        budget = self.timeout * allowed(test.problem)
+        # The machine that grades may be busier than the student's: the clock is generous.
+        end = time.monotonic() + PATIENCE * budget
+
+        def ask(source: str) -> str:
+            left = max(1, ceil(end - time.monotonic()))
+            asked = new_code_cell(source)
+            try:
+                with temp_attrs(self, timeout=left, error_on_timeout=slow(budget)):
+                    self.execute_cell(asked, index, store_history=False)
+            except Exception as error:  # the kernel is dead or deaf
+                raise Stopped(error) from error
+            finally:
+                self.nb.cells[index] = cell
+            for out in asked.outputs:
+                if out.output_type == "display_data" and plain.MIME in out.data:
+                    return str(out.data[plain.MIME])
+            errors = [out for out in asked.outputs if out.output_type == "error"]
+            # An interrupt has an error of its own, before ours.
+            raise Stopped(max(errors, key=lambda out: bool(out.ename == TOO_SLOW), default=None))
+
+        try:
+            with patience(PATIENCE * budget):
+                points, group = judge(test, ask)
+        except Stopped as stopped:
+            [why] = stopped.args
+            if isinstance(why, Exception):
+                raise why from None
+            if why is None:
+                return [failure("NoAnswer", "the answer was not told")]
+            if why.ename != TOO_SLOW:
+                return [why]
+        except Exception as error:  # whatever was sent in the place of an answer
+            return [failure("Unreadable", f"{type(error).__name__}: {error}"[:300])]
+        else:
+            GROUPS.append(group)
+            data = {"text/plain": repr(points), "text/html": points._repr_html_()}
+            return [new_output("execute_result", data=data)]
+        REMARKS.append(f"{name_of(cell)} {too_slow(budget)}")
+        return [failure(TOO_SLOW, too_slow(budget))]
+
+    def process_message(self, msg: Any, cell: Any, cell_index: int) -> Any:
+        """Take what the kernel says, unless the cell has said enough."""
         content = msg["content"]
-        self.size += len(content.get("text", ""))
-        if msg["msg_type"] == "stream" and self.size > self.most_output:
-            return None
-        return super().output(outs, msg, display_id, cell_index)
+        most = plain.LONGEST + 1000 if plain.MIME in content.get("data", ()) else self.most_output
+        if msg["msg_type"] in SAID:
+            self.size += len(str(content))
+            if self.size > most:
+                self.flooded(cell)
+                return None
+        return super().process_message(msg, cell, cell_index)
+
+    def flooded(self, cell: Any) -> None:
+        """Say once that the rest of a cell's outputs is left out."""
+        remark = f"the outputs of {name_of(cell)} were cut: more than {self.most_output} letters"
+        if remark not in REMARKS:
+            REMARKS.append(remark)
+
+
+WHY = {
+    DeadKernelError: "it ended the kernel",
+    TimeoutError: "it could not be stopped",
+}
+BROKE = "it broke the kernel"
+
+SAID = {"stream", "display_data", "execute_result", "update_display_data", "error", "comm_open"}
+SAID |= {"comm_msg"}
+
+TOO_SLOW = "TooSlow"
+
+PATIENCE = 1.5
+"""How much longer the clock of the grading waits than the student was told."""
+
+
+def allowed(problem: str) -> float:
+    """Give the time that a problem allows, as a share of what the others do."""
+    common = getattr(exercises, "BUDGET", 20.0)
+    return float(getattr(exercises.PROBLEMS.get(problem), "budget", common) / common)
+
+
+def too_slow(seconds: float) -> str:
+    """Say in plain words that something took too long."""
+    return f"took longer than the {seconds:g} s that the set allows"
+
+
+def slow(seconds: float) -> dict[str, Any]:
+    """Make what nbclient is to reply for a cell that took too long."""
+    text = too_slow(seconds)
+    return {"ename": TOO_SLOW, "evalue": text, "traceback": [text]}
+
+
+@contextmanager
+def patience(seconds: float) -> Iterator[None]:
+    """Stop the judging, too, of an answer that was made to keep it busy."""
+    if not hasattr(signal, "setitimer"):  # Windows: the limit of the whole submission is left
+        yield
+        return
+
+    def stop(number: int, frame: Any) -> None:
+        raise Stopped(failure(TOO_SLOW, too_slow(seconds / PATIENCE)))
+
+    before = signal.signal(signal.SIGALRM, stop)
+    signal.setitimer(signal.ITIMER_REAL, 1.5 * seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def lay_out(desk: Path, folder: Path) -> Path:
+    """Lay what was handed in beside the notebook on the desk; the notebook holds hidden tests."""
+    for path in folder.iterdir():
+        if path.is_file() and path.suffix != ".ipynb":
+            shutil.copy(path, desk)
+    return desk
+
+
+def surroundings(desk: Path) -> dict[str, str]:
+    """Give the environment of a kernel: what it needs, and nothing that is the teacher's."""
+    import matplotlib
+
+    wanted = {name: os.environ[name] for name in KEPT if name in os.environ}
+    folders = ("HOME", "TMPDIR", "TEMP", "TMP", "IPYTHONDIR", "JUPYTER_RUNTIME_DIR")
+    return {
+        **wanted,
+        **dict.fromkeys(folders, str(desk)),
+        "MPLCONFIGDIR": matplotlib.get_cachedir(),  # its list of fonts takes long to make
+    }
+
+
+KEPT = (
+    "NBGRADER_EXECUTION", "PATH", "PYTHONPATH", "PYTHONHASHSEED", "PYTHONUTF8", "LANG",
+    "LC_ALL", "LC_CTYPE", "TZ", "SYSTEMROOT", "MATPLOTLIBRC", "OPENBLAS_NUM_THREADS",
+    "OMP_NUM_THREADS", "OPENBLAS_CORETYPE", "NPY_DISABLE_CPU_FEATURES",
+)  # fmt: skip
+
+
+def is_test(cell: Any) -> bool:
+    """Tell whether a cell holds a hidden test."""
+    return bool(cell.cell_type == "code" and is_grade(cell) and not is_solution(cell))
 
 
 def name_of(cell: Any) -> str:
@@ -186,7 +334,8 @@ def grade(root: Path, student: str, set_name: str) -> dict[str, Any]:
         comments = {comment.name: comment.auto_comment for comment in notebook.comments}
     write_feedback(api, student, set_name)
     remarks = list(dict.fromkeys(REMARKS))
-    return {"grades": grades, "comments": comments, "remarks": remarks}
+    groups = list(dict.fromkeys(group for group in GROUPS if type(group) is int))
+    return {"grades": grades, "comments": comments, "remarks": remarks, "groups": groups}
 
 
 def write_feedback(api: NbGraderAPI, student: str, set_name: str) -> None:
@@ -208,7 +357,13 @@ def write_feedback(api: NbGraderAPI, student: str, set_name: str) -> None:
 def main(arguments: list[str]) -> int:
     """Run the command line; the result is the exit code."""
     root, student, set_name = Path(arguments[0]), arguments[1], arguments[2]
-    result = grade(root, student, set_name)
+    # Neither the teacher's own settings nor their history have a part in it.
+    os.environ.update(IPYTHONDIR=str(root / "ipython"), JUPYTER_CONFIG_DIR=str(root / "jupyter"))
+    wall.adopt_orphans()
+    try:
+        result = grade(root, student, set_name)
+    finally:  # whatever the student's code has left running
+        end(os.getpid(), itself=False)
     (root / "result.json").write_text(json.dumps(result), "utf-8")
     return 0
 

@@ -4,20 +4,23 @@
     python -m nrdob.course.grading grade FOLDER                  grade what students handed in
     python -m nrdob.course.grading report                        after marks were written by hand
 
-FOLDER holds a folder for each student with the notebook in it, ``FOLDER/anna/set2.ipynb``. The
-result is a course in nbgrader's layout: ``grades.csv``, the feedback of each student, the list
-``written.csv`` of the answers to be marked by hand, and nbgrader's gradebook.
+FOLDER holds a folder for each student with the notebook in it, ``FOLDER/anna/set2.ipynb``, or is
+what Moodle or Canvas exports, zipped or not. The result is a course in nbgrader's layout:
+``grades.csv`` and ``course.csv``, the feedback of each student, the list ``written.csv`` of the
+answers to be marked by hand, ``similar.csv``, what Moodle and Canvas import, and nbgrader's
+gradebook. Roster, deadlines and the rule for late ones stand in ``course.toml``.
 """
 
 from __future__ import annotations
 
 import argparse
+import csv
 import re
 import shutil
 import sys
 import tempfile
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -26,19 +29,26 @@ from nbclient.exceptions import CellExecutionError
 from nbgrader.preprocessors import ClearHiddenTests
 
 from ..running import execute
+from . import similar, wall
 from .autograde import SETTINGS, course, write_feedback
 from .batch import Batch, Outcome
 from .marks import (
     Records,
     enter,
     grades_of,
+    lines,
     number,
     read_written,
     unmarked,
+    write_course,
     write_grades,
+    write_platforms,
+    write_table,
     write_written,
 )
-from .submissions import Submission, find, repair
+from .platforms import packed, unpacked
+from .roster import Course, read_course
+from .submissions import NOTHING, Submission, find, repair
 
 __all__ = ["MARKERS", "grade", "main", "parse", "release", "report", "solved"]
 
@@ -46,6 +56,7 @@ ROOT = Path(__file__).resolve().parents[3]
 SOURCE = ROOT / "notebooks" / "exercises" / "source"
 RELEASE = ROOT / "build" / "exercises"
 GRADING = ROOT / "grading"
+COURSE = ROOT / "course.toml"
 
 MARKERS = re.compile(r"^.*(BEGIN|END) (SOLUTION|HIDDEN TESTS).*\n?", re.MULTILINE)
 
@@ -142,42 +153,69 @@ def grade(
     target: Path = GRADING,
     source: Path = SOURCE,
     jobs: int = 2,
-    limit: float = 300,
+    limit: float = 1200,
+    plan: Course | None = None,
+    trust: bool = False,
 ) -> int:
     """Grade what students handed in; the result is how many could not be graded."""
-    if not folder.is_dir():
+    if not folder.exists():
         raise CourseError(f"there is no folder {folder}")
-    submissions = find(folder, sets_in(source), wanted)
-    if not submissions:
-        raise CourseError(f"there are no submissions in {folder}")
-    found_course(target)
-    names = sorted({submission.set for submission in submissions if not submission.reason})
-    given_out = {
-        name: nbformat.read(generate(target, source, name) / f"{name}.ipynb", as_version=4)
-        for name in names
-    }
-    records = Records(target / "submissions.json")
-    faults = take_marks(target, records)
-    ready = []
-    for submission in submissions:
-        if not submission.reason:
-            hand_over(submission, given_out[submission.set], target, records)
-        entry = records.add(submission, submission.reason or "it is still to be graded")
-        if submission.reason:
-            print(f"not graded: {described(submission)}: {submission.reason}", flush=True)
-        else:
-            ready.append((entry["folder"], submission))
+    plan = plan or Course()
+    if wall.missing():
+        print(f"{wall.missing()}. {UNWALLED}")
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as place:
+        faults = []
+        if packed(folder):
+            faults = list(unpacked(folder, Path(place)))
+            folder = Path(place)
+        submissions = find(folder, sets_in(source), wanted, plan)
+        if not submissions:
+            raise CourseError(f"there are no submissions in {folder}")
+        found_course(target)
+        names = sorted({submission.set for submission in submissions if not submission.reason})
+        given_out = {
+            name: nbformat.read(generate(target, source, name) / f"{name}.ipynb", as_version=4)
+            for name in names
+        }
+        records = Records(target / "submissions.json")
+        faults += take_marks(target, records)
+        ready = []
+        for submission in list(submissions):
+            if submission.reason == NOTHING and records.graded(submission):
+                submissions.remove(submission)  # it came earlier
+                continue
+            if not submission.reason:
+                hand_over(submission, given_out[submission.set], target, records, plan)
+            if not submission.reason and submission.suspicious and wall.missing() and not trust:
+                submission.reason = NOT_RUN
+            entry = records.add(submission, submission.reason or "it is still to be graded")
+            if submission.reason:
+                print(f"not graded: {described(submission)}: {submission.reason}", flush=True)
+            else:
+                ready.append((entry["folder"], submission))
     try:
         run(ready, target, records, jobs, limit)
+        records.remark_shared_groups(plan)
     finally:  # after an interrupt, too
-        write_tables(target, records)
+        write_tables(target, records, plan)
+    compare(target, records, given_out)
     return summary(target, submissions, records, faults)
 
 
-def hand_over(submission: Submission, given_out: Notebook, target: Path, records: Records) -> None:
+UNWALLED = (
+    "It runs with your rights, and could read and change what you can: what looks as if it did is "
+    "not run, unless you have read it and say --trust. Grade strangers' work in a virtual machine."
+)
+NOT_RUN = "it was not run, for there is no wall on this system: read what is remarked, then --trust"
+
+
+def hand_over(
+    submission: Submission, given_out: Notebook, target: Path, records: Records, plan: Course
+) -> None:
     """Put a submission where nbgrader looks for it, repaired."""
+    known = plan.find(submission.student, submission.owner.identifier)
     try:
-        repair(submission, given_out)
+        repair(submission, given_out, known.group if known else None)
     except Exception as error:  # whatever a file may hold
         submission.reason = f"its cells cannot be read ({type(error).__name__}: {error})"
         return
@@ -200,6 +238,29 @@ def run(
             with course(target).gradebook as gradebook:
                 enter(gradebook, entry["folder"], outcome)
         print(f"[{count:>{len(str(len(ready)))}}/{len(ready)}] {told(outcome)}", flush=True)
+
+
+def compare(target: Path, records: Records, given_out: Mapping[str, Notebook]) -> None:
+    """List the pairs of submissions whose answers are alike, of the sets just graded."""
+    path = target / "similar.csv"
+    columns = ["set", "first", "second", "cells", "share"]
+    rows: list[dict[str, Any]] = []
+    if path.exists():
+        with path.open(newline="", encoding="utf-8") as file:
+            rows = [row for row in csv.DictReader(file) if row["set"] not in given_out]
+    for name, skeleton in given_out.items():
+        notebooks = {
+            entry["student"]: nbformat.read(
+                target / "submitted" / entry["folder"] / name / f"{name}.ipynb", as_version=4
+            )
+            for entry in records.entries
+            if entry["set"] == name and not entry["reason"]
+        }
+        found = similar.pairs(notebooks, skeleton)
+        rows += [{"set": name, **line} for line in similar.told(found)]
+        if found:
+            print(f"{name}: {len(found)} pairs of students have answers that are alike: {path}")
+    write_table(path, columns, rows)
 
 
 def described(submission: Submission) -> str:
@@ -228,11 +289,14 @@ def take_marks(target: Path, records: Records) -> list[str]:
         return read_written(target / "written.csv", gradebook, records)
 
 
-def write_tables(target: Path, records: Records) -> None:
-    """Write what the teacher reads."""
+def write_tables(target: Path, records: Records, plan: Course) -> None:
+    """Write what the teacher reads, and what the platform imports."""
     records.save()
     with course(target).gradebook as gradebook:
-        write_grades(target / "grades.csv", gradebook, records)
+        found = lines(gradebook, records, plan)
+        write_grades(target / "grades.csv", found)
+        write_course(target / "course.csv", found, plan)
+        write_platforms(target, found, plan)
         write_written(target / "written.csv", gradebook, records)
 
 
@@ -250,7 +314,9 @@ def summary(
             print(f"  {' '.join(filter(None, [entry['student'], entry['set']]))}: {remark}")
     for fault in faults:
         print(f"  {fault}")
-    print(f"Points: {target / 'grades.csv'}\nFeedback: {target / 'feedback'}")
+    print(
+        f"Points: {target / 'grades.csv'}, {target / 'course.csv'}\nFeedback: {target / 'feedback'}"
+    )
     with course(target).gradebook as gradebook:
         left = sum(unmarked(grade) for entry in entries for grade in grades_of(gradebook, entry))
     if left:
@@ -261,7 +327,7 @@ def summary(
     return len(refused) + len(faults)
 
 
-def report(target: Path = GRADING) -> int:
+def report(target: Path = GRADING, plan: Course | None = None) -> int:
     """Enter the marks written by hand; write feedback and tables anew."""
     if not (target / "gradebook.db").exists():
         raise CourseError(f"nothing is graded yet in {target}")
@@ -272,7 +338,7 @@ def report(target: Path = GRADING) -> int:
         if not entry["reason"]:
             write_feedback(api, entry["folder"], entry["set"])
             print(f"feedback for {entry['student']} {entry['set']}", flush=True)
-    write_tables(target, records)
+    write_tables(target, records, plan or Course())
     for fault in faults:
         print(f"  {fault}")
     print(f"Points: {target / 'grades.csv'}")
@@ -294,11 +360,17 @@ def parse(arguments: list[str] | None) -> argparse.Namespace:
     grading.add_argument("--set", action="append", default=[], help="only this one, e.g. set2")
     grading.add_argument("--jobs", type=int, default=2, help="how many at a time")
     grading.add_argument(
-        "--limit", type=float, default=300, metavar="SECONDS", help="for one submission"
+        "--limit", type=float, default=1200, metavar="SECONDS", help="for one submission"
+    )
+    grading.add_argument(
+        "--trust", action="store_true", help="run suspicious code even where there is no wall"
     )
     reporting = commands.add_parser("report", help="after marks were written into written.csv")
     for command in (grading, reporting):
         command.add_argument("--output", type=Path, default=GRADING, metavar="FOLDER")
+        command.add_argument(
+            "--course", type=Path, metavar="FILE", help="roster, deadlines; by default course.toml"
+        )
     return parser.parse_args(arguments)
 
 
@@ -312,6 +384,16 @@ def checked(names: Sequence[str]) -> list[str]:
     return names
 
 
+def planned(path: Path | None) -> Course:
+    """Read the settings of the course; without a file there are none."""
+    if path is None and not COURSE.exists():
+        return Course()
+    try:
+        return read_course(path or COURSE)
+    except (OSError, ValueError, TypeError) as error:
+        raise CourseError(str(error)) from None
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line; 0 if all is well, 1 if some could not be graded, 2 if nothing was."""
     options = parse(arguments)
@@ -319,13 +401,19 @@ def main(arguments: list[str] | None = None) -> int:
         if options.command == "release":
             release(checked(options.sets) or list(sets_in(SOURCE)), SOURCE, options.output)
             return 0
+        plan = planned(options.course)
         if options.command == "grade":
-            names = checked(options.set)
             left = grade(
-                options.folder, names, options.output, jobs=options.jobs, limit=options.limit
+                options.folder,
+                checked(options.set),
+                options.output,
+                jobs=options.jobs,
+                limit=options.limit,
+                plan=plan,
+                trust=options.trust,
             )
         else:
-            left = report(options.output)
+            left = report(options.output, plan)
     except CourseError as error:
         print(error, file=sys.stderr)
         return 2

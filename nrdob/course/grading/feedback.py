@@ -1,7 +1,9 @@
-"""Make a page of feedback that needs nothing but itself: no scripts, no network.
+"""Make a page of feedback that needs nothing but itself, and does nothing but be read.
 
-Formulas become MathML, which browsers draw without help. What would be loaded from elsewhere is
-taken out. A formula that cannot be converted is shown as it was written.
+What students wrote, and what their code put out, passes a list of the tags and attributes that are
+allowed (nh3): no scripts, no styles, nothing that is loaded or that answers to the mouse. Pictures
+stay that lie in the page itself. Formulas become MathML, which browsers draw without help; one that
+cannot be converted is shown as it was written.
 """
 
 from __future__ import annotations
@@ -9,13 +11,13 @@ from __future__ import annotations
 import re
 from typing import Any
 
+import nh3
 from bs4 import BeautifulSoup
 from docutils.utils.math.latex2mathml import tex2mathml
 
 __all__ = ["offline"]
 
-LOADED = {"script": "src", "link": "href", "iframe": "src", "embed": "src", "object": "data"}
-VERBATIM = {"pre", "code", "style", "textarea", "title"}
+VERBATIM = {"pre", "code"}
 TOKEN = r"[^{}\s\\]|\\[A-Za-z]+"
 FORMULA = re.compile(
     r"""
@@ -29,18 +31,74 @@ FORMULA = re.compile(
 )
 
 
+TAGS = {
+    "a", "abbr", "b", "blockquote", "br", "caption", "code", "col", "colgroup", "dd", "del",
+    "details", "div", "dl", "dt", "em", "figcaption", "figure", "h1", "h2", "h3", "h4", "h5",
+    "h6", "hr", "i", "img", "ins", "kbd", "li", "main", "ol", "p", "pre", "q", "s", "samp",
+    "small", "span", "strong", "sub", "summary", "sup", "table", "tbody", "td", "tfoot", "th",
+    "thead", "tr", "u", "ul", "var",
+}  # fmt: skip
+ATTRIBUTES = {
+    "*": {"class", "id", "title", "lang", "dir"},
+    "a": {"href", "name"},
+    "img": {"src", "alt", "width", "height"},
+    "ol": {"start"},
+    "td": {"colspan", "rowspan", "align"},
+    "th": {"colspan", "rowspan", "align", "scope"},
+}
+PICTURE = re.compile(r"data:image/(png|jpeg|gif|webp);base64,[A-Za-z0-9+/=\s]*")
+PLACE = re.compile(r"#|https?://", re.IGNORECASE)
+MATH = {
+    "math", "mrow", "mi", "mn", "mo", "mtext", "mspace", "ms", "mfrac", "msqrt", "mroot",
+    "mstyle", "merror", "mpadded", "mphantom", "msub", "msup", "msubsup", "munder", "mover",
+    "munderover", "mmultiscripts", "mprescripts", "mtable", "mtr", "mtd", "menclose",
+    "semantics", "annotation",
+}  # fmt: skip
+NOWHERE = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
+"""What a browser is told: even if something got through, it can load nothing and run nothing."""
+
+
 def offline(page: str) -> str:
-    """Convert a page of nbgrader's feedback."""
-    soup = BeautifulSoup(page, "html.parser")
-    for name in LOADED:
-        for tag in soup.find_all(name):
-            tag.decompose()
-    for tag in soup.find_all(src=re.compile(r"^\s*(https?:)?//", re.IGNORECASE)):
+    """Convert a page of nbgrader's feedback, or a piece of one."""
+    head, found, body = page.partition("</head>")
+    if not found:
+        return _body(page)
+    # The head is the template's, and comes before anything of a student's.
+    styles = "".join(map(str, BeautifulSoup(head, "html.parser").find_all("style")))
+    title = BeautifulSoup(head, "html.parser").title
+    return (
+        f'<!DOCTYPE html>\n<html><head><meta charset="utf-8"/>'
+        f'<meta http-equiv="Content-Security-Policy" content="{NOWHERE}"/>'
+        f"{title or ''}{styles}</head><body>{_body(body)}</body></html>\n"
+    )
+
+
+def _body(text: str) -> str:
+    """Clean what a page shows, and convert its formulas."""
+    soup = BeautifulSoup(text, "html.parser")
+    for tag in soup.find_all("img", src=re.compile(r"^\s*(https?:)?//", re.IGNORECASE)):
         tag.replace_with(f"[{tag['src']}]")
-    for text in soup.find_all(string=FORMULA):
-        if not any(parent.name in VERBATIM for parent in text.parents):
-            _convert(text)
+    clean = nh3.clean(
+        str(soup),
+        tags=TAGS,
+        clean_content_tags={"script", "style"},
+        attributes=ATTRIBUTES,
+        attribute_filter=_kept,
+        url_schemes={"http", "https", "data"},
+    )
+    soup = BeautifulSoup(clean, "html.parser")
+    for formula in soup.find_all(string=FORMULA):
+        if not any(parent.name in VERBATIM for parent in formula.parents):
+            _convert(formula)
     return str(soup)
+
+
+def _kept(tag: str, attribute: str, value: str) -> str | None:
+    """Keep an attribute, unless it leads to what may not be loaded."""
+    allowed = {"src": PICTURE, "href": PLACE}.get(attribute)
+    if allowed is PICTURE:
+        return value if PICTURE.fullmatch(value) else None
+    return value if allowed is None or PLACE.match(value) else None
 
 
 def _convert(text: Any) -> None:
@@ -60,7 +118,10 @@ def mathml(match: re.Match[str]) -> Any:
     tex = inline or match["dollars"] or match["brackets"] or match["environment"]
     try:
         converted = tex2mathml(_known(tex), as_block=not inline)
-        return BeautifulSoup(converted, "html.parser").find("math")
+        found = BeautifulSoup(converted, "html.parser").find("math")
+        if found is None or {tag.name for tag in found.find_all(True)} - MATH:
+            raise ValueError("no formula")
+        return found
     except Exception:  # whatever a student writes
         code = BeautifulSoup("<code></code>", "html.parser").code
         assert code is not None

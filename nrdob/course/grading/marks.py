@@ -1,6 +1,8 @@
-"""Points in tables: from nbgrader's gradebook to ``grades.csv``, and from ``written.csv`` back.
+"""Points in tables: from nbgrader's gradebook to CSV files, and from ``written.csv`` back.
 
-What the gradebook does not know (remarks, the group, what could not be graded) is kept beside it.
+``grades.csv`` has a line for each student and set, ``course.csv`` one for each student; Moodle and
+Canvas import ``moodle_set1.csv`` and ``canvas.csv``. What the gradebook does not know (remarks, the
+group, what could not be graded) is kept beside it.
 """
 
 from __future__ import annotations
@@ -9,30 +11,42 @@ import csv
 import json
 import re
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
+import nbformat
 from nbgrader.api import Gradebook, MissingEntry
 
 from .batch import Outcome
-from .submissions import Submission
+from .roster import Course
+from .submissions import NOTHING, Submission
 
 __all__ = [
     "WRITTEN",
     "Records",
     "enter",
     "grades_of",
+    "lines",
     "number",
     "problem_of",
     "read_written",
     "unmarked",
+    "write_course",
     "write_grades",
+    "write_platforms",
     "write_table",
     "write_written",
 ]
 
 GRADED_CELL = re.compile(r"(?:check|written)-(\d+)-(\w+)")
-WRITTEN = ("student", "set", "problem", "of", "points", "comment")
+WRITTEN = ("student", "set", "problem", "of", "points", "comment", "answer", "feedback")
+FORMULA = re.compile(r"\s*[=+@|-](?![\d.,\s]*$)|[\t\r]")
+"""What a spreadsheet would compute, where a student has written it."""
+
+SHARED = "the same group in "
 
 Record = dict[str, Any]
 
@@ -86,11 +100,34 @@ class Records:
             "group": submission.group,
             "remarks": submission.remarks,
             "reason": reason,
+            "platform": submission.owner.platform,
+            "identifier": submission.owner.identifier,
+            "handed in": submission.handed_in.isoformat() if submission.handed_in else "",
         }
         key = (submission.student, submission.set)
         others = [old for old in self.entries if (old["student"], old["set"]) != key]
         self.entries = sorted([*others, entry], key=lambda e: (e["student"], e["set"]))
         return entry
+
+    def graded(self, submission: Submission) -> bool:
+        """Tell whether a student's set was graded earlier."""
+        key = (submission.student, submission.set)
+        return any((e["student"], e["set"]) == key and not e["reason"] for e in self.entries)
+
+    def remark_shared_groups(self, course: Course) -> None:
+        """Remark a group's number in the notebooks of several, unless the roster has it so."""
+        holders: dict[tuple[str, int], list[Record]] = {}
+        for entry in self.entries:
+            if not entry["reason"] and entry["group"] is not None:
+                known = course.find(entry["student"], entry.get("identifier", ""))
+                if known is None or known.group != entry["group"]:
+                    holders.setdefault((entry["set"], entry["group"]), []).append(entry)
+        for entry in self.entries:
+            entry["remarks"] = [r for r in entry["remarks"] if not r.startswith(SHARED)]
+        for (_, group), entries in holders.items():
+            if len(entries) > 1:
+                for entry in entries:
+                    entry["remarks"].append(f"{SHARED}{len(entries)} notebooks: group {group}")
 
     def save(self) -> None:
         """Store the entries beside the gradebook."""
@@ -139,39 +176,182 @@ def unmarked(grade: Any) -> bool:
 # --- the tables ---------------------------------------------------------------------------------
 
 
-def write_grades(path: Path, gradebook: Gradebook, records: Records) -> None:
+@dataclass(frozen=True)
+class Line:
+    """What a student has for a set, after what being late costs."""
+
+    entry: Record
+    grades: list[Any]
+    days: int
+    share: float
+
+    @property
+    def earned(self) -> float:
+        """Points, without those that nobody has given yet."""
+        return float(sum(grade.score for grade in self.grades)) * self.share
+
+    @property
+    def most(self) -> float:
+        """Points that there are."""
+        return float(sum(grade.max_score for grade in self.grades))
+
+    @property
+    def open(self) -> list[str]:
+        """Problems that nobody has marked yet."""
+        return [problem_of(grade.name) for grade in self.grades if unmarked(grade)]
+
+    @property
+    def late(self) -> str:
+        """Say how late it was, and what that costs."""
+        if not self.days:
+            return ""
+        cost = f", −{number(100 * (1 - self.share))} %" if self.share < 1 else ""
+        return f"{self.days} d{cost}"
+
+
+def lines(gradebook: Gradebook, records: Records, course: Course) -> list[Line]:
+    """Give a line for each student and set."""
+    found = []
+    for entry in records.entries:
+        when = entry.get("handed in")
+        moment = datetime.fromisoformat(when) if when else None
+        days = course.days_late(entry["set"], entry["student"], moment)
+        grades = grades_of(gradebook, entry)
+        found.append(Line(entry, grades, days if grades else 0, course.share(days)))
+    return found
+
+
+def write_grades(path: Path, found: list[Line]) -> None:
     """Write a line for each student and set."""
     rows, problems = [], set()
-    for entry in records.entries:
-        grades = grades_of(gradebook, entry)
+    for line in found:
+        entry = line.entry
         row = {
             "student": entry["student"],
             "set": entry["set"],
             "group": "" if entry["group"] is None else entry["group"],
-            "to mark by hand": " ".join(problem_of(g.name) for g in grades if unmarked(g)),
+            "to mark by hand": " ".join(line.open),
+            "late": line.late,
             "remarks": "; ".join(entry["remarks"]),
         }
         if entry["reason"]:
             row["remarks"] = "; ".join([f"not graded: {entry['reason']}", *entry["remarks"]])
         else:
-            row["total"] = number(sum(grade.score for grade in grades))
-            row["max"] = number(sum(grade.max_score for grade in grades))
-        for grade in grades:
+            row["total"], row["max"] = number(line.earned), number(line.most)
+        for grade in line.grades:
             row[problem_of(grade.name)] = "" if unmarked(grade) else number(grade.score)
             problems.add(problem_of(grade.name))
         rows.append(row)
     columns = ["student", "set", "group", *sorted(problems, key=in_order)]
-    write_table(path, [*columns, "to mark by hand", "total", "max", "remarks"], rows)
+    write_table(path, [*columns, "to mark by hand", "late", "total", "max", "remarks"], rows)
+
+
+def by_student(found: list[Line], course: Course) -> dict[str, dict[str, Line]]:
+    """Give the lines of each student by set; those on the roster who have none, too."""
+    students: dict[str, dict[str, Line]] = {student.name: {} for student in course.students}
+    for line in found:
+        known = course.find(line.entry["student"], line.entry.get("identifier", ""))
+        name = known.name if known else line.entry["student"]
+        students.setdefault(name, {})[line.entry["set"]] = line
+    return dict(sorted(students.items()))
+
+
+def write_course(path: Path, found: list[Line], course: Course) -> None:
+    """Write a line for each student: the points of every set, and all together."""
+    sets = sorted({line.entry["set"] for line in found if line.grades}, key=in_order_of_sets)
+    most = {name: max(line.most for line in found if line.entry["set"] == name) for name in sets}
+    rows = []
+    for name, mine in by_student(found, course).items():
+        graded = {each: line for each, line in mine.items() if line.grades}
+        reasons = {each: line.entry["reason"] for each, line in mine.items()}
+        known = course.find(name)
+        row: dict[str, Any] = {each: number(line.earned) for each, line in graded.items()}
+        row["student"], row["id"] = name, known.identifier if known else ""
+        row["group"] = known.group if known and known.group is not None else ""
+        row["total"] = number(sum(line.earned for line in graded.values()))
+        row["max"] = number(sum(most.values()))
+        row["not handed in"] = " ".join(n for n in sets if reasons.get(n, NOTHING) == NOTHING)
+        row["not graded"] = " ".join(n for n in mine if reasons[n] not in ("", NOTHING))
+        row["to mark by hand"] = " ".join(p for line in graded.values() for p in line.open)
+        rows.append(row)
+    columns = ["student", "id", "group", *sets, "total", "max"]
+    write_table(path, [*columns, "not handed in", "not graded", "to mark by hand"], rows)
+
+
+def in_order_of_sets(name: str) -> tuple[int, str]:
+    """Sort sets by their numbers."""
+    match = re.search(r"\d+", name)
+    return (int(match[0]) if match else 10**6, name)
+
+
+MOODLE = (
+    "Identifier",
+    "Full name",
+    "Grade",
+    "Maximum Grade",
+    "Last modified (grade)",
+    "Feedback comments",
+)
+CANVAS = ("Student", "ID", "SIS User ID", "SIS Login ID", "Section")
+
+
+def write_platforms(folder: Path, found: list[Line], course: Course) -> list[Path]:
+    """Write what Moodle and Canvas import; points that are not final yet are left blank."""
+    files = []
+    graded = [line for line in found if line.grades]
+    sets = sorted({line.entry["set"] for line in graded}, key=in_order_of_sets)
+    for name in sets:
+        rows = [
+            {
+                "Identifier": f"Participant {line.entry['identifier']}",
+                "Full name": line.entry["student"],
+                "Grade": _final(line),
+                "Maximum Grade": number(line.most),
+                "Last modified (grade)": "-",
+                "Feedback comments": f"late: {line.late}" if line.late else "",
+            }
+            for line in graded
+            if line.entry["set"] == name and line.entry.get("platform") == "moodle"
+        ]
+        if rows:
+            files.append(folder / f"moodle_{name}.csv")
+            write_table(files[-1], list(MOODLE), rows)
+    students = by_student(graded, course)
+    canvas = [
+        _canvas_row(student, mine, course)
+        for student, mine in students.items()
+        if any(line.entry.get("platform") == "canvas" for line in mine.values())
+    ]
+    if canvas:
+        most = {line.entry["set"]: number(line.most) for line in graded}
+        files.append(folder / "canvas.csv")
+        possible = {"Student": "    Points Possible", **most}
+        write_table(files[-1], [*CANVAS, *sets], [possible, *canvas])
+    return files
+
+
+def _canvas_row(student: str, mine: Mapping[str, Line], course: Course) -> dict[str, str]:
+    known = course.find(student)
+    row = {column: known.row.get(column, "") for column in CANVAS} if known else {}
+    numbers = [line.entry["identifier"] for line in mine.values() if line.entry["identifier"]]
+    row.update(Student=row.get("Student") or student, ID=row.get("ID") or numbers[0])
+    return {**row, **{name: _final(line) for name, line in mine.items()}}
+
+
+def _final(line: Line) -> str:
+    return "" if line.open else number(line.earned)
 
 
 def write_written(path: Path, gradebook: Gradebook, records: Records) -> None:
     """Write a line for each answer that is marked by hand; the points are to be filled in."""
     rows = []
     for entry in records.entries:
+        texts = _texts(path.parent, entry)
         for grade in filter(to_be_marked, grades_of(gradebook, entry)):
             comment = gradebook.find_comment(
                 grade.name, entry["set"], entry["set"], entry["folder"]
             )
+            page = f"feedback/{entry['folder']}/{entry['set']}/{entry['set']}.html"
             rows.append(
                 {
                     "student": entry["student"],
@@ -180,17 +360,40 @@ def write_written(path: Path, gradebook: Gradebook, records: Records) -> None:
                     "of": number(grade.max_score),
                     "points": number(grade.manual_score),
                     "comment": comment.manual_comment or "",
+                    "answer": texts.get(grade.name, ""),
+                    "feedback": f"{quote(page)}#{grade.name}",
                 }
             )
     write_table(path, list(WRITTEN), rows)
 
 
+def _texts(root: Path, entry: Record) -> dict[str, str]:
+    """Give the text of each cell that was handed in, in one line and not too long."""
+    path = root / "submitted" / entry["folder"] / entry["set"] / f"{entry['set']}.ipynb"
+    if entry["reason"] or not path.exists():
+        return {}
+    cells = nbformat.read(path, as_version=4).cells
+    return {cell.id: " ".join(cell.source.split())[:3000] for cell in cells if "id" in cell}
+
+
 def write_table(path: Path, columns: list[str], rows: Iterable[Mapping[str, Any]]) -> None:
-    """Write a table as CSV, with Unix line ends."""
+    """Write a table as CSV, with Unix line ends; no cell is a formula to a spreadsheet."""
     with path.open("w", newline="", encoding="utf-8") as file:
         table = csv.DictWriter(file, columns, restval="", lineterminator="\n")
         table.writeheader()
-        table.writerows(rows)
+        for row in rows:
+            table.writerow({column: harmless(value) for column, value in row.items()})
+
+
+def harmless(value: Any) -> Any:
+    """Write a text so that no spreadsheet computes it.
+
+    Examples
+    --------
+    >>> harmless("=HYPERLINK(1)"), harmless("-2.5"), harmless("anna")
+    ("'=HYPERLINK(1)", '-2.5', 'anna')
+    """
+    return f"'{value}" if isinstance(value, str) and FORMULA.match(value) else value
 
 
 def read_written(path: Path, gradebook: Gradebook, records: Records) -> list[str]:
@@ -215,7 +418,7 @@ def read_written(path: Path, gradebook: Gradebook, records: Records) -> list[str
 def _enter_mark(row: Mapping[str, str | None], gradebook: Gradebook, records: Records) -> str:
     student, name, problem = (row.get(column) or "" for column in WRITTEN[:3])
     for entry in records.entries:
-        if (entry["student"], entry["set"]) != (student, name):
+        if (harmless(entry["student"]), entry["set"]) != (harmless(student), name):
             continue
         for grade in grades_of(gradebook, entry):
             if problem_of(grade.name) == problem and to_be_marked(grade):

@@ -1,9 +1,10 @@
 """Find the notebooks that students handed in, and put right what can be put right.
 
-The form that is asked for is ``FOLDER/<student>/set2.ipynb``. What is near enough is taken and
-remarked: the set in a folder of its own, ``FOLDER/<student>_set2.ipynb``, another name of the file
-(the cells tell which set it is), another kernel, a cell that is gone or doubled. What cannot be
-read or told apart is refused, with the reason; it never stops the others.
+The form that is asked for is ``FOLDER/<student>/set2.ipynb``, or what Moodle and Canvas export.
+What is near enough is taken and remarked: the set in a folder of its own,
+``FOLDER/<student>_set2.ipynb``, another name of the file (the cells tell which set it is), another
+kernel, a cell that is gone or doubled. What cannot be read or told apart is refused, with the
+reason; it never stops the others.
 """
 
 from __future__ import annotations
@@ -14,20 +15,28 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from copy import deepcopy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 import nbformat
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_raw_cell
 
-__all__ = ["Submission", "find", "group_of", "read", "repair"]
+from .platforms import Owner, owner_of
+from .remarks import suspicious
+from .roster import Course
+
+__all__ = ["NOTHING", "Submission", "find", "group_of", "read", "repair"]
 
 Notebook = Any
 Cell = Any
 
 LARGEST = 200e6
 """Bytes; a larger file is not opened."""
+
+LONGEST_CELL = 100_000
+"""Letters; what is longer nobody reads."""
 
 NEW_CELL: dict[str, Any] = {
     "code": new_code_cell,
@@ -43,7 +52,9 @@ PICTURES = {".png", ".jpg", ".jpeg", ".gif", ".svg"}
 class Submission:
     """What a student handed in for a set.
 
-    ``reason`` says why it cannot be graded; it is empty if it can.
+    ``reason`` says why it cannot be graded; it is empty if it can. ``assumed`` is the group that
+    was put in where the student gave none; ``suspicious`` says that its code does what no answer
+    needs; ``shared``, that the folder is not the student's own.
     """
 
     student: str
@@ -53,11 +64,16 @@ class Submission:
     group: int | None = None
     remarks: list[str] = field(default_factory=list)
     reason: str = ""
+    owner: Owner = field(default_factory=lambda: Owner(""))
+    handed_in: datetime | None = None
+    assumed: int | None = None
+    suspicious: bool = False
+    shared: bool = False
 
     @property
     def pictures(self) -> list[Path]:
         """Pictures that lie beside the notebook, in a student's own folder."""
-        if self.path is None or self.path.parent.name not in (self.student, self.set):
+        if self.path is None or self.shared:
             return []
         files = sorted(self.path.parent.iterdir())
         return [file for file in files if file.suffix.lower() in PICTURES and file.is_file()]
@@ -68,58 +84,110 @@ class Submission:
 
 @dataclass(frozen=True)
 class _Candidate:
-    student: str
+    owner: Owner
     path: Path
+    name: str
     shown: str
     notebook: Notebook
     problem: str
     set: str
 
+    @property
+    def student(self) -> str:
+        return self.owner.student
+
+
+NOTHING = "nothing was handed in"
+
 
 def find(
-    folder: Path, sets: Mapping[str, Notebook], wanted: Iterable[str] = ()
+    folder: Path,
+    sets: Mapping[str, Notebook],
+    wanted: Iterable[str] = (),
+    course: Course | None = None,
 ) -> list[Submission]:
     """Find what each student handed in.
 
     `sets` are the sets there are; `wanted` restricts the answer to some. A student who handed in
-    some set but not another that was looked for gets an entry for it, with the reason.
+    nothing gets an entry with that reason, for each of the sets wanted, or for the only one that
+    was handed in by others; so does everybody on the course's roster who is not there.
     """
-    everything = [_candidate(student, path, folder, sets) for student, path in _files(folder)]
-    students = {student: None for student, _ in _files(folder)}
+    course = course or Course()
+    everything = [_candidate(*found, folder, sets) for found in _files(folder, course)]
+    students = list(dict.fromkeys(found.student for found in everything))
     looked_for = sorted(set(wanted) or {found.set for found in everything if found.set})
+    expected = looked_for if wanted or len(looked_for) == 1 else []
     submissions = []
     for student in students:
         own = [found for found in everything if found.student == student]
         if own[0].path.name == student and own[0].path.is_file():  # nobody's
             submissions.append(Submission(student, own[0].set, own[0].path, reason=own[0].problem))
             continue
-        empty = [found for found in own if found.path.is_dir()]
+        empty = [found for found in own if not found.name]
         unknown = [found for found in own if not found.set and found not in empty]
         if not looked_for:
             unknown += empty
+        mine = []
         for name in looked_for:
             named = [found for found in own if found.set == name]
             if not named and len(looked_for) == 1 and len(unknown) == 1:
                 named, unknown = unknown, []  # nothing else that it could be
-            submissions.append(_choose(student, name, named or empty))
-        submissions += [
-            Submission(student, "", found.path, reason=_no_set(found)) for found in unknown
-        ]
+            if named or name in expected:
+                mine.append(_choose(student, name, named or empty))
+        mine += [Submission(student, "", found.path, reason=_no_set(found)) for found in unknown]
+        submissions += mine or [Submission(student, "", reason=_no_set(own[0]))]
+    there = [course.find(submission.student) for submission in submissions]
+    submissions += [
+        Submission(missing.name, name, reason=NOTHING)
+        for missing in course.students
+        for name in (expected or [""] if missing not in there else [])
+    ]
+    for submission in submissions:
+        if course.students and not course.find(submission.student):
+            submission.remarks.append("not on the roster")
     return submissions
 
 
-def _files(folder: Path) -> Iterator[tuple[str, Path]]:
-    """Give student and file for every notebook, and what else lies where one should."""
-    for entry in sorted(folder.iterdir()):
-        if entry.name.startswith((".", "__")):
-            continue
-        if entry.is_dir():
-            found = [path for path in sorted(entry.rglob("*")) if _is_notebook(path, entry)]
-            # A folder without a notebook stands for its student, who must not be forgotten.
-            yield from ((entry.name, path) for path in found or [entry])
+def _files(folder: Path, course: Course) -> Iterator[tuple[Owner, str, Path]]:
+    """Give owner, name and path of every notebook, and of what else lies where one should.
+
+    A folder without a notebook stands, without a name, for its student, who must not be forgotten.
+    """
+    found = list(_named(folder))
+    numbers: dict[str, set[str]] = {}
+    for owner, _, _ in found:
+        numbers.setdefault(owner.student, set()).add(owner.identifier)
+    for owner, name, path in found:
+        known = course.find(owner.student, owner.identifier) if owner.platform else None
+        if known:
+            owner = replace(owner, student=known.name)
+        elif len(numbers[owner.student]) > 1:  # two of one name
+            owner = replace(owner, student=f"{owner.student} ({owner.identifier})")
+        yield owner, name, path
+
+
+def _named(folder: Path) -> Iterator[tuple[Owner, str, Path]]:
+    entries = [e for e in sorted(folder.iterdir()) if not e.name.startswith((".", "__"))]
+    files = [found[0] for entry in entries if (found := owner_of(entry.name))]
+    with_files = {(owner.student, owner.identifier) for owner in files if not owner.text}
+    for entry in entries:
+        platform = owner_of(entry.name)
+        if platform and platform[0].text:  # a greeting beside the file
+            owner = platform[0]
+            if (owner.student, owner.identifier) not in with_files:
+                yield owner, "", entry
+        elif entry.is_dir():
+            owner = platform[0] if platform else Owner(entry.name)
+            inside = [path for path in sorted(entry.rglob("*")) if _is_notebook(path, entry)]
+            yield from ((owner, path.name, path) for path in inside)
+            if not inside:
+                yield owner, "", entry
+        elif platform:
+            owner, name = platform
+            yield owner, name if _is_notebook(entry, folder) else "", entry
         else:
             match = STUDENT_IN_NAME.match(entry.name) if _is_notebook(entry, folder) else None
-            yield (match["student"] if match else entry.name, entry)
+            yield Owner(match["student"] if match else entry.name), entry.name, entry
 
 
 def _is_notebook(path: Path, top: Path) -> bool:
@@ -127,21 +195,26 @@ def _is_notebook(path: Path, top: Path) -> bool:
     return ".ipynb" in path.name and not hidden and path.is_file()
 
 
-def _candidate(student: str, path: Path, folder: Path, sets: Mapping[str, Notebook]) -> _Candidate:
+def _candidate(
+    owner: Owner, name: str, path: Path, folder: Path, sets: Mapping[str, Notebook]
+) -> _Candidate:
     shown = path.relative_to(folder).as_posix()
+    if owner.text:
+        problem = "a text was typed into the platform, and no notebook handed in"
+        return _Candidate(owner, path, "", shown, None, problem, "")
     if path.is_dir():
         files = ", ".join(sorted(file.name for file in path.iterdir())[:3])
         problem = "there is no notebook in the folder" + (f", but {files}" if files else "")
-        return _Candidate(student, path, shown, None, problem, "")
+        return _Candidate(owner, path, "", shown, None, problem, "")
     if not _is_notebook(path, folder):
-        return _Candidate(student, path, shown, None, "it is no notebook", "")
+        return _Candidate(owner, path, name, shown, None, "it is no notebook", "")
     notebook, problem = read(path)
-    if student == path.name:
+    if owner.student == path.name:
         problem = problem or "the name of the file does not say whose it is"
-    number = SET_IN_NAME.search(path.name) or SET_IN_NAME.search(path.parent.name)
+    number = SET_IN_NAME.search(name) or SET_IN_NAME.search(path.parent.name)
     named = f"set{number[1]}" if number else ""
-    name = set_of(notebook, sets) or (named if named in sets else "")
-    return _Candidate(student, path, shown, notebook, problem, name)
+    found = set_of(notebook, sets) or (named if named in sets else "")
+    return _Candidate(owner, path, name, shown, notebook, problem, found)
 
 
 def _no_set(found: _Candidate) -> str:
@@ -150,25 +223,45 @@ def _no_set(found: _Candidate) -> str:
 
 def _choose(student: str, name: str, found: list[_Candidate]) -> Submission:
     if not found:
-        return Submission(student, name, reason="nothing was handed in")
-    exact = [candidate for candidate in found if candidate.path.name == f"{name}.ipynb"]
-    chosen = (exact if len(exact) == 1 else found)[0]
+        return Submission(student, name, reason=NOTHING)
+    newest = [each for each in found if each.owner.turn == max(e.owner.turn for e in found)]
+    exact = [each for each in newest if each.name == f"{name}.ipynb"]
+    chosen = (exact if len(exact) == 1 else newest)[0]
     others = [candidate.shown for candidate in found if candidate is not chosen]
-    if others and len(exact) != 1:
-        reason = f"{len(found)} notebooks for one set: {', '.join(c.shown for c in found)}"
-        return Submission(student, name, chosen.path, reason=reason)
-    if chosen.problem:
-        return Submission(student, name, chosen.path, reason=chosen.problem)
-    submission = Submission(student, name, chosen.path, chosen.notebook)
+    submission = Submission(student, name, chosen.path, owner=chosen.owner)
+    if len(newest) > 1 and len(exact) != 1:
+        told = ", ".join(candidate.shown for candidate in newest)
+        submission.reason = f"{len(newest)} notebooks for one set: {told}"
+    else:
+        submission.reason = chosen.problem
+    if submission.reason:
+        return submission
+    submission.notebook = chosen.notebook
+    submission.handed_in = _time_of(chosen.path)
+    submission.shared = chosen.path.name == chosen.shown
     proper = {
         f"{student}/{name}.ipynb",
         f"{student}/{name}/{name}.ipynb",
         f"{student}_{name}.ipynb",
     }
-    if chosen.shown not in proper:
+    if chosen.shown not in proper and not (chosen.owner.platform and exact):
         submission.remarks.append(f"taken from {chosen.shown}")
     submission.remarks += [f"{other} was left out" for other in others]
+    if chosen.owner.late:
+        submission.remarks.append("late, says Canvas")
     return submission
+
+
+def _time_of(path: Path) -> datetime | None:
+    """Tell when a file was handed in: as nbgrader noted it, else by the time of the file."""
+    note = path.parent / "timestamp.txt"
+    try:
+        if note.exists():
+            text = note.read_text("utf-8").strip().removesuffix(" UTC")
+            return datetime.fromisoformat(f"{text}+00:00" if "+" not in text else text)
+        return datetime.fromtimestamp(path.stat().st_mtime).astimezone()
+    except (OSError, ValueError, OverflowError):
+        return None
 
 
 def read(path: Path) -> tuple[Notebook, str]:
@@ -226,12 +319,12 @@ def _names(cell: Cell) -> list[str]:
 # --- putting right ------------------------------------------------------------------------------
 
 
-def repair(submission: Submission, released: Notebook) -> None:
+def repair(submission: Submission, released: Notebook, assigned: int | None = None) -> None:
     """Build the notebook anew from the student's text and the released cells' metadata.
 
     Nothing else of the file is kept: no outputs, no settings. Cells of the set that are gone come
     back as they were given out, doubled ones count once, locked ones that were changed are
-    remarked (nbgrader restores their text).
+    remarked (nbgrader restores their text). `assigned` is the group that the roster has.
     """
     known = {cell.id: cell for cell in released.cells}
     cells, remarks = _recognised(submission.notebook, known)
@@ -252,12 +345,27 @@ def repair(submission: Submission, released: Notebook) -> None:
         remarks.append(f"restored: {_listed(changed)}")
 
     submission.group, problem = group_of(cells)
+    if submission.group == 0:  # nobody's: so it may be given out
+        submission.group, problem = None, "GROUP is not set"
     if problem:
-        cells.insert(0, new_code_cell(group_cell.source, id="group-default"))
-        remarks.append(problem)
+        given_out = group_of([group_cell])[0]
+        submission.assumed = given_out if assigned is None else assigned
+        source = f"GROUP = {submission.assumed}"
+        cells.insert(0, new_code_cell(source, id="group-default"))
+        for cell in cells[1:]:
+            if cell.id == group_cell.id and cell.source.strip() == group_cell.source.strip():
+                cell.source = source
+        whose = "ask for it; it was graded as" if assigned is None else "on the roster it is"
+        remarks.append(f"{problem}: {whose} {submission.assumed}")
+    elif assigned is not None and submission.group != assigned:
+        remarks.append(f"group {submission.group}, and {assigned} on the roster")
     name = _kernel(submission.notebook)
     if name != "python3":
         remarks.append(f"kernel {name!r} replaced by 'python3'")
+
+    signs = suspicious(cells, released.cells)
+    submission.suspicious = bool(signs)
+    remarks += signs
 
     submission.notebook = new_notebook(cells=cells, metadata=deepcopy(released.metadata))
     submission.remarks += remarks
@@ -279,18 +387,25 @@ def _recognised(notebook: Notebook, known: Mapping[str, Cell]) -> tuple[list[Cel
         names = (by_grade_id.get(name, name) for name in _names(cell))
         keys.append(next((name for name in names if name in known), ""))
     doubled = [key for key, count in Counter(filter(None, keys)).items() if count > 1]
-    cells = []
+    cells, cut = [], []
     for index, (cell, key) in enumerate(zip(notebook.cells, keys, strict=True)):
         if key in keys[index + 1 :]:  # the last one counts
             key = ""
         kind = known[key].cell_type if key else cell.get("cell_type")
-        new = NEW_CELL.get(kind, new_raw_cell)(_text(cell.get("source")), id=key or f"own-{index}")
+        text = _text(cell.get("source"))
+        if len(text) > LONGEST_CELL:
+            text = text[:LONGEST_CELL]
+            cut.append(key or f"own-{index}")
+        new = NEW_CELL.get(kind, new_raw_cell)(text, id=key or f"own-{index}")
         if key:
             new.metadata = deepcopy(known[key].metadata)
         if kind == "markdown" and isinstance(cell.get("attachments"), dict):
             new.attachments = cell.attachments  # a pasted photo of a page
         cells.append(new)
-    return cells, [f"more than once, the last counts: {', '.join(doubled)}"] if doubled else []
+    remarks = [f"more than once, the last counts: {', '.join(doubled)}"] if doubled else []
+    if cut:
+        remarks.append(f"cut to {LONGEST_CELL} letters: {_listed(cut)}")
+    return cells, remarks
 
 
 def _kernel(notebook: Notebook) -> Any:
@@ -334,11 +449,26 @@ def group_of(cells: Iterable[Cell]) -> tuple[int | None, str]:
             if any(isinstance(target, ast.Name) and target.id == "GROUP" for target in targets):
                 found = statement.value
     if found is None:
-        return None, "GROUP is not set: taken as in the notebook given out"
-    try:
-        group = ast.literal_eval(found)
-    except (ValueError, TypeError, SyntaxError, MemoryError, RecursionError):
-        group = None
+        return None, "GROUP is not set"
+    group = _computed(found)
     if isinstance(group, int) and not isinstance(group, bool):
         return group, ""
-    return None, f"GROUP is no whole number: {ast.unparse(found)[:40]}"
+    return None, f"GROUP is no whole number ({ast.unparse(found)[:40]})"
+
+
+def _computed(expression: ast.expr) -> Any:
+    """Compute a literal, or a sum or product of whole numbers."""
+    match expression:
+        case ast.Constant(value=value):
+            return value
+        case ast.UnaryOp(op=ast.USub(), operand=operand):
+            value = _computed(operand)
+            return -value if type(value) is int else None
+        case ast.BinOp(left=left, op=ast.Add() | ast.Sub() | ast.Mult() as sign, right=right):
+            first, second = _computed(left), _computed(right)
+            if type(first) is not int or type(second) is not int:
+                return None
+            return {ast.Add: first + second, ast.Sub: first - second}.get(
+                type(sign), first * second
+            )
+    return None

@@ -1,0 +1,245 @@
+"""Read what students give: numbers, polynomials, transfer functions and filters in any dress.
+
+One reader for all problems, so that a right answer is never refused for how it is written: as a
+list or an array, ``[x]`` or ``x``, "0,173", a complex number without imaginary part, an object of
+python-control or of NumPy's polynomials. What cannot be read is refused with a word of advice.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import control as ct
+import numpy as np
+
+from ...diagram import DelayedTransferFunction, LowPassFilter, as_fraction
+from ...numerics import FloatArray
+
+__all__ = [
+    "UnreadableError",
+    "as_given",
+    "block",
+    "lowpass",
+    "number",
+    "numbers",
+    "polynomial",
+    "whole",
+]
+
+REAL = 1e-9
+"""An imaginary part smaller than this share is rounding: NumPy leaves such behind."""
+
+UNORDERED = (
+    str,
+    bytes,
+    dict,
+    set,
+    frozenset,
+    np.poly1d,
+    np.polynomial.Polynomial,
+    ct.InputOutputSystem,
+)
+"""What can be gone through, but holds no numbers in an order that was meant."""
+
+
+class UnreadableError(ValueError):
+    """An answer that is not what was asked for; the message says so to the student."""
+
+
+def as_given(given: Any) -> Any:
+    """Leave an answer as it is."""
+    return given
+
+
+def number(given: Any) -> float:
+    """Read a real number.
+
+    Raises
+    ------
+    UnreadableError
+        If it is none.
+
+    Examples
+    --------
+    >>> import control as ct
+    >>> number([0.173]), number("0,173"), number(2 + 1e-17j), number(ct.tf([6], [3]))
+    (0.173, 0.173, 2.0, 2.0)
+    >>> number("2 s")
+    Traceback (most recent call last):
+    ...
+    nrdob.course.exercises.reading.UnreadableError: a number without a unit is asked for, not '2 s'
+    """
+    if isinstance(given, str | bytes):
+        return _spelled(given)
+    if isinstance(
+        given, ct.TransferFunction | ct.StateSpace | np.polynomial.Polynomial | np.poly1d
+    ):
+        return _constant(given)
+    if isinstance(given, bool | np.bool_):
+        raise UnreadableError(f"a number is asked for; this is {given}")
+    if callable(given) and not isinstance(given, np.generic):
+        raise UnreadableError(
+            "a number is asked for; this is a function: call it, with its brackets"
+        )
+    if isinstance(given, dict | set | frozenset | LowPassFilter):
+        raise UnreadableError(f"a number is asked for; this is a {type(given).__name__}")
+    if isinstance(given, Sequence) or np.ndim(given):
+        held = list(given)
+        if len(held) != 1:
+            raise UnreadableError(f"one number is asked for; these are {len(held)}")
+        return number(held[0])
+    return _real(given)
+
+
+def _real(given: Any) -> float:
+    try:
+        value = complex(given)
+    except (TypeError, ValueError, OverflowError):
+        raise UnreadableError(f"a number is asked for; this is a {type(given).__name__}") from None
+    if abs(value.imag) > REAL * abs(value):
+        raise UnreadableError(
+            f"a real number is asked for; this one has the imaginary part {value.imag:.3g}"
+        )
+    return value.real
+
+
+def _spelled(given: str | bytes) -> float:
+    text = given.decode(errors="replace") if isinstance(given, bytes) else given
+    try:
+        return _real(complex(text.strip().replace("−", "-").replace(",", ".")))
+    except ValueError as error:
+        if isinstance(error, UnreadableError):
+            raise
+        raise UnreadableError(f"a number without a unit is asked for, not {text[:40]!r}") from None
+
+
+def _constant(given: Any) -> float:
+    if isinstance(given, ct.TransferFunction | ct.StateSpace):
+        num, den = as_fraction(given, "it", proper=False)
+        if num.size == den.size == 1:
+            return float(num[0] / den[0])
+        raise UnreadableError("a number is asked for; this is a transfer function")
+    if given.degree() if isinstance(given, np.polynomial.Polynomial) else given.order:
+        raise UnreadableError("a number is asked for; this is a polynomial")
+    return number(given(0))
+
+
+def whole(given: Any) -> int:
+    """Read a whole number.
+
+    Examples
+    --------
+    >>> whole(3.0), whole("3")
+    (3, 3)
+    """
+    value = number(given)
+    if not np.isfinite(value) or abs(value - round(value)) > REAL * max(1.0, abs(value)):
+        raise UnreadableError(f"a whole number is asked for; this is {value:g}")
+    return round(value)
+
+
+def numbers(given: Any, names: str = "") -> FloatArray:
+    """Read several real numbers; as many as there are names, if there are any.
+
+    Parameters
+    ----------
+    given : object
+        A list, a tuple, an array, or whatever else can be gone through in order.
+    names : str
+        What they are called, with commas between: "low, high, angle".
+
+    Examples
+    --------
+    >>> numbers((1, "2", [3.0]), "N, P, Z")
+    array([1., 2., 3.])
+    """
+    count = len(names.split(",")) if names else 0
+    wanted = f"{count} numbers are asked for, ({names})" if names else "numbers are asked for"
+    if not isinstance(given, Iterable) or isinstance(given, UNORDERED):
+        raise UnreadableError(f"{wanted}, in a list or a tuple; this is a {type(given).__name__}")
+    held = list(np.ravel(given) if isinstance(given, np.ndarray) else given)
+    if names and len(held) != count:
+        raise UnreadableError(f"{wanted}; these are {len(held)}")
+    return np.array([number(value) for value in held], dtype=float)
+
+
+def polynomial(given: Any) -> FloatArray:
+    """Read the real coefficients of a polynomial, descending, without zeros in front.
+
+    Examples
+    --------
+    >>> polynomial(np.poly1d([1, 3])), polynomial(np.polynomial.Polynomial([3, 1]))
+    (array([1., 3.]), array([1., 3.]))
+    """
+    if isinstance(given, np.poly1d):
+        given = given.coeffs
+    elif isinstance(given, np.polynomial.Polynomial):
+        given = given.convert().coef[::-1]
+    elif isinstance(given, ct.TransferFunction):
+        num, den = as_fraction(given, "it", proper=False)
+        if den.size > 1:
+            raise UnreadableError(
+                "a polynomial is asked for; this is a fraction: give its numerator"
+            )
+        given = num / den[0]
+    elif not isinstance(given, Iterable) or isinstance(given, UNORDERED):
+        raise UnreadableError(
+            f"coefficients are asked for, in a list; this is a {type(given).__name__}"
+        )
+    p = np.array(list(np.ravel(np.asarray(given, dtype=object))), dtype=object)
+    try:
+        values = p.astype(complex)
+    except (TypeError, ValueError):
+        values = numbers(p).astype(complex)
+    if np.abs(values.imag).max(initial=0) > REAL * np.abs(values).max(initial=0):
+        raise UnreadableError("coefficients are asked for, which are real; these look like roots")
+    used = np.flatnonzero(np.abs(values) > 1e-12 * np.abs(values).max(initial=0))
+    return values.real[used[0] :] if used.size else np.zeros(1)
+
+
+def block(given: Any) -> Any:
+    """Read a transfer function; one with dead time stays what it is.
+
+    Parameters
+    ----------
+    given : object
+        A system of python-control, a number, a `LowPassFilter`, or numerator and denominator.
+
+    Examples
+    --------
+    >>> block(([1], [1, 2])).poles().real
+    array([-2.])
+    """
+    if isinstance(given, DelayedTransferFunction | ct.TransferFunction):
+        return given
+    if isinstance(given, LowPassFilter):
+        return ct.tf([1.0], given.den)
+    try:
+        if isinstance(given, tuple | list) and len(given) == 2:
+            num, den = map(polynomial, map(np.atleast_1d, given))
+        else:
+            num, den = as_fraction(given, "it", proper=False)
+    except (TypeError, ValueError) as error:
+        if isinstance(error, UnreadableError):
+            raise
+        raise UnreadableError(f"a transfer function is asked for: {error}") from None
+    return ct.tf(num, den)
+
+
+def lowpass(given: Any) -> LowPassFilter:
+    """Read a filter of the family, given as such or as (λ, n).
+
+    Examples
+    --------
+    >>> lowpass((0.5, 2.0))
+    LowPassFilter(time_constant=0.5, order=2)
+    """
+    if isinstance(given, LowPassFilter):
+        return given
+    if isinstance(given, tuple | list) and len(given) == 2:
+        try:
+            return LowPassFilter(number(given[0]), whole(given[1]))
+        except ValueError as error:
+            raise UnreadableError(str(error)) from None
+    raise UnreadableError("a filter is asked for, LowPassFilter(λ, n)")

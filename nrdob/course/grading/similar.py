@@ -1,0 +1,105 @@
+"""Find answers that are alike, for a person to look at.
+
+Names, spaces, comments and quotes do not count: two cells are compared by the shapes of their
+statements. What was given out, what is short, and what many have in common is left out, for some
+problems have one short way. A pair that is listed is a question, not a verdict.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
+
+from .remarks import parsed
+
+__all__ = ["Pair", "pairs", "told"]
+
+RUN = 5
+"""Symbols, or words, that are compared together."""
+FEWEST = 12
+"""Runs that an answer must have, to be compared at all."""
+ALIKE = 0.8
+"""Share of the runs of the shorter answer that the other one has, too."""
+COMMON = 0.25
+"""What more than this share of a class has written is nobody's."""
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two submissions with answers that are alike, and in which cells, with the shares."""
+
+    first: str
+    second: str
+    cells: tuple[tuple[str, float], ...]
+
+
+def pairs(notebooks: Mapping[str, Any], given_out: Any) -> list[Pair]:
+    """Compare the cells of one set, by student; those with the most in common come first."""
+    skeleton = {cell.id: _runs(cell) for cell in given_out.cells}
+    cells: dict[str, dict[str, frozenset[tuple[str, ...]]]] = {}
+    for student, notebook in notebooks.items():
+        for cell in notebook.cells:
+            if cell.id in skeleton and not cell.metadata.get("nbgrader", {}).get("locked"):
+                own = _runs(cell) - skeleton[cell.id]
+                cells.setdefault(cell.id, {})[student] = frozenset(own)
+    found: dict[tuple[str, str], list[tuple[str, float]]] = {}
+    for name, answers in cells.items():
+        for first, second, share in _alike(answers):
+            found.setdefault((first, second), []).append((name, round(share, 2)))
+    listed = [Pair(*both, tuple(sorted(shares))) for both, shares in found.items()]
+    return sorted(listed, key=lambda pair: (-len(pair.cells), pair.first, pair.second))
+
+
+def _alike(
+    answers: Mapping[str, frozenset[tuple[str, ...]]],
+) -> Iterator[tuple[str, str, float]]:
+    counts = Counter(run for runs in answers.values() for run in runs)
+    most = max(2, COMMON * len(answers))
+    rare = {
+        student: {run for run in runs if counts[run] <= most} for student, runs in answers.items()
+    }
+    long = sorted(student for student, runs in rare.items() if len(runs) >= FEWEST)
+    for first, second in combinations(long, 2):
+        shorter = min(len(rare[first]), len(rare[second]))
+        share = len(rare[first] & rare[second]) / shorter
+        if share >= ALIKE:
+            yield first, second, share
+
+
+def _runs(cell: Any) -> set[tuple[str, ...]]:
+    tree = parsed(cell.source) if cell.cell_type == "code" else None
+    words = re.findall(r"\w+|[^\w\s]", cell.source.casefold())
+    symbols = list(_symbols(tree)) if tree else words
+    return {tuple(symbols[k : k + RUN]) for k in range(len(symbols) - RUN + 1)}
+
+
+def _symbols(tree: ast.AST) -> Iterator[str]:
+    """Give the shape of code: names of one's own are all alike, what they are used for is not."""
+    for node in ast.walk(tree):
+        match node:
+            case ast.Expr(value=ast.Constant(value=str())) | ast.Load() | ast.Store():
+                continue
+            case ast.Attribute(attr=name):
+                yield f".{name}"
+            case ast.Constant(value=value):
+                yield repr(value)[:40]
+            case _:
+                yield type(node).__name__
+
+
+def told(found: Iterable[Pair]) -> list[dict[str, Any]]:
+    """Write pairs as lines of a table."""
+    return [
+        {
+            "first": pair.first,
+            "second": pair.second,
+            "cells": " ".join(name for name, _ in pair.cells),
+            "share": " ".join(f"{share:g}" for _, share in pair.cells),
+        }
+        for pair in found
+    ]

@@ -1,0 +1,31 @@
+"""What every campaign takes from the command line, and the table that most of them print."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from typing import NamedTuple
+
+
+class Asked(NamedTuple):
+    """How many cases, and the seed of their random numbers."""
+
+    count: int
+    seed: int
+
+
+def asked(description: str, count: int) -> Asked:
+    """Read the command line; `count` is how many cases are tried where it does not say."""
+    parser = argparse.ArgumentParser(description=description.splitlines()[0])
+    parser.add_argument("--count", type=int, default=count)
+    parser.add_argument("--seed", type=int, default=0)
+    given = parser.parse_args()
+    return Asked(given.count, given.seed)
+
+
+def print_tally(
+    campaign: Callable[[int, int], dict[str, int]], description: str, count: int
+) -> None:
+    """Run a campaign and print how often each outcome came."""
+    for name, number in sorted(campaign(*asked(description, count)).items()):
+        print(f"{number:6}  {name}")

@@ -1,0 +1,229 @@
+"""Answers cross from one process to another as plain data, and are judged as they would be here."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import control as ct
+import IPython.display
+import numpy as np
+import pytest
+import sympy
+
+import nrdob
+from nrdob import LowPassFilter
+from nrdob.course.exercises import PROBLEMS, score
+from nrdob.course.grading import plain
+from nrdob.course.grading.judge import asking, hidden_test, judge
+from nrdob.course.grading.plain import decode, encode
+from problemsets import SETS, SOURCE, posed, run
+
+s = ct.tf("s")
+
+
+# --- plain data ---------------------------------------------------------------------------------
+
+
+def there_and_back(value: Any) -> Any:
+    return decode(json.loads(json.dumps(encode(value))))
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        None,
+        ...,
+        True,
+        7,
+        0.1,
+        1e300,
+        float("inf"),
+        2 - 3j,
+        "stable",
+        (1, [2.0, (3j, None)]),
+        {"N": 1, "all": [True]},
+        [],
+        np.float64(0.1),
+        np.int64(7),
+        np.bool_(True),
+    ],
+)
+def test_values_come_back_as_they_were(value: Any) -> None:
+    assert there_and_back(value) == value
+
+
+@pytest.mark.parametrize(
+    "value", [np.arange(6.0).reshape(2, 3), np.array([1j, 2]), np.array([True]), np.array(3)]
+)
+def test_arrays_come_back_as_they_were(value: Any) -> None:
+    back = there_and_back(value)
+    assert back.shape == value.shape and back.dtype.kind == value.dtype.kind
+    assert np.array_equal(back, value)
+
+
+@pytest.mark.parametrize(
+    "block",
+    [
+        (s + 2) / (s**2 + 3 * s + 5),
+        ct.ss([[-1.0]], [[1.0]], [[2.0]], [[0.0]]),
+        nrdob.delay(0.5) / (s + 1),
+        LowPassFilter(0.25, 3),
+        np.polynomial.Polynomial([1, 2, 3]),
+        np.poly1d([1, 2, 3]),
+    ],
+)
+def test_blocks_come_back_as_they_were(block: Any) -> None:
+    back = there_and_back(block)
+    assert type(back) is type(block)
+    if isinstance(block, LowPassFilter):
+        assert back == block
+    else:
+        assert np.isclose(complex(np.squeeze(back(1 + 2j))), complex(np.squeeze(block(1 + 2j))))
+
+
+def test_a_loop_comes_back_as_its_four_blocks_and_is_judged_anew() -> None:
+    loop = nrdob.NRDOB(1 / (s + 1), 1 / (s + 1), 2.0, LowPassFilter(0.5, 1))
+    loop.__dict__["stability"] = lambda: "stable, believe me"
+    back = there_and_back(loop)
+    assert "stability" not in vars(back)
+    assert back.stability().stable
+    assert back.filter == loop.filter and back.controller == 2.0
+
+
+@pytest.mark.parametrize(
+    ("value", "same"), [(sympy.Rational(1, 4), 0.25), (range(3), [0, 1, 2]), (np.str_("a"), "a")]
+)
+def test_numbers_and_lists_of_other_kinds_are_read(value: Any, same: Any) -> None:
+    assert there_and_back(value) == same
+
+
+@pytest.mark.parametrize("value", [object(), {1}, lambda: 1, np.array([object()])[0], b"x"])
+def test_what_is_no_answer_comes_as_its_name(value: Any) -> None:
+    assert type(there_and_back(value)).__name__ == type(value).__name__
+
+
+@pytest.mark.parametrize(
+    "data",
+    [[1], {}, {"tf": 3}, {"run": ["rm"]}, {"loop": [1]}, {"filter": [-1, 2]}, {"dict": [[1]]}],
+)
+def test_what_was_written_by_something_else_is_refused(data: Any) -> None:
+    with pytest.raises((ValueError, TypeError)):
+        decode(data)
+
+
+# --- judging ------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def kernel(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
+    """Stands for the process of the student's code; makes the way to ask there."""
+    published: list[dict[str, str]] = []
+    monkeypatch.setattr(IPython.display, "publish_display_data", published.append)
+
+    def asks(space: dict[str, Any]) -> Any:
+        def ask(source: str) -> str:
+            eval(source, space)
+            return published.pop()[plain.MIME]
+
+        return ask
+
+    return asks
+
+
+def test_every_hidden_test_is_read() -> None:
+    for path in SETS:
+        for this in posed(path):
+            found = hidden_test(this.cell.source)
+            assert found is not None
+            assert (found.problem, found.answer, found.group) == (this.id, this.answer, "GROUP")
+            assert found.settings == {"points": this.points, "seed": this.seed}
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        path if path.stem in ("set2", "set6") else pytest.param(path, marks=pytest.mark.slow)
+        for path in SETS
+    ],
+    ids=lambda path: path.stem,
+)
+def test_judged_apart_is_judged_alike(path: Path, kernel: Any) -> None:
+    space = {**run(path, 5), "GROUP": 5}
+    for this in posed(path):
+        test = hidden_test(this.cell.source)
+        assert test is not None
+        points, group = judge(test, kernel(space))
+        assert (points, group) == (this.points, 5), this.id
+
+
+@pytest.mark.parametrize(
+    ("source", "says"),
+    [
+        ("def turns(case):\n    return case.nothing", "AttributeError"),
+        ("def turns(case):\n    return 1 / 0", "In the line: return 1 / 0"),
+        ("def turns(case):\n    raise SystemExit(3)", "SystemExit"),
+        ("def turns(case):\n    raise NotImplementedError", "Nothing to check yet"),
+        ("def turns(case):\n    return None", "returns nothing"),
+        ("def turns(case):\n    x = []\n    x.append(x)\n    return x", "fails"),
+        ("def turns(case):\n    return 'x' * 3_000_000", "an answer of 3000"),
+        ("def turns(case):\n    return lambda: 1", "fails"),
+        ("turns = 3", "must be a function"),
+        ("turns = ...", "Nothing to check yet"),
+    ],
+)
+def test_what_goes_wrong_is_told_as_the_check_tells_it(
+    source: str, says: str, kernel: Any, tmp_path: Path
+) -> None:
+    file = tmp_path / "cell.py"
+    file.write_text(source, "utf-8")
+    space: dict[str, Any] = {"GROUP": 3}
+    exec(compile(source, str(file), "exec"), space)
+    test = hidden_test('score("2.1", turns, GROUP, points=3, seed=1)')
+    assert test is not None
+    points, _ = judge(test, kernel(space))
+    assert points == 0
+    assert says in points._repr_html_()
+    assert "raise type" not in points._repr_html_()
+
+
+def test_a_tampered_grader_gives_no_points(kernel: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    # The graders in the student's process are another process's; whatever they say is not asked.
+    asked: list[str] = []
+
+    def ask(source: str) -> str:
+        asked.append(source)
+        value = {"function": True} if len(asked) == 2 else {"value": 5, "share": 1, "points": 3}
+        return json.dumps(value)
+
+    test = hidden_test('score("2.1", turns, GROUP, points=3, seed=1)')
+    assert test is not None
+    assert judge(test, ask)[0] == 0
+    assert all("score" not in source and "seed" not in source for source in asked)
+
+
+def test_neither_seed_nor_key_is_sent() -> None:
+    assert asking("turns").endswith(".tell(turns, '')")
+    for path in sorted(SOURCE.glob("*/*.ipynb")):
+        for this in posed(path):
+            case = plain.packed(PROBLEMS[this.id].cases(this.seed, 1)[0])
+            assert str(this.seed) not in case
+
+
+def test_the_points_are_those_of_score(kernel: Any) -> None:
+    wrong = 'score("2.1", turns, GROUP, points=3, seed=1)'
+    test = hidden_test(wrong)
+    assert test is not None
+
+    def turns(case: Any) -> Any:
+        return -PROBLEMS["2.1"].misconceptions[0].example(case)
+
+    points, group = judge(test, kernel({"turns": turns, "GROUP": "7"}))
+    assert points == score("2.1", turns, "7", points=3, seed=1)
+    assert group == "7"
+
+
+def test_another_kind_of_test_is_left_to_nbgrader() -> None:
+    assert hidden_test("assert turns is not None") is None

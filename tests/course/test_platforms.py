@@ -1,0 +1,419 @@
+"""Files as learning platforms give them, and tables as they take them."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import re
+import time
+import zipfile
+from collections.abc import Iterator
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from handin import KNOWN, NAME, POINTS, handed, release, tiny, write
+from nrdob.course.grading import command as exercises
+from nrdob.course.grading import marks, platforms, submissions
+from nrdob.course.grading.batch import Batch, Outcome
+from nrdob.course.grading.roster import Course, Student, read_course, spellings
+
+pytestmark = pytest.mark.filterwarnings("ignore:Object of type")
+
+ANNA = "Anna Müller_12345_assignsubmission_file_"
+
+
+# --- names --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "student", "identifier", "file"),
+    [
+        (ANNA, "Anna Müller", "12345", ""),
+        ("Anna Müller_12345_assignsubmission_file", "Anna Müller", "12345", ""),
+        (f"{ANNA}set1.ipynb", "Anna Müller", "12345", "set1.ipynb"),
+        ("de la Cruz_José_7_assignsubmission_file_", "de la Cruz_José", "7", ""),
+        ("Participant_99_assignsubmission_file_", "Participant 99", "99", ""),
+        ("muelleranna_12345_67890_set1.ipynb", "muelleranna", "12345", "set1.ipynb"),
+        ("muelleranna_LATE_12345_67890_set1.ipynb", "muelleranna", "12345", "set1.ipynb"),
+        ("muelleranna_12345_67890_set1-2.ipynb", "muelleranna", "12345", "set1.ipynb"),
+    ],
+)
+def test_whose_a_file_is(name: str, student: str, identifier: str, file: str) -> None:
+    found = platforms.owner_of(name)
+    assert found is not None
+    assert (found[0].student, found[0].identifier, found[1]) == (student, identifier, file)
+
+
+@pytest.mark.parametrize("name", ["anna", "anna_set1.ipynb", "set1.ipynb", "anna_1_set1.ipynb"])
+def test_other_names_are_no_platforms(name: str) -> None:
+    assert platforms.owner_of(name) is None
+
+
+@pytest.mark.parametrize(
+    ("name", "spelling"),
+    [
+        ("Anna Müller", "muelleranna"),
+        ("Anna Müller", "mulleranna"),
+        ("Anna Müller", "annamüller"),
+        ("Müller, Anna", "annamuller"),
+        ("José de la Cruz", "delacruzjose"),
+        ("Ørsted Hans", "hansørsted"),
+    ],
+)
+def test_a_name_is_known_however_it_is_written(name: str, spelling: str) -> None:
+    assert spelling in spellings(name)
+
+
+def test_two_of_one_name_are_known_by_their_numbers_only() -> None:
+    course = Course((Student("Anna Müller", "1"), Student("Anna Müller", "2")))
+    assert course.find("Anna Müller") is None
+    found = course.find("Anna Müller", "2")
+    assert found is not None and found.identifier == "2"
+
+
+@pytest.mark.parametrize(
+    ("files", "found"),
+    [
+        ({f"{ANNA}/set1.ipynb": 1}, ["Anna Müller set1"]),
+        ({f"{ANNA}set1.ipynb": 1}, ["Anna Müller set1"]),
+        (
+            {f"{ANNA}/set1.ipynb": 1, f"{ANNA.replace('file', 'onlinetext')}/x.html": "hi"},
+            ["Anna Müller set1"],
+        ),
+        (
+            {"Bo_2_assignsubmission_onlinetext_/onlinetext.html": "hi", f"{ANNA}/set1.ipynb": 1},
+            ["Anna Müller set1", "Bo set1: a text was typed"],
+        ),
+        (
+            {f"Bo_{k}_assignsubmission_file_/set1.ipynb": 1 for k in (1, 2)},
+            ["Bo (1) set1", "Bo (2) set1"],
+        ),
+        ({"a_1_5_set1.ipynb": 1, "a_1_9_set1-1.ipynb": 1}, ["a set1 (a_1_5_set1.ipynb was left)"]),
+        ({"a_LATE_1_5_set1.ipynb": 1}, ["a set1 (late, says Canvas)"]),
+        ({"a_1_5_my work.ipynb": 1}, ["a set1 (taken from a_1_5_my work.ipynb)"]),
+        ({"a_1_5_essay.pdf": "x", "b_2_6_set1.ipynb": 1}, ["a set1: it is no notebook", "b set1"]),
+        # Nobody who handed in another set is told that nothing came.
+        ({"a/set1.ipynb": 1, "b/set2.ipynb": 2}, ["a set1", "b set2"]),
+    ],
+)  # fmt: skip
+def test_what_platforms_give_is_found(
+    files: dict[str, Any], found: list[str], tmp_path: Path
+) -> None:
+    contents = {k: tiny(v) if isinstance(v, int) else v for k, v in files.items()}
+    result = submissions.find(write(tmp_path, contents), KNOWN)
+    told = []
+    for this in result:
+        note = f": {this.reason}" if this.reason else ""
+        note += f" ({this.remarks[0]})" if this.remarks else ""
+        told.append(f"{this.student} {this.set}{note}")
+    assert len(told) == len(found)
+    for line, start in zip(sorted(told), sorted(found), strict=True):
+        assert line.startswith(start.removesuffix(")"))
+
+
+# --- archives -----------------------------------------------------------------------------------
+
+
+def pack(path: Path, files: dict[str, bytes | str]) -> Path:
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as packed:
+        for name, content in files.items():
+            packed.writestr(name, content)
+    return path
+
+
+def unpack(given: Path, place: Path) -> tuple[list[str], list[str]]:
+    place.mkdir()
+    told = list(platforms.unpacked(given, place))
+    return told, sorted(p.relative_to(place).as_posix() for p in place.rglob("*") if p.is_file())
+
+
+def test_an_export_a_students_archive_and_plain_files_lie_side_by_side(tmp_path: Path) -> None:
+    given = tmp_path / "given"
+    given.mkdir()
+    pack(given / "CS 1-Set 1-4711.zip", {f"{ANNA}/set1.ipynb": "{}", f"{ANNA}/page.jpg": b"x"})
+    pack(given / "b_2_6_work.zip", {"set1.ipynb": "{}"})
+    pack(given / "cleo_set1.zip", {"set1.ipynb": "{}"})
+    (given / "dan").mkdir()
+    pack(given / "dan" / "mine.zip", {"deep/set1.ipynb": "{}"})
+    told, found = unpack(given, tmp_path / "place")
+    assert told == []
+    assert found == [
+        f"{ANNA}/page.jpg",
+        f"{ANNA}/set1.ipynb",
+        "b_2_6_work/set1.ipynb",
+        "cleo_set1/set1.ipynb",
+        "dan/mine/deep/set1.ipynb",
+    ]
+
+
+@pytest.mark.parametrize(
+    "name", ["../out.ipynb", "/etc/out.ipynb", "a/../../out.ipynb", "..\\out.ipynb", "C:/out.ipynb"]
+)
+def test_no_archive_writes_outside_of_its_folder(name: str, tmp_path: Path) -> None:
+    told, found = unpack(pack(tmp_path / "x.zip", {name: "x", "b.txt": "y"}), tmp_path / "place")
+    assert "leads out of the archive" in told[0]
+    assert found == ["x.zip"]
+    assert not list(tmp_path.rglob("out.ipynb"))
+
+
+def test_no_link_is_unpacked(tmp_path: Path) -> None:
+    link = zipfile.ZipInfo("a")
+    link.external_attr = 0o120777 << 16
+    with zipfile.ZipFile(tmp_path / "x.zip", "w") as packed:
+        packed.writestr(link, "/etc/passwd")
+    told, _ = unpack(tmp_path / "x.zip", tmp_path / "place")
+    assert "is a link" in told[0]
+
+
+def test_no_bomb_is_unpacked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(platforms, "ONE_FILE", 10**6)
+    told, _ = unpack(pack(tmp_path / "x.zip", {"a": b"0" * 10**7}), tmp_path / "one")
+    assert "too large" in told[0]
+    monkeypatch.setattr(platforms, "MOST_BYTES", 10**6)
+    many = {str(k): b"0" * 10**5 for k in range(20)}
+    told, _ = unpack(pack(tmp_path / "y.zip", many), tmp_path / "two")
+    assert "holds too much" in told[0]
+
+
+def test_a_file_that_is_larger_than_it_says_is_not_unpacked(tmp_path: Path) -> None:
+    path = pack(tmp_path / "x.zip", {"a": b"0" * 10**6})
+    data = path.read_bytes()
+    path.write_bytes(data.replace((10**6).to_bytes(4, "little"), (100).to_bytes(4, "little")))
+    told, _ = unpack(path, tmp_path / "place")
+    assert len(told) == 1
+    assert all(p.stat().st_size <= 10**5 for p in (tmp_path / "place").rglob("a"))
+
+
+def test_what_is_no_archive_is_told(tmp_path: Path) -> None:
+    (tmp_path / "given").mkdir()
+    (tmp_path / "given" / "b.zip").write_text("x", "utf-8")
+    told, found = unpack(tmp_path / "given", tmp_path / "place")
+    assert told == ["b.zip was not unpacked: File is not a zip file"]
+    assert found == ["b.zip"]
+
+
+def test_the_time_in_the_archive_is_the_time_of_the_file(tmp_path: Path) -> None:
+    entry = zipfile.ZipInfo("anna/set1.ipynb", (2026, 11, 2, 13, 30, 0))
+    with zipfile.ZipFile(tmp_path / "x.zip", "w") as packed:
+        packed.writestr(entry, json.dumps(tiny(1)))
+    unpack(tmp_path / "x.zip", tmp_path / "place")
+    [this] = submissions.find(tmp_path / "place", KNOWN)
+    assert this.handed_in is not None
+    assert this.handed_in.replace(tzinfo=None) == datetime(2026, 11, 2, 13, 30)
+
+
+# --- a class of sixty ---------------------------------------------------------------------------
+
+FIRST = ["Anna", "Bo", "Cleo", "Dan", "Eva", "Finn", "Gül", "Hana", "Ivo", "José"]
+LAST = ["Müller", "Nguyen", "O'Brien", "Pérez", "Qvist", "Rossi"]
+CLASS = [f"{first} {last}" for last in LAST for first in FIRST]
+DUE = datetime(2026, 11, 2, 23, 59)
+
+
+class Stub(Batch):
+    """Grades without kernels: everything right, and one answer still to be read."""
+
+    def grade(self, ready: list[tuple[str, Any]]) -> Iterator[Outcome]:
+        for _, submission in ready:
+            grades = {name: None if "written" in name else most for name, most in POINTS.items()}
+            yield Outcome(submission, grades)
+
+
+@pytest.fixture(scope="module")
+def notebook(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    return handed(release(tmp_path_factory.mktemp("released")))
+
+
+def of_group(notebook: Any, group: int) -> str:
+    for cell in notebook.cells:
+        if cell.id == "group":
+            cell.source = f"GROUP = {group}"
+    return json.dumps(notebook)
+
+
+def export(path: Path, files: list[tuple[str, str, datetime]]) -> Path:
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as packed:
+        for name, content, moment in files:
+            packed.writestr(zipfile.ZipInfo(name, moment.timetuple()[:6]), content)
+    return path
+
+
+def plan(place: Path) -> Course:
+    lines = [f"{1000 + k},{name},{101 + k}" for k, name in enumerate([*CLASS, "Zoe Absent"])]
+    (place / "roster.csv").write_text("\n".join(["id,name,group", *lines]), "utf-8")
+    (place / "course.toml").write_text(
+        f'roster = "roster.csv"\n[deadlines]\n{NAME} = {DUE.isoformat()}\n'
+        "[late]\ngrace = 15\nper_day = 10\nmost_days = 5\n"
+        f'[extensions.{NAME}]\n"{CLASS[3]}" = 2026-11-30T12:00:00\n',
+        "utf-8",
+    )
+    return read_course(place / "course.toml")
+
+
+def table(path: Path) -> list[dict[str, str]]:
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def moment_of(k: int) -> datetime:
+    """The second is two days late, the third in the minutes of grace, the fourth has leave."""
+    late = {1: timedelta(hours=25), 2: timedelta(minutes=10), 3: timedelta(days=9)}
+    return DUE + late.get(k, -timedelta(days=1)) + timedelta(seconds=k % 2)
+
+
+def moodle(notebook: Any, place: Path) -> Path:
+    files = []
+    for k, name in enumerate(CLASS):
+        folder = f"{name}_{5000 + k}_assignsubmission_file_"
+        group = 101 + k if k != 7 else 101  # one has taken another's number
+        content = of_group(notebook, group) if k != 9 else "{"
+        files.append((f"{folder}/{NAME}.ipynb", content, moment_of(k)))
+        if k % 5 == 0:
+            text = f"{name}_{5000 + k}_assignsubmission_onlinetext_/onlinetext.html"
+            files.append((text, "<p>Hello</p>", moment_of(k)))
+    return export(place / "Course-Set 2-4711.zip", files)
+
+
+def canvas(notebook: Any, place: Path) -> Path:
+    files = []
+    for k, name in enumerate(CLASS):
+        first, last = name.split()
+        stem = re.sub(r"\W", "", (last + first)).lower()
+        late = "LATE_" if k == 1 else ""
+        again = "-1" if k % 6 == 0 else ""
+        file = f"{stem}_{late}{1000 + k}_{90000 + k}_{NAME}{again}.ipynb"
+        group = 101 + k if k != 7 else 101
+        files.append((file, of_group(notebook, group) if k != 9 else "{", moment_of(k)))
+    return export(place / "submissions.zip", files)
+
+
+@pytest.mark.parametrize("platform", [moodle, canvas])
+def test_sixty_exported_graded_and_brought_back(
+    platform: Any, notebook: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(exercises, "Batch", Stub)
+    monkeypatch.setattr("builtins.print", lambda *texts, **_: None)
+    course, archive = plan(tmp_path), platform(notebook, tmp_path)
+    target = tmp_path / "out"
+    # One has not come, one cannot be read.
+    assert exercises.grade(archive, target=target, plan=course) == 2
+
+    rows = {row["student"]: row for row in table(target / "grades.csv")}
+    assert set(rows) == {*CLASS, "Zoe Absent"}
+    checked = sum(most for name, most in POINTS.items() if "written" not in name)
+    assert rows[CLASS[0]]["total"] == marks.number(checked)
+    assert (rows[CLASS[1]]["late"], rows[CLASS[1]]["total"]) == (
+        "2 d, −20 %",
+        marks.number(0.8 * checked),
+    )
+    assert rows[CLASS[2]]["late"] == rows[CLASS[3]]["late"] == ""
+    assert "group 101, and 108 on the roster" in rows[CLASS[7]]["remarks"]
+    assert "not graded: the file is no valid JSON" in rows[CLASS[9]]["remarks"]
+    assert rows["Zoe Absent"]["remarks"] == "not graded: nothing was handed in"
+
+    whole = {row["student"]: row for row in table(target / "course.csv")}
+    assert whole["Zoe Absent"]["not handed in"] == NAME
+    assert whole[CLASS[9]]["not graded"] == NAME
+    assert whole[CLASS[0]]["id"] == "1000" and whole[CLASS[0]]["group"] == "101"
+
+    # Nothing is final before the answers in words are marked.
+    written = table(target / "written.csv")
+    for row in written:
+        row["points"] = row["of"]
+    marks.write_table(target / "written.csv", list(marks.WRITTEN), written)
+    monkeypatch.setattr(exercises, "write_feedback", lambda *any: None)
+    name = f"moodle_{NAME}.csv" if platform is moodle else "canvas.csv"
+    column = "Grade" if platform is moodle else NAME
+    assert {row[column] for row in table(target / name)} <= {"", marks.number(sum(POINTS.values()))}
+    assert exercises.report(target, course) == 0
+
+    (as_moodle if platform is moodle else as_canvas)(table(target / name))
+
+
+def as_moodle(rows: list[dict[str, str]]) -> None:
+    """Read the worksheet as Moodle does: by the number after its word for a participant."""
+    assert {"Identifier", "Grade", "Last modified (grade)"} <= rows[0].keys()
+    grades = {int(row["Identifier"].removeprefix("Participant ")): row for row in rows}
+    assert set(grades) == {5000 + k for k in range(60)} - {5009}
+    full = sum(POINTS.values())
+    assert float(grades[5000]["Grade"]) == float(grades[5000]["Maximum Grade"]) == full
+    assert float(grades[5001]["Grade"]) == pytest.approx(0.8 * full)
+
+
+def as_canvas(rows: list[dict[str, str]]) -> None:
+    """Read the gradebook as Canvas does: five columns, the points possible, a line for each."""
+    assert list(rows[0])[:5] == ["Student", "ID", "SIS User ID", "SIS Login ID", "Section"]
+    assert rows[0]["Student"].strip() == "Points Possible"
+    full = sum(POINTS.values())
+    assert float(rows[0][NAME]) == full
+    grades = {int(row["ID"]): row[NAME] for row in rows[1:]}
+    assert set(grades) == {1000 + k for k in range(60)} - {1009}
+    assert float(grades[1000]) == full and float(grades[1001]) == pytest.approx(0.8 * full)
+
+
+def test_what_was_graded_stays_when_a_late_one_comes_alone(
+    notebook: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(exercises, "Batch", Stub)
+    monkeypatch.setattr("builtins.print", lambda *texts, **_: None)
+    course = Course((Student("Anna Müller", "1", 5), Student("Bo Rossi", "2", 6)))
+    for first, folder in (("Anna Müller", "one"), ("Bo Rossi", "two")):
+        write(tmp_path / folder, {f"{first}/{NAME}.ipynb": of_group(notebook, 5)})
+        exercises.grade(tmp_path / folder, target=tmp_path / "out", plan=course)
+    rows = table(tmp_path / "out" / "grades.csv")
+    assert [row["total"] for row in rows] == [rows[0]["total"]] * 2 != ["", ""]
+    assert rows[1]["remarks"] == "group 5, and 6 on the roster"
+
+
+# --- settings -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("settings", "says"),
+    [
+        ("x = ", "cannot be read"),
+        ("[late]\nper_week = 3", "knows no late.per_week"),
+        ("[deadline]", "knows no deadline"),
+        ('[deadlines]\nset1 = "soon"', "set1 = soon is no time"),
+        ('roster = "nowhere.csv"', "there is no roster"),
+    ],
+)
+def test_settings_that_mean_nothing_are_named(settings: str, says: str, tmp_path: Path) -> None:
+    (tmp_path / "course.toml").write_text(settings, "utf-8")
+    with pytest.raises(ValueError, match=re.escape(says)):
+        read_course(tmp_path / "course.toml")
+
+
+@pytest.mark.parametrize(
+    ("text", "students"),
+    [
+        ("id,name,group\n7,Anna,3\n", [("Anna", "7", 3)]),
+        ("\ufeffName;Group\nAnna;\n", [("Anna", "", None)]),
+        ("First name,Last name,ID number\nAnna,Müller,7\n", [("Anna Müller", "7", None)]),
+        ('Student,ID\n    Points Possible,\n"Müller, Anna",7\n', [("Müller, Anna", "7", None)]),
+    ],
+)  # fmt: skip
+def test_rosters_are_read(text: str, students: list[Any], tmp_path: Path) -> None:
+    (tmp_path / "r.csv").write_text(text, "utf-8")
+    (tmp_path / "course.toml").write_text('roster = "r.csv"', "utf-8")
+    found = read_course(tmp_path / "course.toml").students
+    assert [(each.name, each.identifier, each.group) for each in found] == students
+
+
+def test_no_cell_of_a_table_is_a_formula(tmp_path: Path) -> None:
+    row = {"student": "=HYPERLINK(1)", "points": "-2.5", "answer": "@x", "set": "+cmd"}
+    marks.write_table(tmp_path / "t.csv", list(row), [row])
+    [found] = table(tmp_path / "t.csv")
+    assert found == {"student": "'=HYPERLINK(1)", "points": "-2.5", "answer": "'@x", "set": "'+cmd"}
+
+
+def test_nbgraders_own_timestamp_comes_first(tmp_path: Path) -> None:
+    write(tmp_path, {"a/set1.ipynb": tiny(1), "a/timestamp.txt": "2026-11-02 12:00:00.5 UTC"})
+    os.utime(tmp_path / "a" / "set1.ipynb", (time.time(), time.time()))
+    [this] = submissions.find(tmp_path, KNOWN)
+    assert this.handed_in is not None
+    assert this.handed_in.isoformat().startswith("2026-11-02T12:00:00.5")

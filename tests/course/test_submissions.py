@@ -1,0 +1,139 @@
+"""What was handed in: found, read, put right."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import nbformat
+import pytest
+
+from handin import KNOWN, tiny, write
+from nrdob.course.grading import marks, submissions
+
+
+@pytest.mark.parametrize(
+    ("files", "wanted", "found"),
+    [
+        ({"a/set1.ipynb": 1, "b/set1.ipynb": 1}, (), ["a set1", "b set1"]),
+        ({"a/set1.ipynb": 1, "a/set2.ipynb": 2}, (), ["a set1", "a set2"]),
+        ({"a/set1.ipynb": 1, "a/set2.ipynb": 2}, ("set2",), ["a set2"]),
+        ({"a/set1/set1.ipynb": 1}, (), ["a set1"]),
+        ({"a_set1.ipynb": 1, "b-set-01.ipynb": 1}, (), ["a set1", "b set1 taken"]),
+        ({"a/.ipynb_checkpoints/set1.ipynb": 1, "a/set1.ipynb": 1}, (), ["a set1"]),
+        ({".git/set1.ipynb": 1, "__MACOSX/x.ipynb": 1, "a/set1.ipynb": 1}, (), ["a set1"]),
+        # The cells tell what it is, whatever it is called.
+        ({"a/Set 1 (2).ipynb": 1}, (), ["a set1 taken"]),
+        ({"a/homework.ipynb": 2}, (), ["a set2 taken"]),
+        ({"a/set1.ipynb": 2}, (), ["a set2 taken"]),
+        ({"a/set1.ipynb.txt": 1}, (), ["a set1 taken"]),
+        ({"a/deep/in/set1.ipynb": 1}, (), ["a set1 taken"]),
+        # The proper name wins; without it nobody can choose.
+        ({"a/set1.ipynb": 1, "a/old.ipynb": 1}, (), ["a set1 left out"]),
+        ({"a/new.ipynb": 1, "a/old.ipynb": 1}, (), ["a set1 refused"]),
+        ({"a/set1.ipynb": 1, "a_set1.ipynb": 1}, (), ["a set1 left out"]),
+        # Missing, unreadable, unknown.
+        ({"a/set1.ipynb": 1, "b/notes.txt": "x"}, (), ["a set1", "b set1 refused"]),
+            ({"b/notes.txt": "x"}, (), ["b  refused"]),
+        ({"a/set1.ipynb": 1, "a/set2.ipynb": 2, "b/set2.ipynb": 2}, (),
+         ["a set1", "a set2", "b set2"]),
+        ({"a/set1.ipynb": "{"}, (), ["a set1 refused"]),
+        ({"a/set1.ipynb": "[]"}, (), ["a set1 refused"]),
+        ({"a/set1.ipynb": '{"cells": [1]}'}, (), ["a set1 refused"]),
+        ({"a/set1.ipynb": 1, "b/what.ipynb": "{"}, (), ["a set1", "b set1 refused"]),
+        # Nobody's.
+        ({"a/set1.ipynb": 1, "set1.ipynb": 1}, (), ["a set1", "set1.ipynb set1 refused"]),
+        ({"a/set1.ipynb": 1, "b.zip": "x"}, (), ["a set1", "b.zip  refused"]),
+        ({"a/what.ipynb": "{"}, (), ["a  refused"]),
+    ],
+)  # fmt: skip
+def test_finding(
+    files: dict[str, Any], wanted: tuple[str, ...], found: list[str], tmp_path: Path
+) -> None:
+    contents = {k: tiny(v) if isinstance(v, int) else v for k, v in files.items()}
+    result = submissions.find(write(tmp_path, contents), KNOWN, wanted)
+    told = []
+    for this in result:
+        remark = this.remarks[0] if this.remarks else ""
+        note = next((word for word in ("taken", "left out") if word in remark), "")
+        told.append(f"{this.student} {this.set} {'refused' if this.reason else note}".strip())
+    assert sorted(told) == sorted(found)
+    assert all(this.reason or this.notebook for this in result)
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"\xff\xfe" + json.dumps(tiny(1)).encode("utf-16-le"),
+        b"\xef\xbb\xbf" + json.dumps(tiny(1)).encode(),
+        json.dumps({"nbformat": 3, "nbformat_minor": 0, "metadata": {}, "worksheets": [
+            {"cells": [{"cell_type": "code", "input": "x", "outputs": [], "metadata": {}}]}
+        ]}).encode(),
+    ],
+)  # fmt: skip
+def test_files_saved_by_other_programs_are_read(data: bytes, tmp_path: Path) -> None:
+    (tmp_path / "x.ipynb").write_bytes(data)
+    notebook, problem = submissions.read(tmp_path / "x.ipynb")
+    assert problem == ""
+    assert notebook.cells
+
+
+@pytest.mark.parametrize(
+    "cell",
+    [
+        {},
+        {"cell_type": "strange", "source": None},
+        {"cell_type": "code", "source": [1, "x"], "metadata": [2], "outputs": "y"},
+        {"cell_type": "markdown", "source": {}, "attachments": 3, "id": 4},
+        {"cell_type": "code", "metadata": {"nbgrader": "z"}, "source": "GROUP = 3 +"},
+        {"cell_type": "code", "metadata": {"nbgrader": {"grade_id": ["z"]}}, "source": "\x00"},
+    ],
+)
+def test_strange_cells_are_repaired(cell: dict[str, Any], tmp_path: Path) -> None:
+    content = tiny(1)
+    content["cells"].append(cell)
+    content["metadata"] = None
+    write(tmp_path, {"a/set1.ipynb": content})
+    [this] = submissions.find(tmp_path, KNOWN)
+    submissions.repair(this, KNOWN["set1"])
+    nbformat.validate(this.notebook)
+    assert this.group == 1
+
+
+@pytest.mark.parametrize(
+    ("source", "group"),
+    [
+        ("GROUP = 7", 7),
+        ("GROUP = 7  # seven", 7),
+        ("GROUP: int = 7", 7),
+        ("A = GROUP = 7", 7),
+        ("GROUP = -7", -7),
+        ("GROUP = 1\nGROUP = 7", 7),
+        ("GROUP = '7'", None),
+        ("GROUP = True", None),
+        ("GROUP = 7.5", None),
+        ("GROUP = seven", None),
+        ("GROUP = (", None),
+        ("GROUP == 7", None),
+        ("", None),
+    ],
+)
+def test_the_group_is_read_from_the_code(source: str, group: int | None) -> None:
+    found, problem = submissions.group_of([nbformat.v4.new_code_cell(source)])
+    assert found == group
+    assert bool(problem) is (group is None)
+
+
+def test_folders_of_students_are_unique_and_no_patterns(tmp_path: Path) -> None:
+    records = marks.Records(tmp_path / "submissions.json")
+    names = ["Jörg Müller", "a[1]", "a*1*", "a_1", "..", "", "A_1", "../../etc"]
+    for name in names:
+        records.add(submissions.Submission(name, "set1"))
+    folders = [records.folder_of(name) for name in names]
+    assert len({folder.lower() for folder in folders}) == len(names)
+    assert all(re.fullmatch(r"\w[\w.@-]*", folder) for folder in folders)
+    records.save()
+    again = marks.Records(tmp_path / "submissions.json")
+    assert [again.folder_of(name) for name in names] == folders

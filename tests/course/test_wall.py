@@ -1,0 +1,211 @@
+"""What holds around a student's code, and what is remarked of it before it runs."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import nbformat
+import pytest
+
+from handin import FORGERIES, NAME, release
+from nrdob.course.grading import command as exercises
+from nrdob.course.grading import wall
+from nrdob.course.grading.remarks import suspicious
+from problemsets import SETS
+
+walled = pytest.mark.skipif(bool(wall.missing()), reason="there is no wall on this system")
+pytestmark = pytest.mark.filterwarnings("ignore:Object of type")
+
+
+REFUSED = [
+    "open(secret).read()",
+    "open(secret, 'w')",
+    "open(secret, 'a')",
+    "os.truncate(secret, 0)",
+    "os.remove(secret)",
+    "os.rename(secret, desk / 'x')",
+    "os.link(secret, desk / 'x')",
+    "os.listdir(secret.parent)",
+    "(secret.parent / 'new').mkdir()",
+    "os.listdir('/proc')",
+    "open(f'/proc/{os.getppid()}/environ').read()",
+    "os.listdir(f'/proc/{os.getppid()}/cwd')",
+    "open('/etc/passwd').read()",
+    "os.listdir(Path.home())",
+    "os.symlink(secret, 'link') or open('link').read()",
+    # What is started behind the wall stays behind it.
+    "subprocess.run(['/bin/sh', '-c', 'cat /etc/passwd'], check=True)",
+]
+NETWORK = [
+    "socket.create_connection(('127.0.0.1', 9), timeout=1)",
+    "socket.socket().bind(('127.0.0.1', 0))",
+]
+SIGNALS = ["os.kill(os.getppid(), 0)"]
+ALLOWED = [
+    "Path('page.txt').write_text('x')",
+    "os.mkdir('folder')",
+    "os.rename('page.txt', 'folder/page.txt')",
+    "plt.plot([1, 2])[0].figure.savefig('figure.png')",
+    "__import__('sympy').Symbol('x')",
+    "__import__('pdb')",
+]
+
+
+@pytest.fixture(scope="module")
+def behind(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """What becomes of each attempt behind a wall; nothing has changed outside of it."""
+    place = tmp_path_factory.mktemp("place")
+    secret, desk = place / "gradebook.db", place / "desk"
+    secret.write_text("points", "utf-8")
+    desk.mkdir()
+    program = f"""
+import json, os, signal, socket, subprocess, sys
+from pathlib import Path
+import matplotlib
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+from nrdob.course.grading import wall
+desk, secret = Path({str(desk)!r}), Path({str(secret)!r})
+os.chdir(desk)
+wall.build(desk, [])
+found = {{}}
+for attempt in {[*REFUSED, *NETWORK, *SIGNALS, *ALLOWED]!r}:
+    try:
+        eval(attempt)
+        found[attempt] = "done"
+    except (OSError, subprocess.CalledProcessError) as error:
+        found[attempt] = "refused"
+print(json.dumps(found))
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, encoding="utf-8", check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert secret.read_text("utf-8") == "points"
+    assert sorted(path.name for path in place.iterdir()) == ["desk", "gradebook.db"]
+    return dict(json.loads(done.stdout.splitlines()[-1]))
+
+
+@walled
+@pytest.mark.parametrize("attempt", REFUSED)
+def test_nothing_of_others_can_be_read_or_written(attempt: str, behind: dict[str, str]) -> None:
+    assert behind[attempt] == "refused"
+
+
+@walled
+@pytest.mark.parametrize("attempt", ALLOWED)
+def test_its_own_folder_and_the_libraries_are_there(attempt: str, behind: dict[str, str]) -> None:
+    assert behind[attempt] == "done"
+
+
+@walled
+@pytest.mark.skipif(wall.generation() < 4, reason="needs Linux 6.7")
+@pytest.mark.parametrize("attempt", NETWORK)
+def test_nothing_can_be_sent_or_served(attempt: str, behind: dict[str, str]) -> None:
+    assert behind[attempt] == "refused"
+
+
+@walled
+@pytest.mark.skipif(wall.generation() < 6, reason="needs Linux 6.12")
+def test_no_other_process_can_be_ended(behind: dict[str, str]) -> None:
+    assert behind[SIGNALS[0]] == "refused"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux gives orphans to a grandparent")
+def test_what_is_left_running_can_be_ended() -> None:
+    program = """
+import os, time
+import psutil
+from nrdob.course.grading import wall
+from nrdob.course.grading.batch import end
+wall.adopt_orphans()
+if not os.fork():
+    if not os.fork():
+        os.setsid()
+        time.sleep(600)
+    os._exit(0)
+os.wait()
+left = psutil.Process().children(recursive=True)
+end(os.getpid(), itself=False)
+print(len(left), left[0].wait(60) is not None or not left[0].is_running())
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, encoding="utf-8", check=True
+    )
+    assert done.stdout.split() == ["1", "True"]
+
+
+# --- what is read -------------------------------------------------------------------------------
+
+
+def code(source: str) -> list[nbformat.NotebookNode]:
+    return [nbformat.v4.new_code_cell(source, id="answer")]
+
+
+@pytest.mark.parametrize(
+    ("source", "sign"),
+    [
+        ("from nrdob.course.exercises.set2 import _good", "import _good"),
+        ("import nrdob.course.exercises.set2 as s", "import nrdob.course.exercises.set2"),
+        ("nrdob.course.exercises.score = 1", "nrdob.course.exercises.score"),
+        ("nrdob.NRDOB.stability = 1", "nrdob.NRDOB.stability = …"),
+        ("case._loop.margins()", "case._loop"),
+        ("open('x')", "open"),
+        ("x = __builtins__", "__builtins__"),
+        ("import ctypes", "import ctypes"),
+        ("from subprocess import run", "from subprocess import run"),
+        ("a = '/proc/1/cwd'", "'/proc/1/cwd'"),
+        ("import os\nos.system('ls')", "os.system"),
+        ("f.__globals__", "f.__globals__"),
+        ("!cat x", "the command !"),
+        ("%%bash\ncat x", "the command %%bash"),
+        *((forgery, "") for forgery in FORGERIES if "json" not in forgery),
+    ],
+)
+def test_what_no_answer_needs_is_remarked(source: str, sign: str) -> None:
+    [remark] = suspicious(code(source), [])
+    assert remark.startswith("answer does what no answer needs: ")
+    assert sign in remark
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        "import numpy as np\nimport control as ct\nx = np.array([1]).real",
+        "import os, sys\nsys.exit()",
+        "def f(case):\n    return case.poles[-1] - 2j",
+        "loop = nrdob.NRDOB(1, 1, 1, 1)\nloop.stability()",
+        "not python at all (",
+    ],
+)
+def test_what_answers_need_is_not_remarked(source: str) -> None:
+    assert suspicious(code(source), []) == []
+
+
+@pytest.mark.parametrize("path", SETS, ids=lambda path: path.stem)
+def test_no_published_solution_is_remarked(path: Path) -> None:
+    solved = nbformat.read(path, as_version=4)
+    for cell in solved.cells:
+        cell.source = cell.source.split("### BEGIN HIDDEN TESTS")[0]
+    given_out = [cell for cell in solved.cells if "SOLUTION" not in cell.source]
+    assert suspicious(solved.cells, given_out) == []
+
+
+def test_without_a_wall_what_is_suspicious_is_not_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    released = release(tmp_path) / NAME / f"{NAME}.ipynb"
+    notebook = nbformat.read(released, as_version=4)
+    notebook.cells.append(nbformat.v4.new_code_cell("open('/etc/passwd')", id="own"))
+    (tmp_path / "in" / "spy").mkdir(parents=True)
+    nbformat.write(notebook, tmp_path / "in" / "spy" / f"{NAME}.ipynb")
+    monkeypatch.setattr(wall, "missing", lambda: "there is no wall")
+    assert exercises.grade(tmp_path / "in", target=tmp_path / "out") == 1
+    said = capsys.readouterr().out
+    assert "there is no wall. It runs with your rights" in said
+    assert "NOT GRADED: it was not run" in said and "'/etc/passwd'" in said
+    assert os.listdir(tmp_path / "out" / "submitted" / "spy") != []
