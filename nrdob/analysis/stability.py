@@ -238,6 +238,12 @@ def observer_stability(loop: ObserverEquations | LoopEquations) -> LoopStability
 def _held_at_origin(loop: ObserverEquations | LoopEquations) -> str:
     """Explain p_B(0) = D(0) Nm(0) E(0) + N(0) Dm(0) = 0."""
     integrators, kept = -loop.Gm.zeros_at_origin, loop.built.Dm.zeros_at_origin
+    if kept and loop.model_delay:
+        return (
+            "for every filter: the model has an integrator and waits, and (1 - F exp(-θm s))/s is "
+            "no block that is built here; give it a slow stable pole instead of the integrator, or "
+            "leave its dead time out"
+        )
     if kept and loop.keep_factors:
         return (
             "for every filter: the model has an integrator; give it a slow stable pole instead, or "

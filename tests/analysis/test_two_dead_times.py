@@ -247,3 +247,13 @@ def test_an_input_disturbance_meets_the_process_but_not_the_model():
     assert y[2] == pytest.approx(plant[-1], rel=1e-6)  # δ alone: u reaches y after 0.2 s
     forced = loop.forced_response("delta", np.linspace(0, 0.35, 36), np.ones(36)).outputs
     assert forced[:, -1] == pytest.approx([y[3], v[3]], abs=1e-10)
+
+
+@pytest.mark.parametrize("keep_factors", [False, True])
+def test_a_model_that_integrates_and_waits_keeps_a_root_at_zero_and_the_remedies_work(keep_factors):
+    plant, F = nrdob.delay(1.0) / s, nrdob.LowPassFilter(3.0, 1)
+    held = nrdob.judge_observer(plant, plant, F, keep_factors=keep_factors)
+    assert held.stable is False and "integrator and waits" in held.reason
+    slow = nrdob.judge_observer(plant, nrdob.delay(1.0) / (s + 0.05), F)
+    at_once = nrdob.judge_observer(plant, 1 / s, F)
+    assert slow.stable and at_once.stable
