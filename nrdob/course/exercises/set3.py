@@ -15,6 +15,7 @@ from ...analysis import LoopMargins, margin_bounds
 from ...diagram import LowPassFilter
 from ...loop import NRDOB
 from ...numerics import ComplexArray, FloatArray
+from ...plants import antiresonance, resonance
 from ...plotting import SHORT, Figure, axes_for, colour_of, styled
 from .cases import LoopCase, apart, draw, few, first_fitting, kept
 from .problems import Lack, Misconception, Problem, answers_like, lacking, near, rounds, same
@@ -176,11 +177,6 @@ class MeasuredCase:
         return f"L at {self.omega.size} frequencies from {low:.3g} to {high:.3g} rad/s"
 
 
-def _resonance(pole: float, zero: float, damping: float) -> ct.TransferFunction:
-    top, bottom = (np.array([1.0, 2 * damping * w, w * w]) for w in (zero, pole))
-    return ct.tf((pole / zero) ** 2 * top, bottom)
-
-
 def draw_far(rng: np.random.Generator) -> tuple[NRDOB, float]:
     """Draw a loop with a resonance far out, where it decides; and its λ."""
     constant, gain = draw(rng, 0.2, 1.5), draw(rng, 0.6, 2)
@@ -188,7 +184,9 @@ def draw_far(rng: np.random.Generator) -> tuple[NRDOB, float]:
     corner = pole * float(rng.uniform(0.5, 0.8))
     lead = ct.tf([1 / corner, 1], [1 / (corner * float(rng.uniform(2.0, 2.6))), 1])
     model = ct.tf([gain], [1, gain])
-    shape = _resonance(pole, pole * float(rng.uniform(0.8, 0.88)), float(rng.uniform(0.012, 0.016)))
+    shape = antiresonance(
+        pole, pole * float(rng.uniform(0.8, 0.88)), float(rng.uniform(0.012, 0.016))
+    )
     return NRDOB(model * shape * lead, model, 1.0, LowPassFilter(constant, 1)), constant
 
 
@@ -198,9 +196,10 @@ def draw_close(rng: np.random.Generator) -> tuple[NRDOB, float]:
     lag = float(rng.uniform(0.3, 0.6)) * constant
     pole, damping = float(rng.uniform(2.5, 3.5)) / constant, float(rng.uniform(0.02, 0.05))
     model = ct.tf([gain], [1, gain])
-    resonance = ct.tf([pole**2], [1, 2 * damping * pole, pole**2])
     stronger = float(rng.uniform(0.9, 1.3)) * ct.tf([1], [lag, 1]) * ct.tf([1], [lag, 1])
-    return NRDOB(model * resonance * stronger, model, 1.0, LowPassFilter(constant, 1)), constant
+    return NRDOB(
+        model * resonance(pole, damping) * stronger, model, 1.0, LowPassFilter(constant, 1)
+    ), constant
 
 
 def _measure(loop: NRDOB, constant: float) -> MeasuredCase:

@@ -32,6 +32,7 @@ from ...diagram import (
 )
 from ...loop import NRDOB
 from ...numerics import ComplexArray, FloatArray, QuasiPolynomial
+from ...plants import all_pole
 from ...plotting import COLOURS, INK, TALL, Figure, axes_for, styled
 from .cases import (
     apart,
@@ -48,11 +49,6 @@ from .problems import Misconception, Problem, answers_like, answers_like_any, ne
 from .reading import UnreadableError, block, lowpass, number, numbers, whole
 
 __all__ = ["PROBLEMS"]
-
-
-def _lags(gain: float, poles: list[float]) -> ct.TransferFunction:
-    den = np.real(np.poly([-pole for pole in poles]))
-    return ct.tf([gain], den / den[-1])
 
 
 # --- 4.1 The card -------------------------------------------------------------------------------
@@ -318,7 +314,7 @@ def _orders_case(rng: np.random.Generator) -> OrdersCase:
         poles = [draw(rng, 0.5, 2), draw(rng, 2.5, 6)]
         gain, zero = draw(rng, 0.5, 5), draw(rng, 15, 90)
         stronger = round(float(rng.uniform(0.92, 1.08)), 2)
-        model = _lags(gain, poles)
+        model = all_pole(*poles, gain=gain)
         plant = stronger * model * ct.tf([-1 / zero, 1], [1 / zero, 1])
         return OrdersCase(plant, model, float(rng.choice([1.8, 1.9, 2.0])))
 
@@ -497,7 +493,7 @@ def _plants_case(rng: np.random.Generator) -> PlantsCase:
         slow = draw(rng, 0.3, 3)
         other, zero = few(slow * rng.uniform(1.5, 3)), few(slow * rng.uniform(15, 30))
         nearer, more = few(zero / rng.uniform(1.15, 1.6)), few(rng.uniform(1.1, 1.5))
-        model = _lags(draw(rng, 0.3, 5), [slow, other])
+        model = all_pole(slow, other, gain=draw(rng, 0.3, 5))
         worn = [model * ct.tf([-1 / nearer, 1], [1]), more * model * ct.tf([-1 / zero, 1], [1])]
         plants = [model * ct.tf([-1 / zero, 1], [1]), *(worn[k] for k in rng.permutation(2))]
         order, max_ms = int(rng.integers(2, 4)), float(rng.choice([1.8, 1.9, 2.0]))
@@ -635,7 +631,8 @@ def _onset(case: SlowCase) -> float:
 
 def _slow_case(rng: np.random.Generator) -> SlowCase:
     gain = either_sign(rng) * draw(rng, 0.3, 5)
-    return SlowCase(_lags(gain, [draw(rng, 0.2, 1), draw(rng, 2, 6)]), int(rng.integers(3, 7)))
+    model = all_pole(draw(rng, 0.2, 1), draw(rng, 2, 6), gain=gain)
+    return SlowCase(model, int(rng.integers(3, 7)))
 
 
 def _mirrored(case: SlowCase, gain: float) -> ct.TransferFunction:
@@ -812,14 +809,14 @@ def _price(case: BetterCase, filter: Any) -> _Price:
 
 
 def _spread(case: BetterCase, slow: float, ratio: float) -> ct.TransferFunction:
-    return _lags(1.0, [slow] + [ratio * slow] * (_order(case) - 1))
+    return all_pole(slow, *[ratio * slow] * (_order(case) - 1))
 
 
 def _better_case(rng: np.random.Generator) -> BetterCase:
     order = int(rng.integers(3, 5))
     slowest = draw(rng, 0.5, 5)
     poles = [slowest, *(few(slowest * rng.uniform(2, 5)) for _ in range(order - 1))]
-    free = BetterCase(_lags(draw(rng, 0.5, 5), poles), inf, inf, inf)
+    free = BetterCase(all_pole(*poles, gain=draw(rng, 0.5, 5)), inf, inf, inf)
     slow = slowest * float(rng.uniform(3, 6))
     price = _price(free, _spread(free, slow, 4.0))
     return BetterCase(
@@ -852,9 +849,9 @@ def _beats(case: BetterCase, got: Any) -> str:
 
 def _scaled(case: BetterCase, poles: list[float]) -> ct.TransferFunction:
     """Scale a filter in time so that noise and error miss their limits by the same factor."""
-    price = _price(case, _lags(1.0, poles))
+    price = _price(case, all_pole(*poles))
     factor = ((case.noise / price.noise) / (case.error / price.error)) ** 0.5
-    return _lags(1.0, [factor * pole for pole in poles])
+    return all_pole(*(factor * pole for pole in poles))
 
 
 def _slow(case: BetterCase) -> float:

@@ -22,6 +22,7 @@ from ...design import (
 from ...diagram import LowPassFilter, Quotient, delay
 from ...loop import NRDOB
 from ...numerics import FloatArray
+from ...plants import mirrored_pair
 from ...plotting import COLOURS, INK, TALL, Figure, axes_for, styled
 from .cases import (
     apart,
@@ -48,14 +49,6 @@ from .problems import (
 from .reading import UnreadableError, number, numbers
 
 __all__ = ["PROBLEMS", "STAGES", "Project", "rms"]
-
-
-def _blocks(gain: float, pole: float, decay: float) -> tuple[Any, Any]:
-    """Give an unstable plant, and the model in which its pole is mirrored."""
-    plant, model = (
-        ct.tf([gain * pole * decay], np.polymul([1, side * pole], [1, decay])) for side in (-1, 1)
-    )
-    return plant, model
 
 
 # --- 6.1 Equal rejection ------------------------------------------------------------------------
@@ -102,7 +95,8 @@ def _equal(case: RejectionCase) -> float:
 def _rejection_case(rng: np.random.Generator) -> RejectionCase:
     def drawn() -> RejectionCase:
         pole = draw(rng, 0.5, 10)
-        plant, mirrored = _blocks(draw(rng, 0.5, 5), pole, few(pole * rng.uniform(1.5, 3)))
+        gain = draw(rng, 0.5, 5)
+        plant, mirrored = mirrored_pair(pole, few(pole * rng.uniform(1.5, 3)), gain=gain)
         first, second = rng.permutation([2, 3]).tolist()
         factor, other = rng.permutation([1.0, float(rng.choice([0.4, 0.5, 0.6]))]).tolist()
         filter = LowPassFilter(draw(rng, 0.02 / pole, 0.05 / pole), int(first))
@@ -311,7 +305,7 @@ def _settled(case: Project, loop: NRDOB) -> float:
 
 def mirrored_model(case: Project) -> ct.TransferFunction:
     """Give the plant with its pole on the left."""
-    return _blocks(case.gain, case.pole, case.decay)[1]
+    return mirrored_pair(case.pole, case.decay, gain=case.gain)[1]
 
 
 @kept
@@ -466,7 +460,7 @@ def _project(rng: np.random.Generator) -> Project:
         pole = draw(rng, 0.8, 20)
         gain = either_sign(rng) * draw(rng, 0.5, 5)
         decay = few(pole * rng.uniform(1.2, 2))
-        plant = _blocks(gain, pole, decay)[0]
+        plant = mirrored_pair(pole, decay, gain=gain)[0]
         lag = few(rng.uniform(0.045, 0.055) / pole)
         less, faster = few(rng.uniform(0.8, 0.9)), few(pole * rng.uniform(1.1, 1.15), 3)
         modified = (
@@ -621,7 +615,7 @@ def _survival_case(rng: np.random.Generator) -> SurvivalCase:
     def drawn() -> SurvivalCase:
         pole = draw(rng, 0.5, 10)
         gain = either_sign(rng) * draw(rng, 0.5, 5)
-        plant, mirrored = _blocks(gain, pole, few(pole * rng.uniform(1.5, 2.5)))
+        plant, mirrored = mirrored_pair(pole, few(pole * rng.uniform(1.5, 2.5)), gain=gain)
         model = float(rng.choice([0.2, 0.25, 0.3])) * mirrored
         filter = LowPassFilter(few(rng.uniform(0.04, 0.06) / pole), 2)
         controller = design_controller(model, bandwidth=pole, phase_margin=60)
@@ -775,7 +769,7 @@ def _bench_case(rng: np.random.Generator) -> BenchCase:
     def drawn() -> BenchCase:
         pole = draw(rng, 0.5, 10)
         gain = either_sign(rng) * draw(rng, 0.5, 5)
-        plant, model = _blocks(gain, pole, few(pole * rng.uniform(1.5, 2.5)))
+        plant, model = mirrored_pair(pole, few(pole * rng.uniform(1.5, 2.5)), gain=gain)
         lags = [ct.tf([1], [few(share / pole), 1]) for share in rng.uniform(0.06, 0.11, 2)]
         weak, strong = (round(float(rng.uniform(*ends)), 2) for ends in ((0.5, 0.8), (1.3, 1.8)))
         plants = [plant, weak * plant * lags[0], strong * plant * lags[1]]
