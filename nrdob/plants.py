@@ -149,7 +149,7 @@ def antiresonance(pole: float, zero: float, damping: float) -> ct.TransferFuncti
     Examples
     --------
     >>> round(abs(complex(antiresonance(2.0, 1.0, 0.05)(1j))), 6)           # nearly nothing passes
-    0.132979
+    0.133038
     """
     return resonance(pole, damping) / resonance(zero, damping)
 
