@@ -301,7 +301,7 @@ def slope_in_lambda(coefficients: ComplexArray, x: ComplexArray) -> ComplexArray
 
 
 def size_squared(columns: ComplexArray) -> FloatArray:
-    """|p|² of polynomials in a real λ, ascending coefficients in columns."""
+    """Square of the size of polynomials in a real λ, ascending coefficients in columns."""
     return product(columns, columns.conj()).real
 
 

@@ -327,7 +327,11 @@ def negative_models(monkeypatch):
 
 
 def inverse_that_predicts(monkeypatch):
-    replace_map(monkeypatch, "K", "Nf Dm", "Df Nme")
+    replace_map(
+        monkeypatch,
+        "K",
+        lambda K, loop: ((*loop.F.num, *loop.Gm.den), (*loop.F.den, *loop.Gm.num)),
+    )
 
 
 def another_year(monkeypatch):
