@@ -249,12 +249,6 @@ def _held_at_origin(loop: ObserverEquations | LoopEquations) -> str:
             "for every filter: the model has an integrator; give it a slow stable pole instead, or "
             "build (1 - F)·model as one block (keep_factors=False), without what cancels in it"
         )
-    if kept and loop.model_delay:
-        return (
-            "for every filter: the model has an integrator and waits, and (1 - F exp(-θm s))/s is "
-            "no block that is built here; give it a slow stable pole instead of the integrator, or "
-            "leave its dead time out"
-        )
     if kept:
         return (
             f"the model has {integrators} integrators, of which (1 - F)·model keeps {kept}: take "

@@ -28,7 +28,7 @@ from ..numerics import (
     count_rhp,
     shared_factor,
 )
-from .mismatch import ERROR, Mismatch
+from .mismatch import ERROR, Mismatch, multiplied
 
 __all__ = [
     "FamilyMismatch",
@@ -85,15 +85,7 @@ class FamilyMismatch(Mismatch):
         E, Dm = _without_shared(family.difference, Gm.den)
         Nf, Nm = _without_shared(family.num, Gm.num)
         E, Nf = _by_powers(E, Nf)
-        with np.errstate(over="ignore", under="ignore"):
-            a, b = np.convolve(G.den, Nm), np.convolve(G.num, Dm)
-        for product in (a, b):
-            if not (np.isfinite(product).all() and product[0]):
-                raise ValueError(
-                    "the coefficients of process and model are so large or so small that their "
-                    "product leaves the range of floating-point numbers: divide numerator and "
-                    "denominator of each block by its leading coefficient, or change the units"
-                )
+        a, b = multiplied(G.den, Nm), multiplied(G.num, Dm)
         factors = (G.num, G.den, Nm, Dm)
         return cls(a, b, loop.delay, family.order, factors, E=E, Nf=Nf)
 

@@ -12,7 +12,7 @@ import numpy as np
 from ..diagram import LowPassFilter, ObserverEquations, as_fraction
 from ..numerics import BoolArray, ComplexArray, FloatArray, QuasiPolynomial, Term, add
 
-__all__ = ["ERROR", "Mismatch"]
+__all__ = ["ERROR", "Mismatch", "multiplied"]
 
 ERROR = 64 * float(np.finfo(float).eps)
 """Bound of the rounding error of a polynomial's value, against the sum of its terms' sizes."""
@@ -78,15 +78,7 @@ class Mismatch:
         integrator = Gm.den[-1] == 0 and not loop.model_delay  # 1 - F exp(-θm s) keeps its s
         if integrator and G.den[-1] == 0:
             G, Gm, integrator = G._replace(den=G.den[:-1]), Gm._replace(den=Gm.den[:-1]), False
-        with np.errstate(over="ignore", under="ignore"):
-            a, b = np.convolve(G.den, Gm.num), np.convolve(G.num, Gm.den)
-        for product in (a, b):
-            if not (np.isfinite(product).all() and product[0]):
-                raise ValueError(
-                    "the coefficients of process and model are so large or so small that their "
-                    "product leaves the range of floating-point numbers: divide numerator and "
-                    "denominator of each block by its leading coefficient, or change the units"
-                )
+        a, b = multiplied(G.den, Gm.num), multiplied(G.num, Gm.den)
         return cls(a, b, loop.delay, int(order), (*G, *Gm), bool(integrator), loop.model_delay)
 
     @property
@@ -216,6 +208,30 @@ class Mismatch:
     def delayed(self) -> FloatArray:
         """Coefficients of N Dm, or of that over s."""
         return self.b[:-1] if self.integrator else self.b
+
+
+def multiplied(of_process: FloatArray, of_model: FloatArray) -> FloatArray:
+    """Multiply a polynomial of the process by one of the model, within the range of floats.
+
+    Parameters
+    ----------
+    of_process, of_model : array of float
+        Coefficients in descending powers.
+
+    Raises
+    ------
+    ValueError
+        If the product leaves the range of floating-point numbers.
+    """
+    with np.errstate(over="ignore", under="ignore"):
+        product = np.convolve(of_process, of_model)
+    if not (np.isfinite(product).all() and product[0]):
+        raise ValueError(
+            "the coefficients of process and model are so large or so small that their product "
+            "leaves the range of floating-point numbers: divide numerator and denominator of each "
+            "block by its leading coefficient, or change the units"
+        )
+    return product
 
 
 def _den_less_1(time_constant: float, order: int) -> FloatArray:
