@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import os
 import re
 import time
 import zipfile
 from collections.abc import Iterator
-from datetime import datetime, timedelta
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from exported import CLASS, Sent, canvas, moment_of, moodle, plan, read_canvas, read_moodle, table
 from handin import KNOWN, NAME, POINTS, handed, release, tiny, write
 from nrdob.course.grading import command as exercises
 from nrdob.course.grading import marks, platforms, submissions
@@ -208,11 +208,6 @@ def test_the_time_in_the_archive_is_the_time_of_the_file(tmp_path: Path) -> None
 
 # --- a class of sixty ---------------------------------------------------------------------------
 
-FIRST = ["Anna", "Bo", "Cleo", "Dan", "Eva", "Finn", "Gül", "Hana", "Ivo", "José"]
-LAST = ["Müller", "Nguyen", "O'Brien", "Pérez", "Qvist", "Rossi"]
-CLASS = [f"{first} {last}" for last in LAST for first in FIRST]
-DUE = datetime(2026, 11, 2, 23, 59)
-
 
 class Stub(Batch):
     """Grades without kernels: everything right, and one answer still to be read."""
@@ -235,60 +230,17 @@ def of_group(notebook: Any, group: int) -> str:
     return json.dumps(notebook)
 
 
-def export(path: Path, files: list[tuple[str, str, datetime]]) -> Path:
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as packed:
-        for name, content, moment in files:
-            packed.writestr(zipfile.ZipInfo(name, moment.timetuple()[:6]), content)
-    return path
-
-
-def plan(place: Path) -> Course:
-    lines = [f"{1000 + k},{name},{101 + k}" for k, name in enumerate([*CLASS, "Zoe Absent"])]
-    (place / "roster.csv").write_text("\n".join(["id,name,group", *lines]), "utf-8")
-    (place / "course.toml").write_text(
-        f'roster = "roster.csv"\n[deadlines]\n{NAME} = {DUE.isoformat()}\n'
-        "[late]\ngrace = 15\nper_day = 10\nmost_days = 5\n"
-        f'[extensions.{NAME}]\n"{CLASS[3]}" = 2026-11-30T12:00:00\n',
-        "utf-8",
-    )
-    return read_course(place / "course.toml")
-
-
-def table(path: Path) -> list[dict[str, str]]:
-    with path.open(encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
-
-
-def moment_of(k: int) -> datetime:
-    """The second is two days late, the third in the minutes of grace, the fourth has leave."""
-    late = {1: timedelta(hours=25), 2: timedelta(minutes=10), 3: timedelta(days=9)}
-    return DUE + late.get(k, -timedelta(days=1)) + timedelta(seconds=k % 2)
-
-
-def moodle(notebook: Any, place: Path) -> Path:
-    files = []
-    for k, name in enumerate(CLASS):
-        folder = f"{name}_{5000 + k}_assignsubmission_file_"
-        group = 101 + k if k != 7 else 101  # one has taken another's number
-        content = of_group(notebook, group) if k != 9 else "{"
-        files.append((f"{folder}/{NAME}.ipynb", content, moment_of(k)))
-        if k % 5 == 0:
-            text = f"{name}_{5000 + k}_assignsubmission_onlinetext_/onlinetext.html"
-            files.append((text, "<p>Hello</p>", moment_of(k)))
-    return export(place / "Course-Set 2-4711.zip", files)
-
-
-def canvas(notebook: Any, place: Path) -> Path:
-    files = []
-    for k, name in enumerate(CLASS):
-        first, last = name.split()
-        stem = re.sub(r"\W", "", (last + first)).lower()
-        late = "LATE_" if k == 1 else ""
-        again = "-1" if k % 6 == 0 else ""
-        file = f"{stem}_{late}{1000 + k}_{90000 + k}_{NAME}{again}.ipynb"
-        group = 101 + k if k != 7 else 101
-        files.append((file, of_group(notebook, group) if k != 9 else "{", moment_of(k)))
-    return export(place / "submissions.zip", files)
+def sent(notebook: Any) -> list[Sent]:
+    """What the class hands in: one has taken another's number, one file is broken."""
+    return [
+        Sent(
+            of_group(notebook, 101 if k == 7 else 101 + k) if k != 9 else "{",
+            moment_of(k),
+            earlier=of_group(notebook, 1) if k % 6 == 0 else "",
+            zipped=k % 10 == 4,
+        )
+        for k in range(60)
+    ]
 
 
 @pytest.mark.parametrize("platform", [moodle, canvas])
@@ -297,7 +249,7 @@ def test_sixty_exported_graded_and_brought_back(
 ) -> None:
     monkeypatch.setattr(exercises, "Batch", Stub)
     monkeypatch.setattr("builtins.print", lambda *texts, **_: None)
-    course, archive = plan(tmp_path), platform(notebook, tmp_path)
+    course, archive = plan(tmp_path, NAME), platform(tmp_path, NAME, sent(notebook))
     target = tmp_path / "out"
     # One has not come, one cannot be read.
     assert exercises.grade(archive, target=target, plan=course) == 2
@@ -331,28 +283,12 @@ def test_sixty_exported_graded_and_brought_back(
     assert {row[column] for row in table(target / name)} <= {"", marks.number(sum(POINTS.values()))}
     assert exercises.report(target, course) == 0
 
-    (as_moodle if platform is moodle else as_canvas)(table(target / name))
-
-
-def as_moodle(rows: list[dict[str, str]]) -> None:
-    """Read the worksheet as Moodle does: by the number after its word for a participant."""
-    assert {"Identifier", "Grade", "Last modified (grade)"} <= rows[0].keys()
-    grades = {int(row["Identifier"].removeprefix("Participant ")): row for row in rows}
-    assert set(grades) == {5000 + k for k in range(60)} - {5009}
+    rows_back = table(target / name)
+    grades = read_moodle(rows_back) if platform is moodle else read_canvas(rows_back, NAME)
+    assert set(grades) == set(range(60)) - {9}
     full = sum(POINTS.values())
-    assert float(grades[5000]["Grade"]) == float(grades[5000]["Maximum Grade"]) == full
-    assert float(grades[5001]["Grade"]) == pytest.approx(0.8 * full)
-
-
-def as_canvas(rows: list[dict[str, str]]) -> None:
-    """Read the gradebook as Canvas does: five columns, the points possible, a line for each."""
-    assert list(rows[0])[:5] == ["Student", "ID", "SIS User ID", "SIS Login ID", "Section"]
-    assert rows[0]["Student"].strip() == "Points Possible"
-    full = sum(POINTS.values())
-    assert float(rows[0][NAME]) == full
-    grades = {int(row["ID"]): row[NAME] for row in rows[1:]}
-    assert set(grades) == {1000 + k for k in range(60)} - {1009}
-    assert float(grades[1000]) == full and float(grades[1001]) == pytest.approx(0.8 * full)
+    assert tuple(map(float, grades[0])) == (full, full)
+    assert float(grades[1][0]) == pytest.approx(0.8 * full)
 
 
 def test_what_was_graded_stays_when_a_late_one_comes_alone(
