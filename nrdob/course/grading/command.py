@@ -163,6 +163,8 @@ def grade(
     plan = plan or Course()
     if wall.missing():
         print(f"{wall.missing()}. {UNWALLED}")
+    if wall.stays_root():
+        print(f"{wall.stays_root()}. Grade as a user of your own.")
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as place:
         faults = []
         if packed(folder):
