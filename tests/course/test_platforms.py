@@ -206,6 +206,21 @@ def test_the_time_in_the_archive_is_the_time_of_the_file(tmp_path: Path) -> None
     assert this.handed_in.replace(tzinfo=None) == datetime(2026, 11, 2, 13, 30)
 
 
+def test_what_a_student_has_packed_has_the_time_at_which_it_was_handed_in(tmp_path: Path) -> None:
+    inner = zipfile.ZipInfo("set1.ipynb", (2020, 1, 1, 0, 0, 0))
+    with zipfile.ZipFile(tmp_path / "work.zip", "w") as packed:
+        packed.writestr(inner, json.dumps(tiny(1)))
+    for name in (f"{ANNA}/work.zip", "muelleranna_12345_67890_work.zip"):
+        outer = zipfile.ZipInfo(name, (2026, 11, 2, 13, 30, 0))
+        place = tmp_path / name.split("_")[0]
+        with zipfile.ZipFile(tmp_path / "x.zip", "w") as packed:
+            packed.writestr(outer, (tmp_path / "work.zip").read_bytes())
+        unpack(tmp_path / "x.zip", place)
+        [this] = submissions.find(place, KNOWN)
+        assert this.handed_in is not None
+        assert this.handed_in.replace(tzinfo=None) == datetime(2026, 11, 2, 13, 30)
+
+
 # --- a class of sixty ---------------------------------------------------------------------------
 
 
@@ -213,7 +228,9 @@ class Stub(Batch):
     """Grades without kernels: everything right, and one answer still to be read."""
 
     def grade(self, ready: list[tuple[str, Any]]) -> Iterator[Outcome]:
-        for _, submission in ready:
+        for folder, submission in ready:
+            page = self.root / "feedback" / folder / NAME / f"{NAME}.html"
+            write(page.parent, {page.name: "<body>text</body>"})
             grades = {name: None if "written" in name else most for name, most in POINTS.items()}
             yield Outcome(submission, grades)
 
@@ -272,6 +289,10 @@ def test_sixty_exported_graded_and_brought_back(
     assert whole[CLASS[9]]["not graded"] == NAME
     assert whole[CLASS[0]]["id"] == "1000" and whole[CLASS[0]]["group"] == "101"
 
+    late = page_of(target, CLASS[1])
+    assert "each day begun costs 10 % of the points; after 5 days nothing is earned" in late
+    assert f"Points so far before the rule: {checked:g} of {sum(POINTS.values()):g}" in late
+
     # Nothing is final before the answers in words are marked.
     written = table(target / "written.csv")
     for row in written:
@@ -283,12 +304,27 @@ def test_sixty_exported_graded_and_brought_back(
     assert {row[column] for row in table(target / name)} <= {"", marks.number(sum(POINTS.values()))}
     assert exercises.report(target, course) == 0
 
+    assert_only_the_late_page_says_so(target, sum(POINTS.values()))
     rows_back = table(target / name)
     grades = read_moodle(rows_back) if platform is moodle else read_canvas(rows_back, NAME)
     assert set(grades) == set(range(60)) - {9}
     full = sum(POINTS.values())
     assert tuple(map(float, grades[0])) == (full, full)
     assert float(grades[1][0]) == pytest.approx(0.8 * full)
+
+
+def page_of(target: Path, student: str) -> str:
+    folder = student.replace(" ", "_")
+    return (target / "feedback" / folder / NAME / f"{NAME}.html").read_text("utf-8")
+
+
+def assert_only_the_late_page_says_so(target: Path, marked: float) -> None:
+    late = [student for student in CLASS[:9] if "late" in page_of(target, student)]
+    assert late == [CLASS[1]]
+    page = page_of(target, CLASS[1])
+    assert page.count("This came late. It was due 2026-11-02 at 23:59 and came 2026-11-04 at") == 1
+    assert "which counts as 2 days" in page
+    assert f"Points before the rule: {marked:g} of {marked:g}; after it: {0.8 * marked:g}." in page
 
 
 def test_what_was_graded_stays_when_a_late_one_comes_alone(

@@ -39,6 +39,7 @@ from .marks import (
     lines,
     number,
     read_written,
+    tell_late,
     unmarked,
     write_course,
     write_grades,
@@ -300,6 +301,7 @@ def write_tables(target: Path, records: Records, plan: Course) -> None:
         write_course(target / "course.csv", found, plan)
         write_platforms(target, found, plan)
         write_written(target / "written.csv", gradebook, records)
+        tell_late(target, found, plan)
 
 
 def summary(
