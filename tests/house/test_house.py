@@ -162,6 +162,11 @@ def test_a_module_in_the_wrong_room_and_an_import_upwards_are_named(copy: Path) 
     assert "nrdob.diagram.noise -> nrdob.analysis" in said
 
 
+def also(line: str) -> Callable[[str], str]:
+    """Write a line below a module."""
+    return lambda text: f"{text}\n{line}\n"
+
+
 def test_imports_upwards_within_the_course_are_named(copy: Path) -> None:
     upwards = {
         "claims.ledger": "section2",
@@ -171,7 +176,7 @@ def test_imports_upwards_within_the_course_are_named(copy: Path) -> None:
     }
     for module_above, name in upwards.items():
         path = f"nrdob/course/{module_above.replace('.', '/')}.py"
-        spoil(copy, path, lambda text, name=name: f"{text}\nfrom . import {name}\n")
+        spoil(copy, path, also(f"from . import {name}"))
     spoil(copy, "nrdob/course/grading/new.py", module(""))
     said = broken(copy)
     for module_above, name in upwards.items():
