@@ -242,7 +242,9 @@ def _extremes(slack: Callable[[float], float], looked: dict[float, float]) -> di
     for k in range(1, len(values) - 1):
         before, at, after = slacks[k - 1 : k + 2]
         top, bottom = at >= max(before, after) and at < 0, at <= min(before, after) and at >= 0
-        if (top or bottom) and abs(at) < NEARLY:
+        # Where a jump at t = 0 binds, which no filter moves, the slack is one constant.
+        level = before == at == after
+        if (top or bottom) and not level and abs(at) < NEARLY:
             sign = -1.0 if top else 1.0
             best = minimize_scalar(
                 lambda x, sign=sign: sign * slack(exp(x)),
