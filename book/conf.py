@@ -28,6 +28,7 @@ extensions = [
     "sphinxcontrib.bibtex",
     "claimlinks",
     "predict",
+    "typeset",
 ]
 
 # --- Text -------------------------------------------------------------------------------------
@@ -77,6 +78,8 @@ html_static_path.append(str(_mathjax.locate()))
 mathjax_path = "tex-svg-full.js"
 mathjax3_config = {
     "tex": {"macros": {"Gm": r"\tilde{G}", "e": r"\mathrm{e}", "j": r"\mathrm{j}"}},
+    # A reader who goes from link to link by keyboard does not stop at every formula.
+    "options": {"menuOptions": {"settings": {"inTabOrder": False}}},
 }
 
 
