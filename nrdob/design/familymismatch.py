@@ -209,18 +209,19 @@ class FamilyMismatch(Mismatch):
         )
         return np.asarray(ERROR * (off_a * E + off_b * Nf))
 
-    def parts(self, omega: FloatArray, time_constant: FloatArray) -> tuple[Any, Any]:
-        """Return what is not behind the process's dead time and what is, at points (ω, λ).
+    def terms(
+        self, omega: FloatArray, time_constant: FloatArray
+    ) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+        """Return a E, b Nf exp(-jωθ), and what waits for the model, at points (ω, λ).
 
-        That is a E, less what waits for the model's, and b Nf exp(-jωθ). The arrays are broadcast
-        against each other.
+        The arrays are broadcast against each other.
         """
         (a, b, waits), (E, Nf) = self._apart(omega), self._tables(omega)
         powers = [np.asarray(time_constant) ** k for k in range(len(E))]
         E, Nf = (
             sum(row * power for row, power in zip(table, powers, strict=True)) for table in (E, Nf)
         )
-        return (a * E + waits * Nf if self.wait else a * E), b * Nf
+        return a * E, b * Nf, waits * Nf
 
     def roots_in_lambda(self, omega: FloatArray) -> ComplexArray:
         """All λ for which p_B(jω) = 0, complex ones too: shape (n, N)."""
