@@ -25,8 +25,12 @@ __all__ = ["borders_of"]
 LAMBDAS = 160
 """Number of λ over an axis."""
 
-STEPS, CLOSE = 9, 1e-9
-"""Newton steps onto a border, and how well it must then be one."""
+STEPS, FARTHEST, CLOSE = 9, 0.1, 1e-9
+"""Newton steps onto a border, how far one leads at most, and how well it must then be one."""
+
+NUDGE = 1e-6
+BESIDE = np.array([[0.0, 1.0, 0.0, -1.0, 0.0], [0.0, 0.0, 1.0, 0.0, -1.0]])
+"""Distance and directions in which a slope is taken."""
 
 Curve = tuple[FloatArray, FloatArray, FloatArray]
 
@@ -249,28 +253,18 @@ def _projected(loops: ChartLoops, function: Function, start: FloatArray) -> Floa
     """Step to where a function of (ln ω, ln λ) vanishes; no number where that fails."""
     point = start
     for _ in range(STEPS):
+        u, v = (point[k] + NUDGE * BESIDE[k][:, None] for k in (0, 1))
+        values = function(loops, np.exp(u), np.exp(v))
         with np.errstate(invalid="ignore"):
-            good = np.abs(function(loops, *np.exp(point))) <= CLOSE
+            good = np.abs(values[0]) <= CLOSE
         if good.all():
             break
-        point = point + _newton(loops, function, point)
+        slope = (values[1:3] - values[3:]) / (2 * NUDGE)
+        with np.errstate(all="ignore"):
+            step = -values[0] * slope / (slope**2).sum(axis=0)  # at right angles to the curve
+            step = step * np.minimum(1.0, FARTHEST / np.hypot(*step))
+        point = np.where(good, point, point + np.nan_to_num(step))
     return np.where(good, point, np.nan)
-
-
-def _newton(loops: ChartLoops, function: Function, point: FloatArray) -> FloatArray:
-    """Step to where the linearised function vanishes, at right angles to the curve."""
-    step = 1e-6
-
-    def at(du: float, dv: float) -> FloatArray:
-        return function(loops, np.exp(point[0] + du), np.exp(point[1] + dv))
-
-    slope = np.array([at(step, 0) - at(-step, 0), at(0, step) - at(0, -step)]) / (2 * step)
-    with np.errstate(all="ignore"):
-        move = -at(0, 0) * slope / (slope**2).sum(axis=0)
-    size = np.hypot(*move)
-    with np.errstate(all="ignore"):
-        shorter = np.minimum(1.0, 0.1 / size)
-    return np.asarray(np.nan_to_num(move * shorter))
 
 
 # Where a real root crosses.

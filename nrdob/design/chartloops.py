@@ -150,22 +150,10 @@ class ChartLoops:
         At 0 where p_B vanishes. At infinity where its leading coefficient does, or with dead time
         where those of the delayed terms together are as large as the one without.
         """
-        mismatch = self.mismatch
-        E, Nf = (np.polyval(t[::-1], lambdas[:, None]) for t in (mismatch.E, mismatch.Nf))
-        parts = [(mismatch.a, E, lagging), (mismatch.b, Nf, False)]
-        parts += [(-mismatch.waiting, Nf, lagging)] if mismatch.wait else []
-        first, last, degrees = [], [], []
-        for factor, column, more in parts:
-            used = int(np.flatnonzero(column.any(axis=0))[0])
-            first.append(factor[0] * column[:, used])
-            last.append(factor[-1] * column[:, -1])
-            degrees.append(factor.size + column.shape[1] - used + more)
-        yield 0.0, -(last[0] + sum(last[2:])), last[1]
-        highest = max(degrees)
-        ahead, behind, *waits = (
-            lead * (degree == highest) for lead, degree in zip(first, degrees, strict=True)
-        )
-        late = sum(map(np.abs, waits), np.zeros(lambdas.shape))
+        ahead, behind, waits = self.mismatch.lowest(lambdas)
+        yield 0.0, -(ahead + waits), behind
+        ahead, behind, waits = self.mismatch.highest(lambdas, lagging=lagging)
+        late = np.abs(waits)
         ahead, behind = (np.abs(ahead), np.abs(behind)) if turning else (-ahead, behind)
         yield inf, ahead - late, behind
         if late.any():

@@ -203,10 +203,7 @@ class FamilyMismatch(Mismatch):
         if self.wait:
             zeros, size = np.abs(_at(self.Nm, omega)), np.polyval(np.abs(self.Nm), omega)
             off_b = off_b + sizes[1] * zeros + D * size + D * zeros * self.wait * omega / 8
-        E, Nf = (
-            np.array([np.polyval(row, omega) for row in np.abs(table)])
-            for table in (self.E, self.Nf)
-        )
+        E, Nf = (_rows(np.abs(table), omega) for table in (self.E, self.Nf))
         return np.asarray(ERROR * (off_a * E + off_b * Nf))
 
     def terms(
@@ -223,17 +220,50 @@ class FamilyMismatch(Mismatch):
         )
         return a * E, b * Nf, waits * Nf
 
+    def filters(self, s: complex, time_constant: FloatArray) -> tuple[Any, Any]:
+        """Values of E and Nf for many filters at one point."""
+        powers = np.asarray(time_constant)[None, :] ** np.arange(len(self.E))[:, None]
+        return (
+            np.polyval(self.E.T, s) @ powers,
+            np.polyval(self.Nf.T, s) @ powers,
+        )
+
+    def lowest(self, time_constant: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Coefficients of s^0 in a E, b Nf, and in what waits, for many filters."""
+        E, Nf = self.filters(0.0, time_constant)
+        return self.a[-1] * E, self.b[-1] * Nf, -self.waiting[-1] * Nf
+
+    def highest(
+        self, time_constant: FloatArray, *, lagging: bool = False
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Coefficients of the highest power of s in p_B of the same three, for many filters.
+
+        D may be multiplied by one more lag, whose time constant is left out.
+        """
+        tables = [np.polyval(t[::-1], time_constant[:, None]) for t in (self.E, self.Nf, self.Nf)]
+        leads, degrees = [], []
+        factors = (self.a, self.b, -self.waiting)
+        for table, factor, more in zip(tables, factors, (lagging, False, lagging), strict=True):
+            used = int(np.flatnonzero(table.any(axis=0))[0])
+            leads.append(factor[0] * table[:, used])
+            degrees.append((factor.size + table.shape[1] - used if factor.any() else 0) + more)
+        ahead, behind, waits = (
+            lead * (degree == max(degrees)) for lead, degree in zip(leads, degrees, strict=True)
+        )
+        return ahead, behind, waits
+
     def roots_in_lambda(self, omega: FloatArray) -> ComplexArray:
         """All λ for which p_B(jω) = 0, complex ones too: shape (n, N)."""
         return roots_of_columns(self.coefficients(omega))
 
-    def largest(self, omega: FloatArray) -> FloatArray:
-        """Bound of the critical λ at each frequency: the last at which ``|a E| = |b Nf|``.
+    def largest(self, omega: FloatArray, gain: float = 1.0) -> FloatArray:
+        """Bound of the λ with ``|L| = gain`` at each frequency: the last with ``|b Nf| = |a E|``.
 
-        Two dead times are taken at their worst, so that the bound does not turn with them.
+        That is for gain 1; the critical λ are among those. Two dead times are taken at their worst,
+        so that the bound does not turn with them.
         """
         (a, b, waits), (E, Nf) = self._apart(omega), self._tables(omega)
-        ahead, behind = a * E, (np.abs(b) + np.abs(waits)) * Nf
+        ahead, behind = a * E, (np.abs(b) / gain + np.abs(waits)) * Nf
         most = np.maximum(np.abs(ahead).max(axis=0), np.abs(behind).max(axis=0))
         with np.errstate(all="ignore"):
             ahead, behind = (np.nan_to_num(part / most) for part in (ahead, behind))
@@ -257,8 +287,7 @@ class FamilyMismatch(Mismatch):
 
     def _tables(self, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:
         s = 1j * np.asarray(omega)
-        E, Nf = (np.array([np.polyval(row, s) for row in table]) for table in (self.E, self.Nf))
-        return E, Nf
+        return _rows(self.E, s), _rows(self.Nf, s)
 
     # At the ends of the axis: real polynomials in λ.
 
@@ -424,6 +453,14 @@ def _wide(table: FloatArray) -> FloatArray:
 
 def _degree(table: FloatArray) -> int:
     return int(_wide(table).shape[1])
+
+
+def _rows(table: FloatArray, s: Any) -> Any:
+    """Value of each row's polynomial, descending coefficients, at the same points."""
+    value = np.zeros((table.shape[0], *s.shape), dtype=s.dtype)
+    for column in table.T:
+        value = value * s + column.reshape(-1, *[1] * s.ndim)
+    return value
 
 
 def _summed(tables: list[FloatArray]) -> FloatArray:
