@@ -108,7 +108,7 @@ class Mismatch:
 
         There F·R is not strictly proper, and its gain at infinite frequency exceeds 1.
         """
-        if self.excess < self.order:
+        if self.excess < self.order or not self.delay:
             return 0.0
         return float(abs(self.b[0] / self.a[0]) ** (1 / self.order))
 

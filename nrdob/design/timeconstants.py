@@ -245,8 +245,7 @@ def lowest_floor(frequencies: Frequencies) -> float:
     last = 2 * pi * TURNS / longest
     beyond = np.append(last, frequencies.base[frequencies.base > last])
     highest = float(frequencies.largest_time_constant(beyond).max())
-    neutral_limit = mismatch.neutral_limit if mismatch.delay else 0.0
-    return max(highest, longest / FASTEST, 1.001 * neutral_limit)
+    return max(highest, longest / FASTEST, 1.001 * mismatch.neutral_limit)
 
 
 def _checked_floor(frequencies: Frequencies, floor: float | None) -> float:
@@ -264,7 +263,7 @@ def _checked_floor(frequencies: Frequencies, floor: float | None) -> float:
             "positive and finite, or None"
         )
     mismatch = frequencies.mismatch
-    if mismatch.delay and floor <= mismatch.neutral_limit:
+    if floor <= mismatch.neutral_limit:
         raise ValueError(
             f"floor is {floor:g} s, but with dead time and order {mismatch.order} every time "
             f"constant up to {mismatch.neutral_limit:.6g} s leaves infinitely many roots in the "
