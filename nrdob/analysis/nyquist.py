@@ -125,9 +125,11 @@ def minus_point(loop: Quotient, point: float = -1.0) -> QuasiPolynomial:
         Point of the real axis.
     """
     num, den = loop.numerator, loop.denominator
-    less = tuple(Term(-point * p, delay) for p, delay in den.terms)
-    scale = add(num.scale, abs(point) * den.scale)
-    return QuasiPolynomial(num.q, scale=scale, more=num.delayed + less)
+    power = max(num.divided, den.divided)
+    top, less = num.lifted(power), den.lifted(power)
+    scale = add(top.scale, abs(point) * less.scale)
+    more = top.delayed + tuple(Term(-point * p, delay) for p, delay in less.terms)
+    return QuasiPolynomial(top.q, scale=scale, more=more, origin=power).over_s(power)
 
 
 def rhp_roots(factor: QuasiPolynomial) -> float:

@@ -23,7 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import pi
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,6 +65,16 @@ KRONROD = np.array([*HALF_KRONROD, 0.209482141084727828012999174891714, *HALF_KR
 GAUSS = np.array([*HALF_GAUSS, 0.417959183673469387755102040816327, *HALF_GAUSS[::-1]])
 
 
+class _Density(NamedTuple):
+    """Power density ``|num/den|²`` at frequencies in rad/s."""
+
+    num: QuasiPolynomial
+    den: QuasiPolynomial
+
+    def __call__(self, omega: FloatArray) -> FloatArray:
+        return np.asarray(np.abs(self.num(1j * omega) / self.den(1j * omega)) ** 2)
+
+
 def noise_power(
     num: tuple[QuasiPolynomial, ...], den: tuple[QuasiPolynomial, ...], name: str
 ) -> float:
@@ -87,13 +97,17 @@ def noise_power(
         )
     if not any(term.q.any() for term in top.terms):
         return 0.0
+
+    size = _Density(top, bottom)
+    power = max(top.divided, bottom.divided)  # terms over a power of s are whole ones of both
+    top, bottom = top.lifted(power), bottom.lifted(power)
     if bottom.more or top.more or (top.delay and top.q.any()):
-        return _turning_power(top, den, bottom)
+        return _turning_power(top, den, bottom, size)
     if top.delay:
         top = QuasiPolynomial(top.r, scale=top.scale)  # a dead time alone changes no size
     if not bottom.delay:
         return rational_power(top.q, bottom.q)
-    return _delayed_power(top.q, den, bottom)
+    return _delayed_power(top.q, den, bottom, size)
 
 
 def rational_power(num: FloatArray, den: FloatArray) -> float:
@@ -126,13 +140,13 @@ def rational_power(num: FloatArray, den: FloatArray) -> float:
 
 
 def _delayed_power(
-    num: FloatArray, den: tuple[QuasiPolynomial, ...], product: QuasiPolynomial
+    num: FloatArray,
+    den: tuple[QuasiPolynomial, ...],
+    product: QuasiPolynomial,
+    density: _Density,
 ) -> float:
     top = QuasiPolynomial(num)
     q, r = QuasiPolynomial(product.q), QuasiPolynomial(product.r)
-
-    def density(omega: FloatArray) -> FloatArray:
-        return np.asarray(np.abs(top(1j * omega) / product(1j * omega)) ** 2)
 
     def rational(s: ComplexArray) -> ComplexArray:
         return np.asarray(top(s) / q(s) * top(-s) / q(-s) / (1 - r(s) / q(s) * (r(-s) / q(-s))))
@@ -154,15 +168,15 @@ def _delayed_power(
 
 
 def _turning_power(
-    top: QuasiPolynomial, den: tuple[QuasiPolynomial, ...], product: QuasiPolynomial
+    top: QuasiPolynomial,
+    den: tuple[QuasiPolynomial, ...],
+    product: QuasiPolynomial,
+    density: _Density,
 ) -> float:
     """Integrate with several dead times, until their turning averages out."""
     lead = QuasiPolynomial(product.q)
     delays = sorted({delay for p in (top, product) for _, delay in p.terms})
     beats = np.diff(delays)
-
-    def density(omega: FloatArray) -> FloatArray:
-        return np.asarray(np.abs(top(1j * omega) / product(1j * omega)) ** 2)
 
     def mean(omega: FloatArray) -> FloatArray:
         s = 1j * omega

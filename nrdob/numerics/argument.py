@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from math import ceil, comb, inf, log2, nan, pi
+from math import ceil, comb, exp, factorial, inf, log2, nan, pi
 from typing import NamedTuple
 
 import numpy as np
@@ -73,13 +73,13 @@ class Turn:
         one of them cannot be passed.
     touched : tuple of float
         Frequencies at which the function vanishes within rounding, in rad/s.
-    simple_origin: bool
-        Whether no more than one zero was passed at s = 0.
+    origin_alone: bool
+        Whether no more zeros were passed at s = 0 than are known to be there.
     """
 
     angle: float
     touched: tuple[float, ...] = ()
-    simple_origin: bool = True
+    origin_alone: bool = True
 
 
 class _Stretches(NamedTuple):
@@ -98,7 +98,7 @@ class _Stretches(NamedTuple):
         return _Stretches(*(column[kept] for column in both))
 
 
-def turn(terms: Sequence[Term], scale: FloatArray) -> Turn:
+def turn(terms: Sequence[Term], scale: FloatArray, origin: int = 1) -> Turn:
     """Follow the argument from ω = 0 to infinity.
 
     Parameters
@@ -108,6 +108,8 @@ def turn(terms: Sequence[Term], scale: FloatArray) -> Turn:
         than those of the others together.
     scale : array of float
         For each power of s (descending) the size of what was summed to give the coefficients.
+    origin : int
+        Multiplicity of the zero at s = 0, if there is one.
 
     Raises
     ------
@@ -128,11 +130,11 @@ def turn(terms: Sequence[Term], scale: FloatArray) -> Turn:
         return Turn(angle)
     low, high = _range(terms, scale)
     touched: list[float] = []
-    angle, simple = 0.0, True
+    angle, alone = 0.0, True
     if low is None:
         touched.append(0.0)
-        beside = _beside_origin(terms, scale, high)
-        simple = beside is not None
+        beside = _beside_origin(terms, scale, high, origin)
+        alone = beside is not None
         low, angle = beside or _pass_origin(terms, scale, high)
     stretches, holes = _certified(terms, scale, low, high, dominance=True)
     if not touched:  # there the constant term dominates
@@ -143,10 +145,12 @@ def turn(terms: Sequence[Term], scale: FloatArray) -> Turn:
         angle += around
         touched.append((a + b) / 2)
     angle += _angles(terms, scale, stretches, high)
-    return Turn(angle, tuple(touched), simple)
+    return Turn(angle, tuple(touched), alone)
 
 
-def zero_free_frequencies(terms: Sequence[Term], scale: FloatArray) -> FloatArray:
+def zero_free_frequencies(
+    terms: Sequence[Term], scale: FloatArray, origin: int = 1
+) -> FloatArray:
     """Frequencies between which the sum provably turns by less than half a revolution.
 
     Around a zero on the axis, within rounding, a stretch is left in which it may. If the dead time
@@ -155,7 +159,7 @@ def zero_free_frequencies(terms: Sequence[Term], scale: FloatArray) -> FloatArra
 
     Parameters
     ----------
-    terms, scale
+    terms, scale, origin
         As for `turn`.
 
     Returns
@@ -166,7 +170,9 @@ def zero_free_frequencies(terms: Sequence[Term], scale: FloatArray) -> FloatArra
     if terms[0].q.size == 1:
         return np.zeros(1)
     low, high = _range(terms, scale)
-    low = low or 1e-12 * high
+    if low is None:
+        beside = _beside_origin(terms, scale, high, origin)
+        low = beside[0] if beside else 1e-12 * high
     try:
         (left, right, _), _ = _certified(terms, scale, low, high, dominance=False)
     except ArithmeticError:
@@ -378,29 +384,31 @@ def _passed(
 
 
 def _beside_origin(
-    terms: Sequence[Term], scale: FloatArray, high: float
+    terms: Sequence[Term], scale: FloatArray, high: float, multiplicity: int
 ) -> tuple[float, float] | None:
-    """Pass a simple zero at s = 0: a radius within which there is no other, and the angle turned.
+    """Pass a zero at s = 0: a radius within which there is no other, and the angle turned.
 
-    There the sum is c s but for less than half of it (Rouché), so that it turns by less than half
-    a revolution.
+    There the sum is c s^m but for less than half of it (Rouché), so that it turns by m quarters of
+    a revolution, give or take less than half a revolution.
     """
-    constants = [term.q[-1] for term in terms]
-    slopes = [term.q[-2] if term.q.size > 1 else 0.0 for term in terms]
-    delays = [term.delay for term in terms]
-    c = sum(b - T * a for a, b, T in zip(constants, slopes, delays, strict=True))
-    radius = min([high, *(1 / T for T in delays if T)])
-    while abs(c) * radius > 4 * ROUNDING * scale[-1]:
+    m = multiplicity
+    c = sum(
+        q[-1 - i] * (-T) ** (m - i) / factorial(m - i)
+        for q, T in terms
+        for i in range(min(m + 1, q.size))
+    )
+    radius = min([high, *(1 / T for _, T in terms if T)])
+    while abs(c) * radius**m > 4 * ROUNDING * np.polyval(scale[-m:], radius):
         rest = 0.0
-        for (q, T), a, b in zip(terms, constants, slopes, strict=True):
-            higher = float(np.polyval(np.append(np.abs(q[:-2]), [0.0, 0.0]), radius))
-            growth = float(np.expm1(T * radius))
-            rest += higher * (1 + growth) + abs(b) * radius * growth
-            rest += abs(a) * (T * radius) ** 2 / 2 * (1 + growth)
-        if rest < abs(c) * radius / 2:
+        for q, T in terms:  # what Taylor's polynomial leaves of exp(x) is at most x^k exp(x)/k!
+            x = T * radius
+            for i, size in enumerate(np.abs(q[::-1]).tolist()):
+                k = max(m + 1 - i, 0)
+                rest += size * radius**i * x**k / factorial(k) * exp(x)
+        if rest < abs(c) * radius**m / 2:
             s = radius * np.array([1.0, 1j])
             start, end = np.sum([np.polyval(q, s) * np.exp(-T * s) for q, T in terms], axis=0)
-            return radius, float(np.angle(end / start))
+            return radius, m * pi / 2 + float(np.angle(end / start * (-1j) ** m))
         radius /= 4
     return None
 
