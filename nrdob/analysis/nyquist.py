@@ -144,6 +144,8 @@ def rhp_roots(factor: QuasiPolynomial) -> float:
         return inf
     count = None if factor.turn.touched else factor.rhp_in_whole_numbers
     if count is None:
+        if not factor.roots_resolved:
+            return count_rhp(factor).at_least
         roots = factor.without_origin.roots
         count = int(np.sum((roots.real > 0) & ~factor.near_axis(roots)))
     return count

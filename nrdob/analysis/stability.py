@@ -268,7 +268,7 @@ def _cancelled(loop: ObserverEquations | LoopEquations) -> str:
         if common.degree:
             note = f"{_named(common.roots)} inside {block}"
             if waits and block == prediction:
-                note += ", which takes a memory of length θm and not a difference of two integrators"
+                note += ", which takes a memory of length θm, not a difference of two integrators"
             if (fragile := unstable_roots(common)).size:
                 note += f", {_named(fragile)} to rounding only: build {block} as one"
             notes.append(note)

@@ -34,7 +34,8 @@ class Mismatch:
         N, D, Nm and Dm, whose roots say where R changes.
     integrator : bool
         Whether the model has an integrator that the process has not. It cancels inside
-        (1 - F)·model, or (1 - F exp(-θm s))·model, and p_B is divided by s. One that both have is in no factor at all.
+        (1 - F)·model, or (1 - F exp(-θm s))·model, and p_B is divided by s. One that both have is
+        in no factor at all.
     wait : float
         θm in seconds, for a model that waits.
     """

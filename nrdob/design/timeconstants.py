@@ -443,7 +443,7 @@ def _log_minus_H(mismatch: Mismatch, omega: FloatArray) -> ComplexArray:
 
 
 def _through_zero(mismatch: Mismatch) -> list[CriticalTimeConstant]:
-    """Find the λ at which p_B(0) = (n λ + θm) a(0) + b'(0) vanishes, without the model's integrator.
+    """Find the λ at which p_B(0) = (nλ + θm) a(0) + b'(0) vanishes, where the integrator cancels.
 
     The direction is that of the root -p_B(0)/p_B'(0) beside it.
     """

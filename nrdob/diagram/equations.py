@@ -97,8 +97,8 @@ Z. J. Palmor, Stability properties of Smith dead-time compensator controllers, I
 K. Yamanaka, E. Shimemura, Effects of mismatched Smith controller on stability in systems with
 time-delay, Automatica 23 (1987) 787-791.
 
-S. Mondié, M. Dambrine, O. Santos, Approximation of control laws with distributed delays: a necessary
-condition for stability, Kybernetika 38 (2002) 541-551.
+S. Mondié, M. Dambrine, O. Santos, Approximation of control laws with distributed delays: a
+necessary condition for stability, Kybernetika 38 (2002) 541-551.
 """
 
 from __future__ import annotations

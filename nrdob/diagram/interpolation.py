@@ -207,8 +207,9 @@ def _check_integrators(poles: FloatArray, wait: float) -> None:
         p = complex(QuasiPolynomial(poles).without_origin.roots[0])
         raise ValueError(
             f"model has a pole at s = {written(p)} and a dead time of {wait:g} s: "
-            "F(p) exp(-θm p) = 1 holds to rounding only, and the memory that (1 - F exp(-θm s))·model"
-            " then takes is none that can be built safely; leave the dead time out of the model"
+            "F(p) exp(-θm p) = 1 holds to rounding only, and the memory that the block "
+            "(1 - F exp(-θm s))·model then takes is none that can be built safely; leave "
+            "the dead time out of the model"
         )
 
 
@@ -217,12 +218,11 @@ def _leading(den: FloatArray, wait: float, count: int) -> Rationals:
     given = [Exact(value) for value in den.tolist()]
     if not wait:
         return given
-    ascending = given[::-1][:count]
+    late = [Exact(wait) ** k / factorial(k) for k in range(count)]
     return [
-        sum((c * Exact(wait) ** (k - i) / factorial(k - i) for i, c in enumerate(ascending[: k + 1])),
-            Exact(0))
+        sum((c * late[k - i] for i, c in enumerate(given[::-1][: k + 1])), Exact(0))
         for k in reversed(range(count))
-    ]  # fmt: skip
+    ]
 
 
 def _numerator(zeros: FloatArray, poles: FloatArray, right: Rationals) -> FloatArray:

@@ -23,7 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import pi
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +38,8 @@ from ..numerics import (
 )
 
 __all__ = ["noise_power", "rational_power"]
+
+Density = Callable[[FloatArray], FloatArray]
 
 TOLERANCE = 1e-10
 """Relative error of the integral at which no interval is halved any more."""
@@ -65,16 +67,6 @@ KRONROD = np.array([*HALF_KRONROD, 0.209482141084727828012999174891714, *HALF_KR
 GAUSS = np.array([*HALF_GAUSS, 0.417959183673469387755102040816327, *HALF_GAUSS[::-1]])
 
 
-class _Density(NamedTuple):
-    """Power density ``|num/den|²`` at frequencies in rad/s."""
-
-    num: QuasiPolynomial
-    den: QuasiPolynomial
-
-    def __call__(self, omega: FloatArray) -> FloatArray:
-        return np.asarray(np.abs(self.num(1j * omega) / self.den(1j * omega)) ** 2)
-
-
 def noise_power(
     num: tuple[QuasiPolynomial, ...], den: tuple[QuasiPolynomial, ...], name: str
 ) -> float:
@@ -98,16 +90,17 @@ def noise_power(
     if not any(term.q.any() for term in top.terms):
         return 0.0
 
-    size = _Density(top, bottom)
-    power = max(top.divided, bottom.divided)  # terms over a power of s are whole ones of both
-    top, bottom = top.lifted(power), bottom.lifted(power)
-    if bottom.more or top.more or (top.delay and top.q.any()):
-        return _turning_power(top, den, bottom, size)
-    if top.delay:
-        top = QuasiPolynomial(top.r, scale=top.scale)  # a dead time alone changes no size
-    if not bottom.delay:
-        return rational_power(top.q, bottom.q)
-    return _delayed_power(top.q, den, bottom, size)
+    def density(omega: FloatArray) -> FloatArray:
+        return np.asarray(np.abs(top(1j * omega) / bottom(1j * omega)) ** 2)
+
+    power = max(top.divided, bottom.divided)
+    above, below = top.lifted(power), bottom.lifted(power)  # the terms without powers of 1/s
+    if below.more or above.more or (above.delay and above.q.any()):
+        return _turning_power(above, den, below, density)
+    num_alone = above.r if above.delay else above.q  # a dead time alone changes no size
+    if not below.delay:
+        return rational_power(num_alone, below.q)
+    return _delayed_power(num_alone, den, below, density)
 
 
 def rational_power(num: FloatArray, den: FloatArray) -> float:
@@ -143,7 +136,7 @@ def _delayed_power(
     num: FloatArray,
     den: tuple[QuasiPolynomial, ...],
     product: QuasiPolynomial,
-    density: _Density,
+    density: Density,
 ) -> float:
     top = QuasiPolynomial(num)
     q, r = QuasiPolynomial(product.q), QuasiPolynomial(product.r)
@@ -171,7 +164,7 @@ def _turning_power(
     top: QuasiPolynomial,
     den: tuple[QuasiPolynomial, ...],
     product: QuasiPolynomial,
-    density: _Density,
+    density: Density,
 ) -> float:
     """Integrate with several dead times, until their turning averages out."""
     lead = QuasiPolynomial(product.q)
