@@ -459,7 +459,8 @@ def stabilizing_filter_exists(process: Any, model: Any) -> Answer:
     Returns
     -------
     Answer
-        Open also where two real zeros of b - a cannot be told from a complex pair.
+        Open also where two real zeros of b - a cannot be told from a complex pair, and for a block
+        that is not in lowest terms and has a root on the right in common with the other.
 
     Raises
     ------
@@ -582,6 +583,12 @@ def _made_for_common_roots(mismatch: Mismatch, shared: list[complex]) -> Answer:
                 root.real, D, Nm, poles.cancels, zeros.cancels
             )
             doubtful |= root.imag != 0
+    if not all(signs.values()):
+        return Answer(
+            None,
+            "numerator and denominator of process or model have a root on the right in common, "
+            "which no feedback reaches: give both in lowest terms",
+        )
     if len(set(signs.values())) < 2:
         if mismatch.delay:
             return Answer(None, f"with a dead time the signs do not forbid {made}")
