@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
-from ..analysis import margins, resolved_frequencies, step_response
+from ..analysis import judge, margins, resolved_frequencies, step_response
 from ..diagram import FilterFamily, LoopEquations, LowPassFilter, ObserverEquations, Quotient
 from ..numerics import FloatArray, golden
 from .familygrid import frequencies_for
@@ -85,10 +85,25 @@ class Prices:
         every = {field.name: getattr(self, field.name) for field in fields(self)}
         return {name: value for name, value in every.items() if value is not None}
 
-    def check_controller(self, controller: Any) -> None:
-        """Refuse a step of R without a controller, which u then is all about."""
-        if self.max_u_step_R is not None and controller is None:
+    def check_controller(self, controller: Any, model: Any) -> None:
+        """Refuse a step of R without a controller, which u then is all about, or with a wrong one.
+
+        Which filter is taken does not change what C and the model do.
+        """
+        if self.max_u_step_R is None:
+            return
+        if controller is None:
             raise ValueError("max_u_step_R needs the controller: give controller=C")
+        Gm = ObserverEquations(model, 1.0, LowPassFilter(1.0, 1)).fractions.G
+        F = LowPassFilter(1.0, max(1, Gm.relative_degree))
+        loop = LoopEquations(model, model, controller, F)
+        found = judge("C Gm (i)", loop.CGm.den, loop.p_A, loop.ill_posed_model_loop)
+        if not found.stable:
+            raise ValueError(
+                "max_u_step_R needs a controller that stabilises the model; with this one u grows "
+                f"under every filter: the loop of controller and model has {found.reason}; change "
+                "the controller"
+            )
 
     def slack(self, loop: LoopEquations, so_far: float) -> float:
         """By how much a stable loop meets the limits, as a logarithm; negative where it does not.

@@ -213,7 +213,7 @@ def admissible_time_constants(
     prices = Prices(max_noise, max_u_eta, max_u_step_d, max_u_step_R)
     if prices or _waits(model) or isinstance(order, FilterFamily):
         specification = _specification(prices, max_ms, min_gm_db, min_pm_deg)
-        prices.check_controller(controller)
+        prices.check_controller(controller, model)
         return PricedSearch.of(process, model, order, specification, prices, controller).windows
     specification = Specification(max_ms, min_gm_db, min_pm_deg)
     return FilterSearch.of(process, model, order, specification).admissible()
@@ -251,7 +251,7 @@ def _best_paid(
     controller: Any,
 ) -> Any:
     """Find the filter that rejects most among families and orders, if limits are on its price."""
-    prices.check_controller(controller)
+    prices.check_controller(controller, model)
     asked = ", ".join(filter(None, [str(specification or ""), str(prices)]))
     searches = [
         PricedSearch.of(process, model, family, specification, prices, controller)

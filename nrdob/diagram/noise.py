@@ -39,6 +39,8 @@ from ..numerics import (
 
 __all__ = ["noise_power", "rational_power"]
 
+Density = Callable[[FloatArray], FloatArray]
+
 TOLERANCE = 1e-10
 """Relative error of the integral at which no interval is halved any more."""
 
@@ -87,13 +89,18 @@ def noise_power(
         )
     if not any(term.q.any() for term in top.terms):
         return 0.0
-    if bottom.more or top.more or (top.delay and top.q.any()):
-        return _turning_power(top, den, bottom)
-    if top.delay:
-        top = QuasiPolynomial(top.r, scale=top.scale)  # a dead time alone changes no size
-    if not bottom.delay:
-        return rational_power(top.q, bottom.q)
-    return _delayed_power(top.q, den, bottom)
+
+    def density(omega: FloatArray) -> FloatArray:
+        return np.asarray(np.abs(top(1j * omega) / bottom(1j * omega)) ** 2)
+
+    power = max(top.divided, bottom.divided)
+    above, below = top.lifted(power), bottom.lifted(power)  # the terms without powers of 1/s
+    if below.more or above.more or (above.delay and above.q.any()):
+        return _turning_power(above, den, below, density)
+    num_alone = above.r if above.delay else above.q  # a dead time alone changes no size
+    if not below.delay:
+        return rational_power(num_alone, below.q)
+    return _delayed_power(num_alone, den, below, density)
 
 
 def rational_power(num: FloatArray, den: FloatArray) -> float:
@@ -126,13 +133,13 @@ def rational_power(num: FloatArray, den: FloatArray) -> float:
 
 
 def _delayed_power(
-    num: FloatArray, den: tuple[QuasiPolynomial, ...], product: QuasiPolynomial
+    num: FloatArray,
+    den: tuple[QuasiPolynomial, ...],
+    product: QuasiPolynomial,
+    density: Density,
 ) -> float:
     top = QuasiPolynomial(num)
     q, r = QuasiPolynomial(product.q), QuasiPolynomial(product.r)
-
-    def density(omega: FloatArray) -> FloatArray:
-        return np.asarray(np.abs(top(1j * omega) / product(1j * omega)) ** 2)
 
     def rational(s: ComplexArray) -> ComplexArray:
         return np.asarray(top(s) / q(s) * top(-s) / q(-s) / (1 - r(s) / q(s) * (r(-s) / q(-s))))
@@ -154,15 +161,15 @@ def _delayed_power(
 
 
 def _turning_power(
-    top: QuasiPolynomial, den: tuple[QuasiPolynomial, ...], product: QuasiPolynomial
+    top: QuasiPolynomial,
+    den: tuple[QuasiPolynomial, ...],
+    product: QuasiPolynomial,
+    density: Density,
 ) -> float:
     """Integrate with several dead times, until their turning averages out."""
     lead = QuasiPolynomial(product.q)
     delays = sorted({delay for p in (top, product) for _, delay in p.terms})
     beats = np.diff(delays)
-
-    def density(omega: FloatArray) -> FloatArray:
-        return np.asarray(np.abs(top(1j * omega) / product(1j * omega)) ** 2)
 
     def mean(omega: FloatArray) -> FloatArray:
         s = 1j * omega

@@ -88,10 +88,11 @@ class Quotient:
         Infinite for an improper map. With several dead times b is the sum of the sizes: what turns
         in so many senses gets as far from a as that.
         """
-        den = self.denominator.q
+        num, den = self.numerator, self.denominator.q
+        divided = num.divided - self.denominator.divided
         limits = []
-        for part, _ in self.numerator.terms:
-            excess = part.size - den.size if part.any() else -1
+        for part, _ in num.terms:
+            excess = part.size - den.size - divided if part.any() else -1
             limits.append(0.0 if excess < 0 else inf if excess else float(part[0] / den[0]))
         undelayed, *delayed = limits
         return undelayed, sum(map(abs, delayed)) if len(delayed) > 1 else sum(delayed)
