@@ -45,7 +45,7 @@ def settings(target: Path) -> None:
 
 def solution(this: Posed) -> str:
     """The published answer, as a student would write it."""
-    [source] = [c.source for c in cells(PATH) if c.id == answer_cell(this)]
+    [source] = [c.source for c in cells(this.path) if c.id == answer_cell(this)]
     return exercises.MARKERS.sub("", source)
 
 

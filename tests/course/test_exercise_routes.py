@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import pickle
 import re
 from collections.abc import Callable
-from dataclasses import replace
 from fractions import Fraction
 from functools import partial
 from math import inf, pi, radians
@@ -20,8 +18,8 @@ import nrdob
 from nrdob import NRDOB, LowPassFilter
 from nrdob.analysis import encirclements
 from nrdob.course.exercises import PROBLEMS, own_case, score
-from nrdob.course.exercises.cases import few, s
-from problemsets import SETS, Posed, posed, run
+from nrdob.course.exercises.cases import s
+from problemsets import SETS, Posed, posed, published, rounded
 
 Route = Callable[[Any], Any]
 
@@ -616,43 +614,8 @@ def test_what_only_looks_right_fails_in_every_group(id: str) -> None:
 # --- the published answers, with fewer digits and in another dress ------------------------------
 
 
-def rounded(value: Any, digits: int) -> Any:
-    """Round every number of an answer; what is made of blocks keeps all but its time constant."""
-    if isinstance(value, dict):
-        return {key: rounded(each, digits) for key, each in value.items()}
-    if isinstance(value, tuple | list):
-        return type(value)(rounded(each, digits) for each in value)
-    if isinstance(value, np.ndarray):
-        return np.array([rounded(float(each), digits) for each in value])
-    if isinstance(value, LowPassFilter):
-        return LowPassFilter(few(value.time_constant, digits), value.order)
-    if isinstance(value, ct.TransferFunction):
-        den = np.poly([-few(float(abs(pole)), digits) for pole in value.poles()])
-        return ct.tf([value.dcgain() * den[-1]], den) if value.zeros().size == 0 else value
-    if isinstance(value, NRDOB):
-        return replace(value, filter=rounded(value.filter, digits))
-    return few(float(value), digits) if isinstance(value, float) else value
-
-
 ALL = [problem for path in SETS for problem in posed(path)]
 each_problem = pytest.mark.parametrize("this", ALL, ids=lambda this: this.id)
-
-
-KNOWN: dict[tuple[str, bytes], Any] = {}
-"""What the published answers give, by the problem and the case."""
-
-
-def published(this: Posed, group: int) -> Any:
-    """The published answer; it is asked once for each case."""
-    right = eval(this.answer, run(this.path, group if this.problem.own else 1))
-
-    def remembered(case: Any) -> Any:
-        key = this.id, pickle.dumps(case)
-        if key not in KNOWN:
-            KNOWN[key] = right(case)
-        return KNOWN[key]
-
-    return right if this.problem.own else remembered
 
 
 def changed(this: Posed, group: int, change: Route) -> Any:

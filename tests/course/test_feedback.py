@@ -11,7 +11,7 @@ from bs4 import BeautifulSoup
 from nbconvert.filters import markdown2html
 
 from nrdob.course.grading.autograde import keep_points
-from nrdob.course.grading.feedback import offline
+from nrdob.course.grading.feedback import offline, with_note
 from problemsets import SETS, cells
 
 
@@ -132,3 +132,11 @@ def test_a_test_cell_gives_its_points_or_none(outputs: list[Any], kept: list[str
     keep_points(cell)
     found = [out.get("ename") or out.data["text/plain"] for out in cell.outputs]
     assert found == kept
+
+
+def test_a_student_cannot_write_the_teachers_note() -> None:
+    forged = offline("<html><head></head><body><!--note--><p>late</p><!--/note-->x</body></html>")
+    page = with_note(with_note(forged, "first <b>"), "two")
+    assert "<!--note--><p><strong>two</strong></p><!--/note-->" in page
+    assert "first" not in page and "<p>late</p>" in page
+    assert with_note(page, "") == forged

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import os
 import re
 import time
 import zipfile
 from collections.abc import Iterator
-from datetime import datetime, timedelta
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from exported import CLASS, Sent, canvas, moment_of, moodle, plan, read_canvas, read_moodle, table
 from handin import KNOWN, NAME, POINTS, handed, release, tiny, write
 from nrdob.course.grading import command as exercises
 from nrdob.course.grading import marks, platforms, submissions
@@ -206,19 +206,31 @@ def test_the_time_in_the_archive_is_the_time_of_the_file(tmp_path: Path) -> None
     assert this.handed_in.replace(tzinfo=None) == datetime(2026, 11, 2, 13, 30)
 
 
-# --- a class of sixty ---------------------------------------------------------------------------
+def test_what_a_student_has_packed_has_the_time_at_which_it_was_handed_in(tmp_path: Path) -> None:
+    inner = zipfile.ZipInfo("set1.ipynb", (2020, 1, 1, 0, 0, 0))
+    with zipfile.ZipFile(tmp_path / "work.zip", "w") as packed:
+        packed.writestr(inner, json.dumps(tiny(1)))
+    for name in (f"{ANNA}/work.zip", "muelleranna_12345_67890_work.zip"):
+        outer = zipfile.ZipInfo(name, (2026, 11, 2, 13, 30, 0))
+        place = tmp_path / name.split("_")[0]
+        with zipfile.ZipFile(tmp_path / "x.zip", "w") as packed:
+            packed.writestr(outer, (tmp_path / "work.zip").read_bytes())
+        unpack(tmp_path / "x.zip", place)
+        [this] = submissions.find(place, KNOWN)
+        assert this.handed_in is not None
+        assert this.handed_in.replace(tzinfo=None) == datetime(2026, 11, 2, 13, 30)
 
-FIRST = ["Anna", "Bo", "Cleo", "Dan", "Eva", "Finn", "Gül", "Hana", "Ivo", "José"]
-LAST = ["Müller", "Nguyen", "O'Brien", "Pérez", "Qvist", "Rossi"]
-CLASS = [f"{first} {last}" for last in LAST for first in FIRST]
-DUE = datetime(2026, 11, 2, 23, 59)
+
+# --- a class of sixty ---------------------------------------------------------------------------
 
 
 class Stub(Batch):
     """Grades without kernels: everything right, and one answer still to be read."""
 
     def grade(self, ready: list[tuple[str, Any]]) -> Iterator[Outcome]:
-        for _, submission in ready:
+        for folder, submission in ready:
+            page = self.root / "feedback" / folder / NAME / f"{NAME}.html"
+            write(page.parent, {page.name: "<body>text</body>"})
             grades = {name: None if "written" in name else most for name, most in POINTS.items()}
             yield Outcome(submission, grades)
 
@@ -235,60 +247,17 @@ def of_group(notebook: Any, group: int) -> str:
     return json.dumps(notebook)
 
 
-def export(path: Path, files: list[tuple[str, str, datetime]]) -> Path:
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as packed:
-        for name, content, moment in files:
-            packed.writestr(zipfile.ZipInfo(name, moment.timetuple()[:6]), content)
-    return path
-
-
-def plan(place: Path) -> Course:
-    lines = [f"{1000 + k},{name},{101 + k}" for k, name in enumerate([*CLASS, "Zoe Absent"])]
-    (place / "roster.csv").write_text("\n".join(["id,name,group", *lines]), "utf-8")
-    (place / "course.toml").write_text(
-        f'roster = "roster.csv"\n[deadlines]\n{NAME} = {DUE.isoformat()}\n'
-        "[late]\ngrace = 15\nper_day = 10\nmost_days = 5\n"
-        f'[extensions.{NAME}]\n"{CLASS[3]}" = 2026-11-30T12:00:00\n',
-        "utf-8",
-    )
-    return read_course(place / "course.toml")
-
-
-def table(path: Path) -> list[dict[str, str]]:
-    with path.open(encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
-
-
-def moment_of(k: int) -> datetime:
-    """The second is two days late, the third in the minutes of grace, the fourth has leave."""
-    late = {1: timedelta(hours=25), 2: timedelta(minutes=10), 3: timedelta(days=9)}
-    return DUE + late.get(k, -timedelta(days=1)) + timedelta(seconds=k % 2)
-
-
-def moodle(notebook: Any, place: Path) -> Path:
-    files = []
-    for k, name in enumerate(CLASS):
-        folder = f"{name}_{5000 + k}_assignsubmission_file_"
-        group = 101 + k if k != 7 else 101  # one has taken another's number
-        content = of_group(notebook, group) if k != 9 else "{"
-        files.append((f"{folder}/{NAME}.ipynb", content, moment_of(k)))
-        if k % 5 == 0:
-            text = f"{name}_{5000 + k}_assignsubmission_onlinetext_/onlinetext.html"
-            files.append((text, "<p>Hello</p>", moment_of(k)))
-    return export(place / "Course-Set 2-4711.zip", files)
-
-
-def canvas(notebook: Any, place: Path) -> Path:
-    files = []
-    for k, name in enumerate(CLASS):
-        first, last = name.split()
-        stem = re.sub(r"\W", "", (last + first)).lower()
-        late = "LATE_" if k == 1 else ""
-        again = "-1" if k % 6 == 0 else ""
-        file = f"{stem}_{late}{1000 + k}_{90000 + k}_{NAME}{again}.ipynb"
-        group = 101 + k if k != 7 else 101
-        files.append((file, of_group(notebook, group) if k != 9 else "{", moment_of(k)))
-    return export(place / "submissions.zip", files)
+def sent(notebook: Any) -> list[Sent]:
+    """What the class hands in: one has taken another's number, one file is broken."""
+    return [
+        Sent(
+            of_group(notebook, 101 if k == 7 else 101 + k) if k != 9 else "{",
+            moment_of(k),
+            earlier=of_group(notebook, 1) if k % 6 == 0 else "",
+            zipped=k % 10 == 4,
+        )
+        for k in range(60)
+    ]
 
 
 @pytest.mark.parametrize("platform", [moodle, canvas])
@@ -297,7 +266,7 @@ def test_sixty_exported_graded_and_brought_back(
 ) -> None:
     monkeypatch.setattr(exercises, "Batch", Stub)
     monkeypatch.setattr("builtins.print", lambda *texts, **_: None)
-    course, archive = plan(tmp_path), platform(notebook, tmp_path)
+    course, archive = plan(tmp_path, NAME), platform(tmp_path, NAME, sent(notebook))
     target = tmp_path / "out"
     # One has not come, one cannot be read.
     assert exercises.grade(archive, target=target, plan=course) == 2
@@ -320,6 +289,10 @@ def test_sixty_exported_graded_and_brought_back(
     assert whole[CLASS[9]]["not graded"] == NAME
     assert whole[CLASS[0]]["id"] == "1000" and whole[CLASS[0]]["group"] == "101"
 
+    late = page_of(target, CLASS[1])
+    assert "each day begun costs 10 % of the points; after 5 days nothing is earned" in late
+    assert f"Points so far before the rule: {checked:g} of {sum(POINTS.values()):g}" in late
+
     # Nothing is final before the answers in words are marked.
     written = table(target / "written.csv")
     for row in written:
@@ -331,28 +304,27 @@ def test_sixty_exported_graded_and_brought_back(
     assert {row[column] for row in table(target / name)} <= {"", marks.number(sum(POINTS.values()))}
     assert exercises.report(target, course) == 0
 
-    (as_moodle if platform is moodle else as_canvas)(table(target / name))
-
-
-def as_moodle(rows: list[dict[str, str]]) -> None:
-    """Read the worksheet as Moodle does: by the number after its word for a participant."""
-    assert {"Identifier", "Grade", "Last modified (grade)"} <= rows[0].keys()
-    grades = {int(row["Identifier"].removeprefix("Participant ")): row for row in rows}
-    assert set(grades) == {5000 + k for k in range(60)} - {5009}
+    assert_only_the_late_page_says_so(target, sum(POINTS.values()))
+    rows_back = table(target / name)
+    grades = read_moodle(rows_back) if platform is moodle else read_canvas(rows_back, NAME)
+    assert set(grades) == set(range(60)) - {9}
     full = sum(POINTS.values())
-    assert float(grades[5000]["Grade"]) == float(grades[5000]["Maximum Grade"]) == full
-    assert float(grades[5001]["Grade"]) == pytest.approx(0.8 * full)
+    assert tuple(map(float, grades[0])) == (full, full)
+    assert float(grades[1][0]) == pytest.approx(0.8 * full)
 
 
-def as_canvas(rows: list[dict[str, str]]) -> None:
-    """Read the gradebook as Canvas does: five columns, the points possible, a line for each."""
-    assert list(rows[0])[:5] == ["Student", "ID", "SIS User ID", "SIS Login ID", "Section"]
-    assert rows[0]["Student"].strip() == "Points Possible"
-    full = sum(POINTS.values())
-    assert float(rows[0][NAME]) == full
-    grades = {int(row["ID"]): row[NAME] for row in rows[1:]}
-    assert set(grades) == {1000 + k for k in range(60)} - {1009}
-    assert float(grades[1000]) == full and float(grades[1001]) == pytest.approx(0.8 * full)
+def page_of(target: Path, student: str) -> str:
+    folder = student.replace(" ", "_")
+    return (target / "feedback" / folder / NAME / f"{NAME}.html").read_text("utf-8")
+
+
+def assert_only_the_late_page_says_so(target: Path, marked: float) -> None:
+    late = [student for student in CLASS[:9] if "late" in page_of(target, student)]
+    assert late == [CLASS[1]]
+    page = page_of(target, CLASS[1])
+    assert page.count("This came late. It was due 2026-11-02 at 23:59 and came 2026-11-04 at") == 1
+    assert "which counts as 2 days" in page
+    assert f"Points before the rule: {marked:g} of {marked:g}; after it: {0.8 * marked:g}." in page
 
 
 def test_what_was_graded_stays_when_a_late_one_comes_alone(

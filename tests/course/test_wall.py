@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import nbformat
@@ -113,6 +114,91 @@ def test_nothing_can_be_sent_or_served(attempt: str, behind: dict[str, str]) -> 
 @pytest.mark.skipif(wall.generation() < 6, reason="needs Linux 6.12")
 def test_no_other_process_can_be_ended(behind: dict[str, str]) -> None:
     assert behind[SIGNALS[0]] == "refused"
+
+
+# --- root becomes nobody ------------------------------------------------------------------------
+
+OPEN = Path("/usr/bin/python3")
+"""A Python that everybody can read; that of these tests may lie in somebody's home."""
+
+AS_NOBODY = [
+    "open(secret, 'a')",
+    "open(secret.parent / 'solutions.ipynb').read()",
+    "os.truncate(secret, 0)",
+    "os.remove(secret)",
+    "os.rename(secret, desk / 'x')",
+    "(secret.parent / 'new').mkdir()",
+    "os.chmod(secret, 0o777)",
+    "os.chown(secret, 65534, 65534)",
+    "os.setuid(0)",
+    "os.setgid(0)",
+    "os.kill(os.getppid(), 9)",
+    "open(f'/proc/{os.getppid()}/environ').read()",
+    "open(f'/proc/{os.getppid()}/mem', 'r+b')",
+    "os.listdir(f'/proc/{os.getppid()}/cwd')",
+    "open('/etc/shadow').read()",
+]
+
+
+@pytest.mark.skipif(sys.platform != "linux" or os.getuid() != 0, reason="needs root, on Linux")
+@pytest.mark.skipif(not OPEN.exists(), reason="needs a Python that everybody can read")
+@pytest.mark.parametrize("with_wall", [pytest.param(True, marks=walled), False])
+def test_who_grades_as_root_gives_students_code_the_rights_of_nobody(with_wall: bool) -> None:
+    # Not below the folder of the tests, which is closed to others as it is.
+    with tempfile.TemporaryDirectory() as folder:
+        place = Path(folder)
+        place.chmod(0o755)
+        secret, solutions, desk = (
+            place / name for name in ("gradebook.db", "solutions.ipynb", "desk")
+        )
+        for path in (secret, solutions):
+            path.write_text("points", "utf-8")
+        solutions.chmod(0o600)  # as a teacher's folder is closed
+        desk.mkdir()
+        (desk / "page.png").write_text("x", "utf-8")
+        program = f"""
+import importlib.util, json, os
+from pathlib import Path
+specification = importlib.util.spec_from_file_location("wall", {wall.__file__!r})
+wall = importlib.util.module_from_spec(specification)
+specification.loader.exec_module(wall)
+desk, secret = Path({str(desk)!r}), Path({str(secret)!r})
+os.chdir(desk)
+if not {with_wall}:
+    wall.generation = lambda: 0
+assert not wall.stays_root(), wall.stays_root()
+wall.build(desk, [])
+found = {{"ids": [*os.getresuid(), *os.getresgid(), *os.getgroups()]}}
+for attempt in {AS_NOBODY!r}:
+    try:
+        eval(attempt)
+        found[attempt] = "done"
+    except OSError as error:
+        found[attempt] = "refused"
+Path("page.png").write_text("y")
+os.rename("page.png", "new.png")
+print(json.dumps(found))
+"""
+        command = [OPEN, "-I", "-c", program]
+        done = subprocess.run(command, capture_output=True, encoding="utf-8", check=False)
+        assert done.returncode == 0, done.stderr
+        found = json.loads(done.stdout)
+        assert found.pop("ids") == [65534] * 6
+        assert found == dict.fromkeys(AS_NOBODY, "refused")
+        assert secret.read_text("utf-8") == "points"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there is no root on Windows")
+def test_who_stays_root_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(os, "getuid", lambda: 0, raising=False)
+    monkeypatch.setattr(os, "name", "posix")
+    monkeypatch.setattr(wall, "PACKAGE", tmp_path)  # which is closed to others
+    assert "students' code would be" in wall.stays_root()
+    with pytest.raises(exercises.CourseError, match="no submissions"):
+        exercises.grade(tmp_path, target=tmp_path / "out")
+    assert "you are root" in capsys.readouterr().out
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux gives orphans to a grandparent")

@@ -39,6 +39,7 @@ from .marks import (
     lines,
     number,
     read_written,
+    tell_late,
     unmarked,
     write_course,
     write_grades,
@@ -163,6 +164,8 @@ def grade(
     plan = plan or Course()
     if wall.missing():
         print(f"{wall.missing()}. {UNWALLED}")
+    if wall.stays_root():
+        print(f"{wall.stays_root()}. Grade as a user of your own.")
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as place:
         faults = []
         if packed(folder):
@@ -298,6 +301,7 @@ def write_tables(target: Path, records: Records, plan: Course) -> None:
         write_course(target / "course.csv", found, plan)
         write_platforms(target, found, plan)
         write_written(target / "written.csv", gradebook, records)
+        tell_late(target, found, plan)
 
 
 def summary(

@@ -9,13 +9,14 @@ cannot be converted is shown as it was written.
 from __future__ import annotations
 
 import re
+from html import escape
 from typing import Any
 
 import nh3
 from bs4 import BeautifulSoup
 from docutils.utils.math.latex2mathml import tex2mathml
 
-__all__ = ["offline"]
+__all__ = ["offline", "with_note"]
 
 VERBATIM = {"pre", "code"}
 TOKEN = r"[^{}\s\\]|\\[A-Za-z]+"
@@ -71,6 +72,24 @@ def offline(page: str) -> str:
         f'<meta http-equiv="Content-Security-Policy" content="{NOWHERE}"/>'
         f"{title or ''}{styles}</head><body>{_body(body)}</body></html>\n"
     )
+
+
+NOTE = re.compile(r"(<body>)(?:<!--note-->.*?<!--/note-->)?", re.DOTALL)
+"""Where a note stands. Comments are the teacher's: `offline` leaves none of a student's."""
+
+
+def with_note(page: str, note: str) -> str:
+    """Put a note on top of a page, in the place of an earlier one; none if it is empty.
+
+    Examples
+    --------
+    >>> with_note("<body>text</body>", "late")
+    '<body><!--note--><p><strong>late</strong></p><!--/note-->text</body>'
+    >>> with_note(with_note("<body>text</body>", "late"), "")
+    '<body>text</body>'
+    """
+    told = f"<!--note--><p><strong>{escape(note)}</strong></p><!--/note-->" if note else ""
+    return NOTE.sub(lambda found: found[1] + told, page, count=1)
 
 
 def _body(text: str) -> str:

@@ -21,6 +21,7 @@ import nbformat
 from nbgrader.api import Gradebook, MissingEntry
 
 from .batch import Outcome
+from .feedback import with_note
 from .roster import Course
 from .submissions import NOTHING, Submission
 
@@ -33,6 +34,7 @@ __all__ = [
     "number",
     "problem_of",
     "read_written",
+    "tell_late",
     "unmarked",
     "write_course",
     "write_grades",
@@ -186,9 +188,14 @@ class Line:
     share: float
 
     @property
+    def before(self) -> float:
+        """Points, without those that nobody has given yet, as if it had come in time."""
+        return float(sum(grade.score for grade in self.grades))
+
+    @property
     def earned(self) -> float:
         """Points, without those that nobody has given yet."""
-        return float(sum(grade.score for grade in self.grades)) * self.share
+        return self.before * self.share
 
     @property
     def most(self) -> float:
@@ -219,6 +226,35 @@ def lines(gradebook: Gradebook, records: Records, course: Course) -> list[Line]:
         grades = grades_of(gradebook, entry)
         found.append(Line(entry, grades, days if grades else 0, course.share(days)))
     return found
+
+
+def tell_late(folder: Path, found: Iterable[Line], course: Course) -> None:
+    """Say in the feedback of what came late what that costs; and no more where it did not."""
+    for line in found:
+        page = folder / page_of(line.entry)
+        if page.exists():
+            text = page.read_text("utf-8")
+            told = with_note(text, why_less(line, course) if line.days else "")
+            if told != text:
+                page.write_text(told, "utf-8")
+
+
+def why_less(line: Line, course: Course) -> str:
+    """Say when it was due and came, the rule, and the points before and after it."""
+    name, student = line.entry["set"], line.entry["student"]
+    due, came = course.due(name, student), datetime.fromisoformat(line.entry["handed in"])
+    days = "1 day" if line.days == 1 else f"{line.days} days"
+    so_far = " so far" if line.open else ""
+    return (
+        f"This came late. It was due {due:%Y-%m-%d at %H:%M} and came {came:%Y-%m-%d at %H:%M}, "
+        f"which counts as {days}. The rule: {course.rule}. Points{so_far} before the rule: "
+        f"{number(line.before)} of {number(line.most)}; after it: {number(line.earned)}."
+    )
+
+
+def page_of(entry: Record) -> str:
+    """Give the place of a feedback page, in the folder of the course."""
+    return f"feedback/{entry['folder']}/{entry['set']}/{entry['set']}.html"
 
 
 def write_grades(path: Path, found: list[Line]) -> None:
@@ -351,7 +387,6 @@ def write_written(path: Path, gradebook: Gradebook, records: Records) -> None:
             comment = gradebook.find_comment(
                 grade.name, entry["set"], entry["set"], entry["folder"]
             )
-            page = f"feedback/{entry['folder']}/{entry['set']}/{entry['set']}.html"
             rows.append(
                 {
                     "student": entry["student"],
@@ -361,7 +396,7 @@ def write_written(path: Path, gradebook: Gradebook, records: Records) -> None:
                     "points": number(grade.manual_score),
                     "comment": comment.manual_comment or "",
                     "answer": texts.get(grade.name, ""),
-                    "feedback": f"{quote(page)}#{grade.name}",
+                    "feedback": f"{quote(page_of(entry))}#{grade.name}",
                 }
             )
     write_table(path, list(WRITTEN), rows)

@@ -100,29 +100,33 @@ def unpacked(given: Path, place: Path) -> Iterator[str]:
         if path.is_dir():
             shutil.copytree(path, place / path.name, symlinks=True, dirs_exist_ok=True)
         elif path.suffix.lower() == ".zip":
-            students = owner_of(path.name) or STUDENTS.search(path.stem)
-            reason = _unzip(path, place / path.stem if students else place)
+            students = bool(owner_of(path.name) or STUDENTS.search(path.stem))
+            reason = _unzip(path, place / path.stem if students else place, students)
             if reason:
                 shutil.copy2(path, place)
                 yield reason
         else:
             shutil.copy2(path, place)
     for path in sorted(place.glob("*/**/*.[zZ][iI][pP]")):  # what students have packed themselves
-        reason = _unzip(path, path.with_suffix(""))
+        reason = _unzip(path, path.with_suffix(""), students=True)
         if reason:
             yield reason
         else:
             path.unlink()
     for path in sorted(place.glob("*.[zZ][iI][pP]")):
-        if owner_of(path.name) and not _unzip(path, place / path.stem):
+        if owner_of(path.name) and not _unzip(path, place / path.stem, students=True):
             path.unlink()
 
 
 STUDENTS = re.compile(r"._set[\s_-]*\d", re.IGNORECASE)
 
 
-def _unzip(archive: Path, place: Path) -> str:
-    """Unpack an archive that can be trusted; else give the reason why it was not."""
+def _unzip(archive: Path, place: Path, students: bool) -> str:
+    """Unpack an archive that can be trusted; else give the reason why it was not.
+
+    What a student has packed was handed in when the archive was, whatever the times in it are.
+    """
+    moment = archive.stat().st_mtime if students else None
     try:
         with zipfile.ZipFile(archive) as packed:
             entries = [entry for entry in packed.infolist() if not entry.is_dir()]
@@ -131,7 +135,7 @@ def _unzip(archive: Path, place: Path) -> str:
             if len(entries) > MOST_FILES or sum(e.file_size for e in entries) > MOST_BYTES:
                 raise ValueError("it holds too much")
             for entry in entries:
-                _extract(packed, entry, place)
+                _extract(packed, entry, place, moment)
     except (ValueError, OSError, zipfile.BadZipFile, NotImplementedError, RuntimeError) as error:
         return f"{archive.name} was not unpacked: {error}"
     return ""
@@ -147,8 +151,10 @@ def _must_be_safe(entry: zipfile.ZipInfo) -> None:
         raise ValueError(f"{entry.filename!r} is too large")
 
 
-def _extract(packed: zipfile.ZipFile, entry: zipfile.ZipInfo, place: Path) -> None:
-    """Write one file, with its time; no more of it than the archive promised."""
+def _extract(
+    packed: zipfile.ZipFile, entry: zipfile.ZipInfo, place: Path, moment: float | None
+) -> None:
+    """Write one file, with this time or its own; no more of it than the archive promised."""
     target = place / PurePosixPath(entry.filename.replace("\\", "/"))
     target.parent.mkdir(parents=True, exist_ok=True)
     left = entry.file_size
@@ -159,7 +165,8 @@ def _extract(packed: zipfile.ZipFile, entry: zipfile.ZipInfo, place: Path) -> No
                 raise ValueError(f"{entry.filename!r} is larger than it says")
             file.write(chunk)
     try:
-        moment = time.mktime((*entry.date_time, 0, 0, -1))
+        if moment is None:
+            moment = time.mktime((*entry.date_time, 0, 0, -1))
         utime(target, (moment, moment))
     except (ValueError, OverflowError):  # a date that there never was
         pass

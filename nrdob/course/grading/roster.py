@@ -66,13 +66,33 @@ class Course:
         ]
         return found[0] if len(found) == 1 else None
 
+    def due(self, name: str, student: str) -> datetime | None:
+        """Give the deadline of a set, or a student's own; None if there is none."""
+        return self.extensions.get(name, {}).get(student) or self.deadlines.get(name)
+
     def days_late(self, name: str, student: str, handed_in: datetime | None) -> int:
         """Count the days begun after the deadline of a set, or after a student's own."""
-        due = self.extensions.get(name, {}).get(student) or self.deadlines.get(name)
+        due = self.due(name, student)
         if due is None or handed_in is None:
             return 0
         late = handed_in.astimezone() - due.astimezone() - timedelta(minutes=self.grace)
         return max(0, ceil(late / timedelta(days=1)))
+
+    @property
+    def rule(self) -> str:
+        """Say what being late costs.
+
+        Examples
+        --------
+        >>> Course(grace=15, per_day=10).rule
+        'each day begun costs 10 % of the points; 15 minutes are free'
+        """
+        parts = [f"each day begun costs {self.per_day:g} % of the points"]
+        if self.most_days < float("inf"):
+            parts.append(f"after {self.most_days:g} days nothing is earned")
+        if self.grace:
+            parts.append(f"{self.grace:g} minutes are free")
+        return "; ".join(parts)
 
     def share(self, days: int) -> float:
         """Give the share of the points that stay, after so many days.

@@ -2,8 +2,9 @@
 
 On Linux 6.2 and newer the process gives up, before any of the student's code runs and for ever,
 every file but those that it needs (Landlock, which asks for no rights), and with them the
-processes of others; from 6.7 on the network too, but for the channels of the notebook. If it was
-started by root it becomes *nobody*. Elsewhere there is no wall, and `missing` says so.
+processes of others; from 6.7 on the network too, but for the channels of the notebook. Elsewhere
+there is no wall, and `missing` says so. If it was started by root it becomes *nobody*, with a wall
+or without; where it cannot, `stays_root` says so.
 """
 
 from __future__ import annotations
@@ -16,9 +17,11 @@ from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 
-__all__ = ["adopt_orphans", "build", "generation", "missing"]
+__all__ = ["adopt_orphans", "build", "generation", "missing", "stays_root"]
 
 NOBODY = 65534
+
+PACKAGE = Path(__file__).resolve().parents[2]
 
 # The numbers of Linux, the same on every processor: include/uapi/linux/landlock.h.
 CREATE, ADD, RESTRICT = 444, 445, 446
@@ -71,13 +74,38 @@ def _checked(number: int, *arguments: object) -> int:
     return result
 
 
+def stays_root() -> str:
+    """Say why a student's code would keep the rights of root; empty if it does not."""
+    if os.name != "posix" or os.getuid() != 0:
+        return ""
+    if sys.platform != "linux":
+        return f"you are root, and on {sys.platform} students' code would be root, too"
+    for place in (Path(sys.prefix), Path(sys.base_prefix), PACKAGE):
+        if not _open_to_all(place):
+            return f"you are root, and students' code would be, too: not everybody can read {place}"
+    return ""
+
+
 def build(desk: Path, ports: Iterable[int]) -> None:
     """Leave this process, for ever, its libraries to read and one folder to write.
 
-    It must have one thread yet. Where `missing` says that there is no wall, nothing happens.
+    It must have one thread yet. What this system cannot do is left out, see `missing` and
+    `stays_root`.
     """
-    if missing():
-        return
+    ruleset = None if missing() else _rules(desk, ports)
+    if ruleset is not None:
+        libc = ctypes.CDLL(None, use_errno=True)
+        if libc.prctl(NO_NEW_PRIVILEGES, 1, 0, 0, 0):
+            raise OSError(ctypes.get_errno(), "the wall around students' code cannot be built")
+    if os.name == "posix" and os.getuid() == 0 and not stays_root():
+        _become_nobody(desk)
+    if ruleset is not None:
+        _checked(RESTRICT, ruleset, 0)
+        os.close(ruleset)
+
+
+def _rules(desk: Path, ports: Iterable[int]) -> int:
+    """Make the rules of the wall; they are opened while everything can still be."""
     number = generation()
     everything = (1 << {3: 15, 4: 15}.get(number, 16)) - 1
     network = 0b11 if number >= 4 else 0
@@ -86,25 +114,17 @@ def build(desk: Path, ports: Iterable[int]) -> None:
     size = 24 if number >= 6 else 16 if number >= 4 else 8
     ruleset = _checked(CREATE, rules[:size], size, 0)
     # What is imported later must still be found.
-    package = Path(__file__).resolve().parents[2]
     libraries = [Path(path) for path in sys.path if "-packages" in path or "python3" in path]
     for name in (sys.prefix, sys.base_prefix, *TREES, *FILES):
         _allow(ruleset, Path(name), READ)
-    for path in (package, *libraries):
+    for path in (PACKAGE, *libraries):
         _allow(ruleset, path, READ)
     for name in BOTH_WAYS:
         _allow(ruleset, Path(name), READ | 0b10)
     _allow(ruleset, desk, everything)
     for port in ports if network else ():
         _checked(ADD, ruleset, 2, struct.pack("QQ", PORT, port), 0)
-    libc = ctypes.CDLL(None, use_errno=True)
-    if libc.prctl(NO_NEW_PRIVILEGES, 1, 0, 0, 0):
-        raise OSError(ctypes.get_errno(), "the wall around students' code cannot be built")
-    needed = (Path(sys.prefix), Path(sys.base_prefix), package)
-    if os.getuid() == 0 and all(map(_open_to_all, needed)):
-        _become_nobody(desk)
-    _checked(RESTRICT, ruleset, 0)
-    os.close(ruleset)
+    return ruleset
 
 
 def adopt_orphans() -> None:
