@@ -323,7 +323,7 @@ def _axis(which: str, given: Any) -> Axis:
 
 
 def _check_value(name: str, value: Any) -> None:
-    positive = name in ("time_constant", "gain")
+    positive = name not in ("delay", "lag")
     if isinstance(value, bool) or not isinstance(value, Real):
         raise TypeError(f"{name} is {value!r}; give a real number")
     number = float(value)

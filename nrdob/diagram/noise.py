@@ -40,7 +40,7 @@ from ..numerics import (
     multiply,
 )
 
-__all__ = ["noise_power", "rational_power", "step_energy"]
+__all__ = ["check_stable", "noise_power", "rational_power", "step_energy"]
 
 TOLERANCE = 1e-10
 """Relative error of the integral at which no interval is halved any more."""
@@ -72,7 +72,7 @@ def noise_power(
     num: tuple[QuasiPolynomial, ...], den: tuple[QuasiPolynomial, ...], name: str
 ) -> float:
     """Integrate ``|num/den|²`` over all frequencies, over 2π: see `Quotient.noise_power`."""
-    _check_stable(den, f"the noise power of {name}")
+    check_stable(den, f"the noise power of {name}")
     top, bottom = multiply(*num), multiply(*den)
     if top.degree >= bottom.degree:
         raise ValueError(
@@ -87,7 +87,7 @@ def step_energy(
     num: tuple[QuasiPolynomial, ...], den: tuple[QuasiPolynomial, ...], name: str
 ) -> float:
     """Integrate ``|num/(den s)|²`` over all frequencies, over 2π: see `Quotient.step_energy`."""
-    _check_stable(den, f"the energy of a step through {name}")
+    check_stable(den, f"the energy of a step through {name}")
     left = [k for k, factor in enumerate(num) if factor.zeros_at_origin]
     if not left:
         return inf
@@ -98,7 +98,8 @@ def step_energy(
     return _power((*num[: left[0]], *divided, *num[left[0] + 1 :]), den)
 
 
-def _check_stable(den: tuple[QuasiPolynomial, ...], what: str) -> None:
+def check_stable(den: tuple[QuasiPolynomial, ...], what: str) -> None:
+    """Refuse a denominator with roots that are not in the left half plane: nothing is finite."""
     for factor in den:
         found = count_rhp(factor)
         if factor.zeros_at_origin or found.count != 0:
@@ -112,7 +113,7 @@ def _check_stable(den: tuple[QuasiPolynomial, ...], what: str) -> None:
 
 
 def _power(num: tuple[QuasiPolynomial, ...], den: tuple[QuasiPolynomial, ...]) -> float:
-    top, bottom = multiply(QuasiPolynomial(np.ones(1)), *num), multiply(*den)
+    top, bottom = multiply(*(factor.undivided_sum for factor in num)), multiply(*den)
     if not any(term.q.any() for term in top.terms):
         return 0.0
     if bottom.more or top.more or (top.delay and top.q.any()):
@@ -189,8 +190,8 @@ def _turning_power(
 ) -> float:
     """Integrate with several dead times, until their turning averages out."""
     # A numerator that vanishes at s = 0 and is divided by s keeps the terms of the sum.
+    leading = QuasiPolynomial(product.q)
     lead = QuasiPolynomial(np.append(product.q, np.zeros(sum(factor.divided for factor in num))))
-    late_in = QuasiPolynomial(product.q)
     delays = sorted({delay for p in (top, product) for _, delay in p.terms})
     beats = np.diff(delays)
 
@@ -206,7 +207,7 @@ def _turning_power(
     def turning(omega: float) -> float:
         """Bound of the integral beyond of what turns: once around, and what two turns leave."""
         s = np.array([1j * omega])
-        late = sum(float(np.abs(np.polyval(p, s) / late_in(s))[0]) for p, _ in product.delayed)
+        late = sum(float(np.abs(np.polyval(p, s) / leading(s))[0]) for p, _ in product.delayed)
         sizes = [float(np.abs(np.polyval(p, s) / lead(s))[0]) for p, _ in top.terms]
         once = sum(sizes) ** 2 - sum(size**2 for size in sizes) + 2 * late * sum(sizes) ** 2
         twice = 3 * late**2 * sum(sizes) ** 2 / max(1 - late, 1e-3) ** 2

@@ -21,9 +21,9 @@ from ..numerics import (
     written,
 )
 from .blocks import Fraction, as_fraction
-from .noise import noise_power, step_energy
+from .noise import check_stable, noise_power, step_energy
 
-__all__ = ["Quotient"]
+__all__ = ["Quotient", "as_shaping"]
 
 NEAR_ROOT = 1e-7
 """Size of a denominator, against its terms, below which half the digits are lost."""
@@ -215,6 +215,10 @@ class Quotient:
             return noise_power(self.num, self.den, name)
         num, den = map(QuasiPolynomial, as_shaping(shaping))
         return noise_power((*self.num, num), (*self.den, den), f"{name} behind the shaping filter")
+
+    def check_stable(self) -> None:
+        """Raise ValueError if the denominator, hidden modes included, has roots not on the left."""
+        check_stable(self.den, f"the noise power of {self.name or 'this map'}")
 
     def spectrum(self, omega: Any, shaping: Any = None) -> FloatArray:
         r"""Power spectral density of the output, :math:`|Q(j\omega) W(j\omega)|^2`.

@@ -143,6 +143,11 @@ class QuasiPolynomial:
         return 0
 
     @property
+    def undivided_sum(self) -> QuasiPolynomial:
+        """The sum of terms itself, where it is divided by s."""
+        return self
+
+    @property
     def _shared_zeros(self) -> int:
         """Multiplicity of the root s = 0 that all terms share."""
         return min(_trailing_zeros(p) for p, _ in self.terms if p.any())
@@ -208,7 +213,7 @@ class QuasiPolynomial:
         near = np.abs(roots.real) <= 0.1 * np.abs(roots)
         if near.any():
             omega = np.abs(roots.imag[near])
-            p = _terms_of(self)
+            p = self.undivided_sum
             near[near] = np.abs(p(1j * omega)) <= ROUNDING * np.polyval(p.scale, omega)
         return near
 
@@ -299,6 +304,10 @@ class _OverS(QuasiPolynomial):
     @property
     def divided(self) -> int:
         return 1
+
+    @property
+    def undivided_sum(self) -> QuasiPolynomial:
+        return self.undivided
 
     @cached_property
     def zeros_at_origin(self) -> int:
@@ -445,13 +454,8 @@ def frequency_segments(p: QuasiPolynomial) -> FloatArray:
     array of float
         Increasing frequencies in rad/s from 0 to where the leading term dominates.
     """
-    p = _terms_of(p)
+    p = p.undivided_sum
     return zero_free_frequencies(p.terms, p.scale)
-
-
-def _terms_of(p: QuasiPolynomial) -> QuasiPolynomial:
-    """Return the sum itself, where it has been divided by s."""
-    return p.undivided if isinstance(p, _OverS) else p
 
 
 def _where(turn: Turn) -> str:
