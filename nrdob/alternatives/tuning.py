@@ -36,6 +36,12 @@ BEYOND = 100.0
 
 For the gain of C, how much larger and smaller than the one that is given."""
 
+RATIO = 4.0
+"""ωo over ωc of ADRC; three to ten are usual."""
+
+LOOKED_AT = 120
+"""Frequencies at which a loop is looked at, before its peak is computed."""
+
 UNSTABLE = -10.0
 """Slack of a loop that is not stable, below that of any stable one."""
 
@@ -54,6 +60,8 @@ class Candidate:
         Gives the loop for one value of the parameter.
     fastest, slowest : float
         Values between which `tune` looks.
+    band : (float, float)
+        Frequencies between which the plant lives, and a wide margin, in rad/s.
     """
 
     parameter: str
@@ -61,6 +69,7 @@ class Candidate:
     build: Callable[[float], NRDOB]
     fastest: float
     slowest: float
+    band: tuple[float, float]
 
     def said(self, value: float) -> str:
         """Write the parameter with a value and its unit.
@@ -121,13 +130,19 @@ class Limits:
         every = {"max_ms": self.max_ms, "max_noise": self.max_noise}
         return {name: value for name, value in every.items() if value is not None}
 
-    def slack(self, loop: NRDOB) -> float:
-        """Logarithm of limit over value, the smaller of the two; negative where one is not kept."""
+    def slack(self, loop: NRDOB, band: tuple[float, float]) -> float:
+        """Logarithm of limit over value, the smaller of the two; negative where one is not kept.
+
+        Where a peak seen at a few frequencies is too high already, it is that of these.
+        """
         if loop.ill_posed or not all(map(_on_the_left, (loop.p_A, loop.p_B))):
             return UNSTABLE
         found = -UNSTABLE
         if self.max_ms is not None:
-            found = min(found, log(self.max_ms / margins(loop.L, True, loop.p_B).ms))
+            seen = np.abs(loop.S_d(1j * np.geomspace(*band, LOOKED_AT))).max()
+            if seen <= self.max_ms:
+                seen = margins(loop.L, True, loop.p_B).ms
+            found = log(self.max_ms / seen)
         if self.max_noise is not None and found >= 0:
             variance = noise_variance(loop, self.shaping).u
             found = min(found, log(self.max_noise) - log(max(variance, 1e-300)) / 2)
@@ -150,8 +165,7 @@ def candidates(
     model : as for `nrdob.NRDOB`
         G̃ of the observers, without dead time.
     controller : as for `nrdob.NRDOB`
-        C of the observers, whose gain is the parameter of C alone. The crossover of C·G̃ is the
-        controller bandwidth of ADRC.
+        C of the observers, whose gain is the parameter of C alone.
     order : int, optional
         n of the observers' filters; by default the lowest that is causal.
 
@@ -159,7 +173,8 @@ def candidates(
     -------
     dict of str to Candidate
         "NR-DOB", "conventional observer", "Smith predictor" (with dead time), "PI", "PID",
-        "C alone" and "ADRC". What does not fit the plant says so when it is built.
+        "C alone" and "ADRC", the latter with ωc = ωo/4. What does not fit the plant says so when it
+        is built.
 
     Raises
     ------
@@ -178,8 +193,8 @@ def candidates(
     m, b0 = high_frequency_gain(process)
     if not 1 <= m <= 2:
         m, b0 = high_frequency_gain(model)
-    speeds, bandwidth = _speeds(probe), _crossover(probe)
-    fastest, slowest = BEYOND * max(speeds), min(speeds) / BEYOND
+    speeds = _speeds(probe)
+    band = slowest, fastest = min(speeds) / BEYOND, BEYOND * max(speeds)
 
     def filter(time_constant: float) -> LowPassFilter:
         return LowPassFilter(time_constant, n)
@@ -196,17 +211,18 @@ def candidates(
         )
     rules = {"PI": partial(simc_pi, process), "PID": partial(simc_pid, process)}
     timed = {
-        name: Candidate(parameter, "s", build, 1 / fastest, 1 / slowest)
+        name: Candidate(parameter, "s", build, 1 / fastest, 1 / slowest, band)
         for parameter, group in (("λ", observers), ("τc", rules))
         for name, build in group.items()
     }
     return timed | {
         "C alone": Candidate(
             "gain of C", "", lambda x: controller_alone(process, model, _times(x, controller)),
-            BEYOND, 1 / BEYOND,
+            BEYOND, 1 / BEYOND, band,
         ),
         "ADRC": Candidate(
-            "ωo", "rad/s", lambda x: linear_adrc(process, m, b0, x, bandwidth), fastest, slowest
+            "ωo", "rad/s", lambda x: linear_adrc(process, m, b0, x, x / RATIO),
+            fastest, slowest, band,
         ),
     }  # fmt: skip
 
@@ -255,7 +271,7 @@ def tune(
 
     def slack(value: float) -> float:
         try:
-            return limits.slack(candidate.build(value))
+            return limits.slack(candidate.build(value), candidate.band)
         except ValueError as refusal:  # such as a C that is too large for the model
             refusals.append(str(refusal))
             return UNSTABLE
@@ -304,15 +320,6 @@ def _speeds(loop: NRDOB) -> list[float]:
     roots = [p.without_origin.roots for p in (*polynomials, loop.p_A)]
     sizes = np.abs(np.concatenate(roots)).tolist()
     return [*sizes, *([1 / loop.delay] if loop.delay else [])] or [1.0]
-
-
-def _crossover(loop: NRDOB) -> float:
-    """Last frequency at which C·G̃ is 1, or the speed of the model loop where there is none."""
-    found = margins(loop.CGm, None, loop.p_A).gain_crossovers
-    if found.size:
-        return float(found[-1])
-    roots = np.abs(loop.p_A.without_origin.roots)
-    return float(np.exp(np.log(roots).mean())) if roots.size else 1.0
 
 
 def _times(gain: float, controller: Any) -> Any:
