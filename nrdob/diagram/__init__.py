@@ -1,6 +1,6 @@
 """What is wired to what: the blocks handed in, and the loop's maps as factored quotients."""
 
-from .blocks import Fraction, as_fraction, nonzero, real_number, six_digits
+from .blocks import Fraction, as_fraction, is_number, nonzero, real_number, six_digits
 from .delay import DelayedTransferFunction, delay
 from .equations import LoopEquations, ObserverEquations
 from .families import FilterFamily, as_family, filter_family
@@ -28,6 +28,7 @@ __all__ = [
     "filter_family",
     "filter_fraction",
     "interpolating_filter",
+    "is_number",
     "nonzero",
     "rational_power",
     "real_number",
