@@ -42,8 +42,11 @@ RATIO = 4.0
 LOOKED_AT = 120
 """Frequencies at which a loop is looked at, before its peak is computed."""
 
-UNSTABLE = -10.0
+UNSTABLE = -1e4
 """Slack of a loop that is not stable, below that of any stable one."""
+
+ENDLESS = -1e3
+"""Slack of a loop whose u is endlessly noisy."""
 
 
 @dataclass(frozen=True)
@@ -146,7 +149,7 @@ class Limits:
         if self.max_noise is not None and found >= 0:
             variance = noise_variance(loop, self.shaping).u
             found = min(found, log(self.max_noise) - log(max(variance, 1e-300)) / 2)
-        return max(found, UNSTABLE / 2)
+        return max(found, ENDLESS)
 
     def __str__(self) -> str:
         return " and ".join(f"{name} = {value:g}" for name, value in self.given.items())
@@ -296,7 +299,7 @@ def tune(
             "give max_noise, too"
         )
     bad, good = (log(each) for each in list(tried)[-2:])
-    found = float(brentq(lambda x: slack(exp(x)), bad, good, xtol=1e-10))
+    found = float(brentq(lambda x: max(slack(exp(x)), -1.0), bad, good, xtol=1e-10))
     step = 1e-9 if good > bad else -1e-9
     at = next((exp(x) for x in (found, found + step) if slack(exp(x)) >= 0), exp(good))
     return Tuned(candidate.build(at), at, candidate.said(at))
@@ -306,6 +309,8 @@ def _closest(candidate: Candidate, tried: dict[float, float]) -> str:
     value = max(tried, key=lambda each: tried[each])
     if tried[value] <= UNSTABLE:
         return "the loop is unstable with every value"
+    if tried[value] <= ENDLESS:
+        return "white noise comes to u directly; give a shaping filter that colours it"
     factor = exp(-tried[value])
     return f"missed by a factor of {factor:.3g} at best, with {candidate.said(value)}; allow more"
 
