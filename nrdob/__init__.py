@@ -7,6 +7,19 @@ a delay), `nrdob.plotting` (figures) and `nrdob.course` (the paper's claims, the
 """
 
 from . import paper, plants
+from .alternatives import (
+    adrc_chart,
+    adrc_stabilizing_bandwidths,
+    adrc_stabilizing_gains,
+    candidates,
+    compare,
+    controller_alone,
+    conventional_observer,
+    linear_adrc,
+    simc_pi,
+    simc_pid,
+    tune,
+)
 from .analysis import encirclements, judge_observer, margin_bounds
 from .deadtime import dead_time_observer, smith_predictor
 from .design import (
@@ -16,6 +29,7 @@ from .design import (
     design_filter,
     observer_form,
     stability_chart,
+    stabilizing_gains,
     stabilizing_time_constants,
     stable_model_exists,
     suggest_model,
@@ -40,12 +54,16 @@ __all__ = [  # noqa: RUF022  (by topic: the contents of the package)
     # Is it stable, and how nearly not?
     "judge_observer", "encirclements", "margin_bounds",
     # Which filters work, and which is the fastest?
-    "stabilizing_time_constants", "critical_time_constants",
+    "stabilizing_time_constants", "critical_time_constants", "stabilizing_gains",
     "admissible_time_constants", "design_filter", "stability_chart",
     # Which model, and which controller?
     "suggest_model", "design_controller",
     # Is a controller an observer?
     "observer_form", "stable_model_exists",
+    # Other schemes on the same plant, in one table.
+    "compare", "candidates", "tune", "controller_alone", "conventional_observer",
+    "simc_pi", "simc_pid", "linear_adrc",
+    "adrc_stabilizing_bandwidths", "adrc_stabilizing_gains", "adrc_chart",
     # Loops to try things on: the paper's, some with a name, random ones.
     "paper", "plants", "random_loop",
 ]  # fmt: skip

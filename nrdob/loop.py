@@ -11,9 +11,11 @@ from numpy.typing import ArrayLike
 
 from .analysis import (
     LoopMargins,
+    NoiseVariance,
     Stability,
     forced_response,
     loop_margins,
+    noise_variance,
     stability,
     step_response,
 )
@@ -142,6 +144,23 @@ class NRDOB(LoopEquations):
             `time` (N,), and `outputs` (2, N) with y and u.
         """
         return forced_response(self, input, timepts, inputs)
+
+    def noise_variance(self, shaping: Any = None, *, input: str = "eta") -> NoiseVariance:
+        """Compute the variances of y and u for noise: see `nrdob.analysis.noise_variance`.
+
+        Parameters
+        ----------
+        shaping : control.TransferFunction, StateSpace, number or (num, den), optional
+            A stable filter that colours white noise of unit density.
+        input : {"R", "d", "delta", "eta"}
+            Where the noise enters.
+
+        Returns
+        -------
+        NoiseVariance
+            `y` and `u`.
+        """
+        return noise_variance(self, shaping, input=input)
 
     def sampled(
         self,

@@ -75,7 +75,7 @@ def given_axis(which: str, given: Any) -> Axis:
 
 def check_value(name: str, value: Any) -> None:
     """Refuse a value that the parameter cannot have."""
-    positive = name in ("time_constant", "gain")
+    positive = name not in ("delay", "lag")
     if isinstance(value, bool) or not isinstance(value, Real):
         raise TypeError(f"{name} is {value!r}; give a real number")
     number = float(value)

@@ -64,9 +64,7 @@ def _without_lambda(loops: ChartLoops, axes: tuple[Axis, Axis]) -> Iterator[Curv
         yield from _with_delay(loops, axes, omega)
 
 
-def _gain_and_lag(
-    loops: ChartLoops, axes: tuple[Axis, Axis], omega: FloatArray
-) -> Iterator[Curve]:
+def _gain_and_lag(loops: ChartLoops, axes: tuple[Axis, Axis], omega: FloatArray) -> Iterator[Curve]:
     """With V = W exp(jωθ): (1 + jτω) V = k."""
 
     def at(place: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

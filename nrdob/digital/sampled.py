@@ -5,13 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from math import isfinite, pi, tan
+from typing import Any
 
 import numpy as np
 
+from ..analysis import NoiseVariance
 from ..diagram import Fraction, LoopEquations, real_number, six_digits
 from ..numerics import FloatArray, QuasiPolynomial
 from .controller import SampledController, Wait, bilinear_block, wired
 from .hold import HeldProcess, held_process, in_samples
+from .noise import sampled_noise_variance
 
 __all__ = ["METHODS", "SampledLoop"]
 
@@ -117,6 +120,22 @@ class SampledLoop:
             for name, fraction in fractions.items()
         }
         return wired(sampled, self.wait, self.dt)
+
+    def noise_variance(self, shaping: Any = None) -> NoiseVariance:
+        """Compute the variances of y and u at the samples: see `nrdob.digital.noise`.
+
+        Parameters
+        ----------
+        shaping : control.TransferFunction, StateSpace or number, optional
+            A stable discrete-time filter that colours the noise η; white of unit variance by
+            default.
+
+        Returns
+        -------
+        NoiseVariance
+            `y`, of the process itself, and `u`.
+        """
+        return sampled_noise_variance(self.process, self.controller, shaping)
 
 
 def _over(num: tuple[Factor, Factor], den: tuple[Factor, Factor]) -> Fraction:
