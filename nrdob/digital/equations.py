@@ -52,7 +52,7 @@ class Row(NamedTuple):
 
 
 def equations(*, waits: bool) -> dict[str, tuple[Row, ...]]:
-    """The table: what is done for the output, for the update and for the start.
+    """Lay out the table: what is done for the output, for the update and for the start.
 
     Parameters
     ----------
@@ -76,10 +76,10 @@ def equations(*, waits: bool) -> dict[str, tuple[Row, ...]]:
     """
     if waits:
         late, inner = "late({})", "{} - filtered"
-        remember, fill = (Row("", "remember(applied)"),), (Row("", "fill(u)"),)
+        remember, fill = [Row("", "remember(applied)")], [Row("", "fill(u)")]
     else:
         late = inner = "{}"
-        remember = fill = ()
+        remember, fill = [], []
     nothing = inner.format(0) if waits else "0"
     return {
         "output": (

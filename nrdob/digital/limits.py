@@ -80,7 +80,7 @@ class Rule:
 
 
 def limited(limits: Limits, dt: float, resolution: float | None = None) -> Rule:
-    """What becomes of a command: first the rate, then the range, then the resolution.
+    """Make of a command what the actuator does: rate first, then range, then resolution.
 
     Parameters
     ----------
@@ -129,7 +129,7 @@ def limited(limits: Limits, dt: float, resolution: float | None = None) -> Rule:
 
 
 def rounded(resolution: float) -> Rule:
-    """What a converter makes of a signal: whole multiples of its resolution, ties to even.
+    """Make of a signal what a converter does: whole multiples of its resolution, ties to even.
 
     Parameters
     ----------

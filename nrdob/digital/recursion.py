@@ -19,9 +19,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import log
 
 import numpy as np
+from scipy.linalg import solve_triangular
 
 from ..numerics import FloatArray
 from .limits import Rule
@@ -32,7 +32,7 @@ LONGEST = 64
 """Samples in one block: the work for a sample grows with it, the work for a block is spread."""
 
 GROWTH = 1e3
-"""By how much a block may multiply what is in its states: so many digits are lost."""
+"""By how much a block may multiply what has been decided in it: so many digits are lost."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +150,7 @@ def march(
     [-0.4, -0.4, -0.2, 0.0]
     """
     (n, p), samples = recursion.G.shape, len(inputs)
-    m = _block_length(recursion.A, samples)
+    m = _block_length(recursion, samples)
     blocks = -(-samples // m)
     padded = np.zeros((blocks * m, inputs.shape[1]))
     padded[:samples] = inputs
@@ -161,7 +161,7 @@ def march(
     )
     over = np.linalg.matrix_power(recursion.A, m)
     to_end, decisions_to_end = _to_the_end(recursion, m)
-    undecided = np.linalg.inv(np.eye(m * p) - from_decisions)
+    undecided = _all_free(from_decisions)
     from_outside, outside_to_end = grouped @ from_inputs.T, grouped @ to_end.T
 
     values = np.zeros(m * p)  # what is decided in the block at hand
@@ -186,11 +186,25 @@ def march(
     return March(recursion, grouped, starts, decided, samples)
 
 
-def _block_length(A: FloatArray, samples: int) -> int:
-    """Samples that go together, few where the states grow on their own."""
-    radius = float(np.abs(np.linalg.eigvals(A)).max(initial=0.0))
-    longest = log(GROWTH) / log(radius) if radius > 1 else LONGEST
-    return max(1, int(min(LONGEST, longest, samples)))
+def _block_length(recursion: Recursion, samples: int) -> int:
+    """Choose the samples that go together, few where decisions grow from one to the next."""
+    p = len(recursion.H)
+    m = max(1, min(LONGEST, samples))
+    while m > 1:
+        coupling = _lifted(recursion, m, recursion.C, recursion.D, recursion.H)[2]
+        with np.errstate(over="ignore", invalid="ignore"):
+            growth = np.abs(_all_free(coupling)) @ np.abs(coupling)
+        # Decisions of one kind among themselves: that does not hang on their units.
+        if max(growth[r::p, r::p].max() for r in range(p)) <= GROWTH:
+            break
+        m //= 2
+    return m
+
+
+def _all_free(coupling: FloatArray) -> FloatArray:
+    """Solve for decisions that are all left as proposed, none of them by way of a later one."""
+    unit = np.eye(len(coupling))
+    return np.asarray(solve_triangular(unit - coupling, unit, lower=True, unit_diagonal=True))
 
 
 def _lifted(
@@ -230,6 +244,6 @@ def _check_finite(starts: FloatArray, decided: FloatArray, m: int) -> None:
     if lost.any():
         raise ArithmeticError(
             "the signals leave the range of floating-point numbers near sample "
-            f"{int(np.argmax(lost)) * m}: the loop is unstable; simulate fewer samples or "
-            "stabilise it"
+            f"{int(np.argmax(lost)) * m}: the loop is unstable, or the limits are too narrow for "
+            "an unstable process; simulate fewer samples"
         )

@@ -265,9 +265,9 @@ class SampledLoop:
         >>> loop = nrdob.NRDOB(process=Gm, model=Gm, controller=ct.tf([1, 1], [1, 0]),
         ...                    filter=nrdob.LowPassFilter(0.5, 1))
         >>> loop.sampled(0.1).simulate({"R": 1.0, "delta": -0.3}, limits=Limits(0, 0.9), timepts=10)
-        101 samples to 10 s, u limited in 2 of them
-        y        from 0 to 1, at last 0.999998
-        u        from 0.8 to 1, at last 0.8
+        101 samples to 10 s, u limited in 8 of them
+        y        from 0 to 0.999983, at last 0.999983
+        u        from 0.8 to 1.05, at last 0.8
         applied  from 0.8 to 0.9, at last 0.8
         """
         return simulate(

@@ -23,7 +23,6 @@ from dataclasses import astuple, dataclass
 from functools import reduce
 
 import numpy as np
-from scipy.signal import zpk2sos
 
 from ..diagram import Fraction
 from ..numerics import ComplexArray, FloatArray, roots_by_time_scale
@@ -102,9 +101,15 @@ def sections(zeros: ComplexArray, poles: ComplexArray, gain: float) -> tuple[Sec
     """
     if poles.size == 0:
         return (Section(gain),)
-    # scipy knows δ by the name of s: a polynomial whose order is not known to be two.
-    rows = zpk2sos(zeros, poles, gain, analog=True)
-    found = [_section(row) for row in rows.tolist()]
+    nums = _factors(zeros)
+    share = abs(gain) ** (1 / len(_factors(poles)))
+    found: list[Section] = []
+    for den in sorted(_factors(poles), key=lambda den: (den.size, abs(den[-1]))):
+        fitting = [num for num in nums if num.size <= den.size]
+        num = min(fitting, key=lambda num: abs(_mean(num) - _mean(den)), default=np.ones(1))
+        nums = [other for other in nums if other is not num]
+        sign = np.sign(gain) if not found else 1.0
+        found.append(_section(sign * share * num, den))
     return tuple(sorted(found, key=lambda section: section.integrates))
 
 
@@ -223,12 +228,24 @@ def _roots(p: FloatArray) -> ComplexArray:
     return np.append(roots_by_time_scale(q) if q.size > 1 else at_zero[:0], at_zero)
 
 
-def _section(row: list[float]) -> Section:
-    b, a = row[:3], row[3:]
-    while a[0] == 0:  # of first order or a number: both have zeros in front
-        b, a = b[1:], a[1:]
-    b, a = ([c / a[0] for c in p] + [0.0, 0.0] for p in (b, a))
-    return Section(b[0], b[1], b[2], a[1], a[2])
+def _factors(roots: ComplexArray) -> list[FloatArray]:
+    """Real polynomials of second order with these roots, and one of first order if need be."""
+    upper = roots[roots.imag > 0]
+    real = sorted(roots[roots.imag == 0].real.tolist(), key=abs)
+    alone = [np.array([1.0, 0.0 - real.pop(0)])] if len(real) % 2 else []
+    pairs = [np.array([1.0, 0.0 - (a + b), a * b]) for a, b in zip(real[::2], real[1::2], strict=True)]
+    return alone + pairs + [np.array([1.0, -2 * r.real, abs(r) ** 2]) for r in upper.tolist()]
+
+
+def _mean(factor: FloatArray) -> float:
+    return float(-factor[1] / (factor.size - 1))
+
+
+def _section(num: FloatArray, den: FloatArray) -> Section:
+    """Write a monic `den` and a `num` of no higher order."""
+    b = np.pad(num, (den.size - num.size, 3 - den.size)).tolist()
+    a = np.pad(den, (0, 3 - den.size)).tolist()
+    return Section(*b, *a[1:])
 
 
 def _realised(section: Section) -> Realisation:

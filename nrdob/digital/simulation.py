@@ -226,7 +226,7 @@ class _Diagram:
         return self._parts(np.array([self.signals[name] for name in names]))
 
     def between(self, gone: March, after: FloatArray) -> FloatArray:
-        """The output some seconds after each sample, shape (N, len(after))."""
+        """Follow the output some seconds after each sample, shape (N, len(after))."""
         if not after.size:
             return np.zeros((0, 0))
         rows = np.array([self._later(time) for time in after.tolist()])
@@ -286,7 +286,7 @@ class _Diagram:
 def _times(
     timepts: ArrayLike | None, inputs: Mapping[str, Signal], noise: Any, dt: float
 ) -> FloatArray:
-    """Times of the samples: as asked, or as long as the signals are."""
+    """Find the times of the samples: as asked, or as long as the signals are."""
     if not isinstance(inputs, Mapping):
         raise TypeError(
             f"inputs is a {type(inputs).__name__}; give a mapping, as {{'R': 1.0, 'd': values}}"
