@@ -44,6 +44,9 @@ TABLES = {"FILTER": "F", "INVERSE": "F/Gm", "INNER": "", "CONTROLLER": "C"}
 DTYPES = {"double": "", "float": "f"}
 """Types of C, and what their numbers end with."""
 
+LONGEST_WAIT = 1_000_000
+"""Samples of dead time at most in what is read: each is a number to be kept."""
+
 Sections = tuple[Section, ...]
 
 
@@ -277,18 +280,28 @@ class ControllerCode:
                 "(1-F)Gm (or Gm), in this order"
             )
         wait, limits = _part(read, "wait"), _part(read, "limits")
-        samples = _number(wait, "samples")
-        if not (samples >= 0 and samples == int(samples)):
-            raise ValueError(f"samples is {samples:g}; whole samples of dead time are 0, 1, 2, …")
+        dt, samples, fraction = (
+            _number(part, name)
+            for part, name in ((read, "dt"), (wait, "samples"), (wait, "fraction"))
+        )
+        if not dt > 0:
+            raise ValueError(f"dt is {dt:g}; the sampling time is a positive number of seconds")
+        if not (0 <= samples <= LONGEST_WAIT and samples == int(samples)):
+            raise ValueError(
+                f"samples is {samples:g}; the dead time of a model is 0, 1, 2, … {LONGEST_WAIT} "
+                "whole samples"
+            )
+        if not 0 <= fraction < 1:
+            raise ValueError(f"fraction is {fraction:g}; it is what is left of a sample, below 1")
         infinite = {"low": -inf, "high": inf, "rate": inf}
         bounds = {
             name: default if limits.get(name) is None else _number(limits, name)
             for name, default in infinite.items()
         }
         return cls(
-            _number(read, "dt"),
+            dt,
             blocks,
-            Wait(int(samples), _number(wait, "fraction")),
+            Wait(int(samples), fraction),
             _number(read, "tracking"),
             Limits(**bounds),
         )

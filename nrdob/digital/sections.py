@@ -233,7 +233,9 @@ def _factors(roots: ComplexArray) -> list[FloatArray]:
     upper = roots[roots.imag > 0]
     real = sorted(roots[roots.imag == 0].real.tolist(), key=abs)
     alone = [np.array([1.0, 0.0 - real.pop(0)])] if len(real) % 2 else []
-    pairs = [np.array([1.0, 0.0 - (a + b), a * b]) for a, b in zip(real[::2], real[1::2], strict=True)]
+    pairs = [
+        np.array([1.0, 0.0 - (a + b), a * b]) for a, b in zip(real[::2], real[1::2], strict=True)
+    ]
     return alone + pairs + [np.array([1.0, -2 * r.real, abs(r) ** 2]) for r in upper.tolist()]
 
 
