@@ -1,7 +1,7 @@
 r"""Output-error least squares: the plant whose exact response comes nearest to what was measured.
 
 The residual is :math:`y - \Phi(\vartheta)b` with the responses :math:`\Phi` of dead time and
-denominator :math:`\vartheta`, and with b found by linear least squares for each of them, so that the
+denominator :math:`\vartheta`, and with b found by linear least squares for each of them: the
 search has three unknowns at most (Golub and Pereyra's variable projection).
 
 .. rubric:: References
@@ -119,7 +119,7 @@ class Fit:
 
 
 def best_fit(structure: Structure, problem: Problem, tries: int) -> Fit:
-    """Search from several starting points.
+    """Search from several starting points, and with the dead time half a sample to either side.
 
     Parameters
     ----------
@@ -136,23 +136,21 @@ def best_fit(structure: Structure, problem: Problem, tries: int) -> Fit:
         The one of smallest misfit.
     """
     starts = starting_points(structure, problem.inputs, problem.outputs, tries)
-    found = [_search(structure, problem, shape, 0, rough=True) for shape in starts]
-    return refined(min(found, key=lambda fit: fit.misfit), problem, 0)
+    found = [_search(structure, problem, shape, 0, ROUGHLY) for shape in starts]
+    best = min(found, key=lambda fit: fit.misfit)
+    for shift in SHIFTS:
+        moved = best.shape + shift * np.eye(best.shape.size)[0]
+        found.append(_search(structure, problem, moved, 0, FINELY))
+    return min(found, key=lambda fit: fit.misfit)
 
 
 def refined(fit: Fit, problem: Problem, start: int) -> Fit:
-    """Search on from a fit, with the dead time also moved by half a sample to either side."""
-    low, high = fit.structure.bounds(problem.outputs.size)
-    tried = [_search(fit.structure, problem, fit.shape, start)]
-    for shift in SHIFTS:
-        moved = fit.shape.copy()
-        moved[0] = np.clip(moved[0] + shift, low[0], high[0])
-        tried.append(_search(fit.structure, problem, moved, start))
-    return min(tried, key=lambda each: each.misfit)
+    """Search on from a fit, with samples from `start` on."""
+    return _search(fit.structure, problem, fit.shape, start, FINELY)
 
 
 def _search(
-    structure: Structure, problem: Problem, shape: FloatArray, start: int, *, rough: bool = False
+    structure: Structure, problem: Problem, shape: FloatArray, start: int, most: int
 ) -> Fit:
     low, high = structure.bounds(problem.outputs.size)
     floor = (ROUNDING * np.ptp(problem.outputs)) ** 2
@@ -164,7 +162,7 @@ def _search(
 
     result = least_squares(
         lambda at: solved(at)[1], np.clip(shape, low + INSIDE, high - INSIDE), bounds=(low, high),
-        max_nfev=ROUGHLY if rough else FINELY, xtol=1e-8, ftol=1e-10, gtol=1e-14,
+        max_nfev=most, xtol=1e-8, ftol=1e-10, gtol=1e-14,
     )  # fmt: skip
     linear, rest = solved(result.x)
-    return Fit(structure, result.x, linear, start, float(np.mean(rest**2)) + floor)
+    return Fit(structure, result.x, linear, start, float(np.mean(rest**2) + floor))

@@ -7,6 +7,7 @@ so that no record has to start from rest.
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass, field
 from math import ceil, log, nan
 from numbers import Real
@@ -23,13 +24,13 @@ from .records import Record, checked_record
 from .residuals import Noise, ResidualCheck, check_residuals, noise_of
 from .structures import STRUCTURES, Structure
 
-__all__ = ["Candidate", "Identification", "Parameter", "identify"]
+__all__ = ["Candidate", "Identification", "Parameter", "identified", "identify"]
 
 TRIES = 3
 """Starting points for each structure."""
 
 MOVES, LEAST = 0.1, 50
-"""Share of the input's variance, and samples, that each part must have for a record to be parted."""
+"""Share of the input's variance, and samples, that each part of a record must have."""
 
 CLEARLY = 0.995
 """A simpler structure is taken if it foretells better than by this factor."""
@@ -72,6 +73,8 @@ class Candidate:
         How much of the output it explains in the part it was fitted to.
     validation_percent : float
         How much of the part that was held out; nan if none was.
+    levelled_percent : float
+        The same with the level and initial state of that part fitted.
     bic : float
         Bayesian information criterion against the best one, 0 for that one.
     process : DelayedTransferFunction
@@ -82,6 +85,7 @@ class Candidate:
     parameters: int
     fit_percent: float
     validation_percent: float
+    levelled_percent: float
     bic: float
     process: DelayedTransferFunction = field(repr=False)
 
@@ -105,8 +109,10 @@ class Identification:
     fit_percent : float
         100 (1 - |y - model| / |y - mean of y|) in the part that was fitted.
     validation_percent : float
-        The same in the part held out, where only the initial state and the level are fitted; nan if
-        none was held out.
+        The same in the part held out, simulated on from the fitted part; nan if none was held out.
+    levelled_percent : float
+        The same with the level and initial state of that part fitted: where it is much better, the
+        level has drifted, and the dynamics are right.
     residuals : ResidualCheck
         Is what is left noise, and nothing of the input?
     candidates : tuple of Candidate
@@ -130,6 +136,7 @@ class Identification:
     confidence: float
     fit_percent: float
     validation_percent: float
+    levelled_percent: float
     residuals: ResidualCheck
     candidates: tuple[Candidate, ...]
     reason: str
@@ -167,6 +174,7 @@ class _Judged:
     bic: float
     fit_percent: float
     validation: float
+    levelled: float
 
 
 def identify(
@@ -232,6 +240,8 @@ def identify(
             raise TypeError(f"{name} is {given!r}; give a number, such as 0.5")
         if not (0 <= given < top and (name == "held_out" or given > 0)):
             raise ValueError(f"{name} is {given}; it must be between 0 and {top:g}")
+    for remark in record.remarks:
+        warnings.warn(remark, UserWarning, stacklevel=2)
     return identified(record, _asked(structure), held_out, confidence)
 
 
@@ -241,7 +251,27 @@ def identified(
     held_out: float = 0.5,
     confidence: float = 0.95,
 ) -> Identification:
-    """Do what `identify` does, for a record that was checked."""
+    """Do what `identify` does, for a record that was checked.
+
+    Parameters
+    ----------
+    record : Record
+        The record.
+    structures : tuple of Structure
+        Those that are tried.
+    held_out, confidence : float
+        As for `identify`.
+
+    Returns
+    -------
+    Identification
+        The process and the evidence.
+
+    Raises
+    ------
+    ValueError
+        If the numbers of the process cannot be told from the record.
+    """
     inputs, outputs = record.u - record.u[0], record.y - record.y[0]
     whole = Problem(inputs, outputs, record.free)
     count, parting = _parted(record, held_out)
@@ -261,7 +291,8 @@ def identified(
     candidates = tuple(
         Candidate(
             each.fit.structure.name, each.fit.structure.count - each.fit.structure.free,
-            each.fit_percent, each.validation, each.bic - least, process_of(each.fit, step),
+            each.fit_percent, each.validation, each.levelled, each.bic - least,
+            process_of(each.fit, step),
         )
         for each in judged
     )  # fmt: skip
@@ -275,6 +306,7 @@ def identified(
         confidence=confidence,
         fit_percent=best.fit_percent,
         validation_percent=best.validation,
+        levelled_percent=best.levelled,
         residuals=check_residuals(
             problem.left(fit), problem.inputs[start:], best.noise, best.whiteness,
             fit.structure.count - fit.structure.free,
@@ -325,18 +357,20 @@ def _judged(fit: Fit, whole: Problem, problem: Problem, inflation: float) -> _Ju
         noise.covariance(fit.jacobian(problem.inputs) * used[:, None]),
         effective * log(fit.misfit) + fit.structure.count * log(effective),
         _percent(left[used], problem.outputs[fit.start :][used]),
-        _foretold(fit, whole, problem.outputs.size),
+        *_foretold(fit, whole, problem.outputs.size),
     )
 
 
-def _foretold(fit: Fit, whole: Problem, first: int) -> float:
-    """Per cent of the held-out part that is explained, with its own initial state and level."""
+def _foretold(fit: Fit, whole: Problem, first: int) -> tuple[float, float]:
+    """Per cent of the held-out part that is explained, without and with its own level fitted."""
     if first == whole.outputs.size:
-        return nan
+        return nan, nan
     columns, outputs = whole.columns(fit.structure, fit.shape, first)
     known, own = np.split(columns, [fit.structure.numerators], axis=1)
     rest = outputs - known @ fit.linear[: fit.structure.numerators]
-    return _percent(rest - own @ np.linalg.lstsq(own, rest, rcond=None)[0], outputs)
+    rest -= own @ np.linalg.lstsq(own, rest, rcond=None)[0]
+    going_on = whole.left(fit)[first - fit.start :][whole.used[first:]]
+    return _percent(going_on, outputs), _percent(rest, outputs)
 
 
 def _percent(rest: FloatArray, outputs: FloatArray) -> float:
@@ -358,7 +392,7 @@ def _chosen(judged: list[_Judged], parting: str) -> tuple[_Judged, str]:
         reason = "it was asked for"
     for each in sorted(possible, key=lambda each: each.fit.structure.count):
         simpler = each.fit.structure.count < best.fit.structure.count
-        if simpler and 100 - each.validation < CLEARLY * (100 - best.validation):
+        if simpler and 100 - each.levelled < CLEARLY * (100 - best.levelled):
             reason = (
                 f"it is simpler than {best.fit.structure.name}, which fits better but foretells "
                 "the part held out less well"

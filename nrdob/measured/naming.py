@@ -1,4 +1,4 @@
-"""A fit told in the words and units of the field: gain, lags or frequency and damping, dead time."""
+"""A fit told in the words of the field: gain, lags or frequency and damping, dead time."""
 
 from __future__ import annotations
 

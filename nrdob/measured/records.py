@@ -172,19 +172,18 @@ def _stuck(outputs: FloatArray, place: Callable[[int], str]) -> tuple[BoolArray,
     remarks = []
     abrupt = ABRUPT * np.abs(np.diff(outputs)).max()
     for extreme, called in ((outputs.max(), "largest"), (outputs.min(), "smallest")):
+        held = outputs == extreme
         cut = [
-            (first, last)
-            for first, last in _runs(outputs == extreme)
+            first
+            for first, last in _runs(held)
             if last - first >= STUCK and first and abs(extreme - outputs[first - 1]) > abrupt
         ]
-        for first, last in cut:
-            free[first:last] = False
         if cut:
-            total = sum(last - first for first, last in cut)
+            free &= ~held
             remarks.append(
-                f"y stays at its {called} value, {extreme:g}, for {total} samples, first at "
-                f"{place(cut[0][0])}, after it was still moving fast: it looks cut off by a limit, "
-                "and these samples are left out; measure again with a smaller input"
+                f"y stays at its {called} value, {extreme:g}, for {held.sum()} samples, at "
+                f"{place(cut[0])} after it was still moving fast: it looks cut off by a limit, and "
+                "these samples are left out; measure again with a smaller input"
             )
     return free, remarks
 

@@ -1,7 +1,7 @@
-r"""What a model leaves unexplained: is it noise, has it a memory, does it still follow the input?
+r"""What a model leaves unexplained.
 
-A memory makes neighbouring samples tell the same thing twice. It is described by an
-autoregression, from which follow the covariance of estimates that were made as if there were none,
+Is it noise, has it a memory, does it still follow the input? A memory makes neighbouring samples
+tell the same thing twice. It is described by an autoregression, from which follow the covariance of estimates that were made as if there were none,
 
 .. math:: (J^TJ)^{-1}\,J^TRJ\,(J^TJ)^{-1}, \qquad R = E\,ee^T,
 

@@ -23,6 +23,9 @@ FASTEST_LAG = 0.05
 DAMPING = (0.003, 30.0)
 """Damping ratios looked at."""
 
+RAMP = 100.0
+"""Samples in which the ramp of an integrator's level grows by one."""
+
 
 @dataclass(frozen=True)
 class Structure:
@@ -61,7 +64,13 @@ class Structure:
         return 1 + self.lags + self.numerators + self.free
 
     def bounds(self, samples: int) -> tuple[FloatArray, FloatArray]:
-        """Lowest and highest `shape` for a record of so many samples."""
+        """Lowest and highest `shape`.
+
+        Parameters
+        ----------
+        samples : int
+            Length of the record.
+        """
         slow = 20.0 * samples
         if self.lags == 2:
             pairs = [(-log(slow), log(pi)), (log(DAMPING[0]), log(DAMPING[1]))]
@@ -86,7 +95,13 @@ class Structure:
         return rest + [0.0] * self.integrates
 
     def shapes(self, samples: int) -> list[FloatArray]:
-        """Denominators tried at first, without dead time."""
+        """Denominators tried at first, without dead time.
+
+        Parameters
+        ----------
+        samples : int
+            Length of the record.
+        """
         lags = np.geomspace(0.3, samples / 3, 14)
         if self.lags == 0:
             return [np.zeros(1)]
@@ -102,7 +117,15 @@ class Structure:
         return [np.array([0.0, log(omega), log(damping)]) for omega, damping in found]
 
     def forced(self, shape: FloatArray, inputs: FloatArray) -> FloatArray:
-        """Responses that the coefficients of the numerator multiply, shape (numerators, N)."""
+        """Responses that the coefficients of the numerator multiply, shape (numerators, N).
+
+        Parameters
+        ----------
+        shape : array of float
+            As in `den`.
+        inputs : (N,) array
+            The input, zero before its first sample.
+        """
         den = self.den(shape)
         found = held_responses(den, inputs, float(shape[0]))[: self.numerators]
         return found * next(c for c in den[::-1] if c)  # so that the first coefficient is a gain
@@ -126,7 +149,7 @@ class Structure:
             a ramp.
         """
         count = inputs.size - start
-        level = np.linspace(-1.0, 1.0, count) if self.integrates else np.ones(count)
+        level = np.arange(count) / RAMP if self.integrates else np.ones(count)
         parts = [
             self.forced(shape, inputs)[:, start:],
             free_responses(self.den(shape), count),
