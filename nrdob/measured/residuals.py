@@ -1,7 +1,8 @@
 r"""What a model leaves unexplained.
 
 Is it noise, has it a memory, does it still follow the input? A memory makes neighbouring samples
-tell the same thing twice. It is described by an autoregression, from which follow the covariance of estimates that were made as if there were none,
+tell the same thing twice. It is described by an autoregression, from which follow the covariance of
+estimates that were made as if there were none,
 
 .. math:: (J^TJ)^{-1}\,J^TRJ\,(J^TJ)^{-1}, \qquad R = E\,ee^T,
 
