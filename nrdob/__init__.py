@@ -2,8 +2,9 @@
 
 The list below is the table of contents, by topic. What answers, with which fields, is one room
 further: `nrdob.analysis` (verdicts, margins, responses), `nrdob.design` (which filter, model and
-controller), `nrdob.diagram` (blocks and the maps between them), `nrdob.numerics` (polynomials with
-a delay), `nrdob.plotting` (figures) and `nrdob.course` (the paper's claims, the problem sets).
+controller), `nrdob.measured` (a process out of a record), `nrdob.diagram` (blocks and the maps
+between them), `nrdob.numerics` (polynomials with a delay), `nrdob.plotting` (figures) and
+`nrdob.course` (the paper's claims, the problem sets).
 """
 
 from . import paper, plants
@@ -43,6 +44,7 @@ from .diagram import (
     interpolating_filter,
 )
 from .loop import NRDOB
+from .measured import identify, read_data
 from .sampling import random_loop
 
 __all__ = [  # noqa: RUF022  (by topic: the contents of the package)
@@ -58,6 +60,8 @@ __all__ = [  # noqa: RUF022  (by topic: the contents of the package)
     "admissible_time_constants", "design_filter", "stability_chart",
     # Which model, and which controller?
     "suggest_model", "design_controller",
+    # What process was measured?
+    "identify", "read_data",
     # Is a controller an observer?
     "observer_form", "stable_model_exists",
     # Other schemes on the same plant, in one table.
