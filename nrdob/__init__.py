@@ -2,7 +2,7 @@
 
 The list below is the table of contents, by topic. What answers, with which fields, is one room
 further: `nrdob.analysis` (verdicts, margins, responses), `nrdob.design` (which filter, model and
-controller), `nrdob.diagram` (blocks and the maps between them), `nrdob.numerics` (polynomials with
+controller), `nrdob.uncertain` (families of plants), `nrdob.diagram` (blocks and the maps between them), `nrdob.numerics` (polynomials with
 a delay), `nrdob.plotting` (figures) and `nrdob.course` (the paper's claims, the problem sets).
 """
 
@@ -30,6 +30,7 @@ from .diagram import (
 )
 from .loop import NRDOB
 from .sampling import random_loop
+from .uncertain import family, sweep
 
 __all__ = [  # noqa: RUF022  (by topic: the contents of the package)
     # The loop, and what it is made of.
@@ -46,6 +47,8 @@ __all__ = [  # noqa: RUF022  (by topic: the contents of the package)
     "suggest_model", "design_controller",
     # Is a controller an observer?
     "observer_form", "stable_model_exists",
+    # Will it survive the real plant?
+    "family", "sweep",
     # Loops to try things on: the paper's, some with a name, random ones.
     "paper", "plants", "random_loop",
 ]  # fmt: skip

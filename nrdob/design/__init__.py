@@ -22,6 +22,7 @@ from .limits import (
 )
 from .mismatch import Mismatch
 from .models import ModelCandidate, suggest_model
+from .prices import step_peak
 from .search import admissible_time_constants, design_filter
 from .timeconstants import (
     CriticalTimeConstant,
@@ -64,5 +65,6 @@ __all__ = [
     "stable_for_fast_filters",
     "stable_for_slow_filters",
     "stable_model_exists",
+    "step_peak",
     "suggest_model",
 ]

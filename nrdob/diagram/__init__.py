@@ -1,6 +1,6 @@
 """What is wired to what: the blocks handed in, and the loop's maps as factored quotients."""
 
-from .blocks import Fraction, as_fraction, nonzero
+from .blocks import Fraction, as_fraction, is_number, nonzero
 from .delay import DelayedTransferFunction, delay
 from .equations import LoopEquations, ObserverEquations
 from .families import FilterFamily, as_family, filter_family
@@ -27,6 +27,7 @@ __all__ = [
     "filter_family",
     "filter_fraction",
     "interpolating_filter",
+    "is_number",
     "nonzero",
     "rational_power",
 ]

@@ -3,6 +3,9 @@
 from .argument import Term
 from .arrays import ROUNDING, BoolArray, ComplexArray, FloatArray, IntArray
 from .crossings import bisect, golden, newton, side
+from .hurwitz import hurwitz
+from .manypolynomials import convolved, padded_sum, values_and_slopes
+from .manyturns import ManyTerms, frequency_range, rhp_counts, zero_free
 from .quasipoly import (
     QuasiPolynomial,
     RootCount,
@@ -25,6 +28,7 @@ __all__ = [
     "ComplexArray",
     "FloatArray",
     "IntArray",
+    "ManyTerms",
     "QuasiPolynomial",
     "RootCount",
     "Shared",
@@ -32,20 +36,27 @@ __all__ = [
     "add",
     "bisect",
     "companion_roots",
+    "convolved",
     "count_rhp",
     "differentiate",
     "factor_near",
+    "frequency_range",
     "frequency_segments",
     "golden",
+    "hurwitz",
     "impulse_states",
     "multiply",
     "newton",
     "number",
+    "padded_sum",
+    "rhp_counts",
     "roots_by_time_scale",
     "shared_factor",
     "side",
     "split",
     "unstable_roots",
+    "values_and_slopes",
     "without_shared_factor",
     "written",
+    "zero_free",
 ]
