@@ -4,7 +4,7 @@ from .argument import Term
 from .arrays import ROUNDING, BoolArray, ComplexArray, FloatArray, IntArray
 from .crossings import bisect, golden, newton, side
 from .hurwitz import hurwitz
-from .manypolynomials import convolved, padded_sum, values_and_slopes
+from .manypolynomials import convolved, padded_sum, values_and_slopes, values_on_axis
 from .manyturns import ManyTerms, frequency_range, rhp_counts, zero_free
 from .quasipoly import (
     QuasiPolynomial,
@@ -56,6 +56,7 @@ __all__ = [
     "split",
     "unstable_roots",
     "values_and_slopes",
+    "values_on_axis",
     "without_shared_factor",
     "written",
     "zero_free",

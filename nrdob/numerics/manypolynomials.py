@@ -14,7 +14,14 @@ import numpy as np
 
 from .arrays import ComplexArray, FloatArray
 
-__all__ = ["convolved", "padded_sum", "sizes_on_axis", "taylor_on_axis", "values_and_slopes"]
+__all__ = [
+    "convolved",
+    "padded_sum",
+    "sizes_on_axis",
+    "taylor_on_axis",
+    "values_and_slopes",
+    "values_on_axis",
+]
 
 
 def convolved(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -54,6 +61,32 @@ def padded_sum(*polynomials: FloatArray) -> FloatArray:
     for p in polynomials:
         total[total.shape[0] - p.shape[0] :] += p
     return total
+
+
+def values_on_axis(p: FloatArray, omega: FloatArray) -> ComplexArray:
+    """Evaluate p(jω).
+
+    Parameters
+    ----------
+    p : (k, ...) array of float
+        Coefficients in descending powers.
+    omega : array of float
+        Frequencies in rad/s, of a shape that broadcasts with the columns.
+    """
+    square = -(omega**2)
+    even, odd = (_plain(p[::-1][k::2], square) for k in (0, 1))
+    return np.asarray(even + 1j * (omega * odd))
+
+
+def _plain(ascending: FloatArray, x: FloatArray) -> FloatArray:
+    """Values of polynomials at real x."""
+    if not ascending.shape[0]:
+        return np.zeros(1)
+    value = np.asarray(ascending[-1] + np.zeros_like(x))
+    for coefficient in ascending[-2::-1]:
+        value *= x
+        value += coefficient
+    return value
 
 
 def values_and_slopes(p: FloatArray, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:
@@ -105,7 +138,7 @@ def sizes_on_axis(sizes: FloatArray, omega: FloatArray) -> FloatArray:
     omega : array of float
         Frequencies in rad/s.
     """
-    return _horner(sizes[::-1], omega, np.shape(omega))[0]
+    return _plain(sizes[::-1], omega)
 
 
 def taylor_on_axis(
@@ -120,26 +153,27 @@ def taylor_on_axis(
     centre, radius : array of float
         Of discs around j·centre; their shape broadcasts with the columns.
     """
-    n = p.shape[0]
     power = np.ones_like(centre)
     scaled = []
     for coefficient in p[::-1]:
         scaled.append(coefficient * power)
         power = power * centre
+    even, odd = _derivative(scaled, 0)
     spread = radius / centre
     rest, step = np.zeros_like(scaled[0]), spread
-    for m in range(1, n):
-        rest += np.abs(_derivative(scaled, m)) * step
+    for m in range(1, p.shape[0]):
+        # The sum of the sizes of both parts is cheaper than their root of squares, and no smaller.
+        rest += sum(np.abs(part) for part in _derivative(scaled, m)) * step
         step = step * spread
-    return _derivative(scaled, 0), rest
+    return even + 1j * odd, rest
 
 
-def _derivative(scaled: list[FloatArray], m: int) -> ComplexArray:
-    """Taylor coefficient m for the radius |c|, up to a power of j."""
-    parts = [np.zeros_like(scaled[0]), np.zeros_like(scaled[0])]
+def _derivative(scaled: list[FloatArray], m: int) -> tuple[FloatArray, FloatArray]:
+    """Real and imaginary part of Taylor's coefficient m for the radius |c|, up to a power of j."""
+    parts: list[FloatArray] = [np.zeros(1), np.zeros(1)]
     for k, weight in _weights(len(scaled), m):
-        parts[(k - m) % 2] += weight * scaled[k]
-    return np.asarray(parts[0] + 1j * parts[1])
+        parts[(k - m) % 2] = parts[(k - m) % 2] + (scaled[k] if weight == 1 else weight * scaled[k])
+    return parts[0], parts[1]
 
 
 @lru_cache(maxsize=256)

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .arrays import ROUNDING, BoolArray, ComplexArray, FloatArray, IntArray
-from .manypolynomials import sizes_on_axis, taylor_on_axis, values_and_slopes
+from .manypolynomials import sizes_on_axis, taylor_on_axis, values_on_axis
 
 __all__ = ["ManyTerms", "frequency_range", "rhp_counts", "zero_free"]
 
@@ -103,7 +103,9 @@ def frequency_range(
 
     Parameters
     ----------
-    terms, scale
+    terms : sequence of ManyTerms
+        As for `rhp_counts`.
+    scale : (k, n) array of float
         As for `rhp_counts`.
 
     Returns
@@ -142,8 +144,7 @@ def _turns(terms: Sequence[ManyTerms], scale: FloatArray, low: float, high: floa
     across = [term.across() for term in terms]
     left, right = edges[:-1], edges[1:]
     mark, lost = _examine(across, scale[:, :, None], (left + right) / 2, (right - left) / 2)
-    at = [_values(term, edges) for term in across]
-    total = sum(at[1:], start=at[0])
+    total = _summed(across, edges)
     # From 0 to the first frequency, and beyond the last one, constant and leading term dominate.
     first = total[:, 0] / sum(term.q[-1] for term in terms)
     last = terms[0].q[0] * 1j**degree / total[:, -1]
@@ -188,38 +189,27 @@ def zero_free(
 
     Parameters
     ----------
-    terms, scale
+    terms : sequence of ManyTerms
+        As for `rhp_counts`; their columns broadcast with the discs.
+    scale : (k, ...) array of float
         As for `rhp_counts`.
-    centre, radius : (m,) array of float
+    centre, radius : array of float
         Of the discs, in rad/s.
 
     Returns
     -------
-    (n, m) array of bool
-        For each sum and each disc.
+    array of bool
+        For each disc.
     """
-    across = [term.across() for term in terms]
-    return np.asarray(_examine(across, scale[:, :, None], centre, radius)[0] == FREE)
+    value, bound, noise, _, _ = _bounds(terms, scale, centre, radius)
+    return np.asarray(value > SLACK * bound + noise)
 
 
 def _examine(
     terms: Sequence[ManyTerms], scale: FloatArray, centre: FloatArray, radius: FloatArray
 ) -> tuple[IntArray, BoolArray]:
-    """Say for discs around j·centre what certifies them; flag centres where the sum is rounding.
-
-    Taylor: |q(s) - q(c)| <= sum |q^(m)(c)|/m! radius^m over the disc.
-    """
-    noise = ROUNDING * sizes_on_axis(scale, centre)
-    values, rests, sizes = [], [], []
-    for q, delay in terms:
-        value, rest = taylor_on_axis(q, centre, radius)
-        values.append(value * np.exp(-1j * delay * centre) if delay.any() else value)
-        rests.append(rest)
-        sizes.append(np.abs(value))
-    total = np.abs(sum(values[1:], start=values[0]))
-    bound = sum(rests[1:], start=rests[0])
-    for (_, delay), size in zip(terms[1:], sizes[1:], strict=True):
-        bound = bound + size * np.minimum(2.0, delay * radius)
+    """Say for discs around j·centre what certifies them; flag centres where the sum is rounding."""
+    total, bound, noise, sizes, rests = _bounds(terms, scale, centre, radius)
     mark = np.where(total > SLACK * bound + noise, FREE, OPEN)
     if len(terms) > 1:
         everything = sum(size + rest for size, rest in zip(sizes, rests, strict=True))
@@ -229,16 +219,40 @@ def _examine(
     return mark, (mark == OPEN) & (total <= noise)
 
 
+def _bounds(
+    terms: Sequence[ManyTerms], scale: FloatArray, centre: FloatArray, radius: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, list[FloatArray], list[FloatArray]]:
+    """Size at the centres, how far it is from that on the discs, rounding; size and rest by term.
+
+    Taylor: |q(s) - q(c)| <= sum |q^(m)(c)|/m! radius^m over the disc.
+    """
+    values, rests, sizes = [], [], []
+    for q, delay in terms:
+        value, rest = taylor_on_axis(q, centre, radius)
+        values.append(value * np.exp(-1j * delay * centre) if delay.any() else value)
+        rests.append(rest)
+        sizes.append(np.abs(value))
+    total = np.abs(sum(values[1:], start=values[0])) if len(terms) > 1 else sizes[0]
+    bound = sum(rests[1:], start=rests[0])
+    for (_, delay), size in zip(terms[1:], sizes[1:], strict=True):
+        bound = bound + size * np.minimum(2.0, delay * radius)
+    return total, bound, ROUNDING * sizes_on_axis(scale, centre), sizes, rests
+
+
 def _values(term: ManyTerms, omega: FloatArray) -> ComplexArray:
-    value = values_and_slopes(term.q, omega)[0]
+    value = values_on_axis(term.q, omega)
     return value * np.exp(-1j * term.delay * omega) if term.delay.any() else value
+
+
+def _summed(terms: Sequence[ManyTerms], omega: FloatArray) -> ComplexArray:
+    return np.asarray(sum(_values(term, omega) for term in terms))
 
 
 def _free(
     terms: Sequence[ManyTerms], mark: IntArray, left: FloatArray, right: FloatArray
 ) -> FloatArray:
     """Turn of sums over stretches where they have no zero."""
-    before, after = (sum(_values(term, omega) for term in terms) for omega in (left, right))
+    before, after = (_summed(terms, omega) for omega in (left, right))
     return np.asarray(np.angle(after / before))
 
 
@@ -247,7 +261,7 @@ def _led(
 ) -> FloatArray:
     """Turn of sums over stretches where one term dominates."""
     values = [[_values(term, omega) for term in terms] for omega in (left, right)]
-    before, after = (sum(each) for each in values)
+    before, after = (_summed(terms, omega) for omega in (left, right))
     turned = np.zeros(left.size)
     for i, term in enumerate(terms):
         on = np.flatnonzero(mark == i)

@@ -1,15 +1,16 @@
 r"""Margins of the plant loops L = K·G of many plants at once.
 
-The fixed feedback K and all plants are looked at on the same frequencies, which are cut finer
-until around each of them no factor and no 1 + L has a root for any of the plants: nothing resonates
-between two of them. Then the crossings and the closest points are solved for, each in its bracket,
-all together, from the factors and their slopes, as `nrdob.analysis.margins` does for one loop.
-A plant that would need too many frequencies is left to it.
+All plants are looked at on the same frequencies, and each on frequencies of its own where around
+the stretch between two of them a factor of L, or 1 + L, may have a root, or a dead time turns it
+far: then nothing resonates between two frequencies. Crossings and closest points are solved for,
+each in its bracket, all together, from values and slopes of the factors, as
+`nrdob.analysis.margins` does for one loop. A plant that would need too many frequencies is left to
+it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from math import pi
 from typing import NamedTuple
 
@@ -26,6 +27,7 @@ from ..numerics import (
     frequency_range,
     side,
     values_and_slopes,
+    values_on_axis,
     zero_free,
 )
 from .plants import Plants
@@ -36,14 +38,14 @@ __all__ = ["MARGINS", "many_margins"]
 MARGINS = ("ms", "gm", "pm", "delay_margin")
 """Margins of L that are found here, by the names they have in `nrdob.analysis.Margins`."""
 
-PER_OCTAVE, AT_MOST = 6, 1500
-"""Frequencies of an octave to begin with, and frequencies in all."""
+PER_OCTAVE, AT_MOST = 8, 400
+"""Frequencies of an octave that all plants share, and all of them at most."""
 
-CLEAR = 3.0
+CLEAR = 2.0
 """Around each stretch nothing may vanish on a disc so many times as wide."""
 
-ROUNDS = 12
-"""How often stretches are halved."""
+ROUNDS, OWN = 25, 400
+"""How often stretches are halved, and how many stretches of its own a plant may have."""
 
 RADIANS = 0.5
 """How far a dead time may turn L from one frequency to the next."""
@@ -57,14 +59,11 @@ NOISE = 1e-13
 CROSSING = 1e-3
 """How well a crossing found must be one: at a pole on the axis the side of L changes by a jump."""
 
-SHALLOW = 0.5
-"""Minima of ``log |1 + L|`` that begin so far above the least value are not looked into."""
+SHALLOW = 2.7
+"""Minima of ``|1 + L|²`` that begin so many times above the least value are not looked into."""
 
 WITHIN = 1e-10
 """How well a frequency is to be known, relatively."""
-
-SIZE, SIDE, RETREAT, SIZE_SLOPE, SIDE_SLOPE, DISTANCE = range(6)
-"""Rows of the motion, as in `nrdob.analysis.locus`."""
 
 
 def many_margins(feedback: Feedback, plants: Plants) -> tuple[dict[str, FloatArray], BoolArray]:
@@ -86,21 +85,104 @@ def many_margins(feedback: Feedback, plants: Plants) -> tuple[dict[str, FloatArr
     """
     loops = _Loops(feedback, plants)
     with np.errstate(all="ignore"):  # what is not finite is looked at again
-        omega, trusted = _frequencies(loops)
-        found = loops.margins(omega)
+        shared, own, trusted = _frequencies(loops)
+        gain, phase, nearest = _notable(loops, shared, own)
+        ends = _ends(loops)
+        found = {
+            "ms": 1 / _closest(nearest, ends),
+            "gm": _gain_margin(phase, ends),
+            **_rotations(gain, ends),
+        }
     for values in found.values():
         trusted &= ~np.isnan(values)
-    late = bool(plants.delay.any())
-    trusted &= ~(late & (found["gm"] > 0.5 / SMALL) & (loops.largest_at_end(omega) > 0))
+    if loops.late:
+        trusted &= found["gm"] < 0.5 / SMALL
     return found, trusted
 
 
+class _Motion(NamedTuple):
+    """L(jω), and its derivative with respect to log ω, divided by L."""
+
+    L: ComplexArray
+    slope: ComplexArray
+
+    @property
+    def retreat(self) -> FloatArray:
+        """Positive where L moves away from -1 with growing frequency."""
+        return np.asarray((self.slope * self.L * (1 + self.L).conj()).real)
+
+    @property
+    def distance(self) -> FloatArray:
+        """Square of the distance from -1."""
+        return np.asarray((1 + self.L.real) ** 2 + self.L.imag**2)
+
+    @property
+    def rows(self) -> _Rows:
+        real, imag = self.L.real, self.L.imag
+        size = real * real + imag * imag
+        side = imag / np.sqrt(size)
+        slopes = 2 * size * self.slope.real, real * self.slope.imag
+        return _Rows(real, size - 1, slopes[0], side, slopes[1], self.retreat, self.distance)
+
+
+class _Rows(NamedTuple):
+    """What decides about margins, at one end of each stretch.
+
+    Real part of L; ``|L|² - 1`` and its slope; the sine of the angle of L and what its slope has
+    the sign of; what is positive where L moves away from -1, and the square of how far it is.
+    """
+
+    real: FloatArray
+    size: FloatArray
+    size_slope: FloatArray
+    side: FloatArray
+    side_slope: FloatArray
+    retreat: FloatArray
+    distance: FloatArray
+
+    def of(self, chosen: slice) -> _Rows:
+        return _Rows(*(row[:, chosen] for row in self))
+
+
+class _Stretches(NamedTuple):
+    """Stretches of frequency, each of one loop."""
+
+    loop: IntArray
+    low: FloatArray
+    high: FloatArray
+
+    def of(self, chosen: BoolArray | IntArray) -> _Stretches:
+        return _Stretches(self.loop[chosen], self.low[chosen], self.high[chosen])
+
+    def joined(self, *others: _Stretches) -> _Stretches:
+        every = (self, *others)
+        return _Stretches(
+            np.concatenate([each.loop for each in every]),
+            np.concatenate([each.low for each in every]),
+            np.concatenate([each.high for each in every]),
+        )
+
+    def halved(self) -> _Stretches:
+        middle = np.sqrt(self.low * self.high)
+        return _Stretches(self.loop, self.low, middle).joined(
+            _Stretches(self.loop, middle, self.high)
+        )
+
+
 class _Found(NamedTuple):
-    """Solutions of one kind: which loop, at which frequency in rad/s, and log L there."""
+    """Solutions of one kind: which loop, at which frequency in rad/s, and L there."""
 
     loop: IntArray
     omega: FloatArray
-    log: ComplexArray
+    L: ComplexArray
+
+
+class _Ends(NamedTuple):
+    """L(0), and a and b of the circle a + b exp(-jωθ) that L(jω) tends to; nan where unknown."""
+
+    dc: FloatArray
+    a: FloatArray
+    b: FloatArray
 
 
 class _Loops:
@@ -110,297 +192,302 @@ class _Loops:
         self.feedback, self.plants = feedback, plants
         self.count = plants.delay.size
         self.late = bool(plants.delay.any())
-        self._ratio_at_0 = plants.num[-1] / plants.den[-1]
+        self.factors = self._factors()
 
-    def factors(self) -> list[tuple[list[ManyTerms], FloatArray]]:
-        """What may vanish: p_B, numerators and denominators of the plants, factors of K."""
+    def _factors(self) -> list[tuple[list[ManyTerms], FloatArray]]:
+        """List what may vanish: p_B, numerators and denominators of the plants, factors of K."""
         prompt = np.zeros(1)
         found = [self.feedback.characteristic(self.plants)]
-        for p in (self.plants.num, self.plants.den):
-            found.append(([ManyTerms(p, prompt)], np.abs(p)))
-        for factor in (*self.feedback.zeros, *self.feedback.poles):
-            p = factor.without_origin
+        for part in (self.plants.num, self.plants.den):
+            found.append(([ManyTerms(part, prompt)], np.abs(part)))
+        for each in (*self.feedback.zeros, *self.feedback.poles):
+            # One that vanishes at s = 0 is not divided by s: no stretch begins there.
+            p = each if each.without_origin.divided else each.without_origin
             terms = [ManyTerms(q[:, None], np.full(1, delay)) for q, delay in p.terms]
-            if terms[0].q.shape[0] == p.degree + 1 > 1 and not p.divided:
-                found.append((terms, p.scale[:, None]))
-        return found
+            found.append((terms, p.scale[:, None]))
+        return [factor for factor in found if factor[1].shape[0] > 1]
 
-    def motion(self, omega: FloatArray, loop: IntArray | slice = slice(None)) -> FloatArray:
-        """What decides about margins: the rows named above, for some loops at frequencies.
-
-        With a slice all loops at all frequencies, else each at its own.
-        """
-        log, slope = self.log_and_slope(omega, loop)
-        size, angle = log.real, log.imag
-        inverse = np.exp(-np.clip(size, -700, 700) - 1j * angle)
-        retreat = (slope / (1 + inverse)).real  # d log(1 + L) = L/(1 + L) d log L
-        distance = size + np.log(np.abs(1 + inverse))
-        rows = (size, np.sin(angle), retreat, slope.real, np.cos(angle) * slope.imag, distance)
-        return np.stack(rows)
-
-    def log_and_slope(
-        self, omega: FloatArray, loop: IntArray | slice
-    ) -> tuple[ComplexArray, ComplexArray]:
-        """Return log L(jω) and its derivative with respect to log ω."""
-        feedback = self.feedback
-        value, slope = np.ones(omega.shape, dtype=complex), np.zeros(omega.shape, dtype=complex)
-        for factors, sign in ((feedback.zeros, 1), (feedback.poles, -1)):
-            for factor in factors:
-                p, dp = 0.0, 0.0
-                for q, delay in factor.terms:
-                    late = np.exp(-1j * delay * omega) if delay else 1.0
-                    at, rising = values_and_slopes(q, omega)
-                    p, dp = p + at * late, dp + (rising - delay * at) * late
-                value = value * p if sign > 0 else value / p
-                slope = slope + sign * (dp / p)
-        each = isinstance(loop, slice)
-        num, den = (
-            p[:, :, None] if each else p[:, loop] for p in (self.plants.num, self.plants.den)
-        )
-        n, dn = values_and_slopes(num, omega)
-        d, dd = values_and_slopes(den, omega)
-        value, slope = value * (n / d), slope + dn / n - dd / d
+    def gain(self, omega: FloatArray, of: Plants) -> ComplexArray:
+        """Evaluate L(jω) of plants whose columns broadcast with the frequencies."""
+        value = values_on_axis(of.num, omega) / values_on_axis(of.den, omega)
         if self.late:
-            delay = self.plants.delay[:, None] if each else self.plants.delay[loop]
-            value, slope = value * np.exp(-1j * delay * omega), slope - delay
-        return np.log(value), 1j * omega * slope
+            value = value * np.exp(-1j * (of.delay * omega))
+        return np.asarray(value * self.feedback.gain(omega))
 
-    def largest_at_end(self, omega: FloatArray) -> FloatArray:
-        """Size of L at the last frequency."""
-        return np.exp(self.log_and_slope(omega[-1:], slice(None))[0].real[:, 0])
+    def motion(self, omega: FloatArray, of: Plants) -> _Motion:
+        """Evaluate L(jω) and how it moves."""
+        d, dd = values_and_slopes(of.den, omega)
+        n, dn = values_and_slopes(of.num, omega)
+        value, slope = n / d, -dd / d
+        if of.num.shape[0] > 1:
+            slope += dn / n
+        if self.late:
+            value, slope = value * np.exp(-1j * (of.delay * omega)), slope - of.delay
+        gain, its_slope = self.feedback.gain_and_slope(omega)
+        return _Motion(value * gain, 1j * omega * (slope + its_slope))
 
-    def margins(self, omega: FloatArray) -> dict[str, FloatArray]:
-        """Find crossings and closest points, starting from frequencies that show every turn."""
-        motion = self.motion(omega)
-        gain, phase, nearest = self._notable(omega, motion)
-        dc, a, b = self._ends()
-        return {
-            "ms": 1 / self._closest(nearest, dc, a, b),
-            "gm": self._gain_margin(phase, dc, a, b),
-            **self._rotations(gain, dc, a, b),
-        }
-
-    def _notable(self, omega: FloatArray, motion: FloatArray) -> list[_Found]:
-        log_omega = np.log(omega)
-        # A function that first nears zero and then leaves it may have crossed it twice in between.
-        brackets: list[_Bracket] = []
-        for row, row_slope in ((SIZE, SIZE_SLOPE), (SIDE, SIDE_SLOPE)):
-            bracket = _changes(motion[row], omega)
-            hidden = _between(motion[row], motion[row_slope], omega)
-            bottom = self._solved(hidden, row_slope)
-            at = self.motion(bottom.omega, bottom.loop)[row]
-            low, high = (self.motion(end, hidden.loop)[row] for end in (hidden.low, hidden.high))
-            for ends in ((hidden.low, bottom.omega, low), (bottom.omega, hidden.high, high)):
-                crossed = (side(at) != side(ends[2])) & (np.abs(at) > NOISE)
-                bracket = bracket.joined(
-                    _Bracket(hidden.loop[crossed], ends[0][crossed], ends[1][crossed])
-                )
-            brackets.append(bracket)
-        del log_omega
-        brackets[1] = self._critical(brackets[1])
-        brackets.append(_deepest(motion, omega))
-        found = [
-            self._solved(bracket, row)
-            for bracket, row in zip(brackets, (SIZE, SIDE, RETREAT), strict=True)
-        ]
-        for k, part in enumerate((np.real, lambda log: np.sin(log.imag))):
-            at = found[k]
-            kept = np.abs(part(at.log)) < CROSSING
-            found[k] = _Found(*(column[kept] for column in at))
-        return found
-
-    def _critical(self, bracket: _Bracket) -> _Bracket:
-        """Leave out where L crosses the positive real axis, and where it cannot be next to -1."""
-        ends = [self.log_and_slope(omega, bracket.loop)[0] for omega in (bracket.low, bracket.high)]
-        negative = (np.cos(ends[0].imag) < 0) | (np.cos(ends[1].imag) < 0)
-        largest, smallest = (pick(ends[0].real, ends[1].real) for pick in (np.fmax, np.fmin))
-        # Of those below 1 only the largest counts, of those above only the smallest.
-        below, above = np.full(self.count, -np.inf), np.full(self.count, np.inf)
-        small, large = negative & (largest < 0), negative & (smallest > 0)
-        np.maximum.at(below, bracket.loop[small], smallest[small])
-        np.minimum.at(above, bracket.loop[large], largest[large])
-        kept = negative & (largest >= below[bracket.loop] - 0.1)
-        kept &= smallest <= above[bracket.loop] + 0.1
-        return bracket.of(kept)
-
-    def _solved(self, bracket: _Bracket, row: int) -> _Found:
-        """Find a zero of a row of the motion in every bracket."""
-        loop, low, high = bracket
-        if not loop.size:
-            return _Found(loop, low, np.empty(0, dtype=complex))
-        few = _Loops(self.feedback, self.plants.of(loop))
-        each = np.arange(loop.size)
-        found = np.exp(
-            bisect(lambda x: few.motion(np.exp(x), each)[row], np.log(low), np.log(high), WITHIN)
-        )
-        return _Found(loop, found, few.log_and_slope(found, each)[0])
-
-    def _ends(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """L(0), and a and b of the circle a + b exp(-jωθ) that L(jω) tends to."""
-        feedback, plants = self.feedback, self.plants
-        num, den = ([factor for factor in factors] for factors in (feedback.zeros, feedback.poles))
-        power = sum(f.zeros_at_origin for f in num) - sum(f.zeros_at_origin for f in den)
-        level = np.ones(self.count)
-        for factor in num:
-            level = level * factor.without_origin.constant
-        for factor in den:
-            level = level / factor.without_origin.constant
-        dc = np.empty(self.count)
-        zeros, poles = (_zeros_at_origin(p) for p in (plants.num, plants.den))
-        at = np.arange(self.count)
-        level = level * plants.num[-1 - zeros, at] / plants.den[-1 - poles, at]
-        order = power + zeros - poles
-        dc = np.where(order > 0, 0.0, np.where(order < 0, np.inf, level))
-        a, b = np.zeros(self.count), np.zeros(self.count)
-        excess = feedback.numerator.degree + plants.num.shape[0]
-        excess -= feedback.denominator.degree + plants.den.shape[0]
-        if excess == 0:
-            lead = feedback.numerator.q[0] * plants.num[0]
-            limit = lead / (feedback.denominator.q[0] * plants.den[0])
-            a, b = (a, limit) if self.late else (limit, b)
-            if feedback.waits:
-                a, b = np.full(self.count, np.nan), b
-        return dc, a, b
-
-    def _gain_margin(
-        self, phase: _Found, dc: FloatArray, a: FloatArray, b: FloatArray
-    ) -> FloatArray:
-        low, high = np.zeros(self.count), np.full(self.count, np.inf)
-        values = (np.exp(phase.log.real) * np.cos(phase.log.imag), dc, a - np.abs(b), a + np.abs(b))
-        every = np.arange(self.count)
-        for loop, value in zip((phase.loop, every, every, every), values, strict=True):
-            critical = np.isfinite(value) & (value < 0)
-            gains, which = -1 / value[critical], loop[critical]
-            np.maximum.at(low, which[gains < 1], gains[gains < 1])
-            np.minimum.at(high, which[gains > 1], gains[gains > 1])
-        gm = np.where(low * high > 1, low, high)
-        return np.where(np.isnan(a), np.nan, gm)
-
-    def _rotations(
-        self, gain: _Found, dc: FloatArray, a: FloatArray, b: FloatArray
-    ) -> dict[str, FloatArray]:
-        """Phase margin in degrees, and the delay margin."""
-        angle = np.angle(-np.exp(1j * gain.log.imag))
-        pm = np.full(self.count, np.inf)
-        np.minimum.at(pm, gain.loop, np.abs(angle))
-        at_zero = np.abs(np.abs(dc) - 1) <= ROUNDING
-        pm = np.where(at_zero, np.minimum(pm, np.where(dc < 0, 0.0, pi)), pm)
-        cosine = (1 + a * a - b * b) / (2 * a)
-        at_end = (a != 0) & (np.abs(cosine) <= 1 + ROUNDING)
-        pm = np.where(at_end, np.minimum(pm, pi - np.arccos(np.clip(cosine, -1, 1))), pm)
-        margin = np.where(np.abs(a) + np.abs(b) >= 1, 0.0, np.inf)
-        np.minimum.at(margin, gain.loop, np.mod(angle, 2 * pi) / gain.omega)
-        lost = np.isnan(a)
-        return {
-            "pm": np.where(lost, np.nan, np.degrees(pm)),
-            "delay_margin": np.where(lost, np.nan, margin),
-        }
-
-    def _closest(self, nearest: _Found, dc: FloatArray, a: FloatArray, b: FloatArray) -> FloatArray:
-        """Smallest ``|1 + L|``."""
-        least = np.fmin(np.abs(1 + dc), np.abs(np.abs(1 + a) - np.abs(b)))
-        np.minimum.at(least, nearest.loop, np.abs(1 + np.exp(nearest.log)))
-        return np.where(np.isnan(a), np.nan, least)
+    def across(self) -> Plants:
+        """Return the plants with an axis for frequencies."""
+        num, den, delay = self.plants
+        return Plants(num[:, :, None], den[:, :, None], delay[:, None])
 
 
-class _Bracket(NamedTuple):
-    """Intervals of frequency, each of one loop."""
-
-    loop: IntArray
-    low: FloatArray
-    high: FloatArray
-
-    def of(self, chosen: BoolArray) -> _Bracket:
-        return _Bracket(*(column[chosen] for column in self))
-
-    def joined(self, other: _Bracket) -> _Bracket:
-        return _Bracket(*map(np.concatenate, zip(self, other, strict=True)))
-
-
-def _frequencies(loops: _Loops) -> tuple[FloatArray, BoolArray]:
-    """Frequencies that show all of every loop, and for which loops they do."""
-    factors = loops.factors()
-    ranges = [frequency_range(*factor) for factor in factors if factor[1].shape[0] > 1]
-    inner = [(low[np.isfinite(low)], high[np.isfinite(high)]) for low, high, _ in ranges]
-    low = min((low.min(initial=np.inf) for low, _ in inner), default=1.0)
-    high = max((high.max(initial=0.0) for _, high in inner), default=1.0)
-    count = int(np.clip(PER_OCTAVE * np.log2(high / low), 1, AT_MOST / 2))
+def _frequencies(loops: _Loops) -> tuple[FloatArray, _Stretches, BoolArray]:
+    """Frequencies that all share, stretches of their own in between, and which can be trusted."""
+    low, high = 1.0, 1.0
+    ranges = [frequency_range(*factor) for factor in loops.factors]
+    if ranges:
+        lows, highs = (np.concatenate([each[k] for each in ranges]) for k in (0, 1))
+        low = float(lows[np.isfinite(lows) & (lows > 0)].min(initial=1e300))
+        high = float(highs[np.isfinite(highs)].max(initial=low))
+    count = int(np.clip(PER_OCTAVE * np.log2(high / low), 1, AT_MOST))
     omega = np.geomspace(low, high, count + 1)
+    unclear = ~_clear(loops, omega)
+    loop, k = np.nonzero(unclear)
+    doubtful = _Stretches(loop, omega[k], omega[k + 1])
+    kept: list[_Stretches] = []
     trusted = np.ones(loops.count, dtype=bool)
-    tested, unclear = np.zeros(0), np.zeros((loops.count, 0), dtype=bool)
+    own = np.zeros(loops.count, dtype=int)
     for _ in range(ROUNDS):
-        clear = _clear(factors, omega[:-1], omega[1:], loops.count)
-        late = _turning(loops, omega)
-        split = ~clear.all(axis=0) | late
-        if not split.any():
-            unclear = ~clear
+        if not doubtful.loop.size:
             break
-        unclear = ~clear
-        if omega.size + split.sum() > AT_MOST:
-            break
-        middle = np.sqrt(omega[:-1] * omega[1:])[split]
-        omega = np.sort(np.concatenate([omega, middle]))
-        tested = middle
-    else:
-        unclear = ~_clear(factors, omega[:-1], omega[1:], loops.count)
-    del tested
-    trusted &= ~unclear.any(axis=1)
-    if late.any():
-        trusted &= False
+        halves = doubtful.halved()
+        clear = _clear_alone(loops, halves)
+        kept.append(halves.of(clear))
+        doubtful = halves.of(~clear)
+        own += np.bincount(halves.loop, minlength=loops.count)
+        trusted &= own <= OWN
+        doubtful = doubtful.of(trusted[doubtful.loop])
+    trusted[doubtful.loop] = False
+    none = _Stretches(np.empty(0, dtype=np.intp), np.empty(0), np.empty(0))
     # Beyond all roots little happens, but a size may still pass 1, and a phase creep to the axis.
     end = omega[-1] + 4 * pi / loops.plants.delay.max() if loops.late else 1e8 * omega[-1]
-    below = omega[0] * np.geomspace(1e-8, 0.8, 25)
-    return np.concatenate([below, omega, np.geomspace(omega[-1], end, 33)[1:]]), trusted
+    below = omega[0] * np.geomspace(1e-8, 0.8, 12)
+    shared = np.concatenate([below, omega, np.geomspace(omega[-1], end, 17)[1:]])
+    return shared, none.joined(*kept), trusted
 
 
-def _clear(
-    factors: Sequence[tuple[list[ManyTerms], FloatArray]],
-    left: FloatArray,
-    right: FloatArray,
-    count: int,
-) -> BoolArray:
-    """Tell around which stretches nothing vanishes, loop by loop."""
+def _clear(loops: _Loops, omega: FloatArray) -> BoolArray:
+    """Tell on which stretches between shared frequencies which loops have nothing to hide."""
+    left, right = omega[:-1], omega[1:]
     centre, radius = (left + right) / 2, CLEAR * (right - left) / 2
-    clear = np.ones((count, left.size), dtype=bool)
-    for terms, scale in factors:
-        clear &= zero_free(terms, scale, centre, radius)
+    clear = np.ones((loops.count, left.size), dtype=bool)
+    for terms, scale in loops.factors:
+        clear &= zero_free([term.across() for term in terms], scale[:, :, None], centre, radius)
+    if loops.late:
+        far = loops.plants.delay[:, None] * (right - left) > RADIANS
+        some = np.flatnonzero(far.any(axis=0))
+        if some.size:
+            large = np.abs(loops.gain(left[some], loops.across())) > SMALL
+            clear[:, some] &= ~(far[:, some] & large)
     return clear
 
 
-def _turning(loops: _Loops, omega: FloatArray) -> BoolArray:
-    """Tell on which stretches a dead time turns some loop too far, that is not yet small there."""
-    if not loops.late:
-        return np.zeros(omega.size - 1, dtype=bool)
-    size = loops.log_and_slope(omega[:-1], slice(None))[0].real
-    turned = loops.plants.delay[:, None] * np.diff(omega)
-    return np.asarray(((turned > RADIANS) & (size > np.log(SMALL))).any(axis=0))
+def _clear_alone(loops: _Loops, stretches: _Stretches) -> BoolArray:
+    """Tell on which stretches their own loop has nothing to hide."""
+    loop, left, right = stretches
+    centre, radius = (left + right) / 2, CLEAR * (right - left) / 2
+    clear = np.ones(loop.size, dtype=bool)
+    for terms, scale in loops.factors:
+        of = scale[:, loop] if scale.shape[1] > 1 else scale
+        clear &= zero_free([term.of(loop) for term in terms], of, centre, radius)
+    if loops.late:
+        few = loops.plants.of(loop)
+        far = few.delay * (right - left) > RADIANS
+        clear &= ~(far & (np.abs(loops.gain(left, few)) > SMALL))
+    return clear
 
 
-def _changes(values: FloatArray, omega: FloatArray) -> _Bracket:
-    """Intervals between neighbouring values of different sides."""
-    differ = side(values[:, :-1]) != side(values[:, 1:])
-    loop, k = np.nonzero(differ & (np.abs(values[:, :-1]) > NOISE))
-    return _Bracket(loop, omega[k], omega[k + 1])
+def _notable(loops: _Loops, shared: FloatArray, own: _Stretches) -> tuple[_Found, _Found, _Found]:
+    """Find where the size of L is 1, where it is real, and where it is nearest to -1."""
+    rows = loops.motion(shared, loops.across()).rows
+    few = loops.plants.of(own.loop)
+    low, high = (loops.motion(omega, few).rows for omega in (own.low, own.high))
+    least = rows.distance.min(axis=1)
+    for end in (low, high):
+        np.minimum.at(least, own.loop, end.distance)
+    left, right = rows.of(slice(-1)), rows.of(slice(1, None))
+    widths = np.diff(np.log(shared)), np.log(own.high / own.low)
 
+    def gather(choose: Choice) -> _Stretches:
+        """Collect stretches by what is at their ends, and by the least distance of their loop."""
+        loop, k = np.nonzero(choose(left, right, least[:, None], widths[0]))
+        alone = own.of(choose(low, high, least[own.loop], widths[1]))
+        return _Stretches(loop, shared[k], shared[k + 1]).joined(alone)
 
-def _between(values: FloatArray, slopes: FloatArray, omega: FloatArray) -> _Bracket:
-    """Intervals between values of the same side in which a smaller one may lie."""
-    sides = side(values)
-    nearing = sides * slopes
-    loop, k = np.nonzero(
-        (sides[:, :-1] == sides[:, 1:]) & (nearing[:, :-1] < 0) & (nearing[:, 1:] > 0)
+    gain = gather(_sizes_differ).joined(*_hidden(loops, gather(_size_nears), _size_at, _size_slope))
+    real = gather(_sides_differ).joined(*_hidden(loops, gather(_side_nears), _side_at, _side_slope))
+    gain_found, phase_found, nearest = (
+        _solved(loops, gain, _size_at),
+        _solved(loops, _critical(loops, real), _side_at),
+        _solved(loops, gather(_nearest_between), _retreat_at),
     )
-    return _Bracket(loop, omega[k], omega[k + 1])
+    crossed = np.abs(np.abs(gain_found.L) - 1) < CROSSING
+    met = np.abs(phase_found.L.imag) < CROSSING * np.abs(phase_found.L)
+    return _some(gain_found, crossed), _some(phase_found, met), nearest
 
 
-def _deepest(motion: FloatArray, omega: FloatArray) -> _Bracket:
-    """Intervals in which L may be nearest to -1."""
-    retreat, distance = motion[RETREAT], motion[DISTANCE]
-    least = np.fmin.reduce(distance, axis=1)[:, None] + SHALLOW
-    near = np.fmin(distance[:, :-1], distance[:, 1:]) < least
-    loop, k = np.nonzero((retreat[:, :-1] < 0) & (retreat[:, 1:] >= 0) & near)
-    return _Bracket(loop, omega[k], omega[k + 1])
+Choice = Callable[[_Rows, _Rows, FloatArray, FloatArray], BoolArray]
+"""Of what is at both ends of stretches, the least distance of each loop, and the width of each."""
 
 
-def _zeros_at_origin(p: FloatArray) -> IntArray:
-    return np.argmax(p[::-1] != 0, axis=0)
+def _sizes_differ(a: _Rows, b: _Rows, _: FloatArray, __: FloatArray) -> BoolArray:
+    return np.asarray((a.size >= 0) != (b.size >= 0))
+
+
+def _sides_differ(a: _Rows, b: _Rows, _: FloatArray, __: FloatArray) -> BoolArray:
+    differ = (a.side >= 0) != (b.side >= 0)
+    return np.asarray(differ & ((a.real < 0) | (b.real < 0)) & (np.abs(a.side) > NOISE))
+
+
+def _nearest_between(a: _Rows, b: _Rows, least: FloatArray, _: FloatArray) -> BoolArray:
+    near = np.fmin(a.distance, b.distance) < SHALLOW * least
+    return np.asarray((a.retreat < 0) & (b.retreat >= 0) & near)
+
+
+def _size_nears(a: _Rows, b: _Rows, _: FloatArray, width: FloatArray) -> BoolArray:
+    return _nears(a.size, a.size_slope, b.size, b.size_slope, width)
+
+
+def _side_nears(a: _Rows, b: _Rows, _: FloatArray, width: FloatArray) -> BoolArray:
+    # Where L is far from the axis, no crossing is hidden, and the slope is only a sign.
+    close = (np.abs(a.side) < 0.5) & ((a.real < 0) | (b.real < 0))
+    return close & _nears(a.side, a.side_slope, b.side, b.side_slope, np.inf)
+
+
+def _nears(
+    value: FloatArray,
+    slope: FloatArray,
+    later: FloatArray,
+    later_slope: FloatArray,
+    width: FloatArray | float,
+) -> BoolArray:
+    """Tell where a function first nears zero and then leaves it on the same side."""
+    positive = value >= 0
+    turns = (positive == (later >= 0)) & (positive == (slope < 0)) & (positive == (later_slope > 0))
+    # As far as its slope goes, twice over, it must come to zero.
+    return np.asarray(turns & (np.abs(value) < 2 * width * np.abs(slope)))
+
+
+At = Callable[[_Loops, FloatArray, Plants], FloatArray]
+
+
+def _size_at(loops: _Loops, omega: FloatArray, of: Plants) -> FloatArray:
+    return np.log(np.abs(loops.gain(omega, of)))
+
+
+def _side_at(loops: _Loops, omega: FloatArray, of: Plants) -> FloatArray:
+    L = loops.gain(omega, of)
+    return np.asarray(L.imag / np.abs(L))
+
+
+def _retreat_at(loops: _Loops, omega: FloatArray, of: Plants) -> FloatArray:
+    motion = loops.motion(omega, of)
+    return np.asarray(motion.retreat / motion.distance)
+
+
+def _size_slope(loops: _Loops, omega: FloatArray, of: Plants) -> FloatArray:
+    return np.asarray(loops.motion(omega, of).slope.real)
+
+
+def _side_slope(loops: _Loops, omega: FloatArray, of: Plants) -> FloatArray:
+    return np.asarray(loops.motion(omega, of).slope.imag)
+
+
+def _hidden(loops: _Loops, dips: _Stretches, at: At, slope: At) -> list[_Stretches]:
+    """Find crossings that come in twos, on both sides of where a function comes nearest to zero."""
+    if not dips.loop.size:
+        return []
+    bottom = _solved(loops, dips, slope).omega
+    few = loops.plants.of(dips.loop)
+    value = at(loops, bottom, few)
+    crossed = (side(value) != side(at(loops, dips.low, few))) & (np.abs(value) > NOISE)
+    return [dips._replace(high=bottom).of(crossed), dips._replace(low=bottom).of(crossed)]
+
+
+def _critical(loops: _Loops, phase: _Stretches) -> _Stretches:
+    """Leave out crossings of the negative real axis that cannot be next to -1."""
+    few = loops.plants.of(phase.loop)
+    sizes = [np.log(np.abs(loops.gain(omega, few))) for omega in (phase.low, phase.high)]
+    largest, smallest = np.fmax(*sizes), np.fmin(*sizes)
+    # Of those below 1 only the largest counts, of those above only the smallest.
+    below, above = np.full(loops.count, -np.inf), np.full(loops.count, np.inf)
+    small, large = largest < 0, smallest > 0
+    np.maximum.at(below, phase.loop[small], smallest[small])
+    np.minimum.at(above, phase.loop[large], largest[large])
+    near = (largest >= below[phase.loop] - 0.1) & (smallest <= above[phase.loop] + 0.1)
+    return phase.of(near)
+
+
+def _solved(loops: _Loops, stretches: _Stretches, at: At) -> _Found:
+    """Find a zero of a function in every stretch."""
+    loop, low, high = stretches
+    few = loops.plants.of(loop)
+    omega = low
+    if loop.size:
+        omega = np.exp(
+            bisect(lambda x: at(loops, np.exp(x), few), np.log(low), np.log(high), WITHIN)
+        )
+    return _Found(loop, omega, loops.gain(omega, few))
+
+
+def _some(found: _Found, kept: BoolArray) -> _Found:
+    return _Found(found.loop[kept], found.omega[kept], found.L[kept])
+
+
+def _ends(loops: _Loops) -> _Ends:
+    feedback, (num, den, delay) = loops.feedback, loops.plants
+    at = np.arange(delay.size)
+    zeros, poles = (np.argmax(p[::-1] != 0, axis=0) for p in (num, den))
+    order = feedback.zeros_at_origin + zeros - poles
+    level = feedback.level * num[-1 - zeros, at] / den[-1 - poles, at]
+    dc = np.where(order > 0, 0.0, np.where(order < 0, np.inf, level))
+    none = np.zeros(delay.size)
+    if feedback.numerator.degree + num.shape[0] < feedback.denominator.degree + den.shape[0]:
+        return _Ends(dc, none, none)
+    if feedback.waits:  # the circle is more than that
+        return _Ends(dc, none + np.nan, none)
+    limit = feedback.numerator.q[0] * num[0] / (feedback.denominator.q[0] * den[0])
+    return _Ends(dc, none, limit) if loops.late else _Ends(dc, limit, none)
+
+
+def _gain_margin(phase: _Found, ends: _Ends) -> FloatArray:
+    n = ends.dc.size
+    low, high = np.zeros(n), np.full(n, np.inf)
+    every, b = np.arange(n), np.abs(ends.b)
+    for loop, value in (
+        (phase.loop, phase.L.real), (every, ends.dc), (every, ends.a - b), (every, ends.a + b),
+    ):  # fmt: skip
+        critical = np.isfinite(value) & (value < 0)
+        gains, which = -1 / value[critical], loop[critical]
+        np.maximum.at(low, which[gains < 1], gains[gains < 1])
+        np.minimum.at(high, which[gains > 1], gains[gains > 1])
+    gm = np.where(low * high > 1, low, high)
+    return np.where(np.isnan(ends.a), np.nan, gm)
+
+
+def _rotations(gain: _Found, ends: _Ends) -> dict[str, FloatArray]:
+    """Phase margin in degrees, and the delay margin."""
+    dc, a, b = ends
+    angle = np.angle(-gain.L)
+    pm = np.full(dc.size, np.inf)
+    np.minimum.at(pm, gain.loop, np.abs(angle))
+    at_zero = np.abs(np.abs(dc) - 1) <= ROUNDING
+    pm = np.where(at_zero, np.minimum(pm, np.where(dc < 0, 0.0, pi)), pm)
+    cosine = (1 + a * a - b * b) / (2 * a)
+    at_end = (a != 0) & (np.abs(cosine) <= 1 + ROUNDING)
+    pm = np.where(at_end, np.minimum(pm, pi - np.arccos(np.clip(cosine, -1, 1))), pm)
+    margin = np.where(np.abs(a) + np.abs(b) >= 1, 0.0, np.inf)
+    np.minimum.at(margin, gain.loop, np.mod(angle, 2 * pi) / gain.omega)
+    lost = np.isnan(a)
+    return {
+        "pm": np.where(lost, np.nan, np.degrees(pm)),
+        "delay_margin": np.where(lost, np.nan, margin),
+    }
+
+
+def _closest(nearest: _Found, ends: _Ends) -> FloatArray:
+    """Smallest ``|1 + L|``."""
+    least = np.fmin(np.abs(1 + ends.dc), np.abs(np.abs(1 + ends.a) - np.abs(ends.b)))
+    np.minimum.at(least, nearest.loop, np.abs(1 + nearest.L))
+    return np.where(np.isnan(ends.a), np.nan, least)

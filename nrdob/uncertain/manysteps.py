@@ -99,7 +99,7 @@ def _slope(p: FloatArray) -> FloatArray:
 
 
 def _times(poles: ComplexArray, swings: int) -> FloatArray:
-    """Times that show the first swings of every mode, (n, m), increasing."""
+    """Choose times that show the first swings of every mode, (n, m), increasing."""
     turned = 2 * np.pi * np.linspace(0, swings, swings * PER_SWING + 1)[1:]
     times = (turned / np.abs(poles)[:, :, None]).reshape(poles.shape[0], -1)
     return np.sort(times, axis=1)

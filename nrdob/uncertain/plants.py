@@ -91,20 +91,20 @@ class Plants(NamedTuple):
         read = [_read(block) for block in blocks]
         columns = []
         for part in (0, 1):
-            size = max((len(each[part]) for each in read), default=1)
+            size = max((pair[part].size for pair, _ in read), default=1)
             table = np.zeros((size, len(read)))
-            for k, each in enumerate(read):
-                table[size - len(each[part]) :, k] = each[part]
+            for k, (pair, _) in enumerate(read):
+                table[size - pair[part].size :, k] = pair[part]
             columns.append(table)
-        return cls(columns[0], columns[1], np.array([delay for _, _, delay in read]))
+        return cls(columns[0], columns[1], np.array([delay for _, delay in read]))
 
 
-def _read(block: Any) -> tuple[FloatArray, FloatArray, float]:
+def _read(block: Any) -> tuple[tuple[FloatArray, FloatArray], float]:
     if block is None:
-        return np.full(1, np.nan), np.ones(1), 0.0
+        return (np.full(1, np.nan), np.ones(1)), 0.0
     delay = block.delay if isinstance(block, DelayedTransferFunction) else 0.0
     rational = block.tf if isinstance(block, DelayedTransferFunction) else block
-    return *as_fraction(rational, "the plant", proper=False), delay
+    return as_fraction(rational, "the plant", proper=False), delay
 
 
 class Moving(NamedTuple):

@@ -196,8 +196,8 @@ class SweepTable:
         shape = tuple(axis.size for axis in drawn.axes.values())
         found = {name: c for name, c in self.columns.items() if name not in drawn.axes}
         order = np.argsort(self.rows)
-        data = {name: (drawn.names, c[order].reshape(shape)) for name, c in found.items()}
-        return xarray.Dataset(data, coords=dict(drawn.axes))
+        over = {name: (drawn.names, c[order].reshape(shape)) for name, c in found.items()}
+        return xarray.Dataset(over, coords=dict(drawn.axes))
 
 
 def _extra(name: str) -> Any:

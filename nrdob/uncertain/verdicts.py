@@ -12,7 +12,9 @@ border that this matters is left to `nrdob.NRDOB.stability`.
 
 from __future__ import annotations
 
-from functools import cached_property
+from collections.abc import Iterable
+from functools import cached_property, reduce
+from math import prod
 
 import numpy as np
 
@@ -20,6 +22,7 @@ from ..diagram import LoopEquations
 from ..numerics import (
     ROUNDING,
     BoolArray,
+    ComplexArray,
     FloatArray,
     ManyTerms,
     QuasiPolynomial,
@@ -28,12 +31,14 @@ from ..numerics import (
     multiply,
     padded_sum,
     rhp_counts,
+    values_and_slopes,
+    values_on_axis,
 )
 from .plants import Plants
 
 __all__ = ["SLAB", "Feedback"]
 
-SLAB = 250
+SLAB = 500
 """Plants looked at together over frequency: what they need fits into the processor's cache."""
 
 
@@ -57,6 +62,56 @@ class Feedback:
     def waits(self) -> bool:
         """Whether the model has a dead time."""
         return self.denominator.delay > 0
+
+    @cached_property
+    def zeros_at_origin(self) -> int:
+        """Power of s in K; negative for poles."""
+        power = sum(factor.zeros_at_origin for factor in self.zeros)
+        return power - sum(factor.zeros_at_origin for factor in self.poles)
+
+    @cached_property
+    def level(self) -> float:
+        """K without that power of s, at s = 0."""
+        zeros, poles = (
+            prod(factor.without_origin.constant for factor in factors)
+            for factors in (self.zeros, self.poles)
+        )
+        return zeros / poles
+
+    def gain(self, omega: FloatArray) -> ComplexArray:
+        """Evaluate K(jω).
+
+        Parameters
+        ----------
+        omega : array of float
+            In rad/s.
+        """
+        num, den = (
+            _sum(values_on_axis(q, omega) * _late(delay, omega) for q, delay in p.terms)
+            for p in (self.numerator, self.denominator)
+        )
+        return np.asarray(num / den)
+
+    def gain_and_slope(self, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:
+        """Evaluate K(jω), and dK/ds over K there.
+
+        Parameters
+        ----------
+        omega : array of float
+            In rad/s.
+        """
+        parts = []
+        for p in (self.numerator, self.denominator):
+            found = [(*values_and_slopes(q, omega), delay) for q, delay in p.terms]
+            late = [_late(delay, omega) for _, _, delay in found]
+            value = _sum(at * lag for (at, _, _), lag in zip(found, late, strict=True))
+            slope = _sum(
+                (rising - delay * at) * lag
+                for (at, rising, delay), lag in zip(found, late, strict=True)
+            )
+            parts.append((value, slope / value))
+        (num, rises), (den, its_rises) = parts
+        return np.asarray(num / den), np.asarray(rises - its_rises)
 
     def characteristic(self, plants: Plants) -> tuple[list[ManyTerms], FloatArray]:
         """Terms of p_B, and for each power of s the size of what is summed.
@@ -119,6 +174,14 @@ class Feedback:
             counts = rhp_counts([term.of(few) for term in terms], scale[:, few])
             stable[few], unstable[few] = counts == 0, counts > 0
         return stable, unstable
+
+
+def _late(delay: float, omega: FloatArray) -> ComplexArray | float:
+    return np.exp(-1j * delay * omega) if delay else 1.0
+
+
+def _sum(parts: Iterable[ComplexArray]) -> ComplexArray:
+    return reduce(np.add, parts)
 
 
 def _column(p: FloatArray) -> FloatArray:
