@@ -2,9 +2,9 @@
 
 The list below is the table of contents, by topic. What answers, with which fields, is one room
 further: `nrdob.analysis` (verdicts, margins, responses), `nrdob.design` (which filter, model and
-controller), `nrdob.measured` (a process out of a record), `nrdob.diagram` (blocks and the maps
-between them), `nrdob.numerics` (polynomials with a delay), `nrdob.plotting` (figures) and
-`nrdob.course` (the paper's claims, the problem sets).
+controller), `nrdob.measured` (a process out of a record), `nrdob.uncertain` (families of plants),
+`nrdob.diagram` (blocks and the maps between them), `nrdob.numerics` (polynomials with a delay),
+`nrdob.plotting` (figures) and `nrdob.course` (the paper's claims, the problem sets).
 """
 
 from . import paper, plants
@@ -46,6 +46,7 @@ from .diagram import (
 from .loop import NRDOB
 from .measured import identify, read_data
 from .sampling import random_loop
+from .uncertain import family, sweep
 
 __all__ = [  # noqa: RUF022  (by topic: the contents of the package)
     # The loop, and what it is made of.
@@ -68,6 +69,8 @@ __all__ = [  # noqa: RUF022  (by topic: the contents of the package)
     "compare", "candidates", "tune", "controller_alone", "conventional_observer",
     "simc_pi", "simc_pid", "linear_adrc",
     "adrc_stabilizing_bandwidths", "adrc_stabilizing_gains", "adrc_chart",
+    # Will it survive the real plant?
+    "family", "sweep",
     # Loops to try things on: the paper's, some with a name, random ones.
     "paper", "plants", "random_loop",
 ]  # fmt: skip

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ..analysis import margins, noise_variance
-from ..design import peak_of_u
+from ..design import step_peak
 from ..diagram import DelayedTransferFunction, as_fraction, nonzero
 from ..loop import NRDOB
 from .measures import load_errors
@@ -263,7 +263,7 @@ def _judged(name: str, tuning: str, loop: NRDOB, shaping: Any, others: dict[str,
     after = {key: _ms(replace(loop, process=plant)) for key, plant in others.items()}
     return Row(
         name, tuning, True, "", found.ms, found.delay_margin, errors.iae, errors.ise,
-        noise.y, noise.u, peak_of_u(loop, "d"), after, loop,
+        noise.y, noise.u, step_peak(loop, "d", "u"), after, loop,
     )  # fmt: skip
 
 

@@ -23,7 +23,7 @@ from .limits import (
 )
 from .mismatch import Mismatch
 from .models import ModelCandidate, suggest_model
-from .prices import peak_of_u
+from .prices import step_peak
 from .search import admissible_time_constants, design_filter
 from .timeconstants import (
     CriticalTimeConstant,
@@ -55,7 +55,6 @@ __all__ = [
     "largest_for_unstable_pole",
     "noise_index",
     "observer_form",
-    "peak_of_u",
     "right_half_plane_parity",
     "sensitivity_floor",
     "smallest_for_delay",
@@ -69,5 +68,6 @@ __all__ = [
     "stable_for_fast_filters",
     "stable_for_slow_filters",
     "stable_model_exists",
+    "step_peak",
     "suggest_model",
 ]

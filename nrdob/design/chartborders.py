@@ -17,7 +17,7 @@ from contourpy import contour_generator
 
 from ..numerics import ComplexArray, FloatArray, bisect
 from .chartaxes import PIXELS, Axis
-from .chartcurves import Border, Places, cut, drawn, parts, within
+from .chartcurves import Border, cut, drawn, parts, within
 from .chartloops import MANY, ChartLoops, positive
 
 __all__ = ["borders_of"]

@@ -32,8 +32,8 @@ __all__ = [
     "member",
     "noise_on_u",
     "peak_gain",
-    "peak_of_u",
     "sluggishness",
+    "step_peak",
 ]
 
 PER_DECADE, DENSE, DECADES = 8, 32, 3
@@ -138,25 +138,36 @@ def peak_gain(quotient: Quotient) -> float:
     return float(max([largest, *np.abs(quotient(1j * tops)).tolist(), *ends]))
 
 
-def peak_of_u(loop: LoopEquations, input: str) -> float:
-    """Largest ``|u|`` after a unit step."""
+def step_peak(loop: LoopEquations, input: str, signal: str) -> float:
+    """Largest ``|y|`` or ``|u|`` after a unit step.
+
+    Parameters
+    ----------
+    loop : LoopEquations
+        A stable loop.
+    input : {"R", "d", "delta", "eta"}
+        Where the step enters.
+    signal : {"y", "u"}
+        What is looked at.
+    """
+    row = "yu".index(signal)
     found = step_response(loop, input)
-    times, u = found.time, np.abs(found.outputs[1, 0])
+    times, size = found.time, np.abs(found.outputs[row, 0])
     for _ in range(ROUNDS):
-        k = int(np.nanargmax(u))
+        k = int(np.nanargmax(size))
         if k == 0:
             break
         low, high = times[k - 1], times[min(k + 1, times.size - 1)]
         times = np.linspace(low, high, ACROSS)
-        u = np.abs(step_response(loop, input, times).outputs[1, 0])
-    return float(np.nanmax(np.append(u, np.abs(found.outputs[1, 0]).max())))
+        size = np.abs(step_response(loop, input, times).outputs[row, 0])
+    return float(np.nanmax(np.append(size, np.abs(found.outputs[row, 0]).max())))
 
 
 PAID: dict[str, Callable[[LoopEquations], float]] = {
     "max_noise": noise_on_u,
     "max_u_eta": lambda loop: peak_gain(loop.U_eta),
-    "max_u_step_d": lambda loop: peak_of_u(loop, "d"),
-    "max_u_step_R": lambda loop: peak_of_u(loop, "R"),
+    "max_u_step_d": lambda loop: step_peak(loop, "d", "u"),
+    "max_u_step_R": lambda loop: step_peak(loop, "R", "u"),
 }
 """What each limit bounds."""
 

@@ -135,7 +135,13 @@ def six_digits(value: float) -> float:
 
 
 def is_number(value: Any) -> bool:
-    """Tell whether `value` is one number: truth values and texts are none, 0-D arrays are."""
+    """Tell whether `value` is one number: truth values and texts are none, 0-D arrays are.
+
+    Parameters
+    ----------
+    value : object
+        Anything.
+    """
     if isinstance(value, np.ndarray) and value.ndim == 0:
         value = value[()]
     return isinstance(value, Number) and not isinstance(value, bool | np.bool_)

@@ -95,7 +95,7 @@ def _closed(process: HeldProcess, controller: SampledController) -> System:
     rows = np.eye(size)
 
     def past(samples: int) -> FloatArray:
-        """u as it was so many samples ago, 1 or more."""
+        """U as it was so many samples ago, 1 or more."""
         return rows[n + samples - 1]
 
     # Signals as rows over (states, η).

@@ -17,8 +17,8 @@ from ..numerics import FloatArray, QuasiPolynomial
 from .code import ControllerCode, controller_code
 from .controller import SampledController, Wait, bilinear_block, wired
 from .hold import HeldProcess, held_process, in_samples
-from .noise import sampled_noise_variance
 from .limits import Limits
+from .noise import sampled_noise_variance
 from .simulation import Signal, SimulatedResponse, simulate
 
 __all__ = ["METHODS", "SampledLoop"]
