@@ -56,6 +56,7 @@ __all__ = [
     "adrc_filters",
     "adrc_stabilizing_bandwidths",
     "adrc_stabilizing_gains",
+    "high_frequency_gain",
     "linear_adrc",
 ]
 
@@ -183,7 +184,12 @@ def adrc_stabilizing_bandwidths(
     """
     family, model = adrc_filters(order, controller_bandwidth), _model(order, b0)
     floor = None if highest is None else 1 / _bandwidth(highest, "highest")
-    found = stabilizing_time_constants(process, model, family, floor=floor)
+    try:
+        found = stabilizing_time_constants(process, model, family, floor=floor)
+    except ValueError as refusal:
+        if highest is None:
+            raise
+        raise ValueError(f"highest is {highest:g} rad/s, 1/floor: {refusal}") from refusal
     return [(1 / high, 1 / low if low else inf) for low, high in reversed(found)]
 
 
@@ -279,7 +285,9 @@ def adrc_chart(
     chart = stability_chart(process, model, family, x=x, y=y, ms=ms)
     borders = tuple(Border(1 / p.x[::-1], 1 / p.y[::-1], p.omega[::-1]) for p in chart.borders)
     regions = tuple(replace(r, x=1 / r.x, y=1 / r.y) for r in chart.regions)
-    lines = {level: [1 / line for line in each] for level, each in chart.ms_levels.items()}
+    lines: dict[float, list[FloatArray]] = {
+        level: [np.asarray(1 / line) for line in each] for level, each in chart.ms_levels.items()
+    }
     # On logarithmic axes an inverse is a mirror image.
     labels = chart.labels[::-1, ::-1]
     return StabilityChart(

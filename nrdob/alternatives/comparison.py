@@ -40,7 +40,7 @@ class Row:
     name : str
         What it is called.
     tuning : str
-        The parameter that was found, if one was looked for.
+        The parameter that was found, if one was looked for; "no limit" where the limits allow all.
     stable : bool or None
         Whether the loop is stable; None if that cannot be told, or if there is no loop.
     reason : str
@@ -217,11 +217,14 @@ def compare(
     --------
     >>> from nrdob import candidates, paper
     >>> loop = paper.example(4)
-    >>> each = candidates(loop.process, loop.model, loop.controller, 3)
-    >>> late = {"modified": paper.example(4, modified=True).process}
-    >>> found = compare(loop.process, each, changed=late, max_ms=1.6)
-    >>> found["ADRC"].tuning, round(found["ADRC"].iae, 4), round(found["NR-DOB"].iae, 4)
-    ('ωo = 24.3 rad/s', 0.0593, 0.0531)
+    >>> every = candidates(loop.process, loop.model, loop.controller, 3)
+    >>> two = {name: every[name] for name in ("NR-DOB", "PI")}
+    >>> late = {"late": paper.example(4, modified=True).process}
+    >>> found = compare(loop.process, two, changed=late, max_ms=1.6)
+    >>> {name: round(iae, 4) for name, iae in found.column("iae").items()}
+    {'NR-DOB': 0.0616, 'PI': 0.1116}
+    >>> {name: round(ms, 3) for name, ms in found.column("late").items()}
+    {'NR-DOB': 3.209, 'PI': 2.416}
     """
     if not isinstance(candidates, Mapping) or not all(
         isinstance(each, NRDOB | Candidate) for each in candidates.values()
@@ -257,13 +260,17 @@ def _judged(name: str, tuning: str, loop: NRDOB, shaping: Any, others: dict[str,
     if not verdict.stable:
         said = "not stable" if verdict.stable is False else "not decided"
         return Row(name, tuning, verdict.stable, f"{said}: {verdict.reason}", loop=loop)
-    found = margins(loop.L, True, loop.p_B)
-    noise = noise_variance(loop, shaping)
-    errors = load_errors(loop)
+    try:
+        found = margins(loop.L, True, loop.p_B)
+        noise = noise_variance(loop, shaping)
+        errors = load_errors(loop)
+        peak = step_peak(loop, "d", "u")
+    except ArithmeticError as refusal:  # of a loop that is all but unstable
+        return Row(name, tuning, True, f"stable, but {refusal}", loop=loop)
     after = {key: _ms(replace(loop, process=plant)) for key, plant in others.items()}
     return Row(
         name, tuning, True, "", found.ms, found.delay_margin, errors.iae, errors.ise,
-        noise.y, noise.u, step_peak(loop, "d", "u"), after, loop,
+        noise.y, noise.u, peak, after, loop,
     )  # fmt: skip
 
 

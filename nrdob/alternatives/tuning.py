@@ -19,11 +19,11 @@ from scipy.optimize import brentq
 
 from ..analysis import margins, noise_variance
 from ..deadtime import dead_time_observer
-from ..diagram import LowPassFilter, as_fraction, real_number
+from ..diagram import DelayedTransferFunction, LowPassFilter, as_fraction, real_number
 from ..loop import NRDOB
 from ..numerics import QuasiPolynomial, count_rhp
 from .adrc import high_frequency_gain, linear_adrc
-from .simc import simc_pi, simc_pid
+from .simc import half_rule, simc_pi, simc_pid
 from .structures import controller_alone, conventional_observer
 
 __all__ = ["Candidate", "Limits", "Tuned", "candidates", "tune"]
@@ -82,7 +82,17 @@ class Candidate:
         value : float
             What the parameter is.
         """
-        return f"{self.parameter} = {value:.4g} {self.unit}".rstrip()
+        return f"{self.parameter} = {self.value(value)}"
+
+    def value(self, value: float) -> str:
+        """Write a value with its unit.
+
+        Parameters
+        ----------
+        value : float
+            What the parameter is.
+        """
+        return f"{value:.4g} {self.unit}".rstrip()
 
 
 @dataclass(frozen=True)
@@ -97,11 +107,15 @@ class Tuned:
         The parameter.
     text : str
         Name, value and unit.
+    limited : bool
+        Whether a faster one would not keep to the limits; False where the fastest of all tried
+        does.
     """
 
     loop: NRDOB
     value: float
     text: str
+    limited: bool
 
 
 @dataclass(frozen=True)
@@ -163,8 +177,9 @@ def candidates(
     Parameters
     ----------
     process : as for `nrdob.NRDOB`
-        G, from which PI, PID and b0 of ADRC follow; b0 and order of ADRC follow from the model
-        where G is not of relative degree 1 or 2.
+        G, from which PI, PID and b0 of ADRC follow; where G is not of relative degree 1 or 2, or
+        has zeros on the right, b0 follows from the model, or for more than two lags from the half
+        rule.
     model : as for `nrdob.NRDOB`
         G̃ of the observers, without dead time.
     controller : as for `nrdob.NRDOB`
@@ -193,9 +208,7 @@ def candidates(
     """
     n = max(1, as_fraction(model, "model").relative_degree) if order is None else order
     probe = NRDOB(process, model, controller, LowPassFilter(1.0, n))
-    m, b0 = high_frequency_gain(process)
-    if not 1 <= m <= 2:
-        m, b0 = high_frequency_gain(model)
+    m, b0 = _integrators(probe)
     speeds = _speeds(probe)
     band = slowest, fastest = min(speeds) / BEYOND, BEYOND * max(speeds)
 
@@ -253,13 +266,14 @@ def tune(
     Returns
     -------
     Tuned
-        Loop and parameter; the limits are kept with it, and not with a slightly faster one.
+        Loop and parameter; the limits are kept with it, and not with a slightly faster one. Where
+        they are kept even with the fastest one that is tried, it is that, and not `limited`.
 
     Raises
     ------
     TypeError, ValueError
-        If nothing is asked for, if the candidate does not fit the plant, if no value keeps to the
-        limits, or if these do not limit it; the message says which.
+        If nothing is asked for, if the candidate does not fit the plant, or if no value keeps to
+        the limits; the message says which.
 
     Examples
     --------
@@ -271,13 +285,15 @@ def tune(
     """
     limits = Limits(max_ms, max_noise, shaping)
     refusals: list[str] = []
+    built: list[NRDOB] = []
 
     def slack(value: float) -> float:
         try:
-            return limits.slack(candidate.build(value), candidate.band)
+            built.append(candidate.build(value))
         except ValueError as refusal:  # such as a C that is too large for the model
             refusals.append(str(refusal))
             return UNSTABLE
+        return limits.slack(built[-1], candidate.band)
 
     decades = abs(log10(candidate.slowest / candidate.fastest))
     values = np.geomspace(candidate.fastest, candidate.slowest, ceil(PER_DECADE * decades) + 1)
@@ -287,28 +303,26 @@ def tune(
         if tried[value] >= 0:
             break
     else:
-        if len(refusals) == len(tried):
+        if not built:
             raise ValueError(refusals[-1])
         raise ValueError(
-            f"{candidate.parameter} from {values[0]:.3g} to {values[-1]:.3g} {candidate.unit} was "
-            f"tried, and {limits} not kept: {_closest(candidate, tried)}"
+            f"{limits} is not kept with any {candidate.parameter} tried, from {values[0]:.3g} to "
+            f"{candidate.value(values[-1])}: {_closest(candidate, tried, built)}"
         )
     if len(tried) == 1:
-        raise ValueError(
-            f"{limits} does not limit the speed: it is kept even with {candidate.said(value)}; "
-            "give max_noise, too"
-        )
+        return Tuned(candidate.build(value), value, f"{candidate.said(value)}, no limit", False)
     bad, good = (log(each) for each in list(tried)[-2:])
     found = float(brentq(lambda x: max(slack(exp(x)), -1.0), bad, good, xtol=1e-10))
     step = 1e-9 if good > bad else -1e-9
     at = next((exp(x) for x in (found, found + step) if slack(exp(x)) >= 0), exp(good))
-    return Tuned(candidate.build(at), at, candidate.said(at))
+    return Tuned(candidate.build(at), at, candidate.said(at), True)
 
 
-def _closest(candidate: Candidate, tried: dict[float, float]) -> str:
+def _closest(candidate: Candidate, tried: dict[float, float], built: list[NRDOB]) -> str:
     value = max(tried, key=lambda each: tried[each])
     if tried[value] <= UNSTABLE:
-        return "the loop is unstable with every value"
+        reason = built[len(built) // 2].stability().reason
+        return f"the loop is unstable with every value, as one in the middle: {reason}"
     if tried[value] <= ENDLESS:
         return "white noise comes to u directly; give a shaping filter that colours it"
     factor = exp(-tried[value])
@@ -317,6 +331,24 @@ def _closest(candidate: Candidate, tried: dict[float, float]) -> str:
 
 def _on_the_left(p: QuasiPolynomial) -> bool:
     return not p.zeros_at_origin and count_rhp(p).count == 0
+
+
+def _integrators(loop: NRDOB) -> tuple[int, float]:
+    """Return the order and b0 that fit a process, for linear ADRC."""
+    for block in (loop.process, loop.model):
+        order, b0 = high_frequency_gain(block)
+        zeros = QuasiPolynomial(as_fraction(_undelayed(block), "process").num).roots
+        if 1 <= order <= 2 and not (zeros.real > 0).any():
+            return order, b0
+    try:
+        reduced = half_rule(loop.process, 2, 1 / max(_speeds(loop)))
+    except ValueError:
+        return order, b0
+    return (2, reduced.slope / reduced.second) if reduced.second else (1, reduced.slope)
+
+
+def _undelayed(block: Any) -> Any:
+    return block.tf if isinstance(block, DelayedTransferFunction) else block
 
 
 def _speeds(loop: NRDOB) -> list[float]:

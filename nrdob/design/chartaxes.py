@@ -28,7 +28,15 @@ LOGARITHMIC = 20.0
 
 
 class Axis(NamedTuple):
-    """A parameter and its range."""
+    """A parameter and its range.
+
+    Attributes
+    ----------
+    name : str
+        What is on the axis.
+    low, high : float
+        Its ends.
+    """
 
     name: str
     low: float
@@ -40,7 +48,13 @@ class Axis(NamedTuple):
         return self.low > 0 and self.high >= LOGARITHMIC * self.low
 
     def share(self, values: Any) -> FloatArray:
-        """Position of values between the ends, 0 to 1 within."""
+        """Position of values between the ends, 0 to 1 within.
+
+        Parameters
+        ----------
+        values : array_like of float
+            Of the parameter.
+        """
         values = np.asarray(values, dtype=float)
         if self.logarithmic:
             values = np.maximum(values, self.low / LOGARITHMIC)
@@ -48,7 +62,13 @@ class Axis(NamedTuple):
         return np.asarray((values - self.low) / (self.high - self.low))
 
     def value(self, share: Any) -> FloatArray:
-        """Values at positions."""
+        """Values at positions.
+
+        Parameters
+        ----------
+        share : array_like of float
+            Positions between the ends, 0 to 1.
+        """
         share = np.asarray(share, dtype=float)
         if self.logarithmic:
             return np.asarray(self.low * (self.high / self.low) ** share)

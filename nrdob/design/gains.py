@@ -6,6 +6,10 @@ included. Between two neighbouring critical gains the number of roots in the rig
 not change; it is counted there by the argument of
 
 .. math:: p_B = D N_m' E + k\,N D_m' N_f'\,e^{-s\theta}.
+
+With dead time there are endlessly many critical gains. Far beyond all poles and zeros of L its size
+falls and its phase falls, too, so that with growing k roots only enter the right half plane there:
+what is listed up to some turns beyond is all that can bound a stable interval.
 """
 
 from __future__ import annotations
@@ -18,9 +22,12 @@ import numpy as np
 
 from ..analysis import margins
 from ..diagram import DelayedTransferFunction, ObserverEquations
-from ..numerics import count_rhp
+from ..numerics import QuasiPolynomial, count_rhp
 
 __all__ = ["stabilizing_gains"]
+
+FAR = 10.0
+"""How far beyond all poles and zeros L is only a power of s and a dead time."""
 
 SAME = 1e-9
 """Relative distance below which two critical gains are one."""
@@ -56,9 +63,12 @@ def stabilizing_gains(process: Any, model: Any, filter: Any) -> list[tuple[float
     >>> low, round(high, 3)
     (0.0, 3.712)
     """
-    loop = ObserverEquations(process, model, filter)
-    found = margins(loop.L, None, loop.p_B)
-    omega = found.phase_crossovers
+    given = ObserverEquations(process, model, filter)
+    unit = _unit(given)
+    G = given.fractions.G
+    scaled = DelayedTransferFunction((unit * G.num, G.den), given.delay)
+    loop = ObserverEquations(scaled, model, filter)
+    omega = margins(loop.L, None, loop.p_B).phase_crossovers
     inside = omega[(omega > 0) & np.isfinite(omega)]
     a, b = loop.L.at_infinity
     values = np.concatenate([loop.L(1j * inside).real, [loop.L.dc_gain, a - abs(b), a + abs(b)]])
@@ -71,8 +81,17 @@ def stabilizing_gains(process: Any, model: Any, filter: Any) -> list[tuple[float
     for low, high in pairwise(ends):
         between = 2 * low or 1.0 if high == inf else sqrt(low * high) if low else high / 2
         if _count(loop, between) == 0:
-            stable.append((low, high))
+            stable.append((low * unit, high * unit))
     return stable
+
+
+def _unit(loop: ObserverEquations) -> float:
+    """Gain with which L is 1 just beyond all that is in it, so that no more has to be followed."""
+    parts = [p for factor in (*loop.L.num, *loop.L.den) for p, _ in factor.terms if p.any()]
+    roots = [QuasiPolynomial(p).without_origin.roots for p in parts]
+    speeds = np.append(np.abs(np.concatenate(roots)), 1 / loop.delay if loop.delay else 0.0)
+    size = float(np.abs(loop.L(1j * FAR * (speeds.max() or 1.0))))
+    return 1 / size if 0 < size < inf else 1.0
 
 
 def _count(loop: ObserverEquations, gain: float) -> float:

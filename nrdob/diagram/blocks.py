@@ -118,6 +118,15 @@ def nonzero(fraction: Fraction, name: str) -> Fraction:
 def real_number(value: Any, name: str, remedy: str) -> float:
     """Read one real number, or raise TypeError with the `remedy`.
 
+    Parameters
+    ----------
+    value : object
+        Whatever was given.
+    name : str
+        What it is called in the message.
+    remedy : str
+        What to give instead.
+
     Examples
     --------
     >>> real_number("1", "delay", "give seconds as a number")

@@ -75,8 +75,8 @@ def sampled_noise_variance(
     A, B, C, D = _closed(process, controller)
     if _radius(A) >= STABLE:
         raise ValueError(
-            f"the variances are infinite: the sampled loop has a root of size {_radius(A):.6g}, and "
-            "all must be inside the unit circle; see stability()"
+            f"the variances are infinite: the sampled loop has a root of size {_radius(A):.6g}; "
+            "all must be inside the unit circle, see stability()"
         )
     if shaping is not None:
         A, B, C, D = _behind((A, B, C, D), _shaping(shaping, controller.dt))
@@ -95,8 +95,8 @@ def _closed(process: HeldProcess, controller: SampledController) -> System:
     rows = np.eye(size)
 
     def past(samples: int) -> FloatArray:
-        """U as it was so many samples ago, 1 or more."""
-        return rows[n + samples - 1]
+        """Give u as it was so many samples ago, 1 or more."""
+        return np.asarray(rows[n + samples - 1])
 
     # Signals as rows over (states, η).
     y = np.zeros(size)

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 import nrdob
+from nrdob import delay
 from nrdob.alternatives import load_errors
-from nrdob.design import peak_of_u
+from nrdob.design import step_peak
 
 s = ct.tf("s")
 NOISE = ct.tf([1], [0.02, 1])
@@ -46,7 +47,7 @@ def test_the_numbers_are_those_of_the_loop():
     assert (row.ms, row.delay_margin) == pytest.approx((margins.ms, margins.delay_margin), rel=1e-9)
     assert (row.iae, row.ise) == pytest.approx(tuple(load_errors(loop)), rel=1e-6)
     assert (row.noise_y, row.noise_u) == pytest.approx(tuple(loop.noise_variance(NOISE)), rel=1e-9)
-    assert row.peak_u == pytest.approx(peak_of_u(loop, "d"), rel=1e-9)
+    assert row.peak_u == pytest.approx(step_peak(loop, "d", "u"), rel=1e-9)
     changed = nrdob.paper.example(4, modified=True).margins().plant_loop.ms
     assert found.column("modified")["as printed"] == pytest.approx(changed, rel=1e-9)
 
@@ -57,6 +58,48 @@ def test_an_unstable_plant_has_rows_that_say_why():
     assert "unstable with every value" in found["C alone"].reason
     assert found["as printed"].stable and isnan(found["PI"].ms)
     assert found.column("stable")["PI"] is None
+
+
+PLANTS = {
+    "an integrator that answers late": (delay(0.5) / s, 1 / s, 0.5),
+    "a double integrator": (2 / s**2, 2 / s**2, (3 * s + 1) / (s + 3)),
+    "a resonance": (4 / (s**2 + 0.1 * s + 4), 4 / (s**2 + 2 * s + 4), 0.5 / s),
+    "a long dead time": (delay(20) / (s + 1), 1 / (s + 1), 0.05 / s),
+    "an inverse response": (
+        (1 - s) / ((s + 1) * (2 * s + 1)),
+        1 / ((s + 1) * (2 * s + 1)),
+        0.3 / s,
+    ),
+    "an unstable plant that answers late": (delay(0.1) / (s - 1), -1 / (s + 1), -2 * (s + 1) / s),
+    "a plant without dynamics": (ct.tf([2], [1]), 1 / (s + 1), 1 / s),
+}
+
+
+@pytest.mark.parametrize("name", PLANTS)
+def test_nothing_raises_on_plants_that_nobody_prepared(name):
+    G, Gm, C = PLANTS[name]
+    each = nrdob.candidates(G, Gm, C)
+    found = nrdob.compare(G, each, max_ms=1.8)
+    for row in found.rows:
+        assert bool(row.reason) == isnan(row.ms) and (row.reason or row.ms <= 1.8 * (1 + 1e-6))
+    assert len(found.rows) == len(each)
+
+
+def test_an_observer_that_cannot_do_says_what_it_needs():
+    G, Gm, C = PLANTS["a double integrator"]
+    with pytest.raises(
+        ValueError, match=r"the model has 2 integrators, .* take a filter with 1 - F"
+    ):
+        nrdob.tune(nrdob.candidates(G, Gm, C)["NR-DOB"], max_ms=1.8)
+
+
+def test_b0_is_that_of_two_lags_where_there_are_more():
+    G = 3 / ((s + 1) * (0.5 * s + 1) * (0.2 * s + 1))  # τ2 = 0.5 + 0.2/2
+    adrc = nrdob.candidates(G, 1 / (s + 1) ** 3, 1 / s)["ADRC"].build(8.0)
+    by_hand = nrdob.linear_adrc(G, 2, 3 / 0.6, 8.0, 2.0)
+    np.testing.assert_allclose(
+        adrc.L(1j * np.array([0.1, 3.0])), by_hand.L(1j * np.array([0.1, 3.0]))
+    )
 
 
 def test_a_changed_plant_that_is_lost_is_lost_in_the_table():
@@ -95,11 +138,14 @@ def test_reasons_are_text_in_the_html():
 def test_limits_that_do_not_limit_are_named():
     loop = nrdob.paper.example(1)
     each = nrdob.candidates(loop.process, loop.model, loop.controller, 2)
-    with pytest.raises(ValueError, match=r"does not limit the speed: .* give max_noise, too"):
-        nrdob.tune(each["NR-DOB"], max_ms=1.6)
+    found = nrdob.tune(each["NR-DOB"], max_ms=1.6)
+    assert not found.limited and found.text == "λ = 0.001 s, no limit"
     found = nrdob.tune(each["NR-DOB"], max_ms=1.6, max_noise=10.0)
+    assert found.limited
     assert sqrt(found.loop.noise_variance().u) == pytest.approx(10.0, rel=1e-6)
-    with pytest.raises(ValueError, match=r"max_noise = 1e-09 not kept: missed by a factor of .*"):
+    with pytest.raises(
+        ValueError, match=r"max_noise = 1e-09 is not kept .*: missed by a factor of"
+    ):
         nrdob.tune(each["ADRC"], max_noise=1e-9)
     with pytest.raises(ValueError, match="white noise comes to u directly"):
         nrdob.tune(each["PID"], max_noise=5.0)
@@ -119,6 +165,12 @@ def test_limits_must_be_limits(given, error, message):
     each = nrdob.candidates(loop.process, loop.model, loop.controller)
     with pytest.raises(error, match=message):
         nrdob.compare(loop.process, each, **given)
+
+
+def test_a_loop_that_is_all_but_unstable_is_no_error():
+    loop = nrdob.controller_alone(1 / (s + 1e-7), 1 / (s + 1e-7), 4 / s)  # 3e7 swings to settle
+    row = nrdob.compare(loop.process, {"C": loop})["C"]
+    assert row.stable and row.reason.startswith("stable, but ")
 
 
 def test_only_loops_and_candidates_are_compared():

@@ -1,4 +1,4 @@
-"""C alone and the conventional observer, written as NR-DOBs, have the maps of their own diagrams."""
+"""C alone and the conventional observer as NR-DOBs have the maps of their own diagrams."""
 
 import control as ct
 import numpy as np
