@@ -57,6 +57,22 @@ def test_a_matched_model_rejects_with_the_known_energy():
         assert loop.S_d.step_energy() == pytest.approx(index * 0.7, rel=1e-12)
 
 
+def test_a_well_tuned_controller_alone_passes_less_noise_at_equal_rejection():
+    # ‖S_η‖² times the energy of a step of d does not depend on the time scale; 5/16 for n = 2.
+    G = (2 * s + 10) / (s**2 + 11 * s + 10)
+
+    def price(loop):
+        return loop.S_eta.noise_power() * loop.S_d.step_energy()
+
+    observer = nrdob.NRDOB(G, G, 1.39 / s, LowPassFilter(0.01, 2))
+    inverting = (s**2 + 11 * s + 10) / (0.1 * s * (2 * s + 10))
+    alone = [price(nrdob.controller_alone(G, G, C)) for C in (0.2 / s, (s + 1) / s, inverting)]
+    assert price(observer) == pytest.approx(5 / 16, rel=1e-10)
+    assert alone[-1] == pytest.approx(1 / 4, rel=1e-10) and max(alone) < 5 / 16
+    # The paper's own C is far from that.
+    assert price(nrdob.controller_alone(G, G, 1.39 / s)) > 5 / 16
+
+
 def test_an_unstable_loop_has_no_energy():
     loop = nrdob.NRDOB(1 / (s - 1), 1 / (s + 1), 1.0, LowPassFilter(9.0, 1))
     with pytest.raises(ValueError, match="the energy of a step through S_delta is infinite"):
