@@ -217,7 +217,7 @@
       for (const [from, to] of this.set) parts.push(svg("rect", { class: "works", x: X(from), y: 8, width: Math.max(1, X(to) - X(from)), height: 12, rx: 3 }));
       for (let x = 10 ** Math.ceil(Math.log10(low) - 1e-9); x <= high * 1.001; x *= 10) {
         parts.push(svg("line", { class: "tick", x1: X(x), x2: X(x), y1: 20, y2: 25 }));
-        parts.push(svg("text", { x: X(x), y: 40, "text-anchor": "middle" }, `${written(x)} s`));
+        parts.push(svg("text", { x: X(x), y: 40, "text-anchor": X(x) > 460 ? "end" : "middle" }, `${written(x)} s`));
       }
       const at = Math.max(8, Math.min(472, X(lambda)));
       parts.push(svg("path", { class: "present", d: `M${at} 2v24m-5 -24h10` }));
