@@ -27,6 +27,7 @@ extensions = [
     "sphinx_copybutton",
     "sphinxcontrib.bibtex",
     "claimlinks",
+    "explorable",
     "predict",
     "typeset",
 ]
