@@ -25,7 +25,7 @@ OLD_PROCESSOR := OPENBLAS_CORETYPE=Nehalem \
 	NPY_DISABLE_CPU_FEATURES="X86_V3 X86_V4 AVX512_ICL AVX512_SPR"
 
 .PHONY: help env book ledger quick test lint types layers map unit notebooks old-processor execute check \
-	bench bench-table pages slides paper lab release grade report test-exercises clean
+	bench bench-table pages slides paper lab release grade report test-exercises test-site clean
 
 help: ## show this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /	/' | expand -t 16
@@ -78,6 +78,9 @@ quick: lint types layers ## the checks of the working day, in below 90 seconds
 
 unit: $(READY) ## unit tests, doctests, the rules for notebooks, the ledger, and the built book
 	$(PYTEST) tests nrdob --doctest-modules
+
+test-site: $(READY) ## build the book and open every page in a browser, at the width of a phone
+	$(PYTEST) tests/book/test_site.py
 
 notebooks: $(READY) ## run every notebook and compare with the outputs stored in it
 	$(PYTEST) $(NBVAL)

@@ -27,7 +27,9 @@ extensions = [
     "sphinx_copybutton",
     "sphinxcontrib.bibtex",
     "claimlinks",
+    "explorable",
     "predict",
+    "typeset",
 ]
 
 # --- Text -------------------------------------------------------------------------------------
@@ -77,6 +79,8 @@ html_static_path.append(str(_mathjax.locate()))
 mathjax_path = "tex-svg-full.js"
 mathjax3_config = {
     "tex": {"macros": {"Gm": r"\tilde{G}", "e": r"\mathrm{e}", "j": r"\mathrm{j}"}},
+    # A reader who goes from link to link by keyboard does not stop at every formula.
+    "options": {"menuOptions": {"settings": {"inTabOrder": False}}},
 }
 
 

@@ -2,11 +2,25 @@
 
 The list below is the table of contents, by topic. What answers, with which fields, is one room
 further: `nrdob.analysis` (verdicts, margins, responses), `nrdob.design` (which filter, model and
-controller), `nrdob.diagram` (blocks and the maps between them), `nrdob.numerics` (polynomials with
-a delay), `nrdob.plotting` (figures) and `nrdob.course` (the paper's claims, the problem sets).
+controller), `nrdob.measured` (a process out of a record), `nrdob.uncertain` (families of plants),
+`nrdob.diagram` (blocks and the maps between them), `nrdob.numerics` (polynomials with a delay),
+`nrdob.plotting` (figures) and `nrdob.course` (the paper's claims, the problem sets).
 """
 
 from . import paper, plants
+from .alternatives import (
+    adrc_chart,
+    adrc_stabilizing_bandwidths,
+    adrc_stabilizing_gains,
+    candidates,
+    compare,
+    controller_alone,
+    conventional_observer,
+    linear_adrc,
+    simc_pi,
+    simc_pid,
+    tune,
+)
 from .analysis import encirclements, judge_observer, margin_bounds
 from .deadtime import dead_time_observer, smith_predictor
 from .design import (
@@ -16,6 +30,7 @@ from .design import (
     design_filter,
     observer_form,
     stability_chart,
+    stabilizing_gains,
     stabilizing_time_constants,
     stable_model_exists,
     suggest_model,
@@ -29,7 +44,9 @@ from .diagram import (
     interpolating_filter,
 )
 from .loop import NRDOB
+from .measured import identify, read_data
 from .sampling import random_loop
+from .uncertain import family, sweep
 
 __all__ = [  # noqa: RUF022  (by topic: the contents of the package)
     # The loop, and what it is made of.
@@ -40,12 +57,20 @@ __all__ = [  # noqa: RUF022  (by topic: the contents of the package)
     # Is it stable, and how nearly not?
     "judge_observer", "encirclements", "margin_bounds",
     # Which filters work, and which is the fastest?
-    "stabilizing_time_constants", "critical_time_constants",
+    "stabilizing_time_constants", "critical_time_constants", "stabilizing_gains",
     "admissible_time_constants", "design_filter", "stability_chart",
     # Which model, and which controller?
     "suggest_model", "design_controller",
+    # What process was measured?
+    "identify", "read_data",
     # Is a controller an observer?
     "observer_form", "stable_model_exists",
+    # Other schemes on the same plant, in one table.
+    "compare", "candidates", "tune", "controller_alone", "conventional_observer",
+    "simc_pi", "simc_pid", "linear_adrc",
+    "adrc_stabilizing_bandwidths", "adrc_stabilizing_gains", "adrc_chart",
+    # Will it survive the real plant?
+    "family", "sweep",
     # Loops to try things on: the paper's, some with a name, random ones.
     "paper", "plants", "random_loop",
 ]  # fmt: skip

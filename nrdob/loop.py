@@ -11,13 +11,16 @@ from numpy.typing import ArrayLike
 
 from .analysis import (
     LoopMargins,
+    NoiseVariance,
     Stability,
     forced_response,
     loop_margins,
+    noise_variance,
     stability,
     step_response,
 )
 from .diagram import CLOSED_LOOP, MAPS, LoopEquations, Quotient
+from .digital import SampledLoop
 
 if TYPE_CHECKING:
     from .plotting import Figure
@@ -141,6 +144,51 @@ class NRDOB(LoopEquations):
             `time` (N,), and `outputs` (2, N) with y and u.
         """
         return forced_response(self, input, timepts, inputs)
+
+    def noise_variance(self, shaping: Any = None, *, input: str = "eta") -> NoiseVariance:
+        """Compute the variances of y and u for noise: see `nrdob.analysis.noise_variance`.
+
+        Parameters
+        ----------
+        shaping : control.TransferFunction, StateSpace, number or (num, den), optional
+            A stable filter that colours white noise of unit density.
+        input : {"R", "d", "delta", "eta"}
+            Where the noise enters.
+
+        Returns
+        -------
+        NoiseVariance
+            `y` and `u`.
+        """
+        return noise_variance(self, shaping, input=input)
+
+    def sampled(
+        self,
+        dt: float,
+        method: str = "tustin",
+        computation_delay: float = 0.0,
+        prewarp: float | None = None,
+    ) -> SampledLoop:
+        """Put the controller on a processor: see `nrdob.digital.SampledLoop`.
+
+        Parameters
+        ----------
+        dt : float
+            Sampling time in seconds.
+        method : {"tustin", "zoh"}
+            How the blocks are sampled.
+        computation_delay : float
+            Time from reading y to writing u, in seconds.
+        prewarp : float, optional
+            Frequency in rad/s at which Tustin's rule is exact.
+
+        Returns
+        -------
+        SampledLoop
+            With `stability()`, `margins()`, `step_response()` and the difference equations,
+            `.controller`.
+        """
+        return SampledLoop(self, dt, method, computation_delay, prewarp)
 
     def plot_nyquist(
         self,

@@ -58,10 +58,9 @@ def test_what_makes_no_predictor_is_named_with_the_remedy():
         nrdob.delay(-1.0)
 
 
-def test_a_model_that_integrates_and_waits_is_told_what_to_do():
-    G = nrdob.delay(0.9) * ct.tf([1], [1, 0])
-    found = nrdob.judge_observer(G, G, nrdob.LowPassFilter(0.5, 1))
-    assert found.stable is False and "integrator and waits" in found.reason
-    near = nrdob.delay(0.9) * ct.tf([1], [1, 0.01])
-    assert nrdob.judge_observer(near, near, nrdob.LowPassFilter(0.5, 1)).stable
-    assert nrdob.stabilizing_time_constants(G, G, 1) == []
+def test_a_smith_predictor_of_an_integrating_plant_leaves_a_constant_disturbance_of_its_input():
+    # With C = k, F = k/(s + k) and S_δ(0) = 1/k + θm, however exact the model is.
+    G = nrdob.delay(0.9) / s
+    loop = nrdob.smith_predictor(G, G, 2.0)
+    assert loop.stability().stable
+    assert loop.S_delta.dc_gain == pytest.approx(1 / 2 + 0.9, rel=1e-12)

@@ -5,12 +5,14 @@ from .margins import LoopMargins, MarginBounds, Margins, loop_margins, margin_bo
 from .nyquist import NyquistCount, encirclements, minus_point, rhp_roots
 from .response import forced_response, step_response
 from .stability import LoopStability, Stability, judge, judge_observer, stability
+from .variance import NoiseVariance, noise_variance
 
 __all__ = [
     "LoopMargins",
     "LoopStability",
     "MarginBounds",
     "Margins",
+    "NoiseVariance",
     "NyquistCount",
     "Stability",
     "encirclements",
@@ -21,6 +23,7 @@ __all__ = [
     "margin_bounds",
     "margins",
     "minus_point",
+    "noise_variance",
     "on_axis",
     "resolved_frequencies",
     "rhp_roots",

@@ -7,13 +7,12 @@ that almost cancel keep their places, and no unit of time or gain makes a produc
 
 from __future__ import annotations
 
-from functools import reduce
 from typing import NamedTuple
 
 import numpy as np
 
 from ..diagram import Quotient
-from ..numerics import ComplexArray, FloatArray, IntArray, add, bisect, side
+from ..numerics import ComplexArray, FloatArray, IntArray, bisect, exponential_rest, side
 
 __all__ = ["Locus", "Notable", "notable_frequencies"]
 
@@ -55,13 +54,12 @@ class Locus:
         delayed = [(i, *term) for i, factor in enumerate(factors) for term in factor.delayed]
         self._delayed = np.array([i for i, _, _ in delayed], dtype=np.intp)
         self._delays = np.array([delay for _, _, delay in delayed])[:, None]
-        # Near a zero at s = 0 that the terms have only together, exp(-sT) - 1 is what counts.
-        vanishing = [factor.without_origin.divided == 1 for factor in factors]
-        self._less = np.array([float(vanishing[i]) for i, _, _ in delayed])[:, None]
-        rows = [
-            reduce(add, [r for r, _ in factor.delayed], factor.q) if less else factor.q
-            for factor, less in zip(factors, vanishing, strict=True)
-        ]
+        # Near a zero at s = 0 that the terms have only together, what counts is the rest of
+        # exp(-sT) behind its Taylor polynomial.
+        expanded = [factor.expanded for factor in factors]
+        self._behind = np.array([expanded[i][1] for i, _, _ in delayed], dtype=np.intp)
+        self._divided = float(self._signs @ [factor.divided for factor in factors])
+        rows = [row for row, _ in expanded]
         rows += [r for _, r, _ in delayed]
         # p(s) = even(s²) + s odd(s²): on the axis s² is real, so that half the work is left.
         length = max(row.size for row in rows) // 2 + 1
@@ -100,14 +98,21 @@ class Locus:
         dp = value[1] + 2 * s * (slope[0] + s * slope[1])
         if self._delayed.size:
             count, wait = self._signs.size, -self._delays * s
-            lag = np.where(self._less, np.expm1(wait), np.exp(wait))
-            slope_of_lag = -self._delays * (lag + self._less)
+            lag, slope_of_lag = np.empty_like(wait), np.empty_like(wait)
+            for m in np.unique(self._behind).tolist():
+                own = self._behind == m
+                lag[own] = exponential_rest(wait[own], m)
+                slope_of_lag[own] = exponential_rest(wait[own], max(m - 1, 0))
+            slope_of_lag *= -self._delays
             late = p[count:] * lag, dp[count:] * lag + p[count:] * slope_of_lag
             p, dp = p[:count], dp[:count]
             for values, more in zip((p, dp), late, strict=True):
                 np.add.at(values, self._delayed, more)
         with np.errstate(all="ignore"):
-            return self._signs @ np.log(p), s * (self._signs @ (dp / p))
+            log, slope = self._signs @ np.log(p), s * (self._signs @ (dp / p))
+            if self._divided:
+                log, slope = log - self._divided * np.log(s), slope - self._divided
+            return log, slope
 
 
 def notable_frequencies(locus: Locus, omega: FloatArray) -> Notable:

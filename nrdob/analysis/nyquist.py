@@ -125,9 +125,11 @@ def minus_point(loop: Quotient, point: float = -1.0) -> QuasiPolynomial:
         Point of the real axis.
     """
     num, den = loop.numerator, loop.denominator
-    less = tuple(Term(-point * p, delay) for p, delay in den.terms)
-    scale = add(num.scale, abs(point) * den.scale)
-    return QuasiPolynomial(num.q, scale=scale, more=num.delayed + less)
+    power = max(num.divided, den.divided)
+    top, less = num.lifted(power), den.lifted(power)
+    scale = add(top.scale, abs(point) * less.scale)
+    more = top.delayed + tuple(Term(-point * p, delay) for p, delay in less.terms)
+    return QuasiPolynomial(top.q, scale=scale, more=more, origin=power).over_s(power)
 
 
 def rhp_roots(factor: QuasiPolynomial) -> float:
@@ -142,6 +144,8 @@ def rhp_roots(factor: QuasiPolynomial) -> float:
         return inf
     count = None if factor.turn.touched else factor.rhp_in_whole_numbers
     if count is None:
+        if not factor.roots_resolved:
+            return count_rhp(factor).at_least
         roots = factor.without_origin.roots
         count = int(np.sum((roots.real > 0) & ~factor.near_axis(roots)))
     return count

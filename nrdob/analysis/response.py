@@ -356,9 +356,12 @@ def _all_echoes(
     ``1/(q + sum of r E)`` is the sum over the numbers of times that each r E occurs, as often as
     they can be ordered.
     """
-    q, echoes = loop.p_B.q, loop.p_B.delayed
+    maps = _maps(loop, input)
+    power = max(each.divided for each in (loop.p_B, *(m.numerator for m in maps)))
+    p_B = loop.p_B.lifted(power)
+    q, echoes = p_B.q, p_B.delayed
     rest = loop.p_A.q if input == "R" else np.ones(1)
-    ends = [m.numerator.terms for m in _maps(loop, input)]
+    ends = [m.numerator.lifted(power).terms for m in maps]
     counts = [range(int(horizon / echo.delay + 1e-9) + 1) for echo in echoes]
     terms: list[tuple[float, Rational]] = []
     for occurs in product(*counts):

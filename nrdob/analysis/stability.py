@@ -238,22 +238,18 @@ def observer_stability(loop: ObserverEquations | LoopEquations) -> LoopStability
 def _held_at_origin(loop: ObserverEquations | LoopEquations) -> str:
     """Explain p_B(0) = D(0) Nm(0) E(0) + N(0) Dm(0) = 0."""
     integrators, kept = -loop.Gm.zeros_at_origin, loop.built.Dm.zeros_at_origin
-    if kept and loop.model_delay:
-        return (
-            "for every filter: the model has an integrator and waits, and (1 - F exp(-θm s))/s is "
-            "no block that is built here; give it a slow stable pole instead of the integrator, or "
-            "leave its dead time out"
-        )
+    waits = " exp(-θm s)" if loop.model_delay else ""
     if kept and loop.keep_factors:
         return (
             "for every filter: the model has an integrator; give it a slow stable pole instead, or "
-            "build (1 - F)·model as one block (keep_factors=False), without what cancels in it"
+            f"build (1 - F{waits})·model as one block (keep_factors=False), without what cancels "
+            "in it"
         )
     if kept:
         return (
-            f"the model has {integrators} integrators, of which (1 - F)·model keeps {kept}: take "
-            f"a filter with 1 - F ~ s^{integrators}, such as nrdob.interpolating_filter(model, "
-            "time_constant)"
+            f"the model has {integrators} integrators, of which (1 - F{waits})·model keeps {kept}: "
+            f"take a filter with 1 - F{waits} ~ s^{integrators}, such as "
+            "nrdob.interpolating_filter(model, time_constant)"
         )
     if integrators > 0:
         return (
@@ -266,9 +262,13 @@ def _held_at_origin(loop: ObserverEquations | LoopEquations) -> str:
 def _cancelled(loop: ObserverEquations | LoopEquations) -> str:
     """Name what has cancelled inside a block, and what of it rests on rounding."""
     notes = []
-    for common, block in ((loop.built.zeros, "F/Gm"), (loop.built.poles, "(1-F)Gm")):
+    waits = loop.model_delay > 0
+    prediction = "(1-F exp(-θm s))Gm0" if waits else "(1-F)Gm"
+    for common, block in ((loop.built.zeros, "F/Gm"), (loop.built.poles, prediction)):
         if common.degree:
             note = f"{_named(common.roots)} inside {block}"
+            if waits and block == prediction:
+                note += ", which takes a memory of length θm, not a difference of two integrators"
             if (fragile := unstable_roots(common)).size:
                 note += f", {_named(fragile)} to rounding only: build {block} as one"
             notes.append(note)

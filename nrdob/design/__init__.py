@@ -1,7 +1,7 @@
 """Which filters, models and controllers to choose, and what limits the choice."""
 
 from . import closedforms
-from .chart import Border, Region, StabilityChart, stability_chart
+from .chart import Axis, Border, Region, StabilityChart, stability_chart
 from .closedforms import (
     disturbance_index,
     largest_for_unstable_pole,
@@ -12,6 +12,7 @@ from .closedforms import (
     smallest_for_rhp_zero,
 )
 from .controllers import design_controller
+from .gains import stabilizing_gains
 from .limits import (
     Answer,
     gain_bound,
@@ -22,6 +23,7 @@ from .limits import (
 )
 from .mismatch import Mismatch
 from .models import ModelCandidate, suggest_model
+from .prices import step_peak
 from .search import admissible_time_constants, design_filter
 from .timeconstants import (
     CriticalTimeConstant,
@@ -34,6 +36,7 @@ from .youla import ObserverForm, observer_form, stable_model_exists
 
 __all__ = [
     "Answer",
+    "Axis",
     "Border",
     "CriticalTimeConstant",
     "Mismatch",
@@ -59,10 +62,12 @@ __all__ = [
     "smallest_for_rhp_zero",
     "stability_chart",
     "stabilizing_filter_exists",
+    "stabilizing_gains",
     "stabilizing_time_constants",
     "stable_filters",
     "stable_for_fast_filters",
     "stable_for_slow_filters",
     "stable_model_exists",
+    "step_peak",
     "suggest_model",
 ]

@@ -41,10 +41,8 @@ class FamilyFrequencies(Frequencies):
         return np.asarray(omega[(omega > 1e-40) & (omega < 1e40)])
 
     def largest_time_constant(self, omega: FloatArray, gain: float = 1.0) -> FloatArray:
-        """Bound of the critical λ at a frequency, those with L = -1."""
-        if gain != 1:
-            raise NotImplementedError("a family's loops are bounded where L = -1, at gain 1 alone")
-        return self.mismatch.largest(omega)
+        """Bound of the λ with ``|L| = gain`` at a frequency."""
+        return self.mismatch.largest(omega, gain)
 
 
 def frequencies_for(process: Any, model: Any, order: int | FilterFamily | None) -> Frequencies:

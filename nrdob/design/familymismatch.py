@@ -6,13 +6,17 @@ What F/G̃ and (1 - F)G̃ share with themselves for every λ is in no block. Wit
           \qquad a = D N_m', \quad b = N D_m',
 
 where :math:`e_k` and :math:`n_k` are the coefficients of the powers of λ in what is left of
-:math:`D_f - N_f` and of :math:`N_f`.
+:math:`D_f - N_f` and of :math:`N_f`. Where the model waits, no pole of it is shared, and what waits
+stands with the same :math:`n_k`:
+
+.. math:: p_B(s; \lambda) = \sum_k \lambda^k \left(
+          a\,d_k + (b\,e^{-\theta s} - D N_m\,e^{-\theta_m s})\,n_k \right).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field
+from functools import cached_property, reduce
 from typing import Any
 
 import numpy as np
@@ -23,6 +27,7 @@ from ..numerics import (
     ComplexArray,
     FloatArray,
     QuasiPolynomial,
+    Term,
     add,
     companion_roots,
     count_rhp,
@@ -66,28 +71,42 @@ class FamilyMismatch(Mismatch):
     Attributes
     ----------
     E, Nf : (K, m) array of float
-        Row k holds the coefficients of λ^k, descending in s.
+        Row k holds the coefficients of λ^k, descending in s. E is all of Df for a model that waits.
+    Nm : array of float
+        All zeros of a model that waits; 0 for one that does not.
     """
 
     E: FloatArray
     Nf: FloatArray
+    Nm: FloatArray = field(default_factory=lambda: np.zeros(1))
 
     @classmethod
     def for_family(cls, process: Any, model: Any, family: FilterFamily) -> FamilyMismatch:
         """Read process and model as the loop does, with the same refusals."""
         loop = ObserverEquations(process, model, _stable_member(family))
-        if loop.model_delay:
-            raise ValueError(
-                f"model has a dead time of {loop.model_delay:g} s; for a model that waits ask with "
-                "an order, n of 1/(λs + 1)^n, or leave the dead time out of the model"
-            )
         G, Gm = loop.fractions.G, loop.fractions.Gm
-        E, Dm = _without_shared(family.difference, Gm.den)
+        wait = loop.model_delay
+        E, Dm = (family.den, Gm.den) if wait else _without_shared(family.difference, Gm.den)
         Nf, Nm = _without_shared(family.num, Gm.num)
+        return cls.of_tables(E, Nf, (*G, Nm, Dm), loop.delay, wait, Gm.num, order=family.order)
+
+    @classmethod
+    def of_tables(
+        cls,
+        E: FloatArray,
+        Nf: FloatArray,
+        factors: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
+        delay: float,
+        wait: float,
+        zeros: FloatArray,
+        order: int,
+    ) -> FamilyMismatch:
+        """Multiply N, D and what is left of Nm and Dm; the tables have descending powers of λ."""
+        N, D, Nm, Dm = factors
         E, Nf = _by_powers(E, Nf)
-        a, b = multiplied(G.den, Nm), multiplied(G.num, Dm)
-        factors = (G.num, G.den, Nm, Dm)
-        return cls(a, b, loop.delay, family.order, factors, E=E, Nf=Nf)
+        whole = zeros if wait else np.zeros(1)
+        a, b = multiplied(D, Nm), multiplied(N, Dm)
+        return cls(a, b, delay, order, factors, wait=wait, E=E, Nf=Nf, Nm=whole)
 
     @cached_property
     def own_speeds(self) -> FloatArray:
@@ -99,7 +118,7 @@ class FamilyMismatch(Mismatch):
     @cached_property
     def speeds(self) -> FloatArray:
         """Sizes of all roots, and one over the dead time, in rad/s; 1 where there is neither."""
-        lags = np.array([1 / self.delay]) if self.delay else np.empty(0)
+        lags = [1 / delay for delay in (self.delay, self.wait) if delay]
         sizes = np.concatenate([np.abs(self.roots), lags, self.own_speeds])
         return sizes if sizes.size else np.ones(1)
 
@@ -112,35 +131,53 @@ class FamilyMismatch(Mismatch):
         ValueError
             If it does so for every large λ.
         """
-        ahead, behind = (
-            _wide(table)[::-1, 0] * lead
-            for table, lead in ((self.E, self.a[0]), (self.Nf, self.b[0]))
-        )
-        excess = (_degree(self.Nf) + self.b.size) - (_degree(self.E) + self.a.size)
-        if excess < 0 or not self.delay:
+        ahead = [(self.E, self.a)] + [(self.Nf, p) for p, delay in self.behind if not delay]
+        behind = [(self.Nf, p) for p, delay in self.behind if delay]
+        if not behind:
             return 0.0
-        square = add(np.convolve(ahead, ahead), -np.convolve(behind, behind))
+        top = max(_degree(table) + p.size for table, p in (*ahead, *behind))
+        leading, delayed = (
+            [_wide(table)[::-1, 0] * p[0] for table, p in part if _degree(table) + p.size == top]
+            for part in (ahead, behind)
+        )
+        if not delayed:
+            return 0.0
+        # Those with dead time are all multiples of the same polynomial in λ.
+        most, least = reduce(add, map(np.abs, delayed)), reduce(add, leading, np.zeros(1))
+        sign = np.sign(delayed[0])
+        square = add(np.convolve(least, least), -np.convolve(sign * most, sign * most))
         square = np.trim_zeros(square, "f")
-        if excess > 0 or not square.size or square[0] < 0:
+        if not leading or not square.size or square[0] < 0:
             raise ValueError(
                 "with dead time every slow filter of this family leaves infinitely many roots in "
                 "the right half plane: take one of higher relative degree"
             )
         return float(positive_roots(square).max(initial=0.0))
 
-    def undelayed(self, time_constant: float) -> FloatArray:
-        """Coefficients of D Nm' E."""
-        return np.convolve(self.a, _trimmed(_in_lambda(self.E, time_constant)))
+    @cached_property
+    def waiting(self) -> FloatArray:
+        """Coefficients of D Nm, which stand before the model's dead time."""
+        return np.convolve(self.factors[1], self.Nm)
+
+    @cached_property
+    def behind(self) -> list[Term]:
+        """What stands before Nf, by dead time; equal ones are added up."""
+        if self.wait and self.wait == self.delay:
+            return [Term(add(self.b, -self.waiting), self.delay)]
+        return [Term(self.b, self.delay), *([Term(-self.waiting, self.wait)] if self.wait else [])]
 
     def p_B(self, time_constant: float) -> QuasiPolynomial:
         """Characteristic function for one filter."""
-        parts, sizes = self.built(time_constant)
-        return QuasiPolynomial(parts[0], parts[1], self.delay, add(*sizes))
+        (ahead, behind, *waiting), sizes = self.built(time_constant)
+        more = tuple(Term(part, self.wait) for part in waiting)
+        return QuasiPolynomial(ahead, behind, self.delay, reduce(add, sizes), more)
 
     def built(self, time_constant: float) -> tuple[list[FloatArray], list[FloatArray]]:
-        """Coefficients of a E and b Nf for one filter, and the sizes of what is summed in them."""
+        """Coefficients of a E, b Nf, and -D Nm Nf if the model waits; the sizes summed in each."""
         parts, sizes = [], []
-        for table, factor in ((self.E, self.a), (self.Nf, self.b)):
+        tables = [(self.E, self.a), (self.Nf, self.b)]
+        tables += [(self.Nf, -self.waiting)] if self.wait else []
+        for table, factor in tables:
             parts.append(np.convolve(factor, _in_lambda(table, time_constant)))
             sizes.append(np.convolve(np.abs(factor), _in_lambda(np.abs(table), time_constant)))
         if not all(np.isfinite(size).all() for size in sizes):
@@ -163,29 +200,70 @@ class FamilyMismatch(Mismatch):
         N, D, Nm, Dm = values
         off_a = sizes[1] * Nm + D * sizes[2]
         off_b = sizes[0] * Dm + N * sizes[3] + N * Dm * self.delay * omega / 8
-        E, Nf = (
-            np.array([np.polyval(row, omega) for row in np.abs(table)])
-            for table in (self.E, self.Nf)
-        )
+        if self.wait:
+            zeros, size = np.abs(_at(self.Nm, omega)), np.polyval(np.abs(self.Nm), omega)
+            off_b = off_b + sizes[1] * zeros + D * size + D * zeros * self.wait * omega / 8
+        E, Nf = (_rows(np.abs(table), omega) for table in (self.E, self.Nf))
         return np.asarray(ERROR * (off_a * E + off_b * Nf))
 
-    def parts(self, omega: FloatArray, time_constant: FloatArray) -> tuple[Any, Any]:
-        """Return a E and b Nf exp(-jωθ) at points (ω, λ), arrays broadcast against each other."""
-        (a, b), (E, Nf) = self._products(omega), self._tables(omega)
+    def terms(
+        self, omega: FloatArray, time_constant: FloatArray
+    ) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+        """Return a E, b Nf exp(-jωθ), and what waits for the model, at points (ω, λ).
+
+        The arrays are broadcast against each other.
+        """
+        (a, b, waits), (E, Nf) = self._apart(omega), self._tables(omega)
         powers = [np.asarray(time_constant) ** k for k in range(len(E))]
-        ahead, behind = (
+        E, Nf = (
             sum(row * power for row, power in zip(table, powers, strict=True)) for table in (E, Nf)
         )
-        return a * ahead, b * behind
+        return a * E, b * Nf, waits * Nf
+
+    def filters(self, s: complex, time_constant: FloatArray) -> tuple[Any, Any]:
+        """Values of E and Nf for many filters at one point."""
+        powers = np.asarray(time_constant)[None, :] ** np.arange(len(self.E))[:, None]
+        return (
+            np.polyval(self.E.T, s) @ powers,
+            np.polyval(self.Nf.T, s) @ powers,
+        )
+
+    def lowest(self, time_constant: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Coefficients of s^0 in a E, b Nf, and in what waits, for many filters."""
+        E, Nf = self.filters(0.0, time_constant)
+        return self.a[-1] * E, self.b[-1] * Nf, -self.waiting[-1] * Nf
+
+    def highest(
+        self, time_constant: FloatArray, *, lagging: bool = False
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Coefficients of the highest power of s in p_B of the same three, for many filters.
+
+        D may be multiplied by one more lag, whose time constant is left out.
+        """
+        tables = [np.polyval(t[::-1], time_constant[:, None]) for t in (self.E, self.Nf, self.Nf)]
+        leads, degrees = [], []
+        factors = (self.a, self.b, -self.waiting)
+        for table, factor, more in zip(tables, factors, (lagging, False, lagging), strict=True):
+            used = int(np.flatnonzero(table.any(axis=0))[0])
+            leads.append(factor[0] * table[:, used])
+            degrees.append((factor.size + table.shape[1] - used if factor.any() else 0) + more)
+        ahead, behind, waits = (
+            lead * (degree == max(degrees)) for lead, degree in zip(leads, degrees, strict=True)
+        )
+        return ahead, behind, waits
 
     def roots_in_lambda(self, omega: FloatArray) -> ComplexArray:
         """All λ for which p_B(jω) = 0, complex ones too: shape (n, N)."""
         return roots_of_columns(self.coefficients(omega))
 
-    def largest(self, omega: FloatArray) -> FloatArray:
-        """Bound of the critical λ at each frequency: the last at which ``|a E| = |b Nf|``."""
-        (a, b), (E, Nf) = self._products(omega), self._tables(omega)
-        ahead, behind = a * E, b * Nf
+    def largest(self, omega: FloatArray, gain: float = 1.0) -> FloatArray:
+        """Bound of the λ with ``|L| = gain`` at each frequency: the last with ``|b Nf| = |a E|``.
+
+        That is for gain 1; the critical λ are among those. Two dead times are taken at their worst,
+        so that the bound does not turn with them.
+        """
+        (a, b, waits), (E, Nf) = self._apart(omega), self._tables(omega)
+        ahead, behind = a * E, (np.abs(b) / gain + np.abs(waits)) * Nf
         most = np.maximum(np.abs(ahead).max(axis=0), np.abs(behind).max(axis=0))
         with np.errstate(all="ignore"):
             ahead, behind = (np.nan_to_num(part / most) for part in (ahead, behind))
@@ -196,13 +274,20 @@ class FamilyMismatch(Mismatch):
         return np.asarray(np.where(real, roots.real, 0.0).max(axis=0, initial=0.0))
 
     def _products(self, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:
+        a, b, waits = self._apart(omega)
+        return a, b + waits
+
+    def _apart(self, omega: FloatArray) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+        """Return D Nm', N Dm' exp(-jωθ), and -D Nm exp(-jωθm) or 0."""
         N, D, Nm, Dm = self._values(omega)
-        return D * Nm, N * Dm * np.exp(-1j * self.delay * omega)
+        turned = N * Dm * np.exp(-1j * self.delay * omega)
+        if not self.wait:
+            return D * Nm, turned, np.zeros(())
+        return D * Nm, turned, -D * _at(self.Nm, omega) * np.exp(-1j * self.wait * omega)
 
     def _tables(self, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:
         s = 1j * np.asarray(omega)
-        E, Nf = (np.array([np.polyval(row, s) for row in table]) for table in (self.E, self.Nf))
-        return E, Nf
+        return _rows(self.E, s), _rows(self.Nf, s)
 
     # At the ends of the axis: real polynomials in λ.
 
@@ -212,22 +297,20 @@ class FamilyMismatch(Mismatch):
 
         Of the sum of both parts: what is behind the dead time counts at s = 0 only.
         """
-        ahead, behind = (
-            np.array([np.convolve(factor, row) for row in table])
-            for table, factor in ((_wide(self.E), self.a), (_wide(self.Nf), self.b))
-        )
-        columns = max(ahead.shape[1], behind.shape[1])
-        ahead, behind = (
-            np.pad(table, ((0, 0), (columns + 1 - table.shape[1], 0))) for table in (ahead, behind)
-        )
-        size = np.abs(ahead) + np.abs(behind)
-        both = ahead + behind
-        both[np.abs(both) <= ROUNDING * size] = 0.0
-        slope = both[:, -2] - self.delay * behind[:, -1]
-        top = ahead if self.delay else both
+        tables = [(self.E, self.a, 0.0)] + [(self.Nf, p, delay) for p, delay in self.behind]
+        parts = [
+            np.array([np.convolve(factor, row) for row in _wide(table)])
+            for table, factor, _ in tables
+        ]
+        columns = 1 + max(part.shape[1] for part in parts)
+        parts = [np.pad(part, ((0, 0), (columns - part.shape[1], 0))) for part in parts]
+        delays = [delay for *_, delay in tables]
+        both = _summed(parts)
+        late = sum(delay * part[:, -1] for part, delay in zip(parts, delays, strict=True))
+        top = _summed([part for part, delay in zip(parts, delays, strict=True) if not delay])
         first = int(np.flatnonzero(top.any(axis=0))[0])
         last = top[:, first + 1] if first + 1 < top.shape[1] else np.zeros(top.shape[0])
-        return np.array([both[:, -1], slope, top[:, first], last])
+        return np.array([both[:, -1], both[:, -2] - late, top[:, first], last])
 
 
 def roots_of_columns(coefficients: Any) -> ComplexArray:
@@ -370,6 +453,24 @@ def _wide(table: FloatArray) -> FloatArray:
 
 def _degree(table: FloatArray) -> int:
     return int(_wide(table).shape[1])
+
+
+def _rows(table: FloatArray, s: Any) -> Any:
+    """Value of each row's polynomial, descending coefficients, at the same points."""
+    value = np.zeros((table.shape[0], *s.shape), dtype=s.dtype)
+    for column in table.T:
+        value = value * s + column.reshape(-1, *[1] * s.ndim)
+    return value
+
+
+def _summed(tables: list[FloatArray]) -> FloatArray:
+    """Add tables; what is only rounding is 0."""
+    total, size = sum(tables), sum(map(np.abs, tables))
+    return np.where(np.abs(total) <= ROUNDING * size, 0.0, total)
+
+
+def _at(p: FloatArray, omega: FloatArray) -> ComplexArray:
+    return np.asarray(np.polyval(p, 1j * np.asarray(omega)))
 
 
 def _in_lambda(table: FloatArray, time_constant: float) -> FloatArray:

@@ -12,13 +12,21 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import cos, inf, pi
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..diagram import LowPassFilter
-from ..numerics import ROUNDING, ComplexArray, FloatArray, QuasiPolynomial, add, written
-from .mismatch import Mismatch
+from ..numerics import (
+    ROUNDING,
+    ComplexArray,
+    FloatArray,
+    QuasiPolynomial,
+    add,
+    shared_factor,
+    written,
+)
+from .mismatch import Mismatch, multiplied
 
 __all__ = [
     "Answer",
@@ -32,6 +40,8 @@ __all__ = [
 
 SIDEWAYS = 1e-10
 """Share of a root's motion off the axis below which the motion is along it, within rounding."""
+
+_NONE = np.empty(0, dtype=complex)
 
 CLUSTER = 1e-4
 """Relative distance within which roots on the axis count as one multiple root."""
@@ -382,8 +392,8 @@ def right_half_plane_parity(process: Any, model: Any) -> Answer:
     Returns
     -------
     Answer
-        `holds` False: no filter with F·H strictly proper stabilises the loop. True: the signs
-        forbid nothing.
+        `holds` False: no filter with F·H strictly proper stabilises the loop, unless it cancels an
+        unstable pole or zero of the model inside a block. True: the signs forbid nothing.
 
     Raises
     ------
@@ -415,24 +425,42 @@ def right_half_plane_parity(process: Any, model: Any) -> Answer:
 def stabilizing_filter_exists(process: Any, model: Any) -> Answer:
     r"""Tell whether any stable, causal F stabilises the loop that has F(0) = 1 and F(∞) = 0.
 
-    Such an F is a stable controller for the mismatch H = (b - a)/a with one value prescribed. By
-    the parity interlacing property it exists if and only if a and b have no common root in the
-    closed right half plane (with one, the question is left open) and p_B can keep one sign on the
-    positive real axis. There p_B has the sign of b at s = 0, that of a at each real zero z > 0 of b
-    - a, and that of a at infinity if F·H rolls off. It must, unless the process is biproper and the
-    model is not: then F need not fall faster than H grows, the leading coefficient of p_B has
-    either sign, and infinity forbids nothing.
+    The blocks F/G̃ and (1 - F)G̃ are each built as one. Let :math:`\bar D` hold the model's poles
+    p, Re p ≥ 0, that the process has, too, each as often as the model has it, and :math:`\bar N`
+    such zeros. At such a pole D E vanishes whatever F is, so that p_B over what cancels is zero
+    there unless 1 - F is zero at p as often as the model is infinite; at such a zero, unless F is
+    zero as often as the model. So they must cancel inside the blocks. With what is left,
+    :math:`1 - F = \bar D E/D_f`, :math:`F = \bar N N_f'/D_f`, :math:`D_m = \bar D D_m'` and
+    :math:`N_m = \bar N N_m'`, two polynomials must have all roots on the left,
+
+    .. math:: \bar D\,E + \bar N\,N_f' = D_f \quad\text{and}\quad
+              D N_m'\,E + N D_m'\,N_f' = p :
+
+    :math:`N_f'/E` must stabilise :math:`\bar N/\bar D` and :math:`N D_m'/(D N_m')` at once. That
+    is strong stabilisation of their difference (Vidyasagar and Viswanadham): with
+    :math:`E = X + \bar N Q`, :math:`N_f' = Y - \bar D Q` and :math:`\bar D X + \bar N Y` without
+    roots on the right, p is A + (a - b) Q, where a = D·Nm, b = N·Dm, and no root of a - b on the
+    right or on the axis is one of A. There :math:`p = \kappa D_f`, with
+    :math:`\kappa = D N_m'/\bar D = N D_m'/\bar N` wherever the one or the other is finite. So by
+    the parity interlacing property an F exists if and only if p/Df can keep one sign on the
+    positive real axis: if κ has one sign at s = 0, where F = 1; at each real zero s > 0 of b - a,
+    the common poles and zeros among them; and at infinity, where p/Df has the sign of a, if F·H
+    rolls off. It must, unless the process is biproper and the model is not: then F need not fall
+    faster than H grows, the leading coefficient of p has either sign, and infinity forbids nothing.
+    At s = 0 nothing is forbidden if the model integrates and the process does not. With a = b all
+    of this is true: p = κ Df, and all roots of κ are on the left.
 
     Parameters
     ----------
     process, model : as for `nrdob.NRDOB`
-        G, with or without dead time, and G̃. For a dead time the question is left open unless the
-        signs at 0 and at infinity already forbid it.
+        G, with or without dead time, and G̃. For a dead time the signs stay necessary; where they
+        agree, the question is left open.
 
     Returns
     -------
     Answer
-        Open also where two real zeros of b - a cannot be told from a complex pair.
+        Open also where two real zeros of b - a cannot be told from a complex pair, and for a block
+        that is not in lowest terms and has a root on the right in common with the other.
 
     Raises
     ------
@@ -442,26 +470,29 @@ def stabilizing_filter_exists(process: Any, model: Any) -> Answer:
     References
     ----------
     D. C. Youla, J. J. Bongiorno, C. N. Lu, Single-loop feedback-stabilization of linear
-    multivariable dynamical plants, Automatica 10 (1974).
+    multivariable dynamical plants, Automatica 10 (1974) 159-173.
+
+    M. Vidyasagar, N. Viswanadham, Algebraic design techniques for reliable stabilization, IEEE
+    Trans. Automatic Control 27 (1982) 1085-1095.
 
     Examples
     --------
     >>> import control as ct
-    >>> stabilizing_filter_exists(ct.tf([4], [-1, -1, 2]), ct.tf([-1], [1, 3, 2]))
+    >>> G = ct.tf([4], [-1, -1, 2])
+    >>> stabilizing_filter_exists(G, ct.tf([-1], [1, 3, 2]))
     yes: a and b - a interlace: p_B can be positive on the whole positive real axis
+    >>> found = stabilizing_filter_exists(G, G)
+    >>> found.holds, found.reason.split(":")[0]
+    (True, 'an F made for what process and model have in common at 1')
     """
     mismatch = Mismatch.of(process, model)
     a, b = mismatch.a, mismatch.b
     N, D, Nm, Dm = mismatch.factors
     unstable = np.concatenate(roots_by_side(D, Nm))
     shared = [root for root in unstable if any(_vanishes(p, root) for p in (N, Dm))]
-    if shared:
-        return Answer(
-            None,
-            f"a mode at {written(shared[0], pair=True)} cancels in G/model, out of reach of every "
-            "filter but one made for it, with F = 0 at such a zero and F = 1 at such a pole: see "
-            "nrdob.interpolating_filter",
-        )
+    integrators = Dm[-1] == 0 and not mismatch.integrator  # beside the one that both have
+    if N[-1] and (shared or integrators):
+        return _made_for_common_roots(mismatch, [*shared, *([0j] if integrators else [])])
     # With a dead time p_B has the sign of a far out on the real axis, whatever F.
     free_at_infinity = N.size == D.size and Nm.size < Dm.size and not mismatch.delay
     parity = right_half_plane_parity(process, model)
@@ -469,13 +500,7 @@ def stabilizing_filter_exists(process: Any, model: Any) -> Answer:
         return parity
     if mismatch.delay:
         return Answer(None, "with a dead time the signs at zero and at infinity forbid nothing")
-    difference = QuasiPolynomial(add(b, -a), scale=add(np.abs(a), np.abs(b)))
-    zeros = difference.roots if difference.degree else np.empty(0, dtype=complex)
-    zeros = zeros[(zeros.real > 0) & (zeros.imag >= 0)]
-    real = (zeros.imag == 0) | (
-        np.abs(difference(zeros.real + 0j)) <= ROUNDING * np.polyval(difference.scale, zeros.real)
-    )
-    zeros = zeros[real]
+    zeros = _real_zeros(_difference(b, a))
     signs = np.sign(np.polyval(a, zeros.real))
     first = b[-1]
     if mismatch.integrator:  # the sign at 0 is free
@@ -497,6 +522,105 @@ def stabilizing_filter_exists(process: Any, model: Any) -> Answer:
     return Answer(
         True, "a and b - a interlace: p_B can be positive on the whole positive real axis"
     )
+
+
+class _Common(NamedTuple):
+    """What a polynomial of the process shares with one of the model.
+
+    Attributes
+    ----------
+    roots : array of complex
+        The common roots on the right or on the axis, but for s = 0, each once.
+    process, model : array of float
+        What is left of both without the common factor.
+    cancels, rest : array of float
+        All of the model's polynomial that has roots in common, and what is left of that.
+    """
+
+    roots: ComplexArray
+    process: FloatArray
+    model: FloatArray
+    cancels: FloatArray
+    rest: FloatArray
+
+    @classmethod
+    def of(cls, process: FloatArray, model: FloatArray) -> _Common:
+        """Divide what is common out of both, and out of the model as often as it can be."""
+        once = shared_factor(QuasiPolynomial(process), QuasiPolynomial(model))
+        cancels, rest, again = once.common.q, once.v, once.common
+        while again.degree and (more := shared_factor(rest, again)).common.degree:
+            cancels, rest, again = np.convolve(cancels, more.common.q), more.u, more.common
+        right, axis = roots_by_side(once.common.q) if once.common.degree else (_NONE, _NONE)
+        roots = np.concatenate([right, axis[axis != 0]])
+        return cls(roots, once.u.q, once.v.q, cancels, rest.without_origin.q)
+
+
+def _made_for_common_roots(mismatch: Mismatch, shared: list[complex]) -> Answer:
+    """Decide by the signs of κ whether an F exists that is made for the common poles and zeros."""
+    N, D, Nm, Dm = mismatch.factors
+    poles, zeros = _Common.of(D, Dm), _Common.of(N, Nm)
+    if not (poles.roots.size + zeros.roots.size) and any(shared):
+        return Answer(
+            None,
+            f"process and model may have a mode at {written(shared[0], pair=True)} in common, "
+            "within rounding: give both the same one, or two that differ",
+        )
+    which = ", ".join(dict.fromkeys(written(root, pair=True) for root in shared))
+    made = f"an F made for what process and model have in common at {which}"
+    signs = {"s = 0": _sign(0.0, N, poles.rest, zeros.cancels)} if not mismatch.integrator else {}
+    for p in _real(poles.roots):
+        signs[f"the common pole {p:.4g}"] = _sign(p, N, poles.rest, zeros.cancels)
+    for z in _real(zeros.roots):
+        signs[f"the common zero {z:.4g}"] = _sign(z, D, zeros.rest, poles.cancels)
+    if N.size != D.size or Nm.size == Dm.size or mismatch.delay:
+        signs["infinity"] = float(np.sign(mismatch.a[0]))
+    doubtful = False
+    if not mismatch.delay:
+        a = multiplied(poles.process, zeros.model)
+        b = multiplied(zeros.process, poles.model)
+        for root in _real_zeros(_difference(b, a)).tolist():
+            signs[f"the zero {root.real:.4g} of H"] = _sign(
+                root.real, D, Nm, poles.cancels, zeros.cancels
+            )
+            doubtful |= root.imag != 0
+    if not all(signs.values()):
+        return Answer(
+            None,
+            "numerator and denominator of process or model have a root on the right in common, "
+            "which no feedback reaches: give both in lowest terms",
+        )
+    if len(set(signs.values())) < 2:
+        if mismatch.delay:
+            return Answer(None, f"with a dead time the signs do not forbid {made}")
+        return Answer(True, f"{made}: the signs of p_B at {', '.join(signs) or 'no point'} agree")
+    names = [next(name for name, sign in signs.items() if sign == way) for way in (1.0, -1.0)]
+    return Answer(
+        None if doubtful else False,
+        f"even with {made} p_B has opposite signs at {names[0]} and at {names[1]}"
+        + (", if no complex pair is near: within rounding" if doubtful else ""),
+    )
+
+
+def _sign(x: float, *factors: FloatArray) -> float:
+    return float(np.prod([np.sign(np.polyval(p, x)) for p in factors]))
+
+
+def _real(roots: ComplexArray) -> list[float]:
+    return [float(root.real) for root in roots if root.imag == 0]
+
+
+def _difference(b: FloatArray, a: FloatArray) -> QuasiPolynomial:
+    return QuasiPolynomial(add(b, -a), scale=add(np.abs(a), np.abs(b)))
+
+
+def _real_zeros(difference: QuasiPolynomial) -> ComplexArray:
+    """Real zeros on the right; those that may be a complex pair keep their imaginary part."""
+    zeros = difference.roots if difference.degree else _NONE
+    zeros = zeros[(zeros.real > 0) & (zeros.imag >= 0)]
+    real = (zeros.imag == 0) | (
+        np.abs(difference(zeros.real + 0j)) <= ROUNDING * np.polyval(difference.scale, zeros.real)
+    )
+    return np.asarray(zeros[real])
 
 
 def roots_by_side(*polynomials: FloatArray) -> tuple[ComplexArray, ComplexArray]:

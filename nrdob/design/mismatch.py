@@ -34,7 +34,8 @@ class Mismatch:
         N, D, Nm and Dm, whose roots say where R changes.
     integrator : bool
         Whether the model has an integrator that the process has not. It cancels inside
-        (1 - F)·model, and p_B is divided by s. One that both have is in no factor at all.
+        (1 - F)·model, or (1 - F exp(-θm s))·model, and p_B is divided by s. One that both have is
+        in no factor at all.
     wait : float
         θm in seconds, for a model that waits.
     """
@@ -75,7 +76,7 @@ class Mismatch:
                 "critical_time_constants; here, leave the dead time out"
             )
         G, Gm = loop.fractions.G, loop.fractions.Gm
-        integrator = Gm.den[-1] == 0 and not loop.model_delay  # 1 - F exp(-θm s) keeps its s
+        integrator = Gm.den[-1] == 0
         if integrator and G.den[-1] == 0:
             G, Gm, integrator = G._replace(den=G.den[:-1]), Gm._replace(den=Gm.den[:-1]), False
         a, b = multiplied(G.den, Gm.num), multiplied(G.num, Gm.den)
@@ -108,7 +109,7 @@ class Mismatch:
 
         There F·R is not strictly proper, and its gain at infinite frequency exceeds 1.
         """
-        if self.excess < self.order:
+        if self.excess < self.order or not self.delay:
             return 0.0
         return float(abs(self.b[0] / self.a[0]) ** (1 / self.order))
 
@@ -182,14 +183,21 @@ class Mismatch:
         time_constant : float
             λ in seconds.
         """
+        if self.wait:
+            return self._waiting(time_constant)
         # No term of (λs + 1)^n - 1 is negative, so that its sizes are its coefficients.
         sizes = np.convolve(np.abs(self.a), _den_less_1(time_constant, self.order))
         terms = self.undelayed(time_constant), self.delayed
-        scale = add(sizes[: terms[0].size], np.abs(terms[1]))
-        if not self.wait:
-            return QuasiPolynomial(*terms, self.delay, scale)
+        return QuasiPolynomial(*terms, self.delay, add(sizes[: terms[0].size], np.abs(terms[1])))
+
+    def _waiting(self, time_constant: float) -> QuasiPolynomial:
+        den = _den_less_1(time_constant, self.order)
+        den[-1] = 1.0
+        ahead = np.convolve(self.a, den)
+        scale = add(np.convolve(np.abs(self.a), den), add(np.abs(self.a), np.abs(self.b)))
         more = (Term(-self.a, self.wait),)
-        return QuasiPolynomial(*terms, self.delay, add(scale, np.abs(self.a)), more)
+        p = QuasiPolynomial(ahead, self.b, self.delay, scale, more)
+        return p.over_s(1) if self.integrator else p
 
     def undelayed(self, time_constant: float) -> FloatArray:
         """Coefficients of D Nm (Df - 1) or of that over s, or of D Nm Df where the model waits.

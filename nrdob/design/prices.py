@@ -1,14 +1,15 @@
 r"""What a filter costs: noise on u, and how far u moves, as limits on the time constant.
 
 A limit that no closed form inverts is met on some intervals of λ. They are found by sampling its
-slack, by looking closer at every extreme that comes close to 0, and by solving for the ends.
+slack, by looking closer at every extreme that comes close to 0, and by solving for the ends. The
+slack of margins alone is sampled for all λ at once; the ends are solved for with exact margins.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields
-from functools import cache
+from functools import cache, partial
 from itertools import pairwise
 from math import ceil, exp, inf, isfinite, log, log10
 from numbers import Real
@@ -17,10 +18,11 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
-from ..analysis import margins, resolved_frequencies, step_response
+from ..analysis import judge, margins, resolved_frequencies, step_response
 from ..diagram import FilterFamily, LoopEquations, LowPassFilter, ObserverEquations, Quotient
 from ..numerics import FloatArray, golden
 from .familygrid import frequencies_for
+from .familyslack import FamilyLoops
 from .slack import UNSTABLE, Specification
 from .timeconstants import intersection, lowest_floor, stabilizing_set, stable_filters
 
@@ -30,12 +32,13 @@ __all__ = [
     "member",
     "noise_on_u",
     "peak_gain",
-    "peak_of_u",
     "sluggishness",
+    "step_peak",
 ]
 
-PER_DECADE, DECADES = 8, 3
-"""How densely time constants are tried, and how far beyond the time constants of the plant."""
+PER_DECADE, DENSE, DECADES = 8, 32, 3
+"""How densely time constants are tried one by one and all at once, and how far beyond those of the
+plant."""
 
 NEARLY = 0.3
 """Slack within which an extreme between samples may lie on the other side of 0."""
@@ -43,7 +46,13 @@ NEARLY = 0.3
 NEAR_PEAK, ROUNDS, ACROSS = 0.9, 2, 65
 """Share of the largest value from which a peak is looked at; how often, at how many points."""
 
+CLOSER, BETWEEN = 3, 33
+"""How often a step over an end or an extreme is looked at more closely, and at how many λ."""
+
 Interval = tuple[float, float]
+
+Slacks = Callable[[FloatArray], FloatArray]
+"""Slacks of many time constants."""
 
 
 @dataclass(frozen=True)
@@ -76,10 +85,25 @@ class Prices:
         every = {field.name: getattr(self, field.name) for field in fields(self)}
         return {name: value for name, value in every.items() if value is not None}
 
-    def check_controller(self, controller: Any) -> None:
-        """Refuse a step of R without a controller, which u then is all about."""
-        if self.max_u_step_R is not None and controller is None:
+    def check_controller(self, controller: Any, model: Any) -> None:
+        """Refuse a step of R without a controller, which u then is all about, or with a wrong one.
+
+        Which filter is taken does not change what C and the model do.
+        """
+        if self.max_u_step_R is None:
+            return
+        if controller is None:
             raise ValueError("max_u_step_R needs the controller: give controller=C")
+        Gm = ObserverEquations(model, 1.0, LowPassFilter(1.0, 1)).fractions.G
+        F = LowPassFilter(1.0, max(1, Gm.relative_degree))
+        loop = LoopEquations(model, model, controller, F)
+        found = judge("C Gm (i)", loop.CGm.den, loop.p_A, loop.ill_posed_model_loop)
+        if not found.stable:
+            raise ValueError(
+                "max_u_step_R needs a controller that stabilises the model; with this one u grows "
+                f"under every filter: the loop of controller and model has {found.reason}; change "
+                "the controller"
+            )
 
     def slack(self, loop: LoopEquations, so_far: float) -> float:
         """By how much a stable loop meets the limits, as a logarithm; negative where it does not.
@@ -114,25 +138,36 @@ def peak_gain(quotient: Quotient) -> float:
     return float(max([largest, *np.abs(quotient(1j * tops)).tolist(), *ends]))
 
 
-def peak_of_u(loop: LoopEquations, input: str) -> float:
-    """Largest ``|u|`` after a unit step."""
+def step_peak(loop: LoopEquations, input: str, signal: str) -> float:
+    """Largest ``|y|`` or ``|u|`` after a unit step.
+
+    Parameters
+    ----------
+    loop : LoopEquations
+        A stable loop.
+    input : {"R", "d", "delta", "eta"}
+        Where the step enters.
+    signal : {"y", "u"}
+        What is looked at.
+    """
+    row = "yu".index(signal)
     found = step_response(loop, input)
-    times, u = found.time, np.abs(found.outputs[1, 0])
+    times, size = found.time, np.abs(found.outputs[row, 0])
     for _ in range(ROUNDS):
-        k = int(np.nanargmax(u))
+        k = int(np.nanargmax(size))
         if k == 0:
             break
         low, high = times[k - 1], times[min(k + 1, times.size - 1)]
         times = np.linspace(low, high, ACROSS)
-        u = np.abs(step_response(loop, input, times).outputs[1, 0])
-    return float(np.nanmax(np.append(u, np.abs(found.outputs[1, 0]).max())))
+        size = np.abs(step_response(loop, input, times).outputs[row, 0])
+    return float(np.nanmax(np.append(size, np.abs(found.outputs[row, 0]).max())))
 
 
 PAID: dict[str, Callable[[LoopEquations], float]] = {
     "max_noise": noise_on_u,
     "max_u_eta": lambda loop: peak_gain(loop.U_eta),
-    "max_u_step_d": lambda loop: peak_of_u(loop, "d"),
-    "max_u_step_R": lambda loop: peak_of_u(loop, "R"),
+    "max_u_step_d": lambda loop: step_peak(loop, "d", "u"),
+    "max_u_step_R": lambda loop: step_peak(loop, "R", "u"),
 }
 """What each limit bounds."""
 
@@ -158,12 +193,15 @@ class PricedSearch:
         Where in it all limits are met.
     best : (time_constant, slack)
         Where they are met most, or least missed.
+    floor : float
+        The λ down to which was looked, in seconds.
     """
 
     family: int | FilterFamily
     intervals: list[Interval]
     windows: list[Interval]
     best: tuple[float, float]
+    floor: float
 
     @classmethod
     def of(
@@ -177,8 +215,8 @@ class PricedSearch:
     ) -> PricedSearch:
         """Find the stabilising set, and in it where the limits are met."""
         frequencies = frequencies_for(process, model, family)
-        found = stabilizing_set(frequencies, lowest_floor(frequencies))
-        intervals = intersection(found, stable_filters(family))
+        floor = lowest_floor(frequencies)
+        intervals = intersection(stabilizing_set(frequencies, floor), stable_filters(family))
 
         @cache
         def slack(time_constant: float) -> float:
@@ -189,16 +227,24 @@ class PricedSearch:
                 so_far = specification.slack(margins(loop.L, True, loop.p_B))
             return prices.slack(loop, so_far)
 
+        def one_by_one(values: FloatArray) -> FloatArray:
+            return np.array([slack(value) for value in values.tolist()])
+
+        look, density, closer = one_by_one, PER_DECADE, _extremes
+        if intervals and specification is not None and not prices:
+            slowest = max(intervals[0][0], floor)
+            loops = FamilyLoops.for_family(process, model, family, specification, slowest)
+            look, density, closer = partial(specification.of_many, loops), DENSE, _zoomed
         windows: list[Interval] = []
         tried: dict[float, float] = {}
         for low, high in intervals:
-            samples = _samples(low, high, frequencies.mismatch.speeds)
-            looked = {value: slack(value) for value in samples.tolist()}
-            looked |= _extremes(slack, looked)
+            samples = _samples(low, high, frequencies.mismatch.speeds, density)
+            looked = dict(zip(samples.tolist(), look(samples).tolist(), strict=True))
+            looked = dict(sorted((looked | closer(look, looked)).items()))
             tried |= looked
-            windows += _windows(slack, dict(sorted(looked.items())), (low, high))
+            windows += _windows(slack, _confirmed(slack, looked), (low, high))
         best = max(tried.items(), key=lambda item: item[1], default=(inf, -inf))
-        return cls(family, intervals, windows, best)
+        return cls(family, intervals, windows, best, floor)
 
 
 def member(family: int | FilterFamily, time_constant: float) -> Any:
@@ -224,33 +270,83 @@ def sluggishness(process: Any, model: Any, filter: Any) -> float:
     return float(abs(num / den) ** (1 / k))
 
 
-def _samples(low: float, high: float, speeds: FloatArray) -> FloatArray:
+def _samples(low: float, high: float, speeds: FloatArray, density: int) -> FloatArray:
     """Time constants to try between two critical ones, or some decades around the plant's."""
     if not low:
         low = min(1 / float(speeds.max()), high) * 10.0**-DECADES
     if high == inf:
         high = max(1 / float(speeds.min()), low) * 10.0**DECADES
-    inside = np.geomspace(low, high, max(8, ceil(PER_DECADE * log10(high / low))) + 1)[1:-1]
+    inside = np.geomspace(low, high, max(8, ceil(density * log10(high / low))) + 1)[1:-1]
     # At an end the loop is lost; beside it the margins are nearly zero.
     return np.array([low * (1 + 1e-6), *inside, high * (1 - 1e-6)])
 
 
-def _extremes(slack: Callable[[float], float], looked: dict[float, float]) -> dict[float, float]:
-    """Look closer where the slack may touch 0 between two samples."""
-    values, slacks = list(looked), list(looked.values())
-    found = {}
-    for k in range(1, len(values) - 1):
+def _turning(looked: dict[float, float]) -> Iterator[tuple[int, float]]:
+    """Give the samples between whose neighbours the slack may touch 0, and the sign of its bend."""
+    slacks = list(looked.values())
+    for k in range(1, len(slacks) - 1):
         before, at, after = slacks[k - 1 : k + 2]
         top, bottom = at >= max(before, after) and at < 0, at <= min(before, after) and at >= 0
-        if (top or bottom) and abs(at) < NEARLY:
-            sign = -1.0 if top else 1.0
-            best = minimize_scalar(
-                lambda x, sign=sign: sign * slack(exp(x)),
-                bounds=(log(values[k - 1]), log(values[k + 1])), method="bounded",
-                options={"xatol": 1e-6},
-            )  # fmt: skip
-            found[exp(best.x)] = slack(exp(best.x))
+        # Where a jump at t = 0 binds, which no filter moves, the slack is one constant.
+        level = before == at == after
+        if (top or bottom) and not level and abs(at) < NEARLY:
+            yield k, -1.0 if top else 1.0
+
+
+def _extremes(look: Slacks, looked: dict[float, float]) -> dict[float, float]:
+    """Look closer, one λ by the other, where the slack may touch 0 between two samples."""
+    values, found = list(looked), {}
+
+    def slack(x: float) -> float:
+        return float(look(np.exp([x]))[0])
+
+    for k, sign in _turning(looked):
+        best = minimize_scalar(
+            lambda x, sign=sign: sign * slack(x),
+            bounds=(log(values[k - 1]), log(values[k + 1])), method="bounded",
+            options={"xatol": 1e-6},
+        )  # fmt: skip
+        found[exp(best.x)] = slack(best.x)
     return found
+
+
+def _zoomed(look: Slacks, looked: dict[float, float]) -> dict[float, float]:
+    """Look closer, many λ at once, where the slack touches 0 or may do so between two samples."""
+    values, found = list(looked), dict(looked)
+    for k, sign in _turning(looked):
+        low, high = values[k - 1], values[k + 1]
+        for _ in range(CLOSER):
+            inside = np.geomspace(low, high, BETWEEN)
+            slacks = look(inside)
+            found |= dict(zip(inside.tolist(), slacks.tolist(), strict=True))
+            at = int(np.clip((sign * slacks).argmin(), 1, BETWEEN - 2))
+            low, high = inside[at - 1], inside[at + 1]
+    found = dict(sorted(found.items()))
+    for (low, before), (high, after) in list(pairwise(found.items())):
+        for _ in range(CLOSER if (before >= 0) != (after >= 0) else 0):
+            inside = np.geomspace(low, high, BETWEEN)
+            slacks = look(inside)
+            found |= dict(zip(inside.tolist(), slacks.tolist(), strict=True))
+            at = int(np.argmax((slacks >= 0) != (before >= 0)))
+            low, high = inside[max(at, 1) - 1], inside[max(at, 1)]
+    return found
+
+
+def _confirmed(slack: Callable[[float], float], looked: dict[float, float]) -> dict[float, float]:
+    """Take the exact slack on both sides of every change of sign, and so on until all are."""
+    looked, exact = dict(looked), set[float]()
+    while True:
+        changes = [
+            value
+            for (low, before), (high, after) in pairwise(looked.items())
+            if (before >= 0) != (after >= 0)
+            for value in (low, high)
+            if value not in exact
+        ]
+        if not changes:
+            return looked
+        looked |= {value: slack(value) for value in changes}
+        exact |= set(changes)
 
 
 def _windows(

@@ -20,7 +20,7 @@ import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
 from ..analysis import Margins, margins
-from ..diagram import FilterFamily, LowPassFilter, ObserverEquations
+from ..diagram import DelayedTransferFunction, FilterFamily, LowPassFilter, ObserverEquations
 from ..numerics import FloatArray
 from .excluded import admissible
 from .limits import stabilizing_filter_exists
@@ -74,7 +74,7 @@ def design_filter(
     Parameters
     ----------
     process, model : as for `nrdob.NRDOB`
-        G, with or without dead time, and G̃.
+        G and G̃, both with or without dead time.
     order : int or FilterFamily, or several of them, optional
         Order or family of the filter. By default the lowest causal order and the next two are
         compared.
@@ -124,7 +124,7 @@ def design_filter(
     """
     orders = _orders(process, model, order)
     prices = Prices(max_noise, max_u_eta, max_u_step_d, max_u_step_R)
-    if prices or any(isinstance(each, FilterFamily) for each in orders):
+    if prices or _waits(model) or any(isinstance(each, FilterFamily) for each in orders):
         specification = _specification(prices, max_ms, min_gm_db, min_pm_deg)
         return _best_paid(process, model, orders, specification, prices, controller)
     specification = Specification(max_ms, min_gm_db, min_pm_deg)
@@ -168,7 +168,7 @@ def admissible_time_constants(
     Parameters
     ----------
     process, model : as for `nrdob.NRDOB`
-        G, with or without dead time, and G̃.
+        G and G̃, both with or without dead time.
     order : int or FilterFamily
         n of the filter 1/(λs + 1)^n, or a family from `nrdob.filter_family`.
     max_ms, min_gm_db, min_pm_deg : float, optional
@@ -196,7 +196,9 @@ def admissible_time_constants(
     No λ is tried: what the specification forbids at each frequency is a range of λ, and left out.
     So windows of a millionth of their λ are found, and their ends confirmed by exact margins. That
     no range is missed between two frequencies rests on how densely they lie beside each pole, zero
-    and turn of the dead time: it is not proved.
+    and turn of the dead time: it is not proved. With limits on the price, with a family other than
+    the lags, and with a model that waits, the slack is sampled over λ instead, closer beside each
+    extreme; the ends are confirmed in the same way.
 
     Examples
     --------
@@ -209,9 +211,9 @@ def admissible_time_constants(
     [(0.0, 0.031)]
     """
     prices = Prices(max_noise, max_u_eta, max_u_step_d, max_u_step_R)
-    if prices or isinstance(order, FilterFamily):
+    if prices or _waits(model) or isinstance(order, FilterFamily):
         specification = _specification(prices, max_ms, min_gm_db, min_pm_deg)
-        prices.check_controller(controller)
+        prices.check_controller(controller, model)
         return PricedSearch.of(process, model, order, specification, prices, controller).windows
     specification = Specification(max_ms, min_gm_db, min_pm_deg)
     return FilterSearch.of(process, model, order, specification).admissible()
@@ -222,12 +224,17 @@ def _orders(
 ) -> tuple[Any, ...]:
     """Give the orders and families to be compared."""
     if order is None:
-        lowest = Mismatch.of(process, model).order
+        lowest = Mismatch.of(process, model, waits=True).order
         return tuple(range(lowest, lowest + EXTRA_ORDERS + 1))
     several = tuple(order) if isinstance(order, list | tuple) else (order,)
     if not several:
         raise ValueError("order is an empty list; give an order, a family, or several of them")
     return several
+
+
+def _waits(model: Any) -> bool:
+    """Tell whether a model has a dead time."""
+    return isinstance(model, DelayedTransferFunction) and model.delay > 0
 
 
 def _specification(prices: Prices, *margins: float | None) -> Specification | None:
@@ -244,7 +251,7 @@ def _best_paid(
     controller: Any,
 ) -> Any:
     """Find the filter that rejects most among families and orders, if limits are on its price."""
-    prices.check_controller(controller)
+    prices.check_controller(controller, model)
     asked = ", ".join(filter(None, [str(specification or ""), str(prices)]))
     searches = [
         PricedSearch.of(process, model, family, specification, prices, controller)
@@ -254,7 +261,9 @@ def _best_paid(
     for search in searches:
         for low, _ in search.windows[:1]:
             if low in (ends[0] for ends in search.intervals):
-                edge = f"down to the border of stability at {low:.4g} s" if low else "however fast"
+                edge = f"down to the border of stability at {low:.4g} s"
+                if low == search.floor:
+                    edge = f"however fast{f' (looked at down to {low:.3g} s)' if low else ''}"
                 raise ValueError(
                     f"{asked} is met by every filter of {_named(search.family)}, {edge}; ask for "
                     "more, such as max_ms against the border, or max_u_eta against the noise"

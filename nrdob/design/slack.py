@@ -228,11 +228,8 @@ class PlantLoops:
         small that the frequencies of the grid are too far apart to show it.
         """
         angles, distances = (np.full(time_constants.shape, end) for end in (inf, 1.0))
-        mismatch, n = self.mismatch, self.mismatch.order
         for root in self._undamped.tolist():
-            residue = np.polyval(mismatch.b, root) * np.exp(-mismatch.delay * root)
-            residue = residue / np.polyval(np.polyder(mismatch.a), root)
-            residue = residue / ((1 + time_constants * root) ** n - 1)
+            residue = self._residue(time_constants, root)
             size = np.abs(residue)
             narrow = (size > 0) & (size <= NARROW * abs(root))
             with np.errstate(divide="ignore", invalid="ignore"):
@@ -241,6 +238,13 @@ class PlantLoops:
             angle = np.degrees(np.arcsin(np.minimum(along, 1.0)))
             angles = np.where(narrow, np.minimum(angles, angle), angles)
         return angles, distances
+
+    def _residue(self, time_constants: FloatArray, root: complex) -> ComplexArray:
+        """Residue ρ of each loop at a pole of R on the axis."""
+        mismatch = self.mismatch
+        residue = np.polyval(mismatch.b, root) * np.exp(-mismatch.delay * root)
+        residue = residue / np.polyval(np.polyder(mismatch.a), root)
+        return np.asarray(residue / ((1 + time_constants * root) ** mismatch.order - 1))
 
     @cached_property
     def _undamped(self) -> ComplexArray:

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
-from math import inf, isfinite, pi
+from math import comb, inf, isfinite, pi
 from numbers import Real
 from typing import Any, NamedTuple
 
@@ -245,8 +245,7 @@ def lowest_floor(frequencies: Frequencies) -> float:
     last = 2 * pi * TURNS / longest
     beyond = np.append(last, frequencies.base[frequencies.base > last])
     highest = float(frequencies.largest_time_constant(beyond).max())
-    neutral_limit = mismatch.neutral_limit if mismatch.delay else 0.0
-    return max(highest, longest / FASTEST, 1.001 * neutral_limit)
+    return max(highest, longest / FASTEST, 1.001 * mismatch.neutral_limit)
 
 
 def _checked_floor(frequencies: Frequencies, floor: float | None) -> float:
@@ -264,7 +263,7 @@ def _checked_floor(frequencies: Frequencies, floor: float | None) -> float:
             "positive and finite, or None"
         )
     mismatch = frequencies.mismatch
-    if mismatch.delay and floor <= mismatch.neutral_limit:
+    if floor <= mismatch.neutral_limit:
         raise ValueError(
             f"floor is {floor:g} s, but with dead time and order {mismatch.order} every time "
             f"constant up to {mismatch.neutral_limit:.6g} s leaves infinitely many roots in the "
@@ -443,18 +442,20 @@ def _log_minus_H(mismatch: Mismatch, omega: FloatArray) -> ComplexArray:
 
 
 def _through_zero(mismatch: Mismatch) -> list[CriticalTimeConstant]:
-    """Find the λ at which p_B(0) = n λ a(0) + b'(0) vanishes, without the model's integrator.
+    """Find the λ at which p_B(0) = (nλ + θm) a(0) + b'(0) vanishes, where the integrator cancels.
 
     The direction is that of the root -p_B(0)/p_B'(0) beside it.
     """
     if not mismatch.integrator:
         return []
-    slope, b = mismatch.order * float(mismatch.a[-1]), mismatch.delayed
-    critical = -float(b[-1]) / slope
+    n, wait = mismatch.order, mismatch.wait
+    (a1, a0), (b1, b0) = (np.append(0.0, p)[-2:].tolist() for p in (mismatch.a, mismatch.delayed))
+    critical = -(b0 / a0 + wait) / n
     if critical <= 0:
         return []
-    tilt = add(mismatch.undelayed(critical), b)[-2:-1].sum() - mismatch.delay * b[-1]
-    return [CriticalTimeConstant(critical, 0.0, int(-np.sign(slope * tilt)))]
+    tilt = a0 * (comb(n, 2) * critical**2 - wait**2 / 2) + a1 * (n * critical + wait)
+    tilt += b1 - mismatch.delay * b0
+    return [CriticalTimeConstant(critical, 0.0, int(-np.sign(n * a0 * tilt)))]
 
 
 def _through_infinity(mismatch: Mismatch) -> list[CriticalTimeConstant]:

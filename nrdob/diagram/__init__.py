@@ -1,6 +1,6 @@
 """What is wired to what: the blocks handed in, and the loop's maps as factored quotients."""
 
-from .blocks import Fraction, as_fraction, nonzero
+from .blocks import Fraction, as_fraction, is_number, nonzero, real_number, six_digits
 from .delay import DelayedTransferFunction, delay
 from .equations import LoopEquations, ObserverEquations
 from .families import FilterFamily, as_family, filter_family
@@ -8,7 +8,7 @@ from .filters import LowPassFilter, filter_fraction
 from .interpolation import interpolating_filter
 from .names import CLOSED_LOOP, INPUTS, MAPS
 from .noise import rational_power
-from .quotient import Quotient
+from .quotient import Quotient, as_shaping
 
 __all__ = [
     "CLOSED_LOOP",
@@ -23,10 +23,14 @@ __all__ = [
     "Quotient",
     "as_family",
     "as_fraction",
+    "as_shaping",
     "delay",
     "filter_family",
     "filter_fraction",
     "interpolating_filter",
+    "is_number",
     "nonzero",
     "rational_power",
+    "real_number",
+    "six_digits",
 ]

@@ -118,6 +118,15 @@ def nonzero(fraction: Fraction, name: str) -> Fraction:
 def real_number(value: Any, name: str, remedy: str) -> float:
     """Read one real number, or raise TypeError with the `remedy`.
 
+    Parameters
+    ----------
+    value : object
+        Whatever was given.
+    name : str
+        What it is called in the message.
+    remedy : str
+        What to give instead.
+
     Examples
     --------
     >>> real_number("1", "delay", "give seconds as a number")
@@ -135,7 +144,13 @@ def six_digits(value: float) -> float:
 
 
 def is_number(value: Any) -> bool:
-    """Tell whether `value` is one number: truth values and texts are none, 0-D arrays are."""
+    """Tell whether `value` is one number: truth values and texts are none, 0-D arrays are.
+
+    Parameters
+    ----------
+    value : object
+        Anything.
+    """
     if isinstance(value, np.ndarray) and value.ndim == 0:
         value = value[()]
     return isinstance(value, Number) and not isinstance(value, bool | np.bool_)

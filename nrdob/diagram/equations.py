@@ -68,9 +68,21 @@ There are two dead times in p_B, and one where θ = θm: then the terms with Nf 
 is that of the process, `model_delay` that of the model.
 
 Which poles of Gm0 cancel inside the block (1 - F exp(-θm s)) Gm0 changes, too: those at which
-F(p) exp(-θm p) = 1. For p != 0 that is a coincidence of F and θm which rounding undoes, and they
-are kept. At s = 0 it would be exact: (1 - F exp(-θm s))/s is what a memory of length θm holds,
-(1 - F)/s + F (1 - exp(-θm s))/s. That is no block with rational parts, and it is not built here.
+F(p) exp(-θm p) = 1. At s = 0 that is exact: 1 - F exp(-θm s) ~ (θm - F'(0)) s, so that one
+integrator of the model cancels, and k of them if F meets exp(θm s) up to the power k - 1. The block
+keeps what is left of s, a memory of length θm behind the filter::
+
+    (1 - F exp(-θm s))/s = (1 - F)/s + F (1 - exp(-θm s))/s       (1 - exp(-θm s))/s: u, integrated
+                                                                  from t - θm to t
+    p_B/s^k = D Nm' (Df - Nf exp(-θm s))/s^k + N (Dm/s^k) Nf' exp(-θs)
+
+It has to be built as that: a sum over the samples in a buffer, or an integral begun anew for every
+window. An integrator less a delayed integrator, or a running sum that adds the newest sample and
+takes off the oldest, has the same response, but its state is a root at s = 0 that has only been
+hidden: what rounding, or a wrong start, once puts into it never leaves again. That is the diagram
+with `keep_factors=True`. For p != 0, F(p) exp(-θm p) = 1 holds to rounding at best; on the right
+the memory then grows from one end of its window to the other, and replacing its integral by a sum
+can make the loop unstable, however fine the steps (Mondié, Dambrine, Santos). Such poles are kept.
 
 .. rubric:: References
 
@@ -84,12 +96,16 @@ Z. J. Palmor, Stability properties of Smith dead-time compensator controllers, I
 
 K. Yamanaka, E. Shimemura, Effects of mismatched Smith controller on stability in systems with
 time-delay, Automatica 23 (1987) 787-791.
+
+S. Mondié, M. Dambrine, O. Santos, Approximation of control laws with distributed delays: a
+necessary condition for stability, Kybernetika 38 (2002) 541-551.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, reduce
+from math import factorial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -198,8 +214,9 @@ class _ObserverMaps:
         # of its next powers that are only rounding are zeros of the same kind.
         num, den = self._observer_fractions.F
         scale = add(np.abs(den), np.abs(num))
-        if self.model_delay:
-            return QuasiPolynomial(den, -num, self.model_delay, scale)
+        if wait := self.model_delay:
+            origin = _zeros_of_difference(den, num, wait)
+            return QuasiPolynomial(den, -num, wait, scale, origin=origin)
         difference = add(den, -num)
         used = np.flatnonzero(np.abs(difference) > TYPED_IN * scale)
         difference[used[-1] + 1 :] = 0.0
@@ -211,8 +228,10 @@ class _ObserverMaps:
         _, Gm, F = self._observer_fractions
         num, den, filter_num = map(QuasiPolynomial, (*Gm, F.num))
         gz, Nm, Nf = _shared(num, filter_num, keep=self.keep_factors)
-        keep = self.keep_factors or self.model_delay > 0
-        gp, Dm, E = _shared(den, self.one_minus_F, keep=keep)
+        if self.model_delay and not self.keep_factors:
+            gp, Dm, E = _shared_origin(den, self.one_minus_F)
+        else:
+            gp, Dm, E = _shared(den, self.one_minus_F, keep=self.keep_factors)
         return BuiltFactors(Nm, Nf, Dm, E, gz, gp)
 
     @cached_property
@@ -222,8 +241,10 @@ class _ObserverMaps:
         Without what has cancelled inside its blocks.
         """
         G, built = self._observer_fractions.G, self.built
+        power = built.E.divided  # of which the terms hold s only together
         waiting = [((G.den, built.Nm.q, p), delay) for p, delay in built.E.terms]
-        return _sum_of_products(*waiting, ((G.num, built.Dm.q, built.Nf.q), self.delay))
+        loop = (G.num, built.Dm.lifted(power).q, built.Nf.q), self.delay
+        return _sum_of_products(*waiting, loop, origin=power).over_s(power)
 
     @cached_property
     def condition_ii(self) -> Quotient:
@@ -240,7 +261,7 @@ class _ObserverMaps:
         """Why the observer loop has no solution at infinite frequency; empty if well posed."""
         G, _, F = self._observer_fractions
         full = G.den.size + self.built.Nm.degree + F.den.size - 1 - self.built.poles.degree
-        if self.p_B.q.size == full and self.p_B.q.any():
+        if self.p_B.q.size - self.p_B.divided == full and self.p_B.q.any():
             return ""
         value = "1 - F(∞) = 0" if self.delay else "1 + F(∞)·H(∞) = 0"
         return f"the observer loop is ill-posed: {value}; choose a filter with another F(∞)"
@@ -486,6 +507,22 @@ def _shared(model: QuasiPolynomial, filter: QuasiPolynomial, *, keep: bool) -> S
     return shared_factor(model, filter)
 
 
+def _shared_origin(model: QuasiPolynomial, filter: QuasiPolynomial) -> Shared:
+    """Take out the zeros at s = 0 that a model's poles share with 1 - F exp(-θm s)."""
+    power = min(model.zeros_at_origin, filter.zeros_at_origin)
+    common = QuasiPolynomial(np.ones(1)).lifted(power)
+    return Shared(common, model.over_s(power), filter.over_s(power))
+
+
+def _zeros_of_difference(den: FloatArray, num: FloatArray, delay: float) -> int:
+    """Count the zeros of Df - Nf exp(-θm s) at s = 0, by Taylor's coefficients to rounding."""
+    ahead, behind, n = den[::-1], num[::-1], den.size
+    taylor = np.array([(-delay) ** k / factorial(k) for k in range(n)])
+    difference = ahead - np.convolve(behind, taylor)[:n]
+    sizes = np.abs(ahead) + np.convolve(np.abs(behind), np.abs(taylor))[:n]
+    return int(np.argmax(np.append(np.abs(difference) > TYPED_IN * sizes, True)))
+
+
 def _undelayed(block: Any) -> Any:
     return block.tf if isinstance(block, DelayedTransferFunction) else block
 
@@ -494,8 +531,10 @@ def _dead_time(block: Any) -> float:
     return block.delay if isinstance(block, DelayedTransferFunction) else 0.0
 
 
-def _sum_of_products(*products: tuple[tuple[FloatArray, ...], float]) -> QuasiPolynomial:
+def _sum_of_products(
+    *products: tuple[tuple[FloatArray, ...], float], origin: int = 0
+) -> QuasiPolynomial:
     """Multiply out and add, each with its dead time, keeping the size of what may cancel."""
     scale = reduce(add, [reduce(np.convolve, map(np.abs, factors)) for factors, _ in products])
     terms = tuple(Term(reduce(np.convolve, factors), delay) for factors, delay in products)
-    return QuasiPolynomial(np.zeros(1), scale=scale, more=terms)
+    return QuasiPolynomial(np.zeros(1), scale=scale, more=terms, origin=origin)

@@ -11,13 +11,19 @@ one equation between polynomials for :math:`F = M X/(\lambda s + 1)^n`:
 
 .. math:: M X + Q E = (\lambda s + 1)^n .
 
-X of lower degree than Q is unique. It is computed in fractions, so that F meets the conditions to
+X of lower degree than Q is unique. Where the model waits for its dead time θm,
+:math:`1 - F e^{-\theta_m s}` takes the place of 1 - F: at its integrators F then has to meet
+:math:`e^{\theta_m s}`, and :math:`M X + Q E = (\lambda s + 1)^n e^{\theta_m s}` to the power
+:math:`s^{k-1}`. Other poles on the axis or right of it cannot be met (`nrdob.diagram.equations`).
+
+X is computed in fractions, so that F meets the conditions to
 the rounding of its own coefficients, however far the poles and zeros are apart.
 """
 
 from __future__ import annotations
 
 from fractions import Fraction as Exact
+from math import factorial
 from numbers import Integral
 from typing import Any, NamedTuple
 
@@ -33,6 +39,7 @@ from ..numerics import (
     written,
 )
 from .blocks import Fraction, as_fraction, nonzero
+from .delay import DelayedTransferFunction
 from .filters import LowPassFilter
 
 __all__ = ["interpolating_filter", "interpolation"]
@@ -54,15 +61,17 @@ def interpolating_filter(
 
     Parameters
     ----------
-    model : control.TransferFunction, StateSpace or (num, den)
-        The model, proper, without dead time.
+    model : control.TransferFunction, StateSpace, DelayedTransferFunction or (num, den)
+        The model, proper. One with a dead time waits, and may then have no poles on the axis or
+        right of it but integrators.
     time_constant : float
         :math:`\lambda > 0`, in seconds.
     order : int, optional
         n; by default the lowest for which F/G̃ is causal and F falls off.
     ramp : int
-        Zeros of 1 - F at s = 0, at least as many as the model has integrators. Against a constant
-        input disturbance, :math:`S_\delta(0) = 0`, it takes one more than that.
+        Zeros of 1 - F at s = 0, or of :math:`1 - F e^{-\theta_m s}`; at least as many as the model
+        has integrators are taken. Against a constant input disturbance, :math:`S_\delta(0) = 0`, it
+        takes one more than that.
 
     Returns
     -------
@@ -92,11 +101,23 @@ def interpolating_filter(
 
     >>> interpolating_filter(ct.tf([1], [1, 0, 0]), 0.1).num[0][0].round(6).tolist()
     [0.3, 1.0]
+
+    One that waits for 0.05 s: F leads by as much.
+
+    >>> from nrdob import delay
+    >>> waiting = delay(0.05) * ct.tf([1], [1, 0, 0])
+    >>> interpolating_filter(waiting, 0.1).num[0][0].round(6).tolist()
+    [0.35, 1.0]
     """
     LowPassFilter(time_constant, 1)  # the same refusals
+    wait = 0.0
+    if isinstance(model, DelayedTransferFunction):
+        model, wait = model.tf, model.delay
     conditions = interpolation(model, order, ramp)
+    if wait:
+        _check_integrators(conditions.poles, wait)
     den = LowPassFilter(time_constant, conditions.order).den
-    return ct.tf(conditions.numerator(den), den)
+    return ct.tf(conditions.numerator(den, wait), den)
 
 
 class Interpolation(NamedTuple):
@@ -114,9 +135,12 @@ class Interpolation(NamedTuple):
     poles: FloatArray
     order: int
 
-    def numerator(self, den: FloatArray) -> FloatArray:
-        """Numerator of the F with a given denominator, which meets the conditions."""
-        return _numerator(self.zeros, self.poles, den)
+    def numerator(self, den: FloatArray, wait: float = 0.0) -> FloatArray:
+        """Numerator of the F with a given denominator, which meets the conditions.
+
+        With a dead time of the model, in seconds, those at integrators.
+        """
+        return _numerator(self.zeros, self.poles, _leading(den, wait, self.poles.size - 1))
 
 
 def interpolation(model: Any, order: int | None, ramp: int) -> Interpolation:
@@ -178,9 +202,32 @@ def _conditions(zeros: FloatArray, poles: FloatArray) -> str:
     return f"{zeros.size - 1} times F = 0 and {counts}" if zeros.size > 1 else counts
 
 
-def _numerator(zeros: FloatArray, poles: FloatArray, den: FloatArray) -> FloatArray:
-    """Solve M X + Q E = den for M X, with X of lower degree than Q, and round it once."""
-    M, Q, right = ([Exact(value) for value in p.tolist()] for p in (zeros, poles, den))
+def _check_integrators(poles: FloatArray, wait: float) -> None:
+    if poles[1:].any():
+        p = complex(QuasiPolynomial(poles).without_origin.roots[0])
+        raise ValueError(
+            f"model has a pole at s = {written(p)} and a dead time of {wait:g} s: "
+            "F(p) exp(-θm p) = 1 holds to rounding only, and the memory that the block "
+            "(1 - F exp(-θm s))·model then takes is none that can be built safely; leave "
+            "the dead time out of the model"
+        )
+
+
+def _leading(den: FloatArray, wait: float, count: int) -> Rationals:
+    """Coefficients of den·exp(wait·s), exactly: all without `wait`, else the `count` last ones."""
+    given = [Exact(value) for value in den.tolist()]
+    if not wait:
+        return given
+    late = [Exact(wait) ** k / factorial(k) for k in range(count)]
+    return [
+        sum((c * late[k - i] for i, c in enumerate(given[::-1][: k + 1])), Exact(0))
+        for k in reversed(range(count))
+    ]
+
+
+def _numerator(zeros: FloatArray, poles: FloatArray, right: Rationals) -> FloatArray:
+    """Solve M X + Q E = right for M X, with X of lower degree than Q, and round it once."""
+    M, Q = ([Exact(value) for value in p.tolist()] for p in (zeros, poles))
     size = len(Q) - 1
     columns = [_remainder([*M, *[Exact(0)] * k], Q) for k in range(size - 1, -1, -1)]
     rows = [[*row, value] for *row, value in zip(*columns, _remainder(right, Q), strict=True)]

@@ -14,6 +14,9 @@ where W is rational, and X, which turns for ever on the imaginary axis, dies out
 it is integrated. With several dead times the integral goes on until what turns cannot matter any
 more, and of what is beyond only the mean is left, which is rational.
 
+Coloured noise is white noise behind a shaping filter, one factor more. And by Parseval's theorem
+the same integral of Q/s is the energy :math:`\int_0^\infty q(t)^2 dt` of what is left of a step.
+
 .. rubric:: References
 
 K. J. Åström, Introduction to Stochastic Control Theory, Academic Press 1970, chapter 5.
@@ -22,7 +25,7 @@ K. J. Åström, Introduction to Stochastic Control Theory, Academic Press 1970, 
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import pi
+from math import inf, pi
 from typing import Any
 
 import numpy as np
@@ -37,7 +40,9 @@ from ..numerics import (
     multiply,
 )
 
-__all__ = ["noise_power", "rational_power"]
+__all__ = ["check_stable", "noise_power", "rational_power", "step_energy"]
+
+Density = Callable[[FloatArray], FloatArray]
 
 TOLERANCE = 1e-10
 """Relative error of the integral at which no interval is halved any more."""
@@ -69,6 +74,34 @@ def noise_power(
     num: tuple[QuasiPolynomial, ...], den: tuple[QuasiPolynomial, ...], name: str
 ) -> float:
     """Integrate ``|num/den|²`` over all frequencies, over 2π: see `Quotient.noise_power`."""
+    check_stable(den, f"the noise power of {name}")
+    top, bottom = multiply(*num), multiply(*den)
+    if top.degree >= bottom.degree:
+        raise ValueError(
+            f"the noise power of {name} is infinite: it is not strictly proper and lets all "
+            "frequencies through; use a filter of higher order, or a map that rolls off, or give "
+            "the noise a shaping filter"
+        )
+    return _power(num, den)
+
+
+def step_energy(
+    num: tuple[QuasiPolynomial, ...], den: tuple[QuasiPolynomial, ...], name: str
+) -> float:
+    """Integrate ``|num/(den s)|²`` over all frequencies, over 2π: see `Quotient.step_energy`."""
+    check_stable(den, f"the energy of a step through {name}")
+    left = [k for k, factor in enumerate(num) if factor.zeros_at_origin]
+    if not left:
+        return inf
+    first = num[left[0]]
+    rest = np.zeros(first.zeros_at_origin)
+    rest[0] = 1.0  # a multiple root at s = 0 keeps the others
+    divided = (first.without_origin, QuasiPolynomial(rest))
+    return _power((*num[: left[0]], *divided, *num[left[0] + 1 :]), den)
+
+
+def check_stable(den: tuple[QuasiPolynomial, ...], what: str) -> None:
+    """Refuse a denominator with roots that are not in the left half plane: nothing is finite."""
     for factor in den:
         found = count_rhp(factor)
         if factor.zeros_at_origin or found.count != 0:
@@ -76,24 +109,27 @@ def noise_power(
             if factor.zeros_at_origin:
                 where = "a root at s = 0"
             raise ValueError(
-                f"the noise power of {name} is infinite or undecided: its denominator has {where}; "
+                f"{what} is infinite or undecided: its denominator has {where}; "
                 "make the loop stable first, see stability()"
             )
+
+
+def _power(num: tuple[QuasiPolynomial, ...], den: tuple[QuasiPolynomial, ...]) -> float:
     top, bottom = multiply(*num), multiply(*den)
-    if top.degree >= bottom.degree:
-        raise ValueError(
-            f"the noise power of {name} is infinite: it is not strictly proper and lets all "
-            "frequencies through; use a filter of higher order, or a map that rolls off"
-        )
     if not any(term.q.any() for term in top.terms):
         return 0.0
-    if bottom.more or top.more or (top.delay and top.q.any()):
-        return _turning_power(top, den, bottom)
-    if top.delay:
-        top = QuasiPolynomial(top.r, scale=top.scale)  # a dead time alone changes no size
-    if not bottom.delay:
-        return rational_power(top.q, bottom.q)
-    return _delayed_power(top.q, den, bottom)
+
+    def density(omega: FloatArray) -> FloatArray:
+        return np.asarray(np.abs(top(1j * omega) / bottom(1j * omega)) ** 2)
+
+    power = max(top.divided, bottom.divided)
+    above, below = top.lifted(power), bottom.lifted(power)  # the terms without powers of 1/s
+    if below.more or above.more or (above.delay and above.q.any()):
+        return _turning_power(above, den, below, density)
+    num_alone = above.r if above.delay else above.q  # a dead time alone changes no size
+    if not below.delay:
+        return rational_power(num_alone, below.q)
+    return _delayed_power(num_alone, den, below, density)
 
 
 def rational_power(num: FloatArray, den: FloatArray) -> float:
@@ -126,13 +162,13 @@ def rational_power(num: FloatArray, den: FloatArray) -> float:
 
 
 def _delayed_power(
-    num: FloatArray, den: tuple[QuasiPolynomial, ...], product: QuasiPolynomial
+    num: FloatArray,
+    den: tuple[QuasiPolynomial, ...],
+    product: QuasiPolynomial,
+    density: Density,
 ) -> float:
     top = QuasiPolynomial(num)
     q, r = QuasiPolynomial(product.q), QuasiPolynomial(product.r)
-
-    def density(omega: FloatArray) -> FloatArray:
-        return np.asarray(np.abs(top(1j * omega) / product(1j * omega)) ** 2)
 
     def rational(s: ComplexArray) -> ComplexArray:
         return np.asarray(top(s) / q(s) * top(-s) / q(-s) / (1 - r(s) / q(s) * (r(-s) / q(-s))))
@@ -154,15 +190,15 @@ def _delayed_power(
 
 
 def _turning_power(
-    top: QuasiPolynomial, den: tuple[QuasiPolynomial, ...], product: QuasiPolynomial
+    top: QuasiPolynomial,
+    den: tuple[QuasiPolynomial, ...],
+    product: QuasiPolynomial,
+    density: Density,
 ) -> float:
     """Integrate with several dead times, until their turning averages out."""
     lead = QuasiPolynomial(product.q)
     delays = sorted({delay for p in (top, product) for _, delay in p.terms})
     beats = np.diff(delays)
-
-    def density(omega: FloatArray) -> FloatArray:
-        return np.asarray(np.abs(top(1j * omega) / product(1j * omega)) ** 2)
 
     def mean(omega: FloatArray) -> FloatArray:
         s = 1j * omega

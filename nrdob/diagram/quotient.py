@@ -15,12 +15,15 @@ from ..numerics import (
     ComplexArray,
     FloatArray,
     QuasiPolynomial,
+    count_rhp,
     multiply,
     without_shared_factor,
+    written,
 )
-from .noise import noise_power
+from .blocks import Fraction, as_fraction
+from .noise import check_stable, noise_power, step_energy
 
-__all__ = ["Quotient"]
+__all__ = ["Quotient", "as_shaping"]
 
 NEAR_ROOT = 1e-7
 """Size of a denominator, against its terms, below which half the digits are lost."""
@@ -88,10 +91,11 @@ class Quotient:
         Infinite for an improper map. With several dead times b is the sum of the sizes: what turns
         in so many senses gets as far from a as that.
         """
-        den = self.denominator.q
+        num, den = self.numerator, self.denominator.q
+        divided = num.divided - self.denominator.divided
         limits = []
-        for part, _ in self.numerator.terms:
-            excess = part.size - den.size if part.any() else -1
+        for part, _ in num.terms:
+            excess = part.size - den.size - divided if part.any() else -1
             limits.append(0.0 if excess < 0 else inf if excess else float(part[0] / den[0]))
         undelayed, *delayed = limits
         return undelayed, sum(map(abs, delayed)) if len(delayed) > 1 else sum(delayed)
@@ -174,18 +178,27 @@ class Quotient:
         )
         return inf if power < 0 or den == 0 else 0.0 if power else num / den
 
-    def noise_power(self) -> float:
-        r"""Power of the output for white noise of unit density at the input.
+    def noise_power(self, shaping: Any = None) -> float:
+        r"""Power of the output for white noise of unit density at the input, or coloured noise.
 
         The variance :math:`\frac1{2\pi}\int |Q(j\omega)|^2 d\omega`, square of the norm that
         `control.norm(sys, 2)` computes, also with dead time: see `nrdob.diagram.noise`. To 1e-8 of
         itself.
 
+        Parameters
+        ----------
+        shaping : control.TransferFunction, StateSpace, number or (num, den), optional
+            A stable W behind which the noise is coloured: its density is :math:`|W(j\omega)|^2`.
+            White noise of the density Φ has W = √Φ.
+
         Raises
         ------
         ValueError
-            If the power is infinite: the map is not strictly proper, or its denominator, hidden
-            modes included, has roots that are not in the left half plane.
+            If the power is infinite: the map, with the shaping filter, is not strictly proper, or
+            its denominator, hidden modes included, has roots that are not in the left half plane;
+            or the shaping filter is not stable.
+        TypeError
+            If `shaping` is no block.
 
         Examples
         --------
@@ -195,8 +208,75 @@ class Quotient:
         >>> loop = NRDOB(G, G, 1.0, LowPassFilter(0.5, 2))
         >>> round(loop.S_eta.noise_power(), 12)                  # 1/(4λ)
         0.5
+        >>> round(loop.S_eta.noise_power(ct.tf([1], [10, 1])), 6)    # of slow noise nearly all
+        0.046485
         """
-        return noise_power(self.num, self.den, self.name or "this map")
+        name = self.name or "this map"
+        if shaping is None:
+            return noise_power(self.num, self.den, name)
+        num, den = map(QuasiPolynomial, as_shaping(shaping))
+        return noise_power((*self.num, num), (*self.den, den), f"{name} behind the shaping filter")
+
+    def check_stable(self) -> None:
+        """Raise ValueError if the denominator, hidden modes included, has roots not on the left."""
+        check_stable(self.den, f"the noise power of {self.name or 'this map'}")
+
+    def spectrum(self, omega: Any, shaping: Any = None) -> FloatArray:
+        r"""Power spectral density of the output, :math:`|Q(j\omega) W(j\omega)|^2`.
+
+        Two-sided and over ω in rad/s: its integral over all ω, over 2π, is the variance. scipy's
+        `welch` gives the one-sided density over frequency in Hz, which is twice that.
+
+        Parameters
+        ----------
+        omega : array_like of float
+            Frequencies in rad/s, of any shape.
+        shaping : as for `noise_power`, optional
+            W; white noise of unit density by default.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If the shaping filter is no stable block.
+
+        Examples
+        --------
+        >>> import control as ct
+        >>> from nrdob import NRDOB, LowPassFilter
+        >>> G = ct.tf([1], [1, 1])
+        >>> loop = NRDOB(G, G, 1.0, LowPassFilter(0.5, 2))
+        >>> loop.S_eta.spectrum([0.0, 2.0]).round(6).tolist()        # 1/(1 + λ²ω²)²
+        [1.0, 0.25]
+        """
+        s = 1j * np.asarray(omega, dtype=float)
+        size = np.abs(self(s)) ** 2
+        if shaping is not None:
+            num, den = as_shaping(shaping)
+            size = size * np.abs(np.polyval(num, s) / np.polyval(den, s)) ** 2
+        return np.asarray(size)
+
+    def step_energy(self) -> float:
+        r"""Energy :math:`\int_0^\infty q(t)^2\,dt` of the output after a unit step at the input.
+
+        It is the square of the norm of Q/s, exact without dead time and to 1e-8 of itself with it;
+        infinite where an offset stays, Q(0) ≠ 0.
+
+        Raises
+        ------
+        ValueError
+            If the denominator has roots that are not in the left half plane.
+
+        Examples
+        --------
+        A matched model under 1/(λs + 1) rejects a step of d with the error exp(-t/λ):
+
+        >>> import control as ct
+        >>> from nrdob import NRDOB, LowPassFilter
+        >>> G = ct.tf([1], [1, 1])
+        >>> round(NRDOB(G, G, 1.0, LowPassFilter(0.5, 1)).S_d.step_energy(), 12)
+        0.25
+        """
+        return step_energy(self.num, self.den, self.name or "this map")
 
     def to_tf(self) -> ct.TransferFunction:
         """Return the map as a `control.TransferFunction` in lowest structural order.
@@ -235,6 +315,29 @@ class Quotient:
                 np.polyval(f.scale, np.abs(s)) / np.abs(f(s)) for f in self.num + self.den
             )
             return not np.any(np.abs(other(s) / self(s) - 1) > allowed)
+
+
+def as_shaping(shaping: Any) -> Fraction:
+    """Read a shaping filter, which must be stable.
+
+    Parameters
+    ----------
+    shaping : control.TransferFunction, StateSpace, number or (num, den)
+        The block.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If it is no rational block, not proper, or not stable.
+    """
+    fraction = as_fraction(shaping, "shaping")
+    den = QuasiPolynomial(fraction.den)
+    if den.zeros_at_origin or count_rhp(den).count != 0:
+        raise ValueError(
+            f"shaping has a pole at {written(complex(den.roots[0]))}: behind it noise has no "
+            "finite power; every pole needs a negative real part"
+        )
+    return fraction
 
 
 def _mantissa(p: QuasiPolynomial, s: ComplexArray) -> tuple[ComplexArray, FloatArray]:

@@ -3,12 +3,16 @@
 from .argument import Term
 from .arrays import ROUNDING, BoolArray, ComplexArray, FloatArray, IntArray
 from .crossings import bisect, golden, newton, side
+from .hurwitz import hurwitz
+from .manypolynomials import convolved, padded_sum, values_and_slopes, values_on_axis
+from .manyturns import ManyTerms, frequency_range, rhp_counts, zero_free
 from .quasipoly import (
     QuasiPolynomial,
     RootCount,
     add,
     count_rhp,
     differentiate,
+    exponential_rest,
     frequency_segments,
     multiply,
     unstable_roots,
@@ -25,6 +29,7 @@ __all__ = [
     "ComplexArray",
     "FloatArray",
     "IntArray",
+    "ManyTerms",
     "QuasiPolynomial",
     "RootCount",
     "Shared",
@@ -32,20 +37,29 @@ __all__ = [
     "add",
     "bisect",
     "companion_roots",
+    "convolved",
     "count_rhp",
     "differentiate",
+    "exponential_rest",
     "factor_near",
+    "frequency_range",
     "frequency_segments",
     "golden",
+    "hurwitz",
     "impulse_states",
     "multiply",
     "newton",
     "number",
+    "padded_sum",
+    "rhp_counts",
     "roots_by_time_scale",
     "shared_factor",
     "side",
     "split",
     "unstable_roots",
+    "values_and_slopes",
+    "values_on_axis",
     "without_shared_factor",
     "written",
+    "zero_free",
 ]

@@ -43,6 +43,9 @@ ARCS = 32
 """Discs that cover a half circle around a zero on the axis."""
 
 
+SERIES = 24
+"""Coefficients of exp(-sT) for |s|T <= 1, behind which less than rounding is left."""
+
 FREE, OPEN = -1, -2
 """Marks of a stretch of the axis: the sum has no zero there; it may have one."""
 
@@ -73,13 +76,13 @@ class Turn:
         one of them cannot be passed.
     touched : tuple of float
         Frequencies at which the function vanishes within rounding, in rad/s.
-    simple_origin: bool
-        Whether no more than one zero was passed at s = 0.
+    origin_alone: bool
+        Whether no more zeros were passed at s = 0 than are known to be there.
     """
 
     angle: float
     touched: tuple[float, ...] = ()
-    simple_origin: bool = True
+    origin_alone: bool = True
 
 
 class _Stretches(NamedTuple):
@@ -98,7 +101,7 @@ class _Stretches(NamedTuple):
         return _Stretches(*(column[kept] for column in both))
 
 
-def turn(terms: Sequence[Term], scale: FloatArray) -> Turn:
+def turn(terms: Sequence[Term], scale: FloatArray, origin: int = 1) -> Turn:
     """Follow the argument from ω = 0 to infinity.
 
     Parameters
@@ -108,6 +111,8 @@ def turn(terms: Sequence[Term], scale: FloatArray) -> Turn:
         than those of the others together.
     scale : array of float
         For each power of s (descending) the size of what was summed to give the coefficients.
+    origin : int
+        Multiplicity of the zero at s = 0, if there is one.
 
     Raises
     ------
@@ -128,25 +133,45 @@ def turn(terms: Sequence[Term], scale: FloatArray) -> Turn:
         return Turn(angle)
     low, high = _range(terms, scale)
     touched: list[float] = []
-    angle, simple = 0.0, True
+    angle, alone = 0.0, True
     if low is None:
         touched.append(0.0)
-        beside = _beside_origin(terms, scale, high)
-        simple = beside is not None
-        low, angle = beside or _pass_origin(terms, scale, high)
+        near = _near_origin(terms, scale, high, origin)
+        alone = near is not None
+        if near is None:
+            low, angle = _pass_origin(terms, scale, high)
+        else:
+            low, angle = near.radius, origin * pi / 2
+            slowest = _range([near.rest], near.scale)[0] or low
+            more, passed = _followed([near.rest], near.scale, min(slowest, low), low)
+            angle, touched = angle + more, touched + passed
+    more, passed = _followed(terms, scale, low, high, from_zero=not touched)
+    # Beyond the last frequency the leading term keeps the sum in an open half plane around it.
+    sums = _values(terms, scale, np.array([high])).sum(axis=0)
+    more += float(np.angle(lead[0] * 1j**degree / sums[0]))
+    return Turn(angle + more, (*touched, *passed), alone)
+
+
+def _followed(
+    terms: Sequence[Term], scale: FloatArray, low: float, high: float, *, from_zero: bool = True
+) -> tuple[float, list[float]]:
+    """Follow the argument to a frequency, and say what is touched on the way.
+
+    From 0 on, where the constant term dominates up to the frequency `low`, or from there.
+    """
     stretches, holes = _certified(terms, scale, low, high, dominance=True)
-    if not touched:  # there the constant term dominates
+    if from_zero:
         first = _Stretches(np.zeros(1), np.array([low]), np.array([FREE]))
         stretches = _Stretches(*map(np.concatenate, zip(first, stretches, strict=True)))
+    angle, touched = 0.0, []
     for a, b, around in _passed(terms, scale, holes):
         stretches = stretches.outside(a, b)
-        angle += around
+        angle += around if b < high else nan
         touched.append((a + b) / 2)
-    angle += _angles(terms, scale, stretches, high)
-    return Turn(angle, tuple(touched), simple)
+    return angle + _angles(terms, scale, stretches), touched
 
 
-def zero_free_frequencies(terms: Sequence[Term], scale: FloatArray) -> FloatArray:
+def zero_free_frequencies(terms: Sequence[Term], scale: FloatArray, origin: int = 1) -> FloatArray:
     """Frequencies between which the sum provably turns by less than half a revolution.
 
     Around a zero on the axis, within rounding, a stretch is left in which it may. If the dead time
@@ -155,7 +180,7 @@ def zero_free_frequencies(terms: Sequence[Term], scale: FloatArray) -> FloatArra
 
     Parameters
     ----------
-    terms, scale
+    terms, scale, origin
         As for `turn`.
 
     Returns
@@ -166,12 +191,18 @@ def zero_free_frequencies(terms: Sequence[Term], scale: FloatArray) -> FloatArra
     if terms[0].q.size == 1:
         return np.zeros(1)
     low, high = _range(terms, scale)
+    near = _near_origin(terms, scale, high, origin) if low is None else None
+    first: FloatArray = np.zeros(1)
+    if near is not None:
+        low = near.radius
+        first = zero_free_frequencies([near.rest], near.scale)
+        first = first[first < low]
     low = low or 1e-12 * high
     try:
         (left, right, _), _ = _certified(terms, scale, low, high, dominance=False)
     except ArithmeticError:
         (left, right, _), _ = _certified(terms, scale, low, high, dominance=True)
-    return np.unique(np.concatenate([[0.0, low], left, (left + right) / 2, right]))
+    return np.unique(np.concatenate([first, [low], left, (left + right) / 2, right]))
 
 
 def _short(q: FloatArray, scale: FloatArray) -> float | None:
@@ -321,23 +352,20 @@ def _leader(
     return result
 
 
-def _angles(terms: Sequence[Term], scale: FloatArray, stretches: _Stretches, high: float) -> float:
-    """Sum of what the argument turns over certified stretches, and beyond the frequency `high`."""
+def _angles(terms: Sequence[Term], scale: FloatArray, stretches: _Stretches) -> float:
+    """Sum of what the argument turns over certified stretches."""
     left, right, mark = stretches
     n, origin = left.size, left == 0
-    values = _values(terms, scale, np.concatenate([np.where(origin, 1.0, left), right, [high]]))
+    values = _values(terms, scale, np.concatenate([np.where(origin, 1.0, left), right]))
     values[:, :n][:, origin] = np.array([[term.q[-1]] for term in terms])
     sums = values.sum(axis=0)
-    before, after = sums[:n], sums[n:-1]
-    # Beyond the last frequency the leading term keeps the sum in an open half plane around it.
-    lead = terms[0].q
-    angle = float(np.angle(lead[0] * 1j ** (lead.size - 1) / sums[-1]))
+    before, after = sums[:n], sums[n:]
     free = mark == FREE
-    angle += float(np.angle(after[free] / before[free]).sum())
+    angle = float(np.angle(after[free] / before[free]).sum())
     for i, (_, delay) in enumerate(terms):
         on = mark == i
         if on.any():
-            a, b = values[i, :n][on], values[i, n:-1][on]
+            a, b = values[i, :n][on], values[i, n:][on]
             # The term itself without its dead time, the dead time, and the angles from the term
             # to the sum at both ends.
             waits = np.exp(1j * delay * right[on]) / np.exp(1j * delay * left[on])
@@ -377,32 +405,35 @@ def _passed(
     return passed
 
 
-def _beside_origin(
-    terms: Sequence[Term], scale: FloatArray, high: float
-) -> tuple[float, float] | None:
-    """Pass a simple zero at s = 0: a radius within which there is no other, and the angle turned.
+class _Near(NamedTuple):
+    """A sum near its zero at s = 0: this polynomial times s^m within the radius."""
 
-    There the sum is c s but for less than half of it (Rouché), so that it turns by less than half
-    a revolution.
+    rest: Term
+    scale: FloatArray
+    radius: float
+
+
+def _near_origin(
+    terms: Sequence[Term], scale: FloatArray, high: float, multiplicity: int
+) -> _Near | None:
+    """Divide a zero at s = 0 out of the Taylor series; None if it is of higher multiplicity.
+
+    Where no dead time turns by more than one radian, so many coefficients are the sum itself.
     """
-    constants = [term.q[-1] for term in terms]
-    slopes = [term.q[-2] if term.q.size > 1 else 0.0 for term in terms]
-    delays = [term.delay for term in terms]
-    c = sum(b - T * a for a, b, T in zip(constants, slopes, delays, strict=True))
-    radius = min([high, *(1 / T for T in delays if T)])
-    while abs(c) * radius > 4 * ROUNDING * scale[-1]:
-        rest = 0.0
-        for (q, T), a, b in zip(terms, constants, slopes, strict=True):
-            higher = float(np.polyval(np.append(np.abs(q[:-2]), [0.0, 0.0]), radius))
-            growth = float(np.expm1(T * radius))
-            rest += higher * (1 + growth) + abs(b) * radius * growth
-            rest += abs(a) * (T * radius) ** 2 / 2 * (1 + growth)
-        if rest < abs(c) * radius / 2:
-            s = radius * np.array([1.0, 1j])
-            start, end = np.sum([np.polyval(q, s) * np.exp(-T * s) for q, T in terms], axis=0)
-            return radius, float(np.angle(end / start))
-        radius /= 4
-    return None
+    count = multiplicity + scale.size + SERIES
+    c, sizes = np.zeros(count), np.zeros(count)
+    sizes[: scale.size] = scale[::-1]
+    for q, T in terms:
+        ascending = q[::-1]
+        series = np.cumprod(np.append(1.0, T / np.arange(1.0, count)))
+        signs = (-1.0) ** np.arange(count)
+        c += np.convolve(ascending, signs * series)[:count]
+        sizes += np.convolve(np.abs(ascending), series)[:count] * (T > 0)
+    c, sizes = c[multiplicity:], sizes[multiplicity:]
+    if abs(c[0]) <= ROUNDING * sizes[0]:
+        return None
+    radius = min([high, *(1 / T for _, T in terms if T)])
+    return _Near(Term(np.trim_zeros(c[::-1], "f"), 0.0), sizes[::-1], radius)
 
 
 def _pass_origin(terms: Sequence[Term], scale: FloatArray, high: float) -> tuple[float, float]:

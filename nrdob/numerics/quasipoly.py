@@ -19,7 +19,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import cached_property, reduce
 from itertools import product
-from math import inf, isnan, pi
+from math import factorial, inf, isnan, pi
 from typing import Any
 
 import numpy as np
@@ -37,10 +37,17 @@ __all__ = [
     "add",
     "count_rhp",
     "differentiate",
+    "exponential_rest",
     "frequency_segments",
     "multiply",
     "unstable_roots",
 ]
+
+AT_ORIGIN = 1e-6
+"""Size of a root, times the dead time, that is the one at s = 0."""
+
+NEAR = 1.0
+"""Size of z up to which the rest of exp(z) is summed up, because the difference loses digits."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +66,8 @@ class QuasiPolynomial:
     more : tuple of Term, optional
         Further terms. Those with equal delays are added up; r and `delay` are then the term with
         the longest one, `more` those with the others, in descending order.
+    origin : int
+        Roots at s = 0 that are known to be there, although rounding hides them in the coefficients.
 
     Examples
     --------
@@ -74,6 +83,7 @@ class QuasiPolynomial:
     delay: float = 0.0
     scale: FloatArray = field(default_factory=lambda: np.zeros(0))
     more: tuple[Term, ...] = ()
+    origin: int = 0
 
     def __post_init__(self) -> None:
         q, r = np.asarray(self.q, dtype=float), np.asarray(self.r, dtype=float)
@@ -131,15 +141,15 @@ class QuasiPolynomial:
 
     @cached_property
     def zeros_at_origin(self) -> int:
-        """Multiplicity of the root s = 0 that the coefficients prove exactly."""
+        """Multiplicity of the root s = 0 that the coefficients prove exactly, or that is known."""
         if not self.delay:
             return _trailing_zeros(self.q) if self.q.any() else 0
         shared = self._shared_zeros
-        return shared + (sum(self._constants(shared)) == 0)
+        return max(shared + (sum(self._constants(shared)) == 0), self.origin)
 
     @property
     def divided(self) -> int:
-        """Power of s by which the sum of terms is divided: 0, or 1 in some `without_origin`."""
+        """Power of s by which the sum of terms is divided: 0, but in some `over_s`."""
         return 0
 
     @property
@@ -153,16 +163,55 @@ class QuasiPolynomial:
 
     @cached_property
     def without_origin(self) -> QuasiPolynomial:
-        """The quasi-polynomial divided by its exact roots at s = 0."""
-        m = self.zeros_at_origin
-        if not m:
+        """The quasi-polynomial divided by its roots at s = 0."""
+        return self.over_s(self.zeros_at_origin)
+
+    def over_s(self, power: int) -> QuasiPolynomial:
+        """Divide by a power of s, of which the sum has as many roots though not every term.
+
+        Parameters
+        ----------
+        power : int
+            At most `zeros_at_origin`.
+        """
+        if not power:
             return self
-        shared = self._shared_zeros
-        if not shared:
-            return _OverS.of(self)
-        delayed = tuple(Term(_drop(p, shared), delay) for p, delay in self.delayed)
-        p = QuasiPolynomial(_drop(self.q, shared), scale=self.scale[:-shared], more=delayed)
-        return p if m == shared else _OverS.of(p)
+        shared = min(power, self._shared_zeros)
+        p = self
+        if shared:
+            delayed = tuple(Term(_drop(p, shared), delay) for p, delay in self.delayed)
+            q, scale = _drop(self.q, shared), self.scale[:-shared]
+            p = QuasiPolynomial(q, scale=scale, more=delayed, origin=self.origin - shared)
+        return _OverS.of(p, power - shared) if power > shared else p
+
+    def lifted(self, power: int) -> QuasiPolynomial:
+        """Multiply by a power of s that makes a sum of whole terms of it again.
+
+        Parameters
+        ----------
+        power : int
+            At least `divided`.
+        """
+        if not power:
+            return self
+        delayed = tuple(Term(_times_s(p, power), delay) for p, delay in self.delayed)
+        q, scale = _times_s(self.q, power), _times_s(self.scale, power)
+        return QuasiPolynomial(q, scale=scale, more=delayed, origin=self.origin + power)
+
+    @cached_property
+    def expanded(self) -> tuple[FloatArray, int]:
+        r"""P and m of ``P(s) + sum of r(s) (exp(-sT) - its Taylor polynomial of degree m - 1)``.
+
+        That is the sum, written so that its root at s = 0, which its terms have only together, of
+        multiplicity m, is one of P, too.
+        """
+        m = self.zeros_at_origin - self._shared_zeros if self.delay else 0
+        if m <= 0:
+            return self.q, 0
+        parts = [np.convolve(r, _exponential(delay, m)) for r, delay in self.delayed]
+        p = reduce(add, parts, self.q)
+        p[-min(self.zeros_at_origin, p.size) :] = 0.0
+        return p, m
 
     @property
     def constant(self) -> float:
@@ -222,11 +271,14 @@ class QuasiPolynomial:
         """
         found = self._eigenvalues
         if found is None:
-            p = self.without_origin
-            found = rightmost_roots(p.q, p.delayed)
+            found = self.without_origin._rightmost
         if self.zeros_at_origin:
             found = np.concatenate([found, np.zeros(self.zeros_at_origin)])
         return found[np.lexsort((-found.imag, -found.real))]
+
+    @property
+    def _rightmost(self) -> ComplexArray:
+        return rightmost_roots(self.q, self.delayed)
 
     @property
     def roots_resolved(self) -> bool:
@@ -273,81 +325,103 @@ class QuasiPolynomial:
 
 @dataclass(frozen=True, eq=False)
 class _OverS(QuasiPolynomial):
-    """A sum that vanishes at s = 0 although not all of its terms do, divided by s.
+    """A sum that vanishes at s = 0 although not all of its terms do, divided by a power of s.
 
     Attributes
     ----------
     undivided : QuasiPolynomial
         The sum, whose polynomials are also those of this object.
+    power : int
+        The power, at most the multiplicity of the root.
     """
 
     undivided: QuasiPolynomial = field(kw_only=True)
+    power: int = field(kw_only=True)
 
     def __post_init__(self) -> None:
         pass
 
     @classmethod
-    def of(cls, p: QuasiPolynomial) -> _OverS:
-        # |exp(-sT) - 1| <= T |s| on the right
-        parts = [np.abs(r) * delay for r, delay in p.delayed]
-        return cls(p.q, p.r, p.delay, reduce(add, parts, p.scale[:-1]), p.more, undivided=p)
+    def of(cls, p: QuasiPolynomial, power: int) -> _OverS:
+        # On the right Taylor's remainder of exp(-sT) is at most T^m |s|^m/m!.
+        parts = [np.convolve(np.abs(r), _exponential(-T, power + 1)) for r, T in p.delayed]
+        scale = reduce(add, parts, p.scale)[:-power]
+        return cls(p.q, p.r, p.delay, scale, p.more, undivided=p, power=power)
 
     @property
     def degree(self) -> int:
-        return self.undivided.degree - 1
+        return self.undivided.degree - self.power
 
     @property
     def divided(self) -> int:
-        return 1
+        return self.power
 
     @cached_property
     def zeros_at_origin(self) -> int:
-        return 0
+        return self.undivided.zeros_at_origin - self.power
+
+    def over_s(self, power: int) -> QuasiPolynomial:
+        return self.undivided.over_s(self.power + power) if power else self
+
+    def lifted(self, power: int) -> QuasiPolynomial:
+        return self.undivided.lifted(power - self.power)
+
+    @cached_property
+    def expanded(self) -> tuple[FloatArray, int]:
+        return self.undivided.expanded
 
     @property
     def constant(self) -> float:
-        without_delay = self._without_delay
-        at_zero = float(without_delay[-1]) if without_delay.size else 0.0
-        return at_zero - sum(float(r[-1]) * delay for r, delay in self.delayed)
-
-    @cached_property
-    def _without_delay(self) -> FloatArray:
-        """What the sum is without its delays, divided by s."""
-        return reduce(add, [r for r, _ in self.delayed], self.q)[:-1]
+        p, m = self.expanded
+        if m > self.power:
+            return 0.0
+        at_zero = float(p[-1 - m]) if p.size > m else 0.0
+        return at_zero + sum(float(r[-1]) * (-T) ** m / factorial(m) for r, T in self.delayed)
 
     def __call__(self, s: complex | ComplexArray) -> Any:
         s = np.asarray(s, dtype=complex)
-        value = _horner(self._without_delay, s) if self._without_delay.size else 0.0
-        at_zero = s == 0
-        divisor = np.where(at_zero, 1.0, s)
-        for r, delay in self.delayed:
-            waits = np.where(at_zero, -delay, np.expm1(-delay * s) / divisor)
-            value = value + _horner(r, s) * waits
-        return value
+        p, m = self.expanded
+        value = _horner(p[:-m], s) if p.size > m else 0.0
+        for r, T in self.delayed:
+            value = value + _horner(r, s) * (-T) ** m * exponential_rest(-T * s, m, divided=True)
+        return value * s ** (m - self.power) if m > self.power else value
 
     @property
     def finite_part(self) -> QuasiPolynomial:
-        return self
+        return self.without_origin
 
     @cached_property
     def turn(self) -> Turn:
-        found = turn(self.undivided.terms, self.undivided.scale)
+        if self.zeros_at_origin:
+            return self.without_origin.turn
+        found = turn(self.undivided.terms, self.undivided.scale, self.power)
         touched = found.touched
-        if found.simple_origin:
+        if found.origin_alone:
             touched = tuple(omega for omega in touched if omega)
-        return Turn(found.angle - pi / 2, touched)
+        return Turn(found.angle - self.power * pi / 2, touched)
 
     @cached_property
     def _eigenvalues(self) -> ComplexArray | None:
+        if self.zeros_at_origin:
+            return self.without_origin._eigenvalues
         try:
             found = delay_roots(self.q, self.delayed)
         except ArithmeticError:
             return None
-        return np.delete(found, np.argmin(np.abs(found)))
+        return found[np.argsort(np.abs(found))[self.power :]]
+
+    @property
+    def _rightmost(self) -> ComplexArray:
+        """None if the root at s = 0 is the rightmost: nothing is then known of the next one."""
+        found = rightmost_roots(self.q, self.delayed)
+        origin = np.abs(found) * self.delay <= AT_ORIGIN
+        return found[:0] if origin[:1].any() else found[~origin]
 
     @property
     def rhp_in_whole_numbers(self) -> int | None:
-        return None if self.more else count_by_crossings(self.q, self.r, self.delay)
+        if self.more or self.power > 1 or self.zeros_at_origin:
+            return None
+        return count_by_crossings(self.q, self.r, self.delay)
 
 
 @dataclass(frozen=True)
@@ -445,8 +519,8 @@ def frequency_segments(p: QuasiPolynomial) -> FloatArray:
     array of float
         Increasing frequencies in rad/s from 0 to where the leading term dominates.
     """
-    p = _terms_of(p)
-    return zero_free_frequencies(p.terms, p.scale)
+    terms = _terms_of(p)
+    return zero_free_frequencies(terms.terms, terms.scale, max(p.divided, 1))
 
 
 def _terms_of(p: QuasiPolynomial) -> QuasiPolynomial:
@@ -483,7 +557,7 @@ def unstable_roots(p: QuasiPolynomial) -> ComplexArray:
 
 
 def multiply(*factors: QuasiPolynomial) -> QuasiPolynomial:
-    """Multiply quasi-polynomials; dead times add up.
+    """Multiply quasi-polynomials; dead times add up, and so do powers of s in denominators.
 
     Parameters
     ----------
@@ -492,12 +566,56 @@ def multiply(*factors: QuasiPolynomial) -> QuasiPolynomial:
     """
     if len(factors) == 1:
         return factors[0]
+    power = sum(factor.divided for factor in factors)
+    factors = tuple(_terms_of(factor) for factor in factors)
     scale = reduce(np.convolve, [factor.scale for factor in factors])
     terms = [
         Term(reduce(np.convolve, [p for p, _ in chosen]), sum(delay for _, delay in chosen))
         for chosen in product(*(factor.terms for factor in factors))
     ]
-    return QuasiPolynomial(terms[0].q, scale=scale, more=tuple(terms[1:]))
+    known = power or any(factor.origin for factor in factors)
+    origin = sum(factor.zeros_at_origin for factor in factors) if known else 0
+    whole = QuasiPolynomial(terms[0].q, scale=scale, more=tuple(terms[1:]), origin=origin)
+    return whole.over_s(power)
+
+
+def exponential_rest(z: ComplexArray, m: int, *, divided: bool = False) -> ComplexArray:
+    """Evaluate what Taylor's polynomial of degree m - 1 leaves of exp(z), without cancellation.
+
+    Parameters
+    ----------
+    z : array of complex
+        Any shape.
+    m : int
+        0 for exp(z) itself, 1 for exp(z) - 1.
+    divided : bool
+        Whether it is divided by z^m, which at 0 leaves 1/m!.
+
+    Examples
+    --------
+    >>> exponential_rest(np.array([0.0, 1.0, 2.0]), 2, divided=True).real.round(6).tolist()
+    [0.5, 0.718282, 1.097264]
+    """
+    z = np.asarray(z, dtype=complex)
+    if m < 2 and not divided:
+        return np.asarray(np.expm1(z) if m else np.exp(z))
+    near = np.abs(z) <= (NEAR if m > 1 else 0.0)
+    far = np.where(near, 1.0, z)
+    rest = np.expm1(far)
+    for k in range(1, m):
+        rest = rest - far**k / factorial(k)
+    series = np.ones_like(z)
+    if m > 1:
+        close = np.where(near, z, 0.0)
+        for k in range(m + 18, m, -1):  # (…(z/k + 1) z/(k - 1) + 1)…
+            series = series * close / k + 1.0
+    value = np.where(near, series / factorial(m), rest / far**m)
+    return np.asarray(value if divided else value * z**m)
+
+
+def _exponential(delay: float, m: int) -> FloatArray:
+    """Taylor's polynomial of exp(-delay·s), of m coefficients, descending."""
+    return np.array([(-delay) ** k / factorial(k) for k in range(m - 1, -1, -1)])
 
 
 def add(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -549,6 +667,10 @@ def _trailing_zeros(coefficients: FloatArray) -> int:
         return 0
     used = np.flatnonzero(coefficients)
     return int(coefficients.size - 1 - used[-1]) if used.size else int(coefficients.size)
+
+
+def _times_s(coefficients: FloatArray, power: int) -> FloatArray:
+    return np.append(coefficients, np.zeros(power)) if coefficients.any() else coefficients
 
 
 def _drop(coefficients: FloatArray, m: int) -> FloatArray:

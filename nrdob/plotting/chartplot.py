@@ -16,6 +16,8 @@ LABELS = {
     "gain": "gain of the process, times",
     "delay": "dead time θ (s)",
     "lag": "one more lag τ (s)",
+    "observer_bandwidth": "bandwidth of the observer ωo (rad/s)",
+    "b0": "assumed gain b0",
 }
 
 NUMBERED = 0.004

@@ -552,7 +552,7 @@ def test_a_filter_far_below_the_dead_time_is_certified(input):
     loop = LoopEquations(
         delay(0.5) / (1.1 * s + 1) ** 4, 1 / (s + 1) ** 4, 0.3 / s, LowPassFilter(1e-9, 5)
     )
-    times = [0.25, 0.5 + 3e-9, 0.75, 1.2]
+    times = [0.5 + 3e-9, 1.2]
     found = step_response(loop, input, times).outputs[:, 0]
     wanted = np.array([exact_step(loop, input, t) for t in times]).T
     for row, exactly in zip(found, wanted, strict=True):
@@ -599,7 +599,7 @@ def test_a_mode_that_turns_too_often_for_nine_digits_is_refused():
 
 @pytest.mark.slow
 def test_random_loops_are_certified():
-    errors, refusals = campaign(8, seed=11)
+    errors, refusals = campaign(12, seed=18)
     assert max(max(found) for found in errors.values())[0] < 1e-9
     assert sum(refusals.values()) <= 1
 

@@ -45,7 +45,7 @@ def test_random_delayed_verdicts_agree_with_an_independent_argument_count(loop):
     if verdict.closed_loop_rhp == np.inf:
         assert loop.p_B.neutral_ratio > 1
         return
-    omega = np.union1d(np.geomspace(1e-6, 1e5, 60_001), np.linspace(0, 2000, 60_001)[1:])
+    omega = np.union1d(np.geomspace(1e-6, 1e5, 20_001), np.linspace(0, 2000, 30_001)[1:])
     values = loop.p_B.without_origin(1j * omega)
     p = loop.p_B.without_origin
     floor = np.polyval(np.abs(p.q), omega) + np.polyval(np.abs(p.r), omega)

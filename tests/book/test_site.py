@@ -10,6 +10,7 @@ import re
 import shutil
 import subprocess
 import sys
+import warnings
 from collections.abc import Callable
 from contextlib import redirect_stderr, redirect_stdout
 from copy import copy
@@ -19,10 +20,12 @@ from typing import Any
 from urllib.parse import unquote, urlsplit
 
 import pytest
+from axe_playwright_python.sync_playwright import Axe
 from bs4 import BeautifulSoup
 
 import ledger
 import teaching
+from browser import CHROMIUM, Look, browser, look
 from digits import hanging_on_rounding
 from nrdob.course.claims import LEDGER, Entry, Verdict
 from nrdob.course.exercises import PROBLEMS
@@ -338,3 +341,51 @@ def test_every_mistake_is_shown_as_the_student_reads_it(
     for id, problem in PROBLEMS.items():
         shown = [[text(cell) for cell in row("td")][:2] for row in tables[id]]
         assert shown == [[m.name, " ".join(m.says.split())] for m in problem.misconceptions]
+
+
+# --- in a browser -----------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def looks(site: Path, pages: dict[Path, BeautifulSoup]) -> dict[str, Look]:
+    """Open every page as on a phone, 360 pixels wide."""
+    if CHROMIUM is None:
+        warnings.warn("No Chromium on this machine: the pages were not opened.", stacklevel=1)
+        pytest.skip("no Chromium on this machine: THE PAGES WERE NOT OPENED IN A BROWSER")
+    with browser() as opened:
+        tab = opened.new_page(viewport={"width": 360, "height": 800})
+        return {path.relative_to(site).as_posix(): look(tab, path) for path in pages}
+
+
+def test_no_page_scrolls_sideways_on_a_phone(looks: dict[str, Look]) -> None:
+    assert {page: seen.overflow for page, seen in looks.items() if seen.overflow > 0} == {}
+
+
+def test_no_figure_is_distorted_and_no_formula_cut_on_a_phone(looks: dict[str, Look]) -> None:
+    assert {page: seen.distorted for page, seen in looks.items() if seen.distorted} == {}
+    assert {page: seen.cut for page, seen in looks.items() if seen.cut} == {}
+
+
+def test_formulas_are_no_stops_for_the_tab_key(looks: dict[str, Look]) -> None:
+    assert sum(seen.stops for seen in looks.values()) == 0
+
+
+def test_pages_say_nothing_to_the_console_and_ask_no_server(looks: dict[str, Look]) -> None:
+    assert {page: seen.said for page, seen in looks.items() if seen.said} == {}
+
+
+def test_a_reader_with_a_screen_reader_meets_nothing_serious(site: Path) -> None:
+    if CHROMIUM is None:
+        pytest.skip("no Chromium on this machine: THE PAGES WERE NOT OPENED IN A BROWSER")
+    axe = Axe()
+    with browser() as opened:
+        tab = opened.new_page(viewport={"width": 1400, "height": 900})
+        serious = []
+        for page in ("index", "chapters/00_start_here", "ledger", "teaching/running"):
+            look(tab, site / f"{page}.html")
+            serious += [
+                (page, broken["id"], broken["nodes"][0]["html"][:100])
+                for broken in axe.run(tab).response["violations"]
+                if broken["impact"] in ("serious", "critical")
+            ]
+    assert serious == []

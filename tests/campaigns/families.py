@@ -1,11 +1,12 @@
 """Sets of families of filters against the verdict beside every end, and on a scan.
 
 python -m tests.campaigns.families --count 500 --seed 0
+
+Some of the models wait: as long as the process, nearly so, or as they like.
 """
 
 from __future__ import annotations
 
-import argparse
 from collections import Counter
 
 import control as ct
@@ -17,6 +18,7 @@ from nrdob.design import default_floor
 from nrdob.sampling import random_block
 
 from .plants import plant_and_model
+from .runner import print_tally
 
 BESIDE = 1e-5
 """How far inside and outside an end the loop is judged."""
@@ -24,15 +26,6 @@ BESIDE = 1e-5
 SCANNED = 16
 
 KINDS = ["butterworth", "bessel", "ramp", "interpolating", "own"]
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--count", type=int, default=500)
-    parser.add_argument("--seed", type=int, default=0)
-    options = parser.parse_args()
-    for name, number in sorted(campaign(options.count, options.seed).items()):
-        print(f"{number:6}  {name}")
 
 
 def campaign(count: int, seed: int) -> Counter[str]:
@@ -72,10 +65,21 @@ def _family(rng: np.random.Generator, model) -> nrdob.FilterFamily:
     return filter_family(kind, order)
 
 
+def _waiting(rng: np.random.Generator, process, model):
+    """Let some of the models wait."""
+    if rng.random() < 0.5:
+        return model
+    delay = getattr(process, "delay", 0.0) or 10 ** rng.uniform(-2, 0)
+    kind = rng.integers(3)
+    wait = delay * (1.0, 1 + 0.1 * rng.normal(), 10 ** rng.uniform(-1, 1))[kind]
+    return nrdob.delay(abs(wait)) * model
+
+
 def _set(rng: np.random.Generator, label: str) -> str:
     process, model = _loop(rng)
     try:
         family = _family(rng, model)
+        model = _waiting(rng, process, model)
         intervals = nrdob.stabilizing_time_constants(process, model, family)
         floor = default_floor(process, model, family)
     except (ArithmeticError, ValueError) as error:
@@ -92,8 +96,9 @@ def _set(rng: np.random.Generator, label: str) -> str:
         if any(low < value < high for low, high in intervals) != stable:
             print(label, family, intervals, value)
             return f"WRONG {family.kind}"
-    return f"{family.kind}: right"
+    waits = isinstance(model, nrdob.DelayedTransferFunction)
+    return f"{family.kind}: right{', waits' if waits else ''}"
 
 
 if __name__ == "__main__":
-    main()
+    print_tally(campaign, __doc__, 500)

@@ -90,10 +90,59 @@ def test_a_model_with_a_right_half_plane_zero_turns_the_sign_round():
     assert right_half_plane_parity(process, (1 - s) / ((s + 1) * (s + 2))).holds is True
 
 
-def test_a_hidden_unstable_mode_is_out_of_reach_of_every_filter_not_made_for_it():
-    process = 4 / (2 - s - s**2)
-    answer = stabilizing_filter_exists(process, process)
-    assert answer.holds is None and "nrdob.interpolating_filter" in answer.reason
+def test_a_matched_model_has_a_filter_made_for_its_unstable_poles_and_zeros():
+    for process in (4 / (2 - s - s**2), (s - 3) / ((s - 1) * (s + 2)), 1 / s**2, 1 / (s**2 + 1)):
+        answer = stabilizing_filter_exists(process, process)
+        assert (
+            answer.holds is True
+            and "made for what process and model have in common" in answer.reason
+        )
+        assert stabilizing_filter_exists(-process, process).holds is False
+    waits = stabilizing_filter_exists(nrdob.delay(0.1) / (s - 1), 1 / (s - 1))
+    assert waits.holds is None
+    assert stabilizing_filter_exists(-nrdob.delay(0.1) / (s - 1), 1 / (s - 1)).holds is False
+
+
+@pytest.mark.parametrize("zeros", [(2, 1), (1, 2)])
+def test_a_common_zero_of_another_multiplicity_turns_the_sign_round(zeros):
+    # p_B(0) has the sign of N(0)/Nc(0), but p_B(1) that of D(1) > 0.
+    process, model = ((s - 1) ** k / (s + 1) ** 3 for k in zeros)
+    assert stabilizing_filter_exists(process, model).holds is False
+    assert stabilizing_filter_exists(-process, model).holds is True
+
+
+def common_roots(rng):
+    """Draw a process and a model with an unstable pole, a zero on the right or both in common."""
+    kind, own = rng.integers(3), rng.random() < 0.3
+    p, z, q = 10 ** rng.uniform(-0.7, 0.5, 3)
+    lags, zero = -(10 ** rng.uniform(-1, 1, 4)), -(10 ** rng.uniform(-1, 1))
+    roots = []
+    for k in range(2):
+        near = 10 ** (k * rng.uniform(-0.3, 0.3, 5))
+        twice = 1 + int(rng.random() < 0.2)
+        left, ends = (zero * near[4],), lags * near[:4]
+        other = (q,) if own and k == 0 else ()
+        roots.append([
+            ((*left, *other), (*ends[:2], *[p] * twice)),
+            ([z] * twice, (*ends, *other)),
+            ((*left, z), (*ends[:2], *[p] * twice)),
+        ][kind])  # fmt: skip
+    G, Gm = (ct.tf(np.real(np.poly(zeros)), np.real(np.poly(poles))) for zeros, poles in roots)
+    sign = 1 if rng.random() < 0.8 else -1
+    return sign * 10 ** rng.uniform(-0.3, 0.3) / G.dcgain() * G, Gm / Gm.dcgain()
+
+
+def test_where_common_roots_leave_a_filter_some_are_found_and_where_they_do_not_none_is():
+    rng, seen = np.random.default_rng(6), []
+    for _ in range(30):
+        G, Gm = common_roots(rng)
+        answer = stabilizing_filter_exists(G, Gm).holds
+        assert answer is not None
+        filters = [nrdob.interpolating_filter(Gm, value) for value in (0.003, 0.03, 0.3, 3.0)]
+        found = any(nrdob.judge_observer(G, Gm, F).stable for F in filters)
+        assert answer or not found
+        seen.append((answer, found))
+    assert seen.count((True, True)) > 8 < seen.count((False, False))
 
 
 def test_parity_interlacing_fails_between_two_real_zeros():

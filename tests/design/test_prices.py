@@ -78,3 +78,15 @@ def test_of_several_families_the_one_that_rejects_most_is_taken():
 def test_limits_that_are_none_are_refused(options, error, message):
     with pytest.raises(error, match=message):
         design_filter(G, MODEL, **options)
+
+
+def test_a_limit_on_a_step_of_the_reference_needs_a_model_loop_that_is_stable():
+    lag = ct.tf([1], [1, 1])
+    for controller, said in ((-5.0, "1 root in the right half plane"), (-1.0, "s = 0")):
+        with pytest.raises(
+            ValueError, match="needs a controller that stabilises the model"
+        ) as found:
+            design_filter(lag, lag, order=2, max_ms=2.0, max_u_step_R=2.0, controller=controller)
+        assert said in str(found.value)
+        with pytest.raises(ValueError, match="needs a controller that stabilises the model"):
+            admissible_time_constants(lag, lag, 1, max_u_step_R=2.0, controller=controller)

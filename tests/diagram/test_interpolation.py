@@ -86,7 +86,7 @@ def test_what_cancels_is_recognised_in_random_models(decades):
         (1 / s**2, {"order": 2}, "take order 3 or more"),
         (1 / (s - 1), {"time_constant": 0.0}, "needs a positive one"),
         (1 / (s - 1), {"ramp": 0}, "ramp >= 1"),
-        (nrdob.delay(1.0) / (s + 1), {}, "dead time"),
+        (nrdob.delay(1.0) / (s - 1), {}, "a pole at s = 1 and a dead time of 1 s"),
         (0 / (s + 1), {}, "identically zero"),
         ((s**2) / (s + 1), {}, "improper"),
     ],

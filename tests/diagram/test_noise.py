@@ -1,3 +1,5 @@
+import warnings
+
 import control as ct
 import mpmath as mp
 import numpy as np
@@ -33,7 +35,10 @@ def test_power_without_dead_time_is_the_square_of_controls_norm(loop):
     num, den = loop.S_eta.numerator.q, loop.S_eta.denominator.q
     assume(num.size < den.size)
     system = ct.ss(ct.tf(num, den))
-    theirs = ct.norm(system, 2, print_warning=False)
+    with warnings.catch_warnings(record=True) as doubts:
+        warnings.simplefilter("always")
+        theirs = ct.norm(system, 2, print_warning=False)
+    assume(not doubts)  # of the other side, where time scales are far apart
     assert loop.S_eta.noise_power() == pytest.approx(theirs**2, rel=1e-5)
 
 
@@ -173,3 +178,63 @@ def test_a_numerator_with_and_without_dead_time_passes_what_its_turns_leave():
     loop = nrdob.NRDOB(nrdob.delay(1) / (s + 1), 1 / (s + 1), 1, LowPassFilter(2, 1))
     assert loop.FH.noise_power() == pytest.approx((1 - np.exp(-0.5)) / 2, rel=1e-9)
     assert nrdob.NRDOB(1 / (s + 1), 1 / (s + 1), 1, LowPassFilter(2, 1)).FH.noise_power() == 0.0
+
+
+def test_coloured_noise_is_white_noise_in_a_larger_state_space():
+    G = 4 / (s**2 + 0.5 * s + 1)
+    loop = nrdob.NRDOB(G, 1 / (s + 1) ** 2, 1 / s, LowPassFilter(0.4, 2))
+    W = (0.3 * s + 1) / (s**2 + 0.2 * s + 4)
+    assert loop.stability().stable
+    for quotient in (loop.S_eta, loop.U_eta, loop.S_d):  # of which the last two pass white noise
+        both = ct.ss(ct.tf(quotient.numerator.q, quotient.denominator.q)) * ct.ss(W)
+        P = ct.lyap(both.A, both.B @ both.B.T)
+        assert quotient.noise_power(W) == pytest.approx((both.C @ P @ both.C.T).item(), rel=1e-8)
+
+
+@pytest.mark.parametrize("dead_time", [0.05, 1.0])
+def test_coloured_noise_with_dead_time_is_the_integral_of_its_spectrum(dead_time):
+    G = 1 / (s + 1) ** 2
+    loop = nrdob.NRDOB(nrdob.delay(dead_time) * G, G, 1.0, LowPassFilter(1.3 * dead_time, 2))
+    W = 3 / (0.5 * s + 1)
+    nodes, weights = np.polynomial.legendre.leggauss(20)
+    width = 0.5 / dead_time
+    omega = width * (np.arange(4000)[:, None] + 0.5 + nodes / 2)
+    for quotient in (loop.S_eta, loop.U_eta):
+        body = float(np.sum(quotient.spectrum(omega, W) * weights) * width / 2 / np.pi)
+        rest = float(quotient.spectrum(omega[-1, -1], W)) * omega[-1, -1] / np.pi  # 1/ω² at least
+        assert quotient.noise_power(W) == pytest.approx(body, rel=1e-6, abs=rest)
+
+
+def test_a_density_is_a_shaping_filter_of_its_square_root():
+    G = 1 / (s + 1)
+    loop = nrdob.NRDOB(G, G, 1.0, LowPassFilter(0.5, 2))
+    assert loop.noise_variance(0.09**0.5).y == pytest.approx(0.09 * 0.5, rel=1e-12)
+    assert loop.noise_variance(input="d").u == pytest.approx(loop.noise_variance().u, rel=1e-12)
+    assert loop.noise_variance(input="delta").y == loop.S_delta.noise_power()
+
+
+@pytest.mark.parametrize(
+    ("shaping", "message"),
+    [
+        (1 / s, "shaping has a pole at 0: behind it noise has no finite power"),
+        (1 / (s - 1), "shaping has a pole at 1: behind it"),
+        (s, "shaping is improper"),
+        (nrdob.delay(1.0) / (s + 1), "shaping has a dead time of 1 s"),
+    ],
+)
+def test_a_shaping_filter_must_be_stable(shaping, message):
+    loop = nrdob.NRDOB(1 / (s + 1), 1 / (s + 1), 1.0, LowPassFilter(0.5, 2))
+    with pytest.raises(ValueError, match=message):
+        loop.noise_variance(shaping)
+    with pytest.raises(ValueError, match=message):
+        loop.S_eta.spectrum([1.0], shaping)
+
+
+def test_variances_of_an_unstable_loop_are_refused_also_where_noise_passes_directly():
+    loop = nrdob.NRDOB(1 / (s - 1), 1 / (s + 1), 1, LowPassFilter(9, 1))
+    with pytest.raises(ValueError, match="make the loop stable"):
+        loop.noise_variance()
+    with pytest.raises(ValueError, match="make the loop stable"):
+        loop.U_eta.check_stable()
+    with pytest.raises(ValueError, match="input is 'y'; it must be one of"):
+        loop.noise_variance(input="y")

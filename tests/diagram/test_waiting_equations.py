@@ -110,14 +110,19 @@ def test_the_integral_action_of_the_observer_is_kept_exactly():
     )
 
 
-def test_an_integrating_model_leaves_a_zero_of_p_B_at_the_origin_and_no_other():
-    loop = nrdob.NRDOB(
+def test_an_integrating_model_leaves_a_zero_of_p_B_at_the_origin_unless_its_block_is_built_as_one():
+    blocks = (
         nrdob.delay(1.0) / ((s + 0.1) * (0.1 * s + 1)), nrdob.delay(0.9) / s, 0.3,
         nrdob.LowPassFilter(0.5, 2),
     )  # fmt: skip
-    assert loop.p_B.zeros_at_origin == 1
-    assert "integrator" in loop.stability().reason
+    kept = nrdob.NRDOB(*blocks, keep_factors=True)
+    assert kept.p_B.zeros_at_origin == 1 and "integrator" in kept.stability().reason
     # With (1 - F exp(-θm s))/s built as one block of finite memory the rest is what counts.
-    rest = loop.p_B.without_origin
-    assert rest(0.0) == pytest.approx(0.1 * (2 * 0.5 + 0.9) + 1)
-    assert nrdob.analysis.judge("", loop.L.den, rest).stable
+    loop = nrdob.NRDOB(*blocks)
+    assert loop.p_B.zeros_at_origin == 0 and loop.stability().stable
+    assert loop.p_B(0.0) == pytest.approx(0.1 * (2 * 0.5 + 0.9) + 1)
+    at = np.array([1e-9j, 1e-3, 0.3 + 2j, 40j])
+    assert loop.p_B(at) * at == pytest.approx(kept.p_B(at), rel=1e-9)
+    assert loop.K(at) == pytest.approx(kept.K(at), rel=1e-9)
+    assert loop.S_delta(at) == pytest.approx(kept.S_delta(at), rel=1e-9)
+    assert kept.p_B.without_origin.degree == loop.p_B.degree == 4 - 1

@@ -1,0 +1,80 @@
+"""What the pages need that no writer should think of: commas, columns, names of buttons.
+
+A browser may break a line between an inline formula and the comma after it; here they are tied
+together. Printed columns are marked, so that a phone does not break their lines. The arrows that
+open a part of the contents get a name for those who hear the page.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import Any
+
+from docutils import nodes
+from sphinx.application import Sphinx
+
+AFTER = re.compile(r"[.,;:!?)\]’”]+")
+COLUMNS = re.compile(r"\S {2,}\S")
+BEFORE = re.compile(r"[(\[“‘]+$")
+
+
+def tie_punctuation(_app: Sphinx, doctree: nodes.document, _page: str) -> None:
+    """Put each inline formula into one unbreakable piece with the marks that touch it."""
+    for formula in list(doctree.findall(nodes.math)):
+        before, after = touching(formula, -1, BEFORE), touching(formula, 1, AFTER)
+        if before or after:
+            formula.replace_self(
+                nodes.inline(
+                    "", "", nodes.Text(before), formula.deepcopy(), nodes.Text(after),
+                    classes=["tied"],
+                )
+            )  # fmt: skip
+
+
+def touching(formula: nodes.math, step: int, marks: re.Pattern[str]) -> str:
+    """Cut the marks that touch a formula off the text beside it, and return them."""
+    parent = formula.parent
+    place = parent.index(formula) + step
+    text = parent[place] if 0 <= place < len(parent) else None
+    found = (
+        (marks.match if step > 0 else marks.search)(text) if isinstance(text, nodes.Text) else None
+    )
+    if not found:
+        return ""
+    parent[place] = nodes.Text(text[: found.start()] + text[found.end() :])
+    return found.group()
+
+
+def mark_columns(_app: Sphinx, doctree: nodes.document, _page: str) -> None:
+    """Tell printed columns from printed sentences."""
+    for block in doctree.findall(nodes.literal_block):
+        if "output" in block["classes"] and COLUMNS.search(block.astext()):
+            block["classes"].append("aligned")
+
+
+def name_toggles(
+    _app: Sphinx, _page: str, _template: str, context: dict[str, Any], _doctree: object
+) -> None:
+    """Say what the arrows in the list of contents do."""
+    make: Callable[..., Any] | None = context.get("generate_toctree_html")
+    if make is None:
+        return
+
+    def named(*args: Any, **options: Any) -> Any:
+        return re.sub(
+            "<summary>",
+            '<summary aria-label="The pages of this part">',
+            str(make(*args, **options)),
+        )
+
+    context["generate_toctree_html"] = named
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Tie after every reference is resolved, name after the theme has made its functions."""
+    app.connect("doctree-resolved", tie_punctuation, priority=900)
+    app.connect("doctree-resolved", mark_columns)
+    app.connect("html-page-context", name_toggles, priority=900)
+    app.add_js_file("formulas.js", loading_method="defer")
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

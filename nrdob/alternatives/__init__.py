@@ -1,0 +1,37 @@
+"""Other schemes on the same plant, each as a loop that can be judged, and all in one table."""
+
+from .adrc import (
+    adrc_chart,
+    adrc_filters,
+    adrc_stabilizing_bandwidths,
+    adrc_stabilizing_gains,
+    linear_adrc,
+)
+from .comparison import Comparison, Row, compare
+from .measures import LoadErrors, load_errors
+from .simc import LagModel, half_rule, simc_pi, simc_pid
+from .structures import controller_alone, conventional_observer
+from .tuning import Candidate, Tuned, candidates, tune
+
+__all__ = [
+    "Candidate",
+    "Comparison",
+    "LagModel",
+    "LoadErrors",
+    "Row",
+    "Tuned",
+    "adrc_chart",
+    "adrc_filters",
+    "adrc_stabilizing_bandwidths",
+    "adrc_stabilizing_gains",
+    "candidates",
+    "compare",
+    "controller_alone",
+    "conventional_observer",
+    "half_rule",
+    "linear_adrc",
+    "load_errors",
+    "simc_pi",
+    "simc_pid",
+    "tune",
+]

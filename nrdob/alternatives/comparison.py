@@ -1,0 +1,288 @@
+"""One table for one plant: what each scheme does with it, and what it costs."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from html import escape
+from math import isnan, nan
+from pathlib import Path
+from typing import Any
+
+from ..analysis import margins, noise_variance
+from ..design import step_peak
+from ..diagram import DelayedTransferFunction, as_fraction, nonzero
+from ..loop import NRDOB
+from .measures import load_errors
+from .tuning import Candidate, Limits, tune
+
+__all__ = ["Comparison", "Row", "compare"]
+
+COLUMNS = {
+    "ms": "Ms",
+    "delay_margin": "delay margin (s)",
+    "iae": "IAE",
+    "ise": "ISE",
+    "noise_y": "noise on y",
+    "noise_u": "noise on u",
+    "peak_u": "peak of u",
+}
+"""Columns of numbers, and how they are headed."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One scheme on one plant; all numbers are nan where it is not stable.
+
+    Attributes
+    ----------
+    name : str
+        What it is called.
+    tuning : str
+        The parameter that was found, if one was looked for; "no limit" where the limits allow all.
+    stable : bool or None
+        Whether the loop is stable; None if that cannot be told, or if there is no loop.
+    reason : str
+        Why there are no numbers, empty where there are.
+    ms : float
+        Peak of the sensitivity.
+    delay_margin : float
+        In seconds.
+    iae, ise : float
+        Integrals of ``|y|`` and of y² after a unit step of the load δ; inf where an offset stays.
+    noise_y, noise_u : float
+        Variances of y and u for the noise η; inf for white noise that reaches u directly.
+    peak_u : float
+        Largest ``|u|`` after a unit step of d.
+    changed : dict of str to float
+        Ms on each of the changed plants; nan where the loop is lost.
+    loop : NRDOB or None
+        The loop itself.
+    """
+
+    name: str
+    tuning: str
+    stable: bool | None
+    reason: str
+    ms: float = nan
+    delay_margin: float = nan
+    iae: float = nan
+    ise: float = nan
+    noise_y: float = nan
+    noise_u: float = nan
+    peak_u: float = nan
+    changed: dict[str, float] | None = None
+    loop: NRDOB | None = None
+
+
+@dataclass(frozen=True, repr=False)
+class Comparison:
+    """What `compare` found; prints as a table.
+
+    Attributes
+    ----------
+    rows : tuple of Row
+        One for each scheme.
+    changed : tuple of str
+        Names of the changed plants.
+    """
+
+    rows: tuple[Row, ...]
+    changed: tuple[str, ...]
+
+    def __getitem__(self, name: str) -> Row:
+        for row in self.rows:
+            if row.name == name:
+                return row
+        known = ", ".join(row.name for row in self.rows)
+        raise KeyError(f"there is no scheme {name!r}; there are {known}")
+
+    def column(self, name: str) -> dict[str, Any]:
+        """Return one column, by scheme.
+
+        Parameters
+        ----------
+        name : str
+            An attribute of `Row`, or the name of a changed plant.
+
+        Raises
+        ------
+        ValueError
+            If there is no such column.
+        """
+        if name in self.changed:
+            return {row.name: (row.changed or {}).get(name, nan) for row in self.rows}
+        known = [field.name for field in fields(Row)]
+        if name not in known:
+            raise ValueError(
+                f"there is no column {name!r}; choose one of {', '.join([*known, *self.changed])}"
+            )
+        return {row.name: getattr(row, name) for row in self.rows}
+
+    def to_csv(self, path: str | Path) -> None:
+        """Write the table as comma-separated values in UTF-8, numbers in full.
+
+        Parameters
+        ----------
+        path : str or Path
+            The file, which is overwritten.
+        """
+        names = ["name", "tuning", "stable", *COLUMNS]
+        with open(path, "w", encoding="utf-8", newline="") as file:
+            writer = csv.writer(file)
+            writer.writerow([*names, *self.changed, "reason"])
+            for row in self.rows:
+                cells = [getattr(row, name) for name in names]
+                more = [(row.changed or {}).get(name, nan) for name in self.changed]
+                writer.writerow([*cells, *more, row.reason])
+
+    @property
+    def _cells(self) -> list[list[str]]:
+        lost = ["Ms, " + name for name in self.changed]
+        table = [["", "tuning", *COLUMNS.values(), *lost]]
+        for row in self.rows:
+            numbers = [_number(getattr(row, name)) for name in COLUMNS]
+            after = [_number((row.changed or {}).get(name, nan), "lost") for name in self.changed]
+            if row.reason:
+                numbers, after = [""] * len(COLUMNS), [""] * len(after)
+            table.append([row.name, row.tuning, *numbers, *after])
+        return table
+
+    def __repr__(self) -> str:
+        table = self._cells
+        wide = [max(len(row[k]) for row in table) for k in range(len(table[0]))]
+        lines = []
+        for cells, row in zip(table, (None, *self.rows), strict=True):
+            text = [cells[0].ljust(wide[0]), cells[1].ljust(wide[1])]
+            if row is not None and row.reason:
+                text.append(row.reason)
+            else:
+                text += [cell.rjust(w) for cell, w in zip(cells[2:], wide[2:], strict=True)]
+            lines.append("  ".join(text).rstrip())
+        return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        style = 'style="padding: 0.2em 0.7em; text-align: right"'
+        head, *body = self._cells
+        rows = ["<tr>" + "".join(f"<th {style}>{escape(c)}</th>" for c in head) + "</tr>"]
+        for cells, row in zip(body, self.rows, strict=True):
+            if row.reason:
+                first = "".join(f"<td {style}>{escape(cell)}</td>" for cell in cells[:2])
+                left = f'<td colspan="{len(cells) - 2}">{escape(row.reason)}</td>'
+                rows.append(f"<tr>{first}{left}</tr>")
+            else:
+                rows.append("<tr>" + "".join(f"<td {style}>{escape(c)}</td>" for c in cells))
+        return f"<table>{''.join(rows)}</table>"
+
+
+def compare(
+    process: Any,
+    candidates: Mapping[str, NRDOB | Candidate],
+    *,
+    changed: Mapping[str, Any] | None = None,
+    shaping: Any = None,
+    max_ms: float | None = None,
+    max_noise: float | None = None,
+) -> Comparison:
+    """Compare schemes on one plant, and on plants that it may become.
+
+    Parameters
+    ----------
+    process : as for `nrdob.NRDOB`
+        G, on which every scheme is judged.
+    candidates : dict of str to NRDOB or Candidate
+        Loops as they are; or candidates from `nrdob.candidates`, each of which is tuned to the same
+        limits by `nrdob.alternatives.tune`.
+    changed : dict of str to process, optional
+        What the plant may become; the schemes stay as they are.
+    shaping : control.TransferFunction, StateSpace, number or (num, den), optional
+        Colours the noise η, which is white of unit density by default.
+    max_ms, max_noise : float, optional
+        Limits for candidates, see `nrdob.alternatives.tune`.
+
+    Returns
+    -------
+    Comparison
+        One row for each scheme. A scheme that does not fit, or that the plant makes unstable, has
+        a row that says why.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the process or a changed one cannot stand in a loop, `candidates` is no dict of loops
+        and candidates, or a candidate is given without a limit.
+
+    Examples
+    --------
+    >>> from nrdob import candidates, paper
+    >>> loop = paper.example(4)
+    >>> every = candidates(loop.process, loop.model, loop.controller, 3)
+    >>> two = {name: every[name] for name in ("NR-DOB", "PI")}
+    >>> late = {"late": paper.example(4, modified=True).process}
+    >>> found = compare(loop.process, two, changed=late, max_ms=1.6)
+    >>> {name: round(iae, 4) for name, iae in found.column("iae").items()}
+    {'NR-DOB': 0.0616, 'PI': 0.1116}
+    >>> {name: round(ms, 3) for name, ms in found.column("late").items()}
+    {'NR-DOB': 3.209, 'PI': 2.416}
+    """
+    if not isinstance(candidates, Mapping) or not all(
+        isinstance(each, NRDOB | Candidate) for each in candidates.values()
+    ):
+        raise TypeError(
+            "candidates must be a dict of names to NRDOB loops or to candidates from "
+            "nrdob.candidates(process, model, controller)"
+        )
+    others = dict(changed or {})
+    for name, plant in (("process", process), *others.items()):
+        _check_process(plant, name)
+    if any(isinstance(each, Candidate) for each in candidates.values()):
+        Limits(max_ms, max_noise, shaping)  # its refusals are about what is asked, not a scheme
+    rows = []
+    for name, each in candidates.items():
+        tuning = ""
+        try:
+            if isinstance(each, Candidate):
+                tuned = tune(each, max_ms=max_ms, max_noise=max_noise, shaping=shaping)
+                loop, tuning = tuned.loop, tuned.text
+            else:
+                loop = each
+            loop = replace(loop, process=process)
+        except ValueError as refusal:
+            rows.append(Row(name, tuning, None, str(refusal)))
+            continue
+        rows.append(_judged(name, tuning, loop, shaping, others))
+    return Comparison(tuple(rows), tuple(others))
+
+
+def _judged(name: str, tuning: str, loop: NRDOB, shaping: Any, others: dict[str, Any]) -> Row:
+    verdict = loop.stability()
+    if not verdict.stable:
+        said = "not stable" if verdict.stable is False else "not decided"
+        return Row(name, tuning, verdict.stable, f"{said}: {verdict.reason}", loop=loop)
+    try:
+        found = margins(loop.L, True, loop.p_B)
+        noise = noise_variance(loop, shaping)
+        errors = load_errors(loop)
+        peak = step_peak(loop, "d", "u")
+    except ArithmeticError as refusal:  # of a loop that is all but unstable
+        return Row(name, tuning, True, f"stable, but {refusal}", loop=loop)
+    after = {key: _ms(replace(loop, process=plant)) for key, plant in others.items()}
+    return Row(
+        name, tuning, True, "", found.ms, found.delay_margin, errors.iae, errors.ise,
+        noise.y, noise.u, peak, after, loop,
+    )  # fmt: skip
+
+
+def _ms(loop: NRDOB) -> float:
+    """Ms of a loop, nan where it is not known to be stable."""
+    return margins(loop.L, True, loop.p_B).ms if loop.stability().stable else nan
+
+
+def _number(value: float, missing: str = "-") -> str:
+    return missing if isnan(value) else f"{value:.4g}"
+
+
+def _check_process(plant: Any, name: str) -> None:
+    undelayed = plant.tf if isinstance(plant, DelayedTransferFunction) else plant
+    nonzero(as_fraction(undelayed, name), name)

@@ -1,0 +1,137 @@
+r"""What a loop does with a step of the load: the integrals of its error.
+
+The energy :math:`\int y^2 dt` is an integral over frequencies (`Quotient.step_energy`), exact. The
+area :math:`\int |y|\,dt` has no such form; it is summed up over an exact response. The same sum
+gives :math:`\int y\,dt`, which is :math:`S_\delta(s)/s` at s = 0, and the energy: times
+are added until both come out.
+"""
+
+from __future__ import annotations
+
+from math import inf
+from typing import NamedTuple
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from ..analysis import step_response
+from ..diagram import LoopEquations
+from ..numerics import FloatArray
+
+__all__ = ["LoadErrors", "load_errors"]
+
+ACCURACY = 1e-4
+"""How well the known integrals must come out, against the area and the energy."""
+
+TIMES, ROUNDS = 500, 6
+"""Times in the first sum, and how often their number is doubled."""
+
+SETTLING, DEAD_TIMES = 16.0, 10.0
+"""Length of the response, in time constants of the slowest mode and in dead times."""
+
+EARLIEST = 1e-6
+"""First time after 0, against the last."""
+
+
+class LoadErrors(NamedTuple):
+    r"""Errors of y after a unit step of the load δ at the plant's input.
+
+    Attributes
+    ----------
+    iae : float
+        :math:`\int |y|\\,dt`, to 1e-4 of itself; inf where an offset stays.
+    ise : float
+        :math:`\int y^2\\,dt`.
+    """
+
+    iae: float
+    ise: float
+
+
+def load_errors(loop: LoopEquations) -> LoadErrors:
+    """Integrate the error after a unit step of the load δ.
+
+    Parameters
+    ----------
+    loop : LoopEquations
+        A stable loop.
+
+    Returns
+    -------
+    LoadErrors
+        Both infinite where an offset stays.
+
+    Raises
+    ------
+    ValueError
+        If the loop is not stable.
+    ArithmeticError
+        If the response cannot be had over long enough a time.
+
+    Examples
+    --------
+    Without a change of sign the area is that of the error itself, S_δ(s)/s at s = 0, here λ:
+
+    >>> import control as ct
+    >>> from nrdob import NRDOB, LowPassFilter
+    >>> G = ct.tf([1], [1, 1])
+    >>> found = load_errors(NRDOB(G, G, 1.0, LowPassFilter(0.5, 1)))
+    >>> round(found.iae, 4), round(found.ise, 6)
+    (0.5, 0.083333)
+    """
+    ise = loop.S_delta.step_energy()
+    if ise == inf:
+        return LoadErrors(inf, inf)
+    area = _area(loop)
+    last = _horizon(loop)
+    breaks = loop.delay * np.arange(1, 9) if loop.delay else np.empty(0)
+    for doubled in range(ROUNDS):
+        count = TIMES << doubled
+        times = np.concatenate([
+            [0.0], last * np.geomspace(EARLIEST, 1, count), np.linspace(0, last, 2 * count)[1:],
+            breaks[breaks < last],
+        ])  # fmt: skip
+        times = np.unique(times)
+        times = times[np.append(True, np.diff(times) > 1e-9 * last / count)]
+        y = step_response(loop, "delta", times).outputs[0, 0]
+        iae, found_area, found_ise = _integrals(times, y)
+        if abs(found_area - area) <= ACCURACY * iae and abs(found_ise - ise) <= ACCURACY * ise:
+            return LoadErrors(iae, ise)
+    raise ArithmeticError(
+        f"the response to a load over {last:g} s has more swings than {3 * count} times resolve: "
+        "the loop is all but unstable"
+    )
+
+
+def _area(loop: LoopEquations) -> float:
+    r"""Integral of y, :math:`S_\delta(s)/s` at s = 0."""
+    S = loop.S_delta
+    if S.zeros_at_origin > 1:
+        return 0.0
+    num, den = (
+        np.prod([factor.without_origin.constant for factor in part]) for part in (S.num, S.den)
+    )
+    return float(num / den)
+
+
+def _horizon(loop: LoopEquations) -> float:
+    """Time after which nothing is left, in seconds."""
+    roots = loop.p_B.roots
+    waits = DEAD_TIMES * (loop.delay + loop.model_delay)
+    if not roots.size or not roots[0].real < 0:
+        return float(step_response(loop, "delta").time[-1]) * 4 + waits
+    return SETTLING / float(-roots[0].real) + waits
+
+
+def _integrals(times: FloatArray, y: FloatArray) -> tuple[float, float, float]:
+    """Integrals of |y|, y and y², of a piecewise cubic through the samples."""
+    spline = CubicSpline(times, y)
+    whole = spline.antiderivative()
+    zeros = spline.roots(discontinuity=False, extrapolate=False)
+    ends = np.concatenate([[times[0]], zeros[np.isfinite(zeros)], [times[-1]]])
+    iae = float(np.abs(np.diff(whole(ends))).sum())
+    nodes, weights = np.polynomial.legendre.leggauss(4)
+    half = np.diff(times) / 2
+    points = (times[:-1] + half)[:, None] + half[:, None] * nodes
+    square = float(half @ (spline(points) ** 2 @ weights))
+    return iae, float(whole(times[-1]) - whole(times[0])), square

@@ -1,0 +1,276 @@
+r"""PI and PID control by Skogestad's rules, which are those of internal model control made simple.
+
+For a process :math:`k e^{-\theta s}/((\tau_1 s + 1)(\tau_2 s + 1))` one asks that R arrive as
+:math:`e^{-\theta s}/(\tau_c s + 1)`. With :math:`e^{-\theta s} \approx 1 - \theta s` that is a
+PID controller in series form, for :math:`\tau_2 = 0` a PI,
+
+.. math:: K = K_c\,\frac{(\tau_I s + 1)(\tau_D s + 1)}{\tau_I s},\qquad
+          K_c = \frac{\tau_1}{k(\tau_c + \theta)},\quad \tau_I = \tau_1,\quad \tau_D = \tau_2 .
+
+Load disturbances then die out as slowly as :math:`\tau_1`, so that :math:`\tau_I` is held to
+:math:`4(\tau_c + \theta)`, which leaves an integrating process just without oscillation. Every
+other process is brought into that form by the half rule: of the largest lag that is neglected one
+half is added to the dead time and one half to the lag before it; further lags, and what zeros on
+the right contribute, are added to the dead time.
+
+.. rubric:: References
+
+D. E. Rivera, M. Morari, S. Skogestad, Internal model control. 4. PID controller design, Ind. Eng.
+Chem. Process Des. Dev. 25 (1986) 252-265.
+
+S. Skogestad, Simple analytic rules for model reduction and PID controller tuning, J. Process
+Control 13 (2003) 291-309.
+"""
+
+from __future__ import annotations
+
+from math import inf, isfinite
+from typing import Any, NamedTuple
+
+import control as ct
+import numpy as np
+
+from ..diagram import DelayedTransferFunction, as_fraction, nonzero, real_number
+from ..loop import NRDOB
+from ..numerics import FloatArray, QuasiPolynomial, written
+from .structures import controller_alone
+
+__all__ = ["LagModel", "half_rule", "simc_pi", "simc_pid"]
+
+REAL = 0.01
+"""Imaginary part of a root, against its size, that may be left out: a damping ratio of 0.99995."""
+
+CLOSE = 1.6
+"""Ratio of a zero's time constant to a smaller lag from which it is not close any more."""
+
+ROUNDED = 1e-3
+"""How well a time constant is known that is one of several equal ones."""
+
+SHORT = 5.0
+"""Times θ: a zero's time constant from which a lag and a zero are both slow."""
+
+DERIVATIVE = 10.0
+"""τD over the time constant of the derivative's filter."""
+
+
+class LagModel(NamedTuple):
+    """A process as the rules want it: k exp(-θs)/((τ1 s + 1)(τ2 s + 1)).
+
+    Attributes
+    ----------
+    gain : float
+        k; k/τ1 for an integrating process, whose τ1 is infinite.
+    first, second : float
+        τ1 and τ2 in seconds.
+    delay : float
+        θ in seconds.
+    """
+
+    gain: float
+    first: float
+    second: float
+    delay: float
+
+    @property
+    def slope(self) -> float:
+        """k/τ1."""
+        return self.gain if self.first == inf else self.gain / self.first
+
+
+def half_rule(process: Any, order: int, closed_loop_time: float) -> LagModel:
+    """Reduce a process to one or two lags and a dead time by Skogestad's half rule.
+
+    Parameters
+    ----------
+    process : as for `nrdob.NRDOB`
+        G with real stable poles, or one of them at s = 0, and real zeros.
+    order : {1, 2}
+        How many lags are kept.
+    closed_loop_time : float
+        τc in seconds, against which zeros on the left are slow or fast.
+
+    Returns
+    -------
+    LagModel
+        The lags that are kept, and what the dead time has become.
+
+    Raises
+    ------
+    ValueError
+        If the rule does not fit: the process is unstable, oscillates, or has no lag.
+
+    Examples
+    --------
+    Skogestad's first example:
+
+    >>> import control as ct
+    >>> s = ct.tf('s')
+    >>> G = (1 - 0.3*s) * (0.08*s + 1) / ((2*s + 1) * (s + 1) * (0.4*s + 1) * (0.2*s + 1)
+    ...                                   * (0.05*s + 1)**3)
+    >>> [round(float(x), 3) for x in half_rule(G, 2, 0.5)]
+    [1.0, 2.0, 1.2, 0.77]
+    """
+    undelayed = process.tf if isinstance(process, DelayedTransferFunction) else process
+    delay = process.delay if isinstance(process, DelayedTransferFunction) else 0.0
+    G = nonzero(as_fraction(undelayed, "process"), "process")
+    lags, zeros = _lags(G.den), _zeros(G.num)
+    gain = _low_frequency_gain(G.num, G.den)
+    for zero in sorted((z for z in zeros if z > 0), reverse=True):
+        gain *= _cancel(zero, lags, closed_loop_time)
+    delay += sum(-zero for zero in zeros if zero < 0)
+    lags.sort(reverse=True)
+    if not lags:
+        raise ValueError(
+            "no lag of the process is left for the rule to work on: give a process that falls off"
+        )
+    kept, rest = lags[:order], lags[order:]
+    if rest:
+        half, *others = rest
+        kept[-1] += half / 2
+        delay += half / 2 + sum(others)
+    second = kept[1] if len(kept) > 1 else 0.0
+    return LagModel(gain, kept[0], second, float(delay))
+
+
+def simc_pi(process: Any, closed_loop_time: float, *, design: Any = None) -> NRDOB:
+    """Close a process with a PI controller by Skogestad's rule.
+
+    Parameters
+    ----------
+    process : as for `nrdob.NRDOB`
+        G.
+    closed_loop_time : float
+        τc in seconds; as large as the dead time for tight control.
+    design : as for `nrdob.NRDOB`, optional
+        The process for which the controller is designed; by default G itself.
+
+    Returns
+    -------
+    NRDOB
+        With the PI as all its feedback; `controller` is the PI.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the rule does not fit, see `half_rule`, or τc is not positive.
+
+    Examples
+    --------
+    For one lag without dead time the rule gives the observer with F = 1/(τc s + 1):
+
+    >>> import control as ct
+    >>> loop = simc_pi(ct.tf([2], [5, 1]), 2.0)
+    >>> loop.filter.num[0][0].round(6).tolist(), loop.filter.den[0][0].round(6).tolist()
+    ([1.0], [2.0, 1.0])
+    """
+    return _closed(process, design, 1, closed_loop_time)
+
+
+def simc_pid(process: Any, closed_loop_time: float, *, design: Any = None) -> NRDOB:
+    """Close a process with a PID controller by Skogestad's rule, its derivative filtered at τD/10.
+
+    Parameters
+    ----------
+    process, closed_loop_time, design : as for `simc_pi`
+        G, τc in seconds, and what the controller is designed for.
+
+    Returns
+    -------
+    NRDOB
+        With the PID as all its feedback.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the rule does not fit, as where the process has but one lag.
+
+    Examples
+    --------
+    >>> import control as ct
+    >>> from nrdob import delay
+    >>> loop = simc_pid(delay(1.0) * ct.tf([1], [10, 7, 1]), 1.0)    # lags of 5 s and 2 s
+    >>> round(loop.margins().plant_loop.ms, 3)
+    1.748
+    """
+    return _closed(process, design, 2, closed_loop_time)
+
+
+def _closed(process: Any, design: Any, order: int, closed_loop_time: Any) -> NRDOB:
+    tc = real_number(closed_loop_time, "closed_loop_time", "give τc in seconds as a number")
+    if not (isfinite(tc) and tc > 0):
+        raise ValueError(f"closed_loop_time is {tc}; τc is positive and finite, in seconds")
+    found = half_rule(process if design is None else design, order, tc)
+    if order == 2 and not found.second:
+        raise ValueError("the process has one lag, and a PID needs two: take a PI")
+    wait = tc + found.delay
+    gain, integral = 1 / (found.slope * wait), min(found.first, 4 * wait)
+    num, den = np.array([gain * integral, gain]), np.array([integral, 0.0])
+    model = [found.slope], [1.0, 0.0 if found.first == inf else 1 / found.first]
+    if order == 2:
+        num = np.convolve(num, [found.second, 1.0])
+        den = np.convolve(den, [found.second / DERIVATIVE, 1.0])
+    return controller_alone(process, model, ct.tf(num, den))
+
+
+def _lags(den: FloatArray) -> list[float]:
+    """Time constants of the poles, that of an integrator infinite."""
+    p = QuasiPolynomial(den)
+    if p.zeros_at_origin > 1:
+        raise ValueError(
+            f"the process has {p.zeros_at_origin} integrators; these rules take one: use "
+            "nrdob.linear_adrc of order 2, or an observer with a ramp filter"
+        )
+    poles = p.without_origin.roots
+    if (poles.real >= 0).any():
+        raise ValueError(
+            f"the process has a pole at {written(complex(poles[0]))}; these rules are for stable "
+            "or integrating processes: use an observer, or nrdob.linear_adrc"
+        )
+    oscillating = poles[np.abs(poles.imag) > REAL * np.abs(poles)]
+    if oscillating.size:
+        raise ValueError(
+            f"the process has poles at {written(complex(oscillating[0]))}; these rules are for "
+            "lags, without oscillation: design for a process with real poles (design=…)"
+        )
+    return [*(-1 / poles.real).tolist(), *[inf] * p.zeros_at_origin]
+
+
+def _zeros(num: FloatArray) -> list[float]:
+    """Time constants T of zeros, in (T s + 1): negative for zeros on the right."""
+    p = QuasiPolynomial(num)
+    roots = p.without_origin.roots
+    if p.zeros_at_origin:
+        raise ValueError("the process has a zero at s = 0: no controller holds a load there")
+    odd = roots[np.abs(roots.imag) > REAL * np.abs(roots)]
+    if odd.size:
+        raise ValueError(
+            f"the process has zeros at {written(complex(odd[0]))}; these rules take real ones: "
+            "design for a process without them (design=…)"
+        )
+    return (-1 / roots.real).tolist() if roots.size else []
+
+
+def _low_frequency_gain(num: FloatArray, den: FloatArray) -> float:
+    return float(num[-1] / QuasiPolynomial(den).without_origin.constant)
+
+
+def _cancel(zero: float, lags: list[float], closed_loop_time: float) -> float:
+    """Cancel a zero on the left against a lag by rules T1 to T3; return the gain that is left."""
+    if not lags:
+        return 1.0
+    larger = [lag for lag in lags if lag >= zero]
+    smaller = [lag for lag in lags if lag < zero]
+    lag = min(larger, default=inf) if larger else max(smaller)
+    if larger and smaller:
+        below = max(smaller)
+        if zero / below < min(CLOSE * (1 - ROUNDED), lag / zero):
+            lag = below
+    lags.remove(lag)
+    if lag < zero:  # T1, T1a, T1b
+        return zero / max(lag, closed_loop_time) if zero >= closed_loop_time else 1.0
+    if zero >= SHORT * closed_loop_time:  # T2
+        return zero if lag == inf else zero / lag
+    shorter = min(lag, SHORT * closed_loop_time)  # T3
+    if shorter > zero:
+        lags.append(shorter - zero)
+    return shorter if lag == inf else shorter / lag

@@ -1,0 +1,364 @@
+r"""Candidates with one parameter each, and the parameter with which they are comparable.
+
+Two schemes are compared fairly where each is as fast as the same limits let it be: the same peak
+of the sensitivity, the same noise on u. The parameter is looked for from the fast end on, through
+all the speeds of the plant and two decades beyond; where the limits are kept for the first time,
+the border is solved for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from math import ceil, exp, inf, log, log10
+from typing import Any
+
+import numpy as np
+from scipy.optimize import brentq
+
+from ..analysis import margins, noise_variance
+from ..deadtime import dead_time_observer
+from ..diagram import DelayedTransferFunction, LowPassFilter, as_fraction, real_number
+from ..loop import NRDOB
+from ..numerics import QuasiPolynomial, count_rhp
+from .adrc import high_frequency_gain, linear_adrc
+from .simc import half_rule, simc_pi, simc_pid
+from .structures import controller_alone, conventional_observer
+
+__all__ = ["Candidate", "Limits", "Tuned", "candidates", "tune"]
+
+PER_DECADE = 6
+"""Values of the parameter tried in a decade."""
+
+BEYOND = 100.0
+"""How much faster than the fastest of the plant a candidate is tried, and slower than the slowest.
+
+For the gain of C, how much larger and smaller than the one that is given."""
+
+RATIO = 4.0
+"""ωo over ωc of ADRC; three to ten are usual."""
+
+LOOKED_AT = 120
+"""Frequencies at which a loop is looked at, before its peak is computed."""
+
+UNSTABLE = -1e4
+"""Slack of a loop that is not stable, below that of any stable one."""
+
+ENDLESS = -1e3
+"""Slack of a loop whose u is endlessly noisy."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A scheme with one parameter.
+
+    Attributes
+    ----------
+    parameter : str
+        What it is called, as "λ".
+    unit : str
+        "s" or "rad/s", empty for a factor.
+    build : callable
+        Gives the loop for one value of the parameter.
+    fastest, slowest : float
+        Values between which `tune` looks.
+    band : (float, float)
+        Frequencies between which the plant lives, and a wide margin, in rad/s.
+    """
+
+    parameter: str
+    unit: str
+    build: Callable[[float], NRDOB]
+    fastest: float
+    slowest: float
+    band: tuple[float, float]
+
+    def said(self, value: float) -> str:
+        """Write the parameter with a value and its unit.
+
+        Parameters
+        ----------
+        value : float
+            What the parameter is.
+        """
+        return f"{self.parameter} = {self.value(value)}"
+
+    def value(self, value: float) -> str:
+        """Write a value with its unit.
+
+        Parameters
+        ----------
+        value : float
+            What the parameter is.
+        """
+        return f"{value:.4g} {self.unit}".rstrip()
+
+
+@dataclass(frozen=True)
+class Tuned:
+    """A candidate with the parameter that was found.
+
+    Attributes
+    ----------
+    loop : NRDOB
+        The loop.
+    value : float
+        The parameter.
+    text : str
+        Name, value and unit.
+    limited : bool
+        Whether a faster one would not keep to the limits; False where the fastest of all tried
+        does.
+    """
+
+    loop: NRDOB
+    value: float
+    text: str
+    limited: bool
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a candidate has to keep to.
+
+    Attributes
+    ----------
+    max_ms, max_noise, shaping : as for `tune`
+        None where nothing is asked.
+    """
+
+    max_ms: Any
+    max_noise: Any
+    shaping: Any
+
+    def __post_init__(self) -> None:
+        if not self.given:
+            raise ValueError("nothing limits the candidates: give max_ms or max_noise")
+        for name, value in self.given.items():
+            least = 1.0 if name == "max_ms" else 0.0
+            number = real_number(value, name, "give a number, or None")
+            if not least < number < inf:
+                raise ValueError(f"{name} is {value}; give a finite number above {least:g}")
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """The limits that there are."""
+        every = {"max_ms": self.max_ms, "max_noise": self.max_noise}
+        return {name: value for name, value in every.items() if value is not None}
+
+    def slack(self, loop: NRDOB, band: tuple[float, float]) -> float:
+        """Logarithm of limit over value, the smaller of the two; negative where one is not kept.
+
+        Where a peak seen at a few frequencies is too high already, it is that of these.
+        """
+        if loop.ill_posed or not all(map(_on_the_left, (loop.p_A, loop.p_B))):
+            return UNSTABLE
+        found = -UNSTABLE
+        if self.max_ms is not None:
+            seen = np.abs(loop.S_d(1j * np.geomspace(*band, LOOKED_AT))).max()
+            if seen <= self.max_ms:
+                seen = margins(loop.L, True, loop.p_B).ms
+            found = log(self.max_ms / seen)
+        if self.max_noise is not None and found >= 0:
+            variance = noise_variance(loop, self.shaping).u
+            found = min(found, log(self.max_noise) - log(max(variance, 1e-300)) / 2)
+        return max(found, ENDLESS)
+
+    def __str__(self) -> str:
+        return " and ".join(f"{name} = {value:g}" for name, value in self.given.items())
+
+
+def candidates(
+    process: Any, model: Any, controller: Any, order: int | None = None
+) -> dict[str, Candidate]:
+    """Return what a plant can be controlled with, each with one parameter.
+
+    Parameters
+    ----------
+    process : as for `nrdob.NRDOB`
+        G, from which PI, PID and b0 of ADRC follow; where G is not of relative degree 1 or 2, or
+        has zeros on the right, b0 follows from the model, or for more than two lags from the half
+        rule.
+    model : as for `nrdob.NRDOB`
+        G̃ of the observers, without dead time.
+    controller : as for `nrdob.NRDOB`
+        C of the observers, whose gain is the parameter of C alone.
+    order : int, optional
+        n of the observers' filters; by default the lowest that is causal.
+
+    Returns
+    -------
+    dict of str to Candidate
+        "NR-DOB", "conventional observer", "Smith predictor" (with dead time), "PI", "PID",
+        "C alone" and "ADRC", the latter with ωc = ωo/4. What does not fit the plant says so when it
+        is built.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a block cannot stand where it is put.
+
+    Examples
+    --------
+    >>> from nrdob import paper
+    >>> loop = paper.example(4)
+    >>> ", ".join(candidates(loop.process, loop.model, loop.controller, 3))
+    'NR-DOB, conventional observer, Smith predictor, PI, PID, C alone, ADRC'
+    """
+    n = max(1, as_fraction(model, "model").relative_degree) if order is None else order
+    probe = NRDOB(process, model, controller, LowPassFilter(1.0, n))
+    m, b0 = _integrators(probe)
+    speeds = _speeds(probe)
+    band = slowest, fastest = min(speeds) / BEYOND, BEYOND * max(speeds)
+
+    def filter(time_constant: float) -> LowPassFilter:
+        return LowPassFilter(time_constant, n)
+
+    observers: dict[str, Callable[[float], NRDOB]] = {
+        "NR-DOB": lambda x: NRDOB(process, model, controller, filter(x)),
+        "conventional observer": lambda x: conventional_observer(
+            process, model, controller, filter(x)
+        ),
+    }
+    if probe.delay:
+        observers["Smith predictor"] = lambda x: dead_time_observer(
+            process, model, controller, filter(x)
+        )
+    rules = {"PI": partial(simc_pi, process), "PID": partial(simc_pid, process)}
+    timed = {
+        name: Candidate(parameter, "s", build, 1 / fastest, 1 / slowest, band)
+        for parameter, group in (("λ", observers), ("τc", rules))
+        for name, build in group.items()
+    }
+    return timed | {
+        "C alone": Candidate(
+            "gain of C", "", lambda x: controller_alone(process, model, _times(x, controller)),
+            BEYOND, 1 / BEYOND, band,
+        ),
+        "ADRC": Candidate(
+            "ωo", "rad/s", lambda x: linear_adrc(process, m, b0, x, x / RATIO),
+            fastest, slowest, band,
+        ),
+    }  # fmt: skip
+
+
+def tune(
+    candidate: Candidate,
+    *,
+    max_ms: float | None = None,
+    max_noise: float | None = None,
+    shaping: Any = None,
+) -> Tuned:
+    r"""Find the parameter with which a candidate is as fast as the limits let it be.
+
+    Parameters
+    ----------
+    candidate : Candidate
+        A scheme with one parameter.
+    max_ms : float, optional
+        Largest peak of the sensitivity :math:`|S_d|`.
+    max_noise : float, optional
+        Largest standard deviation of u for noise of unit density, as for `nrdob.design_filter`.
+    shaping : as for `nrdob.NRDOB.noise_variance`, optional
+        Colours that noise. White noise on a K with a direct term has no finite deviation.
+
+    Returns
+    -------
+    Tuned
+        Loop and parameter; the limits are kept with it, and not with a slightly faster one. Where
+        they are kept even with the fastest one that is tried, it is that, and not `limited`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If nothing is asked for, if the candidate does not fit the plant, or if no value keeps to
+        the limits; the message says which.
+
+    Examples
+    --------
+    >>> from nrdob import paper
+    >>> loop = paper.example(4)
+    >>> each = candidates(loop.process, loop.model, loop.controller, 3)
+    >>> tune(each["NR-DOB"], max_ms=1.6).text, tune(each["PI"], max_ms=1.6).text
+    ('λ = 0.07705 s', 'τc = 0.1455 s')
+    """
+    limits = Limits(max_ms, max_noise, shaping)
+    refusals: list[str] = []
+    built: list[NRDOB] = []
+
+    def slack(value: float) -> float:
+        try:
+            built.append(candidate.build(value))
+        except ValueError as refusal:  # such as a C that is too large for the model
+            refusals.append(str(refusal))
+            return UNSTABLE
+        return limits.slack(built[-1], candidate.band)
+
+    decades = abs(log10(candidate.slowest / candidate.fastest))
+    values = np.geomspace(candidate.fastest, candidate.slowest, ceil(PER_DECADE * decades) + 1)
+    tried: dict[float, float] = {}
+    for value in values.tolist():
+        tried[value] = slack(value)
+        if tried[value] >= 0:
+            break
+    else:
+        if not built:
+            raise ValueError(refusals[-1])
+        raise ValueError(
+            f"{limits} is not kept with any {candidate.parameter} tried, from {values[0]:.3g} to "
+            f"{candidate.value(values[-1])}: {_closest(candidate, tried, built)}"
+        )
+    if len(tried) == 1:
+        return Tuned(candidate.build(value), value, f"{candidate.said(value)}, no limit", False)
+    bad, good = (log(each) for each in list(tried)[-2:])
+    found = float(brentq(lambda x: max(slack(exp(x)), -1.0), bad, good, xtol=1e-10))
+    step = 1e-9 if good > bad else -1e-9
+    at = next((exp(x) for x in (found, found + step) if slack(exp(x)) >= 0), exp(good))
+    return Tuned(candidate.build(at), at, candidate.said(at), True)
+
+
+def _closest(candidate: Candidate, tried: dict[float, float], built: list[NRDOB]) -> str:
+    value = max(tried, key=lambda each: tried[each])
+    if tried[value] <= UNSTABLE:
+        reason = built[len(built) // 2].stability().reason
+        return f"the loop is unstable with every value, as one in the middle: {reason}"
+    if tried[value] <= ENDLESS:
+        return "white noise comes to u directly; give a shaping filter that colours it"
+    factor = exp(-tried[value])
+    return f"missed by a factor of {factor:.3g} at best, with {candidate.said(value)}; allow more"
+
+
+def _on_the_left(p: QuasiPolynomial) -> bool:
+    return not p.zeros_at_origin and count_rhp(p).count == 0
+
+
+def _integrators(loop: NRDOB) -> tuple[int, float]:
+    """Return the order and b0 that fit a process, for linear ADRC."""
+    for block in (loop.process, loop.model):
+        order, b0 = high_frequency_gain(block)
+        zeros = QuasiPolynomial(as_fraction(_undelayed(block), "process").num).roots
+        if 1 <= order <= 2 and not (zeros.real > 0).any():
+            return order, b0
+    try:
+        reduced = half_rule(loop.process, 2, 1 / max(_speeds(loop)))
+    except ValueError:
+        return order, b0
+    return (2, reduced.slope / reduced.second) if reduced.second else (1, reduced.slope)
+
+
+def _undelayed(block: Any) -> Any:
+    return block.tf if isinstance(block, DelayedTransferFunction) else block
+
+
+def _speeds(loop: NRDOB) -> list[float]:
+    """Sizes of all poles and zeros of process, model and model loop, and one over the dead time."""
+    polynomials = [QuasiPolynomial(p) for p in (*loop.fractions.G, *loop.fractions.Gm)]
+    roots = [p.without_origin.roots for p in (*polynomials, loop.p_A)]
+    sizes = np.abs(np.concatenate(roots)).tolist()
+    return [*sizes, *([1 / loop.delay] if loop.delay else [])] or [1.0]
+
+
+def _times(gain: float, controller: Any) -> Any:
+    C = as_fraction(controller, "controller")
+    return gain * C.num, C.den

@@ -1,0 +1,79 @@
+"""How much of a noise arrives at y and at u: variances by the one integral of `diagram.noise`."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from ..diagram import INPUTS, LoopEquations, Quotient, as_shaping
+
+__all__ = ["NoiseVariance", "noise_variance"]
+
+
+class NoiseVariance(NamedTuple):
+    """Variances of the two signals.
+
+    Attributes
+    ----------
+    y, u : float
+        Of the output and of the control signal, in their units squared; inf for white noise that
+        reaches the signal directly.
+    """
+
+    y: float
+    u: float
+
+
+def noise_variance(
+    loop: LoopEquations, shaping: Any = None, *, input: str = "eta"
+) -> NoiseVariance:
+    r"""Variances of y and u for white or coloured noise at one input, also with dead time.
+
+    Parameters
+    ----------
+    loop : LoopEquations
+        A stable loop.
+    shaping : control.TransferFunction, StateSpace, number or (num, den), optional
+        A stable W: the noise has the two-sided density :math:`|W(j\omega)|^2` in units squared
+        times seconds. White noise of unit density by default, of the density Φ for W = √Φ.
+    input : {"R", "d", "delta", "eta"}
+        Where the noise enters.
+
+    Returns
+    -------
+    NoiseVariance
+        `y` and `u`. As in eq. (7), u is the plant input u + δ for delta.
+
+    Raises
+    ------
+    ValueError
+        If `input` is none of the four, the loop is not stable, or W is not.
+    TypeError
+        If `shaping` is no block.
+
+    Examples
+    --------
+    >>> import control as ct
+    >>> from nrdob import NRDOB, LowPassFilter
+    >>> G = ct.tf([1], [1, 1])
+    >>> y, u = noise_variance(NRDOB(G, G, 1.0, LowPassFilter(0.5, 1)))
+    >>> round(y, 6), u
+    (1.0, inf)
+    >>> y, u = noise_variance(NRDOB(G, G, 1.0, LowPassFilter(0.5, 1)), ct.tf([1], [0.1, 1]))
+    >>> round(y, 6), round(u, 6)
+    (0.833333, 17.5)
+    """
+    if input not in INPUTS:
+        raise ValueError(f"input is {input!r}; it must be one of {', '.join(map(repr, INPUTS))}")
+    maps: tuple[Quotient, Quotient] = (
+        getattr(loop, INPUTS[input].to_y), getattr(loop, f"U_{input}")
+    )  # fmt: skip
+    passes = shaping is None or as_shaping(shaping).relative_degree == 0
+    y, u = (_variance(quotient, shaping, passes) for quotient in maps)
+    return NoiseVariance(y, u)
+
+
+def _variance(quotient: Quotient, shaping: Any, passes: bool) -> float:
+    if passes and any(quotient.at_infinity):
+        quotient.check_stable()
+        return float("inf")
+    return quotient.noise_power(shaping)

@@ -1,0 +1,296 @@
+r"""The borders of a stability chart, parametrised by frequency.
+
+Of W(jω), see `nrdob.design.chartloops`, a root is on the axis where it equals
+:math:`k e^{-j\omega\theta}`. Of any two parameters ω gives the values: :math:`|W| = k` and
+:math:`\theta = (2\pi m - \arg W)/\omega`, or k where :math:`W e^{j\omega\theta}` is real, and so
+on; with λ, all of them on a curve in the plane of ω and λ. A real root crosses at ω = 0 or at
+infinity.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from math import ceil, pi
+
+import numpy as np
+from contourpy import contour_generator
+
+from ..numerics import ComplexArray, FloatArray, bisect
+from .chartaxes import PIXELS, Axis
+from .chartcurves import Border, cut, drawn, parts, within
+from .chartloops import MANY, ChartLoops, positive
+
+__all__ = ["borders_of"]
+
+LAMBDAS = 160
+"""Number of λ over an axis."""
+
+STEPS, FARTHEST, CLOSE = 9, 0.1, 1e-9
+"""Newton steps onto a border, how far one leads at most, and how well it must then be one."""
+
+NUDGE = 1e-6
+BESIDE = np.array([[0.0, 1.0, 0.0, -1.0, 0.0], [0.0, 0.0, 1.0, 0.0, -1.0]])
+"""Distance and directions in which a slope is taken."""
+
+Curve = tuple[FloatArray, FloatArray, FloatArray]
+
+
+def borders_of(loops: ChartLoops, x: Axis, y: Axis) -> Iterator[Border]:
+    """Give all curves on which the number of roots on the right may change."""
+    for flipped, axes in ((False, (x, y)), (True, (y, x))):
+        if (axes[0].name, axes[1].name) in PAIRS:
+            crossing = _with_lambda if axes[0].name == "time_constant" else _without_lambda
+            curves = (*crossing(loops, axes), *_ends(loops, axes))
+            for omega, first, second in curves:
+                points = (second, first) if flipped else (first, second)
+                yield from cut(x, y, Border(*points, omega))
+
+
+PAIRS = {
+    ("time_constant", "delay"), ("time_constant", "gain"), ("time_constant", "lag"),
+    ("gain", "delay"), ("gain", "lag"), ("lag", "delay"),
+}  # fmt: skip
+"""Which of two axes comes first."""
+
+
+# Without λ: both parameters are functions of ω.
+
+
+def _without_lambda(loops: ChartLoops, axes: tuple[Axis, Axis]) -> Iterator[Curve]:
+    omega = loops.frequencies(axes)
+    if axes[1].name == "lag":
+        yield from _gain_and_lag(loops, axes, omega)
+    else:
+        yield from _with_delay(loops, axes, omega)
+
+
+def _gain_and_lag(loops: ChartLoops, axes: tuple[Axis, Axis], omega: FloatArray) -> Iterator[Curve]:
+    """With V = W exp(jωθ): (1 + jτω) V = k."""
+
+    def at(place: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        omega = np.exp(place[0])
+        V = loops.turned(omega)
+        with np.errstate(all="ignore"):
+            return place, np.abs(V) ** 2 / V.real, -V.imag / (omega * V.real)
+
+    omega = _closer(lambda w: loops.turned(w).real, omega)
+    for part in parts(loops.turned(omega).real > 0):
+        place, gain, lag = drawn(axes, np.log(omega[part])[None], at)
+        yield np.exp(place[0]), gain, lag
+
+
+def _closer(function: Callable[[FloatArray], FloatArray], omega: FloatArray) -> FloatArray:
+    """Add frequencies on both sides of each change of sign, where a curve runs off to infinity."""
+    values = function(omega)
+    k = np.flatnonzero((values[:-1] > 0) != (values[1:] > 0))
+    at = bisect(function, omega[k], omega[k + 1])
+    share = np.geomspace(1e-9, 1, 28)
+    added = [at[:, None] + (omega[end] - at)[:, None] * share for end in (k, k + 1)]
+    return np.unique(np.concatenate([omega, *(each.ravel() for each in added)]))
+
+
+def _with_delay(loops: ChartLoops, axes: tuple[Axis, Axis], omega: FloatArray) -> Iterator[Curve]:
+    """Take the gain, or the lag, from the size of W, and the dead time from its angle."""
+    first = axes[0]
+
+    def read(omega: FloatArray) -> tuple[FloatArray, ComplexArray]:
+        W = loops.ratio(omega)
+        if first.name == "gain":
+            return np.abs(W), W
+        with np.errstate(all="ignore"):
+            square = (loops.fixed["gain"] / np.abs(W)) ** 2 - 1
+            lag = np.sign(square) * np.sqrt(np.abs(square)) / omega
+        return lag, W * (1 + 1j * np.maximum(lag, 0.0) * omega)
+
+    def curve(place: FloatArray) -> tuple[FloatArray, FloatArray, ComplexArray]:
+        return (place, *read(np.exp(place[0])))
+
+    values, W = read(omega)
+    with np.errstate(invalid="ignore"):
+        seen = np.isfinite(W) & (values <= first.high) & (values >= first.low)
+    for part in parts(within(seen) & np.isfinite(W)):
+        yield from _turns(axes, np.log(omega[part])[None], curve)
+
+
+def _turns(
+    axes: tuple[Axis, Axis],
+    place: FloatArray,
+    curve: Callable[[FloatArray], tuple[FloatArray, FloatArray, ComplexArray]],
+) -> Iterator[Curve]:
+    """Give the dead times that turn 1 to the angle of W, one turn after the other.
+
+    The angle is a row of the places, so that between two points it is followed from both.
+    """
+    place, _, W = curve(place)
+    omega, angle = np.exp(place[0]), np.unwrap(-np.angle(W))
+    ends = axes[1].value(np.array([0.0, 1.0]))[:, None]
+    turns = (ends * omega - angle) / (2 * pi)
+    first, last = ceil(np.nanmin(turns)) - 1, int(np.nanmax(turns)) + 1
+    if last - first > MANY:
+        raise ValueError(
+            f"the dead time makes {last - first} turns within the chart: let the axes begin "
+            "farther from 0, or end earlier"
+        )
+
+    def at(place: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        better, values, W = curve(place[:-1])
+        angle = -np.angle(W)
+        angle = angle + 2 * pi * np.round((place[-1] - angle) / (2 * pi))
+        return np.vstack([better, angle]), values, angle / np.exp(better[0])
+
+    for m in range(first, last + 1):
+        if np.any((turns[0] <= m) & (m <= turns[1])):
+            found, values, theta = drawn(axes, np.vstack([place, angle + 2 * pi * m]), at)
+            yield np.exp(found[0]), values, theta
+
+
+# With λ: where a function of ω and λ vanishes.
+
+Function = Callable[[ChartLoops, FloatArray, FloatArray], FloatArray]
+
+
+def _with_lambda(loops: ChartLoops, axes: tuple[Axis, Axis]) -> Iterator[Curve]:
+    second = axes[1].name
+    function = FUNCTIONS[second]
+
+    def on(place: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        place = _projected(loops, function, place)
+        return place, *np.exp(place)
+
+    def with_gain(place: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        place, omega, lam = on(place)
+        return place, lam, loops.turned(omega, lam).real
+
+    def with_lag(place: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        place, omega, lam = on(place)
+        with np.errstate(all="ignore"):
+            return place, lam, (1 / loops.turned(omega, lam)).imag / omega
+
+    def with_size(place: FloatArray) -> tuple[FloatArray, FloatArray, ComplexArray]:
+        place, omega, lam = on(place)
+        return place, lam, loops.ratio(omega, lam)
+
+    for line in _level_set(loops, function, loops.frequencies(axes), axes[0]):
+        if second == "delay":
+            yield from _turns(axes, line, with_size)
+            continue
+        place, lam, other = drawn(axes, line, with_gain if second == "gain" else with_lag)
+        for part in parts(other > 0 if second == "gain" else np.isfinite(other)):
+            yield np.exp(place[0, part]), lam[part], other[part]
+
+
+def _size_off(loops: ChartLoops, omega: FloatArray, lam: FloatArray) -> FloatArray:
+    """For θ on the other axis: ln|W/k|."""
+    with np.errstate(all="ignore"):
+        return np.log(np.abs(loops.ratio(omega, lam)) / loops.fixed["gain"])
+
+
+def _angle_off(loops: ChartLoops, omega: FloatArray, lam: FloatArray) -> FloatArray:
+    """For k on the other axis: sine of the angle of W exp(jωθ)."""
+    V = loops.turned(omega, lam)
+    with np.errstate(all="ignore"):
+        return np.asarray(V.imag / np.abs(V))
+
+
+def _real_part_off(loops: ChartLoops, omega: FloatArray, lam: FloatArray) -> FloatArray:
+    """For τ on the other axis: the real part of k exp(-jωθ)/W, less 1."""
+    with np.errstate(all="ignore"):
+        U = 1 / loops.turned(omega, lam)
+        return np.asarray((U.real - 1) / (1 + np.abs(U)))
+
+
+FUNCTIONS: dict[str, Function] = {
+    "delay": _size_off,
+    "gain": _angle_off,
+    "lag": _real_part_off,
+}
+"""What vanishes where the parameter on the other axis can have a value."""
+
+
+def _level_set(
+    loops: ChartLoops, function: Function, omega: FloatArray, axis: Axis
+) -> Iterator[FloatArray]:
+    """Give (ln ω, ln λ) along the curves on which a function vanishes, off a grid and then on."""
+    lambdas = axis.value(np.linspace(0, 1, LAMBDAS))
+    low, high = positive(axis)
+    lambdas = np.concatenate([[low], lambdas[lambdas > low], [high]])
+    u, v = np.log(omega), np.log(lambdas)
+    values = np.ma.masked_invalid(function(loops, omega[None, :], lambdas[:, None]))
+    lines = [np.asarray(line, dtype=float).T for line in contour_generator(u, v, values).lines(0.0)]
+    if not lines:
+        return
+    every = _on_edges(loops, function, (u, v), np.hstack(lines))
+    for point in np.split(every, np.cumsum([line.shape[1] for line in lines])[:-1], axis=1):
+        for part in parts(np.isfinite(point[0])):
+            if part.stop - part.start > 1:
+                yield point[:, part]
+
+
+def _on_edges(
+    loops: ChartLoops, function: Function, grid: tuple[FloatArray, FloatArray], point: FloatArray
+) -> FloatArray:
+    """Solve for where a function vanishes on the edges of a grid, near where it seems to.
+
+    Beside a narrow tongue that may be far off, but between the ends of the edge it changes sign.
+    """
+    low, high = point.copy(), point.copy()
+    for k, lines in enumerate(grid):
+        after = np.clip(np.searchsorted(lines, point[k]), 1, lines.size - 1)
+        between = (lines[after] != point[k]) & (lines[after - 1] != point[k])
+        low[k], high[k] = (np.where(between, lines[after - n], point[k]) for n in (1, 0))
+
+    def at(share: FloatArray) -> FloatArray:
+        return function(loops, *np.exp(low + share * (high - low)))
+
+    ends = np.zeros(point.shape[1]), np.ones(point.shape[1])
+    share = bisect(at, *ends)
+    return _projected(loops, function, low + share * (high - low))
+
+
+def _projected(loops: ChartLoops, function: Function, start: FloatArray) -> FloatArray:
+    """Step to where a function of (ln ω, ln λ) vanishes; no number where that fails."""
+    point = start
+    for _ in range(STEPS):
+        u, v = (point[k] + NUDGE * BESIDE[k][:, None] for k in (0, 1))
+        values = function(loops, np.exp(u), np.exp(v))
+        with np.errstate(invalid="ignore"):
+            good = np.abs(values[0]) <= CLOSE
+        if good.all():
+            break
+        slope = (values[1:3] - values[3:]) / (2 * NUDGE)
+        with np.errstate(all="ignore"):
+            step = -values[0] * slope / (slope**2).sum(axis=0)  # at right angles to the curve
+            step = step * np.minimum(1.0, FARTHEST / np.hypot(*step))
+        point = np.where(good, point, point + np.nan_to_num(step))
+    return np.where(good, point, np.nan)
+
+
+# Where a real root crosses.
+
+
+def _ends(loops: ChartLoops, axes: tuple[Axis, Axis]) -> Iterator[Curve]:
+    """Lines on which p_B(0), or its leading coefficient, vanishes."""
+    first, second = axes
+    names = {first.name, second.name}
+    values = first.value(np.linspace(0, 1, 8 * PIXELS + 1))
+    if first.name == "time_constant":
+        values = values[values >= positive(first)[0]]
+    lambdas = values if first.name == "time_constant" else np.ones(1)
+    whole = np.array([second.low, second.high])
+    lagging = bool(loops.fixed["lag"]) or "lag" in names
+    turning = bool(loops.fixed["delay"]) or "delay" in names
+    for at, p, q in loops.ends(lambdas, lagging=lagging, turning=turning):
+        with np.errstate(all="ignore"):
+            gain = p / q
+        if second.name == "gain":
+            for part in parts(np.isfinite(gain) & (gain > 0)):
+                yield np.full(values[part].size, at), values[part], gain[part]
+        elif first.name == "gain":
+            if np.isfinite(gain[0]) and gain[0] > 0:
+                yield np.full(2, at), np.full(2, gain[0]), whole
+        elif first.name == "time_constant":
+            off = p - loops.fixed["gain"] * q
+            for i in np.flatnonzero((off[:-1] < 0) != (off[1:] < 0)):
+                share = off[i] / (off[i] - off[i + 1])
+                lam = values[i] + share * (values[i + 1] - values[i])
+                yield np.full(2, at), np.full(2, lam), whole

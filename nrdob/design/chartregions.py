@@ -1,0 +1,91 @@
+"""The regions that the borders of a chart leave, and how many unstable roots there are in each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import distance_transform_edt, label
+
+from ..numerics import IntArray
+from .chartaxes import PIXELS, Axis
+from .chartcurves import Border
+
+__all__ = ["Region", "labelled", "regions_of"]
+
+SMALLEST = 4
+"""Pixels of the smallest region that is counted."""
+
+
+@dataclass(frozen=True)
+class Region:
+    """A part of the chart in which the number of roots on the right is the same.
+
+    Attributes
+    ----------
+    count : float
+        Roots of p_B in the right half plane; infinite beyond a neutral border. Not a number where
+        two dead times line up chains of roots on the axis, so that the last digit of their ratio
+        puts them on either side.
+    x, y : float
+        A point well inside.
+    share : float
+        Part of the chart that it covers, on its axes.
+    """
+
+    count: float
+    x: float
+    y: float
+    share: float
+
+
+def labelled(axes: tuple[Axis, Axis], borders: tuple[Border, ...]) -> IntArray:
+    """Give a number to the parts that the borders leave, on a raster; 0 on a border."""
+    drawn = np.zeros((PIXELS, PIXELS), dtype=bool)
+    for border in borders:
+        u, v = axes[0].share(border.x) * PIXELS, axes[1].share(border.y) * PIXELS
+        steps = np.maximum(np.abs(np.diff(u)), np.abs(np.diff(v)))
+        count = np.minimum(np.ceil(3 * steps).astype(int), 40 * PIXELS) + 1
+        begin = np.repeat(np.arange(count.size), count)
+        share = (np.arange(begin.size) - np.repeat(np.cumsum(count) - count, count)) / count[begin]
+        columns, rows = (
+            np.floor(values[begin] + share * (values[begin + 1] - values[begin])).astype(int)
+            for values in (u, v)
+        )
+        inside = (columns >= 0) & (columns < PIXELS) & (rows >= 0) & (rows < PIXELS)
+        drawn[rows[inside], columns[inside]] = True
+    found: IntArray = label(~drawn)[0]
+    return found
+
+
+def regions_of(
+    axes: tuple[Axis, Axis], labels: IntArray, count_at: Callable[[float, float], float]
+) -> tuple[tuple[Region, ...], IntArray]:
+    """Count in every part, at two points of the larger ones."""
+    depth = distance_transform_edt(np.pad(labels > 0, 1))[1:-1, 1:-1]
+    sizes = np.bincount(labels.ravel())
+    sizes[0] = 0
+    order = [int(k) for k in np.argsort(-sizes) if sizes[k] >= SMALLEST]
+    regions, numbers = [], np.zeros(sizes.size, dtype=labels.dtype)
+    for k in order:
+        rows, columns = np.nonzero(labels == k)
+        deep = depth[rows, columns]
+        points = [int(deep.argmax())]
+        if sizes[k] > 40 * SMALLEST:
+            far = np.abs(rows - rows[points[0]]) + np.abs(columns - columns[points[0]])
+            points.append(int(np.where(deep >= 2, far, -1).argmax()))
+        places = [
+            (float(axes[0].value((columns[i] + 0.5) / PIXELS)),
+             float(axes[1].value((rows[i] + 0.5) / PIXELS)))
+            for i in points
+        ]  # fmt: skip
+        counts = {count_at(*place) for place in places}
+        if len(counts) > 1:
+            raise ArithmeticError(
+                f"within one region of the chart, {counts} roots are counted, at {places}: a "
+                "border is too fine for it; let the axes be shorter"
+            )
+        regions.append(Region(counts.pop(), *places[0], float(sizes[k]) / PIXELS**2))
+        numbers[k] = len(regions)
+    return tuple(regions), numbers[labels]

@@ -1,0 +1,264 @@
+r"""Blocks of a sampled controller as second-order sections that bear a small sampling time.
+
+Sampled fast, every pole lies next to z = 1, and in powers of z the digits go into saying so: a lag
+of 1 s sampled at 1 ms has :math:`a_2 = 1 + a_1 + \dots`, of which six digits are about the lag. In
+powers of :math:`\delta = z - 1` nothing has to be subtracted (Middleton and Goodwin):
+
+.. math:: \frac{b_0\delta^2 + b_1\delta + b_2}{\delta^2 + a_1\delta + a_2}
+
+and the section is as short as the usual one, with sums in place of shifts::
+
+    w  = b0 v + x1          x1 += x2 + b1 v - a1 w          x2 += b2 v - a2 w
+
+.. rubric:: References
+
+R. H. Middleton, G. C. Goodwin, Improved finite word length characteristics in digital control using
+delta operators, IEEE Trans. Automatic Control 31 (1986) 1015-1021.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import astuple, dataclass
+from functools import reduce
+
+import numpy as np
+
+from ..diagram import Fraction
+from ..numerics import ComplexArray, FloatArray, roots_by_time_scale
+
+__all__ = [
+    "Section",
+    "at_rest",
+    "bilinear_sections",
+    "second_order_sections",
+    "sections",
+    "state_space",
+]
+
+Realisation = tuple[FloatArray, FloatArray, FloatArray, float]
+
+
+@dataclass(frozen=True)
+class Section:
+    """One second-order section (b0 δ² + b1 δ + b2)/(δ² + a1 δ + a2), δ = z - 1.
+
+    One of first order has b2 = a2 = 0 and stands for (b0 δ + b1)/(δ + a1); a number is b0 alone.
+
+    Parameters
+    ----------
+    b0, b1, b2, a1, a2 : float
+        The coefficients.
+    """
+
+    b0: float
+    b1: float = 0.0
+    b2: float = 0.0
+    a1: float = 0.0
+    a2: float = 0.0
+
+    @property
+    def integrates(self) -> bool:
+        """Whether there is a pole at z = 1, so that rest does not say where the output is."""
+        return (self.b2 != 0 or self.b1 != 0) and self._last[1] == 0
+
+    @property
+    def rest(self) -> float:
+        """Output at rest over input, the gain at z = 1; 0 for a section that integrates."""
+        num, den = self._last
+        if self.integrates:
+            return 0.0
+        return num / den if den else self.b0
+
+    @property
+    def order(self) -> int:
+        """How many states there are: 0, 1 or 2."""
+        if self.b2 != 0 or self.a2 != 0:
+            return 2
+        return int(self.b1 != 0 or self.a1 != 0)
+
+    @property
+    def _last(self) -> tuple[float, float]:
+        return (self.b2, self.a2) if self.order == 2 else (self.b1, self.a1)
+
+
+def sections(zeros: ComplexArray, poles: ComplexArray, gain: float) -> tuple[Section, ...]:
+    """Put zeros and poles into sections, those that integrate last.
+
+    Parameters
+    ----------
+    zeros, poles : array of complex
+        In δ = z - 1, conjugate ones in pairs; not more zeros than poles.
+    gain : float
+        Ratio of the leading coefficients.
+
+    Examples
+    --------
+    A PI controller 0.3 (δ + 0.1)/δ:
+
+    >>> sections(np.array([-0.1]), np.array([0.0]), 0.3)
+    (Section(b0=0.3, b1=0.03, b2=0.0, a1=0.0, a2=0.0),)
+    """
+    if poles.size == 0:
+        return (Section(gain),)
+    nums = _factors(zeros)
+    share = abs(gain) ** (1 / len(_factors(poles)))
+    found: list[Section] = []
+    for den in sorted(_factors(poles), key=lambda den: (den.size, abs(den[-1]))):
+        fitting = [num for num in nums if num.size <= den.size]
+        num = min(fitting, key=lambda num: abs(_mean(num) - _mean(den)), default=np.ones(1))
+        nums = [other for other in nums if other is not num]
+        sign = np.sign(gain) if not found else 1.0
+        found.append(_section(sign * share * num, den))
+    return tuple(sorted(found, key=lambda section: section.integrates))
+
+
+def bilinear_sections(block: Fraction, alpha: float) -> tuple[Section, ...]:
+    """Put a block of w = (z - 1)/(α (z + 1)) into sections.
+
+    Parameters
+    ----------
+    block : Fraction
+        Proper, in powers of w.
+    alpha : float
+        α in seconds; Tustin's rule is dt/2 with s for w.
+
+    Examples
+    --------
+    >>> from nrdob.diagram import Fraction
+    >>> lag = bilinear_sections(Fraction(np.array([1.0]), np.array([0.9, 1.0])), 0.1)[0]
+    >>> [round(c, 6) for c in (lag.b0, lag.b1, lag.a1, lag.rest)]
+    [0.1, 0.2, 0.2, 1.0]
+    """
+    num, den = np.trim_zeros(block.num, "f"), np.trim_zeros(block.den, "f")
+    if not num.size:
+        return (Section(0.0),)
+    zeros, poles = _roots(num), _roots(den)
+    # w - p = ((1 - αp) δ - 2αp)/(α (δ + 2)): a zero at w = 1/α is none in δ.
+    scale_zeros, scale_poles = 1 - alpha * zeros, 1 - alpha * poles
+    lost = scale_zeros == 0
+    factors = np.where(lost, -2.0, scale_zeros)
+    excess = poles.size - zeros.size
+    gain = num[0] / den[0] * alpha**excess * np.prod(factors) / np.prod(scale_poles)
+    mapped = 2 * alpha * zeros[~lost] / scale_zeros[~lost]
+    return sections(
+        np.append(mapped, np.full(excess, -2.0)), 2 * alpha * poles / scale_poles, float(gain.real)
+    )
+
+
+def second_order_sections(cascade: Sequence[Section]) -> FloatArray:
+    """Write sections in powers of z, as `scipy.signal.sosfilt` takes them.
+
+    Parameters
+    ----------
+    cascade : sequence of Section
+        The sections.
+
+    Returns
+    -------
+    (n, 6) array of float
+        b0, b1, b2, 1, a1, a2 in each row.
+
+    Examples
+    --------
+    >>> second_order_sections([Section(0.0, 0.0, 0.01, 0.2, 0.01)]).round(6).tolist()
+    [[0.0, 0.0, 0.01, 1.0, -1.8, 0.81]]
+    """
+    rows = []
+    for section in cascade:
+        b0, b1, b2, a1, a2 = astuple(section)
+        if section.order == 2:
+            rows.append([b0, b1 - 2 * b0, b0 - b1 + b2, 1.0, a1 - 2, 1 - a1 + a2])
+        else:
+            rows.append([b0, b1 - b0, 0.0, 1.0, a1 - 1, 0.0])
+    return np.array(rows)
+
+
+def state_space(cascade: Sequence[Section]) -> Realisation:
+    """Write sections as a state space with the sums x1, x2 of each as states.
+
+    Parameters
+    ----------
+    cascade : sequence of Section
+        The sections.
+
+    Returns
+    -------
+    A, B, C, D : arrays of shapes (n, n), (n,), (n,), and a float
+        Matrices for one step, states one section after the other: `Section.order` of each.
+    """
+    return reduce(_behind, map(_realised, cascade))
+
+
+def at_rest(cascade: Sequence[Section], input: float, output: float) -> FloatArray:
+    """States in which nothing moves at a constant input, as far as that is possible.
+
+    Parameters
+    ----------
+    cascade : sequence of Section
+        The sections.
+    input : float
+        The constant input.
+    output : float
+        What is to come out where a section integrates, so that rest does not say it.
+
+    Returns
+    -------
+    (n,) array of float
+        States as `state_space` orders them.
+
+    Examples
+    --------
+    >>> at_rest([Section(0.3, 0.03)], 0.0, 5.0).tolist()    # a PI controller that gives 5
+    [5.0]
+    """
+    states: list[float] = []
+    for section in cascade:
+        b0, b1, _, a1, _ = astuple(section)
+        value = output if section.integrates else section.rest * input
+        states += [value - b0 * input, a1 * value - b1 * input][: section.order]
+        input = value
+    return np.array(states)
+
+
+def _roots(p: FloatArray) -> ComplexArray:
+    """All roots, those at 0 exactly."""
+    q = np.trim_zeros(p, "b")
+    at_zero = np.zeros(p.size - q.size, dtype=complex)
+    return np.append(roots_by_time_scale(q) if q.size > 1 else at_zero[:0], at_zero)
+
+
+def _factors(roots: ComplexArray) -> list[FloatArray]:
+    """Real polynomials of second order with these roots, and one of first order if need be."""
+    upper = roots[roots.imag > 0]
+    real = sorted(roots[roots.imag == 0].real.tolist(), key=abs)
+    alone = [np.array([1.0, 0.0 - real.pop(0)])] if len(real) % 2 else []
+    pairs = [
+        np.array([1.0, 0.0 - (a + b), a * b]) for a, b in zip(real[::2], real[1::2], strict=True)
+    ]
+    return alone + pairs + [np.array([1.0, -2 * r.real, abs(r) ** 2]) for r in upper.tolist()]
+
+
+def _mean(factor: FloatArray) -> float:
+    return float(-factor[1] / (factor.size - 1))
+
+
+def _section(num: FloatArray, den: FloatArray) -> Section:
+    """Write a monic `den` and a `num` of no higher order."""
+    b = np.pad(num, (den.size - num.size, 3 - den.size)).tolist()
+    a = np.pad(den, (0, 3 - den.size)).tolist()
+    return Section(*b, *a[1:])
+
+
+def _realised(section: Section) -> Realisation:
+    b0, b1, b2, a1, a2 = astuple(section)
+    n = section.order
+    A, B, C = [[1 - a1, 1.0], [-a2, 1.0]], [b1 - a1 * b0, b2 - a2 * b0], [1.0, 0.0]
+    return np.array(A)[:n, :n], np.array(B)[:n], np.array(C)[:n], b0
+
+
+def _behind(first: Realisation, second: Realisation) -> Realisation:
+    """Feed what comes out of one realisation into another one."""
+    (A, B, C, D), (A2, B2, C2, D2) = first, second
+    joined = np.block([[A, np.zeros((B.size, B2.size))], [np.outer(B2, C), A2]])
+    return joined, np.append(B, B2 * D), np.append(D2 * C, C2), D2 * D

@@ -1,0 +1,22 @@
+"""What was measured on a plant, and the process behind it."""
+
+from .identification import Candidate, Identification, Parameter, identified, identify
+from .records import Record, checked_record
+from .residuals import ResidualCheck
+from .structures import STRUCTURES, Structure
+from .tables import heated_air, read_data
+
+__all__ = [
+    "STRUCTURES",
+    "Candidate",
+    "Identification",
+    "Parameter",
+    "Record",
+    "ResidualCheck",
+    "Structure",
+    "checked_record",
+    "heated_air",
+    "identified",
+    "identify",
+    "read_data",
+]

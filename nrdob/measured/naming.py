@@ -1,0 +1,109 @@
+"""A fit told in the words of the field: gain, lags or frequency and damping, dead time."""
+
+from __future__ import annotations
+
+from math import exp, sqrt
+
+import numpy as np
+
+from ..diagram import DelayedTransferFunction
+from ..numerics import FloatArray
+from .fitting import Fit
+
+__all__ = ["Names", "named_slopes", "process_of"]
+
+APART = 2.0
+"""Standard errors by which a damping ratio must exceed 1 for two lags to be told apart."""
+
+NO_DELAY = 1e-6
+"""Dead time, in samples, that is none."""
+
+STEP = 1e-6
+
+
+class Names:
+    """How the unknowns of a fit are told.
+
+    Parameters
+    ----------
+    fit : Fit
+        The fit.
+    covariance : (n, n) array
+        Of its unknowns: two lags that may be equal are told as frequency and damping ratio.
+    step : float
+        Sampling time, in seconds.
+
+    Attributes
+    ----------
+    units : dict of str: str
+        Unit of each number, by name, in order.
+    """
+
+    def __init__(self, fit: Fit, covariance: FloatArray, step: float) -> None:
+        self._structure, self._shapes, self._step = fit.structure, fit.shape.size, step
+        last = self._shapes - 1
+        self._apart = fit.shape[last] > APART * sqrt(covariance[last, last])
+        self.units = {"gain": "y/u/s" if fit.structure.integrates else "y/u"}
+        if fit.structure.zero:
+            self.units["lead of the zero"] = "s"
+        if fit.structure.lags == 1:
+            self.units["lag"] = "s"
+        elif fit.structure.lags == 2 and self._apart:
+            self.units |= {"slow lag": "s", "fast lag": "s"}
+        elif fit.structure.lags == 2:
+            self.units |= {"natural frequency": "rad/s", "damping ratio": ""}
+        self.units["dead time"] = "s"
+
+    def values(self, unknowns: FloatArray) -> FloatArray:
+        """Compute the numbers, in the order of `units`.
+
+        Parameters
+        ----------
+        unknowns : array of float
+            As `Fit.unknowns`.
+        """
+        shape, linear = unknowns[: self._shapes], unknowns[self._shapes :]
+        told = [linear[0] / (self._step if self._structure.integrates else 1.0)]
+        if self._structure.zero:
+            told.append(linear[1] / linear[0] * self._step)
+        if self._structure.lags == 1:
+            told.append(exp(shape[1]) * self._step)
+        elif self._structure.lags == 2:
+            omega, damping = exp(shape[1]) / self._step, exp(shape[2])
+            both = damping + sqrt(max(damping**2 - 1, 0.0))
+            told += [both / omega, 1 / (omega * both)] if self._apart else [omega, damping]
+        return np.array([*told, shape[0] * self._step])
+
+
+def named_slopes(names: Names, fit: Fit) -> FloatArray:
+    """Differentiate the told numbers by the unknowns of the fit, shape (numbers, unknowns)."""
+    columns = []
+    for k, at in enumerate(fit.unknowns):
+        step = STEP * max(1.0, abs(float(at)))
+        ends = [fit.unknowns.copy(), fit.unknowns.copy()]
+        ends[0][k] -= step
+        ends[1][k] += step
+        columns.append((names.values(ends[1]) - names.values(ends[0])) / (2 * step))
+    return np.array(columns).T
+
+
+def process_of(fit: Fit, step: float) -> DelayedTransferFunction:
+    """Write a fit as a process in seconds, whose denominator ends with 1, or with an integrator.
+
+    Parameters
+    ----------
+    fit : Fit
+        The fit.
+    step : float
+        Sampling time, in seconds.
+    """
+    den = np.array(fit.structure.den(fit.shape))
+    scale = next(c for c in den[::-1] if c)
+    num = fit.linear[: fit.structure.numerators][::-1]
+    powers = float(step) ** np.arange(den.size)[::-1]
+    den = den / scale * powers
+    last = next(c for c in den[::-1] if c)
+    delay = float(fit.shape[0]) * step
+    return DelayedTransferFunction(
+        (num * powers[-num.size :] / last, den / last), delay if fit.shape[0] > NO_DELAY else 0.0
+    )

@@ -1,0 +1,194 @@
+"""A record of input and output, evenly sampled: what is wrong with one is found here, and named."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ..numerics import BoolArray, FloatArray, IntArray
+
+__all__ = ["SHORTEST", "Record", "checked_record"]
+
+SHORTEST = 20
+"""Samples below which nothing is fitted."""
+
+UNEVEN = 0.05
+"""Largest distance of a sample from the even grid, in sampling times."""
+
+STUCK = 5
+"""Samples in a row at one extreme value from which on an output may be at its limit."""
+
+ABRUPT = 0.2
+"""Last step before a limit, against the largest of the record, that no settling output makes."""
+
+LARGEST = 1e100
+"""Above it squares overflow."""
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """Input and output of a plant at even times; unpacks as ``t, u, y``.
+
+    Attributes
+    ----------
+    t : (N,) array
+        Times in seconds.
+    u, y : (N,) array
+        Input, held from each sample to the next, and output.
+    free : (N,) array of bool
+        Where the output is not stuck at a limit.
+    remarks : tuple of str
+        What was noticed, in words.
+    name : str
+        Where it comes from.
+    """
+
+    t: FloatArray = field(repr=False)
+    u: FloatArray = field(repr=False)
+    y: FloatArray = field(repr=False)
+    free: BoolArray = field(repr=False)
+    remarks: tuple[str, ...] = ()
+    name: str = ""
+
+    def __iter__(self) -> Iterator[FloatArray]:
+        return iter((self.t, self.u, self.y))
+
+    @property
+    def sampling_time(self) -> float:
+        """Time from one sample to the next, in seconds."""
+        return float((self.t[-1] - self.t[0]) / (self.t.size - 1))
+
+
+def checked_record(
+    t: Any,
+    u: Any,
+    y: Any,
+    *,
+    name: str = "",
+    place: Callable[[int], str] = "sample {}".format,
+    remarks: tuple[str, ...] = (),
+) -> Record:
+    """Make a record of three lists of numbers, or say what is wrong with them.
+
+    Parameters
+    ----------
+    t, u, y : (N,) array_like
+        Times in seconds, input and output.
+    name : str
+        Where the record comes from.
+    place : callable
+        What the sample of a number is called in messages.
+    remarks : tuple of str
+        What was noticed before.
+
+    Returns
+    -------
+    Record
+        The record.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If they are no numbers, are of different lengths, too few, not finite, not evenly sampled,
+        or constant.
+    """
+    times, inputs, outputs = (
+        _numbers(values, called, place) for values, called in ((t, "t"), (u, "u"), (y, "y"))
+    )
+    if not times.size == inputs.size == outputs.size:
+        raise ValueError(
+            f"t, u and y have {times.size}, {inputs.size} and {outputs.size} values; each time "
+            "needs one of each"
+        )
+    if times.size < SHORTEST:
+        raise ValueError(
+            f"the record has {times.size} samples; at least {SHORTEST} are needed, better some "
+            "hundred, and long enough for the output to answer"
+        )
+    _check_times(times, place)
+    for values, called, remedy in (
+        (inputs, "u", "make a step, or any signal that moves, and begin the record before it"),
+        (outputs, "y", "look whether the sensor is connected, or make a larger step"),
+    ):
+        if np.ptp(values) <= 1e-12 * np.abs(values).max():
+            raise ValueError(
+                f"{called} is {values[0]:g} in the whole record: nothing can be learned from it; "
+                f"{remedy}"
+            )
+    if np.ptp(inputs[:-1]) == 0:
+        raise ValueError("u changes at the last sample only: let the record go on after the step")
+    free, noticed = _stuck(outputs, place)
+    return Record(times, inputs, outputs, free, (*remarks, *noticed), name)
+
+
+def _numbers(values: Any, called: str, place: Callable[[int], str]) -> FloatArray:
+    try:
+        array = np.asarray(values)
+    except ValueError:  # rows of different length
+        array = np.array([None], dtype=object)
+    if array.dtype.kind not in "iuf":
+        raise TypeError(f"{called} holds {array.dtype} values; it must be a list of real numbers")
+    if array.ndim != 1:
+        raise ValueError(f"{called} has shape {array.shape}; it must be a list of numbers")
+    array = array.astype(float)
+    bad = np.flatnonzero(~(np.abs(array) < LARGEST))
+    if bad.size:
+        many = f", and {bad.size - 1} more" if bad.size > 1 else ""
+        raise ValueError(
+            f"{called} is {array[bad[0]]:g} at {place(int(bad[0]))}{many}; every sample needs a "
+            "finite number: cut the record there, or fill a short gap yourself"
+        )
+    return array
+
+
+def _check_times(times: FloatArray, place: Callable[[int], str]) -> None:
+    steps = np.diff(times)
+    back = np.flatnonzero(steps <= 0)
+    if back.size:
+        k = int(back[0]) + 1
+        raise ValueError(
+            f"t goes from {times[k - 1]:g} to {times[k]:g} at {place(k)}; times must increase: put "
+            "the samples in order, and take out what stands twice"
+        )
+    even = np.linspace(times[0], times[-1], times.size)
+    if np.abs(times - even).max() > UNEVEN * (even[1] - even[0]):
+        k = int(np.argmax(steps)) + 1
+        raise ValueError(
+            f"t is not evenly sampled: its steps lie between {steps.min():.4g} and "
+            f"{steps.max():.4g} s, the largest before {place(k)}; use a stretch without gaps, or "
+            "resample to one sampling time"
+        )
+
+
+def _stuck(outputs: FloatArray, place: Callable[[int], str]) -> tuple[BoolArray, list[str]]:
+    """Find where the output runs into its largest or smallest value abruptly, and stays.
+
+    A settling output comes to rest in ever smaller steps; one that is cut off does not.
+    """
+    free = np.ones(outputs.size, dtype=bool)
+    remarks = []
+    abrupt = ABRUPT * np.abs(np.diff(outputs)).max()
+    for extreme, called in ((outputs.max(), "largest"), (outputs.min(), "smallest")):
+        held = outputs == extreme
+        cut = [
+            first
+            for first, last in _runs(held)
+            if last - first >= STUCK and first and abs(extreme - outputs[first - 1]) > abrupt
+        ]
+        if cut:
+            free &= ~held
+            remarks.append(
+                f"y stays at its {called} value, {extreme:g}, for {held.sum()} samples, at "
+                f"{place(cut[0])} after it was still moving fast: it looks cut off by a limit, and "
+                "these samples are left out; measure again with a smaller input"
+            )
+    return free, remarks
+
+
+def _runs(held: BoolArray) -> list[tuple[int, int]]:
+    """Stretches where something holds, as pairs of first and one past the last."""
+    edges: IntArray = np.flatnonzero(np.diff(np.concatenate([[0], held.astype(int), [0]])))
+    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]

@@ -1,0 +1,223 @@
+r"""What a model leaves unexplained.
+
+Is it noise, has it a memory, does it still follow the input? A memory makes neighbouring samples
+tell the same thing twice. It is described by an autoregression, from which follow the covariance of
+estimates that were made as if there were none,
+
+.. math:: (J^TJ)^{-1}\,J^TRJ\,(J^TJ)^{-1}, \qquad R = E\,ee^T,
+
+and a fair test of what is left against the input.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import log
+
+import numpy as np
+from scipy.linalg import matmul_toeplitz, solve_toeplitz
+from scipy.signal import lfilter
+from scipy.stats import chi2
+
+from ..numerics import FloatArray
+
+__all__ = ["Noise", "ResidualCheck", "check_residuals", "noise_of"]
+
+LAGS, PER_LAG = 25, 8
+"""Most lags looked at, and samples that each must have."""
+
+UNLIKELY, DOUBTFUL = 0.01, 0.05
+"""Probability below which chance is not believed, and above which whiteness is."""
+
+
+@dataclass(frozen=True, eq=False)
+class Noise:
+    """An autoregression, e(k) = w(k) - a1 e(k-1) - ..., with white w.
+
+    Attributes
+    ----------
+    den : array of float
+        1, a1, a2, ...; of length 1 for white noise.
+    variance : float
+        Of w.
+    """
+
+    den: FloatArray
+    variance: float
+
+    def autocovariance(self, count: int) -> FloatArray:
+        """Covariance at the lags from 0 to count - 1.
+
+        Parameters
+        ----------
+        count : int
+            How many lags.
+        """
+        impulse = np.zeros(2 * count)
+        impulse[0] = 1.0
+        response = lfilter([1.0], self.den, impulse)
+        spectrum = np.abs(np.fft.rfft(response, 4 * count)) ** 2
+        return np.asarray(self.variance * np.fft.irfft(spectrum)[:count])
+
+    @property
+    def inflation(self) -> float:
+        """How many samples tell as much as one of white noise, at low frequency; at least 1."""
+        power = self.autocovariance(1000)[0]
+        return max(1.0, float(self.variance / np.sum(self.den) ** 2 / power)) if power else 1.0
+
+    def covariance(self, jacobian: FloatArray) -> FloatArray:
+        """Covariance of least-squares estimates with this Jacobian.
+
+        Parameters
+        ----------
+        jacobian : (N, n) array
+            Derivatives of the output by what is estimated.
+
+        Returns
+        -------
+        array of float, shape (n, n)
+            Infinite where something cannot be told from the record.
+        """
+        size = np.linalg.norm(jacobian, axis=0)
+        scaled = jacobian / np.where(size > 0, size, 1.0)
+        if np.linalg.matrix_rank(scaled) < scaled.shape[1]:
+            return np.full((size.size, size.size), np.inf)
+        narrow = np.linalg.pinv(scaled)
+        if self.den.size == 1:
+            scattered = self.variance * narrow @ narrow.T
+        else:
+            spread = matmul_toeplitz(self.autocovariance(jacobian.shape[0]), narrow.T)
+            scattered = narrow @ spread
+        return np.asarray(scattered / np.outer(size, size))
+
+
+@dataclass(frozen=True)
+class ResidualCheck:
+    """What the residual says about the model.
+
+    Attributes
+    ----------
+    white : bool
+        Whether neighbouring samples have nothing to do with each other.
+    whiteness : float
+        Probability of correlations as large as these by chance, after Ljung and Box.
+    independent : bool or None
+        Whether nothing of the input is left in it; None where the input is too poor to tell.
+    independence : float
+        Probability of correlations with the input as large as these by chance; nan for None.
+    standard_deviation : float
+        Of the residual, in units of y.
+    reason : str
+        In words.
+    """
+
+    white: bool
+    whiteness: float
+    independent: bool | None
+    independence: float
+    standard_deviation: float
+    reason: str
+
+    def __repr__(self) -> str:
+        return self.reason
+
+
+def noise_of(residual: FloatArray, fitted: int) -> tuple[Noise, float]:
+    """Describe a residual as an autoregression, of order 0 where it looks white.
+
+    Parameters
+    ----------
+    residual : (N,) array
+        What is left.
+    fitted : int
+        How many numbers were fitted to it.
+
+    Returns
+    -------
+    (Noise, float)
+        The noise, and the probability of such correlations by chance if it were white.
+    """
+    count = residual.size
+    most = max(1, min(LAGS, count // PER_LAG))
+    scale = count / max(1, count - fitted)
+    power, *others = _products(residual, residual, most + 1)
+    if power == 0:
+        return Noise(np.ones(1), 0.0), 1.0
+    r = np.array([1.0, *(other / power for other in others)])
+    box = count * (count + 2) * float(np.sum(r[1:] ** 2 / (count - np.arange(1, most + 1))))
+    chance = float(chi2.sf(box, most))
+    best, score = Noise(np.ones(1), float(power) * scale), 0.0
+    for order in range(1, most + 1) if chance < DOUBTFUL else ():
+        a = solve_toeplitz(r[:order], r[1 : order + 1])
+        left = 1 - float(a @ r[1 : order + 1])
+        if left <= 0:
+            break
+        if count * log(left) + 2 * order < score:
+            score = count * log(left) + 2 * order
+            best = Noise(np.concatenate([[1.0], -a]), float(power) * left * scale)
+    return best, chance
+
+
+def check_residuals(
+    residual: FloatArray, inputs: FloatArray, noise: Noise, chance: float, fitted: int
+) -> ResidualCheck:
+    """Judge a residual.
+
+    Parameters
+    ----------
+    residual, inputs : (N,) array
+        What is left, and the input at the same samples.
+    noise : Noise
+        Of the residual.
+    chance : float
+        Of its being white, as `noise_of` gives it.
+    fitted : int
+        How many numbers of the responses to the input were fitted.
+    """
+    white = noise.den.size == 1
+    independence = _independence(residual, inputs, noise, fitted)
+    independent = None if np.isnan(independence) else independence > UNLIKELY
+    said = [
+        f"The residual is white (p = {chance:.2g}): what is left looks like noise of the sensor."
+        if white
+        else f"The residual has a memory (p = {chance:.2g}): what disturbs the plant is not white, "
+        "or the structure misses something; the intervals are widened for it."
+    ]
+    if independent is None:
+        said.append("The input is too poor to tell whether something of it is left.")
+    elif independent:
+        said.append(f"Nothing of the input is left in it (p = {independence:.2g}).")
+    else:
+        said.append(
+            f"It still follows the input (p = {independence:.2g}): the plant does something that "
+            "this structure cannot, and the intervals do not cover that."
+        )
+    spread = float(np.sqrt(np.mean(residual**2)))
+    return ResidualCheck(white, chance, independent, independence, spread, " ".join(said))
+
+
+def _independence(residual: FloatArray, inputs: FloatArray, noise: Noise, fitted: int) -> float:
+    """Chance of correlations between the residual, made white, and the input treated alike."""
+    lags = max(1, min(LAGS, residual.size // PER_LAG))
+    past = noise.den.size - 1
+    e = lfilter(noise.den, [1.0], residual)[past:]
+    x = lfilter(noise.den, [1.0], inputs - inputs.mean())[past:]
+    power = float(np.mean(e**2))
+    own = _products(x, x, lags)
+    if power == 0 or own[0] <= 0:
+        return 1.0 if power == 0 else float("nan")
+    index = np.abs(np.subtract.outer(np.arange(lags), np.arange(lags)))
+    values, vectors = np.linalg.eigh(own[index] / own[0])
+    seen = values > 0.02 * values[-1]
+    freedom = int(seen.sum()) - fitted
+    if freedom < 1:
+        return float("nan")
+    parts = vectors[:, seen].T @ _products(e, x, lags)
+    statistic = e.size * float(np.sum(parts**2 / values[seen])) / (power * own[0])
+    return float(chi2.sf(statistic, freedom))
+
+
+def _products(later: FloatArray, earlier: FloatArray, lags: int) -> FloatArray:
+    """Mean of later(k) earlier(k - lag), for lags from 0 on."""
+    count = later.size
+    return np.array([later[k:] @ earlier[: count - k] for k in range(lags)]) / count

@@ -1,0 +1,77 @@
+r"""Where the search begins: every dead time against many denominators, by correlation.
+
+A whole dead time only shifts a response, so for one denominator the misfit at all of them comes out
+of a few correlations, computed by the fast Fourier transform. Nothing is guessed from the shape of
+a step; any input will do.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.fft import irfft, next_fast_len, rfft
+
+from ..numerics import FloatArray
+from .hold import free_responses
+from .structures import Structure
+
+__all__ = ["starting_points"]
+
+
+def starting_points(
+    structure: Structure, inputs: FloatArray, outputs: FloatArray, most: int
+) -> list[FloatArray]:
+    """Find shapes of small misfit, no two of them alike.
+
+    Parameters
+    ----------
+    structure : Structure
+        The kind of plant.
+    inputs, outputs : (N,) array
+        The record; the input is zero at its first sample.
+    most : int
+        How many to give.
+
+    Returns
+    -------
+    list of array
+        Dead time in samples and logarithms, as `Structure.den` takes them; best first.
+    """
+    count = outputs.size
+    found = []
+    for shape in structure.shapes(count):
+        misfit = _misfits(structure, shape, inputs, outputs)
+        best = int(np.argmin(misfit))
+        found.append((float(misfit[best]), np.concatenate([[float(best)], shape[1:]])))
+    found.sort(key=lambda each: each[0])
+    kept: list[FloatArray] = []
+    for _, shape in found:
+        if all(np.abs(shape - other).max() > 1.0 for other in kept):
+            kept.append(shape)
+        if len(kept) == most:
+            break
+    return kept
+
+
+def _misfits(
+    structure: Structure, shape: FloatArray, inputs: FloatArray, outputs: FloatArray
+) -> FloatArray:
+    """Sum of squares that is left at each whole dead time, up to half the record."""
+    count, delays = outputs.size, outputs.size // 2
+    forced = structure.forced(shape, inputs)
+    free = free_responses(structure.den(shape), count)
+    level = np.linspace(-1.0, 1.0, count) if structure.integrates else np.ones(count)
+    basis, _ = np.linalg.qr(np.vstack([free, level]).T)
+    rest = outputs - basis @ (basis.T @ outputs)
+    size = next_fast_len(2 * count, real=True)
+    spectra = rfft(np.vstack([rest, basis.T]), size)
+    shifted = rfft(forced, size).conj()
+    # correlations[i, m, d]: the i-th column against the m-th response, d samples late.
+    correlations = irfft(spectra[:, None] * shifted[None], size)[..., :delays]
+    onto, within = correlations[0], correlations[1:]
+    # Products of two responses equally late: what has not left the record yet.
+    products = np.cumsum(forced[:, None] * forced[None], axis=-1)[..., ::-1][..., :delays]
+    gram = (products - np.einsum("imd,ind->mnd", within, within)).transpose(2, 0, 1)
+    ridge = 1e-9 * np.trace(products[..., 0]) + np.finfo(float).tiny
+    gram += ridge * np.eye(forced.shape[0])
+    gain = np.linalg.solve(gram, onto.T[..., None])[..., 0]
+    return np.asarray(rest @ rest - np.einsum("md,dm->d", onto, gain))

@@ -1,0 +1,169 @@
+r"""Which plants a record is compared with: one or two lags with dead time, or an integrator.
+
+Each has few numbers that enter its response nonlinearly, and the rest linearly: the dead time
+:math:`\theta`, and what fixes the denominator, are searched for; numerator, level and initial state
+then follow by linear least squares.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import exp, log, pi, sqrt
+
+import numpy as np
+
+from ..numerics import FloatArray
+from .hold import free_responses, held_responses
+
+__all__ = ["STRUCTURES", "Structure"]
+
+FASTEST_LAG = 0.05
+"""In samples: a faster lag is not seen."""
+
+DAMPING = (0.003, 30.0)
+"""Damping ratios looked at."""
+
+RAMP = 100.0
+"""Samples in which the ramp of an integrator's level grows by one."""
+
+
+@dataclass(frozen=True)
+class Structure:
+    """A kind of plant.
+
+    Attributes
+    ----------
+    name : str
+        In words.
+    lags : int
+        Degree of what is left of the denominator without the integrator, 0 to 2.
+    integrates : bool
+        Whether there is a pole at s = 0.
+    zero : bool
+        Whether the numerator has a zero.
+    """
+
+    name: str
+    lags: int
+    integrates: bool = False
+    zero: bool = False
+
+    @property
+    def numerators(self) -> int:
+        """How many coefficients the numerator has."""
+        return 1 + self.zero
+
+    @property
+    def free(self) -> int:
+        """How many numbers the initial state, and the level of u or y, take."""
+        return self.lags + self.integrates + 1
+
+    @property
+    def count(self) -> int:
+        """How many numbers are fitted in all."""
+        return 1 + self.lags + self.numerators + self.free
+
+    def bounds(self, samples: int) -> tuple[FloatArray, FloatArray]:
+        """Lowest and highest `shape`.
+
+        Parameters
+        ----------
+        samples : int
+            Length of the record.
+        """
+        slow = 20.0 * samples
+        if self.lags == 2:
+            pairs = [(-log(slow), log(pi)), (log(DAMPING[0]), log(DAMPING[1]))]
+        else:
+            pairs = [(log(FASTEST_LAG), log(slow))] * self.lags
+        low, high = np.array([(0.0, 0.5 * samples), *pairs]).T
+        return low, high
+
+    def den(self, shape: FloatArray) -> list[float]:
+        """Denominator, monic, in samples, from dead time and logarithms of what shapes it.
+
+        Parameters
+        ----------
+        shape : array of float
+            Dead time, then ln T of one lag, or ln ω and ln ζ of two.
+        """
+        if self.lags == 2:
+            omega, damping = exp(shape[1]), exp(shape[2])
+            rest = [1.0, 2 * damping * omega, omega**2]
+        else:
+            rest = [1.0, *(exp(-lag) for lag in shape[1:])]
+        return rest + [0.0] * self.integrates
+
+    def shapes(self, samples: int) -> list[FloatArray]:
+        """Denominators tried at first, without dead time.
+
+        Parameters
+        ----------
+        samples : int
+            Length of the record.
+        """
+        lags = np.geomspace(0.3, samples / 3, 14)
+        if self.lags == 0:
+            return [np.zeros(1)]
+        if self.lags == 1:
+            return [np.array([0.0, log(lag)]) for lag in lags]
+        real = [(a, b) for a in lags for b in lags if a <= b]
+        found = [(1 / sqrt(a * b), (a + b) / sqrt(a * b) / 2) for a, b in real]
+        found += [
+            (omega, damping)
+            for damping, many in ((0.05, 40), (0.2, 20), (0.6, 10))
+            for omega in np.geomspace(6 / samples, 2.5, many)
+        ]
+        return [np.array([0.0, log(omega), log(damping)]) for omega, damping in found]
+
+    def forced(self, shape: FloatArray, inputs: FloatArray) -> FloatArray:
+        """Responses that the coefficients of the numerator multiply, shape (numerators, N).
+
+        Parameters
+        ----------
+        shape : array of float
+            As in `den`.
+        inputs : (N,) array
+            The input, zero before its first sample.
+        """
+        den = self.den(shape)
+        found = held_responses(den, inputs, float(shape[0]))[: self.numerators]
+        return found * next(c for c in den[::-1] if c)  # so that the first coefficient is a gain
+
+    def columns(self, shape: FloatArray, inputs: FloatArray, start: int) -> FloatArray:
+        """All responses of which the output is a sum, from sample `start` on.
+
+        Parameters
+        ----------
+        shape : array of float
+            As in `den`.
+        inputs : (N,) array
+            The input.
+        start : int
+            First sample compared: there the state is free.
+
+        Returns
+        -------
+        array of float, shape (N - start, numerators + free)
+            Numerator, initial state, and the level: of y, or with an integrator of u, which makes
+            a ramp.
+        """
+        count = inputs.size - start
+        level = np.arange(count) / RAMP if self.integrates else np.ones(count)
+        parts = [
+            self.forced(shape, inputs)[:, start:],
+            free_responses(self.den(shape), count),
+            level[None],
+        ]
+        return np.concatenate(parts).T
+
+
+STRUCTURES = (
+    Structure("integrator with dead time", 0, integrates=True),
+    Structure("one lag with dead time", 1),
+    Structure("integrator and lag with dead time", 1, integrates=True),
+    Structure("two lags with dead time", 2),
+    Structure("integrator, lag and zero with dead time", 1, integrates=True, zero=True),
+    Structure("two lags and a zero with dead time", 2, zero=True),
+)
+"""From simple to rich."""

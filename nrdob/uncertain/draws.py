@@ -1,0 +1,314 @@
+"""How what is uncertain is drawn: from an interval, on a grid, from a distribution, from a fit.
+
+Samples come in blocks of `BLOCK`, each with its own stream of random numbers, spawned from one
+seed. A block is always drawn whole: member 17 is the same one in a family of a hundred and of a
+million, and whoever draws it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import isfinite
+from numbers import Integral
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..diagram import is_number
+from ..numerics import FloatArray
+
+__all__ = [
+    "BLOCK",
+    "Fit",
+    "Grid",
+    "Interval",
+    "Samples",
+    "read_fit",
+    "read_grid",
+    "read_range",
+]
+
+BLOCK = 10_000
+"""Members drawn together, which are also judged together, as one task."""
+
+
+class Interval(NamedTuple):
+    """An interval of which every value is as likely.
+
+    Attributes
+    ----------
+    low, high : float
+        Its ends.
+    """
+
+    low: float
+    high: float
+
+    def draw(self, rng: np.random.Generator, count: int) -> FloatArray:
+        """Draw values evenly.
+
+        Parameters
+        ----------
+        rng : numpy.random.Generator
+            Source of the numbers.
+        count : int
+            How many.
+        """
+        return rng.uniform(self.low, self.high, count)
+
+
+class Distribution(NamedTuple):
+    """A frozen distribution of scipy.stats.
+
+    Attributes
+    ----------
+    frozen : object
+        With a method `rvs`.
+    """
+
+    frozen: Any
+
+    def draw(self, rng: np.random.Generator, count: int) -> FloatArray:
+        """Draw values.
+
+        Parameters
+        ----------
+        rng : numpy.random.Generator
+            Source of the numbers.
+        count : int
+            How many.
+        """
+        return np.asarray(self.frozen.rvs(size=count, random_state=rng), dtype=float)
+
+
+Range = Interval | Distribution
+
+
+class Fit(NamedTuple):
+    """Means of some parameters and their covariance, as an identification gives them.
+
+    Attributes
+    ----------
+    names : tuple of str
+        The parameters.
+    mean : (k,) array of float
+        Their means.
+    root : (k, k) array of float
+        A square root of their covariance.
+    """
+
+    names: tuple[str, ...]
+    mean: FloatArray
+    root: FloatArray
+
+    def draw(self, rng: np.random.Generator, count: int) -> FloatArray:
+        """Draw all parameters together, of a normal distribution, one row for each.
+
+        Parameters
+        ----------
+        rng : numpy.random.Generator
+            Source of the numbers.
+        count : int
+            How many.
+        """
+        numbers = rng.standard_normal((count, len(self.names)))
+        return np.asarray(self.mean[:, None] + np.einsum("ij,kj->ik", self.root, numbers))
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Random members: what is drawn, how many times, from which seed.
+
+    Attributes
+    ----------
+    ranges : dict of str: Interval or Distribution
+        What is drawn by itself.
+    fit : Fit or None
+        What is drawn together.
+    count : int
+        How many members.
+    seed : int
+        Of all random numbers.
+    """
+
+    ranges: Mapping[str, Range]
+    fit: Fit | None
+    count: int
+    seed: int
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What is drawn, in the order of the columns."""
+        return (*self.ranges, *(self.fit.names if self.fit else ()))
+
+    def block(self, k: int) -> dict[str, FloatArray]:
+        """Draw one block of members.
+
+        Parameters
+        ----------
+        k : int
+            Which, from 0.
+        """
+        rng = np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(k,)))
+        drawn = {name: range.draw(rng, BLOCK) for name, range in self.ranges.items()}
+        if self.fit:
+            drawn |= zip(self.fit.names, self.fit.draw(rng, BLOCK), strict=True)
+        here = min(BLOCK, self.count - k * BLOCK)
+        return {name: values[:here] for name, values in drawn.items()}
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """Members on a grid, the last parameter changing fastest.
+
+    Attributes
+    ----------
+    axes : dict of str: (k,) array of float
+        Values of each parameter.
+    """
+
+    axes: Mapping[str, FloatArray]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The parameters, in the order of the columns."""
+        return tuple(self.axes)
+
+    @property
+    def count(self) -> int:
+        """How many members there are."""
+        return int(np.prod([axis.size for axis in self.axes.values()], dtype=object))
+
+    def block(self, k: int) -> dict[str, FloatArray]:
+        """Return one block of members.
+
+        Parameters
+        ----------
+        k : int
+            Which, from 0.
+        """
+        here = np.arange(k * BLOCK, min((k + 1) * BLOCK, self.count))
+        shape = tuple(axis.size for axis in self.axes.values())
+        where = np.unravel_index(here, shape)
+        return {name: axis[i] for (name, axis), i in zip(self.axes.items(), where, strict=True)}
+
+
+def read_range(name: str, given: Any) -> Range:
+    """Read an interval (low, high) or a frozen distribution of scipy.stats.
+
+    Parameters
+    ----------
+    name : str
+        What it is called in messages.
+    given : (low, high) or frozen distribution
+        What the user wrote.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If it is neither, empty, reversed or not finite.
+
+    Examples
+    --------
+    >>> read_range("gain", (2.0, 0.3))
+    Traceback (most recent call last):
+    ValueError: gain is (2, 0.3), from high to low; write (0.3, 2)
+    """
+    if hasattr(given, "rvs"):
+        if np.shape(given.rvs(random_state=np.random.default_rng(0))) != ():
+            raise TypeError(
+                f"{name} is a distribution of several numbers; parameters that hang together are "
+                "given by their means and covariance, fit=({'gain': 1.0, 'lag': 0.1}, covariance)"
+            )
+        return Distribution(given)
+    remedy = "give an interval, such as (0.5, 2.0), or a frozen distribution of scipy.stats"
+    if not isinstance(given, Sequence | np.ndarray) or isinstance(given, str) or len(given) != 2:
+        raise TypeError(f"{name} is {given!r}; {remedy}")
+    if not all(is_number(value) and np.isreal(value) for value in given):
+        raise TypeError(f"{name} is {given!r}, whose ends are no real numbers; {remedy}")
+    low, high = (float(np.real(value)) for value in given)
+    if not (isfinite(low) and isfinite(high)):
+        raise ValueError(f"{name} is ({low:g}, {high:g}); both ends must be finite numbers")
+    if low > high:
+        raise ValueError(
+            f"{name} is ({low:g}, {high:g}), from high to low; write ({high:g}, {low:g})"
+        )
+    if low == high:
+        raise ValueError(
+            f"{name} is ({low:g}, {high:g}), in which nothing is uncertain; leave it out, and "
+            "give the process that value"
+        )
+    return Interval(low, high)
+
+
+def read_fit(given: Any) -> Fit:
+    """Read means and covariance of parameters that were identified together.
+
+    Parameters
+    ----------
+    given : (dict of str: float, (k, k) array_like)
+        Means by name, and the covariance in the same order.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the shapes do not fit, a number is not finite, or the matrix is no covariance.
+    """
+    if not (isinstance(given, tuple) and len(given) == 2 and isinstance(given[0], Mapping)):
+        raise TypeError(
+            f"fit is a {type(given).__name__}; give means by name and their covariance in the "
+            "same order, fit=({'gain': 1.0, 'lag': 0.1}, [[0.01, 0.0], [0.0, 0.0001]])"
+        )
+    means, covariance = given
+    mean = np.array(list(means.values()), dtype=float)
+    matrix = np.array(covariance, dtype=float)
+    k = mean.size
+    if matrix.shape != (k, k):
+        raise ValueError(
+            f"fit has {k} means and a covariance of shape {matrix.shape}; it must be ({k}, {k})"
+        )
+    if not (np.isfinite(mean).all() and np.isfinite(matrix).all()):
+        raise ValueError("fit has means or covariances that are no finite numbers")
+    powers, directions = np.linalg.eigh((matrix + matrix.T) / 2)
+    size = np.abs(matrix).max()
+    if np.abs(matrix - matrix.T).max() > 1e-8 * size or powers.min() < -1e-8 * size:
+        raise ValueError(
+            "the covariance in fit is not symmetric, or has a negative variance in some "
+            f"direction ({powers.min():.3g}); give the covariance matrix of the estimates"
+        )
+    return Fit(tuple(means), mean, directions * np.sqrt(np.maximum(powers, 0.0)))
+
+
+def read_grid(given: Any, ranges: Mapping[str, Range]) -> Grid:
+    """Put points on every interval.
+
+    Parameters
+    ----------
+    given : int or dict of str: int
+        How many points on each interval, or on each by name.
+    ranges : dict of str: Interval
+        The intervals.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a count is no whole number from 2 on, an interval has none, or is none.
+    """
+    counts = dict(given) if isinstance(given, Mapping) else dict.fromkeys(ranges, given)
+    if unknown := sorted(set(counts) ^ set(ranges)):
+        raise ValueError(
+            f"grid and the intervals differ in {', '.join(unknown)}; give the points on each of "
+            f"{', '.join(ranges)}, or one number for all"
+        )
+    axes: dict[str, FloatArray] = {}
+    for name, range in ranges.items():
+        count = counts[name]
+        if isinstance(count, bool) or not isinstance(count, Integral):
+            raise TypeError(f"grid has {count!r} points for {name}; give a whole number")
+        if count < 2:
+            raise ValueError(f"grid has {count} points for {name}; give 2 or more")
+        if not isinstance(range, Interval):
+            raise TypeError(f"{name} is a distribution, which has no grid; give an interval")
+        axes[name] = np.linspace(range.low, range.high, int(count))
+    return Grid(axes)

@@ -1,0 +1,282 @@
+r"""What a plant may be: a family of members around the one that was expected.
+
+A member is :math:`k\,G(s)\,e^{-\theta s}/(Ts+1)`: the nominal process G times a gain k, with one
+more lag T and an additional dead time θ, its poles and zeros moved; or whatever a function of the
+user's makes of drawn parameters. What is drawn stands in columns that are read by name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from math import ceil
+from numbers import Integral
+from typing import Any
+
+import numpy as np
+
+from ..diagram import DelayedTransferFunction, as_fraction, nonzero
+from ..numerics import FloatArray, convolved
+from .draws import BLOCK, Grid, Samples, read_fit, read_grid, read_range
+from .plants import Moving, Plants, moving
+
+__all__ = ["Family", "family"]
+
+BUILT_IN = ("gain", "delay", "lag")
+
+
+@dataclass(frozen=True, eq=False)
+class Family:
+    """Plants around a nominal one, drawn reproducibly: ``family[i]`` is one of them.
+
+    Attributes
+    ----------
+    process : as for `nrdob.NRDOB`
+        The nominal plant.
+    drawn : Samples or Grid
+        What is uncertain, and how.
+    parameters : callable or None
+        What makes a plant of parameters.
+    """
+
+    process: Any
+    drawn: Samples | Grid
+    parameters: Callable[..., Any] | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What is uncertain: the columns."""
+        return self.drawn.names
+
+    @property
+    def blocks(self) -> int:
+        """In how many blocks the members are drawn."""
+        return ceil(len(self) / BLOCK)
+
+    def __len__(self) -> int:
+        return self.drawn.count
+
+    def __getitem__(self, which: int | str) -> Any:
+        """Return a member as a block for `nrdob.NRDOB`, or a column of parameters by its name."""
+        if isinstance(which, str):
+            if which not in self.names:
+                raise KeyError(f"there is no {which!r}; the columns are {', '.join(self.names)}")
+            return np.concatenate([self.drawn.block(k)[which] for k in range(self.blocks)])
+        k = range(len(self))[which]
+        drawn = {name: values[[k % BLOCK]] for name, values in self.drawn.block(k // BLOCK).items()}
+        built, problems = self.plants(drawn)
+        if problems:
+            raise ValueError(f"member {k} is no plant: {problems[0]}")
+        return built.plant(0)
+
+    def __repr__(self) -> str:
+        return f"<family of {len(self)} plants: {', '.join(self.names)}>"
+
+    def plants(self, drawn: Mapping[str, FloatArray]) -> tuple[Plants, dict[int, str]]:
+        """Build the plants of some drawn parameters.
+
+        Parameters
+        ----------
+        drawn : dict of str: (n,) array of float
+            The columns.
+
+        Returns
+        -------
+        Plants
+            The plants, a column of nan where there is none.
+        dict of int: str
+            For some columns why there is no plant.
+        """
+        n = next(iter(drawn.values())).size
+        problems: dict[int, str] = {}
+        if self.parameters:
+            num, den, delay = self._made(drawn, n, problems)
+        else:
+            num, den = (
+                part.moved([drawn.get(f"{name} {i}", np.ones(n)) for i in _numbers(part)])
+                for name, part in zip(("zero", "pole"), self._parts, strict=True)
+            )
+            num, den = (np.broadcast_to(part, (part.shape[0], n)) for part in (num, den))
+            delay = np.full(n, self._delay)
+        if "gain" in drawn:
+            num = num * drawn["gain"]
+        if "lag" in drawn:
+            den = convolved(den, np.array([drawn["lag"], np.ones(n)]))
+        if "delay" in drawn:
+            delay = delay + drawn["delay"]
+        return Plants(num, den, delay), problems
+
+    @property
+    def _delay(self) -> float:
+        return self.process.delay if isinstance(self.process, DelayedTransferFunction) else 0.0
+
+    @cached_property
+    def _parts(self) -> tuple[Moving, Moving]:
+        """Numerator and denominator of the nominal plant, with roots only if these move."""
+        rational = self.process.tf if self._delay else self.process
+        num, den = as_fraction(rational, "process")
+        return tuple(  # type: ignore[return-value]
+            moving(p) if f"{name} 1" in self.names else Moving(p, np.empty(0, dtype=complex))
+            for name, p in (("zero", num), ("pole", den))
+        )
+
+    def _made(self, drawn: Mapping[str, FloatArray], n: int, problems: dict[int, str]) -> Plants:
+        """Call the user's function for every member."""
+        names = [name for name in self.names if name not in BUILT_IN]
+        columns = [drawn[name].tolist() for name in names]
+        made: list[Any] = []
+        for k in range(n):
+            values = {name: column[k] for name, column in zip(names, columns, strict=True)}
+            try:
+                block = self.parameters(**values)  # type: ignore[misc]
+                if isinstance(block, DelayedTransferFunction):
+                    as_fraction(block.tf, "the plant", proper=False)
+                else:
+                    as_fraction(block, "the plant", proper=False)
+            except Exception as error:  # whatever a function of the user's may raise
+                problems[k] = f"parameters({_call(values)}): {error}"
+                block = None
+            made.append(block)
+        return Plants.of_blocks(made)
+
+
+def family(
+    process: Any,
+    *,
+    gain: Any = None,
+    delay: Any = None,
+    lag: Any = None,
+    poles: Any = None,
+    zeros: Any = None,
+    parameters: Callable[..., Any] | None = None,
+    fit: Any = None,
+    grid: int | Mapping[str, int] | None = None,
+    samples: int = 1000,
+    seed: int = 0,
+    **others: Any,
+) -> Family:
+    r"""Describe the plants that may turn up instead of the one that was expected.
+
+    Every range is an interval (low, high), of which every value is as likely, or a frozen
+    distribution of `scipy.stats`.
+
+    Parameters
+    ----------
+    process : as for `nrdob.NRDOB`
+        The nominal plant.
+    gain : range
+        Factor of the plant.
+    delay : range
+        Dead time that is added to the plant's own, in seconds.
+    lag : range
+        T of one more factor :math:`1/(Ts+1)`, in seconds.
+    poles, zeros : range
+        Factors by which the nominal poles, or zeros, are multiplied: real ones each by its own,
+        pairs together, so that their damping remains, and so does the gain at zero frequency.
+        Those at s = 0 stay. The columns are "pole 1", "pole 2", …
+    parameters : callable
+        Makes a plant of parameters that `others` and `fit` name, as keyword arguments: whatever
+        `nrdob.NRDOB` takes as a process. For other processes to call it, it must be a function of
+        a module. Gain, delay and lag come on top.
+    fit : (dict of str: float, (k, k) array_like)
+        Means by name, and the covariance in the same order, of parameters that were identified
+        together; they are drawn from the normal distribution.
+    grid : int or dict of str: int
+        Points on every interval, or on each by name: all their combinations in place of samples.
+    samples : int
+        How many members are drawn.
+    seed : int
+        Of all random numbers. Members 0, 1, 2, … are the same however many there are.
+    **others : range
+        Arguments of `parameters`, by name.
+
+    Returns
+    -------
+    Family
+        With a length; ``family[i]`` is a member, ``family["gain"]`` the gains of all.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a range is none, empty or reversed, nothing is uncertain, or two things are given that
+        exclude each other.
+
+    Examples
+    --------
+    >>> import control as ct
+    >>> plants = family(ct.tf([1], [1, 1]), gain=(0.5, 2.0), delay=(0.0, 0.1), samples=100)
+    >>> len(plants), plants[7].delay < 0.1, bool(plants["gain"].min() >= 0.5)
+    (100, True, True)
+    >>> family(ct.tf([1], [1, 1]), gain=(0.5, 2.0), delay=(0.0, 0.1), grid=11)
+    <family of 121 plants: gain, delay>
+    """
+    fraction = nonzero(as_fraction(_rational(process), "process"), "process")
+    given = dict(zip(BUILT_IN, (gain, delay, lag), strict=True))
+    ranges = {name: read_range(name, each) for name, each in given.items() if each is not None}
+    for name, each, p in (("zero", zeros, fraction.num), ("pole", poles, fraction.den)):
+        if each is None:
+            continue
+        if parameters:
+            raise ValueError(f"{name}s move those of process, which parameters replaces")
+        numbers = _numbers(moving(p))
+        if not numbers:
+            raise ValueError(f"process has no {name} that could move; leave {name}s out")
+        ranges |= dict.fromkeys([f"{name} {i}" for i in numbers], read_range(f"{name}s", each))
+    if others and not parameters:
+        raise TypeError(
+            f"nothing takes {', '.join(others)}; give parameters, a function that makes a plant "
+            "of them, or one of gain, delay, lag, poles, zeros"
+        )
+    ranges |= {name: read_range(name, each) for name, each in others.items()}
+    known = read_fit(fit) if fit is not None else None
+    if known:
+        if twice := sorted(set(known.names) & set(ranges)):
+            raise ValueError(f"{', '.join(twice)} would be drawn twice, by a range and by fit")
+        strange = [name for name in known.names if name not in BUILT_IN and not parameters]
+        if strange:
+            raise ValueError(
+                f"fit names {', '.join(strange)}, which only a function parameters=… can use; "
+                f"without it name some of {', '.join(BUILT_IN)}"
+            )
+    if not ranges and not known:
+        raise ValueError("nothing is uncertain; give a range, such as gain=(0.5, 2.0)")
+    drawn: Samples | Grid
+    if grid is not None:
+        if known:
+            raise ValueError("a fit has no grid; leave grid or fit out")
+        drawn = read_grid(_each_root(grid, ranges), ranges)
+    else:
+        drawn = Samples(ranges, known, _whole(samples, "samples", 1), _whole(seed, "seed", 0))
+    return Family(process, drawn, parameters)
+
+
+def _rational(process: Any) -> Any:
+    return process.tf if isinstance(process, DelayedTransferFunction) else process
+
+
+def _numbers(part: Moving) -> range:
+    return range(1, part.roots.size + 1)
+
+
+def _each_root(grid: int | Mapping[str, int], ranges: Mapping[str, Any]) -> Any:
+    """Give every pole the points that are given for the poles."""
+    if not isinstance(grid, Mapping):
+        return grid
+    counts: dict[str, int] = {}
+    for name, count in grid.items():
+        roots = [each for each in ranges if name in ("poles", "zeros") and each[:4] == name[:4]]
+        counts |= dict.fromkeys(roots or [name], count)
+    return counts
+
+
+def _whole(value: Any, name: str, least: int) -> int:
+    if isinstance(value, bool) or not isinstance(value, Integral):
+        raise TypeError(f"{name} is {value!r}; give a whole number")
+    if value < least:
+        raise ValueError(f"{name} is {value}; give {least} or more")
+    return int(value)
+
+
+def _call(values: Mapping[str, float]) -> str:
+    return ", ".join(f"{name}={value:.6g}" for name, value in values.items())

@@ -1,0 +1,493 @@
+r"""Margins of the plant loops L = K·G of many plants at once.
+
+All plants are looked at on the same frequencies, and each on frequencies of its own where around
+the stretch between two of them a factor of L, or 1 + L, may have a root, or a dead time turns it
+far: then nothing resonates between two frequencies. Crossings and closest points are solved for,
+each in its bracket, all together, from values and slopes of the factors, as
+`nrdob.analysis.margins` does for one loop. A plant that would need too many frequencies is left to
+it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import pi
+from typing import NamedTuple
+
+import numpy as np
+
+from ..numerics import (
+    ROUNDING,
+    BoolArray,
+    ComplexArray,
+    FloatArray,
+    IntArray,
+    ManyTerms,
+    bisect,
+    frequency_range,
+    side,
+    values_and_slopes,
+    values_on_axis,
+    zero_free,
+)
+from .plants import Plants
+from .verdicts import Feedback
+
+__all__ = ["MARGINS", "many_margins"]
+
+MARGINS = ("ms", "gm", "pm", "delay_margin")
+"""Margins of L that are found here, by the names they have in `nrdob.analysis.Margins`."""
+
+PER_OCTAVE, AT_MOST = 8, 400
+"""Frequencies of an octave that all plants share, and all of them at most."""
+
+CLEAR = 2.0
+"""Around each stretch nothing may vanish on a disc so many times as wide."""
+
+ROUNDS, OWN = 25, 400
+"""How often stretches are halved, and how many stretches of its own a plant may have."""
+
+RADIANS = 0.5
+"""How far a dead time may turn L from one frequency to the next."""
+
+SMALL = 1e-3
+"""Size of L beyond which a dead time may turn it further: no gain margin is looked for there."""
+
+NOISE = 1e-13
+"""What is below it may be rounding, and has no sign."""
+
+CROSSING = 1e-3
+"""How well a crossing found must be one: at a pole on the axis the side of L changes by a jump."""
+
+SHALLOW = 2.7
+"""Minima of ``|1 + L|²`` that begin so many times above the least value are not looked into."""
+
+WITHIN = 1e-10
+"""How well a frequency is to be known, relatively."""
+
+
+def many_margins(feedback: Feedback, plants: Plants) -> tuple[dict[str, FloatArray], BoolArray]:
+    """Compute the margins of loops that are known to be stable.
+
+    Parameters
+    ----------
+    feedback : Feedback
+        All the feedback there is.
+    plants : Plants
+        Of the same degrees, all with dead time or none.
+
+    Returns
+    -------
+    dict of str: (n,) array of float
+        Margins by name, see `MARGINS`.
+    (n,) array of bool
+        Which of them are to be trusted.
+    """
+    loops = _Loops(feedback, plants)
+    with np.errstate(all="ignore"):  # what is not finite is looked at again
+        shared, own, trusted = _frequencies(loops)
+        gain, phase, nearest = _notable(loops, shared, own)
+        ends = _ends(loops)
+        found = {
+            "ms": 1 / _closest(nearest, ends),
+            "gm": _gain_margin(phase, ends),
+            **_rotations(gain, ends),
+        }
+    for values in found.values():
+        trusted &= ~np.isnan(values)
+    if loops.late:
+        trusted &= found["gm"] < 0.5 / SMALL
+    return found, trusted
+
+
+class _Motion(NamedTuple):
+    """L(jω), and its derivative with respect to log ω, divided by L."""
+
+    L: ComplexArray
+    slope: ComplexArray
+
+    @property
+    def retreat(self) -> FloatArray:
+        """Positive where L moves away from -1 with growing frequency."""
+        return np.asarray((self.slope * self.L * (1 + self.L).conj()).real)
+
+    @property
+    def distance(self) -> FloatArray:
+        """Square of the distance from -1."""
+        return np.asarray((1 + self.L.real) ** 2 + self.L.imag**2)
+
+    @property
+    def rows(self) -> _Rows:
+        real, imag = self.L.real, self.L.imag
+        size = real * real + imag * imag
+        side = imag / np.sqrt(size)
+        slopes = 2 * size * self.slope.real, real * self.slope.imag
+        return _Rows(real, size - 1, slopes[0], side, slopes[1], self.retreat, self.distance)
+
+
+class _Rows(NamedTuple):
+    """What decides about margins, at one end of each stretch.
+
+    Real part of L; ``|L|² - 1`` and its slope; the sine of the angle of L and what its slope has
+    the sign of; what is positive where L moves away from -1, and the square of how far it is.
+    """
+
+    real: FloatArray
+    size: FloatArray
+    size_slope: FloatArray
+    side: FloatArray
+    side_slope: FloatArray
+    retreat: FloatArray
+    distance: FloatArray
+
+    def of(self, chosen: slice) -> _Rows:
+        return _Rows(*(row[:, chosen] for row in self))
+
+
+class _Stretches(NamedTuple):
+    """Stretches of frequency, each of one loop."""
+
+    loop: IntArray
+    low: FloatArray
+    high: FloatArray
+
+    def of(self, chosen: BoolArray | IntArray) -> _Stretches:
+        return _Stretches(self.loop[chosen], self.low[chosen], self.high[chosen])
+
+    def joined(self, *others: _Stretches) -> _Stretches:
+        every = (self, *others)
+        return _Stretches(
+            np.concatenate([each.loop for each in every]),
+            np.concatenate([each.low for each in every]),
+            np.concatenate([each.high for each in every]),
+        )
+
+    def halved(self) -> _Stretches:
+        middle = np.sqrt(self.low * self.high)
+        return _Stretches(self.loop, self.low, middle).joined(
+            _Stretches(self.loop, middle, self.high)
+        )
+
+
+class _Found(NamedTuple):
+    """Solutions of one kind: which loop, at which frequency in rad/s, and L there."""
+
+    loop: IntArray
+    omega: FloatArray
+    L: ComplexArray
+
+
+class _Ends(NamedTuple):
+    """L(0), and a and b of the circle a + b exp(-jωθ) that L(jω) tends to; nan where unknown."""
+
+    dc: FloatArray
+    a: FloatArray
+    b: FloatArray
+
+
+class _Loops:
+    """Plant loops on the imaginary axis."""
+
+    def __init__(self, feedback: Feedback, plants: Plants) -> None:
+        self.feedback, self.plants = feedback, plants
+        self.count = plants.delay.size
+        self.late = bool(plants.delay.any())
+        self.factors = self._factors()
+
+    def _factors(self) -> list[tuple[list[ManyTerms], FloatArray]]:
+        """List what may vanish: p_B, numerators and denominators of the plants, factors of K."""
+        prompt = np.zeros(1)
+        found = [self.feedback.characteristic(self.plants)]
+        for part in (self.plants.num, self.plants.den):
+            found.append(([ManyTerms(part, prompt)], np.abs(part)))
+        for each in (*self.feedback.zeros, *self.feedback.poles):
+            # One that vanishes at s = 0 is not divided by s: no stretch begins there.
+            p = each if each.without_origin.divided else each.without_origin
+            terms = [ManyTerms(q[:, None], np.full(1, delay)) for q, delay in p.terms]
+            found.append((terms, p.scale[:, None]))
+        return [factor for factor in found if factor[1].shape[0] > 1]
+
+    def gain(self, omega: FloatArray, of: Plants) -> ComplexArray:
+        """Evaluate L(jω) of plants whose columns broadcast with the frequencies."""
+        value = values_on_axis(of.num, omega) / values_on_axis(of.den, omega)
+        if self.late:
+            value = value * np.exp(-1j * (of.delay * omega))
+        return np.asarray(value * self.feedback.gain(omega))
+
+    def motion(self, omega: FloatArray, of: Plants) -> _Motion:
+        """Evaluate L(jω) and how it moves."""
+        d, dd = values_and_slopes(of.den, omega)
+        n, dn = values_and_slopes(of.num, omega)
+        value, slope = n / d, -dd / d
+        if of.num.shape[0] > 1:
+            slope += dn / n
+        if self.late:
+            value, slope = value * np.exp(-1j * (of.delay * omega)), slope - of.delay
+        gain, its_slope = self.feedback.gain_and_slope(omega)
+        return _Motion(value * gain, 1j * omega * (slope + its_slope))
+
+    def across(self) -> Plants:
+        """Return the plants with an axis for frequencies."""
+        num, den, delay = self.plants
+        return Plants(num[:, :, None], den[:, :, None], delay[:, None])
+
+
+def _frequencies(loops: _Loops) -> tuple[FloatArray, _Stretches, BoolArray]:
+    """Frequencies that all share, stretches of their own in between, and which can be trusted."""
+    low, high = 1.0, 1.0
+    ranges = [frequency_range(*factor) for factor in loops.factors]
+    if ranges:
+        lows, highs = (np.concatenate([each[k] for each in ranges]) for k in (0, 1))
+        low = float(lows[np.isfinite(lows) & (lows > 0)].min(initial=1e300))
+        high = float(highs[np.isfinite(highs)].max(initial=low))
+    count = int(np.clip(PER_OCTAVE * np.log2(high / low), 1, AT_MOST))
+    omega = np.geomspace(low, high, count + 1)
+    unclear = ~_clear(loops, omega)
+    loop, k = np.nonzero(unclear)
+    doubtful = _Stretches(loop, omega[k], omega[k + 1])
+    kept: list[_Stretches] = []
+    trusted = np.ones(loops.count, dtype=bool)
+    own = np.zeros(loops.count, dtype=int)
+    for _ in range(ROUNDS):
+        if not doubtful.loop.size:
+            break
+        halves = doubtful.halved()
+        clear = _clear_alone(loops, halves)
+        kept.append(halves.of(clear))
+        doubtful = halves.of(~clear)
+        own += np.bincount(halves.loop, minlength=loops.count)
+        trusted &= own <= OWN
+        doubtful = doubtful.of(trusted[doubtful.loop])
+    trusted[doubtful.loop] = False
+    none = _Stretches(np.empty(0, dtype=np.intp), np.empty(0), np.empty(0))
+    # Beyond all roots little happens, but a size may still pass 1, and a phase creep to the axis.
+    end = omega[-1] + 4 * pi / loops.plants.delay.max() if loops.late else 1e8 * omega[-1]
+    below = omega[0] * np.geomspace(1e-8, 0.8, 12)
+    shared = np.concatenate([below, omega, np.geomspace(omega[-1], end, 17)[1:]])
+    return shared, none.joined(*kept), trusted
+
+
+def _clear(loops: _Loops, omega: FloatArray) -> BoolArray:
+    """Tell on which stretches between shared frequencies which loops have nothing to hide."""
+    left, right = omega[:-1], omega[1:]
+    centre, radius = (left + right) / 2, CLEAR * (right - left) / 2
+    clear = np.ones((loops.count, left.size), dtype=bool)
+    for terms, scale in loops.factors:
+        clear &= zero_free([term.across() for term in terms], scale[:, :, None], centre, radius)
+    if loops.late:
+        far = loops.plants.delay[:, None] * (right - left) > RADIANS
+        some = np.flatnonzero(far.any(axis=0))
+        if some.size:
+            large = np.abs(loops.gain(left[some], loops.across())) > SMALL
+            clear[:, some] &= ~(far[:, some] & large)
+    return clear
+
+
+def _clear_alone(loops: _Loops, stretches: _Stretches) -> BoolArray:
+    """Tell on which stretches their own loop has nothing to hide."""
+    loop, left, right = stretches
+    centre, radius = (left + right) / 2, CLEAR * (right - left) / 2
+    clear = np.ones(loop.size, dtype=bool)
+    for terms, scale in loops.factors:
+        of = scale[:, loop] if scale.shape[1] > 1 else scale
+        clear &= zero_free([term.of(loop) for term in terms], of, centre, radius)
+    if loops.late:
+        few = loops.plants.of(loop)
+        far = few.delay * (right - left) > RADIANS
+        clear &= ~(far & (np.abs(loops.gain(left, few)) > SMALL))
+    return clear
+
+
+def _notable(loops: _Loops, shared: FloatArray, own: _Stretches) -> tuple[_Found, _Found, _Found]:
+    """Find where the size of L is 1, where it is real, and where it is nearest to -1."""
+    rows = loops.motion(shared, loops.across()).rows
+    few = loops.plants.of(own.loop)
+    low, high = (loops.motion(omega, few).rows for omega in (own.low, own.high))
+    least = rows.distance.min(axis=1)
+    for end in (low, high):
+        np.minimum.at(least, own.loop, end.distance)
+    left, right = rows.of(slice(-1)), rows.of(slice(1, None))
+    widths = np.diff(np.log(shared)), np.log(own.high / own.low)
+
+    def gather(choose: Choice) -> _Stretches:
+        """Collect stretches by what is at their ends, and by the least distance of their loop."""
+        loop, k = np.nonzero(choose(left, right, least[:, None], widths[0]))
+        alone = own.of(choose(low, high, least[own.loop], widths[1]))
+        return _Stretches(loop, shared[k], shared[k + 1]).joined(alone)
+
+    gain = gather(_sizes_differ).joined(*_hidden(loops, gather(_size_nears), _size_at, _size_slope))
+    real = gather(_sides_differ).joined(*_hidden(loops, gather(_side_nears), _side_at, _side_slope))
+    gain_found, phase_found, nearest = (
+        _solved(loops, gain, _size_at),
+        _solved(loops, _critical(loops, real), _side_at),
+        _solved(loops, gather(_nearest_between), _retreat_at),
+    )
+    crossed = np.abs(np.abs(gain_found.L) - 1) < CROSSING
+    met = np.abs(phase_found.L.imag) < CROSSING * np.abs(phase_found.L)
+    return _some(gain_found, crossed), _some(phase_found, met), nearest
+
+
+Choice = Callable[[_Rows, _Rows, FloatArray, FloatArray], BoolArray]
+"""Of what is at both ends of stretches, the least distance of each loop, and the width of each."""
+
+
+def _sizes_differ(a: _Rows, b: _Rows, _: FloatArray, __: FloatArray) -> BoolArray:
+    return np.asarray((a.size >= 0) != (b.size >= 0))
+
+
+def _sides_differ(a: _Rows, b: _Rows, _: FloatArray, __: FloatArray) -> BoolArray:
+    differ = (a.side >= 0) != (b.side >= 0)
+    return np.asarray(differ & ((a.real < 0) | (b.real < 0)) & (np.abs(a.side) > NOISE))
+
+
+def _nearest_between(a: _Rows, b: _Rows, least: FloatArray, _: FloatArray) -> BoolArray:
+    near = np.fmin(a.distance, b.distance) < SHALLOW * least
+    return np.asarray((a.retreat < 0) & (b.retreat >= 0) & near)
+
+
+def _size_nears(a: _Rows, b: _Rows, _: FloatArray, width: FloatArray) -> BoolArray:
+    return _nears(a.size, a.size_slope, b.size, b.size_slope, width)
+
+
+def _side_nears(a: _Rows, b: _Rows, _: FloatArray, width: FloatArray) -> BoolArray:
+    # Where L is far from the axis, no crossing is hidden, and the slope is only a sign.
+    close = (np.abs(a.side) < 0.5) & ((a.real < 0) | (b.real < 0))
+    return close & _nears(a.side, a.side_slope, b.side, b.side_slope, np.inf)
+
+
+def _nears(
+    value: FloatArray,
+    slope: FloatArray,
+    later: FloatArray,
+    later_slope: FloatArray,
+    width: FloatArray | float,
+) -> BoolArray:
+    """Tell where a function first nears zero and then leaves it on the same side."""
+    positive = value >= 0
+    turns = (positive == (later >= 0)) & (positive == (slope < 0)) & (positive == (later_slope > 0))
+    # As far as its slope goes, twice over, it must come to zero.
+    return np.asarray(turns & (np.abs(value) < 2 * width * np.abs(slope)))
+
+
+At = Callable[[_Loops, FloatArray, Plants], FloatArray]
+
+
+def _size_at(loops: _Loops, omega: FloatArray, of: Plants) -> FloatArray:
+    return np.log(np.abs(loops.gain(omega, of)))
+
+
+def _side_at(loops: _Loops, omega: FloatArray, of: Plants) -> FloatArray:
+    L = loops.gain(omega, of)
+    return np.asarray(L.imag / np.abs(L))
+
+
+def _retreat_at(loops: _Loops, omega: FloatArray, of: Plants) -> FloatArray:
+    motion = loops.motion(omega, of)
+    return np.asarray(motion.retreat / motion.distance)
+
+
+def _size_slope(loops: _Loops, omega: FloatArray, of: Plants) -> FloatArray:
+    return np.asarray(loops.motion(omega, of).slope.real)
+
+
+def _side_slope(loops: _Loops, omega: FloatArray, of: Plants) -> FloatArray:
+    return np.asarray(loops.motion(omega, of).slope.imag)
+
+
+def _hidden(loops: _Loops, dips: _Stretches, at: At, slope: At) -> list[_Stretches]:
+    """Find crossings that come in twos, on both sides of where a function comes nearest to zero."""
+    if not dips.loop.size:
+        return []
+    bottom = _solved(loops, dips, slope).omega
+    few = loops.plants.of(dips.loop)
+    value = at(loops, bottom, few)
+    crossed = (side(value) != side(at(loops, dips.low, few))) & (np.abs(value) > NOISE)
+    return [dips._replace(high=bottom).of(crossed), dips._replace(low=bottom).of(crossed)]
+
+
+def _critical(loops: _Loops, phase: _Stretches) -> _Stretches:
+    """Leave out crossings of the negative real axis that cannot be next to -1."""
+    few = loops.plants.of(phase.loop)
+    sizes = [np.log(np.abs(loops.gain(omega, few))) for omega in (phase.low, phase.high)]
+    largest, smallest = np.fmax(*sizes), np.fmin(*sizes)
+    # Of those below 1 only the largest counts, of those above only the smallest.
+    below, above = np.full(loops.count, -np.inf), np.full(loops.count, np.inf)
+    small, large = largest < 0, smallest > 0
+    np.maximum.at(below, phase.loop[small], smallest[small])
+    np.minimum.at(above, phase.loop[large], largest[large])
+    near = (largest >= below[phase.loop] - 0.1) & (smallest <= above[phase.loop] + 0.1)
+    return phase.of(near)
+
+
+def _solved(loops: _Loops, stretches: _Stretches, at: At) -> _Found:
+    """Find a zero of a function in every stretch."""
+    loop, low, high = stretches
+    few = loops.plants.of(loop)
+    omega = low
+    if loop.size:
+        omega = np.exp(
+            bisect(lambda x: at(loops, np.exp(x), few), np.log(low), np.log(high), WITHIN)
+        )
+    return _Found(loop, omega, loops.gain(omega, few))
+
+
+def _some(found: _Found, kept: BoolArray) -> _Found:
+    return _Found(found.loop[kept], found.omega[kept], found.L[kept])
+
+
+def _ends(loops: _Loops) -> _Ends:
+    feedback, (num, den, delay) = loops.feedback, loops.plants
+    at = np.arange(delay.size)
+    zeros, poles = (np.argmax(p[::-1] != 0, axis=0) for p in (num, den))
+    order = feedback.zeros_at_origin + zeros - poles
+    level = feedback.level * num[-1 - zeros, at] / den[-1 - poles, at]
+    dc = np.where(order > 0, 0.0, np.where(order < 0, np.inf, level))
+    none = np.zeros(delay.size)
+    if feedback.numerator.degree + num.shape[0] < feedback.denominator.degree + den.shape[0]:
+        return _Ends(dc, none, none)
+    if feedback.waits:  # the circle is more than that
+        return _Ends(dc, none + np.nan, none)
+    limit = feedback.numerator.q[0] * num[0] / (feedback.denominator.q[0] * den[0])
+    return _Ends(dc, none, limit) if loops.late else _Ends(dc, limit, none)
+
+
+def _gain_margin(phase: _Found, ends: _Ends) -> FloatArray:
+    n = ends.dc.size
+    low, high = np.zeros(n), np.full(n, np.inf)
+    every, b = np.arange(n), np.abs(ends.b)
+    for loop, value in (
+        (phase.loop, phase.L.real), (every, ends.dc), (every, ends.a - b), (every, ends.a + b),
+    ):  # fmt: skip
+        critical = np.isfinite(value) & (value < 0)
+        gains, which = -1 / value[critical], loop[critical]
+        np.maximum.at(low, which[gains < 1], gains[gains < 1])
+        np.minimum.at(high, which[gains > 1], gains[gains > 1])
+    gm = np.where(low * high > 1, low, high)
+    return np.where(np.isnan(ends.a), np.nan, gm)
+
+
+def _rotations(gain: _Found, ends: _Ends) -> dict[str, FloatArray]:
+    """Phase margin in degrees, and the delay margin."""
+    dc, a, b = ends
+    angle = np.angle(-gain.L)
+    pm = np.full(dc.size, np.inf)
+    np.minimum.at(pm, gain.loop, np.abs(angle))
+    at_zero = np.abs(np.abs(dc) - 1) <= ROUNDING
+    pm = np.where(at_zero, np.minimum(pm, np.where(dc < 0, 0.0, pi)), pm)
+    cosine = (1 + a * a - b * b) / (2 * a)
+    at_end = (a != 0) & (np.abs(cosine) <= 1 + ROUNDING)
+    pm = np.where(at_end, np.minimum(pm, pi - np.arccos(np.clip(cosine, -1, 1))), pm)
+    margin = np.where(np.abs(a) + np.abs(b) >= 1, 0.0, np.inf)
+    np.minimum.at(margin, gain.loop, np.mod(angle, 2 * pi) / gain.omega)
+    lost = np.isnan(a)
+    return {
+        "pm": np.where(lost, np.nan, np.degrees(pm)),
+        "delay_margin": np.where(lost, np.nan, margin),
+    }
+
+
+def _closest(nearest: _Found, ends: _Ends) -> FloatArray:
+    """Smallest ``|1 + L|``."""
+    least = np.fmin(np.abs(1 + ends.dc), np.abs(np.abs(1 + ends.a) - np.abs(ends.b)))
+    np.minimum.at(least, nearest.loop, np.abs(1 + nearest.L))
+    return np.where(np.isnan(ends.a), np.nan, least)

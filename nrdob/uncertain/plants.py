@@ -1,0 +1,165 @@
+"""Many plants as one array of coefficients each for numerators and denominators.
+
+Plants of the same degrees stand together; what no array can hold (an improper plant, one whose
+coefficients are no numbers) is left to be looked at by itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import control as ct
+import numpy as np
+
+from ..diagram import DelayedTransferFunction, as_fraction
+from ..numerics import BoolArray, ComplexArray, FloatArray, IntArray, convolved
+
+__all__ = ["Moving", "Plants", "moving"]
+
+
+class Plants(NamedTuple):
+    """Numerators, denominators and dead times, a plant in each column.
+
+    Attributes
+    ----------
+    num, den : (k, n) array of float
+        Coefficients in descending powers.
+    delay : (n,) array of float
+        Dead times in seconds.
+    """
+
+    num: FloatArray
+    den: FloatArray
+    delay: FloatArray
+
+    @property
+    def regular(self) -> BoolArray:
+        """Which can be computed with together: all numbers finite, nothing negative or zero."""
+        finite = np.isfinite(self.num).all(axis=0) & np.isfinite(self.den).all(axis=0)
+        waits = np.isfinite(self.delay) & (self.delay >= 0)
+        return np.asarray(finite & waits & self.num.any(axis=0) & self.den.any(axis=0))
+
+    def of(self, chosen: IntArray) -> Plants:
+        """Take some of the columns.
+
+        Parameters
+        ----------
+        chosen : (m,) array of int
+            Which.
+        """
+        return Plants(self.num[:, chosen], self.den[:, chosen], self.delay[chosen])
+
+    def groups(self) -> Iterator[tuple[IntArray, Plants]]:
+        """Regular, proper plants by degrees, with or without dead time: which, and they alone."""
+        num, den = (np.argmax(c != 0, axis=0) for c in (self.num, self.den))
+        proper = self.den.shape[0] - den >= self.num.shape[0] - num
+        usable = np.flatnonzero(self.regular & proper)
+        key = np.stack([num[usable], den[usable], self.delay[usable] > 0])
+        for kind in np.unique(key, axis=1).T:
+            chosen = usable[(key == kind[:, None]).all(axis=0)]
+            few = self.of(chosen)
+            yield chosen, few._replace(num=few.num[kind[0] :], den=few.den[kind[1] :])
+
+    def plant(self, k: int) -> ct.TransferFunction | DelayedTransferFunction:
+        """Return one of them as a block that `nrdob.NRDOB` takes.
+
+        Parameters
+        ----------
+        k : int
+            Which column.
+
+        Raises
+        ------
+        ValueError
+            If it is none: coefficients that are no numbers, a negative dead time.
+        """
+        num, den = as_fraction((self.num[:, k], self.den[:, k]), "the plant", proper=False)
+        plant = ct.tf(num, den)
+        delay = float(self.delay[k])
+        return DelayedTransferFunction(plant, delay) if delay else plant
+
+    @classmethod
+    def of_blocks(cls, blocks: list[Any]) -> Plants:
+        """Gather plants of any degrees.
+
+        Parameters
+        ----------
+        blocks : list
+            Whatever `nrdob.NRDOB` takes as a process; None where there is no plant.
+        """
+        read = [_read(block) for block in blocks]
+        columns = []
+        for part in (0, 1):
+            size = max((pair[part].size for pair, _ in read), default=1)
+            table = np.zeros((size, len(read)))
+            for k, (pair, _) in enumerate(read):
+                table[size - pair[part].size :, k] = pair[part]
+            columns.append(table)
+        return cls(columns[0], columns[1], np.array([delay for _, delay in read]))
+
+
+def _read(block: Any) -> tuple[tuple[FloatArray, FloatArray], float]:
+    if block is None:
+        return (np.full(1, np.nan), np.ones(1)), 0.0
+    delay = block.delay if isinstance(block, DelayedTransferFunction) else 0.0
+    rational = block.tf if isinstance(block, DelayedTransferFunction) else block
+    return as_fraction(rational, "the plant", proper=False), delay
+
+
+class Moving(NamedTuple):
+    """A polynomial whose roots move, each by a factor of its own, and pairs together.
+
+    Attributes
+    ----------
+    fixed : array of float
+        What does not move: roots at s = 0, and the first coefficient that is not 0.
+    roots : array of complex
+        One real root each, or the one of a pair with positive imaginary part.
+    """
+
+    fixed: FloatArray
+    roots: ComplexArray
+
+    def moved(self, factors: list[FloatArray]) -> FloatArray:
+        """Multiply every root by its factor; the value, or slope, at s = 0 remains.
+
+        Parameters
+        ----------
+        factors : list of (n,) array of float
+            One for each of `roots`.
+
+        Returns
+        -------
+        (k, n) array of float
+            Coefficients in descending powers.
+        """
+        product = self.fixed[:, None]
+        for root, factor in zip(self.roots.tolist(), factors, strict=True):
+            one = np.ones_like(factor)
+            if root.imag:
+                size = abs(root) * factor
+                rows = [size**-2, -2 * (root.real / abs(root)) / size, one]
+            else:
+                rows = [-1 / (root.real * factor), one]
+            product = convolved(product, np.array(rows))
+        return product
+
+
+def moving(p: FloatArray) -> Moving:
+    """Take a polynomial apart into its roots and what remains.
+
+    Parameters
+    ----------
+    p : array of float
+        Coefficients in descending powers.
+
+    Examples
+    --------
+    >>> moving(np.array([2.0, 6.0, 0.0])).roots.real.tolist()              # 2s(s + 3)
+    [-3.0]
+    """
+    used = np.flatnonzero(p)[-1] + 1
+    fixed = np.append(p[used - 1], np.zeros(p.size - used))
+    roots = np.roots(p[:used]).astype(complex)
+    return Moving(fixed, roots[roots.imag >= 0])

@@ -1,0 +1,209 @@
+"""What a sweep found, a row for each member: columns by name, the worst, and how many survive."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib import import_module
+from math import isfinite
+from numbers import Real
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import beta
+
+from ..numerics import IntArray
+from .draws import Grid
+from .family import Family
+
+__all__ = ["Share", "SweepTable"]
+
+LARGE_IS_BAD = ("ms", "peak_d")
+
+
+class Share(NamedTuple):
+    """A share of a family, and between what it lies.
+
+    Attributes
+    ----------
+    share : float
+        Among the members looked at.
+    low, high : float
+        Bounds of the share among all that could have been drawn.
+    """
+
+    share: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SweepTable:
+    """A table with a row for each member: ``table["stable"]``, ``table["gain"]``.
+
+    Beside the parameters and the quantities asked for there are the columns
+
+    - "stable": True where that is certain;
+    - "decided": whether the verdict is known, one way or the other;
+    - "alone": members too close to call, or too odd, for many at once, which were judged one by
+      one by the methods of `nrdob.NRDOB`;
+    - "reason": for those, why there is no verdict, or no plant; empty otherwise.
+
+    Margins and peaks of members that are not known to be stable are nan.
+
+    Attributes
+    ----------
+    family : Family
+        Whose members these are, in the same order.
+    columns : dict of str: (N,) array
+        The columns.
+    rows : (N,) array of int
+        Numbers of the members in the family.
+    """
+
+    family: Family
+    columns: Mapping[str, NDArray[Any]] = field(repr=False)
+    rows: IntArray = field(repr=False)
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        if name not in self.columns:
+            raise KeyError(f"there is no {name!r}; the columns are {', '.join(self.columns)}")
+        return self.columns[name]
+
+    def __len__(self) -> int:
+        return int(self.rows.size)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the columns."""
+        return tuple(self.columns)
+
+    def __repr__(self) -> str:
+        stable, decided = self["stable"], self["decided"]
+        lines = [
+            f"<sweep of {len(self)} plants: {int(stable.sum())} stable, "
+            f"{int((decided & ~stable).sum())} not, {int((~decided).sum())} not decided; "
+            f"{int(self['alone'].sum())} judged one by one"
+        ]
+        for name in ("ms", "gm", "pm", "delay_margin", "peak_d"):
+            if name in self.columns and stable.any():
+                values = self[name][stable]
+                worst = values[self._worst_first(name, values)[0]]
+                lines.append(f"  worst {name:12} {worst:.4g}")
+        return "\n".join(lines) + ">"
+
+    def stable_share(self, confidence: float = 0.95) -> Share:
+        """Share of stable members, and what it can be among all that could have been drawn.
+
+        Clopper and Pearson's interval, which holds at least as often as it says. Members without
+        a verdict count as unstable for the lower bound and as stable for the upper one. On a grid
+        nothing is drawn: both bounds are then the share itself, up to those members.
+
+        Parameters
+        ----------
+        confidence : float
+            How often the interval is to hold, between 0 and 1.
+
+        Returns
+        -------
+        Share
+            `share`, `low` and `high`.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If `confidence` is no number between 0 and 1, or the table is empty.
+
+        References
+        ----------
+        C. J. Clopper, E. S. Pearson, The use of confidence or fiducial limits illustrated in the
+        case of the binomial, Biometrika 26 (1934) 404-413.
+        """
+        if isinstance(confidence, bool) or not isinstance(confidence, Real):
+            raise TypeError(f"confidence is {confidence!r}; give a number, such as 0.95")
+        if not (isfinite(confidence) and 0 < confidence < 1):
+            raise ValueError(f"confidence is {confidence}; give a number between 0 and 1")
+        n = len(self)
+        if not n:
+            raise ValueError("the table is empty: there is no share of nothing")
+        stable = int(self["stable"].sum())
+        perhaps = stable + int((~self["decided"]).sum())
+        if isinstance(self.family.drawn, Grid):
+            return Share(stable / n, stable / n, perhaps / n)
+        tail = (1 - confidence) / 2
+        low = float(beta.ppf(tail, stable, n - stable + 1)) if stable else 0.0
+        high = float(beta.ppf(1 - tail, perhaps + 1, n - perhaps)) if perhaps < n else 1.0
+        return Share(stable / n, low, high)
+
+    def worst(self, count: int = 10, by: str = "ms") -> SweepTable:
+        """Members that fare worst, the worst first; those not known to be stable before all.
+
+        Parameters
+        ----------
+        count : int
+            How many.
+        by : str
+            The quantity; small ones are bad, but for "ms" and "peak_d". A gain margin is the worse
+            the nearer to 1.
+
+        Returns
+        -------
+        SweepTable
+            A shorter table; ``.rows`` are their numbers in the family.
+        """
+        order = self._worst_first(by, self[by])
+        order = order[np.argsort(self["stable"][order], kind="stable")]
+        chosen = order[:count]
+        columns = {name: values[chosen] for name, values in self.columns.items()}
+        return SweepTable(self.family, columns, self.rows[chosen])
+
+    def _worst_first(self, by: str, values: NDArray[Any]) -> IntArray:
+        key = np.asarray(values, dtype=float)
+        if by in LARGE_IS_BAD:
+            key = -key
+        elif by == "gm":
+            with np.errstate(divide="ignore"):
+                key = np.abs(np.log(key))
+        return np.argsort(key, kind="stable")
+
+    def to_pandas(self) -> Any:
+        """Return the table as a `pandas.DataFrame`, "stable" missing where it is not decided.
+
+        Raises
+        ------
+        ImportError
+            If pandas is not installed.
+        """
+        pandas = _extra("pandas")
+        frame = pandas.DataFrame(dict(self.columns), index=pandas.Index(self.rows, name="member"))
+        frame["stable"] = frame["stable"].astype("boolean").where(self["decided"])
+        return frame
+
+    def to_xarray(self) -> Any:
+        """Return the table as an `xarray.Dataset`: over the axes of a grid, or over the members.
+
+        Raises
+        ------
+        ImportError
+            If xarray is not installed.
+        """
+        xarray = _extra("xarray")
+        drawn = self.family.drawn
+        if not (isinstance(drawn, Grid) and len(self) == drawn.count):
+            data = {name: ("member", values) for name, values in self.columns.items()}
+            return xarray.Dataset(data, coords={"member": self.rows})
+        shape = tuple(axis.size for axis in drawn.axes.values())
+        found = {name: c for name, c in self.columns.items() if name not in drawn.axes}
+        order = np.argsort(self.rows)
+        over = {name: (drawn.names, c[order].reshape(shape)) for name, c in found.items()}
+        return xarray.Dataset(over, coords=dict(drawn.axes))
+
+
+def _extra(name: str) -> Any:
+    try:
+        return import_module(name)
+    except ImportError as error:
+        raise ImportError(
+            f"{name} is not installed; pip install {name}, or nrdob with its extra [sweep]"
+        ) from error

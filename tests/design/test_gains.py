@@ -1,0 +1,63 @@
+"""Stabilising gains: against closed forms, poles, and counts beside every end."""
+
+from math import inf, pi
+
+import control as ct
+import numpy as np
+import pytest
+
+import nrdob
+from nrdob import LowPassFilter, delay
+from nrdob.diagram import ObserverEquations
+from nrdob.numerics import count_rhp
+
+s = ct.tf("s")
+
+
+@pytest.mark.parametrize("order", [1, 2, 3, 4, 5])
+def test_a_pure_gain_error_is_bounded_by_m_n(order):
+    G = 1 / (s + 1) ** order
+    bound = inf if order <= 2 else 1 + 1 / np.cos(pi / order) ** order
+    ((low, high),) = nrdob.stabilizing_gains(G, G, LowPassFilter(0.3, order))
+    assert low == 0 and high == pytest.approx(bound, rel=1e-9)
+
+
+def test_an_unstable_plant_needs_gain():
+    loop = nrdob.paper.example(3)
+    found = nrdob.stabilizing_gains(loop.process, loop.model, loop.filter)
+    margins = loop.margins().plant_loop
+    assert found == [pytest.approx((margins.gm_low, margins.gm_high), rel=1e-9)]
+
+
+def test_a_negative_gain_stabilises_nothing_here():
+    G = 1 / (s + 1)
+    assert nrdob.stabilizing_gains(-1 * G, G, LowPassFilter(0.5, 2)) == []
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("delayed", [False, True])
+def test_random_loops_are_stable_in_the_set_and_nowhere_else(seed, delayed):
+    loop = nrdob.random_loop(np.random.default_rng(40 + seed), delayed=delayed)
+    found = nrdob.stabilizing_gains(loop.process, loop.model, loop.filter)
+    ends = [end for interval in found for end in interval]
+    for k in np.geomspace(1e-3, 1e3, 25).tolist():
+        if any(end and abs(k / end - 1) < 1e-3 for end in ends):
+            continue
+        p = ObserverEquations(k * loop.process, loop.model, loop.filter).p_B
+        stable = count_rhp(p).count == 0 and not p.zeros_at_origin
+        assert stable == any(low < k < high for low, high in found), (k, found)
+
+
+@pytest.mark.parametrize("theta", [0.0, 0.01])
+def test_a_resonance_leaves_two_intervals(theta):
+    # Beside the pair of poles there is a pair of zeros: small and medium gains work.
+    G = delay(theta) * 10 * (s**2 + 0.5 * s + 25) / (s**2 + 0.2 * s + 25)
+    G = G / ((s + 1) * (0.1 * s + 1))
+    F = LowPassFilter(0.3, 2)
+    found = nrdob.stabilizing_gains(G, 1 / (s + 1), F)
+    assert len(found) == 2
+    for low, high in found:
+        for k, stable in ((low * 0.999, False), (low * 1.001, True),
+                          (high * 0.999, True), (high * 1.001, False)):  # fmt: skip
+            if k:
+                assert nrdob.judge_observer(k * G, 1 / (s + 1), F).stable is stable

@@ -1,0 +1,277 @@
+"""The controller as C, Python and JSON: compiled, run, and compared with the simulation."""
+
+import builtins
+import json
+import subprocess
+import sys
+from importlib.resources import files
+from math import inf
+
+import control as ct
+import numpy as np
+import pytest
+from scipy.signal import sosfilt
+
+import nrdob
+from firmware import python_class, relative, run_c, run_python
+from nrdob.digital import ControllerCode, Limits, Section
+
+LAG = ct.tf([2.0], [1.0, 1.0])
+PI = ct.tf([1.0, 1.0], [1.0, 0.0])
+LIMITS = Limits(-1.0, 1.5, rate=12.0)
+
+
+def sampled_loop(dt=0.05, wait=0.0, controller=PI, lag=0.5):
+    model = nrdob.delay(wait) * LAG if wait else LAG
+    process = nrdob.delay(0.13) * ct.tf([2.2], [1.1, 1.0])
+    filter = nrdob.LowPassFilter(lag, 1)
+    return nrdob.NRDOB(process, model, controller, filter).sampled(dt)
+
+
+def random_sampled(rng):
+    """Draw a sampled loop whose blocks are stable, so that rounding does not grow in them."""
+    while True:
+        loop = nrdob.random_loop(rng, delayed=bool(rng.integers(2)))
+        dt = 10 ** rng.uniform(-3, -0.5)
+        sampled = loop.sampled(dt, computation_delay=float(rng.choice([0.0, 0.3, 1.0])) * dt)
+        if np.abs(np.linalg.eigvals(sampled.code().wired.A)).max() <= 1 + 1e-9:
+            return sampled
+
+
+def drawn(seed):
+    """Return a sampled loop, how it is run, and what came of it."""
+    rng = np.random.default_rng(seed)
+    sampled = random_sampled(rng)
+    limits = [None, Limits(-1, 1.5), Limits(-1, 1.5, rate=3 / sampled.dt), Limits(rate=5)][seed % 4]
+    start = [None, 0.7][seed % 2]
+    R, d = rng.standard_normal((2, 200))
+    found = sampled.simulate(
+        {"R": R, "d": d, "delta": 0.3}, noise=0.1, limits=limits, start=start, seed=rng
+    )
+    return sampled, limits, start, R, found
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_c_and_python_do_what_the_simulation_does(seed):
+    sampled, limits, start, R, expected = drawn(seed)
+    given = R, expected.measured, expected.applied, start
+    in_c = run_c(sampled.to_c("loop", limits=limits), "loop", *given)
+    in_python = run_python(sampled.to_python(limits=limits), *given)
+    for found in (in_c, in_python):
+        for signal, name in zip(found, ("u", "applied", "d_hat"), strict=True):
+            assert relative(signal, getattr(expected, name)) < 1e-12
+
+
+@pytest.mark.parametrize("wait", [0.2, 0.13, 0.03])
+def test_a_model_that_waits_is_generated_with_its_memory(wait):
+    sampled = sampled_loop(wait=wait)
+    R = np.sign(np.sin(np.arange(300) * 0.05))
+    for start in (None, 0.3):
+        expected = sampled.simulate(
+            {"R": R}, noise=0.1, limits=LIMITS, tracking_time=0.4, start=start
+        )
+        given = R, expected.measured, expected.applied, start
+        made = {"limits": LIMITS, "tracking_time": 0.4}
+        for found in (
+            run_c(sampled.to_c("w", **made), "w", *given),
+            run_python(sampled.to_python(**made), *given),
+        ):
+            assert relative(found[0], expected.u) < 1e-12
+            assert relative(found[1], expected.applied) < 1e-12
+            assert relative(found[2], expected.d_hat) < 1e-12
+
+
+def test_float_keeps_six_digits_at_a_tenth_of_the_lag_and_five_at_a_thousandth():
+    for dt, tolerance in ((0.05, 2e-6), (5e-4, 2e-5)):
+        sampled = sampled_loop(dt, lag=0.5)
+        R = np.sign(np.sin(np.arange(4000) * 0.005))
+        expected = sampled.simulate({"R": R}, limits=LIMITS, tracking_time=0.4)
+        text = sampled.to_c("small", "float", LIMITS, tracking_time=0.4)
+        u, applied, _ = run_c(text, "small", R, expected.measured, expected.applied)
+        assert np.abs(u - expected.u).max() < tolerance * np.abs(expected.u).max()
+        assert np.abs(applied - expected.applied).max() < tolerance
+        assert "double" not in text
+
+
+def test_started_at_a_manual_value_the_first_output_is_that_value():
+    controller = python_class(sampled_loop().to_python())()
+    controller.start(3.0, 0.9, 0.4)
+    assert controller.output(3.0, 0.9) == pytest.approx(0.4, rel=1e-12)
+    u = run_c(sampled_loop().to_c(), "nrdob", *(np.array([v]) for v in (3.0, 0.9, 0.4)), 0.4)[0]
+    assert u[0] == pytest.approx(0.4, rel=1e-12)
+
+
+def test_an_actuator_that_does_less_than_it_is_told_is_believed():
+    made = sampled_loop()
+    told, mute = (python_class(made.to_python())() for _ in range(2))
+    for _ in range(400):
+        told.output(5.0, 0.4)
+        told.update(0.2)  # stuck
+        mute.step(5.0, 0.4)
+    # F/Gm of a constant reading 0.4 is 0.2, which is what has been applied.
+    assert told.d_hat == pytest.approx(0.0, abs=1e-9)
+    assert abs(mute.d_hat) > 10
+
+
+# JSON.
+
+
+@pytest.mark.parametrize("wait", [0.0, 0.13])
+def test_json_brings_the_same_controller_back(wait):
+    code = sampled_loop(wait=wait).code(Limits(-1, rate=4), tracking_time=1.0)
+    back = ControllerCode.from_json(code.to_json())
+    assert back.to_json() == code.to_json()
+    assert back.to_c() == code.to_c()
+    assert back.to_python("Same") == code.to_python("Same")
+    assert (back.limits.low, back.limits.high, back.limits.rate) == (-1, inf, 4)
+
+
+def test_sections_of_the_json_are_those_scipy_filters_with():
+    read = json.loads(sampled_loop().to_json())
+    w = np.exp(1j * np.linspace(0.01, 3, 50))
+    s = 2 / 0.05 * (w - 1) / (w + 1)
+    for name, expected in (
+        ("F", 1 / (0.5 * s + 1)),
+        ("F/Gm", (s + 1) / (2 * (0.5 * s + 1))),
+        ("(1-F)Gm", 0.5 * s / (0.5 * s + 1) * 2 / (s + 1)),
+        ("C", (s + 1) / s),
+    ):
+        value = np.ones_like(w)
+        for b0, b1, b2, a0, a1, a2 in read["blocks"][name]["sos"]:
+            value = value * (b0 * w**2 + b1 * w + b2) / (a0 * w**2 + a1 * w + a2)
+        np.testing.assert_allclose(value, expected, rtol=1e-10)
+    impulse = np.eye(1, 100)[0]
+    answer = sosfilt(read["blocks"]["F"]["sos"], impulse)
+    assert answer.sum() == pytest.approx(1.0, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("change", "match"),
+    [
+        (lambda r: r.clear(), "this is not a controller written by to_json"),
+        (lambda r: r.update(format="nrdob controller 99"), "no format"),
+        (lambda r: r.pop("blocks"), "blocks is missing"),
+        (lambda r: r["blocks"].pop("C"), "the blocks are F, F/Gm"),
+        (lambda r: r["blocks"].update(F="__import__('os')"), "F needs delta"),
+        (lambda r: r["blocks"]["F"].update(delta=[]), "F needs delta"),
+        (lambda r: r["blocks"]["F"].update(delta=[[1, 2]]), "F needs delta"),
+        (lambda r: r["blocks"]["F"]["delta"][0].__setitem__(0, "1"), "F is '1'; a finite number"),
+        (lambda r: r["blocks"]["F"]["delta"][0].__setitem__(0, inf), "F is inf; a finite number"),
+        (lambda r: r.pop("dt"), "dt is None"),
+        (lambda r: r.update(dt=-1.0), "dt is -1; "),
+        (lambda r: r["wait"].update(samples=0.5), "samples is 0.5"),
+        (lambda r: r["wait"].update(samples=10**9), "samples is 1e.09"),
+        (lambda r: r["wait"].update(fraction=1.0), "fraction is 1"),
+        (lambda r: r["limits"].update(low=3.0, high=2.0), "low must be below high"),
+        (lambda r: r.update(tracking=True), "tracking is True"),
+    ],
+)
+def test_a_json_that_is_no_controller_is_refused(change, match):
+    read = json.loads(sampled_loop().to_json())
+    change(read)
+    with pytest.raises(ValueError, match=match):
+        ControllerCode.from_json(json.dumps(read))
+
+
+@pytest.mark.parametrize("text", ["", "1", "[" * 100_000, "__import__('os').getcwd()"])
+def test_a_text_that_is_no_json_is_refused(text):
+    with pytest.raises(ValueError, match=r"Expecting|not a controller"):
+        ControllerCode.from_json(text)
+
+
+def test_reading_executes_nothing(monkeypatch):
+    text = sampled_loop().to_json()
+
+    def refused(*_):
+        raise AssertionError("something is executed")
+
+    monkeypatch.setattr(builtins, "eval", refused)
+    monkeypatch.setattr(builtins, "exec", refused)
+    assert ControllerCode.from_json(text).dt == 0.05
+
+
+# Names, types, ranges.
+
+
+@pytest.mark.parametrize(
+    ("name", "written"),
+    [
+        ("heater", "heater"),
+        ("2nd heater", "nd_heater"),
+        ("a;b*/ int x", "a_b___int_x"),
+        ("__secret", "secret"),
+        ("class", "class_"),
+        ("größe", "gr__e"),
+    ],
+)
+def test_names_become_what_the_languages_allow(name, written):
+    sampled = sampled_loop()
+    text = sampled.to_c(name)
+    assert f"{written}_real {written}_step({written}_state *s" in text
+    assert f"class {written}:" in sampled.to_python(name)
+    u = run_c(text, written, np.ones(1), np.zeros(1), np.zeros(1))[0]
+    assert u[0] > 0
+
+
+@pytest.mark.parametrize("name", ["", "123", "___", 7, None])
+def test_a_name_of_nothing_is_refused(name):
+    with pytest.raises(ValueError, match="give a word"):
+        sampled_loop().to_c(name)
+
+
+def test_another_type_is_refused():
+    with pytest.raises(ValueError, match="dtype is 'half'; choose one of double, float"):
+        sampled_loop().to_c(dtype="half")
+
+
+def test_a_coefficient_beyond_float_is_refused():
+    loop = nrdob.NRDOB(1e-45 * LAG, 1e-45 * LAG, 1e45 * PI, nrdob.LowPassFilter(0.5, 1))
+    sampled = loop.sampled(0.05)
+    assert "nrdob_real" in sampled.to_c()
+    with pytest.raises(OverflowError, match="out of the range of float: use dtype='double'"):
+        sampled.to_c(dtype="float")
+
+
+def test_the_python_class_stands_alone(tmp_path):
+    (tmp_path / "alone.py").write_text(sampled_loop().to_python("Alone"), encoding="utf-8")
+    asked = "import sys, alone; print(alone.Alone().step(1.0, 0.0), 'nrdob' in sys.modules)"
+    done = subprocess.run([sys.executable, "-I", "-c", "import sys; sys.path[:0] = ['.'];" + asked],
+                          cwd=tmp_path, capture_output=True, text=True, check=True)  # fmt: skip
+    value, there = done.stdout.split()
+    assert float(value) == pytest.approx(sampled_loop().simulate({"R": [1.0]}).u[0], rel=1e-12)
+    assert there == "False"
+
+
+def test_c_allocates_nothing_and_includes_nothing():
+    text = sampled_loop(wait=0.13).to_c()
+    for word in ("#include", "malloc", "free(", "printf"):
+        assert word not in text
+
+
+# Sections.
+
+
+def test_a_small_sampling_time_costs_no_digits():
+    dt, lag = 1e-6, 1.0
+    filter = nrdob.LowPassFilter(lag, 4)
+    model = ct.tf([1.0], np.poly([-1.0, -2.0]))
+    sampled = nrdob.NRDOB(model, model, PI, filter).sampled(dt)
+    cascade = sampled.code().blocks["F"]
+    rest = np.prod([section.rest for section in cascade])
+    assert rest == pytest.approx(1.0, rel=1e-12)
+    # α2 is the product of two poles in δ, whose closed form is p dt/(1 - p dt/2).
+    pole = -dt / lag / (1 + dt / lag / 2)
+    product = np.prod([section.a2 for section in cascade])
+    assert product == pytest.approx(pole**4, rel=1e-11)
+
+
+def test_integrators_come_last_and_say_so():
+    cascade = sampled_loop(controller=ct.tf([1.0, 1.0], [0.01, 1.0, 0.0])).code().blocks["C"]
+    assert [section.integrates for section in cascade][-1]
+    assert not Section(2.0).integrates
+    assert Section(2.0).rest == 2.0
+
+
+def test_the_templates_are_data_of_the_package():
+    found = sorted(path.name for path in files("nrdob.digital").joinpath("templates").iterdir())
+    assert found == ["controller.c.j2", "controller.py.j2"]

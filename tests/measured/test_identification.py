@@ -1,0 +1,216 @@
+"""Processes out of records: known truth, the measured plant, and what is wrong with a record."""
+
+import numpy as np
+import pytest
+
+import nrdob
+from nrdob.measured import STRUCTURES, checked_record, heated_air, identify, read_data
+from nrdob.measured.hold import held_responses
+from tests.campaigns.identification import measured, response, sure
+
+BY_NAME = {each.name: each for each in STRUCTURES}
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.3, 2.0, 7.75])
+@pytest.mark.parametrize("den", [[1.0, 0.2], [1.0, 0.5, 0.04], [1.0, 0.1, 0.0], [1.0, 0.02, 0.3]])
+def test_held_response_is_exact_for_every_dead_time(den, delay):
+    rng = np.random.default_rng(1)
+    u = rng.standard_normal(60)
+    u[0] = 0.0
+    modal = response(np.array(den), np.ones(1), delay, u)
+    assert held_responses(den, u, delay)[0] == pytest.approx(modal, abs=1e-9)
+
+
+def test_what_goes_in_before_the_record_comes_out_late_or_never():
+    assert not held_responses([1.0, 1.0], np.ones(5), 5.0).any()
+    assert not held_responses([1.0, 1.0], np.ones(5), 50.5).any()
+
+
+@pytest.mark.parametrize("structure", STRUCTURES, ids=lambda each: each.name)
+@pytest.mark.parametrize("kind", ["step", "binary", "waves"])
+def test_without_noise_every_number_is_found(structure, kind):
+    rng = np.random.default_rng(3)
+    case = measured(structure, kind, 0.0, rng, noise=0.0)
+    found = identify(case.t, case.u, case.y, structure=structure.name, held_out=0)
+    told = {name: p.value for name, p in found.parameters.items()}
+    assert told == pytest.approx(case.truth, rel=1e-3)
+    assert found.fit_percent > 99.9
+
+
+@pytest.mark.parametrize("name", ["one lag with dead time", "two lags with dead time"])
+@pytest.mark.parametrize("colour", [0.0, 0.8])
+def test_intervals_hold_the_truth_as_often_as_they_say(name, colour):
+    # 95 % of some 45 intervals; the long campaign has thousands.
+    held = [
+        inside
+        for case in range(12)
+        for inside in sure(BY_NAME[name], "binary", colour, np.random.default_rng([case, 7]))[:-1]
+    ]
+    assert len(held) > 30 and np.mean(held) > 0.82
+
+
+def test_the_structure_behind_a_record_is_chosen():
+    rng = np.random.default_rng(11)
+    chosen = []
+    for structure in STRUCTURES[:4]:
+        case = measured(structure, "binary", 0.0, rng)
+        chosen.append(identify(case.t, case.u, case.y).structure == structure.name)
+    assert all(chosen)
+
+
+def test_resonance_is_told_as_frequency_and_damping():
+    rng = np.random.default_rng(2)
+    u = np.sign(rng.standard_normal(600)).repeat(2)[:600]
+    u[0] = 0
+    y = response(np.array([1.0, 0.04, 0.09]), np.array([0.18]), 3.4, u)
+    found = identify(0.1 * np.arange(600), u, y + 0.05 * rng.standard_normal(600))
+    assert found.structure == "two lags with dead time"
+    assert found.parameters["natural frequency"].value == pytest.approx(3.0, rel=0.02)
+    assert found.parameters["damping ratio"].value == pytest.approx(0.04 / 0.6, rel=0.2)
+    assert found.process.delay == pytest.approx(0.34, abs=0.05)
+
+
+def test_heated_air_is_two_lags_behind_two_samples():
+    found = identify(*heated_air())
+    assert found.structure == "two lags with dead time"
+    assert found.fit_percent == pytest.approx(89.1, abs=0.1)
+    assert found.validation_percent == pytest.approx(85.5, abs=0.1)
+    assert found.levelled_percent == pytest.approx(91.7, abs=0.1)
+    assert found.process.delay == pytest.approx(0.16, abs=0.002)
+    assert found.process.dcgain() == pytest.approx(0.925, abs=0.002)
+    assert -1 / found.process.poles().real == pytest.approx([0.12, 0.27], abs=0.01)
+    assert not found.residuals.white
+
+
+def test_process_stands_in_a_loop():
+    found = identify(*heated_air(), structure="one lag with dead time")
+    model = found.process.tf
+    assert nrdob.stabilizing_time_constants(found.process, model, 1)
+
+
+def test_units_scale_with_the_time_axis():
+    t, u, y = heated_air()
+    slow = identify(1000 * t, u, y, structure="two lags with dead time")
+    fast = identify(t, u, y, structure="two lags with dead time")
+    assert slow.process.delay == pytest.approx(1000 * fast.process.delay)
+    assert slow.process(0.001j) == pytest.approx(fast.process(1j))
+
+
+def test_output_cut_off_by_a_limit_is_left_out():
+    rng = np.random.default_rng(4)
+    case = measured(BY_NAME["one lag with dead time"], "binary", 0.0, rng, noise=1e-4)
+    top = np.quantile(case.y, 0.8)
+    cut = np.minimum(case.y, top)
+    with pytest.warns(UserWarning, match="cut off by a limit"):
+        found = identify(case.t, case.u, cut, structure="one lag with dead time")
+    told = {name: p.value for name, p in found.parameters.items()}
+    assert told == pytest.approx(case.truth, rel=0.01)
+    assert "largest value" in found.remarks[0]
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (lambda t, u, y: (t[:10], u[:10], y[:10]), "10 samples; at least 20"),
+        (lambda t, u, y: (t, u[:-1], y), "100, 99 and 100 values"),
+        (lambda t, u, y: (t, 0 * u + 3, y), "u is 3 in the whole record"),
+        (lambda t, u, y: (t, u, 0 * y), "y is 0 in the whole record"),
+        (lambda t, u, y: (t**1.1, u, y), "not evenly sampled"),
+        (lambda t, u, y: (np.delete(t, 50), u[1:], y[1:]), "the largest before sample 50"),
+        (lambda t, u, y: (t[::-1], u, y), "times must increase"),
+        (lambda t, u, y: (t, u, np.where(t == 7, np.nan, y)), "y is nan at sample 7;"),
+        (lambda t, u, y: (t, np.eye(100)[99], y), "changes at the last sample only"),
+        (lambda t, u, y: (t, u, y.reshape(10, 10)), "shape"),
+    ],
+)
+def test_what_is_wrong_with_a_record_is_said(spoil, said):
+    t = np.arange(100.0)
+    u = (t > 10) * 1.0
+    y = 1 - np.exp(-0.1 * np.maximum(t - 12, 0))
+    with pytest.raises(ValueError, match=said):
+        checked_record(*spoil(t, u, y))
+    with pytest.raises(TypeError, match="list of real numbers"):
+        checked_record(t, list("ab" * 50), y)
+
+
+def test_an_output_that_settles_is_not_taken_for_cut_off():
+    t = np.arange(200.0)
+    y = np.round(1 - np.exp(-0.1 * np.maximum(t - 12, 0)), 2)
+    assert checked_record(t, (t > 10) * 1.0, y).free.all()
+
+
+GOOD = [(k, k // 7 % 2, k % 5) for k in range(30)]
+
+
+def _written(folder, head, rows, between=","):
+    path = folder / "data.csv"
+    lines = [head] if head else []
+    lines += [between.join(map(str, row)) for row in rows]
+    path.write_text("\n".join(lines), encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("between", [",", ";", "\t"])
+@pytest.mark.parametrize("head", ["", "time (s){0}Input{0}Y", "t{0}u{0}y"])
+def test_columns_are_told_by_name_or_order(tmp_path, head, between):
+    record = read_data(_written(tmp_path, head.format(between), GOOD, between))
+    assert np.array_equal(np.array(list(record)).T, GOOD)
+    assert bool(record.remarks) == (not head)
+
+
+def test_columns_with_names_come_in_any_order(tmp_path):
+    turned = [(y, "x", t, u) for t, u, y in GOOD]
+    record = read_data(_written(tmp_path, "y,comment,t,u", turned))
+    assert np.array_equal(np.array(list(record)).T, GOOD)
+
+
+def test_decimal_commas_beside_semicolons(tmp_path):
+    rows = [(f"{k},5", k % 2, "1,25e1" if k else 3) for k in range(30)]
+    t, _, y = read_data(_written(tmp_path, "t;u;y", rows, ";"))
+    assert t[1] == 1.5 and y[1] == 12.5
+
+
+@pytest.mark.parametrize(
+    ("head", "rows", "said"),
+    [
+        ("t,u,y", [*GOOD[:9], (9, "", 1), *GOOD[10:]], "line 11: u is empty"),
+        ("t,u,y", [*GOOD[:9], (9, "on", 1), *GOOD[10:]], "line 11: u is 'on', which is no"),
+        ("t,u,y", [*GOOD[:9], (9, 1, "nan"), *GOOD[10:]], "line 11: y is 'nan'"),
+        ("t,u,y", [*GOOD[:9], (9, 1), *GOOD[10:]], "line 11 has 2 cells where the first has 3"),
+        ("t,u,y", [*GOOD[:9], *GOOD[12:]], "the largest before line 11;"),
+        ("t,u,y", [*GOOD[:9], (3, 1, 1), *GOOD[10:]], "from 8 to 3 at line 11;"),
+        ("t,u,y", GOOD[:9], "9 samples"),
+        ("t,u,y", [], "0 samples"),
+        ("u,y", [row[1:] for row in GOOD], "no time: add a column t"),
+        ("", [row[1:] for row in GOOD], "2 columns and no headings"),
+        ("a,b,c,d", [(*row, 1) for row in GOOD], "t, u, y is missing"),
+        ("", [], "is empty"),
+    ],
+)
+def test_what_is_wrong_with_a_table_is_said_with_its_line(tmp_path, head, rows, said):
+    with pytest.raises(ValueError, match=said):
+        read_data(_written(tmp_path, head, rows))
+
+
+def test_no_time_column_but_a_sampling_time(tmp_path):
+    path = _written(tmp_path, "u,y", [row[1:] for row in GOOD])
+    assert read_data(path, sampling_time=0.5).t[3] == 1.5
+    for wrong in (0, -1, float("nan")):
+        with pytest.raises(ValueError, match="positive seconds"):
+            read_data(path, sampling_time=wrong)
+
+
+def test_files_that_are_no_text_are_named(tmp_path):
+    path = tmp_path / "data.xlsx"
+    path.write_bytes(b"PK\x03\x04\n\xff\xfe")
+    with pytest.raises(ValueError, match="see line 2: save it as CSV"):
+        read_data(path)
+    path.write_bytes(b"t,u,y\n1,\0,3")
+    with pytest.raises(ValueError, match="see line 2: save it as CSV"):
+        read_data(path)
+
+
+def test_cells_are_never_run(tmp_path):
+    rows = [*GOOD[:9], (9, "__import__('os').system('true')", 1), *GOOD[10:]]
+    with pytest.raises(ValueError, match="line 11: u is"):
+        read_data(_written(tmp_path, "t,u,y", rows))

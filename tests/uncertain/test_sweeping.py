@@ -1,0 +1,175 @@
+"""Sweeps: verdicts and margins of whole families are those of each member."""
+
+import math
+import warnings
+from functools import cache
+
+import control as ct
+import numpy as np
+import pytest
+
+import nrdob
+from campaigns.sweeps import differences, loops, plants
+from nrdob import LowPassFilter, paper
+
+LAG = ct.tf([1], [1, 1])
+
+
+@cache
+def some_loops():
+    return dict(loops(3))
+
+
+@pytest.mark.parametrize("name", ["Example 1", "Example 2", "Example 3", "Example 4", "random 2",
+                                  "random 5 with dead time", "random 8"])  # fmt: skip
+def test_a_sweep_says_of_each_member_what_is_said_of_it_alone(name):
+    loop = some_loops()[name]
+    assert differences(loop, plants(loop, 40, 11), every=4) == []
+
+
+def test_a_model_that_waits_is_swept_too():
+    loop = nrdob.NRDOB(
+        nrdob.delay(0.5) * LAG, nrdob.delay(0.5) * LAG, ct.tf([1], [1, 0]), LowPassFilter(0.1, 2)
+    )
+    assert differences(loop, nrdob.family(loop.process, gain=(0.3, 3), delay=(-0.3, 0.3),
+                                          samples=40), every=4) == []  # fmt: skip
+
+
+@pytest.mark.parametrize(("order", "bound"), [(3, 9.0), (4, 5.0), (6, 1 + (2 / 3**0.5) ** 6)])
+def test_a_pure_gain_error_is_survived_up_to_the_closed_form_bound(order, bound):
+    matched = ct.tf([1], [1, 3, 2])
+    loop = nrdob.NRDOB(matched, matched, ct.tf([1], [1, 0]), LowPassFilter(0.05, order))
+    table = nrdob.sweep(loop, nrdob.family(matched, gain=(0.1, 2 * bound), samples=3000), "stable")
+    assert np.array_equal(table["stable"], table["gain"] < bound) and table["decided"].all()
+
+
+def test_a_pure_dead_time_is_survived_below_half_pi_lambda():
+    loop = nrdob.NRDOB(LAG, LAG, ct.tf([1], [1, 0]), LowPassFilter(0.2, 1))
+    table = nrdob.sweep(loop, nrdob.family(LAG, delay=(0, 1), samples=1000), "stable")
+    assert np.array_equal(table["stable"], table["delay"] < math.pi / 2 * 0.2)
+
+
+def test_members_on_the_border_are_judged_alone_and_flagged():
+    # Example 1's plant as its own model: gain 0 is no plant, and n = 3 is lost at gain 9.
+    matched = ct.tf([1], [1, 3, 2])
+    loop = nrdob.NRDOB(matched, matched, ct.tf([1], [1, 0]), LowPassFilter(0.5, 3))
+    table = nrdob.sweep(loop, nrdob.family(matched, gain=(0, 18), grid=5), ("stable", "ms"))
+    assert table["stable"].tolist() == [False, True, False, False, False]
+    assert table["decided"].tolist() == [False, True, False, True, True]
+    assert table["alone"].tolist() == [True, False, True, False, False]
+    assert "identically zero" in table["reason"][0] and "axis" in table["reason"][2]
+
+
+def test_an_unstable_model_loop_is_lost_with_every_plant():
+    loop = nrdob.NRDOB(LAG, LAG, -5.0, LowPassFilter(0.2, 1))
+    table = nrdob.sweep(loop, nrdob.family(LAG, gain=(0.5, 2), samples=10))
+    assert table["decided"].all() and not table["stable"].any()
+    assert np.isnan(table["ms"]).all() and "C Gm" in table["reason"][0]
+
+
+def strange(k):
+    kinds = {
+        0: lambda: ([1.0], [1.0, 1.0]),
+        1: lambda: ([math.nan], [1.0, 1.0]),
+        2: lambda: ([1.0, 0.0, 0.0], [1.0, 1.0]),
+        3: lambda: ([1.0], [1.0, 1.0, math.inf]),
+        4: lambda: 1 / 0,
+        5: lambda: nrdob.delay(0.1) * ct.tf([1], [1, 1]),
+        6: lambda: "a plant",
+    }
+    return kinds[round(k)]()
+
+
+def test_members_that_are_no_plants_are_reported_and_the_sweep_goes_on():
+    loop = nrdob.NRDOB(LAG, LAG, ct.tf([1], [1, 0]), LowPassFilter(0.2, 1))
+    family = nrdob.family(LAG, parameters=strange, k=(0, 6), grid=7)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        table = nrdob.sweep(loop, family)
+    assert table["decided"].tolist() == [True, False, False, False, False, True, False]
+    assert table["stable"].tolist() == [True, False, False, False, False, True, False]
+    for k, said in ((1, "finite"), (2, "improper"), (3, "finite"), (4, "division"), (6, "str")):
+        assert said in table["reason"][k]
+    assert "parameters(k=1)" in table["reason"][1]
+    with pytest.raises(ValueError, match="member 1 is no plant"):
+        family[1]
+
+
+def test_a_negative_dead_time_and_an_ill_posed_member_are_reported():
+    loop = nrdob.NRDOB(LAG, LAG, ct.tf([1], [1, 0]), LowPassFilter(0.2, 1))
+    table = nrdob.sweep(loop, nrdob.family(LAG, delay=(-0.1, 0.1), grid=2), "stable")
+    assert table["decided"].tolist() == [False, True] and "future" in table["reason"][0]
+    # R = 1 - 0.01 s with λ = 0.01: 1 + F(∞) H(∞) = 0 where the gain is 1.
+    process, model = ct.tf([-0.01, 1], [1, 1]), LAG
+    loop = nrdob.NRDOB(process, model, ct.tf([1], [1, 0]), LowPassFilter(0.01, 1))
+    table = nrdob.sweep(loop, nrdob.family(process, gain=(0.5, 1.5), grid=3), "stable")
+    assert "ill-posed" in table["reason"][1] and not table["decided"][1]
+
+
+def test_a_peak_after_a_step_of_d_is_that_of_the_response():
+    loop = paper.example(3)
+    family = nrdob.family(loop.process, gain=(0.5, 2), lag=(0, 0.2), samples=100)
+    table = nrdob.sweep(loop, family, "peak_d")
+    swung = np.flatnonzero(table["peak_d"] > 1.001)
+    assert swung.size > 2 and (table["peak_d"][table["stable"]] >= 1).all()
+    for k in [*swung[:4], *np.flatnonzero(table["stable"])[:2]]:
+        one = nrdob.NRDOB(family[int(k)], loop.model, loop.controller, loop.filter)
+        y = one.step_response("d", np.linspace(0, 5, 4001)).outputs[0, 0]
+        assert table["peak_d"][k] == pytest.approx(np.abs(y).max(), rel=1e-4)
+
+
+def test_the_share_is_bounded_as_clopper_and_pearson_do():
+    table = nrdob.sweep(paper.example(1), nrdob.family(paper.example(1).process, gain=(0.5, 2),
+                                                       samples=100), "stable")  # fmt: skip
+    share = table.stable_share()
+    assert share.share == share.high == 1.0
+    assert share.low == pytest.approx(0.025 ** (1 / 100))
+    for wrong, kind in ((1.5, ValueError), ("much", TypeError)):
+        with pytest.raises(kind):
+            table.stable_share(wrong)
+
+
+def test_the_worst_come_first_and_tables_go_to_pandas_and_xarray():
+    loop = paper.example(3)
+    family = nrdob.family(loop.process, gain=(0.5, 2), lag=(0, 0.2), grid={"gain": 5, "lag": 4})
+    table = nrdob.sweep(loop, family, ("ms", "gm"))
+    worst = table.worst(30)
+    stable = worst["stable"]
+    assert not stable[: (~stable).sum()].any()
+    assert (np.diff(worst["ms"][stable]) <= 0).all() and len(table.worst(3)) == 3
+    data = table.to_xarray()
+    assert data["ms"].dims == ("gain", "lag")
+    assert float(data["ms"].sel(gain=0.5, lag=0.0)) == table["ms"][0]
+    frame = table.to_pandas()
+    assert frame["stable"].dtype == "boolean" and frame.loc[3, "lag"] == pytest.approx(0.2)
+    with pytest.raises(KeyError, match="the columns are"):
+        table["pm"]
+    assert "stable" in repr(table)
+
+
+def test_an_extra_that_is_missing_is_named(monkeypatch):
+    table = nrdob.sweep(paper.example(1), nrdob.family(paper.example(1).process, gain=(0.5, 2),
+                                                       samples=3), "stable")  # fmt: skip
+    monkeypatch.setitem(__import__("sys").modules, "pandas", None)
+    with pytest.raises(ImportError, match="pip install pandas"):
+        table.to_pandas()
+
+
+def test_what_cannot_be_swept_is_refused():
+    loop = paper.example(1)
+    family = nrdob.family(loop.process, gain=(0.5, 2), samples=3)
+    for given, kind in (
+        ((loop.process, family), TypeError),
+        ((loop, [loop.process]), TypeError),
+        ((loop, family, ("bandwidth",)), ValueError),
+    ):
+        with pytest.raises(kind):
+            nrdob.sweep(*given)
+    for given, kind in (
+        ({"executor": "dask"}, TypeError),
+        ({"timeout": 0}, ValueError),
+        ({"timeout": "long"}, TypeError),
+        ({"progress": 3}, TypeError),
+    ):
+        with pytest.raises(kind):
+            nrdob.sweep(loop, family, **given)
