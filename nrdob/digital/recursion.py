@@ -191,8 +191,8 @@ def _block_length(recursion: Recursion, samples: int) -> int:
     p = len(recursion.H)
     m = max(1, min(LONGEST, samples))
     while m > 1:
-        coupling = _lifted(recursion, m, recursion.C, recursion.D, recursion.H)[2]
         with np.errstate(over="ignore", invalid="ignore"):
+            coupling = _lifted(recursion, m, recursion.C, recursion.D, recursion.H)[2]
             growth = np.abs(_all_free(coupling)) @ np.abs(coupling)
         # Decisions of one kind among themselves: that does not hang on their units.
         if max(growth[r::p, r::p].max() for r in range(p)) <= GROWTH:
@@ -204,7 +204,9 @@ def _block_length(recursion: Recursion, samples: int) -> int:
 def _all_free(coupling: FloatArray) -> FloatArray:
     """Solve for decisions that are all left as proposed, none of them by way of a later one."""
     unit = np.eye(len(coupling))
-    return np.asarray(solve_triangular(unit - coupling, unit, lower=True, unit_diagonal=True))
+    return np.asarray(
+        solve_triangular(unit - coupling, unit, lower=True, unit_diagonal=True, check_finite=False)
+    )
 
 
 def _lifted(
