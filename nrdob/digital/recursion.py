@@ -19,9 +19,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.linalg import solve_triangular
+from scipy.sparse import csr_array
+from scipy.sparse.linalg import matrix_power
 
 from ..numerics import FloatArray
 from .limits import Rule
@@ -33,6 +36,10 @@ LONGEST = 64
 
 GROWTH = 1e3
 """By how much a block may multiply what has been decided in it: so many digits are lost."""
+
+
+MOST_DENSE = 100
+"""States up to which nothing is gained by leaving out zeros."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,7 +166,7 @@ def march(
     from_states, from_inputs, from_decisions = _lifted(
         recursion, m, recursion.C, recursion.D, recursion.H
     )
-    over = np.linalg.matrix_power(recursion.A, m)
+    over = _power(recursion.A, m)
     to_end, decisions_to_end = _to_the_end(recursion, m)
     undecided = _all_free(from_decisions)
     from_outside, outside_to_end = grouped @ from_inputs.T, grouped @ to_end.T
@@ -184,6 +191,13 @@ def march(
             x = over @ x + outside_to_end[block] + decisions_to_end @ values
     _check_finite(starts, decided, m)
     return March(recursion, grouped, starts, decided, samples)
+
+
+def _power(A: FloatArray, m: int) -> Any:
+    """Raise to the power m; long dead times are mostly zeros, which are left out."""
+    if len(A) <= MOST_DENSE:
+        return np.linalg.matrix_power(A, m)
+    return matrix_power(csr_array(A), m)
 
 
 def _block_length(recursion: Recursion, samples: int) -> int:

@@ -13,7 +13,8 @@ from .code import ControllerCode, controller_code
 from .controller import Wait
 from .hold import HeldProcess, held_process
 from .limits import Limits
-from .simulation import Signal, SimulatedResponse, simulate
+from .signals import Signal
+from .simulation import SimulatedResponse, simulate
 
 __all__ = ["RunningLoop"]
 
