@@ -2,9 +2,9 @@
 
 The list below is the table of contents, by topic. What answers, with which fields, is one room
 further: `nrdob.analysis` (verdicts, margins, responses), `nrdob.design` (which filter, model and
-controller), `nrdob.digital` (the loop on a processor), `nrdob.diagram` (blocks and
-the maps between them), `nrdob.numerics` (polynomials with
-a delay), `nrdob.plotting` (figures) and `nrdob.course` (the paper's claims, the problem sets).
+controller), `nrdob.digital` (the loop on a processor), `nrdob.diagram` (blocks and the maps between
+them), `nrdob.numerics` (polynomials with a delay), `nrdob.plotting` (figures) and `nrdob.course`
+(the paper's claims, the problem sets).
 """
 
 from . import paper, plants

@@ -180,7 +180,6 @@ class CircleFunction:
         """
         return np.asarray(sum(term.reach(angle, half) for term in self.terms))
 
-
     @property
     def vanishes_at_one(self) -> bool:
         """Whether all terms have a zero at z = 1 exactly."""
@@ -192,7 +191,7 @@ class CircleFunction:
         longest = max(term.samples for term in self.terms)
         if longest > MULTIPLIED_OUT:
             return None
-        total = np.zeros(1)
+        total: FloatArray = np.zeros(1)
         for term in self.terms:
             powers = [np.array([-1.0, 1.0])] * term.samples
             powers += [np.ones(2)] * (longest - term.samples)

@@ -30,7 +30,7 @@ from scipy.linalg import block_diag, expm
 from ..diagram import Fraction, real_number
 from ..numerics import FloatArray, split
 
-__all__ = ["HeldProcess", "checked_times", "held_process", "in_samples", "realised"]
+__all__ = ["WHOLE", "HeldProcess", "checked_times", "held_process", "in_samples", "realised"]
 
 WHOLE = 1e-9
 """Fraction of a sample that is rounding: 0.3 s are three samples of 0.1 s."""
@@ -121,7 +121,7 @@ def held_process(process: Fraction, delay: float, dt: float) -> HeldProcess:
     A, B, C, D = realised(process, dt)
     samples, fraction = in_samples(delay, dt)
     late, B0 = _integrated(A, B, (1 - fraction) * dt)
-    early, first = _integrated(A, B, fraction * dt)
+    first = _integrated(A, B, fraction * dt)[1]
     Ad = _integrated(A, B, dt)[0]
     return HeldProcess(A, B, C, D, dt, samples, fraction, Ad, B0, late @ first)
 

@@ -28,7 +28,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..diagram import DelayedTransferFunction, Fraction, as_fraction, nonzero
-from ..numerics import FloatArray
 from .hold import checked_times, in_samples
 
 __all__ = ["MULTIPLIED_OUT", "held_in_w", "process_in_w", "whole_samples_in_w"]
@@ -87,7 +86,7 @@ def held_in_w(
     >>> import numpy as np
     >>> num, den = held_in_w(Fraction(np.array([1.0]), np.array([1.0, 1.0])), 0.1)
     >>> np.roots(num).round(6).tolist(), np.roots(den).round(6).tolist()
-    ([20.0], [-0.999168])
+    ([20.0], [-0.999167])
     """
     alpha = dt / 2 if alpha is None else alpha
     given = _Given.of(process, dt, fraction, at_once)
@@ -267,7 +266,7 @@ def _characteristic(A: Whole, bits: int) -> list[int]:
 
 
 def _held(given: _Given, share: Exact, bits: int) -> Whole:
-    """exp of [[A, e1], [0, 0]] over a share of a sample, by Taylor's series and squaring."""
+    """Exp of [[A, e1], [0, 0]] over a share of a sample, by Taylor's series and squaring."""
     n = len(given.a)
     time = given.time * share
     halvings = max(0, (time.numerator // time.denominator).bit_length() + 2)
