@@ -28,6 +28,7 @@ from ..numerics import (
     add,
     companion_roots,
 )
+from .wplane import MULTIPLIED_OUT
 
 __all__ = ["CircleFunction", "Product", "TurnCount", "count_outside", "resolved"]
 
@@ -36,9 +37,6 @@ TURN = 0.6
 
 SMALLEST = 2.0**-48
 """Half width of an interval, against its angle, at which it is halved no more."""
-
-MULTIPLIED_OUT = 40
-"""Samples of dead time up to which powers of 1 + v and 1 - v are multiplied out."""
 
 MOST = 400_000
 """Intervals at most."""
@@ -193,7 +191,7 @@ class CircleFunction:
         longest = max(term.samples for term in self.terms)
         if longest > MULTIPLIED_OUT:
             return None
-        total = np.zeros(1)
+        total: FloatArray = np.zeros(1)
         for term in self.terms:
             powers = [np.array([-1.0, 1.0])] * term.samples
             powers += [np.ones(2)] * (longest - term.samples)

@@ -177,7 +177,7 @@ def added_delay(
 
 
 def _response(held: HeldProcess, omega: float) -> complex:
-    """The process behind its hold at z = exp(jω dt)."""
+    """Evaluate the process behind its hold at z = exp(jω dt)."""
     z = np.exp(1j * omega * held.dt)
     state = np.linalg.solve(z * np.eye(held.B.size) - held.Ad, held.B0 + held.B1 / z)
     return complex((held.C @ state + held.D / z) * z**-held.samples)

@@ -249,4 +249,4 @@ def _waited(u: FloatArray, line: slice, wait: Wait) -> FloatArray:
     """(1 - φ) u[k-m] + φ u[k-m-1], as a row over (states, r, y, u)."""
     past = [u, *np.eye(line.stop - line.start, u.size, line.start)]
     late = (1 - wait.fraction) * past[wait.samples]
-    return late + wait.fraction * past[wait.samples + 1] if wait.fraction else late
+    return np.asarray(late + wait.fraction * past[wait.samples + 1] if wait.fraction else late)

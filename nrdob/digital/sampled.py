@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import inf, isfinite, pi, tan
+from math import inf, pi, tan
 
+import control as ct
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..analysis import Margins
 from ..diagram import Fraction, LoopEquations, real_number, six_digits
 from ..numerics import FloatArray, QuasiPolynomial
+from .between import Running, sampled_step_response
 from .circle import CircleFunction, Product
 from .circlemargins import CircleLocus, added_delay, circle_margins
 from .controller import SampledController, Wait, bilinear_block, wired
 from .heldblocks import held_blocks
-from .hold import HeldProcess, held_process, in_samples
+from .hold import HeldProcess, checked_times, held_process, in_samples
 from .running import RunningLoop
 from .verdict import SampledStability, sampled_stability
 from .wplane import held_in_w
@@ -53,18 +56,9 @@ class SampledLoop(RunningLoop):
     prewarp: float | None = None
 
     def __post_init__(self) -> None:
-        for name in ("dt", "computation_delay"):
-            value = real_number(getattr(self, name), name, "give seconds as a number")
+        checked = checked_times(self.dt, self.computation_delay)
+        for name, value in zip(("dt", "computation_delay"), checked, strict=True):
             object.__setattr__(self, name, value)
-        if not (isfinite(self.dt) and self.dt > 0):
-            raise ValueError(
-                f"dt is {self.dt}; the sampling time is a positive, finite number of seconds"
-            )
-        if not (isfinite(self.computation_delay) and self.computation_delay >= 0):
-            raise ValueError(
-                f"computation_delay is {self.computation_delay}; u is written some seconds after y "
-                "is read: 0 or more, and finite"
-            )
         if self.method not in METHODS:
             raise ValueError(f"method is {self.method!r}; choose one of {', '.join(METHODS)}")
         self._check_prewarp()
@@ -164,6 +158,32 @@ class SampledLoop(RunningLoop):
         )
         return replace(found, delay_margin=more)
 
+    def step_response(self, input: str, timepts: ArrayLike | None = None) -> ct.TimeResponseData:
+        """Respond to a unit step, exactly between the samples, too: see `nrdob.digital.between`.
+
+        Parameters
+        ----------
+        input : {"R", "d", "delta", "eta"}
+            Where the step enters: reference, output disturbance, input disturbance or noise.
+        timepts : (N,) array_like or float, optional
+            Increasing times from 0 on, in seconds, or the last one; by default until y and u have
+            settled.
+
+        Returns
+        -------
+        control.TimeResponseData
+            `time` (N,), and `outputs` (2, 1, N) with y and u; u is what the hold puts out, for
+            "delta" the input of the process u + δ.
+        """
+        running = Running(
+            self.process,
+            self.controller,
+            self.loop.delay,
+            self.computation_delay,
+            float(np.abs(self._stability.eigenvalues[0])),
+        )
+        return sampled_step_response(running, input, timepts)
+
     @cached_property
     def held(self) -> Fraction:
         """The process behind its hold, in powers of v = αw, without the whole samples."""
@@ -229,8 +249,9 @@ def _filled(p: FloatArray, size: int) -> FloatArray:
 
 def _over(num: tuple[Factor, Factor], den: tuple[Factor, Factor]) -> Fraction:
     """Multiply out one block from its factors."""
-    above, below = (
-        np.convolve(*(part.q if isinstance(part, QuasiPolynomial) else part for part in parts))
-        for parts in (num, den)
-    )
-    return Fraction(np.trim_zeros(above, "f"), below)
+    (a, b), (c, d) = ([_coefficients(part) for part in parts] for parts in (num, den))
+    return Fraction(np.trim_zeros(np.convolve(a, b), "f"), np.convolve(c, d))
+
+
+def _coefficients(part: Factor) -> FloatArray:
+    return part.q if isinstance(part, QuasiPolynomial) else part
