@@ -29,7 +29,7 @@ from .diagram import (
     filter_family,
     interpolating_filter,
 )
-from .digital import largest_sampling_time
+from .digital import Limits, largest_sampling_time
 from .loop import NRDOB
 from .sampling import random_loop
 
@@ -46,6 +46,8 @@ __all__ = [  # noqa: RUF022  (by topic: the contents of the package)
     "admissible_time_constants", "design_filter", "stability_chart",
     # How slowly may a processor run it? (NRDOB.sampled is the loop on one.)
     "largest_sampling_time",
+    # What its actuator can do, for its simulation and its code.
+    "Limits",
     # Which model, and which controller?
     "suggest_model", "design_controller",
     # Is a controller an observer?

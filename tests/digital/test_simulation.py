@@ -342,3 +342,19 @@ def test_one_sample_is_enough():
     assert found.time.tolist() == [0.0]
     assert found.applied.tolist() == [0.2]
     assert "1 samples to 0 s, u limited in 1 of them" in repr(found)
+
+
+# The same by other ways.
+
+
+@pytest.mark.parametrize("method", ["tustin", "zoh"])
+@pytest.mark.parametrize("input", ["R", "d", "delta", "eta"])
+def test_a_unit_step_is_the_step_response(method, input):
+    sampled = lag_loop(nrdob.delay(0.13) * LAG).sampled(0.05, method, computation_delay=0.02)
+    times = np.arange(240) * 0.0125
+    y = sampled.step_response(input, times).outputs[0, 0]
+    step = np.ones(60)
+    given = ({}, step) if input == "eta" else ({input: step}, None)
+    found = sampled.simulate(*given, n_between=4)
+    # Where y itself jumps with u, both show the value after the jump.
+    np.testing.assert_allclose(found.y_between, y, atol=1e-9)
