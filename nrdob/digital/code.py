@@ -397,9 +397,13 @@ def controller_code(
 
     Raises
     ------
+    TypeError
+        If the limits are given as something else.
     ValueError
         If there is a tracking time but no integrator to track with, or it is too short.
     """
+    if not isinstance(limits, Limits | None):
+        raise TypeError(f"limits is a {type(limits).__name__}; give nrdob.Limits(low, high, rate)")
     blocks = {name: bilinear_sections(block, alpha) for name, block in fractions.items()}
     code = ControllerCode(dt, blocks, wait, 0.0, Limits() if limits is None else limits)
     if tracking_time is None:

@@ -112,6 +112,7 @@ class March:
         return found.reshape(-1, len(C))[: self.samples]
 
 
+@np.errstate(over="ignore", invalid="ignore")  # what overflows is looked for at the end
 def march(
     recursion: Recursion,
     states: FloatArray,
@@ -177,18 +178,17 @@ def march(
     ]
     starts, decided = np.zeros((blocks, n)), np.zeros((blocks, m * p))
     x, previous = states, [float(value) for value in before]
-    with np.errstate(over="ignore", invalid="ignore"):
-        for block in range(blocks):
-            starts[block] = x
-            proposed = from_outside[block] + from_states @ x
-            values[:] = undecided @ proposed
-            if not all(rule.leaves(values[r::p], previous[r]) for r, rule in enumerate(rules)):
-                now = previous.copy()
-                for own, (dot, past, apply, i, r) in zip(proposed.tolist(), steps, strict=True):
-                    values[i] = now[r] = apply(own + float(dot(past)), now[r])
-            previous = values[-p:].tolist()
-            decided[block] = values
-            x = over @ x + outside_to_end[block] + decisions_to_end @ values
+    for block in range(blocks):
+        starts[block] = x
+        proposed = from_outside[block] + from_states @ x
+        values[:] = undecided @ proposed
+        if not all(rule.leaves(values[r::p], previous[r]) for r, rule in enumerate(rules)):
+            now = previous.copy()
+            for own, (dot, past, apply, i, r) in zip(proposed.tolist(), steps, strict=True):
+                values[i] = now[r] = apply(own + float(dot(past)), now[r])
+        previous = values[-p:].tolist()
+        decided[block] = values
+        x = over @ x + outside_to_end[block] + decisions_to_end @ values
     _check_finite(starts, decided, m)
     return March(recursion, grouped, starts, decided, samples)
 
@@ -203,13 +203,13 @@ def _power(A: FloatArray, m: int) -> Any:
 def _block_length(recursion: Recursion, samples: int) -> int:
     """Choose the samples that go together, few where decisions grow from one to the next."""
     p = len(recursion.H)
-    m = max(1, min(LONGEST, samples))
+    m = min(LONGEST, samples)
     while m > 1:
-        with np.errstate(over="ignore", invalid="ignore"):
-            coupling = _lifted(recursion, m, recursion.C, recursion.D, recursion.H)[2]
-            growth = np.abs(_all_free(coupling)) @ np.abs(coupling)
+        from_states, _, coupling = _lifted(recursion, m, recursion.C, recursion.D, recursion.H)
+        growth = np.abs(_all_free(coupling)) @ np.abs(coupling)
         # Decisions of one kind among themselves: that does not hang on their units.
-        if max(growth[r::p, r::p].max() for r in range(p)) <= GROWTH:
+        largest = max(growth[r::p, r::p].max() for r in range(p))
+        if largest <= GROWTH and np.isfinite(from_states).all():
             break
         m //= 2
     return m

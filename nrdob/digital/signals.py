@@ -66,8 +66,16 @@ def sample_times(
         if len(set(lengths.values())) > 1:
             said = ", ".join(f"{name} has {count}" for name, count in lengths.items())
             raise ValueError(f"the signals differ in length: {said} samples; make them equal")
-        return np.asarray(np.arange(next(iter(lengths.values()))) * dt)
-    asked = np.asarray(timepts, dtype=float)
+        count = next(iter(lengths.values()))
+        if not count:
+            raise ValueError("the signals are empty; give one value for each sample")
+        return np.asarray(np.arange(count) * dt)
+    try:
+        asked = np.asarray(timepts, dtype=float)
+    except (TypeError, ValueError):
+        raise TypeError(
+            f"timepts is {timepts!r:.60}; give the times of the samples in seconds, or the last one"
+        ) from None
     if asked.ndim == 0:
         last = float(asked)
         if not (isfinite(last) and last >= 0):
