@@ -243,7 +243,8 @@ def resolved(function: CircleFunction) -> tuple[FloatArray, float | None]:
         middle, half = (low + high) / 2, (high - low) / 2
         value = np.abs(function(middle))
         wide = function.reach(middle, half) > TURN * value
-        zero = wide & (value <= function.rounding(middle)) & (half <= 1e-3 * middle)
+        zero = wide & (half <= 1e-3 * middle)
+        zero[zero] = value[zero] <= function.rounding(middle[zero])
         if zero.any() or np.any(wide & (half <= SMALLEST * middle)):
             hit = zero | (half <= SMALLEST * middle)
             touched = float(middle[hit][0]) if touched is None else touched

@@ -164,7 +164,7 @@ def bilinear_block(name: str, block: Fraction, alpha: float, dt: float) -> Sampl
     if not n:
         return SampledBlock(name, A, B, C, D)
     implicit = np.eye(n) - alpha * A
-    largest = np.abs(implicit).sum(axis=1)
+    largest = np.maximum(np.abs(implicit).sum(axis=1), SINGULAR)
     if np.linalg.svd(implicit / largest[:, None], compute_uv=False)[-1] < SINGULAR:
         raise ValueError(
             f"{name} has a pole at {1 / alpha:.6g} rad/s, which Tustin's rule maps to z = ∞: it "

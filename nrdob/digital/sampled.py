@@ -150,7 +150,6 @@ class SampledLoop(RunningLoop):
             return found
         locus = CircleLocus(self._numerator, CircleFunction(self._denominator), self.dt)
         more = added_delay(
-            self.loop.fractions.G,
             self.process,
             self.controller,
             lambda omega: np.exp(locus.log(omega)),

@@ -40,6 +40,9 @@ FIRST, LAST = 256, 16384
 MULTIPLIED_OUT = 40
 """Samples of dead time up to which powers of 1 + v and 1 - v are multiplied out."""
 
+AT_NYQUIST = 1e-12
+"""Distance of a pole from z = -1 at which it lies there."""
+
 AGREEMENT = 4 * float(np.finfo(float).eps)
 
 
@@ -94,7 +97,7 @@ def held_in_w(
     while bits <= LAST:
         found = _rounded(given, bits, alpha)
         if last is not None and _same(found, last):
-            return _nonzero_at_nyquist(found, dt)
+            return _nonzero_at_nyquist(found, dt, alpha)
         bits, last = 2 * bits, found
     raise ArithmeticError(
         f"the process has modes so much faster than dt = {dt:g} s that its samples cannot be "
@@ -217,8 +220,9 @@ def _same(one: Fraction, other: Fraction) -> bool:
     )
 
 
-def _nonzero_at_nyquist(found: Fraction, dt: float) -> Fraction:
-    if not found.den[0]:
+def _nonzero_at_nyquist(found: Fraction, dt: float, alpha: float) -> Fraction:
+    in_v = np.abs(found.den) / alpha ** np.arange(found.den.size - 1, -1, -1.0)
+    if in_v[0] <= AT_NYQUIST * in_v.max():
         raise ValueError(
             f"an undamped mode of the process turns by half a revolution in dt = {dt:g} s, at the "
             "Nyquist frequency: choose another dt"
