@@ -225,7 +225,7 @@ class SampledLoop(RunningLoop):
         """The blocks of the controller, each as one, in powers of w."""
         _, Gm, C, F = self.blocks.fractions
         built = self.blocks.built
-        fractions = {"C": C, "F": F, "F/Gm": _over((built.Nf, built.Dm), (F.den, built.Nm))}
+        fractions = {"C": C, "F": F, "F/Gm": _over((built.Nf, Gm.den), (F.den, built.Nm))}
         if self.wait:
             fractions["Gm"] = Gm
         else:
