@@ -47,6 +47,8 @@ class RunningLoop:
     ) -> ControllerCode:
         """Make the controller ready to be written as C, Python or JSON.
 
+        It is written for any loop; whether the loop is stable is what `stability()` says.
+
         Parameters
         ----------
         limits : Limits, optional
