@@ -2,9 +2,10 @@
 
 The list below is the table of contents, by topic. What answers, with which fields, is one room
 further: `nrdob.analysis` (verdicts, margins, responses), `nrdob.design` (which filter, model and
-controller), `nrdob.measured` (a process out of a record), `nrdob.uncertain` (families of plants),
-`nrdob.diagram` (blocks and the maps between them), `nrdob.numerics` (polynomials with a delay),
-`nrdob.plotting` (figures) and `nrdob.course` (the paper's claims, the problem sets).
+controller), `nrdob.digital` (the loop on a processor), `nrdob.measured` (a process out of a
+record), `nrdob.uncertain` (families of plants), `nrdob.diagram` (blocks and the maps between them),
+`nrdob.numerics` (polynomials with a delay), `nrdob.plotting` (figures) and `nrdob.course`
+(the paper's claims, the problem sets).
 """
 
 from . import paper, plants
@@ -43,6 +44,7 @@ from .diagram import (
     filter_family,
     interpolating_filter,
 )
+from .digital import Limits, largest_sampling_time
 from .loop import NRDOB
 from .measured import identify, read_data
 from .sampling import random_loop
@@ -59,6 +61,10 @@ __all__ = [  # noqa: RUF022  (by topic: the contents of the package)
     # Which filters work, and which is the fastest?
     "stabilizing_time_constants", "critical_time_constants", "stabilizing_gains",
     "admissible_time_constants", "design_filter", "stability_chart",
+    # How slowly may a processor run it? (NRDOB.sampled is the loop on one.)
+    "largest_sampling_time",
+    # What its actuator can do, for its simulation and its code.
+    "Limits",
     # Which model, and which controller?
     "suggest_model", "design_controller",
     # What process was measured?
