@@ -264,7 +264,7 @@ def test_a_double_root_at_zero_is_divided_out_and_the_others_are_counted(lam):
     assert (p.zeros_at_origin, rest.zeros_at_origin, rest.degree) == (2, 0, 0)
     assert rest.constant == pytest.approx(lam**2 + 2 * lam + 0.5)
     assert rest(1e-9j) == pytest.approx(rest.constant, rel=1e-8)
-    omega = np.union1d(np.geomspace(1e-3, 1e5, 200_001), np.linspace(1e-3, 300, 200_001))
+    omega = np.union1d(np.geomspace(1e-3, 1e4, 9001), np.linspace(1e-3, 300, 9001))
     s = 1j * omega
     values = ((lam * s + 1) ** 2 - np.polyval(num, s) * np.exp(-s)) / s**2
     assert rest(s) == pytest.approx(values, rel=1e-8)
