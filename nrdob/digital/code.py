@@ -33,10 +33,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import astuple, dataclass, replace
 from functools import cache, cached_property
 from math import inf, isfinite, prod
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from ..diagram import Fraction, real_number
 from ..numerics import FloatArray
@@ -44,6 +43,9 @@ from .controller import SampledBlock, SampledController, Wait, wired
 from .equations import BLOCKS, SIGNALS, Row, equations, rendered
 from .limits import Limits
 from .sections import Section, at_rest, bilinear_sections, second_order_sections, state_space
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
 
 __all__ = ["ControllerCode", "controller_code"]
 
@@ -437,6 +439,9 @@ def _output(cascade: Sections, states: FloatArray, input: float) -> float:
 
 @cache
 def _environment() -> Environment:
+    # Loaded only where code is written.
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
     return Environment(
         loader=PackageLoader("nrdob.digital"),
         undefined=StrictUndefined,
