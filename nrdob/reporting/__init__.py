@@ -1,0 +1,8 @@
+"""Reports as pages that stand alone, and the command that writes them."""
+
+from .expressions import read_block
+from .page import Page, Picture, Section, Table
+from .proposals import Proposal, propose
+from .reports import report
+
+__all__ = ["Page", "Picture", "Proposal", "Section", "Table", "propose", "read_block", "report"]

@@ -1,0 +1,323 @@
+"""A loop for a process that comes alone: which model, filter and controller, and why these."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import control as ct
+import numpy as np
+
+from ..design import ModelCandidate, design_controller, design_filter, suggest_model
+from ..diagram import DelayedTransferFunction, LowPassFilter, as_fraction, interpolating_filter
+from ..loop import NRDOB
+from ..numerics import ComplexArray, number
+
+__all__ = ["Proposal", "propose"]
+
+NOISE_GAIN = 10.0
+"""Largest gain from noise to u against that at rest, where only noise limits the filter."""
+
+SPEEDS = (1.0, 0.5, 0.2, 0.1, 0.05, 2.0, 5.0)
+"""Crossovers tried for the controller, against the bandwidth 1/(nλ) of the observer."""
+
+MARGINS = (60.0, 30.0, 10.0)
+"""Phase margins tried for it, in degrees."""
+
+SHORTER = (1.0, 0.3, 0.1, 0.03, 0.01, 3.0, 10.0)
+"""Time constants of an interpolating filter, against the fastest of the process."""
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """What is proposed, or why nothing is.
+
+    Attributes
+    ----------
+    loop : NRDOB or None
+        The loop; None where no filter stabilises it under any model tried.
+    words : tuple of str
+        The reasons.
+    candidates : tuple of ModelCandidate
+        The models compared.
+    warnings : tuple of str
+        What must not be overlooked.
+    """
+
+    loop: NRDOB | None
+    words: tuple[str, ...]
+    candidates: tuple[ModelCandidate, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+
+def propose(
+    process: Any,
+    *,
+    model: Any = None,
+    controller: Any = None,
+    time_constant: float | None = None,
+    order: int | None = None,
+    max_ms: float = 2.0,
+) -> Proposal:
+    """Choose what was not given.
+
+    Parameters
+    ----------
+    process : as for `nrdob.NRDOB`
+        G.
+    model, controller : as for `nrdob.NRDOB`, optional
+        G̃ and C.
+    time_constant : float, optional
+        λ of the filter, in seconds.
+    order : int, optional
+        n of the filter.
+    max_ms : float
+        Largest peak of the sensitivity aimed at.
+
+    Returns
+    -------
+    Proposal
+        The loop and the reasons, or the reasons why there is none.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a block cannot stand where it is put.
+    """
+    words: list[str] = []
+    warnings: list[str] = []
+    candidates: tuple[ModelCandidate, ...] = ()
+    if model is None:
+        candidates = tuple(suggest_model(process, max_ms=max_ms))
+        best = candidates[0]
+        if not best.time_constants:
+            return _matched(process, controller, max_ms, candidates)
+        model, order = best.model, order or best.order
+        words.append(f"Model: {_why(best.how)}. {_rank(candidates, max_ms)}")
+    else:
+        words.append("Model: as given.")
+    if order is None:
+        lowest = as_fraction(getattr(model, "tf", model), "model").relative_degree
+        order = max(1, lowest)
+    if time_constant is None:
+        filter, said, warned = _filter(process, model, order, max_ms)
+        words.append(said)
+        warnings += warned
+        if filter is None:
+            return Proposal(None, tuple(words), candidates, tuple(warnings))
+    else:
+        filter = LowPassFilter(time_constant, order)
+        words.append("Filter: as given.")
+    if controller is None:
+        controller, said = _controller(model, filter)
+        words.append(said)
+        if controller is None:
+            return Proposal(None, tuple(words), candidates, (*warnings, said))
+    else:
+        words.append("Controller: as given.")
+    loop = NRDOB(process, model, controller, filter)
+    return Proposal(loop, tuple(words), candidates, tuple(warnings))
+
+
+def slowest_time_constant(process: Any) -> float:
+    """Largest time constant of poles, zeros and dead time, in seconds; 1 where there is none."""
+    block = process if hasattr(process, "delay") else None
+    fraction = as_fraction(getattr(process, "tf", process), "process", proper=False)
+    roots = np.concatenate([np.roots(part) for part in fraction])
+    sizes = np.abs(roots[np.abs(roots) > 1e-9 * np.abs(roots).max(initial=0.0)])
+    times = [*(1 / sizes), *([block.delay] if block is not None and block.delay else [])]
+    return float(max(times, default=1.0))
+
+
+def _rank(candidates: tuple[ModelCandidate, ...], max_ms: float) -> str:
+    if len(candidates) == 1:
+        return ""
+    among = f"Of the {len(candidates)} models compared it"
+    if candidates[0].fastest is None:
+        return f"{among} comes closest to a sensitivity peak of {max_ms:g}, which none meets."
+    return f"{among} lets the observer reject most at a sensitivity peak of {max_ms:g}."
+
+
+def _why(how: str) -> str:
+    reasons = {
+        "matched": "the process itself, which is stable, has no zero in the right half plane and "
+        "no dead time",
+        "zeros in the right half plane left out": "without the zeros in the right half plane, "
+        "whose inverse would be unstable",
+        "zeros in the right half plane mirrored": "with the zeros of the right half plane mirrored, "
+        "because their inverse would be unstable",
+        "unstable poles mirrored": "with the unstable poles mirrored to the left, because the model "
+        "is run in parallel and must be stable",
+        "poles on the axis moved to the left": "with the poles on the axis moved a little to the "
+        "left, so that the model does not drift",
+        "dead time left out": "without the dead time, which cannot be inverted",
+        "dead time replaced by a lag": "with a lag in place of the dead time, which cannot be "
+        "inverted",
+    }
+    return "; ".join(reasons.get(part, part) for part in how.split(", "))
+
+
+def _filter(
+    process: Any, model: Any, order: int, max_ms: float
+) -> tuple[LowPassFilter | None, str, list[str]]:
+    """Choose the fastest filter that keeps the peak; where all do, what the noise allows."""
+    try:
+        found = design_filter(process, model, order=order, max_ms=max_ms)
+        return (
+            _low_pass(found),
+            (
+                f"Filter: the fastest of order {order} whose plant loop has a sensitivity peak of at "
+                f"most {max_ms:g}."
+            ),
+            [],
+        )
+    except ValueError as error:
+        reason = str(error)
+    at_rest = abs(complex(getattr(model, "tf", model)(0)))
+    if "however fast" in reason:
+        if np.isfinite(at_rest) and at_rest > 0:
+            try:
+                found = design_filter(
+                    process, model, order=order, max_ms=max_ms, max_u_eta=NOISE_GAIN / at_rest
+                )
+                return (
+                    _low_pass(found),
+                    (
+                        f"Filter: every fast one of order {order} keeps the sensitivity peak below "
+                        f"{max_ms:g}, so the noise must choose: this one passes noise to u at most "
+                        f"{NOISE_GAIN:g} times as strongly as the model's inverse does at rest."
+                    ),
+                    [],
+                )
+            except ValueError:
+                pass
+        time_constant = slowest_time_constant(process) / 10
+        return (
+            LowPassFilter(time_constant, order),
+            (
+                f"Filter: every fast one of order {order} will do, and neither the plant nor the noise "
+                "says how fast it must be: this is a tenth of the slowest time constant of the process "
+                "(of 1 s where it has none). Choose your own."
+            ),
+            [],
+        )
+    for limit in (1.2, 1.5, 2.0, 3.0, 5.0):
+        try:
+            found = design_filter(process, model, order=order, max_ms=max_ms * limit)
+        except ValueError:
+            continue
+        return (
+            _low_pass(found),
+            (
+                f"Filter: none of order {order} keeps the sensitivity peak below {max_ms:g}; this is "
+                f"the fastest below {max_ms * limit:g}."
+            ),
+            [
+                f"No filter with this model meets a sensitivity peak of {max_ms:g}: the loop is touchy."
+            ],
+        )
+    return (
+        None,
+        f"Filter: {reason}.",
+        [f"No filter of order {order} gives a loop that could be used with this model: {reason}."],
+    )
+
+
+def _low_pass(found: Any) -> LowPassFilter:
+    assert isinstance(found, LowPassFilter)  # an order was asked for, not a family
+    return found
+
+
+def _controller(model: Any, filter: Any) -> tuple[ct.TransferFunction | None, str]:
+    """Design a PI by its phase margin, or else by some share of the observer's bandwidth."""
+    undelayed = getattr(model, "tf", model)
+    try:
+        found = design_controller(undelayed)
+        return found, (
+            "Controller: the PI of largest integral gain with a phase margin of 60° on the model."
+        )
+    except ValueError as error:
+        reason = str(error)
+    speed = (
+        1 / (filter.order * filter.time_constant)
+        if isinstance(filter, LowPassFilter)
+        else 1 / slowest_time_constant(model)
+    )
+    for margin in MARGINS:
+        for share in SPEEDS:
+            try:
+                found = design_controller(undelayed, bandwidth=share * speed, phase_margin=margin)
+            except ValueError:
+                continue
+            return found, (
+                f"Controller: designed for a crossover at {number(share * speed)} rad/s, near the "
+                f"bandwidth of the observer, with a phase margin of {margin:g}° on the model."
+            )
+    return None, f"Controller: none of I, PI and PID was found for this model ({reason})."
+
+
+def _matched(
+    process: Any, controller: Any, max_ms: float, candidates: tuple[ModelCandidate, ...]
+) -> Proposal:
+    """Try the process as its own model, under a filter that is 1 at what must not be inverted."""
+    none = (
+        f"None of the {len(candidates)} models compared can be stabilised by any low-pass filter "
+        "(1/(λs + 1)^n): mirrored poles, smaller gains, the dead time left out or made a lag."
+    )
+    undelayed = process.tf if isinstance(process, DelayedTransferFunction) else process
+    fraction = as_fraction(undelayed, "process")
+    unstable = _right(fraction.den)
+    delay = getattr(process, "delay", 0.0)
+    words = [none]
+    if unstable.size and delay:
+        product = float(unstable.real.max()) * delay
+        words.append(
+            f"The fastest unstable pole is at {number(float(unstable.real.max()))} rad/s, and the "
+            f"dead time lasts {number(delay)} s: their product is {number(product)}. Whatever the "
+            f"controller, the sensitivity then peaks at {number(float(np.exp(product) - 1))} at "
+            "least, because nothing can act before the dead time is over while the pole grows "
+            f"by {number(float(np.exp(product)))}."
+        )
+    if not delay:
+        loops = []
+        base = 1 / max(
+            (abs(r) for part in fraction for r in np.roots(part) if abs(r) > 0), default=1.0
+        )
+        for share in SHORTER:
+            try:
+                filter = interpolating_filter(undelayed, share * base)
+                chosen = controller
+                if chosen is None:
+                    chosen, _ = _controller(undelayed, filter)
+                if chosen is None:
+                    continue
+                loop = NRDOB(process, undelayed, chosen, filter)
+                margins = loop.margins()
+            except (ValueError, ArithmeticError):
+                continue
+            if margins.stable:
+                loops.append((margins.plant_loop.ms, share * base, loop))
+        if loops:
+            ms, time_constant, loop = min(loops, key=lambda each: each[0])
+            words.append(
+                "What does work is the process as its own model, under an interpolating filter, "
+                "which is 1 at its unstable poles and 0 at its zeros in the right half plane: here "
+                f"with λ = {number(time_constant)} s, the best of {len(loops)} tried. It works only "
+                "where the model is nearly right."
+            )
+            warned = [
+                f"The sensitivity peak is {number(ms)} at its best, above {max_ms:g}: this process "
+                "leaves little room, whatever the controller."
+            ] * (ms > max_ms)
+            return Proposal(loop, tuple(words), candidates, tuple(warned))
+    words.append(
+        "What to change: measure or act with less dead time, add an actuator or a sensor that sees "
+        "the unstable motion earlier, or give a model of your own. That nothing tried here works "
+        "does not prove that nothing does."
+    )
+    return Proposal(None, tuple(words), candidates, (none,))
+
+
+def _right(den: Any) -> ComplexArray:
+    roots = np.roots(den)
+    return np.asarray(roots[roots.real > 0])
