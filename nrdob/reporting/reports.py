@@ -21,6 +21,7 @@ from .wording import character, formula, intervals
 __all__ = ["report"]
 
 EXPECTED = (
+    ImportError,
     ArithmeticError,
     AttributeError,
     LookupError,
