@@ -2,9 +2,9 @@
 
 The list below is the table of contents, by topic. What answers, with which fields, is one room
 further: `nrdob.analysis` (verdicts, margins, responses), `nrdob.design` (which filter, model and
-controller), `nrdob.measured` (a process out of a record), `nrdob.diagram` (blocks and the maps
-between them), `nrdob.numerics` (polynomials with a delay), `nrdob.plotting` (figures) and
-`nrdob.course` (the paper's claims, the problem sets).
+controller), `nrdob.measured` (a process out of a record), `nrdob.reporting` (all on one page),
+`nrdob.diagram` (blocks and the maps between them), `nrdob.numerics` (polynomials with a delay),
+`nrdob.plotting` (figures) and `nrdob.course` (the paper's claims, the problem sets).
 """
 
 from . import paper, plants
@@ -31,6 +31,7 @@ from .diagram import (
 )
 from .loop import NRDOB
 from .measured import identify, read_data
+from .reporting import report
 from .sampling import random_loop
 
 __all__ = [  # noqa: RUF022  (by topic: the contents of the package)
@@ -48,6 +49,8 @@ __all__ = [  # noqa: RUF022  (by topic: the contents of the package)
     "suggest_model", "design_controller",
     # What process was measured?
     "identify", "read_data",
+    # All that can be said, on one page.
+    "report",
     # Is a controller an observer?
     "observer_form", "stable_model_exists",
     # Loops to try things on: the paper's, some with a name, random ones.

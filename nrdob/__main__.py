@@ -2,7 +2,7 @@
 
 import sys
 
-from .reporting.command import main
+from .reporting import main
 
 __all__: list[str] = []
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from math import inf, isfinite, isnan, log10
 from typing import Any
 
@@ -44,8 +45,14 @@ class Given:
 
 
 def sections_of(given: Given) -> Iterator[tuple[str, Callable[[], Section]]]:
-    """Give each section by its title, to be written one by one."""
-    for title, write in (
+    """Give each section by its title, to be written one by one.
+
+    Parameters
+    ----------
+    given : Given
+        The loop.
+    """
+    parts: tuple[tuple[str, Callable[[Given, str], Section]], ...] = (
         ("The loop", _blocks),
         ("Is it stable?", _verdict),
         ("How nearly not?", _margins),
@@ -53,8 +60,9 @@ def sections_of(given: Given) -> Iterator[tuple[str, Callable[[], Section]]]:
         ("Stability around this filter", _chart),
         ("What it does", _responses),
         ("On a processor", _sampled),
-    ):
-        yield title, lambda write=write, title=title: write(given, title)
+    )
+    for title, write in parts:
+        yield title, partial(write, given, title)
 
 
 def _blocks(given: Given, title: str) -> Section:
@@ -68,12 +76,11 @@ def _blocks(given: Given, title: str) -> Section:
     for name, block in named:
         num, den = as_fraction(_undelayed(block), name, proper=False)
         rows.append((name, formula(block), _roots(den), _roots(num)))
-    table = Table(
-        "The blocks, with poles and zeros in rad/s", ("", "", "poles", "zeros"), tuple(rows)
-    )
+    head = ("block", "formula", "poles", "zeros")
+    table = Table("The blocks, with poles and zeros in rad/s", head, tuple(rows))
     words = (
-        "The model and the inverse of the model tell from u and y what disturbs the plant; the filter "
-        "takes that off the input. All the feedback from y to u is K = F/((1 − F) G̃), and the "
+        "The model and its inverse tell from u and y what disturbs the plant; the filter takes "
+        "that off the input. All the feedback from y to u is K = F/((1 − F) G̃), and the "
         "controller C acts on the reference through the model.",
         "What kind of process is it? " + " ".join(character(given.loop.process)),
     )
@@ -139,7 +146,7 @@ def _margins(given: Given, title: str) -> Section:
     warnings = tuple(_warnings(found.plant_loop, given))
     words = (
         "What a change of the plant uses up are the margins of L.",
-        warnings[0] if warnings else "They are ample.",
+        warnings[0] if warnings else "None of them is small.",
     )
     return Section(title, words, (table,), (), warnings)
 
@@ -240,7 +247,7 @@ def _responses(given: Given, title: str) -> Section:
             else "White noise on the sensor reaches u without being filtered at high frequency."
         )
     except (ValueError, ArithmeticError) as error:
-        words.append(f"What noise costs could not be told: {error}.")
+        words.append(f"What noise does to u: {error}.")
     return Section(title, tuple(words), (), tuple(drawn))
 
 

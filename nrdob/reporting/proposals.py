@@ -140,16 +140,16 @@ def _rank(candidates: tuple[ModelCandidate, ...], max_ms: float) -> str:
 
 def _why(how: str) -> str:
     reasons = {
-        "matched": "the process itself, which is stable, has no zero in the right half plane and "
-        "no dead time",
-        "zeros in the right half plane left out": "without the zeros in the right half plane, "
-        "whose inverse would be unstable",
-        "zeros in the right half plane mirrored": "with the zeros of the right half plane mirrored, "
-        "because their inverse would be unstable",
-        "unstable poles mirrored": "with the unstable poles mirrored to the left, because the model "
-        "is run in parallel and must be stable",
-        "poles on the axis moved to the left": "with the poles on the axis moved a little to the "
-        "left, so that the model does not drift",
+        "matched": "the process itself, which is stable, has no zero in the right half plane "
+        "and no dead time",
+        "zeros in the right half plane left out": "without the zeros in the right half "
+        "plane, whose inverse would be unstable",
+        "zeros in the right half plane mirrored": "with the zeros of the right half plane "
+        "mirrored, because their inverse would be unstable",
+        "unstable poles mirrored": "with the unstable poles mirrored to the left, because the "
+        "model is run in parallel and must be stable",
+        "poles on the axis moved to the left": "with the poles on the axis moved a little to "
+        "the left, so that the model does not drift",
         "dead time left out": "without the dead time, which cannot be inverted",
         "dead time replaced by a lag": "with a lag in place of the dead time, which cannot be "
         "inverted",
@@ -166,8 +166,8 @@ def _filter(
         return (
             _low_pass(found),
             (
-                f"Filter: the fastest of order {order} whose plant loop has a sensitivity peak of at "
-                f"most {max_ms:g}."
+                f"Filter: the fastest of order {order} whose plant loop has a sensitivity peak of "
+                f"at most {max_ms:g}."
             ),
             [],
         )
@@ -195,8 +195,8 @@ def _filter(
         return (
             LowPassFilter(time_constant, order),
             (
-                f"Filter: every fast one of order {order} will do, and neither the plant nor the noise "
-                "says how fast it must be: this is a tenth of the slowest time constant of the process "
+                f"Filter: every fast one of order {order} will do, and neither plant nor noise "
+                "says how fast it must be: this is a tenth of the slowest time constant of the plant "
                 "(of 1 s where it has none). Choose your own."
             ),
             [],
@@ -209,12 +209,10 @@ def _filter(
         return (
             _low_pass(found),
             (
-                f"Filter: none of order {order} keeps the sensitivity peak below {max_ms:g}; this is "
-                f"the fastest below {max_ms * limit:g}."
+                f"Filter: none of order {order} keeps the sensitivity peak below {max_ms:g}; this "
+                f"is the fastest below {max_ms * limit:g}."
             ),
-            [
-                f"No filter with this model meets a sensitivity peak of {max_ms:g}: the loop is touchy."
-            ],
+            [f"No filter with this model meets a sensitivity peak of {max_ms:g}: it is touchy."],
         )
     return (
         None,
@@ -302,8 +300,8 @@ def _matched(
             words.append(
                 "What does work is the process as its own model, under an interpolating filter, "
                 "which is 1 at its unstable poles and 0 at its zeros in the right half plane: here "
-                f"with λ = {number(time_constant)} s, the best of {len(loops)} tried. It works only "
-                "where the model is nearly right."
+                f"with λ = {number(time_constant)} s, the best of {len(loops)} tried. It works "
+                "only where the model is nearly right."
             )
             warned = [
                 f"The sensitivity peak is {number(ms)} at its best, above {max_ms:g}: this process "

@@ -1,6 +1,6 @@
-"""A report on a loop, on a process that has none yet, or on a record, as one page that stands alone.
+"""A report on a loop, on a process that has none yet, or on a record, as one page.
 
-Every part is written for itself. One that cannot be says why, and the others are there all the same.
+Every part is written for itself. One that cannot be says why, and the others are still there.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from typing import Any
 
 from ..loop import NRDOB
 from ..measured import Identification, Record, identified
+from ..numerics import number
 from .datasections import data_sections, record_section
 from .loopsections import Given, sections_of
 from .page import Page, Section, Table
@@ -37,7 +38,7 @@ CHECKED = (
     "of the plant leaves out are not in it.",
     "Stability is decided exactly, in two independent ways that must agree, also with dead time. "
     "Sets of λ are complete above a smallest λ where there is a dead time. Margins tell how much "
-    "one thing may change while all others stay; several may change at once, and then less is left.",
+    "one thing may change while all others stay; several may change at once; then less is left.",
 )
 
 
@@ -218,6 +219,6 @@ def _verdict(loop: NRDOB | None) -> tuple[str, str]:
     except EXPECTED:
         return "The loop is stable.", "good"
     return (
-        f"The loop is stable; its sensitivity peaks at {margins.ms:.3g}, at {margins.wms:.3g} rad/s.",
+        f"The loop is stable; its sensitivity peaks at {number(margins.ms)}.",
         "good",
     )
