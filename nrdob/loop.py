@@ -18,6 +18,7 @@ from .analysis import (
     step_response,
 )
 from .diagram import CLOSED_LOOP, MAPS, LoopEquations, Quotient
+from .digital import SampledLoop
 
 if TYPE_CHECKING:
     from .plotting import Figure
@@ -141,6 +142,34 @@ class NRDOB(LoopEquations):
             `time` (N,), and `outputs` (2, N) with y and u.
         """
         return forced_response(self, input, timepts, inputs)
+
+    def sampled(
+        self,
+        dt: float,
+        method: str = "tustin",
+        computation_delay: float = 0.0,
+        prewarp: float | None = None,
+    ) -> SampledLoop:
+        """Put the controller on a processor: see `nrdob.digital.SampledLoop`.
+
+        Parameters
+        ----------
+        dt : float
+            Sampling time in seconds.
+        method : {"tustin", "zoh"}
+            How the blocks are sampled.
+        computation_delay : float
+            Time from reading y to writing u, in seconds.
+        prewarp : float, optional
+            Frequency in rad/s at which Tustin's rule is exact.
+
+        Returns
+        -------
+        SampledLoop
+            With `stability()`, `margins()`, `step_response()` and the difference equations,
+            `.controller`.
+        """
+        return SampledLoop(self, dt, method, computation_delay, prewarp)
 
     def plot_nyquist(
         self,

@@ -74,11 +74,11 @@ class Locus:
 
     def log(self, omega: FloatArray) -> ComplexArray:
         """Evaluate log L(jω), -inf at a zero, inf at a pole."""
-        return self._log_and_slope(omega)[0]
+        return self.log_and_slope(omega)[0]
 
     def motion(self, omega: FloatArray) -> FloatArray:
         """Evaluate what decides about margins at frequencies ω > 0: the rows named above."""
-        log, slope = self._log_and_slope(omega)
+        log, slope = self.log_and_slope(omega)
         size, angle = log.real, log.imag
         with np.errstate(all="ignore"):
             inverse = np.exp(-np.clip(size, -700, 700) - 1j * angle)
@@ -87,8 +87,8 @@ class Locus:
         rows = (size, np.sin(angle), retreat, slope.real, np.cos(angle) * slope.imag, distance)
         return np.stack(rows)
 
-    def _log_and_slope(self, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:
-        """Return log L(jω) and its derivative with respect to log ω."""
+    def log_and_slope(self, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:
+        """Evaluate log L(jω) and its derivative with respect to log ω."""
         square, s = -(omega**2), 1j * omega
         first, *others = self._table
         value = np.repeat(first, omega.size, axis=-1)

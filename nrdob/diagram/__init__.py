@@ -1,6 +1,6 @@
 """What is wired to what: the blocks handed in, and the loop's maps as factored quotients."""
 
-from .blocks import Fraction, as_fraction, nonzero
+from .blocks import Fraction, as_fraction, nonzero, real_number, six_digits
 from .delay import DelayedTransferFunction, delay
 from .equations import LoopEquations, ObserverEquations
 from .families import FilterFamily, as_family, filter_family
@@ -29,4 +29,6 @@ __all__ = [
     "interpolating_filter",
     "nonzero",
     "rational_power",
+    "real_number",
+    "six_digits",
 ]

@@ -196,7 +196,7 @@ def _filter(
             LowPassFilter(time_constant, order),
             (
                 f"Filter: every fast one of order {order} will do, and neither plant nor noise "
-                "says how fast it must be: this is a tenth of the slowest time constant of the plant "
+                "says how fast it must be: this is a tenth of the plant's slowest time constant "
                 "(of 1 s where it has none). Choose your own."
             ),
             [],

@@ -1,0 +1,176 @@
+r"""The process behind a zero-order hold, with any dead time, exactly.
+
+The processor writes u[k] at the time k dt and the hold keeps it until the next sample. With a dead
+time θ = (d + φ) dt, 0 <= φ < 1, the process x' = A x + B v, y = C x + D v feels v = u[k-d-1] for
+the first φ dt seconds of a sample and u[k-d] for the rest of it::
+
+    x[k+1] = exp(A dt) x[k] + B1 u[k-d-1] + B0 u[k-d]        y[k] = C x[k] + D u[k-d-1]
+    B0 = ∫ exp(A τ) B dτ from 0 to (1-φ) dt,   B1 = exp(A (1-φ) dt) ∫ exp(A τ) B dτ from 0 to φ dt
+
+y is read just before the next u is written, so that a process with a direct path answers with the
+input it has had until then, also without dead time. All integrals are blocks of one matrix
+exponential (Van Loan).
+
+.. rubric:: References
+
+C. F. Van Loan, Computing integrals involving the matrix exponential, IEEE Trans. Automatic Control
+23 (1978) 395-404.
+
+K. J. Åström, B. Wittenmark, Computer-Controlled Systems, 3rd ed., Prentice Hall 1997, 2.3.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import floor
+
+import numpy as np
+from scipy.linalg import block_diag, expm
+
+from ..diagram import Fraction
+from ..numerics import FloatArray, split
+
+__all__ = ["HeldProcess", "held_process", "in_samples", "realised"]
+
+WHOLE = 1e-9
+"""Fraction of a sample that is rounding: 0.3 s are three samples of 0.1 s."""
+
+SLOWEST = 1e6
+"""Samples after which slow modes are no longer told apart."""
+
+
+@dataclass(frozen=True, eq=False)
+class HeldProcess:
+    """A process with dead time between a hold and a sampler.
+
+    Attributes
+    ----------
+    A, B, C, D : arrays of float, shapes (n, n), (n,), (n,), ()
+        The process in continuous time without its dead time, x' = A x + B v and y = C x + D v.
+    dt : float
+        Sampling time in seconds.
+    samples : int
+        d, the whole samples in the dead time.
+    fraction : float
+        φ, what is left of it in samples, 0 <= φ < 1.
+    Ad, B0, B1 : arrays of float, shapes (n, n), (n,), (n,)
+        From sample to sample, x[k+1] = Ad x[k] + B0 u[k-d] + B1 u[k-d-1].
+    """
+
+    A: FloatArray
+    B: FloatArray
+    C: FloatArray
+    D: float
+    dt: float
+    samples: int
+    fraction: float
+    Ad: FloatArray
+    B0: FloatArray
+    B1: FloatArray
+
+    @property
+    def delay(self) -> float:
+        """The dead time in seconds."""
+        return (self.samples + self.fraction) * self.dt
+
+    @property
+    def memory(self) -> int:
+        """How many past inputs there are that still act: d, and one more with a fraction or D."""
+        return self.samples + int(self.fraction > 0 or self.D != 0)
+
+    def between(self, time: float) -> tuple[FloatArray, FloatArray]:
+        """Transition exp(A t) and input ∫ exp(A τ) B dτ over a time t, in seconds.
+
+        Parameters
+        ----------
+        time : float
+            At least 0.
+        """
+        return _integrated(self.A, self.B, time)
+
+
+def held_process(process: Fraction, delay: float, dt: float) -> HeldProcess:
+    """Put a process between a hold and a sampler.
+
+    Parameters
+    ----------
+    process : Fraction
+        The rational part, proper.
+    delay : float
+        The whole dead time in seconds.
+    dt : float
+        The sampling time in seconds.
+
+    Returns
+    -------
+    HeldProcess
+        Exact, whatever the ratio of dead time and sampling time.
+
+    Examples
+    --------
+    A lag of one second behind a dead time of a sample and a half:
+
+    >>> import numpy as np
+    >>> held = held_process(Fraction(np.array([1.0]), np.array([1.0, 1.0])), 0.15, 0.1)
+    >>> held.samples, round(held.fraction, 6)
+    (1, 0.5)
+    >>> lag = np.exp(-0.05)
+    >>> np.allclose([held.C * held.B0, held.C * held.B1], [[1 - lag], [lag * (1 - lag)]])
+    True
+    """
+    A, B, C, D = realised(process, dt)
+    samples, fraction = in_samples(delay, dt)
+    late, B0 = _integrated(A, B, (1 - fraction) * dt)
+    early, first = _integrated(A, B, fraction * dt)
+    Ad = _integrated(A, B, dt)[0]
+    return HeldProcess(A, B, C, D, dt, samples, fraction, Ad, B0, late @ first)
+
+
+def in_samples(delay: float, dt: float) -> tuple[int, float]:
+    """Count a dead time in whole samples, and what is left of it as a fraction of one.
+
+    Parameters
+    ----------
+    delay, dt : float
+        Dead time and sampling time in seconds.
+
+    Examples
+    --------
+    >>> in_samples(0.3, 0.1), in_samples(0.25, 0.1)
+    ((3, 0.0), (2, 0.5))
+    """
+    count = delay / dt
+    samples = floor(count + WHOLE)
+    fraction = count - samples
+    return samples, fraction if fraction > WHOLE else 0.0
+
+
+def realised(block: Fraction, dt: float) -> tuple[FloatArray, FloatArray, FloatArray, float]:
+    """Realise a fraction in state space, parts of different time scales side by side.
+
+    Parameters
+    ----------
+    block : Fraction
+        Proper.
+    dt : float
+        Sampling time in seconds; modes slower than a million of it are not told apart.
+
+    Returns
+    -------
+    A, B, C, D : arrays of float, shapes (n, n), (n,), (n,) and a float
+        Time in seconds.
+    """
+    parts = split([block.num], block.den, SLOWEST * dt)
+    A = block_diag(*(part.A for part in parts)) if block.den.size > 1 else np.zeros((0, 0))
+    B = np.concatenate([part.B for part in parts])
+    C = np.concatenate([part.C[0] for part in parts])
+    return np.asarray(A), B, C, float(sum(part.D[0] for part in parts))
+
+
+def _integrated(A: FloatArray, B: FloatArray, time: float) -> tuple[FloatArray, FloatArray]:
+    """exp(A t), and ∫ exp(A τ) B dτ from 0 to t."""
+    n = B.size
+    augmented = np.zeros((n + 1, n + 1))
+    augmented[:n, :n], augmented[:n, n] = A * time, B * time
+    both = expm(augmented)
+    return np.asarray(both[:n, :n]), np.asarray(both[:n, n])

@@ -1,0 +1,230 @@
+r"""The loop on a processor: the process behind a hold, the observer as difference equations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from math import inf, isfinite, pi, tan
+
+import numpy as np
+
+from ..analysis import Margins
+from ..diagram import Fraction, LoopEquations, real_number, six_digits
+from ..numerics import FloatArray, QuasiPolynomial
+from .circle import CircleFunction, Product
+from .circlemargins import CircleLocus, added_delay, circle_margins
+from .controller import SampledController, Wait, bilinear_block, wired
+from .heldblocks import held_blocks
+from .hold import HeldProcess, held_process, in_samples
+from .verdict import SampledStability, sampled_stability
+from .wplane import held_in_w
+
+__all__ = ["METHODS", "SampledLoop"]
+
+METHODS = ("tustin", "zoh")
+"""How a block is sampled."""
+
+Factor = FloatArray | QuasiPolynomial
+
+
+@dataclass(frozen=True, eq=False)
+class SampledLoop:
+    """An NR-DOB loop whose controller runs on a processor: what `NRDOB.sampled` returns.
+
+    Parameters
+    ----------
+    loop : LoopEquations
+        The loop in continuous time.
+    dt : float
+        Sampling time in seconds.
+    method : {"tustin", "zoh"}
+        How the blocks are sampled.
+    computation_delay : float
+        Time from reading y to writing u, in seconds.
+    prewarp : float, optional
+        Frequency in rad/s at which Tustin's rule is exact.
+    """
+
+    loop: LoopEquations
+    dt: float
+    method: str = "tustin"
+    computation_delay: float = 0.0
+    prewarp: float | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("dt", "computation_delay"):
+            value = real_number(getattr(self, name), name, "give seconds as a number")
+            object.__setattr__(self, name, value)
+        if not (isfinite(self.dt) and self.dt > 0):
+            raise ValueError(
+                f"dt is {self.dt}; the sampling time is a positive, finite number of seconds"
+            )
+        if not (isfinite(self.computation_delay) and self.computation_delay >= 0):
+            raise ValueError(
+                f"computation_delay is {self.computation_delay}; u is written some seconds after y "
+                "is read: 0 or more, and finite"
+            )
+        if self.method not in METHODS:
+            raise ValueError(f"method is {self.method!r}; choose one of {', '.join(METHODS)}")
+        self._check_prewarp()
+        if self.loop.ill_posed_model_loop:
+            raise ValueError(f"no sampled loop: {self.loop.ill_posed_model_loop}")
+        _ = self.controller
+
+    def _check_prewarp(self) -> None:
+        if self.prewarp is None:
+            return
+        value = real_number(self.prewarp, "prewarp", "give a frequency in rad/s as a number")
+        object.__setattr__(self, "prewarp", value)
+        if self.method != "tustin":
+            raise ValueError("prewarp belongs to Tustin's rule: leave it out, or method='tustin'")
+        if not 0 < value < pi / self.dt:
+            raise ValueError(
+                f"prewarp is {value:g} rad/s; it must lie between 0 and the Nyquist frequency, "
+                f"pi/dt = {pi / self.dt:.6g} rad/s"
+            )
+
+    def __repr__(self) -> str:
+        more = f", computation_delay={six_digits(self.computation_delay)}"
+        more += "" if self.prewarp is None else f", prewarp={six_digits(self.prewarp)}"
+        return f"SampledLoop(dt={six_digits(self.dt)}, method={self.method!r}{more})"
+
+    @property
+    def alpha(self) -> float:
+        """α of w = (z - 1)/(α (z + 1)), in seconds: dt/2, or what makes `prewarp` exact."""
+        if self.prewarp is None:
+            return self.dt / 2
+        return tan(self.prewarp * self.dt / 2) / self.prewarp
+
+    @property
+    def wait(self) -> Wait:
+        """Dead time of the model in samples."""
+        samples, fraction = in_samples(self.loop.model_delay, self.dt)
+        return Wait(samples, fraction)
+
+    @cached_property
+    def process(self) -> HeldProcess:
+        """The process between hold and sampler, with its dead time and that of computation."""
+        delay = self.loop.delay + self.computation_delay
+        return held_process(self.loop.fractions.G, delay, self.dt)
+
+    @cached_property
+    def blocks(self) -> LoopEquations:
+        """Model, controller and filter in the plane of w, which Tustin's rule takes as they are.
+
+        The process is still the one in continuous time.
+        """
+        return self.loop if self.method == "tustin" else held_blocks(self.loop, self.dt)
+
+    @cached_property
+    def p_B(self) -> CircleFunction:
+        """Characteristic function of the observer loop on the unit circle."""
+        return CircleFunction((*self._denominator, self._numerator))
+
+    @cached_property
+    def _stability(self) -> SampledStability:
+        return sampled_stability(self.blocks, self.p_B, self.process, self.controller, self.alpha)
+
+    def stability(self) -> SampledStability:
+        """Judge the sampled loop by Lemma 1 on the unit circle, in two ways.
+
+        Returns
+        -------
+        SampledStability
+            The verdict, and for C·G̃ and F·H the counts and roots that prove it.
+        """
+        return self._stability
+
+    def margins(self) -> Margins:
+        """Compute the margins of the sampled plant loop L = K·G on the unit circle.
+
+        Returns
+        -------
+        Margins
+            Which unpack as `control.stability_margins`, with frequencies up to π/dt. The delay
+            margin is the smallest dead time that must be added to the process, or to the
+            computation, for the loop to be lost: whole samples turn L, fractions act on the hold.
+        """
+        return self._margins
+
+    @cached_property
+    def _margins(self) -> Margins:
+        stable = self._stability.observer_loop.stable
+        found = circle_margins(self._numerator, self._denominator, self.p_B, self.dt, stable)
+        if not stable or found.delay_margin == inf:
+            return found
+        locus = CircleLocus(self._numerator, CircleFunction(self._denominator), self.dt)
+        more = added_delay(
+            self.loop.fractions.G,
+            self.process,
+            self.controller,
+            lambda omega: np.exp(locus.log(omega)),
+            found.gain_crossovers,
+        )
+        return replace(found, delay_margin=more)
+
+    @cached_property
+    def held(self) -> Fraction:
+        """The process behind its hold, in powers of v = αw, without the whole samples."""
+        return held_in_w(self.loop.fractions.G, self.dt, fraction=self.process.fraction, alpha=1.0)
+
+    @cached_property
+    def _numerator(self) -> Product:
+        """Numerator of L = K G, N Dm Nf."""
+        built = self.blocks.built
+        F = self.blocks.fractions.F
+        degree = built.Nm.q.size + (F.den if self.wait else built.E.q).size
+        return Product(
+            (
+                _filled(self.held.num, self.held.den.size),
+                self._in_v(built.Dm.q, degree - built.Nf.q.size),
+                self._in_v(built.Nf.q, built.Nf.q.size),
+            ),
+            self.process.samples,
+        )
+
+    @cached_property
+    def _denominator(self) -> tuple[Product, ...]:
+        """Denominator of L, D Nm (Df - Nf), term by term for a model that waits."""
+        built, F, wait = self.blocks.built, self.blocks.fractions.F, self.wait
+        common = self.held.den, self._in_v(built.Nm.q, built.Nm.q.size)
+        if not wait:
+            return (Product((*common, self._in_v(built.E.q, built.E.q.size))),)
+        late = self._in_v(F.num, F.den.size)
+        terms = [Product((*common, self._in_v(F.den, F.den.size)))]
+        shares = (1 - wait.fraction, wait.samples), (wait.fraction, wait.samples + 1)
+        terms += [Product((*common, -share * late), m) for share, m in shares if share]
+        return tuple(terms)
+
+    def _in_v(self, p: FloatArray, size: int) -> FloatArray:
+        """Powers of w as powers of v = αw, with leading zeros up to a size."""
+        return _filled(p, size) * self.alpha ** np.arange(size)
+
+    @cached_property
+    def controller(self) -> SampledController:
+        """The difference equations of the processor."""
+        _, Gm, C, F = self.blocks.fractions
+        built = self.blocks.built
+        fractions = {"C": C, "F": F, "F/Gm": _over((built.Nf, built.Dm), (F.den, built.Nm))}
+        if self.wait:
+            fractions["Gm"] = Gm
+        else:
+            fractions["(1-F)Gm"] = _over((built.E, Gm.num), (F.den, built.Dm))
+        sampled = {
+            name: bilinear_block(name, fraction, self.alpha, self.dt)
+            for name, fraction in fractions.items()
+        }
+        return wired(sampled, self.wait, self.dt)
+
+
+def _filled(p: FloatArray, size: int) -> FloatArray:
+    return np.pad(p, (size - p.size, 0))
+
+
+def _over(num: tuple[Factor, Factor], den: tuple[Factor, Factor]) -> Fraction:
+    """Multiply out one block from its factors."""
+    above, below = (
+        np.convolve(*(part.q if isinstance(part, QuasiPolynomial) else part for part in parts))
+        for parts in (num, den)
+    )
+    return Fraction(np.trim_zeros(above, "f"), below)
