@@ -2,9 +2,15 @@
 
 The list below is the table of contents, by topic. What answers, with which fields, is one room
 further: `nrdob.analysis` (verdicts, margins, responses), `nrdob.design` (which filter, model and
+<<<<<<< HEAD
 controller), `nrdob.measured` (a process out of a record), `nrdob.reporting` (all on one page),
 `nrdob.diagram` (blocks and the maps between them), `nrdob.numerics` (polynomials with a delay),
 `nrdob.plotting` (figures) and `nrdob.course` (the paper's claims, the problem sets).
+=======
+controller), `nrdob.digital` (the loop on a processor), `nrdob.diagram` (blocks and
+the maps between them), `nrdob.numerics` (polynomials with
+a delay), `nrdob.plotting` (figures) and `nrdob.course` (the paper's claims, the problem sets).
+>>>>>>> sampled
 """
 
 from . import paper, plants
@@ -29,6 +35,7 @@ from .diagram import (
     filter_family,
     interpolating_filter,
 )
+from .digital import largest_sampling_time
 from .loop import NRDOB
 from .measured import identify, read_data
 from .reporting import report
@@ -45,6 +52,8 @@ __all__ = [  # noqa: RUF022  (by topic: the contents of the package)
     # Which filters work, and which is the fastest?
     "stabilizing_time_constants", "critical_time_constants",
     "admissible_time_constants", "design_filter", "stability_chart",
+    # How slowly may a processor run it? (NRDOB.sampled is the loop on one.)
+    "largest_sampling_time",
     # Which model, and which controller?
     "suggest_model", "design_controller",
     # What process was measured?

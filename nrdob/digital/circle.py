@@ -28,6 +28,7 @@ from ..numerics import (
     add,
     companion_roots,
 )
+from .wplane import MULTIPLIED_OUT
 
 __all__ = ["CircleFunction", "Product", "TurnCount", "count_outside", "resolved"]
 
@@ -36,9 +37,6 @@ TURN = 0.6
 
 SMALLEST = 2.0**-48
 """Half width of an interval, against its angle, at which it is halved no more."""
-
-MULTIPLIED_OUT = 40
-"""Samples of dead time up to which powers of 1 + v and 1 - v are multiplied out."""
 
 MOST = 400_000
 """Intervals at most."""

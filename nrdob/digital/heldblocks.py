@@ -48,6 +48,10 @@ def held_blocks(loop: LoopEquations, dt: float) -> LoopEquations:
         If F/Gm would invert a zero that only the sampling has made, on or outside the unit circle.
     """
     _, Gm, C, F = loop.fractions
+    if loop.keep_factors:
+        raise ValueError(
+            "method='zoh' builds F/model as one block; for keep_factors=True use method='tustin'"
+        )
     if loop.model_delay:
         raise ValueError(
             f"method='zoh' is not for a model with a dead time ({loop.model_delay:g} s); use "
@@ -55,13 +59,18 @@ def held_blocks(loop: LoopEquations, dt: float) -> LoopEquations:
         )
     model = held_in_w(Gm, dt, at_once=True)
     _check_sound(model, Gm, dt)
-    return LoopEquations(
+    blocks = LoopEquations(
         process=loop.process,
         model=model,
         controller=held_in_w(C, dt, at_once=True),
         filter=held_in_w(F, dt, at_once=True),
-        keep_factors=loop.keep_factors,
     )
+    if Gm.relative_degree and not blocks.built.zeros.degree:
+        raise ValueError(
+            f"method='zoh' with dt = {dt:g} s: so long after a sample nothing is left in the "
+            "filter, and F/model cannot be told from a prediction; choose a shorter dt"
+        )
+    return blocks
 
 
 def _check_sound(held: Fraction, model: Fraction, dt: float) -> None:

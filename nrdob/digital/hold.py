@@ -22,15 +22,15 @@ K. J. Åström, B. Wittenmark, Computer-Controlled Systems, 3rd ed., Prentice Ha
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import floor
+from math import floor, isfinite
 
 import numpy as np
 from scipy.linalg import block_diag, expm
 
-from ..diagram import Fraction
+from ..diagram import Fraction, real_number
 from ..numerics import FloatArray, split
 
-__all__ = ["HeldProcess", "held_process", "in_samples", "realised"]
+__all__ = ["HeldProcess", "checked_times", "held_process", "in_samples", "realised"]
 
 WHOLE = 1e-9
 """Fraction of a sample that is rounding: 0.3 s are three samples of 0.1 s."""
@@ -124,6 +124,31 @@ def held_process(process: Fraction, delay: float, dt: float) -> HeldProcess:
     early, first = _integrated(A, B, fraction * dt)
     Ad = _integrated(A, B, dt)[0]
     return HeldProcess(A, B, C, D, dt, samples, fraction, Ad, B0, late @ first)
+
+
+def checked_times(dt: float, computation_delay: float) -> tuple[float, float]:
+    """Read sampling time and computation delay, in seconds, or refuse them.
+
+    Parameters
+    ----------
+    dt, computation_delay : float
+        In seconds.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If dt is not positive and finite, or the delay negative or not finite.
+    """
+    dt = real_number(dt, "dt", "give the sampling time in seconds as a number")
+    delay = real_number(computation_delay, "computation_delay", "give seconds as a number")
+    if not (isfinite(dt) and dt > 0):
+        raise ValueError(f"dt is {dt}; the sampling time is a positive, finite number of seconds")
+    if not (isfinite(delay) and delay >= 0):
+        raise ValueError(
+            f"computation_delay is {delay}; u is written some seconds after y is read: 0 or more, "
+            "and finite"
+        )
+    return dt, delay
 
 
 def in_samples(delay: float, dt: float) -> tuple[int, float]:

@@ -6,16 +6,19 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from math import inf, isfinite, pi, tan
 
+import control as ct
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..analysis import Margins
 from ..diagram import Fraction, LoopEquations, real_number, six_digits
 from ..numerics import FloatArray, QuasiPolynomial
+from .between import sampled_step_response
 from .circle import CircleFunction, Product
 from .circlemargins import CircleLocus, added_delay, circle_margins
 from .controller import SampledController, Wait, bilinear_block, wired
 from .heldblocks import held_blocks
-from .hold import HeldProcess, held_process, in_samples
+from .hold import HeldProcess, checked_times, held_process, in_samples
 from .verdict import SampledStability, sampled_stability
 from .wplane import held_in_w
 
@@ -52,18 +55,9 @@ class SampledLoop:
     prewarp: float | None = None
 
     def __post_init__(self) -> None:
-        for name in ("dt", "computation_delay"):
-            value = real_number(getattr(self, name), name, "give seconds as a number")
+        checked = checked_times(self.dt, self.computation_delay)
+        for name, value in zip(("dt", "computation_delay"), checked, strict=True):
             object.__setattr__(self, name, value)
-        if not (isfinite(self.dt) and self.dt > 0):
-            raise ValueError(
-                f"dt is {self.dt}; the sampling time is a positive, finite number of seconds"
-            )
-        if not (isfinite(self.computation_delay) and self.computation_delay >= 0):
-            raise ValueError(
-                f"computation_delay is {self.computation_delay}; u is written some seconds after y "
-                "is read: 0 or more, and finite"
-            )
         if self.method not in METHODS:
             raise ValueError(f"method is {self.method!r}; choose one of {', '.join(METHODS)}")
         self._check_prewarp()
@@ -162,6 +156,25 @@ class SampledLoop:
             found.gain_crossovers,
         )
         return replace(found, delay_margin=more)
+
+    def step_response(self, input: str, timepts: ArrayLike | None = None) -> ct.TimeResponseData:
+        """Respond to a unit step, exactly between the samples, too: see `nrdob.digital.between`.
+
+        Parameters
+        ----------
+        input : {"R", "d", "delta", "eta"}
+            Where the step enters: reference, output disturbance, input disturbance or noise.
+        timepts : (N,) array_like or float, optional
+            Increasing times from 0 on, in seconds, or the last one; by default until y and u have
+            settled.
+
+        Returns
+        -------
+        control.TimeResponseData
+            `time` (N,), and `outputs` (2, 1, N) with y and u; u is what the hold puts out, for
+            "delta" the input of the process u + δ.
+        """
+        return sampled_step_response(self, input, timepts)
 
     @cached_property
     def held(self) -> Fraction:

@@ -27,15 +27,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..diagram import Fraction
+from ..diagram import DelayedTransferFunction, Fraction, as_fraction, nonzero
 from ..numerics import FloatArray
+from .hold import checked_times, in_samples
 
-__all__ = ["held_in_w", "whole_samples_in_w"]
+__all__ = ["MULTIPLIED_OUT", "held_in_w", "process_in_w", "whole_samples_in_w"]
 
 Whole = NDArray[np.object_]
 
 FIRST, LAST = 256, 16384
 """Binary digits behind the point of the first and of the last attempt."""
+
+MULTIPLIED_OUT = 40
+"""Samples of dead time up to which powers of 1 + v and 1 - v are multiplied out."""
 
 AGREEMENT = 4 * float(np.finfo(float).eps)
 
@@ -111,6 +115,52 @@ def whole_samples_in_w(samples: int, alpha: float) -> Fraction:
     """
     powers = np.array([comb(samples, k) * alpha**k for k in range(samples, -1, -1)])
     return Fraction(powers * (-1.0) ** np.arange(samples, -1, -1), powers)
+
+
+def process_in_w(process: Any, dt: float, computation_delay: float = 0.0) -> Fraction:
+    """Take a whole process, dead time and all, behind its hold to the plane of w, α = dt/2.
+
+    Parameters
+    ----------
+    process : control.TransferFunction, StateSpace, DelayedTransferFunction or (num, den)
+        G, proper, with or without dead time.
+    dt : float
+        Sampling time in seconds.
+    computation_delay : float
+        Time from reading y to writing u, in seconds.
+
+    Returns
+    -------
+    Fraction
+        In descending powers of w.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If dt or the delay cannot be, or both dead times together hold more samples than can be
+        multiplied out.
+
+    Examples
+    --------
+    >>> import control as ct
+    >>> from nrdob import delay
+    >>> num, den = process_in_w(delay(0.25) / ct.tf([1, 1], [1]), 0.1)
+    >>> den.size - 1                              # the lag, two samples and half of one
+    4
+    """
+    dt, computation_delay = checked_times(dt, computation_delay)
+    late = isinstance(process, DelayedTransferFunction)
+    G = nonzero(as_fraction(process.tf if late else process, "process"), "process")
+    delay = (process.delay if late else 0.0) + computation_delay
+    samples, fraction = in_samples(delay, dt)
+    if samples > MULTIPLIED_OUT:
+        raise ValueError(
+            f"the dead time of {delay:g} s holds {samples} samples of dt = {dt:g} s; sets are "
+            f"computed for up to {MULTIPLIED_OUT}: choose a longer dt, or ask without dt, as in "
+            "continuous time"
+        )
+    held, waiting = held_in_w(G, dt, fraction=fraction), whole_samples_in_w(samples, dt / 2)
+    return Fraction(np.convolve(held.num, waiting.num), np.convolve(held.den, waiting.den))
 
 
 @dataclass(frozen=True)

@@ -11,11 +11,17 @@ from typing import Any
 import numpy as np
 
 from ..analysis import Margins
-from ..design import admissible_time_constants, stability_chart, stabilizing_time_constants
+from ..design import (
+    StabilityChart,
+    admissible_time_constants,
+    stability_chart,
+    stabilizing_time_constants,
+)
+from ..digital import largest_sampling_time
 from ..diagram import LowPassFilter, as_fraction
 from ..loop import NRDOB
 from ..numerics import number, written
-from ..plotting import chart_plot, nyquist_plot
+from ..plotting import COLOURS, chart_plot, nyquist_plot
 from .page import Picture, Section, Table, picture
 from .wording import character, formula, intervals, roots_listed
 
@@ -24,8 +30,11 @@ __all__ = ["Given", "sections_of"]
 SMALL_GAIN_DB, SMALL_PHASE, LARGE_MS = 6.0, 30.0, 2.0
 """Margins below, and sensitivity above, which a loop is called near its limit."""
 
-SPAN = 30.0
-"""How far a chart reaches below and above λ."""
+SPANS = (30.0, 10.0, 3.0)
+"""How far a chart reaches below and above λ; less far where a dead time asks for too much."""
+
+FINE = 10.0
+"""By how much a loop is sampled faster than it must be, where no sampling time is given."""
 
 
 @dataclass(frozen=True)
@@ -210,18 +219,29 @@ def _chart(given: Given, title: str) -> Section:
     if not isinstance(filter, LowPassFilter):
         return Section(title, ("A chart over λ needs a filter of the form 1/(λs + 1)^n.",))
     here = filter.time_constant
-    low, high = here / SPAN, here * SPAN
-    chart = stability_chart(
-        given.loop.process, given.loop.model, filter.order,
-        x=("gain", 0.2, 5.0), y=("time_constant", low, high),
-    )  # fmt: skip
-    figure = chart_plot(chart)
-    figure.axes[0, 0].plot(1.0, here, "+", color="#E0202E", ms=11, mew=2.2, zorder=6)
+    figure = chart_plot(_charted(given.loop, filter))
+    figure.axes[0, 0].plot(1.0, here, "+", color=COLOURS["critical"], ms=11, mew=2.2, zorder=6)
     caption = (
         "Number of unstable roots when the gain of the plant is not what it was, and for other "
         "filters; the red cross is this loop."
     )
     return Section(title, (), (), (picture(figure, 2, caption),))
+
+
+def _charted(loop: NRDOB, filter: LowPassFilter) -> StabilityChart:
+    *wide, narrow = SPANS
+    for span in wide:
+        try:
+            return _chart_within(loop, filter, span)
+        except ValueError:
+            continue
+    return _chart_within(loop, filter, narrow)
+
+
+def _chart_within(loop: NRDOB, filter: LowPassFilter, span: float) -> StabilityChart:
+    low, high = filter.time_constant / span, filter.time_constant * span
+    axes: dict[str, Any] = {"x": ("gain", 0.2, 5.0), "y": ("time_constant", low, high)}
+    return stability_chart(loop.process, loop.model, filter.order, **axes)
 
 
 def _responses(given: Given, title: str) -> Section:
@@ -252,11 +272,51 @@ def _responses(given: Given, title: str) -> Section:
 
 
 def _sampled(given: Given, title: str) -> Section:
-    from ..digital import largest_sampling_time
+    if not given.loop.stability().stable:
+        return Section(title, ("A loop that is not stable is not worth sampling.",))
+    words = []
+    longest = inf
+    try:
+        longest = largest_sampling_time(given.loop)
+        words.append(
+            f"Sampled by Tustin's rule, the loop is lost at dt = {number(longest, 4)} s; it is stable "
+            "for every shorter sampling time."
+            if longest < inf
+            else "Sampled by Tustin's rule, the loop is stable at every sampling time looked at."
+        )
+    except (ValueError, ArithmeticError, NotImplementedError) as error:
+        words.append(f"The largest sampling time cannot be told: {error}.")
+    dt = given.sampling_time or _sampling_time(given.loop, longest)
+    sampled = given.loop.sampled(dt)
+    verdict = sampled.stability()
+    says = {True: "stable", False: "NOT stable", None: "not decided"}[verdict.stable]
+    of = "at which the plant was measured" if given.sampling_time else "chosen here"
+    words.append(f"At dt = {number(dt, 4)} s, {of}, the sampled loop is {says}: {verdict.reason}.")
+    warnings = [] if verdict.stable else [f"At dt = {number(dt, 4)} s the sampled loop is {says}."]
+    tables = []
+    if verdict.stable:
+        before, after = given.loop.margins().plant_loop, sampled.margins()
+        rows = tuple(
+            (what, _gain(each.gm_high), _gain(each.gm_low), f"{number(each.pm)}°", number(each.ms))
+            for what, each in (("continuous", before), (f"dt = {number(dt, 4)} s", after))
+        )
+        head = ("loop L", "gain may rise by", "gain may fall by", "phase", "peak Ms")
+        tables.append(Table("What sampling takes from the margins", head, rows))
+        if after.ms > 1.2 * max(before.ms, LARGE_MS):
+            warnings.append(
+                f"Sampled at {number(dt, 4)} s the peak of the sensitivity is {number(after.ms)} "
+                f"instead of {number(before.ms)}: sample faster, or take a larger λ."
+            )
+    return Section(title, tuple(words), tuple(tables), (), tuple(warnings))
 
-    found = largest_sampling_time(given.loop)
-    words = [f"{found}"]
-    return Section(title, tuple(words))
+
+def _sampling_time(loop: NRDOB, longest: float) -> float:
+    """Choose a sampling time that is fast enough, in seconds."""
+    times = [longest / FINE]
+    if isinstance(loop.filter, LowPassFilter):
+        times.append(2 * loop.filter.time_constant / FINE)
+    shortest = min(times)
+    return float(f"{shortest:.2g}") if isfinite(shortest) else 0.1
 
 
 def _undelayed(block: Any) -> Any:

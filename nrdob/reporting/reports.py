@@ -22,7 +22,6 @@ from .wording import character, formula, intervals
 __all__ = ["report"]
 
 EXPECTED = (
-    ImportError,
     ArithmeticError,
     AttributeError,
     LookupError,
