@@ -2,15 +2,10 @@
 
 The list below is the table of contents, by topic. What answers, with which fields, is one room
 further: `nrdob.analysis` (verdicts, margins, responses), `nrdob.design` (which filter, model and
-<<<<<<< HEAD
-controller), `nrdob.measured` (a process out of a record), `nrdob.reporting` (all on one page),
-`nrdob.diagram` (blocks and the maps between them), `nrdob.numerics` (polynomials with a delay),
-`nrdob.plotting` (figures) and `nrdob.course` (the paper's claims, the problem sets).
-=======
-controller), `nrdob.digital` (the loop on a processor), `nrdob.diagram` (blocks and
-the maps between them), `nrdob.numerics` (polynomials with
-a delay), `nrdob.plotting` (figures) and `nrdob.course` (the paper's claims, the problem sets).
->>>>>>> sampled
+controller), `nrdob.digital` (the loop on a processor), `nrdob.measured` (a process out of a
+record), `nrdob.reporting` (all on one page), `nrdob.diagram` (blocks and the maps between them),
+`nrdob.numerics` (polynomials with a delay), `nrdob.plotting` (figures) and `nrdob.course` (the
+paper's claims, the problem sets).
 """
 
 from . import paper, plants

@@ -17,8 +17,8 @@ from ..design import (
     stability_chart,
     stabilizing_time_constants,
 )
-from ..digital import largest_sampling_time
 from ..diagram import LowPassFilter, as_fraction
+from ..digital import largest_sampling_time
 from ..loop import NRDOB
 from ..numerics import number, written
 from ..plotting import COLOURS, chart_plot, nyquist_plot
@@ -279,8 +279,8 @@ def _sampled(given: Given, title: str) -> Section:
     try:
         longest = largest_sampling_time(given.loop)
         words.append(
-            f"Sampled by Tustin's rule, the loop is lost at dt = {number(longest, 4)} s; it is stable "
-            "for every shorter sampling time."
+            f"Sampled by Tustin's rule, the loop is lost at dt = {number(longest, 4)} s; it is "
+            "stable for every shorter sampling time."
             if longest < inf
             else "Sampled by Tustin's rule, the loop is stable at every sampling time looked at."
         )
