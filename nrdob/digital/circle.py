@@ -180,7 +180,6 @@ class CircleFunction:
         """
         return np.asarray(sum(term.reach(angle, half) for term in self.terms))
 
-
     @property
     def vanishes_at_one(self) -> bool:
         """Whether all terms have a zero at z = 1 exactly."""

@@ -144,7 +144,8 @@ def _confirm(
 ) -> None:
     """Count on both sides of the end."""
     inside, outside = (
-        _counted(loop, dt, method, computation_delay) for dt in (low * (1 - 1e-6), high * (1 + 1e-6))
+        _counted(loop, dt, method, computation_delay)
+        for dt in (low * (1 - 1e-6), high * (1 + 1e-6))
     )
     if inside is not True or outside is True:
         raise ArithmeticError(

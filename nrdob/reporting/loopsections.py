@@ -111,7 +111,8 @@ def _verdict(given: Given, title: str) -> Section:
     )
     table = Table(
         "Z = N + P: turns around −1, poles on the right before, roots on the right after closing "
-        "the loop; roots in rad/s",
+        "the loop, in rad/s; (i) is the controller with the model, with the roots of p_A, (ii) the "
+        "observer with the plant, with those of p_B",
         ("condition", "N", "P", "Z", "rightmost root", "roots, rightmost first"),
         rows,
     )
@@ -153,6 +154,11 @@ def _margins(given: Given, title: str) -> Section:
         rows,
     )
     warnings = tuple(_warnings(found.plant_loop, given))
+    if found.model_loop.ms > 1.0005 * LARGE_MS:
+        warnings += (
+            "The controller leaves its own loop with the model a sensitivity peak of "
+            f"{number(found.model_loop.ms)}: the reference will make it swing.",
+        )
     words = (
         "What a change of the plant uses up are the margins of L.",
         warnings[0] if warnings else "None of them is small.",

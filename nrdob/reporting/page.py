@@ -149,4 +149,10 @@ def _template() -> Any:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.filters["unbroken"] = _unbroken
     return environment.get_template("page.html.j2")
+
+
+def _unbroken(text: str) -> str:
+    """Keep a number and its unit in one line."""
+    return re.sub(r"(?<=[\d∞]) (?=(?:s|dB|rad/s|%)(?!\w))", "\N{NO-BREAK SPACE}", text)

@@ -15,6 +15,9 @@ from ..numerics import ComplexArray, number
 
 __all__ = ["Proposal", "propose"]
 
+ORIGIN = 1e-9
+"""Size of a root, against the largest, that is taken for 0."""
+
 NOISE_GAIN = 10.0
 """Largest gain from noise to u against that at rest, where only noise limits the filter."""
 
@@ -116,17 +119,26 @@ def propose(
     else:
         words.append("Controller: as given.")
     loop = NRDOB(process, model, controller, filter)
+    if loop.delay > slowest_lag(process) and not loop.model_delay:
+        words.append(
+            "The dead time is the longest of all times here. A model that waits for it, see "
+            "nrdob.dead_time_observer, answers a change of the reference without swinging; against "
+            "disturbances it must wait, too."
+        )
     return Proposal(loop, tuple(words), candidates, tuple(warnings))
 
 
-def slowest_time_constant(process: Any) -> float:
-    """Largest time constant of poles, zeros and dead time, in seconds; 1 where there is none."""
-    block = process if hasattr(process, "delay") else None
+def slowest_lag(process: Any) -> float:
+    """Largest time constant of poles and zeros, in seconds; 0 where there is none."""
     fraction = as_fraction(getattr(process, "tf", process), "process", proper=False)
     roots = np.concatenate([np.roots(part) for part in fraction])
-    sizes = np.abs(roots[np.abs(roots) > 1e-9 * np.abs(roots).max(initial=0.0)])
-    times = [*(1 / sizes), *([block.delay] if block is not None and block.delay else [])]
-    return float(max(times, default=1.0))
+    sizes = np.abs(roots[np.abs(roots) > ORIGIN * np.abs(roots).max(initial=0.0)])
+    return float(max(1 / sizes, default=0.0))
+
+
+def slowest_time_constant(process: Any) -> float:
+    """Largest time constant, dead time included, in seconds; 1 where there is none."""
+    return max(slowest_lag(process), getattr(process, "delay", 0.0)) or 1.0
 
 
 def _rank(candidates: tuple[ModelCandidate, ...], max_ms: float) -> str:
@@ -303,10 +315,9 @@ def _matched(
                 f"with λ = {number(time_constant)} s, the best of {len(loops)} tried. It works "
                 "only where the model is nearly right."
             )
-            warned = [
-                f"The sensitivity peak is {number(ms)} at its best, above {max_ms:g}: this process "
-                "leaves little room, whatever the controller."
-            ] * (ms > max_ms)
+            warned = [f"The smallest sensitivity peak found is {number(ms)}, above {max_ms:g}."] * (
+                ms > max_ms
+            )
             return Proposal(loop, tuple(words), candidates, tuple(warned))
     words.append(
         "What to change: measure or act with less dead time, add an actuator or a sensor that sees "

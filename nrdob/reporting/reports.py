@@ -31,6 +31,9 @@ EXPECTED = (
 )
 """What a part may raise that cannot be written."""
 
+NEAR = 2.5
+"""Peak of the sensitivity above which a stable loop is not called good."""
+
 CHECKED = (
     "What is said here is said of the linear loop with these blocks, in continuous time unless a "
     "sampling time is named: limits of the actuator, friction, quantisation and whatever the model "
@@ -217,7 +220,7 @@ def _verdict(loop: NRDOB | None) -> tuple[str, str]:
         margins = loop.margins().plant_loop
     except EXPECTED:
         return "The loop is stable.", "good"
-    return (
-        f"The loop is stable; its sensitivity peaks at {number(margins.ms)}.",
-        "good",
-    )
+    if margins.ms > NEAR:
+        peak = number(margins.ms)
+        return f"The loop is stable, but near its limit: its sensitivity peaks at {peak}.", "open"
+    return f"The loop is stable; its sensitivity peaks at {number(margins.ms)}.", "good"

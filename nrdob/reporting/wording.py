@@ -14,6 +14,10 @@ from ..numerics import FloatArray, number, written
 __all__ = ["character", "formula", "intervals", "listed", "roots_listed"]
 
 MOST_ROOTS = 12
+
+FLAT = 1e-4
+"""Imaginary part, against the size, that three digits do not show: a multiple root, split."""
+
 SUPERSCRIPTS = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -110,7 +114,7 @@ def _sorted(roots: Any) -> Any:
 
 
 def _clean(root: complex) -> complex:
-    return complex(root.real, 0.0) if abs(root.imag) <= 1e-9 * abs(root) else root
+    return complex(root.real, 0.0) if abs(root.imag) <= FLAT * abs(root) else root
 
 
 def _polynomial(coefficients: FloatArray) -> str:
