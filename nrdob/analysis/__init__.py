@@ -18,9 +18,9 @@ from .stability import LoopStability, Stability, judge, judge_observer, stabilit
 
 __all__ = [
     "Ends",
+    "Locus",
     "LoopMargins",
     "LoopStability",
-    "Locus",
     "MarginBounds",
     "Margins",
     "Notable",

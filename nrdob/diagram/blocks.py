@@ -118,6 +118,15 @@ def nonzero(fraction: Fraction, name: str) -> Fraction:
 def real_number(value: Any, name: str, remedy: str) -> float:
     """Read one real number, or raise TypeError with the `remedy`.
 
+    Parameters
+    ----------
+    value : Any
+        What was given.
+    name : str
+        What it is called in the message.
+    remedy : str
+        What to give instead.
+
     Examples
     --------
     >>> real_number("1", "delay", "give seconds as a number")
@@ -130,7 +139,13 @@ def real_number(value: Any, name: str, remedy: str) -> float:
 
 
 def six_digits(value: float) -> float:
-    """Round to what is worth printing; the last digits hang on the processor."""
+    """Round to what is worth printing; the last digits hang on the processor.
+
+    Parameters
+    ----------
+    value : float
+        Any number.
+    """
     return float(f"{value:.6g}")
 
 

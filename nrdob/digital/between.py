@@ -13,8 +13,8 @@ computation. R and η are only ever read at the samples.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from math import ceil, log
-from typing import TYPE_CHECKING
 
 import control as ct
 import numpy as np
@@ -22,12 +22,10 @@ from numpy.typing import ArrayLike
 
 from ..diagram import INPUTS
 from ..numerics import FloatArray
-from .hold import WHOLE
+from .controller import SampledController
+from .hold import WHOLE, HeldProcess
 
-if TYPE_CHECKING:
-    from .sampled import SampledLoop
-
-__all__ = ["sampled_step_response"]
+__all__ = ["Running", "sampled_step_response"]
 
 MOST_SAMPLES = 1_000_000
 FEWEST, MOST_BY_DEFAULT = 20, 20_000
@@ -39,14 +37,44 @@ POINTS = 1000
 SETTLED = 1e-3
 
 
+@dataclass(frozen=True)
+class Running:
+    """What runs: the process behind its hold, the controller, and the dead times by themselves.
+
+    Attributes
+    ----------
+    process : HeldProcess
+        With all dead time that lies between u and y.
+    controller : SampledController
+        The difference equations.
+    delay : float
+        Dead time of the process alone, in seconds.
+    computation_delay : float
+        Time from reading y to writing u, in seconds.
+    largest : float
+        Modulus of the largest eigenvalue of the loop.
+    """
+
+    process: HeldProcess
+    controller: SampledController
+    delay: float
+    computation_delay: float
+    largest: float
+
+    @property
+    def dt(self) -> float:
+        """Sampling time in seconds."""
+        return self.process.dt
+
+
 def sampled_step_response(
-    loop: SampledLoop, input: str, timepts: ArrayLike | None = None
+    loop: Running, input: str, timepts: ArrayLike | None = None
 ) -> ct.TimeResponseData:
     """Response of y and u to a unit step at t = 0, all signals zero before.
 
     Parameters
     ----------
-    loop : SampledLoop
+    loop : Running
         Stable or not.
     input : {"R", "d", "delta", "eta"}
         Where the step enters.
@@ -78,9 +106,9 @@ def sampled_step_response(
     )
 
 
-def _times(loop: SampledLoop, timepts: ArrayLike | None) -> FloatArray:
+def _times(loop: Running, timepts: ArrayLike | None) -> FloatArray:
     if timepts is None:
-        largest = float(np.abs(loop.stability().eigenvalues[0]))
+        largest = loop.largest
         rate = max(abs(log(largest)) if largest else 1.0, 1 / MOST_BY_DEFAULT)
         count = ceil(-log(SETTLED) / rate) + 2 * loop.process.memory
         count = min(max(count, FEWEST), MOST_BY_DEFAULT)
@@ -97,7 +125,7 @@ def _times(loop: SampledLoop, timepts: ArrayLike | None) -> FloatArray:
     return times
 
 
-def _samples(loop: SampledLoop, input: str, count: int) -> tuple[FloatArray, FloatArray]:
+def _samples(loop: Running, input: str, count: int) -> tuple[FloatArray, FloatArray]:
     """States of the process at the samples (count, n), and u (count,)."""
     process, controller = loop.process, loop.controller
     n = process.B.size
@@ -120,7 +148,7 @@ def _samples(loop: SampledLoop, input: str, count: int) -> tuple[FloatArray, Flo
         inner = step @ both
         x = process.Ad @ x + process.B0 * _past(written, k - process.samples) + process.B1 * v
         if input == "delta":
-            since = min(max((k + 1) * loop.dt - loop.loop.delay, 0.0), loop.dt)
+            since = min(max((k + 1) * loop.dt - loop.delay, 0.0), loop.dt)
             if since > 0:
                 x = x + process.between(since)[1]
     return states, written
@@ -130,18 +158,18 @@ def _past(written: FloatArray, k: int) -> float:
     return float(written[k]) if k >= 0 else 0.0
 
 
-def _delta(loop: SampledLoop, input: str, time: float, *, before: bool = False) -> float:
-    """δ as it arrives behind the dead time; at a sample the processor still sees what was before."""
-    late = loop.loop.delay
+def _delta(loop: Running, input: str, time: float, *, before: bool = False) -> float:
+    """Tell whether δ has got through the dead time; the processor sees what was before."""
+    late = loop.delay
     tolerance = WHOLE * loop.dt
     arrived = time > late + tolerance if before else time >= late - tolerance
     return float(input == "delta" and arrived)
 
 
 def _between(
-    loop: SampledLoop, input: str, times: FloatArray, states: FloatArray, written: FloatArray
+    loop: Running, input: str, times: FloatArray, states: FloatArray, written: FloatArray
 ) -> FloatArray:
-    """y and u at any times."""
+    """Y and u at any times."""
     process, dt = loop.process, loop.dt
     k = np.floor(times / dt + WHOLE).astype(int)
     inside = np.maximum(times - k * dt, 0.0)
@@ -169,9 +197,9 @@ def _between(
     return np.stack([y + (input == "d"), applied + (input == "delta")])
 
 
-def _since(loop: SampledLoop, k: FloatArray, offset: float) -> FloatArray:
-    """What δ adds to the states since the last sample; 0 before it has arrived."""
-    process, first = loop.process, loop.loop.delay
+def _since(loop: Running, k: FloatArray, offset: float) -> FloatArray:
+    """Return what δ has added to the states since the last sample; 0 before it arrives."""
+    process, first = loop.process, loop.delay
     since = np.clip(k * loop.dt + offset - first, 0.0, offset)
     added = np.zeros((k.size, process.B.size))
     for length in np.unique(since):

@@ -191,7 +191,7 @@ class CircleFunction:
         longest = max(term.samples for term in self.terms)
         if longest > MULTIPLIED_OUT:
             return None
-        total = np.zeros(1)
+        total: FloatArray = np.zeros(1)
         for term in self.terms:
             powers = [np.array([-1.0, 1.0])] * term.samples
             powers += [np.ones(2)] * (longest - term.samples)
@@ -243,7 +243,8 @@ def resolved(function: CircleFunction) -> tuple[FloatArray, float | None]:
         middle, half = (low + high) / 2, (high - low) / 2
         value = np.abs(function(middle))
         wide = function.reach(middle, half) > TURN * value
-        zero = wide & (value <= function.rounding(middle)) & (half <= 1e-3 * middle)
+        zero = wide & (half <= 1e-3 * middle)
+        zero[zero] = value[zero] <= function.rounding(middle[zero])
         if zero.any() or np.any(wide & (half <= SMALLEST * middle)):
             hit = zero | (half <= SMALLEST * middle)
             touched = float(middle[hit][0]) if touched is None else touched

@@ -15,11 +15,10 @@ import numpy as np
 from scipy.optimize import brentq, root
 
 from ..analysis import Ends, Locus, Margins, margins_at, notable_frequencies, subdivided
-from ..diagram import Fraction
 from ..numerics import ComplexArray, FloatArray
 from .circle import CircleFunction, Product, resolved
 from .controller import SampledController
-from .hold import HeldProcess, held_process
+from .hold import HeldProcess
 from .verdict import lifted
 
 __all__ = ["CircleLocus", "added_delay", "circle_margins"]
@@ -30,7 +29,7 @@ PER_SEGMENT = 4
 LOWEST = 1e-8
 """Frequency, against the lowest at which anything turns, down to which crossings are sought."""
 
-LOOKED_AT = 60
+LOOKED_AT, DEAD_TIMES = 60, 32
 """States of a loop up to which eigenvalues are looked at, and at how many dead times."""
 
 SOLVED = 1e-9
@@ -116,7 +115,6 @@ def _at_ends(numerator: Product, below: CircleFunction) -> tuple[float, float]:
 
 
 def added_delay(
-    process: Fraction,
     held: HeldProcess,
     controller: SampledController,
     gain: Callable[[FloatArray], ComplexArray],
@@ -130,8 +128,6 @@ def added_delay(
 
     Parameters
     ----------
-    process : Fraction
-        The rational part of the process.
     held : HeldProcess
         The process behind its hold.
     controller : SampledController
@@ -144,7 +140,7 @@ def added_delay(
     dt = held.dt
 
     def later(samples: float) -> HeldProcess:
-        return held_process(process, held.delay + samples * dt, dt)
+        return held.after(held.delay + samples * dt)
 
     def off(unknown: FloatArray) -> list[float]:
         # L with its frequency moved, and the process in it exchanged for the later one.
@@ -169,7 +165,7 @@ def added_delay(
         return float(np.abs(values).max()) - 1
 
     last = 0.0
-    for samples in np.linspace(0, min(least, LOOKED_AT), LOOKED_AT)[1:-1].tolist():
+    for samples in np.linspace(0, min(least, LOOKED_AT), DEAD_TIMES)[1:-1].tolist():
         if excess(samples) >= 0:
             return float(brentq(excess, last, samples, xtol=1e-12)) * dt
         last = samples
@@ -177,7 +173,7 @@ def added_delay(
 
 
 def _response(held: HeldProcess, omega: float) -> complex:
-    """The process behind its hold at z = exp(jω dt)."""
+    """Evaluate the process behind its hold at z = exp(jω dt)."""
     z = np.exp(1j * omega * held.dt)
     state = np.linalg.solve(z * np.eye(held.B.size) - held.Ad, held.B0 + held.B1 / z)
     return complex((held.C @ state + held.D / z) * z**-held.samples)

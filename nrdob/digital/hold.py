@@ -21,7 +21,7 @@ K. J. Åström, B. Wittenmark, Computer-Controlled Systems, 3rd ed., Prentice Ha
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import floor, isfinite
 
 import numpy as np
@@ -30,7 +30,7 @@ from scipy.linalg import block_diag, expm
 from ..diagram import Fraction, real_number
 from ..numerics import FloatArray, split
 
-__all__ = ["HeldProcess", "checked_times", "held_process", "in_samples", "realised"]
+__all__ = ["WHOLE", "HeldProcess", "checked_times", "held_process", "in_samples", "realised"]
 
 WHOLE = 1e-9
 """Fraction of a sample that is rounding: 0.3 s are three samples of 0.1 s."""
@@ -78,6 +78,19 @@ class HeldProcess:
         """How many past inputs there are that still act: d, and one more with a fraction or D."""
         return self.samples + int(self.fraction > 0 or self.D != 0)
 
+    def after(self, delay: float) -> HeldProcess:
+        """Return the same process behind another dead time.
+
+        Parameters
+        ----------
+        delay : float
+            The whole dead time in seconds.
+        """
+        samples, fraction = in_samples(delay, self.dt)
+        late, B0 = self.between((1 - fraction) * self.dt)
+        B1 = late @ self.between(fraction * self.dt)[1]
+        return replace(self, samples=samples, fraction=fraction, B0=B0, B1=B1)
+
     def between(self, time: float) -> tuple[FloatArray, FloatArray]:
         """Transition exp(A t) and input ∫ exp(A τ) B dτ over a time t, in seconds.
 
@@ -119,11 +132,9 @@ def held_process(process: Fraction, delay: float, dt: float) -> HeldProcess:
     True
     """
     A, B, C, D = realised(process, dt)
-    samples, fraction = in_samples(delay, dt)
-    late, B0 = _integrated(A, B, (1 - fraction) * dt)
-    early, first = _integrated(A, B, fraction * dt)
     Ad = _integrated(A, B, dt)[0]
-    return HeldProcess(A, B, C, D, dt, samples, fraction, Ad, B0, late @ first)
+    empty = np.zeros_like(B)
+    return HeldProcess(A, B, C, D, dt, 0, 0.0, Ad, empty, empty).after(delay)
 
 
 def checked_times(dt: float, computation_delay: float) -> tuple[float, float]:

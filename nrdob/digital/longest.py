@@ -110,7 +110,7 @@ def largest_sampling_time(
 
 
 def _times(loop: LoopEquations, delay: float) -> FloatArray:
-    """Sampling times to look at, from short to long."""
+    """Return the sampling times to look at, from short to long."""
     G, Gm, C, F = loop.fractions
     rates = [np.abs(p.roots) for p in (loop.p_A, loop.p_B)]
     rates += [np.abs(np.roots(p)) for p in (*G, *Gm, *C, *F)]
@@ -143,10 +143,8 @@ def _confirm(
     loop: LoopEquations, low: float, high: float, method: str, computation_delay: float
 ) -> None:
     """Count on both sides of the end."""
-    inside, outside = (
-        _counted(loop, dt, method, computation_delay)
-        for dt in (low * (1 - 1e-6), high * (1 + 1e-6))
-    )
+    beside = low * (1 - 1e-6), high * (1 + 1e-6)
+    inside, outside = (_counted(loop, dt, method, computation_delay) for dt in beside)
     if inside is not True or outside is True:
         raise ArithmeticError(
             f"the loop seems to be lost at dt = {high:.9g} s, but the counts beside it do not "

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import inf, isfinite, pi, tan
+from math import inf, pi, tan
 
 import control as ct
 import numpy as np
@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from ..analysis import Margins
 from ..diagram import Fraction, LoopEquations, real_number, six_digits
 from ..numerics import FloatArray, QuasiPolynomial
-from .between import sampled_step_response
+from .between import Running, sampled_step_response
 from .circle import CircleFunction, Product
 from .circlemargins import CircleLocus, added_delay, circle_margins
 from .controller import SampledController, Wait, bilinear_block, wired
@@ -149,7 +149,6 @@ class SampledLoop:
             return found
         locus = CircleLocus(self._numerator, CircleFunction(self._denominator), self.dt)
         more = added_delay(
-            self.loop.fractions.G,
             self.process,
             self.controller,
             lambda omega: np.exp(locus.log(omega)),
@@ -174,7 +173,14 @@ class SampledLoop:
             `time` (N,), and `outputs` (2, 1, N) with y and u; u is what the hold puts out, for
             "delta" the input of the process u + δ.
         """
-        return sampled_step_response(self, input, timepts)
+        running = Running(
+            self.process,
+            self.controller,
+            self.loop.delay,
+            self.computation_delay,
+            float(np.abs(self._stability.eigenvalues[0])),
+        )
+        return sampled_step_response(running, input, timepts)
 
     @cached_property
     def held(self) -> Fraction:
@@ -236,8 +242,9 @@ def _filled(p: FloatArray, size: int) -> FloatArray:
 
 def _over(num: tuple[Factor, Factor], den: tuple[Factor, Factor]) -> Fraction:
     """Multiply out one block from its factors."""
-    above, below = (
-        np.convolve(*(part.q if isinstance(part, QuasiPolynomial) else part for part in parts))
-        for parts in (num, den)
-    )
-    return Fraction(np.trim_zeros(above, "f"), below)
+    (a, b), (c, d) = ([_coefficients(part) for part in parts] for parts in (num, den))
+    return Fraction(np.trim_zeros(np.convolve(a, b), "f"), np.convolve(c, d))
+
+
+def _coefficients(part: Factor) -> FloatArray:
+    return part.q if isinstance(part, QuasiPolynomial) else part

@@ -28,7 +28,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..diagram import DelayedTransferFunction, Fraction, as_fraction, nonzero
-from ..numerics import FloatArray
 from .hold import checked_times, in_samples
 
 __all__ = ["MULTIPLIED_OUT", "held_in_w", "process_in_w", "whole_samples_in_w"]
@@ -40,6 +39,9 @@ FIRST, LAST = 256, 16384
 
 MULTIPLIED_OUT = 40
 """Samples of dead time up to which powers of 1 + v and 1 - v are multiplied out."""
+
+AT_NYQUIST = 1e-12
+"""Distance of a pole from z = -1 at which it lies there."""
 
 AGREEMENT = 4 * float(np.finfo(float).eps)
 
@@ -87,7 +89,7 @@ def held_in_w(
     >>> import numpy as np
     >>> num, den = held_in_w(Fraction(np.array([1.0]), np.array([1.0, 1.0])), 0.1)
     >>> np.roots(num).round(6).tolist(), np.roots(den).round(6).tolist()
-    ([20.0], [-0.999168])
+    ([20.0], [-0.999167])
     """
     alpha = dt / 2 if alpha is None else alpha
     given = _Given.of(process, dt, fraction, at_once)
@@ -95,7 +97,7 @@ def held_in_w(
     while bits <= LAST:
         found = _rounded(given, bits, alpha)
         if last is not None and _same(found, last):
-            return _nonzero_at_nyquist(found, dt)
+            return _nonzero_at_nyquist(found, dt, alpha)
         bits, last = 2 * bits, found
     raise ArithmeticError(
         f"the process has modes so much faster than dt = {dt:g} s that its samples cannot be "
@@ -218,8 +220,9 @@ def _same(one: Fraction, other: Fraction) -> bool:
     )
 
 
-def _nonzero_at_nyquist(found: Fraction, dt: float) -> Fraction:
-    if not found.den[0]:
+def _nonzero_at_nyquist(found: Fraction, dt: float, alpha: float) -> Fraction:
+    in_v = np.abs(found.den) / alpha ** np.arange(found.den.size - 1, -1, -1.0)
+    if in_v[0] <= AT_NYQUIST * in_v.max():
         raise ValueError(
             f"an undamped mode of the process turns by half a revolution in dt = {dt:g} s, at the "
             "Nyquist frequency: choose another dt"
@@ -267,7 +270,7 @@ def _characteristic(A: Whole, bits: int) -> list[int]:
 
 
 def _held(given: _Given, share: Exact, bits: int) -> Whole:
-    """exp of [[A, e1], [0, 0]] over a share of a sample, by Taylor's series and squaring."""
+    """Exp of [[A, e1], [0, 0]] over a share of a sample, by Taylor's series and squaring."""
     n = len(given.a)
     time = given.time * share
     halvings = max(0, (time.numerator // time.denominator).bit_length() + 2)

@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from math import log10
 from typing import Any
 
 import control as ct
 import numpy as np
+from scipy.optimize import brentq
 
-from ..design import ModelCandidate, design_controller, design_filter, suggest_model
+from ..design import (
+    ModelCandidate,
+    admissible_time_constants,
+    design_controller,
+    design_filter,
+    stable_model_exists,
+    suggest_model,
+)
 from ..diagram import DelayedTransferFunction, LowPassFilter, as_fraction, interpolating_filter
 from ..loop import NRDOB
 from ..numerics import ComplexArray, number
@@ -26,6 +36,18 @@ SPEEDS = (1.0, 0.5, 0.2, 0.1, 0.05, 2.0, 5.0)
 
 MARGINS = (60.0, 30.0, 10.0)
 """Phase margins tried for it, in degrees."""
+
+CALM = 2.0
+"""Largest sensitivity peak of the controller with the model that is not called swinging."""
+
+CALMER = (1.0, 0.5, 0.2, 0.1, 0.03, 0.01)
+"""Factors by which a controller is made slower where its loop swings."""
+
+INSIDE = 0.5
+"""Of the longest time constant that will do, the longest that is taken."""
+
+RELAXED = (1.2, 1.5, 2.0, 3.0, 5.0)
+"""Times the peak aimed at, tried where none meets it."""
 
 SHORTER = (1.0, 0.3, 0.1, 0.03, 0.01, 3.0, 10.0)
 """Time constants of an interpolating filter, against the fastest of the process."""
@@ -119,7 +141,8 @@ def propose(
     else:
         words.append("Controller: as given.")
     loop = NRDOB(process, model, controller, filter)
-    if loop.delay > slowest_lag(process) and not loop.model_delay:
+    settles = all(root.real < 0 for root in np.roots(loop.fractions.G.den))
+    if settles and loop.delay > slowest_lag(process) and not loop.model_delay:
         words.append(
             "The dead time is the longest of all times here. A model that waits for it, see "
             "nrdob.dead_time_observer, answers a change of the reference without swinging; against "
@@ -185,35 +208,9 @@ def _filter(
         )
     except ValueError as error:
         reason = str(error)
-    at_rest = abs(complex(getattr(model, "tf", model)(0)))
     if "however fast" in reason:
-        if np.isfinite(at_rest) and at_rest > 0:
-            try:
-                found = design_filter(
-                    process, model, order=order, max_ms=max_ms, max_u_eta=NOISE_GAIN / at_rest
-                )
-                return (
-                    _low_pass(found),
-                    (
-                        f"Filter: every fast one of order {order} keeps the sensitivity peak below "
-                        f"{max_ms:g}, so the noise must choose: this one passes noise to u at most "
-                        f"{NOISE_GAIN:g} times as strongly as the model's inverse does at rest."
-                    ),
-                    [],
-                )
-            except ValueError:
-                pass
-        time_constant = slowest_time_constant(process) / 10
-        return (
-            LowPassFilter(time_constant, order),
-            (
-                f"Filter: every fast one of order {order} will do, and neither plant nor noise "
-                "says how fast it must be: this is a tenth of the plant's slowest time constant "
-                "(of 1 s where it has none). Choose your own."
-            ),
-            [],
-        )
-    for limit in (1.2, 1.5, 2.0, 3.0, 5.0):
+        return *_by_noise(process, model, order, max_ms), []
+    for limit in RELAXED:
         try:
             found = design_filter(process, model, order=order, max_ms=max_ms * limit)
         except ValueError:
@@ -238,16 +235,68 @@ def _low_pass(found: Any) -> LowPassFilter:
     return found
 
 
-def _controller(model: Any, filter: Any) -> tuple[ct.TransferFunction | None, str]:
-    """Design a PI by its phase margin, or else by some share of the observer's bandwidth."""
-    undelayed = getattr(model, "tf", model)
-    try:
-        found = design_controller(undelayed)
-        return found, (
-            "Controller: the PI of largest integral gain with a phase margin of 60° on the model."
+def _by_noise(process: Any, model: Any, order: int, max_ms: float) -> tuple[LowPassFilter, str]:
+    """Choose among filters that may be as fast as one likes: F/model must not amplify too much."""
+    slow = slowest_time_constant(process)
+    longest = admissible_time_constants(process, model, order, max_ms=max_ms)[0][1]
+    omega = np.geomspace(1e-4, 1e6, 2000) / slow
+    Gm = as_fraction(getattr(model, "tf", model), "model")
+    inverse = np.abs(np.polyval(Gm.den, 1j * omega) / np.polyval(Gm.num, 1j * omega))
+    allowed = NOISE_GAIN * abs(Gm.den[-1] / Gm.num[-1])
+
+    def excess(exponent: float) -> float:
+        passed = inverse / np.hypot(1.0, 10**exponent * omega) ** order
+        return float(log10(passed.max() / allowed))
+
+    fast, late = log10(slow) - 4, log10(slow) + 4
+    if allowed > 0 and excess(fast) > 0 > excess(late):
+        quiet = 10 ** brentq(excess, fast, late, xtol=1e-3)
+        said = (
+            f"so the noise must choose: F/G̃ passes noise to u at most {NOISE_GAIN:g} times as "
+            "strongly as it passes a constant."
         )
-    except ValueError as error:
-        reason = str(error)
+    else:
+        quiet = slow / 10
+        said = (
+            "and noise does not say how fast it must be: this is a tenth of the plant's slowest "
+            "time constant (of 1 s where it has none). Choose your own."
+        )
+    if quiet > INSIDE * longest:
+        quiet = INSIDE * longest
+        said = "and this is a slow one: a faster one would pass even more noise to u."
+    opening = f"every fast one of order {order} keeps the sensitivity peak below {max_ms:g}"
+    return LowPassFilter(float(f"{quiet:.3g}"), order), f"Filter: {opening}, {said}"
+
+
+def _controller(model: Any, filter: Any) -> tuple[ct.TransferFunction | None, str]:
+    """Design a PI by its phase margin, or by the observer's bandwidth; calm it where it swings."""
+    undelayed = getattr(model, "tf", model)
+    tried: list[tuple[float, ct.TransferFunction, str]] = []
+    for bandwidth, margin in _asked_of_controllers(filter, undelayed):
+        try:
+            found = design_controller(undelayed, bandwidth=bandwidth, phase_margin=margin)
+        except ValueError:
+            continue
+        how = (
+            f"the PI of largest integral gain with a phase margin of {margin:g}° on the model"
+            if bandwidth is None
+            else f"designed for a crossover at {number(bandwidth)} rad/s, near the bandwidth of "
+            f"the observer, with a phase margin of {margin:g}° on the model"
+        )
+        for share in CALMER:
+            said = "" if share == 1 else f"; times {share:g}, because it would swing too much"
+            loop = NRDOB(undelayed, undelayed, share * found, filter).margins().model_loop
+            if loop.stable:
+                tried.append((loop.ms, share * found, f"Controller: {how}{said}."))
+                if loop.ms <= CALM:
+                    return tried[-1][1:]
+    if tried:
+        return min(tried, key=lambda each: each[0])[1:]
+    return None, "Controller: none of I, PI and PID was found that stabilises this model."
+
+
+def _asked_of_controllers(filter: Any, model: Any) -> Iterator[tuple[float | None, float]]:
+    yield None, MARGINS[0]
     speed = (
         1 / (filter.order * filter.time_constant)
         if isinstance(filter, LowPassFilter)
@@ -255,15 +304,7 @@ def _controller(model: Any, filter: Any) -> tuple[ct.TransferFunction | None, st
     )
     for margin in MARGINS:
         for share in SPEEDS:
-            try:
-                found = design_controller(undelayed, bandwidth=share * speed, phase_margin=margin)
-            except ValueError:
-                continue
-            return found, (
-                f"Controller: designed for a crossover at {number(share * speed)} rad/s, near the "
-                f"bandwidth of the observer, with a phase margin of {margin:g}° on the model."
-            )
-    return None, f"Controller: none of I, PI and PID was found for this model ({reason})."
+            yield share * speed, margin
 
 
 def _matched(
@@ -287,6 +328,20 @@ def _matched(
             f"controller, the sensitivity then peaks at {number(float(np.exp(product) - 1))} at "
             "least, because nothing can act before the dead time is over while the pole grows "
             f"by {number(float(np.exp(product)))}."
+        )
+    right = _right(fraction.num)
+    zeros, poles = (np.real(r[r.imag == 0]) for r in (right, unstable))
+    if zeros.size and poles.size:
+        pairs = [(abs((z + p) / (z - p)), p, z) for z in zeros for p in poles if z != p]
+        bound, pole, zero = max(pairs, default=(np.inf, poles[0], zeros[0]))
+        words.append(
+            f"With an unstable pole at {number(pole)} rad/s and a zero at {number(zero)} rad/s the "
+            f"sensitivity peaks at {number(bound)} at least, whatever the controller."
+        )
+    if not delay and not stable_model_exists(undelayed).holds:
+        words.append(
+            "Its real poles and zeros on the right do not interlace as they must for a stable "
+            "controller (parity interlacing): whatever stabilises it must itself be unstable."
         )
     if not delay:
         loops = []

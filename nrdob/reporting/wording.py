@@ -95,11 +95,8 @@ def character(process: Any) -> list[str]:
         said.append("It has a zero at s = 0: at rest the input does not reach the output.")
     slow = [1 / abs(p) for p in poles if abs(p) > 0 and p.real < 0]
     if delay:
-        ratio = delay / max(slow) if slow else inf
-        said.append(
-            f"Its dead time of {number(delay)} s is "
-            + ("all that delays it." if ratio == inf else f"{number(ratio)} times its slowest lag.")
-        )
+        beside = f", {number(delay / max(slow))} times its slowest lag" if slow else ""
+        said.append(f"It has a dead time of {number(delay)} s{beside}.")
     if den.size == 1 and not delay:
         said.append("It is a pure gain, with no dynamics at all.")
     elif num.size == den.size:
