@@ -52,7 +52,7 @@ def record_section(record: Record, found: Identification | None = None) -> Secti
         words,
         (),
         (_drawn(record, found),),
-        tuple(map(_sentence, record.remarks)),
+        tuple(map(_sentence, (found or record).remarks)),
     )
 
 
