@@ -65,7 +65,7 @@ class Problem:
         inputs, outputs, used = (
             each[:count].reshape(-1, factor) for each in (self.inputs, self.outputs, self.used)
         )
-        return Problem(inputs.mean(axis=1), outputs.mean(axis=1), used.all(axis=1))
+        return Problem(inputs.mean(axis=1), outputs.mean(axis=1), np.asarray(used.all(axis=1)))
 
     def columns(
         self, structure: Structure, shape: FloatArray, start: int
