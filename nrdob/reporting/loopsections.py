@@ -301,19 +301,30 @@ def _sampled(given: Given, title: str) -> Section:
     warnings = [] if verdict.stable else [f"At dt = {number(dt, 4)} s the sampled loop is {says}."]
     tables = []
     if verdict.stable:
-        before, after = given.loop.margins().plant_loop, sampled.margins()
-        rows = tuple(
-            (what, _gain(each.gm_high), _gain(each.gm_low), f"{number(each.pm)}°", number(each.ms))
-            for what, each in (("continuous", before), (f"dt = {number(dt, 4)} s", after))
-        )
-        head = ("loop L", "gain may rise by", "gain may fall by", "phase", "peak Ms")
-        tables.append(Table("What sampling takes from the margins", head, rows))
-        if after.ms > 1.2 * max(before.ms, LARGE_MS):
-            warnings.append(
-                f"Sampled at {number(dt, 4)} s the peak of the sensitivity is {number(after.ms)} "
-                f"instead of {number(before.ms)}: sample faster, or take a larger λ."
-            )
+        try:
+            table, after = _compared(given.loop.margins().plant_loop, sampled.margins(), dt)
+        except (ValueError, ArithmeticError) as error:
+            words.append(f"What sampling takes from the margins cannot be told: {error}.")
+        else:
+            tables.append(table)
+            warnings += after
     return Section(title, tuple(words), tuple(tables), (), tuple(warnings))
+
+
+def _compared(before: Margins, after: Margins, dt: float) -> tuple[Table, list[str]]:
+    """Set margins before and after sampling side by side."""
+    rows = tuple(
+        (what, _gain(each.gm_high), _gain(each.gm_low), f"{number(each.pm)}°", number(each.ms))
+        for what, each in (("continuous", before), (f"dt = {number(dt, 4)} s", after))
+    )
+    head = ("loop L", "gain may rise by", "gain may fall by", "phase", "peak Ms")
+    warnings = []
+    if after.ms > 1.2 * max(before.ms, LARGE_MS):
+        warnings.append(
+            f"Sampled at {number(dt, 4)} s the peak of the sensitivity is {number(after.ms)} "
+            f"instead of {number(before.ms)}: sample faster, or take a larger λ."
+        )
+    return Table("What sampling takes from the margins", head, rows), warnings
 
 
 def _sampling_time(loop: NRDOB, longest: float) -> float:

@@ -375,9 +375,10 @@ def _matched(
             )
             return Proposal(loop, tuple(words), candidates, tuple(warned))
     words.append(
-        "What to change: measure or act with less dead time, add an actuator or a sensor that sees "
-        "the unstable motion earlier, or give a model of your own. That nothing tried here works "
-        "does not prove that nothing does."
+        "What to change: "
+        + "measure or act with less dead time, " * bool(delay)
+        + "add an actuator or a sensor that sees the unstable motion earlier, or give a model of "
+        "your own. That nothing tried here works does not prove that nothing does."
     )
     return Proposal(None, tuple(words), candidates, (none,))
 
