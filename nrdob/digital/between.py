@@ -81,6 +81,11 @@ def sampled_step_response(
     timepts : (N,) array_like or float, optional
         Increasing times from 0 on, in seconds, or the last one; by default until the loop has
         settled, with whole fractions of a sample.
+
+    Returns
+    -------
+    control.TimeResponseData
+        With y and u; nan once an unstable loop has left the floating-point range.
     """
     if input not in INPUTS:
         raise ValueError(f"input is {input!r}; choose one of {', '.join(INPUTS)}")
@@ -91,7 +96,9 @@ def sampled_step_response(
             f"timepts end at {times[-1]:g} s, {samples} samples of dt = {loop.dt:g} s; at most "
             f"{MOST_SAMPLES} are computed: shorten timepts"
         )
-    outputs = _between(loop, input, times, *_samples(loop, input, samples))
+    with np.errstate(over="ignore", invalid="ignore"):
+        outputs = _between(loop, input, times, *_samples(loop, input, samples))
+    outputs[~np.isfinite(outputs)] = np.nan
     return ct.TimeResponseData(
         times,
         outputs[:, np.newaxis],

@@ -149,23 +149,30 @@ def added_delay(
         value = moved * _response(later(max(samples, 0.0)), at) + 1
         return [value.real, value.imag]
 
-    found = [inf]
+    found, starts = [inf], []
     for omega, value in zip(crossovers, gain(crossovers), strict=True):
         start = np.array([omega, float(np.angle(-value) % (2 * pi)) / (omega * dt)])
         solution = root(off, start, tol=1e-13)
+        starts.append(float(start[1]))
         near = abs(solution.x[1] - start[1]) <= 2 and 0 < solution.x[0] <= pi / dt
         if near and max(map(abs, off(solution.x))) < SOLVED:
             found.append(max(0.0, float(solution.x[1])))
     least = min(found)
-    if lifted(held, controller).shape[0] + min(least, LOOKED_AT) > LOOKED_AT:
-        return least * dt
+    if not crossovers.size:
+        return inf
+    turned = min(starts) if least == inf else least
+    if lifted(held, controller).shape[0] + min(least, max(starts)) > LOOKED_AT:
+        return turned * dt
 
     def excess(samples: float) -> float:
         values = np.linalg.eigvals(lifted(later(samples), controller))
         return float(np.abs(values).max()) - 1
 
-    last = 0.0
-    for samples in np.linspace(0, min(least, LOOKED_AT), DEAD_TIMES)[1:-1].tolist():
+    if excess(0.0) >= 0:  # another part of the loop is lost already
+        return turned * dt
+    # A direct path jumps from sample to sample, so that no dead time solves 1 + L = 0.
+    end, last = (max(starts) + 2 if least == inf else least), 0.0
+    for samples in np.linspace(0, end, DEAD_TIMES)[1 : None if least == inf else -1].tolist():
         if excess(samples) >= 0:
             return float(brentq(excess, last, samples, xtol=1e-12)) * dt
         last = samples

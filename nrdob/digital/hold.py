@@ -208,5 +208,11 @@ def _integrated(A: FloatArray, B: FloatArray, time: float) -> tuple[FloatArray, 
     n = B.size
     augmented = np.zeros((n + 1, n + 1))
     augmented[:n, :n], augmented[:n, n] = A * time, B * time
-    both = expm(augmented)
+    with np.errstate(over="ignore", invalid="ignore"):
+        both = expm(augmented)
+    if not np.isfinite(both).all():
+        raise ValueError(
+            f"an unstable mode of the process leaves the range of floating-point numbers within "
+            f"{time:g} s, less than a sample: choose a shorter dt"
+        )
     return np.asarray(both[:n, :n]), np.asarray(both[:n, n])

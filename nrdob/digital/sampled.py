@@ -224,7 +224,7 @@ class SampledLoop:
         """The difference equations of the processor."""
         _, Gm, C, F = self.blocks.fractions
         built = self.blocks.built
-        fractions = {"C": C, "F": F, "F/Gm": _over((built.Nf, built.Dm), (F.den, built.Nm))}
+        fractions = {"C": C, "F": F, "F/Gm": _over((built.Nf, Gm.den), (F.den, built.Nm))}
         if self.wait:
             fractions["Gm"] = Gm
         else:

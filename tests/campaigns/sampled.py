@@ -46,6 +46,13 @@ def draw(rng: np.random.Generator) -> Case:
         process = loop.model * rng.uniform(0.6, 1.6)
         process = nrdob.delay(loop.delay) * process if loop.delay else process
         loop = nrdob.NRDOB(process, loop.model, loop.controller, loop.filter)
+    if rng.random() < 0.25 and not loop.model_delay:
+        # A model with an integrator, which cancels inside (1 - F) Gm; the process has it, too.
+        integrator = ct.tf([1], [1, 0])
+        model, process = loop.model * integrator, ct.tf(*loop.fractions.G) * integrator
+        F = nrdob.LowPassFilter(loop.filter.time_constant, loop.filter.order + 1)
+        process = nrdob.delay(loop.delay) * process if loop.delay else process
+        loop = nrdob.NRDOB(process, model, loop.controller, F)
     dt = max(10 ** rng.uniform(-2, 0.3), (loop.delay + loop.model_delay) / 40)
     late = float(rng.choice([0.0, 1.0, rng.random(), 3 * rng.random()])) * dt
     prewarp = float(rng.uniform(0.05, 0.9)) * np.pi / dt if rng.random() < 0.2 else None
@@ -76,8 +83,10 @@ def brute_force(case: Case) -> np.ndarray:
         y, late, f, g, _, m, _ = np.eye(7)
         wiring = [u, u, late, y, y, u - f, -(g + m)]
     else:
-        part = np.polysub(F.den, F.num)
-        rest = sampled(np.convolve(part, Gm.num), np.convolve(F.den, Gm.den))
+        part, den = np.polysub(F.den, F.num), Gm.den
+        if den[-1] == 0:
+            part, den = part[:-1], den[:-1]
+        rest = sampled(np.convolve(part, Gm.num), np.convolve(F.den, den))
         blocks = plant, filter, filter, inverse, rest, controller
         u = np.array([0, 1, 0, -1, 0, 1])
         y, _, g, _, m, _ = np.eye(6)

@@ -216,6 +216,34 @@ def test_a_dead_time_of_a_thousand_samples_is_counted():
     )
 
 
+def test_a_model_with_an_integrator_is_built_without_it():
+    model = 1 / (s * (s + 1))
+    sampled = nrdob.NRDOB(model, model, 0.2, nrdob.LowPassFilter(0.5, 2)).sampled(0.1)
+    inverse = sampled.controller.blocks["F/Gm"]
+    dc_gain = inverse.D + inverse.C @ np.linalg.solve(np.eye(2) - inverse.A, inverse.B)
+    assert sampled.stability().stable and np.abs(sampled.stability().eigenvalues).max() < 1
+    assert dc_gain == pytest.approx(0.0, abs=1e-12)
+    kept = nrdob.NRDOB(model, model, 0.2, nrdob.LowPassFilter(0.5, 2), keep_factors=True)
+    assert kept.sampled(0.1).stability().stable is False
+
+
+def test_a_process_that_only_amplifies_is_a_closed_form():
+    # K = F/(1 - F) = 1/s: z (z - 1) + dt (z + 1) = 0, whose roots have the product dt.
+    loop = nrdob.NRDOB(ct.tf([2], [1]), ct.tf([1], [1]), 0.5 / s, nrdob.LowPassFilter(1.0, 1))
+    assert nrdob.largest_sampling_time(loop) == pytest.approx(1.0, rel=1e-9)
+    assert loop.sampled(1 - 1e-6).stability().stable
+    margins = loop.sampled(0.1).margins()
+    assert margins.gm == pytest.approx(10.0, rel=1e-9)
+    assert margins.delay_margin == pytest.approx(0.7, rel=1e-6)  # a direct path goes by samples
+
+
+def test_an_unstable_process_that_grows_too_far_within_a_sample_is_refused():
+    loop = nrdob.NRDOB(1 / (s - 1), 1 / (s + 1), 1.0, nrdob.LowPassFilter(0.5, 1))
+    with pytest.raises(ValueError, match="choose a shorter dt"):
+        loop.sampled(1e4).stability()
+    assert np.isnan(loop.sampled(50.0).step_response("R", 2000.0).outputs).any()
+
+
 def test_a_root_at_z_equal_to_1_is_said_and_not_counted():
     loop = nrdob.NRDOB(s / (s + 1) ** 2, 1 / (s + 1), 1 / s, nrdob.LowPassFilter(0.4, 1))
     found = loop.sampled(0.1).stability()
