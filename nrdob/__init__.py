@@ -3,9 +3,9 @@
 The list below is the table of contents, by topic. What answers, with which fields, is one room
 further: `nrdob.analysis` (verdicts, margins, responses), `nrdob.design` (which filter, model and
 controller), `nrdob.digital` (the loop on a processor), `nrdob.measured` (a process out of a
-record), `nrdob.uncertain` (families of plants), `nrdob.diagram` (blocks and the maps between them),
-`nrdob.numerics` (polynomials with a delay), `nrdob.plotting` (figures) and `nrdob.course`
-(the paper's claims, the problem sets).
+record), `nrdob.uncertain` (families of plants), `nrdob.reporting` (all on one page),
+`nrdob.diagram` (blocks and the maps between them), `nrdob.numerics` (polynomials with a delay),
+`nrdob.plotting` (figures) and `nrdob.course` (the paper's claims, the problem sets).
 """
 
 from . import paper, plants
@@ -47,6 +47,7 @@ from .diagram import (
 from .digital import Limits, largest_sampling_time
 from .loop import NRDOB
 from .measured import identify, read_data
+from .reporting import report
 from .sampling import random_loop
 from .uncertain import family, sweep
 
@@ -69,6 +70,8 @@ __all__ = [  # noqa: RUF022  (by topic: the contents of the package)
     "suggest_model", "design_controller",
     # What process was measured?
     "identify", "read_data",
+    # All that can be said, on one page.
+    "report",
     # Is a controller an observer?
     "observer_form", "stable_model_exists",
     # Other schemes on the same plant, in one table.
