@@ -17,7 +17,7 @@ from contourpy import contour_generator
 
 from ..numerics import ComplexArray, FloatArray, bisect
 from .chartaxes import PIXELS, Axis
-from .chartcurves import Border, Places, cut, drawn, parts, within
+from .chartcurves import Border, cut, drawn, parts, within
 from .chartloops import MANY, ChartLoops, positive
 
 __all__ = ["borders_of"]
@@ -64,9 +64,7 @@ def _without_lambda(loops: ChartLoops, axes: tuple[Axis, Axis]) -> Iterator[Curv
         yield from _with_delay(loops, axes, omega)
 
 
-def _gain_and_lag(
-    loops: ChartLoops, axes: tuple[Axis, Axis], omega: FloatArray
-) -> Iterator[Curve]:
+def _gain_and_lag(loops: ChartLoops, axes: tuple[Axis, Axis], omega: FloatArray) -> Iterator[Curve]:
     """With V = W exp(jωθ): (1 + jτω) V = k."""
 
     def at(place: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

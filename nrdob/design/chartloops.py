@@ -123,7 +123,7 @@ class ChartLoops:
 
     def turned(self, omega: FloatArray, lam: Any = 1.0) -> ComplexArray:
         """W exp(jωθ) with the dead time of the process."""
-        return self.ratio(omega, lam) * np.exp(1j * omega * self.fixed["delay"])
+        return np.asarray(self.ratio(omega, lam) * np.exp(1j * omega * self.fixed["delay"]))
 
     def peaks(self, given: dict[str, Any], omega: FloatArray) -> FloatArray:
         """Peak of the sensitivity of each stable loop, one a row."""

@@ -143,9 +143,9 @@ class FamilyMismatch(Mismatch):
         if not delayed:
             return 0.0
         # Those with dead time are all multiples of the same polynomial in λ.
-        most, least = reduce(add, map(np.abs, delayed)), reduce(add, leading, np.zeros(1))
-        sign = np.sign(delayed[0])
-        square = add(np.convolve(least, least), -np.convolve(sign * most, sign * most))
+        least: FloatArray = reduce(add, leading, np.zeros(1))
+        most: FloatArray = np.sign(delayed[0]) * sum(map(np.abs, delayed))
+        square = add(np.convolve(least, least), -np.convolve(most, most))
         square = np.trim_zeros(square, "f")
         if not leading or not square.size or square[0] < 0:
             raise ValueError(
@@ -282,7 +282,7 @@ class FamilyMismatch(Mismatch):
         N, D, Nm, Dm = self._values(omega)
         turned = N * Dm * np.exp(-1j * self.delay * omega)
         if not self.wait:
-            return D * Nm, turned, np.zeros(())
+            return D * Nm, turned, np.zeros(1, dtype=complex)
         return D * Nm, turned, -D * _at(self.Nm, omega) * np.exp(-1j * self.wait * omega)
 
     def _tables(self, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:

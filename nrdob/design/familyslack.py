@@ -17,7 +17,7 @@ from ..diagram import FilterFamily, as_family
 from ..numerics import ComplexArray, FloatArray
 from .familygrid import FamilyFrequencies
 from .familymismatch import FamilyMismatch
-from .slack import NARROW, PlantLoops, Specification
+from .slack import PlantLoops, Specification
 
 __all__ = ["FamilyLoops"]
 

@@ -10,7 +10,6 @@ with its reason in words.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from math import cos, inf, pi
 from typing import Any
 
@@ -18,6 +17,8 @@ import numpy as np
 
 from ..diagram import LowPassFilter
 from ..numerics import ROUNDING, ComplexArray, FloatArray, QuasiPolynomial, add, written
+from .answer import Answer
+from .fastwaiting import fast_where_the_model_waits
 from .mismatch import Mismatch
 
 __all__ = [
@@ -35,26 +36,6 @@ SIDEWAYS = 1e-10
 
 CLUSTER = 1e-4
 """Relative distance within which roots on the axis count as one multiple root."""
-
-
-@dataclass(frozen=True)
-class Answer:
-    """A verdict and the reason for it.
-
-    Attributes
-    ----------
-    holds : bool or None
-        None where the question is left open.
-    reason : str
-        Why, in a sentence, and what to do about it.
-    """
-
-    holds: bool | None
-    reason: str
-
-    def __repr__(self) -> str:
-        word = {True: "yes", False: "no", None: "open"}[self.holds]
-        return f"{word}: {self.reason}"
 
 
 def gain_bound(order: int) -> float:
@@ -93,12 +74,13 @@ def stable_for_slow_filters(process: Any, model: Any, order: int) -> Answer:
     .. math:: -\frac{b(s_0)\,e^{-s_0\theta}}{a'(s_0)\,s_0^n}\,\lambda^{-n},
 
     which decides to which side. With m roots at 0, m + n roots spread evenly around a circle that
-    shrinks as :math:`\lambda^{-n/(m+n)}`: three or more reach the right half plane.
+    shrinks as :math:`\lambda^{-n/(m+n)}`: three or more reach the right half plane. A dead time of
+    the model changes none of this: the filter is slow against it.
 
     Parameters
     ----------
     process, model : as for `nrdob.NRDOB`
-        G, with or without dead time, and G̃.
+        G and G̃, both with or without dead time.
     order : int
         n of the filter :math:`1/(\lambda s + 1)^n`.
 
@@ -118,7 +100,7 @@ def stable_for_slow_filters(process: Any, model: Any, order: int) -> Answer:
     >>> stable_for_slow_filters(ct.tf([2], [1, -1]), ct.tf([1], [1, 1]), 1)
     no: process or inverse model is unstable (pole at 1): a slow filter leaves it so
     """
-    mismatch = Mismatch.of(process, model, order)
+    mismatch = Mismatch.of(process, model, order, waits=True)
     _, D, Nm, _ = mismatch.factors
     right, axis = roots_by_side(D, Nm)
     if right.size:
@@ -143,6 +125,7 @@ def _drift_when_slow(mismatch: Mismatch, root: complex) -> tuple[complex, comple
     if n == 1:  # exactly s·a(s) + b(s)/λ
         first = -b * lag / slope
         tilt = (np.polyval(np.polyder(mismatch.b), root) - mismatch.delay * b) * lag
+        tilt += slope / root * (1 - np.exp(-mismatch.wait * root))  # of a (1 - exp(-sθm))/λ
         return complex(first), complex(-(curvature * first**2 / 2 + tilt * first) / slope)
     first = -b * lag / (slope * root**n)
     return complex(first), complex(-n * first / root)  # ((λs + 1)^n - 1)^-1 = (λs)^-n (1 - n/λs …)
@@ -268,12 +251,13 @@ def stable_for_fast_filters(process: Any, model: Any, order: int) -> Answer:
 
     A simple root :math:`s_0` of N·Dm on the axis moves by
     :math:`-n\lambda s_0 a(s_0)/b'(s_0)`, which decides to which side. A dead time leaves more and
-    more roots on the right as λ → 0.
+    more roots on the right as λ → 0, unless the model waits for it, see
+    `nrdob.design.fastwaiting`.
 
     Parameters
     ----------
     process, model : as for `nrdob.NRDOB`
-        G, with or without dead time, and G̃.
+        G and G̃, both with or without dead time.
     order : int
         n of the filter :math:`1/(\lambda s + 1)^n`.
 
@@ -294,11 +278,13 @@ def stable_for_fast_filters(process: Any, model: Any, order: int) -> Answer:
     >>> stable_for_fast_filters(G, Gm, 2)
     no: the slow roots tend to a zero of the process or a pole of the model at 100
     """
-    mismatch = Mismatch.of(process, model, order)
-    if mismatch.delay:
+    mismatch = Mismatch.of(process, model, order, waits=True)
+    if mismatch.delay and not mismatch.wait:
         return Answer(False, "with a dead time ever more roots are on the right as λ falls")
     if mismatch.held_at_origin:
         return Answer(False, ROOT_AT_ORIGIN)
+    if mismatch.wait:
+        return fast_where_the_model_waits(mismatch)
     N, _, _, Dm = mismatch.factors
     right, axis = roots_by_side(N, Dm)
     if right.size:
@@ -377,7 +363,7 @@ def right_half_plane_parity(process: Any, model: Any) -> Answer:
     Parameters
     ----------
     process, model : as for `nrdob.NRDOB`
-        G, with or without dead time, which changes nothing, and G̃.
+        G and G̃, both with or without dead time, which changes nothing.
 
     Returns
     -------
@@ -396,7 +382,7 @@ def right_half_plane_parity(process: Any, model: Any) -> Answer:
     >>> right_half_plane_parity(ct.tf([4], [-1, -1, 2]), ct.tf([1], [1, 3, 2]))
     no: 1 unstable pole of G/model: the model must have the opposite DC sign
     """
-    mismatch = Mismatch.of(process, model)
+    mismatch = Mismatch.of(process, model, waits=True)
     if mismatch.held_at_origin:
         # Of a zero of the process no filter is rid, of integrators one with 1 - F ~ s^2 or more.
         return Answer(False if mismatch.factors[0][-1] == 0 else None, ROOT_AT_ORIGIN)
@@ -426,8 +412,9 @@ def stabilizing_filter_exists(process: Any, model: Any) -> Answer:
     Parameters
     ----------
     process, model : as for `nrdob.NRDOB`
-        G, with or without dead time, and G̃. For a dead time the question is left open unless the
-        signs at 0 and at infinity already forbid it.
+        G and G̃, both with or without dead time. For a dead time the question is left open unless
+        the signs already forbid it: at 0 and at infinity, and where both have the same dead time at
+        the zeros of b - a.
 
     Returns
     -------
@@ -450,7 +437,7 @@ def stabilizing_filter_exists(process: Any, model: Any) -> Answer:
     >>> stabilizing_filter_exists(ct.tf([4], [-1, -1, 2]), ct.tf([-1], [1, 3, 2]))
     yes: a and b - a interlace: p_B can be positive on the whole positive real axis
     """
-    mismatch = Mismatch.of(process, model)
+    mismatch = Mismatch.of(process, model, waits=True)
     a, b = mismatch.a, mismatch.b
     N, D, Nm, Dm = mismatch.factors
     unstable = np.concatenate(roots_by_side(D, Nm))
@@ -467,7 +454,7 @@ def stabilizing_filter_exists(process: Any, model: Any) -> Answer:
     parity = right_half_plane_parity(process, model)
     if not parity.holds and (mismatch.held_at_origin or not free_at_infinity):
         return parity
-    if mismatch.delay:
+    if mismatch.delay != mismatch.wait:
         return Answer(None, "with a dead time the signs at zero and at infinity forbid nothing")
     difference = QuasiPolynomial(add(b, -a), scale=add(np.abs(a), np.abs(b)))
     zeros = difference.roots if difference.degree else np.empty(0, dtype=complex)
@@ -494,9 +481,10 @@ def stabilizing_filter_exists(process: Any, model: Any) -> Answer:
                 else ": no stable filter that rolls off stabilises that"
             ),
         )
-    return Answer(
-        True, "a and b - a interlace: p_B can be positive on the whole positive real axis"
-    )
+    interlaced = "a and b - a interlace: p_B can be positive on the whole positive real axis"
+    if mismatch.wait:
+        return Answer(None, f"{interlaced}, and with a dead time that may not be enough")
+    return Answer(True, interlaced)
 
 
 def roots_by_side(*polynomials: FloatArray) -> tuple[ComplexArray, ComplexArray]:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..diagram import LowPassFilter, ObserverEquations, as_fraction
+from ..diagram import DelayedTransferFunction, LowPassFilter, ObserverEquations, as_fraction
 from ..numerics import BoolArray, ComplexArray, FloatArray, QuasiPolynomial, Term, add
 
 __all__ = ["ERROR", "Mismatch", "multiplied"]
@@ -66,13 +66,13 @@ class Mismatch:
             Whether the model may have a dead time.
         """
         if order is None:
-            order = max(1, as_fraction(model, "model").relative_degree)
+            undelayed = model.tf if isinstance(model, DelayedTransferFunction) else model
+            order = max(1, as_fraction(undelayed, "model").relative_degree)
         loop = ObserverEquations(process, model, LowPassFilter(1.0, order))
         if loop.model_delay and not waits:
             raise ValueError(
-                f"model has a dead time of {loop.model_delay:g} s; for a model that waits ask "
-                "nrdob.NRDOB, judge_observer, stabilizing_time_constants or "
-                "critical_time_constants; here, leave the dead time out"
+                f"model has a dead time of {loop.model_delay:g} s, which cannot wait here: leave "
+                "the dead time out"
             )
         G, Gm = loop.fractions.G, loop.fractions.Gm
         integrator = Gm.den[-1] == 0 and not loop.model_delay  # 1 - F exp(-θm s) keeps its s
