@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +15,9 @@ __all__ = ["Border", "Places", "cut", "drawn", "parts", "within"]
 
 ASTRAY = 0.75
 """How far a new point may lie from the middle of a step, against the step."""
+
+TORN = 16.0
+"""Pixels of a step that leads from one curve to another."""
 
 LONGEST, HALVINGS, BESIDE = 3.0, 14, 0.05
 """Pixels of the longest step of a curve, how often a step is halved at most, and how far beside the
@@ -100,6 +104,10 @@ def cut(x: Axis, y: Axis, border: Border) -> Iterator[Border]:
     with np.errstate(invalid="ignore"):
         good = np.isfinite(u) & np.isfinite(v)
         seen = good & (np.maximum(np.abs(u - 0.5), np.abs(v - 0.5)) < 0.5 + BESIDE)
+    whole = np.append(np.hypot(np.diff(u), np.diff(v)) < TORN / PIXELS, True)
+    straight = np.all(border.omega == border.omega[0]) and border.omega[0] in (0.0, np.inf)
     for part in parts(within(seen) & good):
-        if part.stop - part.start > 1:
-            yield Border(border.x[part], border.y[part], border.omega[part])
+        ends = part.start + 1 + np.flatnonzero(~whole[part]) if not straight else []
+        for first, last in pairwise([part.start, *ends, part.stop]):
+            if last - first > 1:
+                yield Border(border.x[first:last], border.y[first:last], border.omega[first:last])
