@@ -68,7 +68,7 @@ def _gain_and_lag(loops: ChartLoops, axes: tuple[Axis, Axis], omega: FloatArray)
 
     omega = _closer(lambda w: loops.turned(w).real, omega)
     for part in parts(loops.turned(omega).real > 0):
-        place, gain, lag = drawn(axes, np.log(omega[part])[None], at)
+        place, gain, lag = drawn(axes, np.log(omega[part])[None], at, 1)
         yield np.exp(place[0]), gain, lag
 
 
@@ -133,7 +133,9 @@ def _turns(
 
     for m in range(first, last + 1):
         if np.any((turns[0] <= m) & (m <= turns[1])):
-            found, values, theta = drawn(axes, np.vstack([place, angle + 2 * pi * m]), at)
+            found, values, theta = drawn(
+                axes, np.vstack([place, angle + 2 * pi * m]), at, len(place)
+            )
             yield np.exp(found[0]), values, theta
 
 
@@ -170,7 +172,7 @@ def _with_lambda(loops: ChartLoops, axes: tuple[Axis, Axis]) -> Iterator[Curve]:
         if second == "delay":
             yield from _turns(axes, line, with_size)
             continue
-        place, lam, other = drawn(axes, line, with_gain if second == "gain" else with_lag)
+        place, lam, other = drawn(axes, line, with_gain if second == "gain" else with_lag, 2)
         for part in parts(other > 0 if second == "gain" else np.isfinite(other)):
             yield np.exp(place[0, part]), lam[part], other[part]
 
@@ -207,7 +209,7 @@ def _lambdas(axis: Axis) -> FloatArray:
     """Give ln λ all over an axis."""
     lambdas = axis.value(np.linspace(0, 1, LAMBDAS))
     low, high = positive(axis)
-    return np.log(np.concatenate([[low], lambdas[lambdas > low], [high]]))
+    return np.asarray(np.log(np.concatenate([[low], lambdas[lambdas > low], [high]])))
 
 
 # Where a real root crosses.

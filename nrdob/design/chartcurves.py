@@ -48,11 +48,12 @@ A column that is no number is no place on this curve.
 
 
 def drawn(
-    axes: tuple[Axis, Axis], place: FloatArray, at: Places
+    axes: tuple[Axis, Axis], place: FloatArray, at: Places, located: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Put points between those of a curve until no step on the chart is long.
 
-    A chord across a bend would leave a region open to its neighbour.
+    A chord across a bend would leave a region open to its neighbour. The first rows of the places,
+    `located`, say where on the curve a point is; further ones belong to it.
     """
     place, first, second = at(place)
     for _ in range(HALVINGS):
@@ -62,8 +63,8 @@ def drawn(
         middle, across = (place[:, k] + place[:, k + 1]) / 2, place[:, k + 1] - place[:, k]
         better, x, y = at(middle)
         with np.errstate(invalid="ignore"):  # a place that is farther off is one of another curve
-            off = np.linalg.norm(better - middle, axis=0)
-            good = off <= ASTRAY * np.linalg.norm(across, axis=0)
+            off = np.linalg.norm((better - middle)[:located], axis=0)
+            good = off <= ASTRAY * np.linalg.norm(across[:located], axis=0)
         if not good.any():
             break
         k, better, x, y = k[good], better[:, good], x[good], y[good]

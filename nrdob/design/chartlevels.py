@@ -150,7 +150,7 @@ def _followed(
     point, other, size = np.hstack([point, point]), np.hstack([other, other]), np.tile(size, 2)
     way = _tangent(function, point)
     way[:, way.shape[1] // 2 :] *= -1
-    alive = np.isfinite(way).all(axis=0)
+    alive: BoolArray = np.asarray(np.isfinite(way).all(axis=0))
     tracks: list[list[FloatArray]] = [[p] for p in point.T]
     for _ in range(MOST):
         k = np.flatnonzero(alive)
@@ -166,7 +166,7 @@ def _followed(
         gone = k[good]
         arrived = np.hypot(*(other[:, gone] - point[:, gone])) <= 1.5 * size[gone]
         point[:, gone], way[:, gone] = found[:, good], ahead[:, good]
-        arrived &= np.hypot(*(other[:, gone] - point[:, gone])) <= size[gone]
+        arrived = arrived & (np.hypot(*(other[:, gone] - point[:, gone])) <= size[gone])
         for n, last in zip(gone.tolist(), arrived.tolist(), strict=True):
             tracks[n].append(other[:, n] if last else point[:, n].copy())
         inside = np.ones(gone.size, dtype=bool)
@@ -175,5 +175,5 @@ def _followed(
         alive[gone[arrived | ~inside]] = False
         size[gone] = np.minimum(1.5 * size[gone], LONGEST)
         size[k[~good]] /= 2
-        alive &= size >= SHORTEST
+        alive[size < SHORTEST] = False
     yield from (np.array(track).T for track in tracks if len(track) > 1)
