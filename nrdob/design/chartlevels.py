@@ -61,8 +61,13 @@ def level_set(function: Vanishing, u: FloatArray, v: FloatArray) -> Iterator[Flo
                 across = ~_leads_along(function, curve)
                 bounds = [0, *(np.flatnonzero(across) + 1).tolist(), curve.shape[1]]
                 yield from (curve[:, a:b] for a, b in pairwise(bounds) if b - a > 1)
-                before, after = curve[:, :-1][:, across], curve[:, 1:][:, across]
-                ends += [np.vstack([before, after]), np.vstack([after, before])]
+                k = np.flatnonzero(across)
+                at = np.ravel([k, k + 1], order="F")
+                other, back = (np.ravel(pair, order="F") for pair in ([k + 1, k], [k - 1, k + 2]))
+                last = curve.shape[1] - 1
+                closed = np.array_equal(curve[:, 0], curve[:, -1])
+                back = back % last if closed else np.clip(back, 0, last)
+                ends.append(np.vstack([curve[:, at], curve[:, other], curve[:, back]]))
     if ends:
         bounds_of = (u[0], u[-1]), (v[0], v[-1])
         yield from _followed(function, np.hstack(ends), bounds_of)
@@ -139,17 +144,15 @@ def _leads_along(function: Vanishing, curve: FloatArray) -> BoolArray:
 def _followed(
     function: Vanishing, ends: FloatArray, bounds: tuple[tuple[float, float], ...]
 ) -> Iterator[FloatArray]:
-    """Follow curves from given points, first away from others, until they come to these.
+    """Follow curves from both ends of steps that lead across, until they come to the other end.
 
-    Or to the end of the grid. All at once; a row of `ends` is u and v of the points, and of the
-    others.
+    Or to the end of the grid. All at once: `ends` holds u and v of a point, of the other end, and
+    of a point of the known curve, from which it leads away; two columns for each step.
     """
-    point, other = ends[:2].copy(), ends[2:]
+    point, other, back = ends[:2].copy(), ends[2:4], ends[4:]
     size = np.minimum(np.hypot(*(other - point)), LONGEST)
-    # Both ways: the one that leads back along the known curve is a second copy of it, no more.
-    point, other, size = np.hstack([point, point]), np.hstack([other, other]), np.tile(size, 2)
     way = _tangent(function, point)
-    way[:, way.shape[1] // 2 :] *= -1
+    way *= np.where(((point - back) * way).sum(axis=0) < 0, -1.0, 1.0)
     alive: BoolArray = np.asarray(np.isfinite(way).all(axis=0))
     tracks: list[list[FloatArray]] = [[p] for p in point.T]
     for _ in range(MOST):
@@ -176,4 +179,8 @@ def _followed(
         size[gone] = np.minimum(1.5 * size[gone], LONGEST)
         size[k[~good]] /= 2
         alive[size < SHORTEST] = False
-    yield from (np.array(track).T for track in tracks if len(track) > 1)
+    for one, two in zip(tracks[::2], tracks[1::2], strict=True):
+        met = len(one) > 1 and np.array_equal(one[-1], two[0])
+        for track in (one,) if met else (one, two):
+            if len(track) > 1:
+                yield np.array(track).T
