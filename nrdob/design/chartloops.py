@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import reduce
-from math import inf, nan, pi
+from math import inf, pi
 from typing import Any
 
 import numpy as np
@@ -97,15 +97,9 @@ class ChartLoops:
         return QuasiPolynomial(ahead, behind, values["delay"], reduce(add, sizes), more)
 
     def count(self, given: dict[str, float]) -> float:
-        """Count the roots on the right; an error where there are roots on the axis.
-
-        Not a number where chains of roots line up on the axis and the last digit of a dead time
-        puts them on either side.
-        """
+        """Count the roots on the right; an error where there are roots on the axis."""
         p = self.p_B(given)
         found = count_rhp(p)
-        if found.count is None and p.more and p.neutral_ratio >= 1:
-            return nan
         if found.count is None or p.zeros_at_origin:
             raise ArithmeticError(
                 f"the loop is on the border of stability at {given}: {found.reason or 's = 0'}"
@@ -123,7 +117,7 @@ class ChartLoops:
 
     def turned(self, omega: FloatArray, lam: Any = 1.0) -> ComplexArray:
         """W exp(jωθ) with the dead time of the process."""
-        return self.ratio(omega, lam) * np.exp(1j * omega * self.fixed["delay"])
+        return np.asarray(self.ratio(omega, lam) * np.exp(1j * omega * self.fixed["delay"]))
 
     def peaks(self, given: dict[str, Any], omega: FloatArray) -> FloatArray:
         """Peak of the sensitivity of each stable loop, one a row."""
@@ -148,7 +142,8 @@ class ChartLoops:
         """Give ω = 0 or infinity, and p and q: a real root crosses there where p = k q, for each λ.
 
         At 0 where p_B vanishes. At infinity where its leading coefficient does, or with dead time
-        where those of the delayed terms together are as large as the one without.
+        where those of the delayed terms together are as large as the one without: beyond, the dead
+        time of a model that waits would have to be followed for ever.
         """
         ahead, behind, waits = self.mismatch.lowest(lambdas)
         yield 0.0, -(ahead + waits), behind
@@ -156,9 +151,6 @@ class ChartLoops:
         late = np.abs(waits)
         ahead, behind = (np.abs(ahead), np.abs(behind)) if turning else (-ahead, behind)
         yield inf, ahead - late, behind
-        if late.any():
-            yield inf, ahead + late, behind
-            yield inf, late - np.abs(ahead), behind
 
     # The frequencies.
 
@@ -181,7 +173,8 @@ class ChartLoops:
         if last > MANY * step or last == omega[-1]:
             raise ValueError(
                 f"the dead time of {longest:g} s would have to be followed up to "
-                f"{last:.3g} rad/s: let the axes begin farther from 0"
+                f"{last:.3g} rad/s: let the axes begin farther from 0, or take a filter that rolls "
+                "off"
             )
         omega = np.union1d(omega[omega <= last], np.arange(step, last, step))
         return omega[~mismatch.at_pole(omega)]

@@ -60,17 +60,20 @@ class FamilyBranches:
             return 1j * omega * mismatch.roots_in_lambda(omega)
 
         roots, most = at(omega), MOST * omega.size
+        steps = np.arange(omega.size - 1)
         for _ in range(CUTS):
-            unclear = np.flatnonzero(
-                _matched(roots)[1] & (omega[1:] > omega[:-1] * (1 + NARROWEST))
-            )
-            middle = np.sqrt(omega[unclear] * omega[unclear + 1])
+            unclear = _matched(roots[:, steps], roots[:, steps + 1])[1]
+            unclear &= omega[steps + 1] > omega[steps] * (1 + NARROWEST)
+            steps = steps[unclear]
+            middle = np.sqrt(omega[steps] * omega[steps + 1])
             kept = ~mismatch.at_pole(middle)
-            unclear, middle = unclear[kept], middle[kept]
+            steps, middle = steps[kept], middle[kept]
             if not middle.size or omega.size > most:
                 break
-            omega = np.insert(omega, unclear + 1, middle)
-            roots = np.insert(roots, unclear + 1, at(middle), axis=1)
+            omega = np.insert(omega, steps + 1, middle)
+            roots = np.insert(roots, steps + 1, at(middle), axis=1)
+            steps = steps + np.arange(steps.size)  # those that were clear are so still
+            steps = np.ravel([steps, steps + 1], order="F")
         return cls(mismatch, omega, _continued(roots))
 
     def __call__(self, of: IntArray, at: IntArray, omega: FloatArray) -> ComplexArray:
@@ -125,12 +128,11 @@ class FamilyBranches:
         return np.asarray(rounding >= np.abs(excess))
 
 
-def _matched(roots: ComplexArray) -> tuple[IntArray, BoolArray, BoolArray]:
+def _matched(before: ComplexArray, after: ComplexArray) -> tuple[IntArray, BoolArray, BoolArray]:
     """Find for each root its successor, where to look closer, and where it is not one to one."""
-    before, after = roots[:, :-1], roots[:, 1:]
     away = np.abs(before[:, None] - after[None])
     successor, moved = away.argmin(axis=1), away.min(axis=1)
-    n = roots.shape[0]
+    n = before.shape[0]
     # Roots that are one but for rounding need not be told from each other.
     least = ROUNDING ** (1 / n) * np.abs(before)
     apart = np.full(moved.shape, np.inf)
@@ -144,7 +146,7 @@ def _matched(roots: ComplexArray) -> tuple[IntArray, BoolArray, BoolArray]:
 
 def _continued(roots: ComplexArray) -> ComplexArray:
     """Sort the roots of every frequency into branches."""
-    successor, _, unclear = _matched(roots)
+    successor, _, unclear = _matched(roots[:, :-1], roots[:, 1:])
     for k in np.flatnonzero(unclear):  # beside a pole on the axis, or where branches meet
         away = np.abs(roots[:, k, None] - roots[None, :, k + 1])
         size = np.abs(roots[:, k, None]) + np.abs(roots[None, :, k + 1]) + 1e-300

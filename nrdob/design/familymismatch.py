@@ -37,6 +37,8 @@ from .mismatch import ERROR, Mismatch, multiplied
 
 __all__ = [
     "FamilyMismatch",
+    "beyond_roots",
+    "last_root",
     "positive_roots",
     "product",
     "root_near",
@@ -143,9 +145,9 @@ class FamilyMismatch(Mismatch):
         if not delayed:
             return 0.0
         # Those with dead time are all multiples of the same polynomial in λ.
-        most, least = reduce(add, map(np.abs, delayed)), reduce(add, leading, np.zeros(1))
-        sign = np.sign(delayed[0])
-        square = add(np.convolve(least, least), -np.convolve(sign * most, sign * most))
+        least: FloatArray = reduce(add, leading, np.zeros(1))
+        most: FloatArray = np.sign(delayed[0]) * sum(map(np.abs, delayed))
+        square = add(np.convolve(least, least), -np.convolve(most, most))
         square = np.trim_zeros(square, "f")
         if not leading or not square.size or square[0] < 0:
             raise ValueError(
@@ -256,22 +258,18 @@ class FamilyMismatch(Mismatch):
         """All λ for which p_B(jω) = 0, complex ones too: shape (n, N)."""
         return roots_of_columns(self.coefficients(omega))
 
-    def largest(self, omega: FloatArray, gain: float = 1.0) -> FloatArray:
-        """Bound of the λ with ``|L| = gain`` at each frequency: the last with ``|b Nf| = |a E|``.
+    def off_gain(self, omega: FloatArray, gain: float = 1.0) -> FloatArray:
+        """Coefficients in λ, ascending, each frequency a column, of ``|a E|^2 - |b Nf/gain|^2``.
 
-        That is for gain 1; the critical λ are among those. Two dead times are taken at their worst,
-        so that the bound does not turn with them.
+        Its last root bounds the λ with ``|L| = gain``; the critical λ are among those of gain 1.
+        Two dead times are taken at their worst, so that the bound does not turn with them.
         """
         (a, b, waits), (E, Nf) = self._apart(omega), self._tables(omega)
         ahead, behind = a * E, (np.abs(b) / gain + np.abs(waits)) * Nf
         most = np.maximum(np.abs(ahead).max(axis=0), np.abs(behind).max(axis=0))
         with np.errstate(all="ignore"):
             ahead, behind = (np.nan_to_num(part / most) for part in (ahead, behind))
-        square = size_squared(ahead) - size_squared(behind)
-        roots = roots_of_columns(square)
-        # A pair that is not quite real may become so between two frequencies.
-        real = np.abs(roots.imag) <= NEARLY_REAL * roots.real
-        return np.asarray(np.where(real, roots.real, 0.0).max(axis=0, initial=0.0))
+        return size_squared(ahead) - size_squared(behind)
 
     def _products(self, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:
         a, b, waits = self._apart(omega)
@@ -282,7 +280,7 @@ class FamilyMismatch(Mismatch):
         N, D, Nm, Dm = self._values(omega)
         turned = N * Dm * np.exp(-1j * self.delay * omega)
         if not self.wait:
-            return D * Nm, turned, np.zeros(())
+            return D * Nm, turned, np.zeros(1, dtype=complex)
         return D * Nm, turned, -D * _at(self.Nm, omega) * np.exp(-1j * self.wait * omega)
 
     def _tables(self, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:
@@ -335,6 +333,24 @@ def roots_of_columns(coefficients: Any) -> ComplexArray:
             step = np.nan_to_num(value / slope, posinf=0.0, neginf=0.0)
             roots = roots - np.where(np.abs(step) <= FARTHEST * np.abs(roots), step, 0.0)
     return np.asarray(roots)
+
+
+def last_root(columns: FloatArray) -> FloatArray:
+    """Last positive root of polynomials, ascending coefficients in columns; 0 where none is.
+
+    A pair that is not quite real counts, because between two frequencies it may become so.
+    """
+    roots = roots_of_columns(columns)
+    real = np.abs(roots.imag) <= NEARLY_REAL * roots.real
+    return np.asarray(np.where(real, roots.real, 0.0).max(axis=0, initial=0.0))
+
+
+def beyond_roots(columns: FloatArray) -> FloatArray:
+    """Bound the sizes of all roots of polynomials, ascending coefficients in columns (Fujiwara)."""
+    n = columns.shape[0] - 1
+    with np.errstate(all="ignore"):
+        ratios = np.abs(columns[:-1] / columns[-1]) ** (1 / np.arange(n, 0, -1))[:, None]
+    return np.asarray(2 * np.nan_to_num(ratios, nan=np.inf, posinf=np.inf).max(axis=0))
 
 
 def _value_and_slope(
