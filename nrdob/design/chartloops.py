@@ -75,13 +75,13 @@ class ChartLoops:
             )
         fixed["time_constant"] = 1.0
         loop = ObserverEquations(undelayed, model, filter)
-        G, Gm, F = loop.fractions.G, loop.fractions.Gm, loop.fractions.F
-        built, wait = loop.built, loop.model_delay
-        E, Nf = (F.den if wait else built.E.q), built.Nf.q
+        G, F = loop.fractions.G, loop.fractions.F
+        if loop.model_delay:
+            return cls(FamilyMismatch.that_waits(loop, F.num[:, None], F.den[:, None]), fixed)
+        built = loop.built
         factors = (G.num, G.den, built.Nm.q, built.Dm.q)
-        order = int(F.den.size - 1)
-        tables = E[:, None], Nf[:, None]
-        return cls(FamilyMismatch.of_tables(*tables, factors, 0.0, wait, Gm.num, order), fixed)
+        tables = built.E.q[:, None], built.Nf.q[:, None]
+        return cls(FamilyMismatch.of_tables(*tables, factors, 0.0, F.den.size - 1), fixed)
 
     # One loop.
 
@@ -94,7 +94,10 @@ class ChartLoops:
         sizes[2:] = [np.convolve(lag, size) for size in sizes[2:]]
         more = tuple(Term(np.convolve(lag, part), self.mismatch.wait) for part in waiting)
         ahead, behind = np.convolve(lag, ahead), values["gain"] * behind
-        return QuasiPolynomial(ahead, behind, values["delay"], reduce(add, sizes), more)
+        power = self.mismatch.divided
+        scale = reduce(add, sizes)
+        p = QuasiPolynomial(ahead, behind, values["delay"], scale, more, origin=power)
+        return p.over_s(power)
 
     def count(self, given: dict[str, float]) -> float:
         """Count the roots on the right; an error where there are roots on the axis."""

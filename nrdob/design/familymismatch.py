@@ -6,17 +6,21 @@ What F/G̃ and (1 - F)G̃ share with themselves for every λ is in no block. Wit
           \qquad a = D N_m', \quad b = N D_m',
 
 where :math:`e_k` and :math:`n_k` are the coefficients of the powers of λ in what is left of
-:math:`D_f - N_f` and of :math:`N_f`. Where the model waits, no pole of it is shared, and what waits
-stands with the same :math:`n_k`:
+:math:`D_f - N_f` and of :math:`N_f`. Where the model waits, no pole of it is shared but m of its
+integrators, and what waits stands with the same :math:`n_k`:
 
-.. math:: p_B(s; \lambda) = \sum_k \lambda^k \left(
+.. math:: p_B(s; \lambda) = s^{-m} \sum_k \lambda^k \left(
           a\,d_k + (b\,e^{-\theta s} - D N_m\,e^{-\theta_m s})\,n_k \right).
+
+On the axis m of Taylor's terms of :math:`e^{-\theta_m s}` go to :math:`d_k`, so that both parts can
+be divided.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, reduce
+from math import factorial
 from typing import Any
 
 import numpy as np
@@ -31,6 +35,7 @@ from ..numerics import (
     add,
     companion_roots,
     count_rhp,
+    exponential_rest,
     shared_factor,
 )
 from .mismatch import ERROR, Mismatch, multiplied
@@ -76,21 +81,39 @@ class FamilyMismatch(Mismatch):
         Row k holds the coefficients of λ^k, descending in s. E is all of Df for a model that waits.
     Nm : array of float
         All zeros of a model that waits; 0 for one that does not.
+    divided : int
+        Power of s by which p_B is divided: integrators that a model that waits has more than the
+        process, as far as they cancel inside (1 - F exp(-θm s))·model for every λ.
     """
 
     E: FloatArray
     Nf: FloatArray
     Nm: FloatArray = field(default_factory=lambda: np.zeros(1))
+    divided: int = 0
 
     @classmethod
     def for_family(cls, process: Any, model: Any, family: FilterFamily) -> FamilyMismatch:
         """Read process and model as the loop does, with the same refusals."""
         loop = ObserverEquations(process, model, _stable_member(family))
+        if loop.model_delay:
+            return cls.that_waits(loop, family.num, family.den)
         G, Gm = loop.fractions.G, loop.fractions.Gm
-        wait = loop.model_delay
-        E, Dm = (family.den, Gm.den) if wait else _without_shared(family.difference, Gm.den)
+        E, Dm = _without_shared(family.difference, Gm.den)
         Nf, Nm = _without_shared(family.num, Gm.num)
-        return cls.of_tables(E, Nf, (*G, Nm, Dm), loop.delay, wait, Gm.num, order=family.order)
+        return cls.of_tables(E, Nf, (*G, Nm, Dm), loop.delay, family.order)
+
+    @classmethod
+    def that_waits(
+        cls, loop: ObserverEquations, num: FloatArray, den: FloatArray
+    ) -> FamilyMismatch:
+        """Take the process and model of a loop whose model waits; the filters as tables."""
+        G, Gm = loop.fractions.G, loop.fractions.Gm
+        Nf, Nm = _without_shared(num, Gm.num)
+        held = min(QuasiPolynomial(Gm.den).zeros_at_origin, _ramp(num, den, loop.model_delay))
+        both = min(held, QuasiPolynomial(G.den).zeros_at_origin)
+        D, Dm = (p[: p.size - both] for p in (G.den, Gm.den))
+        found = cls.of_tables(den, Nf, (G.num, D, Nm, Dm), loop.delay, den.shape[0] - 1)
+        return replace(found, wait=loop.model_delay, Nm=Gm.num, divided=held - both)
 
     @classmethod
     def of_tables(
@@ -99,16 +122,12 @@ class FamilyMismatch(Mismatch):
         Nf: FloatArray,
         factors: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
         delay: float,
-        wait: float,
-        zeros: FloatArray,
         order: int,
     ) -> FamilyMismatch:
         """Multiply N, D and what is left of Nm and Dm; the tables have descending powers of λ."""
         N, D, Nm, Dm = factors
         E, Nf = _by_powers(E, Nf)
-        whole = zeros if wait else np.zeros(1)
-        a, b = multiplied(D, Nm), multiplied(N, Dm)
-        return cls(a, b, delay, order, factors, wait=wait, E=E, Nf=Nf, Nm=whole)
+        return cls(multiplied(D, Nm), multiplied(N, Dm), delay, order, factors, E=E, Nf=Nf)
 
     @cached_property
     def own_speeds(self) -> FloatArray:
@@ -172,7 +191,10 @@ class FamilyMismatch(Mismatch):
         """Characteristic function for one filter."""
         (ahead, behind, *waiting), sizes = self.built(time_constant)
         more = tuple(Term(part, self.wait) for part in waiting)
-        return QuasiPolynomial(ahead, behind, self.delay, reduce(add, sizes), more)
+        p = QuasiPolynomial(
+            ahead, behind, self.delay, reduce(add, sizes), more, origin=self.divided
+        )
+        return p.over_s(self.divided)
 
     def built(self, time_constant: float) -> tuple[list[FloatArray], list[FloatArray]]:
         """Coefficients of a E, b Nf, and -D Nm Nf if the model waits; the sizes summed in each."""
@@ -193,8 +215,8 @@ class FamilyMismatch(Mismatch):
 
     def coefficients(self, omega: FloatArray) -> ComplexArray:
         """Coefficients of λ^k in p_B(jω), ascending, each frequency a column."""
-        (a, b), (E, Nf) = self._products(omega), self._tables(omega)
-        return np.asarray(a * E + b * Nf)
+        (a, b, waits), (E, Nf) = self._apart(omega), self._tables(omega)
+        return np.asarray(a * E + (b + waits) * Nf)
 
     def uncertainty(self, omega: FloatArray) -> FloatArray:
         """Bounds of the rounding errors of the coefficients."""
@@ -202,10 +224,13 @@ class FamilyMismatch(Mismatch):
         N, D, Nm, Dm = values
         off_a = sizes[1] * Nm + D * sizes[2]
         off_b = sizes[0] * Dm + N * sizes[3] + N * Dm * self.delay * omega / 8
+        off_b = off_b / omega**self.divided
         if self.wait:
             zeros, size = np.abs(_at(self.Nm, omega)), np.polyval(np.abs(self.Nm), omega)
-            off_b = off_b + sizes[1] * zeros + D * size + D * zeros * self.wait * omega / 8
-        E, Nf = (_rows(np.abs(table), omega) for table in (self.E, self.Nf))
+            lag = np.abs(self._lag(1j * omega))
+            turned = D * zeros * self.wait * omega / 8
+            off_b = off_b + lag * (sizes[1] * zeros + D * size) + turned / omega**self.divided
+        E, Nf = (_rows(np.abs(table), omega) for table in (self._ahead, self.Nf))
         return np.asarray(ERROR * (off_a * E + off_b * Nf))
 
     def terms(
@@ -213,7 +238,7 @@ class FamilyMismatch(Mismatch):
     ) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
         """Return a E, b Nf exp(-jωθ), and what waits for the model, at points (ω, λ).
 
-        The arrays are broadcast against each other.
+        Divided as p_B is. The arrays are broadcast against each other.
         """
         (a, b, waits), (E, Nf) = self._apart(omega), self._tables(omega)
         powers = [np.asarray(time_constant) ** k for k in range(len(E))]
@@ -231,9 +256,13 @@ class FamilyMismatch(Mismatch):
         )
 
     def lowest(self, time_constant: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Coefficients of s^0 in a E, b Nf, and in what waits, for many filters."""
-        E, Nf = self.filters(0.0, time_constant)
-        return self.a[-1] * E, self.b[-1] * Nf, -self.waiting[-1] * Nf
+        """Values at s = 0 of a E, b Nf, and of what waits, for many filters, divided as p_B is."""
+        E, Nf = (
+            np.polyval(table[::-1, -1], np.asarray(time_constant))
+            for table in (self._ahead, self.Nf)
+        )
+        lag = (-self.wait) ** self.divided / factorial(self.divided)
+        return self.a[-1] * E, self.b[-1 - self.divided] * Nf, -self.waiting[-1] * lag * Nf
 
     def highest(
         self, time_constant: FloatArray, *, lagging: bool = False
@@ -271,21 +300,38 @@ class FamilyMismatch(Mismatch):
             ahead, behind = (np.nan_to_num(part / most) for part in (ahead, behind))
         return size_squared(ahead) - size_squared(behind)
 
-    def _products(self, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:
-        a, b, waits = self._apart(omega)
-        return a, b + waits
-
     def _apart(self, omega: FloatArray) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
-        """Return D Nm', N Dm' exp(-jωθ), and -D Nm exp(-jωθm) or 0."""
+        """Return D Nm', N Dm' exp(-jωθ), and -D Nm exp(-jωθm) or 0, divided as p_B is."""
+        s = 1j * np.asarray(omega)
         N, D, Nm, Dm = self._values(omega)
-        turned = N * Dm * np.exp(-1j * self.delay * omega)
+        turned = N * Dm * np.exp(-self.delay * s)
         if not self.wait:
             return D * Nm, turned, np.zeros(1, dtype=complex)
-        return D * Nm, turned, -D * _at(self.Nm, omega) * np.exp(-1j * self.wait * omega)
+        turned = turned / s**self.divided if self.divided else turned
+        return D * Nm, turned, -D * _at(self.Nm, omega) * self._lag(s)
+
+    def _lag(self, s: ComplexArray) -> ComplexArray:
+        """exp(-θm s), or what is left of it without the first terms of its series."""
+        m = self.divided
+        if not m:
+            return np.asarray(np.exp(-self.wait * s))
+        return np.asarray((-self.wait) ** m * exponential_rest(-self.wait * s, m, divided=True))
+
+    @cached_property
+    def _ahead(self) -> FloatArray:
+        """E less Nf times the first terms of the series of exp(-θm s), divided as p_B is."""
+        m = self.divided
+        if not m:
+            return self.E
+        lag = _taylor(self.wait, m)[::-1]
+        late = np.array([np.convolve(row, lag) for row in self.Nf])
+        columns = max(late.shape[1], self.E.shape[1])
+        late, ahead = (np.pad(p, ((0, 0), (columns - p.shape[1], 0))) for p in (late, self.E))
+        return (ahead - late)[:, :-m]
 
     def _tables(self, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:
         s = 1j * np.asarray(omega)
-        return _rows(self.E, s), _rows(self.Nf, s)
+        return _rows(self._ahead, s), _rows(self.Nf, s)
 
     # At the ends of the axis: real polynomials in λ.
 
@@ -293,22 +339,30 @@ class FamilyMismatch(Mismatch):
     def at_ends(self) -> FloatArray:
         """Coefficients in λ, ascending, of s^0, s^1 and of the two highest powers of s in p_B.
 
-        Of the sum of both parts: what is behind the dead time counts at s = 0 only.
+        Those at s = 0 of the series of all, the highest only of what is before any dead time.
         """
         tables = [(self.E, self.a, 0.0)] + [(self.Nf, p, delay) for p, delay in self.behind]
         parts = [
             np.array([np.convolve(factor, row) for row in _wide(table)])
             for table, factor, _ in tables
         ]
-        columns = 1 + max(part.shape[1] for part in parts)
+        columns = self.divided + 1 + max(part.shape[1] for part in parts)
         parts = [np.pad(part, ((0, 0), (columns - part.shape[1], 0))) for part in parts]
         delays = [delay for *_, delay in tables]
-        both = _summed(parts)
-        late = sum(delay * part[:, -1] for part, delay in zip(parts, delays, strict=True))
+
+        def at_zero(power: int) -> FloatArray:
+            return _summed(
+                [
+                    part[:, -1 - k, None] * _taylor(delay, power + 1)[power - k]
+                    for part, delay in zip(parts, delays, strict=True)
+                    for k in range(power + 1)
+                ]
+            )[:, 0]
+
         top = _summed([part for part, delay in zip(parts, delays, strict=True) if not delay])
         first = int(np.flatnonzero(top.any(axis=0))[0])
         last = top[:, first + 1] if first + 1 < top.shape[1] else np.zeros(top.shape[0])
-        return np.array([both[:, -1], both[:, -2] - late, top[:, first], last])
+        return np.array([at_zero(self.divided), at_zero(self.divided + 1), top[:, first], last])
 
 
 def roots_of_columns(coefficients: Any) -> ComplexArray:
@@ -421,6 +475,28 @@ def _stable_member(family: FilterFamily) -> Any:
         if family.kind != OWN or count_rhp(QuasiPolynomial(filter.den[0][0])).count == 0:
             break
     return filter
+
+
+def _ramp(num: FloatArray, den: FloatArray, wait: float) -> int:
+    """Count the zeros at s = 0 that Df - Nf exp(-θm s) has for every λ."""
+    rows = den.shape[0]
+    columns = max(num.shape[1], den.shape[1])
+    ahead, behind = (
+        np.pad(table[::-1], ((0, rows - table.shape[0]), (columns - table.shape[1], 0)))
+        for table in (den, num)
+    )
+    lag = _taylor(wait, rows)
+    for k in range(rows):
+        late = lag[k::-1] @ behind[: k + 1]
+        sizes = np.abs(ahead[k]) + np.abs(lag[k::-1]) @ np.abs(behind[: k + 1])
+        if np.any(np.abs(ahead[k] - late) > ROUNDING * sizes):
+            return k
+    return rows
+
+
+def _taylor(delay: float, count: int) -> FloatArray:
+    """First coefficients of the series of exp(-θs), ascending."""
+    return np.array([(-delay) ** k / factorial(k) for k in range(count)])
 
 
 def _without_shared(table: FloatArray, block: FloatArray) -> tuple[FloatArray, FloatArray]:

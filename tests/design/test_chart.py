@@ -159,6 +159,7 @@ def test_a_border_that_bends_sharply_parts_its_regions():
 
 # A model that waits.
 
+LAGS, RAMP_OF_2 = nrdob.filter_family("binomial", 2), nrdob.filter_family("ramp", 2)
 
 WAITING_PAIRS = [(a, b) for i, a in enumerate(RANGES) for b in list(RANGES)[i + 1 :]]
 
@@ -170,6 +171,21 @@ def test_every_region_of_example_4_with_a_model_that_waits_has_its_count(pair, w
     model = nrdob.delay(wait) * EXAMPLE_4.model
     chart = stability_chart(EXAMPLE_4.process, model, EXAMPLE_4.filter, x=x, y=y)
     assert wrong_points(chart, 30, 5) == []
+
+
+@pytest.mark.parametrize("filter", [LAGS, RAMP_OF_2], ids=["lags", "ramp"])
+@pytest.mark.parametrize("pole", [0.0, 0.2])
+@pytest.mark.parametrize("first", ["time_constant", "gain"])
+def test_charts_of_a_model_that_waits_and_integrates_have_the_counts(first, pole, filter):
+    chart = stability_chart(
+        nrdob.delay(0.1) * 1.2 / (s + pole),
+        nrdob.delay(0.09) / s,
+        filter if first == "time_constant" else filter.at(0.1),
+        x=(first, 0.05, 3.0),
+        y=("delay", 0.05, 0.6),
+    )
+    assert len(chart.regions) > 1
+    assert wrong_points(chart, 20, 3) == []
 
 
 def test_random_charts_have_the_counts_of_their_loops():

@@ -11,7 +11,13 @@ from scipy.optimize import brentq
 
 import nrdob
 from campaigns.families import campaign
-from nrdob import critical_time_constants, filter_family, paper, stabilizing_time_constants
+from nrdob import (
+    critical_time_constants,
+    filter_family,
+    judge_observer,
+    paper,
+    stabilizing_time_constants,
+)
 from nrdob.design.familygrid import frequencies_for
 
 s = ct.tf("s")
@@ -145,3 +151,41 @@ def test_beyond_the_largest_time_constant_the_plant_loop_is_smaller_than_the_gai
         for time_constant in most * np.array([1.001, 2.0, 10.0]):
             loop = nrdob.NRDOB(process, model, 0.0, family.at(float(time_constant)))
             assert most == 0 or abs(loop.L(1j * w)) < gain
+
+
+INTEGRATING = [
+    (nrdob.delay(0.1) * 1.2 / s, nrdob.delay(0.09) / s),
+    (nrdob.delay(0.1) * 1.2 / (s + 0.1), nrdob.delay(0.09) / s),
+    (1.2 / ((s + 0.1) * (0.05 * s + 1)), nrdob.delay(0.09) / (s * (0.04 * s + 1))),
+    (nrdob.delay(0.2) / (s * (s + 1)), nrdob.delay(0.2) * 1.1 / (s * (s + 1.2))),
+    (nrdob.delay(0.1) / (s - 0.1), nrdob.delay(0.1) / s),
+]
+"""Models that integrate and wait, for processes that do so, and that do not."""
+
+
+@pytest.mark.parametrize(("process", "model"), INTEGRATING)
+def test_lags_as_a_family_have_the_set_of_their_order_where_a_model_waits_and_integrates(
+    process, model
+):
+    one = critical_time_constants(process, model, 2, floor=0.01)
+    other = critical_time_constants(process, model, lags(2), floor=0.01)
+    assert [c.direction for c in one] == [c.direction for c in other]
+    for a, b in zip(one, other, strict=True):
+        assert a.time_constant == pytest.approx(b.time_constant, rel=1e-9)
+    sets = [stabilizing_time_constants(process, model, f, floor=0.01) for f in (2, lags(2))]
+    assert np.ravel(sets[1]) == pytest.approx(np.ravel(sets[0]), rel=1e-9)
+
+
+@pytest.mark.parametrize("pole", [0.0, 0.05, -0.05])
+def test_two_integrators_of_a_model_that_waits_cancel_for_a_whole_family(pole):
+    model = nrdob.delay(0.1) / s**2
+    process = nrdob.delay(0.12) * 1.3 / ((s + pole) * (s + 0.1))
+    family = filter_family("interpolating", model=model)
+    found = stabilizing_time_constants(process, model, family, floor=0.02)
+    assert found
+    for end in np.ravel(found):
+        if 0.02 < end < inf:
+            sides = [judge_observer(process, model, family.at(end * k)) for k in (0.9999, 1.0001)]
+            assert sides[0].stable is not sides[1].stable
+    inside = [family.at(1.1 * low) for low, _ in found]
+    assert all(judge_observer(process, model, F).stable for F in inside)
