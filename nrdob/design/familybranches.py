@@ -20,6 +20,10 @@ __all__ = ["FamilyBranches"]
 CLEAR = 0.35
 """How far a branch may move between two frequencies, against its distance from the others."""
 
+AWAY = 4.0
+"""Distance from the line, against how far a branch moves between two frequencies, from which on
+it may be taken for another one."""
+
 NEAR = 0.3
 """Cosine of the angle to the line below which a branch may touch it between two frequencies."""
 
@@ -139,7 +143,9 @@ def _matched(before: ComplexArray, after: ComplexArray) -> tuple[IntArray, BoolA
     for k in range(1, n):
         distance = np.abs(before - np.roll(before, k, axis=0))
         apart = np.minimum(apart, np.where(distance > least, distance, np.inf))
-    closer = (moved > CLEAR * apart).any(axis=0)
+    # On one side of the line, and away from it, it is all the same who is who.
+    near = FamilyBranches.near_line(before) | (np.abs(before.real) < AWAY * moved)
+    closer = ((moved > CLEAR * apart) & near).any(axis=0)
     double = (np.sort(successor, axis=0) != np.arange(n)[:, None]).any(axis=0)
     return successor, closer, closer | double
 
@@ -151,9 +157,10 @@ def _continued(roots: ComplexArray) -> ComplexArray:
         away = np.abs(roots[:, k, None] - roots[None, :, k + 1])
         size = np.abs(roots[:, k, None]) + np.abs(roots[None, :, k + 1]) + 1e-300
         successor[:, k] = linear_sum_assignment(np.nan_to_num(away / size))[1]
-    order = list(range(roots.shape[0]))
-    every = [order]
-    for step in successor.T.tolist():
-        order = [step[k] for k in order]
-        every.append(order)
-    return np.take_along_axis(roots, np.array(every).T, axis=0)
+    # All steps up to each frequency, one after the other, in steps of twice the length each time.
+    every = np.vstack([np.arange(roots.shape[0]), successor.T])
+    length = 1
+    while length < every.shape[0]:
+        every[length:] = np.take_along_axis(every[length:], every[:-length], axis=1)
+        length *= 2
+    return np.take_along_axis(roots, every.T, axis=0)

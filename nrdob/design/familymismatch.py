@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property, reduce
-from math import factorial
+from math import factorial, pi
 from typing import Any
 
 import numpy as np
@@ -28,6 +28,7 @@ import numpy as np
 from ..diagram import FilterFamily, ObserverEquations
 from ..numerics import (
     ROUNDING,
+    BoolArray,
     ComplexArray,
     FloatArray,
     QuasiPolynomial,
@@ -60,6 +61,11 @@ NEWTON, FARTHEST = 2, 1e-5
 
 OWN, TRIED = "own", (1.0, 0.1, 10.0, 1e-2, 1e2, 1e-3, 1e3)
 """The only kind whose filters may be unstable, and the λ of which one should not be."""
+
+SAME_PRODUCT = 1e-8
+"""By how much the product of all roots may be off the one that the coefficients give."""
+
+CUBE_ROOTS = np.exp(2j * pi / 3 * np.arange(3))
 
 SETTLING, SETTLED, SAME_ROOT = 5, 1e-11, 0.05
 """Newton steps to a root from a guess, how small the last must be, and how far all may lead."""
@@ -377,16 +383,62 @@ def roots_of_columns(coefficients: Any) -> ComplexArray:
         scaled = scaled / np.where(last > 0, scaled[-1], 1.0)
     if n == 1:
         return np.asarray(-scaled[:1] * scale)
-    companion = np.zeros((coefficients.shape[1], n, n), dtype=complex)
+    if n > 3:
+        return _polished(coefficients, _eigenvalues(scaled) * scale)[0]
+    with np.errstate(all="ignore"):
+        roots, known = _polished(coefficients, _by_formula(scaled) * scale)
+        vieta = np.prod(roots, axis=0) * coefficients[-1] + (-1) ** (n + 1) * coefficients[0]
+        known &= np.abs(vieta) <= SAME_PRODUCT * first
+    if not known.all():
+        few = coefficients[:, ~known]
+        every = _eigenvalues(scaled[:, ~known]) * scale[~known]
+        roots[:, ~known] = _polished(few, every)[0]
+    return roots
+
+
+def _eigenvalues(monic: ComplexArray) -> ComplexArray:
+    """Roots of monic polynomials as eigenvalues of their companion matrices."""
+    n = monic.shape[0] - 1
+    companion = np.zeros((monic.shape[1], n, n), dtype=complex)
     companion[:, np.arange(1, n), np.arange(n - 1)] = 1
-    companion[:, :, -1] = -np.nan_to_num(scaled[:-1].T)
-    roots = np.linalg.eigvals(companion).T * scale
+    companion[:, :, -1] = -np.nan_to_num(monic[:-1].T)
+    return np.asarray(np.linalg.eigvals(companion).T)
+
+
+def _by_formula(monic: ComplexArray) -> ComplexArray:
+    """Roots of monic quadratics or cubics, the last digits of the smallest lost where sizes differ.
+
+    Of a cubic the largest one by Cardano's formula, the others of what it leaves.
+    """
+    if monic.shape[0] == 3:
+        return _of_quadratic(monic[1], monic[0])
+    p, q, r = monic[2] / 3, monic[1], monic[0]
+    P, Q = p * p - q / 3, p**3 - (p * q - r) / 2
+    root = np.sqrt(Q * Q - P**3)
+    root = np.where((root * Q.conj()).real < 0, -root, root)
+    A = -((Q + root) ** (1 / 3))
+    every = np.array([A * turn + P / np.where(A == 0, 1.0, A * turn) - p for turn in CUBE_ROOTS])
+    largest = np.take_along_axis(every, np.abs(every).argmax(axis=0)[None], axis=0)[0]
+    product = -r / largest
+    return np.vstack([largest, _of_quadratic((product - q) / largest, product)])
+
+
+def _of_quadratic(p: ComplexArray, q: ComplexArray) -> ComplexArray:
+    """Roots of x² + p x + q."""
+    root = np.sqrt(p * p - 4 * q)
+    larger = -(p + np.where((root * p.conj()).real < 0, -root, root)) / 2
+    return np.array([larger, q / larger])
+
+
+def _polished(coefficients: ComplexArray, roots: ComplexArray) -> tuple[ComplexArray, BoolArray]:
+    """Take Newton's steps to roots, and tell where the last ones lead nowhere."""
     with np.errstate(all="ignore"):
         for _ in range(NEWTON):
             value, slope = _value_and_slope(coefficients, roots)
             step = np.nan_to_num(value / slope, posinf=0.0, neginf=0.0)
-            roots = roots - np.where(np.abs(step) <= FARTHEST * np.abs(roots), step, 0.0)
-    return np.asarray(roots)
+            small = np.abs(step) <= FARTHEST * np.abs(roots)
+            roots = roots - np.where(small, step, 0.0)
+    return np.asarray(roots), np.asarray(np.isfinite(roots).all(axis=0) & small.all(axis=0))
 
 
 def last_root(columns: FloatArray) -> FloatArray:

@@ -323,8 +323,8 @@ INTEGRATING = [
     (0.9, -0.2, 0.1, 0.1, 2, True),
     (1.2, -0.05, 0.0, 0.1, 1, True),
     (2.3, 0.0, 0.1, 0.1, 2, False),
-    (0.9, -0.2, 0.12, 0.1, 2, False),
-    (6.0, -0.3, 0.0, 0.1, 3, True),
+    (0.9, -0.21, 0.12, 0.1, 2, False),
+    (5.0, -0.3, 0.0, 0.1, 3, True),
     (9.0, -0.3, 0.0, 0.1, 3, False),
 ]
 
@@ -335,7 +335,7 @@ def test_fast_filters_of_a_model_that_waits_and_integrates_are_as_the_verdict_sa
 ):
     process, model = nrdob.delay(theta) * gain / (s - pole), nrdob.delay(wait) / s
     assert stable_for_fast_filters(process, model, n).holds is fast
-    assert nrdob.judge_observer(process, model, nrdob.LowPassFilter(3e-3, n)).stable is fast
+    assert nrdob.judge_observer(process, model, nrdob.LowPassFilter(1e-3, n)).stable is fast
 
 
 def test_a_simple_ratio_of_dead_times_leaves_the_question_open_where_its_chains_allow():
