@@ -13,24 +13,17 @@ from collections.abc import Callable, Iterator
 from math import ceil, pi
 
 import numpy as np
-from contourpy import contour_generator
 
 from ..numerics import ComplexArray, FloatArray, bisect
 from .chartaxes import PIXELS, Axis
 from .chartcurves import Border, cut, drawn, parts, within
+from .chartlevels import level_set, projected
 from .chartloops import MANY, ChartLoops, positive
 
 __all__ = ["borders_of"]
 
 LAMBDAS = 160
 """Number of λ over an axis."""
-
-STEPS, FARTHEST, CLOSE = 9, 0.1, 1e-9
-"""Newton steps onto a border, how far one leads at most, and how well it must then be one."""
-
-NUDGE = 1e-6
-BESIDE = np.array([[0.0, 1.0, 0.0, -1.0, 0.0], [0.0, 0.0, 1.0, 0.0, -1.0]])
-"""Distance and directions in which a slope is taken."""
 
 Curve = tuple[FloatArray, FloatArray, FloatArray]
 
@@ -75,7 +68,7 @@ def _gain_and_lag(loops: ChartLoops, axes: tuple[Axis, Axis], omega: FloatArray)
 
     omega = _closer(lambda w: loops.turned(w).real, omega)
     for part in parts(loops.turned(omega).real > 0):
-        place, gain, lag = drawn(axes, np.log(omega[part])[None], at)
+        place, gain, lag = drawn(axes, np.log(omega[part])[None], at, 1)
         yield np.exp(place[0]), gain, lag
 
 
@@ -140,7 +133,9 @@ def _turns(
 
     for m in range(first, last + 1):
         if np.any((turns[0] <= m) & (m <= turns[1])):
-            found, values, theta = drawn(axes, np.vstack([place, angle + 2 * pi * m]), at)
+            found, values, theta = drawn(
+                axes, np.vstack([place, angle + 2 * pi * m]), at, len(place)
+            )
             yield np.exp(found[0]), values, theta
 
 
@@ -153,8 +148,11 @@ def _with_lambda(loops: ChartLoops, axes: tuple[Axis, Axis]) -> Iterator[Curve]:
     second = axes[1].name
     function = FUNCTIONS[second]
 
+    def vanishing(u: FloatArray, v: FloatArray) -> FloatArray:
+        return function(loops, np.exp(u), np.exp(v))
+
     def on(place: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        place = _projected(loops, function, place)
+        place = projected(vanishing, place)
         return place, *np.exp(place)
 
     def with_gain(place: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -170,11 +168,11 @@ def _with_lambda(loops: ChartLoops, axes: tuple[Axis, Axis]) -> Iterator[Curve]:
         place, omega, lam = on(place)
         return place, lam, loops.ratio(omega, lam)
 
-    for line in _level_set(loops, function, loops.frequencies(axes), axes[0]):
+    for line in level_set(vanishing, np.log(loops.frequencies(axes)), _lambdas(axes[0])):
         if second == "delay":
             yield from _turns(axes, line, with_size)
             continue
-        place, lam, other = drawn(axes, line, with_gain if second == "gain" else with_lag)
+        place, lam, other = drawn(axes, line, with_gain if second == "gain" else with_lag, 2)
         for part in parts(other > 0 if second == "gain" else np.isfinite(other)):
             yield np.exp(place[0, part]), lam[part], other[part]
 
@@ -207,62 +205,11 @@ FUNCTIONS: dict[str, Function] = {
 """What vanishes where the parameter on the other axis can have a value."""
 
 
-def _level_set(
-    loops: ChartLoops, function: Function, omega: FloatArray, axis: Axis
-) -> Iterator[FloatArray]:
-    """Give (ln ω, ln λ) along the curves on which a function vanishes, off a grid and then on."""
+def _lambdas(axis: Axis) -> FloatArray:
+    """Give ln λ all over an axis."""
     lambdas = axis.value(np.linspace(0, 1, LAMBDAS))
     low, high = positive(axis)
-    lambdas = np.concatenate([[low], lambdas[lambdas > low], [high]])
-    u, v = np.log(omega), np.log(lambdas)
-    values = np.ma.masked_invalid(function(loops, omega[None, :], lambdas[:, None]))
-    lines = [np.asarray(line, dtype=float).T for line in contour_generator(u, v, values).lines(0.0)]
-    if not lines:
-        return
-    every = _on_edges(loops, function, (u, v), np.hstack(lines))
-    for point in np.split(every, np.cumsum([line.shape[1] for line in lines])[:-1], axis=1):
-        for part in parts(np.isfinite(point[0])):
-            if part.stop - part.start > 1:
-                yield point[:, part]
-
-
-def _on_edges(
-    loops: ChartLoops, function: Function, grid: tuple[FloatArray, FloatArray], point: FloatArray
-) -> FloatArray:
-    """Solve for where a function vanishes on the edges of a grid, near where it seems to.
-
-    Beside a narrow tongue that may be far off, but between the ends of the edge it changes sign.
-    """
-    low, high = point.copy(), point.copy()
-    for k, lines in enumerate(grid):
-        after = np.clip(np.searchsorted(lines, point[k]), 1, lines.size - 1)
-        between = (lines[after] != point[k]) & (lines[after - 1] != point[k])
-        low[k], high[k] = (np.where(between, lines[after - n], point[k]) for n in (1, 0))
-
-    def at(share: FloatArray) -> FloatArray:
-        return function(loops, *np.exp(low + share * (high - low)))
-
-    ends = np.zeros(point.shape[1]), np.ones(point.shape[1])
-    share = bisect(at, *ends)
-    return _projected(loops, function, low + share * (high - low))
-
-
-def _projected(loops: ChartLoops, function: Function, start: FloatArray) -> FloatArray:
-    """Step to where a function of (ln ω, ln λ) vanishes; no number where that fails."""
-    point = start
-    for _ in range(STEPS):
-        u, v = (point[k] + NUDGE * BESIDE[k][:, None] for k in (0, 1))
-        values = function(loops, np.exp(u), np.exp(v))
-        with np.errstate(invalid="ignore"):
-            good = np.abs(values[0]) <= CLOSE
-        if good.all():
-            break
-        slope = (values[1:3] - values[3:]) / (2 * NUDGE)
-        with np.errstate(all="ignore"):
-            step = -values[0] * slope / (slope**2).sum(axis=0)  # at right angles to the curve
-            step = step * np.minimum(1.0, FARTHEST / np.hypot(*step))
-        point = np.where(good, point, point + np.nan_to_num(step))
-    return np.where(good, point, np.nan)
+    return np.asarray(np.log(np.concatenate([[low], lambdas[lambdas > low], [high]])))
 
 
 # Where a real root crosses.

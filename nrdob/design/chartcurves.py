@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +15,9 @@ __all__ = ["Border", "Places", "cut", "drawn", "parts", "within"]
 
 ASTRAY = 0.75
 """How far a new point may lie from the middle of a step, against the step."""
+
+TORN = 16.0
+"""Pixels of a step that leads from one curve to another."""
 
 LONGEST, HALVINGS, BESIDE = 3.0, 14, 0.05
 """Pixels of the longest step of a curve, how often a step is halved at most, and how far beside the
@@ -44,11 +48,12 @@ A column that is no number is no place on this curve.
 
 
 def drawn(
-    axes: tuple[Axis, Axis], place: FloatArray, at: Places
+    axes: tuple[Axis, Axis], place: FloatArray, at: Places, located: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Put points between those of a curve until no step on the chart is long.
 
-    A chord across a bend would leave a region open to its neighbour.
+    A chord across a bend would leave a region open to its neighbour. The first rows of the places,
+    `located`, say where on the curve a point is; further ones belong to it.
     """
     place, first, second = at(place)
     for _ in range(HALVINGS):
@@ -58,8 +63,8 @@ def drawn(
         middle, across = (place[:, k] + place[:, k + 1]) / 2, place[:, k + 1] - place[:, k]
         better, x, y = at(middle)
         with np.errstate(invalid="ignore"):  # a place that is farther off is one of another curve
-            off = np.linalg.norm(better - middle, axis=0)
-            good = off <= ASTRAY * np.linalg.norm(across, axis=0)
+            off = np.linalg.norm((better - middle)[:located], axis=0)
+            good = off <= ASTRAY * np.linalg.norm(across[:located], axis=0)
         if not good.any():
             break
         k, better, x, y = k[good], better[:, good], x[good], y[good]
@@ -100,6 +105,10 @@ def cut(x: Axis, y: Axis, border: Border) -> Iterator[Border]:
     with np.errstate(invalid="ignore"):
         good = np.isfinite(u) & np.isfinite(v)
         seen = good & (np.maximum(np.abs(u - 0.5), np.abs(v - 0.5)) < 0.5 + BESIDE)
+    whole = np.append(np.hypot(np.diff(u), np.diff(v)) < TORN / PIXELS, True)
+    straight = np.all(border.omega == border.omega[0]) and border.omega[0] in (0.0, np.inf)
     for part in parts(within(seen) & good):
-        if part.stop - part.start > 1:
-            yield Border(border.x[part], border.y[part], border.omega[part])
+        ends = part.start + 1 + np.flatnonzero(~whole[part]) if not straight else []
+        for first, last in pairwise([part.start, *ends, part.stop]):
+            if last - first > 1:
+                yield Border(border.x[first:last], border.y[first:last], border.omega[first:last])

@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import reduce
-from math import inf, nan, pi
+from math import inf, pi
 from typing import Any
 
 import numpy as np
@@ -75,13 +75,13 @@ class ChartLoops:
             )
         fixed["time_constant"] = 1.0
         loop = ObserverEquations(undelayed, model, filter)
-        G, Gm, F = loop.fractions.G, loop.fractions.Gm, loop.fractions.F
-        built, wait = loop.built, loop.model_delay
-        E, Nf = (F.den if wait else built.E.q), built.Nf.q
+        G, F = loop.fractions.G, loop.fractions.F
+        if loop.model_delay:
+            return cls(FamilyMismatch.that_waits(loop, F.num[:, None], F.den[:, None]), fixed)
+        built = loop.built
         factors = (G.num, G.den, built.Nm.q, built.Dm.q)
-        order = int(F.den.size - 1)
-        tables = E[:, None], Nf[:, None]
-        return cls(FamilyMismatch.of_tables(*tables, factors, 0.0, wait, Gm.num, order), fixed)
+        tables = built.E.q[:, None], built.Nf.q[:, None]
+        return cls(FamilyMismatch.of_tables(*tables, factors, 0.0, F.den.size - 1), fixed)
 
     # One loop.
 
@@ -94,18 +94,15 @@ class ChartLoops:
         sizes[2:] = [np.convolve(lag, size) for size in sizes[2:]]
         more = tuple(Term(np.convolve(lag, part), self.mismatch.wait) for part in waiting)
         ahead, behind = np.convolve(lag, ahead), values["gain"] * behind
-        return QuasiPolynomial(ahead, behind, values["delay"], reduce(add, sizes), more)
+        power = self.mismatch.divided
+        scale = reduce(add, sizes)
+        p = QuasiPolynomial(ahead, behind, values["delay"], scale, more, origin=power)
+        return p.over_s(power)
 
     def count(self, given: dict[str, float]) -> float:
-        """Count the roots on the right; an error where there are roots on the axis.
-
-        Not a number where chains of roots line up on the axis and the last digit of a dead time
-        puts them on either side.
-        """
+        """Count the roots on the right; an error where there are roots on the axis."""
         p = self.p_B(given)
         found = count_rhp(p)
-        if found.count is None and p.more and p.neutral_ratio >= 1:
-            return nan
         if found.count is None or p.zeros_at_origin:
             raise ArithmeticError(
                 f"the loop is on the border of stability at {given}: {found.reason or 's = 0'}"
@@ -123,7 +120,7 @@ class ChartLoops:
 
     def turned(self, omega: FloatArray, lam: Any = 1.0) -> ComplexArray:
         """W exp(jωθ) with the dead time of the process."""
-        return self.ratio(omega, lam) * np.exp(1j * omega * self.fixed["delay"])
+        return np.asarray(self.ratio(omega, lam) * np.exp(1j * omega * self.fixed["delay"]))
 
     def peaks(self, given: dict[str, Any], omega: FloatArray) -> FloatArray:
         """Peak of the sensitivity of each stable loop, one a row."""
@@ -148,7 +145,8 @@ class ChartLoops:
         """Give ω = 0 or infinity, and p and q: a real root crosses there where p = k q, for each λ.
 
         At 0 where p_B vanishes. At infinity where its leading coefficient does, or with dead time
-        where those of the delayed terms together are as large as the one without.
+        where those of the delayed terms together are as large as the one without: beyond, the dead
+        time of a model that waits would have to be followed for ever.
         """
         ahead, behind, waits = self.mismatch.lowest(lambdas)
         yield 0.0, -(ahead + waits), behind
@@ -156,9 +154,6 @@ class ChartLoops:
         late = np.abs(waits)
         ahead, behind = (np.abs(ahead), np.abs(behind)) if turning else (-ahead, behind)
         yield inf, ahead - late, behind
-        if late.any():
-            yield inf, ahead + late, behind
-            yield inf, late - np.abs(ahead), behind
 
     # The frequencies.
 
@@ -181,7 +176,8 @@ class ChartLoops:
         if last > MANY * step or last == omega[-1]:
             raise ValueError(
                 f"the dead time of {longest:g} s would have to be followed up to "
-                f"{last:.3g} rad/s: let the axes begin farther from 0"
+                f"{last:.3g} rad/s: let the axes begin farther from 0, or take a filter that rolls "
+                "off"
             )
         omega = np.union1d(omega[omega <= last], np.arange(step, last, step))
         return omega[~mismatch.at_pole(omega)]

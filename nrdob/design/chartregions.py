@@ -25,9 +25,7 @@ class Region:
     Attributes
     ----------
     count : float
-        Roots of p_B in the right half plane; infinite beyond a neutral border. Not a number where
-        two dead times line up chains of roots on the axis, so that the last digit of their ratio
-        puts them on either side.
+        Roots of p_B in the right half plane; infinite beyond a neutral border.
     x, y : float
         A point well inside.
     share : float

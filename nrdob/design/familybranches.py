@@ -20,6 +20,10 @@ __all__ = ["FamilyBranches"]
 CLEAR = 0.35
 """How far a branch may move between two frequencies, against its distance from the others."""
 
+AWAY = 4.0
+"""Distance from the line, against how far a branch moves between two frequencies, from which on
+it may be taken for another one."""
+
 NEAR = 0.3
 """Cosine of the angle to the line below which a branch may touch it between two frequencies."""
 
@@ -60,17 +64,20 @@ class FamilyBranches:
             return 1j * omega * mismatch.roots_in_lambda(omega)
 
         roots, most = at(omega), MOST * omega.size
+        steps = np.arange(omega.size - 1)
         for _ in range(CUTS):
-            unclear = np.flatnonzero(
-                _matched(roots)[1] & (omega[1:] > omega[:-1] * (1 + NARROWEST))
-            )
-            middle = np.sqrt(omega[unclear] * omega[unclear + 1])
+            unclear = _matched(roots[:, steps], roots[:, steps + 1])[1]
+            unclear &= omega[steps + 1] > omega[steps] * (1 + NARROWEST)
+            steps = steps[unclear]
+            middle = np.sqrt(omega[steps] * omega[steps + 1])
             kept = ~mismatch.at_pole(middle)
-            unclear, middle = unclear[kept], middle[kept]
+            steps, middle = steps[kept], middle[kept]
             if not middle.size or omega.size > most:
                 break
-            omega = np.insert(omega, unclear + 1, middle)
-            roots = np.insert(roots, unclear + 1, at(middle), axis=1)
+            omega = np.insert(omega, steps + 1, middle)
+            roots = np.insert(roots, steps + 1, at(middle), axis=1)
+            steps = steps + np.arange(steps.size)  # those that were clear are so still
+            steps = np.ravel([steps, steps + 1], order="F")
         return cls(mismatch, omega, _continued(roots))
 
     def __call__(self, of: IntArray, at: IntArray, omega: FloatArray) -> ComplexArray:
@@ -125,33 +132,35 @@ class FamilyBranches:
         return np.asarray(rounding >= np.abs(excess))
 
 
-def _matched(roots: ComplexArray) -> tuple[IntArray, BoolArray, BoolArray]:
+def _matched(before: ComplexArray, after: ComplexArray) -> tuple[IntArray, BoolArray, BoolArray]:
     """Find for each root its successor, where to look closer, and where it is not one to one."""
-    before, after = roots[:, :-1], roots[:, 1:]
     away = np.abs(before[:, None] - after[None])
     successor, moved = away.argmin(axis=1), away.min(axis=1)
-    n = roots.shape[0]
+    n = before.shape[0]
     # Roots that are one but for rounding need not be told from each other.
     least = ROUNDING ** (1 / n) * np.abs(before)
     apart = np.full(moved.shape, np.inf)
     for k in range(1, n):
         distance = np.abs(before - np.roll(before, k, axis=0))
         apart = np.minimum(apart, np.where(distance > least, distance, np.inf))
-    closer = (moved > CLEAR * apart).any(axis=0)
+    # On one side of the line, and away from it, it is all the same who is who.
+    near = FamilyBranches.near_line(before) | (np.abs(before.real) < AWAY * moved)
+    closer = ((moved > CLEAR * apart) & near).any(axis=0)
     double = (np.sort(successor, axis=0) != np.arange(n)[:, None]).any(axis=0)
     return successor, closer, closer | double
 
 
 def _continued(roots: ComplexArray) -> ComplexArray:
     """Sort the roots of every frequency into branches."""
-    successor, _, unclear = _matched(roots)
+    successor, _, unclear = _matched(roots[:, :-1], roots[:, 1:])
     for k in np.flatnonzero(unclear):  # beside a pole on the axis, or where branches meet
         away = np.abs(roots[:, k, None] - roots[None, :, k + 1])
         size = np.abs(roots[:, k, None]) + np.abs(roots[None, :, k + 1]) + 1e-300
         successor[:, k] = linear_sum_assignment(np.nan_to_num(away / size))[1]
-    order = list(range(roots.shape[0]))
-    every = [order]
-    for step in successor.T.tolist():
-        order = [step[k] for k in order]
-        every.append(order)
-    return np.take_along_axis(roots, np.array(every).T, axis=0)
+    # All steps up to each frequency, one after the other, in steps of twice the length each time.
+    every = np.vstack([np.arange(roots.shape[0]), successor.T])
+    length = 1
+    while length < every.shape[0]:
+        every[length:] = np.take_along_axis(every[length:], every[:-length], axis=1)
+        length *= 2
+    return np.take_along_axis(roots, every.T, axis=0)

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..diagram import FilterFamily, as_family
 from ..numerics import FloatArray
-from .familymismatch import FamilyMismatch
+from .familymismatch import FamilyMismatch, beyond_roots, last_root
 from .mismatch import Mismatch
 from .mismatchgrid import Frequencies
 
@@ -18,6 +18,9 @@ __all__ = ["FamilyFrequencies", "frequencies_for"]
 
 FARTHER, SPARSE = 10, 4
 """Decades beyond the others, and frequencies in each, where R is but a power of s."""
+
+AT_ONCE = 32
+"""Frequencies at which roots are found at once."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +45,32 @@ class FamilyFrequencies(Frequencies):
 
     def largest_time_constant(self, omega: FloatArray, gain: float = 1.0) -> FloatArray:
         """Bound of the λ with ``|L| = gain`` at a frequency."""
-        return self.mismatch.largest(omega, gain)
+        return last_root(self.mismatch.off_gain(omega, gain))
+
+    # The roots of a polynomial at each frequency are dear; of few it must be known what they are.
+
+    def last_above(self, omega: FloatArray, floor: float, gain: float = 1.0) -> int:
+        """Give the number of the last frequency at which λ may exceed a floor; -1 for none."""
+        columns = self.mismatch.off_gain(omega, gain)
+        possible = np.flatnonzero(beyond_roots(columns) > floor)
+        for first in range(possible.size, 0, -AT_ONCE):
+            some = possible[max(first - AT_ONCE, 0) : first]
+            found = some[last_root(columns[:, some]) > floor]
+            if found.size:
+                return int(found[-1])
+        return -1
+
+    def highest(self, omega: FloatArray) -> float:
+        """Bound the critical λ of all these frequencies."""
+        columns = self.mismatch.off_gain(omega)
+        bounds = beyond_roots(columns)
+        order, highest = np.argsort(-bounds), 0.0
+        for first in range(0, order.size, AT_ONCE):
+            some = order[first : first + AT_ONCE]
+            if bounds[some[0]] <= highest:
+                break
+            highest = max(highest, float(last_root(columns[:, some]).max()))
+        return highest
 
 
 def frequencies_for(process: Any, model: Any, order: int | FilterFamily | None) -> Frequencies:

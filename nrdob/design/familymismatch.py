@@ -6,17 +6,21 @@ What F/G̃ and (1 - F)G̃ share with themselves for every λ is in no block. Wit
           \qquad a = D N_m', \quad b = N D_m',
 
 where :math:`e_k` and :math:`n_k` are the coefficients of the powers of λ in what is left of
-:math:`D_f - N_f` and of :math:`N_f`. Where the model waits, no pole of it is shared, and what waits
-stands with the same :math:`n_k`:
+:math:`D_f - N_f` and of :math:`N_f`. Where the model waits, no pole of it is shared but m of its
+integrators, and what waits stands with the same :math:`n_k`:
 
-.. math:: p_B(s; \lambda) = \sum_k \lambda^k \left(
+.. math:: p_B(s; \lambda) = s^{-m} \sum_k \lambda^k \left(
           a\,d_k + (b\,e^{-\theta s} - D N_m\,e^{-\theta_m s})\,n_k \right).
+
+On the axis m of Taylor's terms of :math:`e^{-\theta_m s}` go to :math:`d_k`, so that both parts can
+be divided.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, reduce
+from math import factorial, pi
 from typing import Any
 
 import numpy as np
@@ -24,6 +28,7 @@ import numpy as np
 from ..diagram import FilterFamily, ObserverEquations
 from ..numerics import (
     ROUNDING,
+    BoolArray,
     ComplexArray,
     FloatArray,
     QuasiPolynomial,
@@ -31,12 +36,15 @@ from ..numerics import (
     add,
     companion_roots,
     count_rhp,
+    exponential_rest,
     shared_factor,
 )
 from .mismatch import ERROR, Mismatch, multiplied
 
 __all__ = [
     "FamilyMismatch",
+    "beyond_roots",
+    "last_root",
     "positive_roots",
     "product",
     "root_near",
@@ -53,6 +61,11 @@ NEWTON, FARTHEST = 2, 1e-5
 
 OWN, TRIED = "own", (1.0, 0.1, 10.0, 1e-2, 1e2, 1e-3, 1e3)
 """The only kind whose filters may be unstable, and the λ of which one should not be."""
+
+SAME_PRODUCT = 1e-8
+"""By how much the product of all roots may be off the one that the coefficients give."""
+
+CUBE_ROOTS = np.exp(2j * pi / 3 * np.arange(3))
 
 SETTLING, SETTLED, SAME_ROOT = 5, 1e-11, 0.05
 """Newton steps to a root from a guess, how small the last must be, and how far all may lead."""
@@ -74,21 +87,39 @@ class FamilyMismatch(Mismatch):
         Row k holds the coefficients of λ^k, descending in s. E is all of Df for a model that waits.
     Nm : array of float
         All zeros of a model that waits; 0 for one that does not.
+    divided : int
+        Power of s by which p_B is divided: integrators that a model that waits has more than the
+        process, as far as they cancel inside (1 - F exp(-θm s))·model for every λ.
     """
 
     E: FloatArray
     Nf: FloatArray
     Nm: FloatArray = field(default_factory=lambda: np.zeros(1))
+    divided: int = 0
 
     @classmethod
     def for_family(cls, process: Any, model: Any, family: FilterFamily) -> FamilyMismatch:
         """Read process and model as the loop does, with the same refusals."""
         loop = ObserverEquations(process, model, _stable_member(family))
+        if loop.model_delay:
+            return cls.that_waits(loop, family.num, family.den)
         G, Gm = loop.fractions.G, loop.fractions.Gm
-        wait = loop.model_delay
-        E, Dm = (family.den, Gm.den) if wait else _without_shared(family.difference, Gm.den)
+        E, Dm = _without_shared(family.difference, Gm.den)
         Nf, Nm = _without_shared(family.num, Gm.num)
-        return cls.of_tables(E, Nf, (*G, Nm, Dm), loop.delay, wait, Gm.num, order=family.order)
+        return cls.of_tables(E, Nf, (*G, Nm, Dm), loop.delay, family.order)
+
+    @classmethod
+    def that_waits(
+        cls, loop: ObserverEquations, num: FloatArray, den: FloatArray
+    ) -> FamilyMismatch:
+        """Take the process and model of a loop whose model waits; the filters as tables."""
+        G, Gm = loop.fractions.G, loop.fractions.Gm
+        Nf, Nm = _without_shared(num, Gm.num)
+        held = min(QuasiPolynomial(Gm.den).zeros_at_origin, _ramp(num, den, loop.model_delay))
+        both = min(held, QuasiPolynomial(G.den).zeros_at_origin)
+        D, Dm = (p[: p.size - both] for p in (G.den, Gm.den))
+        found = cls.of_tables(den, Nf, (G.num, D, Nm, Dm), loop.delay, den.shape[0] - 1)
+        return replace(found, wait=loop.model_delay, Nm=Gm.num, divided=held - both)
 
     @classmethod
     def of_tables(
@@ -97,16 +128,12 @@ class FamilyMismatch(Mismatch):
         Nf: FloatArray,
         factors: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
         delay: float,
-        wait: float,
-        zeros: FloatArray,
         order: int,
     ) -> FamilyMismatch:
         """Multiply N, D and what is left of Nm and Dm; the tables have descending powers of λ."""
         N, D, Nm, Dm = factors
         E, Nf = _by_powers(E, Nf)
-        whole = zeros if wait else np.zeros(1)
-        a, b = multiplied(D, Nm), multiplied(N, Dm)
-        return cls(a, b, delay, order, factors, wait=wait, E=E, Nf=Nf, Nm=whole)
+        return cls(multiplied(D, Nm), multiplied(N, Dm), delay, order, factors, E=E, Nf=Nf)
 
     @cached_property
     def own_speeds(self) -> FloatArray:
@@ -143,9 +170,9 @@ class FamilyMismatch(Mismatch):
         if not delayed:
             return 0.0
         # Those with dead time are all multiples of the same polynomial in λ.
-        most, least = reduce(add, map(np.abs, delayed)), reduce(add, leading, np.zeros(1))
-        sign = np.sign(delayed[0])
-        square = add(np.convolve(least, least), -np.convolve(sign * most, sign * most))
+        least: FloatArray = reduce(add, leading, np.zeros(1))
+        most: FloatArray = np.sign(delayed[0]) * sum(map(np.abs, delayed))
+        square = add(np.convolve(least, least), -np.convolve(most, most))
         square = np.trim_zeros(square, "f")
         if not leading or not square.size or square[0] < 0:
             raise ValueError(
@@ -170,7 +197,10 @@ class FamilyMismatch(Mismatch):
         """Characteristic function for one filter."""
         (ahead, behind, *waiting), sizes = self.built(time_constant)
         more = tuple(Term(part, self.wait) for part in waiting)
-        return QuasiPolynomial(ahead, behind, self.delay, reduce(add, sizes), more)
+        p = QuasiPolynomial(
+            ahead, behind, self.delay, reduce(add, sizes), more, origin=self.divided
+        )
+        return p.over_s(self.divided)
 
     def built(self, time_constant: float) -> tuple[list[FloatArray], list[FloatArray]]:
         """Coefficients of a E, b Nf, and -D Nm Nf if the model waits; the sizes summed in each."""
@@ -191,8 +221,8 @@ class FamilyMismatch(Mismatch):
 
     def coefficients(self, omega: FloatArray) -> ComplexArray:
         """Coefficients of λ^k in p_B(jω), ascending, each frequency a column."""
-        (a, b), (E, Nf) = self._products(omega), self._tables(omega)
-        return np.asarray(a * E + b * Nf)
+        (a, b, waits), (E, Nf) = self._apart(omega), self._tables(omega)
+        return np.asarray(a * E + (b + waits) * Nf)
 
     def uncertainty(self, omega: FloatArray) -> FloatArray:
         """Bounds of the rounding errors of the coefficients."""
@@ -200,10 +230,13 @@ class FamilyMismatch(Mismatch):
         N, D, Nm, Dm = values
         off_a = sizes[1] * Nm + D * sizes[2]
         off_b = sizes[0] * Dm + N * sizes[3] + N * Dm * self.delay * omega / 8
+        off_b = off_b / omega**self.divided
         if self.wait:
             zeros, size = np.abs(_at(self.Nm, omega)), np.polyval(np.abs(self.Nm), omega)
-            off_b = off_b + sizes[1] * zeros + D * size + D * zeros * self.wait * omega / 8
-        E, Nf = (_rows(np.abs(table), omega) for table in (self.E, self.Nf))
+            lag = np.abs(self._lag(1j * omega))
+            turned = D * zeros * self.wait * omega / 8
+            off_b = off_b + lag * (sizes[1] * zeros + D * size) + turned / omega**self.divided
+        E, Nf = (_rows(np.abs(table), omega) for table in (self._ahead, self.Nf))
         return np.asarray(ERROR * (off_a * E + off_b * Nf))
 
     def terms(
@@ -211,7 +244,7 @@ class FamilyMismatch(Mismatch):
     ) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
         """Return a E, b Nf exp(-jωθ), and what waits for the model, at points (ω, λ).
 
-        The arrays are broadcast against each other.
+        Divided as p_B is. The arrays are broadcast against each other.
         """
         (a, b, waits), (E, Nf) = self._apart(omega), self._tables(omega)
         powers = [np.asarray(time_constant) ** k for k in range(len(E))]
@@ -229,9 +262,13 @@ class FamilyMismatch(Mismatch):
         )
 
     def lowest(self, time_constant: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Coefficients of s^0 in a E, b Nf, and in what waits, for many filters."""
-        E, Nf = self.filters(0.0, time_constant)
-        return self.a[-1] * E, self.b[-1] * Nf, -self.waiting[-1] * Nf
+        """Values at s = 0 of a E, b Nf, and of what waits, for many filters, divided as p_B is."""
+        E, Nf = (
+            np.polyval(table[::-1, -1], np.asarray(time_constant))
+            for table in (self._ahead, self.Nf)
+        )
+        lag = (-self.wait) ** self.divided / factorial(self.divided)
+        return self.a[-1] * E, self.b[-1 - self.divided] * Nf, -self.waiting[-1] * lag * Nf
 
     def highest(
         self, time_constant: FloatArray, *, lagging: bool = False
@@ -256,38 +293,51 @@ class FamilyMismatch(Mismatch):
         """All λ for which p_B(jω) = 0, complex ones too: shape (n, N)."""
         return roots_of_columns(self.coefficients(omega))
 
-    def largest(self, omega: FloatArray, gain: float = 1.0) -> FloatArray:
-        """Bound of the λ with ``|L| = gain`` at each frequency: the last with ``|b Nf| = |a E|``.
+    def off_gain(self, omega: FloatArray, gain: float = 1.0) -> FloatArray:
+        """Coefficients in λ, ascending, each frequency a column, of ``|a E|^2 - |b Nf/gain|^2``.
 
-        That is for gain 1; the critical λ are among those. Two dead times are taken at their worst,
-        so that the bound does not turn with them.
+        Its last root bounds the λ with ``|L| = gain``; the critical λ are among those of gain 1.
+        Two dead times are taken at their worst, so that the bound does not turn with them.
         """
         (a, b, waits), (E, Nf) = self._apart(omega), self._tables(omega)
         ahead, behind = a * E, (np.abs(b) / gain + np.abs(waits)) * Nf
         most = np.maximum(np.abs(ahead).max(axis=0), np.abs(behind).max(axis=0))
         with np.errstate(all="ignore"):
             ahead, behind = (np.nan_to_num(part / most) for part in (ahead, behind))
-        square = size_squared(ahead) - size_squared(behind)
-        roots = roots_of_columns(square)
-        # A pair that is not quite real may become so between two frequencies.
-        real = np.abs(roots.imag) <= NEARLY_REAL * roots.real
-        return np.asarray(np.where(real, roots.real, 0.0).max(axis=0, initial=0.0))
-
-    def _products(self, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:
-        a, b, waits = self._apart(omega)
-        return a, b + waits
+        return size_squared(ahead) - size_squared(behind)
 
     def _apart(self, omega: FloatArray) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
-        """Return D Nm', N Dm' exp(-jωθ), and -D Nm exp(-jωθm) or 0."""
+        """Return D Nm', N Dm' exp(-jωθ), and -D Nm exp(-jωθm) or 0, divided as p_B is."""
+        s = 1j * np.asarray(omega)
         N, D, Nm, Dm = self._values(omega)
-        turned = N * Dm * np.exp(-1j * self.delay * omega)
+        turned = N * Dm * np.exp(-self.delay * s)
         if not self.wait:
-            return D * Nm, turned, np.zeros(())
-        return D * Nm, turned, -D * _at(self.Nm, omega) * np.exp(-1j * self.wait * omega)
+            return D * Nm, turned, np.zeros(1, dtype=complex)
+        turned = turned / s**self.divided if self.divided else turned
+        return D * Nm, turned, -D * _at(self.Nm, omega) * self._lag(s)
+
+    def _lag(self, s: ComplexArray) -> ComplexArray:
+        """exp(-θm s), or what is left of it without the first terms of its series."""
+        m = self.divided
+        if not m:
+            return np.asarray(np.exp(-self.wait * s))
+        return np.asarray((-self.wait) ** m * exponential_rest(-self.wait * s, m, divided=True))
+
+    @cached_property
+    def _ahead(self) -> FloatArray:
+        """E less Nf times the first terms of the series of exp(-θm s), divided as p_B is."""
+        m = self.divided
+        if not m:
+            return self.E
+        lag = _taylor(self.wait, m)[::-1]
+        late = np.array([np.convolve(row, lag) for row in self.Nf])
+        columns = max(late.shape[1], self.E.shape[1])
+        late, ahead = (np.pad(p, ((0, 0), (columns - p.shape[1], 0))) for p in (late, self.E))
+        return (ahead - late)[:, :-m]
 
     def _tables(self, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:
         s = 1j * np.asarray(omega)
-        return _rows(self.E, s), _rows(self.Nf, s)
+        return _rows(self._ahead, s), _rows(self.Nf, s)
 
     # At the ends of the axis: real polynomials in λ.
 
@@ -295,22 +345,30 @@ class FamilyMismatch(Mismatch):
     def at_ends(self) -> FloatArray:
         """Coefficients in λ, ascending, of s^0, s^1 and of the two highest powers of s in p_B.
 
-        Of the sum of both parts: what is behind the dead time counts at s = 0 only.
+        Those at s = 0 of the series of all, the highest only of what is before any dead time.
         """
         tables = [(self.E, self.a, 0.0)] + [(self.Nf, p, delay) for p, delay in self.behind]
         parts = [
             np.array([np.convolve(factor, row) for row in _wide(table)])
             for table, factor, _ in tables
         ]
-        columns = 1 + max(part.shape[1] for part in parts)
+        columns = self.divided + 1 + max(part.shape[1] for part in parts)
         parts = [np.pad(part, ((0, 0), (columns - part.shape[1], 0))) for part in parts]
         delays = [delay for *_, delay in tables]
-        both = _summed(parts)
-        late = sum(delay * part[:, -1] for part, delay in zip(parts, delays, strict=True))
+
+        def at_zero(power: int) -> FloatArray:
+            return _summed(
+                [
+                    part[:, -1 - k, None] * _taylor(delay, power + 1)[power - k]
+                    for part, delay in zip(parts, delays, strict=True)
+                    for k in range(power + 1)
+                ]
+            )[:, 0]
+
         top = _summed([part for part, delay in zip(parts, delays, strict=True) if not delay])
         first = int(np.flatnonzero(top.any(axis=0))[0])
         last = top[:, first + 1] if first + 1 < top.shape[1] else np.zeros(top.shape[0])
-        return np.array([both[:, -1], both[:, -2] - late, top[:, first], last])
+        return np.array([at_zero(self.divided), at_zero(self.divided + 1), top[:, first], last])
 
 
 def roots_of_columns(coefficients: Any) -> ComplexArray:
@@ -325,16 +383,80 @@ def roots_of_columns(coefficients: Any) -> ComplexArray:
         scaled = scaled / np.where(last > 0, scaled[-1], 1.0)
     if n == 1:
         return np.asarray(-scaled[:1] * scale)
-    companion = np.zeros((coefficients.shape[1], n, n), dtype=complex)
+    if n > 3:
+        return _polished(coefficients, _eigenvalues(scaled) * scale)[0]
+    with np.errstate(all="ignore"):
+        roots, known = _polished(coefficients, _by_formula(scaled) * scale)
+        vieta = np.prod(roots, axis=0) * coefficients[-1] + (-1) ** (n + 1) * coefficients[0]
+        known &= np.abs(vieta) <= SAME_PRODUCT * first
+    if not known.all():
+        few = coefficients[:, ~known]
+        every = _eigenvalues(scaled[:, ~known]) * scale[~known]
+        roots[:, ~known] = _polished(few, every)[0]
+    return roots
+
+
+def _eigenvalues(monic: ComplexArray) -> ComplexArray:
+    """Roots of monic polynomials as eigenvalues of their companion matrices."""
+    n = monic.shape[0] - 1
+    companion = np.zeros((monic.shape[1], n, n), dtype=complex)
     companion[:, np.arange(1, n), np.arange(n - 1)] = 1
-    companion[:, :, -1] = -np.nan_to_num(scaled[:-1].T)
-    roots = np.linalg.eigvals(companion).T * scale
+    companion[:, :, -1] = -np.nan_to_num(monic[:-1].T)
+    return np.asarray(np.linalg.eigvals(companion).T)
+
+
+def _by_formula(monic: ComplexArray) -> ComplexArray:
+    """Roots of monic quadratics or cubics, the last digits of the smallest lost where sizes differ.
+
+    Of a cubic the largest one by Cardano's formula, the others of what it leaves.
+    """
+    if monic.shape[0] == 3:
+        return _of_quadratic(monic[1], monic[0])
+    p, q, r = monic[2] / 3, monic[1], monic[0]
+    P, Q = p * p - q / 3, p**3 - (p * q - r) / 2
+    root = np.sqrt(Q * Q - P**3)
+    root = np.where((root * Q.conj()).real < 0, -root, root)
+    A = -((Q + root) ** (1 / 3))
+    every = np.array([A * turn + P / np.where(A == 0, 1.0, A * turn) - p for turn in CUBE_ROOTS])
+    largest = np.take_along_axis(every, np.abs(every).argmax(axis=0)[None], axis=0)[0]
+    product = -r / largest
+    return np.vstack([largest, _of_quadratic((product - q) / largest, product)])
+
+
+def _of_quadratic(p: ComplexArray, q: ComplexArray) -> ComplexArray:
+    """Roots of x² + p x + q."""
+    root = np.sqrt(p * p - 4 * q)
+    larger = -(p + np.where((root * p.conj()).real < 0, -root, root)) / 2
+    return np.array([larger, q / larger])
+
+
+def _polished(coefficients: ComplexArray, roots: ComplexArray) -> tuple[ComplexArray, BoolArray]:
+    """Take Newton's steps to roots, and tell where the last ones lead nowhere."""
     with np.errstate(all="ignore"):
         for _ in range(NEWTON):
             value, slope = _value_and_slope(coefficients, roots)
             step = np.nan_to_num(value / slope, posinf=0.0, neginf=0.0)
-            roots = roots - np.where(np.abs(step) <= FARTHEST * np.abs(roots), step, 0.0)
-    return np.asarray(roots)
+            small = np.abs(step) <= FARTHEST * np.abs(roots)
+            roots = roots - np.where(small, step, 0.0)
+    return np.asarray(roots), np.asarray(np.isfinite(roots).all(axis=0) & small.all(axis=0))
+
+
+def last_root(columns: FloatArray) -> FloatArray:
+    """Last positive root of polynomials, ascending coefficients in columns; 0 where none is.
+
+    A pair that is not quite real counts, because between two frequencies it may become so.
+    """
+    roots = roots_of_columns(columns)
+    real = np.abs(roots.imag) <= NEARLY_REAL * roots.real
+    return np.asarray(np.where(real, roots.real, 0.0).max(axis=0, initial=0.0))
+
+
+def beyond_roots(columns: FloatArray) -> FloatArray:
+    """Bound the sizes of all roots of polynomials, ascending coefficients in columns (Fujiwara)."""
+    n = columns.shape[0] - 1
+    with np.errstate(all="ignore"):
+        ratios = np.abs(columns[:-1] / columns[-1]) ** (1 / np.arange(n, 0, -1))[:, None]
+    return np.asarray(2 * np.nan_to_num(ratios, nan=np.inf, posinf=np.inf).max(axis=0))
 
 
 def _value_and_slope(
@@ -405,6 +527,28 @@ def _stable_member(family: FilterFamily) -> Any:
         if family.kind != OWN or count_rhp(QuasiPolynomial(filter.den[0][0])).count == 0:
             break
     return filter
+
+
+def _ramp(num: FloatArray, den: FloatArray, wait: float) -> int:
+    """Count the zeros at s = 0 that Df - Nf exp(-θm s) has for every λ."""
+    rows = den.shape[0]
+    columns = max(num.shape[1], den.shape[1])
+    ahead, behind = (
+        np.pad(table[::-1], ((0, rows - table.shape[0]), (columns - table.shape[1], 0)))
+        for table in (den, num)
+    )
+    lag = _taylor(wait, rows)
+    for k in range(rows):
+        late = lag[k::-1] @ behind[: k + 1]
+        sizes = np.abs(ahead[k]) + np.abs(lag[k::-1]) @ np.abs(behind[: k + 1])
+        if np.any(np.abs(ahead[k] - late) > ROUNDING * sizes):
+            return k
+    return rows
+
+
+def _taylor(delay: float, count: int) -> FloatArray:
+    """First coefficients of the series of exp(-θs), ascending."""
+    return np.array([(-delay) ** k / factorial(k) for k in range(count)])
 
 
 def _without_shared(table: FloatArray, block: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -10,7 +10,6 @@ with its reason in words.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from math import cos, inf, pi
 from typing import Any, NamedTuple
 
@@ -26,6 +25,8 @@ from ..numerics import (
     shared_factor,
     written,
 )
+from .answer import Answer
+from .fastwaiting import fast_where_the_model_waits
 from .mismatch import Mismatch, multiplied
 
 __all__ = [
@@ -45,26 +46,6 @@ _NONE = np.empty(0, dtype=complex)
 
 CLUSTER = 1e-4
 """Relative distance within which roots on the axis count as one multiple root."""
-
-
-@dataclass(frozen=True)
-class Answer:
-    """A verdict and the reason for it.
-
-    Attributes
-    ----------
-    holds : bool or None
-        None where the question is left open.
-    reason : str
-        Why, in a sentence, and what to do about it.
-    """
-
-    holds: bool | None
-    reason: str
-
-    def __repr__(self) -> str:
-        word = {True: "yes", False: "no", None: "open"}[self.holds]
-        return f"{word}: {self.reason}"
 
 
 def gain_bound(order: int) -> float:
@@ -103,12 +84,13 @@ def stable_for_slow_filters(process: Any, model: Any, order: int) -> Answer:
     .. math:: -\frac{b(s_0)\,e^{-s_0\theta}}{a'(s_0)\,s_0^n}\,\lambda^{-n},
 
     which decides to which side. With m roots at 0, m + n roots spread evenly around a circle that
-    shrinks as :math:`\lambda^{-n/(m+n)}`: three or more reach the right half plane.
+    shrinks as :math:`\lambda^{-n/(m+n)}`: three or more reach the right half plane. A dead time of
+    the model changes none of this: the filter is slow against it.
 
     Parameters
     ----------
     process, model : as for `nrdob.NRDOB`
-        G, with or without dead time, and G̃.
+        G and G̃, both with or without dead time.
     order : int
         n of the filter :math:`1/(\lambda s + 1)^n`.
 
@@ -128,7 +110,7 @@ def stable_for_slow_filters(process: Any, model: Any, order: int) -> Answer:
     >>> stable_for_slow_filters(ct.tf([2], [1, -1]), ct.tf([1], [1, 1]), 1)
     no: process or inverse model is unstable (pole at 1): a slow filter leaves it so
     """
-    mismatch = Mismatch.of(process, model, order)
+    mismatch = Mismatch.of(process, model, order, waits=True)
     _, D, Nm, _ = mismatch.factors
     right, axis = roots_by_side(D, Nm)
     if right.size:
@@ -153,6 +135,7 @@ def _drift_when_slow(mismatch: Mismatch, root: complex) -> tuple[complex, comple
     if n == 1:  # exactly s·a(s) + b(s)/λ
         first = -b * lag / slope
         tilt = (np.polyval(np.polyder(mismatch.b), root) - mismatch.delay * b) * lag
+        tilt += slope / root * (1 - np.exp(-mismatch.wait * root))  # of a (1 - exp(-sθm))/λ
         return complex(first), complex(-(curvature * first**2 / 2 + tilt * first) / slope)
     first = -b * lag / (slope * root**n)
     return complex(first), complex(-n * first / root)  # ((λs + 1)^n - 1)^-1 = (λs)^-n (1 - n/λs …)
@@ -278,12 +261,13 @@ def stable_for_fast_filters(process: Any, model: Any, order: int) -> Answer:
 
     A simple root :math:`s_0` of N·Dm on the axis moves by
     :math:`-n\lambda s_0 a(s_0)/b'(s_0)`, which decides to which side. A dead time leaves more and
-    more roots on the right as λ → 0.
+    more roots on the right as λ → 0, unless the model waits for it, see
+    `nrdob.design.fastwaiting`.
 
     Parameters
     ----------
     process, model : as for `nrdob.NRDOB`
-        G, with or without dead time, and G̃.
+        G and G̃, both with or without dead time.
     order : int
         n of the filter :math:`1/(\lambda s + 1)^n`.
 
@@ -304,11 +288,13 @@ def stable_for_fast_filters(process: Any, model: Any, order: int) -> Answer:
     >>> stable_for_fast_filters(G, Gm, 2)
     no: the slow roots tend to a zero of the process or a pole of the model at 100
     """
-    mismatch = Mismatch.of(process, model, order)
-    if mismatch.delay:
+    mismatch = Mismatch.of(process, model, order, waits=True)
+    if mismatch.delay and not mismatch.wait:
         return Answer(False, "with a dead time ever more roots are on the right as λ falls")
     if mismatch.held_at_origin:
         return Answer(False, ROOT_AT_ORIGIN)
+    if mismatch.wait:
+        return fast_where_the_model_waits(mismatch)
     N, _, _, Dm = mismatch.factors
     right, axis = roots_by_side(N, Dm)
     if right.size:

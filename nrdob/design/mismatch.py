@@ -72,9 +72,8 @@ class Mismatch:
         loop = ObserverEquations(process, model, LowPassFilter(1.0, order))
         if loop.model_delay and not waits:
             raise ValueError(
-                f"model has a dead time of {loop.model_delay:g} s; for a model that waits ask "
-                "nrdob.NRDOB, judge_observer, stabilizing_time_constants or "
-                "critical_time_constants; here, leave the dead time out"
+                f"model has a dead time of {loop.model_delay:g} s, which cannot wait here: leave "
+                "the dead time out"
             )
         G, Gm = loop.fractions.G, loop.fractions.Gm
         integrator = Gm.den[-1] == 0

@@ -91,6 +91,15 @@ class Frequencies:
         size = np.abs(self.mismatch.ratio(omega)) / gain
         return np.asarray(np.sqrt((1 + size) ** (2 / self.mismatch.order) - 1) / omega)
 
+    def last_above(self, omega: FloatArray, floor: float, gain: float = 1.0) -> int:
+        """Give the number of the last frequency at which λ may exceed a floor; -1 for none."""
+        possible = np.flatnonzero(self.largest_time_constant(omega, gain) > floor)
+        return int(possible[-1]) if possible.size else -1
+
+    def highest(self, omega: FloatArray) -> float:
+        """Bound the critical λ of all these frequencies."""
+        return float(self.largest_time_constant(omega).max())
+
     def above(self, floor: float, gain: float = 1.0) -> FloatArray:
         """Frequencies that hold every crossing for λ above a floor, none hidden between two.
 
@@ -105,8 +114,7 @@ class Frequencies:
         longest = self.mismatch.longest_delay
         if not longest:
             return omega
-        possible = np.flatnonzero(self.largest_time_constant(omega, gain) > floor)
-        last = omega[min(possible[-1] + 1, omega.size - 1)] if possible.size else omega[0]
+        last = omega[min(self.last_above(omega, floor, gain) + 1, omega.size - 1)]
         step = 2 * pi / (longest * PER_TURN)
         if last > step * MAX_FREQUENCIES or last == omega[-1]:
             raise ValueError(

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields
-from functools import cache, partial
+from functools import cache, cached_property, partial
 from itertools import pairwise
 from math import ceil, exp, inf, isfinite, log, log10
 from numbers import Real
@@ -189,19 +189,22 @@ class PricedSearch:
         The filters.
     intervals : list of (low, high)
         The stabilising set.
-    windows : list of (low, high)
-        Where in it all limits are met.
-    best : (time_constant, slack)
-        Where they are met most, or least missed.
     floor : float
         The λ down to which was looked, in seconds.
+    speeds : array of float
+        What the time constants to try are chosen by, in rad/s.
+    slack : callable
+        By how much all limits are met with one λ: it decides.
+    many : callable, optional
+        The same for many λ at once, all but exactly.
     """
 
     family: int | FilterFamily
     intervals: list[Interval]
-    windows: list[Interval]
-    best: tuple[float, float]
     floor: float
+    speeds: FloatArray
+    slack: Callable[[float], float]
+    many: Slacks | None
 
     @classmethod
     def of(
@@ -213,7 +216,7 @@ class PricedSearch:
         prices: Prices,
         controller: Any,
     ) -> PricedSearch:
-        """Find the stabilising set, and in it where the limits are met."""
+        """Find the stabilising set, in which it will be seen where the limits are met."""
         frequencies = frequencies_for(process, model, family)
         floor = lowest_floor(frequencies)
         intervals = intersection(stabilizing_set(frequencies, floor), stable_filters(family))
@@ -227,24 +230,54 @@ class PricedSearch:
                 so_far = specification.slack(margins(loop.L, True, loop.p_B))
             return prices.slack(loop, so_far)
 
-        def one_by_one(values: FloatArray) -> FloatArray:
-            return np.array([slack(value) for value in values.tolist()])
-
-        look, density, closer = one_by_one, PER_DECADE, _extremes
+        many = None
         if intervals and specification is not None and not prices:
             slowest = max(intervals[0][0], floor)
             loops = FamilyLoops.for_family(process, model, family, specification, slowest)
-            look, density, closer = partial(specification.of_many, loops), DENSE, _zoomed
-        windows: list[Interval] = []
-        tried: dict[float, float] = {}
-        for low, high in intervals:
-            samples = _samples(low, high, frequencies.mismatch.speeds, density)
+            many = partial(specification.of_many, loops)
+        return cls(family, intervals, floor, frequencies.mismatch.speeds, slack, many)
+
+    @cached_property
+    def met_from(self) -> float | None:
+        """Where the first interval begins that meets all limits, if right there they are met."""
+        for low, high in self.intervals[:1]:
+            if self.slack(float(self._samples(low, high)[0])) >= 0:
+                return low
+        lows = [low for low, _ in self.windows[:1] if low in (ends[0] for ends in self.intervals)]
+        return lows[0] if lows else None
+
+    @cached_property
+    def windows(self) -> list[Interval]:
+        """Where in the stabilising set all limits are met, as a list of (low, high)."""
+        return [
+            window
+            for interval, looked in self._looked
+            for window in _windows(self.slack, _confirmed(self.slack, looked), interval)
+        ]
+
+    @property
+    def best(self) -> tuple[float, float]:
+        """The time constant with which they are met most, or least missed, and the slack."""
+        tried = [item for _, looked in self._looked for item in looked.items()]
+        return max(tried, key=lambda item: item[1], default=(inf, -inf))
+
+    @cached_property
+    def _looked(self) -> list[tuple[Interval, dict[float, float]]]:
+        """Slacks all over each interval, closer where they may touch 0."""
+
+        def one_by_one(values: FloatArray) -> FloatArray:
+            return np.array([self.slack(value) for value in values.tolist()])
+
+        look, closer = (self.many, _zoomed) if self.many else (one_by_one, _extremes)
+        every = []
+        for low, high in self.intervals:
+            samples = self._samples(low, high)
             looked = dict(zip(samples.tolist(), look(samples).tolist(), strict=True))
-            looked = dict(sorted((looked | closer(look, looked)).items()))
-            tried |= looked
-            windows += _windows(slack, _confirmed(slack, looked), (low, high))
-        best = max(tried.items(), key=lambda item: item[1], default=(inf, -inf))
-        return cls(family, intervals, windows, best, floor)
+            every.append(((low, high), dict(sorted((looked | closer(look, looked)).items()))))
+        return every
+
+    def _samples(self, low: float, high: float) -> FloatArray:
+        return _samples(low, high, self.speeds, DENSE if self.many else PER_DECADE)
 
 
 def member(family: int | FilterFamily, time_constant: float) -> Any:

@@ -253,23 +253,20 @@ def _best_paid(
     """Find the filter that rejects most among families and orders, if limits are on its price."""
     prices.check_controller(controller, model)
     asked = ", ".join(filter(None, [str(specification or ""), str(prices)]))
-    searches = [
-        PricedSearch.of(process, model, family, specification, prices, controller)
-        for family in families
-    ]
-    found = []
-    for search in searches:
-        for low, _ in search.windows[:1]:
-            if low in (ends[0] for ends in search.intervals):
-                edge = f"down to the border of stability at {low:.4g} s"
-                if low == search.floor:
-                    edge = f"however fast{f' (looked at down to {low:.3g} s)' if low else ''}"
-                raise ValueError(
-                    f"{asked} is met by every filter of {_named(search.family)}, {edge}; ask for "
-                    "more, such as max_ms against the border, or max_u_eta against the noise"
-                )
-            best = member(search.family, low)
-            found.append((sluggishness(process, model, best), best))
+    searches = []
+    for family in families:
+        search = PricedSearch.of(process, model, family, specification, prices, controller)
+        if (low := search.met_from) is not None:
+            edge = f"down to the border of stability at {low:.4g} s"
+            if low == search.floor:
+                edge = f"however fast{f' (looked at down to {low:.3g} s)' if low else ''}"
+            raise ValueError(
+                f"{asked} is met by every filter of {_named(search.family)}, {edge}; ask for "
+                "more, such as max_ms against the border, or max_u_eta against the noise"
+            )
+        searches.append(search)
+    best = [member(search.family, low) for search in searches for low, _ in search.windows[:1]]
+    found = [(sluggishness(process, model, filter), filter) for filter in best]
     if found:
         return min(found, key=lambda item: item[0])[1]
     names = " or ".join(_named(search.family) for search in searches)

@@ -162,11 +162,12 @@ class PlantLoops:
         inner = distance[:, 1:-1] * (1 - EQUAL)
         dips = (inner <= distance[:, :-2]) & (inner <= distance[:, 2:])
         row, column = np.nonzero(dips & (inner <= DEEPEST * least[:, None]))
-        column = column + 1
-        chosen = time_constants[row, None]
-        low, high = self.omega[column - 1], self.omega[column + 1]
-        bottom = _lowest(lambda w: np.abs(1 + self._gain(chosen, w)), low, high)
-        np.minimum.at(least, row, bottom)
+        low, high = self.omega[column], self.omega[column + 2]
+
+        def off(row: IntArray, omega: FloatArray) -> FloatArray:
+            return np.abs(1 + self._gain(time_constants[row, None], omega))
+
+        _lower(least, off, row, low, high)
         return np.asarray(1 / np.maximum(least, 1e-300))
 
     def phase_margins(self, time_constants: FloatArray, L: ComplexArray) -> FloatArray:
@@ -276,20 +277,29 @@ class PlantLoops:
         return row, self._gain(chosen[:, 0], where)
 
 
-def _lowest(
-    function: Callable[[FloatArray], FloatArray], low: FloatArray, high: FloatArray
-) -> FloatArray:
-    """Smallest value between each `low` and `high`, by looking ever more closely."""
+def _lower(
+    least: FloatArray,
+    function: Callable[[IntArray, FloatArray], FloatArray],
+    row: IntArray,
+    low: FloatArray,
+    high: FloatArray,
+) -> None:
+    """Lower the smallest value of each loop to that between each `low` and `high`.
+
+    By looking ever more closely where it may still be lower: between three values of which the
+    middle one is lowest, a parabola and a kink lie below that by at most half of what they rise
+    from it.
+    """
     share = np.linspace(0, 1, ACROSS)
-    best = np.full(low.shape, inf)
     for _ in range(ZOOMS):
         omega = low[:, None] + share * (high - low)[:, None]
-        values = function(omega)
-        k = np.clip(values.argmin(axis=1), 1, ACROSS - 2)
-        rows = np.arange(low.size)
-        best = np.minimum(best, values.min(axis=1))
-        low, high = omega[rows, k - 1], omega[rows, k + 1]
-    return best
+        values = function(row, omega)
+        k, rows = np.clip(values.argmin(axis=1), 1, ACROSS - 2), np.arange(low.size)
+        lowest, beside = values.min(axis=1), np.maximum(values[rows, k - 1], values[rows, k + 1])
+        np.minimum.at(least, row, lowest)
+        with np.errstate(invalid="ignore"):
+            open_yet = ~(lowest - (beside - lowest) > least[row])
+        row, low, high = (of[open_yet] for of in (row, omega[rows, k - 1], omega[rows, k + 1]))
 
 
 def _zero(

@@ -298,8 +298,7 @@ def lowest_floor(frequencies: Frequencies) -> float:
         return 0.0
     last = 2 * pi * TURNS / longest
     beyond = np.append(last, frequencies.base[frequencies.base > last])
-    highest = float(frequencies.largest_time_constant(beyond).max())
-    return max(highest, longest / FASTEST, 1.001 * mismatch.neutral_limit)
+    return max(frequencies.highest(beyond), longest / FASTEST, 1.001 * mismatch.neutral_limit)
 
 
 def _checked_floor(frequencies: Frequencies, floor: float | None) -> float:

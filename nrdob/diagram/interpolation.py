@@ -110,14 +110,9 @@ def interpolating_filter(
     [0.35, 1.0]
     """
     LowPassFilter(time_constant, 1)  # the same refusals
-    wait = 0.0
-    if isinstance(model, DelayedTransferFunction):
-        model, wait = model.tf, model.delay
     conditions = interpolation(model, order, ramp)
-    if wait:
-        _check_integrators(conditions.poles, wait)
     den = LowPassFilter(time_constant, conditions.order).den
-    return ct.tf(conditions.numerator(den, wait), den)
+    return ct.tf(conditions.numerator(den), den)
 
 
 class Interpolation(NamedTuple):
@@ -129,32 +124,37 @@ class Interpolation(NamedTuple):
         The monic M and Q.
     order : int
         n.
+    wait : float
+        Dead time of the model, in seconds; the conditions are then those at integrators.
     """
 
     zeros: FloatArray
     poles: FloatArray
     order: int
+    wait: float
 
-    def numerator(self, den: FloatArray, wait: float = 0.0) -> FloatArray:
-        """Numerator of the F with a given denominator, which meets the conditions.
-
-        With a dead time of the model, in seconds, those at integrators.
-        """
-        return _numerator(self.zeros, self.poles, _leading(den, wait, self.poles.size - 1))
+    def numerator(self, den: FloatArray) -> FloatArray:
+        """Numerator of the F with a given denominator, which meets the conditions."""
+        return _numerator(self.zeros, self.poles, _leading(den, self.wait, self.poles.size - 1))
 
 
 def interpolation(model: Any, order: int | None, ramp: int) -> Interpolation:
     """Read off a model what `interpolating_filter` has to meet, with the same refusals."""
+    wait = 0.0
+    if isinstance(model, DelayedTransferFunction):
+        model, wait = model.tf, model.delay
     Gm = nonzero(as_fraction(model, "model"), "model")
     _check_ramp(ramp)
     zeros, poles = _right_factor(Gm.num), _right_factor(Gm.den)
     _check_apart(Gm, zeros, poles)
     integrators = QuasiPolynomial(Gm.den).zeros_at_origin
     poles = np.append(poles, np.zeros(max(int(ramp), integrators)))
+    if wait:
+        _check_integrators(poles, wait)
     degree = zeros.size + poles.size - 3
     least = degree + max(Gm.relative_degree, 1)
     if order is None:
-        return Interpolation(zeros, poles, least)
+        return Interpolation(zeros, poles, least, wait)
     LowPassFilter(1.0, order)  # the same refusals
     if order < least:
         raise ValueError(
@@ -162,7 +162,7 @@ def interpolation(model: Any, order: int | None, ramp: int) -> Interpolation:
             f"numerator has degree {degree}, and the model has relative degree "
             f"{Gm.relative_degree}: take order {least} or more"
         )
-    return Interpolation(zeros, poles, int(order))
+    return Interpolation(zeros, poles, int(order), wait)
 
 
 def _check_ramp(ramp: int) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import nrdob
+from campaigns.charts import campaign
 from nrdob import filter_family, paper, stability_chart, stabilizing_time_constants
 
 s = ct.tf("s")
@@ -38,7 +39,7 @@ def wrong_points(chart, count, seed):
     return wrong
 
 
-@pytest.mark.parametrize("pair", [pair for pair in PAIRS if set(pair) != {"gain", "lag"}])
+@pytest.mark.parametrize("pair", PAIRS)
 def test_every_region_of_example_4_has_its_count(pair):
     x, y = ((name, *RANGES[name]) for name in pair)
     chart = stability_chart(EXAMPLE_4.process, EXAMPLE_4.model, EXAMPLE_4.filter, x=x, y=y)
@@ -136,12 +137,84 @@ def test_what_is_no_chart_is_refused(options, error, message):
         stability_chart(lag, lag, 2, **options)
 
 
-def test_what_a_chart_cannot_part_is_refused_with_a_remedy():
-    lag = ct.tf([1], [1, 1])
-    F = nrdob.LowPassFilter(0.5, 1)
-    axes = {"x": ("gain", 0.1, 3.0), "y": ("lag", 0.1, 1.0)}
-    with pytest.raises(NotImplementedError, match="gain and lag with a dead time"):
-        nrdob.stability_chart(nrdob.delay(0.3) * lag, lag, F, **axes)
-    for filter, x in ((F, ("gain", 0.1, 3.0)), (1, ("time_constant", 0.1, 3.0))):
-        with pytest.raises(ValueError, match="model has a dead time"):
-            nrdob.stability_chart(lag, nrdob.delay(0.2) * lag, filter, x=x, y=("delay", 0.1, 1.0))
+def test_what_would_have_to_be_followed_for_ever_is_refused_with_a_remedy():
+    biproper, F = (s + 2) / (s + 1), ct.tf([0.6, 1], [1, 1])
+    axes = {"x": ("gain", 0.1, 3.0), "y": ("delay", 0.1, 1.0)}
+    with pytest.raises(ValueError, match="take a filter that rolls off"):
+        stability_chart(biproper, nrdob.delay(1.0) * biproper, F, **axes)
+
+
+def test_a_border_that_bends_sharply_parts_its_regions():
+    # Chords between frequencies that resolve the dead time had left this one open.
+    process = ct.tf([-14.2678, 1.76137], [17.4017, 23.046, 9.15973, 1.0])
+    model = ct.tf([1.0], [9.181, 14.53, 6.954, 1.0])
+    F = ct.tf([1.0], [2.113, 3.293, 2.566, 1.0])
+    axes = {"x": ("gain", 0.0556, 4.83), "y": ("lag", 0.0, 53.1)}
+    chart = stability_chart(nrdob.delay(15.0226) * process, model, F, **axes)
+    assert wrong_points(chart, 60, 4) == []
+    border = max(chart.borders, key=lambda border: border.x.size)
+    u, v = chart.x.share(border.x), chart.y.share(border.y)
+    assert np.hypot(np.diff(u), np.diff(v)).max() < 0.011
+
+
+# A model that waits.
+
+LAGS, RAMP_OF_2 = nrdob.filter_family("binomial", 2), nrdob.filter_family("ramp", 2)
+
+WAITING_PAIRS = [(a, b) for i, a in enumerate(RANGES) for b in list(RANGES)[i + 1 :]]
+
+
+@pytest.mark.parametrize("wait", [0.05, 0.08])
+@pytest.mark.parametrize("pair", WAITING_PAIRS)
+def test_every_region_of_example_4_with_a_model_that_waits_has_its_count(pair, wait):
+    x, y = ((name, *RANGES[name]) for name in pair)
+    model = nrdob.delay(wait) * EXAMPLE_4.model
+    chart = stability_chart(EXAMPLE_4.process, model, EXAMPLE_4.filter, x=x, y=y)
+    assert wrong_points(chart, 30, 5) == []
+
+
+@pytest.mark.parametrize("filter", [LAGS, RAMP_OF_2], ids=["lags", "ramp"])
+@pytest.mark.parametrize("pole", [0.0, 0.2])
+@pytest.mark.parametrize("first", ["time_constant", "gain"])
+def test_charts_of_a_model_that_waits_and_integrates_have_the_counts(first, pole, filter):
+    chart = stability_chart(
+        nrdob.delay(0.1) * 1.2 / (s + pole),
+        nrdob.delay(0.09) / s,
+        filter if first == "time_constant" else filter.at(0.1),
+        x=(first, 0.05, 3.0),
+        y=("delay", 0.05, 0.6),
+    )
+    assert len(chart.regions) > 1
+    assert wrong_points(chart, 20, 3) == []
+
+
+def test_random_charts_have_the_counts_of_their_loops():
+    found = campaign(10, 21)
+    assert sum(found.values()) == sum(n for name, n in found.items() if name.endswith("right"))
+
+
+C_N = (1.4775, 2.3911, 3.0427, 3.5775, 4.0421, 4.4585)
+
+
+@pytest.mark.parametrize("n", range(1, 7))
+def test_practical_stability_is_lost_at_c_n_time_constants(n):
+    # Each border touches |θ - θm| = c_n λ, and none comes nearer.
+    chart = stability_chart(
+        lag**n, nrdob.delay(1.0) * lag**n, n, x=("time_constant", 0.05, 0.2), y=("delay", 0.5, 1.5)
+    )
+    errors = [float(np.min(np.abs(border.y - 1) / border.x)) for border in chart.borders]
+    assert min(errors) == pytest.approx(C_N[n - 1], abs=6e-5)
+    assert chart.region(0.1, 1.0).count == 0
+
+
+def test_levels_of_a_model_that_waits_lie_where_the_margins_have_them():
+    G, F = EXAMPLE_4.process, EXAMPLE_4.filter
+    model = nrdob.delay(0.06) * EXAMPLE_4.model
+    chart = stability_chart(
+        G, model, F, x=("time_constant", 0.01, 0.1), y=("gain", 0.5, 1.8), ms=(1.8,)
+    )
+    line = max(chart.ms_levels[1.8], key=len)
+    for lam, gain in line[:: max(1, len(line) // 4)]:
+        filter = nrdob.LowPassFilter(float(lam), F.order)
+        loop = nrdob.NRDOB(float(gain) * G, model, EXAMPLE_4.controller, filter)
+        assert loop.margins().plant_loop.ms == pytest.approx(1.8, rel=3e-2)

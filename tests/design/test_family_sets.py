@@ -11,7 +11,14 @@ from scipy.optimize import brentq
 
 import nrdob
 from campaigns.families import campaign
-from nrdob import critical_time_constants, filter_family, paper, stabilizing_time_constants
+from nrdob import (
+    critical_time_constants,
+    filter_family,
+    judge_observer,
+    paper,
+    stabilizing_time_constants,
+)
+from nrdob.design.familygrid import frequencies_for
 
 s = ct.tf("s")
 lag = 1 / (s + 1)
@@ -97,3 +104,88 @@ def test_random_sets_are_right_beside_every_end():
     found = campaign(24, 11)
     assert not [name for name in found if name.startswith("WRONG")]
     assert sum(number for name, number in found.items() if "right" in name) >= 20
+
+
+# A model that waits.
+
+
+@pytest.mark.parametrize(("theta", "wait"), [(1.05, 1.0), (0.5, 0.5), (0.0, 0.3), (0.7, 1.2)])
+def test_lags_as_a_family_have_the_set_of_their_order_where_the_model_waits(theta, wait):
+    process = nrdob.delay(theta) * 1.3 * lag**3
+    model = nrdob.delay(wait) * lag**2 / (0.9 * s + 1)
+    one = critical_time_constants(process, model, 3, floor=0.02)
+    other = critical_time_constants(process, model, lags(3), floor=0.02)
+    assert [c.direction for c in one] == [c.direction for c in other]
+    for a, b in zip(one, other, strict=True):
+        assert a.time_constant == pytest.approx(b.time_constant, rel=1e-10)
+        assert a.frequency == pytest.approx(b.frequency, rel=1e-9)
+
+
+@pytest.mark.parametrize("order", [2, 3])
+def test_butterworth_filters_bear_a_wrong_dead_time_of_their_own_number_of_time_constants(order):
+    # |1/F| = sqrt(1 + x^(2n)) meets 2 sin(φ/2) at x = (4 sin²(φ/2) - 1)^(1/(2n)); the least φ/x.
+    phi = np.linspace(pi / 3, 5 * pi / 3, 400_001)[1:-1]
+    number = np.min(phi / (4 * np.sin(phi / 2) ** 2 - 1) ** (1 / (2 * order)))
+    wrong = 1e-3
+    process, model = nrdob.delay(1 + wrong) * lag**order, nrdob.delay(1.0) * lag**order
+    family = filter_family("butterworth", order)
+    found = stabilizing_time_constants(process, model, family, floor=0.8 * wrong / number)
+    assert wrong / found[-1][0] == pytest.approx(number, rel=2e-5) and found[-1][1] == inf
+
+
+@pytest.mark.parametrize("kind", ["butterworth", "bessel", "ramp"])
+def test_an_exact_model_that_waits_is_stable_for_every_filter_of_a_family(kind):
+    model = nrdob.delay(2.0) * lag**2
+    found = stabilizing_time_constants(model, model, filter_family(kind, 3), floor=1e-2)
+    assert found == [(1e-2, inf)]
+
+
+@pytest.mark.parametrize("wait", [0.0, 0.3])
+@pytest.mark.parametrize("gain", [1.0, 0.4])
+def test_beyond_the_largest_time_constant_the_plant_loop_is_smaller_than_the_gain(wait, gain):
+    model = nrdob.delay(wait) * lag**2 if wait else lag**2
+    process, family = nrdob.delay(0.4) * 1.5 * lag**2, filter_family("butterworth", 2)
+    frequencies = frequencies_for(process, model, family)
+    omega = np.geomspace(0.1, 100, 40)
+    for w, most in zip(omega, frequencies.largest_time_constant(omega, gain), strict=True):
+        for time_constant in most * np.array([1.001, 2.0, 10.0]):
+            loop = nrdob.NRDOB(process, model, 0.0, family.at(float(time_constant)))
+            assert most == 0 or abs(loop.L(1j * w)) < gain
+
+
+INTEGRATING = [
+    (nrdob.delay(0.1) * 1.2 / s, nrdob.delay(0.09) / s),
+    (nrdob.delay(0.1) * 1.2 / (s + 0.1), nrdob.delay(0.09) / s),
+    (1.2 / ((s + 0.1) * (0.05 * s + 1)), nrdob.delay(0.09) / (s * (0.04 * s + 1))),
+    (nrdob.delay(0.2) / (s * (s + 1)), nrdob.delay(0.2) * 1.1 / (s * (s + 1.2))),
+    (nrdob.delay(0.1) / (s - 0.1), nrdob.delay(0.1) / s),
+]
+"""Models that integrate and wait, for processes that do so, and that do not."""
+
+
+@pytest.mark.parametrize(("process", "model"), INTEGRATING)
+def test_lags_as_a_family_have_the_set_of_their_order_where_a_model_waits_and_integrates(
+    process, model
+):
+    one = critical_time_constants(process, model, 2, floor=0.01)
+    other = critical_time_constants(process, model, lags(2), floor=0.01)
+    assert [c.direction for c in one] == [c.direction for c in other]
+    for a, b in zip(one, other, strict=True):
+        assert a.time_constant == pytest.approx(b.time_constant, rel=1e-9)
+    sets = [stabilizing_time_constants(process, model, f, floor=0.01) for f in (2, lags(2))]
+    assert np.ravel(sets[1]) == pytest.approx(np.ravel(sets[0]), rel=1e-9)
+
+
+@pytest.mark.parametrize("pole", [0.0, 0.05, -0.05])
+def test_two_integrators_of_a_model_that_waits_cancel_for_a_whole_family(pole):
+    model = nrdob.delay(0.1) / s**2
+    process = nrdob.delay(0.12) * 1.3 / ((s + pole) * (s + 0.1))
+    family = filter_family("interpolating", model=model)
+    found = stabilizing_time_constants(process, model, family, floor=0.02)
+    assert found
+    for end in np.ravel(found):
+        if 0.02 < end < inf:
+            sides = [judge_observer(process, model, family.at(end * k)) for k in (0.9999, 1.0001)]
+            assert sides[0].stable is not sides[1].stable
+    inside = [family.at(1.1 * low) for low, _ in found]
+    assert all(judge_observer(process, model, F).stable for F in inside)

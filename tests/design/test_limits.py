@@ -288,3 +288,68 @@ def test_the_ends_under_an_integrating_model_are_those_of_the_set(process, order
     if found:
         assert right_half_plane_parity(process, model).holds is not False
         assert stabilizing_filter_exists(process, model).holds is not False
+
+
+# A model that waits.
+
+WAITING = [
+    # gain of the process, θ, θm, n, all fast filters, all slow ones
+    (1.5, 1.0, 1.0, 1, True, True),
+    (2.5, 1.0, 1.0, 1, False, True),
+    (1.0, 1.1, 1.0, 1, False, True),
+    (1.0, 0.0, 1.0, 2, True, True),
+    (5.0, 0.0, 1.0, 3, True, True),
+    (7.0, 0.0, 1.0, 3, False, True),
+    (9.5, 1.0, 1.0, 3, False, False),
+    (-0.5, 1.0, 1.0, 2, False, False),
+]
+
+
+@pytest.mark.parametrize(("gain", "theta", "wait", "n", "fast", "slow"), WAITING)
+def test_the_ends_of_the_set_of_a_model_that_waits_are_as_the_limits_say(
+    gain, theta, wait, n, fast, slow
+):
+    process = nrdob.delay(theta) * (gain * lag) if theta else gain * lag
+    model = nrdob.delay(wait) * lag
+    assert stable_for_fast_filters(process, model, n).holds is fast
+    assert stable_for_slow_filters(process, model, n).holds is slow
+    for time_constant, expected in ((1e-3, fast), (1e3, slow)):
+        F = nrdob.LowPassFilter(time_constant, n)
+        assert nrdob.judge_observer(process, model, F).stable is expected
+
+
+INTEGRATING = [
+    # gain and pole of the process, θ, θm, n, all fast filters
+    (0.9, -0.2, 0.1, 0.1, 2, True),
+    (1.2, -0.05, 0.0, 0.1, 1, True),
+    (2.3, 0.0, 0.1, 0.1, 2, False),
+    (0.9, -0.21, 0.12, 0.1, 2, False),
+    (5.0, -0.3, 0.0, 0.1, 3, True),
+    (9.0, -0.3, 0.0, 0.1, 3, False),
+]
+
+
+@pytest.mark.parametrize(("gain", "pole", "theta", "wait", "n", "fast"), INTEGRATING)
+def test_fast_filters_of_a_model_that_waits_and_integrates_are_as_the_verdict_says(
+    gain, pole, theta, wait, n, fast
+):
+    process, model = nrdob.delay(theta) * gain / (s - pole), nrdob.delay(wait) / s
+    assert stable_for_fast_filters(process, model, n).holds is fast
+    assert nrdob.judge_observer(process, model, nrdob.LowPassFilter(1e-3, n)).stable is fast
+
+
+def test_a_simple_ratio_of_dead_times_leaves_the_question_open_where_its_chains_allow():
+    # 1 - w + c w² with c > 1/4 has both roots outside the unit circle while c < 1.
+    model = nrdob.delay(1.0) * lag
+    for gain, holds in ((0.5, None), (1.5, False)):
+        assert stable_for_fast_filters(nrdob.delay(2.0) * (gain * lag), model, 1).holds is holds
+
+
+@pytest.mark.parametrize("theta", [0.0, 1.0, 1.3])
+def test_signs_forbid_the_same_to_a_model_that_waits(theta):
+    process, model = 4 / (2 - s - s**2), 1 / (s**2 + 3 * s + 2)
+    late = nrdob.delay(theta) * process if theta else process
+    assert right_half_plane_parity(late, nrdob.delay(1.0) * model).holds is False
+    assert stabilizing_filter_exists(late, nrdob.delay(1.0) * model).holds is False
+    fitting = stabilizing_filter_exists(late, nrdob.delay(1.0) * -model)
+    assert fitting.holds is None and "dead time" in fitting.reason

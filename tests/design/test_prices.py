@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 import nrdob
+from campaigns.plants import plant_and_model
 from nrdob import admissible_time_constants, design_filter, filter_family
+from nrdob.design import Mismatch
 
 s = ct.tf("s")
 lag = 1 / (s + 1)
@@ -90,3 +92,53 @@ def test_a_limit_on_a_step_of_the_reference_needs_a_model_loop_that_is_stable():
         assert said in str(found.value)
         with pytest.raises(ValueError, match="needs a controller that stabilises the model"):
             admissible_time_constants(lag, lag, 1, max_u_step_R=2.0, controller=controller)
+
+
+# A model that waits.
+
+
+@pytest.mark.parametrize(
+    "specification", [{"max_ms": 1.6}, {"min_gm_db": 6.0, "min_pm_deg": 45.0}], ids=str
+)
+@pytest.mark.parametrize("filters", [3, filter_family("bessel", 3)], ids=repr)
+def test_the_filter_for_a_model_that_waits_just_meets_the_specification(filters, specification):
+    example = nrdob.paper.example(4)
+    model = nrdob.delay(0.06) * example.model
+    ((low, high),) = admissible_time_constants(example.process, model, filters, **specification)
+    assert high == np.inf
+    best = design_filter(example.process, model, order=filters, **specification)
+
+    def meets(F):
+        found = nrdob.NRDOB(example.process, model, 0.0, F).margins().plant_loop
+        if "max_ms" in specification:
+            return found.ms <= 1.6
+        return abs(found.gm_db) >= 6.0 and found.pm >= 45.0
+
+    family = nrdob.filter_family("binomial", 3) if filters == 3 else filters
+    assert meets(best) and meets(family.at(low)) and meets(family.at(3 * low))
+    assert not meets(family.at(low * (1 - 1e-6)))
+
+
+def test_waiting_lets_the_filter_of_example_4_be_faster():
+    example = nrdob.paper.example(4)
+    at_once = design_filter(example.process, example.model, order=3, max_ms=1.6)
+    waiting = nrdob.delay(0.05) * example.model
+    waits = design_filter(example.process, waiting, order=3, max_ms=1.6)
+    assert waits.time_constant < at_once.time_constant
+    with pytest.raises(ValueError, match="however fast"):
+        design_filter(example.process, waiting, order=3, max_ms=2.5)
+
+
+def test_lags_read_as_a_family_are_sampled_to_the_windows_that_their_order_excludes():
+    rng = np.random.default_rng(5)
+    for _ in range(4):
+        _, process, model = plant_and_model(rng)
+        order = Mismatch.of(process, model).order
+        rows = filter_family("binomial", order)
+        family = filter_family("own", num=rows.num.tolist(), den=rows.den.tolist())
+        limit = {"max_ms": float(rng.uniform(1.2, 3.0))}
+        exact = admissible_time_constants(process, model, order, **limit)
+        sampled = admissible_time_constants(process, model, family, **limit)
+        assert len(exact) == len(sampled)
+        for one, other in zip(exact, sampled, strict=True):
+            assert one == pytest.approx(other, rel=1e-6)
