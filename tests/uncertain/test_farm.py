@@ -151,11 +151,16 @@ def test_numbers_are_the_same_bit_for_bit_in_other_processes():
 
 @pytest.mark.slow
 def test_a_worker_of_a_cluster_killed_in_mid_sweep_costs_nothing():
-    distributed = pytest.importorskip("distributed")
+    dask, distributed = map(pytest.importorskip, ("dask", "distributed"))
     loop = paper.example(4)
     family = nrdob.family(loop.process, gain=(0.3, 2), delay=(0, 0.1), samples=5 * BLOCK)
     killed = []
+    # Workers that are forked have everything imported.
+    start = {
+        "distributed.worker.multiprocessing-method": "fork" if hasattr(os, "fork") else "spawn"
+    }
     with (
+        dask.config.set(start),
         distributed.LocalCluster(
             n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
         ) as cluster,
