@@ -31,7 +31,15 @@ from .diagram import (
 )
 from .loop import NRDOB
 from .sampling import random_loop
-from .uncertain import family, sweep
+from .uncertain import (
+    delay_intervals,
+    family,
+    fit_weight,
+    gain_intervals,
+    largest_box,
+    small_gain,
+    sweep,
+)
 
 __all__ = [  # noqa: RUF022  (by topic: the contents of the package)
     # The loop, and what it is made of.
@@ -49,7 +57,8 @@ __all__ = [  # noqa: RUF022  (by topic: the contents of the package)
     # Is a controller an observer?
     "observer_form", "stable_model_exists",
     # Will it survive the real plant?
-    "family", "sweep",
+    "family", "sweep", "gain_intervals", "delay_intervals", "largest_box",
+    "fit_weight", "small_gain",
     # Loops to try things on: the paper's, some with a name, random ones.
     "paper", "plants", "random_loop",
 ]  # fmt: skip

@@ -22,7 +22,7 @@ from .limits import (
 )
 from .mismatch import Mismatch
 from .models import ModelCandidate, suggest_model
-from .prices import step_peak
+from .prices import peak_gain, step_peak
 from .search import admissible_time_constants, design_filter
 from .timeconstants import (
     CriticalTimeConstant,
@@ -53,6 +53,7 @@ __all__ = [
     "largest_for_unstable_pole",
     "noise_index",
     "observer_form",
+    "peak_gain",
     "right_half_plane_parity",
     "sensitivity_floor",
     "smallest_for_delay",
