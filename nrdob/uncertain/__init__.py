@@ -3,6 +3,7 @@
 from .exactly import Box, delay_intervals, gain_intervals, largest_box
 from .family import Family, family
 from .farm import SweepStopped
+from .intervalplants import IntervalShares, interval_plants
 from .smallgain import Conservatism, SmallGain, conservatism, fit_weight, small_gain
 from .sweeping import sweep
 from .table import Share, SweepTable
@@ -11,6 +12,7 @@ __all__ = [
     "Box",
     "Conservatism",
     "Family",
+    "IntervalShares",
     "Share",
     "SmallGain",
     "SweepStopped",
@@ -20,6 +22,7 @@ __all__ = [
     "family",
     "fit_weight",
     "gain_intervals",
+    "interval_plants",
     "largest_box",
     "small_gain",
     "sweep",
