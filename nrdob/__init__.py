@@ -33,6 +33,7 @@ from .loop import NRDOB
 from .sampling import random_loop
 from .uncertain import (
     delay_intervals,
+    design_filter_for,
     family,
     fit_weight,
     gain_intervals,
@@ -58,7 +59,7 @@ __all__ = [  # noqa: RUF022  (by topic: the contents of the package)
     "observer_form", "stable_model_exists",
     # Will it survive the real plant?
     "family", "sweep", "gain_intervals", "delay_intervals", "largest_box",
-    "fit_weight", "small_gain",
+    "fit_weight", "small_gain", "design_filter_for",
     # Loops to try things on: the paper's, some with a name, random ones.
     "paper", "plants", "random_loop",
 ]  # fmt: skip

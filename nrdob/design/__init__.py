@@ -24,16 +24,19 @@ from .mismatch import Mismatch
 from .models import ModelCandidate, suggest_model
 from .prices import peak_gain, step_peak
 from .search import admissible_time_constants, design_filter
+from .slack import UNSTABLE, Specification
 from .timeconstants import (
     CriticalTimeConstant,
     critical_time_constants,
     default_floor,
+    intersection,
     stabilizing_time_constants,
     stable_filters,
 )
 from .youla import ObserverForm, observer_form, stable_model_exists
 
 __all__ = [
+    "UNSTABLE",
     "Answer",
     "Border",
     "CriticalTimeConstant",
@@ -41,6 +44,7 @@ __all__ = [
     "ModelCandidate",
     "ObserverForm",
     "Region",
+    "Specification",
     "StabilityChart",
     "admissible_time_constants",
     "closedforms",
@@ -50,6 +54,7 @@ __all__ = [
     "design_filter",
     "disturbance_index",
     "gain_bound",
+    "intersection",
     "largest_for_unstable_pole",
     "noise_index",
     "observer_form",
