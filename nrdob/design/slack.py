@@ -85,7 +85,13 @@ class Specification:
         return min(near_1, 10 ** (-self.min_gm_db / 20) if self.min_gm_db else 1.0)
 
     def slack(self, found: Margins) -> float:
-        """By how much a loop meets the specification; negative where it does not."""
+        """By how much a loop meets the specification; negative where it does not.
+
+        Parameters
+        ----------
+        found : Margins
+            Of its plant loop.
+        """
         if not found.stable:
             return UNSTABLE
         slacks = self.slacks(*(np.array([x]) for x in (found.ms, abs(found.gm_db), found.pm)))

@@ -173,3 +173,13 @@ def test_what_cannot_be_swept_is_refused():
     ):
         with pytest.raises(kind):
             nrdob.sweep(loop, family, **given)
+
+
+def test_a_resonance_beside_a_crossing_does_not_hide_it():
+    s = ct.tf("s")
+    process = 1.25 / ((15.1 * s + 1) * (4.37 * s**2 + 0.02 * s + 1))
+    model = 1 / (2.108 * s + 1) ** 3
+    loop = nrdob.NRDOB(process, model, (4.15 * s + 1.97) / (2.1 * s), LowPassFilter(20.7, 3))
+    family = nrdob.family(process, gain=(0.3, 2.0), poles=(0.8, 1.25), samples=60)
+    assert nrdob.sweep(loop, family, "stable")["stable"].sum() > 5
+    assert differences(loop, family, every=1) == []
