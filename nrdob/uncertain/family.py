@@ -182,7 +182,8 @@ def family(
         a module. Gain, delay and lag come on top.
     fit : (dict of str: float, (k, k) array_like)
         Means by name, and the covariance in the same order, of parameters that were identified
-        together; they are drawn from the normal distribution.
+        together; they are drawn from the normal distribution. A gain named here is a factor of the
+        process, as `gain` is; for parameters of other meaning give the function `parameters`.
     grid : int or dict of str: int
         Points on every interval, or on each by name: all their combinations in place of samples.
     samples : int
