@@ -61,6 +61,7 @@ def margins_if_stable(loop):
 
 @pytest.mark.slow
 @given(loops())
+@settings(max_examples=60)
 def test_modulus_margin_is_the_smallest_distance_on_a_dense_grid(loop):
     found = margins_if_stable(loop)
     assume(1e-4 < found.wms < 1e4)
@@ -233,9 +234,9 @@ def test_a_detuned_mode_of_damping_1e_6_leaves_13_percent_of_the_distance():
 
 
 @pytest.mark.slow
-def test_margins_at_300_detuned_hardly_damped_modes_are_the_certified_ones():
+def test_margins_at_150_detuned_hardly_damped_modes_are_the_certified_ones():
     rng, compared = np.random.default_rng(5), 0
-    while compared < 300:
+    while compared < 150:
         loop = random_hard_loop(rng, "detuned")
         found = loop.margins()
         for each, quotient in ((found.observer_loop, loop.FH), (found.plant_loop, loop.L)):
