@@ -8,6 +8,8 @@ record), `nrdob.uncertain` (families of plants), `nrdob.reporting` (all on one p
 `nrdob.plotting` (figures) and `nrdob.course` (the paper's claims, the problem sets).
 """
 
+from typing import TYPE_CHECKING, Any
+
 from . import paper, plants
 from .alternatives import (
     adrc_chart,
@@ -47,9 +49,20 @@ from .diagram import (
 from .digital import Limits, largest_sampling_time
 from .loop import NRDOB
 from .measured import identify, read_data
-from .reporting import report
 from .sampling import random_loop
-from .uncertain import family, sweep
+from .uncertain import (
+    delay_intervals,
+    design_filter_for,
+    family,
+    fit_weight,
+    gain_intervals,
+    largest_box,
+    small_gain,
+    sweep,
+)
+
+if TYPE_CHECKING:
+    from .reporting import report
 
 __all__ = [  # noqa: RUF022  (by topic: the contents of the package)
     # The loop, and what it is made of.
@@ -79,7 +92,17 @@ __all__ = [  # noqa: RUF022  (by topic: the contents of the package)
     "simc_pi", "simc_pid", "linear_adrc",
     "adrc_stabilizing_bandwidths", "adrc_stabilizing_gains", "adrc_chart",
     # Will it survive the real plant?
-    "family", "sweep",
+    "family", "sweep", "gain_intervals", "delay_intervals", "largest_box",
+    "fit_weight", "small_gain", "design_filter_for",
     # Loops to try things on: the paper's, some with a name, random ones.
     "paper", "plants", "random_loop",
 ]  # fmt: skip
+
+
+def __getattr__(name: str) -> Any:
+    # A report has figures; whoever asks for none does not wait for matplotlib's drawing.
+    if name == "report":
+        from .reporting import report
+
+        return report
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

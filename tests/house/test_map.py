@@ -74,3 +74,13 @@ def test_the_command_succeeds_where_there_is_no_circle() -> None:
     done = subprocess.run(command, cwd=ROOT, capture_output=True, encoding="utf-8")
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.startswith("Rooms: ")
+
+
+def test_the_front_door_loads_no_figures_no_course_and_no_algebra() -> None:
+    code = (
+        "import sys, nrdob\n"
+        "unasked = {'nrdob.plotting', 'nrdob.course', 'nrdob.reporting', 'sympy', 'jinja2'}\n"
+        "sys.exit(', '.join(unasked & set(sys.modules)) or 0)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8")
+    assert done.returncode == 0, f"import nrdob loads {done.stderr}"
