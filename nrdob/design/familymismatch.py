@@ -333,7 +333,7 @@ class FamilyMismatch(Mismatch):
         late = np.array([np.convolve(row, lag) for row in self.Nf])
         columns = max(late.shape[1], self.E.shape[1])
         late, ahead = (np.pad(p, ((0, 0), (columns - p.shape[1], 0))) for p in (late, self.E))
-        return (ahead - late)[:, :-m]
+        return np.asarray((ahead - late)[:, :-m])
 
     def _tables(self, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:
         s = 1j * np.asarray(omega)
@@ -531,7 +531,7 @@ def _stable_member(family: FilterFamily) -> Any:
 
 def _ramp(num: FloatArray, den: FloatArray, wait: float) -> int:
     """Count the zeros at s = 0 that Df - Nf exp(-θm s) has for every λ."""
-    rows = den.shape[0]
+    rows = int(den.shape[0])
     columns = max(num.shape[1], den.shape[1])
     ahead, behind = (
         np.pad(table[::-1], ((0, rows - table.shape[0]), (columns - table.shape[1], 0)))

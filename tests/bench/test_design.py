@@ -3,6 +3,8 @@
 The scan has 200 time constants over four decades; a dead time is replaced by Padé(5) there.
 """
 
+import time
+
 import control as ct
 import numpy as np
 import pytest
@@ -60,6 +62,40 @@ def test_stabilising_set_of_a_family(benchmark, name, process, model, order, kin
     options = {"model": model} if kind == "interpolating" else {"order": order + (kind == "ramp")}
     family = nrdob.filter_family(kind, **options)
     benchmark(nrdob.stabilizing_time_constants, process, model, family)
+
+
+def quickest(task, rounds=7):
+    """Least processor time of several calls, in seconds, after one to warm up."""
+    times = []
+    for _ in range(rounds + 1):
+        start = time.process_time()
+        task()
+        times.append(time.process_time() - start)
+    return min(times[1:])
+
+
+@pytest.mark.parametrize("modified", [False, True])
+def test_the_set_of_a_family_against_that_of_the_lags(note, modified):
+    loop = paper.example(4, modified)
+    families = [nrdob.filter_family(kind, 3) for kind in ("butterworth", "bessel", "ramp")]
+    families.append(nrdob.filter_family("interpolating", model=loop.model))
+
+    def one(filters):
+        return quickest(lambda: nrdob.stabilizing_time_constants(loop.process, loop.model, filters))
+
+    lags = one(3)
+    ratios = ", ".join(f"{family.kind} {one(family) / lags:.1f}" for family in families)
+    note(f"sets, Example 4{' modified' if modified else ''}, lags 1 (below 2): {ratios}")
+
+
+def test_a_verdict_with_two_dead_times_against_one(note):
+    loop = paper.example(4)
+
+    def one(model):
+        return quickest(lambda: nrdob.judge_observer(loop.process, model, loop.filter))
+
+    ratio = one(nrdob.delay(0.0437) * loop.model) / one(loop.model)
+    note(f"verdict with two dead times, with one 1: {ratio:.1f} (below 3)")
 
 
 AXES = {

@@ -19,6 +19,7 @@ from nrdob import (
     stabilizing_time_constants,
 )
 from nrdob.design.familygrid import frequencies_for
+from nrdob.design.familymismatch import roots_of_columns
 
 s = ct.tf("s")
 lag = 1 / (s + 1)
@@ -100,10 +101,33 @@ def test_an_order_too_low_for_the_model_is_refused():
         stabilizing_time_constants(1 / s**2, 1 / (s + 1) ** 2, filter_family("ramp", 2))
 
 
+@pytest.mark.parametrize("spread", [0, 3, 8])
+@pytest.mark.parametrize("n", [1, 2, 3, 4])
+def test_roots_of_many_polynomials_are_those_that_they_were_made_of(n, spread):
+    rng = np.random.default_rng(n)
+    size = 10 ** rng.uniform(-spread, spread, (n, 500))
+    roots = size * (rng.normal(size=(n, 500)) + 1j * rng.normal(size=(n, 500)))
+    columns = np.array([np.poly(column)[::-1] for column in roots.T]).T
+    found = roots_of_columns(columns)
+    away = np.abs(found[:, None] - roots[None])
+    assert np.all(away.min(axis=0) < 1e-9 * np.abs(roots))
+    assert np.all(away.min(axis=1) < 1e-9 * np.abs(found))
+
+
+def test_multiple_roots_of_polynomials_and_those_at_0_and_infinity_are_found():
+    columns = np.array([[1, 3, 3, 1], [0, 0, 0, 1], [1, 2, 1, 0], [-1, 0, 0, 1]]).T
+    triple, zero, quadratic, cube = roots_of_columns(columns).T
+    assert triple == pytest.approx(-np.ones(3), abs=1e-4)
+    assert zero == pytest.approx(np.zeros(3), abs=1e-30)
+    assert np.sort(np.abs(quadratic))[:2] == pytest.approx(1, abs=1e-6)
+    assert np.sort(np.abs(quadratic))[2] > 1e10
+    assert cube**3 == pytest.approx(np.ones(3), rel=1e-12)
+
+
 def test_random_sets_are_right_beside_every_end():
-    found = campaign(24, 11)
+    found = campaign(18, 11)
     assert not [name for name in found if name.startswith("WRONG")]
-    assert sum(number for name, number in found.items() if "right" in name) >= 20
+    assert sum(number for name, number in found.items() if "right" in name) >= 16
 
 
 # A model that waits.
