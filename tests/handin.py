@@ -17,7 +17,7 @@ from problemsets import SOURCE, Posed, cells, nbgrader, posed
 
 NAME = "set2"
 PATH = SOURCE / NAME / f"{NAME}.ipynb"
-TIMEOUT = 10
+TIMEOUT = 5
 # What the limit of a kernel forbids; where there are no limits, what no machine can address.
 TOO_MUCH = 10**11 if sys.platform == "linux" else 10**15
 
@@ -160,7 +160,7 @@ def odd(cell: str, signs: str) -> str:
 
 def disasters(released: Path) -> Iterator[Handed]:
     """Spread the disasters over submissions that are right otherwise."""
-    per_notebook = max(1, len(CHECKED) - 1)
+    per_notebook = len(CHECKED)
     left = list(DISASTERS.values())
     for count, start in enumerate(range(0, len(left), per_notebook)):
         this = right(released, f"disaster{count}/{NAME}.ipynb")
@@ -181,17 +181,18 @@ def in_the_function(released: Path) -> Handed:
     """An endless loop, and an exit, where the answer is called."""
     this = right(released, f"within/{NAME}.ipynb")
     functions = [problem for problem in CHECKED if not problem.problem.own]
-    codes = ["while True: pass", "import sys; sys.exit(0)", "import os; os._exit(0)"]
+    # What ends the kernel comes first, for the notebook is run again without it.
+    codes = ["import os; os._exit(0)", "import sys; sys.exit(0)", "while True: pass"]
     for problem, code in zip(functions[1:], codes, strict=False):
         cell = cell_of(this.notebook, answer_cell(problem))
         cell.source = f"def {problem.answer}(case):\n    {code}"
         this.earned[problem.cell.id] = 0
-    slow, _, dead = functions[1:4]
+    dead, _, slow = functions[1:4]
     this.remarks = "; ".join(
         [
             odd(answer_cell(dead), "os._exit"),
-            f"{slow.cell.id} {SLOW}",
             f"{dead.cell.id} was left out: it ended the kernel",
+            f"{slow.cell.id} {SLOW}",
         ]
     )
     return this

@@ -587,6 +587,10 @@ def test_the_example_of_a_new_problem_works() -> None:
         cases = problem.cases(seed, 8)
         right = review(problem, lambda c: (2 ** (1 / c.order) - 1) ** 0.5 / c.time_constant, cases)
         assert right.share == 1
+        short = review(
+            problem, lambda c: f"{(2 ** (1 / c.order) - 1) ** 0.5 / c.time_constant:.2g}", cases
+        )
+        assert short.recognised == "rounded"
         for mistake in problem.misconceptions:
             assert review(problem, mistake.example, cases).recognised == mistake.name
         assert "no" in review(problem, lambda case: 2 / case.time_constant, cases).text.lower()

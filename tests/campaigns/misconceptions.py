@@ -10,6 +10,8 @@ same in a few groups; here the groups are 1, 2, … and the hidden seeds others 
 from __future__ import annotations
 
 import argparse
+import contextlib
+import io
 import sys
 from collections import Counter
 from collections.abc import Iterator
@@ -31,7 +33,8 @@ def seed_of(group: int) -> int:
 
 def faults(this: Posed, group: int) -> Iterator[str]:
     """What is not as it must be, for one problem and group."""
-    right = published(this, group)
+    with contextlib.redirect_stdout(io.StringIO()):  # what the cells of the set print
+        right = published(this, group)
 
     def judged(change: Any) -> Any:
         answer = change(right) if this.problem.own else lambda case: change(right(case))
@@ -66,6 +69,9 @@ def campaign(count: int, ids: list[str]) -> Counter[str]:
             for fault in wrong:
                 print(f"{id}, group {group}: {fault}", flush=True)
             found[f"WRONG {id}" if wrong else f"{id}: as it must be"] += 1
+        print(
+            f"{id}: {found[f'{id}: as it must be']} of {count} groups", file=sys.stderr, flush=True
+        )
     return found
 
 

@@ -33,7 +33,6 @@ from handin import (
     in_the_function,
     mistaken,
     not_executed_but_saved_elsewhere,
-    release,
     renamed,
     right,
     settings,
@@ -46,11 +45,6 @@ from nrdob.course.grading.autograde import course
 
 # Every test runs nbgrader and kernels; nbgrader quarrels with its own database.
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore:Object of type")]
-
-
-@pytest.fixture(scope="module")
-def released(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return release(tmp_path_factory.mktemp("released"))
 
 
 REFUSED = {

@@ -18,7 +18,7 @@ from nbgrader.nbgraderformat import MetadataValidator
 
 from nrdob.course.exercises import PROBLEMS, Misconception, own_case
 from nrdob.course.exercises.problems import BLANK, HARD_CODED, NOTHING, ROUNDED
-from problemsets import SETS, Posed, calls, cells, nbgrader, posed, run
+from problemsets import SETS, Posed, calls, cells, nbgrader, posed, published, run
 
 GROUPS_AND_SEEDS = [
     (1, 11),
@@ -45,11 +45,9 @@ each_misconception = pytest.mark.parametrize(
 )
 
 
-def answer(this: Posed, group: int, blank: bool = False) -> Any:
-    """The published answer, or what stands in its place."""
-    # A function of a case is the same for each group; a value is for the group's own case.
-    space = run(this.path, group if this.problem.own else 1, blank)
-    return eval(this.answer, space)
+def blank(this: Posed, group: int) -> Any:
+    """What stands in the place of the answer."""
+    return eval(this.answer, run(this.path, group if this.problem.own else 1, blank=True))
 
 
 # --- the notebooks ------------------------------------------------------------------------------
@@ -148,7 +146,7 @@ def test_the_points_of_a_set_sum_to_a_round_number(path: Path) -> None:
 @each_problem
 @pytest.mark.parametrize(("group", "seed"), GROUPS_AND_SEEDS)
 def test_the_published_solution_gets_full_marks(this: Posed, group: int, seed: int) -> None:
-    points = this.score(answer(this, group), group, seed)
+    points = this.score(published(this, group), group, seed)
     assert points == this.points, points.feedback.text
     assert points.feedback.text == this.problem.praise
 
@@ -156,7 +154,7 @@ def test_the_published_solution_gets_full_marks(this: Posed, group: int, seed: i
 @each_problem
 @pytest.mark.parametrize(("group", "seed"), GROUPS_AND_SEEDS)
 def test_the_blank_gets_nothing(this: Posed, group: int, seed: int) -> None:
-    points = this.score(answer(this, group, blank=True), group, seed)
+    points = this.score(blank(this, group), group, seed)
     assert points == 0
     assert points.feedback.text == (BLANK if this.problem.own else NOTHING)
 
@@ -183,10 +181,10 @@ def test_a_misconception_gets_its_message_and_its_marks(
 def test_an_answer_written_for_the_visible_cases_does_not_pass(
     this: Posed, group: int, seed: int
 ) -> None:
-    published = answer(this, group)
-    constant = published(own_case(this.id, group))
+    right = published(this, group)
+    constant = right(own_case(this.id, group))
     assert this.score(lambda case: constant, group, seed) < this.points
-    table = iter([published(case) for case in this.problem.cases(group, 4)])
+    table = iter([right(case) for case in this.problem.cases(group, 4)])
     assert this.score(lambda case: next(table, constant), group, seed) < this.points
 
 

@@ -9,14 +9,17 @@ from typing import Any
 
 import control as ct
 import IPython.display
+import nbformat
 import numpy as np
 import pytest
 import sympy
+from nbgrader.preprocessors import Execute
 
 import nrdob
 from nrdob import LowPassFilter
 from nrdob.course.exercises import PROBLEMS, score
 from nrdob.course.grading import plain
+from nrdob.course.grading.autograde import PatientExecute
 from nrdob.course.grading.judge import asking, hidden_test, judge
 from nrdob.course.grading.plain import decode, encode
 from problemsets import SETS, SOURCE, posed, run
@@ -227,3 +230,28 @@ def test_the_points_are_those_of_score(kernel: Any) -> None:
 
 def test_another_kind_of_test_is_left_to_nbgrader() -> None:
     assert hidden_test("assert turns is not None") is None
+
+
+# --- a kernel that does not start ---------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("failing", "starts"), [(2, 3), (3, 3)])
+def test_a_kernel_whose_ports_were_taken_is_started_again(
+    failing: int, starts: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tried: list[int] = []
+
+    def preprocess(self: Any, nb: Any, resources: Any, km: Any) -> tuple[Any, Any]:
+        tried.append(1)
+        if len(tried) <= failing:
+            raise RuntimeError("Kernel died before replying to kernel_info")
+        return nb, resources
+
+    monkeypatch.setattr(Execute, "preprocess", preprocess)
+    notebook, resources = nbformat.v4.new_notebook(), {"metadata": {"path": str(tmp_path)}}
+    if failing < starts:
+        assert PatientExecute().preprocess(notebook, resources)[0] is notebook
+    else:
+        with pytest.raises(RuntimeError, match="Kernel died"):
+            PatientExecute().preprocess(notebook, resources)
+    assert len(tried) == starts

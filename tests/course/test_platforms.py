@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from exported import CLASS, Sent, canvas, moment_of, moodle, plan, read_canvas, read_moodle, table
-from handin import KNOWN, NAME, POINTS, handed, release, tiny, write
+from handin import KNOWN, NAME, POINTS, handed, tiny, write
 from nrdob.course.grading import command as exercises
 from nrdob.course.grading import marks, platforms, submissions
 from nrdob.course.grading.batch import Batch, Outcome
@@ -235,9 +235,9 @@ class Stub(Batch):
             yield Outcome(submission, grades)
 
 
-@pytest.fixture(scope="module")
-def notebook(tmp_path_factory: pytest.TempPathFactory) -> Any:
-    return handed(release(tmp_path_factory.mktemp("released")))
+@pytest.fixture
+def notebook(released: Path) -> Any:
+    return handed(released)
 
 
 def of_group(notebook: Any, group: int) -> str:
@@ -260,6 +260,7 @@ def sent(notebook: Any) -> list[Sent]:
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("platform", [moodle, canvas])
 def test_sixty_exported_graded_and_brought_back(
     platform: Any, notebook: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -327,6 +328,7 @@ def assert_only_the_late_page_says_so(target: Path, marked: float) -> None:
     assert f"Points before the rule: {marked:g} of {marked:g}; after it: {0.8 * marked:g}." in page
 
 
+@pytest.mark.slow
 def test_what_was_graded_stays_when_a_late_one_comes_alone(
     notebook: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

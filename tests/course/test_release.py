@@ -12,8 +12,8 @@ from handin import CHECKED, PATH
 from nrdob.course.grading import command as exercises
 from problemsets import SETS, SOURCE, cells, nbgrader, posed
 
-# What nbgrader does with its own database.
-pytestmark = pytest.mark.filterwarnings("ignore:Object of type")
+# nbgrader gives out every set; it quarrels with its own database.
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore:Object of type")]
 
 
 @pytest.fixture(scope="module")

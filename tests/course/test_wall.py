@@ -12,7 +12,7 @@ from pathlib import Path
 import nbformat
 import pytest
 
-from handin import FORGERIES, NAME, release
+from handin import FORGERIES, NAME, handed
 from nrdob.course.grading import command as exercises
 from nrdob.course.grading import wall
 from nrdob.course.grading.remarks import suspicious
@@ -281,11 +281,14 @@ def test_no_published_solution_is_remarked(path: Path) -> None:
     assert suspicious(solved.cells, given_out) == []
 
 
+@pytest.mark.slow
 def test_without_a_wall_what_is_suspicious_is_not_run(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    released: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    released = release(tmp_path) / NAME / f"{NAME}.ipynb"
-    notebook = nbformat.read(released, as_version=4)
+    notebook = handed(released)
     notebook.cells.append(nbformat.v4.new_code_cell("open('/etc/passwd')", id="own"))
     (tmp_path / "in" / "spy").mkdir(parents=True)
     nbformat.write(notebook, tmp_path / "in" / "spy" / f"{NAME}.ipynb")

@@ -162,6 +162,30 @@ def test_a_module_in_the_wrong_room_and_an_import_upwards_are_named(copy: Path) 
     assert "nrdob.diagram.noise -> nrdob.analysis" in said
 
 
+def also(line: str) -> Callable[[str], str]:
+    """Write a line below a module."""
+    return lambda text: f"{text}\n{line}\n"
+
+
+def test_imports_upwards_within_the_course_are_named(copy: Path) -> None:
+    upwards = {
+        "claims.ledger": "section2",
+        "exercises.problems": "cases",
+        "exercises.set1": "set2",  # beside it: one set does not lean on another
+        "grading.judge": "marks",
+    }
+    for module_above, name in upwards.items():
+        path = f"nrdob/course/{module_above.replace('.', '/')}.py"
+        spoil(copy, path, also(f"from . import {name}"))
+    spoil(copy, "nrdob/course/grading/new.py", module(""))
+    said = broken(copy)
+    for module_above, name in upwards.items():
+        room = module_above.split(".")[0]
+        below = f"nrdob.course.{module_above} -> nrdob.course.{room}.{name}"
+        assert below in said
+    assert "nrdob.course.grading.new" in said
+
+
 # --- doors ----------------------------------------------------------------------------------------
 
 NEW, CHAPTER = "nrdob/design/new.py", "notebooks/99_new.ipynb"

@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 import control as ct
 import numpy as np
 
+from ...analysis import judge_observer
 from ...diagram import DelayedTransferFunction
 from ...loop import NRDOB
 from ...numerics import ComplexArray, FloatArray, number
@@ -112,7 +113,7 @@ def on_the_right(*roots: Any) -> int:
 
 def observer_stable(plant: Any, model: Any, filter: Any) -> bool | None:
     """Judge p_B in two ways; the controller does not occur in it."""
-    return NRDOB(plant, model, 0.0, filter).stability().observer_loop.stable
+    return judge_observer(plant, model, filter).stable
 
 
 def grid_peak(F: ComplexArray, R: ComplexArray, of_FH: bool = False) -> float:

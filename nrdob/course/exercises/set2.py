@@ -9,7 +9,7 @@ from typing import Any
 import control as ct
 import numpy as np
 
-from ...analysis import LoopStability, judge, resolved_frequencies
+from ...analysis import judge, resolved_frequencies
 from ...design import right_half_plane_parity, stabilizing_time_constants
 from ...diagram import LowPassFilter, Quotient
 from ...loop import NRDOB
@@ -28,6 +28,7 @@ from .cases import (
     kept,
     mirrored,
     not_around,
+    observer_stable,
     on_the_right,
     s,
 )
@@ -68,12 +69,12 @@ def _roots_case(rng: np.random.Generator) -> RootsCase:
     """Draw a loop whose plot turns either way, once or more often, with equal chances."""
     low, high = ((-9, -1), (1, 1), (2, 9))[int(rng.integers(3))]
 
-    def fits(drawn: tuple[RootsCase, LoopStability]) -> bool:
-        case, verdict = drawn
+    def fits(drawn: tuple[RootsCase, NRDOB]) -> bool:
+        case, loop = drawn
         return (
-            verdict.stable is not None
-            and low <= _turns(case) <= high
+            low <= _turns(case) <= high
             and apart(_turns(case), *(wrong(case) for wrong in _TURN_MISTAKES))
+            and observer_stable(loop.process, loop.model, loop.filter) is not None
         )
 
     return first_fitting(lambda: _draw_roots(rng, 2 if low < 0 else int(rng.integers(1, 3))), fits)[
@@ -81,7 +82,7 @@ def _roots_case(rng: np.random.Generator) -> RootsCase:
     ]
 
 
-def _draw_roots(rng: np.random.Generator, unstable: int) -> tuple[RootsCase, LoopStability]:
+def _draw_roots(rng: np.random.Generator, unstable: int) -> tuple[RootsCase, NRDOB]:
     """Draw a loop with so many unstable poles of the plant, and as many zeros of the model."""
     plant_zeros = _draw_sides(rng, int(rng.integers(0, 3)), 1)
     plant_poles = _draw_sides(rng, unstable, 2)
@@ -94,9 +95,7 @@ def _draw_roots(rng: np.random.Generator, unstable: int) -> tuple[RootsCase, Loo
         controller=0,
         filter=LowPassFilter(draw(rng, 0.01, 2), 3),
     )
-    verdict = loop.stability().observer_loop
-    case = RootsCase(plant_zeros, plant_poles, model_zeros, model_poles, verdict.roots)
-    return case, verdict
+    return RootsCase(plant_zeros, plant_poles, model_zeros, model_poles, loop.p_B.roots), loop
 
 
 def _draw_sides(rng: np.random.Generator, right: int, left: int) -> ComplexArray:
@@ -247,9 +246,12 @@ def _product(first: ct.TransferFunction, second: ct.TransferFunction) -> tuple[A
 
 def _readable(case: PlotCase, wanted: int) -> bool:
     """Whether the plot turns as wanted and shows it: not too large, not too near the point."""
+    unstable = np.concatenate([case.loop.process.poles(), case.loop.model.zeros()])
+    if on_the_right(case.loop.p_B.roots) - on_the_right(unstable) != wanted:
+        return False  # most are dropped here, without asking for a verdict
     found = case.loop.stability().observer_loop
-    shared = np.abs(np.concatenate([case.loop.process.poles(), case.loop.model.zeros()]).real)
-    if found.stable is None or found.encirclements != wanted or not apart(*np.unique(shared)):
+    shared = np.unique(np.abs(unstable.real))
+    if found.stable is None or found.encirclements != wanted or not apart(*shared):
         return False
     values = case.loop.FH(1j * np.append(0, resolved_frequencies(case.loop.FH)))
     return bool(np.abs(values).max() < 6.5 and np.abs(1 + values).min() > 0.3)
@@ -790,7 +792,7 @@ def _not_held(case: DistantZero, got: Any) -> str:
     if verdict.stable is None:
         return AT_A_BORDER
     if not right_half_plane_parity(got.process, got.model).holds:
-        return Lack("sign", "p_B has an odd number of roots on the right, whatever the filter")
+        return Lack("sign", "p_B has an odd number of roots on the right for every λ and n")
     F = got.filter
     works = isinstance(F, LowPassFilter) and stabilizing_time_constants(
         got.process, got.model, F.order
@@ -820,15 +822,15 @@ UNTURNED = Problem(
             "shared",
             "a root shared on the right",
             "The model has a root on the right in common with the plant. In H it cancels, and the "
-            "turns look better; in the loop it stays, for every filter. Leave the zero out of the "
-            "model, and mirror the pole.",
+            "turns look better; in the loop it stays, for every filter 1/(λs + 1)^n. Leave the "
+            "zero out of the model, and mirror the pole.",
             _with_shared_zero,
             marks=0.0,
         ),
         lacking(
             "sign",
             "the DC sign of the plant",
-            "p_B has an odd number of roots on the right, and no filter changes that: parity. One "
+            "p_B has an odd number of roots on the right, and no λ and n change that: parity. One "
             "unstable pole of H asks for a model whose DC gain has the opposite sign of the "
             "plant's.",
             lambda case: _around_mirrored(case, 0.1 / case.pole, sign=-1.0),

@@ -38,7 +38,15 @@ from .batch import end
 from .feedback import offline
 from .judge import HiddenTest, Stopped, hidden_test, judge
 
-__all__ = ["SETTINGS", "course", "is_test", "keep_points", "main", "write_feedback"]
+__all__ = [
+    "SETTINGS",
+    "PatientExecute",
+    "course",
+    "is_test",
+    "keep_points",
+    "main",
+    "write_feedback",
+]
 
 # What nbgrader does with its own database is not for those who grade.
 warnings.filterwarnings("ignore", module="nbgrader")
@@ -78,15 +86,18 @@ class PatientExecute(Execute):  # type: ignore[misc]
 
     The kernel stands behind a wall, and what is graded is judged here, see `judge`. A cell that
     ends its kernel, or that cannot be interrupted, is left out, with an error in its place, and
-    the notebook run again. So each such cell costs its own problem only.
+    the notebook run again. So each such cell costs its own problem only. A kernel that does not
+    start, for its ports were taken meanwhile, is no student's fault: another one is started.
     """
 
     most_output = 300_000  # letters of one cell, of every kind together
     most_deaths = 10
+    most_starts = 3
 
     def preprocess(self, nb: Any, resources: Any = None, km: Any = None) -> tuple[Any, Any]:
         """Execute the notebook, and again without a cell that ends the kernel."""
         self.left_out: dict[int, str] = {}
+        not_started = 0
         while True:
             self.at = -1
             GROUPS.clear()
@@ -96,7 +107,12 @@ class PatientExecute(Execute):  # type: ignore[misc]
                     nb, resources = super().preprocess(nb, resources, km)
                 break
             except Exception as error:
-                if self.at < 0 or len(self.left_out) == self.most_deaths:
+                if self.at < 0:
+                    not_started += 1
+                    if not_started == self.most_starts:
+                        raise
+                    continue
+                if len(self.left_out) == self.most_deaths:
                     raise
                 why = next((why for kind, why in WHY.items() if isinstance(error, kind)), BROKE)
                 self.left_out[self.at] = why

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -191,10 +192,20 @@ def end(pid: int, itself: bool = True) -> None:
             continue
 
 
+ERROR = re.compile(r"[\w.]*(Error|Exception|Exit|Interrupt)\b.*")
+
+
 def last_line(text: str) -> str:
-    """Give the last line that says something."""
+    r"""Give the last line that names an error, else the last one that says something.
+
+    Examples
+    --------
+    >>> last_line("Traceback:\n  sqlite3.OperationalError: disk full\n[ERROR] See above.")
+    'sqlite3.OperationalError: disk full'
+    """
     lines = [line.strip() for line in text.splitlines() if line.strip()]
-    return lines[-1][:300] if lines else "nothing was said"
+    named = [line for line in lines if ERROR.fullmatch(line)]
+    return (named or lines or ["nothing was said"])[-1][:300]
 
 
 def replace(new: Path, old: Path) -> None:
