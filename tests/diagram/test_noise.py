@@ -238,3 +238,20 @@ def test_variances_of_an_unstable_loop_are_refused_also_where_noise_passes_direc
         loop.U_eta.check_stable()
     with pytest.raises(ValueError, match="input is 'y'; it must be one of"):
         loop.noise_variance(input="y")
+
+
+def test_at_a_motor_noise_and_rejection_obey_a_bound_that_butterworths_filter_reaches() -> None:
+    # ‖U_η‖² ‖S_d/s‖⁶ ≥ 27/64 J² for a plant 1/(Js + b): complete the square of ë + √2 k ė + k² e.
+    s, inertia = ct.tf("s"), 0.3
+    rng = np.random.default_rng(27)
+
+    def price(friction: float, num: list[float], den: list[float]) -> float:
+        motor = 1 / (inertia * s + friction)
+        loop = nrdob.NRDOB(motor, motor, 2.0, ct.tf(num, den))
+        return loop.U_eta.noise_power() * loop.S_d.step_energy() ** 3 / inertia**2
+
+    assert price(0.0, [1], [0.04, 0.2 * np.sqrt(2), 1]) == pytest.approx(27 / 64, rel=1e-9)
+    assert price(0.5, [1], [0.04, 0.2 * np.sqrt(2), 1]) > 27 / 64
+    for _ in range(20):
+        den = np.poly(-rng.uniform(0.3, 3, 3))
+        assert price(rng.uniform(0, 1), [rng.uniform(-1, 3) * den[-2], den[-1]], den) > 27 / 64
