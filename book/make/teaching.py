@@ -36,7 +36,9 @@ ADVICE = "problems.toml"
 GRADED = re.compile(r"(check|written)-(\d+)-(\d+)([a-z]?)")
 SOLUTION = re.compile(r"### BEGIN SOLUTION\n(.*?)\s*### END SOLUTION", re.DOTALL)
 
-PARTS = {"0": "The examples", "1": "The derivations", "2": "Design"}
+PARTS = {
+    "0": "The examples", "1": "The derivations", "2": "Design", "3": "From the page to the bench",
+}  # fmt: skip
 """The parts of the book, by the first digit of a chapter's name."""
 
 PAGES = ("objectives.md", "mistakes.md", "rubric.md")
