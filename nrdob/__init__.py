@@ -2,10 +2,13 @@
 
 The list below is the table of contents, by topic. What answers, with which fields, is one room
 further: `nrdob.analysis` (verdicts, margins, responses), `nrdob.design` (which filter, model and
-controller), `nrdob.measured` (a process out of a record), `nrdob.uncertain` (families of plants),
+controller), `nrdob.digital` (the loop on a processor), `nrdob.measured` (a process out of a
+record), `nrdob.uncertain` (families of plants), `nrdob.reporting` (all on one page),
 `nrdob.diagram` (blocks and the maps between them), `nrdob.numerics` (polynomials with a delay),
 `nrdob.plotting` (figures) and `nrdob.course` (the paper's claims, the problem sets).
 """
+
+from typing import TYPE_CHECKING, Any
 
 from . import paper, plants
 from .alternatives import (
@@ -43,10 +46,14 @@ from .diagram import (
     filter_family,
     interpolating_filter,
 )
+from .digital import Limits, largest_sampling_time
 from .loop import NRDOB
 from .measured import identify, read_data
 from .sampling import random_loop
 from .uncertain import family, sweep
+
+if TYPE_CHECKING:
+    from .reporting import report
 
 __all__ = [  # noqa: RUF022  (by topic: the contents of the package)
     # The loop, and what it is made of.
@@ -59,10 +66,16 @@ __all__ = [  # noqa: RUF022  (by topic: the contents of the package)
     # Which filters work, and which is the fastest?
     "stabilizing_time_constants", "critical_time_constants", "stabilizing_gains",
     "admissible_time_constants", "design_filter", "stability_chart",
+    # How slowly may a processor run it? (NRDOB.sampled is the loop on one.)
+    "largest_sampling_time",
+    # What its actuator can do, for its simulation and its code.
+    "Limits",
     # Which model, and which controller?
     "suggest_model", "design_controller",
     # What process was measured?
     "identify", "read_data",
+    # All that can be said, on one page.
+    "report",
     # Is a controller an observer?
     "observer_form", "stable_model_exists",
     # Other schemes on the same plant, in one table.
@@ -74,3 +87,12 @@ __all__ = [  # noqa: RUF022  (by topic: the contents of the package)
     # Loops to try things on: the paper's, some with a name, random ones.
     "paper", "plants", "random_loop",
 ]  # fmt: skip
+
+
+def __getattr__(name: str) -> Any:
+    # A report has figures; whoever asks for none does not wait for matplotlib's drawing.
+    if name == "report":
+        from .reporting import report
+
+        return report
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -98,7 +98,7 @@ def run_python(text, r, y, applied, start=None):
     return np.array(rows).T
 
 
-def relative(found, expected):
-    """Largest difference, against the largest value until then."""
-    size = np.maximum.accumulate(np.abs(expected))
+def relative(found, expected, terms=0.0):
+    """Largest difference, against the largest value (or the largest terms of it) until then."""
+    size = np.maximum.accumulate(np.maximum(np.abs(expected), np.abs(terms)))
     return float(np.max(np.abs(found - expected) / np.where(size > 0, size, 1)))

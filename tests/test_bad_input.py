@@ -126,6 +126,7 @@ def test_a_bad_pair_of_coefficients_is_named_with_the_remedy_at_every_door(role,
 
 WAITING = (
     "NRDOB", "judge_observer", "stabilizing_time_constants", "critical_time_constants",
+    "right_half_plane_parity", "stabilizing_filter_exists",
 )  # fmt: skip
 """Doors at which a model may have a dead time."""
 

@@ -1,18 +1,31 @@
 """What the loop does: its stability, its margins, its responses, its turns around -1."""
 
 from .frequencies import on_axis, resolved_frequencies, subdivided
-from .margins import LoopMargins, MarginBounds, Margins, loop_margins, margin_bounds, margins
+from .locus import Locus, Notable, notable_frequencies
+from .margins import (
+    Ends,
+    LoopMargins,
+    MarginBounds,
+    Margins,
+    loop_margins,
+    margin_bounds,
+    margins,
+    margins_at,
+)
 from .nyquist import NyquistCount, encirclements, minus_point, rhp_roots
 from .response import forced_response, step_response
 from .stability import LoopStability, Stability, judge, judge_observer, stability
 from .variance import NoiseVariance, noise_variance
 
 __all__ = [
+    "Ends",
+    "Locus",
     "LoopMargins",
     "LoopStability",
     "MarginBounds",
     "Margins",
     "NoiseVariance",
+    "Notable",
     "NyquistCount",
     "Stability",
     "encirclements",
@@ -22,8 +35,10 @@ __all__ = [
     "loop_margins",
     "margin_bounds",
     "margins",
+    "margins_at",
     "minus_point",
     "noise_variance",
+    "notable_frequencies",
     "on_axis",
     "resolved_frequencies",
     "rhp_roots",

@@ -32,7 +32,17 @@ derivatives of the first two with respect to :math:`\log\omega`; :math:`\log|1 +
 
 
 class Notable(NamedTuple):
-    """Frequencies in rad/s where ``|L|`` = 1, L is real, and ``|1 + L|`` is smallest."""
+    """Frequencies in rad/s at which something happens to a loop gain.
+
+    Attributes
+    ----------
+    gain : array of float
+        Where ``|L|`` = 1.
+    phase : array of float
+        Where L is real.
+    nearest : array of float
+        Where ``|1 + L|`` is smallest.
+    """
 
     gain: FloatArray
     phase: FloatArray
@@ -71,12 +81,24 @@ class Locus:
         self._table = table[..., None]
 
     def log(self, omega: FloatArray) -> ComplexArray:
-        """Evaluate log L(jω), -inf at a zero, inf at a pole."""
-        return self._log_and_slope(omega)[0]
+        """Evaluate log L(jω), -inf at a zero, inf at a pole.
+
+        Parameters
+        ----------
+        omega : array of float
+            Frequencies in rad/s.
+        """
+        return self.log_and_slope(omega)[0]
 
     def motion(self, omega: FloatArray) -> FloatArray:
-        """Evaluate what decides about margins at frequencies ω > 0: the rows named above."""
-        log, slope = self._log_and_slope(omega)
+        """Evaluate what decides about margins: the rows named above.
+
+        Parameters
+        ----------
+        omega : array of float
+            Frequencies in rad/s, above 0.
+        """
+        log, slope = self.log_and_slope(omega)
         size, angle = log.real, log.imag
         with np.errstate(all="ignore"):
             inverse = np.exp(-np.clip(size, -700, 700) - 1j * angle)
@@ -85,8 +107,14 @@ class Locus:
         rows = (size, np.sin(angle), retreat, slope.real, np.cos(angle) * slope.imag, distance)
         return np.stack(rows)
 
-    def _log_and_slope(self, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:
-        """Return log L(jω) and its derivative with respect to log ω."""
+    def log_and_slope(self, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:
+        """Evaluate log L(jω) and its derivative with respect to log ω.
+
+        Parameters
+        ----------
+        omega : array of float
+            Frequencies in rad/s.
+        """
         square, s = -(omega**2), 1j * omega
         first, *others = self._table
         value = np.repeat(first, omega.size, axis=-1)

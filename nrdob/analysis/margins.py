@@ -10,7 +10,7 @@ as in between.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from math import acos, asin, degrees, inf, isfinite, log10, nan, pi
 from numbers import Real
@@ -34,7 +34,16 @@ from .locus import Locus, Notable, notable_frequencies
 from .nyquist import minus_point
 from .stability import Stability, stability
 
-__all__ = ["LoopMargins", "MarginBounds", "Margins", "loop_margins", "margin_bounds", "margins"]
+__all__ = [
+    "Ends",
+    "LoopMargins",
+    "MarginBounds",
+    "Margins",
+    "loop_margins",
+    "margin_bounds",
+    "margins",
+    "margins_at",
+]
 
 MAX_SPREAD = 1e4
 """Ratio of the fastest to the slowest root up to which polynomials in ω² are trusted."""
@@ -246,29 +255,27 @@ def margins(loop: Quotient, stable: bool | None, closed: QuasiPolynomial | None 
     if not found or not _confirmed(logs):
         found = _bracketed_crossings(loop, closed, locus)
         logs = _logs(locus, found)
-    gain, phase, nearest = found
-    at_gain, at_phase, at_nearest = map(np.exp, logs)
-    ends = _Ends(loop.dc_gain, *_circle_at_infinity(loop))
-    gains, phase = _critical_gains(phase, at_phase.real, ends)
-    if not stable:
-        return Margins(nan, nan, nan, nan, nan, nan, nan, nan, nan, stable, loop.name, gain, phase)
-    gm_low = float(np.max(gains[gains < 1], initial=0.0))
-    gm_high = float(np.min(gains[gains > 1], initial=inf))
-    gm = gm_low if gm_low * gm_high > 1 else gm_high
-    wpc = float(phase[gains == gm][0]) if 0 < gm < inf else nan
-    pm, wgc, delay_margin = _rotations(gain, at_gain, ends)
-    sm, wms = _closest(nearest, at_nearest, ends)
-    return Margins(
-        gm, pm, sm, wpc, wgc, wms, gm_low, gm_high, delay_margin, True, loop.name, gain, phase
-    )
+    ends = Ends(loop.dc_gain, *_circle_at_infinity(loop))
+    return margins_at(found, [np.exp(log) for log in logs], ends, stable, loop.name)
 
 
-class _Ends(NamedTuple):
-    """L(0), and a and b of the circle a + b exp(-jωθ) that L(jω) tends to."""
+class Ends(NamedTuple):
+    """What a loop gain is at its ends: L(0), and a + b exp(-jωθ), the circle that it tends to.
+
+    Attributes
+    ----------
+    dc_gain : float
+        L(0), infinite with an integrator.
+    undelayed, delayed : float
+        a and b.
+    last : float
+        Where that is: at infinite frequency, or at a sampled loop's Nyquist frequency, in rad/s.
+    """
 
     dc_gain: float
     undelayed: float
-    delayed: float
+    delayed: float = 0.0
+    last: float = inf
 
     @property
     def angles(self) -> tuple[float, float]:
@@ -283,6 +290,41 @@ class _Ends(NamedTuple):
         if abs(cosine) > 1 + ROUNDING:
             return at_zero, inf
         return at_zero, pi - acos(max(-1.0, min(1.0, cosine)))
+
+
+def margins_at(
+    found: Notable, values: Sequence[ComplexArray], ends: Ends, stable: bool | None, name: str
+) -> Margins:
+    """Read the margins off a loop gain where something happens to it.
+
+    Parameters
+    ----------
+    found : Notable
+        The frequencies where :math:`|L| = 1`, where L is real and where :math:`|1 + L|` is
+        smallest.
+    values : sequence of three arrays of complex
+        L there.
+    ends : Ends
+        L at the ends.
+    stable : bool or None
+        Verdict on 1 + L, None where it is not known.
+    name : str
+        Which loop.
+    """
+    gain, phase, nearest = found
+    at_gain, at_phase, at_nearest = values
+    gains, phase = _critical_gains(phase, at_phase.real, ends)
+    if not stable:
+        return Margins(nan, nan, nan, nan, nan, nan, nan, nan, nan, stable, name, gain, phase)
+    gm_low = float(np.max(gains[gains < 1], initial=0.0))
+    gm_high = float(np.min(gains[gains > 1], initial=inf))
+    gm = gm_low if gm_low * gm_high > 1 else gm_high
+    wpc = float(phase[gains == gm][0]) if 0 < gm < inf else nan
+    pm, wgc, delay_margin = _rotations(gain, at_gain, ends)
+    sm, wms = _closest(nearest, at_nearest, ends)
+    return Margins(
+        gm, pm, sm, wpc, wgc, wms, gm_low, gm_high, delay_margin, True, name, gain, phase
+    )
 
 
 def _circle_at_infinity(loop: Quotient) -> tuple[float, float]:
@@ -321,35 +363,36 @@ def _tame(loop: Quotient, closed: QuasiPolynomial) -> bool:
 
 
 def _critical_gains(
-    phase: FloatArray, values: FloatArray, ends: _Ends
+    phase: FloatArray, values: FloatArray, ends: Ends
 ) -> tuple[FloatArray, FloatArray]:
     """Gain factors k > 0 with k·L(jω) = -1, and where, ω = 0 and ω = ∞ included."""
     size = abs(ends.delayed)
     last = {ends.undelayed - size, ends.undelayed + size}
     values = np.concatenate([[ends.dc_gain], values, list(last)])
-    omega = np.concatenate([[0.0], phase, [inf] * len(last)])
+    omega = np.concatenate([[0.0], phase, [ends.last] * len(last)])
     negative = np.isfinite(values) & (values < 0)
     return -1 / values[negative], omega[negative]
 
 
-def _rotations(gain: FloatArray, values: ComplexArray, ends: _Ends) -> tuple[float, float, float]:
+def _rotations(gain: FloatArray, values: ComplexArray, ends: Ends) -> tuple[float, float, float]:
     """Phase margin in degrees, its frequency, and the delay margin."""
-    delay_margin = 0.0 if abs(ends.undelayed) + abs(ends.delayed) >= 1 else inf
+    endless = ends.last == inf and abs(ends.undelayed) + abs(ends.delayed) >= 1
+    delay_margin = 0.0 if endless else inf
     angle = np.angle(-values)
     delay_margin = float(np.min(np.mod(angle, 2 * np.pi) / gain, initial=delay_margin))
-    angles, omega = np.append(np.abs(angle), ends.angles), np.append(gain, [0.0, inf])
+    angles, omega = np.append(np.abs(angle), ends.angles), np.append(gain, [0.0, ends.last])
     k = int(np.argmin(angles))
     if angles[k] == inf:
         return inf, nan, delay_margin
     return float(np.degrees(angles[k])), float(omega[k]), delay_margin
 
 
-def _closest(nearest: FloatArray, values: ComplexArray, ends: _Ends) -> tuple[float, float]:
+def _closest(nearest: FloatArray, values: ComplexArray, ends: Ends) -> tuple[float, float]:
     """Smallest |1 + L| and where."""
     limits = [abs(1 + ends.dc_gain), abs(abs(1 + ends.undelayed) - abs(ends.delayed))]
     distance = np.concatenate([np.abs(1 + values), limits])
     k = int(np.nanargmin(distance))
-    return float(distance[k]), float(np.concatenate([nearest, [0.0, inf]])[k])
+    return float(distance[k]), float(np.concatenate([nearest, [0.0, ends.last]])[k])
 
 
 # Without delay: polynomials in x = ω², with p(jω) = even(x) + jω odd(x).

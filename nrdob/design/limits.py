@@ -387,7 +387,7 @@ def right_half_plane_parity(process: Any, model: Any) -> Answer:
     Parameters
     ----------
     process, model : as for `nrdob.NRDOB`
-        G, with or without dead time, which changes nothing, and G̃.
+        G and G̃, both with or without dead time, which changes nothing.
 
     Returns
     -------
@@ -406,7 +406,7 @@ def right_half_plane_parity(process: Any, model: Any) -> Answer:
     >>> right_half_plane_parity(ct.tf([4], [-1, -1, 2]), ct.tf([1], [1, 3, 2]))
     no: 1 unstable pole of G/model: the model must have the opposite DC sign
     """
-    mismatch = Mismatch.of(process, model)
+    mismatch = Mismatch.of(process, model, waits=True)
     if mismatch.held_at_origin:
         # Of a zero of the process no filter is rid, of integrators one with 1 - F ~ s^2 or more.
         return Answer(False if mismatch.factors[0][-1] == 0 else None, ROOT_AT_ORIGIN)
@@ -453,8 +453,9 @@ def stabilizing_filter_exists(process: Any, model: Any) -> Answer:
     Parameters
     ----------
     process, model : as for `nrdob.NRDOB`
-        G, with or without dead time, and G̃. For a dead time the signs stay necessary; where they
-        agree, the question is left open.
+        G and G̃, both with or without dead time. For a dead time the question is left open unless
+        the signs already forbid it: at 0 and at infinity, and where both have the same dead time at
+        the zeros of b - a. A model that waits cancels no unstable poles but integrators.
 
     Returns
     -------
@@ -485,7 +486,7 @@ def stabilizing_filter_exists(process: Any, model: Any) -> Answer:
     >>> found.holds, found.reason.split(":")[0]
     (True, 'an F made for what process and model have in common at 1')
     """
-    mismatch = Mismatch.of(process, model)
+    mismatch = Mismatch.of(process, model, waits=True)
     a, b = mismatch.a, mismatch.b
     N, D, Nm, Dm = mismatch.factors
     unstable = np.concatenate(roots_by_side(D, Nm))
@@ -494,11 +495,11 @@ def stabilizing_filter_exists(process: Any, model: Any) -> Answer:
     if N[-1] and (shared or integrators):
         return _made_for_common_roots(mismatch, [*shared, *([0j] if integrators else [])])
     # With a dead time p_B has the sign of a far out on the real axis, whatever F.
-    free_at_infinity = N.size == D.size and Nm.size < Dm.size and not mismatch.delay
+    free_at_infinity = N.size == D.size and Nm.size < Dm.size and not mismatch.longest_delay
     parity = right_half_plane_parity(process, model)
     if not parity.holds and (mismatch.held_at_origin or not free_at_infinity):
         return parity
-    if mismatch.delay:
+    if mismatch.delay != mismatch.wait:
         return Answer(None, "with a dead time the signs at zero and at infinity forbid nothing")
     zeros = _real_zeros(_difference(b, a))
     signs = np.sign(np.polyval(a, zeros.real))
@@ -519,9 +520,10 @@ def stabilizing_filter_exists(process: Any, model: Any) -> Answer:
                 else ": no stable filter that rolls off stabilises that"
             ),
         )
-    return Answer(
-        True, "a and b - a interlace: p_B can be positive on the whole positive real axis"
-    )
+    interlaced = "a and b - a interlace: p_B can be positive on the whole positive real axis"
+    if mismatch.wait:
+        return Answer(None, f"{interlaced}, and with a dead time that may not be enough")
+    return Answer(True, interlaced)
 
 
 class _Common(NamedTuple):
@@ -559,6 +561,13 @@ def _made_for_common_roots(mismatch: Mismatch, shared: list[complex]) -> Answer:
     """Decide by the signs of κ whether an F exists that is made for the common poles and zeros."""
     N, D, Nm, Dm = mismatch.factors
     poles, zeros = _Common.of(D, Dm), _Common.of(N, Nm)
+    if mismatch.wait and poles.roots.size:
+        pole = written(complex(poles.roots[0]), pair=True)
+        return Answer(
+            False,
+            f"process and model have a pole at {pole} in common, and the model waits: nothing "
+            "but integrators cancels inside (1 - F exp(-θm s))·model",
+        )
     if not (poles.roots.size + zeros.roots.size) and any(shared):
         return Answer(
             None,
@@ -572,10 +581,10 @@ def _made_for_common_roots(mismatch: Mismatch, shared: list[complex]) -> Answer:
         signs[f"the common pole {p:.4g}"] = _sign(p, N, poles.rest, zeros.cancels)
     for z in _real(zeros.roots):
         signs[f"the common zero {z:.4g}"] = _sign(z, D, zeros.rest, poles.cancels)
-    if N.size != D.size or Nm.size == Dm.size or mismatch.delay:
+    if N.size != D.size or Nm.size == Dm.size or mismatch.longest_delay:
         signs["infinity"] = float(np.sign(mismatch.a[0]))
     doubtful = False
-    if not mismatch.delay:
+    if not mismatch.longest_delay:
         a = multiplied(poles.process, zeros.model)
         b = multiplied(zeros.process, poles.model)
         for root in _real_zeros(_difference(b, a)).tolist():
@@ -590,7 +599,7 @@ def _made_for_common_roots(mismatch: Mismatch, shared: list[complex]) -> Answer:
             "which no feedback reaches: give both in lowest terms",
         )
     if len(set(signs.values())) < 2:
-        if mismatch.delay:
+        if mismatch.longest_delay:
             return Answer(None, f"with a dead time the signs do not forbid {made}")
         return Answer(True, f"{made}: the signs of p_B at {', '.join(signs) or 'no point'} agree")
     names = [next(name for name, sign in signs.items() if sign == way) for way in (1.0, -1.0)]

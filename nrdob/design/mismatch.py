@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..diagram import LowPassFilter, ObserverEquations, as_fraction
+from ..diagram import DelayedTransferFunction, LowPassFilter, ObserverEquations, as_fraction
 from ..numerics import BoolArray, ComplexArray, FloatArray, QuasiPolynomial, Term, add
 
 __all__ = ["ERROR", "Mismatch", "multiplied"]
@@ -67,7 +67,8 @@ class Mismatch:
             Whether the model may have a dead time.
         """
         if order is None:
-            order = max(1, as_fraction(model, "model").relative_degree)
+            undelayed = model.tf if isinstance(model, DelayedTransferFunction) else model
+            order = max(1, as_fraction(undelayed, "model").relative_degree)
         loop = ObserverEquations(process, model, LowPassFilter(1.0, order))
         if loop.model_delay and not waits:
             raise ValueError(

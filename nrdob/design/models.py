@@ -4,8 +4,11 @@ With the filter (1) a matched model makes p_B = N·D·Df, so it never works for 
 or a zero in the right half plane (`nrdob.interpolating_filter` is for such a model); a dead time
 cannot be inverted. The candidates here differ from the process just there: zeros in the right half
 plane are left out or mirrored, unstable poles are mirrored and the DC sign is chosen by parity,
-dead time is left out or replaced by a lag. Nothing is chosen silently: each candidate comes with
-the set of filters that stabilise it and the sensitivity peak to be had.
+dead time is left out or replaced by a lag. Integrators are moved to the left, or kept: then they
+cancel inside (1 - F)·model, for which 1 - F needs as many zeros at s = 0, and one more if nothing
+is to be left of a constant input disturbance; beyond one that takes a ramp filter. Nothing is
+chosen silently: each candidate comes with the set of filters that stabilise it and the sensitivity
+peak to be had.
 """
 
 from __future__ import annotations
@@ -13,16 +16,25 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
-from math import nan
+from math import inf, nan
 from typing import Any
 
 import control as ct
 import numpy as np
 
-from ..diagram import LowPassFilter, ObserverEquations
+from ..analysis import margins
+from ..diagram import (
+    FilterFamily,
+    LowPassFilter,
+    ObserverEquations,
+    as_family,
+    as_fraction,
+    filter_family,
+)
 from ..numerics import ComplexArray, FloatArray, QuasiPolynomial
 from .limits import roots_by_side
 from .mismatch import Mismatch
+from .prices import PricedSearch, Prices
 from .search import FilterSearch
 from .slack import Specification
 
@@ -47,6 +59,8 @@ class ModelCandidate:
         In what it differs from the process.
     order : int
         Order of the filter, the lowest that is causal or one more, whichever does better.
+    family : FilterFamily or None
+        The ramp filters, where they are not those of eq. (1).
     time_constants : list of (low, high)
         The stabilising set of that order, in seconds.
     fastest : float or None
@@ -62,6 +76,12 @@ class ModelCandidate:
     time_constants: list[tuple[float, float]]
     fastest: float | None
     ms: float
+    family: FilterFamily | None = None
+
+    @property
+    def filters(self) -> int | FilterFamily:
+        """The order or the family, to be given wherever an order is."""
+        return self.family or self.order
 
     def __repr__(self) -> str:
         num, den = (_written(p[0][0]) for p in (self.model.num, self.model.den))
@@ -90,8 +110,10 @@ def suggest_model(process: Any, *, max_ms: float = 2.0) -> list[ModelCandidate]:
     Returns
     -------
     list of ModelCandidate
-        Those that meet `max_ms` first, by what rejection the fastest filter gives, nλ·G̃(0); then
-        the others, by the smallest peak. Also those that no filter stabilises are listed, last.
+        Those that meet `max_ms` first, by what the fastest filter leaves of an input disturbance
+        that begins slowly, (1 - F)·G̃/s at s = 0, which is nλ·G̃(0); last of them integrating ones
+        that leave something of a constant one. Then the others, by the smallest peak. Also those
+        that no filter stabilises are listed, last.
 
     Raises
     ------
@@ -109,6 +131,12 @@ def suggest_model(process: Any, *, max_ms: float = 2.0) -> list[ModelCandidate]:
     'unstable poles mirrored'
     >>> [float(k) for k in best.model.num[0][0] / best.model.den[0][0][0]]
     [-4.0]
+
+    A motor seen from its position, whose model may integrate as it does:
+
+    >>> kept = [each for each in suggest_model(ct.tf([1], [1, 1, 0])) if each.family]
+    >>> kept[0].how, kept[0].family, kept[0].time_constants[0][0]
+    ('integrator kept, 1 - F ~ s^2', <ramp filters of order 3>, 0.0)
     """
     specification = Specification(max_ms=max_ms)
     blocks = ObserverEquations(process, 1.0, LowPassFilter(1.0, 1))
@@ -122,15 +150,52 @@ def suggest_model(process: Any, *, max_ms: float = 2.0) -> list[ModelCandidate]:
         _judged(process, model, how, specification)
         for model, how in _models(G.num, G.den, blocks.delay)
     ]
+    k = QuasiPolynomial(G.den).zeros_at_origin
+    for model, how in _models(G.num, G.den[: G.den.size - k], blocks.delay) if k else ():
+        kept = ct.tf(model.num[0][0], np.append(model.den[0][0], np.zeros(k)))
+        candidates += [
+            _with_integrators(process, kept, how, ramp, specification) for ramp in (k, k + 1)
+        ]
     return sorted(candidates, key=_rank)
 
 
 def _rank(candidate: ModelCandidate) -> tuple[int, float, float]:
     """Those that meet the limit first, by S_δ ≈ nλ·G̃(0)·s, what is left of a slow disturbance."""
     if candidate.fastest is not None:
-        num, den = (float(p[0][0][-1]) for p in (candidate.model.num, candidate.model.den))
-        return 0, candidate.fastest * candidate.order * abs(num / den), candidate.ms
+        return 0, _left(candidate, candidate.fastest), candidate.ms
     return (1, candidate.ms, 0.0) if candidate.time_constants else (2, 0.0, 0.0)
+
+
+def _left(candidate: ModelCandidate, time_constant: float) -> float:
+    """Size of (1 - F)·G̃/s at s = 0; inf if the model's integrators leave (1 - F)·G̃ a value."""
+    family = as_family(candidate.filters)
+    model = QuasiPolynomial(candidate.model.den[0][0])
+    if model.zeros_at_origin == family.ramp:
+        return inf
+    gain = candidate.model.num[0][0][-1] / model.without_origin.constant
+    return float(abs(gain) * family.ramp_coefficient(time_constant)) if time_constant else 0.0
+
+
+def _with_integrators(
+    process: Any, model: ct.TransferFunction, how: str, ramp: int, specification: Specification
+) -> ModelCandidate:
+    """Judge a model that integrates, with the lowest filter for which 1 - F ~ s^ramp."""
+    k = QuasiPolynomial(model.den[0][0]).zeros_at_origin
+    kept = f"{'integrator' if k == 1 else f'{k} integrators'} kept, 1 - F ~ s^{ramp}"
+    how = kept if how == "matched" else f"{kept}, {how}"
+    if ramp == 1:
+        return _judged(process, model, how, specification)
+    degree = as_fraction(model, "model").relative_degree
+    family = filter_family("ramp", degree + ramp - 1, ramp=ramp)
+    search = PricedSearch.of(process, model, family, specification, Prices(), None)
+    fastest, ms = None, nan
+    if search.windows:
+        low = search.windows[0][0]
+        fastest = 0.0 if low == search.intervals[0][0] else low
+    if search.intervals:
+        loop = ObserverEquations(process, model, family.at(search.best[0]))
+        ms = margins(loop.L, True, loop.p_B).ms
+    return ModelCandidate(model, how, family.order, search.intervals, fastest, ms, family)
 
 
 def _judged(

@@ -13,13 +13,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
-from math import comb, inf, isfinite, pi
+from math import atan, comb, inf, isfinite, pi
 from numbers import Real
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..diagram import FilterFamily
+from ..diagram import DelayedTransferFunction, FilterFamily
+from ..digital import process_in_w
 from ..numerics import (
     BoolArray,
     ComplexArray,
@@ -81,7 +82,13 @@ class CriticalTimeConstant(NamedTuple):
 
 
 def critical_time_constants(
-    process: Any, model: Any, order: int | FilterFamily, *, floor: float | None = None
+    process: Any,
+    model: Any,
+    order: int | FilterFamily,
+    *,
+    floor: float | None = None,
+    dt: float | None = None,
+    computation_delay: float = 0.0,
 ) -> list[CriticalTimeConstant]:
     r"""Find every time constant λ at which the observer loop has a root on the imaginary axis.
 
@@ -95,6 +102,11 @@ def critical_time_constants(
         Smallest λ of interest, in seconds. With dead time the critical time constants accumulate
         at 0 and the list must end somewhere: by default at `default_floor`. Without dead time the
         default is 0, and the list is complete.
+    dt : float, optional
+        Sampling time in seconds of a processor that runs the observer by Tustin's rule, see
+        `stabilizing_time_constants`.
+    computation_delay : float
+        Time from reading y to writing u there, in seconds.
 
     Returns
     -------
@@ -117,12 +129,22 @@ def critical_time_constants(
     >>> round(critical.time_constant, 9), round(critical.frequency, 3), critical.direction
     (0.005, 200.0, -1)
     """
+    process = _held(process, model, dt, computation_delay)
     frequencies = frequencies_for(process, model, order)
-    return _critical(frequencies, _checked_floor(frequencies, floor))
+    found = _critical(frequencies, _checked_floor(frequencies, floor))
+    if dt is None:
+        return found
+    return [c._replace(frequency=2 / dt * atan(c.frequency * dt / 2)) for c in found]
 
 
 def stabilizing_time_constants(
-    process: Any, model: Any, order: int | FilterFamily, *, floor: float | None = None
+    process: Any,
+    model: Any,
+    order: int | FilterFamily,
+    *,
+    floor: float | None = None,
+    dt: float | None = None,
+    computation_delay: float = 0.0,
 ) -> list[tuple[float, float]]:
     r"""Find all λ for which the filter :math:`1/(\lambda s + 1)^n` stabilises the observer loop.
 
@@ -139,6 +161,13 @@ def stabilizing_time_constants(
         n of the filter.
     floor : float, optional
         Smallest λ of interest, in seconds, as for `critical_time_constants`.
+    dt : float, optional
+        Sampling time in seconds of a processor that runs the observer by Tustin's rule. In the
+        plane of w Tustin's filter is the same polynomial in λ, and the process behind its hold is
+        rational, with any dead time (`nrdob.digital.wplane`): the set is exact, and complete from
+        0 on.
+    computation_delay : float
+        Time from reading y to writing u there, in seconds.
 
     Returns
     -------
@@ -163,10 +192,35 @@ def stabilizing_time_constants(
     >>> (low, high), = stabilizing_time_constants(4/(2 - s - s**2), -1/((s + 1)*(s + 2)), 2)
     >>> low, round(high, 6)
     (0.0, 0.763932)
+
+    The same on a processor that samples ten times a second:
+
+    >>> sampled = stabilizing_time_constants(
+    ...     4/(2 - s - s**2), -1/((s + 1)*(s + 2)), 2, dt=0.1)
+    >>> [(round(low, 6), round(high, 6)) for low, high in sampled]
+    [(0.111006, 0.651317)]
     """
+    process = _held(process, model, dt, computation_delay)
     frequencies = frequencies_for(process, model, order)
     found = stabilizing_set(frequencies, _checked_floor(frequencies, floor))
     return intersection(found, stable_filters(order)) if found else found
+
+
+def _held(process: Any, model: Any, dt: float | None, computation_delay: float) -> Any:
+    """Put the process behind a hold, where there is a sampling time."""
+    if dt is None:
+        if computation_delay:
+            raise ValueError(
+                "computation_delay belongs to a processor: give its sampling time dt, too, or "
+                "multiply the process by nrdob.delay(computation_delay)"
+            )
+        return process
+    if isinstance(model, DelayedTransferFunction) and model.delay:
+        raise ValueError(
+            f"model has a dead time of {model.delay:g} s; with dt sets are computed for models "
+            "that do not wait: leave it out, or ask NRDOB(…).sampled(dt).stability() for one λ"
+        )
+    return process_in_w(process, dt, computation_delay)
 
 
 def stabilizing_set(frequencies: Frequencies, floor: float) -> list[tuple[float, float]]:

@@ -139,7 +139,13 @@ def real_number(value: Any, name: str, remedy: str) -> float:
 
 
 def six_digits(value: float) -> float:
-    """Round to what is worth printing; the last digits hang on the processor."""
+    """Round to what is worth printing; the last digits hang on the processor.
+
+    Parameters
+    ----------
+    value : float
+        Any number.
+    """
     return float(f"{value:.6g}")
 
 

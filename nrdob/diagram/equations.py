@@ -69,20 +69,20 @@ is that of the process, `model_delay` that of the model.
 
 Which poles of Gm0 cancel inside the block (1 - F exp(-θm s)) Gm0 changes, too: those at which
 F(p) exp(-θm p) = 1. At s = 0 that is exact: 1 - F exp(-θm s) ~ (θm - F'(0)) s, so that one
-integrator of the model cancels, and k of them if F meets exp(θm s) up to the power k - 1. The block
-keeps what is left of s, a memory of length θm behind the filter::
+integrator of the model cancels, and k of them if F meets exp(θm s) up to the power k - 1::
 
-    (1 - F exp(-θm s))/s = (1 - F)/s + F (1 - exp(-θm s))/s       (1 - exp(-θm s))/s: u, integrated
-                                                                  from t - θm to t
-    p_B/s^k = D Nm' (Df - Nf exp(-θm s))/s^k + N (Dm/s^k) Nf' exp(-θs)
+    (1 - F exp(-θm s))/s = (1 - F)/s + F (1 - exp(-θm s))/s
+    p_B/s^k              = D Nm' (Df - Nf exp(-θm s))/s^k + N (Dm/s^k) Nf' exp(-θs)
 
+Here (1 - exp(-θm s))/s is the integral of u over the last θm, a memory of that length and no more.
 It has to be built as that: a sum over the samples in a buffer, or an integral begun anew for every
-window. An integrator less a delayed integrator, or a running sum that adds the newest sample and
-takes off the oldest, has the same response, but its state is a root at s = 0 that has only been
-hidden: what rounding, or a wrong start, once puts into it never leaves again. That is the diagram
-with `keep_factors=True`. For p != 0, F(p) exp(-θm p) = 1 holds to rounding at best; on the right
-the memory then grows from one end of its window to the other, and replacing its integral by a sum
-can make the loop unstable, however fine the steps (Mondié, Dambrine, Santos). Such poles are kept.
+window. The difference of two integrators, of which one is θm late, or a running sum that adds the
+newest sample and takes off the oldest, has the same response, but it is not stable: the root at
+s = 0 has only been hidden, and what rounding, or a wrong start, once puts into the difference never
+leaves it again. That is the diagram with `keep_factors=True`. For p != 0, F(p) exp(-θm p) = 1
+holds to rounding at best; on the right the memory then grows from one end of its window to the
+other, and replacing its integral by a sum can make the loop unstable, however fine the steps (Van
+Assche et al.). Such poles are kept.
 
 .. rubric:: References
 
@@ -97,8 +97,8 @@ Z. J. Palmor, Stability properties of Smith dead-time compensator controllers, I
 K. Yamanaka, E. Shimemura, Effects of mismatched Smith controller on stability in systems with
 time-delay, Automatica 23 (1987) 787-791.
 
-S. Mondié, M. Dambrine, O. Santos, Approximation of control laws with distributed delays: a
-necessary condition for stability, Kybernetika 38 (2002) 541-551.
+V. Van Assche, M. Dambrine, J.-F. Lafay, J.-P. Richard, Some problems arising in the implementation
+of distributed-delay control laws, Proc. 38th IEEE Conference on Decision and Control (1999).
 """
 
 from __future__ import annotations

@@ -6,10 +6,22 @@ is what runs on the processor, up to rounding.
 
 .. rubric:: What float costs
 
-A `float` has 7 digits. In powers of z they would be used up where the sampling is fast: a filter
-of the order n whose lag takes N samples needs them to tell :math:`N^{-n}` from 0. The sections here
-are in powers of z - 1, which keeps all coefficients to 7 digits; what remains is that a sum no
-longer notices what is smaller than its last digit.
+A `float` has 7 digits. In powers of z they are used up where the sampling is fast: a filter of the
+order n whose lag takes N samples needs them to tell :math:`N^{-n}` from 0. Here all coefficients
+are in powers of z - 1 and keep their 7 digits; what remains is that a sum does not notice what is
+below its last digit. Measured on matched lags of orders 1, 2 and 4 under a reference that jumps and
+a wavy disturbance, largest error of u in `float` against its largest value, and that of F alone as
+`float` sections in powers of z:
+
+=================  ==================  ======================
+samples in a lag   u, orders 1, 2, 4   F in powers of z
+=================  ==================  ======================
+5                  1e-7, 2e-7, 2e-7    1e-7, 3e-7, 7e-7
+50                 3e-7, 4e-7, 7e-7    4e-7, 9e-5, 1e-5
+500                7e-7, 2e-6, 2e-6    3e-6, 1e-3, 2e-2
+5000               2e-6, 4e-6, 7e-6    3e-5, 1, 0.9
+=================  ==================  ======================
+
 """
 
 from __future__ import annotations
@@ -21,10 +33,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import astuple, dataclass, replace
 from functools import cache, cached_property
 from math import inf, isfinite, prod
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from ..diagram import Fraction, real_number
 from ..numerics import FloatArray
@@ -32,6 +43,9 @@ from .controller import SampledBlock, SampledController, Wait, wired
 from .equations import BLOCKS, SIGNALS, Row, equations, rendered
 from .limits import Limits
 from .sections import Section, at_rest, bilinear_sections, second_order_sections, state_space
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
 
 __all__ = ["ControllerCode", "controller_code"]
 
@@ -158,7 +172,7 @@ class ControllerCode:
         >>> C = ct.tf([1, 1], [1, 0])
         >>> loop = nrdob.NRDOB(process=Gm, model=Gm, controller=C,
         ...                    filter=nrdob.LowPassFilter(0.5, 1))
-        >>> text = loop.sampled(0.1).to_c("heater", limits=nrdob.digital.Limits(0, 10))
+        >>> text = loop.sampled(0.1).to_c("heater", limits=nrdob.Limits(0, 10))
         >>> "heater_real heater_output(heater_state *s, heater_real r, heater_real y);" in text
         True
         """
@@ -385,9 +399,13 @@ def controller_code(
 
     Raises
     ------
+    TypeError
+        If the limits are given as something else.
     ValueError
         If there is a tracking time but no integrator to track with, or it is too short.
     """
+    if not isinstance(limits, Limits | None):
+        raise TypeError(f"limits is a {type(limits).__name__}; give nrdob.Limits(low, high, rate)")
     blocks = {name: bilinear_sections(block, alpha) for name, block in fractions.items()}
     code = ControllerCode(dt, blocks, wait, 0.0, Limits() if limits is None else limits)
     if tracking_time is None:
@@ -421,6 +439,9 @@ def _output(cascade: Sections, states: FloatArray, input: float) -> float:
 
 @cache
 def _environment() -> Environment:
+    # Loaded only where code is written.
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
     return Environment(
         loader=PackageLoader("nrdob.digital"),
         undefined=StrictUndefined,

@@ -164,7 +164,7 @@ def bilinear_block(name: str, block: Fraction, alpha: float, dt: float) -> Sampl
     if not n:
         return SampledBlock(name, A, B, C, D)
     implicit = np.eye(n) - alpha * A
-    largest = np.abs(implicit).sum(axis=1)
+    largest = np.maximum(np.abs(implicit).sum(axis=1), SINGULAR)
     if np.linalg.svd(implicit / largest[:, None], compute_uv=False)[-1] < SINGULAR:
         raise ValueError(
             f"{name} has a pole at {1 / alpha:.6g} rad/s, which Tustin's rule maps to z = ∞: it "
@@ -249,4 +249,4 @@ def _waited(u: FloatArray, line: slice, wait: Wait) -> FloatArray:
     """(1 - φ) u[k-m] + φ u[k-m-1], as a row over (states, r, y, u)."""
     past = [u, *np.eye(line.stop - line.start, u.size, line.start)]
     late = (1 - wait.fraction) * past[wait.samples]
-    return late + wait.fraction * past[wait.samples + 1] if wait.fraction else late
+    return np.asarray(late + wait.fraction * past[wait.samples + 1] if wait.fraction else late)

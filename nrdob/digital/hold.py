@@ -21,16 +21,16 @@ K. J. Åström, B. Wittenmark, Computer-Controlled Systems, 3rd ed., Prentice Ha
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from math import floor
+from dataclasses import dataclass, replace
+from math import floor, isfinite
 
 import numpy as np
 from scipy.linalg import block_diag, expm
 
-from ..diagram import Fraction
+from ..diagram import Fraction, real_number
 from ..numerics import FloatArray, split
 
-__all__ = ["HeldProcess", "held_process", "in_samples", "realised"]
+__all__ = ["WHOLE", "HeldProcess", "checked_times", "held_process", "in_samples", "realised"]
 
 WHOLE = 1e-9
 """Fraction of a sample that is rounding: 0.3 s are three samples of 0.1 s."""
@@ -78,6 +78,19 @@ class HeldProcess:
         """How many past inputs there are that still act: d, and one more with a fraction or D."""
         return self.samples + int(self.fraction > 0 or self.D != 0)
 
+    def after(self, delay: float) -> HeldProcess:
+        """Return the same process behind another dead time.
+
+        Parameters
+        ----------
+        delay : float
+            The whole dead time in seconds.
+        """
+        samples, fraction = in_samples(delay, self.dt)
+        late, B0 = self.between((1 - fraction) * self.dt)
+        B1 = late @ self.between(fraction * self.dt)[1]
+        return replace(self, samples=samples, fraction=fraction, B0=B0, B1=B1)
+
     def between(self, time: float) -> tuple[FloatArray, FloatArray]:
         """Transition exp(A t) and input ∫ exp(A τ) B dτ over a time t, in seconds.
 
@@ -119,11 +132,34 @@ def held_process(process: Fraction, delay: float, dt: float) -> HeldProcess:
     True
     """
     A, B, C, D = realised(process, dt)
-    samples, fraction = in_samples(delay, dt)
-    late, B0 = _integrated(A, B, (1 - fraction) * dt)
-    early, first = _integrated(A, B, fraction * dt)
     Ad = _integrated(A, B, dt)[0]
-    return HeldProcess(A, B, C, D, dt, samples, fraction, Ad, B0, late @ first)
+    empty = np.zeros_like(B)
+    return HeldProcess(A, B, C, D, dt, 0, 0.0, Ad, empty, empty).after(delay)
+
+
+def checked_times(dt: float, computation_delay: float) -> tuple[float, float]:
+    """Read sampling time and computation delay, in seconds, or refuse them.
+
+    Parameters
+    ----------
+    dt, computation_delay : float
+        In seconds.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If dt is not positive and finite, or the delay negative or not finite.
+    """
+    dt = real_number(dt, "dt", "give the sampling time in seconds as a number")
+    delay = real_number(computation_delay, "computation_delay", "give seconds as a number")
+    if not (isfinite(dt) and dt > 0):
+        raise ValueError(f"dt is {dt}; the sampling time is a positive, finite number of seconds")
+    if not (isfinite(delay) and delay >= 0):
+        raise ValueError(
+            f"computation_delay is {delay}; u is written some seconds after y is read: 0 or more, "
+            "and finite"
+        )
+    return dt, delay
 
 
 def in_samples(delay: float, dt: float) -> tuple[int, float]:
@@ -172,5 +208,11 @@ def _integrated(A: FloatArray, B: FloatArray, time: float) -> tuple[FloatArray, 
     n = B.size
     augmented = np.zeros((n + 1, n + 1))
     augmented[:n, :n], augmented[:n, n] = A * time, B * time
-    both = expm(augmented)
+    with np.errstate(over="ignore", invalid="ignore"):
+        both = expm(augmented)
+    if not np.isfinite(both).all():
+        raise ValueError(
+            f"an unstable mode of the process leaves the range of floating-point numbers within "
+            f"{time:g} s, less than a sample: choose a shorter dt"
+        )
     return np.asarray(both[:n, :n]), np.asarray(both[:n, n])

@@ -19,9 +19,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.linalg import solve_triangular
+from scipy.sparse import csr_array
+from scipy.sparse.linalg import matrix_power
 
 from ..numerics import FloatArray
 from .limits import Rule
@@ -33,6 +36,10 @@ LONGEST = 64
 
 GROWTH = 1e3
 """By how much a block may multiply what has been decided in it: so many digits are lost."""
+
+
+MOST_DENSE = 100
+"""States up to which nothing is gained by leaving out zeros."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,6 +112,7 @@ class March:
         return found.reshape(-1, len(C))[: self.samples]
 
 
+@np.errstate(over="ignore", invalid="ignore")  # what overflows is looked for at the end
 def march(
     recursion: Recursion,
     states: FloatArray,
@@ -159,7 +167,7 @@ def march(
     from_states, from_inputs, from_decisions = _lifted(
         recursion, m, recursion.C, recursion.D, recursion.H
     )
-    over = np.linalg.matrix_power(recursion.A, m)
+    over = _power(recursion.A, m)
     to_end, decisions_to_end = _to_the_end(recursion, m)
     undecided = _all_free(from_decisions)
     from_outside, outside_to_end = grouped @ from_inputs.T, grouped @ to_end.T
@@ -170,32 +178,38 @@ def march(
     ]
     starts, decided = np.zeros((blocks, n)), np.zeros((blocks, m * p))
     x, previous = states, [float(value) for value in before]
-    with np.errstate(over="ignore", invalid="ignore"):
-        for block in range(blocks):
-            starts[block] = x
-            proposed = from_outside[block] + from_states @ x
-            values[:] = undecided @ proposed
-            if not all(rule.leaves(values[r::p], previous[r]) for r, rule in enumerate(rules)):
-                now = previous.copy()
-                for own, (dot, past, apply, i, r) in zip(proposed.tolist(), steps, strict=True):
-                    values[i] = now[r] = apply(own + float(dot(past)), now[r])
-            previous = values[-p:].tolist()
-            decided[block] = values
-            x = over @ x + outside_to_end[block] + decisions_to_end @ values
+    for block in range(blocks):
+        starts[block] = x
+        proposed = from_outside[block] + from_states @ x
+        values[:] = undecided @ proposed
+        if not all(rule.leaves(values[r::p], previous[r]) for r, rule in enumerate(rules)):
+            now = previous.copy()
+            for own, (dot, past, apply, i, r) in zip(proposed.tolist(), steps, strict=True):
+                values[i] = now[r] = apply(own + float(dot(past)), now[r])
+        previous = values[-p:].tolist()
+        decided[block] = values
+        x = over @ x + outside_to_end[block] + decisions_to_end @ values
     _check_finite(starts, decided, m)
     return March(recursion, grouped, starts, decided, samples)
+
+
+def _power(A: FloatArray, m: int) -> Any:
+    """Raise to the power m; long dead times are mostly zeros, which are left out."""
+    if len(A) <= MOST_DENSE:
+        return np.linalg.matrix_power(A, m)
+    return matrix_power(csr_array(A), m)
 
 
 def _block_length(recursion: Recursion, samples: int) -> int:
     """Choose the samples that go together, few where decisions grow from one to the next."""
     p = len(recursion.H)
-    m = max(1, min(LONGEST, samples))
+    m = min(LONGEST, samples)
     while m > 1:
-        coupling = _lifted(recursion, m, recursion.C, recursion.D, recursion.H)[2]
-        with np.errstate(over="ignore", invalid="ignore"):
-            growth = np.abs(_all_free(coupling)) @ np.abs(coupling)
+        from_states, _, coupling = _lifted(recursion, m, recursion.C, recursion.D, recursion.H)
+        growth = np.abs(_all_free(coupling)) @ np.abs(coupling)
         # Decisions of one kind among themselves: that does not hang on their units.
-        if max(growth[r::p, r::p].max() for r in range(p)) <= GROWTH:
+        largest = max(growth[r::p, r::p].max() for r in range(p))
+        if largest <= GROWTH and np.isfinite(from_states).all():
             break
         m //= 2
     return m
@@ -204,7 +218,9 @@ def _block_length(recursion: Recursion, samples: int) -> int:
 def _all_free(coupling: FloatArray) -> FloatArray:
     """Solve for decisions that are all left as proposed, none of them by way of a later one."""
     unit = np.eye(len(coupling))
-    return np.asarray(solve_triangular(unit - coupling, unit, lower=True, unit_diagonal=True))
+    return np.asarray(
+        solve_triangular(unit - coupling, unit, lower=True, unit_diagonal=True, check_finite=False)
+    )
 
 
 def _lifted(

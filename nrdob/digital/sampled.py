@@ -2,24 +2,28 @@ r"""The loop on a processor: the process behind a hold, the observer as differen
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from math import isfinite, pi, tan
+from math import inf, pi, tan
 from typing import Any
 
+import control as ct
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..analysis import NoiseVariance
+from ..analysis import Margins, NoiseVariance
 from ..diagram import Fraction, LoopEquations, real_number, six_digits
 from ..numerics import FloatArray, QuasiPolynomial
-from .code import ControllerCode, controller_code
+from .between import Running, sampled_step_response
+from .circle import CircleFunction, Product
+from .circlemargins import CircleLocus, added_delay, circle_margins
 from .controller import SampledController, Wait, bilinear_block, wired
-from .hold import HeldProcess, held_process, in_samples
-from .limits import Limits
+from .heldblocks import held_blocks
+from .hold import HeldProcess, checked_times, held_process, in_samples
 from .noise import sampled_noise_variance
-from .simulation import Signal, SimulatedResponse, simulate
+from .running import RunningLoop
+from .verdict import SampledStability, sampled_stability
+from .wplane import held_in_w
 
 __all__ = ["METHODS", "SampledLoop"]
 
@@ -30,7 +34,7 @@ Factor = FloatArray | QuasiPolynomial
 
 
 @dataclass(frozen=True, eq=False)
-class SampledLoop:
+class SampledLoop(RunningLoop):
     """An NR-DOB loop whose controller runs on a processor: what `NRDOB.sampled` returns.
 
     Parameters
@@ -54,18 +58,9 @@ class SampledLoop:
     prewarp: float | None = None
 
     def __post_init__(self) -> None:
-        for name in ("dt", "computation_delay"):
-            value = real_number(getattr(self, name), name, "give seconds as a number")
+        checked = checked_times(self.dt, self.computation_delay)
+        for name, value in zip(("dt", "computation_delay"), checked, strict=True):
             object.__setattr__(self, name, value)
-        if not (isfinite(self.dt) and self.dt > 0):
-            raise ValueError(
-                f"dt is {self.dt}; the sampling time is a positive, finite number of seconds"
-            )
-        if not (isfinite(self.computation_delay) and self.computation_delay >= 0):
-            raise ValueError(
-                f"computation_delay is {self.computation_delay}; u is written some seconds after y "
-                "is read: 0 or more, and finite"
-            )
         if self.method not in METHODS:
             raise ValueError(f"method is {self.method!r}; choose one of {', '.join(METHODS)}")
         self._check_prewarp()
@@ -111,11 +106,128 @@ class SampledLoop:
         return held_process(self.loop.fractions.G, delay, self.dt)
 
     @cached_property
+    def blocks(self) -> LoopEquations:
+        """Model, controller and filter in the plane of w, which Tustin's rule takes as they are.
+
+        The process is still the one in continuous time.
+        """
+        return self.loop if self.method == "tustin" else held_blocks(self.loop, self.dt)
+
+    @cached_property
+    def p_B(self) -> CircleFunction:
+        """Characteristic function of the observer loop on the unit circle."""
+        return CircleFunction((*self._denominator, self._numerator))
+
+    @cached_property
+    def _stability(self) -> SampledStability:
+        return sampled_stability(self.blocks, self.p_B, self.process, self.controller, self.alpha)
+
+    def stability(self) -> SampledStability:
+        """Judge the sampled loop by Lemma 1 on the unit circle, in two ways.
+
+        Returns
+        -------
+        SampledStability
+            The verdict, and for C·G̃ and F·H the counts and roots that prove it.
+        """
+        return self._stability
+
+    def margins(self) -> Margins:
+        """Compute the margins of the sampled plant loop L = K·G on the unit circle.
+
+        Returns
+        -------
+        Margins
+            Which unpack as `control.stability_margins`, with frequencies up to π/dt. The delay
+            margin is the smallest dead time that must be added to the process, or to the
+            computation, for the loop to be lost: whole samples turn L, fractions act on the hold.
+        """
+        return self._margins
+
+    @cached_property
+    def _margins(self) -> Margins:
+        stable = self._stability.observer_loop.stable
+        found = circle_margins(self._numerator, self._denominator, self.p_B, self.dt, stable)
+        if not stable or found.delay_margin == inf:
+            return found
+        locus = CircleLocus(self._numerator, CircleFunction(self._denominator), self.dt)
+        more = added_delay(
+            self.process,
+            self.controller,
+            lambda omega: np.exp(locus.log(omega)),
+            found.gain_crossovers,
+        )
+        return replace(found, delay_margin=more)
+
+    def step_response(self, input: str, timepts: ArrayLike | None = None) -> ct.TimeResponseData:
+        """Respond to a unit step, exactly between the samples, too: see `nrdob.digital.between`.
+
+        Parameters
+        ----------
+        input : {"R", "d", "delta", "eta"}
+            Where the step enters: reference, output disturbance, input disturbance or noise.
+        timepts : (N,) array_like or float, optional
+            Increasing times from 0 on, in seconds, or the last one; by default until y and u have
+            settled.
+
+        Returns
+        -------
+        control.TimeResponseData
+            `time` (N,), and `outputs` (2, 1, N) with y and u; u is what the hold puts out, for
+            "delta" the input of the process u + δ.
+        """
+        running = Running(
+            self.process,
+            self.controller,
+            self.loop.delay,
+            self.computation_delay,
+            float(np.abs(self._stability.eigenvalues[0])),
+        )
+        return sampled_step_response(running, input, timepts)
+
+    @cached_property
+    def held(self) -> Fraction:
+        """The process behind its hold, in powers of v = αw, without the whole samples."""
+        return held_in_w(self.loop.fractions.G, self.dt, fraction=self.process.fraction, alpha=1.0)
+
+    @cached_property
+    def _numerator(self) -> Product:
+        """Numerator of L = K G, N Dm Nf."""
+        built = self.blocks.built
+        F = self.blocks.fractions.F
+        degree = built.Nm.q.size + (F.den if self.wait else built.E.q).size
+        return Product(
+            (
+                _filled(self.held.num, self.held.den.size),
+                self._in_v(built.Dm.q, degree - built.Nf.q.size),
+                self._in_v(built.Nf.q, built.Nf.q.size),
+            ),
+            self.process.samples,
+        )
+
+    @cached_property
+    def _denominator(self) -> tuple[Product, ...]:
+        """Denominator of L, D Nm (Df - Nf), term by term for a model that waits."""
+        built, F, wait = self.blocks.built, self.blocks.fractions.F, self.wait
+        common = self.held.den, self._in_v(built.Nm.q, built.Nm.q.size)
+        if not wait:
+            return (Product((*common, self._in_v(built.E.q, built.E.q.size))),)
+        late = self._in_v(F.num, F.den.size)
+        terms = [Product((*common, self._in_v(F.den, F.den.size)))]
+        shares = (1 - wait.fraction, wait.samples), (wait.fraction, wait.samples + 1)
+        terms += [Product((*common, -share * late), m) for share, m in shares if share]
+        return tuple(terms)
+
+    def _in_v(self, p: FloatArray, size: int) -> FloatArray:
+        """Powers of w as powers of v = αw, with leading zeros up to a size."""
+        return _filled(p, size) * self.alpha ** np.arange(size)
+
+    @cached_property
     def fractions(self) -> dict[str, Fraction]:
-        """The blocks of the controller, in powers of w = (z - 1)/(α (z + 1))."""
-        _, Gm, C, F = self.loop.fractions
-        built = self.loop.built
-        fractions = {"C": C, "F": F, "F/Gm": _over((built.Nf, built.Dm), (F.den, built.Nm))}
+        """The blocks of the controller, each as one, in powers of w."""
+        _, Gm, C, F = self.blocks.fractions
+        built = self.blocks.built
+        fractions = {"C": C, "F": F, "F/Gm": _over((built.Nf, Gm.den), (F.den, built.Nm))}
         if self.wait:
             fractions["Gm"] = Gm
         else:
@@ -147,160 +259,16 @@ class SampledLoop:
         """
         return sampled_noise_variance(self.process, self.controller, shaping)
 
-    def code(
-        self, limits: Limits | None = None, *, tracking_time: float | None = None
-    ) -> ControllerCode:
-        """Make the controller ready to be written as C, Python or JSON.
 
-        Parameters
-        ----------
-        limits : Limits, optional
-            Range and rate of the actuator.
-        tracking_time : float, optional
-            Time in seconds in which the integrator of C follows a u that is limited; by default it
-            is left to itself.
-
-        Returns
-        -------
-        ControllerCode
-            With `to_c()`, `to_python()` and `to_json()`.
-        """
-        return controller_code(
-            self.fractions, self.alpha, self.wait, self.dt,
-            limits=limits, tracking_time=tracking_time,
-        )  # fmt: skip
-
-    def to_c(
-        self,
-        name: str = "nrdob",
-        dtype: str = "double",
-        limits: Limits | None = None,
-        *,
-        tracking_time: float | None = None,
-    ) -> str:
-        """Write the controller as one small C99 file: see `nrdob.digital.ControllerCode.to_c`.
-
-        Parameters
-        ----------
-        name : str
-            What the names in it begin with.
-        dtype : {"double", "float"}
-            Type of all numbers.
-        limits, tracking_time : as for `code`
-            The actuator, and how C follows it.
-        """
-        return self.code(limits, tracking_time=tracking_time).to_c(name, dtype)
-
-    def to_python(
-        self,
-        name: str = "Controller",
-        limits: Limits | None = None,
-        *,
-        tracking_time: float | None = None,
-    ) -> str:
-        """Write the controller as one Python class that needs nothing else.
-
-        Parameters
-        ----------
-        name : str
-            Name of the class.
-        limits, tracking_time : as for `code`
-            The actuator, and how C follows it.
-        """
-        return self.code(limits, tracking_time=tracking_time).to_python(name)
-
-    def to_json(self, limits: Limits | None = None, *, tracking_time: float | None = None) -> str:
-        """Write the coefficients: see `nrdob.digital.ControllerCode.to_json`.
-
-        Parameters
-        ----------
-        limits, tracking_time : as for `code`
-            The actuator, and how C follows it.
-        """
-        return self.code(limits, tracking_time=tracking_time).to_json()
-
-    def simulate(
-        self,
-        inputs: Mapping[str, Signal],
-        noise: float | ArrayLike | None = None,
-        limits: Limits | None = None,
-        *,
-        timepts: ArrayLike | None = None,
-        seed: int | np.random.Generator = 0,
-        observer_input: str = "applied",
-        tracking_time: float | None = None,
-        start: float | None = None,
-        resolution: float | None = None,
-        u_resolution: float | None = None,
-        n_between: int = 0,
-    ) -> SimulatedResponse:
-        """Run the loop on given signals, with noise and an actuator that has limits.
-
-        Parameters
-        ----------
-        inputs : mapping of "R", "d", "delta" to signals
-            Reference, output and input disturbance: a number, an array (N,), or a function of the
-            times. Each value is held from its sample to the next; what is left out is 0.
-        noise : float or (N,) array_like, optional
-            Measurement noise, or the standard deviation of white noise.
-        limits : Limits, optional
-            Range and rate of the actuator.
-        timepts : (N,) array_like or float, optional
-            Times of the samples, 0, dt, 2 dt, …, in seconds, or the last one; by default as many
-            as the arrays have.
-        seed : int or numpy.random.Generator
-            Where white noise comes from.
-        observer_input : {"applied", "commanded"}
-            Which u the observer is told: what the actuator does, or what it was to do.
-        tracking_time : float, optional
-            Time in seconds in which the integrator of C follows a u that is limited
-            (back-calculation); by default it is left to itself.
-        start : float, optional
-            A constant u to take over from without a bump, the process at rest under it and the
-            first d and delta. By default everything is 0 before.
-        resolution, u_resolution : float, optional
-            Steps of the converters that read y and write u.
-        n_between : int
-            Points in each sample at which the output is computed in continuous time.
-
-        Returns
-        -------
-        SimulatedResponse
-            `time`, `y`, `measured`, `u`, `applied`, `d_hat`, and `time_between`, `y_between`.
-
-        Raises
-        ------
-        TypeError, ValueError
-            If a signal is of the wrong length or not finite, an input is unknown, the times are
-            not those of the samples, or the process is not at rest at `start`.
-        ArithmeticError
-            If the signals leave the range of floating-point numbers.
-
-        Examples
-        --------
-        >>> import control as ct
-        >>> import nrdob
-        >>> Gm = ct.tf([2], [1, 1])
-        >>> loop = nrdob.NRDOB(process=Gm, model=Gm, controller=ct.tf([1, 1], [1, 0]),
-        ...                    filter=nrdob.LowPassFilter(0.5, 1))
-        >>> loop.sampled(0.1).simulate({"R": 1.0, "delta": -0.3}, limits=Limits(0, 0.9), timepts=10)
-        101 samples to 10 s, u limited in 8 of them
-        y        from 0 to 0.999983, at last 0.999983
-        u        from 0.8 to 1.05, at last 0.8
-        applied  from 0.8 to 0.9, at last 0.8
-        """
-        return simulate(
-            self.code(limits, tracking_time=tracking_time), self.process,
-            held_process(self.loop.fractions.G, self.loop.delay, self.dt), inputs, noise,
-            timepts=timepts, seed=seed, told=observer_input, start=start,
-            resolution=resolution, u_resolution=u_resolution, n_between=n_between,
-        )  # fmt: skip
+def _filled(p: FloatArray, size: int) -> FloatArray:
+    return np.pad(p, (size - p.size, 0))
 
 
 def _over(num: tuple[Factor, Factor], den: tuple[Factor, Factor]) -> Fraction:
     """Multiply out one block from its factors."""
-    above, below = (
-        np.convolve(*(part.q if isinstance(part, QuasiPolynomial) else part for part in parts))
-        for parts in (num, den)
-    )
-    return Fraction(np.trim_zeros(above, "f"), below)
+    (a, b), (c, d) = ([_coefficients(part) for part in parts] for parts in (num, den))
+    return Fraction(np.trim_zeros(np.convolve(a, b), "f"), np.convolve(c, d))
+
+
+def _coefficients(part: Factor) -> FloatArray:
+    return part.q if isinstance(part, QuasiPolynomial) else part

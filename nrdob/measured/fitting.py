@@ -32,6 +32,9 @@ SHIFTS = (-0.5, 0.5)
 ROUGHLY, FINELY = 8, 40
 """Most steps of a search, to compare starting points and to the end."""
 
+LONG = 2000
+"""Samples to which longer records are thinned, to begin with."""
+
 INSIDE = 1e-9
 """Distance from the bounds at which a search begins."""
 
@@ -55,6 +58,14 @@ class Problem:
     def first(self, count: int) -> Problem:
         """Keep so many samples, from the first on."""
         return Problem(self.inputs[:count], self.outputs[:count], self.used[:count])
+
+    def thinned(self, factor: int) -> Problem:
+        """Take means of so many samples."""
+        count = self.outputs.size // factor * factor
+        inputs, outputs, used = (
+            each[:count].reshape(-1, factor) for each in (self.inputs, self.outputs, self.used)
+        )
+        return Problem(inputs.mean(axis=1), outputs.mean(axis=1), np.asarray(used.all(axis=1)))
 
     def columns(
         self, structure: Structure, shape: FloatArray, start: int
@@ -135,6 +146,10 @@ def best_fit(structure: Structure, problem: Problem, tries: int) -> Fit:
     Fit
         The one of smallest misfit.
     """
+    factor = problem.outputs.size // LONG
+    if factor > 1:
+        rough = best_fit(structure, problem.thinned(factor), tries)
+        return _search(structure, problem, structure.stretched(rough.shape, factor), 0, FINELY)
     starts = starting_points(structure, problem.inputs, problem.outputs, tries)
     found = [_search(structure, problem, shape, 0, ROUGHLY) for shape in starts]
     best = min(found, key=lambda fit: fit.misfit)

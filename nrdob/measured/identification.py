@@ -8,6 +8,7 @@ so that no record has to start from rest.
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from math import ceil, log, nan
 from numbers import Real
@@ -31,6 +32,9 @@ TRIES = 3
 
 MOVES, LEAST = 0.1, 50
 """Share of the input's variance, and samples, that each part of a record must have."""
+
+LITTLE = 30.0
+"""Per cent of the output explained below which a process is doubtful."""
 
 CLEARLY = 0.995
 """A simpler structure is taken if it foretells better than by this factor."""
@@ -272,7 +276,9 @@ def identified(
     ValueError
         If the numbers of the process cannot be told from the record.
     """
-    inputs, outputs = record.u - record.u[0], record.y - record.y[0]
+    sizes = np.ptp(record.u), np.ptp(record.y)
+    inputs, outputs = (record.u - record.u[0]) / sizes[0], (record.y - record.y[0]) / sizes[1]
+    unit = float(sizes[1] / sizes[0])
     whole = Problem(inputs, outputs, record.free)
     count, parting = _parted(record, held_out)
     problem = whole.first(count)
@@ -287,19 +293,20 @@ def identified(
     judged = [_judged(fit, whole, problem, noise.inflation) for fit in fits]
     best, reason = _chosen(judged, parting)
     least = min(each.bic for each in judged)
+    response = sizes[1] * best.fit.response(inputs) + record.y[0]
     step = record.sampling_time
     candidates = tuple(
         Candidate(
             each.fit.structure.name, each.fit.structure.count - each.fit.structure.free,
             each.fit_percent, each.validation, each.levelled, each.bic - least,
-            process_of(each.fit, step),
+            process_of(each.fit, step, unit),
         )
         for each in judged
     )  # fmt: skip
-    parameters, covariance = _parameters(best, problem, step, confidence)
+    parameters, covariance = _parameters(best, problem, (step, unit), confidence)
     fit = best.fit
     return Identification(
-        process=process_of(fit, step),
+        process=process_of(fit, step, unit),
         structure=fit.structure.name,
         parameters=parameters,
         covariance=covariance,
@@ -308,14 +315,14 @@ def identified(
         validation_percent=best.validation,
         levelled_percent=best.levelled,
         residuals=check_residuals(
-            problem.left(fit), problem.inputs[start:], best.noise, best.whiteness,
+            sizes[1] * problem.left(fit), problem.inputs[start:], best.noise, best.whiteness,
             fit.structure.count - fit.structure.free,
         ),
         candidates=candidates,
         reason=reason,
-        remarks=record.remarks,
+        remarks=(*record.remarks, *_doubts(best.fit_percent, parameters, step * count)),
         record=record,
-        predicted=np.concatenate([np.full(start, nan), fit.response(inputs) + record.y[0]]),
+        predicted=np.concatenate([np.full(start, nan), response]),
         fitted=count,
     )  # fmt: skip
 
@@ -384,7 +391,7 @@ def _chosen(judged: list[_Judged], parting: str) -> tuple[_Judged, str]:
     if not possible:
         raise ValueError(
             "the record does not tell the numbers of the process from each other: let the input "
-            "move more often, or record longer"
+            "move more often, record longer or, if the plant answers at once, sample faster"
         )
     best = min(possible, key=lambda each: each.bic)
     reason = "of all structures it has the smallest Bayesian information criterion"
@@ -402,11 +409,38 @@ def _chosen(judged: list[_Judged], parting: str) -> tuple[_Judged, str]:
     return best, f"{reason}; {parting}".removesuffix("; ")
 
 
+def _doubts(fit_percent: float, parameters: dict[str, Parameter], duration: float) -> Iterator[str]:
+    """Say what makes a process doubtful that was found nevertheless."""
+    if not fit_percent > LITTLE:
+        yield (
+            f"the input explains only {max(fit_percent, 0.0):.0f} % of the output: look whether "
+            "these columns belong to each other and the plant needs longer than one sample, or "
+            "make larger steps"
+        )
+    for name, found in parameters.items():
+        if name == "gain":
+            if found.low <= 0 <= found.high:
+                yield (
+                    "the gain may be zero, or of either sign: the record does not show that u acts "
+                    "on y"
+                )
+        elif found.unit == "s" and abs(found.value) > duration:
+            yield (
+                f"the {name} of {found.value:.3g} s is longer than what was fitted, {duration:.3g} "
+                "s: record longer"
+            )
+        elif found.unit == "s" and found.standard_error > max(abs(found.value), 0.1 * duration):
+            yield (
+                f"the {name} is hardly known ({found.value:.3g} ± {found.standard_error:.2g} s): "
+                "let the input move more often"
+            )
+
+
 def _parameters(
-    best: _Judged, problem: Problem, step: float, confidence: float
+    best: _Judged, problem: Problem, units: tuple[float, float], confidence: float
 ) -> tuple[dict[str, Parameter], FloatArray]:
     fit = best.fit
-    names = Names(fit, best.covariance, step)
+    names = Names(fit, best.covariance, *units)
     slopes = named_slopes(names, fit)
     covariance = slopes @ best.covariance @ slopes.T
     used = float(problem.used[fit.start :].sum())

@@ -32,6 +32,8 @@ class Names:
         Of its unknowns: two lags that may be equal are told as frequency and damping ratio.
     step : float
         Sampling time, in seconds.
+    unit : float
+        What a gain of 1 in the fit is in units of y over those of u.
 
     Attributes
     ----------
@@ -39,8 +41,9 @@ class Names:
         Unit of each number, by name, in order.
     """
 
-    def __init__(self, fit: Fit, covariance: FloatArray, step: float) -> None:
+    def __init__(self, fit: Fit, covariance: FloatArray, step: float, unit: float) -> None:
         self._structure, self._shapes, self._step = fit.structure, fit.shape.size, step
+        self._gain = unit / (step if fit.structure.integrates else 1.0)
         last = self._shapes - 1
         self._apart = fit.shape[last] > APART * sqrt(covariance[last, last])
         self.units = {"gain": "y/u/s" if fit.structure.integrates else "y/u"}
@@ -63,7 +66,7 @@ class Names:
             As `Fit.unknowns`.
         """
         shape, linear = unknowns[: self._shapes], unknowns[self._shapes :]
-        told = [linear[0] / (self._step if self._structure.integrates else 1.0)]
+        told = [linear[0] * self._gain]
         if self._structure.zero:
             told.append(linear[1] / linear[0] * self._step)
         if self._structure.lags == 1:
@@ -87,7 +90,7 @@ def named_slopes(names: Names, fit: Fit) -> FloatArray:
     return np.array(columns).T
 
 
-def process_of(fit: Fit, step: float) -> DelayedTransferFunction:
+def process_of(fit: Fit, step: float, unit: float) -> DelayedTransferFunction:
     """Write a fit as a process in seconds, whose denominator ends with 1, or with an integrator.
 
     Parameters
@@ -96,10 +99,12 @@ def process_of(fit: Fit, step: float) -> DelayedTransferFunction:
         The fit.
     step : float
         Sampling time, in seconds.
+    unit : float
+        As for `Names`.
     """
     den = np.array(fit.structure.den(fit.shape))
     scale = next(c for c in den[::-1] if c)
-    num = fit.linear[: fit.structure.numerators][::-1]
+    num = unit * fit.linear[: fit.structure.numerators][::-1]
     powers = float(step) ** np.arange(den.size)[::-1]
     den = den / scale * powers
     last = next(c for c in den[::-1] if c)

@@ -24,6 +24,9 @@ STUCK = 5
 ABRUPT = 0.2
 """Last step before a limit, against the largest of the record, that no settling output makes."""
 
+COARSE = 3.0
+"""Steps of a coarse sensor that the last one before a limit must exceed."""
+
 LARGEST = 1e100
 """Above it squares overflow."""
 
@@ -170,13 +173,14 @@ def _stuck(outputs: FloatArray, place: Callable[[int], str]) -> tuple[BoolArray,
     """
     free = np.ones(outputs.size, dtype=bool)
     remarks = []
-    abrupt = ABRUPT * np.abs(np.diff(outputs)).max()
+    steps = np.abs(np.diff(outputs))
+    abrupt = max(ABRUPT * steps.max(), COARSE * _resolution(steps))
     for extreme, called in ((outputs.max(), "largest"), (outputs.min(), "smallest")):
         held = outputs == extreme
         cut = [
             first
             for first, last in _runs(held)
-            if last - first >= STUCK and first and abs(extreme - outputs[first - 1]) > abrupt
+            if last - first >= STUCK and steps[max(first - 2, 0) : first].max(initial=0.0) > abrupt
         ]
         if cut:
             free &= ~held
@@ -186,6 +190,13 @@ def _stuck(outputs: FloatArray, place: Callable[[int], str]) -> tuple[BoolArray,
                 "these samples are left out; measure again with a smaller input"
             )
     return free, remarks
+
+
+def _resolution(steps: FloatArray) -> float:
+    """Step of a coarse sensor, of which all others are multiples; 0 if there is none."""
+    smallest = float(steps[steps > 0].min())
+    multiples = steps / smallest
+    return smallest if np.abs(multiples - np.round(multiples)).max() < 0.01 else 0.0
 
 
 def _runs(held: BoolArray) -> list[tuple[int, int]]:

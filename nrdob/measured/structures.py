@@ -94,6 +94,21 @@ class Structure:
             rest = [1.0, *(exp(-lag) for lag in shape[1:])]
         return rest + [0.0] * self.integrates
 
+    def stretched(self, shape: FloatArray, factor: int) -> FloatArray:
+        """Tell a shape in samples that are shorter by a factor.
+
+        Parameters
+        ----------
+        shape : array of float
+            As in `den`.
+        factor : int
+            How many of them make one of those before.
+        """
+        logarithm = log(factor)
+        if self.lags == 2:
+            return np.array([shape[0] * factor, shape[1] - logarithm, shape[2]])
+        return np.array([shape[0] * factor, *(lag + logarithm for lag in shape[1:])])
+
     def shapes(self, samples: int) -> list[FloatArray]:
         """Denominators tried at first, without dead time.
 

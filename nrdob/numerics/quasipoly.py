@@ -597,8 +597,10 @@ def exponential_rest(z: ComplexArray, m: int, *, divided: bool = False) -> Compl
     [0.5, 0.718282, 1.097264]
     """
     z = np.asarray(z, dtype=complex)
-    if m < 2 and not divided:
-        return np.asarray(np.expm1(z) if m else np.exp(z))
+    if not m:
+        return np.asarray(np.exp(z))
+    if m == 1 and not divided:
+        return np.asarray(np.expm1(z))
     near = np.abs(z) <= (NEAR if m > 1 else 0.0)
     far = np.where(near, 1.0, z)
     rest = np.expm1(far)

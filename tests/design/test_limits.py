@@ -103,6 +103,18 @@ def test_a_matched_model_has_a_filter_made_for_its_unstable_poles_and_zeros():
     assert stabilizing_filter_exists(-nrdob.delay(0.1) / (s - 1), 1 / (s - 1)).holds is False
 
 
+def test_a_model_that_waits_cancels_zeros_and_integrators_but_no_other_pole():
+    def asked(plant, model):
+        return stabilizing_filter_exists(nrdob.delay(0.2) * plant, nrdob.delay(0.1) * model)
+
+    assert asked(1 / (s - 1), 1 / (s - 1)).holds is False
+    for block in (1 / s**2, (1 - s) / (s + 1) ** 2, 1 / s):
+        assert asked(block, block).holds is None
+        assert asked(-block, block).holds is False
+        F = nrdob.interpolating_filter(nrdob.delay(0.1) * block, 1.0)
+        assert nrdob.judge_observer(nrdob.delay(0.1) * block, nrdob.delay(0.1) * block, F).stable
+
+
 @pytest.mark.parametrize("zeros", [(2, 1), (1, 2)])
 def test_a_common_zero_of_another_multiplicity_turns_the_sign_round(zeros):
     # p_B(0) has the sign of N(0)/Nc(0), but p_B(1) that of D(1) > 0.

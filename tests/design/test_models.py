@@ -12,6 +12,7 @@ from hypothesis import given, settings
 import nrdob
 from nrdob import NRDOB, LowPassFilter
 from nrdob.design import design_controller, suggest_model
+from nrdob.diagram import as_family
 from strategies import fractions
 
 s = ct.tf("s")
@@ -55,10 +56,41 @@ def test_dead_time_is_left_out_or_replaced_by_a_lag():
     assert kinds == {"dead time left out", "dead time replaced by a lag"}
 
 
-def test_an_integrator_is_moved_to_the_left():
-    (candidate,) = suggest_model(1 / (s * (s + 1)))
-    assert candidate.model.poles().real.max() == pytest.approx(-0.1)
-    assert candidate.time_constants[0][0] == 0
+def test_an_integrator_is_moved_to_the_left_or_kept_with_filters_that_let_it_cancel():
+    moved, ramp, constant = suggest_model(1 / (s * (s + 1)))
+    assert moved.model.poles().real.max() == pytest.approx(-0.1)
+    assert (moved.family, constant.family, ramp.family.ramp) == (None, None, 2)
+    for kept in (ramp, constant):
+        assert kept.how.startswith("integrator kept") and dc_gain_is_infinite(kept.model)
+        assert kept.time_constants == [(0.0, inf)] and kept.fastest == 0
+    assert [c.filters for c in (moved, constant)] == [2, 2] and ramp.filters is ramp.family
+
+
+def dc_gain_is_infinite(tf):
+    return tf.den[0][0][-1] == 0
+
+
+@pytest.mark.parametrize(
+    ("process", "integrators"),
+    [(nrdob.delay(0.1) / s, 1), (1 / s**2, 2), (1 / (s * (s - 1)), 1), ((1 - 0.2 * s) / s**2, 2)],
+)
+def test_the_sets_of_models_that_integrate_are_those_of_their_filters(process, integrators):
+    kept = [c for c in suggest_model(process) if "kept" in c.how]
+    assert {as_family(c.filters).ramp for c in kept} == {integrators, integrators + 1}
+    for candidate in kept:
+        family = as_family(candidate.filters)
+        for low, high in candidate.time_constants:
+            middle = (
+                np.sqrt(low * high) if 0 < high < inf and low else max(2 * low, 0.01 * min(high, 1))
+            )
+            for value, stable in ((middle, True), (0.99 * low, False), (1.01 * high, False)):
+                if 0 < value < inf:
+                    found = nrdob.judge_observer(process, candidate.model, family.at(value))
+                    assert found.stable is stable
+        if candidate.fastest:
+            loop = NRDOB(process, candidate.model, 0.0, family.at(candidate.fastest))
+            assert loop.margins().plant_loop.ms == pytest.approx(2.0, rel=1e-6)
+            assert (loop.S_delta.dc_gain == 0) is (family.ramp > integrators)
 
 
 def test_undamped_zeros_of_the_process_are_not_left_in_the_model():

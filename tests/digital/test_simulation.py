@@ -292,6 +292,9 @@ def test_noise_is_white_of_its_deviation_and_of_its_seed():
         ({"R": "one"}, {"timepts": 1.0}, TypeError, "R is 'one'"),
         ([1.0, 2.0], {}, TypeError, "inputs is a list; give a mapping"),
         ({"R": 1.0}, {"timepts": [0.0, 0.2]}, ValueError, r"timepts\[1\] is 0.2 s, and sample"),
+        ({"R": []}, {}, ValueError, "the signals are empty"),
+        ({"R": 1.0}, {"timepts": "all"}, TypeError, "timepts is 'all'; give the times"),
+        ({"R": [1.0]}, {"limits": (0, 1)}, TypeError, r"limits is a tuple; give nrdob\.Limits"),
         ({"R": 1.0}, {"timepts": -1.0}, ValueError, "timepts is -1.0"),
         ({"R": 1.0}, {"timepts": inf}, ValueError, "timepts is inf"),
         ({"R": [1.0]}, {"noise": -1.0}, ValueError, "noise is -1"),
@@ -342,3 +345,43 @@ def test_one_sample_is_enough():
     assert found.time.tolist() == [0.0]
     assert found.applied.tolist() == [0.2]
     assert "1 samples to 0 s, u limited in 1 of them" in repr(found)
+
+
+# The same by other ways.
+
+
+@pytest.mark.parametrize("method", ["tustin", "zoh"])
+@pytest.mark.parametrize("input", ["R", "d", "delta", "eta"])
+def test_a_unit_step_is_the_step_response(method, input):
+    sampled = lag_loop(nrdob.delay(0.13) * LAG).sampled(0.05, method, computation_delay=0.02)
+    times = np.arange(240) * 0.0125
+    y = sampled.step_response(input, times).outputs[0, 0]
+    step = np.ones(60)
+    given = ({}, step) if input == "eta" else ({input: step}, None)
+    found = sampled.simulate(*given, n_between=4)
+    # Where y itself jumps with u, both show the value after the jump.
+    np.testing.assert_allclose(found.y_between, y, atol=1e-9)
+
+
+@pytest.mark.parametrize("lag", [0.05, 0.5, 3.0])
+def test_a_matched_model_of_an_unstable_process_works_on_the_processor_too(lag):
+    s = ct.tf("s")
+    Gm = 4 / (2 - s - s**2)
+    loop = nrdob.NRDOB(Gm, Gm, -1.0, nrdob.interpolating_filter(Gm, lag))
+    sampled = loop.sampled(0.02)
+    assert sampled.stability().stable
+    found = sampled.simulate({"d": np.eye(1, 3000)[0]}, n_between=2)
+    assert np.abs(found.y[-100:]).max() < 1e-6 * np.abs(found.y).max()
+
+
+@pytest.mark.parametrize("model", [ct.tf([1.0], [1.0, 2.0, 0.0]), 4 / ct.tf([-1, -1, 2], [1])])
+def test_each_block_is_what_the_diagram_says_whatever_cancels_in_another(model):
+    filter = nrdob.interpolating_filter(model, 0.3)
+    blocks = nrdob.NRDOB(model, model, -1.0, filter).sampled(0.05).fractions
+    w = 1j * np.logspace(-1, 2, 30)
+    F, inverse, prediction = (
+        np.polyval(block.num, w) / np.polyval(block.den, w)
+        for block in (blocks["F"], blocks["F/Gm"], blocks["(1-F)Gm"])
+    )
+    np.testing.assert_allclose(inverse * model(w), F, rtol=1e-9)
+    np.testing.assert_allclose(prediction, (1 - F) * model(w), rtol=1e-7)

@@ -93,6 +93,8 @@ def bound(tree: ast.Module) -> set[str]:
                 found.add(statement.name)
             case ast.Import() | ast.ImportFrom():
                 found |= {alias.asname or alias.name for alias in statement.names}
+            case ast.If():  # what is loaded when it is asked for is imported for the types
+                found |= bound(ast.Module(statement.body + statement.orelse, []))
             case _:
                 names = (node for node in ast.walk(statement) if isinstance(node, ast.Name))
                 found |= {node.id for node in names if isinstance(node.ctx, ast.Store)}

@@ -22,12 +22,13 @@ def tree() -> plan.Tree:
 
 
 def test_rooms_and_what_is_in_each_stand_on_few_floors(tree: plan.Tree) -> None:
-    rooms = {room_of(name): set[str]() for name in tree}
-    for name, below in tree.items():
+    inside = {name: below for name, below in tree.items() if not name.endswith("__main__")}
+    rooms = {room_of(name): set[str]() for name in inside}
+    for name, below in inside.items():
         rooms[room_of(name)] |= {room_of(other) for other in below} - {room_of(name)}
-    for inside in (rooms, *(_within(tree, room) for room in rooms)):
-        found = plan.floors(inside)
-        assert found.keys() == inside.keys()
+    for plans in (rooms, *(_within(tree, room) for room in rooms)):
+        found = plan.floors(plans)
+        assert found.keys() == plans.keys()
         assert max(found.values()) < MOST
 
 
@@ -73,3 +74,13 @@ def test_the_command_succeeds_where_there_is_no_circle() -> None:
     done = subprocess.run(command, cwd=ROOT, capture_output=True, encoding="utf-8")
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.startswith("Rooms: ")
+
+
+def test_the_front_door_loads_no_figures_no_course_and_no_algebra() -> None:
+    code = (
+        "import sys, nrdob\n"
+        "unasked = {'nrdob.plotting', 'nrdob.course', 'nrdob.reporting', 'sympy', 'jinja2'}\n"
+        "sys.exit(', '.join(unasked & set(sys.modules)) or 0)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8")
+    assert done.returncode == 0, f"import nrdob loads {done.stderr}"

@@ -37,8 +37,9 @@ def test_without_noise_every_number_is_found(structure, kind):
     assert found.fit_percent > 99.9
 
 
-@pytest.mark.parametrize("name", ["one lag with dead time", "two lags with dead time"])
-@pytest.mark.parametrize("colour", [0.0, 0.8])
+@pytest.mark.parametrize(
+    ("name", "colour"), [("one lag with dead time", 0.0), ("two lags with dead time", 0.8)]
+)
 def test_intervals_hold_the_truth_as_often_as_they_say(name, colour):
     # 95 % of some 45 intervals; the long campaign has thousands.
     held = [
@@ -214,3 +215,37 @@ def test_cells_are_never_run(tmp_path):
     rows = [*GOOD[:9], (9, "__import__('os').system('true')", 1), *GOOD[10:]]
     with pytest.raises(ValueError, match="line 11: u is"):
         read_data(_written(tmp_path, "t,u,y", rows))
+
+
+def test_a_coarse_sensor_and_a_plant_without_lag_are_not_taken_for_cut_off():
+    t = np.arange(200.0)
+    u = (t > 10) * 1.0
+    coarse = np.round(1 - np.exp(-0.1 * np.maximum(t - 12, 0)), 1)
+    assert checked_record(t, u, coarse).free.all()
+    assert checked_record(t, np.sign(np.sin(t**1.3)), 2 * np.sign(np.sin(t**1.3))).free.all()
+
+
+def test_units_of_u_and_y_do_not_matter():
+    t, u, y = heated_air()
+    plain = identify(t, u, y, structure="two lags with dead time")
+    scaled = identify(t, 1e12 * u, 1e-9 * y, structure="two lags with dead time")
+    assert 1e21 * scaled.process(2j) == pytest.approx(plain.process(2j), rel=1e-6)
+    assert scaled.residuals.standard_deviation == pytest.approx(
+        1e-9 * plain.residuals.standard_deviation, rel=1e-6
+    )
+
+
+def test_noise_that_has_nothing_to_do_with_the_input_is_called_so():
+    rng = np.random.default_rng(0)
+    u, y = np.sign(rng.standard_normal(300)), rng.standard_normal(300)
+    assert "explains only" in " ".join(identify(0.1 * np.arange(300), u, y).remarks)
+
+
+def test_a_long_record_is_fitted_as_a_short_one():
+    rng = np.random.default_rng(8)
+    u = np.sign(np.sin(0.001 * np.arange(8000) ** 1.3))
+    y = response(np.array([1.0, 0.01]), np.array([0.02]), 30.4, u)
+    t = 0.01 * np.arange(8000)
+    found = identify(t, u, y + 0.05 * rng.standard_normal(8000), structure="one lag with dead time")
+    told = [p.value for p in found.parameters.values()]
+    assert told == pytest.approx([2.0, 1.0, 0.304], rel=0.01)

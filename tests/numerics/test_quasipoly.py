@@ -1,12 +1,13 @@
 import math
 
+import mpmath as mp
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import lambertw
 
-from nrdob.numerics import QuasiPolynomial, Term, count_rhp, multiply
+from nrdob.numerics import QuasiPolynomial, Term, count_rhp, exponential_rest, multiply
 from strategies import root_sets
 
 
@@ -238,3 +239,37 @@ def test_sizes_of_several_delayed_leading_terms_add_up():
     assert count_rhp(neutral(0.5, -0.3)).count == 0
     assert "add up to 1.2" in count_rhp(neutral(0.7, -0.5)).reason
     assert count_rhp(neutral(2.0, -0.5)).count == math.inf
+
+
+@pytest.mark.parametrize("m", [0, 1, 2, 3])
+def test_the_rest_of_an_exponential_keeps_its_digits_near_zero(m):
+    z = np.array([1e-12, -3e-5j, 0.2 - 0.9j, -1.0 + 1e-3j, 1.1j, -8 + 30j])
+    with mp.workdps(60):
+        rest = [
+            mp.exp(mp.mpc(x)) - sum(mp.mpc(x) ** k / mp.factorial(k) for k in range(m)) for x in z
+        ]
+        divided = [complex(value / mp.mpc(x) ** m) for value, x in zip(rest, z, strict=True)]
+        rest = [complex(value) for value in rest]
+    assert exponential_rest(z, m) == pytest.approx(rest, rel=1e-13)
+    assert exponential_rest(z, m, divided=True) == pytest.approx(divided, rel=1e-13)
+    assert exponential_rest(np.zeros(1), m, divided=True) == pytest.approx(1 / math.factorial(m))
+
+
+@pytest.mark.parametrize("lam", [0.1, 0.5, 3.0])
+def test_a_double_root_at_zero_is_divided_out_and_the_others_are_counted(lam):
+    # (λs + 1)² - ((2λ + 1) s + 1) exp(-s) vanishes twice at s = 0.
+    num = np.array([2 * lam + 1, 1.0])
+    p = QuasiPolynomial([lam**2, 2 * lam, 1.0], -num, 1.0, origin=2)
+    rest = p.without_origin
+    assert (p.zeros_at_origin, rest.zeros_at_origin, rest.degree) == (2, 0, 0)
+    assert rest.constant == pytest.approx(lam**2 + 2 * lam + 0.5)
+    assert rest(1e-9j) == pytest.approx(rest.constant, rel=1e-8)
+    omega = np.union1d(np.geomspace(1e-3, 1e4, 9001), np.linspace(1e-3, 300, 9001))
+    s = 1j * omega
+    values = ((lam * s + 1) ** 2 - np.polyval(num, s) * np.exp(-s)) / s**2
+    assert rest(s) == pytest.approx(values, rel=1e-8)
+    turn = np.angle(values[1:] / values[:-1]).sum() + np.angle(lam**2 / values[-1])
+    count = round(-turn / math.pi)
+    assert count_rhp(rest).count == count == count_rhp(p).count
+    assert np.sum(rest.roots.real > 0) == count or not rest.roots_resolved
+    assert (count > 0) is (lam < 1.0)

@@ -304,13 +304,14 @@ POLYNOMIAL = Problem(
     rounded=lambda case, p: rounds(_p_B(case), p),
     praise=(
         "Right, and nothing is lost: the pole that plant and model share on the right is a root of "
-        "p_B, so this loop is unstable, whatever the filter."
+        "p_B, so this loop is unstable with every filter 1/(λs + 1)^n."
     ),
     misconceptions=(
         _polynomial_like(
             "cancelled the unstable pole",
             "One root is missing: the pole that plant and model share. It cancels in the function "
-            "1 + F H, but not in the loop: no filter reaches that mode, and here it runs away. "
+            "1 + F H, but not in the loop: no filter 1/(λs + 1)^n reaches that mode, and here it "
+            "runs away. "
             "Multiply polynomials, and divide nothing out.",
             _without_shared,
             0.25,

@@ -792,7 +792,7 @@ def _not_held(case: DistantZero, got: Any) -> str:
     if verdict.stable is None:
         return AT_A_BORDER
     if not right_half_plane_parity(got.process, got.model).holds:
-        return Lack("sign", "p_B has an odd number of roots on the right, whatever the filter")
+        return Lack("sign", "p_B has an odd number of roots on the right for every λ and n")
     F = got.filter
     works = isinstance(F, LowPassFilter) and stabilizing_time_constants(
         got.process, got.model, F.order
@@ -822,15 +822,15 @@ UNTURNED = Problem(
             "shared",
             "a root shared on the right",
             "The model has a root on the right in common with the plant. In H it cancels, and the "
-            "turns look better; in the loop it stays, for every filter. Leave the zero out of the "
-            "model, and mirror the pole.",
+            "turns look better; in the loop it stays, for every filter 1/(λs + 1)^n. Leave the "
+            "zero out of the model, and mirror the pole.",
             _with_shared_zero,
             marks=0.0,
         ),
         lacking(
             "sign",
             "the DC sign of the plant",
-            "p_B has an odd number of roots on the right, and no filter changes that: parity. One "
+            "p_B has an odd number of roots on the right, and no λ and n change that: parity. One "
             "unstable pole of H asks for a model whose DC gain has the opposite sign of the "
             "plant's.",
             lambda case: _around_mirrored(case, 0.1 / case.pole, sign=-1.0),

@@ -843,14 +843,14 @@ DESIGN = Problem(
             "matched",
             "a model that matches the plant",
             "The plant's unstable pole is a root of p_B: your model has it, too, so that it "
-            "cancels in FH and stays in the loop for every filter. Mirror it instead.",
+            "cancels in FH and stays in the loop for every filter 1/(λs + 1)^n. Mirror it instead.",
             _matched_design,
             marks=0.0,
         ),
         lacking(
             "sign",
             "the DC sign of the plant",
-            "p_B has an odd number of roots on the right for every filter. Before any tuning: one "
+            "p_B has an odd number of roots on the right for every λ and n. Before any tuning: one "
             "unstable pole asks for a model with the opposite DC sign.",
             lambda case: _design(case, 0.1, sign=-1.0),
             marks=0.0,

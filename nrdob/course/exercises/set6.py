@@ -935,7 +935,8 @@ DESIGN = _Part(
         Misconception(
             "matched model",
             "Your model has the plant's unstable pole, or nearly so. Then p_B keeps a root on the "
-            "right at that place, whatever the filter: what cancels stays. Mirror the pole.",
+            "right at that place, for every filter 1/(λs + 1)^n: what cancels stays. Mirror the "
+            "pole.",
             lambda case: (
                 case.plant,
                 controller_of(case),
@@ -945,7 +946,7 @@ DESIGN = _Part(
         ),
         Misconception(
             "sign of the model",
-            "With this model p_B has an odd number of roots on the right for every filter: parity. "
+            "With this model p_B has an odd number of roots on the right for all λ and n: parity. "
             "The plant has one unstable pole, so the model's DC gain must have the opposite sign.",
             lambda case: (
                 -mirrored_model(case),

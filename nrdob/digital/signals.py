@@ -1,0 +1,175 @@
+"""What is given to a simulation: checked, and made one value for each sample."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from math import isfinite
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..diagram import real_number
+from ..numerics import FloatArray
+
+__all__ = ["OUTSIDE", "Signal", "finite", "outside", "sample_times"]
+
+Signal = ArrayLike | Callable[[FloatArray], ArrayLike]
+"""A signal: a number, one value for each sample, or a function of the times."""
+
+OUTSIDE = ("R", "d", "delta")
+"""What may be given as an input; noise is a matter of its own."""
+
+
+def sample_times(
+    timepts: ArrayLike | None, inputs: Mapping[str, Signal], noise: Any, dt: float
+) -> FloatArray:
+    """Find the times of the samples: as asked, or as long as the signals are.
+
+    Parameters
+    ----------
+    timepts : (N,) array_like or float, optional
+        The times, or the last one, in seconds.
+    inputs : mapping of str to signals
+        What enters by which name.
+    noise : float or (N,) array_like, optional
+        Measurement noise.
+    dt : float
+        Sampling time in seconds.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an input is unknown, lengths differ, or the times are not those of the samples.
+
+    Examples
+    --------
+    >>> sample_times(None, {"R": [1.0, 1.0, 2.0]}, None, 0.5).tolist()
+    [0.0, 0.5, 1.0]
+    """
+    if not isinstance(inputs, Mapping):
+        raise TypeError(
+            f"inputs is a {type(inputs).__name__}; give a mapping, as {{'R': 1.0, 'd': values}}"
+        )
+    unknown = [name for name in inputs if name not in OUTSIDE]
+    if unknown:
+        hint = " (noise is given as noise=)" if "eta" in unknown else ""
+        raise ValueError(f"{unknown[0]!r} is no input; choose from {', '.join(OUTSIDE)}{hint}")
+    if timepts is None:
+        given = dict(inputs) | ({} if noise is None else {"noise": noise})
+        lengths = {name: np.shape(signal)[0] for name, signal in given.items()
+                   if not callable(signal) and np.ndim(signal) == 1}  # fmt: skip
+        if not lengths:
+            raise ValueError(
+                "no input says how many samples there are: give one as an array, or timepts"
+            )
+        if len(set(lengths.values())) > 1:
+            said = ", ".join(f"{name} has {count}" for name, count in lengths.items())
+            raise ValueError(f"the signals differ in length: {said} samples; make them equal")
+        count = next(iter(lengths.values()))
+        if not count:
+            raise ValueError("the signals are empty; give one value for each sample")
+        return np.asarray(np.arange(count) * dt)
+    try:
+        asked = np.asarray(timepts, dtype=float)
+    except (TypeError, ValueError):
+        raise TypeError(
+            f"timepts is {timepts!r:.60}; give the times of the samples in seconds, or the last one"
+        ) from None
+    if asked.ndim == 0:
+        last = float(asked)
+        if not (isfinite(last) and last >= 0):
+            raise ValueError(f"timepts is {last}; the last time is a number of seconds, 0 or more")
+        return np.asarray(np.arange(int(np.floor(last / dt + 1e-9)) + 1) * dt)
+    expected = np.arange(asked.size) * dt
+    if asked.ndim != 1 or not asked.size:
+        raise ValueError(f"timepts has the shape {asked.shape}; give the times of the samples")
+    off = ~(np.abs(asked - expected) <= 1e-6 * dt)
+    if off.any():
+        k = int(np.argmax(off))
+        raise ValueError(
+            f"timepts[{k}] is {asked[k]:.6g} s, and sample {k} is at {expected[k]:.6g} s: the loop "
+            f"is sampled every {dt:.6g} s from 0 on; resample the signals, or sample the loop "
+            "with their dt"
+        )
+    return expected
+
+
+def outside(
+    inputs: Mapping[str, Signal],
+    noise: float | ArrayLike | None,
+    time: FloatArray,
+    seed: int | np.random.Generator,
+) -> FloatArray:
+    """Gather all that comes from outside.
+
+    Parameters
+    ----------
+    inputs : mapping of str to signals
+        R, d and delta; what is left out is 0.
+    noise : float or (N,) array_like, optional
+        Measurement noise, or its standard deviation.
+    time : (N,) array of float
+        Times of the samples.
+    seed : int or numpy.random.Generator
+        Where white noise comes from.
+
+    Returns
+    -------
+    (N, 4) array of float
+        R, d, δ, η.
+    """
+    columns = [_signal(inputs.get(name, 0.0), name, time) for name in OUTSIDE]
+    if noise is None:
+        noise = 0.0
+    if np.ndim(noise) == 0:
+        deviation = finite(noise, "noise", "give its standard deviation, or an array")
+        if deviation < 0:
+            raise ValueError(
+                f"noise is {deviation:g}; as a number it is a standard deviation, 0 or more"
+            )
+        columns.append(deviation * np.random.default_rng(seed).standard_normal(time.size))
+    else:
+        columns.append(_signal(noise, "noise", time))
+    return np.column_stack(columns)
+
+
+def _signal(signal: Signal, name: str, time: FloatArray) -> FloatArray:
+    values = signal(time) if callable(signal) else signal
+    try:
+        found = np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        raise TypeError(
+            f"{name} is {values!r:.60}; give a number, an array with one value for each sample, or "
+            "a function of the times"
+        ) from None
+    if found.ndim == 0:
+        found = np.full(time.size, float(found))
+    if found.shape != time.shape:
+        raise ValueError(
+            f"{name} has the shape {found.shape}, and there are {time.size} samples: give one "
+            "value for each"
+        )
+    bad = ~np.isfinite(found)
+    if bad.any():
+        raise ValueError(
+            f"{name}[{int(np.argmax(bad))}] is {found[bad][0]}; every value must be finite: fill "
+            "the gaps first"
+        )
+    return found
+
+
+def finite(value: Any, name: str, remedy: str) -> float:
+    """Read a finite number, or raise with the remedy.
+
+    Parameters
+    ----------
+    value : object
+        What was given.
+    name, remedy : str
+        What it is called, and what to do.
+    """
+    number = real_number(value, name, remedy)
+    if not isfinite(number):
+        raise ValueError(f"{name} is {number}; {remedy}")
+    return number

@@ -1,0 +1,315 @@
+r"""The process behind its hold in the plane w = (z - 1)/(α (z + 1)), where Tustin's blocks are old.
+
+Tustin's rule puts w for s. In the plane of w every block that is sampled so is what it was, the
+unit circle is the imaginary axis, and of the whole sampled loop only the process has changed::
+
+    z = (1 + αw)/(1 - αw),  α = dt/2             w = jΩ  <=>  z = exp(jω dt),  αΩ = tan(ω dt/2)
+
+    G_w(w) = G_z(z)                              p_B = D_w Nm (Df - Nf) + N_w Dm Nf
+
+G_w is rational, whatever the dead time: each whole sample is a factor (1 - αw)/(1 + αw). So all
+that is known about loops in continuous time holds for sampled ones, with the process G_w: verdicts,
+margins, sets of time constants.
+
+As dt gets short, all poles and zeros of G_z move together to z = 1 and the coefficients of its
+polynomials lose what tells them apart. Here they never exist as floating-point numbers: the
+exponentials, the polynomials of z and their change to w are computed with whole numbers of as many
+digits as it takes for two precisions to give the same floating-point coefficients of w.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction as Exact
+from math import comb, log2
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..diagram import DelayedTransferFunction, Fraction, as_fraction, nonzero
+from .hold import checked_times, in_samples
+
+__all__ = ["MULTIPLIED_OUT", "held_in_w", "process_in_w", "whole_samples_in_w"]
+
+Whole = NDArray[np.object_]
+
+FIRST, LAST = 256, 16384
+"""Binary digits behind the point of the first and of the last attempt."""
+
+MULTIPLIED_OUT = 40
+"""Samples of dead time up to which powers of 1 + v and 1 - v are multiplied out."""
+
+AT_NYQUIST = 1e-12
+"""Distance of a pole from z = -1 at which it lies there."""
+
+AGREEMENT = 4 * float(np.finfo(float).eps)
+
+
+def held_in_w(
+    process: Fraction,
+    dt: float,
+    *,
+    fraction: float = 0.0,
+    alpha: float | None = None,
+    at_once: bool = False,
+) -> Fraction:
+    """Take a process behind its hold to the plane of w.
+
+    Parameters
+    ----------
+    process : Fraction
+        The rational part, proper, in powers of s.
+    dt : float
+        Sampling time in seconds.
+    fraction : float
+        Dead time in samples, below 1.
+    alpha : float, optional
+        α in seconds, by default dt/2; 1 for powers of v = αw.
+    at_once : bool
+        Whether a direct term acts at once, as it does inside the processor, and not only after
+        the next sample, as it does behind it.
+
+    Returns
+    -------
+    Fraction
+        In descending powers of w.
+
+    Raises
+    ------
+    ValueError
+        If an undamped mode of the process is sampled exactly twice in each of its periods.
+    ArithmeticError
+        If the process is too stiff for this sampling time.
+
+    Examples
+    --------
+    A lag behind a hold, (1 - w dt/2)/(1 + w/c) with c = (2/dt) tanh(dt/2):
+
+    >>> import numpy as np
+    >>> num, den = held_in_w(Fraction(np.array([1.0]), np.array([1.0, 1.0])), 0.1)
+    >>> np.roots(num).round(6).tolist(), np.roots(den).round(6).tolist()
+    ([20.0], [-0.999167])
+    """
+    alpha = dt / 2 if alpha is None else alpha
+    given = _Given.of(process, dt, fraction, at_once)
+    bits, last = FIRST, None
+    while bits <= LAST:
+        found = _rounded(given, bits, alpha)
+        if last is not None and _same(found, last):
+            return _nonzero_at_nyquist(found, dt, alpha)
+        bits, last = 2 * bits, found
+    raise ArithmeticError(
+        f"the process has modes so much faster than dt = {dt:g} s that its samples cannot be "
+        "computed: leave out what is much faster than the sampling"
+    )
+
+
+def whole_samples_in_w(samples: int, alpha: float) -> Fraction:
+    """Whole samples of dead time, ((1 - αw)/(1 + αw))^d.
+
+    Parameters
+    ----------
+    samples : int
+        d.
+    alpha : float
+        α in seconds.
+    """
+    powers = np.array([comb(samples, k) * alpha**k for k in range(samples, -1, -1)])
+    return Fraction(powers * (-1.0) ** np.arange(samples, -1, -1), powers)
+
+
+def process_in_w(process: Any, dt: float, computation_delay: float = 0.0) -> Fraction:
+    """Take a whole process, dead time and all, behind its hold to the plane of w, α = dt/2.
+
+    Parameters
+    ----------
+    process : control.TransferFunction, StateSpace, DelayedTransferFunction or (num, den)
+        G, proper, with or without dead time.
+    dt : float
+        Sampling time in seconds.
+    computation_delay : float
+        Time from reading y to writing u, in seconds.
+
+    Returns
+    -------
+    Fraction
+        In descending powers of w.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If dt or the delay cannot be, or both dead times together hold more samples than can be
+        multiplied out.
+
+    Examples
+    --------
+    >>> import control as ct
+    >>> from nrdob import delay
+    >>> num, den = process_in_w(delay(0.25) / ct.tf([1, 1], [1]), 0.1)
+    >>> den.size - 1                              # the lag, two samples and half of one
+    4
+    """
+    dt, computation_delay = checked_times(dt, computation_delay)
+    late = isinstance(process, DelayedTransferFunction)
+    G = nonzero(as_fraction(process.tf if late else process, "process"), "process")
+    delay = (process.delay if late else 0.0) + computation_delay
+    samples, fraction = in_samples(delay, dt)
+    if samples > MULTIPLIED_OUT:
+        raise ValueError(
+            f"the dead time of {delay:g} s holds {samples} samples of dt = {dt:g} s; sets are "
+            f"computed for up to {MULTIPLIED_OUT}: choose a longer dt, or ask without dt, as in "
+            "continuous time"
+        )
+    held, waiting = held_in_w(G, dt, fraction=fraction), whole_samples_in_w(samples, dt / 2)
+    return Fraction(np.convolve(held.num, waiting.num), np.convolve(held.den, waiting.den))
+
+
+@dataclass(frozen=True)
+class _Given:
+    """The process in a unit of time in which its roots are near 1, as exact fractions.
+
+    x' = A x + e1 v with the companion matrix A of the coefficients a, y = c x + direct v.
+    """
+
+    a: list[Exact]
+    c: list[Exact]
+    direct: Exact
+    time: Exact
+    fraction: Exact
+    at_once: bool
+
+    @classmethod
+    def of(cls, process: Fraction, dt: float, fraction: float, at_once: bool) -> _Given:
+        den = [Exact(x) for x in process.den.tolist()]
+        num = [Exact(0)] * (len(den) - process.num.size) + [Exact(x) for x in process.num.tolist()]
+        a, b = [x / den[0] for x in den[1:]], [x / den[0] for x in num]
+        rates = [log2(abs(x)) / k for k, x in enumerate(a, 1) if x]
+        unit = Exact(2) ** -round(max(rates, default=-log2(dt)))
+        c = [(b[k] - b[0] * x) * unit**k for k, x in enumerate(a, 1)]
+        a = [x * unit**k for k, x in enumerate(a, 1)]
+        return cls(a, c, b[0], Exact(dt) / unit, Exact(fraction), at_once)
+
+    @property
+    def remembers(self) -> bool:
+        """Whether the input before the last is felt, too."""
+        return bool(self.fraction or (self.direct and not self.at_once))
+
+
+def _rounded(given: _Given, bits: int, alpha: float) -> Fraction:
+    num, den = _in_z(given, bits)
+    order = len(den) - 1
+    columns = [_bilinear(np.array(p, dtype=object), order) for p in (num, den)]
+    largest = max(abs(x) for x in columns[1])
+    floor = 1 << (bits // 2)
+    scale = [float(alpha) ** k for k in range(order + 1)]
+    found = [
+        np.array([
+            x / largest * scale[k] if abs(x) * floor > max(map(abs, column)) else 0.0
+            for k, x in enumerate(column)
+        ])[::-1]
+        for column in columns
+    ]  # fmt: skip
+    return Fraction(found[0], found[1])
+
+
+def _same(one: Fraction, other: Fraction) -> bool:
+    return all(
+        bool(np.all(np.abs(p - q) <= AGREEMENT * np.abs(q)))
+        for p, q in zip(one, other, strict=True)
+    )
+
+
+def _nonzero_at_nyquist(found: Fraction, dt: float, alpha: float) -> Fraction:
+    in_v = np.abs(found.den) / alpha ** np.arange(found.den.size - 1, -1, -1.0)
+    if in_v[0] <= AT_NYQUIST * in_v.max():
+        raise ValueError(
+            f"an undamped mode of the process turns by half a revolution in dt = {dt:g} s, at the "
+            "Nyquist frequency: choose another dt"
+        )
+    num = np.trim_zeros(found.num, "f")
+    return Fraction(num / found.den[0], found.den / found.den[0])
+
+
+def _in_z(given: _Given, bits: int) -> tuple[list[int], list[int]]:
+    """Numerator and denominator of the held process, descending powers of z, in 2^-bits."""
+    n = len(given.a)
+    late, early = _held(given, 1 - given.fraction, bits), _held(given, given.fraction, bits)
+    # Behind e^(A (1-φ) dt) what is felt in the first φ of a sample goes on.
+    Ad, B0 = _times(late[:n, :n], early[:n, :n], bits), late[:n, n]
+    B1 = _times(late[:n, :n], early[:n, n], bits)
+    order = n + given.remembers
+    A = np.zeros((order, order), dtype=object)
+    A[:n, :n], B, C = Ad, np.zeros(order, dtype=object), np.zeros(order, dtype=object)
+    B[:n], C[:n] = B0, [_fixed(x, bits) for x in given.c]
+    direct = _fixed(given.direct, bits)
+    if given.remembers:
+        A[:n, n], B[n], C[n] = B1, 1 << bits, 0 if given.at_once else direct
+    den = _characteristic(A, bits)
+    markov, state = [], B
+    for _ in range(order):
+        markov.append(int(_times(C, state, bits)))
+        state = _times(A, state, bits)
+    num = [0, *(sum(markov[i] * den[j - i] for i in range(j + 1)) >> bits for j in range(order))]
+    if given.at_once:
+        num = [x + (direct * y >> bits) for x, y in zip(num, den, strict=True)]
+    return num, den
+
+
+def _characteristic(A: Whole, bits: int) -> list[int]:
+    """Coefficients of det(zI - A), descending, by Faddeev and LeVerrier."""
+    order = len(A)
+    coefficients = [1 << bits]
+    identity = np.array([[int(i == j) for j in range(order)] for i in range(order)], dtype=object)
+    M = identity * (1 << bits)
+    for k in range(1, order + 1):
+        AM = _times(A, M, bits)
+        coefficients.append(-int(np.trace(AM)) // k)
+        M = AM + identity * coefficients[-1]
+    return coefficients
+
+
+def _held(given: _Given, share: Exact, bits: int) -> Whole:
+    """Exp of [[A, e1], [0, 0]] over a share of a sample, by Taylor's series and squaring."""
+    n = len(given.a)
+    time = given.time * share
+    halvings = max(0, (time.numerator // time.denominator).bit_length() + 2)
+    step = time / 2**halvings
+    M = np.zeros((n + 1, n + 1), dtype=object)
+    for k in range(n):
+        M[0, k] = _fixed(-given.a[k] * step, bits)
+    for k in range(1, n):
+        M[k, k - 1] = _fixed(step, bits)
+    M[0, n] = _fixed(step, bits)
+    identity = np.array(
+        [[(1 << bits) * (i == j) for j in range(n + 1)] for i in range(n + 1)], dtype=object
+    )
+    total, term, k = identity, identity, 1
+    while np.abs(term).max() > 1:  # what is negative is rounded down to -1, and never to 0
+        term = _times(term, M, bits) // k
+        total, k = total + term, k + 1
+    for _ in range(halvings):
+        total = _times(total, total, bits)
+    return total
+
+
+def _bilinear(p: Whole, order: int) -> list[int]:
+    """Σ p_k (1+v)^(n-k) (1-v)^k, ascending powers of v, of descending coefficients p."""
+    total = np.zeros(order + 1, dtype=object)
+    for k, coefficient in enumerate(p):
+        plus = [comb(order - k, i) for i in range(order - k + 1)]
+        minus = [comb(k, i) * (-1) ** i for i in range(k + 1)]
+        product = [
+            sum(plus[i] * minus[j - i] for i in range(len(plus)) if 0 <= j - i <= k)
+            for j in range(order + 1)
+        ]
+        total = total + coefficient * np.array(product, dtype=object)
+    return [int(x) for x in total]
+
+
+def _times(p: Whole, q: Whole, bits: int) -> Any:
+    return (p @ q) >> bits
+
+
+def _fixed(x: Exact, bits: int) -> int:
+    return (x.numerator << bits) // x.denominator

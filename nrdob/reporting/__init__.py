@@ -1,0 +1,19 @@
+"""Reports as pages that stand alone, and the command that writes them."""
+
+from .command import main
+from .expressions import read_block
+from .page import Page, Picture, Section, Table
+from .proposals import Proposal, propose
+from .reports import report
+
+__all__ = [
+    "Page",
+    "Picture",
+    "Proposal",
+    "Section",
+    "Table",
+    "main",
+    "propose",
+    "read_block",
+    "report",
+]

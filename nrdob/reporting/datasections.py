@@ -1,0 +1,149 @@
+"""What can be said of a record and of the process found in it, as sections of a report."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from math import isnan
+
+import numpy as np
+
+from ..measured import Identification, Record
+from ..numerics import number
+from ..plotting import COLOURS, INK, TALL, Figure, axes_for, styled
+from .page import Picture, Section, Table, picture
+from .wording import formula
+
+__all__ = ["data_sections", "record_section"]
+
+MOST_POINTS = 4000
+"""Points of a record that are drawn; more would make the page large."""
+
+
+def data_sections(found: Identification) -> Iterator[tuple[str, Callable[[], Section]]]:
+    """Give each section by its title, to be written one by one.
+
+    Parameters
+    ----------
+    found : Identification
+        The process and the evidence.
+    """
+    yield "What was measured", lambda: record_section(found.record, found)
+    yield "The process behind it", lambda: _process(found)
+    yield "How well is it known?", lambda: _trust(found)
+
+
+def record_section(record: Record, found: Identification | None = None) -> Section:
+    """Show a record, and what a process makes of it.
+
+    Parameters
+    ----------
+    record : Record
+        The record.
+    found : Identification, optional
+        A process found in it.
+    """
+    words = (
+        f"{record.u.size} samples every {number(record.sampling_time, 4)} s; u lies between "
+        f"{number(record.u.min())} and {number(record.u.max())}, y between "
+        f"{number(record.y.min())} and {number(record.y.max())}.",
+    )
+    return Section(
+        "What was measured",
+        words,
+        (),
+        (_drawn(record, found),),
+        tuple(map(_sentence, (found or record).remarks)),
+    )
+
+
+def _process(found: Identification) -> Section:
+    rows = tuple(
+        (name, number(p.value, 4), p.unit, f"{number(p.low, 4)} to {number(p.high, 4)}")
+        for name, p in found.parameters.items()
+    )
+    percent = number(100 * found.confidence)
+    words = (
+        f"G = {formula(found.process)}: {found.structure}, chosen because {found.reason}.",
+        found.residuals.reason,
+    )
+    warnings = (
+        ("The model misses something that the input does: trust its intervals with care.",)
+        if found.residuals.independent is False
+        else ()
+    )
+    head = ("", "value", "unit", f"{percent} % interval")
+    table = Table("What was found, in seconds and the units of the file", head, rows)
+    return Section("The process behind it", words, (table,), (), warnings)
+
+
+def _trust(found: Identification) -> Section:
+    rows = tuple(
+        (
+            each.structure,
+            str(each.parameters),
+            f"{number(each.fit_percent)} %",
+            _percent(each.validation_percent),
+            _percent(each.levelled_percent),
+            number(each.bic),
+        )
+        for each in found.candidates
+    )
+    table = Table(
+        "All structures tried: how much of y each explains (100 % is all)",
+        ("structure", "numbers", "fitted part", "part held out", "… its level fitted", "BIC"),
+        rows,
+    )
+    words = [
+        "The part held out was not used to fit anything; where its own level is fitted, only the "
+        "dynamics are judged. BIC weighs the fit against the number of parameters: 0 is best."
+    ]
+    gap = found.levelled_percent - found.validation_percent
+    if gap > 2:
+        words.append(
+            f"With the level of the held-out part fitted it is {number(found.levelled_percent)} % "
+            f"instead of {number(found.validation_percent)} %: the level has drifted, which is a "
+            "disturbance and not the model's fault."
+        )
+    return Section("How well is it known?", tuple(words), (table,))
+
+
+def _drawn(record: Record, found: Identification | None) -> Picture:
+    every = -(-record.u.size // MOST_POINTS)
+    t, u, y = (each[::every] for each in record)
+    upper, lower = axes_for(None, 2, TALL)
+    with styled():
+        upper.plot(t, y, color=COLOURS["process"], lw=1.0, label="measured")
+        if found is not None:
+            upper.plot(
+                t, found.predicted[::every], "--", color=COLOURS["model"], lw=1.2, label="model"
+            )
+            if found.fitted < record.t.size:
+                for ax in (upper, lower):
+                    ax.axvline(record.t[found.fitted], color=INK, lw=0.9, ls=":")
+                upper.set_title("left of the dotted line fitted, right of it foretold")
+            upper.legend(loc="best")
+        lower.step(t, u, where="post", color=COLOURS["controller"], lw=1.0)
+        upper.set(ylabel="output y")
+        lower.set(ylabel="input u", xlabel="time (s)")
+        for ax in (upper, lower):
+            ax.set_xlim(t[0], t[-1])
+    alt = (
+        f"Record of {record.u.size} samples over {number(float(np.ptp(record.t)))} s: y between "
+        f"{number(record.y.min())} and {number(record.y.max())}, u between "
+        f"{number(record.u.min())} and {number(record.u.max())}"
+    )
+    if found is not None:
+        alt += f"; the model explains {number(found.fit_percent)} % of the fitted part"
+        if not isnan(found.validation_percent):
+            alt += f" and {number(found.validation_percent)} % of the part held out"
+    figure = Figure(upper.lines, np.array([[upper], [lower]]), alt)
+    caption = "What was measured" + (" and what the process found makes of u." if found else ".")
+    return picture(figure, 20, caption)
+
+
+def _sentence(text: str) -> str:
+    return f"{text[0].upper()}{text[1:]}."
+
+
+def _percent(value: float) -> str:
+    return "–" if isnan(value) else f"{number(value)} %"

@@ -1,0 +1,355 @@
+"""What can be said of a loop: one function for each section of a report."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from math import inf, isfinite, isnan, log10
+from typing import Any
+
+import numpy as np
+
+from ..analysis import Margins
+from ..design import (
+    StabilityChart,
+    admissible_time_constants,
+    stability_chart,
+    stabilizing_time_constants,
+)
+from ..diagram import LowPassFilter, as_fraction
+from ..digital import largest_sampling_time
+from ..loop import NRDOB
+from ..numerics import number, written
+from ..plotting import COLOURS, chart_plot, nyquist_plot
+from .page import Picture, Section, Table, picture
+from .wording import character, formula, intervals, roots_listed
+
+__all__ = ["Given", "sections_of"]
+
+SMALL_GAIN_DB, SMALL_PHASE, LARGE_MS = 6.0, 30.0, 2.0
+"""Margins below, and sensitivity above, which a loop is called near its limit."""
+
+SPANS = (30.0, 10.0, 3.0)
+"""How far a chart reaches below and above λ; less far where a dead time asks for too much."""
+
+FINE = 10.0
+"""By how much a loop is sampled faster than it must be, where no sampling time is given."""
+
+
+@dataclass(frozen=True)
+class Given:
+    """A loop and what belongs to it.
+
+    Attributes
+    ----------
+    loop : NRDOB
+        The loop.
+    sampling_time : float or None
+        At which the process was measured, in seconds.
+    """
+
+    loop: NRDOB
+    sampling_time: float | None = None
+
+
+def sections_of(given: Given) -> Iterator[tuple[str, Callable[[], Section]]]:
+    """Give each section by its title, to be written one by one.
+
+    Parameters
+    ----------
+    given : Given
+        The loop.
+    """
+    parts: tuple[tuple[str, Callable[[Given, str], Section]], ...] = (
+        ("The loop", _blocks),
+        ("Is it stable?", _verdict),
+        ("How nearly not?", _margins),
+        ("Which filters would do?", _filters),
+        ("Stability around this filter", _chart),
+        ("What it does", _responses),
+        ("On a processor", _sampled),
+    )
+    for title, write in parts:
+        yield title, partial(write, given, title)
+
+
+def _blocks(given: Given, title: str) -> Section:
+    named = (
+        ("process G", given.loop.process),
+        ("model G̃", given.loop.model),
+        ("controller C", given.loop.controller),
+        ("filter F", given.loop.filter),
+    )
+    rows = []
+    for name, block in named:
+        num, den = as_fraction(_undelayed(block), name, proper=False)
+        rows.append((name, formula(block), _roots(den), _roots(num)))
+    head = ("block", "formula", "poles", "zeros")
+    table = Table("The blocks, with poles and zeros in rad/s", head, tuple(rows))
+    words = (
+        "The model and its inverse tell from u and y what disturbs the plant; the filter takes "
+        "that off the input. All the feedback from y to u is K = F/((1 − F) G̃), and the "
+        "controller C acts on the reference through the model.",
+        "What kind of process is it? " + " ".join(character(given.loop.process)),
+    )
+    return Section(title, words, (table,))
+
+
+def _verdict(given: Given, title: str) -> Section:
+    found = given.loop.stability()
+    rows = tuple(
+        (
+            part.name,
+            _count(part.encirclements),
+            _count(part.open_loop_rhp),
+            _count(part.closed_loop_rhp),
+            "none" if isnan(part.rightmost.real) else written(part.rightmost, number, pair=True),
+            roots_listed(part.roots),
+        )
+        for part in (found.model_loop, found.observer_loop)
+    )
+    table = Table(
+        "Z = N + P: turns around −1, poles on the right before, roots on the right after closing "
+        "the loop, in rad/s; (i) is the controller with the model, with the roots of p_A, (ii) the "
+        "observer with the plant, with those of p_B",
+        ("condition", "N", "P", "Z", "rightmost root", "roots, rightmost first"),
+        rows,
+    )
+    says = {
+        True: "The loop is stable: both conditions hold, each found in two independent ways.",
+        False: "The loop is NOT stable.",
+        None: "Whether the loop is stable could not be decided.",
+    }[found.stable]
+    warnings = () if found.stable else (f"{says} {found.reason}",)
+    caption = "All the feedback around the plant, L = K·G; the red cross is −1."
+    drawn = picture(nyquist_plot(given.loop.L), 1, caption)
+    return Section(title, (says, f"{found.reason}."), (table,), (drawn,), warnings)
+
+
+def _margins(given: Given, title: str) -> Section:
+    found = given.loop.margins()
+    if not found.stable:
+        return Section(title, ("A loop that is not stable has no margins.",))
+    rows = tuple(
+        {
+            each.name: (
+                what,
+                _gain(each.gm_high),
+                _gain(each.gm_low),
+                f"{number(each.pm)}°" if isfinite(each.pm) else "any",
+                number(each.ms),
+                f"{number(each.delay_margin)} s" if isfinite(each.delay_margin) else "any",
+            )
+            for what, each in (
+                ("C·G̃, the reference's loop", found.model_loop),
+                ("F·H, the observer's condition", found.observer_loop),
+                ("L, what the plant feels", found.plant_loop),
+            )
+        }.values()
+    )
+    table = Table(
+        "How much gain, phase and dead time the loops bear",
+        ("loop", "gain may rise by", "gain may fall by", "phase", "peak Ms", "more dead time"),
+        rows,
+    )
+    warnings = tuple(_warnings(found.plant_loop, given))
+    if found.model_loop.ms > 1.0005 * LARGE_MS:
+        warnings += (
+            "The controller leaves its own loop with the model a sensitivity peak of "
+            f"{number(found.model_loop.ms)}: the reference will make it swing.",
+        )
+    words = (
+        "What a change of the plant uses up are the margins of L.",
+        warnings[0] if warnings else "None of them is small.",
+    )
+    return Section(title, words, (table,), (), warnings)
+
+
+def _warnings(found: Margins, given: Given) -> Iterator[str]:
+    """Say what brings the loop near its limit, in plain words."""
+    for factor, way in ((found.gm_high, "rises"), (found.gm_low, "falls")):
+        decibels = abs(20 * log10(factor)) if 0 < factor < inf else inf
+        if decibels < SMALL_GAIN_DB:
+            yield (
+                f"Only {number(decibels, 2)} dB from instability if the gain of the plant {way}: "
+                f"times {number(factor)} is too {'much' if way == 'rises' else 'little'}."
+            )
+    if found.pm < SMALL_PHASE:
+        yield f"Only {number(found.pm, 2)}° of phase margin at {number(found.wgc)} rad/s."
+    if found.ms > 1.0005 * LARGE_MS:
+        yield (
+            f"Disturbances near {number(found.wms)} rad/s are made {number(found.ms, 2)} times as "
+            "large as without control."
+        )
+    least = max(given.sampling_time or 0.0, 0.1 * given.loop.delay)
+    if found.delay_margin < least:
+        yield (
+            f"Another {number(found.delay_margin, 2)} s of dead time and the loop is lost, less "
+            "than " + ("one sample." if given.sampling_time else "a tenth of the dead time.")
+        )
+
+
+def _filters(given: Given, title: str) -> Section:
+    filter = given.loop.filter
+    if not isinstance(filter, LowPassFilter):
+        return Section(
+            title,
+            ("The filter is not of the form 1/(λs + 1)^n, so there is no set of λ to look for.",),
+        )
+    rows = []
+    warnings: list[str] = []
+    for order in (filter.order, filter.order + 1):
+        found = stabilizing_time_constants(given.loop.process, given.loop.model, order)
+        calm = (
+            admissible_time_constants(given.loop.process, given.loop.model, order, max_ms=LARGE_MS)
+            if found
+            else []
+        )
+        rows.append((f"n = {order}", intervals(found), intervals(calm)))
+        if order == filter.order and not found:
+            warnings.append(f"No λ stabilises the observer with this model and n = {order}.")
+    table = Table(
+        "All time constants λ of the filter 1/(λs + 1)^n",
+        ("order", "stable", f"peak of the sensitivity at most {LARGE_MS:g}"),
+        tuple(rows),
+    )
+    words = (
+        f"The filter here has λ = {number(filter.time_constant, 4)} s and n = {filter.order}.",
+    )
+    return Section(title, words, (table,), (), tuple(warnings))
+
+
+def _chart(given: Given, title: str) -> Section:
+    filter = given.loop.filter
+    if not isinstance(filter, LowPassFilter):
+        return Section(title, ("A chart over λ needs a filter of the form 1/(λs + 1)^n.",))
+    here = filter.time_constant
+    figure = chart_plot(_charted(given.loop, filter))
+    figure.axes[0, 0].plot(1.0, here, "+", color=COLOURS["critical"], ms=11, mew=2.2, zorder=6)
+    caption = (
+        "Number of unstable roots when the gain of the plant is not what it was, and for other "
+        "filters; the red cross is this loop."
+    )
+    return Section(title, (), (), (picture(figure, 2, caption),))
+
+
+def _charted(loop: NRDOB, filter: LowPassFilter) -> StabilityChart:
+    *wide, narrow = SPANS
+    for span in wide:
+        try:
+            return _chart_within(loop, filter, span)
+        except ValueError:
+            continue
+    return _chart_within(loop, filter, narrow)
+
+
+def _chart_within(loop: NRDOB, filter: LowPassFilter, span: float) -> StabilityChart:
+    low, high = filter.time_constant / span, filter.time_constant * span
+    axes: dict[str, Any] = {"x": ("gain", 0.2, 5.0), "y": ("time_constant", low, high)}
+    return stability_chart(loop.process, loop.model, filter.order, **axes)
+
+
+def _responses(given: Given, title: str) -> Section:
+    if not given.loop.stability().stable:
+        return Section(title, ("Responses are drawn of stable loops only.",))
+    drawn: list[Picture] = []
+    for k, (signal, caption) in enumerate(
+        (("y", "Output y after unit steps."), ("u", "Control signal u after unit steps."))
+    ):
+        drawn.append(picture(given.loop.plot_step(signal), 3 + k, caption))
+    words = []
+    peak = given.loop.step_response("R").outputs
+    words.append(
+        f"After a step of the reference y rises to {number(float(peak[0, 0].max()))} at most, and "
+        f"u reaches {number(float(np.abs(peak[1, 0]).max()))} per unit."
+    )
+    try:
+        power = given.loop.U_eta.noise_power()
+        words.append(
+            "White noise of unit density on the sensor makes u wander with a standard deviation of "
+            f"{number(float(np.sqrt(power)))}."
+            if isfinite(power)
+            else "White noise on the sensor reaches u without being filtered at high frequency."
+        )
+    except (ValueError, ArithmeticError) as error:
+        words.append(f"What noise does to u: {error}.")
+    return Section(title, tuple(words), (), tuple(drawn))
+
+
+def _sampled(given: Given, title: str) -> Section:
+    if not given.loop.stability().stable:
+        return Section(title, ("A loop that is not stable is not worth sampling.",))
+    words = []
+    longest = inf
+    try:
+        longest = largest_sampling_time(given.loop)
+        words.append(
+            f"Sampled by Tustin's rule, the loop is lost at dt = {number(longest, 4)} s; it is "
+            "stable for every shorter sampling time."
+            if longest < inf
+            else "Sampled by Tustin's rule, the loop is stable at every sampling time looked at."
+        )
+    except (ValueError, ArithmeticError, NotImplementedError) as error:
+        words.append(f"The largest sampling time cannot be told: {error}.")
+    dt = given.sampling_time or _sampling_time(given.loop, longest)
+    sampled = given.loop.sampled(dt)
+    verdict = sampled.stability()
+    says = {True: "stable", False: "NOT stable", None: "not decided"}[verdict.stable]
+    of = "at which the plant was measured" if given.sampling_time else "chosen here"
+    words.append(f"At dt = {number(dt, 4)} s, {of}, the sampled loop is {says}: {verdict.reason}.")
+    warnings = [] if verdict.stable else [f"At dt = {number(dt, 4)} s the sampled loop is {says}."]
+    tables = []
+    if verdict.stable:
+        try:
+            table, after = _compared(given.loop.margins().plant_loop, sampled.margins(), dt)
+        except (ValueError, ArithmeticError) as error:
+            words.append(f"What sampling takes from the margins cannot be told: {error}.")
+        else:
+            tables.append(table)
+            warnings += after
+    return Section(title, tuple(words), tuple(tables), (), tuple(warnings))
+
+
+def _compared(before: Margins, after: Margins, dt: float) -> tuple[Table, list[str]]:
+    """Set margins before and after sampling side by side."""
+    rows = tuple(
+        (what, _gain(each.gm_high), _gain(each.gm_low), f"{number(each.pm)}°", number(each.ms))
+        for what, each in (("continuous", before), (f"dt = {number(dt, 4)} s", after))
+    )
+    head = ("loop L", "gain may rise by", "gain may fall by", "phase", "peak Ms")
+    warnings = []
+    if after.ms > 1.2 * max(before.ms, LARGE_MS):
+        warnings.append(
+            f"Sampled at {number(dt, 4)} s the peak of the sensitivity is {number(after.ms)} "
+            f"instead of {number(before.ms)}: sample faster, or take a larger λ."
+        )
+    return Table("What sampling takes from the margins", head, rows), warnings
+
+
+def _sampling_time(loop: NRDOB, longest: float) -> float:
+    """Choose a sampling time that is fast enough, in seconds."""
+    times = [longest / FINE]
+    if isinstance(loop.filter, LowPassFilter):
+        times.append(2 * loop.filter.time_constant / FINE)
+    shortest = min(times)
+    return float(f"{shortest:.2g}") if isfinite(shortest) else 0.1
+
+
+def _undelayed(block: Any) -> Any:
+    return getattr(block, "tf", block)
+
+
+def _roots(polynomial: Any) -> str:
+    found = np.roots(polynomial)
+    return roots_listed(found[np.argsort(-found.real)])
+
+
+def _count(value: float | None) -> str:
+    return "?" if value is None else number(value)
+
+
+def _gain(factor: float) -> str:
+    if not 0 < factor < inf:
+        return "any"
+    return f"{number(abs(20 * log10(factor)))} dB"

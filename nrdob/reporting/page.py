@@ -1,0 +1,158 @@
+"""A page that stands alone: sections of words, tables and pictures, written as one HTML file.
+
+All text goes through a template that escapes it; pictures are drawn into the page. It needs no
+network and holds no script, and it says so to the browser that shows it.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from functools import cache
+from io import StringIO
+from typing import Any
+
+__all__ = ["Page", "Picture", "Section", "Table", "picture"]
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows under headings; the first cell of each row names it.
+
+    Attributes
+    ----------
+    caption : str
+        What it shows.
+    head : tuple of str
+        Headings.
+    rows : tuple of tuple of str
+        Cells.
+    """
+
+    caption: str
+    head: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A drawing, and the same in words.
+
+    Attributes
+    ----------
+    svg : str
+        The drawing, as an element of a page.
+    alt : str
+        The facts that it shows.
+    caption : str
+        What stands below it.
+    """
+
+    svg: str
+    alt: str
+    caption: str
+
+
+@dataclass(frozen=True)
+class Section:
+    """A part of the page.
+
+    Attributes
+    ----------
+    title : str
+        Its heading.
+    words : tuple of str
+        Paragraphs.
+    tables, pictures : tuple
+        What is shown.
+    warnings : tuple of str
+        What must not be overlooked; also listed at the top of the page.
+    """
+
+    title: str
+    words: tuple[str, ...] = ()
+    tables: tuple[Table, ...] = ()
+    pictures: tuple[Picture, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Page:
+    """A whole report.
+
+    Attributes
+    ----------
+    title : str
+        Its title.
+    verdict : str
+        The answer, in a sentence.
+    mood : {"good", "bad", "open"}
+        How the verdict is marked, besides its words.
+    sections : tuple of Section
+        The parts.
+    """
+
+    title: str
+    verdict: str
+    mood: str
+    sections: tuple[Section, ...]
+
+    def html(self) -> str:
+        """Write the page."""
+        text: str = _template().render(page=self)
+        return text
+
+
+def picture(figure: Any, number: int, caption: str, alt: str = "") -> Picture:
+    """Turn a figure into a drawing of the page, and close it.
+
+    Parameters
+    ----------
+    figure : nrdob.plotting.Figure
+        What was drawn.
+    number : int
+        Of the picture in the page: names within its drawing must differ from those of others.
+    caption : str
+        What stands below it.
+    alt : str
+        The facts that it shows; by default the figure's own words.
+    """
+    import matplotlib as mpl
+    import matplotlib.pyplot as plt
+
+    from ..plotting import styled
+
+    text = StringIO()
+    with styled(), mpl.rc_context({"svg.fonttype": "path"}):
+        figure.figure.savefig(
+            text, format="svg", transparent=True, metadata={"Date": None, "Creator": None}
+        )
+    plt.close(figure.figure)
+    svg = text.getvalue()
+    svg = svg[svg.index("<svg") :]
+    svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
+    svg = re.sub(r'(\bid="|href="#|url\(#)', rf"\g<1>p{number}-", svg)
+    # The width is the page's; the height follows from the view box.
+    svg = re.sub(r'^<svg ([^>]*?)height="[^"]*"', r"<svg \1", svg, count=1)
+    svg = re.sub(r'^<svg ([^>]*?) width="[^"]*"', r"<svg \1", svg, count=1)
+    return Picture(svg, alt or figure.alt, caption)
+
+
+@cache
+def _template() -> Any:
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader("nrdob.reporting", "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["unbroken"] = _unbroken
+    return environment.get_template("page.html.j2")
+
+
+def _unbroken(text: str) -> str:
+    """Keep a number and its unit in one line."""
+    return re.sub(r"(?<=[\d∞]) (?=(?:s|dB|rad/s|%)(?!\w))", "\N{NO-BREAK SPACE}", text)

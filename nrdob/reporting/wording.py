@@ -1,0 +1,135 @@
+"""Blocks, intervals and kinds of processes in the words of a report."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from math import inf
+from typing import Any
+
+import numpy as np
+
+from ..diagram import LowPassFilter, as_fraction
+from ..numerics import FloatArray, number, written
+
+__all__ = ["character", "formula", "intervals", "listed", "roots_listed"]
+
+MOST_ROOTS = 12
+
+FLAT = 1e-4
+"""Imaginary part, against the size, that three digits do not show: a multiple root, split."""
+
+SUPERSCRIPTS = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def listed(items: Iterable[str]) -> str:
+    """Join words with commas and a last "and"."""
+    *most, last = items
+    return f"{', '.join(most)} and {last}" if most else last
+
+
+def formula(block: Any) -> str:
+    """Write a block as a line: (2 s + 1)/(s² + 3 s + 2) · e^(−0.3 s).
+
+    Examples
+    --------
+    >>> formula(([2.0], [1.0, 3.0, -2.0]))
+    '2/(s² + 3 s − 2)'
+    """
+    if isinstance(block, LowPassFilter):
+        power = str(block.order).translate(SUPERSCRIPTS) if block.order > 1 else ""
+        return f"1/({number(block.time_constant, 4)} s + 1){power}"
+    delay = getattr(block, "delay", 0.0)
+    num, den = as_fraction(getattr(block, "tf", block) if delay else block, "block", proper=False)
+    top, bottom = _polynomial(num), _polynomial(den)
+    text = top if den.size == 1 and den[0] == 1 else f"{_bracketed(top)}/{_bracketed(bottom)}"
+    return f"{text} · e^(−{number(delay, 4)} s)" if delay else text
+
+
+def intervals(found: Iterable[tuple[float, float]]) -> str:
+    """Write intervals of time constants."""
+    said = []
+    for low, high in found:
+        if low == 0 and high == inf:
+            said.append("every λ > 0")
+        elif high == inf:
+            said.append(f"λ > {number(low, 4)} s")
+        else:
+            said.append(f"{number(low, 4)} s < λ < {number(high, 4)} s")
+    return " or ".join(said) or "no λ at all"
+
+
+def roots_listed(roots: Any) -> str:
+    """Write roots, a pair as one, rightmost first."""
+    upper = [complex(root) for root in roots if root.imag >= 0]
+    more = len(upper) - MOST_ROOTS
+    said = [written(_clean(root), number, pair=True) for root in upper[:MOST_ROOTS]]
+    return ", ".join(said) + (f", and {more} more further left" if more > 0 else "") or "none"
+
+
+def character(process: Any) -> list[str]:
+    """Say what makes a process easy or hard, one sentence each."""
+    delay = getattr(process, "delay", 0.0)
+    num, den = as_fraction(getattr(process, "tf", process) if delay else process, "process")
+    zeros, poles = np.roots(num), np.roots(den)
+    said = []
+    origin = int(np.sum(np.abs(poles) == 0))
+    if origin:
+        kind = {1: "an integrator", 2: "a double integrator"}.get(origin, f"{origin} integrators")
+        said.append(f"It holds {kind}: a constant input makes the output run away.")
+    unstable = poles[poles.real > 0]
+    if unstable.size:
+        said.append(f"It is unstable: poles at {roots_listed(_sorted(unstable))} rad/s.")
+    damped = [p for p in poles if p.imag > 0 and p.real <= 0 and -p.real < 0.3 * abs(p)]
+    for p in damped[:3]:
+        said.append(
+            f"It resonates at {number(abs(p))} rad/s with a damping ratio of "
+            f"{number(-p.real / abs(p))}."
+        )
+    wrong = zeros[zeros.real > 0]
+    if wrong.size:
+        said.append(
+            f"It answers inversely: zeros on the right at {roots_listed(_sorted(wrong))} "
+            "rad/s, which no causal and stable block can undo."
+        )
+    if num[-1] == 0:
+        said.append("It has a zero at s = 0: at rest the input does not reach the output.")
+    slow = [1 / abs(p) for p in poles if abs(p) > 0 and p.real < 0]
+    if delay:
+        beside = f", {number(delay / max(slow))} times its slowest lag" if slow else ""
+        said.append(f"It has a dead time of {number(delay)} s{beside}.")
+    if den.size == 1 and not delay:
+        said.append("It is a pure gain, with no dynamics at all.")
+    elif num.size == den.size:
+        said.append("It lets the input through at once (as many zeros as poles).")
+    if den.size > 5:
+        said.append(f"It is of order {den.size - 1}.")
+    return said or ["It is stable, without dead time, and its inverse is stable: nothing is hard."]
+
+
+def _sorted(roots: Any) -> Any:
+    return roots[np.argsort(-roots.real)]
+
+
+def _clean(root: complex) -> complex:
+    return complex(root.real, 0.0) if abs(root.imag) <= FLAT * abs(root) else root
+
+
+def _polynomial(coefficients: FloatArray) -> str:
+    degree = coefficients.size - 1
+    text = ""
+    for power, value in zip(range(degree, -1, -1), coefficients.tolist(), strict=True):
+        if value == 0:
+            continue
+        s = {0: "", 1: "s"}.get(power, f"s{str(power).translate(SUPERSCRIPTS)}")
+        size = number(abs(value), 4)
+        term = s if s and size == "1" else f"{size} {s}".strip()
+        if "e" in size and s:
+            term = f"{size}·{s}"
+        text += (
+            (" − " if value < 0 else " + ") + term if text else ("−" if value < 0 else "") + term
+        )
+    return text or "0"
+
+
+def _bracketed(text: str) -> str:
+    return f"({text})" if " " in text else text

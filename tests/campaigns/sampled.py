@@ -1,0 +1,172 @@
+"""Sampled loops against brute force: every block a state space of its own, wired by one matrix.
+
+The blocks are sampled by python-control, the process by scipy with its delay line in full, and the
+diagram is solved as it is drawn; nothing is shared with the package. A third of the models waits.
+
+Run `python -m tests.campaigns.sampled --count 600 --seed 0`.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Any, NamedTuple
+
+import control as ct
+import numpy as np
+from scipy.linalg import block_diag, expm
+
+import nrdob
+
+from .runner import print_tally
+
+CLOSE = 1e-7
+"""Distance from the unit circle at which nobody is asked to decide."""
+
+
+class Case(NamedTuple):
+    """A loop, and how it is sampled."""
+
+    loop: nrdob.NRDOB
+    dt: float
+    computation_delay: float
+    prewarp: float | None
+
+    def sampled(self) -> Any:
+        return self.loop.sampled(
+            self.dt, computation_delay=self.computation_delay, prewarp=self.prewarp
+        )
+
+
+def draw(rng: np.random.Generator) -> Case:
+    loop = nrdob.random_loop(rng, delayed=bool(rng.random() < 0.6))
+    if rng.random() < 0.3:
+        model = nrdob.delay(10 ** rng.uniform(-2, -0.3)) * loop.model
+        loop = nrdob.NRDOB(loop.process, model, loop.controller, loop.filter)
+    elif rng.random() < 0.5:  # near to its model, so that some are stable
+        process = loop.model * rng.uniform(0.6, 1.6)
+        process = nrdob.delay(loop.delay) * process if loop.delay else process
+        loop = nrdob.NRDOB(process, loop.model, loop.controller, loop.filter)
+    if rng.random() < 0.25 and not loop.model_delay:
+        # A model with an integrator, which cancels inside (1 - F) Gm; the process has it, too.
+        integrator = ct.tf([1], [1, 0])
+        model, process = loop.model * integrator, ct.tf(*loop.fractions.G) * integrator
+        F = nrdob.LowPassFilter(loop.filter.time_constant, loop.filter.order + 1)
+        process = nrdob.delay(loop.delay) * process if loop.delay else process
+        loop = nrdob.NRDOB(process, model, loop.controller, F)
+    dt = max(10 ** rng.uniform(-2, 0.3), (loop.delay + loop.model_delay) / 40)
+    late = float(rng.choice([0.0, 1.0, rng.random(), 3 * rng.random()])) * dt
+    prewarp = float(rng.uniform(0.05, 0.9)) * np.pi / dt if rng.random() < 0.2 else None
+    return Case(loop, float(dt), late, prewarp)
+
+
+def brute_force(case: Case) -> np.ndarray:
+    """Poles of the loop from sample to sample, in the plane of z."""
+    G, Gm, C, F = case.loop.fractions
+    dt = case.dt
+
+    def sampled(num: np.ndarray, den: np.ndarray) -> Any:
+        block = ct.ss(ct.tf(num, den))
+        if not block.nstates:
+            return np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), block.D
+        # At a frequency of 0 python-control would divide by it.
+        found = ct.sample_system(block, dt, "tustin", prewarp_frequency=case.prewarp)
+        return found.A, found.B, found.C, found.D
+
+    filter, inverse = sampled(*F), sampled(np.convolve(F.num, Gm.den), np.convolve(F.den, Gm.num))
+    controller = sampled(*C)
+    plant = behind_a_hold(G, case.loop.delay + case.computation_delay, dt)
+    if case.loop.model_delay:
+        # Outputs y, (late u), F u, F y, (F/Gm) y, Gm (u - F u), C e.
+        model, wait = sampled(*Gm), late_mean(case.loop.model_delay / dt)
+        blocks = plant, wait, filter, filter, inverse, model, controller
+        u = np.array([0, 0, 1, 0, -1, 0, 1])
+        y, late, f, g, _, m, _ = np.eye(7)
+        wiring = [u, u, late, y, y, u - f, -(g + m)]
+    else:
+        part, den = np.polysub(F.den, F.num), Gm.den
+        if den[-1] == 0:
+            part, den = part[:-1], den[:-1]
+        rest = sampled(np.convolve(part, Gm.num), np.convolve(F.den, den))
+        blocks = plant, filter, filter, inverse, rest, controller
+        u = np.array([0, 1, 0, -1, 0, 1])
+        y, _, g, _, m, _ = np.eye(6)
+        wiring = [u, u, y, y, u, -(g + m)]
+    A, B, C_, D = (block_diag(*parts) for parts in zip(*blocks, strict=True))
+    W = np.array(wiring)
+    return np.linalg.eigvals(A + B @ W @ np.linalg.solve(np.eye(len(D)) - D @ W, C_))
+
+
+def behind_a_hold(G: Any, delay: float, dt: float) -> Any:
+    """Process and its whole delay line; y is read before u is written."""
+    block = ct.ss(ct.tf(*G))
+    samples = int(delay / dt + 1e-9)
+    part = delay / dt - samples
+    part = part if part > 1e-9 else 0.0
+    n = block.nstates
+
+    def over(share: float) -> tuple[np.ndarray, np.ndarray]:
+        whole = np.zeros((n + 1, n + 1))
+        whole[:n, :n], whole[:n, n:] = block.A, block.B
+        both = expm(whole * share * dt)
+        return both[:n, :n], both[:n, n:]
+
+    (late, young), (early, old) = over(1 - part), over(part)
+    # States: x, and u one to samples + 1 samples ago.
+    size = n + samples + 1
+    A, B, C = np.zeros((size, size)), np.zeros((size, 1)), np.zeros((1, size))
+    A[:n, :n] = late @ early
+    A[:n, n + samples] += (late @ old)[:, 0]
+    if samples:
+        A[:n, n + samples - 1] += young[:, 0]
+    else:
+        B[:n] = young
+    B[n] = 1.0
+    A[n + 1 :, n:-1] += np.eye(samples)
+    C[0, :n], C[0, n + samples] = block.C[0], block.D[0, 0]
+    return A, B, C, np.zeros((1, 1))
+
+
+def late_mean(samples: float) -> Any:
+    """(1 - φ) z^-m + φ z^-(m+1) as a delay line."""
+    whole = int(samples + 1e-9)
+    part = max(samples - whole, 0.0) if samples - whole > 1e-9 else 0.0
+    C, D = np.zeros((1, whole + 1)), np.zeros((1, 1))
+    C[0, whole] = part
+    if whole:
+        C[0, whole - 1] = 1 - part
+    else:
+        D[0, 0] = 1 - part
+    B = np.zeros((whole + 1, 1))
+    B[0] = 1.0
+    return np.eye(whole + 1, k=-1), B, C, D
+
+
+def outcome(case: Case) -> str:
+    size = np.abs(brute_force(case))
+    verdict = case.sampled().stability()
+    if np.any(np.abs(size - 1) < CLOSE):
+        return "beside the circle"
+    if verdict.stable is None:
+        return f"undecided: {verdict.reason}"
+    if verdict.stable != bool((size < 1).all()):
+        return "WRONG verdict"
+    counts = verdict.model_loop.closed_loop_outside, verdict.observer_loop.closed_loop_outside
+    if None not in counts and sum(counts) != np.sum(size > 1):
+        return "WRONG count"
+    return "stable, as by brute force" if verdict.stable else "not stable, as by brute force"
+
+
+def campaign(count: int, seed: int) -> dict[str, int]:
+    rng = np.random.default_rng(seed)
+    tally: Counter[str] = Counter()
+    for _ in range(count):
+        case = draw(rng)
+        try:
+            tally[outcome(case)] += 1
+        except ValueError as refusal:
+            tally[f"refused: {refusal}"] += 1
+    return tally
+
+
+if __name__ == "__main__":
+    print_tally(campaign, __doc__ or "", 600)
