@@ -198,7 +198,7 @@ class Comparison:
         return "\n".join(lines)
 
     def _repr_html_(self) -> str:
-        padded = "padding: 0.2em 0.7em"
+        padded = "padding: 0.2em 0.5em"
         style = f'style="{padded}; text-align: right; white-space: nowrap"'
         head, *body = self._cells
         rows = ["<tr>" + "".join(f"<th {style}>{escape(c)}</th>" for c in head) + "</tr>"]
