@@ -40,9 +40,6 @@ MARGINS = (60.0, 30.0, 10.0)
 CALM = 2.0
 """Largest sensitivity peak of the controller with the model that is not called swinging."""
 
-CALMER = (1.0, 0.5, 0.2, 0.1, 0.03, 0.01)
-"""Factors by which a controller is made slower where its loop swings."""
-
 INSIDE = 0.5
 """Of the longest time constant that will do, the longest that is taken."""
 
@@ -269,27 +266,32 @@ def _by_noise(process: Any, model: Any, order: int, max_ms: float) -> tuple[LowP
 
 
 def _controller(model: Any, filter: Any) -> tuple[ct.TransferFunction | None, str]:
-    """Design a PI by its phase margin, or by the observer's bandwidth; calm it where it swings."""
+    """Design a PI by its phase margin, or by the observer's bandwidth, whose loop is calm.
+
+    Where none of them is, the calmest.
+    """
     undelayed = getattr(model, "tf", model)
     tried: list[tuple[float, ct.TransferFunction, str]] = []
-    for bandwidth, margin in _asked_of_controllers(filter, undelayed):
-        try:
-            found = design_controller(undelayed, bandwidth=bandwidth, phase_margin=margin)
-        except ValueError:
-            continue
-        how = (
-            f"the PI of largest integral gain with a phase margin of {margin:g}° on the model"
-            if bandwidth is None
-            else f"designed for a crossover at {number(bandwidth)} rad/s, near the bandwidth of "
-            f"the observer, with a phase margin of {margin:g}° on the model"
-        )
-        for share in CALMER:
-            said = "" if share == 1 else f"; times {share:g}, because it would swing too much"
-            loop = NRDOB(undelayed, undelayed, share * found, filter).margins().model_loop
-            if loop.stable:
-                tried.append((loop.ms, share * found, f"Controller: {how}{said}."))
-                if loop.ms <= CALM:
-                    return tried[-1][1:]
+    for limit in (CALM, None):
+        for bandwidth, margin in _asked_of_controllers(filter, undelayed):
+            try:
+                found = design_controller(
+                    undelayed, bandwidth=bandwidth, phase_margin=margin, max_ms=limit
+                )
+            except ValueError:
+                continue
+            how = (
+                f"the PI of largest integral gain with a phase margin of {margin:g}° on the model"
+                if bandwidth is None
+                else f"designed for a crossover at {number(bandwidth)} rad/s, near the bandwidth "
+                f"of the observer, with a phase margin of {margin:g}° on the model"
+            )
+            ms = NRDOB(undelayed, undelayed, found, filter).margins().model_loop.ms
+            lowered = limit is not None and bandwidth is None and ms > (1 - 1e-3) * limit
+            calmed = f"; its gain is lowered until the sensitivity peaks at {CALM:g}"
+            tried.append((ms, found, f"Controller: {how}{calmed if lowered else ''}."))
+            if limit is not None:
+                return tried[0][1:]
     if tried:
         return min(tried, key=lambda each: each[0])[1:]
     return None, "Controller: none of I, PI and PID was found that stabilises this model."
@@ -348,14 +350,14 @@ def _matched(
         base = 1 / max(
             (abs(r) for part in fraction for r in np.roots(part) if abs(r) > 0), default=1.0
         )
+        chosen = controller
         for share in SHORTER:
             try:
                 filter = interpolating_filter(undelayed, share * base)
-                chosen = controller
-                if chosen is None:
+                if chosen is None:  # it does not depend on λ
                     chosen, _ = _controller(undelayed, filter)
                 if chosen is None:
-                    continue
+                    break
                 loop = NRDOB(process, undelayed, chosen, filter)
                 margins = loop.margins()
             except (ValueError, ArithmeticError):
