@@ -274,6 +274,10 @@ def _best_of_run(
         at = float(np.exp(exponent))
         return _design(model, at, _missing(model, at, turn, sign), sign)
 
+    def integral_gain(exponent: float) -> float:
+        at = np.exp(exponent)
+        return float(_integral_gain(model, at, _missing_phase(model, at, turn, sign)))
+
     def keeps(tried: _Design) -> bool:
         return bool(tried.found.stable and tried.found.pm >= abs(turn) * (1 - 1e-6))
 
@@ -292,7 +296,7 @@ def _best_of_run(
             middle = (good + beyond) / 2
             good, beyond = (middle, beyond) if keeps(design(middle)) else (good, middle)
         ends.append(good)
-    top = minimize_scalar(lambda x: -design(x).integral_gain, bounds=ends, method="bounded")
+    top = minimize_scalar(lambda x: -integral_gain(x), bounds=ends, method="bounded")
     tried = [design(x) for x in (inside, *ends, float(top.x))]
     return [each for each in tried if keeps(each)]
 
