@@ -19,7 +19,13 @@ from ..design import (
     stable_model_exists,
     suggest_model,
 )
-from ..diagram import DelayedTransferFunction, LowPassFilter, as_fraction, interpolating_filter
+from ..diagram import (
+    DelayedTransferFunction,
+    FilterFamily,
+    LowPassFilter,
+    as_fraction,
+    interpolating_filter,
+)
 from ..loop import NRDOB
 from ..numerics import ComplexArray, number
 
@@ -114,21 +120,20 @@ def propose(
         best = candidates[0]
         if not best.time_constants:
             return _matched(process, controller, max_ms, candidates)
-        model, order = best.model, order or best.order
+        model, family = best.model, order or best.filters
         words.append(f"Model: {_why(best.how)}. {_rank(candidates, max_ms)}")
     else:
         words.append("Model: as given.")
-    if order is None:
         lowest = as_fraction(getattr(model, "tf", model), "model").relative_degree
-        order = max(1, lowest)
+        family = order or max(1, lowest)
     if time_constant is None:
-        filter, said, warned = _filter(process, model, order, max_ms)
+        filter, said, warned = _filter(process, model, family, max_ms)
         words.append(said)
         warnings += warned
         if filter is None:
             return Proposal(None, tuple(words), candidates, tuple(warnings))
     else:
-        filter = LowPassFilter(time_constant, order)
+        filter = _at(family, time_constant)
         words.append("Filter: as given.")
     if controller is None:
         controller, said = _controller(model, filter)
@@ -190,15 +195,16 @@ def _why(how: str) -> str:
 
 
 def _filter(
-    process: Any, model: Any, order: int, max_ms: float
-) -> tuple[LowPassFilter | None, str, list[str]]:
+    process: Any, model: Any, family: int | FilterFamily, max_ms: float
+) -> tuple[LowPassFilter | ct.TransferFunction | None, str, list[str]]:
     """Choose the fastest filter that keeps the peak; where all do, what the noise allows."""
+    of_order = _named(family)
     try:
-        found = design_filter(process, model, order=order, max_ms=max_ms)
+        found = design_filter(process, model, order=family, max_ms=max_ms)
         return (
-            _low_pass(found),
+            found,
             (
-                f"Filter: the fastest of order {order} whose plant loop has a sensitivity peak of "
+                f"Filter: the fastest {of_order} whose plant loop has a sensitivity peak of "
                 f"at most {max_ms:g}."
             ),
             [],
@@ -206,16 +212,16 @@ def _filter(
     except ValueError as error:
         reason = str(error)
     if "however fast" in reason:
-        return *_by_noise(process, model, order, max_ms), []
+        return *_by_noise(process, model, family, max_ms), []
     for limit in RELAXED:
         try:
-            found = design_filter(process, model, order=order, max_ms=max_ms * limit)
+            found = design_filter(process, model, order=family, max_ms=max_ms * limit)
         except ValueError:
             continue
         return (
-            _low_pass(found),
+            found,
             (
-                f"Filter: none of order {order} keeps the sensitivity peak below {max_ms:g}; this "
+                f"Filter: none {of_order} keeps the sensitivity peak below {max_ms:g}; this "
                 f"is the fastest below {max_ms * limit:g}."
             ),
             [f"No filter with this model meets a sensitivity peak of {max_ms:g}: it is touchy."],
@@ -223,26 +229,37 @@ def _filter(
     return (
         None,
         f"Filter: {reason}.",
-        [f"No filter of order {order} gives a loop that could be used with this model: {reason}."],
+        [f"No filter {of_order} gives a loop that could be used with this model: {reason}."],
     )
 
 
-def _low_pass(found: Any) -> LowPassFilter:
-    assert isinstance(found, LowPassFilter)  # an order was asked for, not a family
-    return found
+def _named(family: int | FilterFamily) -> str:
+    if isinstance(family, FilterFamily):
+        return f"of the {family.kind} filters of order {family.order}"
+    return f"of order {family}"
 
 
-def _by_noise(process: Any, model: Any, order: int, max_ms: float) -> tuple[LowPassFilter, str]:
+def _at(family: int | FilterFamily, time_constant: float) -> LowPassFilter | ct.TransferFunction:
+    if isinstance(family, FilterFamily):
+        return family.at(time_constant)
+    return LowPassFilter(time_constant, family)
+
+
+def _by_noise(
+    process: Any, model: Any, family: int | FilterFamily, max_ms: float
+) -> tuple[LowPassFilter | ct.TransferFunction, str]:
     """Choose among filters that may be as fast as one likes: F/model must not amplify too much."""
     slow = slowest_time_constant(process)
-    longest = admissible_time_constants(process, model, order, max_ms=max_ms)[0][1]
+    longest = admissible_time_constants(process, model, family, max_ms=max_ms)[0][1]
     omega = np.geomspace(1e-4, 1e6, 2000) / slow
     Gm = as_fraction(getattr(model, "tf", model), "model")
     inverse = np.abs(np.polyval(Gm.den, 1j * omega) / np.polyval(Gm.num, 1j * omega))
     allowed = NOISE_GAIN * abs(Gm.den[-1] / Gm.num[-1])
 
     def excess(exponent: float) -> float:
-        passed = inverse / np.hypot(1.0, 10**exponent * omega) ** order
+        tried = _at(family, 10**exponent)
+        F = as_fraction(getattr(tried, "tf", tried), "filter")
+        passed = inverse * np.abs(np.polyval(F.num, 1j * omega) / np.polyval(F.den, 1j * omega))
         return float(log10(passed.max() / allowed))
 
     fast, late = log10(slow) - 4, log10(slow) + 4
@@ -261,8 +278,8 @@ def _by_noise(process: Any, model: Any, order: int, max_ms: float) -> tuple[LowP
     if quiet > INSIDE * longest:
         quiet = INSIDE * longest
         said = "and this is a slow one: a faster one would pass even more noise to u."
-    opening = f"every fast one of order {order} keeps the sensitivity peak below {max_ms:g}"
-    return LowPassFilter(float(f"{quiet:.3g}"), order), f"Filter: {opening}, {said}"
+    opening = f"every fast one {_named(family)} keeps the sensitivity peak below {max_ms:g}"
+    return _at(family, float(f"{quiet:.3g}")), f"Filter: {opening}, {said}"
 
 
 def _controller(model: Any, filter: Any) -> tuple[ct.TransferFunction | None, str]:
