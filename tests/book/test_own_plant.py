@@ -110,7 +110,8 @@ def test_a_plant_that_the_chapter_does_not_show_gets_a_loop_that_is_stable(kind:
     assert names["verdict"].stable is True
     assert judged(names["loop"]) == (0, 0)
     assert names["sampled"].stability().stable
-    assert "No answer" not in said, said
+    missing = said.count("No answer") - said.count("No answer: the chart is drawn for filters")
+    assert not missing, said
 
 
 @pytest.mark.slow
@@ -160,9 +161,16 @@ def test_only_the_template_depends_on_the_cell_that_is_edited() -> None:
         }
         if cell.metadata.get("template"):
             assert not any(isinstance(node, ast.Assert) for node in ast.walk(tree)), cell.source
-            top = {t.id for node in tree.body if isinstance(node, ast.Assign) for n in node.targets
-                   for t in ast.walk(n) if isinstance(t, ast.Name)}  # fmt: skip
+            top = {
+                name.id
+                for node in tree.body
+                if isinstance(node, ast.Assign)
+                for target in node.targets
+                for name in ast.walk(target)
+                if isinstance(name, ast.Name)
+            }
             edited |= top - {"EXPECTED"} - helpers
         else:
+            stored |= {node.arg for node in ast.walk(tree) if isinstance(node, ast.arg)}
             taken = (read - stored) & edited
             assert not taken, f"{taken} in a cell that is not of the template: {cell.source}"

@@ -279,7 +279,7 @@ def test_a_controller_that_keeps_the_peak_is_left_as_it_is():
 
 
 def test_with_a_bandwidth_a_peak_above_the_limit_is_refused():
-    with pytest.raises(ValueError, match="sensitivity peaks at .* choose another bandwidth"):
+    with pytest.raises(ValueError, match=r"sensitivity peaks at .* choose another bandwidth"):
         design_controller(ct.tf([1], [1, 0.02, 1]), bandwidth=0.0199, max_ms=2.0)
-    with pytest.raises(ValueError, match="max_ms is 1.0"):
+    with pytest.raises(ValueError, match=r"max_ms is 1\.0"):
         design_controller(ct.tf([1], [1, 1]), max_ms=1.0)
