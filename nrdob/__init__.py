@@ -50,7 +50,16 @@ from .digital import Limits, largest_sampling_time
 from .loop import NRDOB
 from .measured import identify, read_data
 from .sampling import random_loop
-from .uncertain import family, sweep
+from .uncertain import (
+    delay_intervals,
+    design_filter_for,
+    family,
+    fit_weight,
+    gain_intervals,
+    largest_box,
+    small_gain,
+    sweep,
+)
 
 if TYPE_CHECKING:
     from .reporting import report
@@ -83,7 +92,8 @@ __all__ = [  # noqa: RUF022  (by topic: the contents of the package)
     "simc_pi", "simc_pid", "linear_adrc",
     "adrc_stabilizing_bandwidths", "adrc_stabilizing_gains", "adrc_chart",
     # Will it survive the real plant?
-    "family", "sweep",
+    "family", "sweep", "gain_intervals", "delay_intervals", "largest_box",
+    "fit_weight", "small_gain", "design_filter_for",
     # Loops to try things on: the paper's, some with a name, random ones.
     "paper", "plants", "random_loop",
 ]  # fmt: skip

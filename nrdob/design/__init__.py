@@ -23,18 +23,21 @@ from .limits import (
 )
 from .mismatch import Mismatch
 from .models import ModelCandidate, suggest_model
-from .prices import step_peak
+from .prices import peak_gain, step_peak
 from .search import admissible_time_constants, design_filter
+from .slack import UNSTABLE, Specification
 from .timeconstants import (
     CriticalTimeConstant,
     critical_time_constants,
     default_floor,
+    intersection,
     stabilizing_time_constants,
     stable_filters,
 )
 from .youla import ObserverForm, observer_form, stable_model_exists
 
 __all__ = [
+    "UNSTABLE",
     "Answer",
     "Axis",
     "Border",
@@ -43,6 +46,7 @@ __all__ = [
     "ModelCandidate",
     "ObserverForm",
     "Region",
+    "Specification",
     "StabilityChart",
     "admissible_time_constants",
     "closedforms",
@@ -52,9 +56,11 @@ __all__ = [
     "design_filter",
     "disturbance_index",
     "gain_bound",
+    "intersection",
     "largest_for_unstable_pole",
     "noise_index",
     "observer_form",
+    "peak_gain",
     "right_half_plane_parity",
     "sensitivity_floor",
     "smallest_for_delay",

@@ -127,7 +127,13 @@ def noise_on_u(loop: LoopEquations) -> float:
 
 
 def peak_gain(quotient: Quotient) -> float:
-    """Largest size of a stable map on the imaginary axis, its limit at infinity included."""
+    """Largest size of a stable map on the imaginary axis, its limit at infinity included.
+
+    Parameters
+    ----------
+    quotient : Quotient
+        The map.
+    """
     omega = resolved_frequencies(quotient)
     size = np.abs(quotient(1j * omega))
     largest = size.max()

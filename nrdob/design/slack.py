@@ -85,10 +85,16 @@ class Specification:
         return min(near_1, 10 ** (-self.min_gm_db / 20) if self.min_gm_db else 1.0)
 
     def slack(self, found: Margins) -> float:
-        """By how much a loop meets the specification; negative where it does not."""
+        """By how much a loop meets the specification; negative where it does not.
+
+        Parameters
+        ----------
+        found : Margins
+            Of its plant loop.
+        """
         if not found.stable:
             return UNSTABLE
-        slacks = self._slacks(*(np.array([x]) for x in (found.ms, abs(found.gm_db), found.pm)))
+        slacks = self.slacks(*(np.array([x]) for x in (found.ms, abs(found.gm_db), found.pm)))
         return float(slacks[0])
 
     def of_many(self, loops: PlantLoops, time_constants: FloatArray) -> FloatArray:
@@ -106,10 +112,16 @@ class Specification:
         ms = loops.peaks(time_constants, L) if self.max_ms else nothing
         gm = loops.gain_margins(time_constants, L) if self.min_gm_db else nothing
         pm = loops.phase_margins(time_constants, L) if self.min_pm_deg else nothing
-        return self._slacks(ms, gm, pm)
+        return self.slacks(ms, gm, pm)
 
-    def _slacks(self, ms: FloatArray, gm_db: FloatArray, pm: FloatArray) -> FloatArray:
-        """Take the smallest slack of those asked for, within ±10."""
+    def slacks(self, ms: FloatArray, gm_db: FloatArray, pm: FloatArray) -> FloatArray:
+        """Take the smallest slack of those asked for, within ±10.
+
+        Parameters
+        ----------
+        ms, gm_db, pm : (k,) array of float
+            Margins of stable loops; the gain margin as a size in dB.
+        """
         slacks = [np.full(ms.shape, -UNSTABLE)]
         if self.max_ms is not None:
             slacks.append(log(self.max_ms) - np.log(ms))

@@ -261,7 +261,18 @@ def stable_filters(order: int | FilterFamily) -> list[tuple[float, float]]:
 def intersection(
     first: list[tuple[float, float]], second: list[tuple[float, float]]
 ) -> list[tuple[float, float]]:
-    """Intersect two increasing lists of open intervals."""
+    """Intersect two increasing lists of open intervals.
+
+    Parameters
+    ----------
+    first, second : list of (low, high)
+        The intervals.
+
+    Examples
+    --------
+    >>> intersection([(0.0, 2.0), (3.0, 5.0)], [(1.0, 4.0)])
+    [(1.0, 2.0), (3.0, 4.0)]
+    """
     pairs = ((max(a, c), min(b, d)) for a, b in first for c, d in second)
     return [(low, high) for low, high in pairs if low < high]
 

@@ -19,6 +19,7 @@ from .figure import (
     label_of,
     styled,
 )
+from .mapplot import MapAxis, map_plot
 from .nyquistplot import nyquist_plot
 from .plots import bode_plot, roots_plot, step_plot
 
@@ -30,6 +31,7 @@ __all__ = [
     "WIDTH",
     "Explorer",
     "Figure",
+    "MapAxis",
     "Slider",
     "axes_for",
     "bode_plot",
@@ -40,6 +42,7 @@ __all__ = [
     "dress",
     "frequency",
     "label_of",
+    "map_plot",
     "nyquist_plot",
     "roots_plot",
     "spoken",

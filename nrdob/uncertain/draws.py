@@ -248,7 +248,8 @@ def read_fit(given: Any) -> Fit:
     Parameters
     ----------
     given : (dict of str: float, (k, k) array_like)
-        Means by name, and the covariance in the same order.
+        Means by name, numbers or what has them as its `value`, and the covariance in the same
+        order: so are `parameters` and `covariance` of an identified process.
 
     Raises
     ------
@@ -261,7 +262,10 @@ def read_fit(given: Any) -> Fit:
             "same order, fit=({'gain': 1.0, 'lag': 0.1}, [[0.01, 0.0], [0.0, 0.0001]])"
         )
     means, covariance = given
-    mean = np.array(list(means.values()), dtype=float)
+    values = [getattr(value, "value", value) for value in means.values()]
+    if not all(is_number(value) and np.isreal(value) for value in values):
+        raise TypeError(f"fit has the means {means!r}; give real numbers by name")
+    mean = np.array([float(np.real(value)) for value in values])
     matrix = np.array(covariance, dtype=float)
     k = mean.size
     if matrix.shape != (k, k):

@@ -98,7 +98,7 @@ class Family:
                 for name, part in zip(("zero", "pole"), self._parts, strict=True)
             )
             num, den = (np.broadcast_to(part, (part.shape[0], n)) for part in (num, den))
-            delay = np.full(n, self._delay)
+            delay = np.full(n, self.delay)
         if "gain" in drawn:
             num = num * drawn["gain"]
         if "lag" in drawn:
@@ -108,13 +108,14 @@ class Family:
         return Plants(num, den, delay), problems
 
     @property
-    def _delay(self) -> float:
+    def delay(self) -> float:
+        """Dead time of the nominal plant, in seconds."""
         return self.process.delay if isinstance(self.process, DelayedTransferFunction) else 0.0
 
     @cached_property
     def _parts(self) -> tuple[Moving, Moving]:
         """Numerator and denominator of the nominal plant, with roots only if these move."""
-        rational = self.process.tf if self._delay else self.process
+        rational = self.process.tf if self.delay else self.process
         num, den = as_fraction(rational, "process")
         return tuple(  # type: ignore[return-value]
             moving(p) if f"{name} 1" in self.names else Moving(p, np.empty(0, dtype=complex))
@@ -181,7 +182,8 @@ def family(
         a module. Gain, delay and lag come on top.
     fit : (dict of str: float, (k, k) array_like)
         Means by name, and the covariance in the same order, of parameters that were identified
-        together; they are drawn from the normal distribution.
+        together; they are drawn from the normal distribution. A gain named here is a factor of the
+        process, as `gain` is; for parameters of other meaning give the function `parameters`.
     grid : int or dict of str: int
         Points on every interval, or on each by name: all their combinations in place of samples.
     samples : int

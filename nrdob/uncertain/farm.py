@@ -12,7 +12,14 @@ import os
 import sys
 import zipfile
 from collections.abc import Callable
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    Future,
+    wait,
+)
 from pathlib import Path
 from typing import Any
 
@@ -187,37 +194,39 @@ def _send(
 ) -> None:
     """Send blocks out and bring them home; the first answer to a block counts."""
     waiting, tries = todo[::-1], dict.fromkeys(todo, 0)
-    open_blocks = set(todo)
+    missing, sent = set(todo), set[int]()
     out: dict[Future[Columns], int] = {}
     try:
-        while open_blocks:
-            while waiting and len(out) < OUT:
+        while missing:
+            while waiting and len(sent) < OUT:
                 block = waiting.pop()
-                if block in open_blocks:
+                if block in missing:
                     tries[block] += 1
+                    sent.add(block)
                     out[_submit(executor, work, block)] = block
             ready, _ = wait(out, timeout, FIRST_COMPLETED)
-            if not ready:
-                waiting += _lost(out, tries, timeout)
+            failed: list[tuple[int, BaseException]] = []
             for future in ready:
                 block = out.pop(future)
-                if block not in open_blocks:
+                if block not in missing:
                     continue
-                try:
-                    columns = future.result()
-                except BrokenExecutor as error:
+                if (error := _error(future)) is not None:
+                    failed.append((block, error))
+                    continue
+                missing.discard(block)
+                sent.discard(block)
+                finish(block, future.result())
+            if not ready:  # what is late may still come: the first answer counts
+                _give_up_if([block for block in sent if tries[block] >= TRIES], timeout)
+                waiting += sorted(sent, reverse=True)
+                sent.clear()
+            for block, error in failed:
+                if isinstance(error, BrokenExecutor):
                     raise SweepStopped(_broken(error)) from error
-                except Exception as error:  # a lost worker has many names
-                    if tries[block] >= TRIES:
-                        raise SweepStopped(
-                            f"block {block} failed {TRIES} times, at last with "
-                            f"{type(error).__name__}: {error}; what was finished is in the table "
-                            "of this error"
-                        ) from error
+                if block not in out.values():
+                    _give_up_on(block, error, tries[block])
+                    sent.discard(block)
                     waiting.append(block)
-                    continue
-                open_blocks.discard(block)
-                finish(block, columns)
     finally:
         for future in out:
             future.cancel()
@@ -226,23 +235,34 @@ def _send(
 def _submit(executor: Executor, work: Callable[[int], Columns], block: int) -> Future[Columns]:
     try:
         return executor.submit(work, block)
-    except (BrokenExecutor, RuntimeError) as error:
+    except RuntimeError as error:  # broken, or shut down
         raise SweepStopped(_broken(error)) from error
 
 
-def _lost(out: dict[Future[Columns], int], tries: dict[int, int], timeout: float) -> list[int]:
-    """Give up what is out, and say what is to be sent again."""
-    blocks = sorted(set(out.values()))
-    for future in out:
-        future.cancel()
-    out.clear()
-    if any(tries[block] >= TRIES for block in blocks):
+def _error(future: Future[Columns]) -> BaseException | None:
+    try:
+        return future.exception()
+    except CancelledError as error:  # by a cluster that lost it
+        return error
+
+
+def _give_up_if(tired: list[int], timeout: float) -> None:
+    """Stop where the executor has been silent too often."""
+    if tired:
         raise SweepStopped(
             f"the executor has not answered for {timeout:g} s, {TRIES} times; what was finished is "
             "in the table of this error: look after the workers, give a longer timeout, and sweep "
             "again with keep=folder to go on where this one stops"
         )
-    return blocks[::-1]
+
+
+def _give_up_on(block: int, error: BaseException, tries: int) -> None:
+    """Stop where a block has failed too often; a lost worker has many names."""
+    if tries >= TRIES:
+        raise SweepStopped(
+            f"block {block} failed {TRIES} times, at last with {type(error).__name__}: {error}; "
+            "what was finished is in the table of this error"
+        ) from error
 
 
 def _broken(error: BaseException) -> str:

@@ -85,8 +85,8 @@ def many_margins(feedback: Feedback, plants: Plants) -> tuple[dict[str, FloatArr
     """
     loops = _Loops(feedback, plants)
     with np.errstate(all="ignore"):  # what is not finite is looked at again
-        shared, own, trusted = _frequencies(loops)
-        gain, phase, nearest = _notable(loops, shared, own)
+        shared, clear, own, trusted = _frequencies(loops)
+        gain, phase, nearest = _notable(loops, shared, clear, own)
         ends = _ends(loops)
         found = {
             "ms": 1 / _closest(nearest, ends),
@@ -232,8 +232,12 @@ class _Loops:
         return Plants(num[:, :, None], den[:, :, None], delay[:, None])
 
 
-def _frequencies(loops: _Loops) -> tuple[FloatArray, _Stretches, BoolArray]:
-    """Frequencies that all share, stretches of their own in between, and which can be trusted."""
+def _frequencies(loops: _Loops) -> tuple[FloatArray, BoolArray, _Stretches, BoolArray]:
+    """Choose frequencies that all share, and stretches of their own where those are not clear.
+
+    Returned are the frequencies, between which of them which loops are clear, the stretches that
+    stand there for the others, and which loops can be trusted.
+    """
     low, high = 1.0, 1.0
     ranges = [frequency_range(*factor) for factor in loops.factors]
     if ranges:
@@ -242,8 +246,8 @@ def _frequencies(loops: _Loops) -> tuple[FloatArray, _Stretches, BoolArray]:
         high = float(highs[np.isfinite(highs)].max(initial=low))
     count = int(np.clip(PER_OCTAVE * np.log2(high / low), 1, AT_MOST))
     omega = np.geomspace(low, high, count + 1)
-    unclear = ~_clear(loops, omega)
-    loop, k = np.nonzero(unclear)
+    clear = _clear(loops, omega)
+    loop, k = np.nonzero(~clear)
     doubtful = _Stretches(loop, omega[k], omega[k + 1])
     kept: list[_Stretches] = []
     trusted = np.ones(loops.count, dtype=bool)
@@ -252,9 +256,9 @@ def _frequencies(loops: _Loops) -> tuple[FloatArray, _Stretches, BoolArray]:
         if not doubtful.loop.size:
             break
         halves = doubtful.halved()
-        clear = _clear_alone(loops, halves)
-        kept.append(halves.of(clear))
-        doubtful = halves.of(~clear)
+        alone = _clear_alone(loops, halves)
+        kept.append(halves.of(alone))
+        doubtful = halves.of(~alone)
         own += np.bincount(halves.loop, minlength=loops.count)
         trusted &= own <= OWN
         doubtful = doubtful.of(trusted[doubtful.loop])
@@ -263,8 +267,9 @@ def _frequencies(loops: _Loops) -> tuple[FloatArray, _Stretches, BoolArray]:
     # Beyond all roots little happens, but a size may still pass 1, and a phase creep to the axis.
     end = omega[-1] + 4 * pi / loops.plants.delay.max() if loops.late else 1e8 * omega[-1]
     below = omega[0] * np.geomspace(1e-8, 0.8, 12)
-    shared = np.concatenate([below, omega, np.geomspace(omega[-1], end, 17)[1:]])
-    return shared, none.joined(*kept), trusted
+    above = np.geomspace(omega[-1], end, 17)[1:]
+    clear = np.pad(clear, ((0, 0), (below.size, above.size)), constant_values=True)
+    return np.concatenate([below, omega, above]), clear, none.joined(*kept), trusted
 
 
 def _clear(loops: _Loops, omega: FloatArray) -> BoolArray:
@@ -298,7 +303,9 @@ def _clear_alone(loops: _Loops, stretches: _Stretches) -> BoolArray:
     return clear
 
 
-def _notable(loops: _Loops, shared: FloatArray, own: _Stretches) -> tuple[_Found, _Found, _Found]:
+def _notable(
+    loops: _Loops, shared: FloatArray, clear: BoolArray, own: _Stretches
+) -> tuple[_Found, _Found, _Found]:
     """Find where the size of L is 1, where it is real, and where it is nearest to -1."""
     rows = loops.motion(shared, loops.across()).rows
     few = loops.plants.of(own.loop)
@@ -311,7 +318,7 @@ def _notable(loops: _Loops, shared: FloatArray, own: _Stretches) -> tuple[_Found
 
     def gather(choose: Choice) -> _Stretches:
         """Collect stretches by what is at their ends, and by the least distance of their loop."""
-        loop, k = np.nonzero(choose(left, right, least[:, None], widths[0]))
+        loop, k = np.nonzero(clear & choose(left, right, least[:, None], widths[0]))
         alone = own.of(choose(low, high, least[own.loop], widths[1]))
         return _Stretches(loop, shared[k], shared[k + 1]).joined(alone)
 
@@ -408,11 +415,14 @@ def _hidden(loops: _Loops, dips: _Stretches, at: At, slope: At) -> list[_Stretch
 def _critical(loops: _Loops, phase: _Stretches) -> _Stretches:
     """Leave out crossings of the negative real axis that cannot be next to -1."""
     few = loops.plants.of(phase.loop)
-    sizes = [np.log(np.abs(loops.gain(omega, few))) for omega in (phase.low, phase.high)]
+    ends = [loops.gain(omega, few) for omega in (phase.low, phase.high)]
+    sizes = [np.log(np.abs(end)) for end in ends]
     largest, smallest = np.fmax(*sizes), np.fmin(*sizes)
-    # Of those below 1 only the largest counts, of those above only the smallest.
+    # Of those below 1 only the largest counts, of those above only the smallest: of what certainly
+    # crosses the negative axis.
+    certain = (ends[0].real < 0) & (ends[1].real < 0)
     below, above = np.full(loops.count, -np.inf), np.full(loops.count, np.inf)
-    small, large = largest < 0, smallest > 0
+    small, large = certain & (largest < 0), certain & (smallest > 0)
     np.maximum.at(below, phase.loop[small], smallest[small])
     np.minimum.at(above, phase.loop[large], largest[large])
     near = (largest >= below[phase.loop] - 0.1) & (smallest <= above[phase.loop] + 0.1)

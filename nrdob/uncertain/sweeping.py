@@ -47,13 +47,15 @@ def sweep(
     quantities : iterable of str
         Of "stable"; "ms", "gm", "pm", "delay_margin", the margins of the plant loop L as
         `nrdob.analysis.Margins` has them; "peak_d", the largest ``|y|`` after a unit step of d,
-        which takes one simulation a member where there is a dead time.
+        which takes one simulation a member where there is a dead time, some 10 ms each: leave it
+        out of sweeps of many such plants. It is 1, the jump itself, unless y swings further later.
     executor : concurrent.futures.Executor, optional
         Who does the work, by default this process: a `ProcessPoolExecutor`, or
         ``Client.get_executor()`` of a Dask cluster. Blocks of ten thousand members are sent out
         and brought home; the numbers are the same bit for bit, whoever computes them on the same
-        kind of machine. Where the family has a function `parameters`, workers must be able to
-        import it.
+        kind of machine: no verdict and no margin asks BLAS, whose threads then do not matter either
+        (give a worker one all the same, OPENBLAS_NUM_THREADS=1). Where the family has a function
+        `parameters`, workers must be able to import it.
     progress : bool or callable
         True shows a line where standard error is a terminal, and nothing elsewhere; a function is
         called with the number of finished blocks and of all.

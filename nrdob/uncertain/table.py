@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from importlib import import_module
 from math import isfinite
 from numbers import Real
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,18 @@ from ..numerics import IntArray
 from .draws import Grid
 from .family import Family
 
+if TYPE_CHECKING:
+    from ..design import StabilityChart
+    from ..plotting import Figure
+
 __all__ = ["Share", "SweepTable"]
+
+LABELS = {
+    "gain": "gain of the process, times",
+    "delay": "dead time θ (s)",
+    "lag": "one more lag (s)",
+}
+"""What is written beside an axis."""
 
 LARGE_IS_BAD = ("ms", "peak_d")
 
@@ -157,6 +168,53 @@ class SweepTable:
         chosen = order[:count]
         columns = {name: values[chosen] for name, values in self.columns.items()}
         return SweepTable(self.family, columns, self.rows[chosen])
+
+    def plot_map(
+        self,
+        x: str,
+        y: str,
+        *,
+        chart: StabilityChart | None = None,
+        title: str = "",
+        ax: Any = None,
+    ) -> Figure:
+        """Draw the members over two parameters, and the exact borders of a chart of the same two.
+
+        The borders come from the frequency response alone, the colours from verdicts on members:
+        that the ones separate the others is a check of both. A dead time is drawn as the whole one
+        of the plant, as charts have it.
+
+        Parameters
+        ----------
+        x, y : str
+            Names of columns.
+        chart : StabilityChart, optional
+            Of `nrdob.stability_chart` with the nominal plant, its axes x and y.
+        title : str
+            Written above it.
+        ax : matplotlib axes, optional
+            Where to draw; by default a new figure.
+
+        Returns
+        -------
+        Figure
+            With `.lines`, `.axes`, `.figure` and `.alt`.
+        """
+        from ..plotting import MapAxis, map_plot
+
+        if chart and (chart.x.name, chart.y.name) != (x, y):
+            raise ValueError(
+                f"the chart is of {chart.x.name} and {chart.y.name}, the map of {x} and {y}; make "
+                "both of the same two"
+            )
+        across, up = (
+            MapAxis(LABELS.get(name, name), self[name] + (name == "delay") * self.family.delay)
+            for name in (x, y)
+        )
+        borders = [(border.x, border.y) for border in chart.borders] if chart else []
+        return map_plot(
+            across, up, self["stable"], self["decided"], borders=borders, title=title, ax=ax
+        )
 
     def _worst_first(self, by: str, values: NDArray[Any]) -> IntArray:
         key = np.asarray(values, dtype=float)

@@ -18,7 +18,7 @@ from math import prod
 
 import numpy as np
 
-from ..diagram import LoopEquations
+from ..diagram import LoopEquations, ObserverEquations
 from ..numerics import (
     ROUNDING,
     BoolArray,
@@ -47,11 +47,11 @@ class Feedback:
 
     Parameters
     ----------
-    loop : LoopEquations
+    loop : LoopEquations or ObserverEquations
         The loop, whose process does not matter.
     """
 
-    def __init__(self, loop: LoopEquations) -> None:
+    def __init__(self, loop: LoopEquations | ObserverEquations) -> None:
         built = loop.built
         self.zeros = (built.Nf, built.Dm)
         self.poles = (built.E, built.Nm)

@@ -1,5 +1,7 @@
 """Families: reproducible, whoever draws them; members that are what was asked for."""
 
+from types import SimpleNamespace
+
 import control as ct
 import numpy as np
 import pytest
@@ -66,6 +68,9 @@ def test_distributions_and_fits_are_drawn_with_their_moments():
     drawn = np.array([fitted["gain"], fitted["lag"]])
     assert drawn.mean(axis=1) == pytest.approx([2, 1], abs=0.02)
     assert np.cov(drawn) == pytest.approx(covariance, abs=0.005)
+    estimates = {name: SimpleNamespace(value=value) for name, value in (("J", 2.0), ("b", 1.0))}
+    named = nrdob.family(LAG, parameters=motor, fit=(estimates, covariance), samples=7)
+    assert named[3](1.0) == pytest.approx(1 / (named["J"][3] + named["b"][3]))
 
 
 def motor(J, b):
@@ -100,6 +105,7 @@ def test_a_function_makes_plants_of_parameters():
         ({"fit": ({"gain": 1.0}, [1.0, 2.0])}, ValueError, "shape"),
         ({"fit": ({"gain": np.nan}, [[1.0]])}, ValueError, "finite"),
         ({"fit": [1.0]}, TypeError, "means by name"),
+        ({"fit": ({"gain": "1"}, [[1.0]])}, TypeError, "real numbers by name"),
         ({"fit": ({"J": 1.0}, [[1.0]])}, ValueError, "only a function"),
         ({"gain": (1, 2), "fit": ({"gain": 1.0}, [[1.0]])}, ValueError, "drawn twice"),
         ({"poles": (1, 2), "parameters": motor, "J": (1, 2)}, ValueError, "replaces"),

@@ -173,3 +173,14 @@ def test_what_cannot_be_swept_is_refused():
     ):
         with pytest.raises(kind):
             nrdob.sweep(loop, family, **given)
+
+
+def test_a_resonance_beside_a_crossing_does_not_hide_it():
+    process = ct.tf([1.25022371], [66.00996982, 31.30550646, 2.1087145, 1.0])
+    model = ct.tf([1], [9.37512818, 13.33847147, 6.32577382, 1.0])
+    controller = ct.tf([4.15167212, 1.96893166], [2.10859127, 0.0])
+    loop = nrdob.NRDOB(process, model, controller, LowPassFilter(20.734760868429852, 3))
+    family = nrdob.family(process, gain=(0.3, 2.0), poles=(0.8, 1.25), samples=12, seed=10)
+    table = nrdob.sweep(loop, family, ("stable", "gm"))
+    assert table["gm"][3] == pytest.approx(8.593642713, rel=1e-6)
+    assert differences(loop, family, every=1) == []

@@ -1,0 +1,414 @@
+r"""What survives exactly, not sampled: gains, dead times, and boxes of gain, dead time and lag.
+
+With a plant :math:`k\,G\,e^{-\tau s}/(Ts+1)` in place of G the loop is lost where
+
+.. math:: k\,L(j\omega)\,e^{-j\omega\tau} = -(1 + j\omega T) .
+
+Only L of the nominal plant is needed. At one frequency k and T follow each other, k growing from
+:math:`1/|L|` with T, and :math:`\tau` follows both up to whole turns, falling with T; so that it
+can be told in closed form whether a box holds such a plant. The share of a box at which it first
+does, least over all frequencies, is how much of it survives.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from itertools import pairwise
+from math import inf, isfinite, nan, pi
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..analysis import resolved_frequencies
+from ..diagram import DelayedTransferFunction, as_fraction
+from ..loop import NRDOB
+from ..numerics import BoolArray, ComplexArray, FloatArray, bisect, golden, side
+from .draws import Interval, read_range
+
+__all__ = ["Box", "delay_intervals", "gain_intervals", "largest_box"]
+
+NOMINAL = {"gain": 1.0, "delay": 0.0, "lag": 0.0}
+"""Where the nominal plant is."""
+
+MOST = 200_000
+"""Frequencies at most that a dead time asks for."""
+
+HALVINGS = 60
+"""How often shares are halved."""
+
+PER_STRETCH, NEAR = 16, 1.5
+"""Frequencies of each stretch, and up to how many times the least share one is looked into."""
+
+
+class Box(NamedTuple):
+    """How much of a box of plants around the nominal one survives.
+
+    Attributes
+    ----------
+    share : float
+        What part of the way from the nominal plant to every side; 1 if all of it survives.
+    sides : dict of str: (float, float)
+        The box of that share.
+    lost : dict of str: float or None
+        Gain, dead time and lag of a plant on its sides that is at the limit of stability; None if
+        the whole box survives.
+    frequency : float
+        Where that plant oscillates, rad/s; nan if there is none.
+    """
+
+    share: float
+    sides: dict[str, tuple[float, float]]
+    lost: dict[str, float] | None
+    frequency: float
+
+
+def gain_intervals(loop: NRDOB, low: float, high: float) -> list[tuple[float, float]]:
+    """Find all factors of the plant's gain with which the loop is stable.
+
+    Parameters
+    ----------
+    loop : NRDOB
+        The loop, with its nominal plant, stable or not.
+    low, high : float
+        Between which positive gains.
+
+    Returns
+    -------
+    list of (float, float)
+        Open intervals; their inner ends are exact, the outer ones `low` and `high`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the range is none, or not positive; if a verdict cannot be given.
+
+    Examples
+    --------
+    A pure gain error and n = 3 survive up to 1 + sec³(π/3) = 9:
+
+    >>> import control as ct
+    >>> import nrdob
+    >>> G = ct.tf([1], [1, 3, 2])
+    >>> loop = nrdob.NRDOB(G, G, ct.tf([1], [1, 0]), nrdob.LowPassFilter(0.1, 3))
+    >>> [(round(a, 6), round(b, 6)) for a, b in gain_intervals(loop, 0.1, 20)]
+    [(0.1, 9.0)]
+    """
+    range = _positive("gain", (low, high))
+    return _stable_between(range, _critical_gains(loop, range), lambda gain: _with(loop, gain=gain))
+
+
+def _critical_gains(loop: NRDOB, range: Interval) -> list[float]:
+    # With the largest gain all frequencies count at which a smaller one is critical.
+    largest = _with(loop, gain=range.high)
+    found = largest.margins().plant_loop.phase_crossovers
+    finite = found[(found > 0) & np.isfinite(found)]
+    values = [*np.real(largest.L(1j * finite)).tolist(), largest.L.dc_gain]
+    undelayed, delayed = largest.L.at_infinity
+    values += [undelayed - abs(delayed), undelayed + abs(delayed)]
+    return [-range.high / value for value in values if isfinite(value) and value < 0]
+
+
+def delay_intervals(loop: NRDOB, low: float, high: float) -> list[tuple[float, float]]:
+    """Find all dead times, added to the plant's own, with which the loop is stable.
+
+    Parameters
+    ----------
+    loop : NRDOB
+        The loop, with its nominal plant, stable or not.
+    low, high : float
+        Between which, in seconds.
+
+    Returns
+    -------
+    list of (float, float)
+        Open intervals; their inner ends are exact, the outer ones `low` and `high`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the range is none, or less dead time than the plant has would be taken away; if a
+        verdict cannot be given.
+
+    Examples
+    --------
+    >>> import control as ct
+    >>> import nrdob
+    >>> lag = ct.tf([1], [1, 1])
+    >>> loop = nrdob.NRDOB(lag, lag, ct.tf([1], [1, 0]), nrdob.LowPassFilter(0.2, 1))
+    >>> [(a, round(b, 6)) for a, b in delay_intervals(loop, 0, 1)]             # up to λπ/2
+    [(0.0, 0.314159)]
+    """
+    range = _interval("delay", (low, high))
+    if loop.delay + range.low < 0:
+        raise ValueError(
+            f"low is {low:g} s, and the process has a dead time of {loop.delay:g} s: nothing "
+            "predicts the future; give a larger one"
+        )
+    return _stable_between(
+        range, _critical_delays(loop, range), lambda delay: _with(loop, delay=delay)
+    )
+
+
+def _critical_delays(loop: NRDOB, range: Interval) -> list[float]:
+    omega = loop.margins().plant_loop.gain_crossovers
+    omega = omega[(omega > 0) & np.isfinite(omega)]
+    first = np.mod(np.angle(-loop.L(1j * omega)), 2 * pi) / omega
+    return [
+        float(tau)
+        for start, turn in zip(first, 2 * pi / omega, strict=True)
+        for tau in start
+        + turn * np.arange(np.floor((range.low - start) / turn), (range.high - start) / turn + 1)
+    ]
+
+
+def _critical_lags(loop: NRDOB, _: Interval) -> list[float]:
+    """T with 1 + L + jωT = 0."""
+    omega = resolved_frequencies(loop.L, PER_STRETCH, loop.p_B)
+
+    def real(w: FloatArray) -> FloatArray:
+        return np.asarray(1 + np.real(loop.L(1j * w)))
+
+    at = real(omega)
+    crossed = np.flatnonzero(side(at[:-1]) != side(at[1:]))
+    found = bisect(real, omega[crossed], omega[crossed + 1])
+    lags = -np.imag(loop.L(1j * found)) / found
+    return [float(lag) for lag in lags[np.abs(real(found)) < 1e-6]]
+
+
+def _stable_between(
+    range: Interval, critical: Iterable[float], loop_at: Any
+) -> list[tuple[float, float]]:
+    """Judge one loop between every two critical values, and join what is stable."""
+    inner = sorted({value for value in critical if range.low < value < range.high})
+    ends = [range.low, *inner, range.high]
+    found: list[tuple[float, float]] = []
+    for low, high in pairwise(ends):
+        if high - low <= 1e-9 * max(abs(low), abs(high)):  # two crossings at the same value
+            continue
+        if not bool(loop_at((low + high) / 2).stability()):
+            continue
+        if found and low - found[-1][1] <= 1e-9 * abs(low):
+            found[-1] = (found[-1][0], high)
+        else:
+            found.append((low, high))
+    return found
+
+
+def largest_box(loop: NRDOB, *, gain: Any = None, delay: Any = None, lag: Any = None) -> Box:
+    """Find how much of a box of plants around the nominal one survives, exactly.
+
+    Parameters
+    ----------
+    loop : NRDOB
+        A stable loop, with its nominal plant.
+    gain : (low, high), optional
+        Factors of the gain, around 1.
+    delay : (low, high), optional
+        Dead times added, in seconds, around 0 or from there on.
+    lag : (low, high), optional
+        T of one more lag 1/(Ts + 1), in seconds, from 0 on.
+
+    Returns
+    -------
+    Box
+        The share, the box, and the plant at which it touches the limit.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If nothing is given, a range is none or leaves the nominal plant out, the loop is not stable
+        without any of it, or its gain does not fall off at high frequency.
+    ArithmeticError
+        If the dead times are too long for the frequencies at which the gain is above 1.
+
+    Examples
+    --------
+    >>> import nrdob
+    >>> loop = nrdob.paper.example(3)
+    >>> box = largest_box(loop, gain=(0.5, 2.0), lag=(0.0, 0.2))
+    >>> round(box.share, 4), {name: round(value, 4) for name, value in box.lost.items()}
+    (0.2588, {'gain': 1.2588, 'delay': 0.0, 'lag': 0.0518})
+    """
+    given = {"gain": gain, "delay": delay, "lag": lag}
+    asked = {
+        name: _interval(name, each) if each is not None else Interval(nominal, nominal)
+        for (name, each), nominal in zip(given.items(), NOMINAL.values(), strict=True)
+    }
+    if all(each is None for each in given.values()):
+        raise ValueError("there is no box; give one or more of gain, delay and lag")
+    for name, nominal in NOMINAL.items():
+        low, high = asked[name]
+        if not low <= nominal <= high:
+            raise ValueError(
+                f"{name} is ({low:g}, {high:g}), around which the nominal plant, {nominal:g}, is "
+                "not; give an interval that holds it"
+            )
+    if asked["gain"].low <= 0 or asked["lag"].low < 0 or loop.delay + asked["delay"].low < 0:
+        raise ValueError(
+            "gains must be positive, lags and the whole dead time not negative; give smaller "
+            "intervals"
+        )
+    if not bool(loop.stability()):
+        raise ValueError(f"the nominal loop is not stable: {loop.stability().reason}")
+    if any(loop.L.at_infinity):
+        raise ValueError(
+            "the loop gain does not fall off at high frequency, where any lag or dead time is "
+            "felt: give the process or the filter one more lag"
+        )
+    alone = [name for name, each in given.items() if each is not None]
+    return _in_one(loop, alone[0], asked) if len(alone) == 1 else _largest(loop, asked)
+
+
+def _in_one(loop: NRDOB, name: str, asked: dict[str, Interval]) -> Box:
+    """Find the share of an interval; one parameter alone is critical at single frequencies."""
+    (low, high), nominal = asked[name], NOMINAL[name]
+    critical = CRITICAL[name](loop, asked[name])
+    inside = [value for value in critical if low <= value <= high]
+    if not inside:
+        return Box(1.0, _sides(asked, 1.0), None, nan)
+    shares = [
+        (value - nominal) / ((high if value > nominal else low) - nominal) for value in inside
+    ]
+    share, lost = min(zip(shares, inside, strict=True))
+    moved = NOMINAL | {name: lost}
+    omega = resolved_frequencies(loop.L, PER_STRETCH, loop.p_B)
+
+    def left_over(w: FloatArray) -> FloatArray:
+        value = moved["gain"] * loop.L(1j * w) * np.exp(-1j * w * moved["delay"])
+        return np.asarray(np.abs(value + 1 + 1j * w * moved["lag"]))
+
+    k = int(np.clip(left_over(omega).argmin(), 1, omega.size - 2))
+    frequency = float(golden(left_over, omega[[k - 1]], omega[[k + 1]])[0])
+    return Box(share, _sides(asked, share), moved, frequency)
+
+
+CRITICAL = {"gain": _critical_gains, "delay": _critical_delays, "lag": _critical_lags}
+
+
+def _largest(loop: NRDOB, asked: dict[str, Interval]) -> Box:
+    omega = resolved_frequencies(loop.L, PER_STRETCH, loop.p_B)
+    # As far as the largest gain lifts L to 1; a lag only makes it smaller.
+    end = omega[-1]
+    while abs(loop.L(1j * end)) * asked["gain"].high > 1:
+        end *= 2
+    omega = np.union1d(omega, np.geomspace(omega[-1], end, 65))
+    longest = max(asked["delay"].high, -asked["delay"].low)
+    if longest:
+        large = omega[np.abs(loop.L(1j * omega)) * asked["gain"].high > 1]
+        turn = pi / 8 / longest
+        if large.size and large[-1] / turn > MOST:
+            raise ArithmeticError(
+                f"a dead time of {longest:g} s turns L too often below {large[-1]:.4g} rad/s, up "
+                "to where its gain is above 1: give a smaller box"
+            )
+        if large.size:
+            omega = np.union1d(omega, np.arange(omega[0], large[-1] + 2 * turn, turn))
+
+    def share(w: FloatArray) -> FloatArray:
+        return _share(np.asarray(loop.L(1j * w)), w, asked)
+
+    at = share(omega)
+    least = float(at.min())
+    lower = np.flatnonzero((at[1:-1] <= at[:-2]) & (at[1:-1] <= at[2:]) & (at[1:-1] < NEAR * least))
+    frequency = float(omega[int(at.argmin())])
+    if lower.size and least < inf:
+        closer = golden(share, omega[lower], omega[lower + 2])
+        deeper = share(closer)
+        if deeper.min() < least:
+            least, frequency = float(deeper.min()), float(closer[int(deeper.argmin())])
+    dc = loop.L.dc_gain
+    if isfinite(dc) and dc < 0 and asked["gain"].high > -1 / dc > 1:
+        at_zero = (-1 / dc - 1) / (asked["gain"].high - 1)
+        least, frequency = (at_zero, 0.0) if at_zero < least else (least, frequency)
+    if least >= 1:
+        return Box(1.0, _sides(asked, 1.0), None, nan)
+    sides = _sides(asked, least)
+    L = np.asarray(loop.L(1j * max(frequency, 1e-300)))
+    return Box(least, sides, _lost(L, frequency, sides), frequency)
+
+
+def _share(L: ComplexArray, omega: FloatArray, asked: dict[str, Interval]) -> FloatArray:
+    """Least share of the box that holds a plant that oscillates at each frequency; inf over 1."""
+    low, high = np.zeros(omega.shape), np.ones(omega.shape)
+    possible = _holds(L, omega, asked, high)
+    for _ in range(HALVINGS):
+        middle = (low + high) / 2
+        inside = _holds(L, omega, asked, middle)
+        low, high = np.where(inside, low, middle), np.where(inside, middle, high)
+    return np.where(possible, high, inf)
+
+
+def _holds(
+    L: ComplexArray, omega: FloatArray, asked: dict[str, Interval], share: FloatArray
+) -> BoolArray:
+    """Tell whether a share of the box holds a plant that oscillates at each frequency."""
+    (k1, k2), (t1, t2), (T1, T2) = (_scaled(asked[name], name, share) for name in NOMINAL)
+    size = np.abs(L)
+    # |k L| = |1 + jωT|: T lies between where k is smallest and largest.
+    first = np.maximum(T1, _lag_of(k1 * size, omega))
+    last = np.minimum(T2, _lag_of(k2 * size, omega))
+    possible = (k2 * size >= 1) & (first <= last)
+    angle = np.angle(-L)
+    late = (angle - np.arctan(omega * first)) / omega
+    early = (angle - np.arctan(omega * last)) / omega
+    turn = 2 * pi / omega
+    return np.asarray(possible & (np.floor((t2 - early) / turn) >= np.ceil((t1 - late) / turn)))
+
+
+def _lag_of(size: FloatArray, omega: FloatArray) -> FloatArray:
+    """T with |1 + jωT| = size, 0 where there is none."""
+    return np.sqrt(np.maximum(size**2 - 1, 0.0)) / omega
+
+
+def _scaled(side: Interval, name: str, share: Any) -> tuple[Any, Any]:
+    nominal = NOMINAL[name]
+    return nominal + share * (side.low - nominal), nominal + share * (side.high - nominal)
+
+
+def _sides(asked: dict[str, Interval], share: float) -> dict[str, tuple[float, float]]:
+    return {
+        name: _scaled(each, name, share) for name, each in asked.items() if each.low < each.high
+    }
+
+
+def _lost(L: ComplexArray, omega: float, sides: dict[str, tuple[float, float]]) -> dict[str, float]:
+    """Return the plant of a box that oscillates at a frequency, of the smallest lag."""
+    k1, k2 = sides.get("gain", (1.0, 1.0))
+    t1, t2 = sides.get("delay", (0.0, 0.0))
+    T1, T2 = sides.get("lag", (0.0, 0.0))
+    if not omega:
+        return {"gain": k2, "delay": 0.0, "lag": 0.0}
+    size, turn = float(np.abs(L)), 2 * pi / omega
+    candidates = np.linspace(T1, T2, 20_001) if T2 > T1 else np.array([T1])
+    gains = np.clip(np.hypot(1.0, omega * candidates) / size, k1, k2)
+    delays = (float(np.angle(-L)) - np.arctan(omega * candidates)) / omega
+    delays += turn * np.round((np.clip(delays, t1, t2) - delays) / turn)
+    delays = np.clip(delays, t1, t2)
+    # What is left over where all three stay in the box.
+    plant = gains * L * np.exp(-1j * omega * delays) + 1 + 1j * omega * candidates
+    k = int(np.abs(plant).argmin())
+    return {"gain": float(gains[k]), "delay": float(delays[k]), "lag": float(candidates[k])}
+
+
+def _with(loop: NRDOB, *, gain: float = 1.0, delay: float = 0.0) -> NRDOB:
+    """Return the loop with another plant."""
+    process = loop.process
+    rational = process.tf if isinstance(process, DelayedTransferFunction) else process
+    num, den = as_fraction(rational, "process")
+    total = loop.delay + delay
+    plant = DelayedTransferFunction((gain * num, den), total) if total else (gain * num, den)
+    return NRDOB(plant, loop.model, loop.controller, loop.filter, loop.keep_factors)
+
+
+def _interval(name: str, given: Any) -> Interval:
+    read = read_range(name, given)
+    if not isinstance(read, Interval):
+        raise TypeError(f"{name} is a distribution; what survives exactly is asked of an interval")
+    return read
+
+
+def _positive(name: str, given: Any) -> Interval:
+    read = _interval(name, given)
+    if read.low <= 0:
+        raise ValueError(f"{name} begins at {read.low:g}; give positive values")
+    return read

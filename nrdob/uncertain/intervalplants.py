@@ -1,0 +1,204 @@
+r"""Plants whose coefficients lie in intervals: Kharitonov's polynomials, and edges.
+
+At each frequency the values of an interval polynomial fill a rectangle, whose corners are those of
+Kharitonov's four polynomials. Two tests follow, of which the second is exact:
+
+- The coefficients of :math:`p_B = D A + N B`, as if each were free in the interval that it can
+  have: four polynomials decide (Kharitonov). They are not free, so that this refuses too much.
+- Numerator and denominator as they are, fixed A and B: the loop survives all of them if and only if
+  it does on 32 segments, from one corner to a neighbour in one of N and D, at a corner in the other
+  (Chapellat and Bhattacharyya). A segment is tested by the frequencies at which both of its ends
+  have one direction.
+
+.. rubric:: References
+
+V. L. Kharitonov, Asymptotic stability of an equilibrium position of a family of systems of linear
+differential equations, Differ. Uravn. 14 (1978) 2086-2088.
+
+H. Chapellat, S. P. Bhattacharyya, A generalization of Kharitonov's theorem: robust stability of
+interval plants, IEEE Trans. Automatic Control 34 (1989) 306-311.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+
+from ..loop import NRDOB
+from ..numerics import ROUNDING, FloatArray, add, hurwitz
+from .draws import Interval
+from .verdicts import Feedback
+
+__all__ = ["IntervalShares", "interval_plants"]
+
+HALVINGS = 50
+"""How often shares are halved."""
+
+Ends = tuple[FloatArray, FloatArray]
+
+
+class IntervalShares(NamedTuple):
+    """How much of a box of coefficients around the nominal ones survives.
+
+    Attributes
+    ----------
+    kharitonov : float
+        What Kharitonov's theorem on the coefficients of p_B grants.
+    exact : float
+        What survives, by the 32 segments.
+    """
+
+    kharitonov: float
+    exact: float
+
+
+def interval_plants(
+    loop: NRDOB,
+    num: Sequence[tuple[float, float]],
+    den: Sequence[tuple[float, float]],
+) -> IntervalShares:
+    """Find how much of a box of the plant's coefficients survives, by two theorems.
+
+    Parameters
+    ----------
+    loop : NRDOB
+        A stable loop, with its nominal plant, without dead time.
+    num, den : sequence of (low, high)
+        Intervals of the coefficients of numerator and denominator, in descending powers, around
+        those of the process.
+
+    Returns
+    -------
+    IntervalShares
+        Parts of the way from the nominal coefficients to the ends of the intervals; 1 if all of it
+        survives.
+
+    Raises
+    ------
+    ValueError
+        If the loop has a dead time or is not stable, there are more or fewer intervals than
+        coefficients, or one leaves the nominal coefficient out.
+
+    Examples
+    --------
+    >>> import nrdob
+    >>> loop = nrdob.paper.example(3)                                   # 4/(-s² - s + 2)
+    >>> shares = interval_plants(loop, [(1, 7)], [(-1.9, -0.1), (-1.9, -0.1), (0.2, 3.8)])
+    >>> round(shares.kharitonov, 4), shares.exact
+    (0.6944, 1.0)
+    """
+    if loop.delay or loop.model_delay:
+        raise ValueError("these theorems are about polynomials: leave out the dead time")
+    if not bool(loop.stability()):
+        raise ValueError(f"the nominal loop is not stable: {loop.stability().reason}")
+    G = loop.fractions.G
+    N, D = _box(G.num, num, "num"), _box(G.den, den, "den")
+    feedback = Feedback(loop)
+    A, B = feedback.denominator.q, feedback.numerator.q
+
+    def free(share: float) -> bool:
+        low, high = _times(_part(D, share), A), _times(_part(N, share), B)
+        corners = _corners((add(low[0], high[0]), add(low[1], high[1])))
+        return bool(_all_left(list(corners.values())))
+
+    def along_edges(share: float) -> bool:
+        corners = [_corners(_part(box, share)) for box in (D, N)]
+        ends = [
+            (add(np.convolve(d, A), np.convolve(n, B)), add(np.convolve(e, A), np.convolve(m, B)))
+            for (d, e), (n, m) in _segments(*corners)
+        ]
+        first = [start for start, _ in ends]
+        return _all_left(first) and all(_stays(start, end) for start, end in ends)
+
+    return IntervalShares(_largest(free), _largest(along_edges))
+
+
+def _box(nominal: FloatArray, given: Sequence[tuple[float, float]], name: str) -> list[FloatArray]:
+    """Nominal coefficients, and how far each may go down and up."""
+    if len(given) != nominal.size:
+        raise ValueError(
+            f"{name} has {len(given)} intervals, the process {nominal.size} coefficients there: "
+            f"{nominal.tolist()}"
+        )
+    ends = [Interval(*map(float, pair)) for pair in given]
+    for pair, c in zip(ends, nominal.tolist(), strict=True):
+        if not pair.low <= c <= pair.high:
+            raise ValueError(f"{name} has ({pair.low:g}, {pair.high:g}), without the nominal {c:g}")
+    low, high = (np.array(part) for part in zip(*ends, strict=True))
+    return [nominal, low - nominal, high - nominal]
+
+
+def _part(box: list[FloatArray], share: float) -> Ends:
+    nominal, down, up = box
+    return nominal + share * down, nominal + share * up
+
+
+def _times(ends: Ends, fixed: FloatArray) -> Ends:
+    """Multiply an interval polynomial by one: the interval of each coefficient."""
+    positive, negative = np.maximum(fixed, 0.0), np.minimum(fixed, 0.0)
+    low, high = ends
+    return (
+        np.convolve(low, positive) + np.convolve(high, negative),
+        np.convolve(high, positive) + np.convolve(low, negative),
+    )
+
+
+def _corners(ends: Ends) -> dict[tuple[int, int], FloatArray]:
+    """Kharitonov's polynomials, by least or largest real and imaginary part at every frequency."""
+    low, high = (end[::-1] for end in ends)  # ascending
+    k = np.arange(low.size)
+    rising = (k // 2) % 2 == 0  # powers whose coefficient adds to its part
+    corners = {}
+    for even, odd in product((0, 1), repeat=2):
+        largest = np.where(k % 2 == 0, even, odd).astype(bool) == rising
+        corners[even, odd] = np.where(largest, high, low)[::-1]
+    return corners
+
+
+def _segments(
+    D: dict[tuple[int, int], FloatArray], N: dict[tuple[int, int], FloatArray]
+) -> Iterator[tuple[Ends, Ends]]:
+    """Give both ends of D and of N on every segment."""
+    edges = [((0, 0), (0, 1)), ((0, 0), (1, 0)), ((1, 1), (0, 1)), ((1, 1), (1, 0))]
+    for (a, b), corner in product(edges, D):
+        yield (D[a], D[b]), (N[corner], N[corner])
+        yield (D[corner], D[corner]), (N[a], N[b])
+
+
+def _all_left(polynomials: list[FloatArray]) -> bool:
+    p = np.array(polynomials).T
+    return bool(hurwitz(p, ROUNDING * np.abs(p))[0].all())
+
+
+def _stays(start: FloatArray, end: FloatArray) -> bool:
+    """Whether all between a polynomial with all roots on the left and another one have them too."""
+    step = end - start
+    if not step.any():
+        return True
+    if start[0] * end[0] <= 0 or start[-1] * end[-1] <= 0:
+        return False
+    k = np.arange(start.size)[::-1]
+    at, by = (c * 1j**k for c in (start, step))  # polynomials in ω
+    meet = np.imag(np.convolve(at, by.conj()))
+    used = np.flatnonzero(np.abs(meet) > ROUNDING * np.abs(meet).max(initial=0.0))
+    if not used.size:
+        return True
+    roots = np.roots(meet[used[0] :])
+    omega = roots.real[(np.abs(roots.imag) <= 1e-6 * np.abs(roots)) & (roots.real > 0)]
+    value, moved = np.polyval(start, 1j * omega), np.polyval(step, 1j * omega)
+    with np.errstate(all="ignore"):
+        t = -(value / moved).real
+    return not np.any((t >= 0) & (t <= 1) & (moved != 0))
+
+
+def _largest(survives: Callable[[float], bool]) -> float:
+    if survives(1.0):
+        return 1.0
+    low, high = 0.0, 1.0
+    for _ in range(HALVINGS):
+        middle = (low + high) / 2
+        low, high = (middle, high) if survives(middle) else (low, middle)
+    return low

@@ -1,0 +1,145 @@
+"""What survives exactly: closed forms, margins, and what is sampled on both sides of the border."""
+
+import math
+
+import control as ct
+import numpy as np
+import pytest
+
+import nrdob
+from nrdob import LowPassFilter, paper
+from nrdob.uncertain import conservatism, fit_weight, small_gain
+
+LAG = ct.tf([1], [1, 1])
+INTEGRATOR = ct.tf([1], [1, 0])
+MATCHED = nrdob.NRDOB(LAG, LAG, INTEGRATOR, LowPassFilter(0.2, 1))
+
+
+@pytest.mark.parametrize(("order", "bound"), [(3, 9.0), (4, 5.0), (6, 1 + (2 / 3**0.5) ** 6)])
+def test_gains_survive_up_to_the_closed_form_bound(order, bound):
+    G = ct.tf([1], [1, 3, 2])
+    loop = nrdob.NRDOB(G, G, INTEGRATOR, LowPassFilter(0.05, order))
+    ((low, high),) = nrdob.gain_intervals(loop, 0.01, 50)
+    assert low == 0.01 and high == pytest.approx(bound, rel=1e-9)
+
+
+def test_intervals_are_those_of_the_margins_and_of_the_printed_example():
+    loop = paper.example(4)
+    margins = loop.margins().plant_loop
+    ((_, gain),) = nrdob.gain_intervals(loop, 0.01, 20)
+    ((_, delay),) = nrdob.delay_intervals(loop, 0, 2)
+    assert gain == pytest.approx(margins.gm) == pytest.approx(3.7121, abs=1e-4)
+    assert delay == pytest.approx(margins.delay_margin)
+
+
+def test_dead_times_may_be_survived_again_and_again():
+    # A mode that is seen through a dead time: lost and found again with every turn.
+    process = LAG * nrdob.plants.resonance(20.0, 0.02)
+    loop = nrdob.NRDOB(process, LAG, INTEGRATOR, LowPassFilter(1.0, 1))
+    found = nrdob.delay_intervals(loop, 0.0, 1.5)
+    assert len(found) > 2
+    family = nrdob.family(process, delay=(0.0, 1.5), samples=2000)
+    table = nrdob.sweep(loop, family, "stable")
+    inside = np.any([(a < table["delay"]) & (table["delay"] < b) for a, b in found], axis=0)
+    assert np.array_equal(inside, table["stable"])
+
+
+def test_one_dead_time_alone_is_survived_below_half_pi_lambda():
+    box = nrdob.largest_box(MATCHED, delay=(0, 1))
+    assert box.share == pytest.approx(math.pi / 2 * 0.2)
+    assert box.frequency == pytest.approx(5.0, rel=1e-3)
+
+
+@pytest.mark.parametrize("number", [2, 3, 4])
+@pytest.mark.parametrize("names", ["gain lag", "gain delay", "delay lag", "gain delay lag", "lag"])
+def test_a_box_survives_up_to_its_share_and_not_beyond(number, names):
+    loop = paper.example(number)
+    wide = {"gain": (0.2, 6.0), "delay": (0.0, 2.0), "lag": (0.0, 2.0)}
+    asked = {name: wide[name] for name in names.split()}
+    box = nrdob.largest_box(loop, **asked)
+    if box.share == 1:
+        assert box.lost is None
+        table = nrdob.sweep(loop, nrdob.family(loop.process, **asked, grid=201), "stable")
+        assert names == "lag" and table["stable"].all()
+        return
+    for factor, all_stable in ((1 - 1e-6, True), (1 + 1e-6, False)):
+        near = {
+            name: tuple(c + box.share * factor * (x - c) for x in asked[name])
+            for name, c in (("gain", 1.0), ("delay", 0.0), ("lag", 0.0))
+            if name in asked
+        }
+        if all_stable:
+            table = nrdob.sweep(loop, nrdob.family(loop.process, **near, grid=9), "stable")
+            assert table["stable"].all()
+    # The plant that is named is at the limit: it is lost at the frequency that is named.
+    lost, w = box.lost, box.frequency
+    s = 1j * w
+    L = lost["gain"] * loop.L(s) * np.exp(-s * lost["delay"]) / (1 + s * lost["lag"])
+    assert abs(1 + L) < 1e-3
+
+
+def test_a_box_that_survives_is_said_to():
+    box = nrdob.largest_box(MATCHED, gain=(0.1, 100))
+    assert box.share == 1 and box.lost is None
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({}, "there is no box"),
+        ({"gain": (2, 3)}, "not; give an interval that holds it"),
+        ({"gain": (-1, 3)}, "positive"),
+        ({"delay": (-0.1, 0.1)}, "not negative"),
+    ],
+)
+def test_what_is_no_box_is_refused(given, said):
+    with pytest.raises(ValueError, match=said):
+        nrdob.largest_box(MATCHED, **given)
+
+
+def test_a_loop_that_is_not_stable_has_no_box_and_no_small_gain():
+    loop = nrdob.NRDOB(nrdob.delay(1) * LAG, LAG, INTEGRATOR, LowPassFilter(0.2, 1))
+    for ask in (lambda: nrdob.largest_box(loop, gain=(0.5, 2)), lambda: small_gain(loop, 0.1)):
+        with pytest.raises(ValueError, match="not stable"):
+            ask()
+    with pytest.raises(ValueError, match="predicts the future"):
+        nrdob.delay_intervals(MATCHED, -0.1, 1)
+
+
+def test_a_weight_holds_every_plant_and_touches_one():
+    omega = np.geomspace(0.01, 1e3, 150)
+    family = nrdob.family(LAG, gain=(0.8, 1.3), lag=(0, 0.1), delay=(0, 0.02), samples=60)
+    errors = [np.abs(plant(1j * omega) / LAG(1j * omega) - 1) for plant in family]
+    tightness = []
+    for order in (1, 2):
+        W = fit_weight(LAG, family, omega, order)
+        size = np.abs(W(1j * omega))
+        assert (W.poles().real < 0).all() and (W.zeros().real <= 0).all()
+        assert (size >= np.max(errors, axis=0) * (1 - 1e-6)).all()
+        tightness.append((size / np.max(errors, axis=0)).mean())
+    assert 1 <= tightness[1] <= tightness[0] < 1.3
+
+
+def test_small_gain_is_the_peak_of_a_closed_form():
+    # T = 1/(0.2 s + 1) for a matched model and n = 1: a weight k gives the peak k.
+    assert small_gain(MATCHED, 0.7).peak == pytest.approx(0.7)
+    assert small_gain(MATCHED, 0.7).robust and not small_gain(MATCHED, 1.1).robust
+    with pytest.raises(ValueError, match="mirror"):
+        small_gain(MATCHED, ct.tf([1], [1, -1]))
+
+
+def test_small_gain_grants_no_more_than_what_survives():
+    for number in (2, 3, 4):
+        found = conservatism(paper.example(number), gain=(0.2, 6.0), delay=(0.0, 0.5))
+        assert 0 < found.small_gain < found.exact < 1
+
+
+def test_a_weight_that_cannot_be_fitted_is_refused():
+    omega = np.geomspace(0.1, 10, 20)
+    for given, said in (
+        ((LAG, [], omega), "no plant"),
+        ((LAG, [LAG], omega[::-1]), "increasing"),
+        ((LAG, [LAG], omega, 0), "order is 0"),
+    ):
+        with pytest.raises(ValueError, match=said):
+            fit_weight(*given)
