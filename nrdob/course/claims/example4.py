@@ -493,11 +493,14 @@ def family_4() -> Finding:
     loop = example(4)
     plants = family(loop.process, delay=(0.0, 0.05), lag=(0.0, 0.1), grid=21)
     table = sweep(loop, plants, "stable", progress=False)
-    share = largest_box(loop, delay=(0.0, 0.05), lag=(0.0, 0.1)).share
-    wider = largest_box(loop, delay=(0.0, 0.35), lag=(0.0, 0.7)).share
     corners = [replace(loop, process=plants[k]).stability().stable for k in (0, 20, 420, 440)]
+    known = corners == 4 * [True]  # without a stable nominal plant there is no box around it
+    share, wider = (
+        largest_box(loop, delay=(0.0, 0.05 * times), lag=(0.0, 0.1 * times)).share if known else 0.0
+        for times in (1, 7)
+    )
     return Finding(
-        bool(table["stable"].all()) and share == 1 and corners == 4 * [True],
+        known and bool(table["stable"].all()) and share == 1,
         f"stable with {int(table['stable'].sum())} of {len(table)} plants, and with the whole box; "
         f"of one seven times as large {number(100 * wider, 3)} % of the way to its sides",
     )
