@@ -28,6 +28,9 @@ FINDINGS = """() => {
       .filter((image) => Math.abs(drawn(image) / asMade(image) - 1) > 0.03)
       .map((image) => image.alt),
     cut: [...document.querySelectorAll("span.math")].filter(cut).map((each) => each.textContent),
+    torn: [...document.querySelectorAll("summary span.math.wide")]
+      .filter((each) => each.firstElementChild.offsetWidth < each.clientWidth / 2)
+      .map((each) => each.closest("summary").textContent),
     stops: document.querySelectorAll("mjx-container[tabindex='0']").length,
   };
 }"""
@@ -40,6 +43,7 @@ class Look:
     overflow: int
     distorted: list[str]
     cut: list[str]
+    torn: list[str]
     stops: int
     said: list[str]
 

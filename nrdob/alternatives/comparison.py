@@ -86,10 +86,13 @@ class Comparison:
         One for each scheme.
     changed : tuple of str
         Names of the changed plants.
+    shown : tuple of str, optional
+        Columns that are printed, see `only`; all of them by default.
     """
 
     rows: tuple[Row, ...]
     changed: tuple[str, ...]
+    shown: tuple[str, ...] | None = None
 
     def __getitem__(self, name: str) -> Row:
         for row in self.rows:
@@ -120,6 +123,33 @@ class Comparison:
             )
         return {row.name: getattr(row, name) for row in self.rows}
 
+    def only(self, *names: str) -> Comparison:
+        """Return the same table, to be printed with these columns.
+
+        Parameters
+        ----------
+        *names : str
+            Numbers of `Row`, as "ms", or names of changed plants, in the order wanted.
+
+        Raises
+        ------
+        ValueError
+            If there is no such column of numbers.
+
+        Examples
+        --------
+        >>> from nrdob import paper
+        >>> loop = paper.example(1)
+        >>> compare(loop.process, {"as printed": loop}).only("iae", "ms")
+                    tuning   IAE     Ms
+        as printed          0.02  1.155
+        """
+        known = (*COLUMNS, *self.changed)
+        for name in names:
+            if name not in known:
+                raise ValueError(f"there is no column {name!r}; choose from {', '.join(known)}")
+        return replace(self, shown=names)
+
     def to_csv(self, path: str | Path) -> None:
         """Write the table as comma-separated values in UTF-8, numbers in full.
 
@@ -139,14 +169,19 @@ class Comparison:
 
     @property
     def _cells(self) -> list[list[str]]:
-        lost = ["Ms, " + name for name in self.changed]
-        table = [["", "tuning", *COLUMNS.values(), *lost]]
+        every = [(name, False) for name in COLUMNS] + [(name, True) for name in self.changed]
+        after = dict(every)  # a changed plant comes first, as in `column`
+        shown = every if self.shown is None else [(name, after[name]) for name in self.shown]
+        heads = ["Ms, " + name if lost else COLUMNS[name] for name, lost in shown]
+        table = [["", "tuning", *heads]]
         for row in self.rows:
-            numbers = [_number(getattr(row, name)) for name in COLUMNS]
-            after = [_number((row.changed or {}).get(name, nan), "lost") for name in self.changed]
-            if row.reason:
-                numbers, after = [""] * len(COLUMNS), [""] * len(after)
-            table.append([row.name, row.tuning, *numbers, *after])
+            numbers = [
+                _number((row.changed or {}).get(name, nan), "lost")
+                if lost
+                else _number(getattr(row, name))
+                for name, lost in shown
+            ]
+            table.append([row.name, row.tuning, *([""] * len(shown) if row.reason else numbers)])
         return table
 
     def __repr__(self) -> str:
@@ -163,13 +198,17 @@ class Comparison:
         return "\n".join(lines)
 
     def _repr_html_(self) -> str:
-        style = 'style="padding: 0.2em 0.7em; text-align: right"'
+        padded = "padding: 0.2em 0.5em"
+        style = f'style="{padded}; text-align: right; white-space: nowrap"'
         head, *body = self._cells
         rows = ["<tr>" + "".join(f"<th {style}>{escape(c)}</th>" for c in head) + "</tr>"]
         for cells, row in zip(body, self.rows, strict=True):
             if row.reason:
                 first = "".join(f"<td {style}>{escape(cell)}</td>" for cell in cells[:2])
-                left = f'<td colspan="{len(cells) - 2}">{escape(row.reason)}</td>'
+                left = (
+                    f'<td colspan="{len(cells) - 2}" style="{padded}; text-align: left">'
+                    f"{escape(row.reason)}</td>"
+                )
                 rows.append(f"<tr>{first}{left}</tr>")
             else:
                 rows.append("<tr>" + "".join(f"<td {style}>{escape(c)}</td>" for c in cells))

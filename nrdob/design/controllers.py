@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import product
-from math import asin, atan, ceil, degrees, isfinite, log, log10, radians, sin, tan
+from math import asin, atan, ceil, degrees, inf, isfinite, log, log10, radians, sin, tan
 from numbers import Real
 from typing import Any
 
@@ -34,6 +34,9 @@ CROSSOVERS, PER_DECADE = 48, 32
 ROUGH = 2.0
 """How many degrees a phase margin read off the frequencies may be too small."""
 
+LOWERED, LOWEST = 0.7, 1e-6
+"""Step by which a gain is lowered, and the smallest that is tried, against where it began."""
+
 TRIED = 8
 """Samples of a run that are judged exactly until one is good."""
 
@@ -48,7 +51,11 @@ class _Design:
 
 
 def design_controller(
-    model: Any, *, bandwidth: float | None = None, phase_margin: float = 60.0
+    model: Any,
+    *,
+    bandwidth: float | None = None,
+    phase_margin: float = 60.0,
+    max_ms: float | None = None,
 ) -> ct.TransferFunction:
     r"""Design an I, PI or PID controller on the model, from bandwidth and phase margin.
 
@@ -56,6 +63,9 @@ def design_controller(
     :math:`\arg C(j\omega) = P_M - 180° - \arg\tilde G(j\omega)`. Between -90° and -11° a PI,
     :math:`k(1 + 1/(T_is))`, does so exactly; above that a PID with filter, up to 44° ahead; below
     -90° an integrator, with a larger margin than asked for. What comes out is verified.
+
+    A phase margin does not see everything: near a resonance the loop can come close to -1 without
+    a crossover. `max_ms` limits the peak of the sensitivity as well.
 
     Parameters
     ----------
@@ -66,6 +76,9 @@ def design_controller(
         k/T_i that has the phase margin.
     phase_margin : float
         In degrees, between 0 and 90.
+    max_ms : float, optional
+        Largest peak of the sensitivity 1/(1 + C·G̃), above 1. Without a bandwidth, the gain is
+        lowered until it is kept; with one, a controller that does not keep it is refused.
 
     Returns
     -------
@@ -86,17 +99,30 @@ def design_controller(
     >>> C = design_controller(ct.tf([1], [1, 4, 3.75]), bandwidth=1.0, phase_margin=68)
     >>> [round(float(k), 3) for k in C.num[0][0]]
     [1.772, 2.679]
+
+    A resonance with a damping ratio of 0.01, with 60° of phase margin alone and with both:
+
+    >>> resonance = ct.tf([1], [1, 0.02, 1])
+    >>> for max_ms in (None, 1.5):
+    ...     L = design_controller(resonance, max_ms=max_ms) * resonance
+    ...     print(f"peak {abs(1 / (1 + L(1j * np.linspace(0.9, 1.1, 2001)))).max():.2g}")
+    peak 5e+03
+    peak 1.5
     """
     fraction = nonzero(as_fraction(model, "model"), "model")
-    for name, given in (("bandwidth", bandwidth), ("phase_margin", phase_margin)):
+    options = {"bandwidth": bandwidth, "phase_margin": phase_margin, "max_ms": max_ms}
+    for name, given in options.items():
         if given is not None and (isinstance(given, bool) or not isinstance(given, Real)):
             raise TypeError(f"{name} is {given!r}; give a real number")
     if not 0 < phase_margin < 90:
         raise ValueError(
             f"phase_margin is {phase_margin}; give an angle between 0 and 90 degrees, such as 60"
         )
+    if max_ms is not None and not max_ms > 1:
+        raise ValueError(f"max_ms is {max_ms}; a sensitivity peaks above 1, ask for 1.5 or so")
     if bandwidth is None:
-        return _largest_integral_gain(fraction, phase_margin).controller
+        best = _largest_integral_gain(fraction, phase_margin)
+        return _calmed(fraction, best, phase_margin, inf if max_ms is None else max_ms).controller
     if not (isfinite(bandwidth) and bandwidth > 0):
         raise ValueError(
             f"bandwidth is {bandwidth}; it is a frequency in rad/s, positive and finite"
@@ -121,7 +147,44 @@ def design_controller(
             f"|C·model| is 1 at {best.found.wgc:.4g} rad/s, too, where the phase margin is only "
             f"{best.found.pm:.1f}°: choose another bandwidth"
         )
+    if max_ms is not None and best.found.ms > max_ms:
+        raise ValueError(
+            f"the sensitivity peaks at {best.found.ms:.4g}, at {best.found.wms:.4g} rad/s, above "
+            f"max_ms = {max_ms:g}: choose another bandwidth, or a larger phase margin"
+        )
     return best.controller
+
+
+def _calmed(model: Fraction, design: _Design, phase_margin: float, max_ms: float) -> _Design:
+    """Lower the gain until the sensitivity peaks at `max_ms` at most."""
+
+    def kept(tried: _Design) -> bool:
+        found = tried.found
+        calm = found.ms <= max_ms and found.pm >= phase_margin * (1 - 1e-6)
+        return bool(found.stable and calm)
+
+    def lowered(factor: float) -> _Design:
+        controller = factor * design.controller
+        return _Design(controller, factor * design.integral_gain, _judged(model, controller))
+
+    if design.found.ms <= max_ms:
+        return design
+    high, low = 1.0, LOWERED
+    while not kept(best := lowered(low)):
+        if low < LOWEST:
+            raise ValueError(
+                f"no lower gain brings the sensitivity peak below {max_ms:g}, it is "
+                f"{design.found.ms:.4g} at {design.found.wms:.4g} rad/s: allow more, or give a "
+                "bandwidth"
+            )
+        high, low = low, low * LOWERED
+    while high - low > 1e-6 * high:
+        middle = (low + high) / 2
+        if kept(tried := lowered(middle)):
+            low, best = middle, tried
+        else:
+            high = middle
+    return best
 
 
 def _missing_phase(
@@ -151,12 +214,17 @@ def _design(model: Fraction, omega: float, phase: float, sign: int) -> _Design:
         shape = ct.tf(np.convolve([time, 1.0], [slow, 1.0]), np.convolve([time, 0.0], [fast, 1.0]))
     gain = sign / abs(complex(shape(1j * omega)) * complex(_value(model, np.array(omega))))
     controller = gain * shape
+    integral = abs(gain * shape.num[0][0][-1] / shape.den[0][0][-2])
+    return _Design(controller, float(integral), _judged(model, controller))
+
+
+def _judged(model: Fraction, controller: ct.TransferFunction) -> Margins:
+    """Margins of C·G̃."""
     loop = LoopEquations(
         model, model, controller, LowPassFilter(1.0, max(1, model.relative_degree))
     )
     verdict = judge("C Gm", loop.CGm.den, loop.p_A, loop.ill_posed_model_loop)
-    integral = abs(gain * shape.num[0][0][-1] / shape.den[0][0][-2])
-    return _Design(controller, float(integral), margins(loop.CGm, verdict.stable, loop.p_A))
+    return margins(loop.CGm, verdict.stable, loop.p_A)
 
 
 def _largest_integral_gain(model: Fraction, phase_margin: float) -> _Design:
@@ -206,6 +274,10 @@ def _best_of_run(
         at = float(np.exp(exponent))
         return _design(model, at, _missing(model, at, turn, sign), sign)
 
+    def integral_gain(exponent: float) -> float:
+        at = np.exp(exponent)
+        return float(_integral_gain(model, at, _missing_phase(model, at, turn, sign)))
+
     def keeps(tried: _Design) -> bool:
         return bool(tried.found.stable and tried.found.pm >= abs(turn) * (1 - 1e-6))
 
@@ -224,7 +296,7 @@ def _best_of_run(
             middle = (good + beyond) / 2
             good, beyond = (middle, beyond) if keeps(design(middle)) else (good, middle)
         ends.append(good)
-    top = minimize_scalar(lambda x: -design(x).integral_gain, bounds=ends, method="bounded")
+    top = minimize_scalar(lambda x: -integral_gain(x), bounds=ends, method="bounded")
     tried = [design(x) for x in (inside, *ends, float(top.x))]
     return [each for each in tried if keeps(each)]
 

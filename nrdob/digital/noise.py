@@ -16,7 +16,7 @@ from typing import Any
 
 import control as ct
 import numpy as np
-from scipy.linalg import block_diag, solve_discrete_lyapunov
+from scipy.linalg import block_diag
 
 from ..analysis import NoiseVariance
 from ..diagram import is_number
@@ -28,6 +28,9 @@ __all__ = ["sampled_noise_variance"]
 
 STABLE = 1 - 1e-12
 """Size of the largest eigenvalue from which nothing settles any more."""
+
+SUMMED = 1e-16
+"""Relative size of what may be left out of a sum of positive terms."""
 
 SAME_DT = 1e-9
 """Relative difference of two sampling times that are meant to be one."""
@@ -80,9 +83,23 @@ def sampled_noise_variance(
         )
     if shaping is not None:
         A, B, C, D = _behind((A, B, C, D), _shaping(shaping, controller.dt))
-    P = np.asarray(solve_discrete_lyapunov(A, np.outer(B, B)))
+    P = _covariance(A, B)
     y, u = (float(row @ P @ row + direct**2) for row, direct in zip(C, D, strict=True))
     return NoiseVariance(y, u)
+
+
+def _covariance(A: FloatArray, B: FloatArray) -> FloatArray:
+    """Solve P = A P Aᵀ + B Bᵀ by the sum of A^k B Bᵀ (A^k)ᵀ, doubled in each step.
+
+    All terms are positive, and states of very different sizes do not disturb one another, as they
+    do where the equation is solved as one linear system.
+    """
+    P = np.outer(B, B)
+    while True:
+        more = A @ P @ A.T
+        if (np.abs(np.diag(more)) <= SUMMED * np.abs(np.diag(P))).all():
+            return P
+        P, A = P + more, A @ A
 
 
 def _closed(process: HeldProcess, controller: SampledController) -> System:

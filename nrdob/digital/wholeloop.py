@@ -169,7 +169,7 @@ class WholeLoop:
         if np.abs(left).max(initial=0.0) > STILL * size:
             raise ValueError(
                 f"the process integrates and is not at rest at u + delta = {u + delta:.6g}: start "
-                f"from u = {-delta:.6g}"
+                f"from u = {0.0 - delta:.6g}"
             )
         states = np.zeros(self._cuts[0])
         states[self._at["process"]], states[self._at["u"]] = x, u

@@ -5,6 +5,7 @@ from .expressions import read_block
 from .page import Page, Picture, Section, Table
 from .proposals import Proposal, propose
 from .reports import report
+from .wording import character, formula, intervals
 
 __all__ = [
     "Page",
@@ -12,6 +13,9 @@ __all__ = [
     "Proposal",
     "Section",
     "Table",
+    "character",
+    "formula",
+    "intervals",
     "main",
     "propose",
     "read_block",

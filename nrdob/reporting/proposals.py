@@ -19,7 +19,13 @@ from ..design import (
     stable_model_exists,
     suggest_model,
 )
-from ..diagram import DelayedTransferFunction, LowPassFilter, as_fraction, interpolating_filter
+from ..diagram import (
+    DelayedTransferFunction,
+    FilterFamily,
+    LowPassFilter,
+    as_fraction,
+    interpolating_filter,
+)
 from ..loop import NRDOB
 from ..numerics import ComplexArray, number
 
@@ -39,9 +45,6 @@ MARGINS = (60.0, 30.0, 10.0)
 
 CALM = 2.0
 """Largest sensitivity peak of the controller with the model that is not called swinging."""
-
-CALMER = (1.0, 0.5, 0.2, 0.1, 0.03, 0.01)
-"""Factors by which a controller is made slower where its loop swings."""
 
 INSIDE = 0.5
 """Of the longest time constant that will do, the longest that is taken."""
@@ -117,21 +120,20 @@ def propose(
         best = candidates[0]
         if not best.time_constants:
             return _matched(process, controller, max_ms, candidates)
-        model, order = best.model, order or best.order
+        model, family = best.model, order or best.filters
         words.append(f"Model: {_why(best.how)}. {_rank(candidates, max_ms)}")
     else:
         words.append("Model: as given.")
-    if order is None:
         lowest = as_fraction(getattr(model, "tf", model), "model").relative_degree
-        order = max(1, lowest)
+        family = order or max(1, lowest)
     if time_constant is None:
-        filter, said, warned = _filter(process, model, order, max_ms)
+        filter, said, warned = _filter(process, model, family, max_ms)
         words.append(said)
         warnings += warned
         if filter is None:
             return Proposal(None, tuple(words), candidates, tuple(warnings))
     else:
-        filter = LowPassFilter(time_constant, order)
+        filter = _at(family, time_constant)
         words.append("Filter: as given.")
     if controller is None:
         controller, said = _controller(model, filter)
@@ -193,15 +195,16 @@ def _why(how: str) -> str:
 
 
 def _filter(
-    process: Any, model: Any, order: int, max_ms: float
-) -> tuple[LowPassFilter | None, str, list[str]]:
+    process: Any, model: Any, family: int | FilterFamily, max_ms: float
+) -> tuple[LowPassFilter | ct.TransferFunction | None, str, list[str]]:
     """Choose the fastest filter that keeps the peak; where all do, what the noise allows."""
+    of_order = _named(family)
     try:
-        found = design_filter(process, model, order=order, max_ms=max_ms)
+        found = design_filter(process, model, order=family, max_ms=max_ms)
         return (
-            _low_pass(found),
+            found,
             (
-                f"Filter: the fastest of order {order} whose plant loop has a sensitivity peak of "
+                f"Filter: the fastest {of_order} whose plant loop has a sensitivity peak of "
                 f"at most {max_ms:g}."
             ),
             [],
@@ -209,16 +212,16 @@ def _filter(
     except ValueError as error:
         reason = str(error)
     if "however fast" in reason:
-        return *_by_noise(process, model, order, max_ms), []
+        return *_by_noise(process, model, family, max_ms), []
     for limit in RELAXED:
         try:
-            found = design_filter(process, model, order=order, max_ms=max_ms * limit)
+            found = design_filter(process, model, order=family, max_ms=max_ms * limit)
         except ValueError:
             continue
         return (
-            _low_pass(found),
+            found,
             (
-                f"Filter: none of order {order} keeps the sensitivity peak below {max_ms:g}; this "
+                f"Filter: none {of_order} keeps the sensitivity peak below {max_ms:g}; this "
                 f"is the fastest below {max_ms * limit:g}."
             ),
             [f"No filter with this model meets a sensitivity peak of {max_ms:g}: it is touchy."],
@@ -226,26 +229,37 @@ def _filter(
     return (
         None,
         f"Filter: {reason}.",
-        [f"No filter of order {order} gives a loop that could be used with this model: {reason}."],
+        [f"No filter {of_order} gives a loop that could be used with this model: {reason}."],
     )
 
 
-def _low_pass(found: Any) -> LowPassFilter:
-    assert isinstance(found, LowPassFilter)  # an order was asked for, not a family
-    return found
+def _named(family: int | FilterFamily) -> str:
+    if isinstance(family, FilterFamily):
+        return f"of the {family.kind} filters of order {family.order}"
+    return f"of order {family}"
 
 
-def _by_noise(process: Any, model: Any, order: int, max_ms: float) -> tuple[LowPassFilter, str]:
+def _at(family: int | FilterFamily, time_constant: float) -> LowPassFilter | ct.TransferFunction:
+    if isinstance(family, FilterFamily):
+        return family.at(time_constant)
+    return LowPassFilter(time_constant, family)
+
+
+def _by_noise(
+    process: Any, model: Any, family: int | FilterFamily, max_ms: float
+) -> tuple[LowPassFilter | ct.TransferFunction, str]:
     """Choose among filters that may be as fast as one likes: F/model must not amplify too much."""
     slow = slowest_time_constant(process)
-    longest = admissible_time_constants(process, model, order, max_ms=max_ms)[0][1]
+    longest = admissible_time_constants(process, model, family, max_ms=max_ms)[0][1]
     omega = np.geomspace(1e-4, 1e6, 2000) / slow
     Gm = as_fraction(getattr(model, "tf", model), "model")
     inverse = np.abs(np.polyval(Gm.den, 1j * omega) / np.polyval(Gm.num, 1j * omega))
     allowed = NOISE_GAIN * abs(Gm.den[-1] / Gm.num[-1])
 
     def excess(exponent: float) -> float:
-        passed = inverse / np.hypot(1.0, 10**exponent * omega) ** order
+        tried = _at(family, 10**exponent)
+        F = as_fraction(getattr(tried, "tf", tried), "filter")
+        passed = inverse * np.abs(np.polyval(F.num, 1j * omega) / np.polyval(F.den, 1j * omega))
         return float(log10(passed.max() / allowed))
 
     fast, late = log10(slow) - 4, log10(slow) + 4
@@ -264,32 +278,37 @@ def _by_noise(process: Any, model: Any, order: int, max_ms: float) -> tuple[LowP
     if quiet > INSIDE * longest:
         quiet = INSIDE * longest
         said = "and this is a slow one: a faster one would pass even more noise to u."
-    opening = f"every fast one of order {order} keeps the sensitivity peak below {max_ms:g}"
-    return LowPassFilter(float(f"{quiet:.3g}"), order), f"Filter: {opening}, {said}"
+    opening = f"every fast one {_named(family)} keeps the sensitivity peak below {max_ms:g}"
+    return _at(family, float(f"{quiet:.3g}")), f"Filter: {opening}, {said}"
 
 
 def _controller(model: Any, filter: Any) -> tuple[ct.TransferFunction | None, str]:
-    """Design a PI by its phase margin, or by the observer's bandwidth; calm it where it swings."""
+    """Design a PI by its phase margin, or by the observer's bandwidth, whose loop is calm.
+
+    Where none of them is, the calmest.
+    """
     undelayed = getattr(model, "tf", model)
     tried: list[tuple[float, ct.TransferFunction, str]] = []
-    for bandwidth, margin in _asked_of_controllers(filter, undelayed):
-        try:
-            found = design_controller(undelayed, bandwidth=bandwidth, phase_margin=margin)
-        except ValueError:
-            continue
-        how = (
-            f"the PI of largest integral gain with a phase margin of {margin:g}° on the model"
-            if bandwidth is None
-            else f"designed for a crossover at {number(bandwidth)} rad/s, near the bandwidth of "
-            f"the observer, with a phase margin of {margin:g}° on the model"
-        )
-        for share in CALMER:
-            said = "" if share == 1 else f"; times {share:g}, because it would swing too much"
-            loop = NRDOB(undelayed, undelayed, share * found, filter).margins().model_loop
-            if loop.stable:
-                tried.append((loop.ms, share * found, f"Controller: {how}{said}."))
-                if loop.ms <= CALM:
-                    return tried[-1][1:]
+    for limit in (CALM, None):
+        for bandwidth, margin in _asked_of_controllers(filter, undelayed):
+            try:
+                found = design_controller(
+                    undelayed, bandwidth=bandwidth, phase_margin=margin, max_ms=limit
+                )
+            except ValueError:
+                continue
+            how = (
+                f"the PI of largest integral gain with a phase margin of {margin:g}° on the model"
+                if bandwidth is None
+                else f"designed for a crossover at {number(bandwidth)} rad/s, near the bandwidth "
+                f"of the observer, with a phase margin of {margin:g}° on the model"
+            )
+            ms = NRDOB(undelayed, undelayed, found, filter).margins().model_loop.ms
+            lowered = limit is not None and bandwidth is None and ms > (1 - 1e-3) * limit
+            calmed = f"; its gain is lowered until the sensitivity peaks at {CALM:g}"
+            tried.append((ms, found, f"Controller: {how}{calmed if lowered else ''}."))
+            if limit is not None:
+                return tried[0][1:]
     if tried:
         return min(tried, key=lambda each: each[0])[1:]
     return None, "Controller: none of I, PI and PID was found that stabilises this model."
@@ -348,14 +367,14 @@ def _matched(
         base = 1 / max(
             (abs(r) for part in fraction for r in np.roots(part) if abs(r) > 0), default=1.0
         )
+        chosen = controller
         for share in SHORTER:
             try:
                 filter = interpolating_filter(undelayed, share * base)
-                chosen = controller
-                if chosen is None:
+                if chosen is None:  # it does not depend on λ
                     chosen, _ = _controller(undelayed, filter)
                 if chosen is None:
-                    continue
+                    break
                 loop = NRDOB(process, undelayed, chosen, filter)
                 margins = loop.margins()
             except (ValueError, ArithmeticError):

@@ -128,6 +128,15 @@ def test_the_table_prints_and_is_written(tmp_path):
         found["MPC"]
 
 
+def test_only_the_columns_that_are_asked_for_are_printed():
+    _, found = examples(4)
+    few = found.only("modified", "iae")
+    assert repr(few).splitlines()[0].split() == ["tuning", "Ms,", "modified", "IAE"]
+    assert few["PI"] is found["PI"] and "noise on u" not in few._repr_html_()
+    with pytest.raises(ValueError, match="there is no column 'cost'; choose from ms, delay_margin"):
+        found.only("iae", "cost")
+
+
 def test_reasons_are_text_in_the_html():
     loop = nrdob.paper.example(3)
     each = nrdob.candidates(loop.process, loop.model, loop.controller)

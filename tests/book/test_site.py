@@ -366,6 +366,10 @@ def test_no_figure_is_distorted_and_no_formula_cut_on_a_phone(looks: dict[str, L
     assert {page: seen.cut for page, seen in looks.items() if seen.cut} == {}
 
 
+def test_a_short_formula_stays_in_the_line_of_its_choice(looks: dict[str, Look]) -> None:
+    assert {page: seen.torn for page, seen in looks.items() if seen.torn} == {}
+
+
 def test_formulas_are_no_stops_for_the_tab_key(looks: dict[str, Look]) -> None:
     assert sum(seen.stops for seen in looks.values()) == 0
 

@@ -37,7 +37,7 @@ MODULES = (*SECTIONS, ledger, recurring, signals)
 CHAPTERS = {
     "01_matched", "02_nonminimum_phase", "03_unstable", "04_time_delay", "11_the_loop",
     "12_the_filter", "13_closed_loop", "14_two_bands", "15_what_it_is", "16_nyquist",
-    "17_lemma_1", "18_lemma_2",
+    "17_lemma_1", "18_lemma_2", "37_will_it_survive",
 }  # fmt: skip
 
 
@@ -365,8 +365,9 @@ MUTATIONS = {
     "ex3.performance ex4.performance",
     one_root_more: "lemma2.i ex1.responses_prove eq08 eq10 fig06 ex2.nmp ex3.matched_fails "
     "ex3.negative_gain ex3.smaller ex4.noncausal_order eq12 eq15 fig12 ex3.overparametrise eq17 "
-    "fig16 concl.unstable_nmp_delay concl.not_matching",
-    larger_plants: "eq09 eq13 eq14 ex4.ratio ex4.radius",
+    "fig16 concl.unstable_nmp_delay concl.not_matching "
+    "ex2.family ex4.family",
+    larger_plants: "eq09 eq13 eq14 ex3.family ex4.ratio ex4.radius",
     larger_modified_plants: "ex2.variation ex3.variation ex4.variation",
     negative_models: "eq11 fig15a",
     inverse_that_predicts: "ex4.model_delay",

@@ -256,3 +256,30 @@ def test_a_model_that_lags_too_far_is_refused_with_the_angle():
 def test_impossible_wishes_are_refused(options, message):
     with pytest.raises((ValueError, TypeError), match=message):
         design_controller(lag, **options)
+
+
+@pytest.mark.parametrize("zeta", [0.01, 0.03])
+@pytest.mark.parametrize("max_ms", [1.2, 2.0])
+def test_an_integrator_before_a_resonance_is_limited_by_its_sensitivity_peak(zeta, max_ms):
+    """At the resonance k G(jω)/(jω) is about -k/(2ζ), so the peak is 1/(1 - k/(2ζ))."""
+    resonance = ct.tf([1], [1, 2 * zeta, 1])
+    controller = design_controller(resonance, max_ms=max_ms)
+    (k,), (_, zero) = controller.num[0][0], controller.den[0][0]
+    assert zero == 0
+    assert k == pytest.approx(2 * zeta * (1 - 1 / max_ms), rel=zeta)
+    omega = 1 + zeta * np.arange(-9, 9, 0.01)
+    L = controller(1j * omega) * resonance(1j * omega)
+    assert 0.999 * max_ms < np.abs(1 / (1 + L)).max() <= max_ms * (1 + 1e-6)
+
+
+def test_a_controller_that_keeps_the_peak_is_left_as_it_is():
+    model = ct.tf([1], [1, 2, 1])
+    free, limited = (design_controller(model, max_ms=max_ms) for max_ms in (None, 2.0))
+    assert np.array_equal(free.num[0][0], limited.num[0][0])
+
+
+def test_with_a_bandwidth_a_peak_above_the_limit_is_refused():
+    with pytest.raises(ValueError, match=r"sensitivity peaks at .* choose another bandwidth"):
+        design_controller(ct.tf([1], [1, 0.02, 1]), bandwidth=0.0199, max_ms=2.0)
+    with pytest.raises(ValueError, match=r"max_ms is 1\.0"):
+        design_controller(ct.tf([1], [1, 1]), max_ms=1.0)

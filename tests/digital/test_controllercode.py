@@ -62,6 +62,17 @@ def test_c_and_python_do_what_the_simulation_does(seed):
             assert relative(signal, getattr(expected, name)) < 1e-12
 
 
+def test_the_code_of_the_chapter_on_processors_does_what_its_simulation_does():
+    motor, s = nrdob.plants.motor_speed(), ct.tf("s")
+    C = (0.01 * s + 0.1001) / (0.01 * 0.1 * s)
+    loop = nrdob.NRDOB(nrdob.delay(0.002) * motor, motor, C, nrdob.LowPassFilter(0.03, 1))
+    sampled = loop.sampled(0.01, computation_delay=0.01)
+    expected = sampled.simulate({"R": 5.0, "delta": -2.0}, noise=0.2, timepts=2.0)
+    given = np.full(expected.u.size, 5.0), expected.measured, expected.applied
+    assert relative(run_python(sampled.to_python(), *given)[0], expected.u) < 1e-12
+    assert relative(run_c(sampled.to_c("speed"), "speed", *given)[0], expected.u) < 1e-12
+
+
 @pytest.mark.parametrize("wait", [0.2, 0.13, 0.03])
 def test_a_model_that_waits_is_generated_with_its_memory(wait):
     sampled = sampled_loop(wait=wait)

@@ -1,5 +1,6 @@
 """Variances of the sampled loop: against its own impulse response, and Welch's spectra."""
 
+import warnings
 from functools import cache
 
 import control as ct
@@ -98,3 +99,17 @@ def test_an_unstable_sampled_loop_and_unfit_shaping_are_refused():
         sampled("lag").noise_variance(ct.tf([1], [1, -1.2], DT))
     with pytest.raises(TypeError, match="shaping is a list; give a discrete-time block"):
         sampled("lag").noise_variance([1, 2])
+
+
+@pytest.mark.parametrize("ratio", [0.02, 0.5, 1.9])
+def test_states_of_different_sizes_do_not_disturb_the_variance(ratio):
+    # Motor without friction, n = 1: y[k+1] = (1 - a) y[k] - a η[k] with a = dt/λ.
+    dt, motor = 0.01, 1 / (0.01 * s)
+    loop = nrdob.NRDOB(motor, motor, 0.1, LowPassFilter(dt / ratio, 1))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = loop.sampled(dt).noise_variance()
+        friction = 0.01 / (0.01 * s + 0.1001)
+        C = (0.01 * s + 0.1001) / (0.001 * s)
+        nrdob.NRDOB(friction, friction, C, LowPassFilter(0.02, 1)).sampled(dt).noise_variance()
+    assert found.y == pytest.approx(ratio / (2 - ratio), rel=1e-9)

@@ -209,6 +209,8 @@ def test_an_integrating_process_starts_where_nothing_moves():
     sampled = loop.sampled(0.05)
     with pytest.raises(ValueError, match=r"start from u = -0\.2"):
         sampled.simulate({"delta": 0.2}, timepts=1.0, start=0.0)
+    with pytest.raises(ValueError, match=r"start from u = 0$"):
+        sampled.simulate({"R": 0.0}, timepts=1.0, start=1.0)
     found = sampled.simulate({"delta": 0.2, "R": 0.0}, timepts=1.0, start=-0.2)
     assert np.abs(found.y).max() < 1e-12
 

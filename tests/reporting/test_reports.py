@@ -10,7 +10,7 @@ from bs4 import BeautifulSoup
 
 import nrdob
 from nrdob.measured import checked_record, heated_air
-from nrdob.reporting import main
+from nrdob.reporting import main, propose
 
 s = ct.tf("s")
 UNKIND = "<script>alert(1)</script>"
@@ -160,3 +160,17 @@ def test_the_command_tells_how_it_is_used(capsys):
     with pytest.raises(SystemExit) as left:
         main(["report", "--nonsense"])
     assert left.value.code == 2
+
+
+def test_a_model_that_keeps_its_integrator_gets_the_filter_that_was_compared():
+    """1 - F ~ s^2 then: nothing is left of a constant disturbance at the input."""
+    proposal = propose(nrdob.delay(1.0) * ct.tf([1], [1, 0]))
+    assert proposal.candidates[0].family is not None
+    assert proposal.loop.stability().stable
+    assert abs(proposal.loop.S_delta.dc_gain) < 1e-9
+    assert proposal.loop.margins().plant_loop.ms < 2.001
+
+
+def test_a_resonance_gets_a_controller_that_does_not_make_it_swing():
+    loop = propose(ct.tf([1], [1, 0.02, 1])).loop
+    assert loop.margins().model_loop.ms < 2.001

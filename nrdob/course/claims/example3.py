@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from math import pi, sqrt
+from typing import Any
 
 import numpy as np
+from scipy.optimize import brentq
 
 from ...analysis import encirclements
 from ...diagram import LowPassFilter, Quotient
@@ -12,6 +14,7 @@ from ...loop import NRDOB
 from ...numerics import number
 from ...paper import PRINTED_FUNCTIONS, PrintedFunction, example
 from ...plotting import turns
+from ...uncertain import family, largest_box, sweep
 from .ledger import Amendment, Finding, Section, Verdict
 from .recurring import (
     border,
@@ -31,7 +34,7 @@ __all__ = ["SECTION"]
 
 SECTION = Section()
 
-UNSTABLE = "03_unstable"
+UNSTABLE, SURVIVES = "03_unstable", "37_will_it_survive"
 
 PLANT = ([4], [-1, -1, 2])
 
@@ -484,6 +487,65 @@ def performance() -> Finding:
             "the gain alone is stable": gain_alone.stable is True,
         },
     )
+
+
+@SECTION.claim(
+    "ex3.family",
+    "Example 3, Fig. 14",
+    "The loop of Example 3 stays stable whenever the gain is up to 50 % lower and a lag of up to "
+    "0.1 s is neglected.",
+    SURVIVES,
+    amendment=Amendment(
+        Verdict.CONDITION,
+        "It does as long as the neglected lag is below 0.08775 s, a pole faster than $-11.4$. With "
+        "the full lag of 0.1 s the gain must be below 0.9427 of the nominal: between the nominal "
+        "and the modified plant, which are both stable, lie plants with which the loop is lost.",
+    ),
+)
+def family_3() -> Finding:
+    """Judge 441 plants between the nominal and the modified one; find the limits exactly.
+
+    The limit of the lag comes from the frequency response. Both limits are confirmed by Routh's
+    condition for the quartic that p_B is when what plant and model share is divided out, and by
+    turns on both sides.
+    """
+    loop = example(3)
+    plants = family(loop.process, gain=(0.5, 1.0), lag=(0.0, 0.1), grid=21)
+    table = sweep(loop, plants, "stable", progress=False)
+    routh = _routh(table["gain"], table["lag"]) > 0
+    lost = largest_box(loop, gain=(0.5, 1.0), lag=(0.0, 0.1)).lost or {}
+    longest = float(brentq(lambda T: float(_routh(1.0, T)), 0.05, 0.1))
+    highest = float(brentq(lambda k: float(_routh(k, 0.1)), 0.6, 1.0))
+
+    def stable(gain: float, lag: float) -> bool:
+        plant = ([4 * gain], np.polymul([-1, -1, 2], [lag, 1]))
+        return NRDOB(plant, loop.model, loop.controller, loop.filter).stability().stable is True
+
+    sides = [stable(1, 0.999 * longest), stable(1, 1.001 * longest)]
+    sides += [stable(0.999 * highest, 0.1), stable(1.001 * highest, 0.1)]
+    ends = [loop.stability().stable, example(3, modified=True).stability().stable]
+    count = int((~table["stable"]).sum())
+    return Finding(
+        count == 0,
+        f"lost with {count} of {len(table)} plants; at full gain the lag must be below "
+        f"{number(longest, 4)} s, at the full lag the gain below {number(highest, 4)}",
+        conditions={
+            "the nominal and the modified loop are stable": ends == [True, True],
+            "verdicts are those of Routh's condition": np.array_equal(routh, table["stable"]),
+            "the lag is limited to 0.08775 s at full gain": bool(
+                abs(lost.get("lag", 0.0) - longest) < 1e-6 and abs(longest - 0.08775) < 1e-5
+            ),
+            "the gain is limited to 0.9427 at the full lag": abs(highest - 0.9427) < 1e-4,
+            "the loop is lost just beyond both limits": sides == [True, False, True, False],
+        },
+    )
+
+
+def _routh(k: Any, T: Any, lam: float = 0.05) -> Any:
+    """Routh's condition for (s − 1)(Ts + 1)(λ²s² + 2λs) + 4k(s + 1), positive where it holds."""
+    a4, a3, a2 = T * lam**2, (1 - T) * lam**2 + 2 * lam * T, 2 * lam * (1 - T) - lam**2
+    a1, a0 = 4 * k - 2 * lam, 4 * k
+    return a1 * (a2 * a3 - a1 * a4) - a0 * a3**2
 
 
 @SECTION.claim(

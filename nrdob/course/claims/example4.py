@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import product
 from math import exp, inf, log1p, pi
 
@@ -13,6 +14,7 @@ from ...loop import NRDOB
 from ...numerics import QuasiPolynomial, count_rhp, number
 from ...paper import example
 from ...plotting import turns
+from ...uncertain import family, largest_box, sweep
 from .ledger import Amendment, Finding, Section, Verdict
 from .recurring import (
     OMEGA,
@@ -32,7 +34,7 @@ __all__ = ["SECTION"]
 
 SECTION = Section()
 
-LATE = "04_time_delay"
+LATE, SURVIVES = "04_time_delay", "37_will_it_survive"
 
 
 @SECTION.claim(
@@ -474,3 +476,31 @@ enter_steps(
 def performance_4() -> Finding:
     """Compare excursions and sensitivity peaks before and after; "kept" means within 10 %."""
     return performance_finding(4, times=1.7)
+
+
+@SECTION.claim(
+    "ex4.family",
+    "Example 4, Fig. 19",
+    "The loop of Example 4 stays stable whenever the dead time is up to 100 % longer and a lag of "
+    "up to 0.1 s is neglected.",
+    SURVIVES,
+)
+def family_4() -> Finding:
+    """Judge 441 plants between the nominal and the modified one, and the corners one by one.
+
+    That no plant of the whole box has a root on the axis is decided from the frequency response.
+    """
+    loop = example(4)
+    plants = family(loop.process, delay=(0.0, 0.05), lag=(0.0, 0.1), grid=21)
+    table = sweep(loop, plants, "stable", progress=False)
+    corners = [replace(loop, process=plants[k]).stability().stable for k in (0, 20, 420, 440)]
+    known = corners == 4 * [True]  # without a stable nominal plant there is no box around it
+    share, wider = (
+        largest_box(loop, delay=(0.0, 0.05 * times), lag=(0.0, 0.1 * times)).share if known else 0.0
+        for times in (1, 7)
+    )
+    return Finding(
+        known and bool(table["stable"].all()) and share == 1,
+        f"stable with {int(table['stable'].sum())} of {len(table)} plants, and with the whole box; "
+        f"of one seven times as large {number(100 * wider, 3)} % of the way to its sides",
+    )

@@ -13,6 +13,7 @@ from ...diagram import INPUTS, LowPassFilter, Quotient
 from ...loop import NRDOB
 from ...numerics import ComplexArray, number
 from ...paper import example
+from ...uncertain import family, sweep
 from .ledger import Amendment, Finding, Section, Verdict
 from .recurring import (
     enter_controller,
@@ -34,7 +35,7 @@ __all__ = ["SECTION"]
 
 SECTION = Section()
 
-MATCHED, ZERO = "01_matched", "02_nonminimum_phase"
+MATCHED, ZERO, SURVIVES = "01_matched", "02_nonminimum_phase", "37_will_it_survive"
 
 enter_margin(SECTION, "ex1.CGm.pm", MATCHED)
 enter_margin(SECTION, "ex1.CGm.gm", MATCHED)
@@ -379,6 +380,33 @@ def performance_2() -> Finding:
     before, after = (swings(example(2, modified), "d", 0.1) for modified in (False, True))
     rings = {"S_d rings, as it did not before": before == 0 and after >= 3}
     return replace(found, conditions={**found.conditions, **rings})
+
+
+@SECTION.claim(
+    "ex2.family",
+    "Example 2, Fig. 8",
+    "The loop of Example 2 stays stable whenever the zero varies by 20 % and a lag of up to 0.1 s "
+    "is neglected.",
+    SURVIVES,
+)
+def family_2() -> Finding:
+    """Judge 441 plants between the nominal and the modified one, and the corners by turns.
+
+    By Routh's condition for p_B divided by what plant and model share, λ(2λ − 1/z) + T(3λ − 2/z)
+    must be positive, which it is for every lag T if z > 2/(3λ).
+    """
+    loop, lam = example(2), 0.025
+    plants = family(loop.process, zeros=(0.8, 1.2), lag=(0.0, 0.1), grid=21)
+    table = sweep(loop, plants, "stable", progress=False)
+    z, T = 100 * table["zero 1"], table["lag"]
+    by_hand = bool((lam * (2 * lam - 1 / z) + T * (3 * lam - 2 / z) > 0).all())
+    corners = [replace(loop, process=plants[k]).stability().stable for k in (0, 20, 420, 440)]
+    least = 2 / (3 * lam)
+    return Finding(
+        bool(table["stable"].all()) and by_hand and corners == 4 * [True],
+        f"stable with {int(table['stable'].sum())} of {len(table)} plants; with every lag if the "
+        f"zero is above {number(least, 4)}",
+    )
 
 
 @SECTION.claim(
