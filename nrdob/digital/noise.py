@@ -94,7 +94,7 @@ def _covariance(A: FloatArray, B: FloatArray) -> FloatArray:
     All terms are positive, and states of very different sizes do not disturb one another, as they
     do where the equation is solved as one linear system.
     """
-    P = np.outer(B, B)
+    P: FloatArray = np.outer(B, B)
     while True:
         more = A @ P @ A.T
         if (np.abs(np.diag(more)) <= SUMMED * np.abs(np.diag(P))).all():
