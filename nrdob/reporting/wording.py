@@ -30,6 +30,16 @@ def listed(items: Iterable[str]) -> str:
 def formula(block: Any) -> str:
     """Write a block as a line: (2 s + 1)/(s² + 3 s + 2) · e^(−0.3 s).
 
+    Parameters
+    ----------
+    block : as for `nrdob.NRDOB`
+        A process, model, controller or filter.
+
+    Returns
+    -------
+    str
+        The line.
+
     Examples
     --------
     >>> formula(([2.0], [1.0, 3.0, -2.0]))
@@ -46,7 +56,18 @@ def formula(block: Any) -> str:
 
 
 def intervals(found: Iterable[tuple[float, float]]) -> str:
-    """Write intervals of time constants."""
+    """Write intervals of time constants.
+
+    Parameters
+    ----------
+    found : iterable of (low, high)
+        As `nrdob.stabilizing_time_constants` gives them, in seconds.
+
+    Returns
+    -------
+    str
+        Such as "λ > 0.375 s".
+    """
     said = []
     for low, high in found:
         if low == 0 and high == inf:
@@ -67,7 +88,18 @@ def roots_listed(roots: Any) -> str:
 
 
 def character(process: Any) -> list[str]:
-    """Say what makes a process easy or hard, one sentence each."""
+    """Say what makes a process easy or hard, one sentence each.
+
+    Parameters
+    ----------
+    process : as for `nrdob.NRDOB`
+        G.
+
+    Returns
+    -------
+    list of str
+        The sentences, at least one.
+    """
     delay = getattr(process, "delay", 0.0)
     num, den = as_fraction(getattr(process, "tf", process) if delay else process, "process")
     zeros, poles = np.roots(num), np.roots(den)
