@@ -262,7 +262,8 @@ def test_what_a_student_spends_is_added_up() -> None:
     assert reading == hours_of_reading()
     assert in_class == 1.5 * len(sessions())
     without = re.search(
-        r"Without weeks 7 and 8 it is (\d+) hours of reading and ([\d.]+) in class", PAGES["syllabus"]
+        r"Without weeks 7 and 8 it is (\d+) hours of reading and ([\d.]+) in class",
+        PAGES["syllabus"],
     )
     assert without
     left_out = [plan()[7], plan()[8]]
