@@ -82,7 +82,8 @@ def map_plot(
             limits(low - room, high + room)
         axes.set_xlabel(x.label)
         axes.set_ylabel(y.label)
-        axes.legend(loc="best", fontsize=8)
+        # Above the map: wherever it stood within, members would lie behind its words.
+        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(kinds), fontsize=8)
         headings(axes, title)
     names = " and ".join(axis.label.partition(" (")[0] for axis in (x, y))
     text = (
