@@ -40,7 +40,7 @@ def test_borders_separate_the_colours_of_a_map(number, x, y):
         (n, low + start * (n == "delay"), high + start * (n == "delay")) for n, low, high in (x, y)
     ]
     # A chart a little wider than the map, so that no border ends at its edge.
-    wide = [(n, max(low - 1e-3, 1e-6), high + 1e-3) for n, low, high in moved]
+    wide = [(n, max(low - 1e-3, 0.0), high + 1e-3) for n, low, high in moved]
     chart = nrdob.stability_chart(loop.process, loop.model, loop.filter, x=wide[0], y=wide[1])
     names = sorted(ranges, key=["gain", "delay", "lag"].index)
     order = [names.index(n) for n in (x[0], y[0])]
@@ -64,6 +64,7 @@ def test_a_map_says_what_it_shows_and_wants_a_chart_of_the_same_two():
         loop.process, loop.model, loop.filter, x=("delay", 0.01, 0.35), y=("gain", 0.3, 6.0)
     )
     drawn = table.plot_map("delay", "gain", chart=chart)
+    assert all(not (np.asarray(line.get_ydata()) < 0).any() for line in drawn.axes.flat[0].lines)
     for said in ("64 plants", "8 not decided", "exact borders", "dead time θ"):
         assert said in drawn.alt
     assert drawn.axes.flat[0].get_xlim()[1] == pytest.approx(0.35, abs=0.01)
