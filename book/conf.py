@@ -51,7 +51,7 @@ autodoc_typehints = "none"  # the docstrings tell type, shape and unit
 numpydoc_show_class_members = False
 # Types of the libraries below us; their documentation is not part of this book.
 nitpick_ignore_regex = [
-    ("py:.*", r"(control|ct|matplotlib|np|numpy|scipy)\..*"),
+    ("py:.*", r"(collections\.abc|control|ct|matplotlib|np|numpy|scipy)\..*"),
 ]
 
 # --- Look -------------------------------------------------------------------------------------

@@ -206,7 +206,7 @@ class TurnCount:
     Attributes
     ----------
     count : int or None
-        The zeros with |z| > 1, z = ∞ included; None if one lies on the circle within rounding.
+        The zeros outside the circle, z = ∞ included; None if one lies on it within rounding.
     angle : float
         Where that is, in radians; nan if it is nowhere.
     """

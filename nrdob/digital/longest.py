@@ -34,12 +34,12 @@ def largest_sampling_time(
 ) -> float:
     r"""Find the sampling time up to which a stable loop stays stable on a processor, in seconds.
 
-    For every shorter one the sampled loop is stable. The largest root |z| is followed over sampling
-    times that are 4 % apart, from a fiftieth of the shortest time of the loop (but no more than 100
-    samples in a dead time) on, and where it comes near to 1 in between its maximum is sought; so
-    an instability is missed only if it begins and ends within 4 %, without a hump that neighbours
-    see. Shorter sampling times are taken for continuous time. The end itself is refined to rounding
-    and counted on both of its sides, by the argument on the unit circle.
+    For every shorter one the sampled loop is stable. The size of the largest root is followed over
+    sampling times that are 4 % apart, from a fiftieth of the shortest time of the loop (but no
+    more than 100 samples in a dead time) on, and where it comes near to 1 in between its maximum
+    is sought; so an instability is missed only if it begins and ends within 4 %, without a hump
+    that neighbours see. Shorter sampling times are taken for continuous time. The end itself is
+    refined to rounding and counted on both of its sides, by the argument on the unit circle.
 
     Parameters
     ----------

@@ -17,7 +17,7 @@ from .code import ControllerCode
 from .hold import HeldProcess
 from .recursion import Recursion
 
-__all__ = ["Rows", "WholeLoop"]
+__all__ = ["WholeLoop"]
 
 Rows = tuple[FloatArray, FloatArray, FloatArray]
 """Rows of signals over states, inputs and decisions."""

@@ -111,7 +111,7 @@ class Identification:
     confidence : float
         Of the intervals.
     fit_percent : float
-        100 (1 - |y - model| / |y - mean of y|) in the part that was fitted.
+        ``100 (1 - |y - model| / |y - mean of y|)`` in the part that was fitted.
     validation_percent : float
         The same in the part held out, simulated on from the fitted part; nan if none was held out.
     levelled_percent : float

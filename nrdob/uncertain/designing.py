@@ -75,7 +75,7 @@ def design_filter_for(
 
     See Also
     --------
-    nrdob.design_filter : for one plant.
+    nrdob.design.search.design_filter : for one plant.
 
     Examples
     --------

@@ -81,7 +81,7 @@ def sweep(
 
     See Also
     --------
-    nrdob.stability_chart : exact borders in two parameters.
+    nrdob.design.chart.stability_chart : exact borders in two parameters.
 
     Examples
     --------
