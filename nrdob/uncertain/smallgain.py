@@ -101,7 +101,7 @@ def fit_weight(
 
     Examples
     --------
-    A neglected lag of 0.1 s is ``|Ts/(Ts + 1)|`` away, which is a weight itself:
+    A neglected lag T of 0.1 s is ``|Ts/(Ts + 1)|`` away, which is a weight itself:
 
     >>> G = ct.tf([1], [1, 1])
     >>> W = fit_weight(G, [G * ct.tf([1], [0.1, 1])], np.geomspace(0.1, 1e3, 200))

@@ -211,7 +211,11 @@ class SweepTable:
             MapAxis(LABELS.get(name, name), self[name] + (name == "delay") * self.family.delay)
             for name in (x, y)
         )
-        borders = [(border.x, border.y) for border in chart.borders] if chart else []
+        # Borders are drawn a little beyond their chart: there is no lag below zero.
+        borders = [
+            (border.x, np.where(border.y < 0, np.nan, border.y))
+            for border in (chart.borders if chart else ())
+        ]
         return map_plot(
             across, up, self["stable"], self["decided"], borders=borders, title=title, ax=ax
         )

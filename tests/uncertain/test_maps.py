@@ -40,7 +40,7 @@ def test_borders_separate_the_colours_of_a_map(number, x, y):
         (n, low + start * (n == "delay"), high + start * (n == "delay")) for n, low, high in (x, y)
     ]
     # A chart a little wider than the map, so that no border ends at its edge.
-    wide = [(n, max(low - 1e-3, 1e-6), high + 1e-3) for n, low, high in moved]
+    wide = [(n, max(low - 1e-3, 0.0), high + 1e-3) for n, low, high in moved]
     chart = nrdob.stability_chart(loop.process, loop.model, loop.filter, x=wide[0], y=wide[1])
     names = sorted(ranges, key=["gain", "delay", "lag"].index)
     order = [names.index(n) for n in (x[0], y[0])]
@@ -72,3 +72,16 @@ def test_a_map_says_what_it_shows_and_wants_a_chart_of_the_same_two():
         table.plot_map("gain", "delay", chart=chart)
     with pytest.raises(KeyError, match="no 'zero 1'"):
         table.plot_map("gain", "zero 1")
+
+
+def test_a_map_draws_no_border_at_a_lag_below_zero():
+    loop = paper.example(2)
+    chart = nrdob.stability_chart(
+        loop.process, loop.model, loop.filter, x=("gain", 0.3, 8.0), y=("lag", 0.0, 0.3)
+    )
+    assert min(border.y.min() for border in chart.borders) < 0
+    family = nrdob.family(loop.process, gain=(0.3, 8.0), lag=(0.0, 0.3), grid=4)
+    drawn = nrdob.sweep(loop, family, "stable").plot_map("gain", "lag", chart=chart)
+    lines = drawn.axes.flat[0].lines
+    assert not any((np.asarray(line.get_ydata(), dtype=float) < 0).any() for line in lines)
+    plt.close("all")
