@@ -33,6 +33,12 @@ def test_a_chapter_opens_with_it() -> None:
         assert place == (5 if first else 1), chapter
 
 
+def test_no_letter_is_the_right_one_all_week() -> None:
+    for deck in {question.deck for question in QUESTIONS.values()}:
+        right = [question.right for question in QUESTIONS.values() if question.deck == deck]
+        assert len(set(right)) > 1, f"{deck}: the answer is {right[0]} each time"
+
+
 def test_a_changed_question_is_noticed_and_brought_in(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
