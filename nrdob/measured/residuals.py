@@ -29,6 +29,9 @@ LAGS, PER_LAG = 25, 8
 UNLIKELY, DOUBTFUL = 0.01, 0.05
 """Probability below which chance is not believed, and above which whiteness is."""
 
+NO_CHANCE = 0.001
+"""Probability below which only that is said."""
+
 
 @dataclass(frozen=True, eq=False)
 class Noise:
@@ -178,22 +181,27 @@ def check_residuals(
     independence = _independence(residual, inputs, noise, fitted)
     independent = None if np.isnan(independence) else independence > UNLIKELY
     said = [
-        f"The residual is white (p = {chance:.2g}): what is left looks like noise of the sensor."
+        f"The residual is white ({_told(chance)}): what is left looks like noise of the sensor."
         if white
-        else f"The residual has a memory (p = {chance:.2g}): what disturbs the plant is not white, "
+        else f"The residual has a memory ({_told(chance)}): what disturbs the plant is not white, "
         "or the structure misses something; the intervals are widened for it."
     ]
     if independent is None:
         said.append("The input is too poor to tell whether something of it is left.")
     elif independent:
-        said.append(f"Nothing of the input is left in it (p = {independence:.2g}).")
+        said.append(f"Nothing of the input is left in it ({_told(independence)}).")
     else:
         said.append(
-            f"It still follows the input (p = {independence:.2g}): the plant does something that "
+            f"It still follows the input ({_told(independence)}): the plant does something that "
             "this structure cannot, and the intervals do not cover that."
         )
     spread = float(np.sqrt(np.mean(residual**2)))
     return ResidualCheck(white, chance, independent, independence, spread, " ".join(said))
+
+
+def _told(chance: float) -> str:
+    """Write a chance; of a very small one the digits mean nothing."""
+    return f"p = {chance:.2g}" if chance >= NO_CHANCE else f"p < {NO_CHANCE}"
 
 
 def _independence(residual: FloatArray, inputs: FloatArray, noise: Noise, fitted: int) -> float:
