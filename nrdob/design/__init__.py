@@ -12,7 +12,7 @@ from .closedforms import (
     smallest_for_rhp_zero,
 )
 from .controllers import design_controller
-from .gains import stabilizing_gains
+from .gains import critical_gains, stabilizing_gains
 from .limits import (
     Answer,
     gain_bound,
@@ -50,6 +50,7 @@ __all__ = [
     "StabilityChart",
     "admissible_time_constants",
     "closedforms",
+    "critical_gains",
     "critical_time_constants",
     "default_floor",
     "design_controller",

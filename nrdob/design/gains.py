@@ -21,10 +21,10 @@ from typing import Any
 import numpy as np
 
 from ..analysis import margins
-from ..diagram import DelayedTransferFunction, ObserverEquations
-from ..numerics import QuasiPolynomial, count_rhp
+from ..diagram import DelayedTransferFunction, ObserverEquations, Quotient
+from ..numerics import FloatArray, QuasiPolynomial, count_rhp
 
-__all__ = ["stabilizing_gains"]
+__all__ = ["critical_gains", "stabilizing_gains"]
 
 FAR = 10.0
 """How far beyond all poles and zeros L is only a power of s and a dead time."""
@@ -68,13 +68,7 @@ def stabilizing_gains(process: Any, model: Any, filter: Any) -> list[tuple[float
     G = given.fractions.G
     scaled = DelayedTransferFunction((unit * G.num, G.den), given.delay)
     loop = ObserverEquations(scaled, model, filter)
-    omega = margins(loop.L, None, loop.p_B).phase_crossovers
-    inside = omega[(omega > 0) & np.isfinite(omega)]
-    a, b = loop.L.at_infinity
-    values = np.concatenate([loop.L(1j * inside).real, [loop.L.dc_gain, a - abs(b), a + abs(b)]])
-    with np.errstate(divide="ignore"):
-        gains = np.sort(-1 / values[np.isfinite(values) & (values < 0)])
-    gains = gains[np.isfinite(gains)]
+    gains = critical_gains(loop.L, margins(loop.L, None, loop.p_B).phase_crossovers)
     apart = np.diff(gains, prepend=0.0) > SAME * gains
     ends = [0.0, *gains[apart].tolist(), inf]
     stable: list[tuple[float, float]] = []
@@ -83,6 +77,24 @@ def stabilizing_gains(process: Any, model: Any, filter: Any) -> list[tuple[float
         if _count(loop, between) == 0:
             stable.append((low * unit, high * unit))
     return stable
+
+
+def critical_gains(L: Quotient, crossovers: FloatArray) -> FloatArray:
+    """Find the factors k > 0 of a loop gain with k L = -1 at some frequency, increasing.
+
+    Parameters
+    ----------
+    L : Quotient
+        The loop gain.
+    crossovers : (N,) array
+        Frequencies at which it is real, in rad/s; 0 and infinity are looked at in any case.
+    """
+    inside = crossovers[(crossovers > 0) & np.isfinite(crossovers)]
+    a, b = L.at_infinity
+    values = np.concatenate([L(1j * inside).real, [L.dc_gain, a - abs(b), a + abs(b)]])
+    with np.errstate(divide="ignore"):
+        gains = np.sort(-1 / values[np.isfinite(values) & (values < 0)])
+    return np.asarray(gains[np.isfinite(gains)])
 
 
 def _unit(loop: ObserverEquations) -> float:

@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..analysis import resolved_frequencies
+from ..design import critical_gains
 from ..diagram import DelayedTransferFunction, as_fraction
 from ..loop import NRDOB
 from ..numerics import BoolArray, ComplexArray, FloatArray, bisect, golden, side
@@ -100,12 +101,8 @@ def gain_intervals(loop: NRDOB, low: float, high: float) -> list[tuple[float, fl
 def _critical_gains(loop: NRDOB, range: Interval) -> list[float]:
     # With the largest gain all frequencies count at which a smaller one is critical.
     largest = _with(loop, gain=range.high)
-    found = largest.margins().plant_loop.phase_crossovers
-    finite = found[(found > 0) & np.isfinite(found)]
-    values = [*np.real(largest.L(1j * finite)).tolist(), largest.L.dc_gain]
-    undelayed, delayed = largest.L.at_infinity
-    values += [undelayed - abs(delayed), undelayed + abs(delayed)]
-    return [-range.high / value for value in values if isfinite(value) and value < 0]
+    found = critical_gains(largest.L, largest.margins().plant_loop.phase_crossovers)
+    return [range.high * gain for gain in found.tolist()]
 
 
 def delay_intervals(loop: NRDOB, low: float, high: float) -> list[tuple[float, float]]:
