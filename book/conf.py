@@ -28,6 +28,7 @@ extensions = [
     "sphinxcontrib.bibtex",
     "claimlinks",
     "explorable",
+    "getting",
     "predict",
     "typeset",
 ]
