@@ -1,7 +1,7 @@
-"""From every page to a copy that runs: what can be downloaded, and where a notebook can be started.
+"""From every page to a copy that runs: what can be downloaded, and where a notebook can start.
 
-The address of the repository is written once, in `pyproject.toml` under ``[tool.nrdob]``. As long as
-it is empty nothing is shown that would need it.
+The address of the repository is written once, in `pyproject.toml` under ``[tool.nrdob]``. As long
+as it is empty nothing is shown that would need it.
 """
 
 from __future__ import annotations

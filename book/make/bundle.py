@@ -1,7 +1,7 @@
 """Pack what runs the notebooks, and with it the book, into one file to be downloaded.
 
-    python book/make/bundle.py                 build/html and the notebooks into build/nrdob-book.zip
-    python book/make/bundle.py --output FILE   another file
+    python book/make/bundle.py                into build/nrdob-book.zip
+    python book/make/bundle.py --output FILE  into another file
 
 The problem sets stay out: where they lie, their solutions lie, too (`make release` gives them out).
 """
@@ -17,8 +17,8 @@ from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 ROOT = Path(__file__).resolve().parents[2]
 
 TO_RUN = (
-    "notebooks/*.ipynb", "notebooks/class/*", "nrdob/**/*", "binder/requirements.txt", "requirements.txt",
-    "pyproject.toml", "README.md", "LICENSE", "LICENSE-text", "CITATION.cff",
+    "notebooks/*.ipynb", "notebooks/class/*", "nrdob/**/*", "binder/requirements.txt",
+    "requirements.txt", "pyproject.toml", "README.md", "LICENSE", "LICENSE-text", "CITATION.cff",
 )  # fmt: skip
 """The notebooks with their outputs, the package, and what installs it."""
 

@@ -3,8 +3,8 @@
     python book/make/pdf.py                      build/html into build/nrdob.pdf
     python book/make/pdf.py --site F --output F  another site, another file
 
-A browser sets it: Debian's Chromium, or any other on the path. Formulas are set once; then it is printed
-twice, the second time with the page numbers in the table of contents. It takes some minutes.
+A browser sets it: Debian's Chromium, or any other on the path. Formulas are set once; then it is
+printed twice, the second time with the page numbers in the contents. It takes some minutes.
 """
 
 from __future__ import annotations
