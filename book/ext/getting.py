@@ -73,7 +73,7 @@ def add_buttons(
         ),
     ]
     context["header_buttons"].append(
-        {"type": "group", "text": "", "tooltip": "Run it", "icon": "fas fa-rocket",
+        {"type": "group", "tooltip": "Run it", "icon": "fas fa-rocket",
          "buttons": buttons, "label": "run-buttons"}
     )  # fmt: skip
 

@@ -33,7 +33,7 @@ ROOT = Path(__file__).resolve().parents[2]
 LEFT_OUT = ("api", "search", "genindex", "teaching/")
 """Not for reading from the front to the back; teachers have pages of their own to be printed."""
 
-UNPRINTED = "a.headerlink, script, button, .claims-filter, .docutils.toctree-wrapper"
+UNPRINTED = "a.headerlink, script, button, .claims-filter, .toctree-wrapper"
 NAMES = ("id", "for", "aria-labelledby", "aria-describedby", "aria-controls")
 ADDRESSES = ("href", "src")
 SETTLED = "() => window.MathJax?.startup?.promise?.then(() => true) ?? true"
@@ -147,16 +147,19 @@ def head(site: Path) -> Markup:
 
 
 def headings(book: list[Part]) -> list[str]:
-    """Give what stands in the outline, in this order."""
+    """Give what stands in the outline, in this order; formulas as they are typed."""
     found = []
     for part in book:
         found += [part.title] if part.title else []
         for each in part.chapters:
-            found += [
-                " ".join(heading.get_text(" ", strip=True).split())
-                for heading in each.text.select("h1, h2, h3, h4")
-            ]
+            found += [plain(heading) for heading in each.text.select("h1, h2, h3, h4, h5, h6")]
     return found
+
+
+def plain(heading: Tag) -> str:
+    """Give the text of a heading on one line."""
+    text = " ".join(heading.get_text(" ", strip=True).split())
+    return re.sub(r"\\\((.*?)\\\)( (?=[.,?!]))?", r"\1", text)
 
 
 def numbers(printed: Path) -> dict[str, int]:
@@ -190,9 +193,12 @@ def build(site: Path, output: Path) -> None:
     from playwright.sync_api import sync_playwright
 
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
-    front = one(read(site / "index.html"), "title").get_text(strip=True)
-    about = {"title": front, "author": "the nrdob authors", "version": project["version"]}
     book = list(parts(site))
+    about = {
+        "title": book[0].chapters[0].title,
+        "author": "the nrdob authors",
+        "version": project["version"],
+    }
     whole = site / "whole.html"  # beside what it shows
     draft = output.with_suffix(".draft.pdf")
     output.parent.mkdir(parents=True, exist_ok=True)
