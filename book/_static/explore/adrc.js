@@ -67,6 +67,7 @@
     loopOf,
     stabilizing,
     step: nrdob.step,
+    counted: "L", // F·H of a model that integrates begins at -1
     bar: "observer",
     said: "Bandwidths ωo of the observer for which the loop is stable:",
   };

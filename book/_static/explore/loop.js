@@ -413,6 +413,7 @@
   };
   /* What a page can move: how a loop is made, judged and answers, and what its bar is a set of. */
   window.nrdob.kinds = {
-    lags: { loopOf, stabilizing, step, bar: "lambda", said: "Filters for which the loop is stable, by λ:" },
+    // N counts turns of `counted` around -1.
+    lags: { loopOf, stabilizing, step, counted: "FH", bar: "lambda", said: "Filters for which the loop is stable, by λ:" },
   };
 })();

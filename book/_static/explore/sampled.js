@@ -144,6 +144,7 @@
     loopOf,
     stabilizing,
     step,
+    counted: "FH",
     bar: "lambda",
     said: "Filters for which the sampled loop is stable, by λ:",
   };

@@ -93,7 +93,7 @@
       this.bar = svg("svg", { viewBox: "0 0 480 46", role: "img", class: "bar" });
       this.verdict = html("p", { className: "explorable-verdict" });
       this.verdict.setAttribute("role", "status");
-      this.state = { ...this.given.start, curve: "FH", signal: "d" };
+      this.state = { ...this.given.start, curve: this.kind.counted, signal: "d" };
       const still = figure.querySelector(".explorable-still");
       const board = html(
         "div",
@@ -103,7 +103,7 @@
         html("p", { className: "explorable-bar-name" }, this.kind.said),
         this.bar,
         html("div", { className: "explorable-controls" }, ...Object.entries(this.given.range).map((each) => this.slider(...each))),
-        html("div", { className: "explorable-controls" }, this.choice("Curve", "curve", CURVES), this.choice("Unit step", "signal", SIGNALS), this.back()),
+        html("div", { className: "explorable-controls" }, this.choice("Curve", "curve", this.kind.counted === "L" ? { L: "L" } : CURVES), this.choice("Unit step", "signal", SIGNALS), this.back()),
       );
       still.replaceWith(board);
       this.show();
@@ -187,7 +187,7 @@
           { points, kind: "curve" },
           { at: [-1, 0], kind: "minus-one" },
         ],
-        `Nyquist plot of ${CURVES[curve]}: N = ${written(N)} clockwise turns of F·H around −1, P = ${P}, Z = ${written(Z)}.`,
+        `Nyquist plot of ${CURVES[curve]}: N = ${written(N)} clockwise turns of ${CURVES[this.kind.counted]} around −1, P = ${P}, Z = ${written(Z)}.`,
       );
     }
 
