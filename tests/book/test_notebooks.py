@@ -58,7 +58,7 @@ UNIT = (
 )
 INTEGER_WITH_UNIT = re.compile(rf"(?<![\w.]){SIGN}\d+(?={SPACE}{UNIT})")
 # Where a number is part of an address, a DOI or a name, not a statement.
-NOT_PROSE = re.compile(r"\]\([^)]*\)|<https?:[^>]*>|https?://\S+|\bdoi:\S+|\{[a-z:]+\}`[^`]*`")
+NOT_PROSE = re.compile(r"\]\([^)]*\)|<https?:[^>]*>|https?://\S+|\bdoi:\S+|\{[a-z:]+\}`[^`]*`|\bTheorems?\s+\d+\.\d+")
 
 
 def plain_minus(text: str) -> str:
