@@ -58,7 +58,9 @@ UNIT = (
 )
 INTEGER_WITH_UNIT = re.compile(rf"(?<![\w.]){SIGN}\d+(?={SPACE}{UNIT})")
 # Where a number is part of an address, a DOI or a name, not a statement.
-NOT_PROSE = re.compile(r"\]\([^)]*\)|<https?:[^>]*>|https?://\S+|\bdoi:\S+|\{[a-z:]+\}`[^`]*`|\bTheorems?\s+\d+\.\d+")
+NOT_PROSE = re.compile(
+    r"\]\([^)]*\)|<https?:[^>]*>|https?://\S+|\bdoi:\S+|\{[a-z:]+\}`[^`]*`|\bTheorems?\s+\d+\.\d+"
+)
 
 
 def plain_minus(text: str) -> str:
@@ -112,7 +114,7 @@ def text_from_code(path: Path) -> str:
         (r"$P_M = 54^\circ$ and $G_M = -14\,\text{dB}$", ["54", "-14"]),
         ("14 dB, 65°, 20 %, 50%, 5 s, 30 ms, 3 rad/s", ["14", "65", "20", "50", "5", "30", "3"]),
         (r"$60^{\circ}$ and 20 \%", ["60", "20"]),
-        ("three loops, 4 examples, 2 seconds, Lemma 1", []),
+        ("three loops, 4 examples, 2 seconds, Lemma 1, Theorem 17.1", []),
         ("see [the paper](https://doi.org/10.1080/1.2) and {numref}`fig-1.5`", []),
     ],
 )
