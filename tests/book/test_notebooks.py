@@ -57,8 +57,10 @@ UNIT = (
     r"(?:\\(?:text|mathrm|operatorname)\{\s*(?:\\,)?)?(?:dB|rad/s|ms|s)(?![\w/]))"
 )
 INTEGER_WITH_UNIT = re.compile(rf"(?<![\w.]){SIGN}\d+(?={SPACE}{UNIT})")
-# Where a number is part of an address, a DOI or a name, not a statement.
-NOT_PROSE = re.compile(r"\]\([^)]*\)|<https?:[^>]*>|https?://\S+|\bdoi:\S+|\{[a-z:]+\}`[^`]*`")
+# Where a number is part of an address, a DOI or a name, as of a theorem, not a statement.
+NOT_PROSE = re.compile(
+    r"\]\([^)]*\)|<https?:[^>]*>|https?://\S+|\bdoi:\S+|\{[a-z:]+\}`[^`]*`|\bTheorem \d+\.\d+"
+)
 
 
 def plain_minus(text: str) -> str:
