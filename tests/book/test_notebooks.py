@@ -58,7 +58,9 @@ UNIT = (
 )
 INTEGER_WITH_UNIT = re.compile(rf"(?<![\w.]){SIGN}\d+(?={SPACE}{UNIT})")
 # Where a number is part of an address, a DOI or a name, not a statement.
-NOT_PROSE = re.compile(r"\]\([^)]*\)|<https?:[^>]*>|https?://\S+|\bdoi:\S+|\{[a-z:]+\}`[^`]*`")
+NOT_PROSE = re.compile(
+    r"\]\([^)]*\)|<https?:[^>]*>|https?://\S+|\bdoi:\S+|\{[a-z:]+\}`[^`]*`|\bTheorems? \d+\.\d+"
+)
 
 
 def plain_minus(text: str) -> str:
