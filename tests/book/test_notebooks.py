@@ -59,7 +59,8 @@ UNIT = (
 INTEGER_WITH_UNIT = re.compile(rf"(?<![\w.]){SIGN}\d+(?={SPACE}{UNIT})")
 # Where a number is part of an address, a DOI or a name, not a statement.
 NOT_PROSE = re.compile(
-    r"\]\([^)]*\)|<https?:[^>]*>|https?://\S+|\bdoi:\S+|\{[a-z:]+\}`[^`]*`|\bTheorems? \d+\.\d+"
+    r"\]\([^)]*\)|<https?:[^>]*>|https?://\S+|\bdoi:\S+|\{[a-z:]+\}`[^`]*`|"
+    r"\bTheorems?\s\d+\.\d+(?:(?:,|\sand|\sor|\sto)\s\d+\.\d+)*"
 )
 
 
