@@ -20,9 +20,9 @@ __all__ = ["FamilyBranches"]
 CLEAR = 0.35
 """How far a branch may move between two frequencies, against its distance from the others."""
 
-AWAY = 4.0
-"""Distance from the line, against how far a branch moves between two frequencies, from which on
-it may be taken for another one."""
+AWAY = 2.0
+"""By how much the way to the line and back must be longer than how far a branch moves between two
+frequencies, for it to be no matter which one it is."""
 
 NEAR = 0.3
 """Cosine of the angle to the line below which a branch may touch it between two frequencies."""
@@ -144,7 +144,9 @@ def _matched(before: ComplexArray, after: ComplexArray) -> tuple[IntArray, BoolA
         distance = np.abs(before - np.roll(before, k, axis=0))
         apart = np.minimum(apart, np.where(distance > least, distance, np.inf))
     # On one side of the line, and away from it, it is all the same who is who.
-    near = FamilyBranches.near_line(before) | (np.abs(before.real) < AWAY * moved)
+    there = np.take_along_axis(after, successor, axis=0)
+    way = np.where(before.real * there.real > 0, np.abs(before.real + there.real), 0.0)
+    near = FamilyBranches.near_line(before) | (way < AWAY * moved)
     closer = ((moved > CLEAR * apart) & near).any(axis=0)
     double = (np.sort(successor, axis=0) != np.arange(n)[:, None]).any(axis=0)
     return successor, closer, closer | double
@@ -153,10 +155,12 @@ def _matched(before: ComplexArray, after: ComplexArray) -> tuple[IntArray, BoolA
 def _continued(roots: ComplexArray) -> ComplexArray:
     """Sort the roots of every frequency into branches."""
     successor, _, unclear = _matched(roots[:, :-1], roots[:, 1:])
-    for k in np.flatnonzero(unclear):  # beside a pole on the axis, or where branches meet
-        away = np.abs(roots[:, k, None] - roots[None, :, k + 1])
-        size = np.abs(roots[:, k, None]) + np.abs(roots[None, :, k + 1]) + 1e-300
-        successor[:, k] = linear_sum_assignment(np.nan_to_num(away / size))[1]
+    # Beside a pole on the axis, where branches meet, or where it is all the same who is who.
+    where = np.flatnonzero(unclear)
+    before, after = roots[:, None, where], roots[None, :, where + 1]
+    far = np.nan_to_num(np.abs(before - after) / (np.abs(before) + np.abs(after) + 1e-300))
+    for k, each in zip(where, far.transpose(2, 0, 1), strict=True):
+        successor[:, k] = linear_sum_assignment(each)[1]
     # All steps up to each frequency, one after the other, in steps of twice the length each time.
     every = np.vstack([np.arange(roots.shape[0]), successor.T])
     length = 1
