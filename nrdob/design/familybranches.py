@@ -30,9 +30,9 @@ NEAR = 0.3
 ZOOMS, ACROSS = 9, 13
 """How often the bottom of a dip is looked at more closely, and at how many frequencies."""
 
-CUTS, NARROWEST, MOST = 36, 1e-10, 8
-"""How often a step in frequency is halved until it is clear who is who, its least width, and how
-many times more frequencies that may take."""
+CUTS, PARTS, NARROWEST, MOST = 18, 4, 1e-10, 8
+"""How often a step in frequency is cut until it is clear who is who, into how many parts, its least
+width, and how many times more frequencies that may take."""
 
 ROUNDING = 1e-12
 """Bound of the rounding error of n roots that are one, to the power n, against their size."""
@@ -69,15 +69,17 @@ class FamilyBranches:
             unclear = _matched(roots[:, steps], roots[:, steps + 1])[1]
             unclear &= omega[steps + 1] > omega[steps] * (1 + NARROWEST)
             steps = steps[unclear]
-            middle = np.sqrt(omega[steps] * omega[steps + 1])
-            kept = ~mismatch.at_pole(middle)
-            steps, middle = steps[kept], middle[kept]
-            if not middle.size or omega.size > most:
+            width = omega[steps + 1] / omega[steps]
+            inner = omega[steps, None] * width[:, None] ** (np.arange(1, PARTS) / PARTS)
+            kept = ~mismatch.at_pole(inner).any(axis=1)
+            steps, inner = steps[kept], inner[kept].ravel()
+            if not steps.size or omega.size > most:
                 break
-            omega = np.insert(omega, steps + 1, middle)
-            roots = np.insert(roots, steps + 1, at(middle), axis=1)
-            steps = steps + np.arange(steps.size)  # those that were clear are so still
-            steps = np.ravel([steps, steps + 1], order="F")
+            where = np.repeat(steps + 1, PARTS - 1)
+            omega = np.insert(omega, where, inner)
+            roots = np.insert(roots, where, at(inner), axis=1)
+            steps = steps + (PARTS - 1) * np.arange(steps.size)  # those that were clear are so still
+            steps = (steps[:, None] + np.arange(PARTS)).ravel()
         return cls(mismatch, omega, _continued(roots))
 
     def __call__(self, of: IntArray, at: IntArray, omega: FloatArray) -> ComplexArray:

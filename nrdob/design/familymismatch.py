@@ -59,6 +59,9 @@ GENERIC = (0.71, 1.93, 0.31)
 NEWTON, FARTHEST = 2, 1e-5
 """Steps that polish a root, and how far one may lead, against the root."""
 
+EPS = 16 * float(np.finfo(float).eps)
+"""Value of a polynomial at a root, against the sum of its terms' sizes, that is but rounding."""
+
 OWN, TRIED = "own", (1.0, 0.1, 10.0, 1e-2, 1e2, 1e-3, 1e3)
 """The only kind whose filters may be unstable, and the λ of which one should not be."""
 
@@ -440,14 +443,20 @@ def _of_quadratic(p: ComplexArray, q: ComplexArray) -> ComplexArray:
 
 
 def _polished(coefficients: ComplexArray, roots: ComplexArray) -> tuple[ComplexArray, BoolArray]:
-    """Take Newton's steps to roots, and tell where the last ones lead nowhere."""
+    """Take Newton's steps to roots, and tell where the last ones lead nowhere.
+
+    Where the value is but rounding, as at roots that are nearly one, they could only do harm.
+    """
+    sizes = np.abs(coefficients)
     with np.errstate(all="ignore"):
         for _ in range(NEWTON):
             value, slope = _value_and_slope(coefficients, roots)
+            there = np.abs(value) <= EPS * _value_and_slope(sizes, np.abs(roots))[0]
             step = np.nan_to_num(value / slope, posinf=0.0, neginf=0.0)
             small = np.abs(step) <= FARTHEST * np.abs(roots)
-            roots = roots - np.where(small, step, 0.0)
-    return np.asarray(roots), np.asarray(np.isfinite(roots).all(axis=0) & small.all(axis=0))
+            roots = roots - np.where(small & ~there, step, 0.0)
+    known = np.isfinite(roots) & (small | there)
+    return np.asarray(roots), np.asarray(known.all(axis=0))
 
 
 def last_root(columns: FloatArray) -> FloatArray:

@@ -18,6 +18,8 @@ from nrdob import (
     paper,
     stabilizing_time_constants,
 )
+from nrdob.design import default_floor
+from nrdob.design.familybranches import FamilyBranches
 from nrdob.design.familygrid import frequencies_for
 from nrdob.design.familymismatch import roots_of_columns
 
@@ -213,3 +215,22 @@ def test_two_integrators_of_a_model_that_waits_cancel_for_a_whole_family(pole):
             assert sides[0].stable is not sides[1].stable
     inside = [family.at(1.1 * low) for low, _ in found]
     assert all(judge_observer(process, model, F).stable for F in inside)
+
+
+@pytest.mark.parametrize("kind", ["butterworth", "bessel", "ramp"])
+def test_branches_that_meet_away_from_the_line_need_hardly_more_frequencies(kind):
+    # Once in each turn of the dead time R is nearly 0, and the branches of a ramp nearly one.
+    loop = paper.example(4)
+    frequencies = frequencies_for(loop.process, loop.model, filter_family(kind, 3))
+    omega = frequencies.above(default_floor(loop.process, loop.model, filter_family(kind, 3)))
+    branches = FamilyBranches.on(frequencies.mismatch, omega)
+    assert omega.size <= branches.omega.size <= 1.15 * omega.size
+
+
+def test_roots_that_are_one_are_found_by_the_formula_as_well():
+    # Newton's steps lead anywhere there; (1 + x)^3, scaled, has the product of its roots kept.
+    scale = np.geomspace(1e-6, 1e6, 7)
+    columns = np.array([[1.0], [3.0], [3.0], [1.0]]) / scale ** np.arange(4)[:, None]
+    roots = roots_of_columns(columns)
+    np.testing.assert_allclose(np.prod(roots, axis=0), -(scale**3), rtol=1e-8)
+    np.testing.assert_allclose(roots / scale, -np.ones((3, 7)), atol=1e-4)
