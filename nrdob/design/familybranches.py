@@ -78,7 +78,8 @@ class FamilyBranches:
             where = np.repeat(steps + 1, PARTS - 1)
             omega = np.insert(omega, where, inner)
             roots = np.insert(roots, where, at(inner), axis=1)
-            steps = steps + (PARTS - 1) * np.arange(steps.size)  # those that were clear are so still
+            # Those that were clear are so still.
+            steps = steps + (PARTS - 1) * np.arange(steps.size)
             steps = (steps[:, None] + np.arange(PARTS)).ravel()
         return cls(mismatch, omega, _continued(roots))
 
