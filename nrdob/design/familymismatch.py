@@ -187,6 +187,12 @@ class FamilyMismatch(Mismatch):
             )
         return float(positive_roots(square).max(initial=0.0))
 
+    @property
+    def degree(self) -> int:
+        """Highest power of s in p_B for most λ."""
+        parts = [(self.E, self.a), *((self.Nf, p) for p, _ in self.behind)]
+        return max(_degree(table) + p.size for table, p in parts if p.any()) - 2 - self.divided
+
     @cached_property
     def waiting(self) -> FloatArray:
         """Coefficients of D Nm, which stand before the model's dead time."""
