@@ -264,10 +264,12 @@ def test_where_two_coefficients_vanish_at_once_the_roots_are_those_on_both_sides
         (here,) = [c for c in critical if c.frequency == inf]
         assert here.time_constant == pytest.approx(time_constant, rel=1e-12)
 
-        def on_the_right(value):
-            lags = np.poly(np.full(order, -1 / value)) * value**order
-            p = np.polyadd(np.convolve(a, np.polysub(lags, [1.0])), b)
-            return int(np.sum(np.roots(p).real > 0))
-
-        sides = [on_the_right(time_constant * (1 + step)) for step in (-1e-4, 1e-4)]
+        sides = [_on_the_right(a, b, order, time_constant * (1 + step)) for step in (-1e-4, 1e-4)]
         assert sides[1] - sides[0] == here.direction
+
+
+def _on_the_right(a, b, order, time_constant):
+    """Roots of a (Df - 1) + b on the right."""
+    lags = np.poly(np.full(order, -1 / time_constant)) * time_constant**order
+    p = np.polyadd(np.convolve(a, np.polysub(lags, [1.0])), b)
+    return int(np.sum(np.roots(p).real > 0))
