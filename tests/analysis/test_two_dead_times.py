@@ -446,3 +446,15 @@ def test_an_integrator_is_met_exactly_and_another_pole_on_the_right_is_refused_w
     assert nrdob.judge_observer(model, model, F).stable
     with pytest.raises(ValueError, match="pole at s = 2 and a dead time"):
         nrdob.interpolating_filter(nrdob.delay(0.5) / (s - 2), 0.2)
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+@pytest.mark.parametrize("time_constant", [1e-3, 3e-4])
+def test_a_filter_far_too_fast_for_an_integrating_model_is_decided_by_two_ways(
+    order, time_constant
+):
+    plant, model = nrdob.delay(0.12) * 0.9 / (s + 0.2), nrdob.delay(0.1) / s
+    loop = nrdob.NRDOB(plant, model, 0.3, nrdob.LowPassFilter(time_constant, order))
+    found = loop.stability().observer_loop
+    assert found.stable is False and len(found.ways) == 2
+    assert found.closed_loop_rhp == adaptive_argument_count(loop, integrators=1)

@@ -239,6 +239,32 @@ def more_lags(case: Any) -> tuple[Any, str]:
     return ([k], den / (20 * a) ** 2), "6"
 
 
+def turned_and_bisected(case: Any) -> float:
+    """Bisect λ until the largest ``|F|·|1 - exp(-jωΔ)|`` is 1."""
+    w = np.linspace(0, pi, 200_001)[1:] / case.error
+    size = 2 * np.sin(w * case.error / 2)
+    low, high = 1e-3 * case.error, 10 * case.error
+    for _ in range(60):
+        middle = (low * high) ** 0.5
+        lost = (size / (1 + (middle * w) ** 2) ** (case.order / 2)).max() > 1
+        low, high = (middle, high) if lost else (low, middle)
+    return high
+
+
+def worst_dead_time(case: Any) -> float:
+    """Let the package find the edges for many dead times, and take the worst."""
+    edges = []
+    for dead_time in np.linspace(30, 33.2, 8) * case.error:  # a whole turn and more
+        found = nrdob.critical_time_constants(
+            nrdob.delay(dead_time + case.error) * case.prompt,
+            nrdob.delay(dead_time) * case.prompt,
+            case.order,
+            floor=0.2 * case.error,
+        )
+        edges.append(found[-1].time_constant if found else 0.0)
+    return max(edges)
+
+
 def scanned_design(case: Any, step: float = 0.9) -> NRDOB:
     """Slow a filter down, or speed it up, until the feared plant is held as it should be."""
     model = case.gain / ((s + case.pole) * (s / case.decay + 1))
@@ -355,6 +381,7 @@ ROUTES: dict[str, list[Route]] = {
     "5.4": [edge_by_bisection],
     "5.5": [more_lags],
     "5.6": [scanned_design, package_design, partial(package_design, suggested=True)],
+    "5.7": [turned_and_bisected, worst_dead_time],
     "6.1": [measured_rejection],
     "6.2": [scanned_down],
     "6.4": [searched_plants],
@@ -541,6 +568,12 @@ WRONG: dict[str, list[Route]] = {
         lambda case: around(case, case.process, 0.0, 0.1 / case.pole),
         lambda case: around(case, scanned_design(case).model, 0.0, 0.1 / case.pole),
         lambda case: around(case, scanned_design(case).model, 1.0, 2 / case.pole),
+    ],
+    "5.7": [
+        lambda case: case.error,
+        lambda case: case.dead_time / 2,
+        lambda case: 1.01 * turned_and_bisected(case),
+        lambda case: 0.99 * turned_and_bisected(case),
     ],
     "6.1": [
         lambda case: case.filter.time_constant / 2,

@@ -283,3 +283,17 @@ def test_with_a_bandwidth_a_peak_above_the_limit_is_refused():
         design_controller(ct.tf([1], [1, 0.02, 1]), bandwidth=0.0199, max_ms=2.0)
     with pytest.raises(ValueError, match=r"max_ms is 1\.0"):
         design_controller(ct.tf([1], [1, 1]), max_ms=1.0)
+
+
+@pytest.mark.parametrize("wait", [0.01, 0.5, 3.0])
+def test_a_controller_for_a_model_that_waits_keeps_its_margin_in_the_loop_that_waits(wait):
+    # E/R = 1/(1 + C G̃0): the dead time is outside of the loop of condition i.
+    prompt = ct.tf([1.0], [1, 4, 3.75])
+    model = nrdob.delay(wait) * prompt
+    controller = design_controller(model, bandwidth=1.0, phase_margin=68)
+    loop = nrdob.NRDOB(model, model, controller, nrdob.LowPassFilter(0.3, 2))
+    assert loop.stability().stable
+    margins = loop.margins().model_loop
+    assert margins.pm == pytest.approx(68, abs=1e-6) and margins.wgc == pytest.approx(1.0)
+    alone = design_controller(prompt, bandwidth=1.0, phase_margin=68)
+    np.testing.assert_array_equal(controller.num[0][0], alone.num[0][0])

@@ -84,3 +84,18 @@ def test_a_root_that_stays_at_zero_is_not_counted(zq, zr, log_share, log_delay):
     found = count_rhp(p).count
     if found is not None:
         assert p.rhp_in_whole_numbers == found
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
+def test_a_root_that_stays_at_the_origin_is_not_counted_but_the_real_one_that_passes_it_is(scale):
+    # p_B over s of an integrating model that waits for another time than the process.
+    rng = np.random.default_rng(3)
+    for _ in range(25):
+        theta, wait, lag = scale * 10 ** rng.uniform([-1, -1, -2], [1, 1, 0])
+        pole, gain = rng.choice([-1, 1, 1]) * 10 ** rng.uniform(-2, 0.5) / scale, 0.9 / scale
+        q = np.convolve([1.0, pole], [lag**2, 2 * lag, 1.0])
+        terms = Term(np.array([gain, 0.0]), theta), Term(-np.array([1.0, pole]), wait)
+        p = QuasiPolynomial(q, more=terms).over_s(1)
+        found = count_rhp(p).count
+        assert found is not None
+        assert p.rhp_in_whole_numbers == found
