@@ -29,6 +29,7 @@ extensions = [
     "claimlinks",
     "explorable",
     "predict",
+    "theorems",
     "typeset",
 ]
 
