@@ -23,9 +23,7 @@ def words(page: Path) -> list[list[str]]:
     """Give the words of the glossary, those of one meaning together."""
     fence = FENCE.search(page.read_text("utf-8"))
     entries = re.split(r"\n\s*\n", fence[1]) if fence else []
-    return [
-        [line.strip() for line in entry.splitlines() if line[:1].strip()] for entry in entries
-    ]
+    return [[line.strip() for line in entry.splitlines() if line[:1].strip()] for entry in entries]
 
 
 class Concordance(SphinxTransform):

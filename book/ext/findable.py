@@ -32,7 +32,9 @@ LETTERS = {
     "leq": "≤", "geq": "≥", "ne": "≠", "approx": "≈", "cdot": "·", "times": "×", "pm": "±",
     "to": "→", "int": "∫", "sum": "Σ", "in": "∈", "Gm": "G̃", "sim": "∼", "ll": "≪", "gg": "≫",
     "Rightarrow": "⇒", "iff": "⇔", "quad": " ", "qquad": " ", "e": "e", "j": "j", "angle": "∠",
-    "dots": "…", "ldots": "…", "cdots": "…", "circ": "°", "max": "max", "min": "min", "ln": "ln",
+    "lvert": "|", "rvert": "|", "vert": "|", "lVert": "‖", "rVert": "‖", "ln": "ln ",
+    "dots": "…", "ldots": "…", "cdots": "…", "circ": "°", "max": "max ", "min": "min ",
+    "prime": "′",
 }  # fmt: skip
 SUPERSCRIPTS = str.maketrans("0123456789+-n", "⁰¹²³⁴⁵⁶⁷⁸⁹⁺⁻ⁿ")
 
@@ -40,19 +42,22 @@ SUPERSCRIPTS = str.maketrans("0123456789+-n", "⁰¹²³⁴⁵⁶⁷⁸⁹⁺⁻
 def plain(latex: str) -> str:
     """Write a formula in one line of plain letters, near enough to be recognised."""
     text = re.sub(r"\\tag\{\d+\}|\\(?:begin|end)\{\w+\*?\}(?:\{[lcr]+\})?|&", " ", latex)
+    text = text.replace(r"\\", "; ").replace(r"^\circ", "°")
     text = re.sub(r"\\tilde\s*\{?\s*([A-Za-z])\s*\}?", "\\1\N{COMBINING TILDE}", text)
     text = re.sub(r"\\hat\s*\{?\s*([A-Za-z])\s*\}?", "\\1\N{COMBINING CIRCUMFLEX ACCENT}", text)
     text = re.sub(r"\\(?:mathrm|mathcal|mathbf|operatorname|text)\s*\{?([^{}]*)\}?", r"\1", text)
     for _ in range(4):  # fractions stand in fractions
         text = re.sub(
-            r"\\[dt]?frac\s*(?:\{([^{}]*)\}|(\w))\s*(?:\{([^{}]*)\}|(\w))", fraction, text
+            r"\\[dt]?frac\s*(?:\{([^{}]*)\}|(\\[A-Za-z]+|\w))\s*(?:\{([^{}]*)\}|(\\[A-Za-z]+|\w))",
+            fraction,
+            text,
         )
         text = re.sub(r"\\sqrt\s*\{([^{}]*)\}", r"√(\1)", text)
         text = re.sub(r"_\{([^{}]*)\}", r"_\1", text)
         text = re.sub(
             r"\^\{([^{}]*)\}|\^(\w)", lambda found: power(found[1] or found[2] or ""), text
         )
-    text = re.sub(r"\\([A-Za-z]+)\s*", lambda found: LETTERS.get(found[1], ""), text)
+    text = re.sub(r"\\([A-Za-z]+)", lambda found: LETTERS.get(found[1], ""), text)
     return " ".join(re.sub(r"\\[,;:!|]?|[{}~$]", " ", text).split())
 
 

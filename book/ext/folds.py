@@ -1,13 +1,13 @@
 """Cards that are folded: a line to see, and the rest behind it, without a script.
 
-    ::::{fold} claim reproduced
-    :name: claim-eq03
-    :lines: 2
+::::{fold} claim reproduced
+:name: claim-eq03
+:lines: 2
 
-    What is always seen: the first block, or as many as `lines` says.
+What is always seen: the first block, or as many as `lines` says.
 
-    The rest.
-    ::::
+The rest.
+::::
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
 
-class fold(nodes.General, nodes.Element):
+class Card(nodes.General, nodes.Element):
     """What can be folded: its line, and the rest."""
 
 
-class line(nodes.General, nodes.Element):
+class CardLine(nodes.General, nodes.Element):
     """What is seen of it when it is folded."""
 
 
@@ -42,36 +42,39 @@ class Fold(SphinxDirective):
         """Part the content."""
         blocks = self.parse_content_to_nodes()
         seen = self.options.get("lines", 1)
-        card = fold(
-            "", line("", *blocks[:seen]), *blocks[seen:], classes=" ".join(self.arguments).split()
+        card = Card(
+            "",
+            CardLine("", *blocks[:seen]),
+            *blocks[seen:],
+            classes=" ".join(self.arguments).split(),
         )
         self.add_name(card)
         return [card]
 
 
-def enter_fold(translator: Any, node: fold) -> None:
+def enter_card(translator: Any, node: Card) -> None:
     """Begin the card."""
     translator.body.append(translator.starttag(node, "details"))
 
 
-def leave_fold(translator: Any, _node: fold) -> None:
+def leave_card(translator: Any, _node: Card) -> None:
     """End the card."""
     translator.body.append("</details>\n")
 
 
-def enter_line(translator: Any, node: line) -> None:
+def enter_line(translator: Any, node: CardLine) -> None:
     """Begin what is always seen."""
     translator.body.append(translator.starttag(node, "summary"))
 
 
-def leave_line(translator: Any, _node: line) -> None:
+def leave_line(translator: Any, _node: CardLine) -> None:
     """End it."""
     translator.body.append("</summary>\n")
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
     """Add the directive and its two pieces."""
-    app.add_node(fold, html=(enter_fold, leave_fold))
-    app.add_node(line, html=(enter_line, leave_line))
+    app.add_node(Card, html=(enter_card, leave_card))
+    app.add_node(CardLine, html=(enter_line, leave_line))
     app.add_directive("fold", Fold)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

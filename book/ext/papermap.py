@@ -37,7 +37,9 @@ EXAMPLES = {1: "01_matched", 2: "02_nonminimum_phase", 3: "03_unstable", 4: "04_
 def claims_of(stem: str) -> list[str]:
     """Give the claims of the ledger about one thing in the paper: eq03, fig15a, lemma1, ex2."""
     return [
-        id for id in LEDGER if re.fullmatch(rf"{stem}[a-z]?", id.partition(".")[0].partition("_")[0])
+        id
+        for id in LEDGER
+        if re.fullmatch(rf"{stem}[a-z]?", id.partition(".")[0].partition("_")[0])
     ]
 
 

@@ -6,10 +6,10 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import complete
 import nbformat
 import pytest
 
+import complete
 from shape import faults, faults_of_book
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -126,7 +126,9 @@ def test_the_build_warns_of_it_and_so_fails(
     nbformat.write(notebook, tmp_path / "chapters" / "17_lemma_1.ipynb")
     said: list[tuple[str, str]] = []
     monkeypatch.setattr(
-        complete, "logger", SimpleNamespace(warning=lambda text, location: said.append((location, text)))
+        complete,
+        "logger",
+        SimpleNamespace(warning=lambda text, location: said.append((location, text))),
     )
     complete.check(SimpleNamespace(srcdir=tmp_path))
     assert said == [
