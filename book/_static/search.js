@@ -10,23 +10,23 @@
   const SHOWN = 240;
   const OF_KIND = { chapter: 1, page: 0.45, names: 0.35, teaching: 0.3 };
   // Words of a question that say nothing of what is asked.
-  const EMPTY = new Set("a an and are be can choose choosing do does find for how i in is it my of on or or should the to use what when where which why with".split(" "));
+  const EMPTY = new Set("a an and are be can do does find for how i in is it my of on or or should the to use what when where which why with".split(" "));
   const LETTERS = { lambda: "λ", omega: "ω", eta: "η", delta: "δ", theta: "θ" };
 
+  // The stem of a word, near enough: "choose" and "choosing" are one.
+  const stem = (word) => LETTERS[word] ?? (word.length > 5 ? word.replace(/(ing|es|ed|e|s)$/, "") : word);
+
   const wordsOf = (query) => {
-    const all = query.toLowerCase().split(/[^\p{L}\p{N}_-]+/u).filter(Boolean);
+    const all = query.toLowerCase().split(/[^\p{L}\p{N}_-]+/u).filter(Boolean).map(stem);
     const telling = all.filter((word) => !EMPTY.has(word));
     return telling.length ? telling : all;
   };
 
   const escaped = (word) => word.replace(/[.*+?^${}()|[\]\\]/g, "\\$&");
 
-  // The beginning of a word is enough: "filter" finds "filters". Of a Greek letter both names.
-  const finder = (word) => {
-    const either = [word, LETTERS[word]].filter(Boolean).map((each) =>
-      each.length > 1 ? `(?<![\\p{L}\\p{N}])${escaped(each)}` : escaped(each));
-    return new RegExp(either.join("|"), "giu");
-  };
+  // The beginning of a word is enough: "filter" finds "filters".
+  const finder = (word) =>
+    new RegExp(word.length > 1 ? `(?<![\\p{L}\\p{N}])${escaped(word)}` : escaped(word), "giu");
 
   const times = (text, pattern) => (text.match(pattern) ?? []).length;
 
@@ -38,7 +38,7 @@
     return complete ** 2 * counts.reduce((sum, n) => sum + n / (n + 3), 0) / counts.length;
   };
 
-  const judge = (page, patterns, query, words) => {
+  const judge = (page, patterns, words) => {
     const { kind, title, sections } = pages[page];
     const judged = sections.map(([id, heading, text], place) => ({
       id: place ? id : "", heading: place ? heading : "", text,
@@ -52,7 +52,7 @@
     for (const [term, chapter] of Object.entries(terms)) {
       if (chapter !== page) continue;
       const ofTerm = wordsOf(term);
-      if (term === query || ofTerm.join(" ") === words.join(" ")) score += 6;
+      if (ofTerm.join(" ") === words.join(" ")) score += 6;
       else if (words.every((word) => ofTerm.includes(word))) score += 3 * words.length / ofTerm.length;
     }
     return { page, title, score, ...best, score };
@@ -102,7 +102,7 @@
     const results = indexed(query);
     const listed = new Set(results.map(([page]) => page));
     const found = Object.keys(pages)
-      .map((page) => judge(page, patterns, asked, words))
+      .map((page) => judge(page, patterns, words))
       .map((each) => ({ ...each, score: each.score + (listed.has(each.page) ? 0.05 : 0) }))
       .concat(named(results, asked))
       .filter(({ score }) => score > 0)

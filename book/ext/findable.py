@@ -17,7 +17,7 @@ from sphinx import addnodes
 from sphinx.application import Sphinx
 
 TEXTS = "texts.js"
-LONGEST = {"chapter": 900, "page": 500, "names": 160, "teaching": 300}
+LONGEST = {"chapter": 750, "page": 400, "names": 120, "teaching": 250}
 """Letters kept of a section, by the kind of its page."""
 
 UNREAD = (nodes.comment, nodes.raw, nodes.image, nodes.target, addnodes.index, addnodes.toctree,
@@ -36,6 +36,11 @@ LETTERS = {
     "dots": "…", "ldots": "…", "cdots": "…", "circ": "°", "max": "max ", "min": "min ",
     "prime": "′",
 }  # fmt: skip
+LETTERS |= {
+    name: f"{name} "
+    for name in ("sin", "cos", "tan", "arcsin", "arctan", "arg", "exp", "log", "sup")
+}
+ACCENTS = {"tilde": "\u0303", "hat": "\u0302", "dot": "\u0307", "bar": "\u0304"}
 SUPERSCRIPTS = str.maketrans("0123456789+-n", "⁰¹²³⁴⁵⁶⁷⁸⁹⁺⁻ⁿ")
 
 
@@ -43,8 +48,13 @@ def plain(latex: str) -> str:
     """Write a formula in one line of plain letters, near enough to be recognised."""
     text = re.sub(r"\\tag\{\d+\}|\\(?:begin|end)\{\w+\*?\}(?:\{[lcr]+\})?|&", " ", latex)
     text = text.replace(r"\\", "; ").replace(r"^\circ", "°")
-    text = re.sub(r"\\tilde\s*\{?\s*([A-Za-z])\s*\}?", "\\1\N{COMBINING TILDE}", text)
-    text = re.sub(r"\\hat\s*\{?\s*([A-Za-z])\s*\}?", "\\1\N{COMBINING CIRCUMFLEX ACCENT}", text)
+    for name, mark in ACCENTS.items():
+        accented = rf"\\(?:wide)?{name}(?![a-z])\s*\{{?\s*(?:\\([A-Za-z]+)|([A-Za-z]))\s*\}}?"
+        text = re.sub(
+            accented,
+            lambda found, mark=mark: (found[2] or LETTERS.get(found[1], "")) + mark,  # type: ignore[misc]
+            text,
+        )
     text = re.sub(r"\\(?:mathrm|mathcal|mathbf|operatorname|text)\s*\{?([^{}]*)\}?", r"\1", text)
     for _ in range(4):  # fractions stand in fractions
         text = re.sub(
@@ -83,9 +93,17 @@ def read_aloud(node: nodes.Node) -> str:
         return str(node.astext())
     if isinstance(node, UNREAD):
         return ""
+    if isinstance(node, addnodes.pending_xref) and node.get("refdomain") == "cite":
+        return ", ".join(map(cited, node["reftarget"].split(",")))
     if isinstance(node, (nodes.math, nodes.math_block)):
         return plain(node.astext())
     return "".join(read_aloud(child) for child in node.children)
+
+
+def cited(key: str) -> str:
+    """Write the key of a reference as author and year."""
+    found = re.match(r"\s*([a-z]+)(\d{4})", key)
+    return f"{found[1].title()} ({found[2]})" if found else key
 
 
 def texts_of(section: nodes.Element) -> str:
