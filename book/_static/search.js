@@ -118,7 +118,7 @@
     Search.stopPulse();
     Search.title.textContent = "What was found";
     Search.status.textContent = found.length
-      ? `${found.length} page${found.length === 1 ? "" : "s"} for “${query}”, chapters first.`
+      ? `${found.length} page${found.length === 1 ? "" : "s"} for “${query}”, the best first.`
       : `Nothing was found for “${query}”. Try fewer words, or look into the glossary.`;
   };
 

@@ -29,7 +29,7 @@ def words(page: Path) -> list[list[str]]:
 class Concordance(SphinxTransform):
     """Index a chapter by the words of the glossary; leave the names of the package out."""
 
-    default_priority = 880
+    default_priority = 840  # before Sphinx notes the entries
 
     def apply(self, **_: object) -> None:
         if self.env.docname == NAMES:

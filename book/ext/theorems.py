@@ -159,7 +159,7 @@ def written(page: str, title: str, theorems: list[Theorem]) -> str:
     lines = [f"## [{title}](/{CHAPTERS}/{page}.ipynb)"]
     for theorem in theorems:
         rows = [
-            ("Let", theorem.setting.removeprefix("*Let*").strip()),
+            ("For", setting_of(theorem)),
             *(("If", f"{k}. {text}") for k, text in theorem.conditions.items()),
             ("Then", theorem.then),
             *((f"Without {k}", text) for k, text in theorem.without.items()),
@@ -180,6 +180,13 @@ def written(page: str, title: str, theorems: list[Theorem]) -> str:
             ":::",
         ]
     return "\n".join(lines)
+
+
+def setting_of(theorem: Theorem) -> str:
+    """Say what a theorem is about, if that is another thing than the loop of Figure 1."""
+    plain = theorem.setting.replace("*", "")
+    text = re.sub(r"^(Let|For)[ ,]+(for )?|([ .,]*\b([Ll]et|and))+[ ,]*$", "", plain).strip(" ,")
+    return "" if text in ("Let", "the loop of Figure 1") else text
 
 
 def indented(text: str) -> str:
