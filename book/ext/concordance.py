@@ -1,13 +1,14 @@
 """The index of ideas: in it, every word of the glossary has the chapters that speak of it.
 
-A chapter speaks of a word if a heading has it, or if the text has it often. The names of the
-package stay out: they have a page of their own, and would drown the rest.
+A chapter speaks of a word if the glossary leads to it, if a heading has it, or if the text has it
+often. The names of the package stay out: they have a page of their own, and would drown the rest.
 """
 
 from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import NamedTuple
 
 from docutils import nodes
 from sphinx import addnodes
@@ -19,11 +20,24 @@ OFTEN = 4
 FENCE = re.compile(r"```\{glossary\}\n(.*?)\n```", re.DOTALL)
 
 
-def words(page: Path) -> list[list[str]]:
-    """Give the words of the glossary, those of one meaning together."""
-    fence = FENCE.search(page.read_text("utf-8"))
+class Word(NamedTuple):
+    """An entry of the glossary: the names of one meaning, and the chapter that it leads to."""
+
+    names: list[str]
+    page: str
+
+
+def words(glossary: Path) -> list[Word]:
+    """Read the entries of the glossary."""
+    fence = FENCE.search(glossary.read_text("utf-8"))
     entries = re.split(r"\n\s*\n", fence[1]) if fence else []
-    return [[line.strip() for line in entry.splitlines() if line[:1].strip()] for entry in entries]
+    return [
+        Word(
+            [line.strip() for line in entry.splitlines() if line[:1].strip()],
+            "".join(re.findall(r"\((chapters/\w+)\.ipynb\)", entry)[-1:]),
+        )
+        for entry in entries
+    ]
 
 
 class Concordance(SphinxTransform):
@@ -43,23 +57,24 @@ class Concordance(SphinxTransform):
         if not sections:
             return
         title = sections[0][0].astext().replace(";", ",")
-        for synonyms in words(glossary):
-            place = self.place(synonyms, sections)
+        for word in words(glossary):
+            place = self.place(word, sections)
             if place is not None:
-                entry = ("single", f"{synonyms[0]}; {title}", place["ids"][0], "", None)
+                entry = ("single", f"{word.names[0]}; {title}", place["ids"][0], "", None)
                 place.insert(1, addnodes.index(entries=[entry]))
 
-    def place(self, synonyms: list[str], sections: list[nodes.section]) -> nodes.section | None:
+    def place(self, word: Word, sections: list[nodes.section]) -> nodes.section | None:
         """Find the section that speaks of a word, if the chapter does."""
-        either = "|".join(r"\s+".join(map(re.escape, word.split())) for word in synonyms)
+        either = "|".join(r"\s+".join(map(re.escape, name.split())) for name in word.names)
         pattern = re.compile(rf"(?<!\w)(?:{either})(?:e?s)?(?!\w)", re.IGNORECASE)
         for section in sections:
             if pattern.search(section[0].astext()):
                 return section
         said = [(section, len(pattern.findall(own_text(section)))) for section in sections]
-        if sum(count for _, count in said) < OFTEN:
+        introduced = word.page == self.env.docname
+        if not introduced and sum(count for _, count in said) < OFTEN:
             return None
-        return next(section for section, count in said if count)
+        return next((section for section, count in said if count), sections[0])
 
 
 def own_text(section: nodes.section) -> str:
