@@ -58,7 +58,10 @@ UNIT = (
 )
 INTEGER_WITH_UNIT = re.compile(rf"(?<![\w.]){SIGN}\d+(?={SPACE}{UNIT})")
 # Where a number is part of an address, a DOI or a name, not a statement.
-NOT_PROSE = re.compile(r"\]\([^)]*\)|<https?:[^>]*>|https?://\S+|\bdoi:\S+|\{[a-z:]+\}`[^`]*`")
+NOT_PROSE = re.compile(
+    r"\]\([^)]*\)|<https?:[^>]*>|https?://\S+|\bdoi:\S+|\{[a-z:]+\}`[^`]*`"
+    r"|\bTheorems? \d+\.\d+(?:(?:,| and| to) \d+\.\d+)*"
+)
 
 
 def plain_minus(text: str) -> str:
@@ -114,6 +117,7 @@ def text_from_code(path: Path) -> str:
         (r"$60^{\circ}$ and 20 \%", ["60", "20"]),
         ("three loops, 4 examples, 2 seconds, Lemma 1", []),
         ("see [the paper](https://doi.org/10.1080/1.2) and {numref}`fig-1.5`", []),
+        ("Theorem 17.1, and Theorems 19.5 and 19.6 for 0.5 s", ["0.5"]),
     ],
 )
 def test_numbers_in_prose_are_found(text: str, numbers: list[str]) -> None:
