@@ -74,7 +74,8 @@ class Equation:
 
 
 def tokens_of(text: str) -> list[str]:
-    """Split a formula into its tokens; sizes of brackets and negative spaces are left out."""
+    """Split a formula into its tokens; sizes, negative spaces and numbers of equations left out."""
+    text = re.sub(r"\\tag\s*\{[^{}]*\}", "", text)
     text = re.sub(r"(?<!\\)%.*", "", text).replace("{,}", "")
     found = TOKEN.findall(text)
     return [

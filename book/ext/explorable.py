@@ -1,4 +1,4 @@
-"""What can be moved on a page, without a kernel: a loop of the paper, with sliders.
+"""What can be moved on a page, without a kernel: a loop with sliders.
 
     ```{explorable} 3
     :range-lambda: 0.005 2
@@ -7,7 +7,8 @@
     The caption.
     ```
 
-stands for Example 3 of the paper. The page carries the coefficients of its blocks, which come from
+stands for Example 3 of the paper, `sampled` for the motor's speed loop on a processor, `adrc` for
+the same motor under linear ADRC. The page carries the coefficients of its blocks, which come from
 `nrdob.paper`, and a still picture for those without a script; the script computes the rest. Into
 chapters, which are notebooks, it comes after the question that opens them: see `explorables.toml`.
 """
@@ -17,21 +18,60 @@ from __future__ import annotations
 import base64
 import json
 import tomllib
+from dataclasses import dataclass, field
 from html import escape
 from pathlib import Path
 from typing import Any, ClassVar
 
+import control as ct
 from docutils import nodes
 from docutils.parsers.rst import directives
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
-from nrdob import NRDOB, paper
+from nrdob import NRDOB, LowPassFilter, linear_adrc, paper
 from predictions import KEY
 
-SCRIPTS = ("explore/loop.js", "explore/view.js")
+SCRIPTS = ("explore/loop.js", "explore/sampled.js", "explore/adrc.js", "explore/view.js")
 LEAST_ORDER, MOST_ORDER = 1, 6
 CHAPTERS, PLACES = "chapters", "explorables.toml"
+
+
+SLIDERS = ("lambda", "observer", "controller", "T", "gain", "lag", "zero", "delay")
+"""What a slider may move, in the order of the page."""
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What stands on a page before anything is moved."""
+
+    kind: str
+    loop: NRDOB
+    start: dict[str, float]
+    orders: tuple[int, int] | None
+    more: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def plant(self) -> dict[str, Any]:
+        """The coefficients that the script starts from."""
+        return coefficients(self.loop) | self.more
+
+
+def scene(name: str) -> Scene:
+    """Give what an explorable shows: an example of the paper by its number, or the motor."""
+    if name == "sampled":
+        motor = ct.tf([1.0], [0.01, 0.1])  # torque to speed: 1/(J s + b)
+        loop = NRDOB(motor, motor, 1.0, LowPassFilter(0.02, 2))
+        return Scene(name, loop, {"lambda": 0.02, "order": 2, "T": 0.005}, (1, 4))
+    if name == "adrc":
+        b0, start = 100.0, {"observer": 100.0, "controller": 30.0}
+        motor = ct.tf([b0], [1.0, 10.0])
+        loop = linear_adrc(motor, 1, b0, start["observer"], start["controller"])
+        return Scene(name, loop, start, None, {"b0": b0})
+    loop = paper.example(int(name))
+    least = loop.model.den[0][0].size - loop.model.num[0][0].size
+    start = {"lambda": loop.filter.time_constant, "order": loop.filter.order}
+    return Scene("lags", loop, start, (max(least, LEAST_ORDER), MOST_ORDER))
 
 
 def limits(text: str) -> tuple[float, float]:
@@ -56,33 +96,31 @@ class Explorable(SphinxDirective):
     required_arguments = 1
     has_content = True
     option_spec: ClassVar[dict[str, Any]] = {
-        "range-lambda": limits, "range-gain": limits, "range-lag": limits, "range-zero": limits,
-        "range-delay": limits, "last": float, "name": directives.unchanged,
+        **{f"range-{slider}": limits for slider in SLIDERS},
+        "last": float, "name": directives.unchanged,
     }  # fmt: skip
 
     def run(self) -> list[nodes.Node]:
         """Make the figure: the still, and what the script needs."""
-        loop = paper.example(int(self.arguments[0]))
-        least = loop.model.den[0][0].size - loop.model.num[0][0].size
+        shown = scene(self.arguments[0])
         ranges = {
-            name.removeprefix("range-"): value
-            for name, value in self.options.items()
-            if name.startswith("range-")
+            slider: self.options[f"range-{slider}"]
+            for slider in SLIDERS
+            if f"range-{slider}" in self.options
         }
+        first, *others = ranges
         given = {
-            "plant": coefficients(loop),
-            "start": {
-                "lambda": loop.filter.time_constant, "order": loop.filter.order, "gain": 1.0,
-                "lag": 0.0, "zero": 0.0, "delay": 0.0,
-            },
+            "kind": shown.kind,
+            "plant": shown.plant,
+            "start": {"gain": 1.0, "lag": 0.0, "zero": 0.0, "delay": 0.0} | shown.start,
             "range": {
-                "lambda": ranges.pop("lambda"),
-                "order": (max(least, LEAST_ORDER), MOST_ORDER),
-                **ranges,
+                first: ranges[first],
+                **({"order": shown.orders} if shown.orders else {}),
+                **{slider: ranges[slider] for slider in others},
             },
             "last": self.options.get("last", 10.0),
-        }  # fmt: skip
-        still = loop.plot_nyquist("FH")
+        }
+        still = shown.loop.plot_nyquist("FH")
         picture = base64.b64encode(still.png()).decode()
         figure = nodes.figure(classes=["explorable"])
         figure += nodes.raw(
@@ -104,11 +142,11 @@ def fenced(place: dict[str, Any]) -> str:
     """Write an entry of the table as the directive."""
     options = [
         f":range-{name}: {low} {high}"
-        for name in ("lambda", "gain", "lag", "zero", "delay")
+        for name in SLIDERS
         if name in place
         for low, high in [place[name]]
     ]
-    lines = [f"```{{explorable}} {place['example']}", *options, f":last: {place['last']}"]
+    lines = [f"```{{explorable}} {place['shows']}", *options, f":last: {place['last']}"]
     return "\n".join([*lines, "", place["caption"], "```"])
 
 

@@ -5,15 +5,18 @@ says, read off it as a reader does: follow each arrow that ends at a circle back
 from, and write down the block on the way. So the picture cannot say one thing and the algebra
 another.
 
-This module needs schemdraw, which comes with the notebooks; `nrdob` itself does not import it.
+This module needs schemdraw and SymPy, which come with the notebooks; `nrdob` by itself imports
+neither.
 """
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, NamedTuple
 
+import sympy as sp
 from schemdraw import Drawing
 from schemdraw.elements import Element
 from schemdraw.segments import Segment, SegmentCircle, SegmentPoly, SegmentText, SegmentType
@@ -63,6 +66,12 @@ BLOCKS = {
     "C/((1 - F)*(1 + C*Gm))": (r"$\dfrac{C}{(1-F)\,(1+C\,\tilde{G})}$", "controller"),
 }
 """How each block is written in a picture, and its role, which gives the colour."""
+
+WRITTEN = {
+    "Gm": r"\tilde{G}", "Gm0": r"\tilde{G}_0",
+    "dhat": r"\hat{\delta}", "ym": "y_m", "yf": "y_f",
+}  # fmt: skip
+"""How a block or a signal is written in formulas, where not by its own name."""
 
 
 class Term(NamedTuple):
@@ -205,6 +214,32 @@ class Diagram:
             )
             for name, part in self.parts.items()
             if isinstance(part, Sum)
+        }
+
+    @property
+    def symbolic(self) -> dict[sp.Symbol, sp.Expr]:
+        r"""The same equations in SymPy: the signal of each sum, and what it adds up.
+
+        Blocks and signals are symbols of their own names; the model is written ``\tilde{G}``, the
+        signals ``\hat{\delta}``, ``y_m`` and ``y_f`` as in the book.
+
+        Examples
+        --------
+        >>> from nrdob.plotting import diagrams
+        >>> for signal, added in diagrams.two_degrees_of_freedom().symbolic.items():
+        ...     print(signal, "=", added)
+        u = C*R/((1 - F)*(C*\tilde{G} + 1)) - K*y_m
+        x = delta + u
+        y = G*x + d
+        y_m = eta + y
+        """
+        names = set(re.findall(r"[A-Za-z]\w*", str(self)))
+        symbols = {name: sp.Symbol(WRITTEN.get(name, name)) for name in names}
+        return {
+            symbols[name]: sp.Add(
+                *(t.sign * sp.sympify(t.block, symbols) * symbols[t.signal] for t in terms)
+            )
+            for name, terms in self.equations.items()
         }
 
     def __str__(self) -> str:

@@ -18,7 +18,7 @@ import pytest
 
 import nrdob
 from browser import CHROMIUM, browser
-from explorable import SCRIPTS, coefficients
+from explorable import SCRIPTS, coefficients, scene
 from nrdob import NRDOB, LowPassFilter, paper
 
 STATIC = Path(__file__).resolve().parents[2] / "book" / "_static"
@@ -38,7 +38,8 @@ def tab() -> Iterator[Any]:
     """Give an empty page that has the formulas."""
     with browser() as opened:
         page = opened.new_page()
-        page.add_script_tag(path=str(STATIC / SCRIPTS[0]))
+        for script in SCRIPTS[:-1]:
+            page.add_script_tag(path=str(STATIC / script))
         yield page
 
 
@@ -117,8 +118,143 @@ def test_steps_are_those_of_the_package(tab: Any, number: int, signal: str) -> N
         compared += 1
 
 
+# --- The motor on a processor, and under ADRC -----------------------------------------------------
+
+
+def drawn_sampled(rng: np.random.Generator) -> tuple[dict[str, Any], NRDOB]:
+    """Draw a position of the sliders of the sampled loop, and the loop that it stands for."""
+    at: dict[str, Any] = {
+        "lambda": float(np.exp(rng.uniform(*np.log([0.0005, 0.5])))),
+        "T": float(np.exp(rng.uniform(*np.log([0.0005, 0.05])))),
+        "gain": float(np.exp(rng.uniform(*np.log([0.1, 10.0])))),
+        "order": int(rng.integers(1, 5)),
+        "delay": 0.0,
+    }
+    if rng.random() < 0.6:
+        at["delay"] = float(rng.uniform(0, min(0.02, 8 * at["T"])))
+    shown = scene("sampled")
+    process = nrdob.delay(at["delay"]) * (at["gain"] * shown.loop.process)
+    filter_ = LowPassFilter(at["lambda"], at["order"])
+    loop = NRDOB(process, shown.loop.model, shown.loop.controller, filter_)
+    return {**at, "plant": shown.plant}, loop
+
+
+def drawn_adrc(rng: np.random.Generator) -> tuple[dict[str, Any], Any]:
+    """Draw a position of the sliders of ADRC, and the process that it stands for."""
+    at: dict[str, Any] = {
+        name: float(np.exp(rng.uniform(*np.log(ends))))
+        for name, ends in {
+            "observer": (3.0, 3000.0), "controller": (3.0, 300.0), "gain": (0.1, 10.0),
+        }.items()
+    }  # fmt: skip
+    at["lag"] = float(rng.uniform(0.0005, 0.05)) if rng.random() < 0.6 else 0.0
+    at["delay"] = float(rng.uniform(0.0005, 0.02)) if rng.random() < 0.6 else 0.0
+    shown = scene("adrc")
+    lag = ct.tf([1.0], [at["lag"], 1.0] if at["lag"] else [1.0])
+    process = nrdob.delay(at["delay"]) * (at["gain"] * shown.loop.process * lag)
+    return {**at, "plant": shown.plant}, process
+
+
+def test_the_sampled_loop_is_judged_as_by_the_package(tab: Any) -> None:
+    rng = np.random.default_rng(30)
+    seen = set()
+    for _ in range(40):
+        at, loop = drawn_sampled(rng)
+        sampled = loop.sampled(at["T"])
+        verdict = sampled.stability()
+        found = tab.evaluate("(at) => nrdob.judge(nrdob.kinds.sampled.loopOf(at))", at)
+        assert found["stable"] == verdict.stable, at
+        seen.add(verdict.stable)
+        if verdict.stable:
+            assert found["Ms"] == pytest.approx(sampled.margins().ms, rel=1e-5)
+    assert seen == {True, False}
+
+
+def test_the_bar_of_the_sampled_loop_is_the_set_of_the_package(tab: Any) -> None:
+    rng = np.random.default_rng(31)
+    low, high = 0.0005, 0.5
+    script = "([at, low, high]) => nrdob.kinds.sampled.stabilizing(at, low, high)"
+    for _ in range(15):
+        at, loop = drawn_sampled(rng)
+        found = tab.evaluate(script, [at, low, high])
+        sets = nrdob.stabilizing_time_constants(
+            loop.process, loop.model, at["order"], floor=low / 2, dt=at["T"]
+        )
+        wanted = [(max(a, low), min(b, high)) for a, b in sets if b > low and a < high]
+        assert len(found) == len(wanted), at
+        assert np.allclose(found, wanted, rtol=1e-5), at
+
+
+@pytest.mark.parametrize("signal", ["R", "d", "delta", "eta"])
+def test_the_sampled_loop_answers_as_in_the_package(tab: Any, signal: str) -> None:
+    rng = np.random.default_rng(32)
+    compared = 0
+    while compared < 4:
+        at, loop = drawn_sampled(rng)
+        sampled = loop.sampled(at["T"])
+        if not sampled.stability().stable:
+            continue
+        script = "([at, s]) => nrdob.kinds.sampled.step(nrdob.kinds.sampled.loopOf(at), s, 0.3)"
+        found = tab.evaluate(script, [at, signal])
+        times = np.array(found["time"])
+        looked = np.unique(np.linspace(1, times.size - 2, 25).astype(int))
+        wanted = sampled.step_response(signal, np.append(0.0, times[looked])).outputs[0, 0, 1:]
+        size = max(1e-3, float(np.abs(wanted).max()))
+        assert np.abs(np.array(found["y"])[looked] - wanted).max() < 1e-6 * size, at
+        compared += 1
+
+
+def test_adrc_is_judged_as_by_the_package(tab: Any) -> None:
+    rng = np.random.default_rng(33)
+    seen = set()
+    for _ in range(40):
+        at, process = drawn_adrc(rng)
+        loop = nrdob.linear_adrc(process, 1, at["plant"]["b0"], at["observer"], at["controller"])
+        found = tab.evaluate("(at) => nrdob.judge(nrdob.kinds.adrc.loopOf(at))", at)
+        assert found["stable"] == loop.stability().stable, at
+        seen.add(found["stable"])
+        if found["stable"]:
+            assert found["Ms"] == pytest.approx(loop.margins().plant_loop.ms, rel=1e-5)
+    assert seen == {True, False}
+
+
+def test_the_bar_of_adrc_is_the_set_of_the_package(tab: Any) -> None:
+    rng = np.random.default_rng(34)
+    low, high = 3.0, 3000.0
+    script = "([at, low, high]) => nrdob.kinds.adrc.stabilizing(at, low, high)"
+    for _ in range(20):
+        at, process = drawn_adrc(rng)
+        found = tab.evaluate(script, [at, low, high])
+        sets = nrdob.adrc_stabilizing_bandwidths(
+            process, 1, at["plant"]["b0"], at["controller"], highest=2 * high
+        )
+        wanted = [(max(a, low), min(b, high)) for a, b in sets if b > low and a < high]
+        assert len(found) == len(wanted), at
+        assert np.allclose(found, wanted, rtol=1e-5), at
+
+
+@pytest.mark.parametrize("signal", ["R", "d", "delta", "eta"])
+def test_adrc_answers_as_in_the_package(tab: Any, signal: str) -> None:
+    rng = np.random.default_rng(35)
+    compared = 0
+    while compared < 3:
+        at, process = drawn_adrc(rng)
+        loop = nrdob.linear_adrc(process, 1, at["plant"]["b0"], at["observer"], at["controller"])
+        if not loop.stability().stable:
+            continue
+        script = "([at, signal]) => nrdob.step(nrdob.kinds.adrc.loopOf(at), signal, 0.3)"
+        found = tab.evaluate(script, [at, signal])
+        times = np.array(found["time"])
+        looked = np.unique(np.linspace(1, times.size - 1, 25).astype(int))
+        wanted = loop.step_response(signal, np.append(0.0, times[looked])).outputs[0, 0, 1:]
+        size = max(1e-3, float(np.abs(wanted).max()))
+        assert np.abs(np.array(found["y"])[looked] - wanted).max() < 5e-3 * size, at
+        compared += 1
+
+
 def test_every_move_is_drawn_in_words_and_stays_right(tab: Any) -> None:
     given = {
+        "kind": "lags",
         "plant": coefficients(paper.example(3)),
         "start": {"lambda": 0.05, "order": 2, "gain": 1.0, "lag": 0.0, "zero": 0.0, "delay": 0.0},
         "range": {"lambda": RANGE["lambda"], "order": (2, 6), "gain": RANGE["gain"]},

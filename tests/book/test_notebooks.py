@@ -59,8 +59,8 @@ UNIT = (
 INTEGER_WITH_UNIT = re.compile(rf"(?<![\w.]){SIGN}\d+(?={SPACE}{UNIT})")
 # Where a number is part of an address, a DOI or a name, not a statement.
 NOT_PROSE = re.compile(
-    r"\]\([^)]*\)|<https?:[^>]*>|https?://\S+|\bdoi:\S+|\{[a-z:]+\}`[^`]*`"
-    r"|\bTheorems? \d+\.\d+(?:(?:,| and| to) \d+\.\d+)*"
+    r"\bTheorems? \d+\.\d+(?:(?:,| and| to) \d+\.\d+)*|\]\([^)]*\)|<https?:[^>]*>|"
+    r"https?://\S+|\bdoi:\S+|\{[a-z:]+\}`[^`]*`"
 )
 
 
@@ -116,6 +116,7 @@ def text_from_code(path: Path) -> str:
         ("14 dB, 65°, 20 %, 50%, 5 s, 30 ms, 3 rad/s", ["14", "65", "20", "50", "5", "30", "3"]),
         (r"$60^{\circ}$ and 20 \%", ["60", "20"]),
         ("three loops, 4 examples, 2 seconds, Lemma 1", []),
+        ("Theorems 17.1 and 17.2 hold, and Theorem 11.3 for 0.5 s", ["0.5"]),
         ("see [the paper](https://doi.org/10.1080/1.2) and {numref}`fig-1.5`", []),
         ("Theorem 17.1, and Theorems 19.5 and 19.6 for 0.5 s", ["0.5"]),
     ],

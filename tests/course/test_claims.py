@@ -36,7 +36,7 @@ SECTIONS = (section2, section3, examples12, example3, example4, conclusions)
 MODULES = (*SECTIONS, ledger, recurring, signals)
 CHAPTERS = {
     "01_matched", "02_nonminimum_phase", "03_unstable", "04_time_delay", "11_the_loop",
-    "12_the_filter", "13_closed_loop", "14_two_bands", "15_what_it_is", "16_nyquist",
+    "12_the_filter", "14_two_bands", "15_what_it_is", "16_nyquist",
     "17_lemma_1", "18_lemma_2", "20_rules_of_the_paper", "37_will_it_survive",
 }  # fmt: skip
 

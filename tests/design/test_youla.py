@@ -75,3 +75,22 @@ def test_no_stable_model_that_was_tried_stabilises_against_parity():
             "does not stabilise" in observer_form(K, model).reason
             or "ill" in observer_form(K, model).reason
         )
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_with_a_model_made_for_it_an_integral_controller_has_filter_1_and_keeps_every_factor(
+    order: int,
+) -> None:
+    """The model F/((1 - F) K): p_B is ((Df - 1)/s) times the loop of K and the process."""
+    F = nrdob.LowPassFilter(0.1, order)
+    process = 1.02 * (14 * s - 1) / ((s - 9) * (0.001 * s + 1))
+    rest = np.polysub(F.den, [1.0])[:-1]  # (Df - 1)/s
+    model = ct.tf([1, -2], np.polymul([1, -1], rest))  # K = (s - 1)/(s (s - 2))
+    loop = nrdob.NRDOB(process, model, 1, F, keep_factors=True)
+    points = 1j * np.geomspace(0.01, 100, 9)
+    assert np.allclose(loop.K(points), (points - 1) / (points * (points - 2)))
+    num, den = process.num[0][0], process.den[0][0]
+    closed = np.polyadd(np.polymul(den, [1, -2, 0]), np.polymul(num, [1, -1]))
+    wanted = np.polymul(closed, rest)
+    assert np.allclose(loop.p_B.q / loop.p_B.q[0], wanted / wanted[0])
+    assert loop.stability().observer_loop.closed_loop_rhp == 0

@@ -84,6 +84,20 @@ def test_a_model_that_waits_leaves_the_error_what_it_is_without_dead_time() -> N
     assert sp.simplify(solved["y"]["d"] - (1 - F * W) / (1 - F * W + F * G / Gm0)) == 0
 
 
+@each_diagram
+def test_the_equations_in_sympy_are_those_read_off_the_picture(draw: Callable[[], Diagram]) -> None:
+    diagram = draw()
+    printed = {"ym": "y_m", "yf": "y_f", "dhat": r"\hat{\delta}"}
+    model = {sp.Symbol("Gm"): sp.Symbol(r"\tilde{G}"), sp.Symbol("Gm0"): sp.Symbol(r"\tilde{G}_0")}
+    symbolic = diagram.symbolic
+    solved = sp.solve([sp.Eq(*line) for line in symbolic.items()], list(symbolic), dict=True)[0]
+    feedback = {sp.Symbol("K"): GAINS["K"].subs(model)}
+    for name, by in maps(diagram).items():
+        answer = solved[sp.Symbol(printed.get(name, name))].subs(feedback)
+        for given, wanted in by.items():
+            assert sp.simplify(sp.diff(answer, sp.Symbol(given)) - wanted.subs(model)) == 0
+
+
 @pytest.mark.parametrize("delayed", [False, True])
 def test_figure_1_solved_gives_the_maps_of_the_package(delayed: bool) -> None:
     solved = maps(diagrams.nrdob())
@@ -246,6 +260,7 @@ def test_the_users_settings_neither_change_nor_matter() -> None:
         schemdraw.schemdraw.schemdrawstyle.update(before_schemdraw)
 
 
-def test_the_package_does_without_schemdraw() -> None:
-    code = "import nrdob, nrdob.plotting.plots, sys; sys.exit('schemdraw' in sys.modules)"
+def test_the_package_does_without_schemdraw_and_sympy() -> None:
+    loaded = "{'schemdraw', 'sympy'} & set(sys.modules)"
+    code = f"import nrdob, nrdob.plotting.plots, sys; sys.exit(bool({loaded}))"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

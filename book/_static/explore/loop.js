@@ -2,7 +2,7 @@
    same formulas as the package, which a test holds against it. Polynomials are arrays of
    coefficients in descending powers; s is in rad/s, times are in seconds.
 
-   p_B = q + r exp(-θs) with q = D Ñ (Df - 1), r = N D̃, for F = 1/(λs + 1)^n. */
+   p_B = q + r exp(-θs) with q = D Ñ (Df - Nf), r = N D̃ Nf; as a rule F = Nf/Df = 1/(λs + 1)^n. */
 (() => {
   "use strict";
 
@@ -25,15 +25,16 @@
       p.forEach((a, i) => q.forEach((b, k) => (product[i + k] += a * b)));
       return product;
     });
+  /* A leading coefficient is gone where it cancels, not where the unit of time makes it small. */
   const plus = (p, q) => {
-    const sum = new Array(Math.max(p.length, q.length)).fill(0);
-    p.forEach((a, i) => (sum[sum.length - p.length + i] += a));
-    q.forEach((a, i) => (sum[sum.length - q.length + i] += a));
-    return trimmed(sum);
+    const n = Math.max(p.length, q.length);
+    const at = (r, i) => r[i - n + r.length] ?? 0;
+    const sum = Array.from({ length: n }, (_, i) => at(p, i) + at(q, i));
+    const first = sum.findIndex((a, i) => Math.abs(a) > 1e-13 * (Math.abs(at(p, i)) + Math.abs(at(q, i))));
+    return first < 0 ? [0] : sum.slice(first);
   };
   const trimmed = (p) => {
-    const size = Math.max(...p.map(Math.abs));
-    const first = p.findIndex((a) => Math.abs(a) > 1e-14 * size);
+    const first = p.findIndex((a) => a !== 0);
     return first < 0 ? [0] : p.slice(first);
   };
   const value = (p, s) => p.reduce((sum, a) => add(mul(sum, s), [a, 0]), [0, 0]);
@@ -82,19 +83,34 @@
     return p;
   };
   const lessOne = (p) => [...p.slice(0, -1), p[p.length - 1] - 1];
-
-  /* Coefficients of everything from the plant as it is given and the sliders. */
-  const loopOf = ({ plant, lambda, order, gain = 1, lag = 0, zero = 0, delay = 0 }) => {
-    const N = times(plant.N.map((a) => a * gain), zero ? [-zero, 1] : [1]);
-    const D = times(plant.D, lag ? [lag, 1] : [1]);
-    const theta = plant.delay + delay;
+  const lags = ({ order, lambda }) => {
     const Df = binomial(order, lambda);
-    const E = lessOne(Df);
-    const q = times(D, plant.Nm, E);
-    const r = times(N, plant.Dm);
-    const model = plus(times(plant.Dm, plant.Dc), times(plant.Nm, plant.Nc));
-    return { ...plant, N, D, Df, E, q, r, model, theta, lambda, order };
+    return { Nf: [1], Df, E: lessOne(Df) };
   };
+
+  /* The plant as the sliders make it. */
+  const plantOf = ({ plant, gain = 1, lag = 0, zero = 0, delay = 0 }) => ({
+    N: times(plant.N.map((a) => a * gain), zero ? [-zero, 1] : [1]),
+    D: times(plant.D, lag ? [lag, 1] : [1]),
+    theta: plant.delay + delay,
+  });
+
+  /* Coefficients of everything, from a plant, the other blocks, and Nf, Df and E = Df - Nf. A factor
+     s of both q and r cancels within the block (1 - F)G̃, and is left out of everything. */
+  const joined = ({ N, D, theta }, { Nm, Dm, Nc, Dc }, { Nf, Df, E }) => {
+    const model = plus(times(Dm, Dc), times(Nm, Nc));
+    const whole = {
+      q: times(D, Nm, E),
+      r: times(N, Dm, Nf),
+      fromR: times(N, Nc, Nm, Dm, Df),
+      fromDelta: times(N, Nm, E),
+    };
+    while (whole.q[whole.q.length - 1] === 0 && whole.r[whole.r.length - 1] === 0) {
+      for (const name of Object.keys(whole)) whole[name] = whole[name].slice(0, -1);
+    }
+    return { N, D, theta, Nm, Dm, Nf, Df, model, ...whole };
+  };
+  const loopOf = (at) => ({ ...joined(plantOf(at), at.plant, lags(at)), lambda: at.lambda, order: at.order });
 
   const late = (loop, omega) => turn(-omega * loop.theta);
   const characteristic = (loop, omega) => {
@@ -103,12 +119,14 @@
   };
   const FR = (loop, omega) => {
     const s = [0, omega];
-    const behind = times(loop.D, loop.Nm, loop.Df);
-    return mul(div(value(loop.r, s), value(behind, s)), late(loop, omega));
+    const before = times(loop.N, loop.Dm);
+    const behind = times(loop.D, loop.Nm);
+    return mul(mul(div(value(before, s), value(behind, s)), F(loop, omega)), late(loop, omega));
   };
+  const F = (loop, omega) => div(value(loop.Nf, [0, omega]), value(loop.Df, [0, omega]));
   /* F·H with H = R - 1, and the plant's loop L = F R/(1 - F). */
-  const FH = (loop, omega) => minus(FR(loop, omega), div([1, 0], value(loop.Df, [0, omega])));
-  const H = (loop, omega) => mul(FH(loop, omega), value(loop.Df, [0, omega]));
+  const FH = (loop, omega) => minus(FR(loop, omega), F(loop, omega));
+  const H = (loop, omega) => div(FH(loop, omega), F(loop, omega));
   const L = (loop, omega) => {
     const s = [0, omega];
     return mul(div(value(loop.r, s), value(loop.q, s)), late(loop, omega));
@@ -129,11 +147,7 @@
 
   /* Roots of p_B in the right half plane, by the argument of p_B along the axis. */
   const countRight = (loop) => {
-    let { q, r } = loop;
-    while (q[q.length - 1] === 0 && r[r.length - 1] === 0) {
-      q = q.slice(0, -1);
-      r = r.slice(0, -1);
-    }
+    const { q, r } = loop;
     const ratio = r.length > q.length ? Infinity : r.length === q.length ? Math.abs(r[0] / q[0]) : 0;
     if (loop.theta && ratio >= 1) return ratio > 1 ? Infinity : NaN;
     const whole = loop.theta ? q : plus(q, r);
@@ -195,12 +209,17 @@
     };
     const grid = frequencies(loop, 1200).map(Math.log);
     const seen = grid.map(S);
-    let best = Math.max(...seen);
+    let best = Math.max(...seen, loop.theta ? 0 : atInfinity(loop.q, plus(loop.q, loop.r)));
     for (let k = 1; k + 1 < grid.length; k++) {
       if (seen[k] < seen[k - 1] || seen[k] < seen[k + 1] || seen[k] < 0.9 * best) continue;
       best = Math.max(best, golden(S, grid[k - 1], grid[k + 1]));
     }
     return best;
+  };
+  /* |p/q| where s is without bound. */
+  const atInfinity = (p, q) => {
+    const [above, below] = [trimmed(p), trimmed(q)];
+    return above.length < below.length ? 0 : above.length > below.length ? Infinity : Math.abs(above[0] / below[0]);
   };
   const golden = (f, low, high) => {
     const share = (Math.sqrt(5) - 1) / 2;
@@ -225,10 +244,10 @@
      over ω. Beyond |R| = (1 + ω²λ²)^(n/2) - 1 none is as large as the least λ asked for. */
   const criticalTimeConstants = (loop, low, high) => {
     const { order: n } = loop;
-    const behind = times(loop.D, loop.Nm);
+    const [before, behind] = [times(loop.N, loop.Dm), times(loop.D, loop.Nm)];
     const R = (omega) => {
       const s = [0, omega];
-      return mul(div(value(loop.r, s), value(behind, s)), late(loop, omega));
+      return mul(div(value(before, s), value(behind, s)), late(loop, omega));
     };
     const possible = (omega, size) => size >= ((1 + (omega * low) ** 2) ** (n / 2) - 1) / 2;
     const root = (W, k) => {
@@ -237,20 +256,24 @@
       return [size * Math.cos(angle) - 1, size * Math.sin(angle)];
     };
     const found = [];
-    let before = null;
+    // A root goes through infinity where the leading terms cancel: λ^n = -R/s^n.
+    const [top, bottom] = [trimmed(before), trimmed(behind)];
+    const c = -top[0] / bottom[0];
+    if (!loop.theta && top.length - bottom.length === n && c > 0) found.push(c ** (1 / n));
+    let last = null;
     const worth = (omega) => possible(omega, abs(R(omega)));
     for (const omega of turning({ ...loop, lambda: Math.sqrt(low * high) }, worth)) {
       const at = R(omega);
       if (!possible(omega, abs(at))) {
-        before = null;
+        last = null;
         continue;
       }
       const here = Array.from({ length: n }, (_, k) => root(minus([1, 0], at), k));
-      if (before) {
+      if (last) {
         here.forEach((x, k) => {
-          const old = before.roots[k];
+          const old = last.roots[k];
           if (old[0] * x[0] >= 0 || Math.abs(x[1] - old[1]) > 0.5 * (1 + Math.abs(x[1]))) return;
-          let [a, b, fa] = [before.omega, omega, old[0]];
+          let [a, b, fa] = [last.omega, omega, old[0]];
           for (let round = 0; round < 60 && b - a > 1e-14 * b; round++) {
             const m = (a + b) / 2;
             const f = root(minus([1, 0], R(m)), k)[0];
@@ -262,7 +285,7 @@
           if (Math.abs(off) < 1e-6 && height > 0) found.push(height / m);
         });
       }
-      before = { omega, roots: here };
+      last = { omega, roots: here };
     }
     return [...new Set(found.filter((x) => x > low && x < high))].sort((x, y) => x - y);
   };
@@ -277,29 +300,32 @@
     }
   };
 
-  /* The stable intervals of λ between two bounds: one count between each two critical ones. */
-  const stabilizing = (given, low, high) => {
-    const ends = [low, ...criticalTimeConstants(loopOf({ ...given, lambda: low }), low, high), high];
+  /* The stable intervals between two bounds: one count between each two critical values. */
+  const between = (critical, low, high, loopAt) => {
+    const ends = [low, ...critical, high];
     const found = [];
     for (let i = 1; i < ends.length; i++) {
-      const lambda = Math.sqrt(ends[i - 1] * ends[i]);
       if (ends[i] / ends[i - 1] < 1 + 1e-9) continue;
-      if (countRight(loopOf({ ...given, lambda })) !== 0) continue;
+      if (countRight(loopAt(Math.sqrt(ends[i - 1] * ends[i]))) !== 0) continue;
       const last = found[found.length - 1];
       if (last && last[1] === ends[i - 1]) last[1] = ends[i];
       else found.push([ends[i - 1], ends[i]]);
     }
     return found;
   };
+  const stabilizing = (given, low, high) => {
+    const loopAt = (lambda) => loopOf({ ...given, lambda });
+    return between(criticalTimeConstants(loopAt(low), low, high), low, high, loopAt);
+  };
 
   // --- Step responses --------------------------------------------------------------------------
 
   /* y after a unit step of R, d, δ or η: num/(den (q + r exp(-θs))), late by θ where the way is. */
   const MAPS = {
-    R: (loop) => ({ num: times(loop.N, loop.Nc, loop.Nm, loop.Dm, loop.Df), den: loop.model, late: 1 }),
-    d: (loop) => ({ num: times(loop.D, loop.Nm, loop.E), den: [1], late: 0 }),
-    delta: (loop) => ({ num: times(loop.N, loop.Nm, loop.E), den: [1], late: 1 }),
-    eta: (loop) => ({ num: times(loop.N, loop.Dm).map((a) => -a), den: [1], late: 1 }),
+    R: (loop) => ({ num: loop.fromR, den: loop.model, late: 1 }),
+    d: (loop) => ({ num: loop.q, den: [1], late: 0 }),
+    delta: (loop) => ({ num: loop.fromDelta, den: [1], late: 1 }),
+    eta: (loop) => ({ num: loop.r.map((a) => -a), den: [1], late: 1 }),
   };
 
   const MOST_STEPS = 6000;
@@ -380,5 +406,14 @@
     return { time, y: output };
   };
 
-  window.nrdob = { loopOf, judge, stabilizing, step, FH, H, L, roots, frequencies, countRight };
+  window.nrdob = {
+    loopOf, judge, stabilizing, step, FH, H, L, roots, frequencies, countRight,
+    // For loops of another kind.
+    parts: { add, arg, between, criticalTimeConstants, div, expm, joined, lags, late, minus, mul, plantOf, plus, product, times, turning, value },
+  };
+  /* What a page can move: how a loop is made, judged and answers, and what its bar is a set of. */
+  window.nrdob.kinds = {
+    // N counts turns of `counted` around -1.
+    lags: { loopOf, stabilizing, step, counted: "FH", bar: "lambda", said: "Filters for which the loop is stable, by λ:" },
+  };
 })();

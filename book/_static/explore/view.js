@@ -12,6 +12,9 @@
     lag: { label: "unknown lag", unit: "s" },
     zero: { label: "unknown zero at 1/T, T", unit: "s" },
     delay: { label: "unknown dead time", unit: "s" },
+    T: { label: "sampling time T", unit: "s", log: true },
+    observer: { label: "observer’s bandwidth ωo", unit: "rad/s", log: true },
+    controller: { label: "controller’s bandwidth ωc", unit: "rad/s", log: true },
   };
   const SIZE = { width: 340, height: 270, left: 42, right: 10, top: 12, bottom: 34 };
 
@@ -85,21 +88,22 @@
   class Explorable {
     constructor(figure) {
       this.given = JSON.parse(figure.dataset.explorable);
+      this.kind = nrdob.kinds[this.given.kind];
       this.plots = [new Plot("Nyquist", "real part", "imaginary part"), new Plot("Step", "time in s", "y")];
       this.bar = svg("svg", { viewBox: "0 0 480 46", role: "img", class: "bar" });
       this.verdict = html("p", { className: "explorable-verdict" });
       this.verdict.setAttribute("role", "status");
-      this.state = { ...this.given.start, curve: "FH", signal: "d" };
+      this.state = { ...this.given.start, curve: this.kind.counted, signal: "d" };
       const still = figure.querySelector(".explorable-still");
       const board = html(
         "div",
         { className: "explorable-board" },
         this.verdict,
         html("div", { className: "explorable-plots" }, ...this.plots.map((plot) => plot.element)),
-        html("p", { className: "explorable-bar-name" }, "Filters for which the loop is stable, by λ:"),
+        html("p", { className: "explorable-bar-name" }, this.kind.said),
         this.bar,
         html("div", { className: "explorable-controls" }, ...Object.entries(this.given.range).map((each) => this.slider(...each))),
-        html("div", { className: "explorable-controls" }, this.choice("Curve", "curve", CURVES), this.choice("Unit step", "signal", SIGNALS), this.back()),
+        html("div", { className: "explorable-controls" }, this.choice("Curve", "curve", this.kind.counted === "L" ? { L: "L" } : CURVES), this.choice("Unit step", "signal", SIGNALS), this.back()),
       );
       still.replaceWith(board);
       this.show();
@@ -147,7 +151,7 @@
       const started = performance.now();
       for (const put of this.refresh) put();
       const parameters = { ...this.state, plant: this.given.plant };
-      const loop = nrdob.loopOf(parameters);
+      const loop = this.kind.loopOf(parameters);
       const found = nrdob.judge(loop);
       this.tell(found);
       this.nyquist(loop, found);
@@ -183,14 +187,14 @@
           { points, kind: "curve" },
           { at: [-1, 0], kind: "minus-one" },
         ],
-        `Nyquist plot of ${CURVES[curve]}: N = ${written(N)} clockwise turns of F·H around −1, P = ${P}, Z = ${written(Z)}.`,
+        `Nyquist plot of ${CURVES[curve]}: N = ${written(N)} clockwise turns of ${CURVES[this.kind.counted]} around −1, P = ${P}, Z = ${written(Z)}.`,
       );
     }
 
     step(loop, { stable }) {
       const { signal } = this.state;
       const last = this.given.last;
-      const found = nrdob.step(loop, signal, last);
+      const found = this.kind.step(loop, signal, last);
       const points = found ? found.time.map((t, k) => [t, found.y[k]]).filter(([, y]) => Number.isFinite(y)) : [];
       const seen = points.map(([, y]) => Math.max(-3, Math.min(3, y)));
       const [low, high] = [Math.min(-0.1, ...seen), Math.max(1.1, ...seen)];
@@ -204,27 +208,29 @@
     }
 
     filters(parameters) {
-      const [low, high] = this.given.range.lambda;
-      const { lambda, ...rest } = parameters;
-      const key = JSON.stringify([rest.order, rest.gain, rest.lag, rest.zero, rest.delay]);
+      const { bar } = this.kind;
+      const [low, high] = this.given.range[bar];
+      const { unit } = CONTROLS[bar];
+      const { [bar]: present, ...rest } = parameters;
+      const key = JSON.stringify(rest);
       if (key !== this.key) {
         this.key = key;
-        const modelStable = nrdob.judge(nrdob.loopOf(parameters)).modelStable;
-        this.set = modelStable ? nrdob.stabilizing(rest, low, high) : [];
+        const modelStable = nrdob.judge(this.kind.loopOf(parameters)).modelStable;
+        this.set = modelStable ? this.kind.stabilizing(parameters, low, high) : [];
       }
       const X = (x) => 8 + (464 * Math.log(x / low)) / Math.log(high / low);
       const parts = [svg("rect", { class: "ground", x: 8, y: 8, width: 464, height: 12, rx: 3 })];
       for (const [from, to] of this.set) parts.push(svg("rect", { class: "works", x: X(from), y: 8, width: Math.max(1, X(to) - X(from)), height: 12, rx: 3 }));
       for (let x = 10 ** Math.ceil(Math.log10(low) - 1e-9); x <= high * 1.001; x *= 10) {
         parts.push(svg("line", { class: "tick", x1: X(x), x2: X(x), y1: 20, y2: 25 }));
-        parts.push(svg("text", { x: X(x), y: 40, "text-anchor": X(x) > 460 ? "end" : "middle" }, `${written(x)} s`));
+        parts.push(svg("text", { x: X(x), y: 40, "text-anchor": X(x) > 460 ? "end" : "middle" }, `${written(x)} ${unit}`));
       }
-      const at = Math.max(8, Math.min(472, X(lambda)));
+      const at = Math.max(8, Math.min(472, X(present)));
       parts.push(svg("path", { class: "present", d: `M${at} 2v24m-5 -24h10` }));
       const said = this.set.length
-        ? this.set.map(([a, b]) => `from ${a <= low * 1.0001 ? "the left end" : `${written(a)} s`} to ${b >= high * 0.9999 ? "the right end" : `${written(b)} s`}`).join(" and ")
+        ? this.set.map(([a, b]) => `from ${a <= low * 1.0001 ? "the left end" : `${written(a)} ${unit}`} to ${b >= high * 0.9999 ? "the right end" : `${written(b)} ${unit}`}`).join(" and ")
         : "nowhere in this range";
-      this.bar.setAttribute("aria-label", `Time constants for which the loop is stable: ${said}. The present one is ${written(lambda)} s.`);
+      this.bar.setAttribute("aria-label", `${this.kind.said} ${said}. The present one is ${written(present)} ${unit}.`);
       this.bar.replaceChildren(...parts);
     }
   }

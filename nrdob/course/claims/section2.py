@@ -308,7 +308,7 @@ def filter_in_its_stop_band() -> Finding:
     "eq03",
     "eq. (3)",
     r"$Y=T_R\,R+S_d\,d+S_\delta\,\delta+S_\eta\,\eta$.",
-    "13_closed_loop",
+    "11_the_loop",
 )
 def output_is_the_sum_of_four() -> Finding:
     """Solve the diagram with all four inputs at once, random complex numbers; compare the sums.
@@ -347,7 +347,7 @@ for _name, _input, _formula in (
     ("S_delta", "δ", r"S_\delta=\dfrac{G\tilde G(1-F)}{\tilde G+F(G-\tilde G)}"),
     ("S_eta", "η", r"S_\eta=\dfrac{-GF}{\tilde G+F(G-\tilde G)}"),
 ):
-    enter_map(SECTION, f"eq04.{_name}", f"${_formula}$.", "13_closed_loop", (_input, "y"))
+    enter_map(SECTION, f"eq04.{_name}", f"${_formula}$.", "11_the_loop", (_input, "y"))
 
 
 # Eq. (5): low frequency.

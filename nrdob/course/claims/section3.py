@@ -83,7 +83,7 @@ def critical_gain(order: int) -> float:
     "eq07.E_R",
     "eq. (7)",
     r"$\dfrac{E}{R}=\dfrac{F(G-\tilde G)+\tilde G}{(1+\tilde G C)\,[\tilde G+F(G-\tilde G)]}$.",
-    "13_closed_loop",
+    "11_the_loop",
 )
 def reference_to_error() -> Finding:
     """Solve the diagram with R alone at random values; compare e with the printed formula.
@@ -105,7 +105,7 @@ def reference_to_error() -> Finding:
     "eq07.E_zero",
     "eq. (7)",
     r"$E/\delta=0$, $E/d=0$ and $E/\eta=0$.",
-    "13_closed_loop",
+    "11_the_loop",
 )
 def the_error_sees_no_disturbance() -> Finding:
     """Solve the diagram with δ, d and η at random values; compare e with the other signals."""
@@ -125,7 +125,7 @@ enter_map(
     SECTION,
     "eq07.U_R",
     r"$\dfrac{U}{R}=\dfrac{\tilde G C}{(1+\tilde G C)\,[\tilde G+F(G-\tilde G)]}$.",
-    "13_closed_loop",
+    "11_the_loop",
     ("R", "u"),
 )
 
@@ -134,7 +134,7 @@ enter_map(
     "eq07.U_d",
     "eq. (7)",
     r"$\dfrac{U}{d}=\dfrac{U}{\eta}=\dfrac{-F}{\tilde G+F(G-\tilde G)}$.",
-    "13_closed_loop",
+    "11_the_loop",
 )
 def output_disturbance_to_control() -> Finding:
     """Solve the diagram with d alone, then η alone; compare u with the printed formula."""
@@ -150,7 +150,7 @@ def output_disturbance_to_control() -> Finding:
     "eq07.U_delta",
     "eq. (7)",
     r"$\dfrac{U}{\delta}=\dfrac{\tilde G(1-F)}{\tilde G+F(G-\tilde G)}$.",
-    "13_closed_loop",
+    "11_the_loop",
     amendment=Amendment(
         Verdict.CORRECTED,
         r"This is the plant input, $(U+\delta)/\delta$. The controller output, which $U$ is in "

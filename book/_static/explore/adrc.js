@@ -1,0 +1,74 @@
+/* Linear ADRC of order 1 in the browser: an NR-DOB with the model b0/s and the filter
+   F = (1 + s(1/ωc + 2/ωo)) / ((s/ωc + 1)(s/ωo + 1)²). The sliders are the bandwidths. */
+(() => {
+  "use strict";
+
+  const { add, arg, between, div, joined, late, minus, mul, plantOf, times, turning, value } = nrdob.parts;
+
+  const filter = ({ observer, controller }) => {
+    const [lambda, slow] = [1 / observer, 1 / controller];
+    const Df = times([slow, 1], [lambda, 1], [lambda, 1]);
+    return { Nf: Df.slice(2), Df, E: [...Df.slice(0, 2), 0, 0] };
+  };
+  const loopOf = (at) => {
+    const { b0 } = at.plant;
+    const blocks = { Nm: [b0], Dm: [1, 0], Nc: [at.controller], Dc: [b0] };
+    return { ...joined(plantOf(at), blocks, filter(at)), lambda: 1 / at.observer };
+  };
+
+  /* At s = jω p_B is a quadratic in λ = 1/ωo; where one of its roots becomes real, λ is critical. */
+  const critical = (at, low, high) => {
+    const { N, D, theta } = plantOf(at);
+    const slow = 1 / at.controller;
+    const solved = (omega) => {
+      const s = [0, omega];
+      const own = mul([at.plant.b0, 0], mul(value(D, s), mul(s, s)));
+      const back = mul(mul(value(N, s), s), late({ theta }, omega));
+      const a = mul(own, add([1, 0], mul([slow, 0], s)));
+      const b = add(mul([2 * slow, 0], own), mul([2, 0], mul(back, s)));
+      const c = mul(back, add([1, 0], mul([slow, 0], s)));
+      const inside = minus(mul(b, b), mul([4, 0], mul(a, c)));
+      const size = Math.sqrt(Math.hypot(...inside));
+      const half = arg(inside) / 2;
+      const root = [size * Math.cos(half), size * Math.sin(half)];
+      const twice = mul([2, 0], a);
+      return [minus(root, b), minus([-root[0], -root[1]], b)].map((top) => div(top, twice));
+    };
+    const far = (x, y) => Math.hypot(x[0] - y[0], x[1] - y[1]);
+    const ordered = (pair, old) =>
+      far(pair[0], old[0]) + far(pair[1], old[1]) <= far(pair[0], old[1]) + far(pair[1], old[0]) ? pair : [pair[1], pair[0]];
+    const found = [];
+    let last = null;
+    for (const omega of turning(loopOf({ ...at, observer: Math.sqrt(low * high) }), () => true)) {
+      const here = last ? ordered(solved(omega), last.roots) : solved(omega);
+      if (last) {
+        here.forEach((x, k) => {
+          let old = last.roots[k];
+          if (old[1] * x[1] >= 0 || Math.max(old[0], x[0]) <= 0) return;
+          let [a, b, f] = [last.omega, omega, last.roots];
+          for (let round = 0; round < 60 && b - a > 1e-14 * b; round++) {
+            const m = (a + b) / 2;
+            const g = ordered(solved(m), f);
+            if (f[k][1] * g[k][1] <= 0) b = m;
+            else [a, f] = [m, g];
+          }
+          const [lambda, off] = ordered(solved((a + b) / 2), f)[k];
+          if (lambda > 0 && Math.abs(off) < 1e-6 * lambda) found.push(1 / lambda);
+        });
+      }
+      last = { omega, roots: here };
+    }
+    return [...new Set(found.filter((x) => x > low && x < high))].sort((x, y) => x - y);
+  };
+  const stabilizing = (at, low, high) =>
+    between(critical(at, low, high), low, high, (observer) => loopOf({ ...at, observer }));
+
+  nrdob.kinds.adrc = {
+    loopOf,
+    stabilizing,
+    step: nrdob.step,
+    counted: "L", // F·H of a model that integrates begins at -1
+    bar: "observer",
+    said: "Bandwidths ωo of the observer for which the loop is stable:",
+  };
+})();
