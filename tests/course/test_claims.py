@@ -37,7 +37,7 @@ MODULES = (*SECTIONS, ledger, recurring, signals)
 CHAPTERS = {
     "01_matched", "02_nonminimum_phase", "03_unstable", "04_time_delay", "11_the_loop",
     "12_the_filter", "14_two_bands", "15_what_it_is", "16_nyquist",
-    "17_lemma_1", "18_lemma_2", "37_will_it_survive",
+    "17_lemma_1", "18_lemma_2", "20_rules_of_the_paper", "37_will_it_survive",
 }  # fmt: skip
 
 

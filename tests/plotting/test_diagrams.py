@@ -25,6 +25,7 @@ DRAW: dict[str, Callable[[], Diagram]] = {
     "conventional": diagrams.conventional,
     "two_degrees_of_freedom": diagrams.two_degrees_of_freedom,
     "internal_model_control": diagrams.internal_model_control,
+    "six_blocks": diagrams.six_blocks,
     "waiting": diagrams.waiting,
 }
 each_diagram = pytest.mark.parametrize("draw", DRAW.values(), ids=DRAW)
