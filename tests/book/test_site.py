@@ -11,7 +11,7 @@ import shutil
 import subprocess
 import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import redirect_stderr, redirect_stdout
 from copy import copy
 from io import StringIO
@@ -347,14 +347,20 @@ def test_every_mistake_is_shown_as_the_student_reads_it(
 
 
 @pytest.fixture(scope="module")
-def looks(site: Path, pages: dict[Path, BeautifulSoup]) -> dict[str, Look]:
-    """Open every page as on a phone, 360 pixels wide."""
+def opened() -> Iterator[Any]:
+    """Open one browser for all the pages."""
     if CHROMIUM is None:
         warnings.warn("No Chromium on this machine: the pages were not opened.", stacklevel=1)
         pytest.skip("no Chromium on this machine: THE PAGES WERE NOT OPENED IN A BROWSER")
-    with browser() as opened:
-        tab = opened.new_page(viewport={"width": 360, "height": 800})
-        return {path.relative_to(site).as_posix(): look(tab, path) for path in pages}
+    with browser() as found:
+        yield found
+
+
+@pytest.fixture(scope="module")
+def looks(site: Path, pages: dict[Path, BeautifulSoup], opened: Any) -> dict[str, Look]:
+    """Open every page as on a phone, 360 pixels wide."""
+    tab = opened.new_page(viewport={"width": 360, "height": 800})
+    return {path.relative_to(site).as_posix(): look(tab, path) for path in pages}
 
 
 def test_no_page_scrolls_sideways_on_a_phone(looks: dict[str, Look]) -> None:
@@ -378,18 +384,15 @@ def test_pages_say_nothing_to_the_console_and_ask_no_server(looks: dict[str, Loo
     assert {page: seen.said for page, seen in looks.items() if seen.said} == {}
 
 
-def test_a_reader_with_a_screen_reader_meets_nothing_serious(site: Path) -> None:
-    if CHROMIUM is None:
-        pytest.skip("no Chromium on this machine: THE PAGES WERE NOT OPENED IN A BROWSER")
+def test_a_reader_with_a_screen_reader_meets_nothing_serious(site: Path, opened: Any) -> None:
     axe = Axe()
-    with browser() as opened:
-        tab = opened.new_page(viewport={"width": 1400, "height": 900})
-        serious = []
-        for page in ("index", "chapters/00_start_here", "ledger", "teaching/running"):
-            look(tab, site / f"{page}.html")
-            serious += [
-                (page, broken["id"], broken["nodes"][0]["html"][:100])
-                for broken in axe.run(tab).response["violations"]
-                if broken["impact"] in ("serious", "critical")
-            ]
+    tab = opened.new_page(viewport={"width": 1400, "height": 900})
+    serious = []
+    for page in ("index", "chapters/00_start_here", "ledger", "teaching/running"):
+        look(tab, site / f"{page}.html")
+        serious += [
+            (page, broken["id"], broken["nodes"][0]["html"][:100])
+            for broken in axe.run(tab).response["violations"]
+            if broken["impact"] in ("serious", "critical")
+        ]
     assert serious == []

@@ -198,7 +198,7 @@ def mismatches(draw, *, delayed):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("delayed", [False, True])
-@settings(max_examples=200)
+@settings(max_examples=60)  # thousands in tests/campaigns/sets.py
 @given(data=st.data())
 def test_every_end_of_random_sets(delayed, data):
     process, model, order = data.draw(mismatches(delayed=delayed))
