@@ -24,7 +24,7 @@ NBVAL := --nbval --nbval-current-env --nbval-cell-timeout 300 \
 OLD_PROCESSOR := OPENBLAS_CORETYPE=Nehalem \
 	NPY_DISABLE_CPU_FEATURES="X86_V3 X86_V4 AVX512_ICL AVX512_SPR"
 
-.PHONY: help env book ledger quick test lint types layers map unit notebooks old-processor execute check \
+.PHONY: help env book pdf zip ledger quick test lint types layers map unit notebooks old-processor execute check \
 	bench bench-table pages slides paper lab release grade report test-exercises test-site clean
 
 help: ## show this list
@@ -49,6 +49,12 @@ book: $(READY) ## run every notebook and build the web book
 	$(PY) book/make/ledger.py --notebooks build/notebooks
 	$(PY) -m sphinx -W --keep-going -n -q -D nrdob_notebooks=../build/notebooks -d build/doctrees -b html book build/html
 	@echo "The book is ready. Open $(CURDIR)/build/html/index.html"
+
+pdf: book ## write the book as one PDF (needs Chromium; takes some minutes)
+	$(PY) book/make/pdf.py
+
+zip: book ## pack the site, the notebooks and the package into one file
+	$(PY) book/make/bundle.py
 
 ledger: $(READY) ## run every check of the ledger, and write its two pages into the book
 	$(PY) book/make/ledger.py

@@ -26,8 +26,10 @@ extensions = [
     "sphinx.ext.mathjax",
     "sphinx_copybutton",
     "sphinxcontrib.bibtex",
+    "chaptermap",
     "claimlinks",
     "explorable",
+    "getting",
     "predict",
     "typeset",
 ]

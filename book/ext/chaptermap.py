@@ -1,0 +1,162 @@
+"""The chapters at a glance: a map of all of them, and ways through them, with the time they take.
+
+    ```{chapter-map}
+    ```
+
+lays out the chapters part by part, as cards: number, title, minutes, what each needs. And
+
+    ```{reading-path} 00 03 17
+    The paper in an evening.
+    ```
+
+writes a way: the sentence, the chapters in this order, and the sum of their times. All of it is
+read out of the openings of the chapters themselves.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from docutils import nodes
+from sphinx import addnodes
+from sphinx.application import Sphinx
+from sphinx.util.docutils import SphinxDirective
+
+PARTS = {
+    "0": "First the examples",
+    "1": "The derivations",
+    "2": "Design",
+    "3": "From the page to the bench",
+}
+"""Chapters by the first digit of their number, as in the contents of the front page."""
+
+TITLE = re.compile(r"^# (.+)$", re.MULTILINE)
+MINUTES = re.compile(r"^\*\*Time\*\* (\d+) minutes", re.MULTILINE)
+NEEDS = re.compile(r"^\*\*You need\*\* (.+)$", re.MULTILINE)
+CHAPTER = re.compile(r"\((\d\d)_\w+\.ipynb\)")
+
+
+@dataclass(frozen=True)
+class Opening:
+    """What a chapter says of itself before it begins."""
+
+    name: str
+    title: str
+    minutes: int
+    needs: tuple[str, ...]
+
+    @property
+    def number(self) -> str:
+        """The two digits that its file begins with."""
+        return self.name[:2]
+
+
+def read_opening(path: Path) -> Opening:
+    """Read the opening of a chapter, or say what it lacks."""
+    text = "".join(json.loads(path.read_text("utf-8"))["cells"][0]["source"])
+    title, minutes, needs = TITLE.search(text), MINUTES.search(text), NEEDS.search(text)
+    if not (title and minutes and needs):
+        raise ValueError(f"{path.name} must open with a title, **You need** and **Time** n minutes")
+    found = dict.fromkeys(CHAPTER.findall(needs[1]))
+    return Opening(path.stem, title[1], int(minutes[1]), tuple(found))
+
+
+def read_openings(folder: Path) -> dict[str, Opening]:
+    """Read the openings of all chapters in a folder, by number."""
+    found = [read_opening(path) for path in sorted(folder.glob("[0-9]*.ipynb"))]
+    return {opening.number: opening for opening in found}
+
+
+def told(minutes: int) -> str:
+    """Write a time as one says it, to the quarter of an hour where it is long."""
+    quarters = round(minutes / 15)
+    hours, rest = divmod(quarters, 4)
+    if minutes < 60:
+        return f"{minutes} min"
+    return f"{hours}{('', '¼', '½', '¾')[rest]} h"
+
+
+class ChapterDirective(SphinxDirective):
+    """Something that is read out of the openings of the chapters."""
+
+    def openings(self) -> dict[str, Opening]:
+        """Read them, and have the page written again when one changes."""
+        folder = Path(self.env.srcdir) / "chapters"
+        for path in folder.glob("[0-9]*.ipynb"):
+            self.env.note_dependency(str(path))
+        return read_openings(folder)
+
+    def link(self, opening: Opening, shown: str) -> nodes.Node:
+        """Lead to a chapter."""
+        name = nodes.inline("", shown)
+        link = addnodes.pending_xref(
+            "", name, reftype="doc", refdomain="std", reftarget=f"/chapters/{opening.name}",
+            refexplicit=True, refdoc=self.env.docname,
+        )  # fmt: skip
+        return link
+
+
+class ChapterMap(ChapterDirective):
+    """All chapters, part by part."""
+
+    def run(self) -> list[nodes.Node]:
+        """Make the cards."""
+        openings = self.openings()
+        found = nodes.container(classes=["chapter-map"])
+        for digit, part in PARTS.items():
+            found += nodes.rubric(part, part)
+            cards = nodes.bullet_list(classes=["chapter-cards"])
+            cards += [self.card(o) for o in openings.values() if o.number.startswith(digit)]
+            found += cards
+        return [found]
+
+    def card(self, opening: Opening) -> nodes.list_item:
+        """Make the card of one chapter."""
+        said = f"{opening.minutes} min"
+        if opening.needs:
+            said += f", after {', '.join(opening.needs)}"
+        return nodes.list_item(
+            "",
+            nodes.paragraph("", "", nodes.inline("", opening.number, classes=["chapter-number"]),
+                            nodes.Text(" "), self.link(opening, opening.title)),
+            nodes.paragraph("", said, classes=["chapter-needs"]),
+        )  # fmt: skip
+
+
+class ReadingPath(ChapterDirective):
+    """One way through the book."""
+
+    required_arguments = 1
+    final_argument_whitespace = True
+    has_content = True
+
+    def run(self) -> list[nodes.Node]:
+        """Write the sentence, the time, and the chapters."""
+        openings = self.openings()
+        numbers = self.arguments[0].split()
+        if unknown := sorted(set(numbers) - set(openings)):
+            raise self.error(f"there is no chapter {', '.join(unknown)}")
+        text, messages = self.parse_inline(" ".join(self.content))
+        minutes = sum(openings[number].minutes for number in numbers)
+        way = nodes.paragraph(classes=["reading-path"])
+        way += [*text, nodes.Text(f" About {told(minutes)}: "), *self.steps(openings, numbers)]
+        return [way, *messages]
+
+    def steps(self, openings: dict[str, Opening], numbers: list[str]) -> Iterator[nodes.Node]:
+        """Give the chapters, with arrows between them."""
+        for number in numbers:
+            if number != numbers[0]:
+                yield nodes.Text(" → ")
+            yield self.link(openings[number], openings[number].title.split(":")[0])
+
+
+def setup(app: Sphinx) -> dict[str, Any]:
+    """Add the two directives."""
+    app.add_directive("chapter-map", ChapterMap)
+    app.add_directive("reading-path", ReadingPath)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

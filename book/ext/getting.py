@@ -1,0 +1,107 @@
+"""From every page to a copy that runs: what can be downloaded, and where a notebook can start.
+
+The address of the repository is written once, in `pyproject.toml` under ``[tool.nrdob]``. As long
+as it is empty nothing is shown that would need it.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+from docutils import nodes
+from sphinx.application import Sphinx
+from sphinx.util.docutils import SphinxDirective
+
+from bundle import ROOT, pack, to_run
+
+PAGE = "get"
+ARCHIVE = "_downloads/nrdob-notebooks.zip"
+CHAPTERS = "chapters/"
+
+
+def repository() -> str:
+    """Read the address of the repository; empty where there is none yet."""
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["nrdob"]
+    return str(settings["repository"]).rstrip("/").removesuffix(".git")
+
+
+def binder(address: str, notebook: str) -> str:
+    """Give the address that opens a notebook on Binder."""
+    kind, owner = ("gh", address.split("github.com/")[1]) if "github.com/" in address else (
+        "git", quote(address, safe="")
+    )  # fmt: skip
+    return f"https://mybinder.org/v2/{kind}/{owner}/main?urlpath=lab/tree/notebooks/{notebook}"
+
+
+def colab(address: str, notebook: str) -> str:
+    """Give the address that opens a notebook on Colab, which knows GitHub only; else nothing."""
+    if "github.com/" not in address:
+        return ""
+    owner = address.split("github.com/")[1]
+    return f"https://colab.research.google.com/github/{owner}/blob/main/notebooks/{notebook}"
+
+
+def starts(address: str, page: str) -> dict[str, str]:
+    """Name the places where the notebook of a page can be started, with their addresses."""
+    if not (address and page.startswith(CHAPTERS)):
+        return {}
+    notebook = f"{page.removeprefix(CHAPTERS)}.ipynb"
+    found = {"Binder": binder(address, notebook), "Colab": colab(address, notebook)}
+    return {name: link for name, link in found.items() if link}
+
+
+def link(name: str, url: str, icon: str, says: str) -> dict[str, str]:
+    """Describe a button as the theme wants it."""
+    return {"type": "link", "text": name, "url": url, "icon": icon, "tooltip": says,
+            "label": f"get-{name.lower()}"}  # fmt: skip
+
+
+def add_buttons(
+    app: Sphinx, page: str, _template: str, context: dict[str, Any], _doctree: object
+) -> None:
+    """Put what runs the page beside what downloads it."""
+    if "header_buttons" not in context:
+        return
+    buttons = [
+        link("All of it", context["pathto"](PAGE), "fas fa-box-archive", "Get the book and run it"),
+        *(
+            link(name, url, "fas fa-rocket", f"Run this chapter on {name}")
+            for name, url in starts(app.config.nrdob_repository, page).items()
+        ),
+    ]
+    context["header_buttons"].append(
+        {"type": "group", "tooltip": "Run it", "icon": "fas fa-rocket",
+         "buttons": buttons, "label": "run-buttons"}
+    )  # fmt: skip
+
+
+class Repository(SphinxDirective):
+    """Where the project lives, in a paragraph; nothing as long as no address is set."""
+
+    def run(self) -> list[nodes.Node]:
+        """Write the paragraph."""
+        address = self.config.nrdob_repository
+        if not address:
+            return []
+        shown = nodes.reference(address, address, refuri=address)
+        return [
+            nodes.paragraph("", "", nodes.Text("The project lives at "), shown, nodes.Text("."))
+        ]
+
+
+def write_archive(app: Sphinx, failed: Exception | None) -> None:
+    """Lay the notebooks, with all that runs them, beside the pages."""
+    if failed is None and app.builder.format == "html":
+        pack(to_run(), Path(app.outdir) / ARCHIVE)
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Add the setting, the buttons and the archive."""
+    app.add_config_value("nrdob_repository", repository(), "html", str)
+    app.add_directive("repository", Repository)
+    app.connect("html-page-context", add_buttons, priority=600)
+    app.connect("build-finished", write_archive)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,0 +1,244 @@
+"""Write the built book as one PDF, with an outline, page numbers, and links that stay inside.
+
+    python book/make/pdf.py                      build/html into build/nrdob.pdf
+    python book/make/pdf.py --site F --output F  another site, another file
+
+A browser sets it: Debian's Chromium, or any other on the path. Formulas are set once; then it is
+printed twice, the second time with the page numbers in the contents. It takes some minutes.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import shutil
+import sys
+import tomllib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import chain
+from pathlib import Path
+from typing import Any
+from urllib.parse import urldefrag, urljoin
+
+from bs4 import BeautifulSoup, Tag
+from markupsafe import Markup
+from pypdf import PdfReader, PdfWriter
+from pypdf.generic import NameObject, TextStringObject
+
+from pages import render, store
+
+ROOT = Path(__file__).resolve().parents[2]
+
+LEFT_OUT = ("api", "search", "genindex", "teaching/")
+"""Not for reading from the front to the back; teachers have pages of their own to be printed."""
+
+UNPRINTED = "a.headerlink, script, button, .claims-filter, .toctree-wrapper"
+NAMES = ("id", "for", "aria-labelledby", "aria-describedby", "aria-controls")
+ADDRESSES = ("href", "src")
+SETTLED = "() => window.MathJax?.startup?.promise?.then(() => true) ?? true"
+
+
+@dataclass(frozen=True)
+class Chapter:
+    """A page of the site, as it stands in the book."""
+
+    name: str
+    title: str
+    text: Tag
+
+    @property
+    def place(self) -> str:
+        """The name that links lead to."""
+        return anchor(self.name)
+
+    @property
+    def number(self) -> str:
+        """What its theorems are numbered with; nothing where there are none."""
+        found = re.match(r"chapters/0?(\d+)_", self.name)
+        return found.group(1) if found else ""
+
+
+@dataclass(frozen=True)
+class Part:
+    """Some chapters with a title."""
+
+    title: str
+    chapters: tuple[Chapter, ...]
+
+
+def read(page: Path) -> BeautifulSoup:
+    """Read a page of the site."""
+    return BeautifulSoup(page.read_text("utf-8"), "html.parser")
+
+
+def one(tree: Tag, selector: str) -> Tag:
+    """Give the one element that a page of the site is sure to have."""
+    found = tree.select_one(selector)
+    if found is None:
+        raise ValueError(f"the site has no {selector!r}; build it anew with make book")
+    return found
+
+
+def contents(site: Path) -> dict[str, list[str]]:
+    """Read off the front page which pages there are, part by part."""
+    listed = one(read(site / "index.html"), "nav.bd-links")
+    found = {}
+    for title in listed.select("p.caption"):
+        links = one(title.find_next_sibling("ul"), "li").parent.select("li.toctree-l1 > a")  # type: ignore[arg-type, union-attr]
+        pages = [str(link["href"]).removesuffix(".html") for link in links]
+        if kept := [page for page in pages if not page.startswith(LEFT_OUT)]:
+            found[title.get_text(strip=True)] = kept
+    return found
+
+
+def anchor(page: str, name: str = "") -> str:
+    """Name a place of a page, where all pages are one."""
+    return f"{page.replace('/', '-')}--{name}"
+
+
+def address(page: str, link: str, printed: frozenset[str]) -> str:
+    """Lead a link to a printed page inside, and leave the others."""
+    if re.match(r"[a-z]+:", link):
+        return link
+    target, name = urldefrag(urljoin(f"{page}.html", link))
+    stem = target.removesuffix(".html")
+    return f"#{anchor(stem, name)}" if stem in printed else target
+
+
+def chapter(site: Path, page: str, printed: frozenset[str]) -> Chapter:
+    """Take the text out of a page; its names and links become those of the whole."""
+    text = one(read(site / f"{page}.html"), "article.bd-article")
+    for unwanted in text.select(UNPRINTED):
+        unwanted.decompose()
+    for element in text.find_all(True):
+        for name in NAMES:
+            if given := element.get_attribute_list(name):
+                element[name] = " ".join(anchor(page, each) for each in given if each)
+        for name in ADDRESSES:
+            if name in element.attrs:
+                element[name] = address(page, str(element[name]), printed)
+        if element.name == "details":
+            element["open"] = ""
+    title = one(text, "h1")
+    found = Chapter(page, title.get_text(" ", strip=True), text)
+    if found.number:
+        title.insert(0, f"{found.number}  ")
+    return found
+
+
+def parts(site: Path) -> Iterator[Part]:
+    """Read the book off its site."""
+    listed = {"": ["index"], **contents(site)}
+    printed = frozenset(chain.from_iterable(listed.values()))
+    for title, pages in listed.items():
+        yield Part(title, tuple(chapter(site, page, printed) for page in pages))
+
+
+def head(site: Path) -> Markup:
+    """Give the styles of the site, and what sets its formulas."""
+    with_formulas = next(site.glob("chapters/11*.html"))
+    tree = one(read(with_formulas), "head").parent
+    wanted = [
+        *one(tree, "head").select("link[rel=stylesheet]"),  # type: ignore[arg-type]
+        *(each for each in tree.select("script") if re.search("mathjax|tex-svg", str(each), re.I)),  # type: ignore[union-attr]
+    ]
+    return Markup("".join(map(str, wanted)).replace("../_static", "_static"))
+
+
+def headings(book: list[Part]) -> list[str]:
+    """Give what stands in the outline, in this order; formulas as they are typed."""
+    found = []
+    for part in book:
+        found += [part.title] if part.title else []
+        for each in part.chapters:
+            found += [plain(heading) for heading in each.text.select("h1, h2, h3, h4, h5, h6")]
+    return found
+
+
+def plain(heading: Tag) -> str:
+    """Give the text of a heading on one line."""
+    text = " ".join(heading.get_text(" ", strip=True).split())
+    return re.sub(r"\\\((.*?)\\\)( (?=[.,?!]))?", r"\1", text)
+
+
+def numbers(printed: Path) -> dict[str, int]:
+    """Read on which page each place stands that a link leads to."""
+    reader = PdfReader(printed)
+    return {
+        name.lstrip("/"): reader.get_destination_page_number(place) + 1  # type: ignore[operator]
+        for name, place in reader.named_destinations.items()
+    }
+
+
+def finish(printed: Path, output: Path, book: list[Part], about: dict[str, Any]) -> None:
+    """Write the headings into the outline as they are; a browser breaks them like its lines."""
+    writer = PdfWriter(clone_from=printed)
+    titles = iter(headings(book))
+
+    def name(entry: Any) -> None:
+        while entry is not None:
+            node = entry.get_object()
+            node[NameObject("/Title")] = TextStringObject(next(titles))
+            name(node.get("/First"))
+            entry = node.get("/Next")
+
+    name(writer.get_outline_root().get("/First"))
+    writer.add_metadata({"/Title": about["title"], "/Author": about["author"]})
+    writer.write(output)
+
+
+def build(site: Path, output: Path) -> None:
+    """Set the site as a book and print it."""
+    from playwright.sync_api import sync_playwright
+
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    book = list(parts(site))
+    about = {
+        "title": book[0].chapters[0].title,
+        "author": "the nrdob authors",
+        "version": project["version"],
+    }
+    whole = site / "whole.html"  # beside what it shows
+    draft = output.with_suffix(".draft.pdf")
+    output.parent.mkdir(parents=True, exist_ok=True)
+    store(render("book.html", book=book, head=head(site), about=about), whole)
+    with sync_playwright() as play:
+        browser = play.chromium.launch(executable_path=chromium(), args=["--no-sandbox"])
+        tab = browser.new_page()
+        tab.set_default_timeout(0)
+        tab.goto(whole.as_uri())
+        tab.evaluate(SETTLED)
+        tab.pdf(path=draft, prefer_css_page_size=True)
+        tab.evaluate(
+            """(numbers) => document.querySelectorAll("[data-page-of]").forEach(
+                (each) => { each.textContent = numbers[each.dataset.pageOf] ?? ""; })""",
+            numbers(draft),
+        )
+        tab.pdf(path=draft, prefer_css_page_size=True, outline=True, tagged=True)
+        browser.close()
+    finish(draft, output, book, about)
+    draft.unlink()
+    whole.unlink()
+
+
+def chromium() -> str:
+    """Find a browser, or say what is missing."""
+    for name in ("chromium", "chromium-browser", "google-chrome", "chrome"):
+        if found := shutil.which(name):
+            return found
+    sys.exit("The PDF is set by a browser. Install Chromium, so that `chromium` is on the path.")
+
+
+def main() -> None:
+    """Read the command line."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--site", type=Path, default=ROOT / "build" / "html")
+    parser.add_argument("--output", type=Path, default=ROOT / "build" / "nrdob.pdf")
+    given = parser.parse_args()
+    build(given.site.resolve(), given.output.resolve())
+    print(f"The book is in {given.output}")
+
+
+if __name__ == "__main__":
+    main()

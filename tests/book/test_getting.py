@@ -1,0 +1,154 @@
+"""What a reader can take home: archives, notebooks that start elsewhere, the book as a PDF."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import re
+import sys
+import tomllib
+from pathlib import Path
+from zipfile import ZipFile
+
+import pytest
+from bs4 import BeautifulSoup
+from pypdf import PdfReader
+
+import bundle
+import getting
+import pdf
+from browser import CHROMIUM
+
+ROOT = Path(__file__).resolve().parents[2]
+GITHUB, ELSEWHERE = "https://github.com/owner/name", "https://code.example.org/owner/name"
+
+
+@pytest.fixture(scope="module")
+def archive(tmp_path_factory: pytest.TempPathFactory) -> ZipFile:
+    target = tmp_path_factory.mktemp("archive") / "notebooks.zip"
+    bundle.pack(bundle.to_run(), target)
+    return ZipFile(target)
+
+
+def test_the_archive_has_each_chapter_and_the_package(archive: ZipFile):
+    names = {name.removeprefix("nrdob-book/") for name in archive.namelist()}
+    assert {f"notebooks/{path.name}" for path in (ROOT / "notebooks").glob("*.ipynb")} <= names
+    assert {"nrdob/__init__.py", "nrdob/py.typed", "pyproject.toml", "LICENSE"} <= names
+
+
+def test_the_archive_has_no_solution_of_a_set(archive: ZipFile):
+    assert not [name for name in archive.namelist() if "exercises/source" in name]
+    assert not [name for name in archive.namelist() if "__pycache__" in name]
+
+
+def test_the_same_book_gives_the_same_archive(tmp_path: Path):
+    for name in ("one.zip", "two.zip"):
+        bundle.pack(bundle.to_run(), tmp_path / name)
+    assert (tmp_path / "one.zip").read_bytes() == (tmp_path / "two.zip").read_bytes()
+
+
+def test_the_slim_environment_names_all_that_chapters_import():
+    imported = {
+        found
+        for path in (ROOT / "notebooks").glob("*.ipynb")
+        for cell in json.loads(path.read_text("utf-8"))["cells"]
+        if cell["cell_type"] == "code"
+        for found in re.findall(r"^(?:from|import) (\w+)", "".join(cell["source"]), re.MULTILINE)
+    }
+    foreign = imported - set(sys.stdlib_module_names) - {"nrdob", "IPython"}  # Jupyter brings it
+    wanted = (ROOT / "binder" / "requirements.txt").read_text("utf-8")
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    installed = [wanted, *project["dependencies"], *project["optional-dependencies"]["notebooks"]]
+    assert not {name for name in foreign if name not in "".join(installed)}
+    assert all(importlib.util.find_spec(name) for name in foreign)
+
+
+def test_a_chapter_starts_on_binder_and_on_colab():
+    found = getting.starts(GITHUB, "chapters/11_the_loop")
+    notebook = "notebooks/11_the_loop.ipynb"
+    assert found["Binder"].endswith(f"/gh/owner/name/main?urlpath=lab/tree/{notebook}")
+    assert found["Colab"].endswith(f"/github/owner/name/blob/main/{notebook}")
+
+
+def test_elsewhere_than_on_github_only_binder_can_start_it():
+    found = getting.starts(ELSEWHERE, "chapters/11_the_loop")
+    assert list(found) == ["Binder"] and "/git/https%3A%2F%2Fcode.example.org" in found["Binder"]
+
+
+@pytest.mark.parametrize(("address", "page"), [("", "chapters/11_the_loop"), (GITHUB, "notation")])
+def test_nothing_starts_without_an_address_or_a_notebook(address: str, page: str):
+    assert getting.starts(address, page) == {}
+
+
+def test_the_address_stands_in_one_place():
+    address = getting.repository()
+    assert address == "" or (ROOT / "pyproject.toml").read_text("utf-8").count(address) == 1
+
+
+# --- the PDF ----------------------------------------------------------------------------------
+
+PAGE = """<html><head><title>A book</title></head><body>
+<nav class="bd-links"><p class="caption">One part</p><ul>
+<li class="toctree-l1"><a href="chapters/11_first.html">First</a></li>
+<li class="toctree-l1"><a href="notation.html">Signs</a></li>
+<li class="toctree-l1"><a href="api.html">Names</a></li></ul></nav>
+<article class="bd-article">{text}</article></body></html>"""
+
+TEXTS = {
+    "index": '<h1>A book</h1><p><a href="notation.html#x">there</a></p>',
+    "chapters/11_first": '<h1>First, with a title that is so long that it needs more than one line'
+    ' of the page<a class="headerlink" href="#">¶</a></h1><h2 id="more">More</h2>'
+    '<a href="#more">up</a><a href="../notation.html#x">x</a><a href="../api.html">api</a>'
+    "<details><summary>Solution</summary>forty-two</details>",
+    "notation": '<h1>Signs</h1><p id="x">x</p><a href="https://example.org">away</a>',
+}  # fmt: skip
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Path:
+    """A book of three pages."""
+    folder = tmp_path / "html"
+    (folder / "chapters").mkdir(parents=True)
+    for name, text in TEXTS.items():
+        (folder / f"{name}.html").write_text(PAGE.format(text=text), "utf-8")
+    return folder
+
+
+def test_links_lead_inside_where_their_page_is_printed(site: Path):
+    front, part = pdf.parts(site)
+    first, signs = part.chapters
+    assert [link["href"] for link in first.text.select("a")] == [
+        "#chapters-11_first--more", "#notation--x", "api.html",
+    ]  # fmt: skip
+    assert front.chapters[0].text.select_one("a")["href"] == "#notation--x"
+    assert signs.text.select_one("a")["href"] == "https://example.org"
+    assert first.text.select_one("h2")["id"] == "chapters-11_first--more"
+    assert first.text.select_one("details").has_attr("open")
+
+
+def test_chapters_are_numbered_as_their_theorems_are(site: Path):
+    _, part = pdf.parts(site)
+    assert [each.number for each in part.chapters] == ["11", ""]
+
+
+def test_a_site_of_another_theme_is_named():
+    with pytest.raises(ValueError, match="article"):
+        pdf.one(BeautifulSoup("<p>", "html.parser"), "article")
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="a PDF needs Chromium, and there is none here")
+def test_the_pdf_has_page_numbers_and_an_outline_with_whole_titles(site: Path, tmp_path: Path):
+    pdf.build(site, tmp_path / "book.pdf")
+    printed = PdfReader(tmp_path / "book.pdf")
+    titles = [entry for entry in printed.outline if not isinstance(entry, list)]
+    assert [entry.title for entry in titles] == [
+        "A book",
+        "One part",
+        "11 First, with a title that is so long that it needs more than one line of the page",
+        "Signs",
+    ]  # fmt: skip
+    last = printed.get_destination_page_number(titles[-1]) + 1
+    contents = " ".join(printed.pages[1].extract_text().split())
+    assert re.search(rf"Signs {last}\b", contents)
+    assert "forty-two" in printed.pages[last - 2].extract_text()
+    assert list(tmp_path.glob("*.draft.pdf")) == []
