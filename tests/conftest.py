@@ -46,9 +46,18 @@ def settled():
     return cache(check)
 
 
+LONG = {"site", "ledger_run", "graded"}
+"""Fixtures that take a minute: the built book, the settled ledger, a graded class."""
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
-    """What waits for the built book, the settled ledger or a graded class is slow."""
-    for item in items:
-        if {"site", "ledger_run", "graded"} & set(getattr(item, "fixturenames", ())):
-            item.add_marker(pytest.mark.slow)
+    """What waits for a long fixture is slow, and its file comes first.
+
+    Else one of the processes that share the tests would begin with it when the others are done.
+    """
+    waiting = [item for item in items if LONG & set(getattr(item, "fixturenames", ()))]
+    for item in waiting:
+        item.add_marker(pytest.mark.slow)
+    files = {item.path for item in waiting}
+    items.sort(key=lambda item: item.path not in files)

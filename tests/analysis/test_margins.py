@@ -37,6 +37,7 @@ def test_a_printed_value_is_not_met_by_its_neighbour():
     assert not paper.PRINTED["ex1.CGm.gm"].agrees_with(200.0)
 
 
+@pytest.mark.slow
 @given(loops())
 def test_margins_agree_with_python_control_on_stable_loops_with_crossings(loop):
     every = loop.margins()
@@ -245,6 +246,7 @@ def test_margins_at_60_detuned_hardly_damped_modes_are_the_certified_ones():
                 assert not differs(each, quotient)
 
 
+@pytest.mark.slow
 def test_hard_loops_with_and_without_dead_time_agree_with_their_oracles():
     tally = run(10 * len(FAMILIES), seed=3)
     assert tally["wrong"] == 0

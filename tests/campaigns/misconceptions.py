@@ -22,7 +22,8 @@ from typing import Any
 
 sys.path.append(str(Path(__file__).resolve().parents[1]))  # where the tests find what they share
 
-from course.test_exercise_routes import WRONG, points
+from course.test_exercise_routes import WRONG
+from course.test_exercise_routes import points as judged_alone
 from nrdob.course.exercises import PROBLEMS, own_case
 from problemsets import SETS, Posed, posed, published, rounded
 
@@ -51,7 +52,7 @@ def faults(this: Posed, group: int) -> Iterator[str]:
         if found.share < 1 and not ("four digits" in found.text and found.share >= 0.5):
             yield f"not told that it is rounded: {found.text}"
     for number, wrong in enumerate(WRONG.get(this.id, ())):
-        if points(this.id, wrong, group).share == 1:
+        if judged_alone(this.id, wrong, group).share == 1:
             yield f"what only looks right, number {number}, gets full marks"
     for misconception in this.problem.misconceptions:
         mistaken: Any = misconception.example

@@ -109,6 +109,7 @@ def test_a_twin_with_an_unstable_filter_is_refused_with_the_reason(c: float) -> 
     assert not any(kind.recognises(case, got) for kind in kinds)
 
 
+@pytest.mark.slow
 def test_other_filters_may_meet_the_wishes() -> None:
     met = set()
     for group in GROUPS:

@@ -174,6 +174,7 @@ def test_a_misconception_gets_its_message_and_its_marks(
     )
 
 
+@pytest.mark.slow
 @each_problem_of_many_cases
 @pytest.mark.parametrize(("group", "seed"), GROUPS_AND_SEEDS)
 def test_an_answer_written_for_the_visible_cases_does_not_pass(
@@ -186,6 +187,7 @@ def test_an_answer_written_for_the_visible_cases_does_not_pass(
     assert this.score(lambda case: next(table, constant), group, seed) < this.points
 
 
+@pytest.mark.slow
 @each_problem
 def test_everyone_has_another_case(this: Posed) -> None:
     texts = {str(own_case(this.id, group)) for group in range(1, 7)}

@@ -187,6 +187,7 @@ def model_loop(model, controller):
     return NRDOB(model, model, controller, LowPassFilter(1.0, order)).margins().model_loop
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", [lag**2, lag**3, -(lag**2), (1 - s) * lag**2])
 def test_without_a_bandwidth_the_integral_gain_is_the_largest(model):
     controller = design_controller(model, phase_margin=50)
@@ -201,6 +202,7 @@ def test_without_a_bandwidth_the_integral_gain_is_the_largest(model):
             assert abs(other.num[0][0][-1] / other.den[0][0][-2]) < integral * 1.02
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("den", "gain", "phase_margin"),
     [

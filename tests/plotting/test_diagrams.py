@@ -245,6 +245,7 @@ def test_the_users_settings_neither_change_nor_matter() -> None:
         schemdraw.schemdraw.schemdrawstyle.update(before_schemdraw)
 
 
+@pytest.mark.slow
 def test_the_package_does_without_schemdraw() -> None:
     code = "import nrdob, nrdob.plotting.plots, sys; sys.exit('schemdraw' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
