@@ -131,7 +131,7 @@ DISASTERS = {
         "{answer} was left out: it could not be stopped",
     ),
     "an endless loop": ("while True:\n    pass", 0, "", f"{{answer}} {SLOW}"),
-    "a flood": ("for _ in range(1000):\n    print('x' * 100_000)", 1, "", CUT),
+    "a flood": ("for _ in range(100):\n    print('x' * 100_000)", 1, "", CUT),
     "a segfault": (
         "import ctypes\n\nctypes.string_at(0)",
         0,
@@ -142,7 +142,7 @@ DISASTERS = {
     "an exit": ("import sys\n\nsys.exit()", 0, "", ""),
     "another exit": ("exit()", 0, "", ""),
     "a large page": (
-        "from IPython.display import HTML, display\n\ndisplay(HTML('x' * 50_000_000))",
+        "from IPython.display import HTML, display\n\ndisplay(HTML('x' * 10_000_000))",
         1,
         "from IPython.display import HTML, from IPython.display import display",
         CUT,
