@@ -10,6 +10,7 @@ import warnings
 from functools import cache
 
 import matplotlib as mpl
+import matplotlib.pyplot as plt
 import pytest
 from hypothesis import HealthCheck, settings
 
@@ -26,6 +27,13 @@ settings.register_profile(
     suppress_health_check=[HealthCheck.filter_too_much, HealthCheck.too_slow],
 )
 settings.load_profile("book")
+
+
+@pytest.fixture(autouse=True)
+def _figures_are_closed():
+    """Leave no figure open: the twenty-first warns, in whichever test draws it."""
+    yield
+    plt.close("all")
 
 
 @pytest.fixture
