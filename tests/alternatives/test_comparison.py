@@ -29,6 +29,7 @@ def examples(number):
     )  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [2, 4])
 def test_every_candidate_keeps_to_the_limits_and_is_at_one_of_them(number):
     loop, found = examples(number)

@@ -106,6 +106,7 @@ def test_each_session_begins_a_sheet(printed: dict[str, BeautifulSoup]) -> None:
     assert drawn[0][0].svg
 
 
+@pytest.mark.slow
 def test_a_page_is_the_same_each_time(printed: dict[str, BeautifulSoup], tmp_path: Path) -> None:
     assert paper.main(["--output", str(tmp_path)]) == 0
     again = (tmp_path / "boards.html").read_text("utf-8")

@@ -11,7 +11,7 @@ import shutil
 import subprocess
 import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import redirect_stderr, redirect_stdout
 from copy import copy
 from io import StringIO
@@ -38,7 +38,7 @@ pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).resolve().parents[2]
 REFERENCE_PAGES = {
-    "index", "ledger", "errata", "theorems", "paper_map", "notation", "glossary", "api",
+    "index", "get", "ledger", "errata", "theorems", "paper_map", "notation", "glossary", "api",
     "comparison", "bibliography", "colophon",
 }  # fmt: skip
 TEACHING_PAGES = {
@@ -102,7 +102,7 @@ def site(source: Path, ledger_run: Run, teaching_run: Run) -> Path:
     folder = source.parent
     command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-n", "-q", "-b", "html"]
     command += ["-D", f"nrdob_notebooks={ROOT / 'notebooks'}", "-d", str(folder / "doctrees")]
-    command += ["-D", f"nrdob_class={ROOT / 'notebooks' / 'class'}"]
+    command += ["-D", f"nrdob_class={ROOT / 'notebooks' / 'class'}", "-D", f"nrdob_project={ROOT}"]
     done = subprocess.run(
         [*command, str(source), str(folder / "html")],
         capture_output=True,
@@ -395,14 +395,20 @@ def test_every_mistake_is_shown_as_the_student_reads_it(
 
 
 @pytest.fixture(scope="module")
-def looks(site: Path, pages: dict[Path, BeautifulSoup]) -> dict[str, Look]:
-    """Open every page as on a phone, 360 pixels wide."""
+def opened() -> Iterator[Any]:
+    """Open one browser for all the pages."""
     if CHROMIUM is None:
         warnings.warn("No Chromium on this machine: the pages were not opened.", stacklevel=1)
         pytest.skip("no Chromium on this machine: THE PAGES WERE NOT OPENED IN A BROWSER")
-    with browser() as opened:
-        tab = opened.new_page(viewport={"width": 360, "height": 800})
-        return {path.relative_to(site).as_posix(): look(tab, path) for path in pages}
+    with browser() as found:
+        yield found
+
+
+@pytest.fixture(scope="module")
+def looks(site: Path, pages: dict[Path, BeautifulSoup], opened: Any) -> dict[str, Look]:
+    """Open every page as on a phone, 360 pixels wide."""
+    tab = opened.new_page(viewport={"width": 360, "height": 800})
+    return {path.relative_to(site).as_posix(): look(tab, path) for path in pages}
 
 
 def test_no_page_scrolls_sideways_on_a_phone(looks: dict[str, Look]) -> None:
@@ -439,13 +445,11 @@ QUERIES = {
 
 
 @pytest.fixture(scope="module")
-def searched(site: Path) -> dict[str, list[tuple[str, str]]]:
+def searched(site: Path, opened: Any) -> dict[str, list[tuple[str, str]]]:
     """Ask the search, from the disk, and give for each query the pages found, and what they say."""
-    if CHROMIUM is None:
-        pytest.skip("no Chromium on this machine: NOTHING WAS SEARCHED")
     found = {}
-    with browser() as opened:
-        tab = opened.new_page(viewport={"width": 360, "height": 800})
+    with opened.new_context(viewport={"width": 360, "height": 800}) as context:
+        tab = context.new_page()
         for query in (*QUERIES, "stabilizing_time_constants", "xyzzy"):
             tab.goto(f"{(site / 'search.html').as_uri()}?q={quote(query)}")
             tab.wait_for_function("document.querySelector('.search-summary')?.textContent")
@@ -479,11 +483,9 @@ def test_what_the_search_loads_is_small(site: Path) -> None:
     assert (site / "_static" / "texts.js").stat().st_size < 400_000
 
 
-def test_a_link_to_a_claim_opens_its_card(site: Path) -> None:
-    if CHROMIUM is None:
-        pytest.skip("no Chromium on this machine: NO CARD WAS OPENED")
-    with browser() as opened:
-        tab = opened.new_page(viewport={"width": 360, "height": 800})
+def test_a_link_to_a_claim_opens_its_card(site: Path, opened: Any) -> None:
+    with opened.new_context(viewport={"width": 360, "height": 800}) as context:
+        tab = context.new_page()
         tab.goto(f"{(site / 'ledger.html').as_uri()}#claim-eq03")
         tab.wait_for_selector("#claim-eq03[open]")
         assert tab.evaluate("document.querySelectorAll('.claim[open]').length") == 1
@@ -502,25 +504,16 @@ def test_a_link_to_a_claim_opens_its_card(site: Path) -> None:
         assert printed == len(LEDGER), "on paper nothing can be opened"
 
 
-def test_a_reader_with_a_screen_reader_meets_nothing_serious(site: Path) -> None:
-    if CHROMIUM is None:
-        pytest.skip("no Chromium on this machine: THE PAGES WERE NOT OPENED IN A BROWSER")
+def test_a_reader_with_a_screen_reader_meets_nothing_serious(site: Path, opened: Any) -> None:
     axe = Axe()
-    with browser() as opened:
-        tab = opened.new_page(viewport={"width": 1400, "height": 900})
-        serious = []
-        for page in (
-            "index",
-            "chapters/00_start_here",
-            "ledger",
-            "search",
-            "theorems",
-            "teaching/running",
-        ):
-            look(tab, site / f"{page}.html")
-            serious += [
-                (page, broken["id"], broken["nodes"][0]["html"][:100])
-                for broken in axe.run(tab).response["violations"]
-                if broken["impact"] in ("serious", "critical")
-            ]
+    tab = opened.new_page(viewport={"width": 1400, "height": 900})
+    serious = []
+    pages = "index", "chapters/00_start_here", "ledger", "search", "theorems", "teaching/running"
+    for page in pages:
+        look(tab, site / f"{page}.html")
+        serious += [
+            (page, broken["id"], broken["nodes"][0]["html"][:100])
+            for broken in axe.run(tab).response["violations"]
+            if broken["impact"] in ("serious", "critical")
+        ]
     assert serious == []

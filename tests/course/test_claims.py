@@ -122,6 +122,7 @@ def test_every_claim_has_its_verdict(settled, id):
     assert bool(entry.claim.amendment) == bool(entry.finding.conditions)
 
 
+@pytest.mark.slow
 def test_a_check_finds_the_same_twice(settled):
     for id in ("eq05.T_R", "lemma1.N_p", "sec3.speculation"):
         assert LEDGER[id].check() == settled(id).finding

@@ -627,6 +627,7 @@ def test_another_route_gets_full_marks(id: str, number: int) -> None:
     assert found.share == 1, found.text
 
 
+@pytest.mark.slow
 @each_wrong
 def test_what_only_looks_right_fails(id: str, number: int) -> None:
     found = points(id, WRONG[id][number], group=2)
@@ -637,11 +638,12 @@ def test_what_only_looks_right_fails(id: str, number: int) -> None:
 CHEAP = [id for id in WRONG if id not in ("4.1", "4.2", "5.3", "5.6", "6.2", "6.5", "6.6")]
 
 
+# Two groups besides that of the test above; tests/campaigns/misconceptions.py has many.
 @pytest.mark.slow
 @pytest.mark.parametrize("id", CHEAP)
-def test_what_only_looks_right_fails_in_every_group(id: str) -> None:
+def test_what_only_looks_right_fails_in_other_groups(id: str) -> None:
     for wrong in WRONG[id]:
-        assert not [group for group in range(1, 9) if points(id, wrong, group).share == 1]
+        assert not [group for group in (1, 8) if points(id, wrong, group).share == 1]
 
 
 # --- the published answers, with fewer digits and in another dress ------------------------------
@@ -659,7 +661,7 @@ def changed(this: Posed, group: int, change: Route) -> Any:
 
 
 @each_problem
-@pytest.mark.parametrize("digits", [3, 4, 6])
+@pytest.mark.parametrize("digits", [3, *(pytest.param(k, marks=pytest.mark.slow) for k in (4, 6))])
 def test_a_rounded_right_answer_is_right_or_told_so_and_never_accused(
     this: Posed, digits: int
 ) -> None:
@@ -697,6 +699,9 @@ DRESSES: dict[str, Route] = {
 }
 
 
+USUAL = ("array", "text with a comma")
+"""Dresses that make quick looks at, too."""
+
 BLOCKS = ("1.6", "2.5", "2.6", "3.6", "4.3", "4.5", "4.6", "5.6", "6.6")
 """Problems that ask for a filter, a plant or a loop, and not for numbers."""
 
@@ -704,7 +709,10 @@ BLOCKS = ("1.6", "2.5", "2.6", "3.6", "4.3", "4.5", "4.6", "5.6", "6.6")
 @pytest.mark.parametrize(
     "this", [this for this in ALL if this.id not in BLOCKS], ids=lambda this: this.id
 )
-@pytest.mark.parametrize("dress", DRESSES)
+@pytest.mark.parametrize(
+    "dress",
+    [pytest.param(dress, marks=[pytest.mark.slow] * (dress not in USUAL)) for dress in DRESSES],
+)
 def test_a_right_answer_may_wear_any_dress(this: Posed, dress: str) -> None:
     found = changed(this, 2, partial(dressed, DRESSES[dress]))
     assert found.share == 1, found.text
@@ -718,6 +726,7 @@ MISFITS = [
 ]  # fmt: skip
 
 
+@pytest.mark.slow
 @each_problem
 def test_what_is_no_answer_is_told_kindly(this: Posed) -> None:
     for misfit in MISFITS:

@@ -148,7 +148,7 @@ def test_candidates_are_written_with_what_they_allow():
 
 
 @pytest.mark.slow
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(fractions())
 def test_what_is_promised_holds(process):
     try:
@@ -187,6 +187,7 @@ def model_loop(model, controller):
     return NRDOB(model, model, controller, LowPassFilter(1.0, order)).margins().model_loop
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", [lag**2, lag**3, -(lag**2), (1 - s) * lag**2])
 def test_without_a_bandwidth_the_integral_gain_is_the_largest(model):
     controller = design_controller(model, phase_margin=50)
@@ -201,6 +202,7 @@ def test_without_a_bandwidth_the_integral_gain_is_the_largest(model):
             assert abs(other.num[0][0][-1] / other.den[0][0][-2]) < integral * 1.02
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("den", "gain", "phase_margin"),
     [

@@ -106,7 +106,9 @@ def test_a_limit_just_above_the_best_there_is_can_be_met(number, modified, above
     assert plant_loop(loop.process, loop.model, F).ms <= limit * (1 + 1e-9)
 
 
-@pytest.mark.parametrize("max_ms", [1.16, 1.3, 2.0])
+@pytest.mark.parametrize(
+    "max_ms", [1.16, *(pytest.param(ms, marks=pytest.mark.slow) for ms in (1.3, 2.0))]
+)
 def test_two_windows_beside_a_resonance_that_shifted(max_ms):
     model = 1 / (s**2 + 0.2 * s + 1)
     process = 1 / ((s / 0.9) ** 2 + 0.2 * s / 0.9 + 1)
@@ -166,6 +168,7 @@ def test_a_loop_that_does_not_vanish_at_infinite_frequency_has_closed_forms(spec
     assert window == (pytest.approx(ends, rel=1e-8), inf)
 
 
+@pytest.mark.slow
 def test_slow_filters_lose_their_phase_margin_beside_an_undamped_mode():
     # Close to the mode L is a straight line through 0, whose angle tends to a limit with λ.
     process, model = 1 / ((s**2 + 1) * (s + 1)), 1 / ((s**2 + 0.2 * s + 1.1) * (s + 1))

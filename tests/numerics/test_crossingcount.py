@@ -16,6 +16,7 @@ def test_an_integrator_gains_a_pair_at_every_turn(delay):
     assert count_by_crossings(np.array([1.0, 0.0]), np.array([1.0]), delay) == count
 
 
+@pytest.mark.slow
 @given(
     st.integers(1, 6).flatmap(lambda n: root_sets(n)),
     st.integers(0, 5).flatmap(lambda n: root_sets(n)),

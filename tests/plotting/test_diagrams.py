@@ -260,6 +260,7 @@ def test_the_users_settings_neither_change_nor_matter() -> None:
         schemdraw.schemdraw.schemdrawstyle.update(before_schemdraw)
 
 
+@pytest.mark.slow
 def test_the_package_does_without_schemdraw_and_sympy() -> None:
     loaded = "{'schemdraw', 'sympy'} & set(sys.modules)"
     code = f"import nrdob, nrdob.plotting.plots, sys; sys.exit(bool({loaded}))"
