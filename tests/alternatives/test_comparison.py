@@ -76,6 +76,7 @@ PLANTS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PLANTS)
 def test_nothing_raises_on_plants_that_nobody_prepared(name):
     G, Gm, C = PLANTS[name]

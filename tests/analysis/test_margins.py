@@ -335,6 +335,7 @@ def test_the_bounds_of_a_peak_lie_on_the_circle_around_minus_one(ms):
         assert abs(1 + point) == pytest.approx(1 / ms)
 
 
+@pytest.mark.slow
 @given(loops())
 @settings(max_examples=30)
 def test_margins_are_never_below_the_bounds_of_the_peak(loop):

@@ -131,6 +131,7 @@ def assert_exact(loop, input, times, rel):
         assert_close(found, wanted, rel)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("input", INPUTS)
 @pytest.mark.parametrize("k", [1, 2, 3])
 def test_delay_free_examples_equal_the_inverse_laplace_transform(k, input):
@@ -138,6 +139,7 @@ def test_delay_free_examples_equal_the_inverse_laplace_transform(k, input):
     assert_exact(example(k), input, np.array([0.003, 0.02, 0.7, 4.0]), 1e-10)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("input", INPUTS)
 def test_example_4_equals_the_series_in_delayed_terms(input):
     assert_exact(example(4), input, np.array([0.02, 0.049, 0.0501, 0.12, 0.33, 0.61]), 1e-9)
@@ -182,6 +184,7 @@ def test_delay_free_examples_equal_control(k, input):
 pole = st.floats(0.2, 5.0)
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None, derandomize=True)
 @given(p1=pole, p2=pole, zero=pole, gain=pole, off=st.floats(0.7, 1.4), lam=st.floats(0.02, 0.5),
        input=st.sampled_from(list(INPUTS)))  # fmt: skip
@@ -530,6 +533,7 @@ def test_the_reference_is_followed_as_with_the_model_alone(order, lam):
     assert np.abs(y - model).max() < 10 * lam + 1e-10
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lam", [1e-4, 1e-5, 1e-9])
 def test_five_detuned_lags_under_a_fast_filter_are_certified(lam):
     loop = LoopEquations(

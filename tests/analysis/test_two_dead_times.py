@@ -201,6 +201,7 @@ def laplace(loop, input, t):
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("input", INPUTS)
 @pytest.mark.parametrize(("theta", "wait"), [(0.05, 0.03), (0.05, 0.2), (0.0, 0.3)])
 def test_steps_are_the_inverse_laplace_transform(theta, wait, input):

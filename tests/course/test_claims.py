@@ -113,6 +113,7 @@ def test_nothing_is_true_of_nothing():
 # The claims.
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("id", LEDGER)
 def test_every_claim_has_its_verdict(settled, id):
     entry = settled(id)

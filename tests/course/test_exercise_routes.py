@@ -621,6 +621,7 @@ each_wrong = pytest.mark.parametrize(
 )
 
 
+@pytest.mark.slow
 @each_route
 def test_another_route_gets_full_marks(id: str, number: int) -> None:
     found = points(id, ROUTES[id][number], group=2)

@@ -157,6 +157,7 @@ def test_the_blank_gets_nothing(this: Posed, group: int, seed: int) -> None:
     assert points.feedback.text == (BLANK if this.problem.own else NOTHING)
 
 
+@pytest.mark.slow
 @each_misconception
 @pytest.mark.parametrize(("group", "seed"), GROUPS_AND_SEEDS)
 def test_a_misconception_gets_its_message_and_its_marks(

@@ -91,6 +91,7 @@ print(json.dumps(found))
     return dict(json.loads(done.stdout.splitlines()[-1]))
 
 
+@pytest.mark.slow
 @walled
 @pytest.mark.parametrize("attempt", REFUSED)
 def test_nothing_of_others_can_be_read_or_written(attempt: str, behind: dict[str, str]) -> None:

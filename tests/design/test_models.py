@@ -70,6 +70,7 @@ def dc_gain_is_infinite(tf):
     return tf.den[0][0][-1] == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("process", "integrators"),
     [(nrdob.delay(0.1) / s, 1), (1 / s**2, 2), (1 / (s * (s - 1)), 1), ((1 - 0.2 * s) / s**2, 2)],

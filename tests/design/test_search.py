@@ -90,6 +90,7 @@ def test_a_window_of_a_twelfth_between_two_limits_is_found():
     assert F.time_constant == pytest.approx(window[0], rel=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("number", "modified"), [(2, True), (3, True), (4, True)])
 @pytest.mark.parametrize("above", [2e-3, 1e-5])
 def test_a_limit_just_above_the_best_there_is_can_be_met(number, modified, above):
@@ -330,6 +331,7 @@ def test_an_order_too_low_for_causality_is_refused():
         design_filter(lag**2, lag**2, order=1, max_ms=2)
 
 
+@pytest.mark.slow
 def test_a_sample_of_the_campaign_finds_no_fault():
     found = campaign(4, seed=2)
     assert not [name for name in found if name.startswith("WRONG")]

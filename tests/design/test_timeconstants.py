@@ -219,6 +219,7 @@ def test_every_end_of_random_sets(delayed, data):
             assert found == 0 < beyond
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(data=st.data())
 def test_random_sets_miss_nothing_on_a_scan(data):

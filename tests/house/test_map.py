@@ -77,6 +77,7 @@ def test_the_command_succeeds_where_there_is_no_circle() -> None:
     assert done.stdout.startswith("Rooms: ")
 
 
+@pytest.mark.slow
 def test_the_front_door_loads_no_figures_no_course_and_no_algebra() -> None:
     code = (
         "import sys, nrdob\n"

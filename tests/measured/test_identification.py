@@ -26,6 +26,7 @@ def test_what_goes_in_before_the_record_comes_out_late_or_never():
     assert not held_responses([1.0, 1.0], np.ones(5), 50.5).any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("structure", STRUCTURES, ids=lambda each: each.name)
 @pytest.mark.parametrize("kind", ["step", "binary", "waves"])
 def test_without_noise_every_number_is_found(structure, kind):

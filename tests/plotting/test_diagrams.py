@@ -225,6 +225,7 @@ def test_texts_overlap_neither_each_other_nor_a_line_and_none_is_cut(
     assert not any(touch(piece, box.get_points()) for piece in pieces for box in boxes)
 
 
+@pytest.mark.slow
 @each_diagram
 def test_a_diagram_is_a_figure_of_the_house(draw: Callable[[], Diagram]) -> None:
     diagram = draw()
