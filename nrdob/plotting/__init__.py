@@ -22,6 +22,7 @@ from .figure import (
 from .mapplot import MapAxis, map_plot
 from .nyquistplot import nyquist_plot
 from .plots import bode_plot, roots_plot, step_plot
+from .winding import winding_animation, winding_plot
 
 __all__ = [
     "COLOURS",
@@ -49,4 +50,6 @@ __all__ = [
     "step_plot",
     "styled",
     "turns",
+    "winding_animation",
+    "winding_plot",
 ]
