@@ -28,9 +28,15 @@ extensions = [
     "sphinxcontrib.bibtex",
     "chaptermap",
     "claimlinks",
+    "complete",
+    "concordance",
     "explorable",
+    "findable",
+    "folds",
     "getting",
+    "papermap",
     "predict",
+    "theorems",
     "typeset",
 ]
 

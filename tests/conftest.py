@@ -10,20 +10,30 @@ import warnings
 from functools import cache
 
 import matplotlib as mpl
+import matplotlib.pyplot as plt
 import pytest
 from hypothesis import HealthCheck, settings
 
 mpl.use("Agg")
 
 # Derandomised, so that a red test is red for everyone; the deadline would measure the machine.
+# The same few come each time, so more of them would find something once; tests/campaigns draw
+# thousands, others for each seed.
 settings.register_profile(
     "book",
     deadline=None,
     derandomize=True,
-    max_examples=150,
+    max_examples=60,
     suppress_health_check=[HealthCheck.filter_too_much, HealthCheck.too_slow],
 )
 settings.load_profile("book")
+
+
+@pytest.fixture(autouse=True)
+def _figures_are_closed():
+    """Leave no figure open: the twenty-first warns, in whichever test draws it."""
+    yield
+    plt.close("all")
 
 
 @pytest.fixture
@@ -44,9 +54,18 @@ def settled():
     return cache(check)
 
 
+LONG = {"site", "ledger_run", "graded"}
+"""Fixtures that take a minute: the built book, the settled ledger, a graded class."""
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
-    """What waits for the built book, the settled ledger or a graded class is slow."""
-    for item in items:
-        if {"site", "ledger_run", "graded"} & set(getattr(item, "fixturenames", ())):
-            item.add_marker(pytest.mark.slow)
+    """What waits for a long fixture is slow, and its file comes first.
+
+    Else one of the processes that share the tests would begin with it when the others are done.
+    """
+    waiting = [item for item in items if LONG & set(getattr(item, "fixturenames", ()))]
+    for item in waiting:
+        item.add_marker(pytest.mark.slow)
+    files = {item.path for item in waiting}
+    items.sort(key=lambda item: item.path not in files)

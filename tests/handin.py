@@ -124,13 +124,14 @@ DISASTERS = {
         "{answer} was left out: it ended the kernel",
     ),
     "a deaf endless loop": (
-        "import signal\n\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\nwhile True:\n    pass",
+        "import signal\nimport time\n\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"
+        "while True:\n    time.sleep(1)",
         0,
         "import signal",
         "{answer} was left out: it could not be stopped",
     ),
     "an endless loop": ("while True:\n    pass", 0, "", f"{{answer}} {SLOW}"),
-    "a flood": ("for _ in range(1000):\n    print('x' * 100_000)", 1, "", CUT),
+    "a flood": ("for _ in range(100):\n    print('x' * 100_000)", 1, "", CUT),
     "a segfault": (
         "import ctypes\n\nctypes.string_at(0)",
         0,
@@ -141,7 +142,7 @@ DISASTERS = {
     "an exit": ("import sys\n\nsys.exit()", 0, "", ""),
     "another exit": ("exit()", 0, "", ""),
     "a large page": (
-        "from IPython.display import HTML, display\n\ndisplay(HTML('x' * 50_000_000))",
+        "from IPython.display import HTML, display\n\ndisplay(HTML('x' * 10_000_000))",
         1,
         "from IPython.display import HTML, from IPython.display import display",
         CUT,
@@ -182,7 +183,8 @@ def in_the_function(released: Path) -> Handed:
     this = right(released, f"within/{NAME}.ipynb")
     functions = [problem for problem in CHECKED if not problem.problem.own]
     # What ends the kernel comes first, for the notebook is run again without it.
-    codes = ["import os; os._exit(0)", "import sys; sys.exit(0)", "while True: pass"]
+    sleepy = "import time\n    while True: time.sleep(1)"
+    codes = ["import os; os._exit(0)", "import sys; sys.exit(0)", sleepy]
     for problem, code in zip(functions[1:], codes, strict=False):
         cell = cell_of(this.notebook, answer_cell(problem))
         cell.source = f"def {problem.answer}(case):\n    {code}"

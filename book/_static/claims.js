@@ -30,6 +30,7 @@
   const count = make("p", { className: "claims-count" });
   count.setAttribute("role", "status");
   count.setAttribute("aria-live", "polite");
+  const cards = make("button", { type: "button", className: "claims-cards" });
   const reset = make("button", { type: "button", className: "claims-reset" }, "Show all");
 
   const buttons = [];
@@ -82,13 +83,13 @@
     show();
   };
 
-  // A link to a claim must lead to it, whatever is filtered.
+  // A link to a claim must lead to it, whatever is filtered, and opens its card.
   const reveal = () => {
     const target = document.getElementById(decodeURIComponent(location.hash.slice(1)));
-    if (target?.closest("[hidden]")) {
-      showAll();
-      target.scrollIntoView();
-    }
+    if (!target?.matches(".claim")) return;
+    if (target.closest("[hidden]")) showAll();
+    target.open = true;
+    target.scrollIntoView();
   };
 
   // In the order in which the page explains them; none without a claim.
@@ -106,12 +107,24 @@
     showAll();
     search.focus(); // the button is now disabled and must not keep the focus
   });
+  // All cards at once: those that are shown are opened, or closed again.
+  let opened = false;
+  const turn = () => {
+    cards.textContent = opened ? "Close all cards" : "Open all cards";
+  };
+  cards.addEventListener("click", () => {
+    opened = !opened;
+    for (const { element } of claims) element.open = opened && !element.hidden;
+    turn();
+  });
+  turn();
   window.addEventListener("hashchange", reveal);
+  window.addEventListener("load", reveal);
 
   place.replaceChildren(
     group("Verdict", chosen.verdicts, verdicts),
     group("Part", chosen.parts, parts),
-    make("div", { className: "claims-choices" }, label, search, reset),
+    make("div", { className: "claims-choices" }, label, search, reset, cards),
     count,
   );
   show();

@@ -13,18 +13,19 @@ from urllib.parse import quote
 
 from docutils import nodes
 from sphinx.application import Sphinx
+from sphinx.config import Config
 from sphinx.util.docutils import SphinxDirective
 
-from bundle import ROOT, pack, to_run
+from bundle import pack, to_run
 
 PAGE = "get"
 ARCHIVE = "_downloads/nrdob-notebooks.zip"
 CHAPTERS = "chapters/"
 
 
-def repository() -> str:
+def repository(project: Path) -> str:
     """Read the address of the repository; empty where there is none yet."""
-    settings = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["nrdob"]
+    settings = tomllib.loads((project / "pyproject.toml").read_text("utf-8"))["tool"]["nrdob"]
     return str(settings["repository"]).rstrip("/").removesuffix(".git")
 
 
@@ -92,15 +93,27 @@ class Repository(SphinxDirective):
         ]
 
 
+def project_of(app: Sphinx) -> Path:
+    """Find the folder of the project."""
+    return (Path(app.srcdir) / app.config.nrdob_project).resolve()
+
+
+def set_repository(app: Sphinx, config: Config) -> None:
+    """Take the address over into the settings, where a change of it is noticed."""
+    config.nrdob_repository = repository(project_of(app))
+
+
 def write_archive(app: Sphinx, failed: Exception | None) -> None:
     """Lay the notebooks, with all that runs them, beside the pages."""
     if failed is None and app.builder.format == "html":
-        pack(to_run(), Path(app.outdir) / ARCHIVE)
+        pack(to_run(project_of(app)), Path(app.outdir) / ARCHIVE)
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
     """Add the setting, the buttons and the archive."""
-    app.add_config_value("nrdob_repository", repository(), "html", str)
+    app.add_config_value("nrdob_project", "..", "env", str)
+    app.add_config_value("nrdob_repository", "", "html", str)
+    app.connect("config-inited", set_repository)
     app.add_directive("repository", Repository)
     app.connect("html-page-context", add_buttons, priority=600)
     app.connect("build-finished", write_archive)

@@ -26,12 +26,12 @@ LONG_AGO = (1980, 1, 1, 0, 0, 0)
 """The time of every file, so that the same book gives the same file."""
 
 
-def to_run() -> Iterator[tuple[str, Path]]:
+def to_run(project: Path = ROOT) -> Iterator[tuple[str, Path]]:
     """Give what a notebook needs: the name in the archive, and the file."""
     for pattern in TO_RUN:
-        for path in sorted(ROOT.glob(pattern)):
+        for path in sorted(project.glob(pattern)):
             if path.is_file() and "__pycache__" not in path.parts:
-                yield path.relative_to(ROOT).as_posix(), path
+                yield path.relative_to(project).as_posix(), path
 
 
 def site(folder: Path) -> Iterator[tuple[str, Path]]:

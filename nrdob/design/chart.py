@@ -195,8 +195,10 @@ def stability_chart(
     def count_at(x: float, y: float) -> float:
         return loops.count({axes[0].name: x, axes[1].name: y})
 
-    labels = labelled(axes, borders)
-    regions, labels = regions_of(axes, labels, count_at)
+    def counts_at(points: list[tuple[float, float]]) -> list[float]:
+        return loops.counts([{axes[0].name: x, axes[1].name: y} for x, y in points])
+
+    regions, labels = regions_of(axes, labelled(axes, borders), counts_at)
     lines = _ms_levels(loops, axes, labels, regions, ms) if ms else {}
     return StabilityChart(*axes, borders, regions, lines, labels, count_at)
 

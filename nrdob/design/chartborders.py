@@ -16,7 +16,7 @@ import numpy as np
 
 from ..numerics import ComplexArray, FloatArray, bisect
 from .chartaxes import PIXELS, Axis
-from .chartcurves import Border, cut, drawn, parts, within
+from .chartcurves import BESIDE, Border, cut, drawn, drawn_together, parts, within
 from .chartlevels import level_set, projected
 from .chartloops import MANY, ChartLoops, positive
 
@@ -24,6 +24,9 @@ __all__ = ["borders_of"]
 
 LAMBDAS = 160
 """Number of λ over an axis."""
+
+AT_ONCE = 256
+"""Turns of the dead time whose curves are drawn at once."""
 
 Curve = tuple[FloatArray, FloatArray, FloatArray]
 
@@ -116,7 +119,7 @@ def _turns(
     """
     place, _, W = curve(place)
     omega, angle = np.exp(place[0]), np.unwrap(-np.angle(W))
-    ends = axes[1].value(np.array([0.0, 1.0]))[:, None]
+    ends = axes[1].value(np.array([-BESIDE, 1 + BESIDE]))[:, None]
     turns = (ends * omega - angle) / (2 * pi)
     first, last = ceil(np.nanmin(turns)) - 1, int(np.nanmax(turns)) + 1
     if last - first > MANY:
@@ -131,12 +134,16 @@ def _turns(
         angle = angle + 2 * pi * np.round((place[-1] - angle) / (2 * pi))
         return np.vstack([better, angle]), values, angle / np.exp(better[0])
 
+    places = []
     for m in range(first, last + 1):
-        if np.any((turns[0] <= m) & (m <= turns[1])):
-            found, values, theta = drawn(
-                axes, np.vstack([place, angle + 2 * pi * m]), at, len(place)
-            )
-            yield np.exp(found[0]), values, theta
+        below, above = m < turns[0], m > turns[1]
+        shown = ~((below[1:] & below[:-1]) | (above[1:] & above[:-1]))
+        kept = np.append(shown, False) | np.append(False, shown)
+        turned = np.vstack([place, angle + 2 * pi * m])
+        places += [turned[:, part] for part in parts(kept)]
+    for k in range(0, len(places), AT_ONCE):
+        together = drawn_together(axes, places[k : k + AT_ONCE], at, len(place))
+        yield from ((np.exp(found[0]), values, theta) for found, values, theta in together)
 
 
 # With λ: where a function of ω and λ vanishes.

@@ -154,7 +154,7 @@ def _followed(
     way = _tangent(function, point)
     way *= np.where(((point - back) * way).sum(axis=0) < 0, -1.0, 1.0)
     alive: BoolArray = np.asarray(np.isfinite(way).all(axis=0))
-    tracks: list[list[FloatArray]] = [[p] for p in point.T]
+    tracks: list[list[FloatArray]] = [[p.copy()] for p in point.T]
     for _ in range(MOST):
         k = np.flatnonzero(alive)
         if not k.size:

@@ -27,7 +27,16 @@ from ..diagram import (
     ObserverEquations,
     as_family,
 )
-from ..numerics import ComplexArray, FloatArray, QuasiPolynomial, Term, add, count_rhp
+from ..numerics import (
+    ComplexArray,
+    FloatArray,
+    ManyTerms,
+    QuasiPolynomial,
+    Term,
+    add,
+    count_rhp,
+    rhp_counts,
+)
 from .chartaxes import PIXELS, Axis
 from .familygrid import FamilyFrequencies
 from .familymismatch import FamilyMismatch
@@ -39,6 +48,9 @@ PER_DECADE, PER_TURN = 48, 24
 
 MANY = 20_000
 """So many frequencies, or curves, are too many."""
+
+SLAB = 64
+"""Loops whose roots are counted at once."""
 
 LARGEST = 300.0
 """Bound of the logarithm of a sensitivity, so that nothing overflows."""
@@ -108,6 +120,25 @@ class ChartLoops:
                 f"the loop is on the border of stability at {given}: {found.reason or 's = 0'}"
             )
         return found.count if found.count == inf else int(found.count)
+
+    def counts(self, points: list[dict[str, float]]) -> list[float]:
+        """Count for many loops at once, and for those alone that are too close to call."""
+        every = [self.p_B(point) for point in points]
+        alike: dict[tuple[int, ...], list[int]] = {}
+        for k, p in enumerate(every):
+            if p.q.size > p.degree and not (p.divided or p.zeros_at_origin):
+                alike.setdefault((p.q.size, p.scale.size, len(p.delayed)), []).append(k)
+        found = np.full(len(points), -1)
+        for members in alike.values():
+            for first in range(0, len(members), SLAB):
+                few = [every[k] for k in members[first : first + SLAB]]
+                terms = [_columns(each) for each in zip(*(p.terms for p in few), strict=True)]
+                scale = np.array([p.scale for p in few]).T
+                found[members[first : first + SLAB]] = rhp_counts(terms, scale)
+        return [
+            self.count(point) if count < 0 else int(count)
+            for point, count in zip(points, found, strict=True)
+        ]
 
     # Many of them on the axis.
 
@@ -201,6 +232,14 @@ class ChartLoops:
 def positive(axis: Axis) -> tuple[float, float]:
     """Widen the ends of an axis of a parameter that must be positive a little."""
     return max(axis.low / 1.1, axis.high / (10 * PIXELS)), 1.1 * axis.high
+
+
+def _columns(terms: tuple[Term, ...]) -> ManyTerms:
+    """Put terms beside each other, each a column."""
+    q = np.zeros((max(term.q.size for term in terms), len(terms)))
+    for k, term in enumerate(terms):
+        q[q.shape[0] - term.q.size :, k] = term.q
+    return ManyTerms(q, np.array([term.delay for term in terms]))
 
 
 def _family(filter: Any) -> FilterFamily:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt, label
+from scipy.ndimage import distance_transform_edt, find_objects, label
 
-from ..numerics import IntArray
+from ..numerics import FloatArray, IntArray
 from .chartaxes import PIXELS, Axis
 from .chartcurves import Border
 
@@ -58,32 +59,48 @@ def labelled(axes: tuple[Axis, Axis], borders: tuple[Border, ...]) -> IntArray:
 
 
 def regions_of(
-    axes: tuple[Axis, Axis], labels: IntArray, count_at: Callable[[float, float], float]
+    axes: tuple[Axis, Axis],
+    labels: IntArray,
+    counts_at: Callable[[list[tuple[float, float]]], list[float]],
 ) -> tuple[tuple[Region, ...], IntArray]:
     """Count in every part, at two points of the larger ones."""
     depth = distance_transform_edt(np.pad(labels > 0, 1))[1:-1, 1:-1]
     sizes = np.bincount(labels.ravel())
     sizes[0] = 0
+    boxes = find_objects(labels)
     order = [int(k) for k in np.argsort(-sizes) if sizes[k] >= SMALLEST]
+    places = [_inside(axes, labels, depth, k, boxes[k - 1]) for k in order]
+    counted = iter(counts_at([place for some in places for place in some]))
     regions, numbers = [], np.zeros(sizes.size, dtype=labels.dtype)
-    for k in order:
-        rows, columns = np.nonzero(labels == k)
-        deep = depth[rows, columns]
-        points = [int(deep.argmax())]
-        if sizes[k] > 40 * SMALLEST:
-            far = np.abs(rows - rows[points[0]]) + np.abs(columns - columns[points[0]])
-            points.append(int(np.where(deep >= 2, far, -1).argmax()))
-        places = [
-            (float(axes[0].value((columns[i] + 0.5) / PIXELS)),
-             float(axes[1].value((rows[i] + 0.5) / PIXELS)))
-            for i in points
-        ]  # fmt: skip
-        counts = {count_at(*place) for place in places}
+    for k, some in zip(order, places, strict=True):
+        counts = set(islice(counted, len(some)))
         if len(counts) > 1:
             raise ArithmeticError(
-                f"within one region of the chart, {counts} roots are counted, at {places}: a "
+                f"within one region of the chart, {counts} roots are counted, at {some}: a "
                 "border is too fine for it; let the axes be shorter"
             )
-        regions.append(Region(counts.pop(), *places[0], float(sizes[k]) / PIXELS**2))
+        regions.append(Region(counts.pop(), *some[0], float(sizes[k]) / PIXELS**2))
         numbers[k] = len(regions)
     return tuple(regions), numbers[labels]
+
+
+def _inside(
+    axes: tuple[Axis, Axis],
+    labels: IntArray,
+    depth: FloatArray,
+    number: int,
+    box: tuple[slice, slice],
+) -> list[tuple[float, float]]:
+    """Give the point that is deepest in a part, and in a larger one another far from it."""
+    rows, columns = np.nonzero(labels[box] == number)
+    rows, columns = rows + box[0].start, columns + box[1].start
+    deep = depth[rows, columns]
+    points = [int(deep.argmax())]
+    if rows.size > 40 * SMALLEST:
+        far = np.abs(rows - rows[points[0]]) + np.abs(columns - columns[points[0]])
+        points.append(int(np.where(deep >= 2, far, -1).argmax()))
+    return [
+        (float(axes[0].value((columns[i] + 0.5) / PIXELS)),
+         float(axes[1].value((rows[i] + 0.5) / PIXELS)))
+        for i in points
+    ]  # fmt: skip

@@ -13,7 +13,14 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from ..analysis import Margins, judge, margins
-from ..diagram import Fraction, LoopEquations, LowPassFilter, as_fraction, nonzero
+from ..diagram import (
+    DelayedTransferFunction,
+    Fraction,
+    LoopEquations,
+    LowPassFilter,
+    as_fraction,
+    nonzero,
+)
 from ..numerics import ComplexArray, FloatArray, IntArray, QuasiPolynomial
 
 __all__ = ["design_controller"]
@@ -67,10 +74,13 @@ def design_controller(
     A phase margin does not see everything: near a resonance the loop can come close to -1 without
     a crossover. `max_ms` limits the peak of the sensitivity as well.
 
+    A model that waits keeps its dead time outside of the loop that C closes, as in a Smith
+    predictor: condition i, and so C, is about what stands before it.
+
     Parameters
     ----------
-    model : control.TransferFunction, StateSpace or (num, den)
-        G̃, proper, without dead time.
+    model : control.TransferFunction, StateSpace, DelayedTransferFunction or (num, den)
+        G̃, proper, with or without dead time.
     bandwidth : float, optional
         Crossover frequency of C·G̃, in rad/s. Without it, the PI, T_i > 0, of largest integral gain
         k/T_i that has the phase margin.
@@ -108,8 +118,16 @@ def design_controller(
     ...     print(f"peak {abs(1 / (1 + L(1j * np.linspace(0.9, 1.1, 2001)))).max():.2g}")
     peak 5e+03
     peak 1.5
+
+    A model that waits has the controller of one that does not:
+
+    >>> from nrdob import delay
+    >>> C = design_controller(delay(0.3) * ct.tf([1], [1, 1]), bandwidth=2.0, phase_margin=80)
+    >>> [round(float(k), 3) for k in C.num[0][0]]
+    [1.211, 1.796]
     """
-    fraction = nonzero(as_fraction(model, "model"), "model")
+    prompt = model.tf if isinstance(model, DelayedTransferFunction) else model
+    fraction = nonzero(as_fraction(prompt, "model"), "model")
     options = {"bandwidth": bandwidth, "phase_margin": phase_margin, "max_ms": max_ms}
     for name, given in options.items():
         if given is not None and (isinstance(given, bool) or not isinstance(given, Real)):

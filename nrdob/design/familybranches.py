@@ -20,9 +20,9 @@ __all__ = ["FamilyBranches"]
 CLEAR = 0.35
 """How far a branch may move between two frequencies, against its distance from the others."""
 
-AWAY = 4.0
-"""Distance from the line, against how far a branch moves between two frequencies, from which on
-it may be taken for another one."""
+AWAY = 2.0
+"""By how much the way to the line and back must be longer than how far a branch moves between two
+frequencies, for it to be no matter which one it is."""
 
 NEAR = 0.3
 """Cosine of the angle to the line below which a branch may touch it between two frequencies."""
@@ -30,9 +30,9 @@ NEAR = 0.3
 ZOOMS, ACROSS = 9, 13
 """How often the bottom of a dip is looked at more closely, and at how many frequencies."""
 
-CUTS, NARROWEST, MOST = 36, 1e-10, 8
-"""How often a step in frequency is halved until it is clear who is who, its least width, and how
-many times more frequencies that may take."""
+CUTS, PARTS, NARROWEST, MOST = 18, 4, 1e-10, 8
+"""How often a step in frequency is cut until it is clear who is who, into how many parts, its least
+width, and how many times more frequencies that may take."""
 
 ROUNDING = 1e-12
 """Bound of the rounding error of n roots that are one, to the power n, against their size."""
@@ -69,15 +69,18 @@ class FamilyBranches:
             unclear = _matched(roots[:, steps], roots[:, steps + 1])[1]
             unclear &= omega[steps + 1] > omega[steps] * (1 + NARROWEST)
             steps = steps[unclear]
-            middle = np.sqrt(omega[steps] * omega[steps + 1])
-            kept = ~mismatch.at_pole(middle)
-            steps, middle = steps[kept], middle[kept]
-            if not middle.size or omega.size > most:
+            width = omega[steps + 1] / omega[steps]
+            inner = omega[steps, None] * width[:, None] ** (np.arange(1, PARTS) / PARTS)
+            kept = ~mismatch.at_pole(inner).any(axis=1)
+            steps, inner = steps[kept], inner[kept].ravel()
+            if not steps.size or omega.size > most:
                 break
-            omega = np.insert(omega, steps + 1, middle)
-            roots = np.insert(roots, steps + 1, at(middle), axis=1)
-            steps = steps + np.arange(steps.size)  # those that were clear are so still
-            steps = np.ravel([steps, steps + 1], order="F")
+            where = np.repeat(steps + 1, PARTS - 1)
+            omega = np.insert(omega, where, inner)
+            roots = np.insert(roots, where, at(inner), axis=1)
+            # Those that were clear are so still.
+            steps = steps + (PARTS - 1) * np.arange(steps.size)
+            steps = (steps[:, None] + np.arange(PARTS)).ravel()
         return cls(mismatch, omega, _continued(roots))
 
     def __call__(self, of: IntArray, at: IntArray, omega: FloatArray) -> ComplexArray:
@@ -144,7 +147,9 @@ def _matched(before: ComplexArray, after: ComplexArray) -> tuple[IntArray, BoolA
         distance = np.abs(before - np.roll(before, k, axis=0))
         apart = np.minimum(apart, np.where(distance > least, distance, np.inf))
     # On one side of the line, and away from it, it is all the same who is who.
-    near = FamilyBranches.near_line(before) | (np.abs(before.real) < AWAY * moved)
+    there = np.take_along_axis(after, successor, axis=0)
+    way = np.where(before.real * there.real > 0, np.abs(before.real + there.real), 0.0)
+    near = FamilyBranches.near_line(before) | (way < AWAY * moved)
     closer = ((moved > CLEAR * apart) & near).any(axis=0)
     double = (np.sort(successor, axis=0) != np.arange(n)[:, None]).any(axis=0)
     return successor, closer, closer | double
@@ -153,10 +158,12 @@ def _matched(before: ComplexArray, after: ComplexArray) -> tuple[IntArray, BoolA
 def _continued(roots: ComplexArray) -> ComplexArray:
     """Sort the roots of every frequency into branches."""
     successor, _, unclear = _matched(roots[:, :-1], roots[:, 1:])
-    for k in np.flatnonzero(unclear):  # beside a pole on the axis, or where branches meet
-        away = np.abs(roots[:, k, None] - roots[None, :, k + 1])
-        size = np.abs(roots[:, k, None]) + np.abs(roots[None, :, k + 1]) + 1e-300
-        successor[:, k] = linear_sum_assignment(np.nan_to_num(away / size))[1]
+    # Beside a pole on the axis, where branches meet, or where it is all the same who is who.
+    where = np.flatnonzero(unclear)
+    before, after = roots[:, None, where], roots[None, :, where + 1]
+    far = np.nan_to_num(np.abs(before - after) / (np.abs(before) + np.abs(after) + 1e-300))
+    for k, each in zip(where, far.transpose(2, 0, 1), strict=True):
+        successor[:, k] = linear_sum_assignment(each)[1]
     # All steps up to each frequency, one after the other, in steps of twice the length each time.
     every = np.vstack([np.arange(roots.shape[0]), successor.T])
     length = 1

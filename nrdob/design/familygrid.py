@@ -19,7 +19,7 @@ __all__ = ["FamilyFrequencies", "frequencies_for"]
 FARTHER, SPARSE = 10, 4
 """Decades beyond the others, and frequencies in each, where R is but a power of s."""
 
-AT_ONCE = 32
+AT_ONCE = 16
 """Frequencies at which roots are found at once."""
 
 

@@ -21,7 +21,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from functools import cached_property, reduce
 from math import factorial, pi
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -59,6 +59,9 @@ GENERIC = (0.71, 1.93, 0.31)
 NEWTON, FARTHEST = 2, 1e-5
 """Steps that polish a root, and how far one may lead, against the root."""
 
+EPS = 16 * float(np.finfo(float).eps)
+"""Value of a polynomial at a root, against the sum of its terms' sizes, that is but rounding."""
+
 OWN, TRIED = "own", (1.0, 0.1, 10.0, 1e-2, 1e2, 1e-3, 1e3)
 """The only kind whose filters may be unstable, and the λ of which one should not be."""
 
@@ -72,6 +75,9 @@ SETTLING, SETTLED, SAME_ROOT = 5, 1e-11, 0.05
 
 NEARLY_REAL = 0.2
 """Imaginary part of a root, against the real one, with which it is near a real one."""
+
+Columns = TypeVar("Columns", FloatArray, ComplexArray)
+"""Coefficients of polynomials, ascending, each polynomial a column."""
 
 REAL = 1e-7
 """Imaginary part of a root, against its size, that may be rounding."""
@@ -180,6 +186,12 @@ class FamilyMismatch(Mismatch):
                 "the right half plane: take one of higher relative degree"
             )
         return float(positive_roots(square).max(initial=0.0))
+
+    @property
+    def degree(self) -> int:
+        """Highest power of s in p_B for most λ."""
+        parts = [(self.E, self.a), *((self.Nf, p) for p, _ in self.behind)]
+        return max(_degree(table) + p.size for table, p in parts if p.any()) - 2 - self.divided
 
     @cached_property
     def waiting(self) -> FloatArray:
@@ -375,12 +387,7 @@ def roots_of_columns(coefficients: Any) -> ComplexArray:
     """Roots of polynomials, ascending coefficients in columns: shape (n, N), all at once."""
     coefficients = np.asarray(coefficients, dtype=complex)
     n = coefficients.shape[0] - 1
-    first, last = np.abs(coefficients[0]), np.abs(coefficients[-1])
-    tiny = 1e-290 + 1e-30 * np.abs(coefficients).max(axis=0, initial=0.0)
-    with np.errstate(all="ignore"):
-        scale = np.where(first > 0, first / np.maximum(last, tiny), 1.0) ** (1 / n)
-        scaled = coefficients * scale ** np.arange(n + 1)[:, None]
-        scaled = scaled / np.where(last > 0, scaled[-1], 1.0)
+    scaled, scale = _scaled(coefficients)
     if n == 1:
         return np.asarray(-scaled[:1] * scale)
     if n > 3:
@@ -388,7 +395,7 @@ def roots_of_columns(coefficients: Any) -> ComplexArray:
     with np.errstate(all="ignore"):
         roots, known = _polished(coefficients, _by_formula(scaled) * scale)
         vieta = np.prod(roots, axis=0) * coefficients[-1] + (-1) ** (n + 1) * coefficients[0]
-        known &= np.abs(vieta) <= SAME_PRODUCT * first
+        known &= np.abs(vieta) <= SAME_PRODUCT * np.abs(coefficients[0])
     if not known.all():
         few = coefficients[:, ~known]
         every = _eigenvalues(scaled[:, ~known]) * scale[~known]
@@ -396,10 +403,21 @@ def roots_of_columns(coefficients: Any) -> ComplexArray:
     return roots
 
 
-def _eigenvalues(monic: ComplexArray) -> ComplexArray:
+def _scaled(coefficients: Columns) -> tuple[Columns, FloatArray]:
+    """Make polynomials monic, with roots whose product is of size 1, and give their scales."""
+    n = coefficients.shape[0] - 1
+    first, last = np.abs(coefficients[0]), np.abs(coefficients[-1])
+    tiny = 1e-290 + 1e-30 * np.abs(coefficients).max(axis=0, initial=0.0)
+    with np.errstate(all="ignore"):
+        scale = np.where(first > 0, first / np.maximum(last, tiny), 1.0) ** (1 / n)
+        scaled = coefficients * scale ** np.arange(n + 1)[:, None]
+        return scaled / np.where(last > 0, scaled[-1], 1.0), scale
+
+
+def _eigenvalues(monic: Columns) -> ComplexArray:
     """Roots of monic polynomials as eigenvalues of their companion matrices."""
     n = monic.shape[0] - 1
-    companion = np.zeros((monic.shape[1], n, n), dtype=complex)
+    companion = np.zeros((monic.shape[1], n, n), dtype=monic.dtype)
     companion[:, np.arange(1, n), np.arange(n - 1)] = 1
     companion[:, :, -1] = -np.nan_to_num(monic[:-1].T)
     return np.asarray(np.linalg.eigvals(companion).T)
@@ -431,22 +449,30 @@ def _of_quadratic(p: ComplexArray, q: ComplexArray) -> ComplexArray:
 
 
 def _polished(coefficients: ComplexArray, roots: ComplexArray) -> tuple[ComplexArray, BoolArray]:
-    """Take Newton's steps to roots, and tell where the last ones lead nowhere."""
+    """Take Newton's steps to roots, and tell where the last ones lead nowhere.
+
+    Where the value is but rounding, as at roots that are nearly one, they could only do harm.
+    """
+    sizes = np.abs(coefficients)
     with np.errstate(all="ignore"):
         for _ in range(NEWTON):
             value, slope = _value_and_slope(coefficients, roots)
+            there = np.abs(value) <= EPS * _value_and_slope(sizes, np.abs(roots))[0]
             step = np.nan_to_num(value / slope, posinf=0.0, neginf=0.0)
             small = np.abs(step) <= FARTHEST * np.abs(roots)
-            roots = roots - np.where(small, step, 0.0)
-    return np.asarray(roots), np.asarray(np.isfinite(roots).all(axis=0) & small.all(axis=0))
+            roots = roots - np.where(small & ~there, step, 0.0)
+    known = np.isfinite(roots) & (small | there)
+    return np.asarray(roots), np.asarray(known.all(axis=0))
 
 
 def last_root(columns: FloatArray) -> FloatArray:
     """Last positive root of polynomials, ascending coefficients in columns; 0 where none is.
 
-    A pair that is not quite real counts, because between two frequencies it may become so.
+    A pair that is not quite real counts, because between two frequencies it may become so. For a
+    bound the roots need not be polished.
     """
-    roots = roots_of_columns(columns)
+    scaled, scale = _scaled(columns)
+    roots = _eigenvalues(scaled) * scale
     real = np.abs(roots.imag) <= NEARLY_REAL * roots.real
     return np.asarray(np.where(real, roots.real, 0.0).max(axis=0, initial=0.0))
 
@@ -482,8 +508,10 @@ def root_near(coefficients: ComplexArray, guess: ComplexArray) -> ComplexArray:
             value, slope = _value_and_slope(coefficients, found)
             step = value / slope
             found = found - step
-        lost = ~(np.abs(step[0]) <= SETTLED * np.abs(found[0]))
-        lost |= ~(np.abs(found[0] - guess) <= SAME_ROOT * np.abs(guess))
+            settled = np.abs(step[0]) <= SETTLED * np.abs(found[0])
+            if settled.all():
+                break
+        lost = ~(settled & (np.abs(found[0] - guess) <= SAME_ROOT * np.abs(guess)))
     found = found[0]
     if lost.any():
         every = roots_of_columns(coefficients[:, lost])

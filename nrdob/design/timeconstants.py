@@ -530,7 +530,24 @@ def _through_infinity(mismatch: Mismatch) -> list[CriticalTimeConstant]:
     critical = float((-b[0] / a[0]) ** (1 / n))
     # Near it p_B is a0 (λ^n - critical^n) s^N + second s^(N-1) + …, with one large root.
     second = add(mismatch.undelayed(critical), mismatch.delayed)[1]
-    return [CriticalTimeConstant(critical, inf, int(-np.sign(second / a[0])))]
+    direction = int(-np.sign(second / a[0]))
+    if mismatch.p_B(critical).q.size == a.size + n - 2 - mismatch.integrator:
+        a1 = a[1] if a.size > 1 else 0.0
+        slopes = critical * a[0], (n - 1) * a[0] + critical * a1
+        direction = _pair_at_infinity(mismatch, critical, slopes)
+    return [CriticalTimeConstant(critical, inf, direction)]
+
+
+def _pair_at_infinity(mismatch: Mismatch, critical: float, slopes: tuple[float, float]) -> int:
+    """Find the direction where the two highest coefficients of p_B vanish at one λ.
+
+    Next to it they grow by their slopes in λ. On one side the two large roots are real, one to the
+    right and one to the left; on the other they are a pair whose real part is finite.
+    """
+    lead, second = slopes
+    third, fourth = np.append(mismatch.p_B(critical).q, 0.0)[:2]
+    of_pair = 2 if fourth / third > second / lead else 0
+    return of_pair - 1 if third / lead > 0 else 1 - of_pair
 
 
 def _through_ends(mismatch: FamilyMismatch) -> list[CriticalTimeConstant]:
@@ -543,8 +560,12 @@ def _through_ends(mismatch: FamilyMismatch) -> list[CriticalTimeConstant]:
     found = []
     for end, other, frequency in ((constant, slope, 0.0), (leading, second, inf)):
         for critical in positive_roots(end).tolist():
-            motion = np.polyval(np.polyder(end), critical) * np.polyval(other, critical)
-            found.append(CriticalTimeConstant(critical, frequency, int(-np.sign(motion))))
+            lead, second = (float(np.polyval(np.polyder(p), critical)) for p in (end, other))
+            direction = int(-np.sign(lead * np.polyval(other, critical)))
+            rest = mismatch.p_B(critical)
+            if frequency and not rest.delay and rest.q.size == mismatch.degree - 1:
+                direction = _pair_at_infinity(mismatch, critical, (lead, second))
+            found.append(CriticalTimeConstant(critical, frequency, direction))
     return found
 
 

@@ -17,7 +17,7 @@ K. Walton, J. E. Marshall, Direct method for TDS stability analysis, IEE Proceed
 
 from __future__ import annotations
 
-from math import floor, sqrt, tau
+from math import factorial, floor, sqrt, tau
 from typing import NamedTuple
 
 import numpy as np
@@ -34,6 +34,9 @@ MAX_FREQUENCIES = 1_000_000
 """Frequencies of a band at most."""
 
 __all__ = ["count_by_crossings", "crossings_between"]
+
+BESIDE_ZERO = 1e-6
+"""Least frequency, against the slowest root or one over the dead time, beside a root at s = 0."""
 
 AT_ZERO = 1e-6
 """Angle in radians at which a crossing belongs to the dead time zero, where it starts."""
@@ -92,7 +95,8 @@ def crossings_between(
     Returns
     -------
     int or None
-        How many more are there afterwards; None if there are too many frequencies to look at.
+        How many more are there afterwards; None if there are too many frequencies to look at. A
+        root at s = 0 for all dead times, where q + r + moving = 0, is not counted.
 
     Examples
     --------
@@ -110,9 +114,10 @@ def crossings_between(
         size = np.abs(a) ** 2 + np.abs(b) ** 2 + np.abs(c) ** 2
         return np.asarray((np.abs(a + b * np.exp(-delay * s)) ** 2 - np.abs(c) ** 2) / size)
 
-    count = 0
+    count = _past_zero(q, fixed, moving, start, end)
+    least = _beside_zero(q, r, moving, max(delay, start, end))
     for low, high in _bands(q, r, moving):
-        omega = _frequencies([q, r, moving], delay, low, high)
+        omega = _frequencies([q, r, moving], delay, max(low, least), high)
         if omega.size > MAX_FREQUENCIES:
             return None
         where = zeros(excess, omega)
@@ -167,6 +172,40 @@ def _through_zero(q: FloatArray, r: FloatArray, delay: float) -> int:
     T = c / r[-1]
     slope = b - T * (r[-2] if r.size > 1 else 0.0) + T * T * r[-1] / 2
     return 1 if c * slope > 0 else -1
+
+
+def _past_zero(
+    q: FloatArray, fixed: tuple[FloatArray, float], moving: FloatArray, start: float, end: float
+) -> int:
+    """Count the real root that passes s = 0, where another one stays, between two dead times.
+
+    That other one divided out, slope + bend s + … is left.
+    """
+
+    def series(delay: float, power: int) -> float:
+        late = ((q, 0.0), fixed, (moving, delay))
+        return float(sum(_coefficient(r, T, power) for r, T in late))
+
+    before, after = series(start, 1), series(end, 1)
+    if series(start, 0) or before * after >= 0:
+        return 0
+    at = start + (end - start) * before / (before - after)
+    return 1 if after * series(at, 2) < 0 else -1
+
+
+def _beside_zero(q: FloatArray, r: FloatArray, moving: FloatArray, longest: float) -> float:
+    """Frequency below which the excess, which a root at s = 0 makes vanish there, is rounding."""
+    if q[-1] + r[-1] + moving[-1]:
+        return 0.0
+    sizes = np.abs(np.concatenate([companion_roots(p) for p in (q, r, moving)]))
+    return BESIDE_ZERO * min(1 / longest, float(sizes[sizes > 0].min(initial=np.inf)))
+
+
+def _coefficient(r: FloatArray, delay: float, power: int) -> float:
+    """Coefficient of a power of s in the series of r exp(-sT)."""
+    low = r[::-1][: power + 1]
+    factors = [(-delay) ** (power - k) / factorial(power - k) for k in range(low.size)]
+    return float(low @ np.array(factors))
 
 
 class _Crossing(NamedTuple):

@@ -153,6 +153,11 @@ class QuasiPolynomial:
         return 0
 
     @property
+    def undivided_scale(self) -> FloatArray:
+        """Sizes of what was summed in the terms: `scale`, but in some `over_s`."""
+        return self.scale
+
+    @property
     def _shared_zeros(self) -> int:
         """Multiplicity of the root s = 0 that all terms share."""
         return min(_trailing_zeros(p) for p, _ in self.terms if p.any())
@@ -314,12 +319,18 @@ class QuasiPolynomial:
             return rhp_count(whole(p.q)[0])
         if not p.more:
             return count_by_crossings(p.q, p.r, p.delay)
-        if len(p.more) > 1:
+        return p._rhp_between_delays(0)
+
+    def _rhp_between_delays(self, held: int) -> int | None:
+        """Count with two delays; `held` roots stay at s = 0 whatever they are."""
+        if len(self.more) > 1:
             return None
-        (moving, shorter), longer = p.more[0], p.delay
-        equal = QuasiPolynomial(p.q, add(p.r, moving), longer, p.scale)
-        start = None if equal.zeros_at_origin else equal.rhp_in_whole_numbers
-        change = crossings_between(p.q, (p.r, longer), moving, longer, shorter)
+        (moving, shorter), longer = self.more[0], self.delay
+        equal = QuasiPolynomial(self.q, add(self.r, moving), longer, self.undivided_scale)
+        if equal.zeros_at_origin != held:
+            return None
+        start = equal.over_s(held).rhp_in_whole_numbers
+        change = crossings_between(self.q, (self.r, longer), moving, longer, shorter)
         return None if start is None or change is None else start + change
 
 
@@ -418,9 +429,15 @@ class _OverS(QuasiPolynomial):
         return found[:0] if origin[:1].any() else found[~origin]
 
     @property
+    def undivided_scale(self) -> FloatArray:
+        return self.undivided.scale
+
+    @property
     def rhp_in_whole_numbers(self) -> int | None:
-        if self.more or self.power > 1 or self.zeros_at_origin:
+        if self.power > 1 or self.zeros_at_origin:
             return None
+        if self.more:
+            return self._rhp_between_delays(self.power)
         return count_by_crossings(self.q, self.r, self.delay)
 
 

@@ -37,6 +37,7 @@ __all__ = [
     "conventional",
     "internal_model_control",
     "nrdob",
+    "six_blocks",
     "two_degrees_of_freedom",
     "waiting",
 ]
@@ -367,6 +368,15 @@ def nrdob() -> Diagram:
         (_ESTIMATE, ((3.9, -0.5), (6.5, -0.5), (6.5, -1.8), (12.0, -1.8), (12.0, -2.9),
                      (3.9, -2.9))),
     )  # fmt: skip
+
+
+def six_blocks() -> Diagram:
+    """Draw Fig. 1 with a name for the output of each block but the process, whose output is y."""
+    drawn = nrdob()
+    outputs = {"$c$": (3.52, -0.3), "$v$": (6.4, 2.65), "$g$": (5.45, 1.86),
+               "$b$": (5.45, -1.86), "$a$": (6.9, -2.05)}  # fmt: skip
+    kept = {text: place for text, place in drawn.labels.items() if text != "noise reduction"}
+    return replace(drawn, title="the NR-DOB loop, its six blocks", labels=kept | outputs)
 
 
 def waiting() -> Diagram:

@@ -29,6 +29,7 @@ def examples(number):
     )  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [2, 4])
 def test_every_candidate_keeps_to_the_limits_and_is_at_one_of_them(number):
     loop, found = examples(number)
@@ -75,6 +76,7 @@ PLANTS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PLANTS)
 def test_nothing_raises_on_plants_that_nobody_prepared(name):
     G, Gm, C = PLANTS[name]

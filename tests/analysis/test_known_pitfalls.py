@@ -66,7 +66,9 @@ def test_units_are_never_mixed():
 
 
 @pytest.mark.usefixtures("no_warning_leaks")
-@pytest.mark.parametrize("number", paper.EXAMPLES)
+@pytest.mark.parametrize(
+    "number", [*(pytest.param(k, marks=pytest.mark.slow) for k in (1, 2, 3)), 4]
+)
 def test_nothing_is_printed_and_nothing_warns(number, capfd):
     loop = paper.example(number)
     loop.stability()

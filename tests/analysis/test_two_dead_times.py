@@ -1,6 +1,7 @@
 """Loops whose model waits, with two dead times: verdicts, margins and responses."""
 
 import math
+from functools import cache
 
 import control as ct
 import mpmath as mp
@@ -181,17 +182,18 @@ def laplace(loop, input, t):
     mp.mp.dps = 30
     rows = [[mp.mpf(float(c)) for c in part] for block in loop.fractions for part in block]
 
+    @cache  # y and u are asked at the same points
     def maps(x):
         N, D, Nm, Dm, Nc, Dc, Nf, Df = (mp.polyval(row, x) for row in rows)
         E, Em = mp.exp(-x * loop.delay), mp.exp(-x * loop.model_delay)
         p_A, p_B = Dm * Dc + Nm * Nc, D * Nm * (Df - Nf * Em) + N * Dm * Nf * E
         S_d = D * Nm * (Df - Nf * Em) / p_B
         return {
-            "R": (N * E * Nc * Nm * Dm * Df / p_A / p_B, Nc * D * Nm * Dm * Df / p_A / p_B),
-            "d": (S_d, -D * Dm * Nf / p_B),
-            "delta": (N * E / D * S_d, S_d),
-            "eta": (-N * E * Dm * Nf / p_B, -D * Dm * Nf / p_B),
-        }[input]
+            "R": lambda: (N * E * Nc * Nm * Dm * Df / p_A / p_B, Nc * D * Nm * Dm * Df / p_A / p_B),
+            "d": lambda: (S_d, -D * Dm * Nf / p_B),
+            "delta": lambda: (N * E / D * S_d, S_d),
+            "eta": lambda: (-N * E * Dm * Nf / p_B, -D * Dm * Nf / p_B),
+        }[input]()
 
     return [
         float(mp.invertlaplace(lambda x, k=k: maps(x)[k] / x, t, method="dehoog", degree=60))
@@ -199,6 +201,7 @@ def laplace(loop, input, t):
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("input", INPUTS)
 @pytest.mark.parametrize(("theta", "wait"), [(0.05, 0.03), (0.05, 0.2), (0.0, 0.3)])
 def test_steps_are_the_inverse_laplace_transform(theta, wait, input):
@@ -272,6 +275,7 @@ def integrating_loop(rng):
     return nrdob.NRDOB(loop.process / plant, model, loop.controller, F), k
 
 
+@pytest.mark.slow
 def test_random_verdicts_with_integrators_that_cancel_are_those_of_an_independent_count():
     rng = np.random.default_rng(21)
     seen = set()
@@ -446,3 +450,15 @@ def test_an_integrator_is_met_exactly_and_another_pole_on_the_right_is_refused_w
     assert nrdob.judge_observer(model, model, F).stable
     with pytest.raises(ValueError, match="pole at s = 2 and a dead time"):
         nrdob.interpolating_filter(nrdob.delay(0.5) / (s - 2), 0.2)
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+@pytest.mark.parametrize("time_constant", [1e-3, 3e-4])
+def test_a_filter_far_too_fast_for_an_integrating_model_is_decided_by_two_ways(
+    order, time_constant
+):
+    plant, model = nrdob.delay(0.12) * 0.9 / (s + 0.2), nrdob.delay(0.1) / s
+    loop = nrdob.NRDOB(plant, model, 0.3, nrdob.LowPassFilter(time_constant, order))
+    found = loop.stability().observer_loop
+    assert found.stable is False and len(found.ways) == 2
+    assert found.closed_loop_rhp == adaptive_argument_count(loop, integrators=1)

@@ -74,18 +74,25 @@ def quickest(task, rounds=7):
     return min(times[1:])
 
 
-@pytest.mark.parametrize("modified", [False, True])
-def test_the_set_of_a_family_against_that_of_the_lags(note, modified):
-    loop = paper.example(4, modified)
-    families = [nrdob.filter_family(kind, 3) for kind in ("butterworth", "bessel", "ramp")]
-    families.append(nrdob.filter_family("interpolating", model=loop.model))
+@pytest.mark.parametrize("wait", [0.0, 0.0437])
+@mismatches
+def test_the_set_of_a_family_against_that_of_the_lags(note, name, process, model, order, wait):
+    order = max(order, 2)
+    families = [nrdob.filter_family(kind, order) for kind in ("butterworth", "bessel")]
+    families.append(nrdob.filter_family("ramp", order + (order == 2)))
+    families.append(nrdob.filter_family("interpolating", model=model))
+    if wait:
+        model, name = nrdob.delay(wait) * model, f"{name}, the model waits"
 
     def one(filters):
-        return quickest(lambda: nrdob.stabilizing_time_constants(loop.process, loop.model, filters))
+        return quickest(lambda: nrdob.stabilizing_time_constants(process, model, filters))
 
-    lags = one(3)
-    ratios = ", ".join(f"{family.kind} {one(family) / lags:.1f}" for family in families)
-    note(f"sets, Example 4{' modified' if modified else ''}, lags 1 (below 2): {ratios}")
+    lags = {n: one(n) for n in {order, families[2].order}}
+    ratios = ", ".join(
+        f"{family.kind} {one(family) / lags.get(family.order, lags[order]):.1f}"
+        for family in families
+    )
+    note(f"sets, {name}, lags 1 (below 2): {ratios}")
 
 
 def test_a_verdict_with_two_dead_times_against_one(note):

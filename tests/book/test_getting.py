@@ -81,7 +81,7 @@ def test_nothing_starts_without_an_address_or_a_notebook(address: str, page: str
 
 
 def test_the_address_stands_in_one_place():
-    address = getting.repository()
+    address = getting.repository(ROOT)
     assert address == "" or (ROOT / "pyproject.toml").read_text("utf-8").count(address) == 1
 
 

@@ -118,6 +118,7 @@ def text_from_code(path: Path) -> str:
         ("three loops, 4 examples, 2 seconds, Lemma 1", []),
         ("Theorems 17.1 and 17.2 hold, and Theorem 11.3 for 0.5 s", ["0.5"]),
         ("see [the paper](https://doi.org/10.1080/1.2) and {numref}`fig-1.5`", []),
+        ("Theorem 17.1, and Theorems 19.5 and 19.6 for 0.5 s", ["0.5"]),
     ],
 )
 def test_numbers_in_prose_are_found(text: str, numbers: list[str]) -> None:

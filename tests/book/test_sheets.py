@@ -39,6 +39,7 @@ def lines_of_solutions(name: str) -> list[str]:
     return [line for line in found if len(line) > 20]
 
 
+@pytest.mark.slow
 def test_each_set_has_its_page_and_its_solutions_apart(printed: dict[str, BeautifulSoup]) -> None:
     pages = {name + end for name in SETS for end in ("", "_solutions")}
     assert printed.keys() == pages | {"boards"}
@@ -106,6 +107,7 @@ def test_each_session_begins_a_sheet(printed: dict[str, BeautifulSoup]) -> None:
     assert drawn[0][0].svg
 
 
+@pytest.mark.slow
 def test_a_page_is_the_same_each_time(printed: dict[str, BeautifulSoup], tmp_path: Path) -> None:
     assert paper.main(["--output", str(tmp_path)]) == 0
     again = (tmp_path / "boards.html").read_text("utf-8")

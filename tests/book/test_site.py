@@ -11,13 +11,13 @@ import shutil
 import subprocess
 import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import redirect_stderr, redirect_stdout
 from copy import copy
 from io import StringIO
 from pathlib import Path
 from typing import Any
-from urllib.parse import unquote, urlsplit
+from urllib.parse import quote, unquote, urlsplit
 
 import pytest
 from axe_playwright_python.sync_playwright import Axe
@@ -29,14 +29,17 @@ from browser import CHROMIUM, Look, browser, look
 from digits import hanging_on_rounding
 from nrdob.course.claims import LEDGER, Entry, Verdict
 from nrdob.course.exercises import PROBLEMS
+from papermap import equations_in
 from predictions import read_questions
+from statements import prose_of, theorems_of
 
 # The whole book is built.
 pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).resolve().parents[2]
 REFERENCE_PAGES = {
-    "index", "ledger", "errata", "notation", "api", "comparison", "bibliography", "colophon",
+    "index", "get", "ledger", "errata", "theorems", "paper_map", "notation", "glossary", "api",
+    "comparison", "bibliography", "colophon",
 }  # fmt: skip
 TEACHING_PAGES = {
     f"teaching/{name}"
@@ -99,7 +102,7 @@ def site(source: Path, ledger_run: Run, teaching_run: Run) -> Path:
     folder = source.parent
     command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-n", "-q", "-b", "html"]
     command += ["-D", f"nrdob_notebooks={ROOT / 'notebooks'}", "-d", str(folder / "doctrees")]
-    command += ["-D", f"nrdob_class={ROOT / 'notebooks' / 'class'}"]
+    command += ["-D", f"nrdob_class={ROOT / 'notebooks' / 'class'}", "-D", f"nrdob_project={ROOT}"]
     done = subprocess.run(
         [*command, str(source), str(folder / "html")],
         capture_output=True,
@@ -313,6 +316,51 @@ def test_only_the_ledger_has_the_filter(site: Path, pages: dict[Path, BeautifulS
     assert verdicts == set(Verdict)
 
 
+def test_every_claim_is_a_card_folded_to_two_lines(
+    site: Path, pages: dict[Path, BeautifulSoup]
+) -> None:
+    for entry in pages[site / "ledger.html"].select(".claim"):
+        assert entry.name == "details" and not entry.has_attr("open")
+        assert entry.summary.select_one(".verdict") and entry.summary.select_one(".claim-line")
+        assert not entry.summary.select("a"), "a link there would open the card as well"
+
+
+# --- ways into the book -----------------------------------------------------------------------
+
+
+def test_every_theorem_has_its_box_and_its_entry(
+    site: Path, pages: dict[Path, BeautifulSoup]
+) -> None:
+    theorems = [each for of in theorems_of(ROOT / "notebooks").values() for each in of]
+    for theorem in theorems:
+        page = pages[site / "chapters" / f"{theorem.page}.html"]
+        assert page.select(f"div.theorem#{theorem.anchor}"), str(theorem)
+    entries = pages[site / "theorems.html"].select(".theorem-entry")
+    assert len(entries) == len(theorems)
+    for theorem, entry in zip(theorems, entries, strict=True):
+        link = f"a[href='chapters/{theorem.page}.html#{theorem.anchor}']"
+        assert entry.select(link), str(theorem)
+
+
+def test_the_papers_equations_have_anchors_and_lead_to_the_ledger(
+    site: Path, pages: dict[Path, BeautifulSoup]
+) -> None:
+    for path in sorted((ROOT / "notebooks").glob("*.ipynb")):
+        page = pages[site / "chapters" / f"{path.stem}.html"]
+        for number in equations_in(prose_of(path)):
+            assert page.select_one(f"#paper-eq-{number}"), (path.stem, number)
+            assert any(f"({number})" in line.get_text() for line in page.select(".paper-number"))
+
+
+def test_the_index_holds_ideas_and_no_names_of_the_package(
+    site: Path, pages: dict[Path, BeautifulSoup]
+) -> None:
+    links = [str(link["href"]) for link in pages[site / "genindex.html"].select("td a[href]")]
+    assert not [link for link in links if link.startswith("api.html")]
+    smith = [link for link in links if link.startswith("chapters/26_dead_time")]
+    assert smith and any(link.startswith("glossary.html#term-") for link in links)
+
+
 # --- for teachers -----------------------------------------------------------------------------
 
 
@@ -347,14 +395,20 @@ def test_every_mistake_is_shown_as_the_student_reads_it(
 
 
 @pytest.fixture(scope="module")
-def looks(site: Path, pages: dict[Path, BeautifulSoup]) -> dict[str, Look]:
-    """Open every page as on a phone, 360 pixels wide."""
+def opened() -> Iterator[Any]:
+    """Open one browser for all the pages."""
     if CHROMIUM is None:
         warnings.warn("No Chromium on this machine: the pages were not opened.", stacklevel=1)
         pytest.skip("no Chromium on this machine: THE PAGES WERE NOT OPENED IN A BROWSER")
-    with browser() as opened:
-        tab = opened.new_page(viewport={"width": 360, "height": 800})
-        return {path.relative_to(site).as_posix(): look(tab, path) for path in pages}
+    with browser() as found:
+        yield found
+
+
+@pytest.fixture(scope="module")
+def looks(site: Path, pages: dict[Path, BeautifulSoup], opened: Any) -> dict[str, Look]:
+    """Open every page as on a phone, 360 pixels wide."""
+    tab = opened.new_page(viewport={"width": 360, "height": 800})
+    return {path.relative_to(site).as_posix(): look(tab, path) for path in pages}
 
 
 def test_no_page_scrolls_sideways_on_a_phone(looks: dict[str, Look]) -> None:
@@ -378,18 +432,88 @@ def test_pages_say_nothing_to_the_console_and_ask_no_server(looks: dict[str, Loo
     assert {page: seen.said for page, seen in looks.items() if seen.said} == {}
 
 
-def test_a_reader_with_a_screen_reader_meets_nothing_serious(site: Path) -> None:
-    if CHROMIUM is None:
-        pytest.skip("no Chromium on this machine: THE PAGES WERE NOT OPENED IN A BROWSER")
+QUERIES = {
+    "dead time": "chapters/04_time_delay",
+    "Nyquist": "chapters/16_nyquist",
+    "how to choose lambda": "chapters/21_all_filters",
+    "Smith predictor": "chapters/26_dead_time_in_the_model",
+    "noise": "chapters/31_noise",
+    "saturation": "chapters/33_limits",
+    "PID": "chapters/15_what_it_is",
+    "unstable plant": "chapters/03_unstable",
+}
+
+
+@pytest.fixture(scope="module")
+def searched(site: Path, opened: Any) -> dict[str, list[tuple[str, str]]]:
+    """Ask the search, from the disk, and give for each query the pages found, and what they say."""
+    found = {}
+    with opened.new_context(viewport={"width": 360, "height": 800}) as context:
+        tab = context.new_page()
+        for query in (*QUERIES, "stabilizing_time_constants", "xyzzy"):
+            tab.goto(f"{(site / 'search.html').as_uri()}?q={quote(query)}")
+            tab.wait_for_function("document.querySelector('.search-summary')?.textContent")
+            found[query] = tab.evaluate(
+                "() => [...document.querySelectorAll('ul.search li')].map((each) => "
+                "[each.querySelector('a').getAttribute('href'), "
+                "each.querySelector('.context')?.textContent ?? ''])"
+            )
+    return found
+
+
+def test_the_search_leads_a_student_to_the_right_chapter_first(
+    searched: dict[str, list[tuple[str, str]]],
+) -> None:
+    first = {query: searched[query][0][0].split(".html")[0] for query in QUERIES}
+    assert first == QUERIES
+    assert searched["xyzzy"] == []
+    assert searched["stabilizing_time_constants"][0][0].startswith("api.html#")
+
+
+def test_what_the_search_shows_can_be_read(
+    searched: dict[str, list[tuple[str, str]]],
+) -> None:
+    for query in QUERIES:
+        assert searched[query][0][1], query
+        for page, said in searched[query]:
+            assert not re.search(r"[\\$]|\{cite|claim:", said), (query, page, said)
+
+
+def test_what_the_search_loads_is_small(site: Path) -> None:
+    assert (site / "_static" / "texts.js").stat().st_size < 400_000
+
+
+def test_a_link_to_a_claim_opens_its_card(site: Path, opened: Any) -> None:
+    with opened.new_context(viewport={"width": 360, "height": 800}) as context:
+        tab = context.new_page()
+        tab.goto(f"{(site / 'ledger.html').as_uri()}#claim-eq03")
+        tab.wait_for_selector("#claim-eq03[open]")
+        assert tab.evaluate("document.querySelectorAll('.claim[open]').length") == 1
+        screens = tab.evaluate("document.documentElement.scrollHeight / innerHeight")
+        assert screens < 30, f"the ledger is {screens:.0f} screens long on a phone"
+        tab.keyboard.press("Escape")
+        tab.focus("#claims-search")
+        tab.keyboard.type("bandwidth")
+        assert 0 < tab.locator(".claim:visible").count() < 60
+        tab.click(".claims-reset")
+        tab.emulate_media(media="print")
+        printed = tab.evaluate(
+            "() => [...document.querySelectorAll('.claim > dl')].filter((each) => "
+            "each.checkVisibility() && each.getBoundingClientRect().height > 5).length"
+        )
+        assert printed == len(LEDGER), "on paper nothing can be opened"
+
+
+def test_a_reader_with_a_screen_reader_meets_nothing_serious(site: Path, opened: Any) -> None:
     axe = Axe()
-    with browser() as opened:
-        tab = opened.new_page(viewport={"width": 1400, "height": 900})
-        serious = []
-        for page in ("index", "chapters/00_start_here", "ledger", "teaching/running"):
-            look(tab, site / f"{page}.html")
-            serious += [
-                (page, broken["id"], broken["nodes"][0]["html"][:100])
-                for broken in axe.run(tab).response["violations"]
-                if broken["impact"] in ("serious", "critical")
-            ]
+    tab = opened.new_page(viewport={"width": 1400, "height": 900})
+    serious = []
+    pages = "index", "chapters/00_start_here", "ledger", "search", "theorems", "teaching/running"
+    for page in pages:
+        look(tab, site / f"{page}.html")
+        serious += [
+            (page, broken["id"], broken["nodes"][0]["html"][:100])
+            for broken in axe.run(tab).response["violations"]
+            if broken["impact"] in ("serious", "critical")
+        ]
     assert serious == []

@@ -3,8 +3,9 @@
 python -m tests.campaigns.misconceptions --count 24 4.3 4.5
 
 The published answer must get full marks; rounded to six and four digits, too, and to three it is
-told so; each misconception must be recognised as what it is and get its marks. The tests ask the
-same in a few groups; here the groups are 1, 2, … and the hidden seeds others for each.
+told so; each misconception must be recognised as what it is and get its marks; what only looks
+right must fail. The tests ask the same in a few groups; here the groups are 1, 2, … and the hidden
+seeds others for each.
 """
 
 from __future__ import annotations
@@ -21,6 +22,8 @@ from typing import Any
 
 sys.path.append(str(Path(__file__).resolve().parents[1]))  # where the tests find what they share
 
+from course.test_exercise_routes import WRONG
+from course.test_exercise_routes import points as judged_alone
 from nrdob.course.exercises import PROBLEMS, own_case
 from problemsets import SETS, Posed, posed, published, rounded
 
@@ -48,6 +51,9 @@ def faults(this: Posed, group: int) -> Iterator[str]:
             yield f"no full marks, with {digits} digits: {found.text}"
         if found.share < 1 and not ("four digits" in found.text and found.share >= 0.5):
             yield f"not told that it is rounded: {found.text}"
+    for number, wrong in enumerate(WRONG.get(this.id, ())):
+        if judged_alone(this.id, wrong, group).share == 1:
+            yield f"what only looks right, number {number}, gets full marks"
     for misconception in this.problem.misconceptions:
         mistaken: Any = misconception.example
         if this.problem.own:

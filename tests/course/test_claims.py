@@ -37,7 +37,7 @@ MODULES = (*SECTIONS, ledger, recurring, signals)
 CHAPTERS = {
     "01_matched", "02_nonminimum_phase", "03_unstable", "04_time_delay", "11_the_loop",
     "12_the_filter", "14_two_bands", "15_what_it_is", "16_nyquist",
-    "17_lemma_1", "18_lemma_2", "37_will_it_survive",
+    "17_lemma_1", "18_lemma_2", "20_rules_of_the_paper", "37_will_it_survive",
 }  # fmt: skip
 
 
@@ -113,6 +113,7 @@ def test_nothing_is_true_of_nothing():
 # The claims.
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("id", LEDGER)
 def test_every_claim_has_its_verdict(settled, id):
     entry = settled(id)
@@ -122,6 +123,7 @@ def test_every_claim_has_its_verdict(settled, id):
     assert bool(entry.claim.amendment) == bool(entry.finding.conditions)
 
 
+@pytest.mark.slow
 def test_a_check_finds_the_same_twice(settled):
     for id in ("eq05.T_R", "lemma1.N_p", "sec3.speculation"):
         assert LEDGER[id].check() == settled(id).finding

@@ -16,7 +16,7 @@ from nrdob.course.exercises.set4 import (
     peaks_of,
 )
 
-GROUPS = range(1, 31)
+GROUPS = range(1, 13)  # tests/campaigns/misconceptions.py takes more of them
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -71,7 +71,7 @@ def test_either_of_the_changed_plants_may_decide() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("group", range(1, 6))
+@pytest.mark.parametrize("group", range(1, 4))
 def test_equal_lags_cannot_do_it_and_others_can(group: int) -> None:
     case = own_case("4.6", group)
     n = case.model.poles().size

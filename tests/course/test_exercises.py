@@ -20,10 +20,8 @@ from nrdob.course.exercises import PROBLEMS, Misconception, own_case
 from nrdob.course.exercises.problems import BLANK, HARD_CODED, NOTHING, ROUNDED
 from problemsets import SETS, Posed, calls, cells, nbgrader, posed, published, run
 
-GROUPS_AND_SEEDS = [
-    (1, 11),
-    *(pytest.param(*more, marks=pytest.mark.slow) for more in ((7, 13), (30, 14))),
-]
+# More groups, with other seeds: tests/campaigns/misconceptions.py.
+GROUPS_AND_SEEDS = [(1, 11), pytest.param(7, 13, marks=pytest.mark.slow)]
 
 ALL = [problem for path in SETS for problem in posed(path)]
 each_set = pytest.mark.parametrize("path", SETS, ids=lambda path: path.stem)
@@ -159,6 +157,7 @@ def test_the_blank_gets_nothing(this: Posed, group: int, seed: int) -> None:
     assert points.feedback.text == (BLANK if this.problem.own else NOTHING)
 
 
+@pytest.mark.slow
 @each_misconception
 @pytest.mark.parametrize(("group", "seed"), GROUPS_AND_SEEDS)
 def test_a_misconception_gets_its_message_and_its_marks(
@@ -176,6 +175,7 @@ def test_a_misconception_gets_its_message_and_its_marks(
     )
 
 
+@pytest.mark.slow
 @each_problem_of_many_cases
 @pytest.mark.parametrize(("group", "seed"), GROUPS_AND_SEEDS)
 def test_an_answer_written_for_the_visible_cases_does_not_pass(
@@ -188,6 +188,7 @@ def test_an_answer_written_for_the_visible_cases_does_not_pass(
     assert this.score(lambda case: next(table, constant), group, seed) < this.points
 
 
+@pytest.mark.slow
 @each_problem
 def test_everyone_has_another_case(this: Posed) -> None:
     texts = {str(own_case(this.id, group)) for group in range(1, 7)}

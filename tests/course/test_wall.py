@@ -91,6 +91,7 @@ print(json.dumps(found))
     return dict(json.loads(done.stdout.splitlines()[-1]))
 
 
+@pytest.mark.slow
 @walled
 @pytest.mark.parametrize("attempt", REFUSED)
 def test_nothing_of_others_can_be_read_or_written(attempt: str, behind: dict[str, str]) -> None:
@@ -201,6 +202,7 @@ def test_who_stays_root_is_told(
     assert "you are root" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux gives orphans to a grandparent")
 def test_what_is_left_running_can_be_ended() -> None:
     program = """

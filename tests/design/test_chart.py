@@ -11,6 +11,7 @@ import pytest
 import nrdob
 from campaigns.charts import campaign
 from nrdob import filter_family, paper, stability_chart, stabilizing_time_constants
+from nrdob.design.chartloops import ChartLoops
 
 s = ct.tf("s")
 lag = 1 / (s + 1)
@@ -25,7 +26,7 @@ RANGES = {
 PAIRS = [(a, b) for a in RANGES for b in RANGES if a != b]
 
 
-def wrong_points(chart, count, seed):
+def wrong_points(chart, count, seed, least=0.8):
     """Points off the borders at which the region's count is not the loop's."""
     rng, wrong, seen = np.random.default_rng(seed), [], 0
     for u, v in rng.random((count, 2)):
@@ -35,7 +36,7 @@ def wrong_points(chart, count, seed):
             seen += 1
             if region.count != chart.count(x, y):
                 wrong.append((x, y))
-    assert seen > 0.8 * count
+    assert seen > least * count
     return wrong
 
 
@@ -218,3 +219,23 @@ def test_levels_of_a_model_that_waits_lie_where_the_margins_have_them():
         filter = nrdob.LowPassFilter(float(lam), F.order)
         loop = nrdob.NRDOB(float(gain) * G, model, EXAMPLE_4.controller, filter)
         assert loop.margins().plant_loop.ms == pytest.approx(1.8, rel=3e-2)
+
+
+def test_a_tongue_that_ends_between_the_lines_of_the_grid_is_closed():
+    # Eight roots on one side of its border and six on the other, seen only if it has no gap.
+    chart = stability_chart(
+        1.2 * lag, nrdob.delay(0.5) * lag, 2, x=("time_constant", 0.02, 0.5), y=("delay", 0.0, 10.0)
+    )
+    assert len(chart.regions) > 400
+    assert wrong_points(chart, 60, 5, least=0.6) == []
+
+
+def test_roots_of_many_loops_of_a_chart_are_counted_as_those_of_one():
+    names = {"time_constant", "delay"}
+    loops = ChartLoops.of(1.2 * lag, nrdob.delay(0.5) * lag, 2, names)
+    points = [
+        {"time_constant": value, "delay": delay}
+        for value in (0.03, 0.1, 0.4)
+        for delay in (0.0, 0.5, 0.7, 8.0)
+    ]
+    assert loops.counts(points) == [loops.count(point) for point in points]

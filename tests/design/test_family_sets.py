@@ -18,6 +18,8 @@ from nrdob import (
     paper,
     stabilizing_time_constants,
 )
+from nrdob.design import default_floor
+from nrdob.design.familybranches import FamilyBranches
 from nrdob.design.familygrid import frequencies_for
 from nrdob.design.familymismatch import roots_of_columns
 
@@ -124,6 +126,7 @@ def test_multiple_roots_of_polynomials_and_those_at_0_and_infinity_are_found():
     assert cube**3 == pytest.approx(np.ones(3), rel=1e-12)
 
 
+@pytest.mark.slow
 def test_random_sets_are_right_beside_every_end():
     found = campaign(18, 11)
     assert not [name for name in found if name.startswith("WRONG")]
@@ -213,3 +216,61 @@ def test_two_integrators_of_a_model_that_waits_cancel_for_a_whole_family(pole):
             assert sides[0].stable is not sides[1].stable
     inside = [family.at(1.1 * low) for low, _ in found]
     assert all(judge_observer(process, model, F).stable for F in inside)
+
+
+@pytest.mark.parametrize("kind", ["butterworth", "bessel", "ramp"])
+def test_branches_that_meet_away_from_the_line_need_hardly_more_frequencies(kind):
+    # Once in each turn of the dead time R is nearly 0, and the branches of a ramp nearly one.
+    loop = paper.example(4)
+    frequencies = frequencies_for(loop.process, loop.model, filter_family(kind, 3))
+    omega = frequencies.above(default_floor(loop.process, loop.model, filter_family(kind, 3)))
+    branches = FamilyBranches.on(frequencies.mismatch, omega)
+    assert omega.size <= branches.omega.size <= 1.15 * omega.size
+
+
+def test_roots_that_are_one_are_found_by_the_formula_as_well():
+    # Newton's steps lead anywhere there; (1 + x)^3, scaled, has the product of its roots kept.
+    scale = np.geomspace(1e-6, 1e6, 7)
+    columns = np.array([[1.0], [3.0], [3.0], [1.0]]) / scale ** np.arange(4)[:, None]
+    roots = roots_of_columns(columns)
+    np.testing.assert_allclose(np.prod(roots, axis=0), -(scale**3), rtol=1e-8)
+    np.testing.assert_allclose(roots / scale, -np.ones((3, 7)), atol=1e-4)
+
+
+@pytest.mark.parametrize("inertia", [1.0, 0.3])
+@pytest.mark.parametrize("family", [1, filter_family("butterworth", 1)])
+def test_a_double_root_through_infinity_is_crossed_by_one(inertia, family):
+    # A quarter of a sample late, an integrator has a double root z = -1 at λ = T/4.
+    inertial = 1 / (inertia * s)
+    for dt in (0.5, 1.0, 0.7):
+        found = stabilizing_time_constants(
+            inertial, inertial, family, dt=dt, computation_delay=dt / 4
+        )
+        assert found == [(pytest.approx(dt / 4, rel=1e-9), inf)]
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_where_two_coefficients_vanish_at_once_the_roots_are_those_on_both_sides(order):
+    rng, model = np.random.default_rng(4), 1 / (s + 1) ** order
+    for _ in range(8):
+        time_constant = 2.0 ** rng.integers(-2, 3)
+        a = np.array([1.0, rng.uniform(-2, 3)])
+        b = rng.uniform(-2, 3, order + 2)
+        b[:2] = (
+            -(time_constant**order),
+            -(time_constant ** (order - 1)) * (order + time_constant * a[1]),
+        )
+        process = ct.tf(b, np.convolve(a, model.den[0][0]))
+        critical = critical_time_constants(process, model, order)
+        (here,) = [c for c in critical if c.frequency == inf]
+        assert here.time_constant == pytest.approx(time_constant, rel=1e-12)
+
+        sides = [_on_the_right(a, b, order, time_constant * (1 + step)) for step in (-1e-4, 1e-4)]
+        assert sides[1] - sides[0] == here.direction
+
+
+def _on_the_right(a, b, order, time_constant):
+    """Roots of a (Df - 1) + b on the right."""
+    lags = np.poly(np.full(order, -1 / time_constant)) * time_constant**order
+    p = np.polyadd(np.convolve(a, np.polysub(lags, [1.0])), b)
+    return int(np.sum(np.roots(p).real > 0))

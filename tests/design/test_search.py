@@ -90,6 +90,7 @@ def test_a_window_of_a_twelfth_between_two_limits_is_found():
     assert F.time_constant == pytest.approx(window[0], rel=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("number", "modified"), [(2, True), (3, True), (4, True)])
 @pytest.mark.parametrize("above", [2e-3, 1e-5])
 def test_a_limit_just_above_the_best_there_is_can_be_met(number, modified, above):
@@ -106,7 +107,9 @@ def test_a_limit_just_above_the_best_there_is_can_be_met(number, modified, above
     assert plant_loop(loop.process, loop.model, F).ms <= limit * (1 + 1e-9)
 
 
-@pytest.mark.parametrize("max_ms", [1.16, 1.3, 2.0])
+@pytest.mark.parametrize(
+    "max_ms", [1.16, *(pytest.param(ms, marks=pytest.mark.slow) for ms in (1.3, 2.0))]
+)
 def test_two_windows_beside_a_resonance_that_shifted(max_ms):
     model = 1 / (s**2 + 0.2 * s + 1)
     process = 1 / ((s / 0.9) ** 2 + 0.2 * s / 0.9 + 1)
@@ -166,6 +169,7 @@ def test_a_loop_that_does_not_vanish_at_infinite_frequency_has_closed_forms(spec
     assert window == (pytest.approx(ends, rel=1e-8), inf)
 
 
+@pytest.mark.slow
 def test_slow_filters_lose_their_phase_margin_beside_an_undamped_mode():
     # Close to the mode L is a straight line through 0, whose angle tends to a limit with λ.
     process, model = 1 / ((s**2 + 1) * (s + 1)), 1 / ((s**2 + 0.2 * s + 1.1) * (s + 1))
@@ -327,6 +331,7 @@ def test_an_order_too_low_for_causality_is_refused():
         design_filter(lag**2, lag**2, order=1, max_ms=2)
 
 
+@pytest.mark.slow
 def test_a_sample_of_the_campaign_finds_no_fault():
     found = campaign(4, seed=2)
     assert not [name for name in found if name.startswith("WRONG")]

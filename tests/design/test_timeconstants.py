@@ -198,7 +198,7 @@ def mismatches(draw, *, delayed):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("delayed", [False, True])
-@settings(max_examples=200)
+@settings(max_examples=60)  # thousands in tests/campaigns/sets.py
 @given(data=st.data())
 def test_every_end_of_random_sets(delayed, data):
     process, model, order = data.draw(mismatches(delayed=delayed))
@@ -219,6 +219,7 @@ def test_every_end_of_random_sets(delayed, data):
             assert found == 0 < beyond
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(data=st.data())
 def test_random_sets_miss_nothing_on_a_scan(data):
@@ -237,6 +238,7 @@ def test_random_sets_miss_nothing_on_a_scan(data):
 # Poles and zeros on the axis, where branches jump, or pass through 1 at λ = 0.
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("delay", [0.0, 0.1])
 @pytest.mark.parametrize(
     ("process", "model", "order"),
@@ -268,6 +270,7 @@ def test_a_very_fast_filter_is_counted_without_overflow(no_warning_leaks):
     assert counts == [1, 1, 1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [1, 2])
 def test_no_crossing_is_lost_where_it_falls_on_a_frequency_tried(order):
     for gain in np.geomspace(0.2, 10, 120):
@@ -351,6 +354,7 @@ def test_another_unit_of_time_changes_nothing_else(exponent):
     assert np.array(there) == pytest.approx(np.array(here) * unit, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_sample_of_the_campaign_finds_no_fault():
     found = campaign(40, seed=1)
     assert not [name for name in found if name.startswith("WRONG")]

@@ -28,6 +28,7 @@ def test_a_perfect_model_passes_noise_in_inverse_proportion_to_lambda(order, ind
     )
 
 
+@pytest.mark.slow
 @settings(max_examples=25)
 @given(loops())
 def test_power_without_dead_time_is_the_square_of_controls_norm(loop):

@@ -12,9 +12,10 @@ from __future__ import annotations
 import ast
 import sys
 from collections.abc import Iterator, Mapping
+from functools import cache
 from pathlib import Path
 
-from .rooms import PACKAGE, Module, modules, room_of, uses
+from .rooms import PACKAGE, Module, Use, modules, room_of, uses
 
 Tree = Mapping[str, set[str]]
 """For each module those that it imports."""
@@ -36,13 +37,19 @@ def imports(root: Path) -> dict[str, set[str]]:
     found: dict[str, set[str]] = {}
     for module in modules(root).values():
         if not module.is_front or _defines(module):
-            taken = {
-                defining(root, use.module, use.name) for use in uses(root, module.tree, module)
-            }
+            taken = {defining(root, use.module, use.name) for use in _taken(root, module.name)}
             found[module.name] = taken - {module.name}
     return {name: taken & found.keys() - {name} for name, taken in found.items()}
 
 
+@cache
+def _taken(root: Path, module: str) -> tuple[Use, ...]:
+    # A front is asked for each of its names: it is read once.
+    found = modules(root)[module]
+    return tuple(uses(root, found.tree, found))
+
+
+@cache
 def defining(root: Path, module: str, name: str) -> str:
     """Return the module that defines a name which another shows.
 
@@ -60,8 +67,7 @@ def defining(root: Path, module: str, name: str) -> str:
     str
         Dotted name of a module.
     """
-    front = modules(root)[module]
-    for use in uses(root, front.tree, front):
+    for use in _taken(root, module):
         if use.name == name and use.module != module:
             return defining(root, use.module, name)
     whole = f"{module}.{name}"

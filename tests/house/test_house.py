@@ -119,6 +119,7 @@ def spoil(house: Path, place: str, change: Callable[[str], str]) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.slow  # make quick asks it, too, but as a command
 def test_the_project_is_in_order() -> None:
     assert [*doors.faults(ROOT), *pages.faults(ROOT), *docstrings.faults(ROOT)] == []
 

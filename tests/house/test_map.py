@@ -69,6 +69,7 @@ def test_a_circle_fails_with_its_names(tmp_path: Path, capsys: pytest.CaptureFix
     assert "Modules: 0 floors" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_the_command_succeeds_where_there_is_no_circle() -> None:
     command = [sys.executable, "-m", "tests.house.map"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, encoding="utf-8")
@@ -76,6 +77,7 @@ def test_the_command_succeeds_where_there_is_no_circle() -> None:
     assert done.stdout.startswith("Rooms: ")
 
 
+@pytest.mark.slow
 def test_the_front_door_loads_no_figures_no_course_and_no_algebra() -> None:
     code = (
         "import sys, nrdob\n"

@@ -26,6 +26,7 @@ def test_what_goes_in_before_the_record_comes_out_late_or_never():
     assert not held_responses([1.0, 1.0], np.ones(5), 50.5).any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("structure", STRUCTURES, ids=lambda each: each.name)
 @pytest.mark.parametrize("kind", ["step", "binary", "waves"])
 def test_without_noise_every_number_is_found(structure, kind):
@@ -37,6 +38,7 @@ def test_without_noise_every_number_is_found(structure, kind):
     assert found.fit_percent > 99.9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "colour"), [("one lag with dead time", 0.0), ("two lags with dead time", 0.8)]
 )
@@ -50,6 +52,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say(name, colour):
     assert len(held) > 30 and np.mean(held) > 0.82
 
 
+@pytest.mark.slow
 def test_the_structure_behind_a_record_is_chosen():
     rng = np.random.default_rng(11)
     chosen = []

@@ -16,6 +16,7 @@ def test_an_integrator_gains_a_pair_at_every_turn(delay):
     assert count_by_crossings(np.array([1.0, 0.0]), np.array([1.0]), delay) == count
 
 
+@pytest.mark.slow
 @given(
     st.integers(1, 6).flatmap(lambda n: root_sets(n)),
     st.integers(0, 5).flatmap(lambda n: root_sets(n)),
@@ -83,4 +84,19 @@ def test_a_root_that_stays_at_zero_is_not_counted(zq, zr, log_share, log_delay):
         return
     found = count_rhp(p).count
     if found is not None:
+        assert p.rhp_in_whole_numbers == found
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
+def test_a_root_that_stays_at_the_origin_is_not_counted_but_the_real_one_that_passes_it_is(scale):
+    # p_B over s of an integrating model that waits for another time than the process.
+    rng = np.random.default_rng(3)
+    for _ in range(25):
+        theta, wait, lag = scale * 10 ** rng.uniform([-1, -1, -2], [1, 1, 0])
+        pole, gain = rng.choice([-1, 1, 1]) * 10 ** rng.uniform(-2, 0.5) / scale, 0.9 / scale
+        q = np.convolve([1.0, pole], [lag**2, 2 * lag, 1.0])
+        terms = Term(np.array([gain, 0.0]), theta), Term(-np.array([1.0, pole]), wait)
+        p = QuasiPolynomial(q, more=terms).over_s(1)
+        found = count_rhp(p).count
+        assert found is not None
         assert p.rhp_in_whole_numbers == found

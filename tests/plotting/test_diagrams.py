@@ -25,6 +25,7 @@ DRAW: dict[str, Callable[[], Diagram]] = {
     "conventional": diagrams.conventional,
     "two_degrees_of_freedom": diagrams.two_degrees_of_freedom,
     "internal_model_control": diagrams.internal_model_control,
+    "six_blocks": diagrams.six_blocks,
     "waiting": diagrams.waiting,
 }
 each_diagram = pytest.mark.parametrize("draw", DRAW.values(), ids=DRAW)
@@ -224,6 +225,7 @@ def test_texts_overlap_neither_each_other_nor_a_line_and_none_is_cut(
     assert not any(touch(piece, box.get_points()) for piece in pieces for box in boxes)
 
 
+@pytest.mark.slow
 @each_diagram
 def test_a_diagram_is_a_figure_of_the_house(draw: Callable[[], Diagram]) -> None:
     diagram = draw()
@@ -259,6 +261,7 @@ def test_the_users_settings_neither_change_nor_matter() -> None:
         schemdraw.schemdraw.schemdrawstyle.update(before_schemdraw)
 
 
+@pytest.mark.slow
 def test_the_package_does_without_schemdraw_and_sympy() -> None:
     loaded = "{'schemdraw', 'sympy'} & set(sys.modules)"
     code = f"import nrdob, nrdob.plotting.plots, sys; sys.exit(bool({loaded}))"

@@ -76,6 +76,7 @@ def test_the_wrong_number_of_axes_is_refused() -> None:
         paper.example(2).plot_bode(axes=[ax])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 def test_the_users_settings_are_untouched(method: str) -> None:
     before = dict(mpl.rcParams)
@@ -111,12 +112,14 @@ def test_the_notebook_gets_one_png_with_alt_text_and_its_size() -> None:
     assert metadata["image/png"]["height"] == pytest.approx(672 * height / width, abs=1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 def test_nothing_is_left_open_after_it_is_shown(method: str) -> None:
     getattr(paper.example(2), method)()._repr_mimebundle_()
     assert plt.get_fignums() == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 def test_the_same_figure_has_the_same_bytes(method: str) -> None:
     first, second = (getattr(paper.example(4), method)().png() for _ in range(2))
@@ -426,6 +429,7 @@ def test_ordinary_loops_are_drawn_turn_by_turn() -> None:
     assert "left out" not in loop.plot_nyquist().alt
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("unit", [1e-30, 1e30])
 @pytest.mark.parametrize("which", ["FH", "L", "K"])
 def test_a_loop_in_extreme_units_is_drawn(unit: float, which: str) -> None:
@@ -500,6 +504,7 @@ def test_of_a_million_turns_few_are_drawn_and_the_words_say_so() -> None:
     assert "turns of the dead time, each within the line of another, are left out" in plot.alt
 
 
+@pytest.mark.slow
 def test_loops_with_two_dead_times_are_drawn(no_warning_leaks):
     lag, s = ct.tf([1], [1, 1]), ct.tf("s")
     plant, model = delay(300.0) * lag, delay(299.9) * 1.1 * lag

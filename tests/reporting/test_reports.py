@@ -36,6 +36,7 @@ def words(page):
     return " ".join(BeautifulSoup(page, "html.parser").get_text().replace("\xa0", " ").split())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", [lambda: of_loop()[1], of_record], ids=["loop", "record"])
 def test_a_page_stands_alone_and_names_its_pictures(page):
     tree = BeautifulSoup(page(), "html.parser")
@@ -117,6 +118,7 @@ def run(capsys, *arguments):
     return code, capsys.readouterr()
 
 
+@pytest.mark.slow
 def test_the_command_writes_a_report_of_formulas(tmp_path, capsys):
     page = tmp_path / "out.html"
     code, said = run(

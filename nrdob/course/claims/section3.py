@@ -560,7 +560,7 @@ def _condition_ii(loop: NRDOB) -> bool:
     "sec3.rhp_zeros",
     "below Lemma 1",
     r"Right half plane zeros of $H$ can prevent stabilisation.",
-    "17_lemma_1",
+    "20_rules_of_the_paper",
 )
 def a_zero_that_no_filter_survives() -> Finding:
     """Try H = 4(s − 1)/(s − 2) with 21 λ and n = 1 to 4, and the same with its zero at −1.
@@ -641,7 +641,7 @@ def _meets_plus_one(ratio: Quotient) -> bool:
     "sec3.slow_filter_always",
     "Section III",
     r"Clockwise turns of $H$ around $-1$ are avoided by reducing the bandwidth of $F$.",
-    "17_lemma_1",
+    "20_rules_of_the_paper",
     amendment=Amendment(
         Verdict.CONDITION,
         r"For all sufficiently large $\lambda$ the observer loop is stable if and only if the "
@@ -688,7 +688,7 @@ def slowing_the_filter_down() -> Finding:
     "Section III",
     r"If $H$ has $P_H$ unstable poles and its plot does not turn $P_H$ times anticlockwise around "
     r"$-1$, no filter $F$ stabilises $B$.",
-    "17_lemma_1",
+    "20_rules_of_the_paper",
     amendment=Amendment(
         Verdict.REFUTED,
         r"It is $FH$ that has to turn, not $H$. $G/\tilde G=(s+1)(1-s/100)/(s-1)$ has $P_H=1$, its "
@@ -825,7 +825,7 @@ def _normalised_loops(count: int) -> list[NRDOB]:
     "Section III",
     r"If $G$ and $\tilde G$ have the same steady state gain, $\lim_{\omega\to0}G/\tilde G=1$ and "
     r"$H(0)=0$.",
-    "17_lemma_1",
+    "20_rules_of_the_paper",
 )
 def equal_gains_at_zero() -> Finding:
     """Draw 40 pairs of one order and gain; take H at s = 0 and follow it towards 0."""
@@ -847,7 +847,7 @@ def equal_gains_at_zero() -> Finding:
     r"With constant coefficients 1 and equal orders, "
     r"$\lim_{\omega\to\infty}G/\tilde G=\dfrac{b_m\tilde a_n}{\tilde b_m a_n}=M$, and "
     r"$H(\infty)=0$ if $M=1$.",
-    "17_lemma_1",
+    "20_rules_of_the_paper",
 )
 def ratio_at_high_frequency() -> Finding:
     """Draw 40 pairs of one order and gain; follow G/Gm to ω = 10⁹ rad/s.
@@ -875,7 +875,7 @@ def ratio_at_high_frequency() -> Finding:
     "Section III",
     r"If the parameters of $G$ and $\tilde G$ differ little, the plot of $H$ may be expected in "
     "the right half plane.",
-    "17_lemma_1",
+    "20_rules_of_the_paper",
     amendment=Amendment(
         Verdict.REFUTED,
         r"It may lie anywhere. Exchange $G$ and $\tilde G$, and $H$ becomes $-H/(1+H)$: where the "
@@ -964,7 +964,7 @@ def _small_mismatches(count: int) -> Iterator[bool]:
     "Section III",
     r"If $H$ stays in the right half plane, and $G$ and $\tilde G$ are stable and minimum phase, "
     r"$B$ is stable whatever the bandwidth of $F$.",
-    "17_lemma_1",
+    "20_rules_of_the_paper",
     amendment=Amendment(
         Verdict.CONDITION,
         r"True for $n=1$ and a proper $H$: $FH$ never turns by 180°. For $n\ge2$ it can: with "

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from math import inf, log, pi
+from math import asin, inf, log, pi
 from typing import Any, NamedTuple
 
 import control as ct
 import numpy as np
-from scipy.optimize import brentq
+from scipy.optimize import brentq, minimize_scalar
 
 from ...design import critical_time_constants, right_half_plane_parity, stabilizing_time_constants
 from ...diagram import DelayedTransferFunction, LowPassFilter, as_fraction, delay
@@ -46,7 +46,7 @@ from .problems import (
 from .reading import UnreadableError, block, numbers, whole
 from .reading import number as one_number
 
-__all__ = ["ADVICE", "BORDER", "DESIGN", "EDGE", "PROBLEMS", "SIGN", "draw_edge"]
+__all__ = ["ADVICE", "BORDER", "DESIGN", "EDGE", "PROBLEMS", "SIGN", "WAITING", "draw_edge"]
 
 # --- 5.1 Which sign? ----------------------------------------------------------------------------
 
@@ -883,4 +883,162 @@ DESIGN = Problem(
     ),
 )
 
-PROBLEMS = (SIGN, BORDER, EDGE, ADVICE, DESIGN)
+
+# --- 5.7 How well must the dead time be known? --------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class WaitingCase:
+    """A plant whose model waits for nearly the right time.
+
+    Attributes
+    ----------
+    prompt : control.TransferFunction
+        What stands before the dead time, in the plant and in the model.
+    dead_time : float
+        For how long the model waits today, in seconds.
+    error : float
+        By how much the plant's dead time may be another one, in seconds, up or down.
+    order : int
+        Order of the filter.
+    """
+
+    prompt: ct.TransferFunction
+    dead_time: float
+    error: float
+    order: int
+
+    def __repr__(self) -> str:
+        late = delay(self.dead_time) * self.prompt
+        return f"model {factored(late)}, dead time wrong by {self.error:g} s, n = {self.order}"
+
+
+def _borne(order: int) -> float:
+    """Error of the dead time, against λ, that is borne whatever the dead time: c_n.
+
+    Roots reach the axis where Df = exp(-jωθm) - exp(-jωθ), of size 2 sin(ω|θ - θm|/2) at most.
+    """
+    last = (2 ** (2 / order) - 1) ** 0.5  # where |Df| = 2
+
+    def error(x: float) -> float:
+        return 2 * asin(min((1 + x * x) ** (order / 2) / 2, 1.0)) / x
+
+    return float(minimize_scalar(error, bounds=(0, last), method="bounded").fun)
+
+
+@kept
+def _today(case: WaitingCase) -> float:
+    """Find the fastest filter that bears the error with the dead time of today."""
+    model = delay(case.dead_time) * case.prompt
+    return max(
+        critical_time_constants(
+            delay(case.dead_time + off) * case.prompt, model, case.order, floor=0.1 * case.error
+        )[-1].time_constant
+        for off in (-case.error, case.error)
+    )
+
+
+@kept
+def _unwaited(case: WaitingCase) -> float:
+    """Find the fastest filter where the error is all the dead time and the model does not wait."""
+    process = delay(case.error) * case.prompt
+    return float(stabilizing_time_constants(process, case.prompt, case.order)[-1][0])
+
+
+def _ramp_bound(case: WaitingCase) -> float:
+    """Give λ with ``ω|error| |F| < 1``: the largest x/(1 + x²)^(n/2) is at x = 1/√(n - 1)."""
+    n = case.order
+    return float(case.error * (n - 1) ** ((n - 1) / 2) / n ** (n / 2))
+
+
+_WRONG_WAITING: tuple[Callable[[WaitingCase], float], ...] = (
+    lambda case: case.error / _borne(1),
+    _unwaited,
+    _today,
+    _ramp_bound,
+    lambda case: case.error * _borne(case.order),
+)
+
+
+def _waiting_case(rng: np.random.Generator) -> WaitingCase:
+    def drawn() -> WaitingCase:
+        pole, other = draw(rng, 0.5, 4), draw(rng, 0.5, 4)
+        prompt = few(rng.uniform(0.5, 4)) / ((s / pole + 1) * (s / other + 1))
+        dead_time = draw(rng, 0.2, 1.5)
+        error = few(dead_time * rng.uniform(0.08, 0.2))
+        return WaitingCase(prompt, dead_time, error, int(rng.integers(2, 5)))
+
+    def fits(case: WaitingCase) -> bool:
+        right = case.error / _borne(case.order)
+        return apart(right, *(of(case) for of in _WRONG_WAITING), by=0.004)
+
+    return first_fitting(drawn, fits)
+
+
+def _waiting_lacks(case: WaitingCase, got: float) -> str:
+    if not 0 < got < inf:
+        return "a time constant is a positive number"
+    borne = _borne(case.order) * got
+    if same(case.error, borne):
+        return ""
+    if borne > case.error:
+        return f"it is stable, but a faster filter would be, too: this one bears {borne:.4g} s"
+    return (
+        f"there are dead times with which it is not stable: this filter bears an error of "
+        f"{borne:.4g} s, not of {case.error:g} s"
+    )
+
+
+WAITING = Problem(
+    id="5.7",
+    title="How well must the dead time be known?",
+    case=_waiting_case,
+    reads=one_number,
+    lacks=_waiting_lacks,
+    rounded=lambda case, got: rounds(case.error / _borne(case.order), got),
+    praise=(
+        "Right: a filter bears an error of c_n λ in the dead time that the model waits for, "
+        "however long that is. What counts is not the dead time, but how well you know it."
+    ),
+    misconceptions=(
+        answers_like(
+            "order forgotten",
+            "You have found the idea, and for a filter of one lag the number. With n lags |Df| = "
+            "(1 + λ²ω²)^(n/2) grows faster, and more is borne at the same λ.",
+            _WRONG_WAITING[0],
+            marks=0.5,
+        ),
+        answers_like(
+            "error taken for the whole dead time",
+            "You have judged a plant whose whole dead time is the error, with a model that does "
+            "not wait. But Df = exp(-jωθm) - exp(-jωθ) turns with the dead time that is waited "
+            "for, and at the worst angle less is borne.",
+            _WRONG_WAITING[1],
+            marks=0.5,
+        ),
+        answers_like(
+            "the dead time of today alone",
+            "That is right for the dead time of today. Asked is a filter that bears the error "
+            "whatever the dead time is: at some other one the difference of the two exponentials "
+            "comes at its worst angle.",
+            _WRONG_WAITING[2],
+            marks=0.5,
+        ),
+        answers_like(
+            "sine taken for its angle",
+            "Safe, but not the fastest: you have bounded the difference of the exponentials by "
+            "ω times the error. It is 2 sin of half of that, and never above 2.",
+            _WRONG_WAITING[3],
+            marks=0.5,
+        ),
+        answers_like(
+            "upside down",
+            "You have multiplied by what you should divide by: an error of c_n λ is borne, so λ "
+            "is the error over c_n.",
+            _WRONG_WAITING[4],
+            marks=0.25,
+        ),
+    ),
+)
+
+PROBLEMS = (SIGN, BORDER, EDGE, ADVICE, DESIGN, WAITING)

@@ -1,0 +1,31 @@
+"""A build fails on a chapter without title, figure, caption or alt text, or with a cell not run.
+
+What a chapter must be stands in `shape`. The question is asked in every build, before anything is
+read, whatever Sphinx remembers of an earlier one.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from sphinx.application import Sphinx
+from sphinx.util import logging
+
+from shape import faults_of_book
+
+CHAPTERS = "chapters"
+
+logger = logging.getLogger(__name__)
+
+
+def check(app: Sphinx) -> None:
+    """Name what the chapters lack."""
+    for fault in faults_of_book(Path(app.srcdir) / CHAPTERS):
+        page, _, said = fault.partition(": ")
+        logger.warning(said, location=f"{CHAPTERS}/{page}")
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Check before anything is read."""
+    app.connect("builder-inited", check)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

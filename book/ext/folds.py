@@ -1,0 +1,80 @@
+"""Cards that are folded: a line to see, and the rest behind it, without a script.
+
+::::{fold} claim reproduced
+:name: claim-eq03
+:lines: 2
+
+What is always seen: the first block, or as many as `lines` says.
+
+The rest.
+::::
+"""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+from docutils import nodes
+from docutils.parsers.rst import directives
+from sphinx.application import Sphinx
+from sphinx.util.docutils import SphinxDirective
+
+
+class Card(nodes.General, nodes.Element):
+    """What can be folded: its line, and the rest."""
+
+
+class CardLine(nodes.General, nodes.Element):
+    """What is seen of it when it is folded."""
+
+
+class Fold(SphinxDirective):
+    """A card: the classes as argument, the first blocks seen, the others folded."""
+
+    optional_arguments = 1
+    final_argument_whitespace = True
+    has_content = True
+    option_spec: ClassVar[dict[str, Any]] = {
+        "name": directives.unchanged, "lines": directives.positive_int,
+    }  # fmt: skip
+
+    def run(self) -> list[nodes.Node]:
+        """Part the content."""
+        blocks = self.parse_content_to_nodes()
+        seen = self.options.get("lines", 1)
+        card = Card(
+            "",
+            CardLine("", *blocks[:seen]),
+            *blocks[seen:],
+            classes=" ".join(self.arguments).split(),
+        )
+        self.add_name(card)
+        return [card]
+
+
+def enter_card(translator: Any, node: Card) -> None:
+    """Begin the card."""
+    translator.body.append(translator.starttag(node, "details"))
+
+
+def leave_card(translator: Any, _node: Card) -> None:
+    """End the card."""
+    translator.body.append("</details>\n")
+
+
+def enter_line(translator: Any, node: CardLine) -> None:
+    """Begin what is always seen."""
+    translator.body.append(translator.starttag(node, "summary"))
+
+
+def leave_line(translator: Any, _node: CardLine) -> None:
+    """End it."""
+    translator.body.append("</summary>\n")
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Add the directive and its two pieces."""
+    app.add_node(Card, html=(enter_card, leave_card))
+    app.add_node(CardLine, html=(enter_line, leave_line))
+    app.add_directive("fold", Fold)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

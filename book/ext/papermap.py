@@ -1,0 +1,158 @@
+r"""The paper's own numbers: equations that carry them, and the table that leads from them.
+
+A displayed equation of a chapter with ``\tag{3}`` is the paper's (3): the page gives it the number,
+the anchor ``paper-eq-3`` and a line that leads to the ledger. The table
+
+    ```{paper-map}
+    ```
+
+leads from the equations, lemmas, figures and examples of the paper to chapters and ledger.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from docutils import nodes
+from sphinx.addnodes import pending_xref
+from sphinx.application import Sphinx
+from sphinx.transforms import SphinxTransform
+from sphinx.util.docutils import SphinxDirective
+
+from nrdob.course.claims import LEDGER
+from statements import prose_of, theorems_of, title_of
+
+CHAPTERS = "chapters"
+TAG = re.compile(r"\s*\\tag\{(\d+)\}")
+DISPLAYED = re.compile(r"\$\$(.+?)\$\$|\\begin\{(\w+\*?)\}.+?\\end\{\2\}", re.DOTALL)
+FIGURE = re.compile(r"fig-(\d+)(-[a-zH]+)?")
+EQUATIONS, FIGURES = range(1, 18), range(1, 20)
+EXAMPLES = {1: "01_matched", 2: "02_nonminimum_phase", 3: "03_unstable", 4: "04_time_delay"}
+
+
+def claims_of(stem: str) -> list[str]:
+    """Give the claims of the ledger about one thing in the paper: eq03, fig15a, lemma1, ex2."""
+    return [
+        id
+        for id in LEDGER
+        if re.fullmatch(rf"{stem}[a-z]?", id.partition(".")[0].partition("_")[0])
+    ]
+
+
+class PaperNumbers(SphinxTransform):
+    """Give the paper's equations their numbers, anchors, and the way to the ledger."""
+
+    default_priority = 480
+
+    def apply(self, **_: object) -> None:
+        if not self.env.docname.startswith(f"{CHAPTERS}/"):
+            return
+        numbered: set[str] = set()
+        for formula in list(self.document.findall(nodes.math_block)):
+            numbers = TAG.findall(formula.astext())
+            if len(numbers) == 1:
+                self.number(formula, numbers[0])
+            if new := [number for number in numbers if number not in numbered]:
+                numbered |= set(new)
+                self.lead(formula, new)
+
+    def number(self, formula: nodes.math_block, number: str) -> None:
+        """Take the number out of the formula, and let the page set it, where any formula can."""
+        text = TAG.sub("", formula.astext())
+        formula.rawsource = text
+        formula.children = []
+        formula += nodes.Text(text)
+        formula["number"] = number
+
+    def lead(self, formula: nodes.math_block, numbers: list[str]) -> None:
+        """Give a formula its anchors, and a line that leads to the ledger."""
+        targets = []
+        for number in numbers:
+            target = nodes.target("", "", ids=[f"paper-eq-{number}"], names=[f"paper-eq-{number}"])
+            targets.append(target)
+        if not formula.get("ids"):
+            formula["ids"] = [f"paper-formula-{numbers[0]}"]
+        line = nodes.paragraph("", "", classes=["paper-number"])
+        many = len(numbers) > 1
+        line += nodes.Text(
+            f"The paper's equation{'s' * many} {', '.join(f'({number})' for number in numbers)}"
+        )
+        for k, id in enumerate(id for number in numbers for id in claims_of(f"eq{int(number):02}")):
+            line += nodes.Text("; " if k else ": ")
+            name = nodes.literal(id, id, classes=["claim-link"])
+            link = pending_xref("", name, reftype="claim", reftarget=id)
+            link["refdoc"], link.source, link.line = self.env.docname, formula.source, formula.line
+            line += link
+        place = formula.parent.index(formula)
+        formula.parent[place : place + 1] = [*targets, formula, line]
+
+
+class PaperMap(SphinxDirective):
+    """The table from the paper's numbers to the book."""
+
+    def run(self) -> list[nodes.Node]:
+        """Write the table as Markdown, and let it be read like the rest of the page."""
+        folder = Path(self.env.srcdir) / CHAPTERS
+        for path in folder.glob("*.ipynb"):
+            self.env.note_dependency(path)
+        return self.parse_text_to_nodes(table(folder))
+
+
+def equations_in(cells: Iterable[str]) -> list[int]:
+    """Give the paper's numbers of the displayed equations of a chapter."""
+    found = (TAG.findall(match.group()) for cell in cells for match in DISPLAYED.finditer(cell))
+    return sorted({int(number) for numbers in found for number in numbers})
+
+
+def figures_in(notebook: Path) -> dict[str, int]:
+    """Give the names of the figures of a chapter that are the paper's, with their numbers."""
+    cells = json.loads(notebook.read_text("utf-8"))["cells"]
+    names = (cell["metadata"].get("mystnb", {}).get("figure", {}).get("name") for cell in cells)
+    matches = (FIGURE.fullmatch(name or "") for name in names)
+    return {match.group(): int(match[1]) for match in matches if match}
+
+
+def table(folder: Path) -> str:
+    """Write the table."""
+    pages = {path.stem: path for path in sorted(folder.glob("*.ipynb"))}
+    equations = {page: equations_in(prose_of(path)) for page, path in pages.items()}
+    figures = {page: figures_in(path) for page, path in pages.items()}
+    theorems = [theorem for of in theorems_of(folder).values() for theorem in of]
+
+    def chapter(page: str) -> str:
+        return f"[{page[:2]} {title_of(pages[page])}](/{CHAPTERS}/{page}.ipynb)"
+
+    def row(name: str, places: list[str], stems: list[str]) -> str:
+        ledger = " ".join(f"`claim:{id}`" for stem in stems for id in claims_of(stem))
+        return f"| {name} | {'; '.join(places) or '–'} | {ledger or '–'} |"
+
+    rows = ["| In the paper | In the book | In the ledger |", "|---|---|---|"]
+    for n in EQUATIONS:
+        at = [chapter(page) for page, of in equations.items() if n in of]
+        rows.append(row(f"eq. ({n})", at, [f"eq{n:02}"]))
+    for name, stem in (("Lemma 1", "lemma1"), ("Lemma 2", "lemma2"), ("Corollary 1", "cor1")):
+        at = [f"Theorem {t.number} ({t.name})" for t in theorems if name in t.name]
+        at += [chapter(page) for page, path in pages.items() if name in title_of(path)]
+        rows.append(row(name, at, [stem]))
+    for n, page in EXAMPLES.items():
+        rows.append(row(f"Example {n}", [chapter(page)] if page in pages else [], []))
+    for n in FIGURES:
+        at = [
+            f"[{page[:2]}, Figure {name.removeprefix('fig-')}](#{name})"
+            for page, names in figures.items()
+            for name, number in names.items()
+            if number == n
+        ]
+        rows.append(row(f"Figure {n}", at, [f"fig{n:02}"]))
+    return "\n".join(rows)
+
+
+def setup(app: Sphinx) -> dict[str, Any]:
+    """Add the directive, and the transform that numbers."""
+    app.add_directive("paper-map", PaperMap)
+    app.add_transform(PaperNumbers)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,0 +1,225 @@
+"""The numbered theorems of the chapters, as written, and what is amiss with them.
+
+A theorem is a quotation in a chapter; the page makes a box of it, and the index of theorems an
+entry. Read, it gives its parts as Markdown:
+
+    > **Theorem 17.1 (Lemma 1, exact).** *Let*
+    >
+    > 1. the blocks be proper;
+    > 2. $F$ be stable.
+    >
+    > *Then* the loop is stable if and only if …
+    >
+    > *Without 1:* the loop … breaks.
+    >
+    > *Without 2:* …
+    >
+    > *Proof:* the determinant above.
+    >
+    > *Known:* textbook.
+
+Nothing here needs Sphinx: the tests and the build ask the same functions.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+HEAD = re.compile(r"\*\*Theorem (\d+)\.(\d+) \((.+?)\)\.\*\*\s*")
+NUMBERED = re.compile(r"\*\*Theorem \d")
+CONDITION = re.compile(r"(\d+)\.\s+(.*)", re.DOTALL)
+PART = re.compile(r"\*(Then|Without|Proof|Known)\b([^*]*?)[:.]?\*[:.]?\s*")
+MENTION = re.compile(r"\bTheorems?\s+(\d+\.\d+(?:(?:,\s+|,?\s+and\s+|\s+to\s+|–)\d+\.\d+)*)")
+NUMBER = re.compile(r"\d+\.\d+")
+NOT_PROSE = re.compile(r"```.*?```|`[^`]*`|\$\$.*?\$\$|\$[^$]*\$", re.DOTALL)
+
+
+@dataclass(frozen=True)
+class Theorem:
+    """A theorem as its chapter writes it; every text is Markdown."""
+
+    page: str
+    chapter: int
+    count: int
+    name: str
+    setting: str
+    conditions: Mapping[int, str]
+    then: str
+    without: Mapping[int, str]
+    proof: str
+    known: str
+    listed: tuple[int, ...]
+
+    @property
+    def number(self) -> str:
+        """The number by which the book refers to it, as 17.1."""
+        return f"{self.chapter}.{self.count}"
+
+    @property
+    def anchor(self) -> str:
+        """Where its page has it."""
+        return anchor(self.number)
+
+    def __str__(self) -> str:
+        """Name it and its place, as a complaint about it begins."""
+        return f"{self.page}: Theorem {self.number} ({self.name})"
+
+
+def anchor(number: str) -> str:
+    """Give the anchor of a theorem; addresses in letters and papers rely on it."""
+    return f"theorem-{number.replace('.', '-')}"
+
+
+# --- reading ------------------------------------------------------------------------------------
+
+
+def prose_of(notebook: Path) -> list[str]:
+    """Give the text of the Markdown cells of a notebook."""
+    cells = json.loads(notebook.read_text("utf-8"))["cells"]
+    return ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "markdown"]
+
+
+def quotations(text: str) -> Iterator[str]:
+    """Give the quotations of a Markdown text, without their marks."""
+    for block in re.findall(r"(?:^ {0,3}>.*(?:\n|\Z))+", text, re.MULTILINE):
+        yield re.sub(r"^ {0,3}> ?", "", block, flags=re.MULTILINE).strip()
+
+
+def read(page: str, cells: Iterable[str]) -> list[Theorem]:
+    """Read the theorems of a chapter in their order; what is no theorem is passed over."""
+    return [
+        parse(page, head, text[head.end() :])
+        for cell in cells
+        for text in quotations(cell)
+        if (head := HEAD.match(text))
+    ]
+
+
+def parse(page: str, head: re.Match[str], body: str) -> Theorem:
+    """Read one theorem: its conditions before *Then*, and the parts that follow."""
+    marks = list(PART.finditer(body))
+    before = body[: marks[0].start()] if marks else body
+    items = [
+        found
+        for text in re.split(r"^(?=\d+\.\s)", before, flags=re.MULTILINE)
+        if (found := CONDITION.match(text.strip()))
+    ]
+    parts: dict[str, str] = {}
+    without: dict[int, str] = {}
+    for mark, end in zip(marks, [*(m.start() for m in marks[1:]), len(body)], strict=True):
+        kind, said = mark[1], body[mark.end() : end].strip()
+        if kind == "Without":
+            without |= dict.fromkeys(map(int, re.findall(r"\d+", mark[2])), said)
+        elif kind not in parts:
+            parts[kind] = said
+    setting = re.split(r"^\d+\.\s", before, maxsplit=1, flags=re.MULTILINE)[0].strip()
+    return Theorem(
+        page=page,
+        chapter=int(head[1]),
+        count=int(head[2]),
+        name=head[3],
+        setting=setting if setting != "*Let*" else "",
+        conditions={int(item[1]): item[2].strip() for item in items},
+        then=parts.get("Then", ""),
+        without=without,
+        proof=parts.get("Proof", ""),
+        known=parts.get("Known", ""),
+        listed=tuple(int(item[1]) for item in items),
+    )
+
+
+def mentions(text: str) -> list[str]:
+    """Give the numbers of the theorems that a text refers to, code and formulas left out."""
+    spans = MENTION.findall(NOT_PROSE.sub(" ", text))
+    return [number for span in spans for number in NUMBER.findall(span)]
+
+
+def title_of(notebook: Path) -> str:
+    """Give the title of a chapter, or its name where it has none."""
+    titles = (re.search(r"^# +(.+?) *$", text, re.MULTILINE) for text in prose_of(notebook))
+    return next((title[1] for title in titles if title), notebook.stem)
+
+
+def theorems_of(folder: Path) -> dict[str, list[Theorem]]:
+    """Read the theorems of all chapters in a folder, by chapter, in reading order."""
+    return {path.stem: read(path.stem, prose_of(path)) for path in sorted(folder.glob("*.ipynb"))}
+
+
+# --- what is amiss --------------------------------------------------------------------------------
+
+
+def faults(page: str, cells: Iterable[str]) -> list[str]:
+    """Name what is amiss with the theorems of a chapter, each with its place."""
+    cells = list(cells)
+    found = [
+        f"{page}: a theorem begins with {text.splitlines()[0]!r}; it must begin with "
+        "'**Theorem 17.1 (Name).**'"
+        for cell in cells
+        for text in quotations(cell)
+        if NUMBERED.match(text) and not HEAD.match(text)
+    ]
+    theorems = read(page, cells)
+    for theorem in theorems:
+        found += [f"{theorem} {fault}" for fault in faults_of(theorem)]
+    return found + faults_of_order(theorems)
+
+
+def faults_of(theorem: Theorem) -> Iterator[str]:
+    """Say what one theorem lacks."""
+    own = re.match(r"\d+", theorem.page)
+    if own is None or int(own[0]) != theorem.chapter:
+        yield f"stands in {theorem.page}, and has the number of another chapter"
+    if not theorem.listed:
+        yield "has no numbered conditions"
+    elif theorem.listed != tuple(range(1, len(theorem.listed) + 1)):
+        yield f"numbers its conditions {', '.join(map(str, theorem.listed))}, not from 1 on"
+    for k in sorted(theorem.conditions.keys() - theorem.without.keys()):
+        yield f"does not say what happens without condition {k}: '*Without {k}:*'"
+    for k in sorted(theorem.without.keys() - theorem.conditions.keys()):
+        yield f"says what happens without condition {k}, which it does not have"
+    for label, text in (("Then", theorem.then), ("Proof:", theorem.proof)):
+        if not text:
+            yield f"has no '*{label}*'"
+    if not theorem.known:
+        yield "does not say who knew it: '*Known:*'"
+
+
+def faults_of_order(theorems: list[Theorem]) -> list[str]:
+    """Say which numbers of a chapter come twice, and which are left out."""
+    counts = [theorem.count for theorem in theorems]
+    twice = [
+        f"{theorem} has a number that an earlier theorem has"
+        for place, theorem in enumerate(theorems)
+        if theorem.count in counts[:place]
+    ]
+    if twice or counts == list(range(1, len(counts) + 1)):
+        return twice
+    return [
+        f"{theorem} comes where {expected} is expected: a number is left out, or out of order"
+        for expected, theorem in enumerate(theorems, 1)
+        if theorem.count != expected
+    ][:1]
+
+
+def lost_mentions(page: str, cells: Iterable[str], there: set[str]) -> list[str]:
+    """Name the theorems that a page mentions and the book does not have."""
+    return [
+        f"{page}: mentions Theorem {number}, which the book does not have"
+        for number in dict.fromkeys(number for cell in cells for number in mentions(cell))
+        if number not in there
+    ]
+
+
+def faults_of_book(folder: Path) -> list[str]:
+    """Name everything that is amiss with the theorems of the chapters in a folder."""
+    cells = {path.stem: prose_of(path) for path in sorted(folder.glob("*.ipynb"))}
+    there = {theorem.number for page, of in cells.items() for theorem in read(page, of)}
+    return [
+        fault
+        for page, of in cells.items()
+        for fault in faults(page, of) + lost_mentions(page, of, there)
+    ]
