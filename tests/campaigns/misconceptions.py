@@ -86,5 +86,7 @@ if __name__ == "__main__":
     parser.add_argument("problems", nargs="*", metavar="PROBLEM")
     parser.add_argument("--count", type=int, default=24)
     given = parser.parse_args()
+    if unknown := [id for id in given.problems if id not in ALL]:
+        parser.error(f"no program checks {', '.join(unknown)}; it checks {', '.join(ALL)}")
     for outcome, number in sorted(campaign(given.count, given.problems or list(PROBLEMS)).items()):
         print(f"{number:6}  {outcome}")

@@ -39,6 +39,19 @@ def settled_by_three_equations(case: Any) -> dict[str, Any]:
     return {name: np.linalg.solve(left, column) for name, column in right.items()}
 
 
+def nearly_settled(case: Any) -> dict[str, Any]:
+    """Solve the lines with F(0) a hair below 1: what is zero comes out as nearly that."""
+    F = 1 - 1e-9
+    left = [[1, -case.G, 0], [F, (1 - F) * case.Gm, 1], [-F / case.Gm, F - 1, case.C]]
+    right = {
+        "R": (0, 1, 0),
+        "delta": (case.G, 0, 0),
+        "d": (1, 0, 0),
+        "eta": (0, -F, F / case.Gm),
+    }
+    return {name: np.linalg.solve(left, column) for name, column in right.items()}
+
+
 def by_control(case: Any) -> ct.TransferFunction:
     G, Gm = ct.tf(case.N, case.D), ct.tf(case.Nm, case.Dm)
     F = ct.tf([1], LowPassFilter(case.time_constant, case.order).den)
@@ -59,6 +72,12 @@ def weaker_twin(case: Any) -> tuple[float, ct.TransferFunction]:
     F = ct.tf([1], case.loop.filter.den)
     c = 0.25
     return c, c * F / (1 + (c - 1) * F)  # as python-control leaves it, with factors in common
+
+
+def closed_by_control(case: Any) -> list[Any]:
+    F = ct.tf([1], case.loop.filter.den)
+    twin = ct.minreal(ct.feedback(1.5 * F / (1 - F), 1), verbose=False)  # F(0) is 1, nearly
+    return [1.5, twin.num, twin.den]
 
 
 def scanned_wishes(case: Any) -> tuple[float, int]:
@@ -348,14 +367,14 @@ def another_design(case: Any) -> list[Any]:
 
 
 ROUTES: dict[str, list[Route]] = {
-    "1.1": [settled_by_three_equations],
+    "1.1": [settled_by_three_equations, nearly_settled],
     "1.3": [
         by_control,
         by_its_roots,
         lambda case: np.polynomial.Polynomial(by_control(case).num[0][0][::-1]),
     ],
     "1.4": [straight_line],
-    "1.5": [weaker_twin],
+    "1.5": [weaker_twin, closed_by_control],
     "1.6": [scanned_wishes],
     "2.1": [
         lambda case: (
@@ -372,14 +391,18 @@ ROUTES: dict[str, list[Route]] = {
     "3.5": [lost_gain],
     "3.6": [scanned_margins],
     "4.1": [asked_the_package],
-    "4.2": [scanned_orders],
+    "4.2": [scanned_orders, lambda case: np.array(scanned_orders(case))],
     "4.3": [scanned_for_three],
     "4.5": [strong_and_backwards],
     "4.6": [two_slow_poles],
     "5.1": [parity_by_counting],
     "5.3": [bisected],
     "5.4": [edge_by_bisection],
-    "5.5": [more_lags],
+    "5.5": [
+        more_lags,
+        lambda case: (model for model in more_lags(case)),
+        lambda case: np.array(more_lags(case), dtype=object),
+    ],
     "5.6": [scanned_design, package_design, partial(package_design, suggested=True)],
     "5.7": [turned_and_bisected, worst_dead_time],
     "6.1": [measured_rejection],
@@ -430,12 +453,17 @@ WRONG: dict[str, list[Route]] = {
         row_for_row(lambda name, row: row[[1, 0, 2]]),
         row_for_row(lambda name, row: row * (name != "d")),
         lambda case: dict.fromkeys(("R", "delta", "d", "eta"), (0, 0, 0)),
+        row_for_row(lambda name, row: row + [0, 0, name == "eta"]),
     ],
     "1.3": [
         lambda case: np.polymul(case.D, case.Nm),
         lambda case: np.polymul(by_control(case).num[0][0], [1, 1]),
         lambda case: -by_control(case).num[0][0] + np.eye(1, by_control(case).num[0][0].size)[0],
         lambda case: np.polymul(case.D, case.Dm),
+        lambda case: np.polyadd(
+            np.polymul(np.polymul(case.D, case.Nm), [case.time_constant**case.order, 0, 0]),
+            np.polymul(case.N, case.Dm),
+        ),
     ],
     "1.4": [
         lambda case: 1.0,
@@ -470,6 +498,7 @@ WRONG: dict[str, list[Route]] = {
         lambda case: 0,
         lambda case: (case.poles_at_zero + case.excess) / 2,
         lambda case: unwrapped(case) + 1,
+        lambda case: round(unwrapped(case)) / 2,
         lambda case: -np.angle((1 + case.values)[-1] / (1 + case.values)[0]) / pi,
     ],
     "2.5": [
@@ -494,6 +523,7 @@ WRONG: dict[str, list[Route]] = {
         delays(lambda found: found[1]),
         delays(lambda found: found[-1]),
         delays(lambda found: found.mean()),
+        delays(lambda found: np.degrees(found.min())),
     ],
     "3.4": [
         lambda case: 1 / case.size,
@@ -516,6 +546,7 @@ WRONG: dict[str, list[Route]] = {
     "4.1": [
         lambda case: [case.delay, 1 / case.zero, 0, case.double_lag],
         lambda case: asked_the_package(case)[::-1],
+        lambda case: [1 / edge if edge else 0 for edge in asked_the_package(case)],
         lambda case: 1.03 * asked_the_package(case),
         lambda case: 0.97 * asked_the_package(case),
     ],
@@ -692,7 +723,7 @@ DRESSES: dict[str, Route] = {
     "array without axes": lambda x: np.array(x),
     "text": lambda x: f" {x!r}",
     "text with a comma": lambda x: f"{x!r}".replace(".", ",").replace("-", "−"),
-    "complex": lambda x: complex(x, 1e-17 * x if np.isfinite(x) else 0.0),
+    "complex": lambda x: complex(x, 1e-17 if np.isfinite(x) else 0.0),
     "python-control": lambda x: ct.tf([x], [1]) if np.isfinite(x) else x,
     "numpy.polynomial": lambda x: np.polynomial.Polynomial([x]),
     "poly1d": lambda x: np.poly1d([x]),

@@ -24,11 +24,12 @@ __all__ = [
     "number",
     "numbers",
     "polynomial",
+    "things",
     "whole",
 ]
 
-REAL = 1e-9
-"""An imaginary part smaller than this share is rounding: NumPy leaves such behind."""
+REAL, NOTHING = 1e-9, 1e-12
+"""An imaginary part smaller than this share, or than this, is rounding: NumPy leaves such behind."""
 
 UNORDERED = (
     str,
@@ -97,7 +98,7 @@ def _real(given: Any) -> float:
         value = complex(given)
     except (TypeError, ValueError, OverflowError):
         raise UnreadableError(f"a number is asked for; this is a {type(given).__name__}") from None
-    if abs(value.imag) > REAL * abs(value):
+    if abs(value.imag) > max(REAL * abs(value), NOTHING):
         raise UnreadableError(
             f"a real number is asked for; this one has the imaginary part {value.imag:.3g}"
         )
@@ -162,6 +163,21 @@ def numbers(given: Any, names: str = "") -> FloatArray:
     if names and len(held) != count:
         raise UnreadableError(f"{wanted}; these are {len(held)}")
     return np.array([number(value) for value in held], dtype=float)
+
+
+def things(given: Any, wanted: str, counts: tuple[int, ...] = (2,)) -> list[Any]:
+    """Take apart what holds several things, in a list, a tuple, an array or the like.
+
+    Examples
+    --------
+    >>> things(np.array([2, 0.03]), "two things are asked for")
+    [2.0, 0.03]
+    """
+    if isinstance(given, Iterable) and not isinstance(given, UNORDERED):
+        held = given.tolist() if isinstance(given, np.ndarray) else list(given)
+        if isinstance(held, list) and len(held) in counts:
+            return held
+    raise UnreadableError(wanted)
 
 
 def polynomial(given: Any) -> FloatArray:

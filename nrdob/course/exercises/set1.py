@@ -17,7 +17,7 @@ from ...numerics import ComplexArray, FloatArray
 from ...plotting import SHORT, Figure, axes_for, colour_of, styled
 from .cases import LoopCase, apart, draw, few, first_fitting
 from .problems import FOUR_DIGITS, Misconception, Problem, answers_like, near, rounds
-from .reading import UnreadableError, block, lowpass, number, numbers, polynomial
+from .reading import UnreadableError, block, lowpass, number, numbers, polynomial, things
 
 __all__ = ["INPUTS", "PROBLEMS", "PolynomialCase", "SettledCase", "TwinCase", "WishCase"]
 
@@ -97,7 +97,8 @@ def _unsatisfied(case: SettledCase, name: str, row: FloatArray) -> str:
         "y = G (u + delta) + d": (y, case.G * u, case.G * delta, d),
     }
     for line, (left, *terms) in lines.items():
-        if abs(left - sum(terms)) > FOUR_DIGITS * (abs(left) + np.abs(terms).sum()):
+        size = abs(left) + np.abs(terms).sum()
+        if abs(left - sum(terms)) > FOUR_DIGITS * max(size, 0.1):  # no step but one, of size 1
             return (
                 f"after a step of {name}, the line {line} is not satisfied, where F = 1: "
                 f"{left:.4g} on the left, {sum(terms):.4g} on the right"
@@ -513,9 +514,8 @@ Twin = tuple[float, ct.TransferFunction]
 
 def _twin(given: Any) -> Twin:
     """Read c and F', given as (c, num, den) or as (c, F')."""
-    if not isinstance(given, tuple | list) or len(given) not in (2, 3):
-        raise UnreadableError("three things are asked for, (c, num, den)")
-    return number(given[0]), block(given[1] if len(given) == 2 else tuple(given[1:]))
+    factor, *rest = things(given, "three things are asked for, (c, num, den)", (2, 3))
+    return number(factor), block(rest[0] if len(rest) == 1 else tuple(rest))
 
 
 def _stronger(case: TwinCase, got: Twin) -> ComplexArray:
@@ -534,6 +534,8 @@ SAME_K = 2e-3
 
 def _twin_lacks(case: TwinCase, got: Twin) -> str:
     factor, filter = got
+    if abs(filter(0) - 1) < FOUR_DIGITS:  # as near as python-control keeps it
+        filter = filter * float(1 / filter(0).real)
     if abs(factor - 1) < LEAST:
         return "c is 1: give a model that differs from the given one by a hundredth or more"
     try:

@@ -711,10 +711,10 @@ LITERAL = Problem(
         ),
         lacking(
             "B",
-            "a pole matched nearly",
+            "a root that is not hidden",
             "The loop is not stable, and 1 + FH shows it: it has a zero on the right, so the lemma "
-            "gives the right warning. A root hides only where it cancels exactly; next to the "
-            "plant's pole it does not.",
+            "gives the right warning. A root hides only where plant and model have it in "
+            "common, to the last digit: near it, or elsewhere, nothing cancels.",
             lambda case: _held(case, 1.05 * case.pole, 1.0),
             marks=0.25,
         ),

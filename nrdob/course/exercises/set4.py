@@ -46,7 +46,7 @@ from .cases import (
     observer_stable,
 )
 from .problems import Misconception, Problem, answers_like, answers_like_any, near, rounds, same
-from .reading import UnreadableError, block, lowpass, number, numbers, whole
+from .reading import block, lowpass, number, numbers, things, whole
 
 __all__ = ["PROBLEMS"]
 
@@ -326,9 +326,8 @@ def _order_and_time(given: Any) -> LowPassFilter:
     """Read an order and a time constant, or the filter that has them."""
     if isinstance(given, LowPassFilter):
         return given
-    if not isinstance(given, tuple | list) or len(given) != 2:
-        raise UnreadableError("two things are asked for, (order, time constant in seconds)")
-    return LowPassFilter(number(given[1]), whole(given[0]))
+    order, value = things(given, "two things are asked for, (order, time constant in seconds)")
+    return LowPassFilter(number(value), whole(order))
 
 
 def _read_well(case: OrdersCase, F: LowPassFilter) -> str:

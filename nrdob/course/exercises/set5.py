@@ -43,7 +43,7 @@ from .problems import (
     rounds,
     same,
 )
-from .reading import UnreadableError, block, numbers, whole
+from .reading import UnreadableError, block, numbers, things, whole
 from .reading import number as one_number
 
 __all__ = ["ADVICE", "BORDER", "DESIGN", "EDGE", "PROBLEMS", "SIGN", "WAITING", "draw_edge"]
@@ -504,12 +504,12 @@ Edge = tuple[float, str]
 
 
 def _read_edge(given: Any) -> Edge:
-    if not isinstance(given, tuple | list | np.ndarray) or len(given) != 2:
-        raise UnreadableError('two things are asked for, the time constant and "below" or "above"')
-    side = str(given[1]).strip().lower()
+    wanted = 'two things are asked for, the time constant and "below" or "above"'
+    value, given_side = things(given, wanted)
+    side = str(given_side).strip().lower()
     if side not in ("below", "above"):
         raise UnreadableError('the second entry must be "below" or "above"')
-    return one_number(given[0]), side
+    return one_number(value), side
 
 
 def _edge_lacks(case: FilterCase, got: Edge) -> str:
@@ -594,12 +594,12 @@ def _unstable_plant(rng: np.random.Generator) -> UnstablePlant:
 
 
 def _model_and_order(given: Any) -> tuple[ct.TransferFunction, int]:
-    if not isinstance(given, tuple | list) or len(given) != 2:
-        raise UnreadableError("two things are asked for, the model and the order, a whole number")
-    model = block(given[0])
+    wanted = "two things are asked for, the model and the order, a whole number"
+    given_model, order = things(given, wanted)
+    model = block(given_model)
     if not isinstance(model, ct.TransferFunction):
         raise UnreadableError("the model has a dead time; give one without")
-    return model, whole(given[1])
+    return model, whole(order)
 
 
 def _not_refuting(case: UnstablePlant, got: tuple[ct.TransferFunction, int]) -> str:

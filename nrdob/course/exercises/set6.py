@@ -46,7 +46,7 @@ from .problems import (
     near,
     same,
 )
-from .reading import UnreadableError, number, numbers
+from .reading import number, numbers, things
 
 __all__ = ["PROBLEMS", "STAGES", "Project", "rms"]
 
@@ -892,9 +892,9 @@ WITHIN = 1 + 6e-3
 
 
 def _three_blocks(given: Any) -> tuple[Any, Any, Any]:
-    if not isinstance(given, tuple | list) or len(given) != 3:
-        raise UnreadableError("three blocks are asked for: (model, controller, filter)")
-    return tuple(given)
+    wanted = "three blocks are asked for: (model, controller, filter)"
+    model, controller, filter = things(given, wanted, (3,))
+    return model, controller, filter
 
 
 def _passes(case: Project, got: Any) -> str:
