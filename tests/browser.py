@@ -55,20 +55,41 @@ FINDINGS = """() => {
       .map((each) => each.closest("summary").textContent),
     stops: [...document.querySelectorAll("mjx-container[tabindex='0'], span.math[tabindex='0']")]
       .filter((each) => !scrolls(each)).length,
+    picture: Math.min(...[...document.querySelectorAll(".bd-article :is(img, .explorable svg)")]
+      .filter((each) => each.checkVisibility())
+      .map((each) => (each.getBoundingClientRect().top + scrollY) / innerHeight)),
   };
+}"""
+
+# The letters of a formula and the words of code in their colours are thousands of pieces, which
+# axe would look at one by one; all are alike.
+LIGHTER = """() => {
+  document.querySelectorAll("mjx-container svg, mjx-assistive-mml").forEach((e) => e.remove());
+  document.querySelectorAll(".highlight pre").forEach((e) => { e.textContent = e.textContent; });
+  document.querySelectorAll("details").forEach((e) => { e.open = true; });
 }"""
 
 
 @dataclass(frozen=True)
 class Look:
-    """What a browser finds on one page: pixels too wide, and everything else that is amiss."""
+    """What a browser finds on one page: pixels too wide, and everything else that is amiss.
+
+    The first picture stands `picture` screens from the top; infinitely many if there is none.
+    """
 
     overflow: int
     distorted: list[str]
     cut: list[str]
     torn: list[str]
     stops: int
+    picture: float
     said: list[str]
+
+    @property
+    def amiss(self) -> list[object]:
+        """What must not be, however wide the page and whatever its colours."""
+        wide = [f"{self.overflow} pixels too wide"] if self.overflow > 0 else []
+        return [*wide, *self.distorted, *self.cut, *self.torn]
 
 
 @contextmanager
