@@ -28,12 +28,14 @@ FINDINGS = """() => {
   const drawn = (image) => inside(image)[0] / inside(image)[1];
   const asMade = (image) => image.naturalWidth / image.naturalHeight;
   const scrolls = (box) => box.scrollWidth > box.clientWidth + 1;
-  const hides = (box) => /hidden|clip/.test(getComputedStyle(box).overflowX);
+  // A line that ends in dots is meant to.
+  const hides = (box) => /hidden|clip/.test(getComputedStyle(box).overflowX)
+    && getComputedStyle(box).textOverflow !== "ellipsis";
   const canScroll = (box) => /auto|scroll/.test(getComputedStyle(box).overflowX);
   const cutOff = (piece) => {
     const right = piece.getBoundingClientRect().right;
     for (let box = piece.parentElement; box; box = box.parentElement) {
-      if (canScroll(box)) return false;
+      if (canScroll(box) || getComputedStyle(box).textOverflow === "ellipsis") return false;
       if (hides(box) && right > box.getBoundingClientRect().right + 1) return true;
     }
     return right > room + 1;
