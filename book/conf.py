@@ -36,6 +36,8 @@ extensions = [
     "getting",
     "papermap",
     "predict",
+    "reread",
+    "solutions",
     "theorems",
     "typeset",
 ]
@@ -48,6 +50,7 @@ myst_heading_anchors = 3
 numfig = False  # captions name the paper's own figure numbers
 highlight_language = "none"  # text diagrams are no Python; doctests are seen as such anyway
 nb_execution_mode = "off"
+nb_code_prompt_show, nb_code_prompt_hide = "Show the code", "Hide the code"
 nb_ipywidgets_js = {}  # the default asks other servers for scripts
 bibtex_bibfiles = ["references.bib"]
 bibtex_default_style = "plain"
@@ -66,6 +69,7 @@ nitpick_ignore_regex = [
 html_theme = "sphinx_book_theme"
 html_title = project
 html_static_path = ["_static"]
+templates_path = ["templates/theme"]
 html_css_files = ["book.css"]
 html_context = {"default_mode": "auto"}
 html_theme_options = {

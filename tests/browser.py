@@ -15,37 +15,83 @@ OFFLINE = "--host-resolver-rules=MAP * ~NOTFOUND"
 # Once the formulas are set the page has its final form.
 SETTLED = "() => window.MathJax?.startup?.promise?.then(() => true) ?? true"
 
+# How a page may be seen beside 360 pixels wide and light.
+VIEWS = ((360, "dark"), (800, "light"), (800, "dark"), (1400, "light"), (1400, "dark"))
+
 FINDINGS = """() => {
   const room = document.documentElement.clientWidth;
-  const drawn = (image) => image.clientWidth / image.clientHeight;
+  const inside = (image) => {
+    const style = getComputedStyle(image);
+    return [image.clientWidth - parseFloat(style.paddingLeft) - parseFloat(style.paddingRight),
+            image.clientHeight - parseFloat(style.paddingTop) - parseFloat(style.paddingBottom)];
+  };
+  const drawn = (image) => inside(image)[0] / inside(image)[1];
   const asMade = (image) => image.naturalWidth / image.naturalHeight;
-  const cut = (formula) => formula.scrollWidth > formula.clientWidth + 1
-    && getComputedStyle(formula).overflowX === "hidden";
+  const scrolls = (box) => box.scrollWidth > box.clientWidth + 1;
+  // A line that ends in dots is meant to.
+  const hides = (box) => /hidden|clip/.test(getComputedStyle(box).overflowX)
+    && getComputedStyle(box).textOverflow !== "ellipsis";
+  const canScroll = (box) => /auto|scroll/.test(getComputedStyle(box).overflowX);
+  const cutOff = (piece) => {
+    const right = piece.getBoundingClientRect().right;
+    for (let box = piece.parentElement; box; box = box.parentElement) {
+      if (canScroll(box) || getComputedStyle(box).textOverflow === "ellipsis") return false;
+      if (hides(box) && right > box.getBoundingClientRect().right + 1) return true;
+    }
+    return right > room + 1;
+  };
+  const pieces = document.querySelectorAll(
+    ".bd-article :is(span.math, mjx-container, pre, img, table, svg[role=img], input, select)");
   return {
     overflow: document.documentElement.scrollWidth - room,
     distorted: [...document.images]
       .filter((image) => image.naturalWidth && image.clientWidth > 20)
       .filter((image) => Math.abs(drawn(image) / asMade(image) - 1) > 0.03)
       .map((image) => image.alt),
-    cut: [...document.querySelectorAll("span.math")].filter(cut).map((each) => each.textContent),
+    cut: [...pieces]
+      .filter((piece) => piece.checkVisibility() && !piece.closest("mjx-assistive-mml"))
+      .filter((piece) => cutOff(piece) || (scrolls(piece) && hides(piece)))
+      .map((piece) => piece.textContent.slice(0, 80)),
     torn: [...document.querySelectorAll("summary span.math.wide")]
       .filter((each) => each.firstElementChild.offsetWidth < each.clientWidth / 2)
       .map((each) => each.closest("summary").textContent),
-    stops: document.querySelectorAll("mjx-container[tabindex='0']").length,
+    stops: [...document.querySelectorAll("mjx-container[tabindex='0'], span.math[tabindex='0']")]
+      .filter((each) => !scrolls(each)).length,
+    picture: Math.min(...[...document.querySelectorAll(".bd-article :is(img, .explorable svg)")]
+      .filter((each) => each.checkVisibility())
+      .map((each) => (each.getBoundingClientRect().top + scrollY) / innerHeight)),
   };
+}"""
+
+# The letters of a formula and the words of code in their colours are thousands of pieces, which
+# axe would look at one by one; all are alike.
+LIGHTER = """() => {
+  document.querySelectorAll("mjx-container svg, mjx-assistive-mml").forEach((e) => e.remove());
+  document.querySelectorAll(".highlight pre").forEach((e) => { e.textContent = e.textContent; });
+  document.querySelectorAll("details").forEach((e) => { e.open = true; });
 }"""
 
 
 @dataclass(frozen=True)
 class Look:
-    """What a browser finds on one page: pixels too wide, and everything else that is amiss."""
+    """What a browser finds on one page: pixels too wide, and everything else that is amiss.
+
+    The first picture stands `picture` screens from the top; infinitely many if there is none.
+    """
 
     overflow: int
     distorted: list[str]
     cut: list[str]
     torn: list[str]
     stops: int
+    picture: float
     said: list[str]
+
+    @property
+    def amiss(self) -> list[object]:
+        """What must not be, however wide the page and whatever its colours."""
+        wide = [f"{self.overflow} pixels too wide"] if self.overflow > 0 else []
+        return [*wide, *self.distorted, *self.cut, *self.torn]
 
 
 @contextmanager
@@ -73,6 +119,10 @@ def look(tab: Any, page: Path) -> Look:
         if message.type in ("error", "warning"):
             said.append(f"{message.type}: {message.text}")
 
+    def failed(error: Any) -> None:
+        said.append(f"error: {error}")
+
+    tab.on("pageerror", failed)
     tab.on("request", asked)
     tab.on("console", told)
     tab.goto(page.as_uri())
@@ -81,4 +131,14 @@ def look(tab: Any, page: Path) -> Look:
     found = tab.evaluate(FINDINGS)
     tab.remove_listener("request", asked)
     tab.remove_listener("console", told)
+    tab.remove_listener("pageerror", failed)
     return Look(**found, said=said)
+
+
+def look_again(tab: Any, width: int, colours: str) -> Look:
+    """Look over the page that is open, at another width or in other colours, nothing folded."""
+    tab.emulate_media(color_scheme=colours)
+    tab.set_viewport_size({"width": width, "height": 800})
+    tab.evaluate("document.querySelectorAll('details').forEach((each) => { each.open = true; })")
+    tab.wait_for_timeout(250)  # the formulas are fitted a moment after the last change
+    return Look(**tab.evaluate(FINDINGS), said=[])

@@ -2,7 +2,8 @@
 
 A browser may break a line between an inline formula and the comma after it; here they are tied
 together. Printed columns are marked, so that a phone does not break their lines. The arrows that
-open a part of the contents get a name for those who hear the page.
+open a part of the contents get a name for those who hear the page, and so do empty corners of
+tables.
 """
 
 from __future__ import annotations
@@ -53,6 +54,16 @@ def mark_columns(_app: Sphinx, doctree: nodes.document, _page: str) -> None:
             block["classes"].append("aligned")
 
 
+def name_corners(_app: Sphinx, doctree: nodes.document, _page: str) -> None:
+    """Put a word into the empty corner of a table, for those who hear the heads of its columns."""
+    for head in doctree.findall(nodes.thead):
+        for entry in head.findall(nodes.entry):
+            if not entry.astext().strip():
+                entry += nodes.paragraph(
+                    "", "", nodes.inline("", "Row", classes=["visually-hidden"])
+                )
+
+
 def name_toggles(
     _app: Sphinx, _page: str, _template: str, context: dict[str, Any], _doctree: object
 ) -> None:
@@ -75,6 +86,7 @@ def setup(app: Sphinx) -> dict[str, bool]:
     """Tie after every reference is resolved, name after the theme has made its functions."""
     app.connect("doctree-resolved", tie_punctuation, priority=900)
     app.connect("doctree-resolved", mark_columns)
+    app.connect("doctree-resolved", name_corners)
     app.connect("html-page-context", name_toggles, priority=900)
     app.add_js_file("formulas.js", loading_method="defer")
     return {"parallel_read_safe": True, "parallel_write_safe": True}

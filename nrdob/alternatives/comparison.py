@@ -201,6 +201,7 @@ class Comparison:
         padded = "padding: 0.2em 0.5em"
         style = f'style="{padded}; text-align: right; white-space: nowrap"'
         head, *body = self._cells
+        head[0] = "scheme"  # who hears a table hears the head of each column
         rows = ["<tr>" + "".join(f"<th {style}>{escape(c)}</th>" for c in head) + "</tr>"]
         for cells, row in zip(body, self.rows, strict=True):
             if row.reason:

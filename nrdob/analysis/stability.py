@@ -154,7 +154,7 @@ class Stability:
             style = 'style="padding: 0.2em 0.9em; text-align: right"'
             return "<tr>" + "".join(f"<{tag} {style}>{cell}</{tag}>" for cell in cells) + "</tr>"
 
-        head = row("th", ("", "N", "P", "Z", "rightmost root"))
+        head = row("th", ("loop", "N", "P", "Z", "rightmost root"))
         cells = ([escape(cell).replace("-", "−") for cell in found] for found in self._rows)
         body = "".join(row("td", found) for found in cells)
         return (

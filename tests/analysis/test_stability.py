@@ -207,6 +207,7 @@ def test_the_verdict_prints_its_evidence_in_a_terminal_and_in_a_notebook():
     assert "<strong>stable</strong>" in html
     assert html.count("<tr>") == 3
     assert ">−1</td>" in html
+    assert "></th>" not in html, "a column without a head"
 
 
 def test_example_2_without_its_filter_is_the_verdict_that_fails():

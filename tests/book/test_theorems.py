@@ -65,8 +65,13 @@ def test_a_theorem_is_read_part_by_part() -> None:
 
 
 def test_other_quotations_are_no_theorems() -> None:
-    others = ["> A word of the paper.", "> **Theorem (parity).** Let it be.", "Theorem 1.1 (x)."]
+    others = ["> A word of the paper.", "Theorem 1.1 (x)."]
     assert read("17_x", others) == [] and faults("17_x", others) == []
+
+
+def test_a_theorem_without_a_number_is_named() -> None:
+    (fault,) = faults("17_x", ["> **Theorem (parity).** Let it be."])
+    assert "17_x" in fault
 
 
 def changed(old: str, new: str, text: str = SOUND) -> str:

@@ -90,7 +90,7 @@
       this.given = JSON.parse(figure.dataset.explorable);
       this.kind = nrdob.kinds[this.given.kind];
       this.plots = [new Plot("Nyquist", "real part", "imaginary part"), new Plot("Step", "time in s", "y")];
-      this.bar = svg("svg", { viewBox: "0 0 480 46", role: "img", class: "bar" });
+      this.bar = svg("svg", { viewBox: "0 0 480 50", role: "img", class: "bar" });
       this.verdict = html("p", { className: "explorable-verdict" });
       this.verdict.setAttribute("role", "status");
       this.state = { ...this.given.start, curve: this.kind.counted, signal: "d" };
@@ -223,7 +223,7 @@
       for (const [from, to] of this.set) parts.push(svg("rect", { class: "works", x: X(from), y: 8, width: Math.max(1, X(to) - X(from)), height: 12, rx: 3 }));
       for (let x = 10 ** Math.ceil(Math.log10(low) - 1e-9); x <= high * 1.001; x *= 10) {
         parts.push(svg("line", { class: "tick", x1: X(x), x2: X(x), y1: 20, y2: 25 }));
-        parts.push(svg("text", { x: X(x), y: 40, "text-anchor": X(x) > 460 ? "end" : "middle" }, `${written(x)} ${unit}`));
+        parts.push(svg("text", { x: X(x), y: 43, "text-anchor": X(x) > 460 ? "end" : "middle" }, `${written(x)} ${unit}`));
       }
       const at = Math.max(8, Math.min(472, X(present)));
       parts.push(svg("path", { class: "present", d: `M${at} 2v24m-5 -24h10` }));

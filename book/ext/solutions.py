@@ -1,0 +1,103 @@
+"""One toggle for each exercise: its words and its code open together, under a name of their own.
+
+In a notebook the words of an answer are folded Markdown and its code is a folded cell. On a page
+they would be two things to click, each called like all the others; here they become one card, the
+"Solution of exercise 3".
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from docutils import nodes
+from myst_nb.sphinx_ import HideCodeCellNode, visit_HideCellInput
+from sphinx.application import Sphinx
+from sphinx.transforms import SphinxTransform
+
+from folds import Card, CardLine
+
+OPENS, CLOSES = re.compile(r"<details><summary>Solution</summary>\s*"), re.compile(r"</details>\s*")
+NUMBER = re.compile(r"(\d+)\.")
+BRIEF = "Design brief"
+
+
+class Solutions(SphinxTransform):
+    """Make a card of each answer in the exercises of a chapter."""
+
+    default_priority = 500
+
+    def apply(self, **_: object) -> None:
+        """Go through each part of the exercises."""
+        for exercises in self.document.findall(nodes.section):
+            if "try-it" in exercises["ids"]:
+                for part in list(exercises.findall(nodes.section)):
+                    fold(part)
+
+
+def fold(section: nodes.section) -> None:
+    """Put the answers of a section into cards, one for each exercise."""
+    of = "the design brief" if section[0].astext() == BRIEF else ""
+    kept: list[nodes.Node] = []
+    card: Card | None = None
+    inside = False
+    for node in section.children:
+        opens, closes = is_html(node, OPENS), is_html(node, CLOSES)
+        if opens or (card is None and is_folded_cell(node)):
+            line = nodes.Text(f"Solution of {of}" if of else "Solution")
+            card = Card("", CardLine("", line), classes=["solution"])
+            kept.append(card)
+        if opens or (inside and closes):
+            inside = opens
+        elif card is not None and is_folded_cell(node):
+            node["hide_mode"] = None  # the card folds it
+            card += node
+        elif card is not None and inside:
+            card += node
+        else:
+            if not isinstance(node, nodes.raw):  # a remark that nobody sees parts nothing
+                card = None
+                of = exercise(node) or of
+            kept.append(node)
+    section.children = []
+    section += kept
+
+
+def is_html(node: nodes.Node, wanted: re.Pattern[str]) -> bool:
+    """Tell whether a node is this piece of HTML and nothing else."""
+    return isinstance(node, nodes.raw) and bool(wanted.fullmatch(node.astext()))
+
+
+def is_folded_cell(node: nodes.Node) -> bool:
+    """Tell whether a node is a cell of code that is shown on demand."""
+    return isinstance(node, nodes.container) and node.get("hide_mode") == "all"
+
+
+def exercise(node: nodes.Node) -> str:
+    """Read which exercise begins here; empty if none does."""
+    strong = next((each for each in node.children if each.astext()), None)
+    if not isinstance(strong, nodes.strong):
+        return ""
+    said = strong.astext()
+    if said.startswith(BRIEF):
+        return "the design brief"
+    return f"exercise {number[1]}" if (number := NUMBER.match(said)) else ""
+
+
+def enter_folded_cell(translator: Any, node: HideCodeCellNode) -> None:
+    """Begin any other folded cell; what is written on its toggle is what the toggle is called."""
+    visit_HideCellInput(translator, node)
+    label = translator.body.index('<summary aria-label="Toggle hidden content">\n', -5)
+    translator.body[label] = "<summary>\n"
+
+
+def leave_folded_cell(translator: Any, _node: HideCodeCellNode) -> None:
+    """End it."""
+    translator.body.append("</details>\n")
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Gather what belongs together, and name what is left."""
+    app.add_transform(Solutions)
+    app.add_node(HideCodeCellNode, override=True, html=(enter_folded_cell, leave_folded_cell))
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
