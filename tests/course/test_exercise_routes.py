@@ -453,7 +453,7 @@ WRONG: dict[str, list[Route]] = {
         row_for_row(lambda name, row: row[[1, 0, 2]]),
         row_for_row(lambda name, row: row * (name != "d")),
         lambda case: dict.fromkeys(("R", "delta", "d", "eta"), (0, 0, 0)),
-        row_for_row(lambda name, row: row + [0, 0, name == "eta"]),
+        row_for_row(lambda name, row: [*row[:2], row[2] + (name == "eta")]),
     ],
     "1.3": [
         lambda case: np.polymul(case.D, case.Nm),

@@ -149,6 +149,13 @@ def test_a_function_without_return_is_told_so(nothing: Any) -> None:
     assert "returns nothing" in review(AREA, nothing, CASES).text
 
 
+def test_a_search_that_finds_nothing_in_one_case_is_told_in_which() -> None:
+    last = max(CASES, key=lambda case: case.side)
+    found = review(AREA, lambda case: None if case == last else case.side**2, [*CASES[1:], last])
+    assert found.share == 0
+    assert f"nothing for {last}" in found.text
+
+
 def test_a_value_is_no_function() -> None:
     assert "must be a function" in review(AREA, 16.0, CASES).text
 

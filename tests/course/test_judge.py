@@ -97,7 +97,15 @@ def test_a_loop_comes_back_as_its_four_blocks_and_is_judged_anew() -> None:
 
 
 @pytest.mark.parametrize(
-    ("value", "same"), [(sympy.Rational(1, 4), 0.25), (range(3), [0, 1, 2]), (np.str_("a"), "a")]
+    ("value", "same"),
+    [
+        (sympy.Rational(1, 4), 0.25),
+        (range(3), [0, 1, 2]),
+        (np.str_("a"), "a"),
+        (map(float, "12"), [1.0, 2.0]),
+        ({"gain": 1, "lag": 2}.values(), [1, 2]),
+        (zip("ab", (1, 2), strict=True), [("a", 1), ("b", 2)]),
+    ],
 )
 def test_numbers_and_lists_of_other_kinds_are_read(value: Any, same: Any) -> None:
     assert there_and_back(value) == same

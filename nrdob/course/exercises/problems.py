@@ -406,6 +406,11 @@ NOTHING = (
     "return …, and run this cell again."
 )
 
+SOMETIMES = (
+    "Your function returns an answer in some cases, and nothing for {case}. Does a search end "
+    "there without having found anything, or is there a branch without return?"
+)
+
 ROUNDED = (
     "Right, but rounded: numbers are compared to four digits, and these have fewer, which costs a "
     "quarter of the points. Leave the rounding out, or keep four digits or more."
@@ -439,7 +444,7 @@ def review(problem: Problem, answer: Any, cases: Iterable[Case]) -> Feedback:
         return _judge(problem, [_tried(problem, next(iter(cases)), answer)])
     if not callable(answer):
         return Feedback(0.0, "The answer must be a function of a case; this is a value.")
-    tried = []
+    tried: list[_Tried] = []
     for case in cases:
         try:
             # A copy, so that an answer which changes its case is judged on the case it was given.
@@ -449,7 +454,7 @@ def review(problem: Problem, answer: Any, cases: Iterable[Case]) -> Feedback:
         except (Exception, SystemExit) as error:
             return Feedback(0.0, _told(error, answer, case))
         if got is None or got is Ellipsis:
-            return Feedback(0.0, NOTHING)
+            return Feedback(0.0, SOMETIMES.format(case=case) if tried else NOTHING)
         tried.append(_tried(problem, case, got))
     return _judge(problem, tried)
 

@@ -17,6 +17,7 @@ from ...diagram import DelayedTransferFunction, LowPassFilter, as_fraction
 from ...numerics import FloatArray
 
 __all__ = [
+    "UNORDERED",
     "UnreadableError",
     "as_given",
     "block",
@@ -29,7 +30,7 @@ __all__ = [
 ]
 
 REAL, NOTHING = 1e-9, 1e-12
-"""An imaginary part smaller than this share, or than this, is rounding: NumPy leaves such behind."""
+"""An imaginary part is rounding, if it is a smaller share than this, or a smaller number."""
 
 UNORDERED = (
     str,

@@ -12,6 +12,7 @@ import json
 import pickle
 import traceback
 import warnings
+from collections.abc import Iterable
 from typing import Any
 
 import control as ct
@@ -19,6 +20,7 @@ import numpy as np
 
 from ...diagram import DelayedTransferFunction, LowPassFilter
 from ...loop import NRDOB
+from ..exercises.reading import UNORDERED
 
 __all__ = ["LONGEST", "MIME", "Foreign", "decode", "encode", "packed", "tell"]
 
@@ -96,6 +98,8 @@ def _other(value: Any) -> Any:
             pass
     if isinstance(value, complex):
         return {"complex": [value.real, value.imag]}
+    if isinstance(value, Iterable) and not isinstance(value, UNORDERED):
+        return {"list": [encode(each) for each in value]}  # map, zip, dict.values()
     try:
         text = str(value)[:300]
     except Exception:
