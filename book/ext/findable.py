@@ -17,7 +17,7 @@ from sphinx import addnodes
 from sphinx.application import Sphinx
 
 TEXTS = "texts.js"
-LONGEST = {"chapter": 620, "page": 400, "names": 120, "teaching": 250}
+LONGEST = {"chapter": 540, "page": 400, "names": 120, "teaching": 250}
 """Letters kept of a section, by the kind of its page."""
 
 UNREAD = (nodes.comment, nodes.raw, nodes.image, nodes.target, addnodes.index, addnodes.toctree,
