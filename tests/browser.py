@@ -64,11 +64,12 @@ FINDINGS = """() => {
 }"""
 
 # The letters of a formula and the words of code in their colours are thousands of pieces, which
-# axe would look at one by one; all are alike.
+# axe would look at one by one; all are alike. What fades in is pale until it is there.
 LIGHTER = """() => {
   document.querySelectorAll("mjx-container svg, mjx-assistive-mml").forEach((e) => e.remove());
   document.querySelectorAll(".highlight pre").forEach((e) => { e.textContent = e.textContent; });
   document.querySelectorAll("details").forEach((e) => { e.open = true; });
+  document.getAnimations().forEach((each) => each.finish());
 }"""
 
 
