@@ -126,18 +126,11 @@ def test_a_bad_pair_of_coefficients_is_named_with_the_remedy_at_every_door(role,
 
 @pytest.mark.parametrize(
     "role",
-    [role for role in DOORS if role[0] == "model" and role[1] != "design_controller"],
+    [role for role in DOORS if role[0] == "model"],
     ids="-".join,
 )
 def test_a_model_that_waits_is_taken(role):
     assert DOORS[role](nrdob.delay(0.1) * PLANT) is not None
-
-
-def test_a_model_with_dead_time_is_refused_where_it_cannot_wait():
-    with pytest.raises(
-        ValueError, match=r"model has a dead time of 0.1 s.*leave the dead time out"
-    ):
-        DOORS["model", "design_controller"](nrdob.delay(0.1) * PLANT)
 
 
 def test_no_dead_time_is_no_dead_time():
