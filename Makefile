@@ -82,7 +82,7 @@ layers: $(READY) ## imports between the modules run one way
 map: $(READY) ## print the rooms of the package floor by floor, as its imports have them
 	$(PY) -m tests.house.map
 
-quick: lint types layers ## the checks of the working day, in below 90 seconds
+quick: lint types layers ## the checks of the working day, in below two minutes
 	$(PYTEST) -m "not slow" tests nrdob --doctest-modules
 
 unit: $(READY) ## unit tests, doctests, the rules for notebooks, the ledger, and the built book
