@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("chrome")
-OFFLINE = "--host-resolver-rules=MAP * ~NOTFOUND"
+import chromium
 
-# Once the formulas are set the page has its final form.
-SETTLED = "() => window.MathJax?.startup?.promise?.then(() => true) ?? true"
+CHROMIUM = chromium.find()
+OFFLINE = "--host-resolver-rules=MAP * ~NOTFOUND"
 
 # How a page may be seen beside 360 pixels wide and light.
 VIEWS = ((360, "dark"), (800, "light"), (800, "dark"), (1400, "light"), (1400, "dark"))
@@ -127,7 +125,7 @@ def look(tab: Any, page: Path) -> Look:
     tab.on("request", asked)
     tab.on("console", told)
     tab.goto(page.as_uri())
-    tab.evaluate(SETTLED)
+    tab.evaluate(chromium.SETTLED)
     tab.wait_for_timeout(50)
     found = tab.evaluate(FINDINGS)
     tab.remove_listener("request", asked)

@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Iterator
+from itertools import chain
 from pathlib import Path
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
@@ -59,7 +60,7 @@ def main() -> None:
     given = parser.parse_args()
     if not (given.site / "index.html").exists():
         sys.exit(f"There is no book in {given.site}. Build it first: make book")
-    pack((each for found in (site(given.site), to_run()) for each in found), given.output)
+    pack(chain(site(given.site), to_run()), given.output)
     print(f"Everything is in {given.output}, {given.output.stat().st_size / 1e6:.0f} MB")
 
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import re
-import shutil
 import sys
 import tomllib
 from collections.abc import Iterator
@@ -26,6 +25,7 @@ from markupsafe import Markup
 from pypdf import PdfReader, PdfWriter
 from pypdf.generic import NameObject, TextStringObject
 
+import chromium
 from pages import render, store
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -36,7 +36,6 @@ LEFT_OUT = ("api", "search", "genindex", "teaching/")
 UNPRINTED = "a.headerlink, script, button, .claims-filter, .toctree-wrapper"
 NAMES = ("id", "for", "aria-labelledby", "aria-describedby", "aria-controls")
 ADDRESSES = ("href", "src")
-SETTLED = "() => window.MathJax?.startup?.promise?.then(() => true) ?? true"
 
 
 @dataclass(frozen=True)
@@ -192,6 +191,11 @@ def build(site: Path, output: Path) -> None:
     """Set the site as a book and print it."""
     from playwright.sync_api import sync_playwright
 
+    browser_path = chromium.find()
+    if browser_path is None:
+        sys.exit(
+            "The PDF is set by a browser. Install Chromium, so that `chromium` is on the path."
+        )
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
     book = list(parts(site))
     about = {
@@ -204,11 +208,11 @@ def build(site: Path, output: Path) -> None:
     output.parent.mkdir(parents=True, exist_ok=True)
     store(render("book.html", book=book, head=head(site), about=about), whole)
     with sync_playwright() as play:
-        browser = play.chromium.launch(executable_path=chromium(), args=["--no-sandbox"])
+        browser = play.chromium.launch(executable_path=browser_path, args=["--no-sandbox"])
         tab = browser.new_page()
         tab.set_default_timeout(0)
         tab.goto(whole.as_uri())
-        tab.evaluate(SETTLED)
+        tab.evaluate(chromium.SETTLED)
         tab.pdf(path=draft, prefer_css_page_size=True)
         tab.evaluate(
             """(numbers) => document.querySelectorAll("[data-page-of]").forEach(
@@ -220,14 +224,6 @@ def build(site: Path, output: Path) -> None:
     finish(draft, output, book, about)
     draft.unlink()
     whole.unlink()
-
-
-def chromium() -> str:
-    """Find a browser, or say what is missing."""
-    for name in ("chromium", "chromium-browser", "google-chrome", "chrome"):
-        if found := shutil.which(name):
-            return found
-    sys.exit("The PDF is set by a browser. Install Chromium, so that `chromium` is on the path.")
 
 
 def main() -> None:
