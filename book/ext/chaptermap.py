@@ -15,10 +15,7 @@ read out of the openings of the chapters themselves.
 
 from __future__ import annotations
 
-import json
-import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +23,8 @@ from docutils import nodes
 from sphinx import addnodes
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
+
+from openings import Chapter, read_chapter
 
 PARTS = {
     "0": "First the examples",
@@ -35,38 +34,16 @@ PARTS = {
 }
 """Chapters by the first digit of their number, as in the contents of the front page."""
 
-TITLE = re.compile(r"^# (.+)$", re.MULTILINE)
-MINUTES = re.compile(r"^\*\*Time\*\* (\d+) minutes", re.MULTILINE)
-NEEDS = re.compile(r"^\*\*You need\*\* (.+)$", re.MULTILINE)
-CHAPTER = re.compile(r"\((\d\d)_\w+\.ipynb\)")
 
-
-@dataclass(frozen=True)
-class Opening:
-    """What a chapter says of itself before it begins."""
-
-    name: str
-    title: str
-    minutes: int
-    needs: tuple[str, ...]
-
-    @property
-    def number(self) -> str:
-        """The two digits that its file begins with."""
-        return self.name[:2]
-
-
-def read_opening(path: Path) -> Opening:
+def read_opening(path: Path) -> Chapter:
     """Read the opening of a chapter, or say what it lacks."""
-    text = "".join(json.loads(path.read_text("utf-8"))["cells"][0]["source"])
-    title, minutes, needs = TITLE.search(text), MINUTES.search(text), NEEDS.search(text)
-    if not (title and minutes and needs):
+    found = read_chapter(path)
+    if not (found.title and found.minutes) or found.needs is None:
         raise ValueError(f"{path.name} must open with a title, **You need** and **Time** n minutes")
-    found = dict.fromkeys(CHAPTER.findall(needs[1]))
-    return Opening(path.stem, title[1], int(minutes[1]), tuple(found))
+    return found
 
 
-def read_openings(folder: Path) -> dict[str, Opening]:
+def read_openings(folder: Path) -> dict[str, Chapter]:
     """Read the openings of all chapters in a folder, by number."""
     found = [read_opening(path) for path in sorted(folder.glob("[0-9]*.ipynb"))]
     return {opening.number: opening for opening in found}
@@ -84,18 +61,18 @@ def told(minutes: int) -> str:
 class ChapterDirective(SphinxDirective):
     """Something that is read out of the openings of the chapters."""
 
-    def openings(self) -> dict[str, Opening]:
+    def openings(self) -> dict[str, Chapter]:
         """Read them, and have the page written again when one changes."""
         folder = Path(self.env.srcdir) / "chapters"
         for path in folder.glob("[0-9]*.ipynb"):
             self.env.note_dependency(str(path))
         return read_openings(folder)
 
-    def link(self, opening: Opening, shown: str) -> nodes.Node:
+    def link(self, opening: Chapter, shown: str) -> nodes.Node:
         """Lead to a chapter."""
         name = nodes.inline("", shown)
         link = addnodes.pending_xref(
-            "", name, reftype="doc", refdomain="std", reftarget=f"/chapters/{opening.name}",
+            "", name, reftype="doc", refdomain="std", reftarget=f"/chapters/{opening.stem}",
             refexplicit=True, refdoc=self.env.docname,
         )  # fmt: skip
         return link
@@ -115,7 +92,7 @@ class ChapterMap(ChapterDirective):
             found += cards
         return [found]
 
-    def card(self, opening: Opening) -> nodes.list_item:
+    def card(self, opening: Chapter) -> nodes.list_item:
         """Make the card of one chapter."""
         said = f"{opening.minutes} min"
         if opening.needs:
@@ -147,7 +124,7 @@ class ReadingPath(ChapterDirective):
         way += [*text, nodes.Text(f" About {told(minutes)}: "), *self.steps(openings, numbers)]
         return [way, *messages]
 
-    def steps(self, openings: dict[str, Opening], numbers: list[str]) -> Iterator[nodes.Node]:
+    def steps(self, openings: dict[str, Chapter], numbers: list[str]) -> Iterator[nodes.Node]:
         """Give the chapters, with arrows between them."""
         for number in numbers:
             if number != numbers[0]:

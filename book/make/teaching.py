@@ -26,6 +26,7 @@ from typing import Any
 import nbformat
 
 from nrdob.course.exercises import PROBLEMS, Problem
+from openings import Chapter, read_chapter
 from pages import render, same, store
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -62,20 +63,6 @@ RULE = Rule()
 
 
 # --- what there is ------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Chapter:
-    """What a chapter promises."""
-
-    stem: str
-    title: str
-    minutes: int
-    objectives: tuple[str, ...]
-
-    @property
-    def link(self) -> str:
-        return f"[{self.title}](../../notebooks/{self.stem}.ipynb)"
 
 
 @dataclass(frozen=True)
@@ -119,17 +106,6 @@ class Advice:
     trains: tuple[tuple[str, str], ...]
     rubric: tuple[tuple[float, str], ...] = ()
     wrong: tuple[tuple[str, str], ...] = ()
-
-
-def read_chapter(path: Path) -> Chapter:
-    """Read the first cell of a chapter."""
-    opening = nbformat.read(path, as_version=4).cells[0].source
-    title = opening.partition("\n")[0].lstrip("# ")
-    time = re.search(r"\*\*Time\*\* (\d+) minutes", opening)
-    promised = re.search(r"\*\*You will be able to\*\*(.*?)\*\*You need\*\*", opening, re.DOTALL)
-    lines = promised[1].splitlines() if promised else []
-    objectives = [line.removeprefix("- ").rstrip(";. ") for line in lines if line.startswith("- ")]
-    return Chapter(path.stem, title, int(time[1]) if time else 0, tuple(objectives))
 
 
 def read_chapters(folder: Path = NOTEBOOKS) -> dict[str, Chapter]:

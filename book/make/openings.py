@@ -1,0 +1,56 @@
+"""What the chapters promise in their first cells: to the map of the book, and to teachers."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+__all__ = ["Chapter", "read_chapter"]
+
+TITLE = re.compile(r"# (.+)")
+PROMISED = re.compile(r"\*\*You will be able to\*\*(.*?)\*\*You need\*\*", re.DOTALL)
+NEEDED = re.compile(r"^\*\*You need\*\* (.+)$", re.MULTILINE)
+MINUTES = re.compile(r"\*\*Time\*\* (\d+) minutes")
+CHAPTER = re.compile(r"\((\d\d)_\w+\.ipynb\)")
+
+
+@dataclass(frozen=True)
+class Chapter:
+    """What a chapter promises, and the numbers of the chapters that it needs.
+
+    Without the line that says it, the time is 0 and `needs` is None.
+    """
+
+    stem: str
+    title: str
+    minutes: int
+    objectives: tuple[str, ...]
+    needs: tuple[str, ...] | None
+
+    @property
+    def link(self) -> str:
+        """Lead to its notebook, from a page for teachers."""
+        return f"[{self.title}](../../notebooks/{self.stem}.ipynb)"
+
+    @property
+    def number(self) -> str:
+        """The two digits that its file begins with."""
+        return self.stem[:2]
+
+
+def read_chapter(path: Path) -> Chapter:
+    """Read the first cell of a chapter."""
+    opening = "".join(json.loads(path.read_text("utf-8"))["cells"][0]["source"])
+    title = TITLE.match(opening)
+    time, promised, needed = (
+        MINUTES.search(opening),
+        PROMISED.search(opening),
+        NEEDED.search(opening),
+    )
+    lines = promised[1].splitlines() if promised else []
+    objectives = [line.removeprefix("- ").rstrip(";. ") for line in lines if line.startswith("- ")]
+    needs = tuple(dict.fromkeys(CHAPTER.findall(needed[1]))) if needed else None
+    found = title[1] if title else ""
+    return Chapter(path.stem, found, int(time[1]) if time else 0, tuple(objectives), needs)
