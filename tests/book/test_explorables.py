@@ -68,6 +68,20 @@ def drawn(rng: np.random.Generator, number: int) -> tuple[dict[str, Any], NRDOB]
     )
 
 
+def distance(found: dict[str, Any], loop: Any, signal: str, *, least: float, end: int) -> float:
+    """Tell how far a response in the browser is from the package's, over its size, at 25 times."""
+    times = np.array(found["time"])
+    looked = np.unique(np.linspace(1, times.size - end, 25).astype(int))
+    wanted = loop.step_response(signal, np.append(0.0, times[looked])).outputs[0, 0, 1:]
+    size = max(least, float(np.abs(wanted).max()))
+    return float(np.abs(np.array(found["y"])[looked] - wanted).max()) / size
+
+
+def within(sets: list[tuple[float, float]], low: float, high: float) -> list[tuple[float, float]]:
+    """Cut intervals to the ends of a slider."""
+    return [(max(a, low), min(b, high)) for a, b in sets if b > low and a < high]
+
+
 @pytest.mark.parametrize("number", paper.EXAMPLES)
 def test_verdict_counts_and_sensitivity_are_those_of_the_package(tab: Any, number: int) -> None:
     rng = np.random.default_rng(number)
@@ -94,7 +108,7 @@ def test_the_bar_shows_the_stabilising_set(tab: Any, number: int) -> None:
         sets = nrdob.stabilizing_time_constants(
             loop.process, loop.model, at["order"], floor=low / 2
         )
-        wanted = [(max(a, low), min(b, high)) for a, b in sets if b > low and a < high]
+        wanted = within(sets, low, high)
         assert len(found) == len(wanted), at
         assert np.allclose(found, wanted, rtol=1e-6)
 
@@ -110,11 +124,7 @@ def test_steps_are_those_of_the_package(tab: Any, number: int, signal: str) -> N
             continue
         script = "([at, signal, last]) => nrdob.step(nrdob.loopOf(at), signal, last)"
         found = tab.evaluate(script, [at, signal, last])
-        times = np.array(found["time"])
-        looked = np.unique(np.linspace(1, times.size - 1, 25).astype(int))
-        wanted = loop.step_response(signal, np.append(0.0, times[looked])).outputs[0, 0, 1:]
-        size = max(1.0, float(np.abs(wanted).max()))
-        assert np.abs(np.array(found["y"])[looked] - wanted).max() < 5e-3 * size, at
+        assert distance(found, loop, signal, least=1.0, end=1) < 5e-3, at
         compared += 1
 
 
@@ -180,7 +190,7 @@ def test_the_bar_of_the_sampled_loop_is_the_set_of_the_package(tab: Any) -> None
         sets = nrdob.stabilizing_time_constants(
             loop.process, loop.model, at["order"], floor=low / 2, dt=at["T"]
         )
-        wanted = [(max(a, low), min(b, high)) for a, b in sets if b > low and a < high]
+        wanted = within(sets, low, high)
         assert len(found) == len(wanted), at
         assert np.allclose(found, wanted, rtol=1e-5), at
 
@@ -196,11 +206,7 @@ def test_the_sampled_loop_answers_as_in_the_package(tab: Any, signal: str) -> No
             continue
         script = "([at, s]) => nrdob.kinds.sampled.step(nrdob.kinds.sampled.loopOf(at), s, 0.3)"
         found = tab.evaluate(script, [at, signal])
-        times = np.array(found["time"])
-        looked = np.unique(np.linspace(1, times.size - 2, 25).astype(int))
-        wanted = sampled.step_response(signal, np.append(0.0, times[looked])).outputs[0, 0, 1:]
-        size = max(1e-3, float(np.abs(wanted).max()))
-        assert np.abs(np.array(found["y"])[looked] - wanted).max() < 1e-6 * size, at
+        assert distance(found, sampled, signal, least=1e-3, end=2) < 1e-6, at
         compared += 1
 
 
@@ -228,7 +234,7 @@ def test_the_bar_of_adrc_is_the_set_of_the_package(tab: Any) -> None:
         sets = nrdob.adrc_stabilizing_bandwidths(
             process, 1, at["plant"]["b0"], at["controller"], highest=2 * high
         )
-        wanted = [(max(a, low), min(b, high)) for a, b in sets if b > low and a < high]
+        wanted = within(sets, low, high)
         assert len(found) == len(wanted), at
         assert np.allclose(found, wanted, rtol=1e-5), at
 
@@ -244,11 +250,7 @@ def test_adrc_answers_as_in_the_package(tab: Any, signal: str) -> None:
             continue
         script = "([at, signal]) => nrdob.step(nrdob.kinds.adrc.loopOf(at), signal, 0.3)"
         found = tab.evaluate(script, [at, signal])
-        times = np.array(found["time"])
-        looked = np.unique(np.linspace(1, times.size - 1, 25).astype(int))
-        wanted = loop.step_response(signal, np.append(0.0, times[looked])).outputs[0, 0, 1:]
-        size = max(1e-3, float(np.abs(wanted).max()))
-        assert np.abs(np.array(found["y"])[looked] - wanted).max() < 5e-3 * size, at
+        assert distance(found, loop, signal, least=1e-3, end=1) < 5e-3, at
         compared += 1
 
 
