@@ -57,20 +57,26 @@ class Concordance(SphinxTransform):
         if not sections:
             return
         title = sections[0][0].astext().replace(";", ",")
+        prose = [own_text(section) for section in sections]
         for word in words(glossary):
-            place = self.place(word, sections)
+            place = self.place(word, sections, prose)
             if place is not None:
                 entry = ("single", f"{word.names[0]}; {title}", place["ids"][0], "", None)
                 place.insert(1, addnodes.index(entries=[entry]))
 
-    def place(self, word: Word, sections: list[nodes.section]) -> nodes.section | None:
+    def place(
+        self, word: Word, sections: list[nodes.section], prose: list[str]
+    ) -> nodes.section | None:
         """Find the section that speaks of a word, if the chapter does."""
         either = "|".join(r"\s+".join(map(re.escape, name.split())) for name in word.names)
         pattern = re.compile(rf"(?<!\w)(?:{either})(?:e?s)?(?!\w)", re.IGNORECASE)
         for section in sections:
             if pattern.search(section[0].astext()):
                 return section
-        said = [(section, len(pattern.findall(own_text(section)))) for section in sections]
+        said = [
+            (section, len(pattern.findall(text)))
+            for section, text in zip(sections, prose, strict=True)
+        ]
         introduced = word.page == self.env.docname
         if not introduced and sum(count for _, count in said) < OFTEN:
             return None

@@ -118,12 +118,6 @@ def spoil(house: Path, place: str, change: Callable[[str], str]) -> None:
     path.write_text(changed, encoding="utf-8")
 
 
-@pytest.mark.slow
-@pytest.mark.slow  # make quick asks it, too, but as a command
-def test_the_project_is_in_order() -> None:
-    assert [*doors.faults(ROOT), *pages.faults(ROOT), *docstrings.faults(ROOT)] == []
-
-
 def test_the_small_house_is_in_order(house: Path) -> None:
     assert [*doors.faults(house), *pages.faults(house)] == []
 
