@@ -1,5 +1,6 @@
 """Settings that every test shares."""
 
+import gc
 import os
 
 # Before numpy loads: on a busy machine the threads of BLAS wait for each other, and a small
@@ -69,3 +70,8 @@ def pytest_collection_modifyitems(items):
         item.add_marker(pytest.mark.slow)
     files = {item.path for item in waiting}
     items.sort(key=lambda item: item.path not in files)
+
+
+def pytest_collection_finish():
+    """Leave modules and tests, a million objects by now, out of every later search for garbage."""
+    gc.freeze()

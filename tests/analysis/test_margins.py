@@ -174,6 +174,7 @@ def test_margins_unpack_in_controls_order():
     assert (gm, pm, sm, wpc, wgc, wms) == pytest.approx(theirs, rel=1e-6, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_margins_with_delay_agree_with_a_dense_grid():
     loop = paper.example(4, modified=True)
     found = loop.margins().plant_loop

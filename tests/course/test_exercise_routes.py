@@ -692,8 +692,9 @@ def changed(this: Posed, group: int, change: Route) -> Any:
     return score(this.id, answer, group, points=1, seed=900_000 + group).feedback
 
 
+@pytest.mark.slow
 @each_problem
-@pytest.mark.parametrize("digits", [3, *(pytest.param(k, marks=pytest.mark.slow) for k in (4, 6))])
+@pytest.mark.parametrize("digits", [3, 4, 6])
 def test_a_rounded_right_answer_is_right_or_told_so_and_never_accused(
     this: Posed, digits: int
 ) -> None:

@@ -153,14 +153,8 @@ def test_every_hidden_test_is_read() -> None:
             assert found.settings == {"points": this.points, "seed": this.seed}
 
 
-@pytest.mark.parametrize(
-    "path",
-    [
-        path if path.stem in ("set2", "set6") else pytest.param(path, marks=pytest.mark.slow)
-        for path in SETS
-    ],
-    ids=lambda path: path.stem,
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("path", SETS, ids=lambda path: path.stem)
 def test_judged_apart_is_judged_alike(path: Path, kernel: Any) -> None:
     space = {**run(path, 5), "GROUP": 5}
     for this in posed(path):

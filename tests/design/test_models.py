@@ -261,6 +261,7 @@ def test_impossible_wishes_are_refused(options, message):
         design_controller(lag, **options)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("zeta", [0.01, 0.03])
 @pytest.mark.parametrize("max_ms", [1.2, 2.0])
 def test_an_integrator_before_a_resonance_is_limited_by_its_sensitivity_peak(zeta, max_ms):

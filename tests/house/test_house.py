@@ -15,7 +15,7 @@ from types import ModuleType
 
 import pytest
 
-from house import docstrings, doors, pages
+from house import doors, pages
 from house.docstrings import Shown, judged
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -171,6 +171,7 @@ def test_roots_clearly_on_the_right_are_counted_beside_one_on_the_axis(delay):
     assert found.at_least == count_rhp(QuasiPolynomial([1.0, -0.6, 1.0], [0.3], delay)).count > 0
 
 
+@pytest.mark.slow
 @given(
     st.integers(1, 4).flatmap(lambda n: root_sets(n)),
     st.lists(st.floats(-4, 4), min_size=1, max_size=3),

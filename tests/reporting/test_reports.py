@@ -54,6 +54,7 @@ def test_a_page_stands_alone_and_names_its_pictures(page):
     assert {a["href"][1:] for a in tree.find_all("a")} <= set(named)
 
 
+@pytest.mark.slow
 def test_what_is_handed_in_is_escaped():
     assert UNKIND not in of_loop()[1] and "&lt;script&gt;alert(1)" in of_loop()[1]
 
@@ -71,6 +72,7 @@ def test_the_report_of_a_loop_tells_its_numbers():
     assert "cannot be written" not in text
 
 
+@pytest.mark.slow
 def test_the_report_of_a_record_tells_what_was_found():
     text = words(of_record())
     assert "two lags with dead time" in text and "89.1 %" in text and "85.5 %" in text

@@ -128,6 +128,7 @@ def test_small_gain_is_the_peak_of_a_closed_form():
         small_gain(MATCHED, ct.tf([1], [1, -1]))
 
 
+@pytest.mark.slow
 def test_small_gain_grants_no_more_than_what_survives():
     for number in (2, 3, 4):
         found = conservatism(paper.example(number), gain=(0.2, 6.0), delay=(0.0, 0.5))
