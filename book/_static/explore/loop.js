@@ -304,9 +304,9 @@
     return sorted(found, low, high);
   };
   /* Frequencies at which nothing turns by much from one to the next, with the dead time. */
-  const turning = function* (loop, worth) {
+  const turning = function* (loop, worth, count = 800) {
     let before = 0;
-    for (const omega of frequencies(loop, 800)) {
+    for (const omega of frequencies(loop, count)) {
       const parts = worth(omega) ? Math.min(200, Math.ceil(((omega - before) * loop.theta) / 0.25)) : 1;
       for (let k = 1; k < parts; k++) yield before + ((omega - before) * k) / parts;
       yield omega;
@@ -423,7 +423,7 @@
   window.nrdob = {
     loopOf, judge, stabilizing, step, FH, H, L, roots, frequencies, countRight,
     // For loops of another kind.
-    parts: { add, arg, between, criticalTimeConstants, crossed, div, expm, joined, lags, late, minus, mul, plantOf, plus, product, sorted, times, turning, value },
+    parts: { abs, add, arg, between, criticalTimeConstants, crossed, div, expm, joined, lags, late, minus, mul, overModel, plantOf, plus, product, sorted, times, turn, turning, value },
   };
   /* What a page can move: how a loop is made, judged and answers, and what its bar is a set of. */
   window.nrdob.kinds = {
