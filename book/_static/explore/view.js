@@ -119,14 +119,18 @@
       super("Chart", "filter’s time constant λ in s", "");
       this.range = range;
       this.move = move;
-      this.point = svg("g", { class: "point" });
-      this.element.append(this.point);
+      this.height = svg("line", { class: "height", x1: SIZE.left, x2: SIZE.width - SIZE.right, "pointer-events": "none" });
+      this.handle = svg("circle", { class: "handle", r: 22 });
+      this.here = svg("circle", { class: "here", r: 6, "pointer-events": "none" });
+      this.element.append(this.height, this.handle, this.here);
       for (const [name, value] of Object.entries({ role: "slider", tabindex: 0, class: "chart" })) this.element.setAttribute(name, value);
       this.element.addEventListener("pointerdown", (event) => {
-        if (event.pointerType !== "mouse" && !this.point.contains(event.target)) return;
+        if (event.pointerType !== "mouse" && event.target !== this.handle) return;
         this.element.setPointerCapture(event.pointerId);
         this.follow(event);
       });
+      // A finger on the point moves it, elsewhere the page.
+      this.handle.addEventListener("touchstart", (event) => event.preventDefault(), { passive: false });
       this.element.addEventListener("pointermove", (event) => {
         if (this.element.hasPointerCapture(event.pointerId)) this.follow(event);
       });
@@ -176,12 +180,11 @@
         return (value - a) / (b - a);
       });
       const { X, Y } = this.places;
-      const at = { cx: X(x), cy: Y(y) };
-      this.point.replaceChildren(
-        svg("line", { class: "height", x1: SIZE.left, x2: SIZE.width - SIZE.right, y1: at.cy, y2: at.cy }),
-        svg("circle", { class: "handle", ...at, r: 22 }),
-        svg("circle", { class: "here", ...at, r: 6 }),
-      );
+      for (const end of ["y1", "y2"]) this.height.setAttribute(end, Y(y));
+      for (const circle of [this.handle, this.here]) {
+        circle.setAttribute("cx", X(x));
+        circle.setAttribute("cy", Y(y));
+      }
       const [low, high] = this.range.lambda;
       const said = `${named("lambda", lambda)}, ${named(upwards, up)}: ${Z === 1 ? "1 root" : `${written(Z)} roots`} on the right`;
       for (const [name, value] of Object.entries({ valuemin: low, valuemax: high, valuenow: lambda, valuetext: said })) this.element.setAttribute(`aria-${name}`, value);
