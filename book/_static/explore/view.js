@@ -127,12 +127,14 @@
       this.element.addEventListener("pointerdown", (event) => {
         if (event.pointerType !== "mouse" && event.target !== this.handle) return;
         this.element.setPointerCapture(event.pointerId);
+        this.held = true;
         this.follow(event);
       });
+      this.element.addEventListener("lostpointercapture", () => (this.held = false));
       // A finger on the point moves it, elsewhere the page.
       this.handle.addEventListener("touchstart", (event) => event.preventDefault(), { passive: false });
       this.element.addEventListener("pointermove", (event) => {
-        if (this.element.hasPointerCapture(event.pointerId)) this.follow(event);
+        if (this.held) this.follow(event);
       });
       this.element.addEventListener("click", (event) => this.follow(event));
       this.element.addEventListener("keydown", (event) => {
