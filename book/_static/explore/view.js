@@ -174,7 +174,8 @@
         const [across, above] = this.axes;
         this.places = this.frameFor(across.ends, above.ends, across, above);
         this.data.replaceChildren();
-        this.work(key, this.pieces(parameters, setAt));
+        this.rest = this.pieces(parameters, setAt);
+        this.work(this.rest);
       }
       const [x, y] = [lambda, up].map((value, k) => this.axes[k].inner(value));
       this.shares = [x, y].map((value, k) => {
@@ -195,7 +196,7 @@
     /* What is to be drawn, piece by piece. */
     *pieces(parameters, setAt) {
       const { X, Y } = this.places;
-      const [{ inner, ends }, above] = this.axes;
+      const [{ inner }, above] = this.axes;
       const [low, high] = this.range.lambda;
       for (const curve of nrdob.borders(parameters, this.upwards, this.range.lambda, this.range[this.upwards])) {
         yield this.line(curve.map(({ lambda, up }) => [inner(lambda), above.inner(up)]), "border", this.places);
@@ -212,16 +213,18 @@
       }
     }
 
-    work(key, pieces) {
+    /* Draw them a few at a time, until there are no more, or others are to be drawn. */
+    work(pieces) {
+      this.done = false;
       setTimeout(() => {
         const until = performance.now() + PATIENCE;
-        while (key === this.key && performance.now() < until) {
+        while (pieces === this.rest && performance.now() < until) {
           const { value, done } = pieces.next();
           this.done = done;
           if (done) return;
           this.data.append(value);
         }
-        if (key === this.key) this.work(key, pieces);
+        if (pieces === this.rest) this.work(pieces);
       });
     }
   }
