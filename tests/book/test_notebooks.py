@@ -162,12 +162,16 @@ def test_numbers_in_prose_come_from_code(path: Path) -> None:
 # The commands of TeX that the chapters use. A letter that stands against a command, as in
 # \frach for \frac h, makes a new one, which no browser can draw.
 COMMANDS = frozenset(
-    """Big Delta Gamma Lambda Omega Phi Psi Rightarrow Sigma Theta alpha approx arccos arcsin arctan
-    arg bar begin beta big bigl bigr binom cdot chi cos cot ddot deg delta dfrac displaystyle dot
-    dots ell end epsilon equiv eta frac gamma ge gg hat in infty int kappa lVert lambda ldots le
-    left lim ll ln lvert mathbf mathcal mathrm mathsf max min mu ne neq nu omega operatorname
-    partial phi pi pm prod psi qquad quad rVert rho right rvert sec sigma sim sin sqrt sum sup tag
-    tan tau text tfrac theta tilde times to underbrace varepsilon varphi varrho xi zeta""".split()
+    re.findall(
+        r"\w+",
+        """Big Delta Gamma Lambda Omega Phi Psi Rightarrow Sigma Theta alpha approx arccos arcsin
+        arctan arg bar begin beta big bigl bigr binom cdot chi cos cot ddot deg delta dfrac
+        displaystyle dot dots ell end epsilon equiv eta frac gamma ge gg hat in infty int kappa
+        lVert lambda ldots le left lim ll ln lvert mathbf mathcal mathrm mathsf max min mu ne neq
+        nu omega operatorname partial phi pi pm prod psi qquad quad rVert rho right rvert sec
+        sigma sim sin sqrt sum sup tag tan tau text tfrac theta tilde times to underbrace
+        varepsilon varphi varrho xi zeta""",
+    )
 )
 
 
