@@ -157,6 +157,40 @@ def test_numbers_in_prose_come_from_code(path: Path) -> None:
     )
 
 
+# --- formulas ---------------------------------------------------------------------------------
+
+# The commands of TeX that the chapters use. A letter that stands against a command, as in
+# \frach for \frac h, makes a new one, which no browser can draw.
+COMMANDS = frozenset(
+    re.findall(
+        r"\w+",
+        """Big Delta Gamma Lambda Omega Phi Psi Rightarrow Sigma Theta alpha approx arccos arcsin
+        arctan arg bar begin beta big bigl bigr binom cdot chi cos cot ddot deg delta dfrac
+        displaystyle dot dots ell end epsilon equiv eta frac gamma ge gg hat in infty int kappa
+        lVert lambda ldots le left lim ll ln lvert mathbf mathcal mathrm mathsf max min mu ne neq
+        nu omega operatorname partial phi pi pm prod psi qquad quad rVert rho right rvert sec
+        sigma sim sin sqrt sum sup tag tan tau text tfrac theta tilde times to underbrace
+        varepsilon varphi varrho xi zeta""",
+    )
+)
+
+
+def unknown_commands(text: str) -> set[str]:
+    return set(re.findall(r"\\([A-Za-z]+)", text)) - COMMANDS
+
+
+def test_a_letter_against_a_command_is_noticed() -> None:
+    assert unknown_commands(r"$\frach2$ and $\varphih$") == {"frach", "varphih"}
+    assert not unknown_commands(r"$\frac h2$ and $\varphi h$")
+
+
+@each_notebook
+def test_the_commands_of_formulas_are_known(path: Path) -> None:
+    for cell in cells(path, "markdown"):
+        unknown = unknown_commands(cell.source)
+        assert not unknown, f"{path.name}: {short(cell)} has commands that are not TeX: {unknown}"
+
+
 # --- outputs ----------------------------------------------------------------------------------
 
 
