@@ -52,7 +52,8 @@ FITTED = """() => {
     let box = piece.parentElement;
     while (getComputedStyle(box).display.startsWith("inline")) box = box.parentElement;
     const wide = Math.max(piece.scrollWidth, piece.getBoundingClientRect().width);
-    if (wide > box.clientWidth + 1 && box.clientWidth) tooWide.push([piece, box.clientWidth / wide]);
+    const room = box.clientWidth;
+    if (room && wide > room + 1) tooWide.push([piece, room / wide]);
   }
   tooWide.forEach(([piece, part]) => { piece.style.zoom = Math.floor(100 * part) / 100; });
 }"""
