@@ -51,9 +51,11 @@ FITTED = """() => {
   for (const piece of document.querySelectorAll("mjx-container, table")) {
     let box = piece.parentElement;
     while (getComputedStyle(box).display.startsWith("inline")) box = box.parentElement;
-    const wide = Math.max(piece.scrollWidth, piece.getBoundingClientRect().width);
-    const room = box.clientWidth;
-    if (room && wide > room + 1) tooWide.push([piece, room / wide]);
+    const part = Math.min(
+      box.clientWidth / piece.getBoundingClientRect().width,
+      piece.clientWidth / piece.scrollWidth || 1, // beside its number it has less room
+    );
+    if (0 < part && part < 0.998) tooWide.push([piece, part]);
   }
   tooWide.forEach(([piece, part]) => { piece.style.zoom = Math.floor(100 * part) / 100; });
 }"""
