@@ -15,7 +15,7 @@ from sphinx import addnodes
 from sphinx.application import Sphinx
 from sphinx.transforms import SphinxTransform
 
-CHAPTERS, GLOSSARY, NAMES = "chapters", "glossary.md", "api"
+CHAPTERS, GLOSSARY, NAMES = "chapters", "glossary.md", "api/"
 OFTEN = 4
 FENCE = re.compile(r"```\{glossary\}\n(.*?)\n```", re.DOTALL)
 
@@ -46,7 +46,7 @@ class Concordance(SphinxTransform):
     default_priority = 840  # before Sphinx notes the entries
 
     def apply(self, **_: object) -> None:
-        if self.env.docname == NAMES:
+        if self.env.docname.startswith(NAMES):
             for index in self.document.findall(addnodes.index):
                 index["entries"] = []
         glossary = Path(self.env.srcdir) / GLOSSARY

@@ -132,7 +132,7 @@ def kind_of(page: str) -> str:
     folder = page.partition("/")[0]
     if folder in ("chapters", "teaching"):
         return folder.removesuffix("s")
-    return "names" if page == "api" else "page"
+    return "names" if folder == "api" else "page"
 
 
 def entry(page: str, tree: nodes.document) -> dict[str, Any]:

@@ -335,71 +335,76 @@ def _matched(
         "(1/(λs + 1)^n): mirrored poles, smaller gains, the dead time left out or made a lag."
     )
     undelayed = process.tf if isinstance(process, DelayedTransferFunction) else process
-    fraction = as_fraction(undelayed, "process")
-    unstable = _right(fraction.den)
     delay = getattr(process, "delay", 0.0)
-    words = [none]
-    if unstable.size and delay:
-        product = float(unstable.real.max()) * delay
+    words = [none, *_obstacles(undelayed, delay)]
+    loops = [] if delay else _interpolated(undelayed, controller)
+    if not loops:
         words.append(
-            f"The fastest unstable pole is at {number(float(unstable.real.max()))} rad/s, and the "
-            f"dead time lasts {number(delay)} s: their product is {number(product)}. Whatever the "
-            f"controller, the sensitivity then peaks at {number(float(np.exp(product) - 1))} at "
-            "least, because nothing can act before the dead time is over while the pole grows "
-            f"by {number(float(np.exp(product)))}."
+            "What to change: "
+            + "measure or act with less dead time, " * bool(delay)
+            + "add an actuator or a sensor that sees the unstable motion earlier, or give a model "
+            "of your own. That nothing tried here works does not prove that nothing does."
         )
-    right = _right(fraction.num)
+        return Proposal(None, tuple(words), candidates, (none,))
+    ms, time_constant, loop = min(loops, key=lambda each: each[0])
+    words.append(
+        "What does work is the process as its own model, under an interpolating filter, "
+        "which is 1 at its unstable poles and 0 at its zeros in the right half plane: here "
+        f"with λ = {number(time_constant)} s, the best of {len(loops)} tried. It works "
+        "only where the model is nearly right."
+    )
+    warned = (f"The smallest sensitivity peak found is {number(ms)}, above {max_ms:g}.",)
+    return Proposal(loop, tuple(words), candidates, warned if ms > max_ms else ())
+
+
+def _obstacles(undelayed: Any, delay: float) -> Iterator[str]:
+    """Tell what makes the process hard for every controller."""
+    fraction = as_fraction(undelayed, "process")
+    unstable, right = _right(fraction.den), _right(fraction.num)
+    if unstable.size and delay:
+        fastest = float(unstable.real.max())
+        grown = float(np.exp(fastest * delay))
+        yield (
+            f"The fastest unstable pole is at {number(fastest)} rad/s, and the dead time lasts "
+            f"{number(delay)} s: their product is {number(fastest * delay)}. Whatever the "
+            f"controller, the sensitivity then peaks at {number(grown - 1)} at least, because "
+            "nothing can act before the dead time is over while the pole grows by "
+            f"{number(grown)}."
+        )
     zeros, poles = (np.real(r[r.imag == 0]) for r in (right, unstable))
     if zeros.size and poles.size:
         pairs = [(abs((z + p) / (z - p)), p, z) for z in zeros for p in poles if z != p]
         bound, pole, zero = max(pairs, default=(np.inf, poles[0], zeros[0]))
-        words.append(
+        yield (
             f"With an unstable pole at {number(pole)} rad/s and a zero at {number(zero)} rad/s the "
             f"sensitivity peaks at {number(bound)} at least, whatever the controller."
         )
     if not delay and not stable_model_exists(undelayed).holds:
-        words.append(
+        yield (
             "Its real poles and zeros on the right do not interlace as they must for a stable "
             "controller (parity interlacing): whatever stabilises it must itself be unstable."
         )
-    if not delay:
-        loops = []
-        base = 1 / max(
-            (abs(r) for part in fraction for r in np.roots(part) if abs(r) > 0), default=1.0
-        )
-        chosen = controller
-        for share in SHORTER:
-            try:
-                filter = interpolating_filter(undelayed, share * base)
-                if chosen is None:  # it does not depend on λ
-                    chosen, _ = _controller(undelayed, filter)
-                if chosen is None:
-                    break
-                loop = NRDOB(process, undelayed, chosen, filter)
-                margins = loop.margins()
-            except (ValueError, ArithmeticError):
-                continue
-            if margins.stable:
-                loops.append((margins.plant_loop.ms, share * base, loop))
-        if loops:
-            ms, time_constant, loop = min(loops, key=lambda each: each[0])
-            words.append(
-                "What does work is the process as its own model, under an interpolating filter, "
-                "which is 1 at its unstable poles and 0 at its zeros in the right half plane: here "
-                f"with λ = {number(time_constant)} s, the best of {len(loops)} tried. It works "
-                "only where the model is nearly right."
-            )
-            warned = [f"The smallest sensitivity peak found is {number(ms)}, above {max_ms:g}."] * (
-                ms > max_ms
-            )
-            return Proposal(loop, tuple(words), candidates, tuple(warned))
-    words.append(
-        "What to change: "
-        + "measure or act with less dead time, " * bool(delay)
-        + "add an actuator or a sensor that sees the unstable motion earlier, or give a model of "
-        "your own. That nothing tried here works does not prove that nothing does."
-    )
-    return Proposal(None, tuple(words), candidates, (none,))
+
+
+def _interpolated(process: Any, controller: Any) -> list[tuple[float, float, NRDOB]]:
+    """Find stable loops with the process as its own model: each with its peak and its λ."""
+    loops = []
+    roots = [abs(r) for part in as_fraction(process, "process") for r in np.roots(part)]
+    base = 1 / max((size for size in roots if size > 0), default=1.0)
+    for share in SHORTER:
+        try:
+            filter = interpolating_filter(process, share * base)
+            if controller is None:  # the one that is found does not depend on λ
+                controller, _ = _controller(process, filter)
+            if controller is None:
+                break
+            loop = NRDOB(process, process, controller, filter)
+            margins = loop.margins()
+        except (ValueError, ArithmeticError):
+            continue
+        if margins.stable:
+            loops.append((margins.plant_loop.ms, share * base, loop))
+    return loops
 
 
 def _right(den: Any) -> ComplexArray:

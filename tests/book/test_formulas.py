@@ -155,7 +155,7 @@ CLOSED_LOOP = {name for name in RESULTS if "/" in name or name[:2] in {"T_", "S_
 
 SIGNALS = ("R", "d", "delta", "eta")
 SIGNAL_NAMES = {"Y", "U", "E", "y", "u", "e", "y_m", "y_f", "hat delta"}
-FUNCTION_NAMES = {*POLYNOMIALS, *BLOCKS, *RESULTS, "R"}
+FUNCTION_NAMES = {*POLYNOMIALS, *BLOCKS, *RESULTS, "R", "varrho"}
 """Functions of s that belong to a loop."""
 
 
@@ -194,7 +194,7 @@ class Loop:
     def function(self, name: str, s: Values) -> Values:
         """Give a function of the loop at any s."""
         loop, reading = self.loop, dict(self.readings).get(name)
-        if name == "R":
+        if name in {"R", "varrho"}:
             return loop.ratio(s)
         if name in POLYNOMIALS:
             block, part = POLYNOMIALS[name].split()

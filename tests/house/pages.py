@@ -11,6 +11,9 @@ from .rooms import PACKAGE, modules, room_of
 TOLD = ("README.md", "CONTRIBUTING.md")
 """Pages that tell a reader which file to open and which command to run."""
 
+REFERENCE = "book/api"
+"""The folder with a page for each room; the page of the same name leads to them."""
+
 OF_ITS_OWN = "course"
 """The room whose contents have pages of their own, the ledger and the problem sets."""
 
@@ -29,27 +32,35 @@ def faults(root: Path) -> Iterator[str]:
         A fault, with its place.
     """
     yield from _reference(root)
+    yield from _contents(root)
     yield from _table_of_rooms(root)
     for page in TOLD:
         yield from _told(root, page)
 
 
 def _reference(root: Path) -> Iterator[str]:
-    """The page of the package has a section for each module, and none twice."""
-    page = "book/api.md"
-    lines = (root / page).read_text(encoding="utf-8").splitlines()
-    shown: dict[str, int] = {}
-    for number, line in enumerate(lines, 1):
-        if line.startswith(".. automodule::"):
-            name = line.split()[-1]
-            if name not in modules(root):
-                yield f"{page}:{number}: there is no module {name}"
-            if name in shown:
-                yield f"{page}:{number}: {name} stands in line {shown[name]} already"
-            shown[name] = number
+    """The pages of the rooms have a section for each module, and none twice."""
+    shown: dict[str, str] = {}
+    for path in sorted((root / REFERENCE).glob("*.md")):
+        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+            if line.startswith(".. automodule::"):
+                name, place = line.split()[-1], f"{REFERENCE}/{path.name}:{number}"
+                if name not in modules(root):
+                    yield f"{place}: there is no module {name}"
+                if name in shown:
+                    yield f"{place}: {name} stands in {shown[name]} already"
+                shown[name] = place
     for name, module in modules(root).items():
         if not module.is_front and module.room != OF_ITS_OWN and name not in shown:
-            yield f"{page}:{len(lines)}: {name} has no section: enter `.. automodule:: {name}`"
+            yield f"{REFERENCE}: {name} has no section: enter `.. automodule:: {name}`"
+
+
+def _contents(root: Path) -> Iterator[str]:
+    """The page of the package leads to every name of its front door."""
+    page = f"{REFERENCE}.md"
+    linked = set(re.findall(r"[.`](\w+)`", (root / page).read_text(encoding="utf-8")))
+    for name in sorted(set(modules(root)[PACKAGE].shows or ()) - linked):
+        yield f"{page}: the name {name} of the front door has no link"
 
 
 def _table_of_rooms(root: Path) -> Iterator[str]:

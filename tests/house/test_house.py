@@ -74,7 +74,8 @@ Type `make book`; the rest is in `nrdob/design/`.
 """,
     "CONTRIBUTING.md": "",
     "Makefile": "book: all",
-    "book/api.md": """
+    "book/api.md": "{py:obj}`~nrdob.design.search.design`",
+    "book/api/rooms.md": """
 .. automodule:: nrdob.sampling
 .. automodule:: nrdob.design.search
 .. automodule:: nrdob.design.cards
@@ -280,7 +281,7 @@ OUT_OF_STEP = {
     "a module on no page": (
         NEW,
         module(""),
-        ["book/api.md:6: nrdob.design.new has no section: enter `.. automodule:: nrdob.design.new`",
+        ["book/api: nrdob.design.new has no section: enter `.. automodule:: nrdob.design.new`",
          "README.md:7: nrdob.design.new is not named in the row of its room"],
     ),
     "a room on no page": (
@@ -289,9 +290,9 @@ OUT_OF_STEP = {
         ["README.md:4: the room attic has no row in the table"],
     ),
     "a section of what is gone": (
-        "book/api.md",
+        "book/api/rooms.md",
         lambda text: f"{text}.. automodule:: nrdob.attic\n",
-        ["book/api.md:7: there is no module nrdob.attic"],
+        ["book/api/rooms.md:7: there is no module nrdob.attic"],
     ),
     "a row of what is gone": (
         "README.md",
@@ -299,9 +300,14 @@ OUT_OF_STEP = {
         ["README.md:7: there is no room attic"],
     ),
     "a section twice": (
-        "book/api.md",
+        "book/api/rooms.md",
         lambda text: f"{text}.. automodule:: nrdob.design.cards\n",
-        ["book/api.md:7: nrdob.design.cards stands in line 4 already"],
+        ["book/api/rooms.md:7: nrdob.design.cards stands in book/api/rooms.md:4 already"],
+    ),
+    "a name without a link": (
+        "book/api.md",
+        lambda text: text.replace("search.design", "search.other"),
+        ["book/api.md: the name design of the front door has no link"],
     ),
     "a file that is gone": (
         "CONTRIBUTING.md",
