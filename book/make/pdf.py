@@ -51,13 +51,17 @@ FITTED = """() => {
   for (const piece of document.querySelectorAll("mjx-container, table")) {
     let box = piece.parentElement;
     while (getComputedStyle(box).display.startsWith("inline")) box = box.parentElement;
-    const part = Math.min(
-      box.clientWidth / piece.getBoundingClientRect().width,
-      piece.clientWidth / piece.scrollWidth || 1, // beside its number it has less room
-    );
-    if (0 < part && part < 0.998) tooWide.push([piece, part]);
+    // A displayed formula scrolls, beside its number; others stick out of their box.
+    const [room, wide] = getComputedStyle(piece.parentElement).display === "flex"
+      ? [piece.clientWidth, piece.scrollWidth]
+      : [box.clientWidth, piece.getBoundingClientRect().width];
+    if (room && wide > room + 1) tooWide.push([piece, room - 1, wide]);
   }
-  tooWide.forEach(([piece, part]) => { piece.style.zoom = Math.floor(100 * part) / 100; });
+  for (const [piece, room, wide] of tooWide) {
+    const letters = piece.querySelector("svg");
+    if (piece.matches("table")) piece.style.zoom = room / wide;
+    else letters.style.cssText += `; height: auto; width: ${room}px`;
+  }
 }"""
 """What would be cut at the edge is set smaller; else a browser shrinks the whole book."""
 
