@@ -24,15 +24,7 @@ from sphinx import addnodes
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
-from openings import Chapter, read_chapter
-
-PARTS = {
-    "0": "First the examples",
-    "1": "The derivations",
-    "2": "Design",
-    "3": "From the page to the bench",
-}
-"""Chapters by the first digit of their number, as in the contents of the front page."""
+from openings import PARTS, Chapter, read_chapter
 
 
 def read_opening(path: Path) -> Chapter:

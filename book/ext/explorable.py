@@ -8,9 +8,11 @@
     ```
 
 stands for Example 3 of the paper, `sampled` for the motor's speed loop on a processor, `adrc` for
-the same motor under linear ADRC. The page carries the coefficients of its blocks, which come from
-`nrdob.paper`, and a still picture for those without a script; the script computes the rest. Into
-chapters, which are notebooks, it comes after the question that opens them: see `explorables.toml`.
+the same motor under linear ADRC. With `:upwards: delay` or `gain` the page has a stability chart as
+well: λ across, this of the plant upwards. The page carries the coefficients of its blocks, which
+come from `nrdob.paper`, and a still picture for those without a script; the script computes the
+rest. Into chapters, which are notebooks, it comes after the question that opens them: see
+`explorables.toml`.
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ from __future__ import annotations
 import base64
 import json
 import tomllib
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from html import escape
 from pathlib import Path
 from typing import Any, ClassVar
@@ -29,11 +31,13 @@ from docutils.parsers.rst import directives
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
-from nrdob import NRDOB, LowPassFilter, linear_adrc, paper
+from nrdob import NRDOB, LowPassFilter, linear_adrc, paper, stability_chart
+from nrdob.plotting import COLOURS, TALL, Figure, axes_for, styled
 from predictions import KEY
 
-SCRIPTS = ("explore/loop.js", "explore/sampled.js", "explore/adrc.js", "explore/view.js")
+SCRIPTS = tuple(f"explore/{name}.js" for name in ("loop", "chart", "sampled", "adrc", "view"))
 LEAST_ORDER, MOST_ORDER = 1, 6
+AT_REST = {"gain": 1.0, "lag": 0.0, "zero": 0.0, "delay": 0.0}
 CHAPTERS, PLACES = "chapters", "explorables.toml"
 
 
@@ -56,6 +60,11 @@ class Scene:
         """The coefficients that the script starts from."""
         return coefficients(self.loop) | self.more
 
+    def charted(self) -> Scene:
+        """Begin with the whole dead time as one that can be moved."""
+        start = self.start | {"delay": self.loop.delay}
+        return replace(self, start=start, more=self.more | {"delay": 0.0})
+
 
 def scene(name: str) -> Scene:
     """Give what an explorable shows: an example of the paper by its number, or the motor."""
@@ -74,6 +83,23 @@ def scene(name: str) -> Scene:
     return Scene("lags", loop, start, (max(least, LEAST_ORDER), MOST_ORDER))
 
 
+def still(shown: Scene, upwards: str, ranges: dict[str, tuple[float, float]]) -> Figure:
+    """Draw what stands on a page without a script: the chart, or the curve whose turns count."""
+    loop = shown.loop
+    if not upwards:
+        return loop.plot_nyquist("L" if shown.kind == "adrc" else "FH")
+    start = AT_REST | shown.start
+    axes = {"x": ("time_constant", *ranges["lambda"]), "y": (upwards, *ranges[upwards])}
+    chart = stability_chart(loop.process, loop.model, loop.filter, **axes)
+    with styled():
+        (ax,) = axes_for(None, 1, TALL)
+        figure = chart.plot(ax=ax)
+        ax.plot(start["lambda"], start[upwards], "o", color=COLOURS["critical"], clip_on=False)
+    count = chart.count(start["lambda"], start[upwards])
+    said = f"; the loop of this page has {count:g} at λ = {start['lambda']:g} s"
+    return Figure(chart, ax, alt=figure.alt + said)
+
+
 def limits(text: str) -> tuple[float, float]:
     """Read the two ends of a slider."""
     low, high = map(float, text.split())
@@ -90,6 +116,24 @@ def coefficients(loop: NRDOB) -> dict[str, Any]:
     return found
 
 
+def carried(
+    shown: Scene, upwards: str, ranges: dict[str, tuple[float, float]], last: float
+) -> dict[str, Any]:
+    """Give what the script is told by the page."""
+    first, *others = ranges
+    return {
+        "kind": shown.kind,
+        "plant": shown.plant,
+        "start": AT_REST | shown.start | ({"upwards": upwards} if upwards else {}),
+        "range": {
+            first: ranges[first],
+            **({"order": shown.orders} if shown.orders else {}),
+            **{slider: ranges[slider] for slider in others},
+        },
+        "last": last,
+    }
+
+
 class Explorable(SphinxDirective):
     """A figure that can be moved: the number of the example, the ends of the sliders."""
 
@@ -97,37 +141,28 @@ class Explorable(SphinxDirective):
     has_content = True
     option_spec: ClassVar[dict[str, Any]] = {
         **{f"range-{slider}": limits for slider in SLIDERS},
-        "last": float, "name": directives.unchanged,
+        "last": float, "name": directives.unchanged, "upwards": directives.unchanged,
     }  # fmt: skip
 
     def run(self) -> list[nodes.Node]:
         """Make the figure: the still, and what the script needs."""
+        upwards = self.options.get("upwards", "")
         shown = scene(self.arguments[0])
+        if upwards:
+            shown = shown.charted()
         ranges = {
             slider: self.options[f"range-{slider}"]
             for slider in SLIDERS
             if f"range-{slider}" in self.options
         }
-        first, *others = ranges
-        given = {
-            "kind": shown.kind,
-            "plant": shown.plant,
-            "start": {"gain": 1.0, "lag": 0.0, "zero": 0.0, "delay": 0.0} | shown.start,
-            "range": {
-                first: ranges[first],
-                **({"order": shown.orders} if shown.orders else {}),
-                **{slider: ranges[slider] for slider in others},
-            },
-            "last": self.options.get("last", 10.0),
-        }
-        still = shown.loop.plot_nyquist("FH")
-        picture = base64.b64encode(still.png()).decode()
+        given = carried(shown, upwards, ranges, self.options.get("last", 10.0))
+        picture = still(shown, upwards, ranges)
         figure = nodes.figure(classes=["explorable"])
         figure += nodes.raw(
             "",
             f'<div data-explorable="{escape(json.dumps(given), quote=True)}">'
-            f'<img class="explorable-still" alt="{escape(still.alt, quote=True)}" '
-            f'src="data:image/png;base64,{picture}"></div>',
+            f'<img class="explorable-still" alt="{escape(picture.alt, quote=True)}" '
+            f'src="data:image/png;base64,{base64.b64encode(picture.png()).decode()}"></div>',
             format="html",
         )
         caption = nodes.caption()
@@ -146,7 +181,8 @@ def fenced(place: dict[str, Any]) -> str:
         if name in place
         for low, high in [place[name]]
     ]
-    lines = [f"```{{explorable}} {place['shows']}", *options, f":last: {place['last']}"]
+    options += [f":{name}: {place[name]}" for name in ("upwards", "last") if name in place]
+    lines = [f"```{{explorable}} {place['shows']}", *options]
     return "\n".join([*lines, "", place["caption"], "```"])
 
 

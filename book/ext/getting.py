@@ -29,20 +29,23 @@ def repository(project: Path) -> str:
     return str(settings["repository"]).rstrip("/").removesuffix(".git")
 
 
+def on_github(address: str) -> str:
+    """Give owner and name of a repository on GitHub; empty where it is elsewhere."""
+    return address.partition("github.com/")[2]
+
+
 def binder(address: str, notebook: str) -> str:
     """Give the address that opens a notebook on Binder."""
-    kind, owner = ("gh", address.split("github.com/")[1]) if "github.com/" in address else (
-        "git", quote(address, safe="")
-    )  # fmt: skip
-    return f"https://mybinder.org/v2/{kind}/{owner}/main?urlpath=lab/tree/notebooks/{notebook}"
+    owner = on_github(address)
+    place = f"gh/{owner}" if owner else f"git/{quote(address, safe='')}"
+    return f"https://mybinder.org/v2/{place}/main?urlpath=lab/tree/notebooks/{notebook}"
 
 
 def colab(address: str, notebook: str) -> str:
     """Give the address that opens a notebook on Colab, which knows GitHub only; else nothing."""
-    if "github.com/" not in address:
-        return ""
-    owner = address.split("github.com/")[1]
-    return f"https://colab.research.google.com/github/{owner}/blob/main/notebooks/{notebook}"
+    owner = on_github(address)
+    place = f"https://colab.research.google.com/github/{owner}/blob/main/notebooks/{notebook}"
+    return place if owner else ""
 
 
 def starts(address: str, page: str) -> dict[str, str]:

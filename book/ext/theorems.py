@@ -23,9 +23,9 @@ from sphinx.util import logging
 from sphinx.util.docutils import SphinxDirective
 from sphinx.util.nodes import make_refnode
 
+from complete import CHAPTERS, warn
 from statements import MENTION, NUMBER, Theorem, anchor, faults_of_book, theorems_of, title_of
 
-CHAPTERS = "chapters"
 TITLE = re.compile(r"Theorem (\d+\.\d+) \((.+)\)\.", re.DOTALL)
 NO_MENTION = (nodes.literal, nodes.literal_block, nodes.math, nodes.math_block, nodes.raw,
               nodes.reference, nodes.title, nodes.comment, addnodes.pending_xref)  # fmt: skip
@@ -40,9 +40,7 @@ def folder(env: BuildEnvironment) -> Path:
 
 def check(app: Sphinx) -> None:
     """Name what is amiss with the theorems, in every build, whatever Sphinx remembers."""
-    for fault in faults_of_book(folder(app.env)):
-        page, _, said = fault.partition(": ")
-        logger.warning(said, location=f"{CHAPTERS}/{page}")
+    warn(faults_of_book(folder(app.env)))
     app.env.nrdob_theorems = {  # type: ignore[attr-defined]
         theorem.number: theorem
         for theorems in theorems_of(folder(app.env)).values()

@@ -7,7 +7,15 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-__all__ = ["Chapter", "read_chapter"]
+__all__ = ["PARTS", "Chapter", "read_chapter"]
+
+PARTS = {
+    "0": "First the examples",
+    "1": "The derivations",
+    "2": "Design",
+    "3": "From the page to the bench",
+}
+"""The parts of the book, by the first digit of a chapter's number, as on the front page."""
 
 TITLE = re.compile(r"# (.+)")
 PROMISED = re.compile(r"\*\*You will be able to\*\*(.*?)\*\*You need\*\*", re.DOTALL)

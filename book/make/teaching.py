@@ -26,7 +26,7 @@ from typing import Any
 import nbformat
 
 from nrdob.course.exercises import PROBLEMS, Problem
-from openings import Chapter, read_chapter
+from openings import PARTS, Chapter, read_chapter
 from pages import render, same, store
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -36,11 +36,6 @@ ADVICE = "problems.toml"
 
 GRADED = re.compile(r"(check|written)-(\d+)-(\d+)([a-z]?)")
 SOLUTION = re.compile(r"### BEGIN SOLUTION\n(.*?)\s*### END SOLUTION", re.DOTALL)
-
-PARTS = {
-    "0": "The examples", "1": "The derivations", "2": "Design", "3": "From the page to the bench",
-}  # fmt: skip
-"""The parts of the book, by the first digit of a chapter's name."""
 
 PAGES = ("objectives.md", "mistakes.md", "rubric.md")
 

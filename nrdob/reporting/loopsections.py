@@ -23,6 +23,7 @@ from ..loop import NRDOB
 from ..numerics import number, written
 from ..plotting import COLOURS, chart_plot, nyquist_plot
 from .page import Picture, Section, Table, picture
+from .resonances import resonance_warnings
 from .wording import character, formula, intervals, roots_listed
 
 __all__ = ["Given", "sections_of"]
@@ -159,6 +160,7 @@ def _margins(given: Given, title: str) -> Section:
             "The controller leaves its own loop with the model a sensitivity peak of "
             f"{number(found.model_loop.ms)}: the reference will make it swing.",
         )
+    warnings += tuple(resonance_warnings(given.loop))
     words = (
         "What a change of the plant uses up are the margins of L.",
         warnings[0] if warnings else "None of them is small.",

@@ -18,7 +18,7 @@ import pytest
 
 import nrdob
 from browser import CHROMIUM, browser
-from explorable import SCRIPTS, coefficients, scene
+from explorable import AT_REST, SCRIPTS, carried, coefficients, scene, still
 from nrdob import NRDOB, LowPassFilter, paper
 
 STATIC = Path(__file__).resolve().parents[2] / "book" / "_static"
@@ -254,18 +254,173 @@ def test_adrc_answers_as_in_the_package(tab: Any, signal: str) -> None:
         compared += 1
 
 
+# --- The chart ------------------------------------------------------------------------------------
+
+UPWARDS = {"delay": (0.0, 0.3), "gain": (0.1, 10.0)}
+
+BORDERS = """([at, upwards, across, ends]) => {
+  const { abs, add, late, mul, value } = nrdob.parts;
+  return [...nrdob.borders(at, upwards, across, ends)].map((curve) => curve.map((p) => {
+    const loop = nrdob.loopOf({ ...at, lambda: p.lambda, [upwards]: p.up });
+    const s = [0, p.omega];
+    const [q, back] = [value(loop.q, s), mul(value(loop.r, s), late(loop, p.omega))];
+    return [p.lambda, p.up, abs(add(q, back)) / abs(q)];
+  }));
+}"""
+
+
+def drawn_chart(rng: np.random.Generator, upwards: str) -> tuple[dict[str, Any], NRDOB]:
+    """Draw a position of the sliders of a chart, and the loop that stands at its lowest values."""
+    at, _ = drawn(rng, 3 + int(rng.integers(2)))
+    shown = scene("4" if at["plant"]["delay"] else "3").charted()
+    at |= {"plant": shown.plant, "zero": 0.0, "delay": at["delay"] or 0.05}
+    at[upwards] = {"delay": 0.0, "gain": 1.0}[upwards]
+    G = shown.loop.fractions.G
+    lag = ct.tf([1.0], [at["lag"], 1.0] if at["lag"] else [1.0])
+    process = nrdob.delay(at["delay"]) * (at["gain"] * ct.tf(G.num, G.den) * lag)
+    return at, NRDOB(process, shown.loop.model, 0, LowPassFilter(at["lambda"], at["order"]))
+
+
+def charted(at: dict[str, Any], loop: NRDOB, upwards: str) -> nrdob.StabilityChart:
+    """Give the package's chart of these sliders."""
+    across = ("time_constant", *RANGE["lambda"])
+    return nrdob.stability_chart(
+        loop.process, loop.model, at["order"], x=across, y=(upwards, *UPWARDS[upwards])
+    )
+
+
+def shares(chart: nrdob.StabilityChart, x: Any, y: Any) -> np.ndarray:
+    """Give points as parts of the width and of the height of a chart."""
+    return np.column_stack([chart.x.share(x), chart.y.share(y)])
+
+
+def farthest(points: list[np.ndarray], lines: list[np.ndarray]) -> float:
+    """Tell how far the farthest of some points on the chart is from all lines, 30 of each curve."""
+    given = np.vstack([*(each[:: 1 + len(each) // 30] for each in points), np.empty((0, 2))])
+    given = given[((given >= 0) & (given <= 1)).all(axis=1)]
+    nearest = np.full(len(given), np.inf)
+    for line in lines:
+        start, way = line[:-1], np.diff(line, axis=0)
+        for k, point in enumerate(given):
+            along = ((point - start) * way).sum(axis=1) / ((way**2).sum(axis=1) + 1e-30)
+            off = point - start - np.clip(along, 0, 1)[:, None] * way
+            nearest[k] = min(nearest[k], np.hypot(*off.T).min())
+    return float(nearest.max(initial=0.0))
+
+
+@pytest.mark.parametrize("upwards", UPWARDS)
+def test_the_borders_of_the_chart_are_those_of_the_package(tab: Any, upwards: str) -> None:
+    rng = np.random.default_rng(40)
+    seen = 0
+    for _ in range(8):
+        at, loop = drawn_chart(rng, upwards)
+        chart = charted(at, loop, upwards)
+        curves = tab.evaluate(BORDERS, [at, upwards, RANGE["lambda"], UPWARDS[upwards]])
+        found = [np.array(curve) for curve in curves]
+        assert all(curve[:, 2].max() < 1e-9 for curve in found), at
+        mine = [shares(chart, *curve.T[:2]) for curve in found]
+        wanted = [shares(chart, border.x, border.y) for border in chart.borders]
+        assert farthest(mine, wanted) < 1e-3 and farthest(wanted, mine) < 1e-3, at
+        seen += len(found)
+    assert seen > 8
+
+
+@pytest.mark.parametrize("upwards", UPWARDS)
+def test_the_count_at_the_point_of_the_chart_is_that_of_the_package(tab: Any, upwards: str) -> None:
+    rng = np.random.default_rng(41)
+    seen = set()
+    for _ in range(5):
+        at, loop = drawn_chart(rng, upwards)
+        chart = charted(at, loop, upwards)
+        for u, v in rng.random((8, 2)):
+            lam, up = float(chart.x.value(u)), float(chart.y.value(v))
+            moved = {**at, "lambda": lam, upwards: up}
+            count = tab.evaluate("(at) => nrdob.judge(nrdob.loopOf(at)).Z", moved)
+            assert count == chart.count(lam, up), moved
+            seen.add(count)
+    assert {0, 2} <= seen
+
+
+@pytest.mark.parametrize("upwards", UPWARDS)
+def test_the_point_of_the_chart_is_moved_by_keys_and_mouse(tab: Any, upwards: str) -> None:
+    ranges = {"lambda": RANGE["lambda"], "gain": UPWARDS["gain"], "delay": UPWARDS["delay"]}
+    shown = scene("4").charted()
+    opened(tab, carried(shown, upwards, ranges, 8.0))
+    chart, sliders = tab.get_by_role("slider", name="Stability chart"), tab.locator("input")
+    height = sliders.nth(1 + list(ranges).index(upwards))
+    tab.wait_for_function("() => nrdob.explorables[0].chart.done")
+    assert chart.locator(".border").count() > 0 and chart.locator(".works").count() > 9
+    before, up = float(sliders.nth(0).input_value()), float(height.input_value())
+    chart.focus()
+    for key in ("ArrowLeft", "Shift+ArrowLeft", "Shift+ArrowUp"):
+        tab.keyboard.press(key)
+    low, high = map(math.log10, RANGE["lambda"])
+    moved = float(sliders.nth(0).input_value())
+    assert moved == pytest.approx(before - 0.11 * (high - low), abs=0.005)
+    assert float(height.input_value()) > up
+    box = chart.bounding_box()
+    for x, word in ((0.93, "stable"), (0.16, "unstable")):
+        tab.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])
+        tab.mouse.down()
+        tab.mouse.move(box["x"] + x * box["width"], box["y"] + 0.07 * box["height"])
+        tab.mouse.up()
+        verdict = tab.locator(".explorable-verdict").inner_text()
+        assert verdict.lstrip("✓✗ ").startswith(word)
+        count = tab.evaluate("nrdob.explorables[0].last.found.Z")
+        assert f"{abs(count):g} roots on the right" in chart.get_attribute("aria-valuetext")
+    assert ": stable for λ from " in tab.locator(".explorable-set").inner_text()
+
+
+def test_a_finger_on_the_point_of_the_chart_moves_it_and_elsewhere_the_page(tab: Any) -> None:
+    page = tab.context.browser.new_page(has_touch=True, viewport={"width": 360, "height": 500})
+    ranges = {"lambda": RANGE["lambda"], "delay": UPWARDS["delay"]}
+    opened(page, carried(scene("4").charted(), "delay", ranges, 8.0))
+    fingers = page.context.new_cdp_session(page)
+
+    def drag(place: dict[str, float]) -> tuple[str, float]:
+        x, y = place["x"] + 0.5 * place["width"], place["y"] + 0.5 * place["height"]
+        for k in range(6):
+            at = [{"x": x - 8 * k, "y": y - 8 * k}]
+            kind = "touchMove" if k else "touchStart"
+            fingers.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": at})
+        fingers.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+        page.wait_for_timeout(200)
+        return chart.get_attribute("aria-valuetext"), page.evaluate("scrollY")
+
+    chart = page.locator(".chart")
+    before = chart.get_attribute("aria-valuetext")
+    moved, scrolled = drag(page.locator(".chart .here").bounding_box())
+    assert moved != before and scrolled == 0
+    kept, scrolled = drag(chart.bounding_box() | {"width": 120})
+    assert kept == moved and scrolled > 0
+    page.close()
+
+
+def test_stills_show_what_the_pages_begin_with() -> None:
+    ranges = {"lambda": (0.003, 1.0), "delay": (0.0, 0.3)}
+    picture = still(scene("4").charted(), "delay", ranges)
+    assert picture.alt.startswith("Stability chart in time constant λ and dead time")
+    assert picture.alt.endswith("the loop of this page has 0 at λ = 0.09 s")
+    assert "of L" in still(scene("adrc"), "", {}).alt
+
+
+def opened(tab: Any, given: dict[str, Any]) -> None:
+    """Set a page that is told this, with its scripts."""
+    data, picture = escape(json.dumps(given), quote=True), '<img class="explorable-still">'
+    tab.set_content(f'<!doctype html><div data-explorable="{data}">{picture}</div>')
+    for script in SCRIPTS:
+        tab.add_script_tag(path=str(STATIC / script))
+
+
 def test_every_move_is_drawn_in_words_and_stays_right(tab: Any) -> None:
     given = {
         "kind": "lags",
         "plant": coefficients(paper.example(3)),
-        "start": {"lambda": 0.05, "order": 2, "gain": 1.0, "lag": 0.0, "zero": 0.0, "delay": 0.0},
+        "start": AT_REST | {"lambda": 0.05, "order": 2},
         "range": {"lambda": RANGE["lambda"], "order": (2, 6), "gain": RANGE["gain"]},
         "last": 8.0,
     }  # fmt: skip
-    data, still = escape(json.dumps(given), quote=True), '<img class="explorable-still">'
-    tab.set_content(f'<!doctype html><div data-explorable="{data}">{still}</div>')
-    for script in SCRIPTS:
-        tab.add_script_tag(path=str(STATIC / script))
+    opened(tab, given)
     sliders = tab.locator("input[type=range]")
     assert sliders.count() == 3
     verdict = tab.locator(".explorable-verdict")

@@ -3,7 +3,7 @@
 (() => {
   "use strict";
 
-  const { add, arg, between, div, joined, late, minus, mul, plantOf, times, turning, value } = nrdob.parts;
+  const { add, arg, between, crossed, div, joined, late, minus, mul, plantOf, sorted, times, turning, value } = nrdob.parts;
 
   const filter = ({ observer, controller }) => {
     const [lambda, slow] = [1 / observer, 1 / controller];
@@ -34,31 +34,9 @@
       const twice = mul([2, 0], a);
       return [minus(root, b), minus([-root[0], -root[1]], b)].map((top) => div(top, twice));
     };
-    const far = (x, y) => Math.hypot(x[0] - y[0], x[1] - y[1]);
-    const ordered = (pair, old) =>
-      far(pair[0], old[0]) + far(pair[1], old[1]) <= far(pair[0], old[1]) + far(pair[1], old[0]) ? pair : [pair[1], pair[0]];
-    const found = [];
-    let last = null;
-    for (const omega of turning(loopOf({ ...at, observer: Math.sqrt(low * high) }), () => true)) {
-      const here = last ? ordered(solved(omega), last.roots) : solved(omega);
-      if (last) {
-        here.forEach((x, k) => {
-          let old = last.roots[k];
-          if (old[1] * x[1] >= 0 || Math.max(old[0], x[0]) <= 0) return;
-          let [a, b, f] = [last.omega, omega, last.roots];
-          for (let round = 0; round < 60 && b - a > 1e-14 * b; round++) {
-            const m = (a + b) / 2;
-            const g = ordered(solved(m), f);
-            if (f[k][1] * g[k][1] <= 0) b = m;
-            else [a, f] = [m, g];
-          }
-          const [lambda, off] = ordered(solved((a + b) / 2), f)[k];
-          if (lambda > 0 && Math.abs(off) < 1e-6 * lambda) found.push(1 / lambda);
-        });
-      }
-      last = { omega, roots: here };
-    }
-    return [...new Set(found.filter((x) => x > low && x < high))].sort((x, y) => x - y);
+    const all = () => true;
+    const omegas = turning(loopOf({ ...at, observer: Math.sqrt(low * high) }), all);
+    return sorted(crossed(omegas, all, solved).map((lambda) => 1 / lambda), low, high);
   };
   const stabilizing = (at, low, high) =>
     between(critical(at, low, high), low, high, (observer) => loopOf({ ...at, observer }));

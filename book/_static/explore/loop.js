@@ -239,60 +239,74 @@
     return Math.max(fa, fb);
   };
 
-  /* Every λ in a range at which p_B has a root on the axis: (1 + jωλ)^n = W(ω) = 1 - R(jω). Of the
-     n roots of W one after the other is followed; where its real part passes 1, λ is its height
-     over ω. Beyond |R| = (1 + ω²λ²)^(n/2) - 1 none is as large as the least λ asked for. */
-  const criticalTimeConstants = (loop, low, high) => {
-    const { order: n } = loop;
-    const [before, behind] = [times(loop.N, loop.Dm), times(loop.D, loop.Nm)];
-    const R = (omega) => {
-      const s = [0, omega];
-      return mul(div(value(before, s), value(behind, s)), late(loop, omega));
-    };
-    const possible = (omega, size) => size >= ((1 + (omega * low) ** 2) ** (n / 2) - 1) / 2;
-    const root = (W, k) => {
-      const size = abs(W) ** (1 / n);
-      const angle = (arg(W) + 2 * Math.PI * k) / n;
-      return [size * Math.cos(angle) - 1, size * Math.sin(angle)];
-    };
+  /* Of the values that a parameter would need for a root of p_B at jω, those that are real and
+     positive: `solved` gives all of them, complex, and one after the other is followed, from one
+     frequency to the next where it is worth it. */
+  const crossed = (omegas, worth, solved) => {
     const found = [];
-    // A root goes through infinity where the leading terms cancel: λ^n = -R/s^n.
-    const [top, bottom] = [trimmed(before), trimmed(behind)];
-    const c = -top[0] / bottom[0];
-    if (!loop.theta && top.length - bottom.length === n && c > 0) found.push(c ** (1 / n));
     let last = null;
-    const worth = (omega) => possible(omega, abs(R(omega)));
-    for (const omega of turning({ ...loop, lambda: Math.sqrt(low * high) }, worth)) {
-      const at = R(omega);
-      if (!possible(omega, abs(at))) {
+    for (const omega of omegas) {
+      if (!worth(omega)) {
         last = null;
         continue;
       }
-      const here = Array.from({ length: n }, (_, k) => root(minus([1, 0], at), k));
-      if (last) {
-        here.forEach((x, k) => {
-          const old = last.roots[k];
-          if (old[0] * x[0] >= 0 || Math.abs(x[1] - old[1]) > 0.5 * (1 + Math.abs(x[1]))) return;
-          let [a, b, fa] = [last.omega, omega, old[0]];
-          for (let round = 0; round < 60 && b - a > 1e-14 * b; round++) {
-            const m = (a + b) / 2;
-            const f = root(minus([1, 0], R(m)), k)[0];
-            if (fa * f <= 0) b = m;
-            else [a, fa] = [m, f];
-          }
+      const roots = last ? inOrder(solved(omega), last.roots) : solved(omega);
+      (last ? roots : []).forEach((x, k) => {
+        if (last.roots[k][1] * x[1] >= 0 || Math.max(last.roots[k][0], x[0]) <= 0) return;
+        let [a, b, old] = [last.omega, omega, last.roots];
+        for (let round = 0; round < 60 && b - a > 1e-14 * b; round++) {
           const m = (a + b) / 2;
-          const [off, height] = root(minus([1, 0], R(m)), k);
-          if (Math.abs(off) < 1e-6 && height > 0) found.push(height / m);
-        });
-      }
-      last = { omega, roots: here };
+          const middle = inOrder(solved(m), old);
+          if (old[k][1] * middle[k][1] <= 0) b = m;
+          else [a, old] = [m, middle];
+        }
+        const [real, off] = inOrder(solved((a + b) / 2), old)[k];
+        if (real > 0 && Math.abs(off) < 1e-6 * real) found.push(real);
+      });
+      last = { omega, roots };
     }
-    return [...new Set(found.filter((x) => x > low && x < high))].sort((x, y) => x - y);
+    return found;
+  };
+  /* Begin with another of the roots, so that each is nearest to what it was. */
+  const inOrder = (roots, old) => {
+    const from = (shift) => old.map((_, k) => roots[(k + shift) % roots.length]);
+    const apart = (shift) => from(shift).reduce((sum, z, k) => sum + (z[0] - old[k][0]) ** 2 + (z[1] - old[k][1]) ** 2, 0);
+    const away = old.map((_, shift) => apart(shift));
+    return from(away.indexOf(Math.min(...away)));
+  };
+  const sorted = (found, low, high) => [...new Set(found.filter((x) => x > low && x < high))].sort((x, y) => x - y);
+
+  /* The plant over the model, without the filter: R = W, of which p_B makes (1 + jωλ)^n = 1 - W. */
+  const overModel = (loop) => {
+    const [before, behind] = [times(loop.N, loop.Dm), times(loop.D, loop.Nm)];
+    const ratio = (omega) => mul(div(value(before, [0, omega]), value(behind, [0, omega])), late(loop, omega));
+    return { before: trimmed(before), behind: trimmed(behind), ratio };
+  };
+
+  /* Every λ in a range at which p_B has a root on the axis. Beyond |R| = (1 + ω²λ²)^(n/2) - 1 none is
+     as large as the least λ asked for. */
+  const criticalTimeConstants = (loop, low, high) => {
+    const { order: n } = loop;
+    const { before, behind, ratio } = overModel(loop);
+    const worth = (omega) => abs(ratio(omega)) >= ((1 + (omega * low) ** 2) ** (n / 2) - 1) / 2;
+    const solved = (omega) => {
+      const W = minus([1, 0], ratio(omega));
+      const size = abs(W) ** (1 / n);
+      return Array.from({ length: n }, (_, k) => {
+        const angle = (arg(W) + 2 * Math.PI * k) / n;
+        return [(size * Math.sin(angle)) / omega, (1 - size * Math.cos(angle)) / omega];
+      });
+    };
+    const found = crossed(turning({ ...loop, lambda: Math.sqrt(low * high) }, worth), worth, solved);
+    // A root goes through infinity where the leading terms cancel: λ^n = -R/s^n.
+    const c = -before[0] / behind[0];
+    if (!loop.theta && before.length - behind.length === n && c > 0) found.push(c ** (1 / n));
+    return sorted(found, low, high);
   };
   /* Frequencies at which nothing turns by much from one to the next, with the dead time. */
-  const turning = function* (loop, worth) {
+  const turning = function* (loop, worth, count = 800) {
     let before = 0;
-    for (const omega of frequencies(loop, 800)) {
+    for (const omega of frequencies(loop, count)) {
       const parts = worth(omega) ? Math.min(200, Math.ceil(((omega - before) * loop.theta) / 0.25)) : 1;
       for (let k = 1; k < parts; k++) yield before + ((omega - before) * k) / parts;
       yield omega;
@@ -409,7 +423,7 @@
   window.nrdob = {
     loopOf, judge, stabilizing, step, FH, H, L, roots, frequencies, countRight,
     // For loops of another kind.
-    parts: { add, arg, between, criticalTimeConstants, div, expm, joined, lags, late, minus, mul, plantOf, plus, product, times, turning, value },
+    parts: { abs, add, arg, between, criticalTimeConstants, crossed, div, expm, joined, lags, late, minus, mul, overModel, plantOf, plus, product, sorted, times, turn, turning, value },
   };
   /* What a page can move: how a loop is made, judged and answers, and what its bar is a set of. */
   window.nrdob.kinds = {

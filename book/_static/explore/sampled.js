@@ -131,11 +131,10 @@
   const scaled = (M, factor) => M.map((row) => row.map((a) => a * factor));
   const add = (P, Q) => P.map((row, i) => row.map((a, k) => a + Q[i][k]));
   const advance = (process, x, u, t) => {
-    const key = t;
-    let known = process.moves?.get(key);
+    let known = process.moves?.get(t);
     if (!known) {
       known = held(process, t);
-      (process.moves ??= new Map()).set(key, known);
+      (process.moves ??= new Map()).set(t, known);
     }
     return add(product(known.Phi, x), scaled(known.Gamma, u));
   };

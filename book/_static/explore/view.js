@@ -16,6 +16,9 @@
     observer: { label: "observer’s bandwidth ωo", unit: "rad/s", log: true },
     controller: { label: "controller’s bandwidth ωc", unit: "rad/s", log: true },
   };
+  const UPWARDS = ["delay", "gain"]; // of a chart
+  const ROWS = 56; // bars in the stack of a chart
+  const PATIENCE = 10; // ms of work in the background before the page may answer
   const SIZE = { width: 340, height: 270, left: 42, right: 10, top: 12, bottom: 34 };
 
   const svg = (tag, attributes = {}, ...children) => {
@@ -41,6 +44,20 @@
     return found;
   };
 
+  /* The same where a scale is of powers of ten, over their exponents. */
+  const powers = (low, high) => {
+    const found = [];
+    for (let k = Math.floor(low); k <= high; k++) {
+      for (const m of high - low < 2 ? [1, 2, 5] : [1]) found.push(k + Math.log10(m));
+    }
+    return found.filter((x) => x > low - 1e-9 && x < high + 1e-9);
+  };
+  /* From what a slider moves to its place on the scale, and back. */
+  const LINEAR = { inner: (x) => x, outer: (x) => x, marks: ticks };
+  const POWERS = { inner: Math.log10, outer: (x) => 10 ** x, marks: powers };
+  const scaleOf = (name) => (CONTROLS[name].log ? POWERS : LINEAR);
+  const named = (name, x) => `${CONTROLS[name].label} ${written(x)} ${CONTROLS[name].unit ?? ""}`.trim();
+
   class Plot {
     constructor(title, xName, yName) {
       this.clip = `clip-${Math.random().toString(36).slice(2)}`;
@@ -58,30 +75,157 @@
       );
     }
 
-    draw([x0, x1], [y0, y1], parts, said) {
+    /* What lies between two values on each axis, and where a value is in the picture. */
+    frameFor([x0, x1], [y0, y1], { marks: across } = LINEAR, { marks: upwards } = LINEAR) {
       const { width, height, left, right, top, bottom } = SIZE;
       const X = (x) => left + ((x - x0) / (x1 - x0)) * (width - left - right);
       const Y = (y) => height - bottom - ((y - y0) / (y1 - y0)) * (height - top - bottom);
+      const shown = (x, marks) => written(marks === powers ? 10 ** x : x);
       const frame = [];
-      for (const x of ticks(x0, x1)) {
+      for (const x of across(x0, x1)) {
         frame.push(svg("line", { x1: X(x), x2: X(x), y1: top, y2: height - bottom }));
-        frame.push(svg("text", { x: X(x), y: height - bottom + 13, "text-anchor": "middle" }, written(x)));
+        frame.push(svg("text", { x: X(x), y: height - bottom + 13, "text-anchor": "middle" }, shown(x, across)));
       }
-      for (const y of ticks(y0, y1)) {
+      for (const y of upwards(y0, y1)) {
         frame.push(svg("line", { x1: left, x2: width - right, y1: Y(y), y2: Y(y) }));
-        frame.push(svg("text", { x: left - 5, y: Y(y) + 4, "text-anchor": "end" }, written(y)));
+        frame.push(svg("text", { x: left - 5, y: Y(y) + 4, "text-anchor": "end" }, shown(y, upwards)));
       }
       frame.push(svg("text", { x: (left + width - right) / 2, y: height - 4, "text-anchor": "middle" }, this.names[0]));
       frame.push(svg("text", { x: 11, y: height / 2, "text-anchor": "middle", transform: `rotate(-90 11 ${height / 2})` }, this.names[1]));
       this.frame.replaceChildren(...frame);
+      return { X, Y };
+    }
+
+    line(points, kind, { X, Y }) {
+      return svg("polyline", { class: kind, points: points.map(([x, y]) => `${X(x).toFixed(1)},${Y(y).toFixed(1)}`).join(" ") });
+    }
+
+    draw(xs, ys, parts, said) {
+      const places = this.frameFor(xs, ys);
+      const { X, Y } = places;
       this.data.replaceChildren(
         ...parts.map(({ points, at, kind }) =>
-          points
-            ? svg("polyline", { class: kind, points: points.map(([x, y]) => `${X(x).toFixed(1)},${Y(y).toFixed(1)}`).join(" ") })
-            : svg("path", { class: kind, d: `M${X(at[0]) - 5} ${Y(at[1]) - 5}l10 10m0 -10l-10 10` }),
+          points ? this.line(points, kind, places) : svg("path", { class: kind, d: `M${X(at[0]) - 5} ${Y(at[1]) - 5}l10 10m0 -10l-10 10` }),
         ),
       );
       this.element.setAttribute("aria-label", said);
+    }
+  }
+
+  /* The stability chart, with a point that is moved by mouse, finger and arrow keys. It is a stack of
+     bars: the stable filters at each height, which are found in the background, as the borders are. */
+  class Chart extends Plot {
+    constructor(range, move) {
+      super("Chart", "filter’s time constant λ in s", "");
+      this.range = range;
+      this.move = move;
+      this.height = svg("line", { class: "height", x1: SIZE.left, x2: SIZE.width - SIZE.right, "pointer-events": "none" });
+      this.handle = svg("circle", { class: "handle", r: 22 });
+      this.here = svg("circle", { class: "here", r: 6, "pointer-events": "none" });
+      this.element.append(this.height, this.handle, this.here);
+      for (const [name, value] of Object.entries({ role: "slider", tabindex: 0, class: "chart" })) this.element.setAttribute(name, value);
+      this.element.addEventListener("pointerdown", (event) => {
+        if (event.pointerType !== "mouse" && event.target !== this.handle) return;
+        this.element.setPointerCapture(event.pointerId);
+        this.held = true;
+        this.follow(event);
+      });
+      this.element.addEventListener("lostpointercapture", () => (this.held = false));
+      // A finger on the point moves it, elsewhere the page.
+      this.handle.addEventListener("touchstart", (event) => event.preventDefault(), { passive: false });
+      this.element.addEventListener("pointermove", (event) => {
+        if (this.held) this.follow(event);
+      });
+      this.element.addEventListener("click", (event) => this.follow(event));
+      this.element.addEventListener("keydown", (event) => {
+        const way = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowDown: [0, -1], ArrowUp: [0, 1] }[event.key];
+        if (!way) return;
+        event.preventDefault();
+        const step = event.shiftKey ? 0.1 : 0.01;
+        this.to(this.shares.map((share, k) => share + step * way[k]));
+      });
+    }
+
+    get axes() {
+      return ["lambda", this.upwards].map((name) => ({ name, ...scaleOf(name), ends: this.range[name].map(scaleOf(name).inner) }));
+    }
+
+    follow(event) {
+      const { width, height, left, right, top, bottom } = SIZE;
+      const box = this.element.getBoundingClientRect();
+      const x = ((event.clientX - box.left) * width) / box.width;
+      const y = ((event.clientY - box.top) * height) / box.height;
+      this.to([(x - left) / (width - left - right), (height - bottom - y) / (height - top - bottom)]);
+    }
+
+    to(shares) {
+      const within = shares.map((share) => Math.max(0, Math.min(1, share)));
+      this.move(Object.fromEntries(this.axes.map(({ name, outer, ends: [a, b] }, k) => [name, outer(a + within[k] * (b - a))])));
+    }
+
+    show(parameters, { Z }, setAt) {
+      const { upwards, lambda, [upwards]: up, ...rest } = parameters;
+      const key = JSON.stringify([upwards, rest]);
+      if (key !== this.key) {
+        this.key = key;
+        this.upwards = upwards;
+        this.names[1] = `${CONTROLS[upwards].label}${CONTROLS[upwards].unit ? ` in ${CONTROLS[upwards].unit}` : ""}`;
+        this.element.setAttribute("aria-label", `Stability chart: the filter’s λ across, ${CONTROLS[upwards].label} upwards. Arrow keys move the point.`);
+        const [across, above] = this.axes;
+        this.places = this.frameFor(across.ends, above.ends, across, above);
+        this.data.replaceChildren();
+        this.rest = this.pieces(parameters, setAt);
+        this.work(this.rest);
+      }
+      const [x, y] = [lambda, up].map((value, k) => this.axes[k].inner(value));
+      this.shares = [x, y].map((value, k) => {
+        const [a, b] = this.axes[k].ends;
+        return (value - a) / (b - a);
+      });
+      const { X, Y } = this.places;
+      for (const end of ["y1", "y2"]) this.height.setAttribute(end, Y(y));
+      for (const circle of [this.handle, this.here]) {
+        circle.setAttribute("cx", X(x));
+        circle.setAttribute("cy", Y(y));
+      }
+      const [low, high] = this.range.lambda;
+      const said = `${named("lambda", lambda)}, ${named(upwards, up)}: ${Z === 1 ? "1 root" : `${written(Z)} roots`} on the right`;
+      for (const [name, value] of Object.entries({ valuemin: low, valuemax: high, valuenow: lambda, valuetext: said })) this.element.setAttribute(`aria-${name}`, value);
+    }
+
+    /* What is to be drawn, piece by piece. */
+    *pieces(parameters, setAt) {
+      const { X, Y } = this.places;
+      const [{ inner }, above] = this.axes;
+      const [low, high] = this.range.lambda;
+      for (const curve of nrdob.borders(parameters, this.upwards, this.range.lambda, this.range[this.upwards])) {
+        yield this.line(curve.map(({ lambda, up }) => [inner(lambda), above.inner(up)]), "border", this.places);
+      }
+      const [bottom, top] = above.ends;
+      const tall = (top - bottom) / ROWS;
+      for (let row = 0; row < ROWS; row++) {
+        const foot = bottom + row * tall;
+        yield svg("g");
+        for (const [from, to] of setAt({ ...parameters, [this.upwards]: above.outer(foot + tall / 2) }, low, high)) {
+          const [left, right] = [X(inner(from)), X(inner(to))];
+          yield svg("rect", { class: "works", x: left, y: Y(foot + tall), width: right - left, height: Y(foot) - Y(foot + tall) });
+        }
+      }
+    }
+
+    /* Draw them a few at a time, until there are no more, or others are to be drawn. */
+    work(pieces) {
+      this.done = false;
+      setTimeout(() => {
+        const until = performance.now() + PATIENCE;
+        while (pieces === this.rest && performance.now() < until) {
+          const { value, done } = pieces.next();
+          this.done = done;
+          if (done) return;
+          this.data.append(value);
+        }
+        if (pieces === this.rest) this.work(pieces);
+      });
     }
   }
 
@@ -90,29 +234,37 @@
       this.given = JSON.parse(figure.dataset.explorable);
       this.kind = nrdob.kinds[this.given.kind];
       this.plots = [new Plot("Nyquist", "real part", "imaginary part"), new Plot("Step", "time in s", "y")];
+      const { range, start } = this.given;
+      if (start.upwards) this.chart = new Chart(range, (moved) => this.to(moved));
       this.bar = svg("svg", { viewBox: "0 0 480 50", role: "img", class: "bar" });
       this.verdict = html("p", { className: "explorable-verdict" });
       this.verdict.setAttribute("role", "status");
+      this.words = html("p", { className: "explorable-set" });
+      this.words.setAttribute("role", "status");
       this.state = { ...this.given.start, curve: this.kind.counted, signal: "d" };
       const still = figure.querySelector(".explorable-still");
+      const plots = this.plots.map((plot) => plot.element);
+      const filters = [html("p", { className: "explorable-bar-name" }, this.kind.said), this.bar];
+      if (this.chart) {
+        plots.unshift(this.chart.element);
+        plots.push(html("div", {}, ...filters.splice(0), this.words));
+      }
       const board = html(
         "div",
         { className: "explorable-board" },
         this.verdict,
-        html("div", { className: "explorable-plots" }, ...this.plots.map((plot) => plot.element)),
-        html("p", { className: "explorable-bar-name" }, this.kind.said),
-        this.bar,
+        html("div", { className: "explorable-plots" }, ...plots),
+        ...filters,
         html("div", { className: "explorable-controls" }, ...Object.entries(this.given.range).map((each) => this.slider(...each))),
-        html("div", { className: "explorable-controls" }, this.choice("Curve", "curve", this.kind.counted === "L" ? { L: "L" } : CURVES), this.choice("Unit step", "signal", SIGNALS), this.back()),
+        html("div", { className: "explorable-controls" }, this.choice("Curve", "curve", this.kind.counted === "L" ? { L: "L" } : CURVES), this.choice("Unit step", "signal", SIGNALS), ...this.upwards(), this.back()),
       );
       still.replaceWith(board);
       this.show();
     }
 
     slider(name, [low, high]) {
-      const { label, unit = "", log, integer } = CONTROLS[name];
-      const inner = log ? Math.log10 : (x) => x;
-      const outer = log ? (x) => 10 ** x : (x) => x;
+      const { label, unit = "", integer } = CONTROLS[name];
+      const { inner, outer } = scaleOf(name);
       const input = html("input", { type: "range", min: inner(low), max: inner(high), step: integer ? 1 : (inner(high) - inner(low)) / 400 });
       const shown = html("output");
       const put = () => {
@@ -121,8 +273,7 @@
         input.setAttribute("aria-valuetext", shown.value);
       };
       input.addEventListener("input", () => {
-        this.state[name] = integer ? Math.round(input.valueAsNumber) : outer(input.valueAsNumber);
-        this.show();
+        this.to({ [name]: integer ? Math.round(input.valueAsNumber) : outer(input.valueAsNumber) });
       });
       (this.refresh ??= []).push(put);
       return html("label", {}, html("span", {}, label, " ", shown), input);
@@ -130,20 +281,26 @@
 
     choice(label, name, choices) {
       const select = html("select", {}, ...Object.entries(choices).map(([value, text]) => html("option", { value, selected: value === this.state[name] }, text)));
-      select.addEventListener("change", () => {
-        this.state[name] = select.value;
-        this.show();
-      });
+      select.addEventListener("change", () => this.to({ [name]: select.value }));
       this.refresh.push(() => (select.value = this.state[name]));
       return html("label", {}, html("span", {}, label), select);
     }
 
+    /* What of the plant the chart has upwards. */
+    upwards() {
+      if (!this.chart) return [];
+      const choices = UPWARDS.filter((name) => name in this.given.range).map((name) => [name, CONTROLS[name].label]);
+      return [this.choice("Upwards", "upwards", Object.fromEntries(choices))];
+    }
+
+    to(moved) {
+      Object.assign(this.state, moved);
+      this.show();
+    }
+
     back() {
       const button = html("button", { type: "button" }, "As at first");
-      button.addEventListener("click", () => {
-        Object.assign(this.state, this.given.start);
-        this.show();
-      });
+      button.addEventListener("click", () => this.to(this.given.start));
       return button;
     }
 
@@ -157,6 +314,7 @@
       this.nyquist(loop, found);
       this.step(loop, found);
       this.filters(parameters);
+      this.chart?.show(parameters, found, this.setAt.bind(this));
       this.last = { found, set: this.set, time: performance.now() - started };
     }
 
@@ -207,6 +365,11 @@
       );
     }
 
+    setAt(parameters, low, high) {
+      const { modelStable } = nrdob.judge(this.kind.loopOf(parameters));
+      return modelStable ? this.kind.stabilizing(parameters, low, high) : [];
+    }
+
     filters(parameters) {
       const { bar } = this.kind;
       const [low, high] = this.given.range[bar];
@@ -215,8 +378,7 @@
       const key = JSON.stringify(rest);
       if (key !== this.key) {
         this.key = key;
-        const modelStable = nrdob.judge(this.kind.loopOf(parameters)).modelStable;
-        this.set = modelStable ? this.kind.stabilizing(parameters, low, high) : [];
+        this.set = this.setAt(parameters, low, high);
       }
       const X = (x) => 8 + (464 * Math.log(x / low)) / Math.log(high / low);
       const parts = [svg("rect", { class: "ground", x: 8, y: 8, width: 464, height: 12, rx: 3 })];
@@ -232,6 +394,9 @@
         : "nowhere in this range";
       this.bar.setAttribute("aria-label", `${this.kind.said} ${said}. The present one is ${written(present)} ${unit}.`);
       this.bar.replaceChildren(...parts);
+      const { upwards } = this.state;
+      const words = upwards && `${named(upwards, this.state[upwards])}: stable for λ ${said}.`;
+      if (words && words !== this.words.textContent) this.words.textContent = words;
     }
   }
 

@@ -1,0 +1,98 @@
+"""How wrong the frequency of a resonance may be: margins do not tell, since the peak moves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import product
+
+import numpy as np
+
+from ..diagram import DelayedTransferFunction, as_fraction
+from ..loop import NRDOB
+from ..numerics import FloatArray, number
+
+__all__ = ["moved", "resonance_warnings"]
+
+LIGHT = 0.2
+"""Damping ratio below which a pair of roots is a resonance."""
+
+SHIFTS = (0.02, 0.05, 0.1)
+"""Relative errors of its frequency that are tried."""
+
+
+def resonance_warnings(loop: NRDOB) -> Iterator[str]:
+    """Say which small error of a resonance's frequency loses a stable loop.
+
+    Parameters
+    ----------
+    loop : NRDOB
+        A stable loop.
+
+    Yields
+    ------
+    str
+        One sentence for each lightly damped pair of poles or zeros of the process of which the
+        frequency may not be wrong by a tenth.
+
+    Examples
+    --------
+    >>> import control as ct
+    >>> plant = ct.tf([100], [1, 0.4, 100])
+    >>> loop = NRDOB(plant, plant, 0, ct.tf([1], [0.0316**2, 2 * 0.0316, 1]))
+    >>> for said in resonance_warnings(loop):
+    ...     print(said)
+    With the process' resonance at 10 rad/s 5 % lower the loop is lost; its margins do not show it.
+    """
+    fraction = as_fraction(_undelayed(loop), "process")
+    for part, name in enumerate(("antiresonance", "resonance")):
+        for root in np.roots(fraction[part]):
+            frequency, damping = abs(root), -root.real / abs(root) if root else 1.0
+            if root.imag <= 0 or not 0 < damping < LIGHT:
+                continue
+            for shift, sign in product(SHIFTS, (-1, 1)):
+                changed = [*fraction]
+                changed[part] = moved(fraction[part], root, 1 + sign * shift)
+                if not _with(loop, (changed[0], changed[1])).stability().stable:
+                    way = "higher" if sign > 0 else "lower"
+                    yield (
+                        f"With the process' {name} at {number(frequency)} rad/s {100 * shift:g} % "
+                        f"{way} the loop is lost; its margins do not show it."
+                    )
+                    break
+
+
+def moved(polynomial: FloatArray, root: complex, factor: float) -> FloatArray:
+    """Move a pair of complex roots along its rays, and keep the value at 0.
+
+    Parameters
+    ----------
+    polynomial : array_like, shape (m,)
+        Real coefficients, highest power first.
+    root : complex
+        One of the pair.
+    factor : float
+        By which its frequency is multiplied.
+
+    Returns
+    -------
+    ndarray, shape (m,)
+        The polynomial with the other pair.
+
+    Examples
+    --------
+    >>> moved([1, 2, 5], -1 + 2j, 2.0)
+    array([0.25, 1.  , 5.  ])
+    """
+    pair = np.array([1.0, -2 * root.real, abs(root) ** 2])
+    rest, _ = np.polydiv(polynomial, pair)
+    return np.asarray(np.polymul(rest, pair * [factor**-2, 1 / factor, 1.0]))
+
+
+def _undelayed(loop: NRDOB) -> object:
+    process = loop.process
+    return process.tf if isinstance(process, DelayedTransferFunction) else process
+
+
+def _with(loop: NRDOB, process: tuple[FloatArray, FloatArray]) -> NRDOB:
+    plant = DelayedTransferFunction(process, loop.delay) if loop.delay else process
+    return NRDOB(plant, loop.model, loop.controller, loop.filter, loop.keep_factors)

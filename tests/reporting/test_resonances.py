@@ -1,0 +1,64 @@
+"""A report says which small error of a resonance loses the loop, and is silent where none does."""
+
+import control as ct
+import numpy as np
+import pytest
+
+import nrdob
+from nrdob.reporting.resonances import moved, resonance_warnings
+
+s = ct.tf("s")
+
+
+def resonance(frequency, damping):
+    return frequency**2 / (s**2 + 2 * damping * frequency * s + frequency**2)
+
+
+def roots_of_loop(frequency, lag):
+    """Roots with a filter of order 2, a model at 10 rad/s and no controller, multiplied out."""
+    model, plant = np.array([1, 0.4, 100]), np.array([1, 0.04 * frequency, frequency**2])
+    sum_of_both = np.polymul(np.polysub(np.polymul([lag, 1], [lag, 1]), [1]), 100 * plant)
+    return np.roots(np.polyadd(sum_of_both, frequency**2 * model))
+
+
+@pytest.mark.parametrize("lag", [0.0316, 0.05, 0.3, 1.0])
+def test_the_first_shift_that_loses_the_loop_is_named(lag):
+    loop = nrdob.NRDOB(resonance(10, 0.02), resonance(10, 0.02), 0, 1 / (lag * s + 1) ** 2)
+    said = list(resonance_warnings(loop))
+    lost = [
+        (shift, way)
+        for shift in (2, 5, 10)
+        for sign, way in ((-1, "lower"), (1, "higher"))
+        if roots_of_loop(10 * (1 + sign * shift / 100), lag).real.max() >= 0
+    ]
+    assert [f"{lost[0][0]} % {lost[0][1]}" in each for each in said] == [True] * bool(lost)
+
+
+def test_an_antiresonance_and_a_dead_time_count_as_well():
+    def plant(high=10.0, low=8.0):
+        notch = (s**2 + 0.02 * low * s + low**2) / low**2
+        return nrdob.delay(0.001) * (resonance(high, 0.02) * notch / (0.1 * s + 1))
+
+    def loop(process):
+        return nrdob.NRDOB(process, plant().tf, 0, nrdob.LowPassFilter(0.1, 1))
+
+    said = " ".join(resonance_warnings(loop(plant())))
+    assert "antiresonance at 8 rad/s 5 % higher" in said
+    assert "resonance at 10 rad/s 5 % lower" in said
+    within = [plant(low=8 * 1.02), plant(high=10 * 0.98), plant(low=8 * 0.98)]
+    assert [loop(each).stability().stable for each in within] == [True] * 3
+    beyond = [plant(low=8 * 1.05), plant(high=10 * 0.95)]
+    assert [loop(each).stability().stable for each in beyond] == [False] * 2
+
+
+def test_what_is_well_damped_is_let_alone():
+    loop = nrdob.NRDOB(resonance(10, 0.3), resonance(10, 0.3), 0, nrdob.LowPassFilter(0.03, 2))
+    assert list(resonance_warnings(loop)) == []
+
+
+def test_a_moved_pair_keeps_its_damping_and_the_others():
+    polynomial = np.polymul([1, 0.4, 100], [1, 3])
+    pair = np.roots(moved(polynomial, complex(-0.2, np.sqrt(99.96)), 1.1))
+    assert np.sort_complex(pair) == pytest.approx(
+        np.sort_complex([-3, -0.22 + 1.1j * np.sqrt(99.96), -0.22 - 1.1j * np.sqrt(99.96)])
+    )
