@@ -62,6 +62,9 @@ FINDINGS = """() => {
       ".bd-article :is(.output, pre, table, td, img, figure, details, .theorem, .explorable)")]
       .filter((each) => each.checkVisibility() && pale(each))
       .map((each) => `pale in the dark: ${each.alt || each.textContent.slice(0, 80)}`),
+    unread: [...document.querySelectorAll(
+      "mjx-container [data-mml-node=merror], mjx-container [fill=red]")]
+      .map((each) => `no formula: ${each.closest("mjx-container").parentElement.textContent}`),
     stops: [...document.querySelectorAll("mjx-container[tabindex='0'], span.math[tabindex='0']")]
       .filter((each) => !scrolls(each)).length,
     picture: Math.min(...[...document.querySelectorAll(".bd-article :is(img, .explorable svg)")]
@@ -92,6 +95,7 @@ class Look:
     cut: list[str]
     torn: list[str]
     glaring: list[str]
+    unread: list[str]
     stops: int
     picture: float
     said: list[str]
@@ -100,7 +104,7 @@ class Look:
     def amiss(self) -> list[object]:
         """What must not be, however wide the page and whatever its colours."""
         wide = [f"{self.overflow} pixels too wide"] if self.overflow > 0 else []
-        return [*wide, *self.distorted, *self.cut, *self.torn, *self.glaring]
+        return [*wide, *self.distorted, *self.cut, *self.torn, *self.glaring, *self.unread]
 
 
 @contextmanager
