@@ -167,7 +167,7 @@ def let_break(text: Tag) -> None:
     """Mark the code that is too long to be moved to the next page as a whole."""
     for code in text.select(".cell_input"):
         if code.get_text().count("\n") > LONG:
-            code["class"] = [*code.get_attribute_list("class"), "long"]
+            code["class"] = " ".join([*map(str, code.get_attribute_list("class")), "long"])
 
 
 def unfold(text: Tag) -> None:

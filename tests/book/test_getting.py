@@ -152,7 +152,7 @@ def test_only_long_code_is_broken_between_pages():
         "html.parser",
     )
     pdf.let_break(text)
-    assert ["long" in each["class"] for each in text.select(".cell_input")] == [False, True]
+    assert ["long" in str(each["class"]) for each in text.select(".cell_input")] == [False, True]
 
 
 def test_chapters_are_numbered_as_their_theorems_are(site: Path):
