@@ -38,6 +38,11 @@ FINDINGS = """() => {
     }
     return right > room + 1;
   };
+  const dark = document.documentElement.dataset.theme === "dark";
+  const pale = (piece) => {
+    const [red, green, blue, cover = 1] = getComputedStyle(piece).backgroundColor.match(/[0-9.]+/g);
+    return cover > 0.5 && Math.min(red, green, blue) > 150;
+  };
   const pieces = document.querySelectorAll(
     ".bd-article :is(span.math, mjx-container, pre, img, table, svg[role=img], input, select)");
   return {
@@ -53,6 +58,13 @@ FINDINGS = """() => {
     torn: [...document.querySelectorAll("summary span.math.wide")]
       .filter((each) => each.firstElementChild.offsetWidth < each.clientWidth / 2)
       .map((each) => each.closest("summary").textContent),
+    glaring: !dark ? [] : [...document.querySelectorAll(
+      ".bd-article :is(.output, pre, table, td, img, figure, details, .theorem, .explorable)")]
+      .filter((each) => each.checkVisibility() && pale(each))
+      .map((each) => `pale in the dark: ${each.alt || each.textContent.slice(0, 80)}`),
+    unread: [...document.querySelectorAll(
+      "mjx-container [data-mml-node=merror], mjx-container [fill=red]")]
+      .map((each) => `no formula: ${each.closest("mjx-container").parentElement.textContent}`),
     stops: [...document.querySelectorAll("mjx-container[tabindex='0'], span.math[tabindex='0']")]
       .filter((each) => !scrolls(each)).length,
     picture: Math.min(...[...document.querySelectorAll(".bd-article :is(img, .explorable svg)")]
@@ -82,6 +94,8 @@ class Look:
     distorted: list[str]
     cut: list[str]
     torn: list[str]
+    glaring: list[str]
+    unread: list[str]
     stops: int
     picture: float
     said: list[str]
@@ -90,7 +104,7 @@ class Look:
     def amiss(self) -> list[object]:
         """What must not be, however wide the page and whatever its colours."""
         wide = [f"{self.overflow} pixels too wide"] if self.overflow > 0 else []
-        return [*wide, *self.distorted, *self.cut, *self.torn]
+        return [*wide, *self.distorted, *self.cut, *self.torn, *self.glaring, *self.unread]
 
 
 @contextmanager

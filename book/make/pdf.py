@@ -10,6 +10,7 @@ printed twice, the second time with the page numbers in the contents. It takes s
 from __future__ import annotations
 
 import argparse
+import logging
 import re
 import sys
 import tomllib
@@ -33,9 +34,36 @@ ROOT = Path(__file__).resolve().parents[2]
 LEFT_OUT = ("api", "search", "genindex", "teaching/")
 """Not for reading from the front to the back; teachers have pages of their own to be printed."""
 
-UNPRINTED = "a.headerlink, script, button, .claims-filter, .toctree-wrapper"
+UNPRINTED = "a.headerlink, script, button, .claims-filter, .toctree-wrapper, #all-chapters"
+"""What needs a screen, and the map of the chapters: on paper the contents stand before it."""
+
+LONG = 14
+"""Lines of code that stay together."""
+
 NAMES = ("id", "for", "aria-labelledby", "aria-describedby", "aria-controls")
 ADDRESSES = ("href", "src")
+
+PAPER = 650
+"""Width of the text in pixels, as a browser counts them on paper."""
+
+FITTED = """() => {
+  const tooWide = [];
+  for (const piece of document.querySelectorAll("mjx-container, table")) {
+    let box = piece.parentElement;
+    while (getComputedStyle(box).display.startsWith("inline")) box = box.parentElement;
+    // A displayed formula scrolls, beside its number; others stick out of their box.
+    const [room, wide] = getComputedStyle(piece.parentElement).display === "flex"
+      ? [piece.clientWidth, piece.scrollWidth]
+      : [box.clientWidth, piece.getBoundingClientRect().width];
+    if (room && wide > room + 1) tooWide.push([piece, room - 1, wide]);
+  }
+  for (const [piece, room, wide] of tooWide) {
+    const letters = piece.querySelector("svg");
+    if (piece.matches("table")) piece.style.zoom = room / wide;
+    else letters.style.cssText += `; height: auto; width: ${room}px`;
+  }
+}"""
+"""What would be cut at the edge is set smaller; else a browser shrinks the whole book."""
 
 
 @dataclass(frozen=True)
@@ -97,12 +125,17 @@ def anchor(page: str, name: str = "") -> str:
 
 
 def address(page: str, link: str, printed: frozenset[str]) -> str:
-    """Lead a link to a printed page inside, and leave the others."""
+    """Lead a link to a printed page inside, and see other files from the top of the site."""
     if re.match(r"[a-z]+:", link):
         return link
     target, name = urldefrag(urljoin(f"{page}.html", link))
     stem = target.removesuffix(".html")
     return f"#{anchor(stem, name)}" if stem in printed else target
+
+
+def leads_nowhere(link: Tag) -> bool:
+    """Say whether what a link leads to does not come with the PDF."""
+    return not re.match(r"#|[a-z]+:", str(link["href"]))
 
 
 def chapter(site: Path, page: str, printed: frozenset[str]) -> Chapter:
@@ -119,11 +152,34 @@ def chapter(site: Path, page: str, printed: frozenset[str]) -> Chapter:
                 element[name] = address(page, str(element[name]), printed)
         if element.name == "details":
             element["open"] = ""
+    for link in filter(leads_nowhere, text.select("a[href]")):
+        link.unwrap()
+    unfold(text)
+    let_break(text)
     title = one(text, "h1")
     found = Chapter(page, title.get_text(" ", strip=True), text)
     if found.number:
         title.insert(0, f"{found.number}  ")
     return found
+
+
+def let_break(text: Tag) -> None:
+    """Mark the code that is too long to be moved to the next page as a whole."""
+    for code in text.select(".cell_input"):
+        if code.get_text().count("\n") > LONG:
+            code["class"] = " ".join([*map(str, code.get_attribute_list("class")), "long"])
+
+
+def unfold(text: Tag) -> None:
+    """Open what is folded around code; what only draws a figure is left to the notebook."""
+    for folded in text.select("details.hide"):
+        cell = folded.find_parent(class_="cell")
+        if "above-input" in folded["class"] and cell and cell.select_one(".cell_output img"):
+            folded.decompose()
+            continue
+        one(folded, "summary > .collapsed").decompose()
+        said = one(folded, "summary > .expanded")  # "Hide the check"
+        said.string = said.get_text().split(maxsplit=1)[1].capitalize()
 
 
 def parts(site: Path) -> Iterator[Part]:
@@ -209,10 +265,12 @@ def build(site: Path, output: Path) -> None:
     store(render("book.html", book=book, head=head(site), about=about), whole)
     with sync_playwright() as play:
         browser = play.chromium.launch(executable_path=browser_path, args=["--no-sandbox"])
-        tab = browser.new_page()
+        tab = browser.new_page(viewport={"width": PAPER, "height": 900})
+        tab.emulate_media(media="print")
         tab.set_default_timeout(0)
         tab.goto(whole.as_uri())
         tab.evaluate(chromium.SETTLED)
+        tab.evaluate(FITTED)
         tab.pdf(path=draft, prefer_css_page_size=True)
         tab.evaluate(
             """(numbers) => document.querySelectorAll("[data-page-of]").forEach(
@@ -232,6 +290,8 @@ def main() -> None:
     parser.add_argument("--site", type=Path, default=ROOT / "build" / "html")
     parser.add_argument("--output", type=Path, default=ROOT / "build" / "nrdob.pdf")
     given = parser.parse_args()
+    # A browser miscounts its objects; what reads them would say so, and heals it.
+    logging.getLogger("pypdf").setLevel(logging.ERROR)
     build(given.site.resolve(), given.output.resolve())
     print(f"The book is in {given.output}")
 

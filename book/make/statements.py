@@ -32,7 +32,7 @@ from pathlib import Path
 HEAD = re.compile(r"\*\*Theorem (\d+)\.(\d+) \((.+?)\)\.\*\*\s*")
 NUMBERED = re.compile(r"\*\*Theorem\b")
 CONDITION = re.compile(r"(\d+)\.\s+(.*)", re.DOTALL)
-PART = re.compile(r"\*(Then|Without|Proof|Known)\b([^*]*?)[:.]?\*[:.]?\s*")
+PART = re.compile(r"\*(Then|Without|Proof|Known)\b([^*]*?)[:.]?\*[:.,]?\s*")
 MENTION = re.compile(r"\bTheorems?\s+(\d+\.\d+(?:(?:,\s+|,?\s+and\s+|\s+to\s+|–)\d+\.\d+)*)")
 NUMBER = re.compile(r"\d+\.\d+")
 NOT_PROSE = re.compile(r"```.*?```|`[^`]*`|\$\$.*?\$\$|\$[^$]*\$", re.DOTALL)

@@ -119,12 +119,40 @@ def test_links_lead_inside_where_their_page_is_printed(site: Path):
     front, part = pdf.parts(site)
     first, signs = part.chapters
     assert [link["href"] for link in first.text.select("a")] == [
-        "#chapters-11_first--more", "#notation--x", "api.html",
+        "#chapters-11_first--more", "#notation--x",
     ]  # fmt: skip
+    assert "api" in first.text.get_text()  # the word stays where its page is not printed
     assert front.chapters[0].text.select_one("a")["href"] == "#notation--x"
     assert signs.text.select_one("a")["href"] == "https://example.org"
     assert first.text.select_one("h2")["id"] == "chapters-11_first--more"
     assert first.text.select_one("details").has_attr("open")
+
+
+FOLDED = """<div class="cell"><details class="hide above-input"><summary>
+<p class="collapsed">Show the check</p><p class="expanded">Hide the check</p></summary>
+<div class="cell_input"><pre>{code}</pre></div></details>
+<div class="cell_output">{shown}</div></div>"""
+
+
+def test_on_paper_a_check_is_open_under_its_name():
+    text = BeautifulSoup(FOLDED.format(code="assert True", shown=""), "html.parser")
+    pdf.unfold(text)
+    assert text.summary.get_text(strip=True) == "The check" and "assert True" in text.get_text()
+
+
+def test_on_paper_a_figure_stands_without_the_code_that_draws_it():
+    text = BeautifulSoup(FOLDED.format(code="plot()", shown="<img>"), "html.parser")
+    pdf.unfold(text)
+    assert text.img and "plot()" not in text.get_text()
+
+
+def test_only_long_code_is_broken_between_pages():
+    text = BeautifulSoup(
+        "".join(FOLDED.format(code="x\n" * lines, shown="") for lines in (3, pdf.LONG + 1)),
+        "html.parser",
+    )
+    pdf.let_break(text)
+    assert ["long" in str(each["class"]) for each in text.select(".cell_input")] == [False, True]
 
 
 def test_chapters_are_numbered_as_their_theorems_are(site: Path):

@@ -64,6 +64,12 @@ def test_a_theorem_is_read_part_by_part() -> None:
     assert faults("17_lemma_1", [SOUND]) == []
 
 
+def test_a_part_begins_behind_its_comma() -> None:
+    cell = SOUND.replace("*Then* the loop", "*Then*, with $F$, the loop")
+    (theorem,) = read("17_lemma_1", [cell])
+    assert theorem.then.startswith("with $F$")
+
+
 def test_other_quotations_are_no_theorems() -> None:
     others = ["> A word of the paper.", "Theorem 1.1 (x)."]
     assert read("17_x", others) == [] and faults("17_x", others) == []
