@@ -10,7 +10,8 @@ from pathlib import Path
 
 from ..measured import read_data
 from .expressions import read_block
-from .reports import report
+from .page import Page
+from .reports import compose
 
 __all__ = ["main"]
 
@@ -47,15 +48,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         warnings.simplefilter("ignore")  # what must be known stands in the report
         try:
             page = _page(asked)
-            Path(asked.output).write_text(page, encoding="utf-8")
+            Path(asked.output).write_text(page.html(), encoding="utf-8")
         except (ArithmeticError, OSError, TypeError, ValueError) as error:
             print(f"nrdob: {_sentence(error)}", file=sys.stderr)
             return 1
-    print(f"{asked.output} is written.")
+    print(f"{page.verdict}\n{asked.output} is written.")
     return 0
 
 
-def _page(asked: argparse.Namespace) -> str:
+def _page(asked: argparse.Namespace) -> Page:
     if (asked.data is None) == (asked.process is None):
         raise ValueError("give either a file of data or --process, see nrdob report --help")
     blocks = {
@@ -68,10 +69,10 @@ def _page(asked: argparse.Namespace) -> str:
         **blocks, "time_constant": asked.time_constant, "order": asked.order, "title": asked.title
     }  # fmt: skip
     if asked.data is not None:
-        return report(read_data(asked.data, sampling_time=asked.sampling_time), **options)
+        return compose(read_data(asked.data, sampling_time=asked.sampling_time), **options)
     if asked.sampling_time is not None:
         raise ValueError("--sampling-time belongs to a file of data")
-    return report(read_block(asked.process, "--process"), **options)
+    return compose(read_block(asked.process, "--process"), **options)
 
 
 def _parser() -> argparse.ArgumentParser:

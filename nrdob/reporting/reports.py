@@ -19,7 +19,7 @@ from .page import Page, Section, Table
 from .proposals import Proposal, propose
 from .wording import character, formula, intervals
 
-__all__ = ["report"]
+__all__ = ["compose", "report"]
 
 EXPECTED = (
     ArithmeticError,
@@ -95,6 +95,23 @@ def report(
     >>> "The loop is stable" in page
     True
     """
+    given = {"model": model, "controller": controller, "time_constant": time_constant}
+    page = compose(subject, **given, order=order, title=title).html()
+    if path is not None:
+        Path(path).write_text(page, encoding="utf-8")
+    return page
+
+
+def compose(
+    subject: Any,
+    *,
+    model: Any = None,
+    controller: Any = None,
+    time_constant: float | None = None,
+    order: int | None = None,
+    title: str = "",
+) -> Page:
+    """Gather what a report says; parameters and errors are those of `report`."""
     sections: list[Section] = []
     given = (model, controller, time_constant, order)
     if isinstance(subject, NRDOB):
@@ -121,10 +138,7 @@ def report(
     if loop is not None:
         sections += _written(sections_of(Given(loop, step)))
     sections.append(Section("What was checked, and what was not", CHECKED))
-    page = Page(title or f"{name}: report", *_verdict(loop), tuple(sections)).html()
-    if path is not None:
-        Path(path).write_text(page, encoding="utf-8")
-    return page
+    return Page(title or f"{name}: report", *_verdict(loop), tuple(sections))
 
 
 def _written(parts: Iterable[tuple[str, Callable[[], Section]]]) -> list[Section]:

@@ -127,7 +127,8 @@ def test_the_command_writes_a_report_of_formulas(tmp_path, capsys):
         capsys, "report", "--process", "2/(s+1)", "--model", "2/(s+1)", "--controller=1/s",
         "--time-constant", 0.2, "--output", page,
     )  # fmt: skip
-    assert code == 0 and "is written" in said.out and not said.err
+    assert code == 0 and not said.err
+    assert "The loop is stable" in said.out and "is written" in said.out
     assert "The loop is stable" in page.read_text(encoding="utf-8")
 
 
