@@ -82,11 +82,20 @@ def name_toggles(
     context["generate_toctree_html"] = named
 
 
+def name_references(
+    _app: Sphinx, _page: str, _template: str, context: dict[str, Any], _doctree: object
+) -> None:
+    """Call the entries of a bibliography what the items of a list are called."""
+    if "body" in context:
+        context["body"] = context["body"].replace('role="doc-biblioentry"', 'role="listitem"')
+
+
 def setup(app: Sphinx) -> dict[str, bool]:
     """Tie after every reference is resolved, name after the theme has made its functions."""
     app.connect("doctree-resolved", tie_punctuation, priority=900)
     app.connect("doctree-resolved", mark_columns)
     app.connect("doctree-resolved", name_corners)
     app.connect("html-page-context", name_toggles, priority=900)
+    app.connect("html-page-context", name_references)
     app.add_js_file("formulas.js", loading_method="defer")
     return {"parallel_read_safe": True, "parallel_write_safe": True}
