@@ -99,8 +99,7 @@ notebooks: $(READY) ## run every notebook and compare with the outputs stored in
 	$(PYTEST) $(NBVAL)
 
 old-processor: $(READY) ## doctests and notebooks again, in the arithmetic of an old processor
-	$(OLD_PROCESSOR) $(PYTEST) nrdob --doctest-modules
-	$(OLD_PROCESSOR) $(PYTEST) $(NBVAL)
+	$(OLD_PROCESSOR) $(PYTEST) $(NBVAL) nrdob --doctest-modules
 
 pages: $(READY) ## write what is made and stored: pages for teachers, the questions in the chapters
 	$(PY) book/make/teaching.py
