@@ -189,7 +189,7 @@ def scanned_orders(case: Any) -> tuple[int, float]:
 def scanned_for_three(case: Any) -> LowPassFilter:
     zero = min(float(plant.zeros().real.max()) for plant in case.plants)
     good = LowPassFilter(12 / zero, case.order)
-    for value in np.geomspace(12, 1, 30) / zero:
+    for value in np.geomspace(12, 1, 60) / zero:
         F = LowPassFilter(float(value), case.order)
         for plant in case.plants:
             found = NRDOB(plant, case.model, 0, F).margins().plant_loop
