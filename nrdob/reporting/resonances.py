@@ -7,7 +7,7 @@ from itertools import product
 
 import numpy as np
 
-from ..diagram import DelayedTransferFunction, as_fraction
+from ..diagram import DelayedTransferFunction
 from ..loop import NRDOB
 from ..numerics import FloatArray, number
 
@@ -43,7 +43,7 @@ def resonance_warnings(loop: NRDOB) -> Iterator[str]:
     ...     print(said)
     With the process' resonance at 10 rad/s 5 % lower the loop is lost; its margins do not show it.
     """
-    fraction = as_fraction(_undelayed(loop), "process")
+    fraction = loop.fractions.G
     for part, name in enumerate(("antiresonance", "resonance")):
         for root in np.roots(fraction[part]):
             frequency, damping = abs(root), -root.real / abs(root) if root else 1.0
@@ -86,11 +86,6 @@ def moved(polynomial: FloatArray, root: complex, factor: float) -> FloatArray:
     pair = np.array([1.0, -2 * root.real, abs(root) ** 2])
     rest, _ = np.polydiv(polynomial, pair)
     return np.asarray(np.polymul(rest, pair * [factor**-2, 1 / factor, 1.0]))
-
-
-def _undelayed(loop: NRDOB) -> object:
-    process = loop.process
-    return process.tf if isinstance(process, DelayedTransferFunction) else process
 
 
 def _with(loop: NRDOB, process: tuple[FloatArray, FloatArray]) -> NRDOB:
