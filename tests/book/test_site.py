@@ -14,6 +14,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import redirect_stderr, redirect_stdout
 from copy import copy
+from dataclasses import dataclass
 from io import StringIO
 from itertools import cycle
 from pathlib import Path
@@ -466,6 +467,23 @@ def test_every_mistake_is_shown_as_the_student_reads_it(
 
 
 Looks = dict[str, Look]
+Broken = dict[str, list[tuple[str, str]]]
+"""By page: a rule, and the piece of the page that breaks it."""
+
+ONE_OF_EACH_KIND = {
+    "index", "chapters/00_start_here", "ledger", "search", "theorems", "glossary", "get",
+    "teaching/running", "bibliography",
+}  # fmt: skip
+"""Pages that a screen reader is asked about."""
+
+
+@dataclass(frozen=True)
+class Opened:
+    """What was seen on every page: on a phone, in another view, and by a screen reader."""
+
+    phone: Looks
+    other: Looks
+    unheard: Broken
 
 
 @pytest.fixture(scope="module")
@@ -479,13 +497,14 @@ def opened() -> Iterator[Any]:
 
 
 @pytest.fixture(scope="module")
-def both_looks(site: Path, pages: dict[Path, BeautifulSoup], opened: Any) -> tuple[Looks, Looks]:
+def seen(site: Path, pages: dict[Path, BeautifulSoup], opened: Any) -> Opened:
     """Open every page as on a phone, 360 pixels wide, and then, nothing folded, in another view.
 
     The pages of the rooms are made alike: one of them stands for the others in the other view.
+    There a screen reader is asked, too, about a page of each kind.
     """
     tab = opened.new_page()
-    phone, other = {}, {}
+    phone, other, unheard = {}, {}, {}
     for path, (width, colours) in zip(pages, cycle(VIEWS), strict=False):
         page = path.relative_to(site).as_posix()
         tab.emulate_media(color_scheme="light")
@@ -493,19 +512,32 @@ def both_looks(site: Path, pages: dict[Path, BeautifulSoup], opened: Any) -> tup
         phone[page] = look(tab, path)
         if not page.startswith("api/") or page == "api/design.html":
             other[f"{page}, {width}, {colours}"] = look_again(tab, width, colours)
-    return phone, other
+        if page.removesuffix(".html") in ONE_OF_EACH_KIND:
+            unheard[page.removesuffix(".html")] = list(unheard_on(tab))
+    return Opened(phone, other, unheard)
+
+
+def unheard_on(tab: Any) -> Iterator[tuple[str, str]]:
+    """Ask axe what a screen reader does not tell of the page that is open."""
+    tab.evaluate(LIGHTER)
+    found = Axe().run(tab, options={"resultTypes": ["violations"]}).response["violations"]
+    for broken in found:
+        if broken["impact"] != "minor" or broken["id"] == "empty-table-header":
+            yield broken["id"], broken["nodes"][0]["html"][:100]
 
 
 @pytest.fixture(scope="module")
-def looks(both_looks: tuple[Looks, Looks]) -> Looks:
+def looks(seen: Opened) -> Looks:
     """Give what was seen on the phone."""
-    return both_looks[0]
+    return seen.phone
 
 
-def test_wider_darker_and_unfolded_nothing_is_cut_or_distorted(
-    both_looks: tuple[Looks, Looks],
-) -> None:
-    assert {view: seen.amiss for view, seen in both_looks[1].items() if seen.amiss} == {}
+def test_wider_darker_and_unfolded_nothing_is_cut_or_distorted(seen: Opened) -> None:
+    assert {view: look.amiss for view, look in seen.other.items() if look.amiss} == {}
+
+
+def test_a_reader_with_a_screen_reader_meets_nothing_serious(seen: Opened) -> None:
+    assert seen.unheard == {page: [] for page in ONE_OF_EACH_KIND}
 
 
 def test_no_page_scrolls_sideways_on_a_phone(looks: dict[str, Look]) -> None:
@@ -607,27 +639,3 @@ def test_a_link_to_a_claim_opens_its_card(site: Path, opened: Any) -> None:
             "each.checkVisibility() && each.getBoundingClientRect().height > 5).length"
         )
         assert printed == len(LEDGER), "on paper nothing can be opened"
-
-
-ONE_OF_EACH_KIND = (
-    "index", "chapters/00_start_here", "ledger", "search", "theorems", "glossary", "get",
-    "teaching/running", "bibliography",
-)  # fmt: skip
-
-
-def test_a_reader_with_a_screen_reader_meets_nothing_serious(site: Path, opened: Any) -> None:
-    axe = Axe()
-    rules = {"resultTypes": ["violations"]}
-    tab = opened.new_page()
-    found = []
-    for page, (width, colours) in zip(ONE_OF_EACH_KIND, cycle(VIEWS), strict=False):
-        tab.emulate_media(color_scheme=colours)
-        tab.set_viewport_size({"width": width, "height": 800})
-        look(tab, site / f"{page}.html")
-        tab.evaluate(LIGHTER)
-        found += [
-            (page, broken["id"], broken["nodes"][0]["html"][:100])
-            for broken in axe.run(tab, options=rules).response["violations"]
-            if broken["impact"] != "minor" or broken["id"] == "empty-table-header"
-        ]
-    assert found == []
