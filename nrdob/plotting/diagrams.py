@@ -192,8 +192,8 @@ class Diagram:
     >>> from nrdob.plotting import diagrams
     >>> print(diagrams.two_degrees_of_freedom())
     u  = C/((1 - F)*(1 + C*Gm))*R - K*ym
-    x  = u + delta
-    y  = G*x + d
+    v  = u + delta
+    y  = G*v + d
     ym = y + eta
     """
 
@@ -229,8 +229,8 @@ class Diagram:
         >>> for signal, added in diagrams.two_degrees_of_freedom().symbolic.items():
         ...     print(signal, "=", added)
         u = C*R/((1 - F)*(C*\tilde{G} + 1)) - K*y_m
-        x = delta + u
-        y = G*x + d
+        v = delta + u
+        y = G*v + d
         y_m = eta + y
         """
         names = set(re.findall(r"[A-Za-z]\w*", str(self)))
@@ -388,7 +388,8 @@ def waiting() -> Diagram:
         Wire(tuple(_WAITING.get(p, p) if isinstance(p, str) else p for p in wire.path), wire.sign)
         for wire in drawn.wires
     )
-    return replace(drawn, title="the loop with a model that waits", parts=parts, wires=wires)
+    title = "the loop with a model that waits, W = exp(-θm s)"
+    return replace(drawn, title=title, parts=parts, wires=wires)
 
 
 def conventional() -> Diagram:
@@ -412,7 +413,7 @@ def two_degrees_of_freedom() -> Diagram:
     return Diagram(
         "the equivalent loop with two degrees of freedom",
         parts | _PLANT | {"K": Block((8, -1.4))},
-        (Wire(("R", prefilter)), Wire((prefilter, "u")), Wire(("u", "x")), *_PLANT_WIRES,
+        (Wire(("R", prefilter)), Wire((prefilter, "u")), Wire(("u", "v")), *_PLANT_WIRES,
          Wire(("ym", (13.2, 0), (13.2, -1.4), "K")), Wire(("K", (5, -1.4), "u"), -1)),
         -2.0, 1.4,
         _LABELS | {"$u$": (5.55, 0.3)},
@@ -427,7 +428,7 @@ def internal_model_control() -> Diagram:
         "the same loop as internal model control",
         parts | _PLANT
         | {"Gm": Block((8, -1.4)), "r": Sum((11.8, -1.4)), "F/Gm": Block((8, -2.7), 1.5)},
-        (Wire(("R", prefilter)), Wire((prefilter, "u")), Wire(("u", "x")), *_PLANT_WIRES,
+        (Wire(("R", prefilter)), Wire((prefilter, "u")), Wire(("u", "v")), *_PLANT_WIRES,
          Wire(("ym", (13.2, 0), (13.2, -1.4), "r")),
          Wire(((5.2, 0), (5.2, -1.4), "Gm")), Wire(("Gm", "r"), -1),
          Wire(("r", (11.8, -2.7), "F/Gm")), Wire(("F/Gm", (4.1, -2.7), "u"), -1)),
@@ -437,12 +438,12 @@ def internal_model_control() -> Diagram:
 
 
 _PLANT: Parts = {
-    "delta": Input((6.5, 1.15)), "x": Sum((6.5, 0)), "G": Block((8, 0)),
+    "delta": Input((6.5, 1.15)), "v": Sum((6.5, 0)), "G": Block((8, 0)),
     "d": Input((9.5, 1.15)), "y": Sum((9.5, 0)),
     "eta": Input((11.8, 1.15)), "ym": Sum((11.8, 0)),
 }  # fmt: skip
 _PLANT_WIRES = (
-    Wire(("delta", "x")), Wire(("x", "G")), Wire(("G", "y")), Wire(("d", "y")),
+    Wire(("delta", "v")), Wire(("v", "G")), Wire(("G", "y")), Wire(("d", "y")),
     Wire(("y", "ym")), Wire(((10.6, 0), (10.6, -0.65))), Wire(("eta", "ym")),
 )  # fmt: skip
 """The plant with its disturbances and its sensor, the same in every diagram."""
@@ -462,7 +463,7 @@ def _observer() -> tuple[Parts, tuple[Wire, ...]]:
         "dhat": Sum((5.2, high)), "F": Block((5.2, 1.2)), "F/Gm": Block((8, high), 1.5),
     }  # fmt: skip
     wires = (
-        Wire(("R", "e")), Wire(("e", "C")), Wire(("C", "u")), Wire(("u", "x")), *_PLANT_WIRES,
+        Wire(("R", "e")), Wire(("e", "C")), Wire(("C", "u")), Wire(("u", "v")), *_PLANT_WIRES,
         Wire(("ym", (13.2, 0), (13.2, high), "F/Gm")), Wire(("F/Gm", "dhat")),
         Wire(((5.2, 0), "F")), Wire(("F", "dhat"), -1), Wire(("dhat", (4.1, high), "u"), -1),
     )  # fmt: skip

@@ -63,8 +63,8 @@ def test_figure_1_reads_as_the_equations_of_the_loop() -> None:
         "e    = R - yf",
         "u    = C*e - dhat",
         "dhat = F/Gm*ym - F*u",
-        "x    = u + delta",
-        "y    = G*x + d",
+        "v    = u + delta",
+        "y    = G*v + d",
         "ym   = y + eta",
         "yf   = (1 - F)*Gm*u + F*ym",
     ]
@@ -104,7 +104,7 @@ def test_figure_1_solved_gives_the_maps_of_the_package(delayed: bool) -> None:
     wanted = {
         "T_R": ("y", "R"), "S_d": ("y", "d"), "S_delta": ("y", "delta"), "S_eta": ("y", "eta"),
         "E_R": ("e", "R"), "U_R": ("u", "R"), "U_d": ("u", "d"), "U_eta": ("u", "eta"),
-        "U_delta": ("x", "delta"),
+        "U_delta": ("v", "delta"),
     }  # fmt: skip
     functions = {n: sp.lambdify((C, F, G, Gm), solved[y][i]) for n, (y, i) in wanted.items()}
     rng = np.random.default_rng(1)
