@@ -84,6 +84,7 @@ html_theme_options = {
 }
 html_copy_source = True
 html_show_sphinx = False
+html_domain_indices = False  # the list of modules is the page of the package
 
 # --- Mathematics, readable without a network ----------------------------------------------------
 # One self-contained file; the package that carries it is no importable package, only files.

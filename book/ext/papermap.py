@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections import defaultdict
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -31,15 +32,21 @@ TAG = re.compile(r"\s*\\tag\{(\d+)\}")
 DISPLAYED = re.compile(r"\$\$(.+?)\$\$|\\begin\{(\w+\*?)\}.+?\\end\{\2\}", re.DOTALL)
 FIGURE = re.compile(r"fig-(\d+)(-[a-zH]+)?")
 EQUATIONS, FIGURES = range(1, 18), range(1, 20)
+PARTS = defaultdict(str, bode=" (Bode)", nyquist=" (Nyquist)", ratio=" (G̃⁻¹G)", H=" (H)")
+"""What the name of a figure says beside its number."""
 EXAMPLES = {1: "01_matched", 2: "02_nonminimum_phase", 3: "03_unstable", 4: "04_time_delay"}
 
 
-def claims_of(stem: str) -> list[str]:
-    """Give the claims of the ledger about one thing in the paper: eq03, fig15a, lemma1, ex2."""
+def claims_of(stem: str, figure: int = 0) -> list[str]:
+    """Give the claims of the ledger about one thing in the paper: eq03, fig15a, lemma1, ex2.
+
+    For a figure those, too, that the paper makes of another thing and shows there.
+    """
     return [
         id
-        for id in LEDGER
+        for id, claim in LEDGER.items()
         if re.fullmatch(rf"{stem}[a-z]?", id.partition(".")[0].partition("_")[0])
+        or (figure and re.search(rf"Fig\. {figure}(?!\d)", claim.place))
     ]
 
 
@@ -126,28 +133,30 @@ def table(folder: Path) -> str:
     def chapter(page: str) -> str:
         return f"[{page[:2]} {title_of(pages[page])}](/{CHAPTERS}/{page}.ipynb)"
 
-    def row(name: str, places: list[str], stems: list[str]) -> str:
-        ledger = " ".join(f"`claim:{id}`" for stem in stems for id in claims_of(stem))
+    def row(name: str, places: list[str], claims: list[str]) -> str:
+        ledger = " ".join(f"`claim:{id}`" for id in claims)
         return f"| {name} | {'; '.join(places) or '–'} | {ledger or '–'} |"
 
     rows = ["| In the paper | In the book | In the ledger |", "|---|---|---|"]
     for n in EQUATIONS:
-        at = [chapter(page) for page, of in equations.items() if n in of]
-        rows.append(row(f"eq. ({n})", at, [f"eq{n:02}"]))
+        claims = claims_of(f"eq{n:02}")
+        shown = dict.fromkeys(LEDGER[id].chapter for id in claims)
+        at = [page for page, of in equations.items() if n in of] or [p for p in shown if p in pages]
+        rows.append(row(f"eq. ({n})", [chapter(page) for page in at], claims))
     for name, stem in (("Lemma 1", "lemma1"), ("Lemma 2", "lemma2"), ("Corollary 1", "cor1")):
         at = [f"Theorem {t.number} ({t.name})" for t in theorems if name in t.name]
         at += [chapter(page) for page, path in pages.items() if name in title_of(path)]
-        rows.append(row(name, at, [stem]))
+        rows.append(row(name, at, claims_of(stem)))
     for n, page in EXAMPLES.items():
         rows.append(row(f"Example {n}", [chapter(page)] if page in pages else [], []))
     for n in FIGURES:
         at = [
-            f"[{page[:2]}, Figure {name.removeprefix('fig-')}](#{name})"
+            f"[{page[:2]}, Figure {n}{PARTS[name.rpartition('-')[2]]}](#{name})"
             for page, names in figures.items()
             for name, number in names.items()
             if number == n
         ]
-        rows.append(row(f"Figure {n}", at, [f"fig{n:02}"]))
+        rows.append(row(f"Figure {n}", at, claims_of(f"fig{n:02}", n)))
     return "\n".join(rows)
 
 

@@ -32,7 +32,9 @@ from pathlib import Path
 HEAD = re.compile(r"\*\*Theorem (\d+)\.(\d+) \((.+?)\)\.\*\*\s*")
 NUMBERED = re.compile(r"\*\*Theorem\b")
 CONDITION = re.compile(r"(\d+)\.\s+(.*)", re.DOTALL)
-PART = re.compile(r"\*(Then|Without|Proof|Known)\b([^*]*?)[:.]?\*[:.,]?\s*")
+# A mention, such as "the loop of *Without 2*", has no colon and begins no part.
+PART = re.compile(r"\*(Then|(?:Without|Proof|Known)(?=[^*]*:\*))\b([^*]*?)[:.]?\*[:.,]?\s*")
+SENTENCE = re.compile(r"[.:;?!∎]\W*\Z|\$\Z|\|\Z")
 MENTION = re.compile(r"\bTheorems?\s+(\d+\.\d+(?:(?:,\s+|,?\s+and\s+|\s+to\s+|–)\d+\.\d+)*)")
 NUMBER = re.compile(r"\d+\.\d+")
 NOT_PROSE = re.compile(r"```.*?```|`[^`]*`|\$\$.*?\$\$|\$[^$]*\$", re.DOTALL)
@@ -63,6 +65,13 @@ class Theorem:
     def anchor(self) -> str:
         """Where its page has it."""
         return anchor(self.number)
+
+    @property
+    def parts(self) -> list[tuple[str, str]]:
+        """What follows the conditions, each part with its label."""
+        without = [(f"Without {k}:", text) for k, text in self.without.items()]
+        ends = [("Proof:", self.proof), ("Known:", self.known)]
+        return [("Then", self.then), *without, *ends]
 
     def __str__(self) -> str:
         """Name it and its place, as a complaint about it begins."""
@@ -186,6 +195,9 @@ def faults_of(theorem: Theorem) -> Iterator[str]:
             yield f"has no '*{label}*'"
     if not theorem.known:
         yield "does not say who knew it: '*Known:*'"
+    for label, text in theorem.parts:
+        if text and not SENTENCE.search(text):
+            yield f"has a '*{label}*' that ends within a sentence: {text[-40:]!r}"
 
 
 def faults_of_order(theorems: list[Theorem]) -> list[str]:

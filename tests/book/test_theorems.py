@@ -38,6 +38,18 @@ SOUND = """As in
 and so on."""
 
 
+def test_a_mention_of_a_part_begins_none() -> None:
+    text = SOUND.replace("has a root at $+1$.", "has a root, as the loop of *Without 2* above has.")
+    (theorem,) = read("17_page", [text])
+    assert theorem.without[1].endswith("above has.")
+    assert theorem.without[2].startswith("the statement has no meaning")
+
+
+def test_a_part_that_ends_within_a_sentence_is_named() -> None:
+    cut = SOUND.replace("has a root at $+1$.", "has a root, which is")
+    assert any("'*Without 1:*' that ends within" in fault for fault in faults("17_page", [cut]))
+
+
 def test_the_chapters_keep_the_form() -> None:
     assert faults_of_book(ROOT / "notebooks") == []
 

@@ -653,7 +653,7 @@ def _meets_plus_one(ratio: Quotient) -> bool:
 def slowing_the_filter_down() -> Finding:
     """Slow the filter down for two H with one clockwise turn, and for random loops.
 
-    R = (s − 1)/(s + 1) has the wrong sign at low frequency; R = 10(1 − s/100)/(1 + s/100) is too
+    G/Gm = (s − 1)/(s + 1) has the wrong sign at low frequency; 10(1 − s/100)/(1 + s/100) is too
     large for n = 3. On random loops the roots of p_B for λ = 10⁵ s are compared with the rule.
     """
     tried = np.geomspace(1e-2, 1e5, 29)

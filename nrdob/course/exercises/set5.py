@@ -336,13 +336,13 @@ BORDER = Problem(
             "Padé trusted",
             "This is the border of another loop, in which a Padé fraction stands for the dead "
             "time. It lies on the unsafe side: the true loop is lost before. On the axis "
-            "exp(-j theta omega) is just a number; use it, or the package, which does.",
+            "exp(−jθω) is just a number; use it, or the package, which does.",
             lambda case: [borders_read(case)["Padé 1"], borders_read(case)["Padé 2"]],
             marks=0.25,
         ),
         _border_like(
             "the closed form of a pure dead time",
-            "2 theta/pi is exact for a pure dead time and n = 1. Here plant and model differ in "
+            "2θ/π is exact for a pure dead time and n = 1. Here plant and model differ in "
             "their poles, too, and n is not 1: the border must be computed for this loop.",
             lambda case: [borders_read(case)["2θ/π"]],
             marks=0.0,
@@ -363,8 +363,8 @@ BORDER = Problem(
         ),
         _border_like(
             "a frequency given for the time constant",
-            "You have found the edge, and returned a frequency: 1/lambda, or the one at which the "
-            "roots cross. Asked for is the time constant lambda itself, in seconds.",
+            "You have found the edge, and returned a frequency: 1/λ, or the one at which the "
+            "roots cross. Asked for is the time constant λ itself, in seconds.",
             lambda case: [borders_read(case)["bandwidth"], borders_read(case)["frequency"]],
             marks=0.75,
         ),
@@ -548,7 +548,7 @@ EDGE = Problem(
     reads=_read_edge,
     lacks=_edge_lacks,
     praise=(
-        "Right: x from the one curve, the frequency from the other, and lambda = x/omega. The "
+        "Right: x from the one curve, the frequency from the other, and λ = x/ω. The "
         "verdict is another one on the other side of it."
     ),
     own=True,
@@ -565,15 +565,15 @@ EDGE = Problem(
         ),
         _edge_like(
             "x taken for the time constant",
-            "That is x = lambda omega, where the curves meet. It has no unit. Read off the "
-            "frequency of H at the same point, too, and divide: lambda = x/omega.",
+            "That is x = λω, where the curves meet. It has no unit. Read off the "
+            "frequency of H at the same point, too, and divide: λ = x/ω.",
             lambda case: [(edge_of(case)[0] * edge_of(case)[1], side_of(case))],
             marks=0.25,
         ),
         _edge_like(
             "a frequency taken for the time constant",
-            "That is a frequency, in rad/s: the one of H where the curves meet, or omega/x. The "
-            "time constant is lambda = x/omega, in seconds.",
+            "That is a frequency, in rad/s: the one of H where the curves meet, or ω/x. The "
+            "time constant is λ = x/ω, in seconds.",
             lambda case: [
                 (1 / edge_of(case)[0], side_of(case)),
                 (edge_of(case)[1], side_of(case)),
