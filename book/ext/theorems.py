@@ -24,6 +24,7 @@ from sphinx.util.docutils import SphinxDirective
 from sphinx.util.nodes import make_refnode
 
 from complete import CHAPTERS, warn
+from findable import plain
 from statements import MENTION, NUMBER, Theorem, anchor, faults_of_book, theorems_of, title_of
 
 TITLE = re.compile(r"Theorem (\d+\.\d+) \((.+)\)\.", re.DOTALL)
@@ -72,7 +73,8 @@ class Boxes(SphinxTransform):
         quotation.replace_self(box)
         self.document.note_explicit_target(box)
         strong["classes"].append("theorem-title")
-        name = re.sub(r"[$\\{}]", "", match[2]).replace(";", ",")
+        # In the order of the alphabet an article counts for nothing.
+        name = re.sub(r"^(A|An|The) ", "", plain(match[2])).replace(";", ",").replace("_n", "ₙ")
         entry = (f"{name[:1].upper()}{name[1:]} (Theorem {match[1]})", anchor(match[1]))
         index = addnodes.index(entries=[("single", *entry, "main", None)])
         box.parent.insert(box.parent.index(box), index)
