@@ -43,14 +43,14 @@ FINDINGS = """() => {
     const [red, green, blue, cover = 1] = getComputedStyle(piece).backgroundColor.match(/[0-9.]+/g);
     return cover > 0.5 && Math.min(red, green, blue) > 150;
   };
-  // Marks stand beside their formula, on the page.
+  // Marks stand beside their formula.
   const parted = (tied) => {
     const formula = tied.querySelector("mjx-container")?.getBoundingClientRect();
     const marks = document.createRange();
     marks.selectNodeContents(tied.lastChild);
-    const { top, bottom, right, width } = marks.getBoundingClientRect();
+    const { top, bottom, width } = marks.getBoundingClientRect();
     return Boolean(formula?.width && width && tied.lastChild.nodeType === Node.TEXT_NODE)
-      && (top > formula.bottom || bottom < formula.top || right > room);
+      && (top > formula.bottom || bottom < formula.top);
   };
   const pieces = document.querySelectorAll(
     ".bd-article :is(span.math, mjx-container, pre, img, table, svg[role=img], input, select)");
