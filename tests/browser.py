@@ -43,6 +43,15 @@ FINDINGS = """() => {
     const [red, green, blue, cover = 1] = getComputedStyle(piece).backgroundColor.match(/[0-9.]+/g);
     return cover > 0.5 && Math.min(red, green, blue) > 150;
   };
+  // Marks stand beside their formula.
+  const parted = (tied) => {
+    const formula = tied.querySelector("mjx-container")?.getBoundingClientRect();
+    const marks = document.createRange();
+    marks.selectNodeContents(tied.lastChild);
+    const { top, bottom, width } = marks.getBoundingClientRect();
+    return Boolean(formula?.width && width && tied.lastChild.nodeType === Node.TEXT_NODE)
+      && (top > formula.bottom || bottom < formula.top);
+  };
   const pieces = document.querySelectorAll(
     ".bd-article :is(span.math, mjx-container, pre, img, table, svg[role=img], input, select)");
   return {
@@ -55,9 +64,10 @@ FINDINGS = """() => {
       .filter((piece) => piece.checkVisibility() && !piece.closest("mjx-assistive-mml"))
       .filter((piece) => cutOff(piece) || (scrolls(piece) && hides(piece)))
       .map((piece) => piece.textContent.slice(0, 80)),
-    torn: [...document.querySelectorAll("summary span.math.wide")]
-      .filter((each) => each.firstElementChild.offsetWidth < each.clientWidth / 2)
-      .map((each) => each.closest("summary").textContent),
+    torn: [...document.querySelectorAll("summary span.math.wide > mjx-container")]
+      .filter((each) => each.offsetWidth < each.closest("summary").clientWidth / 2)
+      .concat([...document.querySelectorAll(".tied")].filter(parted))
+      .map((each) => each.parentElement.textContent),
     glaring: !dark ? [] : [...document.querySelectorAll(
       ".bd-article :is(.output, pre, table, td, img, figure, details, .theorem, .explorable)")]
       .filter((each) => each.checkVisibility() && pale(each))

@@ -1,6 +1,6 @@
-/* Formulas that are wider than their place. In a line of text: they get a line of their own, and
-   scroll. Displayed: they are set a little smaller, as far as they can be read, or else scroll; and
-   what scrolls can be reached with the Tab key. */
+/* Formulas that are wider than their place are set a little smaller, as far as they can be read, or
+   else scroll, and those in a line of text get a line of their own for it; what scrolls can be
+   reached with the Tab key. */
 (() => {
   "use strict";
 
@@ -14,19 +14,33 @@
     return box;
   };
 
+  // How wide an inline formula is, and how wide it may be beside the marks that are tied to it.
+  const widths = (formula) => {
+    const box = boxAround(formula);
+    const drawn = formula.querySelector("mjx-container")?.offsetWidth;
+    if (!box || !drawn) return [0, Infinity];
+    const marks = (formula.closest(".tied") ?? formula).offsetWidth - formula.offsetWidth;
+    if (drawn + marks <= box.clientWidth / 2) return [drawn, Infinity];
+    const { paddingLeft, paddingRight } = getComputedStyle(box);
+    const room = box.clientWidth - parseFloat(paddingLeft) - parseFloat(paddingRight);
+    return [drawn, Math.floor(room - marks)];
+  };
+
   const fit = () => {
     const formulas = [...document.querySelectorAll("span.math")];
     const displayed = [...document.querySelectorAll("div.math mjx-container")];
     for (const formula of formulas) formula.classList.remove("wide");
-    for (const formula of displayed) formula.classList.remove("smaller");
+    for (const formula of [...formulas, ...displayed]) formula.classList.remove("smaller");
     // All widths first, then all changes: the page is laid out once.
-    const wide = formulas.filter((formula) => {
-      const drawn = formula.querySelector("mjx-container");
-      const room = boxAround(formula);
-      return drawn && room && drawn.offsetWidth > room.clientWidth + 1;
-    });
+    const inline = formulas.map(widths);
     const shares = displayed.map((formula) => formula.clientWidth / formula.scrollWidth);
-    for (const formula of wide) formula.classList.add("wide");
+    formulas.forEach((formula, k) => {
+      const [drawn, room] = inline[k];
+      const smaller = room < drawn && SMALLEST * drawn <= room;
+      formula.classList.toggle("smaller", smaller);
+      formula.classList.toggle("wide", room < SMALLEST * drawn);
+      if (smaller) formula.style.setProperty("--room", `${room}px`);
+    });
     displayed.forEach((formula, k) => {
       const scrolls = 0 < shares[k] && shares[k] < SMALLEST;
       formula.classList.toggle("smaller", SMALLEST <= shares[k] && shares[k] < 1);

@@ -1,9 +1,10 @@
 """What the pages need that no writer should think of: commas, columns, names of buttons.
 
-A browser may break a line between an inline formula and the comma after it; here they are tied
-together. Printed columns are marked, so that a phone does not break their lines. The arrows that
-open a part of the contents get a name for those who hear the page, and so do empty corners of
-tables.
+A browser may break a line between an inline formula and the comma after it, a number and its unit,
+or a word and its number; here they are tied together. Printed columns are marked, so that a phone
+does not break their lines. A picture of a chapter leads to its file, where it can be enlarged. The
+arrows that open a part of the contents get a name for those who hear the page, and so do empty
+corners of tables.
 """
 
 from __future__ import annotations
@@ -11,19 +12,45 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from typing import Any
+from urllib.parse import quote
 
 from docutils import nodes
+from sphinx import addnodes
 from sphinx.application import Sphinx
+from sphinx.util.osutil import relative_uri
 
-AFTER = re.compile(r"[.,;:!?)\]’”]+")
+SPACE = "\N{NO-BREAK SPACE}"
+UNIT = r"(?:N\sm(?:\ss)?|N|kg\sm²|kg|rad/s²?|rad|[kM]?Hz|[mµμ]?s|mm|dB|%|V)(?![\w/²])"
+NUMBERED = (
+    r"\b(?i:examples?|theorems?|figures?|lemmas?|corollary|corollaries|chapters?|conditions?"
+    r"|exercises?|questions?|orders?|degree)\s(?:\d|[ivx]+\b)"
+)
+END = r"\s∎"
+LOOSE = re.compile(rf"(?<=\d)\s{UNIT}|{NUMBERED}|{END}")
+AFTER = re.compile(rf"[.,;:!?)\]’”]*(?:{END})?")
+AFTER_NUMBER = re.compile(rf"(?:\s{UNIT})?{AFTER.pattern}")
 COLUMNS = re.compile(r"\S {2,}\S")
 BEFORE = re.compile(r"[(\[“‘]+$")
+VERBATIM = (nodes.FixedTextElement, nodes.literal, nodes.math, addnodes.desc_signature)
+
+
+def tie_words(_app: Sphinx, doctree: nodes.document, _page: str) -> None:
+    """Keep numbers beside their units and names, and the sign that ends a proof in its line."""
+    for text in list(doctree.findall(nodes.Text)):
+        if not isinstance(text.parent, VERBATIM) and (tied := unbroken(text)) != text:
+            text.parent.replace(text, nodes.Text(tied))
+
+
+def unbroken(text: str) -> str:
+    """Write what belongs together with spaces at which no line is broken."""
+    return LOOSE.sub(lambda found: re.sub(r"\s", SPACE, found.group()), text)
 
 
 def tie_punctuation(_app: Sphinx, doctree: nodes.document, _page: str) -> None:
-    """Put each inline formula into one unbreakable piece with the marks that touch it."""
+    """Put each inline formula into one unbreakable piece with the marks and the unit behind it."""
     for formula in list(doctree.findall(nodes.math)):
-        before, after = touching(formula, -1, BEFORE), touching(formula, 1, AFTER)
+        behind = AFTER_NUMBER if re.search(r"\d}?$", formula.astext()) else AFTER
+        before, after = touching(formula, -1, BEFORE), touching(formula, 1, behind)
         if before or after:
             formula.replace_self(
                 nodes.inline(
@@ -44,7 +71,22 @@ def touching(formula: nodes.math, step: int, marks: re.Pattern[str]) -> str:
     if not found:
         return ""
     parent[place] = nodes.Text(text[: found.start()] + text[found.end() :])
-    return found.group()
+    return re.sub(r"\s", SPACE, found.group())
+
+
+def link_pictures(app: Sphinx, doctree: nodes.document, page: str) -> None:
+    """Let each picture of a chapter lead to its file."""
+    if app.builder.format != "html" or not page.startswith("chapters/"):
+        return
+    folder = relative_uri(app.builder.get_target_uri(page), app.builder.imagedir)
+    for image in list(doctree.findall(nodes.image)):
+        if image["uri"] in app.env.images and not isinstance(image.parent, nodes.reference):
+            _, name = app.env.images[image["uri"]]
+            link = nodes.reference(
+                "", "", internal=True, refuri=f"{folder}/{quote(name)}", classes=["picture"]
+            )
+            image.replace_self(link)
+            link += image
 
 
 def mark_columns(_app: Sphinx, doctree: nodes.document, _page: str) -> None:
@@ -92,7 +134,9 @@ def name_references(
 
 def setup(app: Sphinx) -> dict[str, bool]:
     """Tie after every reference is resolved, name after the theme has made its functions."""
-    app.connect("doctree-resolved", tie_punctuation, priority=900)
+    app.connect("doctree-resolved", tie_words, priority=900)
+    app.connect("doctree-resolved", tie_punctuation, priority=910)
+    app.connect("doctree-resolved", link_pictures, priority=900)
     app.connect("doctree-resolved", mark_columns)
     app.connect("doctree-resolved", name_corners)
     app.connect("html-page-context", name_toggles, priority=900)

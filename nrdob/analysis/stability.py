@@ -11,6 +11,7 @@ reason.
 
 from __future__ import annotations
 
+import re
 import textwrap
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
@@ -154,13 +155,17 @@ class Stability:
             style = 'style="padding: 0.2em 0.9em; text-align: right"'
             return "<tr>" + "".join(f"<{tag} {style}>{cell}</{tag}>" for cell in cells) + "</tr>"
 
+        def letters(text: str) -> str:
+            text = re.sub(r"\bp_([AB])\b", r"<i>p</i><sub>\1</sub>", escape(text))
+            return re.sub(r"\bF H\b", "FH", re.sub(r"\bC Gm\b", "CG\N{COMBINING TILDE}", text))
+
         head = row("th", ("loop", "N", "P", "Z", "rightmost root"))
-        cells = ([escape(cell).replace("-", "−") for cell in found] for found in self._rows)
+        cells = ([letters(cell).replace("-", "−") for cell in found] for found in self._rows)
         body = "".join(row("td", found) for found in cells)
         return (
             f"<p>NR-DOB loop: <strong>{self._verdict}</strong></p>"
             f"<table><thead>{head}</thead><tbody>{body}</tbody></table>"
-            f"<p>{escape(self.reason)}</p>"
+            f'<p style="margin-top: .5rem">{letters(self.reason)}</p>'
         )
 
 

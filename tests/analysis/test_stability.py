@@ -208,6 +208,9 @@ def test_the_verdict_prints_its_evidence_in_a_terminal_and_in_a_notebook():
     assert html.count("<tr>") == 3
     assert ">−1</td>" in html
     assert "></th>" not in html, "a column without a head"
+    assert "<i>p</i><sub>A</sub> and <i>p</i><sub>B</sub> have" in html
+    assert ">CG\u0303 (i)</td>" in html and ">FH (ii)</td>" in html
+    assert "p_A" in repr(verdict)
 
 
 def test_example_2_without_its_filter_is_the_verdict_that_fails():

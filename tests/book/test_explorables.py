@@ -447,3 +447,18 @@ def test_every_move_is_drawn_in_words_and_stays_right(tab: Any) -> None:
 def _example_3() -> tuple[Any, Any]:
     loop = paper.example(3)
     return loop.process, loop.model
+
+
+def test_a_curve_that_is_one_point_is_seen(tab: Any) -> None:
+    """The model of Example 1 is exact: F·H is 0, until the plant has a lag."""
+    shown = scene("1")
+    opened(tab, carried(shown, "", {"lambda": (0.003, 0.3), "lag": (0.0, 0.5)}, 2.0))
+    nyquist = tab.locator("svg[aria-label^=Nyquist]")
+    assert nyquist.locator("circle.point").count() == 1
+    assert "F·H is the point 0" in nyquist.locator("text").all_text_contents()
+    assert "F·H is the point 0" in nyquist.get_attribute("aria-label")
+    tab.locator("input[type=range]").nth(2).press("End")
+    assert nyquist.locator("circle.point").count() == 0
+    assert nyquist.locator("polyline.curve").count() == 1
+    facts = tab.locator(".explorable-verdict span").all_text_contents()
+    assert [fact.split(" = ")[0] for fact in facts[:3]] == ["N", "P", "Z"]

@@ -211,6 +211,16 @@ def test_every_image_is_there(pages: dict[Path, BeautifulSoup]) -> None:
     assert not missing, "images that are not there:\n  " + "\n  ".join(missing)
 
 
+def test_a_picture_of_a_chapter_opens_by_itself(pages: dict[Path, BeautifulSoup]) -> None:
+    """On a phone its letters are too small, and only there it can be enlarged."""
+    for path, page in pages.items():
+        if path.parent.name != "chapters":
+            continue
+        for image in page.select(".bd-article img:not(.explorable-still)"):
+            link = image.find_parent("a", class_="picture")
+            assert link and link["href"] == image["src"], (path.name, image["alt"])
+
+
 def test_links_inside_the_book_lead_somewhere(pages: dict[Path, BeautifulSoup]) -> None:
     anchors = {
         path.resolve(): {tag["id"] for tag in page.select("[id]")} for path, page in pages.items()

@@ -10,7 +10,7 @@
     order: { label: "filter’s order n", integer: true },
     gain: { label: "plant’s gain, times", log: true },
     lag: { label: "unknown lag", unit: "s" },
-    zero: { label: "unknown zero at 1/T, T", unit: "s" },
+    zero: { label: "T of an unknown zero at 1/T", unit: "s" },
     delay: { label: "unknown dead time", unit: "s" },
     T: { label: "sampling time T", unit: "s", log: true },
     observer: { label: "observer’s bandwidth ωo", unit: "rad/s", log: true },
@@ -104,9 +104,12 @@
       const places = this.frameFor(xs, ys);
       const { X, Y } = places;
       this.data.replaceChildren(
-        ...parts.map(({ points, at, kind }) =>
-          points ? this.line(points, kind, places) : svg("path", { class: kind, d: `M${X(at[0]) - 5} ${Y(at[1]) - 5}l10 10m0 -10l-10 10` }),
-        ),
+        ...parts.map(({ points, at, kind, words }) => {
+          if (points) return this.line(points, kind, places);
+          if (!words) return svg("path", { class: kind, d: `M${X(at[0]) - 5} ${Y(at[1]) - 5}l10 10m0 -10l-10 10` });
+          const dot = svg("circle", { class: kind, cx: X(at[0]), cy: Y(at[1]), r: 5 });
+          return svg("g", {}, dot, svg("text", { x: X(at[0]), y: Y(at[1]) - 12, "text-anchor": "middle" }, words));
+        }),
       );
       this.element.setAttribute("aria-label", said);
     }
@@ -322,8 +325,9 @@
       const word = stable ? "stable" : Number.isNaN(Z) ? "undecided" : "unstable";
       this.verdict.className = `explorable-verdict ${word}`;
       const why = modelStable ? "" : "; the model's own loop is unstable";
-      const peak = stable ? `, largest sensitivity Ms = ${written(Ms)}` : "";
-      this.verdict.replaceChildren(html("strong", {}, word), `: N = ${written(N)}, P = ${P}, Z = N + P = ${written(Z)}${peak}${why}`);
+      const facts = [`N = ${written(N)}`, `P = ${P}`, `Z = N + P = ${written(Z)}`, ...(stable ? [`largest sensitivity Ms = ${written(Ms)}`] : [])];
+      const told = facts.flatMap((fact, k) => [k ? ", " : ": ", html("span", { className: "explorable-fact" }, fact)]);
+      this.verdict.replaceChildren(html("strong", {}, word), ...told, why);
     }
 
     nyquist(loop, { N, P, Z }) {
@@ -334,18 +338,20 @@
         const at = map(loop, omega);
         if (Math.hypot(...at) < 1e3) points.push(at);
       }
+      const [first] = points;
+      const isPoint = points.length > 0 && points.every((z) => Math.hypot(z[0] - first[0], z[1] - first[1]) < 1e-9);
+      const drawn = isPoint
+        ? [{ at: first, kind: "point", words: `${CURVES[curve]} is the point ${written(Math.abs(first[0]) < 1e-9 ? 0 : first[0])}` }]
+        : [{ points: points.map(([x, y]) => [x, -y]), kind: "mirror" }, { points, kind: "curve" }];
       const near = points.filter((z) => Math.hypot(...z) < 6);
-      const reach = Math.min(4, Math.max(1.4, ...near.map((z) => Math.hypot(...z)))) * 1.1;
+      const farthest = isPoint ? Math.hypot(...first) : Math.min(4, Math.max(0, ...near.map((z) => Math.hypot(...z))));
+      const reach = Math.max(1.4, farthest) * 1.1;
       const ratio = (SIZE.width - SIZE.left - SIZE.right) / (SIZE.height - SIZE.top - SIZE.bottom);
       this.plots[0].draw(
         [-reach * ratio, reach * ratio],
         [-reach, reach],
-        [
-          { points: points.map(([x, y]) => [x, -y]), kind: "mirror" },
-          { points, kind: "curve" },
-          { at: [-1, 0], kind: "minus-one" },
-        ],
-        `Nyquist plot of ${CURVES[curve]}: N = ${written(N)} clockwise turns of ${CURVES[this.kind.counted]} around −1, P = ${P}, Z = ${written(Z)}.`,
+        [...drawn, { at: [-1, 0], kind: "minus-one" }],
+        `Nyquist plot of ${CURVES[curve]}: ${isPoint ? `${drawn[0].words}. ` : ""}N = ${written(N)} clockwise turns of ${CURVES[this.kind.counted]} around −1, P = ${P}, Z = ${written(Z)}.`,
       );
     }
 
