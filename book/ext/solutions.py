@@ -2,7 +2,7 @@
 
 In a notebook the words of an answer are folded Markdown and its code is a folded cell. On a page
 they would be two things to click, each called like all the others; here they become one card, the
-"Solution of exercise 3".
+"Solution of exercise 3". Any other folded cell says what is behind it.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ from sphinx.transforms import SphinxTransform
 
 from folds import Card, CardLine
 
-OPENS, CLOSES = re.compile(r"<details><summary>Solution</summary>\s*"), re.compile(r"</details>\s*")
+OPENS = re.compile(r"<details><summary>(?:Solution|How one knows)</summary>\s*")
+CLOSES = re.compile(r"</details>\s*")
 NUMBER = re.compile(r"(\d+)\.")
 BRIEF = "Design brief"
 
@@ -84,6 +85,22 @@ def exercise(node: nodes.Node) -> str:
     return f"exercise {number[1]}" if (number := NUMBER.match(said)) else ""
 
 
+class Prompts(SphinxTransform):
+    """Name what a folded cell holds, a check or a drawing, unless the cell names it."""
+
+    default_priority = 500
+
+    def apply(self, **_: object) -> None:
+        """Go through the cells that have the name for all code."""
+        for cell in self.document.findall(nodes.container):
+            if cell.get("prompt_show") != self.config.nb_code_prompt_show:
+                continue
+            draws = next(cell.findall(nodes.image), None) is not None
+            held = "the check" if is_folded_cell(cell) else "how it is drawn" if draws else ""
+            if held:
+                cell["prompt_show"], cell["prompt_hide"] = f"Show {held}", f"Hide {held}"
+
+
 def enter_folded_cell(translator: Any, node: HideCodeCellNode) -> None:
     """Begin any other folded cell; what is written on its toggle is what the toggle is called."""
     visit_HideCellInput(translator, node)
@@ -99,5 +116,6 @@ def leave_folded_cell(translator: Any, _node: HideCodeCellNode) -> None:
 def setup(app: Sphinx) -> dict[str, bool]:
     """Gather what belongs together, and name what is left."""
     app.add_transform(Solutions)
+    app.add_transform(Prompts)
     app.add_node(HideCodeCellNode, override=True, html=(enter_folded_cell, leave_folded_cell))
     return {"parallel_read_safe": True, "parallel_write_safe": True}

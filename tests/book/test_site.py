@@ -405,6 +405,17 @@ def test_an_answer_opens_at_one_click_and_is_named_after_its_exercise(
             assert re.fullmatch(r"Solution of (exercise \d+|the design brief)", name), path.name
         assert not exercises.select("details.hide"), "the code has a toggle of its own"
         assert not exercises.select(".cell_input:not(.solution .cell_input)"), path.name
+        assert not exercises.select("details:not([class])"), f"{path.name}: a bare triangle"
+
+
+def test_a_folded_cell_says_whether_it_checks_or_draws(pages: dict[Path, BeautifulSoup]) -> None:
+    for path, page in pages.items():
+        for cell in page.select(".bd-article .cell:has(details.hide)"):
+            draws = cell.select_one(".cell_output img:not(.hide img)")
+            checks = cell.select_one("details.hide > .cell_input ~ .cell_output")
+            if draws or checks:
+                said = cell.select_one("summary > .collapsed").get_text()
+                assert said != "Show the code", path.name
 
 
 # --- ways into the book -----------------------------------------------------------------------
