@@ -18,13 +18,13 @@ the time constant :math:`\lambda = 1/\omega_o`, and :math:`1/b_0` is a gain: the
 
 .. rubric:: References
 
-J. Han, From PID to active disturbance rejection control, IEEE Trans. Ind. Electron. 56 (2009)
+Han, J., From PID to active disturbance rejection control, IEEE Trans. Ind. Electron. 56 (2009)
 900-906.
 
-Z. Gao, Scaling and bandwidth-parameterization based controller tuning, Proc. American Control
+Gao, Z., Scaling and bandwidth-parameterization based controller tuning, Proc. American Control
 Conference 2003, 4989-4996.
 
-G. Herbst, A simulative study on active disturbance rejection control (ADRC) as a control tool for
+Herbst, G., A simulative study on active disturbance rejection control (ADRC) as a control tool for
 practitioners, Electronics 2 (2013) 246-279.
 """
 

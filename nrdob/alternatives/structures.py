@@ -15,7 +15,7 @@ the reference, :math:`u = C(R - y) + Fu - (F/\tilde G)y`, so that
 
 .. rubric:: References
 
-K. Ohnishi, M. Shibata, T. Murakami, Motion control for advanced mechatronics, IEEE/ASME Trans.
+Ohnishi, K., M. Shibata, T. Murakami, Motion control for advanced mechatronics, IEEE/ASME Trans.
 Mechatronics 1 (1996) 56-67.
 """
 
