@@ -73,7 +73,7 @@ def smith_predictor(process: Any, model: Any, controller: Any) -> NRDOB:
     Parameters
     ----------
     process : as for `nrdob.NRDOB`
-        G.
+        The process G.
     model : DelayedTransferFunction
         The model with its dead time.
     controller : as for `nrdob.NRDOB`

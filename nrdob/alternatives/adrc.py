@@ -77,7 +77,7 @@ def linear_adrc(
     Parameters
     ----------
     process : as for `nrdob.NRDOB`
-        G.
+        The process G.
     order : {1, 2}
         m, as a rule the relative degree of G.
     b0 : float
@@ -302,7 +302,7 @@ def high_frequency_gain(process: Any) -> tuple[int, float]:
     Parameters
     ----------
     process : as for `nrdob.NRDOB`
-        G.
+        The process G.
     """
     undelayed = process.tf if isinstance(process, DelayedTransferFunction) else process
     G = as_fraction(undelayed, "process")

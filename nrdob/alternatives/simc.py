@@ -138,7 +138,7 @@ def simc_pi(process: Any, closed_loop_time: float, *, design: Any = None) -> NRD
     Parameters
     ----------
     process : as for `nrdob.NRDOB`
-        G.
+        The process G.
     closed_loop_time : float
         τc in seconds; as large as the dead time for tight control.
     design : as for `nrdob.NRDOB`, optional

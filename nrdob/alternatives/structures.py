@@ -40,7 +40,7 @@ def controller_alone(process: Any, model: Any, controller: Any) -> NRDOB:
     Parameters
     ----------
     process : as for `nrdob.NRDOB`
-        G.
+        The process G.
     model : as for `nrdob.NRDOB`
         A model that C stabilises; nothing of the loop depends on it. Its dead time is left out.
     controller : as for `nrdob.NRDOB`

@@ -32,6 +32,7 @@ ASKED_AT_THE_DOOR = {"EX01", "RT01"}
 
 MISREAD = {
     re.compile(r"(?:\A|(?<=\n\n)|(?<=-\n)) *[A-Z]\. "): "begins a list: write the surname first",
+    re.compile(r"^ +[A-Z]\.$", re.MULTILINE): "begins a list: say it in words",
     re.compile(r"\\\\[,;!]"): "is a new line and a mark: write one backslash",
     re.compile(r"^\w+: [^\n]*(?=\n {4}\S)", re.MULTILINE): "is all name: write `name : type`",
 }

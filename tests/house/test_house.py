@@ -435,6 +435,7 @@ def test_at_the_front_door_an_example_and_what_comes_back_are_asked_for(
     [
         ("References\n----------\nW. Michiels, Stability, 2014.", 'py:6: "W." begins a list'),
         (".. rubric:: References\n\nK. J. Smith, A loop, 1957.", 'py:6: "K." begins a list'),
+        ("Attributes\n----------\nplant : Loop\n    G.", 'py:7: "G." begins a list'),
         ("Attributes\n----------\norder: int\n    Its order.", 'py:6: "order: int" is all name'),
         (r"It is :math:`y\\,dt`.", r'py:4: "\\," is a new line'),
         (r"It is :math:`y\,dt`.", None),
