@@ -31,6 +31,7 @@ extensions = [
     "sphinx.ext.mathjax",
     "sphinx_copybutton",
     "sphinxcontrib.bibtex",
+    "apipages",
     "chaptermap",
     "claimlinks",
     "complete",
@@ -62,7 +63,9 @@ bibtex_default_style = "plain"
 bibtex_reference_style = "author_year"
 
 # --- API pages --------------------------------------------------------------------------------
+add_module_names = False  # the heading above names the module
 autodoc_member_order = "bysource"
+autodoc_preserve_defaults = True  # as they are written, such as structures=STRUCTURES
 autodoc_typehints = "none"  # the docstrings tell type, shape and unit
 numpydoc_show_class_members = False
 # Types of the libraries below us; their documentation is not part of this book.

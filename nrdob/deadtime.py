@@ -11,9 +11,9 @@ what the loop would be without dead time, and with that F all maps of the two lo
 
 .. rubric:: References
 
-O. J. M. Smith, Closer control of loops with dead time, Chem. Eng. Progress 53 (1957) 217-219.
+Smith, O. J. M., Closer control of loops with dead time, Chem. Eng. Progress 53 (1957) 217-219.
 
-Q.-C. Zhong, J. E. Normey-Rico, Control of integral processes with dead-time. Part 1: Disturbance
+Zhong, Q.-C., J. E. Normey-Rico, Control of integral processes with dead-time. Part 1: Disturbance
 observer-based 2DOF control scheme, IEE Proc. Control Theory Appl. 149 (2002) 285-290.
 """
 
@@ -73,7 +73,7 @@ def smith_predictor(process: Any, model: Any, controller: Any) -> NRDOB:
     Parameters
     ----------
     process : as for `nrdob.NRDOB`
-        G.
+        The process G.
     model : DelayedTransferFunction
         The model with its dead time.
     controller : as for `nrdob.NRDOB`

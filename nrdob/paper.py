@@ -1,6 +1,6 @@
 """The paper's four examples, their modified plants, and every number it prints about them.
 
-J. U. Liceaga-Castro, I. I. Siller-Alcalá, E. Liceaga-Castro, Noise reduction disturbance observer
+Liceaga-Castro, J. U., I. I. Siller-Alcalá, E. Liceaga-Castro, Noise reduction disturbance observer
 global stability and robustness conditions based on the Nyquist stability criteria, 2020.
 """
 

@@ -18,13 +18,13 @@ the time constant :math:`\lambda = 1/\omega_o`, and :math:`1/b_0` is a gain: the
 
 .. rubric:: References
 
-J. Han, From PID to active disturbance rejection control, IEEE Trans. Ind. Electron. 56 (2009)
+Han, J., From PID to active disturbance rejection control, IEEE Trans. Ind. Electron. 56 (2009)
 900-906.
 
-Z. Gao, Scaling and bandwidth-parameterization based controller tuning, Proc. American Control
+Gao, Z., Scaling and bandwidth-parameterization based controller tuning, Proc. American Control
 Conference 2003, 4989-4996.
 
-G. Herbst, A simulative study on active disturbance rejection control (ADRC) as a control tool for
+Herbst, G., A simulative study on active disturbance rejection control (ADRC) as a control tool for
 practitioners, Electronics 2 (2013) 246-279.
 """
 
@@ -77,7 +77,7 @@ def linear_adrc(
     Parameters
     ----------
     process : as for `nrdob.NRDOB`
-        G.
+        The process G.
     order : {1, 2}
         m, as a rule the relative degree of G.
     b0 : float
@@ -302,7 +302,7 @@ def high_frequency_gain(process: Any) -> tuple[int, float]:
     Parameters
     ----------
     process : as for `nrdob.NRDOB`
-        G.
+        The process G.
     """
     undelayed = process.tf if isinstance(process, DelayedTransferFunction) else process
     G = as_fraction(undelayed, "process")

@@ -39,9 +39,9 @@ class LoadErrors(NamedTuple):
     Attributes
     ----------
     iae : float
-        :math:`\int |y|\\,dt`, to 1e-4 of itself; inf where an offset stays.
+        :math:`\int |y|\,dt`, to 1e-4 of itself; inf where an offset stays.
     ise : float
-        :math:`\int y^2\\,dt`.
+        :math:`\int y^2\,dt`.
     """
 
     iae: float

@@ -15,10 +15,10 @@ the right contribute, are added to the dead time.
 
 .. rubric:: References
 
-D. E. Rivera, M. Morari, S. Skogestad, Internal model control. 4. PID controller design, Ind. Eng.
+Rivera, D. E., M. Morari, S. Skogestad, Internal model control. 4. PID controller design, Ind. Eng.
 Chem. Process Des. Dev. 25 (1986) 252-265.
 
-S. Skogestad, Simple analytic rules for model reduction and PID controller tuning, J. Process
+Skogestad, S., Simple analytic rules for model reduction and PID controller tuning, J. Process
 Control 13 (2003) 291-309.
 """
 
@@ -138,7 +138,7 @@ def simc_pi(process: Any, closed_loop_time: float, *, design: Any = None) -> NRD
     Parameters
     ----------
     process : as for `nrdob.NRDOB`
-        G.
+        The process G.
     closed_loop_time : float
         τc in seconds; as large as the dead time for tight control.
     design : as for `nrdob.NRDOB`, optional

@@ -15,7 +15,7 @@ the reference, :math:`u = C(R - y) + Fu - (F/\tilde G)y`, so that
 
 .. rubric:: References
 
-K. Ohnishi, M. Shibata, T. Murakami, Motion control for advanced mechatronics, IEEE/ASME Trans.
+Ohnishi, K., M. Shibata, T. Murakami, Motion control for advanced mechatronics, IEEE/ASME Trans.
 Mechatronics 1 (1996) 56-67.
 """
 
@@ -40,7 +40,7 @@ def controller_alone(process: Any, model: Any, controller: Any) -> NRDOB:
     Parameters
     ----------
     process : as for `nrdob.NRDOB`
-        G.
+        The process G.
     model : as for `nrdob.NRDOB`
         A model that C stabilises; nothing of the loop depends on it. Its dead time is left out.
     controller : as for `nrdob.NRDOB`

@@ -8,7 +8,7 @@ by the argument, at points of every region.
 
 .. rubric:: References
 
-J. Neimark, D-subdivisions and spaces of quasipolynomials, Prikl. Mat. Mekh. 13 (1949) 349-380.
+Neimark, J., D-subdivisions and spaces of quasipolynomials, Prikl. Mat. Mekh. 13 (1949) 349-380.
 """
 
 from __future__ import annotations

@@ -456,10 +456,10 @@ def stabilizing_filter_exists(process: Any, model: Any) -> Answer:
 
     References
     ----------
-    D. C. Youla, J. J. Bongiorno, C. N. Lu, Single-loop feedback-stabilization of linear
+    Youla, D. C., J. J. Bongiorno, C. N. Lu, Single-loop feedback-stabilization of linear
     multivariable dynamical plants, Automatica 10 (1974) 159-173.
 
-    M. Vidyasagar, N. Viswanadham, Algebraic design techniques for reliable stabilization, IEEE
+    Vidyasagar, M., N. Viswanadham, Algebraic design techniques for reliable stabilization, IEEE
     Trans. Automatic Control 27 (1982) 1085-1095.
 
     Examples

@@ -12,10 +12,10 @@ integrate.
 
 .. rubric:: References
 
-D. C. Youla, J. J. Bongiorno, C. N. Lu, Single-loop feedback-stabilization of linear multivariable
+Youla, D. C., J. J. Bongiorno, C. N. Lu, Single-loop feedback-stabilization of linear multivariable
 dynamical plants, Automatica 10 (1974) 159-173.
 
-M. Morari, E. Zafiriou, Robust Process Control, Prentice Hall 1989, chapter 4 (Q as internal model
+Morari, M., E. Zafiriou, Robust Process Control, Prentice Hall 1989, chapter 4 (Q as internal model
 control).
 """
 
@@ -169,7 +169,7 @@ def stable_model_exists(controller: Any) -> Answer:
 
     References
     ----------
-    D. C. Youla, J. J. Bongiorno, C. N. Lu, Single-loop feedback-stabilization of linear
+    Youla, D. C., J. J. Bongiorno, C. N. Lu, Single-loop feedback-stabilization of linear
     multivariable dynamical plants, Automatica 10 (1974) 159-173.
 
     Examples

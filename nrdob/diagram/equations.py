@@ -86,18 +86,18 @@ Assche et al.). Such poles are kept.
 
 .. rubric:: References
 
-O. J. M. Smith, Closer control of loops with dead time, Chem. Eng. Progress 53 (1957) 217-219.
+Smith, O. J. M., Closer control of loops with dead time, Chem. Eng. Progress 53 (1957) 217-219.
 
-Q.-C. Zhong, J. E. Normey-Rico, Control of integral processes with dead-time. Part 1: Disturbance
+Zhong, Q.-C., J. E. Normey-Rico, Control of integral processes with dead-time. Part 1: Disturbance
 observer-based 2DOF control scheme, IEE Proc. Control Theory Appl. 149 (2002) 285-290.
 
-Z. J. Palmor, Stability properties of Smith dead-time compensator controllers, Int. J. Control 32
+Palmor, Z. J., Stability properties of Smith dead-time compensator controllers, Int. J. Control 32
 (1980) 937-949.
 
-K. Yamanaka, E. Shimemura, Effects of mismatched Smith controller on stability in systems with
+Yamanaka, K., E. Shimemura, Effects of mismatched Smith controller on stability in systems with
 time-delay, Automatica 23 (1987) 787-791.
 
-V. Van Assche, M. Dambrine, J.-F. Lafay, J.-P. Richard, Some problems arising in the implementation
+Van Assche, V., M. Dambrine, J.-F. Lafay, J.-P. Richard, Some problems arising in the implementation
 of distributed-delay control laws, Proc. 38th IEEE Conference on Decision and Control (1999).
 """
 

@@ -176,7 +176,7 @@ def filter_family(
 
     References
     ----------
-    W. E. Thomson, Delay networks having maximally flat frequency characteristics, Proc. IEE 96
+    Thomson, W. E., Delay networks having maximally flat frequency characteristics, Proc. IEE 96
     (1949) 487-490; for the ramp filters T. Umeno, Y. Hori, Robust speed control of DC servomotors
     using modern two degrees-of-freedom controller design, IEEE Trans. Ind. Electron. 38 (1991).
 

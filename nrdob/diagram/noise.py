@@ -19,7 +19,7 @@ the same integral of Q/s is the energy :math:`\int_0^\infty q(t)^2 dt` of what i
 
 .. rubric:: References
 
-K. J. Åström, Introduction to Stochastic Control Theory, Academic Press 1970, chapter 5.
+Åström, K. J., Introduction to Stochastic Control Theory, Academic Press 1970, chapter 5.
 """
 
 from __future__ import annotations

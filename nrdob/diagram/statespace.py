@@ -14,8 +14,8 @@ distance to the nearest singular matrix, which does not depend on the units of t
 
 .. rubric:: References
 
-J. W. Demmel, The componentwise distance to the nearest singular matrix, SIAM J. Matrix
-Anal. Appl. 13 (1992) 10-19.
+Demmel, J. W., The componentwise distance to the nearest singular matrix, SIAM J. Matrix Anal. Appl.
+13 (1992) 10-19.
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ F/Gm as *zeros* of F, has none of it.
 
 .. rubric:: References
 
-K. J. Åström, P. Hagander, J. Sternby, Zeros of sampled systems, Automatica 20 (1984) 31-38.
+Åström, K. J., P. Hagander, J. Sternby, Zeros of sampled systems, Automatica 20 (1984) 31-38.
 """
 
 from __future__ import annotations

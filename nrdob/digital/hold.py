@@ -13,10 +13,10 @@ exponential (Van Loan).
 
 .. rubric:: References
 
-C. F. Van Loan, Computing integrals involving the matrix exponential, IEEE Trans. Automatic Control
+Van Loan, C. F., Computing integrals involving the matrix exponential, IEEE Trans. Automatic Control
 23 (1978) 395-404.
 
-K. J. Åström, B. Wittenmark, Computer-Controlled Systems, 3rd ed., Prentice Hall 1997, 2.3.
+Åström, K. J., B. Wittenmark, Computer-Controlled Systems, 3rd ed., Prentice Hall 1997, 2.3.
 """
 
 from __future__ import annotations

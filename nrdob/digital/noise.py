@@ -7,7 +7,7 @@ signal :math:`C x + D e` is :math:`C P C^T + D^2`.
 
 .. rubric:: References
 
-K. J. Åström, Introduction to Stochastic Control Theory, Academic Press 1970, chapter 4.
+Åström, K. J., Introduction to Stochastic Control Theory, Academic Press 1970, chapter 4.
 """
 
 from __future__ import annotations

@@ -12,8 +12,8 @@ and the section is as short as the usual one, with sums in place of shifts::
 
 .. rubric:: References
 
-R. H. Middleton, G. C. Goodwin, Improved finite word length characteristics in digital control using
-delta operators, IEEE Trans. Automatic Control 31 (1986) 1015-1021.
+Middleton, R. H., G. C. Goodwin, Improved finite word length characteristics in digital control
+using delta operators, IEEE Trans. Automatic Control 31 (1986) 1015-1021.
 """
 
 from __future__ import annotations

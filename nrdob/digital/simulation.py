@@ -13,8 +13,8 @@ withholds is taken for a disturbance, which more u is to fight.
 
 .. rubric:: References
 
-K. J. Åström, L. Rundqwist, Integrator windup and how to avoid it, Proc. American Control Conference
-(1989) 1693-1698.
+Åström, K. J., L. Rundqwist, Integrator windup and how to avoid it, Proc. American Control
+Conference (1989) 1693-1698.
 """
 
 from __future__ import annotations

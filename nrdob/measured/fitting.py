@@ -6,7 +6,7 @@ search has three unknowns at most (Golub and Pereyra's variable projection).
 
 .. rubric:: References
 
-G. Golub, V. Pereyra, Separable nonlinear least squares: the variable projection method and its
+Golub, G., V. Pereyra, Separable nonlinear least squares: the variable projection method and its
 applications, Inverse Problems 19 (2003) R1-R26.
 """
 

@@ -76,7 +76,7 @@ class Turn:
         one of them cannot be passed.
     touched : tuple of float
         Frequencies at which the function vanishes within rounding, in rad/s.
-    origin_alone: bool
+    origin_alone : bool
         Whether no more zeros were passed at s = 0 than are known to be there.
     """
 

@@ -11,7 +11,7 @@ makes it harder to find the frequencies.
 
 .. rubric:: References
 
-K. Walton, J. E. Marshall, Direct method for TDS stability analysis, IEE Proceedings D 134 (1987)
+Walton, K., J. E. Marshall, Direct method for TDS stability analysis, IEE Proceedings D 134 (1987)
 101-107.
 """
 

@@ -46,7 +46,7 @@ def bisect(
 
     References
     ----------
-    T. R. Chandrupatla, A new hybrid quadratic/bisection algorithm for finding the zero of a
+    Chandrupatla, T. R., A new hybrid quadratic/bisection algorithm for finding the zero of a
     nonlinear function without using derivatives, Adv. Eng. Software 28 (1997) 145-149.
     """
     a, b = np.array(high, dtype=float), np.array(low, dtype=float)

@@ -6,7 +6,7 @@ rounding. Lists hold coefficients in descending powers, the first one not zero.
 
 .. rubric:: References
 
-F. R. Gantmacher, The Theory of Matrices, vol. 2, 1959, ch. XV: Sturm, Routh and Hurwitz.
+Gantmacher, F. R., The Theory of Matrices, vol. 2, 1959, ch. XV: Sturm, Routh and Hurwitz.
 """
 
 from __future__ import annotations

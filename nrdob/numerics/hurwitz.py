@@ -7,7 +7,7 @@ nothing is said.
 
 .. rubric:: References
 
-E. J. Routh, A Treatise on the Stability of a Given State of Motion, 1877; F. R. Gantmacher, The
+Routh, E. J., A Treatise on the Stability of a Given State of Motion, 1877; F. R. Gantmacher, The
 Theory of Matrices, vol. 2, 1959, ch. XV.
 """
 

@@ -8,7 +8,7 @@ time the guesses are where a step of Newton's method from the axis is smallest.
 
 .. rubric:: References
 
-M. Lichtner, M. Wolfrum, S. Yanchuk, The spectrum of delay differential equations with large delay,
+Lichtner, M., M. Wolfrum, S. Yanchuk, The spectrum of delay differential equations with large delay,
 SIAM J. Math. Anal. 43 (2011) 788-802.
 """
 

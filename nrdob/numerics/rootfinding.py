@@ -7,9 +7,10 @@ interpolation, further in. The loop becomes a matrix, too.
 
 .. rubric:: References
 
-W. Michiels, S.-I. Niculescu, Stability, Control, and Computation for Time-Delay Systems, SIAM 2014.
+Michiels, W., S.-I. Niculescu, Stability, Control, and Computation for Time-Delay Systems, SIAM
+2014.
 
-D. Breda, S. Maset, R. Vermiglio, Pseudospectral differencing methods for characteristic roots of
+Breda, D., S. Maset, R. Vermiglio, Pseudospectral differencing methods for characteristic roots of
 delay differential equations, SIAM J. Sci. Comput. 27 (2005) 482-495.
 """
 

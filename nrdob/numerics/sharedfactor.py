@@ -8,8 +8,8 @@ only if d·u and d·v give back every single coefficient.
 
 .. rubric:: References
 
-Z. Zeng, The numerical greatest common divisor of univariate polynomials, Contemporary
-Mathematics 556 (2011) 187-217.
+Zeng, Z., The numerical greatest common divisor of univariate polynomials, Contemporary Mathematics
+556 (2011) 187-217.
 """
 
 from __future__ import annotations

@@ -92,7 +92,7 @@ def propose(
     Parameters
     ----------
     process : as for `nrdob.NRDOB`
-        G.
+        The process G.
     model, controller : as for `nrdob.NRDOB`, optional
         G̃ and C.
     time_constant : float, optional

@@ -93,7 +93,7 @@ def character(process: Any) -> list[str]:
     Parameters
     ----------
     process : as for `nrdob.NRDOB`
-        G.
+        The process G.
 
     Returns
     -------

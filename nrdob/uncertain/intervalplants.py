@@ -12,10 +12,10 @@ Kharitonov's four polynomials. Two tests follow, of which the second is exact:
 
 .. rubric:: References
 
-V. L. Kharitonov, Asymptotic stability of an equilibrium position of a family of systems of linear
+Kharitonov, V. L., Asymptotic stability of an equilibrium position of a family of systems of linear
 differential equations, Differ. Uravn. 14 (1978) 2086-2088.
 
-H. Chapellat, S. P. Bhattacharyya, A generalization of Kharitonov's theorem: robust stability of
+Chapellat, H., S. P. Bhattacharyya, A generalization of Kharitonov's theorem: robust stability of
 interval plants, IEEE Trans. Automatic Control 34 (1989) 306-311.
 """
 

@@ -7,7 +7,7 @@ much it refuses too early is what `conservatism` says.
 
 .. rubric:: References
 
-J. C. Doyle, B. A. Francis, A. R. Tannenbaum, Feedback Control Theory, 1992, ch. 4.
+Doyle, J. C., B. A. Francis, A. R. Tannenbaum, Feedback Control Theory, 1992, ch. 4.
 """
 
 from __future__ import annotations

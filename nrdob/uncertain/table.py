@@ -128,7 +128,7 @@ class SweepTable:
 
         References
         ----------
-        C. J. Clopper, E. S. Pearson, The use of confidence or fiducial limits illustrated in the
+        Clopper, C. J., E. S. Pearson, The use of confidence or fiducial limits illustrated in the
         case of the binomial, Biometrika 26 (1934) 404-413.
         """
         if isinstance(confidence, bool) or not isinstance(confidence, Real):

@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterator
 from contextlib import redirect_stderr, redirect_stdout
 from copy import copy
 from dataclasses import dataclass
+from importlib import import_module
 from io import StringIO
 from itertools import cycle
 from pathlib import Path
@@ -660,3 +661,23 @@ def test_a_link_to_a_claim_opens_its_card(site: Path, opened: Any) -> None:
             "each.checkVisibility() && each.getBoundingClientRect().height > 5).length"
         )
         assert printed == len(LEDGER), "on paper nothing can be opened"
+
+
+def test_the_reference_tells_of_each_thing_once_and_in_words(
+    pages: dict[Path, BeautifulSoup],
+) -> None:
+    seen: dict[object, str] = {}
+    for path, soup in pages.items():
+        if path.parent.name != "api":
+            continue
+        for entry in soup.select("dl.py:is(.class, .exception, .function) > dt[id]"):
+            module, name = str(entry["id"]).rsplit(".", 1)
+            thing = getattr(import_module(module), name)
+            assert thing not in seen, f"{path.name}: {entry['id']} is {seen[thing]} once more"
+            seen[thing] = str(entry["id"])
+        raw = re.findall(r"Alias for field number|alias of ", soup.get_text())
+        raw += [e.get_text() for e in soup.select("dt.sig") if re.search(r"[<>]", e.get_text())]
+        assert not raw, f"{path.name} shows {raw}"
+        lists = soup.select("ol.upperalpha")
+        assert not lists, f"{path.name}: a list begins at an initial, {lists[0].get_text()}"
+    assert seen

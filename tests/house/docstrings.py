@@ -1,13 +1,17 @@
 """Docstrings of all that the package shows: every parameter told, with its type.
 
 numpydoc judges the objects as they are imported. The fields of dataclasses and named tuples, which
-it takes for parameters only, may stand under Attributes.
+it takes for parameters only, may stand under Attributes. How they are written is asked of all
+docstrings: docutils takes a line such as "W. Michiels, 2014" for an entry of a list, numpydoc takes
+"order: int" for a name, and MathJax takes two backslashes for a new line.
 """
 
 from __future__ import annotations
 
+import ast
 import dataclasses
 import inspect
+import re
 from collections.abc import Iterable, Iterator
 from enum import Enum
 from importlib import import_module
@@ -18,13 +22,21 @@ from typing import Any, NamedTuple
 from numpydoc.docscrape import NumpyDocString
 from numpydoc.validate import validate
 
-from .rooms import PACKAGE, modules
+from .rooms import PACKAGE, Module, modules
 
 ASKED = {"GL08", "SS03", "PR01", "PR02", "PR03", "PR04", "PR10", "RT03", "YD01"}
 """Of all: a docstring, a first sentence, every parameter once, in order, with a type."""
 
 ASKED_AT_THE_DOOR = {"EX01", "RT01"}
 """Of what `import nrdob` shows, besides: what comes back, and an example."""
+
+MISREAD = {
+    re.compile(r"(?:\A|(?<=\n\n)|(?<=-\n)) *[A-Z]\. "): "begins a list: write the surname first",
+    re.compile(r"^ +[A-Z]\.$", re.MULTILINE): "begins a list: say it in words",
+    re.compile(r"\\\\[,;!]"): "is a new line and a mark: write one backslash",
+    re.compile(r"^\w+: [^\n]*(?=\n {4}\S)", re.MULTILINE): "is all name: write `name : type`",
+}
+"""What those who set the page take for something else."""
 
 
 class Shown(NamedTuple):
@@ -35,7 +47,7 @@ class Shown(NamedTuple):
 
 
 def faults(root: Path) -> list[str]:
-    """Name every docstring of the fronts that leaves something out.
+    """Name every docstring of the fronts that leaves something out, and all that are misread.
 
     Parameters
     ----------
@@ -51,7 +63,31 @@ def faults(root: Path) -> list[str]:
     fronts = [m.name for m in modules(root).values() if m.is_front or m.name.count(".") == 1]
     door = {shown.name for shown in _shown([PACKAGE])}
     found = [fault for shown in _shown(fronts) for fault in judged(shown, shown.name in door)]
+    found += [fault for module in modules(root).values() for fault in misread(module)]
     return [fault.replace(f"{root}/", "") for fault in found]
+
+
+def misread(module: Module) -> Iterator[str]:
+    """Name every docstring that the pages would not show as it is meant.
+
+    Parameters
+    ----------
+    module : Module
+        A module of the package.
+
+    Yields
+    ------
+    str
+        A fault, with its place.
+    """
+    for node in ast.walk(module.tree):
+        match node:
+            case ast.Expr(ast.Constant(str() as written)):
+                text = inspect.cleandoc(written)
+                for pattern, fault in MISREAD.items():
+                    for found in pattern.finditer(text):
+                        line = node.lineno + text.count("\n", 0, found.start())
+                        yield f'{module.path}:{line}: "{found.group().strip()}" {fault}'
 
 
 def judged(shown: Shown, at_the_door: bool = False) -> Iterator[str]:

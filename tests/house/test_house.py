@@ -5,18 +5,21 @@ Each test spoils a small house in one way, and looks whether that is told.
 
 from __future__ import annotations
 
+import ast
 import json
 import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from textwrap import indent
 from types import ModuleType
 
 import pytest
 
 from house import doors, pages
-from house.docstrings import Shown, judged
+from house.docstrings import Shown, judged, misread
+from house.rooms import Module
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -425,3 +428,24 @@ def test_at_the_front_door_an_example_and_what_comes_back_are_asked_for(
     shown = Shown(f"{written.__name__}.gain", written.gain)
     found = " ".join(judged(shown, at_the_door=True))
     assert "EX01" in found and "RT01" not in found  # it returns nothing
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("References\n----------\nW. Michiels, Stability, 2014.", 'py:6: "W." begins a list'),
+        (".. rubric:: References\n\nK. J. Smith, A loop, 1957.", 'py:6: "K." begins a list'),
+        ("Attributes\n----------\nplant : Loop\n    G.", 'py:7: "G." begins a list'),
+        ("Attributes\n----------\norder: int\n    Its order.", 'py:6: "order: int" is all name'),
+        (r"It is :math:`y\\,dt`.", r'py:4: "\\," is a new line'),
+        (r"It is :math:`y\,dt`.", None),
+        ("References\n----------\nMichiels, W., Stability, 2014.", None),
+        ("Attributes\n----------\norder : int\n    Its order.", None),
+        ("Notes\n-----\nTwice: once here\n\n    said below.", None),
+    ],
+)
+def test_what_the_pages_would_misread_is_named_with_the_line(text: str, told: str | None) -> None:
+    source = f'def gain():\n    r"""Find a gain.\n\n{indent(text, "    ")}\n    """\n'
+    found = list(misread(Module("gains", Path("gains.py"), ast.parse(source), None)))
+    assert len(found) == (told is not None)
+    assert told is None or told in found[0]
