@@ -305,7 +305,7 @@ def tune(
     else:
         if not built:
             raise ValueError(refusals[-1])
-        raise ValueError(_refusal(candidate, limits, tried))
+        raise ValueError(_refusal(candidate, limits, tried, built))
     if len(tried) == 1:
         return Tuned(candidate.build(value), value, f"{candidate.said(value)}, no limit", False)
     bad, good = (log(each) for each in list(tried)[-2:])
@@ -315,12 +315,15 @@ def tune(
     return Tuned(candidate.build(at), at, candidate.said(at), True)
 
 
-def _refusal(candidate: Candidate, limits: Limits, tried: dict[float, float]) -> str:
+def _refusal(
+    candidate: Candidate, limits: Limits, tried: dict[float, float], built: list[NRDOB]
+) -> str:
     first, *_, last = tried
     span = f"{candidate.parameter} tried, from {first:.3g} to {candidate.value(last)}"
     best = max(tried, key=lambda each: tried[each])
     if tried[best] <= UNSTABLE:
-        return f"the loop is unstable with every {span}"
+        reason = built[len(built) // 2].stability().reason
+        return f"the loop is unstable with every {span}, as one in the middle: {reason}"
     if tried[best] <= ENDLESS:
         closest = "white noise comes to u directly; give a shaping filter that colours it"
     else:
