@@ -305,10 +305,7 @@ def tune(
     else:
         if not built:
             raise ValueError(refusals[-1])
-        raise ValueError(
-            f"{limits} is not kept with any {candidate.parameter} tried, from {values[0]:.3g} to "
-            f"{candidate.value(values[-1])}: {_closest(candidate, tried, built)}"
-        )
+        raise ValueError(_refusal(candidate, limits, tried, built))
     if len(tried) == 1:
         return Tuned(candidate.build(value), value, f"{candidate.said(value)}, no limit", False)
     bad, good = (log(each) for each in list(tried)[-2:])
@@ -318,15 +315,23 @@ def tune(
     return Tuned(candidate.build(at), at, candidate.said(at), True)
 
 
-def _closest(candidate: Candidate, tried: dict[float, float], built: list[NRDOB]) -> str:
-    value = max(tried, key=lambda each: tried[each])
-    if tried[value] <= UNSTABLE:
+def _refusal(
+    candidate: Candidate, limits: Limits, tried: dict[float, float], built: list[NRDOB]
+) -> str:
+    first, *_, last = tried
+    span = f"{candidate.parameter} tried, from {first:.3g} to {candidate.value(last)}"
+    best = max(tried, key=lambda each: tried[each])
+    if tried[best] <= UNSTABLE:
         reason = built[len(built) // 2].stability().reason
-        return f"the loop is unstable with every value, as one in the middle: {reason}"
-    if tried[value] <= ENDLESS:
-        return "white noise comes to u directly; give a shaping filter that colours it"
-    factor = exp(-tried[value])
-    return f"missed by a factor of {factor:.3g} at best, with {candidate.said(value)}; allow more"
+        return f"the loop is unstable with every {span}, as one in the middle: {reason}"
+    if tried[best] <= ENDLESS:
+        closest = "white noise comes to u directly; give a shaping filter that colours it"
+    else:
+        factor = exp(-tried[best])
+        closest = (
+            f"missed by a factor of {factor:.3g} at best, with {candidate.said(best)}; allow more"
+        )
+    return f"{limits} is not kept with any {span}: {closest}"
 
 
 def _on_the_left(p: QuasiPolynomial) -> bool:

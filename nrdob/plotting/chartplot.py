@@ -61,7 +61,10 @@ def chart_plot(chart: Any, *, title: str = "", ax: Any = None) -> Figure:
                 lines += axes.plot(*part.T, color=COLOURS["filter"], lw=1.0, ls="--")
                 if k == 0:
                     at = part[len(part) // 2]
-                    axes.annotate(f"Ms = {level:g}", at, color=COLOURS["filter"], fontsize=8)
+                    axes.annotate(
+                        f"$M_s$ = {level:g}", at, color=COLOURS["filter"], fontsize=8, ha="center",
+                        va="center", bbox={"fc": axes.get_facecolor(), "ec": "none", "pad": 1},
+                    )  # fmt: skip
         for region in chart.regions:
             if region.share >= NUMBERED:
                 colour = COLOURS["loop"] if region.count == 0 else INK
