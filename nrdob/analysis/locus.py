@@ -14,6 +14,7 @@ import numpy as np
 
 from ..diagram import Quotient
 from ..numerics import (
+    BoolArray,
     ComplexArray,
     FloatArray,
     IntArray,
@@ -33,8 +34,11 @@ CROSSING = 1e-3
 STEEP = 1e12
 """Slope of log L over log ω beyond which a crossing is a pole or a zero on the axis."""
 
-SHALLOW = 0.5
-"""Minima of logarithmic distances that begin so far above the least value are not looked into."""
+SLACK = 0.1
+"""By how much the logarithm of L may leave what it is at both ends of a stretch."""
+
+SMALL = 0.5
+"""Size of L, against 1 and its largest value, below which turns of a dead time do not matter."""
 
 CUTS = 8
 """Parts of a stretch in which a minimum and a maximum may hide together."""
@@ -48,11 +52,11 @@ It leaves an error of the size of their product.
 VANISHED = 1e-290
 """In place of 0, the value of a factor at a root on the axis."""
 
-SIZE, SIDE, RETREAT, DISK_RETREAT, SIZE_SLOPE, SIDE_SLOPE, DISTANCE, DISK = range(8)
+SIZE, SIDE, RETREAT, DISK_RETREAT, SIZE_SLOPE, SIDE_SLOPE, DISTANCE, DISK, COSINE = range(9)
 r"""Rows of `Locus.motion`: :math:`\log|L|`, zero at a gain crossover; :math:`\sin\arg L`, zero
 where L is real; :math:`d\log|1 + L|/d\log\omega`, zero and rising where L is nearest to -1; the
 same of :math:`|(1 + L)/(1 - L)|`; the derivatives of the first two with respect to
-:math:`\log\omega`; :math:`\log|1 + L|`; :math:`\log|(1 + L)/(1 - L)|`."""
+:math:`\log\omega`; :math:`\log|1 + L|`; :math:`\log|(1 + L)/(1 - L)|`; the cosine of the angle."""
 
 
 class Found(NamedTuple):
@@ -166,9 +170,10 @@ class Locus:
         """
         log, slope = self.log_and_slope(omega)
         size, angle = log.real, log.imag
-        rows = np.empty((8, *log.shape))
+        rows = np.empty((9, *log.shape))
         with np.errstate(all="ignore"):
             cosine, sine = np.cos(angle), np.sin(angle)
+            rows[COSINE] = cosine
             inverse = np.exp(-np.clip(size, -300, 300)) * (cosine - 1j * sine)
             away = slope / (1 + inverse)  # d log(1 + L) = L/(1 + L) d log L
             rows[SIZE], rows[SIDE], rows[RETREAT] = size, sine, away.real
@@ -294,16 +299,9 @@ def notable_frequencies(
     if more.size:
         omega = np.union1d(omega, more)
         motion = followed(omega)
-    crossings = _changes(motion[: DISK_RETREAT + 1])
-    row, loop, low, high = crossings
-    distance = motion[[DISTANCE, DISK]]
-    least = np.nanmin(distance, axis=-1, initial=np.inf) + SHALLOW
-    with np.errstate(invalid="ignore"):
-        deep = motion[row, loop, low] < 0
-        kind = np.maximum(row - RETREAT, 0)
-        deep &= np.fmin(*(distance[kind, loop, end] for end in (low, high))) < least[kind, loop]
-    row, loop, low, high = (each[(row < RETREAT) | deep] for each in crossings)
-    solved = _solved(locus, omega, motion, (row, loop, low, high))
+    brackets = _relevant(motion, _changes(motion[: DISK_RETREAT + 1]), np.isfinite(last))
+    row, loop, _, _ = brackets
+    solved = _solved(locus, omega, motion, brackets)
     each = np.arange(solved.size)
     log, slope = (part[loop, each] for part in locus.log_and_slope(solved))
     zero = np.where(row == SIZE, log.real, np.sin(log.imag))
@@ -337,6 +335,36 @@ def _changes(values: FloatArray) -> Brackets:
     return row, loop, before[changed], low + 1
 
 
+def _relevant(motion: FloatArray, brackets: Brackets, late: BoolArray) -> Brackets:
+    """Choose the intervals in which something may happen that decides about a margin."""
+    row, loop, low, high = brackets
+    sizes = motion[SIZE, loop, low], motion[SIZE, loop, high]
+    smallest, largest = np.fmin(*sizes), np.fmax(*sizes)
+    negative = motion[COSINE, loop, low] < 0, motion[COSINE, loop, high] < 0
+    # Of a loop gain that a dead time turns for ever the largest small crossing counts.
+    certain = np.full(late.size, -np.inf)
+    sure = (row == SIDE) & negative[0] & negative[1] & (largest < 0)
+    np.maximum.at(certain, loop[sure], smallest[sure])
+    floor = np.fmin(np.nanmax(motion[SIZE], axis=-1, initial=-np.inf), 0.0) + np.log(SMALL)
+    small = late[loop] & (largest + SLACK < np.fmin(floor, certain)[loop])
+    kept = (row != SIDE) | (negative[0] | negative[1]) & ~small
+    towards = motion[row, loop, low] < 0
+    near = towards & (_least(smallest, largest, row == DISK_RETREAT) < _known(motion)[row - 2, loop])
+    kept &= (row < RETREAT) | near
+    return row[kept], loop[kept], low[kept], high[kept]
+
+
+def _known(motion: FloatArray) -> FloatArray:
+    """Smallest values of the two distances on the frequencies at hand."""
+    return np.asarray(np.exp(np.nanmin(motion[[DISTANCE, DISK]], axis=-1, initial=np.inf)))
+
+
+def _least(smallest: FloatArray, largest: FloatArray, disk: BoolArray | bool) -> FloatArray:
+    """Bound ``|1 + L|``, or ``|(1 + L)/(1 - L)|``, from below by the size of L in a stretch."""
+    size = np.exp(np.clip(0.0, smallest - SLACK, largest + SLACK))
+    return np.asarray(np.abs(1 - size) / np.where(disk, 1 + size, 1.0))
+
+
 def _hidden(locus: Locus, omega: FloatArray, motion: FloatArray) -> FloatArray:
     """Frequencies that must be looked at, too, because two zeros may hide between neighbours."""
     width = np.diff(np.log(omega))
@@ -355,8 +383,9 @@ def _hidden(locus: Locus, omega: FloatArray, motion: FloatArray) -> FloatArray:
         middle = 1.5 * np.diff(value, axis=-1) / width - ends / 4
         pairs = (slope[..., :-1] >= 0) == (slope[..., 1:] >= 0)
         pairs &= middle * ends < 0.1 * np.abs(ends) ** 2 / 4
-        least = np.nanmin(value, axis=-1, initial=np.inf, keepdims=True) + SHALLOW
-        pairs &= np.fmin(value[..., :-1], value[..., 1:]) < least
+        before, after = motion[SIZE, :, :-1], motion[SIZE, :, 1:]
+        bounds = [_least(np.fmin(before, after), np.fmax(before, after), disk) for disk in (False, True)]
+        pairs &= np.stack(bounds) < _known(motion)[..., None]
     found = []
     if dips.any():
         row, loop, low = np.nonzero(dips)

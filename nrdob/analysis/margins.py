@@ -37,6 +37,10 @@ __all__ = [
 ]
 
 
+TINY = 1e-200
+"""Size of L below which it is 0."""
+
+
 @dataclass(frozen=True)
 class Margins:
     r"""Margins of one loop, which unpack as `control.stability_margins` does.
@@ -395,7 +399,7 @@ def _critical_gains(phase: Found, ends: Ends) -> tuple[FloatArray, FloatArray]:
     last = {ends.undelayed - size, ends.undelayed + size}
     values = np.concatenate([[ends.dc_gain], phase.L.real, list(last)])
     omega = np.concatenate([[0.0], phase.omega, [ends.last] * len(last)])
-    negative = np.isfinite(values) & (values < 0)
+    negative = np.isfinite(values) & (values < -TINY)
     return -1 / values[negative], omega[negative]
 
 
