@@ -21,9 +21,10 @@ from ..numerics import (
     written,
 )
 from .blocks import Fraction, as_fraction
+from .delay import DelayedTransferFunction
 from .noise import check_stable, noise_power, step_energy
 
-__all__ = ["Quotient", "as_shaping"]
+__all__ = ["Quotient", "as_quotient", "as_shaping"]
 
 NEAR_ROOT = 1e-7
 """Size of a denominator, against its terms, below which half the digits are lost."""
@@ -315,6 +316,31 @@ class Quotient:
                 np.polyval(f.scale, np.abs(s)) / np.abs(f(s)) for f in self.num + self.den
             )
             return not np.any(np.abs(other(s) / self(s) - 1) > allowed)
+
+
+def as_quotient(system: Any, name: str) -> Quotient:
+    """Read a block, with or without dead time, as a quotient of one factor over another.
+
+    Parameters
+    ----------
+    system : control.TransferFunction, StateSpace, scipy.signal.lti, DelayedTransferFunction, \
+            (num, den), number or Quotient
+        The block, proper or not; a quotient is returned as it is.
+    name : str
+        What the block is called.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If it is no single-input single-output block in continuous time.
+    """
+    if isinstance(system, Quotient):
+        return system
+    seconds = 0.0
+    if isinstance(system, DelayedTransferFunction):
+        system, seconds = system.tf, system.delay
+    num, den = as_fraction(system, name, proper=False)
+    return Quotient((QuasiPolynomial([0.0], num, seconds),), (QuasiPolynomial(den),), name)
 
 
 def as_shaping(shaping: Any) -> Fraction:

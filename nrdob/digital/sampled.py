@@ -154,7 +154,7 @@ class SampledLoop(RunningLoop):
         more = added_delay(
             self.process,
             self.controller,
-            lambda omega: np.exp(locus.log(omega)),
+            lambda omega: locus.values(omega)[0],
             found.gain_crossovers,
         )
         return replace(found, delay_margin=more)
