@@ -95,11 +95,23 @@ class Quotient:
         num, den = self.numerator, self.denominator.q
         divided = num.divided - self.denominator.divided
         limits = []
-        for part, _ in num.terms:
-            excess = part.size - den.size - divided if part.any() else -1
+        for part, _ in num.delayed:
+            excess = part.size - den.size - divided
             limits.append(0.0 if excess < 0 else inf if excess else float(part[0] / den[0]))
-        undelayed, *delayed = limits
-        return undelayed, sum(map(abs, delayed)) if len(delayed) > 1 else sum(delayed)
+        return self.at_once, sum(map(abs, limits)) if len(limits) > 1 else sum(limits)
+
+    @property
+    def at_once(self) -> float:
+        """The a of `at_infinity`: what a unit step makes the output jump by at t = 0."""
+        excess = 0
+        for factors, sign in ((self.num, 1), (self.den, -1)):
+            excess += sign * sum(f.q.size - 1 - f.divided for f in factors)
+        if excess < 0 or not all(f.q.any() for f in self.num):
+            return 0.0
+        value = prod(float(f.q[0]) for f in self.num)
+        for factor in self.den:
+            value /= float(factor.q[0])
+        return inf if excess else value
 
     def __call__(self, s: complex | ComplexArray) -> Any:
         """Evaluate at complex `s`, a number or an array of any shape.
