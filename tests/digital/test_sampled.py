@@ -13,6 +13,7 @@ import nrdob
 from nrdob import paper
 from nrdob.diagram import Fraction
 from nrdob.digital import held_in_w, held_process, lifted, process_in_w, verdict
+from nrdob.digital.circle import CircleFunction, Product, count_outside
 from tests.campaigns import sampled as campaign
 
 s = ct.tf("s")
@@ -231,6 +232,13 @@ def test_ten_seconds_of_dead_time_are_counted_at_any_rate_in_two_ways(samples, l
     rate = np.log(found.observer_loop.largest) * samples / 10
     rightmost = loop.stability().observer_loop.rightmost
     assert min(abs(rate - rightmost), abs(rate - rightmost.conjugate())) < 2 / samples
+
+
+@pytest.mark.parametrize("size", [0.65, 0.7, 0.9, 1.3])
+def test_an_argument_that_turns_with_the_dead_time_is_followed(size):
+    for samples in range(1, 40):  # c + z^-N: all N zeros are outside, or none
+        parts = Product((np.array([size]),)), Product((np.ones(1),), samples)
+        assert count_outside(CircleFunction(parts)).count == (samples if size < 1 else 0)
 
 
 def test_a_delayed_model_of_ten_thousand_samples_is_counted():
