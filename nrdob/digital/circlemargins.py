@@ -161,7 +161,8 @@ def added_delay(
     if not crossovers.size:
         return inf
     turned = min(starts) if least == inf else least
-    if lifted(held, controller).shape[0] + min(least, max(starts)) > LOOKED_AT:
+    states = held.B.size + held.memory + controller.states
+    if states + min(least, max(starts)) > LOOKED_AT:
         return turned * dt
 
     def excess(samples: float) -> float:

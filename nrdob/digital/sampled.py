@@ -181,7 +181,7 @@ class SampledLoop(RunningLoop):
             self.controller,
             self.loop.delay,
             self.computation_delay,
-            float(np.abs(self._stability.eigenvalues[0])),
+            self._stability.spectral_radius,
         )
         return sampled_step_response(running, input, timepts)
 
