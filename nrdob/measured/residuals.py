@@ -1,8 +1,14 @@
 r"""What a model leaves unexplained.
 
 Is it noise, has it a memory, does it still follow the input? A memory makes neighbouring samples
-tell the same thing twice. It is described by an autoregression, from which follow the covariance of
-estimates that were made as if there were none,
+tell the same thing twice, and the memory of a drift is endless: it is a random walk, and only its
+steps are noise. With white noise of the sensor on top the innovations are
+
+.. math:: e = \frac{(1-\varphi z^{-1})(1-z^{-1})}{1-\theta z^{-1}}\,r,
+
+:math:`\theta=1` without drift. Estimates are made of what this filter leaves. The memory that is
+left even then is described by an autoregression, from which follow the covariance of estimates that
+were made as if there were none,
 
 .. math:: (J^TJ)^{-1}\,J^TRJ\,(J^TJ)^{-1}, \qquad R = E\,ee^T,
 
@@ -12,16 +18,17 @@ and a fair test of what is left against the input.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import log
+from math import log, sqrt
 
 import numpy as np
 from scipy.linalg import matmul_toeplitz, solve_toeplitz
+from scipy.optimize import minimize_scalar
 from scipy.signal import lfilter
 from scipy.stats import chi2
 
 from ..numerics import FloatArray
 
-__all__ = ["Noise", "ResidualCheck", "check_residuals", "noise_of"]
+__all__ = ["Noise", "ResidualCheck", "Whitening", "check_residuals", "noise_of", "whitening_of"]
 
 LAGS, PER_LAG = 25, 8
 """Most lags looked at, and samples that each must have."""
@@ -31,6 +38,101 @@ UNLIKELY, DOUBTFUL = 0.01, 0.05
 
 NO_CHANCE = 0.001
 """Probability below which only that is said."""
+
+
+DRIFTS = (0.0, 1e-3, 3e-3, 6e-3, 0.01, 0.02, 0.03, 0.05, 0.08, 0.12, 0.18, 0.27, 0.4, 0.6, 1.0)
+"""Values of 1 - θ among which the search begins."""
+
+MEMORY = 0.95
+"""Largest φ."""
+
+
+@dataclass(frozen=True)
+class Whitening:
+    """The filter that makes white noise of a disturbance.
+
+    Attributes
+    ----------
+    theta : float
+        1 without drift, 0 where the disturbance is a random walk.
+    phi : float
+        Memory of what comes on top, 0 for white noise.
+    """
+
+    theta: float = 1.0
+    phi: float = 0.0
+
+    def applied(self, columns: FloatArray) -> FloatArray:
+        """Filter each column; the first sample is taken as it is.
+
+        Parameters
+        ----------
+        columns : (N, ...) array
+            Outputs or responses.
+        """
+        num, den = self._taps
+        return np.asarray(lfilter(num, den, columns, axis=0)) if num.size > 1 else columns
+
+    def carried_on(self, residual: FloatArray, count: int) -> FloatArray:
+        """Foretell a residual.
+
+        Parameters
+        ----------
+        residual : (N,) array
+            What was seen of it.
+        count : int
+            How many samples to foretell.
+        """
+        num, den = self._taps
+        innovations = np.concatenate([self.applied(residual), np.zeros(count)])
+        return np.asarray(lfilter(den, num, innovations)[residual.size :])
+
+    def walked(self, deviation: float, count: int) -> float:
+        """Standard deviation of the drift after so many samples.
+
+        Parameters
+        ----------
+        deviation : float
+            Of the innovations.
+        count : int
+            How many samples.
+        """
+        return (1 - self.theta) / (1 - self.phi) * deviation * sqrt(count)
+
+    @property
+    def _taps(self) -> tuple[FloatArray, FloatArray]:
+        memory = np.array([1.0, -self.phi] if self.phi else [1.0])
+        if self.theta == 1:
+            return memory, np.ones(1)
+        return np.convolve(memory, [1.0, -1.0]), np.array([1.0, -self.theta])
+
+
+def whitening_of(residual: FloatArray) -> Whitening:
+    """Find the filter that leaves least, which is the most likely one.
+
+    Parameters
+    ----------
+    residual : (N,) array
+        What a model leaves.
+    """
+
+    def best(drift: float) -> tuple[float, Whitening]:
+        rest = Whitening(1 - drift).applied(residual)
+        past, power = rest[:-1], float(rest @ rest)
+        size = float(past @ past)
+        phi = min(max(float(past @ rest[1:]) / size, -MEMORY), MEMORY) if size else 0.0
+        left = power - 2 * phi * float(past @ rest[1:]) + phi**2 * size
+        return left, Whitening(1 - drift, phi)
+
+    found = [best(drift) for drift in DRIFTS]
+    least = int(np.argmin([left for left, _ in found]))
+    if 0 < least < len(DRIFTS) - 1:
+        between = (DRIFTS[least - 1], DRIFTS[least + 1])
+        drift = minimize_scalar(
+            lambda drift: best(drift)[0], bounds=between, method="bounded", options={"maxiter": 12}
+        ).x
+        found.append(best(float(drift)))
+    return min(found, key=lambda each: each[0])[1]
 
 
 @dataclass(frozen=True, eq=False)
