@@ -31,13 +31,13 @@ STEP = 1e-5
 SHIFTS = (0.0, -0.5, 0.5)
 """Of the dead time in samples: for a lag the misfit has a kink at each whole one."""
 
-ROUGHLY, FINELY = 8, 40
+ROUGHLY, FINELY = 8, 25
 """Most steps of a search, to compare starting points and to the end."""
 
-ROUNDS, SAME = 4, 1e-4
+ROUNDS, SAME = 3, 1e-3
 """Most times that filter and process are found in turn, and the share of the misfit that ends it."""
 
-BEGINNINGS = (Whitening(), Whitening(0.8))
+BEGINNINGS = (Whitening(), Whitening(theta=0.8))
 """Filters with which a search begins: without drift, and with much."""
 
 LONG = 2000
@@ -173,17 +173,17 @@ def best_fit(structure: Structure, problem: Problem, tries: int) -> Fit:
     if factor > 1:
         rough = best_fit(structure, problem.thinned(factor), tries)
         shape = structure.stretched(rough.shape, factor)
-        return refined(_search(structure, problem, Whitening(), shape, most=1), problem)
+        return _search(structure, problem, rough.whitening, shape)
     record = problem.inputs, problem.outputs
     found = [
         _search(structure, problem, whitening, shape)
         for whitening in (BEGINNINGS if problem.used.all() else BEGINNINGS[:1])
         for shape in starting_points(structure, *record, whitening, tries)
     ]
-    return refined(min(found, key=lambda fit: fit.misfit), problem)
+    return min(found, key=lambda fit: fit.misfit)
 
 
-def refined(fit: Fit, problem: Problem, start: int = 0, moving: bool = False) -> Fit:
+def refined(fit: Fit, problem: Problem, start: int, moving: bool = False) -> Fit:
     """Search on from a fit, and with the dead time half a sample to either side.
 
     Parameters
@@ -195,20 +195,18 @@ def refined(fit: Fit, problem: Problem, start: int = 0, moving: bool = False) ->
     start, moving : int, bool
         As in `Fit`.
     """
-    best: Fit | None = None
+    def searched(shift: float) -> Fit:
+        moved = fit.shape + shift * np.eye(fit.shape.size)[0]
+        return _search(fit.structure, problem, fit.whitening, moved, start, moving, FINELY)
+
+    best = fit = min(map(searched, SHIFTS), key=lambda fit: fit.misfit)
     for _ in range(ROUNDS):
-        found = [
-            _search(
-                fit.structure, problem, fit.whitening, fit.shape + shift * np.eye(fit.shape.size)[0],
-                start, moving, FINELY,
-            )
-            for shift in SHIFTS
-        ]  # fmt: skip
-        fit = min(found, key=lambda fit: fit.misfit)
-        if best is not None and fit.misfit > (1 - SAME) * best.misfit:
-            return min(best, fit, key=lambda fit: fit.misfit)
-        best = fit
-    return fit
+        fit = searched(0.0)
+        done = fit.misfit > (1 - SAME) * best.misfit
+        best = min(best, fit, key=lambda fit: fit.misfit)
+        if done:
+            break
+    return best
 
 
 def _search(

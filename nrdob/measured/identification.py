@@ -191,9 +191,10 @@ def identify(
     must not be under control while it is measured.
 
     The structure is the one of smallest Bayesian information criterion over the whole record, the
-    part held out included. Passed over, if there is another, is one that foretells that part worse
-    than a constant, one whose gain may be zero, one whose lag is longer than the record, and an
-    integrator that is not decidedly better than a lag.
+    part held out included, or a simpler one from which the record does not tell it; an integrator
+    must be told from every lag. Passed over, if there is another, is one that foretells the part
+    held out worse than a constant, one whose gain may be zero, and one whose lag is longer than the
+    record.
 
     Parameters
     ----------
@@ -359,9 +360,13 @@ def _criterion(fit: Fit, samples: float) -> float:
 
 
 def _resting_or_moving(fit: Fit, problem: Problem, start: int) -> Fit:
-    """Search on, and let the plant move before the record only if that is more likely."""
+    """Search on, and let the plant move before the input only if that is more likely.
+
+    An integrator always may: nobody knows the input that keeps it at rest.
+    """
     resting = refined(fit, problem, start)
-    found = resting, refined(resting, problem, start, moving=True)
+    moving = refined(resting, problem, start, moving=True)
+    found = (moving,) if fit.structure.integrates else (resting, moving)
     samples = float(problem.used[start:].sum())
     return min(found, key=lambda each: _criterion(each, samples))
 
@@ -374,7 +379,8 @@ def _judged(
     noise, whiteness = noise_of(innovations, fit.count)
     slopes = fit.whitening.applied(fit.jacobian(problem.inputs))
     covariance = noise.covariance(slopes * used[:, None])
-    freedom = max(1.0, float(used.sum()) / noise.inflation - fit.count)
+    memory = replace(noise, den=np.convolve(noise.den, fit.whitening.memory))
+    freedom = max(1.0, float(used.sum()) / memory.inflation - fit.count)
     reach = float(student.ppf(0.5 + confidence / 2, freedom))
     # Over all of the record: what was held out takes part, with numbers that do not know it.
     rest = whole.left(fit)
@@ -428,28 +434,28 @@ def _chosen(judged: list[_Judged], duration: float) -> tuple[_Judged, list[_Judg
     def flawed(each: _Judged) -> tuple[int, float]:
         return 2 * (each.validation < 0) + each.vague(duration), each.bic
 
-    best = first = min(possible, key=flawed)
+    first = min(possible, key=flawed)
+    equal = [each for each in possible if flawed(each)[0] == flawed(first)[0]]
+    close = [each for each in equal if each.bic < first.bic + DECISIVE]
+    close = [each for each in close if not each.fit.structure.integrates] or close
+    best = min(close, key=lambda each: (each.fit.structure.told, each.bic))
     reason = "of all structures it has the smallest Bayesian information criterion"
-    if best.bic > min(each.bic for each in possible):
+    if len(judged) == 1:
+        reason = "it was asked for"
+    elif best is not first:
+        reason = f"the record does not tell {first.fit.structure.name} from it"
+    elif best.bic > min(each.bic for each in possible):
         reason = (
             "of the structures that foretell the part held out, whose gain cannot be zero and "
             "whose lags are not longer than the record, it has the smallest Bayesian information "
             "criterion"
         )
-    if best.fit.structure.integrates:
-        lags = [each for each in possible if not each.fit.structure.integrates]
-        lag = min(lags, key=flawed, default=best)
-        if flawed(lag)[0] == flawed(best)[0] and lag.bic < best.bic + DECISIVE:
-            best = lag
-            reason = f"the record does not tell {first.fit.structure.name} from it"
-    if len(judged) == 1:
-        reason = "it was asked for"
     rivals = [
         each
-        for each in possible
+        for each in equal
         if each is not best
-        and flawed(each)[0] <= flawed(best)[0]
-        and (each.bic < best.bic + DECISIVE or each.validation > best.validation - CLOSE)
+        and each.fit.structure.integrates <= best.fit.structure.integrates
+        and (each in close or each.validation > best.validation - CLOSE)
     ]
     return best, rivals, reason
 
