@@ -43,6 +43,9 @@ BEGINNINGS = (Whitening(), Whitening(theta=0.8))
 LONG = 2000
 """Samples to which longer records are thinned, to begin with."""
 
+DENSE = 0.95
+"""Share of the samples that must count for a drift to be told from them."""
+
 INSIDE = 1e-9
 """Distance from the bounds at which a search begins."""
 
@@ -76,19 +79,23 @@ class Problem:
         return Problem(inputs.mean(axis=1), outputs.mean(axis=1), np.asarray(used.all(axis=1)))
 
     def left(self, fit: Fit) -> FloatArray:
-        """Compute the residual from the first sample compared on, 0 where none counts."""
-        rest = self.outputs[fit.start :] - fit.response(self.inputs)
-        return np.where(self.used[fit.start :], rest, 0.0)
+        """Compute the residual from the first sample compared on."""
+        return np.asarray(self.outputs[fit.start :] - fit.response(self.inputs))
 
     def whitening(self, residual: FloatArray) -> Whitening:
-        """Find the filter that whitens a residual; none where samples are left out.
+        """Find the filter that whitens a residual; none where more than a few samples are missing.
 
         Parameters
         ----------
         residual : array of float
             As `left` gives it.
         """
-        return whitening_of(residual) if self.used.all() else Whitening()
+        return whitening_of(residual) if self.dense else Whitening()
+
+    @property
+    def dense(self) -> bool:
+        """Whether nearly all samples count."""
+        return bool(np.mean(self.used) > DENSE)
 
 
 @dataclass(frozen=True)
@@ -177,7 +184,7 @@ def best_fit(structure: Structure, problem: Problem, tries: int) -> Fit:
     record = problem.inputs, problem.outputs
     found = [
         _search(structure, problem, whitening, shape)
-        for whitening in (BEGINNINGS if problem.used.all() else BEGINNINGS[:1])
+        for whitening in (BEGINNINGS if problem.dense else BEGINNINGS[:1])
         for shape in starting_points(structure, *record, whitening, tries)
     ]
     return min(found, key=lambda fit: fit.misfit)

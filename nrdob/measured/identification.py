@@ -107,7 +107,7 @@ class Identification:
         What is doubtful, each with a remedy, the gravest first.
     unsure : str
         Why no loop should be designed for this process; empty where one may.
-    corners : tuple of DelayedTransferFunction
+    corners : dict of str: DelayedTransferFunction
         The process with its numbers at the ends of their intervals, in all combinations.
     record : Record
         What was measured.
@@ -129,7 +129,7 @@ class Identification:
     reason: str
     remarks: tuple[str, ...]
     unsure: str
-    corners: tuple[DelayedTransferFunction, ...] = field(repr=False)
+    corners: dict[str, DelayedTransferFunction]
     record: Record
     predicted: FloatArray
     fitted: int
@@ -275,6 +275,8 @@ def identified(
     """
     sizes = np.ptp(record.u), np.ptp(record.y)
     inputs, outputs = (record.u - record.u[0]) / sizes[0], (record.y - record.y[0]) / sizes[1]
+    every = np.arange(outputs.size)  # across what was not measured, for the memory of the filters
+    outputs = np.interp(every, every[record.free], outputs[record.free])
     whole = Problem(inputs, outputs, record.free)
     count, parting = _parted(record, held_out)
     problem = whole.first(count)
@@ -375,7 +377,7 @@ def _judged(
     fit: Fit, whole: Problem, problem: Problem, units: tuple[float, float], confidence: float
 ) -> _Judged:
     used = problem.used[fit.start :]
-    innovations = fit.whitening.applied(problem.left(fit))
+    innovations = np.where(used, fit.whitening.applied(problem.left(fit)), 0.0)
     noise, whiteness = noise_of(innovations, fit.count)
     slopes = fit.whitening.applied(fit.jacobian(problem.inputs))
     covariance = noise.covariance(slopes * used[:, None])

@@ -154,8 +154,8 @@ def _slopes(names: _Names, fit: Fit) -> FloatArray:
 
 def corners_of(
     structure: Structure, parameters: dict[str, Parameter]
-) -> tuple[DelayedTransferFunction, ...]:
-    """Give the processes at the ends of the intervals, in all combinations.
+) -> dict[str, DelayedTransferFunction]:
+    """Give the processes at the ends of the intervals, in all combinations, by their numbers.
 
     Parameters
     ----------
@@ -169,9 +169,12 @@ def corners_of(
         positive = name not in ("gain", "lead of the zero", "dead time")
         low = max(each.low, LEAST * each.value) if positive else each.low
         ends.append((low, each.high))
-    return tuple(
-        _process(structure, dict(zip(parameters, corner, strict=True))) for corner in product(*ends)
-    )
+    corners = {}
+    for corner in product(*ends):
+        numbers = dict(zip(parameters, corner, strict=True))
+        name = ", ".join(f"{called} {value:.3g}" for called, value in numbers.items())
+        corners[name] = _process(structure, numbers)
+    return corners
 
 
 def _process(structure: Structure, numbers: dict[str, float]) -> DelayedTransferFunction:
