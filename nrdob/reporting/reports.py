@@ -17,6 +17,7 @@ from .datasections import data_sections, record_section
 from .loopsections import Given, sections_of
 from .page import Page, Section, Table
 from .proposals import Proposal, propose
+from .trials import trial_table
 from .wording import character, formula, intervals
 
 __all__ = ["compose", "report"]
@@ -120,17 +121,17 @@ def compose(
         loop: NRDOB | None = subject
         name, step = "Loop", None
     else:
-        process, name, step = subject, "Process", None
+        process, name, step, found = subject, "Process", None, None
         if isinstance(subject, Record):
             name, step = subject.name or "Record", subject.sampling_time
             process = _identified(subject, sections)
         if isinstance(process, Identification):
             name, step = process.record.name or name, process.record.sampling_time
             sections += _written(data_sections(process))
-            process = process.process
+            found, process = process, process.process
         loop = None
         if process is not None:
-            proposal = _proposed(process, model, controller, time_constant, order)
+            proposal = _proposed(found or process, model, controller, time_constant, order)
             sections += _written(
                 [("What is proposed, and why", lambda: _reasons(process, proposal))]
             )
@@ -193,11 +194,13 @@ def _reasons(process: Any, proposal: Proposal) -> Section:
             rows,
         ),
     )
+    if proposal.trials:
+        tables = (*(tables if rows else ()), trial_table(proposal.trials))
     words = proposal.words
     if proposal.loop is None:
         words = (f"The process is G = {_shown(process)}. {_kind(process)}", *words)
     return Section(
-        "What is proposed, and why", words, tables if rows else (), (), proposal.warnings
+        "What is proposed, and why", words, tables if rows or proposal.trials else (), (), proposal.warnings
     )
 
 
