@@ -26,6 +26,9 @@ ABRUPT = 0.2
 COARSE = 3.0
 """Steps of a coarse sensor that the last one before a limit must exceed."""
 
+FEW, ROUNDED = 5.5, 0.25
+"""Multiples of a coarse sensor's step that are looked at, and how far from whole they may be."""
+
 LARGEST = 1e100
 """Above it squares overflow."""
 
@@ -127,12 +130,12 @@ def checked_record(
         times = times - times[0]
     before = None if input_before is None else _before(input_before)
     _check_moving(inputs if before is None else np.append(before, inputs), outputs)
+    free, noticed = _stuck(outputs, place)
     even = evenly_sampled(times, inputs, outputs, place)
-    if even.t.size != times.size or even.t is not times:
-        place = lambda k: f"t = {even.t[k]:.6g} s"  # noqa: E731
     if np.ptp(even.u[:-1]) == 0 and before in (None, even.u[0]):
         raise ValueError("u changes at the last sample only: let the record go on after the step")
-    free, noticed = _stuck(even.y, place)
+    if even.t.size != times.size or not np.array_equal(even.t, times):
+        free = np.interp(even.t, times, free) > 1 - 1e-9
     record = Record(
         even.t, even.u, even.y, free & even.measured, (*remarks, *even.remarks, *noticed), name,
         (*notes, *even.notes),
@@ -232,10 +235,12 @@ def _stuck(outputs: FloatArray, place: Callable[[int], str]) -> tuple[BoolArray,
 
 
 def _resolution(steps: FloatArray) -> float:
-    """Step of a coarse sensor, of which all others are multiples; 0 if there is none."""
-    smallest = float(steps[steps > 0].min())
-    multiples = steps / smallest
-    return smallest if np.abs(multiples - np.round(multiples)).max() < 0.01 else 0.0
+    """Step of a coarse sensor: most others are a few times it, but for rounding; 0 if none is."""
+    moved = steps[steps > 0]
+    multiples = moved / moved.min()
+    few = multiples[multiples < FEW]
+    coarse = 2 * few.size > moved.size and np.abs(few - np.round(few)).max() < ROUNDED
+    return float(np.median(moved[multiples < 1 + ROUNDED])) if coarse else 0.0
 
 
 def _runs(held: BoolArray) -> list[tuple[int, int]]:

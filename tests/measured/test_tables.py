@@ -338,3 +338,13 @@ def test_resampled_records_keep_the_dynamics(seed):
     area = np.sum(record.u) * record.sampling_time
     assert area == pytest.approx(record.t[-1] + record.sampling_time - step, rel=1e-9)
     assert "resampled to one sample every" in " ".join(record.remarks + record.notes)
+
+
+@pytest.mark.parametrize("quantum", [0.0907, 0.0129, 0.0634])
+def test_a_coarse_sensor_with_printed_decimals_is_not_taken_for_cut_off(quantum):
+    t = np.arange(400.0)
+    drift = 1.2 * np.exp(-t / 10)
+    y = 3000 * (1 - np.exp(-np.maximum(t - 61, 0) / 9000)) + drift
+    printed = np.round(quantum * np.round(220 + y), 3)
+    assert len(set(np.diff(printed).round(6)) - {0.0}) > 2  # one step, printed in several ways
+    assert checked_record(t, (t > 60) * 50.0, printed).free.all()
