@@ -1,22 +1,21 @@
-"""A record of input and output, evenly sampled: what is wrong with one is found here, and named."""
+"""A record of input and output, evenly sampled: what is wrong with it is found here, and named."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from numbers import Real
 from typing import Any
 
 import numpy as np
 
 from ..numerics import BoolArray, FloatArray, IntArray
+from .grids import evenly_sampled
 
 __all__ = ["SHORTEST", "Record", "checked_record"]
 
 SHORTEST = 20
 """Samples below which nothing is fitted."""
-
-UNEVEN = 0.05
-"""Largest distance of a sample from the even grid, in sampling times."""
 
 STUCK = 5
 """Samples in a row at one extreme value from which on an output may be at its limit."""
@@ -27,8 +26,14 @@ ABRUPT = 0.2
 COARSE = 3.0
 """Steps of a coarse sensor that the last one before a limit must exceed."""
 
+FEW, ROUNDED = 5.5, 0.25
+"""Multiples of a coarse sensor's step that are looked at, and how far from whole they may be."""
+
 LARGEST = 1e100
 """Above it squares overflow."""
+
+SINCE_1970 = 1e8
+"""Times in seconds that count from 1970, and not from the beginning of a test."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,11 +47,13 @@ class Record:
     u, y : (N,) array
         Input, held from each sample to the next, and output.
     free : (N,) array of bool
-        Where the output is not stuck at a limit.
+        Where the output was measured, and is not stuck at a limit.
     remarks : tuple of str
-        What was noticed, in words.
+        What was noticed and must be heeded, in words.
     name : str
         Where it comes from.
+    notes : tuple of str
+        What was done in reading it: units converted, a few missing samples filled in.
     """
 
     t: FloatArray = field(repr=False)
@@ -55,6 +62,7 @@ class Record:
     free: BoolArray = field(repr=False)
     remarks: tuple[str, ...] = ()
     name: str = ""
+    notes: tuple[str, ...] = ()
 
     def __iter__(self) -> Iterator[FloatArray]:
         return iter((self.t, self.u, self.y))
@@ -72,20 +80,26 @@ def checked_record(
     *,
     name: str = "",
     place: Callable[[int], str] = "sample {}".format,
+    notes: tuple[str, ...] = (),
     remarks: tuple[str, ...] = (),
+    input_before: float | None = None,
 ) -> Record:
     """Make a record of three lists of numbers, or say what is wrong with them.
 
     Parameters
     ----------
     t, u, y : (N,) array_like
-        Times in seconds, input and output.
+        Times in seconds, input and output. A few missing samples are filled in, and jitter of the
+        times is resampled, with a note or a remark on how much.
     name : str
         Where the record comes from.
     place : callable
         What the sample of a number is called in messages.
-    remarks : tuple of str
-        What was noticed before.
+    notes, remarks : tuple of str
+        What was done and noticed before.
+    input_before : float, optional
+        What the input was before the record, with the plant at rest: where the first sample already
+        is the step, this is what it steps from.
 
     Returns
     -------
@@ -95,8 +109,8 @@ def checked_record(
     Raises
     ------
     TypeError, ValueError
-        If they are no numbers, are of different lengths, too few, not finite, not evenly sampled,
-        or constant.
+        If they are no numbers, are of different lengths, too few, not finite, not evenly sampled
+        (and cannot be resampled without hiding something), or constant.
     """
     times, inputs, outputs = (
         _numbers(values, called, place) for values, called in ((t, "t"), (u, "u"), (y, "y"))
@@ -111,20 +125,67 @@ def checked_record(
             f"the record has {times.size} samples; at least {SHORTEST} are needed, better some "
             "hundred, and long enough for the output to answer"
         )
-    _check_times(times, place)
+    if times[0] >= SINCE_1970:
+        notes = (*notes, f"times count from {times[0]:.10g} s, that of the first sample")
+        times = times - times[0]
+    before = None if input_before is None else _before(input_before)
+    _check_moving(inputs if before is None else np.append(before, inputs), outputs)
+    free, noticed = _stuck(outputs, place)
+    even = evenly_sampled(times, inputs, outputs, place)
+    if np.ptp(even.u[:-1]) == 0 and before in (None, even.u[0]):
+        raise ValueError("u changes at the last sample only: let the record go on after the step")
+    if even.t.size != times.size or not np.array_equal(even.t, times):
+        free = np.interp(even.t, times, free) > 1 - 1e-9
+    record = Record(
+        even.t, even.u, even.y, free & even.measured, (*remarks, *even.remarks, *noticed), name,
+        (*notes, *even.notes),
+    )  # fmt: skip
+    return record if before is None else _from_rest(record, before)
+
+
+def _before(value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, Real):
+        raise TypeError(f"input_before is {value!r}; give a number in the units of u, such as 0")
+    if not abs(float(value)) < LARGEST:
+        raise ValueError(f"input_before is {value}; give a finite number in the units of u")
+    return float(value)
+
+
+def _check_moving(inputs: FloatArray, outputs: FloatArray) -> None:
+    """Refuse what does not change, with what to do about it."""
     for values, called, remedy in (
-        (inputs, "u", "make a step, or any signal that moves, and begin the record before it"),
+        (inputs, "u", "make a step, or any signal that moves, and begin the record before it; or, "
+         "if it begins with the step, give what the input was before (input_before=0; in the shell "
+         "--input-before 0)"),
         (outputs, "y", "look whether the sensor is connected, or make a larger step"),
-    ):
+    ):  # fmt: skip
         if np.ptp(values) <= 1e-12 * np.abs(values).max():
             raise ValueError(
-                f"{called} is {values[0]:g} in the whole record: nothing can be learned from it; "
+                f"{called} is {values[-1]:g} in the whole record: nothing can be learned from it; "
                 f"{remedy}"
             )
-    if np.ptp(inputs[:-1]) == 0:
-        raise ValueError("u changes at the last sample only: let the record go on after the step")
-    free, noticed = _stuck(outputs, place)
-    return Record(times, inputs, outputs, free, (*remarks, *noticed), name)
+
+
+def _from_rest(record: Record, before: float) -> Record:
+    """Put samples at rest before a record, so that its first change of the input is seen.
+
+    They are as many as the shortest record has: enough to fix level and initial state, and few
+    against the record, since they hold no noise.
+    """
+    t, u, y = record
+    back = record.sampling_time * np.arange(-SHORTEST, 0)
+    said = (
+        f"{SHORTEST} samples at rest stand before it, with u = {before:g} as you say and "
+        f"y = {y[0]:g} as in its first sample"
+    )
+    return replace(
+        record,
+        t=np.concatenate([t[0] + back, t]),
+        u=np.concatenate([np.full(SHORTEST, before), u]),
+        y=np.concatenate([np.full(SHORTEST, y[0]), y]),
+        free=np.concatenate([np.ones(SHORTEST, dtype=bool), record.free]),
+        notes=(*record.notes, said),
+    )
 
 
 def _numbers(values: Any, called: str, place: Callable[[int], str]) -> FloatArray:
@@ -145,25 +206,6 @@ def _numbers(values: Any, called: str, place: Callable[[int], str]) -> FloatArra
             "finite number: cut the record there, or fill a short gap yourself"
         )
     return array
-
-
-def _check_times(times: FloatArray, place: Callable[[int], str]) -> None:
-    steps = np.diff(times)
-    back = np.flatnonzero(steps <= 0)
-    if back.size:
-        k = int(back[0]) + 1
-        raise ValueError(
-            f"t goes from {times[k - 1]:g} to {times[k]:g} at {place(k)}; times must increase: put "
-            "the samples in order, and take out what stands twice"
-        )
-    even = np.linspace(times[0], times[-1], times.size)
-    if np.abs(times - even).max() > UNEVEN * (even[1] - even[0]):
-        k = int(np.argmax(steps)) + 1
-        raise ValueError(
-            f"t is not evenly sampled: its steps lie between {steps.min():.4g} and "
-            f"{steps.max():.4g} s, the largest before {place(k)}; use a stretch without gaps, or "
-            "resample to one sampling time"
-        )
 
 
 def _stuck(outputs: FloatArray, place: Callable[[int], str]) -> tuple[BoolArray, list[str]]:
@@ -193,10 +235,12 @@ def _stuck(outputs: FloatArray, place: Callable[[int], str]) -> tuple[BoolArray,
 
 
 def _resolution(steps: FloatArray) -> float:
-    """Step of a coarse sensor, of which all others are multiples; 0 if there is none."""
-    smallest = float(steps[steps > 0].min())
-    multiples = steps / smallest
-    return smallest if np.abs(multiples - np.round(multiples)).max() < 0.01 else 0.0
+    """Step of a coarse sensor: most others are a few times it, but for rounding; 0 if none is."""
+    moved = steps[steps > 0]
+    multiples = moved / moved.min()
+    few = multiples[multiples < FEW]
+    coarse = 2 * few.size > moved.size and np.abs(few - np.round(few)).max() < ROUNDED
+    return float(np.median(moved[multiples < 1 + ROUNDED])) if coarse else 0.0
 
 
 def _runs(held: BoolArray) -> list[tuple[int, int]]:

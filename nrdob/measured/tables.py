@@ -1,14 +1,13 @@
-"""Records out of files: columns of numbers, read as text and nothing else.
+"""Records out of files: tables as they are found, read as text and nothing else.
 
-A cell is a number or an error; nothing in a file is ever run. Line numbers in messages are those of
-an editor.
+A cell is a number, a time or an error; nothing in a file is ever run, and nothing is guessed that
+the record does not say. Line numbers in messages are those of an editor.
 """
 
 from __future__ import annotations
 
-import csv
-from collections.abc import Iterable, Sequence
-from itertools import islice
+import re
+from collections.abc import Mapping, Sequence
 from math import isfinite
 from numbers import Real
 from os import PathLike
@@ -17,45 +16,57 @@ from pathlib import Path
 import numpy as np
 
 from ..numerics import FloatArray
+from .cells import UNITS, is_moment, number_in, seconds_in, short
+from .headings import Choice, checked_columns, chosen, unit_of_time
 from .records import Record, checked_record
+from .sheets import Sheet, read_sheet
 
 __all__ = ["heated_air", "read_data"]
 
-MOST_BYTES, MOST_ROWS = 50_000_000, 200_000
-"""Sizes beyond which a file is refused."""
+SWAPPED = 10
+"""Times as often as y that u may change where nothing but their order says which is which."""
 
-LONGEST = 60
-"""Characters of a cell or a heading that a message repeats."""
-
-HEADINGS = {
-    "t": ("t", "time", "seconds", "sec", "s", "zeit"),
-    "u": ("u", "input", "in", "control", "u1"),
-    "y": ("y", "output", "out", "measurement", "y1"),
-}
-"""Headings known, without units in brackets and in small letters."""
+EXCEL_DAYS = (30_000.0, 60_000.0)
+"""Days since 1900, as spreadsheets count them, of the years 1982 to 2064."""
 
 HEATED_AIR_STEP = 0.08
 
 
-def read_data(path: str | PathLike[str], *, sampling_time: float | None = None) -> Record:
+def read_data(
+    path: str | PathLike[str],
+    *,
+    sampling_time: float | None = None,
+    columns: Mapping[str, str | int] | None = None,
+    input_before: float | None = None,
+) -> Record:
     r"""Read a record from a table of columns t, u, y.
 
-    Columns are told by their headings (t or time, u or input, y or output, in any order, with units
-    in brackets) or, without known headings, taken in the order t, u, y. They are parted by tabs,
-    semicolons or commas; beside tabs or semicolons a comma in a number is a decimal comma. Lines
-    that begin with # are left out.
+    Columns are found by their headings (t or time, u or input, y or output, in any order, with
+    units) or, where these do not say, taken in the order t, u, y, with a remark. They are separated
+    by tabs, semicolons, vertical bars, white space or commas; the decimal mark is a point or,
+    unless commas separate the columns, a comma. Times are numbers in the unit of their heading
+    (seconds if it names none), dates or times of day. Lines that begin with #, % or // are left
+    out, and so is what stands above the headings; a row of units may follow them. The file is
+    UTF-8, UTF-16 or Latin-1.
 
     Parameters
     ----------
     path : str or path
         The file.
     sampling_time : float, optional
-        In seconds, for a table without times: columns u and y.
+        In seconds, for a table without times, or with times that are not to be used.
+    columns : mapping, optional
+        Heading or number (from 1 on) of the columns of "t", "u" and "y"; those that are found by
+        themselves may be left out. The unit of times may stand behind: ``{"t": "1 [ms]"}``.
+    input_before : float, optional
+        What u was before the record, with the plant at rest, for a record that begins with the
+        step.
 
     Returns
     -------
     Record
-        Times, input and output; unpacks as ``t, u, y``.
+        Times in seconds, input and output; unpacks as ``t, u, y``. Its notes and remarks say what
+        was converted, left out, filled in and taken for granted.
 
     Raises
     ------
@@ -69,39 +80,50 @@ def read_data(path: str | PathLike[str], *, sampling_time: float | None = None) 
     >>> from tempfile import TemporaryDirectory
     >>> with TemporaryDirectory() as folder:
     ...     path = Path(folder) / "data.csv"
-    ...     rows = (f"{k / 10};{k % 7 // 3};{k % 5},5" for k in range(30))
-    ...     _ = path.write_text("time [s];u;y\n" + "\n".join(rows))
-    ...     t, u, y = read_data(path)
-    >>> t[-1].item(), y[:3].tolist()
-    (2.9, [0.5, 1.5, 2.5])
+    ...     rows = (f"{100 * k};{k % 7 // 3};{k % 5},5" for k in range(30))
+    ...     _ = path.write_text("time [ms];Heater;Oven\n" + "\n".join(rows))
+    ...     record = read_data(path, columns={"u": "Heater", "y": "Oven"})
+    >>> record.t[-1].item(), record.y[:3].tolist(), record.notes
+    (2.9, [0.5, 1.5, 2.5], ('times are in ms; they were converted to seconds',))
     """
+    asked = checked_columns(columns)
     if sampling_time is not None:
         if isinstance(sampling_time, bool) or not isinstance(sampling_time, Real):
             raise TypeError(f"sampling_time is {sampling_time!r}; give seconds, such as 0.1")
         if not (isfinite(sampling_time) and sampling_time > 0):
             raise ValueError(f"sampling_time is {sampling_time}; give positive seconds")
+        if "t" in asked:
+            raise ValueError("sampling_time and a column t are given; one of them must do")
     path = Path(path)
-    lines = _lines(path)
-    delimiter = _delimiter(lines)
-    rows = list(csv.reader((text for _, text in lines), delimiter=delimiter, strict=False))
-    numbers = [number for number, _ in lines]
-    if len(rows) != len(numbers):
-        raise ValueError(f"{_short(path.name)} has a quoted cell that goes over several lines")
-    first = [cell.strip() for cell in rows[0]]
-    headed = any(_value(cell, delimiter) is None and cell for cell in first)
-    if headed:
-        rows, numbers = rows[1:], numbers[1:]
-    order, remarks = _order(first, headed, sampling_time, path.name)
-    table = _table(rows, numbers, order, len(first), delimiter)
-    times = table[:, 0] if "t" in order else (sampling_time or 0.0) * np.arange(len(table))
+    sheet = read_sheet(path)
+    width = len(sheet.heads) or len(sheet.rows[0])
+    table = f"line {sheet.head_line} of {short(path.name)}" if sheet.heads else short(path.name)
+    choice = chosen(sheet.heads, width, asked, sampling_time is None, table)
+    _check_widths(sheet, width)
+    u, y = (_numbers(sheet, what, choice.order[what]) for what in ("u", "y"))
+    if choice.remarks and _changes(u) > SWAPPED * _changes(y):
+        raise ValueError(
+            f"the headings of {short(path.name)} do not say which column is u and which is y, and "
+            "in the order t, u, y the input would move at most samples and the output hardly "
+            "ever: name them, such as --columns "
+            f"u={choice.order['y'] + 1},y={choice.order['u'] + 1} (in Python columns="
+            f"{{'u': {choice.order['y'] + 1}, 'y': {choice.order['u'] + 1}}})"
+        )
+    notes, remarks = sheet.notes, choice.remarks
+    if sampling_time is None:
+        times, said = _times(sheet, choice)
+        notes += said
+    else:
+        if sheet.blank:
+            raise ValueError(
+                f"line {sheet.blank} is empty, and without times each line is one sample: take it "
+                "out, or put in the sample that is missing"
+            )
+        times = sampling_time * np.arange(len(sheet.rows))
     return checked_record(
-        times,
-        table[:, -2],
-        table[:, -1],
-        name=path.name,
-        place=lambda k: f"line {numbers[k]}",
-        remarks=remarks,
-    )
+        times, u, y, name=path.name, place=lambda k: f"line {sheet.lines[k]}", notes=notes,
+        remarks=remarks, input_before=input_before,
+    )  # fmt: skip
 
 
 def heated_air() -> Record:
@@ -132,120 +154,103 @@ def heated_air() -> Record:
     return read_data(Path(__file__).with_name("heated_air.csv"), sampling_time=HEATED_AIR_STEP)
 
 
-def _lines(path: Path) -> list[tuple[int, str]]:
-    """Lines that hold something, with their numbers; or say why there are none."""
-    with path.open("rb") as file:
-        raw = file.read(MOST_BYTES + 1)
-    name = _short(path.name)
-    if len(raw) > MOST_BYTES:
+def _check_widths(sheet: Sheet, width: int) -> None:
+    for number, row in zip(sheet.lines, sheet.rows, strict=True):
+        if len(row) == width or (len(row) > width and not any(c.strip() for c in row[width:])):
+            continue
+        decimal = " (a comma in a number? separate the columns by semicolons)"
         raise ValueError(
-            f"{name} is larger than {MOST_BYTES // 10**6} MB; cut out the stretch that matters, "
-            "some thousand samples"
+            f"line {number} has {len(row)} cells where the first has {width}"
+            + decimal * (sheet.decimal == "." and len(row) > width)
         )
-    try:
-        text = raw.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = raw[: error.start].count(b"\n") + 1
-        raise ValueError(
-            f"{name} is no text in UTF-8, see line {line}: save it as CSV, not as a spreadsheet"
-        ) from None
-    if "\0" in text:
-        line = text[: text.index("\0")].count("\n") + 1
-        raise ValueError(f"{name} is no table of text, see line {line}: save it as CSV")
-    every = enumerate(text.splitlines(), 1)
-    found = [(k, line) for k, line in every if line.strip() and not line.lstrip().startswith("#")]
-    if not found:
-        raise ValueError(f"{name} is empty; it needs columns t, u and y")
-    if len(found) > MOST_ROWS:
-        raise ValueError(
-            f"{name} has {len(found)} lines; at most {MOST_ROWS} are read: cut out the stretch "
-            "that matters, or keep every tenth line"
-        )
+
+
+def _numbers(sheet: Sheet, what: str, column: int) -> FloatArray:
+    """Read the numbers of a column, or name the first cell that is none."""
+    cells = [row[column].strip() for row in sheet.rows]
+    _check_decimals(sheet, what, cells)
+    found = np.empty(len(cells))
+    for k, cell in enumerate(cells):
+        value = number_in(cell, sheet.decimal)
+        if value is None or not isfinite(value):
+            said = f"is {short(cell)!r}, which is no finite number" if cell else "is empty"
+            more = (
+                "; write thousands without a separator"
+                if value is None and re.fullmatch(r"[+-]?\d{1,3}([ .,']\d{3})+([.,]\d*)?", cell)
+                else ", or fill a short gap yourself"
+            )
+            raise ValueError(
+                f"line {sheet.lines[k]}: {what} {said}; cut the record there, take the line out (a "
+                f"few missing lines are filled in){more}"
+            )
+        found[k] = value
     return found
 
 
-def _delimiter(lines: Iterable[tuple[int, str]]) -> str:
-    """Find what parts the columns: what stands in every one of the first lines."""
-    seen = [text for _, text in islice(lines, 50)]
-    for each in "\t;,":
-        if all(each in text for text in seen):
-            return each
-    return ","
-
-
-def _order(
-    first: Sequence[str], headed: bool, sampling_time: float | None, name: str
-) -> tuple[dict[str, int], tuple[str, ...]]:
-    """Tell which column holds what."""
-    clean = [cell.split("[")[0].split("(")[0].strip().lower() for cell in first]
-    found = {
-        what: clean.index(word)
-        for what, words in HEADINGS.items()
-        for word in reversed(words)
-        if headed and word in clean
-    }
-    wanted = ("t", "u", "y") if sampling_time is None else ("u", "y")
-    if all(what in found for what in wanted):
-        return {what: found[what] for what in wanted}, ()
-    told = f"line 1 of {_short(name)} has the columns {', '.join(map(_short, first))}"
-    if headed and "t" not in found and {"u", "y"} <= found.keys():
+def _check_decimals(sheet: Sheet, what: str, cells: Sequence[str]) -> None:
+    """Refuse a column in which a comma may be a decimal mark or part thousands."""
+    if sheet.decimal == ".":
+        return
+    marks = {mark: [k for k, cell in enumerate(cells) if mark in cell] for mark in ",."}
+    if marks[","] and marks["."]:
+        k = max(marks[","][0], marks["."][0])
+        other = cells[min(marks[","][0], marks["."][0])]
         raise ValueError(
-            f"{told}, and no time: add a column t in seconds, or give the sampling time"
+            f"line {sheet.lines[k]}: {what} is {short(cells[k])!r} where another line has "
+            f"{short(other)!r}: use one decimal mark, and no separator of thousands"
         )
-    if len(first) == len(wanted) and not found:
-        remarks = (f"the columns were taken in the order {', '.join(wanted)}",)
-        return {what: k for k, what in enumerate(wanted)}, remarks
-    if headed:
-        missing = ", ".join(what for what in wanted if what not in found)
-        raise ValueError(f"{told}; {missing} is missing: name the columns t, u and y")
-    more = " (or give the sampling time, if there are only u and y)" if len(first) == 2 else ""
-    raise ValueError(
-        f"{_short(name)} has {len(first)} column{'s' * (len(first) != 1)} and no headings; it "
-        f"needs {len(wanted)}: {', '.join(wanted)}, parted by commas, semicolons or tabs{more}"
-    )
+    thousands = [k for k in marks[","] if re.fullmatch(r"[+-]?[1-9]\d{0,2}(,\d{3})+", cells[k])]
+    if thousands and len(thousands) == len(marks[","]) < len(cells):
+        k = thousands[0]
+        raise ValueError(
+            f"line {sheet.lines[k]}: {what} is {short(cells[k])!r}, which may be "
+            f"{cells[k].replace(',', '.')} or {cells[k].replace(',', '')}: write thousands without "
+            "a separator, and decimals with a point"
+        )
 
 
-def _table(
-    rows: Sequence[Sequence[str]],
-    numbers: Sequence[int],
-    order: dict[str, int],
-    width: int,
-    delimiter: str,
-) -> FloatArray:
-    """Read every cell that is needed, or name the first that is no number."""
-    table = np.empty((len(rows), len(order)))
-    for k, row in enumerate(rows):
-        if len(row) != width:
-            decimal = " (a comma in a number? part the columns by semicolons)" * (delimiter == ",")
+def _times(sheet: Sheet, choice: Choice) -> tuple[FloatArray, tuple[str, ...]]:
+    """Read the times in seconds, and say how."""
+    column = choice.order["t"]
+    cells = [row[column].strip() for row in sheet.rows]
+    if cells and number_in(cells[0], sheet.decimal) is None and is_moment(cells[0]):
+        times, first = seconds_in(cells, lambda k: f"line {sheet.lines[k]}")
+        return times, (f"t is in seconds since {first}, the time of the first row",)
+    times = _numbers(sheet, "t", column)
+    below = sheet.units[column].strip() if column < len(sheet.units) else ""
+    unit = choice.unit or below.strip(" []()").lower()
+    if not unit:
+        return _without_unit(times, sheet.heads[column] if sheet.heads else "")
+    seconds = unit_of_time(unit)
+    if seconds is None:
+        raise ValueError(
+            f"t is in {short(unit)!r}, which is no unit of time that is known: give one of "
+            f"{', '.join(each for each in UNITS if len(each) < 4)}, such as --columns "
+            f'"t={column + 1} [ms]" (in Python columns={{"t": "{column + 1} [ms]"}})'
+        )
+    if seconds == 1.0:
+        return times, ()
+    # Exact where the unit is a whole number of seconds, or seconds are of it.
+    times = times * seconds if seconds > 1 else times / round(1 / seconds)
+    return times, (f"times are in {unit}; they were converted to seconds",)
+
+
+def _without_unit(times: FloatArray, head: str) -> tuple[FloatArray, tuple[str, ...]]:
+    """Take seconds, unless the numbers can hardly be that."""
+    if times.size > 1:
+        start, span = times[0], np.ptp(times)
+        days = EXCEL_DAYS[0] <= start <= EXCEL_DAYS[1] and start % 1 and span < 10
+        date = head.lower().startswith("date") and start < 1e8
+        if days or date or start >= 1e11:
+            guess = "d" if days or date else "ms"
             raise ValueError(
-                f"line {numbers[k]} has {len(row)} cells where the first has {width}{decimal}"
+                f"t begins with {start:.12g} and its unit is not named; this can hardly be "
+                f"seconds: name the unit in the heading, or say it, such as --columns "
+                f'"t={short(head) or 1} [{guess}]" (in Python columns={{"t": '
+                f'"{short(head) or 1} [{guess}]"}})'
             )
-        for j, (what, column) in enumerate(order.items()):
-            cell = row[column].strip()
-            value = _value(cell, delimiter)
-            if value is None or not isfinite(value):
-                said = f"is {_short(cell)!r}, which is no finite number" if cell else "is empty"
-                raise ValueError(
-                    f"line {numbers[k]}: {what} {said}; cut the record there, or fill a short gap "
-                    "yourself"
-                )
-            table[k, j] = value
-    return table
+    return times, ("no unit of time is named; seconds were taken",)
 
 
-def _value(cell: str, delimiter: str) -> float | None:
-    """Read a number; None if it is none."""
-    text = cell.strip()
-    if delimiter != "," and "." not in text and text.count(",") == 1:
-        text = text.replace(",", ".")
-    if "_" in text or len(text) > LONGEST:
-        return None
-    try:
-        return float(text)
-    except ValueError:
-        return None
-
-
-def _short(text: str) -> str:
-    clean = "".join(c if c.isprintable() else "?" for c in text)
-    return clean if len(clean) <= LONGEST else f"{clean[:LONGEST]}…"
+def _changes(values: FloatArray) -> int:
+    return int(np.count_nonzero(np.diff(values)))

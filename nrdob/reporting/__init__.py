@@ -2,15 +2,15 @@
 
 from .command import main
 from .expressions import read_block
-from .page import Page, Picture, Section, Table
+from .page import Picture, Section, Table
 from .proposals import Proposal, propose
-from .reports import report
+from .reports import Report, report
 from .wording import character, formula, intervals
 
 __all__ = [
-    "Page",
     "Picture",
     "Proposal",
+    "Report",
     "Section",
     "Table",
     "character",

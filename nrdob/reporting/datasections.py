@@ -46,6 +46,7 @@ def record_section(record: Record, found: Identification | None = None) -> Secti
         f"{record.u.size} samples every {number(record.sampling_time, 4)} s; u lies between "
         f"{number(record.u.min())} and {number(record.u.max())}, y between "
         f"{number(record.y.min())} and {number(record.y.max())}.",
+        *map(_sentence, record.notes),
     )
     return Section(
         "What was measured",

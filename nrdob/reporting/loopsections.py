@@ -26,10 +26,15 @@ from .page import Picture, Section, Table, picture
 from .resonances import resonance_warnings
 from .wording import character, formula, intervals, roots_listed
 
-__all__ = ["Given", "sections_of"]
+__all__ = ["UNDECIDED", "Given", "sections_of"]
 
 SMALL_GAIN_DB, SMALL_PHASE, LARGE_MS = 6.0, 30.0, 2.0
 """Margins below, and sensitivity above, which a loop is called near its limit."""
+
+UNDECIDED = "Whether the loop is stable could not be decided."
+
+CERTAIN = 0.02
+"""Relative error of a resonance that every plant has."""
 
 SPANS = (30.0, 10.0, 3.0)
 """How far a chart reaches below and above λ; less far where a dead time asks for too much."""
@@ -120,12 +125,12 @@ def _verdict(given: Given, title: str) -> Section:
     says = {
         True: "The loop is stable: both conditions hold, each found in two independent ways.",
         False: "The loop is NOT stable.",
-        None: "Whether the loop is stable could not be decided.",
+        None: UNDECIDED,
     }[found.stable]
-    warnings = () if found.stable else (f"{says} {found.reason}",)
+    alarms = () if found.stable else (f"{says} {found.reason}.",)
     caption = "All the feedback around the plant, L = K·G; the red cross is −1."
     drawn = picture(nyquist_plot(given.loop.L), 1, caption)
-    return Section(title, (says, f"{found.reason}."), (table,), (drawn,), warnings)
+    return Section(title, (says, f"{found.reason}."), (table,), (drawn,), (), alarms)
 
 
 def _margins(given: Given, title: str) -> Section:
@@ -150,7 +155,7 @@ def _margins(given: Given, title: str) -> Section:
         }.values()
     )
     table = Table(
-        "How much gain, phase and dead time the loops bear",
+        "How much gain, phase and dead time the loops tolerate",
         ("loop", "gain may rise by", "gain may fall by", "phase", "peak Ms", "more dead time"),
         rows,
     )
@@ -160,12 +165,14 @@ def _margins(given: Given, title: str) -> Section:
             "The controller leaves its own loop with the model a sensitivity peak of "
             f"{number(found.model_loop.ms)}: the reference will make it swing.",
         )
-    warnings += tuple(resonance_warnings(given.loop))
+    moved = tuple(resonance_warnings(given.loop))
+    alarms = tuple(said for error, said in moved if error <= CERTAIN)
+    warnings += tuple(said for error, said in moved if error > CERTAIN)
     words = (
         "What a change of the plant uses up are the margins of L.",
-        warnings[0] if warnings else "None of them is small.",
+        (*alarms, *warnings, "None of them is small.")[0],
     )
-    return Section(title, words, (table,), (), warnings)
+    return Section(title, words, (table,), (), warnings, alarms)
 
 
 def _warnings(found: Margins, given: Given) -> Iterator[str]:
@@ -187,8 +194,8 @@ def _warnings(found: Margins, given: Given) -> Iterator[str]:
     least = max(given.sampling_time or 0.0, 0.1 * given.loop.delay)
     if found.delay_margin < least:
         yield (
-            f"Another {number(found.delay_margin, 2)} s of dead time and the loop is lost, less "
-            "than " + ("one sample." if given.sampling_time else "a tenth of the dead time.")
+            f"With another {number(found.delay_margin, 2)} s of dead time the loop is unstable, "
+            "less than " + ("one sample." if given.sampling_time else "a tenth of the dead time.")
         )
 
 
@@ -282,35 +289,36 @@ def _responses(given: Given, title: str) -> Section:
 def _sampled(given: Given, title: str) -> Section:
     if not given.loop.stability().stable:
         return Section(title, ("A loop that is not stable is not worth sampling.",))
-    words = []
+    words, warnings, alarms = [], [], []
     longest = inf
     try:
         longest = largest_sampling_time(given.loop)
         words.append(
-            f"Sampled by Tustin's rule, the loop is lost at dt = {number(longest, 4)} s; it is "
-            "stable for every shorter sampling time."
+            f"Sampled by Tustin's rule, the loop becomes unstable at dt = {number(longest, 4)} s; "
+            "it is stable for every shorter sampling time."
             if longest < inf
             else "Sampled by Tustin's rule, the loop is stable at every sampling time looked at."
         )
     except (ValueError, ArithmeticError, NotImplementedError) as error:
-        words.append(f"The largest sampling time cannot be told: {error}.")
+        warnings.append(f"The largest sampling time is not known: {error}.")
     dt = given.sampling_time or _sampling_time(given.loop, longest)
     sampled = given.loop.sampled(dt)
     verdict = sampled.stability()
     says = {True: "stable", False: "NOT stable", None: "not decided"}[verdict.stable]
     of = "at which the plant was measured" if given.sampling_time else "chosen here"
     words.append(f"At dt = {number(dt, 4)} s, {of}, the sampled loop is {says}: {verdict.reason}.")
-    warnings = [] if verdict.stable else [f"At dt = {number(dt, 4)} s the sampled loop is {says}."]
+    if not verdict.stable:
+        alarms.append(f"At dt = {number(dt, 4)} s the sampled loop is {says}.")
     tables = []
     if verdict.stable:
         try:
             table, after = _compared(given.loop.margins().plant_loop, sampled.margins(), dt)
         except (ValueError, ArithmeticError) as error:
-            words.append(f"What sampling takes from the margins cannot be told: {error}.")
+            warnings.append(f"What sampling takes from the margins is not known: {error}.")
         else:
             tables.append(table)
             warnings += after
-    return Section(title, tuple(words), tuple(tables), (), tuple(warnings))
+    return Section(title, tuple(words), tuple(tables), (), tuple(warnings), tuple(alarms))
 
 
 def _compared(before: Margins, after: Margins, dt: float) -> tuple[Table, list[str]]:

@@ -12,7 +12,7 @@ from functools import cache
 from io import StringIO
 from typing import Any
 
-__all__ = ["Page", "Picture", "Section", "Table", "picture"]
+__all__ = ["Picture", "Section", "Table", "picture", "written"]
 
 
 @dataclass(frozen=True)
@@ -67,6 +67,8 @@ class Section:
         What is shown.
     warnings : tuple of str
         What must not be overlooked; also listed at the top of the page.
+    alarms : tuple of str
+        What speaks against using the loop, or the process; the first of a page is its headline.
     """
 
     title: str
@@ -74,33 +76,19 @@ class Section:
     tables: tuple[Table, ...] = ()
     pictures: tuple[Picture, ...] = ()
     warnings: tuple[str, ...] = ()
+    alarms: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
-class Page:
-    """A whole report.
+def written(report: Any) -> str:
+    """Lay a report out as a page of HTML.
 
-    Attributes
+    Parameters
     ----------
-    title : str
-        Its title.
-    verdict : str
-        The answer, in a sentence.
-    mood : {"good", "bad", "open"}
-        How the verdict is marked, besides its words.
-    sections : tuple of Section
-        The parts.
+    report : nrdob.reporting.Report
+        With title, verdict, mood, warnings and sections.
     """
-
-    title: str
-    verdict: str
-    mood: str
-    sections: tuple[Section, ...]
-
-    def html(self) -> str:
-        """Write the page."""
-        text: str = _template().render(page=self)
-        return text
+    text: str = _template().render(page=report)
+    return text
 
 
 def picture(figure: Any, number: int, caption: str, alt: str = "") -> Picture:

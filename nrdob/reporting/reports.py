@@ -1,26 +1,31 @@
-"""A report on a loop, on a process that has none yet, or on a record, as one page.
+"""A report on a loop, on a process that has none yet, or on a record.
 
-Every part is written for itself. One that cannot be says why, and the others are still there.
+Each part is written for itself. If one cannot be written, it says why, and the others are still
+there. The headline is the worst of what the parts found.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from html import escape
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
+from ..diagram import as_fraction
 from ..loop import NRDOB
 from ..measured import Identification, Record, identified
 from ..numerics import number
 from .datasections import data_sections, record_section
-from .loopsections import Given, sections_of
-from .page import Page, Section, Table
+from .loopsections import UNDECIDED, Given, sections_of
+from .page import Section, Table, written
 from .proposals import Proposal, propose
 from .trials import trial_table
 from .wording import character, formula, intervals
 
-__all__ = ["compose", "report"]
+__all__ = ["Report", "report"]
 
 EXPECTED = (
     ArithmeticError,
@@ -32,8 +37,7 @@ EXPECTED = (
 )
 """What a part may raise that cannot be written."""
 
-NEAR = 2.5
-"""Peak of the sensitivity above which a stable loop is not called good."""
+PROPOSED = "What is proposed, and why"
 
 CHECKED = (
     "What is said here is said of the linear loop with these blocks, in continuous time unless a "
@@ -45,6 +49,97 @@ CHECKED = (
 )
 
 
+@dataclass(frozen=True, eq=False)
+class Report:
+    """What can be said of a record, a process or a loop; in a notebook it shows as a page.
+
+    Attributes
+    ----------
+    title : str
+        Its heading.
+    sections : tuple of Section
+        Its parts.
+    sound : str
+        What is said of the loop where nothing speaks against it.
+    process : as for `nrdob.NRDOB`, or None
+        The process G; None if none was found in the record.
+    loop : NRDOB or None
+        The loop that was given or proposed; None if there is none.
+    identification : Identification or None
+        How the process was found in a record.
+    proposal : Proposal or None
+        What was chosen, and why, if no loop was given.
+    """
+
+    title: str
+    sections: tuple[Section, ...] = field(repr=False)
+    sound: str = field(repr=False)
+    process: Any = field(default=None, repr=False)
+    loop: NRDOB | None = None
+    identification: Identification | None = field(default=None, repr=False)
+    proposal: Proposal | None = field(default=None, repr=False)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What must not be overlooked, the gravest first; empty if nothing was found."""
+        alarms = [each for section in self.sections for each in section.alarms]
+        others = [each for section in self.sections for each in section.warnings]
+        return tuple(dict.fromkeys(alarms + others))
+
+    @property
+    def mood(self) -> str:
+        """Good, without any warning; bad, if one speaks against using the loop; or open."""
+        if self.loop is None or any(section.alarms for section in self.sections):
+            return "bad"
+        return "open" if self.warnings else "good"
+
+    @property
+    def verdict(self) -> str:
+        """The headline: the worst that was found."""
+        worst = self.warnings[:1]
+        if self.loop is None:
+            return " ".join(["No loop that works was found.", *worst])
+        if self.mood == "bad":
+            return worst[0]
+        return " ".join([self.sound, *(f"But: {each}" for each in worst)])
+
+    @cached_property
+    def html(self) -> str:
+        """The page, as one file that needs no other."""
+        return written(self)
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write the page into a file.
+
+        Parameters
+        ----------
+        path : str or path
+            The file, such as report.html.
+
+        Raises
+        ------
+        OSError
+            If it cannot be written.
+        """
+        Path(path).write_text(self.html, encoding="utf-8")
+
+    def _repr_html_(self) -> str:
+        """Show the page within a notebook, in a frame of its own since it has its own styles."""
+        return (
+            f'<iframe title="{escape(self.title)}" sandbox srcdoc="{escape(self.html)}" '
+            'style="width:100%;height:40rem;border:1px solid #c9c9c9"></iframe>'
+        )
+
+    def __str__(self) -> str:
+        parts = [self.title, self.verdict]
+        if self.process is not None:
+            parts.append(f"process G = {_shown(self.process)}")
+        if self.loop is not None:
+            for name in ("model", "controller", "filter"):
+                parts.append(f"{name} = {_shown(getattr(self.loop, name))}")
+        return "\n".join([*parts, *(f"- {each}" for each in self.warnings)])
+
+
 def report(
     subject: Any,
     path: str | PathLike[str] | None = None,
@@ -54,13 +149,14 @@ def report(
     time_constant: float | None = None,
     order: int | None = None,
     title: str = "",
-) -> str:
+    progress: Callable[[str], object] | None = None,
+) -> Report:
     """Write a report as one self-contained HTML page.
 
-    Of a loop it says whether and how nearly not it is stable, which filters would do, what it does,
-    and what a processor makes of it. For a process alone, model, filter and controller are chosen
-    first, with the reasons; for a record, the process is identified before. A part that cannot be
-    written says why, and the rest is written.
+    Of a loop it says whether it is stable, with which margins, which filters stabilise it, how it
+    responds, and what becomes of it on a processor. For a process alone, model, filter and
+    controller are chosen first, with the reasons, see `nrdob.reporting.propose`; for a record, the
+    process is identified before. A part that cannot be written says why, and the rest is written.
 
     Parameters
     ----------
@@ -76,80 +172,101 @@ def report(
         n of the filter.
     title : str
         Heading of the page.
+    progress : callable, optional
+        Called with the name of each part before it is worked on.
 
     Returns
     -------
-    str
-        The page.
+    Report
+        The headline (``.verdict``), ``.warnings``, ``.process``, ``.loop`` and the page (``.html``,
+        ``.save(path)``).
 
     Raises
     ------
     TypeError, ValueError
-        If a loop is given and a block beside it, or blocks that cannot stand in a loop.
+        If the subject is nothing of that kind, if a loop is given and a block beside it, or blocks
+        that cannot stand in a loop.
     OSError
         If the page cannot be written.
 
     Examples
     --------
     >>> import control as ct
-    >>> page = report(ct.tf([1], [1, 1]), title="A lag")
-    >>> "The loop is stable" in page
-    True
+    >>> found = report(ct.tf([1], [1, 1]), title="A lag")
+    >>> found.verdict, found.warnings
+    ('The loop is stable; its sensitivity peaks at 1.', ())
+    >>> found.loop.filter
+    LowPassFilter(time_constant=0.1, order=1)
     """
-    given = {"model": model, "controller": controller, "time_constant": time_constant}
-    page = compose(subject, **given, order=order, title=title).html()
+    given = {
+        "model": model, "controller": controller, "time_constant": time_constant, "order": order
+    }  # fmt: skip
+    if isinstance(subject, NRDOB) and any(each is not None for each in given.values()):
+        raise ValueError("a loop has its model, controller and filter; give the process alone")
+    if not isinstance(subject, NRDOB | Identification | Record):
+        _check_kind(subject)
+    found = _composed(subject, given, title, progress or (lambda part: None))
     if path is not None:
-        Path(path).write_text(page, encoding="utf-8")
-    return page
+        found.save(path)
+    return found
 
 
-def compose(
-    subject: Any,
-    *,
-    model: Any = None,
-    controller: Any = None,
-    time_constant: float | None = None,
-    order: int | None = None,
-    title: str = "",
-) -> Page:
-    """Gather what a report says; parameters and errors are those of `report`."""
+def _check_kind(process: Any) -> None:
+    """Refuse what is no block at all; one that cannot be used gets a page that says why."""
+    try:
+        as_fraction(getattr(process, "tf", process), "process", proper=False)
+    except TypeError as error:
+        raise TypeError(
+            f"{error}; a report is on a process, an nrdob.NRDOB, a record (nrdob.read_data) or an "
+            "identification (nrdob.identify)"
+        ) from None
+    except EXPECTED:
+        return
+
+
+def _composed(
+    subject: Any, given: Mapping[str, Any], title: str, progress: Callable[[str], object]
+) -> Report:
     sections: list[Section] = []
-    given = (model, controller, time_constant, order)
+    loop, proposal, identification, process = None, None, None, subject
+    name, step = "Process", None
     if isinstance(subject, NRDOB):
-        if any(each is not None for each in given):
-            raise ValueError("a loop has its model, controller and filter; give the process alone")
-        loop: NRDOB | None = subject
-        name, step = "Loop", None
-    else:
-        process, name, step, found = subject, "Process", None, None
-        if isinstance(subject, Record):
-            name, step = subject.name or "Record", subject.sampling_time
-            process = _identified(subject, sections)
-        if isinstance(process, Identification):
-            name, step = process.record.name or name, process.record.sampling_time
-            sections += _written(data_sections(process))
-            found, process = process, process.process
-        loop = None
-        if process is not None:
-            proposal = _proposed(found or process, model, controller, time_constant, order)
-            sections += _written(
-                [("What is proposed, and why", lambda: _reasons(process, proposal))]
-            )
-            loop = proposal.loop
+        loop, process, name = subject, subject.process, "Loop"
+    if isinstance(subject, Record):
+        name, step = subject.name or "Record", subject.sampling_time
+        progress("The process behind it")
+        process = _identified(subject, sections)
+    if isinstance(process, Identification):
+        identification, process = process, process.process
+        name, step = identification.record.name or name, identification.record.sampling_time
+        sections += _each_written(data_sections(identification), progress)
+    if loop is None and process is not None:
+        progress(PROPOSED)
+        proposal = _proposed(identification or process, given)
+        sections += _each_written([(PROPOSED, lambda: _reasons(process, proposal))])
+        loop = proposal.loop
     if loop is not None:
-        sections += _written(sections_of(Given(loop, step)))
+        sections += _each_written(sections_of(Given(loop, step)), progress)
     sections.append(Section("What was checked, and what was not", CHECKED))
-    return Page(title or f"{name}: report", *_verdict(loop), tuple(sections))
+    return Report(
+        title or f"{name}: report", tuple(sections), _sound(loop), process, loop, identification,
+        proposal,
+    )  # fmt: skip
 
 
-def _written(parts: Iterable[tuple[str, Callable[[], Section]]]) -> list[Section]:
+def _each_written(
+    parts: Iterable[tuple[str, Callable[[], Section]]],
+    progress: Callable[[str], object] = lambda part: None,
+) -> list[Section]:
     """Write each part, or say why it cannot be."""
     sections = []
     for title, write in parts:
+        progress(title)
         try:
             sections.append(write())
         except EXPECTED as error:
-            sections.append(Section(title, (f"This part cannot be written: {error}",)))
+            said = f"This part cannot be written: {error}"
+            sections.append(Section(title, (said,), warnings=(f"{title} {said}.",)))
     return sections
 
 
@@ -157,20 +274,17 @@ def _identified(record: Record, sections: list[Section]) -> Identification | Non
     try:
         return identified(record)
     except EXPECTED as error:
-        sections += _written([("What was measured", lambda: record_section(record))])
+        sections += _each_written([("What was measured", lambda: record_section(record))])
         said = f"No process can be found in the record: {error}."
-        sections.append(Section("The process behind it", (said,), warnings=(said,)))
+        sections.append(Section("The process behind it", (said,), alarms=(said,)))
         return None
 
 
-def _proposed(process: Any, *given: Any) -> Proposal:
-    model, controller, time_constant, order = given
+def _proposed(process: Any, given: Mapping[str, Any]) -> Proposal:
     try:
-        return propose(
-            process, model=model, controller=controller, time_constant=time_constant, order=order
-        )
+        return propose(process, **given)
     except EXPECTED as error:
-        if any(each is not None for each in given):
+        if any(each is not None for each in given.values()):
             raise
         said = f"No loop can be proposed for this process: {error}."
         return Proposal(None, (said,), warnings=(said,))
@@ -194,14 +308,15 @@ def _reasons(process: Any, proposal: Proposal) -> Section:
             rows,
         ),
     )
-    if proposal.trials:
-        tables = (*(tables if rows else ()), trial_table(proposal.trials))
     words = proposal.words
     if proposal.loop is None:
         words = (f"The process is G = {_shown(process)}. {_kind(process)}", *words)
-    return Section(
-        "What is proposed, and why", words, tables if rows or proposal.trials else (), (), proposal.warnings
-    )
+    shown = tables if rows else ()
+    if proposal.trials:
+        shown = (*shown, trial_table(proposal.trials))
+    if proposal.loop is None:
+        return Section(PROPOSED, words, shown, alarms=proposal.warnings)
+    return Section(PROPOSED, words, shown, warnings=proposal.warnings)
 
 
 def _peak(candidate: Any) -> str:
@@ -222,22 +337,15 @@ def _kind(process: Any) -> str:
         return ""
 
 
-def _verdict(loop: NRDOB | None) -> tuple[str, str]:
+def _sound(loop: NRDOB | None) -> str:
+    """Say what the headline is where nothing speaks against the loop."""
     if loop is None:
-        return "No loop that works was found; the reasons are below.", "bad"
+        return ""
     try:
         stable = loop.stability().stable
+        if stable:
+            peak = number(loop.margins().plant_loop.ms)
+            return f"The loop is stable; its sensitivity peaks at {peak}."
     except EXPECTED as error:
-        return f"Whether the loop is stable cannot be told: {error}", "open"
-    if stable is None:
-        return "Whether the loop is stable could not be decided.", "open"
-    if not stable:
-        return "The loop is NOT stable.", "bad"
-    try:
-        margins = loop.margins().plant_loop
-    except EXPECTED:
-        return "The loop is stable.", "good"
-    if margins.ms > NEAR:
-        peak = number(margins.ms)
-        return f"The loop is stable, but near its limit: its sensitivity peaks at {peak}.", "open"
-    return f"The loop is stable; its sensitivity peaks at {number(margins.ms)}.", "good"
+        return f"Whether the loop is stable, and with which margins, is not known: {error}."
+    return "The loop is NOT stable." if stable is False else UNDECIDED

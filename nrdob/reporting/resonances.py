@@ -1,4 +1,4 @@
-"""How wrong the frequency of a resonance may be: margins do not tell, since the peak moves."""
+"""How wrong the frequency of a resonance may be: margins do not show it, since the peak moves."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ SHIFTS = (0.02, 0.05, 0.1)
 """Relative errors of its frequency that are tried."""
 
 
-def resonance_warnings(loop: NRDOB) -> Iterator[str]:
-    """Say which small error of a resonance's frequency loses a stable loop.
+def resonance_warnings(loop: NRDOB) -> Iterator[tuple[float, str]]:
+    """Say which small error of a resonance's frequency makes a stable loop unstable.
 
     Parameters
     ----------
@@ -30,18 +30,21 @@ def resonance_warnings(loop: NRDOB) -> Iterator[str]:
 
     Yields
     ------
+    float
+        The relative error, one for each lightly damped pair of poles or zeros of the process of
+        which the frequency may not be wrong by a tenth.
     str
-        One sentence for each lightly damped pair of poles or zeros of the process of which the
-        frequency may not be wrong by a tenth.
+        The sentence.
 
     Examples
     --------
     >>> import control as ct
     >>> plant = ct.tf([100], [1, 0.4, 100])
     >>> loop = NRDOB(plant, plant, 0, ct.tf([1], [0.0316**2, 2 * 0.0316, 1]))
-    >>> for said in resonance_warnings(loop):
-    ...     print(said)
-    With the process' resonance at 10 rad/s 5 % lower the loop is lost; its margins do not show it.
+    >>> [(error, said)] = resonance_warnings(loop)
+    >>> print(error, said)  # doctest: +NORMALIZE_WHITESPACE
+    0.05 With the process' resonance at 10 rad/s 5 % lower the loop is unstable; its margins do not
+    show it.
     """
     fraction = loop.fractions.G
     for part, name in enumerate(("antiresonance", "resonance")):
@@ -55,8 +58,9 @@ def resonance_warnings(loop: NRDOB) -> Iterator[str]:
                 if not _with(loop, (changed[0], changed[1])).stability().stable:
                     way = "higher" if sign > 0 else "lower"
                     yield (
+                        shift,
                         f"With the process' {name} at {number(frequency)} rad/s {100 * shift:g} % "
-                        f"{way} the loop is lost; its margins do not show it."
+                        f"{way} the loop is unstable; its margins do not show it.",
                     )
                     break
 

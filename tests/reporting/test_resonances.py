@@ -1,4 +1,4 @@
-"""A report says which small error of a resonance loses the loop, and is silent where none does."""
+"""A report says which small error of a resonance makes the loop unstable, if any does."""
 
 import control as ct
 import numpy as np
@@ -22,9 +22,9 @@ def roots_of_loop(frequency, lag):
 
 
 @pytest.mark.parametrize("lag", [0.0316, 0.05, 0.3, 1.0])
-def test_the_first_shift_that_loses_the_loop_is_named(lag):
+def test_the_first_shift_that_makes_the_loop_unstable_is_named(lag):
     loop = nrdob.NRDOB(resonance(10, 0.02), resonance(10, 0.02), 0, 1 / (lag * s + 1) ** 2)
-    said = list(resonance_warnings(loop))
+    said = [said for _, said in resonance_warnings(loop)]
     lost = [
         (shift, way)
         for shift in (2, 5, 10)
@@ -42,7 +42,7 @@ def test_an_antiresonance_and_a_dead_time_count_as_well():
     def loop(process):
         return nrdob.NRDOB(process, plant().tf, 0, nrdob.LowPassFilter(0.1, 1))
 
-    said = " ".join(resonance_warnings(loop(plant())))
+    said = " ".join(said for _, said in resonance_warnings(loop(plant())))
     assert "antiresonance at 8 rad/s 5 % higher" in said
     assert "resonance at 10 rad/s 5 % lower" in said
     within = [plant(low=8 * 1.02), plant(high=10 * 0.98), plant(low=8 * 0.98)]

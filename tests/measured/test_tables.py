@@ -1,0 +1,350 @@
+"""Tables as they are found: read right, or refused in a sentence with the remedy."""
+
+from datetime import datetime, timedelta
+
+import numpy as np
+import pytest
+
+from nrdob.measured import checked_record, read_data
+
+STEP = 0.5
+COUNT = 400
+T = STEP * np.arange(COUNT)
+U = 20.0 + 30.0 * (np.arange(COUNT) // 40 % 2)
+Y = np.round(20 + 25 * np.convolve(U - 20, 0.02 * 0.98 ** np.arange(COUNT))[:COUNT] / 30, 4)
+"""One record of a slow plant; all that follows are dresses of it."""
+
+
+def lines(heading, row, between=",", keep=None):
+    """The record as a table, one sample in a row."""
+    rows = [
+        between.join(row(k, T[k], U[k], Y[k])) for k in (range(COUNT) if keep is None else keep)
+    ]
+    return "\n".join(([heading] if heading else []) + rows) + "\n"
+
+
+def plain(k, t, u, y):
+    return f"{t}", f"{u}", f"{y}"
+
+
+def comma(k, t, u, y):
+    return tuple(each.replace(".", ",") for each in plain(k, t, u, y))
+
+
+def clocked(form):
+    begin = datetime(2024, 1, 31, 11, 58, 30)
+    return lambda k, t, u, y: (
+        (begin + timedelta(seconds=t)).strftime(form),
+        f"{u}",
+        f"{y}",
+    )
+
+
+def in_unit(seconds):
+    return lambda k, t, u, y: (f"{t / seconds:.12g}", f"{u}", f"{y}")
+
+
+def jittered(k, t, u, y):
+    late = 0.04 * STEP * np.sin(k * 1.7)
+    slope = (Y[min(k + 1, COUNT - 1)] - y) / STEP
+    return f"{t + late:.5f}", f"{u}", f"{y + late * slope:.5f}"
+
+
+def four(k, t, u, y):
+    return f"{t}", f"{u}", f"{u + 1}", f"{y}", f"{y - 3}"
+
+
+ISO, SLASHED = "%Y-%m-%dT%H:%M:%S.%f", "%d/%m/%Y %H:%M:%S.%f"
+NO_TIMES = {"sampling_time": STEP}
+ASKED = {"columns": {"t": "Time", "u": "Q1", "y": "T2"}}
+
+DRESSES = {
+    "plain": (lines("t,u,y", plain), {}),
+    "other names": (lines("Time,MV,PV", plain), {}),
+    "one name is known": (lines("time,voltage,temperature", plain), {}),
+    "no name is known": (lines("ts,q,th", plain), {}),
+    "no headings": (lines("", plain), {}),
+    "two inputs and outputs": (
+        lines("Time,Q1,Q2,T1,T2", lambda *each: (*four(*each)[:4], plain(*each)[2])), ASKED,
+    ),
+    "by number": (lines("a,b,c,d,e", four), {"columns": {"t": 1, "u": 2, "y": 4}}),
+    "milliseconds": (lines("time [ms],u,y", in_unit(1e-3)), {}),
+    "minutes": (lines("t (min);u;y", in_unit(60), ";"), {}),
+    "hours after a comma": (lines('"Time, h",u,y', in_unit(3600)), {}),
+    "unit after an underscore": (lines("time_ms,u,y", in_unit(1e-3)), {}),
+    "row of units": (lines("Time;Input;Output\nms;%;degC", in_unit(1e-3), ";"), {}),
+    "ISO 8601": (lines("timestamp,u,y", clocked(ISO)), {}),
+    "time of day": (lines("Time,u,y", clocked("%I:%M:%S.%f %p")), {}),
+    "one day, in doubt which": (lines("Date,u,y", clocked(SLASHED)), {}),
+    "Unix time": (lines("t,u,y", lambda k, t, u, y: (f"{1.7e9 + t:.1f}", f"{u}", f"{y}")), {}),
+    "Unix time in ms": (
+        lines("time [ms],u,y", lambda k, t, u, y: (f"{1.7e12 + 1e3 * t:.0f}", f"{u}", f"{y}")), {},
+    ),
+    "Latin-1": (lines("Zeit [s];u [%];y [°C]", plain, ";").encode("latin-1"), {}),
+    "UTF-16": (lines("time\tu\ty", plain, "\t").encode("utf-16"), {}),
+    "UTF-8 with a mark": (lines("t,u,y", plain).encode("utf-8-sig"), {}),
+    "semicolons, decimal comma": (lines("t;u;y", comma, ";"), {}),
+    "blanks, decimal comma": (lines("t u y", comma, "   "), {}),
+    "tabs": (lines("t\tu\ty", plain, "\t"), {}),
+    "bars": (lines("t|u|y", plain, " | "), {}),
+    "comments and a preamble": (
+        "# logged on Monday\nLogger 7\nRate;2 Hz\n" + lines("y;t;u", lambda *e: (
+            plain(*e)[2], *plain(*e)[:2]), ";"), {},
+    ),
+    "headings in a comment": (lines("# t u y", plain, " "), {}),
+    "index and more columns": (
+        lines(",note,t,u,y", lambda k, *e: (f"{k}", "ok", *plain(k, *e))), {},
+    ),
+    "no times": (lines("u,y", lambda *e: plain(*e)[1:]), NO_TIMES),
+    "trailing separators": (lines("t,u,y", lambda *e: (*plain(*e), "")), {}),
+    "old line ends": (lines("t,u,y", plain).replace("\n", "\r"), {}),
+    "sep=": ("sep=;\n" + lines("t;u;y", comma, ";"), {}),
+    "a row is missing": (lines("t,u,y", plain, keep=[k for k in range(COUNT) if k != 57]), {}),
+    "jitter": (lines("t,u,y", jittered), {}),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("dress", DRESSES)
+def test_a_record_is_read_right_in_whatever_dress(tmp_path, dress):
+    content, options = DRESSES[dress]
+    path = tmp_path / "data.csv"
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    record = read_data(path, **options)
+    assert record.t - record.t[0] == pytest.approx(T, abs=0.05 * STEP)
+    # A step that falls between two samples of the even grid is shared between them.
+    late = 0.05 if dress == "jitter" else 0.0
+    assert record.u == pytest.approx(U, abs=1e-9 + late * 30)
+    assert record.u.sum() == pytest.approx(U.sum(), rel=1e-3)
+    assert record.y == pytest.approx(Y, abs=5e-3 + late)
+
+
+GOOD = [f"{k},{k // 7 % 2},{k % 5}" for k in range(60)]
+
+
+def spoilt(row, *instead, heading="t,u,y"):
+    """A good table with some rows in the place of one; line 1 has the headings."""
+    return "\n".join([heading, *GOOD[: row - 2], *instead, *GOOD[row - 1 :]]) + "\n"
+
+
+def replaced(change, heading="t,u,y", rows=60):
+    return "\n".join([heading, *(change(k) for k in range(rows))]) + "\n"
+
+
+REFUSED = {
+    "nothing": ("", "is empty"),
+    "one row": ("t,u,y\n0,1,2\n", "1 samples; at least 20"),
+    "separators only": (",,\n,,\n", "anything but separators"),
+    "headings only": ("t,u,y\n", "0 samples"),
+    "a spreadsheet": (b"PK\x03\x04\x14\0\x06\0", "no table of text, see line 1: save it as CSV"),
+    "control characters": (b"t,u,y\n0,\x01,1\n", "see line 2"),
+    "no number": (spoilt(9, "7,on,2"), "line 9: u is 'on', which is no finite number; cut"),
+    "text in the second line": (spoilt(2, "0,on,2"), "line 2: u is 'on'"),
+    "nan": (spoilt(9, "7,1,nan"), "line 9: y is 'nan'.* take the line out"),
+    "infinite": (spoilt(9, "7,-inf,1"), "line 9: u is '-inf'"),
+    "too large": (spoilt(9, "7,1e300,1"), "u is 1e.300 at line 9"),
+    "an empty cell": (spoilt(9, "7,,1"), "line 9: u is empty"),
+    "a short row": (spoilt(9, "7,1"), "line 9 has 2 cells where the first has 3"),
+    "a long row": (spoilt(9, "7,1,2,3"), "line 9 has 4 cells .* semicolons"),
+    "a formula": (spoilt(9, "7,=1+1,2"), "line 9: u is '=1\\+1'"),
+    "code": (spoilt(9, "7,__import__('os'),2"), "line 9: u is"),
+    "underscores": (spoilt(9, "7,1_0,2"), "line 9: u is '1_0'"),
+    "times twice": (spoilt(9, "7,1,2", "7,1,2"), "from 7 to 7 at line 10; times must increase"),
+    "times back": (spoilt(9, "3,1,2"), "from 6 to 3 at line 9"),
+    "two tables": ("\n".join(["t,u,y", *GOOD, "t,u,y", *GOOD]), "line 62: u is 'u'"),
+    "two tables without headings": ("\n".join([*GOOD, "", *GOOD]), "from 59 to 0 at line 62"),
+    "a row of units at the end": ("\n".join(["t,u,y", *GOOD, "s,V,K"]), "line 62: u is 'V'"),
+    "a sum at the end": ("\n".join(["t,u,y", *GOOD, "Sum,30,120"]), "line 62: t is 'Sum'"),
+    "a cell over two lines": (spoilt(9, '7,"1\n",2'), "line 9 opens a quotation mark"),
+    "thousands": (spoilt(9, '7,"1,234.5",2'), "line 9: u is '1,234.5'.* thousands without"),
+    "points and commas": (
+        replaced(lambda k: f"{k};{k // 7 % 2}{'.,'[k == 30]}5;{k % 5}", "t;u;y"),
+        "line 32: u is '0,5' where another line has '0.5': use one decimal mark",
+    ),
+    "thousands beside small numbers": (
+        replaced(lambda k: f"{k};{k // 7 % 2};{format(990 + k, ',')}", "t;u;y"),
+        "line 12: y is '1,000', which may be 1.000 or 1000",
+    ),
+    "decimal commas beside commas": (
+        replaced(lambda k: f"{k},0,{k // 7 % 2},5,{k % 5},5"),
+        "line 2 has 6 cells where the first has 3 .*semicolons",
+    ),
+    "a gap": ("\n".join(["t,u,y", *GOOD[:20], *GOOD[30:]]), "10 of them in a row before line 22"),
+    "a step in a gap": (
+        replaced(lambda k: f"{k + 2 * (k > 149)},{(k > 149) * 1},{k % 5}", rows=300),
+        "u changes from 0 to 1 while 2 samples are missing before line 152",
+    ),
+    "irregular times": (replaced(lambda k: f"{k**1.3},{k // 7 % 2},{k % 5}"), "not evenly sampled"),
+    "fast and with jitter": (
+        replaced(lambda k: f"{k + 0.08 * (k % 3)},{k // 7 % 2},{(-1) ** (k // 2)}"),
+        "moves too fast between samples to be resampled",
+    ),
+    "unknown unit": (
+        replaced(lambda k: GOOD[k], "time [weeks],u,y"), "t is in 'weeks', .*\\[ms\\]",
+    ),
+    "unknown unit in a row": (
+        replaced(lambda k: GOOD[k], "t,u,y\nfortnights,V,K"), "t is in 'fortnights'",
+    ),
+    "days that may be months": (
+        replaced(lambda k: f"{k // 2 + 1}/01/2024 {12 * (k % 2):02}:00:00,{k // 7 % 2},{k % 5}"),
+        "line 2: t is '1/01/2024 00:00:00'; where the day changes, .* write 2024-01-31",
+    ),
+    "minutes or hours": (
+        replaced(lambda k: f"{k // 60:02}:{k % 60:02},{k // 7 % 2},{k % 5}"),
+        "line 2: t is '00:00', which may be hours and minutes or minutes and seconds",
+    ),
+    "midnight": (
+        replaced(lambda k: f"{(86390 + k) % 86400 // 3600}:00:{k % 60:02},{k // 7 % 2},{k % 5}"),
+        "at line 12; times must increase",
+    ),
+    "numbers among dates": (
+        spoilt(2, "2024-01-31 12:00:00,1,0"), "line 3: t is '1', which is no time like",
+    ),
+    "no day": (replaced(lambda k: f"2024-02-{k + 1},{k // 7 % 2},{k % 5}"), "line 31: .* no day"),
+    "days of a spreadsheet": (
+        replaced(lambda k: f"{45322.5 + k / 86400:.7f},{k // 7 % 2},{k % 5}", "Time,u,y"),
+        "can hardly be seconds: .* --columns .t=Time \\[d\\]",
+    ),
+    "Unix times of no unit": (
+        replaced(lambda k: f"{1700000000000 + 1000 * k},{k // 7 % 2},{k % 5}", "t,u,y"),
+        "can hardly be seconds: .* \\[ms\\]",
+    ),
+    "which input": (
+        replaced(lambda k: f"{GOOD[k]},1", "Time,u1,y,u2"),
+        "u may be 'u1' or 'u2': choose, such as --columns t=Time,u=u1,y=y; in Python columns=",
+    ),
+    "which of four": (
+        replaced(lambda k: f"{GOOD[k]},1,1", "Time,Q1,Q2,T1,T2"),
+        "the columns 1 'Time', 2 'Q1', .* which holds u, y is not known: choose",
+    ),
+    "one name twice": (
+        replaced(lambda k: f"{GOOD[k]},1", "t,u,y,u"), "u may be 'u' or 'u'",
+    ),
+    "output before input": (
+        replaced(lambda k: f"{k},{k**0.5},{k // 30 % 2}", "Time,oven,heater"),
+        "name them, such as --columns u=3,y=2",
+    ),
+    "constant input": (
+        replaced(lambda k: f"{k},50,{k}"), "u is 50 in the whole .*--input-before 0",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("fault", REFUSED)
+def test_what_cannot_be_read_is_refused_with_the_place_and_the_remedy(tmp_path, fault):
+    content, said = REFUSED[fault]
+    path = tmp_path / "data.csv"
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    with pytest.raises(ValueError, match=said):
+        read_data(path)
+
+
+def test_a_sampling_time_goes_before_times_that_are_wrong(tmp_path):
+    path = tmp_path / "data.csv"
+    path.write_text(replaced(lambda k: f"{k**1.3},{k // 7 % 2},{k % 5}"), encoding="utf-8")
+    assert read_data(path, sampling_time=0.1).t[-1] == pytest.approx(5.9)
+    with pytest.raises(ValueError, match="one of them must do"):
+        read_data(path, sampling_time=0.1, columns={"t": 1})
+    path.write_text("u,y\n" + "\n".join(f"{k // 7 % 2},{k % 5}" for k in range(40)) + "\n\n1,1\n")
+    with pytest.raises(ValueError, match="line 42 is empty, and without times"):
+        read_data(path, sampling_time=0.1)
+
+
+@pytest.mark.parametrize(
+    ("columns", "kind", "said"),
+    [
+        ("u", TypeError, "columns is 'u'"),
+        ({"x": 1}, ValueError, "columns has 'x'; it may name t, u and y"),
+        ({"u": 1.5}, TypeError, "columns has 1.5 for u"),
+        ({"u": "Q3"}, ValueError, "there is no 'Q3', which is asked for as u"),
+        ({"u": 6}, ValueError, "the columns 1 'Time', .* there is no '6'"),
+        ({"u": 2, "y": "Q1"}, ValueError, "asked for twice"),
+        ({"u": "Q1"}, ValueError, "which holds y is not known"),
+    ],
+)
+def test_columns_that_are_not_there_are_named(tmp_path, columns, kind, said):
+    path = tmp_path / "data.csv"
+    path.write_text(lines("Time,Q1,Q2,T1,T2", four), encoding="utf-8")
+    with pytest.raises(kind, match=said):
+        read_data(path, columns=columns)
+
+
+def test_the_unit_of_times_may_be_said(tmp_path):
+    path = tmp_path / "data.csv"
+    path.write_text(lines("", in_unit(60)), encoding="utf-8")
+    record = read_data(path, columns={"t": "1 [min]", "u": "2", "y": 3})
+    assert record.t == pytest.approx(T)
+    assert record.remarks == () and "times are in min" in record.notes[0]
+
+
+def test_what_is_taken_for_granted_is_said(tmp_path):
+    path = tmp_path / "data.csv"
+    path.write_text(lines("time,voltage,temperature", plain), encoding="utf-8")
+    (said,) = read_data(path).remarks
+    assert "u = 'voltage', y = 'temperature'" in said
+    assert "--columns t=time,u=voltage,y=temperature" in said
+    assert read_data(path, columns={"u": "voltage", "y": "temperature"}).remarks == ()
+
+
+def test_an_input_before_the_record_makes_its_first_sample_a_step():
+    t = np.arange(300.0)
+    y = 20 + 15 * (1 - np.exp(-t / 30))
+    record = checked_record(t, 0 * t + 50, y, input_before=0)
+    assert record.t[record.u == 0] == pytest.approx(np.arange(-20.0, 0))
+    assert (record.y[:20] == 20).all() and record.y[20:] == pytest.approx(y)
+    for before, kind in ((50, ValueError), (np.inf, ValueError), ("0", TypeError)):
+        with pytest.raises(kind, match=r"50 in the whole record|input_before is"):
+            checked_record(t, 0 * t + 50, y, input_before=before)
+
+
+def test_missing_samples_are_filled_in_and_not_used():
+    t = np.delete(np.arange(300.0), [7, 120, 121, 200])
+    u = (t > 20) * 1.0
+    record = checked_record(t, u, np.sqrt(t))
+    assert record.t == pytest.approx(np.arange(300.0))
+    assert np.flatnonzero(~record.free).tolist() == [7, 120, 121, 200]
+    assert (record.u == (record.t > 20)).all()
+    assert record.y == pytest.approx(np.sqrt(np.arange(300.0)), abs=0.02)
+    assert "4 of 300 samples are missing" in " ".join(record.remarks)
+
+
+def test_a_step_while_one_sample_is_missing_is_a_remark():
+    t = np.delete(np.arange(300.0), 100)
+    record = checked_record(t, (t >= 100) * 1.0, np.sqrt(t))
+    assert record.u.tolist() == [0] * 101 + [1] * 199
+    assert "wrong by up to one sample" in " ".join(record.remarks)
+
+
+@pytest.mark.parametrize("digits", [0, 1])
+def test_rounded_times_are_even_times(digits):
+    t = 1.37 * 10**-digits * np.arange(500)
+    record = checked_record(np.round(t, digits), (t > t[60]) * 1.0, np.sqrt(t))
+    assert record.t == pytest.approx(t, abs=10**-digits)
+    assert record.u.size == 500 and record.sampling_time == pytest.approx(t[1], rel=2e-3)
+    assert f"given to {10**-digits:g} s only" in " ".join(record.remarks)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_resampled_records_keep_the_dynamics(seed):
+    """A drifting clock with jitter, a lag of 30 samples: closed form at the even times."""
+    rng = np.random.default_rng(seed)
+    t = np.cumsum(1 + 0.2 * rng.random(400))
+    step = t[50]
+
+    def y(at):
+        return np.where(at > step, 1 - np.exp(-(at - step) / 30), 0.0)
+
+    record = checked_record(t, (t >= step) * 1.0, y(t))
+    assert record.y == pytest.approx(y(record.t), abs=0.02)
+    area = np.sum(record.u) * record.sampling_time
+    assert area == pytest.approx(record.t[-1] + record.sampling_time - step, rel=1e-9)
+    assert "resampled to one sample every" in " ".join(record.remarks + record.notes)
+
+
+@pytest.mark.parametrize("quantum", [0.0907, 0.0129, 0.0634])
+def test_a_coarse_sensor_with_printed_decimals_is_not_taken_for_cut_off(quantum):
+    t = np.arange(400.0)
+    drift = 1.2 * np.exp(-t / 10)
+    y = 3000 * (1 - np.exp(-np.maximum(t - 61, 0) / 9000)) + drift
+    printed = np.round(quantum * np.round(220 + y), 3)
+    assert len(set(np.diff(printed).round(6)) - {0.0}) > 2  # one step, printed in several ways
+    assert checked_record(t, (t > 60) * 50.0, printed).free.all()
