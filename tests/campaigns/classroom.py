@@ -86,7 +86,7 @@ def filled(sheet: Sheet, kind: str, k: int) -> tuple[Any, Earned]:
         known = this.problem.misconceptions
         if kind == "mistake" and known:
             number = k % len(known)
-            cell.source = mistake(this, number)
+            cell.source = mistake(this, number, 101 + k)
             most = 1.0 if this.problem.parts else known[number].marks
             share[this.id] = known[number].marks, most
         elif kind == "hostile" and k // len(KINDS) % 2:
