@@ -20,7 +20,7 @@ import numpy as np
 
 from ...diagram import DelayedTransferFunction, LowPassFilter
 from ...loop import NRDOB
-from ..exercises.reading import UNORDERED
+from ..exercises.reading import UNORDERED, coefficients
 
 __all__ = ["LONGEST", "MIME", "Foreign", "decode", "encode", "packed", "tell"]
 
@@ -98,6 +98,7 @@ def _other(value: Any) -> Any:
             pass
     if isinstance(value, complex):
         return {"complex": [value.real, value.imag]}
+    value = coefficients(value)  # of a polynomial of SymPy's
     if isinstance(value, Iterable) and not isinstance(value, UNORDERED):
         return {"list": [encode(each) for each in value]}  # map, zip, dict.values()
     try:
