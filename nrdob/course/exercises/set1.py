@@ -437,7 +437,13 @@ def draw_sensitivity(rng: np.random.Generator) -> tuple[SensitivityCase, NRDOB]:
 def _sensitivity_case(rng: np.random.Generator) -> SensitivityCase:
     def fits(drawn: tuple[SensitivityCase, NRDOB]) -> bool:
         case, loop = drawn
-        return apart(*gain_readings(case).values(), by=0.3) and loop.stability().stable is True
+        found = gain_readings(case)
+        units = [found.pop(unit) for unit in ("hertz", "decibels")]
+        return (
+            apart(*found.values(), by=0.3)
+            and all(apart(unit, other, by=0.13) for unit in units for other in found.values())
+            and loop.stability().stable is True
+        )
 
     return first_fitting(lambda: draw_sensitivity(rng), fits)[0]
 
@@ -454,6 +460,7 @@ def gain_readings(case: SensitivityCase) -> dict[str, float]:
         "order": gain * ratio / case.order,
         "ratio": ratio,
         "hertz": gain * ratio / (2 * pi),
+        "decibels": 20 * log10(gain * ratio),
     }
 
 
@@ -525,7 +532,7 @@ READING = Problem(
             "decibels",
             "This is the plant's gain in decibels, 20 lg G(0). Asked for is the gain itself, as a "
             "factor: 10^(dB/20).",
-            lambda case: 20 * log10(gain_readings(case)["right"]),
+            lambda case: gain_readings(case)["decibels"],
             lambda got: 10 ** (got / 20),
             _gain_lacks,
             0.75,
