@@ -28,7 +28,7 @@ sys.path.append(str(Path(__file__).resolve().parents[1]))  # where the tests fin
 
 from exported import CLASS, Sent, canvas, moment_of, moodle, plan, read_canvas, read_moodle, table
 from handin import DISASTERS, FORGERIES, HARMFUL, SPYING, answer_cell, cell_of, mistake, solution
-from nrdob.course.grading import command, marks
+from nrdob.course.grading import command, marks, written
 from problemsets import SOURCE, Posed, cells, nbgrader, posed
 
 BROKEN = 9
@@ -143,7 +143,7 @@ def campaign(name: str, platform: str, place: Path) -> Counter[str]:
     answers = table(target / "written.csv")
     for row in answers:
         row["points"] = row["of"]
-    marks.write_table(target / "written.csv", list(marks.WRITTEN), answers)
+    marks.write_table(target / "written.csv", list(written.WRITTEN), answers)
     with clock("feedback after marking"):
         command.report(target, course)
     rows = {row["student"]: row for row in table(target / "grades.csv")}

@@ -17,7 +17,7 @@ import pytest
 from exported import CLASS, Sent, canvas, moment_of, moodle, plan, read_canvas, read_moodle, table
 from handin import KNOWN, NAME, POINTS, handed, tiny, write
 from nrdob.course.grading import command as exercises
-from nrdob.course.grading import marks, platforms, submissions
+from nrdob.course.grading import marks, platforms, submissions, written
 from nrdob.course.grading.batch import Batch, Outcome
 from nrdob.course.grading.roster import Course, Student, read_course, spellings
 
@@ -295,10 +295,10 @@ def test_sixty_exported_graded_and_brought_back(
     assert f"Points so far before the rule: {checked:g} of {sum(POINTS.values()):g}" in late
 
     # Nothing is final before the answers in words are marked.
-    written = table(target / "written.csv")
-    for row in written:
+    answers = table(target / "written.csv")
+    for row in answers:
         row["points"] = row["of"]
-    marks.write_table(target / "written.csv", list(marks.WRITTEN), written)
+    marks.write_table(target / "written.csv", list(written.WRITTEN), answers)
     monkeypatch.setattr(exercises, "write_feedback", lambda *any: None)
     name = f"moodle_{NAME}.csv" if platform is moodle else "canvas.csv"
     column = "Grade" if platform is moodle else NAME

@@ -561,8 +561,9 @@ def _text(value: Any) -> str:
         inside = ", ".join(map(_text, value))
         return f"[{inside}]" if isinstance(value, list) else f"({inside})"
     if isinstance(value, float | complex | np.number):
-        whole = np.isreal(value) and float(value.real).is_integer() and abs(value) < 1e6
-        return str(int(value.real)) if whole else f"{value:.4g}"
+        plain = complex(value)
+        whole = plain.imag == 0 and plain.real.is_integer() and abs(plain) < 1e6
+        return f"{int(plain.real)}" if whole else f"{value:.4g}"
     return str(value)
 
 

@@ -1,9 +1,9 @@
 """Read what students give: numbers, polynomials, transfer functions and filters in any dress.
 
 One reader for all problems, so that a right answer is never refused for how it is written: as a
-list, an array, a text or a dictionary, ``[x]`` or ``x``, "0,173", a complex number without imaginary
-part, an object of python-control, or a polynomial of NumPy's or SymPy's. What cannot be read is
-refused with a word of advice.
+list, an array, a text or a dictionary, ``[x]`` or ``x``, "0,173", a complex number without
+imaginary part, an object of python-control, or a polynomial of NumPy's or SymPy's. What cannot be
+read is refused with a word of advice.
 """
 
 from __future__ import annotations

@@ -689,8 +689,8 @@ TWIN = Problem(
         lacking(
             "unusable",
             "a filter that is unstable",
-            "K is the same, but F' is unstable, so this observer cannot be built: a negative c does "
-            "that for every order, a large one from order 3 on. Look at the roots of "
+            "K is the same, but F' is unstable, so this observer cannot be built. A negative c "
+            "does that for every order, a large one from order 3 on. Look at the roots of "
             "(λs + 1)^n + c - 1, and choose a c for which all are on the left.",
             example=lambda case: (-2.0, [-2.0], np.polyadd(case.loop.filter.den, [-3.0])),
             marks=0.25,

@@ -12,12 +12,12 @@ import shutil
 import time
 import zipfile
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from os import utime
 from pathlib import Path, PurePosixPath
 
-__all__ = ["Owner", "owner_of", "packed", "unpacked"]
+__all__ = ["Owner", "owner_of", "pack", "packed", "unpacked"]
 
 MOODLE = re.compile(
     r"(?P<name>.+)_(?P<identifier>\d+)_assignsubmission_(?P<kind>[a-z]+)(?:_(?P<file>.*))?$"
@@ -162,7 +162,8 @@ def _unzip(archive: Path, place: Path, students: bool) -> Iterator[str]:
                     if entry.filename in done:
                         raise ValueError("one of this name was there before")
                     done.add(entry.filename)
-                    if any((place / step).is_symlink() for step in (".", path, *path.parents)):
+                    steps = (place, *(place / step for step in (path, *path.parents)))
+                    if any(step.is_symlink() for step in steps):
                         raise ValueError("a link stands in its way")
                     _extract(packed, entry, place / path, moment)
                 except BROKEN as error:
@@ -202,3 +203,13 @@ def _write(packed: zipfile.ZipFile, entry: zipfile.ZipInfo, target: Path) -> Non
             if left < 0:
                 raise ValueError("it is larger than it says")
             file.write(chunk)
+
+
+def pack(path: Path, files: Mapping[str, Path]) -> None:
+    """Write an archive of files, each under a name; the same files give the same bytes."""
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as packed:
+        for name, file in sorted(files.items()):
+            entry = zipfile.ZipInfo(name)
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            entry.external_attr = 0o644 << 16
+            packed.writestr(entry, file.read_bytes())

@@ -32,11 +32,8 @@ __all__ = ["NOTHING", "Submission", "find", "group_of", "read", "repair"]
 Notebook = Any
 Cell = Any
 
-LARGEST = 200e6
-"""Bytes; a larger file is not opened."""
-
-LONGEST_CELL = 100_000
-"""Letters; what is longer nobody reads."""
+LARGEST, LONGEST_CELL = 200e6, 100_000
+"""Bytes of a file that is opened, and letters of a cell that is read."""
 
 NEW_CELL: dict[str, Any] = {
     "code": new_code_cell,
@@ -152,11 +149,8 @@ def _on_the_roster(
         if course.students and not known:
             namesakes = course.namesakes(submission.owner.student or submission.student)
             unclear += namesakes
-            submission.remarks.append(
-                f"the roster has {len(namesakes)} of this name, and none with this number"
-                if namesakes
-                else "not on the roster"
-            )
+            told = f"the roster has {len(namesakes)} of this name, and none with this number"
+            submission.remarks.append(told if namesakes else "not on the roster")
     return [
         Submission(course.called(student), name, reason=UNCLEAR if student in unclear else NOTHING)
         for student in course.students
@@ -220,10 +214,8 @@ def _candidate(
 ) -> _Candidate:
     shown = path.relative_to(folder).as_posix()
     if path.is_symlink():
-        number = SET_IN_NAME.search(path.name)
-        named = f"set{number[1]}" if number else ""
-        problem = f"{shown}: {LINK}"
-        return _Candidate(owner, path, name, shown, None, problem, named if named in sets else "")
+        named = _named_set(path.name, sets)
+        return _Candidate(owner, path, name, shown, None, f"{shown}: {LINK}", named)
     if owner.text:
         problem = "a text was typed into the platform, and no notebook handed in"
         return _Candidate(owner, path, "", shown, None, problem, "")
@@ -236,10 +228,14 @@ def _candidate(
     notebook, problem = read(path)
     if owner.student == path.name:
         problem = problem or "the name of the file does not say whose it is"
-    number = SET_IN_NAME.search(name) or SET_IN_NAME.search(path.parent.name)
-    named = f"set{number[1]}" if number else ""
-    found = set_of(notebook, sets) or (named if named in sets else "")
+    named = _named_set(name, sets) or _named_set(path.parent.name, sets)
+    found = set_of(notebook, sets) or named
     return _Candidate(owner, path, name, shown, notebook, problem, found)
+
+
+def _named_set(name: str, sets: Mapping[str, Notebook]) -> str:
+    number = SET_IN_NAME.search(name)
+    return f"set{number[1]}" if number and f"set{number[1]}" in sets else ""
 
 
 def _no_set(found: _Candidate) -> str:
