@@ -34,7 +34,9 @@ body { max-width: 60rem; margin: auto; padding: 0 1rem 4rem; font: 1rem/1.5 sans
 header { position: sticky; top: 0; background: Canvas; border-bottom: 1px solid; padding: .5rem 0; }
 article { border-top: 1px solid; padding: .5rem 0 1rem; }
 img { max-width: 100%; }
-input { width: 5rem; font: inherit; } textarea { width: 100%; font: inherit; }
+input { width: 5rem; font: inherit; }
+textarea { width: 100%; font: inherit; box-sizing: border-box; }
+.anchor-link { display: none; }
 details { background: color-mix(in srgb, CanvasText 6%, Canvas); padding: .3rem 1rem; }
 .bad { outline: 3px solid #c33; } .done h3::after { content: " ✓"; }
 """
@@ -44,6 +46,7 @@ const all = [...document.querySelectorAll("article")];
 const field = (a, name) => a.querySelector(`[name=${name}]`);
 const key = a => ["nrdob", document.body.dataset.key, a.dataset.set, a.dataset.problem,
                   a.dataset.code].join("/");
+const written = a => field(a, "points").defaultValue + "/" + field(a, "comment").defaultValue;
 let unsaved = false;
 function look() {
   let done = 0, bad = 0;
@@ -61,8 +64,8 @@ function look() {
 }
 function keep(a) {
   unsaved = true;
-  try { localStorage.setItem(key(a), JSON.stringify([field(a, "points").value,
-                                                     field(a, "comment").value])); } catch {}
+  const kept = ["points", "comment"].map(name => field(a, name).value);
+  try { localStorage.setItem(key(a), JSON.stringify([...kept, written(a)])); } catch {}
 }
 function download() {
   const quoted = text => '"' + text.replaceAll('"', '""') + '"';
@@ -79,7 +82,10 @@ function download() {
 for (const a of all) {
   try {
     const kept = JSON.parse(localStorage.getItem(key(a)) || "null");
-    if (kept) { field(a, "points").value = kept[0]; field(a, "comment").value = kept[1]; }
+    if (kept && kept[2] === written(a)) {  // else the grading has gone on since
+      field(a, "points").value = kept[0];
+      field(a, "comment").value = kept[1];
+    }
   } catch {}
   a.addEventListener("input", () => { keep(a); look(); });
 }
