@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import re
 import textwrap
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from html import escape
 from math import inf, nan
@@ -126,8 +126,15 @@ class Stability:
         """Whether the loop is stable; ValueError if that cannot be told."""
         return _known(self.stable, self.reason)
 
-    def certificate(self) -> Certificate:
+    def certificate(self, processes: Sequence[Any] = ()) -> Certificate:
         """Prove the counts of roots, for a checker that shares no code with this package.
+
+        Parameters
+        ----------
+        processes : sequence of blocks
+            Other processes with the same dead time, for which it is proved, too, and for every
+            convex combination of their numerators and denominators: ``[0.5 * G, 2 * G]`` stands
+            for every gain between the two.
 
         Returns
         -------
@@ -140,7 +147,7 @@ class Stability:
             If there is none; the message says why.
         """
         counts = self.model_loop.closed_loop_rhp, self.observer_loop.closed_loop_rhp
-        return certify(self.loop, counts)
+        return certify(self.loop, counts, processes)
 
     @property
     def _verdict(self) -> str:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
-from fractions import Fraction
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction as Ratio
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from ..diagram import LoopEquations
+from ..diagram import Fraction, LoopEquations
 from ..numerics import FloatArray, QuasiPolynomial
 from .checker import check
 from .points import half_plane_points
@@ -24,10 +25,11 @@ class Certificate:
     Attributes
     ----------
     content : dict
-        What is written as JSON: `blocks` with numerators, denominators and dead times in exact
-        fractions; `cancelled`, what cancels inside the blocks F/Gm (`zeros`) and (1 - F)·Gm
-        (`poles`); `claim`, the number of roots of D_F, p_A and p_B in the right half plane;
-        `points` of the imaginary axis in rad/s, between which each function keeps to a half plane.
+        What is written as JSON: `blocks`, of which there may be several processes, with
+        numerators, denominators and dead times in exact fractions; `cancelled`, what cancels inside
+        the blocks F/Gm (`zeros`) and (1 - F)·Gm (`poles`); `claim`, the number of roots of D_F, p_A
+        and p_B in the right half plane; `points` of the imaginary axis in rad/s, between which each
+        function keeps to a half plane.
     proved : str
         What the checker says.
     """
@@ -52,7 +54,9 @@ class Certificate:
         Path(path).write_text(json.dumps(self.content, indent=1) + "\n", encoding="utf-8")
 
 
-def certify(loop: LoopEquations, counts: tuple[float | None, float | None]) -> Certificate:
+def certify(
+    loop: LoopEquations, counts: tuple[float | None, float | None], processes: Sequence[Any] = ()
+) -> Certificate:
     """Find the points that prove a verdict, and have them checked.
 
     Parameters
@@ -61,6 +65,10 @@ def certify(loop: LoopEquations, counts: tuple[float | None, float | None]) -> C
         The four blocks.
     counts : tuple of two float
         Roots of p_A and p_B in the right half plane.
+    processes : sequence of blocks
+        Other processes with the dead time of the loop's own. What is proved then holds for every
+        convex combination of their numerators and denominators, as they are given, with its own:
+        for ``[0.5 * G, 2 * G]`` at every gain between the two.
 
     Returns
     -------
@@ -84,27 +92,27 @@ def certify(loop: LoopEquations, counts: tuple[float | None, float | None]) -> C
     if reason := loop.ill_posed:
         raise ArithmeticError(f"no certificate: {reason}")
     built, fractions = loop.built, loop.fractions
+    every = [loop, *(replace(loop, process=process) for process in processes)]
     power = built.poles.degree if loop.model_delay else 0
-    F = QuasiPolynomial(fractions.F.den)
-    functions = {"D_F": F, "p_A": loop.p_A, "p_B": loop.p_B.lifted(power)}
+    functions = {
+        "D_F": ([QuasiPolynomial(fractions.F.den)], 0),
+        "p_A": ([loop.p_A], 0),
+        "p_B": ([each.p_B.lifted(power) for each in every], power),
+    }
     points = {}
-    for name, p in functions.items():
+    for name, (found, order) in functions.items():
         try:
-            points[name] = half_plane_points(p.terms, power if name == "p_B" else 0)
+            points[name] = half_plane_points([p.terms for p in found], order)
         except ArithmeticError as error:
             raise ArithmeticError(f"no certificate for {name}: {error}") from error
-    delays = {"process": loop.delay, "model": loop.model_delay}
     content = {
         "format": "nrdob certificate",
         "version": 1,
         "blocks": {
-            name: {
-                "num": _exact(block.num), "den": _exact(block.den),
-                "delay": str(Fraction(delays.get(name, 0.0))),
-            }
-            for name, block in zip(
-                ("process", "model", "controller", "filter"), fractions, strict=True
-            )
+            "process": [_block(each.fractions.G, each.delay) for each in every],
+            "model": _block(fractions.Gm, loop.model_delay),
+            "controller": _block(fractions.C),
+            "filter": _block(fractions.F),
         },
         "cancelled": {"zeros": _exact(built.zeros.q), "poles": _exact(built.poles.q)},
         "claim": {
@@ -112,12 +120,18 @@ def certify(loop: LoopEquations, counts: tuple[float | None, float | None]) -> C
             for name, count in zip(functions, (0, *counts), strict=True)
         },
         "points": {name: _exact(found) for name, found in points.items()},
-    }  # fmt: skip
+    }
     try:
         return Certificate(content, check(content))
     except ValueError as error:
         raise ArithmeticError(f"no certificate: {error}") from error
 
 
+def _block(fraction: Fraction, delay: float = 0.0) -> dict[str, Any]:
+    return {
+        "num": _exact(fraction.num), "den": _exact(fraction.den), "delay": str(Ratio(delay)),
+    }  # fmt: skip
+
+
 def _exact(values: FloatArray) -> list[str]:
-    return [str(Fraction(value)) for value in values.tolist()]
+    return [str(Ratio(value)) for value in values.tolist()]

@@ -3,7 +3,8 @@
 From the blocks it builds in exact fractions D_F, the filter's denominator, p_A = Dm Dc + Nm Nc and
 p_B = D Nm (Df - Nf exp(-θm s)) + N Dm Nf exp(-θ s), less what cancels inside its blocks. Between
 two points of the imaginary axis f(jω) stays in an open half plane, by Taylor's formula; beyond the
-last one the leading term dominates. So no root is on the axis, and how often f turns counts Z.
+last one the leading term dominates. So no root is on the axis, and how often f turns counts Z. What
+holds for several processes in the same half planes holds for their convex combinations.
 """
 
 import json
@@ -35,7 +36,8 @@ def check(certificate: Any) -> str:
     Returns
     -------
     str
-        How many roots of each function are in the right half plane.
+        How many roots of each function are in the right half plane; of several processes, for
+        every convex combination of their numerators and denominators.
 
     Raises
     ------
@@ -44,14 +46,19 @@ def check(certificate: Any) -> str:
     """
     parts = members(certificate, "format version blocks cancelled claim points")
     need(parts[:2] == ["nrdob certificate", 1], f"format and version are {parts[:2]}")
-    functions, cancelled, uneven = build(*parts[2:4])
+    blocks = members(parts[2], "process model controller filter")
+    need(isinstance(blocks[0], list) and 0 < len(blocks[0]) <= 64, "give a list of processes")
+    built = [build([process, *blocks[1:]], parts[3]) for process in blocks[0]]
+    functions, cancelled, uneven = built[0]
     claims, points = (members(part, " ".join(functions)) for part in parts[4:])
-    for (name, f), claim, given in zip(functions.items(), claims, points, strict=True):
-        found = rhp_count(name, *f, read(given, "points"))
+    for (name, (f, power)), claim, given in zip(functions.items(), claims, points, strict=True):
+        every = [f, *(other[name][0] for other, *_ in built if other[name][0] != f)]
+        found = rhp_count(name, every, power, read(given, "points"))
         need(str(found) == f"{claim!r}", f"{name} has {found} such roots, not {claim!r:.60}")
     counts = ", ".join(f"{name} {n}" for name, n in zip(functions, claims, strict=True))
     rest = f"; {cancelled} cancel inside its blocks, to {float(uneven):.0e}" if cancelled else ""
     verdict = "unstable" if any(claims) else "internally stable"
+    verdict += f" for all processes between {len(built)}" if len(built) > 1 else ""
     return f"Proved: the loop is {verdict}. Roots with Re s >= 0: {counts}{rest}."
 
 
@@ -77,10 +84,9 @@ def read(given: Any, kind: str = "coefficients") -> Poly:
     return [Fraction(c) for c in given]
 
 
-def build(blocks: Any, inside: Any) -> tuple[dict[str, tuple[Terms, int]], int, Fraction]:
+def build(blocks: list[Any], inside: Any) -> tuple[dict[str, tuple[Terms, int]], int, Fraction]:
     """Build the functions, each with the power of s divided out; what cancels, and how well."""
-    four = members(blocks, "process model controller filter")
-    given = [members(block, "num den delay") for block in four]
+    given = [members(block, "num den delay") for block in blocks]
     fractions = [(read(num), read(den)) for num, den, _ in given]
     (N, D), (Nm, Dm), (Nc, Dc), (Nf, Df) = fractions
     delay, model_delay, *others = read([delay for *_, delay in given], "points")
@@ -106,42 +112,54 @@ def build(blocks: Any, inside: Any) -> tuple[dict[str, tuple[Terms, int]], int, 
     return functions, len(zeros) + len(poles) - 2, max(error, other)
 
 
-def rhp_count(name: str, f: Terms, power: int, points: Poly) -> int:
+def rhp_count(name: str, functions: list[Terms], power: int, points: Poly) -> int:
     """Count the roots of f(s)/s^power in the right half plane, from the half planes of f(jω)."""
-    p, n, last, steps = f[ZERO], len(f[ZERO]) - 1, points[-1], list(pairwise(points))
-    need(points[0] == 0 and bool(steps) and all(a < b for a, b in steps), f"points of {name}")
-    rest = size({t: q[1:] if q is p else q for t, q in f.items()}, last)
-    need(abs(p[0]) * last**n > rest, f"the leading term of {name} does not dominate beyond {last}")
-    at_zero = [[q[-1] for q in derivative(f, k).values() if q] for k in range(power + 1)]
-    *zeros, first = (sum(values, ZERO) for values in at_zero)
-    need(not any(zeros) and first != 0, f"{name} has another number of roots at s = 0 than said")
-    directions = [SECTORS[(2 * power + 4 * (first < 0)) % 8]]
-    if power:
-        rise = size(derivative(f, power + 1), points[1]) * points[1] / (power + 1)
+    steps, last, ends = list(pairwise(points)), points[-1], []
+    need(points[0] == 0 and all(a < b for a, b in steps), f"points of {name} do not increase")
+    for f in functions:
+        p, n = f[ZERO], len(f[ZERO]) - 1
+        rest = size({t: q[1:] if q is p else q for t, q in f.items()}, last)
+        need(abs(p[0]) * last**n > rest, f"the leading term of {name} does not dominate in the end")
+        at_zero = [[q[-1] for q in derivative(f, k).values() if q] for k in range(power + 1)]
+        *zeros, first = (sum(values, ZERO) for values in at_zero)
+        need(not any(zeros) and first != 0, f"{name} has not as many roots at s = 0 as said")
+        rise = size(derivative(f, power + 1), points[1]) * points[1] / (power + 1) if power else 0
         need(rise < abs(first), f"{name} is not proved to keep its first direction")
-    change, bend = derivative(f, 1), derivative(f, 2)
+        ends.append((n, list(f), first > 0, p[0] > 0))
+    need(all(end == ends[0] for end in ends), f"{name} changes degree, delay or sign")
+    directions = [SECTORS[(2 * power + 4 * (first < 0)) % 8]]
+    orders = [[derivative(f, k) for k in range(3)] for f in functions]
     for a, b in steps[power > 0 :]:
-        c = half_plane(f, change, (b - a) / 2, (a + b) / 2, size(bend, b))
-        need(any(c), f"{name} is not proved to stay in a half plane on [{float(a)}, {float(b)}]")
-        directions.append(c)
+        directions.append(half_plane(orders, a, b))
+        need(any(directions[-1]), f"{name} is not proved to keep to a half plane at {float(a)}")
     directions.append(SECTORS[(2 * n + 4 * (p[0] < 0)) % 8])
     # Mikhailov: f turns by n - power - 2 Z quarters of a revolution, from ω = 0 to infinity.
     return (2 * (n - power) - sum(turn(c, d) for c, d in pairwise(directions))) // 4
 
 
-def half_plane(f: Terms, change: Terms, r: Fraction, w: Fraction, bend: Fraction) -> Any:
-    """Give c with Re(conj(c) f) > 0 from j(w - r) to j(w + r), by Taylor's formula; or (0, 0)."""
-    value, slope, slack = [ZERO, ZERO], [ZERO, ZERO], r * r * bend / 2
-    for t, q in f.items():
-        cosine, sine, error = cosine_sine(t * w)
-        for place, p, reach in ((value, q, 1), (slope, change[t], r)):
-            x, y = on_axis(p, w)
-            place[0] += x * cosine + y * sine
-            place[1] += y * cosine - x * sine
-            slack += 2 * error * reach * (abs(x) + abs(y))
-    c, d = (round(part / (max(map(abs, value)) or 1) * 2**30) for part in value)
-    clear = c * value[0] + d * value[1] - r * abs(d * slope[0] - c * slope[1])  # of j f'(jω)
-    return (c, d) if clear > (isqrt(c * c + d * d) + 1) * slack else (0, 0)
+def half_plane(orders: list[list[Terms]], a: Fraction, b: Fraction) -> tuple[int, int]:
+    """Give c with Re(conj(c) f) > 0 from ja to jb for every f, by Taylor's formula; or (0, 0)."""
+    w, r, found, units = (a + b) / 2, (b - a) / 2, [], []
+    for f, change, bend in orders:
+        value, slope, slack = [ZERO, ZERO], [ZERO, ZERO], r * r * size(bend, b) / 2
+        for t, q in f.items():
+            cosine, sine, error = cosine_sine(t * w)
+            for place, p, reach in ((value, q, 1), (slope, change[t], r)):
+                x, y = on_axis(p, w)
+                place[0] += x * cosine + y * sine
+                place[1] += y * cosine - x * sine
+                slack += 2 * error * reach * (abs(x) + abs(y))
+        u, v = (round(part / (max(map(abs, value)) or 1) * 2**30) for part in value)
+        units.append([part * 2**30 // (isqrt(u * u + v * v) or 1) for part in (u, v)])
+        found.append((value, slope, slack))
+    pairs = ((p, q) for i, p in enumerate(units) for q in units[i:])
+    first, second = min(pairs, key=lambda z: z[0][0] * z[1][0] + z[0][1] * z[1][1])
+    c, d = first[0] + second[0], first[1] + second[1]  # between the two furthest apart
+    for value, slope, slack in found:  # along the axis f changes by j f'(jω)
+        clear = c * value[0] + d * value[1] - r * abs(d * slope[0] - c * slope[1])
+        if clear <= (isqrt(c * c + d * d) + 1) * slack:
+            return 0, 0
+    return c, d
 
 
 def turn(c: Any, d: Any) -> int:

@@ -2,18 +2,20 @@
 
 With u the direction of f(jm), m the middle between two points a and b, r half their distance ::
 
-    |f(jm)| > r |Re(conj(u) j f'(jm))| + r²/2 max|f''|
+    Re(conj(u) f(jm)) > r |Re(conj(u) j f'(jm))| + r²/2 max|f''|
 
-keeps f(jω) to the half plane around u from a to b, by Taylor's formula; what fails is halved. This
-is computed in floating point, for all pieces at once and with some slack; the proof is the
-checker's.
+keeps f(jω) to the half plane around u from a to b, by Taylor's formula; what fails is halved. With
+several functions u is the middle of their directions. This is computed in floating point, for all
+pieces at once and with some slack; the proof is the checker's.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from ..numerics import BoolArray, FloatArray, Term, add
+from ..numerics import BoolArray, ComplexArray, FloatArray, Term, add
 
 __all__ = ["half_plane_points"]
 
@@ -28,14 +30,14 @@ OCTAVES = np.arange(-400.0, 400.0)
 Terms = tuple[Term, ...]
 
 
-def half_plane_points(terms: Terms, power: int = 0) -> FloatArray:
-    """Find points of the imaginary axis that prove how often a function turns around 0.
+def half_plane_points(functions: Sequence[Terms], power: int = 0) -> FloatArray:
+    """Find points of the imaginary axis that prove how often functions turn around 0.
 
     Parameters
     ----------
-    terms : tuple of Term
-        Polynomials in descending powers of s with their dead times in seconds, first the one
-        without a dead time.
+    functions : sequence of tuple of Term
+        Of each the polynomials in descending powers of s with their dead times in seconds, first
+        the one without a dead time.
     power : int
         Roots at s = 0, which are divided out.
 
@@ -53,22 +55,29 @@ def half_plane_points(terms: Terms, power: int = 0) -> FloatArray:
     Examples
     --------
     >>> import numpy as np
-    >>> half_plane_points((Term(np.array([1.0, 2.0, 2.0]), 0.0),)).tolist()     # s² + 2s + 2
+    >>> half_plane_points([(Term(np.array([1.0, 2.0, 2.0]), 0.0),)]).tolist()   # s² + 2s + 2
     [0.0, 2.0, 4.0]
     """
-    last = _last(terms)
-    scaled = tuple(Term(q * last ** np.arange(q.size)[::-1], T * last) for q, T in terms)
-    scaled = tuple(Term(q / np.abs(scaled[0].q[0]), T) for q, T in scaled)
-    ends = _pieces(scaled, _first(scaled, power), power)
+    last = max(map(_last, functions))
+    scaled = [_scaled(terms, last) for terms in functions]
+    ends = _pieces(scaled, min(_first(terms, power) for terms in scaled))
     return np.sort(ends) * last
 
 
-def _pieces(terms: Terms, first: float, power: int) -> FloatArray:
-    """Halve the octaves between `first` and 1 until f keeps to a half plane in each piece."""
+def _scaled(terms: Terms, frequency: float) -> Terms:
+    """Take a function over to another unit of frequency, with the leading coefficient ±1."""
+    lead = abs(terms[0].q[0]) * frequency ** (terms[0].q.size - 1)
+    return tuple(
+        Term(q * frequency ** np.arange(q.size)[::-1] / lead, T * frequency) for q, T in terms
+    )
+
+
+def _pieces(functions: Sequence[Terms], first: float) -> FloatArray:
+    """Halve the octaves between `first` and 1 until each piece has its half plane."""
     high = first * 2.0 ** np.arange(1, 1 - np.log2(first))
     low, done = high / 2, np.array([0.0, first])
     while low.size:
-        held = _keeps_to_half_plane(terms, low, high)
+        held = _keep_to_half_plane(functions, low, high)
         done = np.append(done, high[held])
         low, high = low[~held], high[~held]
         middle = (low + high) / 2
@@ -80,10 +89,30 @@ def _pieces(terms: Terms, first: float, power: int) -> FloatArray:
     return done
 
 
-def _keeps_to_half_plane(terms: Terms, low: FloatArray, high: FloatArray) -> BoolArray:
+def _keep_to_half_plane(functions: Sequence[Terms], low: FloatArray, high: FloatArray) -> BoolArray:
+    found = [_around(terms, low, high) for terms in functions]
+    first, *_ = (value for value, *_ in found)
+    angles = np.array([np.angle(value * np.conj(first)) for value, *_ in found])
+    middle = (angles.min(axis=0) + angles.max(axis=0)) / 2
+    u = np.exp(1j * (np.angle(first) + middle))
+    held = np.all(
+        [
+            (np.conj(u) * value).real - np.abs((np.conj(u) * change).real) * SLACK > SLACK * rest
+            for value, change, rest in found
+        ],
+        axis=0,
+    )
+    return np.asarray(held)
+
+
+def _around(
+    terms: Terms, low: FloatArray, high: FloatArray
+) -> tuple[ComplexArray, ComplexArray, FloatArray]:
+    """Give f in the middle, its change up to the end, and a bound on the rest with rounding."""
     middle, reach = (low + high) / 2, (high - low) / 2
     s = 1j * middle
-    value, slope = np.zeros_like(s), np.zeros_like(s)
+    value: ComplexArray = np.zeros_like(s)
+    slope: ComplexArray = np.zeros_like(s)
     bend, rounding = np.zeros_like(high), np.zeros_like(high)
     for q, delay in terms:
         delayed = np.exp(-delay * s)
@@ -92,12 +121,7 @@ def _keeps_to_half_plane(terms: Terms, low: FloatArray, high: FloatArray) -> Boo
         slope += np.polyval(once, s) * 1j * delayed
         bend += np.polyval(np.abs(twice), high)
         rounding += np.polyval(np.abs(q), middle) * (q.size + delay * middle)
-    size = np.abs(value)
-    along = np.abs((np.conj(value) * slope).real)
-    rounded = 4 * float(np.finfo(float).eps) * rounding
-    return np.asarray(
-        size * (size - SLACK * (reach**2 / 2 * bend + rounded)) > SLACK * reach * along
-    )
+    return value, reach * slope, reach**2 / 2 * bend + 4 * float(np.finfo(float).eps) * rounding
 
 
 def _last(terms: Terms) -> float:
@@ -127,7 +151,7 @@ def _first(terms: Terms, power: int) -> float:
             bend += np.polyval(np.abs(beyond), high)
         held = abs(known) > SLACK * high * bend / (power + 1)
     else:
-        held = _keeps_to_half_plane(terms, np.zeros_like(high), high)
+        held = _keep_to_half_plane([terms], np.zeros_like(high), high)
     if not held.any():
         raise ArithmeticError("a root is at s = 0, or too close to it")
     return float(high[np.argmax(held)])

@@ -101,6 +101,31 @@ def test_stiff_loops_are_proved_with_few_points(spread):
     assert max(map(len, certificate.content["points"].values())) < 300
 
 
+def test_a_gain_interval_is_proved_up_to_its_end():
+    loop = example(4)
+    low, high = 0.01, loop.margins().plant_loop.gm_high
+    assert high == pytest.approx(3.7121, abs=1e-4)
+    for share in (0.5, 0.9, 0.999):
+        certificate = loop.stability().certificate(
+            [low * loop.process, share * high * loop.process]
+        )
+        assert "for all processes between 3" in str(certificate)
+    with pytest.raises(ArithmeticError, match="no certificate for p_B"):
+        loop.stability().certificate([1.001 * high * loop.process])
+
+
+def test_a_box_of_coefficients_is_proved_by_its_vertices():
+    F = LowPassFilter(1.0, 1)
+    loop = nrdob.NRDOB(ct.tf([1], [1, 1]), ct.tf([1], [1, 1]), ct.tf([1], [1, 0]), F)
+    corners = [ct.tf([k], [lag, 1]) for k in (0.5, 2.0) for lag in (0.5, 2.0)]
+    certificate = loop.stability().certificate(corners)
+    assert certificate.content["claim"] == {"D_F": 0, "p_A": 0, "p_B": 0}
+    with pytest.raises(ArithmeticError, match="no certificate"):
+        loop.stability().certificate([ct.tf([-0.5], [1, 1])])
+    with pytest.raises(ArithmeticError, match="no certificate"):
+        loop.stability().certificate([nrdob.delay(0.1) * ct.tf([1], [1, 1])])
+
+
 def test_a_root_on_the_axis_has_no_certificate():
     loop = nrdob.NRDOB(ct.tf([1], [1, 1]), ct.tf([1], [1, 0, 0]), 1.0, LowPassFilter(0.1, 2))
     with pytest.raises(ArithmeticError, match=r"no certificate for p_A: .*imaginary axis"):
@@ -109,7 +134,7 @@ def test_a_root_on_the_axis_has_no_certificate():
 
 def test_points_of_a_quadratic_by_hand():
     # |f|² = (2 - ω²)² + 4ω² = 4 + ω⁴; at the last point ω² > 2ω + 2.
-    points = half_plane_points((Term(np.array([1.0, 2.0, 2.0]), 0.0),))
+    points = half_plane_points([(Term(np.array([1.0, 2.0, 2.0]), 0.0),)])
     assert points[0] == 0 and points[-1] ** 2 > 2 * points[-1] + 2
 
 
@@ -149,7 +174,7 @@ def tampered(content: Content) -> Iterator[tuple[str, Content]]:
         target = other
         *path, last = place.split(".")
         for key in path:
-            target = target[key]
+            target = target[int(key) if isinstance(target, list) else key]
         target[last] = value
         return other
 
@@ -167,7 +192,10 @@ def tampered(content: Content) -> Iterator[tuple[str, Content]]:
             ["-1", *points], [*points[:1], *points], dict.fromkeys(points),
         ):  # fmt: skip
             yield f"{name}, points {str(wrong)[:30]}", changed(place, wrong)
-    for block, parts in content["blocks"].items():
+    process = content["blocks"]["process"][0]
+    single = {**content["blocks"], "process.0": process}
+    del single["process"]
+    for block, parts in single.items():
         for part in ("num", "den"):
             place = f"blocks.{block}.{part}"
             turned = [str(-Fraction(c)) for c in parts[part]]
@@ -177,12 +205,13 @@ def tampered(content: Content) -> Iterator[tuple[str, Content]]:
         longer = [*parts["num"], *["0"] * len(parts["den"])]
         yield f"{block} improper", changed(f"blocks.{block}.num", longer)
         for delay in ("-1", "x", None, "5000"):
-            if block in ("process", "model") or delay != "0":
+            if block in ("process.0", "model") or delay != "0":
                 yield f"delay of {block} {delay}", changed(f"blocks.{block}.delay", delay)
-        yield (
-            f"without {block}",
-            changed("blocks", {k: v for k, v in content["blocks"].items() if k != block}),
-        )
+    for block in content["blocks"]:
+        others = {name: given for name, given in content["blocks"].items() if name != block}
+        yield f"without {block}", changed("blocks", others)
+    for wrong in ([], [process] * 100, process, [process, {**process, "delay": "1/10"}]):
+        yield f"{len(wrong)} processes, {str(wrong)[:9]}", changed("blocks.process", wrong)
     for part in ("zeros", "poles"):
         for wrong in (["1", "1"], ["1", "-1"], ["1", "0", "1"], ["0"], [], None, ["1"] * 9):
             yield f"cancelled {part} {wrong}", changed(f"cancelled.{part}", wrong)
@@ -192,8 +221,12 @@ def tampered(content: Content) -> Iterator[tuple[str, Content]]:
     yield "more keys", content | {"trust": True}
     yield "another version", changed("version", 2)
     for gain in (4, 8, 100):  # the gain may rise by 3.7121 in Example 4
-        num = [str(gain * Fraction(c)) for c in content["blocks"]["process"]["num"]]
-        yield f"gain times {gain}", changed("blocks.process.num", num)
+        num = [str(gain * Fraction(c)) for c in process["num"]]
+        yield f"gain times {gain}", changed("blocks.process.0.num", num)
+        yield (
+            f"up to gain times {gain}",
+            changed("blocks.process", [process, {**process, "num": num}]),
+        )
 
 
 TAMPERED = list(tampered(json.loads(json.dumps(example(4).stability().certificate().content))))
