@@ -151,9 +151,10 @@ def with_turns(locus: Locus, omega: FloatArray, *loops: Quotient) -> tuple[Float
         behind = omega[np.minimum(edges[1::2], omega.size - 1)]
         first, behind = np.maximum(first - turn, omega[0]), behind + turn
         last[k] = max(behind.max(), omega[-1] / 10**DECADES + turn)
-        for low, high in zip(first.tolist(), behind.tolist(), strict=True):
-            count = min(int(delay * (high - low) / RADIANS) + 1, MOST)
-            found.append(np.linspace(low, high, count + 1))
+        step = RADIANS / delay
+        for low, high in zip((first / step).tolist(), (behind / step).tolist(), strict=True):
+            k = np.arange(int(low), min(int(high) + 2, int(low) + MOST))
+            found.append(k[k > 0] * step)
     return reduce(np.union1d, found), last
 
 
@@ -223,7 +224,7 @@ def on_axis(factors: Iterable[QuasiPolynomial]) -> FloatArray:
     for factor in factors:
         roots = factor.roots
         found.append(roots.imag[factor.near_axis(roots) & (roots.imag > 0)])
-    return np.concatenate([np.empty(0, dtype=complex), *found])
+    return np.concatenate(found)
 
 
 def _segments(p: QuasiPolynomial) -> FloatArray:

@@ -173,15 +173,19 @@ class Locus:
         rows = np.empty((9, *log.shape))
         with np.errstate(all="ignore"):
             cosine, sine = np.cos(angle), np.sin(angle)
-            rows[COSINE] = cosine
-            inverse = np.exp(-np.clip(size, -300, 300)) * (cosine - 1j * sine)
-            away = slope / (1 + inverse)  # d log(1 + L) = L/(1 + L) d log L
-            rows[SIZE], rows[SIDE], rows[RETREAT] = size, sine, away.real
-            rows[DISK_RETREAT] = (2 * away * inverse / (inverse - 1)).real
+            # L or 1/L, whichever is not above 1.
+            large = size > 0
+            z = np.exp(-np.abs(size)) * (cosine + 1j * np.where(large, -sine, sine))
+            above, below = 1 + z, 1 - z
+            away = slope / above  # d log(1 + L) = L/(1 + L) d log L
+            turned = 2 * away * z / below
+            distance = np.log(np.abs(above))
+            rows[SIZE], rows[SIDE], rows[COSINE] = size, sine, cosine
+            rows[RETREAT] = np.where(large, away, away * z).real
+            rows[DISK_RETREAT] = np.where(large, -turned, turned).real
             rows[SIZE_SLOPE], rows[SIDE_SLOPE] = slope.real, cosine * slope.imag
-            distance = np.log(np.abs(1 + inverse))
-            rows[DISTANCE] = size + distance
-            rows[DISK] = distance - np.log(np.abs(1 - inverse))
+            rows[DISTANCE] = distance + np.where(large, size, 0.0)
+            rows[DISK] = distance - np.log(np.abs(below))
         return rows
 
     def reach(self, omega: FloatArray) -> FloatArray:
@@ -191,16 +195,18 @@ class Locus:
         ----------
         omega : (N,) array of float
             Frequencies in rad/s.
+
+        Returns
+        -------
+        (loops, N) array of float
+            The terms of a numerator with dead times are added by their sizes.
         """
-        p, _ = self._rows(omega)
-        count = self._signs.shape[1]
-        with np.errstate(all="ignore"):
-            largest = np.abs(p[:count])
-            if self._delayed.size:
-                np.add.at(largest, self._delayed, np.abs(p[count:]))
-            log, _ = self.log_and_slope(omega)
-            p, _ = self._factors(omega)
-            return np.asarray(log.real + self._above @ np.log(largest / np.abs(p)))
+        rows, count = np.abs(self._rows(omega)[0]), self._signs.shape[1]
+        size = np.abs(self._factors(omega)[0])
+        largest = rows[:count].copy()
+        np.add.at(largest, self._delayed, rows[count:])
+        more = np.log(np.maximum(largest, size) / size)
+        return self.log_and_slope(omega)[0].real + self._above @ more
 
     def log_and_slope(self, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:
         """Evaluate log L(jω) and its derivative with respect to log ω.
@@ -349,7 +355,8 @@ def _relevant(motion: FloatArray, brackets: Brackets, late: BoolArray) -> Bracke
     small = late[loop] & (largest + SLACK < np.fmin(floor, certain)[loop])
     kept = (row != SIDE) | (negative[0] | negative[1]) & ~small
     towards = motion[row, loop, low] < 0
-    near = towards & (_least(smallest, largest, row == DISK_RETREAT) < _known(motion)[row - 2, loop])
+    known = np.pad(_known(motion), ((RETREAT, 0), (0, 0)))
+    near = towards & (_least(smallest, largest, row == DISK_RETREAT) < known[row, loop])
     kept &= (row < RETREAT) | near
     return row[kept], loop[kept], low[kept], high[kept]
 
@@ -368,7 +375,7 @@ def _least(smallest: FloatArray, largest: FloatArray, disk: BoolArray | bool) ->
 def _hidden(locus: Locus, omega: FloatArray, motion: FloatArray) -> FloatArray:
     """Frequencies that must be looked at, too, because two zeros may hide between neighbours."""
     width = np.diff(np.log(omega))
-    with np.errstate(invalid="ignore"):
+    with np.errstate(all="ignore"):
         # A function that first nears zero and then leaves it may have crossed it twice in between.
         value, slope = motion[[SIZE, SIDE]], motion[[SIZE_SLOPE, SIDE_SLOPE]]
         nearing, far = np.sign(value) * slope, 2 * np.abs(slope)
