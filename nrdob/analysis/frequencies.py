@@ -46,6 +46,9 @@ TURNS = 2
 FAR = 20.0
 """How far beyond all roots a loop gain that does not fall off is followed."""
 
+PEAK = 1e-9
+"""By how much the logarithm of the largest value of L exceeds those beside it."""
+
 MOST = 200_000
 """Frequencies at most that a dead time asks for."""
 
@@ -146,6 +149,10 @@ def with_turns(locus: Locus, omega: FloatArray, *loops: Quotient) -> tuple[Float
         turn = TURNS * 2 * pi / delay
         top = inf if not any(loop.at_infinity) else FAR * omega[-1] / 10**DECADES
         large = (reach[k] > min(np.nanmax(reach[k]), 0.0) + log(0.5)) & (omega <= top)
+        # What matters where L is small lies beside its largest values, too.
+        rise = np.diff(reach[k]) > PEAK
+        peak = 1 + np.flatnonzero(rise[:-1] & (np.diff(reach[k])[1:] < -PEAK))
+        large[peak[omega[peak] <= top]] = True
         edges = np.flatnonzero(np.diff(large, prepend=False, append=False))
         first = omega[np.maximum(edges[::2] - 1, 0)]
         behind = omega[np.minimum(edges[1::2], omega.size - 1)]

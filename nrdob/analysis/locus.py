@@ -8,6 +8,7 @@ that share factors are evaluated together, each factor once.
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -43,10 +44,10 @@ SMALL = 0.5
 CUTS = 8
 """Parts of a stretch in which a minimum and a maximum may hide together."""
 
-SLOPE_STEP, LAST_STEP = 1e-5, 1e-7
+SLOPE_STEP, LAST_STEP = 1e-6, 1e-5
 """Of a bracket: over which part slopes are measured, and how long the last step may be.
 
-It leaves an error of the size of their product.
+It leaves an error of the size of its square, 1e-10 of a bracket.
 """
 
 VANISHED = 1e-290
@@ -314,15 +315,11 @@ def notable_frequencies(
     kept = (np.abs(zero) < CROSSING) & (np.abs(slope) < STEEP) | (row >= RETREAT)
     with np.errstate(all="ignore"):
         value = np.exp(log)
-    return [
-        Notable(
-            *(
-                Found(solved[chosen], value[chosen])
-                for chosen in (kept & (loop == i) & (row == k) for k in range(4))
-            )
-        )
-        for i in range(locus.count)
-    ]
+    row, loop, solved, value = row[kept], loop[kept], solved[kept], value[kept]
+    # Brackets come in the order of rows, and in each in that of loops.
+    ends = np.searchsorted(row * locus.count + loop, np.arange(4 * locus.count + 1)).tolist()
+    parts = [Found(solved[a:b], value[a:b]) for a, b in pairwise(ends)]
+    return [Notable(*parts[i :: locus.count]) for i in range(locus.count)]
 
 
 # Row, loop, and the indices of the lower and upper ends of intervals.
@@ -339,6 +336,68 @@ def _changes(values: FloatArray) -> Brackets:
     changed = known[..., 1:] & (before >= 0) & (was != positive[..., 1:])
     row, loop, low = np.nonzero(changed)
     return row, loop, before[changed], low + 1
+
+
+def _relevant(motion: FloatArray, brackets: Brackets, late: BoolArray) -> Brackets:
+    """Choose the intervals in which something may happen that decides about a margin."""
+    row, loop, low, high = brackets
+    sizes = motion[SIZE, loop, low], motion[SIZE, loop, high]
+    smallest, largest = np.fmin(*sizes), np.fmax(*sizes)
+    negative = motion[COSINE, loop, low] < 0, motion[COSINE, loop, high] < 0
+    # Of a loop gain that a dead time turns for ever the largest small crossing counts.
+    certain = np.full(late.size, -np.inf)
+    sure = (row == SIDE) & negative[0] & negative[1] & (largest < 0)
+    np.maximum.at(certain, loop[sure], smallest[sure])
+    floor = np.fmin(np.nanmax(motion[SIZE], axis=-1, initial=-np.inf), 0.0) + np.log(SMALL)
+    small = late[loop] & (largest + SLACK < np.fmin(floor, certain)[loop])
+    kept = (row != SIDE) | (negative[0] | negative[1]) & ~small
+    towards = motion[row, loop, low] < 0
+    known = np.pad(_known(motion), ((RETREAT, 0), (0, 0)))
+    near = towards & (_least(smallest, largest, row == DISK_RETREAT) < known[row, loop])
+    kept &= (row < RETREAT) | near
+    return row[kept], loop[kept], low[kept], high[kept]
+
+
+def _known(motion: FloatArray) -> FloatArray:
+    """Smallest values of the two distances on the frequencies at hand."""
+    return np.asarray(np.exp(np.nanmin(motion[[DISTANCE, DISK]], axis=-1, initial=np.inf)))
+
+
+def _least(smallest: FloatArray, largest: FloatArray, disk: BoolArray | bool) -> FloatArray:
+    """Bound ``|1 + L|``, or ``|(1 + L)/(1 - L)|``, from below by the size of L in a stretch."""
+    size = np.exp(np.clip(0.0, smallest - SLACK, largest + SLACK))
+    return np.asarray(np.abs(1 - size) / np.where(disk, 1 + size, 1.0))
+
+
+def _hidden(locus: Locus, omega: FloatArray, motion: FloatArray) -> FloatArray:
+    """Frequencies that must be looked at, too, because two zeros may hide between neighbours."""
+    found = []
+    # A function that first nears zero and then leaves it may have crossed it twice in between.
+    value, slope = motion[: SIDE + 1], motion[SIZE_SLOPE : SIDE_SLOPE + 1]
+    with np.errstate(all="ignore"):
+        width, leaves = np.diff(np.log(omega)), value * slope
+        dips = (leaves[..., :-1] < 0) & (leaves[..., 1:] > 0)
+        if dips.any():
+            far = np.abs(value / slope) / 2
+            dips &= (value[..., :-1] >= 0) == (value[..., 1:] >= 0)
+            dips &= (far[..., :-1] < width) & (far[..., 1:] < width)
+            row, loop, low = np.nonzero(dips)
+            found.append(_solved(locus, omega, motion, (row + SIZE_SLOPE, loop, low, low + 1)))
+        # The parabola through the slopes at both ends, of which the mean slope is known, too, may
+        # have another sign in the middle: then a maximum hides with a minimum.
+        slope, value = motion[RETREAT : DISK_RETREAT + 1], motion[DISTANCE : DISK + 1]
+        before, after = slope[..., :-1], slope[..., 1:]
+        mean = (before + after) / 2
+        middle = (1.5 * np.diff(value, axis=-1) / width - mean / 2) * mean
+        pairs = (middle < 0.1 * mean * mean) & (before * after > 0)
+        if pairs.any():
+            size = motion[SIZE, :, :-1], motion[SIZE, :, 1:]
+            ends = np.fmin(*size), np.fmax(*size)
+            bounds = np.stack([_least(*ends, disk) for disk in (False, True)])
+            low = np.unique(np.nonzero(pairs & (bounds < _known(motion)[..., None]))[-1])
+            parts = np.arange(1, CUTS) / CUTS
+            found.append((omega[low, None] + np.diff(omega)[low, None] * parts).ravel())
+    return np.concatenate(found) if found else np.empty(0)
 
 
 def _relevant(motion: FloatArray, brackets: Brackets, late: BoolArray) -> Brackets:

@@ -2,9 +2,9 @@
 
 `python -m tests.campaigns.margins --count 5000 --seed 0`
 
-Every loop is swept: the blocks are evaluated as they were given, in long doubles and without
-multiplying any two of them, on frequencies that close in on every root of every block and of both
-characteristic functions; what decides is then looked at ever closer. Hard loops without dead time
+Every loop is swept: the blocks are evaluated as they were given, without multiplying any two of
+them, on frequencies that close in on every root of every block and of both characteristic
+functions; what decides is then looked at ever closer, in long doubles. Hard loops without dead time
 have a certified oracle as well: coefficients as exact fractions, polynomials in ω² in integers,
 their real roots enclosed in balls.
 """
@@ -243,6 +243,7 @@ def _zeros(function, omega: np.ndarray, values: np.ndarray, where=True) -> np.nd
     inner = (size[1:-1] <= size[:-2]) & (size[1:-1] <= size[2:]) & (size[1:-1] < 0.3)
     inner &= (positive[1:-1] == positive[:-2]) & (positive[1:-1] == positive[2:]) & where[1:-1]
     k = 1 + np.flatnonzero(inner)
+    omega = omega.astype(np.longdouble)
     low, high = omega[k - 1], omega[k + 1]
     sign = np.where(positive[k], 1, -1)[:, None]
     bottom = _closer(lambda w: sign * function(w), low, high)
@@ -264,6 +265,7 @@ def _smallest(function, omega: np.ndarray, values: np.ndarray) -> float:
     """Find the smallest value, from the lowest places of the grid on."""
     inner = (values[1:-1] <= values[:-2]) & (values[1:-1] <= values[2:])
     k = 1 + np.flatnonzero(inner & (values[1:-1] < 2 * values.min()))
+    omega = omega.astype(np.longdouble)
     bottom = _closer(function, omega[k - 1], omega[k + 1])
     return float(min(values.min(), np.min(function(bottom), initial=np.inf)))
 
@@ -289,7 +291,7 @@ def loop_gains(loop: nrdob.NRDOB) -> dict:
         rest[-k] -= nf[-k]
 
     def process(s):
-        return _horner(n, s) / _horner(d, s) * np.exp(-np.longdouble(delay) * s)
+        return _horner(n, s) / _horner(d, s) * np.exp(-s.real.dtype.type(delay) * s)
 
     def model(s):
         return _horner(nm, s) / _horner(dm, s)
@@ -319,16 +321,16 @@ def _dense(gain, roots: np.ndarray, delay: float) -> np.ndarray:
     wide = np.geomspace(size.min() / 1e6, 1e6 * size.max(), 4000)
     omega = np.concatenate([wide, around])
     if delay:
-        seen = np.abs(gain(1j * wide.astype(np.longdouble)))
-        last = wide[np.flatnonzero(seen > 0.1 * min(seen.max(), 1.0))[-1]] + 12 * np.pi / delay
+        seen = np.abs(gain(1j * wide))
+        last = wide[np.flatnonzero(seen > 0.01 * min(seen.max(), 1.0))[-1]] + 12 * np.pi / delay
         omega = omega[omega < last]
-        omega = np.append(omega, np.linspace(0, last, min(int(12 * last * delay), 100_000) + 2))
-    return np.unique(omega[omega > 0]).astype(np.longdouble)
+        omega = np.append(omega, np.linspace(0, last, min(int(12 * last * delay), 60_000) + 2))
+    return np.unique(omega[omega > 0])
 
 
 def _horner(coefficients: list[np.longdouble], s: np.ndarray) -> np.ndarray:
-    value = np.full(s.shape, coefficients[0], dtype=np.clongdouble)
-    for c in coefficients[1:]:
+    value = np.full(s.shape, coefficients[0], dtype=s.dtype)
+    for c in np.array(coefficients[1:], dtype=s.real.dtype):
         value *= s
         value += c
     return value
