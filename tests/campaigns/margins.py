@@ -185,16 +185,19 @@ def differs(found: Margins, loop: Quotient) -> str:
 # With and without dead time: a sweep in long doubles.
 
 FIGURES = ("ms", "pm", "gm_low", "gm_high", "delay_margin", "disk_margin")
+DEEPEST = 12
+"""How many of the smallest values of a grid are looked at more closely."""
+
 PARTS = 16
 """Parts into which what decides is cut in every round."""
 
 
-def missed(found: Margins, gain, omega: np.ndarray) -> str:
+def missed(found: Margins, gain, omega: np.ndarray, rtol: float = 1e-6) -> str:
     """Name the figures that differ from those of the sweep; empty if none does."""
     true, wrong = swept(gain, omega), []
     for name in FIGURES:
         got, want = getattr(found, name), true[name]
-        if not (np.isclose(got, want, rtol=1e-6, atol=1e-9) or min(got, want) > 1e9):
+        if not (np.isclose(got, want, rtol=rtol, atol=1e-12) or min(got, want) > 1e9):
             wrong.append(f"{name} {got:.9g} for {want:.9g}")
     return "; ".join(wrong)
 
@@ -265,6 +268,7 @@ def _smallest(function, omega: np.ndarray, values: np.ndarray) -> float:
     """Find the smallest value, from the lowest places of the grid on."""
     inner = (values[1:-1] <= values[:-2]) & (values[1:-1] <= values[2:])
     k = 1 + np.flatnonzero(inner & (values[1:-1] < 2 * values.min()))
+    k = k[np.argsort(values[k])[:DEEPEST]]
     omega = omega.astype(np.longdouble)
     bottom = _closer(function, omega[k - 1], omega[k + 1])
     return float(min(values.min(), np.min(function(bottom), initial=np.inf)))
@@ -325,7 +329,8 @@ def _dense(gain, roots: np.ndarray, delay: float) -> np.ndarray:
         last = wide[np.flatnonzero(seen > 0.01 * min(seen.max(), 1.0))[-1]] + 12 * np.pi / delay
         omega = omega[omega < last]
         omega = np.append(omega, np.linspace(0, last, min(int(12 * last * delay), 60_000) + 2))
-    return np.unique(omega[omega > 0])
+    omega = np.sort(omega[omega > 0])
+    return omega[np.diff(omega, prepend=0.0) > 1e-12 * omega]
 
 
 def _horner(coefficients: list[np.longdouble], s: np.ndarray) -> np.ndarray:
