@@ -24,7 +24,7 @@ from .alternatives import (
     simc_pid,
     tune,
 )
-from .analysis import encirclements, judge_observer, margin_bounds
+from .analysis import encirclements, judge_observer, margin_bounds, margins
 from .deadtime import dead_time_observer, smith_predictor
 from .design import (
     admissible_time_constants,
@@ -71,7 +71,7 @@ __all__ = [  # noqa: RUF022  (by topic: the contents of the package)
     # The same with a model that waits.
     "dead_time_observer", "smith_predictor",
     # Is it stable, and how nearly not?
-    "judge_observer", "encirclements", "margin_bounds",
+    "judge_observer", "encirclements", "margins", "margin_bounds",
     # Which filters work, and which is the fastest?
     "stabilizing_time_constants", "critical_time_constants", "stabilizing_gains",
     "admissible_time_constants", "design_filter", "stability_chart",

@@ -55,6 +55,8 @@ DOORS = {
     ("other factor", "delay"): lambda P: nrdob.delay(0.1) * P,
     ("other term", "delay"): lambda P: nrdob.delay(0.1) + P,
     ("divisor", "delay"): lambda P: nrdob.delay(0.1) / P,
+    ("L", "margins"): nrdob.margins,
+    ("L", "encirclements"): nrdob.encirclements,
 }
 S = sympy.Symbol("s")
 
@@ -74,8 +76,7 @@ BAD = {
     "discrete states": (ct.ss(-0.5, 1, 1, 0, 0.1), ValueError, "pass the continuous-time"),
     "poly1d": (np.poly1d([1, 1]), TypeError, r"\(num, den\)"),
     "Polynomial": (np.polynomial.Polynomial([1, 1]), TypeError, "descending"),
-    "scipy's lti": (scipy.signal.lti([1], [1, 1]), TypeError, "pass control.tf"),
-    "scipy's zpk": (scipy.signal.ZerosPolesGain([], [-1], 1), TypeError, "pass control.tf"),
+    "scipy's discrete time": (scipy.signal.dlti([1], [1, 0.5], dt=0.1), ValueError, "continuous"),
     "a formula": (1 / (S + 1), TypeError, "numbers first"),
     "a filter": (FILTER, TypeError, r"pass its transfer function, \.tf"),
 }
@@ -147,7 +148,7 @@ def test_no_dead_time_is_no_dead_time():
 
 @pytest.mark.parametrize("role", DOORS, ids="-".join)
 def test_an_identically_zero_block_gives_no_raw_error(role):
-    if role[0] in ("controller", "rational part", "other factor", "other term"):
+    if role[0] in ("controller", "rational part", "other factor", "other term", "L"):
         return
     with pytest.raises((ValueError, ZeroDivisionError), match=role[0]):
         DOORS[role](ct.tf([0.0], [1.0]))
@@ -163,6 +164,9 @@ KINDS_OF_LAG = {
     "poly1d": (np.poly1d([2]), np.poly1d([1, 1])),
     "zeros, poles, gain": ct.zpk([], [-1], 2),
     "states": ct.ss(-1, 1, 2, 0),
+    "scipy's lti": scipy.signal.lti([2], [1, 1]),
+    "scipy's zeros, poles, gain": scipy.signal.ZerosPolesGain([], [-1], 2),
+    "scipy's states": scipy.signal.StateSpace(-1, 1, 2, 0),
     "no time base": ct.TransferFunction([2], [1, 1], None),
     "interconnected": ct.feedback(ct.tf2ss(ct.tf([2], [1, 3])), ct.tf2ss(ct.tf([-1], [1]))),
     "one channel of several": ct.tf([[[2], [1]]], [[[1, 1], [1, 2]]])[0, 0],

@@ -46,6 +46,9 @@ TURNS = 2
 FAR = 20.0
 """How far beyond all roots a loop gain that does not fall off is followed."""
 
+PEAK = 1e-9
+"""By how much the logarithm of the largest value of L exceeds those beside it."""
+
 MOST = 200_000
 """Frequencies at most that a dead time asks for."""
 
@@ -146,14 +149,19 @@ def with_turns(locus: Locus, omega: FloatArray, *loops: Quotient) -> tuple[Float
         turn = TURNS * 2 * pi / delay
         top = inf if not any(loop.at_infinity) else FAR * omega[-1] / 10**DECADES
         large = (reach[k] > min(np.nanmax(reach[k]), 0.0) + log(0.5)) & (omega <= top)
+        # What matters where L is small lies beside its largest values, too.
+        rise = np.diff(reach[k]) > PEAK
+        peak = 1 + np.flatnonzero(rise[:-1] & (np.diff(reach[k])[1:] < -PEAK))
+        large[peak[omega[peak] <= top]] = True
         edges = np.flatnonzero(np.diff(large, prepend=False, append=False))
         first = omega[np.maximum(edges[::2] - 1, 0)]
         behind = omega[np.minimum(edges[1::2], omega.size - 1)]
         first, behind = np.maximum(first - turn, omega[0]), behind + turn
         last[k] = max(behind.max(), omega[-1] / 10**DECADES + turn)
-        for low, high in zip(first.tolist(), behind.tolist(), strict=True):
-            count = min(int(delay * (high - low) / RADIANS) + 1, MOST)
-            found.append(np.linspace(low, high, count + 1))
+        step = RADIANS / delay
+        for low, high in zip((first / step).tolist(), (behind / step).tolist(), strict=True):
+            k = np.arange(int(low), min(int(high) + 2, int(low) + MOST))
+            found.append(k[k > 0] * step)
     return reduce(np.union1d, found), last
 
 
@@ -223,7 +231,7 @@ def on_axis(factors: Iterable[QuasiPolynomial]) -> FloatArray:
     for factor in factors:
         roots = factor.roots
         found.append(roots.imag[factor.near_axis(roots) & (roots.imag > 0)])
-    return np.concatenate([np.empty(0, dtype=complex), *found])
+    return np.concatenate(found)
 
 
 def _segments(p: QuasiPolynomial) -> FloatArray:

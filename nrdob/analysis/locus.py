@@ -8,6 +8,7 @@ that share factors are evaluated together, each factor once.
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -43,10 +44,10 @@ SMALL = 0.5
 CUTS = 8
 """Parts of a stretch in which a minimum and a maximum may hide together."""
 
-SLOPE_STEP, LAST_STEP = 1e-5, 1e-7
+SLOPE_STEP, LAST_STEP = 1e-6, 1e-5
 """Of a bracket: over which part slopes are measured, and how long the last step may be.
 
-It leaves an error of the size of their product.
+It leaves an error of the size of its square, 1e-10 of a bracket.
 """
 
 VANISHED = 1e-290
@@ -173,15 +174,19 @@ class Locus:
         rows = np.empty((9, *log.shape))
         with np.errstate(all="ignore"):
             cosine, sine = np.cos(angle), np.sin(angle)
-            rows[COSINE] = cosine
-            inverse = np.exp(-np.clip(size, -300, 300)) * (cosine - 1j * sine)
-            away = slope / (1 + inverse)  # d log(1 + L) = L/(1 + L) d log L
-            rows[SIZE], rows[SIDE], rows[RETREAT] = size, sine, away.real
-            rows[DISK_RETREAT] = (2 * away * inverse / (inverse - 1)).real
+            # L or 1/L, whichever is not above 1.
+            large = size > 0
+            z = np.exp(-np.abs(size)) * (cosine + 1j * np.where(large, -sine, sine))
+            above, below = 1 + z, 1 - z
+            away = slope / above  # d log(1 + L) = L/(1 + L) d log L
+            turned = 2 * away * z / below
+            distance = np.log(np.abs(above))
+            rows[SIZE], rows[SIDE], rows[COSINE] = size, sine, cosine
+            rows[RETREAT] = np.where(large, away, away * z).real
+            rows[DISK_RETREAT] = np.where(large, -turned, turned).real
             rows[SIZE_SLOPE], rows[SIDE_SLOPE] = slope.real, cosine * slope.imag
-            distance = np.log(np.abs(1 + inverse))
-            rows[DISTANCE] = size + distance
-            rows[DISK] = distance - np.log(np.abs(1 - inverse))
+            rows[DISTANCE] = distance + np.where(large, size, 0.0)
+            rows[DISK] = distance - np.log(np.abs(below))
         return rows
 
     def reach(self, omega: FloatArray) -> FloatArray:
@@ -191,16 +196,18 @@ class Locus:
         ----------
         omega : (N,) array of float
             Frequencies in rad/s.
+
+        Returns
+        -------
+        (loops, N) array of float
+            The terms of a numerator with dead times are added by their sizes.
         """
-        p, _ = self._rows(omega)
-        count = self._signs.shape[1]
-        with np.errstate(all="ignore"):
-            largest = np.abs(p[:count])
-            if self._delayed.size:
-                np.add.at(largest, self._delayed, np.abs(p[count:]))
-            log, _ = self.log_and_slope(omega)
-            p, _ = self._factors(omega)
-            return np.asarray(log.real + self._above @ np.log(largest / np.abs(p)))
+        rows, count = np.abs(self._rows(omega)[0]), self._signs.shape[1]
+        size = np.abs(self._factors(omega)[0])
+        largest = rows[:count].copy()
+        np.add.at(largest, self._delayed, rows[count:])
+        more = np.log(np.maximum(largest, size) / size)
+        return self.log_and_slope(omega)[0].real + self._above @ more
 
     def log_and_slope(self, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:
         """Evaluate log L(jω) and its derivative with respect to log ω.
@@ -308,15 +315,11 @@ def notable_frequencies(
     kept = (np.abs(zero) < CROSSING) & (np.abs(slope) < STEEP) | (row >= RETREAT)
     with np.errstate(all="ignore"):
         value = np.exp(log)
-    return [
-        Notable(
-            *(
-                Found(solved[chosen], value[chosen])
-                for chosen in (kept & (loop == i) & (row == k) for k in range(4))
-            )
-        )
-        for i in range(locus.count)
-    ]
+    row, loop, solved, value = row[kept], loop[kept], solved[kept], value[kept]
+    # Brackets come in the order of rows, and in each in that of loops.
+    ends = np.searchsorted(row * locus.count + loop, np.arange(4 * locus.count + 1)).tolist()
+    parts = [Found(solved[a:b], value[a:b]) for a, b in pairwise(ends)]
+    return [Notable(*parts[i :: locus.count]) for i in range(locus.count)]
 
 
 # Row, loop, and the indices of the lower and upper ends of intervals.
@@ -349,7 +352,70 @@ def _relevant(motion: FloatArray, brackets: Brackets, late: BoolArray) -> Bracke
     small = late[loop] & (largest + SLACK < np.fmin(floor, certain)[loop])
     kept = (row != SIDE) | (negative[0] | negative[1]) & ~small
     towards = motion[row, loop, low] < 0
-    near = towards & (_least(smallest, largest, row == DISK_RETREAT) < _known(motion)[row - 2, loop])
+    known = np.pad(_known(motion), ((RETREAT, 0), (0, 0)))
+    near = towards & (_least(smallest, largest, row == DISK_RETREAT) < known[row, loop])
+    kept &= (row < RETREAT) | near
+    return row[kept], loop[kept], low[kept], high[kept]
+
+
+def _known(motion: FloatArray) -> FloatArray:
+    """Smallest values of the two distances on the frequencies at hand."""
+    return np.asarray(np.exp(np.nanmin(motion[[DISTANCE, DISK]], axis=-1, initial=np.inf)))
+
+
+def _least(smallest: FloatArray, largest: FloatArray, disk: BoolArray | bool) -> FloatArray:
+    """Bound ``|1 + L|``, or ``|(1 + L)/(1 - L)|``, from below by the size of L in a stretch."""
+    size = np.exp(np.clip(0.0, smallest - SLACK, largest + SLACK))
+    return np.asarray(np.abs(1 - size) / np.where(disk, 1 + size, 1.0))
+
+
+def _hidden(locus: Locus, omega: FloatArray, motion: FloatArray) -> FloatArray:
+    """Frequencies that must be looked at, too, because two zeros may hide between neighbours."""
+    found = []
+    # A function that first nears zero and then leaves it may have crossed it twice in between.
+    value, slope = motion[: SIDE + 1], motion[SIZE_SLOPE : SIDE_SLOPE + 1]
+    with np.errstate(all="ignore"):
+        width, leaves = np.diff(np.log(omega)), value * slope
+        dips = (leaves[..., :-1] < 0) & (leaves[..., 1:] > 0)
+        if dips.any():
+            far = np.abs(value / slope) / 2
+            dips &= (value[..., :-1] >= 0) == (value[..., 1:] >= 0)
+            dips &= (far[..., :-1] < width) & (far[..., 1:] < width)
+            row, loop, low = np.nonzero(dips)
+            found.append(_solved(locus, omega, motion, (row + SIZE_SLOPE, loop, low, low + 1)))
+        # The parabola through the slopes at both ends, of which the mean slope is known, too, may
+        # have another sign in the middle: then a maximum hides with a minimum.
+        slope, value = motion[RETREAT : DISK_RETREAT + 1], motion[DISTANCE : DISK + 1]
+        before, after = slope[..., :-1], slope[..., 1:]
+        mean = (before + after) / 2
+        middle = (1.5 * np.diff(value, axis=-1) / width - mean / 2) * mean
+        pairs = (middle < 0.1 * mean * mean) & (before * after > 0)
+        if pairs.any():
+            size = motion[SIZE, :, :-1], motion[SIZE, :, 1:]
+            ends = np.fmin(*size), np.fmax(*size)
+            bounds = np.stack([_least(*ends, disk) for disk in (False, True)])
+            low = np.unique(np.nonzero(pairs & (bounds < _known(motion)[..., None]))[-1])
+            parts = np.arange(1, CUTS) / CUTS
+            found.append((omega[low, None] + np.diff(omega)[low, None] * parts).ravel())
+    return np.concatenate(found) if found else np.empty(0)
+
+
+def _relevant(motion: FloatArray, brackets: Brackets, late: BoolArray) -> Brackets:
+    """Choose the intervals in which something may happen that decides about a margin."""
+    row, loop, low, high = brackets
+    sizes = motion[SIZE, loop, low], motion[SIZE, loop, high]
+    smallest, largest = np.fmin(*sizes), np.fmax(*sizes)
+    negative = motion[COSINE, loop, low] < 0, motion[COSINE, loop, high] < 0
+    # Of a loop gain that a dead time turns for ever the largest small crossing counts.
+    certain = np.full(late.size, -np.inf)
+    sure = (row == SIDE) & negative[0] & negative[1] & (largest < 0)
+    np.maximum.at(certain, loop[sure], smallest[sure])
+    floor = np.fmin(np.nanmax(motion[SIZE], axis=-1, initial=-np.inf), 0.0) + np.log(SMALL)
+    small = late[loop] & (largest + SLACK < np.fmin(floor, certain)[loop])
+    kept = (row != SIDE) | (negative[0] | negative[1]) & ~small
+    towards = motion[row, loop, low] < 0
+    known = np.pad(_known(motion), ((RETREAT, 0), (0, 0)))
+    near = towards & (_least(smallest, largest, row == DISK_RETREAT) < known[row, loop])
     kept &= (row < RETREAT) | near
     return row[kept], loop[kept], low[kept], high[kept]
 
@@ -368,7 +434,7 @@ def _least(smallest: FloatArray, largest: FloatArray, disk: BoolArray | bool) ->
 def _hidden(locus: Locus, omega: FloatArray, motion: FloatArray) -> FloatArray:
     """Frequencies that must be looked at, too, because two zeros may hide between neighbours."""
     width = np.diff(np.log(omega))
-    with np.errstate(invalid="ignore"):
+    with np.errstate(all="ignore"):
         # A function that first nears zero and then leaves it may have crossed it twice in between.
         value, slope = motion[[SIZE, SIDE]], motion[[SIZE_SLOPE, SIDE_SLOPE]]
         nearing, far = np.sign(value) * slope, 2 * np.abs(slope)

@@ -277,7 +277,8 @@ def margins(loop: Any) -> Margins:
     L = as_quotient(loop, "L")
     closed = minus_point(L)
     full = max(L.numerator.degree, L.denominator.degree)
-    ill_posed = "" if closed.delay or closed.degree == full else "1 + L(∞) = 0"
+    well_posed = closed.delay or (closed.degree == full and closed.q.any())
+    ill_posed = "" if well_posed else "1 + L(∞) = 0"
     return quotient_margins(L, judge(L.name, L.den, closed, ill_posed).stable)
 
 

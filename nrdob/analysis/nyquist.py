@@ -14,10 +14,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from math import inf
+from typing import Any
 
 import numpy as np
 
-from ..diagram import Quotient
+from ..diagram import Quotient, as_quotient
 from ..numerics import QuasiPolynomial, RootCount, Term, add, count_rhp
 
 __all__ = ["NyquistCount", "encirclements", "minus_point", "nyquist_count", "rhp_roots"]
@@ -78,13 +79,13 @@ def nyquist_count(
     return NyquistCount(turns, poles, turns + poles)
 
 
-def encirclements(loop: Quotient, point: float = -1.0) -> NyquistCount:
+def encirclements(loop: Any, point: float = -1.0) -> NyquistCount:
     """Count the turns of a Nyquist plot around a point of the real axis.
 
     Parameters
     ----------
-    loop : Quotient
-        Any map of the loop, with or without delay, proper or not.
+    loop : Quotient, or as for `nrdob.margins`
+        Any map of the loop, such as ``loop.FH``, or any other loop gain; proper or not.
     point : float
         The point to encircle: -1 for a loop gain, +1 for the paper's G̃⁻¹G.
 
@@ -92,6 +93,11 @@ def encirclements(loop: Quotient, point: float = -1.0) -> NyquistCount:
     -------
     NyquistCount
         N, P and Z = N + P; None, with the reason, where the curve meets the point.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If `loop` is no single-input single-output block in continuous time.
 
     Examples
     --------
@@ -103,6 +109,7 @@ def encirclements(loop: Quotient, point: float = -1.0) -> NyquistCount:
     >>> encirclements(loop.H)
     NyquistCount(encirclements=-1, open_loop_rhp=1, closed_loop_rhp=0, reason='')
     """
+    loop = as_quotient(loop, "L")
     closed = minus_point(loop, point)
     found = nyquist_count(loop.den, closed)
     full = max(loop.numerator.degree, loop.denominator.degree)

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import control as ct
 import numpy as np
+from scipy import signal
 
 from ..numerics import FloatArray
 from .statespace import polynomials
@@ -35,6 +36,7 @@ REMEDIES = {
     "poly1d": "give numerator and denominator: (num, den)",
     "Polynomial": "give numerator and denominator, descending: (num.coef[::-1], den.coef[::-1])",
     "LowPassFilter": "pass its transfer function, .tf",
+    "NRDOB": "pass one of its maps where a loop gain is needed, such as .L",
 }
 """What to do with types that mean something, but no block, by name."""
 
@@ -62,7 +64,7 @@ def as_fraction(system: Any, name: str, *, proper: bool = True) -> Fraction:
 
     Parameters
     ----------
-    system : control.TransferFunction, control.StateSpace, number or (num, den)
+    system : control.TransferFunction, control.StateSpace, scipy.signal.lti, number or (num, den)
         The block. Pairs (tuples, lists or arrays of two rows) hold coefficients in descending
         powers of s. A state space is read exactly, see `nrdob.diagram.statespace`.
     name : str
@@ -170,6 +172,8 @@ def _read(system: Any, name: str) -> tuple[FloatArray, FloatArray]:
                 "have one: leave the dead time out"
             )
         system = system.tf
+    if isinstance(system, signal.lti | signal.dlti):
+        system = _from_scipy(system)
     if isinstance(system, ct.StateSpace | ct.TransferFunction):
         if not system.issiso():
             raise ValueError(
@@ -196,11 +200,18 @@ def _read(system: Any, name: str) -> tuple[FloatArray, FloatArray]:
     return _coefficients(num, f"{name} numerator"), _coefficients(den, f"{name} denominator")
 
 
+def _from_scipy(system: Any) -> ct.StateSpace | ct.TransferFunction:
+    """Read scipy's kinds of blocks; a discrete one keeps its sampling time."""
+    step = system.dt or 0
+    if isinstance(system, signal.StateSpace):
+        return ct.ss(system.A, system.B, system.C, system.D, step)
+    fraction = system.to_tf()
+    return ct.tf(fraction.num, fraction.den, step)
+
+
 def _refusal(system: Any, name: str) -> str:
     kind = type(system)
-    if kind.__module__.startswith("scipy.signal"):
-        remedy = "pass control.tf(sys.num, sys.den) of its transfer function"
-    elif kind.__module__.startswith("sympy"):
+    if kind.__module__.startswith("sympy"):
         remedy = f"turn it into numbers first; {ACCEPTED}"
     else:
         remedy = REMEDIES.get(kind.__name__, ACCEPTED)

@@ -92,6 +92,13 @@ class Quotient:
         Infinite for an improper map. With several dead times b is the sum of the sizes: what turns
         in so many senses gets as far from a as that.
         """
+        if not self.delay:
+            excess = sum(f.degree for f in self.den) - sum(f.degree for f in self.num)
+            zero = any(not f.q.any() for f in self.num)
+            if zero or excess:
+                return (0.0 if zero or excess > 0 else inf), 0.0
+            top, bottom = (prod(float(f.q[0]) for f in fs) for fs in (self.num, self.den))
+            return top / bottom, 0.0
         num, den = self.numerator, self.denominator.q
         divided = num.divided - self.denominator.divided
         limits = []
