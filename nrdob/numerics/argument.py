@@ -48,7 +48,7 @@ SERIES = 24
 """Coefficients of exp(-sT) for |s|T <= 1, behind which less than rounding is left."""
 
 MODERATE = 300
-"""Powers of two up to which coefficients and frequencies are multiplied as they are."""
+"""Exponents of two: below 2^this, coefficients are multiplied by powers below 2^twice this."""
 
 FREE, OPEN = -1, -2
 """Marks of a stretch of the axis: the sum has no zero there; it may have one."""
@@ -369,17 +369,20 @@ def _leader(
 def _angles(terms: Sequence[Term], scale: FloatArray, stretches: _Stretches) -> float:
     """Sum of what the argument turns over certified stretches."""
     left, right, mark = stretches
-    n, origin = left.size, left == 0
-    values = _values(terms, scale, np.concatenate([np.where(origin, 1.0, left), right]))
-    values[:, :n][:, origin] = np.array([[term.q[-1]] for term in terms])
+    joined = bool((left[1:] == right[:-1]).all())  # then every edge is looked at once
+    edges = np.append(left, right[-1:]) if joined else np.concatenate([left, right])
+    origin = edges == 0
+    values = _values(terms, scale, np.where(origin, 1.0, edges))
+    values[:, origin] = np.array([[term.q[-1]] for term in terms])
+    n, second = left.size, 1 if joined else left.size
     sums = values.sum(axis=0)
-    before, after = sums[:n], sums[n:]
+    before, after = sums[:n], sums[second:]
     free = mark == FREE
     angle = float(np.angle(after[free] / before[free]).sum())
     for i, (_, delay) in enumerate(terms):
         on = mark == i
         if on.any():
-            a, b = values[i, :n][on], values[i, n:][on]
+            a, b = values[i, :n][on], values[i, second:][on]
             # The term itself without its dead time, the dead time, and the angles from the term
             # to the sum at both ends.
             waits = np.exp(1j * delay * right[on]) / np.exp(1j * delay * left[on])
@@ -526,9 +529,9 @@ def _moderate(scale: FloatArray, omega: FloatArray) -> bool:
     Coefficients 0 are never seen against the others.
     """
     sizes = [size for size in scale.tolist() if size]
-    speed = max(float(omega.max()), 1 / float(omega.min()))
+    speed = max(float(omega.max(initial=1.0)), 1 / float(omega.min(initial=1.0)))
     return (
-        len(scale) * log2(speed) < MODERATE
+        len(scale) * log2(speed) < 2 * MODERATE
         and max(sizes) < 2.0**MODERATE
         and min(sizes) > 2.0**-MODERATE
     )
