@@ -48,7 +48,7 @@ SERIES = 24
 """Coefficients of exp(-sT) for |s|T <= 1, behind which less than rounding is left."""
 
 MODERATE = 300
-"""Powers of two up to which coefficients and frequencies are multiplied as they are."""
+"""Exponents of two: below 2^this, coefficients are multiplied by powers below 2^twice this."""
 
 FREE, OPEN = -1, -2
 """Marks of a stretch of the axis: the sum has no zero there; it may have one."""
@@ -268,7 +268,6 @@ def _certified(
     todo = low * span ** (np.arange(count + 1) / count)
     todo[-1] = high
     left, right = todo[:-1], todo[1:]
-    leads = _leads(terms, scale.size) if dominance and len(terms) > 1 else []
     limit = MAX_STEPS if dominance else MAX_SEGMENTS
     done: list[_Stretches] = []
     holes: list[FloatArray] = [np.zeros((0, 2))]
@@ -276,8 +275,8 @@ def _certified(
     while left.size:
         middle = (left + right) / 2
         term, vanishing = _examine(terms, scale, middle, (right - left) / 2, dominance)
-        if leads and (unsure := term == OPEN).any():
-            term[unsure] = _leader(leads, scale, left[unsure], right[unsure])
+        if dominance and len(terms) > 1 and (unsure := term == OPEN).any():
+            term[unsure] = _leader(terms, scale, left[unsure], right[unsure])
         unknown = term == OPEN
         if not unknown.any():
             done.append(_Stretches(left, right, term))
@@ -327,59 +326,62 @@ def _examine(
     return result, (result == OPEN) & (np.abs(total) <= noise)
 
 
-def _leads(terms: Sequence[Term], count: int) -> list[FloatArray]:
-    """For every term |q_i|² - (n - 1) sum |q_j|², ascending in ω²; positive, the term dominates.
-
-    The sum of n - 1 squares is at least the square of the sum divided by n - 1.
-    """
-    sizes = [_squared_size(term.q, count) for term in terms]
-    return [size - (len(terms) - 1) * (sum(sizes) - size) for size in sizes]
-
-
-def _squared_size(q: FloatArray, count: int) -> FloatArray:
-    """|q(jω)|² in ascending powers of ω², `count` of them."""
-    ascending = np.zeros(2 * count)
-    ascending[: q.size] = q[::-1]
-    even, odd = (ascending[k::2] * (-1.0) ** np.arange(count) for k in (0, 1))
-    square = np.convolve(even, even)
-    square[1:] += np.convolve(odd, odd)[:-1]
-    return square[:count]
-
-
 def _leader(
-    leads: Sequence[FloatArray], scale: FloatArray, left: FloatArray, right: FloatArray
+    terms: Sequence[Term], scale: FloatArray, left: FloatArray, right: FloatArray
 ) -> FloatArray:
-    """Find the term whose lead is certainly positive on each stretch, or `OPEN`.
+    """Find the term that is certainly larger than all others on each stretch, or `OPEN`.
 
-    For terms of nearly equal size over a long stretch: their difference is bounded, not each.
+    For terms of nearly equal size over a long stretch: the difference of their squares is bounded,
+    not each. The sum of n - 1 squares is at least the square of the sum divided by n - 1. Each
+    stretch has its own unit of frequency and of size, so that no square leaves the range.
     """
     ratio = right / left
     omega = left * np.sqrt((1 + ratio**2) / 2)
-    spread = ((ratio**2 - 1) / (ratio**2 + 1))[:, None] ** np.arange(scale.size)
+    spread = _multiplied((ratio**2 - 1) / (ratio**2 + 1), scale.size)
     exponents = np.log(omega)[:, None] * np.arange(scale.size) - _log_unit(scale, omega)
-    noise = ROUNDING * (np.exp(np.where(scale[::-1] > 0, exponents, -inf)) @ scale[::-1]) ** 2
+    local = np.zeros((len(terms), *exponents.shape))
+    with np.errstate(divide="ignore"):
+        for row, (q, _) in zip(local, terms, strict=True):
+            n = q.size
+            row[:, :n] = np.exp(exponents[:, :n] + np.log(np.abs(q[::-1]))) * np.sign(q[::-1])
+        sizes = np.exp(exponents + np.log(scale[::-1])).sum(axis=1)
+    squares = [_squared_sizes(row) for row in local]
     result = np.full(omega.size, OPEN)
-    for i, lead in enumerate(leads):
-        taylor = (np.exp(np.where(lead != 0, 2 * exponents, -inf)) * lead) @ _binomial(scale.size)
+    for i, square in enumerate(squares):
+        lead = square - (len(terms) - 1) * (sum(squares) - square)
+        taylor = lead @ _binomial(scale.size)
         rest = (np.abs(taylor[:, 1:]) * spread[:, 1:]).sum(axis=1)
-        result[taylor[:, 0] - rest > noise] = i
+        result[taylor[:, 0] - rest > ROUNDING * sizes**2] = i
     return result
+
+
+def _squared_sizes(ascending: FloatArray) -> FloatArray:
+    """|q(jω)|² in ascending powers of ω², for polynomials in rows."""
+    squares = np.zeros_like(ascending)
+    for first in (0, 1):
+        part = ascending[:, first::2] * (-1.0) ** np.arange(ascending[0, first::2].size)
+        for k in range(part.shape[1]):
+            squares[:, first + k : first + k + part.shape[1]] += part[:, k : k + 1] * part
+    return squares
 
 
 def _angles(terms: Sequence[Term], scale: FloatArray, stretches: _Stretches) -> float:
     """Sum of what the argument turns over certified stretches."""
     left, right, mark = stretches
-    n, origin = left.size, left == 0
-    values = _values(terms, scale, np.concatenate([np.where(origin, 1.0, left), right]))
-    values[:, :n][:, origin] = np.array([[term.q[-1]] for term in terms])
+    joined = bool((left[1:] == right[:-1]).all())  # then every edge is looked at once
+    edges = np.append(left, right[-1:]) if joined else np.concatenate([left, right])
+    origin = edges == 0
+    values = _values(terms, scale, np.where(origin, 1.0, edges))
+    values[:, origin] = np.array([[term.q[-1]] for term in terms])
+    n, second = left.size, 1 if joined else left.size
     sums = values.sum(axis=0)
-    before, after = sums[:n], sums[n:]
+    before, after = sums[:n], sums[second:]
     free = mark == FREE
     angle = float(np.angle(after[free] / before[free]).sum())
     for i, (_, delay) in enumerate(terms):
         on = mark == i
         if on.any():
-            a, b = values[i, :n][on], values[i, n:][on]
+            a, b = values[i, :n][on], values[i, second:][on]
             # The term itself without its dead time, the dead time, and the angles from the term
             # to the sum at both ends.
             waits = np.exp(1j * delay * right[on]) / np.exp(1j * delay * left[on])
@@ -526,9 +528,9 @@ def _moderate(scale: FloatArray, omega: FloatArray) -> bool:
     Coefficients 0 are never seen against the others.
     """
     sizes = [size for size in scale.tolist() if size]
-    speed = max(float(omega.max()), 1 / float(omega.min()))
+    speed = max(float(omega.max(initial=1.0)), 1 / float(omega.min(initial=1.0)))
     return (
-        len(scale) * log2(speed) < MODERATE
+        len(scale) * log2(speed) < 2 * MODERATE
         and max(sizes) < 2.0**MODERATE
         and min(sizes) > 2.0**-MODERATE
     )

@@ -82,21 +82,38 @@ def rhp_count(p: Whole) -> int | None:
     if not p[-1]:
         return None
     n = len(p) - 1
-    # j^k c_k: signs + + - - for the powers k = 0, 1, 2, 3.
-    parts = [
-        _stripped([_unit(n - i) * c if (n - i) % 2 == odd else 0 for i, c in enumerate(p)])
-        for odd in (n % 2, 1 - n % 2)
-    ]
-    chain = sturm_chain(*parts)
-    index = _changes_at_infinity(chain, -1) - _changes_at_infinity(chain, 1)
-    shared = chain[-1]  # holds the roots that come with their mirror image in the axis
-    m = len(shared) - 1
+    if n == 1:
+        return int((p[0] > 0) != (p[1] > 0))
+    # j^k c_k: signs + + - - for the powers k = 0, 1, 2, 3; either part has every other power only.
+    chain = _routh(*(
+        _stripped([_unit(n - i) * p[i] for i in range(first, n + 1, 2)]) for first in (0, 1)
+    ), odd=n % 2)  # fmt: skip
+    leads = [(1 if part[0] > 0 else -1, odd) for part, odd in chain]
+    ahead = _sign_changes([sign for sign, _ in leads])
+    index = _sign_changes([-sign if odd else sign for sign, odd in leads]) - ahead
+    part, odd = chain[-1]  # holds the roots that come with their mirror image in the axis
+    m = 2 * len(part) - 2 + odd
     if m:
+        shared = [0] * (m + 1)
+        shared[::2] = part
         own = sturm_chain(shared, _derivative(shared))
         if _changes_at_infinity(own, -1) != _changes_at_infinity(own, 1):
             return None
     turns = index if n % 2 else -index
     return (n - m - turns) // 2 + m // 2
+
+
+def _routh(a: Whole, b: Whole, odd: int) -> list[tuple[Whole, int]]:
+    """Sturm's chain of two polynomials, one even and one odd, given by every other coefficient.
+
+    Each with 1 where it is odd; `odd` is that of a.
+    """
+    chain = [(a, odd)]
+    while b:
+        a, b = b, _negative_remainder(a, b, len(b) + 1 - odd)
+        odd = 1 - odd
+        chain.append((a, odd))
+    return chain
 
 
 def squared_size(p: Whole) -> Whole:
@@ -158,13 +175,14 @@ def sturm_chain(a: Whole, b: Whole) -> list[Whole]:
     chain = [a]
     while b:
         chain.append(b)
-        a, b = b, _negative_remainder(a, b)
+        a, b = b, _negative_remainder(a, b, len(b))
     return chain
 
 
-def _negative_remainder(a: Whole, b: Whole) -> Whole:
+def _negative_remainder(a: Whole, b: Whole, least: int) -> Whole:
+    """Divide while `least` coefficients are left of a."""
     lead, sign = abs(b[0]), 1 if b[0] > 0 else -1
-    while len(a) >= len(b):
+    while len(a) >= least:
         factor = sign * a[0]
         tail = len(b)
         a = [lead * x - factor * y for x, y in zip(a[1:tail], b[1:], strict=True)] + [

@@ -89,9 +89,11 @@ class QuasiPolynomial:
         q, r = np.asarray(self.q, dtype=float), np.asarray(self.r, dtype=float)
         scale = self.scale
         if not (self.delay or self.more):
-            if not scale.size:
-                scale = add(np.abs(q), np.abs(r))
-            q = _trim(add(q, r) if r.any() else q, scale)
+            sizes = np.abs(q)
+            if r.any():
+                q, sizes = add(q, r), add(sizes, np.abs(r))
+            scale = scale if scale.size else sizes
+            q = _trim(q, scale)
             self.__dict__.update(q=q, r=np.zeros(1), scale=scale[-q.size :])
             return
         given = [Term(r, self.delay), *self.more]
@@ -124,6 +126,8 @@ class QuasiPolynomial:
     @property
     def degree(self) -> int:
         """Highest power of s that occurs."""
+        if not self.delay:
+            return int(self.q.size - 1)
         return max(term.q.size for term in self.terms) - 1
 
     @property
@@ -133,8 +137,10 @@ class QuasiPolynomial:
         0 for a polynomial or a retarded equation, a positive number for a neutral one,
         infinite for an advanced one.
         """
+        if not self.delay:
+            return 0.0
         sizes = [term.q.size for term in self.delayed]
-        if not sizes or max(sizes) < self.q.size:
+        if max(sizes) < self.q.size:
             return 0.0
         if max(sizes) > self.q.size or not self.q.any():
             return inf

@@ -36,6 +36,9 @@ VANISHING, NO_ROOT = 1e-9, 1e-2
 A multiple root, however its copies scatter, gives small values, too.
 """
 
+FEW = 4
+"""Roots that are known to 1e-4 of themselves even if they are all the same."""
+
 
 class Shared(NamedTuple):
     """What two polynomials share, and what is left of them: f = common·u and g = common·v.
@@ -150,9 +153,10 @@ def _times_s(p: QuasiPolynomial, power: int) -> QuasiPolynomial:
 
 def _suggested(f: QuasiPolynomial, g: QuasiPolynomial) -> Iterator[FloatArray]:
     """Monic polynomials of nearby roots, those of highest degree in each neighbourhood first."""
-    p, q = f.roots, g.roots
-    if not (p.size and q.size):
+    few, many = sorted((f, g), key=lambda each: each.degree)
+    if not few.degree or (few.degree <= FEW and _sizes_at(many, few.roots).min() > NO_ROOT):
         return
+    p, q = f.roots, g.roots
     at_p, at_q = _sizes_at(g, p), _sizes_at(f, q)
     if min(at_p.min(), at_q.min()) > NO_ROOT:
         return

@@ -1,12 +1,14 @@
-"""One table of the public calls, in processor time: before and after a change.
+"""One table of the public calls: today beside python-control in one run, and the editions before.
 
-Wall time would measure whoever else uses the machine; these are medians of `time.process_time`,
-each call on a loop that remembers nothing. A figure is timed as far as the call goes, without
-rendering it.
+Processor time, since wall time would measure whoever else uses the machine; medians, each call on
+a loop that remembers nothing, taken by turns with what python-control does for the same question.
+It gets its loops multiplied out, Padé's approximant of order 5 in place of the plant's dead time,
+and none in the model.
 
-    python tests/bench/table.py                      print the table
-    python tests/bench/table.py --save now.json      and keep the numbers
-    python tests/bench/table.py --before then.json   two numbers in each place: before → after
+    python tests/bench/table.py                                 print the table
+    python tests/bench/table.py --keep "second edition, a829c29"    and keep the numbers
+
+The second command, run with an earlier commit's package on PYTHONPATH, makes `editions.json`.
 """
 
 from __future__ import annotations
@@ -15,28 +17,28 @@ import argparse
 import ctypes
 import json
 import time
+import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from statistics import median
 
 import control as ct
 import cpuinfo
-import matplotlib as mpl
-import matplotlib.pyplot as plt
 import numpy as np
 
 import nrdob
 from nrdob import LowPassFilter, paper
 
-ORDERS = (2, 6, 10)
-DEAD_TIMES = (0, 0.2)
-LATE = (1e2, 1e3, 1e4, 1e5)
+ORDERS = (2, 4, 8)
+PADE = 5
+EDITIONS = Path(__file__).with_name("editions.json")
 
-ROUNDS = 7
+ROUNDS = 15
 ENOUGH = 5.0
 """Seconds after which a call is not repeated any more."""
 
 Task = Callable[[], object]
+Times = tuple[float | None, float | None]
 
 
 def blocks(order: int, dead_time: float) -> tuple:
@@ -55,125 +57,138 @@ def blocks(order: int, dead_time: float) -> tuple:
     return process, block(0), ct.tf([0.2, 0.1], [1, 0]), LowPassFilter(0.6, 2)
 
 
-def judge_late(ratio: float, time_constant: float) -> None:
-    """Judge a lag of 1 s behind a dead time of `ratio` seconds."""
-    process = nrdob.delay(ratio) * ct.tf([1.02], [1, 1])
-    F = LowPassFilter(time_constant, 1)
-    verdict = nrdob.NRDOB(process, ct.tf([1], [0.9, 1]), 0.5, F).stability()
-    if verdict.stable is None:
-        raise ArithmeticError("no verdict")
-
-
-def tasks() -> Iterator[tuple[str, str, Task]]:
-    """Give the row, the column and the call of every entry of the table."""
+def loops() -> Iterator[tuple[str, tuple]]:
+    """Blocks by name."""
     for order in ORDERS:
-        for dead_time in DEAD_TIMES:
-            given = blocks(order, dead_time)
-            row = f"order {order}" + f", dead time {dead_time} s" * bool(dead_time)
-            yield row, "stability", lambda g=given: nrdob.NRDOB(*g).stability()
-            yield row, "margins", lambda g=given: nrdob.NRDOB(*g).margins()
-            yield row, "sets", lambda g=given: nrdob.stabilizing_time_constants(g[0], g[1], 2)
-            yield row, "step", lambda g=given: nrdob.NRDOB(*g).step_response("R")
-            yield row, "Nyquist plot", lambda g=given: nrdob.NRDOB(*g).plot_nyquist()
-            yield row, "step plot", lambda g=given: nrdob.NRDOB(*g).plot_step()
-
-    hotend = ct.tf([337.6], [36.7, 1])
+        for dead_time in (0, 0.2):
+            name = f"order {order}" + f", dead time {dead_time} s" * bool(dead_time)
+            yield name, blocks(order, dead_time)
     example = paper.example(4)
-    for row, wait in (("Example 4", 0.0), ("Example 4, waits 0.04 s", 0.04)):
-        model = nrdob.delay(wait) * example.model
-        given = example.process, model, example.controller, example.filter
-        yield row, "stability", lambda g=given: nrdob.NRDOB(*g).stability()
-        yield row, "margins", lambda g=given: nrdob.NRDOB(*g).margins()
-        yield row, "sets", lambda g=given: nrdob.stabilizing_time_constants(g[0], g[1], 3)
-        yield row, "step", lambda g=given: nrdob.NRDOB(*g).step_response("R")
-    for row, process, model in (
-        ("Example 4", example.process, example.model),
-        ("hotend", nrdob.delay(0.8) * hotend, hotend),
-    ):
-        yield row, "design_filter", lambda p=process, m=model: nrdob.design_filter(p, m, max_ms=1.6)
-        yield row, "suggest_model", lambda p=process: nrdob.suggest_model(p)
-    for ratio in LATE:
-        row = f"dead time / lag = {ratio:.0e}"
-        yield row, "λ = θ, stable", lambda r=ratio: judge_late(r, r)
-        yield row, "λ = 30 lags, unstable", lambda r=ratio: judge_late(r, 30)
+    process, model, others = example.process, example.model, (example.controller, example.filter)
+    yield "Example 4", (process, model, *others)
+    yield "Example 4, model with 0.04 s", (process, nrdob.delay(0.04) * model, *others)
 
 
-def milliseconds(task: Task) -> float | None:
-    """Median of the processor time, after one call to warm up; None where there is no answer."""
-    times: list[float] = []
+def undelayed(block: object, order: int) -> ct.TransferFunction:
+    """Padé's approximant of a block."""
+    if isinstance(block, ct.TransferFunction):
+        return block
+    return block.tf * ct.tf(*ct.pade(block.delay, order))
+
+
+def questions() -> Iterator[tuple[str, Task, Task | None]]:
+    """Name, our call, and what python-control is asked, if it knows an answer."""
+    for name, given in loops():
+        process, model, *others = given
+        rational = nrdob.NRDOB(undelayed(process, PADE), undelayed(model, 0), *others)
+        gains = [rational.CGm.to_tf(), rational.FH.to_tf(), rational.L.to_tf()]
+        maps = [rational.T_R.to_tf(), rational.U_R.to_tf()]
+
+        def fresh(given: tuple = given) -> nrdob.NRDOB:
+            return nrdob.NRDOB(*given)
+
+        yield (
+            f"verdict, {name}",
+            lambda fresh=fresh: fresh().stability(),
+            lambda gains=gains: [ct.nyquist_response(gain) for gain in gains[:2]],
+        )
+        yield (
+            f"margins, {name}",
+            lambda fresh=fresh: fresh().margins(),
+            lambda gains=gains: [ct.stability_margins(gain) for gain in gains],
+        )
+        yield (
+            f"step response, {name}",
+            lambda fresh=fresh: fresh().step_response("R"),
+            lambda maps=maps: [ct.step_response(map) for map in maps],
+        )
+    for name, (process, model, _, filter) in loops():
+        yield (
+            f"stabilising λ, {name}",
+            lambda p=process, m=model, n=filter.order: nrdob.stabilizing_time_constants(p, m, n),
+            None,
+        )
+    example = paper.example(4)
+    yield (
+        "design_filter, Example 4",
+        lambda: nrdob.design_filter(example.process, example.model, max_ms=1.6),
+        None,
+    )
+    yield "suggest_model, Example 4", lambda: nrdob.suggest_model(example.process), None
+
+
+def by_turns(ours: Task, theirs: Task | None) -> Times:
+    """Medians of the processor time in ms, after one call of each to warm up."""
+    tasks = [ours] if theirs is None else [ours, theirs]
+    times: list[list[float]] = [[] for _ in tasks]
     begin = time.process_time()
-    while len(times) <= ROUNDS and (len(times) < 2 or time.process_time() - begin < ENOUGH):
-        start = time.process_time()
-        try:
+    while len(times[-1]) <= ROUNDS and (
+        len(times[-1]) < 2 or time.process_time() - begin < ENOUGH
+    ):
+        for task, found in zip(tasks, times, strict=True):
+            start = time.process_time()
             task()
-        except (ArithmeticError, ValueError):
-            return None
-        times.append(time.process_time() - start)
-        plt.close("all")
-        if times[-1] > ENOUGH:
-            return 1e3 * times[-1]
-    return 1e3 * median(times[1:])
+            found.append(time.process_time() - start)
+    ms = [1e3 * median(found[1:]) for found in times]
+    return ms[0], ms[1] if theirs else None
 
 
-def blas_kernel() -> str:
-    """Name the kernel that OpenBLAS chose, where NumPy brings its own OpenBLAS."""
-    library = ctypes.CDLL(np.linalg._umath_linalg.__file__)
-    try:
-        name = library.scipy_openblas_get_corename64_
-    except AttributeError:
-        return "not OpenBLAS"
-    name.restype = ctypes.c_char_p
-    return f"OpenBLAS, {name().decode()}"
-
-
-def measure() -> dict[str, dict[str, float | None]]:
-    """Time every task."""
-    found: dict[str, dict[str, float | None]] = {}
-    for row, column, task in tasks():
-        found.setdefault(row, {})[column] = milliseconds(task)
+def measure() -> dict[str, Times]:
+    """Time every question; what an earlier edition did not know has no time."""
+    found: dict[str, Times] = {}
+    for name, ours, theirs in questions():
+        try:
+            found[name] = by_turns(ours, theirs)
+        except (AttributeError, TypeError, ValueError, ArithmeticError):
+            found[name] = None, None
     return found
 
 
-def written(value: float | None) -> str:
-    """Write a time with three digits at most."""
-    if value is None:
+def machine() -> str:
+    """Name the processor, and the kernel that OpenBLAS chose where NumPy brings its own."""
+    library = ctypes.CDLL(np.linalg._umath_linalg.__file__)
+    kernel = getattr(library, "scipy_openblas_get_corename64_", None)
+    if kernel is None:
+        return f"{cpuinfo.get_cpu_info()['brand_raw']}"
+    kernel.restype = ctypes.c_char_p
+    return f"{cpuinfo.get_cpu_info()['brand_raw']}; OpenBLAS, {kernel().decode()}"
+
+
+def written(times: Times | None) -> str:
+    """A ratio to python-control, or a time where it has no answer."""
+    ours, theirs = times or (None, None)
+    if ours is None:
         return "none"
-    return f"{value:.3g}" if value < 1e3 else f"{value:.0f}"
+    return f"{ours / theirs:.2f}" if theirs else f"{ours:.3g} ms"
 
 
-def table(after: dict, before: dict | None) -> str:
-    """Write the table in Markdown, one row to a plant, in ms."""
-    columns = list(dict.fromkeys(column for row in after.values() for column in row))
-    lines = [f"| ms | {' | '.join(columns)} |", "|---|" + "--:|" * len(columns)]
-    for name, row in after.items():
-        entries = []
-        for column in columns:
-            entry = written(row[column]) if column in row else ""
-            if column in row and before is not None and column in before.get(name, {}):
-                entry = f"{written(before[name][column])} → {entry}"
-            entries.append(entry)
-        lines.append(f"| {name} | {' | '.join(entries)} |")
+def table(today: dict[str, Times], editions: dict[str, dict[str, Times]]) -> str:
+    """Write the table in Markdown, one row to a question."""
+    heads = ["", "nrdob, ms", "control, ms", "ratio today", *editions]
+    lines = ["| " + " | ".join(heads) + " |", "|---|" + "--:|" * (len(heads) - 1)]
+    for name, times in today.items():
+        ms = ["" if each is None else f"{each:.3g}" for each in times]
+        ratios = [written(each) for each in (times, *(e.get(name) for e in editions.values()))]
+        lines.append("| " + " | ".join([name, *ms, *ratios]) + " |")
     return "\n".join(lines)
 
 
 def main() -> None:
     """Run the command line."""
     parser = argparse.ArgumentParser(description="Time the public calls and print one table.")
-    parser.add_argument("--before", type=Path, metavar="FILE", help="numbers kept earlier")
-    parser.add_argument("--save", type=Path, metavar="FILE", help="keep the numbers there")
+    parser.add_argument("--keep", metavar="NAME", help="keep the numbers in editions.json")
     options = parser.parse_args()
 
-    mpl.use("Agg")
-    machine = f"{cpuinfo.get_cpu_info()['brand_raw']}; {blas_kernel()}"
-    times = measure()
-    if options.save:
-        text = json.dumps({"machine": machine, "ms": times}, indent=1)
-        options.save.write_text(text + "\n", encoding="utf-8")
-    before = json.loads(options.before.read_text(encoding="utf-8")) if options.before else None
-    print(table(times, before and before["ms"]))
-    print(f"\nMedians of processor time. After: {machine}." if before else f"\n{machine}.")
-    if before:
-        print(f"Before: {before['machine']}.")
+    warnings.simplefilter("ignore")  # python-control's, of Nyquist plots
+    kept = json.loads(EDITIONS.read_text(encoding="utf-8")) if EDITIONS.exists() else {}
+    today = measure()
+    if options.keep:
+        kept[options.keep] = {"machine": machine(), "ms": today}
+        EDITIONS.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
+    print(table(today, {name: each["ms"] for name, each in kept.items()}))
+    print(f"\nMedians of processor time; ratios are to python-control in the same run. {machine()}.")
+    for name, each in kept.items():
+        print(f"{name}: {each['machine']}.")
 
 
 if __name__ == "__main__":
