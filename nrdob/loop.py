@@ -171,6 +171,9 @@ class NRDOB(LoopEquations):
     ) -> SampledLoop:
         """Put the controller on a processor: see `nrdob.digital.SampledLoop`.
 
+        y is read just before the next u is written: a direct path of the process answers one
+        sample later, also without dead time.
+
         Parameters
         ----------
         dt : float

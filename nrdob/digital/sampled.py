@@ -37,6 +37,9 @@ Factor = FloatArray | QuasiPolynomial
 class SampledLoop(RunningLoop):
     """An NR-DOB loop whose controller runs on a processor: what `NRDOB.sampled` returns.
 
+    y is read just before the next u is written: a direct path of the process answers one sample
+    later, also without dead time.
+
     Parameters
     ----------
     loop : LoopEquations

@@ -21,7 +21,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from fractions import Fraction as Exact
-from math import comb, log2
+from functools import lru_cache
+from math import comb, isqrt, log2
 from typing import Any
 
 import numpy as np
@@ -34,7 +35,7 @@ __all__ = ["MULTIPLIED_OUT", "held_in_w", "process_in_w", "whole_samples_in_w"]
 
 Whole = NDArray[np.object_]
 
-FIRST, LAST = 256, 16384
+FIRST, LAST = 128, 16384
 """Binary digits behind the point of the first and of the last attempt."""
 
 MULTIPLIED_OUT = 40
@@ -199,7 +200,7 @@ class _Given:
 def _rounded(given: _Given, bits: int, alpha: float) -> Fraction:
     num, den = _in_z(given, bits)
     order = len(den) - 1
-    columns = [_bilinear(np.array(p, dtype=object), order) for p in (num, den)]
+    columns = [np.array(p, dtype=object) @ _bilinear(order) for p in (num, den)]
     largest = max(abs(x) for x in columns[1])
     floor = 1 << (bits // 2)
     scale = [float(alpha) ** k for k in range(order + 1)]
@@ -234,10 +235,12 @@ def _nonzero_at_nyquist(found: Fraction, dt: float, alpha: float) -> Fraction:
 def _in_z(given: _Given, bits: int) -> tuple[list[int], list[int]]:
     """Numerator and denominator of the held process, descending powers of z, in 2^-bits."""
     n = len(given.a)
-    late, early = _held(given, 1 - given.fraction, bits), _held(given, given.fraction, bits)
-    # Behind e^(A (1-φ) dt) what is felt in the first φ of a sample goes on.
-    Ad, B0 = _times(late[:n, :n], early[:n, :n], bits), late[:n, n]
-    B1 = _times(late[:n, :n], early[:n, n], bits)
+    late = _held(given, 1 - given.fraction, bits)
+    Ad, B0, B1 = late[:n, :n], late[:n, n], np.zeros(n, dtype=object)
+    if given.fraction:
+        # Behind e^(A (1-φ) dt) what is felt in the first φ of a sample goes on.
+        early = _held(given, given.fraction, bits)
+        Ad, B1 = _times(Ad, early[:n, :n], bits), _times(Ad, early[:n, n], bits)
     order = n + given.remembers
     A = np.zeros((order, order), dtype=object)
     A[:n, :n], B, C = Ad, np.zeros(order, dtype=object), np.zeros(order, dtype=object)
@@ -273,7 +276,8 @@ def _held(given: _Given, share: Exact, bits: int) -> Whole:
     """Exp of [[A, e1], [0, 0]] over a share of a sample, by Taylor's series and squaring."""
     n = len(given.a)
     time = given.time * share
-    halvings = max(0, (time.numerator // time.denominator).bit_length() + 2)
+    # As many squarings as there are about terms of the series take the fewest products.
+    halvings = (time.numerator // time.denominator).bit_length() + isqrt(bits) // 2 + 2
     step = time / 2**halvings
     M = np.zeros((n + 1, n + 1), dtype=object)
     for k in range(n):
@@ -293,18 +297,18 @@ def _held(given: _Given, share: Exact, bits: int) -> Whole:
     return total
 
 
-def _bilinear(p: Whole, order: int) -> list[int]:
-    """Σ p_k (1+v)^(n-k) (1-v)^k, ascending powers of v, of descending coefficients p."""
-    total = np.zeros(order + 1, dtype=object)
-    for k, coefficient in enumerate(p):
+@lru_cache
+def _bilinear(order: int) -> Whole:
+    """Coefficients of (1+v)^(n-k) (1-v)^k, a row for each k, ascending powers of v."""
+    rows = []
+    for k in range(order + 1):
         plus = [comb(order - k, i) for i in range(order - k + 1)]
         minus = [comb(k, i) * (-1) ** i for i in range(k + 1)]
-        product = [
+        rows.append([
             sum(plus[i] * minus[j - i] for i in range(len(plus)) if 0 <= j - i <= k)
             for j in range(order + 1)
-        ]
-        total = total + coefficient * np.array(product, dtype=object)
-    return [int(x) for x in total]
+        ])  # fmt: skip
+    return np.array(rows, dtype=object)
 
 
 def _times(p: Whole, q: Whole, bits: int) -> Any:

@@ -30,11 +30,10 @@ class Case(NamedTuple):
     dt: float
     computation_delay: float
     prewarp: float | None
+    method: str = "tustin"
 
     def sampled(self) -> Any:
-        return self.loop.sampled(
-            self.dt, computation_delay=self.computation_delay, prewarp=self.prewarp
-        )
+        return self.loop.sampled(self.dt, self.method, self.computation_delay, self.prewarp)
 
 
 def draw(rng: np.random.Generator) -> Case:
@@ -56,6 +55,9 @@ def draw(rng: np.random.Generator) -> Case:
     dt = max(10 ** rng.uniform(-2, 0.3), (loop.delay + loop.model_delay) / 40)
     late = float(rng.choice([0.0, 1.0, rng.random(), 3 * rng.random()])) * dt
     prewarp = float(rng.uniform(0.05, 0.9)) * np.pi / dt if rng.random() < 0.2 else None
+    sound = not loop.model_delay and loop.fractions.Gm.relative_degree <= 1
+    if sound and rng.random() < 0.5:
+        return Case(loop, float(dt), late, None, "zoh")
     return Case(loop, float(dt), late, prewarp)
 
 
@@ -69,10 +71,15 @@ def brute_force(case: Case) -> np.ndarray:
         if not block.nstates:
             return np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), block.D
         # At a frequency of 0 python-control would divide by it.
-        found = ct.sample_system(block, dt, "tustin", prewarp_frequency=case.prewarp)
+        found = ct.sample_system(block, dt, case.method, prewarp_frequency=case.prewarp)
         return found.A, found.B, found.C, found.D
 
     filter, inverse = sampled(*F), sampled(np.convolve(F.num, Gm.den), np.convolve(F.den, Gm.num))
+    if case.method == "zoh":  # F/Gm and (1 - F) Gm are made of blocks that are sampled
+        F_z, Gm_z = (ct.sample_system(ct.tf(*block), dt, "zoh") for block in (F, Gm))
+        (n, d), (m, e) = ((b.num[0][0], b.den[0][0]) for b in (F_z, Gm_z))
+        n, m = np.trim_zeros(n, "f"), np.trim_zeros(m, "f")
+        inverse = realised(np.convolve(n, e), np.convolve(d, m))
     controller = sampled(*C)
     plant = behind_a_hold(G, case.loop.delay + case.computation_delay, dt)
     if case.loop.model_delay:
@@ -87,6 +94,11 @@ def brute_force(case: Case) -> np.ndarray:
         if den[-1] == 0:
             part, den = part[:-1], den[:-1]
         rest = sampled(np.convolve(part, Gm.num), np.convolve(F.den, den))
+        if case.method == "zoh":
+            part = np.polysub(d, n)
+            if Gm.den[-1] == 0:  # both have a zero at z = 1
+                part, e = (np.polydiv(p, [1.0, -1.0])[0] for p in (part, e))
+            rest = realised(np.convolve(part, m), np.convolve(d, e))
         blocks = plant, filter, filter, inverse, rest, controller
         u = np.array([0, 1, 0, -1, 0, 1])
         y, _, g, _, m, _ = np.eye(6)
@@ -94,6 +106,11 @@ def brute_force(case: Case) -> np.ndarray:
     A, B, C_, D = (block_diag(*parts) for parts in zip(*blocks, strict=True))
     W = np.array(wiring)
     return np.linalg.eigvals(A + B @ W @ np.linalg.solve(np.eye(len(D)) - D @ W, C_))
+
+
+def realised(num: np.ndarray, den: np.ndarray) -> Any:
+    block = ct.ss(ct.tf(num, den))
+    return block.A, block.B, block.C, block.D
 
 
 def behind_a_hold(G: Any, delay: float, dt: float) -> Any:
@@ -149,11 +166,12 @@ def outcome(case: Case) -> str:
     if verdict.stable is None:
         return f"undecided: {verdict.reason}"
     if verdict.stable != bool((size < 1).all()):
-        return "WRONG verdict"
+        return f"WRONG verdict, {case.method}"
     counts = verdict.model_loop.closed_loop_outside, verdict.observer_loop.closed_loop_outside
     if None not in counts and sum(counts) != np.sum(size > 1):
         return "WRONG count"
-    return "stable, as by brute force" if verdict.stable else "not stable, as by brute force"
+    found = "stable" if verdict.stable else "not stable"
+    return f"{found}, as by brute force, {case.method}"
 
 
 def campaign(count: int, seed: int) -> dict[str, int]:
