@@ -14,7 +14,7 @@ from pathlib import Path
 from nrdob.course.grading.roster import Course, read_course
 
 __all__ = ["CLASS", "DUE", "Sent", "canvas", "moment_of", "moodle", "plan", "read_canvas"]
-__all__ += ["read_moodle", "table"]
+__all__ += ["read_moodle", "table", "taken_by_canvas", "taken_by_moodle"]
 
 FIRST = ["Anna", "Bo", "Cleo", "Dan", "Eva", "Finn", "Gül", "Hana", "Ivo", "José"]
 LAST = ["Müller", "Nguyen", "O'Brien", "Pérez", "Qvist", "Rossi"]
@@ -116,6 +116,37 @@ def read_moodle(rows: Sequence[Mapping[str, str]]) -> dict[int, tuple[str, str]]
         )
         for row in rows
     }
+
+
+def taken_by_moodle(archive: Path) -> dict[int, str]:
+    """Read an archive of feedback as Moodle does: the participant's number, and the file.
+
+    Of the parts of a path the first counts that is made of a name, a number, the kind of a plugin
+    and its name, with underscores between.
+    """
+    taken: dict[int, str] = {}
+    with zipfile.ZipFile(archive) as packed:
+        for path in packed.namelist():
+            for k, part in enumerate(parts := path.split("/")):
+                info = part.split("_", 4)
+                if len(info) >= 4 and info[1].isdecimal() and info[2:4] == MOODLES:
+                    taken[int(info[1]) - 5000] = "/".join([*info[4:], *parts[k + 1 :]]).strip("/")
+                    break
+    return taken
+
+
+MOODLES = ["assignsubmission", "file"]
+
+
+def taken_by_canvas(archive: Path) -> dict[int, tuple[int, str]]:
+    """Read it as Canvas does: the first two numbers of a file's name are student and attachment."""
+    taken = {}
+    with zipfile.ZipFile(archive) as packed:
+        for path in packed.namelist():
+            name = path.rpartition("/")[2]
+            student, attachment = [p for p in name.split("_") if p.isdecimal()][:2]
+            taken[int(student) - 1000] = int(attachment) - 90100, name.rpartition(".")[2]
+    return taken
 
 
 def read_canvas(rows: Sequence[Mapping[str, str]], name: str) -> dict[int, tuple[str, str]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import functools
 import shutil
@@ -12,13 +13,23 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-STRICT = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-O2"]
+COMPILERS = ("gcc", "clang")
+
+STRICT = [
+    "-std=c99", "-O2", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow",
+    "-Wdouble-promotion", "-Wmissing-prototypes", "-Werror",
+]  # fmt: skip
+
+SANITIZED = ["-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
 
 HARNESS = """
+#include "{name}.h"
+void run(int n, const double *r, const double *y, const double *applied,
+         int started, double u0, double *u, double *limited, double *d_hat);
 void run(int n, const double *r, const double *y, const double *applied,
          int started, double u0, double *u, double *limited, double *d_hat)
 {{
-    static {name}_state s;
+    {name}_state s;
     if (started)
         {name}_start(&s, ({name}_real)r[0], ({name}_real)y[0], ({name}_real)u0);
     else
@@ -30,52 +41,88 @@ void run(int n, const double *r, const double *y, const double *applied,
         d_hat[k] = (double)s.d_hat;
     }}
 }}
-void chain(int n, const double *r, const double *y, double *u)
+"""
+
+TWO = """
+#include <stdio.h>
+#include "{name}.h"
+/* Two instances in turn, each with a reference and a measurement of its own, from stdin. */
+int main(void)
 {{
-    static {name}_state s;
-    {name}_init(&s);
-    for (int k = 0; k < n; k++)
-        u[k] = (double){name}_step(&s, ({name}_real)r[k], ({name}_real)y[k]);
+    {name}_state s[2];
+    double in[4];
+    {name}_init(&s[0]);
+    {name}_init(&s[1]);
+    while (fread(in, sizeof in[0], 4, stdin) == 4) {{
+        for (int i = 0; i < 2; i++) {{
+            const {name}_real r = ({name}_real)in[2 * i], y = ({name}_real)in[2 * i + 1];
+            const {name}_real u = {name}_step(&s[i], r, y);
+            printf("%.17g %lu ", (double)u, (unsigned long)s[i].skipped);
+        }}
+    }}
+    return 0;
 }}
 """
 
 
 @functools.cache
-def compiler() -> str:
-    found = shutil.which("cc")
+def compiler(name: str = "cc") -> str:
+    found = shutil.which(name)
     if not found:
-        pytest.skip("there is no C compiler (cc) here: the generated C was NOT compiled or run")
+        pytest.skip(f"there is no C compiler {name} here: the generated C was NOT compiled or run")
     return found
 
 
-def compiled(text: str, name: str) -> ctypes.CDLL:
-    """Compile without a single warning, and load."""
-    cc = compiler()
-    folder = Path(tempfile.mkdtemp())
-    try:
-        # The file as it is written stands alone; the harness is of the test.
-        (folder / "alone.c").write_text(text, encoding="utf-8")
-        (folder / "run.c").write_text(text + HARNESS.format(name=name), encoding="utf-8")
-        for arguments in (["-c", "alone.c"], ["-shared", "-fPIC", "-o", "run.so", "run.c"]):
-            done = subprocess.run([cc, *STRICT, *arguments], cwd=folder, capture_output=True,
-                                  text=True, check=False)  # fmt: skip
-            assert done.returncode == 0, done.stderr
-        return ctypes.CDLL(str(folder / "run.so"))
-    finally:
-        shutil.rmtree(folder)
+@contextlib.contextmanager
+def built(cc, sampled, name, dtype, harness, *options, **made):
+    """Compile file and harness, which knows the header alone, without a single warning."""
+    with tempfile.TemporaryDirectory() as folder:
+        for file, text in (
+            (f"{name}.c", sampled.to_c(name, dtype, **made)),
+            (f"{name}.h", sampled.to_header(name, dtype)),
+            ("harness.c", harness.format(name=name)),
+        ):
+            (Path(folder) / file).write_text(text, encoding="utf-8")
+        done = subprocess.run([compiler(cc), *STRICT, *options, "-o", "out", "harness.c",
+                               f"{name}.c"], cwd=folder, capture_output=True, text=True,
+                              check=False)  # fmt: skip
+        assert done.returncode == 0, done.stderr
+        yield Path(folder) / "out"
 
 
-def run_c(text, name, r, y, applied, start=None):
+@functools.cache
+def sanitizers(cc: str) -> None:
+    """Skip where the compiler is there, but not what its sanitizers run with."""
+    with tempfile.TemporaryDirectory() as folder:
+        (Path(folder) / "a.c").write_text("int main(void) { return 0; }\n", encoding="utf-8")
+        call = [compiler(cc), *SANITIZED, "-o", "a", "a.c"]
+        linked = subprocess.run(call, cwd=folder, capture_output=True, check=False).returncode == 0
+        if not linked or subprocess.run([Path(folder) / "a"], check=False).returncode:
+            pytest.skip(f"{cc} has no sanitizers here: the generated C was NOT run with them")
+
+
+def run_two(cc, sampled, name, dtype, inputs, **made):
+    """Run two instances with sanitizers; return what each wrote, and how many were left out."""
+    sanitizers(cc)
+    with built(cc, sampled, name, dtype, TWO, *SANITIZED, **made) as program:
+        done = subprocess.run([program], input=np.ascontiguousarray(inputs).tobytes(),
+                              capture_output=True, check=False)  # fmt: skip
+    assert done.returncode == 0, done.stderr.decode()
+    found = np.array(done.stdout.split(), dtype=float).reshape(-1, 2, 2)
+    return found[..., 0].T, found[..., 1].T
+
+
+def run_c(sampled, name, r, y, applied, start=None, dtype="double", **made):
     """Return u, what the limits inside make of it, and d_hat, for given r, y and applied u."""
-    library = compiled(text, name)
     pointer = ctypes.POINTER(ctypes.c_double)
     given = [np.ascontiguousarray(v, dtype=float) for v in (r, y, applied)]
     found = [np.zeros(len(r)) for _ in range(3)]
-    library.run(
-        ctypes.c_int(len(r)), *(v.ctypes.data_as(pointer) for v in given),
-        ctypes.c_int(start is not None), ctypes.c_double(start or 0.0),
-        *(v.ctypes.data_as(pointer) for v in found),
-    )  # fmt: skip
+    with built("cc", sampled, name, dtype, HARNESS, "-shared", "-fPIC", **made) as library:
+        ctypes.CDLL(str(library)).run(
+            ctypes.c_int(len(r)), *(v.ctypes.data_as(pointer) for v in given),
+            ctypes.c_int(start is not None), ctypes.c_double(start or 0.0),
+            *(v.ctypes.data_as(pointer) for v in found),
+        )  # fmt: skip
     return found
 
 

@@ -7,12 +7,16 @@ import sys
 from collections.abc import Callable, Iterator
 from copy import deepcopy
 from dataclasses import dataclass
+from inspect import getsource
 from pathlib import Path
 from typing import Any
 
 import nbformat
+import numpy as np
 
+from nrdob.course.exercises.problems import HIDDEN_CASES
 from nrdob.course.grading import command as exercises
+from nrdob.course.grading.plain import packed
 from problemsets import SOURCE, Posed, cells, nbgrader, posed
 
 NAME = "set2"
@@ -53,12 +57,29 @@ def answer_cell(this: Posed) -> str:
     return this.cell.id.replace("check", "answer")
 
 
-def mistake(this: Posed, number: int) -> str:
-    """A cell with what somebody answers who holds the misconception."""
-    example = f'PROBLEMS["{this.id}"].misconceptions[{number}].example'
+def mistake(this: Posed, number: int, group: int = 5) -> str:
+    """A cell with what somebody answers who holds the misconception, computed here."""
+    example = this.problem.misconceptions[number].example
+    cases = this.problem.cases(group, 1)
     if this.problem.own:
-        example += f'(own_case("{this.id}", GROUP))'
-    return f"from nrdob.course.exercises import PROBLEMS, own_case\n\n{this.answer} = {example}"
+        return f"{UNPACKED}{this.answer} = unpacked({packed(example(cases[0]))!r})"
+    cases += this.problem.cases(this.seed, HIDDEN_CASES)
+    answers = {told(case): example(case) for case in cases}
+    assert len(answers) == len(cases)
+    return (
+        f"{UNPACKED}answers = unpacked({packed(answers)!r})\n\n\n"
+        f"def {this.answer}(case):\n    return answers[told(case)]"
+    )
+
+
+def told(case: Any) -> str:
+    return repr(case) + str([each for each in vars(case).values() if isinstance(each, np.ndarray)])
+
+
+UNPACKED = (
+    "import base64\nimport pickle\n\n\ndef unpacked(text):\n"
+    f"    return pickle.loads(base64.b64decode(text))\n\n\n{getsource(told)}\n\n"
+).replace("(case: Any) -> str", "(case)")
 
 
 def cell_of(notebook: Notebook, name: str) -> Any:
@@ -103,7 +124,7 @@ def mistaken(released: Path, number: int) -> Handed:
         if number < len(known):
             cell.source = mistake(problem, number)
             this.earned[problem.cell.id] = problem.points * known[number].marks
-            remarks.append(odd(cell.id, "from nrdob.course.exercises import PROBLEMS"))
+            remarks.append(odd(cell.id, "import base64, import pickle, vars"))
         else:
             cell.source = cell_of(handed(released), cell.id).source
             this.earned[problem.cell.id] = 0

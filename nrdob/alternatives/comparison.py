@@ -10,7 +10,7 @@ from math import isnan, nan
 from pathlib import Path
 from typing import Any
 
-from ..analysis import margins, noise_variance
+from ..analysis import noise_variance, quotient_margins
 from ..design import step_peak
 from ..diagram import DelayedTransferFunction, as_fraction, nonzero
 from ..loop import NRDOB
@@ -301,7 +301,7 @@ def _judged(name: str, tuning: str, loop: NRDOB, shaping: Any, others: dict[str,
         said = "not stable" if verdict.stable is False else "not decided"
         return Row(name, tuning, verdict.stable, f"{said}: {verdict.reason}", loop=loop)
     try:
-        found = margins(loop.L, True, loop.p_B)
+        found = quotient_margins(loop.L, True)
         noise = noise_variance(loop, shaping)
         errors = load_errors(loop)
         peak = step_peak(loop, "d", "u")
@@ -316,7 +316,7 @@ def _judged(name: str, tuning: str, loop: NRDOB, shaping: Any, others: dict[str,
 
 def _ms(loop: NRDOB) -> float:
     """Ms of a loop, nan where it is not known to be stable."""
-    return margins(loop.L, True, loop.p_B).ms if loop.stability().stable else nan
+    return quotient_margins(loop.L, True).ms if loop.stability().stable else nan
 
 
 def _number(value: float, missing: str = "-") -> str:

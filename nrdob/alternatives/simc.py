@@ -13,6 +13,12 @@ other process is brought into that form by the half rule: of the largest lag tha
 half is added to the dead time and one half to the lag before it; further lags, and what zeros on
 the right contribute, are added to the dead time.
 
+The derivative of a PID needs a filter, which is one more lag in the loop: of :math:`\tau_D/10`, or
+of :math:`\tau_c/2` where that is shorter, so that it is short against the closed loop, too. By the
+half rule it counts as dead time: :math:`\theta` above is then that of the process plus this lag.
+Tight control, :math:`\tau_c` equal to this sum, has about the Ms that the PID without a filter has
+with :math:`\tau_c` equal to the dead time alone.
+
 .. rubric:: References
 
 Rivera, D. E., M. Morari, S. Skogestad, Internal model control. 4. PID controller design, Ind. Eng.
@@ -49,8 +55,8 @@ ROUNDED = 1e-3
 SHORT = 5.0
 """Times θ: a zero's time constant from which a lag and a zero are both slow."""
 
-DERIVATIVE = 10.0
-"""τD over the time constant of the derivative's filter."""
+DERIVATIVE, LOOP = 10.0, 2.0
+"""τD, and τc, over the time constant of the derivative's filter, at least."""
 
 
 class LagModel(NamedTuple):
@@ -61,7 +67,7 @@ class LagModel(NamedTuple):
     gain : float
         k; k/τ1 for an integrating process, whose τ1 is infinite.
     first, second : float
-        τ1 and τ2 in seconds.
+        τ1 and τ2 in seconds, τ1 the longer one.
     delay : float
         θ in seconds.
     """
@@ -128,8 +134,8 @@ def half_rule(process: Any, order: int, closed_loop_time: float) -> LagModel:
         half, *others = rest
         kept[-1] += half / 2
         delay += half / 2 + sum(others)
-    second = kept[1] if len(kept) > 1 else 0.0
-    return LagModel(gain, kept[0], second, float(delay))
+    first, second, *_ = *sorted(kept, reverse=True), 0.0
+    return LagModel(gain, first, second, float(delay))
 
 
 def simc_pi(process: Any, closed_loop_time: float, *, design: Any = None) -> NRDOB:
@@ -167,12 +173,14 @@ def simc_pi(process: Any, closed_loop_time: float, *, design: Any = None) -> NRD
 
 
 def simc_pid(process: Any, closed_loop_time: float, *, design: Any = None) -> NRDOB:
-    """Close a process with a PID controller by Skogestad's rule, its derivative filtered at τD/10.
+    """Close a process with a PID controller by Skogestad's rule, its derivative filtered.
 
     Parameters
     ----------
     process, closed_loop_time, design : as for `simc_pi`
-        G, τc in seconds, and what the controller is designed for.
+        G, τc in seconds, and what the controller is designed for. The filter of the derivative,
+        τD/10 or τc/2, whichever is shorter, counts as dead time: for tight control τc is as large
+        as the dead time and the filter together.
 
     Returns
     -------
@@ -188,9 +196,9 @@ def simc_pid(process: Any, closed_loop_time: float, *, design: Any = None) -> NR
     --------
     >>> import control as ct
     >>> from nrdob import delay
-    >>> loop = simc_pid(delay(1.0) * ct.tf([1], [10, 7, 1]), 1.0)    # lags of 5 s and 2 s
+    >>> loop = simc_pid(delay(1.0) * ct.tf([1], [10, 7, 1]), 1.2)    # lags of 5 s and 2 s
     >>> round(loop.margins().plant_loop.ms, 3)
-    1.748
+    1.575
     """
     return _closed(process, design, 2, closed_loop_time)
 
@@ -202,13 +210,14 @@ def _closed(process: Any, design: Any, order: int, closed_loop_time: Any) -> NRD
     found = half_rule(process if design is None else design, order, tc)
     if order == 2 and not found.second:
         raise ValueError("the process has one lag, and a PID needs two: take a PI")
-    wait = tc + found.delay
+    filtered = min(found.second / DERIVATIVE, tc / LOOP)
+    wait = tc + found.delay + filtered
     gain, integral = 1 / (found.slope * wait), min(found.first, 4 * wait)
     num, den = np.array([gain * integral, gain]), np.array([integral, 0.0])
     model = [found.slope], [1.0, 0.0 if found.first == inf else 1 / found.first]
     if order == 2:
         num = np.convolve(num, [found.second, 1.0])
-        den = np.convolve(den, [found.second / DERIVATIVE, 1.0])
+        den = np.convolve(den, [filtered, 1.0])
     return controller_alone(process, model, ct.tf(num, den))
 
 

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from ..analysis import margins, noise_variance
+from ..analysis import noise_variance, quotient_margins
 from ..deadtime import dead_time_observer
 from ..diagram import DelayedTransferFunction, LowPassFilter, as_fraction, real_number
 from ..loop import NRDOB
@@ -158,7 +158,7 @@ class Limits:
         if self.max_ms is not None:
             seen = np.abs(loop.S_d(1j * np.geomspace(*band, LOOKED_AT))).max()
             if seen <= self.max_ms:
-                seen = margins(loop.L, True, loop.p_B).ms
+                seen = quotient_margins(loop.L, True).ms
             found = log(self.max_ms / seen)
         if self.max_noise is not None and found >= 0:
             variance = noise_variance(loop, self.shaping).u

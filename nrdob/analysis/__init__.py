@@ -1,7 +1,7 @@
 """What the loop does: its stability, its margins, its responses, its turns around -1."""
 
 from .frequencies import on_axis, resolved_frequencies, subdivided
-from .locus import Locus, Notable, notable_frequencies
+from .locus import Found, Locus, Notable, notable_frequencies
 from .margins import (
     Ends,
     LoopMargins,
@@ -11,6 +11,7 @@ from .margins import (
     margin_bounds,
     margins,
     margins_at,
+    quotient_margins,
 )
 from .nyquist import NyquistCount, encirclements, minus_point, rhp_roots
 from .response import forced_response, step_response
@@ -19,6 +20,7 @@ from .variance import NoiseVariance, noise_variance
 
 __all__ = [
     "Ends",
+    "Found",
     "Locus",
     "LoopMargins",
     "LoopStability",
@@ -40,6 +42,7 @@ __all__ = [
     "noise_variance",
     "notable_frequencies",
     "on_axis",
+    "quotient_margins",
     "resolved_frequencies",
     "rhp_roots",
     "stability",

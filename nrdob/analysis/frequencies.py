@@ -4,18 +4,157 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from functools import reduce
-from math import pi
+from math import inf, log, pi
 
 import numpy as np
 
 from ..diagram import Quotient
-from ..numerics import FloatArray, QuasiPolynomial, frequency_segments
+from ..numerics import (
+    ComplexArray,
+    FloatArray,
+    QuasiPolynomial,
+    companion_roots,
+    frequency_segments,
+    polynomial_roots,
+)
+from .locus import Locus, factors_of
 from .nyquist import minus_point
 
-__all__ = ["on_axis", "resolved_frequencies", "subdivided"]
+__all__ = ["gentle_frequencies", "on_axis", "resolved_frequencies", "subdivided", "with_turns"]
 
 CLOSEST = 2.0**-40
 """How close to a root on the axis there are still frequencies, as a fraction of its own."""
+
+CUTS = 8
+"""Parts into which a stretch is cut at most before it is looked at again."""
+
+BEND = 0.5
+"""Largest product of the second derivative of log L over log ω and the square of a step."""
+
+DECADES = 8
+"""How far below and above all roots loops are followed: a size may still pass 1 there."""
+
+PER_SEGMENT = 4
+"""Frequencies in each certified stretch of a delayed factor."""
+
+RADIANS = 0.7
+"""How far a dead time may turn L from one frequency to the next, where L is not small."""
+
+TURNS = 2
+"""How many turns of a dead time are followed beyond where L is not small."""
+
+FAR = 20.0
+"""How far beyond all roots a loop gain that does not fall off is followed."""
+
+MOST = 200_000
+"""Frequencies at most that a dead time asks for."""
+
+
+def gentle_frequencies(*loops: Quotient) -> FloatArray:
+    r"""Frequencies between which the logarithm of L bends little, but for dead times.
+
+    Over log ω the logarithm of a factor :math:`j\omega - z` has a second derivative of the size
+    :math:`\omega |z|/|j\omega - z|^2`. The sum over all poles and zeros of a loop, in the middle of
+    each stretch, times the square of its length is at most `BEND`, so that log L is a straight line
+    to within an eighth of that. Factors of the denominator that contain a dead time turn by less
+    than half a revolution in `PER_SEGMENT` stretches together.
+
+    Parameters
+    ----------
+    *loops : Quotient
+        The loop gains, with or without delay.
+
+    Returns
+    -------
+    (N,) array of float
+        Increasing, in rad/s, without 0.
+    """
+    factors = factors_of(*loops)
+    roots = [_corners(factor) for factor in factors]
+    z = np.concatenate(roots)
+    member = [[any(f is own for own in loop.num + loop.den) for loop in loops] for f in factors]
+    member_of = np.repeat(np.array(member, dtype=float), [each.size for each in roots], axis=0)
+    size = np.abs(z)
+    square = np.maximum(np.abs(z.real), CLOSEST * size) ** 2
+    # Nothing but gains and dead time: its turns give the unit.
+    speeds = size if size.size else np.array([pi / max(p.delay for p in factors) if any(
+        p.delay for p in factors) else 1.0])
+    ends = log(speeds.min()) - DECADES * log(10), log(speeds.max()) + DECADES * log(10)
+    x = np.linspace(*ends, int(ends[1] - ends[0]) + 1)
+    left, right = x[:-1], x[1:]
+    done = [x[-1:]]
+    while left.size:
+        omega, width = np.exp((left + right) / 2), right - left
+        bends = (omega[:, None] * size / ((omega[:, None] - z.imag) ** 2 + square)) @ member_of
+        parts = np.ceil(np.sqrt(bends.max(axis=1) / BEND) * width)
+        gentle = parts <= 1
+        done.append(left[gentle])
+        left, width = left[~gentle], width[~gentle]
+        left, right = _cut(left, width, np.minimum(parts[~gentle], CUTS))
+    omega = np.exp(np.sort(np.concatenate(done)))
+    delayed = {id(p): p for loop in loops for p in loop.den if p.delay and p.neutral_ratio < 1}
+    own = [subdivided(_segments(p.without_origin), PER_SEGMENT) for p in delayed.values()]
+    return reduce(np.union1d, own, omega)[int(bool(own)) :]
+
+
+def _cut(left: FloatArray, width: FloatArray, parts: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Cut stretches into so many equal parts each: their left and right ends."""
+    count = parts.astype(np.intp)
+    k = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+    step = np.repeat(width / parts, count)
+    start = np.repeat(left, count)
+    return start + k * step, start + (k + 1) * step
+
+
+def _corners(factor: QuasiPolynomial) -> ComplexArray:
+    """Roots of the factor's polynomials, each by itself, without those at s = 0."""
+    found = []
+    for q, _ in factor.terms:
+        used = np.flatnonzero(q)
+        if used.size:
+            p = q[used[0] : used[-1] + 1]
+            found.append(polynomial_roots(p) if p.size <= 3 else companion_roots(p))
+    return np.concatenate([np.empty(0, dtype=complex), *found])
+
+
+def with_turns(locus: Locus, omega: FloatArray, *loops: Quotient) -> tuple[FloatArray, FloatArray]:
+    """Add frequencies where dead times turn loop gains that are not small.
+
+    Parameters
+    ----------
+    locus : Locus
+        The loop gains.
+    omega : (N,) array of float
+        Frequencies between which nothing else bends them, in rad/s.
+    *loops : Quotient
+        The same loops.
+
+    Returns
+    -------
+    (M,) array of float
+        Increasing frequencies in rad/s.
+    (loops,) array of float
+        Up to where each loop is then resolved.
+    """
+    delays = np.array([loop.delay for loop in loops])
+    last = np.full(delays.size, inf)
+    reach = locus.reach(omega)
+    found = [omega]
+    for k, (loop, delay) in enumerate(zip(loops, delays.tolist(), strict=True)):
+        if not delay:
+            continue
+        turn = TURNS * 2 * pi / delay
+        top = inf if not any(loop.at_infinity) else FAR * omega[-1] / 10**DECADES
+        large = (reach[k] > min(np.nanmax(reach[k]), 0.0) + log(0.5)) & (omega <= top)
+        edges = np.flatnonzero(np.diff(large, prepend=False, append=False))
+        first = omega[np.maximum(edges[::2] - 1, 0)]
+        behind = omega[np.minimum(edges[1::2], omega.size - 1)]
+        first, behind = np.maximum(first - turn, omega[0]), behind + turn
+        last[k] = max(behind.max(), omega[-1] / 10**DECADES + turn)
+        for low, high in zip(first.tolist(), behind.tolist(), strict=True):
+            count = min(int(delay * (high - low) / RADIANS) + 1, MOST)
+            found.append(np.linspace(low, high, count + 1))
+    return reduce(np.union1d, found), last
 
 
 def resolved_frequencies(
@@ -84,7 +223,7 @@ def on_axis(factors: Iterable[QuasiPolynomial]) -> FloatArray:
     for factor in factors:
         roots = factor.roots
         found.append(roots.imag[factor.near_axis(roots) & (roots.imag > 0)])
-    return np.concatenate(found)
+    return np.concatenate([np.empty(0, dtype=complex), *found])
 
 
 def _segments(p: QuasiPolynomial) -> FloatArray:

@@ -16,15 +16,22 @@ Where each delayed signal is known: a panel is no longer than the shortest dead 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import ceil, inf
 
 import numpy as np
-from numpy.polynomial import chebyshev
 
-from ..numerics import Block, FloatArray, IntArray
-from .steps import NODES, collocated, panel_lengths, radau, resolved_to, to_chebyshev
+from ..numerics import Block, ComplexArray, FloatArray, IntArray
+from .steps import (
+    NODES,
+    all_poles,
+    collocated,
+    panel_basis,
+    panel_lengths,
+    radau,
+    resolved_to,
+)
 
 __all__ = ["Driven", "delayed_responses"]
 
@@ -63,10 +70,10 @@ class Driven:
 def delayed_responses(
     driven: Sequence[Driven],
     free: Sequence[Block],
-    times: FloatArray,
+    last: float,
     smoothing: int,
     finer: float = 1.0,
-) -> FloatArray:
+) -> Callable[[FloatArray], FloatArray]:
     """March from moment to moment.
 
     Parameters
@@ -75,8 +82,8 @@ def delayed_responses(
         The delayed signals.
     free : sequence of Block
         What the input does to (y, u): impulse responses of these blocks.
-    times : (N,) array of float
-        Increasing, from 0 or later, in seconds.
+    last : float
+        Last time of interest, in seconds.
     smoothing : int
         How many derivatives a bend gains at least on every way around the loop.
     finer : float
@@ -84,13 +91,13 @@ def delayed_responses(
 
     Returns
     -------
-    (2, N) array of float
-        y and u at `times`.
+    callable
+        Takes increasing times (N,) from 0 to `last`, in seconds, and gives y and u there, (2, N).
 
     Raises
     ------
     ValueError
-        If `times` spans too many panels.
+        If too many panels would be needed until `last`.
     ArithmeticError
         If signals are too fast for the panels.
     """
@@ -101,9 +108,9 @@ def delayed_responses(
     )
     # A free block is one that nothing drives.
     blocks += [(Block(b.A, np.zeros_like(b.B), b.C, np.zeros_like(b.D)), 0) for b in free]
-    delays = np.array([each.delay for each in driven])
+    delays, poles = np.array([each.delay for each in driven]), all_poles(b for b, _ in blocks)
     for refined in (finer, 2 * finer, 4 * finer, 8 * finer):
-        edges = _mesh([b for b, _ in blocks], delays, float(times[-1]), smoothing, refined)
+        edges = _mesh(poles, delays, last, smoothing, refined)
         values = _march(blocks, driven, start, edges)
         if resolved_to(1e-11, values):
             break
@@ -112,27 +119,29 @@ def delayed_responses(
             "the signals between two echoes of the dead times are too fast to be resolved; shorten "
             "timepts or slow the fastest block"
         )
-    # A time that only rounding puts before a moment is meant to be on it.
-    panel = np.searchsorted(edges, times + 1e-9 * delays.min(), side="right") - 1
-    panel = np.clip(panel, 0, edges.size - 2)
-    basis = _basis((times - edges[panel]) / np.diff(edges)[panel])
-    outputs: FloatArray = np.einsum("im,iom->oi", basis, values[panel])
-    return outputs
+
+    def at(times: FloatArray) -> FloatArray:
+        # A time that only rounding puts before a moment is meant to be on it.
+        panel = np.searchsorted(edges, times + 1e-9 * delays.min(), side="right") - 1
+        panel = np.clip(panel, 0, edges.size - 2)
+        basis = panel_basis((times - edges[panel]) / np.diff(edges)[panel])
+        return np.asarray((values[panel] @ basis[..., np.newaxis])[..., 0].T)
+
+    return at
 
 
 def _mesh(
-    blocks: Sequence[Block], delays: FloatArray, last: float, smoothing: int, finer: float
+    poles: ComplexArray, delays: FloatArray, last: float, smoothing: int, finer: float
 ) -> FloatArray:
     """Borders of panels until the last time: those of the cheaper of the two ways."""
     span = max(last, 1e-3 * float(delays.min()))
     echoes = ceil(SMOOTH / smoothing) if smoothing else inf
-    poles = np.concatenate([np.linalg.eigvals(b.A) for b in blocks])
     fastest = float(np.abs(poles).max(initial=0.0)) * finer
     even = min(float(delays.min()), 2 / fastest if fastest else inf)
-    most = _graded(blocks, _lattice(delays, span, inf), inf, finer)
+    most = _graded(poles, _lattice(delays, span, inf), inf, finer)
     few = None
     if echoes < inf and span / even < MAX_PANELS:
-        few = _graded(blocks, _lattice(delays, span, echoes), even, finer)
+        few = _graded(poles, _lattice(delays, span, echoes), even, finer)
     found = min((each for each in (most, few) if each is not None), key=len, default=None)
     if found is None:
         raise ValueError(
@@ -147,34 +156,46 @@ def _lattice(delays: FloatArray, span: float, echoes: float) -> FloatArray | Non
     """Add up multiples of the dead times, from 0 to `span`; None if there are too many."""
     moments = np.zeros(1)
     for delay in delays:
+        begins = moments if echoes < inf else _apart(moments, delay, _SAME * span)
         count = min(int(span / delay), echoes) + 1
-        if count * moments.size > 4 * MAX_PANELS:
+        if count * begins.size > 4 * MAX_PANELS:
             return None
-        moments = (moments[:, None] + delay * np.arange(count)).ravel()
+        moments = (begins[:, None] + delay * np.arange(count)).ravel()
         moments = moments[moments < span * (1 - _SAME)]
     moments = np.append(np.sort(moments), span)
     return np.asarray(moments[np.append(True, np.diff(moments) > _SAME * span)])
 
 
+def _apart(moments: FloatArray, delay: float, same: float) -> FloatArray:
+    """Keep of moments that are a multiple of the dead time apart only the first."""
+    phase = moments % delay
+    order = np.argsort(phase, kind="stable")
+    groups = np.cumsum(np.diff(phase[order], prepend=-inf) > same)
+    kept = np.full(groups[-1] + 1, inf)
+    np.minimum.at(kept, groups, moments[order])
+    return kept[1:]
+
+
 def _graded(
-    blocks: Sequence[Block], moments: FloatArray | None, longest: float, finer: float
+    poles: ComplexArray, moments: FloatArray | None, longest: float, finer: float
 ) -> FloatArray | None:
     """Borders of panels between neighbouring moments, none of them longer than `longest`."""
     if moments is None or moments.size > MAX_PANELS:
         return None
     gaps = np.diff(moments)
     # Only a few gaps are different ones, but for rounding.
-    kinds, which = np.unique(np.round(gaps / (1e-13 * moments[-1])), return_inverse=True)
-    typical = [float(gaps[np.argmax(which == k)]) for k in range(kinds.size)]
+    rounded = np.round(gaps / (1e-13 * moments[-1]))
+    _, first, which = np.unique(rounded, return_index=True, return_inverse=True)
     inner = []
-    for gap in typical:
-        lengths = panel_lengths(blocks, gap, finer)
+    for gap in gaps[first].tolist():
+        lengths = panel_lengths(poles, gap, finer)
         pieces = np.ceil(lengths / longest).astype(int) if longest < inf else np.ones(1, dtype=int)
         inner.append(np.append(0.0, np.cumsum(np.repeat(lengths / pieces, pieces))[:-1]))
-    if sum(inner[k].size for k in which) > MAX_PANELS:
+    sizes = np.array([each.size for each in inner])[which]
+    if sizes.sum() > MAX_PANELS:
         return None
-    begins = zip(moments[:-1], which, strict=True)
-    return np.concatenate([*(begin + inner[k] for begin, k in begins), moments[-1:]])
+    within = np.concatenate([inner[k] for k in which])
+    return np.append(np.repeat(moments[:-1], sizes) + within, moments[-1])
 
 
 def _march(
@@ -196,17 +217,28 @@ def _march(
     n, m, panels = x.size, NODES, lengths.size
     values = np.zeros((panels, 2, m))
     for begin in range(0, panels, _CHUNK):
-        some = slice(begin, min(begin + _CHUNK, panels))
-        sources = [_source(each, edges, some) for each in driven]
-        for j in range(some.start, some.stop):
-            waited = [
-                np.einsum("mk,mk->m", weights[j - begin], values[index[j - begin], 1])
-                + known[j - begin]
-                for index, weights, known in sources
-            ]
-            found = matrices[which[j]] @ np.concatenate([x, *waited])
-            x = found[:n]
-            values[j] = found[n:].reshape(2, m)
+        end = min(begin + _CHUNK, panels)
+        sources = zip(*(_source(each, edges, slice(begin, end)) for each in driven), strict=True)
+        index, weights, known = (np.concatenate(parts, axis=1) for parts in sources)
+        newest = index.max(axis=1)
+        j = begin
+        while j < end:
+            # As many panels at once as need nothing from one another but the state.
+            stop = begin + max(int(newest.searchsorted(j)), j + 1 - begin)
+            some = slice(j - begin, stop - begin)
+            late = (weights[some] * values[index[some], 1]).sum(axis=-1) + known[some]
+            if stop == j + 1:
+                found = matrices[which[j]] @ np.concatenate([x, late[0]])
+                x, values[j] = found[:n], found[n:].reshape(2, m)
+            else:
+                kinds, starts = which[j:stop], np.empty((stop - j, n, 1))
+                drives = (matrices[kinds, :n, n:] @ late[..., None])[..., 0]
+                for k, kind in enumerate(kinds.tolist()):
+                    starts[k, :, 0] = x
+                    x = matrices[kind, :n, :n] @ x + drives[k]
+                both = np.concatenate([starts, late[..., None]], axis=1)
+                values[j:stop] = (matrices[kinds, n:] @ both).reshape(-1, 2, m)
+            j = stop
     return values
 
 
@@ -240,11 +272,6 @@ def _source(
     begun = inside > 0
     index = np.clip(np.searchsorted(edges, inside, side="right") - 1, 0, None)
     place = (then - edges[index]) / np.diff(edges)[index]
-    weights = _basis(np.where(begun, place, 0.0).ravel()).reshape(*place.shape, NODES)
+    weights = panel_basis(np.where(begun, place, 0.0).ravel()).reshape(*place.shape, NODES)
     known = np.polyval(each.known, then) if each.known.size else np.zeros_like(then)
     return index, weights * begun[..., None], known * begun
-
-
-def _basis(place: FloatArray) -> FloatArray:
-    """Weights of a panel's nodes for values at places in [0, 1] of it."""
-    return np.asarray(chebyshev.chebvander(2 * place - 1, NODES - 1) @ to_chebyshev())

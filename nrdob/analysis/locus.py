@@ -1,8 +1,9 @@
-r"""The frequency response of a loop, how it moves, and where something happens to it.
+r"""The frequency response of loops, how it moves, and where something happens to it.
 
 Everything comes from :math:`\log L(j\omega)`, the sum of its factors' logarithms, and from
 :math:`\Lambda = L'/L`, the sum of their :math:`p'/p`. Nothing is multiplied out: a pole and a zero
-that almost cancel keep their places, and no unit of time or gain makes a product overflow.
+that almost cancel keep their places, and no unit of time or gain makes a product overflow. Loops
+that share factors are evaluated together, each factor once.
 """
 
 from __future__ import annotations
@@ -12,9 +13,17 @@ from typing import NamedTuple
 import numpy as np
 
 from ..diagram import Quotient
-from ..numerics import ComplexArray, FloatArray, IntArray, bisect, exponential_rest, side
+from ..numerics import (
+    BoolArray,
+    ComplexArray,
+    FloatArray,
+    IntArray,
+    QuasiPolynomial,
+    exponential_rest,
+    newton,
+)
 
-__all__ = ["Locus", "Notable", "notable_frequencies"]
+__all__ = ["Found", "Locus", "Notable", "factors_of", "notable_frequencies"]
 
 NOISE = 1e-13
 """What is below it may be rounding, and has no sign."""
@@ -22,45 +31,95 @@ NOISE = 1e-13
 CROSSING = 1e-3
 """How well a crossing found must be one: at a pole on the axis the side of L changes by a jump."""
 
-SHALLOW = 0.5
-"""Minima of ``log |1 + L|`` that begin so far above the least value are not looked into."""
+STEEP = 1e12
+"""Slope of log L over log ω beyond which a crossing is a pole or a zero on the axis."""
 
-SIZE, SIDE, RETREAT, SIZE_SLOPE, SIDE_SLOPE, DISTANCE = range(6)
+SLACK = 0.1
+"""By how much the logarithm of L may leave what it is at both ends of a stretch."""
+
+SMALL = 0.5
+"""Size of L, against 1 and its largest value, below which turns of a dead time do not matter."""
+
+CUTS = 8
+"""Parts of a stretch in which a minimum and a maximum may hide together."""
+
+SLOPE_STEP, LAST_STEP = 1e-5, 1e-7
+"""Of a bracket: over which part slopes are measured, and how long the last step may be.
+
+It leaves an error of the size of their product.
+"""
+
+VANISHED = 1e-290
+"""In place of 0, the value of a factor at a root on the axis."""
+
+SIZE, SIDE, RETREAT, DISK_RETREAT, SIZE_SLOPE, SIDE_SLOPE, DISTANCE, DISK, COSINE = range(9)
 r"""Rows of `Locus.motion`: :math:`\log|L|`, zero at a gain crossover; :math:`\sin\arg L`, zero
 where L is real; :math:`d\log|1 + L|/d\log\omega`, zero and rising where L is nearest to -1; the
-derivatives of the first two with respect to :math:`\log\omega`; :math:`\log|1 + L|`."""
+same of :math:`|(1 + L)/(1 - L)|`; the derivatives of the first two with respect to
+:math:`\log\omega`; :math:`\log|1 + L|`; :math:`\log|(1 + L)/(1 - L)|`; the cosine of the angle."""
 
 
-class Notable(NamedTuple):
-    """Frequencies in rad/s at which something happens to a loop gain.
+class Found(NamedTuple):
+    """Frequencies of one kind, and L there.
 
     Attributes
     ----------
-    gain : array of float
-        Where ``|L|`` = 1.
-    phase : array of float
-        Where L is real.
-    nearest : array of float
-        Where ``|1 + L|`` is smallest.
+    omega : array of float
+        In rad/s, increasing.
+    L : array of complex
+        L(jω).
     """
 
-    gain: FloatArray
-    phase: FloatArray
-    nearest: FloatArray
+    omega: FloatArray
+    L: ComplexArray
+
+
+class Notable(NamedTuple):
+    """Where something happens to a loop gain.
+
+    Attributes
+    ----------
+    gain : Found
+        Where ``|L|`` = 1.
+    phase : Found
+        Where L is real.
+    nearest : Found
+        Where ``|1 + L|`` is smallest.
+    disk : Found
+        Where ``|(1 + L)/(1 - L)|`` is smallest.
+    """
+
+    gain: Found
+    phase: Found
+    nearest: Found
+    disk: Found
 
 
 class Locus:
-    """A loop gain on the imaginary axis.
+    """Loop gains on the imaginary axis.
 
     Parameters
     ----------
-    loop : Quotient
-        The loop gain L.
+    *loops : Quotient
+        The loop gains; a factor that several share is evaluated once.
+
+    Attributes
+    ----------
+    count : int
+        How many loops there are.
     """
 
-    def __init__(self, loop: Quotient) -> None:
-        factors = (*loop.num, *loop.den)
-        self._signs = np.repeat([1.0, -1.0], [len(loop.num), len(loop.den)])
+    def __init__(self, *loops: Quotient) -> None:
+        self.count, factors = len(loops), factors_of(*loops)
+        place = {id(factor): i for i, factor in enumerate(factors)}
+        self._signs = np.zeros((len(loops), len(factors)))
+        self._above = np.zeros((len(loops), len(factors)))
+        for signs, above, loop in zip(self._signs, self._above, loops, strict=True):
+            for factor in loop.num:
+                signs[place[id(factor)]] += 1.0
+            for factor in loop.den:
+                signs[place[id(factor)]] -= 1.0
+            above[[place[id(factor)] for factor in loop.num]] = 1.0
         delayed = [(i, *term) for i, factor in enumerate(factors) for term in factor.delayed]
         self._delayed = np.array([i for i, _, _ in delayed], dtype=np.intp)
         self._delays = np.array([delay for _, _, delay in delayed])[:, None]
@@ -68,7 +127,7 @@ class Locus:
         # exp(-sT) behind its Taylor polynomial.
         expanded = [factor.expanded for factor in factors]
         self._behind = np.array([expanded[i][1] for i, _, _ in delayed], dtype=np.intp)
-        self._divided = float(self._signs @ [factor.divided for factor in factors])
+        self._divided = self._signs @ [float(factor.divided) for factor in factors]
         rows = [row for row, _ in expanded]
         rows += [r for _, r, _ in delayed]
         # p(s) = even(s²) + s odd(s²): on the axis s² is real, so that half the work is left.
@@ -80,52 +139,96 @@ class Locus:
                 table[length - part.size :, j, i] = part[::-1]
         self._table = table[..., None]
 
-    def log(self, omega: FloatArray) -> ComplexArray:
-        """Evaluate log L(jω), -inf at a zero, inf at a pole.
+    def values(self, omega: FloatArray) -> ComplexArray:
+        """Evaluate L(jω), zero and infinite at roots on the axis.
 
         Parameters
         ----------
-        omega : array of float
+        omega : (N,) array of float
             Frequencies in rad/s.
+
+        Returns
+        -------
+        (loops, N) array of complex
+            The loop gains.
         """
-        return self.log_and_slope(omega)[0]
+        with np.errstate(over="ignore", invalid="ignore"):
+            return np.asarray(np.exp(self.log_and_slope(omega)[0]))
 
     def motion(self, omega: FloatArray) -> FloatArray:
         """Evaluate what decides about margins: the rows named above.
 
         Parameters
         ----------
-        omega : array of float
+        omega : (N,) array of float
             Frequencies in rad/s, above 0.
+
+        Returns
+        -------
+        (rows, loops, N) array of float
+            The rows.
         """
         log, slope = self.log_and_slope(omega)
         size, angle = log.real, log.imag
+        rows = np.empty((9, *log.shape))
         with np.errstate(all="ignore"):
-            inverse = np.exp(-np.clip(size, -700, 700) - 1j * angle)
-            retreat = (slope / (1 + inverse)).real  # d log(1 + L) = L/(1 + L) d log L
-            distance = size + np.log(np.abs(1 + inverse))
-        rows = (size, np.sin(angle), retreat, slope.real, np.cos(angle) * slope.imag, distance)
-        return np.stack(rows)
+            cosine, sine = np.cos(angle), np.sin(angle)
+            rows[COSINE] = cosine
+            inverse = np.exp(-np.clip(size, -300, 300)) * (cosine - 1j * sine)
+            away = slope / (1 + inverse)  # d log(1 + L) = L/(1 + L) d log L
+            rows[SIZE], rows[SIDE], rows[RETREAT] = size, sine, away.real
+            rows[DISK_RETREAT] = (2 * away * inverse / (inverse - 1)).real
+            rows[SIZE_SLOPE], rows[SIDE_SLOPE] = slope.real, cosine * slope.imag
+            distance = np.log(np.abs(1 + inverse))
+            rows[DISTANCE] = size + distance
+            rows[DISK] = distance - np.log(np.abs(1 - inverse))
+        return rows
+
+    def reach(self, omega: FloatArray) -> FloatArray:
+        """Evaluate the logarithm of what the size of L can be whatever the dead times are.
+
+        Parameters
+        ----------
+        omega : (N,) array of float
+            Frequencies in rad/s.
+        """
+        p, _ = self._rows(omega)
+        count = self._signs.shape[1]
+        with np.errstate(all="ignore"):
+            largest = np.abs(p[:count])
+            if self._delayed.size:
+                np.add.at(largest, self._delayed, np.abs(p[count:]))
+            log, _ = self.log_and_slope(omega)
+            p, _ = self._factors(omega)
+            return np.asarray(log.real + self._above @ np.log(largest / np.abs(p)))
 
     def log_and_slope(self, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:
         """Evaluate log L(jω) and its derivative with respect to log ω.
 
         Parameters
         ----------
-        omega : array of float
+        omega : (N,) array of float
             Frequencies in rad/s.
+
+        Returns
+        -------
+        (loops, N) array of complex, twice
+            Both.
         """
-        square, s = -(omega**2), 1j * omega
-        first, *others = self._table
-        value = np.repeat(first, omega.size, axis=-1)
-        slope = np.zeros_like(value)
-        for coefficients in others:
-            slope = slope * square + value
-            value = value * square + coefficients
-        p = value[0] + s * value[1]
-        dp = value[1] + 2 * s * (slope[0] + s * slope[1])
+        p, dp = self._factors(omega)
+        s = 1j * omega
+        with np.errstate(all="ignore"):
+            log, slope = self._signs @ np.log(p), s * (self._signs @ (dp / p))
+            if self._divided.any():
+                log = log - self._divided[:, None] * np.log(s)
+                slope = slope - self._divided[:, None]
+            return log, slope
+
+    def _factors(self, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:
+        """Values of the factors and their derivatives with respect to s, none of them 0."""
+        p, dp = self._rows(omega)
         if self._delayed.size:
-            count, wait = self._signs.size, -self._delays * s
+            count, wait = self._signs.shape[1], -self._delays * (1j * omega)
             lag, slope_of_lag = np.empty_like(wait), np.empty_like(wait)
             for m in np.unique(self._behind).tolist():
                 own = self._behind == m
@@ -136,70 +239,202 @@ class Locus:
             p, dp = p[:count], dp[:count]
             for values, more in zip((p, dp), late, strict=True):
                 np.add.at(values, self._delayed, more)
-        with np.errstate(all="ignore"):
-            log, slope = self._signs @ np.log(p), s * (self._signs @ (dp / p))
-            if self._divided:
-                log, slope = log - self._divided * np.log(s), slope - self._divided
-            return log, slope
+        p[p == 0] = VANISHED
+        return p, dp
+
+    def _rows(self, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:
+        """Values and derivatives of the factors' polynomials, without dead times."""
+        square, s = -(omega**2), 1j * omega
+        first, *others = self._table
+        value = np.repeat(first, omega.size, axis=-1)
+        slope = np.zeros_like(value)
+        for coefficients in others:
+            slope *= square
+            slope += value
+            value *= square
+            value += coefficients
+        return value[0] + s * value[1], value[1] + 2 * s * (slope[0] + s * slope[1])
 
 
-def notable_frequencies(locus: Locus, omega: FloatArray) -> Notable:
-    """Find where something happens, starting from frequencies that show every turn.
+def factors_of(*loops: Quotient) -> list[QuasiPolynomial]:
+    """List the factors of loop gains, each object once.
+
+    Parameters
+    ----------
+    *loops : Quotient
+        The loop gains.
+    """
+    return list({id(factor): factor for loop in loops for factor in loop.num + loop.den}.values())
+
+
+def notable_frequencies(
+    locus: Locus, omega: FloatArray, last: FloatArray | float = np.inf
+) -> list[Notable]:
+    """Find where something happens, starting from frequencies between which log L bends little.
 
     Parameters
     ----------
     locus : Locus
-        The loop gain.
-    omega : array of float
+        The loop gains.
+    omega : (N,) array of float
         Increasing, in rad/s, without 0.
+    last : float or (loops,) array of float
+        Frequency up to which each loop is followed.
+
+    Returns
+    -------
+    list of Notable
+        Of each loop.
     """
-    motion = locus.motion(omega)
-    # A function that first nears zero and then leaves it may have crossed it twice in between.
-    hidden = [_between(motion[row], motion[row + SIZE_SLOPE]) for row in (SIZE, SIDE)]
-    bottoms = _solved(locus, omega, (SIZE_SLOPE, SIDE_SLOPE), hidden)
-    if bottoms[0].size + bottoms[1].size:
-        omega = np.union1d(omega, np.concatenate(bottoms))
+    last = np.broadcast_to(np.asarray(last, dtype=float), locus.count)
+
+    def followed(omega: FloatArray) -> FloatArray:
         motion = locus.motion(omega)
-    brackets = [_changes(motion[row]) for row in (SIZE, SIDE, RETREAT)]
-    distance = motion[DISTANCE]
-    least = np.nanmin(distance, initial=np.inf) + SHALLOW
-    low, high = brackets[RETREAT]
-    deep = (motion[RETREAT, low] < 0) & (np.fmin(distance[low], distance[high]) < least)
-    brackets[RETREAT] = low[deep], high[deep]
-    found = _solved(locus, omega, (SIZE, SIDE, RETREAT), brackets)
-    for row in (SIZE, SIDE):
-        found[row] = found[row][np.abs(locus.motion(found[row])[row]) < CROSSING]
-    return Notable(*found)
+        if omega[-1] > last.min():
+            motion[:, omega > last[:, None]] = np.nan
+        return motion
+
+    motion = followed(omega)
+    more = _hidden(locus, omega, motion)
+    if more.size:
+        omega = np.union1d(omega, more)
+        motion = followed(omega)
+    brackets = _relevant(motion, _changes(motion[: DISK_RETREAT + 1]), np.isfinite(last))
+    row, loop, _, _ = brackets
+    solved = _solved(locus, omega, motion, brackets)
+    each = np.arange(solved.size)
+    log, slope = (part[loop, each] for part in locus.log_and_slope(solved))
+    zero = np.where(row == SIZE, log.real, np.sin(log.imag))
+    kept = (np.abs(zero) < CROSSING) & (np.abs(slope) < STEEP) | (row >= RETREAT)
+    with np.errstate(all="ignore"):
+        value = np.exp(log)
+    return [
+        Notable(
+            *(
+                Found(solved[chosen], value[chosen])
+                for chosen in (kept & (loop == i) & (row == k) for k in range(4))
+            )
+        )
+        for i in range(locus.count)
+    ]
 
 
-# Indices of the lower and upper ends of intervals.
-Bracket = tuple[IntArray, IntArray]
+# Row, loop, and the indices of the lower and upper ends of intervals.
+Brackets = tuple[IntArray, IntArray, IntArray, IntArray]
 
 
-def _changes(values: FloatArray) -> Bracket:
-    """Intervals between significant values of different sides."""
-    known = np.flatnonzero(np.abs(values) > NOISE)
-    sides = side(values[known])
-    where = np.flatnonzero(sides[:-1] != sides[1:])
-    return known[where], known[where + 1]
+def _changes(values: FloatArray) -> Brackets:
+    """Intervals between significant values of different sides; rows, loops and places are axes."""
+    with np.errstate(invalid="ignore"):
+        known, positive = np.abs(values) > NOISE, values >= 0
+    place = np.arange(values.shape[-1])
+    before = np.maximum.accumulate(np.where(known, place, -1), axis=-1)[..., :-1]
+    was = np.take_along_axis(positive, np.maximum(before, 0), axis=-1)
+    changed = known[..., 1:] & (before >= 0) & (was != positive[..., 1:])
+    row, loop, low = np.nonzero(changed)
+    return row, loop, before[changed], low + 1
 
 
-def _between(values: FloatArray, slopes: FloatArray) -> Bracket:
-    """Intervals between values of the same side in which a smaller one may lie."""
-    sides = side(values)
-    nearing = sides * slopes
-    where = np.flatnonzero((sides[:-1] == sides[1:]) & (nearing[:-1] < 0) & (nearing[1:] > 0))
-    return where, where + 1
+def _relevant(motion: FloatArray, brackets: Brackets, late: BoolArray) -> Brackets:
+    """Choose the intervals in which something may happen that decides about a margin."""
+    row, loop, low, high = brackets
+    sizes = motion[SIZE, loop, low], motion[SIZE, loop, high]
+    smallest, largest = np.fmin(*sizes), np.fmax(*sizes)
+    negative = motion[COSINE, loop, low] < 0, motion[COSINE, loop, high] < 0
+    # Of a loop gain that a dead time turns for ever the largest small crossing counts.
+    certain = np.full(late.size, -np.inf)
+    sure = (row == SIDE) & negative[0] & negative[1] & (largest < 0)
+    np.maximum.at(certain, loop[sure], smallest[sure])
+    floor = np.fmin(np.nanmax(motion[SIZE], axis=-1, initial=-np.inf), 0.0) + np.log(SMALL)
+    small = late[loop] & (largest + SLACK < np.fmin(floor, certain)[loop])
+    kept = (row != SIDE) | (negative[0] | negative[1]) & ~small
+    towards = motion[row, loop, low] < 0
+    near = towards & (_least(smallest, largest, row == DISK_RETREAT) < _known(motion)[row - 2, loop])
+    kept &= (row < RETREAT) | near
+    return row[kept], loop[kept], low[kept], high[kept]
 
 
-def _solved(
-    locus: Locus, omega: FloatArray, rows: tuple[int, ...], brackets: list[Bracket]
-) -> list[FloatArray]:
-    """Find the zeros of several rows of the motion, each in its brackets, all together."""
-    sizes = [low.size for low, _ in brackets]
-    row, each = np.repeat(rows, sizes), np.arange(sum(sizes))
-    low, high = (omega[np.concatenate(ends)] for ends in zip(*brackets, strict=True))
-    if not each.size:
-        return [low for _ in rows]
-    found = bisect(lambda w: locus.motion(w)[row, each], low, high)
-    return np.split(found, np.cumsum(sizes)[:-1])
+def _known(motion: FloatArray) -> FloatArray:
+    """Smallest values of the two distances on the frequencies at hand."""
+    return np.asarray(np.exp(np.nanmin(motion[[DISTANCE, DISK]], axis=-1, initial=np.inf)))
+
+
+def _least(smallest: FloatArray, largest: FloatArray, disk: BoolArray | bool) -> FloatArray:
+    """Bound ``|1 + L|``, or ``|(1 + L)/(1 - L)|``, from below by the size of L in a stretch."""
+    size = np.exp(np.clip(0.0, smallest - SLACK, largest + SLACK))
+    return np.asarray(np.abs(1 - size) / np.where(disk, 1 + size, 1.0))
+
+
+def _hidden(locus: Locus, omega: FloatArray, motion: FloatArray) -> FloatArray:
+    """Frequencies that must be looked at, too, because two zeros may hide between neighbours."""
+    width = np.diff(np.log(omega))
+    with np.errstate(invalid="ignore"):
+        # A function that first nears zero and then leaves it may have crossed it twice in between.
+        value, slope = motion[[SIZE, SIDE]], motion[[SIZE_SLOPE, SIDE_SLOPE]]
+        nearing, far = np.sign(value) * slope, 2 * np.abs(slope)
+        dips = (value[..., :-1] >= 0) == (value[..., 1:] >= 0)
+        dips &= (nearing[..., :-1] < 0) & (nearing[..., 1:] > 0)
+        dips &= (np.abs(value) < far * np.append(width, 0.0))[..., :-1]
+        dips &= (np.abs(value) < far * np.insert(width, 0, 0.0))[..., 1:]
+        # The parabola through the slopes at both ends, of which the mean slope is known, too, may
+        # have another sign in the middle: then a maximum hides with a minimum.
+        slope, value = motion[[RETREAT, DISK_RETREAT]], motion[[DISTANCE, DISK]]
+        ends = slope[..., :-1] + slope[..., 1:]
+        middle = 1.5 * np.diff(value, axis=-1) / width - ends / 4
+        pairs = (slope[..., :-1] >= 0) == (slope[..., 1:] >= 0)
+        pairs &= middle * ends < 0.1 * np.abs(ends) ** 2 / 4
+        before, after = motion[SIZE, :, :-1], motion[SIZE, :, 1:]
+        bounds = [_least(np.fmin(before, after), np.fmax(before, after), disk) for disk in (False, True)]
+        pairs &= np.stack(bounds) < _known(motion)[..., None]
+    found = []
+    if dips.any():
+        row, loop, low = np.nonzero(dips)
+        found.append(_solved(locus, omega, motion, (row + SIZE_SLOPE, loop, low, low + 1)))
+    if pairs.any():
+        low = np.unique(np.nonzero(pairs)[-1])
+        parts = np.arange(1, CUTS) / CUTS
+        found.append((omega[low, None] + np.diff(omega)[low, None] * parts).ravel())
+    return np.concatenate(found) if found else np.empty(0)
+
+
+def _solved(locus: Locus, omega: FloatArray, motion: FloatArray, at: Brackets) -> FloatArray:
+    """Find the zeros of rows of the motion, each in its bracket, all together.
+
+    By Newton's steps, with slopes from differences.
+    """
+    row, loop, low, high = at
+    if not row.size:
+        return omega[low]
+    each = np.arange(row.size)
+    first, last = motion[row, loop, low], motion[row, loop, high]
+    upwards = np.where(first < 0, 1.0, -1.0)
+    left, right = omega[low], omega[high]
+    step = SLOPE_STEP * (right - left)
+
+    def value_and_slope(omega: FloatArray) -> tuple[FloatArray, FloatArray]:
+        found = locus.motion(np.concatenate([omega, omega + step]))
+        value, beside = found[row, loop, each], found[row, loop, each + row.size]
+        return upwards * value, upwards * (beside - value) / step
+
+    with np.errstate(all="ignore"):
+        start = left * (right / left) ** _guessed(motion, omega, at, first, last)
+    start = np.where(np.isfinite(start), start, (left + right) / 2)
+    return newton(value_and_slope, left, right, start, LAST_STEP * (right - left))
+
+
+def _guessed(
+    motion: FloatArray, omega: FloatArray, at: Brackets, first: FloatArray, last: FloatArray
+) -> FloatArray:
+    """Guess zeros as parts of their brackets, by parabolas over log ω."""
+    row, loop, low, high = at
+    other = np.minimum(row + SIZE_SLOPE, DISK)
+    a, b = motion[other, loop, low], motion[other, loop, high]
+    width = np.log(omega[high] / omega[low])
+    mean = (first + last) / 2
+    middle = np.where(row < RETREAT, mean + width * (a - b) / 8, 1.5 * (b - a) / width - mean / 2)
+    middle = np.where(row < SIZE_SLOPE, middle, mean)
+    # first + t slope + t² bend, its zero between 0 and 1 in the form that does not cancel.
+    bend, slope = 2 * (first + last) - 4 * middle, last - first
+    slope = slope - bend
+    root = np.sqrt(slope**2 - 4 * bend * first)
+    return np.asarray(-2 * first / (slope + np.where(last > first, root, -root)))

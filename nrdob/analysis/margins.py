@@ -1,38 +1,28 @@
-r"""Lemma 2 and the true loop: gain, phase, modulus and delay margins of C·G̃, F·H and L = K·G.
+r"""Lemma 2 and the true loop: gain, phase, modulus, disk and delay margins of C·G̃, F·H and L = K·G.
 
-Frequencies are exact: without delay the crossings and the extremes of :math:`|1+L|` are roots of
-polynomials in :math:`\omega^2`. With delay they are bracketed on frequencies between which the loop
-provably turns by less than half a revolution (`nrdob.analysis.locus`); and so they are where time
-scales are far apart or modes hardly damped, because polynomials in :math:`\omega^2` would lose what
-lies close together. The points ω = 0 and ω = ∞ are looked at too: a loop may be lost there as well
-as in between.
+Where L has size 1, is real, or is nearest to -1, is bracketed on frequencies between which log L is
+nearly straight over log ω, by a bound of its second derivative from poles and zeros
+(`nrdob.analysis.frequencies`), and refined to the last digits on the factors of L, of which nothing
+is multiplied out (`nrdob.analysis.locus`). Dead times stay exact. The points ω = 0 and ω = ∞ are
+looked at too: a loop may become unstable there as well as in between.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
-from math import acos, asin, degrees, inf, isfinite, log10, nan, pi
+from math import acos, asin, atan, degrees, inf, isfinite, log10, nan, pi
 from numbers import Real
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..diagram import LoopEquations, Quotient
-from ..numerics import (
-    ROUNDING,
-    ComplexArray,
-    FloatArray,
-    QuasiPolynomial,
-    add,
-    companion_roots,
-    differentiate,
-    multiply,
-)
-from .frequencies import on_axis, resolved_frequencies
-from .locus import Locus, Notable, notable_frequencies
+from ..diagram import LoopEquations, Quotient, as_quotient
+from ..numerics import ROUNDING, ComplexArray, FloatArray
+from .frequencies import gentle_frequencies, with_turns
+from .locus import Found, Locus, Notable, notable_frequencies
 from .nyquist import minus_point
-from .stability import Stability, stability
+from .stability import Stability, judge, stability
 
 __all__ = [
     "Ends",
@@ -43,33 +33,21 @@ __all__ = [
     "margin_bounds",
     "margins",
     "margins_at",
+    "quotient_margins",
 ]
 
-MAX_SPREAD = 1e4
-"""Ratio of the fastest to the slowest root up to which polynomials in ω² are trusted."""
 
-LITTLE_DAMPING = 0.01
-"""Damping ratio of roots below which polynomials in ω² are not trusted."""
-
-TINY = 1e-60
-"""Coefficients below it, or above its inverse, are in units in which products may overflow."""
-
-CONFIRMED = 1e-6
-"""How well the factors must confirm a crossing that the polynomials in ω² give."""
-
-AT_POLE = 1e-9
-"""A crossing so close to a pole on the axis, as a fraction, is the pole."""
-
-PER_SEGMENT = 4
-"""Frequencies in each certified stretch, where derivatives tell what lies between them."""
+TINY = 1e-200
+"""Size of L below which it is 0."""
 
 
 @dataclass(frozen=True)
 class Margins:
     r"""Margins of one loop, which unpack as `control.stability_margins` does.
 
-    ``gm, pm, sm, wpc, wgc, wms = margins``. All numbers are nan unless the closed loop is known to
-    be stable: an unstable loop has no margins; its crossings are still listed.
+    ``gm, pm, sm, wpc, wgc, wms = margins``. All of these, `gm_low`, `gm_high`, `delay_margin` and
+    `disk_margin` are nan unless the closed loop is known to be stable: an unstable loop has no
+    margins. At which gains and rotations the number of its unstable roots changes is still listed.
 
     Attributes
     ----------
@@ -86,11 +64,17 @@ class Margins:
         The loop stays stable for every gain factor strictly between them.
     delay_margin : float
         Smallest extra dead time at which the loop is lost, in seconds.
+    disk_margin : float
+        Symmetric disk margin :math:`\alpha = \min 2|1 + L|/|1 - L|`, see `disk_bounds`.
     stable : bool or None
         The verdict on the closed loop, without which the numbers mean nothing.
     gain_crossovers, phase_crossovers : array of float
         All frequencies with :math:`|L| = 1`, and all with L real and negative (0 and inf
-        included), rad/s.
+        included), rad/s. Where dead time turns a loop gain for ever, those are left out at which
+        it is small against 1 and against its largest value.
+    rotations, critical_gains : array of float
+        By how many degrees, from -180 to 180, a rotation of L brings it to -1 at each of the
+        `gain_crossovers`, and which factor of the gain does at each of the `phase_crossovers`.
     name : str
         Which loop.
     """
@@ -104,10 +88,13 @@ class Margins:
     gm_low: float
     gm_high: float
     delay_margin: float
+    disk_margin: float
     stable: bool | None
     name: str
     gain_crossovers: FloatArray = field(repr=False)
     phase_crossovers: FloatArray = field(repr=False)
+    rotations: FloatArray = field(repr=False)
+    critical_gains: FloatArray = field(repr=False)
 
     def __iter__(self) -> Iterator[float]:
         return iter((self.gm, self.pm, self.sm, self.wpc, self.wgc, self.wms))
@@ -122,15 +109,40 @@ class Margins:
         r"""Peak of the sensitivity :math:`|1/(1 + L)|`, the inverse of the modulus margin."""
         return 1 / self.sm if self.sm else inf
 
+    @property
+    def disk_bounds(self) -> MarginBounds:
+        r"""Gains and rotations that the loop tolerates together, by its symmetric disk margin.
+
+        It stays stable with every complex factor in the disk on the diameter from
+        :math:`(2 - \alpha)/(2 + \alpha)` to its inverse: with those gains, and with rotations below
+        :math:`2\arctan(\alpha/2)`; see Seiler, Packard and Gahinet, IEEE Control Systems 40 (2020)
+        78-95. nan for a loop that is not known to be stable.
+        """
+        alpha = self.disk_margin
+        high = (2 + alpha) / (2 - alpha) if not alpha >= 2 else inf
+        low = (2 - alpha) / (2 + alpha) if not alpha >= 2 else 0.0
+        return MarginBounds(low, high, degrees(2 * atan(alpha / 2)))
+
     def __str__(self) -> str:
         if not self.stable:
             verdict = "NOT stable" if self.stable is False else "not decided"
-            return f"{self.name:4} {verdict}: no margins"
+            return f"{self.name:4} {verdict}: no margins{self._crossings}"
         gains = f"{self.gm_low:.4g} to {self.gm_high:.4g}"
         return (
             f"{self.name:4} {self.gm_db:9.3f}  {gains:16} {self.pm:7.2f} {self.ms:8.4f}"
             f" {self.delay_margin:13.4g}"
         )
+
+    @property
+    def _crossings(self) -> str:
+        """Where the number of unstable roots changes next."""
+        gains, angles = self.critical_gains[self.critical_gains > 0], self.rotations
+        said = []
+        if gains.size:
+            said.append(f"gain × {gains[np.argmin(np.abs(np.log(gains)))]:.4g}")
+        if angles.size:
+            said.append(f"rotation {angles[np.argmin(np.abs(angles))]:.2f}°")
+        return f"; roots on the axis at {', '.join(said)}" if said else ""
 
 
 @dataclass(frozen=True, repr=False)
@@ -224,20 +236,53 @@ def loop_margins(loop: LoopEquations, verdict: Stability | None = None) -> LoopM
         Its stability, if already known.
     """
     verdict = stability(loop) if verdict is None else verdict
-    return LoopMargins(
-        margins(loop.CGm, verdict.model_loop.stable, loop.p_A),
-        margins(
-            loop.condition_ii,
-            verdict.observer_loop.stable,
-            multiply(loop.p_B, loop.built.poles) if loop.condition_ii is loop.FH else loop.p_B,
-        ),
-        margins(loop.L, verdict.observer_loop.stable, loop.p_B),
-        verdict.stable,
-    )
+    model, observer = verdict.model_loop.stable, verdict.observer_loop.stable
+    loops = {loop.CGm: model, loop.condition_ii: observer, loop.L: observer}
+    found = dict(zip(loops, _margins_of(*loops.items()), strict=True))
+    return LoopMargins(*(found[each] for each in (loop.CGm, loop.condition_ii, loop.L)), verdict.stable)
 
 
-def margins(loop: Quotient, stable: bool | None, closed: QuasiPolynomial | None = None) -> Margins:
-    """Compute the margins of one loop gain.
+def margins(loop: Any) -> Margins:
+    r"""Judge the loop closed around any loop gain, and compute its margins.
+
+    Dead time is exact, and ω = 0 and ω = ∞ are looked at. What cancels inside the loop gain before
+    it is given cannot be seen: a pole and a zero that are both there count.
+
+    Parameters
+    ----------
+    loop : control.TransferFunction, StateSpace, scipy.signal.lti, DelayedTransferFunction, (num, den), number or Quotient
+        The loop gain L, proper or not, closed by negative feedback; with dead time as a product
+        with `nrdob.delay`, or a map such as ``loop.FH``.
+
+    Returns
+    -------
+    Margins
+        With the verdict, ``.stable``, and the numbers, which are nan for an unstable loop.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If `loop` is no single-input single-output block in continuous time.
+
+    Examples
+    --------
+    >>> import control as ct
+    >>> import nrdob
+    >>> found = margins(nrdob.delay(0.5) * ct.tf([1], [1, 0]))
+    >>> round(found.gm, 4), round(found.pm, 4)                  # π, and 90° - 0.5 rad
+    (3.1416, 61.3521)
+    >>> print(margins(ct.tf([4], [1, 2, 1, 0])))
+    L    NOT stable: no margins; roots on the axis at gain × 0.5, rotation 18.93°
+    """
+    L = as_quotient(loop, "L")
+    closed = minus_point(L)
+    full = max(L.numerator.degree, L.denominator.degree)
+    ill_posed = "" if closed.delay or closed.degree == full else "1 + L(∞) = 0"
+    return quotient_margins(L, judge(L.name, L.den, closed, ill_posed).stable)
+
+
+def quotient_margins(loop: Quotient, stable: bool | None) -> Margins:
+    """Compute the margins of a loop gain whose verdict is known.
 
     Parameters
     ----------
@@ -245,18 +290,22 @@ def margins(loop: Quotient, stable: bool | None, closed: QuasiPolynomial | None 
         The loop gain L.
     stable : bool or None
         Verdict on 1 + L, None where it is not known.
-    closed : QuasiPolynomial, optional
-        Numerator of 1 + L if it is known better than by adding.
     """
-    closed = closed or minus_point(loop)
-    locus = Locus(loop)
-    found = _rational_crossings(loop, closed) if _tame(loop, closed) else None
-    logs = _logs(locus, found) if found else []
-    if not found or not _confirmed(logs):
-        found = _bracketed_crossings(loop, closed, locus)
-        logs = _logs(locus, found)
-    ends = Ends(loop.dc_gain, *_circle_at_infinity(loop))
-    return margins_at(found, [np.exp(log) for log in logs], ends, stable, loop.name)
+    return _margins_of((loop, stable))[0]
+
+
+def _margins_of(*loops: tuple[Quotient, bool | None]) -> list[Margins]:
+    """Compute the margins of several loops that share factors."""
+    gains = [loop for loop, _ in loops]
+    locus, last = Locus(*gains), inf
+    omega = gentle_frequencies(*gains)
+    if any(loop.delay for loop in gains):
+        omega, last = with_turns(locus, omega, *gains)
+    found = notable_frequencies(locus, omega, last)
+    return [
+        margins_at(each, Ends(loop.dc_gain, *_circle_at_infinity(loop)), stable, loop.name)
+        for each, (loop, stable) in zip(found, loops, strict=True)
+    ]
 
 
 class Ends(NamedTuple):
@@ -292,18 +341,13 @@ class Ends(NamedTuple):
         return at_zero, pi - acos(max(-1.0, min(1.0, cosine)))
 
 
-def margins_at(
-    found: Notable, values: Sequence[ComplexArray], ends: Ends, stable: bool | None, name: str
-) -> Margins:
+def margins_at(found: Notable, ends: Ends, stable: bool | None, name: str) -> Margins:
     """Read the margins off a loop gain where something happens to it.
 
     Parameters
     ----------
     found : Notable
-        The frequencies where :math:`|L| = 1`, where L is real and where :math:`|1 + L|` is
-        smallest.
-    values : sequence of three arrays of complex
-        L there.
+        Frequencies, and L there.
     ends : Ends
         L at the ends.
     stable : bool or None
@@ -311,19 +355,20 @@ def margins_at(
     name : str
         Which loop.
     """
-    gain, phase, nearest = found
-    at_gain, at_phase, at_nearest = values
-    gains, phase = _critical_gains(phase, at_phase.real, ends)
+    gains, phase = _critical_gains(found.phase, ends)
+    omega, angle = found.gain.omega, np.angle(-found.gain.L)
+    listed = name, omega, phase, -np.degrees(angle), gains
     if not stable:
-        return Margins(nan, nan, nan, nan, nan, nan, nan, nan, nan, stable, name, gain, phase)
+        return Margins(*[nan] * 10, stable, *listed)
     gm_low = float(np.max(gains[gains < 1], initial=0.0))
     gm_high = float(np.min(gains[gains > 1], initial=inf))
     gm = gm_low if gm_low * gm_high > 1 else gm_high
     wpc = float(phase[gains == gm][0]) if 0 < gm < inf else nan
-    pm, wgc, delay_margin = _rotations(gain, at_gain, ends)
-    sm, wms = _closest(nearest, at_nearest, ends)
+    pm, wgc, delay_margin = _rotations(omega, angle, ends)
+    sm, wms = _closest(found.nearest, ends)
+    disk = _disk_margin(found.disk, ends)
     return Margins(
-        gm, pm, sm, wpc, wgc, wms, gm_low, gm_high, delay_margin, True, name, gain, phase
+        gm, pm, sm, wpc, wgc, wms, gm_low, gm_high, delay_margin, disk, True, *listed
     )
 
 
@@ -348,131 +393,41 @@ def _circle_at_infinity(loop: Quotient) -> tuple[float, float]:
     return a / shrink, abs(a) * size / shrink + abs(b) / (1 - size)
 
 
-def _tame(loop: Quotient, closed: QuasiPolynomial) -> bool:
-    """Whether products multiplied out into polynomials in ω² can be trusted."""
-    if loop.delay:
-        return False
-    sizes = np.abs(np.concatenate([loop.numerator.q, loop.denominator.q, closed.q]))
-    if not sizes.any() or sizes.max() > 1 / TINY or sizes[sizes > 0].min() < TINY:
-        return False
-    factors = (*loop.num, *loop.den, closed)
-    roots = np.concatenate([factor.without_origin.roots for factor in factors])
-    size = np.abs(roots)
-    damped = np.abs(roots.real) >= LITTLE_DAMPING * size
-    return bool(damped.all() and size.max(initial=0.0) <= MAX_SPREAD * size.min(initial=inf))
-
-
-def _critical_gains(
-    phase: FloatArray, values: FloatArray, ends: Ends
-) -> tuple[FloatArray, FloatArray]:
+def _critical_gains(phase: Found, ends: Ends) -> tuple[FloatArray, FloatArray]:
     """Gain factors k > 0 with k·L(jω) = -1, and where, ω = 0 and ω = ∞ included."""
     size = abs(ends.delayed)
     last = {ends.undelayed - size, ends.undelayed + size}
-    values = np.concatenate([[ends.dc_gain], values, list(last)])
-    omega = np.concatenate([[0.0], phase, [ends.last] * len(last)])
-    negative = np.isfinite(values) & (values < 0)
+    values = np.concatenate([[ends.dc_gain], phase.L.real, list(last)])
+    omega = np.concatenate([[0.0], phase.omega, [ends.last] * len(last)])
+    negative = np.isfinite(values) & (values < -TINY)
     return -1 / values[negative], omega[negative]
 
 
-def _rotations(gain: FloatArray, values: ComplexArray, ends: Ends) -> tuple[float, float, float]:
+def _rotations(omega: FloatArray, angle: FloatArray, ends: Ends) -> tuple[float, float, float]:
     """Phase margin in degrees, its frequency, and the delay margin."""
     endless = ends.last == inf and abs(ends.undelayed) + abs(ends.delayed) >= 1
     delay_margin = 0.0 if endless else inf
-    angle = np.angle(-values)
-    delay_margin = float(np.min(np.mod(angle, 2 * np.pi) / gain, initial=delay_margin))
-    angles, omega = np.append(np.abs(angle), ends.angles), np.append(gain, [0.0, ends.last])
+    delay_margin = float(np.min(np.mod(angle, 2 * np.pi) / omega, initial=delay_margin))
+    angles, omega = np.append(np.abs(angle), ends.angles), np.append(omega, [0.0, ends.last])
     k = int(np.argmin(angles))
     if angles[k] == inf:
         return inf, nan, delay_margin
     return float(np.degrees(angles[k])), float(omega[k]), delay_margin
 
 
-def _closest(nearest: FloatArray, values: ComplexArray, ends: Ends) -> tuple[float, float]:
+def _closest(nearest: Found, ends: Ends) -> tuple[float, float]:
     """Smallest |1 + L| and where."""
     limits = [abs(1 + ends.dc_gain), abs(abs(1 + ends.undelayed) - abs(ends.delayed))]
-    distance = np.concatenate([np.abs(1 + values), limits])
+    distance = np.concatenate([np.abs(1 + nearest.L), limits])
     k = int(np.nanargmin(distance))
-    return float(distance[k]), float(np.concatenate([nearest, [0.0, ends.last]])[k])
+    return float(distance[k]), float(np.concatenate([nearest.omega, [0.0, ends.last]])[k])
 
 
-# Without delay: polynomials in x = ω², with p(jω) = even(x) + jω odd(x).
-
-
-def _rational_crossings(loop: Quotient, closed: QuasiPolynomial) -> Notable:
-    """Frequencies where |L| = 1, where L is real, and where |1 + L| is extreme."""
-    num, den = loop.numerator.q, loop.denominator.q
-    (ne, no), (de, do), (pe, po) = map(_even_odd, (num, den, closed.q))
-    square_num, square_den, square_closed = _square(ne, no), _square(de, do), _square(pe, po)
-    one = np.ones(1)
-    gain = _positive_roots([(square_num, one), (square_den, -one)])
-    phase = _positive_roots([(no, de), (ne, -do)])
-    slope_closed, slope_den = differentiate(square_closed), differentiate(square_den)
-    nearest = _positive_roots([(slope_closed, square_den), (square_closed, -slope_den)])
-    return Notable(gain, phase, nearest)
-
-
-def _even_odd(p: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Coefficients in x = ω² (descending) of the real part and of the imaginary part over ω."""
-    ascending = p[::-1]
-    signs = (-1.0) ** np.arange((p.size + 1) // 2)
-    even, odd = ascending[::2] * signs, ascending[1::2] * signs[: p.size // 2]
-    return even[::-1], odd[::-1] if odd.size else np.zeros(1)
-
-
-def _square(even: FloatArray, odd: FloatArray) -> FloatArray:
-    """Return |p(jω)|² as a polynomial in x."""
-    return add(np.convolve(even, even), np.append(np.convolve(odd, odd), 0.0))
-
-
-def _positive_roots(products: list[tuple[FloatArray, FloatArray]]) -> FloatArray:
-    """Frequencies ω > 0 at whose square the sum of the products vanishes."""
-    (a, b), (c, d) = products
-    total = add(np.convolve(a, b), np.convolve(c, d))
-    scale = add(np.convolve(np.abs(a), np.abs(b)), np.convolve(np.abs(c), np.abs(d)))
-    total[np.abs(total) <= ROUNDING * scale] = 0.0
-    used = np.flatnonzero(total)
-    if not used.size:
-        return np.empty(0)
-    total = total[used[0] : used[-1] + 1]
-    roots = companion_roots(total)
-    real = roots.real[(np.abs(roots.imag) <= 1e-5 * np.abs(roots)) & (roots.real > 0)]
-    if not real.size:
-        return real
-    # Eigenvalues are accurate against the largest root, a Newton step makes each so by itself.
-    return np.sort(np.sqrt([_newton(total.tolist(), x) for x in real.tolist()]))
-
-
-def _newton(polynomial: list[float], x: float) -> float:
-    """One Newton step, unless it would lead away."""
-    value = slope = 0.0
-    for coefficient in polynomial:
-        slope = slope * x + value
-        value = value * x + coefficient
-    step = value / slope if slope else 0.0
-    return x - step if abs(step) < 1e-3 * x else x
-
-
-def _logs(locus: Locus, found: Notable) -> list[ComplexArray]:
-    """Evaluate log L at each kind of frequency, all at once."""
-    gain, phase, _ = (omega.size for omega in found)
-    return np.split(locus.log(np.concatenate(found)), [gain, gain + phase])
-
-
-def _confirmed(logs: list[ComplexArray]) -> bool:
-    """Whether the factors, which know better than the products, find the same crossings."""
-    sizes, sides = logs[0].real, np.sin(logs[1].imag)
-    return bool((np.abs(sizes) < CONFIRMED).all() and (np.abs(sides) < CONFIRMED).all())
-
-
-# With delay, and wherever polynomials in ω² cannot be trusted.
-
-
-def _bracketed_crossings(loop: Quotient, closed: QuasiPolynomial, locus: Locus) -> Notable:
-    """Frequencies where |L| = 1, where L is real, and where |1 + L| is smallest."""
-    omega = resolved_frequencies(loop, PER_SEGMENT, closed)
-    # Far beyond all roots L is small or large, but its phase may still creep across the axis.
-    end = omega[-1] + 4 * pi / loop.delay if loop.delay else 1e8 * omega[-1]
-    found = notable_frequencies(locus, np.union1d(omega, np.geomspace(omega[-1], end, 65)))
-    poles = on_axis(loop.den)
-    at_pole = np.abs(found.phase[:, None] / poles - 1).min(axis=1, initial=1.0) < AT_POLE
-    return found._replace(phase=found.phase[~at_pole])
+def _disk_margin(disk: Found, ends: Ends) -> float:
+    """Smallest 2 |(1 + L)/(1 - L)|; at infinite frequency, on a circle, its ends are on the axis."""
+    size = abs(ends.delayed)
+    real = np.array([ends.dc_gain, ends.undelayed - size, ends.undelayed + size])
+    real = np.where(np.isfinite(real), real, -1e300)
+    values: ComplexArray = np.concatenate([disk.L, real])
+    with np.errstate(divide="ignore"):
+        return float(2 * np.min(np.abs(1 + values) / np.abs(1 - values)))

@@ -24,7 +24,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import reduce
+from functools import cache, reduce
 from itertools import product
 from math import comb, factorial, inf
 
@@ -34,7 +34,7 @@ from numpy.typing import ArrayLike
 from scipy.signal import fftconvolve
 
 from ..diagram import INPUTS, LoopEquations, Quotient
-from ..numerics import Block, FloatArray, add, impulse_states, split
+from ..numerics import Block, FloatArray, IntArray, add, impulse_states, split
 from .lattice import Driven, delayed_responses
 from .steps import MAX_DELAYS, delayed_response
 from .window import POINTS, default_response
@@ -106,10 +106,10 @@ def step_response(
     """
     _check(loop, input)
     if timepts is None:
-        times, outputs = default_response(loop, input, lambda times: _response(loop, input, times))
+        times, outputs = default_response(loop, input, lambda last: _prepared(loop, input, last))
     else:
         times = _checked_times(timepts)
-        outputs = _response(loop, input, times)
+        outputs = _prepared(loop, input, float(times[-1]))(times)
     return ct.TimeResponseData(
         times,
         outputs[:, np.newaxis],
@@ -172,7 +172,7 @@ def forced_response(
             f"inputs has shape {signal.shape}; it needs one finite number for each of the "
             f"{times.size} timepts"
         )
-    unit, ramp = (_response(loop, input, times, integrals) for integrals in (1, 2))
+    unit, ramp = (_prepared(loop, input, float(times[-1]), order)(times) for order in (1, 2))
     # The input is a sum of hats, one around each sample; the first is cut in half at t = 0.
     # Hat responses die out where ramp responses grow, so that long records lose no digits.
     rise = np.diff(ramp, axis=1, prepend=0.0) / step
@@ -234,38 +234,58 @@ def _convolve(signal: FloatArray, pulse: FloatArray) -> FloatArray:
 # Numerators to y and to v, and their common denominator.
 Rational = tuple[Sequence[FloatArray], FloatArray]
 
-# Gives y and u, shape (2, N), at two sets of times.
-Solver = Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
+# Gives y and u, shape (2, N), at N increasing times.
+Solver = Callable[[FloatArray], FloatArray]
+Way = Callable[..., Solver]
 
 
-def _response(loop: LoopEquations, input: str, times: FloatArray, integrals: int = 1) -> FloatArray:
-    """Return y and u at `times`, shape (2, N), or refuse where nine digits cannot be had.
+def _prepared(loop: LoopEquations, input: str, horizon: float, integrals: int = 1) -> Solver:
+    """Prepare y and u up to a horizon, for as many sets of times as are asked for.
 
     Everything is computed a second time in another unit of time, in which every coefficient is
-    rounded differently. Digits that hang on this are neither in the data nor in the result.
+    rounded differently. Digits that hang on this are neither in the data nor in the result: where
+    nine of them cannot be had, the response is refused.
     """
-    horizon = float(times[-1])
-    grid = horizon * np.arange(1, _GRID + 1) / _GRID
-    asked = np.unique(np.linspace(0, times.size - 1, _SPOT_CHECKS).astype(int))
-    reason = ""
-    for way in _ways(loop, horizon):
-        try:
-            with np.errstate(all="ignore"):
-                outputs, seen = way(loop, input, horizon, integrals, 0)(times, grid)
-                pair = way(loop, input, horizon, integrals, 1)(times[asked], grid)
-        except (ValueError, ArithmeticError) as refusal:
-            reason = reason or str(refusal)
-            continue
-        _put_jumps(outputs, times, loop, input, integrals)
-        _put_jumps(pair[0], times[asked], loop, input, integrals)
-        found, again = np.hstack([outputs[:, asked], seen]), np.hstack(pair)
-        jumps = np.abs([quotient.at_infinity[0] for quotient in _maps(loop, input)])
-        size = np.maximum(_largest(np.hstack([outputs, seen])), _TRACE * np.minimum(jumps, 1.0))
-        if (_largest(found - again) <= _AGREEMENT * size).all():
-            outputs[~np.isfinite(outputs)] = np.nan
-            return outputs
-        reason = reason or _undecided(input, horizon)
-    raise ArithmeticError(reason)
+    jumps = np.array([quotient.at_once for quotient in _maps(loop, input)])
+    solver = cache(lambda way, attempt: way(loop, input, horizon, integrals, attempt))
+
+    def solve(times: FloatArray) -> FloatArray:
+        asked, grid = _looked_at(times)
+        reason = ""
+
+        def both(way: Way, attempt: int, times: FloatArray) -> tuple[FloatArray, FloatArray]:
+            found = solver(way, attempt)
+            return found(times), found(grid) if grid.size else np.zeros((2, 0))
+
+        for way in _ways(loop, horizon):
+            try:
+                with np.errstate(all="ignore"):
+                    outputs, seen = both(way, 0, times)
+                    pair = both(way, 1, times[asked])
+            except (ValueError, ArithmeticError) as refusal:
+                reason = reason or str(refusal)
+                continue
+            # At t = 0 the value just after the jump, which the leading coefficients give.
+            at_once = jumps[:, np.newaxis] if integrals == 1 else 0.0
+            outputs[:, times == 0] = pair[0][:, times[asked] == 0] = at_once
+            found, again = np.hstack([outputs[:, asked], seen]), np.hstack(pair)
+            size = _largest(np.hstack([outputs, seen]))
+            size = np.maximum(size, _TRACE * np.minimum(np.abs(jumps), 1.0))
+            if (_largest(found - again) <= _AGREEMENT * size).all():
+                outputs[~np.isfinite(outputs)] = np.nan
+                return outputs
+            reason = reason or _undecided(input, float(times[-1]))
+        raise ArithmeticError(reason)
+
+    return solve
+
+
+def _looked_at(times: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Which of the times are compared, and others, evenly up to the last, that show the size."""
+    few, grid = _SPOT_CHECKS, times[-1] * np.arange(1, _GRID + 1) / _GRID
+    if times.size > _GRID and not times[0] and _even_step(times) is not None:
+        few, grid = _SPOT_CHECKS + _GRID, grid[:0]
+    return np.unique(np.linspace(0, times.size - 1, few).astype(int)), grid
 
 
 def _undecided(input: str, horizon: float) -> str:
@@ -276,7 +296,7 @@ def _undecided(input: str, horizon: float) -> str:
     )
 
 
-def _ways(loop: LoopEquations, horizon: float) -> tuple[Callable[..., Solver], ...]:
+def _ways(loop: LoopEquations, horizon: float) -> tuple[Way, ...]:
     """Ways to compute a response, in the order in which they are tried."""
     if loop.model_delay:
         shortest = min(each for each in (loop.delay, loop.model_delay) if each)
@@ -298,14 +318,6 @@ def _largest(signals: FloatArray) -> FloatArray:
     """Largest size of y and of u; what has left the floating-point range does not count."""
     finite = np.isfinite(signals)
     return np.asarray(np.abs(np.where(finite, signals, 0.0)).max(axis=1))
-
-
-def _put_jumps(
-    outputs: FloatArray, times: FloatArray, loop: LoopEquations, input: str, integrals: int
-) -> None:
-    """Put in the values at t = 0, just after the jump, which the leading coefficients give."""
-    for row, quotient in zip(outputs, _maps(loop, input), strict=True):
-        row[times == 0] = quotient.at_infinity[0] if integrals == 1 else 0.0
 
 
 def _maps(loop: LoopEquations, input: str) -> tuple[Quotient, Quotient]:
@@ -411,7 +423,7 @@ def _shifted(
                     outputs[:, begun] += block.C @ states
         return outputs
 
-    return lambda times, grid: (solve(times), solve(grid))
+    return solve
 
 
 def _marching(
@@ -423,12 +435,8 @@ def _marching(
     before = _forced(*_before_the_delay(loop, input), integrals)
     free = _impulses(_in_blocks(before, horizon, unit), unit)
 
-    def march(times: FloatArray, grid: FloatArray) -> tuple[FloatArray, FloatArray]:
-        union, which = np.unique(np.concatenate([times, grid]), return_inverse=True)
-        outputs = delayed_response(driven, free, loop.delay * unit, union * unit)[:, which]
-        return outputs[:, : times.size], outputs[:, times.size :]
-
-    return march
+    march = delayed_response(driven, free, loop.delay * unit)
+    return lambda times: march(times * unit)
 
 
 def _waiting(
@@ -454,15 +462,15 @@ def _waiting(
     if loop.delay:
         around.append(F.relative_degree + ratio.denominator.degree - ratio.numerator.degree)
 
-    def march(times: FloatArray, grid: FloatArray) -> tuple[FloatArray, FloatArray]:
-        union, which = np.unique(np.concatenate([times, grid]), return_inverse=True)
-        outputs = delayed_responses(driven, free, union * unit, min(around), _FINER[attempt])
-        if input == "delta":
-            outputs[1] += np.polyval(known, union * unit)
-        outputs = outputs[:, which]
-        return outputs[:, : times.size], outputs[:, times.size :]
+    march = delayed_responses(driven, free, horizon * unit, min(around), _FINER[attempt])
 
-    return march
+    def solve(times: FloatArray) -> FloatArray:
+        outputs = march(times * unit)
+        if input == "delta":
+            outputs[1] += np.polyval(known, times * unit)
+        return outputs
+
+    return solve
 
 
 def _behind_the_delays(loop: LoopEquations) -> list[tuple[Rational, float, bool]]:
@@ -536,12 +544,11 @@ def _short_delay(
     early = _marching(loop, input, start, integrals, attempt)
     late = _rational(rational, input, horizon, integrals, attempt)
 
-    def solve(times: FloatArray, grid: FloatArray) -> tuple[FloatArray, FloatArray]:
-        outputs, seen = late(times, grid)
-        first = times <= start
+    def solve(times: FloatArray) -> FloatArray:
+        outputs, first = late(times), times <= start
         if first.any():
-            outputs[:, first] = early(times[first], times[:0])[0]
-        return outputs, seen
+            outputs[:, first] = early(times[first])
+        return outputs
 
     return solve
 

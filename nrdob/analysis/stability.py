@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..certificates import Certificate, certify
 from ..diagram import LoopEquations, ObserverEquations
 from ..numerics import (
     BoolArray,
@@ -111,16 +112,35 @@ class Stability:
         Why, in words.
     model_loop, observer_loop : LoopStability
         Conditions i (C·Gm) and ii (F·H, or L) of Lemma 1.
+    loop : LoopEquations
+        The loop that was judged.
     """
 
     stable: bool | None
     reason: str
     model_loop: LoopStability
     observer_loop: LoopStability
+    loop: LoopEquations = field(compare=False)
 
     def __bool__(self) -> bool:
         """Whether the loop is stable; ValueError if that cannot be told."""
         return _known(self.stable, self.reason)
+
+    def certificate(self) -> Certificate:
+        """Prove the counts of roots, for a checker that shares no code with this package.
+
+        Returns
+        -------
+        Certificate
+            Which `save` writes as JSON: see `nrdob.certificates`.
+
+        Raises
+        ------
+        ArithmeticError
+            If there is none; the message says why.
+        """
+        counts = self.model_loop.closed_loop_rhp, self.observer_loop.closed_loop_rhp
+        return certify(self.loop, counts)
 
     @property
     def _verdict(self) -> str:
@@ -188,9 +208,9 @@ def stability(loop: LoopEquations) -> Stability:
     for verdict in (False, None):
         failing = [f"{part.name}: {part.reason}" for part in both if part.stable is verdict]
         if failing:
-            return Stability(verdict, "; ".join(failing), model_loop, observer_loop)
+            return Stability(verdict, "; ".join(failing), model_loop, observer_loop, loop)
     reason = f"p_A and p_B have all roots in the left half plane, {_by(*both)}"
-    return Stability(True, _with(reason, _cancelled(loop)), model_loop, observer_loop)
+    return Stability(True, _with(reason, _cancelled(loop)), model_loop, observer_loop, loop)
 
 
 def judge_observer(

@@ -11,22 +11,24 @@ solved by Radau collocation, which damps what is too fast to be seen.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, cached_property, lru_cache
 from math import lgamma, log, log2
 
 import numpy as np
 from numpy.polynomial import chebyshev, legendre
 from scipy.linalg import schur
 
-from ..numerics import Block, FloatArray, IntArray
+from ..numerics import Block, ComplexArray, FloatArray, IntArray
 
 __all__ = [
     "MAX_DELAYS",
     "NODES",
+    "all_poles",
     "collocated",
     "delayed_response",
+    "panel_basis",
     "panel_lengths",
     "radau",
     "resolved_to",
@@ -45,6 +47,7 @@ MAX_DELAYS = 1_000_000
 NODES = 17
 """Nodes of a panel."""
 
+_GRID = np.arange(1, 33) / 32  # of the last time: where signals are looked at, too
 _REACH = 2.0  # rate times length of a panel at which nothing but rounding is left
 _LOG_ROUNDING = log(1e-16)
 _MOST_GROWTH = 4.0  # of panels, from one to the next
@@ -81,7 +84,7 @@ class _Interval:
         values = from_x @ starts[:, np.newaxis] + from_z @ z[:, np.newaxis]
         return x, values
 
-    @property
+    @cached_property
     def as_matrix(self) -> FloatArray:
         """Return the map of [x; z] over one interval."""
         panels, n = self.advance[0].shape[:2]
@@ -92,9 +95,9 @@ class _Interval:
 
 
 def delayed_response(
-    driven: Sequence[Block], free: Sequence[Block], delay: float, times: FloatArray
-) -> FloatArray:
-    """March from dead time to dead time.
+    driven: Sequence[Block], free: Sequence[Block], delay: float
+) -> Callable[[FloatArray], FloatArray]:
+    """Prepare to march from dead time to dead time.
 
     Parameters
     ----------
@@ -104,33 +107,43 @@ def delayed_response(
         What the input does to (y, v): impulse responses of these blocks.
     delay : float
         θ > 0, seconds.
-    times : (N,) array of float
-        Increasing, from 0 or later, in seconds.
 
     Returns
     -------
-    (2, N) array of float
-        y and v at `times`.
-
-    Raises
-    ------
-    ValueError
-        If `times` spans so many panels, or so many dead times, that no result could be given in
-        reasonable time and with nine digits.
-    ArithmeticError
-        If signals are too fast for the panels.
+    callable
+        Takes increasing times (N,) from 0 on, in seconds, and gives y and v there, (2, N). It
+        raises ValueError where `times` spans so many panels, or so many dead times, that no result
+        could be given in reasonable time and with nine digits, and ArithmeticError where signals
+        are too fast for the panels.
     """
     start = np.concatenate([np.zeros(sum(b.B.size for b in driven)), *(b.B for b in free)])
     idle = [Block(b.A, np.zeros_like(b.B), b.C, np.zeros_like(b.D)) for b in free]
     blocks = [*driven, *idle]
+    poles = all_poles(blocks)
+
+    @cache
+    def interval(finer: float) -> _Interval:
+        return _interval(blocks, panel_lengths(poles, delay, finer))
+
+    return lambda times: _evaluated(interval, start, delay, times)
+
+
+def _evaluated(
+    refined: Callable[[float], _Interval], start: FloatArray, delay: float, times: FloatArray
+) -> FloatArray:
+    """Values (2, N) at `times`, on panels that are made finer until they resolve the signals."""
+    # Against the size that the signals had before the times asked for.
+    looked_at, asked = np.unique(
+        np.concatenate([times, times[-1] * _GRID]), return_inverse=True
+    )
+    # A time that only rounding puts before a border is meant to be on it.
+    index = np.floor(looked_at / delay + 1e-9).astype(int)
+    local = np.clip(looked_at - index * delay, 0.0, delay)
+    intervals, which = np.unique(index, return_inverse=True)
     for finer in (1.0, 2.0, 4.0):
-        interval = _interval(blocks, panel_lengths(blocks, delay, finer))
+        interval = refined(finer)
         edges = interval.edges
-        # A time that only rounding puts before a border is meant to be on it.
-        index = np.floor(times / delay + 1e-9).astype(int)
-        local = np.clip(times - index * delay, 0.0, delay)
         panel = np.clip(np.searchsorted(edges, local, side="right") - 1, 0, edges.size - 2)
-        intervals, which = np.unique(index, return_inverse=True)
         values = _seen(interval, start, intervals)[which, panel]
         if resolved_to(1e-11, values):
             break
@@ -139,16 +152,24 @@ def delayed_response(
             "the signals between two multiples of the dead time are too fast to be resolved; "
             "shorten timepts or slow the fastest block"
         )
-    length = np.diff(edges)
-    place = (local - edges[panel]) / length[panel]
-    basis = chebyshev.chebvander(2 * place - 1, NODES - 1) @ to_chebyshev()
-    outputs: FloatArray = np.einsum("im,iom->oi", basis, values)
-    return outputs
+    asked = asked[: times.size]
+    place = (local - edges[panel]) / np.diff(edges)[panel]
+    basis = panel_basis(place[asked])[..., np.newaxis]
+    return np.asarray((values[asked] @ basis)[..., 0].T)
 
 
-def panel_lengths(blocks: Sequence[Block], delay: float, finer: float) -> FloatArray:
+def panel_basis(place: FloatArray) -> FloatArray:
+    """Weights of a panel's nodes for values at places in [0, 1] of it."""
+    return np.asarray(chebyshev.chebvander(2 * place - 1, NODES - 1) @ to_chebyshev())
+
+
+def all_poles(blocks: Iterable[Block]) -> ComplexArray:
+    """Eigenvalues of all blocks."""
+    return np.concatenate([np.linalg.eigvals(block.A).astype(complex) for block in blocks])
+
+
+def panel_lengths(poles: ComplexArray, delay: float, finer: float) -> FloatArray:
     """Lengths of panels on which each mode is resolved, or has died out since the last multiple."""
-    poles = np.concatenate([np.linalg.eigvals(b.A) for b in blocks])
     rate, decay = finer * np.abs(poles), np.maximum(-poles.real, 0.0) / finer
     lengths: list[float] = []
     left, length = 0.0, delay
@@ -207,14 +228,17 @@ def collocated(
     for i in reversed(range(n)):
         right = np.zeros((panels, m, n + m), dtype=complex)
         right[:, :, i] = 1.0
-        slope = np.einsum("k,pkmc->pmc", T[i, i + 1 :], x[:, i + 1 :])
+        slope = (T[i, i + 1 :] @ x[:, i + 1 :].reshape(panels, -1, m * (n + m))).reshape(
+            panels, m, n + m
+        )
         slope[:, :, n:] += (U[:, i].conj() @ block.B) * np.eye(m)
         right += lengths[:, None, None] * (integral @ slope)
         left = np.eye(m) - (lengths * T[i, i])[:, None, None] * integral
         x[:, i] = np.linalg.solve(left, right)
     x[..., :n] = x[..., :n] @ U.conj().T
-    states = np.real(np.einsum("ik,pkmc->pimc", U, x))
-    values = np.einsum("oi,pimc->pomc", block.C, states)
+    states = np.real(U @ x.reshape(panels, n, -1))
+    values = (block.C @ states).reshape(panels, -1, m, n + m)
+    states = states.reshape(x.shape)
     from_z = values[..., n:] + block.D[:, None, None] * np.eye(m)
     return states[:, :, -1, :n], states[:, :, -1, n:], values[..., :n], from_z
 
@@ -245,14 +269,15 @@ def _seen(interval: _Interval, start: FloatArray, intervals: FloatArray) -> Floa
     last, size = int(intervals[-1]), n + panels * NODES
     jumps = np.diff(intervals, prepend=0).astype(np.intp)
     marched = (last + 1) * (panels + 10)
-    leapt = len(set(jumps.tolist())) * log2(last + 2) * size**3 / _PRODUCTS_PER_PANEL
+    powers = sum(log2(2 * jump) for jump in set(jumps.tolist()) if jump)  # and the matrix itself
+    leapt = (powers * size**3 + jumps.size * size**2) / _PRODUCTS_PER_PANEL
     if min(marched, leapt) > MAX_PANELS:
         raise ValueError(
             f"timepts spans {last:,} dead times of {panels:,} panels, more than the {MAX_PANELS:,} "
             "panels that take a second; shorten timepts or slow the fastest block"
         )
     walk = _leap if leapt < marched else _march
-    return walk(interval, start[:, np.newaxis], np.zeros((panels, NODES, 1)), jumps)
+    return walk(interval, start, jumps)
 
 
 def resolved_to(tolerance: float, values: FloatArray) -> bool:
@@ -264,9 +289,9 @@ def resolved_to(tolerance: float, values: FloatArray) -> bool:
     return bool((tail <= tolerance * most).all())
 
 
-def _march(interval: _Interval, x: FloatArray, z: FloatArray, jumps: IntArray) -> FloatArray:
+def _march(interval: _Interval, start: FloatArray, jumps: IntArray) -> FloatArray:
     """Take interval by interval, and keep the values after each of the jumps."""
-    seen = []
+    x, z, seen = start[:, np.newaxis], np.zeros((interval.edges.size - 1, NODES, 1)), []
     for jump in jumps:
         for _ in range(jump):
             x, values = interval.step(x, z)
@@ -275,12 +300,15 @@ def _march(interval: _Interval, x: FloatArray, z: FloatArray, jumps: IntArray) -
     return np.array(seen)
 
 
-def _leap(interval: _Interval, x: FloatArray, z: FloatArray, jumps: IntArray) -> FloatArray:
+def _leap(interval: _Interval, start: FloatArray, jumps: IntArray) -> FloatArray:
     """Take the same with powers of the matrix of one interval."""
-    n = x.shape[0]
-    matrix, state, seen = interval.as_matrix, np.vstack([x, z.reshape(-1, 1)]), []
+    n, matrix = start.size, interval.as_matrix
+    state, states = np.zeros(matrix.shape[0]), []
+    state[:n] = start
     powers = {jump: np.linalg.matrix_power(matrix, jump) for jump in set(jumps.tolist())}
     for jump in jumps.tolist():
         state = powers[jump] @ state
-        seen.append(interval.step(state[:n], state[n:].reshape(z.shape))[1][..., 0])
-    return np.array(seen)
+        states.append(state)
+    columns = np.array(states).T
+    z = columns[n:].reshape(-1, NODES, len(states))
+    return np.moveaxis(interval.step(columns[:n], z)[1], -1, 0)

@@ -25,7 +25,7 @@ Response = Callable[[FloatArray], FloatArray]
 
 
 def default_response(
-    loop: LoopEquations, input: str, step_response: Response
+    loop: LoopEquations, input: str, prepared: Callable[[float], Response]
 ) -> tuple[FloatArray, FloatArray]:
     """Choose evenly spaced times over what there is to see, and respond.
 
@@ -35,9 +35,9 @@ def default_response(
         The loop, stable or not.
     input : {"R", "d", "delta", "eta"}
         Where the step enters.
-    step_response : callable
-        Gives the outputs, shape (2, N), at N times; raises ValueError or ArithmeticError where
-        that takes too long or too many digits.
+    prepared : callable
+        Takes a last time and gives what gives the outputs, shape (2, N), at N times until then;
+        both raise ValueError or ArithmeticError where that takes too long or too many digits.
 
     Returns
     -------
@@ -50,8 +50,10 @@ def default_response(
     window, settles = _estimate(loop, input)
     for attempt in range(_ATTEMPTS):
         try:
-            shown = _settling_time(step_response, window) if settles else window
-            times = even_times(shown)
+            times = even_times(window)
+            step_response = prepared(float(times[-1]))
+            if settles:
+                times = even_times(_settling_time(step_response, window))
             return times, step_response(times)
         except (ValueError, ArithmeticError):
             if attempt == _ATTEMPTS - 1:

@@ -24,7 +24,7 @@ from contourpy import contour_generator
 
 from ..numerics import FloatArray, IntArray
 from .chartaxes import PIXELS, Axis, check_value, given_axis
-from .chartborders import borders_of
+from .chartborders import borders_of, most_turns
 from .chartcurves import Border
 from .chartloops import ChartLoops
 from .chartregions import Region, labelled, regions_of
@@ -47,7 +47,8 @@ class StabilityChart:
     x, y : Axis
         The parameters.
     borders : tuple of Border
-        All curves on which the number of unstable roots may change.
+        The curves on which the number of unstable roots may change; of those of a long dead time,
+        which lie too close, the ones beside the regions with the fewest.
     regions : tuple of Region
         What they leave, the largest first.
     ms_levels : dict
@@ -190,7 +191,8 @@ def stability_chart(
                 f"ms has the level {level!r}; give numbers above 1, such as (1.5, 2.0)"
             )
     loops = ChartLoops.of(process, model, filter, {axis.name for axis in axes})
-    borders = tuple(borders_of(loops, *axes))
+    most = most_turns(loops, *axes)
+    borders = tuple(borders_of(loops, *axes, most))
 
     def count_at(x: float, y: float) -> float:
         return loops.count({axes[0].name: x, axes[1].name: y})
@@ -198,7 +200,7 @@ def stability_chart(
     def counts_at(points: list[tuple[float, float]]) -> list[float]:
         return loops.counts([{axes[0].name: x, axes[1].name: y} for x, y in points])
 
-    regions, labels = regions_of(axes, labelled(axes, borders), counts_at)
+    regions, labels = regions_of(axes, labelled(axes, borders), counts_at, capped=most < inf)
     lines = _ms_levels(loops, axes, labels, regions, ms) if ms else {}
     return StabilityChart(*axes, borders, regions, lines, labels, count_at)
 

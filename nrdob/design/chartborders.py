@@ -4,13 +4,14 @@ Of W(jω), see `nrdob.design.chartloops`, a root is on the axis where it equals
 :math:`k e^{-j\omega\theta}`. Of any two parameters ω gives the values: :math:`|W| = k` and
 :math:`\theta = (2\pi m - \arg W)/\omega`, or k where :math:`W e^{j\omega\theta}` is real, and so
 on; with λ, all of them on a curve in the plane of ω and λ. A real root crosses at ω = 0 or at
-infinity.
+infinity. With long dead times the curves get denser than a chart can show; they are drawn up to
+where so many roots are on the right that no more dead time brings all of them back (`most_turns`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from math import ceil, pi
+from math import ceil, inf, pi
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from .chartcurves import BESIDE, Border, cut, drawn, drawn_together, parts, with
 from .chartlevels import level_set, projected
 from .chartloops import MANY, ChartLoops, positive
 
-__all__ = ["borders_of"]
+__all__ = ["MANY_ROOTS", "borders_of", "most_turns"]
 
 LAMBDAS = 160
 """Number of λ over an axis."""
@@ -28,15 +29,22 @@ LAMBDAS = 160
 AT_ONCE = 256
 """Turns of the dead time whose curves are drawn at once."""
 
+FEW, MANY_ROOTS = PIXELS // 2, 80
+"""Turns of the dead time up to which all curves are drawn; behind those that are drawn otherwise
+there are so many roots on the right, at least."""
+
+VALUES = 80
+"""Number of values of the other parameter for which the turns are counted."""
+
 Curve = tuple[FloatArray, FloatArray, FloatArray]
 
 
-def borders_of(loops: ChartLoops, x: Axis, y: Axis) -> Iterator[Border]:
-    """Give all curves on which the number of roots on the right may change."""
+def borders_of(loops: ChartLoops, x: Axis, y: Axis, most: float) -> Iterator[Border]:
+    """Give the curves on which the number of roots on the right may change."""
     for flipped, axes in ((False, (x, y)), (True, (y, x))):
         if (axes[0].name, axes[1].name) in PAIRS:
             crossing = _with_lambda if axes[0].name == "time_constant" else _without_lambda
-            curves = (*crossing(loops, axes), *_ends(loops, axes))
+            curves = (*crossing(loops, axes, most), *_ends(loops, axes))
             for omega, first, second in curves:
                 points = (second, first) if flipped else (first, second)
                 yield from cut(x, y, Border(*points, omega))
@@ -49,15 +57,45 @@ PAIRS = {
 """Which of two axes comes first."""
 
 
+def most_turns(loops: ChartLoops, x: Axis, y: Axis) -> float:
+    """Count the turns θω/2π up to which the curves of a dead time are drawn; inf for all of them.
+
+    Whatever θ is, a pair of roots goes right where |W| = k and |W| rises with ω, and left where it
+    falls: up to one, so many times as θω/2π. After t seconds at least t Σ ±ω/2π - K pairs are on
+    the right, for K such frequencies.
+    """
+    if y.name != "delay":
+        x, y = y, x
+    if y.name != "delay":
+        return inf
+    omega = loops.frequencies((x, y))
+    first, last = positive(x) if x.name in ("time_constant", "gain") else (x.low, x.high)
+    values = np.linspace(first, last, VALUES)
+    if x.logarithmic:
+        values = np.geomspace(first, last, VALUES)
+    values = values[:, None]
+    size = np.abs(loops.ratio(omega, values if x.name == "time_constant" else 1.0))
+    size = size * np.abs(1 + 1j * omega * values) if x.name == "lag" else size
+    large = size < (values if x.name == "gain" else loops.fixed["gain"])
+    steps = large[:, :-1] * 1.0 - large[:, 1:]
+    rate, crossings = (steps * omega[:-1]).sum(axis=1), np.abs(steps).sum(axis=1)
+    fastest = (np.abs(steps) * omega[:-1]).max(axis=1)
+    if fastest.max() * y.high / (2 * pi) <= FEW:
+        return inf
+    turning = crossings > 0
+    needed = (MANY_ROOTS / 2 + 2 * crossings) * fastest
+    return float(np.max(needed[turning] / np.maximum(rate[turning], 1e-300)))
+
+
 # Without λ: both parameters are functions of ω.
 
 
-def _without_lambda(loops: ChartLoops, axes: tuple[Axis, Axis]) -> Iterator[Curve]:
+def _without_lambda(loops: ChartLoops, axes: tuple[Axis, Axis], most: float) -> Iterator[Curve]:
     omega = loops.frequencies(axes)
     if axes[1].name == "lag":
         yield from _gain_and_lag(loops, axes, omega)
     else:
-        yield from _with_delay(loops, axes, omega)
+        yield from _with_delay(loops, axes, omega, most)
 
 
 def _gain_and_lag(loops: ChartLoops, axes: tuple[Axis, Axis], omega: FloatArray) -> Iterator[Curve]:
@@ -85,7 +123,9 @@ def _closer(function: Callable[[FloatArray], FloatArray], omega: FloatArray) -> 
     return np.unique(np.concatenate([omega, *(each.ravel() for each in added)]))
 
 
-def _with_delay(loops: ChartLoops, axes: tuple[Axis, Axis], omega: FloatArray) -> Iterator[Curve]:
+def _with_delay(
+    loops: ChartLoops, axes: tuple[Axis, Axis], omega: FloatArray, most: float
+) -> Iterator[Curve]:
     """Take the gain, or the lag, from the size of W, and the dead time from its angle."""
     first = axes[0]
 
@@ -105,13 +145,14 @@ def _with_delay(loops: ChartLoops, axes: tuple[Axis, Axis], omega: FloatArray) -
     with np.errstate(invalid="ignore"):
         seen = np.isfinite(W) & (values <= first.high) & (values >= first.low)
     for part in parts(within(seen) & np.isfinite(W)):
-        yield from _turns(axes, np.log(omega[part])[None], curve)
+        yield from _turns(axes, np.log(omega[part])[None], curve, most)
 
 
 def _turns(
     axes: tuple[Axis, Axis],
     place: FloatArray,
     curve: Callable[[FloatArray], tuple[FloatArray, FloatArray, ComplexArray]],
+    most: float,
 ) -> Iterator[Curve]:
     """Give the dead times that turn 1 to the angle of W, one turn after the other.
 
@@ -120,7 +161,7 @@ def _turns(
     place, _, W = curve(place)
     omega, angle = np.exp(place[0]), np.unwrap(-np.angle(W))
     ends = axes[1].value(np.array([-BESIDE, 1 + BESIDE]))[:, None]
-    turns = (ends * omega - angle) / (2 * pi)
+    turns = (np.minimum(ends * omega, 2 * pi * most) - angle) / (2 * pi)
     first, last = ceil(np.nanmin(turns)) - 1, int(np.nanmax(turns)) + 1
     if last - first > MANY:
         raise ValueError(
@@ -151,7 +192,7 @@ def _turns(
 Function = Callable[[ChartLoops, FloatArray, FloatArray], FloatArray]
 
 
-def _with_lambda(loops: ChartLoops, axes: tuple[Axis, Axis]) -> Iterator[Curve]:
+def _with_lambda(loops: ChartLoops, axes: tuple[Axis, Axis], most: float) -> Iterator[Curve]:
     second = axes[1].name
     function = FUNCTIONS[second]
 
@@ -177,7 +218,7 @@ def _with_lambda(loops: ChartLoops, axes: tuple[Axis, Axis]) -> Iterator[Curve]:
 
     for line in level_set(vanishing, np.log(loops.frequencies(axes)), _lambdas(axes[0])):
         if second == "delay":
-            yield from _turns(axes, line, with_size)
+            yield from _turns(axes, line, with_size, most)
             continue
         place, lam, other = drawn(axes, line, with_gain if second == "gain" else with_lag, 2)
         for part in parts(other > 0 if second == "gain" else np.isfinite(other)):

@@ -193,7 +193,11 @@ class ChartLoops:
         mismatch = self.mismatch
         base = FamilyFrequencies(mismatch).base
         highs = [axis.high for axis in axes if axis.name != "gain"]
-        lows = [max(axis.low, axis.high / 100) for axis in axes if axis.name != "gain"]
+        lows = [
+            axis.low if axis.logarithmic else max(axis.low, axis.high / 100)
+            for axis in axes
+            if axis.name != "gain"
+        ]
         sizes = np.concatenate([mismatch.speeds, 1 / np.array(highs), 1 / np.array(lows)])
         low, high = sizes.min() / 1e4, sizes.max() * 1e4
         count = int(PER_DECADE * np.log10(high / low))
@@ -231,7 +235,7 @@ class ChartLoops:
 
 def positive(axis: Axis) -> tuple[float, float]:
     """Widen the ends of an axis of a parameter that must be positive a little."""
-    return max(axis.low / 1.1, axis.high / (10 * PIXELS)), 1.1 * axis.high
+    return (axis.low or axis.high / PIXELS / 9) / 1.1, 1.1 * axis.high
 
 
 def _columns(terms: tuple[Term, ...]) -> ManyTerms:

@@ -11,6 +11,7 @@ from scipy.ndimage import distance_transform_edt, find_objects, label
 
 from ..numerics import FloatArray, IntArray
 from .chartaxes import PIXELS, Axis
+from .chartborders import MANY_ROOTS
 from .chartcurves import Border
 
 __all__ = ["Region", "labelled", "regions_of"]
@@ -27,6 +28,8 @@ class Region:
     ----------
     count : float
         Roots of p_B in the right half plane; infinite beyond a neutral border.
+    exact : bool
+        False where there are `count` or more, and curves too close to be drawn.
     x, y : float
         A point well inside.
     share : float
@@ -37,6 +40,7 @@ class Region:
     x: float
     y: float
     share: float
+    exact: bool = True
 
 
 def labelled(axes: tuple[Axis, Axis], borders: tuple[Border, ...]) -> IntArray:
@@ -62,8 +66,10 @@ def regions_of(
     axes: tuple[Axis, Axis],
     labels: IntArray,
     counts_at: Callable[[list[tuple[float, float]]], list[float]],
+    *,
+    capped: bool,
 ) -> tuple[tuple[Region, ...], IntArray]:
-    """Count in every part, at two points of the larger ones."""
+    """Count in every part, at two points of the larger ones; if `capped`, up to `MANY_ROOTS`."""
     depth = distance_transform_edt(np.pad(labels > 0, 1))[1:-1, 1:-1]
     sizes = np.bincount(labels.ravel())
     sizes[0] = 0
@@ -74,12 +80,15 @@ def regions_of(
     regions, numbers = [], np.zeros(sizes.size, dtype=labels.dtype)
     for k, some in zip(order, places, strict=True):
         counts = set(islice(counted, len(some)))
+        many = capped and min(counts) >= MANY_ROOTS
+        counts = {MANY_ROOTS} if many else counts
         if len(counts) > 1:
             raise ArithmeticError(
                 f"within one region of the chart, {counts} roots are counted, at {some}: a "
                 "border is too fine for it; let the axes be shorter"
             )
-        regions.append(Region(counts.pop(), *some[0], float(sizes[k]) / PIXELS**2))
+        share = float(sizes[k]) / PIXELS**2
+        regions.append(Region(counts.pop(), *some[0], share, exact=not many))
         numbers[k] = len(regions)
     return tuple(regions), numbers[labels]
 

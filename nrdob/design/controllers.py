@@ -12,7 +12,7 @@ import control as ct
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from ..analysis import Margins, judge, margins
+from ..analysis import Margins, judge, quotient_margins
 from ..diagram import (
     DelayedTransferFunction,
     Fraction,
@@ -242,7 +242,7 @@ def _judged(model: Fraction, controller: ct.TransferFunction) -> Margins:
         model, model, controller, LowPassFilter(1.0, max(1, model.relative_degree))
     )
     verdict = judge("C Gm", loop.CGm.den, loop.p_A, loop.ill_posed_model_loop)
-    return margins(loop.CGm, verdict.stable, loop.p_A)
+    return quotient_margins(loop.CGm, verdict.stable)
 
 
 def _largest_integral_gain(model: Fraction, phase_margin: float) -> _Design:

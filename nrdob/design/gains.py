@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from ..analysis import margins
+from ..analysis import quotient_margins
 from ..diagram import DelayedTransferFunction, ObserverEquations, Quotient
 from ..numerics import FloatArray, QuasiPolynomial, count_rhp
 
@@ -68,7 +68,7 @@ def stabilizing_gains(process: Any, model: Any, filter: Any) -> list[tuple[float
     G = given.fractions.G
     scaled = DelayedTransferFunction((unit * G.num, G.den), given.delay)
     loop = ObserverEquations(scaled, model, filter)
-    gains = critical_gains(loop.L, margins(loop.L, None, loop.p_B).phase_crossovers)
+    gains = critical_gains(loop.L, quotient_margins(loop.L, None).phase_crossovers)
     apart = np.diff(gains, prepend=0.0) > SAME * gains
     ends = [0.0, *gains[apart].tolist(), inf]
     stable: list[tuple[float, float]] = []

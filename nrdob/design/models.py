@@ -22,7 +22,7 @@ from typing import Any
 import control as ct
 import numpy as np
 
-from ..analysis import margins
+from ..analysis import quotient_margins
 from ..diagram import (
     FilterFamily,
     LowPassFilter,
@@ -194,7 +194,7 @@ def _with_integrators(
         fastest = 0.0 if low == search.intervals[0][0] else low
     if search.intervals:
         loop = ObserverEquations(process, model, family.at(search.best[0]))
-        ms = margins(loop.L, True, loop.p_B).ms
+        ms = quotient_margins(loop.L, True).ms
     return ModelCandidate(model, how, family.order, search.intervals, fastest, ms, family)
 
 

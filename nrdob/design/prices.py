@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
-from ..analysis import judge, margins, resolved_frequencies, step_response
+from ..analysis import judge, quotient_margins, resolved_frequencies, step_response
 from ..diagram import FilterFamily, LoopEquations, LowPassFilter, ObserverEquations, Quotient
 from ..numerics import FloatArray, golden
 from .familygrid import frequencies_for
@@ -233,7 +233,7 @@ class PricedSearch:
             loop = LoopEquations(process, model, 0.0 if controller is None else controller, filter)
             so_far = -UNSTABLE
             if specification is not None:
-                so_far = specification.slack(margins(loop.L, True, loop.p_B))
+                so_far = specification.slack(quotient_margins(loop.L, True))
             return prices.slack(loop, so_far)
 
         many = None

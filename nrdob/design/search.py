@@ -19,7 +19,7 @@ import control as ct
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
-from ..analysis import Margins, margins
+from ..analysis import Margins, quotient_margins
 from ..diagram import DelayedTransferFunction, FilterFamily, LowPassFilter, ObserverEquations
 from ..numerics import FloatArray
 from .excluded import admissible
@@ -327,7 +327,7 @@ class FilterSearch:
         def plant_loop(time_constant: float) -> Margins:
             stable = any(low < time_constant < high for low, high in intervals)
             loop = ObserverEquations(process, model, LowPassFilter(time_constant, order))
-            return margins(loop.L, stable, loop.p_B)
+            return quotient_margins(loop.L, stable)
 
         windows = admissible(frequencies, specification, intervals)
         return cls(order, intervals, windows, plant_loop, specification, frequencies)

@@ -8,7 +8,7 @@ from .filters import LowPassFilter, filter_fraction
 from .interpolation import interpolating_filter
 from .names import CLOSED_LOOP, INPUTS, MAPS
 from .noise import rational_power
-from .quotient import Quotient, as_shaping
+from .quotient import Quotient, as_quotient, as_shaping
 
 __all__ = [
     "CLOSED_LOOP",
@@ -23,6 +23,7 @@ __all__ = [
     "Quotient",
     "as_family",
     "as_fraction",
+    "as_quotient",
     "as_shaping",
     "delay",
     "filter_family",

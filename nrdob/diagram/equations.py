@@ -103,6 +103,7 @@ of distributed-delay control laws, Proc. 38th IEEE Conference on Decision and Co
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, reduce
 from math import factorial
@@ -166,6 +167,18 @@ class LoopFractions(NamedTuple):
     Gm: Fraction
     C: Fraction
     F: Fraction
+
+
+class _Parts(dict[str, QuasiPolynomial]):
+    """Factors by name, each made when it is first asked for."""
+
+    def __init__(self, makers: Mapping[str, Callable[[], QuasiPolynomial]]) -> None:
+        super().__init__()
+        self.makers = makers
+
+    def __missing__(self, name: str) -> QuasiPolynomial:
+        self[name] = self.makers[name]()
+        return self[name]
 
 
 class _ObserverMaps:
@@ -343,24 +356,30 @@ class _ObserverMaps:
         return self._quotient("L", "Nf' Dm' Ne", "E Nm' D")
 
     @cached_property
-    def _parts(self) -> dict[str, QuasiPolynomial]:
+    def _parts(self) -> _Parts:
+        return _Parts(self._makers())
+
+    def _makers(self) -> dict[str, Callable[[], QuasiPolynomial]]:
+        """How each factor of the maps is made, by its name."""
         G, Gm, F = self._observer_fractions
-        built = self.built
-        parts = {
-            "-1": -np.ones(1), "D": G.den, "Nm": Gm.num, "Dm": Gm.den, "Nf": F.num, "Df": F.den,
-        }  # fmt: skip
-        mismatch = _sum_of_products(
-            ((-G.den, Gm.num), self.model_delay), ((G.num, Gm.den), self.delay)
-        )
-        return {name: QuasiPolynomial(c) for name, c in parts.items()} | {
-            "Ne": QuasiPolynomial(np.zeros(1), G.num, self.delay),
-            "Nme": QuasiPolynomial(np.zeros(1), Gm.num, self.model_delay),
-            "Nm'": built.Nm,
-            "Nf'": built.Nf,
-            "Dm'": built.Dm,
-            "E": built.E,
-            "mismatch": mismatch,
-            "B": self.p_B,
+        nothing = np.zeros(1)
+        return {
+            "-1": lambda: QuasiPolynomial(-np.ones(1)),
+            "D": lambda: QuasiPolynomial(G.den),
+            "Nm": lambda: QuasiPolynomial(Gm.num),
+            "Dm": lambda: QuasiPolynomial(Gm.den),
+            "Nf": lambda: QuasiPolynomial(F.num),
+            "Df": lambda: QuasiPolynomial(F.den),
+            "Ne": lambda: QuasiPolynomial(nothing, G.num, self.delay),
+            "Nme": lambda: QuasiPolynomial(nothing, Gm.num, self.model_delay),
+            "Nm'": lambda: self.built.Nm,
+            "Nf'": lambda: self.built.Nf,
+            "Dm'": lambda: self.built.Dm,
+            "E": lambda: self.built.E,
+            "mismatch": lambda: _sum_of_products(
+                ((-G.den, Gm.num), self.model_delay), ((G.num, Gm.den), self.delay)
+            ),
+            "B": lambda: self.p_B,
         }
 
     def _quotient(self, name: str, num: str, den: str) -> Quotient:
@@ -490,13 +509,12 @@ class LoopEquations(_ObserverMaps):
         """Model loop C G̃, condition i of Lemmas 1 and 2; the model without its dead time."""
         return self._quotient("CGm", "Nc Nm", "Dc Dm")
 
-    @cached_property
-    def _parts(self) -> dict[str, QuasiPolynomial]:
+    def _makers(self) -> dict[str, Callable[[], QuasiPolynomial]]:
         C = self.fractions.C
-        return super()._parts | {
-            "Nc": QuasiPolynomial(C.num),
-            "Dc": QuasiPolynomial(C.den),
-            "A": self.p_A,
+        return super()._makers() | {
+            "Nc": lambda: QuasiPolynomial(C.num),
+            "Dc": lambda: QuasiPolynomial(C.den),
+            "A": lambda: self.p_A,
         }
 
 

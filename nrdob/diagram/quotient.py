@@ -21,9 +21,10 @@ from ..numerics import (
     written,
 )
 from .blocks import Fraction, as_fraction
+from .delay import DelayedTransferFunction
 from .noise import check_stable, noise_power, step_energy
 
-__all__ = ["Quotient", "as_shaping"]
+__all__ = ["Quotient", "as_quotient", "as_shaping"]
 
 NEAR_ROOT = 1e-7
 """Size of a denominator, against its terms, below which half the digits are lost."""
@@ -94,11 +95,23 @@ class Quotient:
         num, den = self.numerator, self.denominator.q
         divided = num.divided - self.denominator.divided
         limits = []
-        for part, _ in num.terms:
-            excess = part.size - den.size - divided if part.any() else -1
+        for part, _ in num.delayed:
+            excess = part.size - den.size - divided
             limits.append(0.0 if excess < 0 else inf if excess else float(part[0] / den[0]))
-        undelayed, *delayed = limits
-        return undelayed, sum(map(abs, delayed)) if len(delayed) > 1 else sum(delayed)
+        return self.at_once, sum(map(abs, limits)) if len(limits) > 1 else sum(limits)
+
+    @property
+    def at_once(self) -> float:
+        """The a of `at_infinity`: what a unit step makes the output jump by at t = 0."""
+        excess = 0
+        for factors, sign in ((self.num, 1), (self.den, -1)):
+            excess += sign * sum(f.q.size - 1 - f.divided for f in factors)
+        if excess < 0 or not all(f.q.any() for f in self.num):
+            return 0.0
+        value = prod(float(f.q[0]) for f in self.num)
+        for factor in self.den:
+            value /= float(factor.q[0])
+        return inf if excess else value
 
     def __call__(self, s: complex | ComplexArray) -> Any:
         """Evaluate at complex `s`, a number or an array of any shape.
@@ -315,6 +328,31 @@ class Quotient:
                 np.polyval(f.scale, np.abs(s)) / np.abs(f(s)) for f in self.num + self.den
             )
             return not np.any(np.abs(other(s) / self(s) - 1) > allowed)
+
+
+def as_quotient(system: Any, name: str) -> Quotient:
+    """Read a block, with or without dead time, as a quotient of one factor over another.
+
+    Parameters
+    ----------
+    system : control.TransferFunction, StateSpace, scipy.signal.lti, DelayedTransferFunction, \
+            (num, den), number or Quotient
+        The block, proper or not; a quotient is returned as it is.
+    name : str
+        What the block is called.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If it is no single-input single-output block in continuous time.
+    """
+    if isinstance(system, Quotient):
+        return system
+    seconds = 0.0
+    if isinstance(system, DelayedTransferFunction):
+        system, seconds = system.tf, system.delay
+    num, den = as_fraction(system, name, proper=False)
+    return Quotient((QuasiPolynomial([0.0], num, seconds),), (QuasiPolynomial(den),), name)
 
 
 def as_shaping(shaping: Any) -> Fraction:

@@ -52,7 +52,7 @@ class Running:
     computation_delay : float
         Time from reading y to writing u, in seconds.
     largest : float
-        Modulus of the largest eigenvalue of the loop.
+        Modulus of the largest eigenvalue of the loop, nan if it is not known.
     """
 
     process: HeldProcess
@@ -115,8 +115,8 @@ def sampled_step_response(
 
 def _times(loop: Running, timepts: ArrayLike | None) -> FloatArray:
     if timepts is None:
-        largest = loop.largest
-        rate = max(abs(log(largest)) if largest else 1.0, 1 / MOST_BY_DEFAULT)
+        rate = 1.0 if loop.largest == 0 else abs(log(loop.largest))
+        rate = max(1 / MOST_BY_DEFAULT, rate)  # also where the largest is not known, nan
         count = ceil(-log(SETTLED) / rate) + 2 * loop.process.memory
         count = min(max(count, FEWEST), MOST_BY_DEFAULT)
         each = ceil(POINTS / count)

@@ -9,7 +9,9 @@ each of which is linear in 1/z: over an angle h on the circle it moves by at mos
 :math:`h|1 + v_i|/2`. So a bound is at hand for how far a product, and a sum of products, can get in
 an interval. Where that is less than where it is, it has not passed 0, and its argument is known.
 The number of zeros outside the circle is minus the turn of the argument from z = 1 to z = -1, in
-half revolutions.
+half revolutions. Where the terms behind one dead time are certainly larger than all others, the
+argument follows theirs within a right angle, and z^-samples turns it by exactly samples times the
+angle: so the intervals to be looked at grow with the logarithm of the samples.
 """
 
 from __future__ import annotations
@@ -17,6 +19,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import cached_property, reduce
 from math import pi
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,13 +27,14 @@ from ..numerics import (
     ROUNDING,
     ComplexArray,
     FloatArray,
+    IntArray,
     QuasiPolynomial,
     add,
     companion_roots,
 )
 from .wplane import MULTIPLIED_OUT
 
-__all__ = ["CircleFunction", "Product", "TurnCount", "count_outside", "resolved"]
+__all__ = ["CircleFunction", "Group", "Product", "TurnCount", "count_outside", "resolved"]
 
 TURN = 0.6
 """How far a function may get within half an interval, against its own size."""
@@ -40,6 +44,12 @@ SMALLEST = 2.0**-48
 
 MOST = 400_000
 """Intervals at most."""
+
+TOGETHER = 8
+"""Samples between terms that are taken together, behind one dead time."""
+
+FREE, OPEN = -1, -2
+"""Marks of an interval: the function has no zero there; it may have one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +102,7 @@ class Product:
             Angles and half widths.
         """
         at = np.full(angle.shape, abs(self._leading))
-        far = at * (1 + np.minimum(self.samples * half, 1.0))
+        far = at * (1 + np.minimum(self.samples * half, 2.0))
         v = np.tan(angle / 2)
         top = np.sqrt(1 + v**2)
         for root in self._roots:
@@ -168,7 +178,10 @@ class CircleFunction:
         angle : array of float
             From 0 to π.
         """
-        return np.asarray(ROUNDING * sum(term.size(angle) for term in self.terms))
+        turned = np.finfo(float).eps * angle
+        return np.asarray(
+            sum((ROUNDING + term.samples * turned) * term.size(angle) for term in self.terms)
+        )
 
     def reach(self, angle: FloatArray, half: FloatArray) -> FloatArray:
         """How far the function can get from its value at `angle` within `half` an interval.
@@ -179,6 +192,18 @@ class CircleFunction:
             Angles and half widths.
         """
         return np.asarray(sum(term.reach(angle, half) for term in self.terms))
+
+    @cached_property
+    def groups(self) -> tuple[Group, ...]:
+        """The terms behind one dead time, or nearly one, together."""
+        found: list[Group] = []
+        for term in sorted(self.terms, key=lambda term: term.samples):
+            samples, terms = term.samples, tuple[Product, ...]()
+            if found and term.samples - found[-1].samples <= TOGETHER:
+                samples, terms = found[-1].samples, found.pop().bare.terms
+            bare = Product(term.factors, term.samples - samples)
+            found.append(Group(samples, CircleFunction((*terms, bare))))
+        return tuple(found)
 
     @property
     def vanishes_at_one(self) -> bool:
@@ -197,6 +222,21 @@ class CircleFunction:
             powers += [np.ones(2)] * (longest - term.samples)
             total = add(total, reduce(np.convolve, (*term.factors, *powers)))
         return QuasiPolynomial(total)
+
+
+class Group(NamedTuple):
+    """What is behind a dead time: z^-samples times a sum of low degree in 1/z.
+
+    Attributes
+    ----------
+    samples : int
+        Dead time in samples.
+    bare : CircleFunction
+        The sum without it.
+    """
+
+    samples: int
+    bare: CircleFunction
 
 
 @dataclass(frozen=True)
@@ -235,32 +275,69 @@ def resolved(function: CircleFunction) -> tuple[FloatArray, float | None]:
     ArithmeticError
         If it takes too many of them.
     """
-    edges = np.array([0.0, pi])
-    low, high = edges[:1], edges[1:]
-    kept, total = [edges], 2
+    low, high, _, touched = _certified(function, dominance=False)
+    return np.unique(np.concatenate([low, high, (low + high) / 2])), touched
+
+
+class _Certified(NamedTuple):
+    """Intervals, the number of the dominant group in each or `FREE`, and an angle of a zero."""
+
+    low: FloatArray
+    high: FloatArray
+    mark: IntArray
+    touched: float | None
+
+
+def _certified(function: CircleFunction, *, dominance: bool) -> _Certified:
+    """Cut the upper half of the circle into intervals over which the argument is known."""
+    low, high = np.zeros(1), np.full(1, pi)
+    done: list[tuple[FloatArray, FloatArray, IntArray]] = []
+    total = 2
     touched: float | None = None
     while low.size:
         middle, half = (low + high) / 2, (high - low) / 2
-        value = np.abs(function(middle))
-        wide = function.reach(middle, half) > TURN * value
-        zero = wide & (half <= 1e-3 * middle)
+        mark, value = _examined(function, middle, half, dominance)
+        zero = (mark == OPEN) & (half <= 1e-3 * middle)
         zero[zero] = value[zero] <= function.rounding(middle[zero])
-        if zero.any() or np.any(wide & (half <= SMALLEST * middle)):
-            hit = zero | (half <= SMALLEST * middle)
-            touched = float(middle[hit][0]) if touched is None else touched
-            wide &= ~hit
+        zero |= (mark == OPEN) & (half <= SMALLEST * middle)
+        if zero.any() and touched is None:
+            touched = float(middle[zero][0])
+        wide = (mark == OPEN) & ~zero
+        done.append((low[~wide], high[~wide], mark[~wide]))
         low, high = (
             np.concatenate([low[wide], middle[wide]]),
             np.concatenate([middle[wide], high[wide]]),
         )
-        kept.append(middle)
         total += middle.size
         if total > MOST:
             raise ArithmeticError(
                 "the sampled loop turns too often on the unit circle to be followed: the dead "
                 "time holds too many samples, or modes are hardly damped; choose a larger dt"
             )
-    return np.unique(np.concatenate(kept)), touched
+    lows, highs, marks = map(np.concatenate, zip(*done, strict=True))
+    return _Certified(lows, highs, marks, touched)
+
+
+def _examined(
+    function: CircleFunction, middle: FloatArray, half: FloatArray, dominance: bool
+) -> tuple[IntArray, FloatArray]:
+    """Say what certifies each interval, and how large the function is in its middle."""
+    values = [group.bare(middle) for group in function.groups]
+    reaches = [group.bare.reach(middle, half) for group in function.groups]
+    sizes = [np.abs(value) for value in values]
+    sum_, far = np.zeros(middle.shape, dtype=complex), np.zeros(middle.shape)
+    for (samples, _), value, size, reach in zip(
+        function.groups, values, sizes, reaches, strict=True
+    ):
+        sum_ += value * np.exp(-1j * samples * middle)
+        far += reach + size * np.minimum(samples * half, 2.0)
+    mark = np.where(far <= TURN * np.abs(sum_), FREE, OPEN)
+    if dominance and len(values) > 1:
+        every = sum(size + reach for size, reach in zip(sizes, reaches, strict=True))
+        noise = function.rounding(middle)
+        for k, size in enumerate(sizes):
+            mark[2 * size > every + noise] = k  # size - reach > what the others can be
+    return mark, np.abs(sum_)
 
 
 def count_outside(function: CircleFunction) -> TurnCount:
@@ -288,12 +365,31 @@ def count_outside(function: CircleFunction) -> TurnCount:
     at_ends = np.abs(function(ends)) <= function.rounding(ends)
     if at_ends.any():
         return TurnCount(None, float(ends[at_ends][0]))
-    angles, touched = resolved(function)
-    if touched is not None:
-        return TurnCount(None, touched)
-    value = function(angles)
-    turns = -np.angle(value[1:] / value[:-1]).sum() / pi
-    return TurnCount(round(float(turns)))
+    found = _certified(function, dominance=True)
+    if found.touched is not None:
+        return TurnCount(None, found.touched)
+    return TurnCount(round(-_turned(function, found) / pi))
+
+
+def _turned(function: CircleFunction, found: _Certified) -> float:
+    """Sum of what the argument turns over certified intervals."""
+    edges = np.stack([found.low, found.high])
+    values = [group.bare(edges) for group in function.groups]
+    late = [
+        value * np.exp(-1j * group.samples * edges)
+        for group, value in zip(function.groups, values, strict=True)
+    ]
+    sums = np.sum(late, axis=0)
+    free = found.mark == FREE
+    angle = float(np.angle(sums[1, free] / sums[0, free]).sum())
+    for k, (group, value) in enumerate(zip(function.groups, values, strict=True)):
+        on = found.mark == k
+        # The group without its dead time, the dead time, and the angles from it to the sum.
+        angle += float(np.angle(value[1, on] / value[0, on]).sum())
+        angle -= group.samples * float((found.high - found.low)[on].sum())
+        beside = np.angle(sums[:, on] / late[k][:, on])
+        angle += float((beside[1] - beside[0]).sum())
+    return angle
 
 
 def _over_power(factor: FloatArray, angle: FloatArray, *, size: bool = False) -> ComplexArray:

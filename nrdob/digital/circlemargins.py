@@ -50,6 +50,7 @@ class CircleLocus(Locus):
     """
 
     def __init__(self, numerator: Product, denominator: CircleFunction, dt: float) -> None:
+        self.count = 1
         self.numerator, self.denominator, self.dt = numerator, denominator, dt
 
     def log_and_slope(self, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:
@@ -66,7 +67,7 @@ class CircleLocus(Locus):
             terms = self.denominator.terms
             slope = sum(term(angle) * term.slope(angle) for term in terms) / below
             log = np.log(self.numerator(angle) / below)
-            return log, angle * (self.numerator.slope(angle) - slope)
+            return log[None], (angle * (self.numerator.slope(angle) - slope))[None]
 
 
 def circle_margins(
@@ -98,10 +99,9 @@ def circle_margins(
     angles = np.union1d(angles, angles[0] * np.geomspace(LOWEST, 0.8, 25))
     angles = np.union1d(angles, pi - (pi - angles[-1]) * np.geomspace(1e-6, 0.8, 9))
     locus = CircleLocus(numerator, below, dt)
-    found = notable_frequencies(locus, subdivided(angles, PER_SEGMENT) / dt)
-    values = [np.exp(locus.log(omega)) for omega in found]
+    (found,) = notable_frequencies(locus, subdivided(angles, PER_SEGMENT) / dt)
     first, last = _at_ends(numerator, below)
-    return margins_at(found, values, Ends(first, last, 0.0, pi / dt), stable, "L")
+    return margins_at(found, Ends(first, last, 0.0, pi / dt), stable, "L")
 
 
 def _at_ends(numerator: Product, below: CircleFunction) -> tuple[float, float]:
@@ -161,7 +161,8 @@ def added_delay(
     if not crossovers.size:
         return inf
     turned = min(starts) if least == inf else least
-    if lifted(held, controller).shape[0] + min(least, max(starts)) > LOOKED_AT:
+    states = held.B.size + held.memory + controller.states
+    if states + min(least, max(starts)) > LOOKED_AT:
         return turned * dt
 
     def excess(samples: float) -> float:

@@ -1,4 +1,4 @@
-r"""The controller as it leaves the house: coefficients in JSON, one C file, one Python class.
+r"""The controller as code: coefficients in JSON, one C file with its header, one Python class.
 
 All three are written from the same numbers (`nrdob.digital.sections`) and the same equations
 (`nrdob.digital.equations`); the simulation runs the same sections, too. So what has been simulated
@@ -55,8 +55,8 @@ FORMAT = "nrdob controller 1"
 TABLES = {"FILTER": "F", "INVERSE": "F/Gm", "INNER": "", "CONTROLLER": "C"}
 """How the diagram writes the block behind each table of coefficients; INNER is one of two."""
 
-DTYPES = {"double": "", "float": "f"}
-"""Types of C, and what their numbers end with."""
+DTYPES = {"double": "DBL_MAX", "float": "FLT_MAX"}
+"""Types of C, and the largest number of each."""
 
 LONGEST_WAIT = 1_000_000
 """Samples of dead time at most in what is read: each is a number to be kept."""
@@ -110,25 +110,22 @@ class ControllerCode:
         return terms if self.wait else []
 
     def start(self, r: float, y: float, u: float) -> FloatArray:
-        """States of `wired` from which the first output is u again, y being at rest.
+        """States of `wired` that take over from a constant u, y being at rest.
 
         Parameters
         ----------
         r, y, u : float
-            Reference, measurement, and the constant u to take over from.
+            Reference, measurement, and the constant u.
 
         Returns
         -------
         (n,) array of float
-            The states. A controller without an integrator cannot hold u at an error r - y; it
-            starts at rest at this error.
+            The states. If C integrates, the first output is u. Otherwise it is u only where r, y
+            and u are a state of rest of the loop; elsewhere C answers to the error at once.
         """
         F, inverse, C = (self.blocks[name] for name in ("F", "F/Gm", "C"))
-        states = {
-            "F u": at_rest(F, u, u),
-            "F y": at_rest(F, y, y),
-            "F/Gm": at_rest(inverse, y, 0.0),
-        }
+        states = {name: at_rest(F, v, v) for name, v in (("F u", u), ("F y", y))}
+        states["F/Gm"] = at_rest(inverse, y, 0.0)
         filtered = _output(F, states["F u"], u)
         d_hat = _output(inverse, states["F/Gm"], y) - filtered
         inner_u = u - filtered if self.wait else u
@@ -145,6 +142,9 @@ class ControllerCode:
     def to_c(self, name: str = "nrdob", dtype: str = "double") -> str:
         """Write one small C99 file: no allocation, limits and anti-windup inside.
 
+        A sample that is not finite is left out: the last command is held, no state changes, and
+        the state counts it as `skipped`. So it is in the class that `to_python` writes.
+
         Parameters
         ----------
         name : str
@@ -155,7 +155,8 @@ class ControllerCode:
         Returns
         -------
         str
-            The file, with `name_init`, `name_start`, `name_output`, `name_update`, `name_step`.
+            The file, with `name_init`, `name_start`, `name_output`, `name_update`, `name_step`. It
+            begins with what `to_header` returns, so that it stands alone.
 
         Raises
         ------
@@ -166,16 +167,24 @@ class ControllerCode:
 
         Examples
         --------
-        >>> import control as ct
-        >>> import nrdob
-        >>> Gm = ct.tf([2], [1, 1])
-        >>> C = ct.tf([1, 1], [1, 0])
-        >>> loop = nrdob.NRDOB(process=Gm, model=Gm, controller=C,
-        ...                    filter=nrdob.LowPassFilter(0.5, 1))
-        >>> text = loop.sampled(0.1).to_c("heater", limits=nrdob.Limits(0, 10))
+        >>> from nrdob import Limits, paper
+        >>> text = paper.example(1).sampled(0.01).to_c("heater", limits=Limits(0, 10))
         >>> "heater_real heater_output(heater_state *s, heater_real r, heater_real y);" in text
         True
         """
+        return self._in_c("controller.c.j2", name, dtype)
+
+    def to_header(self, name: str = "nrdob", dtype: str = "double") -> str:
+        """Write the header of the C file, for those that call the controller.
+
+        Parameters
+        ----------
+        name, dtype : as for `to_c`
+            The same as there.
+        """
+        return self._in_c("controller.h.j2", name, dtype)
+
+    def _in_c(self, template: str, name: str, dtype: str) -> str:
         if dtype not in DTYPES:
             raise ValueError(f"dtype is {dtype!r}; choose one of {', '.join(DTYPES)}")
         prefix = _identifier(name)
@@ -183,13 +192,11 @@ class ControllerCode:
         def call(verb: str, block: str) -> str:
             if not block:
                 return f"{prefix}_{verb}(s, "
-            table = BLOCKS[block]
-            count = len(self._cascade(table))
-            verb = "through" if verb == "output" else verb
-            return f"{prefix}_{verb}({prefix}_{table}, s->{block}, {count}, "
+            table, verb = BLOCKS[block], "through" if verb == "output" else verb
+            return f"{prefix}_{verb}({prefix}_{table}, s->{block}, {len(self._cascade(table))}, "
 
-        return self._written("controller.c.j2", prefix, _c_number(dtype), "s->{}".format, call,
-                             dtype=dtype)  # fmt: skip
+        return self._written(template, prefix, _c_number(dtype), "s->{}".format, call,
+                             dtype=dtype, largest=DTYPES[dtype])  # fmt: skip
 
     def to_python(self, name: str = "Controller") -> str:
         """Write one Python class that needs nothing else, not even this package.
@@ -206,12 +213,8 @@ class ControllerCode:
 
         Examples
         --------
-        >>> import control as ct
-        >>> import nrdob
-        >>> Gm = ct.tf([2], [1, 1])
-        >>> loop = nrdob.NRDOB(process=Gm, model=Gm, controller=1.0,
-        ...                    filter=nrdob.LowPassFilter(0.5, 1))
-        >>> "class Heater:" in loop.sampled(0.1).to_python("Heater")
+        >>> from nrdob import paper
+        >>> "class Heater:" in paper.example(1).sampled(0.01).to_python("Heater")
         True
         """
 
@@ -234,13 +237,9 @@ class ControllerCode:
 
         Examples
         --------
-        >>> import control as ct
-        >>> import nrdob
-        >>> Gm = ct.tf([2], [1, 1])
-        >>> loop = nrdob.NRDOB(process=Gm, model=Gm, controller=1.0,
-        ...                    filter=nrdob.LowPassFilter(0.5, 1))
-        >>> text = loop.sampled(0.1).to_json()
-        >>> nrdob.digital.ControllerCode.from_json(text).to_json() == text
+        >>> from nrdob import paper
+        >>> text = paper.example(1).sampled(0.01).to_json()
+        >>> ControllerCode.from_json(text).to_json() == text
         True
         """
         written = {
@@ -365,6 +364,7 @@ class ControllerCode:
                 },
                 waited=self.waited,
                 memory=self.wait.memory,
+                integrates=any(section.integrates for section in self.blocks["C"]),
                 **{key: value if isfinite(value) else None for key, value in bounds.items()},
                 **more,
             )

@@ -26,9 +26,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from scipy.linalg import block_diag, lu_factor, lu_solve
+from scipy.linalg import lu_factor, lu_solve
 
 from ..diagram import Fraction
 from ..numerics import FloatArray
@@ -95,7 +96,7 @@ class SampledController:
 
     In each sample it computes ``u = C @ x + D @ (r, y)``, writes it, and then renews its states
     with what has been applied, ``x = A @ x + B @ (r, y, applied)``. The same is written out block
-    by block in `nrdob.digital.controller`.
+    by block in `nrdob.digital.controller`. The matrices are built when they are first used.
 
     Attributes
     ----------
@@ -108,27 +109,94 @@ class SampledController:
         Dead time of the model.
     factor : float
         1 - F∞ + C∞ M∞, the factor of u[k] in the diagram.
-    A, B, C, D : arrays of float, shapes (n, n), (n, 3), (n,), (2,)
-        The whole, as above.
-    rows : dict of str: slice
-        Which states belong to which block: "C", "F u", "F y", "F/Gm", "(1-F)Gm" or "Gm", and
-        "wait", the past inputs, youngest first.
     """
 
     dt: float
     blocks: Mapping[str, SampledBlock]
     wait: Wait
     factor: float
-    A: FloatArray
-    B: FloatArray
-    C: FloatArray
-    D: FloatArray
-    rows: Mapping[str, slice]
 
     @property
     def states(self) -> int:
         """Number of states."""
-        return self.C.size
+        return sum(part.states for part in self._parts.values()) + self.wait.memory
+
+    @cached_property
+    def rows(self) -> dict[str, slice]:
+        """Which states belong to which block: "C", "F u", "F y", "F/Gm", "(1-F)Gm" or "Gm".
+
+        And "wait", the past inputs, youngest first.
+        """
+        sizes = [part.states for part in self._parts.values()]
+        ends = np.cumsum([0, *sizes, self.wait.memory]).tolist()
+        return dict(zip([*self._parts, "wait"], map(slice, ends[:-1], ends[1:]), strict=True))
+
+    @property
+    def A(self) -> FloatArray:
+        """How the states are renewed from the states, shape (n, n)."""
+        return self._renewed[:, : self.states]
+
+    @property
+    def B(self) -> FloatArray:
+        """How the states are renewed from (r, y, applied u), shape (n, 3)."""
+        return self._renewed[:, self.states :]
+
+    @property
+    def C(self) -> FloatArray:
+        """Part of u from the states, shape (n,)."""
+        return self._signals["command"][: self.states] / self.factor
+
+    @property
+    def D(self) -> FloatArray:
+        """Part of u from (r, y), shape (2,)."""
+        return self._signals["command"][self.states : -1] / self.factor
+
+    @property
+    def _parts(self) -> dict[str, SampledBlock]:
+        controller, F, inverse = (self.blocks[name] for name in ("C", "F", "F/Gm"))
+        inner = inner_block(self.blocks)
+        return {"C": controller, "F u": F, "F y": F, "F/Gm": inverse, inner.name: inner}
+
+    @cached_property
+    def _signals(self) -> dict[str, FloatArray]:
+        """Inputs of the blocks, and the command with that of u[k], over (states, r, y, u)."""
+        n, inner = self.states, inner_block(self.blocks).name
+        r, y, u = np.eye(3, n + 3, n)
+
+        def output(name: str, signal: FloatArray) -> FloatArray:
+            row = self._parts[name].D * signal
+            row[self.rows[name]] += self._parts[name].C
+            return row
+
+        late = self._waited(u) if self.wait else u
+        filtered = output("F u", late)
+        entering = u - filtered if self.wait else u
+        error = r - output("F y", y) - output(inner, entering)
+        command = output("C", error) + filtered - output("F/Gm", y)
+        return {"C": error, "F u": late, "F y": y, "F/Gm": y, inner: entering, "command": command}
+
+    @cached_property
+    def _renewed(self) -> FloatArray:
+        n, line = self.states, self.rows["wait"]
+        renewed = np.zeros((n, n + 3))
+        for name, part in self._parts.items():
+            own = self.rows[name]
+            renewed[own, own] = part.A
+            renewed[own] += np.outer(part.B, self._signals[name])
+        if self.wait:
+            renewed[line.start, n + 2] = 1.0
+            younger = np.arange(line.start, line.stop - 1)
+            renewed[younger + 1, younger] = 1.0
+        return renewed
+
+    def _waited(self, u: FloatArray) -> FloatArray:
+        """(1 - φ) u[k-m] + φ u[k-m-1], as a row over (states, r, y, u)."""
+        samples, fraction = self.wait.samples, self.wait.fraction
+        late = (1 - fraction) * u if not samples else np.zeros(u.size)
+        for age, share in ((samples, 1 - fraction), (samples + 1, fraction)):
+            if age and share:
+                late[self.rows["wait"].start + age - 1] = share
+        return late
 
 
 def bilinear_block(name: str, block: Fraction, alpha: float, dt: float) -> SampledBlock:
@@ -198,29 +266,12 @@ def wired(blocks: Mapping[str, SampledBlock], wait: Wait, dt: float) -> SampledC
     ValueError
         If the diagram has no solution for u[k].
     """
-    controller, F, inverse = blocks["C"], blocks["F"], blocks["F/Gm"]
-    inner = next(block for name, block in blocks.items() if name not in ("C", "F", "F/Gm"))
-    parts = {"C": controller, "F u": F, "F y": F, "F/Gm": inverse, inner.name: inner}
-    ends = np.cumsum([0, *(part.states for part in parts.values()), wait.memory if wait else 0])
-    rows = {
-        name: slice(int(low), int(high))
-        for name, low, high in zip([*parts, "wait"], ends[:-1], ends[1:], strict=True)
-    }
-    n = int(ends[-1])
-    # Signals as rows over (states, r, y, u): what depends on u[k] itself is taken to the left.
-    r, y, u = np.eye(3, n + 3, n)
-
-    def output(name: str, signal: FloatArray) -> FloatArray:
-        row = parts[name].D * signal
-        row[rows[name]] += parts[name].C
-        return row
-
-    late = _waited(u, rows["wait"], wait) if wait else u
-    filtered = output("F u", late)
-    yf = output("F y", y) + output(inner.name, u - filtered if wait else u)
-    error = r - yf
-    command = output("C", error) + filtered - output("F/Gm", y)
-    factor = 1 - float(command[n + 2])
+    controller, F, inner = blocks["C"], blocks["F"], inner_block(blocks)
+    if wait:
+        at_once = 0.0 if wait.samples else 1 - wait.fraction
+        factor = (1 - F.D * at_once) * (1 + controller.D * inner.D)
+    else:
+        factor = 1 - F.D + controller.D * inner.D
     size = 1 + abs(F.D) + abs(controller.D * inner.D)
     if abs(factor) < SINGULAR * size:
         raise ValueError(
@@ -228,25 +279,9 @@ def wired(blocks: Mapping[str, SampledBlock], wait: Wait, dt: float) -> SampledC
             f"same factor, (1 - F)(1 + C·model) = {factor:.3g} at z = ∞; choose another dt or "
             "another controller gain"
         )
-    inputs = {"C": error, "F u": late, "F y": y, "F/Gm": y,
-              inner.name: u - filtered if wait else u}  # fmt: skip
-    renewed = np.zeros((n, n + 3))
-    renewed[: ends[-2], : ends[-2]] = block_diag(*(part.A for part in parts.values()))
-    for name, part in parts.items():
-        renewed[rows[name]] += np.outer(part.B, inputs[name])
-    if wait:
-        line = rows["wait"]
-        renewed[line.start, n + 2] = 1.0
-        for k in range(line.start + 1, line.stop):
-            renewed[k, k - 1] = 1.0
-    return SampledController(
-        dt, dict(blocks), wait, factor,
-        renewed[:, :n], renewed[:, n:], command[:n] / factor, command[n : n + 2] / factor, rows,
-    )  # fmt: skip
+    return SampledController(dt, dict(blocks), wait, factor)
 
 
-def _waited(u: FloatArray, line: slice, wait: Wait) -> FloatArray:
-    """(1 - φ) u[k-m] + φ u[k-m-1], as a row over (states, r, y, u)."""
-    past = [u, *np.eye(line.stop - line.start, u.size, line.start)]
-    late = (1 - wait.fraction) * past[wait.samples]
-    return np.asarray(late + wait.fraction * past[wait.samples + 1] if wait.fraction else late)
+def inner_block(blocks: Mapping[str, SampledBlock]) -> SampledBlock:
+    """Return the block of the model: "(1-F)Gm", or "Gm" for a model that waits."""
+    return blocks["Gm"] if "Gm" in blocks else blocks["(1-F)Gm"]

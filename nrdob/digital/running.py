@@ -88,6 +88,16 @@ class RunningLoop:
         """
         return self.code(limits, tracking_time=tracking_time).to_c(name, dtype)
 
+    def to_header(self, name: str = "nrdob", dtype: str = "double") -> str:
+        """Write the header of the C file: see `nrdob.digital.ControllerCode.to_header`.
+
+        Parameters
+        ----------
+        name, dtype : as for `to_c`
+            The same as there.
+        """
+        return self.code().to_header(name, dtype)
+
     def to_python(
         self,
         name: str = "Controller",

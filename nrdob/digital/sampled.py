@@ -154,7 +154,7 @@ class SampledLoop(RunningLoop):
         more = added_delay(
             self.process,
             self.controller,
-            lambda omega: np.exp(locus.log(omega)),
+            lambda omega: locus.values(omega)[0],
             found.gain_crossovers,
         )
         return replace(found, delay_margin=more)
@@ -181,7 +181,7 @@ class SampledLoop(RunningLoop):
             self.controller,
             self.loop.delay,
             self.computation_delay,
-            float(np.abs(self._stability.eigenvalues[0])),
+            self._stability.spectral_radius,
         )
         return sampled_step_response(running, input, timepts)
 

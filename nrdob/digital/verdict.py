@@ -3,13 +3,15 @@
 Condition i is about p_A in the plane of w, where it is what it was in continuous time; condition ii
 about p_B. The turn of the argument on the unit circle counts how many zeros of p_B lie outside, and
 the eigenvalues of the whole sampled loop, delay line and all, say how many there are together.
-Where they differ nothing is decided.
+Where they differ nothing is decided. The time for eigenvalues grows with the third power of the
+samples of dead time: above `MOST_STATES` they are left out, and the zeros of p_B are counted from
+where its two parts are of equal size (`nrdob.digital.circlesizes`).
 """
 
 from __future__ import annotations
 
 import textwrap
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import nan
 
 import numpy as np
@@ -18,6 +20,7 @@ from ..analysis import judge, rhp_roots
 from ..diagram import LoopEquations
 from ..numerics import ComplexArray, FloatArray, QuasiPolynomial, written
 from .circle import CircleFunction, count_outside
+from .circlesizes import DelayedPair
 from .controller import SampledController
 from .hold import HeldProcess
 
@@ -25,7 +28,12 @@ __all__ = ["SampledCondition", "SampledStability", "lifted", "sampled_stability"
 
 TURNS, EIGENVALUES = "by turns on the unit circle", "by eigenvalues"
 WHOLE_NUMBERS = "by Routh and Hurwitz's test in whole numbers"
+SIZES = "by the crossings of |P| = |Q| in p_B = P + Q/z^N"
 """The ways in which roots are counted."""
+
+MOST_STATES, MOST_ALONE = 300, 1000
+"""States of a loop up to which it has eigenvalues; the latter where there is no other second way.
+"""
 
 CLEARLY = 1e-6
 """Distance from the unit circle at which an eigenvalue is on its side, whatever the rounding."""
@@ -52,7 +60,7 @@ class SampledCondition:
     largest : complex
         Root z with the largest modulus, nan if there is none.
     roots : array of complex
-        Roots z, the largest first.
+        Roots z, the largest first; none where the eigenvalues are left out.
     """
 
     name: str
@@ -82,7 +90,10 @@ class SampledStability:
     model_loop, observer_loop : SampledCondition
         Conditions i (C·Gm) and ii (F·H) of Lemma 1.
     eigenvalues : array of complex
-        Of the whole loop from sample to sample, the largest first.
+        Of the whole loop from sample to sample, the largest first; none if there are so many that
+        they are left out.
+    ways : tuple of str
+        How the roots have been counted; only one where there is no second way.
     """
 
     stable: bool | None
@@ -90,6 +101,13 @@ class SampledStability:
     model_loop: SampledCondition
     observer_loop: SampledCondition
     eigenvalues: ComplexArray
+    ways: tuple[str, ...]
+
+    @property
+    def spectral_radius(self) -> float:
+        """Modulus of the largest root that has been computed, nan if none has."""
+        known = [abs(part.largest) for part in (self.model_loop, self.observer_loop)]
+        return max([*np.abs(self.eigenvalues[:1]).tolist(), *known], default=nan)
 
     def __bool__(self) -> bool:
         """Whether the loop is stable; ValueError if that cannot be told."""
@@ -128,44 +146,83 @@ def sampled_stability(
     alpha : float
         α in seconds.
     """
-    values = np.linalg.eigvals(lifted(process, controller)).astype(complex)
-    values = values[np.argsort(-np.abs(values), kind="stable")]
     model_loop = _model_loop(blocks, alpha)
+    pair = DelayedPair.of(p_B)
+    states = process.B.size + process.memory + controller.states
+    values = np.empty(0, dtype=complex)
+    with_values = states <= (MOST_ALONE if pair is None else MOST_STATES)
+    if with_values:
+        values = np.linalg.eigvals(lifted(process, controller)).astype(complex)
+        values = values[np.argsort(-np.abs(values), kind="stable")]
     filters = _image(QuasiPolynomial(blocks.fractions.F.den).roots, alpha)
     others = np.concatenate([model_loop.roots, *[filters] * 3])
     observer_loop = _observer_loop(blocks, p_B, _without(values, others))
+    if pair is not None and not with_values:
+        observer_loop = replace(observer_loop, largest=pair.largest_root())
     both = (model_loop, observer_loop)
     found = None
     if model_loop.closed_loop_outside is not None and observer_loop.closed_loop_outside is not None:
         found = model_loop.closed_loop_outside + observer_loop.closed_loop_outside
-    stable, reason = _compared(found, values, model_loop, p_B)
-    if found is None and any(part.stable is False for part in both):
-        stable = False
+    by_values = _by_eigenvalues(values, found, p_B, model_loop, pair) if with_values else None
+    second, way = by_values or _by_sizes(model_loop, pair)
+    ways = tuple(each for each in (TURNS, way) if each)
+    stable, reason = _compared(found, second, ways)
+    largest = np.append(np.abs(values[:1]), np.abs(observer_loop.largest))
+    if found is None and (
+        any(part.stable is False for part in both) or np.any(largest > 1 + CLEARLY)
+    ):
+        stable = False  # one root on the circle within rounding: others are clearly outside
     if not stable:
         failing = [f"{part.name}: {part.reason}" for part in both if part.stable is not True]
         reason = "; ".join(failing) if stable is False or found is None else reason
-    return SampledStability(stable, reason, model_loop, observer_loop, values)
+    if not with_values:
+        reason += f"; the eigenvalues of its {states} states are left out"
+        reason += "" if way else ", and there is no other second way"
+    return SampledStability(stable, reason, model_loop, observer_loop, values, ways)
+
+
+def _by_eigenvalues(
+    values: ComplexArray,
+    found: int | None,
+    p_B: CircleFunction,
+    model_loop: SampledCondition,
+    pair: DelayedPair | None,
+) -> tuple[int | None, str]:
+    """Count eigenvalues outside the circle; in another way if they are too close to it."""
+    # With a short dt eigenvalues beside the circle may be on the wrong side; others may not.
+    size = np.abs(values)
+    count = int(np.sum(size > 1))
+    doubtful = np.sum(size > 1 + CLEARLY) <= (found or 0) <= np.sum(size > 1 - CLEARLY)
+    if found is None or count == found or not doubtful:
+        return count, EIGENVALUES
+    if (polynomial := p_B.polynomial) is not None:
+        exact = polynomial.rhp_in_whole_numbers
+        more = model_loop.closed_loop_outside or 0
+        return None if exact is None else exact + more, WHOLE_NUMBERS
+    return _by_sizes(model_loop, pair) if pair else (count, EIGENVALUES)
+
+
+def _by_sizes(model_loop: SampledCondition, pair: DelayedPair | None) -> tuple[int | None, str]:
+    if pair is None:
+        return None, ""
+    count = pair.count()
+    return None if count is None else count + (model_loop.closed_loop_outside or 0), SIZES
 
 
 def _compared(
-    found: int | None, values: ComplexArray, model_loop: SampledCondition, p_B: CircleFunction
+    found: int | None, second: int | None, ways: tuple[str, ...]
 ) -> tuple[bool | None, str]:
-    """Compare what the turns have found with the eigenvalues, or with whole numbers."""
+    """Compare what the turns have found with the second count, if there is one."""
     if found is None:
-        # One root on the circle within rounding: others may be clearly outside.
-        return (False if np.any(np.abs(values) > 1 + CLEARLY) else None), ""
-    # With a short dt eigenvalues beside the circle may be on the wrong side; others may not.
-    size = np.abs(values)
-    second, way = int(np.sum(size > 1)), EIGENVALUES
-    doubtful = np.sum(size > 1 + CLEARLY) <= found <= np.sum(size > 1 - CLEARLY)
-    if second != found and doubtful and (polynomial := p_B.polynomial) is not None:
-        exact, way = polynomial.rhp_in_whole_numbers, WHOLE_NUMBERS
-        second = -1 if exact is None else exact + (model_loop.closed_loop_outside or 0)
-    if second != found:
-        told = "nothing" if second < 0 else f"{second}"
-        return None, f"{TURNS} {found} roots are outside the unit circle, {way} {told}: no verdict"
-    reason = f"p_A and p_B have all roots inside the unit circle, {TURNS} and {way}"
-    return found == 0, reason
+        return None, ""
+    if len(ways) > 1 and second != found:
+        told = "nothing" if second is None else f"{second}"
+        turns, other = ways
+        return (
+            None,
+            f"{turns} {found} roots are outside the unit circle, {other} {told}: no verdict",
+        )
+    return found == 0, f"p_A and p_B have all roots inside the unit circle, {' and '.join(ways)}"
 
 
 def _model_loop(blocks: LoopEquations, alpha: float) -> SampledCondition:

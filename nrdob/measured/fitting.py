@@ -2,7 +2,8 @@ r"""Output-error least squares: the plant whose exact response comes nearest to 
 
 The residual is :math:`y - \Phi(\vartheta)b` with the responses :math:`\Phi` of dead time and
 denominator :math:`\vartheta`, and with b found by linear least squares for each of them: the
-search has three unknowns at most (Golub and Pereyra's variable projection).
+search has three unknowns at most (Golub and Pereyra's variable projection). Both sides go through the
+filter of the disturbance, see `nrdob.measured.residuals`; filter and process are found in turn.
 
 .. rubric:: References
 
@@ -12,12 +13,13 @@ applications, Inverse Problems 19 (2003) R1-R26.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import least_squares
 
 from ..numerics import ROUNDING, BoolArray, FloatArray
+from .residuals import Whitening, whitening_of
 from .starts import starting_points
 from .structures import Structure
 
@@ -26,14 +28,23 @@ __all__ = ["Fit", "Problem", "best_fit", "refined"]
 STEP = 1e-5
 """Of dead time in samples, and of logarithms, for derivatives."""
 
-SHIFTS = (-0.5, 0.5)
+SHIFTS = (0.0, -0.5, 0.5)
 """Of the dead time in samples: for a lag the misfit has a kink at each whole one."""
 
-ROUGHLY, FINELY = 8, 40
+ROUGHLY, FINELY = 8, 25
 """Most steps of a search, to compare starting points and to the end."""
+
+ROUNDS, SAME = 3, 1e-3
+"""Most times that filter and process are found in turn, and the share of the misfit that ends it."""
+
+BEGINNINGS = (Whitening(), Whitening(theta=0.8))
+"""Filters with which a search begins: without drift, and with much."""
 
 LONG = 2000
 """Samples to which longer records are thinned, to begin with."""
+
+DENSE = 0.95
+"""Share of the samples that must count for a drift to be told from them."""
 
 INSIDE = 1e-9
 """Distance from the bounds at which a search begins."""
@@ -67,18 +78,24 @@ class Problem:
         )
         return Problem(inputs.mean(axis=1), outputs.mean(axis=1), np.asarray(used.all(axis=1)))
 
-    def columns(
-        self, structure: Structure, shape: FloatArray, start: int
-    ) -> tuple[FloatArray, FloatArray]:
-        """Responses and outputs at the samples that count, from `start` on."""
-        used = self.used[start:]
-        columns = structure.columns(shape, self.inputs, start)
-        return columns[used], self.outputs[start:][used]
-
     def left(self, fit: Fit) -> FloatArray:
-        """Compute the residual from the first sample compared on, 0 where none counts."""
-        rest = self.outputs[fit.start :] - fit.response(self.inputs)
-        return np.where(self.used[fit.start :], rest, 0.0)
+        """Compute the residual from the first sample compared on."""
+        return np.asarray(self.outputs[fit.start :] - fit.response(self.inputs))
+
+    def whitening(self, residual: FloatArray) -> Whitening:
+        """Find the filter that whitens a residual; none where more than a few samples are missing.
+
+        Parameters
+        ----------
+        residual : array of float
+            As `left` gives it.
+        """
+        return whitening_of(residual) if self.dense else Whitening()
+
+    @property
+    def dense(self) -> bool:
+        """Whether nearly all samples count."""
+        return bool(np.mean(self.used) > DENSE)
 
 
 @dataclass(frozen=True)
@@ -92,17 +109,23 @@ class Fit:
     shape : array of float
         Dead time in samples, and what shapes the denominator.
     linear : array of float
-        Coefficients of the numerator, initial state, level.
+        Coefficients of the numerator, and of what the plant does by itself.
     start : int
         First sample compared.
+    moving : bool
+        Whether the plant may move before the input does.
+    whitening : Whitening
+        Of the residual.
     misfit : float
-        Mean square of the residual, at least what rounding makes of the output.
+        Mean square of what it leaves, at least what rounding makes of the output.
     """
 
     structure: Structure
     shape: FloatArray
     linear: FloatArray
     start: int
+    moving: bool
+    whitening: Whitening
     misfit: float
 
     @property
@@ -110,13 +133,17 @@ class Fit:
         """Shape and linear coefficients in one array."""
         return np.concatenate([self.shape, self.linear])
 
+    @property
+    def count(self) -> int:
+        """How many of them there are."""
+        return self.structure.count(self.moving)
+
     def response(self, inputs: FloatArray) -> FloatArray:
         """Compute the output from `start` on."""
-        return np.asarray(self.structure.columns(self.shape, inputs, self.start) @ self.linear)
+        return np.asarray(self._columns(self.shape, inputs) @ self.linear)
 
     def jacobian(self, inputs: FloatArray) -> FloatArray:
         """Differentiate the output by all unknowns, at all samples from `start` on."""
-        columns = self.structure.columns(self.shape, inputs, self.start)
         slopes = []
         for k in range(self.shape.size):
             # A dead time of zero can only grow.
@@ -124,13 +151,16 @@ class Fit:
             ends = [self.shape.copy(), self.shape.copy()]
             ends[0][k] -= back
             ends[1][k] += STEP
-            low, high = (self.structure.columns(s, inputs, self.start) for s in ends)
+            low, high = (self._columns(shape, inputs) for shape in ends)
             slopes.append((high - low) @ self.linear / (STEP + back))
-        return np.column_stack([*slopes, columns])
+        return np.column_stack([*slopes, self._columns(self.shape, inputs)])
+
+    def _columns(self, shape: FloatArray, inputs: FloatArray) -> FloatArray:
+        return self.structure.columns(shape, inputs, self.start, self.moving)
 
 
 def best_fit(structure: Structure, problem: Problem, tries: int) -> Fit:
-    """Search from several starting points, and with the dead time half a sample to either side.
+    """Search from several starting points, for a plant that rests before the input moves.
 
     Parameters
     ----------
@@ -139,7 +169,7 @@ def best_fit(structure: Structure, problem: Problem, tries: int) -> Fit:
     problem : Problem
         What is to be explained.
     tries : int
-        How many starting points.
+        How many starting points, with and without drift.
 
     Returns
     -------
@@ -149,29 +179,59 @@ def best_fit(structure: Structure, problem: Problem, tries: int) -> Fit:
     factor = problem.outputs.size // LONG
     if factor > 1:
         rough = best_fit(structure, problem.thinned(factor), tries)
-        return _search(structure, problem, structure.stretched(rough.shape, factor), 0, FINELY)
-    starts = starting_points(structure, problem.inputs, problem.outputs, tries)
-    found = [_search(structure, problem, shape, 0, ROUGHLY) for shape in starts]
-    best = min(found, key=lambda fit: fit.misfit)
-    for shift in SHIFTS:
-        moved = best.shape + shift * np.eye(best.shape.size)[0]
-        found.append(_search(structure, problem, moved, 0, FINELY))
+        shape = structure.stretched(rough.shape, factor)
+        return _search(structure, problem, rough.whitening, shape)
+    record = problem.inputs, problem.outputs
+    found = [
+        _search(structure, problem, whitening, shape)
+        for whitening in (BEGINNINGS if problem.dense else BEGINNINGS[:1])
+        for shape in starting_points(structure, *record, whitening, tries)
+    ]
     return min(found, key=lambda fit: fit.misfit)
 
 
-def refined(fit: Fit, problem: Problem, start: int) -> Fit:
-    """Search on from a fit, with samples from `start` on."""
-    return _search(fit.structure, problem, fit.shape, start, FINELY)
+def refined(fit: Fit, problem: Problem, start: int, moving: bool = False) -> Fit:
+    """Search on from a fit, and with the dead time half a sample to either side.
+
+    Parameters
+    ----------
+    fit : Fit
+        Where to begin.
+    problem : Problem
+        What is to be explained.
+    start, moving : int, bool
+        As in `Fit`.
+    """
+    def searched(shift: float) -> Fit:
+        moved = fit.shape + shift * np.eye(fit.shape.size)[0]
+        return _search(fit.structure, problem, fit.whitening, moved, start, moving, FINELY)
+
+    best = fit = min(map(searched, SHIFTS), key=lambda fit: fit.misfit)
+    for _ in range(ROUNDS):
+        fit = searched(0.0)
+        done = fit.misfit > (1 - SAME) * best.misfit
+        best = min(best, fit, key=lambda fit: fit.misfit)
+        if done:
+            break
+    return best
 
 
 def _search(
-    structure: Structure, problem: Problem, shape: FloatArray, start: int, most: int
+    structure: Structure,
+    problem: Problem,
+    whitening: Whitening,
+    shape: FloatArray,
+    start: int = 0,
+    moving: bool = False,
+    most: int = ROUGHLY,
 ) -> Fit:
     low, high = structure.bounds(problem.outputs.size)
-    floor = (ROUNDING * np.ptp(problem.outputs)) ** 2
+    used = problem.used[start:]
+    outputs = whitening.applied(problem.outputs[start:])[used]
 
     def solved(at: FloatArray) -> tuple[FloatArray, FloatArray]:
-        columns, outputs = problem.columns(structure, at, start)
+        columns = structure.columns(at, problem.inputs, start, moving)
+        columns = whitening.applied(columns)[used]
         linear = np.linalg.lstsq(columns, outputs, rcond=None)[0]
         return linear, outputs - columns @ linear
 
@@ -179,5 +239,9 @@ def _search(
         lambda at: solved(at)[1], np.clip(shape, low + INSIDE, high - INSIDE), bounds=(low, high),
         max_nfev=most, xtol=1e-8, ftol=1e-10, gtol=1e-14,
     )  # fmt: skip
-    linear, rest = solved(result.x)
-    return Fit(structure, result.x, linear, start, float(np.mean(rest**2) + floor))
+    fit = Fit(structure, result.x, solved(result.x)[0], start, moving, whitening, 0.0)
+    left = problem.left(fit)
+    whitening = problem.whitening(left)
+    floor = (ROUNDING * np.ptp(problem.outputs)) ** 2
+    misfit = float(np.mean(whitening.applied(left)[used] ** 2) + floor)
+    return replace(fit, whitening=whitening, misfit=misfit)

@@ -1,15 +1,14 @@
 """A process out of a record: several structures fitted, one chosen, all of it shown.
 
-Each structure is fitted to one part of the record by output-error least squares and then has to
-foretell the other part. The level of the output and the state at the beginning are fitted along,
-so that no record has to start from rest.
+Each structure is fitted to one part of the record, and then has to foretell the other part: the
+state goes on, and nothing is fitted anew. A drift of the output is taken for what it is, a random
+walk, and not for dynamics. The plant rests before the record, or moves, whichever is more likely.
 """
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import ceil, log, nan
 from numbers import Real
 from typing import Any
@@ -19,13 +18,14 @@ from scipy.stats import t as student
 
 from ..diagram import DelayedTransferFunction
 from ..numerics import FloatArray
+from .doubts import doubts
 from .fitting import Fit, Problem, best_fit, refined
-from .naming import Names, named_slopes, process_of
+from .naming import Parameter, corners_of, process_of, told
 from .records import Record, checked_record
 from .residuals import Noise, ResidualCheck, check_residuals, noise_of
 from .structures import STRUCTURES, Structure
 
-__all__ = ["Candidate", "Identification", "Parameter", "identified", "identify"]
+__all__ = ["Candidate", "Identification", "identified", "identify"]
 
 TRIES = 3
 """Starting points for each structure."""
@@ -36,31 +36,14 @@ MOVES, LEAST = 0.1, 50
 LITTLE = 30.0
 """Per cent of the output explained below which a process is doubtful."""
 
-CLEARLY = 0.995
-"""A simpler structure is taken if it foretells better than by this factor."""
+DECISIVE = 10.0
+"""Difference of the criterion that speaks for a structure; below it the two explain as well."""
 
+TINY = 1e-12
+"""Of the misfit in the part fitted, what is none."""
 
-@dataclass(frozen=True)
-class Parameter:
-    """A number of the process, and how well it is known.
-
-    Attributes
-    ----------
-    value : float
-        The estimate.
-    unit : str
-        Its unit.
-    standard_error : float
-        Standard deviation of the estimate.
-    low, high : float
-        Confidence interval.
-    """
-
-    value: float
-    unit: str
-    standard_error: float
-    low: float
-    high: float
+CLOSE = 1.0
+"""Per cent of the part held out that make no difference."""
 
 
 @dataclass(frozen=True)
@@ -77,21 +60,21 @@ class Candidate:
         How much of the output it explains in the part it was fitted to.
     validation_percent : float
         How much of the part that was held out; nan if none was.
-    levelled_percent : float
-        The same with the level and initial state of that part fitted.
     bic : float
         Bayesian information criterion against the best one, 0 for that one.
     process : DelayedTransferFunction
         The process it gives.
+    rival : bool
+        Whether it explains the record about as well as the one chosen.
     """
 
     structure: str
     parameters: int
     fit_percent: float
     validation_percent: float
-    levelled_percent: float
     bic: float
     process: DelayedTransferFunction = field(repr=False)
+    rival: bool = False
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -114,9 +97,6 @@ class Identification:
         ``100 (1 - |y - model| / |y - mean of y|)`` in the part that was fitted.
     validation_percent : float
         The same in the part held out, simulated on from the fitted part; nan if none was held out.
-    levelled_percent : float
-        The same with the level and initial state of that part fitted: where it is much better, the
-        level has drifted, and the dynamics are right.
     residuals : ResidualCheck
         Is what is left noise, and nothing of the input?
     candidates : tuple of Candidate
@@ -124,7 +104,11 @@ class Identification:
     reason : str
         Why this one, in words.
     remarks : tuple of str
-        What else should be known of the record.
+        What is doubtful, each with a remedy, the gravest first.
+    unsure : str
+        Why no loop should be designed for this process; empty where one may.
+    corners : dict of str: DelayedTransferFunction
+        The process with its numbers at the ends of their intervals, in all combinations.
     record : Record
         What was measured.
     predicted : (N,) array
@@ -140,11 +124,12 @@ class Identification:
     confidence: float
     fit_percent: float
     validation_percent: float
-    levelled_percent: float
     residuals: ResidualCheck
     candidates: tuple[Candidate, ...]
     reason: str
     remarks: tuple[str, ...]
+    unsure: str
+    corners: dict[str, DelayedTransferFunction]
     record: Record
     predicted: FloatArray
     fitted: int
@@ -172,13 +157,20 @@ class _Judged:
     """A fit and what it is worth."""
 
     fit: Fit
+    innovations: FloatArray
     noise: Noise
     whiteness: float
-    covariance: FloatArray
     bic: float
     fit_percent: float
     validation: float
-    levelled: float
+    predicted: FloatArray
+    parameters: dict[str, Parameter]
+    covariance: FloatArray
+
+    def vague(self, duration: float) -> bool:
+        """Whether the gain may be zero, or a lag lasts longer than the record."""
+        gain = self.parameters["gain"]
+        return gain.low <= 0 <= gain.high or self.fit.structure.slowest(self.fit.shape) > duration
 
 
 def identify(
@@ -193,10 +185,16 @@ def identify(
     r"""Fit a process with dead time to a step or any other test signal.
 
     Integrators, one and two lags (two may be a resonance) with dead time, with and without a zero,
-    are fitted by output-error least squares: the input is held between samples, the dead time need
-    not be a whole number of them, and nothing is approximated. The level of y (of an integrator:
-    the level of u at which it rests) and the initial state are fitted along. The plant must be
-    stable or an integrator, and must not be under control while it is measured.
+    are fitted: the input is held between samples, the dead time need not be a whole number of them,
+    and nothing is approximated. The most likely numbers are found under noise of the sensor, its
+    memory, and a drift of y, which is a random walk. The plant must be stable or an integrator, and
+    must not be under control while it is measured.
+
+    The structure is the one of smallest Bayesian information criterion over the whole record, the
+    part held out included, or a simpler one from which the record does not tell it; an integrator
+    must be told from every lag. Passed over, if there is another, is one that foretells the part
+    held out worse than a constant, one whose gain may be zero, and one whose lag is longer than the
+    record.
 
     Parameters
     ----------
@@ -205,8 +203,7 @@ def identify(
     u, y : (N,) array_like
         Input, held from each sample to the next, and output.
     structure : str, optional
-        One of `nrdob.measured.STRUCTURES` by name; by default the one of smallest Bayesian
-        information criterion, or a simpler one that foretells the held-out part better.
+        One of `nrdob.measured.STRUCTURES` by name; by default it is chosen.
     held_out : float
         Share of the record, at its end, on which the process is tried; 0 to fit all of it. All is
         fitted, too, where the input does not move enough in both parts.
@@ -278,51 +275,60 @@ def identified(
     """
     sizes = np.ptp(record.u), np.ptp(record.y)
     inputs, outputs = (record.u - record.u[0]) / sizes[0], (record.y - record.y[0]) / sizes[1]
-    unit = float(sizes[1] / sizes[0])
+    every = np.arange(outputs.size)  # across what was not measured, for the memory of the filters
+    outputs = np.interp(every, every[record.free], outputs[record.free])
     whole = Problem(inputs, outputs, record.free)
     count, parting = _parted(record, held_out)
     problem = whole.first(count)
     fits = [best_fit(each, problem, TRIES) for each in structures]
     # What the input was before the record is not known: the samples that the dead time keeps it
     # alive for are left out, the same for all, so that they can be compared.
-    leading = min(fits, key=lambda fit: count * log(fit.misfit) + 2 * fit.structure.count)
+    leading = min(fits, key=lambda fit: _criterion(fit, count))
     start = min(ceil(leading.shape[0]) + 1, count // 2)
-    fits = [refined(fit, problem, start) for fit in fits]
-    richest = min(fits, key=lambda fit: fit.misfit)
-    noise, _ = noise_of(problem.left(richest), richest.structure.count)
-    judged = [_judged(fit, whole, problem, noise.inflation) for fit in fits]
-    best, reason = _chosen(judged, parting)
+    fits = [_resting_or_moving(fit, problem, start) for fit in fits]
+    units = record.sampling_time, float(sizes[1] / sizes[0])
+    judged = [_judged(fit, whole, problem, units, confidence) for fit in fits]
+    best, rivals, reason = _chosen(judged, count)
     least = min(each.bic for each in judged)
-    response = sizes[1] * best.fit.response(inputs) + record.y[0]
-    step = record.sampling_time
     candidates = tuple(
         Candidate(
-            each.fit.structure.name, each.fit.structure.count - each.fit.structure.free,
-            each.fit_percent, each.validation, each.levelled, each.bic - least,
-            process_of(each.fit, step, unit),
+            each.fit.structure.name, each.fit.structure.told,
+            each.fit_percent, each.validation, each.bic - least,
+            process_of(each.fit, *units), each in rivals,
         )
         for each in judged
     )  # fmt: skip
-    parameters, covariance = _parameters(best, problem, (step, unit), confidence)
+    parameters, denied = _denied(best, rivals)
     fit = best.fit
+    remarks = doubts(
+        record, parameters, (best.fit_percent, best.validation), count,
+        sizes[1] * best.innovations, sizes[1] * whole.left(fit), fit,
+    )  # fmt: skip
+    gain = parameters["gain"]
+    unsure = ""
+    if gain.low <= 0 <= gain.high:
+        unsure = "the gain of the process may be zero, or of either sign"
+    elif best.validation < 0:
+        unsure = "the process foretells the part held out worse than a constant would"
     return Identification(
-        process=process_of(fit, step, unit),
+        process=process_of(fit, *units),
         structure=fit.structure.name,
         parameters=parameters,
-        covariance=covariance,
+        covariance=best.covariance,
         confidence=confidence,
         fit_percent=best.fit_percent,
         validation_percent=best.validation,
-        levelled_percent=best.levelled,
         residuals=check_residuals(
-            sizes[1] * problem.left(fit), problem.inputs[start:], best.noise, best.whiteness,
-            fit.structure.count - fit.structure.free,
+            sizes[1] * best.innovations, fit.whitening.applied(problem.inputs[start:]),
+            best.noise, best.whiteness, fit.structure.told,
         ),
         candidates=candidates,
-        reason=reason,
-        remarks=(*record.remarks, *_doubts(best.fit_percent, parameters, step * count)),
+        reason=f"{reason}; {parting}".removesuffix("; "),
+        remarks=(*denied, *remarks, *record.remarks),
+        unsure=unsure,
+        corners=corners_of(fit.structure, parameters),
         record=record,
-        predicted=np.concatenate([np.full(start, nan), response]),
+        predicted=sizes[1] * best.predicted + record.y[0],
         fitted=count,
     )  # fmt: skip
 
@@ -351,110 +357,121 @@ def _parted(record: Record, held_out: float) -> tuple[int, str]:
     return first, ""
 
 
-def _judged(fit: Fit, whole: Problem, problem: Problem, inflation: float) -> _Judged:
-    left = problem.left(fit)
-    noise, whiteness = noise_of(left, fit.structure.count)
+def _criterion(fit: Fit, samples: float) -> float:
+    return samples * log(fit.misfit) + fit.count * log(samples)
+
+
+def _resting_or_moving(fit: Fit, problem: Problem, start: int) -> Fit:
+    """Search on, and let the plant move before the input only if that is more likely.
+
+    An integrator always may: nobody knows the input that keeps it at rest.
+    """
+    resting = refined(fit, problem, start)
+    moving = refined(resting, problem, start, moving=True)
+    found = (moving,) if fit.structure.integrates else (resting, moving)
+    samples = float(problem.used[start:].sum())
+    return min(found, key=lambda each: _criterion(each, samples))
+
+
+def _judged(
+    fit: Fit, whole: Problem, problem: Problem, units: tuple[float, float], confidence: float
+) -> _Judged:
     used = problem.used[fit.start :]
-    # As many samples as tell something new: with a memory a rich structure explains noise.
-    effective = max(10.0, float(used.sum()) / inflation)
+    innovations = np.where(used, fit.whitening.applied(problem.left(fit)), 0.0)
+    noise, whiteness = noise_of(innovations, fit.count)
+    slopes = fit.whitening.applied(fit.jacobian(problem.inputs))
+    covariance = noise.covariance(slopes * used[:, None])
+    memory = replace(noise, den=np.convolve(noise.den, fit.whitening.memory))
+    freedom = max(1.0, float(used.sum()) / memory.inflation - fit.count)
+    reach = float(student.ppf(0.5 + confidence / 2, freedom))
+    # Over all of the record: what was held out takes part, with numbers that do not know it.
+    rest = whole.left(fit)
+    everywhere = whole.whitening(rest).applied(rest)[whole.used[fit.start :]]
+    misfit = max(float(np.mean(everywhere**2)), fit.misfit * TINY)
+    predicted, percents = _foretold(fit, whole, problem)
     return _Judged(
-        fit,
+        replace(fit, misfit=misfit),
+        innovations,
         noise,
         whiteness,
-        noise.covariance(fit.jacobian(problem.inputs) * used[:, None]),
-        effective * log(fit.misfit) + fit.structure.count * log(effective),
-        _percent(left[used], problem.outputs[fit.start :][used]),
-        *_foretold(fit, whole, problem.outputs.size),
+        _criterion(replace(fit, misfit=misfit), everywhere.size),
+        *percents,
+        predicted,
+        *told(fit, covariance, units, reach),
     )
 
 
-def _foretold(fit: Fit, whole: Problem, first: int) -> tuple[float, float]:
-    """Per cent of the held-out part that is explained, without and with its own level fitted."""
-    if first == whole.outputs.size:
-        return nan, nan
-    columns, outputs = whole.columns(fit.structure, fit.shape, first)
-    known, own = np.split(columns, [fit.structure.numerators], axis=1)
-    rest = outputs - known @ fit.linear[: fit.structure.numerators]
-    rest -= own @ np.linalg.lstsq(own, rest, rcond=None)[0]
-    going_on = whole.left(fit)[first - fit.start :][whole.used[first:]]
-    return _percent(going_on, outputs), _percent(rest, outputs)
+def _foretold(
+    fit: Fit, whole: Problem, problem: Problem
+) -> tuple[FloatArray, tuple[float, float]]:
+    """Go on from the part that was fitted, with plant and drift in the state they are in."""
+    first = problem.outputs.size - fit.start
+    rest = whole.left(fit)
+    level = float(rest[:first][problem.used[fit.start :]].mean())
+    drift = fit.whitening.carried_on(rest[:first], rest.size - first)
+    response = fit.response(whole.inputs) + np.concatenate([np.full(first, level), drift])
+    percents = []
+    for part in (slice(None, first), slice(first, None)):
+        used = whole.used[fit.start :][part]
+        outputs = whole.outputs[fit.start :][part][used]
+        percents.append(_percent(outputs - response[part][used], outputs))
+    return np.concatenate([np.full(fit.start, nan), response]), (percents[0], percents[1])
 
 
 def _percent(rest: FloatArray, outputs: FloatArray) -> float:
-    spread = np.linalg.norm(outputs - outputs.mean())
-    return float(100 * (1 - np.linalg.norm(rest) / spread)) if spread else nan
+    if not outputs.size or not np.ptp(outputs):
+        return nan
+    return float(100 * (1 - np.linalg.norm(rest) / np.linalg.norm(outputs - outputs.mean())))
 
 
-def _chosen(judged: list[_Judged], parting: str) -> tuple[_Judged, str]:
-    """Take the smallest criterion, or a simpler structure that foretells better."""
+def _chosen(judged: list[_Judged], duration: float) -> tuple[_Judged, list[_Judged], str]:
+    """Take the smallest criterion among those without a flaw; and all that are about as good."""
     possible = [each for each in judged if np.isfinite(each.covariance).all()]
     if not possible:
         raise ValueError(
             "the record does not tell the numbers of the process from each other: let the input "
             "move more often, record longer or, if the plant answers at once, sample faster"
         )
-    best = min(possible, key=lambda each: each.bic)
+
+    def flawed(each: _Judged) -> tuple[int, float]:
+        return 2 * (each.validation < 0) + each.vague(duration), each.bic
+
+    first = min(possible, key=flawed)
+    equal = [each for each in possible if flawed(each)[0] == flawed(first)[0]]
+    close = [each for each in equal if each.bic < first.bic + DECISIVE]
+    close = [each for each in close if not each.fit.structure.integrates] or close
+    best = min(close, key=lambda each: (each.fit.structure.told, each.bic))
     reason = "of all structures it has the smallest Bayesian information criterion"
     if len(judged) == 1:
         reason = "it was asked for"
-    for each in sorted(possible, key=lambda each: each.fit.structure.count):
-        simpler = each.fit.structure.count < best.fit.structure.count
-        if simpler and 100 - each.levelled < CLEARLY * (100 - best.levelled):
-            reason = (
-                f"it is simpler than {best.fit.structure.name}, which fits better but foretells "
-                "the part held out less well"
-            )
-            best = each
-            break
-    return best, f"{reason}; {parting}".removesuffix("; ")
-
-
-def _doubts(fit_percent: float, parameters: dict[str, Parameter], duration: float) -> Iterator[str]:
-    """Say what makes a process doubtful that was found nevertheless."""
-    if not fit_percent > LITTLE:
-        yield (
-            f"the input explains only {max(fit_percent, 0.0):.0f} % of the output: look whether "
-            "these columns belong to each other and the plant needs longer than one sample, or "
-            "make larger steps"
+    elif best is not first:
+        reason = f"the record does not tell {first.fit.structure.name} from it"
+    elif best.bic > min(each.bic for each in possible):
+        reason = (
+            "of the structures that foretell the part held out, whose gain cannot be zero and "
+            "whose lags are not longer than the record, it has the smallest Bayesian information "
+            "criterion"
         )
-    for name, found in parameters.items():
-        if name == "gain":
-            if found.low <= 0 <= found.high:
-                yield (
-                    "the gain may be zero, or of either sign: the record does not show that u acts "
-                    "on y"
-                )
-        elif found.unit == "s" and abs(found.value) > duration:
-            yield (
-                f"the {name} of {found.value:.3g} s is longer than what was fitted, {duration:.3g} "
-                "s: record longer"
-            )
-        elif found.unit == "s" and found.standard_error > max(abs(found.value), 0.1 * duration):
-            yield (
-                f"the {name} is hardly known ({found.value:.3g} ± {found.standard_error:.2g} s): "
-                "let the input move more often"
-            )
+    rivals = [
+        each
+        for each in equal
+        if each is not best
+        and each.fit.structure.integrates <= best.fit.structure.integrates
+        and (each in close or each.validation > best.validation - CLOSE)
+    ]
+    return best, rivals, reason
 
 
-def _parameters(
-    best: _Judged, problem: Problem, units: tuple[float, float], confidence: float
-) -> tuple[dict[str, Parameter], FloatArray]:
-    fit = best.fit
-    names = Names(fit, best.covariance, *units)
-    slopes = named_slopes(names, fit)
-    covariance = slopes @ best.covariance @ slopes.T
-    used = float(problem.used[fit.start :].sum())
-    freedom = max(1.0, used / best.noise.inflation - fit.structure.count)
-    reach = float(student.ppf(0.5 + confidence / 2, freedom))
-    parameters = {}
-    for (name, unit), value, error in zip(
-        names.units.items(),
-        names.values(fit.unknowns).tolist(),
-        np.sqrt(np.diag(covariance)).tolist(),
-        strict=True,
-    ):
-        low = value - reach * error
-        if name == "dead time":
-            low = max(low, 0.0)
-        parameters[name] = Parameter(value, unit, error, low, value + reach * error)
-    return parameters, covariance
+def _denied(best: _Judged, rivals: list[_Judged]) -> tuple[dict[str, Parameter], list[str]]:
+    """Let the interval of the gain reach to the gain of a rival of the other sign."""
+    gain = best.parameters["gain"]
+    others = [each for each in rivals if each.parameters["gain"].value * gain.value < 0]
+    if not others:
+        return best.parameters, []
+    names = " and ".join(each.fit.structure.name for each in others)
+    low, high = min(gain.low, -abs(gain.value)), max(gain.high, abs(gain.value))
+    return best.parameters | {"gain": replace(gain, low=low, high=high)}, [
+        f"{names} explains the record about as well with a gain of the other sign, so that the "
+        "sign is open and the interval of the gain is widened: make a larger step, and let the "
+        "output come to rest before and after it"
+    ]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from itertools import product
 from math import exp, sqrt
 
 import numpy as np
@@ -9,8 +11,9 @@ import numpy as np
 from ..diagram import DelayedTransferFunction
 from ..numerics import FloatArray
 from .fitting import Fit
+from .structures import Structure
 
-__all__ = ["Names", "named_slopes", "process_of"]
+__all__ = ["Parameter", "corners_of", "process_of", "told"]
 
 APART = 2.0
 """Standard errors by which a damping ratio must exceed 1 for two lags to be told apart."""
@@ -20,8 +23,34 @@ NO_DELAY = 1e-6
 
 STEP = 1e-6
 
+LEAST = 0.01
+"""Of its value, the least that a time or a damping ratio is in a corner."""
 
-class Names:
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number of the process, and how well it is known.
+
+    Attributes
+    ----------
+    value : float
+        The estimate.
+    unit : str
+        Its unit.
+    standard_error : float
+        Standard deviation of the estimate.
+    low, high : float
+        Confidence interval.
+    """
+
+    value: float
+    unit: str
+    standard_error: float
+    low: float
+    high: float
+
+
+class _Names:
     """How the unknowns of a fit are told.
 
     Parameters
@@ -78,7 +107,40 @@ class Names:
         return np.array([*told, shape[0] * self._step])
 
 
-def named_slopes(names: Names, fit: Fit) -> FloatArray:
+def told(
+    fit: Fit, covariance: FloatArray, units: tuple[float, float], reach: float
+) -> tuple[dict[str, Parameter], FloatArray]:
+    """Tell a fit in numbers with intervals, and the covariance of these numbers.
+
+    Parameters
+    ----------
+    fit : Fit
+        The fit.
+    covariance : (n, n) array
+        Of its unknowns.
+    units : (float, float)
+        Sampling time in seconds, and what a gain of 1 in the fit is in units of y over those of u.
+    reach : float
+        Standard errors to either end of an interval.
+    """
+    names = _Names(fit, covariance, *units)
+    slopes = _slopes(names, fit)
+    covariance = slopes @ covariance @ slopes.T
+    parameters = {}
+    for (name, unit), value, error in zip(
+        names.units.items(),
+        names.values(fit.unknowns).tolist(),
+        np.sqrt(np.diag(covariance)).tolist(),
+        strict=True,
+    ):
+        low = value - reach * error
+        if name == "dead time":
+            low = max(low, 0.0)
+        parameters[name] = Parameter(value, unit, error, low, value + reach * error)
+    return parameters, covariance
+
+
+def _slopes(names: _Names, fit: Fit) -> FloatArray:
     """Differentiate the told numbers by the unknowns of the fit, shape (numbers, unknowns)."""
     columns = []
     for k, at in enumerate(fit.unknowns):
@@ -88,6 +150,48 @@ def named_slopes(names: Names, fit: Fit) -> FloatArray:
         ends[1][k] += step
         columns.append((names.values(ends[1]) - names.values(ends[0])) / (2 * step))
     return np.array(columns).T
+
+
+def corners_of(
+    structure: Structure, parameters: dict[str, Parameter]
+) -> dict[str, DelayedTransferFunction]:
+    """Give the processes at the ends of the intervals, in all combinations, by their numbers.
+
+    Parameters
+    ----------
+    structure : Structure
+        The kind of plant.
+    parameters : dict of str: Parameter
+        As `told` gives them.
+    """
+    ends = []
+    for name, each in parameters.items():
+        positive = name not in ("gain", "lead of the zero", "dead time")
+        low = max(each.low, LEAST * each.value) if positive else each.low
+        ends.append((low, each.high))
+    corners = {}
+    for corner in product(*ends):
+        numbers = dict(zip(parameters, corner, strict=True))
+        name = ", ".join(f"{called} {value:.3g}" for called, value in numbers.items())
+        corners[name] = _process(structure, numbers)
+    return corners
+
+
+def _process(structure: Structure, numbers: dict[str, float]) -> DelayedTransferFunction:
+    num = [numbers["gain"]]
+    if structure.zero:
+        num.insert(0, numbers["gain"] * numbers["lead of the zero"])
+    if "natural frequency" in numbers:
+        omega, damping = numbers["natural frequency"], numbers["damping ratio"]
+        den = np.array([1 / omega**2, 2 * damping / omega, 1.0])
+    else:
+        den = np.ones(1)
+        for name in ("lag", "slow lag", "fast lag"):
+            if name in numbers:
+                den = np.convolve(den, [numbers[name], 1.0])
+    if structure.integrates:
+        den = np.append(den, 0.0)
+    return DelayedTransferFunction((num, den), numbers["dead time"])
 
 
 def process_of(fit: Fit, step: float, unit: float) -> DelayedTransferFunction:
@@ -100,7 +204,7 @@ def process_of(fit: Fit, step: float, unit: float) -> DelayedTransferFunction:
     step : float
         Sampling time, in seconds.
     unit : float
-        As for `Names`.
+        What a gain of 1 in the fit is in units of y over those of u.
     """
     den = np.array(fit.structure.den(fit.shape))
     scale = next(c for c in den[::-1] if c)

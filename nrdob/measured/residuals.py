@@ -1,8 +1,14 @@
 r"""What a model leaves unexplained.
 
 Is it noise, has it a memory, does it still follow the input? A memory makes neighbouring samples
-tell the same thing twice. It is described by an autoregression, from which follow the covariance of
-estimates that were made as if there were none,
+tell the same thing twice, and the memory of a drift is endless: it is a random walk, and only its
+steps are noise. With white noise of the sensor on top the innovations are
+
+.. math:: e = \frac{(1-z^{-1})(1-\varphi z^{-1})}{1-\theta z^{-1}}\,r,
+
+:math:`\theta=1` without drift. Estimates are made of what this filter leaves. The memory that is
+left even then is described by an autoregression, from which follow the covariance of estimates that
+were made as if there were none,
 
 .. math:: (J^TJ)^{-1}\,J^TRJ\,(J^TJ)^{-1}, \qquad R = E\,ee^T,
 
@@ -12,16 +18,17 @@ and a fair test of what is left against the input.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import log
+from math import log, sqrt
 
 import numpy as np
 from scipy.linalg import matmul_toeplitz, solve_toeplitz
+from scipy.optimize import minimize_scalar
 from scipy.signal import lfilter
 from scipy.stats import chi2
 
 from ..numerics import FloatArray
 
-__all__ = ["Noise", "ResidualCheck", "check_residuals", "noise_of"]
+__all__ = ["Noise", "ResidualCheck", "Whitening", "check_residuals", "noise_of", "whitening_of"]
 
 LAGS, PER_LAG = 25, 8
 """Most lags looked at, and samples that each must have."""
@@ -31,6 +38,118 @@ UNLIKELY, DOUBTFUL = 0.01, 0.05
 
 NO_CHANCE = 0.001
 """Probability below which only that is said."""
+
+
+DRIFTS = (0.0, 1e-3, 3e-3, 6e-3, 0.01, 0.02, 0.03, 0.05, 0.08, 0.12, 0.18, 0.27, 0.4, 0.6, 1.0)
+"""Values of 1 - θ among which the search begins."""
+
+MEMORY = 0.95
+"""Largest φ."""
+
+ORDER = 4
+"""Of the autoregressions that are tried without drift."""
+
+
+@dataclass(frozen=True)
+class Whitening:
+    """The filter that makes white noise of a disturbance.
+
+    Attributes
+    ----------
+    memory : tuple of float
+        Autoregression, beginning with 1: alone for white noise.
+    theta : float
+        1 without drift, 0 where the disturbance is a random walk.
+    """
+
+    memory: tuple[float, ...] = (1.0,)
+    theta: float = 1.0
+
+    def applied(self, columns: FloatArray) -> FloatArray:
+        """Filter each column; where a memory has not begun yet, nothing counts.
+
+        Parameters
+        ----------
+        columns : (N, ...) array
+            Outputs or responses.
+        """
+        if len(self.memory) == 1 and self.theta == 1:
+            return columns
+        filtered = np.asarray(lfilter(*self._taps, columns, axis=0))
+        if self.theta == 1:  # a drift begins where it is, but of a memory the past is not known
+            filtered[: len(self.memory) - 1] = 0.0
+        return filtered
+
+    def carried_on(self, residual: FloatArray, count: int) -> FloatArray:
+        """Foretell a residual.
+
+        Parameters
+        ----------
+        residual : (N,) array
+            What was seen of it.
+        count : int
+            How many samples to foretell.
+        """
+        num, den = self._taps
+        innovations = np.concatenate([lfilter(num, den, residual), np.zeros(count)])
+        return np.asarray(lfilter(den, num, innovations)[residual.size :])
+
+    def walked(self, deviation: float, count: int) -> float:
+        """Standard deviation of the drift after so many samples.
+
+        Parameters
+        ----------
+        deviation : float
+            Of the innovations.
+        count : int
+            How many samples.
+        """
+        return (1 - self.theta) / sum(self.memory) * deviation * sqrt(count)
+
+    @property
+    def _taps(self) -> tuple[FloatArray, FloatArray]:
+        memory = np.array(self.memory)
+        if self.theta == 1:
+            return memory, np.ones(1)
+        return np.convolve(memory, [1.0, -1.0]), np.array([1.0, -self.theta])
+
+
+def whitening_of(residual: FloatArray) -> Whitening:
+    """Find the most likely filter: a drift and a short memory, or a longer memory and no drift.
+
+    Parameters
+    ----------
+    residual : (N,) array
+        What a model leaves.
+    """
+    count = residual.size
+
+    def left(tried: Whitening) -> float:
+        e = tried.applied(residual)
+        free = len(tried.memory) - 1 + (tried.theta < 1)
+        seen = count - (len(tried.memory) - 1) * (tried.theta == 1)
+        return count * log(max(float(e @ e) / seen, np.finfo(float).tiny)) + free * log(count)
+
+    def drifting(drift: float) -> Whitening:
+        rest = Whitening(theta=1 - drift).applied(residual)
+        past = rest[:-1]
+        size = float(past @ past)
+        phi = min(max(float(past @ rest[1:]) / size, -MEMORY), MEMORY) if size else 0.0
+        return Whitening((1.0, -phi), 1 - drift)
+
+    scores = [left(drifting(drift)) for drift in DRIFTS]
+    least = int(np.clip(np.argmin(scores), 1, len(DRIFTS) - 2))
+    drift = minimize_scalar(
+        lambda drift: left(drifting(drift)),
+        bounds=(DRIFTS[least - 1], DRIFTS[least + 1]), method="bounded", options={"maxiter": 12},
+    ).x  # fmt: skip
+    found = [drifting(float(drift)), drifting(DRIFTS[int(np.argmin(scores))]), Whitening()]
+    products = _products(residual, residual, ORDER + 1)
+    if products[0] > 0:
+        for order in range(1, min(ORDER, count // PER_LAG) + 1):
+            a = solve_toeplitz(products[:order], products[1 : order + 1])
+            found.append(Whitening((1.0, *(-a).tolist())))
+    return min(found, key=left)
 
 
 @dataclass(frozen=True, eq=False)

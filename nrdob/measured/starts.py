@@ -11,23 +11,28 @@ import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 
 from ..numerics import FloatArray
-from .hold import free_responses
+from .residuals import Whitening
 from .structures import Structure
 
 __all__ = ["starting_points"]
 
+VALLEYS = 2
+"""Dead times that are kept of each denominator."""
+
 
 def starting_points(
-    structure: Structure, inputs: FloatArray, outputs: FloatArray, most: int
+    structure: Structure, inputs: FloatArray, outputs: FloatArray, whitening: Whitening, most: int
 ) -> list[FloatArray]:
     """Find shapes of small misfit, no two of them alike.
 
     Parameters
     ----------
     structure : Structure
-        The kind of plant.
+        The kind of plant, at rest before the input moves.
     inputs, outputs : (N,) array
         The record; the input is zero at its first sample.
+    whitening : Whitening
+        Through which it is seen.
     most : int
         How many to give.
 
@@ -37,11 +42,14 @@ def starting_points(
         Dead time in samples and logarithms, as `Structure.den` takes them; best first.
     """
     count = outputs.size
+    level = whitening.applied(np.ones(count))
+    level /= np.linalg.norm(level)
+    seen = whitening.applied(inputs), whitening.applied(outputs)
     found = []
     for shape in structure.shapes(count):
-        misfit = _misfits(structure, shape, inputs, outputs)
-        best = int(np.argmin(misfit))
-        found.append((float(misfit[best]), np.concatenate([[float(best)], shape[1:]])))
+        misfit = _misfits(structure.forced(shape, seen[0]), seen[1], level)
+        for best in _valleys(misfit):
+            found.append((float(misfit[best]), np.concatenate([[float(best)], shape[1:]])))
     found.sort(key=lambda each: each[0])
     kept: list[FloatArray] = []
     for _, shape in found:
@@ -52,25 +60,26 @@ def starting_points(
     return kept
 
 
-def _misfits(
-    structure: Structure, shape: FloatArray, inputs: FloatArray, outputs: FloatArray
-) -> FloatArray:
+def _valleys(misfit: FloatArray) -> FloatArray:
+    """Dead times, in samples, of the deepest local minima."""
+    padded = np.concatenate([[np.inf], misfit, [np.inf]])
+    low = np.flatnonzero((misfit <= padded[:-2]) & (misfit < padded[2:]))
+    return low[np.argsort(misfit[low])][:VALLEYS]
+
+
+def _misfits(forced: FloatArray, outputs: FloatArray, level: FloatArray) -> FloatArray:
     """Sum of squares that is left at each whole dead time, up to half the record."""
     count, delays = outputs.size, outputs.size // 2
-    forced = structure.forced(shape, inputs)
-    free = free_responses(structure.den(shape), count)
-    level = np.linspace(-1.0, 1.0, count) if structure.integrates else np.ones(count)
-    basis, _ = np.linalg.qr(np.vstack([free, level]).T)
-    rest = outputs - basis @ (basis.T @ outputs)
+    rest = outputs - (outputs @ level) * level
     size = next_fast_len(2 * count, real=True)
-    spectra = rfft(np.vstack([rest, basis.T]), size)
+    spectra = rfft(np.vstack([rest, level]), size)
     shifted = rfft(forced, size).conj()
     # correlations[i, m, d]: the i-th column against the m-th response, d samples late.
     correlations = irfft(spectra[:, None] * shifted[None], size)[..., :delays]
-    onto, within = correlations[0], correlations[1:]
+    onto, within = correlations
     # Products of two responses equally late: what has not left the record yet.
     products = np.cumsum(forced[:, None] * forced[None], axis=-1)[..., ::-1][..., :delays]
-    gram = (products - np.einsum("imd,ind->mnd", within, within)).transpose(2, 0, 1)
+    gram = (products - within[:, None] * within[None]).transpose(2, 0, 1)
     ridge = 1e-9 * np.trace(products[..., 0]) + np.finfo(float).tiny
     gram += ridge * np.eye(forced.shape[0])
     gain = np.linalg.solve(gram, onto.T[..., None])[..., 0]

@@ -54,14 +54,19 @@ class Structure:
         return 1 + self.zero
 
     @property
-    def free(self) -> int:
-        """How many numbers the initial state, and the level of u or y, take."""
-        return self.lags + self.integrates + 1
+    def told(self) -> int:
+        """How many numbers it is described by."""
+        return 1 + self.lags + self.numerators
 
-    @property
-    def count(self) -> int:
-        """How many numbers are fitted in all."""
-        return 1 + self.lags + self.numerators + self.free
+    def count(self, moving: bool) -> int:
+        """How many numbers are fitted in all.
+
+        Parameters
+        ----------
+        moving : bool
+            As in `columns`.
+        """
+        return self.told + 1 + moving * (self.lags + self.integrates)
 
     def bounds(self, samples: int) -> tuple[FloatArray, FloatArray]:
         """Lowest and highest `shape`.
@@ -93,6 +98,19 @@ class Structure:
         else:
             rest = [1.0, *(exp(-lag) for lag in shape[1:])]
         return rest + [0.0] * self.integrates
+
+    def slowest(self, shape: FloatArray) -> float:
+        """Longest lag of a denominator, or inverse frequency of a resonance, in samples.
+
+        Parameters
+        ----------
+        shape : array of float
+            As in `den`.
+        """
+        if self.lags < 2:
+            return exp(shape[1]) if self.lags else 0.0
+        damping = max(exp(shape[2]), 1.0)
+        return (damping + sqrt(damping**2 - 1)) / exp(shape[1])
 
     def stretched(self, shape: FloatArray, factor: int) -> FloatArray:
         """Tell a shape in samples that are shorter by a factor.
@@ -145,7 +163,9 @@ class Structure:
         found = held_responses(den, inputs, float(shape[0]))[: self.numerators]
         return found * next(c for c in den[::-1] if c)  # so that the first coefficient is a gain
 
-    def columns(self, shape: FloatArray, inputs: FloatArray, start: int) -> FloatArray:
+    def columns(
+        self, shape: FloatArray, inputs: FloatArray, start: int, moving: bool
+    ) -> FloatArray:
         """All responses of which the output is a sum, from sample `start` on.
 
         Parameters
@@ -155,22 +175,35 @@ class Structure:
         inputs : (N,) array
             The input.
         start : int
-            First sample compared: there the state is free.
+            First sample compared.
+        moving : bool
+            Whether the plant may move before the input does: then its state at `start` is free.
 
         Returns
         -------
-        array of float, shape (N - start, numerators + free)
-            Numerator, initial state, and the level: of y, or with an integrator of u, which makes
-            a ramp.
+        array of float, shape (N - start, numerators + own)
+            Numerator, then what the plant does by itself: see `own`.
         """
-        count = inputs.size - start
-        level = np.arange(count) / RAMP if self.integrates else np.ones(count)
-        parts = [
-            self.forced(shape, inputs)[:, start:],
-            free_responses(self.den(shape), count),
-            level[None],
-        ]
-        return np.concatenate(parts).T
+        forced = self.forced(shape, inputs)[:, start:]
+        return np.vstack([forced, self.own(shape, forced.shape[1], moving)]).T
+
+    def own(self, shape: FloatArray, count: int, moving: bool) -> FloatArray:
+        """What the plant does by itself: rest at a level, or move from any state.
+
+        Parameters
+        ----------
+        shape : array of float
+            As in `den`.
+        count : int
+            How many samples.
+        moving : bool
+            Whether it does; an integrator then has a level of u, too, which makes a ramp.
+        """
+        level = np.ones((1, count))
+        if not moving:
+            return level
+        ramp = np.arange(count)[None] / RAMP if self.integrates else level
+        return np.vstack([free_responses(self.den(shape), count), ramp])
 
 
 STRUCTURES = (

@@ -17,7 +17,7 @@ from .quasipoly import (
     multiply,
     unstable_roots,
 )
-from .rootfinding import companion_roots
+from .rootfinding import companion_roots, polynomial_roots
 from .sharedfactor import Shared, factor_near, shared_factor, without_shared_factor
 from .timescales import Block, impulse_states, roots_by_time_scale, split
 from .writing import number, written
@@ -51,6 +51,7 @@ __all__ = [
     "newton",
     "number",
     "padded_sum",
+    "polynomial_roots",
     "rhp_counts",
     "roots_by_time_scale",
     "shared_factor",

@@ -14,10 +14,11 @@ it for a half circle on the right, so that what lies on the axis counts as lying
 
 from __future__ import annotations
 
+from cmath import exp, phase
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from math import ceil, comb, inf, log2, nan, pi
+from math import ceil, comb, inf, log2, nan, pi, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -45,6 +46,9 @@ ARCS = 32
 
 SERIES = 24
 """Coefficients of exp(-sT) for |s|T <= 1, behind which less than rounding is left."""
+
+MODERATE = 300
+"""Powers of two up to which coefficients and frequencies are multiplied as they are."""
 
 FREE, OPEN = -1, -2
 """Marks of a stretch of the axis: the sum has no zero there; it may have one."""
@@ -147,9 +151,20 @@ def turn(terms: Sequence[Term], scale: FloatArray, origin: int = 1) -> Turn:
             angle, touched = angle + more, touched + passed
     more, passed = _followed(terms, scale, low, high, from_zero=not touched)
     # Beyond the last frequency the leading term keeps the sum in an open half plane around it.
-    sums = _values(terms, scale, np.array([high])).sum(axis=0)
-    more += float(np.angle(lead[0] * 1j**degree / sums[0]))
+    more -= phase(_against_lead(terms, high))
     return Turn(angle + more, (*touched, *passed), alone)
+
+
+def _against_lead(terms: Sequence[Term], omega: float) -> complex:
+    """Value of the sum at jω, divided by that of its leading term."""
+    x, lead = -1j / omega, terms[0].q
+    total = 0j
+    for q, delay in terms:
+        value = 0j
+        for coefficient in (q[::-1] / lead[0]).tolist():
+            value = value * x + coefficient
+        total += value * x ** (lead.size - q.size) * exp(-1j * delay * omega)
+    return total
 
 
 def _followed(
@@ -210,17 +225,18 @@ def _short(q: FloatArray, scale: FloatArray) -> float | None:
 
     None where a root is on the axis within rounding.
     """
-    a, c = q[0], q[-1]
-    if abs(c) <= ROUNDING * scale[-1]:
+    a, *middle, c = q.tolist()
+    *sizes, size = scale.tolist()
+    if abs(c) <= ROUNDING * size:
         return None
-    if q.size == 2:
-        return pi / 2 if a * c > 0 else -pi / 2
-    if a * c < 0:  # the real part keeps its sign
+    if not middle:
+        return pi / 2 if (a > 0) == (c > 0) else -pi / 2
+    if (a > 0) != (c > 0):  # the real part keeps its sign
         return 0.0
-    omega = np.sqrt(c / a)  # here the value is imaginary
-    if abs(q[1]) * omega <= ROUNDING * np.polyval(scale, omega):
+    (b,), omega = middle, sqrt(c / a)  # here the value is imaginary
+    if abs(b) * omega <= ROUNDING * ((sizes[0] * omega + sizes[1]) * omega + size):
         return None
-    return pi if q[1] * c > 0 else -pi
+    return pi if (b > 0) == (c > 0) else -pi
 
 
 def _range(terms: Sequence[Term], scale: FloatArray) -> tuple[float | None, float]:
@@ -234,13 +250,12 @@ def _range(terms: Sequence[Term], scale: FloatArray) -> tuple[float | None, floa
     constant = abs(float(sum(term.q[-1] for term in terms)))
     if constant <= ROUNDING * scale[-1]:
         return None, high
-    ascending = np.append(scale[::-1], 0.0)
+    descending = np.append(0.0, scale)
     for q, delay in terms:  # |exp(-jωT) - 1| <= ωT
         if delay:
-            ascending[1 : q.size + 1] += np.abs(q[::-1]) * delay
-    ascending[0] = constant
-    ascending = np.trim_zeros(ascending, "b")
-    return 1 / dominance_radius(ascending[::-1] / constant), high
+            descending[-1 - q.size : -1] += np.abs(q) * delay
+    descending[-1] = constant
+    return 1 / dominance_radius(descending[np.argmax(descending > 0) :] / constant), high
 
 
 def _certified(
@@ -256,19 +271,21 @@ def _certified(
     leads = _leads(terms, scale.size) if dominance and len(terms) > 1 else []
     limit = MAX_STEPS if dominance else MAX_SEGMENTS
     done: list[_Stretches] = []
-    holes: list[FloatArray] = []
+    holes: list[FloatArray] = [np.zeros((0, 2))]
     steps = left.size
     while left.size:
         middle = (left + right) / 2
         term, vanishing = _examine(terms, scale, middle, (right - left) / 2, dominance)
         if leads and (unsure := term == OPEN).any():
             term[unsure] = _leader(leads, scale, left[unsure], right[unsure])
-            vanishing &= term == OPEN
-        vanishing |= (term == OPEN) & ((middle <= left) | (middle >= right))
-        known = (term != OPEN) & ~vanishing
-        done.append(_Stretches(left[known], right[known], term[known]))
+        unknown = term == OPEN
+        if not unknown.any():
+            done.append(_Stretches(left, right, term))
+            break
+        vanishing = unknown & (vanishing | (middle <= left) | (middle >= right))
+        done.append(_Stretches(left[~unknown], right[~unknown], term[~unknown]))
         holes.append(np.stack([left[vanishing], right[vanishing]], axis=1))
-        more = ~known & ~vanishing
+        more = unknown & ~vanishing
         left, middle, right = left[more], middle[more], right[more]
         left, right = np.concatenate([left, middle]), np.concatenate([middle, right])
         steps += left.size
@@ -277,10 +294,7 @@ def _certified(
                 f"over {limit} frequencies would be needed to follow the argument: the "
                 "dead time is too long for terms of so nearly equal size"
             )
-    return (
-        _Stretches(*map(np.concatenate, zip(*done, strict=True))),
-        np.concatenate(holes),
-    )
+    return _Stretches(*map(np.concatenate, zip(*done, strict=True))), np.concatenate(holes)
 
 
 def _examine(
@@ -295,7 +309,7 @@ def _examine(
     Taylor: |q(s) - q(c)| <= sum |q^(m)(c)|/m! radius^m over the disc.
     """
     powers = _powers(scale, centre)
-    spread = (radius / centre)[:, None] ** np.arange(scale.size)
+    spread = _multiplied(radius / centre, scale.size)
     noise = ROUNDING * (powers @ scale[::-1])
     found = [_taylor_sums(term.q, powers, spread) for term in terms]
     sizes = [np.abs(value) for value, _ in found]
@@ -342,11 +356,11 @@ def _leader(
     ratio = right / left
     omega = left * np.sqrt((1 + ratio**2) / 2)
     spread = ((ratio**2 - 1) / (ratio**2 + 1))[:, None] ** np.arange(scale.size)
-    noise = ROUNDING * (_powers(scale, omega) @ scale[::-1]) ** 2
-    exponents = 2 * (np.log(omega)[:, None] * np.arange(scale.size) - _log_unit(scale, omega))
+    exponents = np.log(omega)[:, None] * np.arange(scale.size) - _log_unit(scale, omega)
+    noise = ROUNDING * (np.exp(np.where(scale[::-1] > 0, exponents, -inf)) @ scale[::-1]) ** 2
     result = np.full(omega.size, OPEN)
     for i, lead in enumerate(leads):
-        taylor = (np.exp(np.where(lead != 0, exponents, -inf)) * lead) @ _binomial(scale.size)
+        taylor = (np.exp(np.where(lead != 0, 2 * exponents, -inf)) * lead) @ _binomial(scale.size)
         rest = (np.abs(taylor[:, 1:]) * spread[:, 1:]).sum(axis=1)
         result[taylor[:, 0] - rest > noise] = i
     return result
@@ -487,13 +501,37 @@ def _taylor_at(q: FloatArray, s: ComplexArray, radius: float) -> tuple[ComplexAr
 
 
 def _powers(scale: FloatArray, omega: FloatArray) -> FloatArray:
-    """Powers 0, 1, 2, … of each frequency along axis 1, in a unit in which no term exceeds 1.
+    """Powers 0, 1, 2, … of each frequency along axis 1, up to a factor for each row.
 
-    The unit differs from row to row; what is asked of a row does not depend on it. Without it the
-    roots of a very fast filter, 1e30 rad/s and more, would overflow.
+    Where they might leave the floating-point range (the roots of a very fast filter, 1e30 rad/s
+    and more) they are given in a unit in which no term exceeds 1. What is asked of a row does not
+    depend on it.
     """
+    if _moderate(scale, omega):
+        return _multiplied(omega, scale.size)
     exponents = np.log(omega)[:, None] * np.arange(scale.size) - _log_unit(scale, omega)
     return np.exp(np.where(scale[::-1] > 0, exponents, -inf))
+
+
+def _multiplied(x: FloatArray, count: int) -> FloatArray:
+    """Powers 0, 1, 2, … of each number along axis 1."""
+    powers = np.ones((x.size, count))
+    powers[:, 1:] = x[:, None]
+    return np.multiply.accumulate(powers, axis=1, out=powers)
+
+
+def _moderate(scale: FloatArray, omega: FloatArray) -> bool:
+    """Whether powers and terms stay so far within the floating-point range that no unit is needed.
+
+    Coefficients 0 are never seen against the others.
+    """
+    sizes = [size for size in scale.tolist() if size]
+    speed = max(float(omega.max()), 1 / float(omega.min()))
+    return (
+        len(scale) * log2(speed) < MODERATE
+        and max(sizes) < 2.0**MODERATE
+        and min(sizes) > 2.0**-MODERATE
+    )
 
 
 def _log_unit(scale: FloatArray, omega: FloatArray) -> FloatArray:

@@ -87,8 +87,14 @@ class QuasiPolynomial:
 
     def __post_init__(self) -> None:
         q, r = np.asarray(self.q, dtype=float), np.asarray(self.r, dtype=float)
-        given = [Term(r, self.delay), *self.more]
         scale = self.scale
+        if not (self.delay or self.more):
+            if not scale.size:
+                scale = add(np.abs(q), np.abs(r))
+            q = _trim(add(q, r) if r.any() else q, scale)
+            self.__dict__.update(q=q, r=np.zeros(1), scale=scale[-q.size :])
+            return
+        given = [Term(r, self.delay), *self.more]
         if not scale.size:
             scale = reduce(add, [np.abs(term.q) for term in given], np.abs(q))
         sums: dict[float, FloatArray] = {}
@@ -103,10 +109,7 @@ class QuasiPolynomial:
         q = _trim(q, scale)
         r, delay = delayed[0] if delayed else (np.zeros(1), 0.0)
         scale = scale[-max(q.size, *(term.q.size for term in delayed), 1) :]
-        for name, value in (
-            ("q", q), ("r", r), ("scale", scale), ("delay", delay), ("more", tuple(delayed[1:])),
-        ):  # fmt: skip
-            object.__setattr__(self, name, value)
+        self.__dict__.update(q=q, r=r, scale=scale, delay=delay, more=tuple(delayed[1:]))
 
     @cached_property
     def delayed(self) -> tuple[Term, ...]:

@@ -103,12 +103,17 @@ def delay_roots(q: FloatArray, delayed: Delayed) -> ComplexArray:
     True
     """
     longest = delayed[0][1]
+    factors = [companion_roots(p) for p in (q, *(r for r, _ in delayed))]
+    fastest = _reach(q, delayed, factors, 0.0)
+    right_half_plane = _nodes_needed(fastest * longest)
     nodes = 24
     while True:
-        found = _collocated_roots(q, delayed, nodes)
+        found = _collocated_roots(q, delayed, max(fastest, 1 / longest), nodes)
         # |q(s)| <= sum of |r(s)| exp(-T Re s) bounds every root to the right of the rightmost one.
-        abscissa = min(float(found.real.max(initial=-1 / longest)), 0.0)
-        right_half_plane, rightmost = (_nodes_needed(q, delayed, a) for a in (0.0, abscissa))
+        abscissa = float(found.real.max(initial=-1 / longest))
+        rightmost = right_half_plane
+        if abscissa < 0:
+            rightmost = _nodes_needed(_reach(q, delayed, factors, abscissa) * longest)
         if rightmost <= nodes or (right_half_plane <= nodes and rightmost > MAX_DELAY_NODES):
             return found
         if right_half_plane > MAX_DELAY_NODES:
@@ -128,9 +133,8 @@ def dominance_radius(ascending: FloatArray) -> float:
         Coefficients in ascending powers, the last one 1.
     """
     n = ascending.size - 1
-    sizes = np.abs(ascending[:-1])
-    exponents = n - np.arange(n)
-    return float(2 * np.max(sizes ** (1 / exponents), initial=1e-300)) * 1.01
+    sizes = np.abs(ascending[:-1]).tolist()
+    return 2.02 * max([1e-300, *(size ** (1 / (n - k)) for k, size in enumerate(sizes))])
 
 
 def _quadratic_roots(b: float, c: float) -> tuple[complex, complex]:
@@ -146,23 +150,22 @@ def value_and_slope(
     q: FloatArray, delayed: Delayed, s: ComplexArray
 ) -> tuple[ComplexArray, ComplexArray]:
     """Return p and dp/ds at `s`."""
-    value, slope = _horner(q, s)
+    value, slope = _both(q, s)
     for r, delay in delayed:
-        r_value, r_slope = _horner(r, s)
+        r_value, r_slope = _both(r, s)
         lag = np.exp(-delay * s)
         value, slope = value + r_value * lag, slope + (r_slope - delay * r_value) * lag
     return value, slope
 
 
-def _horner(coefficients: FloatArray, s: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+def _both(coefficients: FloatArray, s: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
     """Return a polynomial and its derivative at `s`."""
-    value, slope = np.full_like(s, coefficients[0]), np.zeros_like(s)
-    for coefficient in coefficients[1:].tolist():
-        slope *= s
-        slope += value
-        value *= s
-        value += coefficient
-    return value, slope
+    powers = np.ones((*s.shape, coefficients.size), dtype=complex)
+    powers[..., 1:] = s[..., None]
+    np.multiply.accumulate(powers, axis=-1, out=powers)
+    ascending = coefficients[::-1]
+    slopes = ascending[1:] * np.arange(1, coefficients.size)
+    return powers @ ascending, powers[..., :-1] @ slopes
 
 
 def _polished(q: FloatArray, delayed: Delayed, roots: ComplexArray) -> ComplexArray:
@@ -182,13 +185,15 @@ def _polished(q: FloatArray, delayed: Delayed, roots: ComplexArray) -> ComplexAr
     return roots
 
 
-def _nodes_needed(q: FloatArray, delayed: Delayed, abscissa: float) -> float:
-    """Collocation points that resolve every root to the right of `abscissa`."""
-    return 0.8 * _reach(q, delayed, abscissa) * delayed[0][1] + 20
+def _nodes_needed(reach: float) -> float:
+    """Collocation points that resolve every root of at most this modulus times the delay."""
+    return 0.8 * reach + 20
 
 
-def _reach(q: FloatArray, delayed: Delayed, abscissa: float) -> float:
-    """Largest modulus that a root to the right of `abscissa` can have.
+def _reach(
+    q: FloatArray, delayed: Delayed, factors: Sequence[ComplexArray], abscissa: float
+) -> float:
+    """Largest modulus that a root to the right of `abscissa` can have; `factors`: roots of q and r.
 
     There |q(s)| <= sum of |r(s)| exp(-T·abscissa). With s = abscissa + z, Re z >= 0, a factor z + a
     of q with real a > 0 is at least as large as |z| and as a: fast stable lags do not count.
@@ -201,8 +206,7 @@ def _reach(q: FloatArray, delayed: Delayed, abscissa: float) -> float:
     )
     # A neutral equation has chains of roots that no radius bounds: those further left are left out.
     shrink = min(1.0, 0.999 / neutral) if neutral else 1.0
-    poles = companion_roots(q) - abscissa
-    zeros = [companion_roots(r) - abscissa for r, _ in delayed]
+    poles, *zeros = (roots - abscissa for roots in factors)
     leading = [shrink * growth * abs(r[0]) for growth, (r, _) in zip(growths, delayed, strict=True)]
     sizes = np.concatenate([np.abs(poles), *map(np.abs, zeros)])
     top = 4 * float(np.max(sizes, initial=0.0)) + 4 * max(
@@ -233,9 +237,10 @@ def _crossover(q: FloatArray, r: FloatArray, leading: float) -> float:
     return float((leading / abs(q[0])) ** (1 / excess)) if excess else 0.0
 
 
-def _collocated_roots(q: FloatArray, delayed: Delayed, nodes: int) -> ComplexArray:
+def _collocated_roots(
+    q: FloatArray, delayed: Delayed, speed: float, nodes: int
+) -> ComplexArray:
     longest = delayed[0][1]
-    speed = max(_reach(q, delayed, 0.0), 1 / longest)
     loop = _collocated_loop(q, delayed, speed, nodes)
     guesses = np.asarray(np.linalg.eigvals(loop), dtype=np.complex128) * speed
     # To the left only roots that the collocation resolves are true; to the right the delayed terms

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import inf
+from math import inf, log2
 
 import numpy as np
 from scipy.linalg import expm, matrix_balance
@@ -81,8 +81,9 @@ def split(nums: Sequence[FloatArray], den: FloatArray, horizon: float) -> list[B
     >>> [f"{float(block.A[0, 0]):.4g}" for block in (slow, fast)]
     ['-1', '-1e+09']
     """
-    n = den.size - 1
-    ascending = np.array([np.pad(num, (n + 1 - num.size, 0))[::-1] for num in nums])
+    ascending = np.zeros((len(nums), den.size))
+    for row, num in zip(ascending, nums, strict=True):
+        row[: num.size] = num[::-1]
     return _blocks(_in_unit(ascending, 0), _in_unit(den[::-1], 0), horizon)
 
 
@@ -125,15 +126,15 @@ def _blocks(nums: FloatArray, den: FloatArray, horizon: float) -> list[Block]:
 
 def _moduli(den: FloatArray) -> FloatArray:
     """Logarithms (base 2) of the moduli of the roots, increasing, by the Newton polygon."""
-    used = np.flatnonzero(den)
-    height = np.log2(np.abs(den[used]))
-    moduli = [-inf] * int(used[0])
-    left = 0
-    while left < used.size - 1:
-        slopes = (height[left] - height[left + 1 :]) / (used[left + 1 :] - used[left])
-        right = left + 1 + int(np.flatnonzero(slopes == slopes.min())[-1])
-        moduli += [float(slopes.min())] * int(used[right] - used[left])
-        left = right
+    corners = [(k, log2(abs(c))) for k, c in enumerate(den.tolist()) if c]
+    moduli = [-inf] * corners[0][0]
+    while len(corners) > 1:
+        (k, height), *rest = corners
+        slopes = [(height - each) / (i - k) for i, each in rest]
+        slope = min(slopes)
+        right = len(slopes) - slopes[::-1].index(slope)  # the last of equal ones
+        moduli += [slope] * (corners[right][0] - k)
+        corners = corners[right:]
     return np.array(moduli)
 
 
@@ -178,7 +179,9 @@ def _parted(
     matrix = _sylvester(g, h)
     ab = _solved(matrix, nums.T)
     ab += _solved(matrix, nums.T - matrix @ ab)
-    return (np.pad(ab[:k].T, ((0, 0), (0, 1))), g), (ab[k:].T, h)
+    a = np.zeros((len(nums), k + 1))
+    a[:, :k] = ab[:k].T
+    return (a, g), (ab[k:].T, h)
 
 
 def _sylvester(g: FloatArray, h: FloatArray) -> FloatArray:
@@ -228,7 +231,8 @@ def impulse_states(block: Block, times: FloatArray, step: float | None) -> Float
     step : float or None
         Distance of the times if they are evenly spaced.
     """
-    states: FloatArray = (expm(block.A * times[0]) @ block.B)[:, np.newaxis]
+    start = expm(block.A * times[0]) @ block.B if times[0] else block.B
+    states: FloatArray = start[:, np.newaxis]
     if step is not None:  # Twice as many states with every product.
         power = expm(block.A * step)
         while states.shape[1] < times.size:

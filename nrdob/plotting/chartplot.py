@@ -69,7 +69,7 @@ def chart_plot(chart: Any, *, title: str = "", ax: Any = None) -> Figure:
             if region.share >= NUMBERED:
                 colour = COLOURS["loop"] if region.count == 0 else INK
                 axes.annotate(
-                    _many(region.count), (region.x, region.y), color=colour, ha="center",
+                    _many(region), (region.x, region.y), color=colour, ha="center",
                     va="center", weight="bold" if region.count == 0 else "normal",
                 )  # fmt: skip
         for axis, scale, limits, name in (
@@ -90,8 +90,9 @@ def _one_colour() -> Any:
     return ListedColormap([COLOURS["loop"]])
 
 
-def _many(count: float) -> str:
-    return "∞" if count == np.inf else f"{count:g}"
+def _many(region: Any) -> str:
+    told = "∞" if region.count == np.inf else f"{region.count:g}"
+    return told if region.exact else f"≥ {told}"
 
 
 def _alt(chart: Any) -> str:
@@ -105,7 +106,7 @@ def _alt(chart: Any) -> str:
     )
     if others:
         named = ", ".join(
-            f"{_many(region.count)} around {number(region.x)} and {number(region.y)}"
+            f"{_many(region)} around {number(region.x)} and {number(region.y)}"
             for region in others[:NAMED]
         )
         text += f"; unstable roots elsewhere: {named}"

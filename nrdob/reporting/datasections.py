@@ -84,28 +84,22 @@ def _trust(found: Identification) -> Section:
             str(each.parameters),
             f"{number(each.fit_percent)} %",
             _percent(each.validation_percent),
-            _percent(each.levelled_percent),
             number(each.bic),
+            "chosen" if each.structure == found.structure else "as well" * each.rival or "–",
         )
         for each in found.candidates
     )
     table = Table(
         "All structures tried: how much of y each explains (100 % is all)",
-        ("structure", "numbers", "fitted part", "part held out", "… its level fitted", "BIC"),
+        ("structure", "numbers", "fitted part", "part held out", "BIC", "explains the record"),
         rows,
     )
-    words = [
-        "The part held out was not used to fit anything; where its own level is fitted, only the "
-        "dynamics are judged. BIC weighs the fit against the number of parameters: 0 is best."
-    ]
-    gap = found.levelled_percent - found.validation_percent
-    if gap > 2:
-        words.append(
-            f"With the level of the held-out part fitted it is {number(found.levelled_percent)} % "
-            f"instead of {number(found.validation_percent)} %: the level has drifted, which is a "
-            "disturbance and not the model's fault."
-        )
-    return Section("How well is it known?", tuple(words), (table,))
+    words = (
+        "The part held out was not used to fit anything: plant and drift go on from the state that "
+        "they are in at the end of the part fitted. BIC weighs the fit of the whole record against "
+        "the number of parameters: 0 is best.",
+    )
+    return Section("How well is it known?", words, (table,))
 
 
 def _drawn(record: Record, found: Identification | None) -> Picture:

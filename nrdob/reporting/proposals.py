@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import log10
 from typing import Any
 
@@ -27,7 +27,9 @@ from ..diagram import (
     interpolating_filter,
 )
 from ..loop import NRDOB
+from ..measured import Identification
 from ..numerics import ComplexArray, number
+from .trials import Trial, in_words, trials_on
 
 __all__ = ["Proposal", "propose"]
 
@@ -56,6 +58,10 @@ SHORTER = (1.0, 0.3, 0.1, 0.03, 0.01, 3.0, 10.0)
 """Time constants of an interpolating filter, against the fastest of the process."""
 
 
+SLOWER = (1.0, 1.5, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0)
+"""Times the λ for the process found, tried where the loop fails on a process that it may be."""
+
+
 @dataclass(frozen=True)
 class Proposal:
     """What is proposed, or why nothing is.
@@ -69,13 +75,16 @@ class Proposal:
     candidates : tuple of ModelCandidate
         The models compared.
     warnings : tuple of str
-        What must not be overlooked.
+        What must not be overlooked, the gravest first.
+    trials : tuple of Trial
+        Of a process found in a record: the loop on all that the process may be.
     """
 
     loop: NRDOB | None
     words: tuple[str, ...]
     candidates: tuple[ModelCandidate, ...] = ()
     warnings: tuple[str, ...] = ()
+    trials: tuple[Trial, ...] = ()
 
 
 def propose(
@@ -91,12 +100,13 @@ def propose(
 
     Parameters
     ----------
-    process : as for `nrdob.NRDOB`
-        The process G.
+    process : as for `nrdob.NRDOB`, or Identification
+        The process G. If it was identified, the loop is tried on every structure that explains the
+        record about as well and at the ends of all intervals, and λ is increased until none fails.
     model, controller : as for `nrdob.NRDOB`, optional
         G̃ and C.
     time_constant : float, optional
-        λ of the filter, in seconds.
+        λ of the filter, in seconds; one that is given is not increased.
     order : int, optional
         n of the filter.
     max_ms : float
@@ -112,6 +122,58 @@ def propose(
     TypeError, ValueError
         If a block cannot stand where it is put.
     """
+    given = {"model": model, "controller": controller, "order": order, "max_ms": max_ms}
+    if not isinstance(process, Identification):
+        return _proposed(process, time_constant, **given)
+    if process.unsure:
+        said = f"No loop is proposed, because {process.unsure}."
+        return Proposal(None, (said,), warnings=(said,))
+    first = _proposed(process.process, time_constant, **given)
+    if first.loop is None:
+        return first
+    proposal, trials, slower = first, trials_on(first.loop, process), 1.0
+    if time_constant is None:
+        for factor in SLOWER[1:]:
+            if all(each.holds for each in trials):
+                break
+            late = factor * _time_constant(first.loop.filter)
+            tried = _proposed(process.process, late, **given, calm=True)
+            if tried.loop is not None:
+                proposal, trials, slower = tried, trials_on(tried.loop, process), factor
+    said = in_words(trials)
+    if not all(each.holds for each in trials):
+        warnings = (said, *first.warnings)
+        return replace(first, warnings=warnings, trials=trials_on(first.loop, process))
+    words = first.words
+    if slower > 1:
+        words = tuple(
+            late if late.startswith("Controller") else early
+            for early, late in zip(first.words, proposal.words, strict=False)
+        )
+        said = (
+            "With this filter the loop fails on a process that the record does not exclude, so λ "
+            f"is {slower:g} times as long, with a controller to match. {said}"
+        )
+    return replace(first, loop=proposal.loop, words=(*words, said), trials=trials)
+
+
+def _time_constant(filter: Any) -> float:
+    """λ of a filter whose denominator is (λs + 1)^n."""
+    den = as_fraction(getattr(filter, "tf", filter), "filter").den
+    return float(abs(den[0] / den[-1]) ** (1 / (len(den) - 1)))
+
+
+def _proposed(
+    process: Any,
+    time_constant: float | None,
+    *,
+    model: Any,
+    controller: Any,
+    order: int | None,
+    max_ms: float,
+    calm: bool = False,
+) -> Proposal:
+    """Choose what was not given; the controller is as slow as the filter if it must be calm."""
     words: list[str] = []
     warnings: list[str] = []
     candidates: tuple[ModelCandidate, ...] = ()
@@ -136,7 +198,7 @@ def propose(
         filter = _at(family, time_constant)
         words.append("Filter: as given.")
     if controller is None:
-        controller, said = _controller(model, filter)
+        controller, said = _controller(model, filter, calm)
         words.append(said)
         if controller is None:
             return Proposal(None, tuple(words), candidates, (*warnings, said))
@@ -282,7 +344,9 @@ def _by_noise(
     return _at(family, float(f"{quiet:.3g}")), f"Filter: {opening}, {said}"
 
 
-def _controller(model: Any, filter: Any) -> tuple[ct.TransferFunction | None, str]:
+def _controller(
+    model: Any, filter: Any, calm: bool = False
+) -> tuple[ct.TransferFunction | None, str]:
     """Design a PI by its phase margin, or by the observer's bandwidth, whose loop is calm.
 
     Where none of them is, the calmest.
@@ -291,6 +355,8 @@ def _controller(model: Any, filter: Any) -> tuple[ct.TransferFunction | None, st
     tried: list[tuple[float, ct.TransferFunction, str]] = []
     for limit in (CALM, None):
         for bandwidth, margin in _asked_of_controllers(filter, undelayed):
+            if calm and bandwidth is None:
+                continue
             try:
                 found = design_controller(
                     undelayed, bandwidth=bandwidth, phase_margin=margin, max_ms=limit

@@ -22,6 +22,7 @@ from .datasections import data_sections, record_section
 from .loopsections import UNDECIDED, Given, sections_of
 from .page import Section, Table, written
 from .proposals import Proposal, propose
+from .trials import trial_table
 from .wording import character, formula, intervals
 
 __all__ = ["Report", "report"]
@@ -241,7 +242,7 @@ def _composed(
         sections += _each_written(data_sections(identification), progress)
     if loop is None and process is not None:
         progress(PROPOSED)
-        proposal = _proposed(process, identification, given)
+        proposal = _proposed(identification or process, given)
         sections += _each_written([(PROPOSED, lambda: _reasons(process, proposal))])
         loop = proposal.loop
     if loop is not None:
@@ -279,12 +280,7 @@ def _identified(record: Record, sections: list[Section]) -> Identification | Non
         return None
 
 
-def _proposed(
-    process: Any, identification: Identification | None, given: Mapping[str, Any]
-) -> Proposal:
-    if identification is not None and (unsure := _unsure(identification)):
-        said = f"No loop is proposed, because {unsure}."
-        return Proposal(None, (said,), warnings=(said,))
+def _proposed(process: Any, given: Mapping[str, Any]) -> Proposal:
     try:
         return propose(process, **given)
     except EXPECTED as error:
@@ -292,16 +288,6 @@ def _proposed(
             raise
         said = f"No loop can be proposed for this process: {error}."
         return Proposal(None, (said,), warnings=(said,))
-
-
-def _unsure(found: Identification) -> str:
-    """Say why no loop should rest on a process; nothing if one may."""
-    gain = found.parameters["gain"]
-    if gain.low <= 0 <= gain.high:
-        return "the gain of the process may be zero, or of either sign"
-    if found.validation_percent < 0:
-        return "the process foretells the part held out worse than a constant would"
-    return ""
 
 
 def _reasons(process: Any, proposal: Proposal) -> Section:
@@ -326,6 +312,8 @@ def _reasons(process: Any, proposal: Proposal) -> Section:
     if proposal.loop is None:
         words = (f"The process is G = {_shown(process)}. {_kind(process)}", *words)
     shown = tables if rows else ()
+    if proposal.trials:
+        shown = (*shown, trial_table(proposal.trials))
     if proposal.loop is None:
         return Section(PROPOSED, words, shown, alarms=proposal.warnings)
     return Section(PROPOSED, words, shown, warnings=proposal.warnings)

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ..analysis import judge_observer, margins
+from ..analysis import judge_observer, quotient_margins
 from ..design import (
     UNSTABLE,
     Mismatch,
@@ -190,5 +190,5 @@ class _Members:
         for k in np.flatnonzero(np.isnan(slacks)).tolist():
             loop = ObserverEquations(plants.plant(k), self.model, filter)
             verdict = judge_observer(loop.process, self.model, filter)
-            slacks[k] = asked.slack(margins(loop.L, verdict.stable, loop.p_B))
+            slacks[k] = asked.slack(quotient_margins(loop.L, verdict.stable))
         return slacks

@@ -147,14 +147,28 @@ def delay_intervals(loop: NRDOB, low: float, high: float) -> list[tuple[float, f
 
 
 def _critical_delays(loop: NRDOB, range: Interval) -> list[float]:
+    """Dead times at which a pair of roots crosses, up to where no more can be stable.
+
+    Whatever the dead time, the pair at a gain crossover goes right where the gain falls, and left
+    where it rises. The turns of the former are the faster ones (the last crossover is one), so that
+    the pairs on the right are at least as many as the turns on balance.
+    """
     omega = loop.margins().plant_loop.gain_crossovers
     omega = omega[(omega > 0) & np.isfinite(omega)]
     first = np.mod(np.angle(-loop.L(1j * omega)), 2 * pi) / omega
+    turn = 2 * pi / omega
+    between = np.sqrt(omega[:-1] * omega[1:])
+    beside = np.concatenate([omega[:1] / 2, between, 2 * omega[-1:]])
+    above = np.abs(loop.L(1j * beside)) > 1
+    rate = float(((above[:-1] * 1.0 - above[1:]) / turn).sum())
+    last = range.high
+    if rate > 0:  # up to t after range.low a pair crosses t/turn times, or one more or less
+        last = min(last, range.low + omega.size / rate)
     return [
         float(tau)
-        for start, turn in zip(first, 2 * pi / omega, strict=True)
+        for start, each in zip(first, turn, strict=True)
         for tau in start
-        + turn * np.arange(np.floor((range.low - start) / turn), (range.high - start) / turn + 1)
+        + each * np.arange(np.floor((range.low - start) / each), (last - start) / each + 1)
     ]
 
 

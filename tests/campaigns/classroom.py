@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 import resource
 import sys
 import tempfile
@@ -26,7 +27,19 @@ import nbformat
 
 sys.path.append(str(Path(__file__).resolve().parents[1]))  # where the tests find what they share
 
-from exported import CLASS, Sent, canvas, moment_of, moodle, plan, read_canvas, read_moodle, table
+from exported import (
+    CLASS,
+    Sent,
+    canvas,
+    moment_of,
+    moodle,
+    plan,
+    read_canvas,
+    read_moodle,
+    table,
+    taken_by_canvas,
+    taken_by_moodle,
+)
 from handin import DISASTERS, FORGERIES, HARMFUL, SPYING, answer_cell, cell_of, mistake, solution
 from nrdob.course.grading import command, marks
 from problemsets import SOURCE, Posed, cells, nbgrader, posed
@@ -86,7 +99,7 @@ def filled(sheet: Sheet, kind: str, k: int) -> tuple[Any, Earned]:
         known = this.problem.misconceptions
         if kind == "mistake" and known:
             number = k % len(known)
-            cell.source = mistake(this, number)
+            cell.source = mistake(this, number, 101 + k)
             most = 1.0 if this.problem.parts else known[number].marks
             share[this.id] = known[number].marks, most
         elif kind == "hostile" and k // len(KINDS) % 2:
@@ -140,12 +153,15 @@ def campaign(name: str, platform: str, place: Path) -> Counter[str]:
     rows = {row["student"]: row for row in table(target / "grades.csv")}
     found += Counter(judged(rows, earned))
 
-    answers = table(target / "written.csv")
-    for row in answers:
-        row["points"] = row["of"]
-    marks.write_table(target / "written.csv", list(marks.WRITTEN), answers)
+    fields = ("code", "set", "problem", "of", "points")
+    answers = [dict(zip(fields, (*found, found[-1]), strict=True)) for found in blind(target)]
+    marks.write_table(place / "marked.csv", list(fields), answers)
     with clock("feedback after marking"):
-        command.report(target, course)
+        command.report(target, course, [place / "marked.csv"])
+    returned = target / f"{platform}_feedback_{name}.zip"
+    handed_back = (taken_by_moodle if platform == "moodle" else taken_by_canvas)(returned)
+    found["WRONG who gets feedback"] += set(handed_back) != {*range(60)} - {BROKEN}
+    print(f"{returned.name}: {len(handed_back)} pages, {returned.stat().st_size / 1e6:.1f} MB")
     rows = {row["student"]: row for row in table(target / "grades.csv")}
     if platform == "moodle":
         back = read_moodle(table(target / f"moodle_{name}.csv"))
@@ -159,6 +175,13 @@ def campaign(name: str, platform: str, place: Path) -> Counter[str]:
         owed = (0.8 if k == 1 else 1.0) * sum(float(row[p]) for p in row if "." in p and row[p])
         found["WRONG after the late rule"] += abs(float(row["total"]) - owed) > 1e-2
     return +found
+
+
+def blind(target: Path) -> list[tuple[str, ...]]:
+    """What the page for marking holds of each answer: code, set, problem and points."""
+    page = (target / "marking.html").read_text("utf-8")
+    data = r'data-code="(\w+)" data-set="(\w+)" data-problem="([\d.\w]+)" data-of="([\d.]+)"'
+    return re.findall(data, page)
 
 
 def judged(rows: Mapping[str, Mapping[str, str]], earned: tuple[Earned, ...]) -> Iterator[str]:

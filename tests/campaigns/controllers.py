@@ -58,7 +58,7 @@ def campaign(count: int, seed: int) -> dict[str, int]:
             tally["not at rest at the start"] += 1
             continue
         given = R, expected.measured, expected.applied, start
-        in_c = run_c(sampled.to_c("c", limits=limits, **more), "c", *given)
+        in_c = run_c(sampled, "c", *given, limits=limits, **more)
         in_python = run_python(sampled.to_python(limits=limits, **more), *given)
         # What u is made of: at a start from rest the first two terms nearly cancel.
         terms = code.wired.blocks["F/Gm"].D / code.wired.factor * expected.measured

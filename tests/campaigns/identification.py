@@ -127,5 +127,56 @@ def coverage(count: int, seed: int) -> dict[str, int]:
     return tally
 
 
+STEPS = {
+    "step": ((0.1, 1.0),),
+    "up and down": ((0.08, 1.0), (0.5, 0.0)),
+    "three steps": ((0.07, 1.0), (0.3, 0.4), (0.65, 1.5)),
+}
+"""Tests of a thermal plant: from which share of the record on, which input."""
+
+
+def thermal(kind: str, rng: np.random.Generator) -> Measured:
+    """A slow plant on an ordinary day: the room drifts, and the sensor rounds."""
+    count, step = int(rng.integers(300, 900)), float(rng.choice([0.5, 1.0, 2.0, 5.0]))
+    slow = float(rng.uniform(0.06, 0.2) * count)
+    fast = slow * rng.uniform(0.05, 0.4) * rng.integers(0, 2)
+    delay = float(rng.uniform(0.0, 0.2) * slow)
+    gain = float(np.exp(rng.uniform(-3, 1)) * rng.choice([-1, 1], p=[0.2, 0.8]))
+    u, height = np.zeros(count), float(rng.choice([10.0, 50.0, 100.0]))
+    for since, level in STEPS[kind]:
+        u[round(since * count) :] = height * level
+    den = np.convolve([slow, 1.0], [fast, 1.0]) if fast else np.array([slow, 1.0])
+    clean = response(den / den[0], np.array([gain]) / den[0], delay, u)
+    size = abs(gain) * height
+    walk = np.cumsum(rng.standard_normal(count)) / np.sqrt(count)
+    wave = np.sin(2 * np.pi * (rng.uniform(0.3, 2.0) * np.arange(count) / count + rng.random()))
+    drift = rng.uniform(0.0, 0.06) * walk + rng.uniform(0.0, 0.03) * (wave - wave[0])
+    y = 20.0 + clean + size * (drift + rng.uniform(0.0, 0.01) * rng.standard_normal(count))
+    grain = size * rng.choice([0.002, 0.005, 0.015])
+    truth = {"gain": gain, "dead time": delay * step, "lag": slow * step, "fast lag": fast * step}
+    y = grain * np.round(y / grain)
+    return Measured(STRUCTURES[3 if fast else 1], truth, step * np.arange(count), u, y)
+
+
+def heaters(count: int, seed: int) -> dict[str, int]:
+    """How often the sign is right on thermal plants, and the gain, and the interval of the gain."""
+    tally: dict[str, int] = {}
+    for kind in STEPS:
+        found = {"wrong sign": 0, "sign left open": 0, "gain off by over a quarter": 0, "held": 0}
+        for case in range(count):
+            true = thermal(kind, np.random.default_rng([seed, case, len(kind)]))
+            told = identify(true.t, true.u, true.y)
+            gain, sign = told.parameters["gain"], np.sign(true.truth["gain"])
+            open_sign = gain.low <= 0 <= gain.high
+            found["wrong sign"] += gain.value * sign < 0 and not open_sign
+            found["sign left open"] += open_sign
+            lasts = told.structure.startswith(("one lag", "two lags"))
+            off = abs(gain.value / true.truth["gain"] - 1) > 0.25
+            found["gain off by over a quarter"] += (off or not lasts) and not open_sign
+            found["held"] += gain.low <= true.truth["gain"] <= gain.high and lasts
+        tally |= {f"{kind}: records": count} | {f"{kind}: {k}": int(v) for k, v in found.items()}
+    return tally
+
+
 if __name__ == "__main__":
     print_tally(coverage, __doc__ or "", 30)

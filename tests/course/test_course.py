@@ -42,6 +42,7 @@ from handin import (
 from nrdob.course.grading import command as exercises
 from nrdob.course.grading import marks
 from nrdob.course.grading.autograde import course
+from nrdob.course.grading.written import WRITTEN as COLUMNS
 
 # Every test runs nbgrader and kernels; nbgrader quarrels with its own database.
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore:Object of type")]
@@ -225,7 +226,7 @@ def test_marks_by_hand_reach_table_and_feedback(graded: Graded, tmp_path: Path) 
         if row["student"] == "renamed":
             row.update(points="1000")
     rows.append({**rows[0], "student": "nobody", "points": "1"})
-    marks.write_table(target / "written.csv", list(marks.WRITTEN), rows)
+    marks.write_table(target / "written.csv", list(COLUMNS), rows)
 
     assert exercises.report(target) == 1 + len(WRITTEN)
 

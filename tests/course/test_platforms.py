@@ -17,7 +17,7 @@ import pytest
 from exported import CLASS, Sent, canvas, moment_of, moodle, plan, read_canvas, read_moodle, table
 from handin import KNOWN, NAME, POINTS, handed, tiny, write
 from nrdob.course.grading import command as exercises
-from nrdob.course.grading import marks, platforms, submissions
+from nrdob.course.grading import marks, platforms, submissions, written
 from nrdob.course.grading.batch import Batch, Outcome
 from nrdob.course.grading.roster import Course, Student, read_course, spellings
 
@@ -155,8 +155,8 @@ def test_an_export_a_students_archive_and_plain_files_lie_side_by_side(tmp_path:
 )
 def test_no_archive_writes_outside_of_its_folder(name: str, tmp_path: Path) -> None:
     told, found = unpack(pack(tmp_path / "x.zip", {name: "x", "b.txt": "y"}), tmp_path / "place")
-    assert "leads out of the archive" in told[0]
-    assert found == ["x.zip"]
+    assert told == [f"x.zip: {name!r} was left out: it leads out of the archive"]
+    assert found == ["b.txt"]
     assert not list(tmp_path.rglob("out.ipynb"))
 
 
@@ -295,10 +295,10 @@ def test_sixty_exported_graded_and_brought_back(
     assert f"Points so far before the rule: {checked:g} of {sum(POINTS.values()):g}" in late
 
     # Nothing is final before the answers in words are marked.
-    written = table(target / "written.csv")
-    for row in written:
+    answers = table(target / "written.csv")
+    for row in answers:
         row["points"] = row["of"]
-    marks.write_table(target / "written.csv", list(marks.WRITTEN), written)
+    marks.write_table(target / "written.csv", list(written.WRITTEN), answers)
     monkeypatch.setattr(exercises, "write_feedback", lambda *any: None)
     name = f"moodle_{NAME}.csv" if platform is moodle else "canvas.csv"
     column = "Grade" if platform is moodle else NAME

@@ -2,6 +2,7 @@
 
 import builtins
 import json
+import re
 import subprocess
 import sys
 from importlib.resources import files
@@ -13,7 +14,15 @@ import pytest
 from scipy.signal import sosfilt
 
 import nrdob
-from firmware import python_class, relative, run_c, run_python
+from firmware import (
+    COMPILERS,
+    compiler,
+    python_class,
+    relative,
+    run_c,
+    run_python,
+    run_two,
+)
 from nrdob.digital import ControllerCode, Limits, Section
 
 LAG = ct.tf([2.0], [1.0, 1.0])
@@ -55,7 +64,7 @@ def drawn(seed):
 def test_c_and_python_do_what_the_simulation_does(seed):
     sampled, limits, start, R, expected = drawn(seed)
     given = R, expected.measured, expected.applied, start
-    in_c = run_c(sampled.to_c("loop", limits=limits), "loop", *given)
+    in_c = run_c(sampled, "loop", *given, limits=limits)
     in_python = run_python(sampled.to_python(limits=limits), *given)
     for found in (in_c, in_python):
         for signal, name in zip(found, ("u", "applied", "d_hat"), strict=True):
@@ -70,7 +79,7 @@ def test_the_code_of_the_chapter_on_processors_does_what_its_simulation_does():
     expected = sampled.simulate({"R": 5.0, "delta": -2.0}, noise=0.2, timepts=2.0)
     given = np.full(expected.u.size, 5.0), expected.measured, expected.applied
     assert relative(run_python(sampled.to_python(), *given)[0], expected.u) < 1e-12
-    assert relative(run_c(sampled.to_c("speed"), "speed", *given)[0], expected.u) < 1e-12
+    assert relative(run_c(sampled, "speed", *given)[0], expected.u) < 1e-12
 
 
 @pytest.mark.parametrize("wait", [0.2, 0.13, 0.03])
@@ -84,7 +93,7 @@ def test_a_model_that_waits_is_generated_with_its_memory(wait):
         given = R, expected.measured, expected.applied, start
         made = {"limits": LIMITS, "tracking_time": 0.4}
         for found in (
-            run_c(sampled.to_c("w", **made), "w", *given),
+            run_c(sampled, "w", *given, **made),
             run_python(sampled.to_python(**made), *given),
         ):
             assert relative(found[0], expected.u) < 1e-12
@@ -99,9 +108,8 @@ def test_float_keeps_five_digits_at_any_sampling_time(dt, order):
     t = np.arange(round(5 / dt)) * dt
     R = np.sign(np.sin(2 * t))
     expected = sampled.simulate({"R": R, "delta": 0.3 * np.sin(t)})
-    text = sampled.to_c("small", "float")
-    assert "double" not in text
-    u = run_c(text, "small", R, expected.measured, expected.applied)[0]
+    assert "double" not in sampled.to_c("small", "float")
+    u = run_c(sampled, "small", R, expected.measured, expected.applied, dtype="float")[0]
     assert np.abs(u - expected.u).max() < 1e-5 * np.abs(expected.u).max()
     # In powers of z the same digits do not even hold F, where the sampling is fast.
     sos = np.array(json.loads(sampled.to_json())["blocks"]["F"]["sos"])
@@ -116,9 +124,8 @@ def test_limits_hold_in_the_generated_code_itself(dtype):
     sampled = sampled_loop()
     R = 5 * np.sign(np.sin(np.arange(300) * 0.1))
     expected = sampled.simulate({"R": R}, limits=LIMITS, tracking_time=0.4)
-    text = sampled.to_c("small", dtype, LIMITS, tracking_time=0.4)
     given = R, expected.measured, expected.applied
-    applied = run_c(text, "small", *given)[1]
+    applied = run_c(sampled, "small", *given, dtype=dtype, limits=LIMITS, tracking_time=0.4)[1]
     tolerance = 1e-12 if dtype == "double" else 1e-5
     np.testing.assert_allclose(applied, expected.applied, atol=tolerance)
     assert applied.min() >= -1.0 - tolerance
@@ -141,12 +148,99 @@ def test_blocks_held_like_the_process_are_generated_too():
     np.testing.assert_allclose(F, held(w), rtol=1e-9)
 
 
-def test_started_at_a_manual_value_the_first_output_is_that_value():
-    controller = python_class(sampled_loop().to_python())()
+@pytest.mark.parametrize("wait", [0.0, 0.13])
+def test_started_at_a_manual_value_the_first_output_is_that_value_if_c_integrates(wait):
+    sampled = sampled_loop(wait=wait)
+    assert "is this u" in sampled.to_c() and "is this u" in sampled.to_python()
+    controller = python_class(sampled.to_python())()
     controller.start(3.0, 0.9, 0.4)
     assert controller.output(3.0, 0.9) == pytest.approx(0.4, rel=1e-12)
-    u = run_c(sampled_loop().to_c(), "nrdob", *(np.array([v]) for v in (3.0, 0.9, 0.4)), 0.4)[0]
+    u = run_c(sampled, "nrdob", *(np.array([v]) for v in (3.0, 0.9, 0.4)), 0.4)[0]
     assert u[0] == pytest.approx(0.4, rel=1e-12)
+
+
+def test_a_c_without_an_integrator_goes_on_with_u_only_from_rest_and_says_so():
+    adrc = nrdob.linear_adrc(nrdob.plants.motor_position(), 2, 10.0, 20.0, 5.0).sampled(0.005)
+    p_only = nrdob.NRDOB(LAG, LAG, 1.5, nrdob.LowPassFilter(0.5, 1)).sampled(0.05)
+    for sampled in (adrc, p_only):
+        for text in (sampled.to_c(), sampled.to_python()):
+            assert "C has no integrator" in text and "is this u" not in text
+    controller = python_class(p_only.to_python())()
+    controller.start(1.0, 0.3, 0.7)
+    assert abs(controller.output(1.0, 0.3) - 0.7) > 0.1
+    # At rest y = 2 (u + d), and C asks for 1.5 (r - y) = u + d: r = y (1 + 1/3).
+    controller.start(0.4, 0.3, 0.7)
+    assert controller.output(0.4, 0.3) == pytest.approx(0.7, rel=1e-12)
+
+
+# Samples that are not finite.
+
+BAD = [np.nan, np.inf, -np.inf]
+
+
+@pytest.mark.parametrize("dtype", ["double", "float"])
+@pytest.mark.parametrize("cc", COMPILERS)
+@pytest.mark.parametrize("seed", range(4))
+def test_what_is_not_finite_is_left_out_by_each_of_two_instances(cc, dtype, seed):
+    rng = np.random.default_rng(seed)
+    sampled = [sampled_loop(), sampled_loop(wait=0.13), sampled_loop(controller=1.5),
+               sampled_loop(wait=0.1, lag=0.2)][seed]  # fmt: skip
+    made = {"limits": [LIMITS, None, Limits(0.2, 0.9), Limits(rate=5)][seed]}
+    inputs = rng.standard_normal((120, 4))
+    worse = inputs.copy()
+    bad = rng.random(inputs.shape) < 0.05
+    worse[bad] = rng.choice(BAD, bad.sum())
+    found, skipped = run_two(cc, sampled, "two", dtype, worse, **made)
+    whole = [np.isfinite(worse[:, columns]).all(axis=1) for columns in ([0, 1], [2, 3])]
+    for i in range(2):
+        twin = python_class(sampled.to_python(**made))()
+        never = python_class(sampled.to_python(**made))()  # which does not even meet them
+        held = twin.command
+        for k, (r, y) in enumerate(worse[:, 2 * i : 2 * i + 2].tolist()):
+            u = twin.step(r, y)
+            if whole[i][k]:
+                held = never.step(r, y)
+            assert u == held
+            assert found[i, k] == pytest.approx(u, abs=1e-12 if dtype == "double" else 2e-5)
+        assert twin.skipped == skipped[i, -1] == (~whole[i]).sum() > 0
+
+
+@pytest.mark.parametrize("bad", BAD)
+def test_an_actuator_that_answers_nonsense_is_taken_to_obey(bad):
+    told, obeyed = (python_class(sampled_loop().to_python())() for _ in "12")
+    for k in range(20):
+        u = obeyed.step(1.0, 0.1 * k)
+        assert told.output(1.0, 0.1 * k) == u
+        told.update(bad if k == 7 else u)
+    assert (told.skipped, obeyed.skipped) == (1, 0)
+    R, ones = np.ones(20), np.full(20, 0.5)
+    applied = np.where(np.arange(20) == 7, bad, 0.5)
+    in_c = run_c(sampled_loop(), "told", R, ones, applied)
+    assert np.isfinite(in_c).all()
+    by_class = run_python(sampled_loop().to_python(), R, ones, applied)
+    assert relative(in_c[0], by_class[0]) < 1e-12
+
+
+def test_a_start_that_is_not_finite_is_one_from_zero_and_is_counted():
+    controller = python_class(sampled_loop().to_python())()
+    controller.start(np.nan, 0.2, np.inf)
+    zero = python_class(sampled_loop().to_python())()
+    zero.start(0.0, 0.2, 0.0)
+    assert (controller.skipped, zero.skipped) == (1, 0)
+    assert controller.step(1.0, 0.2) == zero.step(1.0, 0.2)
+
+
+def test_a_u_beyond_all_numbers_is_never_written():
+    controller = python_class(sampled_loop().to_python())()
+    before = [controller.step(1.0, 0.1) for _ in range(5)][-1]
+    assert controller.step(-1.7e308, 1.7e308) == before
+    assert controller.skipped == 1
+    assert np.isfinite(controller.step(1.0, 0.1))
+
+
+def test_the_simulation_refuses_what_the_code_leaves_out():
+    with pytest.raises(ValueError, match="finite"):
+        sampled_loop().simulate({"R": [1.0, np.nan, 1.0]})
 
 
 def test_an_actuator_that_does_less_than_it_is_told_is_believed():
@@ -257,7 +351,8 @@ def test_names_become_what_the_languages_allow(name, written):
     text = sampled.to_c(name)
     assert f"{written}_real {written}_step({written}_state *s" in text
     assert f"class {written}:" in sampled.to_python(name)
-    u = run_c(text, written, np.ones(1), np.zeros(1), np.zeros(1))[0]
+    assert sampled.to_c(written) == text
+    u = run_c(sampled, written, np.ones(1), np.zeros(1), np.zeros(1))[0]
     assert u[0] > 0
 
 
@@ -290,10 +385,28 @@ def test_the_python_class_stands_alone(tmp_path):
     assert there == "False"
 
 
-def test_c_allocates_nothing_and_includes_nothing():
+def test_c_allocates_nothing_and_includes_only_what_needs_no_library():
     text = sampled_loop(wait=0.13).to_c()
-    for word in ("#include", "malloc", "free(", "printf"):
+    for word in ("malloc", "free(", "printf"):
         assert word not in text
+    freestanding = ["stdbool", "stddef", "stdint", "float"]
+    assert re.findall(r"#include <(\w+)\.h>", text) == freestanding
+    assert text.startswith(sampled_loop(wait=0.13).to_header())
+
+
+def test_the_header_can_be_read_by_cpp_too(tmp_path):
+    (tmp_path / "a.h").write_text(sampled_loop(wait=0.13).to_header("a", "float"), encoding="utf-8")
+    call = [compiler("g++"), "-std=c++11", "-Wall", "-Wextra", "-Werror", "-fsyntax-only"]
+    subprocess.run([*call, "-x", "c++", tmp_path / "a.h"], check=True)
+
+
+@pytest.mark.parametrize("limits", [None, LIMITS])
+def test_every_branch_and_loop_of_the_c_has_braces(limits):
+    text = sampled_loop(wait=0.13).to_c(limits=limits)
+    code = re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL)
+    heads = re.findall(r"^ *(?:\} )?(?:if|for|while|else)\b.*$", code, flags=re.MULTILINE)
+    assert len(heads) > 8 and all(head.endswith("{") for head in heads)
+    assert not re.search(r"\bint\b|\bunsigned\b|\blong\b|else if", code)
 
 
 # Sections.
@@ -322,4 +435,4 @@ def test_integrators_come_last_and_say_so():
 
 def test_the_templates_are_data_of_the_package():
     found = sorted(path.name for path in files("nrdob.digital").joinpath("templates").iterdir())
-    assert found == ["controller.c.j2", "controller.py.j2"]
+    assert found == ["controller.c.j2", "controller.h.j2", "controller.py.j2"]

@@ -12,7 +12,8 @@ from scipy.signal import cont2discrete, lsim
 import nrdob
 from nrdob import paper
 from nrdob.diagram import Fraction
-from nrdob.digital import held_in_w, held_process, lifted, process_in_w
+from nrdob.digital import held_in_w, held_process, lifted, process_in_w, verdict
+from nrdob.digital.circle import CircleFunction, Product, count_outside
 from tests.campaigns import sampled as campaign
 
 s = ct.tf("s")
@@ -214,6 +215,48 @@ def test_a_dead_time_of_a_thousand_samples_is_counted():
     assert loop.sampled(0.004).stability().observer_loop.closed_loop_outside == (
         loop.stability().observer_loop.closed_loop_rhp
     )
+
+
+LATE = nrdob.delay(10.0) / (20 * s + 1)
+
+
+@pytest.mark.parametrize(("lam", "count"), [(8.0, 0), (5.0, 2)])
+@pytest.mark.parametrize("samples", [1000, 10_000, 100_000])
+def test_ten_seconds_of_dead_time_are_counted_at_any_rate_in_two_ways(samples, lam, count):
+    loop = nrdob.NRDOB(LATE, 1 / (20 * s + 1), (20 * s + 1) / (40 * s), nrdob.LowPassFilter(lam, 1))
+    found = loop.sampled(10 / samples).stability()
+    assert found.observer_loop.closed_loop_outside == count and found.stable is (count == 0)
+    assert found.ways == (verdict.TURNS, verdict.SIZES) and not found.eigenvalues.size
+    assert "states are left out" in repr(found).replace("\n ", "")
+    # In the limit the largest root is the rightmost one of continuous time.
+    rate = np.log(found.observer_loop.largest) * samples / 10
+    rightmost = loop.stability().observer_loop.rightmost
+    assert min(abs(rate - rightmost), abs(rate - rightmost.conjugate())) < 2 / samples
+
+
+@pytest.mark.parametrize("size", [0.65, 0.7, 0.9, 1.3])
+def test_an_argument_that_turns_with_the_dead_time_is_followed(size):
+    for samples in range(1, 40):  # c + z^-N: all N zeros are outside, or none
+        parts = Product((np.array([size]),)), Product((np.ones(1),), samples)
+        assert count_outside(CircleFunction(parts)).count == (samples if size < 1 else 0)
+
+
+def test_a_delayed_model_of_ten_thousand_samples_is_counted():
+    model = nrdob.delay(10.0) / (20.5 * s + 1)
+    loop = nrdob.NRDOB(LATE, model, (20 * s + 1) / (40 * s), nrdob.LowPassFilter(2.0, 1))
+    found = loop.sampled(1e-3, computation_delay=1.5e-3).stability()
+    assert found.stable and len(found.ways) == 2
+    other = nrdob.NRDOB(LATE, nrdob.delay(9.0) * model.tf, loop.controller, loop.filter)
+    found = other.sampled(1e-3).stability()
+    assert found.stable is other.stability().stable and len(found.ways) == 1
+    assert "no other second way" in found.reason
+
+
+def test_without_eigenvalues_verdicts_and_counts_are_those_of_brute_force(monkeypatch):
+    monkeypatch.setattr(verdict, "MOST_STATES", 0)
+    monkeypatch.setattr(verdict, "MOST_ALONE", 0)
+    outcomes = [campaign.outcome(case) for case in drawn()]
+    assert {each.split(",")[0] for each in outcomes} == {"stable", "not stable"}
 
 
 def test_a_model_with_an_integrator_is_built_without_it():

@@ -108,7 +108,7 @@ def score(id: str, answer: Any, group: int, points: float, seed: int) -> Points:
     """Points of an answer on cases that the student has not seen, for the hidden tests.
 
     The answer must hold on the group's own case too; a value is for that case alone. What the
-    answer prints is left out.
+    answer prints is left out, and what is said tells nothing of the cases that nobody has seen.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ def score(id: str, answer: Any, group: int, points: float, seed: int) -> Points:
         contextlib.redirect_stdout(nowhere),
         contextlib.redirect_stderr(nowhere),
     ):
-        return Points(review(problem, answer, cases), points)
+        return Points(review(problem, answer, cases, shown=1), points)
 
 
 def _problem(id: str) -> Problem:

@@ -13,6 +13,7 @@ computes from the case, in functions of the problem's module.
 
 from __future__ import annotations
 
+import builtins
 import copy
 import hashlib
 import time
@@ -50,6 +51,7 @@ __all__ = [
     "answers_like_any",
     "lacking",
     "near",
+    "read_as",
     "review",
     "rounds",
     "same",
@@ -208,6 +210,28 @@ def answers_like_any(
         recognises=lambda case, got: any(close(each, got) for each in examples(case)),
         marks=marks,
     )
+
+
+def read_as(
+    name: str,
+    says: str,
+    example: Callable[[Case], Any],
+    back: Callable[[Any], Any],
+    lacks: Callable[[Case, Any], str],
+    marks: float = 0.5,
+) -> Misconception:
+    """Make a misconception that is recognised by being right once its unit, or order, is put right.
+
+    Parameters
+    ----------
+    name, says, example, marks
+        As of a `Misconception`.
+    back : callable
+        Converts what was given to what is asked for.
+    lacks : callable
+        The problem's own judge.
+    """
+    return Misconception(name, says, example, lambda case, got: not lacks(case, back(got)), marks)
 
 
 def lacking(
@@ -426,7 +450,15 @@ HARD_CODED = (
 )
 
 
-def review(problem: Problem, answer: Any, cases: Iterable[Case]) -> Feedback:
+HIDDEN = (
+    "Right for your own case, and not for all others, which are drawn as yours was. Run the check "
+    "with the numbers of other groups, in a cell of your own, until it shows you one that fails."
+)
+
+
+def review(
+    problem: Problem, answer: Any, cases: Iterable[Case], shown: int | None = None
+) -> Feedback:
     """Judge an answer on some cases.
 
     Parameters
@@ -437,6 +469,8 @@ def review(problem: Problem, answer: Any, cases: Iterable[Case]) -> Feedback:
         A function of a case, or, where the problem asks for the student's own case, a value.
     cases : iterable
         What it is tried on; the value of an own case is tried on the first one only.
+    shown : int, optional
+        How many of them the student may see; what is said tells nothing of the others.
     """
     if answer is None or answer is Ellipsis:
         return Feedback(0.0, BLANK)
@@ -445,18 +479,19 @@ def review(problem: Problem, answer: Any, cases: Iterable[Case]) -> Feedback:
     if not callable(answer):
         return Feedback(0.0, "The answer must be a function of a case; this is a value.")
     tried: list[_Tried] = []
-    for case in cases:
+    for count, case in enumerate(cases):
+        seen = f"{case}" if shown is None or count < shown else ""
         try:
             # A copy, so that an answer which changes its case is judged on the case it was given.
             got = _quietly(answer, copy.deepcopy(case))
         except NotImplementedError:
             return Feedback(0.0, BLANK)
         except (Exception, SystemExit) as error:
-            return Feedback(0.0, _told(error, answer, case))
+            return Feedback(0.0, _told(error, answer, seen))
         if got is None or got is Ellipsis:
-            return Feedback(0.0, SOMETIMES.format(case=case) if tried else NOTHING)
+            return Feedback(0.0, SOMETIMES.format(case=seen or OTHER) if tried else NOTHING)
         tried.append(_tried(problem, case, got))
-    return _judge(problem, tried)
+    return _judge(problem, tried, shown)
 
 
 def timed(problem: Problem, answer: Any, cases: Sequence[Case], graded: int) -> Feedback:
@@ -487,23 +522,49 @@ def _quietly(function: Callable[..., Any], *arguments: Any) -> Any:
         return function(*arguments)
 
 
-def _told(error: BaseException, answer: Any, case: Case) -> str:
-    """Tell an error, and the line of the answer that it comes from."""
+OTHER = "a case that is not your own"
+
+
+def _told(error: BaseException, answer: Any, case: str) -> str:
+    """Tell an error, and the line of the answer that it comes from; no words of it for no case."""
+    name = type(error).__name__
+    if not case:  # a name, too, can be made up of what nobody is to see
+        name = f", {name}," if hasattr(builtins, name) else ""
+        return f"Your function ends with an error{name} for {OTHER}. {HIDDEN.partition('. ')[2]}"
     file = getattr(getattr(answer, "__code__", None), "co_filename", None)
     lines = [
         frame.line for frame in traceback.extract_tb(error.__traceback__) if frame.filename == file
     ]
     where = f" In the line: {lines[-1]}" if lines and lines[-1] else ""
-    return f"Your function ends with an error, {type(error).__name__}, for {case}: {error}.{where}"
+    return f"Your function ends with an error, {name}, for {case}: {error}.{where}"
 
 
 def _shown(value: Any, longest: int = 200) -> str:
-    """Write a value as text, cut where it is long."""
+    """Write a value as text, numbers to four digits, cut where it is long."""
     try:
-        text = "(a loop)" if isinstance(value, NRDOB) else str(value)
+        text = _text(value)
     except Exception:
         text = f"an object of type {type(value).__name__}"
     return text if len(text) <= longest else text[:longest] + " …"
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, NRDOB):
+        return "(a loop)"
+    if isinstance(value, LowPassFilter):
+        return f"LowPassFilter({_text(value.time_constant)}, {value.order})"
+    if isinstance(value, np.ndarray):
+        return _text(value.tolist())
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key!r}: {_text(held)}" for key, held in value.items()) + "}"
+    if isinstance(value, list | tuple):
+        inside = ", ".join(map(_text, value))
+        return f"[{inside}]" if isinstance(value, list) else f"({inside})"
+    if isinstance(value, float | complex | np.number):
+        plain = complex(value)
+        whole = plain.imag == 0 and plain.real.is_integer() and abs(plain) < 1e6
+        return f"{int(plain.real)}" if whole else f"{value:.4g}"
+    return str(value)
 
 
 @dataclass(frozen=True, eq=False)
@@ -524,7 +585,7 @@ def _tried(problem: Problem, case: Case, given: Any) -> _Tried:
     return _Tried(case, given, got, _lack(problem, case, got))
 
 
-def _judge(problem: Problem, tried: Sequence[_Tried]) -> Feedback:
+def _judge(problem: Problem, tried: Sequence[_Tried], shown: int | None = None) -> Feedback:
     failing = [each for each in tried if each.lack]
     if not failing:
         return Feedback(1.0, problem.praise)
@@ -546,8 +607,11 @@ def _judge(problem: Problem, tried: Sequence[_Tried]) -> Feedback:
         return Feedback(0.0, HARD_CODED, "hard-coded")
     worst = failing[0]
     text = f"Not yet. For {worst.case} the answer {_shown(worst.given)} fails: {worst.lack}"
+    if shown is not None and tried.index(worst) >= shown:
+        text = HIDDEN
     if earned:
-        text += f". (Right in every case: {', '.join(name for name in right if right[name])}.)"
+        text += f"{'' if text == HIDDEN else '.'} (Right in every case: "
+        text += f"{', '.join(name for name in right if right[name])}.)"
     return Feedback(earned, text)
 
 

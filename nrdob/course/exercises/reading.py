@@ -1,13 +1,16 @@
 """Read what students give: numbers, polynomials, transfer functions and filters in any dress.
 
 One reader for all problems, so that a right answer is never refused for how it is written: as a
-list or an array, ``[x]`` or ``x``, "0,173", a complex number without imaginary part, an object of
-python-control or of NumPy's polynomials. What cannot be read is refused with a word of advice.
+list, an array, a text or a dictionary, ``[x]`` or ``x``, "0,173", a complex number without
+imaginary part, an object of python-control, or a polynomial of NumPy's or SymPy's. What cannot be
+read is refused with a word of advice.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from math import nan
 from typing import Any
 
 import control as ct
@@ -21,6 +24,7 @@ __all__ = [
     "UnreadableError",
     "as_given",
     "block",
+    "coefficients",
     "lowpass",
     "number",
     "numbers",
@@ -141,7 +145,49 @@ def whole(given: Any) -> int:
     return round(value)
 
 
-def numbers(given: Any, names: str = "") -> FloatArray:
+def listed(given: Any, names: str = "") -> Any:
+    """Take a dictionary, or a text with several entries, for the list that it stands for.
+
+    Parameters
+    ----------
+    given : object
+        An answer; what is neither a dictionary nor such a text stays as it is.
+    names : str
+        The keys that a dictionary must have, in order: "low, high, angle".
+
+    Examples
+    --------
+    >>> listed({"Z": 2, "N": 1, "P": 1}, "N, P, Z"), listed("(-2, 3, 1)"), listed("0,5; 2")
+    ([1, 1, 2], ['-2', '3', '1'], ['0,5', '2'])
+    """
+    if isinstance(given, Mapping):
+        keys = {str(key).strip().casefold(): key for key in given}
+        wanted = [name.strip().casefold() for name in names.split(",")] if names else []
+        if wanted and keys.keys() == set(wanted):
+            return [given[keys[name]] for name in wanted]
+    if isinstance(given, str | bytes):
+        text = given.decode(errors="replace") if isinstance(given, bytes) else given
+        text = text.strip().strip("()[]{}").strip()
+        for separator in (";", ", ", ",", None):
+            entries = [entry.strip() for entry in text.split(separator)]
+            if len(entries) > 1 and all(map(NUMERAL.fullmatch, entries)):
+                return entries
+    return given
+
+
+NUMERAL = re.compile(r"[+\-−]?(\d+([.,]\d*)?|[.,]\d+|inf|nan)([eE][+\-−]?\d+)?j?")
+
+
+def coefficients(given: Any) -> Any:
+    """Give the coefficients of a polynomial of SymPy's, descending; leave all else as it is."""
+    if not isinstance(given, type) and hasattr(given, "as_poly") and hasattr(given, "free_symbols"):
+        poly = given.as_poly(*given.free_symbols)
+        if poly is not None and len(poly.gens) == 1:
+            return [complex(value) for value in poly.all_coeffs()]
+    return given
+
+
+def numbers(given: Any, names: str = "", gaps: bool = False) -> FloatArray:
     """Read several real numbers; as many as there are names, if there are any.
 
     Parameters
@@ -150,12 +196,15 @@ def numbers(given: Any, names: str = "") -> FloatArray:
         A list, a tuple, an array, or whatever else can be gone through in order.
     names : str
         What they are called, with commas between: "low, high, angle".
+    gaps : bool
+        Whether an entry that is no number is read as nan, because each counts by itself.
 
     Examples
     --------
-    >>> numbers((1, "2", [3.0]), "N, P, Z")
-    array([1., 2., 3.])
+    >>> numbers((1, "2", [3.0]), "N, P, Z"), numbers([1.5, None], gaps=True)
+    (array([1., 2., 3.]), array([1.5, nan]))
     """
+    given = listed(given, names)
     count = len(names.split(",")) if names else 0
     wanted = f"{count} numbers are asked for, ({names})" if names else "numbers are asked for"
     if not isinstance(given, Iterable) or isinstance(given, UNORDERED):
@@ -163,17 +212,28 @@ def numbers(given: Any, names: str = "") -> FloatArray:
     held = list(np.ravel(given) if isinstance(given, np.ndarray) else given)
     if names and len(held) != count:
         raise UnreadableError(f"{wanted}; these are {len(held)}")
-    return np.array([number(value) for value in held], dtype=float)
+    read = [_or_nan(value) for value in held] if gaps else list(map(number, held))
+    if held and gaps and np.isnan(read).all():
+        read = list(map(number, held))  # none of them can be read: say why
+    return np.array(read, dtype=float)
 
 
-def things(given: Any, wanted: str, counts: tuple[int, ...] = (2,)) -> list[Any]:
-    """Take apart what holds several things, in a list, a tuple, an array or the like.
+def _or_nan(value: Any) -> float:
+    try:
+        return number(value)
+    except UnreadableError:
+        return nan
+
+
+def things(given: Any, wanted: str, counts: tuple[int, ...] = (2,), names: str = "") -> list[Any]:
+    """Take apart what holds several things, in a list, a tuple, a dictionary or the like.
 
     Examples
     --------
     >>> things(np.array([2, 0.03]), "two things are asked for")
     [2.0, 0.03]
     """
+    given = listed(given, names)
     if isinstance(given, Iterable) and not isinstance(given, UNORDERED):
         held = given.tolist() if isinstance(given, np.ndarray) else list(given)
         if isinstance(held, list) and len(held) in counts:
@@ -189,6 +249,7 @@ def polynomial(given: Any) -> FloatArray:
     >>> polynomial(np.poly1d([1, 3])), polynomial(np.polynomial.Polynomial([3, 1]))
     (array([1., 3.]), array([1., 3.]))
     """
+    given = listed(coefficients(given))
     if isinstance(given, np.poly1d):
         given = given.coeffs
     elif isinstance(given, np.polynomial.Polynomial):

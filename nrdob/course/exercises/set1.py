@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial, reduce
-from math import log, nan
+from math import log, log10, nan, pi
 from typing import Any
 
 import control as ct
@@ -16,7 +16,17 @@ from ...loop import NRDOB
 from ...numerics import ComplexArray, FloatArray
 from ...plotting import SHORT, Figure, axes_for, colour_of, styled
 from .cases import LoopCase, apart, draw, few, first_fitting
-from .problems import FOUR_DIGITS, Misconception, Problem, answers_like, near, rounds
+from .problems import (
+    FOUR_DIGITS,
+    Lack,
+    Misconception,
+    Problem,
+    answers_like,
+    lacking,
+    near,
+    read_as,
+    rounds,
+)
 from .reading import UnreadableError, block, lowpass, number, numbers, polynomial, things
 
 __all__ = ["INPUTS", "PROBLEMS", "PolynomialCase", "SettledCase", "TwinCase", "WishCase"]
@@ -296,6 +306,12 @@ def _without_shared(case: PolynomialCase) -> FloatArray:
     return np.asarray(np.polydiv(_p_B(case), shared)[0])
 
 
+def _of_sign(case: PolynomialCase, sign: float) -> FloatArray:
+    """Give p_B with this sign before its second term."""
+    first = _product(case.D, case.Nm, np.polysub(_lags(case), [1.0]))
+    return np.polyadd(first, sign * _product(case.N, case.Dm))
+
+
 POLYNOMIAL = Problem(
     id="1.3",
     title="The polynomial of the observer",
@@ -344,6 +360,22 @@ POLYNOMIAL = Problem(
                 _product(case.D, case.Nm),
             ),
             0.25,
+        ),
+        _polynomial_like(
+            "minus between the two terms",
+            "Both terms are right, and a minus stands between them. 1 + F (G/Gm - 1) over one "
+            "denominator is D Nm (Df - Nf) + N Dm Nf: the minus is inside the bracket only.",
+            lambda case: _of_sign(case, -1.0),
+            0.5,
+        ),
+        read_as(
+            "ascending powers",
+            "The coefficients are right, in ascending powers of s. Asked for are descending ones, "
+            "as np.polymul and np.roots have them: turn the list round.",
+            lambda case: _p_B(case)[::-1],
+            lambda p: p[::-1],
+            _polynomial_lacks,
+            0.75,
         ),
     ),
 )
@@ -405,7 +437,13 @@ def draw_sensitivity(rng: np.random.Generator) -> tuple[SensitivityCase, NRDOB]:
 def _sensitivity_case(rng: np.random.Generator) -> SensitivityCase:
     def fits(drawn: tuple[SensitivityCase, NRDOB]) -> bool:
         case, loop = drawn
-        return apart(*gain_readings(case).values(), by=0.3) and loop.stability().stable is True
+        found = gain_readings(case)
+        units = [found.pop(unit) for unit in ("hertz", "decibels")]
+        return (
+            apart(*found.values(), by=0.3)
+            and all(apart(unit, other, by=0.13) for unit in units for other in found.values())
+            and loop.stability().stable is True
+        )
 
     return first_fitting(lambda: draw_sensitivity(rng), fits)[0]
 
@@ -421,6 +459,8 @@ def gain_readings(case: SensitivityCase) -> dict[str, float]:
         "inverse": gain / ratio,
         "order": gain * ratio / case.order,
         "ratio": ratio,
+        "hertz": gain * ratio / (2 * pi),
+        "decibels": 20 * log10(gain * ratio),
     }
 
 
@@ -481,6 +521,22 @@ READING = Problem(
             lambda case: gain_readings(case)["ratio"],
             0.75,
         ),
+        _misread(
+            "hertz for rad/s",
+            "You are off by 2π: the slope nλ belongs to ω in rad/s, and so does the axis of the "
+            "figure. Leave the frequency as it is.",
+            lambda case: gain_readings(case)["hertz"],
+            0.5,
+        ),
+        read_as(
+            "decibels",
+            "This is the plant's gain in decibels, 20 lg G(0). Asked for is the gain itself, as a "
+            "factor: 10^(dB/20).",
+            lambda case: gain_readings(case)["decibels"],
+            lambda got: 10 ** (got / 20),
+            _gain_lacks,
+            0.75,
+        ),
     ),
     own=True,
 )
@@ -514,7 +570,8 @@ Twin = tuple[float, ct.TransferFunction]
 
 def _twin(given: Any) -> Twin:
     """Read c and F', given as (c, num, den) or as (c, F')."""
-    factor, *rest = things(given, "three things are asked for, (c, num, den)", (2, 3))
+    wanted = "three things are asked for, (c, num, den)"
+    factor, *rest = things(given, wanted, (2, 3), names="c, num, den")
     return number(factor), block(rest[0] if len(rest) == 1 else tuple(rest))
 
 
@@ -538,24 +595,29 @@ def _twin_lacks(case: TwinCase, got: Twin) -> str:
         filter = filter * float(1 / filter(0).real)
     if abs(factor - 1) < LEAST:
         return "c is 1: give a model that differs from the given one by a hundredth or more"
+    share = _stronger(case, got)
+    worst = int(np.argmax(np.abs(share - 1)))
+    same = abs(share[worst] - 1) <= SAME_K
     try:
         twin = NRDOB(case.loop.process, factor * case.loop.model, case.loop.controller, filter)
     except (TypeError, ValueError) as error:
-        return f"this filter cannot be used: {error}"
-    share = _stronger(case, got)
-    worst = int(np.argmax(np.abs(share - 1)))
-    if abs(share[worst] - 1) > SAME_K:
-        return (
-            f"the feedback K is not the same: at s = {POINTS[worst]:g} it is "
-            f"{abs(share[worst]):.3g} times it"
-        )
+        return Lack("unusable" if same else "filter", f"this filter cannot be used: {error}")
+    if not same:
+        words = f"at s = {POINTS[worst]:g} it is {abs(share[worst]):.3g} times it"
+        return Lack("K", f"the feedback K is not the same: {words}")
     if twin.stability().observer_loop.stable is not True:
         return "K is the same, but p_B of the new loop is not stable"
     return ""
 
 
 def _nearly_a_twin(case: TwinCase, got: Twin) -> bool:
-    """Tell whether K is nearly the same, far nearer than the change of the model accounts for."""
+    """Tell whether K is nearly the same, far nearer than the change of the model accounts for.
+
+    Nothing else may be wrong: a filter that is unstable is no right one with fewer digits.
+    """
+    lack = _twin_lacks(case, got)
+    if not isinstance(lack, Lack) or lack.kind != "K":
+        return False
     off = float(np.abs(_stronger(case, got) - 1).max())
     return abs(got[0] - 1) >= LEAST and off < min(0.1, 0.3 * abs(got[0] - 1))
 
@@ -622,6 +684,15 @@ TWIN = Problem(
             "1/(λs + 1)^n: solve F'/((1 - F') c Gm) = K for F'.",
             example=lambda case: (2.0, [1.0], _den(case, 2.0)),
             recognises=_same_integral_gain,
+            marks=0.25,
+        ),
+        lacking(
+            "unusable",
+            "a filter that is unstable",
+            "K is the same, but F' is unstable, so this observer cannot be built. A negative c "
+            "does that for every order, a large one from order 3 on. Look at the roots of "
+            "(λs + 1)^n + c - 1, and choose a c for which all are on the left.",
+            example=lambda case: (-2.0, [-2.0], np.polyadd(case.loop.filter.den, [-3.0])),
             marks=0.25,
         ),
     ),

@@ -339,7 +339,7 @@ READING = Problem(
     id="2.3",
     title="Read a plot",
     case=_plot_case,
-    reads=partial(numbers, names="N, P, Z"),
+    reads=partial(numbers, names="N, P, Z", gaps=True),
     lacks=_plot_lacks,
     parts=lambda case, got: dict(
         zip("NPZ", (same(*each) for each in zip(_reading(case), got, strict=True)), strict=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
-from math import asin, degrees, inf, log, pi, radians, sin, sqrt
+from math import asin, degrees, inf, log, log10, nan, pi, radians, sin, sqrt
 from typing import Any
 
 import control as ct
@@ -18,7 +18,17 @@ from ...numerics import ComplexArray, FloatArray
 from ...plants import antiresonance, resonance
 from ...plotting import SHORT, Figure, axes_for, colour_of, styled
 from .cases import LoopCase, apart, draw, few, first_fitting, kept
-from .problems import Lack, Misconception, Problem, answers_like, lacking, near, rounds, same
+from .problems import (
+    Lack,
+    Misconception,
+    Problem,
+    answers_like,
+    lacking,
+    near,
+    read_as,
+    rounds,
+    same,
+)
 from .reading import lowpass, number, numbers
 
 __all__ = [
@@ -67,8 +77,8 @@ def _distances(case: PeakCase, got: FloatArray) -> dict[str, tuple[str, float]]:
     """Tell for each of the three numbers which point it moves to -1, and how far that is."""
     low, high, angle = map(float, got)
     return {
-        "high": (f"upper gain: the point -1/{high:.4g}", 1 - 1 / high),
-        "low": (f"lower gain: the point -1/{low:.4g}", 1 / low - 1),
+        "high": (f"upper gain: the point -1/{high:.4g}", 1 - 1 / high if high else nan),
+        "low": (f"lower gain: the point -1/{low:.4g}", 1 / low - 1 if low else nan),
         "angle": (
             f"angle: the point of the unit circle that is {angle:.4g}° from -1",
             2 * sin(radians(angle) / 2) if 0 < angle < 180 else -1.0,
@@ -97,11 +107,22 @@ def _promise_lacks(case: PeakCase, got: FloatArray) -> str:
     return ""
 
 
+def _in_decibels(case: PeakCase) -> tuple[float, float, float]:
+    low, high, angle = promised_margins(case)
+    return 20 * log10(low), 20 * log10(high), angle
+
+
+def _as_factors(got: FloatArray) -> FloatArray:
+    """Take two gains in decibels, the lower one with its sign or without."""
+    low, high, angle = map(float, got)
+    return np.array([10 ** (-abs(low) / 20), 10 ** (high / 20), angle])
+
+
 PROMISE = Problem(
     id="3.1",
     title="What M_s promises",
     case=lambda rng: PeakCase(round(float(rng.uniform(1.2, 1.9)), 2)),
-    reads=partial(numbers, names="low, high, angle"),
+    reads=partial(numbers, names="low, high, angle", gaps=True),
     lacks=_promise_lacks,
     parts=_kept_promises,
     rounded=lambda case, got: rounds(promised_margins(case), got),
@@ -146,6 +167,24 @@ PROMISE = Problem(
             "The gains are right. The angle belongs to a chord of the unit circle, from -1 to the "
             "curve: a chord of length c spans the angle 2 arcsin(c/2), not arcsin(c).",
             lambda case: (*promised_margins(case)[:2], degrees(asin(1 / case.ms))),
+            0.75,
+        ),
+        read_as(
+            "gains in decibels",
+            "The angle is right, and so are the gains, in decibels. Asked for are plain factors, "
+            "below 1 and above: 10^(dB/20).",
+            _in_decibels,
+            _as_factors,
+            _promise_lacks,
+            0.75,
+        ),
+        read_as(
+            "low and high exchanged",
+            "All three are right, and the first two have changed places: the lower gain, below 1, "
+            "comes first.",
+            lambda case: (*promised_margins(case)[1::-1], promised_margins(case)[2]),
+            lambda got: got[[1, 0, 2]],
+            _promise_lacks,
             0.75,
         ),
     ),
@@ -351,6 +390,14 @@ DELAY_MARGIN = Problem(
             lambda case: delay_readings(case)["either way"],
             0.25,
         ),
+        read_as(
+            "milliseconds",
+            "Right, in milliseconds. Frequencies are in rad/s here, and dead times in seconds.",
+            lambda case: 1000 * delay_readings(case)["right"],
+            lambda got: got / 1000,
+            _delay_lacks,
+            0.75,
+        ),
     ),
 )
 
@@ -482,6 +529,15 @@ NOISE_MAP = Problem(
             lambda case: noise_readings(case)["bandwidth"],
             0.25,
         ),
+        read_as(
+            "hertz for rad/s",
+            "This is the frequency in hertz. The axis of the figure is in rad/s, and so is what is "
+            "asked for: 2π times as much.",
+            lambda case: noise_readings(case)["right"] / (2 * pi),
+            lambda got: 2 * pi * got,
+            _noise_lacks,
+            0.75,
+        ),
     ),
     own=True,
 )
@@ -541,8 +597,12 @@ def _gain_lacks(case: GainCase, k: float) -> str:
 
 
 def _decibels(case: GainCase, k: float) -> bool:
+    """Tell whether a gain is right in decibels, or one of the two margins in them."""
     found = _margins(case)
-    return any(abs(k / m.gm_db - 1) < 1e-2 for m in (found.observer_loop, found.plant_loop))
+    margins = (found.observer_loop, found.plant_loop)
+    return any(abs(k / m.gm_db - 1) < 1e-2 for m in margins) or (
+        0 < k < 100 and not _gain_lacks(case, 10 ** (k / 20))
+    )
 
 
 GAIN = Problem(
@@ -558,10 +618,11 @@ GAIN = Problem(
     misconceptions=(
         Misconception(
             "decibels taken for a factor",
-            "This is a margin in decibels. The plant's gain is a plain factor: 10^(dB/20).",
+            "This looks like decibels. The plant's gain is a plain factor: 10^(dB/20). As a factor "
+            "your number is another gain altogether.",
             example=lambda case: _margins(case).observer_loop.gm_db,
             recognises=_decibels,
-            marks=0.25,
+            marks=0.5,
         ),
         Misconception(
             "margin of FH taken for the plant's",

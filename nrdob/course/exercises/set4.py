@@ -45,7 +45,16 @@ from .cases import (
     kept,
     observer_stable,
 )
-from .problems import Misconception, Problem, answers_like, answers_like_any, near, rounds, same
+from .problems import (
+    Misconception,
+    Problem,
+    answers_like,
+    answers_like_any,
+    near,
+    read_as,
+    rounds,
+    same,
+)
 from .reading import block, lowpass, number, numbers, things, whole
 
 __all__ = ["PROBLEMS"]
@@ -167,7 +176,7 @@ CARD = Problem(
     id="4.1",
     title="Four errors, four numbers",
     case=_card_case,
-    reads=partial(numbers, names=", ".join(ERRORS)),
+    reads=partial(numbers, names=", ".join(ERRORS), gaps=True),
     lacks=_on_the_edge,
     parts=lambda case, got: {name: not how for name, how in _off(case, got).items()},
     rounded=lambda case, got: rounds(_edges(case), got),
@@ -211,6 +220,15 @@ CARD = Problem(
             "all; take n from the case.",
             lambda case: _edges(replace(case, order=5 - case.order)),
             0.5,
+        ),
+        read_as(
+            "milliseconds",
+            "All four are right, in milliseconds. The case gives seconds, and λ is asked for in "
+            "seconds, too.",
+            lambda case: [1000 * edge for edge in _edges(case)],
+            lambda got: got / 1000,
+            _on_the_edge,
+            0.75,
         ),
     ),
 )
@@ -876,22 +894,25 @@ BETTER = Problem(
     reads=block,
     lacks=_beats,
     praise=(
-        "Within all limits, where no filter 1/(λs + 1)^n can be: with equal lags the product of "
-        "noise and error is too large, whatever λ. The bound 1/4 is still below you."
+        "Within all limits, where no filter 1/(λs + 1)^n with F/model causal can be: with so many "
+        "equal lags the product of noise and error is too large, whatever λ. The bound 1/4 is "
+        "still below you."
     ),
     misconceptions=(
         Misconception(
             "too few poles",
-            "Noise and error like this filter, but F/model would have more zeros than poles: it "
-            "cannot be built. F needs at least the relative degree of the model.",
+            "With so few poles the limits are easily met, even by equal lags, but F/model would "
+            "have more zeros than poles: it cannot be built. F needs at least the relative degree "
+            "of the model.",
             lambda case: _scaled(case, [1.0]),
             lambda case, got: not _price(case, got).causal,
             marks=0.25,
         ),
         Misconception(
             "equal lags",
-            "With equal lags noise times error is the same number for every λ, and it is larger "
-            "than what is allowed here. Trading λ gains nothing; spread the poles.",
+            "With equal lags noise times error is the same number for every λ; it grows with n, "
+            "and from the relative degree of the model on it is larger than what is allowed here. "
+            "Trading λ gains nothing; spread the poles.",
             lambda case: _scaled(case, [1.0] * _order(case)),
             lambda case, got: _equal(_price(case, got)),
             marks=0.25,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
-from math import inf, isinf, isnan, nan, sqrt
+from math import inf, isinf, isnan, log10, nan, sqrt
 from typing import Any
 
 import control as ct
@@ -44,6 +44,7 @@ from .problems import (
     answers_like_any,
     lacking,
     near,
+    read_as,
     same,
 )
 from .reading import number, numbers, things
@@ -832,7 +833,7 @@ BENCH = Problem(
     id="6.5",
     title="The test bench",
     case=_bench_case,
-    reads=numbers,
+    reads=partial(numbers, gaps=True),
     lacks=_benched,
     parts=_by_filter,
     praise=(
@@ -842,12 +843,24 @@ BENCH = Problem(
     misconceptions=(
         Misconception(
             "nan reported",
-            "There is a nan in your answer. An unstable loop has no margins, so its Ms is nan, and "
-            "what max makes of nan depends on where it stands. Ask for the verdict first, and "
-            "report inf where a plant is lost.",
+            "There is a nan, or no number at all, where a plant is lost. An unstable loop has no "
+            "margins, so its Ms is nan, and what max makes of nan depends on where it stands. Ask "
+            "for the verdict first, and report inf where a plant is lost.",
             lambda case: _largest(_peaks(case), nan),
-            lambda case, got: bool(np.isnan(np.asarray(got, dtype=float)).any()),
+            lambda case, got: (
+                got.size == len(case.filters)
+                and bool(np.isnan(got).any())
+                and not _benched(case, np.where(np.isnan(got), inf, got))
+            ),
             marks=0.5,
+        ),
+        read_as(
+            "decibels",
+            "Right, in decibels. Ms is asked for as a plain factor: 10^(dB/20).",
+            lambda case: [20 * log10(value) for value in _worst(case)],
+            lambda got: 10 ** (got / 20),
+            _benched,
+            0.75,
         ),
         _bench_like(
             "lost plants left out",

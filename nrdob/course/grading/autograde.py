@@ -11,13 +11,10 @@ from __future__ import annotations
 import json
 import os
 import shutil
-import signal
 import sys
 import tempfile
 import time
 import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
 from math import ceil
 from pathlib import Path
 from typing import Any
@@ -35,15 +32,17 @@ from traitlets.config.loader import PyFileConfigLoader
 from .. import exercises
 from . import plain, wall
 from .batch import end
+from .disk import MOST_BYTES, MOST_FILES, watched
 from .feedback import offline
-from .judge import HiddenTest, Stopped, hidden_test, judge
+from .handout import handout, own_cases
+from .judge import HiddenTest, Stopped, hidden_test, judge_apart
+from .submissions import group_of
 
 __all__ = [
     "SETTINGS",
     "PatientExecute",
     "course",
     "is_test",
-    "keep_points",
     "main",
     "write_feedback",
 ]
@@ -84,7 +83,8 @@ GROUPS: list[Any] = []
 class PatientExecute(Execute):  # type: ignore[misc]
     """Run the cells as nbgrader does, and survive those that end the kernel or flood it.
 
-    The kernel stands behind a wall, and what is graded is judged here, see `judge`. A cell that
+    The kernel stands behind a wall, and what is graded is judged here, see `judge`. What was judged
+    stays here until the last cell has run: nothing that a kernel sends reaches it. A cell that
     ends its kernel, or that cannot be interrupted, is left out, with an error in its place, and
     the notebook run again. So each such cell costs its own problem only. A kernel that does not
     start, for its ports were taken meanwhile, is no student's fault: another one is started.
@@ -93,18 +93,26 @@ class PatientExecute(Execute):  # type: ignore[misc]
     most_output = 300_000  # letters of one cell, of every kind together
     most_deaths = 10
     most_starts = 3
+    most_groups = 3
 
     def preprocess(self, nb: Any, resources: Any = None, km: Any = None) -> tuple[Any, Any]:
         """Execute the notebook, and again without a cell that ends the kernel."""
         self.left_out: dict[int, str] = {}
+        tests = {k: hidden_test(cell.source) for k, cell in enumerate(nb.cells) if is_test(cell)}
+        self.problems = [test.problem for test in tests.values() if test]
         not_started = 0
         while True:
             self.at = -1
+            self.verdicts: dict[int, Any] = {}
+            self.groups = [group_of(nb.cells)[0]]
             GROUPS.clear()
             try:
                 with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as desk:
                     self.desk = lay_out(Path(desk), Path(resources["metadata"]["path"]))
-                    nb, resources = super().preprocess(nb, resources, km)
+                    given = json.dumps(handout(self.problems, self.groups[0]))
+                    (self.desk / plain.HANDOUT).write_text(given, "utf-8")
+                    with watched(self.desk, self.kernel) as full:
+                        nb, resources = super().preprocess(nb, resources, km)
                 break
             except Exception as error:
                 if self.at < 0:
@@ -115,12 +123,16 @@ class PatientExecute(Execute):  # type: ignore[misc]
                 if len(self.left_out) == self.most_deaths:
                     raise
                 why = next((why for kind, why in WHY.items() if isinstance(error, kind)), BROKE)
+                why = TOO_FULL if full.is_set() else why
                 self.left_out[self.at] = why
                 REMARKS.append(f"{name_of(nb.cells[self.at])} was left out: {why}")
-        for cell in nb.cells:
-            if is_test(cell):
-                keep_points(cell)
+        for index in tests:
+            nb.cells[index].outputs = [self.verdicts.get(index, NO_VERDICT)]
         return nb, resources
+
+    def kernel(self) -> int | None:
+        """Give the process of the kernel, if there is one."""
+        return getattr(getattr(self.km, "provisioner", None), "pid", None)
 
     def create_kernel_manager(self) -> Any:
         """Make the manager of a kernel that starts behind the wall."""
@@ -144,20 +156,38 @@ class PatientExecute(Execute):  # type: ignore[misc]
         """Execute one cell, or judge what it tests."""
         self.at, self.size = index, 0
         if index in self.left_out:
-            cell.outputs = [failure("CellLeftOut", self.left_out[index])]
+            self.verdicts[index] = failure("CellLeftOut", self.left_out[index])
+            cell.outputs = [self.verdicts[index]]
             return cell, resources
-        test = hidden_test(cell.source) if is_test(cell) else None
-        if test:
-            cell.outputs = self.judged(test, cell, index)
+        if is_test(cell):
+            cell.outputs = []
+            if test := hidden_test(cell.source):
+                self.verdicts[index] = self.judged(test, cell, index)
             return cell, resources
-        with temp_attrs(self, error_on_timeout=slow(self.timeout)):
-            cell, resources = super().preprocess_cell(cell, resources, index)
+        self.run_cell(cell, resources, index)
+        errors = [out for out in cell.get("outputs", []) if out.output_type == "error"]
+        wanted = [out.evalue[:50] for out in errors if out.ename == "AnotherGroupError"]
+        if wanted and len(self.groups) < self.most_groups:
+            self.groups.append(wanted[0])
+            cases = own_cases(self.problems, wanted[0])
+            add = f"__import__({exercises.__name__!r}, fromlist=['add']).add"
+            self.execute_cell(new_code_cell(f"{add}({wanted[0]!r}, {cases!r})"), index)
+            self.run_cell(cell, resources, index)
         if any(out.get("ename") == TOO_SLOW for out in cell.get("outputs", [])):
             REMARKS.append(f"{name_of(cell)} {too_slow(self.timeout)}")
         return cell, resources
 
-    def judged(self, test: HiddenTest, cell: Any, index: int) -> list[Any]:
-        """Judge what a cell tests; its points, or what went wrong, as its outputs."""
+    def run_cell(self, cell: Any, resources: Any, index: int) -> None:
+        """Execute one cell; what it put out stays, if it has the form of an output."""
+        self.size = 0
+        with temp_attrs(self, error_on_timeout=slow(self.timeout)):
+            super().preprocess_cell(cell, resources, index)
+        self.nb.cells[index] = cell
+        if cell.cell_type == "code":
+            cell.outputs = [output for output in cell.outputs if is_sound(output)]
+
+    def judged(self, test: HiddenTest, cell: Any, index: int) -> Any:
+        """Judge what a cell tests; its points, or what went wrong, as an output."""
         budget = self.timeout * allowed(test.problem)
         # The machine that grades may be busier than the student's: the clock is generous.
         end = time.monotonic() + PATIENCE * budget
@@ -165,6 +195,7 @@ class PatientExecute(Execute):  # type: ignore[misc]
         def ask(source: str) -> str:
             left = max(1, ceil(end - time.monotonic()))
             asked = new_code_cell(source)
+            self.size = 0
             try:
                 with temp_attrs(self, timeout=left, error_on_timeout=slow(budget)):
                     self.execute_cell(asked, index, store_history=False)
@@ -172,42 +203,46 @@ class PatientExecute(Execute):  # type: ignore[misc]
                 raise Stopped(error) from error
             finally:
                 self.nb.cells[index] = cell
-            for out in asked.outputs:
+            outputs = list(filter(is_sound, asked.outputs))
+            for out in outputs:
                 if out.output_type == "display_data" and plain.MIME in out.data:
                     return str(out.data[plain.MIME])
-            errors = [out for out in asked.outputs if out.output_type == "error"]
+            errors = [out for out in outputs if out.output_type == "error"]
             # An interrupt has an error of its own, before ours.
             raise Stopped(max(errors, key=lambda out: bool(out.ename == TOO_SLOW), default=None))
 
         try:
-            with patience(PATIENCE * budget):
-                points, group = judge(test, ask)
+            points, group = judge_apart(test, ask, 1.5 * PATIENCE * budget)
         except Stopped as stopped:
             [why] = stopped.args
             if isinstance(why, Exception):
                 raise why from None
             if why is None:
-                return [failure("NoAnswer", "the answer was not told")]
+                return failure("NoAnswer", "the answer was not told")
             if why.ename != TOO_SLOW:
-                return [why]
-        except Exception as error:  # whatever was sent in the place of an answer
-            return [failure("Unreadable", f"{type(error).__name__}: {error}"[:300])]
+                return failure(why.ename, why.evalue)
+        except TimeoutError:
+            pass
+        except Exception as error:
+            return failure("Unreadable", str(error)[:300])
         else:
             GROUPS.append(group)
             data = {"text/plain": repr(points), "text/html": points._repr_html_()}
-            return [new_output("execute_result", data=data)]
+            return new_output("execute_result", data=data)
         REMARKS.append(f"{name_of(cell)} {too_slow(budget)}")
-        return [failure(TOO_SLOW, too_slow(budget))]
+        return failure(TOO_SLOW, too_slow(budget))
 
     def process_message(self, msg: Any, cell: Any, cell_index: int) -> Any:
-        """Take what the kernel says, unless the cell has said enough."""
-        content = msg["content"]
+        """Take what the kernel says, unless it is of another cell, or the cell has said enough."""
+        kind, content = msg["msg_type"], msg["content"]
+        if kind not in SAID:
+            return super().process_message(msg, cell, cell_index) if kind in STATE else None
+        content.pop("transient", None)  # a display with an id changes other cells
         most = plain.LONGEST + 1000 if plain.MIME in content.get("data", ()) else self.most_output
-        if msg["msg_type"] in SAID:
-            self.size += len(str(content))
-            if self.size > most:
-                self.flooded(cell)
-                return None
+        self.size += len(str(content))
+        if self.size > most:
+            self.flooded(cell)
+            return None
         return super().process_message(msg, cell, cell_index)
 
     def flooded(self, cell: Any) -> None:
@@ -223,8 +258,11 @@ WHY = {
 }
 BROKE = "it broke the kernel"
 
-SAID = {"stream", "display_data", "execute_result", "update_display_data", "error", "comm_open"}
-SAID |= {"comm_msg"}
+TOO_FULL = f"it wrote more than {MOST_BYTES >> 20} MB, or {MOST_FILES} files"
+
+STATE = {"status", "clear_output"}
+SAID = {"stream", "display_data", "execute_result", "error"}
+"""Kinds of messages that count; what changes outputs of other cells is none of them."""
 
 TOO_SLOW = "TooSlow"
 
@@ -247,25 +285,6 @@ def slow(seconds: float) -> dict[str, Any]:
     """Make what nbclient is to reply for a cell that took too long."""
     text = too_slow(seconds)
     return {"ename": TOO_SLOW, "evalue": text, "traceback": [text]}
-
-
-@contextmanager
-def patience(seconds: float) -> Iterator[None]:
-    """Stop the judging, too, of an answer that was made to keep it busy."""
-    if not hasattr(signal, "setitimer"):  # Windows: the limit of the whole submission is left
-        yield
-        return
-
-    def stop(number: int, frame: Any) -> None:
-        raise Stopped(failure(TOO_SLOW, too_slow(seconds / PATIENCE)))
-
-    before = signal.signal(signal.SIGALRM, stop)
-    signal.setitimer(signal.ITIMER_REAL, 1.5 * seconds)
-    try:
-        yield
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
-        signal.signal(signal.SIGALRM, before)
 
 
 def lay_out(desk: Path, folder: Path) -> Path:
@@ -311,31 +330,29 @@ def failure(name: str, text: str) -> Any:
     return new_output("error", ename=name, evalue=text, traceback=[f"{name}: {text}"])
 
 
-def keep_points(cell: Any) -> None:
-    """Leave in a test cell what nbgrader reads as points, or an error if it gave none.
-
-    nbgrader takes the first result, whatever it is, and gives full points if there is none; text
-    on stderr, a mere warning, costs all of them.
-    """
-    for out in cell.outputs:
-        if out.output_type == "error":  # its lines would show the hidden tests
-            out.traceback = [f"{out.ename}: {out.evalue}"]
-    if any(out.output_type == "error" for out in cell.outputs):
-        return
-    most = float(cell.metadata.nbgrader["points"])
-    points = [out for out in cell.outputs if out.output_type == "execute_result" and _is(out, most)]
-    if not points:
-        cell.outputs.append(failure("NoPoints", "the test did not come to its end"))
-        return
-    shown = [out for out in cell.outputs if out.output_type == "display_data"]
-    cell.outputs = [*shown, points[-1]]
+NO_VERDICT = failure("NoPoints", "the test did not come to its end")
 
 
-def _is(output: Any, most: float) -> bool:
-    try:
-        return 0 <= float(output.data["text/plain"]) <= most
-    except (KeyError, ValueError):
-        return False
+def is_sound(output: Any) -> bool:
+    """Tell whether an output has the form that the notebook's format asks for."""
+    data, lines = output.get("data"), output.get("traceback")
+    match output.get("output_type"):
+        case "stream":
+            parts = [output.get("name"), output.get("text")]
+        case "error" if isinstance(lines, list):
+            parts = [output.get("ename"), output.get("evalue"), *lines]
+        case "display_data" | "execute_result" if isinstance(data, dict):
+            texts = [text for kind, text in data.items() if "json" not in kind]
+            return isinstance(output.get("metadata"), dict) and all(map(is_text, texts))
+        case _:
+            return False
+    return all(isinstance(part, str) for part in parts)
+
+
+def is_text(value: Any) -> bool:
+    """Tell whether a value is a text, or lines of one."""
+    lines = value if isinstance(value, list) else [value]
+    return all(isinstance(line, str) for line in lines)
 
 
 def grade(root: Path, student: str, set_name: str) -> dict[str, Any]:

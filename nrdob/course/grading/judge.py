@@ -10,14 +10,19 @@ from __future__ import annotations
 
 import ast
 import json
+import multiprocessing
+import os
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from multiprocessing.connection import Connection
 from typing import Any
 
 from ..exercises import Points, score
+from . import wall
 from .plain import decode, packed
 
-__all__ = ["Ask", "HiddenTest", "Stopped", "hidden_test", "judge"]
+__all__ = ["Ask", "HiddenTest", "Stopped", "hidden_test", "judge", "judge_apart"]
 
 Ask = Callable[[str], Any]
 """Runs an expression where the student's code runs, and gives back the text that it told."""
@@ -72,9 +77,65 @@ class Remote:
 def judge(test: HiddenTest, ask: Ask) -> tuple[Points, Any]:
     """Give the points of an answer, and the group that it was given for."""
     group = _value(ask(asking(test.group)))
+    if not isinstance(group, int | float):
+        group = str(group)[:50]
     told = json.loads(ask(asking(test.answer)))
     answer = Remote(test.answer, ask) if "function" in told else decode(told["value"])
     return score(test.problem, answer, group, **test.settings), group
+
+
+def judge_apart(test: HiddenTest, ask: Ask, seconds: float) -> tuple[Points, Any]:
+    """Judge in a process of its own, which may take so long and not more memory than it needs.
+
+    Where no process can be copied, on Windows, it is done in this one, without these limits.
+
+    Raises
+    ------
+    TimeoutError
+        If it took longer.
+    MemoryError
+        If the process ended without a verdict.
+    """
+    if not hasattr(os, "fork"):
+        return judge(test, ask)
+    end = time.monotonic() + seconds
+    context = multiprocessing.get_context("fork")
+    here, there = context.Pipe()
+    process = context.Process(target=_judge_there, args=(test, there), daemon=True)
+    process.start()
+    there.close()
+    try:
+        while here.poll(max(0.0, end - time.monotonic())):
+            kind, what = here.recv()
+            if kind == "ask":
+                here.send(ask(what))
+            elif kind == "error":
+                raise what
+            else:
+                feedback, most, group = what
+                return Points(feedback, most), group
+        raise TimeoutError
+    except EOFError:
+        raise MemoryError("judging it takes too much memory") from None
+    finally:
+        process.kill()
+        process.join()
+        here.close()
+
+
+def _judge_there(test: HiddenTest, pipe: Connection) -> None:
+    """Judge what the other end of the pipe asks the student's code for."""
+    wall.limit()
+
+    def ask(source: str) -> Any:
+        pipe.send(("ask", source))
+        return pipe.recv()
+
+    try:
+        points, group = judge(test, ask)
+        pipe.send(("points", (points.feedback, points.most, group)))
+    except Exception as error:  # whatever was sent in the place of an answer
+        pipe.send(("error", ValueError(f"{type(error).__name__}: {error}"[:300])))
 
 
 def asking(expression: str, case: str = "") -> str:

@@ -1,4 +1,4 @@
-"""Points in tables: from nbgrader's gradebook to CSV files, and from ``written.csv`` back.
+"""Points in tables: from nbgrader's gradebook to CSV files.
 
 ``grades.csv`` has a line for each student and set, ``course.csv`` one for each student; Moodle and
 Canvas import ``moodle_set1.csv`` and ``canvas.csv``. What the gradebook does not know (remarks, the
@@ -10,41 +10,41 @@ from __future__ import annotations
 import csv
 import json
 import re
+import secrets
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import Any
-from urllib.parse import quote
 
-import nbformat
 from nbgrader.api import Gradebook, MissingEntry
 
 from .batch import Outcome
 from .feedback import with_note
+from .platforms import pack
 from .roster import Course
 from .submissions import NOTHING, Submission
 
 __all__ = [
-    "WRITTEN",
+    "Record",
     "Records",
     "enter",
     "grades_of",
+    "harmless",
     "lines",
     "number",
+    "pack_feedback",
+    "page_of",
     "problem_of",
-    "read_written",
     "tell_late",
     "unmarked",
     "write_course",
     "write_grades",
     "write_platforms",
     "write_table",
-    "write_written",
 ]
 
 GRADED_CELL = re.compile(r"(?:check|written)-(\d+)-(\w+)")
-WRITTEN = ("student", "set", "problem", "of", "points", "comment", "answer", "feedback")
 FORMULA = re.compile(r"\s*[=+@|-](?![\d.,\s]*$)|[\t\r]")
 """What a spreadsheet would compute, where a student has written it."""
 
@@ -78,7 +78,12 @@ class Records:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.entries: list[Record] = json.loads(path.read_text("utf-8")) if path.exists() else []
+        self.entries: list[Record] = []
+        if path.exists():
+            try:
+                self.entries = json.loads(path.read_text("utf-8"))
+            except ValueError as error:
+                raise ValueError(f"{path.name} cannot be read: {error}") from None
 
     def folder_of(self, student: str) -> str:
         """Name a student's folder: no pattern to nbgrader, allowed everywhere, and unique."""
@@ -93,7 +98,15 @@ class Records:
             name = f"{base}-{count}"
         return name
 
-    def add(self, submission: Submission, reason: str = "") -> Record:
+    def code_of(self, student: str) -> str:
+        """Give what stands for a student's name where answers are marked blindly."""
+        codes = {entry["student"]: entry.get("code") for entry in self.entries}
+        code = codes.get(student)
+        while not code or (student not in codes and code in codes.values()):
+            code = "".join(secrets.choice("BCDFGHJKLMNPQRSTVWXZ") for _ in range(4))
+        return str(code)
+
+    def add(self, submission: Submission, reason: str = "", seconds: float = 0.0) -> Record:
         """Enter a submission, in the place of an earlier one of the same student and set."""
         entry = {
             "student": submission.student,
@@ -104,7 +117,10 @@ class Records:
             "reason": reason,
             "platform": submission.owner.platform,
             "identifier": submission.owner.identifier,
+            "back": submission.owner.back,
             "handed in": submission.handed_in.isoformat() if submission.handed_in else "",
+            "seconds": round(seconds, 1),
+            "code": self.code_of(submission.student),
         }
         key = (submission.student, submission.set)
         others = [old for old in self.entries if (old["student"], old["set"]) != key]
@@ -133,8 +149,9 @@ class Records:
 
     def save(self) -> None:
         """Store the entries beside the gradebook."""
-        text = json.dumps(self.entries, indent=1, ensure_ascii=False)
-        self.path.write_text(text + "\n", "utf-8")
+        new = self.path.with_suffix(".new")
+        new.write_text(json.dumps(self.entries, indent=1, ensure_ascii=False) + "\n", "utf-8")
+        new.replace(self.path)
 
 
 # --- the gradebook ------------------------------------------------------------------------------
@@ -165,14 +182,9 @@ def grades_of(gradebook: Gradebook, entry: Record) -> list[Any]:
     return sorted(notebook.grades, key=lambda grade: in_order(problem_of(grade.name)))
 
 
-def to_be_marked(grade: Any) -> bool:
-    """Tell whether somebody has to read the answer."""
-    return grade.auto_score is None
-
-
 def unmarked(grade: Any) -> bool:
-    """Tell whether nobody has read it yet."""
-    return to_be_marked(grade) and grade.manual_score is None
+    """Tell whether somebody has to read an answer, and nobody has done so yet."""
+    return grade.auto_score is None and grade.manual_score is None
 
 
 # --- the tables ---------------------------------------------------------------------------------
@@ -366,6 +378,23 @@ def write_platforms(folder: Path, found: list[Line], course: Course) -> list[Pat
     return files
 
 
+def pack_feedback(folder: Path, found: Iterable[Line]) -> None:
+    """Pack the feedback as Moodle and Canvas take it: under the names of what was handed in.
+
+    Moodle reads name and number in the folder's name, Canvas the two numbers in the file's.
+    """
+    archives: dict[Path, dict[str, Path]] = {}
+    for line in found:
+        entry, page = line.entry, folder / page_of(line.entry)
+        name, platform, back = entry["set"], entry.get("platform"), entry.get("back")
+        if line.grades and platform and back and page.exists():
+            member = f"{back}/{name}.html" if platform == "moodle" else f"{back}.html"
+            archive = folder / f"{platform}_feedback_{name}.zip"
+            archives.setdefault(archive, {})[member] = page
+    for archive, members in archives.items():
+        pack(archive, members)
+
+
 def _canvas_row(student: str, mine: Mapping[str, Line], course: Course) -> dict[str, str]:
     known = course.find(student)
     row = {column: known.row.get(column, "") for column in CANVAS} if known else {}
@@ -376,39 +405,6 @@ def _canvas_row(student: str, mine: Mapping[str, Line], course: Course) -> dict[
 
 def _final(line: Line) -> str:
     return "" if line.open else number(line.earned)
-
-
-def write_written(path: Path, gradebook: Gradebook, records: Records) -> None:
-    """Write a line for each answer that is marked by hand; the points are to be filled in."""
-    rows = []
-    for entry in records.entries:
-        texts = _texts(path.parent, entry)
-        for grade in filter(to_be_marked, grades_of(gradebook, entry)):
-            comment = gradebook.find_comment(
-                grade.name, entry["set"], entry["set"], entry["folder"]
-            )
-            rows.append(
-                {
-                    "student": entry["student"],
-                    "set": entry["set"],
-                    "problem": problem_of(grade.name),
-                    "of": number(grade.max_score),
-                    "points": number(grade.manual_score),
-                    "comment": comment.manual_comment or "",
-                    "answer": texts.get(grade.name, ""),
-                    "feedback": f"{quote(page_of(entry))}#{grade.name}",
-                }
-            )
-    write_table(path, list(WRITTEN), rows)
-
-
-def _texts(root: Path, entry: Record) -> dict[str, str]:
-    """Give the text of each cell that was handed in, in one line and not too long."""
-    path = root / "submitted" / entry["folder"] / entry["set"] / f"{entry['set']}.ipynb"
-    if entry["reason"] or not path.exists():
-        return {}
-    cells = nbformat.read(path, as_version=4).cells
-    return {cell.id: " ".join(cell.source.split())[:3000] for cell in cells if "id" in cell}
 
 
 def write_table(path: Path, columns: list[str], rows: Iterable[Mapping[str, Any]]) -> None:
@@ -429,51 +425,3 @@ def harmless(value: Any) -> Any:
     ("'=HYPERLINK(1)", '-2.5', 'anna')
     """
     return f"'{value}" if isinstance(value, str) and FORMULA.match(value) else value
-
-
-def read_written(path: Path, gradebook: Gradebook, records: Records) -> list[str]:
-    """Enter the points that were filled in; give back what could not be."""
-    if not path.exists():
-        return []
-    problems = []
-    with path.open(newline="", encoding="utf-8-sig") as file:
-        sample = file.readline()
-        file.seek(0)
-        # Spreadsheets in many countries write semicolons.
-        delimiter = ";" if sample.count(";") > sample.count(",") else ","
-        for line, row in enumerate(csv.DictReader(file, delimiter=delimiter), start=2):
-            if (row.get("points") or "").strip() or (row.get("comment") or "").strip():
-                problem = _enter_mark(row, gradebook, records)
-                if problem:
-                    problems.append(f"{path.name}, line {line}: {problem}")
-    gradebook.db.commit()
-    return problems
-
-
-def _enter_mark(row: Mapping[str, str | None], gradebook: Gradebook, records: Records) -> str:
-    student, name, problem = (row.get(column) or "" for column in WRITTEN[:3])
-    for entry in records.entries:
-        if (harmless(entry["student"]), entry["set"]) != (harmless(student), name):
-            continue
-        for grade in grades_of(gradebook, entry):
-            if problem_of(grade.name) == problem and to_be_marked(grade):
-                return _enter_points(row, grade, gradebook, entry)
-    return f"{student or 'nobody'} has no answer to {problem or '?'} in {name or '?'} to be marked"
-
-
-def _enter_points(
-    row: Mapping[str, str | None], grade: Any, gradebook: Gradebook, entry: Record
-) -> str:
-    text = (row.get("points") or "").strip()
-    if text:
-        try:
-            points = float(text.replace(",", "."))
-        except ValueError:
-            return f"{text!r} is no number"
-        if not 0 <= points <= grade.max_score:
-            return f"{text} is not between 0 and {number(grade.max_score)}"
-        grade.manual_score = points
-        grade.needs_manual_grade = False
-    where = (grade.name, entry["set"], entry["set"], entry["folder"])
-    gradebook.find_comment(*where).manual_comment = (row.get("comment") or "").strip() or None
-    return ""

@@ -20,14 +20,28 @@ import numpy as np
 
 from ...diagram import DelayedTransferFunction, LowPassFilter
 from ...loop import NRDOB
-from ..exercises.reading import UNORDERED
 
-__all__ = ["LONGEST", "MIME", "Foreign", "decode", "encode", "packed", "tell"]
+__all__ = ["HANDOUT", "LONGEST", "MIME", "MOST", "Foreign", "decode", "encode", "packed", "tell"]
 
 MIME = "application/vnd.nrdob.answer+json"
 
+HANDOUT = "handout.json"
+"""The file in which a kernel finds what was handed out to it."""
+
 LONGEST = 2_000_000
 """Letters of an answer; a longer one is not taken."""
+
+
+MOST = 50
+"""Coefficients, states, numbers in a row; an answer with more is not taken."""
+
+LONGEST_TEXT = 1000
+
+PARTS = 2000
+"""Numbers and texts of an answer, all together."""
+
+
+UNORDERED = (str, bytes, set, frozenset, ct.InputOutputSystem)
 
 
 class Foreign:
@@ -81,6 +95,8 @@ def encode(value: Any) -> Any:
         return {"polynomial": [encode(each) for each in (value.coef, value.domain, value.window)]}
     if isinstance(value, np.poly1d):
         return {"poly1d": [encode(value.coeffs)]}
+    if hasattr(type(value), "all_coeffs"):  # a polynomial of SymPy
+        return encode(np.poly1d([complex(each) for each in value.all_coeffs()]))
     return _other(value)
 
 
@@ -113,27 +129,61 @@ def decode(data: Any) -> Any:
     Raises
     ------
     ValueError
-        If it was written by something else.
+        If it was written by something else, or is larger than any answer: before anything is
+        computed with it.
     """
+    if (count := _count(data)) > PARTS:
+        raise ValueError(f"an answer of {count} parts; at most {PARTS} are read")
+    return _built(data)
+
+
+def _count(data: Any) -> int:
+    """Count the parts of an answer, without building any."""
+    waiting, count = [data], 0
+    while waiting:
+        each = waiting.pop()
+        count += 1
+        if isinstance(each, dict):
+            waiting += each.values()
+        elif isinstance(each, list):
+            waiting += each
+    return count
+
+
+def _built(data: Any) -> Any:
     if not isinstance(data, dict):
-        if data is None or isinstance(data, bool | int | float | str):
+        if data is None or isinstance(data, bool | int | float):
             return data
+        if isinstance(data, str):
+            return data[:LONGEST_TEXT]
         raise ValueError(f"an answer cannot be read from {type(data).__name__}")
     kind, parts = next(iter(data.items()), ("", None))
     if kind == "blank":
         return Ellipsis
     if not isinstance(parts, list):
         raise ValueError(f"an answer cannot be read from {kind!r}")
+    if len(parts) > (MOST**2 if kind == "array" else MOST):
+        raise ValueError(f"an answer with {len(parts)} numbers in a row; at most {MOST} are read")
     if kind == "dict":
-        return {decode(key): decode(each) for key, each in parts}
+        return {_built(key): _built(each) for key, each in parts}
     if kind == "other":
         name, text = (str(part)[:300] for part in parts)
         return type(name, (Foreign,), {})(text)
     if kind == "array":
-        return np.array([decode(each) for each in parts]).reshape(data["shape"])
+        shape = [int(size) for size in data["shape"]]
+        if len(shape) > 2 or max(shape, default=0) > MOST:
+            raise ValueError(f"an answer of {shape} numbers; at most {MOST} in a row are read")
+        return np.array([_built(each) for each in parts]).reshape(shape)
     if kind not in _BUILD:
         raise ValueError(f"an answer cannot be read from {kind!r}")
-    return _BUILD[kind]([decode(each) for each in parts])
+    return _BUILD[kind]([_built(each) for each in parts])
+
+
+def _filter(parts: list[Any]) -> LowPassFilter:
+    time_constant, order = parts
+    if not order <= MOST:
+        raise ValueError(f"a filter of order {order}; at most {MOST} is read")
+    return LowPassFilter(time_constant, order)
 
 
 _BUILD: dict[str, Any] = {
@@ -141,7 +191,7 @@ _BUILD: dict[str, Any] = {
     "tuple": tuple,
     "complex": lambda parts: complex(*parts),
     "loop": lambda parts: NRDOB(*parts),
-    "filter": lambda parts: LowPassFilter(*parts),
+    "filter": _filter,
     "delayed": lambda parts: DelayedTransferFunction(*parts),
     "tf": lambda parts: ct.TransferFunction(*parts),
     "ss": lambda parts: ct.StateSpace(*parts),

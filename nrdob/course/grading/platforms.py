@@ -11,12 +11,13 @@ import re
 import shutil
 import time
 import zipfile
-from collections.abc import Iterator
+import zlib
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from os import utime
 from pathlib import Path, PurePosixPath
 
-__all__ = ["Owner", "owner_of", "packed", "unpacked"]
+__all__ = ["Owner", "owner_of", "pack", "packed", "unpacked"]
 
 MOODLE = re.compile(
     r"(?P<name>.+)_(?P<identifier>\d+)_assignsubmission_(?P<kind>[a-z]+)(?:_(?P<file>.*))?$"
@@ -47,6 +48,9 @@ class Owner:
         Grows with each time that the same file is handed in.
     text : bool
         Whether it is a text that was typed into the platform.
+    back : str
+        The name under which the platform takes feedback: the folder of Moodle's, or the beginning
+        of a file's name of Canvas'.
     """
 
     student: str
@@ -55,6 +59,7 @@ class Owner:
     late: bool = False
     turn: tuple[int, int] = (0, 0)
     text: bool = False
+    back: str = ""
 
 
 def owner_of(name: str) -> tuple[Owner, str] | None:
@@ -75,11 +80,15 @@ def owner_of(name: str) -> tuple[Owner, str] | None:
         if student.casefold() in ("participant", "teilnehmer", "participante"):  # marked blindly
             student = f"{student} {match['identifier']}"
         text = match["kind"] == "onlinetext"
-        return Owner(student, "moodle", match["identifier"], text=text), match["file"] or ""
+        back = name.removesuffix(match["file"] or "").rstrip("_") + "_"
+        return Owner(student, "moodle", match["identifier"], text=text, back=back), (
+            match["file"] or ""
+        )
     if match := CANVAS.match(name):
         again = AGAIN.search(match["file"])
         turn = (int(match["number"]), int(again[1]) if again else 0)
-        owner = Owner(match["name"], "canvas", match["identifier"], bool(match["late"]), turn)
+        late, back = bool(match["late"]), PurePosixPath(name).stem
+        owner = Owner(match["name"], "canvas", match["identifier"], late, turn, back=back)
         return owner, AGAIN.sub("", match["file"])
     return None
 
@@ -97,76 +106,110 @@ def unpacked(given: Path, place: Path) -> Iterator[str]:
     for path in [given] if given.is_file() else sorted(given.iterdir()):
         if path.name.startswith((".", "__")):
             continue
-        if path.is_dir():
+        if path.is_symlink() and path != given:  # not followed: `find` says so
+            shutil.copy2(path, place, follow_symlinks=False)
+        elif path.is_dir():
             shutil.copytree(path, place / path.name, symlinks=True, dirs_exist_ok=True)
         elif path.suffix.lower() == ".zip":
             students = bool(owner_of(path.name) or STUDENTS.search(path.stem))
-            reason = _unzip(path, place / path.stem if students else place, students)
-            if reason:
+            left_out = list(_unzip(path, place / path.stem if students else place, students))
+            if left_out and left_out[0].startswith(PACKED.format(path.name)):
                 shutil.copy2(path, place)
-                yield reason
+            yield from left_out
         else:
             shutil.copy2(path, place)
-    for path in sorted(place.glob("*/**/*.[zZ][iI][pP]")):  # what students have packed themselves
-        reason = _unzip(path, path.with_suffix(""), students=True)
-        if reason:
-            yield reason
-        else:
+    inner = [*place.glob("*/**/*.[zZ][iI][pP]"), *place.glob("*.[zZ][iI][pP]")]
+    for path in sorted(path for path in inner if not path.is_symlink()):  # packed by students
+        if path.parent == place and not owner_of(path.name):
+            continue
+        left_out = list(_unzip(path, path.with_suffix(""), students=True))
+        packed_still = left_out and left_out[0].startswith(PACKED.format(path.name))
+        if not packed_still:
             path.unlink()
-    for path in sorted(place.glob("*.[zZ][iI][pP]")):
-        if owner_of(path.name) and not _unzip(path, place / path.stem, students=True):
-            path.unlink()
+        if not (packed_still and path.parent == place):  # that has been said
+            where = path.parent.relative_to(place).as_posix()
+            yield from (text if where == "." else f"{where}/{text}" for text in left_out)
 
 
 STUDENTS = re.compile(r"._set[\s_-]*\d", re.IGNORECASE)
 
 
-def _unzip(archive: Path, place: Path, students: bool) -> str:
-    """Unpack an archive that can be trusted; else give the reason why it was not.
+PACKED = "{} was not unpacked: "
+BROKEN = (ValueError, OSError, EOFError, zipfile.BadZipFile, zlib.error, RuntimeError)
+"""What a broken archive leads to; NotImplementedError is a RuntimeError."""
+
+
+def _unzip(archive: Path, place: Path, students: bool) -> Iterator[str]:
+    """Unpack an archive, but for what cannot be trusted or read in it; say what was left out.
 
     What a student has packed was handed in when the archive was, whatever the times in it are.
+    Where a file is left out an empty one stands, so that its owner is not forgotten.
     """
     moment = archive.stat().st_mtime if students else None
     try:
         with zipfile.ZipFile(archive) as packed:
             entries = [entry for entry in packed.infolist() if not entry.is_dir()]
-            for entry in entries:
-                _must_be_safe(entry)
             if len(entries) > MOST_FILES or sum(e.file_size for e in entries) > MOST_BYTES:
                 raise ValueError("it holds too much")
+            done: set[str] = set()
             for entry in entries:
-                _extract(packed, entry, place, moment)
-    except (ValueError, OSError, zipfile.BadZipFile, NotImplementedError, RuntimeError) as error:
-        return f"{archive.name} was not unpacked: {error}"
-    return ""
-
-
-def _must_be_safe(entry: zipfile.ZipInfo) -> None:
-    path = PurePosixPath(entry.filename.replace("\\", "/"))
-    if path.is_absolute() or ".." in path.parts or ":" in path.parts[0]:
-        raise ValueError(f"{entry.filename!r} leads out of the archive")
-    if entry.external_attr >> 16 & 0o170000 == 0o120000:
-        raise ValueError(f"{entry.filename!r} is a link")
-    if entry.file_size > ONE_FILE:
-        raise ValueError(f"{entry.filename!r} is too large")
+                told = f"{archive.name}: {entry.filename!r} was left out: "
+                path = PurePosixPath(entry.filename.replace("\\", "/"))
+                if path.is_absolute() or ".." in path.parts or ":" in f"{path}".partition("/")[0]:
+                    yield f"{told}it leads out of the archive"
+                    continue
+                try:
+                    if entry.filename in done:
+                        raise ValueError("one of this name was there before")
+                    done.add(entry.filename)
+                    steps = (place, *(place / step for step in (path, *path.parents)))
+                    if any(step.is_symlink() for step in steps):
+                        raise ValueError("a link stands in its way")
+                    _extract(packed, entry, place / path, moment)
+                except BROKEN as error:
+                    yield f"{told}{error}"
+    except BROKEN as error:
+        yield f"{PACKED.format(archive.name)}{error}"
 
 
 def _extract(
-    packed: zipfile.ZipFile, entry: zipfile.ZipInfo, place: Path, moment: float | None
+    packed: zipfile.ZipFile, entry: zipfile.ZipInfo, target: Path, moment: float | None
 ) -> None:
     """Write one file, with this time or its own; no more of it than the archive promised."""
-    target = place / PurePosixPath(entry.filename.replace("\\", "/"))
     target.parent.mkdir(parents=True, exist_ok=True)
-    left = entry.file_size
-    with packed.open(entry) as source, target.open("wb") as file:
-        while chunk := source.read(1 << 20):
-            left -= len(chunk)
-            if left < 0:
-                raise ValueError(f"{entry.filename!r} is larger than it says")
-            file.write(chunk)
+    target.touch()
+    try:
+        _write(packed, entry, target)
+    except BROKEN:
+        target.write_bytes(b"")
+        raise
     try:
         if moment is None:
             moment = time.mktime((*entry.date_time, 0, 0, -1))
         utime(target, (moment, moment))
     except (ValueError, OverflowError):  # a date that there never was
         pass
+
+
+def _write(packed: zipfile.ZipFile, entry: zipfile.ZipInfo, target: Path) -> None:
+    if entry.external_attr >> 16 & 0o170000 == 0o120000:
+        raise ValueError("it is a link")
+    if entry.file_size > ONE_FILE:
+        raise ValueError("it is too large")
+    left = entry.file_size
+    with packed.open(entry) as source, target.open("wb") as file:
+        while chunk := source.read(1 << 20):
+            left -= len(chunk)
+            if left < 0:
+                raise ValueError("it is larger than it says")
+            file.write(chunk)
+
+
+def pack(path: Path, files: Mapping[str, Path]) -> None:
+    """Write an archive of files, each under a name; the same files give the same bytes."""
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as packed:
+        for name, file in sorted(files.items()):
+            entry = zipfile.ZipInfo(name)
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            entry.external_attr = 0o644 << 16
+            packed.writestr(entry, file.read_bytes())

@@ -19,6 +19,7 @@ They stand in a file that the teacher writes, ``course.toml``::
 from __future__ import annotations
 
 import csv
+import io
 import re
 import tomllib
 import unicodedata
@@ -29,7 +30,7 @@ from math import ceil
 from pathlib import Path
 from typing import Any
 
-__all__ = ["Course", "Student", "read_course"]
+__all__ = ["Course", "Student", "read_course", "read_table"]
 
 
 @dataclass(frozen=True)
@@ -58,17 +59,28 @@ class Course:
         for student in self.students:
             if identifier and identifier == student.identifier:
                 return student
-        asked = spellings(name)
-        found = [
-            student
-            for student in self.students
-            if name == student.identifier or asked & spellings(student.name)
-        ]
+            if name in (student.identifier, self.called(student)):
+                return student
+        found = self.namesakes(name)
         return found[0] if len(found) == 1 else None
+
+    def namesakes(self, name: str) -> list[Student]:
+        """Give all of a name, however it is written."""
+        asked = spellings(name)
+        return [student for student in self.students if asked & spellings(student.name)]
+
+    def called(self, student: Student) -> str:
+        """Name a student as nobody else is named."""
+        alone = sum(other.name == student.name for other in self.students) == 1
+        return student.name if alone else f"{student.name} ({student.identifier})"
 
     def due(self, name: str, student: str) -> datetime | None:
         """Give the deadline of a set, or a student's own; None if there is none."""
-        return self.extensions.get(name, {}).get(student) or self.deadlines.get(name)
+        known = self.find(student)
+        for who, moment in self.extensions.get(name, {}).items():
+            if who == student or (known and self.find(who) == known):
+                return moment
+        return self.deadlines.get(name)
 
     def days_late(self, name: str, student: str, handed_in: datetime | None) -> int:
         """Count the days begun after the deadline of a set, or after a student's own."""
@@ -137,24 +149,43 @@ def read_course(path: Path) -> Course:
         If something in the file, or in the roster that it names, is not as it must be.
     """
     try:
-        settings = tomllib.loads(path.read_text("utf-8"))
-    except tomllib.TOMLDecodeError as error:
+        settings = tomllib.loads(path.read_text("utf-8-sig"))
+    except ValueError as error:  # no TOML, or no UTF-8
         raise ValueError(f"{path.name} cannot be read: {error}") from None
+    for key in ("deadlines", "late", "extensions"):
+        if not isinstance(settings.get(key, {}), dict):
+            raise ValueError(f"{path.name}: {key} = {settings[key]!r} is no table: write [{key}]")
     unknown = set(settings) - {"roster", "deadlines", "late", "extensions"}
     late = dict(settings.get("late", {}))
     unknown |= {f"late.{key}" for key in set(late) - {"grace", "per_day", "most_days"}}
     if unknown:
         raise ValueError(f"{path.name} knows no {', '.join(sorted(unknown))}")
-    extensions = settings.get("extensions", {})
-    return Course(
+    for key, value in late.items():
+        if isinstance(value, bool) or not isinstance(value, int | float) or not value >= 0:
+            raise ValueError(f"{path.name}: late.{key} = {value!r} is no number from 0 on")
+    if not isinstance(settings.get("roster", ""), str):
+        raise ValueError(f"{path.name}: roster = {settings['roster']!r} is no name of a file")
+    found = Course(
         students=read_roster(path.parent / settings["roster"]) if "roster" in settings else (),
         deadlines=_times(settings.get("deadlines", {}), path),
-        extensions={name: _times(given, path) for name, given in extensions.items()},
+        extensions={
+            name: _times(given, path) for name, given in settings.get("extensions", {}).items()
+        },
         **late,
     )
+    for name, given in found.extensions.items():
+        for who in given:
+            if found.students and not found.find(who):
+                raise ValueError(
+                    f"{path.name}: extensions.{name}: nobody on the roster, or more than one, "
+                    f"is called {who!r}"
+                )
+    return found
 
 
-def _times(given: Mapping[str, Any], path: Path) -> dict[str, datetime]:
+def _times(given: Any, path: Path) -> dict[str, datetime]:
+    if not isinstance(given, dict):
+        raise ValueError(f"{path.name}: {given!r} stands where names and times should")
     for name, value in given.items():
         if not isinstance(value, datetime):
             raise ValueError(f"{path.name}: {name} = {value} is no time like 2026-11-02T23:59:00")
@@ -174,33 +205,65 @@ def read_roster(path: Path) -> tuple[Student, ...]:
     Raises
     ------
     ValueError
-        If there is no such file, no column for names, or a group that is no whole number.
+        If there is no such file, no column for names, a group that is no whole number, or two
+        students who cannot be told apart.
     """
-    if not path.exists():
+    if not path.is_file():
         raise ValueError(f"there is no roster {path}")
-    with path.open(newline="", encoding="utf-8-sig") as file:
-        sample = file.readline()
-        file.seek(0)
-        delimiter = ";" if sample.count(";") > sample.count(",") else ","
-        rows = list(csv.DictReader(file, delimiter=delimiter))
-    columns = {(column or "").strip().casefold(): column for column in (rows[0] if rows else ())}
+    rows = read_table(path)
+    columns = {(column or "").strip().casefold(): column for column in (rows[0][1] if rows else ())}
     where = {key: _first(columns, names) for key, names in COLUMNS.items()}
     first, last = _first(columns, ("first name",)), _first(columns, ("last name", "surname"))
     if not where["name"] and not (first and last):
-        raise ValueError(f"{path.name} needs a column name; it has {', '.join(columns)}")
-    students = []
-    for row in rows:
+        raise ValueError(f"{path.name} needs a column name; it has {', '.join(columns) or 'none'}")
+    students: dict[tuple[str, str], Student] = {}
+    for line, row in rows:
+        if None in row:
+            raise ValueError(f"{path.name}, line {line}: it has more cells than the first line")
         name = row[where["name"]] if where["name"] else f"{row[first or '']} {row[last or '']}"
         name = (name or "").strip()
         if not name or name == "Points Possible":
             continue
         text = (row[where["group"]] or "").strip() if where["group"] else ""
         if text and not text.isdecimal():
-            raise ValueError(f"{path.name}: the group of {name} is {text!r}, no whole number")
+            raise ValueError(
+                f"{path.name}, line {line}: the group of {name} is {text!r}, no whole number"
+            )
         identifier = (row[where["identifier"]] or "").strip() if where["identifier"] else ""
         given = {key: value or "" for key, value in row.items() if key}
-        students.append(Student(name, identifier, int(text) if text else None, given))
-    return tuple(students)
+        key = ("id", identifier) if identifier else ("name", name)
+        if key in students:
+            raise ValueError(
+                f"{path.name}, line {line}: {name} cannot be told from {students[key].name}, "
+                f"{'who has the same number' if identifier else 'for there is no number'}"
+            )
+        students[key] = Student(name, identifier, int(text) if text else None, given)
+    return tuple(students.values())
+
+
+def read_table(path: Path) -> list[tuple[int, dict[Any, Any]]]:
+    """Read a CSV file of whatever country: each row with the number of the line where it ends.
+
+    Raises
+    ------
+    ValueError
+        If it is no text in UTF-8 or UTF-16, or no table; with the file and the line.
+    """
+    data = path.read_bytes()
+    encoding = "utf-16" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
+    try:
+        text = data.decode(encoding)
+    except UnicodeDecodeError as error:
+        line = data[: error.start].count(b"\n") + 1
+        what = "a spreadsheet" if data[:2] == b"PK" else "in another encoding"
+        raise ValueError(f"{path.name}, line {line}: it is {what}: save it as CSV UTF-8") from None
+    first = text.partition("\n")[0]
+    delimiter = max(",;\t", key=first.count)
+    reader = csv.DictReader(io.StringIO(text, newline=""), delimiter=delimiter, strict=True)
+    try:
+        return [(reader.line_num, row) for row in reader]
+    except csv.Error as error:
+        raise ValueError(f"{path.name}, line {reader.line_num}: {error}") from None
 
 
 def _first(columns: Mapping[str, str], names: Iterable[str]) -> str | None:

@@ -2,7 +2,8 @@
 
 Names, spaces, comments and quotes do not count: two cells are compared by the shapes of their
 statements. What was given out, what is short, and what many have in common is left out, for some
-problems have one short way. A pair that is listed is a question, not a verdict.
+problems have one short way. Answers that are the published solution's are listed by themselves,
+however many have copied them. A line of the list is a question, not a verdict.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from typing import Any
 
 from .remarks import parsed
 
-__all__ = ["Pair", "pairs", "told"]
+__all__ = ["PUBLISHED", "Pair", "copies", "pairs", "told"]
 
 RUN = 5
 """Symbols, or words, that are compared together."""
@@ -25,8 +26,9 @@ FEWEST = 12
 """Runs that an answer must have, to be compared at all."""
 ALIKE = 0.8
 """Share of the runs of the shorter answer that the other one has, too."""
-COMMON = 0.25
-"""What more than this share of a class has written is nobody's."""
+COMMON, FEW = 0.25, 4
+"""What more than this share of a class has written, and more than a few, is nobody's."""
+PUBLISHED = "the published solution"
 
 
 @dataclass(frozen=True)
@@ -41,25 +43,51 @@ class Pair:
 def pairs(notebooks: Mapping[str, Any], given_out: Any) -> list[Pair]:
     """Compare the cells of one set, by student; those with the most in common come first."""
     skeleton = {cell.id: _runs(cell) for cell in given_out.cells}
-    cells: dict[str, dict[str, frozenset[tuple[str, ...]]]] = {}
+    found: dict[tuple[str, str], list[tuple[str, float]]] = {}
+    for name, answers in _own(notebooks, skeleton).items():
+        for first, second, share in _alike(answers):
+            found.setdefault((first, second), []).append((name, round(share, 2)))
+    return _listed(found)
+
+
+def copies(notebooks: Mapping[str, Any], given_out: Any, solution: Any) -> list[Pair]:
+    """List who has answers that are those of the published solution, whole and hardly more."""
+    skeleton = {cell.id: _runs(cell) for cell in given_out.cells}
+    published = _own({PUBLISHED: solution}, skeleton)
+    found: dict[tuple[str, str], list[tuple[str, float]]] = {}
+    for name, answers in _own(notebooks, skeleton).items():
+        wanted = published.get(name, {}).get(PUBLISHED, frozenset())
+        for student, own in sorted(answers.items()):
+            share = len(own & wanted) / max(len(own), len(wanted), 1)
+            if len(wanted) >= FEWEST and share >= ALIKE:
+                found.setdefault((student, PUBLISHED), []).append((name, round(share, 2)))
+    return _listed(found)
+
+
+Runs = frozenset[tuple[str, ...]]
+
+
+def _own(
+    notebooks: Mapping[str, Any], skeleton: Mapping[str, set[tuple[str, ...]]]
+) -> dict[str, dict[str, Runs]]:
+    """Give what each has written into the cells of a set, by cell and student."""
+    cells: dict[str, dict[str, Runs]] = {}
     for student, notebook in notebooks.items():
         for cell in notebook.cells:
             if cell.id in skeleton and not cell.metadata.get("nbgrader", {}).get("locked"):
                 own = _runs(cell) - skeleton[cell.id]
                 cells.setdefault(cell.id, {})[student] = frozenset(own)
-    found: dict[tuple[str, str], list[tuple[str, float]]] = {}
-    for name, answers in cells.items():
-        for first, second, share in _alike(answers):
-            found.setdefault((first, second), []).append((name, round(share, 2)))
+    return cells
+
+
+def _listed(found: Mapping[tuple[str, str], list[tuple[str, float]]]) -> list[Pair]:
     listed = [Pair(*both, tuple(sorted(shares))) for both, shares in found.items()]
     return sorted(listed, key=lambda pair: (-len(pair.cells), pair.first, pair.second))
 
 
-def _alike(
-    answers: Mapping[str, frozenset[tuple[str, ...]]],
-) -> Iterator[tuple[str, str, float]]:
+def _alike(answers: Mapping[str, Runs]) -> Iterator[tuple[str, str, float]]:
     counts = Counter(run for runs in answers.values() for run in runs)
-    most = max(2, COMMON * len(answers))
+    most = max(FEW, COMMON * len(answers))
     rare = {
         student: {run for run in runs if counts[run] <= most} for student, runs in answers.items()
     }
@@ -71,9 +99,13 @@ def _alike(
             yield first, second, share
 
 
+MARK = re.compile(r"^.*(BEGIN|END) SOLUTION.*$", re.MULTILINE)
+
+
 def _runs(cell: Any) -> set[tuple[str, ...]]:
     tree = parsed(cell.source) if cell.cell_type == "code" else None
-    words = re.findall(r"\w+|[^\w\s]", cell.source.casefold())
+    text = MARK.sub("", cell.source)
+    words = re.findall(r"\w+|[^\w\s]", text.casefold())
     symbols = list(_symbols(tree)) if tree else words
     return {tuple(symbols[k : k + RUN]) for k in range(len(symbols) - RUN + 1)}
 

@@ -32,11 +32,8 @@ __all__ = ["NOTHING", "Submission", "find", "group_of", "read", "repair"]
 Notebook = Any
 Cell = Any
 
-LARGEST = 200e6
-"""Bytes; a larger file is not opened."""
-
-LONGEST_CELL = 100_000
-"""Letters; what is longer nobody reads."""
+LARGEST, LONGEST_CELL = 200e6, 100_000
+"""Bytes of a file that is opened, and letters of a cell that is read."""
 
 NEW_CELL: dict[str, Any] = {
     "code": new_code_cell,
@@ -75,7 +72,7 @@ class Submission:
         """Pictures that lie beside the notebook, in a student's own folder."""
         if self.path is None or self.shared:
             return []
-        files = sorted(self.path.parent.iterdir())
+        files = [file for file in sorted(self.path.parent.iterdir()) if not file.is_symlink()]
         return [file for file in files if file.suffix.lower() in PICTURES and file.is_file()]
 
 
@@ -98,6 +95,8 @@ class _Candidate:
 
 
 NOTHING = "nothing was handed in"
+UNCLEAR = "another of this name is on the roster, and what was handed in says not whose it is"
+LINK = "it is a link, and links are not followed"
 
 
 def find(
@@ -136,16 +135,27 @@ def find(
                 mine.append(_choose(student, name, named or empty))
         mine += [Submission(student, "", found.path, reason=_no_set(found)) for found in unknown]
         submissions += mine or [Submission(student, "", reason=_no_set(own[0]))]
-    there = [course.find(submission.student) for submission in submissions]
-    submissions += [
-        Submission(missing.name, name, reason=NOTHING)
-        for missing in course.students
-        for name in (expected or [""] if missing not in there else [])
-    ]
+    return submissions + _on_the_roster(course, submissions, expected or [""])
+
+
+def _on_the_roster(
+    course: Course, submissions: list[Submission], expected: list[str]
+) -> list[Submission]:
+    """Remark who is not on the roster; give an entry to everybody who is, and is not there."""
+    there, unclear = [], []
     for submission in submissions:
-        if course.students and not course.find(submission.student):
-            submission.remarks.append("not on the roster")
-    return submissions
+        known = course.find(submission.student, submission.owner.identifier)
+        there.append(known)
+        if course.students and not known:
+            namesakes = course.namesakes(submission.owner.student or submission.student)
+            unclear += namesakes
+            told = f"the roster has {len(namesakes)} of this name, and none with this number"
+            submission.remarks.append(told if namesakes else "not on the roster")
+    return [
+        Submission(course.called(student), name, reason=UNCLEAR if student in unclear else NOTHING)
+        for student in course.students
+        for name in (expected if student not in there else [])
+    ]
 
 
 def _files(folder: Path, course: Course) -> Iterator[tuple[Owner, str, Path]]:
@@ -160,7 +170,7 @@ def _files(folder: Path, course: Course) -> Iterator[tuple[Owner, str, Path]]:
     for owner, name, path in found:
         known = course.find(owner.student, owner.identifier) if owner.platform else None
         if known:
-            owner = replace(owner, student=known.name)
+            owner = replace(owner, student=course.called(known))
         elif len(numbers[owner.student]) > 1:  # two of one name
             owner = replace(owner, student=f"{owner.student} ({owner.identifier})")
         yield owner, name, path
@@ -172,7 +182,11 @@ def _named(folder: Path) -> Iterator[tuple[Owner, str, Path]]:
     with_files = {(owner.student, owner.identifier) for owner in files if not owner.text}
     for entry in entries:
         platform = owner_of(entry.name)
-        if platform and platform[0].text:  # a greeting beside the file
+        if entry.is_symlink():
+            match = STUDENT_IN_NAME.match(entry.name)
+            mine = platform[0] if platform else Owner(match["student"] if match else entry.name)
+            yield mine, "", entry
+        elif platform and platform[0].text:  # a greeting beside the file
             owner = platform[0]
             if (owner.student, owner.identifier) not in with_files:
                 yield owner, "", entry
@@ -192,13 +206,16 @@ def _named(folder: Path) -> Iterator[tuple[Owner, str, Path]]:
 
 def _is_notebook(path: Path, top: Path) -> bool:
     hidden = any(part.startswith((".", "__")) for part in path.relative_to(top).parts)
-    return ".ipynb" in path.name and not hidden and path.is_file()
+    return ".ipynb" in path.name and not hidden and (path.is_symlink() or path.is_file())
 
 
 def _candidate(
     owner: Owner, name: str, path: Path, folder: Path, sets: Mapping[str, Notebook]
 ) -> _Candidate:
     shown = path.relative_to(folder).as_posix()
+    if path.is_symlink():
+        named = _named_set(path.name, sets)
+        return _Candidate(owner, path, name, shown, None, f"{shown}: {LINK}", named)
     if owner.text:
         problem = "a text was typed into the platform, and no notebook handed in"
         return _Candidate(owner, path, "", shown, None, problem, "")
@@ -211,10 +228,14 @@ def _candidate(
     notebook, problem = read(path)
     if owner.student == path.name:
         problem = problem or "the name of the file does not say whose it is"
-    number = SET_IN_NAME.search(name) or SET_IN_NAME.search(path.parent.name)
-    named = f"set{number[1]}" if number else ""
-    found = set_of(notebook, sets) or (named if named in sets else "")
+    named = _named_set(name, sets) or _named_set(path.parent.name, sets)
+    found = set_of(notebook, sets) or named
     return _Candidate(owner, path, name, shown, notebook, problem, found)
+
+
+def _named_set(name: str, sets: Mapping[str, Notebook]) -> str:
+    number = SET_IN_NAME.search(name)
+    return f"set{number[1]}" if number and f"set{number[1]}" in sets else ""
 
 
 def _no_set(found: _Candidate) -> str:
@@ -247,6 +268,9 @@ def _choose(student: str, name: str, found: list[_Candidate]) -> Submission:
     if chosen.shown not in proper and not (chosen.owner.platform and exact):
         submission.remarks.append(f"taken from {chosen.shown}")
     submission.remarks += [f"{other} was left out" for other in others]
+    if not submission.shared:
+        links = [path.name for path in sorted(chosen.path.parent.iterdir()) if path.is_symlink()]
+        submission.remarks += [f"{link} was left out: {LINK}" for link in links]
     if chosen.owner.late:
         submission.remarks.append("late, says Canvas")
     return submission
@@ -256,7 +280,7 @@ def _time_of(path: Path) -> datetime | None:
     """Tell when a file was handed in: as nbgrader noted it, else by the time of the file."""
     note = path.parent / "timestamp.txt"
     try:
-        if note.exists():
+        if note.exists() and not note.is_symlink():
             text = note.read_text("utf-8").strip().removesuffix(" UTC")
             return datetime.fromisoformat(f"{text}+00:00" if "+" not in text else text)
         return datetime.fromtimestamp(path.stat().st_mtime).astimezone()

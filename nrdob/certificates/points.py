@@ -1,0 +1,141 @@
+"""Points of the imaginary axis between which a function keeps to a half plane.
+
+With u the direction of f(jm), m the middle between two points a and b, r half their distance ::
+
+    |f(jm)| > r |Re(conj(u) j f'(jm))| + r²/2 max|f''|
+
+keeps f(jω) to the half plane around u from a to b, by Taylor's formula; what fails is halved. This
+is computed in floating point, for all pieces at once and with some slack; the proof is the
+checker's.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..numerics import BoolArray, FloatArray, Term, add
+
+__all__ = ["half_plane_points"]
+
+SLACK = 1.02
+"""By how much values exceed their bounds here, so that they do in exact fractions, too."""
+
+MOST = 20_000
+"""Points that a certificate may have."""
+
+OCTAVES = np.arange(-400.0, 400.0)
+
+Terms = tuple[Term, ...]
+
+
+def half_plane_points(terms: Terms, power: int = 0) -> FloatArray:
+    """Find points of the imaginary axis that prove how often a function turns around 0.
+
+    Parameters
+    ----------
+    terms : tuple of Term
+        Polynomials in descending powers of s with their dead times in seconds, first the one
+        without a dead time.
+    power : int
+        Roots at s = 0, which are divided out.
+
+    Returns
+    -------
+    (N,) array of float
+        Frequencies in rad/s, from 0 to one beyond which the leading term dominates.
+
+    Raises
+    ------
+    ArithmeticError
+        If a root is on the axis to rounding, or a delayed term is as large as the leading one at
+        infinite frequency.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> half_plane_points((Term(np.array([1.0, 2.0, 2.0]), 0.0),)).tolist()     # s² + 2s + 2
+    [0.0, 2.0, 4.0]
+    """
+    last = _last(terms)
+    scaled = tuple(Term(q * last ** np.arange(q.size)[::-1], T * last) for q, T in terms)
+    scaled = tuple(Term(q / np.abs(scaled[0].q[0]), T) for q, T in scaled)
+    ends = _pieces(scaled, _first(scaled, power), power)
+    return np.sort(ends) * last
+
+
+def _pieces(terms: Terms, first: float, power: int) -> FloatArray:
+    """Halve the octaves between `first` and 1 until f keeps to a half plane in each piece."""
+    high = first * 2.0 ** np.arange(1, 1 - np.log2(first))
+    low, done = high / 2, np.array([0.0, first])
+    while low.size:
+        held = _keeps_to_half_plane(terms, low, high)
+        done = np.append(done, high[held])
+        low, high = low[~held], high[~held]
+        middle = (low + high) / 2
+        if done.size + 2 * low.size > MOST:
+            raise ArithmeticError(f"more than {MOST} points of the imaginary axis are needed")
+        if np.any((middle <= low) | (middle >= high)):
+            raise ArithmeticError("a root is on the imaginary axis, or too close to it")
+        low, high = np.append(low, middle), np.append(middle, high)
+    return done
+
+
+def _keeps_to_half_plane(terms: Terms, low: FloatArray, high: FloatArray) -> BoolArray:
+    middle, reach = (low + high) / 2, (high - low) / 2
+    s = 1j * middle
+    value, slope = np.zeros_like(s), np.zeros_like(s)
+    bend, rounding = np.zeros_like(high), np.zeros_like(high)
+    for q, delay in terms:
+        delayed = np.exp(-delay * s)
+        once, twice = _derivatives(q, delay, 2)
+        value += np.polyval(q, s) * delayed
+        slope += np.polyval(once, s) * 1j * delayed
+        bend += np.polyval(np.abs(twice), high)
+        rounding += np.polyval(np.abs(q), middle) * (q.size + delay * middle)
+    size = np.abs(value)
+    along = np.abs((np.conj(value) * slope).real)
+    rounded = 4 * float(np.finfo(float).eps) * rounding
+    return np.asarray(
+        size * (size - SLACK * (reach**2 / 2 * bend + rounded)) > SLACK * reach * along
+    )
+
+
+def _last(terms: Terms) -> float:
+    """Power of two beyond which the leading term is larger than all others together."""
+    (p, _), *delayed = terms
+    n, others = p.size - 1, [p[1:], *(q for q, _ in delayed)]
+    rest = np.zeros_like(OCTAVES)
+    with np.errstate(over="ignore", invalid="ignore"):
+        for q in others:
+            powers = np.arange(q.size)[::-1] - n
+            sizes = np.abs(q) * 2.0 ** np.multiply.outer(OCTAVES, powers)
+            rest += np.sum(sizes, axis=1, where=q != 0)
+    beyond = np.flatnonzero(rest >= np.abs(p[0]) / SLACK)
+    if beyond.size and beyond[-1] == OCTAVES.size - 1:
+        raise ArithmeticError("a delayed term is as large as the leading one at infinite frequency")
+    return float(2.0 ** OCTAVES[beyond[-1] + 1 if beyond.size else 0])
+
+
+def _first(terms: Terms, power: int) -> float:
+    """Power of two below 1 up to which f, less its roots at s = 0, keeps its first direction."""
+    high = 2.0 ** np.arange(0.0, OCTAVES[0], -1)
+    if power:
+        known, bend = 0.0, np.zeros_like(high)
+        for q, delay in terms:
+            *_, last, beyond = q, *_derivatives(q, delay, power + 1)
+            known += float(last[-1])
+            bend += np.polyval(np.abs(beyond), high)
+        held = abs(known) > SLACK * high * bend / (power + 1)
+    else:
+        held = _keeps_to_half_plane(terms, np.zeros_like(high), high)
+    if not held.any():
+        raise ArithmeticError("a root is at s = 0, or too close to it")
+    return float(high[np.argmax(held)])
+
+
+def _derivatives(q: FloatArray, delay: float, order: int) -> list[FloatArray]:
+    """Polynomials before exp(-delay s) in the derivatives of q(s) exp(-delay s)."""
+    found = [q]
+    for _ in range(order):
+        found.append(add(np.polyder(found[-1]), -delay * found[-1]))
+    return found[1:]

@@ -1,0 +1,170 @@
+"""Answers in words: ``written.csv``, and the points that somebody has filled in.
+
+What was typed is not lost. A line that cannot be entered stays as it is, and is named; before the
+file is written anew, a copy of the one that was there goes into the folder ``backup``. A table
+from the page for blind marking has codes in the place of names.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+import nbformat
+from nbgrader.api import Gradebook
+
+from .marks import Record, Records, grades_of, harmless, number, page_of, problem_of, write_table
+from .roster import read_table
+
+__all__ = ["WRITTEN", "Typed", "answers_of", "read_written", "to_be_marked", "write_written"]
+
+WRITTEN = ("student", "set", "problem", "of", "points", "comment", "answer", "feedback")
+
+Key = tuple[str, str, str]
+"""Student, set and problem."""
+
+
+@dataclass
+class Typed:
+    """What came of points that were filled in: what is wrong, what was entered, what is kept.
+
+    Where the table cannot be read, `readable` is False, and nobody may write another in its place.
+    """
+
+    faults: list[str] = field(default_factory=list)
+    entered: set[Key] = field(default_factory=set)
+    kept: dict[Key, Mapping[str, str]] = field(default_factory=dict)
+    readable: bool = True
+
+
+def to_be_marked(grade: Any) -> bool:
+    """Tell whether somebody has to read the answer."""
+    return grade.auto_score is None
+
+
+def read_written(
+    path: Path, gradebook: Gradebook, records: Records, overridden: Mapping[Key, float]
+) -> Typed:
+    """Enter the points that were filled in; those of an override stay."""
+    typed = Typed()
+    if not path.exists():
+        return typed
+    try:
+        rows = read_table(path)
+        columns = set(rows[0][1]) if rows else {"student", *WRITTEN}
+        missing = [name for name in ("set", "problem", "points") if name not in columns]
+        if missing or not columns & {"student", "code"}:
+            told = missing[0] if missing else "student"
+            raise ValueError(f"{path.name}, line 1: there is no column {told!r}")
+        if wide := [line for line, row in rows if None in row]:
+            raise ValueError(
+                f"{path.name}, line {wide[0]}: it has more cells than the first line; "
+                'a number with a comma must stand in quotes, "2,5"'
+            )
+    except (OSError, ValueError) as error:
+        return Typed([f"{error}. Nothing was taken from it, and it stays as it is"], readable=False)
+    entries = {key: value for entry in records.entries for key, value in _keys(entry)}
+    done: dict[Key, tuple[int, str]] = {}
+    for line, row in rows:
+        text, comment = _cell(row, "points"), _cell(row, "comment")
+        if not (text or comment):
+            continue
+        entry = entries.get((harmless(_cell(row, "student") or _cell(row, "code")), row["set"]))
+        student = entry["student"] if entry else _cell(row, "student") or _cell(row, "code")
+        key = student, _cell(row, "set"), _cell(row, "problem")
+        grade = _grade(entry, gradebook, key[2])
+        if entry is None or grade is None:
+            name = " ".join(filter(None, key[1:])) or "?"
+            problem = f"{student or 'nobody'} has no answer to {name} that is to be marked"
+        elif key in done and done[key][1] != text:
+            problem = f"line {done[key][0]} gives other points to the same answer"
+        else:
+            problem = _problem(text, grade.max_score) or _overridden(text, overridden.get(key))
+        done.setdefault(key, (line, text))
+        if problem:
+            who = f"{student} {key[2]}: " if entry else ""
+            typed.faults.append(f"{path.name}, line {line}: {who}{problem}. The line is kept")
+            typed.kept[key] = {name: _cell(row, name) for name in WRITTEN} | {"student": student}
+        elif entry is not None and grade is not None:
+            if text:
+                grade.manual_score = float(text.replace(",", "."))
+                grade.needs_manual_grade = False
+            where = (grade.name, entry["set"], entry["set"], entry["folder"])
+            gradebook.find_comment(*where).manual_comment = comment or None
+            typed.entered.add(key)
+    gradebook.db.commit()
+    return typed
+
+
+def _cell(row: Mapping[str, str | None], name: str) -> str:
+    return (row.get(name) or "").strip()
+
+
+def _keys(entry: Record) -> Iterable[tuple[tuple[str, str], Record]]:
+    names = (entry["student"], entry.get("code", ""))
+    return (((harmless(name), entry["set"]), entry) for name in names if name)
+
+
+def _grade(entry: Record | None, gradebook: Gradebook, problem: str) -> Any:
+    grades = grades_of(gradebook, entry) if entry else []
+    found = (g for g in grades if problem_of(g.name) == problem and to_be_marked(g))
+    return next(found, None)
+
+
+def _problem(text: str, most: float) -> str:
+    if not text:
+        return ""
+    try:
+        points = float(text.replace(",", "."))
+    except ValueError:
+        return f"{text!r} is no number"
+    return "" if 0 <= points <= most else f"{text} is not between 0 and {number(most)}"
+
+
+def _overridden(text: str, points: float | None) -> str:
+    if points is None or not text or float(text.replace(",", ".")) == points:
+        return ""
+    return f"an override gives {number(points)}; withdraw it first"
+
+
+def write_written(path: Path, gradebook: Gradebook, records: Records, typed: Typed) -> None:
+    """Write a line for each answer that is marked by hand; the points are to be filled in."""
+    if not typed.readable:
+        return
+    left, rows = dict(typed.kept), []
+    for entry in records.entries:
+        texts = {name: " ".join(cell.source.split()) for name, cell in answers_of(path, entry)}
+        for grade in filter(to_be_marked, grades_of(gradebook, entry)):
+            where = (grade.name, entry["set"], entry["set"], entry["folder"])
+            key = entry["student"], entry["set"], problem_of(grade.name)
+            row = {
+                "of": number(grade.max_score),
+                "points": number(grade.manual_score),
+                "comment": gradebook.find_comment(*where).manual_comment or "",
+                "answer": texts.get(grade.name, "")[:3000],
+                "feedback": f"{quote(page_of(entry))}#{grade.name}",
+            }
+            if kept := left.pop(key, None):
+                row |= {"points": kept["points"], "comment": kept["comment"]}
+            rows.append(dict(zip(WRITTEN[:3], key, strict=True)) | row)
+    new = path.with_suffix(".new")
+    write_table(new, list(WRITTEN), [*rows, *left.values()])
+    if path.exists() and path.read_bytes() != new.read_bytes():
+        backup = path.parent / "backup"
+        backup.mkdir(exist_ok=True)
+        shutil.copy2(path, backup / f"{path.stem}-{datetime.now():%Y%m%d-%H%M%S-%f}.csv")
+    new.replace(path)
+
+
+def answers_of(beside: Path, entry: Record) -> Iterable[tuple[str, Any]]:
+    """Give the name and the cell of all that was handed in, of a submission that was graded."""
+    path = beside.parent / "submitted" / entry["folder"] / entry["set"] / f"{entry['set']}.ipynb"
+    if entry["reason"] or not path.exists():
+        return []
+    cells = nbformat.read(path, as_version=4).cells
+    return [(cell.id, cell) for cell in cells if "id" in cell]

@@ -1,0 +1,172 @@
+r"""Zeros outside the unit circle, counted from where two parts of a function are of equal size.
+
+With one dead time of N samples the characteristic function is :math:`P + Q z^{-N}` with P and Q of
+low degree. Where :math:`|P| > |Q|` its argument follows P, elsewhere :math:`Q z^{-N}`, both to
+within a right angle. Between the crossings, roots of :math:`|P|^2 = |Q|^2`, the argument of P is a
+sum over its zeros and that of z^-N is N times the angle. So the count is a closed form whatever N
+is, as for dead times in continuous time (Walton and Marshall), and shares nothing with the
+intervals of `nrdob.digital.circle`.
+
+.. rubric:: References
+
+Walton, K., J. E. Marshall, Direct method for TDS stability analysis, IEE Proc. D 134 (1987)
+101-107.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import reduce
+from math import nan, pi
+
+import numpy as np
+
+from ..numerics import ComplexArray, FloatArray, add, companion_roots
+from .circle import CircleFunction
+
+__all__ = ["DelayedPair"]
+
+WHOLE = 1e-3
+"""Distance of a count from a whole number that is rounding."""
+
+CLOSEST = 1e-9
+"""Size of a sum at a crossing, against its parts, at which it may be 0."""
+
+STARTS, STEPS, CONVERGED = 256, 50, 1e-9
+"""Where the largest root is sought from, and for how long."""
+
+
+@dataclass(frozen=True, eq=False)
+class DelayedPair:
+    """P + Q z^-samples on the unit circle, both divided by (1 + v)^degree.
+
+    Attributes
+    ----------
+    P, Q : arrays of float
+        Polynomials of v = (z - 1)/(z + 1) in descending powers, of equal size.
+    samples : int
+        N.
+    """
+
+    P: FloatArray
+    Q: FloatArray
+    samples: int
+
+    @classmethod
+    def of(cls, function: CircleFunction) -> DelayedPair | None:
+        """Take a function apart; None if there is not one dead time in it."""
+        if len(function.groups) != 2:
+            return None
+        early, late = function.groups
+        more = max(term.samples for group in function.groups for term in group.bare.terms)
+        P, Q = (_multiplied_out(group.bare, more) for group in (early, late))
+        return cls(P, Q, late.samples - early.samples)
+
+    def count(self) -> int | None:
+        """Count the zeros outside the unit circle; None if one may be on it."""
+        crossings = _equal_sizes(self.P, self.Q)
+        ends = np.concatenate([[0.0], crossings, [np.inf]])
+        inner = np.concatenate([[0.0], crossings, [2 * crossings[-1] if crossings.size else 1.0]])
+        middle = np.sqrt(inner[:-1] * inner[1:])
+        middle[0] = inner[1] / 2
+        middle[-1] = inner[-1]
+        leads = np.abs(np.polyval(self.P, 1j * middle)) >= np.abs(np.polyval(self.Q, 1j * middle))
+        late = 2 * self.samples * np.diff(np.arctan(ends))
+        turned = np.where(leads, _turned(self.P, ends), _turned(self.Q, ends) - late)
+        # From the larger part to the sum, at both ends of each stretch.
+        both = np.stack([self._parts(ends[:-1]), self._parts(ends[1:])])
+        with np.errstate(all="ignore"):
+            beside = 1 + np.where(leads, both[:, 1] / both[:, 0], both[:, 0] / both[:, 1])
+        if not np.all(np.abs(beside) > CLOSEST):
+            return None
+        found = -float((turned + np.diff(np.angle(beside), axis=0)[0]).sum()) / pi
+        return round(found) if abs(found - round(found)) < WHOLE else None
+
+    def largest_root(self) -> complex:
+        r"""Find the root z of largest modulus by Newton's method; nan if none is found.
+
+        From the zeros of P, and from the angles at which Q is largest against P: with a long dead
+        time roots are near them, :math:`N\,\ln z = \ln(-Q/P) + 2\pi jk`.
+        """
+        roots = companion_roots(np.trim_zeros(self.P, "f"))
+        with np.errstate(all="ignore"):
+            near = np.log((1 + roots) / (1 - roots))
+        turns = np.linspace(0, pi, min(self.samples, 64 * STARTS) + 2)[1:-1]
+        turns = np.concatenate([np.arange(1, 33) / (2 * self.samples), turns])
+        P, Q = np.abs(self._parts(np.tan(turns / 2)))
+        with np.errstate(all="ignore"):
+            ratio = Q / P
+            best = np.argsort(-ratio)[:STARTS]
+            x = np.concatenate([near, np.log(ratio[best]) / self.samples + 1j * turns[best]])
+            for _ in range(STEPS):
+                step = self._newton(x)
+                x = x - step
+            x = x[np.abs(step) <= CONVERGED / self.samples]
+        if not x.size:
+            return complex(nan, nan)
+        root = complex(np.exp(x[x.real.argmax()]))
+        return root.conjugate() if root.imag < 0 else root
+
+    def _parts(self, y: FloatArray) -> ComplexArray:
+        """P and Q z^-N at v = jy, and at y = ∞, up to a factor that differs with y."""
+        P, Q = (_over_largest(p, y) for p in (self.P, self.Q))
+        return np.stack([P, Q * np.exp(-2j * self.samples * np.arctan(y))])
+
+    def _newton(self, x: ComplexArray) -> ComplexArray:
+        """Newton's step for P + Q z^-N in x = ln z."""
+        v = np.tanh(x / 2)
+        P, Q = (np.polyval(p, v) for p in (self.P, self.Q))
+        by_P, by_Q = (np.polyval(np.polyder(p), v) * (1 - v**2) / 2 for p in (self.P, self.Q))
+        late = np.exp(-self.samples * x)
+        outside = np.abs(late) <= 1  # of 1/z^N or z^N what does not overflow
+        early = np.where(outside, 1.0, 1 / late)
+        late = np.where(outside, late, 1.0)
+        slope = early * by_P + late * (by_Q - self.samples * Q)
+        common = (self.P.size - 1) * (1 - v) / 2  # of (1 + v)^degree, which divides both
+        value = early * P + late * Q
+        return np.asarray(value / (slope - common * value))
+
+
+def _multiplied_out(bare: CircleFunction, more: int) -> FloatArray:
+    """Multiply a sum of products out, z^-k = ((1 - v)/(1 + v))^k, over (1 + v)^more further."""
+    total: FloatArray = np.zeros(1)
+    for term in bare.terms:
+        powers = [np.array([-1.0, 1.0])] * term.samples + [np.ones(2)] * (more - term.samples)
+        total = add(total, reduce(np.convolve, (*term.factors, *powers)))
+    return total
+
+
+def _equal_sizes(P: FloatArray, Q: FloatArray) -> FloatArray:
+    """All y > 0 with |P(jy)| = |Q(jy)|, and a few more."""
+    squares = np.trim_zeros(_squared(P) - _squared(Q), "f")
+    if squares.size < 2:
+        return np.empty(0)
+    roots = companion_roots(squares)
+    found = np.sqrt(roots.real[(roots.real > 0) & (np.abs(roots.imag) <= 1e-3 * roots.real)])
+    return np.unique(found)
+
+
+def _squared(p: FloatArray) -> FloatArray:
+    """|p(jy)|² in descending powers of y²."""
+    mirrored = p * (-1.0) ** np.arange(p.size - 1, -1, -1)
+    square = np.convolve(p, mirrored)[::-1][::2]
+    return np.asarray(square * (-1.0) ** np.arange(square.size))[::-1]
+
+
+def _turned(p: FloatArray, y: FloatArray) -> FloatArray:
+    """How far p(jy)/(1 + jy)^degree turns from each y to the next, a sum over its zeros."""
+    roots = companion_roots(np.trim_zeros(p, "f"))
+    with np.errstate(invalid="ignore"):
+        each = np.arctan2(y[:, None] - roots.imag, np.abs(roots.real))
+    total = (each * np.where(roots.real > 0, -1.0, 1.0)).sum(axis=1)
+    return np.diff(total - (p.size - 1) * np.arctan(y))
+
+
+def _over_largest(p: FloatArray, y: FloatArray) -> ComplexArray:
+    """p(jy), over y^degree where y is above 1."""
+    small = np.where(y <= 1, y, 0.0)
+    with np.errstate(divide="ignore"):
+        inverse = np.where(y > 1, 1 / y, 0.0)
+    near = np.polyval(p, 1j * small)
+    far = np.polyval(p[::-1], -1j * inverse) * 1j ** (p.size - 1)
+    return np.asarray(np.where(y <= 1, near, far))

@@ -1,0 +1,213 @@
+"""What makes a process doubtful that was found nevertheless, each with its remedy."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from scipy.linalg import solve_toeplitz
+from scipy.signal import lfilter
+from scipy.stats import chi2
+
+from ..numerics import FloatArray
+from .fitting import Fit
+from .naming import Parameter
+from .records import Record
+
+__all__ = ["doubts"]
+
+LITTLE = 30.0
+"""Per cent of the output explained below which a process is doubtful."""
+
+SETTLED = 2.0
+"""Lags that a record must last after the input first moves."""
+
+FAR = 8.0
+"""Deviations from the samples around it at which a sample is an outlier."""
+
+DRIFTED = 0.05
+"""Share of the output's range from which on a drift is told."""
+
+PAST = 20
+"""Samples over which a controller is looked for."""
+
+FEEDBACK, NEVER = 0.3, 1e-6
+"""Correlation of u with what disturbed y before, and its probability by chance, that tell of one."""
+
+LEVELS = 12
+"""Limits of the actuator that are tried."""
+
+CLIPPED = 0.7
+"""Misfit with a limit, against that without, that tells of one."""
+
+
+def doubts(
+    record: Record,
+    parameters: dict[str, Parameter],
+    percents: tuple[float, float],
+    fitted: int,
+    innovations: FloatArray,
+    residual: FloatArray,
+    fit: Fit,
+) -> tuple[str, ...]:
+    """Look for all that is known to mislead a fit.
+
+    Parameters
+    ----------
+    record : Record
+        The record.
+    parameters : dict of str: Parameter
+        What was found.
+    percents : (float, float)
+        How much is explained of the part fitted and of that held out.
+    fitted : int
+        How many samples were fitted.
+    innovations, residual : array of float
+        What the fit leaves, from its start on, whitened in the part fitted, and plain everywhere;
+        in units of y.
+    fit : Fit
+        The fit.
+
+    Returns
+    -------
+    tuple of str
+        The gravest first.
+    """
+    return tuple(
+        [
+            *_worth(percents, parameters),
+            *_closed_loop(record, innovations, fit.start),
+            *_limited(record, fit),
+            *_short(record, parameters, fitted),
+            *_outliers(record, residual, fit.start),
+            *_drift(record, innovations, fit),
+        ]
+    )
+
+
+def _worth(
+    percents: tuple[float, float], parameters: dict[str, Parameter]
+) -> Iterator[str]:
+    gain = parameters["gain"]
+    if gain.low <= 0 <= gain.high:
+        yield (
+            "the gain may be zero, or of either sign: the record does not show that u acts on y; "
+            "make a larger step, or repeat it"
+        )
+    if percents[1] < 0:
+        yield (
+            "the part held out is foretold worse than a constant would: the process changes, "
+            "something else moves y, or the record is too short; repeat the measurement"
+        )
+    if not percents[0] > LITTLE:
+        yield (
+            f"the input explains only {max(percents[0], 0.0):.0f} % of the output: look whether "
+            "these columns belong to each other and the plant needs longer than one sample, or "
+            "make larger steps"
+        )
+
+
+def _short(record: Record, parameters: dict[str, Parameter], fitted: int) -> Iterator[str]:
+    moved = int(np.flatnonzero(np.diff(record.u))[0]) + 1
+    duration = record.sampling_time * (fitted - moved)
+    for name, found in parameters.items():
+        if found.unit != "s":
+            continue
+        if name.endswith("lag") and SETTLED * found.value > duration:
+            yield (
+                f"the record is short: {duration:.3g} s from the first move of the input on, for a "
+                f"{name} of {found.value:.3g} s; record at least three times as long as the lag"
+            )
+        elif found.standard_error > max(abs(found.value), 0.1 * duration):
+            yield (
+                f"the {name} is hardly known ({found.value:.3g} ± {found.standard_error:.2g} s): "
+                "let the input move more often"
+            )
+
+
+def _outliers(record: Record, residual: FloatArray, start: int) -> Iterator[str]:
+    """Samples far from the two on either side, after the response to the input is taken off."""
+    around = np.lib.stride_tricks.sliding_window_view(np.pad(residual, 2, mode="edge"), 5)
+    apart = np.abs(residual - np.median(around, axis=1))
+    steps = np.abs(np.diff(record.y))
+    scale = max(1.4826 * float(np.median(apart)), float(apart.std()) / 3, float(steps[steps > 0].min()))
+    far = np.flatnonzero(apart > FAR * scale)
+    if far.size:
+        k = start + int(far[np.argmax(apart[far])])
+        yield (
+            f"{far.size} samples of y are outliers, such as {record.y[k]:g} at "
+            f"{record.t[k]:g} s: correct or replace them by their neighbours, for they pull the fit"
+        )
+
+
+def _drift(record: Record, innovations: FloatArray, fit: Fit) -> Iterator[str]:
+    walked = fit.whitening.walked(float(innovations.std()), record.y.size)
+    if walked > DRIFTED * np.ptp(record.y):
+        yield (
+            f"y drifts, by about {walked:.2g} over the record, without the input's doing; the "
+            "intervals count that in: let the plant come to rest before the record, or make "
+            "larger steps and more of them"
+        )
+
+
+def _closed_loop(record: Record, innovations: FloatArray, start: int) -> Iterator[str]:
+    """Does what disturbs y move u later? Nothing but a controller does that."""
+    moves = np.diff(record.u, prepend=record.u[0])[start : start + innovations.size]
+    fresh = _fresh(moves)
+    if fresh is None:
+        return
+    e = innovations[-fresh.size :]
+    e = np.clip(e, *np.quantile(e, [0.02, 0.98]))
+    e = e - e.mean()
+    size = np.sqrt(float(e @ e) * float(fresh @ fresh))
+    if not size:
+        return
+    count = e.size
+    # Not in the same sample: there a table may have u before y, or after it.
+    found = np.array([fresh[k:] @ e[: count - k] for k in range(1, PAST)]) / size
+    chance = float(chi2.sf(count * float(found @ found), found.size))
+    if chance < NEVER and np.abs(found).max() > FEEDBACK:
+        yield (
+            "u follows what disturbed y before: the plant was under control while it was measured, "
+            "and the fit may show the controller instead; open the loop, or move the set point and "
+            "trust only what the held-out part confirms"
+        )
+
+
+def _fresh(moves: FloatArray) -> FloatArray | None:
+    """What its own past does not tell of an input that moves all the time; None of any other."""
+    if np.count_nonzero(moves) < moves.size / 2 or moves.size < 5 * PAST:
+        return None
+    own = np.array([moves[k:] @ moves[: moves.size - k] for k in range(PAST + 1)])
+    own[0] *= 1 + 1e-9
+    past = solve_toeplitz(own[:-1], own[1:])
+    fresh = lfilter(np.concatenate([[1.0], -past]), [1.0], moves)[PAST:]
+    low, high = np.quantile(fresh, [0.05, 0.95])
+    if high - low < 1e-6 * np.ptp(moves):
+        return None
+    fresh = np.clip(fresh, low, high)
+    return np.asarray(fresh - fresh.mean())
+
+
+def _limited(record: Record, fit: Fit) -> Iterator[str]:
+    """Would the plant's answer be explained far better if the input were cut off?"""
+    levels = np.unique(np.quantile(record.u, np.linspace(0, 1, LEVELS + 2)))
+    if levels.size < 3:
+        return
+    outputs = fit.whitening.applied(record.y[fit.start :])
+
+    def misfit(inputs: FloatArray) -> float:
+        columns = fit.structure.columns(fit.shape, inputs - inputs[0], fit.start, fit.moving)
+        columns = fit.whitening.applied(columns)
+        rest = outputs - columns @ np.linalg.lstsq(columns, outputs, rcond=None)[0]
+        return float(rest @ rest)
+
+    plain = misfit(record.u)
+    tried = [(misfit(np.minimum(record.u, c)), f"above {c:g}") for c in levels[1:-1]]
+    tried += [(misfit(np.maximum(record.u, c)), f"below {c:g}") for c in levels[1:-1]]
+    least, where = min(tried)
+    if least < CLIPPED * plain:
+        yield (
+            f"the plant answers as if u were cut off {where}: the actuator looks saturated there; "
+            "keep the steps inside its limits"
+        )

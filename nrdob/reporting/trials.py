@@ -1,0 +1,124 @@
+"""A loop tried on every process that a record does not exclude."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import inf, isfinite
+
+from ..loop import NRDOB
+from ..measured import Identification
+from ..numerics import number
+from .page import Table
+
+__all__ = ["Trial", "in_words", "trial_table", "trials_on"]
+
+TOLERATED = 2.5
+"""Largest sensitivity peak on a process that the record does not exclude."""
+
+SHOWN = 4
+"""Corners in the table, worst first."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """The proposed loop on a process that the record does not exclude.
+
+    Attributes
+    ----------
+    process : str
+        Which one: a structure, or numbers at the ends of their intervals.
+    corner : bool
+        Whether it is one of the latter.
+    stable : bool or None
+        Whether the loop is stable; None if that could not be decided.
+    ms : float
+        Its sensitivity peak; infinite if it is not stable.
+    """
+
+    process: str
+    corner: bool
+    stable: bool | None
+    ms: float
+
+    @property
+    def holds(self) -> bool:
+        """Whether it is stable with a peak that can be tolerated."""
+        return self.ms <= TOLERATED
+
+
+def trials_on(loop: NRDOB, found: Identification) -> tuple[Trial, ...]:
+    """Try a loop on what was identified, its rivals, and all corners of the intervals.
+
+    Parameters
+    ----------
+    loop : NRDOB
+        The loop; its process is replaced.
+    found : Identification
+        What the record says.
+    """
+    return tuple(_trials(loop, found))
+
+
+def _trials(loop: NRDOB, found: Identification) -> Iterator[Trial]:
+    plants = {f"{found.structure} (chosen)": found.process}
+    plants |= {each.structure: each.process for each in found.candidates if each.rival}
+    for corner, group in ((False, plants), (True, found.corners)):
+        for name, plant in group.items():
+            stable: bool | None = None
+            ms = inf
+            try:
+                margins = NRDOB(plant, loop.model, loop.controller, loop.filter).margins()
+                stable = margins.stable
+                ms = margins.plant_loop.ms if stable else inf
+            except (ArithmeticError, ValueError):
+                pass  # the peak stays infinite, and whether it is stable undecided
+            yield Trial(name, corner, stable, ms)
+
+
+def in_words(trials: tuple[Trial, ...]) -> str:
+    """Say what became of all trials.
+
+    Parameters
+    ----------
+    trials : tuple of Trial
+        Of one loop.
+    """
+    corners = sum(each.corner for each in trials)
+    rivals = len(trials) - corners - 1
+    among = f"the process found, {rivals or 'no'} rival{'s' * (rivals > 1)} of it and {corners} corners of the intervals"
+    failed = [each for each in trials if not each.holds]
+    if not failed:
+        worst = number(max(each.ms for each in trials))
+        return f"Tried on {among}, it is stable on all, with a sensitivity peak of {worst} at most."
+    unstable = sum(not each.stable for each in failed)
+    return (
+        f"The record does not tell enough to rely on this loop: tried on {among}, it is unstable on "
+        f"{unstable}, and on {len(failed) - unstable} more the sensitivity peaks above "
+        f"{TOLERATED:g}; a slower filter does not help. Measure again, longer or with larger steps, "
+        "so that the intervals become narrower."
+    )
+
+
+def trial_table(trials: tuple[Trial, ...]) -> Table:
+    """Show the trials: all structures, and the worst corners.
+
+    Parameters
+    ----------
+    trials : tuple of Trial
+        Of one loop.
+    """
+    corners = sorted((each for each in trials if each.corner), key=lambda each: -each.ms)
+    shown = [*(each for each in trials if not each.corner), *corners[:SHOWN]]
+    answer = {True: "yes", False: "NO", None: "not decided"}
+    rows = tuple(
+        (each.process, answer[each.stable], number(each.ms) if isfinite(each.ms) else "–")
+        for each in shown
+    )
+    return Table(
+        "The loop on what the process may be: structures that explain the record about as well, "
+        f"and the worst {len(shown) - len(trials) + len(corners)} of {len(corners)} corners of the "
+        "intervals",
+        ("process", "stable", "peak Ms"),
+        rows,
+    )

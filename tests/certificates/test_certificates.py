@@ -1,0 +1,229 @@
+"""Certificates: their counts are the verdict's, and what is not proved is refused."""
+
+from __future__ import annotations
+
+import copy
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import control as ct
+import mpmath
+import numpy as np
+import pytest
+
+import nrdob
+from nrdob import LowPassFilter, paper
+from nrdob.certificates import check, checker, half_plane_points
+from nrdob.numerics import Term
+
+Content = dict[str, Any]
+
+
+def example(number: int) -> nrdob.NRDOB:
+    given = paper.example(number)
+    return nrdob.NRDOB(given.process, given.model, given.controller, given.filter)
+
+
+def counts(loop: nrdob.NRDOB) -> list[float | None]:
+    found = loop.stability()
+    return [found.model_loop.closed_loop_rhp, found.observer_loop.closed_loop_rhp]
+
+
+# What is proved.
+
+
+@pytest.mark.parametrize("number", [1, 2, 3, 4])
+def test_the_examples_of_the_paper_are_proved_stable(number):
+    certificate = example(number).stability().certificate()
+    assert certificate.content["claim"] == {"D_F": 0, "p_A": 0, "p_B": 0}
+    assert str(certificate).startswith("Proved: the loop is internally stable.")
+
+
+@pytest.mark.parametrize("delayed", [False, True])
+def test_random_loops_stable_or_not_are_counted_as_by_the_verdict(delayed):
+    rng = np.random.default_rng(7)
+    stable = set()
+    for _ in range(60):
+        loop = nrdob.random_loop(rng, delayed=delayed)
+        verdict = loop.stability()
+        if np.inf in counts(loop):
+            with pytest.raises(ArithmeticError, match="at infinite frequency"):
+                verdict.certificate()
+            continue
+        claim = verdict.certificate().content["claim"]
+        assert [claim["p_A"], claim["p_B"]] == counts(loop)
+        stable.add(verdict.stable)
+    assert stable == {True, False}
+
+
+@pytest.mark.parametrize("den", [[1.1, 1, 0], [1.1, 1, 0.01]])
+def test_a_delayed_model_with_an_integrator_cancels_s_inside_its_block(den):
+    model = nrdob.delay(0.5) * ct.tf([1], [1, 1, 0])
+    process = nrdob.delay(0.6) * ct.tf([1.2], den)
+    F = nrdob.interpolating_filter(model, 1.0)
+    loop = nrdob.NRDOB(process, model, ct.tf([1, 0.2], [0.1, 1]), F)
+    certificate = loop.stability().certificate()
+    assert loop.built.poles.degree == 1
+    assert certificate.content["claim"]["p_B"] == counts(loop)[1]
+    assert "cancel inside its blocks" in str(certificate)
+
+
+def test_poles_that_cancel_to_rounding_are_told_with_what_is_left_over():
+    model = ct.tf([1], [1, 0.3, -1.7])
+    F = nrdob.interpolating_filter(model, 0.1)
+    loop = nrdob.NRDOB(ct.tf([1.1], [1, 0.3, -1.7]), model, ct.tf([30, 20], [0.02, 1]), F)
+    assert "cancel inside its blocks, to " in str(loop.stability().certificate())
+
+
+def test_a_neutral_loop_is_proved_where_it_is_strongly_stable():
+    process = nrdob.delay(0.3) * ct.tf([0.5, 1], [1, 1])
+    F = ct.tf([0.2, 1], [1, 1])
+    loop = nrdob.NRDOB(process, ct.tf([0.6, 1], [1, 1]), ct.tf([1], [1, 0]), F)
+    assert loop.stability().observer_loop.kind == "neutral"
+    certificate = loop.stability().certificate()
+    assert certificate.content["claim"]["p_B"] == counts(loop)[1]
+
+
+@pytest.mark.parametrize("spread", [1e2, 1e5, 1e8])
+def test_stiff_loops_are_proved_with_few_points(spread):
+    lags = np.geomspace(1, spread, 6)
+    den = np.poly(-1 / lags) * np.prod(lags)
+    loop = nrdob.NRDOB(
+        ct.tf([1.1], den), ct.tf([1], den), ct.tf([0.1], [spread, 0]), LowPassFilter(spread, 6)
+    )
+    certificate = loop.stability().certificate()
+    assert certificate.content["claim"]["p_B"] == counts(loop)[1]
+    assert max(map(len, certificate.content["points"].values())) < 300
+
+
+def test_a_root_on_the_axis_has_no_certificate():
+    loop = nrdob.NRDOB(ct.tf([1], [1, 1]), ct.tf([1], [1, 0, 0]), 1.0, LowPassFilter(0.1, 2))
+    with pytest.raises(ArithmeticError, match=r"no certificate for p_A: .*imaginary axis"):
+        loop.stability().certificate()
+
+
+def test_points_of_a_quadratic_by_hand():
+    # |f|² = (2 - ω²)² + 4ω² = 4 + ω⁴; at the last point ω² > 2ω + 2.
+    points = half_plane_points((Term(np.array([1.0, 2.0, 2.0]), 0.0),))
+    assert points[0] == 0 and points[-1] ** 2 > 2 * points[-1] + 2
+
+
+def test_saved_certificates_are_checked_by_the_file_alone(tmp_path):
+    path, alone = tmp_path / "certificate.json", tmp_path / "checker.py"
+    example(4).stability().certificate().save(path)
+    alone.write_bytes(Path(checker.__file__).read_bytes())
+
+    def run() -> subprocess.CompletedProcess[str]:
+        command = [sys.executable, "-I", "-S", str(alone), str(path)]
+        return subprocess.run(command, capture_output=True, text=True, check=False)
+
+    accepted = run()
+    assert accepted.returncode == 0 and accepted.stdout.startswith("Proved: the loop is intern")
+    content = json.loads(path.read_text(encoding="utf-8"))
+    content["claim"]["p_B"] = 2
+    path.write_text(json.dumps(content), encoding="utf-8")
+    refused = run()
+    assert refused.returncode == 1 and refused.stderr.startswith("Not proved: p_B has 0")
+
+
+def test_the_checker_is_short_and_needs_the_standard_library_only():
+    source = Path(checker.__file__).read_text(encoding="utf-8").splitlines()
+    imports = [line.split()[1] for line in source if line.startswith(("import ", "from "))]
+    assert sum(bool(line.strip()) for line in source) <= 200
+    assert set(imports) <= sys.stdlib_module_names
+
+
+# What is not proved.
+
+
+def tampered(content: Content) -> Iterator[tuple[str, Content]]:
+    """Change one thing after another, each so that nothing, or something false, is claimed."""
+
+    def changed(place: str, value: Any) -> Content:
+        other = copy.deepcopy(content)
+        target = other
+        *path, last = place.split(".")
+        for key in path:
+            target = target[key]
+        target[last] = value
+        return other
+
+    for name, points in content["points"].items():
+        place = f"points.{name}"
+        for claim in (-1, 1, 2, 3, "0", None, True, 0.0, [0]):
+            yield f"{name} claims {claim!r}", changed(f"claim.{name}", claim)
+        for k in range(1, len(points)):
+            # The last but one may be far enough out, too.
+            yield f"{name} without the points from {k - 1}", changed(place, points[: k - 1])
+            yield f"{name} without the points before {k}", changed(place, points[k:])
+        for wrong in (
+            points[::-1], [*points, points[-1]], [], "0", None,
+            ["0", "1/0"], ["0", "nan"], ["0", "1e9"], ["0", 1.5], ["0", "9" * 2000],
+            ["-1", *points], [*points[:1], *points], dict.fromkeys(points),
+        ):  # fmt: skip
+            yield f"{name}, points {str(wrong)[:30]}", changed(place, wrong)
+    for block, parts in content["blocks"].items():
+        for part in ("num", "den"):
+            place = f"blocks.{block}.{part}"
+            turned = [str(-Fraction(c)) for c in parts[part]]
+            yield f"{block} with the other sign of {part}", changed(place, turned)
+            for wrong in ([], ["0"], ["0", "1"], ["x"], [1], None, ["1"] * 70, ["1/0"]):
+                yield f"{block}.{part} is {str(wrong)[:20]}", changed(place, wrong)
+        longer = [*parts["num"], *["0"] * len(parts["den"])]
+        yield f"{block} improper", changed(f"blocks.{block}.num", longer)
+        for delay in ("-1", "x", None, "5000"):
+            if block in ("process", "model") or delay != "0":
+                yield f"delay of {block} {delay}", changed(f"blocks.{block}.delay", delay)
+        yield (
+            f"without {block}",
+            changed("blocks", {k: v for k, v in content["blocks"].items() if k != block}),
+        )
+    for part in ("zeros", "poles"):
+        for wrong in (["1", "1"], ["1", "-1"], ["1", "0", "1"], ["0"], [], None, ["1"] * 9):
+            yield f"cancelled {part} {wrong}", changed(f"cancelled.{part}", wrong)
+    for key in content:
+        yield f"without {key}", {k: v for k, v in content.items() if k != key}
+        yield f"{key} is None", changed(key, None)
+    yield "more keys", content | {"trust": True}
+    yield "another version", changed("version", 2)
+    for gain in (4, 8, 100):  # the gain may rise by 3.7121 in Example 4
+        num = [str(gain * Fraction(c)) for c in content["blocks"]["process"]["num"]]
+        yield f"gain times {gain}", changed("blocks.process.num", num)
+
+
+TAMPERED = list(tampered(json.loads(json.dumps(example(4).stability().certificate().content))))
+
+
+def test_there_are_many_ways_to_tamper():
+    assert len(TAMPERED) >= 200
+    assert len({name for name, _ in TAMPERED}) == len(TAMPERED)
+
+
+@pytest.mark.parametrize("content", [each for _, each in TAMPERED], ids=[n for n, _ in TAMPERED])
+def test_a_tampered_certificate_is_refused(content):
+    with pytest.raises(ValueError, match=r".{8}"):
+        check(content)
+
+
+@pytest.mark.parametrize("other", [None, [], "certificate", 1, {}])
+def test_something_else_is_refused(other):
+    with pytest.raises(ValueError, match="an object needs format"):
+        check(other)
+
+
+def test_cosine_and_sine_are_within_their_bound():
+    rng = np.random.default_rng(3)
+    with mpmath.workdps(90):
+        for exponent in rng.uniform(-20, 12, 200):
+            x = Fraction(float(10**exponent))
+            cosine, sine, bound = checker.cosine_sine(x)
+            angle = mpmath.mpf(x.numerator) / x.denominator
+            for found, true in ((cosine, mpmath.cos(angle)), (sine, mpmath.sin(angle))):
+                error = abs(mpmath.mpf(found.numerator) / found.denominator - true)
+                assert error <= mpmath.mpf(bound.numerator) / bound.denominator
+            assert bound < Fraction(1, 2**100)
