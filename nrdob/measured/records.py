@@ -174,13 +174,17 @@ def _stuck(outputs: FloatArray, place: Callable[[int], str]) -> tuple[BoolArray,
     free = np.ones(outputs.size, dtype=bool)
     remarks = []
     steps = np.abs(np.diff(outputs))
+    moves = np.abs(outputs[STUCK:] - outputs[:-STUCK])  # of several samples: noise is no motion
     abrupt = max(ABRUPT * steps.max(), COARSE * _resolution(steps))
+    far = max(ABRUPT * moves.max(), COARSE * _resolution(steps))
     for extreme, called in ((outputs.max(), "largest"), (outputs.min(), "smallest")):
         held = outputs == extreme
         cut = [
             first
             for first, last in _runs(held)
-            if last - first >= STUCK and steps[max(first - 2, 0) : first].max(initial=0.0) > abrupt
+            if last - first >= STUCK
+            and steps[max(first - 2, 0) : first].max(initial=0.0) > abrupt
+            and moves[max(first - STUCK, 0)] > far
         ]
         if cut:
             free &= ~held
@@ -193,10 +197,15 @@ def _stuck(outputs: FloatArray, place: Callable[[int], str]) -> tuple[BoolArray,
 
 
 def _resolution(steps: FloatArray) -> float:
-    """Step of a coarse sensor, of which all others are multiples; 0 if there is none."""
-    smallest = float(steps[steps > 0].min())
-    multiples = steps / smallest
-    return smallest if np.abs(multiples - np.round(multiples)).max() < 0.01 else 0.0
+    """Step of a coarse sensor, of which most others are multiples; 0 if there is none.
+
+    A sensor that is written with few digits has steps that differ by some per cent.
+    """
+    moved = steps[steps > 0]
+    usual = float(np.median(moved[moved <= 1.1 * np.median(moved)]))
+    multiples = moved / usual
+    off = np.abs(multiples - np.round(multiples))
+    return usual if np.mean(off < 0.05 * np.maximum(multiples, 1)) > 0.9 else 0.0
 
 
 def _runs(held: BoolArray) -> list[tuple[int, int]]:

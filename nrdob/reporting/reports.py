@@ -200,7 +200,11 @@ def _reasons(process: Any, proposal: Proposal) -> Section:
     if proposal.loop is None:
         words = (f"The process is G = {_shown(process)}. {_kind(process)}", *words)
     return Section(
-        "What is proposed, and why", words, tables if rows or proposal.trials else (), (), proposal.warnings
+        "What is proposed, and why",
+        words,
+        tables if rows or proposal.trials else (),
+        (),
+        proposal.warnings,
     )
 
 
