@@ -10,7 +10,7 @@ import numpy as np
 
 from ..numerics import FloatArray
 
-__all__ = ["UNITS", "is_moment", "number_in", "seconds_in", "short"]
+__all__ = ["NUMBER", "UNITS", "is_moment", "number_in", "seconds_in", "short"]
 
 LONGEST = 60
 """Characters of a cell or a heading that a message repeats."""

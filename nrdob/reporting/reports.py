@@ -137,7 +137,8 @@ class Report:
         if self.loop is not None:
             for name in ("model", "controller", "filter"):
                 parts.append(f"{name} = {_shown(getattr(self.loop, name))}")
-        return "\n".join([*parts, *(f"- {each}" for each in self.warnings)])
+        others = [each for each in self.warnings if each not in self.verdict]
+        return "\n".join([*parts, *(f"- {each}" for each in others)])
 
 
 def report(
