@@ -10,7 +10,7 @@ import numpy as np
 
 from ..numerics import FloatArray
 
-__all__ = ["UNITS", "is_moment", "number_in", "seconds_in", "short"]
+__all__ = ["NUMBER", "UNITS", "is_moment", "number_in", "seconds_in", "short"]
 
 LONGEST = 60
 """Characters of a cell or a heading that a message repeats."""
@@ -33,6 +33,7 @@ UNITS = {
 NUMBER = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)(e[+-]?\d+)?", re.I)
 
 MOMENT = re.compile(
+    r"(?:(?P<days>\d+)\s+days?,?\s+(?=\d))?"
     r"(?:(?P<day>\d{1,4}[-./](?:\d{1,2}|[a-z]{3,9})[-./]\d{1,4})(?:[t\s]\s*|$))?"
     r"(?:(?P<hour>\d{1,3}):(?P<minute>\d\d)(?::(?P<second>\d\d(?:[.,]\d+)?))?"
     r"(?:\s*(?P<half>[ap])\.?m\.?)?)?\s*(?P<zone>z|[+-]\d\d:?\d\d)?",
@@ -48,15 +49,13 @@ def short(text: str) -> str:
     return clean if len(clean) <= LONGEST else f"{clean[:LONGEST]}…"
 
 
-def number_in(cell: str, decimal: str = ".") -> float | None:
-    """Read a number.
+def number_in(cell: str) -> float | None:
+    """Read a number; its decimal mark is a point or a comma.
 
     Parameters
     ----------
     cell : str
         The cell.
-    decimal : {".", ","}
-        Its decimal mark.
 
     Returns
     -------
@@ -65,11 +64,11 @@ def number_in(cell: str, decimal: str = ".") -> float | None:
 
     Examples
     --------
-    >>> number_in("-2,5", ","), number_in("1,234.5", ","), number_in("=1+1")
+    >>> number_in("-2,5"), number_in("1,234.5"), number_in("=1+1")
     (-2.5, None, None)
     """
     text = cell.strip()
-    if decimal == "," and "." not in text and text.count(",") == 1:
+    if "." not in text and text.count(",") == 1:
         text = text.replace(",", ".")
     if "_" in text or len(text) > LONGEST:
         return None
@@ -121,6 +120,13 @@ def seconds_in(cells: Sequence[str], place: Callable[[int], str]) -> tuple[Float
                 "write all times alike"
             )
     clock -= np.array([zone or 0.0 for zone in zones])
+    back = np.flatnonzero(np.diff(clock) < -43200.0)
+    if days[0] is None and back.size:
+        k = int(back[0]) + 1
+        raise ValueError(
+            f"{place(k)}: t goes from {short(cells[k - 1])} to {short(cells[k])}; where midnight "
+            "passes, the day is needed: write 2024-01-31 12:00:00, or give the sampling time"
+        )
     if len(set(days)) > 1:
         numbers = {day: _ordinal(day) for day in set(days)}
         for k, day in enumerate(days):
@@ -156,7 +162,7 @@ def _moment(cell: str, where: str) -> tuple[str | None, float, float | None]:
             raise ValueError(f"{where}: t is {short(cell)!r}, which is no time of a day")
         if found["half"]:
             hour = hour % 12 + 12 * (found["half"].lower() == "p")
-        clock = 3600.0 * hour + 60.0 * minute + second
+        clock = 86400.0 * int(found["days"] or 0) + 3600.0 * hour + 60.0 * minute + second
     zone = None
     if found["zone"] is not None:
         digits = found["zone"].lower().replace("z", "+0000").replace(":", "")

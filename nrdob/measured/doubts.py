@@ -76,7 +76,7 @@ def doubts(
     return tuple(
         [
             *_worth(percents, parameters),
-            *_closed_loop(record, innovations, fit.start),
+            *_closed_loop(record, innovations, fit),
             *_limited(record, fit),
             *_short(record, parameters, fitted),
             *_outliers(record, residual, fit.start),
@@ -85,9 +85,7 @@ def doubts(
     )
 
 
-def _worth(
-    percents: tuple[float, float], parameters: dict[str, Parameter]
-) -> Iterator[str]:
+def _worth(percents: tuple[float, float], parameters: dict[str, Parameter]) -> Iterator[str]:
     gain = parameters["gain"]
     if gain.low <= 0 <= gain.high:
         yield (
@@ -126,11 +124,13 @@ def _short(record: Record, parameters: dict[str, Parameter], fitted: int) -> Ite
 
 
 def _outliers(record: Record, residual: FloatArray, start: int) -> Iterator[str]:
-    """Samples far from the two on either side, after the response to the input is taken off."""
+    """Find samples whose residual is far from the two on either side."""
     around = np.lib.stride_tricks.sliding_window_view(np.pad(residual, 2, mode="edge"), 5)
     apart = np.abs(residual - np.median(around, axis=1))
     steps = np.abs(np.diff(record.y))
-    scale = max(1.4826 * float(np.median(apart)), float(apart.std()) / 3, float(steps[steps > 0].min()))
+    scale = max(
+        1.4826 * float(np.median(apart)), float(apart.std()) / 2, float(steps[steps > 0].min())
+    )
     far = np.flatnonzero(apart > FAR * scale)
     if far.size:
         k = start + int(far[np.argmax(apart[far])])
@@ -150,9 +150,9 @@ def _drift(record: Record, innovations: FloatArray, fit: Fit) -> Iterator[str]:
         )
 
 
-def _closed_loop(record: Record, innovations: FloatArray, start: int) -> Iterator[str]:
-    """Does what disturbs y move u later? Nothing but a controller does that."""
-    moves = np.diff(record.u, prepend=record.u[0])[start : start + innovations.size]
+def _closed_loop(record: Record, innovations: FloatArray, fit: Fit) -> Iterator[str]:
+    """See whether u answers what disturbs y, against the plant's gain, as a controller does."""
+    moves = np.diff(record.u, prepend=record.u[0])[fit.start :][: innovations.size]
     fresh = _fresh(moves)
     if fresh is None:
         return
@@ -163,10 +163,12 @@ def _closed_loop(record: Record, innovations: FloatArray, start: int) -> Iterato
     if not size:
         return
     count = e.size
-    # Not in the same sample: there a table may have u before y, or after it.
-    found = np.array([fresh[k:] @ e[: count - k] for k in range(1, PAST)]) / size
+    # In the same sample only if the plant cannot have answered within it.
+    first = int(fit.shape[0] < 1)
+    found = np.array([fresh[k:] @ e[: count - k] for k in range(first, PAST)]) / size
     chance = float(chi2.sf(count * float(found @ found), found.size))
-    if chance < NEVER and np.abs(found).max() > FEEDBACK:
+    found *= -np.sign(fit.linear[0])
+    if chance < NEVER and found.max() > FEEDBACK:
         yield (
             "u follows what disturbed y before: the plant was under control while it was measured, "
             "and the fit may show the controller instead; open the loop, or move the set point and "
@@ -175,7 +177,7 @@ def _closed_loop(record: Record, innovations: FloatArray, start: int) -> Iterato
 
 
 def _fresh(moves: FloatArray) -> FloatArray | None:
-    """What its own past does not tell of an input that moves all the time; None of any other."""
+    """Give what its own past does not tell of an input that always moves; None of any other."""
     if np.count_nonzero(moves) < moves.size / 2 or moves.size < 5 * PAST:
         return None
     own = np.array([moves[k:] @ moves[: moves.size - k] for k in range(PAST + 1)])
@@ -190,15 +192,14 @@ def _fresh(moves: FloatArray) -> FloatArray | None:
 
 
 def _limited(record: Record, fit: Fit) -> Iterator[str]:
-    """Would the plant's answer be explained far better if the input were cut off?"""
+    """Try whether y is explained far better if the input is cut off."""
     levels = np.unique(np.quantile(record.u, np.linspace(0, 1, LEVELS + 2)))
     if levels.size < 3:
         return
-    outputs = fit.whitening.applied(record.y[fit.start :])
+    outputs = record.y[fit.start :]
 
     def misfit(inputs: FloatArray) -> float:
         columns = fit.structure.columns(fit.shape, inputs - inputs[0], fit.start, fit.moving)
-        columns = fit.whitening.applied(columns)
         rest = outputs - columns @ np.linalg.lstsq(columns, outputs, rcond=None)[0]
         return float(rest @ rest)
 

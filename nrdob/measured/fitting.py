@@ -2,8 +2,8 @@ r"""Output-error least squares: the plant whose exact response comes nearest to 
 
 The residual is :math:`y - \Phi(\vartheta)b` with the responses :math:`\Phi` of dead time and
 denominator :math:`\vartheta`, and with b found by linear least squares for each of them: the
-search has three unknowns at most (Golub and Pereyra's variable projection). Both sides go through the
-filter of the disturbance, see `nrdob.measured.residuals`; filter and process are found in turn.
+search has three unknowns at most (Golub and Pereyra's variable projection). Both sides go through
+the filter of the disturbance, see `nrdob.measured.residuals`; filter and process are found in turn.
 
 .. rubric:: References
 
@@ -35,7 +35,7 @@ ROUGHLY, FINELY = 8, 25
 """Most steps of a search, to compare starting points and to the end."""
 
 ROUNDS, SAME = 3, 1e-3
-"""Most times that filter and process are found in turn, and the share of the misfit that ends it."""
+"""Most times that filter and process are found in turn, and the gain in misfit that ends it."""
 
 BEGINNINGS = (Whitening(), Whitening(theta=0.8))
 """Filters with which a search begins: without drift, and with much."""
@@ -202,6 +202,7 @@ def refined(fit: Fit, problem: Problem, start: int, moving: bool = False) -> Fit
     start, moving : int, bool
         As in `Fit`.
     """
+
     def searched(shift: float) -> Fit:
         moved = fit.shape + shift * np.eye(fit.shape.size)[0]
         return _search(fit.structure, problem, fit.whitening, moved, start, moving, FINELY)

@@ -99,13 +99,15 @@ def evenly_sampled(
         line = np.linspace(t[0], t[-1], count)
         if np.abs(t - line).max() <= EVEN * span / (count - 1):
             return Sampled(t, u, y, np.ones(count, dtype=bool))
-        if step := _rounding(t):
+        step, spacing = _rounding(t)
+        if step:
             said = (
                 f"times are given to {step:g} s only; they are taken as even, one sample every "
-                f"{span / (count - 1):.4g} s: a missing row would not be seen, and with a sampling "
-                "time of your own the times are not needed"
+                f"{spacing:.5g} s: a missing row would not be seen, and with a sampling time of "
+                "your own the times are not needed"
             )
-            return Sampled(line, u, y, np.ones(count, dtype=bool), (), (said,))
+            even = t[0] + spacing * np.arange(count)
+            return Sampled(even, u, y, np.ones(count, dtype=bool), (), (said,))
     _check_increasing(t, place)
     index, spacing = _numbered(t, place)
     notes, remarks = _gaps(index, t, u, place)
@@ -135,23 +137,23 @@ def _check_increasing(t: FloatArray, place: Callable[[int], str]) -> None:
         )
 
 
-def _rounding(t: FloatArray) -> float:
-    """Find the step to which even times were rounded, in seconds; 0 if they were not."""
-    count = t.size
-    spacing = (t[-1] - t[0]) / (count - 1)
+def _rounding(t: FloatArray) -> tuple[float, float]:
+    """Find the step to which even times were rounded (0 if they were not), and their spacing."""
     elapsed = t - t[0]
     for step in (3600.0, 60.0, *(10.0**-k for k in range(7))):
         whole = np.round(elapsed / step)
         if np.abs(elapsed - step * whole).max() <= 1e-6 * step:
             break
     else:
-        return 0.0
-    number = np.arange(count)
-    rest = elapsed - np.polyval(np.polyfit(number, elapsed, 1), number)
+        return 0.0, 0.0
+    number = np.arange(t.size)
+    line = np.polyfit(number, elapsed, 1)
+    spacing = float(line[0])
+    rest = elapsed - np.polyval(line, number)
     steps = np.diff(elapsed)
     irregular = np.count_nonzero(np.abs(steps - np.median(steps)) > 0.5 * step)
     rounded = np.ptp(rest) <= 1.05 * step and EVEN * spacing < step <= COARSE * spacing
-    return step if rounded and irregular >= IRREGULAR else 0.0
+    return (step if rounded and irregular >= IRREGULAR else 0.0), spacing
 
 
 def _numbered(t: FloatArray, place: Callable[[int], str]) -> tuple[IntArray, float]:

@@ -26,6 +26,9 @@ SIGNALS = {
 """Headings of input and output, without units and in small letters; with numbers if there are
 several."""
 
+COUNTERS = ("sample", "samples", "index", "n", "k", "i", "no", "nr", "step", "count", "row", "id")
+"""Headings of columns that number the rows: never taken for times."""
+
 SAMPLING = "give the sampling time (--sampling-time 0.1; in Python sampling_time=0.1)"
 
 EXAMPLES = {"t": "Time", "u": "Q1", "y": "T1"}
@@ -135,7 +138,7 @@ def chosen(
         k
         for k in range(width)
         if k not in order.values() and not any(k in each for each in several.values())
-        if not heads or heads[k]
+        if not heads or (heads[k] and heads[k].lower() not in COUNTERS)
     ]
     lacking = [what for what in wanted if what not in order and what not in several]
     remarks: tuple[str, ...] = ()
@@ -271,7 +274,7 @@ def _unit(head: str) -> str:
     if words and words[0] in UNITS:
         return words[0]
     behind = [word for word in words[1:] if word not in BESIDE]
-    return " ".join(behind)
+    return " ".join(behind) if _is_time(head) or behind[-1:] in [[unit] for unit in UNITS] else ""
 
 
 def _base(head: str) -> str:

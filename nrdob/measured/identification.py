@@ -302,7 +302,8 @@ def identified(
     fit = best.fit
     remarks = doubts(
         record, parameters, (best.fit_percent, best.validation), count,
-        sizes[1] * best.innovations, sizes[1] * whole.left(fit), fit,
+        sizes[1] * best.innovations,
+        sizes[1] * np.where(record.free[start:], whole.left(fit), 0.0), fit,
     )  # fmt: skip
     gain = parameters["gain"]
     unsure = ""
@@ -401,9 +402,7 @@ def _judged(
     )
 
 
-def _foretold(
-    fit: Fit, whole: Problem, problem: Problem
-) -> tuple[FloatArray, tuple[float, float]]:
+def _foretold(fit: Fit, whole: Problem, problem: Problem) -> tuple[FloatArray, tuple[float, float]]:
     """Go on from the part that was fitted, with plant and drift in the state they are in."""
     first = problem.outputs.size - fit.start
     rest = whole.left(fit)

@@ -125,7 +125,8 @@ def told(
     """
     names = _Names(fit, covariance, *units)
     slopes = _slopes(names, fit)
-    covariance = slopes @ covariance @ slopes.T
+    known = bool(np.isfinite(covariance).all())
+    covariance = slopes @ covariance @ slopes.T if known else np.full((len(slopes),) * 2, np.inf)
     parameters = {}
     for (name, unit), value, error in zip(
         names.units.items(),

@@ -26,9 +26,6 @@ ABRUPT = 0.2
 COARSE = 3.0
 """Steps of a coarse sensor that the last one before a limit must exceed."""
 
-FEW, ROUNDED = 5.5, 0.25
-"""Multiples of a coarse sensor's step that are looked at, and how far from whole they may be."""
-
 LARGEST = 1e100
 """Above it squares overflow."""
 
@@ -216,13 +213,17 @@ def _stuck(outputs: FloatArray, place: Callable[[int], str]) -> tuple[BoolArray,
     free = np.ones(outputs.size, dtype=bool)
     remarks = []
     steps = np.abs(np.diff(outputs))
+    moves = np.abs(outputs[STUCK:] - outputs[:-STUCK])  # of several samples: noise is no motion
     abrupt = max(ABRUPT * steps.max(), COARSE * _resolution(steps))
+    far = max(ABRUPT * moves.max(), COARSE * _resolution(steps))
     for extreme, called in ((outputs.max(), "largest"), (outputs.min(), "smallest")):
         held = outputs == extreme
         cut = [
             first
             for first, last in _runs(held)
-            if last - first >= STUCK and steps[max(first - 2, 0) : first].max(initial=0.0) > abrupt
+            if last - first >= STUCK
+            and steps[max(first - 2, 0) : first].max(initial=0.0) > abrupt
+            and moves[max(first - STUCK, 0)] > far
         ]
         if cut:
             free &= ~held
@@ -235,12 +236,15 @@ def _stuck(outputs: FloatArray, place: Callable[[int], str]) -> tuple[BoolArray,
 
 
 def _resolution(steps: FloatArray) -> float:
-    """Step of a coarse sensor: most others are a few times it, but for rounding; 0 if none is."""
+    """Step of a coarse sensor, of which most others are multiples; 0 if there is none.
+
+    A sensor that is written with few digits has steps that differ by some per cent.
+    """
     moved = steps[steps > 0]
-    multiples = moved / moved.min()
-    few = multiples[multiples < FEW]
-    coarse = 2 * few.size > moved.size and np.abs(few - np.round(few)).max() < ROUNDED
-    return float(np.median(moved[multiples < 1 + ROUNDED])) if coarse else 0.0
+    usual = float(np.median(moved[moved <= 1.1 * np.median(moved)]))
+    multiples = moved / usual
+    off = np.abs(multiples - np.round(multiples))
+    return usual if np.mean(off < 0.05 * np.maximum(multiples, 1)) > 0.9 else 0.0
 
 
 def _runs(held: BoolArray) -> list[tuple[int, int]]:

@@ -95,7 +95,7 @@ class Whitening:
         return np.asarray(lfilter(den, num, innovations)[residual.size :])
 
     def walked(self, deviation: float, count: int) -> float:
-        """Standard deviation of the drift after so many samples.
+        """Give the standard deviation of the drift after so many samples.
 
         Parameters
         ----------

@@ -44,8 +44,8 @@ class Sheet:
         Headings, and the row of units below them; empty if there is none.
     head_line : int
         Line of the headings.
-    decimal : str
-        Decimal mark that numbers may have, besides the point.
+    separator : str
+        What separates the columns.
     blank : int
         First empty line among the rows; 0 if there is none.
     notes : tuple of str
@@ -57,7 +57,7 @@ class Sheet:
     heads: Sequence[str]
     units: Sequence[str]
     head_line: int
-    decimal: str
+    separator: str
     blank: int
     notes: tuple[str, ...]
 
@@ -114,7 +114,7 @@ def read_sheet(path: Path) -> Sheet:
     spaced = len(inside) >= len(lines) - first - 1
     return Sheet(
         rows[first:], lines[first:], heads, rows[below] if below is not None else (), head_line,
-        "." if separator == "," else ",", inside[0] if inside and not spaced else 0, notes,
+        separator, inside[0] if inside and not spaced else 0, notes,
     )  # fmt: skip
 
 
@@ -165,9 +165,8 @@ def _separator(sample: Sequence[str]) -> str:
     """Find what separates the columns: what makes the most cells numbers."""
 
     def found(separator: str) -> tuple[int, int, int]:
-        decimal = "." if separator == "," else ","
         rows = [row for line in sample if len(row := _cells(line, separator)) > 1]
-        numbers = sum(_is_value(cell, decimal) for row in rows for cell in row)
+        numbers = sum(_is_value(cell) for row in rows for cell in row)
         cells = 0 if numbers else sum(map(len, rows))
         return numbers, cells, -SEPARATORS.index(separator)
 
@@ -204,7 +203,7 @@ def _parted(kept: Sequence[tuple[int, str]], separator: str) -> tuple[list[list[
 
 def _layout(rows: Sequence[Sequence[str]]) -> tuple[int, int | None, int | None]:
     """Find the first row of numbers, the headings and the row of units."""
-    values = [sum(_is_value(cell, ",") for cell in row) for row in rows[:SEEN]]
+    values = [sum(_is_value(cell) for cell in row) for row in rows[:SEEN]]
     first = next((k for k, count in enumerate(values) if count >= 2), None)
     if first is None:  # no numbers at all, or one column of them: the headings are line 1
         return (1, 0, None) if values[0] == 0 else (0, None, None)
@@ -235,7 +234,7 @@ def _commented(
     return (number, heads) if fits else None
 
 
-def _is_value(cell: str, decimal: str) -> bool:
+def _is_value(cell: str) -> bool:
     """Tell numbers and times from words; nan and inf are words of a heading, too."""
-    number = number_in(cell, decimal)
+    number = number_in(cell)
     return is_moment(cell) if number is None else bool(NUMBER.fullmatch(cell.strip()))

@@ -60,11 +60,11 @@ def starting_points(
     return kept
 
 
-def _valleys(misfit: FloatArray) -> FloatArray:
+def _valleys(misfit: FloatArray) -> list[int]:
     """Dead times, in samples, of the deepest local minima."""
     padded = np.concatenate([[np.inf], misfit, [np.inf]])
     low = np.flatnonzero((misfit <= padded[:-2]) & (misfit < padded[2:]))
-    return low[np.argsort(misfit[low])][:VALLEYS]
+    return [int(k) for k in low[np.argsort(misfit[low])][:VALLEYS]]
 
 
 def _misfits(forced: FloatArray, outputs: FloatArray, level: FloatArray) -> FloatArray:

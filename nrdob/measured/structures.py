@@ -188,7 +188,7 @@ class Structure:
         return np.vstack([forced, self.own(shape, forced.shape[1], moving)]).T
 
     def own(self, shape: FloatArray, count: int, moving: bool) -> FloatArray:
-        """What the plant does by itself: rest at a level, or move from any state.
+        """Give what the plant does by itself: rest at a level, or move from any state.
 
         Parameters
         ----------

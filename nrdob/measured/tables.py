@@ -43,9 +43,9 @@ def read_data(
 
     Columns are found by their headings (t or time, u or input, y or output, in any order, with
     units) or, where these do not say, taken in the order t, u, y, with a remark. They are separated
-    by tabs, semicolons, vertical bars, white space or commas; the decimal mark is a point or,
-    unless commas separate the columns, a comma. Times are numbers in the unit of their heading
-    (seconds if it names none), dates or times of day. Lines that begin with #, % or // are left
+    by tabs, semicolons, vertical bars, white space or commas; the decimal mark is a point or a
+    comma (in quotes, if commas separate the columns). Times are numbers in the unit that their
+    heading names (else seconds), dates or times of day. Lines that begin with #, % or // are left
     out, and so is what stands above the headings; a row of units may follow them. The file is
     UTF-8, UTF-16 or Latin-1.
 
@@ -120,10 +120,13 @@ def read_data(
                 "out, or put in the sample that is missing"
             )
         times = sampling_time * np.arange(len(sheet.rows))
-    return checked_record(
-        times, u, y, name=path.name, place=lambda k: f"line {sheet.lines[k]}", notes=notes,
-        remarks=remarks, input_before=input_before,
-    )  # fmt: skip
+    try:
+        return checked_record(
+            times, u, y, name=path.name, place=lambda k: f"line {sheet.lines[k]}", notes=notes,
+            remarks=remarks, input_before=input_before,
+        )  # fmt: skip
+    except ValueError as error:
+        raise ValueError("; ".join([str(error), *remarks])) from None
 
 
 def heated_air() -> Record:
@@ -161,7 +164,7 @@ def _check_widths(sheet: Sheet, width: int) -> None:
         decimal = " (a comma in a number? separate the columns by semicolons)"
         raise ValueError(
             f"line {number} has {len(row)} cells where the first has {width}"
-            + decimal * (sheet.decimal == "." and len(row) > width)
+            + decimal * (sheet.separator == "," and len(row) > width)
         )
 
 
@@ -171,7 +174,7 @@ def _numbers(sheet: Sheet, what: str, column: int) -> FloatArray:
     _check_decimals(sheet, what, cells)
     found = np.empty(len(cells))
     for k, cell in enumerate(cells):
-        value = number_in(cell, sheet.decimal)
+        value = number_in(cell)
         if value is None or not isfinite(value):
             said = f"is {short(cell)!r}, which is no finite number" if cell else "is empty"
             more = (
@@ -189,9 +192,10 @@ def _numbers(sheet: Sheet, what: str, column: int) -> FloatArray:
 
 def _check_decimals(sheet: Sheet, what: str, cells: Sequence[str]) -> None:
     """Refuse a column in which a comma may be a decimal mark or part thousands."""
-    if sheet.decimal == ".":
-        return
-    marks = {mark: [k for k, cell in enumerate(cells) if mark in cell] for mark in ",."}
+    marks = {
+        mark: [k for k, cell in enumerate(cells) if set(cell) & {",", "."} == {mark}]
+        for mark in ",."
+    }
     if marks[","] and marks["."]:
         k = max(marks[","][0], marks["."][0])
         other = cells[min(marks[","][0], marks["."][0])]
@@ -200,7 +204,8 @@ def _check_decimals(sheet: Sheet, what: str, cells: Sequence[str]) -> None:
             f"{short(other)!r}: use one decimal mark, and no separator of thousands"
         )
     thousands = [k for k in marks[","] if re.fullmatch(r"[+-]?[1-9]\d{0,2}(,\d{3})+", cells[k])]
-    if thousands and len(thousands) == len(marks[","]) < len(cells):
+    unlike = len(marks[","]) < len(cells) or sheet.separator == ","
+    if thousands and len(thousands) == len(marks[","]) and unlike:
         k = thousands[0]
         raise ValueError(
             f"line {sheet.lines[k]}: {what} is {short(cells[k])!r}, which may be "
@@ -213,7 +218,7 @@ def _times(sheet: Sheet, choice: Choice) -> tuple[FloatArray, tuple[str, ...]]:
     """Read the times in seconds, and say how."""
     column = choice.order["t"]
     cells = [row[column].strip() for row in sheet.rows]
-    if cells and number_in(cells[0], sheet.decimal) is None and is_moment(cells[0]):
+    if cells and number_in(cells[0]) is None and is_moment(cells[0]):
         times, first = seconds_in(cells, lambda k: f"line {sheet.lines[k]}")
         return times, (f"t is in seconds since {first}, the time of the first row",)
     times = _numbers(sheet, "t", column)

@@ -137,7 +137,8 @@ class Report:
         if self.loop is not None:
             for name in ("model", "controller", "filter"):
                 parts.append(f"{name} = {_shown(getattr(self.loop, name))}")
-        return "\n".join([*parts, *(f"- {each}" for each in self.warnings)])
+        others = [each for each in self.warnings if each not in self.verdict]
+        return "\n".join([*parts, *(f"- {each}" for each in others)])
 
 
 def report(
@@ -301,22 +302,19 @@ def _reasons(process: Any, proposal: Proposal) -> Section:
         )
         for each in proposal.candidates
     )
-    tables = (
-        Table(
-            "Models compared, best first",
-            ("model", "in what it differs", "n", "filters that stabilise", "smallest peak Ms"),
-            rows,
-        ),
-    )
+    head = ("model", "in what it differs", "n", "filters that stabilise", "smallest peak Ms")
+    tables = (Table("Models compared, best first", head, rows),) if rows else ()
+    if proposal.trials:
+        tables = (*tables, trial_table(proposal.trials))
     words = proposal.words
     if proposal.loop is None:
         words = (f"The process is G = {_shown(process)}. {_kind(process)}", *words)
-    shown = tables if rows else ()
-    if proposal.trials:
-        shown = (*shown, trial_table(proposal.trials))
-    if proposal.loop is None:
-        return Section(PROPOSED, words, shown, alarms=proposal.warnings)
-    return Section(PROPOSED, words, shown, warnings=proposal.warnings)
+    # Where the loop is unstable on a process that the record does not exclude, that comes first.
+    grave = None if proposal.loop is None else int(any(not each.stable for each in proposal.trials))
+    return Section(
+        PROPOSED, words, tables, alarms=proposal.warnings[:grave],
+        warnings=() if grave is None else proposal.warnings[grave:],
+    )  # fmt: skip
 
 
 def _peak(candidate: Any) -> str:

@@ -86,15 +86,16 @@ def in_words(trials: tuple[Trial, ...]) -> str:
     """
     corners = sum(each.corner for each in trials)
     rivals = len(trials) - corners - 1
-    among = f"the process found, {rivals or 'no'} rival{'s' * (rivals > 1)} of it and {corners} corners of the intervals"
+    some = f"{rivals} rival{'s' * (rivals > 1)}" if rivals else "no rival"
+    among = f"the process found, {some} of it and {corners} corners of the intervals"
     failed = [each for each in trials if not each.holds]
     if not failed:
         worst = number(max(each.ms for each in trials))
-        return f"Tried on {among}, it is stable on all, with a sensitivity peak of {worst} at most."
+        return f"Tried on {among}, it is stable on all, with a peak of {worst} at most."
     unstable = sum(not each.stable for each in failed)
     return (
-        f"The record does not tell enough to rely on this loop: tried on {among}, it is unstable on "
-        f"{unstable}, and on {len(failed) - unstable} more the sensitivity peaks above "
+        f"The record does not tell enough to rely on this loop. Tried on {among}, it is unstable "
+        f"on {unstable}, and on {len(failed) - unstable} more the sensitivity peaks above "
         f"{TOLERATED:g}; a slower filter does not help. Measure again, longer or with larger steps, "
         "so that the intervals become narrower."
     )

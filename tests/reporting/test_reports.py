@@ -169,13 +169,16 @@ def blocks(loop):
 
 
 def test_no_loop_rests_on_a_process_that_the_record_denies():
-    gain = slow_record().parameters["gain"]
-    for spoilt, said in (
-        ({"validation_percent": -184.0}, "foretells the part held out worse than a constant"),
-        ({"parameters": {"gain": replace(gain, low=-1.0)}}, "may be zero, or of either sign"),
-    ):
-        found = nrdob.report(replace(slow_record(), **spoilt))
-        assert found.loop is None and said in found.verdict and found.mood == "bad"
+    found = nrdob.report(replace(slow_record(), unsure="the gain of the process may be zero"))
+    assert found.loop is None and found.mood == "bad"
+    assert "No loop is proposed, because the gain of the process may be zero." in found.verdict
+
+
+def test_a_loop_that_fails_on_what_the_record_does_not_exclude_is_the_headline():
+    unlike = replace(slow_record(), corners={"gain low": -2 / (s + 1)})
+    found = nrdob.report(unlike)
+    assert found.loop.stability().stable and found.mood == "bad"
+    assert "it is unstable on 1" in found.verdict
 
 
 def test_a_verdict_that_is_not_decided_is_the_headline(monkeypatch):
