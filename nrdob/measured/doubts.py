@@ -32,7 +32,7 @@ PAST = 20
 """Samples over which a controller is looked for."""
 
 FEEDBACK, NEVER = 0.3, 1e-6
-"""Correlation of u with what disturbed y before, and its probability by chance, that tell of one."""
+"""Correlation of u with what disturbed y, and its probability by chance, that tell of one."""
 
 LEVELS = 12
 """Limits of the actuator that are tried."""

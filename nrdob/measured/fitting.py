@@ -159,8 +159,8 @@ class Fit:
         return self.structure.columns(shape, inputs, self.start, self.moving)
 
 
-def best_fit(structure: Structure, problem: Problem, tries: int) -> Fit:
-    """Search from several starting points, for a plant that rests before the input moves.
+def best_fit(structure: Structure, problem: Problem, tries: int, moving: bool) -> Fit:
+    """Search from several starting points.
 
     Parameters
     ----------
@@ -170,6 +170,8 @@ def best_fit(structure: Structure, problem: Problem, tries: int) -> Fit:
         What is to be explained.
     tries : int
         How many starting points, with and without drift.
+    moving : bool
+        Whether the plant may move before the input does.
 
     Returns
     -------
@@ -178,19 +180,21 @@ def best_fit(structure: Structure, problem: Problem, tries: int) -> Fit:
     """
     factor = problem.outputs.size // LONG
     if factor > 1:
-        rough = best_fit(structure, problem.thinned(factor), tries)
+        rough = best_fit(structure, problem.thinned(factor), tries, moving)
         shape = structure.stretched(rough.shape, factor)
-        return _search(structure, problem, rough.whitening, shape)
+        return _search(structure, problem, rough.whitening, shape, 0, moving)
     record = problem.inputs, problem.outputs
+    # Where it rests a drift may hide the plant; where it moves its own motion takes that part.
+    drifts = problem.dense and moving == structure.integrates
     found = [
-        _search(structure, problem, whitening, shape)
-        for whitening in (BEGINNINGS if problem.dense else BEGINNINGS[:1])
-        for shape in starting_points(structure, *record, whitening, tries)
+        _search(structure, problem, whitening, shape, 0, moving)
+        for whitening in BEGINNINGS[: 1 + drifts]
+        for shape in starting_points(structure, *record, (whitening, moving), tries)
     ]
     return min(found, key=lambda fit: fit.misfit)
 
 
-def refined(fit: Fit, problem: Problem, start: int, moving: bool = False) -> Fit:
+def refined(fit: Fit, problem: Problem, start: int) -> Fit:
     """Search on from a fit, and with the dead time half a sample to either side.
 
     Parameters
@@ -199,13 +203,13 @@ def refined(fit: Fit, problem: Problem, start: int, moving: bool = False) -> Fit
         Where to begin.
     problem : Problem
         What is to be explained.
-    start, moving : int, bool
-        As in `Fit`.
+    start : int
+        First sample compared.
     """
 
     def searched(shift: float) -> Fit:
         moved = fit.shape + shift * np.eye(fit.shape.size)[0]
-        return _search(fit.structure, problem, fit.whitening, moved, start, moving, FINELY)
+        return _search(fit.structure, problem, fit.whitening, moved, start, fit.moving, FINELY)
 
     best = fit = min(map(searched, SHIFTS), key=lambda fit: fit.misfit)
     for _ in range(ROUNDS):
@@ -222,8 +226,8 @@ def _search(
     problem: Problem,
     whitening: Whitening,
     shape: FloatArray,
-    start: int = 0,
-    moving: bool = False,
+    start: int,
+    moving: bool,
     most: int = ROUGHLY,
 ) -> Fit:
     low, high = structure.bounds(problem.outputs.size)

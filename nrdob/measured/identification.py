@@ -280,15 +280,24 @@ def identified(
     whole = Problem(inputs, outputs, record.free)
     count, parting = _parted(record, held_out)
     problem = whole.first(count)
-    fits = [best_fit(each, problem, TRIES) for each in structures]
+    # An integrator always moves: nobody knows the input that keeps it at rest.
+    begun = [
+        [best_fit(each, problem, TRIES, moving) for moving in {each.integrates, True}]
+        for each in structures
+    ]
     # What the input was before the record is not known: the samples that the dead time keeps it
     # alive for are left out, the same for all, so that they can be compared.
-    leading = min(fits, key=lambda fit: _criterion(fit, count))
+    leading = min((fit for each in begun for fit in each), key=lambda fit: _criterion(fit, count))
     start = min(ceil(leading.shape[0]) + 1, count // 2)
-    fits = [_resting_or_moving(fit, problem, start) for fit in fits]
+    samples = float(problem.used[start:].sum())
+    fits = [
+        min((refined(fit, problem, start) for fit in each), key=lambda f: _criterion(f, samples))
+        for each in begun
+    ]
     units = record.sampling_time, float(sizes[1] / sizes[0])
     judged = [_judged(fit, whole, problem, units, confidence) for fit in fits]
     best, rivals, reason = _chosen(judged, count)
+    needless = _criterion(best.fit, samples) > _criterion_without(problem, start)
     least = min(each.bic for each in judged)
     candidates = tuple(
         Candidate(
@@ -298,7 +307,7 @@ def identified(
         )
         for each in judged
     )  # fmt: skip
-    parameters, denied = _denied(best, rivals)
+    parameters, denied = _denied(best, rivals, needless)
     fit = best.fit
     remarks = doubts(
         record, parameters, (best.fit_percent, best.validation), count,
@@ -362,18 +371,6 @@ def _criterion(fit: Fit, samples: float) -> float:
     return samples * log(fit.misfit) + fit.count * log(samples)
 
 
-def _resting_or_moving(fit: Fit, problem: Problem, start: int) -> Fit:
-    """Search on, and let the plant move before the input only if that is more likely.
-
-    An integrator always may: nobody knows the input that keeps it at rest.
-    """
-    resting = refined(fit, problem, start)
-    moving = refined(resting, problem, start, moving=True)
-    found = (moving,) if fit.structure.integrates else (resting, moving)
-    samples = float(problem.used[start:].sum())
-    return min(found, key=lambda each: _criterion(each, samples))
-
-
 def _judged(
     fit: Fit, whole: Problem, problem: Problem, units: tuple[float, float], confidence: float
 ) -> _Judged:
@@ -391,7 +388,7 @@ def _judged(
     misfit = max(float(np.mean(everywhere**2)), fit.misfit * TINY)
     predicted, percents = _foretold(fit, whole, problem)
     return _Judged(
-        replace(fit, misfit=misfit),
+        fit,
         innovations,
         noise,
         whiteness,
@@ -461,9 +458,21 @@ def _chosen(judged: list[_Judged], duration: float) -> tuple[_Judged, list[_Judg
     return best, rivals, reason
 
 
-def _denied(best: _Judged, rivals: list[_Judged]) -> tuple[dict[str, Parameter], list[str]]:
-    """Let the interval of the gain reach to the gain of a rival of the other sign."""
+def _criterion_without(problem: Problem, start: int) -> float:
+    """Give the criterion of a level alone, upon which the input does not act."""
+    level = problem.outputs[start:] - problem.outputs[start:].mean()
+    rest = problem.whitening(level).applied(level)[problem.used[start:]]
+    return rest.size * log(float(np.mean(rest**2))) + log(rest.size)
+
+
+def _denied(
+    best: _Judged, rivals: list[_Judged], needless: bool
+) -> tuple[dict[str, Parameter], list[str]]:
+    """Let the interval of the gain reach to 0, or to the gain of a rival of the other sign."""
     gain = best.parameters["gain"]
+    if needless:
+        gain = replace(gain, low=min(gain.low, 0.0), high=max(gain.high, 0.0))
+        return best.parameters | {"gain": gain}, []
     others = [each for each in rivals if each.parameters["gain"].value * gain.value < 0]
     if not others:
         return best.parameters, []

@@ -21,18 +21,22 @@ VALLEYS = 2
 
 
 def starting_points(
-    structure: Structure, inputs: FloatArray, outputs: FloatArray, whitening: Whitening, most: int
+    structure: Structure,
+    inputs: FloatArray,
+    outputs: FloatArray,
+    mode: tuple[Whitening, bool],
+    most: int,
 ) -> list[FloatArray]:
     """Find shapes of small misfit, no two of them alike.
 
     Parameters
     ----------
     structure : Structure
-        The kind of plant, at rest before the input moves.
+        The kind of plant.
     inputs, outputs : (N,) array
         The record; the input is zero at its first sample.
-    whitening : Whitening
-        Through which it is seen.
+    mode : (Whitening, bool)
+        Through which the record is seen, and whether the plant may move before the input does.
     most : int
         How many to give.
 
@@ -42,12 +46,12 @@ def starting_points(
         Dead time in samples and logarithms, as `Structure.den` takes them; best first.
     """
     count = outputs.size
-    level = whitening.applied(np.ones(count))
-    level /= np.linalg.norm(level)
+    whitening, moving = mode
     seen = whitening.applied(inputs), whitening.applied(outputs)
     found = []
     for shape in structure.shapes(count):
-        misfit = _misfits(structure.forced(shape, seen[0]), seen[1], level)
+        own, _ = np.linalg.qr(whitening.applied(structure.own(shape, count, moving).T))
+        misfit = _misfits(structure.forced(shape, seen[0]), seen[1], own.T)
         for best in _valleys(misfit):
             found.append((float(misfit[best]), np.concatenate([[float(best)], shape[1:]])))
     found.sort(key=lambda each: each[0])
@@ -67,19 +71,19 @@ def _valleys(misfit: FloatArray) -> list[int]:
     return [int(k) for k in low[np.argsort(misfit[low])][:VALLEYS]]
 
 
-def _misfits(forced: FloatArray, outputs: FloatArray, level: FloatArray) -> FloatArray:
+def _misfits(forced: FloatArray, outputs: FloatArray, own: FloatArray) -> FloatArray:
     """Sum of squares that is left at each whole dead time, up to half the record."""
     count, delays = outputs.size, outputs.size // 2
-    rest = outputs - (outputs @ level) * level
+    rest = outputs - (own @ outputs) @ own
     size = next_fast_len(2 * count, real=True)
-    spectra = rfft(np.vstack([rest, level]), size)
+    spectra = rfft(np.vstack([rest, own]), size)
     shifted = rfft(forced, size).conj()
     # correlations[i, m, d]: the i-th column against the m-th response, d samples late.
     correlations = irfft(spectra[:, None] * shifted[None], size)[..., :delays]
-    onto, within = correlations
+    onto, within = correlations[0], correlations[1:]
     # Products of two responses equally late: what has not left the record yet.
     products = np.cumsum(forced[:, None] * forced[None], axis=-1)[..., ::-1][..., :delays]
-    gram = (products - within[:, None] * within[None]).transpose(2, 0, 1)
+    gram = (products - np.einsum("imd,ind->mnd", within, within)).transpose(2, 0, 1)
     ridge = 1e-9 * np.trace(products[..., 0]) + np.finfo(float).tiny
     gram += ridge * np.eye(forced.shape[0])
     gain = np.linalg.solve(gram, onto.T[..., None])[..., 0]

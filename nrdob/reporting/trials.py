@@ -96,8 +96,8 @@ def in_words(trials: tuple[Trial, ...]) -> str:
     return (
         f"The record does not tell enough to rely on this loop. Tried on {among}, it is unstable "
         f"on {unstable}, and on {len(failed) - unstable} more the sensitivity peaks above "
-        f"{TOLERATED:g}; a slower filter does not help. Measure again, longer or with larger steps, "
-        "so that the intervals become narrower."
+        f"{TOLERATED:g}; a slower filter does not help. Measure again, longer or with larger "
+        "steps, so that the intervals become narrower."
     )
 
 
