@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import control as ct
 import numpy as np
+from scipy import signal
 
 from ..numerics import FloatArray
 from .statespace import polynomials
@@ -26,8 +27,8 @@ __all__ = [
 ]
 
 ACCEPTED = (
-    "pass a control.TransferFunction, a control.StateSpace, a number, or a pair (num, den) of "
-    "coefficients in descending powers of s"
+    "pass a control.TransferFunction, a control.StateSpace, a scipy.signal.lti, a number, or a "
+    "pair (num, den) of coefficients in descending powers of s"
 )
 
 REMEDIES = {
@@ -62,7 +63,7 @@ def as_fraction(system: Any, name: str, *, proper: bool = True) -> Fraction:
 
     Parameters
     ----------
-    system : control.TransferFunction, control.StateSpace, number or (num, den)
+    system : control.TransferFunction, control.StateSpace, scipy.signal.lti, number or (num, den)
         The block. Pairs (tuples, lists or arrays of two rows) hold coefficients in descending
         powers of s. A state space is read exactly, see `nrdob.diagram.statespace`.
     name : str
@@ -171,22 +172,20 @@ def _read(system: Any, name: str) -> tuple[FloatArray, FloatArray]:
             )
         system = system.tf
     if isinstance(system, ct.StateSpace | ct.TransferFunction):
-        if not system.issiso():
-            raise ValueError(
-                f"{name} has {system.ninputs} inputs and {system.noutputs} outputs; this analysis "
-                "is for one input and one output: pass one channel, for example sys[0, 0]"
-            )
-        if not system.isctime():
-            raise ValueError(
-                f"{name} is discrete-time (dt={system.dt}); this analysis is in continuous time: "
-                "pass the continuous-time block"
-            )
+        _check_siso(name, system.ninputs, system.noutputs, system.dt, system.isctime())
+    elif isinstance(system, signal.lti | signal.dlti):
+        continuous = isinstance(system, signal.lti)
+        _check_siso(name, system.inputs, system.outputs, system.dt, continuous)
     num: Any
     den: Any
-    if isinstance(system, ct.StateSpace):
+    if isinstance(system, ct.StateSpace | signal.StateSpace):
         return polynomials(system, name)
     if isinstance(system, ct.TransferFunction):
         num, den = system.num_array[0, 0], system.den_array[0, 0]
+    elif isinstance(system, signal.TransferFunction):
+        num, den = system.num, system.den
+    elif isinstance(system, signal.ZerosPolesGain):
+        num, den = system.gain * np.poly(system.zeros), np.poly(system.poles)
     elif is_number(system):
         num, den = [system], [1.0]
     elif isinstance(system, tuple | list | np.ndarray) and len(system) == 2:
@@ -196,11 +195,22 @@ def _read(system: Any, name: str) -> tuple[FloatArray, FloatArray]:
     return _coefficients(num, f"{name} numerator"), _coefficients(den, f"{name} denominator")
 
 
+def _check_siso(name: str, inputs: int, outputs: int, dt: Any, continuous: bool) -> None:
+    if (inputs, outputs) != (1, 1):
+        raise ValueError(
+            f"{name} has {inputs} inputs and {outputs} outputs; this analysis is for one input and "
+            "one output: pass one channel, for example sys[0, 0]"
+        )
+    if not continuous:
+        raise ValueError(
+            f"{name} is discrete-time (dt={dt}); this analysis is in continuous time: pass the "
+            "continuous-time block"
+        )
+
+
 def _refusal(system: Any, name: str) -> str:
     kind = type(system)
-    if kind.__module__.startswith("scipy.signal"):
-        remedy = "pass control.tf(sys.num, sys.den) of its transfer function"
-    elif kind.__module__.startswith("sympy"):
+    if kind.__module__.startswith("sympy"):
         remedy = f"turn it into numbers first; {ACCEPTED}"
     else:
         remedy = REMEDIES.get(kind.__name__, ACCEPTED)
