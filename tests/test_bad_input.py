@@ -76,7 +76,31 @@ BAD = {
     "discrete states": (ct.ss(-0.5, 1, 1, 0, 0.1), ValueError, "pass the continuous-time"),
     "poly1d": (np.poly1d([1, 1]), TypeError, r"\(num, den\)"),
     "Polynomial": (np.polynomial.Polynomial([1, 1]), TypeError, "descending"),
-    "scipy's discrete time": (scipy.signal.dlti([1], [1, 0.5], dt=0.1), ValueError, "continuous"),
+    "scipy's discrete time": (
+        scipy.signal.dlti([1], [1, 0.5], dt=0.1),
+        ValueError,
+        "dt=0.1.*pass the continuous-time",
+    ),
+    "scipy's two outputs": (
+        scipy.signal.TransferFunction([[1, 2], [3, 4]], [1, 1]),
+        ValueError,
+        "pass one channel",
+    ),
+    "scipy's complex zpk": (
+        scipy.signal.ZerosPolesGain([], [-1 + 1j], 1),
+        TypeError,
+        "complex.*must be real",
+    ),
+    "complex states": (
+        scipy.signal.StateSpace([[-1 + 1j]], [[1]], [[1]], [[0]]),
+        TypeError,
+        "complex entry in A",
+    ),
+    "states below floating point": (
+        ct.ss([[-1e-300]], [[1e-300]], [[1e-300]], 0),
+        ValueError,
+        "beyond the range",
+    ),
     "a formula": (1 / (S + 1), TypeError, "numbers first"),
     "a filter": (FILTER, TypeError, r"pass its transfer function, \.tf"),
 }

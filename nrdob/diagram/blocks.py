@@ -27,8 +27,8 @@ __all__ = [
 ]
 
 ACCEPTED = (
-    "pass a control.TransferFunction, a control.StateSpace, a number, or a pair (num, den) of "
-    "coefficients in descending powers of s"
+    "pass a control.TransferFunction, a control.StateSpace, a scipy.signal.lti, a number, or a "
+    "pair (num, den) of coefficients in descending powers of s"
 )
 
 REMEDIES = {
@@ -172,25 +172,21 @@ def _read(system: Any, name: str) -> tuple[FloatArray, FloatArray]:
                 "have one: leave the dead time out"
             )
         system = system.tf
-    if isinstance(system, signal.lti | signal.dlti):
-        system = _from_scipy(system)
     if isinstance(system, ct.StateSpace | ct.TransferFunction):
-        if not system.issiso():
-            raise ValueError(
-                f"{name} has {system.ninputs} inputs and {system.noutputs} outputs; this analysis "
-                "is for one input and one output: pass one channel, for example sys[0, 0]"
-            )
-        if not system.isctime():
-            raise ValueError(
-                f"{name} is discrete-time (dt={system.dt}); this analysis is in continuous time: "
-                "pass the continuous-time block"
-            )
+        _check_siso(name, system.ninputs, system.noutputs, system.dt, system.isctime())
+    elif isinstance(system, signal.lti | signal.dlti):
+        continuous = isinstance(system, signal.lti)
+        _check_siso(name, system.inputs, system.outputs, system.dt, continuous)
     num: Any
     den: Any
-    if isinstance(system, ct.StateSpace):
+    if isinstance(system, ct.StateSpace | signal.StateSpace):
         return polynomials(system, name)
     if isinstance(system, ct.TransferFunction):
         num, den = system.num_array[0, 0], system.den_array[0, 0]
+    elif isinstance(system, signal.TransferFunction):
+        num, den = system.num, system.den
+    elif isinstance(system, signal.ZerosPolesGain):
+        num, den = system.gain * np.poly(system.zeros), np.poly(system.poles)
     elif is_number(system):
         num, den = [system], [1.0]
     elif isinstance(system, tuple | list | np.ndarray) and len(system) == 2:
@@ -200,13 +196,17 @@ def _read(system: Any, name: str) -> tuple[FloatArray, FloatArray]:
     return _coefficients(num, f"{name} numerator"), _coefficients(den, f"{name} denominator")
 
 
-def _from_scipy(system: Any) -> ct.StateSpace | ct.TransferFunction:
-    """Read scipy's kinds of blocks; a discrete one keeps its sampling time."""
-    step = system.dt or 0
-    if isinstance(system, signal.StateSpace):
-        return ct.ss(system.A, system.B, system.C, system.D, step)
-    fraction = system.to_tf()
-    return ct.tf(fraction.num, fraction.den, step)
+def _check_siso(name: str, inputs: int, outputs: int, dt: Any, continuous: bool) -> None:
+    if (inputs, outputs) != (1, 1):
+        raise ValueError(
+            f"{name} has {inputs} inputs and {outputs} outputs; this analysis is for one input and "
+            "one output: pass one channel, for example sys[0, 0]"
+        )
+    if not continuous:
+        raise ValueError(
+            f"{name} is discrete-time (dt={dt}); this analysis is in continuous time: pass the "
+            "continuous-time block"
+        )
 
 
 def _refusal(system: Any, name: str) -> str:

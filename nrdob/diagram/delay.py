@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from math import inf, isfinite, nan
 from numbers import Integral
 from typing import Any
@@ -113,8 +114,9 @@ class DelayedTransferFunction:
             left = 0.0  # 0.3 - 0.1 - 0.2 is not 0 in floating point
         if left < 0:
             raise ValueError(
-                f"a dead time of {self.delay:g} s divided by one of {divisor.delay:g} s would "
-                "predict the future; divide by the rational part alone, .tf"
+                f"a dead time of {self.delay:g} s divided by one of {divisor.delay:g} s is an "
+                "advance, which is not causal: it would predict the future; divide by the rational "
+                "part alone, .tf"
             )
         return DelayedTransferFunction(self.tf / divisor.tf, left)
 
@@ -157,12 +159,15 @@ class DelayedTransferFunction:
     def __hash__(self) -> int:
         return hash(self._key)
 
-    def __array__(self, *_: Any, **__: Any) -> Any:
-        # control.TransferFunction tries this before it refuses to divide by an unknown kind.
-        raise TypeError(
-            "a DelayedTransferFunction is no array; and what is divided by a dead time would "
-            "have to predict the future: divide by the rational part alone, .tf"
-        )
+    def __array__(self, *_: Any, **__: Any) -> FloatArray:
+        # control.TransferFunction takes a divisor that it does not know for an array, and replaces
+        # whatever is raised here by a sentence about types. If there is more than one entry, it
+        # leaves the division to __rtruediv__, which knows the quotient, or why there is none.
+        asking = sys._getframe(1)
+        dividing = asking.f_back.f_code.co_name if asking.f_back else ""
+        if (asking.f_code.co_name, dividing) == ("_convert_to_transfer_function", "__truediv__"):
+            return np.ones((2, 2))
+        raise TypeError("a DelayedTransferFunction is no array")
 
     def __repr__(self) -> str:
         num, den = ([six_digits(c) for c in part] for part in self._coefficients)

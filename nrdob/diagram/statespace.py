@@ -24,7 +24,6 @@ from fractions import Fraction as Exact
 from functools import lru_cache
 from typing import Any
 
-import control as ct
 import numpy as np
 from numpy.typing import NDArray
 
@@ -39,7 +38,7 @@ ZERO, NONZERO = (roundings * float(np.finfo(float).eps) for roundings in (1e2, 1
 """Size of a coefficient, against the errors of the entries, that is 0; that is certainly not."""
 
 
-def polynomials(system: ct.StateSpace, name: str) -> tuple[FloatArray, FloatArray]:
+def polynomials(system: Any, name: str) -> tuple[FloatArray, FloatArray]:
     """Read numerator and denominator off a SISO state space.
 
     The denominator has the degree of A: modes that cannot be reached or seen stay in both
@@ -49,7 +48,7 @@ def polynomials(system: ct.StateSpace, name: str) -> tuple[FloatArray, FloatArra
 
     Parameters
     ----------
-    system : control.StateSpace
+    system : control.StateSpace or scipy.signal.StateSpace
         One input, one output.
     name : str
         What the block is called in messages.
@@ -61,6 +60,8 @@ def polynomials(system: ct.StateSpace, name: str) -> tuple[FloatArray, FloatArra
 
     Raises
     ------
+    TypeError
+        If an entry is complex.
     ValueError
         If an entry is not finite, if there are over `MAX_STATES` states, or if the entries are
         rounded too coarsely to tell whether such a coefficient is zero.
@@ -69,13 +70,17 @@ def polynomials(system: ct.StateSpace, name: str) -> tuple[FloatArray, FloatArra
     --------
     Time scales six decades apart stay apart:
 
+    >>> import control as ct
     >>> A = np.diag([-1e4, -10, -0.1, -0.01]) + np.diag([1e4, 10, 0.1], 1)
     >>> chain = ct.ss(A, [[0], [0], [0], [0.01]], [[1, 0, 0, 0]], 0)
     >>> num, den = polynomials(chain, "process")
     >>> num.size, round(float(num[-1] / den[-1]), 12)
     (1, 1.0)
     """
-    parts = [np.asarray(part, dtype=float) for part in (system.A, system.B, system.C, system.D)]
+    given = [np.asarray(part) for part in (system.A, system.B, system.C, system.D)]
+    if any(part.imag.any() for part in given):
+        raise TypeError(f"{name} has a complex entry in A, B, C or D; they must be real")
+    parts = [part.real.astype(float) for part in given]
     if not all(np.isfinite(part).all() for part in parts):
         raise ValueError(
             f"{name} has an entry in A, B, C or D that is not finite; every one must be a number"
@@ -118,16 +123,22 @@ def _polynomials(name: str, n: int, *parts: tuple[float, ...]) -> tuple[FloatArr
         zeros = _rounded_zeros(num[::-1], num_error[::-1], f"a zero of {name} at s = 0")
         num = [*num[: len(num) - zeros], *([0] * zeros)]
     gain = Exact(a, b * c)
+    exact = (
+        [gain * v / a ** (n + 1 - len(num) + k) for k, v in enumerate(num)],
+        [Exact(v, a**k) for k, v in enumerate(den)],
+    )
     try:
-        return (
-            np.array([float(gain * v / a ** (n + 1 - len(num) + k)) for k, v in enumerate(num)]),
-            np.array([float(Exact(v, a**k)) for k, v in enumerate(den)]),
-        )
+        read = [np.array([float(value) for value in part]) for part in exact]
+        lost = any(v and not f for p, q in zip(exact, read, strict=True)
+                   for v, f in zip(p, q.tolist(), strict=True))  # fmt: skip
     except OverflowError:
+        lost = True
+    if lost:
         raise ValueError(
             f"{name} has coefficients beyond the range of floating-point numbers; choose another "
             "unit of time"
-        ) from None
+        )
+    return read[0], read[1]
 
 
 def _whole(entries: tuple[float, ...], shape: tuple[int, int]) -> tuple[Any, int]:

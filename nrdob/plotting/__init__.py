@@ -17,6 +17,7 @@ from .figure import (
     colour_of,
     dress,
     label_of,
+    missing,
     styled,
 )
 from .mapplot import MapAxis, map_plot
@@ -44,6 +45,7 @@ __all__ = [
     "frequency",
     "label_of",
     "map_plot",
+    "missing",
     "nyquist_plot",
     "roots_plot",
     "spoken",

@@ -5,8 +5,8 @@ says, read off it as a reader does: follow each arrow that ends at a circle back
 from, and write down the block on the way. So the picture cannot say one thing and the algebra
 another.
 
-This module needs schemdraw and SymPy, which come with the notebooks; `nrdob` by itself imports
-neither.
+This module needs schemdraw and SymPy, which come with the extra "notebooks"; `nrdob` by itself
+imports neither.
 """
 
 from __future__ import annotations
@@ -16,13 +16,16 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, NamedTuple
 
-import sympy as sp
-from schemdraw import Drawing
-from schemdraw.elements import Element
-from schemdraw.segments import Segment, SegmentCircle, SegmentPoly, SegmentText, SegmentType
-
 from ..diagram import INPUTS
-from .figure import COLOURS, INK, WIDTH, Figure, axes_for, styled
+from .figure import COLOURS, INK, WIDTH, Figure, axes_for, missing, styled
+
+try:
+    import sympy as sp
+    from schemdraw import Drawing
+    from schemdraw.elements import Element
+    from schemdraw.segments import Segment, SegmentCircle, SegmentPoly, SegmentText, SegmentType
+except ImportError as error:
+    raise missing(error, "notebooks") from error
 
 __all__ = [
     "BLOCKS",

@@ -12,13 +12,12 @@ from io import BytesIO
 from math import log10
 from typing import Any
 
-import ipywidgets as widgets
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
-from .figure import DPI, Figure, styled
+from .figure import DPI, Figure, missing, styled
 
 __all__ = ["WIDGET_VIEW", "Explorer", "Slider"]
 
@@ -63,7 +62,8 @@ class Slider:
             )
 
     def widget(self) -> Any:
-        """Make the slider."""
+        """Make the slider; an ImportError without ipywidgets."""
+        widgets = _widgets()
         common = {"description": self.label, "continuous_update": True}
         if all(isinstance(number, int) for number in (self.low, self.high, self.value)):
             return widgets.IntSlider(min=self.low, max=self.high, value=self.value, **common)
@@ -165,7 +165,14 @@ class Explorer:
         return buffer.getvalue()
 
     def widget(self) -> Any:
-        """Make the sliders, the picture and the line of text, wired together."""
+        """Make the sliders, the picture and the line of text, wired together.
+
+        Raises
+        ------
+        ImportError
+            If ipywidgets is not installed.
+        """
+        widgets = _widgets()
         width = round(float(96 * self.figure.figure.get_figwidth()))
         picture = widgets.Image(value=self.frame(), format="png", width=width)
         line = widgets.Label(value=self.update(**self.values))
@@ -184,4 +191,17 @@ class Explorer:
     ) -> tuple[dict[str, Any], dict[str, Any]]:
         # A page shows the picture; a running notebook, which knows widgets, prefers the view.
         data, metadata = self.figure._repr_mimebundle_()
-        return data | {WIDGET_VIEW: self.widget()._repr_mimebundle_()[WIDGET_VIEW]}, metadata
+        try:
+            view = self.widget()._repr_mimebundle_()[WIDGET_VIEW]
+        except ImportError:
+            return data, metadata
+        return data | {WIDGET_VIEW: view}, metadata
+
+
+def _widgets() -> Any:
+    # Loaded only where sliders are shown.
+    try:
+        import ipywidgets
+    except ImportError as error:
+        raise missing(error, "notebooks") from error
+    return ipywidgets

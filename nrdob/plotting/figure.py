@@ -33,6 +33,7 @@ __all__ = [
     "dress",
     "headings",
     "label_of",
+    "missing",
     "styled",
 ]
 
@@ -205,3 +206,29 @@ def label_of(name: str) -> str:
         Attribute of a loop, as "FH", or an input, as "delta".
     """
     return _NAMES[name].label if name in _NAMES else f"${name}$"
+
+
+def missing(error: ImportError, extra: str) -> ImportError:
+    """Name the command that brings a library which is not installed.
+
+    Parameters
+    ----------
+    error : ImportError
+        What Python says.
+    extra : str
+        The extra of this package that the library comes with.
+
+    Returns
+    -------
+    ImportError
+        To be raised from `error`.
+
+    Examples
+    --------
+    >>> print(missing(ImportError("No module named 'sympy'", name="sympy"), "notebooks"))
+    sympy is not installed; it comes with an extra: pip install "nrdob[notebooks]"
+    """
+    return ImportError(
+        f'{error.name} is not installed; it comes with an extra: pip install "nrdob[{extra}]"',
+        name=error.name,
+    )

@@ -266,6 +266,6 @@ def _extra(name: str) -> Any:
     try:
         return import_module(name)
     except ImportError as error:
-        raise ImportError(
-            f"{name} is not installed; pip install {name}, or nrdob with its extra [sweep]"
-        ) from error
+        from ..plotting import missing
+
+        raise missing(error, "sweep") from error

@@ -1,7 +1,11 @@
+import dataclasses
+
 import control as ct
 import numpy as np
 import pytest
+from scipy import signal
 
+import nrdob
 from nrdob.diagram import as_fraction
 
 
@@ -41,3 +45,44 @@ def test_what_cannot_be_read_is_named_with_the_remedy(block, error, words):
     with pytest.raises(error, match=words) as caught:
         as_fraction(block, "process")
     assert "process" in str(caught.value)
+
+
+@pytest.mark.parametrize("delayed", [0.0, 0.1])
+def test_scipys_systems_are_blocks_like_those_of_python_control(delayed):
+    num, den = [2.0, 5.0], [1.0, 4.0, 5.0]
+    given = [
+        signal.lti(num, den),
+        signal.TransferFunction([2, 5], [1, 4, 5]),
+        signal.ZerosPolesGain([-2.5], [-2 + 1j, -2 - 1j], 2),
+        signal.StateSpace([[0, 1], [-5, -4]], [[0], [1]], [[5, 2]], [[0]]),
+    ]
+    model, C, F = signal.lti([1], [1, 1]), signal.lti([], [0], 2.0), signal.lti([1], [0.5, 1])
+    verdicts = []
+    for block in (ct.tf(num, den), *given):
+        read = as_fraction(block, "process")
+        assert (read.num, read.den) == (pytest.approx(num), pytest.approx(den))
+        process = nrdob.delay(delayed) * block if delayed else block
+        loop = nrdob.NRDOB(process, model, C, F)
+        verdicts.append((loop.stability().stable, loop.margins().plant_loop.ms))
+    stable, peaks = zip(*verdicts, strict=True)
+    assert all(stable) and peaks == pytest.approx([peaks[0]] * 5)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_loop_does_not_depend_on_the_coordinates_or_hidden_modes_of_its_states(seed):
+    rng = np.random.default_rng(seed)
+    loop = nrdob.random_loop(rng, delayed=bool(seed % 2))
+    dead = loop.process.delay if seed % 2 else 0.0
+    undelayed = loop.process.tf if seed % 2 else loop.process
+    A, B, C, D = signal.tf2ss(*as_fraction(undelayed, "process"))
+    n = len(A) + 1
+    hidden = np.zeros((n, n))  # one more mode, at -2, that y does not show
+    hidden[:-1, :-1], hidden[-1, -1] = A, -2.0
+    T = np.linalg.qr(rng.standard_normal((n, n)))[0]
+    states = T.T @ hidden @ T, T.T @ np.vstack([B, [[1.0]]]), np.hstack([C, [[0.0]]]) @ T, D
+    for kind in (ct.StateSpace, signal.StateSpace):
+        found = dataclasses.replace(loop, process=nrdob.delay(dead) * kind(*states))
+        assert found.stability().stable == loop.stability().stable
+        if loop.stability().stable:
+            ms = loop.margins().plant_loop.ms
+            assert found.margins().plant_loop.ms == pytest.approx(ms, rel=1e-6)

@@ -97,12 +97,16 @@ def test_rounding_of_a_difference_of_dead_times_is_no_prediction():
 
 def test_dividing_by_a_dead_time_says_what_would_happen():
     lag = 1 / (s + 1)
-    for dividend in (ct.tf2ss(lag), 1, nrdob.delay(0.1) * lag):
-        with pytest.raises(ValueError, match=r"predict the future; divide by .* \.tf"):
+    for dividend in (lag, ct.tf2ss(lag), 1, nrdob.delay(0.1) * lag):
+        with pytest.raises(
+            ValueError, match=r"is an advance, which is not causal.* divide by .*\.tf"
+        ):
             dividend / nrdob.delay(0.2)
-    with pytest.raises(TypeError) as caught:  # python-control refuses, with our reason as context
-        lag / nrdob.delay(0.2)
-    assert "predict the future" in str(caught.value.__context__)
+    found = lag / (nrdob.delay(0.0) * s)
+    assert (found.delay, found(2j)) == (0.0, pytest.approx(lag(2j) / 2j))
+    for outside in (np.asarray, lambda G: np.array([G, G]), lambda G: np.array(G, ndmin=2)):
+        with pytest.raises(TypeError, match="is no array"):
+            outside(nrdob.delay(0.2))
     with pytest.raises(ZeroDivisionError, match="divisor"):
         nrdob.delay(0.2) / 0
 

@@ -151,7 +151,7 @@ def test_an_extra_that_is_missing_is_named(monkeypatch):
     table = nrdob.sweep(paper.example(1), nrdob.family(paper.example(1).process, gain=(0.5, 2),
                                                        samples=3), "stable")  # fmt: skip
     monkeypatch.setitem(__import__("sys").modules, "pandas", None)
-    with pytest.raises(ImportError, match="pip install pandas"):
+    with pytest.raises(ImportError, match=r'pip install "nrdob\[sweep\]"'):
         table.to_pandas()
 
 
