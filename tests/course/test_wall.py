@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import platform
+import socket
 import subprocess
 import sys
 import tempfile
@@ -12,9 +14,10 @@ from pathlib import Path
 import nbformat
 import pytest
 
+from attacks import ESCAPES, PRELUDE
 from handin import FORGERIES, NAME, handed
 from nrdob.course.grading import command as exercises
-from nrdob.course.grading import wall
+from nrdob.course.grading import seccomp, wall
 from nrdob.course.grading.remarks import suspicious
 from problemsets import SETS
 
@@ -38,7 +41,6 @@ REFUSED = [
     "open('/etc/passwd').read()",
     "os.listdir(Path.home())",
     "os.symlink(secret, 'link') or open('link').read()",
-    # What is started behind the wall stays behind it.
     "subprocess.run(['/bin/sh', '-c', 'cat /etc/passwd'], check=True)",
 ]
 NETWORK = [
@@ -53,7 +55,14 @@ ALLOWED = [
     "plt.plot([1, 2])[0].figure.savefig('figure.png')",
     "__import__('sympy').Symbol('x')",
     "__import__('pdb')",
+    "__import__('nrdob.reporting')",
+    "[thread.start() or thread.join() for thread in [__import__('threading').Thread()]]",
+    "socket.socketpair()",
+    "resource.getrlimit(resource.RLIMIT_AS)",
+    "signal.raise_signal(signal.SIGCONT)",
 ]
+if platform.machine() != "x86_64":
+    ESCAPES = {name: attempt for name, attempt in ESCAPES.items() if "call(" not in attempt}
 
 
 @pytest.fixture(scope="module")
@@ -63,32 +72,94 @@ def behind(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     secret, desk = place / "gradebook.db", place / "desk"
     secret.write_text("points", "utf-8")
     desk.mkdir()
-    program = f"""
-import json, os, signal, socket, subprocess, sys
+    course = Path(wall.__file__).parents[1]
+    listener = socket.create_server(("127.0.0.1", 0))
+    datagrams = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+    datagrams.bind(str(place / "socket"))
+    program = f"""{PRELUDE}
 from pathlib import Path
 import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 from nrdob.course.grading import wall
-desk, secret = Path({str(desk)!r}), Path({str(secret)!r})
+desk, secret, datagrams = Path({str(desk)!r}), Path({str(secret)!r}), {str(place / "socket")!r}
+course, project = Path({str(course)!r}), Path({str(course.parents[1])!r})
+port = {listener.getsockname()[1]}
 os.chdir(desk)
+wall.limit()
 wall.build(desk, [])
+wall.seal()
 found = {{}}
-for attempt in {[*REFUSED, *NETWORK, *SIGNALS, *ALLOWED]!r}:
+for attempt in {[*REFUSED, *NETWORK, *SIGNALS, *ALLOWED, *ESCAPES.values()]!r}:
     try:
         eval(attempt)
         found[attempt] = "done"
-    except (OSError, subprocess.CalledProcessError) as error:
+    except (OSError, ValueError, MemoryError, ArithmeticError, LookupError) as error:
         found[attempt] = "refused"
 print(json.dumps(found))
 """
-    done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, encoding="utf-8", check=False
-    )
-    assert done.returncode == 0, done.stderr
+    with listener, datagrams:
+        done = subprocess.run(
+            [sys.executable, "-c", program], capture_output=True, encoding="utf-8", check=False
+        )
+        assert done.returncode == 0, done.stderr
+        datagrams.setblocking(False)
+        with pytest.raises(BlockingIOError):
+            datagrams.recv(1)
     assert secret.read_text("utf-8") == "points"
-    assert sorted(path.name for path in place.iterdir()) == ["desk", "gradebook.db"]
+    assert sorted(path.name for path in place.iterdir()) == ["desk", "gradebook.db", "socket"]
     return dict(json.loads(done.stdout.splitlines()[-1]))
+
+
+@walled
+@pytest.mark.parametrize("name", ESCAPES)
+def test_no_attempt_to_get_out_succeeds(name: str, behind: dict[str, str]) -> None:
+    assert behind[ESCAPES[name]] == "refused"
+
+
+@pytest.mark.parametrize("machine", seccomp.ARCHITECTURES)
+def test_every_jump_of_the_filter_stays_in_it(machine: str) -> None:
+    steps = seccomp.program(machine, 1000)
+    assert len(steps) < 4096
+    for place, (code, so, not_so, _) in enumerate(steps):
+        if code & 7 == 5:  # a jump
+            assert place + 1 + max(so, not_so) < len(steps)
+    assert steps[-1] == (seccomp.RETURN, 0, 0, seccomp.ALLOW)
+
+
+@pytest.mark.skipif(not seccomp.available(), reason="needs Linux on x86_64 or aarch64")
+def test_the_filter_knows_the_numbers_of_this_system() -> None:
+    names = {"x86_64": "x86_64-linux-gnu/asm/unistd_64.h", "aarch64": "asm-generic/unistd.h"}
+    header = Path("/usr/include") / names[platform.machine()]
+    if not header.exists():
+        pytest.skip("needs the headers of Linux")
+    text = header.read_text("utf-8")
+    column = list(seccomp.ARCHITECTURES).index(platform.machine())
+    for row in f"{seccomp.REFUSED}, {seccomp.OWN}, {seccomp.IGNORED}".split(","):
+        name, *numbers = row.split()
+        if f"__NR_{name} " in text and numbers[column] != "-":
+            assert f"__NR_{name} {numbers[column]}\n" in text
+
+
+@walled
+@pytest.mark.parametrize("below", ["python3", "opt/python3.11/teacher", "usr/local/lib/course"])
+def test_a_project_anywhere_stays_closed(
+    below: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    project = tmp_path / below / "project"
+    for name in ("nrdob/course/grading", "nrdob/design", "notebooks", "lib/site-packages/numpy"):
+        (project / name).mkdir(parents=True)
+    (project / "nrdob" / "loop.py").touch()
+    monkeypatch.setattr(wall, "COURSE", project / "nrdob" / "course")
+    monkeypatch.setattr(wall, "PACKAGE", project / "nrdob")
+    packages = str(project / "lib" / "site-packages")
+    monkeypatch.setattr(sys, "path", [str(project), str(project.parent), packages, *sys.path])
+    # A library that was loaded from a folder above all this opens none of it.
+    monkeypatch.setattr(wall, "_shared_libraries", lambda: {tmp_path})
+    found = wall.readable()
+    inside = {path.relative_to(project) for path in found if path.is_relative_to(project)}
+    assert inside == {Path("nrdob/design"), Path("nrdob/loop.py"), Path("lib/site-packages")}
+    assert not any(project.is_relative_to(path) for path in found)
 
 
 @pytest.mark.slow
@@ -158,11 +229,12 @@ def test_who_grades_as_root_gives_students_code_the_rights_of_nobody(with_wall: 
         desk.mkdir()
         (desk / "page.png").write_text("x", "utf-8")
         program = f"""
-import importlib.util, json, os
+import json, os, sys, types
 from pathlib import Path
-specification = importlib.util.spec_from_file_location("wall", {wall.__file__!r})
-wall = importlib.util.module_from_spec(specification)
-specification.loader.exec_module(wall)
+package = types.ModuleType("grading")
+package.__path__ = [{str(Path(wall.__file__).parent)!r}]
+sys.modules["grading"] = package
+from grading import wall
 desk, secret = Path({str(desk)!r}), Path({str(secret)!r})
 os.chdir(desk)
 if not {with_wall}:
@@ -248,6 +320,24 @@ def code(source: str) -> list[nbformat.NotebookNode]:
         ("from subprocess import run", "from subprocess import run"),
         ("a = '/proc/1/cwd'", "'/proc/1/cwd'"),
         ("import os\nos.system('ls')", "os.system"),
+        ("from nrdob import course", "from nrdob import course"),
+        ("import nrdob as n\nn.course.exercises.set1.settled_table(case)", "n.course"),
+        ("getattr(case, '_p' + '_B')(case)", "getattr"),
+        ("from functools import reduce\nreduce(getattr, names, case)", "getattr"),
+        ("np.ctypeslib.ctypes.CDLL(None).system", "np.ctypeslib"),
+        ("np.fromfile('x')", "np.fromfile"),
+        ("np.savetxt('x', y)", "np.savetxt"),
+        ("np.load('x', allow_pickle=True)", "np.load"),
+        ("from numpy import load as weight", "from numpy import load"),
+        ("import pty, resource, runpy, mmap, asyncio", "import pty, import resource"),
+        ("import codecs\ncodecs.open('x')", "import codecs"),
+        ("import linecache", "import linecache"),
+        ("from numpy import *", "from numpy import *"),
+        ("import sys", "import sys"),
+        ("sympy.sympify('1')", "sympy.sympify"),
+        ("match case:\n    case object(__class__=found):\n        pass", "__class__"),
+        ("'{0.__class__}'.format(case)", "__class__"),
+        ("from . import grading", "from . import grading"),
         ("f.__globals__", "f.__globals__"),
         ("!cat x", "the command !"),
         ("%%bash\ncat x", "the command %%bash"),
@@ -264,7 +354,9 @@ def test_what_no_answer_needs_is_remarked(source: str, sign: str) -> None:
     "source",
     [
         "import numpy as np\nimport control as ct\nx = np.array([1]).real",
-        "import os, sys\nsys.exit()",
+        "import scipy.optimize as so\nfrom scipy.signal import lti\nimport math, re, json",
+        "getattr(case, 'G', 1)\nnp.random.default_rng(1)\nnp.testing.assert_allclose(1, 1)",
+        "class Lag:\n    def __init__(self):\n        self.T = 1",
         "def f(case):\n    return case.poles[-1] - 2j",
         "loop = nrdob.NRDOB(1, 1, 1, 1)\nloop.stability()",
         "not python at all (",

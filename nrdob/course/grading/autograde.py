@@ -12,7 +12,6 @@ import json
 import os
 import shutil
 import sys
-import tempfile
 import time
 import warnings
 from math import ceil
@@ -30,9 +29,8 @@ from traitlets.config import Config
 from traitlets.config.loader import PyFileConfigLoader
 
 from .. import exercises
-from . import plain, wall
+from . import disk, plain, wall
 from .batch import end
-from .disk import MOST_BYTES, MOST_FILES, watched
 from .feedback import offline
 from .handout import handout, own_cases
 from .judge import HiddenTest, Stopped, hidden_test, judge_apart
@@ -107,11 +105,11 @@ class PatientExecute(Execute):  # type: ignore[misc]
             self.groups = [group_of(nb.cells)[0]]
             GROUPS.clear()
             try:
-                with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as desk:
-                    self.desk = lay_out(Path(desk), Path(resources["metadata"]["path"]))
+                with disk.desk() as desk:
+                    self.desk = lay_out(desk, Path(resources["metadata"]["path"]))
                     given = json.dumps(handout(self.problems, self.groups[0]))
                     (self.desk / plain.HANDOUT).write_text(given, "utf-8")
-                    with watched(self.desk, self.kernel) as full:
+                    with disk.watched(self.desk, self.kernel) as full:
                         nb, resources = super().preprocess(nb, resources, km)
                 break
             except Exception as error:
@@ -258,7 +256,7 @@ WHY = {
 }
 BROKE = "it broke the kernel"
 
-TOO_FULL = f"it wrote more than {MOST_BYTES >> 20} MB, or {MOST_FILES} files"
+TOO_FULL = f"it wrote more than {disk.MOST_BYTES >> 20} MB, or {disk.MOST_FILES} files"
 
 STATE = {"status", "clear_output"}
 SAID = {"stream", "display_data", "execute_result", "error"}

@@ -1,9 +1,13 @@
-"""End a kernel that fills the disk; no limit of the system adds up what a process has written."""
+"""The folder that a kernel writes: end the kernel that fills it, and take it away afterwards.
+
+No limit of the system adds up what a process has written.
+"""
 
 from __future__ import annotations
 
 import os
 import stat
+import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,10 +15,43 @@ from threading import Event, Thread
 
 import psutil
 
-__all__ = ["MOST_BYTES", "MOST_FILES", "used", "watched"]
+__all__ = ["MOST_BYTES", "MOST_FILES", "desk", "used", "watched"]
 
 MOST_BYTES, MOST_FILES = 100 << 20, 2000
 INTERVAL = 0.25
+
+
+@contextmanager
+def desk() -> Iterator[Path]:
+    """Make a folder, and remove it with whatever is in it then."""
+    folder = Path(tempfile.mkdtemp())
+    try:
+        yield folder
+    finally:
+        try:
+            _empty(folder)
+            folder.rmdir()
+        except OSError:  # it is the system's, to be cleaned with its other temporary folders
+            pass
+
+
+def _empty(folder: Path) -> None:
+    """Remove what is in a folder; one that is too deep for a path is moved up level by level."""
+    while folders := [each for each in os.scandir(folder) if not _removed(each)]:
+        for each in folders:
+            os.chmod(each.path, 0o700)
+            for inner in list(os.scandir(each.path)):
+                if not _removed(inner):
+                    os.rename(inner.path, folder / os.urandom(16).hex())
+            os.rmdir(each.path)
+
+
+def _removed(entry: os.DirEntry[str]) -> bool:
+    """Remove what is no folder."""
+    if entry.is_dir(follow_symlinks=False):
+        return False
+    os.unlink(entry.path)
+    return True
 
 
 @contextmanager
