@@ -49,14 +49,33 @@ from .marks import (
     write_table,
 )
 from .platforms import packed, unpacked
-from .release import MARKERS, ROOT, SOURCE, CourseError, found_course, generate, release, sets_in
-from .release import solved as solved
+from .release import (
+    MARKERS,
+    ROOT,
+    SOURCE,
+    CourseError,
+    found_course,
+    generate,
+    release,
+    sets_in,
+    solved,
+)
 from .roster import Course, read_course
 from .submissions import NOTHING, Submission, find, repair
 from .tally import write_tally
 from .written import Key, Typed, read_written, write_written
 
-__all__ = ["MARKERS", "grade", "main", "override", "parse", "regrade", "release", "report"]
+__all__ = [
+    "MARKERS",
+    "grade",
+    "main",
+    "override",
+    "parse",
+    "regrade",
+    "release",
+    "report",
+    "solved",
+]
 
 ADVICE = ROOT / "book" / "teaching" / "problems.toml"
 

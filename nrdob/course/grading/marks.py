@@ -26,11 +26,14 @@ from .roster import Course
 from .submissions import NOTHING, Submission
 
 __all__ = [
+    "Line",
     "Record",
     "Records",
     "enter",
     "grades_of",
     "harmless",
+    "in_order",
+    "in_order_of_sets",
     "lines",
     "number",
     "pack_feedback",

@@ -21,7 +21,7 @@ from nbgrader.api import Gradebook
 from .marks import Record, Records, grades_of, harmless, number, page_of, problem_of, write_table
 from .roster import read_table
 
-__all__ = ["WRITTEN", "Typed", "answers_of", "read_written", "to_be_marked", "write_written"]
+__all__ = ["WRITTEN", "Key", "Typed", "answers_of", "read_written", "to_be_marked", "write_written"]
 
 WRITTEN = ("student", "set", "problem", "of", "points", "comment", "answer", "feedback")
 
