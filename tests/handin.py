@@ -16,6 +16,7 @@ import numpy as np
 
 from nrdob.course.exercises.problems import HIDDEN_CASES
 from nrdob.course.grading import command as exercises
+from nrdob.course.grading.batch import Batch, Outcome
 from nrdob.course.grading.plain import packed
 from problemsets import SOURCE, Posed, cells, nbgrader, posed
 
@@ -344,3 +345,21 @@ def tiny(number: int) -> dict[str, Any]:
 
 
 KNOWN = {f"set{k}": nbformat.from_dict(tiny(k)) for k in (1, 2)}
+
+
+class Stub(Batch):
+    """Grades without kernels: everything right, and one answer still to be read."""
+
+    def grade(self, ready: list[tuple[str, Any]]) -> Iterator[Outcome]:
+        for folder, submission in ready:
+            page = self.root / "feedback" / folder / NAME / f"{NAME}.html"
+            write(page.parent, {page.name: "<body>text</body>"})
+            grades = {name: None if "written" in name else most for name, most in POINTS.items()}
+            yield Outcome(submission, grades)
+
+
+def of_group(notebook: Any, group: int) -> str:
+    for cell in notebook.cells:
+        if cell.id == "group":
+            cell.source = f"GROUP = {group}"
+    return json.dumps(notebook)

@@ -7,7 +7,6 @@ import os
 import re
 import time
 import zipfile
-from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -15,10 +14,9 @@ from typing import Any
 import pytest
 
 from exported import CLASS, Sent, canvas, moment_of, moodle, plan, read_canvas, read_moodle, table
-from handin import KNOWN, NAME, POINTS, handed, tiny, write
+from handin import KNOWN, NAME, POINTS, Stub, handed, of_group, tiny, write
 from nrdob.course.grading import command as exercises
 from nrdob.course.grading import marks, platforms, submissions, written
-from nrdob.course.grading.batch import Batch, Outcome
 from nrdob.course.grading.roster import Course, Student, read_course, spellings
 
 pytestmark = pytest.mark.filterwarnings("ignore:Object of type")
@@ -224,27 +222,9 @@ def test_what_a_student_has_packed_has_the_time_at_which_it_was_handed_in(tmp_pa
 # --- a class of sixty ---------------------------------------------------------------------------
 
 
-class Stub(Batch):
-    """Grades without kernels: everything right, and one answer still to be read."""
-
-    def grade(self, ready: list[tuple[str, Any]]) -> Iterator[Outcome]:
-        for folder, submission in ready:
-            page = self.root / "feedback" / folder / NAME / f"{NAME}.html"
-            write(page.parent, {page.name: "<body>text</body>"})
-            grades = {name: None if "written" in name else most for name, most in POINTS.items()}
-            yield Outcome(submission, grades)
-
-
 @pytest.fixture
 def notebook(released: Path) -> Any:
     return handed(released)
-
-
-def of_group(notebook: Any, group: int) -> str:
-    for cell in notebook.cells:
-        if cell.id == "group":
-            cell.source = f"GROUP = {group}"
-    return json.dumps(notebook)
 
 
 def sent(notebook: Any) -> list[Sent]:

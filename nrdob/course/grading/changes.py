@@ -18,7 +18,7 @@ from .marks import Record, Records, grades_of, number, problem_of, write_table
 from .roster import read_table
 from .written import Key
 
-__all__ = ["COLUMNS", "FILE", "apply", "log", "overridden"]
+__all__ = ["COLUMNS", "FILE", "apply", "log", "overridden", "override"]
 
 FILE = "changes.csv"
 COLUMNS = ("when", "who", "how", "student", "set", "problem", "old", "new", "why")

@@ -49,14 +49,33 @@ from .marks import (
     write_table,
 )
 from .platforms import packed, unpacked
-from .release import MARKERS, ROOT, SOURCE, CourseError, found_course, generate, release, sets_in
-from .release import solved as solved
+from .release import (
+    MARKERS,
+    ROOT,
+    SOURCE,
+    CourseError,
+    found_course,
+    generate,
+    release,
+    sets_in,
+    solved,
+)
 from .roster import Course, read_course
 from .submissions import NOTHING, Submission, find, repair
 from .tally import write_tally
 from .written import Key, Typed, read_written, write_written
 
-__all__ = ["MARKERS", "grade", "main", "override", "parse", "regrade", "release", "report"]
+__all__ = [
+    "MARKERS",
+    "grade",
+    "main",
+    "override",
+    "parse",
+    "regrade",
+    "release",
+    "report",
+    "solved",
+]
 
 ADVICE = ROOT / "book" / "teaching" / "problems.toml"
 
@@ -93,9 +112,9 @@ def grade(
         if not submissions:
             raise CourseError(f"there are no submissions in {folder}")
         found_course(target)
-        given_out = released(target, source, {s.set for s in submissions if not s.reason})
         records = Records(target / "submissions.json")
-        faults += take_marks(target, records).faults
+        faults += take_marks(target, records).faults.values()
+        given_out = released(target, source, {s.set for s in submissions if not s.reason})
         for fault in faults:
             print(fault, flush=True)
         ready = []
@@ -230,11 +249,7 @@ def take_marks(target: Path, records: Records, tables: Sequence[Path] = ()) -> T
     given = changes.overridden(target)
     with course(target).gradebook as gradebook:
         for table in (target / "written.csv", *tables):
-            found = read_written(table, gradebook, records, given)
-            typed.faults += found.faults
-            typed.kept = {k: row for k, row in typed.kept.items() if k not in found.entered}
-            typed.kept |= found.kept
-            typed.readable &= found.readable
+            typed.add(read_written(table, gradebook, records, given))
         changes.apply(gradebook, records, given)
     return typed
 
@@ -293,7 +308,7 @@ def report(target: Path = GRADING, plan: Course | None = None, tables: Sequence[
     records = records_of(target)
     if missing := [table for table in tables if not table.is_file()]:
         raise CourseError(f"there is no table {missing[0]}")
-    faults = take_marks(target, records, tables).faults
+    faults = take_marks(target, records, tables).faults.values()
     for fault in faults:
         print(fault, flush=True)
     give_feedback(target, [entry for entry in records.entries if not entry["reason"]])

@@ -16,7 +16,7 @@ import nh3
 from bs4 import BeautifulSoup
 from docutils.utils.math.latex2mathml import tex2mathml
 
-__all__ = ["offline", "with_note"]
+__all__ = ["NOWHERE", "offline", "with_note"]
 
 VERBATIM = {"pre", "code"}
 TOKEN = r"[^{}\s\\]|\\[A-Za-z]+"

@@ -26,11 +26,14 @@ from .roster import Course
 from .submissions import NOTHING, Submission
 
 __all__ = [
+    "Line",
     "Record",
     "Records",
     "enter",
     "grades_of",
     "harmless",
+    "in_order",
+    "in_order_of_sets",
     "lines",
     "number",
     "pack_feedback",
@@ -296,10 +299,10 @@ def write_grades(path: Path, found: list[Line]) -> None:
 
 def by_student(found: list[Line], course: Course) -> dict[str, dict[str, Line]]:
     """Give the lines of each student by set; those on the roster who have none, too."""
-    students: dict[str, dict[str, Line]] = {student.name: {} for student in course.students}
+    students: dict[str, dict[str, Line]] = {course.called(each): {} for each in course.students}
     for line in found:
         known = course.find(line.entry["student"], line.entry.get("identifier", ""))
-        name = known.name if known else line.entry["student"]
+        name = course.called(known) if known else line.entry["student"]
         students.setdefault(name, {})[line.entry["set"]] = line
     return dict(sorted(students.items()))
 

@@ -17,8 +17,17 @@ from ..running import execute
 from .autograde import SETTINGS, course
 from .platforms import pack
 
-__all__ = ["MARKERS", "ROOT", "SOURCE", "CourseError", "found_course", "generate", "release"]
-__all__ += ["sets_in", "solved"]
+__all__ = [
+    "MARKERS",
+    "ROOT",
+    "SOURCE",
+    "CourseError",
+    "found_course",
+    "generate",
+    "release",
+    "sets_in",
+    "solved",
+]
 
 ROOT = Path(__file__).resolve().parents[3]
 SOURCE = ROOT / "notebooks" / "exercises" / "source"

@@ -263,7 +263,8 @@ def read_table(path: Path) -> list[tuple[int, dict[Any, Any]]]:
     try:
         return [(reader.line_num, row) for row in reader]
     except csv.Error as error:
-        raise ValueError(f"{path.name}, line {reader.line_num}: {error}") from None
+        line = reader.reader.line_num
+        raise ValueError(f"{path.name}, line {line}: {error}") from None
 
 
 def _first(columns: Mapping[str, str], names: Iterable[str]) -> str | None:

@@ -27,7 +27,7 @@ from .platforms import Owner, owner_of
 from .remarks import suspicious
 from .roster import Course
 
-__all__ = ["NOTHING", "Submission", "find", "group_of", "read", "repair"]
+__all__ = ["NOTHING", "PICTURES", "Submission", "find", "group_of", "read", "repair"]
 
 Notebook = Any
 Cell = Any
@@ -147,7 +147,8 @@ def _on_the_roster(
         known = course.find(submission.student, submission.owner.identifier)
         there.append(known)
         if course.students and not known:
-            namesakes = course.namesakes(submission.owner.student or submission.student)
+            number = f" ({submission.owner.identifier})"
+            namesakes = course.namesakes(submission.student.removesuffix(number))
             unclear += namesakes
             told = f"the roster has {len(namesakes)} of this name, and none with this number"
             submission.remarks.append(told if namesakes else "not on the roster")

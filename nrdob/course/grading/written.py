@@ -21,7 +21,7 @@ from nbgrader.api import Gradebook
 from .marks import Record, Records, grades_of, harmless, number, page_of, problem_of, write_table
 from .roster import read_table
 
-__all__ = ["WRITTEN", "Typed", "answers_of", "read_written", "to_be_marked", "write_written"]
+__all__ = ["WRITTEN", "Key", "Typed", "answers_of", "read_written", "to_be_marked", "write_written"]
 
 WRITTEN = ("student", "set", "problem", "of", "points", "comment", "answer", "feedback")
 
@@ -36,10 +36,19 @@ class Typed:
     Where the table cannot be read, `readable` is False, and nobody may write another in its place.
     """
 
-    faults: list[str] = field(default_factory=list)
+    faults: dict[Key, str] = field(default_factory=dict)
     entered: set[Key] = field(default_factory=set)
     kept: dict[Key, Mapping[str, str]] = field(default_factory=dict)
     readable: bool = True
+
+    def add(self, later: Typed) -> None:
+        """Take over what came of another table; what that has entered is no fault any more."""
+        for key in later.entered:
+            self.faults.pop(key, None)
+            self.kept.pop(key, None)
+        self.faults |= later.faults
+        self.kept |= later.kept
+        self.readable &= later.readable
 
 
 def to_be_marked(grade: Any) -> bool:
@@ -67,7 +76,8 @@ def read_written(
                 'a number with a comma must stand in quotes, "2,5"'
             )
     except (OSError, ValueError) as error:
-        return Typed([f"{error}. Nothing was taken from it, and it stays as it is"], readable=False)
+        told = f"{error}. Nothing was taken from it, and it stays as it is"
+        return Typed({("", "", path.name): told}, readable=False)
     entries = {key: value for entry in records.entries for key, value in _keys(entry)}
     done: dict[Key, tuple[int, str]] = {}
     for line, row in rows:
@@ -88,8 +98,10 @@ def read_written(
         done.setdefault(key, (line, text))
         if problem:
             who = f"{student} {key[2]}: " if entry else ""
-            typed.faults.append(f"{path.name}, line {line}: {who}{problem}. The line is kept")
+            typed.faults[key] = f"{path.name}, line {line}: {who}{problem}. The line is kept"
             typed.kept[key] = {name: _cell(row, name) for name in WRITTEN} | {"student": student}
+            if done[key][0] != line:  # somebody has to decide
+                typed.kept[key] = {**typed.kept[key], "points": f"{done[key][1]} or {text}"}
         elif entry is not None and grade is not None:
             if text:
                 grade.manual_score = float(text.replace(",", "."))
