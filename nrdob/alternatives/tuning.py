@@ -334,7 +334,7 @@ def _refusal(
     else:
         factor = exp(-tried[best])
         closest = (
-            f"missed by a factor of {factor:.6g} at best, with {candidate.said(best)}; allow more"
+            f"missed by a factor of {factor:.3g} at best, with {candidate.said(best)}; allow more"
         )
     return f"{limits} is not kept with any {span}: {closest}"
 
