@@ -273,6 +273,8 @@ def compare(
             "candidates must be a dict of names to NRDOB loops or to candidates from "
             "nrdob.candidates(process, model, controller)"
         )
+    if not isinstance(changed, Mapping | None):
+        raise TypeError(f"changed is a {type(changed).__name__}; give a dict of names to plants")
     others = dict(changed or {})
     for name, plant in (("process", process), *others.items()):
         _check_process(plant, name)

@@ -102,8 +102,9 @@ def half_rule(process: Any, order: int, closed_loop_time: float) -> LagModel:
 
     Raises
     ------
-    ValueError
-        If the rule does not fit: the process is unstable, oscillates, or has no lag.
+    TypeError, ValueError
+        If the rule does not fit: the process is unstable, oscillates, or has no lag; if τc is not
+        positive, or the order another one.
 
     Examples
     --------
@@ -116,13 +117,16 @@ def half_rule(process: Any, order: int, closed_loop_time: float) -> LagModel:
     >>> [round(float(x), 3) for x in half_rule(G, 2, 0.5)]
     [1.0, 2.0, 1.2, 0.77]
     """
+    if order not in (1, 2):
+        raise ValueError(f"order is {order}; the rule keeps one lag or two")
+    tc = _closed_loop_time(closed_loop_time)
     undelayed = process.tf if isinstance(process, DelayedTransferFunction) else process
     delay = process.delay if isinstance(process, DelayedTransferFunction) else 0.0
     G = nonzero(as_fraction(undelayed, "process"), "process")
     lags, zeros = _lags(G.den), _zeros(G.num)
     gain = _low_frequency_gain(G.num, G.den)
     for zero in sorted((z for z in zeros if z > 0), reverse=True):
-        gain *= _cancel(zero, lags, closed_loop_time)
+        gain *= _cancel(zero, lags, tc)
     delay += sum(-zero for zero in zeros if zero < 0)
     lags.sort(reverse=True)
     if not lags:
@@ -204,9 +208,7 @@ def simc_pid(process: Any, closed_loop_time: float, *, design: Any = None) -> NR
 
 
 def _closed(process: Any, design: Any, order: int, closed_loop_time: Any) -> NRDOB:
-    tc = real_number(closed_loop_time, "closed_loop_time", "give τc in seconds as a number")
-    if not (isfinite(tc) and tc > 0):
-        raise ValueError(f"closed_loop_time is {tc}; τc is positive and finite, in seconds")
+    tc = _closed_loop_time(closed_loop_time)
     found = half_rule(process if design is None else design, order, tc)
     if order == 2 and not found.second:
         raise ValueError("the process has one lag, and a PID needs two: take a PI")
@@ -219,6 +221,13 @@ def _closed(process: Any, design: Any, order: int, closed_loop_time: Any) -> NRD
         num = np.convolve(num, [found.second, 1.0])
         den = np.convolve(den, [filtered, 1.0])
     return controller_alone(process, model, ct.tf(num, den))
+
+
+def _closed_loop_time(value: Any) -> float:
+    tc = real_number(value, "closed_loop_time", "give τc in seconds as a number")
+    if not (isfinite(tc) and tc > 0):
+        raise ValueError(f"closed_loop_time is {tc}; τc is positive and finite, in seconds")
+    return tc
 
 
 def _lags(den: FloatArray) -> list[float]:

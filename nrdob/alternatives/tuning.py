@@ -283,6 +283,11 @@ def tune(
     >>> tune(each["NR-DOB"], max_ms=1.6).text, tune(each["PI"], max_ms=1.6).text
     ('λ = 0.07705 s', 'τc = 0.1455 s')
     """
+    if not isinstance(candidate, Candidate):
+        raise TypeError(
+            f"candidate is a {type(candidate).__name__}; give one of "
+            "nrdob.candidates(process, model, controller)"
+        )
     limits = Limits(max_ms, max_noise, shaping)
     refusals: list[str] = []
     built: list[NRDOB] = []

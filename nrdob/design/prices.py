@@ -46,6 +46,9 @@ NEARLY = 0.3
 NEAR_PEAK, ROUNDS, ACROSS = 0.9, 2, 65
 """Share of the largest value from which a peak is looked at; how often, at how many points."""
 
+EVENLY, EARLIEST = 1001, 1e-6
+"""Times of the first look at a response, evenly and by ratio; the first of these, of the last."""
+
 CLOSER, BETWEEN = 3, 33
 """How often a step over an end or an extreme is looked at more closely, and at how many λ."""
 
@@ -157,8 +160,11 @@ def step_peak(loop: LoopEquations, input: str, signal: str) -> float:
         What is looked at.
     """
     row = "yu".index(signal)
-    found = step_response(loop, input)
-    times, size = found.time, np.abs(found.outputs[row, 0])
+    last = step_response(loop, input).time[-1]
+    # A slow end must not hide a fast beginning.
+    times = last * np.union1d(np.linspace(0, 1, EVENLY), np.geomspace(EARLIEST, 1, EVENLY))
+    size = np.abs(step_response(loop, input, times).outputs[row, 0])
+    largest = np.nanmax(size)
     for _ in range(ROUNDS):
         k = int(np.nanargmax(size))
         if k == 0:
@@ -166,7 +172,7 @@ def step_peak(loop: LoopEquations, input: str, signal: str) -> float:
         low, high = times[k - 1], times[min(k + 1, times.size - 1)]
         times = np.linspace(low, high, ACROSS)
         size = np.abs(step_response(loop, input, times).outputs[row, 0])
-    return float(np.nanmax(np.append(size, np.abs(found.outputs[row, 0]).max())))
+    return float(max(largest, np.nanmax(size)))
 
 
 PAID: dict[str, Callable[[LoopEquations], float]] = {

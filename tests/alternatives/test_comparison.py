@@ -189,6 +189,10 @@ def test_a_loop_that_is_all_but_unstable_is_no_error():
 def test_only_loops_and_candidates_are_compared():
     with pytest.raises(TypeError, match="candidates must be a dict of names to NRDOB loops"):
         nrdob.compare(1 / (s + 1), {"PI": ct.tf([1], [1, 0])}, max_ms=2.0)
+    with pytest.raises(TypeError, match="changed is a list; give a dict of names to plants"):
+        nrdob.compare(1 / (s + 1), {}, changed=[1 / (s + 1)])
+    with pytest.raises(TypeError, match=r"candidate is a NRDOB; give one of nrdob\.cand"):
+        nrdob.tune(nrdob.paper.example(1), max_ms=2.0)
     with pytest.raises(ValueError, match="late is identically zero"):
         nrdob.compare(1 / (s + 1), {}, changed={"late": ct.tf([0], [1])})
 
@@ -197,3 +201,49 @@ def test_noise_without_roll_off_is_infinite_in_the_table():
     loop = nrdob.simc_pi(1 / (s + 1), 1.0)
     row = nrdob.compare(loop.process, {"PI": loop})["PI"]
     assert row.noise_u == inf and np.isfinite(row.noise_y)
+
+
+def from_the_blocks(loop, w, tau):
+    """G and K at s = jw, or right of it, from what was put in, with nothing of the package."""
+    G, dead = loop.process, 0.0
+    if isinstance(G, nrdob.DelayedTransferFunction):
+        G, dead = G.tf, G.delay
+    F = getattr(loop.filter, "tf", loop.filter)
+    late = getattr(loop.model, "delay", 0.0)
+    Gm = getattr(loop.model, "tf", loop.model)
+    Gm = ct.tf(*Gm) if isinstance(Gm, tuple) else Gm
+    num, den = F.num[0][0], F.den[0][0]
+    open_ = np.polyval(np.polysub(den, num), w) + np.polyval(num, w) * -np.expm1(-late * w)
+    return G(w) * np.exp(-dead * w), np.polyval(num, w) / open_ / Gm(w), 1 / (tau * w + 1)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_the_numbers_are_those_of_a_grid_and_of_a_numerical_inverse_transform(seed):
+    rng = np.random.default_rng(seed)
+    lags = np.sort(10 ** rng.uniform(-0.5, 0.5, 2))
+    undelayed = ct.tf([rng.uniform(0.5, 2)], np.convolve([lags[0], 1], [lags[1], 1]))
+    G, tau = delay(float(rng.uniform(0.1, 0.5))) * undelayed, 0.05
+    C = ct.tf([lags[1], 1], [float(rng.uniform(3, 5)), 0])
+    name = ["NR-DOB", "conventional observer", "Smith predictor", "PI", "PID", "C alone", "ADRC"][
+        seed % 7
+    ]
+    each = nrdob.candidates(G, undelayed, C, 2)
+    found = nrdob.compare(G, {name: each[name]}, shaping=ct.tf([1], [tau, 1]), max_ms=1.5)[name]
+
+    x = np.linspace(np.log(1e-5), np.log(1e6), 400_001)
+    w = np.exp(x)
+    Gw, K, shaping = from_the_blocks(found.loop, 1j * w, tau)
+    S = 1 / (1 + Gw * K)
+    assert np.abs(S).max() == pytest.approx(1.5, rel=1e-5) == found.ms
+    noise = [np.trapezoid(np.abs(part * S * shaping) ** 2 * w, x) / np.pi for part in (Gw * K, K)]
+    assert [found.noise_y, found.noise_u] == pytest.approx(noise, rel=1e-3)
+
+    # y after a unit step of the load, as a damped Fourier series of period 2 T.
+    T, samples = 3 * found.loop.step_response("delta").time[-1], 1 << 17
+    dt, shift = 2 * T / samples, np.log(1e10) / (2 * T)
+    p = shift + 2j * np.pi * np.arange(samples // 2 + 1) / (2 * T)
+    Gp, K, _ = from_the_blocks(found.loop, p, tau)
+    t = np.arange(samples // 2) * dt
+    y = np.fft.irfft(Gp / (1 + Gp * K) / p)[: t.size] / dt * np.exp(shift * t)
+    errors = np.trapezoid(np.abs(y), t), np.trapezoid(y**2, t)
+    assert (found.iae, found.ise) == pytest.approx(errors, rel=1e-3)

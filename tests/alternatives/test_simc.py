@@ -205,3 +205,8 @@ def test_a_pid_needs_two_lags_and_every_rule_a_time():
         nrdob.simc_pi(1 / (s + 1), -1.0)
     with pytest.raises(TypeError, match="closed_loop_time is None"):
         nrdob.simc_pi(1 / (s + 1), None)
+    for order in (0, 3):
+        with pytest.raises(ValueError, match=f"order is {order}; the rule keeps one lag or two"):
+            half_rule(1 / (s + 1) ** 4, order, 1.0)
+    with pytest.raises(ValueError, match=r"closed_loop_time is -1.0; τc is positive"):
+        half_rule((2 * s + 1) / (s + 1) ** 4, 1, -1.0)

@@ -9,7 +9,7 @@ import pytest
 import nrdob
 from campaigns.plants import plant_and_model
 from nrdob import admissible_time_constants, design_filter, filter_family
-from nrdob.design import Mismatch
+from nrdob.design import Mismatch, step_peak
 
 s = ct.tf("s")
 lag = 1 / (s + 1)
@@ -149,3 +149,12 @@ def test_what_every_fast_filter_meets_is_refused_before_anything_else_is_looked_
     lag = ct.tf([1], [1, 1])
     with pytest.raises(ValueError, match="met by every filter of order 1, however fast"):
         design_filter(lag, nrdob.delay(0.1) * lag, max_ms=max_ms)
+
+
+def test_a_slow_end_of_the_response_does_not_hide_a_fast_peak():
+    lags = ct.tf([7.15289], [0.0792607, 2.06349, 8.47488, 1.0])
+    C, filter = ct.tf([4.729, 1.0], [55.52, 0.0]), nrdob.LowPassFilter(0.4664, 4)
+    loop = nrdob.NRDOB(nrdob.delay(2.18562) * lags, lags, C, filter)  # swings for 2,000 s
+    early = np.abs(loop.step_response("d", np.linspace(0, 20, 20_001)).outputs[1, 0]).max()
+    assert early == pytest.approx(0.7941, abs=1e-4)  # as a numerical inverse transform has it
+    assert step_peak(loop, "d", "u") == pytest.approx(early, rel=1e-4)
