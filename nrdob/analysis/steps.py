@@ -133,9 +133,7 @@ def _evaluated(
 ) -> FloatArray:
     """Values (2, N) at `times`, on panels that are made finer until they resolve the signals."""
     # Against the size that the signals had before the times asked for.
-    looked_at, asked = np.unique(
-        np.concatenate([times, times[-1] * _GRID]), return_inverse=True
-    )
+    looked_at, asked = np.unique(np.concatenate([times, times[-1] * _GRID]), return_inverse=True)
     # A time that only rounding puts before a border is meant to be on it.
     index = np.floor(looked_at / delay + 1e-9).astype(int)
     local = np.clip(looked_at - index * delay, 0.0, delay)

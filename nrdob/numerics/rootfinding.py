@@ -79,6 +79,7 @@ def companion_roots(q: FloatArray) -> ComplexArray:
     return np.asarray(np.linalg.eigvals(companion), dtype=np.complex128)
 
 
+@np.errstate(all="ignore")  # what is not finite is no root
 def delay_roots(q: FloatArray, delayed: Delayed) -> ComplexArray:
     """Find the roots of q + sum of r exp(-sT) that matter for stability.
 
@@ -94,7 +95,8 @@ def delay_roots(q: FloatArray, delayed: Delayed) -> ComplexArray:
     Raises
     ------
     ArithmeticError
-        If a delay is too long for the loop's speed to be resolved (see `MAX_DELAY_NODES`).
+        If a delay is too long for the loop's speed to be resolved (see `MAX_DELAY_NODES`), or
+        coefficients leave the range of floating-point numbers on the way.
 
     Examples
     --------
@@ -237,11 +239,11 @@ def _crossover(q: FloatArray, r: FloatArray, leading: float) -> float:
     return float((leading / abs(q[0])) ** (1 / excess)) if excess else 0.0
 
 
-def _collocated_roots(
-    q: FloatArray, delayed: Delayed, speed: float, nodes: int
-) -> ComplexArray:
+def _collocated_roots(q: FloatArray, delayed: Delayed, speed: float, nodes: int) -> ComplexArray:
     longest = delayed[0][1]
     loop = _collocated_loop(q, delayed, speed, nodes)
+    if not np.isfinite(loop).all():
+        raise ArithmeticError("the coefficients leave the range of floating-point numbers")
     guesses = np.asarray(np.linalg.eigvals(loop), dtype=np.complex128) * speed
     # To the left only roots that the collocation resolves are true; to the right the delayed terms
     # are small and Newton's method settles every one.
