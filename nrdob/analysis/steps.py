@@ -289,7 +289,9 @@ def resolved_to(tolerance: float, values: FloatArray) -> bool:
 
 def _march(interval: _Interval, start: FloatArray, jumps: IntArray) -> FloatArray:
     """Take interval by interval, and keep the values after each of the jumps."""
-    x, z, seen = start[:, np.newaxis], np.zeros((interval.edges.size - 1, NODES, 1)), []
+    x: FloatArray = start[:, np.newaxis]
+    z: FloatArray = np.zeros((interval.edges.size - 1, NODES, 1))
+    seen = []
     for jump in jumps:
         for _ in range(jump):
             x, values = interval.step(x, z)
@@ -301,8 +303,8 @@ def _march(interval: _Interval, start: FloatArray, jumps: IntArray) -> FloatArra
 def _leap(interval: _Interval, start: FloatArray, jumps: IntArray) -> FloatArray:
     """Take the same with powers of the matrix of one interval."""
     n, matrix = start.size, interval.as_matrix
-    state, states = np.zeros(matrix.shape[0]), []
-    state[:n] = start
+    state: FloatArray = np.append(start, np.zeros(matrix.shape[0] - n))
+    states = []
     powers = {jump: np.linalg.matrix_power(matrix, jump) for jump in set(jumps.tolist())}
     for jump in jumps.tolist():
         state = powers[jump] @ state

@@ -136,7 +136,8 @@ def dominance_radius(ascending: FloatArray) -> float:
     """
     n = ascending.size - 1
     sizes = np.abs(ascending[:-1]).tolist()
-    return 2.02 * max([1e-300, *(size ** (1 / (n - k)) for k, size in enumerate(sizes))])
+    bounds: list[float] = [size ** (1 / (n - k)) for k, size in enumerate(sizes)]
+    return 2.02 * max(bounds, default=0.0) or 2e-300
 
 
 def _quadratic_roots(b: float, c: float) -> tuple[complex, complex]:
@@ -167,7 +168,7 @@ def _both(coefficients: FloatArray, s: ComplexArray) -> tuple[ComplexArray, Comp
     np.multiply.accumulate(powers, axis=-1, out=powers)
     ascending = coefficients[::-1]
     slopes = ascending[1:] * np.arange(1, coefficients.size)
-    return powers @ ascending, powers[..., :-1] @ slopes
+    return np.asarray(powers @ ascending), np.asarray(powers[..., :-1] @ slopes)
 
 
 def _polished(q: FloatArray, delayed: Delayed, roots: ComplexArray) -> ComplexArray:

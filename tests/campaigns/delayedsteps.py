@@ -4,7 +4,7 @@
 
 The diagram is solved here once more, for one or two dead times. What has come around the loop i
 times through the plant and k times through the model is a rational transform behind its own dead
-time; each is inverted by Talbot's contour in 120 digits, with more and more points until two sums agree.
+time; each is inverted by Talbot's contour in 120 digits, with more points until two sums agree.
 """
 
 from __future__ import annotations
