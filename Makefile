@@ -116,8 +116,8 @@ check: $(READY) ## run every notebook and compare byte for byte, figures include
 bench: $(READY) ## time nrdob against python-control, and the notebooks (takes some minutes)
 	$(PY) -m pytest -q --benchmark-quiet tests/bench
 
-bench-table: $(READY) ## time the public calls, before and after, in one table
-	OPENBLAS_NUM_THREADS=1 $(PY) tests/bench/table.py --before tests/bench/before.json
+bench-table: $(READY) ## time the public calls beside python-control, and the editions before, in one table
+	OPENBLAS_NUM_THREADS=1 $(PY) tests/bench/table.py
 
 slides: $(READY) ## make slides of the questions for class, which need no network
 	$(PY) book/make/slides.py

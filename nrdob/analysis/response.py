@@ -163,7 +163,8 @@ def forced_response(
     [0.0, 0.283834, 0.754579]
     """
     _check(loop, input)
-    times, signal = _checked_times(timepts), np.asarray(inputs, dtype=float)
+    times = _checked_times(timepts)
+    signal = _real(inputs, "inputs", "give one real number for each time")
     step = _even_step(times)
     if step is None or times[0] != 0:
         raise ValueError("timepts must be evenly spaced from 0, two or more: np.linspace(0, …)")
@@ -199,12 +200,7 @@ def _check(loop: LoopEquations, input: str) -> None:
 
 
 def _checked_times(timepts: ArrayLike) -> FloatArray:
-    try:
-        times = np.asarray(timepts, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise TypeError(
-            f"timepts is {timepts!r}; give times in seconds, or the last one"
-        ) from error
+    times = _real(timepts, "timepts", "give times in seconds, or the last one, as real numbers")
     if times.ndim == 0:
         times = np.linspace(0.0, float(times), POINTS) if 0 < times < inf else np.full(2, np.nan)
     if times.ndim != 1 or times.size == 0:
@@ -212,6 +208,17 @@ def _checked_times(timepts: ArrayLike) -> FloatArray:
     if not (np.isfinite(times).all() and times[0] >= 0 and (np.diff(times) > 0).all()):
         raise ValueError("timepts must be finite and increasing from 0 or later, in seconds")
     return times
+
+
+def _real(values: ArrayLike, name: str, remedy: str) -> FloatArray:
+    """Read real numbers, or raise TypeError with the remedy."""
+    try:
+        array = np.asarray(values)
+        if np.iscomplexobj(array) and array.imag.any():
+            raise TypeError("complex numbers")
+        return array.real.astype(float)
+    except (TypeError, ValueError) as error:
+        raise TypeError(f"{name} is {values!r}; {remedy}") from error
 
 
 def _even_step(times: FloatArray) -> float | None:

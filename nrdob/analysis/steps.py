@@ -133,9 +133,7 @@ def _evaluated(
 ) -> FloatArray:
     """Values (2, N) at `times`, on panels that are made finer until they resolve the signals."""
     # Against the size that the signals had before the times asked for.
-    looked_at, asked = np.unique(
-        np.concatenate([times, times[-1] * _GRID]), return_inverse=True
-    )
+    looked_at, asked = np.unique(np.concatenate([times, times[-1] * _GRID]), return_inverse=True)
     # A time that only rounding puts before a border is meant to be on it.
     index = np.floor(looked_at / delay + 1e-9).astype(int)
     local = np.clip(looked_at - index * delay, 0.0, delay)
@@ -291,7 +289,9 @@ def resolved_to(tolerance: float, values: FloatArray) -> bool:
 
 def _march(interval: _Interval, start: FloatArray, jumps: IntArray) -> FloatArray:
     """Take interval by interval, and keep the values after each of the jumps."""
-    x, z, seen = start[:, np.newaxis], np.zeros((interval.edges.size - 1, NODES, 1)), []
+    x: FloatArray = start[:, np.newaxis]
+    z: FloatArray = np.zeros((interval.edges.size - 1, NODES, 1))
+    seen = []
     for jump in jumps:
         for _ in range(jump):
             x, values = interval.step(x, z)
@@ -303,8 +303,8 @@ def _march(interval: _Interval, start: FloatArray, jumps: IntArray) -> FloatArra
 def _leap(interval: _Interval, start: FloatArray, jumps: IntArray) -> FloatArray:
     """Take the same with powers of the matrix of one interval."""
     n, matrix = start.size, interval.as_matrix
-    state, states = np.zeros(matrix.shape[0]), []
-    state[:n] = start
+    state: FloatArray = np.append(start, np.zeros(matrix.shape[0] - n))
+    states = []
     powers = {jump: np.linalg.matrix_power(matrix, jump) for jump in set(jumps.tolist())}
     for jump in jumps.tolist():
         state = powers[jump] @ state

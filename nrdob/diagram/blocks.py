@@ -135,9 +135,13 @@ def real_number(value: Any, name: str, remedy: str) -> float:
     Traceback (most recent call last):
     TypeError: delay is '1', a str; give seconds as a number
     """
-    if not is_number(value) or complex(value).imag:
+    try:
+        number = complex(value) if is_number(value) else 1j
+    except OverflowError:
+        number = complex(inf)
+    if number.imag:
         raise TypeError(f"{name} is {value!r}, a {type(value).__name__}; {remedy}")
-    return float(complex(value).real)
+    return number.real
 
 
 def six_digits(value: float) -> float:

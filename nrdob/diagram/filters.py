@@ -33,7 +33,8 @@ class LowPassFilter:
     Raises
     ------
     ValueError
-        If `time_constant` is not positive and finite, or `order` is below 1.
+        If `time_constant` is not positive and finite, `order` is below 1, or a coefficient leaves
+        the range of floating-point numbers.
     TypeError
         If `time_constant` is no real number, or `order` no whole one.
 
@@ -51,7 +52,9 @@ class LowPassFilter:
 
     def __post_init__(self) -> None:
         remedy = "F(s) = 1/(time_constant s + 1)^n needs a positive number of seconds"
-        real_number(self.time_constant, "time_constant", remedy)
+        object.__setattr__(
+            self, "time_constant", real_number(self.time_constant, "time_constant", remedy)
+        )
         if not (isfinite(self.time_constant) and self.time_constant > 0):
             raise ValueError(
                 f"time_constant is {self.time_constant}; F(s) = 1/(time_constant s + 1)^n "
@@ -61,10 +64,13 @@ class LowPassFilter:
             raise TypeError(f"order is {self.order!r}; it counts lags and must be a whole number")
         if self.order < 1:
             raise ValueError(f"order is {self.order}; F needs at least one lag: order >= 1")
-        if abs(self.order * log10(self.time_constant)) > 300:
+        # The largest coefficient is below (1 + λ)^n, the smallest is 1 or λ^n.
+        decades = max(log10(1 + self.time_constant), -log10(self.time_constant))
+        if self.order > 300 / decades:
             raise ValueError(
-                f"time_constant {self.time_constant:g} to the power {self.order} is outside the "
-                "range of floating-point numbers; choose another unit of time"
+                f"(λs + 1)^n with time_constant {self.time_constant:g} and order {self.order} has "
+                "coefficients outside the range of floating-point numbers; choose another unit of "
+                "time, or a lower order"
             )
 
     def __repr__(self) -> str:

@@ -85,9 +85,10 @@ def rhp_count(p: Whole) -> int | None:
     if n == 1:
         return int((p[0] > 0) != (p[1] > 0))
     # j^k c_k: signs + + - - for the powers k = 0, 1, 2, 3; either part has every other power only.
-    chain = _routh(*(
+    every, other = (
         _stripped([_unit(n - i) * p[i] for i in range(first, n + 1, 2)]) for first in (0, 1)
-    ), odd=n % 2)  # fmt: skip
+    )
+    chain = _routh(every, other, n % 2)
     leads = [(1 if part[0] > 0 else -1, odd) for part, odd in chain]
     ahead = _sign_changes([sign for sign, _ in leads])
     index = _sign_changes([-sign if odd else sign for sign, odd in leads]) - ahead

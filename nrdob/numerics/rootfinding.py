@@ -79,6 +79,7 @@ def companion_roots(q: FloatArray) -> ComplexArray:
     return np.asarray(np.linalg.eigvals(companion), dtype=np.complex128)
 
 
+@np.errstate(all="ignore")  # what is not finite is no root
 def delay_roots(q: FloatArray, delayed: Delayed) -> ComplexArray:
     """Find the roots of q + sum of r exp(-sT) that matter for stability.
 
@@ -94,7 +95,8 @@ def delay_roots(q: FloatArray, delayed: Delayed) -> ComplexArray:
     Raises
     ------
     ArithmeticError
-        If a delay is too long for the loop's speed to be resolved (see `MAX_DELAY_NODES`).
+        If a delay is too long for the loop's speed to be resolved (see `MAX_DELAY_NODES`), or
+        coefficients leave the range of floating-point numbers on the way.
 
     Examples
     --------
@@ -134,7 +136,8 @@ def dominance_radius(ascending: FloatArray) -> float:
     """
     n = ascending.size - 1
     sizes = np.abs(ascending[:-1]).tolist()
-    return 2.02 * max([1e-300, *(size ** (1 / (n - k)) for k, size in enumerate(sizes))])
+    bounds: list[float] = [size ** (1 / (n - k)) for k, size in enumerate(sizes)]
+    return 2.02 * max(bounds, default=0.0) or 2e-300
 
 
 def _quadratic_roots(b: float, c: float) -> tuple[complex, complex]:
@@ -165,7 +168,7 @@ def _both(coefficients: FloatArray, s: ComplexArray) -> tuple[ComplexArray, Comp
     np.multiply.accumulate(powers, axis=-1, out=powers)
     ascending = coefficients[::-1]
     slopes = ascending[1:] * np.arange(1, coefficients.size)
-    return powers @ ascending, powers[..., :-1] @ slopes
+    return np.asarray(powers @ ascending), np.asarray(powers[..., :-1] @ slopes)
 
 
 def _polished(q: FloatArray, delayed: Delayed, roots: ComplexArray) -> ComplexArray:
@@ -237,11 +240,11 @@ def _crossover(q: FloatArray, r: FloatArray, leading: float) -> float:
     return float((leading / abs(q[0])) ** (1 / excess)) if excess else 0.0
 
 
-def _collocated_roots(
-    q: FloatArray, delayed: Delayed, speed: float, nodes: int
-) -> ComplexArray:
+def _collocated_roots(q: FloatArray, delayed: Delayed, speed: float, nodes: int) -> ComplexArray:
     longest = delayed[0][1]
     loop = _collocated_loop(q, delayed, speed, nodes)
+    if not np.isfinite(loop).all():
+        raise ArithmeticError("the coefficients leave the range of floating-point numbers")
     guesses = np.asarray(np.linalg.eigvals(loop), dtype=np.complex128) * speed
     # To the left only roots that the collocation resolves are true; to the right the delayed terms
     # are small and Newton's method settles every one.

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from nrdob.analysis import forced_response, step_response
 from nrdob.analysis.window import even_times
 from nrdob.diagram import INPUTS, LoopEquations, LowPassFilter, delay
+from tests.campaigns import delayedsteps
 from tests.campaigns.steps import campaign, exact_step
 
 pytestmark = pytest.mark.usefixtures("no_warning_leaks")
@@ -631,6 +632,26 @@ def test_a_number_is_the_last_time():
 def test_the_last_time_must_be_positive_and_finite(last):
     with pytest.raises(ValueError, match="increasing"):
         step_response(example(1), "R", last)
+
+
+@pytest.mark.parametrize("inputs", [[0.0, 1j, 2.0], ["a", "b", "c"]])
+def test_a_signal_must_be_real_numbers(inputs):
+    with pytest.raises(TypeError, match=r"inputs is .*; give one real number for each time"):
+        forced_response(example(1), "R", [0.0, 1.0, 2.0], inputs)
+
+
+def test_real_numbers_may_be_stored_as_complex_ones():
+    found, same = (
+        forced_response(example(1), "R", [0.0, 1.0, 2.0], x) for x in ([1, 2, 3], [1, 2, 3 + 0j])
+    )
+    assert np.array_equal(found.outputs, same.outputs)
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_random_loops_with_dead_times_are_summed_echo_by_echo(seed):
+    errors, refusals = delayedsteps.campaign(30, seed)
+    assert not refusals
+    assert max(error for found in errors.values() for error, _ in found) < delayedsteps.PROMISED
 
 
 def test_times_must_be_numbers():

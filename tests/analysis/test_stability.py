@@ -321,3 +321,28 @@ def test_a_table_of_large_numbers_keeps_its_columns_apart():
     row = repr(verdict).splitlines()[3].split()
     count = verdict.observer_loop.closed_loop_rhp
     assert count > 1e5 and row[3:6] == [f"{count:g}", "0", f"{count:g}"]
+
+
+@pytest.mark.usefixtures("no_warning_leaks")
+@pytest.mark.parametrize(("unit", "time_constant"), [(1e12, 1e3), (1e-12, 1e-6), (1.0, 1e3)])
+@pytest.mark.parametrize("dead_time", [1e-3, 1e3])
+def test_verdicts_do_not_depend_on_a_unit_in_which_squares_overflow(unit, time_constant, dead_time):
+    # 1.02/(Ts + 1)^3 under a filter of order 9: coefficients over hundreds of decades.
+    den = LowPassFilter(unit, 3).den
+    process = nrdob.delay(dead_time * unit) * ct.tf([1.02], den)
+    F = LowPassFilter(time_constant * unit, 9)
+    found = nrdob.judge_observer(process, ct.tf([1.0], den), F)
+    natural = LowPassFilter(1.0, 3).tf
+    same = nrdob.judge_observer(
+        nrdob.delay(dead_time) * 1.02 * natural, natural, LowPassFilter(time_constant, 9)
+    )
+    assert found.stable is not None and found.stable is same.stable
+
+
+@pytest.mark.usefixtures("no_warning_leaks")
+@pytest.mark.parametrize("delay", [0.1, 50.0])
+def test_a_filter_of_300_lags_leaves_a_reason_and_no_warning(delay):
+    lag = ct.tf([1.0], [1.0, 1.0])
+    verdict = nrdob.NRDOB(nrdob.delay(delay) * 1.1 * lag, lag, 0.5, LowPassFilter(1.0, 300))
+    assert verdict.stability().stable is None
+    assert "within rounding" in verdict.stability().reason

@@ -122,9 +122,7 @@ def by_turns(ours: Task, theirs: Task | None) -> Times:
     tasks = [ours] if theirs is None else [ours, theirs]
     times: list[list[float]] = [[] for _ in tasks]
     begin = time.process_time()
-    while len(times[-1]) <= ROUNDS and (
-        len(times[-1]) < 2 or time.process_time() - begin < ENOUGH
-    ):
+    while len(times[-1]) <= ROUNDS and (len(times[-1]) < 2 or time.process_time() - begin < ENOUGH):
         for task, found in zip(tasks, times, strict=True):
             start = time.process_time()
             task()
@@ -186,7 +184,9 @@ def main() -> None:
         kept[options.keep] = {"machine": machine(), "ms": today}
         EDITIONS.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
     print(table(today, {name: each["ms"] for name, each in kept.items()}))
-    print(f"\nMedians of processor time; ratios are to python-control in the same run. {machine()}.")
+    print(
+        f"\nMedians of processor time; ratios are to python-control in the same run. {machine()}."
+    )
     for name, each in kept.items():
         print(f"{name}: {each['machine']}.")
 

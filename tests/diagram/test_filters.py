@@ -67,3 +67,13 @@ def test_repr_rounds_to_six_digits():
 def test_a_filter_with_undamped_poles_is_not_stable(den):
     with pytest.raises(ValueError, match="F must be stable"):
         filter_fraction(([den[-1] or 1.0], den))
+
+
+def test_a_time_constant_is_kept_as_a_real_number():
+    assert LowPassFilter(1 + 0j, 1).den.tolist() == [1.0, 1.0]
+
+
+@pytest.mark.parametrize("order", [1030, 10**6, 10**400])
+def test_an_order_whose_coefficients_leave_floating_point_is_refused(order):
+    with pytest.raises(ValueError, match="range of floating-point numbers"):
+        LowPassFilter(1.0, order)
