@@ -333,10 +333,10 @@ def _dense(gains, roots: np.ndarray, delay: float) -> np.ndarray:
     close = np.concatenate([s * np.geomspace(2e-2, 30, 30) for s in (-1, 1)])
     around = (np.abs(roots.imag)[:, None] + np.abs(roots.real)[:, None] * close).ravel()
     wide = np.geomspace(size.min() / 1e6, 1e6 * size.max(), 4000)
-    omega = np.concatenate([wide, around])
+    omega = np.unique(np.abs(np.concatenate([wide, around])))
     if delay:
-        seen = np.max([np.abs(gain(1j * wide)) for gain in gains], axis=0)
-        last = wide[np.flatnonzero(seen > 0.01 * min(seen.max(), 1.0))[-1]] + 12 * np.pi / delay
+        seen = np.max([np.abs(gain(1j * omega)) for gain in gains], axis=0)
+        last = omega[np.flatnonzero(seen > 0.01 * min(seen.max(), 1.0))[-1]] + 12 * np.pi / delay
         omega = omega[omega < last]
         omega = np.append(omega, np.linspace(0, last, min(int(12 * last * delay), 60_000) + 2))
     omega = np.sort(omega[omega > 0])
