@@ -80,12 +80,18 @@ def gentle_frequencies(*loops: Quotient) -> FloatArray:
     size = np.abs(z)
     square = np.maximum(np.abs(z.real), CLOSEST * size) ** 2
     # Nothing but gains and dead time: its turns give the unit.
-    speeds = size if size.size else np.array([pi / max(p.delay for p in factors) if any(
-        p.delay for p in factors) else 1.0])
+    speeds = (
+        size
+        if size.size
+        else np.array(
+            [pi / max(p.delay for p in factors) if any(p.delay for p in factors) else 1.0]
+        )
+    )
     ends = log(speeds.min()) - DECADES * log(10), log(speeds.max()) + DECADES * log(10)
     x = np.linspace(*ends, int(ends[1] - ends[0]) + 1)
-    left, right = x[:-1], x[1:]
-    done = [x[-1:]]
+    left: FloatArray = x[:-1]
+    right: FloatArray = x[1:]
+    done: list[FloatArray] = [x[-1:]]
     while left.size:
         omega, width = np.exp((left + right) / 2), right - left
         bends = (omega[:, None] * size / ((omega[:, None] - z.imag) ** 2 + square)) @ member_of
@@ -160,8 +166,8 @@ def with_turns(locus: Locus, omega: FloatArray, *loops: Quotient) -> tuple[Float
         last[k] = max(behind.max(), omega[-1] / 10**DECADES + turn)
         step = RADIANS / delay
         for low, high in zip((first / step).tolist(), (behind / step).tolist(), strict=True):
-            k = np.arange(int(low), min(int(high) + 2, int(low) + MOST))
-            found.append(k[k > 0] * step)
+            count = min(int(high) - int(low) + 2, MOST)
+            found.append((max(int(low), 1) + np.arange(count)) * step)
     return reduce(np.union1d, found), last
 
 

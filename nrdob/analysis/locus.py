@@ -225,7 +225,8 @@ class Locus:
         p, dp = self._factors(omega)
         s = 1j * omega
         with np.errstate(all="ignore"):
-            log, slope = self._signs @ np.log(p), s * (self._signs @ (dp / p))
+            log: ComplexArray = np.asarray(self._signs @ np.log(p), dtype=complex)
+            slope = s * (self._signs @ (dp / p))
             if self._divided.any():
                 log = log - self._divided[:, None] * np.log(s)
                 slope = slope - self._divided[:, None]
@@ -260,7 +261,8 @@ class Locus:
             slope += value
             value *= square
             value += coefficients
-        return value[0] + s * value[1], value[1] + 2 * s * (slope[0] + s * slope[1])
+        p: ComplexArray = value[0] + s * value[1]
+        return p, value[1] + 2 * s * (slope[0] + s * slope[1])
 
 
 def factors_of(*loops: Quotient) -> list[QuasiPolynomial]:
@@ -397,69 +399,6 @@ def _hidden(locus: Locus, omega: FloatArray, motion: FloatArray) -> FloatArray:
             low = np.unique(np.nonzero(pairs & (bounds < _known(motion)[..., None]))[-1])
             parts = np.arange(1, CUTS) / CUTS
             found.append((omega[low, None] + np.diff(omega)[low, None] * parts).ravel())
-    return np.concatenate(found) if found else np.empty(0)
-
-
-def _relevant(motion: FloatArray, brackets: Brackets, late: BoolArray) -> Brackets:
-    """Choose the intervals in which something may happen that decides about a margin."""
-    row, loop, low, high = brackets
-    sizes = motion[SIZE, loop, low], motion[SIZE, loop, high]
-    smallest, largest = np.fmin(*sizes), np.fmax(*sizes)
-    negative = motion[COSINE, loop, low] < 0, motion[COSINE, loop, high] < 0
-    # Of a loop gain that a dead time turns for ever the largest small crossing counts.
-    certain = np.full(late.size, -np.inf)
-    sure = (row == SIDE) & negative[0] & negative[1] & (largest < 0)
-    np.maximum.at(certain, loop[sure], smallest[sure])
-    floor = np.fmin(np.nanmax(motion[SIZE], axis=-1, initial=-np.inf), 0.0) + np.log(SMALL)
-    small = late[loop] & (largest + SLACK < np.fmin(floor, certain)[loop])
-    kept = (row != SIDE) | (negative[0] | negative[1]) & ~small
-    towards = motion[row, loop, low] < 0
-    known = np.pad(_known(motion), ((RETREAT, 0), (0, 0)))
-    near = towards & (_least(smallest, largest, row == DISK_RETREAT) < known[row, loop])
-    kept &= (row < RETREAT) | near
-    return row[kept], loop[kept], low[kept], high[kept]
-
-
-def _known(motion: FloatArray) -> FloatArray:
-    """Smallest values of the two distances on the frequencies at hand."""
-    return np.asarray(np.exp(np.nanmin(motion[[DISTANCE, DISK]], axis=-1, initial=np.inf)))
-
-
-def _least(smallest: FloatArray, largest: FloatArray, disk: BoolArray | bool) -> FloatArray:
-    """Bound ``|1 + L|``, or ``|(1 + L)/(1 - L)|``, from below by the size of L in a stretch."""
-    size = np.exp(np.clip(0.0, smallest - SLACK, largest + SLACK))
-    return np.asarray(np.abs(1 - size) / np.where(disk, 1 + size, 1.0))
-
-
-def _hidden(locus: Locus, omega: FloatArray, motion: FloatArray) -> FloatArray:
-    """Frequencies that must be looked at, too, because two zeros may hide between neighbours."""
-    width = np.diff(np.log(omega))
-    with np.errstate(all="ignore"):
-        # A function that first nears zero and then leaves it may have crossed it twice in between.
-        value, slope = motion[[SIZE, SIDE]], motion[[SIZE_SLOPE, SIDE_SLOPE]]
-        nearing, far = np.sign(value) * slope, 2 * np.abs(slope)
-        dips = (value[..., :-1] >= 0) == (value[..., 1:] >= 0)
-        dips &= (nearing[..., :-1] < 0) & (nearing[..., 1:] > 0)
-        dips &= (np.abs(value) < far * np.append(width, 0.0))[..., :-1]
-        dips &= (np.abs(value) < far * np.insert(width, 0, 0.0))[..., 1:]
-        # The parabola through the slopes at both ends, of which the mean slope is known, too, may
-        # have another sign in the middle: then a maximum hides with a minimum.
-        slope, value = motion[[RETREAT, DISK_RETREAT]], motion[[DISTANCE, DISK]]
-        ends = slope[..., :-1] + slope[..., 1:]
-        middle = 1.5 * np.diff(value, axis=-1) / width - ends / 4
-        pairs = (slope[..., :-1] >= 0) == (slope[..., 1:] >= 0)
-        pairs &= middle * ends < 0.1 * np.abs(ends) ** 2 / 4
-        before, after = motion[SIZE, :, :-1], motion[SIZE, :, 1:]
-        bounds = [_least(np.fmin(before, after), np.fmax(before, after), disk) for disk in (False, True)]
-        pairs &= np.stack(bounds) < _known(motion)[..., None]
-    found = []
-    if dips.any():
-        row, loop, low = np.nonzero(dips)
-        found.append(_solved(locus, omega, motion, (row + SIZE_SLOPE, loop, low, low + 1)))
-    if pairs.any():
-        low = np.unique(np.nonzero(pairs)[-1])
-        parts = np.arange(1, CUTS) / CUTS
-        found.append((omega[low, None] + np.diff(omega)[low, None] * parts).ravel())
     return np.concatenate(found) if found else np.empty(0)
 
 

@@ -239,7 +239,7 @@ def loop_margins(loop: LoopEquations, verdict: Stability | None = None) -> LoopM
     model, observer = verdict.model_loop.stable, verdict.observer_loop.stable
     loops = {loop.CGm: model, loop.condition_ii: observer, loop.L: observer}
     found = dict(zip(loops, _margins_of(*loops.items()), strict=True))
-    return LoopMargins(*(found[each] for each in (loop.CGm, loop.condition_ii, loop.L)), verdict.stable)
+    return LoopMargins(found[loop.CGm], found[loop.condition_ii], found[loop.L], verdict.stable)
 
 
 def margins(loop: Any) -> Margins:
@@ -250,7 +250,7 @@ def margins(loop: Any) -> Margins:
 
     Parameters
     ----------
-    loop : control.TransferFunction, StateSpace, scipy.signal.lti, DelayedTransferFunction, (num, den), number or Quotient
+    loop : control.TransferFunction, StateSpace, (num, den), number, scipy.signal.lti or Quotient
         The loop gain L, proper or not, closed by negative feedback; with dead time as a product
         with `nrdob.delay`, or a map such as ``loop.FH``.
 
@@ -272,7 +272,7 @@ def margins(loop: Any) -> Margins:
     >>> round(found.gm, 4), round(found.pm, 4)                  # π, and 90° - 0.5 rad
     (3.1416, 61.3521)
     >>> print(margins(ct.tf([4], [1, 2, 1, 0])))
-    L    NOT stable: no margins; roots on the axis at gain × 0.5, rotation 18.93°
+    L    NOT stable: no margins; roots on the axis at gain × 0.5, rotation 18.10°
     """
     L = as_quotient(loop, "L")
     closed = minus_point(L)
@@ -298,8 +298,8 @@ def quotient_margins(loop: Quotient, stable: bool | None) -> Margins:
 def _margins_of(*loops: tuple[Quotient, bool | None]) -> list[Margins]:
     """Compute the margins of several loops that share factors."""
     gains = [loop for loop, _ in loops]
-    locus, last = Locus(*gains), inf
-    omega = gentle_frequencies(*gains)
+    locus, omega = Locus(*gains), gentle_frequencies(*gains)
+    last = np.full(len(gains), inf)
     if any(loop.delay for loop in gains):
         omega, last = with_turns(locus, omega, *gains)
     found = notable_frequencies(locus, omega, last)
@@ -358,9 +358,10 @@ def margins_at(found: Notable, ends: Ends, stable: bool | None, name: str) -> Ma
     """
     gains, phase = _critical_gains(found.phase, ends)
     omega, angle = found.gain.omega, np.angle(-found.gain.L)
-    listed = name, omega, phase, -np.degrees(angle), gains
+    listed = omega, phase, -np.degrees(angle), gains
     if not stable:
-        return Margins(*[nan] * 10, stable, *listed)
+        unknown = (nan, nan, nan, nan, nan, nan, nan, nan, nan, nan)
+        return Margins(*unknown, stable, name, *listed)
     gm_low = float(np.max(gains[gains < 1], initial=0.0))
     gm_high = float(np.min(gains[gains > 1], initial=inf))
     gm = gm_low if gm_low * gm_high > 1 else gm_high
@@ -369,7 +370,7 @@ def margins_at(found: Notable, ends: Ends, stable: bool | None, name: str) -> Ma
     sm, wms = _closest(found.nearest, ends)
     disk = _disk_margin(found.disk, ends)
     return Margins(
-        gm, pm, sm, wpc, wgc, wms, gm_low, gm_high, delay_margin, disk, True, *listed
+        gm, pm, sm, wpc, wgc, wms, gm_low, gm_high, delay_margin, disk, True, name, *listed
     )
 
 
@@ -425,7 +426,7 @@ def _closest(nearest: Found, ends: Ends) -> tuple[float, float]:
 
 
 def _disk_margin(disk: Found, ends: Ends) -> float:
-    """Smallest 2 |(1 + L)/(1 - L)|; at infinite frequency, on a circle, its ends are on the axis."""
+    """Smallest 2 |(1 + L)/(1 - L)|; of the circle at infinite frequency its ends on the axis."""
     size = abs(ends.delayed)
     real = np.array([ends.dc_gain, ends.undelayed - size, ends.undelayed + size])
     real = np.where(np.isfinite(real), real, -1e300)

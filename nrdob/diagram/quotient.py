@@ -194,7 +194,11 @@ class Quotient:
         """Value at s = 0, infinite with a pole there."""
         power = self.zeros_at_origin
         num, den = (
-            prod(f.without_origin.constant for f in factors) for factors in (self.num, self.den)
+            prod(
+                f.without_origin.constant if f.delay else float(f.q[-1 - f.zeros_at_origin])
+                for f in factors
+            )
+            for factors in (self.num, self.den)
         )
         return inf if power < 0 or den == 0 else 0.0 if power else num / den
 
@@ -342,9 +346,8 @@ def as_quotient(system: Any, name: str) -> Quotient:
 
     Parameters
     ----------
-    system : control.TransferFunction, StateSpace, scipy.signal.lti, DelayedTransferFunction, \
-            (num, den), number or Quotient
-        The block, proper or not; a quotient is returned as it is.
+    system : control.TransferFunction, StateSpace, (num, den), number, scipy.signal.lti or Quotient
+        The block, proper or not, or a `DelayedTransferFunction`; a quotient is returned as it is.
     name : str
         What the block is called.
 
@@ -359,7 +362,7 @@ def as_quotient(system: Any, name: str) -> Quotient:
     if isinstance(system, DelayedTransferFunction):
         system, seconds = system.tf, system.delay
     num, den = as_fraction(system, name, proper=False)
-    return Quotient((QuasiPolynomial([0.0], num, seconds),), (QuasiPolynomial(den),), name)
+    return Quotient((QuasiPolynomial(np.zeros(1), num, seconds),), (QuasiPolynomial(den),), name)
 
 
 def as_shaping(shaping: Any) -> Fraction:

@@ -81,7 +81,7 @@ def newton(
     low: FloatArray,
     high: FloatArray,
     start: FloatArray,
-    within: float,
+    within: FloatArray | float,
 ) -> FloatArray:
     """Find a zero between each `low` and `high`, at which the function is below and above 0.
 
@@ -94,7 +94,7 @@ def newton(
         Takes an array of the brackets' shape, and gives two.
     low, high, start : array of float, of one shape
         Ends of the brackets, and where to begin.
-    within : float
+    within : float or array of float
         Longest last step.
     """
     x, last = np.clip(start, np.minimum(low, high), np.maximum(low, high)), np.abs(high - low)

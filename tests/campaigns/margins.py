@@ -58,7 +58,10 @@ def random_hard_loop(rng: np.random.Generator, family: str, *, delayed: bool = F
     order = max(1, Gm[1].size - Gm[0].size) + int(rng.integers(0, 2))
     C = ([10 ** rng.uniform(-2, 0.5)] * 2, [slowest, 0.0])
     return nrdob.NRDOB(
-        process, ct.tf(*Gm), ct.tf(*C), nrdob.LowPassFilter(slowest * 10 ** rng.uniform(-1, 1.5), order)
+        process,
+        ct.tf(*Gm),
+        ct.tf(*C),
+        nrdob.LowPassFilter(slowest * 10 ** rng.uniform(-1, 1.5), order),
     )
 
 
@@ -287,7 +290,12 @@ def _closer(function, low: np.ndarray, high: np.ndarray) -> np.ndarray:
 def loop_gains(loop: nrdob.NRDOB) -> dict:
     """Return the three loop gains as functions of s, with frequencies dense enough for each."""
     delay = loop.delay
-    blocks = (getattr(loop.process, "tf", loop.process), loop.model, loop.controller, loop.filter.tf)
+    blocks = (
+        getattr(loop.process, "tf", loop.process),
+        loop.model,
+        loop.controller,
+        loop.filter.tf,
+    )
     coefficients = [q for G in blocks for q in (G.num_array[0, 0], G.den_array[0, 0])]
     n, d, nm, dm, nc, dc, nf, df = ([np.longdouble(c) for c in q] for q in coefficients)
     rest = list(df)
@@ -310,23 +318,25 @@ def loop_gains(loop: nrdob.NRDOB) -> dict:
     mixed += [np.polyadd(np.polymul(nm, nc), np.polymul(dm, dc))]
     roots = [np.roots(np.array(q, dtype=float)) for q in (*coefficients, *mixed)]
     roots = np.concatenate(roots)
-    late = _dense(gains["plant_loop"], roots, delay) if delay else None
+    late = (
+        _dense([gains[k] for k in ("observer_loop", "plant_loop")], roots, delay) if delay else None
+    )
     return {
-        name: (gain, late if delay and name != "model_loop" else _dense(gain, roots, 0.0))
+        name: (gain, late if delay and name != "model_loop" else _dense([gain], roots, 0.0))
         for name, gain in gains.items()
     }
 
 
-def _dense(gain, roots: np.ndarray, delay: float) -> np.ndarray:
+def _dense(gains, roots: np.ndarray, delay: float) -> np.ndarray:
     roots = roots[np.abs(roots) > 0]
     size = np.abs(roots)
     close = np.concatenate([s * np.geomspace(2e-2, 30, 30) for s in (-1, 1)])
     around = (np.abs(roots.imag)[:, None] + np.abs(roots.real)[:, None] * close).ravel()
     wide = np.geomspace(size.min() / 1e6, 1e6 * size.max(), 4000)
-    omega = np.concatenate([wide, around])
+    omega = np.unique(np.abs(np.concatenate([wide, around])))
     if delay:
-        seen = np.abs(gain(1j * wide))
-        last = wide[np.flatnonzero(seen > 0.01 * min(seen.max(), 1.0))[-1]] + 12 * np.pi / delay
+        seen = np.max([np.abs(gain(1j * omega)) for gain in gains], axis=0)
+        last = omega[np.flatnonzero(seen > 0.01 * min(seen.max(), 1.0))[-1]] + 12 * np.pi / delay
         omega = omega[omega < last]
         omega = np.append(omega, np.linspace(0, last, min(int(12 * last * delay), 60_000) + 2))
     omega = np.sort(omega[omega > 0])
