@@ -13,7 +13,8 @@ does, least over all frequencies, is how much of it survives.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from itertools import pairwise
+from functools import reduce
+from itertools import pairwise, product
 from math import inf, isfinite, nan, pi
 from typing import Any, NamedTuple
 
@@ -283,6 +284,7 @@ def _in_one(loop: NRDOB, name: str, asked: dict[str, Interval]) -> Box:
     share, lost = min(zip(shares, inside, strict=True))
     moved = NOMINAL | {name: lost}
     omega = resolved_frequencies(loop.L, PER_STRETCH, loop.p_B)
+    omega = np.union1d(omega, _where_sizes_meet(loop, omega, asked))
 
     def left_over(w: FloatArray) -> FloatArray:
         value = moved["gain"] * loop.L(1j * w) * np.exp(-1j * w * moved["delay"])
@@ -315,6 +317,10 @@ def _largest(loop: NRDOB, asked: dict[str, Interval]) -> Box:
         if large.size:
             omega = np.union1d(omega, np.arange(omega[0], large[-1] + 2 * turn, turn))
 
+    meeting = _where_sizes_meet(loop, omega, asked)
+    between = meeting[:-1, None] + np.diff(meeting)[:, None] * np.linspace(0, 1, PER_STRETCH)
+    omega = reduce(np.union1d, (omega, meeting, between.ravel()))
+
     def share(w: FloatArray) -> FloatArray:
         return _share(np.asarray(loop.L(1j * w)), w, asked)
 
@@ -336,6 +342,24 @@ def _largest(loop: NRDOB, asked: dict[str, Interval]) -> Box:
     sides = _sides(asked, least)
     L = np.asarray(loop.L(1j * max(frequency, 1e-300)))
     return Box(least, sides, _lost(L, frequency, sides), frequency)
+
+
+def _where_sizes_meet(loop: NRDOB, omega: FloatArray, asked: dict[str, Interval]) -> FloatArray:
+    """Frequencies with |k L| = |1 + jωT|, for the nominal plant and the corners of a box.
+
+    Only between them a dead time can make a plant of the box oscillate, however narrow that is.
+    """
+    corners = product({1.0, *asked["gain"]}, {0.0, *asked["lag"]})
+
+    def crossings(gain: float, lag: float) -> FloatArray:
+        def off(w: FloatArray) -> FloatArray:
+            return np.asarray(gain * np.abs(loop.L(1j * w)) - np.hypot(1.0, lag * w))
+
+        sign = side(off(omega))
+        k = np.flatnonzero(sign[:-1] != sign[1:])
+        return bisect(off, omega[k], omega[k + 1])
+
+    return np.unique(np.concatenate([crossings(*corner) for corner in corners]))
 
 
 def _share(L: ComplexArray, omega: FloatArray, asked: dict[str, Interval]) -> FloatArray:
