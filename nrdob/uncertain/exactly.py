@@ -42,6 +42,10 @@ PER_STRETCH, NEAR = 16, 1.5
 """Frequencies of each stretch, and up to how many times the least share one is looked into."""
 
 
+MET = 1e-9
+"""Distance of a gain from 1 at which it is 1, within rounding."""
+
+
 class Box(NamedTuple):
     """How much of a box of plants around the nominal one survives.
 
@@ -329,7 +333,10 @@ def _largest(loop: NRDOB, asked: dict[str, Interval]) -> Box:
     lower = np.flatnonzero((at[1:-1] <= at[:-2]) & (at[1:-1] <= at[2:]) & (at[1:-1] < NEAR * least))
     frequency = float(omega[int(at.argmin())])
     if lower.size and least < inf:
-        closer = golden(share, omega[lower], omega[lower + 2])
+        # Beside a stretch in which plants oscillate there is nothing to be looked for.
+        before, behind = np.isfinite(at[lower]), np.isfinite(at[lower + 2])
+        first = omega[np.where(before, lower, lower + 1)]
+        closer = golden(share, first, omega[np.where(behind, lower + 2, lower + 1)])
         deeper = share(closer)
         if deeper.min() < least:
             least, frequency = float(deeper.min()), float(closer[int(deeper.argmin())])
@@ -382,7 +389,7 @@ def _holds(
     # |k L| = |1 + jωT|: T lies between where k is smallest and largest.
     first = np.maximum(T1, _lag_of(k1 * size, omega))
     last = np.minimum(T2, _lag_of(k2 * size, omega))
-    possible = (k2 * size >= 1) & (first <= last)
+    possible = (k2 * size >= 1 - MET) & (first <= last)
     angle = np.angle(-L)
     late = (angle - np.arctan(omega * first)) / omega
     early = (angle - np.arctan(omega * last)) / omega
@@ -417,7 +424,7 @@ def _lost(L: ComplexArray, omega: float, sides: dict[str, tuple[float, float]]) 
     candidates = np.linspace(T1, T2, 20_001) if T2 > T1 else np.array([T1])
     gains = np.clip(np.hypot(1.0, omega * candidates) / size, k1, k2)
     delays = (float(np.angle(-L)) - np.arctan(omega * candidates)) / omega
-    delays += turn * np.round((np.clip(delays, t1, t2) - delays) / turn)
+    delays += turn * np.ceil((t1 - delays) / turn - MET)
     delays = np.clip(delays, t1, t2)
     # What is left over where all three stay in the box.
     plant = gains * L * np.exp(-1j * omega * delays) + 1 + 1j * omega * candidates

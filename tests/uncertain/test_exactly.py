@@ -92,6 +92,33 @@ def test_a_box_that_is_narrow_in_all_but_the_dead_time_is_no_larger_than_its_dea
     assert nrdob.largest_box(loop, delay=(0.0, 8.0), **narrow).share == pytest.approx(alone, 1e-2)
 
 
+def test_a_box_ends_where_its_plants_begin_to_oscillate_within_a_narrow_band():
+    # The least share lies between an end of the band of frequencies and the next one looked at.
+    process = nrdob.delay(0.37) * ct.tf(
+        [0.0465, 0.12, 1.057], [0.000346, 0.00247, 0.0471, 0.197, 1.05, 1]
+    )
+    model = ct.tf([0.0402, 0.103, 0.913], [0.00943, 0.0308, 0.907, 1])
+    loop = nrdob.NRDOB(process, model, ct.tf([-1.04], [4.93, 4.88, 1]), LowPassFilter(1.28, 1))
+    box = nrdob.largest_box(loop, delay=(0.0, 4.87), lag=(0.0, 0.0789))
+    corner = {name: high for name, (_, high) in box.sides.items()}
+    for beyond, stable in ((1 - 1e-5, True), (1 + 1e-5, False)):
+        delay, lag = corner["delay"] * beyond, corner["lag"] * beyond
+        plant = nrdob.delay(delay) * process * ct.tf([1], [lag, 1])
+        other = nrdob.NRDOB(plant, model, loop.controller, loop.filter)
+        assert other.stability().stable is stable
+
+
+def test_the_plant_that_is_named_waits_as_many_turns_as_the_box_allows():
+    process = nrdob.delay(0.1216) * ct.tf([0.628, 1.698], [0.0164, 0.0175, 2.745, 1])
+    model = ct.tf([0.644, 1.741], [2.741, 1])
+    loop = nrdob.NRDOB(
+        process, model, ct.tf([0.21, 0.357], [27.9, 5.95, 1]), LowPassFilter(1.12, 1)
+    )
+    box = nrdob.largest_box(loop, gain=(0.2152, 3.528), delay=(0.0, 9.72), lag=(0.0, 6.83))
+    s, (gain, delay, lag) = 1j * box.frequency, box.lost.values()
+    assert abs(1 + gain * loop.L(s) * np.exp(-s * delay) / (1 + s * lag)) < 1e-3
+
+
 def test_a_dead_time_alone_is_lost_at_the_frequency_that_is_named():
     # Beside a model of 1.3 s another frequency was taken for it.
     process = ct.ss([[-0.693]], [[1]], [[1.018]], [[0.297]])
