@@ -13,7 +13,7 @@ does, least over all frequencies, is how much of it survives.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from functools import reduce
+from functools import partial, reduce
 from itertools import pairwise, product
 from math import inf, isfinite, nan, pi
 from typing import Any, NamedTuple
@@ -288,7 +288,7 @@ def _in_one(loop: NRDOB, name: str, asked: dict[str, Interval]) -> Box:
     share, lost = min(zip(shares, inside, strict=True))
     moved = NOMINAL | {name: lost}
     omega = resolved_frequencies(loop.L, PER_STRETCH, loop.p_B)
-    omega = np.union1d(omega, _where_sizes_meet(loop, omega, asked))
+    omega = np.union1d(omega, _where_corners_meet(loop, omega, asked))
 
     def left_over(w: FloatArray) -> FloatArray:
         value = moved["gain"] * loop.L(1j * w) * np.exp(-1j * w * moved["delay"])
@@ -321,7 +321,7 @@ def _largest(loop: NRDOB, asked: dict[str, Interval]) -> Box:
         if large.size:
             omega = np.union1d(omega, np.arange(omega[0], large[-1] + 2 * turn, turn))
 
-    meeting = _where_sizes_meet(loop, omega, asked)
+    meeting = _where_corners_meet(loop, omega, asked)
     between = meeting[:-1, None] + np.diff(meeting)[:, None] * np.linspace(0, 1, PER_STRETCH)
     omega = reduce(np.union1d, (omega, meeting, between.ravel()))
 
@@ -351,22 +351,28 @@ def _largest(loop: NRDOB, asked: dict[str, Interval]) -> Box:
     return Box(least, sides, _lost(L, frequency, sides), frequency)
 
 
-def _where_sizes_meet(loop: NRDOB, omega: FloatArray, asked: dict[str, Interval]) -> FloatArray:
-    """Frequencies with |k L| = |1 + jωT|, for the nominal plant and the corners of a box.
+def _where_corners_meet(loop: NRDOB, omega: FloatArray, asked: dict[str, Interval]) -> FloatArray:
+    """Frequencies with |k L| = |1 + jωT|, or of equal angle with the dead time, at the corners.
 
-    Only between them a dead time can make a plant of the box oscillate, however narrow that is.
+    Those of the box and the nominal plant. Only between them a plant of the box can oscillate,
+    however narrow that is.
     """
-    corners = product({1.0, *asked["gain"]}, {0.0, *asked["lag"]})
+    gains, delays, lags = ({nominal, *asked[name]} for name, nominal in NOMINAL.items())
 
-    def crossings(gain: float, lag: float) -> FloatArray:
-        def off(w: FloatArray) -> FloatArray:
-            return np.asarray(gain * np.abs(loop.L(1j * w)) - np.hypot(1.0, lag * w))
+    def size(gain: float, lag: float, w: FloatArray) -> FloatArray:
+        return np.asarray(gain * np.abs(loop.L(1j * w)) - np.hypot(1.0, lag * w))
 
+    def angle(delay: float, lag: float, w: FloatArray) -> FloatArray:
+        return np.asarray((loop.L(1j * w) * np.exp(-1j * delay * w) / (1 + 1j * lag * w)).imag)
+
+    offs = [partial(size, *corner) for corner in product(gains, lags)]
+    offs += [partial(angle, *corner) for corner in product(delays, lags)]
+    found = []
+    for off in offs:
         sign = side(off(omega))
         k = np.flatnonzero(sign[:-1] != sign[1:])
-        return bisect(off, omega[k], omega[k + 1])
-
-    return np.unique(np.concatenate([crossings(*corner) for corner in corners]))
+        found.append(bisect(off, omega[k], omega[k + 1]))
+    return np.unique(np.concatenate(found))
 
 
 def _share(L: ComplexArray, omega: FloatArray, asked: dict[str, Interval]) -> FloatArray:
@@ -394,7 +400,9 @@ def _holds(
     late = (angle - np.arctan(omega * first)) / omega
     early = (angle - np.arctan(omega * last)) / omega
     turn = 2 * pi / omega
-    return np.asarray(possible & (np.floor((t2 - early) / turn) >= np.ceil((t1 - late) / turn)))
+    return np.asarray(
+        possible & (np.floor((t2 - early) / turn + MET) >= np.ceil((t1 - late) / turn - MET))
+    )
 
 
 def _lag_of(size: FloatArray, omega: FloatArray) -> FloatArray:

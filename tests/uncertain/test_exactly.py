@@ -108,6 +108,14 @@ def test_a_box_ends_where_its_plants_begin_to_oscillate_within_a_narrow_band():
         assert other.stability().stable is stable
 
 
+def test_a_box_with_a_short_dead_time_ends_before_the_gain_margin():
+    process = nrdob.delay(0.0854) * ct.tf([0.635], [39.2, 84.4, 9.29, 1])
+    model = ct.tf([1.542, 2.114], [7.233, 3.249, 1])
+    loop = nrdob.NRDOB(process, model, ct.tf([1.485], [0.383, 1]), LowPassFilter(2.94, 1))
+    box = nrdob.largest_box(loop, gain=(0.766, 2.257), delay=(0.0, 0.114))
+    assert box.sides["gain"][1] < loop.margins().plant_loop.gm
+
+
 def test_the_plant_that_is_named_waits_as_many_turns_as_the_box_allows():
     process = nrdob.delay(0.1216) * ct.tf([0.628, 1.698], [0.0164, 0.0175, 2.745, 1])
     model = ct.tf([0.644, 1.741], [2.741, 1])
