@@ -10,7 +10,7 @@ import numpy as np
 
 from ..numerics import FloatArray
 
-__all__ = ["PIXELS", "Axis", "check_value", "given_axis"]
+__all__ = ["MANY_ROOTS", "PIXELS", "Axis", "check_value", "given_axis"]
 
 AXES = {
     "time_constant": "λ of the filter, in seconds",
@@ -22,6 +22,9 @@ AXES = {
 
 PIXELS = 320
 """Regions narrower than this part of the chart may be left out."""
+
+MANY_ROOTS = 80
+"""Where the curves of a dead time are too many there are so many roots on the right, at least."""
 
 LOGARITHMIC = 20.0
 """Ratio of the ends of an axis from which it is logarithmic."""

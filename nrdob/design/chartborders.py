@@ -16,12 +16,12 @@ from math import ceil, inf, pi
 import numpy as np
 
 from ..numerics import ComplexArray, FloatArray, bisect
-from .chartaxes import PIXELS, Axis
+from .chartaxes import MANY_ROOTS, PIXELS, Axis
 from .chartcurves import BESIDE, Border, cut, drawn, drawn_together, parts, within
 from .chartlevels import level_set, projected
 from .chartloops import MANY, ChartLoops, positive
 
-__all__ = ["MANY_ROOTS", "borders_of", "most_turns"]
+__all__ = ["borders_of", "most_turns"]
 
 LAMBDAS = 160
 """Number of λ over an axis."""
@@ -29,9 +29,8 @@ LAMBDAS = 160
 AT_ONCE = 256
 """Turns of the dead time whose curves are drawn at once."""
 
-FEW, MANY_ROOTS = PIXELS // 2, 80
-"""Turns of the dead time up to which all curves are drawn; behind those that are drawn otherwise
-there are so many roots on the right, at least."""
+FEW = PIXELS // 2
+"""Turns of the dead time up to which all curves are drawn."""
 
 VALUES = 80
 """Number of values of the other parameter for which the turns are counted."""

@@ -10,8 +10,7 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt, find_objects, label
 
 from ..numerics import FloatArray, IntArray
-from .chartaxes import PIXELS, Axis
-from .chartborders import MANY_ROOTS
+from .chartaxes import MANY_ROOTS, PIXELS, Axis
 from .chartcurves import Border
 
 __all__ = ["Region", "labelled", "regions_of"]

@@ -174,7 +174,9 @@ def stabilizing_time_constants(
     list of (low, high)
         Open intervals in seconds, increasing; `high` may be inf. Empty where no λ works. Without
         dead time the list is complete and `low` may be 0. With dead time it is complete above the
-        floor, and an interval that begins at the floor may reach below it.
+        floor, and an interval that begins at the floor may reach below it. A single λ at which a
+        root touches the axis and turns back is not left out: rounding cannot tell it from one
+        that comes near.
 
     Raises
     ------

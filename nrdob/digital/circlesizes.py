@@ -45,7 +45,7 @@ class DelayedPair:
     P, Q : arrays of float
         Polynomials of v = (z - 1)/(z + 1) in descending powers, of equal size.
     samples : int
-        N.
+        Dead time between the two, N.
     """
 
     P: FloatArray

@@ -13,7 +13,8 @@ does, least over all frequencies, is how much of it survives.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from itertools import pairwise
+from functools import partial, reduce
+from itertools import pairwise, product
 from math import inf, isfinite, nan, pi
 from typing import Any, NamedTuple
 
@@ -39,6 +40,10 @@ HALVINGS = 60
 
 PER_STRETCH, NEAR = 16, 1.5
 """Frequencies of each stretch, and up to how many times the least share one is looked into."""
+
+
+MET = 1e-9
+"""Distance of a gain from 1 at which it is 1, within rounding."""
 
 
 class Box(NamedTuple):
@@ -283,6 +288,7 @@ def _in_one(loop: NRDOB, name: str, asked: dict[str, Interval]) -> Box:
     share, lost = min(zip(shares, inside, strict=True))
     moved = NOMINAL | {name: lost}
     omega = resolved_frequencies(loop.L, PER_STRETCH, loop.p_B)
+    omega = np.union1d(omega, _where_corners_meet(loop, omega, asked))
 
     def left_over(w: FloatArray) -> FloatArray:
         value = moved["gain"] * loop.L(1j * w) * np.exp(-1j * w * moved["delay"])
@@ -315,6 +321,10 @@ def _largest(loop: NRDOB, asked: dict[str, Interval]) -> Box:
         if large.size:
             omega = np.union1d(omega, np.arange(omega[0], large[-1] + 2 * turn, turn))
 
+    meeting = _where_corners_meet(loop, omega, asked)
+    between = meeting[:-1, None] + np.diff(meeting)[:, None] * np.linspace(0, 1, PER_STRETCH)
+    omega = reduce(np.union1d, (omega, meeting, between.ravel()))
+
     def share(w: FloatArray) -> FloatArray:
         return _share(np.asarray(loop.L(1j * w)), w, asked)
 
@@ -323,7 +333,10 @@ def _largest(loop: NRDOB, asked: dict[str, Interval]) -> Box:
     lower = np.flatnonzero((at[1:-1] <= at[:-2]) & (at[1:-1] <= at[2:]) & (at[1:-1] < NEAR * least))
     frequency = float(omega[int(at.argmin())])
     if lower.size and least < inf:
-        closer = golden(share, omega[lower], omega[lower + 2])
+        # Beside a stretch in which plants oscillate there is nothing to be looked for.
+        before, behind = np.isfinite(at[lower]), np.isfinite(at[lower + 2])
+        first = omega[np.where(before, lower, lower + 1)]
+        closer = golden(share, first, omega[np.where(behind, lower + 2, lower + 1)])
         deeper = share(closer)
         if deeper.min() < least:
             least, frequency = float(deeper.min()), float(closer[int(deeper.argmin())])
@@ -336,6 +349,30 @@ def _largest(loop: NRDOB, asked: dict[str, Interval]) -> Box:
     sides = _sides(asked, least)
     L = np.asarray(loop.L(1j * max(frequency, 1e-300)))
     return Box(least, sides, _lost(L, frequency, sides), frequency)
+
+
+def _where_corners_meet(loop: NRDOB, omega: FloatArray, asked: dict[str, Interval]) -> FloatArray:
+    """Frequencies with |k L| = |1 + jωT|, or of equal angle with the dead time, at the corners.
+
+    Those of the box and the nominal plant. Only between them a plant of the box can oscillate,
+    however narrow that is.
+    """
+    gains, delays, lags = ({nominal, *asked[name]} for name, nominal in NOMINAL.items())
+
+    def size(gain: float, lag: float, w: FloatArray) -> FloatArray:
+        return np.asarray(gain * np.abs(loop.L(1j * w)) - np.hypot(1.0, lag * w))
+
+    def angle(delay: float, lag: float, w: FloatArray) -> FloatArray:
+        return np.asarray((loop.L(1j * w) * np.exp(-1j * delay * w) / (1 + 1j * lag * w)).imag)
+
+    offs = [partial(size, *corner) for corner in product(gains, lags)]
+    offs += [partial(angle, *corner) for corner in product(delays, lags)]
+    found = []
+    for off in offs:
+        sign = side(off(omega))
+        k = np.flatnonzero(sign[:-1] != sign[1:])
+        found.append(bisect(off, omega[k], omega[k + 1]))
+    return np.unique(np.concatenate(found))
 
 
 def _share(L: ComplexArray, omega: FloatArray, asked: dict[str, Interval]) -> FloatArray:
@@ -358,12 +395,14 @@ def _holds(
     # |k L| = |1 + jωT|: T lies between where k is smallest and largest.
     first = np.maximum(T1, _lag_of(k1 * size, omega))
     last = np.minimum(T2, _lag_of(k2 * size, omega))
-    possible = (k2 * size >= 1) & (first <= last)
+    possible = (k2 * size >= 1 - MET) & (first <= last)
     angle = np.angle(-L)
     late = (angle - np.arctan(omega * first)) / omega
     early = (angle - np.arctan(omega * last)) / omega
     turn = 2 * pi / omega
-    return np.asarray(possible & (np.floor((t2 - early) / turn) >= np.ceil((t1 - late) / turn)))
+    return np.asarray(
+        possible & (np.floor((t2 - early) / turn + MET) >= np.ceil((t1 - late) / turn - MET))
+    )
 
 
 def _lag_of(size: FloatArray, omega: FloatArray) -> FloatArray:
@@ -393,7 +432,7 @@ def _lost(L: ComplexArray, omega: float, sides: dict[str, tuple[float, float]]) 
     candidates = np.linspace(T1, T2, 20_001) if T2 > T1 else np.array([T1])
     gains = np.clip(np.hypot(1.0, omega * candidates) / size, k1, k2)
     delays = (float(np.angle(-L)) - np.arctan(omega * candidates)) / omega
-    delays += turn * np.round((np.clip(delays, t1, t2) - delays) / turn)
+    delays += turn * np.ceil((t1 - delays) / turn - MET)
     delays = np.clip(delays, t1, t2)
     # What is left over where all three stay in the box.
     plant = gains * L * np.exp(-1j * omega * delays) + 1 + 1j * omega * candidates

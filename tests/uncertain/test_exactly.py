@@ -9,6 +9,7 @@ import pytest
 import nrdob
 from nrdob import LowPassFilter, paper
 from nrdob.uncertain import conservatism, fit_weight, small_gain
+from tests.campaigns import intervals
 
 LAG = ct.tf([1], [1, 1])
 INTEGRATOR = ct.tf([1], [1, 0])
@@ -76,6 +77,79 @@ def test_a_box_survives_up_to_its_share_and_not_beyond(number, names):
     s = 1j * w
     L = lost["gain"] * loop.L(s) * np.exp(-s * lost["delay"]) / (1 + s * lost["lag"])
     assert abs(1 + L) < 1e-3
+
+
+@pytest.mark.parametrize("narrow", [{"lag": (0.0, 0.0381)}, {"gain": (0.9999, 1.0001)}])
+def test_a_box_that_is_narrow_in_all_but_the_dead_time_is_no_larger_than_its_dead_time(narrow):
+    # Said to survive as a whole before: only in 0.03 % of a decade a plant of it can oscillate.
+    Gm = ct.tf([0.419], [40.3, 14.0, 1])
+    loop = nrdob.NRDOB(
+        nrdob.delay(0.325) * 0.917 * Gm, Gm, ct.tf([4.35, 0.83], [1.82, 3.04, 1]),
+        LowPassFilter(0.676, 2),
+    )  # fmt: skip
+    alone = nrdob.largest_box(loop, delay=(0.0, 8.0)).share
+    assert alone == pytest.approx(loop.margins().plant_loop.delay_margin / 8)
+    assert nrdob.largest_box(loop, delay=(0.0, 8.0), **narrow).share == pytest.approx(alone, 1e-2)
+
+
+def test_a_box_ends_where_its_plants_begin_to_oscillate_within_a_narrow_band():
+    # The least share lies between an end of the band of frequencies and the next one looked at.
+    process = nrdob.delay(0.37) * ct.tf(
+        [0.0465, 0.12, 1.057], [0.000346, 0.00247, 0.0471, 0.197, 1.05, 1]
+    )
+    model = ct.tf([0.0402, 0.103, 0.913], [0.00943, 0.0308, 0.907, 1])
+    loop = nrdob.NRDOB(process, model, ct.tf([-1.04], [4.93, 4.88, 1]), LowPassFilter(1.28, 1))
+    box = nrdob.largest_box(loop, delay=(0.0, 4.87), lag=(0.0, 0.0789))
+    corner = {name: high for name, (_, high) in box.sides.items()}
+    for beyond, stable in ((1 - 1e-5, True), (1 + 1e-5, False)):
+        delay, lag = corner["delay"] * beyond, corner["lag"] * beyond
+        plant = nrdob.delay(delay) * process * ct.tf([1], [lag, 1])
+        other = nrdob.NRDOB(plant, model, loop.controller, loop.filter)
+        assert other.stability().stable is stable
+
+
+def test_a_box_with_a_short_dead_time_ends_before_the_gain_margin():
+    process = nrdob.delay(0.0854) * ct.tf([0.635], [39.2, 84.4, 9.29, 1])
+    model = ct.tf([1.542, 2.114], [7.233, 3.249, 1])
+    loop = nrdob.NRDOB(process, model, ct.tf([1.485], [0.383, 1]), LowPassFilter(2.94, 1))
+    box = nrdob.largest_box(loop, gain=(0.766, 2.257), delay=(0.0, 0.114))
+    assert box.sides["gain"][1] < loop.margins().plant_loop.gm
+
+
+def test_the_plant_that_is_named_waits_as_many_turns_as_the_box_allows():
+    process = nrdob.delay(0.1216) * ct.tf([0.628, 1.698], [0.0164, 0.0175, 2.745, 1])
+    model = ct.tf([0.644, 1.741], [2.741, 1])
+    loop = nrdob.NRDOB(
+        process, model, ct.tf([0.21, 0.357], [27.9, 5.95, 1]), LowPassFilter(1.12, 1)
+    )
+    box = nrdob.largest_box(loop, gain=(0.2152, 3.528), delay=(0.0, 9.72), lag=(0.0, 6.83))
+    s, (gain, delay, lag) = 1j * box.frequency, box.lost.values()
+    assert abs(1 + gain * loop.L(s) * np.exp(-s * delay) / (1 + s * lag)) < 1e-3
+
+
+def test_a_dead_time_alone_is_lost_at_the_frequency_that_is_named():
+    # Beside a model of 1.3 s another frequency was taken for it.
+    process = ct.ss([[-0.693]], [[1]], [[1.018]], [[0.297]])
+    model = nrdob.delay(1.328) * ct.tf([0.446, 1.838], [1.443, 1])
+    C = ct.tf([0.51, 1.2], [0.189, 0.58, 1])
+    loop = nrdob.NRDOB(process, model, C, LowPassFilter(0.0397, 1))
+    box = nrdob.largest_box(loop, delay=(0.0, 6.7))
+    s = 1j * box.frequency
+    assert abs(1 + loop.L(s) * np.exp(-s * box.lost["delay"])) < 1e-8
+
+
+def test_how_far_dead_times_are_asked_for_does_not_change_the_answer():
+    process = LAG * nrdob.plants.resonance(20.0, 0.02)
+    for plant in (LAG, process):
+        loop = nrdob.NRDOB(plant, LAG, INTEGRATOR, LowPassFilter(1.0, 1))
+        near, far = (nrdob.delay_intervals(loop, 0.0, high) for high in (20.0, 1e6))
+        assert np.ravel(near) == pytest.approx(np.ravel(far)) and near[-1][1] < 20
+
+
+def test_intervals_and_boxes_are_those_of_an_independent_count():
+    tally = intervals.campaign(4, 0)
+    assert not any(name.startswith("WRONG") for name in tally), tally
+    assert {"delay: right", "gain: right", "critical: right", "box: right"} <= set(tally)
 
 
 def test_a_box_that_survives_is_said_to():
