@@ -148,8 +148,8 @@ def test_what_is_too_large_is_refused_before_anything_is_computed(
     kind: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     built: list[Any] = []
-    for name in plain._BUILD.keys() - {"filter"}:
-        monkeypatch.setitem(plain._BUILD, name, built.append)
+    for name in plain.BUILD.keys() - {"filter"}:
+        monkeypatch.setitem(plain.BUILD, name, built.append)
     monkeypatch.setattr(plain, "LowPassFilter", built.append)
     with pytest.raises(ValueError, match="at most"):
         decode(filled(kind, 9000 if kind != "ss" else 51))

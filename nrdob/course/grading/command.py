@@ -209,6 +209,10 @@ UNWALLED = (
     "It runs with your rights, and could read and change what you can: what looks as if it did is "
     "not run, unless you have read it and say --trust. Grade strangers' work in a virtual machine."
 )
+AS_ROOT = (
+    "you are root, and students' code should not be: grade as a user of your own, or in a "
+    "container of which nothing else is needed, and say --as-root"
+)
 NOT_RUN = "it was not run, for there is no wall on this system: read what is remarked, then --trust"
 
 
@@ -369,6 +373,9 @@ def parse(arguments: list[str] | None) -> argparse.Namespace:
     grading.add_argument(
         "--trust", action="store_true", help="run suspicious code even where there is no wall"
     )
+    grading.add_argument(
+        "--as-root", action="store_true", help="grade as root; students' code becomes nobody"
+    )
     reporting = commands.add_parser("report", help="after marks were written into written.csv")
     for command in (grading, reporting):
         command.add_argument("--output", type=Path, default=GRADING, metavar="FOLDER")
@@ -407,6 +414,8 @@ def main(arguments: list[str] | None = None) -> int:
             return 0
         plan = planned(options.course)
         if options.command == "grade":
+            if wall.is_root() and not options.as_root:
+                raise CourseError(AS_ROOT)
             left = grade(
                 options.folder,
                 checked(options.set),
