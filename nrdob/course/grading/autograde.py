@@ -38,7 +38,9 @@ from .starter import Provisioner, Starter
 from .submissions import group_of
 
 __all__ = [
+    "KERNEL",
     "SETTINGS",
+    "STARTERS",
     "PatientExecute",
     "course",
     "is_test",
