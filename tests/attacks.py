@@ -130,21 +130,21 @@ WRONG = "def {answer}(case):\n    return 1000.0\n"
 
 FORGERIES = {
     "a display shown again": (
-        "from IPython.display import display\n"
-        "\n"
-        "handles = []\n"
-        "\n"
+        "from IPython.display import display\n\n"
+        "shown = []\n\n"
         "def {answer}(case):\n"
-        "    handles.append(display({{'text/plain': '0'}}, raw=True, display_id='x'))\n"
+        "    if not shown:\n"
+        "        shown.append(display({{'text/plain': '0'}}, raw=True, display_id='x'))\n"
         "    return 1000.0\n"
     ),
     "an object that displays as it is read": (
+        "from IPython.display import display\n\n"
+        "shown = []\n\n"
         "class Number:\n"
         "    def __float__(self):\n"
-        "        from IPython.display import display\n"
-        "        display({{'text/plain': '3'}}, raw=True, display_id='y')\n"
-        "        return 1000.0\n"
-        "\n"
+        "        if not shown:\n"
+        "            shown.append(display({{'text/plain': '0'}}, raw=True, display_id='y'))\n"
+        "        return 1000.0\n\n"
         "def {answer}(case):\n"
         "    return Number()\n"
     ),

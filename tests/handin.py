@@ -142,7 +142,7 @@ DISASTERS = {
     "a dead kernel": (
         "import os\n\nos._exit(1)",
         0,
-        "os._exit",
+        "import os, os._exit",
         "{answer} was left out: it ended the kernel",
     ),
     "a deaf endless loop": (
@@ -161,7 +161,7 @@ DISASTERS = {
         "{answer} was left out: it ended the kernel",
     ),
     "an exception": ("1 / 0", 0, "", ""),
-    "an exit": ("import sys\n\nsys.exit()", 0, "", ""),
+    "an exit": ("import sys\n\nsys.exit()", 0, "import sys, sys.exit", ""),
     "another exit": ("exit()", 0, "", ""),
     "a large page": (
         "from IPython.display import HTML, display\n\ndisplay(HTML('x' * 10_000_000))",
@@ -172,7 +172,7 @@ DISASTERS = {
     "a syntax error": ("def turns(case)", 0, "", ""),
     "too much memory": (f"much = bytearray({TOO_MUCH})", 0, "", ""),
     "a setting": ("get_ipython().ast_node_interactivity = 'all'", 1, "get_ipython", ""),
-    "no input": ("input()", 0, "", ""),
+    "no input": ("input()", 0, "input", ""),
 }
 """Code, the share of the points that it leaves, what is remarked of its text and of its run."""
 
@@ -211,10 +211,11 @@ def in_the_function(released: Path) -> Handed:
         cell = cell_of(this.notebook, answer_cell(problem))
         cell.source = f"def {problem.answer}(case):\n    {code}"
         this.earned[problem.cell.id] = 0
-    dead, _, slow = functions[1:4]
+    dead, exits, slow = functions[1:4]
     this.remarks = "; ".join(
         [
-            odd(answer_cell(dead), "os._exit"),
+            odd(answer_cell(dead), "import os, os._exit"),
+            odd(answer_cell(exits), "import sys, sys.exit"),
             f"{dead.cell.id} was left out: it ended the kernel",
             f"{slow.cell.id} {SLOW}",
         ]

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import ast
 import json
+import os
+import subprocess
+import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -20,7 +25,8 @@ from nrdob import LowPassFilter
 from nrdob.course.exercises import PROBLEMS, score
 from nrdob.course.grading import plain
 from nrdob.course.grading.autograde import PatientExecute
-from nrdob.course.grading.judge import asking, hidden_test, judge
+from nrdob.course.grading.handout import handout
+from nrdob.course.grading.judge import HiddenTest, asking, hidden_test, judge, judge_apart
 from nrdob.course.grading.plain import decode, encode
 from problemsets import SETS, SOURCE, posed, run
 
@@ -123,6 +129,42 @@ def test_what_is_no_answer_comes_as_its_name(value: Any) -> None:
 def test_what_was_written_by_something_else_is_refused(data: Any) -> None:
     with pytest.raises((ValueError, TypeError)):
         decode(data)
+
+
+def filled(kind: str, count: int) -> Any:
+    ones = {"array": [1.0] * count, "shape": [count]}
+    return {
+        "list": {"list": [1.0] * count},
+        "tf": {"tf": [ones, {"array": [1.0], "shape": [1]}, None]},
+        "ss": {"ss": [{"array": [0.0] * count**2, "shape": [count, count]}] * 4},
+        "polynomial": {"polynomial": [ones, ones, ones]},
+        "filter": {"filter": [1.0, count]},
+        "empty": {"array": [], "shape": [0, count]},
+    }[kind]
+
+
+@pytest.mark.parametrize("kind", ["list", "tf", "ss", "polynomial", "filter", "empty"])
+def test_what_is_too_large_is_refused_before_anything_is_computed(
+    kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    built: list[Any] = []
+    for name in plain.BUILD.keys() - {"filter"}:
+        monkeypatch.setitem(plain.BUILD, name, built.append)
+    monkeypatch.setattr(plain, "LowPassFilter", built.append)
+    with pytest.raises(ValueError, match="at most"):
+        decode(filled(kind, 9000 if kind != "ss" else 51))
+    assert [each for each in built if np.size(each) > plain.MOST] == []
+
+
+@pytest.mark.parametrize("kind", ["list", "tf", "filter"])
+def test_what_has_fifty_coefficients_is_read(kind: str) -> None:
+    assert decode(filled(kind, plain.MOST)) is not None
+
+
+def test_many_small_parts_are_too_large_too() -> None:
+    loop = {"loop": [1, 1, 1, {"filter": [1.0, 2]}]}
+    with pytest.raises(ValueError, match="parts; at most"):
+        decode({"list": [{"list": [loop] * 40}] * 40})
 
 
 # --- judging ------------------------------------------------------------------------------------
@@ -232,6 +274,84 @@ def test_the_points_are_those_of_score(kernel: Any) -> None:
 
 def test_another_kind_of_test_is_left_to_nbgrader() -> None:
     assert hidden_test("assert turns is not None") is None
+
+
+# --- in a process of its own ---------------------------------------------------------------------
+
+forks = pytest.mark.skipif(not hasattr(os, "fork"), reason="needs a process that can be copied")
+TEST = HiddenTest("2.1", "turns", "GROUP", {"points": 3, "seed": 1})
+
+
+def test_judged_in_a_process_of_its_own_it_is_judged_alike(kernel: Any) -> None:
+    ask = kernel({"GROUP": 5, "turns": PROBLEMS["2.1"].misconceptions[0].example})
+    points, group = judge_apart(TEST, ask, 60)
+    expected, _ = judge(TEST, ask)
+    assert (points, points.feedback, group) == (expected, expected.feedback, 5)
+
+
+@forks
+def test_a_verdict_that_takes_too_long_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("nrdob.course.grading.judge.score", lambda *any, **more: time.sleep(600))
+    with pytest.raises(TimeoutError):
+        judge_apart(TEST, lambda source: '{"value": 5}', 0.5)
+
+
+@forks
+def test_a_verdict_that_takes_too_much_memory_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    def greedy(*any: Any, **more: Any) -> Any:
+        return [bytes(400 << 20) for _ in range(5)]
+
+    monkeypatch.setattr("nrdob.course.grading.judge.score", greedy)
+    with pytest.raises(ValueError, match="MemoryError"):
+        judge_apart(TEST, lambda source: '{"value": 5}', 60)
+
+
+@forks
+def test_a_process_that_ends_without_a_verdict_gives_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("nrdob.course.grading.judge.score", lambda *any, **more: os._exit(1))
+    with pytest.raises(MemoryError):
+        judge_apart(TEST, lambda source: '{"value": 5}', 60)
+
+
+def test_a_group_is_a_number_or_a_short_text() -> None:
+    def ask(source: str) -> str:
+        return json.dumps({"value": "5" * 10**6})
+
+    assert judge(TEST, ask)[1] == "5" * 50
+
+
+# --- what is handed out --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("path", SETS, ids=lambda path: path.stem)
+def test_no_answer_is_handed_out(path: Path) -> None:
+    given = handout([this.id for this in posed(path)], 5)
+    names = {name for source in given["sources"].values() for name in vars_of(source)}
+    assert names.isdisjoint({"PROBLEMS", "Misconception", "settled_table", "_p_B", "_good"})
+    assert not any(name.startswith("_not_") or name.endswith("_case") for name in names)
+
+
+def vars_of(source: str) -> set[str]:
+    return {node.name for node in ast.walk(ast.parse(source)) if hasattr(node, "name")}
+
+
+@pytest.mark.parametrize("path", SETS, ids=lambda path: path.stem)
+def test_the_cases_that_are_handed_out_are_those_of_the_graders(path: Path) -> None:
+    given = handout([this.id for this in posed(path)], 5)
+    program = """
+import json, sys
+from nrdob.course.grading.kernel import Graders
+given = json.load(sys.stdin)
+sys.meta_path.insert(0, Graders(given))
+from nrdob.course.exercises import check, own_case
+print(json.dumps({name: repr(own_case(name, 5)) for name in given["cases"]}))
+"""
+    command, told = [sys.executable, "-c", program], json.dumps(given)
+    done = subprocess.run(command, input=told, capture_output=True, encoding="utf-8", check=False)
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert found == {name: repr(PROBLEMS[name].cases(5, 1)[0]) for name in found}
+    assert len(found) == len(posed(path))
 
 
 # --- a kernel that does not start ---------------------------------------------------------------

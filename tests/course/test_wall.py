@@ -155,7 +155,7 @@ def test_a_project_anywhere_stays_closed(
     packages = str(project / "lib" / "site-packages")
     monkeypatch.setattr(sys, "path", [str(project), str(project.parent), packages, *sys.path])
     # A library that was loaded from a folder above all this opens none of it.
-    monkeypatch.setattr(wall, "_shared_libraries", lambda: {tmp_path})
+    monkeypatch.setattr(wall, "shared_libraries", lambda: {tmp_path})
     found = wall.readable()
     inside = {path.relative_to(project) for path in found if path.is_relative_to(project)}
     assert inside == {Path("nrdob/design"), Path("nrdob/loop.py"), Path("lib/site-packages")}
@@ -259,6 +259,17 @@ print(json.dumps(found))
         assert found.pop("ids") == [65534] * 6
         assert found == dict.fromkeys(AS_NOBODY, "refused")
         assert secret.read_text("utf-8") == "points"
+
+
+def test_root_grades_only_if_asked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(wall, "is_root", lambda: True)
+    assert exercises.main(["grade", str(tmp_path)]) == 2
+    assert "--as-root" in capsys.readouterr().err
+    monkeypatch.setattr(wall, "stays_root", lambda: "")
+    assert exercises.main(["grade", str(tmp_path), "--as-root"]) == 2
+    assert "no submissions" in capsys.readouterr().err
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="there is no root on Windows")

@@ -34,10 +34,13 @@ from .batch import end
 from .feedback import offline
 from .handout import handout, own_cases
 from .judge import HiddenTest, Stopped, hidden_test, judge_apart
+from .starter import Provisioner, Starter
 from .submissions import group_of
 
 __all__ = [
+    "KERNEL",
     "SETTINGS",
+    "STARTERS",
     "PatientExecute",
     "course",
     "is_test",
@@ -73,6 +76,9 @@ def course(root: Path) -> NbGraderAPI:
 
 REMARKS: list[str] = []
 """What happened while the cells ran; this process runs one notebook."""
+
+STARTERS: list[Starter] = []
+"""What starts kernels quickly, if there is one: the last."""
 
 GROUPS: list[Any] = []
 """The groups that the answers were given for."""
@@ -138,6 +144,11 @@ class PatientExecute(Execute):  # type: ignore[misc]
         manager = self.kernel_manager_class(connection_file=str(connection), config=self.config)
         command = [sys.executable, "-P", "-m", KERNEL, str(connection), str(self.desk)]
         manager._kernel_spec = KernelSpec(argv=command, language="python", display_name="walled")
+        if STARTERS:
+            manager.provisioner = Provisioner(
+                kernel_id="", kernel_spec=manager._kernel_spec, parent=manager
+            )
+            manager.provisioner.starter = STARTERS[-1]
         self.km = manager
         return manager
 

@@ -157,6 +157,10 @@ UNWALLED = (
     "It runs with your rights, and could read and change what you can: what looks as if it did is "
     "not run, unless you have read it and say --trust. Grade strangers' work in a virtual machine."
 )
+AS_ROOT = (
+    "you are root, and students' code should not be: grade as a user of your own, or in a "
+    "container of which nothing else is needed, and say --as-root"
+)
 NOT_RUN = "it was not run, for there is no wall on this system: read what is remarked, then --trust"
 
 

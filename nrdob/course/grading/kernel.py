@@ -5,6 +5,7 @@
 CONNECTION is Jupyter's file of ports; DESK the only folder that the code can write. What every
 notebook imports is imported before the wall stands and the clock runs. In the place of the graders
 stands what was handed out, see `handout`, in a file on the desk that is gone when the code begins.
+Without arguments it starts kernels on demand, see `starter`.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ import nrdob  # noqa: F401
 
 from . import wall
 from .plain import HANDOUT
+from .starter import serve
 
 __all__ = ["AnotherGroupError", "Graders", "Note", "leave", "main"]
 
@@ -123,4 +125,7 @@ def main(arguments: list[str]) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    if sys.argv[1:]:
+        main(sys.argv[1:])
+    else:
+        serve(main)

@@ -20,7 +20,9 @@ import nbformat
 
 from ..exercises import PROBLEMS
 from . import autograde
+from .batch import end
 from .judge import hidden_test
+from .starter import Starter
 
 __all__ = ["draw", "main", "run"]
 
@@ -37,9 +39,17 @@ def draw(source: str) -> None:
             PROBLEMS[test.problem].cases(test.settings.get("seed"), CASES)
 
 
+def ready() -> None:
+    """Start what starts kernels, where a process can be copied safely, or start it again."""
+    starters = autograde.STARTERS
+    if sys.platform == "linux" and not (starters and starters[-1].process.poll() is None):
+        starters.append(Starter(autograde.KERNEL))
+
+
 def run(root: str, student: str, name: str) -> int:
     """Grade one submission in a process of its own; its exit code, as `subprocess` has it."""
     log = Path(root) / "log.txt"
+    ready()
     arguments = [root, student, name]
     if not hasattr(os, "fork"):  # Windows
         with log.open("wb") as output:
@@ -60,11 +70,14 @@ def run(root: str, student: str, name: str) -> int:
             sys.stderr.flush()
             os._exit(code)
     _, status = os.waitpid(child, 0)
+    for starter in autograde.STARTERS:
+        end(starter.process.pid, itself=False)
     return os.waitstatus_to_exitcode(status)
 
 
 def main() -> None:
     """Take orders until there are no more."""
+    ready()  # it reads its libraries while the cases are drawn
     drawn: set[str] = set()
     for line in sys.stdin:
         order = json.loads(line)

@@ -21,7 +21,18 @@ import numpy as np
 from ...diagram import DelayedTransferFunction, LowPassFilter
 from ...loop import NRDOB
 
-__all__ = ["HANDOUT", "LONGEST", "MIME", "MOST", "Foreign", "decode", "encode", "packed", "tell"]
+__all__ = [
+    "BUILD",
+    "HANDOUT",
+    "LONGEST",
+    "MIME",
+    "MOST",
+    "Foreign",
+    "decode",
+    "encode",
+    "packed",
+    "tell",
+]
 
 MIME = "application/vnd.nrdob.answer+json"
 
@@ -174,9 +185,9 @@ def _built(data: Any) -> Any:
         if len(shape) > 2 or max(shape, default=0) > MOST:
             raise ValueError(f"an answer of {shape} numbers; at most {MOST} in a row are read")
         return np.array([_built(each) for each in parts]).reshape(shape)
-    if kind not in _BUILD:
+    if kind not in BUILD:
         raise ValueError(f"an answer cannot be read from {kind!r}")
-    return _BUILD[kind]([_built(each) for each in parts])
+    return BUILD[kind]([_built(each) for each in parts])
 
 
 def _filter(parts: list[Any]) -> LowPassFilter:
@@ -186,7 +197,7 @@ def _filter(parts: list[Any]) -> LowPassFilter:
     return LowPassFilter(time_constant, order)
 
 
-_BUILD: dict[str, Any] = {
+BUILD: dict[str, Any] = {
     "list": list,
     "tuple": tuple,
     "complex": lambda parts: complex(*parts),

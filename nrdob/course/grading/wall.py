@@ -24,10 +24,12 @@ __all__ = [
     "adopt_orphans",
     "build",
     "generation",
+    "is_root",
     "limit",
     "missing",
     "readable",
     "seal",
+    "shared_libraries",
     "stays_root",
 ]
 
@@ -93,9 +95,14 @@ def _checked(number: int, *arguments: object) -> int:
     return result
 
 
+def is_root() -> bool:
+    """Tell whether this is run by root."""
+    return os.name == "posix" and os.getuid() == 0
+
+
 def stays_root() -> str:
     """Say why a student's code would keep the user root; empty if it does not."""
-    if os.name != "posix" or os.getuid() != 0:
+    if not is_root():
         return ""
     if sys.platform != "linux":
         return f"you are root, and on {sys.platform} students' code would be root, too"
@@ -116,7 +123,7 @@ def build(desk: Path, ports: Iterable[int]) -> None:
         libc = ctypes.CDLL(None, use_errno=True)
         if libc.prctl(NO_NEW_PRIVILEGES, 1, 0, 0, 0):
             raise OSError(ctypes.get_errno(), "the wall around students' code cannot be built")
-    if os.name == "posix" and os.getuid() == 0:
+    if is_root():
         if not stays_root():
             _become_nobody(desk)
         elif sys.platform == "linux":
@@ -165,7 +172,7 @@ def readable() -> list[Path]:
     standard = {Path(sysconfig.get_path(name)) for name in ("stdlib", "platstdlib")}
     needed = {path for path in paths if path in standard or _is_library(path)}
     needed |= {path for path in paths if path.suffix == ".zip"}
-    needed |= {*map(Path, DATA), *_shared_libraries()}
+    needed |= {*map(Path, DATA), *shared_libraries()}
     parts = [part for path in sorted(needed) for part in _around(path.resolve(), closed)]
     return [*parts, *_around(PACKAGE, {COURSE})]
 
@@ -174,7 +181,7 @@ def _is_library(path: Path) -> bool:
     return path.name in ("site-packages", "dist-packages")
 
 
-def _shared_libraries() -> set[Path]:
+def shared_libraries() -> set[Path]:
     """Give the folders of the shared libraries that this process has loaded."""
     try:
         lines = Path("/proc/self/maps").read_text("utf-8").splitlines()

@@ -1,0 +1,60 @@
+"""What gives points without an answer: nothing of what was tried, each for real, by the grader."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import nbformat
+import pytest
+
+from attacks import FORGERIES, LATER
+from exported import table
+from handin import CHECKED, NAME, Notebook, answer_cell, cell_of, right, settings
+from nrdob.course.grading import command, wall
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(bool(wall.missing()), reason="there is no wall on this system"),
+    pytest.mark.filterwarnings("ignore:Object of type"),
+]
+
+
+def forging(released: Path) -> Iterator[tuple[Notebook, dict[str, str]]]:
+    """Spread the attacks over notebooks; the names of what each of them tries, by problem."""
+    names = list(FORGERIES)
+    for start in range(0, len(names), len(CHECKED)):
+        notebook = right(released, "").notebook
+        tried = {}
+        for this, name in zip(CHECKED, names[start:], strict=False):
+            cell = cell_of(notebook, answer_cell(this))
+            cell.source = FORGERIES[name].format(answer=this.answer)
+            if this.problem.own:
+                cell.source += f"\n{this.answer} = {this.answer}(None)"
+            tried[this.id] = name
+        notebook.cells.append(nbformat.v4.new_code_cell(LATER, id="own-later"))
+        yield notebook, tried
+
+
+@pytest.fixture(scope="module")
+def earned(released: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, float]:
+    """What each attack got."""
+    place = tmp_path_factory.mktemp("forgers")
+    settings(place / "out")
+    tried = {}
+    for number, (notebook, names) in enumerate(forging(released)):
+        (place / "in" / f"n{number}").mkdir(parents=True)
+        nbformat.write(notebook, place / "in" / f"n{number}" / f"{NAME}.ipynb")
+        tried[f"n{number}"] = names
+    assert command.grade(place / "in", target=place / "out") == 0
+    rows = {row["student"]: row for row in table(place / "out" / "grades.csv")}
+    return {
+        name: float(rows[student][problem])
+        for student, names in tried.items()
+        for problem, name in names.items()
+    }
+
+
+@pytest.mark.parametrize("name", FORGERIES)
+def test_no_attempt_to_forge_points_succeeds(name: str, earned: dict[str, float]) -> None:
+    assert earned[name] == 0
