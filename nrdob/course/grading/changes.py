@@ -16,7 +16,7 @@ from nbgrader.api import Gradebook
 
 from .marks import Record, Records, grades_of, number, problem_of, write_table
 from .roster import read_table
-from .written import Key
+from .written import Key, wrong_points
 
 __all__ = ["COLUMNS", "FILE", "apply", "log", "overridden", "override"]
 
@@ -104,9 +104,10 @@ def override(
         If the points are none, or too many, or there is nothing that they could be for.
     """
     entry, grade = found_grade(gradebook, records, key)
+    wrong = wrong_points(points, grade.max_score) if points else "no points are given"
+    if wrong and points != AUTO:
+        raise ValueError(f"{wrong}; give a number, or {AUTO} to withdraw an override")
     value = None if points == AUTO else float(points.replace(",", "."))
-    if value is not None and not 0 <= value <= grade.max_score:
-        raise ValueError(f"{points} is not between 0 and {number(grade.max_score)}")
     old = number(grade.score) if grade.manual_score is not None else number(grade.auto_score)
     apply(gradebook, records, {key: value})
     new = AUTO if value is None else number(value)

@@ -21,7 +21,16 @@ from nbgrader.api import Gradebook
 from .marks import Record, Records, grades_of, harmless, number, page_of, problem_of, write_table
 from .roster import read_table
 
-__all__ = ["WRITTEN", "Key", "Typed", "answers_of", "read_written", "to_be_marked", "write_written"]
+__all__ = [
+    "WRITTEN",
+    "Key",
+    "Typed",
+    "answers_of",
+    "read_written",
+    "to_be_marked",
+    "write_written",
+    "wrong_points",
+]
 
 WRITTEN = ("student", "set", "problem", "of", "points", "comment", "answer", "feedback")
 
@@ -94,7 +103,7 @@ def read_written(
         elif key in done and done[key][1] != text:
             problem = f"line {done[key][0]} gives other points to the same answer"
         else:
-            problem = _problem(text, grade.max_score) or _overridden(text, overridden.get(key))
+            problem = wrong_points(text, grade.max_score) or _overridden(text, overridden.get(key))
         done.setdefault(key, (line, text))
         if problem:
             who = f"{student} {key[2]}: " if entry else ""
@@ -128,7 +137,8 @@ def _grade(entry: Record | None, gradebook: Gradebook, problem: str) -> Any:
     return next(found, None)
 
 
-def _problem(text: str, most: float) -> str:
+def wrong_points(text: str, most: float) -> str:
+    """Tell what is wrong with points that somebody has typed; empty if nothing is."""
     if not text:
         return ""
     try:
