@@ -159,7 +159,6 @@ class _Judged:
     fit: Fit
     innovations: FloatArray
     noise: Noise
-    whiteness: float
     bic: float
     fit_percent: float
     validation: float
@@ -329,8 +328,9 @@ def identified(
         fit_percent=best.fit_percent,
         validation_percent=best.validation,
         residuals=check_residuals(
+            sizes[1] * np.where(problem.used[start:], problem.left(fit), 0.0),
             sizes[1] * best.innovations, fit.whitening.applied(problem.inputs[start:]),
-            best.noise, best.whiteness, fit.structure.told,
+            best.noise, fit.structure.told,
         ),
         candidates=candidates,
         reason=f"{reason}; {parting}".removesuffix("; "),
@@ -376,7 +376,7 @@ def _judged(
 ) -> _Judged:
     used = problem.used[fit.start :]
     innovations = np.where(used, fit.whitening.applied(problem.left(fit)), 0.0)
-    noise, whiteness = noise_of(innovations, fit.count)
+    noise, _ = noise_of(innovations, fit.count)
     slopes = fit.whitening.applied(fit.jacobian(problem.inputs))
     covariance = noise.covariance(slopes * used[:, None])
     memory = replace(noise, den=np.convolve(noise.den, fit.whitening.memory))
@@ -391,7 +391,6 @@ def _judged(
         fit,
         innovations,
         noise,
-        whiteness,
         _criterion(replace(fit, misfit=misfit), everywhere.size),
         *percents,
         predicted,

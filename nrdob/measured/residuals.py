@@ -281,29 +281,30 @@ def noise_of(residual: FloatArray, fitted: int) -> tuple[Noise, float]:
 
 
 def check_residuals(
-    residual: FloatArray, inputs: FloatArray, noise: Noise, chance: float, fitted: int
+    residual: FloatArray, innovations: FloatArray, inputs: FloatArray, noise: Noise, fitted: int
 ) -> ResidualCheck:
     """Judge a residual.
 
     Parameters
     ----------
-    residual, inputs : (N,) array
-        What is left, and the input at the same samples.
+    residual : (N,) array
+        What is left.
+    innovations, inputs : (N,) array
+        What its filter leaves of it, and the input through the same filter.
     noise : Noise
-        Of the residual.
-    chance : float
-        Of its being white, as `noise_of` gives it.
+        Of the innovations.
     fitted : int
         How many numbers of the responses to the input were fitted.
     """
-    white = noise.den.size == 1
-    independence = _independence(residual, inputs, noise, fitted)
+    plain, chance = noise_of(residual, fitted)
+    white = plain.den.size == 1
+    independence = _independence(innovations, inputs, noise, fitted)
     independent = None if np.isnan(independence) else independence > UNLIKELY
     said = [
         f"The residual is white ({_told(chance)}): what is left looks like noise of the sensor."
         if white
         else f"The residual has a memory ({_told(chance)}): what disturbs the plant is not white, "
-        "or the structure misses something; the intervals are widened for it."
+        "or the structure misses something; the fit and its intervals count it in."
     ]
     if independent is None:
         said.append("The input is too poor to tell whether something of it is left.")

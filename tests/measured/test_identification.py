@@ -82,7 +82,7 @@ def test_heated_air_is_two_lags_behind_two_samples():
     assert found.process.delay == pytest.approx(0.155, abs=0.002)
     assert found.process.dcgain() == pytest.approx(0.899, abs=0.002)
     assert np.abs(found.process.poles()) == pytest.approx([5.28, 5.28], abs=0.01)
-    assert found.residuals.white and not found.remarks and not found.unsure
+    assert not found.residuals.white and not found.remarks and not found.unsure
 
 
 def test_process_stands_in_a_loop():
