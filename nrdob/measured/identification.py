@@ -22,7 +22,7 @@ from .doubts import doubts
 from .fitting import Fit, Problem, best_fit, refined
 from .naming import Parameter, corners_of, process_of, told
 from .records import Record, checked_record
-from .residuals import Noise, ResidualCheck, check_residuals, noise_of
+from .residuals import DECISIVE, Noise, ResidualCheck, check_residuals, noise_of
 from .structures import STRUCTURES, Structure
 
 __all__ = ["Candidate", "Identification", "identified", "identify"]
@@ -35,9 +35,6 @@ MOVES, LEAST = 0.1, 50
 
 LITTLE = 30.0
 """Per cent of the output explained below which a process is doubtful."""
-
-DECISIVE = 10.0
-"""Difference of the criterion that speaks for a structure; below it the two explain as well."""
 
 TINY = 1e-12
 """Of the misfit in the part fitted, what is none."""
@@ -290,13 +287,15 @@ def identified(
     start = min(ceil(leading.shape[0]) + 1, count // 2)
     samples = float(problem.used[start:].sum())
     fits = [
-        min((refined(fit, problem, start) for fit in each), key=lambda f: _criterion(f, samples))
+        _resting_or_moving([refined(fit, problem, start) for fit in each], samples)
         for each in begun
     ]
     units = record.sampling_time, float(sizes[1] / sizes[0])
     judged = [_judged(fit, whole, problem, units, confidence) for fit in fits]
     best, rivals, reason = _chosen(judged, count)
-    needless = _criterion(best.fit, samples) > _criterion_without(problem, start)
+    needless = best.fit_percent < LITTLE and (
+        _criterion(best.fit, samples) > _criterion_without(problem, start)
+    )
     least = min(each.bic for each in judged)
     candidates = tuple(
         Candidate(
@@ -369,6 +368,17 @@ def _parted(record: Record, held_out: float) -> tuple[int, str]:
 
 def _criterion(fit: Fit, samples: float) -> float:
     return samples * log(fit.misfit) + fit.count * log(samples)
+
+
+def _resting_or_moving(fits: list[Fit], samples: float) -> Fit:
+    """Take the more likely one; without drift, by the squares that were made least."""
+    drifts = any(fit.whitening.theta < 1 for fit in fits)
+
+    def criterion(fit: Fit) -> float:
+        compared = fit if drifts else replace(fit, misfit=fit.loss / samples + TINY)
+        return _criterion(compared, samples)
+
+    return min(fits, key=criterion)
 
 
 def _judged(

@@ -28,7 +28,15 @@ from scipy.stats import chi2
 
 from ..numerics import FloatArray
 
-__all__ = ["Noise", "ResidualCheck", "Whitening", "check_residuals", "noise_of", "whitening_of"]
+__all__ = [
+    "DECISIVE",
+    "Noise",
+    "ResidualCheck",
+    "Whitening",
+    "check_residuals",
+    "noise_of",
+    "whitening_of",
+]
 
 LAGS, PER_LAG = 25, 8
 """Most lags looked at, and samples that each must have."""
@@ -45,6 +53,9 @@ DRIFTS = (0.0, 1e-3, 3e-3, 6e-3, 0.01, 0.02, 0.03, 0.05, 0.08, 0.12, 0.18, 0.27,
 
 MEMORY = 0.95
 """Largest φ."""
+
+DECISIVE = 10.0
+"""What the criterion must gain for a drift to be believed in, or one structure before another."""
 
 ORDER = 4
 """Of the autoregressions that are tried without drift."""
@@ -107,6 +118,14 @@ class Whitening:
         return (1 - self.theta) / sum(self.memory) * deviation * sqrt(count)
 
     @property
+    def of_fit(self) -> Whitening:
+        """The filter of a fit: a drift must not be fitted, but a mere memory does no harm.
+
+        Without drift the response that comes nearest is asked for, whatever the structure misses.
+        """
+        return self if self.theta < 1 else Whitening()
+
+    @property
     def _taps(self) -> tuple[FloatArray, FloatArray]:
         memory = np.array(self.memory)
         if self.theta == 1:
@@ -128,7 +147,8 @@ def whitening_of(residual: FloatArray) -> Whitening:
         e = tried.applied(residual)
         free = len(tried.memory) - 1 + (tried.theta < 1)
         seen = count - (len(tried.memory) - 1) * (tried.theta == 1)
-        return count * log(max(float(e @ e) / seen, np.finfo(float).tiny)) + free * log(count)
+        penalty = free * log(count) + DECISIVE * (tried.theta < 1)
+        return count * log(max(float(e @ e) / seen, np.finfo(float).tiny)) + penalty
 
     def drifting(drift: float) -> Whitening:
         rest = Whitening(theta=1 - drift).applied(residual)
@@ -304,7 +324,7 @@ def check_residuals(
         f"The residual is white ({_told(chance)}): what is left looks like noise of the sensor."
         if white
         else f"The residual has a memory ({_told(chance)}): what disturbs the plant is not white, "
-        "or the structure misses something; the fit and its intervals count it in."
+        "or the structure misses something; the intervals are widened for it."
     ]
     if independent is None:
         said.append("The input is too poor to tell whether something of it is left.")
