@@ -309,7 +309,6 @@ def identified(
     fit = best.fit
     remarks = doubts(
         record, parameters, (best.fit_percent, best.validation), count,
-        sizes[1] * best.innovations,
         sizes[1] * np.where(record.free[start:], whole.left(fit), 0.0), fit,
     )  # fmt: skip
     gain = parameters["gain"]

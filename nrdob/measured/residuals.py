@@ -57,6 +57,9 @@ MEMORY = 0.95
 DECISIVE = 10.0
 """What the criterion must gain for a drift to be believed in, or one structure before another."""
 
+LONGEST = 20.0
+"""How often a memory must pass in a record; one that is longer is a drift."""
+
 ORDER = 4
 """Of the autoregressions that are tried without drift."""
 
@@ -168,7 +171,8 @@ def whitening_of(residual: FloatArray) -> Whitening:
     if products[0] > 0:
         for order in range(1, min(ORDER, count // PER_LAG) + 1):
             a = solve_toeplitz(products[:order], products[1 : order + 1])
-            found.append(Whitening((1.0, *(-a).tolist())))
+            if 1 - float(a.sum()) > LONGEST / count:  # one that lasts as long as the record drifts
+                found.append(Whitening((1.0, *(-a).tolist())))
     return min(found, key=left)
 
 
