@@ -36,6 +36,9 @@ MOVES, LEAST = 0.1, 50
 LITTLE = 30.0
 """Per cent of the output explained below which a process is doubtful."""
 
+ALIKE = 1.5
+"""Factor between two gains that are nearly the same."""
+
 TINY = 1e-12
 """Of the misfit in the part fitted, what is none."""
 
@@ -370,11 +373,17 @@ def _criterion(fit: Fit, samples: float) -> float:
 
 
 def _resting_or_moving(fits: list[Fit], samples: float) -> Fit:
-    """Take the more likely one; without drift, by the squares that were made least."""
+    """Take the more likely one; where both tell the same gain, by the squares made least.
+
+    A motion of its own can explain a step at the beginning, with a gain that has no meaning.
+    """
+    gains = [float(fit.linear[0]) for fit in fits]
+    agree = min(gains) * ALIKE > max(gains) > 0 or max(gains) * ALIKE < min(gains) < 0
     drifts = any(fit.whitening.theta < 1 for fit in fits)
 
     def criterion(fit: Fit) -> float:
-        compared = fit if drifts else replace(fit, misfit=fit.loss / samples + TINY)
+        plain = agree and not drifts
+        compared = replace(fit, misfit=fit.loss / samples + TINY) if plain else fit
         return _criterion(compared, samples)
 
     return min(fits, key=criterion)
