@@ -13,6 +13,7 @@ from ..numerics import FloatArray
 from .fitting import Fit
 from .naming import Parameter
 from .records import Record
+from .residuals import whitening_of
 
 __all__ = ["doubts"]
 
@@ -46,7 +47,6 @@ def doubts(
     parameters: dict[str, Parameter],
     percents: tuple[float, float],
     fitted: int,
-    innovations: FloatArray,
     residual: FloatArray,
     fit: Fit,
 ) -> tuple[str, ...]:
@@ -62,9 +62,8 @@ def doubts(
         How much is explained of the part fitted and of that held out.
     fitted : int
         How many samples were fitted.
-    innovations, residual : array of float
-        What the fit leaves, from its start on, whitened in the part fitted, and plain everywhere;
-        in units of y.
+    residual : array of float
+        What the fit leaves, from its start on, in units of y.
     fit : Fit
         The fit.
 
@@ -76,11 +75,11 @@ def doubts(
     return tuple(
         [
             *_worth(percents, parameters),
-            *_closed_loop(record, innovations, fit),
+            *_closed_loop(record, residual, fit),
             *_limited(record, fit),
             *_short(record, parameters, fitted),
             *_outliers(record, residual, fit.start),
-            *_drift(record, innovations, fit),
+            *_drift(record, residual, fit),
         ]
     )
 
@@ -140,7 +139,8 @@ def _outliers(record: Record, residual: FloatArray, start: int) -> Iterator[str]
         )
 
 
-def _drift(record: Record, innovations: FloatArray, fit: Fit) -> Iterator[str]:
+def _drift(record: Record, residual: FloatArray, fit: Fit) -> Iterator[str]:
+    innovations = fit.whitening.applied(residual)
     walked = fit.whitening.walked(float(innovations.std()), record.y.size)
     if walked > DRIFTED * np.ptp(record.y):
         yield (
@@ -150,13 +150,13 @@ def _drift(record: Record, innovations: FloatArray, fit: Fit) -> Iterator[str]:
         )
 
 
-def _closed_loop(record: Record, innovations: FloatArray, fit: Fit) -> Iterator[str]:
+def _closed_loop(record: Record, residual: FloatArray, fit: Fit) -> Iterator[str]:
     """See whether u answers what disturbs y, against the plant's gain, as a controller does."""
-    moves = np.diff(record.u, prepend=record.u[0])[fit.start :][: innovations.size]
+    moves = np.diff(record.u, prepend=record.u[0])[fit.start :]
     fresh = _fresh(moves)
     if fresh is None:
         return
-    e = innovations[-fresh.size :]
+    e = whitening_of(residual).applied(residual)[-fresh.size :]
     e = np.clip(e, *np.quantile(e, [0.02, 0.98]))
     e = e - e.mean()
     size = np.sqrt(float(e @ e) * float(fresh @ fresh))

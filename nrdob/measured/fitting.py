@@ -14,12 +14,13 @@ applications, Inverse Problems 19 (2003) R1-R26.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import exp
 
 import numpy as np
 from scipy.optimize import least_squares
 
 from ..numerics import ROUNDING, BoolArray, FloatArray
-from .residuals import Whitening, whitening_of
+from .residuals import DECISIVE, Whitening, whitening_of
 from .starts import starting_points
 from .structures import Structure
 
@@ -115,9 +116,11 @@ class Fit:
     moving : bool
         Whether the plant may move before the input does.
     whitening : Whitening
-        Of the residual.
+        Of the residual; a memory without drift is left in it.
+    loss : float
+        Sum of squares that the search has made least.
     misfit : float
-        Mean square of what it leaves, at least what rounding makes of the output.
+        Mean square of the most likely innovations, at least what rounding makes of the output.
     """
 
     structure: Structure
@@ -126,6 +129,7 @@ class Fit:
     start: int
     moving: bool
     whitening: Whitening
+    loss: float
     misfit: float
 
     @property
@@ -186,12 +190,22 @@ def best_fit(structure: Structure, problem: Problem, tries: int, moving: bool) -
     record = problem.inputs, problem.outputs
     # Where it rests a drift may hide the plant; where it moves its own motion takes that part.
     drifts = problem.dense and moving == structure.integrates
-    found = [
-        _search(structure, problem, whitening, shape, 0, moving)
+    best = [
+        min(
+            (
+                _search(structure, problem, whitening, shape, 0, moving)
+                for shape in starting_points(structure, *record, (whitening, moving), tries)
+            ),
+            key=_loss,
+        )
         for whitening in BEGINNINGS[: 1 + drifts]
-        for shape in starting_points(structure, *record, (whitening, moving), tries)
     ]
-    return min(found, key=lambda fit: fit.misfit)
+    doubt = exp(DECISIVE / problem.outputs.size)
+    return best[-1] if best[-1].misfit * doubt < best[0].misfit else best[0]
+
+
+def _loss(fit: Fit) -> float:
+    return fit.loss
 
 
 def refined(fit: Fit, problem: Problem, start: int) -> Fit:
@@ -211,11 +225,11 @@ def refined(fit: Fit, problem: Problem, start: int) -> Fit:
         moved = fit.shape + shift * np.eye(fit.shape.size)[0]
         return _search(fit.structure, problem, fit.whitening, moved, start, fit.moving, FINELY)
 
-    best = fit = min(map(searched, SHIFTS), key=lambda fit: fit.misfit)
+    best = fit = min(map(searched, SHIFTS), key=_loss)
     for _ in range(ROUNDS):
         fit = searched(0.0)
-        done = fit.misfit > (1 - SAME) * best.misfit
-        best = min(best, fit, key=lambda fit: fit.misfit)
+        done = abs(fit.misfit / best.misfit - 1) < SAME
+        best = fit
         if done:
             break
     return best
@@ -244,9 +258,10 @@ def _search(
         lambda at: solved(at)[1], np.clip(shape, low + INSIDE, high - INSIDE), bounds=(low, high),
         max_nfev=most, xtol=1e-8, ftol=1e-10, gtol=1e-14,
     )  # fmt: skip
-    fit = Fit(structure, result.x, solved(result.x)[0], start, moving, whitening, 0.0)
+    linear, rest = solved(result.x)
+    fit = Fit(structure, result.x, linear, start, moving, whitening, float(rest @ rest), 0.0)
     left = problem.left(fit)
     whitening = problem.whitening(left)
     floor = (ROUNDING * np.ptp(problem.outputs)) ** 2
     misfit = float(np.mean(whitening.applied(left)[used] ** 2) + floor)
-    return replace(fit, whitening=whitening, misfit=misfit)
+    return replace(fit, whitening=whitening.of_fit, misfit=misfit)

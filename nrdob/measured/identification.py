@@ -22,7 +22,7 @@ from .doubts import doubts
 from .fitting import Fit, Problem, best_fit, refined
 from .naming import Parameter, corners_of, process_of, told
 from .records import Record, checked_record
-from .residuals import Noise, ResidualCheck, check_residuals, noise_of
+from .residuals import DECISIVE, Noise, ResidualCheck, check_residuals, noise_of
 from .structures import STRUCTURES, Structure
 
 __all__ = ["Candidate", "Identification", "identified", "identify"]
@@ -36,8 +36,8 @@ MOVES, LEAST = 0.1, 50
 LITTLE = 30.0
 """Per cent of the output explained below which a process is doubtful."""
 
-DECISIVE = 10.0
-"""Difference of the criterion that speaks for a structure; below it the two explain as well."""
+ALIKE = 1.5
+"""Factor between two gains that are nearly the same."""
 
 TINY = 1e-12
 """Of the misfit in the part fitted, what is none."""
@@ -159,7 +159,6 @@ class _Judged:
     fit: Fit
     innovations: FloatArray
     noise: Noise
-    whiteness: float
     bic: float
     fit_percent: float
     validation: float
@@ -291,13 +290,15 @@ def identified(
     start = min(ceil(leading.shape[0]) + 1, count // 2)
     samples = float(problem.used[start:].sum())
     fits = [
-        min((refined(fit, problem, start) for fit in each), key=lambda f: _criterion(f, samples))
+        _resting_or_moving([refined(fit, problem, start) for fit in each], samples)
         for each in begun
     ]
     units = record.sampling_time, float(sizes[1] / sizes[0])
     judged = [_judged(fit, whole, problem, units, confidence) for fit in fits]
     best, rivals, reason = _chosen(judged, count)
-    needless = _criterion(best.fit, samples) > _criterion_without(problem, start)
+    needless = best.fit_percent < LITTLE and (
+        _criterion(best.fit, samples) > _criterion_without(problem, start)
+    )
     least = min(each.bic for each in judged)
     candidates = tuple(
         Candidate(
@@ -311,7 +312,6 @@ def identified(
     fit = best.fit
     remarks = doubts(
         record, parameters, (best.fit_percent, best.validation), count,
-        sizes[1] * best.innovations,
         sizes[1] * np.where(record.free[start:], whole.left(fit), 0.0), fit,
     )  # fmt: skip
     gain = parameters["gain"]
@@ -329,8 +329,9 @@ def identified(
         fit_percent=best.fit_percent,
         validation_percent=best.validation,
         residuals=check_residuals(
+            sizes[1] * np.where(problem.used[start:], problem.left(fit), 0.0),
             sizes[1] * best.innovations, fit.whitening.applied(problem.inputs[start:]),
-            best.noise, best.whiteness, fit.structure.told,
+            best.noise, fit.structure.told,
         ),
         candidates=candidates,
         reason=f"{reason}; {parting}".removesuffix("; "),
@@ -371,12 +372,29 @@ def _criterion(fit: Fit, samples: float) -> float:
     return samples * log(fit.misfit) + fit.count * log(samples)
 
 
+def _resting_or_moving(fits: list[Fit], samples: float) -> Fit:
+    """Take the more likely one; where both tell the same gain, by the squares made least.
+
+    A motion of its own can explain a step at the beginning, with a gain that has no meaning.
+    """
+    gains = [float(fit.linear[0]) for fit in fits]
+    agree = min(gains) * ALIKE > max(gains) > 0 or max(gains) * ALIKE < min(gains) < 0
+    drifts = any(fit.whitening.theta < 1 for fit in fits)
+
+    def criterion(fit: Fit) -> float:
+        plain = agree and not drifts
+        compared = replace(fit, misfit=fit.loss / samples + TINY) if plain else fit
+        return _criterion(compared, samples)
+
+    return min(fits, key=criterion)
+
+
 def _judged(
     fit: Fit, whole: Problem, problem: Problem, units: tuple[float, float], confidence: float
 ) -> _Judged:
     used = problem.used[fit.start :]
     innovations = np.where(used, fit.whitening.applied(problem.left(fit)), 0.0)
-    noise, whiteness = noise_of(innovations, fit.count)
+    noise, _ = noise_of(innovations, fit.count)
     slopes = fit.whitening.applied(fit.jacobian(problem.inputs))
     covariance = noise.covariance(slopes * used[:, None])
     memory = replace(noise, den=np.convolve(noise.den, fit.whitening.memory))
@@ -391,7 +409,6 @@ def _judged(
         fit,
         innovations,
         noise,
-        whiteness,
         _criterion(replace(fit, misfit=misfit), everywhere.size),
         *percents,
         predicted,

@@ -28,7 +28,15 @@ from scipy.stats import chi2
 
 from ..numerics import FloatArray
 
-__all__ = ["Noise", "ResidualCheck", "Whitening", "check_residuals", "noise_of", "whitening_of"]
+__all__ = [
+    "DECISIVE",
+    "Noise",
+    "ResidualCheck",
+    "Whitening",
+    "check_residuals",
+    "noise_of",
+    "whitening_of",
+]
 
 LAGS, PER_LAG = 25, 8
 """Most lags looked at, and samples that each must have."""
@@ -45,6 +53,12 @@ DRIFTS = (0.0, 1e-3, 3e-3, 6e-3, 0.01, 0.02, 0.03, 0.05, 0.08, 0.12, 0.18, 0.27,
 
 MEMORY = 0.95
 """Largest φ."""
+
+DECISIVE = 10.0
+"""What the criterion must gain for a drift to be believed in, or one structure before another."""
+
+LONGEST = 20.0
+"""How often a memory must pass in a record; one that is longer is a drift."""
 
 ORDER = 4
 """Of the autoregressions that are tried without drift."""
@@ -107,6 +121,14 @@ class Whitening:
         return (1 - self.theta) / sum(self.memory) * deviation * sqrt(count)
 
     @property
+    def of_fit(self) -> Whitening:
+        """The filter of a fit: a drift must not be fitted, but a mere memory does no harm.
+
+        Without drift the response that comes nearest is asked for, whatever the structure misses.
+        """
+        return self if self.theta < 1 else Whitening()
+
+    @property
     def _taps(self) -> tuple[FloatArray, FloatArray]:
         memory = np.array(self.memory)
         if self.theta == 1:
@@ -128,7 +150,8 @@ def whitening_of(residual: FloatArray) -> Whitening:
         e = tried.applied(residual)
         free = len(tried.memory) - 1 + (tried.theta < 1)
         seen = count - (len(tried.memory) - 1) * (tried.theta == 1)
-        return count * log(max(float(e @ e) / seen, np.finfo(float).tiny)) + free * log(count)
+        penalty = free * log(count) + DECISIVE * (tried.theta < 1)
+        return count * log(max(float(e @ e) / seen, np.finfo(float).tiny)) + penalty
 
     def drifting(drift: float) -> Whitening:
         rest = Whitening(theta=1 - drift).applied(residual)
@@ -148,7 +171,8 @@ def whitening_of(residual: FloatArray) -> Whitening:
     if products[0] > 0:
         for order in range(1, min(ORDER, count // PER_LAG) + 1):
             a = solve_toeplitz(products[:order], products[1 : order + 1])
-            found.append(Whitening((1.0, *(-a).tolist())))
+            if 1 - float(a.sum()) > LONGEST / count:  # one that lasts as long as the record drifts
+                found.append(Whitening((1.0, *(-a).tolist())))
     return min(found, key=left)
 
 
@@ -281,23 +305,24 @@ def noise_of(residual: FloatArray, fitted: int) -> tuple[Noise, float]:
 
 
 def check_residuals(
-    residual: FloatArray, inputs: FloatArray, noise: Noise, chance: float, fitted: int
+    residual: FloatArray, innovations: FloatArray, inputs: FloatArray, noise: Noise, fitted: int
 ) -> ResidualCheck:
     """Judge a residual.
 
     Parameters
     ----------
-    residual, inputs : (N,) array
-        What is left, and the input at the same samples.
+    residual : (N,) array
+        What is left.
+    innovations, inputs : (N,) array
+        What its filter leaves of it, and the input through the same filter.
     noise : Noise
-        Of the residual.
-    chance : float
-        Of its being white, as `noise_of` gives it.
+        Of the innovations.
     fitted : int
         How many numbers of the responses to the input were fitted.
     """
-    white = noise.den.size == 1
-    independence = _independence(residual, inputs, noise, fitted)
+    plain, chance = noise_of(residual, fitted)
+    white = plain.den.size == 1
+    independence = _independence(innovations, inputs, noise, fitted)
     independent = None if np.isnan(independence) else independence > UNLIKELY
     said = [
         f"The residual is white ({_told(chance)}): what is left looks like noise of the sensor."

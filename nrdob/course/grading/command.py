@@ -157,10 +157,6 @@ UNWALLED = (
     "It runs with your rights, and could read and change what you can: what looks as if it did is "
     "not run, unless you have read it and say --trust. Grade strangers' work in a virtual machine."
 )
-AS_ROOT = (
-    "you are root, and students' code should not be: grade as a user of your own, or in a "
-    "container of which nothing else is needed, and say --as-root"
-)
 NOT_RUN = "it was not run, for there is no wall on this system: read what is remarked, then --trust"
 
 
@@ -454,7 +450,7 @@ def main(arguments: list[str] | None = None) -> int:
         if options.command == "release":
             release(checked(options.sets) or list(sets_in(SOURCE)), SOURCE, options.output)
             return 0
-        if getattr(options, "as_root", True) is False and getattr(os, "geteuid", lambda: 1)() == 0:
+        if getattr(options, "as_root", True) is False and wall.is_root():
             raise CourseError(ROOT_STOPS)
         plan = planned(options.course)
         if options.command == "override":
