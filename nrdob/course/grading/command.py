@@ -17,7 +17,6 @@ Canvas take it, ``written.csv`` and ``marking.html`` for the answers to be marke
 from __future__ import annotations
 
 import csv
-import os
 import shutil
 import sys
 import tempfile
