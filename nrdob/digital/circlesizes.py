@@ -104,8 +104,9 @@ class DelayedPair:
             x = x[np.abs(step) <= CONVERGED / self.samples]
         if not x.size:
             return complex(nan, nan)
-        root = complex(np.exp(x[x.real.argmax()]))
-        return root.conjugate() if root.imag < 0 else root
+        found = complex(x[x.real.argmax()])
+        apart = abs(found.imag) > CONVERGED / self.samples
+        return complex(np.exp(complex(found.real, abs(found.imag) if apart else 0.0)))
 
     def _parts(self, y: FloatArray) -> ComplexArray:
         """P and Q z^-N at v = jy, and at y = ∞, up to a factor that differs with y."""

@@ -234,6 +234,13 @@ def test_ten_seconds_of_dead_time_are_counted_at_any_rate_in_two_ways(samples, l
     assert min(abs(rate - rightmost), abs(rate - rightmost.conjugate())) < 2 / samples
 
 
+def test_a_real_largest_root_has_no_imaginary_part_of_rounding():
+    process, F = nrdob.delay(10.0) / (s + 1), nrdob.LowPassFilter(30.0, 1)
+    loop = nrdob.NRDOB(process, 1 / (s + 1), 0.05 / s, F)
+    largest = loop.sampled(1e-3).stability().observer_loop.largest
+    assert largest.imag == 0 and 0.999 < largest.real < 1
+
+
 @pytest.mark.parametrize("size", [0.65, 0.7, 0.9, 1.3])
 def test_an_argument_that_turns_with_the_dead_time_is_followed(size):
     for samples in range(1, 40):  # c + z^-N: all N zeros are outside, or none
