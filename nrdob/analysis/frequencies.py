@@ -75,7 +75,8 @@ def gentle_frequencies(*loops: Quotient) -> FloatArray:
     factors = factors_of(*loops)
     roots = [_corners(factor) for factor in factors]
     z = np.concatenate(roots)
-    member = [[any(f is own for own in loop.num + loop.den) for loop in loops] for f in factors]
+    owned = [{id(factor) for factor in loop.num + loop.den} for loop in loops]
+    member = [[id(factor) in own for own in owned] for factor in factors]
     member_of = np.repeat(np.array(member, dtype=float), [each.size for each in roots], axis=0)
     size = np.abs(z)
     square = np.maximum(np.abs(z.real), CLOSEST * size) ** 2
@@ -119,8 +120,8 @@ def _corners(factor: QuasiPolynomial) -> ComplexArray:
     """Roots of the factor's polynomials, each by itself, without those at s = 0."""
     found = []
     for q, _ in factor.terms:
-        used = np.flatnonzero(q)
-        if used.size:
+        used = q.nonzero()[0]
+        if used.size > 1:
             p = q[used[0] : used[-1] + 1]
             found.append(polynomial_roots(p) if p.size <= 3 else companion_roots(p))
     return np.concatenate([np.empty(0, dtype=complex), *found])

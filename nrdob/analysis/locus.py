@@ -330,14 +330,14 @@ Brackets = tuple[IntArray, IntArray, IntArray, IntArray]
 
 def _changes(values: FloatArray) -> Brackets:
     """Intervals between significant values of different sides; rows, loops and places are axes."""
+    _, loops, count = values.shape
+    flat = values.ravel()
     with np.errstate(invalid="ignore"):
-        known, positive = np.abs(values) > NOISE, values >= 0
-    place = np.arange(values.shape[-1])
-    before = np.maximum.accumulate(np.where(known, place, -1), axis=-1)[..., :-1]
-    was = np.take_along_axis(positive, np.maximum(before, 0), axis=-1)
-    changed = known[..., 1:] & (before >= 0) & (was != positive[..., 1:])
-    row, loop, low = np.nonzero(changed)
-    return row, loop, before[changed], low + 1
+        known = np.flatnonzero(np.abs(flat) > NOISE)
+    positive, curve = flat[known] >= 0, known // count
+    changed = (positive[1:] != positive[:-1]) & (curve[1:] == curve[:-1])
+    curve, low, high = curve[1:][changed], known[:-1][changed], known[1:][changed]
+    return curve // loops, curve % loops, low % count, high % count
 
 
 def _relevant(motion: FloatArray, brackets: Brackets, late: BoolArray) -> Brackets:
@@ -346,28 +346,29 @@ def _relevant(motion: FloatArray, brackets: Brackets, late: BoolArray) -> Bracke
     sizes = motion[SIZE, loop, low], motion[SIZE, loop, high]
     smallest, largest = np.fmin(*sizes), np.fmax(*sizes)
     negative = motion[COSINE, loop, low] < 0, motion[COSINE, loop, high] < 0
-    # Of a loop gain that a dead time turns for ever the largest small crossing counts.
-    certain = np.full(late.size, -np.inf)
-    sure = (row == SIDE) & negative[0] & negative[1] & (largest < 0)
-    np.maximum.at(certain, loop[sure], smallest[sure])
-    floor = np.fmin(np.nanmax(motion[SIZE], axis=-1, initial=-np.inf), 0.0) + np.log(SMALL)
-    small = late[loop] & (largest + SLACK < np.fmin(floor, certain)[loop])
-    kept = (row != SIDE) | (negative[0] | negative[1]) & ~small
-    towards = motion[row, loop, low] < 0
-    known = np.pad(_known(motion), ((RETREAT, 0), (0, 0)))
-    near = towards & (_least(smallest, largest, row == DISK_RETREAT) < known[row, loop])
+    kept = (row != SIDE) | negative[0] | negative[1]
+    if late.any():
+        # Of a loop gain that a dead time turns for ever the largest small crossing counts.
+        certain = np.full(late.size, -np.inf)
+        sure = (row == SIDE) & negative[0] & negative[1] & (largest < 0)
+        np.maximum.at(certain, loop[sure], smallest[sure])
+        floor = np.fmin(np.fmax.reduce(motion[SIZE], axis=-1, initial=-np.inf), 0.0) + np.log(SMALL)
+        small = late[loop] & (largest + SLACK < np.fmin(floor, certain)[loop])
+        kept &= (row != SIDE) | ~small
+    towards, known = motion[row, loop, low] < 0, _known(motion)[row - RETREAT, loop]
+    near = towards & (_least(smallest, largest, row == DISK_RETREAT) < known)
     kept &= (row < RETREAT) | near
     return row[kept], loop[kept], low[kept], high[kept]
 
 
 def _known(motion: FloatArray) -> FloatArray:
     """Smallest values of the two distances on the frequencies at hand."""
-    return np.asarray(np.exp(np.nanmin(motion[[DISTANCE, DISK]], axis=-1, initial=np.inf)))
+    return np.asarray(np.exp(np.fmin.reduce(motion[DISTANCE : DISK + 1], axis=-1, initial=np.inf)))
 
 
 def _least(smallest: FloatArray, largest: FloatArray, disk: BoolArray | bool) -> FloatArray:
     """Bound ``|1 + L|``, or ``|(1 + L)/(1 - L)|``, from below by the size of L in a stretch."""
-    size = np.exp(np.clip(0.0, smallest - SLACK, largest + SLACK))
+    size = np.exp(np.minimum(np.maximum(smallest - SLACK, 0.0), largest + SLACK))
     return np.asarray(np.abs(1 - size) / np.where(disk, 1 + size, 1.0))
 
 

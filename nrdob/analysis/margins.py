@@ -380,8 +380,10 @@ def _circle_at_infinity(loop: Quotient) -> tuple[float, float]:
     With a denominator 1 + c exp(-jωθm) that a model with a direct term leaves it is the image of
     one; where two different dead times turn, the circle around 0 that holds all L comes near to.
     """
-    num, den = loop.numerator, loop.denominator
     a, b = loop.at_infinity
+    if not loop.delay:
+        return a, b
+    num, den = loop.numerator, loop.denominator
     c = [(float(p[0] / den.q[0]), delay) for p, delay in den.delayed if p.size == den.q.size]
     if not c or den.neutral_ratio >= 1 or not isfinite(a + b):
         return a, b
@@ -421,8 +423,12 @@ def _closest(nearest: Found, ends: Ends) -> tuple[float, float]:
     """Smallest |1 + L| and where."""
     limits = [abs(1 + ends.dc_gain), abs(abs(1 + ends.undelayed) - abs(ends.delayed))]
     distance = np.concatenate([np.abs(1 + nearest.L), limits])
-    k = int(np.nanargmin(distance))
-    return float(distance[k]), float(np.concatenate([nearest.omega, [0.0, ends.last]])[k])
+    distance[np.isnan(distance)] = inf
+    k = int(distance.argmin())
+    omega = (
+        [0.0, ends.last][k - nearest.omega.size] if k >= nearest.omega.size else nearest.omega[k]
+    )
+    return float(distance[k]), float(omega)
 
 
 def _disk_margin(disk: Found, ends: Ends) -> float:
