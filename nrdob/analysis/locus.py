@@ -171,12 +171,12 @@ class Locus:
         """
         log, slope = self.log_and_slope(omega)
         size, angle = log.real, log.imag
-        rows = np.empty((9, *log.shape))
+        rows, z = np.empty((9, *log.shape)), np.empty_like(log)
         with np.errstate(all="ignore"):
             cosine, sine = np.cos(angle), np.sin(angle)
             # L or 1/L, whichever is not above 1.
-            large = size > 0
-            z = np.exp(-np.abs(size)) * (cosine + 1j * np.where(large, -sine, sine))
+            large, smaller = size > 0, np.exp(-np.abs(size))
+            z.real, z.imag = smaller * cosine, smaller * np.where(large, -sine, sine)
             above, below = 1 + z, 1 - z
             away = slope / above  # d log(1 + L) = L/(1 + L) d log L
             turned = 2 * away * z / below
@@ -299,15 +299,15 @@ def notable_frequencies(
 
     def followed(omega: FloatArray) -> FloatArray:
         motion = locus.motion(omega)
-        if omega[-1] > last.min():
+        if omega.max() > last.min():
             motion[:, omega > last[:, None]] = np.nan
         return motion
 
     motion = followed(omega)
     more = _hidden(locus, omega, motion)
     if more.size:
-        omega = np.union1d(omega, more)
-        motion = followed(omega)
+        omega, first = np.unique(np.concatenate([omega, more]), return_index=True)
+        motion = np.concatenate([motion, followed(more)], axis=-1)[..., first]
     brackets = _relevant(motion, _changes(motion[: DISK_RETREAT + 1]), np.isfinite(last))
     row, loop, _, _ = brackets
     solved = _solved(locus, omega, motion, brackets)
