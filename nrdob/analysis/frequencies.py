@@ -103,8 +103,10 @@ def gentle_frequencies(*loops: Quotient) -> FloatArray:
         left, right = _cut(left, width, np.minimum(parts[~gentle], CUTS))
     omega = np.exp(np.sort(np.concatenate(done)))
     delayed = {id(p): p for loop in loops for p in loop.den if p.delay and p.neutral_ratio < 1}
+    if not delayed:
+        return omega
     own = [subdivided(_segments(p.without_origin), PER_SEGMENT) for p in delayed.values()]
-    return reduce(np.union1d, own, omega)[int(bool(own)) :]
+    return reduce(np.union1d, own, omega)[1:]
 
 
 def _cut(left: FloatArray, width: FloatArray, parts: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -118,13 +120,15 @@ def _cut(left: FloatArray, width: FloatArray, parts: FloatArray) -> tuple[FloatA
 
 def _corners(factor: QuasiPolynomial) -> ComplexArray:
     """Roots of the factor's polynomials, each by itself, without those at s = 0."""
-    found = []
+    found: list[ComplexArray] = []
     for q, _ in factor.terms:
+        if q.size == 1:
+            continue
         used = q.nonzero()[0]
         if used.size > 1:
             p = q[used[0] : used[-1] + 1]
             found.append(polynomial_roots(p) if p.size <= 3 else companion_roots(p))
-    return np.concatenate([np.empty(0, dtype=complex), *found])
+    return found[0] if len(found) == 1 else np.concatenate([np.empty(0, dtype=complex), *found])
 
 
 def with_turns(locus: Locus, omega: FloatArray, *loops: Quotient) -> tuple[FloatArray, FloatArray]:

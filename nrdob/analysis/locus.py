@@ -128,17 +128,18 @@ class Locus:
         # exp(-sT) behind its Taylor polynomial.
         expanded = [factor.expanded for factor in factors]
         self._behind = np.array([expanded[i][1] for i, _, _ in delayed], dtype=np.intp)
+        self._complex_signs = self._signs.astype(complex)
         self._divided = self._signs @ [float(factor.divided) for factor in factors]
+        self._any_divided = bool(self._divided.any())
         rows = [row for row, _ in expanded]
         rows += [r for _, r, _ in delayed]
         # p(s) = even(s²) + s odd(s²): on the axis s² is real, so that half the work is left.
         length = max(row.size for row in rows) // 2 + 1
-        table = np.zeros((length, 2, len(rows)))
-        for i, row in enumerate(rows):
-            for j in (0, 1):
-                part = row[::-1][j::2]
-                table[length - part.size :, j, i] = part[::-1]
-        self._table = table[..., None]
+        ascending = np.zeros((len(rows), 2 * length))
+        for line, row in zip(ascending, rows, strict=True):
+            line[: row.size] = row[::-1]
+        parts = ascending.reshape(len(rows), length, 2)[:, ::-1]
+        self._table = np.ascontiguousarray(parts.transpose(1, 2, 0))[..., None]
 
     def values(self, omega: FloatArray) -> ComplexArray:
         """Evaluate L(jω), zero and infinite at roots on the axis.
@@ -225,9 +226,9 @@ class Locus:
         p, dp = self._factors(omega)
         s = 1j * omega
         with np.errstate(all="ignore"):
-            log: ComplexArray = np.asarray(self._signs @ np.log(p), dtype=complex)
-            slope = s * (self._signs @ (dp / p))
-            if self._divided.any():
+            log: ComplexArray = self._complex_signs @ np.log(p)
+            slope: ComplexArray = s * (self._complex_signs @ (dp / p))
+            if self._any_divided:
                 log = log - self._divided[:, None] * np.log(s)
                 slope = slope - self._divided[:, None]
             return log, slope
@@ -247,17 +248,19 @@ class Locus:
             p, dp = p[:count], dp[:count]
             for values, more in zip((p, dp), late, strict=True):
                 np.add.at(values, self._delayed, more)
-        p[p == 0] = VANISHED
+        if not p.all():
+            p[p == 0] = VANISHED
         return p, dp
 
     def _rows(self, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:
         """Values and derivatives of the factors' polynomials, without dead times."""
-        square, s = -(omega**2), 1j * omega
+        square, s = -omega * omega, 1j * omega
         first, *others = self._table
         value = np.repeat(first, omega.size, axis=-1)
         slope = np.zeros_like(value)
-        for coefficients in others:
-            slope *= square
+        for k, coefficients in enumerate(others):
+            if k:
+                slope *= square
             slope += value
             value *= square
             value += coefficients
@@ -378,7 +381,8 @@ def _hidden(locus: Locus, omega: FloatArray, motion: FloatArray) -> FloatArray:
     # A function that first nears zero and then leaves it may have crossed it twice in between.
     value, slope = motion[: SIDE + 1], motion[SIZE_SLOPE : SIDE_SLOPE + 1]
     with np.errstate(all="ignore"):
-        width, leaves = np.diff(np.log(omega)), value * slope
+        log, leaves = np.log(omega), value * slope
+        width = log[1:] - log[:-1]
         dips = (leaves[..., :-1] < 0) & (leaves[..., 1:] > 0)
         if dips.any():
             far = np.abs(value / slope) / 2
@@ -391,7 +395,7 @@ def _hidden(locus: Locus, omega: FloatArray, motion: FloatArray) -> FloatArray:
         slope, value = motion[RETREAT : DISK_RETREAT + 1], motion[DISTANCE : DISK + 1]
         before, after = slope[..., :-1], slope[..., 1:]
         mean = (before + after) / 2
-        middle = (1.5 * np.diff(value, axis=-1) / width - mean / 2) * mean
+        middle = (1.5 * (value[..., 1:] - value[..., :-1]) / width - mean / 2) * mean
         pairs = (middle < 0.1 * mean * mean) & (before * after > 0)
         if pairs.any():
             size = motion[SIZE, :, :-1], motion[SIZE, :, 1:]

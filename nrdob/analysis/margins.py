@@ -362,8 +362,8 @@ def margins_at(found: Notable, ends: Ends, stable: bool | None, name: str) -> Ma
     if not stable:
         unknown = (nan, nan, nan, nan, nan, nan, nan, nan, nan, nan)
         return Margins(*unknown, stable, name, *listed)
-    gm_low = float(np.max(gains[gains < 1], initial=0.0))
-    gm_high = float(np.min(gains[gains > 1], initial=inf))
+    gm_low = float(gains[gains < 1].max(initial=0.0))
+    gm_high = float(gains[gains > 1].min(initial=inf))
     gm = gm_low if gm_low * gm_high > 1 else gm_high
     wpc = float(phase[gains == gm][0]) if 0 < gm < inf else nan
     pm, wgc, delay_margin = _rotations(omega, angle, ends)
@@ -401,9 +401,9 @@ def _critical_gains(phase: Found, ends: Ends) -> tuple[FloatArray, FloatArray]:
     """Gain factors k > 0 with k·L(jω) = -1, and where, ω = 0 and ω = ∞ included."""
     size = abs(ends.delayed)
     last = {ends.undelayed - size, ends.undelayed + size}
-    values = np.concatenate([[ends.dc_gain], phase.L.real, list(last)])
-    omega = np.concatenate([[0.0], phase.omega, [ends.last] * len(last)])
-    negative = np.isfinite(values) & (values < -TINY)
+    values = np.array([ends.dc_gain, *phase.L.real.tolist(), *last])
+    omega = np.array([0.0, *phase.omega.tolist(), *(ends.last for _ in last)])
+    negative = (values > -inf) & (values < -TINY)
     return -1 / values[negative], omega[negative]
 
 
@@ -411,12 +411,13 @@ def _rotations(omega: FloatArray, angle: FloatArray, ends: Ends) -> tuple[float,
     """Phase margin in degrees, its frequency, and the delay margin."""
     endless = ends.last == inf and abs(ends.undelayed) + abs(ends.delayed) >= 1
     delay_margin = 0.0 if endless else inf
-    delay_margin = float(np.min(np.mod(angle, 2 * np.pi) / omega, initial=delay_margin))
-    angles, omega = np.append(np.abs(angle), ends.angles), np.append(omega, [0.0, ends.last])
-    k = int(np.argmin(angles))
-    if angles[k] == inf:
+    delay_margin = float((np.mod(angle, 2 * np.pi) / omega).min(initial=delay_margin))
+    angles = [*np.abs(angle).tolist(), *ends.angles]
+    smallest = min(angles)
+    if smallest == inf:
         return inf, nan, delay_margin
-    return float(np.degrees(angles[k])), float(omega[k]), delay_margin
+    at = [*omega.tolist(), 0.0, ends.last][angles.index(smallest)]
+    return degrees(smallest), at, delay_margin
 
 
 def _closest(nearest: Found, ends: Ends) -> tuple[float, float]:
@@ -434,8 +435,8 @@ def _closest(nearest: Found, ends: Ends) -> tuple[float, float]:
 def _disk_margin(disk: Found, ends: Ends) -> float:
     """Smallest 2 |(1 + L)/(1 - L)|; of the circle at infinite frequency its ends on the axis."""
     size = abs(ends.delayed)
-    real = np.array([ends.dc_gain, ends.undelayed - size, ends.undelayed + size])
-    real = np.where(np.isfinite(real), real, -1e300)
-    values: ComplexArray = np.concatenate([disk.L, real])
+    real = ends.dc_gain, ends.undelayed - size, ends.undelayed + size
+    finite = [value if isfinite(value) else -1e300 for value in real]
+    values: ComplexArray = np.array([*disk.L.tolist(), *finite])
     with np.errstate(divide="ignore"):
-        return float(2 * np.min(np.abs(1 + values) / np.abs(1 - values)))
+        return float(2 * (np.abs(1 + values) / np.abs(1 - values)).min())
