@@ -75,7 +75,8 @@ def gentle_frequencies(*loops: Quotient) -> FloatArray:
     factors = factors_of(*loops)
     roots = [_corners(factor) for factor in factors]
     z = np.concatenate(roots)
-    member = [[any(f is own for own in loop.num + loop.den) for loop in loops] for f in factors]
+    owned = [{id(factor) for factor in loop.num + loop.den} for loop in loops]
+    member = [[id(factor) in own for own in owned] for factor in factors]
     member_of = np.repeat(np.array(member, dtype=float), [each.size for each in roots], axis=0)
     size = np.abs(z)
     square = np.maximum(np.abs(z.real), CLOSEST * size) ** 2
@@ -102,8 +103,10 @@ def gentle_frequencies(*loops: Quotient) -> FloatArray:
         left, right = _cut(left, width, np.minimum(parts[~gentle], CUTS))
     omega = np.exp(np.sort(np.concatenate(done)))
     delayed = {id(p): p for loop in loops for p in loop.den if p.delay and p.neutral_ratio < 1}
+    if not delayed:
+        return omega
     own = [subdivided(_segments(p.without_origin), PER_SEGMENT) for p in delayed.values()]
-    return reduce(np.union1d, own, omega)[int(bool(own)) :]
+    return reduce(np.union1d, own, omega)[1:]
 
 
 def _cut(left: FloatArray, width: FloatArray, parts: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -117,13 +120,15 @@ def _cut(left: FloatArray, width: FloatArray, parts: FloatArray) -> tuple[FloatA
 
 def _corners(factor: QuasiPolynomial) -> ComplexArray:
     """Roots of the factor's polynomials, each by itself, without those at s = 0."""
-    found = []
+    found: list[ComplexArray] = []
     for q, _ in factor.terms:
-        used = np.flatnonzero(q)
-        if used.size:
+        if q.size == 1:
+            continue
+        used = q.nonzero()[0]
+        if used.size > 1:
             p = q[used[0] : used[-1] + 1]
             found.append(polynomial_roots(p) if p.size <= 3 else companion_roots(p))
-    return np.concatenate([np.empty(0, dtype=complex), *found])
+    return found[0] if len(found) == 1 else np.concatenate([np.empty(0, dtype=complex), *found])
 
 
 def with_turns(locus: Locus, omega: FloatArray, *loops: Quotient) -> tuple[FloatArray, FloatArray]:

@@ -128,17 +128,18 @@ class Locus:
         # exp(-sT) behind its Taylor polynomial.
         expanded = [factor.expanded for factor in factors]
         self._behind = np.array([expanded[i][1] for i, _, _ in delayed], dtype=np.intp)
+        self._complex_signs = self._signs.astype(complex)
         self._divided = self._signs @ [float(factor.divided) for factor in factors]
+        self._any_divided = bool(self._divided.any())
         rows = [row for row, _ in expanded]
         rows += [r for _, r, _ in delayed]
         # p(s) = even(s²) + s odd(s²): on the axis s² is real, so that half the work is left.
         length = max(row.size for row in rows) // 2 + 1
-        table = np.zeros((length, 2, len(rows)))
-        for i, row in enumerate(rows):
-            for j in (0, 1):
-                part = row[::-1][j::2]
-                table[length - part.size :, j, i] = part[::-1]
-        self._table = table[..., None]
+        ascending = np.zeros((len(rows), 2 * length))
+        for line, row in zip(ascending, rows, strict=True):
+            line[: row.size] = row[::-1]
+        parts = ascending.reshape(len(rows), length, 2)[:, ::-1]
+        self._table = np.ascontiguousarray(parts.transpose(1, 2, 0))[..., None]
 
     def values(self, omega: FloatArray) -> ComplexArray:
         """Evaluate L(jω), zero and infinite at roots on the axis.
@@ -171,12 +172,12 @@ class Locus:
         """
         log, slope = self.log_and_slope(omega)
         size, angle = log.real, log.imag
-        rows = np.empty((9, *log.shape))
+        rows, z = np.empty((9, *log.shape)), np.empty_like(log)
         with np.errstate(all="ignore"):
             cosine, sine = np.cos(angle), np.sin(angle)
             # L or 1/L, whichever is not above 1.
-            large = size > 0
-            z = np.exp(-np.abs(size)) * (cosine + 1j * np.where(large, -sine, sine))
+            large, smaller = size > 0, np.exp(-np.abs(size))
+            z.real, z.imag = smaller * cosine, smaller * np.where(large, -sine, sine)
             above, below = 1 + z, 1 - z
             away = slope / above  # d log(1 + L) = L/(1 + L) d log L
             turned = 2 * away * z / below
@@ -225,9 +226,9 @@ class Locus:
         p, dp = self._factors(omega)
         s = 1j * omega
         with np.errstate(all="ignore"):
-            log: ComplexArray = np.asarray(self._signs @ np.log(p), dtype=complex)
-            slope = s * (self._signs @ (dp / p))
-            if self._divided.any():
+            log: ComplexArray = self._complex_signs @ np.log(p)
+            slope: ComplexArray = s * (self._complex_signs @ (dp / p))
+            if self._any_divided:
                 log = log - self._divided[:, None] * np.log(s)
                 slope = slope - self._divided[:, None]
             return log, slope
@@ -247,17 +248,19 @@ class Locus:
             p, dp = p[:count], dp[:count]
             for values, more in zip((p, dp), late, strict=True):
                 np.add.at(values, self._delayed, more)
-        p[p == 0] = VANISHED
+        if not p.all():
+            p[p == 0] = VANISHED
         return p, dp
 
     def _rows(self, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:
         """Values and derivatives of the factors' polynomials, without dead times."""
-        square, s = -(omega**2), 1j * omega
+        square, s = -omega * omega, 1j * omega
         first, *others = self._table
         value = np.repeat(first, omega.size, axis=-1)
         slope = np.zeros_like(value)
-        for coefficients in others:
-            slope *= square
+        for k, coefficients in enumerate(others):
+            if k:
+                slope *= square
             slope += value
             value *= square
             value += coefficients
@@ -299,15 +302,15 @@ def notable_frequencies(
 
     def followed(omega: FloatArray) -> FloatArray:
         motion = locus.motion(omega)
-        if omega[-1] > last.min():
+        if omega.max() > last.min():
             motion[:, omega > last[:, None]] = np.nan
         return motion
 
     motion = followed(omega)
     more = _hidden(locus, omega, motion)
     if more.size:
-        omega = np.union1d(omega, more)
-        motion = followed(omega)
+        omega, first = np.unique(np.concatenate([omega, more]), return_index=True)
+        motion = np.concatenate([motion, followed(more)], axis=-1)[..., first]
     brackets = _relevant(motion, _changes(motion[: DISK_RETREAT + 1]), np.isfinite(last))
     row, loop, _, _ = brackets
     solved = _solved(locus, omega, motion, brackets)
@@ -330,14 +333,14 @@ Brackets = tuple[IntArray, IntArray, IntArray, IntArray]
 
 def _changes(values: FloatArray) -> Brackets:
     """Intervals between significant values of different sides; rows, loops and places are axes."""
+    _, loops, count = values.shape
+    flat = values.ravel()
     with np.errstate(invalid="ignore"):
-        known, positive = np.abs(values) > NOISE, values >= 0
-    place = np.arange(values.shape[-1])
-    before = np.maximum.accumulate(np.where(known, place, -1), axis=-1)[..., :-1]
-    was = np.take_along_axis(positive, np.maximum(before, 0), axis=-1)
-    changed = known[..., 1:] & (before >= 0) & (was != positive[..., 1:])
-    row, loop, low = np.nonzero(changed)
-    return row, loop, before[changed], low + 1
+        known = np.flatnonzero(np.abs(flat) > NOISE)
+    positive, curve = flat[known] >= 0, known // count
+    changed = (positive[1:] != positive[:-1]) & (curve[1:] == curve[:-1])
+    curve, low, high = curve[1:][changed], known[:-1][changed], known[1:][changed]
+    return curve // loops, curve % loops, low % count, high % count
 
 
 def _relevant(motion: FloatArray, brackets: Brackets, late: BoolArray) -> Brackets:
@@ -346,28 +349,29 @@ def _relevant(motion: FloatArray, brackets: Brackets, late: BoolArray) -> Bracke
     sizes = motion[SIZE, loop, low], motion[SIZE, loop, high]
     smallest, largest = np.fmin(*sizes), np.fmax(*sizes)
     negative = motion[COSINE, loop, low] < 0, motion[COSINE, loop, high] < 0
-    # Of a loop gain that a dead time turns for ever the largest small crossing counts.
-    certain = np.full(late.size, -np.inf)
-    sure = (row == SIDE) & negative[0] & negative[1] & (largest < 0)
-    np.maximum.at(certain, loop[sure], smallest[sure])
-    floor = np.fmin(np.nanmax(motion[SIZE], axis=-1, initial=-np.inf), 0.0) + np.log(SMALL)
-    small = late[loop] & (largest + SLACK < np.fmin(floor, certain)[loop])
-    kept = (row != SIDE) | (negative[0] | negative[1]) & ~small
-    towards = motion[row, loop, low] < 0
-    known = np.pad(_known(motion), ((RETREAT, 0), (0, 0)))
-    near = towards & (_least(smallest, largest, row == DISK_RETREAT) < known[row, loop])
+    kept = (row != SIDE) | negative[0] | negative[1]
+    if late.any():
+        # Of a loop gain that a dead time turns for ever the largest small crossing counts.
+        certain = np.full(late.size, -np.inf)
+        sure = (row == SIDE) & negative[0] & negative[1] & (largest < 0)
+        np.maximum.at(certain, loop[sure], smallest[sure])
+        floor = np.fmin(np.fmax.reduce(motion[SIZE], axis=-1, initial=-np.inf), 0.0) + np.log(SMALL)
+        small = late[loop] & (largest + SLACK < np.fmin(floor, certain)[loop])
+        kept &= (row != SIDE) | ~small
+    towards, known = motion[row, loop, low] < 0, _known(motion)[row - RETREAT, loop]
+    near = towards & (_least(smallest, largest, row == DISK_RETREAT) < known)
     kept &= (row < RETREAT) | near
     return row[kept], loop[kept], low[kept], high[kept]
 
 
 def _known(motion: FloatArray) -> FloatArray:
     """Smallest values of the two distances on the frequencies at hand."""
-    return np.asarray(np.exp(np.nanmin(motion[[DISTANCE, DISK]], axis=-1, initial=np.inf)))
+    return np.asarray(np.exp(np.fmin.reduce(motion[DISTANCE : DISK + 1], axis=-1, initial=np.inf)))
 
 
 def _least(smallest: FloatArray, largest: FloatArray, disk: BoolArray | bool) -> FloatArray:
     """Bound ``|1 + L|``, or ``|(1 + L)/(1 - L)|``, from below by the size of L in a stretch."""
-    size = np.exp(np.clip(0.0, smallest - SLACK, largest + SLACK))
+    size = np.exp(np.minimum(np.maximum(smallest - SLACK, 0.0), largest + SLACK))
     return np.asarray(np.abs(1 - size) / np.where(disk, 1 + size, 1.0))
 
 
@@ -377,7 +381,8 @@ def _hidden(locus: Locus, omega: FloatArray, motion: FloatArray) -> FloatArray:
     # A function that first nears zero and then leaves it may have crossed it twice in between.
     value, slope = motion[: SIDE + 1], motion[SIZE_SLOPE : SIDE_SLOPE + 1]
     with np.errstate(all="ignore"):
-        width, leaves = np.diff(np.log(omega)), value * slope
+        log, leaves = np.log(omega), value * slope
+        width = log[1:] - log[:-1]
         dips = (leaves[..., :-1] < 0) & (leaves[..., 1:] > 0)
         if dips.any():
             far = np.abs(value / slope) / 2
@@ -390,7 +395,7 @@ def _hidden(locus: Locus, omega: FloatArray, motion: FloatArray) -> FloatArray:
         slope, value = motion[RETREAT : DISK_RETREAT + 1], motion[DISTANCE : DISK + 1]
         before, after = slope[..., :-1], slope[..., 1:]
         mean = (before + after) / 2
-        middle = (1.5 * np.diff(value, axis=-1) / width - mean / 2) * mean
+        middle = (1.5 * (value[..., 1:] - value[..., :-1]) / width - mean / 2) * mean
         pairs = (middle < 0.1 * mean * mean) & (before * after > 0)
         if pairs.any():
             size = motion[SIZE, :, :-1], motion[SIZE, :, 1:]

@@ -362,8 +362,8 @@ def margins_at(found: Notable, ends: Ends, stable: bool | None, name: str) -> Ma
     if not stable:
         unknown = (nan, nan, nan, nan, nan, nan, nan, nan, nan, nan)
         return Margins(*unknown, stable, name, *listed)
-    gm_low = float(np.max(gains[gains < 1], initial=0.0))
-    gm_high = float(np.min(gains[gains > 1], initial=inf))
+    gm_low = float(gains[gains < 1].max(initial=0.0))
+    gm_high = float(gains[gains > 1].min(initial=inf))
     gm = gm_low if gm_low * gm_high > 1 else gm_high
     wpc = float(phase[gains == gm][0]) if 0 < gm < inf else nan
     pm, wgc, delay_margin = _rotations(omega, angle, ends)
@@ -380,8 +380,10 @@ def _circle_at_infinity(loop: Quotient) -> tuple[float, float]:
     With a denominator 1 + c exp(-jωθm) that a model with a direct term leaves it is the image of
     one; where two different dead times turn, the circle around 0 that holds all L comes near to.
     """
-    num, den = loop.numerator, loop.denominator
     a, b = loop.at_infinity
+    if not loop.delay:
+        return a, b
+    num, den = loop.numerator, loop.denominator
     c = [(float(p[0] / den.q[0]), delay) for p, delay in den.delayed if p.size == den.q.size]
     if not c or den.neutral_ratio >= 1 or not isfinite(a + b):
         return a, b
@@ -399,9 +401,9 @@ def _critical_gains(phase: Found, ends: Ends) -> tuple[FloatArray, FloatArray]:
     """Gain factors k > 0 with k·L(jω) = -1, and where, ω = 0 and ω = ∞ included."""
     size = abs(ends.delayed)
     last = {ends.undelayed - size, ends.undelayed + size}
-    values = np.concatenate([[ends.dc_gain], phase.L.real, list(last)])
-    omega = np.concatenate([[0.0], phase.omega, [ends.last] * len(last)])
-    negative = np.isfinite(values) & (values < -TINY)
+    values = np.array([ends.dc_gain, *phase.L.real.tolist(), *last])
+    omega = np.array([0.0, *phase.omega.tolist(), *(ends.last for _ in last)])
+    negative = (values > -inf) & (values < -TINY)
     return -1 / values[negative], omega[negative]
 
 
@@ -409,27 +411,32 @@ def _rotations(omega: FloatArray, angle: FloatArray, ends: Ends) -> tuple[float,
     """Phase margin in degrees, its frequency, and the delay margin."""
     endless = ends.last == inf and abs(ends.undelayed) + abs(ends.delayed) >= 1
     delay_margin = 0.0 if endless else inf
-    delay_margin = float(np.min(np.mod(angle, 2 * np.pi) / omega, initial=delay_margin))
-    angles, omega = np.append(np.abs(angle), ends.angles), np.append(omega, [0.0, ends.last])
-    k = int(np.argmin(angles))
-    if angles[k] == inf:
+    delay_margin = float((np.mod(angle, 2 * np.pi) / omega).min(initial=delay_margin))
+    angles = [*np.abs(angle).tolist(), *ends.angles]
+    smallest = min(angles)
+    if smallest == inf:
         return inf, nan, delay_margin
-    return float(np.degrees(angles[k])), float(omega[k]), delay_margin
+    at = [*omega.tolist(), 0.0, ends.last][angles.index(smallest)]
+    return degrees(smallest), at, delay_margin
 
 
 def _closest(nearest: Found, ends: Ends) -> tuple[float, float]:
     """Smallest |1 + L| and where."""
     limits = [abs(1 + ends.dc_gain), abs(abs(1 + ends.undelayed) - abs(ends.delayed))]
     distance = np.concatenate([np.abs(1 + nearest.L), limits])
-    k = int(np.nanargmin(distance))
-    return float(distance[k]), float(np.concatenate([nearest.omega, [0.0, ends.last]])[k])
+    distance[np.isnan(distance)] = inf
+    k = int(distance.argmin())
+    omega = (
+        [0.0, ends.last][k - nearest.omega.size] if k >= nearest.omega.size else nearest.omega[k]
+    )
+    return float(distance[k]), float(omega)
 
 
 def _disk_margin(disk: Found, ends: Ends) -> float:
     """Smallest 2 |(1 + L)/(1 - L)|; of the circle at infinite frequency its ends on the axis."""
     size = abs(ends.delayed)
-    real = np.array([ends.dc_gain, ends.undelayed - size, ends.undelayed + size])
-    real = np.where(np.isfinite(real), real, -1e300)
-    values: ComplexArray = np.concatenate([disk.L, real])
+    real = ends.dc_gain, ends.undelayed - size, ends.undelayed + size
+    finite = [value if isfinite(value) else -1e300 for value in real]
+    values: ComplexArray = np.array([*disk.L.tolist(), *finite])
     with np.errstate(divide="ignore"):
-        return float(2 * np.min(np.abs(1 + values) / np.abs(1 - values)))
+        return float(2 * (np.abs(1 + values) / np.abs(1 - values)).min())

@@ -267,6 +267,8 @@ class _ObserverMaps:
         zero there, which is no root of the loop; 1 + L has none.
         """
         cancelled = self.built.poles
+        if not cancelled.degree:
+            return self.FH
         return self.L if cancelled.zeros_at_origin or unstable_roots(cancelled).size else self.FH
 
     @property

@@ -65,7 +65,7 @@ class Quotient:
     den: tuple[QuasiPolynomial, ...]
     name: str = ""
 
-    @property
+    @cached_property
     def delay(self) -> float:
         """Longest dead time in any factor, in seconds."""
         return max(factor.delay for factor in self.num + self.den)
@@ -80,7 +80,7 @@ class Quotient:
         """The denominator multiplied out."""
         return multiply(*self.den)
 
-    @property
+    @cached_property
     def zeros_at_origin(self) -> int:
         """Power of s that is left when those of both sides are cancelled; negative for poles."""
         return sum(f.zeros_at_origin for f in self.num) - sum(f.zeros_at_origin for f in self.den)

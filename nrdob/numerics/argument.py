@@ -293,7 +293,8 @@ def _certified(
                 f"over {limit} frequencies would be needed to follow the argument: the "
                 "dead time is too long for terms of so nearly equal size"
             )
-    return _Stretches(*map(np.concatenate, zip(*done, strict=True))), np.concatenate(holes)
+    whole = done[0] if len(done) == 1 else _Stretches(*map(np.concatenate, zip(*done, strict=True)))
+    return whole, np.concatenate(holes)
 
 
 def _examine(
@@ -311,6 +312,12 @@ def _examine(
     spread = _multiplied(radius / centre, scale.size)
     noise = ROUNDING * (powers @ scale[::-1])
     found = [_taylor_sums(term.q, powers, spread) for term in terms]
+    if len(terms) == 1:
+        (value, rest), turns = found[0], terms[0].delay * radius
+        size = np.abs(value)
+        bound = rest + size * np.minimum(2.0, turns) if terms[0].delay else rest
+        result = np.where(size > SLACK * bound + noise, FREE, OPEN)
+        return result, (result == OPEN) & (size <= noise)
     sizes = [np.abs(value) for value, _ in found]
     total = np.zeros(centre.size, dtype=complex)
     bound = np.zeros(centre.size)
@@ -377,6 +384,8 @@ def _angles(terms: Sequence[Term], scale: FloatArray, stretches: _Stretches) -> 
     sums = values.sum(axis=0)
     before, after = sums[:n], sums[second:]
     free = mark == FREE
+    if free.all():
+        return float(np.angle(after / before).sum())
     angle = float(np.angle(after[free] / before[free]).sum())
     for i, (_, delay) in enumerate(terms):
         on = mark == i
@@ -393,7 +402,10 @@ def _angles(terms: Sequence[Term], scale: FloatArray, stretches: _Stretches) -> 
 def _values(terms: Sequence[Term], scale: FloatArray, omega: FloatArray) -> ComplexArray:
     """Each term at jω > 0, up to a positive factor that differs from one frequency to the next."""
     powers = _powers(scale, omega) * _units(scale.size)
-    rows = [powers[:, : q.size] @ q[::-1] * np.exp(-1j * delay * omega) for q, delay in terms]
+    rows = [powers[:, : q.size] @ q[::-1] for q, _ in terms]
+    for row, (_, delay) in zip(rows, terms, strict=True):
+        if delay:
+            row *= np.exp(-1j * delay * omega)
     return np.array(rows)
 
 

@@ -97,16 +97,18 @@ def newton(
     within : float or array of float
         Longest last step.
     """
-    x, last = np.clip(start, np.minimum(low, high), np.maximum(low, high)), np.abs(high - low)
+    x = np.minimum(np.maximum(start, np.minimum(low, high)), np.maximum(low, high))
+    last = np.abs(high - low)
     for _ in range(120):
         value, slope = function(x)
-        low, high = np.where(value < 0, x, low), np.where(value < 0, high, x)
+        below = value < 0
+        low, high = np.where(below, x, low), np.where(below, high, x)
         with np.errstate(all="ignore"):  # what is not finite is halved
             step = -value / slope
             safe = ((x + step - low) * (x + step - high) <= 0) & (np.abs(step) < last / 2)
         step = np.where(safe | (np.abs(step) <= within), step, (low + high) / 2 - x)
         x, last = x + step, np.abs(step)
-        if np.all(last <= within):
+        if (last <= within).all():
             break
     return x
 

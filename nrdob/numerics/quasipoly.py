@@ -152,7 +152,7 @@ class QuasiPolynomial:
     def zeros_at_origin(self) -> int:
         """Multiplicity of the root s = 0 that the coefficients prove exactly, or that is known."""
         if not self.delay:
-            return _trailing_zeros(self.q) if self.q.any() else 0
+            return _trailing_zeros(self.q) if not self.q[-1] and self.q.any() else 0
         shared = self._shared_zeros
         return max(shared + (sum(self._constants(shared)) == 0), self.origin)
 

@@ -166,9 +166,11 @@ def _both(coefficients: FloatArray, s: ComplexArray) -> tuple[ComplexArray, Comp
     powers = np.ones((*s.shape, coefficients.size), dtype=complex)
     powers[..., 1:] = s[..., None]
     np.multiply.accumulate(powers, axis=-1, out=powers)
-    ascending = coefficients[::-1]
-    slopes = ascending[1:] * np.arange(1, coefficients.size)
-    return np.asarray(powers @ ascending), np.asarray(powers[..., :-1] @ slopes)
+    both = np.zeros((coefficients.size, 2), dtype=complex)
+    both[:, 0] = coefficients[::-1]
+    both[:-1, 1] = coefficients[-2::-1] * np.arange(1, coefficients.size)
+    found = powers @ both
+    return found[..., 0], found[..., 1]
 
 
 def _polished(q: FloatArray, delayed: Delayed, roots: ComplexArray) -> ComplexArray:
