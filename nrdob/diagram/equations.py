@@ -361,6 +361,10 @@ class _ObserverMaps:
     def _parts(self) -> _Parts:
         return _Parts(self._makers())
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out of copies and pickles how factors are made: they are functions of this loop."""
+        return {name: value for name, value in vars(self).items() if name != "_parts"}
+
     def _makers(self) -> dict[str, Callable[[], QuasiPolynomial]]:
         """How each factor of the maps is made, by its name."""
         G, Gm, F = self._observer_fractions

@@ -1,3 +1,6 @@
+import copy
+import pickle
+
 import control as ct
 import numpy as np
 import pytest
@@ -234,3 +237,13 @@ def test_transfer_functions_of_separated_time_scales_are_the_maps(seed, order):
         if G is Gm:
             assert loop.T_R.to_tf().poles().size == order + 1
             assert loop.S_d.to_tf().poles().size == order
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda loop: pickle.loads(pickle.dumps(loop))])
+def test_a_loop_that_has_been_used_can_be_copied_and_sent_to_another_process(copied):
+    loop = paper.example(3)
+    maps = printed_maps(loop, S)  # the factors are made
+    assert loop.S_eta(S) == pytest.approx(maps["S_eta"])
+    again = copied(loop)
+    assert again is not loop
+    assert again.T_R(S) == pytest.approx(maps["T_R"])
