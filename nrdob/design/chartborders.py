@@ -57,11 +57,11 @@ PAIRS = {
 
 
 def most_turns(loops: ChartLoops, x: Axis, y: Axis) -> float:
-    """Count the turns θω/2π up to which the curves of a dead time are drawn; inf for all of them.
+    r"""Count the turns θω/2π up to which the curves of a dead time are drawn; inf for all of them.
 
-    Whatever θ is, a pair of roots goes right where |W| = k and |W| rises with ω, and left where it
-    falls: up to one, so many times as θω/2π. After t seconds at least t Σ ±ω/2π - K pairs are on
-    the right, for K such frequencies.
+    Whatever θ is, a pair of roots goes right where :math:`|W| = k` and :math:`|W|` rises with ω,
+    and left where it falls: up to one, so many times as θω/2π. After t seconds at least
+    t Σ ±ω/2π - K pairs are on the right, for K such frequencies.
     """
     if y.name != "delay":
         x, y = y, x

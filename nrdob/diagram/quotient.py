@@ -115,10 +115,12 @@ class Quotient:
             excess += sign * sum(f.q.size - 1 - f.divided for f in factors)
         if excess < 0 or not all(f.q.any() for f in self.num):
             return 0.0
+        if excess or not all(f.q.any() for f in self.den):
+            return inf
         value = prod(float(f.q[0]) for f in self.num)
         for factor in self.den:
             value /= float(factor.q[0])
-        return inf if excess else value
+        return value
 
     def __call__(self, s: complex | ComplexArray) -> Any:
         """Evaluate at complex `s`, a number or an array of any shape.

@@ -352,10 +352,11 @@ def _largest(loop: NRDOB, asked: dict[str, Interval]) -> Box:
 
 
 def _where_corners_meet(loop: NRDOB, omega: FloatArray, asked: dict[str, Interval]) -> FloatArray:
-    """Frequencies with |k L| = |1 + jωT|, or of equal angle with the dead time, at the corners.
+    """Frequencies at which a plant oscillates of which two parameters are at corners.
 
-    Those of the box and the nominal plant. Only between them a plant of the box can oscillate,
-    however narrow that is.
+    The corners are those of the box and the nominal plant. |k L| = |1 + jωT| leaves the dead time
+    free, an equal angle the gain, and Re(k L exp(-jωτ)) = -1 the lag. Only between such frequencies
+    a plant of the box can oscillate, however narrow that is.
     """
     gains, delays, lags = ({nominal, *asked[name]} for name, nominal in NOMINAL.items())
 
@@ -365,8 +366,12 @@ def _where_corners_meet(loop: NRDOB, omega: FloatArray, asked: dict[str, Interva
     def angle(delay: float, lag: float, w: FloatArray) -> FloatArray:
         return np.asarray((loop.L(1j * w) * np.exp(-1j * delay * w) / (1 + 1j * lag * w)).imag)
 
+    def real(gain: float, delay: float, w: FloatArray) -> FloatArray:
+        return np.asarray((gain * loop.L(1j * w) * np.exp(-1j * delay * w)).real + 1)
+
     offs = [partial(size, *corner) for corner in product(gains, lags)]
     offs += [partial(angle, *corner) for corner in product(delays, lags)]
+    offs += [partial(real, *corner) for corner in product(gains, delays)]
     found = []
     for off in offs:
         sign = side(off(omega))

@@ -12,7 +12,7 @@ import numpy as np
 
 import nrdob
 from nrdob import LowPassFilter
-from nrdob.analysis import margins
+from nrdob.analysis import quotient_margins
 from nrdob.design import Mismatch
 from nrdob.diagram import ObserverEquations
 
@@ -126,7 +126,7 @@ def _exact(
 ) -> tuple[np.ndarray, ...]:
     loop = ObserverEquations(process, model, LowPassFilter(value, order))
     stable = any(low < value < high for low, high in intervals)
-    found = margins(loop.L, stable, loop.p_B)
+    found = quotient_margins(loop.L, stable)
     numbers = (value, found.ms, abs(found.gm_db), found.pm)
     return tuple(np.array([number]) for number in numbers)
 

@@ -5,6 +5,7 @@ import math
 import control as ct
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import nrdob
 from nrdob import LowPassFilter, paper
@@ -218,3 +219,18 @@ def test_a_weight_that_cannot_be_fitted_is_refused():
     ):
         with pytest.raises(ValueError, match=said):
             fit_weight(*given)
+
+
+def test_a_box_ends_where_a_corner_of_gain_and_no_dead_time_leave_the_lag_free():
+    # Example 3 with k of 0.5 to 1: at k = 1 the longest lag is a root of Routh's condition.
+    loop = paper.example(3)
+    box = nrdob.largest_box(loop, gain=(0.5, 1.0), lag=(0.0, 0.1))
+
+    def rightmost(lag: float) -> float:
+        process = loop.process * ct.tf([1], [lag, 1])
+        changed = nrdob.NRDOB(process, loop.model, loop.controller, loop.filter)
+        return changed.stability().observer_loop.rightmost.real
+
+    longest = brentq(rightmost, 0.05, 0.1)
+    assert box.sides["lag"][1] == pytest.approx(longest, rel=1e-4)
+    assert box.lost is not None and box.lost["gain"] == pytest.approx(1.0, rel=1e-4)

@@ -1093,7 +1093,7 @@ def margins_without_the_process() -> Finding:
 
 
 def _equal(one: Margins, other: Margins) -> bool:
-    return np.array_equal(list(one), list(other), equal_nan=True)
+    return np.allclose(list(one), list(other), rtol=1e-9, equal_nan=True)
 
 
 @SECTION.claim(
