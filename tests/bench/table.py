@@ -28,6 +28,7 @@ import numpy as np
 
 import nrdob
 from nrdob import LowPassFilter, paper
+from nrdob.analysis import loop_margins
 
 ORDERS = (2, 4, 8)
 PADE = 5
@@ -95,6 +96,12 @@ def questions() -> Iterator[tuple[str, Task, Task | None]]:
         yield (
             f"margins, {name}",
             lambda fresh=fresh: fresh().margins(),
+            lambda gains=gains: [ct.stability_margins(gain) for gain in gains],
+        )
+        verdict = fresh().stability()
+        yield (
+            f"margins with the verdict known, {name}",
+            lambda fresh=fresh, verdict=verdict: loop_margins(fresh(), verdict),
             lambda gains=gains: [ct.stability_margins(gain) for gain in gains],
         )
         yield (
