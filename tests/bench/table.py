@@ -19,6 +19,7 @@ import json
 import time
 import warnings
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 from statistics import median
 
@@ -28,7 +29,6 @@ import numpy as np
 
 import nrdob
 from nrdob import LowPassFilter, paper
-from nrdob.analysis import loop_margins
 
 ORDERS = (2, 4, 8)
 PADE = 5
@@ -98,10 +98,10 @@ def questions() -> Iterator[tuple[str, Task, Task | None]]:
             lambda fresh=fresh: fresh().margins(),
             lambda gains=gains: [ct.stability_margins(gain) for gain in gains],
         )
-        verdict = fresh().stability()
+        verdict = cache(lambda fresh=fresh: fresh().stability())
         yield (
             f"margins with the verdict known, {name}",
-            lambda fresh=fresh, verdict=verdict: loop_margins(fresh(), verdict),
+            lambda fresh=fresh, verdict=verdict: nrdob.analysis.loop_margins(fresh(), verdict()),
             lambda gains=gains: [ct.stability_margins(gain) for gain in gains],
         )
         yield (
