@@ -399,9 +399,9 @@ def _hidden(locus: Locus, omega: FloatArray, motion: FloatArray) -> FloatArray:
         pairs = (middle < 0.1 * mean * mean) & (before * after > 0)
         if pairs.any():
             size = motion[SIZE, :, :-1], motion[SIZE, :, 1:]
-            ends = np.fmin(*size), np.fmax(*size)
-            bounds = np.stack([_least(*ends, disk) for disk in (False, True)])
-            low = np.unique(np.nonzero(pairs & (bounds < _known(motion)[..., None]))[-1])
+            bounds = _least(np.fmin(*size), np.fmax(*size), np.array([[[False]], [[True]]]))
+            near = pairs & (bounds < _known(motion)[..., None])
+            low = np.flatnonzero(near.any(axis=(0, 1)))
             parts = np.arange(1, CUTS) / CUTS
             found.append((omega[low, None] + np.diff(omega)[low, None] * parts).ravel())
     return np.concatenate(found) if found else np.empty(0)

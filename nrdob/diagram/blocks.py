@@ -183,10 +183,10 @@ def _read(system: Any, name: str) -> tuple[FloatArray, FloatArray]:
         _check_siso(name, system.inputs, system.outputs, system.dt, continuous)
     num: Any
     den: Any
-    if isinstance(system, ct.StateSpace | signal.StateSpace):
-        return polynomials(system, name)
     if isinstance(system, ct.TransferFunction):
         num, den = system.num_array[0, 0], system.den_array[0, 0]
+    elif isinstance(system, ct.StateSpace | signal.StateSpace):
+        return polynomials(system, name)
     elif isinstance(system, signal.TransferFunction):
         num, den = system.num, system.den
     elif isinstance(system, signal.ZerosPolesGain):

@@ -93,8 +93,8 @@ class Quotient:
         in so many senses gets as far from a as that.
         """
         if not self.delay:
-            excess = sum(f.degree for f in self.den) - sum(f.degree for f in self.num)
-            zero = any(not f.q.any() for f in self.num)
+            excess = sum([f.q.size - 1 for f in self.den]) - sum([f.q.size - 1 for f in self.num])
+            zero = any([f.q.size == 1 and not f.q[0] for f in self.num])
             if zero or excess:
                 return (0.0 if zero or excess > 0 else inf), 0.0
             top, bottom = (prod(float(f.q[0]) for f in fs) for fs in (self.num, self.den))

@@ -97,8 +97,8 @@ def shared_factor(f: QuasiPolynomial, g: QuasiPolynomial) -> Shared:
     # Powers of s are known exactly and stay so: the fit is about the other roots.
     power = min(f.zeros_at_origin, g.zeros_at_origin)
     excess = f.zeros_at_origin - g.zeros_at_origin
+    whole, common = (f, g), np.ones(1)
     f, g = f.without_origin, g.without_origin
-    common = np.ones(1)
     found = True
     while found:
         found = False
@@ -108,6 +108,8 @@ def shared_factor(f: QuasiPolynomial, g: QuasiPolynomial) -> Shared:
                 f, g, found = fitted.u, fitted.v, True
                 common = np.convolve(common, fitted.common.q)
                 break
+    if not power and common.size == 1:
+        return Shared(QuasiPolynomial(common), *whole)
     return Shared(
         _times_s(QuasiPolynomial(common), power),
         _times_s(f, max(excess, 0)),

@@ -19,6 +19,7 @@ import json
 import time
 import warnings
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 from statistics import median
 
@@ -95,6 +96,12 @@ def questions() -> Iterator[tuple[str, Task, Task | None]]:
         yield (
             f"margins, {name}",
             lambda fresh=fresh: fresh().margins(),
+            lambda gains=gains: [ct.stability_margins(gain) for gain in gains],
+        )
+        verdict = cache(lambda fresh=fresh: fresh().stability())
+        yield (
+            f"margins with the verdict known, {name}",
+            lambda fresh=fresh, verdict=verdict: nrdob.analysis.loop_margins(fresh(), verdict()),
             lambda gains=gains: [ct.stability_margins(gain) for gain in gains],
         )
         yield (
