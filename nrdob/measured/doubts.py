@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.linalg import solve_toeplitz
 from scipy.signal import lfilter
-from scipy.stats import chi2
+from scipy.stats import chi2, norm
 
 from ..numerics import FloatArray
 from .fitting import Fit
@@ -25,6 +25,9 @@ SETTLED = 2.0
 
 FAR = 8.0
 """Deviations from the samples around it at which a sample is an outlier."""
+
+TAIL = 0.95
+"""Share of the samples from the rest of which the tails of the noise are seen."""
 
 DRIFTED = 0.05
 """Share of the output's range from which on a drift is told."""
@@ -123,13 +126,16 @@ def _short(record: Record, parameters: dict[str, Parameter], fitted: int) -> Ite
 
 
 def _outliers(record: Record, residual: FloatArray, start: int) -> Iterator[str]:
-    """Find samples whose residual is far from the two on either side."""
+    """Find samples whose residual is far from the two on either side.
+
+    Far is what neither the noise, with its tails, nor the steps in which y usually changes explain:
+    a sensor that rounds leaves most samples alike, and moves the others by what it can resolve.
+    """
     around = np.lib.stride_tricks.sliding_window_view(np.pad(residual, 2, mode="edge"), 5)
     apart = np.abs(residual - np.median(around, axis=1))
     steps = np.abs(np.diff(record.y))
-    scale = max(
-        1.4826 * float(np.median(apart)), float(apart.std()) / 2, float(steps[steps > 0].min())
-    )
+    tail = float(np.quantile(apart, TAIL)) / float(norm.ppf(0.5 + TAIL / 2))
+    scale = max(tail, float(np.median(steps[steps > 0])))
     far = np.flatnonzero(apart > FAR * scale)
     if far.size:
         k = start + int(far[np.argmax(apart[far])])

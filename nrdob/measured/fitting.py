@@ -14,7 +14,7 @@ applications, Inverse Problems 19 (2003) R1-R26.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import exp
+from math import exp, log
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -22,9 +22,9 @@ from scipy.optimize import least_squares
 from ..numerics import ROUNDING, BoolArray, FloatArray
 from .residuals import DECISIVE, Whitening, whitening_of
 from .starts import starting_points
-from .structures import Structure
+from .structures import STRUCTURES, Structure
 
-__all__ = ["Fit", "Problem", "best_fit", "refined"]
+__all__ = ["Fit", "Problem", "best_fit", "refined", "simple_fit"]
 
 STEP = 1e-5
 """Of dead time in samples, and of logarithms, for derivatives."""
@@ -40,6 +40,12 @@ ROUNDS, SAME = 3, 1e-3
 
 BEGINNINGS = (Whitening(), Whitening(theta=0.8))
 """Filters with which a search begins: without drift, and with much."""
+
+TRIES = 3
+"""Starting points for each structure, with and without drift."""
+
+FAR = 0.15
+"""Share of the output by which a fit with drift may explain less, from rest, than one without."""
 
 LONG = 2000
 """Samples to which longer records are thinned, to begin with."""
@@ -92,6 +98,29 @@ class Problem:
             As `left` gives it.
         """
         return whitening_of(residual) if self.dense else Whitening()
+
+    def explained(self, fit: Fit) -> float:
+        """Give the share of the output that the response explains, drift left out; 1 for all.
+
+        Parameters
+        ----------
+        fit : Fit
+            Level included: only the scatter about it counts.
+        """
+        used = self.used[fit.start :]
+        return 1 - float(np.std(self.left(fit)[used]) / np.std(self.outputs[fit.start :][used]))
+
+    def criterion_without(self, start: int) -> float:
+        """Give the criterion of a level alone, upon which the input does not act.
+
+        Parameters
+        ----------
+        start : int
+            First sample compared.
+        """
+        level = self.outputs[start:] - self.outputs[start:].mean()
+        rest = self.whitening(level).applied(level)[self.used[start:]]
+        return rest.size * log(float(np.mean(rest**2))) + log(rest.size)
 
     @property
     def dense(self) -> bool:
@@ -163,7 +192,7 @@ class Fit:
         return self.structure.columns(shape, inputs, self.start, self.moving)
 
 
-def best_fit(structure: Structure, problem: Problem, tries: int, moving: bool) -> Fit:
+def best_fit(structure: Structure, problem: Problem, moving: bool) -> Fit:
     """Search from several starting points.
 
     Parameters
@@ -172,8 +201,6 @@ def best_fit(structure: Structure, problem: Problem, tries: int, moving: bool) -
         The kind of plant.
     problem : Problem
         What is to be explained.
-    tries : int
-        How many starting points, with and without drift.
     moving : bool
         Whether the plant may move before the input does.
 
@@ -184,24 +211,47 @@ def best_fit(structure: Structure, problem: Problem, tries: int, moving: bool) -
     """
     factor = problem.outputs.size // LONG
     if factor > 1:
-        rough = best_fit(structure, problem.thinned(factor), tries, moving)
+        rough = best_fit(structure, problem.thinned(factor), moving)
         shape = structure.stretched(rough.shape, factor)
         return _search(structure, problem, rough.whitening, shape, 0, moving)
-    record = problem.inputs, problem.outputs
     # Where it rests a drift may hide the plant; where it moves its own motion takes that part.
     drifts = problem.dense and moving == structure.integrates
-    best = [
-        min(
-            (
-                _search(structure, problem, whitening, shape, 0, moving)
-                for shape in starting_points(structure, *record, (whitening, moving), tries)
-            ),
-            key=_loss,
-        )
-        for whitening in BEGINNINGS[: 1 + drifts]
-    ]
+    best = [_begun(structure, problem, whitening, moving) for whitening in BEGINNINGS[: 1 + drifts]]
     doubt = exp(DECISIVE / problem.outputs.size)
     return best[-1] if best[-1].misfit * doubt < best[0].misfit else best[0]
+
+
+def _begun(structure: Structure, problem: Problem, whitening: Whitening, moving: bool) -> Fit:
+    record = problem.inputs, problem.outputs
+    points = starting_points(structure, *record, (whitening, moving), TRIES)
+    return min(
+        (_search(structure, problem, whitening, shape, 0, moving) for shape in points), key=_loss
+    )
+
+
+def _plain_fit(structure: Structure, problem: Problem, start: int, moving: bool) -> Fit:
+    """Find the response that comes nearest, whatever disturbs it: no filter."""
+    factor = max(1, problem.outputs.size // LONG)
+    rough = _begun(structure, problem.thinned(factor), Whitening(), moving).shape
+    shape = structure.stretched(rough, factor)
+    shifts = (shape + shift * np.eye(shape.size)[0] for shift in SHIFTS)
+    found = (_search(structure, problem, Whitening(), at, start, moving, FINELY) for at in shifts)
+    return replace(min(found, key=_loss), whitening=Whitening())
+
+
+def simple_fit(problem: Problem, rival: Fit) -> Fit | None:
+    """Fit one lag with dead time, from rest, by least squares alone.
+
+    Parameters
+    ----------
+    problem : Problem
+        What is to be explained.
+    rival : Fit
+        Another fit; None is given where that one explains far more.
+    """
+    simple = _plain_fit(STRUCTURES[1], problem, rival.start, False)
+    enough = max(problem.explained(rival) - FAR, 0.0)
+    return simple if problem.explained(simple) > enough else None
 
 
 def _loss(fit: Fit) -> float:
@@ -232,7 +282,12 @@ def refined(fit: Fit, problem: Problem, start: int) -> Fit:
         best = fit
         if done:
             break
-    return best
+    if best.whitening.theta == 1:
+        return best
+    # A structure that is too simple leaves motion that looks like drift, and is driven to ever
+    # poorer responses by the filter.
+    plain = _plain_fit(fit.structure, problem, start, fit.moving)
+    return plain if problem.explained(plain) > problem.explained(best) + FAR else best
 
 
 def _search(

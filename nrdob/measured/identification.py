@@ -19,16 +19,13 @@ from scipy.stats import t as student
 from ..diagram import DelayedTransferFunction
 from ..numerics import FloatArray
 from .doubts import doubts
-from .fitting import Fit, Problem, best_fit, refined
+from .fitting import Fit, Problem, best_fit, refined, simple_fit
 from .naming import Parameter, corners_of, process_of, told
 from .records import Record, checked_record
 from .residuals import DECISIVE, Noise, ResidualCheck, check_residuals, noise_of
 from .structures import STRUCTURES, Structure
 
 __all__ = ["Candidate", "Identification", "identified", "identify"]
-
-TRIES = 3
-"""Starting points for each structure."""
 
 MOVES, LEAST = 0.1, 50
 """Share of the input's variance, and samples, that each part of a record must have."""
@@ -109,6 +106,9 @@ class Identification:
         Why no loop should be designed for this process; empty where one may.
     corners : dict of str: DelayedTransferFunction
         The process with its numbers at the ends of their intervals, in all combinations.
+    plain : DelayedTransferFunction or None
+        One lag with dead time by least squares over the whole record, what disturbs it left aside;
+        None where it explains far less.
     record : Record
         What was measured.
     predicted : (N,) array
@@ -130,6 +130,7 @@ class Identification:
     remarks: tuple[str, ...]
     unsure: str
     corners: dict[str, DelayedTransferFunction]
+    plain: DelayedTransferFunction | None
     record: Record
     predicted: FloatArray
     fitted: int
@@ -281,7 +282,7 @@ def identified(
     problem = whole.first(count)
     # An integrator always moves: nobody knows the input that keeps it at rest.
     begun = [
-        [best_fit(each, problem, TRIES, moving) for moving in {each.integrates, True}]
+        [best_fit(each, problem, moving) for moving in {each.integrates, True}]
         for each in structures
     ]
     # What the input was before the record is not known: the samples that the dead time keeps it
@@ -297,7 +298,7 @@ def identified(
     judged = [_judged(fit, whole, problem, units, confidence) for fit in fits]
     best, rivals, reason = _chosen(judged, count)
     needless = best.fit_percent < LITTLE and (
-        _criterion(best.fit, samples) > _criterion_without(problem, start)
+        _criterion(best.fit, samples) > problem.criterion_without(start)
     )
     least = min(each.bic for each in judged)
     candidates = tuple(
@@ -314,6 +315,7 @@ def identified(
         record, parameters, (best.fit_percent, best.validation), count,
         sizes[1] * np.where(record.free[start:], whole.left(fit), 0.0), fit,
     )  # fmt: skip
+    plain = simple_fit(whole, fit)
     gain = parameters["gain"]
     unsure = ""
     if gain.low <= 0 <= gain.high:
@@ -338,6 +340,7 @@ def identified(
         remarks=(*denied, *remarks, *record.remarks),
         unsure=unsure,
         corners=corners_of(fit.structure, parameters),
+        plain=process_of(plain, *units) if plain else None,
         record=record,
         predicted=sizes[1] * best.predicted + record.y[0],
         fitted=count,
@@ -473,13 +476,6 @@ def _chosen(judged: list[_Judged], duration: float) -> tuple[_Judged, list[_Judg
         and (each in close or each.validation > best.validation - CLOSE)
     ]
     return best, rivals, reason
-
-
-def _criterion_without(problem: Problem, start: int) -> float:
-    """Give the criterion of a level alone, upon which the input does not act."""
-    level = problem.outputs[start:] - problem.outputs[start:].mean()
-    rest = problem.whitening(level).applied(level)[problem.used[start:]]
-    return rest.size * log(float(np.mean(rest**2))) + log(rest.size)
 
 
 def _denied(

@@ -63,6 +63,8 @@ def trials_on(loop: NRDOB, found: Identification) -> tuple[Trial, ...]:
 def _trials(loop: NRDOB, found: Identification) -> Iterator[Trial]:
     plants = {f"{found.structure} (chosen)": found.process}
     plants |= {each.structure: each.process for each in found.candidates if each.rival}
+    if found.plain is not None:
+        plants["one lag with dead time, plain least squares"] = found.plain
     for corner, group in ((False, plants), (True, found.corners)):
         for name, plant in group.items():
             stable: bool | None = None

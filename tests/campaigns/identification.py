@@ -178,5 +178,10 @@ def heaters(count: int, seed: int) -> dict[str, int]:
     return tally
 
 
+def both(count: int, seed: int) -> dict[str, int]:
+    """Intervals on records without drift, and signs on thermal plants with it."""
+    return coverage(count, seed) | heaters(count, seed)
+
+
 if __name__ == "__main__":
-    print_tally(coverage, __doc__ or "", 30)
+    print_tally(both, __doc__ or "", 30)

@@ -99,6 +99,14 @@ def test_outliers_are_told():
     assert said.startswith("3 samples of y are outliers") and "at 333 s" in said
 
 
+def test_what_a_sensor_rounds_and_a_table_interpolates_is_no_outlier():
+    inputs = (np.arange(600) > 60).astype(float)
+    t, u, y = lag(inputs, noise=0.0)
+    y = np.round(y / 0.05) * 0.05
+    y = np.interp(t + 0.02 * np.sin(t), t, y)
+    assert not [each for each in identify(t, u, y).remarks if "outliers" in each]
+
+
 def test_a_drift_is_told_and_counted_in():
     t, u, y = lag(switched())
     rng = np.random.default_rng(5)
@@ -159,7 +167,7 @@ def test_a_loop_is_tried_on_what_the_record_does_not_exclude():
     proposal = propose(found)
     loop = proposal.loop
     plants = [found.process, *(each.process for each in found.candidates if each.rival)]
-    plants += found.corners.values()
+    plants += [found.plain, *found.corners.values()]
     assert len(found.corners) == 2 ** len(found.parameters)
     assert len(proposal.trials) == len(plants)
     for plant, trial in zip(plants, proposal.trials, strict=True):

@@ -2,10 +2,13 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import least_squares
+from scipy.signal import lfilter
 
 import nrdob
 from nrdob.measured import STRUCTURES, checked_record, heated_air, identify, read_data
 from nrdob.measured.hold import held_responses
+from nrdob.reporting import propose
 from tests.campaigns.identification import measured, response, sure
 
 BY_NAME = {each.name: each for each in STRUCTURES}
@@ -83,6 +86,36 @@ def test_heated_air_is_two_lags_behind_two_samples():
     assert found.process.dcgain() == pytest.approx(0.925, abs=0.002)
     assert -1 / found.process.poles().real == pytest.approx([0.12, 0.27], abs=0.01)
     assert not found.residuals.white and not found.remarks and not found.unsure
+
+
+def test_what_one_lag_cannot_explain_is_not_taken_for_drift():
+    record = heated_air()
+    found = identify(*record, structure="one lag with dead time")
+    assert found.fit_percent == pytest.approx(86.0, abs=0.3)
+    assert found.validation_percent == pytest.approx(82.4, abs=0.3)
+
+
+def test_one_lag_by_least_squares_is_a_rival():
+    record = heated_air()
+    step = record.sampling_time
+    inputs, outputs = record.u - record.u[0], record.y
+    fine = np.arange(10 * inputs.size) * step / 10
+
+    def rest(tried):
+        late = np.floor((fine - tried[2]) / step + 1e-9).astype(int)
+        shifted = np.where(late >= 0, inputs[np.maximum(late, 0)], 0.0)
+        left = np.exp(-step / 10 / tried[1])
+        return outputs - tried[3] - tried[0] * lfilter([0, 1 - left], [1, -left], shifted)[::10]
+
+    starts = ([0.9, 0.4, delay, 6.0] for delay in (0.1, 0.2, 0.3))
+    bounds = [-9, 0.05, 0, -9], [9, 5, 1, 9]
+    fits = [least_squares(rest, start, bounds=bounds, diff_step=1e-2) for start in starts]
+    gain, lag, delay, _ = min(fits, key=lambda fit: fit.cost).x
+    found = identify(*record)
+    assert found.plain.dcgain() == pytest.approx(gain, rel=0.02)
+    assert -1 / found.plain.poles()[0].real == pytest.approx(lag, rel=0.05)
+    assert found.plain.delay == pytest.approx(delay, abs=0.2 * step)
+    assert any("plain least squares" in trial.process for trial in propose(found).trials)
 
 
 def test_process_stands_in_a_loop():
