@@ -276,7 +276,7 @@ def test_root_grades_only_if_asked(
 def test_who_stays_root_is_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(os, "getuid", lambda: 0, raising=False)
+    monkeypatch.setattr(os, "geteuid", lambda: 0, raising=False)
     monkeypatch.setattr(os, "name", "posix")
     monkeypatch.setattr(wall, "PACKAGE", tmp_path)  # which is closed to others
     assert "students' code would be" in wall.stays_root()

@@ -106,8 +106,10 @@ def encode(value: Any) -> Any:
         return {"polynomial": [encode(each) for each in (value.coef, value.domain, value.window)]}
     if isinstance(value, np.poly1d):
         return {"poly1d": [encode(value.coeffs)]}
-    if hasattr(type(value), "all_coeffs"):  # a polynomial of SymPy
-        return encode(np.poly1d([complex(each) for each in value.all_coeffs()]))
+    if hasattr(type(value), "as_poly"):  # an expression or a polynomial of SymPy
+        poly = value.as_poly(*value.free_symbols)
+        if poly is not None and len(poly.gens) == 1:
+            return encode(np.poly1d([complex(each) for each in poly.all_coeffs()]))
     return _other(value)
 
 

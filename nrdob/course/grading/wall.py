@@ -97,7 +97,7 @@ def _checked(number: int, *arguments: object) -> int:
 
 def is_root() -> bool:
     """Tell whether this is run by root."""
-    return os.name == "posix" and os.getuid() == 0
+    return os.name == "posix" and os.geteuid() == 0
 
 
 def stays_root() -> str:
