@@ -29,7 +29,7 @@ from ..diagram import (
 from ..loop import NRDOB
 from ..measured import Identification
 from ..numerics import ComplexArray, number
-from .trials import Trial, in_words, trials_on
+from .trials import Trial, holds_on_all, in_words, trials_on
 
 __all__ = ["Proposal", "propose"]
 
@@ -131,19 +131,18 @@ def propose(
     first = _proposed(process.process, time_constant, **given)
     if first.loop is None:
         return first
-    proposal, trials, slower = first, trials_on(first.loop, process), 1.0
-    if time_constant is None:
-        for factor in SLOWER[1:]:
-            if all(each.holds for each in trials):
-                break
-            late = factor * _time_constant(first.loop.filter)
-            tried = _proposed(process.process, late, **given, calm=True)
-            if tried.loop is not None:
-                proposal, trials, slower = tried, trials_on(tried.loop, process), factor
+    proposal, slower = first, 1.0
+    found = holds_on_all(first.loop, process)
+    for factor in () if found or time_constant is not None else SLOWER[1:]:
+        late = factor * _time_constant(first.loop.filter)
+        tried = _proposed(process.process, late, **given, calm=True)
+        if tried.loop is not None and (found := holds_on_all(tried.loop, process)):
+            proposal, slower = tried, factor
+            break
+    trials = trials_on(proposal.loop, process)
     said = in_words(trials)
-    if not all(each.holds for each in trials):
-        warnings = (said, *first.warnings)
-        return replace(first, warnings=warnings, trials=trials_on(first.loop, process))
+    if not found:
+        return replace(first, warnings=(said, *first.warnings), trials=trials)
     words = first.words
     if slower > 1:
         words = tuple(

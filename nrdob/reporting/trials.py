@@ -11,7 +11,7 @@ from ..measured import Identification
 from ..numerics import number
 from .page import Table
 
-__all__ = ["Trial", "in_words", "trial_table", "trials_on"]
+__all__ = ["Trial", "holds_on_all", "in_words", "trial_table", "trials_on"]
 
 TOLERATED = 2.5
 """Largest sensitivity peak on a process that the record does not exclude."""
@@ -60,6 +60,19 @@ def trials_on(loop: NRDOB, found: Identification) -> tuple[Trial, ...]:
     return tuple(_trials(loop, found))
 
 
+def holds_on_all(loop: NRDOB, found: Identification) -> bool:
+    """Tell whether no trial fails; the first that does ends them.
+
+    Parameters
+    ----------
+    loop : NRDOB
+        The loop; its process is replaced.
+    found : Identification
+        What the record says.
+    """
+    return all(each.holds for each in _trials(loop, found))
+
+
 def _trials(loop: NRDOB, found: Identification) -> Iterator[Trial]:
     plants = {f"{found.structure} (chosen)": found.process}
     plants |= {each.structure: each.process for each in found.candidates if each.rival}
@@ -70,9 +83,9 @@ def _trials(loop: NRDOB, found: Identification) -> Iterator[Trial]:
             stable: bool | None = None
             ms = inf
             try:
-                margins = NRDOB(plant, loop.model, loop.controller, loop.filter).margins()
-                stable = margins.stable
-                ms = margins.plant_loop.ms if stable else inf
+                tried = NRDOB(plant, loop.model, loop.controller, loop.filter)
+                stable = tried.stability().stable
+                ms = tried.margins().plant_loop.ms if stable else inf
             except (ArithmeticError, ValueError):
                 pass  # the peak stays infinite, and whether it is stable undecided
             yield Trial(name, corner, stable, ms)
