@@ -58,3 +58,25 @@ def earned(released: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str
 @pytest.mark.parametrize("name", FORGERIES)
 def test_no_attempt_to_forge_points_succeeds(name: str, earned: dict[str, float]) -> None:
     assert earned[name] == 0
+
+
+def test_what_an_answer_remembers_of_hidden_cases_is_not_shown(released, tmp_path):
+    notebook = right(released, "").notebook
+    this = next(each for each in CHECKED if not each.problem.own)
+    cell = cell_of(notebook, answer_cell(this))
+    cell.source += f"""
+KEPT, plain_answer = [], {this.answer}
+def {this.answer}(case):
+    KEPT.append(case)
+    return plain_answer(case)
+"""
+    shows = nbformat.v4.new_code_cell("print('cases kept:', len(KEPT))", id="own-shows")
+    notebook.cells.append(shows)
+    settings(tmp_path / "out")
+    (tmp_path / "in" / "anna").mkdir(parents=True)
+    nbformat.write(notebook, tmp_path / "in" / "anna" / f"{NAME}.ipynb")
+    assert command.grade(tmp_path / "in", target=tmp_path / "out") == 0
+    (row,) = table(tmp_path / "out" / "grades.csv")
+    assert float(row[this.id]) > 0
+    page = (tmp_path / "out" / "feedback" / "anna" / NAME / f"{NAME}.html").read_text("utf-8")
+    assert "cases kept: 0" in page

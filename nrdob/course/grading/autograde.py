@@ -14,6 +14,7 @@ import shutil
 import sys
 import time
 import warnings
+from copy import deepcopy
 from math import ceil
 from pathlib import Path
 from typing import Any
@@ -75,7 +76,7 @@ def course(root: Path) -> NbGraderAPI:
 
 
 REMARKS: list[str] = []
-"""What happened while the cells ran; this process runs one notebook."""
+"""What happened while the cells ran, each as often as it did; this process runs one notebook."""
 
 STARTERS: list[Starter] = []
 """What starts kernels quickly, if there is one: the last."""
@@ -92,6 +93,10 @@ class PatientExecute(Execute):  # type: ignore[misc]
     ends its kernel, or that cannot be interrupted, is left out, with an error in its place, and
     the notebook run again. So each such cell costs its own problem only. A kernel that does not
     start, for its ports were taken meanwhile, is no student's fault: another one is started.
+
+    The cells run twice. What the first kernel puts out is kept, and it is asked nothing. Only the
+    second one receives hidden cases, and of it nothing is kept but the verdicts: what an answer
+    remembers of its cases it cannot show.
     """
 
     most_output = 300_000  # letters of one cell, of every kind together
@@ -100,10 +105,25 @@ class PatientExecute(Execute):  # type: ignore[misc]
     most_groups = 3
 
     def preprocess(self, nb: Any, resources: Any = None, km: Any = None) -> tuple[Any, Any]:
-        """Execute the notebook, and again without a cell that ends the kernel."""
+        """Execute the notebook, once to show what it puts out and once to judge its answers."""
         self.left_out: dict[int, str] = {}
         tests = {k: hidden_test(cell.source) for k, cell in enumerate(nb.cells) if is_test(cell)}
         self.problems = [test.problem for test in tests.values() if test]
+        self.judging = False
+        nb, resources = self.run(nb, resources, km)
+        if self.problems:
+            shown = [deepcopy(cell.get("outputs")) for cell in nb.cells]
+            self.judging = True
+            nb, resources = self.run(nb, resources, km)
+            for cell, outputs in zip(nb.cells, shown, strict=True):
+                if outputs is not None:
+                    cell.outputs = outputs
+        for index in tests:
+            nb.cells[index].outputs = [self.verdicts.get(index, NO_VERDICT)]
+        return nb, resources
+
+    def run(self, nb: Any, resources: Any, km: Any) -> tuple[Any, Any]:
+        """Execute the notebook, and again without a cell that ends the kernel."""
         not_started = 0
         while True:
             self.at = -1
@@ -117,7 +137,7 @@ class PatientExecute(Execute):  # type: ignore[misc]
                     (self.desk / plain.HANDOUT).write_text(given, "utf-8")
                     with disk.watched(self.desk, self.kernel) as full:
                         nb, resources = super().preprocess(nb, resources, km)
-                break
+                return nb, resources
             except Exception as error:
                 if self.at < 0:
                     not_started += 1
@@ -130,9 +150,6 @@ class PatientExecute(Execute):  # type: ignore[misc]
                 why = TOO_FULL if full.is_set() else why
                 self.left_out[self.at] = why
                 REMARKS.append(f"{name_of(nb.cells[self.at])} was left out: {why}")
-        for index in tests:
-            nb.cells[index].outputs = [self.verdicts.get(index, NO_VERDICT)]
-        return nb, resources
 
     def kernel(self) -> int | None:
         """Give the process of the kernel, if there is one."""
@@ -170,7 +187,7 @@ class PatientExecute(Execute):  # type: ignore[misc]
             return cell, resources
         if is_test(cell):
             cell.outputs = []
-            if test := hidden_test(cell.source):
+            if self.judging and (test := hidden_test(cell.source)):
                 self.verdicts[index] = self.judged(test, cell, index)
             return cell, resources
         self.run_cell(cell, resources, index)
@@ -255,10 +272,10 @@ class PatientExecute(Execute):  # type: ignore[misc]
         return super().process_message(msg, cell, cell_index)
 
     def flooded(self, cell: Any) -> None:
-        """Say once that the rest of a cell's outputs is left out."""
-        remark = f"the outputs of {name_of(cell)} were cut: more than {self.most_output} letters"
-        if remark not in REMARKS:
-            REMARKS.append(remark)
+        """Say that the rest of a cell's outputs is left out."""
+        REMARKS.append(
+            f"the outputs of {name_of(cell)} were cut: more than {self.most_output} letters"
+        )
 
 
 WHY = {
