@@ -9,7 +9,7 @@ from math import exp, sqrt
 import numpy as np
 
 from ..diagram import DelayedTransferFunction
-from ..numerics import FloatArray
+from ..numerics import ROUNDING, FloatArray
 from .fitting import Fit
 from .structures import Structure
 
@@ -104,7 +104,8 @@ class _Names:
             omega, damping = exp(shape[1]) / self._step, exp(shape[2])
             both = damping + sqrt(max(damping**2 - 1, 0.0))
             told += [both / omega, 1 / (omega * both)] if self._apart else [omega, damping]
-        return np.array([*told, shape[0] * self._step])
+        dead_time = shape[0] if abs(shape[0]) > ROUNDING else 0.0  # in samples
+        return np.array([*told, dead_time * self._step])
 
 
 def told(

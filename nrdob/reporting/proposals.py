@@ -131,15 +131,15 @@ def propose(
     first = _proposed(process.process, time_constant, **given)
     if first.loop is None:
         return first
-    proposal, slower = first, 1.0
+    proposal, loop, slower = first, first.loop, 1.0
     found = holds_on_all(first.loop, process)
     for factor in () if found or time_constant is not None else SLOWER[1:]:
         late = factor * _time_constant(first.loop.filter)
         tried = _proposed(process.process, late, **given, calm=True)
         if tried.loop is not None and (found := holds_on_all(tried.loop, process)):
-            proposal, slower = tried, factor
+            proposal, loop, slower = tried, tried.loop, factor
             break
-    trials = trials_on(proposal.loop, process)
+    trials = trials_on(loop, process)
     said = in_words(trials)
     if not found:
         return replace(first, warnings=(said, *first.warnings), trials=trials)

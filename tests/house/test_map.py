@@ -12,7 +12,7 @@ from house import map as plan
 from house.rooms import room_of
 
 ROOT = Path(__file__).resolve().parents[2]
-MOST = 9
+MOST = 10
 
 
 @pytest.fixture(scope="module")
