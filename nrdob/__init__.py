@@ -46,7 +46,7 @@ from .diagram import (
     filter_family,
     interpolating_filter,
 )
-from .digital import Limits, largest_sampling_time
+from .digital import ActuatorLimits, largest_sampling_time
 from .loop import NRDOB
 from .measured import identify, read_data
 from .sampling import random_loop
@@ -78,7 +78,7 @@ __all__ = [  # noqa: RUF022  (by topic: the contents of the package)
     # How slowly may a processor run it? (NRDOB.sampled is the loop on one.)
     "largest_sampling_time",
     # What its actuator can do, for its simulation and its code.
-    "Limits",
+    "ActuatorLimits",
     # Which model, and which controller?
     "suggest_model", "design_controller",
     # What process was measured?

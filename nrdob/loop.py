@@ -167,7 +167,6 @@ class NRDOB(LoopEquations):
         dt: float,
         method: str = "tustin",
         computation_delay: float = 0.0,
-        prewarp: float | None = None,
     ) -> SampledLoop:
         """Put the controller on a processor: see `nrdob.digital.SampledLoop`.
 
@@ -182,8 +181,6 @@ class NRDOB(LoopEquations):
             How the blocks are sampled.
         computation_delay : float
             Time from reading y to writing u, in seconds.
-        prewarp : float, optional
-            Frequency in rad/s at which Tustin's rule is exact.
 
         Returns
         -------
@@ -191,7 +188,7 @@ class NRDOB(LoopEquations):
             With `stability()`, `margins()`, `step_response()` and the difference equations,
             `.controller`.
         """
-        return SampledLoop(self, dt, method, computation_delay, prewarp)
+        return SampledLoop(self, dt, method, computation_delay)
 
     def plot_nyquist(
         self,

@@ -79,7 +79,7 @@ def built(cc, sampled, name, dtype, harness, *options, **made):
     with tempfile.TemporaryDirectory() as folder:
         for file, text in (
             (f"{name}.c", sampled.to_c(name, dtype, **made)),
-            (f"{name}.h", sampled.to_header(name, dtype)),
+            (f"{name}.h", sampled.code().to_header(name, dtype)),
             ("harness.c", harness.format(name=name)),
         ):
             (Path(folder) / file).write_text(text, encoding="utf-8")

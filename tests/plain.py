@@ -144,7 +144,8 @@ def everything(nrdob, place: Path) -> int:
     assert (place / "again.html").exists()
 
     sampled = loop.sampled(0.01)
-    assert sampled.to_c() and sampled.to_header() and sampled.to_python() and sampled.to_json()
+    code = sampled.code()
+    assert code.to_c() and code.to_header() and code.to_python() and code.to_json()
     every = nrdob.candidates(loop.process, loop.model, loop.controller, 3)
     compared = nrdob.compare(loop.process, every, max_ms=1.6)
     assert repr(compared) and compared._repr_html_()

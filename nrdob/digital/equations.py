@@ -3,7 +3,7 @@ r"""The equations of the controller, once: what is generated in any language com
 They are those of `nrdob.digital.controller`, written over the blocks of the diagram. A block knows
 three verbs, `output(block, v)`, what comes out at an input v; `advance(block, v)`, which renews its
 states; and `rest(block, v, w)`, which puts it at rest at v (giving w if it integrates). The dead
-time of a model that waits knows `late(v)`, `remember(v)` and `fill(v)`. First comes what must be
+time of a model knows `late(v)`, `remember(v)` and `fill(v)`. First comes what must be
 ready before u can be written, then what can be done while the actuator works.
 """
 
@@ -51,12 +51,12 @@ class Row(NamedTuple):
     expression: str
 
 
-def equations(*, waits: bool) -> dict[str, tuple[Row, ...]]:
+def equations(*, delayed: bool) -> dict[str, tuple[Row, ...]]:
     """Lay out the table: what is done for the output, for the update and for the start.
 
     Parameters
     ----------
-    waits : bool
+    delayed : bool
         Whether the model has a dead time.
 
     Returns
@@ -66,7 +66,7 @@ def equations(*, waits: bool) -> dict[str, tuple[Row, ...]]:
 
     Examples
     --------
-    >>> for row in equations(waits=False)["output"]:
+    >>> for row in equations(delayed=False)["output"]:
     ...     print(row.target, "=", row.expression)
     y_filtered = output(filter_y, y)
     from_y = output(inverse, y)
@@ -74,13 +74,13 @@ def equations(*, waits: bool) -> dict[str, tuple[Row, ...]]:
     e = r - y_filtered - output(inner, 0)
     u = (output(controller, e) + filtered - from_y) / FACTOR
     """
-    if waits:
+    if delayed:
         late, inner = "late({})", "{} - filtered"
         remember, fill = [Row("", "remember(applied)")], [Row("", "fill(u)")]
     else:
         late = inner = "{}"
         remember, fill = [], []
-    nothing = inner.format(0) if waits else "0"
+    nothing = inner.format(0) if delayed else "0"
     return {
         "output": (
             Row("y_filtered", "output(filter_y, y)"),

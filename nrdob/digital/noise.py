@@ -21,8 +21,7 @@ from scipy.linalg import block_diag
 from ..analysis import NoiseVariance
 from ..diagram import is_number
 from ..numerics import FloatArray
-from .controller import SampledController
-from .hold import HeldProcess
+from .closedloop import ClosedLoop
 
 __all__ = ["sampled_noise_variance"]
 
@@ -38,17 +37,15 @@ SAME_DT = 1e-9
 System = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
 
-def sampled_noise_variance(
-    process: HeldProcess, controller: SampledController, shaping: Any = None
-) -> NoiseVariance:
+def sampled_noise_variance(loop: ClosedLoop, dt: float, shaping: Any = None) -> NoiseVariance:
     r"""Variances of y and u at the samples, for noise η added to each y that is read.
 
     Parameters
     ----------
-    process : HeldProcess
-        The process with all its dead time.
-    controller : SampledController
-        What the processor does.
+    loop : ClosedLoop
+        Process and controller.
+    dt : float
+        Sampling time in seconds.
     shaping : control.TransferFunction, StateSpace or number, optional
         A stable discrete-time W(z) with the loop's sampling time, behind which the noise is
         coloured. By default η is white of unit variance; with a variance σ² give σ.
@@ -71,18 +68,18 @@ def sampled_noise_variance(
     >>> from nrdob import NRDOB, LowPassFilter
     >>> G = ct.tf([1], [1, 1])
     >>> sampled = NRDOB(G, G, 1.0, LowPassFilter(0.5, 2)).sampled(0.01)
-    >>> y, u = sampled_noise_variance(sampled.process, sampled.controller)
+    >>> y, u = sampled_noise_variance(sampled.closed_loop, sampled.dt)
     >>> round(y / 0.01, 3)                    # near 1/(4λ), as for white noise of unit density
     0.503
     """
-    A, B, C, D = _closed(process, controller)
+    A, B, C, D = loop.from_noise
     if _radius(A) >= STABLE:
         raise ValueError(
             f"the variances are infinite: the sampled loop has a root of size {_radius(A):.6g}; "
             "all must be inside the unit circle, see stability()"
         )
     if shaping is not None:
-        A, B, C, D = _behind((A, B, C, D), _shaping(shaping, controller.dt))
+        A, B, C, D = _behind((A, B, C, D), _shaping(shaping, dt))
     P = _covariance(A, B)
     y, u = (float(row @ P @ row + direct**2) for row, direct in zip(C, D, strict=True))
     return NoiseVariance(y, u)
@@ -100,43 +97,6 @@ def _covariance(A: FloatArray, B: FloatArray) -> FloatArray:
         if (np.abs(np.diag(more)) <= SUMMED * np.abs(np.diag(P))).all():
             return P
         P, A = P + more, A @ A
-
-
-def _closed(process: HeldProcess, controller: SampledController) -> System:
-    """Give the whole loop from η to y and u; its states are those of the process, past u, own ones.
-
-    y of the process at a sample does not depend on η at the same sample.
-    """
-    n, m, k = process.C.size, process.memory, controller.states
-    size = n + m + k
-    rows = np.eye(size)
-
-    def past(samples: int) -> FloatArray:
-        """Give u as it was so many samples ago, 1 or more."""
-        return np.asarray(rows[n + samples - 1])
-
-    # Signals as rows over (states, η).
-    y = np.zeros(size)
-    y[:n] = process.C
-    if process.D:
-        y = y + process.D * past(process.samples + 1)
-    measured = np.append(y, 1.0)
-    u = np.zeros(size + 1)
-    u[n + m : size] = controller.C
-    u += controller.D[1] * measured
-    late = u if process.samples == 0 else np.append(past(process.samples), 0.0)
-    renewed = np.zeros((size, size + 1))
-    renewed[:n, :n] = process.Ad
-    renewed[:n] += np.outer(process.B0, late)
-    if process.fraction:
-        renewed[:n] += np.outer(process.B1, np.append(past(process.samples + 1), 0.0))
-    if m:
-        renewed[n] = u
-        renewed[n + 1 : n + m, :size] = rows[n : n + m - 1]
-    renewed[n + m :, n + m : size] = controller.A
-    renewed[n + m :] += np.outer(controller.B[:, 1], measured) + np.outer(controller.B[:, 2], u)
-    signals = np.array([np.append(y, 0.0), u])
-    return renewed[:, :size], renewed[:, size], signals[:, :size], signals[:, size]
 
 
 def _behind(loop: System, shaping: System) -> System:

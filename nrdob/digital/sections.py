@@ -1,4 +1,4 @@
-r"""Blocks of a sampled controller as second-order sections that bear a small sampling time.
+r"""Blocks of a sampled controller as second-order sections that stay accurate at a short dt.
 
 Sampled fast, every pole lies next to z = 1, and in powers of z the digits go into saying so: a lag
 of 1 s sampled at 1 ms has :math:`a_2 = 1 + a_1 + \dots`, of which six digits are about the lag. In
@@ -20,7 +20,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import astuple, dataclass
-from functools import reduce
+from functools import lru_cache, reduce
+from typing import NamedTuple
 
 import numpy as np
 
@@ -29,14 +30,30 @@ from ..numerics import ComplexArray, FloatArray, roots_by_time_scale
 
 __all__ = [
     "Section",
+    "StateSpace",
     "at_rest",
     "bilinear_sections",
     "second_order_sections",
-    "sections",
     "state_space",
 ]
 
-Realisation = tuple[FloatArray, FloatArray, FloatArray, float]
+AT_INFINITY = 1e-12
+"""Size of 1 - αp for a pole p at which its image is z = ∞."""
+
+
+class StateSpace(NamedTuple):
+    """Difference equations x[k+1] = A x[k] + B v[k], w[k] = C x[k] + D v[k].
+
+    Attributes
+    ----------
+    A, B, C, D : arrays of float, shapes (n, n), (n,), (n,), and a float
+        The matrices.
+    """
+
+    A: FloatArray
+    B: FloatArray
+    C: FloatArray
+    D: float
 
 
 @dataclass(frozen=True)
@@ -59,7 +76,7 @@ class Section:
 
     @property
     def integrates(self) -> bool:
-        """Whether there is a pole at z = 1, so that rest does not say where the output is."""
+        """Whether there is a pole at z = 1, so that the output at rest is not determined."""
         return (self.b2 != 0 or self.b1 != 0) and self._last[1] == 0
 
     @property
@@ -72,7 +89,7 @@ class Section:
 
     @property
     def order(self) -> int:
-        """How many states there are: 0, 1 or 2."""
+        """Number of states: 0, 1 or 2."""
         if self.b2 != 0 or self.a2 != 0:
             return 2
         return int(self.b1 != 0 or self.a1 != 0)
@@ -82,46 +99,22 @@ class Section:
         return (self.b2, self.a2) if self.order == 2 else (self.b1, self.a1)
 
 
-def sections(zeros: ComplexArray, poles: ComplexArray, gain: float) -> tuple[Section, ...]:
-    """Put zeros and poles into sections, those that integrate last.
-
-    Parameters
-    ----------
-    zeros, poles : array of complex
-        In δ = z - 1, conjugate ones in pairs; not more zeros than poles.
-    gain : float
-        Ratio of the leading coefficients.
-
-    Examples
-    --------
-    A PI controller 0.3 (δ + 0.1)/δ:
-
-    >>> sections(np.array([-0.1]), np.array([0.0]), 0.3)
-    (Section(b0=0.3, b1=0.03, b2=0.0, a1=0.0, a2=0.0),)
-    """
-    if poles.size == 0:
-        return (Section(gain),)
-    nums = _factors(zeros)
-    share = abs(gain) ** (1 / len(_factors(poles)))
-    found: list[Section] = []
-    for den in sorted(_factors(poles), key=lambda den: (den.size, abs(den[-1]))):
-        fitting = [num for num in nums if num.size <= den.size]
-        num = min(fitting, key=lambda num: abs(_mean(num) - _mean(den)), default=np.ones(1))
-        nums = [other for other in nums if other is not num]
-        sign = np.sign(gain) if not found else 1.0
-        found.append(_section(sign * share * num, den))
-    return tuple(sorted(found, key=lambda section: section.integrates))
-
-
-def bilinear_sections(block: Fraction, alpha: float) -> tuple[Section, ...]:
-    """Put a block of w = (z - 1)/(α (z + 1)) into sections.
+def bilinear_sections(block: Fraction, alpha: float, name: str = "the block") -> tuple[Section, ...]:
+    """Put a block of w = (z - 1)/(α (z + 1)) into sections, those that integrate last.
 
     Parameters
     ----------
     block : Fraction
-        Proper, in powers of w.
+        Proper, in powers of w; with α = dt/2 and s for w this is Tustin's rule.
     alpha : float
-        α in seconds; Tustin's rule is dt/2 with s for w.
+        α in seconds.
+    name : str
+        How the diagram writes the block.
+
+    Raises
+    ------
+    ValueError
+        If the block has a pole at w = 1/α, whose image is z = ∞.
 
     Examples
     --------
@@ -133,15 +126,20 @@ def bilinear_sections(block: Fraction, alpha: float) -> tuple[Section, ...]:
     num, den = np.trim_zeros(block.num, "f"), np.trim_zeros(block.den, "f")
     if not num.size:
         return (Section(0.0),)
-    zeros, poles = _roots(num), _roots(den)
+    zeros, poles = _roots(tuple(num.tolist())), _roots(tuple(den.tolist()))
     # w - p = ((1 - αp) δ - 2αp)/(α (δ + 2)): a zero at w = 1/α is none in δ.
     scale_zeros, scale_poles = 1 - alpha * zeros, 1 - alpha * poles
+    if (np.abs(scale_poles) < AT_INFINITY).any():
+        raise ValueError(
+            f"{name} has a pole at {1 / alpha:.6g} rad/s, which Tustin's rule maps to z = ∞: it "
+            "would need y before it is there; choose another dt"
+        )
     lost = scale_zeros == 0
     factors = np.where(lost, -2.0, scale_zeros)
     excess = poles.size - zeros.size
     gain = num[0] / den[0] * alpha**excess * np.prod(factors) / np.prod(scale_poles)
     mapped = 2 * alpha * zeros[~lost] / scale_zeros[~lost]
-    return sections(
+    return _paired(
         np.append(mapped, np.full(excess, -2.0)), 2 * alpha * poles / scale_poles, float(gain.real)
     )
 
@@ -174,18 +172,13 @@ def second_order_sections(cascade: Sequence[Section]) -> FloatArray:
     return np.array(rows)
 
 
-def state_space(cascade: Sequence[Section]) -> Realisation:
+def state_space(cascade: Sequence[Section]) -> StateSpace:
     """Write sections as a state space with the sums x1, x2 of each as states.
 
     Parameters
     ----------
     cascade : sequence of Section
-        The sections.
-
-    Returns
-    -------
-    A, B, C, D : arrays of shapes (n, n), (n,), (n,), and a float
-        Matrices for one step, states one section after the other: `Section.order` of each.
+        The sections; their states follow one another, `Section.order` of each.
     """
     return reduce(_behind, map(_realised, cascade))
 
@@ -200,7 +193,7 @@ def at_rest(cascade: Sequence[Section], input: float, output: float) -> FloatArr
     input : float
         The constant input.
     output : float
-        What is to come out where a section integrates, so that rest does not say it.
+        Output of sections that integrate, whose input at rest is 0.
 
     Returns
     -------
@@ -221,11 +214,28 @@ def at_rest(cascade: Sequence[Section], input: float, output: float) -> FloatArr
     return np.array(states)
 
 
-def _roots(p: FloatArray) -> ComplexArray:
+@lru_cache(maxsize=256)  # of one loop at many sampling times they are the same
+def _roots(p: tuple[float, ...]) -> ComplexArray:
     """All roots, those at 0 exactly."""
-    q = np.trim_zeros(p, "b")
-    at_zero = np.zeros(p.size - q.size, dtype=complex)
+    q = np.trim_zeros(np.array(p), "b")
+    at_zero = np.zeros(len(p) - q.size, dtype=complex)
     return np.append(roots_by_time_scale(q) if q.size > 1 else at_zero[:0], at_zero)
+
+
+def _paired(zeros: ComplexArray, poles: ComplexArray, gain: float) -> tuple[Section, ...]:
+    """Put zeros and poles in δ into sections, neighbours together."""
+    if poles.size == 0:
+        return (Section(gain),)
+    nums, dens = _factors(zeros), _factors(poles)
+    share = abs(gain) ** (1 / len(dens))
+    found: list[Section] = []
+    for den in sorted(dens, key=lambda den: (den.size, abs(den[-1]))):
+        fitting = [num for num in nums if num.size <= den.size]
+        num = min(fitting, key=lambda num: abs(_mean(num) - _mean(den)), default=np.ones(1))
+        nums = [other for other in nums if other is not num]
+        sign = np.sign(gain) if not found else 1.0
+        found.append(_section(sign * share * num, den))
+    return tuple(sorted(found, key=lambda section: section.integrates))
 
 
 def _factors(roots: ComplexArray) -> list[FloatArray]:
@@ -250,15 +260,15 @@ def _section(num: FloatArray, den: FloatArray) -> Section:
     return Section(*b, *a[1:])
 
 
-def _realised(section: Section) -> Realisation:
+def _realised(section: Section) -> StateSpace:
     b0, b1, b2, a1, a2 = astuple(section)
     n = section.order
     A, B, C = [[1 - a1, 1.0], [-a2, 1.0]], [b1 - a1 * b0, b2 - a2 * b0], [1.0, 0.0]
-    return np.array(A)[:n, :n], np.array(B)[:n], np.array(C)[:n], b0
+    return StateSpace(np.array(A)[:n, :n], np.array(B)[:n], np.array(C)[:n], b0)
 
 
-def _behind(first: Realisation, second: Realisation) -> Realisation:
-    """Feed what comes out of one realisation into another one."""
+def _behind(first: StateSpace, second: StateSpace) -> StateSpace:
+    """Feed the output of one realisation into another one."""
     (A, B, C, D), (A2, B2, C2, D2) = first, second
     joined = np.block([[A, np.zeros((B.size, B2.size))], [np.outer(B2, C), A2]])
-    return joined, np.append(B, B2 * D), np.append(D2 * C, C2), D2 * D
+    return StateSpace(joined, np.append(B, B2 * D), np.append(D2 * C, C2), D2 * D)

@@ -1,4 +1,4 @@
-"""What is given to a simulation: checked, and made one value for each sample."""
+"""The external signals of a simulation: checked, and turned into one value for each sample."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from numpy.typing import ArrayLike
 from ..diagram import real_number
 from ..numerics import FloatArray
 
-__all__ = ["OUTSIDE", "Signal", "finite", "outside", "sample_times"]
+__all__ = ["EXTERNAL", "Signal", "external_signals", "finite", "sample_times"]
 
 Signal = ArrayLike | Callable[[FloatArray], ArrayLike]
 """A signal: a number, one value for each sample, or a function of the times."""
 
-OUTSIDE = ("R", "d", "delta")
-"""What may be given as an input; noise is a matter of its own."""
+EXTERNAL = ("R", "d", "delta")
+"""The inputs of a simulation; noise is given apart."""
 
 
 def sample_times(
@@ -31,7 +31,7 @@ def sample_times(
     timepts : (N,) array_like or float, optional
         The times, or the last one, in seconds.
     inputs : mapping of str to signals
-        What enters by which name.
+        By the names of the inputs.
     noise : float or (N,) array_like, optional
         Measurement noise.
     dt : float
@@ -51,10 +51,10 @@ def sample_times(
         raise TypeError(
             f"inputs is a {type(inputs).__name__}; give a mapping, as {{'R': 1.0, 'd': values}}"
         )
-    unknown = [name for name in inputs if name not in OUTSIDE]
+    unknown = [name for name in inputs if name not in EXTERNAL]
     if unknown:
         hint = " (noise is given as noise=)" if "eta" in unknown else ""
-        raise ValueError(f"{unknown[0]!r} is no input; choose from {', '.join(OUTSIDE)}{hint}")
+        raise ValueError(f"{unknown[0]!r} is no input; choose from {', '.join(EXTERNAL)}{hint}")
     if timepts is None:
         given = dict(inputs) | ({} if noise is None else {"noise": noise})
         lengths = {name: np.shape(signal)[0] for name, signal in given.items()
@@ -95,13 +95,13 @@ def sample_times(
     return expected
 
 
-def outside(
+def external_signals(
     inputs: Mapping[str, Signal],
     noise: float | ArrayLike | None,
     time: FloatArray,
     seed: int | np.random.Generator,
 ) -> FloatArray:
-    """Gather all that comes from outside.
+    """Gather R, d, δ and η.
 
     Parameters
     ----------
@@ -112,14 +112,14 @@ def outside(
     time : (N,) array of float
         Times of the samples.
     seed : int or numpy.random.Generator
-        Where white noise comes from.
+        Of white noise.
 
     Returns
     -------
     (N, 4) array of float
         R, d, δ, η.
     """
-    columns = [_signal(inputs.get(name, 0.0), name, time) for name in OUTSIDE]
+    columns = [_signal(inputs.get(name, 0.0), name, time) for name in EXTERNAL]
     if noise is None:
         noise = 0.0
     if np.ndim(noise) == 0:

@@ -20,6 +20,7 @@ from .quasipoly import (
 from .rootfinding import companion_roots, polynomial_roots
 from .sharedfactor import Shared, factor_near, shared_factor, without_shared_factor
 from .timescales import Block, impulse_states, roots_by_time_scale, split
+from .transition import transition
 from .writing import number, written
 
 __all__ = [
@@ -57,6 +58,7 @@ __all__ = [
     "shared_factor",
     "side",
     "split",
+    "transition",
     "unstable_roots",
     "values_and_slopes",
     "values_on_axis",

@@ -1,4 +1,4 @@
-"""How slowly a loop may be sampled."""
+"""The largest sampling time at which a loop is stable."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from ..analysis import stability
 from ..diagram import DelayedTransferFunction, LoopEquations
 from ..numerics import FloatArray
 from .sampled import SampledLoop
-from .verdict import lifted
 
 __all__ = ["largest_sampling_time"]
 
@@ -34,12 +33,12 @@ def largest_sampling_time(
 ) -> float:
     r"""Find the sampling time up to which a stable loop stays stable on a processor, in seconds.
 
-    For every shorter one the sampled loop is stable. The size of the largest root is followed over
-    sampling times that are 4 % apart, from a fiftieth of the shortest time of the loop (but no
-    more than 100 samples in a dead time) on, and where it comes near to 1 in between its maximum
-    is sought; so an instability is missed only if it begins and ends within 4 %, without a hump
-    that neighbours see. Shorter sampling times are taken for continuous time. The end itself is
-    refined to rounding and counted on both of its sides, by the argument on the unit circle.
+    For every shorter one the sampled loop is stable. The spectral radius is evaluated on a 4 % grid
+    of sampling times, from a fiftieth of the shortest time of the loop (but no more than 100
+    samples in a dead time) on, and refined where it comes close to 1 in between; an unstable
+    interval narrower than 4 % can be missed. Shorter sampling times are taken for continuous time.
+    The end itself is refined to rounding and counted on both of its sides, by the argument on the
+    unit circle.
 
     y is read just before the next u is written, so that a direct path of the process answers one
     sample later. Example 2, whose process has one, stays stable up to 4.422 λ; if its direct term
@@ -51,7 +50,7 @@ def largest_sampling_time(
         Stable in continuous time, with the delay of the computation, too.
     method : {"tustin", "zoh"}
         How the blocks are sampled, as in `NRDOB.sampled`; with "zoh" the end may be where that
-        gets unsound.
+        is refused.
     computation_delay : float
         Time from reading y to writing u, in seconds.
 
@@ -93,17 +92,16 @@ def largest_sampling_time(
             sampled = SampledLoop(loop, dt, method, computation_delay)
         except ValueError:  # "zoh" where it is unsound
             return inf
-        whole = lifted(sampled.process, sampled.controller)
-        return float(np.abs(np.linalg.eigvals(whole)).max()) - 1
+        return float(np.abs(np.linalg.eigvals(sampled.closed_loop.A)).max()) - 1
 
-    bracket = _first_loss(excess, times)
+    bracket = _first_unstable(excess, times)
     if bracket is None:
         return inf
     low, high = bracket
     if low == 0:
         raise ArithmeticError(
             f"the loop is stable in continuous time, but not at dt = {high:g} s, the shortest that "
-            "is looked at: its time scales are too far apart to say where it is lost"
+            "is looked at: its time scales are too far apart to say where it becomes unstable"
         )
     while high - low > REFINED * high:
         middle = (low + high) / 2
@@ -127,8 +125,8 @@ def _times(loop: LoopEquations, delay: float) -> FloatArray:
     return np.geomspace(first, last, max(2, int(np.log(last / first) / np.log(STEP)) + 1))
 
 
-def _first_loss(excess: Any, times: FloatArray) -> tuple[float, float] | None:
-    """Bracket the first sampling time at which the loop is lost."""
+def _first_unstable(excess: Any, times: FloatArray) -> tuple[float, float] | None:
+    """Bracket the first sampling time at which the loop is unstable."""
     seen: list[float] = []
     for k, dt in enumerate(times.tolist()):
         seen.append(excess(dt))
@@ -151,7 +149,7 @@ def _confirm(
     inside, outside = (_counted(loop, dt, method, computation_delay) for dt in beside)
     if inside is not True or outside is True:
         raise ArithmeticError(
-            f"the loop seems to be lost at dt = {high:.9g} s, but the counts beside it do not "
+            f"the loop seems to become unstable at dt = {high:.9g} s, but the counts beside it do not "
             "confirm it"
         )
 
