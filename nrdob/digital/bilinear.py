@@ -91,7 +91,8 @@ def held_in_v(
     ArithmeticError
         If the process is too stiff for this sampling time.
     """
-    given = _Given.of(process, dt, fraction, at_once)
+    a, c, direct, unit = _in_unit(tuple(process.num.tolist()), tuple(process.den.tolist()))
+    given = _Given(a, c, direct, Exact(dt) / unit, Exact(fraction), at_once)
     bits, last = FIRST, None
     while bits <= LAST:
         found = _rounded(given, bits)
@@ -259,21 +260,24 @@ class _Given:
     fraction: Exact
     at_once: bool
 
-    @classmethod
-    def of(cls, process: Fraction, dt: float, fraction: float, at_once: bool) -> _Given:
-        den = [Exact(x) for x in process.den.tolist()]
-        num = [Exact(0)] * (len(den) - process.num.size) + [Exact(x) for x in process.num.tolist()]
-        a, b = [x / den[0] for x in den[1:]], [x / den[0] for x in num]
-        rates = [log2(abs(x)) / k for k, x in enumerate(a, 1) if x]
-        unit = Exact(2) ** -round(max(rates, default=-log2(dt)))
-        c = [(b[k] - b[0] * x) * unit**k for k, x in enumerate(a, 1)]
-        a = [x * unit**k for k, x in enumerate(a, 1)]
-        return cls(a, c, b[0], Exact(dt) / unit, Exact(fraction), at_once)
-
     @property
     def remembers(self) -> bool:
         """Whether the input before the last is felt, too."""
         return bool(self.fraction or (self.direct and not self.at_once))
+
+
+@lru_cache  # of one block at many sampling times it is the same
+def _in_unit(
+    num: tuple[float, ...], den: tuple[float, ...]
+) -> tuple[list[Exact], list[Exact], Exact, Exact]:
+    """Companion form of a block, and the unit of time in which its roots are near 1."""
+    den_, num_ = [Exact(x) for x in den], [Exact(x) for x in num]
+    num_ = [Exact(0)] * (len(den_) - len(num_)) + num_
+    a, b = [x / den_[0] for x in den_[1:]], [x / den_[0] for x in num_]
+    rates = [log2(abs(x)) / k for k, x in enumerate(a, 1) if x]
+    unit = Exact(2) ** -round(max(rates, default=0.0))
+    c = [(b[k] - b[0] * x) * unit**k for k, x in enumerate(a, 1)]
+    return [x * unit**k for k, x in enumerate(a, 1)], c, b[0], unit
 
 
 def _rounded(given: _Given, bits: int) -> Fraction:

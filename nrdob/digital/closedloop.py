@@ -13,7 +13,7 @@ with limits it is what a simulation runs.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import NamedTuple
 
@@ -91,11 +91,10 @@ class ClosedLoop:
         self._controller, self._process = controller, process
         self._disturbed = disturbed or process
         ends = np.cumsum([process.B.size, process.memory, controller.states]).tolist()
-        self._at = slice(0, ends[0]), slice(ends[0], ends[1]), slice(ends[1], ends[2])
         self._cuts = [ends[-1], ends[-1] + len(ENTERING)]
         unit = np.eye(self._cuts[-1] + 1 + rounds)
         states, (R, d, eta, *late_delta), decided = np.split(unit, self._cuts)
-        x, past, own = (states[rows] for rows in self._at)
+        x, past, own = np.split(states, ends[:-1])
         applied = decided[-1]
         late_u = [applied, *past, applied][process.samples : process.samples + 2]
 
@@ -196,8 +195,10 @@ class ClosedLoop:
         late = np.concatenate([before, delta])
         return np.column_stack([R, d, eta, late[1 : delta.size + 1], late[: delta.size]])
 
-    def at_rest(self, u: float, external: FloatArray) -> tuple[FloatArray, float]:
-        """Find the state of rest of the process under a constant u.
+    def at_rest(
+        self, u: float, external: FloatArray, read: Callable[[float], float]
+    ) -> tuple[FloatArray, float]:
+        """Find the state of rest under a constant u, shape (n,), and the reading y.
 
         Parameters
         ----------
@@ -205,20 +206,15 @@ class ClosedLoop:
             The constant input.
         external : (4,) array of float
             R, d, δ, η at the first sample.
-
-        Returns
-        -------
-        states : (n,) array of float
-            The process and the past u; the controller is left at 0.
-        y : float
-            The output.
+        read : callable
+            What the converter makes of y + η.
 
         Raises
         ------
         ValueError
             If the process integrates u + δ.
         """
-        process, (_, d, delta, _) = self._process, external.tolist()
+        process, (R, d, delta, eta) = self._process, external.tolist()
         x = np.linalg.lstsq(process.A, -process.B * (u + delta), rcond=None)[0]
         left = process.A @ x + process.B * (u + delta)
         size = np.abs(process.B).max(initial=0.0) * (abs(u) + abs(delta))
@@ -227,23 +223,9 @@ class ClosedLoop:
                 f"the process integrates and is not at rest at u + delta = {u + delta:.6g}: start "
                 f"from u = {0.0 - delta:.6g}"
             )
-        states = np.zeros(self._cuts[0])
-        states[self._at[0]], states[self._at[1]] = x, u
-        return states, float(process.C @ x) + process.D * (u + delta) + d
-
-    def start(self, states: FloatArray, R: float, measured: float, u: float) -> FloatArray:
-        """Put the controller at rest, too.
-
-        Parameters
-        ----------
-        states : (n,) array of float
-            From `at_rest`.
-        R, measured, u : float
-            Reference, reading, and the constant u.
-        """
-        found = states.copy()
-        found[self._at[2]] = self._controller.start(R, measured, u)
-        return found
+        measured = read(float(process.C @ x) + process.D * (u + delta) + d + eta)
+        past = np.full(process.memory, u)
+        return np.concatenate([x, past, self._controller.start(R, measured, u)]), measured
 
     def _split(self, rows: FloatArray) -> Rows:
         by_state, by_input, by_decision = np.split(rows, self._cuts, axis=1)

@@ -24,13 +24,12 @@ the mean of a held u over a sample. Its yf is F y + Gm0 (u - F W u), with Gm0 on
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from ..diagram import Fraction
 from ..numerics import FloatArray
 from .sections import Section, StateSpace, at_rest, bilinear_sections, state_space
 
@@ -225,16 +224,17 @@ class SampledController:
 
 
 def sampled_controller(
-    fractions: Mapping[str, Fraction], alpha: float, delay: ModelDelay, dt: float
+    factors: Mapping[str, tuple[Sequence[FloatArray], Sequence[FloatArray]]],
+    delay: ModelDelay,
+    dt: float,
 ) -> SampledController:
     """Sample the blocks and solve the diagram for u[k].
 
     Parameters
     ----------
-    fractions : dict of str: Fraction
-        The blocks as `SampledController.sections` names them, in powers of w = (z - 1)/(α (z + 1)).
-    alpha : float
-        α in seconds.
+    factors : dict of str: (num, den)
+        The blocks as `SampledController.sections` names them, numerator and denominator as
+        factors, in descending powers of w = (z - 1)/(α (z + 1)), α = dt/2.
     delay : ModelDelay
         Dead time of the model.
     dt : float
@@ -245,7 +245,7 @@ def sampled_controller(
     ValueError
         If a block has its pole at z = ∞, or the diagram has no solution for u[k].
     """
-    sections = {name: bilinear_sections(block, alpha, name) for name, block in fractions.items()}
+    sections = {name: bilinear_sections(*block, dt / 2, name) for name, block in factors.items()}
     found = SampledController(dt, sections, delay)
     C, F, inner = (found.blocks[name].D for name in ("C", "F", found.inner))
     if abs(found.factor) < SINGULAR * (1 + abs(F) + abs(C * inner)):

@@ -3,9 +3,8 @@ r"""The loop on a processor: the process behind a hold, the observer as differen
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
-from math import inf
 from typing import Any
 
 import control as ct
@@ -14,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from ..analysis import Margins, NoiseVariance
 from ..diagram import Fraction, LoopEquations, six_digits
-from ..numerics import FloatArray, QuasiPolynomial
+from ..numerics import FloatArray
 from .actuatorlimits import ActuatorLimits
 from .bilinear import held_blocks, held_in_v
 from .closedloop import ClosedLoop
@@ -32,8 +31,6 @@ __all__ = ["METHODS", "SampledLoop"]
 
 METHODS = ("tustin", "zoh")
 """How a block is sampled."""
-
-Factor = FloatArray | QuasiPolynomial
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,21 +93,17 @@ class SampledLoop:
         return self.loop if self.method == "tustin" else held_blocks(self.loop, self.dt)
 
     @cached_property
-    def fractions(self) -> dict[str, Fraction]:
-        """The blocks of the controller, each as one, in powers of w."""
-        _, Gm, C, F = self.blocks.fractions
-        built = self.blocks.built
-        fractions = {"C": C, "F": F, "F/Gm": _over((built.Nf, Gm.den), (F.den, built.Nm))}
-        if self.model_delay:
-            fractions["Gm"] = Gm
-        else:
-            fractions["(1-F)Gm"] = _over((built.E, Gm.num), (F.den, built.Dm))
-        return fractions
-
-    @cached_property
     def controller(self) -> SampledController:
         """The difference equations of the processor."""
-        return sampled_controller(self.fractions, self.dt / 2, self.model_delay, self.dt)
+        _, Gm, C, F = self.blocks.fractions
+        Nf, Nm, Dm, E = (getattr(self.blocks.built, name).q for name in ("Nf", "Nm", "Dm", "E"))
+        factors = {name: ([num], [den]) for name, (num, den) in (("C", C), ("F", F))}
+        factors["F/Gm"] = [Nf, Gm.den], [F.den, Nm]
+        if self.model_delay:
+            factors["Gm"] = [Gm.num], [Gm.den]
+        else:
+            factors["(1-F)Gm"] = [E, Gm.num], [F.den, Dm]
+        return sampled_controller(factors, self.model_delay, self.dt)
 
     @cached_property
     def closed_loop(self) -> ClosedLoop:
@@ -204,7 +197,7 @@ class SampledLoop:
     def code(
         self, limits: ActuatorLimits | None = None, *, tracking_time: float | None = None
     ) -> ControllerCode:
-        """Make the controller ready to be written as C, Python or JSON.
+        """Make the controller ready to be written as C or Python.
 
         It is written for any loop; `stability()` judges whether the loop is stable.
 
@@ -219,48 +212,16 @@ class SampledLoop:
         Returns
         -------
         ControllerCode
-            With `to_c()`, `to_header()`, `to_python()` and `to_json()`.
+            With `to_c()`, `to_header()` and `to_python()`.
+
+        Examples
+        --------
+        >>> from nrdob import ActuatorLimits, paper
+        >>> code = paper.example(1).sampled(0.01).code(ActuatorLimits(0, 10))
+        >>> "class Heater:" in code.to_python("Heater")
+        True
         """
         return controller_code(self.controller, limits, tracking_time)
-
-    def to_c(
-        self,
-        name: str = "nrdob",
-        dtype: str = "double",
-        limits: ActuatorLimits | None = None,
-        *,
-        tracking_time: float | None = None,
-    ) -> str:
-        """Write the controller as one small C99 file: see `nrdob.digital.ControllerCode.to_c`.
-
-        Parameters
-        ----------
-        name : str
-            What the names in it begin with.
-        dtype : {"double", "float"}
-            Type of all numbers.
-        limits, tracking_time : as for `code`
-            The actuator, and how C follows it.
-        """
-        return self.code(limits, tracking_time=tracking_time).to_c(name, dtype)
-
-    def to_python(
-        self,
-        name: str = "Controller",
-        limits: ActuatorLimits | None = None,
-        *,
-        tracking_time: float | None = None,
-    ) -> str:
-        """Write the controller as one Python class that needs nothing else.
-
-        Parameters
-        ----------
-        name : str
-            Name of the class.
-        limits, tracking_time : as for `code`
-            The actuator, and how C follows it.
-        """
-        return self.code(limits, tracking_time=tracking_time).to_python(name)
 
     def simulate(
         self,
@@ -372,10 +333,7 @@ class SampledLoop:
             return (Product((*common, self._in_v(built.E.q, built.E.q.size))),)
         late = self._in_v(F.num, F.den.size)
         terms = [Product((*common, self._in_v(F.den, F.den.size)))]
-        terms += [
-            Product((*common, -weight * late), age)
-            for weight, age in self.model_delay.terms
-        ]
+        terms += [Product((*common, -weight * late), age) for weight, age in self.model_delay.terms]
         return tuple(terms)
 
     def _in_v(self, p: FloatArray, size: int) -> FloatArray:
@@ -385,13 +343,3 @@ class SampledLoop:
 
 def _filled(p: FloatArray, size: int) -> FloatArray:
     return np.pad(p, (size - p.size, 0))
-
-
-def _over(num: tuple[Factor, Factor], den: tuple[Factor, Factor]) -> Fraction:
-    """Multiply out one block from its factors."""
-    (a, b), (c, d) = ([_coefficients(part) for part in parts] for parts in (num, den))
-    return Fraction(np.trim_zeros(np.convolve(a, b), "f"), np.convolve(c, d))
-
-
-def _coefficients(part: Factor) -> FloatArray:
-    return part.q if isinstance(part, QuasiPolynomial) else part

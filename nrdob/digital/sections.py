@@ -25,7 +25,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..diagram import Fraction
 from ..numerics import ComplexArray, FloatArray, roots_by_time_scale
 
 __all__ = [
@@ -33,7 +32,6 @@ __all__ = [
     "StateSpace",
     "at_rest",
     "bilinear_sections",
-    "second_order_sections",
     "state_space",
 ]
 
@@ -99,13 +97,16 @@ class Section:
         return (self.b2, self.a2) if self.order == 2 else (self.b1, self.a1)
 
 
-def bilinear_sections(block: Fraction, alpha: float, name: str = "the block") -> tuple[Section, ...]:
+def bilinear_sections(
+    num: Sequence[FloatArray], den: Sequence[FloatArray], alpha: float, name: str = "the block"
+) -> tuple[Section, ...]:
     """Put a block of w = (z - 1)/(α (z + 1)) into sections, those that integrate last.
 
     Parameters
     ----------
-    block : Fraction
-        Proper, in powers of w; with α = dt/2 and s for w this is Tustin's rule.
+    num, den : sequences of arrays of float
+        Factors of a proper block, in descending powers of w; with α = dt/2 and s for w this is
+        Tustin's rule.
     alpha : float
         α in seconds.
     name : str
@@ -118,15 +119,13 @@ def bilinear_sections(block: Fraction, alpha: float, name: str = "the block") ->
 
     Examples
     --------
-    >>> from nrdob.diagram import Fraction
-    >>> lag = bilinear_sections(Fraction(np.array([1.0]), np.array([0.9, 1.0])), 0.1)[0]
+    >>> lag = bilinear_sections([np.array([1.0])], [np.array([0.9, 1.0])], 0.1)[0]
     >>> [round(c, 6) for c in (lag.b0, lag.b1, lag.a1, lag.rest)]
     [0.1, 0.2, 0.2, 1.0]
     """
-    num, den = np.trim_zeros(block.num, "f"), np.trim_zeros(block.den, "f")
-    if not num.size:
+    (top, zeros), (bottom, poles) = map(_leading_and_roots, (num, den))
+    if top == 0:
         return (Section(0.0),)
-    zeros, poles = _roots(tuple(num.tolist())), _roots(tuple(den.tolist()))
     # w - p = ((1 - αp) δ - 2αp)/(α (δ + 2)): a zero at w = 1/α is none in δ.
     scale_zeros, scale_poles = 1 - alpha * zeros, 1 - alpha * poles
     if (np.abs(scale_poles) < AT_INFINITY).any():
@@ -137,39 +136,11 @@ def bilinear_sections(block: Fraction, alpha: float, name: str = "the block") ->
     lost = scale_zeros == 0
     factors = np.where(lost, -2.0, scale_zeros)
     excess = poles.size - zeros.size
-    gain = num[0] / den[0] * alpha**excess * np.prod(factors) / np.prod(scale_poles)
+    gain = top / bottom * alpha**excess * np.prod(factors) / np.prod(scale_poles)
     mapped = 2 * alpha * zeros[~lost] / scale_zeros[~lost]
     return _paired(
         np.append(mapped, np.full(excess, -2.0)), 2 * alpha * poles / scale_poles, float(gain.real)
     )
-
-
-def second_order_sections(cascade: Sequence[Section]) -> FloatArray:
-    """Write sections in powers of z, as `scipy.signal.sosfilt` takes them.
-
-    Parameters
-    ----------
-    cascade : sequence of Section
-        The sections.
-
-    Returns
-    -------
-    (n, 6) array of float
-        b0, b1, b2, 1, a1, a2 in each row.
-
-    Examples
-    --------
-    >>> second_order_sections([Section(0.0, 0.0, 0.01, 0.2, 0.01)]).round(6).tolist()
-    [[0.0, 0.0, 0.01, 1.0, -1.8, 0.81]]
-    """
-    rows = []
-    for section in cascade:
-        b0, b1, b2, a1, a2 = astuple(section)
-        if section.order == 2:
-            rows.append([b0, b1 - 2 * b0, b0 - b1 + b2, 1.0, a1 - 2, 1 - a1 + a2])
-        else:
-            rows.append([b0, b1 - b0, 0.0, 1.0, a1 - 1, 0.0])
-    return np.array(rows)
 
 
 def state_space(cascade: Sequence[Section]) -> StateSpace:
@@ -214,12 +185,21 @@ def at_rest(cascade: Sequence[Section], input: float, output: float) -> FloatArr
     return np.array(states)
 
 
+def _leading_and_roots(factors: Sequence[FloatArray]) -> tuple[float, ComplexArray]:
+    """Leading coefficient and roots of a product."""
+    leading, roots = zip(*(_factored(tuple(factor.tolist())) for factor in factors), strict=True)
+    return float(np.prod(leading)), np.concatenate(roots)
+
+
 @lru_cache(maxsize=256)  # of one loop at many sampling times they are the same
-def _roots(p: tuple[float, ...]) -> ComplexArray:
-    """All roots, those at 0 exactly."""
-    q = np.trim_zeros(np.array(p), "b")
-    at_zero = np.zeros(len(p) - q.size, dtype=complex)
-    return np.append(roots_by_time_scale(q) if q.size > 1 else at_zero[:0], at_zero)
+def _factored(p: tuple[float, ...]) -> tuple[float, ComplexArray]:
+    """Leading coefficient and roots, those at 0 exactly."""
+    coefficients = np.trim_zeros(np.array(p), "f")
+    if not coefficients.size:
+        return 0.0, np.empty(0, dtype=complex)
+    q = np.trim_zeros(coefficients, "b")
+    roots = roots_by_time_scale(q) if q.size > 2 else -q[1:] / q[0]
+    return q[0], np.append(roots, np.zeros(coefficients.size - q.size)).astype(complex)
 
 
 def _paired(zeros: ComplexArray, poles: ComplexArray, gain: float) -> tuple[Section, ...]:

@@ -24,7 +24,7 @@ EXTERNAL = ("R", "d", "delta")
 def sample_times(
     timepts: ArrayLike | None, inputs: Mapping[str, Signal], noise: Any, dt: float
 ) -> FloatArray:
-    """Find the times of the samples: as asked, or as long as the signals are.
+    """Find the times of the samples: as given, or as many as the signals have.
 
     Parameters
     ----------
@@ -56,20 +56,7 @@ def sample_times(
         hint = " (noise is given as noise=)" if "eta" in unknown else ""
         raise ValueError(f"{unknown[0]!r} is no input; choose from {', '.join(EXTERNAL)}{hint}")
     if timepts is None:
-        given = dict(inputs) | ({} if noise is None else {"noise": noise})
-        lengths = {name: np.shape(signal)[0] for name, signal in given.items()
-                   if not callable(signal) and np.ndim(signal) == 1}  # fmt: skip
-        if not lengths:
-            raise ValueError(
-                "no input says how many samples there are: give one as an array, or timepts"
-            )
-        if len(set(lengths.values())) > 1:
-            said = ", ".join(f"{name} has {count}" for name, count in lengths.items())
-            raise ValueError(f"the signals differ in length: {said} samples; make them equal")
-        count = next(iter(lengths.values()))
-        if not count:
-            raise ValueError("the signals are empty; give one value for each sample")
-        return np.asarray(np.arange(count) * dt)
+        return np.asarray(np.arange(_common_length({**inputs, "noise": noise})) * dt)
     try:
         asked = np.asarray(timepts, dtype=float)
     except (TypeError, ValueError):
@@ -95,13 +82,29 @@ def sample_times(
     return expected
 
 
+def _common_length(signals: Mapping[str, Any]) -> int:
+    lengths = {name: np.shape(signal)[0] for name, signal in signals.items()
+               if not callable(signal) and np.ndim(signal) == 1}  # fmt: skip
+    if not lengths:
+        raise ValueError(
+            "no input says how many samples there are: give one as an array, or timepts"
+        )
+    if len(set(lengths.values())) > 1:
+        said = ", ".join(f"{name} has {count}" for name, count in lengths.items())
+        raise ValueError(f"the signals differ in length: {said} samples; make them equal")
+    count: int = next(iter(lengths.values()))
+    if not count:
+        raise ValueError("the signals are empty; give one value for each sample")
+    return count
+
+
 def external_signals(
     inputs: Mapping[str, Signal],
     noise: float | ArrayLike | None,
     time: FloatArray,
     seed: int | np.random.Generator,
 ) -> FloatArray:
-    """Gather R, d, δ and η.
+    """Gather R, d, δ and η as columns, shape (N, 4).
 
     Parameters
     ----------
@@ -113,17 +116,10 @@ def external_signals(
         Times of the samples.
     seed : int or numpy.random.Generator
         Of white noise.
-
-    Returns
-    -------
-    (N, 4) array of float
-        R, d, δ, η.
     """
     columns = [_signal(inputs.get(name, 0.0), name, time) for name in EXTERNAL]
-    if noise is None:
-        noise = 0.0
-    if np.ndim(noise) == 0:
-        deviation = finite(noise, "noise", "give its standard deviation, or an array")
+    if np.ndim(noise) == 0:  # also None
+        deviation = finite(noise or 0.0, "noise", "give its standard deviation, or an array")
         if deviation < 0:
             raise ValueError(
                 f"noise is {deviation:g}; as a number it is a standard deviation, 0 or more"
@@ -134,7 +130,7 @@ def external_signals(
     return np.column_stack(columns)
 
 
-def _signal(signal: Signal, name: str, time: FloatArray) -> FloatArray:
+def _signal(signal: Any, name: str, time: FloatArray) -> FloatArray:
     values = signal(time) if callable(signal) else signal
     try:
         found = np.asarray(values, dtype=float)
@@ -164,10 +160,8 @@ def finite(value: Any, name: str, remedy: str) -> float:
 
     Parameters
     ----------
-    value : object
-        What was given.
-    name, remedy : str
-        What it is called, and what to do.
+    value, name, remedy : object, str, str
+        The number, its name, and what to do where it is none.
     """
     number = real_number(value, name, remedy)
     if not isfinite(number):

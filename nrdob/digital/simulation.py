@@ -273,13 +273,11 @@ def _start(
     if manual is None:
         return np.zeros(len(loop.recursion.A)), [0.0] * len(rules)
     u = finite(manual, "start", "give the constant u to take over from")
-    states, y = loop.at_rest(u, first)
-    R, _, _, eta = first.tolist()
-    measured = y + eta
-    if len(rules) == 1:
-        return loop.start(states, R, measured, u), [u]
-    measured = rules[0].apply(measured, measured)
-    return loop.start(states, R, measured, u), [measured, u]
+    *converter, _ = rules
+    states, measured = loop.at_rest(
+        u, first, lambda y: converter[0].apply(y, y) if converter else y
+    )
+    return states, [measured, u][-len(rules) :]
 
 
 # The recursion, many samples at once.
@@ -300,7 +298,7 @@ class Run:
     decided : array of float, shape (b, m p)
         The decisions.
     samples : int
-        N.
+        How many there are.
     """
 
     recursion: Recursion

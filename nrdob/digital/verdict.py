@@ -51,6 +51,8 @@ class SampledStability(Stability):
 
     Attributes
     ----------
+    stable, reason, model_loop, observer_loop, loop : as in `nrdob.analysis.Stability`
+        The verdict, why, both conditions of Lemma 1, and the loop in continuous time.
     eigenvalues : array of complex
         Of the whole loop from sample to sample, the largest first; none if there are so many that
         they are left out.
@@ -68,7 +70,13 @@ class SampledStability(Stability):
         return float(np.fmax.reduce([nan, *np.abs(self.eigenvalues[:1]), *known]))
 
     def certificate(self, processes: Sequence[Any] = ()) -> Certificate:
-        """Raise an ArithmeticError: there are certificates of loops in continuous time only."""
+        """Raise an ArithmeticError: certificates are of loops in continuous time.
+
+        Parameters
+        ----------
+        processes : sequence of blocks
+            As in continuous time.
+        """
         raise ArithmeticError(
             "there is no certificate of a sampled loop: ask the verdict in continuous time"
         )
@@ -196,9 +204,7 @@ def _observer_loop(
         at = "z = 1" if counted.angle == 0 else f"z = exp({counted.angle:.6g}j)"
         reason = f"a root on the unit circle within rounding, at {at}"
     turns = None if Z is None else Z - P
-    return LoopStability(
-        "F H (ii)", stable, reason, turns, P, Z, _largest(roots), "sampled", roots
-    )
+    return LoopStability("F H (ii)", stable, reason, turns, P, Z, _largest(roots), "sampled", roots)
 
 
 def _image(roots: ComplexArray, dt: float) -> ComplexArray:

@@ -44,7 +44,9 @@ def campaign(count: int, seed: int) -> dict[str, int]:
             continue  # unstable blocks: rounding grows in them, whoever runs them
         once = [section.integrates for section in controller.sections["C"]].count(True) == 1
         more = {"tracking_time": 5 * dt / abs(controller.factor)} if once else {}
-        limits = rng.choice([None, ActuatorLimits(-1, 1.5), ActuatorLimits(-1, 2, 0.5 / dt), ActuatorLimits(rate=5)])
+        limits = rng.choice(
+            [None, ActuatorLimits(-1, 1.5), ActuatorLimits(-1, 2, 0.5 / dt), ActuatorLimits(rate=5)]
+        )
         start = rng.choice([None, 0.7])
         R, d = rng.standard_normal((2, SAMPLES))
         try:
@@ -59,7 +61,7 @@ def campaign(count: int, seed: int) -> dict[str, int]:
             continue
         given = R, expected.measured, expected.applied, start
         in_c = run_c(sampled, "c", *given, limits=limits, **more)
-        in_python = run_python(sampled.to_python(limits=limits, **more), *given)
+        in_python = run_python(sampled.code(limits=limits, **more).to_python(), *given)
         # What u is made of: at a start from rest the first two terms nearly cancel.
         terms = controller.blocks["F/Gm"].D / controller.factor * expected.measured
         names = ("u", "applied", "d_hat")
