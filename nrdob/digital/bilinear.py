@@ -179,9 +179,9 @@ def process_in_w(process: Any, dt: float, computation_delay: float = 0.0) -> Fra
         )
     held = held_in_w(G, dt, fraction=fraction)
     # Whole samples, ((1 - αw)/(1 + αw))^d.
-    late = np.array([comb(samples, k) * (dt / 2) ** k for k in range(samples, -1, -1)])
+    lag = np.array([comb(samples, k) * (dt / 2) ** k for k in range(samples, -1, -1)])
     signs = (-1.0) ** np.arange(samples, -1, -1)
-    return Fraction(np.convolve(held.num, late * signs), np.convolve(held.den, late))
+    return Fraction(np.convolve(held.num, lag * signs), np.convolve(held.den, lag))
 
 
 def held_blocks(loop: LoopEquations, dt: float) -> LoopEquations:

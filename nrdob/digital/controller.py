@@ -112,7 +112,7 @@ class SampledController:
     @property
     def states(self) -> int:
         """Number of states."""
-        return self.rows["past"].stop
+        return int(self.rows["past"].stop)
 
     @cached_property
     def rows(self) -> dict[str, slice]:

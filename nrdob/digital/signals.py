@@ -118,7 +118,7 @@ def external_signals(
         Of white noise.
     """
     columns = [_signal(inputs.get(name, 0.0), name, time) for name in EXTERNAL]
-    if np.ndim(noise) == 0:  # also None
+    if noise is None or np.ndim(noise) == 0:
         deviation = finite(noise or 0.0, "noise", "give its standard deviation, or an array")
         if deviation < 0:
             raise ValueError(

@@ -89,10 +89,8 @@ class Product:
 
     def size(self, angle: FloatArray) -> FloatArray:
         """Sum of the sizes of all that is added up, against which rounding is measured."""
-        value = np.ones(angle.shape)
-        for factor in self.factors:
-            value = value * _homogeneous(np.abs(factor), *_half(angle))
-        return np.asarray(value)
+        parts = (_homogeneous(np.abs(factor), *_half(angle)) for factor in self.factors)
+        return np.asarray(reduce(np.multiply, parts, np.ones(angle.shape)).real)
 
     def reach(self, angle: FloatArray, half: FloatArray) -> FloatArray:
         """How far the product can get from its value at `angle` within `half` an interval."""
@@ -202,7 +200,8 @@ class Group(NamedTuple):
     bare: CircleFunction
 
 
-class TurnCount(NamedTuple):
+@dataclass(frozen=True)
+class TurnCount:
     """How many zeros lie outside the unit circle.
 
     Attributes

@@ -90,7 +90,7 @@ def free_responses(den: Sequence[float], count: int) -> FloatArray:
 
 
 def _companion(den: Sequence[float]) -> tuple[FloatArray, FloatArray]:
-    """A and B of 1/D(s)."""
+    """Give A and B of 1/D(s)."""
     n = len(den) - 1
     A = np.eye(n, k=1)
     A[-1] = -np.asarray(den, dtype=float)[:0:-1]
