@@ -115,7 +115,7 @@ def everything(nrdob, place: Path) -> int:
     lines = plotting.axes_for(None, 1, plotting.SHORT)[0].plot([0, 1], [0, 1])
     line = plotting.Figure(lines, lines[0].axes, alt="A line")
     pictures = [
-        loop.plot_nyquist(), loop.plot_bode(), loop.plot_step(), loop.plot_roots(), chart.plot(),
+        loop.plot_nyquist(), loop.plot_bode(), loop.plot_step(), chart.plot(),
         table.plot_map("gain", "delay"), plotting.winding_plot([0.5], [0.2]),
         plotting.winding_animation([0.5], [0.2]), line,
     ]  # fmt: skip

@@ -64,15 +64,10 @@ class ActuatorLimits:
 
 @dataclass(frozen=True)
 class Rule:
-    """How a proposed number becomes the actual one.
+    """How a proposed number becomes the actual one, given the actual one a sample ago.
 
-    Attributes
-    ----------
-    apply : callable
-        From the value proposed and the actual one a sample ago, to the actual one.
-    leaves : callable
-        Whether values proposed for some samples on end, shape (m,), after the actual one before
-        them, all stay as they are.
+    `leaves` tells whether values proposed for m successive samples, shape (m,), all stay as they
+    are.
     """
 
     apply: Callable[[float, float], float]
@@ -81,13 +76,6 @@ class Rule:
 
 def limited(limits: ActuatorLimits, dt: float) -> Rule:
     """Apply the limits of an actuator to a command: rate first, then range.
-
-    Parameters
-    ----------
-    limits : ActuatorLimits
-        The actuator.
-    dt : float
-        Sampling time in seconds.
 
     Examples
     --------
@@ -122,16 +110,6 @@ def limited(limits: ActuatorLimits, dt: float) -> Rule:
 
 def rounded(resolution: float) -> Rule:
     """Round a signal as a converter does: whole multiples of its resolution, ties to even.
-
-    Parameters
-    ----------
-    resolution : float
-        The step, in the unit of the signal.
-
-    Raises
-    ------
-    ValueError
-        If it is not positive and finite.
 
     Examples
     --------

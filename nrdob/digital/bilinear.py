@@ -65,32 +65,7 @@ AGREEMENT = 4 * float(np.finfo(float).eps)
 def held_in_v(
     process: Fraction, dt: float, *, fraction: float = 0.0, at_once: bool = False
 ) -> Fraction:
-    """Take a process behind its hold to the plane of v = αw.
-
-    Parameters
-    ----------
-    process : Fraction
-        The rational part, proper, in powers of s.
-    dt : float
-        Sampling time in seconds.
-    fraction : float
-        Dead time in samples, below 1.
-    at_once : bool
-        Whether a direct term acts at once, as it does inside the processor, and not only after
-        the next sample, as it does behind it.
-
-    Returns
-    -------
-    Fraction
-        In descending powers of v, monic denominator.
-
-    Raises
-    ------
-    ValueError
-        If an undamped mode of the process is sampled exactly twice in each of its periods.
-    ArithmeticError
-        If the process is too stiff for this sampling time.
-    """
+    """Take a process behind its hold to the plane of v = αw: see `held_in_w`."""
     a, c, direct, unit = _in_unit(tuple(process.num.tolist()), tuple(process.den.tolist()))
     given = _Given(a, c, direct, Exact(dt) / unit, Exact(fraction), at_once)
     bits, last = FIRST, None
@@ -118,8 +93,27 @@ def held_in_w(
 
     Parameters
     ----------
-    process, dt, fraction, at_once : as for `held_in_v`
-        The same as there.
+    process : Fraction
+        The rational part, proper, in powers of s.
+    dt : float
+        Sampling time in seconds.
+    fraction : float
+        Dead time in samples, below 1.
+    at_once : bool
+        Whether a direct term acts at once, as it does inside the processor, and not only after
+        the next sample, as it does behind it.
+
+    Returns
+    -------
+    Fraction
+        In descending powers of w, monic denominator.
+
+    Raises
+    ------
+    ValueError
+        If an undamped mode of the process is sampled exactly twice in each of its periods.
+    ArithmeticError
+        If the process is too stiff for this sampling time.
 
     Examples
     --------
@@ -185,24 +179,10 @@ def process_in_w(process: Any, dt: float, computation_delay: float = 0.0) -> Fra
 
 
 def held_blocks(loop: LoopEquations, dt: float) -> LoopEquations:
-    """Sample model, controller and filter, each behind a hold, as blocks of w.
+    """Sample model, controller and filter, each behind a hold, as blocks of w; not the process.
 
-    Parameters
-    ----------
-    loop : LoopEquations
-        In continuous time.
-    dt : float
-        Sampling time in seconds.
-
-    Returns
-    -------
-    LoopEquations
-        With these blocks in powers of w, α = dt/2, and the process as it is.
-
-    Raises
-    ------
-    ValueError
-        If F/Gm would invert a zero that only the sampling has made, on or outside the unit circle.
+    A ValueError if F/Gm would invert a zero that only the sampling has made, on or outside the unit
+    circle.
     """
     _, Gm, C, F = loop.fractions
     if loop.keep_factors:

@@ -139,29 +139,16 @@ class ClosedLoop:
     def rows(self, names: Sequence[str]) -> Rows:
         """Write signals as rows.
 
-        Parameters
-        ----------
-        names : sequence of str
-            From "x" (states of the process), "felt" (u and δ as the process receives them at the
-            end of a sample and at its beginning), "d", "y", "read" (y with noise), "measured" (the
-            same, rounded), "u", "d_hat".
+        They are "x" (states of the process), "felt" (u and δ as the process receives them at the
+        end of a sample and at its beginning), "d", "y", "read" (y with noise), "measured" (the
+        same, rounded), "u" and "d_hat".
         """
         return self._split(np.vstack([self._signals[name] for name in names]))
 
     def output_after(self, time: float, x: FloatArray, felt: FloatArray) -> FloatArray:
-        """Compute the output some time after a sample, without d.
+        """Compute the output, without d, some seconds after N samples; after a jump where it jumps.
 
-        Parameters
-        ----------
-        time : float
-            Seconds, from 0 on and below dt.
-        x, felt : arrays of float, shapes (n, N) and (4, N)
-            Those of `rows`, at N samples.
-
-        Returns
-        -------
-        (N,) array of float
-            The output; where it jumps, its value after the jump.
+        `x` and `felt` are those of `rows`, shapes (n, N) and (4, N).
         """
         process = self._process
         Phi, Gamma = process.transition(time)
@@ -176,19 +163,9 @@ class ClosedLoop:
         return np.asarray(process.C @ x + process.D * direct)
 
     def entering(self, external: FloatArray, *, at_rest: bool) -> FloatArray:
-        """Turn R, d, δ, η into the inputs of the recursion.
+        """Turn R, d, δ, η, shape (N, 4), into the inputs of the recursion, shape (N, 5).
 
-        Parameters
-        ----------
-        external : (N, 4) array of float
-            The signals.
-        at_rest : bool
-            Whether δ has been before what it is at first, or 0.
-
-        Returns
-        -------
-        (N, 5) array of float
-            R, d, η, δ behind its dead time, and the same one sample earlier.
+        Before the first sample δ is 0, or `at_rest` what it is at first.
         """
         R, d, delta, eta = external.T
         before = np.full(self._disturbed.samples + 1, delta[0] if at_rest else 0.0)
@@ -198,21 +175,9 @@ class ClosedLoop:
     def at_rest(
         self, u: float, external: FloatArray, read: Callable[[float], float]
     ) -> tuple[FloatArray, float]:
-        """Find the state of rest under a constant u, shape (n,), and the reading y.
+        """Find the state of rest under a constant u, shape (n,), and the reading of y + η.
 
-        Parameters
-        ----------
-        u : float
-            The constant input.
-        external : (4,) array of float
-            R, d, δ, η at the first sample.
-        read : callable
-            What the converter makes of y + η.
-
-        Raises
-        ------
-        ValueError
-            If the process integrates u + δ.
+        `external` holds R, d, δ and η. A process that integrates u + δ has none: ValueError.
         """
         process, (R, d, delta, eta) = self._process, external.tolist()
         x = np.linalg.lstsq(process.A, -process.B * (u + delta), rcond=None)[0]

@@ -199,24 +199,7 @@ def controller_code(
     limits: ActuatorLimits | None = None,
     tracking_time: float | None = None,
 ) -> ControllerCode:
-    """Add an actuator to a sampled controller.
-
-    Parameters
-    ----------
-    controller : SampledController
-        The difference equations.
-    limits : ActuatorLimits, optional
-        Of the actuator.
-    tracking_time : float, optional
-        Time in seconds in which the integrator of C follows a u that is limited.
-
-    Raises
-    ------
-    TypeError
-        If the limits are given as something else.
-    ValueError
-        If there is a tracking time but no integrator to track with, or it is too short.
-    """
+    """Add an actuator to a sampled controller: see `SampledLoop.code`."""
     if not isinstance(limits, ActuatorLimits | None):
         raise TypeError(
             f"limits is a {type(limits).__name__}; give nrdob.ActuatorLimits(low, high, rate)"

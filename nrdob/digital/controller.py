@@ -150,18 +150,15 @@ class SampledController:
         return self._signals["estimate"]
 
     def start(self, r: float, y: float, u: float) -> FloatArray:
-        """States that take over from a constant u, y being at rest.
+        """States that take over from a constant u, y being at rest, shape (n,).
+
+        If C integrates, the first output is u. Otherwise it is u only where r, y and u are a state
+        of rest of the loop; elsewhere C answers to the error at once.
 
         Parameters
         ----------
         r, y, u : float
             Reference, measurement, and the constant u.
-
-        Returns
-        -------
-        (n,) array of float
-            The states. If C integrates, the first output is u. Otherwise it is u only where r, y
-            and u are a state of rest of the loop; elsewhere C answers to the error at once.
         """
         found = {"past": np.full(self.delay.memory, u)}
 
@@ -230,20 +227,9 @@ def sampled_controller(
 ) -> SampledController:
     """Sample the blocks and solve the diagram for u[k].
 
-    Parameters
-    ----------
-    factors : dict of str: (num, den)
-        The blocks as `SampledController.sections` names them, numerator and denominator as
-        factors, in descending powers of w = (z - 1)/(α (z + 1)), α = dt/2.
-    delay : ModelDelay
-        Dead time of the model.
-    dt : float
-        Sampling time in seconds.
-
-    Raises
-    ------
-    ValueError
-        If a block has its pole at z = ∞, or the diagram has no solution for u[k].
+    Numerators and denominators are given as factors, in descending powers of w, α = dt/2, under the
+    names of `SampledController.sections`. A block with a pole at z = ∞, or a diagram without
+    solution for u[k], raises a ValueError.
     """
     sections = {name: bilinear_sections(*block, dt / 2, name) for name, block in factors.items()}
     found = SampledController(dt, sections, delay)

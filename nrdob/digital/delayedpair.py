@@ -37,14 +37,9 @@ STARTS, STEPS, CONVERGED = 256, 50, 1e-9
 
 @dataclass(frozen=True, eq=False)
 class DelayedPair:
-    """P + Q z^-N on the unit circle, both divided by (1 + v)^degree.
+    """P + Q z^-N on the unit circle, both parts divided by (1 + v)^degree.
 
-    Attributes
-    ----------
-    early, late : Group
-        Both parts, with their dead times.
-    P, Q : arrays of float
-        Polynomials of v = (z - 1)/(z + 1) in descending powers, of equal size.
+    P and Q are polynomials of v = (z - 1)/(z + 1) in descending powers, of equal size.
     """
 
     early: Group

@@ -37,14 +37,9 @@ SIGNALS = {
 
 
 class Row(NamedTuple):
-    """One equation.
+    """One equation: an expression that C and Python share, and its target.
 
-    Attributes
-    ----------
-    target : str
-        The signal on the left; empty where only states are renewed.
-    expression : str
-        The right side, in what C and Python have in common.
+    That is the signal on the left; empty where only states are renewed.
     """
 
     target: str
@@ -52,17 +47,7 @@ class Row(NamedTuple):
 
 
 def equations(*, delayed: bool) -> dict[str, tuple[Row, ...]]:
-    """Lay out the table: what is done for the output, for the update and for the start.
-
-    Parameters
-    ----------
-    delayed : bool
-        Whether the model has a dead time.
-
-    Returns
-    -------
-    dict of str: tuple of Row
-        "output" from r and y, "update" from applied, "start" from r, y and u.
+    """Lay out "output" from r and y, "update" from applied, and "start" from r, y and u.
 
     Examples
     --------
@@ -124,14 +109,8 @@ def rendered(
 ) -> tuple[str, str]:
     """Write both sides of one equation in a language.
 
-    Parameters
-    ----------
-    row : Row
-        The equation.
-    signal : callable
-        How the language writes a signal that is kept.
-    verb : callable
-        How it begins a call, from the verb and the block; from the verb and "" for the dead time.
+    `signal` writes a signal that is kept, `verb` the beginning of a call, from the verb and the
+    block; from the verb and "" for the dead time.
     """
     text = re.sub(rf"\b({'|'.join(SIGNALS)})\b", lambda f: signal(f[1]), row.expression)
     text = re.sub(r"\b(output|advance|rest)\((\w+), ", lambda f: verb(f[1], f[2]), text)

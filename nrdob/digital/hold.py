@@ -73,12 +73,12 @@ class HeldProcess:
         return self.samples + int(self.fraction > 0 or self.D != 0)
 
     def after(self, delay: float) -> HeldProcess:
-        """Return the same process behind another dead time.
+        """Return the same process behind another dead time, the whole of it in seconds.
 
         Parameters
         ----------
         delay : float
-            The whole dead time in seconds.
+            In seconds.
         """
         samples, fraction = in_samples(delay, self.dt)
         late, B0 = self.transition((1 - fraction) * self.dt)
@@ -140,18 +140,7 @@ def held_process(process: Fraction, delay: float, dt: float) -> HeldProcess:
 
 
 def checked_times(dt: float, computation_delay: float) -> tuple[float, float]:
-    """Read sampling time and computation delay, in seconds, or refuse them.
-
-    Parameters
-    ----------
-    dt, computation_delay : float
-        In seconds.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If dt is not positive and finite, or the delay negative or not finite.
-    """
+    """Read sampling time and computation delay, in seconds, or refuse them."""
     dt = real_number(dt, "dt", "give the sampling time in seconds as a number")
     delay = real_number(computation_delay, "computation_delay", "give seconds as a number")
     if not (isfinite(dt) and dt > 0):
@@ -165,12 +154,7 @@ def checked_times(dt: float, computation_delay: float) -> tuple[float, float]:
 
 
 def in_samples(delay: float, dt: float) -> tuple[int, float]:
-    """Divide a dead time into whole samples and a fraction of one.
-
-    Parameters
-    ----------
-    delay, dt : float
-        Dead time and sampling time in seconds.
+    """Divide a dead time into whole samples and a fraction of one, all times in seconds.
 
     Examples
     --------

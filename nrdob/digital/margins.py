@@ -63,20 +63,9 @@ def sampled_margins(
     controller: SampledController,
     stable: bool | None,
 ) -> Margins:
-    """Compute the margins of a sampled loop gain.
+    """Compute the margins of L, numerator over the sum of the denominator's terms.
 
-    Parameters
-    ----------
-    numerator : Product
-        Of L.
-    denominator : tuple of Product
-        Terms of the denominator of L.
-    process : HeldProcess
-        The process behind its hold.
-    controller : SampledController
-        The difference equations.
-    stable : bool or None
-        Verdict on 1 + L.
+    The verdict on 1 + L is `stable`, None if it is not decided.
     """
     dt, below = process.dt, CircleFunction(denominator)
     closed = CircleFunction((*denominator, numerator))

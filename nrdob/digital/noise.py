@@ -36,29 +36,7 @@ SAME_DT = 1e-9
 
 
 def sampled_noise_variance(loop: ClosedLoop, dt: float, shaping: Any = None) -> NoiseVariance:
-    r"""Compute the variances of y and u at the samples, for noise η added to each y that is read.
-
-    Parameters
-    ----------
-    loop : ClosedLoop
-        Process and controller.
-    dt : float
-        Sampling time in seconds.
-    shaping : control.TransferFunction, StateSpace or number, optional
-        A stable discrete-time W(z) with the loop's sampling time, behind which the noise is
-        coloured. By default η is white of unit variance; with a variance σ² give σ.
-
-    Returns
-    -------
-    NoiseVariance
-        `y`, of the process itself, and `u`.
-
-    Raises
-    ------
-    ValueError
-        If the sampled loop is not stable, or W is not; or if W has another sampling time.
-    TypeError
-        If `shaping` is no block.
+    r"""Compute the variances of y and u at the samples: see `SampledLoop.noise_variance`.
 
     Examples
     --------

@@ -117,14 +117,7 @@ class SampledLoop:
 
     @cached_property
     def _stability(self) -> SampledStability:
-        return sampled_stability(self.loop, self.blocks, self.p_B, self.dt, self._states, self._A)
-
-    @property
-    def _states(self) -> int:
-        return self.process.B.size + self.process.memory + self.controller.states
-
-    def _A(self) -> FloatArray:
-        return self.closed_loop.A
+        return sampled_stability(self.loop, self.blocks, self.p_B, self.process, self.controller)
 
     def stability(self) -> SampledStability:
         """Judge the sampled loop by Lemma 1 on the unit circle, in two ways.
@@ -179,18 +172,25 @@ class SampledLoop:
         )  # fmt: skip
 
     def noise_variance(self, shaping: Any = None) -> NoiseVariance:
-        """Compute the variances of y and u at the samples: see `nrdob.digital.noise`.
+        """Compute the variances of y and u at the samples, for noise η added to each y read.
 
         Parameters
         ----------
         shaping : control.TransferFunction, StateSpace or number, optional
-            A stable discrete-time filter that colours the noise η; white of unit variance by
-            default.
+            A stable discrete-time W(z) with the loop's sampling time, behind which the noise is
+            coloured. By default η is white of unit variance; with a variance σ² give σ.
 
         Returns
         -------
         NoiseVariance
             `y`, of the process itself, and `u`.
+
+        Raises
+        ------
+        ValueError
+            If the sampled loop is not stable, or W is not; or if W has another sampling time.
+        TypeError
+            If `shaping` is no block.
         """
         return sampled_noise_variance(self.closed_loop, self.dt, shaping)
 
@@ -213,6 +213,12 @@ class SampledLoop:
         -------
         ControllerCode
             With `to_c()`, `to_header()` and `to_python()`.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If the limits are something else, or there is no integrator to track with, or the
+            tracking time is too short.
 
         Examples
         --------

@@ -42,10 +42,7 @@ AT_INFINITY = 1e-12
 class StateSpace(NamedTuple):
     """Difference equations x[k+1] = A x[k] + B v[k], w[k] = C x[k] + D v[k].
 
-    Attributes
-    ----------
-    A, B, C, D : arrays of float, shapes (n, n), (n,), (n,), and a float
-        The matrices.
+    A, B, C and D are arrays of the shapes (n, n), (n,) and (n,), and a float.
     """
 
     A: FloatArray
@@ -102,20 +99,8 @@ def bilinear_sections(
 ) -> tuple[Section, ...]:
     """Put a block of w = (z - 1)/(α (z + 1)) into sections, those that integrate last.
 
-    Parameters
-    ----------
-    num, den : sequences of arrays of float
-        Factors of a proper block, in descending powers of w; with α = dt/2 and s for w this is
-        Tustin's rule.
-    alpha : float
-        α in seconds.
-    name : str
-        How the diagram writes the block.
-
-    Raises
-    ------
-    ValueError
-        If the block has a pole at w = 1/α, whose image is z = ∞.
+    It is proper and given by its factors, in descending powers of w; with α = dt/2, in seconds, and
+    s for w this is Tustin's rule. A pole at w = 1/α, whose image is z = ∞, raises a ValueError.
 
     Examples
     --------
@@ -144,32 +129,14 @@ def bilinear_sections(
 
 
 def state_space(cascade: Sequence[Section]) -> StateSpace:
-    """Write sections as a state space with the sums x1, x2 of each as states.
-
-    Parameters
-    ----------
-    cascade : sequence of Section
-        The sections; their states follow one another, `Section.order` of each.
-    """
+    """Write sections as a state space with the sums x1, x2 of each as states."""
     return reduce(_behind, map(_realised, cascade))
 
 
 def at_rest(cascade: Sequence[Section], input: float, output: float) -> FloatArray:
-    """States in which nothing moves at a constant input, as far as that is possible.
+    """States of rest at a constant input, shape (n,), as `state_space` orders them.
 
-    Parameters
-    ----------
-    cascade : sequence of Section
-        The sections.
-    input : float
-        The constant input.
-    output : float
-        Output of sections that integrate, whose input at rest is 0.
-
-    Returns
-    -------
-    (n,) array of float
-        States as `state_space` orders them.
+    A section that integrates gets an `output`; its input at rest is 0.
 
     Examples
     --------

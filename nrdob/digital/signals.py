@@ -26,22 +26,6 @@ def sample_times(
 ) -> FloatArray:
     """Find the times of the samples: as given, or as many as the signals have.
 
-    Parameters
-    ----------
-    timepts : (N,) array_like or float, optional
-        The times, or the last one, in seconds.
-    inputs : mapping of str to signals
-        By the names of the inputs.
-    noise : float or (N,) array_like, optional
-        Measurement noise.
-    dt : float
-        Sampling time in seconds.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an input is unknown, lengths differ, or the times are not those of the samples.
-
     Examples
     --------
     >>> sample_times(None, {"R": [1.0, 1.0, 2.0]}, None, 0.5).tolist()
@@ -104,19 +88,7 @@ def external_signals(
     time: FloatArray,
     seed: int | np.random.Generator,
 ) -> FloatArray:
-    """Gather R, d, δ and η as columns, shape (N, 4).
-
-    Parameters
-    ----------
-    inputs : mapping of str to signals
-        R, d and delta; what is left out is 0.
-    noise : float or (N,) array_like, optional
-        Measurement noise, or its standard deviation.
-    time : (N,) array of float
-        Times of the samples.
-    seed : int or numpy.random.Generator
-        Of white noise.
-    """
+    """Gather R, d, δ and η as columns, shape (N, 4); noise as a number is a standard deviation."""
     columns = [_signal(inputs.get(name, 0.0), name, time) for name in EXTERNAL]
     if noise is None or np.ndim(noise) == 0:
         deviation = finite(noise or 0.0, "noise", "give its standard deviation, or an array")
@@ -156,13 +128,7 @@ def _signal(signal: Any, name: str, time: FloatArray) -> FloatArray:
 
 
 def finite(value: Any, name: str, remedy: str) -> float:
-    """Read a finite number, or raise with the remedy.
-
-    Parameters
-    ----------
-    value, name, remedy : object, str, str
-        The number, its name, and what to do where it is none.
-    """
+    """Read a finite number, or raise with the remedy."""
     number = real_number(value, name, remedy)
     if not isfinite(number):
         raise ValueError(f"{name} is {number}; {remedy}")

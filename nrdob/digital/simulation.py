@@ -127,16 +127,10 @@ def simulate(
     resolution: float | None = None,
     n_between: int = 0,
 ) -> SimulatedResponse:
-    """Simulate a sampled loop: see `SampledLoop.simulate`, which explains what is not listed here.
+    """Simulate a sampled loop: see `SampledLoop.simulate`.
 
-    Parameters
-    ----------
-    code : ControllerCode
-        The controller, its limits and its tracking.
-    process, disturbed : HeldProcess
-        The process with the dead time from u, computation included, and from δ.
-    inputs, noise, timepts, seed, observer_input, start, resolution, n_between : see there
-        The signals and what else is to be seen.
+    `process` and `disturbed` are the process with the dead time from u, computation included, and
+    from δ.
     """
     if observer_input not in OBSERVER_INPUTS:
         raise ValueError(
@@ -180,26 +174,10 @@ def sampled_step_response(
     timepts: ArrayLike | None,
     spectral_radius: float,
 ) -> ct.TimeResponseData:
-    """Respond to a unit step at t = 0, all signals zero before, also between the samples.
+    """Respond to a unit step at t = 0, all signals zero before: see `SampledLoop.step_response`.
 
-    Parameters
-    ----------
-    controller : SampledController
-        The controller.
-    process, disturbed : HeldProcess
-        The process with the dead time from u, computation included, and from δ.
-    input : {"R", "d", "delta", "eta"}
-        Where the step enters.
-    timepts : (N,) array_like or float, optional
-        Increasing times from 0 on, in seconds, or the last one; by default until the loop has
-        settled, with whole fractions of a sample.
-    spectral_radius : float
-        Of the loop; nan if it is not known.
-
-    Returns
-    -------
-    control.TimeResponseData
-        With y and u; nan once an unstable loop has left the floating-point range.
+    The spectral radius, nan if it is not known, says how long the response is by default; y and u
+    are nan once an unstable loop has left the floating-point range.
     """
     if input not in INPUTS:
         raise ValueError(f"input is {input!r}; choose one of {', '.join(INPUTS)}")
@@ -285,20 +263,10 @@ def _start(
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """A recursion that has been run.
+    """A recursion that has been run over so many samples, in b blocks of m.
 
-    Attributes
-    ----------
-    recursion : Recursion
-        Its matrices.
-    inputs : array of float, shape (b, m q)
-        The inputs in b blocks of m samples, the last one filled up with zeros.
-    starts : array of float, shape (b, n)
-        States at the beginning of each block.
-    decided : array of float, shape (b, m p)
-        The decisions.
-    samples : int
-        How many there are.
+    `inputs` has the shape (b, m q), the last block filled up with zeros; `starts`, the states at
+    the beginning of each block, (b, n); `decided` (b, m p).
     """
 
     recursion: Recursion
@@ -313,13 +281,7 @@ class Run:
         return self.decided.reshape(-1, self.recursion.G.shape[1])[: self.samples]
 
     def outputs(self, rows: tuple[FloatArray, FloatArray, FloatArray]) -> FloatArray:
-        """Signals C x + D w + H v of each sample, shape (N, r).
-
-        Parameters
-        ----------
-        rows : arrays of float, shapes (r, n), (r, q), (r, p)
-            C, D and H.
-        """
+        """Signals C x + D w + H v of each sample, shape (N, r), from their rows C, D and H."""
         m = self.decided.shape[1] // self.recursion.G.shape[1]
         from_states, from_inputs, from_decisions = _over_block(self.recursion, m, *rows)
         found = self.starts @ from_states.T
@@ -347,20 +309,10 @@ def run(
     rules: Sequence[Rule],
     before: Sequence[float],
 ) -> Run:
-    """Run a recursion over all samples.
+    """Run a recursion over N samples.
 
-    Parameters
-    ----------
-    recursion : Recursion
-        The matrices.
-    states : (n,) array of float
-        States at the first sample.
-    inputs : (N, q) array of float
-        Inputs at each sample.
-    rules : sequence of p Rule
-        How each decision is made.
-    before : sequence of p floats
-        The decisions in the sample before the first one.
+    `states`, shape (n,), are those at the first sample, `inputs` has the shape (N, q), `rules` say
+    how each of the p decisions is made, and `before` are those in the sample before the first.
 
     Examples
     --------

@@ -134,13 +134,7 @@ class Product:
 
 @dataclass(frozen=True, eq=False)
 class CircleFunction:
-    """A sum of products on the unit circle, all over the same power of 1 + v.
-
-    Attributes
-    ----------
-    terms : tuple of Product
-        What is added up.
-    """
+    """A sum of products on the unit circle, all over the same power of 1 + v."""
 
     terms: tuple[Product, ...]
 
@@ -186,15 +180,7 @@ class CircleFunction:
 
 
 class Group(NamedTuple):
-    """Terms behind a dead time: z^-samples times a sum of low degree in 1/z.
-
-    Attributes
-    ----------
-    samples : int
-        Dead time in samples.
-    bare : CircleFunction
-        The sum without it.
-    """
+    """Terms behind a dead time: z^-samples times a `bare` sum of low degree in 1/z."""
 
     samples: int
     bare: CircleFunction
@@ -202,14 +188,9 @@ class Group(NamedTuple):
 
 @dataclass(frozen=True)
 class TurnCount:
-    """How many zeros lie outside the unit circle.
+    """How many zeros lie outside the unit circle, z = ∞ included.
 
-    Attributes
-    ----------
-    count : int or None
-        The zeros outside the circle, z = ∞ included; None if one lies on it within rounding.
-    angle : float
-        Where that is, in radians; nan if it is nowhere.
+    The count is None if one lies on the circle within rounding, at the angle in radians.
     """
 
     count: int | None
@@ -219,17 +200,7 @@ class TurnCount:
 def multiplied_out(terms: Iterable[Product], samples: int) -> FloatArray:
     """Multiply a sum of products out, z^-k = ((1 - v)/(1 + v))^k, over (1 + v)^samples further.
 
-    Parameters
-    ----------
-    terms : iterable of Product
-        None with a longer dead time.
-    samples : int
-        The longest dead time.
-
-    Returns
-    -------
-    array of float
-        Coefficients in descending powers of v.
+    No term has a longer dead time; the result is in descending powers of v.
     """
     total: FloatArray = np.zeros(1)
     for term in terms:
@@ -240,11 +211,6 @@ def multiplied_out(terms: Iterable[Product], samples: int) -> FloatArray:
 
 def count_outside(function: CircleFunction) -> TurnCount:
     """Count the zeros outside the unit circle by the turn of the argument.
-
-    Parameters
-    ----------
-    function : CircleFunction
-        On the unit circle.
 
     Examples
     --------
@@ -265,22 +231,9 @@ def count_outside(function: CircleFunction) -> TurnCount:
 
 
 def resolved(function: CircleFunction) -> FloatArray:
-    """Angles between which a function provably turns by less than a right angle.
+    """Angles from 0 to π between which a function provably turns by less than a right angle.
 
-    Parameters
-    ----------
-    function : CircleFunction
-        On the unit circle.
-
-    Returns
-    -------
-    array of float
-        From 0 to π.
-
-    Raises
-    ------
-    ArithmeticError
-        If it takes too many of them.
+    An ArithmeticError if it takes too many of them.
     """
     low, high, *_ = _certified(function, dominance=False)
     return np.unique(np.concatenate([low, high, (low + high) / 2]))

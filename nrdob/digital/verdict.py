@@ -10,7 +10,7 @@ two parts are of equal size (`nrdob.digital.delayedpair`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from math import nan
 from typing import Any, ClassVar
@@ -20,8 +20,11 @@ import numpy as np
 from ..analysis import LoopStability, Stability, judge, rhp_roots
 from ..certificates import Certificate
 from ..diagram import LoopEquations
-from ..numerics import ComplexArray, FloatArray, QuasiPolynomial
+from ..numerics import ComplexArray, QuasiPolynomial
+from .closedloop import ClosedLoop
+from .controller import SampledController
 from .delayedpair import DelayedPair
+from .hold import HeldProcess
 from .unitcircle import CircleFunction, count_outside
 
 __all__ = ["SampledStability", "sampled_stability"]
@@ -86,28 +89,19 @@ def sampled_stability(
     loop: LoopEquations,
     blocks: LoopEquations,
     p_B: CircleFunction,
-    dt: float,
-    states: int,
-    matrix: Callable[[], FloatArray],
+    process: HeldProcess,
+    controller: SampledController,
 ) -> SampledStability:
     """Judge a sampled loop.
 
-    Parameters
-    ----------
-    loop, blocks : LoopEquations
-        In continuous time, and with model, controller and filter in the plane of w.
-    p_B : CircleFunction
-        Characteristic function of the observer loop.
-    dt : float
-        Sampling time in seconds.
-    states : int
-        How many states the sampled loop has.
-    matrix : callable
-        Computes its matrix from sample to sample, shape (states, states).
+    `loop` is in continuous time, `blocks` has model, controller and filter in the plane of w, and
+    p_B is the characteristic function of the observer loop.
     """
+    dt, states = process.dt, process.B.size + process.memory + controller.states
     model_loop, pair = _model_loop(blocks, dt), DelayedPair.of(p_B)
     with_values = states <= (MOST_ALONE if pair is None else MOST_STATES)
-    values = np.linalg.eigvals(matrix() if with_values else np.empty((0, 0))).astype(complex)
+    matrix = ClosedLoop(controller, process).A if with_values else np.empty((0, 0))
+    values = np.linalg.eigvals(matrix).astype(complex)
     values = values[np.argsort(-np.abs(values), kind="stable")]
     filters = _image(QuasiPolynomial(blocks.fractions.F.den).roots, dt)
     observer_loop = _observer_loop(
@@ -117,7 +111,7 @@ def sampled_stability(
         observer_loop = replace(observer_loop, rightmost=pair.largest_root())
     both, found = (model_loop, observer_loop), None
     if None not in (counts := [part.closed_loop_rhp for part in both]):
-        found = int(sum(count for count in counts if count))
+        found = int(sum(filter(None, counts)))
     by_values = _by_eigenvalues(values, found, p_B, model_loop, pair) if with_values else None
     second, way = by_values or _by_sizes(model_loop, pair)
     ways = tuple(each for each in (TURNS, way) if each)
