@@ -149,7 +149,7 @@ def rhp_roots(factor: QuasiPolynomial) -> float:
     """
     if factor.finite_part.neutral_ratio >= 1:
         return inf
-    count = None if factor.turn.touched else factor.rhp_in_whole_numbers
+    count = None if factor.argument_change.touched else factor.rhp_in_whole_numbers
     if count is None:
         if not factor.roots_resolved:
             return count_rhp(factor).at_least

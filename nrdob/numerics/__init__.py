@@ -1,11 +1,10 @@
 """Numbers only, no control theory: roots, crossings, polynomials with a delay."""
 
-from .argument import Term
+from .argument import Term, frequency_range, rhp_counts, zero_free
 from .arrays import ROUNDING, BoolArray, ComplexArray, FloatArray, IntArray
 from .crossings import bisect, golden, newton, side
 from .hurwitz import hurwitz
 from .manypolynomials import convolved, padded_sum, values_and_slopes, values_on_axis
-from .manyturns import ManyTerms, frequency_range, rhp_counts, zero_free
 from .quasipoly import (
     QuasiPolynomial,
     RootCount,
@@ -19,6 +18,7 @@ from .quasipoly import (
 )
 from .rootfinding import companion_roots, polynomial_roots
 from .sharedfactor import Shared, factor_near, shared_factor, without_shared_factor
+from .stretches import ManyTerms
 from .timescales import Block, impulse_states, roots_by_time_scale, split
 from .writing import number, written
 

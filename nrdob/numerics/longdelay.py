@@ -18,7 +18,7 @@ from math import comb, perm, pi, tau
 
 import numpy as np
 
-from .argument import Term, turn
+from .argument import Term, argument_change
 from .arrays import ComplexArray, FloatArray
 from .rootfinding import Delayed, companion_roots, value_and_slope
 
@@ -187,7 +187,7 @@ def _none_right_of(q: FloatArray, delayed: Delayed, line: float) -> bool:
     if neutral >= abs(q[0]):  # to the left of where chains of roots go
         return False
     try:
-        found = turn(terms, scale)
+        found = argument_change(terms, scale)
     except ArithmeticError:
         return False
     return bool(abs((q.size - 1) / 2 - found.angle / pi) < 0.5)

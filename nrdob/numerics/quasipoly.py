@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from .argument import Term, Turn, turn, zero_free_frequencies
+from .argument import ArgumentChange, Term, argument_change, zero_free_frequencies
 from .arrays import ROUNDING, BoolArray, ComplexArray, FloatArray
 from .crossingcount import count_by_crossings, crossings_between
 from .exact import rhp_count, whole
@@ -251,14 +251,14 @@ class QuasiPolynomial:
         return QuasiPolynomial(np.zeros(1), scale=p.scale, more=advanced)
 
     @cached_property
-    def turn(self) -> Turn:
-        """Turn of the argument from ω = 0 to infinity, see `nrdob.numerics.argument`.
+    def argument_change(self) -> ArgumentChange:
+        """Change in argument from ω = 0 to infinity, see `nrdob.numerics.argument`.
 
         That of the finite part: a root at s = 0, which the path passes on the right, adds a
         quarter of a revolution.
         """
         p = self.finite_part
-        return turn(p.terms, p.scale) if p is self else p.turn
+        return argument_change(p.terms, p.scale) if p is self else p.argument_change
 
     def near_axis(self, roots: ComplexArray) -> BoolArray:
         """Tell which roots a change of the coefficients within rounding moves onto the axis.
@@ -411,14 +411,14 @@ class _OverS(QuasiPolynomial):
         return self.without_origin
 
     @cached_property
-    def turn(self) -> Turn:
+    def argument_change(self) -> ArgumentChange:
         if self.zeros_at_origin:
-            return self.without_origin.turn
-        found = turn(self.undivided.terms, self.undivided.scale, self.power)
+            return self.without_origin.argument_change
+        found = argument_change(self.undivided.terms, self.undivided.scale, self.power)
         touched = found.touched
         if found.origin_alone:
             touched = tuple(omega for omega in touched if omega)
-        return Turn(found.angle - self.power * pi / 2, touched)
+        return ArgumentChange(found.angle - self.power * pi / 2, touched)
 
     @cached_property
     def _eigenvalues(self) -> ComplexArray | None:
@@ -504,17 +504,17 @@ def count_rhp(p: QuasiPolynomial) -> RootCount:
     if ratio > 1:
         return RootCount(inf, at_least=inf)
     try:
-        turn = p.turn
+        change = p.argument_change
     except ArithmeticError as error:
         return RootCount(None, str(error))
-    if isnan(turn.angle):
-        return RootCount(None, _where(turn))
-    turns = p.degree / 2 - turn.angle / pi
+    if isnan(change.angle):
+        return RootCount(None, _where(change))
+    turns = p.degree / 2 - change.angle / pi
     count = round(turns)
     if abs(turns - count) > 0.1:
         return RootCount(None, "the turns of the argument do not add up to a whole number")
-    if turn.touched:
-        return RootCount(None, _where(turn), count)
+    if change.touched:
+        return RootCount(None, _where(change), count)
     return RootCount(count, at_least=count)
 
 
@@ -554,10 +554,10 @@ def _terms_of(p: QuasiPolynomial) -> QuasiPolynomial:
     return p.undivided if isinstance(p, _OverS) else p
 
 
-def _where(turn: Turn) -> str:
-    if 0.0 in turn.touched:
+def _where(change: ArgumentChange) -> str:
+    if 0.0 in change.touched:
         return "a root at s = 0 within rounding"
-    return f"a root on the imaginary axis within rounding, near {turn.touched[0]:.6g} rad/s"
+    return f"a root on the imaginary axis within rounding, near {change.touched[0]:.6g} rad/s"
 
 
 def unstable_roots(p: QuasiPolynomial) -> ComplexArray:
