@@ -1,7 +1,6 @@
-r"""A small zoo of plants, each a function of what one would measure on it, each with its source.
+r"""Example plants, from what an actuator takes to what a sensor reads, in SI units.
 
-All are written as they are met in a loop: from the input that an actuator takes to the output that
-a sensor reads, in SI units. Where a plant stands in print with numbers these are the defaults.
+Where a source prints numbers, these are the defaults.
 """
 
 from __future__ import annotations
@@ -15,8 +14,6 @@ __all__ = [
     "all_pole",
     "antiresonance",
     "heated_air",
-    "heated_bed",
-    "hotend",
     "lags",
     "mirrored_pair",
     "motor_position",
@@ -252,46 +249,6 @@ def two_masses(
     return ct.tf(
         [load, damping, stiffness], [motor * load, total * damping, total * stiffness, 0.0]
     )
-
-
-def hotend() -> DelayedTransferFunction:
-    """Temperature of a 3D printer's hotend from its heater, 337.6 K, 36.7 s and 0.8 s.
-
-    Returns
-    -------
-    DelayedTransferFunction
-        From the heater's share of full power, 0 to 1, to kelvin above the surroundings.
-
-    References
-    ----------
-    A model fitted by the Klipper project, in its pull request 7243.
-
-    Examples
-    --------
-    >>> hotend().delay
-    0.8
-    """
-    return DelayedTransferFunction(lags(36.7, gain=337.6), 0.8)
-
-
-def heated_bed() -> DelayedTransferFunction:
-    """Temperature of a 3D printer's bed from its heater, 89.4 K, 170.8 s and 1.7 s.
-
-    Returns
-    -------
-    DelayedTransferFunction
-        From the heater's share of full power, 0 to 1, to kelvin above the surroundings.
-
-    References
-    ----------
-    A model fitted by the Klipper project, in its pull request 7243.
-
-    Examples
-    --------
-    >>> heated_bed().delay
-    1.7
-    """
-    return DelayedTransferFunction(lags(170.8, gain=89.4), 1.7)
 
 
 def heated_air() -> DelayedTransferFunction:

@@ -20,6 +20,7 @@ import nrdob
 from nrdob import LowPassFilter, paper
 from nrdob.certificates import check, checker, half_plane_points
 from nrdob.numerics import Term
+from nrdob.sampling import random_loop
 
 Content = dict[str, Any]
 
@@ -49,7 +50,7 @@ def test_random_loops_stable_or_not_are_counted_as_by_the_verdict(delayed):
     rng = np.random.default_rng(7)
     stable = set()
     for _ in range(60):
-        loop = nrdob.random_loop(rng, delayed=delayed)
+        loop = random_loop(rng, delayed=delayed)
         verdict = loop.stability()
         if np.inf in counts(loop):
             with pytest.raises(ArithmeticError, match="at infinite frequency"):
