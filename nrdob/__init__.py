@@ -5,7 +5,7 @@ further: `nrdob.analysis` (verdicts, margins, responses), `nrdob.design` (which 
 controller), `nrdob.digital` (the loop on a processor), `nrdob.measured` (a process out of a
 record), `nrdob.uncertain` (families of plants), `nrdob.reporting` (all on one page),
 `nrdob.diagram` (blocks and the maps between them), `nrdob.numerics` (polynomials with a delay),
-`nrdob.plotting` (figures) and `nrdob.course` (the paper's claims, the problem sets).
+`nrdob.plotting` (figures) and `nrdob_course` (the paper's claims, the problem sets).
 """
 
 from typing import TYPE_CHECKING, Any
