@@ -11,11 +11,9 @@ import numpy as np
 from .diagram import DelayedTransferFunction
 
 __all__ = [
-    "all_pole",
     "antiresonance",
     "heated_air",
     "lags",
-    "mirrored_pair",
     "motor_position",
     "motor_speed",
     "resonance",
@@ -74,58 +72,6 @@ def resonance(
     10.0
     """
     return ct.tf([gain], [natural_frequency**-2, 2 * damping / natural_frequency, 1.0])
-
-
-def all_pole(*poles: float, gain: float = 1.0) -> ct.TransferFunction:
-    r"""Lags given by their poles, :math:`k\prod_i p_i/(s+p_i)`.
-
-    Parameters
-    ----------
-    *poles : float
-        :math:`p_i`, in rad/s; negative for an unstable pole.
-    gain : float
-        Gain k at zero frequency.
-
-    Returns
-    -------
-    control.TransferFunction
-        The plant.
-
-    Examples
-    --------
-    >>> [round(float(c), 6) for c in all_pole(2.0, 10.0, gain=2.0).den[0][0]]
-    [0.05, 0.6, 1.0]
-    """
-    return lags(*(1 / pole for pole in poles), gain=gain)
-
-
-def mirrored_pair(
-    pole: float, decay: float, *, gain: float = 1.0
-) -> tuple[ct.TransferFunction, ct.TransferFunction]:
-    r"""Give an unstable plant, and the model in which its pole is mirrored.
-
-    :math:`kpd/\big((s\mp p)(s+d)\big)`: the model has the gain k at zero frequency, the plant -k.
-
-    Parameters
-    ----------
-    pole : float
-        p, in rad/s.
-    decay : float
-        d, in rad/s.
-    gain : float
-        k.
-
-    Returns
-    -------
-    plant, model : control.TransferFunction
-        With the pole at p, and at -p.
-
-    Examples
-    --------
-    >>> [sorted(round(float(p.real), 6) for p in G.poles()) for G in mirrored_pair(1.0, 2.0)]
-    [[-2.0, 1.0], [-2.0, -1.0]]
-    """
-    return all_pole(-pole, decay, gain=-gain), all_pole(pole, decay, gain=gain)
 
 
 def antiresonance(pole: float, zero: float, damping: float) -> ct.TransferFunction:

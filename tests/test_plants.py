@@ -43,15 +43,6 @@ def test_dead_time_leaves_the_gain_alone():
     assert complex(plants.heated_air()(0.0)) == pytest.approx(0.93, rel=1e-12)
 
 
-def test_a_mirrored_pair_differs_by_the_side_of_one_pole_and_the_sign_of_the_gain():
-    plant, model = plants.mirrored_pair(1.5, 4.0, gain=2.0)
-    assert sorted(plant.poles().real) == pytest.approx([-4.0, 1.5])
-    assert sorted(model.poles().real) == pytest.approx([-4.0, -1.5])
-    assert (plant(0).real, model(0).real) == pytest.approx((-2.0, 2.0))
-    at = 7j
-    assert abs(plant(at)) == pytest.approx(abs(model(at)))
-
-
 def test_an_antiresonance_has_its_zero_below_its_pole_and_passes_slow_signals_unchanged():
     shape = plants.antiresonance(5.0, 3.0, 0.02)
     assert np.abs(shape.zeros()) == pytest.approx([3.0, 3.0])

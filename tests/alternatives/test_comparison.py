@@ -192,7 +192,7 @@ def test_only_loops_and_candidates_are_compared():
         nrdob.compare(1 / (s + 1), {"PI": ct.tf([1], [1, 0])}, max_ms=2.0)
     with pytest.raises(TypeError, match="changed is a list; give a dict of names to plants"):
         nrdob.compare(1 / (s + 1), {}, changed=[1 / (s + 1)])
-    with pytest.raises(TypeError, match=r"candidate is a NRDOB; give one of nrdob\.alternatives\.cand"):
+    with pytest.raises(TypeError, match=r"candidate is a NRDOB; give one of nrdob\.alt"):
         tune(nrdob.paper.example(1), max_ms=2.0)
     with pytest.raises(ValueError, match="late is identically zero"):
         nrdob.compare(1 / (s + 1), {}, changed={"late": ct.tf([0], [1])})

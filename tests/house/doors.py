@@ -11,7 +11,7 @@ import json
 from collections.abc import Iterator
 from pathlib import Path
 
-from .rooms import PACKAGE, Module, below, bound, modules, room_of, uses
+from .rooms import COURSE, PACKAGE, Module, below, bound, modules, room_of, uses
 
 OPEN = ("_repr_html_", "_repr_mimebundle_", "_replace", "_asdict", "_fields", "_make")
 """Names with an underscore that belong to the language of others, not to one class."""
@@ -40,7 +40,8 @@ def faults(root: Path) -> Iterator[str]:
                 f"{path.relative_to(root)}:{line}: {name} is private: test what is public, or make "
                 "it public"
             )
-    for path in sorted((root / "notebooks").rglob("*.ipynb")):
+    sets = root / "book" / COURSE / "sets"
+    for path in sorted([*(root / "notebooks").rglob("*.ipynb"), *sets.rglob("*.ipynb")]):
         yield from _chapter(root, path)
 
 

@@ -6,16 +6,13 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from .rooms import PACKAGE, modules, room_of
+from .rooms import COURSE, PACKAGE, modules, room_of
 
 TOLD = ("README.md", "CONTRIBUTING.md")
 """Pages that tell a reader which file to open and which command to run."""
 
 REFERENCE = "book/api"
 """The folder with a page for each room; the page of the same name leads to them."""
-
-OF_ITS_OWN = "course"
-"""The room whose contents have pages of their own, the ledger and the problem sets."""
 
 
 def faults(root: Path) -> Iterator[str]:
@@ -51,7 +48,7 @@ def _reference(root: Path) -> Iterator[str]:
                     yield f"{place}: {name} stands in {shown[name]} already"
                 shown[name] = place
     for name, module in modules(root).items():
-        if not module.is_front and module.room != OF_ITS_OWN and name not in shown:
+        if not module.is_front and module.room != COURSE and name not in shown:
             yield f"{REFERENCE}: {name} has no section: enter `.. automodule:: {name}`"
 
 
@@ -73,7 +70,7 @@ def _table_of_rooms(root: Path) -> Iterator[str]:
         if not (row := re.match(r"\| `(\w+)/?` \| (.*) \|$", line)):
             break
         rows[row[1]] = number
-    rooms = {room_of(name) for name in modules(root)} - {PACKAGE}
+    rooms = {room_of(name) for name in modules(root)} - {PACKAGE, COURSE}
     for name in rows.keys() - rooms:
         yield f"{page}:{rows[name]}: there is no subpackage {name}"
     for name in sorted(rooms - rows.keys()):

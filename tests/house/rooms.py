@@ -10,6 +10,9 @@ from typing import NamedTuple
 
 PACKAGE = "nrdob"
 
+COURSE = "nrdob_course"
+"""The distribution beside the book; to the package it is one more room, above all others."""
+
 
 class Module(NamedTuple):
     """A module of the package, read without being run.
@@ -53,15 +56,22 @@ class Use(NamedTuple):
 def room_of(name: str) -> str:
     """Return the room in which a module stands, or the package for its own front."""
     parts = name.split(".")
-    return parts[1] if len(parts) > 1 else PACKAGE
+    return parts[0] if parts[0] == COURSE else parts[1] if len(parts) > 1 else PACKAGE
 
 
 @cache
 def modules(root: Path) -> dict[str, Module]:
     """Read every module of the package under a folder."""
     found = {}
-    for path in sorted((root / PACKAGE).rglob("*.py")):
-        parts = path.relative_to(root).with_suffix("").parts
+    paths = [(root, path) for path in sorted((root / PACKAGE).rglob("*.py"))]
+    book = root / "book"
+    paths += [
+        (book, path)
+        for path in sorted((book / COURSE).rglob("*.py"))
+        if path.name != "nbgrader_config.py"  # which nbgrader runs, and nobody imports
+    ]
+    for folder, path in paths:
+        parts = path.relative_to(folder).with_suffix("").parts
         name = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
         tree = ast.parse(path.read_text(encoding="utf-8"))
         found[name] = Module(name, path, tree, _shown(tree))

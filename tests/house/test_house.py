@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ast
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -131,7 +132,8 @@ def test_the_small_house_is_in_order(house: Path) -> None:
 def copy(tmp_path: Path) -> Path:
     """Copy the package and its contract."""
     no_cache = shutil.ignore_patterns("__pycache__")
-    shutil.copytree(ROOT / "nrdob", tmp_path / "nrdob", ignore=no_cache)
+    for package in ("nrdob", "book/nrdob_course"):
+        shutil.copytree(ROOT / package, tmp_path / package, ignore=no_cache)
     shutil.copy(ROOT / "pyproject.toml", tmp_path)
     return tmp_path
 
@@ -140,7 +142,12 @@ def broken(copy: Path) -> str:
     """Ask the contract, which must be broken; give what is said, in one line."""
     lint = Path(sys.executable).with_name("lint-imports")
     done = subprocess.run(
-        [lint, "--no-cache"], cwd=copy, capture_output=True, text=True, encoding="utf-8"
+        [lint, "--no-cache"],
+        cwd=copy,
+        env={**os.environ, "PYTHONPATH": str(copy / "book")},
+        capture_output=True,
+        text=True,
+        encoding="utf-8",
     )
     assert done.returncode != 0
     return " ".join(done.stdout.split())
@@ -172,15 +179,15 @@ def test_imports_upwards_within_the_course_are_named(copy: Path) -> None:
         "grading.judge": "marks",
     }
     for module_above, name in upwards.items():
-        path = f"nrdob/course/{module_above.replace('.', '/')}.py"
+        path = f"book/nrdob_course/{module_above.replace('.', '/')}.py"
         spoil(copy, path, also(f"from . import {name}"))
-    spoil(copy, "nrdob/course/grading/new.py", module(""))
+    spoil(copy, "book/nrdob_course/grading/new.py", module(""))
     said = broken(copy)
     for module_above, name in upwards.items():
         room = module_above.split(".")[0]
-        below = f"nrdob.course.{module_above} -> nrdob.course.{room}.{name}"
+        below = f"nrdob_course.{module_above} -> nrdob_course.{room}.{name}"
         assert below in said
-    assert "nrdob.course.grading.new" in said
+    assert "nrdob_course.grading.new" in said
 
 
 # --- doors ----------------------------------------------------------------------------------------
@@ -240,9 +247,9 @@ WRONG = {
         "chapter takes what it needs from a front, such as nrdob.design",
     ),
     "a module that its front does not show": (
-        "notebooks/exercises/source/set1/new.ipynb",
+        "book/nrdob_course/sets/source/set1/new.ipynb",
         cells("from nrdob.design import search"),
-        "notebooks/exercises/source/set1/new.ipynb, cell 1, line 1: nrdob.design does not show "
+        "book/nrdob_course/sets/source/set1/new.ipynb, cell 1, line 1: nrdob.design does not show "
         "search",
     ),
     "a private name in a chapter": (

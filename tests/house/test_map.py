@@ -81,7 +81,7 @@ def test_the_command_succeeds_where_there_is_no_circle() -> None:
 def test_the_front_door_loads_no_figures_no_course_and_no_algebra() -> None:
     code = (
         "import sys, nrdob\n"
-        "unasked = {'nrdob.plotting', 'nrdob.course', 'nrdob.reporting', 'sympy', 'jinja2'}\n"
+        "unasked = {'nrdob.plotting', 'nrdob_course', 'nrdob.reporting', 'sympy', 'jinja2'}\n"
         "sys.exit(', '.join(unasked & set(sys.modules)) or 0)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8")
