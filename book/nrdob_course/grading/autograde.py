@@ -386,7 +386,7 @@ def grade(root: Path, student: str, set_name: str) -> dict[str, Any]:
     api = course(root)
     done = api.autograde(set_name, student)
     if not done["success"]:
-        return {"error": done["log"]}
+        return {"error": done.get("log") or done["error"]}
     with api.gradebook as gradebook:
         notebook = gradebook.find_submission_notebook(set_name, set_name, student)
         grades = {grade.name: grade.auto_score for grade in notebook.grades}
@@ -408,7 +408,7 @@ def write_feedback(api: NbGraderAPI, student: str, set_name: str) -> None:
         gradebook.db.commit()
     done = api.generate_feedback(set_name, student)
     if not done["success"]:
-        raise RuntimeError(done["log"])
+        raise RuntimeError(done.get("log") or done["error"])
     page = Path(api.coursedir.root) / "feedback" / student / set_name / f"{set_name}.html"
     page.write_text(offline(page.read_text("utf-8")), "utf-8")
 
