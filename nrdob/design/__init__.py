@@ -29,7 +29,6 @@ from .slack import UNSTABLE, Specification
 from .timeconstants import (
     CriticalTimeConstant,
     critical_time_constants,
-    default_floor,
     intersection,
     stabilizing_time_constants,
     stable_filters,
@@ -52,7 +51,6 @@ __all__ = [
     "closedforms",
     "critical_gains",
     "critical_time_constants",
-    "default_floor",
     "design_controller",
     "design_filter",
     "disturbance_index",

@@ -38,10 +38,12 @@ from ..numerics import (
     rhp_counts,
 )
 from .chartaxes import PIXELS, Axis
-from .familygrid import FamilyFrequencies
-from .familymismatch import FamilyMismatch
+from .mismatch import Mismatch
+from .mismatchgrid import Frequencies
 
 __all__ = ["MANY", "ChartLoops", "positive"]
+
+OWN = "own"
 
 PER_DECADE, PER_TURN = 48, 24
 """Density of the frequencies, and frequencies to a turn of a dead time that is fixed."""
@@ -62,13 +64,13 @@ class ChartLoops:
 
     Attributes
     ----------
-    mismatch : FamilyMismatch
+    mismatch : Mismatch
         The process without dead time over the model, and the filters.
     fixed : dict
         The parameters, as they are where they are on no axis.
     """
 
-    mismatch: FamilyMismatch
+    mismatch: Mismatch
     fixed: dict[str, float]
 
     @classmethod
@@ -79,7 +81,7 @@ class ChartLoops:
         fixed = {"gain": 1.0, "delay": process.delay if delayed else 0.0, "lag": 0.0}
         if "time_constant" in free:
             family = _family(filter)
-            return cls(FamilyMismatch.for_family(undelayed, model, family), fixed)
+            return cls(Mismatch.of(undelayed, model, family, waits=True), fixed)
         if isinstance(filter, FilterFamily | int):
             raise TypeError(
                 "filter is a whole family, but time_constant is on no axis: give one filter, such "
@@ -87,13 +89,8 @@ class ChartLoops:
             )
         fixed["time_constant"] = 1.0
         loop = ObserverEquations(undelayed, model, filter)
-        G, F = loop.fractions.G, loop.fractions.F
-        if loop.model_delay:
-            return cls(FamilyMismatch.that_waits(loop, F.num[:, None], F.den[:, None]), fixed)
-        built = loop.built
-        factors = (G.num, G.den, built.Nm.q, built.Dm.q)
-        tables = built.E.q[:, None], built.Nf.q[:, None]
-        return cls(FamilyMismatch.of_tables(*tables, factors, 0.0, F.den.size - 1), fixed)
+        F = loop.fractions.F
+        return cls(Mismatch.in_loop(loop, FilterFamily(OWN, F.num[:, None], F.den[:, None])), fixed)
 
     # One loop.
 
@@ -191,7 +188,7 @@ class ChartLoops:
     def frequencies(self, axes: tuple[Axis, Axis]) -> FloatArray:
         """Frequencies over all that there is to see, fine enough for dead times that are fixed."""
         mismatch = self.mismatch
-        base = FamilyFrequencies(mismatch).base
+        base = Frequencies(mismatch).base
         highs = [axis.high for axis in axes if axis.name != "gain"]
         lows = [
             axis.low if axis.logarithmic else max(axis.low, axis.high / 100)
