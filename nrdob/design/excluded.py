@@ -22,8 +22,8 @@ from math import asin, pi, radians
 import numpy as np
 
 from ..numerics import BoolArray, FloatArray, IntArray
+from .existence import roots_by_side
 from .forbidden import Curve, Forbidden, Limit, limits
-from .limits import roots_by_side
 from .mismatch import Mismatch
 from .mismatchgrid import Frequencies
 from .slack import NARROW, Specification

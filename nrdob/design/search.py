@@ -23,7 +23,7 @@ from ..analysis import Margins, quotient_margins
 from ..diagram import DelayedTransferFunction, FilterFamily, LowPassFilter, ObserverEquations
 from ..numerics import FloatArray
 from .excluded import admissible
-from .limits import stabilizing_filter_exists
+from .existence import stabilizing_filter_exists
 from .mismatch import Mismatch
 from .mismatchgrid import Frequencies
 from .prices import PricedSearch, Prices, member, sluggishness
