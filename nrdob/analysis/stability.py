@@ -97,7 +97,7 @@ class LoopStability:
 
     def __bool__(self) -> bool:
         """Whether the condition holds; ValueError if that cannot be told."""
-        return _known(self.stable, self.reason)
+        return _decided(self.stable, self.reason)
 
 
 @dataclass(frozen=True, repr=False)
@@ -127,17 +127,29 @@ class Stability:
 
     def __bool__(self) -> bool:
         """Whether the loop is stable; ValueError if that cannot be told."""
-        return _known(self.stable, self.reason)
+        return _decided(self.stable, self.reason)
 
-    def certificate(self, processes: Sequence[Any] = ()) -> Certificate:
+    def certificate(
+        self,
+        *,
+        gains: tuple[float, float] | None = None,
+        delays: tuple[float, float] | None = None,
+        time_constants: tuple[float, float] | None = None,
+        processes: Sequence[Any] = (),
+    ) -> Certificate:
         """Prove the counts of roots, for a checker that shares no code with this package.
 
         Parameters
         ----------
+        gains : tuple of two float, optional
+            Lowest and highest factor of the process for which it is proved, too.
+        delays : tuple of two float, optional
+            Shortest and longest dead time of the process, in seconds.
+        time_constants : tuple of two float, optional
+            Smallest and largest time constant of a `LowPassFilter`, in seconds.
         processes : sequence of blocks
-            Other processes with the same dead time, for which it is proved, too, and for every
-            convex combination of their numerators and denominators: ``[0.5 * G, 2 * G]`` stands
-            for every gain between the two.
+            Other processes with the same dead time, such as the corners of a box: it is proved for
+            every convex combination of their numerators and denominators.
 
         Returns
         -------
@@ -150,7 +162,14 @@ class Stability:
             If there is none; the message says why.
         """
         counts = self.model_loop.closed_loop_rhp, self.observer_loop.closed_loop_rhp
-        return certify(self.loop, counts, processes)
+        return certify(
+            self.loop,
+            counts,
+            gains=gains,
+            delays=delays,
+            time_constants=time_constants,
+            processes=processes,
+        )
 
     @property
     def _verdict(self) -> str:
@@ -394,7 +413,7 @@ def _find(
     if hidden.size:
         pole = f"s = {written(hidden[0])} is an open-loop pole that cancels out of sight"
         told = f", of which {pole}{told}"
-    return _Finding(False, f"{_many(count)} in the right half plane{told}", ways)
+    return _Finding(False, f"{_so_many_roots(count)} in the right half plane{told}", ways)
 
 
 def _second_count(
@@ -421,11 +440,11 @@ def _beside_the_axis(p: QuasiPolynomial, reason: str, roots: ComplexArray) -> _F
     if not (by_turns and by_roots):
         return _Finding(None, reason)
     return _Finding(
-        False, f"{_many(by_turns)} in the right half plane, and {reason}", (TURNS, ROOTS)
+        False, f"{_so_many_roots(by_turns)} in the right half plane, and {reason}", (TURNS, ROOTS)
     )
 
 
-def _many(count: float) -> str:
+def _so_many_roots(count: float) -> str:
     return f"{count:g} {'root' if count == 1 else 'roots'}"
 
 
@@ -439,7 +458,7 @@ def _by(*parts: LoopStability) -> str:
     return first if first == second else f"p_A {first}, p_B {second}"
 
 
-def _known(stable: bool | None, reason: str) -> bool:
+def _decided(stable: bool | None, reason: str) -> bool:
     if stable is None:
         raise ValueError(
             f"neither stable nor unstable can be told: {reason}; ask for .stable, which is None"

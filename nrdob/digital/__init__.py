@@ -26,3 +26,7 @@ __all__ = [
     "largest_sampling_time",
     "process_in_w",
 ]
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -197,7 +197,7 @@ def controller_code(
     """Add an actuator to a sampled controller: see `SampledLoop.code`."""
     if not isinstance(limits, ActuatorLimits | None):
         raise TypeError(
-            f"limits is a {type(limits).__name__}; give nrdob.ActuatorLimits(low, high, rate)"
+            f"limits is a {type(limits).__name__}; give nrdob.digital.ActuatorLimits(low, high)"
         )
     tracking = 0.0 if tracking_time is None else _tracking(controller, tracking_time)
     return ControllerCode(controller, limits or ActuatorLimits(), tracking)

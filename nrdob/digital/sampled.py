@@ -222,7 +222,8 @@ class SampledLoop:
 
         Examples
         --------
-        >>> from nrdob import ActuatorLimits, paper
+        >>> from nrdob import paper
+        >>> from nrdob.digital import ActuatorLimits
         >>> code = paper.example(1).sampled(0.01).code(ActuatorLimits(0, 10))
         >>> "class Heater:" in code.to_python("Heater")
         True
@@ -292,7 +293,7 @@ class SampledLoop:
         >>> Gm = ct.tf([2], [1, 1])
         >>> loop = nrdob.NRDOB(process=Gm, model=Gm, controller=ct.tf([1, 1], [1, 0]),
         ...                    filter=nrdob.LowPassFilter(0.5, 1))
-        >>> given, limits = {"R": 1.0, "delta": -0.3}, nrdob.ActuatorLimits(0, 0.9)
+        >>> given, limits = {"R": 1.0, "delta": -0.3}, nrdob.digital.ActuatorLimits(0, 0.9)
         >>> loop.sampled(0.1).simulate(given, limits=limits, timepts=10)
         101 samples to 10 s, u limited in 8 of them
         y        from 0 to 0.999983, at last 0.999983

@@ -10,7 +10,6 @@ two parts are of equal size (`nrdob.digital.delayedpair`).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from math import nan
 from typing import Any, ClassVar
@@ -72,12 +71,12 @@ class SampledStability(Stability):
         known = [abs(part.rightmost) for part in (self.model_loop, self.observer_loop)]
         return float(np.fmax.reduce([nan, *np.abs(self.eigenvalues[:1]), *known]))
 
-    def certificate(self, processes: Sequence[Any] = ()) -> Certificate:
+    def certificate(self, **asked: Any) -> Certificate:
         """Raise an ArithmeticError: certificates are of loops in continuous time.
 
         Parameters
         ----------
-        processes : sequence of blocks
+        **asked
             As in continuous time.
         """
         raise ArithmeticError(
