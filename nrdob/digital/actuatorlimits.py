@@ -1,4 +1,4 @@
-"""What an actuator and a converter make of a command: limits, rate, resolution."""
+"""Range and rate of an actuator, and the resolution of a converter."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ import numpy as np
 
 from ..numerics import FloatArray
 
-__all__ = ["Limits", "Rule", "exactly", "limited", "rounded"]
+__all__ = ["ActuatorLimits", "Rule", "limited", "rounded"]
 
 FINEST = 2.0**-52
 """Resolution, against the size of a signal, that floating-point numbers have anyway."""
 
 
 @dataclass(frozen=True)
-class Limits:
+class ActuatorLimits:
     """Limits of an actuator: the range of u, and how fast u can change.
 
     Parameters
@@ -34,8 +34,8 @@ class Limits:
 
     Examples
     --------
-    >>> Limits(0, 100, rate=25)
-    Limits(low=0, high=100, rate=25)
+    >>> ActuatorLimits(0, 100, rate=25)
+    ActuatorLimits(low=0, high=100, rate=25)
     """
 
     low: float = -inf
@@ -53,7 +53,7 @@ class Limits:
         if isnan(self.low) or isnan(self.high) or not self.low < self.high:
             raise ValueError(
                 f"the limits of u are low = {self.low:g} and high = {self.high:g}; low must be "
-                "below high: is it Limits(low, high)?"
+                "below high: is it ActuatorLimits(low, high)?"
             )
         if not self.rate > 0:
             raise ValueError(
@@ -64,41 +64,26 @@ class Limits:
 
 @dataclass(frozen=True)
 class Rule:
-    """How a number that is proposed becomes the one that is real.
+    """How a proposed number becomes the actual one, given the actual one a sample ago.
 
-    Attributes
-    ----------
-    apply : callable
-        From the value proposed and the one that was real a sample ago, to the real one.
-    leaves : callable
-        Whether values proposed for some samples on end, shape (m,), after the real one before
-        them, all stay as they are.
+    `leaves` tells whether values proposed for m successive samples, shape (m,), all stay as they
+    are.
     """
 
     apply: Callable[[float, float], float]
     leaves: Callable[[FloatArray, float], bool]
 
 
-def limited(limits: Limits, dt: float, resolution: float | None = None) -> Rule:
-    """Make of a command what the actuator does: rate first, then range, then resolution.
-
-    Parameters
-    ----------
-    limits : Limits
-        The actuator.
-    dt : float
-        Sampling time in seconds.
-    resolution : float, optional
-        Step of the converter that writes u.
+def limited(limits: ActuatorLimits, dt: float) -> Rule:
+    """Apply the limits of an actuator to a command: rate first, then range.
 
     Examples
     --------
-    >>> rule = limited(Limits(-1, 1, rate=10), 0.05)
+    >>> rule = limited(ActuatorLimits(-1, 1, rate=10), 0.05)
     >>> rule.apply(3.0, 0.0), rule.apply(3.0, 0.8)
     (0.5, 1.0)
     """
     low, high, step = float(limits.low), float(limits.high), float(limits.rate) * dt
-    converted = exactly if resolution is None else rounded(resolution)
 
     def apply(value: float, before: float) -> float:
         if value > before + step:
@@ -111,9 +96,6 @@ def limited(limits: Limits, dt: float, resolution: float | None = None) -> Rule:
             value = low
         return value
 
-    def apply_and_convert(value: float, before: float) -> float:
-        return converted.apply(apply(value, before), before)
-
     def leaves(values: FloatArray, before: float) -> bool:
         if not (values.max() <= high and values.min() >= low):
             return False
@@ -123,23 +105,11 @@ def limited(limits: Limits, dt: float, resolution: float | None = None) -> Rule:
             return bool(np.abs(values[1:] - values[:-1]).max(initial=0.0) <= step)
         return True
 
-    if resolution is not None:
-        return Rule(apply_and_convert, converted.leaves)
     return Rule(apply, leaves)
 
 
 def rounded(resolution: float) -> Rule:
-    """Make of a signal what a converter does: whole multiples of its resolution, ties to even.
-
-    Parameters
-    ----------
-    resolution : float
-        The step, in the unit of the signal.
-
-    Raises
-    ------
-    ValueError
-        If it is not positive and finite.
+    """Round a signal as a converter does: whole multiples of its resolution, ties to even.
 
     Examples
     --------
@@ -158,7 +128,3 @@ def rounded(resolution: float) -> Rule:
         return value
 
     return Rule(apply, lambda values, before: False)
-
-
-exactly = Rule(lambda value, before: value, lambda values, before: True)
-"""The rule of what is not limited at all."""

@@ -1,9 +1,9 @@
-r"""The process behind its hold in the plane w = (z - 1)/(α (z + 1)), where Tustin's blocks are old.
+r"""The plane w = (z - 1)/(α (z + 1)), α = dt/2, in which a sampled loop is one in continuous time.
 
-Tustin's rule puts w for s. In the plane of w every block that is sampled so is what it was, the
-unit circle is the imaginary axis, and of the whole sampled loop only the process has changed::
+Tustin's rule puts w for s. In the plane of w every block that is sampled so is unchanged, the unit
+circle is the imaginary axis, and of the whole sampled loop only the process is different::
 
-    z = (1 + αw)/(1 - αw),  α = dt/2             w = jΩ  <=>  z = exp(jω dt),  αΩ = tan(ω dt/2)
+    z = (1 + αw)/(1 - αw)                        w = jΩ  <=>  z = exp(jω dt),  αΩ = tan(ω dt/2)
 
     G_w(w) = G_z(z)                              p_B = D_w Nm (Df - Nf) + N_w Dm Nf
 
@@ -12,9 +12,20 @@ that is known about loops in continuous time holds for sampled ones, with the pr
 margins, sets of time constants.
 
 As dt gets short, all poles and zeros of G_z move together to z = 1 and the coefficients of its
-polynomials lose what tells them apart. Here they never exist as floating-point numbers: the
-exponentials, the polynomials of z and their change to w are computed with whole numbers of as many
-digits as it takes for two precisions to give the same floating-point coefficients of w.
+polynomials lose the digits that tell them apart. Here they never exist as floating-point numbers:
+the exponentials, the polynomials of z and their change to w are computed with whole numbers of as
+many digits as it takes for two precisions to give the same floating-point coefficients of w.
+
+Model, controller and filter can be sampled behind a hold, too, but not every model soundly. One
+that falls off by two powers of s or more gets zeros from the sampling that it has not in continuous
+time, at negative z, and with short sampling times on the unit circle or outside it: near z = -1 for
+two powers, -3.73 for three (Åström, Hagander, Sternby). F/Gm, which inverts them, then rings or
+diverges from sample to sample, whatever the plant. Tustin's rule puts these zeros at z = -1 in F/Gm
+as *zeros* of F.
+
+.. rubric:: References
+
+Åström, K. J., P. Hagander, J. Sternby, Zeros of sampled systems, Automatica 20 (1984) 31-38.
 """
 
 from __future__ import annotations
@@ -28,10 +39,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..diagram import DelayedTransferFunction, Fraction, as_fraction, nonzero
+from ..diagram import DelayedTransferFunction, Fraction, LoopEquations, as_fraction, nonzero
+from ..numerics import QuasiPolynomial, written
 from .hold import checked_times, in_samples
 
-__all__ = ["MULTIPLIED_OUT", "held_in_w", "process_in_w", "whole_samples_in_w"]
+__all__ = ["MULTIPLIED_OUT", "held_blocks", "held_in_v", "held_in_w", "process_in_w"]
 
 Whole = NDArray[np.object_]
 
@@ -44,16 +56,38 @@ MULTIPLIED_OUT = 40
 AT_NYQUIST = 1e-12
 """Distance of a pole from z = -1 at which it lies there."""
 
+ON_CIRCLE = 1e-9
+"""Distance from the unit circle at which a sampling zero lies on it."""
+
 AGREEMENT = 4 * float(np.finfo(float).eps)
 
 
+def held_in_v(
+    process: Fraction, dt: float, *, fraction: float = 0.0, at_once: bool = False
+) -> Fraction:
+    """Take a process behind its hold to the plane of v = αw: see `held_in_w`."""
+    a, c, direct, unit = _in_unit(tuple(process.num.tolist()), tuple(process.den.tolist()))
+    given = _Given(a, c, direct, Exact(dt) / unit, Exact(fraction), at_once)
+    bits, last = FIRST, None
+    while bits <= LAST:
+        found = _rounded(given, bits)
+        if last is not None and _same(found, last):
+            if abs(found.den[0]) <= AT_NYQUIST * np.abs(found.den).max():
+                raise ValueError(
+                    f"an undamped mode of the process turns by half a revolution in dt = {dt:g} s, "
+                    "at the Nyquist frequency: choose another dt"
+                )
+            num = np.trim_zeros(found.num, "f")
+            return Fraction(num / found.den[0], found.den / found.den[0])
+        bits, last = 2 * bits, found
+    raise ArithmeticError(
+        f"the process has modes so much faster than dt = {dt:g} s that its samples cannot be "
+        "computed: leave out what is much faster than the sampling"
+    )
+
+
 def held_in_w(
-    process: Fraction,
-    dt: float,
-    *,
-    fraction: float = 0.0,
-    alpha: float | None = None,
-    at_once: bool = False,
+    process: Fraction, dt: float, *, fraction: float = 0.0, at_once: bool = False
 ) -> Fraction:
     """Take a process behind its hold to the plane of w.
 
@@ -65,8 +99,6 @@ def held_in_w(
         Sampling time in seconds.
     fraction : float
         Dead time in samples, below 1.
-    alpha : float, optional
-        α in seconds, by default dt/2; 1 for powers of v = αw.
     at_once : bool
         Whether a direct term acts at once, as it does inside the processor, and not only after
         the next sample, as it does behind it.
@@ -74,7 +106,7 @@ def held_in_w(
     Returns
     -------
     Fraction
-        In descending powers of w.
+        In descending powers of w, monic denominator.
 
     Raises
     ------
@@ -92,32 +124,9 @@ def held_in_w(
     >>> np.roots(num).round(6).tolist(), np.roots(den).round(6).tolist()
     ([20.0], [-0.999167])
     """
-    alpha = dt / 2 if alpha is None else alpha
-    given = _Given.of(process, dt, fraction, at_once)
-    bits, last = FIRST, None
-    while bits <= LAST:
-        found = _rounded(given, bits, alpha)
-        if last is not None and _same(found, last):
-            return _nonzero_at_nyquist(found, dt, alpha)
-        bits, last = 2 * bits, found
-    raise ArithmeticError(
-        f"the process has modes so much faster than dt = {dt:g} s that its samples cannot be "
-        "computed: leave out what is much faster than the sampling"
-    )
-
-
-def whole_samples_in_w(samples: int, alpha: float) -> Fraction:
-    """Whole samples of dead time, ((1 - αw)/(1 + αw))^d.
-
-    Parameters
-    ----------
-    samples : int
-        d.
-    alpha : float
-        α in seconds.
-    """
-    powers = np.array([comb(samples, k) * alpha**k for k in range(samples, -1, -1)])
-    return Fraction(powers * (-1.0) ** np.arange(samples, -1, -1), powers)
+    num, den = held_in_v(process, dt, fraction=fraction, at_once=at_once)
+    powers = (2 / dt) ** np.arange(den.size)  # of 1/α, from the leading coefficient on
+    return Fraction(num * powers[den.size - num.size :], den * powers)
 
 
 def process_in_w(process: Any, dt: float, computation_delay: float = 0.0) -> Fraction:
@@ -162,8 +171,59 @@ def process_in_w(process: Any, dt: float, computation_delay: float = 0.0) -> Fra
             f"computed for up to {MULTIPLIED_OUT}: choose a longer dt, or ask without dt, as in "
             "continuous time"
         )
-    held, waiting = held_in_w(G, dt, fraction=fraction), whole_samples_in_w(samples, dt / 2)
-    return Fraction(np.convolve(held.num, waiting.num), np.convolve(held.den, waiting.den))
+    held = held_in_w(G, dt, fraction=fraction)
+    # Whole samples, ((1 - αw)/(1 + αw))^d.
+    lag = np.array([comb(samples, k) * (dt / 2) ** k for k in range(samples, -1, -1)])
+    signs = (-1.0) ** np.arange(samples, -1, -1)
+    return Fraction(np.convolve(held.num, lag * signs), np.convolve(held.den, lag))
+
+
+def held_blocks(loop: LoopEquations, dt: float) -> LoopEquations:
+    """Sample model, controller and filter, each behind a hold, as blocks of w; not the process.
+
+    A ValueError if F/Gm would invert a zero that only the sampling has made, on or outside the unit
+    circle.
+    """
+    _, Gm, C, F = loop.fractions
+    if loop.keep_factors:
+        raise ValueError(
+            "method='zoh' builds F/model as one block; for keep_factors=True use method='tustin'"
+        )
+    if loop.model_delay:
+        raise ValueError(
+            f"method='zoh' is not for a model with a dead time ({loop.model_delay:g} s); use "
+            "method='tustin', whose model is delayed by whole samples and fractions of them"
+        )
+    model = held_in_w(Gm, dt, at_once=True)
+    _check_sound(model, Gm, dt)
+    controller, filter = (held_in_w(block, dt, at_once=True) for block in (C, F))
+    blocks = LoopEquations(loop.process, model, controller, filter)
+    if Gm.relative_degree and not blocks.built.zeros.degree:
+        raise ValueError(
+            f"method='zoh' with dt = {dt:g} s: so long after a sample nothing is left in the "
+            "filter, and F/model cannot be told from a prediction; choose a shorter dt"
+        )
+    return blocks
+
+
+def _check_sound(held: Fraction, model: Fraction, dt: float) -> None:
+    roots = QuasiPolynomial(held.num).roots * dt / 2
+    at_infinity = held.den.size - held.num.size
+    # Of a model without direct term one zero is at z = ∞, w = 2/dt: a sample of dead time.
+    if model.relative_degree:
+        roots = np.delete(roots, np.abs(roots - 1).argmin())
+    z = np.append((1 + roots) / (1 - roots), np.full(at_infinity, -1.0))
+    outside = z[np.abs(z) > 1 - ON_CIRCLE]
+    own = QuasiPolynomial(model.num).roots
+    made = outside.size - int(np.sum(own.real >= 0))
+    if made > 0:
+        worst = outside[outside.real.argmin()]
+        raise ValueError(
+            f"method='zoh' is unsound here: behind its hold the model, of relative degree "
+            f"{model.relative_degree}, has a zero at z = {written(complex(worst))} that only the "
+            f"sampling has made, and F/model, which inverts it, would diverge as its powers; use "
+            "method='tustin'"
+        )
 
 
 @dataclass(frozen=True)
@@ -180,38 +240,36 @@ class _Given:
     fraction: Exact
     at_once: bool
 
-    @classmethod
-    def of(cls, process: Fraction, dt: float, fraction: float, at_once: bool) -> _Given:
-        den = [Exact(x) for x in process.den.tolist()]
-        num = [Exact(0)] * (len(den) - process.num.size) + [Exact(x) for x in process.num.tolist()]
-        a, b = [x / den[0] for x in den[1:]], [x / den[0] for x in num]
-        rates = [log2(abs(x)) / k for k, x in enumerate(a, 1) if x]
-        unit = Exact(2) ** -round(max(rates, default=-log2(dt)))
-        c = [(b[k] - b[0] * x) * unit**k for k, x in enumerate(a, 1)]
-        a = [x * unit**k for k, x in enumerate(a, 1)]
-        return cls(a, c, b[0], Exact(dt) / unit, Exact(fraction), at_once)
-
     @property
     def remembers(self) -> bool:
         """Whether the input before the last is felt, too."""
         return bool(self.fraction or (self.direct and not self.at_once))
 
 
-def _rounded(given: _Given, bits: int, alpha: float) -> Fraction:
+@lru_cache  # of one block at many sampling times it is the same
+def _in_unit(
+    num: tuple[float, ...], den: tuple[float, ...]
+) -> tuple[list[Exact], list[Exact], Exact, Exact]:
+    """Companion form of a block, and the unit of time in which its roots are near 1."""
+    den_, num_ = [Exact(x) for x in den], [Exact(x) for x in num]
+    num_ = [Exact(0)] * (len(den_) - len(num_)) + num_
+    a, b = [x / den_[0] for x in den_[1:]], [x / den_[0] for x in num_]
+    rates = [log2(abs(x)) / k for k, x in enumerate(a, 1) if x]
+    unit = Exact(2) ** -round(max(rates, default=0.0))
+    c = [(b[k] - b[0] * x) * unit**k for k, x in enumerate(a, 1)]
+    return [x * unit**k for k, x in enumerate(a, 1)], c, b[0], unit
+
+
+def _rounded(given: _Given, bits: int) -> Fraction:
     num, den = _in_z(given, bits)
-    order = len(den) - 1
-    columns = [np.array(p, dtype=object) @ _bilinear(order) for p in (num, den)]
+    columns = [np.array(p, dtype=object) @ _bilinear(len(den) - 1) for p in (num, den)]
     largest = max(abs(x) for x in columns[1])
     floor = 1 << (bits // 2)
-    scale = [float(alpha) ** k for k in range(order + 1)]
     found = [
-        np.array([
-            x / largest * scale[k] if abs(x) * floor > max(map(abs, column)) else 0.0
-            for k, x in enumerate(column)
-        ])[::-1]
+        np.array([x / largest if abs(x) * floor > max(map(abs, column)) else 0.0 for x in column])
         for column in columns
-    ]  # fmt: skip
-    return Fraction(found[0], found[1])
+    ]
+    return Fraction(found[0][::-1], found[1][::-1])
 
 
 def _same(one: Fraction, other: Fraction) -> bool:
@@ -219,17 +277,6 @@ def _same(one: Fraction, other: Fraction) -> bool:
         bool(np.all(np.abs(p - q) <= AGREEMENT * np.abs(q)))
         for p, q in zip(one, other, strict=True)
     )
-
-
-def _nonzero_at_nyquist(found: Fraction, dt: float, alpha: float) -> Fraction:
-    in_v = np.abs(found.den) / alpha ** np.arange(found.den.size - 1, -1, -1.0)
-    if in_v[0] <= AT_NYQUIST * in_v.max():
-        raise ValueError(
-            f"an undamped mode of the process turns by half a revolution in dt = {dt:g} s, at the "
-            "Nyquist frequency: choose another dt"
-        )
-    num = np.trim_zeros(found.num, "f")
-    return Fraction(num / found.den[0], found.den / found.den[0])
 
 
 def _in_z(given: _Given, bits: int) -> tuple[list[int], list[int]]:

@@ -1,24 +1,25 @@
 r"""Functions on the unit circle as sums of products, and certified counts of their zeros.
 
-With v = αw = (z - 1)/(z + 1) a polynomial of degree n in w, divided by (1 + v)^n, is a product of
+With v = (z - 1)/(z + 1), a polynomial of degree n in v, divided by (1 + v)^n, is a product of
 factors
 
 .. math:: \frac{v - v_i}{1 + v} = \frac{(1 - v_i) - (1 + v_i)\,z^{-1}}{2}
 
 each of which is linear in 1/z: over an angle h on the circle it moves by at most
-:math:`h|1 + v_i|/2`. So a bound is at hand for how far a product, and a sum of products, can get in
-an interval. Where that is less than where it is, it has not passed 0, and its argument is known.
+:math:`h|1 + v_i|/2`. That bounds how far a product, and a sum of products, can move in an interval.
+Where it is less than the function's size, the function has not passed 0, and its argument is known.
 The number of zeros outside the circle is minus the turn of the argument from z = 1 to z = -1, in
 half revolutions. Where the terms behind one dead time are certainly larger than all others, the
 argument follows theirs within a right angle, and z^-samples turns it by exactly samples times the
-angle: so the intervals to be looked at grow with the logarithm of the samples.
+angle: so the number of intervals grows with the logarithm of the samples.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass
 from functools import cached_property, reduce
-from math import pi
+from math import nan, pi
 from typing import NamedTuple
 
 import numpy as np
@@ -32,9 +33,17 @@ from ..numerics import (
     add,
     companion_roots,
 )
-from .wplane import MULTIPLIED_OUT
+from .bilinear import MULTIPLIED_OUT
 
-__all__ = ["CircleFunction", "Group", "Product", "TurnCount", "count_outside", "resolved"]
+__all__ = [
+    "CircleFunction",
+    "Group",
+    "Product",
+    "TurnCount",
+    "count_outside",
+    "multiplied_out",
+    "resolved",
+]
 
 TURN = 0.6
 """How far a function may get within half an interval, against its own size."""
@@ -54,7 +63,9 @@ FREE, OPEN = -1, -2
 
 @dataclass(frozen=True, eq=False)
 class Product:
-    """A product of real polynomials of v = αw, each over (1 + v)^degree, times z^-samples.
+    """A product of real polynomials of v, each over (1 + v)^degree, times z^-samples.
+
+    It is evaluated at z = exp(j·angle), v = j tan(angle/2), for angles from 0 to π.
 
     Attributes
     ----------
@@ -68,70 +79,51 @@ class Product:
     samples: int = 0
 
     def __call__(self, angle: FloatArray) -> ComplexArray:
-        """Values at z = exp(j·angle).
-
-        Parameters
-        ----------
-        angle : array of float
-            From 0 to π.
-        """
-        value = np.exp(-1j * self.samples * angle)
+        """Values at these angles."""
+        sine, cosine = _half(angle)
+        turns = self.samples + sum(factor.size - 1 for factor in self.factors) / 2
+        value = np.exp(-1j * turns * angle)
         for factor in self.factors:
-            value = value * _over_power(factor, angle)
+            value = value * _homogeneous(factor, 1j * sine, cosine)
         return np.asarray(value)
 
     def size(self, angle: FloatArray) -> FloatArray:
-        """Sum of the sizes of all that is added up, against which rounding is measured.
-
-        Parameters
-        ----------
-        angle : array of float
-            From 0 to π.
-        """
-        value = np.ones(angle.shape)
-        for factor in self.factors:
-            value = value * np.abs(_over_power(np.abs(factor), angle, size=True))
-        return np.asarray(value)
+        """Sum of the sizes of all that is added up, against which rounding is measured."""
+        parts = (_homogeneous(np.abs(factor), *_half(angle)) for factor in self.factors)
+        return np.asarray(reduce(np.multiply, parts, np.ones(angle.shape)).real)
 
     def reach(self, angle: FloatArray, half: FloatArray) -> FloatArray:
-        """How far the product can get from its value at `angle` within `half` an interval.
-
-        Parameters
-        ----------
-        angle, half : array of float, shape (N,)
-            Angles and half widths.
-        """
-        at = np.full(angle.shape, abs(self._leading))
+        """How far the product can get from its value at `angle` within `half` an interval."""
+        sine, cosine = _half(angle)
+        leading = np.prod([_used(factor)[0] for factor in self.factors])
+        at = np.full(angle.shape, abs(leading))
         far = at * (1 + np.minimum(self.samples * half, 2.0))
-        v = np.tan(angle / 2)
-        top = np.sqrt(1 + v**2)
         for root in self._roots:
-            size = np.abs(1j * v - root) / top
+            size = np.abs(1j * sine - root * cosine)
             far = far * (size + half * abs(1 + root) / 2)
             at = at * size
-        for _ in range(self._at_minus_one):
-            far = far * (1 / top + half / 2)
-            at = at / top
+        for _ in range(sum(factor.size - _used(factor).size for factor in self.factors)):
+            far = far * (cosine + half / 2)
+            at = at * cosine
         return np.asarray(far - at)
 
     def slope(self, angle: FloatArray) -> ComplexArray:
-        """Logarithmic derivative with respect to the angle.
-
-        Parameters
-        ----------
-        angle : array of float
-            Between 0 and π.
-        """
-        v = 1j * np.tan(angle / 2)
-        total = np.full(angle.shape, -1j * self.samples)
-        with np.errstate(divide="ignore", invalid="ignore"):  # at a zero on the circle
-            for root in self._roots:
-                total += 0.5j * (1 + root) * (1 - v) / (v - root)
-        return np.asarray(total - 0.5j * self._at_minus_one * (1 - v))
+        """Logarithmic derivative with respect to the angle; infinite at a zero on the circle."""
+        sine, cosine = _half(angle)
+        s, total = 1j * sine, np.full(angle.shape, -1j * self.samples)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            for factor in self.factors:
+                degree = factor.size - 1
+                powers = np.arange(degree, -1, -1)
+                by_s, by_c = (factor * powers)[:-1], (factor * (degree - powers))[1:]
+                moved = 0.5j * cosine * _homogeneous(by_s, s, cosine)
+                moved = moved - 0.5 * sine * _homogeneous(by_c, s, cosine)
+                total = total + moved / _homogeneous(factor, s, cosine) - 0.5j * degree
+        return np.asarray(total)
 
     @property
     def inside(self) -> Product:
-        """The product without its zeros at z = 1 and z = -1, beside which it turns no more."""
+        """The product without its zeros at z = 1 and z = -1, near which it turns no more."""
         return Product(tuple(np.trim_zeros(factor) for factor in self.factors), self.samples)
 
     @cached_property
@@ -139,58 +131,26 @@ class Product:
         found = [companion_roots(_used(factor)) for factor in self.factors if factor.any()]
         return np.concatenate([*found, np.empty(0, dtype=complex)])
 
-    @cached_property
-    def _leading(self) -> float:
-        return float(np.prod([_used(factor)[0] for factor in self.factors]))
-
-    @cached_property
-    def _at_minus_one(self) -> int:
-        return sum(factor.size - _used(factor).size for factor in self.factors)
-
 
 @dataclass(frozen=True, eq=False)
 class CircleFunction:
-    """A sum of products on the unit circle, all over the same power of 1 + v.
-
-    Attributes
-    ----------
-    terms : tuple of Product
-        What is added up.
-    """
+    """A sum of products on the unit circle, all over the same power of 1 + v."""
 
     terms: tuple[Product, ...]
 
     def __call__(self, angle: FloatArray) -> ComplexArray:
-        """Values at z = exp(j·angle).
-
-        Parameters
-        ----------
-        angle : array of float
-            From 0 to π.
-        """
+        """Values at these angles."""
         return np.asarray(sum(term(angle) for term in self.terms))
 
     def rounding(self, angle: FloatArray) -> FloatArray:
-        """Bound of the rounding error.
-
-        Parameters
-        ----------
-        angle : array of float
-            From 0 to π.
-        """
+        """Bound of the rounding error."""
         turned = np.finfo(float).eps * angle
         return np.asarray(
             sum((ROUNDING + term.samples * turned) * term.size(angle) for term in self.terms)
         )
 
     def reach(self, angle: FloatArray, half: FloatArray) -> FloatArray:
-        """How far the function can get from its value at `angle` within `half` an interval.
-
-        Parameters
-        ----------
-        angle, half : array of float, shape (N,)
-            Angles and half widths.
-        """
+        """How far the function can get from its value at `angle` within `half` an interval."""
         return np.asarray(sum(term.reach(angle, half) for term in self.terms))
 
     @cached_property
@@ -216,24 +176,11 @@ class CircleFunction:
         longest = max(term.samples for term in self.terms)
         if longest > MULTIPLIED_OUT:
             return None
-        total: FloatArray = np.zeros(1)
-        for term in self.terms:
-            powers = [np.array([-1.0, 1.0])] * term.samples
-            powers += [np.ones(2)] * (longest - term.samples)
-            total = add(total, reduce(np.convolve, (*term.factors, *powers)))
-        return QuasiPolynomial(total)
+        return QuasiPolynomial(multiplied_out(self.terms, longest))
 
 
 class Group(NamedTuple):
-    """What is behind a dead time: z^-samples times a sum of low degree in 1/z.
-
-    Attributes
-    ----------
-    samples : int
-        Dead time in samples.
-    bare : CircleFunction
-        The sum without it.
-    """
+    """Terms behind a dead time: z^-samples times a `bare` sum of low degree in 1/z."""
 
     samples: int
     bare: CircleFunction
@@ -241,42 +188,55 @@ class Group(NamedTuple):
 
 @dataclass(frozen=True)
 class TurnCount:
-    """How many zeros lie outside the unit circle.
+    """How many zeros lie outside the unit circle, z = ∞ included.
 
-    Attributes
-    ----------
-    count : int or None
-        The zeros outside the circle, z = ∞ included; None if one lies on it within rounding.
-    angle : float
-        Where that is, in radians; nan if it is nowhere.
+    The count is None if one lies on the circle within rounding, at the angle in radians.
     """
 
     count: int | None
-    angle: float = field(default=float("nan"))
+    angle: float = nan
 
 
-def resolved(function: CircleFunction) -> tuple[FloatArray, float | None]:
-    """Angles between which a function provably turns by less than a right angle.
+def multiplied_out(terms: Iterable[Product], samples: int) -> FloatArray:
+    """Multiply a sum of products out, z^-k = ((1 - v)/(1 + v))^k, over (1 + v)^samples further.
 
-    Parameters
-    ----------
-    function : CircleFunction
-        On the unit circle.
-
-    Returns
-    -------
-    angles : array of float
-        From 0 to π.
-    touched : float or None
-        An angle at which the function is 0 within rounding, if there is one.
-
-    Raises
-    ------
-    ArithmeticError
-        If it takes too many of them.
+    No term has a longer dead time; the result is in descending powers of v.
     """
-    low, high, _, touched = _certified(function, dominance=False)
-    return np.unique(np.concatenate([low, high, (low + high) / 2])), touched
+    total: FloatArray = np.zeros(1)
+    for term in terms:
+        powers = [np.array([-1.0, 1.0])] * term.samples + [np.ones(2)] * (samples - term.samples)
+        total = add(total, reduce(np.convolve, (*term.factors, *powers)))
+    return total
+
+
+def count_outside(function: CircleFunction) -> TurnCount:
+    """Count the zeros outside the unit circle by the turn of the argument.
+
+    Examples
+    --------
+    1 - 2/z, that is v + 1 less 2 (1 - v), over 1 + v:
+
+    >>> import numpy as np
+    >>> count_outside(CircleFunction((Product((np.array([3.0, -1.0]),)),))).count
+    1
+    """
+    ends = np.array([0.0, pi])
+    at_ends = np.abs(function(ends)) <= function.rounding(ends)
+    if at_ends.any():
+        return TurnCount(None, float(ends[at_ends][0]))
+    found = _certified(function, dominance=True)
+    if found.touched is not None:
+        return TurnCount(None, found.touched)
+    return TurnCount(round(-_turned(function, found) / pi))
+
+
+def resolved(function: CircleFunction) -> FloatArray:
+    """Angles from 0 to π between which a function provably turns by less than a right angle.
+
+    An ArithmeticError if it takes too many of them.
+    """
+    low, high, *_ = _certified(function, dominance=False)
+    return np.unique(np.concatenate([low, high, (low + high) / 2]))
 
 
 class _Certified(NamedTuple):
@@ -322,13 +282,12 @@ def _examined(
     function: CircleFunction, middle: FloatArray, half: FloatArray, dominance: bool
 ) -> tuple[IntArray, FloatArray]:
     """Say what certifies each interval, and how large the function is in its middle."""
+    delays = [group.samples for group in function.groups]
     values = [group.bare(middle) for group in function.groups]
     reaches = [group.bare.reach(middle, half) for group in function.groups]
     sizes = [np.abs(value) for value in values]
     sum_, far = np.zeros(middle.shape, dtype=complex), np.zeros(middle.shape)
-    for (samples, _), value, size, reach in zip(
-        function.groups, values, sizes, reaches, strict=True
-    ):
+    for samples, value, size, reach in zip(delays, values, sizes, reaches, strict=True):
         sum_ += value * np.exp(-1j * samples * middle)
         far += reach + size * np.minimum(samples * half, 2.0)
     mark = np.where(far <= TURN * np.abs(sum_), FREE, OPEN)
@@ -338,37 +297,6 @@ def _examined(
         for k, size in enumerate(sizes):
             mark[2 * size > every + noise] = k  # size - reach > what the others can be
     return mark, np.abs(sum_)
-
-
-def count_outside(function: CircleFunction) -> TurnCount:
-    """Count the zeros outside the unit circle by the turn of the argument.
-
-    Parameters
-    ----------
-    function : CircleFunction
-        On the unit circle.
-
-    Returns
-    -------
-    TurnCount
-        The count, or where the function is 0.
-
-    Examples
-    --------
-    1 - 2/z, that is v + 1 less 2 (1 - v), over 1 + v:
-
-    >>> import numpy as np
-    >>> count_outside(CircleFunction((Product((np.array([3.0, -1.0]),)),))).count
-    1
-    """
-    ends = np.array([0.0, pi])
-    at_ends = np.abs(function(ends)) <= function.rounding(ends)
-    if at_ends.any():
-        return TurnCount(None, float(ends[at_ends][0]))
-    found = _certified(function, dominance=True)
-    if found.touched is not None:
-        return TurnCount(None, found.touched)
-    return TurnCount(round(-_turned(function, found) / pi))
 
 
 def _turned(function: CircleFunction, found: _Certified) -> float:
@@ -392,17 +320,18 @@ def _turned(function: CircleFunction, found: _Certified) -> float:
     return angle
 
 
-def _over_power(factor: FloatArray, angle: FloatArray, *, size: bool = False) -> ComplexArray:
-    """p(v)/(1 + v)^degree on the circle, v = j tan(angle/2); with `size`, at |v|."""
-    # Beside z = -1, where v is large, in powers of 1/v.
-    near, degree = angle <= pi / 2, factor.size - 1
-    unit = 1.0 if size else 1j
-    value = np.empty(angle.shape, dtype=complex)
-    v = np.tan(angle[near] / 2)
-    value[near] = np.polyval(factor, unit * v) / (1 + 1j * v) ** degree
-    inverse = np.tan((pi - angle[~near]) / 2)
-    value[~near] = np.polyval(factor[::-1], inverse / unit) / (1 - 1j * inverse) ** degree
-    return value
+def _half(angle: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Sine and cosine of half an angle, the latter 0 at π."""
+    return np.sin(angle / 2), np.sin((pi - angle) / 2)
+
+
+def _homogeneous(factor: FloatArray, x: ComplexArray | FloatArray, y: FloatArray) -> ComplexArray:
+    """Σ p_k x^k y^(n-k): with v = x/y, and 1 + v = exp(j·angle/2)/y, p(v)/(1 + v)^n but a turn."""
+    value, power = np.zeros_like(x), np.ones_like(y)
+    for coefficient in factor.tolist():
+        value = value * x + coefficient * power
+        power = power * y
+    return np.asarray(value)
 
 
 def _used(factor: FloatArray) -> FloatArray:

@@ -1,13 +1,8 @@
-"""Bode diagrams, step responses and roots, each with its alt text.
-
-A plot function draws into the axes it is given or into a figure of its own, and returns what
-control's plot functions return, plus the figure in words. All figures share one width, two heights,
-one style file and one colour for each role; nothing outside the figure is changed.
-"""
+"""Bode diagrams, with the margins where they are."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from math import inf, nan
 from typing import Any
 
@@ -16,15 +11,13 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MultipleLocator
 
-from ..analysis import Margins, resolved_frequencies, step_response
-from ..diagram import INPUTS, LoopEquations, Quotient
-from ..numerics import ComplexArray, FloatArray, QuasiPolynomial, count_rhp, number
+from ..analysis import Margins, resolved_frequencies
+from ..diagram import Quotient
+from ..numerics import FloatArray, number
 from . import alttext
-from .alttext import complex_number
 from .figure import (
     COLOURS,
     INK,
-    SHORT,
     TALL,
     Figure,
     as_map,
@@ -36,12 +29,10 @@ from .figure import (
     styled,
 )
 
-__all__ = ["bode_plot", "roots_plot", "step_plot"]
+__all__ = ["bode_plot"]
 
 MAX_PHASE_SPAN = 720.0
 """Degrees below which a delay's phase is not followed."""
-
-# Bode.
 
 
 def bode_plot(
@@ -65,11 +56,6 @@ def bode_plot(
         Heading, which also enters the alt text.
     axes : two matplotlib Axes, optional
         Where to draw magnitude and phase.
-
-    Returns
-    -------
-    Figure
-        With `.lines`, `.axes`, `.figure` and `.alt`.
 
     Raises
     ------
@@ -256,197 +242,3 @@ def _label_curves(ax: Axes, lines: Sequence[Line2D]) -> None:
             textcoords="offset points", ha="center", va="bottom" if above else "top",
             color=line.get_color(),
         )  # fmt: skip
-
-
-# Step responses.
-
-
-def step_plot(
-    loop: LoopEquations,
-    *,
-    signal: str = "y",
-    compare: LoopEquations | Mapping[str, LoopEquations] | None = None,
-    timepts: Any = None,
-    title: str = "",
-    axes: Sequence[Axes] | None = None,
-) -> Figure:
-    """Draw the responses to a unit step of reference, disturbances and noise.
-
-    Parameters
-    ----------
-    loop : LoopEquations
-        The loop.
-    signal : {"y", "u"}
-        Output or control signal.
-    compare : LoopEquations or dict of str: LoopEquations, optional
-        Other loops, drawn dashed and grey; one without a label is called "nominal".
-    timepts : array_like or float, optional
-        Times in seconds, or the last one; by default each panel shows what there is to see.
-    title : str
-        Heading, which also enters the alt text.
-    axes : four matplotlib Axes, optional
-        Where to draw R, d, δ and η.
-
-    Returns
-    -------
-    Figure
-        With `.lines`, `.axes`, `.figure` and `.alt`.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If `signal` is neither "y" nor "u", or something is given that is no loop.
-    """
-    if signal not in ("y", "u"):
-        raise ValueError(f"signal is {signal!r}; it must be 'y' or 'u'")
-    named = {"nominal": compare} if isinstance(compare, LoopEquations) else compare
-    if not isinstance(named, Mapping | None):
-        raise TypeError(
-            f"compare is a {type(compare).__name__}; give another loop, or loops by label: "
-            '{"slower filter": loop}'
-        )
-    others = dict(named or {})
-    for each in (loop, *others.values()):
-        if not isinstance(each, LoopEquations):
-            raise TypeError(f"a {type(each).__name__} is given where a loop, an NRDOB, is needed")
-    row, facts = "yu".index(signal), []
-    panels = axes_for(axes, 4, TALL)
-    with styled():
-        lines = np.empty(4, dtype=object)
-        for k, (ax, given) in enumerate(zip(panels, INPUTS, strict=True)):
-            times = timepts
-            if times is None and others:
-                longest = max(step_response(x, given).time[-1] for x in (loop, *others.values()))
-                times = np.linspace(0.0, longest, 1001)
-            response = step_response(loop, given, times)
-            times, values = response.time, response.outputs[row, 0]
-            lines[k] = ax.plot(times, values, color=colour_of(given), zorder=3)
-            for style, (label, other) in zip(("--", ":", "-."), others.items(), strict=False):
-                faint = step_response(other, given, times).outputs[row, 0]
-                lines[k] += ax.plot(times, faint, style, color=INK, lw=1.2, label=label, zorder=4)
-            name = ("T_" if given == "R" else "S_") + given if signal == "y" else f"U_{given}"
-            _step_frame(ax, given, name, signal, bottom=k > 1)
-            facts.append(_step_facts(loop, given, getattr(loop, name), values))
-        if others:
-            panels[0].legend(loc="best", handlelength=2.4)
-        if axes is None:
-            panels[0].figure.suptitle(title, x=0.01, ha="left", fontsize="medium")
-    alt = alttext.steps(signal, title, facts, tuple(others))
-    return Figure(lines.reshape(2, 2), np.array(panels, dtype=object).reshape(2, 2), alt)
-
-
-def _step_facts(
-    loop: LoopEquations, given: str, through: Quotient, values: FloatArray
-) -> alttext.StepFacts:
-    """Peak and rest of one response; the loop's own roots say whether there is rest."""
-    excited = (loop.p_A, loop.p_B) if given == "R" else (loop.p_B,)
-    rightmost = max(p.roots[0].real if p.roots.size else -inf for p in excited)
-    unstable = any(_on_the_right(p) for p in excited)
-    final = inf if unstable else nan if rightmost == 0 else through.dc_gain
-    peak = float(values[int(np.argmax(np.abs(values)))])
-    return alttext.StepFacts(given, peak, final)
-
-
-def _step_frame(ax: Axes, given: str, name: str, signal: str, *, bottom: bool) -> None:
-    # As in eq. (7): an input disturbance is seen where it acts.
-    reached = r"u + $\delta$" if (signal, given) == ("u", "delta") else signal
-    ax.set_title(f"{label_of(name)}   {INPUTS[given].spoken} {label_of(given)} → {reached}")
-    ax.set(xlabel="time (s)" if bottom else "", ylabel=f"{reached} (per unit step)")
-    ax.set_xlim(left=0)
-    low, high = ax.get_ylim()
-    if high - low < 1e-6:
-        ax.set_ylim(-0.5, 0.5)
-    ax.axhline(0, color=INK, lw=0.6)
-
-
-# Roots.
-
-
-def roots_plot(
-    roots: LoopEquations | Mapping[str, ComplexArray],
-    *,
-    title: str = "",
-    ax: Axes | None = None,
-) -> Figure:
-    """Draw the roots of p_A and p_B in the complex plane, the right half of which is forbidden.
-
-    Parameters
-    ----------
-    roots : LoopEquations or dict of str: array of complex
-        A loop, or roots by label, in rad/s, rightmost first.
-    title : str
-        Heading, which also enters the alt text.
-    ax : matplotlib Axes, optional
-        Where to draw.
-
-    Returns
-    -------
-    Figure
-        With `.lines`, `.axes`, `.figure` and `.alt`.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If `roots` is neither a loop nor lists of finite roots by label.
-    """
-    if isinstance(roots, LoopEquations):
-        factors = {"p_A": roots.p_A, "p_B": roots.p_B}
-        found = {label: p.roots for label, p in factors.items()}
-        right = {label: _on_the_right(p) for label, p in factors.items()}
-    elif isinstance(roots, Mapping) and roots:
-        found = {label: _roots(values, label) for label, values in roots.items()}
-        right = {label: float(np.sum(values.real > 0)) for label, values in found.items()}
-    else:
-        raise TypeError(
-            f"roots is {roots!r}; give a loop, or roots by label: {{'p_B': loop.p_B.roots}}"
-        )
-    (ax,) = axes_for(ax, 1, SHORT)
-    with styled():
-        lines = []
-        palette = (COLOURS["model"], COLOURS["loop"], COLOURS["process"], COLOURS["filter"])
-        for k, (label, values) in enumerate(found.items()):
-            name = f"${label}$" if label in ("p_A", "p_B") else label
-            rightmost = complex_number(values[0]) if values.size else "none"
-            lines += ax.plot(
-                values.real, values.imag, "x+1o"[k % 4], ms=8 if k % 4 < 3 else 5, mew=1.8,
-                color=palette[k % 4], label=f"{name}: rightmost {rightmost}", zorder=4 + k,
-            )  # fmt: skip
-        _roots_window(ax, list(found.values()))
-        columns = min(len(found), 2)
-        ax.legend(loc="lower right", bbox_to_anchor=(1, 1), borderaxespad=0.2, ncols=columns)
-        ax.set(xlabel="Re s (rad/s)", ylabel="Im s (rad/s)")
-        headings(ax, title)
-    return Figure(np.array([lines], dtype=object), ax, alttext.roots(title, found, right))
-
-
-def _on_the_right(p: QuasiPolynomial) -> float:
-    """Roots in the right half plane; counted where a long dead time has more than are listed."""
-    return float(np.sum(p.roots.real > 0)) if p.roots_resolved else count_rhp(p).at_least
-
-
-def _roots(values: Any, label: str) -> ComplexArray:
-    """Check the roots of one label."""
-    found = np.asarray(values)
-    if found.dtype.kind not in "iufc" or found.ndim != 1 or not np.isfinite(found).all():
-        raise ValueError(
-            f"roots of {label} are {values!r}; give a list of finite numbers, in rad/s"
-        )
-    return found
-
-
-def _roots_window(ax: Axes, groups: Sequence[ComplexArray]) -> None:
-    """Show the rightmost roots and their neighbours; say how many lie farther left."""
-    values = np.concatenate(groups)
-    slow = max((abs(group[0]) for group in groups if group.size and group[0]), default=1.0)
-    seen = values[np.abs(values) <= 8 * slow]
-    left = 1.15 * min(float(seen.real.min(initial=-0.5)), -0.5 * slow)
-    right = max(1.25 * float(seen.real.max(initial=0.0)), -0.2 * left)
-    top = 1.35 * max(float(np.abs(seen.imag).max(initial=0.0)), -0.2 * left)
-    ax.set(xlim=(left, right), ylim=(-top, top))
-    ax.axvspan(0, right, color=COLOURS["critical"], alpha=0.10, lw=0)
-    ax.axvline(0, color=INK, lw=0.9)
-    ax.axhline(0, color=INK, lw=0.6)
-    hidden = values.size - int(np.sum((values.real >= left) & (np.abs(values.imag) <= top)))
-    if hidden:
-        ax.text(0.01, 0.03, f"{hidden} more outside, down to Re s = {number(values.real.min())}",
-                transform=ax.transAxes, fontsize="small")  # fmt: skip

@@ -5,7 +5,7 @@ low degree. Where :math:`|P| > |Q|` its argument follows P, elsewhere :math:`Q z
 within a right angle. Between the crossings, roots of :math:`|P|^2 = |Q|^2`, the argument of P is a
 sum over its zeros and that of z^-N is N times the angle. So the count is a closed form whatever N
 is, as for dead times in continuous time (Walton and Marshall), and shares nothing with the
-intervals of `nrdob.digital.circle`.
+intervals of `nrdob.digital.unitcircle`.
 
 .. rubric:: References
 
@@ -16,13 +16,12 @@ Walton, K., J. E. Marshall, Direct method for TDS stability analysis, IEE Proc. 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import reduce
 from math import nan, pi
 
 import numpy as np
 
-from ..numerics import ComplexArray, FloatArray, add, companion_roots
-from .circle import CircleFunction
+from ..numerics import ComplexArray, FloatArray, companion_roots
+from .unitcircle import CircleFunction, Group, multiplied_out
 
 __all__ = ["DelayedPair"]
 
@@ -38,29 +37,29 @@ STARTS, STEPS, CONVERGED = 256, 50, 1e-9
 
 @dataclass(frozen=True, eq=False)
 class DelayedPair:
-    """P + Q z^-samples on the unit circle, both divided by (1 + v)^degree.
+    """P + Q z^-N on the unit circle, both parts divided by (1 + v)^degree.
 
-    Attributes
-    ----------
-    P, Q : arrays of float
-        Polynomials of v = (z - 1)/(z + 1) in descending powers, of equal size.
-    samples : int
-        Dead time between the two, N.
+    P and Q are polynomials of v = (z - 1)/(z + 1) in descending powers, of equal size.
     """
 
+    early: Group
+    late: Group
     P: FloatArray
     Q: FloatArray
-    samples: int
 
     @classmethod
     def of(cls, function: CircleFunction) -> DelayedPair | None:
         """Take a function apart; None if there is not one dead time in it."""
         if len(function.groups) != 2:
             return None
-        early, late = function.groups
         more = max(term.samples for group in function.groups for term in group.bare.terms)
-        P, Q = (_multiplied_out(group.bare, more) for group in (early, late))
-        return cls(P, Q, late.samples - early.samples)
+        P, Q = (multiplied_out(group.bare.terms, more) for group in function.groups)
+        return cls(*function.groups, P, Q)
+
+    @property
+    def samples(self) -> int:
+        """Dead time between the two, N."""
+        return self.late.samples - self.early.samples
 
     def count(self) -> int | None:
         """Count the zeros outside the unit circle; None if one may be on it."""
@@ -70,11 +69,13 @@ class DelayedPair:
         middle = np.sqrt(inner[:-1] * inner[1:])
         middle[0] = inner[1] / 2
         middle[-1] = inner[-1]
-        leads = np.abs(np.polyval(self.P, 1j * middle)) >= np.abs(np.polyval(self.Q, 1j * middle))
+        P, Q = np.abs(self._parts(2 * np.arctan(middle)))
+        leads = P >= Q
         late = 2 * self.samples * np.diff(np.arctan(ends))
         turned = np.where(leads, _turned(self.P, ends), _turned(self.Q, ends) - late)
         # From the larger part to the sum, at both ends of each stretch.
-        both = np.stack([self._parts(ends[:-1]), self._parts(ends[1:])])
+        parts = self._parts(2 * np.arctan(ends))
+        both = np.stack([parts[:, :-1], parts[:, 1:]])
         with np.errstate(all="ignore"):
             beside = 1 + np.where(leads, both[:, 1] / both[:, 0], both[:, 0] / both[:, 1])
         if not np.all(np.abs(beside) > CLOSEST):
@@ -89,13 +90,11 @@ class DelayedPair:
         time roots are near them, :math:`N\,\ln z = \ln(-Q/P) + 2\pi jk`.
         """
         roots = companion_roots(np.trim_zeros(self.P, "f"))
-        with np.errstate(all="ignore"):
-            near = np.log((1 + roots) / (1 - roots))
         turns = np.linspace(0, pi, min(self.samples, 64 * STARTS) + 2)[1:-1]
         turns = np.concatenate([np.arange(1, 33) / (2 * self.samples), turns])
-        P, Q = np.abs(self._parts(np.tan(turns / 2)))
+        P, Q = np.abs(self._parts(turns))
         with np.errstate(all="ignore"):
-            ratio = Q / P
+            near, ratio = np.log((1 + roots) / (1 - roots)), Q / P
             best = np.argsort(-ratio)[:STARTS]
             x = np.concatenate([near, np.log(ratio[best]) / self.samples + 1j * turns[best]])
             for _ in range(STEPS):
@@ -108,10 +107,10 @@ class DelayedPair:
         apart = abs(found.imag) > CONVERGED / self.samples
         return complex(np.exp(complex(found.real, abs(found.imag) if apart else 0.0)))
 
-    def _parts(self, y: FloatArray) -> ComplexArray:
-        """P and Q z^-N at v = jy, and at y = ∞, up to a factor that differs with y."""
-        P, Q = (_over_largest(p, y) for p in (self.P, self.Q))
-        return np.stack([P, Q * np.exp(-2j * self.samples * np.arctan(y))])
+    def _parts(self, angle: FloatArray) -> ComplexArray:
+        """P and Q z^-N at angles from 0 to π."""
+        late = self.late.bare(angle) * np.exp(-1j * self.samples * angle)
+        return np.stack([self.early.bare(angle), late])
 
     def _newton(self, x: ComplexArray) -> ComplexArray:
         """Newton's step for P + Q z^-N in x = ln z."""
@@ -126,15 +125,6 @@ class DelayedPair:
         common = (self.P.size - 1) * (1 - v) / 2  # of (1 + v)^degree, which divides both
         value = early * P + late * Q
         return np.asarray(value / (slope - common * value))
-
-
-def _multiplied_out(bare: CircleFunction, more: int) -> FloatArray:
-    """Multiply a sum of products out, z^-k = ((1 - v)/(1 + v))^k, over (1 + v)^more further."""
-    total: FloatArray = np.zeros(1)
-    for term in bare.terms:
-        powers = [np.array([-1.0, 1.0])] * term.samples + [np.ones(2)] * (more - term.samples)
-        total = add(total, reduce(np.convolve, (*term.factors, *powers)))
-    return total
 
 
 def _equal_sizes(P: FloatArray, Q: FloatArray) -> FloatArray:
@@ -161,13 +151,3 @@ def _turned(p: FloatArray, y: FloatArray) -> FloatArray:
         each = np.arctan2(y[:, None] - roots.imag, np.abs(roots.real))
     total = (each * np.where(roots.real > 0, -1.0, 1.0)).sum(axis=1)
     return np.diff(total - (p.size - 1) * np.arctan(y))
-
-
-def _over_largest(p: FloatArray, y: FloatArray) -> ComplexArray:
-    """p(jy), over y^degree where y is above 1."""
-    small = np.where(y <= 1, y, 0.0)
-    with np.errstate(divide="ignore"):
-        inverse = np.where(y > 1, 1 / y, 0.0)
-    near = np.polyval(p, 1j * small)
-    far = np.polyval(p[::-1], -1j * inverse) * 1j ** (p.size - 1)
-    return np.asarray(np.where(y <= 1, near, far))

@@ -2,12 +2,14 @@ r"""Margins of a sampled loop gain: the crossings of the unit circle's image, ex
 
 Between two certified angles neither the parts of L nor 1 + L turn by more than a right angle; there
 the crossings are bracketed and refined by the same search as in continuous time
-(`nrdob.analysis.locus`). z = 1 and z = -1, at the Nyquist frequency π/dt, are looked at, too.
+(`nrdob.analysis.locus`), at frequencies ω = angle/dt. z = 1 and z = -1, at the Nyquist frequency
+π/dt, are evaluated, too.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import reduce
 from math import inf, pi
 
@@ -16,12 +18,12 @@ from scipy.optimize import brentq, root
 
 from ..analysis import Ends, Locus, Margins, margins_at, notable_frequencies, subdivided
 from ..numerics import ComplexArray, FloatArray
-from .circle import CircleFunction, Product, resolved
+from .closedloop import ClosedLoop
 from .controller import SampledController
 from .hold import HeldProcess
-from .verdict import lifted
+from .unitcircle import CircleFunction, Product, resolved
 
-__all__ = ["CircleLocus", "added_delay", "circle_margins"]
+__all__ = ["sampled_margins"]
 
 PER_SEGMENT = 4
 """Angles in each certified stretch."""
@@ -30,37 +32,21 @@ LOWEST = 1e-8
 """Frequency, against the lowest at which anything turns, down to which crossings are sought."""
 
 LOOKED_AT, DEAD_TIMES = 60, 32
-"""States of a loop up to which eigenvalues are looked at, and at how many dead times."""
+"""States of a loop up to which eigenvalues are computed, and at how many dead times."""
 
 SOLVED = 1e-9
-"""What may be left of 1 + L where the loop is lost."""
+"""What may be left of 1 + L where the loop becomes unstable."""
 
 
-class CircleLocus(Locus):
-    """A sampled loop gain on the unit circle.
-
-    Parameters
-    ----------
-    numerator : Product
-        Of L.
-    denominator : CircleFunction
-        Of L.
-    dt : float
-        Sampling time in seconds.
-    """
+class _CircleLocus(Locus):
+    """A sampled loop gain, numerator over denominator, at frequencies in rad/s."""
 
     def __init__(self, numerator: Product, denominator: CircleFunction, dt: float) -> None:
         self.count = 1
         self.numerator, self.denominator, self.dt = numerator, denominator, dt
 
     def log_and_slope(self, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:
-        """Evaluate log L and its derivative with respect to log ω.
-
-        Parameters
-        ----------
-        omega : array of float
-            Frequencies in rad/s, between 0 and π/dt.
-        """
+        """Evaluate log L and its derivative with respect to log ω."""
         angle = omega * self.dt
         with np.errstate(all="ignore"):
             below = self.denominator(angle)
@@ -70,38 +56,33 @@ class CircleLocus(Locus):
             return log[None], (angle * (self.numerator.slope(angle) - slope))[None]
 
 
-def circle_margins(
+def sampled_margins(
     numerator: Product,
     denominator: tuple[Product, ...],
-    closed: CircleFunction,
-    dt: float,
+    process: HeldProcess,
+    controller: SampledController,
     stable: bool | None,
 ) -> Margins:
-    """Compute the margins of a sampled loop gain.
+    """Compute the margins of L, numerator over the sum of the denominator's terms.
 
-    Parameters
-    ----------
-    numerator : Product
-        Of L.
-    denominator : tuple of Product
-        Terms of the denominator of L.
-    closed : CircleFunction
-        Their sum, the characteristic function.
-    dt : float
-        Sampling time in seconds.
-    stable : bool or None
-        Verdict on 1 + L.
+    The verdict on 1 + L is `stable`, None if it is not decided.
     """
-    below = CircleFunction(denominator)
+    dt, below = process.dt, CircleFunction(denominator)
+    closed = CircleFunction((*denominator, numerator))
     parts = [CircleFunction((term.inside,)) for term in (numerator, *denominator)]
-    grids = [resolved(part)[0] for part in (closed, *parts)]
-    angles = reduce(np.union1d, grids)[1:-1]
+    angles = reduce(np.union1d, map(resolved, (closed, *parts)))[1:-1]
     angles = np.union1d(angles, angles[0] * np.geomspace(LOWEST, 0.8, 25))
     angles = np.union1d(angles, pi - (pi - angles[-1]) * np.geomspace(1e-6, 0.8, 9))
-    locus = CircleLocus(numerator, below, dt)
-    (found,) = notable_frequencies(locus, subdivided(angles, PER_SEGMENT) / dt)
+    locus = _CircleLocus(numerator, below, dt)
+    (notable,) = notable_frequencies(locus, subdivided(angles, PER_SEGMENT) / dt)
     first, last = _at_ends(numerator, below)
-    return margins_at(found, Ends(first, last, 0.0, pi / dt), stable, "L")
+    found = margins_at(notable, Ends(first, last, 0.0, pi / dt), stable, "L")
+    if not stable or found.delay_margin == inf:
+        return found
+    more = _added_delay(
+        process, controller, lambda omega: locus.values(omega)[0], found.gain_crossovers
+    )
+    return replace(found, delay_margin=more)
 
 
 def _at_ends(numerator: Product, below: CircleFunction) -> tuple[float, float]:
@@ -114,28 +95,17 @@ def _at_ends(numerator: Product, below: CircleFunction) -> tuple[float, float]:
     return float(values[0]), float(values[1])
 
 
-def added_delay(
+def _added_delay(
     held: HeldProcess,
     controller: SampledController,
     gain: Callable[[FloatArray], ComplexArray],
     crossovers: FloatArray,
 ) -> float:
-    """Find the dead time that must be added for the loop to be lost, in seconds.
+    """Find the added dead time at which the loop becomes unstable, in seconds.
 
     At every gain crossover the dead time that would turn L to -1 is the start of a search in both,
     dead time and frequency, with the hold's true answer to fractions of a sample. Where the loop is
-    small its eigenvalues are looked at in between, too.
-
-    Parameters
-    ----------
-    held : HeldProcess
-        The process behind its hold.
-    controller : SampledController
-        The difference equations.
-    gain : callable
-        L at frequencies in rad/s.
-    crossovers : array of float
-        Where its size is 1, in rad/s.
+    small the eigenvalues of dead times in between are computed, too.
     """
     dt = held.dt
 
@@ -166,10 +136,9 @@ def added_delay(
         return turned * dt
 
     def excess(samples: float) -> float:
-        values = np.linalg.eigvals(lifted(later(samples), controller))
-        return float(np.abs(values).max()) - 1
+        return float(np.abs(np.linalg.eigvals(ClosedLoop(controller, later(samples)).A)).max()) - 1
 
-    if excess(0.0) >= 0:  # another part of the loop is lost already
+    if excess(0.0) >= 0:  # another part of the loop is unstable already
         return turned * dt
     # A direct path jumps from sample to sample, so that no dead time solves 1 + L = 0.
     end, last = (max(starts) + 2 if least == inf else least), 0.0
