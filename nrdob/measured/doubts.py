@@ -48,7 +48,7 @@ CLIPPED = 0.7
 def doubts(
     record: Record,
     parameters: dict[str, Parameter],
-    percents: tuple[float, float],
+    worth: tuple[float, float, bool],
     fitted: int,
     residual: FloatArray,
     fit: Fit,
@@ -61,8 +61,9 @@ def doubts(
         The record.
     parameters : dict of str: Parameter
         What was found.
-    percents : (float, float)
-        How much is explained of the part fitted and of that held out.
+    worth : (float, float, bool)
+        How much is explained of the part fitted and of that held out, in per cent, and whether the
+        residual still follows the input.
     fitted : int
         How many samples were fitted.
     residual : array of float
@@ -77,7 +78,7 @@ def doubts(
     """
     return tuple(
         [
-            *_worth(percents, parameters),
+            *_worth(*worth, parameters["gain"]),
             *_closed_loop(record, residual, fit),
             *_limited(record, fit),
             *_short(record, parameters, fitted),
@@ -87,21 +88,23 @@ def doubts(
     )
 
 
-def _worth(percents: tuple[float, float], parameters: dict[str, Parameter]) -> Iterator[str]:
-    gain = parameters["gain"]
+def _worth(fitted: float, foretold: float, follows: bool, gain: Parameter) -> Iterator[str]:
     if gain.low <= 0 <= gain.high:
         yield (
-            "the gain may be zero, or of either sign: the record does not show that u acts on y; "
-            "make a larger step, or repeat it"
+            "the structure leaves so much of what u does to y unexplained that its gain is open: "
+            "let another structure be chosen"
+            if follows
+            else "the gain may be zero, or of either sign: the record does not show that u acts on "
+            "y; make a larger step, or repeat it"
         )
-    if percents[1] < 0:
+    if foretold < 0:
         yield (
             "the part held out is foretold worse than a constant would: the process changes, "
             "something else moves y, or the record is too short; repeat the measurement"
         )
-    if not percents[0] > LITTLE:
+    if not fitted > LITTLE and not follows:
         yield (
-            f"the input explains only {max(percents[0], 0.0):.0f} % of the output: look whether "
+            f"the input explains only {max(fitted, 0.0):.0f} % of the output: look whether "
             "these columns belong to each other and the plant needs longer than one sample, or "
             "make larger steps"
         )

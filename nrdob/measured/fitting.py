@@ -26,8 +26,8 @@ from .structures import STRUCTURES, Structure
 
 __all__ = ["Fit", "Problem", "best_fit", "refined", "simple_fit"]
 
-STEP = 1e-5
-"""Of dead time in samples, and of logarithms, for derivatives."""
+STEP, WIDE = 1e-5, 0.5
+"""Of logarithms, and of the dead time in samples, for derivatives."""
 
 SHIFTS = (0.0, -0.5, 0.5)
 """Of the dead time in samples: for a lag the misfit has a kink at each whole one."""
@@ -67,15 +67,18 @@ class Problem:
         The record, less the first value of each.
     used : (N,) array of bool
         Samples that count.
+    grain : float
+        What the sensor resolves; 0 if it does not round.
     """
 
     inputs: FloatArray
     outputs: FloatArray
     used: BoolArray
+    grain: float
 
     def first(self, count: int) -> Problem:
         """Keep so many samples, from the first on."""
-        return Problem(self.inputs[:count], self.outputs[:count], self.used[:count])
+        return Problem(self.inputs[:count], self.outputs[:count], self.used[:count], self.grain)
 
     def thinned(self, factor: int) -> Problem:
         """Take means of so many samples."""
@@ -83,7 +86,7 @@ class Problem:
         inputs, outputs, used = (
             each[:count].reshape(-1, factor) for each in (self.inputs, self.outputs, self.used)
         )
-        return Problem(inputs.mean(axis=1), outputs.mean(axis=1), np.asarray(used.all(axis=1)))
+        return Problem(inputs.mean(axis=1), outputs.mean(axis=1), np.asarray(used.all(axis=1)), 0.0)
 
     def left(self, fit: Fit) -> FloatArray:
         """Compute the residual from the first sample compared on."""
@@ -176,16 +179,18 @@ class Fit:
         return np.asarray(self._columns(self.shape, inputs) @ self.linear)
 
     def jacobian(self, inputs: FloatArray) -> FloatArray:
-        """Differentiate the output by all unknowns, at all samples from `start` on."""
+        """Differentiate the output by all unknowns, at all samples from `start` on.
+
+        By the dead time over half a sample to either side: the slope jumps at each whole one.
+        """
         slopes = []
         for k in range(self.shape.size):
-            # A dead time of zero can only grow.
-            back = 0.0 if k == 0 and self.shape[0] < STEP else STEP
             ends = [self.shape.copy(), self.shape.copy()]
-            ends[0][k] -= back
-            ends[1][k] += STEP
+            step = STEP if k else WIDE
+            ends[0][k] = max(ends[0][k] - step, 0.0) if k == 0 else ends[0][k] - step
+            ends[1][k] += step
             low, high = (self._columns(shape, inputs) for shape in ends)
-            slopes.append((high - low) @ self.linear / (STEP + back))
+            slopes.append((high - low) @ self.linear / (ends[1][k] - ends[0][k]))
         return np.column_stack([*slopes, self._columns(self.shape, inputs)])
 
     def _columns(self, shape: FloatArray, inputs: FloatArray) -> FloatArray:

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..diagram import DelayedTransferFunction
 from ..numerics import ROUNDING, FloatArray
+from .disturbance import Scatter
 from .fitting import Fit
 from .structures import Structure
 
@@ -109,7 +110,7 @@ class _Names:
 
 
 def told(
-    fit: Fit, covariance: FloatArray, units: tuple[float, float], reach: float
+    fit: Fit, scatter: Scatter, units: tuple[float, float], confidence: float
 ) -> tuple[dict[str, Parameter], FloatArray]:
     """Tell a fit in numbers with intervals, and the covariance of these numbers.
 
@@ -117,28 +118,29 @@ def told(
     ----------
     fit : Fit
         The fit.
-    covariance : (n, n) array
+    scatter : Scatter
         Of its unknowns.
     units : (float, float)
         Sampling time in seconds, and what a gain of 1 in the fit is in units of y over those of u.
-    reach : float
-        Standard errors to either end of an interval.
+    confidence : float
+        Of the intervals.
     """
+    covariance = scatter.covariance
     names = _Names(fit, covariance, *units)
     slopes = _slopes(names, fit)
     known = bool(np.isfinite(covariance).all())
     covariance = slopes @ covariance @ slopes.T if known else np.full((len(slopes),) * 2, np.inf)
     parameters = {}
-    for (name, unit), value, error in zip(
+    for (name, unit), value, error, slope in zip(
         names.units.items(),
         names.values(fit.unknowns).tolist(),
         np.sqrt(np.diag(covariance)).tolist(),
+        slopes,
         strict=True,
     ):
-        low = value - reach * error
-        if name == "dead time":
-            low = max(low, 0.0)
-        parameters[name] = Parameter(value, unit, error, low, value + reach * error)
+        reach = scatter.reach(slope, confidence) if known else np.inf
+        low = max(value - reach, 0.0) if name == "dead time" else value - reach
+        parameters[name] = Parameter(value, unit, error, low, value + reach)
     return parameters, covariance
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from ..numerics import BoolArray, FloatArray, IntArray
 from .grids import evenly_sampled
 
-__all__ = ["SHORTEST", "Record", "checked_record"]
+__all__ = ["SHORTEST", "Record", "checked_record", "resolution"]
 
 SHORTEST = 20
 """Samples below which nothing is fitted."""
@@ -214,8 +214,8 @@ def _stuck(outputs: FloatArray, place: Callable[[int], str]) -> tuple[BoolArray,
     remarks = []
     steps = np.abs(np.diff(outputs))
     moves = np.abs(outputs[STUCK:] - outputs[:-STUCK])  # of several samples: noise is no motion
-    abrupt = max(ABRUPT * steps.max(), COARSE * _resolution(steps))
-    far = max(ABRUPT * moves.max(), COARSE * _resolution(steps))
+    coarse = COARSE * resolution(outputs)
+    abrupt, far = (max(ABRUPT * each.max(), coarse) for each in (steps, moves))
     for extreme, called in ((outputs.max(), "largest"), (outputs.min(), "smallest")):
         held = outputs == extreme
         cut = [
@@ -235,11 +235,12 @@ def _stuck(outputs: FloatArray, place: Callable[[int], str]) -> tuple[BoolArray,
     return free, remarks
 
 
-def _resolution(steps: FloatArray) -> float:
+def resolution(outputs: FloatArray) -> float:
     """Step of a coarse sensor, of which most others are multiples; 0 if there is none.
 
     A sensor that is written with few digits has steps that differ by some per cent.
     """
+    steps = np.abs(np.diff(outputs))
     moved = steps[steps > 0]
     usual = float(np.median(moved[moved <= 1.1 * np.median(moved)]))
     multiples = moved / usual

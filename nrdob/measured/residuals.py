@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from math import log, sqrt
 
 import numpy as np
-from scipy.linalg import matmul_toeplitz, solve_toeplitz
+from scipy.linalg import solve_toeplitz
 from scipy.optimize import minimize_scalar
 from scipy.signal import lfilter
 from scipy.stats import chi2
@@ -30,11 +30,9 @@ from ..numerics import FloatArray
 
 __all__ = [
     "DECISIVE",
-    "Noise",
     "ResidualCheck",
     "Whitening",
     "check_residuals",
-    "noise_of",
     "whitening_of",
 ]
 
@@ -89,7 +87,7 @@ class Whitening:
         """
         if len(self.memory) == 1 and self.theta == 1:
             return columns
-        filtered = np.asarray(lfilter(*self._taps, columns, axis=0))
+        filtered = np.asarray(lfilter(*self.taps, columns, axis=0))
         if self.theta == 1:  # a drift begins where it is, but of a memory the past is not known
             filtered[: len(self.memory) - 1] = 0.0
         return filtered
@@ -104,7 +102,7 @@ class Whitening:
         count : int
             How many samples to foretell.
         """
-        num, den = self._taps
+        num, den = self.taps
         innovations = np.concatenate([lfilter(num, den, residual), np.zeros(count)])
         return np.asarray(lfilter(den, num, innovations)[residual.size :])
 
@@ -129,7 +127,8 @@ class Whitening:
         return self if self.theta < 1 else Whitening()
 
     @property
-    def _taps(self) -> tuple[FloatArray, FloatArray]:
+    def taps(self) -> tuple[FloatArray, FloatArray]:
+        """Numerator and denominator."""
         memory = np.array(self.memory)
         if self.theta == 1:
             return memory, np.ones(1)
@@ -176,67 +175,6 @@ def whitening_of(residual: FloatArray) -> Whitening:
     return min(found, key=left)
 
 
-@dataclass(frozen=True, eq=False)
-class Noise:
-    """An autoregression, e(k) = w(k) - a1 e(k-1) - ..., with white w.
-
-    Attributes
-    ----------
-    den : array of float
-        1, a1, a2, ...; of length 1 for white noise.
-    variance : float
-        Of w.
-    """
-
-    den: FloatArray
-    variance: float
-
-    def autocovariance(self, count: int) -> FloatArray:
-        """Covariance at the lags from 0 to count - 1.
-
-        Parameters
-        ----------
-        count : int
-            How many lags.
-        """
-        impulse = np.zeros(2 * count)
-        impulse[0] = 1.0
-        response = lfilter([1.0], self.den, impulse)
-        spectrum = np.abs(np.fft.rfft(response, 4 * count)) ** 2
-        return np.asarray(self.variance * np.fft.irfft(spectrum)[:count])
-
-    @property
-    def inflation(self) -> float:
-        """How many samples tell as much as one of white noise, at low frequency; at least 1."""
-        power = self.autocovariance(1000)[0]
-        return max(1.0, float(self.variance / np.sum(self.den) ** 2 / power)) if power else 1.0
-
-    def covariance(self, jacobian: FloatArray) -> FloatArray:
-        """Covariance of least-squares estimates with this Jacobian.
-
-        Parameters
-        ----------
-        jacobian : (N, n) array
-            Derivatives of the output by what is estimated.
-
-        Returns
-        -------
-        array of float, shape (n, n)
-            Infinite where something cannot be told from the record.
-        """
-        size = np.linalg.norm(jacobian, axis=0)
-        scaled = jacobian / np.where(size > 0, size, 1.0)
-        if np.linalg.matrix_rank(scaled) < scaled.shape[1]:
-            return np.full((size.size, size.size), np.inf)
-        narrow = np.linalg.pinv(scaled)
-        if self.den.size == 1:
-            scattered = self.variance * narrow @ narrow.T
-        else:
-            spread = matmul_toeplitz(self.autocovariance(jacobian.shape[0]), narrow.T)
-            scattered = narrow @ spread
-        return np.asarray(scattered / np.outer(size, size))
-
-
 @dataclass(frozen=True)
 class ResidualCheck:
     """What the residual says about the model.
@@ -268,61 +206,12 @@ class ResidualCheck:
         return self.reason
 
 
-def noise_of(residual: FloatArray, fitted: int) -> tuple[Noise, float]:
-    """Describe a residual as an autoregression, of order 0 where it looks white.
-
-    Parameters
-    ----------
-    residual : (N,) array
-        What is left.
-    fitted : int
-        How many numbers were fitted to it.
-
-    Returns
-    -------
-    (Noise, float)
-        The noise, and the probability of such correlations by chance if it were white.
-    """
-    count = residual.size
-    most = max(1, min(LAGS, count // PER_LAG))
-    scale = count / max(1, count - fitted)
-    power, *others = _products(residual, residual, most + 1)
-    if power == 0:
-        return Noise(np.ones(1), 0.0), 1.0
-    r = np.array([1.0, *(other / power for other in others)])
-    box = count * (count + 2) * float(np.sum(r[1:] ** 2 / (count - np.arange(1, most + 1))))
-    chance = float(chi2.sf(box, most))
-    best, score = Noise(np.ones(1), float(power) * scale), 0.0
-    for order in range(1, most + 1) if chance < DOUBTFUL else ():
-        a = solve_toeplitz(r[:order], r[1 : order + 1])
-        left = 1 - float(a @ r[1 : order + 1])
-        if left <= 0:
-            break
-        if count * log(left) + 2 * order < score:
-            score = count * log(left) + 2 * order
-            best = Noise(np.concatenate([[1.0], -a]), float(power) * left * scale)
-    return best, chance
-
-
-def check_residuals(
-    residual: FloatArray, innovations: FloatArray, inputs: FloatArray, noise: Noise, fitted: int
-) -> ResidualCheck:
-    """Judge a residual.
-
-    Parameters
-    ----------
-    residual : (N,) array
-        What is left.
-    innovations, inputs : (N,) array
-        What its filter leaves of it, and the input through the same filter.
-    noise : Noise
-        Of the innovations.
-    fitted : int
-        How many numbers of the responses to the input were fitted.
-    """
-    plain, chance = noise_of(residual, fitted)
-    white = plain.den.size == 1
-    independence = _independence(innovations, inputs, noise, fitted)
+def check_residuals(residual: FloatArray, inputs: FloatArray, fitted: int) -> ResidualCheck:
+    """Judge a residual, with the input beside it, of a response described by so many numbers."""
+    chance = _whiteness(residual)
+    white = chance >= DOUBTFUL
+    filter = whitening_of(residual)
+    independence = _independence(filter.applied(residual), filter.applied(inputs), fitted)
     independent = None if np.isnan(independence) else independence > UNLIKELY
     said = [
         f"The residual is white ({_told(chance)}): what is left looks like noise of the sensor."
@@ -348,12 +237,21 @@ def _told(chance: float) -> str:
     return f"p = {chance:.2g}" if chance >= NO_CHANCE else f"p < {NO_CHANCE}"
 
 
-def _independence(residual: FloatArray, inputs: FloatArray, noise: Noise, fitted: int) -> float:
-    """Chance of correlations between the residual, made white, and the input treated alike."""
-    lags = max(1, min(LAGS, residual.size // PER_LAG))
-    past = noise.den.size - 1
-    e = lfilter(noise.den, [1.0], residual)[past:]
-    x = lfilter(noise.den, [1.0], inputs - inputs.mean())[past:]
+def _whiteness(residual: FloatArray) -> float:
+    """Chance of correlations as large as these if the residual were white (Ljung and Box)."""
+    count = residual.size
+    most = max(1, min(LAGS, count // PER_LAG))
+    power, *others = _products(residual, residual, most + 1)
+    if power == 0:
+        return 1.0
+    terms = (np.array(others) / power) ** 2 / (count - np.arange(1, most + 1))
+    return float(chi2.sf(count * (count + 2) * terms.sum(), most))
+
+
+def _independence(e: FloatArray, inputs: FloatArray, fitted: int) -> float:
+    """Chance of correlations between innovations and the input through the same filter."""
+    lags = max(1, min(LAGS, e.size // PER_LAG))
+    x = inputs - inputs.mean()
     power = float(np.mean(e**2))
     own = _products(x, x, lags)
     if power == 0 or own[0] <= 0:

@@ -23,7 +23,7 @@ from ..loop import NRDOB
 from ..numerics import number, written
 from ..plotting import COLOURS, chart_plot, nyquist_plot
 from .page import Picture, Section, Table, picture
-from .resonances import resonance_warnings
+from .resonances import CERTAIN, resonance_warnings
 from .wording import character, formula, intervals, roots_listed
 
 __all__ = ["UNDECIDED", "Given", "sections_of"]
@@ -32,9 +32,6 @@ SMALL_GAIN_DB, SMALL_PHASE, LARGE_MS = 6.0, 30.0, 2.0
 """Margins below, and sensitivity above, which a loop is called near its limit."""
 
 UNDECIDED = "Whether the loop is stable could not be decided."
-
-CERTAIN = 0.02
-"""Relative error of a resonance that every plant has."""
 
 SPANS = (30.0, 10.0, 3.0)
 """How far a chart reaches below and above λ; less far where a dead time asks for too much."""

@@ -29,7 +29,8 @@ from ..diagram import (
 from ..loop import NRDOB
 from ..measured import Identification
 from ..numerics import ComplexArray, number
-from .trials import Trial, holds_on_all, in_words, trials_on
+from .resonances import CERTAIN, LIGHT, resonance_warnings
+from .trials import Trial, in_words, trials_on
 
 __all__ = ["Proposal", "propose"]
 
@@ -58,7 +59,7 @@ SHORTER = (1.0, 0.3, 0.1, 0.03, 0.01, 3.0, 10.0)
 """Time constants of an interpolating filter, against the fastest of the process."""
 
 
-SLOWER = (1.0, 1.5, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0)
+SLOWER = (1.5, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0)
 """Times the λ for the process found, tried where the loop fails on a process that it may be."""
 
 
@@ -122,38 +123,136 @@ def propose(
     TypeError, ValueError
         If a block cannot stand where it is put.
     """
-    given = {"model": model, "controller": controller, "order": order, "max_ms": max_ms}
-    if not isinstance(process, Identification):
-        return _proposed(process, time_constant, **given)
-    if process.unsure:
-        said = f"No loop is proposed, because {process.unsure}."
+    found = process if isinstance(process, Identification) else None
+    process = found.process if found else process
+    if found and found.unsure:
+        said = f"No loop is proposed, because {found.unsure}."
         return Proposal(None, (said,), warnings=(said,))
-    first = _proposed(process.process, time_constant, **given)
+    candidates: tuple[ModelCandidate, ...] = ()
+    others = []
+    if model is None:
+        candidates = tuple(suggest_model(process, max_ms=max_ms))
+        best = candidates[0]
+        if not best.time_constants:
+            return _matched(process, controller, max_ms, candidates)
+        why = f"Model: {_why(best.how)}. {_rank(candidates, max_ms)}"
+        base = _Base(process, best.model, why, order or best.filters, controller, max_ms)
+        damped = _without_resonances(process)
+        if damped is not None:
+            why = "Model: the process without dead time and with its resonances critically damped."
+            others = [replace(base, model=damped, why=why, family=order or _lowest(damped))]
+    else:
+        base = _Base(
+            process, model, "Model: as given.", order or _lowest(model), controller, max_ms
+        )
+    first = replace(_completed(base, time_constant), candidates=candidates)
     if first.loop is None:
         return first
-    proposal, loop, slower = first, first.loop, 1.0
-    found = holds_on_all(first.loop, process)
-    for factor in () if found or time_constant is not None else SLOWER[1:]:
-        late = factor * _time_constant(first.loop.filter)
-        tried = _proposed(process.process, late, **given, calm=True)
-        if tried.loop is not None and (found := holds_on_all(tried.loop, process)):
-            proposal, loop, slower = tried, tried.loop, factor
+    trying = trials_on(first.loop, found)
+    seen = _until_one_fails(trying)
+    fault = _fault(first.loop, seen)
+    if not fault:
+        return replace(first, words=(*first.words, *_told(seen)), trials=seen)
+    for change, other in () if time_constant else _others(base, first, first.loop.filter, others):
+        if other.loop is None:
+            continue
+        trials = _until_one_fails(trials_on(other.loop, found))
+        if not _fault(other.loop, trials):
+            said = f"{fault}, so {change}, with a controller to match."
+            words = (*other.words, " ".join([said, *_told(trials)]))
+            return replace(other, words=words, candidates=candidates, trials=trials)
+    trials = (*seen, *trying)
+    said_of = _told(trials) if any(not each.holds for each in trials) else ()
+    return replace(first, warnings=(*said_of, *first.warnings), trials=trials)
+
+
+@dataclass(frozen=True)
+class _Base:
+    """What a loop is completed from: the model, why it is that one, and the kind of filter."""
+
+    process: Any
+    model: Any
+    why: str
+    family: int | FilterFamily
+    controller: Any
+    max_ms: float
+
+
+def _lowest(model: Any) -> int:
+    """Lowest order of a filter with which the inverse of a model is causal."""
+    return max(1, as_fraction(getattr(model, "tf", model), "model").relative_degree)
+
+
+def _completed(base: _Base, time_constant: float | None, calm: bool = False) -> Proposal:
+    """Choose filter and controller; the controller is as slow as the filter if it must be calm."""
+    words, warnings = [base.why], []
+    if time_constant is None:
+        filter, said, warned = _filter(base.process, base.model, base.family, base.max_ms)
+        words.append(said)
+        warnings += warned
+        if filter is None:
+            return Proposal(None, tuple(words), warnings=tuple(warnings))
+    else:
+        filter = _at(base.family, time_constant)
+        words.append("Filter: as given.")
+    controller = base.controller
+    if controller is None:
+        controller, said = _controller(base.model, filter, calm)
+        words.append(said)
+        if controller is None:
+            return Proposal(None, tuple(words), warnings=(*warnings, said))
+    else:
+        words.append("Controller: as given.")
+    loop = NRDOB(base.process, base.model, controller, filter)
+    settles = all(root.real < 0 for root in np.roots(loop.fractions.G.den))
+    if settles and loop.delay > slowest_lag(base.process) and not loop.model_delay:
+        words.append(
+            "The dead time is the longest of all times here. A delayed model, see "
+            "nrdob.dead_time_observer, answers a change of the reference without swinging; against "
+            "disturbances it must wait, too."
+        )
+    return Proposal(loop, tuple(words), warnings=tuple(warnings))
+
+
+def _until_one_fails(trying: Iterator[Trial]) -> tuple[Trial, ...]:
+    seen = []
+    for each in trying:
+        seen.append(each)
+        if not each.holds:
             break
-    trials = trials_on(loop, process)
-    said = in_words(trials)
-    if not found:
-        return replace(first, warnings=(said, *first.warnings), trials=trials)
-    words = first.words
-    if slower > 1:
+    return tuple(seen)
+
+
+def _fault(loop: NRDOB, trials: tuple[Trial, ...]) -> str:
+    """Say why a loop should not be used as it is; nothing where it may."""
+    if any(not each.holds for each in trials):
+        return "With this filter the loop fails on a process that the record does not exclude"
+    if loop.stability().stable and any(e <= CERTAIN for e, _ in resonance_warnings(loop)):
+        return (
+            f"With a model that resonates like the process an error of {100 * CERTAIN:g} % in the "
+            "frequency makes the loop unstable"
+        )
+    return ""
+
+
+def _told(trials: tuple[Trial, ...]) -> tuple[str, ...]:
+    return (in_words(trials),) if trials else ()
+
+
+def _others(
+    base: _Base, first: Proposal, filter: Any, others: list[_Base]
+) -> Iterator[tuple[str, Proposal]]:
+    """Give loops with other models, then slower ones with the same."""
+    for other in others:
+        yield "the model does not resonate", _completed(other, None, calm=True)
+    fastest = _time_constant(filter)
+    for factor in SLOWER:
+        slower = _completed(base, factor * fastest, calm=True)
         words = tuple(
             late if late.startswith("Controller") else early
-            for early, late in zip(first.words, proposal.words, strict=False)
+            for early, late in zip(first.words, slower.words, strict=False)
         )
-        said = (
-            "With this filter the loop fails on a process that the record does not exclude, so λ "
-            f"is {slower:g} times as long, with a controller to match. {said}"
-        )
-    return replace(first, loop=proposal.loop, words=(*words, said), trials=trials)
+        yield f"λ is {factor:g} times as long", replace(slower, words=words)
 
 
 def _time_constant(filter: Any) -> float:
@@ -162,56 +261,16 @@ def _time_constant(filter: Any) -> float:
     return float(abs(den[0] / den[-1]) ** (1 / (len(den) - 1)))
 
 
-def _proposed(
-    process: Any,
-    time_constant: float | None,
-    *,
-    model: Any,
-    controller: Any,
-    order: int | None,
-    max_ms: float,
-    calm: bool = False,
-) -> Proposal:
-    """Choose what was not given; the controller is as slow as the filter if it must be calm."""
-    words: list[str] = []
-    warnings: list[str] = []
-    candidates: tuple[ModelCandidate, ...] = ()
-    if model is None:
-        candidates = tuple(suggest_model(process, max_ms=max_ms))
-        best = candidates[0]
-        if not best.time_constants:
-            return _matched(process, controller, max_ms, candidates)
-        model, family = best.model, order or best.filters
-        words.append(f"Model: {_why(best.how)}. {_rank(candidates, max_ms)}")
-    else:
-        words.append("Model: as given.")
-        lowest = as_fraction(getattr(model, "tf", model), "model").relative_degree
-        family = order or max(1, lowest)
-    if time_constant is None:
-        filter, said, warned = _filter(process, model, family, max_ms)
-        words.append(said)
-        warnings += warned
-        if filter is None:
-            return Proposal(None, tuple(words), candidates, tuple(warnings))
-    else:
-        filter = _at(family, time_constant)
-        words.append("Filter: as given.")
-    if controller is None:
-        controller, said = _controller(model, filter, calm)
-        words.append(said)
-        if controller is None:
-            return Proposal(None, tuple(words), candidates, (*warnings, said))
-    else:
-        words.append("Controller: as given.")
-    loop = NRDOB(process, model, controller, filter)
-    settles = all(root.real < 0 for root in np.roots(loop.fractions.G.den))
-    if settles and loop.delay > slowest_lag(process) and not loop.model_delay:
-        words.append(
-            "The dead time is the longest of all times here. A model that waits for it, see "
-            "nrdob.dead_time_observer, answers a change of the reference without swinging; against "
-            "disturbances it must wait, too."
-        )
-    return Proposal(loop, tuple(words), candidates, tuple(warnings))
+def _without_resonances(process: Any) -> ct.TransferFunction | None:
+    """Give the process without dead time and with critical damping; None if nothing resonates."""
+    fraction = as_fraction(getattr(process, "tf", process), "process", proper=False)
+    parts = []
+    for part in fraction:
+        roots = np.roots(part)
+        light = (np.abs(roots.real) < LIGHT * np.abs(roots)) & (roots.imag != 0)
+        calm = np.where(light, -np.abs(roots), roots)
+        parts.append(part[0] * np.atleast_1d(np.poly(calm).real))
+    return None if all(map(np.allclose, parts, fraction)) else ct.tf(*parts)
 
 
 def slowest_lag(process: Any) -> float:

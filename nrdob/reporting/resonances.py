@@ -11,12 +11,15 @@ from ..diagram import DelayedTransferFunction
 from ..loop import NRDOB
 from ..numerics import FloatArray, number
 
-__all__ = ["moved", "resonance_warnings"]
+__all__ = ["CERTAIN", "LIGHT", "moved", "resonance_warnings"]
 
 LIGHT = 0.2
 """Damping ratio below which a pair of roots is a resonance."""
 
-SHIFTS = (0.02, 0.05, 0.1)
+CERTAIN = 0.02
+"""Relative error of its frequency that every plant has."""
+
+SHIFTS = (CERTAIN, 0.05, 0.1)
 """Relative errors of its frequency that are tried."""
 
 
