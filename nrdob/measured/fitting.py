@@ -20,8 +20,8 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from ..numerics import ROUNDING, BoolArray, FloatArray
+from .initialguesses import starting_points
 from .residuals import DECISIVE, Whitening, whitening_of
-from .starts import starting_points
 from .structures import STRUCTURES, Structure
 
 __all__ = ["Fit", "Problem", "best_fit", "refined", "simple_fit"]
@@ -93,34 +93,16 @@ class Problem:
         return np.asarray(self.outputs[fit.start :] - fit.response(self.inputs))
 
     def whitening(self, residual: FloatArray) -> Whitening:
-        """Find the filter that whitens a residual; none where more than a few samples are missing.
-
-        Parameters
-        ----------
-        residual : array of float
-            As `left` gives it.
-        """
+        """Find the filter that whitens a residual; none where many samples are missing."""
         return whitening_of(residual) if self.dense else Whitening()
 
     def explained(self, fit: Fit) -> float:
-        """Give the share of the output that the response explains, drift left out; 1 for all.
-
-        Parameters
-        ----------
-        fit : Fit
-            Level included: only the scatter about it counts.
-        """
+        """Give the share of the output that the response explains, drift left out; 1 for all."""
         used = self.used[fit.start :]
         return 1 - float(np.std(self.left(fit)[used]) / np.std(self.outputs[fit.start :][used]))
 
     def criterion_without(self, start: int) -> float:
-        """Give the criterion of a level alone, upon which the input does not act.
-
-        Parameters
-        ----------
-        start : int
-            First sample compared.
-        """
+        """Give the criterion of a level alone, upon which the input does not act."""
         level = self.outputs[start:] - self.outputs[start:].mean()
         rest = self.whitening(level).applied(level)[self.used[start:]]
         return rest.size * log(float(np.mean(rest**2))) + log(rest.size)
@@ -198,21 +180,9 @@ class Fit:
 
 
 def best_fit(structure: Structure, problem: Problem, moving: bool) -> Fit:
-    """Search from several starting points.
+    """Search from several starting points for the fit of smallest misfit.
 
-    Parameters
-    ----------
-    structure : Structure
-        The kind of plant.
-    problem : Problem
-        What is to be explained.
-    moving : bool
-        Whether the plant may move before the input does.
-
-    Returns
-    -------
-    Fit
-        The one of smallest misfit.
+    Moving: the plant may move before the input does.
     """
     factor = problem.outputs.size // LONG
     if factor > 1:
@@ -245,15 +215,7 @@ def _plain_fit(structure: Structure, problem: Problem, start: int, moving: bool)
 
 
 def simple_fit(problem: Problem, rival: Fit) -> Fit | None:
-    """Fit one lag with dead time, from rest, by least squares alone.
-
-    Parameters
-    ----------
-    problem : Problem
-        What is to be explained.
-    rival : Fit
-        Another fit; None is given where that one explains far more.
-    """
+    """Fit one lag with dead time, from rest, by least squares; None if a rival is far better."""
     simple = _plain_fit(STRUCTURES[1], problem, rival.start, False)
     enough = max(problem.explained(rival) - FAR, 0.0)
     return simple if problem.explained(simple) > enough else None
@@ -264,17 +226,7 @@ def _loss(fit: Fit) -> float:
 
 
 def refined(fit: Fit, problem: Problem, start: int) -> Fit:
-    """Search on from a fit, and with the dead time half a sample to either side.
-
-    Parameters
-    ----------
-    fit : Fit
-        Where to begin.
-    problem : Problem
-        What is to be explained.
-    start : int
-        First sample compared.
-    """
+    """Search on from a fit, also with the dead time half a sample off, comparing from `start` on."""
 
     def searched(shift: float) -> Fit:
         moved = fit.shape + shift * np.eye(fit.shape.size)[0]

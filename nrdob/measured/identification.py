@@ -17,10 +17,10 @@ import numpy as np
 
 from ..diagram import DelayedTransferFunction
 from ..numerics import FloatArray
+from .diagnostics import doubts
 from .disturbance import Rounding, scatter_of
-from .doubts import doubts
 from .fitting import Fit, Problem, best_fit, refined, simple_fit
-from .naming import Parameter, corners_of, process_of, told
+from .parameters import Parameter, corners_of, process_of, told
 from .records import Record, checked_record, resolution
 from .residuals import DECISIVE, ResidualCheck, check_residuals
 from .structures import STRUCTURES, Structure

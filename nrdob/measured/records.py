@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..numerics import BoolArray, FloatArray, IntArray
-from .grids import evenly_sampled
+from .resampling import evenly_sampled
 
 __all__ = ["SHORTEST", "Record", "checked_record", "resolution"]
 

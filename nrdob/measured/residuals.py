@@ -78,13 +78,7 @@ class Whitening:
     theta: float = 1.0
 
     def applied(self, columns: FloatArray) -> FloatArray:
-        """Filter each column; where a memory has not begun yet, nothing counts.
-
-        Parameters
-        ----------
-        columns : (N, ...) array
-            Outputs or responses.
-        """
+        """Filter each column; where a memory has not begun yet, nothing counts."""
         if len(self.memory) == 1 and self.theta == 1:
             return columns
         filtered = np.asarray(lfilter(*self.taps, columns, axis=0))
@@ -93,29 +87,13 @@ class Whitening:
         return filtered
 
     def carried_on(self, residual: FloatArray, count: int) -> FloatArray:
-        """Foretell a residual.
-
-        Parameters
-        ----------
-        residual : (N,) array
-            What was seen of it.
-        count : int
-            How many samples to foretell.
-        """
+        """Predict a residual for so many samples more."""
         num, den = self.taps
         innovations = np.concatenate([lfilter(num, den, residual), np.zeros(count)])
         return np.asarray(lfilter(den, num, innovations)[residual.size :])
 
     def walked(self, deviation: float, count: int) -> float:
-        """Give the standard deviation of the drift after so many samples.
-
-        Parameters
-        ----------
-        deviation : float
-            Of the innovations.
-        count : int
-            How many samples.
-        """
+        """Give the standard deviation of the drift after so many samples, given that of innovations."""
         return (1 - self.theta) / sum(self.memory) * deviation * sqrt(count)
 
     @property
@@ -136,13 +114,7 @@ class Whitening:
 
 
 def whitening_of(residual: FloatArray) -> Whitening:
-    """Find the most likely filter: a drift and a short memory, or a longer memory and no drift.
-
-    Parameters
-    ----------
-    residual : (N,) array
-        What a model leaves.
-    """
+    """Find the most likely filter: a drift and a short memory, or a longer memory and no drift."""
     count = residual.size
 
     def left(tried: Whitening) -> float:

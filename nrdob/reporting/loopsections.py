@@ -22,9 +22,9 @@ from ..digital import largest_sampling_time
 from ..loop import NRDOB
 from ..numerics import number, written
 from ..plotting import COLOURS, chart_plot, nyquist_plot
-from .page import Picture, Section, Table, picture
+from .formulas import character, formula, intervals, roots_listed
+from .html import Picture, Section, Table, picture
 from .resonances import CERTAIN, resonance_warnings
-from .wording import character, formula, intervals, roots_listed
 
 __all__ = ["UNDECIDED", "Given", "sections_of"]
 
@@ -57,13 +57,7 @@ class Given:
 
 
 def sections_of(given: Given) -> Iterator[tuple[str, Callable[[], Section]]]:
-    """Give each section by its title, to be written one by one.
-
-    Parameters
-    ----------
-    given : Given
-        The loop.
-    """
+    """Give each section by its title, to be written one by one."""
     parts: tuple[tuple[str, Callable[[Given, str], Section]], ...] = (
         ("The loop", _blocks),
         ("Is it stable?", _verdict),

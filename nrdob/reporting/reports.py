@@ -19,11 +19,11 @@ from ..loop import NRDOB
 from ..measured import Identification, Record, identified
 from ..numerics import number
 from .datasections import data_sections, record_section
+from .formulas import character, formula, intervals
+from .html import Section, Table, written
 from .loopsections import UNDECIDED, Given, sections_of
-from .page import Section, Table, written
 from .proposals import Proposal, propose
 from .trials import trial_table
-from .wording import character, formula, intervals
 
 __all__ = ["Report", "report"]
 

@@ -9,7 +9,7 @@ from math import inf, isfinite
 from ..loop import NRDOB
 from ..measured import Identification
 from ..numerics import number
-from .page import Table
+from .html import Table
 
 __all__ = ["Trial", "in_words", "trial_table", "trials_on"]
 

@@ -7,7 +7,7 @@ from scipy.signal import lfilter
 
 import nrdob
 from nrdob.measured import STRUCTURES, checked_record, heated_air, identify, read_data
-from nrdob.measured.hold import held_responses
+from nrdob.measured.zoh import held_responses
 from nrdob.reporting import propose
 from tests.campaigns.identification import DISTURBANCES, held, measured, response
 

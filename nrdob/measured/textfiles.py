@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from .cells import NUMBER, is_moment, number_in, short
-from .headings import known
+from .columns import known
+from .parsing import NUMBER, is_moment, number_in, short
 
 __all__ = ["Sheet", "read_sheet"]
 
@@ -65,22 +65,7 @@ class Sheet:
 def read_sheet(path: Path) -> Sheet:
     """Split a file into cells, and find its headings.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-
-    Returns
-    -------
-    Sheet
-        The table.
-
-    Raises
-    ------
-    ValueError
-        If it is no text, empty, too large, or cells go over several lines.
-    OSError
-        If the file cannot be read.
+    Raises ValueError if it is no text, empty, too large, or cells go over several lines.
     """
     text, notes = _text(path)
     name = short(path.name)

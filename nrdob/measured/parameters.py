@@ -52,24 +52,7 @@ class Parameter:
 
 
 class _Names:
-    """How the unknowns of a fit are told.
-
-    Parameters
-    ----------
-    fit : Fit
-        The fit.
-    covariance : (n, n) array
-        Of its unknowns: two lags that may be equal are told as frequency and damping ratio.
-    step : float
-        Sampling time, in seconds.
-    unit : float
-        What a gain of 1 in the fit is in units of y over those of u.
-
-    Attributes
-    ----------
-    units : dict of str: str
-        Unit of each number, by name, in order.
-    """
+    """How the unknowns of a fit are told: lags that may be equal as frequency and damping ratio."""
 
     def __init__(self, fit: Fit, covariance: FloatArray, step: float, unit: float) -> None:
         self._structure, self._shapes, self._step = fit.structure, fit.shape.size, step
@@ -88,13 +71,7 @@ class _Names:
         self.units["dead time"] = "s"
 
     def values(self, unknowns: FloatArray) -> FloatArray:
-        """Compute the numbers, in the order of `units`.
-
-        Parameters
-        ----------
-        unknowns : array of float
-            As `Fit.unknowns`.
-        """
+        """Compute the numbers, in the order of `units`, from unknowns as `Fit.unknowns`."""
         shape, linear = unknowns[: self._shapes], unknowns[self._shapes :]
         told = [linear[0] * self._gain]
         if self._structure.zero:
@@ -112,18 +89,9 @@ class _Names:
 def told(
     fit: Fit, scatter: Scatter, units: tuple[float, float], confidence: float
 ) -> tuple[dict[str, Parameter], FloatArray]:
-    """Tell a fit in numbers with intervals, and the covariance of these numbers.
+    """Give the numbers of a fit with intervals, and the covariance of these numbers.
 
-    Parameters
-    ----------
-    fit : Fit
-        The fit.
-    scatter : Scatter
-        Of its unknowns.
-    units : (float, float)
-        Sampling time in seconds, and what a gain of 1 in the fit is in units of y over those of u.
-    confidence : float
-        Of the intervals.
+    Units: sampling time in seconds, and what a gain of 1 in the fit is in units of y over u.
     """
     covariance = scatter.covariance
     names = _Names(fit, covariance, *units)
@@ -159,15 +127,7 @@ def _slopes(names: _Names, fit: Fit) -> FloatArray:
 def corners_of(
     structure: Structure, parameters: dict[str, Parameter]
 ) -> dict[str, DelayedTransferFunction]:
-    """Give the processes at the ends of the intervals, in all combinations, by their numbers.
-
-    Parameters
-    ----------
-    structure : Structure
-        The kind of plant.
-    parameters : dict of str: Parameter
-        As `told` gives them.
-    """
+    """Give the processes at the ends of the intervals, in all combinations, by their numbers."""
     ends = []
     for name, each in parameters.items():
         positive = name not in ("gain", "lead of the zero", "dead time")
@@ -201,14 +161,7 @@ def _process(structure: Structure, numbers: dict[str, float]) -> DelayedTransfer
 def process_of(fit: Fit, step: float, unit: float) -> DelayedTransferFunction:
     """Write a fit as a process in seconds, whose denominator ends with 1, or with an integrator.
 
-    Parameters
-    ----------
-    fit : Fit
-        The fit.
-    step : float
-        Sampling time, in seconds.
-    unit : float
-        What a gain of 1 in the fit is in units of y over those of u.
+    Step and unit as for `told`.
     """
     den = np.array(fit.structure.den(fit.shape))
     scale = next(c for c in den[::-1] if c)

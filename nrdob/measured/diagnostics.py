@@ -11,7 +11,7 @@ from scipy.stats import chi2, norm
 
 from ..numerics import FloatArray
 from .fitting import Fit
-from .naming import Parameter
+from .parameters import Parameter
 from .records import Record
 from .residuals import whitening_of
 
@@ -53,28 +53,10 @@ def doubts(
     residual: FloatArray,
     fit: Fit,
 ) -> tuple[str, ...]:
-    """Look for all that is known to mislead a fit.
+    """Look for all that is known to mislead a fit; the gravest first.
 
-    Parameters
-    ----------
-    record : Record
-        The record.
-    parameters : dict of str: Parameter
-        What was found.
-    worth : (float, float, bool)
-        How much is explained of the part fitted and of that held out, in per cent, and whether the
-        residual still follows the input.
-    fitted : int
-        How many samples were fitted.
-    residual : array of float
-        What the fit leaves, from its start on, in units of y.
-    fit : Fit
-        The fit.
-
-    Returns
-    -------
-    tuple of str
-        The gravest first.
+    Worth: per cent explained of the part fitted and of that held out, and whether the residual, in
+    units of y from the start of the fit on, still follows the input. Fitted: how many samples were.
     """
     return tuple(
         [

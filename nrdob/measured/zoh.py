@@ -68,20 +68,7 @@ def held_responses(den: Sequence[float], inputs: FloatArray, delay: float = 0.0)
 
 
 def free_responses(den: Sequence[float], count: int) -> FloatArray:
-    """Give what the output can do by itself, for every initial state.
-
-    Parameters
-    ----------
-    den : sequence of float
-        As in `held_responses`.
-    count : int
-        How many samples.
-
-    Returns
-    -------
-    array of float, shape (n, count)
-        A basis of the free responses.
-    """
+    """Give a basis, shape (n, count), of what the output does by itself after any initial state."""
     n = len(den) - 1
     (whole,) = _exponentials(den, np.ones(1))
     step = whole[:n, :n]

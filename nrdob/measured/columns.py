@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from .cells import UNITS, short
+from .parsing import UNITS, short
 
 __all__ = ["Choice", "checked_columns", "chosen", "known", "unit_of_time"]
 
@@ -54,13 +54,7 @@ class Choice:
 
 
 def checked_columns(columns: Mapping[str, str | int] | None) -> dict[str, str | int]:
-    """Check which columns are asked for, before a file is opened.
-
-    Parameters
-    ----------
-    columns : mapping or None
-        Names or numbers (from 1 on) of the columns of t, u and y.
-    """
+    """Check which columns are asked for, before a file is opened."""
     if columns is None:
         return {}
     if not isinstance(columns, Mapping):
