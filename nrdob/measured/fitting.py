@@ -226,7 +226,7 @@ def _loss(fit: Fit) -> float:
 
 
 def refined(fit: Fit, problem: Problem, start: int) -> Fit:
-    """Search on from a fit, also with the dead time half a sample off, comparing from `start` on."""
+    """Search on from a fit, and with the dead time half a sample off, comparing from `start`."""
 
     def searched(shift: float) -> Fit:
         moved = fit.shape + shift * np.eye(fit.shape.size)[0]

@@ -93,7 +93,7 @@ class Whitening:
         return np.asarray(lfilter(den, num, innovations)[residual.size :])
 
     def walked(self, deviation: float, count: int) -> float:
-        """Give the standard deviation of the drift after so many samples, given that of innovations."""
+        """Give the standard deviation of the drift after `count` samples, from the innovations'."""
         return (1 - self.theta) / sum(self.memory) * deviation * sqrt(count)
 
     @property

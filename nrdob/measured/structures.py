@@ -73,7 +73,7 @@ class Structure:
         return low, high
 
     def den(self, shape: FloatArray) -> list[float]:
-        """Monic denominator, in samples, of a shape: dead time; ln T of one lag, ln ω and ln ζ of two."""
+        """Monic denominator, in samples; shape: dead time; ln T of a lag, or ln ω, ln ζ of two."""
         if self.lags == 2:
             omega, damping = exp(shape[1]), exp(shape[2])
             rest = [1.0, 2 * damping * omega, omega**2]
