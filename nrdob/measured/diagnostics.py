@@ -93,7 +93,7 @@ def _worth(fitted: float, foretold: float, follows: bool, gain: Parameter) -> It
 
 
 def _short(record: Record, parameters: dict[str, Parameter], fitted: int) -> Iterator[str]:
-    moved = int(np.flatnonzero(np.diff(record.u))[0]) + 1
+    moved = int(np.flatnonzero(record.inputs)[0])
     duration = record.sampling_time * (fitted - moved)
     for name, found in parameters.items():
         if found.unit != "s":
@@ -143,7 +143,7 @@ def _drift(record: Record, residual: FloatArray, fit: Fit) -> Iterator[str]:
 
 def _closed_loop(record: Record, residual: FloatArray, fit: Fit) -> Iterator[str]:
     """See whether u answers what disturbs y, against the plant's gain, as a controller does."""
-    moves = np.diff(record.u, prepend=record.u[0])[fit.start :]
+    moves = np.diff(record.inputs, prepend=0.0)[fit.start :]
     fresh = _fresh(moves)
     if fresh is None:
         return
@@ -184,22 +184,24 @@ def _fresh(moves: FloatArray) -> FloatArray | None:
 
 def _limited(record: Record, fit: Fit) -> Iterator[str]:
     """Try whether y is explained far better if the input is cut off."""
-    levels = np.unique(np.quantile(record.u, np.linspace(0, 1, LEVELS + 2)))
+    inputs = record.inputs
+    levels = np.unique(np.quantile(inputs, np.linspace(0, 1, LEVELS + 2)))
     if levels.size < 3:
         return
     outputs = record.y[fit.start :]
 
     def misfit(inputs: FloatArray) -> float:
-        columns = fit.structure.columns(fit.shape, inputs - inputs[0], fit.start, fit.moving)
+        columns = fit.structure.columns(fit.shape, inputs, fit.start, fit.moving)
         rest = outputs - columns @ np.linalg.lstsq(columns, outputs, rcond=None)[0]
         return float(rest @ rest)
 
-    plain = misfit(record.u)
-    tried = [(misfit(np.minimum(record.u, c)), f"above {c:g}") for c in levels[1:-1]]
-    tried += [(misfit(np.maximum(record.u, c)), f"below {c:g}") for c in levels[1:-1]]
-    least, where = min(tried)
+    plain = misfit(inputs)
+    tried = [(misfit(np.minimum(inputs, c)), "above", c) for c in levels[1:-1]]
+    tried += [(misfit(np.maximum(inputs, c)), "below", c) for c in levels[1:-1]]
+    least, side, level = min(tried)
+    level += record.u[0] - inputs[0]
     if least < CLIPPED * plain:
         yield (
-            f"the plant answers as if u were cut off {where}: the actuator looks saturated there; "
-            "keep the steps inside its limits"
+            f"the plant answers as if u were cut off {side} {level:g}: the actuator looks "
+            "saturated there; keep the steps inside its limits"
         )

@@ -271,22 +271,23 @@ def identified(
     ValueError
         If the numbers of the process cannot be told from the record.
     """
-    sizes = np.ptp(record.u), np.ptp(record.y)
-    inputs, outputs = (record.u - record.u[0]) / sizes[0], (record.y - record.y[0]) / sizes[1]
+    sizes = np.ptp(np.append(record.inputs, 0.0)), np.ptp(record.y)
+    inputs, outputs = record.inputs / sizes[0], (record.y - record.y[0]) / sizes[1]
     every = np.arange(outputs.size)  # across what was not measured, for the memory of the filters
     outputs = np.interp(every, every[record.free], outputs[record.free])
     whole = Problem(inputs, outputs, record.free, resolution(record.y) / float(sizes[1]))
     count, parting = _parted(record, held_out)
     problem = whole.first(count)
     # An integrator always moves: nobody knows the input that keeps it at rest.
+    known = record.input_before is not None
     begun = [
-        [best_fit(each, problem, moving) for moving in {each.integrates, True}]
+        [best_fit(each, problem, moving) for moving in {each.integrates, not known}]
         for each in structures
     ]
-    # What the input was before the record is not known: the samples that the dead time keeps it
-    # alive for are left out, the same for all, so that they can be compared.
+    # Where the input before the record is not known, the samples that the dead time keeps it alive
+    # for are left out, the same for all, so that they can be compared.
     leading = min((fit for each in begun for fit in each), key=lambda fit: _criterion(fit, count))
-    start = min(ceil(leading.shape[0]) + 1, count // 2)
+    start = 0 if known else min(ceil(leading.shape[0]) + 1, count // 2)
     samples = float(problem.used[start:].sum())
     fits = [
         _resting_or_moving([refined(fit, problem, start) for fit in each], samples)
@@ -363,8 +364,9 @@ def _parted(record: Record, held_out: float) -> tuple[int, str]:
     first = count - round(count * held_out)
     if first == count:
         return count, "nothing was held out"
-    parts = (record.u[:first], record.u[first:])
-    if any(part.size < LEAST or np.var(part) < MOVES * np.var(record.u) for part in parts):
+    u = np.append(0.0, record.inputs)
+    parts = (u[: first + 1], u[first + 1 :])
+    if any(part.size < LEAST or np.var(part) < MOVES * np.var(u) for part in parts):
         return count, (
             "nothing was held out, because the input does not move enough in both parts of the "
             "record to fit one and foretell the other"

@@ -119,7 +119,7 @@ def _drawn(record: Record, found: Identification | None) -> Picture:
             alt += f" and {number(found.validation_percent)} % of the part held out"
     figure = Figure(upper.lines, np.array([[upper], [lower]]), alt)
     caption = "What was measured" + (" and what the process found makes of u." if found else ".")
-    return picture(figure, 20, caption)
+    return picture(figure, caption)
 
 
 def _sentence(text: str) -> str:

@@ -6,7 +6,7 @@ from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
 import nrdob
-from nrdob.measured import STRUCTURES, checked_record, heated_air, identify, read_data
+from nrdob.measured import STRUCTURES, checked_record, heated_air, identified, identify, read_data
 from nrdob.measured.zoh import held_responses
 from nrdob.reporting import propose
 from tests.campaigns.identification import DISTURBANCES, held, measured, response
@@ -122,6 +122,34 @@ def test_process_stands_in_a_loop():
     found = identify(*heated_air(), structure="one lag with dead time")
     model = found.process.tf
     assert nrdob.stabilizing_time_constants(found.process, model, 1)
+
+
+def test_a_record_that_begins_with_the_step_has_the_numbers_of_the_plant():
+    t = 0.1 * np.arange(300)
+    noise = np.random.default_rng(0).standard_normal(300)
+    y = 20 + 15 * -np.expm1(-np.maximum(t - 1.23, 0) / 3) + 0.05 * noise
+    record = checked_record(t, 0 * t + 50, y, input_before=0)
+    found = identified(record)
+    assert found.structure == "one lag with dead time" and record.t.size == 300
+    told = [p.value for p in found.parameters.values()]
+    assert told == pytest.approx([0.3, 3.0, 1.23], rel=0.02)
+    assert all(
+        p.low < true < p.high
+        for p, true in zip(found.parameters.values(), (0.3, 3, 1.23), strict=True)
+    )
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_structure_that_is_too_simple_is_not_said_to_have_no_gain(seed):
+    rng = np.random.default_rng(seed)
+    u = np.sign(rng.standard_normal(600)).repeat(2)[:600]
+    u[0] = 0
+    y = response(np.array([1.0, 0.04, 0.09]), np.array([0.18]), 3.4, u)
+    y += 0.05 * rng.standard_normal(600)
+    found = identify(0.1 * np.arange(600), u, y, structure="one lag with dead time")
+    said = " ".join([*found.remarks, found.unsure])
+    assert found.residuals.independent is False and "zero" not in said
+    assert "explains only" not in said
 
 
 def test_units_scale_with_the_time_axis():
