@@ -36,16 +36,9 @@ EXAMPLES = {"t": "Time", "u": "Q1", "y": "T1"}
 
 @dataclass(frozen=True)
 class Choice:
-    """The columns that are read.
+    """The columns that are read: where t (if there are times), u and y stand, counted from 0.
 
-    Attributes
-    ----------
-    order : dict of str: int
-        Where t (if there are times), u and y stand, counted from 0.
-    unit : str
-        Unit of the times that was named; empty if none was.
-    remarks : tuple of str
-        What was taken for granted.
+    Unit is that of the times, empty if none was named; remarks say what was taken for granted.
     """
 
     order: dict[str, int]
@@ -84,23 +77,8 @@ def chosen(
 ) -> Choice:
     """Find the columns, or ask.
 
-    Parameters
-    ----------
-    heads : sequence of str
-        The headings; empty if there are none.
-    width : int
-        How many columns there are.
-    asked : mapping
-        Columns by name or number, as for `nrdob.read_data`.
-    timed : bool
-        Whether there must be a column of times.
-    table : str
-        What the table is called in messages.
-
-    Returns
-    -------
-    Choice
-        The columns.
+    Heads are the headings, empty if there are none; asked are columns by name or number, as for
+    `nrdob.read_data`; timed says whether there must be one of times, table what messages call it.
 
     Raises
     ------

@@ -84,15 +84,7 @@ class Scatter:
         return np.asarray(np.tensordot(self.weights, self.covariances, 1))
 
     def reach(self, slope: FloatArray, confidence: float) -> float:
-        """Half width of the confidence interval of a function of the estimates.
-
-        Parameters
-        ----------
-        slope : (n,) array
-            Its derivatives.
-        confidence : float
-            Of the interval.
-        """
+        """Half width of the confidence interval of what has this slope, (n,), by the estimates."""
         errors = np.sqrt(np.einsum("i,hij,j->h", slope, self.covariances, slope))
         if not 0 < errors.max() < np.inf:
             return float(errors.max())
@@ -128,8 +120,7 @@ def scatter_of(
     rounding : Rounding
         Of the sensor.
     fitted : int
-        How many samples, from the first on, the estimates were made of; all tell of the
-        disturbance.
+        How many samples the estimates were made of, from the first on; all tell of the disturbance.
     """
     size = np.linalg.norm(jacobian[used], axis=0)
     scaled = jacobian / np.where(size > 0, size, 1.0)

@@ -59,16 +59,9 @@ INSIDE = 1e-9
 
 @dataclass(frozen=True)
 class Problem:
-    """What is to be explained.
+    """What is to be explained: the record, less its values at rest, and which samples count.
 
-    Attributes
-    ----------
-    inputs, outputs : (N,) array
-        The record, less the first value of each.
-    used : (N,) array of bool
-        Samples that count.
-    grain : float
-        What the sensor resolves; 0 if it does not round.
+    Grain is what the sensor resolves; 0 if it does not round.
     """
 
     inputs: FloatArray

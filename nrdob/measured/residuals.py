@@ -1,18 +1,12 @@
-r"""What a model leaves unexplained.
+r"""What a model leaves unexplained: is it noise, has it a memory, does it still follow the input?
 
-Is it noise, has it a memory, does it still follow the input? A memory makes neighbouring samples
-tell the same thing twice, and the memory of a drift is endless: it is a random walk, and only its
-steps are noise. With white noise of the sensor on top the innovations are
+A drift is a random walk, of which only the steps are noise. With coloured noise of the sensor on
+top the innovations are
 
 .. math:: e = \frac{(1-z^{-1})(1-\varphi z^{-1})}{1-\theta z^{-1}}\,r,
 
-:math:`\theta=1` without drift. Estimates are made of what this filter leaves. The memory that is
-left even then is described by an autoregression, from which follow the covariance of estimates that
-were made as if there were none,
-
-.. math:: (J^TJ)^{-1}\,J^TRJ\,(J^TJ)^{-1}, \qquad R = E\,ee^T,
-
-and a fair test of what is left against the input.
+:math:`\theta=1` without drift. A fit is made of what this filter leaves, so that it does not take
+the drift for dynamics; how far its numbers scatter, see `nrdob.measured.disturbance`.
 """
 
 from __future__ import annotations

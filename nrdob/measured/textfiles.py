@@ -36,20 +36,8 @@ UPPERS = 3
 class Sheet:
     """A table of cells.
 
-    Attributes
-    ----------
-    rows, lines : sequence
-        Cells of each row, and the line it stands in.
-    heads, units : sequence of str
-        Headings, and the row of units below them; empty if there is none.
-    head_line : int
-        Line of the headings.
-    separator : str
-        What separates the columns.
-    blank : int
-        First empty line among the rows; 0 if there is none.
-    notes : tuple of str
-        What was left out, and how it was read.
+    `lines` tells the line of each row; `heads` and `units`, the row below them, may be empty;
+    `blank` is the first empty line among the rows, or 0; `notes` say what was left out.
     """
 
     rows: Sequence[Sequence[str]]

@@ -81,13 +81,7 @@ class Section:
 
 
 def written(report: Any) -> str:
-    """Lay a report out as a page of HTML.
-
-    Parameters
-    ----------
-    report : nrdob.reporting.Report
-        With title, verdict, mood, warnings and sections.
-    """
+    """Lay a `nrdob.reporting.Report` out as a page of HTML."""
     text: str = _template().render(page=report)
     return text
 

@@ -69,21 +69,7 @@ def resonance_warnings(loop: NRDOB) -> Iterator[tuple[float, str]]:
 
 
 def moved(polynomial: FloatArray, root: complex, factor: float) -> FloatArray:
-    """Move a pair of complex roots along its rays, and keep the value at 0.
-
-    Parameters
-    ----------
-    polynomial : array_like, shape (m,)
-        Real coefficients, highest power first.
-    root : complex
-        One of the pair.
-    factor : float
-        By which its frequency is multiplied.
-
-    Returns
-    -------
-    ndarray, shape (m,)
-        The polynomial with the other pair.
+    """Move a pair of complex roots along its rays by a factor, and keep the value at 0.
 
     Examples
     --------
