@@ -1,10 +1,10 @@
 r"""What disturbs the output, and how far it scatters the numbers of a fit.
 
-The disturbance is taken as :math:`d=\frac{1-\theta z^{-1}}{1-\varphi z^{-1}}\,e` with white
-noise e: white noise alone for :math:`\theta=\varphi`, coloured noise for :math:`|\varphi|<1`, and
-for :math:`\varphi=1` a drift, which is a random walk, with white noise of the sensor on top. A
-record seldom tells which of them it is. So all are kept, weighted by the restricted likelihood of
-the residual r,
+The disturbance is taken as :math:`d=\bigl(\frac{1-\theta z^{-1}}{1-\varphi z^{-1}}\bigr)^me` with
+white noise e: white noise alone for :math:`\theta=\varphi`, coloured noise for
+:math:`|\varphi|<1`, and for :math:`\varphi=1` a drift with white noise of the sensor on top, which
+is a random walk (m = 1) or smooth, noise integrated twice (m = 2). A record seldom tells which of
+them it is. So all are kept, weighted by the restricted likelihood of the residual r,
 
 .. math:: |V|^{-1/2}\,|J^TV^{-1}J|^{-1/2}\,(r^TPr)^{-(N-n)/2},
 
@@ -21,7 +21,6 @@ problems, Journal of the American Statistical Association 72 (1977) 320-338.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from math import exp, pi, sqrt
 
@@ -44,12 +43,16 @@ SHARES = (1e-3, 3e-3, 6e-3, 0.012, 0.025, 0.05, 0.1, 0.2, 0.35, 0.6, 1.0)
 LEAST = 0.02
 """Distance φ - θ below which coloured noise is white."""
 
+SMOOTH = SHARES[1:8]
+"""The same for a drift that goes on in its direction."""
+
 HYPOTHESES = (
-    [(0.0, 0.0), (-0.3, 0.0), (-0.6, 0.0)]
-    + [(pole, pole * (1 - far)) for pole in COLOURED for far in SHARES if pole * far > LEAST]
-    + [(1.0, 1 - far) for far in SHARES]
+    [(1, 0.0, 0.0), (1, -0.3, 0.0), (1, -0.6, 0.0)]
+    + [(1, pole, pole * (1 - far)) for pole in COLOURED for far in SHARES if pole * far > LEAST]
+    + [(1, 1.0, 1 - far) for far in SHARES]
+    + [(2, 1.0, 1 - far) for far in SMOOTH]
 )
-"""Pairs (φ, θ)."""
+"""Order m, φ and θ."""
 
 
 @dataclass(frozen=True)
@@ -132,20 +135,21 @@ def scatter_of(
         return Scatter(np.ones(1), np.full((1, n, n), np.inf), freedom)
     estimator: FloatArray = np.zeros((n, residual.size))
     estimator[:, seen] = np.linalg.pinv(filtered)
-    num, den = (taps.tolist() for taps in whitening.taps)
-    estimator = _backwards(num, den, estimator)
+    estimator = _backwards(*whitening.taps, estimator)
     both = np.column_stack([scaled, residual])
     readings = np.unique(rounding.readings, return_inverse=True)[1] if rounding.grain else None
     logarithms, covariances = [], []
-    for pole, zero in HYPOTHESES:
-        white = lfilter([1.0, -pole], [1.0, -zero], both, axis=0)[used]
-        covariance = _gram(_backwards([1.0, -zero], [1.0, -pole], estimator))
-        if pole < 1 and pole != zero:  # what the noise remembers from before the record
-            deviation = abs(pole - zero) / sqrt(1 - pole**2)
-            times = np.arange(residual.size)
-            white = np.column_stack([deviation * zero ** times[used], white])
-            white = np.vstack([white, np.eye(1, n + 2)])
-            covariance += _gram((estimator @ (deviation * pole**times))[:, None])
+    times = np.arange(residual.size)
+    for order, pole, zero in HYPOTHESES:
+        den, num = (np.poly([root] * order) for root in (pole, zero))
+        if pole < 1:  # what the noise remembers from before the record
+            before = abs(pole - zero) / sqrt(1 - pole**2) * pole**times
+        else:  # the slope of the drift as the record begins
+            before = (order - 1) * sqrt(residual.size) * (1 - zero) ** 2 * times
+        white = lfilter(den, num, np.column_stack([before, both]), axis=0)[used]
+        white = np.vstack([white, np.eye(1, n + 2)])
+        covariance = _gram(_backwards(num, den, estimator))
+        covariance += _gram((estimator @ before)[:, None])
         corners = np.abs(np.diag(np.linalg.qr(white, mode="r")))
         variance = float(corners[-1] ** 2) / freedom + np.finfo(float).tiny
         logarithms.append(-np.log(corners[:-1]).sum() - 0.5 * freedom * np.log(variance))
@@ -155,9 +159,9 @@ def scatter_of(
             np.add.at(alike, readings, estimator.T)
             covariance += _rounded(rounding.grain, variance) * _gram(alike.T)
         covariances.append(covariance / np.outer(size, size))
-    poles = [pole for pole, _ in HYPOTHESES]
+    kinds = [kind[:2] for kind in HYPOTHESES]
     weights = np.exp(np.array(logarithms) - max(logarithms))
-    weights /= [poles.count(pole) for pole in poles]  # all poles are alike beforehand
+    weights /= [kinds.count(kind) for kind in kinds]  # all poles are alike beforehand
     return Scatter(weights / weights.sum(), np.array(covariances), freedom)
 
 
@@ -171,6 +175,6 @@ def _gram(rows: FloatArray) -> FloatArray:
     return np.asarray(rows @ rows.T)
 
 
-def _backwards(num: Sequence[float], den: Sequence[float], rows: FloatArray) -> FloatArray:
+def _backwards(num: FloatArray, den: FloatArray, rows: FloatArray) -> FloatArray:
     """Multiply rows by the matrix of a filter: it runs from the last sample to the first."""
     return np.asarray(lfilter(num, den, rows[:, ::-1])[:, ::-1])

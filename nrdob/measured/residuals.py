@@ -1,4 +1,4 @@
-r"""What a model leaves unexplained: is it noise, has it a memory, does it still follow the input?
+r"""What a model leaves unexplained: whether it is noise, has a memory or follows the input.
 
 A drift is a random walk, of which only the steps are noise. With coloured noise of the sensor on
 top the innovations are
