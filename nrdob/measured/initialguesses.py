@@ -27,23 +27,10 @@ def starting_points(
     mode: tuple[Whitening, bool],
     most: int,
 ) -> list[FloatArray]:
-    """Find shapes of small misfit, no two of them alike.
+    """Find at most so many shapes of small misfit, no two of them alike, the best first.
 
-    Parameters
-    ----------
-    structure : Structure
-        The kind of plant.
-    inputs, outputs : (N,) array
-        The record; the input is zero at its first sample.
-    mode : (Whitening, bool)
-        Through which the record is seen, and whether the plant may move before the input does.
-    most : int
-        How many to give.
-
-    Returns
-    -------
-    list of array
-        Dead time in samples and logarithms, as `Structure.den` takes them; best first.
+    The input is zero at its first sample; mode is the filter through which the record is seen, and
+    whether the plant may move before the input does.
     """
     count = outputs.size
     whitening, moving = mode

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..diagram import DelayedTransferFunction
 from ..numerics import ROUNDING, FloatArray
+from .disturbance import Scatter
 from .fitting import Fit
 from .structures import Structure
 
@@ -51,24 +52,7 @@ class Parameter:
 
 
 class _Names:
-    """How the unknowns of a fit are told.
-
-    Parameters
-    ----------
-    fit : Fit
-        The fit.
-    covariance : (n, n) array
-        Of its unknowns: two lags that may be equal are told as frequency and damping ratio.
-    step : float
-        Sampling time, in seconds.
-    unit : float
-        What a gain of 1 in the fit is in units of y over those of u.
-
-    Attributes
-    ----------
-    units : dict of str: str
-        Unit of each number, by name, in order.
-    """
+    """How the unknowns of a fit are told: lags that may be equal as frequency and damping ratio."""
 
     def __init__(self, fit: Fit, covariance: FloatArray, step: float, unit: float) -> None:
         self._structure, self._shapes, self._step = fit.structure, fit.shape.size, step
@@ -87,13 +71,7 @@ class _Names:
         self.units["dead time"] = "s"
 
     def values(self, unknowns: FloatArray) -> FloatArray:
-        """Compute the numbers, in the order of `units`.
-
-        Parameters
-        ----------
-        unknowns : array of float
-            As `Fit.unknowns`.
-        """
+        """Compute the numbers, in the order of `units`, from unknowns as `Fit.unknowns`."""
         shape, linear = unknowns[: self._shapes], unknowns[self._shapes :]
         told = [linear[0] * self._gain]
         if self._structure.zero:
@@ -109,36 +87,28 @@ class _Names:
 
 
 def told(
-    fit: Fit, covariance: FloatArray, units: tuple[float, float], reach: float
+    fit: Fit, scatter: Scatter, units: tuple[float, float], confidence: float
 ) -> tuple[dict[str, Parameter], FloatArray]:
-    """Tell a fit in numbers with intervals, and the covariance of these numbers.
+    """Give the numbers of a fit with intervals, and the covariance of these numbers.
 
-    Parameters
-    ----------
-    fit : Fit
-        The fit.
-    covariance : (n, n) array
-        Of its unknowns.
-    units : (float, float)
-        Sampling time in seconds, and what a gain of 1 in the fit is in units of y over those of u.
-    reach : float
-        Standard errors to either end of an interval.
+    Units: sampling time in seconds, and what a gain of 1 in the fit is in units of y over u.
     """
+    covariance = scatter.covariance
     names = _Names(fit, covariance, *units)
     slopes = _slopes(names, fit)
     known = bool(np.isfinite(covariance).all())
     covariance = slopes @ covariance @ slopes.T if known else np.full((len(slopes),) * 2, np.inf)
     parameters = {}
-    for (name, unit), value, error in zip(
+    for (name, unit), value, error, slope in zip(
         names.units.items(),
         names.values(fit.unknowns).tolist(),
         np.sqrt(np.diag(covariance)).tolist(),
+        slopes,
         strict=True,
     ):
-        low = value - reach * error
-        if name == "dead time":
-            low = max(low, 0.0)
-        parameters[name] = Parameter(value, unit, error, low, value + reach * error)
+        reach = scatter.reach(slope, confidence) if known else np.inf
+        low = max(value - reach, 0.0) if name == "dead time" else value - reach
+        parameters[name] = Parameter(value, unit, error, low, value + reach)
     return parameters, covariance
 
 
@@ -157,15 +127,7 @@ def _slopes(names: _Names, fit: Fit) -> FloatArray:
 def corners_of(
     structure: Structure, parameters: dict[str, Parameter]
 ) -> dict[str, DelayedTransferFunction]:
-    """Give the processes at the ends of the intervals, in all combinations, by their numbers.
-
-    Parameters
-    ----------
-    structure : Structure
-        The kind of plant.
-    parameters : dict of str: Parameter
-        As `told` gives them.
-    """
+    """Give the processes at the ends of the intervals, in all combinations, by their numbers."""
     ends = []
     for name, each in parameters.items():
         positive = name not in ("gain", "lead of the zero", "dead time")
@@ -199,14 +161,7 @@ def _process(structure: Structure, numbers: dict[str, float]) -> DelayedTransfer
 def process_of(fit: Fit, step: float, unit: float) -> DelayedTransferFunction:
     """Write a fit as a process in seconds, whose denominator ends with 1, or with an integrator.
 
-    Parameters
-    ----------
-    fit : Fit
-        The fit.
-    step : float
-        Sampling time, in seconds.
-    unit : float
-        What a gain of 1 in the fit is in units of y over those of u.
+    Step and unit as for `told`.
     """
     den = np.array(fit.structure.den(fit.shape))
     scale = next(c for c in den[::-1] if c)

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from .cells import NUMBER, is_moment, number_in, short
-from .headings import known
+from .columns import known
+from .parsing import NUMBER, is_moment, number_in, short
 
 __all__ = ["Sheet", "read_sheet"]
 
@@ -36,20 +36,8 @@ UPPERS = 3
 class Sheet:
     """A table of cells.
 
-    Attributes
-    ----------
-    rows, lines : sequence
-        Cells of each row, and the line it stands in.
-    heads, units : sequence of str
-        Headings, and the row of units below them; empty if there is none.
-    head_line : int
-        Line of the headings.
-    separator : str
-        What separates the columns.
-    blank : int
-        First empty line among the rows; 0 if there is none.
-    notes : tuple of str
-        What was left out, and how it was read.
+    `lines` tells the line of each row; `heads` and `units`, the row below them, may be empty;
+    `blank` is the first empty line among the rows, or 0; `notes` say what was left out.
     """
 
     rows: Sequence[Sequence[str]]
@@ -65,22 +53,7 @@ class Sheet:
 def read_sheet(path: Path) -> Sheet:
     """Split a file into cells, and find its headings.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-
-    Returns
-    -------
-    Sheet
-        The table.
-
-    Raises
-    ------
-    ValueError
-        If it is no text, empty, too large, or cells go over several lines.
-    OSError
-        If the file cannot be read.
+    Raises ValueError if it is no text, empty, too large, or cells go over several lines.
     """
     text, notes = _text(path)
     name = short(path.name)

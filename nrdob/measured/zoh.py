@@ -66,20 +66,7 @@ def held_responses(den: Sequence[float], inputs: FloatArray, delay: float = 0.0)
 
 
 def free_responses(den: Sequence[float], count: int) -> FloatArray:
-    """Give what the output can do by itself, for every initial state.
-
-    Parameters
-    ----------
-    den : sequence of float
-        As in `held_responses`.
-    count : int
-        How many samples.
-
-    Returns
-    -------
-    array of float, shape (n, count)
-        A basis of the free responses.
-    """
+    """Give a basis, shape (n, count), of what the output does by itself after any initial state."""
     n = len(den) - 1
     step, _ = transition(*_companion(den), 1.0)
     poles = [1.0, -step[0, 0]] if n == 1 else [1.0, -np.trace(step), np.linalg.det(step)]

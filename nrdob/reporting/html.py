@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from functools import cache
 from io import StringIO
 from typing import Any
+from zlib import crc32
 
 __all__ = ["Picture", "Section", "Table", "picture", "written"]
 
@@ -80,30 +81,15 @@ class Section:
 
 
 def written(report: Any) -> str:
-    """Lay a report out as a page of HTML.
-
-    Parameters
-    ----------
-    report : nrdob.reporting.Report
-        With title, verdict, mood, warnings and sections.
-    """
+    """Lay a `nrdob.reporting.Report` out as a page of HTML."""
     text: str = _template().render(page=report)
     return text
 
 
-def picture(figure: Any, number: int, caption: str, alt: str = "") -> Picture:
-    """Turn a figure into a drawing of the page, and close it.
+def picture(figure: Any, caption: str) -> Picture:
+    """Turn an `nrdob.plotting.Figure` into a drawing of the page, and close it.
 
-    Parameters
-    ----------
-    figure : nrdob.plotting.Figure
-        What was drawn.
-    number : int
-        Of the picture in the page: names within its drawing must differ from those of others.
-    caption : str
-        What stands below it.
-    alt : str
-        The facts that it shows; by default the figure's own words.
+    Names within its drawing differ from those of others.
     """
     import matplotlib as mpl
     import matplotlib.pyplot as plt
@@ -119,11 +105,11 @@ def picture(figure: Any, number: int, caption: str, alt: str = "") -> Picture:
     svg = text.getvalue()
     svg = svg[svg.index("<svg") :]
     svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
-    svg = re.sub(r'(\bid="|href="#|url\(#)', rf"\g<1>p{number}-", svg)
+    svg = re.sub(r'(\bid="|href="#|url\(#)', rf"\g<1>p{crc32(svg.encode()):x}-", svg)
     # The width is the page's; the height follows from the view box.
     svg = re.sub(r'^<svg ([^>]*?)height="[^"]*"', r"<svg \1", svg, count=1)
     svg = re.sub(r'^<svg ([^>]*?) width="[^"]*"', r"<svg \1", svg, count=1)
-    return Picture(svg, alt or figure.alt, caption)
+    return Picture(svg, figure.alt, caption)
 
 
 @cache

@@ -50,17 +50,7 @@ def short(text: str) -> str:
 
 
 def number_in(cell: str) -> float | None:
-    """Read a number; its decimal mark is a point or a comma.
-
-    Parameters
-    ----------
-    cell : str
-        The cell.
-
-    Returns
-    -------
-    float or None
-        The number, maybe nan or inf; None if it is none.
+    """Read a number with a decimal point or comma, maybe nan or inf; None if it is none.
 
     Examples
     --------
@@ -86,23 +76,11 @@ def is_moment(cell: str) -> bool:
 
 
 def seconds_in(cells: Sequence[str], place: Callable[[int], str]) -> tuple[FloatArray, str]:
-    """Read dates and times of day.
+    """Read dates and times of day: seconds since the first, shape (N,), and the first cell.
 
-    Parameters
-    ----------
-    cells : sequence of str
-        Such as 2024-01-31T12:00:00.5, 12:00:00, 31.01.2024 12:00:00 or 1/31/2024 12:00:00 PM. An
-        order of day and month that is not year, month, day is not guessed: such a day may stand
-        there as long as it is the same in all rows.
-    place : callable
-        What the cell of a number is called in messages.
-
-    Returns
-    -------
-    (N,) array
-        Seconds since the first.
-    str
-        The first cell.
+    Such as 2024-01-31T12:00:00.5, 12:00:00, 31.01.2024 12:00:00 or 1/31/2024 12:00:00 PM. An order
+    of day and month that is not year, month, day is not guessed: such a day may stand there as long
+    as it is the same in all rows. Place gives what messages call the cell of a number.
 
     Raises
     ------

@@ -40,16 +40,9 @@ IRREGULAR = 3
 
 @dataclass(frozen=True)
 class Sampled:
-    """A record at even times.
+    """A record at even times, in seconds; what was done to it is noted, or remarked if it matters.
 
-    Attributes
-    ----------
-    t, u, y : (N,) array
-        Times in seconds, input and output.
-    measured : (N,) array of bool
-        Where y was measured, and not filled in.
-    notes, remarks : tuple of str
-        What was done to it: in passing, and to be heeded.
+    `measured` is false where y was filled in.
     """
 
     t: FloatArray
@@ -68,18 +61,7 @@ def evenly_sampled(
     Times within 5 % of a sampling time of an even grid are left as they are. Times that were
     rounded are taken as even. Where a few rows are missing, y is interpolated (and not used) and u
     held. Times with jitter are resampled: y along straight lines, u averaged over each interval.
-
-    Parameters
-    ----------
-    t, u, y : (N,) array
-        Times in seconds, input and output.
-    place : callable
-        What the sample of a number is called in messages.
-
-    Returns
-    -------
-    Sampled
-        The record, and what was done to it.
+    Place gives what the sample of a number is called in messages.
 
     Raises
     ------

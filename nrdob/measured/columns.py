@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from .cells import UNITS, short
+from .parsing import UNITS, short
 
 __all__ = ["Choice", "checked_columns", "chosen", "known", "unit_of_time"]
 
@@ -36,16 +36,9 @@ EXAMPLES = {"t": "Time", "u": "Q1", "y": "T1"}
 
 @dataclass(frozen=True)
 class Choice:
-    """The columns that are read.
+    """The columns that are read: where t (if there are times), u and y stand, counted from 0.
 
-    Attributes
-    ----------
-    order : dict of str: int
-        Where t (if there are times), u and y stand, counted from 0.
-    unit : str
-        Unit of the times that was named; empty if none was.
-    remarks : tuple of str
-        What was taken for granted.
+    Unit is that of the times, empty if none was named; remarks say what was taken for granted.
     """
 
     order: dict[str, int]
@@ -54,13 +47,7 @@ class Choice:
 
 
 def checked_columns(columns: Mapping[str, str | int] | None) -> dict[str, str | int]:
-    """Check which columns are asked for, before a file is opened.
-
-    Parameters
-    ----------
-    columns : mapping or None
-        Names or numbers (from 1 on) of the columns of t, u and y.
-    """
+    """Check which columns are asked for, before a file is opened."""
     if columns is None:
         return {}
     if not isinstance(columns, Mapping):
@@ -90,23 +77,8 @@ def chosen(
 ) -> Choice:
     """Find the columns, or ask.
 
-    Parameters
-    ----------
-    heads : sequence of str
-        The headings; empty if there are none.
-    width : int
-        How many columns there are.
-    asked : mapping
-        Columns by name or number, as for `nrdob.read_data`.
-    timed : bool
-        Whether there must be a column of times.
-    table : str
-        What the table is called in messages.
-
-    Returns
-    -------
-    Choice
-        The columns.
+    Heads are the headings, empty if there are none; asked are columns by name or number, as for
+    `nrdob.read_data`; timed says whether there must be one of times, table what messages call it.
 
     Raises
     ------

@@ -11,7 +11,7 @@ from scipy.stats import chi2, norm
 
 from ..numerics import FloatArray
 from .fitting import Fit
-from .naming import Parameter
+from .parameters import Parameter
 from .records import Record
 from .residuals import whitening_of
 
@@ -48,36 +48,19 @@ CLIPPED = 0.7
 def doubts(
     record: Record,
     parameters: dict[str, Parameter],
-    percents: tuple[float, float],
+    worth: tuple[float, float, bool],
     fitted: int,
     residual: FloatArray,
     fit: Fit,
 ) -> tuple[str, ...]:
-    """Look for all that is known to mislead a fit.
+    """Look for all that is known to mislead a fit; the gravest first.
 
-    Parameters
-    ----------
-    record : Record
-        The record.
-    parameters : dict of str: Parameter
-        What was found.
-    percents : (float, float)
-        How much is explained of the part fitted and of that held out.
-    fitted : int
-        How many samples were fitted.
-    residual : array of float
-        What the fit leaves, from its start on, in units of y.
-    fit : Fit
-        The fit.
-
-    Returns
-    -------
-    tuple of str
-        The gravest first.
+    Worth: per cent explained of the part fitted and of that held out, and whether the residual, in
+    units of y from the start of the fit on, still follows the input. Fitted: how many samples were.
     """
     return tuple(
         [
-            *_worth(percents, parameters),
+            *_worth(*worth, parameters["gain"]),
             *_closed_loop(record, residual, fit),
             *_limited(record, fit),
             *_short(record, parameters, fitted),
@@ -87,28 +70,30 @@ def doubts(
     )
 
 
-def _worth(percents: tuple[float, float], parameters: dict[str, Parameter]) -> Iterator[str]:
-    gain = parameters["gain"]
+def _worth(fitted: float, foretold: float, follows: bool, gain: Parameter) -> Iterator[str]:
     if gain.low <= 0 <= gain.high:
         yield (
-            "the gain may be zero, or of either sign: the record does not show that u acts on y; "
-            "make a larger step, or repeat it"
+            "the structure leaves so much of what u does to y unexplained that its gain is open: "
+            "let another structure be chosen"
+            if follows
+            else "the gain may be zero, or of either sign: the record does not show that u acts on "
+            "y; make a larger step, or repeat it"
         )
-    if percents[1] < 0:
+    if foretold < 0:
         yield (
             "the part held out is foretold worse than a constant would: the process changes, "
             "something else moves y, or the record is too short; repeat the measurement"
         )
-    if not percents[0] > LITTLE:
+    if not fitted > LITTLE and not follows:
         yield (
-            f"the input explains only {max(percents[0], 0.0):.0f} % of the output: look whether "
+            f"the input explains only {max(fitted, 0.0):.0f} % of the output: look whether "
             "these columns belong to each other and the plant needs longer than one sample, or "
             "make larger steps"
         )
 
 
 def _short(record: Record, parameters: dict[str, Parameter], fitted: int) -> Iterator[str]:
-    moved = int(np.flatnonzero(np.diff(record.u))[0]) + 1
+    moved = int(np.flatnonzero(record.inputs)[0])
     duration = record.sampling_time * (fitted - moved)
     for name, found in parameters.items():
         if found.unit != "s":
@@ -158,7 +143,7 @@ def _drift(record: Record, residual: FloatArray, fit: Fit) -> Iterator[str]:
 
 def _closed_loop(record: Record, residual: FloatArray, fit: Fit) -> Iterator[str]:
     """See whether u answers what disturbs y, against the plant's gain, as a controller does."""
-    moves = np.diff(record.u, prepend=record.u[0])[fit.start :]
+    moves = np.diff(record.inputs, prepend=0.0)[fit.start :]
     fresh = _fresh(moves)
     if fresh is None:
         return
@@ -199,22 +184,24 @@ def _fresh(moves: FloatArray) -> FloatArray | None:
 
 def _limited(record: Record, fit: Fit) -> Iterator[str]:
     """Try whether y is explained far better if the input is cut off."""
-    levels = np.unique(np.quantile(record.u, np.linspace(0, 1, LEVELS + 2)))
+    inputs = record.inputs
+    levels = np.unique(np.quantile(inputs, np.linspace(0, 1, LEVELS + 2)))
     if levels.size < 3:
         return
     outputs = record.y[fit.start :]
 
     def misfit(inputs: FloatArray) -> float:
-        columns = fit.structure.columns(fit.shape, inputs - inputs[0], fit.start, fit.moving)
+        columns = fit.structure.columns(fit.shape, inputs, fit.start, fit.moving)
         rest = outputs - columns @ np.linalg.lstsq(columns, outputs, rcond=None)[0]
         return float(rest @ rest)
 
-    plain = misfit(record.u)
-    tried = [(misfit(np.minimum(record.u, c)), f"above {c:g}") for c in levels[1:-1]]
-    tried += [(misfit(np.maximum(record.u, c)), f"below {c:g}") for c in levels[1:-1]]
-    least, where = min(tried)
+    plain = misfit(inputs)
+    tried = [(misfit(np.minimum(inputs, c)), "above", c) for c in levels[1:-1]]
+    tried += [(misfit(np.maximum(inputs, c)), "below", c) for c in levels[1:-1]]
+    least, side, level = min(tried)
+    level += record.u[0] - inputs[0]
     if least < CLIPPED * plain:
         yield (
-            f"the plant answers as if u were cut off {where}: the actuator looks saturated there; "
-            "keep the steps inside its limits"
+            f"the plant answers as if u were cut off {side} {level:g}: the actuator looks "
+            "saturated there; keep the steps inside its limits"
         )
