@@ -26,6 +26,7 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from bs4 import BeautifulSoup
 
+import apipages
 import ledger
 import teaching
 from browser import CHROMIUM, LIGHTER, VIEWS, Look, browser, look, look_again
@@ -44,7 +45,7 @@ REFERENCE_PAGES = {
     "index", "get", "ledger", "errata", "theorems", "paper_map", "notation", "glossary", "api",
     "comparison", "bibliography", "colophon",
 }  # fmt: skip
-REFERENCE_PAGES |= {f"api/{path.stem}" for path in (ROOT / "book" / "api").glob("*.md")}
+REFERENCE_PAGES |= {f"api/{name}" for name in ("course", *apipages.pages_of(ROOT))}
 TEACHING_PAGES = {
     f"teaching/{name}"
     for name in (
