@@ -42,7 +42,6 @@ extensions = [
     "getting",
     "papermap",
     "predict",
-    "reread",
     "solutions",
     "theorems",
     "typeset",

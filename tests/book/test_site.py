@@ -33,9 +33,10 @@ from browser import CHROMIUM, LIGHTER, VIEWS, Look, browser, look, look_again
 from digits import hanging_on_rounding
 from nrdob_course.claims import LEDGER, Entry, Verdict
 from nrdob_course.exercises import PROBLEMS
+from pages import prose_of
 from papermap import equations_in
 from predictions import read_questions
-from statements import prose_of, theorems_of
+from statements import theorems_of
 
 # The whole book is built.
 pytestmark = pytest.mark.slow
