@@ -87,8 +87,10 @@ layers: $(READY) ## imports between the modules run one way
 map: $(READY) ## print the layers of the package, each module with its lines
 	$(PY) -m tests.structure.map
 
+# Without the slow tests, those of the course (make test-exercises) and most random examples.
 quick: $(READY) ## the checks of the working day, below a minute
-	@$(MAKE) --jobs=2 lint types layers unit FAST='-m "not slow"'
+	@$(MAKE) --jobs=2 lint types layers unit \
+		FAST='-m "not slow" --ignore=tests/course --hypothesis-profile=quick'
 
 unit: $(READY) ## unit tests, doctests, the rules for notebooks, the ledger, and the built book
 	$(PYTEST) $(FAST) tests nrdob book/nrdob_course --doctest-modules

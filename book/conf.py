@@ -47,6 +47,9 @@ extensions = [
     "typeset",
 ]
 
+# The problem sets lie there with their solutions.
+exclude_patterns = ["nrdob_course/**"]
+
 # --- Text -------------------------------------------------------------------------------------
 myst_enable_extensions = [
     "amsmath", "attrs_block", "attrs_inline", "colon_fence", "deflist", "dollarmath",

@@ -150,6 +150,7 @@ TURNS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("which", "number", "modified"), TURNS)
 def test_nyquist_alt_text_counts_the_turns(which: str, number: int, modified: bool) -> None:
     figure = paper.example(number, modified).plot_nyquist(which)
@@ -240,6 +241,7 @@ def test_the_curve_is_smooth() -> None:
     assert off.max() < 2e-3 * curve.size
 
 
+@pytest.mark.slow
 def test_a_plot_much_larger_than_one_gets_an_inset() -> None:
     loop = paper.example(3)
     assert len(loop.plot_nyquist("L").axes[0, 0].child_axes) == 1
@@ -495,6 +497,7 @@ def test_roots_of_a_long_dead_time_are_counted_though_not_all_are_listed() -> No
     assert f"p_B {count} in the right half plane" in loop.plot_roots().alt
 
 
+@pytest.mark.slow
 def test_of_a_million_turns_few_are_drawn_and_the_words_say_so() -> None:
     lag = ct.tf([1], [1, 1])
     loop = nrdob.NRDOB(delay(1e4) * lag, lag, 0.1, LowPassFilter(0.01, 1))

@@ -141,6 +141,7 @@ def test_a_module_moved_to_another_subpackage_is_named(copy: Path) -> None:
     assert "nrdob.analysis.nyquist does not exist" in broken(copy)
 
 
+@pytest.mark.slow
 def test_a_module_in_the_wrong_place_and_imports_upwards_are_named(copy: Path) -> None:
     upwards = {
         "nrdob.diagram.noise": "nrdob.analysis",
