@@ -22,8 +22,8 @@ __all__ = ["cut", "handout", "own_cases"]
 
 TOOLS = {
     ("cases", "factored"),
-    ("set2", "draw_without_count"),
-    ("set5", "draw_edge"),
+    ("figures", "draw_without_count"),
+    ("set5_edges", "draw_edge"),
 }
 """What the notebooks import besides, by module and name."""
 
