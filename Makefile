@@ -72,7 +72,7 @@ test: $(READY) ## run every check
 lint: $(READY) layers ## style and formatting, and whether everything stands, and is told, where it belongs
 	$(PY) -m ruff check .
 	$(PY) -m ruff format --check .
-	$(PY) -m tests.house
+	$(PY) -m tests.structure
 	$(PY) book/make/teaching.py --check
 	$(PY) book/make/predictions.py --check
 
@@ -85,7 +85,7 @@ layers: $(READY) ## imports between the modules run one way
 	PYTHONUTF8=1 $(PY) -c 'from importlinter.cli import lint_imports_command as lint; lint()'
 
 map: $(READY) ## print the rooms of the package floor by floor, as its imports have them
-	$(PY) -m tests.house.map
+	$(PY) -m tests.structure.map
 
 quick: $(READY) ## the checks of the working day, in below 90 seconds
 	@$(MAKE) --jobs=2 lint types layers unit FAST='-m "not slow"'

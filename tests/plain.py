@@ -145,7 +145,7 @@ def everything(nrdob, place: Path) -> int:
 
     sampled = loop.sampled(0.01)
     assert sampled.to_c() and sampled.to_header() and sampled.to_python() and sampled.to_json()
-    every = nrdob.candidates(loop.process, loop.model, loop.controller, 3)
+    every = nrdob.alternatives.candidates(loop.process, loop.model, loop.controller, 3)
     compared = nrdob.compare(loop.process, every, max_ms=1.6)
     assert repr(compared) and compared._repr_html_()
     return len(pictures)

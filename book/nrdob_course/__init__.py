@@ -4,3 +4,7 @@ Each is loaded where it is asked for, as in ``from nrdob_course import claims``.
 """
 
 __all__ = ["claims", "exercises", "grading"]
+
+
+def __dir__() -> list[str]:
+    return __all__

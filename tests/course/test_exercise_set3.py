@@ -8,7 +8,8 @@ import control as ct
 import numpy as np
 import pytest
 
-from nrdob import NRDOB, LowPassFilter, delay, margin_bounds
+from nrdob import NRDOB, LowPassFilter, delay
+from nrdob.analysis import margin_bounds
 from nrdob.sampling import random_loop
 from nrdob_course.exercises import PROBLEMS, check, own_case
 from nrdob_course.exercises.set3 import (

@@ -50,6 +50,7 @@ def critical_gain(order: int) -> float:
 
 
 def random_loops(count: int, *, delayed: bool = False) -> list[NRDOB]:
+    """Draw loops, always the same ones."""
     rng = np.random.default_rng(11)
     return [random_loop(rng, delayed=delayed) for _ in range(count)]
 
@@ -71,6 +72,7 @@ def n_p(loop: NRDOB) -> int:
 
 
 def enough_turns(loop: NRDOB) -> bool:
+    """Whether FH turns around −1 as often as Lemma 1 requires."""
     return turns_around_minus_one(loop.FH) == -n_p(loop)
 
 

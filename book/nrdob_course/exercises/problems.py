@@ -31,7 +31,7 @@ from .reading import as_given
 
 __all__ = [
     "BUDGET", "Case", "Feedback", "Lack", "Misconception", "Points", "Problem", "any_of", "lacking",
-    "pose", "put_right", "reading",
+    "pose", "put_right", "reading", "texts_of",
 ]  # fmt: skip
 
 Case = Any
@@ -312,7 +312,7 @@ def pose(
     ValueError
         If a misconception has no text, or a text no misconception.
     """
-    text = texts or _texts(id.partition(".")[0])[id]
+    text = texts or texts_of(id.partition(".")[0])[id]
     said = text["misconceptions"]
     if lonely := sorted(said.keys() ^ misconceptions.keys()):
         names = ", ".join(lonely)
@@ -343,7 +343,8 @@ def pose(
 
 
 @cache
-def _texts(set: str) -> dict[str, Any]:
+def texts_of(set: str) -> dict[str, Any]:
+    """Read what is said of the problems of a set, by their ids."""
     file = files(__package__).joinpath(f"set{set}.toml")
     return tomllib.loads(file.read_text(encoding="utf-8"))
 

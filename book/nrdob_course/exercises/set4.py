@@ -25,10 +25,10 @@ from nrdob.diagram import (
 )
 from nrdob.loop import NRDOB
 from nrdob.numerics import FloatArray
-from nrdob.plants import all_pole
 from nrdob.plotting import Figure
 
 from .cases import (
+    all_pole,
     apart,
     draw,
     factored,

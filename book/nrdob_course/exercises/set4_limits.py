@@ -24,9 +24,9 @@ from nrdob.diagram import (
     rational_power,
 )
 from nrdob.numerics import ComplexArray, QuasiPolynomial
-from nrdob.plants import all_pole
 
 from .cases import (
+    all_pole,
     draw,
     either_sign,
     factored,

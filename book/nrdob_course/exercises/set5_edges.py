@@ -36,7 +36,7 @@ from .problems import Misconception, any_of, pose
 from .reading import UnreadableError, things
 from .reading import number as one_number
 
-__all__ = ["PROBLEMS"]
+__all__ = ["PROBLEMS", "draw_edge"]
 
 # --- 5.3 How fast may the filter be? ------------------------------------------------------------
 

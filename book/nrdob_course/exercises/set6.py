@@ -17,7 +17,6 @@ from nrdob.design import (
 from nrdob.diagram import LowPassFilter
 from nrdob.loop import NRDOB
 from nrdob.numerics import FloatArray
-from nrdob.plants import mirrored_pair
 
 from .cases import (
     apart,
@@ -27,6 +26,7 @@ from .cases import (
     few,
     first_fitting,
     kept,
+    mirrored_pair,
     observer_stable,
 )
 from .comparing import same

@@ -21,7 +21,6 @@ from nrdob.design import (
 from nrdob.diagram import LowPassFilter, Quotient, delay
 from nrdob.loop import NRDOB
 from nrdob.numerics import FloatArray
-from nrdob.plants import mirrored_pair
 from nrdob.plotting import Figure
 
 from .cases import (
@@ -33,6 +32,7 @@ from .cases import (
     first_fitting,
     grid_peak,
     kept,
+    mirrored_pair,
     observer_stable,
 )
 from .comparing import near

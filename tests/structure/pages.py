@@ -1,4 +1,4 @@
-"""Pages that tell what there is: each must name all of it, and nothing that is gone."""
+"""Pages that list what there is name all of it, and nothing that does not exist."""
 
 from __future__ import annotations
 
@@ -6,17 +6,17 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from .rooms import COURSE, PACKAGE, modules, room_of
+from .modules import COURSE, PACKAGE, modules, subpackage_of
 
-TOLD = ("README.md", "CONTRIBUTING.md")
-"""Pages that tell a reader which file to open and which command to run."""
+CHECKED = ("README.md", "CONTRIBUTING.md")
+"""Pages that tell which file to open and which command to run."""
 
 REFERENCE = "book/api"
-"""The folder with a page for each room; the page of the same name leads to them."""
+"""The folder with a page for each subpackage; the page of the same name leads to them."""
 
 
 def faults(root: Path) -> Iterator[str]:
-    """Name every line of a page that is out of step with what it tells of.
+    """Name every line of a page that is out of step with the code.
 
     Parameters
     ----------
@@ -30,16 +30,16 @@ def faults(root: Path) -> Iterator[str]:
     """
     yield from _reference(root)
     yield from _contents(root)
-    yield from _table_of_rooms(root)
-    for page in TOLD:
-        yield from _told(root, page)
+    yield from _table_of_subpackages(root)
+    for page in CHECKED:
+        yield from _paths_and_targets(root, page)
 
 
 def _reference(root: Path) -> Iterator[str]:
-    """The pages of the rooms have a section for each module, and none twice."""
+    """The pages of the subpackages have a section for each module, and none twice."""
     shown: dict[str, str] = {}
     for path in sorted((root / REFERENCE).glob("*.md")):
-        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+        for number, line in enumerate(path.read_text("utf-8").splitlines(), 1):
             if line.startswith(".. automodule::"):
                 name, place = line.split()[-1], f"{REFERENCE}/{path.name}:{number}"
                 if name not in modules(root):
@@ -48,40 +48,40 @@ def _reference(root: Path) -> Iterator[str]:
                     yield f"{place}: {name} stands in {shown[name]} already"
                 shown[name] = place
     for name, module in modules(root).items():
-        if not module.is_front and module.room != COURSE and name not in shown:
+        if not module.is_package and not name.startswith(COURSE) and name not in shown:
             yield f"{REFERENCE}: {name} has no section: enter `.. automodule:: {name}`"
 
 
 def _contents(root: Path) -> Iterator[str]:
-    """The page of the package leads to every name of its front door."""
+    """The page of the package leads to every name that `import nrdob` gives."""
     page = f"{REFERENCE}.md"
-    linked = set(re.findall(r"[.`](\w+)`", (root / page).read_text(encoding="utf-8")))
+    linked = set(re.findall(r"[.`](\w+)`", (root / page).read_text("utf-8")))
     for name in sorted(set(modules(root)[PACKAGE].shows or ()) - linked):
-        yield f"{page}: the name {name} of the front door has no link"
+        yield f"{page}: {PACKAGE}.{name} has no link"
 
 
-def _table_of_rooms(root: Path) -> Iterator[str]:
+def _table_of_subpackages(root: Path) -> Iterator[str]:
     """The table of CONTRIBUTING.md has a row for each subpackage, and none besides."""
     page = "CONTRIBUTING.md"
-    lines = (root / page).read_text(encoding="utf-8").splitlines()
+    lines = (root / page).read_text("utf-8").splitlines()
     start = lines.index("| Subpackage | What is in it |")
     rows: dict[str, int] = {}
     for number, line in enumerate(lines[start + 2 :], start + 3):
         if not (row := re.match(r"\| `(\w+)/?` \| (.*) \|$", line)):
             break
-        rows[row[1]] = number
-    rooms = {room_of(name) for name in modules(root)} - {PACKAGE, COURSE}
-    for name in rows.keys() - rooms:
+        rows[f"{PACKAGE}.{row[1]}"] = number
+    there = {subpackage_of(name) for name in modules(root)} - {PACKAGE, COURSE}
+    for name in rows.keys() - there:
         yield f"{page}:{rows[name]}: there is no subpackage {name}"
-    for name in sorted(rooms - rows.keys()):
-        yield f"{page}:{start + 1}: the subpackage {name} has no row in the table"
+    for name in sorted(there - rows.keys()):
+        yield f"{page}:{start + 1}: {name} has no row in the table"
 
 
-def _told(root: Path, page: str) -> Iterator[str]:
-    """Files and commands that a page names are there."""
-    makefile = (root / "Makefile").read_text(encoding="utf-8")
+def _paths_and_targets(root: Path, page: str) -> Iterator[str]:
+    """Files and targets of make that a page names exist."""
+    makefile = (root / "Makefile").read_text("utf-8")
     targets = set(re.findall(r"^([a-z-]+):", makefile, re.MULTILINE))
-    for number, line in enumerate((root / page).read_text(encoding="utf-8").splitlines(), 1):
+    for number, line in enumerate((root / page).read_text("utf-8").splitlines(), 1):
         for path in re.findall(r"`((?:book|notebooks|nrdob|tests)/[\w./-]*)`", line):
             if not (root / path).exists():
                 yield f"{page}:{number}: there is no {path}"

@@ -1,10 +1,11 @@
-"""Smith predictor and dead-time observer, by name."""
+"""The Smith predictor is an observer."""
 
 import control as ct
 import numpy as np
 import pytest
 
 import nrdob
+from nrdob.alternatives import smith_predictor
 
 s = ct.tf("s")
 S = np.array([0.3 + 1j, 2j, 0.1])
@@ -15,7 +16,7 @@ LAG = ct.tf([1], [1, 1])
 def test_a_smith_predictor_is_the_observer_with_the_filter_that_its_controller_makes(theta):
     G0, Gm0 = 1.1 / ((s + 1.1) * (0.4 * s + 1)), 1 / ((s + 1) * (0.5 * s + 1))
     C = 2 * (s + 1) / s
-    loop = nrdob.smith_predictor(nrdob.delay(theta) * G0, nrdob.delay(1.0) * Gm0, C)
+    loop = smith_predictor(nrdob.delay(theta) * G0, nrdob.delay(1.0) * Gm0, C)
     # u = C (R - y - (1 - exp(-sθm)) Gm0 u), as Smith draws it
     around = C(S) / (1 + C(S) * Gm0(S) * (1 - np.exp(-S)))
     G = G0(S) * np.exp(-theta * S)
@@ -31,29 +32,23 @@ def test_a_predictor_is_lost_for_a_tiny_error_of_the_dead_time_if_it_lets_half_t
     block = (s + 2) / (s + 1)
     for gain, stable in ((0.9, True), (1.1, None)):
         C = gain * (s + 1) / s
-        exact = nrdob.smith_predictor(nrdob.delay(1.0) * block, nrdob.delay(1.0) * block, C)
+        exact = smith_predictor(nrdob.delay(1.0) * block, nrdob.delay(1.0) * block, C)
         assert exact.stability().stable
-        wrong = nrdob.smith_predictor(nrdob.delay(1.001) * block, nrdob.delay(1.0) * block, C)
+        wrong = smith_predictor(nrdob.delay(1.001) * block, nrdob.delay(1.0) * block, C)
         assert wrong.stability().stable is stable
-
-
-def test_a_dead_time_observer_waits_as_long_as_its_process_or_as_long_as_its_model():
-    F = nrdob.LowPassFilter(0.3, 1)
-    loop = nrdob.dead_time_observer(nrdob.delay(2.0) * LAG, LAG, 1.0, F)
-    assert loop.model_delay == loop.delay == 2.0 and loop.stability().stable
-    other = nrdob.dead_time_observer(nrdob.delay(2.0) * LAG, nrdob.delay(1.9) * LAG, 1.0, F)
-    assert other.model_delay == 1.9
-    assert nrdob.dead_time_observer(LAG, LAG, 1.0, F).model_delay == 0.0
 
 
 def test_what_makes_no_predictor_is_named_with_the_remedy():
     G = nrdob.delay(1.0) * LAG
-    with pytest.raises(ValueError, match="give the controller an integrator"):
-        nrdob.smith_predictor(G, G, 2.0)
-    with pytest.raises(ValueError, match="needs a C that stabilises it"):
-        nrdob.smith_predictor(G, G, -2 / s)
+    with pytest.raises(
+        ValueError,
+        match=r"Smith predictor cannot be written as an observer: F\(0\) = 0.6667, not 1",
+    ):
+        smith_predictor(G, G, 2.0)
+    with pytest.raises(ValueError, match=r"a Smith predictor .* K does not stabilise the model"):
+        smith_predictor(G, G, -2 / s)
     with pytest.raises(ValueError, match="controller has a dead time"):
-        nrdob.smith_predictor(G, G, nrdob.delay(0.1) / s)
+        smith_predictor(G, G, nrdob.delay(0.1) / s)
     with pytest.raises(ValueError, match="delay is -1"):
         nrdob.delay(-1.0)
 
@@ -61,6 +56,6 @@ def test_what_makes_no_predictor_is_named_with_the_remedy():
 def test_a_smith_predictor_of_an_integrating_plant_leaves_a_constant_disturbance_of_its_input():
     # With C = k, F = k/(s + k) and S_δ(0) = 1/k + θm, however exact the model is.
     G = nrdob.delay(0.9) / s
-    loop = nrdob.smith_predictor(G, G, 2.0)
+    loop = smith_predictor(G, G, 2.0)
     assert loop.stability().stable
     assert loop.S_delta.dc_gain == pytest.approx(1 / 2 + 0.9, rel=1e-12)
