@@ -1,7 +1,7 @@
 """Read a submission's code before it runs, and remark what no answer needs.
 
 A remark is no verdict: there are honest reasons to open a file. It says where to look. And no
-reading finds everything, for names can be put together while the code runs; see `wall` for what
+reading finds everything, for names can be put together while the code runs; see `sandbox` for what
 holds.
 """
 

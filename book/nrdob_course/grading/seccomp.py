@@ -1,9 +1,9 @@
 """Refuse, for ever, the system calls that a student's code has no use for.
 
 A filter of Linux (seccomp), which asks for no rights: whatever the files and the network have to do
-with, see `wall`, a process that has sealed itself starts no other one, opens no socket, signals and
-measures nobody but itself, and changes no file's permissions, owner or times. Refused is what is
-named here; each with the error EPERM.
+with, see `sandbox`, a process that has sealed itself starts no other one, opens no socket, signals
+and measures nobody but itself, and changes no file's permissions, owner or times. Refused is what
+is named here; each with the error EPERM.
 """
 
 from __future__ import annotations
@@ -130,4 +130,4 @@ def seal() -> None:
     libc = ctypes.CDLL(None, use_errno=True)
     libc.prctl(NO_NEW_PRIVILEGES, 1, 0, 0, 0)
     if libc.syscall(SECCOMP[machine], MODE_FILTER, ALL_THREADS, filter):
-        raise OSError(ctypes.get_errno(), "the wall around students' code cannot be sealed")
+        raise OSError(ctypes.get_errno(), "the sandbox for students' code cannot be sealed")
