@@ -109,7 +109,7 @@ print(json.dumps(found))
         with pytest.raises(BlockingIOError):
             datagrams.recv(1)
     assert secret.read_text("utf-8") == "points"
-    assert sorted(path.name for path in place.iterdir()) == ["workdir", "gradebook.db", "socket"]
+    assert sorted(path.name for path in place.iterdir()) == ["gradebook.db", "socket", "workdir"]
     return dict(json.loads(done.stdout.splitlines()[-1]))
 
 
