@@ -17,18 +17,8 @@ from nrdob.sampling import random_block
 
 from .ledger import Finding
 from .recurring import section
-from .roots import (
-    critical_gain,
-    in_right_half,
-)
-from .signals import (
-    every,
-    fraction,
-    loop_modes,
-    modes,
-    numbers,
-    same,
-)
+from .roots import critical_gain, in_right_half
+from .signals import every, fraction, loop_modes, modes, numbers, same
 
 __all__ = ["SECTION"]
 

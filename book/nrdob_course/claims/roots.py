@@ -13,9 +13,7 @@ from nrdob.loop import NRDOB
 from nrdob.numerics import ComplexArray, FloatArray
 from nrdob.sampling import random_loop
 
-from .signals import (
-    turns,
-)
+from .signals import turns
 
 __all__ = [
     "condition_ii", "critical_gain", "enough_turns", "in_right_half", "is_pole", "n_p", "observer",

@@ -13,16 +13,7 @@ from nrdob.diagram import LowPassFilter, Quotient
 from nrdob.loop import NRDOB
 from nrdob.numerics import ComplexArray
 
-from .cases import (
-    UnstablePlant,
-    alike,
-    draw,
-    either_sign,
-    few,
-    mirrored,
-    not_around,
-    s,
-)
+from .cases import UnstablePlant, alike, draw, either_sign, few, mirrored, not_around, s
 from .problems import Lack, lacking, pose
 
 __all__ = ["PROBLEMS"]

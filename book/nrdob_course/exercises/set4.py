@@ -19,10 +19,7 @@ from nrdob.design import (
     smallest_for_double_lag,
     smallest_for_rhp_zero,
 )
-from nrdob.diagram import (
-    DelayedTransferFunction,
-    LowPassFilter,
-)
+from nrdob.diagram import DelayedTransferFunction, LowPassFilter
 from nrdob.loop import NRDOB
 from nrdob.numerics import FloatArray
 from nrdob.plotting import Figure

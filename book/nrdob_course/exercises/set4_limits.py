@@ -25,14 +25,7 @@ from nrdob.diagram import (
 )
 from nrdob.numerics import ComplexArray, QuasiPolynomial
 
-from .cases import (
-    all_pole,
-    draw,
-    either_sign,
-    factored,
-    few,
-    observer_stable,
-)
+from .cases import all_pole, draw, either_sign, factored, few, observer_stable
 from .problems import Misconception, pose
 from .reading import block
 

@@ -11,10 +11,7 @@ from typing import Any, NamedTuple
 import control as ct
 import numpy as np
 
-from nrdob.design import (
-    right_half_plane_parity,
-    stabilizing_time_constants,
-)
+from nrdob.design import right_half_plane_parity, stabilizing_time_constants
 from nrdob.diagram import DelayedTransferFunction, LowPassFilter, as_fraction
 from nrdob.loop import NRDOB
 from nrdob.numerics import FloatArray

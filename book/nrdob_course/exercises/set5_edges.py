@@ -12,24 +12,12 @@ import control as ct
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
-from nrdob.design import (
-    critical_time_constants,
-    stabilizing_time_constants,
-)
+from nrdob.design import critical_time_constants, stabilizing_time_constants
 from nrdob.diagram import LowPassFilter, delay
 from nrdob.loop import NRDOB
 from nrdob.plotting import Figure
 
-from .cases import (
-    apart,
-    draw,
-    factored,
-    few,
-    first_fitting,
-    kept,
-    observer_stable,
-    s,
-)
+from .cases import apart, draw, factored, few, first_fitting, kept, observer_stable, s
 from .comparing import near, rounds, same
 from .figures import draw_crossing
 from .problems import Misconception, any_of, pose

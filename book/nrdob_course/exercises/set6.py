@@ -11,9 +11,7 @@ import control as ct
 import numpy as np
 
 from nrdob.analysis import LoopMargins
-from nrdob.design import (
-    design_controller,
-)
+from nrdob.design import design_controller
 from nrdob.diagram import LowPassFilter
 from nrdob.loop import NRDOB
 from nrdob.numerics import FloatArray

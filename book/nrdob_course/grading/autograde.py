@@ -39,15 +39,9 @@ from .judge import HiddenTest, Stopped, hidden_test, judge_apart
 from .submissions import group_of
 
 __all__ = [
-    "FORK_SERVERS",
-    "KERNEL",
-    "SETTINGS",
-    "PatientExecute",
-    "course",
-    "is_test",
-    "main",
+    "FORK_SERVERS", "KERNEL", "SETTINGS", "PatientExecute", "course", "is_test", "main",
     "write_feedback",
-]
+]  # fmt: skip
 
 # What nbgrader does with its own database is not for those who grade.
 warnings.filterwarnings("ignore", module="nbgrader")

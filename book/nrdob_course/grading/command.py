@@ -48,32 +48,15 @@ from .marks import (
     write_table,
 )
 from .platforms import packed, unpacked
-from .release import (
-    MARKERS,
-    SOURCE,
-    CourseError,
-    found_course,
-    generate,
-    release,
-    sets_in,
-    solved,
-)
+from .release import MARKERS, SOURCE, CourseError, found_course, generate, release, sets_in, solved
 from .roster import Course, read_course
 from .submissions import NOTHING, Submission, find, repair
 from .tally import write_tally
 from .written import Key, Typed, read_written, write_written
 
 __all__ = [
-    "MARKERS",
-    "grade",
-    "main",
-    "override",
-    "parse",
-    "regrade",
-    "release",
-    "report",
-    "solved",
-]
+    "MARKERS", "grade", "main", "override", "parse", "regrade", "release", "report", "solved",
+]  # fmt: skip
 
 ADVICE = SOURCE.parents[1] / "problems.toml"
 

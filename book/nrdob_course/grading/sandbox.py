@@ -23,17 +23,9 @@ import nrdob
 from . import seccomp
 
 __all__ = [
-    "adopt_orphans",
-    "build",
-    "generation",
-    "is_root",
-    "limit",
-    "missing",
-    "readable",
-    "seal",
-    "shared_libraries",
-    "stays_root",
-]
+    "adopt_orphans", "build", "generation", "is_root", "limit", "missing", "readable", "seal",
+    "shared_libraries", "stays_root",
+]  # fmt: skip
 
 NOBODY = 65534
 
