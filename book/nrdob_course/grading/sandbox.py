@@ -1,10 +1,10 @@
-"""A wall around the process that runs a student's code, where the system can build one.
+"""A sandbox for the process that runs a student's code, where the system can build one.
 
 On Linux 6.2 and newer the process gives up, before any of the student's code runs and for ever,
 every file but those that it needs (Landlock, which asks for no rights). On every Linux it is then
-sealed, see `seccomp`: no network, no other process, no permissions. Elsewhere there is no wall,
-and `missing` says so. If it was started by root it becomes *nobody*, with a wall or without; where
-it cannot, `stays_root` says so, and it keeps the user but none of the rights of root.
+sealed, see `seccomp`: no network, no other process, no permissions. Elsewhere there is no sandbox,
+and `missing` says so. If it was started by root it becomes *nobody*, with a sandbox or without;
+where it cannot, `stays_root` says so, and it keeps the user but none of the rights of root.
 """
 
 from __future__ import annotations
@@ -23,17 +23,9 @@ import nrdob
 from . import seccomp
 
 __all__ = [
-    "adopt_orphans",
-    "build",
-    "generation",
-    "is_root",
-    "limit",
-    "missing",
-    "readable",
-    "seal",
-    "shared_libraries",
-    "stays_root",
-]
+    "adopt_orphans", "build", "generation", "is_root", "limit", "missing", "readable", "seal",
+    "shared_libraries", "stays_root",
+]  # fmt: skip
 
 NOBODY = 65534
 
@@ -76,13 +68,13 @@ def generation() -> int:
 
 
 def missing() -> str:
-    """Say why no wall can be built here; empty if it can."""
+    """Say why no sandbox can be built here; empty if it can."""
     if sys.platform != "linux":
-        return f"there is no wall around students' code on {sys.platform}; there is one on Linux"
+        return f"there is no sandbox for students' code on {sys.platform}; there is one on Linux"
     if generation() < 3:
-        return "there is no wall around students' code: it needs Linux 6.2 with Landlock"
+        return "there is no sandbox for students' code: it needs Linux 6.2 with Landlock"
     if not seccomp.available():
-        return "there is no wall around students' code: this Linux has no filter of system calls"
+        return "there is no sandbox for students' code: this Linux has no filter of system calls"
     return ""
 
 
@@ -93,7 +85,7 @@ def _call(number: int, *arguments: object) -> int:
 def _checked(number: int, *arguments: object) -> int:
     result = _call(number, *arguments)
     if result < 0:
-        raise OSError(ctypes.get_errno(), "the wall around students' code cannot be built")
+        raise OSError(ctypes.get_errno(), "the sandbox for students' code cannot be built")
     return result
 
 
@@ -114,20 +106,20 @@ def stays_root() -> str:
     return ""
 
 
-def build(desk: Path, ports: Iterable[int]) -> None:
+def build(workdir: Path, ports: Iterable[int]) -> None:
     """Leave this process, for ever, its libraries to read and one folder to write.
 
     It must have one thread yet, and still has to `seal` itself when its sockets are open. What
     this system cannot do is left out, see `missing` and `stays_root`.
     """
-    ruleset = None if missing() else _rules(desk, ports)
+    ruleset = None if missing() else _rules(workdir, ports)
     if sys.platform == "linux":
         libc = ctypes.CDLL(None, use_errno=True)
         if libc.prctl(NO_NEW_PRIVILEGES, 1, 0, 0, 0):
-            raise OSError(ctypes.get_errno(), "the wall around students' code cannot be built")
+            raise OSError(ctypes.get_errno(), "the sandbox for students' code cannot be built")
     if is_root():
         if not stays_root():
-            _become_nobody(desk)
+            _become_nobody(workdir)
         elif sys.platform == "linux":
             _drop_rights()
     if ruleset is not None:
@@ -207,8 +199,8 @@ def _around(path: Path, closed: set[Path]) -> Iterator[Path]:
         yield from _around(child.resolve(), closed)
 
 
-def _rules(desk: Path, ports: Iterable[int]) -> int:
-    """Make the rules of the wall; they are opened while everything can still be."""
+def _rules(workdir: Path, ports: Iterable[int]) -> int:
+    """Make the rules of the sandbox; they are opened while everything can still be."""
     number = generation()
     everything = (1 << {3: 15, 4: 15}.get(number, 16)) - 1
     network = 0b11 if number >= 4 else 0
@@ -223,7 +215,7 @@ def _rules(desk: Path, ports: Iterable[int]) -> int:
         _allow(ruleset, path, READ)
     for name in BOTH_WAYS:
         _allow(ruleset, Path(name), READ | WRITE)
-    _allow(ruleset, desk, everything & ~(EXECUTE | DEVICES | CONTROL))
+    _allow(ruleset, workdir, everything & ~(EXECUTE | DEVICES | CONTROL))
     for port in ports if network else ():
         _checked(ADD, ruleset, 2, struct.pack("QQ", PORT, port), 0)
     return ruleset
@@ -259,11 +251,11 @@ def _drop_rights() -> None:
     for right in range(64):
         libc.prctl(DROP_FROM_BOUNDS, right, 0, 0, 0)
     if libc.capset(struct.pack("Ii", 0x20080522, 0), bytes(24)):
-        raise OSError(ctypes.get_errno(), "the wall around students' code cannot be built")
+        raise OSError(ctypes.get_errno(), "the sandbox for students' code cannot be built")
 
 
-def _become_nobody(desk: Path) -> None:
-    for path in [desk, *desk.rglob("*")]:
+def _become_nobody(workdir: Path) -> None:
+    for path in [workdir, *workdir.rglob("*")]:
         os.chown(path, NOBODY, NOBODY)
     os.setgroups([])
     os.setgid(NOBODY)

@@ -18,11 +18,11 @@ import nrdob
 from attacks import ESCAPES, PRELUDE
 from handin import FORGERIES, NAME, handed
 from nrdob_course.grading import command as exercises
-from nrdob_course.grading import seccomp, wall
+from nrdob_course.grading import sandbox, seccomp
 from nrdob_course.grading.remarks import suspicious
 from problemsets import SETS
 
-walled = pytest.mark.skipif(bool(wall.missing()), reason="there is no wall on this system")
+sandboxed = pytest.mark.skipif(bool(sandbox.missing()), reason="there is no sandbox on this system")
 pytestmark = pytest.mark.filterwarnings("ignore:Object of type")
 
 
@@ -32,8 +32,8 @@ REFUSED = [
     "open(secret, 'a')",
     "os.truncate(secret, 0)",
     "os.remove(secret)",
-    "os.rename(secret, desk / 'x')",
-    "os.link(secret, desk / 'x')",
+    "os.rename(secret, workdir / 'x')",
+    "os.link(secret, workdir / 'x')",
     "os.listdir(secret.parent)",
     "(secret.parent / 'new').mkdir()",
     "os.listdir('/proc')",
@@ -68,12 +68,12 @@ if platform.machine() != "x86_64":
 
 @pytest.fixture(scope="module")
 def behind(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """What becomes of each attempt behind a wall; nothing has changed outside of it."""
+    """What becomes of each attempt in a sandbox; nothing has changed outside of it."""
     place = tmp_path_factory.mktemp("place")
-    secret, desk = place / "gradebook.db", place / "desk"
+    secret, workdir = place / "gradebook.db", place / "workdir"
     secret.write_text("points", "utf-8")
-    desk.mkdir()
-    course = Path(wall.__file__).parents[1]
+    workdir.mkdir()
+    course = Path(sandbox.__file__).parents[1]
     listener = socket.create_server(("127.0.0.1", 0))
     datagrams = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
     datagrams.bind(str(place / "socket"))
@@ -82,14 +82,15 @@ from pathlib import Path
 import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
-from nrdob_course.grading import wall
-desk, secret, datagrams = Path({str(desk)!r}), Path({str(secret)!r}), {str(place / "socket")!r}
+from nrdob_course.grading import sandbox
+workdir, secret = Path({str(workdir)!r}), Path({str(secret)!r})
+datagrams = {str(place / "socket")!r}
 course, project = Path({str(course)!r}), Path({str(course.parents[1])!r})
 port = {listener.getsockname()[1]}
-os.chdir(desk)
-wall.limit()
-wall.build(desk, [])
-wall.seal()
+os.chdir(workdir)
+sandbox.limit()
+sandbox.build(workdir, [])
+sandbox.seal()
 found = {{}}
 for attempt in {[*REFUSED, *NETWORK, *SIGNALS, *ALLOWED, *ESCAPES.values()]!r}:
     try:
@@ -108,11 +109,11 @@ print(json.dumps(found))
         with pytest.raises(BlockingIOError):
             datagrams.recv(1)
     assert secret.read_text("utf-8") == "points"
-    assert sorted(path.name for path in place.iterdir()) == ["desk", "gradebook.db", "socket"]
+    assert sorted(path.name for path in place.iterdir()) == ["gradebook.db", "socket", "workdir"]
     return dict(json.loads(done.stdout.splitlines()[-1]))
 
 
-@walled
+@sandboxed
 @pytest.mark.parametrize("name", ESCAPES)
 def test_no_attempt_to_get_out_succeeds(name: str, behind: dict[str, str]) -> None:
     assert behind[ESCAPES[name]] == "refused"
@@ -142,7 +143,7 @@ def test_the_filter_knows_the_numbers_of_this_system() -> None:
             assert f"__NR_{name} {numbers[column]}\n" in text
 
 
-@walled
+@sandboxed
 @pytest.mark.parametrize("below", ["python3", "opt/python3.11/teacher", "usr/local/lib/course"])
 def test_a_project_anywhere_stays_closed(
     below: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -155,40 +156,40 @@ def test_a_project_anywhere_stays_closed(
         "lib/site-packages/numpy",
     ):
         (project / name).mkdir(parents=True)
-    monkeypatch.setattr(wall, "COURSE", project / "book" / "nrdob_course")
-    monkeypatch.setattr(wall, "PACKAGE", project / "nrdob")
+    monkeypatch.setattr(sandbox, "COURSE", project / "book" / "nrdob_course")
+    monkeypatch.setattr(sandbox, "PACKAGE", project / "nrdob")
     packages = str(project / "lib" / "site-packages")
     monkeypatch.setattr(sys, "path", [str(project), str(project.parent), packages, *sys.path])
     # A library that was loaded from a folder above all this opens none of it.
-    monkeypatch.setattr(wall, "shared_libraries", lambda: {tmp_path})
-    found = wall.readable()
+    monkeypatch.setattr(sandbox, "shared_libraries", lambda: {tmp_path})
+    found = sandbox.readable()
     inside = {path.relative_to(project) for path in found if path.is_relative_to(project)}
     assert inside == {Path("nrdob"), Path("lib/site-packages")}
     assert not any(project.is_relative_to(path) for path in found)
 
 
 @pytest.mark.slow
-@walled
+@sandboxed
 @pytest.mark.parametrize("attempt", REFUSED)
 def test_nothing_of_others_can_be_read_or_written(attempt: str, behind: dict[str, str]) -> None:
     assert behind[attempt] == "refused"
 
 
-@walled
+@sandboxed
 @pytest.mark.parametrize("attempt", ALLOWED)
 def test_its_own_folder_and_the_libraries_are_there(attempt: str, behind: dict[str, str]) -> None:
     assert behind[attempt] == "done"
 
 
-@walled
-@pytest.mark.skipif(wall.generation() < 4, reason="needs Linux 6.7")
+@sandboxed
+@pytest.mark.skipif(sandbox.generation() < 4, reason="needs Linux 6.7")
 @pytest.mark.parametrize("attempt", NETWORK)
 def test_nothing_can_be_sent_or_served(attempt: str, behind: dict[str, str]) -> None:
     assert behind[attempt] == "refused"
 
 
-@walled
-@pytest.mark.skipif(wall.generation() < 6, reason="needs Linux 6.12")
+@sandboxed
+@pytest.mark.skipif(sandbox.generation() < 6, reason="needs Linux 6.12")
 def test_no_other_process_can_be_ended(behind: dict[str, str]) -> None:
     assert behind[SIGNALS[0]] == "refused"
 
@@ -203,7 +204,7 @@ AS_NOBODY = [
     "open(secret.parent / 'solutions.ipynb').read()",
     "os.truncate(secret, 0)",
     "os.remove(secret)",
-    "os.rename(secret, desk / 'x')",
+    "os.rename(secret, workdir / 'x')",
     "(secret.parent / 'new').mkdir()",
     "os.chmod(secret, 0o777)",
     "os.chown(secret, 65534, 65534)",
@@ -219,35 +220,35 @@ AS_NOBODY = [
 
 @pytest.mark.skipif(sys.platform != "linux" or os.getuid() != 0, reason="needs root, on Linux")
 @pytest.mark.skipif(not OPEN.exists(), reason="needs a Python that everybody can read")
-@pytest.mark.parametrize("with_wall", [pytest.param(True, marks=walled), False])
+@pytest.mark.parametrize("with_wall", [pytest.param(True, marks=sandboxed), False])
 def test_who_grades_as_root_gives_students_code_the_rights_of_nobody(with_wall: bool) -> None:
     # Not below the folder of the tests, which is closed to others as it is.
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder)
         place.chmod(0o755)
-        secret, solutions, desk = (
-            place / name for name in ("gradebook.db", "solutions.ipynb", "desk")
+        secret, solutions, workdir = (
+            place / name for name in ("gradebook.db", "solutions.ipynb", "workdir")
         )
         for path in (secret, solutions):
             path.write_text("points", "utf-8")
         solutions.chmod(0o600)  # as a teacher's folder is closed
-        desk.mkdir()
-        (desk / "page.png").write_text("x", "utf-8")
+        workdir.mkdir()
+        (workdir / "page.png").write_text("x", "utf-8")
         program = f"""
 import json, os, sys, types
 from pathlib import Path
 package = types.ModuleType("grading")
-package.__path__ = [{str(Path(wall.__file__).parent)!r}]
+package.__path__ = [{str(Path(sandbox.__file__).parent)!r}]
 sys.modules["grading"] = package
 sys.modules["nrdob"] = types.ModuleType("nrdob")
 sys.modules["nrdob"].__file__ = {nrdob.__file__!r}
-from grading import wall
-desk, secret = Path({str(desk)!r}), Path({str(secret)!r})
-os.chdir(desk)
+from grading import sandbox
+workdir, secret = Path({str(workdir)!r}), Path({str(secret)!r})
+os.chdir(workdir)
 if not {with_wall}:
-    wall.generation = lambda: 0
-assert not wall.stays_root(), wall.stays_root()
-wall.build(desk, [])
+    sandbox.generation = lambda: 0
+assert not sandbox.stays_root(), sandbox.stays_root()
+sandbox.build(workdir, [])
 found = {{"ids": [*os.getresuid(), *os.getresgid(), *os.getgroups()]}}
 for attempt in {AS_NOBODY!r}:
     try:
@@ -271,10 +272,10 @@ print(json.dumps(found))
 def test_root_grades_only_if_asked(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(wall, "is_root", lambda: True)
+    monkeypatch.setattr(sandbox, "is_root", lambda: True)
     assert exercises.main(["grade", str(tmp_path)]) == 2
     assert "--as-root" in capsys.readouterr().err
-    monkeypatch.setattr(wall, "stays_root", lambda: "")
+    monkeypatch.setattr(sandbox, "stays_root", lambda: "")
     assert exercises.main(["grade", str(tmp_path), "--as-root"]) == 2
     assert "no submissions" in capsys.readouterr().err
 
@@ -285,8 +286,8 @@ def test_who_stays_root_is_told(
 ) -> None:
     monkeypatch.setattr(os, "geteuid", lambda: 0, raising=False)
     monkeypatch.setattr(os, "name", "posix")
-    monkeypatch.setattr(wall, "PACKAGE", tmp_path)  # which is closed to others
-    assert "students' code would be" in wall.stays_root()
+    monkeypatch.setattr(sandbox, "PACKAGE", tmp_path)  # which is closed to others
+    assert "students' code would be" in sandbox.stays_root()
     with pytest.raises(exercises.CourseError, match="no submissions"):
         exercises.grade(tmp_path, target=tmp_path / "out")
     assert "you are root" in capsys.readouterr().out
@@ -298,9 +299,9 @@ def test_what_is_left_running_can_be_ended() -> None:
     program = """
 import os, time
 import psutil
-from nrdob_course.grading import wall
-from nrdob_course.grading.batch import end
-wall.adopt_orphans()
+from nrdob_course.grading import sandbox
+from nrdob_course.grading.children import end
+sandbox.adopt_orphans()
 if not os.fork():
     if not os.fork():
         os.setsid()
@@ -404,9 +405,9 @@ def test_without_a_wall_what_is_suspicious_is_not_run(
     notebook.cells.append(nbformat.v4.new_code_cell("open('/etc/passwd')", id="own"))
     (tmp_path / "in" / "spy").mkdir(parents=True)
     nbformat.write(notebook, tmp_path / "in" / "spy" / f"{NAME}.ipynb")
-    monkeypatch.setattr(wall, "missing", lambda: "there is no wall")
+    monkeypatch.setattr(sandbox, "missing", lambda: "there is no sandbox")
     assert exercises.grade(tmp_path / "in", target=tmp_path / "out") == 1
     said = capsys.readouterr().out
-    assert "there is no wall. It runs with your rights" in said
+    assert "there is no sandbox. It runs with your rights" in said
     assert "NOT GRADED: it was not run" in said and "'/etc/passwd'" in said
     assert os.listdir(tmp_path / "out" / "submitted" / "spy") != []

@@ -1,6 +1,6 @@
 """A process that has read its libraries, and grades one submission after the other in a fork of it.
 
-    python -P -m nrdob_course.grading.nursery
+    python -P -m nrdob_course.grading.worker
 
 It takes an order in each line of its input, ``{"root": …, "student": …, "set": …, "source": …}``,
 and answers each with the exit code. Reading the libraries takes longer than grading, and so does
@@ -9,7 +9,6 @@ drawing the cases of the hidden tests, which are everybody's: it draws them befo
 
 from __future__ import annotations
 
-import json
 import os
 import subprocess
 import sys
@@ -20,9 +19,8 @@ import nbformat
 
 from ..exercises import PROBLEMS
 from . import autograde
-from .batch import end
+from .children import Child, end, serve
 from .judge import hidden_test
-from .starter import Starter
 
 __all__ = ["draw", "main", "run"]
 
@@ -41,9 +39,9 @@ def draw(source: str) -> None:
 
 def ready() -> None:
     """Start what starts kernels, where a process can be copied safely, or start it again."""
-    starters = autograde.STARTERS
-    if sys.platform == "linux" and not (starters and starters[-1].process.poll() is None):
-        starters.append(Starter(autograde.KERNEL))
+    servers = autograde.FORK_SERVERS
+    if sys.platform == "linux" and not (servers and servers[-1].process.poll() is None):
+        servers.append(Child(autograde.KERNEL))
 
 
 def run(root: str, student: str, name: str) -> int:
@@ -70,8 +68,8 @@ def run(root: str, student: str, name: str) -> int:
             sys.stderr.flush()
             os._exit(code)
     _, status = os.waitpid(child, 0)
-    for starter in autograde.STARTERS:
-        end(starter.process.pid, itself=False)
+    for server in autograde.FORK_SERVERS:
+        end(server.process.pid, itself=False)
     return os.waitstatus_to_exitcode(status)
 
 
@@ -79,12 +77,14 @@ def main() -> None:
     """Take orders until there are no more."""
     ready()  # it reads its libraries while the cases are drawn
     drawn: set[str] = set()
-    for line in sys.stdin:
-        order = json.loads(line)
+
+    def graded(order: dict[str, str]) -> int:
         if order["source"] not in drawn:
             draw(order["source"])
             drawn.add(order["source"])
-        print(run(order["root"], order["student"], order["set"]), flush=True)
+        return run(order["root"], order["student"], order["set"])
+
+    serve(graded)
 
 
 if __name__ == "__main__":

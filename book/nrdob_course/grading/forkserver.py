@@ -9,41 +9,17 @@ asked for with its exit code.
 
 from __future__ import annotations
 
-import json
 import os
 import signal
-import subprocess
-import sys
 import time
 from collections.abc import Callable
 from typing import Any
 
 from jupyter_client.provisioning.local_provisioner import LocalProvisioner
 
-__all__ = ["Kernel", "Provisioner", "Starter", "serve"]
+from .children import Child, serve
 
-
-class Starter:
-    """The process that kernels are copies of, as the graders see it."""
-
-    def __init__(self, module: str) -> None:
-        self.process = subprocess.Popen(
-            [sys.executable, "-P", "-m", module],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            encoding="utf-8",
-        )
-
-    def ask(self, order: dict[str, Any]) -> Any:
-        """Give an order, and take the answer."""
-        assert self.process.stdin and self.process.stdout
-        self.process.stdin.write(json.dumps(order) + "\n")
-        self.process.stdin.flush()
-        answer = self.process.stdout.readline()
-        if not answer:
-            raise OSError("the process that starts kernels has ended")
-        return json.loads(answer)
+__all__ = ["Kernel", "Provisioner", "fork_kernels"]
 
 
 class Kernel:
@@ -51,14 +27,14 @@ class Kernel:
 
     stdin = stdout = stderr = None
 
-    def __init__(self, starter: Starter, arguments: list[str], environment: dict[str, str]) -> None:
-        self.starter, self.code = starter, None
-        self.pid = starter.ask({"start": arguments, "environment": environment})
+    def __init__(self, server: Child, arguments: list[str], environment: dict[str, str]) -> None:
+        self.server, self.code = server, None
+        self.pid = server.ask({"start": arguments, "environment": environment})
 
     def poll(self) -> int | None:
         """Give the exit code, if it has ended."""
         if self.code is None:
-            self.code = self.starter.ask({"ended": self.pid})
+            self.code = self.server.ask({"ended": self.pid})
         return self.code
 
     def wait(self) -> int:
@@ -84,27 +60,28 @@ class Kernel:
 class Provisioner(LocalProvisioner):
     """Lets Jupyter start its kernels so."""
 
-    starter: Starter
+    server: Child
 
     async def launch_kernel(self, cmd: list[str], **kwargs: Any) -> Any:
-        """Start a kernel; of its command, python -P -m kernel CONNECTION DESK, the last two."""
-        kernel: Any = Kernel(self.starter, cmd[4:6], kwargs["env"])
+        """Start a kernel; of its command, python -P -m kernel CONNECTION WORKDIR, the last two."""
+        kernel: Any = Kernel(self.server, cmd[4:6], kwargs["env"])
         self.process, self.pid = kernel, kernel.pid
         self.pgid = None
         return self.connection_info
 
 
-def serve(kernel: Callable[[list[str]], None]) -> None:
-    """Take orders until there are no more."""
-    for line in sys.stdin:
-        order = json.loads(line)
+def fork_kernels(kernel: Callable[[list[str]], None]) -> None:
+    """Take orders until there are no more: a kernel to be started, or one that may have ended."""
+
+    def answer(order: dict[str, Any]) -> int | None:
         if "ended" in order:
-            print(json.dumps(_ended(order["ended"])), flush=True)
-            continue
+            return _ended(order["ended"])
         child = os.fork()
         if not child:
             _become_a_kernel(order, kernel)
-        print(child, flush=True)
+        return child
+
+    serve(answer)
 
 
 def _ended(pid: int) -> int | None:
@@ -116,7 +93,7 @@ def _ended(pid: int) -> int | None:
 
 
 def _become_a_kernel(order: dict[str, Any], kernel: Callable[[list[str]], None]) -> None:
-    """Leave all that is the starter's, its pipes above all, and be a kernel."""
+    """Leave all that is the server's, its pipes above all, and be a kernel."""
     code = 1
     try:
         os.setsid()
