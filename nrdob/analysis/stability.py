@@ -97,7 +97,7 @@ class LoopStability:
 
     def __bool__(self) -> bool:
         """Whether the condition holds; ValueError if that cannot be told."""
-        return _known(self.stable, self.reason)
+        return _decided(self.stable, self.reason)
 
 
 @dataclass(frozen=True, repr=False)
@@ -124,7 +124,7 @@ class Stability:
 
     def __bool__(self) -> bool:
         """Whether the loop is stable; ValueError if that cannot be told."""
-        return _known(self.stable, self.reason)
+        return _decided(self.stable, self.reason)
 
     def certificate(
         self,
@@ -410,7 +410,7 @@ def _find(
     if hidden.size:
         pole = f"s = {written(hidden[0])} is an open-loop pole that cancels out of sight"
         told = f", of which {pole}{told}"
-    return _Finding(False, f"{_many(count)} in the right half plane{told}", ways)
+    return _Finding(False, f"{_so_many_roots(count)} in the right half plane{told}", ways)
 
 
 def _second_count(
@@ -437,11 +437,11 @@ def _beside_the_axis(p: QuasiPolynomial, reason: str, roots: ComplexArray) -> _F
     if not (by_turns and by_roots):
         return _Finding(None, reason)
     return _Finding(
-        False, f"{_many(by_turns)} in the right half plane, and {reason}", (TURNS, ROOTS)
+        False, f"{_so_many_roots(by_turns)} in the right half plane, and {reason}", (TURNS, ROOTS)
     )
 
 
-def _many(count: float) -> str:
+def _so_many_roots(count: float) -> str:
     return f"{count:g} {'root' if count == 1 else 'roots'}"
 
 
@@ -455,7 +455,7 @@ def _by(*parts: LoopStability) -> str:
     return first if first == second else f"p_A {first}, p_B {second}"
 
 
-def _known(stable: bool | None, reason: str) -> bool:
+def _decided(stable: bool | None, reason: str) -> bool:
     if stable is None:
         raise ValueError(
             f"neither stable nor unstable can be told: {reason}; ask for .stable, which is None"

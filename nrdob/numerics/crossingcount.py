@@ -25,7 +25,7 @@ import numpy as np
 from .arrays import FloatArray
 from .crossings import side, zeros
 from .exact import Whole, multiply, positive_sign_changes, rhp_count, squared_size, total, whole
-from .rootfinding import companion_roots, polynomial_roots
+from .rootfinding import companion_roots, frequencies_beside, polynomial_roots
 
 PER_TURN = 24
 """Frequencies to each turn of a dead time."""
@@ -150,12 +150,12 @@ def _frequencies(
     low = max(low, 1e-9 * high)
     step = tau / (PER_TURN * delay)
     count = min((high - low) / step, MAX_FREQUENCIES)
-    grids = [np.linspace(low, high, int(count) + 64), np.geomspace(low, high, 64)]
-    for root in np.concatenate([companion_roots(p) for p in polynomials]):
-        if root.imag > 0:
-            width = max(abs(root.real), 1e-12 * abs(root))
-            steps = np.geomspace(0.1 * width, abs(root), 60)
-            grids += [root.imag - steps, root.imag + steps]
+    roots = np.concatenate([companion_roots(p) for p in polynomials])
+    grids = [
+        np.linspace(low, high, int(count) + 64),
+        np.geomspace(low, high, 64),
+        *frequencies_beside(roots, 60),
+    ]
     omega = np.unique(np.concatenate(grids))
     return np.asarray(omega[(omega >= low) & (omega <= high)])
 

@@ -29,7 +29,7 @@ __all__ = [
     "Delayed",
     "companion_roots",
     "delay_roots",
-    "dominance_radius",
+    "frequencies_beside",
     "polynomial_roots",
     "value_and_slope",
 ]
@@ -126,18 +126,22 @@ def delay_roots(q: FloatArray, delayed: Delayed) -> ComplexArray:
         nodes = ceil(min(max(rightmost, nodes + 8), MAX_DELAY_NODES))
 
 
-def dominance_radius(ascending: FloatArray) -> float:
-    """Radius beyond which the last term exceeds the sum of the others (Fujiwara's bound).
+def frequencies_beside(roots: ComplexArray, count: int) -> list[FloatArray]:
+    """Frequencies in rad/s that become dense at roots near the imaginary axis.
 
     Parameters
     ----------
-    ascending : array of float
-        Coefficients in ascending powers, the last one 1.
+    roots : array of complex
+        The roots, of a pair that with a positive imaginary part.
+    count : int
+        How many frequencies there are on either side of each.
     """
-    n = ascending.size - 1
-    sizes = np.abs(ascending[:-1]).tolist()
-    bounds: list[float] = [size ** (1 / (n - k)) for k, size in enumerate(sizes)]
-    return 2.02 * max(bounds, default=0.0) or 2e-300
+    found = []
+    for root in roots[roots.imag > 0]:
+        width = max(abs(root.real), 1e-12 * abs(root))
+        steps = np.geomspace(0.1 * width, abs(root), count)
+        found.append(root.imag + np.concatenate([-steps, [0.0], steps]))
+    return found
 
 
 def _quadratic_roots(b: float, c: float) -> tuple[complex, complex]:
