@@ -6,11 +6,11 @@ nothing is (1). The checker is one file of the standard library, which also runs
 the characteristic functions from the blocks, in exact fractions, and trusts nothing else.
 """
 
-from .certificate import Certificate, certify
+from .certificate import Certificate, W, certify
 from .checker import check
 from .points import half_plane_points
 
-__all__ = ["Certificate", "certify", "check", "half_plane_points"]
+__all__ = ["Certificate", "W", "certify", "check", "half_plane_points"]
 
 
 def __dir__() -> list[str]:

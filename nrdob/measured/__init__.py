@@ -1,7 +1,7 @@
 """What was measured on a plant, and the process behind it."""
 
 from .identification import Candidate, Identification, identified, identify
-from .naming import Parameter
+from .parameters import Parameter
 from .records import Record, checked_record
 from .residuals import ResidualCheck
 from .structures import STRUCTURES, Structure

@@ -22,9 +22,9 @@ from ..digital import largest_sampling_time
 from ..loop import NRDOB
 from ..numerics import number, written
 from ..plotting import COLOURS, chart_plot, nyquist_plot
-from .page import Picture, Section, Table, picture
-from .resonances import resonance_warnings
-from .wording import character, formula, intervals, roots_listed
+from .formulas import character, formula, intervals, roots_listed
+from .html import Section, Table, picture
+from .resonances import CERTAIN, resonance_warnings
 
 __all__ = ["UNDECIDED", "Given", "sections_of"]
 
@@ -32,9 +32,6 @@ SMALL_GAIN_DB, SMALL_PHASE, LARGE_MS = 6.0, 30.0, 2.0
 """Margins below, and sensitivity above, which a loop is called near its limit."""
 
 UNDECIDED = "Whether the loop is stable could not be decided."
-
-CERTAIN = 0.02
-"""Relative error of a resonance that every plant has."""
 
 SPANS = (30.0, 10.0, 3.0)
 """How far a chart reaches below and above λ; less far where a dead time asks for too much."""
@@ -60,13 +57,7 @@ class Given:
 
 
 def sections_of(given: Given) -> Iterator[tuple[str, Callable[[], Section]]]:
-    """Give each section by its title, to be written one by one.
-
-    Parameters
-    ----------
-    given : Given
-        The loop.
-    """
+    """Give each section by its title, to be written one by one."""
     parts: tuple[tuple[str, Callable[[Given, str], Section]], ...] = (
         ("The loop", _blocks),
         ("Is it stable?", _verdict),
@@ -129,7 +120,7 @@ def _verdict(given: Given, title: str) -> Section:
     }[found.stable]
     alarms = () if found.stable else (f"{says} {found.reason}.",)
     caption = "All the feedback around the plant, L = K·G; the red cross is −1."
-    drawn = picture(nyquist_plot(given.loop.L), 1, caption)
+    drawn = picture(nyquist_plot(given.loop.L), caption)
     return Section(title, (says, f"{found.reason}."), (table,), (drawn,), (), alarms)
 
 
@@ -240,7 +231,7 @@ def _chart(given: Given, title: str) -> Section:
         "Number of unstable roots when the gain of the plant is not what it was, and for other "
         "filters; the red cross is this loop."
     )
-    return Section(title, (), (), (picture(figure, 2, caption),))
+    return Section(title, (), (), (picture(figure, caption),))
 
 
 def _charted(loop: NRDOB, filter: LowPassFilter) -> StabilityChart:
@@ -262,11 +253,10 @@ def _chart_within(loop: NRDOB, filter: LowPassFilter, span: float) -> StabilityC
 def _responses(given: Given, title: str) -> Section:
     if not given.loop.stability().stable:
         return Section(title, ("Responses are drawn of stable loops only.",))
-    drawn: list[Picture] = []
-    for k, (signal, caption) in enumerate(
-        (("y", "Output y after unit steps."), ("u", "Control signal u after unit steps."))
-    ):
-        drawn.append(picture(given.loop.plot_step(signal), 3 + k, caption))
+    drawn = tuple(
+        picture(given.loop.plot_step(signal), f"{name} {signal} after unit steps.")
+        for signal, name in (("y", "Output"), ("u", "Control signal"))
+    )
     words = []
     peak = given.loop.step_response("R").outputs
     words.append(
@@ -278,12 +268,10 @@ def _responses(given: Given, title: str) -> Section:
         words.append(
             "White noise of unit density on the sensor makes u wander with a standard deviation of "
             f"{number(float(np.sqrt(power)))}."
-            if isfinite(power)
-            else "White noise on the sensor reaches u without being filtered at high frequency."
         )
     except (ValueError, ArithmeticError) as error:
         words.append(f"What noise does to u: {error}.")
-    return Section(title, tuple(words), (), tuple(drawn))
+    return Section(title, tuple(words), (), drawn)
 
 
 def _sampled(given: Given, title: str) -> Section:

@@ -6,6 +6,7 @@ import contextlib
 import re
 import shlex
 import textwrap
+import tomllib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
@@ -25,7 +26,7 @@ import slides
 import teaching
 from nrdob.design import closedforms
 from nrdob_course.exercises import PROBLEMS
-from nrdob_course.exercises.problems import review
+from nrdob_course.exercises.reviewing import review
 from nrdob_course.grading import command as exercises
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -597,8 +598,10 @@ def test_new_seeds_can_be_set_as_the_page_says() -> None:
 # --- the example of a problem -------------------------------------------------------------------
 
 
-def test_the_example_of_a_new_problem_works() -> None:
-    [code] = [block for language, block in BLOCK.findall(PAGES["adding"]) if language == "python"]
+def test_the_example_of_a_new_problem_works(monkeypatch: pytest.MonkeyPatch) -> None:
+    blocks = dict(BLOCK.findall(PAGES["adding"]))
+    code, texts = blocks["python"], tomllib.loads(textwrap.dedent(blocks["toml"]))
+    monkeypatch.setattr("nrdob_course.exercises.problems.texts_of", {"7": texts}.get)
     space: dict[str, Any] = {"__name__": __name__}
     exec(textwrap.dedent(code), space)
     [problem] = space["PROBLEMS"]

@@ -166,10 +166,29 @@ def test_a_peak_that_sampling_makes_is_in_the_headline():
 
 @pytest.mark.slow
 def test_a_resonance_that_may_be_nowhere_else_is_the_headline():
-    found = nrdob.report(ct.tf([100], [1, 0.04, 100]))
+    process = ct.tf([100], [1, 0.04, 100])
+    found = nrdob.report(process, model=process, time_constant=0.0316, order=2)
     other = nrdob.NRDOB(ct.tf([96.04], [1, 0.0392, 96.04]), *blocks(found.loop))
     assert found.loop.stability().stable and not other.stability().stable
     assert found.verdict.startswith("With the process' resonance at 10 rad/s 2 % lower")
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.5])
+def test_a_proposal_does_not_rest_on_the_frequency_of_a_resonance(delay):
+    proposal = propose(nrdob.delay(delay) * ct.tf([1], [1, 0.02, 1]))
+    assert "the model does not resonate" in proposal.words[-1] and not proposal.warnings
+    for factor in (0.9, 0.98, 1.02, 1.1):
+        process = nrdob.delay(delay) * ct.tf([factor**2], [1, 0.02 * factor, factor**2])
+        assert nrdob.NRDOB(process, *blocks(proposal.loop)).stability().stable
+
+
+def test_a_proposal_is_tried_once_on_each_process(monkeypatch):
+    found, judged = slow_record(), []
+    margins = nrdob.NRDOB.margins
+    monkeypatch.setattr(nrdob.NRDOB, "margins", lambda self: judged.append(self) or margins(self))
+    proposal = propose(found, **MATCHED, time_constant=0.2)
+    tried = [loop for loop in judged if loop.filter is proposal.loop.filter]
+    assert len(proposal.trials) > 4 and len(tried) == len(proposal.trials)
 
 
 def blocks(loop):
@@ -257,7 +276,10 @@ def test_the_exit_status_tells_warnings_from_none(tmp_path, capsys):
     page = tmp_path / "out.html"
     code, said = run(capsys, "report", "--process", "exp(-s)/(10s+1)", "--output", page)
     assert code == 0 and "Warning" not in said.out
-    code, said = run(capsys, "report", "--process", "100/(s^2+0.04s+100)", "--output", page)
+    code, said = run(
+        capsys, "report", "--process", "100/(s^2+0.04s+100)", "--model", "100/(s^2+0.04s+100)",
+        "--time-constant", 0.0316, "--order", 2, "--output", page,
+    )  # fmt: skip
     assert code == 3 and said.out.startswith("With the process' resonance at 10 rad/s 2 % lower")
     code, said = run(capsys, "report", "--process", "exp(-2s)/(s-1)", "--output", page)
     assert code == 3 and said.out.startswith("No loop that works was found.")
@@ -279,7 +301,7 @@ def test_the_command_reads_columns_and_the_input_before(tmp_path, capsys):
     code, said = run(capsys, *asked, "--input-before", 0)
     assert code in (0, 3), said.err
     assert "Times are in ms; they were converted to seconds." in words(page.read_text("utf-8"))
-    assert "20 samples at rest stand before it" in words(page.read_text("utf-8"))
+    assert "Before it u is 0, as you say, and the plant at rest" in words(page.read_text("utf-8"))
 
 
 @pytest.mark.parametrize(
