@@ -96,7 +96,6 @@ E = {
 }  # fmt: skip
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("number", "reduced", "settings", "ms"),
     [
