@@ -3,7 +3,7 @@ r"""The loop on a processor: the process behind a hold, the observer as differen
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -15,7 +15,7 @@ from ..analysis import Margins, NoiseVariance
 from ..diagram import Fraction, LoopEquations, six_digits
 from ..numerics import FloatArray
 from .actuatorlimits import ActuatorLimits
-from .bilinear import held_blocks, held_in_w
+from .bilinear import held_blocks, held_in_w, process_in_w
 from .closedloop import ClosedLoop
 from .code import ControllerCode, controller_code
 from .controller import ModelDelay, SampledController, sampled_controller
@@ -117,7 +117,16 @@ class SampledLoop:
 
     @cached_property
     def _stability(self) -> SampledStability:
-        return sampled_stability(self.loop, self.blocks, self.p_B, self.process, self.controller)
+        return sampled_stability(
+            self.loop, self.blocks, self.p_B, self.process, self.controller, self._in_w
+        )
+
+    def _in_w(self) -> LoopEquations:
+        """Give the loop in the plane of w, its samples of dead time multiplied out."""
+        if self.model_delay:
+            raise ValueError("the model has a dead time, which is no fraction in w")
+        process = process_in_w(self.loop.process, self.dt, self.computation_delay)
+        return replace(self.blocks, process=process)
 
     def stability(self) -> SampledStability:
         """Judge the sampled loop by Lemma 1 on the unit circle, in two ways.

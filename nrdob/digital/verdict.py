@@ -10,6 +10,7 @@ two parts are of equal size (`nrdob.digital.delayedpair`).
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from math import nan
 from typing import Any, ClassVar
@@ -17,7 +18,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..analysis import LoopStability, Stability, judge, rhp_roots
-from ..certificates import Certificate
+from ..certificates import Certificate, W, certify
 from ..diagram import LoopEquations
 from ..numerics import ComplexArray, QuasiPolynomial
 from .closedloop import ClosedLoop
@@ -58,9 +59,12 @@ class SampledStability(Stability):
     eigenvalues : array of complex
         Of the whole loop from sample to sample, the largest first; none if there are so many that
         they are left out.
+    in_w : callable
+        Gives the loop in the plane of w, where the unit circle is the imaginary axis.
     """
 
     eigenvalues: ComplexArray = field(compare=False)
+    in_w: Callable[[], LoopEquations] = field(compare=False)
 
     _title: ClassVar[str] = "Sampled NR-DOB loop"
     _root: ClassVar[str] = "largest root z"
@@ -71,17 +75,47 @@ class SampledStability(Stability):
         known = [abs(part.rightmost) for part in (self.model_loop, self.observer_loop)]
         return float(np.fmax.reduce([nan, *np.abs(self.eigenvalues[:1]), *known]))
 
-    def certificate(self, **asked: Any) -> Certificate:
-        """Raise an ArithmeticError: certificates are of loops in continuous time.
+    def certificate(
+        self,
+        *,
+        gains: tuple[float, float] | None = None,
+        delays: tuple[float, float] | None = None,
+        time_constants: tuple[float, float] | None = None,
+        processes: Sequence[Any] = (),
+    ) -> Certificate:
+        """Prove the counts of roots, with the blocks in the plane of w = (2/dt) (z - 1)/(z + 1).
 
         Parameters
         ----------
-        **asked
-            As in continuous time.
+        gains : tuple of two float, optional
+            Lowest and highest factor of the process for which it is proved, too.
+        delays : tuple of two float, optional
+            Only of loops in continuous time.
+        time_constants : tuple of two float, optional
+            Smallest and largest time constant of a `LowPassFilter` that Tustin's rule samples.
+        processes : sequence of blocks
+            Only of loops in continuous time.
+
+        Returns
+        -------
+        Certificate
+            The process in it is behind its hold, with its samples of dead time multiplied out.
+
+        Raises
+        ------
+        ValueError
+            If delays or processes are given.
+        ArithmeticError
+            If there is none; the message says why.
         """
-        raise ArithmeticError(
-            "there is no certificate of a sampled loop: ask the verdict in continuous time"
-        )
+        if delays or processes:
+            raise ValueError("of a sampled loop only gains and time constants may be given")
+        counts = self.model_loop.closed_loop_rhp, self.observer_loop.closed_loop_rhp
+        try:
+            loop = self.in_w()
+        except ValueError as reason:
+            raise ArithmeticError(f"no certificate: {reason}") from reason
+        return certify(loop, counts, gains=gains, time_constants=time_constants, variable=W)
 
 
 def sampled_stability(
@@ -90,6 +124,7 @@ def sampled_stability(
     p_B: CircleFunction,
     process: HeldProcess,
     controller: SampledController,
+    in_w: Callable[[], LoopEquations],
 ) -> SampledStability:
     """Judge a sampled loop.
 
@@ -127,7 +162,7 @@ def sampled_stability(
         reason += f"; the eigenvalues of its {states} states are left out"
         reason += "" if way else ", and there is no other second way"
     observer_loop = replace(observer_loop, ways=ways)
-    return SampledStability(stable, reason, model_loop, observer_loop, loop, values)
+    return SampledStability(stable, reason, model_loop, observer_loop, loop, values, in_w)
 
 
 def _by_eigenvalues(

@@ -69,6 +69,7 @@ def drawn(seed):
     return sampled, limits, start, R, found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6))
 def test_c_and_python_do_what_the_simulation_does(seed):
     sampled, limits, start, R, expected = drawn(seed)
@@ -186,6 +187,7 @@ def test_a_c_without_an_integrator_goes_on_with_u_only_from_rest_and_says_so():
 BAD = [np.nan, np.inf, -np.inf]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dtype", ["double", "float"])
 @pytest.mark.parametrize("cc", COMPILERS)
 @pytest.mark.parametrize("seed", range(4))

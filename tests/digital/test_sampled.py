@@ -178,6 +178,7 @@ def drawn():
     return [campaign.draw(rng) for _ in range(25)]
 
 
+@pytest.mark.slow
 def test_verdicts_and_counts_are_those_of_brute_force():
     outcomes = [campaign.outcome(case) for case in drawn()]
     assert {each.split(",")[0] for each in outcomes} == {"stable", "not stable"}
@@ -262,6 +263,7 @@ def test_a_delayed_model_of_ten_thousand_samples_is_counted():
     assert "no other second way" in found.reason
 
 
+@pytest.mark.slow
 def test_without_eigenvalues_verdicts_and_counts_are_those_of_brute_force(monkeypatch):
     monkeypatch.setattr(verdict, "MOST_STATES", 0)
     monkeypatch.setattr(verdict, "MOST_ALONE", 0)
@@ -280,6 +282,7 @@ def test_a_model_with_an_integrator_is_built_without_it():
     assert kept.sampled(0.1).stability().stable is False
 
 
+@pytest.mark.slow
 def test_a_process_that_only_amplifies_is_a_closed_form():
     # K = F/(1 - F) = 1/s: z (z - 1) + dt (z + 1) = 0, whose roots have the product dt.
     loop = nrdob.NRDOB(ct.tf([2], [1]), ct.tf([1], [1]), 0.5 / s, nrdob.LowPassFilter(1.0, 1))
@@ -370,6 +373,7 @@ def test_where_the_sampled_controller_is_lost_under_zoh_is_a_closed_form():
         assert paper.example(2).sampled(dt, "zoh").stability().stable is (dt < 0.7)
 
 
+@pytest.mark.slow
 def test_the_end_in_dt_is_an_end_of_the_set_of_time_constants():
     loop = paper.example(3)
     dt = largest_sampling_time(loop)

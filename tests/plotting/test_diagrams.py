@@ -84,6 +84,7 @@ def test_a_model_that_waits_leaves_the_error_what_it_is_without_dead_time() -> N
     assert sp.simplify(solved["y"]["d"] - (1 - F * W) / (1 - F * W + F * G / Gm0)) == 0
 
 
+@pytest.mark.slow
 @each_diagram
 def test_the_equations_in_sympy_are_those_read_off_the_picture(draw: Callable[[], Diagram]) -> None:
     diagram = draw()

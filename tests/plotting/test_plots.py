@@ -150,6 +150,7 @@ TURNS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("which", "number", "modified"), TURNS)
 def test_nyquist_alt_text_counts_the_turns(which: str, number: int, modified: bool) -> None:
     figure = paper.example(number, modified).plot_nyquist(which)
@@ -240,6 +241,7 @@ def test_the_curve_is_smooth() -> None:
     assert off.max() < 2e-3 * curve.size
 
 
+@pytest.mark.slow
 def test_a_plot_much_larger_than_one_gets_an_inset() -> None:
     loop = paper.example(3)
     assert len(loop.plot_nyquist("L").axes[0, 0].child_axes) == 1
