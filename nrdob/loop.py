@@ -106,7 +106,6 @@ class NRDOB(LoopEquations):
         dt: float,
         method: str = "tustin",
         computation_delay: float = 0.0,
-        prewarp: float | None = None,
     ) -> SampledLoop:
         """Put the controller on a processor: see `nrdob.digital.SampledLoop`.
 
@@ -121,8 +120,6 @@ class NRDOB(LoopEquations):
             How the blocks are sampled.
         computation_delay : float
             Time from reading y to writing u, in seconds.
-        prewarp : float, optional
-            Frequency in rad/s at which Tustin's rule is exact.
 
         Returns
         -------
@@ -130,14 +127,13 @@ class NRDOB(LoopEquations):
             With `stability()`, `margins()`, `step_response()` and the difference equations,
             `.controller`.
         """
-        return SampledLoop(self, dt, method, computation_delay, prewarp)
+        return SampledLoop(self, dt, method, computation_delay)
 
     def plot_nyquist(
         self,
         which: str = "FH",
         *,
         point: float = -1.0,
-        zoom: float | None = None,
         title: str = "",
         ax: Any = None,
     ) -> Figure:
@@ -149,8 +145,6 @@ class NRDOB(LoopEquations):
             Attribute that holds the map, as "FH", "CGm" or "L".
         point : float
             Point of the real axis to turn around.
-        zoom : float, optional
-            Half-width of an inset around the point; 0 for none.
         title : str
             Heading, which also enters the alt text.
         ax : matplotlib Axes, optional
@@ -167,7 +161,7 @@ class NRDOB(LoopEquations):
         verdicts = self._stability
         known = {"CGm": verdicts.model_loop, self.condition_ii.name: verdicts.observer_loop}
         verdict = known.get(which) if point == -1 else None
-        return nyquist_plot(quotient, verdict=verdict, point=point, zoom=zoom, title=title, ax=ax)
+        return nyquist_plot(quotient, verdict=verdict, point=point, title=title, ax=ax)
 
     def plot_bode(
         self,
@@ -239,25 +233,6 @@ class NRDOB(LoopEquations):
         return step_plot(
             self, signal=signal, compare=compare, timepts=timepts, title=title, axes=axes
         )
-
-    def plot_roots(self, *, title: str = "", ax: Any = None) -> Figure:
-        """Draw the roots of p_A and p_B: see `nrdob.plotting.roots_plot`.
-
-        Parameters
-        ----------
-        title : str
-            Heading, which also enters the alt text.
-        ax : matplotlib Axes, optional
-            Where to draw.
-
-        Returns
-        -------
-        Figure
-            With `.lines`, `.axes`, `.figure` and `.alt`.
-        """
-        from .plotting import roots_plot
-
-        return roots_plot(self, title=title, ax=ax)
 
     def _map(self, name: str) -> Quotient:
         if name not in MAPS:

@@ -12,6 +12,7 @@ from .rootfinding import companion_roots, polynomial_roots
 from .sharedfactor import Shared, factor_near, shared_factor, without_shared_factor
 from .stretches import ManyTerms
 from .timescales import Block, impulse_states, roots_by_time_scale, split
+from .transition import transition
 from .writing import number, written
 
 __all__ = [
@@ -48,6 +49,7 @@ __all__ = [
     "shared_factor",
     "side",
     "split",
+    "transition",
     "unstable_roots",
     "values_and_slopes",
     "values_on_axis",

@@ -53,6 +53,7 @@ def adaptive_argument_count(loop, integrators=0):
 # Verdicts.
 
 
+@pytest.mark.slow
 def test_random_verdicts_are_those_of_an_independent_count():
     rng = np.random.default_rng(11)
     seen = set()
@@ -322,6 +323,7 @@ def test_two_integrators_take_a_filter_that_leads_by_the_dead_time():
     assert usual.stable is False and "interpolating_filter" in usual.reason
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("leak", "theta", "input", "t"),
     [

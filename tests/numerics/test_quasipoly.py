@@ -84,6 +84,7 @@ def test_rightmost_root_is_the_lambert_w_function():
     ] == pytest.approx(np.conj(lambertw(-1.2 * 0.7) / 0.7), rel=1e-12)
 
 
+@pytest.mark.slow
 @given(
     st.integers(1, 5).flatmap(lambda n: root_sets(n)),
     st.integers(0, 4).flatmap(lambda n: root_sets(n)),
