@@ -52,7 +52,6 @@ from .measured import identify, read_data
 from .sampling import random_loop
 from .uncertain import (
     delay_intervals,
-    design_filter_for,
     family,
     fit_weight,
     gain_intervals,
@@ -93,7 +92,7 @@ __all__ = [  # noqa: RUF022  (by topic: the contents of the package)
     "adrc_stabilizing_bandwidths", "adrc_stabilizing_gains", "adrc_chart",
     # Will it survive the real plant?
     "family", "sweep", "gain_intervals", "delay_intervals", "largest_box",
-    "fit_weight", "small_gain", "design_filter_for",
+    "fit_weight", "small_gain",
     # Loops to try things on: the paper's, some with a name, random ones.
     "paper", "plants", "random_loop",
 ]  # fmt: skip

@@ -47,7 +47,7 @@ from ..design import (
     stabilizing_gains,
     stabilizing_time_constants,
 )
-from ..diagram import DelayedTransferFunction, FilterFamily, as_fraction, filter_family, real_number
+from ..diagram import FilterFamily, as_fraction, filter_family, real_number, undelayed
 from ..loop import NRDOB
 from ..numerics import FloatArray
 
@@ -304,8 +304,7 @@ def high_frequency_gain(process: Any) -> tuple[int, float]:
     process : as for `nrdob.NRDOB`
         The process G.
     """
-    undelayed = process.tf if isinstance(process, DelayedTransferFunction) else process
-    G = as_fraction(undelayed, "process")
+    G = as_fraction(undelayed(process), "process")
     return G.relative_degree, float(G.num[0] / G.den[0])
 
 

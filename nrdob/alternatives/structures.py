@@ -27,7 +27,7 @@ import control as ct
 import numpy as np
 
 from ..design import observer_form
-from ..diagram import DelayedTransferFunction, as_fraction, filter_fraction
+from ..diagram import as_fraction, filter_fraction, undelayed
 from ..loop import NRDOB
 from ..numerics import QuasiPolynomial, add, count_rhp, written
 
@@ -64,11 +64,11 @@ def controller_alone(process: Any, model: Any, controller: Any) -> NRDOB:
     >>> loop.p_B.q.round(6).tolist()                    # s (s + 2) + 2 (s + 3), times a constant
     [0.333333, 1.333333, 2.0]
     """
-    undelayed = _undelayed(model)
-    found = observer_form(controller, undelayed)
+    prompt = undelayed(model)
+    found = observer_form(controller, prompt)
     if not found:
         raise ValueError(f"C alone cannot be written as an observer: {found.reason}")
-    return NRDOB(process, undelayed, controller, found.F)
+    return NRDOB(process, prompt, controller, found.F)
 
 
 def conventional_observer(process: Any, model: Any, controller: Any, filter: Any) -> NRDOB:
@@ -98,8 +98,8 @@ def conventional_observer(process: Any, model: Any, controller: Any, filter: Any
     >>> loop.p_B.roots.real.round(6).tolist()           # of F, and of C·model
     [-2.0, -3.0]
     """
-    undelayed = _undelayed(model)
-    Gm, C = as_fraction(undelayed, "model"), as_fraction(controller, "controller")
+    prompt = undelayed(model)
+    Gm, C = as_fraction(prompt, "model"), as_fraction(controller, "controller")
     F = filter_fraction(filter)
     opened, closing = np.convolve(C.den, Gm.den), np.convolve(C.num, Gm.num)
     p_A = QuasiPolynomial(add(opened, closing), scale=add(np.abs(opened), np.abs(closing)))
@@ -109,8 +109,4 @@ def conventional_observer(process: Any, model: Any, controller: Any, filter: Any
             "change C"
         )
     num = add(np.convolve(F.num, opened), np.convolve(F.den, closing))
-    return NRDOB(process, undelayed, controller, ct.tf(num, np.convolve(F.den, p_A.q)))
-
-
-def _undelayed(model: Any) -> Any:
-    return model.tf if isinstance(model, DelayedTransferFunction) else model
+    return NRDOB(process, prompt, controller, ct.tf(num, np.convolve(F.den, p_A.q)))

@@ -12,6 +12,7 @@ from .closedforms import (
     smallest_for_rhp_zero,
 )
 from .controllers import design_controller
+from .fastest import design_filter
 from .gains import critical_gains, stabilizing_gains
 from .limits import (
     Answer,
@@ -23,9 +24,8 @@ from .limits import (
 )
 from .mismatch import Mismatch
 from .models import ModelCandidate, suggest_model
-from .prices import peak_gain, step_peak
-from .search import admissible_time_constants, design_filter
-from .slack import UNSTABLE, Specification
+from .peaks import peak_gain, step_peak
+from .search import Bracket, admissible_time_constants, solved
 from .timeconstants import (
     CriticalTimeConstant,
     critical_time_constants,
@@ -37,16 +37,15 @@ from .timeconstants import (
 from .youla import ObserverForm, observer_form, stable_model_exists
 
 __all__ = [
-    "UNSTABLE",
     "Answer",
     "Axis",
     "Border",
+    "Bracket",
     "CriticalTimeConstant",
     "Mismatch",
     "ModelCandidate",
     "ObserverForm",
     "Region",
-    "Specification",
     "StabilityChart",
     "admissible_time_constants",
     "closedforms",
@@ -67,6 +66,7 @@ __all__ = [
     "smallest_for_delay",
     "smallest_for_double_lag",
     "smallest_for_rhp_zero",
+    "solved",
     "stability_chart",
     "stabilizing_filter_exists",
     "stabilizing_gains",

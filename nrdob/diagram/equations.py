@@ -121,7 +121,7 @@ from ..numerics import (
     unstable_roots,
 )
 from .blocks import Fraction, as_fraction, nonzero
-from .delay import DelayedTransferFunction
+from .delay import dead_time, undelayed
 from .filters import filter_fraction
 from .quotient import Quotient
 
@@ -197,7 +197,7 @@ class _ObserverMaps:
     @cached_property
     def _observer_fractions(self) -> ObserverFractions:
         G, Gm = (
-            nonzero(as_fraction(_undelayed(block), name), name)
+            nonzero(as_fraction(undelayed(block), name), name)
             for block, name in ((self.process, "process"), (self.model, "model"))
         )
         F = filter_fraction(self.filter)
@@ -212,12 +212,12 @@ class _ObserverMaps:
     @property
     def delay(self) -> float:
         """Dead time θ of the process, in seconds."""
-        return _dead_time(self.process)
+        return dead_time(self.process)
 
     @property
     def model_delay(self) -> float:
         """Dead time θm of the model, in seconds; θ where only rounding keeps them apart."""
-        found = _dead_time(self.model)
+        found = dead_time(self.model)
         return self.delay if abs(found - self.delay) <= SAME_DELAY * found else found
 
     @cached_property
@@ -458,7 +458,7 @@ class LoopEquations(_ObserverMaps):
     keep_factors: bool = False
 
     def __post_init__(self) -> None:
-        if delay := _dead_time(self.controller):
+        if delay := dead_time(self.controller):
             raise TypeError(
                 f"controller has a dead time of {delay:g} s; only the process and the model may "
                 "have one: leave the dead time out"
@@ -545,14 +545,6 @@ def _zeros_of_difference(den: FloatArray, num: FloatArray, delay: float) -> int:
     difference = ahead - np.convolve(behind, taylor)[:n]
     sizes = np.abs(ahead) + np.convolve(np.abs(behind), np.abs(taylor))[:n]
     return int(np.argmax(np.append(np.abs(difference) > TYPED_IN * sizes, True)))
-
-
-def _undelayed(block: Any) -> Any:
-    return block.tf if isinstance(block, DelayedTransferFunction) else block
-
-
-def _dead_time(block: Any) -> float:
-    return block.delay if isinstance(block, DelayedTransferFunction) else 0.0
 
 
 def _sum_of_products(

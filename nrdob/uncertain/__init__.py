@@ -1,6 +1,5 @@
 """Will it survive the real plant? Families of plants, and whole families judged at once."""
 
-from .designing import design_filter_for
 from .exactly import Box, delay_intervals, gain_intervals, largest_box
 from .family import Family, family
 from .farm import SweepStopped
@@ -20,7 +19,6 @@ __all__ = [
     "SweepTable",
     "conservatism",
     "delay_intervals",
-    "design_filter_for",
     "family",
     "fit_weight",
     "gain_intervals",

@@ -16,10 +16,13 @@ from typing import Any
 
 import numpy as np
 
-from ..diagram import DelayedTransferFunction, as_fraction, nonzero
+from ..analysis import judge_observer, quotient_margins
+from ..diagram import DelayedTransferFunction, ObserverEquations, as_fraction, nonzero
 from ..numerics import FloatArray, convolved
 from .draws import BLOCK, Grid, Samples, read_fit, read_grid, read_range
+from .manymargins import many_margins
 from .plants import Moving, Plants, moving
+from .verdicts import SLAB, Feedback
 
 __all__ = ["Family", "family"]
 
@@ -106,6 +109,26 @@ class Family:
         if "delay" in drawn:
             delay = delay + drawn["delay"]
         return Plants(num, den, delay), problems
+
+    def peaks(self, model: Any, filter: Any) -> FloatArray:
+        """Ms of the plant loop of every member.
+
+        Parameters
+        ----------
+        model, filter : as for `nrdob.NRDOB`
+            G̃ and F.
+
+        Returns
+        -------
+        (n,) array of float
+            inf where the loop is not known to be stable.
+        """
+        feedback = Feedback(ObserverEquations(self.process, model, filter))
+        found = [
+            _peaks(self.plants(self.drawn.block(k))[0], feedback, model, filter)
+            for k in range(self.blocks)
+        ]
+        return np.concatenate(found)
 
     @property
     def delay(self) -> float:
@@ -251,6 +274,24 @@ def family(
     else:
         drawn = Samples(ranges, known, _whole(samples, "samples", 1), _whole(seed, "seed", 0))
     return Family(process, drawn, parameters)
+
+
+def _peaks(plants: Plants, feedback: Feedback, model: Any, filter: Any) -> FloatArray:
+    """Ms of many plants together, and one by one of those that are too close to call."""
+    ms = np.full(plants.delay.size, np.nan)
+    for chosen, few in plants.groups():
+        stable, unstable = feedback.verdicts(few)
+        ms[chosen[unstable]] = np.inf
+        here = np.flatnonzero(stable)
+        for first in range(0, here.size, SLAB):
+            part = here[first : first + SLAB]
+            found, trusted = many_margins(feedback, few.of(part))
+            ms[chosen[part]] = np.where(trusted, found["ms"], np.nan)
+    for k in np.flatnonzero(np.isnan(ms)).tolist():
+        loop = ObserverEquations(plants.plant(k), model, filter)
+        stable_one = judge_observer(loop.process, model, filter).stable
+        ms[k] = quotient_margins(loop.L, True).ms if stable_one else np.inf
+    return ms
 
 
 def _rational(process: Any) -> Any:

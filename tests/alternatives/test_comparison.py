@@ -1,6 +1,5 @@
 """The table: the same limits for all, every number as its own function gives it, no row raises."""
 
-import csv
 from functools import cache
 from math import inf, isnan, sqrt
 
@@ -116,16 +115,10 @@ def test_a_changed_plant_that_is_lost_is_lost_in_the_table():
     assert "lost" in repr(found)
 
 
-def test_the_table_prints_and_is_written(tmp_path):
+def test_the_table_prints_and_is_written():
     _, found = examples(4)
     assert repr(found).splitlines()[0].split()[:2] == ["tuning", "Ms"]
     assert "<table>" in found._repr_html_() and "Ms, modified" in found._repr_html_()
-    path = tmp_path / "table.csv"
-    found.to_csv(path)
-    rows = list(csv.DictReader(path.open(encoding="utf-8")))
-    assert [row["name"] for row in rows] == [row.name for row in found.rows]
-    assert float(rows[0]["ms"]) == found.rows[0].ms
-    assert float(rows[0]["modified"]) == found.rows[0].changed["modified"]
     with pytest.raises(ValueError, match="there is no column 'cost'; choose one of"):
         found.column("cost")
     with pytest.raises(KeyError, match="there is no scheme 'MPC'"):
