@@ -17,9 +17,14 @@ from typing import Any
 import numpy as np
 
 from ..analysis import noise_variance, quotient_margins
-from ..deadtime import dead_time_observer
 from ..design import Bracket, solved
-from ..diagram import LowPassFilter, as_fraction, real_number, undelayed
+from ..diagram import (
+    DelayedTransferFunction,
+    LowPassFilter,
+    as_fraction,
+    real_number,
+    undelayed,
+)
 from ..loop import NRDOB
 from ..numerics import QuasiPolynomial, count_rhp
 from .adrc import high_frequency_gain, linear_adrc
@@ -171,9 +176,8 @@ def candidates(
         ),
     }
     if probe.delay:
-        observers["Smith predictor"] = lambda x: dead_time_observer(
-            process, model, controller, filter(x)
-        )
+        delayed = model if probe.model_delay else DelayedTransferFunction(model, probe.delay)
+        observers["Smith predictor"] = lambda x: NRDOB(process, delayed, controller, filter(x))
     rules = {"PI": partial(simc_pi, process), "PID": partial(simc_pid, process)}
     timed = {
         name: Scheme(parameter, "s", build, 1 / fastest, 1 / slowest, band)
@@ -235,7 +239,7 @@ def tune(
     if not isinstance(candidate, Scheme):
         raise TypeError(
             f"candidate is a {type(candidate).__name__}; give one of "
-            "nrdob.candidates(process, model, controller)"
+            "nrdob.alternatives.candidates(process, model, controller)"
         )
     checked_limits(max_ms, max_noise)
     refusals: list[str] = []

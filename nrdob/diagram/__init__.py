@@ -37,3 +37,7 @@ __all__ = [
     "six_digits",
     "undelayed",
 ]
+
+
+def __dir__() -> list[str]:
+    return __all__

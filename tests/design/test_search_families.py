@@ -50,7 +50,9 @@ def test_the_filter_for_a_model_that_waits_just_meets_the_specification(filters)
     best = design_filter(example.process, model, order=filters, max_ms=1.6)
 
     def meets(F):
-        return nrdob.NRDOB(example.process, model, 0.0, F).margins().plant_loop.ms <= 1.6 * (1 + 1e-12)
+        return nrdob.NRDOB(example.process, model, 0.0, F).margins().plant_loop.ms <= 1.6 * (
+            1 + 1e-12
+        )
 
     family = nrdob.filter_family("binomial", 3) if filters == 3 else filters
     assert meets(best) and meets(family.at(low)) and meets(family.at(3 * low))
