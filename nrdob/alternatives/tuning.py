@@ -31,7 +31,7 @@ from .adrc import high_frequency_gain, linear_adrc
 from .simc import half_rule, simc_pi, simc_pid
 from .structures import controller_alone, conventional_observer
 
-__all__ = ["Scheme", "Tuned", "candidates", "tune"]
+__all__ = ["Scheme", "Tuned", "candidates", "checked_limits", "tune"]
 
 PER_DECADE = 6
 """Values of the parameter tried in a decade."""

@@ -1,4 +1,4 @@
-r"""Plants whose coefficients lie in intervals: Kharitonov's polynomials, and edges.
+r"""PlantBatch whose coefficients lie in intervals: Kharitonov's polynomials, and edges.
 
 At each frequency the values of an interval polynomial fill a rectangle, whose corners are those of
 Kharitonov's four polynomials. Two tests follow, of which the second is exact:
@@ -29,8 +29,8 @@ import numpy as np
 
 from ..loop import NRDOB
 from ..numerics import ROUNDING, FloatArray, add, hurwitz
-from .draws import Interval
-from .verdicts import Feedback
+from .batchstability import Feedback
+from .distributions import Interval
 
 __all__ = ["IntervalShares", "interval_plants"]
 

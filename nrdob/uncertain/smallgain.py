@@ -25,7 +25,7 @@ from ..design import peak_gain
 from ..diagram import Quotient, as_fraction
 from ..loop import NRDOB
 from ..numerics import FloatArray, QuasiPolynomial
-from .exactly import largest_box
+from .boxes import largest_box
 
 __all__ = ["Conservatism", "SmallGain", "conservatism", "fit_weight", "small_gain"]
 
@@ -82,7 +82,7 @@ def fit_weight(
     ----------
     process : as for `nrdob.NRDOB`
         The nominal plant G.
-    plants : iterable of such, or Family
+    plants : iterable of such, or PlantFamily
         The others; of a family the first 500 members.
     omega : (N,) array of float
         Frequencies at which W holds them, in rad/s; increasing, positive.

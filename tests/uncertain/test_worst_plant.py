@@ -20,7 +20,7 @@ def worst_ms(plants, loop, filter):
 @pytest.mark.parametrize("number", [2, 4])
 def test_the_worst_member_meets_the_specification_and_with_a_faster_filter_it_does_not(number):
     loop = paper.example(number)
-    plants = nrdob.family(loop.process, gain=(0.8, 1.2), lag=(0.0, 0.02), samples=100)
+    plants = nrdob.plant_family(loop.process, gain=(0.8, 1.2), lag=(0.0, 0.02), samples=100)
     F = nrdob.design_filter(plants, loop.model, order=loop.filter.order, max_ms=1.7)
     assert worst_ms(plants, loop, F) == pytest.approx(1.7, rel=1e-5)
     assert worst_ms(plants, loop, LowPassFilter(0.99 * F.time_constant, F.order)) > 1.7
@@ -30,7 +30,7 @@ def test_the_worst_member_meets_the_specification_and_with_a_faster_filter_it_do
 
 def test_what_is_met_however_fast_is_left_to_the_noise():
     loop = paper.example(3)
-    plants = nrdob.family(loop.process, gain=(0.8, 1.2), samples=20)
+    plants = nrdob.plant_family(loop.process, gain=(0.8, 1.2), samples=20)
     with pytest.raises(ValueError, match="however fast"):
         nrdob.design_filter(plants, loop.model, order=2, max_ms=1.7)
 

@@ -22,10 +22,10 @@ import numpy as np
 
 from ..analysis import resolved_frequencies
 from ..design import critical_gains
-from ..diagram import DelayedTransferFunction, as_fraction
+from ..diagram import DelayedTransferFunction, as_fraction, undelayed
 from ..loop import NRDOB
 from ..numerics import BoolArray, ComplexArray, FloatArray, bisect, golden, side
-from .draws import Interval, read_range
+from .distributions import Interval, read_range
 
 __all__ = ["Box", "delay_intervals", "gain_intervals", "largest_box"]
 
@@ -99,15 +99,15 @@ def gain_intervals(loop: NRDOB, low: float, high: float) -> list[tuple[float, fl
     >>> [(round(a, 6), round(b, 6)) for a, b in gain_intervals(loop, 0.1, 20)]
     [(0.1, 9.0)]
     """
-    range = _positive("gain", (low, high))
-    return _stable_between(range, _critical_gains(loop, range), lambda gain: _with(loop, gain=gain))
+    span = _positive("gain", (low, high))
+    return _stable_between(span, _critical_gains(loop, span), lambda gain: _with(loop, gain=gain))
 
 
-def _critical_gains(loop: NRDOB, range: Interval) -> list[float]:
+def _critical_gains(loop: NRDOB, span: Interval) -> list[float]:
     # With the largest gain all frequencies count at which a smaller one is critical.
-    largest = _with(loop, gain=range.high)
+    largest = _with(loop, gain=span.high)
     found = critical_gains(largest.L, largest.margins().plant_loop.phase_crossovers)
-    return [range.high * gain for gain in found.tolist()]
+    return [span.high * gain for gain in found.tolist()]
 
 
 def delay_intervals(loop: NRDOB, low: float, high: float) -> list[tuple[float, float]]:
@@ -140,18 +140,18 @@ def delay_intervals(loop: NRDOB, low: float, high: float) -> list[tuple[float, f
     >>> [(a, round(b, 6)) for a, b in delay_intervals(loop, 0, 1)]             # up to λπ/2
     [(0.0, 0.314159)]
     """
-    range = _interval("delay", (low, high))
-    if loop.delay + range.low < 0:
+    span = _interval("delay", (low, high))
+    if loop.delay + span.low < 0:
         raise ValueError(
             f"low is {low:g} s, and the process has a dead time of {loop.delay:g} s: nothing "
             "predicts the future; give a larger one"
         )
     return _stable_between(
-        range, _critical_delays(loop, range), lambda delay: _with(loop, delay=delay)
+        span, _critical_delays(loop, span), lambda delay: _with(loop, delay=delay)
     )
 
 
-def _critical_delays(loop: NRDOB, range: Interval) -> list[float]:
+def _critical_delays(loop: NRDOB, span: Interval) -> list[float]:
     """Dead times at which a pair of roots crosses, up to where no more can be stable.
 
     Whatever the dead time, the pair at a gain crossover goes right where the gain falls, and left
@@ -166,14 +166,14 @@ def _critical_delays(loop: NRDOB, range: Interval) -> list[float]:
     beside = np.concatenate([omega[:1] / 2, between, 2 * omega[-1:]])
     above = np.abs(loop.L(1j * beside)) > 1
     rate = float(((above[:-1] * 1.0 - above[1:]) / turn).sum())
-    last = range.high
-    if rate > 0:  # up to t after range.low a pair crosses t/turn times, or one more or less
-        last = min(last, range.low + omega.size / rate)
+    last = span.high
+    if rate > 0:  # up to t after span.low a pair crosses t/turn times, or one more or less
+        last = min(last, span.low + omega.size / rate)
     return [
         float(tau)
         for start, each in zip(first, turn, strict=True)
         for tau in start
-        + each * np.arange(np.floor((range.low - start) / each), (last - start) / each + 1)
+        + each * np.arange(np.floor((span.low - start) / each), (last - start) / each + 1)
     ]
 
 
@@ -192,11 +192,11 @@ def _critical_lags(loop: NRDOB, _: Interval) -> list[float]:
 
 
 def _stable_between(
-    range: Interval, critical: Iterable[float], loop_at: Any
+    span: Interval, critical: Iterable[float], loop_at: Any
 ) -> list[tuple[float, float]]:
     """Judge one loop between every two critical values, and join what is stable."""
-    inner = sorted({value for value in critical if range.low < value < range.high})
-    ends = [range.low, *inner, range.high]
+    inner = sorted({value for value in critical if span.low < value < span.high})
+    ends = [span.low, *inner, span.high]
     found: list[tuple[float, float]] = []
     for low, high in pairwise(ends):
         if high - low <= 1e-9 * max(abs(low), abs(high)):  # two crossings at the same value
@@ -447,9 +447,7 @@ def _lost(L: ComplexArray, omega: float, sides: dict[str, tuple[float, float]]) 
 
 def _with(loop: NRDOB, *, gain: float = 1.0, delay: float = 0.0) -> NRDOB:
     """Return the loop with another plant."""
-    process = loop.process
-    rational = process.tf if isinstance(process, DelayedTransferFunction) else process
-    num, den = as_fraction(rational, "process")
+    num, den = as_fraction(undelayed(loop.process), "process")
     total = loop.delay + delay
     plant = DelayedTransferFunction((gain * num, den), total) if total else (gain * num, den)
     return NRDOB(plant, loop.model, loop.controller, loop.filter, loop.keep_factors)

@@ -30,10 +30,10 @@ from ..numerics import (
     values_on_axis,
     zero_free,
 )
-from .plants import Plants
-from .verdicts import Feedback
+from .batch import PlantBatch
+from .batchstability import Feedback
 
-__all__ = ["MARGINS", "many_margins"]
+__all__ = ["MARGINS", "batch_margins"]
 
 MARGINS = ("ms", "gm", "pm", "delay_margin")
 """Margins of L that are found here, by the names they have in `nrdob.analysis.Margins`."""
@@ -66,14 +66,16 @@ WITHIN = 1e-10
 """How well a frequency is to be known, relatively."""
 
 
-def many_margins(feedback: Feedback, plants: Plants) -> tuple[dict[str, FloatArray], BoolArray]:
+def batch_margins(
+    feedback: Feedback, plants: PlantBatch
+) -> tuple[dict[str, FloatArray], BoolArray]:
     """Compute the margins of loops that are known to be stable.
 
     Parameters
     ----------
     feedback : Feedback
         All the feedback there is.
-    plants : Plants
+    plants : PlantBatch
         Of the same degrees, all with dead time or none.
 
     Returns
@@ -188,7 +190,7 @@ class _Ends(NamedTuple):
 class _Loops:
     """Plant loops on the imaginary axis."""
 
-    def __init__(self, feedback: Feedback, plants: Plants) -> None:
+    def __init__(self, feedback: Feedback, plants: PlantBatch) -> None:
         self.feedback, self.plants = feedback, plants
         self.count = plants.delay.size
         self.late = bool(plants.delay.any())
@@ -207,14 +209,14 @@ class _Loops:
             found.append((terms, p.scale[:, None]))
         return [factor for factor in found if factor[1].shape[0] > 1]
 
-    def gain(self, omega: FloatArray, of: Plants) -> ComplexArray:
+    def gain(self, omega: FloatArray, of: PlantBatch) -> ComplexArray:
         """Evaluate L(jω) of plants whose columns broadcast with the frequencies."""
         value = values_on_axis(of.num, omega) / values_on_axis(of.den, omega)
         if self.late:
             value = value * np.exp(-1j * (of.delay * omega))
         return np.asarray(value * self.feedback.gain(omega))
 
-    def motion(self, omega: FloatArray, of: Plants) -> _Motion:
+    def motion(self, omega: FloatArray, of: PlantBatch) -> _Motion:
         """Evaluate L(jω) and how it moves."""
         d, dd = values_and_slopes(of.den, omega)
         n, dn = values_and_slopes(of.num, omega)
@@ -226,10 +228,10 @@ class _Loops:
         gain, its_slope = self.feedback.gain_and_slope(omega)
         return _Motion(value * gain, 1j * omega * (slope + its_slope))
 
-    def across(self) -> Plants:
+    def across(self) -> PlantBatch:
         """Return the plants with an axis for frequencies."""
         num, den, delay = self.plants
-        return Plants(num[:, :, None], den[:, :, None], delay[:, None])
+        return PlantBatch(num[:, :, None], den[:, :, None], delay[:, None])
 
 
 def _frequencies(loops: _Loops) -> tuple[FloatArray, BoolArray, _Stretches, BoolArray]:
@@ -376,28 +378,28 @@ def _nears(
     return np.asarray(turns & (np.abs(value) < 2 * width * np.abs(slope)))
 
 
-At = Callable[[_Loops, FloatArray, Plants], FloatArray]
+At = Callable[[_Loops, FloatArray, PlantBatch], FloatArray]
 
 
-def _size_at(loops: _Loops, omega: FloatArray, of: Plants) -> FloatArray:
+def _size_at(loops: _Loops, omega: FloatArray, of: PlantBatch) -> FloatArray:
     return np.log(np.abs(loops.gain(omega, of)))
 
 
-def _side_at(loops: _Loops, omega: FloatArray, of: Plants) -> FloatArray:
+def _side_at(loops: _Loops, omega: FloatArray, of: PlantBatch) -> FloatArray:
     L = loops.gain(omega, of)
     return np.asarray(L.imag / np.abs(L))
 
 
-def _retreat_at(loops: _Loops, omega: FloatArray, of: Plants) -> FloatArray:
+def _retreat_at(loops: _Loops, omega: FloatArray, of: PlantBatch) -> FloatArray:
     motion = loops.motion(omega, of)
     return np.asarray(motion.retreat / motion.distance)
 
 
-def _size_slope(loops: _Loops, omega: FloatArray, of: Plants) -> FloatArray:
+def _size_slope(loops: _Loops, omega: FloatArray, of: PlantBatch) -> FloatArray:
     return np.asarray(loops.motion(omega, of).slope.real)
 
 
-def _side_slope(loops: _Loops, omega: FloatArray, of: Plants) -> FloatArray:
+def _side_slope(loops: _Loops, omega: FloatArray, of: PlantBatch) -> FloatArray:
     return np.asarray(loops.motion(omega, of).slope.imag)
 
 

@@ -10,10 +10,10 @@ from __future__ import annotations
 import numpy as np
 
 from ..numerics import BoolArray, ComplexArray, FloatArray, convolved
-from .plants import Plants
-from .verdicts import Feedback
+from .batch import PlantBatch
+from .batchstability import Feedback
 
-__all__ = ["many_peaks"]
+__all__ = ["batch_peaks"]
 
 SWINGS = {0.3: 2, 0.1: 12, 0.03: 40, 0.01: 120}
 """Over how many turns of every mode y is looked at, by the damping ratio that no mode falls below;
@@ -32,14 +32,14 @@ NEAR_PEAK, ACROSS, ZOOMS = 0.9, 9, 8
 """Share of the largest value from which a peak is looked at; at how many points, how often."""
 
 
-def many_peaks(feedback: Feedback, plants: Plants) -> tuple[FloatArray, BoolArray]:
+def batch_peaks(feedback: Feedback, plants: PlantBatch) -> tuple[FloatArray, BoolArray]:
     """Find the peaks of loops that are known to be stable.
 
     Parameters
     ----------
     feedback : Feedback
         All the feedback there is.
-    plants : Plants
+    plants : PlantBatch
         Of the same degrees, without dead time, like the model.
 
     Returns

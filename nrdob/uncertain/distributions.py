@@ -27,6 +27,7 @@ __all__ = [
     "read_fit",
     "read_grid",
     "read_range",
+    "whole_number",
 ]
 
 BLOCK = 10_000
@@ -151,7 +152,7 @@ class Samples:
             Which, from 0.
         """
         rng = np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(k,)))
-        drawn = {name: range.draw(rng, BLOCK) for name, range in self.ranges.items()}
+        drawn = {name: each.draw(rng, BLOCK) for name, each in self.ranges.items()}
         if self.fit:
             drawn |= zip(self.fit.names, self.fit.draw(rng, BLOCK), strict=True)
         here = min(BLOCK, self.count - k * BLOCK)
@@ -305,14 +306,30 @@ def read_grid(given: Any, ranges: Mapping[str, Range]) -> Grid:
             f"grid and the intervals differ in {', '.join(unknown)}; give the points on each of "
             f"{', '.join(ranges)}, or one number for all"
         )
-    axes: dict[str, FloatArray] = {}
-    for name, range in ranges.items():
-        count = counts[name]
-        if isinstance(count, bool) or not isinstance(count, Integral):
-            raise TypeError(f"grid has {count!r} points for {name}; give a whole number")
-        if count < 2:
-            raise ValueError(f"grid has {count} points for {name}; give 2 or more")
-        if not isinstance(range, Interval):
-            raise TypeError(f"{name} is a distribution, which has no grid; give an interval")
-        axes[name] = np.linspace(range.low, range.high, int(count))
-    return Grid(axes)
+    return Grid({name: _points(name, each, counts[name]) for name, each in ranges.items()})
+
+
+def _points(name: str, interval: Range, count: Any) -> FloatArray:
+    if not isinstance(interval, Interval):
+        raise TypeError(f"{name} is a distribution, which has no grid; give an interval")
+    number = whole_number(count, f"grid points for {name}", 2)
+    return np.linspace(interval.low, interval.high, number)
+
+
+def whole_number(value: Any, name: str, least: int) -> int:
+    """Return a whole number, or refuse what is none or too small.
+
+    Parameters
+    ----------
+    value : int
+        The number.
+    name : str
+        What it is called in messages.
+    least : int
+        Its smallest value.
+    """
+    if isinstance(value, bool) or not isinstance(value, Integral):
+        raise TypeError(f"{name} is {value!r}; give a whole number")
+    if value < least:
+        raise ValueError(f"{name} is {value}; give {least} or more")
+    return int(value)

@@ -40,7 +40,7 @@ def test_dead_times_may_be_survived_again_and_again():
     loop = nrdob.NRDOB(process, LAG, INTEGRATOR, LowPassFilter(1.0, 1))
     found = delay_intervals(loop, 0.0, 1.5)
     assert len(found) > 2
-    family = nrdob.family(process, delay=(0.0, 1.5), samples=2000)
+    family = nrdob.plant_family(process, delay=(0.0, 1.5), samples=2000)
     table = nrdob.sweep(loop, family, "stable")
     inside = np.any([(a < table["delay"]) & (table["delay"] < b) for a, b in found], axis=0)
     assert np.array_equal(inside, table["stable"])
@@ -61,7 +61,7 @@ def test_a_box_survives_up_to_its_share_and_not_beyond(number, names):
     box = nrdob.largest_box(loop, **asked)
     if box.share == 1:
         assert box.lost is None
-        table = nrdob.sweep(loop, nrdob.family(loop.process, **asked, grid=201), "stable")
+        table = nrdob.sweep(loop, nrdob.plant_family(loop.process, **asked, grid=201), "stable")
         assert names == "lag" and table["stable"].all()
         return
     for factor, all_stable in ((1 - 1e-6, True), (1 + 1e-6, False)):
@@ -71,7 +71,7 @@ def test_a_box_survives_up_to_its_share_and_not_beyond(number, names):
             if name in asked
         }
         if all_stable:
-            table = nrdob.sweep(loop, nrdob.family(loop.process, **near, grid=9), "stable")
+            table = nrdob.sweep(loop, nrdob.plant_family(loop.process, **near, grid=9), "stable")
             assert table["stable"].all()
     # The plant that is named is at the limit: it is lost at the frequency that is named.
     lost, w = box.lost, box.frequency
@@ -183,7 +183,7 @@ def test_a_loop_that_is_not_stable_has_no_box_and_no_small_gain():
 
 def test_a_weight_holds_every_plant_and_touches_one():
     omega = np.geomspace(0.01, 1e3, 150)
-    family = nrdob.family(LAG, gain=(0.8, 1.3), lag=(0, 0.1), delay=(0, 0.02), samples=60)
+    family = nrdob.plant_family(LAG, gain=(0.8, 1.3), lag=(0, 0.1), delay=(0, 0.02), samples=60)
     errors = [np.abs(plant(1j * omega) / LAG(1j * omega) - 1) for plant in family]
     tightness = []
     for order in (1, 2):
