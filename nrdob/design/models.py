@@ -31,7 +31,7 @@ from ..diagram import (
     filter_family,
 )
 from ..numerics import ComplexArray, FloatArray, QuasiPolynomial
-from .limits import roots_by_side
+from .existence import roots_by_side
 from .mismatch import Mismatch
 from .search import FilterSearch, checked_ms
 

@@ -16,9 +16,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ..numerics import ComplexArray, FloatArray, IntArray
-from .familygrid import FamilyFrequencies
-from .familymismatch import FamilyMismatch
-from .limits import roots_by_side
+from .existence import roots_by_side
+from .mismatch import Mismatch
+from .mismatchgrid import Frequencies
 
 __all__ = ["Distances", "PlantLoops"]
 
@@ -36,6 +36,9 @@ NARROW = 1e-9
 
 NOISE = 1e-2
 """Relative rounding error of L, beside a pole or zero on the axis, from which it is none."""
+
+FAR, SPARSE = 10, 4
+"""Decades beyond the frequencies of R, and frequencies in each, for filters so slow or fast."""
 
 NARROWEST, STEPS = 1e-3, 13
 """Smallest step beside a turn of the model's dead time, in radians, and number of steps."""
@@ -72,19 +75,22 @@ class PlantLoops:
 
     Attributes
     ----------
-    mismatch : FamilyMismatch
+    mismatch : Mismatch
         Process over model, and the family.
     omega : (N,) array of float
         Frequencies that hold all there is to see, in rad/s.
     """
 
-    mismatch: FamilyMismatch
+    mismatch: Mismatch
     omega: FloatArray
 
     @classmethod
-    def above(cls, frequencies: FamilyFrequencies, slowest: float, gain: float = 1.0) -> PlantLoops:
+    def above(cls, frequencies: Frequencies, slowest: float, gain: float = 1.0) -> PlantLoops:
         """Choose the frequencies for all λ from the smallest of interest on, up to a gain of L."""
         mismatch, omega = frequencies.mismatch, frequencies.above(slowest, gain)
+        far = np.logspace(0, FAR, FAR * SPARSE + 1)[1:]
+        above = omega[:0] if mismatch.longest_delay else omega[-1] * far
+        omega = np.concatenate([omega[0] / far[::-1], omega, above])
         if mismatch.wait:
             omega = np.union1d(omega, _beside_turns(mismatch.wait, float(omega[-1])))
         with np.errstate(over="ignore", invalid="ignore"):

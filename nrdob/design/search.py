@@ -25,12 +25,12 @@ import numpy as np
 from scipy.optimize import brentq, elementwise
 
 from ..analysis import Margins, quotient_margins
-from ..diagram import FilterFamily, LowPassFilter, ObserverEquations, as_family
+from ..diagram import FilterFamily, LowPassFilter, ObserverEquations
 from ..numerics import BoolArray, FloatArray, IntArray, bisect
-from .familygrid import FamilyFrequencies, frequencies_for
-from .familymismatch import FamilyMismatch
+from .mismatch import Mismatch
+from .mismatchgrid import Frequencies
 from .plantloops import Distances, PlantLoops
-from .timeconstants import intersection, lowest_floor, stabilizing_set, stable_filters
+from .timeconstants import intersection, stabilizing_set, stable_filters
 
 __all__ = ["Bracket", "FilterSearch", "admissible_time_constants", "checked_ms", "member", "solved"]
 
@@ -84,7 +84,7 @@ def admissible_time_constants(
         Intervals in seconds, increasing, within those of `nrdob.stabilizing_time_constants`; empty
         where no λ will do. `low` is 0 and `high` inf where every filter will do that is at least
         so fast, or so slow. With dead time nothing is looked for below
-        `nrdob.design.timeconstants.default_floor`.
+        the floor of `nrdob.stabilizing_time_constants`.
 
     Raises
     ------
@@ -153,32 +153,28 @@ class FilterSearch:
         The filters.
     max_ms : float
         Largest allowed peak of the sensitivity.
-    frequencies : FamilyFrequencies
+    frequencies : Frequencies
         Where process over model is looked at.
     intervals : list of (low, high)
         The stabilising set.
-    floor : float
-        The λ down to which was looked, in seconds.
     """
 
     process: Any
     model: Any
     family: int | FilterFamily
     max_ms: float
-    frequencies: FamilyFrequencies
+    frequencies: Frequencies
     intervals: list[Interval]
-    floor: float
 
     @classmethod
     def of(
         cls, process: Any, model: Any, family: int | FilterFamily, max_ms: float
     ) -> FilterSearch:
         """Find the stabilising set, in which it will be seen where the specification is met."""
-        found = frequencies_for(process, model, family)
-        floor = lowest_floor(found)
-        intervals = intersection(stabilizing_set(found, floor), stable_filters(family))
-        mismatch = FamilyMismatch.for_family(process, model, as_family(family))
-        return cls(process, model, family, max_ms, FamilyFrequencies(mismatch), intervals, floor)
+        found = Frequencies(Mismatch.of(process, model, family, waits=True))
+        intervals = stabilizing_set(found, found.lowest_floor)
+        intervals = intersection(intervals, stable_filters(found.mismatch.family))
+        return cls(process, model, family, max_ms, found, intervals)
 
     def plant_loop(self, time_constant: float) -> Margins:
         """Exact margins of L with a λ of the stabilising set."""
@@ -243,7 +239,7 @@ class FilterSearch:
     @cached_property
     def _scan(self) -> Scan:
         """Distances all over the stabilising set, dead times followed as far as it takes."""
-        slowest = max(self.intervals[0][0], self.floor)
+        slowest = self.intervals[0][0]
         scan = self._scanned(self.intervals, slowest, 1.0)
         if not (self.frequencies.mismatch.longest_delay and scan.windows):
             return scan

@@ -11,7 +11,7 @@ import pytest
 import nrdob
 from campaigns.charts import campaign
 from nrdob import filter_family, paper, stability_chart, stabilizing_time_constants
-from nrdob.design.chartloops import ChartLoops
+from nrdob.design.chartborders import ChartLoops
 
 s = ct.tf("s")
 lag = 1 / (s + 1)
