@@ -229,7 +229,11 @@ def _named(family: Filters) -> str:
 
 def _refusal(searches: list[FilterSearch], deciding: list[int]) -> str:
     """Say why there is no filter, and what comes closest."""
-    first, names = searches[0], " or ".join(_named(search.family) for search in searches)
+    first, families = searches[0], [search.family for search in searches]
+    names = " or ".join(map(_named, families))
+    orders = [family for family in families if isinstance(family, int)]
+    if len(orders) == len(families):
+        names = f"order {' or '.join(map(str, sorted(orders)))}"
     if len(deciding) > 1:
         return (
             f"no filter of {names} meets Ms ≤ {first.max_ms:g} with every plant: members "
@@ -243,9 +247,10 @@ def _refusal(searches: list[FilterSearch], deciding: list[int]) -> str:
         return f"no filter of {names} stabilises the loop{reason}: choose another model"
     search = min(stable, key=lambda search: search.closest[1].ms)
     time_constant, best = search.closest
+    which = f"n = {search.family}" if isinstance(search.family, int) else _named(search.family)
     return (
         f"no filter of {names} meets Ms ≤ {search.max_ms:g}; closest comes λ = "
-        f"{time_constant:.4g} s of {_named(search.family)}, with Ms = {best.ms:.4g}, "
+        f"{time_constant:.4g} s, {which}, with Ms = {best.ms:.4g}, "
         f"GM = {abs(best.gm_db):.4g} dB, PM = {best.pm:.4g}°: relax the specification or choose "
         "another model"
     )

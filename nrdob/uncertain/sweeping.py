@@ -10,19 +10,17 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..design import step_peak
 from ..loop import NRDOB
-from ..numerics import BoolArray, FloatArray, IntArray
+from ..numerics import IntArray
 from .batch import PlantBatch
 from .batchmargins import MARGINS, batch_margins
 from .batchstability import SLAB, Feedback
-from .batchsteps import batch_peaks
 from .plantfamily import PlantFamily
 from .sweeptable import SweepTable
 
 __all__ = ["QUANTITIES", "sweep"]
 
-QUANTITIES = ("stable", *MARGINS, "peak_d")
+QUANTITIES = ("stable", *MARGINS)
 """What can be asked of every member."""
 
 Columns = dict[str, NDArray[Any]]
@@ -58,9 +56,7 @@ def sweep(
         What the plant may be, see `nrdob.plant_family`.
     quantities : iterable of str
         Of "stable"; "ms", "gm", "pm", "delay_margin", the margins of the plant loop L as
-        `nrdob.analysis.Margins` has them; "peak_d", the largest ``|y|`` after a unit step of d,
-        which takes one simulation a member where there is a dead time, some 10 ms each: leave it
-        out of sweeps of many such plants. It is 1, the jump itself, unless y swings further later.
+        `nrdob.analysis.Margins` has them.
     executor : concurrent.futures.Executor, optional
         Which processes do the work, by default this one: a `ProcessPoolExecutor`, or
         ``client.get_executor()`` of a Dask client. The numbers are the same, bit for bit, on the
@@ -145,7 +141,6 @@ class _Found:
         self.reason = np.full(n, "", dtype=object)
         self.asked = [name for name in QUANTITIES if name in job.quantities and name != "stable"]
         self.values = {name: np.full(n, np.nan) for name in self.asked}
-        self.margins = [name for name in self.asked if name in MARGINS]
 
     @property
     def columns(self) -> Columns:
@@ -169,31 +164,11 @@ class _Found:
             self._ask(feedback, chosen[few], plants.of(few))
 
     def _ask(self, feedback: Feedback, chosen: IntArray, plants: PlantBatch) -> None:
-        trusted: BoolArray = np.ones(chosen.size, dtype=bool)
-        found: dict[str, FloatArray] = {}
-        if self.margins:
-            found, trusted = batch_margins(feedback, plants)
-        if "peak_d" in self.asked:
-            found["peak_d"], known = self._peaks(feedback, chosen, plants)
-            trusted &= known
+        found, trusted = batch_margins(feedback, plants)
         for name in self.asked:
             self.values[name][chosen] = found[name]
         for k in chosen[~trusted].tolist():
             self.judge_alone(k)
-
-    def _peaks(
-        self, feedback: Feedback, chosen: IntArray, plants: PlantBatch
-    ) -> tuple[FloatArray, BoolArray]:
-        """Find peaks together, or with a dead time by one simulation each."""
-        if not (feedback.waits or plants.delay.any()):
-            return batch_peaks(feedback, plants)
-        found = np.full(chosen.size, np.nan)
-        for i, k in enumerate(chosen.tolist()):
-            try:
-                found[i] = step_peak(self._member(k), "d", "y")
-            except ArithmeticError:  # said again, as its reason, where it is judged alone
-                continue
-        return found, ~np.isnan(found)
 
     def _member(self, k: int) -> NRDOB:
         loop = self.job.loop
@@ -213,11 +188,9 @@ class _Found:
             self.decided[k] = verdict.stable is not None
             if verdict.stable is None:
                 self.reason[k] = verdict.reason
-            if verdict.stable and self.margins:
+            if verdict.stable and self.asked:
                 margins = member.margins().plant_loop
-                for name in self.margins:
+                for name in self.asked:
                     self.values[name][k] = getattr(margins, name)
-            if verdict.stable and "peak_d" in self.asked:
-                self.values["peak_d"][k] = step_peak(member, "d", "y")
         except (ArithmeticError, TypeError, ValueError) as error:
             self.reason[k] = str(error)

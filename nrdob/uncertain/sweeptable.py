@@ -29,8 +29,6 @@ LABELS = {
 }
 """What is written beside an axis."""
 
-LARGE_IS_BAD = ("ms", "peak_d")
-
 
 class Share(NamedTuple):
     """A share of a family, and between what it lies.
@@ -60,7 +58,7 @@ class SweepTable:
       one by the methods of `nrdob.NRDOB`;
     - "reason": for those, why there is no verdict, or no plant; empty otherwise.
 
-    Margins and peaks of members that are not known to be stable are nan.
+    Margins of members that are not known to be stable are nan.
 
     Attributes
     ----------
@@ -96,7 +94,7 @@ class SweepTable:
             f"{int((decided & ~stable).sum())} not, {int((~decided).sum())} not decided; "
             f"{int(self['alone'].sum())} judged one by one"
         ]
-        for name in ("ms", "gm", "pm", "delay_margin", "peak_d"):
+        for name in ("ms", "gm", "pm", "delay_margin"):
             if name in self.columns and stable.any():
                 values = self[name][stable]
                 worst = values[self._worst_first(name, values)[0]]
@@ -154,8 +152,7 @@ class SweepTable:
         count : int
             How many.
         by : str
-            The quantity; small ones are bad, but for "ms" and "peak_d". A gain margin is the worse
-            the nearer to 1.
+            The quantity; small ones are bad, but for "ms". A gain margin is worse the nearer to 1.
 
         Returns
         -------
@@ -221,7 +218,7 @@ class SweepTable:
 
     def _worst_first(self, by: str, values: NDArray[Any]) -> IntArray:
         key = np.asarray(values, dtype=float)
-        if by in LARGE_IS_BAD:
+        if by == "ms":
             key = -key
         elif by == "gm":
             with np.errstate(divide="ignore"):

@@ -108,18 +108,6 @@ def test_a_negative_dead_time_and_an_ill_posed_member_are_reported():
     assert "ill-posed" in table["reason"][1] and not table["decided"][1]
 
 
-def test_a_peak_after_a_step_of_d_is_that_of_the_response():
-    loop = paper.example(3)
-    family = nrdob.plant_family(loop.process, gain=(0.5, 2), lag=(0, 0.2), samples=100)
-    table = nrdob.sweep(loop, family, "peak_d")
-    swung = np.flatnonzero(table["peak_d"] > 1.001)
-    assert swung.size > 2 and (table["peak_d"][table["stable"]] >= 1).all()
-    for k in [*swung[:4], *np.flatnonzero(table["stable"])[:2]]:
-        one = nrdob.NRDOB(family[int(k)], loop.model, loop.controller, loop.filter)
-        y = one.step_response("d", np.linspace(0, 5, 4001)).outputs[0, 0]
-        assert table["peak_d"][k] == pytest.approx(np.abs(y).max(), rel=1e-4)
-
-
 def test_the_share_is_bounded_as_clopper_and_pearson_do():
     loop = paper.example(1)
     plants = nrdob.plant_family(loop.process, gain=(0.5, 2), samples=100)
