@@ -38,6 +38,7 @@ from typing import Any
 
 import control as ct
 import numpy as np
+from scipy.signal import convolve2d
 
 from ..design import (
     Axis,
@@ -138,7 +139,7 @@ def adrc_filters(order: int, controller_bandwidth: float) -> FilterFamily:
     m, wc = _order(order), _bandwidth(controller_bandwidth, "controller_bandwidth")
     # Tables with a row for each power of s and a column for each power of λ, both descending.
     lag, observer = np.array([[1 / wc], [1.0]]), np.array([[1.0, 0.0], [0.0, 1.0]])
-    den = reduce(_convolved, [lag] * m + [observer] * (m + 1))
+    den = reduce(convolve2d, [lag] * m + [observer] * (m + 1))
     return filter_family("own", num=den[-(m + 1) :].tolist(), den=den.tolist())
 
 
@@ -347,12 +348,3 @@ def _range(name: str, given: Any) -> Axis:
             f"{DECADE_AND_MORE:g} or more apart"
         )
     return Axis(name, low, high)
-
-
-def _convolved(one: FloatArray, other: FloatArray) -> FloatArray:
-    """Multiply two polynomials in s whose coefficients are polynomials in λ."""
-    rows, columns = (a + b - 1 for a, b in zip(one.shape, other.shape, strict=True))
-    total = np.zeros((rows, columns))
-    for (i, j), value in np.ndenumerate(one):
-        total[i : i + other.shape[0], j : j + other.shape[1]] += value * other
-    return total

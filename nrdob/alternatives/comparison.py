@@ -40,7 +40,7 @@ class Row:
     tuning : str
         The parameter that was found, if one was looked for; "no limit" where the limits allow all.
     stable : bool or None
-        Whether the loop is stable; None if that cannot be told, or if there is no loop.
+        Whether the loop is stable; None if that is not known, or if there is no loop.
     reason : str
         Why there are no numbers, empty where there are.
     ms : float
@@ -54,7 +54,7 @@ class Row:
     peak_u : float
         Largest ``|u|`` after a unit step of d.
     changed : dict of str to float
-        Ms on each of the changed plants; nan where the loop is lost.
+        Ms on each of the changed plants; nan where the loop is unstable.
     loop : NRDOB or None
         The loop itself.
     """

@@ -111,16 +111,12 @@ class Tuned:
     value : float
         The parameter.
     text : str
-        Name, value and unit.
-    limited : bool
-        Whether a faster one would not keep to the limits; False where the fastest of all tried
-        does.
+        Name, value and unit; "no limit" where the fastest of all tried keeps to the limits.
     """
 
     loop: NRDOB
     value: float
     text: str
-    limited: bool
 
 
 def candidates(
@@ -220,7 +216,7 @@ def tune(
     -------
     Tuned
         Loop and parameter; the limits are kept with it, and not with a slightly faster one. Where
-        they are kept even with the fastest one that is tried, it is that, and not `limited`.
+        they are kept even with the fastest one that is tried, it is that one.
 
     Raises
     ------
@@ -267,9 +263,9 @@ def tune(
         limits = " and ".join(f"{name} = {x:g}" for name, x in given.items() if x is not None)
         raise ValueError(_refusal(candidate, limits, tried, built))
     if len(tried) == 1:
-        return Tuned(candidate.build(value), value, f"{candidate.said(value)}, no limit", False)
+        return Tuned(candidate.build(value), value, f"{candidate.said(value)}, no limit")
     found = solved(lambda x: max(slack(x), -1.0), Bracket(*list(tried)[-2:])) or value
-    return Tuned(candidate.build(found), found, candidate.said(found), True)
+    return Tuned(candidate.build(found), found, candidate.said(found))
 
 
 def checked_limits(max_ms: Any, max_noise: Any) -> None:

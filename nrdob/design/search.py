@@ -98,7 +98,7 @@ def admissible_time_constants(
 
     Examples
     --------
-    An unstable plant: with a slow filter the loop is lost, with a fast one it comes close to it.
+    An unstable plant: slow filters make the loop unstable, fast ones bring it close to that.
 
     >>> import control as ct
     >>> s = ct.tf('s')

@@ -1,4 +1,4 @@
-"""Will it survive the real plant? Families of plants, and whole families judged at once."""
+"""Robustness to an uncertain plant: families of plants, judged together, and exact boxes."""
 
 from .boxes import Box, delay_intervals, gain_intervals, largest_box
 from .intervalplants import IntervalShares, interval_plants

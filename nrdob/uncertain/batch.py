@@ -37,8 +37,8 @@ class PlantBatch(NamedTuple):
     def regular(self) -> BoolArray:
         """Which can be computed with together: all numbers finite, nothing negative or zero."""
         finite = np.isfinite(self.num).all(axis=0) & np.isfinite(self.den).all(axis=0)
-        waits = np.isfinite(self.delay) & (self.delay >= 0)
-        return np.asarray(finite & waits & self.num.any(axis=0) & self.den.any(axis=0))
+        causal = np.isfinite(self.delay) & (self.delay >= 0)
+        return np.asarray(finite & causal & self.num.any(axis=0) & self.den.any(axis=0))
 
     def of(self, chosen: IntArray) -> PlantBatch:
         """Take some of the columns.

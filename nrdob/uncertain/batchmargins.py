@@ -157,12 +157,8 @@ class _Stretches(NamedTuple):
         return _Stretches(self.loop[chosen], self.low[chosen], self.high[chosen])
 
     def joined(self, *others: _Stretches) -> _Stretches:
-        every = (self, *others)
-        return _Stretches(
-            np.concatenate([each.loop for each in every]),
-            np.concatenate([each.low for each in every]),
-            np.concatenate([each.high for each in every]),
-        )
+        loop, low, high = map(np.concatenate, zip(self, *others, strict=True))
+        return _Stretches(loop, low, high)
 
     def halved(self) -> _Stretches:
         middle = np.sqrt(self.low * self.high)
@@ -177,6 +173,9 @@ class _Found(NamedTuple):
     loop: IntArray
     omega: FloatArray
     L: ComplexArray
+
+    def of(self, kept: BoolArray) -> _Found:
+        return _Found(self.loop[kept], self.omega[kept], self.L[kept])
 
 
 class _Ends(NamedTuple):
@@ -333,7 +332,7 @@ def _notable(
     )
     crossed = np.abs(np.abs(gain_found.L) - 1) < CROSSING
     met = np.abs(phase_found.L.imag) < CROSSING * np.abs(phase_found.L)
-    return _some(gain_found, crossed), _some(phase_found, met), nearest
+    return gain_found.of(crossed), phase_found.of(met), nearest
 
 
 Choice = Callable[[_Rows, _Rows, FloatArray, FloatArray], BoolArray]
@@ -443,10 +442,6 @@ def _solved(loops: _Loops, stretches: _Stretches, at: At) -> _Found:
     return _Found(loop, omega, loops.gain(omega, few))
 
 
-def _some(found: _Found, kept: BoolArray) -> _Found:
-    return _Found(found.loop[kept], found.omega[kept], found.L[kept])
-
-
 def _ends(loops: _Loops) -> _Ends:
     feedback, (num, den, delay) = loops.feedback, loops.plants
     at = np.arange(delay.size)
@@ -457,7 +452,7 @@ def _ends(loops: _Loops) -> _Ends:
     none = np.zeros(delay.size)
     if feedback.numerator.degree + num.shape[0] < feedback.denominator.degree + den.shape[0]:
         return _Ends(dc, none, none)
-    if feedback.waits:  # the circle is more than that
+    if feedback.delayed:  # the circle is more than that
         return _Ends(dc, none + np.nan, none)
     limit = feedback.numerator.q[0] * num[0] / (feedback.denominator.q[0] * den[0])
     return _Ends(dc, none, limit) if loops.late else _Ends(dc, limit, none)
@@ -491,10 +486,10 @@ def _rotations(gain: _Found, ends: _Ends) -> dict[str, FloatArray]:
     pm = np.where(at_end, np.minimum(pm, pi - np.arccos(np.clip(cosine, -1, 1))), pm)
     margin = np.where(np.abs(a) + np.abs(b) >= 1, 0.0, np.inf)
     np.minimum.at(margin, gain.loop, np.mod(angle, 2 * pi) / gain.omega)
-    lost = np.isnan(a)
+    unknown = np.isnan(a)
     return {
-        "pm": np.where(lost, np.nan, np.degrees(pm)),
-        "delay_margin": np.where(lost, np.nan, margin),
+        "pm": np.where(unknown, np.nan, np.degrees(pm)),
+        "delay_margin": np.where(unknown, np.nan, margin),
     }
 
 

@@ -59,7 +59,7 @@ class Feedback:
         self.denominator = multiply(*self.poles)
 
     @cached_property
-    def waits(self) -> bool:
+    def delayed(self) -> bool:
         """Whether the model has a dead time."""
         return self.denominator.delay > 0
 

@@ -46,44 +46,9 @@ class Interval(NamedTuple):
     low: float
     high: float
 
-    def draw(self, rng: np.random.Generator, count: int) -> FloatArray:
-        """Draw values evenly.
 
-        Parameters
-        ----------
-        rng : numpy.random.Generator
-            Source of the numbers.
-        count : int
-            How many.
-        """
-        return rng.uniform(self.low, self.high, count)
-
-
-class Distribution(NamedTuple):
-    """A frozen distribution of scipy.stats.
-
-    Attributes
-    ----------
-    frozen : object
-        With a method `rvs`.
-    """
-
-    frozen: Any
-
-    def draw(self, rng: np.random.Generator, count: int) -> FloatArray:
-        """Draw values.
-
-        Parameters
-        ----------
-        rng : numpy.random.Generator
-            Source of the numbers.
-        count : int
-            How many.
-        """
-        return np.asarray(self.frozen.rvs(size=count, random_state=rng), dtype=float)
-
-
-Range = Interval | Distribution
+Range = Interval | Any
+"""An interval, or a frozen distribution of scipy.stats."""
 
 
 class Fit(NamedTuple):
@@ -103,19 +68,6 @@ class Fit(NamedTuple):
     mean: FloatArray
     root: FloatArray
 
-    def draw(self, rng: np.random.Generator, count: int) -> FloatArray:
-        """Draw all parameters together, of a normal distribution, one row for each.
-
-        Parameters
-        ----------
-        rng : numpy.random.Generator
-            Source of the numbers.
-        count : int
-            How many.
-        """
-        numbers = rng.standard_normal((count, len(self.names)))
-        return np.asarray(self.mean[:, None] + np.einsum("ij,kj->ik", self.root, numbers))
-
 
 @dataclass(frozen=True, eq=False)
 class Samples:
@@ -123,7 +75,7 @@ class Samples:
 
     Attributes
     ----------
-    ranges : dict of str: Interval or Distribution
+    ranges : dict of str: Interval or frozen distribution
         What is drawn by itself.
     fit : Fit or None
         What is drawn together.
@@ -152,11 +104,20 @@ class Samples:
             Which, from 0.
         """
         rng = np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(k,)))
-        drawn = {name: each.draw(rng, BLOCK) for name, each in self.ranges.items()}
+        drawn = {name: _drawn(each, rng) for name, each in self.ranges.items()}
         if self.fit:
-            drawn |= zip(self.fit.names, self.fit.draw(rng, BLOCK), strict=True)
+            numbers = rng.standard_normal((BLOCK, len(self.fit.names)))
+            together = self.fit.mean[:, None] + np.einsum("ij,kj->ik", self.fit.root, numbers)
+            drawn |= zip(self.fit.names, together, strict=True)
         here = min(BLOCK, self.count - k * BLOCK)
         return {name: values[:here] for name, values in drawn.items()}
+
+
+def _drawn(given: Range, rng: np.random.Generator) -> FloatArray:
+    """Draw the values of one block."""
+    if isinstance(given, Interval):
+        return rng.uniform(given.low, given.high, BLOCK)
+    return np.asarray(given.rvs(size=BLOCK, random_state=rng), dtype=float)
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,7 +183,7 @@ def read_range(name: str, given: Any) -> Range:
                 f"{name} is a distribution of several numbers; parameters that hang together are "
                 "given by their means and covariance, fit=({'gain': 1.0, 'lag': 0.1}, covariance)"
             )
-        return Distribution(given)
+        return given
     remedy = "give an interval, such as (0.5, 2.0), or a frozen distribution of scipy.stats"
     if not isinstance(given, Sequence | np.ndarray) or isinstance(given, str) or len(given) != 2:
         raise TypeError(f"{name} is {given!r}; {remedy}")

@@ -1,4 +1,4 @@
-"""What a sweep found, a row for each member: columns by name, the worst, and how many survive."""
+"""What a sweep found, a row for each member: columns by name, the worst, and the stable share."""
 
 from __future__ import annotations
 

@@ -514,7 +514,7 @@ def family_3() -> Finding:
     plants = plant_family(loop.process, gain=(0.5, 1.0), lag=(0.0, 0.1), grid=21)
     table = sweep(loop, plants, "stable")
     routh = _routh(table["gain"], table["lag"]) > 0
-    lost = largest_box(loop, gain=(0.5, 1.0), lag=(0.0, 0.1)).lost or {}
+    lost = largest_box(loop, gain=(0.5, 1.0), lag=(0.0, 0.1)).critical or {}
     longest = float(brentq(lambda T: float(_routh(1.0, T)), 0.05, 0.1))
     highest = float(brentq(lambda k: float(_routh(k, 0.1)), 0.6, 1.0))
 
