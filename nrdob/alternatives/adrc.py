@@ -306,7 +306,7 @@ def high_frequency_gain(process: Any) -> tuple[int, float]:
     process : as for `nrdob.NRDOB`
         The process G.
     """
-    G = as_fraction(undelayed(process), "process")
+    G = as_fraction(undelayed(process)[0], "process")
     return G.relative_degree, float(G.num[0] / G.den[0])
 
 

@@ -259,7 +259,7 @@ def compare(
         raise TypeError(f"changed is a {type(changed).__name__}; give a dict of names to plants")
     others = dict(changed or {})
     for name, plant in (("process", process), *others.items()):
-        nonzero(as_fraction(undelayed(plant), name), name)
+        nonzero(as_fraction(undelayed(plant)[0], name), name)
     if any(isinstance(each, Scheme) for each in candidates.values()):
         checked_limits(max_ms, max_noise)  # such refusals are about what is asked, not a scheme
     rows = []

@@ -72,7 +72,7 @@ def controller_alone(process: Any, model: Any, controller: Any) -> NRDOB:
     [0.333333, 1.333333, 2.0]
     """
     F = _filter_of("C alone", model, controller)
-    return NRDOB(process, undelayed(model), controller, F)
+    return NRDOB(process, undelayed(model)[0], controller, F)
 
 
 def smith_predictor(process: Any, model: Any, controller: Any) -> NRDOB:
@@ -136,7 +136,7 @@ def conventional_observer(process: Any, model: Any, controller: Any, filter: Any
     >>> loop.p_B.roots.real.round(6).tolist()           # of F, and of C·model
     [-2.0, -3.0]
     """
-    prompt = undelayed(model)
+    prompt = undelayed(model)[0]
     Gm, C = as_fraction(prompt, "model"), as_fraction(controller, "controller")
     F = filter_fraction(filter)
     opened, closing = np.convolve(C.den, Gm.den), np.convolve(C.num, Gm.num)
@@ -152,7 +152,7 @@ def conventional_observer(process: Any, model: Any, controller: Any, filter: Any
 
 def _filter_of(scheme: str, model: Any, controller: Any) -> Any:
     """Return the complementary sensitivity of the model without dead time under C."""
-    found = observer_form(controller, undelayed(model))
+    found = observer_form(controller, undelayed(model)[0])
     if not found:
         raise ValueError(f"{scheme} cannot be written as an observer: {found.reason}")
     return found.F

@@ -331,7 +331,7 @@ def _integrators(loop: NRDOB) -> tuple[int, float]:
     """Return the order and b0 that fit a process, for linear ADRC."""
     for block in (loop.process, loop.model):
         order, b0 = high_frequency_gain(block)
-        zeros = QuasiPolynomial(as_fraction(undelayed(block), "process").num).roots
+        zeros = QuasiPolynomial(as_fraction(undelayed(block)[0], "process").num).roots
         if 1 <= order <= 2 and not (zeros.real > 0).any():
             return order, b0
     try:

@@ -1,7 +1,7 @@
 """What is wired to what: the blocks handed in, and the loop's maps as factored quotients."""
 
 from .blocks import Fraction, as_fraction, is_number, nonzero, real_number, six_digits
-from .delay import DelayedTransferFunction, dead_time, delay, undelayed
+from .delay import DelayedTransferFunction, delay, undelayed
 from .equations import LoopEquations, ObserverEquations
 from .families import FilterFamily, as_family, filter_family
 from .filters import LowPassFilter, filter_fraction
@@ -25,7 +25,6 @@ __all__ = [
     "as_fraction",
     "as_quotient",
     "as_shaping",
-    "dead_time",
     "delay",
     "filter_family",
     "filter_fraction",

@@ -13,7 +13,7 @@ import numpy as np
 from ..numerics import ComplexArray, FloatArray
 from .blocks import as_fraction, real_number, six_digits
 
-__all__ = ["DelayedTransferFunction", "dead_time", "delay", "undelayed"]
+__all__ = ["DelayedTransferFunction", "delay", "undelayed"]
 
 
 class DelayedTransferFunction:
@@ -212,31 +212,14 @@ def delay(seconds: float) -> DelayedTransferFunction:
     return DelayedTransferFunction(1.0, seconds)
 
 
+def undelayed(block: Any) -> tuple[Any, float]:
+    """Take the dead time off a block; return both."""
+    return (block.tf, block.delay) if isinstance(block, DelayedTransferFunction) else (block, 0.0)
+
+
 def _as_delayed(block: Any, name: str) -> DelayedTransferFunction:
     if isinstance(block, DelayedTransferFunction):
         return block
     if isinstance(block, tuple | list):  # in a product [1, 2] would look like a vector
         raise TypeError(f"{name} is a {type(block).__name__}; write control.tf(num, den)")
     return DelayedTransferFunction(ct.tf(*as_fraction(block, name, proper=False)), 0.0)
-
-
-def undelayed(block: Any) -> Any:
-    """Return a block without its dead time.
-
-    Parameters
-    ----------
-    block : as for `nrdob.NRDOB`
-        With dead time or without.
-    """
-    return block.tf if isinstance(block, DelayedTransferFunction) else block
-
-
-def dead_time(block: Any) -> float:
-    """Return the dead time of a block, 0 where it has none.
-
-    Parameters
-    ----------
-    block : as for `nrdob.NRDOB`
-        With dead time or without.
-    """
-    return block.delay if isinstance(block, DelayedTransferFunction) else 0.0

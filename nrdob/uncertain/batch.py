@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import control as ct
 import numpy as np
 
-from ..diagram import DelayedTransferFunction, as_fraction, dead_time, undelayed
+from ..diagram import DelayedTransferFunction, as_fraction, undelayed
 from ..numerics import BoolArray, ComplexArray, FloatArray, IntArray, convolved
 
 __all__ = ["Moving", "PlantBatch", "moving"]
@@ -102,7 +102,8 @@ class PlantBatch(NamedTuple):
 def _read(block: Any) -> tuple[tuple[FloatArray, FloatArray], float]:
     if block is None:
         return (np.full(1, np.nan), np.ones(1)), 0.0
-    return as_fraction(undelayed(block), "the plant", proper=False), dead_time(block)
+    prompt, delay = undelayed(block)
+    return as_fraction(prompt, "the plant", proper=False), delay
 
 
 class Moving(NamedTuple):

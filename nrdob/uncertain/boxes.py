@@ -449,7 +449,7 @@ def _critical_plant(
 
 def _with(loop: NRDOB, *, gain: float = 1.0, delay: float = 0.0) -> NRDOB:
     """Return the loop with another plant."""
-    num, den = as_fraction(undelayed(loop.process), "process")
+    num, den = as_fraction(undelayed(loop.process)[0], "process")
     total = loop.delay + delay
     plant = DelayedTransferFunction((gain * num, den), total) if total else (gain * num, den)
     return NRDOB(plant, loop.model, loop.controller, loop.filter, loop.keep_factors)

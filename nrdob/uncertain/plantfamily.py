@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ..analysis import judge_observer, quotient_margins
-from ..diagram import ObserverEquations, as_fraction, dead_time, nonzero, undelayed
+from ..diagram import ObserverEquations, as_fraction, nonzero, undelayed
 from ..numerics import FloatArray, convolved
 from .batch import Moving, PlantBatch, moving
 from .batchmargins import batch_margins
@@ -132,12 +132,12 @@ class PlantFamily:
     @property
     def delay(self) -> float:
         """Dead time of the nominal plant, in seconds."""
-        return dead_time(self.process)
+        return undelayed(self.process)[1]
 
     @cached_property
     def _parts(self) -> tuple[Moving, Moving]:
         """Numerator and denominator of the nominal plant, with roots only if these move."""
-        num, den = as_fraction(undelayed(self.process), "process")
+        num, den = as_fraction(undelayed(self.process)[0], "process")
         return tuple(  # type: ignore[return-value]
             moving(p) if f"{name} 1" in self.names else Moving(p, np.empty(0, dtype=complex))
             for name, p in (("zero", num), ("pole", den))
@@ -154,7 +154,7 @@ class PlantFamily:
             values = {name: column[k] for name, column in zip(names, columns, strict=True)}
             try:
                 block = self.parameters(**values)  # type: ignore[misc]
-                as_fraction(undelayed(block), "the plant", proper=False)
+                as_fraction(undelayed(block)[0], "the plant", proper=False)
             except Exception as error:  # whatever a function of the user's may raise
                 problems[k] = f"parameters({_call(values)}): {error}"
                 block = None
@@ -233,7 +233,7 @@ def plant_family(
     >>> plant_family(ct.tf([1], [1, 1]), gain=(0.5, 2.0), delay=(0.0, 0.1), grid=11)
     <family of 121 plants: gain, delay>
     """
-    fraction = nonzero(as_fraction(undelayed(process), "process"), "process")
+    fraction = nonzero(as_fraction(undelayed(process)[0], "process"), "process")
     given = dict(zip(BUILT_IN, (gain, delay, lag), strict=True))
     ranges = {name: read_range(name, each) for name, each in given.items() if each is not None}
     for name, each, p in (("zero", zeros, fraction.num), ("pole", poles, fraction.den)):
