@@ -400,8 +400,7 @@ def _judged(
 ) -> _Judged:
     rounding = Rounding(whole.grain, whole.outputs[fit.start :])
     rest, slopes, used = whole.left(fit), fit.jacobian(whole.inputs), whole.used[fit.start :]
-    fitted = problem.outputs.size - fit.start
-    scatter = scatter_of(rest, slopes, used, fit.whitening, rounding, fitted)
+    scatter = scatter_of(rest, slopes, used, rounding)
     # Over all of the record: what was held out takes part, with numbers that do not know it.
     everywhere = whole.whitening(rest).applied(rest)[used]
     misfit = max(float(np.mean(everywhere**2)), fit.misfit * TINY)
