@@ -16,10 +16,9 @@ from collections.abc import Sequence
 from math import floor
 
 import numpy as np
-from scipy.linalg import expm
 from scipy.signal import lfilter
 
-from ..numerics import FloatArray
+from ..numerics import FloatArray, transition
 
 __all__ = ["free_responses", "held_responses"]
 
@@ -50,10 +49,9 @@ def held_responses(den: Sequence[float], inputs: FloatArray, delay: float = 0.0)
     """
     whole = floor(delay)
     part = delay - whole
-    early, late = _exponentials(den, np.array([part, 1 - part]))
+    (early, late), (before, now) = transition(*_companion(den), [part, 1 - part])
     n = len(den) - 1
-    now, before = late[:n, n], late[:n, :n] @ early[:n, n]
-    step = late[:n, :n] @ early[:n, :n]
+    before, step = late @ before, late @ early
     # (zI - step)^-1 applied to the two vectors, over the characteristic polynomial.
     if n == 1:
         poles = np.array([1.0, -step[0, 0]])
@@ -70,8 +68,7 @@ def held_responses(den: Sequence[float], inputs: FloatArray, delay: float = 0.0)
 def free_responses(den: Sequence[float], count: int) -> FloatArray:
     """Give a basis, shape (n, count), of what the output does by itself after any initial state."""
     n = len(den) - 1
-    (whole,) = _exponentials(den, np.ones(1))
-    step = whole[:n, :n]
+    step, _ = transition(*_companion(den), 1.0)
     poles = [1.0, -step[0, 0]] if n == 1 else [1.0, -np.trace(step), np.linalg.det(step)]
     impulse = np.zeros(count)
     impulse[0] = 1.0
@@ -79,11 +76,9 @@ def free_responses(den: Sequence[float], count: int) -> FloatArray:
     return first[None] if n == 1 else np.array([first, lfilter([0.0, 1.0], poles, impulse)])
 
 
-def _exponentials(den: Sequence[float], times: FloatArray) -> FloatArray:
-    """e^(At) and Γ(t) beside it, as one exponential, for each time."""
+def _companion(den: Sequence[float]) -> tuple[FloatArray, FloatArray]:
+    """Give A and B of 1/D(s)."""
     n = len(den) - 1
-    block = np.zeros((n + 1, n + 1))
-    block[: n - 1, 1:n] = np.eye(n - 1)
-    block[n - 1, :n] = -np.asarray(den, dtype=float)[:0:-1]
-    block[n - 1, n] = 1.0
-    return np.asarray(expm(times[:, None, None] * block))
+    A = np.eye(n, k=1)
+    A[-1] = -np.asarray(den, dtype=float)[:0:-1]
+    return A, np.eye(n)[-1]

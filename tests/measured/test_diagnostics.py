@@ -60,6 +60,7 @@ def test_a_heater_in_a_room_that_drifts_has_the_sign_of_its_gain(kind, case):
     assert gain.low * gain.high > 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "case"), [("three steps", 0), ("three steps", 3), ("step", 7), ("three steps", 7)]
 )
@@ -90,6 +91,7 @@ def test_scatter_is_that_of_generalised_least_squares():
     assert found.weights.sum() == pytest.approx(1) and found.weights[k] > 1e-3
 
 
+@pytest.mark.slow
 def test_a_search_does_not_end_with_the_wrong_sign_of_a_slow_plant():
     # Ten blocks, hardly any noise, not at rest: gain -0.96 and 43 samples for 3 before.
     rng = np.random.default_rng(0)
@@ -103,6 +105,7 @@ def test_a_search_does_not_end_with_the_wrong_sign_of_a_slow_plant():
         assert found.validation_percent > 95
 
 
+@pytest.mark.slow
 def test_the_held_out_part_has_a_veto():
     # After the first half the plant answers the other way round: nothing foretells that.
     t, u, y = lag(switched())
@@ -114,6 +117,7 @@ def test_the_held_out_part_has_a_veto():
     assert refused.loop is None and "worse than a constant" in refused.warnings[0]
 
 
+@pytest.mark.slow
 def test_no_loop_rests_on_a_gain_that_may_be_zero():
     rng = np.random.default_rng(0)
     found = identify(np.arange(300), np.sign(rng.standard_normal(300)), rng.standard_normal(300))
@@ -122,6 +126,7 @@ def test_no_loop_rests_on_a_gain_that_may_be_zero():
     assert propose(found).loop is None
 
 
+@pytest.mark.slow
 def test_outliers_are_told():
     t, u, y = lag(switched())
     assert not identify(t, u, y, structure=ONE_LAG).remarks
@@ -130,6 +135,7 @@ def test_outliers_are_told():
     assert said.startswith("3 samples of y are outliers") and "at 333 s" in said
 
 
+@pytest.mark.slow
 def test_what_a_sensor_rounds_and_a_table_interpolates_is_no_outlier():
     inputs = (np.arange(600) > 60).astype(float)
     t, u, y = lag(inputs, noise=0.0)
@@ -138,6 +144,7 @@ def test_what_a_sensor_rounds_and_a_table_interpolates_is_no_outlier():
     assert not [each for each in identify(t, u, y).remarks if "outliers" in each]
 
 
+@pytest.mark.slow
 def test_a_drift_is_told_and_counted_in():
     t, u, y = lag(switched())
     rng = np.random.default_rng(5)
@@ -149,12 +156,14 @@ def test_a_drift_is_told_and_counted_in():
     assert gain.low < 2 < gain.high
 
 
+@pytest.mark.slow
 def test_too_short_a_record_is_told():
     t, u, y = lag(np.where(np.arange(62) < 50, 0.0, 1.0))
     found = identify(t, u, y, structure=ONE_LAG)
     assert any("the record is short" in said for said in found.remarks)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("limit", [1.0, 9.0])
 def test_an_actuator_that_saturates_is_told(limit):
     u = np.repeat(np.random.default_rng(3).choice([0.0, 0.5, 1.0, 1.5], 20), 25)
@@ -163,6 +172,7 @@ def test_an_actuator_that_saturates_is_told(limit):
     assert ("as if u were cut off above 1" in said) is (limit == 1.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("closed", [True, False])
 def test_data_from_a_closed_loop_are_told(closed):
     rng = np.random.default_rng(4)

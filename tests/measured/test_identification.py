@@ -65,6 +65,7 @@ def test_the_structure_behind_a_record_is_chosen():
     assert all(chosen)
 
 
+@pytest.mark.slow
 def test_resonance_is_told_as_frequency_and_damping():
     rng = np.random.default_rng(2)
     u = np.sign(rng.standard_normal(600)).repeat(2)[:600]
@@ -77,6 +78,7 @@ def test_resonance_is_told_as_frequency_and_damping():
     assert found.process.delay == pytest.approx(0.34, abs=0.05)
 
 
+@pytest.mark.slow
 def test_heated_air_is_two_lags_behind_two_samples():
     found = identify(*heated_air())
     assert found.structure == "two lags with dead time"
@@ -88,6 +90,7 @@ def test_heated_air_is_two_lags_behind_two_samples():
     assert not found.residuals.white and not found.remarks and not found.unsure
 
 
+@pytest.mark.slow
 def test_what_one_lag_cannot_explain_is_not_taken_for_drift():
     record = heated_air()
     found = identify(*record, structure="one lag with dead time")
@@ -95,6 +98,7 @@ def test_what_one_lag_cannot_explain_is_not_taken_for_drift():
     assert found.validation_percent == pytest.approx(82.4, abs=0.3)
 
 
+@pytest.mark.slow
 def test_one_lag_by_least_squares_is_a_rival():
     record = heated_air()
     step = record.sampling_time
@@ -118,6 +122,7 @@ def test_one_lag_by_least_squares_is_a_rival():
     assert any("plain least squares" in trial.process for trial in propose(found).trials)
 
 
+@pytest.mark.slow
 def test_process_stands_in_a_loop():
     found = identify(*heated_air(), structure="one lag with dead time")
     model = found.process.tf
@@ -152,6 +157,7 @@ def test_a_structure_that_is_too_simple_is_not_said_to_have_no_gain(seed):
     assert "explains only" not in said
 
 
+@pytest.mark.slow
 def test_units_scale_with_the_time_axis():
     t, u, y = heated_air()
     slow = identify(1000 * t, u, y, structure="two lags with dead time")
@@ -291,6 +297,7 @@ def test_a_coarse_sensor_and_a_plant_without_lag_are_not_taken_for_cut_off():
     assert checked_record(t, np.sign(np.sin(t**1.3)), 2 * np.sign(np.sin(t**1.3))).free.all()
 
 
+@pytest.mark.slow
 def test_units_of_u_and_y_do_not_matter():
     t, u, y = heated_air()
     plain = identify(t, u, y, structure="two lags with dead time")
@@ -301,12 +308,14 @@ def test_units_of_u_and_y_do_not_matter():
     )
 
 
+@pytest.mark.slow
 def test_noise_that_has_nothing_to_do_with_the_input_is_called_so():
     rng = np.random.default_rng(0)
     u, y = np.sign(rng.standard_normal(300)), rng.standard_normal(300)
     assert "explains only" in " ".join(identify(0.1 * np.arange(300), u, y).remarks)
 
 
+@pytest.mark.slow
 def test_a_long_record_is_fitted_as_a_short_one():
     rng = np.random.default_rng(8)
     u = np.sign(np.sin(0.001 * np.arange(8000) ** 1.3))
