@@ -231,7 +231,8 @@ class SampledLoop:
 
         Examples
         --------
-        >>> from nrdob import ActuatorLimits, paper
+        >>> from nrdob import paper
+        >>> from nrdob.digital import ActuatorLimits
         >>> code = paper.example(1).sampled(0.01).code(ActuatorLimits(0, 10))
         >>> "class Heater:" in code.to_python("Heater")
         True
