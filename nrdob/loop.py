@@ -6,19 +6,10 @@ from collections.abc import Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-import control as ct
 from numpy.typing import ArrayLike
 
-from .analysis import (
-    LoopMargins,
-    NoiseVariance,
-    Stability,
-    forced_response,
-    loop_margins,
-    noise_variance,
-    stability,
-    step_response,
-)
+from . import analysis
+from .analysis import LoopMargins, Stability, loop_margins, stability
 from .diagram import CLOSED_LOOP, MAPS, LoopEquations, Quotient
 from .digital import SampledLoop
 
@@ -106,61 +97,9 @@ class NRDOB(LoopEquations):
         """
         return loop_margins(self, self._stability)
 
-    def step_response(self, input: str, timepts: ArrayLike | None = None) -> ct.TimeResponseData:
-        """Respond to a unit step: see `nrdob.analysis.step_response`.
-
-        Parameters
-        ----------
-        input : {"R", "d", "delta", "eta"}
-            Where the step enters: reference, output disturbance, input disturbance or noise.
-        timepts : (N,) array_like or float, optional
-            Increasing times from 0 on, in seconds, or the last one; by default until y and u have
-            settled.
-
-        Returns
-        -------
-        control.TimeResponseData
-            `time` (N,), and `outputs` (2, 1, N) with y and u.
-        """
-        return step_response(self, input, timepts)
-
-    def forced_response(
-        self, input: str, timepts: ArrayLike, inputs: ArrayLike
-    ) -> ct.TimeResponseData:
-        """Respond to any signal: see `nrdob.analysis.forced_response`.
-
-        Parameters
-        ----------
-        input : {"R", "d", "delta", "eta"}
-            Where the signal enters.
-        timepts : (N,) array_like
-            Evenly spaced times from 0 on, in seconds.
-        inputs : (N,) array_like
-            The signal at these times, linear between them.
-
-        Returns
-        -------
-        control.TimeResponseData
-            `time` (N,), and `outputs` (2, N) with y and u.
-        """
-        return forced_response(self, input, timepts, inputs)
-
-    def noise_variance(self, shaping: Any = None, *, input: str = "eta") -> NoiseVariance:
-        """Compute the variances of y and u for noise: see `nrdob.analysis.noise_variance`.
-
-        Parameters
-        ----------
-        shaping : control.TransferFunction, StateSpace, number or (num, den), optional
-            A stable filter that colours white noise of unit density.
-        input : {"R", "d", "delta", "eta"}
-            Where the noise enters.
-
-        Returns
-        -------
-        NoiseVariance
-            `y` and `u`.
-        """
-        return noise_variance(self, shaping, input=input)
+    step_response = analysis.step_response
+    forced_response = analysis.forced_response
+    noise_variance = analysis.noise_variance
 
     def sampled(
         self,

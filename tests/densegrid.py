@@ -1,4 +1,4 @@
-"""Encirclements and roots on the right, counted on a dense grid: an oracle without certificates."""
+"""Turns of a curve and roots on the right, on a dense grid: an oracle without certificates."""
 
 from __future__ import annotations
 

@@ -274,13 +274,7 @@ class Locus:
 
 
 def factors_of(*loops: Quotient) -> list[QuasiPolynomial]:
-    """List the factors of loop gains, each object once.
-
-    Parameters
-    ----------
-    *loops : Quotient
-        The loop gains.
-    """
+    """List the factors of loop gains, each object once."""
     return list({id(factor): factor for loop in loops for factor in loop.num + loop.den}.values())
 
 

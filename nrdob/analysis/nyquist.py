@@ -57,15 +57,7 @@ class NyquistCount:
 def nyquist_count(
     open_loop: Iterable[QuasiPolynomial], closed_loop: QuasiPolynomial
 ) -> NyquistCount:
-    """Count encirclements from the factors of den and the closed-loop function p.
-
-    Parameters
-    ----------
-    open_loop : iterable of QuasiPolynomial
-        Factors of the open-loop denominator.
-    closed_loop : QuasiPolynomial
-        p = num - point * den.
-    """
+    """Count encirclements from the factors of den and the closed-loop function p."""
     factors = tuple(open_loop)
     poles = sum(rhp_roots(factor) for factor in factors)
     zeros = count_rhp(closed_loop)

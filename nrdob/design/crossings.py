@@ -18,7 +18,7 @@ from scipy.optimize import linear_sum_assignment
 
 from ..numerics import BoolArray, ComplexArray, FloatArray, IntArray, bisect, side
 from .columns import positive_roots, root_near, roots_of_columns, values_and_slopes
-from .familytables import summed, taylor, wide
+from .familytables import summed, taylor, wide, width
 from .mismatch import Mismatch
 
 __all__ = ["Branches", "CriticalTimeConstant", "crossings"]
@@ -308,7 +308,7 @@ def _through_ends(mismatch: Mismatch) -> list[CriticalTimeConstant]:
             lead, second = (float(np.polyval(np.polyder(p), critical)) for p in (end, other))
             direction = int(-np.sign(lead * np.polyval(other, critical)))
             rest = mismatch.p_B(critical)
-            if frequency and not rest.delay and rest.q.size == mismatch.degree - 1:
+            if frequency and not rest.delay and rest.q.size == _degree(mismatch) - 1:
                 direction = _pair_at_infinity(mismatch, critical, (lead, second))
             found.append(CriticalTimeConstant(critical, frequency, direction))
     return found
@@ -354,3 +354,9 @@ def _pair_at_infinity(mismatch: Mismatch, critical: float, slopes: tuple[float, 
     third, fourth = np.append(mismatch.p_B(critical).q, 0.0)[:2]
     of_pair = 2 if fourth / third > second / lead else 0
     return of_pair - 1 if third / lead > 0 else 1 - of_pair
+
+
+def _degree(mismatch: Mismatch) -> int:
+    """Highest power of s in p_B for most λ."""
+    parts = [(mismatch.E, mismatch.a), *((mismatch.Nf, p) for p, _ in mismatch.behind)]
+    return max(width(table) + p.size for table, p in parts if p.any()) - 2 - mismatch.divided

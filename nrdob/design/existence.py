@@ -21,7 +21,8 @@ from ..numerics import (
     shared_factor,
     written,
 )
-from .mismatch import Mismatch, multiplied
+from .familytables import multiplied
+from .mismatch import Mismatch
 
 __all__ = [
     "INTEGRATOR",

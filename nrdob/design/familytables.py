@@ -18,6 +18,7 @@ __all__ = [
     "by_powers",
     "common_ramp",
     "in_lambda",
+    "multiplied",
     "rows",
     "stable_member",
     "summed",
@@ -142,3 +143,27 @@ def in_lambda(table: FloatArray, time_constant: float) -> FloatArray:
 def _trimmed(p: FloatArray) -> FloatArray:
     used = np.flatnonzero(p)
     return p[used[0] :] if used.size else p[-1:]
+
+
+def multiplied(of_process: FloatArray, of_model: FloatArray) -> FloatArray:
+    """Multiply a polynomial of the process by one of the model, within the range of floats.
+
+    Parameters
+    ----------
+    of_process, of_model : array of float
+        Coefficients in descending powers.
+
+    Raises
+    ------
+    ValueError
+        If the product leaves the range of floating-point numbers.
+    """
+    with np.errstate(over="ignore", under="ignore"):
+        product = np.convolve(of_process, of_model)
+    if not (np.isfinite(product).all() and product[0]):
+        raise ValueError(
+            "the coefficients of process and model are so large or so small that their product "
+            "leaves the range of floating-point numbers: divide numerator and denominator of each "
+            "block by its leading coefficient, or change the units"
+        )
+    return product

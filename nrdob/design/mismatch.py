@@ -43,20 +43,19 @@ from ..numerics import (
     add,
     exponential_rest,
 )
-from .columns import positive_roots, size_squared
+from .columns import size_squared
 from .familytables import (
     by_powers,
     common_ramp,
     in_lambda,
+    multiplied,
     rows,
     stable_member,
     taylor,
-    wide,
-    width,
     without_shared,
 )
 
-__all__ = ["Mismatch", "multiplied"]
+__all__ = ["Mismatch"]
 
 ERROR = 64 * float(np.finfo(float).eps)
 """Bound of the rounding error of a polynomial's value, against the sum of its terms' sizes."""
@@ -129,7 +128,15 @@ class Mismatch:
 
     @classmethod
     def in_loop(cls, loop: ObserverEquations, family: FilterFamily) -> Mismatch:
-        """Take the process and model of a loop, and a family in place of its filter."""
+        """Take the process and model of a loop, and a family in place of its filter.
+
+        Parameters
+        ----------
+        loop : ObserverEquations
+            With any filter.
+        family : FilterFamily
+            The filters.
+        """
         G, Gm, wait = loop.fractions.G, loop.fractions.Gm, loop.model_delay
         held = min(QuasiPolynomial(Gm.den).zeros_at_origin, common_ramp(family, wait))
         both = min(held, QuasiPolynomial(G.den).zeros_at_origin)
@@ -305,12 +312,6 @@ class Mismatch:
             )
         return parts, sizes
 
-    @property
-    def degree(self) -> int:
-        """Highest power of s in p_B for most λ."""
-        parts = [(self.E, self.a), *((self.Nf, p) for p, _ in self.behind)]
-        return max(width(table) + p.size for table, p in parts if p.any()) - 2 - self.divided
-
     @cached_property
     def waiting(self) -> FloatArray:
         """Coefficients of D Nm, which stand before the model's dead time; 0 without one."""
@@ -326,12 +327,24 @@ class Mismatch:
     # On the imaginary axis: a polynomial in λ at each frequency.
 
     def coefficients(self, omega: FloatArray) -> ComplexArray:
-        """Coefficients of λ^k in p_B(jω), ascending, each frequency a column."""
+        """Coefficients of λ^k in p_B(jω), ascending, each frequency a column.
+
+        Parameters
+        ----------
+        omega : (N,) array of float
+            Frequencies, in rad/s.
+        """
         (a, b, waits), (E, Nf) = self._apart(omega), self._tables(omega)
         return np.asarray(a * E + (b + waits) * Nf)
 
     def uncertainty(self, omega: FloatArray) -> FloatArray:
-        """Bounds of the rounding errors of the coefficients."""
+        """Bounds of the rounding errors of the coefficients.
+
+        Parameters
+        ----------
+        omega : (N,) array of float
+            Frequencies, in rad/s.
+        """
         values, sizes = [np.abs(value) for value in self._values(omega)], self._sizes(omega)
         N, D, Nm, Dm = values
         off_a = sizes[1] * Nm + D * sizes[2]
@@ -354,6 +367,13 @@ class Mismatch:
         """Return a E, b Nf exp(-jωθ), and -D Nm Nf exp(-jωθm) or 0, at points (ω, λ).
 
         Divided as p_B is. The arrays are broadcast against each other.
+
+        Parameters
+        ----------
+        omega : (N,) array of float
+            Frequencies, in rad/s.
+        time_constant : array of float
+            λ in seconds.
         """
         (a, b, waits), (E, Nf) = self._apart(omega), self._tables(omega)
         powers = [np.asarray(time_constant) ** k for k in range(len(E))]
@@ -363,7 +383,15 @@ class Mismatch:
         return a * E, b * Nf, waits * Nf
 
     def filters(self, s: complex, time_constant: FloatArray) -> tuple[Any, Any]:
-        """Values of E and Nf for many filters at one point."""
+        """Values of E and Nf for many filters at one point.
+
+        Parameters
+        ----------
+        s : complex
+            The point.
+        time_constant : array of float
+            λ in seconds.
+        """
         powers = np.asarray(time_constant)[None, :] ** np.arange(len(self.E))[:, None]
         return np.polyval(self.E.T, s) @ powers, np.polyval(self.Nf.T, s) @ powers
 
@@ -372,6 +400,11 @@ class Mismatch:
 
         -H is 1 - R, or behind the model's dead time exp(-jωθm) (1 - R), R with the difference of
         the dead times. Its logarithm is accurate for small R, too, where numpy's log1p is not.
+
+        Parameters
+        ----------
+        omega : (N,) array of float
+            Frequencies, in rad/s.
         """
         R = self.ratio(omega)
         with np.errstate(divide="ignore"):  # where H vanishes exactly, all are one
@@ -388,6 +421,13 @@ class Mismatch:
 
         Its last root bounds the λ with ``|L| = gain``; the critical λ are among those of gain 1.
         Two dead times are taken at their worst, so that the bound does not turn with them.
+
+        Parameters
+        ----------
+        omega : (N,) array of float
+            Frequencies, in rad/s.
+        gain : float
+            The size of L.
         """
         (a, b, waits), (E, Nf) = self._apart(omega), self._tables(omega)
         ahead, behind = a * E, (np.abs(b) / gain + np.abs(waits)) * Nf
@@ -432,7 +472,13 @@ class Mismatch:
     # At the ends of the axis.
 
     def lowest(self, time_constant: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Values of the three `terms` at s = 0 for many filters."""
+        """Values of the three `terms` at s = 0 for many filters.
+
+        Parameters
+        ----------
+        time_constant : array of float
+            λ in seconds.
+        """
         E, Nf = (
             np.polyval(table[::-1, -1], np.asarray(time_constant))
             for table in (self._ahead, self.Nf)
@@ -446,6 +492,13 @@ class Mismatch:
         """Coefficients of the highest power of s in p_B of the three `terms`, for many filters.
 
         D may be multiplied by one more lag, whose time constant is left out.
+
+        Parameters
+        ----------
+        time_constant : array of float
+            λ in seconds.
+        lagging : bool
+            Whether there is that lag.
         """
         tables = [np.polyval(t[::-1], time_constant[:, None]) for t in (self.E, self.Nf, self.Nf)]
         leads, degrees = [], []
@@ -458,59 +511,3 @@ class Mismatch:
             lead * (degree == max(degrees)) for lead, degree in zip(leads, degrees, strict=True)
         )
         return ahead, behind, waits
-
-    @cached_property
-    def neutral_limit(self) -> float:
-        """λ below which a dead time leaves infinitely many roots on the right; 0 if there is none.
-
-        Raises
-        ------
-        ValueError
-            If it does so for every large λ.
-        """
-        ahead = [(self.E, self.a)] + [(self.Nf, p) for p, delay in self.behind if not delay]
-        behind = [(self.Nf, p) for p, delay in self.behind if delay]
-        if not behind:
-            return 0.0
-        top = max(width(table) + p.size for table, p in (*ahead, *behind))
-        leading, delayed = (
-            [wide(table)[::-1, 0] * p[0] for table, p in part if width(table) + p.size == top]
-            for part in (ahead, behind)
-        )
-        if not delayed:
-            return 0.0
-        # Those with dead time are all multiples of the same polynomial in λ.
-        least: FloatArray = reduce(add, leading, np.zeros(1))
-        most: FloatArray = np.sign(delayed[0]) * sum(map(np.abs, delayed))
-        square = add(np.convolve(least, least), -np.convolve(most, most))
-        square = np.trim_zeros(square, "f")
-        if not leading or not square.size or square[0] < 0:
-            raise ValueError(
-                "with dead time every slow filter of this family leaves infinitely many roots in "
-                "the right half plane: take one of higher relative degree"
-            )
-        return float(positive_roots(square).max(initial=0.0))
-
-
-def multiplied(of_process: FloatArray, of_model: FloatArray) -> FloatArray:
-    """Multiply a polynomial of the process by one of the model, within the range of floats.
-
-    Parameters
-    ----------
-    of_process, of_model : array of float
-        Coefficients in descending powers.
-
-    Raises
-    ------
-    ValueError
-        If the product leaves the range of floating-point numbers.
-    """
-    with np.errstate(over="ignore", under="ignore"):
-        product = np.convolve(of_process, of_model)
-    if not (np.isfinite(product).all() and product[0]):
-        raise ValueError(
-            "the coefficients of process and model are so large or so small that their product "
-            "leaves the range of floating-point numbers: divide numerator and denominator of each "
-            "block by its leading coefficient, or change the units"
-        )
-    return product

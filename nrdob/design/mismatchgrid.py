@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, reduce
 from math import pi
 
 import numpy as np
 
 from ..numerics import FloatArray, QuasiPolynomial, add
-from .columns import beyond_roots, last_root
+from .columns import beyond_roots, last_root, positive_roots
+from .familytables import wide, width
 from .mismatch import Mismatch
 
 __all__ = ["Frequencies"]
@@ -114,7 +115,42 @@ class Frequencies:
             return 0.0
         last = 2 * pi * TURNS / longest
         beyond = np.append(last, self.base[self.base > last])
-        return max(self._highest(beyond), longest / FASTEST, 1.001 * mismatch.neutral_limit)
+        return max(self._highest(beyond), longest / FASTEST, 1.001 * self.neutral_limit)
+
+    @cached_property
+    def neutral_limit(self) -> float:
+        """λ below which a dead time leaves infinitely many roots on the right; 0 if there is none.
+
+        Raises
+        ------
+        ValueError
+            If it does so for every large λ.
+        """
+        mismatch = self.mismatch
+        ahead = [(mismatch.E, mismatch.a)] + [
+            (mismatch.Nf, p) for p, delay in mismatch.behind if not delay
+        ]
+        behind = [(mismatch.Nf, p) for p, delay in mismatch.behind if delay]
+        if not behind:
+            return 0.0
+        top = max(width(table) + p.size for table, p in (*ahead, *behind))
+        leading, delayed = (
+            [wide(table)[::-1, 0] * p[0] for table, p in part if width(table) + p.size == top]
+            for part in (ahead, behind)
+        )
+        if not delayed:
+            return 0.0
+        # Those with dead time are all multiples of the same polynomial in λ.
+        least: FloatArray = reduce(add, leading, np.zeros(1))
+        most: FloatArray = np.sign(delayed[0]) * sum(map(np.abs, delayed))
+        square = add(np.convolve(least, least), -np.convolve(most, most))
+        square = np.trim_zeros(square, "f")
+        if not leading or not square.size or square[0] < 0:
+            raise ValueError(
+                "with dead time every slow filter of this family leaves infinitely many roots in "
+                "the right half plane: take one of higher relative degree"
+            )
+        return float(positive_roots(square).max(initial=0.0))
 
     # The roots of a polynomial at each frequency are dear; of few it must be known what they are.
 

@@ -263,10 +263,10 @@ def _checked_floor(frequencies: Frequencies, floor: float | None) -> float:
             "positive and finite, or None"
         )
     mismatch = frequencies.mismatch
-    if floor <= mismatch.neutral_limit:
+    if floor <= frequencies.neutral_limit:
         raise ValueError(
             f"floor is {floor:g} s, but with dead time and order {mismatch.order} every time "
-            f"constant up to {mismatch.neutral_limit:.6g} s leaves infinitely many roots in the "
+            f"constant up to {frequencies.neutral_limit:.6g} s leaves infinitely many roots in the "
             "right half plane: choose a larger floor, or a higher order"
         )
     return float(floor)

@@ -43,7 +43,7 @@ from ..diagram import DelayedTransferFunction, Fraction, LoopEquations, as_fract
 from ..numerics import QuasiPolynomial, written
 from .hold import checked_times, in_samples
 
-__all__ = ["MULTIPLIED_OUT", "held_blocks", "held_in_v", "held_in_w", "process_in_w"]
+__all__ = ["MULTIPLIED_OUT", "held_blocks", "held_in_w", "process_in_w"]
 
 Whole = NDArray[np.object_]
 
@@ -60,30 +60,6 @@ ON_CIRCLE = 1e-9
 """Distance from the unit circle at which a sampling zero lies on it."""
 
 AGREEMENT = 4 * float(np.finfo(float).eps)
-
-
-def held_in_v(
-    process: Fraction, dt: float, *, fraction: float = 0.0, at_once: bool = False
-) -> Fraction:
-    """Take a process behind its hold to the plane of v = αw: see `held_in_w`."""
-    a, c, direct, unit = _in_unit(tuple(process.num.tolist()), tuple(process.den.tolist()))
-    given = _Given(a, c, direct, Exact(dt) / unit, Exact(fraction), at_once)
-    bits, last = FIRST, None
-    while bits <= LAST:
-        found = _rounded(given, bits)
-        if last is not None and _same(found, last):
-            if abs(found.den[0]) <= AT_NYQUIST * np.abs(found.den).max():
-                raise ValueError(
-                    f"an undamped mode of the process turns by half a revolution in dt = {dt:g} s, "
-                    "at the Nyquist frequency: choose another dt"
-                )
-            num = np.trim_zeros(found.num, "f")
-            return Fraction(num / found.den[0], found.den / found.den[0])
-        bits, last = 2 * bits, found
-    raise ArithmeticError(
-        f"the process has modes so much faster than dt = {dt:g} s that its samples cannot be "
-        "computed: leave out what is much faster than the sampling"
-    )
 
 
 def held_in_w(
@@ -124,9 +100,18 @@ def held_in_w(
     >>> np.roots(num).round(6).tolist(), np.roots(den).round(6).tolist()
     ([20.0], [-0.999167])
     """
-    num, den = held_in_v(process, dt, fraction=fraction, at_once=at_once)
-    powers = (2 / dt) ** np.arange(den.size)  # of 1/α, from the leading coefficient on
-    return Fraction(num * powers[den.size - num.size :], den * powers)
+    a, c, direct, unit = _in_unit(tuple(process.num.tolist()), tuple(process.den.tolist()))
+    given = _Given(a, c, direct, Exact(dt) / unit, Exact(fraction), at_once)
+    bits, last = FIRST, None
+    while bits <= LAST:
+        found = _in_v(given, bits)
+        if last is not None and _same(found, last):
+            return _scaled(found, dt)
+        bits, last = 2 * bits, found
+    raise ArithmeticError(
+        f"the process has modes so much faster than dt = {dt:g} s that its samples cannot be "
+        "computed: leave out what is much faster than the sampling"
+    )
 
 
 def process_in_w(process: Any, dt: float, computation_delay: float = 0.0) -> Fraction:
@@ -260,7 +245,8 @@ def _in_unit(
     return [x * unit**k for k, x in enumerate(a, 1)], c, b[0], unit
 
 
-def _rounded(given: _Given, bits: int) -> Fraction:
+def _in_v(given: _Given, bits: int) -> Fraction:
+    """Give the held process in powers of v = αw."""
     num, den = _in_z(given, bits)
     columns = [np.array(p, dtype=object) @ _bilinear(len(den) - 1) for p in (num, den)]
     largest = max(abs(x) for x in columns[1])
@@ -270,6 +256,18 @@ def _rounded(given: _Given, bits: int) -> Fraction:
         for column in columns
     ]
     return Fraction(found[0][::-1], found[1][::-1])
+
+
+def _scaled(found: Fraction, dt: float) -> Fraction:
+    """Go from powers of v to those of w, and to a monic denominator."""
+    num, den = np.trim_zeros(found.num, "f"), found.den
+    if abs(den[0]) <= AT_NYQUIST * np.abs(den).max():
+        raise ValueError(
+            f"an undamped mode of the process turns by half a revolution in dt = {dt:g} s, at the "
+            "Nyquist frequency: choose another dt"
+        )
+    powers = (2 / dt) ** np.arange(den.size) / den[0]  # of 1/α, from the leading coefficient on
+    return Fraction(num * powers[den.size - num.size :], den * powers)
 
 
 def _same(one: Fraction, other: Fraction) -> bool:

@@ -142,10 +142,6 @@ class ControllerCode:
 
         return self._written("controller.py.j2", _identifier(name), repr, "self.{}".format, call)
 
-    @property
-    def _bounds(self) -> tuple[float, float, float]:
-        return float(self.limits.low), float(self.limits.high), float(self.limits.rate)
-
     def _cascade(self, table: str) -> tuple[Section, ...]:
         return self.controller.sections[TABLES[table] or self.controller.inner]
 
@@ -166,9 +162,8 @@ class ControllerCode:
                 text = text.replace(constant, value)
             return target, text
 
-        dt, delay = self.controller.dt, self.controller.delay
-        low, high, rate = self._bounds
-        bounds = {"low": low, "high": high, "change": rate * dt}
+        dt, delay, limits = self.controller.dt, self.controller.delay, self.limits
+        bounds = {"low": limits.low, "high": limits.high, "change": limits.rate * dt}
         return (
             _environment()
             .get_template(template)
@@ -188,7 +183,7 @@ class ControllerCode:
                 },
                 delay=delay,
                 integrates=any(section.integrates for section in self._cascade("CONTROLLER")),
-                **{key: value if isfinite(value) else None for key, value in bounds.items()},
+                **{key: float(value) if isfinite(value) else None for key, value in bounds.items()},
                 **more,
             )
         )
@@ -201,7 +196,9 @@ def controller_code(
 ) -> ControllerCode:
     """Add an actuator to a sampled controller: see `SampledLoop.code`."""
     if not isinstance(limits, ActuatorLimits | None):
-        raise TypeError(f"limits is a {type(limits).__name__}; give nrdob.digital.ActuatorLimits")
+        raise TypeError(
+            f"limits is a {type(limits).__name__}; give nrdob.digital.ActuatorLimits(low, high)"
+        )
     tracking = 0.0 if tracking_time is None else _tracking(controller, tracking_time)
     return ControllerCode(controller, limits or ActuatorLimits(), tracking)
 

@@ -15,7 +15,7 @@ from ..analysis import Margins, NoiseVariance
 from ..diagram import Fraction, LoopEquations, six_digits
 from ..numerics import FloatArray
 from .actuatorlimits import ActuatorLimits
-from .bilinear import held_blocks, held_in_v, process_in_w
+from .bilinear import held_blocks, held_in_w, process_in_w
 from .closedloop import ClosedLoop
 from .code import ControllerCode, controller_code
 from .controller import ModelDelay, SampledController, sampled_controller
@@ -322,8 +322,8 @@ class SampledLoop:
 
     @cached_property
     def held(self) -> Fraction:
-        """The process behind its hold, in powers of v = αw, without the whole samples."""
-        return held_in_v(self.loop.fractions.G, self.dt, fraction=self.process.fraction)
+        """The process behind its hold, in powers of w, without the whole samples."""
+        return held_in_w(self.loop.fractions.G, self.dt, fraction=self.process.fraction)
 
     @cached_property
     def _numerator(self) -> Product:
@@ -333,7 +333,7 @@ class SampledLoop:
         degree = built.Nm.q.size + (F.den if self.model_delay else built.E.q).size
         return Product(
             (
-                _filled(self.held.num, self.held.den.size),
+                self._in_v(self.held.num, self.held.den.size),
                 self._in_v(built.Dm.q, degree - built.Nf.q.size),
                 self._in_v(built.Nf.q, built.Nf.q.size),
             ),
@@ -344,7 +344,7 @@ class SampledLoop:
     def _denominator(self) -> tuple[Product, ...]:
         """Denominator of L, D Nm (Df - Nf), term by term for a model with dead time."""
         built, F = self.blocks.built, self.blocks.fractions.F
-        common = self.held.den, self._in_v(built.Nm.q, built.Nm.q.size)
+        common = tuple(self._in_v(p, p.size) for p in (self.held.den, built.Nm.q))
         if not self.model_delay:
             return (Product((*common, self._in_v(built.E.q, built.E.q.size))),)
         late = self._in_v(F.num, F.den.size)
@@ -354,8 +354,4 @@ class SampledLoop:
 
     def _in_v(self, p: FloatArray, size: int) -> FloatArray:
         """Powers of w as powers of v = αw, with leading zeros up to a size."""
-        return _filled(p, size) * (self.dt / 2) ** np.arange(size)
-
-
-def _filled(p: FloatArray, size: int) -> FloatArray:
-    return np.pad(p, (size - p.size, 0))
+        return np.pad(p, (size - p.size, 0)) * (self.dt / 2) ** np.arange(size)

@@ -69,8 +69,8 @@ def largest_sampling_time(
 
     Examples
     --------
-    >>> import nrdob
-    >>> loop = nrdob.paper.example(1)
+    >>> from nrdob import paper
+    >>> loop = paper.example(1)
     >>> round(largest_sampling_time(loop) / loop.filter.time_constant, 4)
     4.0275
     """

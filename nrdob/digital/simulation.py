@@ -9,15 +9,9 @@ and S strictly lower triangular. The parts in w are products of matrices, comput
 once. If every rule leaves p as it is, v = (I - S)^{-1}(O x + T w) is the answer for the whole
 block; otherwise the block is computed sample by sample, at one scalar product for each.
 
-An observer that receives the *applied* u has its blocks F, F/G̃ and (1 - F)G̃ driven by bounded
-signals while the actuator is at its limit: they stay bounded iff they are stable. With the
-*commanded* u, F u is fed back on itself, u = F u + …, through 1/(1 - F), an integrator: what the
-actuator withholds is taken for a disturbance, which more u is to fight.
-
-.. rubric:: References
-
-Åström, K. J., L. Rundqwist, Integrator windup and how to avoid it, Proc. American Control
-Conference (1989) 1693-1698.
+An observer that receives the *applied* u has stable blocks driven by bounded signals while the
+actuator is at its limit. With the *commanded* u, F u is fed back on itself through 1/(1 - F), an
+integrator: the observer winds up.
 """
 
 from __future__ import annotations

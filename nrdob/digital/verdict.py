@@ -89,10 +89,12 @@ class SampledStability(Stability):
         ----------
         gains : tuple of two float, optional
             Lowest and highest factor of the process for which it is proved, too.
-        delays, processes : optional
+        delays : tuple of two float, optional
             Only of loops in continuous time.
         time_constants : tuple of two float, optional
             Smallest and largest time constant of a `LowPassFilter` that Tustin's rule samples.
+        processes : sequence of blocks
+            Only of loops in continuous time.
 
         Returns
         -------

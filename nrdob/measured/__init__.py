@@ -4,7 +4,7 @@ from .identification import Candidate, Identification, identified, identify
 from .parameters import Parameter
 from .records import Record, checked_record
 from .residuals import ResidualCheck
-from .structures import STRUCTURES, Structure
+from .structures import STRUCTURES
 from .tables import heated_air, read_data
 
 __all__ = [
@@ -14,7 +14,6 @@ __all__ = [
     "Parameter",
     "Record",
     "ResidualCheck",
-    "Structure",
     "checked_record",
     "heated_air",
     "identified",

@@ -132,7 +132,9 @@ def frequency_range(
 
     Parameters
     ----------
-    terms, scale
+    terms : sequence of ManyTerms
+        As for `rhp_counts`.
+    scale : (k, n) array of float
         As for `rhp_counts`.
 
     Returns
@@ -155,8 +157,10 @@ def zero_free(
 
     Parameters
     ----------
-    terms, scale
+    terms : sequence of ManyTerms
         As for `rhp_counts`; their columns broadcast with the discs.
+    scale : (k, ...) array of float
+        As for `rhp_counts`.
     centre, radius : array of float
         Of the discs, in rad/s.
 
@@ -175,15 +179,10 @@ def zero_free(
 def argument_change(terms: Sequence[Term], scale: FloatArray, origin: int = 1) -> ArgumentChange:
     """Follow the argument of one sum from ω = 0 to infinity.
 
-    Parameters
-    ----------
-    terms : sequence of Term
-        The first one without dead time and of the highest degree, its leading coefficient larger
-        than those of the others together.
-    scale : array of float
-        For each power of s (descending) the size of what was summed to give the coefficients.
-    origin : int
-        Multiplicity of the zero at s = 0, if there is one.
+    The first term has no dead time and the highest degree, its leading coefficient larger than
+    those of the others together; `scale` has for each power of s (descending) the size of what was
+    summed to give the coefficients; `origin` is the multiplicity of the zero at s = 0, if there is
+    one.
 
     Raises
     ------
@@ -229,19 +228,10 @@ def argument_change(terms: Sequence[Term], scale: FloatArray, origin: int = 1) -
 def zero_free_frequencies(terms: Sequence[Term], scale: FloatArray, origin: int = 1) -> FloatArray:
     """Frequencies between which the argument provably changes by less than half a revolution.
 
-    Around a zero on the axis, within rounding, a stretch is left in which it may. If the dead time
-    is so long that more than `MAX_SEGMENTS` frequencies would be needed, there are stretches, too,
-    in which it turns with a dominant term's dead time, any number of times.
-
-    Parameters
-    ----------
-    terms, scale, origin
-        As for `argument_change`.
-
-    Returns
-    -------
-    array of float
-        Increasing, in rad/s, from 0 to where the leading term dominates.
+    In rad/s, increasing, from 0 to where the leading term dominates. Around a zero on the axis,
+    within rounding, a stretch is left in which it may change by more. If the dead time is so long
+    that more than `MAX_SEGMENTS` frequencies would be needed, there are stretches, too, in which it
+    turns with a dominant term's dead time, any number of times.
     """
     if terms[0].q.size == 1:
         return np.zeros(1)

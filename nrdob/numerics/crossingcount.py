@@ -45,18 +45,8 @@ AT_ZERO = 1e-6
 def count_by_crossings(q: FloatArray, r: FloatArray, delay: float) -> int | None:
     """Count the roots of q + r exp(-sT) in the open right half plane, after Walton and Marshall.
 
-    Parameters
-    ----------
-    q, r : array of float
-        Coefficients in descending powers; the leading one of q dominates.
-    delay : float
-        T > 0, in seconds.
-
-    Returns
-    -------
-    int or None
-        The number, or None where the equation without dead time has roots on the axis. A root at
-        s = 0 for every dead time, where q + r = 0, is not counted.
+    The leading coefficient of q dominates. None where the equation without dead time has roots on
+    the axis; a root at s = 0 for every dead time, where q + r = 0, is not counted.
 
     Examples
     --------
@@ -81,22 +71,9 @@ def crossings_between(
 ) -> int | None:
     """Count the roots that enter the right half plane while one of two dead times changes.
 
-    Parameters
-    ----------
-    q : array of float
-        Coefficients in descending powers; the leading one dominates.
-    fixed : (r, T)
-        The term r exp(-sT) whose dead time stays.
-    moving : array of float
-        The polynomial behind the other dead time.
-    start, end : float
-        That dead time, in seconds, before and afterwards.
-
-    Returns
-    -------
-    int or None
-        How many more are there afterwards; None if there are too many frequencies to look at. A
-        root at s = 0 for all dead times, where q + r + moving = 0, is not counted.
+    The term r exp(-sT) in `fixed` stays; the dead time of `moving` goes from `start` to `end`, in
+    seconds. None if there are too many frequencies to look at; a root at s = 0 for all dead times,
+    where q + r + moving = 0, is not counted.
 
     Examples
     --------

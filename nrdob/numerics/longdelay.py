@@ -46,18 +46,9 @@ BESIDE = 1e-4
 def rightmost_roots(q: FloatArray, delayed: Delayed) -> ComplexArray:
     """Find roots of q + sum of r exp(-sT), of which none lies to the right of the first.
 
-    Parameters
-    ----------
-    q : array of float
-        Coefficients in descending powers; the leading one of q dominates.
-    delayed : sequence of (r, T)
-        Coefficients, and dead times T > 0 in seconds, the longest first.
-
-    Returns
-    -------
-    array of complex
-        Rightmost first; there may be others between them. The first one's real part is known to
-        be the largest, to four digits. Empty if no such root was found.
+    The leading coefficient of q dominates; the longest dead time comes first. There may be others
+    between the roots. The first one's real part is known to be the largest, to four digits; there
+    are none if no such root was found.
 
     Examples
     --------

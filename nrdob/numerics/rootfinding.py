@@ -83,14 +83,8 @@ def companion_roots(q: FloatArray) -> ComplexArray:
 def delay_roots(q: FloatArray, delayed: Delayed) -> ComplexArray:
     """Find the roots of q + sum of r exp(-sT) that matter for stability.
 
-    All of those in the right half plane and the rightmost ones of the left half plane.
-
-    Parameters
-    ----------
-    q : array of float
-        Coefficients in descending powers, the first one not zero.
-    delayed : sequence of (r, T)
-        Coefficients of degree at most that of q, and delays T > 0 in seconds, the longest first.
+    All of those in the right half plane and the rightmost ones of the left half plane. No r is of a
+    higher degree than q; the longest dead time comes first.
 
     Raises
     ------
@@ -127,15 +121,7 @@ def delay_roots(q: FloatArray, delayed: Delayed) -> ComplexArray:
 
 
 def frequencies_beside(roots: ComplexArray, count: int) -> list[FloatArray]:
-    """Frequencies in rad/s that become dense at roots near the imaginary axis.
-
-    Parameters
-    ----------
-    roots : array of complex
-        The roots, of a pair that with a positive imaginary part.
-    count : int
-        How many frequencies there are on either side of each.
-    """
+    """Frequencies in rad/s, dense at roots near the axis, `count` on either side of each."""
     found = []
     for root in roots[roots.imag > 0]:
         width = max(abs(root.real), 1e-12 * abs(root))

@@ -23,7 +23,16 @@ import numpy as np
 
 from .arrays import ROUNDING, BoolArray, ComplexArray, FloatArray, IntArray
 
-__all__ = ["Certified", "ManyTerms", "Stretches", "Sums", "binomial", "certified", "multiplied"]
+__all__ = [
+    "ZERO_FREE",
+    "Certified",
+    "ManyTerms",
+    "Stretches",
+    "Sums",
+    "binomial",
+    "certified",
+    "multiplied",
+]
 
 PER_OCTAVE, AT_FIRST = 6, 2000
 """Stretches of an octave to begin with, and in all: many take less time than many rounds."""

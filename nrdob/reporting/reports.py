@@ -22,7 +22,7 @@ from ..numerics import number
 from .datasections import data_sections, record_section
 from .formulas import character, formula, intervals
 from .html import Section, Table, written
-from .loopsections import UNDECIDED, Given, sections_of
+from .loopsections import UNDECIDED, sections_of
 from .proposals import Proposal, propose
 from .trials import trial_table
 
@@ -240,7 +240,7 @@ def _composed(
         sections += _each_written([(PROPOSED, lambda: _reasons(process, proposal))])
         loop = proposal.loop
     if loop is not None:
-        sections += _each_written(sections_of(Given(loop, step)), progress)
+        sections += _each_written(sections_of(loop, step), progress)
     sections.append(Section("What was checked, and what was not", CHECKED))
     return Report(
         title or f"{name}: report", tuple(sections), _sound(loop), process, loop, identification,

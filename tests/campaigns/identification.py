@@ -8,7 +8,8 @@ import numpy as np
 from scipy.signal import lfilter
 from scipy.stats import binomtest
 
-from nrdob.measured import STRUCTURES, Structure, identify
+from nrdob.measured import STRUCTURES, identify
+from nrdob.measured.structures import Structure
 
 from .runner import print_tally
 

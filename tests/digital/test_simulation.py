@@ -295,7 +295,7 @@ def test_noise_is_white_of_its_deviation_and_of_its_seed():
         ({"R": 1.0}, {"timepts": [0.0, 0.2]}, ValueError, r"timepts\[1\] is 0.2 s, and sample"),
         ({"R": []}, {}, ValueError, "the signals are empty"),
         ({"R": 1.0}, {"timepts": "all"}, TypeError, "timepts is 'all'; give the times"),
-        ({"R": [1.0]}, {"limits": (0, 1)}, TypeError, "is a tuple; give nrdob.digital.ActuatorL"),
+        ({"R": [1.0]}, {"limits": (0, 1)}, TypeError, "tuple; give nrdob.digital.ActuatorLimits"),
         ({"R": 1.0}, {"timepts": -1.0}, ValueError, "timepts is -1.0"),
         ({"R": 1.0}, {"timepts": inf}, ValueError, "timepts is inf"),
         ({"R": [1.0]}, {"noise": -1.0}, ValueError, "noise is -1"),
