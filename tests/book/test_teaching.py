@@ -111,6 +111,7 @@ def test_the_program_tells_what_is_wrong(
     assert "1.1: posed in no set" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_the_stored_pages_are_in_step_with_their_sources(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -444,6 +445,7 @@ SYMBOLS = ("p_A", "p_B", "FH", "H", "K", "L", "T_R", "S_d", "S_\\delta", "S_\\et
 """What a class learns to read from the board."""
 
 
+@pytest.mark.slow
 def test_a_question_uses_what_was_on_the_board_before() -> None:
     known: set[str] = set()
     for number, session in zip(weeks(), teaching_sessions(), strict=True):
@@ -493,6 +495,7 @@ def test_the_plan_names_every_line_of_the_board_once() -> None:
         assert named == lines
 
 
+@pytest.mark.slow
 def test_formulas_on_the_board_are_true() -> None:
     lines = [
         textwrap.dedent(line)
