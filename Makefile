@@ -35,15 +35,16 @@ help: ## show this list
 
 env: $(READY) ## make the environment in .venv (the other targets do it when needed)
 
-$(READY): requirements.txt pyproject.toml
+$(READY): requirements.txt pyproject.toml book/pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or newer is needed, e.g.: make PYTHON=python3.12" if sys.version_info < (3, 11) else 0)'
 	@echo "Making the environment in $(VENV); this takes about a minute, once."
 	$(PYTHON) -m venv $(VENV)
 	$(PY) -m pip install --quiet -r requirements.txt
-	$(PY) -m pip install --quiet --no-deps -e .
-	@# The path of this folder as pip notes it is UTF-8; Python before 3.13 reads it in the
-	@# encoding of the locale. A relative one needs no letters.
+	$(PY) -m pip install --quiet --no-deps -e . -e ./book
+	@# The paths of these folders as pip notes them are UTF-8; Python before 3.13 reads them in the
+	@# encoding of the locale. Relative ones need no letters.
 	@cd $(VENV)/lib/python3*/site-packages && echo ../../../.. > _editable_impl_nrdob.pth
+	@cd $(VENV)/lib/python3*/site-packages && echo ../../../../book > _editable_impl_nrdob_course.pth
 	@$(PY) -c 'import matplotlib.font_manager' 2> /dev/null
 	@touch $(READY)
 
@@ -71,7 +72,7 @@ test: $(READY) ## run every check
 lint: $(READY) layers ## style and formatting, and whether everything stands, and is told, where it belongs
 	$(PY) -m ruff check .
 	$(PY) -m ruff format --check .
-	$(PY) -m tests.house
+	$(PY) -m tests.structure
 	$(PY) book/make/teaching.py --check
 	$(PY) book/make/predictions.py --check
 
@@ -84,13 +85,13 @@ layers: $(READY) ## imports between the modules run one way
 	PYTHONUTF8=1 $(PY) -c 'from importlinter.cli import lint_imports_command as lint; lint()'
 
 map: $(READY) ## print the rooms of the package floor by floor, as its imports have them
-	$(PY) -m tests.house.map
+	$(PY) -m tests.structure.map
 
 quick: $(READY) ## the checks of the working day, in below 90 seconds
 	@$(MAKE) --jobs=2 lint types layers unit FAST='-m "not slow"'
 
 unit: $(READY) ## unit tests, doctests, the rules for notebooks, the ledger, and the built book
-	$(PYTEST) $(FAST) tests nrdob --doctest-modules
+	$(PYTEST) $(FAST) tests nrdob book/nrdob_course --doctest-modules
 
 test-site: $(READY) ## build the book and open every page in a browser, at the width of a phone
 	$(PYTEST) tests/book/test_site.py
@@ -99,7 +100,7 @@ notebooks: $(READY) ## run every notebook and compare with the outputs stored in
 	$(PYTEST) $(NBVAL)
 
 old-processor: $(READY) ## doctests and notebooks again, in the arithmetic of an old processor
-	$(OLD_PROCESSOR) $(PYTEST) $(NBVAL) nrdob --doctest-modules
+	$(OLD_PROCESSOR) $(PYTEST) $(NBVAL) nrdob book/nrdob_course --doctest-modules
 
 pages: $(READY) ## write what is made and stored: pages for teachers, the questions in the chapters
 	$(PY) book/make/teaching.py
@@ -129,14 +130,14 @@ lab: $(READY) ## open the notebooks in JupyterLab
 	$(PY) -m jupyterlab notebooks
 
 release: $(READY) ## make the students' copies of the problem sets, and the solutions (SETS="set1 set2")
-	$(PY) -m nrdob.course.grading release $(SETS)
+	$(PY) -m nrdob_course.grading release $(SETS)
 
 grade: $(READY) ## grade what students handed in: make grade SUBMISSIONS=folder
 	@test -n "$(SUBMISSIONS)" || { echo "Say where they are: make grade SUBMISSIONS=folder"; exit 2; }
-	$(PY) -m nrdob.course.grading grade "$(SUBMISSIONS)"
+	$(PY) -m nrdob_course.grading grade "$(SUBMISSIONS)"
 
 report: $(READY) ## take over the points filled into grading/written.csv
-	$(PY) -m nrdob.course.grading report
+	$(PY) -m nrdob_course.grading report
 
 test-exercises: $(READY) ## test the problem sets, their graders, and the way from a submission to its points
 	$(PYTEST) tests/course

@@ -1,7 +1,6 @@
-r"""A small zoo of plants, each a function of what one would measure on it, each with its source.
+r"""Example plants, from what an actuator takes to what a sensor reads, in SI units.
 
-All are written as they are met in a loop: from the input that an actuator takes to the output that
-a sensor reads, in SI units. Where a plant stands in print with numbers these are the defaults.
+Where a source prints numbers, these are the defaults.
 """
 
 from __future__ import annotations
@@ -12,13 +11,9 @@ import numpy as np
 from .diagram import DelayedTransferFunction
 
 __all__ = [
-    "all_pole",
     "antiresonance",
     "heated_air",
-    "heated_bed",
-    "hotend",
     "lags",
-    "mirrored_pair",
     "motor_position",
     "motor_speed",
     "resonance",
@@ -77,58 +72,6 @@ def resonance(
     10.0
     """
     return ct.tf([gain], [natural_frequency**-2, 2 * damping / natural_frequency, 1.0])
-
-
-def all_pole(*poles: float, gain: float = 1.0) -> ct.TransferFunction:
-    r"""Lags given by their poles, :math:`k\prod_i p_i/(s+p_i)`.
-
-    Parameters
-    ----------
-    *poles : float
-        :math:`p_i`, in rad/s; negative for an unstable pole.
-    gain : float
-        Gain k at zero frequency.
-
-    Returns
-    -------
-    control.TransferFunction
-        The plant.
-
-    Examples
-    --------
-    >>> [round(float(c), 6) for c in all_pole(2.0, 10.0, gain=2.0).den[0][0]]
-    [0.05, 0.6, 1.0]
-    """
-    return lags(*(1 / pole for pole in poles), gain=gain)
-
-
-def mirrored_pair(
-    pole: float, decay: float, *, gain: float = 1.0
-) -> tuple[ct.TransferFunction, ct.TransferFunction]:
-    r"""Give an unstable plant, and the model in which its pole is mirrored.
-
-    :math:`kpd/\big((s\mp p)(s+d)\big)`: the model has the gain k at zero frequency, the plant -k.
-
-    Parameters
-    ----------
-    pole : float
-        p, in rad/s.
-    decay : float
-        d, in rad/s.
-    gain : float
-        k.
-
-    Returns
-    -------
-    plant, model : control.TransferFunction
-        With the pole at p, and at -p.
-
-    Examples
-    --------
-    >>> [sorted(round(float(p.real), 6) for p in G.poles()) for G in mirrored_pair(1.0, 2.0)]
-    [[-2.0, 1.0], [-2.0, -1.0]]
-    """
-    return all_pole(-pole, decay, gain=-gain), all_pole(pole, decay, gain=gain)
 
 
 def antiresonance(pole: float, zero: float, damping: float) -> ct.TransferFunction:
@@ -252,46 +195,6 @@ def two_masses(
     return ct.tf(
         [load, damping, stiffness], [motor * load, total * damping, total * stiffness, 0.0]
     )
-
-
-def hotend() -> DelayedTransferFunction:
-    """Temperature of a 3D printer's hotend from its heater, 337.6 K, 36.7 s and 0.8 s.
-
-    Returns
-    -------
-    DelayedTransferFunction
-        From the heater's share of full power, 0 to 1, to kelvin above the surroundings.
-
-    References
-    ----------
-    A model fitted by the Klipper project, in its pull request 7243.
-
-    Examples
-    --------
-    >>> hotend().delay
-    0.8
-    """
-    return DelayedTransferFunction(lags(36.7, gain=337.6), 0.8)
-
-
-def heated_bed() -> DelayedTransferFunction:
-    """Temperature of a 3D printer's bed from its heater, 89.4 K, 170.8 s and 1.7 s.
-
-    Returns
-    -------
-    DelayedTransferFunction
-        From the heater's share of full power, 0 to 1, to kelvin above the surroundings.
-
-    References
-    ----------
-    A model fitted by the Klipper project, in its pull request 7243.
-
-    Examples
-    --------
-    >>> heated_bed().delay
-    1.7
-    """
-    return DelayedTransferFunction(lags(170.8, gain=89.4), 1.7)
 
 
 def heated_air() -> DelayedTransferFunction:

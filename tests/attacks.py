@@ -91,7 +91,7 @@ ESCAPES = {
     "graders' byte code": (
         "open(glob.glob(str(course / 'exercises' / '__pycache__' / '*.pyc'))[0], 'rb').read()"
     ),
-    "hidden tests": "open(project / 'notebooks/exercises/source/set1/set1.ipynb').read()",
+    "hidden tests": "open(project / 'book/nrdob_course/sets/source/set1/set1.ipynb').read()",
     "git objects": (
         "os.listdir(project / '.git') if (project / '.git').is_dir() else open(project / "
         "'.git').read()"
@@ -211,7 +211,7 @@ FORGERIES = {
     "tell replaced": (
         "import sys\n"
         "\n"
-        "sys.modules['nrdob.course.grading.plain'].tell = lambda *any: "
+        "sys.modules['nrdob_course.grading.plain'].tell = lambda *any: "
         "get_ipython().display_pub.publish({{'application/vnd.nrdob.answer+json': "
         '\'{{"value": {{"other": ["Points", "3"]}}}}\'}})\n'
         "\n"
@@ -223,7 +223,7 @@ FORGERIES = {
     "a deep text": (
         "import sys\n"
         "\n"
-        "sys.modules['nrdob.course.grading.plain'].tell = lambda *any: "
+        "sys.modules['nrdob_course.grading.plain'].tell = lambda *any: "
         "get_ipython().display_pub.publish({{'application/vnd.nrdob.answer+json': '[' * "
         "900_000}})\n"
         "\n"
@@ -239,7 +239,7 @@ FORGERIES = {
     "a filter of order a million": (
         "import sys\n"
         "\n"
-        "sys.modules['nrdob.course.grading.plain'].encode = lambda value: {{'filter': "
+        "sys.modules['nrdob_course.grading.plain'].encode = lambda value: {{'filter': "
         "[1.0, 10**6]}}\n"
         "\n"
     )
@@ -247,7 +247,7 @@ FORGERIES = {
     "an empty array of a huge shape": (
         "import sys\n"
         "\n"
-        "sys.modules['nrdob.course.grading.plain'].encode = lambda value: {{'array': [], "
+        "sys.modules['nrdob_course.grading.plain'].encode = lambda value: {{'array': [], "
         "'shape': [0, 10**12]}}\n"
         "\n"
     )
@@ -255,7 +255,7 @@ FORGERIES = {
     "a thousand loops": (
         "import sys\n"
         "\n"
-        "sys.modules['nrdob.course.grading.plain'].encode = lambda value: {{'list': "
+        "sys.modules['nrdob_course.grading.plain'].encode = lambda value: {{'list': "
         "[{{'loop': [1, 1, 1, {{'filter': [1.0, 50]}}]}}] * 1000}}\n"
         "\n"
     )
@@ -282,7 +282,7 @@ FORGERIES = {
     + WRONG,
     "a group of a megabyte": ("GROUP = '5' * 1_000_000\n\n") + WRONG,
     "another case": (
-        "import nrdob.course.exercises as graders\n\ngraders.own_case = lambda *any: 1\n\n"
+        "import nrdob_course.exercises as graders\n\ngraders.own_case = lambda *any: 1\n\n"
     )
     + WRONG,
     "a page of thirty megabytes": (
@@ -301,16 +301,16 @@ FORGERIES = {
     "the graders imported": (
         "import importlib\n"
         "\n"
-        "set2 = importlib.import_module('nrdob.course.exercises.set2')\n"
+        "set2 = importlib.import_module('nrdob_course.exercises.set2')\n"
         "{answer} = set2.PROBLEMS[0].misconceptions[0].example\n"
     ),
     "the finder taken away": (
         "import sys\n"
         "\n"
-        "for name in [name for name in sys.modules if name.startswith('nrdob.course')]:\n"
+        "for name in [name for name in sys.modules if name.startswith('nrdob_course')]:\n"
         "    del sys.modules[name]\n"
         "sys.meta_path.pop(0)\n"
-        "from nrdob.course.exercises import PROBLEMS\n"
+        "from nrdob_course.exercises import PROBLEMS\n"
         "\n"
     )
     + WRONG,

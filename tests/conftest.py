@@ -50,7 +50,7 @@ def no_warning_leaks():
 @pytest.fixture(scope="session")
 def settled():
     """Settle claims of the ledger, each at most once in a run, for all that want its entry."""
-    from nrdob.course.claims import check
+    from nrdob_course.claims import check
 
     return cache(check)
 

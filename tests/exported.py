@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta
 from pathlib import Path
 
-from nrdob.course.grading.roster import Course, read_course
+from nrdob_course.grading.roster import Course, read_course
 
 __all__ = ["CLASS", "DUE", "Sent", "canvas", "moment_of", "moodle", "plan", "read_canvas"]
 __all__ += ["read_moodle", "table", "taken_by_canvas", "taken_by_moodle"]

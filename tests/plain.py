@@ -70,7 +70,7 @@ def main(folder: str) -> None:
     import nrdob
 
     assert Path(nrdob.__file__).is_relative_to(folder), nrdob.__file__
-    assert not any(name.startswith("nrdob.course") for name in sys.modules)
+    assert not any(name.startswith("nrdob_course") for name in sys.modules)
     names = modules(nrdob)
     with tempfile.TemporaryDirectory() as place:
         pictures = everything(nrdob, Path(place))
@@ -81,7 +81,7 @@ def modules(nrdob) -> int:
     """Import every module but those of the course, and take every name that a front shows."""
     count = 0
     for found in pkgutil.walk_packages(nrdob.__path__, "nrdob."):
-        if found.name.startswith("nrdob.course") or found.name == "nrdob.__main__":
+        if found.name.startswith("nrdob_course") or found.name == "nrdob.__main__":
             continue
         if found.name in EXTRAS:
             with asks_for(EXTRAS[found.name]):
@@ -145,7 +145,7 @@ def everything(nrdob, place: Path) -> int:
 
     sampled = loop.sampled(0.01)
     assert sampled.to_c() and sampled.to_header() and sampled.to_python() and sampled.to_json()
-    every = nrdob.candidates(loop.process, loop.model, loop.controller, 3)
+    every = nrdob.alternatives.candidates(loop.process, loop.model, loop.controller, 3)
     compared = nrdob.compare(loop.process, every, max_ms=1.6)
     assert repr(compared) and compared._repr_html_()
     return len(pictures)

@@ -17,10 +17,10 @@ import numpy as np
 from nbgrader.preprocessors import ClearHiddenTests, ClearSolutions
 
 from nrdob import NRDOB, LowPassFilter
-from nrdob.course.exercises import PROBLEMS, Points, Problem, score
-from nrdob.course.exercises.cases import few
+from nrdob_course.exercises import PROBLEMS, Points, Problem, score
+from nrdob_course.exercises.cases import few
+from nrdob_course.grading.release import SOURCE
 
-SOURCE = Path(__file__).resolve().parent.parent / "notebooks" / "exercises" / "source"
 SETS = sorted(SOURCE.glob("*/*.ipynb"))
 STUB = "# YOUR CODE HERE"
 """What a student finds in the place of an answer, as the settings of nbgrader say."""

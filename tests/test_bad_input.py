@@ -12,6 +12,7 @@ import sympy
 import nrdob
 from nrdob import LowPassFilter
 from nrdob.design import limits
+from nrdob.diagram import DelayedTransferFunction
 
 pytestmark = pytest.mark.usefixtures("no_warning_leaks")
 
@@ -51,7 +52,7 @@ DOORS = {
     ("controller", "NRDOB"): lambda C: nrdob.NRDOB(PLANT, PLANT, C, FILTER),
     ("filter", "NRDOB"): lambda F: nrdob.NRDOB(PLANT, PLANT, 1.0, F),
     ("filter", "judge_observer"): lambda F: nrdob.judge_observer(PLANT, PLANT, F),
-    ("rational part", "DelayedTransferFunction"): lambda P: nrdob.DelayedTransferFunction(P, 0.1),
+    ("rational part", "DelayedTransferFunction"): lambda P: DelayedTransferFunction(P, 0.1),
     ("other factor", "delay"): lambda P: nrdob.delay(0.1) * P,
     ("other term", "delay"): lambda P: nrdob.delay(0.1) + P,
     ("divisor", "delay"): lambda P: nrdob.delay(0.1) / P,

@@ -31,7 +31,8 @@ from docutils.parsers.rst import directives
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
-from nrdob import NRDOB, LowPassFilter, linear_adrc, paper, stability_chart
+from nrdob import NRDOB, LowPassFilter, paper, stability_chart
+from nrdob.alternatives import linear_adrc
 from nrdob.plotting import COLOURS, TALL, Figure, axes_for, styled
 from predictions import KEY
 

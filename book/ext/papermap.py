@@ -24,7 +24,7 @@ from sphinx.application import Sphinx
 from sphinx.transforms import SphinxTransform
 from sphinx.util.docutils import SphinxDirective
 
-from nrdob.course.claims import LEDGER
+from nrdob_course.claims import LEDGER
 from statements import prose_of, theorems_of, title_of
 
 CHAPTERS = "chapters"

@@ -18,10 +18,11 @@ from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 ROOT = Path(__file__).resolve().parents[2]
 
 TO_RUN = (
-    "notebooks/*.ipynb", "notebooks/class/*", "nrdob/**/*", "binder/requirements.txt",
+    "notebooks/*.ipynb", "notebooks/class/*", "nrdob/**/*", "book/pyproject.toml",
+    "book/nrdob_course/*.py", "book/nrdob_course/[ceg]*/*.py", "binder/requirements.txt",
     "requirements.txt", "pyproject.toml", "README.md", "LICENSE", "LICENSE-text", "CITATION.cff",
 )  # fmt: skip
-"""The notebooks with their outputs, the package, and what installs it."""
+"""The notebooks with their outputs, the packages, and what installs them."""
 
 LONG_AGO = (1980, 1, 1, 0, 0, 0)
 """The time of every file, so that the same book gives the same file."""

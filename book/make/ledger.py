@@ -22,8 +22,8 @@ from pathlib import Path
 
 import nbformat
 
-from nrdob.course.claims import LEDGER, Claim, Entry, Verdict
-from nrdob.course.claims.ledger import settle
+from nrdob_course.claims import LEDGER, Claim, Entry, Verdict
+from nrdob_course.claims.ledger import settle
 from pages import render, store
 
 ROOT = Path(__file__).resolve().parents[2]

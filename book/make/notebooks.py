@@ -20,7 +20,7 @@ from pathlib import Path
 
 from nbclient.exceptions import CellExecutionError, CellTimeoutError, DeadKernelError
 
-from nrdob.course.running import NotebookRuleError, execute
+from nrdob_course.running import NotebookRuleError, execute
 
 try:
     import resource

@@ -28,10 +28,9 @@ from nbgrader.preprocessors import ClearHiddenTests, ClearSolutions
 
 from nrdob.plotting import diagrams
 from pages import render, store
-from teaching import NOTEBOOKS, SOLUTION, TEACHING, Pack, ProblemSet, read_pack
+from teaching import SOLUTION, SOURCE, TEACHING, Pack, ProblemSet, read_pack
 
 ROOT = Path(__file__).resolve().parents[2]
-SETS = NOTEBOOKS / "exercises" / "source"
 
 NOT_PRINTED = ("group", "imports", "check")
 """Cells that mean something in a notebook only, by the first word of their names."""
@@ -132,7 +131,7 @@ def write(folder: Path) -> list[Path]:
     """Write all pages into a folder."""
     pack, made = read_pack(), {}
     for each in pack.sets:
-        path = SETS / each.name / f"{each.name}.ipynb"
+        path = SOURCE / each.name / f"{each.name}.ipynb"
         made[each.name] = page(each.title, problems(path), "set")
         answers = solutions(path, pack, each)
         made[f"{each.name}_solutions"] = page(f"{each.title}. Solutions", answers, "solutions")

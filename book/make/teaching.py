@@ -3,9 +3,9 @@
 They are stored with the project, so that they can be read without a build.
 
 What a program knows comes from it: the problems, their points and typical mistakes, what the
-chapters promise. What only a teacher knows stands in ``book/teaching/problems.toml``: what to ask a
-student, what earns points where somebody reads the answer. The exit code is 1, and every reason is
-listed, if the two do not fit together; the pages are written in any case.
+chapters promise. What only a teacher knows stands in ``book/nrdob_course/problems.toml``: what to
+ask a student, what earns points where somebody reads the answer. The exit code is 1, and every
+reason is listed, if the two do not fit together; the pages are written in any case.
 
     python book/make/teaching.py                     write the pages into book/teaching
     python book/make/teaching.py --output FOLDER     write them there
@@ -25,14 +25,16 @@ from typing import Any
 
 import nbformat
 
-from nrdob.course.exercises import PROBLEMS, Problem
+import nrdob_course
+from nrdob_course.exercises import PROBLEMS, Problem
 from openings import PARTS, Chapter, read_chapter
 from pages import render, same, store
 
 ROOT = Path(__file__).resolve().parents[2]
 NOTEBOOKS = ROOT / "notebooks"
 TEACHING = ROOT / "book" / "teaching"
-ADVICE = "problems.toml"
+COURSE = Path(nrdob_course.__file__).parent
+SOURCE, ADVICE = COURSE / "sets" / "source", COURSE / "problems.toml"
 
 GRADED = re.compile(r"(check|written)-(\d+)-(\d+)([a-z]?)")
 SOLUTION = re.compile(r"### BEGIN SOLUTION\n(.*?)\s*### END SOLUTION", re.DOTALL)
@@ -160,12 +162,12 @@ def _is_code(line: str) -> bool:
     return bool(line.strip()) and not line.lstrip().startswith("#")
 
 
-def read_sets(folder: Path = NOTEBOOKS / "exercises" / "source") -> list[ProblemSet]:
+def read_sets(folder: Path = SOURCE) -> list[ProblemSet]:
     """Read every set, in order."""
     return [read_set(path) for path in sorted(folder.glob("set*/set*.ipynb"))]
 
 
-def read_advice(path: Path = TEACHING / ADVICE) -> dict[str, Advice]:
+def read_advice(path: Path = ADVICE) -> dict[str, Advice]:
     """Read what teachers know."""
     entries = tomllib.loads(path.read_text("utf-8"))
     return {id: _advice(entry) for id, entry in entries.items()}
@@ -211,8 +213,10 @@ class Pack:
         tasks = {task.id: task for task in self.tasks}
         written = {id: task for id, task in tasks.items() if task.written}
         told = [f"{id}: posed in no set" for id in self.problems if id not in tasks]
-        told += [f"{id}: not in {ADVICE}" for id in tasks if id not in self.advice]
-        told += [f"{id}: in {ADVICE}, and no such problem" for id in self.advice if id not in tasks]
+        told += [f"{id}: not in {ADVICE.name}" for id in tasks if id not in self.advice]
+        told += [
+            f"{id}: in {ADVICE.name}, and no such problem" for id in self.advice if id not in tasks
+        ]
         for id, advice in self.advice.items():
             for stem, begins in advice.trains:
                 chapter = self.chapters.get(stem)

@@ -10,7 +10,7 @@ from .adrc import (
 from .comparison import Comparison, Row, compare
 from .measures import LoadErrors, load_errors
 from .simc import LagModel, half_rule, simc_pi, simc_pid
-from .structures import controller_alone, conventional_observer
+from .structures import controller_alone, conventional_observer, smith_predictor
 from .tuning import Candidate, Tuned, candidates, tune
 
 __all__ = [
@@ -33,5 +33,10 @@ __all__ = [
     "load_errors",
     "simc_pi",
     "simc_pid",
+    "smith_predictor",
     "tune",
 ]
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -213,7 +213,7 @@ def adrc_stabilizing_gains(
     TypeError, ValueError
         As `linear_adrc`.
     ArithmeticError
-        As `nrdob.stabilizing_gains`.
+        As `nrdob.design.stabilizing_gains`.
 
     Examples
     --------

@@ -232,8 +232,8 @@ def compare(
     process : as for `nrdob.NRDOB`
         G, on which every scheme is judged.
     candidates : dict of str to NRDOB or Candidate
-        Loops as they are; or candidates from `nrdob.candidates`, each of which is tuned to the same
-        limits by `nrdob.alternatives.tune`.
+        Loops as they are; or candidates from `nrdob.alternatives.candidates`, each of which is
+        tuned to the same limits by `nrdob.alternatives.tune`.
     changed : dict of str to process, optional
         What the plant may become; the schemes stay as they are.
     shaping : control.TransferFunction, StateSpace, number or (num, den), optional
@@ -255,7 +255,8 @@ def compare(
 
     Examples
     --------
-    >>> from nrdob import candidates, paper
+    >>> from nrdob import paper
+    >>> from nrdob.alternatives import candidates
     >>> loop = paper.example(4)
     >>> every = candidates(loop.process, loop.model, loop.controller, 3)
     >>> two = {name: every[name] for name in ("NR-DOB", "PI")}
@@ -271,7 +272,7 @@ def compare(
     ):
         raise TypeError(
             "candidates must be a dict of names to NRDOB loops or to candidates from "
-            "nrdob.candidates(process, model, controller)"
+            "nrdob.alternatives.candidates(process, model, controller)"
         )
     if not isinstance(changed, Mapping | None):
         raise TypeError(f"changed is a {type(changed).__name__}; give a dict of names to plants")

@@ -236,13 +236,13 @@ def _lags(den: FloatArray) -> list[float]:
     if p.zeros_at_origin > 1:
         raise ValueError(
             f"the process has {p.zeros_at_origin} integrators; these rules take one: use "
-            "nrdob.linear_adrc of order 2, or an observer with a ramp filter"
+            "nrdob.alternatives.linear_adrc of order 2, or an observer with a ramp filter"
         )
     poles = p.without_origin.roots
     if (poles.real >= 0).any():
         raise ValueError(
             f"the process has a pole at {written(complex(poles[0]))}; these rules are for stable "
-            "or integrating processes: use an observer, or nrdob.linear_adrc"
+            "or integrating processes: use an observer, or nrdob.alternatives.linear_adrc"
         )
     oscillating = poles[np.abs(poles.imag) > REAL * np.abs(poles)]
     if oscillating.size:

@@ -1,11 +1,13 @@
-r"""C without the observer, and with the conventional one: as NR-DOBs with other filters.
+r"""C alone, the conventional observer and the Smith predictor, as NR-DOBs with other filters.
 
 Whatever feeds back y by a controller K is an NR-DOB whose filter is the complementary sensitivity
-of the model under K (`nrdob.observer_form`). So
+of the model under K (`nrdob.design.observer_form`). So
 
 =====================================  =====================================================
 C alone, u = C (R - y)                 :math:`F = C\tilde G/(1 + C\tilde G)`
 conventional observer with F           :math:`(F + C\tilde G)/(1 + C\tilde G)` in place of F
+Smith predictor                        :math:`C\tilde G_0/(1 + C\tilde G_0)`; the model keeps its
+                                       dead time
 =====================================  =====================================================
 
 with the same C and the same model: all maps from R, d, δ and η are those of the other diagram, and
@@ -17,6 +19,11 @@ the reference, :math:`u = C(R - y) + Fu - (F/\tilde G)y`, so that
 
 Ohnishi, K., M. Shibata, T. Murakami, Motion control for advanced mechatronics, IEEE/ASME Trans.
 Mechatronics 1 (1996) 56-67.
+
+Smith, O. J. M., Closer control of loops with dead time, Chem. Eng. Progress 53 (1957) 217-219.
+
+Zhong, Q.-C., J. E. Normey-Rico, Control of integral processes with dead-time. Part 1: Disturbance
+observer-based 2DOF control scheme, IEE Proc. Control Theory Appl. 149 (2002) 285-290.
 """
 
 from __future__ import annotations
@@ -31,7 +38,7 @@ from ..diagram import DelayedTransferFunction, as_fraction, filter_fraction
 from ..loop import NRDOB
 from ..numerics import QuasiPolynomial, add, count_rhp, written
 
-__all__ = ["controller_alone", "conventional_observer"]
+__all__ = ["controller_alone", "conventional_observer", "smith_predictor"]
 
 
 def controller_alone(process: Any, model: Any, controller: Any) -> NRDOB:
@@ -64,11 +71,42 @@ def controller_alone(process: Any, model: Any, controller: Any) -> NRDOB:
     >>> loop.p_B.q.round(6).tolist()                    # s (s + 2) + 2 (s + 3), times a constant
     [0.333333, 1.333333, 2.0]
     """
-    undelayed = _undelayed(model)
-    found = observer_form(controller, undelayed)
-    if not found:
-        raise ValueError(f"C alone cannot be written as an observer: {found.reason}")
-    return NRDOB(process, undelayed, controller, found.F)
+    F = _filter_of("C alone", model, controller)
+    return NRDOB(process, _undelayed(model), controller, F)
+
+
+def smith_predictor(process: Any, model: Any, controller: Any) -> NRDOB:
+    r"""Close the loop of a Smith predictor, :math:`K = C/(1 + C\tilde G_0(1 - e^{-s\theta_m}))`.
+
+    Parameters
+    ----------
+    process : as for `nrdob.NRDOB`
+        The process G.
+    model : DelayedTransferFunction
+        The model with its dead time.
+    controller : as for `nrdob.NRDOB`
+        C, which stabilises the model without dead time; one of the two integrates.
+
+    Returns
+    -------
+    NRDOB
+        With :math:`F = C\tilde G_0/(1 + C\tilde G_0)`. F/model has no zeros of the model any more.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As `controller_alone`.
+
+    Examples
+    --------
+    >>> import control as ct
+    >>> from nrdob import delay
+    >>> Gm = delay(1.0) * ct.tf([1], [1, 1])
+    >>> loop = smith_predictor(Gm, Gm, ct.tf([2, 2], [1, 0]))     # F = 2/(s + 2)
+    >>> loop.stability().stable, round(loop.margins().plant_loop.gm, 3)
+    (True, 2.52)
+    """
+    return NRDOB(process, model, controller, _filter_of("a Smith predictor", model, controller))
 
 
 def conventional_observer(process: Any, model: Any, controller: Any, filter: Any) -> NRDOB:
@@ -110,6 +148,14 @@ def conventional_observer(process: Any, model: Any, controller: Any, filter: Any
         )
     num = add(np.convolve(F.num, opened), np.convolve(F.den, closing))
     return NRDOB(process, undelayed, controller, ct.tf(num, np.convolve(F.den, p_A.q)))
+
+
+def _filter_of(scheme: str, model: Any, controller: Any) -> Any:
+    """Return the complementary sensitivity of the model without dead time under C."""
+    found = observer_form(controller, _undelayed(model))
+    if not found:
+        raise ValueError(f"{scheme} cannot be written as an observer: {found.reason}")
+    return found.F
 
 
 def _undelayed(model: Any) -> Any:

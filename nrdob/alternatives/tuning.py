@@ -18,7 +18,6 @@ import numpy as np
 from scipy.optimize import brentq
 
 from ..analysis import noise_variance, quotient_margins
-from ..deadtime import dead_time_observer
 from ..diagram import DelayedTransferFunction, LowPassFilter, as_fraction, real_number
 from ..loop import NRDOB
 from ..numerics import QuasiPolynomial, count_rhp
@@ -222,9 +221,8 @@ def candidates(
         ),
     }
     if probe.delay:
-        observers["Smith predictor"] = lambda x: dead_time_observer(
-            process, model, controller, filter(x)
-        )
+        delayed = model if probe.model_delay else DelayedTransferFunction(model, probe.delay)
+        observers["Smith predictor"] = lambda x: NRDOB(process, delayed, controller, filter(x))
     rules = {"PI": partial(simc_pi, process), "PID": partial(simc_pid, process)}
     timed = {
         name: Candidate(parameter, "s", build, 1 / fastest, 1 / slowest, band)
@@ -286,7 +284,7 @@ def tune(
     if not isinstance(candidate, Candidate):
         raise TypeError(
             f"candidate is a {type(candidate).__name__}; give one of "
-            "nrdob.candidates(process, model, controller)"
+            "nrdob.alternatives.candidates(process, model, controller)"
         )
     limits = Limits(max_ms, max_noise, shaping)
     refusals: list[str] = []

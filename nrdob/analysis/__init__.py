@@ -49,3 +49,7 @@ __all__ = [
     "step_response",
     "subdivided",
 ]
+
+
+def __dir__() -> list[str]:
+    return __all__

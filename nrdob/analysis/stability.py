@@ -126,15 +126,27 @@ class Stability:
         """Whether the loop is stable; ValueError if that cannot be told."""
         return _known(self.stable, self.reason)
 
-    def certificate(self, processes: Sequence[Any] = ()) -> Certificate:
+    def certificate(
+        self,
+        *,
+        gains: tuple[float, float] | None = None,
+        delays: tuple[float, float] | None = None,
+        time_constants: tuple[float, float] | None = None,
+        processes: Sequence[Any] = (),
+    ) -> Certificate:
         """Prove the counts of roots, for a checker that shares no code with this package.
 
         Parameters
         ----------
+        gains : tuple of two float, optional
+            Lowest and highest factor of the process for which it is proved, too.
+        delays : tuple of two float, optional
+            Shortest and longest dead time of the process, in seconds.
+        time_constants : tuple of two float, optional
+            Smallest and largest time constant of a `LowPassFilter`, in seconds.
         processes : sequence of blocks
-            Other processes with the same dead time, for which it is proved, too, and for every
-            convex combination of their numerators and denominators: ``[0.5 * G, 2 * G]`` stands
-            for every gain between the two.
+            Other processes with the same dead time, such as the corners of a box: it is proved for
+            every convex combination of their numerators and denominators.
 
         Returns
         -------
@@ -147,7 +159,14 @@ class Stability:
             If there is none; the message says why.
         """
         counts = self.model_loop.closed_loop_rhp, self.observer_loop.closed_loop_rhp
-        return certify(self.loop, counts, processes)
+        return certify(
+            self.loop,
+            counts,
+            gains=gains,
+            delays=delays,
+            time_constants=time_constants,
+            processes=processes,
+        )
 
     @property
     def _verdict(self) -> str:

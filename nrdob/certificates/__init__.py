@@ -5,3 +5,7 @@ from .checker import check
 from .points import half_plane_points
 
 __all__ = ["Certificate", "certify", "check", "half_plane_points"]
+
+
+def __dir__() -> list[str]:
+    return __all__

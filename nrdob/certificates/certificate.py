@@ -3,19 +3,28 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction as Ratio
+from itertools import product
+from math import isfinite
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from ..diagram import Fraction, LoopEquations
-from ..numerics import FloatArray, QuasiPolynomial
+from ..diagram import DelayedTransferFunction, LoopEquations, LowPassFilter
+from ..numerics import QuasiPolynomial
 from .checker import check
 from .points import half_plane_points
 
 __all__ = ["Certificate", "certify"]
+
+Interval = tuple[float, float]
+Exact = list[Ratio]
+Blocks = dict[str, Any]
+
+SHORTEST = 1e-4
+"""Share of the longest dead time below which no part of an interval is cut."""
 
 
 @dataclass(frozen=True)
@@ -24,17 +33,18 @@ class Certificate:
 
     Attributes
     ----------
-    content : dict
-        What is written as JSON: `blocks`, of which there may be several processes, with
-        numerators, denominators and dead times in exact fractions; `cancelled`, what cancels inside
-        the blocks F/Gm (`zeros`) and (1 - F)·Gm (`poles`); `claim`, the number of roots of D_F, p_A
-        and p_B in the right half plane; `points` of the imaginary axis in rad/s, between which each
-        function keeps to a half plane.
+    content : dict or list of dict
+        What is written as JSON: `blocks`, of which there may be several processes and filters, with
+        numerators, denominators and dead times in exact fractions; `within`, by how much the dead
+        time of the process may differ; `cancelled`, what cancels inside the blocks F/Gm (`zeros`)
+        and (1 - F)·Gm (`poles`); `claim`, the number of roots of D_F, p_A and p_B in the right half
+        plane; `points` of the imaginary axis in rad/s, between which each function keeps to a half
+        plane. An interval of dead time may have several parts.
     proved : str
         What the checker says.
     """
 
-    content: dict[str, Any]
+    content: Blocks | list[Blocks]
     proved: str
 
     def __str__(self) -> str:
@@ -55,9 +65,21 @@ class Certificate:
 
 
 def certify(
-    loop: LoopEquations, counts: tuple[float | None, float | None], processes: Sequence[Any] = ()
+    loop: LoopEquations,
+    counts: tuple[float | None, float | None],
+    *,
+    gains: Interval | None = None,
+    delays: Interval | None = None,
+    time_constants: Interval | None = None,
+    processes: Sequence[Any] = (),
 ) -> Certificate:
-    """Find the points that prove a verdict, and have them checked.
+    r"""Find the points that prove a verdict, and have them checked.
+
+    p_B is linear in the numerator and denominator of the process, and in those of the filter. So
+    what holds at some corners in the same half planes holds between them: a gain is between two
+    processes, and 1/(λs + 1)^n between the n + 1 filters 1/((as + 1)^{n-k} (bs + 1)^k) if λ is
+    between a and b, whose denominators are the Bézier points of (λs + 1)^n. Intervals of the dead
+    time are cut until each part has its points.
 
     Parameters
     ----------
@@ -65,10 +87,15 @@ def certify(
         The four blocks.
     counts : tuple of two float
         Roots of p_A and p_B in the right half plane.
+    gains : tuple of two float, optional
+        Lowest and highest factor of the process.
+    delays : tuple of two float, optional
+        Shortest and longest dead time of the process, in seconds.
+    time_constants : tuple of two float, optional
+        Smallest and largest time constant of a `LowPassFilter`, in seconds.
     processes : sequence of blocks
         Other processes with the dead time of the loop's own. What is proved then holds for every
-        convex combination of their numerators and denominators, as they are given, with its own:
-        for ``[0.5 * G, 2 * G]`` at every gain between the two.
+        convex combination of their numerators and denominators, as they are given, with its own.
 
     Returns
     -------
@@ -77,6 +104,8 @@ def certify(
 
     Raises
     ------
+    ValueError
+        If an interval is none, or the filter is not of eq. (1) where `time_constants` are given.
     ArithmeticError
         If there is none: a root on the imaginary axis or too close to it, infinitely many roots in
         the right half plane, or a loop that is ill-posed.
@@ -86,52 +115,139 @@ def certify(
     >>> import control as ct
     >>> from nrdob import LowPassFilter, delay
     >>> blocks = delay(0.1) * ct.tf([2], [1, 1]), ct.tf([1], [1, 1]), 2, LowPassFilter(0.5, 1)
-    >>> certify(LoopEquations(*blocks), (0, 0))
-    Certificate('Proved: the loop is internally stable. Roots with Re s >= 0: D_F 0, p_A 0, p_B 0.')
+    >>> certify(LoopEquations(*blocks), (0, 0), delays=(0, 0.2)).proved.split(".")[0]
+    'Proved: the loop is internally stable for every dead time from 0 to 0'
     """
     if reason := loop.ill_posed:
         raise ArithmeticError(f"no certificate: {reason}")
-    built, fractions = loop.built, loop.fractions
     every = [loop, *(replace(loop, process=process) for process in processes)]
-    power = built.poles.degree if loop.model_delay else 0
-    functions = {
-        "D_F": ([QuasiPolynomial(fractions.F.den)], 0),
-        "p_A": ([loop.p_A], 0),
-        "p_B": ([each.p_B.lifted(power) for each in every], power),
+    if any(each.delay != loop.delay for each in every):
+        raise ArithmeticError("no certificate: the processes have different dead times")
+    factors = [Ratio(k) for k in _interval("gains", gains or (1.0, 1.0))]
+    fractions = loop.fractions
+    given = [
+        ([k * c for c in _exact(each.fractions.G.num)], _exact(each.fractions.G.den))
+        for k, each in product(sorted(set(factors)), every)
+    ]
+    others = {
+        "model": _block(_exact(fractions.Gm.num), _exact(fractions.Gm.den), loop.model_delay),
+        "controller": _block(_exact(fractions.C.num), _exact(fractions.C.den)),
     }
-    points = {}
-    for name, (found, order) in functions.items():
-        try:
-            points[name] = half_plane_points([p.terms for p in found], order)
-        except ArithmeticError as error:
-            raise ArithmeticError(f"no certificate for {name}: {error}") from error
-    content = {
-        "format": "nrdob certificate",
-        "version": 1,
-        "blocks": {
-            "process": [_block(each.fractions.G, each.delay) for each in every],
-            "model": _block(fractions.Gm, loop.model_delay),
-            "controller": _block(fractions.C),
-            "filter": _block(fractions.F),
-        },
-        "cancelled": {"zeros": _exact(built.zeros.q), "poles": _exact(built.poles.q)},
-        "claim": {
-            name: None if count is None else int(count)
-            for name, count in zip(functions, (0, *counts), strict=True)
-        },
-        "points": {name: _exact(found) for name, found in points.items()},
-    }
+
+    def part(delay: Interval, lag: Interval) -> Blocks:
+        middle, within = sum(map(Ratio, delay)) / 2, (Ratio(delay[1]) - Ratio(delay[0])) / 2
+        process = [_block(*fraction, middle) for fraction in given]
+        blocks = {"process": process, **others, "filter": _filters(loop, lag)}
+        return _part(loop, counts, blocks, within)
+
+    delay = _interval("delays", delays or (loop.delay, loop.delay))
+    lag = _interval("time_constants", time_constants or (0.0, 0.0))
+    if delay[0] < 0:
+        raise ValueError(f"delays are {delays}; a dead time is zero or positive")
+    content = (
+        _cut(lambda cut: part(cut, lag), delay)
+        if delays
+        else _cut(lambda cut: part(delay, cut), lag)
+    )
+    found = content[0] if len(content) == 1 else content
     try:
-        return Certificate(content, check(content))
+        return Certificate(found, check(found))
     except ValueError as error:
         raise ArithmeticError(f"no certificate: {error}") from error
 
 
-def _block(fraction: Fraction, delay: float = 0.0) -> dict[str, Any]:
+def _cut(part: Callable[[Interval], Blocks], interval: Interval) -> list[Blocks]:
+    """Certify an interval, or its halves, or theirs."""
+    try:
+        return [part(interval)]
+    except ArithmeticError:
+        low, high = interval
+        if high - low <= SHORTEST * high:
+            raise
+        middle = (low + high) / 2
+        return [*_cut(part, (low, middle)), *_cut(part, (middle, high))]
+
+
+def _part(
+    loop: LoopEquations, counts: tuple[float | None, float | None], blocks: Blocks, within: Ratio
+) -> Blocks:
+    """Certify the loops of all processes and filters, whose dead time may differ by `within`."""
+    every = [
+        replace(
+            loop,
+            process=DelayedTransferFunction(_floats(G), float(Ratio(G["delay"]))),
+            filter=loop.filter if len(blocks["filter"]) == 1 else _floats(F),
+        )
+        for G, F in product(blocks["process"], blocks["filter"])
+    ]
+    built = every[0].built
+    power = built.poles.degree if loop.model_delay else 0
+    functions = {
+        "D_F": ([QuasiPolynomial(each.fractions.F.den) for each in every], 0),
+        "p_A": ([loop.p_A], 0),
+        "p_B": ([each.p_B.lifted(power) for each in every], power),
+    }
+    points, moved = {}, {"delay": every[0].delay, "within": float(within)}
+    for name, (found, order) in functions.items():
+        try:
+            points[name] = half_plane_points([p.terms for p in found], order, **moved)
+        except ArithmeticError as error:
+            raise ArithmeticError(f"no certificate for {name}: {error}") from error
     return {
-        "num": _exact(fraction.num), "den": _exact(fraction.den), "delay": str(Ratio(delay)),
-    }  # fmt: skip
+        "format": "nrdob certificate",
+        "version": 1,
+        "variable": "s",
+        "blocks": blocks,
+        "within": str(within),
+        "cancelled": {name: _texts(_exact(getattr(built, name).q)) for name in ("zeros", "poles")},
+        "claim": {
+            name: None if count is None else int(count)
+            for name, count in zip(functions, (0, *counts), strict=True)
+        },
+        "points": {name: _texts(_exact(found)) for name, found in points.items()},
+    }
 
 
-def _exact(values: FloatArray) -> list[str]:
-    return [str(Ratio(value)) for value in values.tolist()]
+def _filters(loop: LoopEquations, time_constants: Interval) -> list[Blocks]:
+    """Give the loop's filter, or those between which all with these time constants are."""
+    F = loop.filter
+    if not any(time_constants):
+        return [_block(_exact(loop.fractions.F.num), _exact(loop.fractions.F.den))]
+    if not isinstance(F, LowPassFilter):
+        raise ValueError(f"time_constants are those of a LowPassFilter; the filter is {F!r}")
+    if time_constants[0] <= 0:
+        raise ValueError(f"time_constants are {time_constants}; they are to be positive")
+    low, high = ([Ratio(value)] for value in time_constants)
+    lags = (_lags(low * (F.order - k) + high * k) for k in range(F.order + 1))
+    return [_block([Ratio(1)], den) for den in lags]
+
+
+def _lags(time_constants: list[Ratio]) -> Exact:
+    """Multiply (λs + 1) for all λ out."""
+    found, zero = [Ratio(1)], Ratio(0)
+    for lag in time_constants:
+        found = [lag * a + b for a, b in zip([*found, zero], [zero, *found], strict=True)]
+    return found
+
+
+def _interval(name: str, given: Interval) -> Interval:
+    low, high = map(float, given)
+    if not (isfinite(low) and isfinite(high) and low <= high):
+        raise ValueError(f"{name} are {given}; give the lowest and the highest")
+    return low, high
+
+
+def _block(num: Exact, den: Exact, delay: float | Ratio = 0.0) -> Blocks:
+    return {"num": _texts(num), "den": _texts(den), "delay": str(Ratio(delay))}
+
+
+def _texts(values: Exact) -> list[str]:
+    return [str(value) for value in values]
+
+
+def _floats(block: dict[str, Any]) -> tuple[list[float], list[float]]:
+    return [float(Ratio(c)) for c in block["num"]], [float(Ratio(c)) for c in block["den"]]
+
+
+def _exact(values: Any) -> Exact:
+    return [Ratio(value) for value in values.tolist()]

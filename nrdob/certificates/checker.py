@@ -4,7 +4,7 @@ From the blocks it builds in exact fractions D_F, the filter's denominator, p_A 
 p_B = D Nm (Df - Nf exp(-θm s)) + N Dm Nf exp(-θ s), less what cancels inside its blocks. Between
 two points of the imaginary axis f(jω) stays in an open half plane, by Taylor's formula; beyond the
 last one the leading term dominates. So no root is on the axis, and how often f turns counts Z. What
-holds for several processes in the same half planes holds for their convex combinations.
+holds for several processes or filters in the same half planes holds for their convex combinations.
 """
 
 import json
@@ -12,7 +12,7 @@ import re
 import sys
 from fractions import Fraction
 from functools import reduce
-from itertools import pairwise, zip_longest
+from itertools import pairwise, product, zip_longest
 from math import isqrt
 from typing import Any
 
@@ -20,56 +20,66 @@ __all__ = ["check"]
 
 Poly = list[Fraction]  # in descending powers
 Terms = dict[Fraction, Poly]  # a sum of q(s) exp(-delay s), by delay
-MOST = {"coefficients": 60, "points": 20_000, "digits": 1_000}
+MOST = {"coefficients": 90, "points": 20_000}
 ZERO, NUMBER = Fraction(0), re.compile(r"-?[0-9]+(/0*[1-9][0-9]*)?").fullmatch
 SECTORS: list[Any] = [(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)]
 
 
 def check(certificate: Any) -> str:
-    """Say in a sentence what a certificate proves.
+    """Say in a sentence what a certificate proves; ValueError says why it proves nothing.
 
     Parameters
     ----------
-    certificate : dict
-        As read from JSON.
+    certificate : dict or list of dict
+        As read from JSON; a list for intervals of the process's dead time that join.
 
     Returns
     -------
     str
-        How many roots of each function are in the right half plane; of several processes, for
-        every convex combination of their numerators and denominators.
-
-    Raises
-    ------
-    ValueError
-        If it does not prove what it claims; the message says what is missing.
+        How many roots of each function are in the right half plane; of several processes or
+        filters, for every convex combination of their numerators and denominators.
     """
-    parts = members(certificate, "format version blocks cancelled claim points")
-    need(parts[:2] == ["nrdob certificate", 1], f"format and version are {parts[:2]}")
-    blocks = members(parts[2], "process model controller filter")
-    need(isinstance(blocks[0], list) and 0 < len(blocks[0]) <= 64, "give a list of processes")
-    built = [build([process, *blocks[1:]], parts[3]) for process in blocks[0]]
-    functions, cancelled, uneven = built[0]
-    claims, points = (members(part, " ".join(functions)) for part in parts[4:])
-    for (name, (f, power)), claim, given in zip(functions.items(), claims, points, strict=True):
+    proofs = [prove(c) for c in (certificate if isinstance(certificate, list) else [certificate])]
+    pairs = list(pairwise(proofs))  # joined by their dead times, or by a filter of both
+    late = all(a[:2] == b[:2] and b[2] <= a[3] for a, b in pairs)
+    chained = all((a[0], a[1][-1], *a[2:]) == (b[0], b[1][0], *b[2:]) for a, b in pairs)
+    need(bool(proofs) and (late or chained), "there are no parts, or they do not join")
+    ((verdict, counts, *_), _, low, _), (*_, high) = proofs[0], proofs[-1]
+    each = f" for every dead time from {float(low):g} to {float(high):g}" if low < high else ""
+    parts = f" in {len(proofs)} parts that join" if len(proofs) > 1 else ""
+    return f"Proved{parts}: the loop is {verdict}{each}. Roots with {counts}."
+
+
+def prove(certificate: Any) -> tuple[Any, ...]:
+    """Give what is proved of which blocks, the filters, the lowest and the highest dead time."""
+    keys = "format version variable blocks within cancelled claim points"
+    *kind, variable, given, within, cancelled, claims, points = members(certificate, keys)
+    need(kind == ["nrdob certificate", 1], f"format and version are {kind}")
+    need(variable in ("s", "w = (z - 1)/(z + 1)"), "the variable is neither s nor w")
+    processes, *others, filters = members(given, "process model controller filter")
+    need(all(type(b) is list and 0 < len(b) < 65 for b in (processes, filters)), "give block lists")
+    built = [build([G, *others, F], cancelled) for G, F in product(processes, filters)]
+    functions, factors, uneven, delay = built[0]
+    need(0 <= (reach := read([within], "points")[0]) <= delay, "the dead time becomes negative")
+    claims, points = (members(part, " ".join(functions)) for part in (claims, points))
+    for (name, (f, power)), claim, chosen in zip(functions.items(), claims, points, strict=True):
         every = [f, *(other[name][0] for other, *_ in built if other[name][0] != f)]
-        found = rhp_count(name, every, power, read(given, "points"))
+        found = rhp_count(name, every, power, read(chosen, "points"), [delay, reach])
         need(str(found) == f"{claim!r}", f"{name} has {found} such roots, not {claim!r:.60}")
     counts = ", ".join(f"{name} {n}" for name, n in zip(functions, claims, strict=True))
-    rest = f"; {cancelled} cancel inside its blocks, to {float(uneven):.0e}" if cancelled else ""
+    counts += f"; {factors} cancel inside its blocks, to {float(uneven):.0e}" if factors else ""
     verdict = "unstable" if any(claims) else "internally stable"
-    verdict += f" for all processes between {len(built)}" if len(built) > 1 else ""
-    return f"Proved: the loop is {verdict}. Roots with Re s >= 0: {counts}{rest}."
+    verdict += f" for all blocks between {len(built)}" if len(built) > 1 else ""
+    same = verdict, f"Re {variable} >= 0: {counts}", others, [G | {"delay": 0} for G in processes]
+    return same, filters, delay - reach, delay + reach
 
 
 def need(condition: bool, reason: str) -> None:
-    """Refuse the certificate unless `condition` holds."""
     if not condition:
         raise ValueError(reason)
 
 
-def members(given: Any, keys: str) -> list[Any]:
-    """Take an object apart that has these keys and no others."""
+def members(given: Any, keys: str) -> list[Any]:  # of an object with these keys and no others
     need(isinstance(given, dict) and set(given) == set(keys.split()), f"an object needs {keys}")
     return [given[key] for key in keys.split()]
 
@@ -78,14 +88,13 @@ def read(given: Any, kind: str = "coefficients") -> Poly:
     """Read a list of fractions such as ["1", "-3/4"]; the first coefficient is not 0."""
     need(isinstance(given, list) and 0 < len(given) <= MOST[kind], f"too many or no {kind}")
     for c in given:
-        fits = isinstance(c, str) and len(c) <= MOST["digits"] and NUMBER(c)
-        need(bool(fits), f"{c!r:.60} is no fraction such as '-3/4'")
+        need(type(c) is str and len(c) <= 1000 and bool(NUMBER(c)), f"{c!r:.60} is no fraction")
     need(kind != "coefficients" or Fraction(given[0]) != 0, "a polynomial begins with 0")
     return [Fraction(c) for c in given]
 
 
-def build(blocks: list[Any], inside: Any) -> tuple[dict[str, tuple[Terms, int]], int, Fraction]:
-    """Build the functions, each with the power of s divided out; what cancels, and how well."""
+def build(blocks: list[Any], inside: Any) -> tuple[Any, int, Fraction, Fraction]:
+    """Build the functions and the power of s divided out; what cancels, how well; the dead time."""
     given = [members(block, "num den delay") for block in blocks]
     fractions = [(read(num), read(den)) for num, den, _ in given]
     (N, D), (Nm, Dm), (Nc, Dc), (Nf, Df) = fractions
@@ -109,13 +118,14 @@ def build(blocks: list[Any], inside: Any) -> tuple[dict[str, tuple[Terms, int]],
     need(len(p_B[ZERO]) - 1 == degree, "the observer loop is ill-posed")
     need(max(error, other) <= Fraction(1, 10**9), "what is said to cancel is no common factor")
     functions = {"D_F": ({ZERO: Df}, 0), "p_A": ({ZERO: p_A}, 0), "p_B": (p_B, power)}
-    return functions, len(zeros) + len(poles) - 2, max(error, other)
+    return functions, len(zeros) + len(poles) - 2, max(error, other), delay
 
 
-def rhp_count(name: str, functions: list[Terms], power: int, points: Poly) -> int:
-    """Count the roots of f(s)/s^power in the right half plane, from the half planes of f(jω)."""
+def rhp_count(name: str, functions: list[Terms], power: int, points: Poly, moved: Poly) -> int:
+    """Count the roots of f(s)/s^power: f(jω) turns by n - power - 2 Z quarters, by Mikhailov."""
     steps, last, ends = list(pairwise(points)), points[-1], []
     need(points[0] == 0 and all(a < b for a, b in steps), f"points of {name} do not increase")
+    need(not (power and moved[1]), f"{name} has roots at s = 0, and no one dead time")
     for f in functions:
         p, n = f[ZERO], len(f[ZERO]) - 1
         rest = size({t: q[1:] if q is p else q for t, q in f.items()}, last)
@@ -130,18 +140,18 @@ def rhp_count(name: str, functions: list[Terms], power: int, points: Poly) -> in
     directions = [SECTORS[(2 * power + 4 * (first < 0)) % 8]]
     orders = [[derivative(f, k) for k in range(3)] for f in functions]
     for a, b in steps[power > 0 :]:
-        directions.append(half_plane(orders, a, b))
+        directions.append(half_plane(orders, a, b, moved))
         need(any(directions[-1]), f"{name} is not proved to keep to a half plane at {float(a)}")
     directions.append(SECTORS[(2 * n + 4 * (p[0] < 0)) % 8])
-    # Mikhailov: f turns by n - power - 2 Z quarters of a revolution, from ω = 0 to infinity.
     return (2 * (n - power) - sum(turn(c, d) for c, d in pairwise(directions))) // 4
 
 
-def half_plane(orders: list[list[Terms]], a: Fraction, b: Fraction) -> tuple[int, int]:
+def half_plane(orders: list[Any], a: Fraction, b: Fraction, moved: Poly) -> tuple[int, int]:
     """Give c with Re(conj(c) f) > 0 from ja to jb for every f, by Taylor's formula; or (0, 0)."""
     w, r, found, units = (a + b) / 2, (b - a) / 2, [], []
     for f, change, bend in orders:
         value, slope, slack = [ZERO, ZERO], [ZERO, ZERO], r * r * size(bend, b) / 2
+        slack += min(moved[1] * b, Fraction(2)) * size({ZERO: f.get(moved[0], [])}, b)
         for t, q in f.items():
             cosine, sine, error = cosine_sine(t * w)
             for place, p, reach in ((value, q, 1), (slope, change[t], r)):
@@ -152,8 +162,7 @@ def half_plane(orders: list[list[Terms]], a: Fraction, b: Fraction) -> tuple[int
         u, v = (round(part / (max(map(abs, value)) or 1) * 2**30) for part in value)
         units.append([part * 2**30 // (isqrt(u * u + v * v) or 1) for part in (u, v)])
         found.append((value, slope, slack))
-    pairs = ((p, q) for i, p in enumerate(units) for q in units[i:])
-    first, second = min(pairs, key=lambda z: z[0][0] * z[1][0] + z[0][1] * z[1][1])
+    first, second = min(product(units, units), key=lambda z: z[0][0] * z[1][0] + z[0][1] * z[1][1])
     c, d = first[0] + second[0], first[1] + second[1]  # between the two furthest apart
     for value, slope, slack in found:  # along the axis f changes by j f'(jω)
         clear = c * value[0] + d * value[1] - r * abs(d * slope[0] - c * slope[1])
@@ -185,20 +194,17 @@ def cosine_sine(x: Fraction) -> tuple[Fraction, Fraction, Fraction]:
 
 
 def on_axis(p: Poly, w: Fraction) -> tuple[Fraction, Fraction]:
-    """Evaluate p(jw)."""
-    x = y = ZERO
+    x = y = ZERO  # p(jw)
     for c in p:
         x, y = c - y * w, x * w
     return x, y
 
 
-def size(f: Terms, w: Fraction) -> Fraction:
-    """Bound |f| on the imaginary axis up to w."""
+def size(f: Terms, w: Fraction) -> Fraction:  # a bound of |f| on the imaginary axis up to jw
     return sum((abs(c) * w**k for q in f.values() for k, c in enumerate(reversed(q))), ZERO)
 
 
 def derivative(f: Terms, n: int) -> Terms:
-    """Differentiate f n times."""
     for _ in range(n):
         inner = {t: [c * k for k, c in enumerate(q[-2::-1], 1)][::-1] for t, q in f.items()}
         f = {t: total(inner[t], [-t * c for c in q]) for t, q in f.items()}
@@ -206,14 +212,12 @@ def derivative(f: Terms, n: int) -> Terms:
 
 
 def times(p: Poly, *others: Poly) -> Poly:
-    """Multiply polynomials."""
     for q in others:
         p = reduce(total, [[c * d for d in q] + [ZERO] * k for k, c in enumerate(reversed(p))])
     return p
 
 
-def total(p: Poly, q: Poly) -> Poly:
-    """Add polynomials, without leading zeros."""
+def total(p: Poly, q: Poly) -> Poly:  # without leading zeros
     both = [x + y for x, y in zip_longest(reversed(p), reversed(q), fillvalue=ZERO)]
     return both[::-1][next((k for k, c in enumerate(reversed(both)) if c), len(both)) :]
 

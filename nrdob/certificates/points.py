@@ -5,8 +5,9 @@ With u the direction of f(jm), m the middle between two points a and b, r half t
     Re(conj(u) f(jm)) > r |Re(conj(u) j f'(jm))| + r²/2 max|f''|
 
 keeps f(jω) to the half plane around u from a to b, by Taylor's formula; what fails is halved. With
-several functions u is the middle of their directions. This is computed in floating point, for all
-pieces at once and with some slack; the proof is the checker's.
+several functions u is the middle of their directions. Where a dead time may differ by up to h, the
+term that has it changes by at most min(hω, 2) times its size, which is added to the rest. This is
+computed in floating point, for all pieces at once and with some slack; the proof is the checker's.
 """
 
 from __future__ import annotations
@@ -28,9 +29,12 @@ MOST = 20_000
 OCTAVES = np.arange(-400.0, 400.0)
 
 Terms = tuple[Term, ...]
+Moved = tuple[float, float]
 
 
-def half_plane_points(functions: Sequence[Terms], power: int = 0) -> FloatArray:
+def half_plane_points(
+    functions: Sequence[Terms], power: int = 0, *, delay: float = 0.0, within: float = 0.0
+) -> FloatArray:
     """Find points of the imaginary axis that prove how often functions turn around 0.
 
     Parameters
@@ -40,6 +44,8 @@ def half_plane_points(functions: Sequence[Terms], power: int = 0) -> FloatArray:
         the one without a dead time.
     power : int
         Roots at s = 0, which are divided out.
+    delay, within : float
+        The dead time that may be another one, and by how much, in seconds.
 
     Returns
     -------
@@ -60,7 +66,8 @@ def half_plane_points(functions: Sequence[Terms], power: int = 0) -> FloatArray:
     """
     last = max(map(_last, functions))
     scaled = [_scaled(terms, last) for terms in functions]
-    ends = _pieces(scaled, min(_first(terms, power) for terms in scaled))
+    moved = delay * last, within * last
+    ends = _pieces(scaled, min(_first(terms, power, moved) for terms in scaled), moved)
     return np.sort(ends) * last
 
 
@@ -72,12 +79,12 @@ def _scaled(terms: Terms, frequency: float) -> Terms:
     )
 
 
-def _pieces(functions: Sequence[Terms], first: float) -> FloatArray:
+def _pieces(functions: Sequence[Terms], first: float, moved: Moved) -> FloatArray:
     """Halve the octaves between `first` and 1 until each piece has its half plane."""
     high = first * 2.0 ** np.arange(1, 1 - np.log2(first))
     low, done = high / 2, np.array([0.0, first])
     while low.size:
-        held = _keep_to_half_plane(functions, low, high)
+        held = _keep_to_half_plane(functions, low, high, moved)
         done = np.append(done, high[held])
         low, high = low[~held], high[~held]
         middle = (low + high) / 2
@@ -89,8 +96,10 @@ def _pieces(functions: Sequence[Terms], first: float) -> FloatArray:
     return done
 
 
-def _keep_to_half_plane(functions: Sequence[Terms], low: FloatArray, high: FloatArray) -> BoolArray:
-    found = [_around(terms, low, high) for terms in functions]
+def _keep_to_half_plane(
+    functions: Sequence[Terms], low: FloatArray, high: FloatArray, moved: Moved
+) -> BoolArray:
+    found = [_around(terms, low, high, moved) for terms in functions]
     first, *_ = (value for value, *_ in found)
     angles = np.array([np.angle(value * np.conj(first)) for value, *_ in found])
     middle = (angles.min(axis=0) + angles.max(axis=0)) / 2
@@ -106,22 +115,25 @@ def _keep_to_half_plane(functions: Sequence[Terms], low: FloatArray, high: Float
 
 
 def _around(
-    terms: Terms, low: FloatArray, high: FloatArray
+    terms: Terms, low: FloatArray, high: FloatArray, moved: Moved
 ) -> tuple[ComplexArray, ComplexArray, FloatArray]:
     """Give f in the middle, its change up to the end, and a bound on the rest with rounding."""
     middle, reach = (low + high) / 2, (high - low) / 2
     s = 1j * middle
     value: ComplexArray = np.zeros_like(s)
     slope: ComplexArray = np.zeros_like(s)
-    bend, rounding = np.zeros_like(high), np.zeros_like(high)
+    bend, rounding, stray = (np.zeros_like(high) for _ in range(3))
     for q, delay in terms:
         delayed = np.exp(-delay * s)
         once, twice = _derivatives(q, delay, 2)
         value += np.polyval(q, s) * delayed
         slope += np.polyval(once, s) * 1j * delayed
         bend += np.polyval(np.abs(twice), high)
+        if delay == moved[0]:
+            stray += np.minimum(moved[1] * high, 2) * np.polyval(np.abs(q), high)
         rounding += np.polyval(np.abs(q), middle) * (q.size + delay * middle)
-    return value, reach * slope, reach**2 / 2 * bend + 4 * float(np.finfo(float).eps) * rounding
+    rest = reach**2 / 2 * bend + stray + 4 * float(np.finfo(float).eps) * rounding
+    return value, reach * slope, rest
 
 
 def _last(terms: Terms) -> float:
@@ -140,7 +152,7 @@ def _last(terms: Terms) -> float:
     return float(2.0 ** OCTAVES[beyond[-1] + 1 if beyond.size else 0])
 
 
-def _first(terms: Terms, power: int) -> float:
+def _first(terms: Terms, power: int, moved: Moved) -> float:
     """Power of two below 1 up to which f, less its roots at s = 0, keeps its first direction."""
     high = 2.0 ** np.arange(0.0, OCTAVES[0], -1)
     if power:
@@ -151,7 +163,7 @@ def _first(terms: Terms, power: int) -> float:
             bend += np.polyval(np.abs(beyond), high)
         held = abs(known) > SLACK * high * bend / (power + 1)
     else:
-        held = _keep_to_half_plane([terms], np.zeros_like(high), high)
+        held = _keep_to_half_plane([terms], np.zeros_like(high), high, moved)
     if not held.any():
         raise ArithmeticError("a root is at s = 0, or too close to it")
     return float(high[np.argmax(held)])

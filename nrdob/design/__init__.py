@@ -78,3 +78,7 @@ __all__ = [
     "step_peak",
     "suggest_model",
 ]
+
+
+def __dir__() -> list[str]:
+    return __all__

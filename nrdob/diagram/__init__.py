@@ -35,3 +35,7 @@ __all__ = [
     "real_number",
     "six_digits",
 ]
+
+
+def __dir__() -> list[str]:
+    return __all__

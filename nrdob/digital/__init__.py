@@ -32,3 +32,7 @@ __all__ = [
     "lifted",
     "process_in_w",
 ]
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -167,7 +167,8 @@ class ControllerCode:
 
         Examples
         --------
-        >>> from nrdob import Limits, paper
+        >>> from nrdob import paper
+        >>> from nrdob.digital import Limits
         >>> text = paper.example(1).sampled(0.01).to_c("heater", limits=Limits(0, 10))
         >>> "heater_real heater_output(heater_state *s, heater_real r, heater_real y);" in text
         True
@@ -405,7 +406,9 @@ def controller_code(
         If there is a tracking time but no integrator to track with, or it is too short.
     """
     if not isinstance(limits, Limits | None):
-        raise TypeError(f"limits is a {type(limits).__name__}; give nrdob.Limits(low, high, rate)")
+        raise TypeError(
+            f"limits is a {type(limits).__name__}; give nrdob.digital.Limits(low, high, rate)"
+        )
     blocks = {name: bilinear_sections(block, alpha) for name, block in fractions.items()}
     code = ControllerCode(dt, blocks, wait, 0.0, Limits() if limits is None else limits)
     if tracking_time is None:

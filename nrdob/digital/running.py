@@ -190,7 +190,7 @@ class RunningLoop:
         >>> Gm = ct.tf([2], [1, 1])
         >>> loop = nrdob.NRDOB(process=Gm, model=Gm, controller=ct.tf([1, 1], [1, 0]),
         ...                    filter=nrdob.LowPassFilter(0.5, 1))
-        >>> given, limits = {"R": 1.0, "delta": -0.3}, nrdob.Limits(0, 0.9)
+        >>> given, limits = {"R": 1.0, "delta": -0.3}, nrdob.digital.Limits(0, 0.9)
         >>> loop.sampled(0.1).simulate(given, limits=limits, timepts=10)
         101 samples to 10 s, u limited in 8 of them
         y        from 0 to 0.999983, at last 0.999983

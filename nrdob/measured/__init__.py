@@ -21,3 +21,7 @@ __all__ = [
     "identify",
     "read_data",
 ]
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -64,3 +64,7 @@ __all__ = [
     "written",
     "zero_free",
 ]
+
+
+def __dir__() -> list[str]:
+    return __all__

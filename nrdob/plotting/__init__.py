@@ -55,3 +55,7 @@ __all__ = [
     "winding_animation",
     "winding_plot",
 ]
+
+
+def __dir__() -> list[str]:
+    return __all__

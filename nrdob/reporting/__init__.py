@@ -21,3 +21,7 @@ __all__ = [
     "read_block",
     "report",
 ]
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -207,9 +207,9 @@ def _proposed(
     settles = all(root.real < 0 for root in np.roots(loop.fractions.G.den))
     if settles and loop.delay > slowest_lag(process) and not loop.model_delay:
         words.append(
-            "The dead time is the longest of all times here. A model that waits for it, see "
-            "nrdob.dead_time_observer, answers a change of the reference without swinging; against "
-            "disturbances it must wait, too."
+            "The dead time is the longest of all times here. With a model that has it, too, "
+            f"nrdob.delay({loop.delay:.4g})*model, the response to the reference has no "
+            "oscillation; against disturbances that loop, too, must wait for it."
         )
     return Proposal(loop, tuple(words), candidates, tuple(warnings))
 

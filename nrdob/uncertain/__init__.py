@@ -29,3 +29,7 @@ __all__ = [
     "small_gain",
     "sweep",
 ]
+
+
+def __dir__() -> list[str]:
+    return __all__

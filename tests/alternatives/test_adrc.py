@@ -8,9 +8,14 @@ import numpy as np
 import pytest
 import sympy as sp
 
-import nrdob
 from nrdob import delay
-from nrdob.alternatives import adrc_filters
+from nrdob.alternatives import (
+    adrc_chart,
+    adrc_filters,
+    adrc_stabilizing_bandwidths,
+    adrc_stabilizing_gains,
+    linear_adrc,
+)
 
 s = ct.tf("s")
 
@@ -50,7 +55,7 @@ def test_the_filter_keeps_the_lowest_terms_of_its_denominator(order):
 @pytest.mark.parametrize("order", [1, 2])
 def test_the_reference_arrives_as_by_adrc_behind_a_prefilter(order):
     _, prefilter, symbols = eliminated(order)
-    loop = nrdob.linear_adrc(1 / (s + 1) ** order, order, 1.3, 11.0, 2.5)
+    loop = linear_adrc(1 / (s + 1) ** order, order, 1.3, 11.0, 2.5)
     at = np.array([0.3j, 2 + 5j, -0.4 + 40j])
     by_hand = [
         complex(prefilter.subs(dict(zip(symbols, (x, 1.3, 11, 2.5), strict=True)))) for x in at
@@ -89,7 +94,7 @@ def in_state_space(G, order, b0, wo, wc):
 @pytest.mark.parametrize(("order", "G"), [(1, 2 / (s + 1)), (2, 3 / (s**2 + 0.4 * s + 1))])
 def test_steps_are_those_of_observer_and_state_feedback(order, G):
     b0, wo, wc = 2.2, 15.0, 3.0
-    loop = nrdob.linear_adrc(G, order, b0, wo, wc)
+    loop = linear_adrc(G, order, b0, wo, wc)
     times = np.linspace(0, 4, 81)
     found = ct.step_response(in_state_space(G, order, b0, wo, wc), times).outputs
     for k, name in ((1, "d"), (2, "delta")):
@@ -119,7 +124,7 @@ PLANTS = {
 @pytest.mark.parametrize("order", [1, 2])
 def test_bandwidths_are_those_with_all_poles_on_the_left(name, order):
     G = PLANTS[name]
-    found = nrdob.adrc_stabilizing_bandwidths(G, order, 3.0, 1.5)
+    found = adrc_stabilizing_bandwidths(G, order, 3.0, 1.5)
     ends = [end for interval in found for end in interval]
     for wo in np.geomspace(0.02, 2000, 60):
         if all(abs(wo / end - 1) > 1e-3 for end in ends if end):
@@ -136,7 +141,7 @@ def test_b0_of_an_integrator_with_a_lag_begins_where_routh_says(tau):
     a, beta, gamma = wc + 2 * wo, wo**2 + 2 * wc * wo, wc * wo**2
     third = 1 + tau * a  # of τ s⁴ + (1 + τa) s³ + a s² + k (β s + γ)
     largest = third * (a - third * gamma / beta) / (tau * beta)
-    found = nrdob.adrc_stabilizing_gains(1 / (s * (tau * s + 1)), 1, wo, wc)
+    found = adrc_stabilizing_gains(1 / (s * (tau * s + 1)), 1, wo, wc)
     if largest <= 0:
         assert found == []
     else:
@@ -146,8 +151,8 @@ def test_b0_of_an_integrator_with_a_lag_begins_where_routh_says(tau):
 
 def test_b0_has_the_sign_of_the_process():
     G = delay(0.1) / (s + 1)
-    forward = nrdob.adrc_stabilizing_gains(G, 1, 7.0, 2.0)
-    mirrored = nrdob.adrc_stabilizing_gains(-1 * G, 1, 7.0, 2.0)
+    forward = adrc_stabilizing_gains(G, 1, 7.0, 2.0)
+    mirrored = adrc_stabilizing_gains(-1 * G, 1, 7.0, 2.0)
     assert forward and all(low > 0 for low, _ in forward)
     for (low, high), (least, most) in zip(forward, reversed(mirrored), strict=True):
         assert (least, most) == pytest.approx((-high, -low), rel=1e-9)
@@ -158,10 +163,10 @@ def test_with_dead_time_every_end_is_where_a_count_changes(order):
     G = delay(0.07) * 5 / ((s + 0.5) * (0.1 * s + 1))
 
     def stable(wo, b0):
-        return nrdob.linear_adrc(G, order, b0, wo, 2.0).stability().stable
+        return linear_adrc(G, order, b0, wo, 2.0).stability().stable
 
-    bandwidths = nrdob.adrc_stabilizing_bandwidths(G, order, 9.0, 2.0, highest=300.0)
-    gains = nrdob.adrc_stabilizing_gains(G, order, 20.0, 2.0)
+    bandwidths = adrc_stabilizing_bandwidths(G, order, 9.0, 2.0, highest=300.0)
+    gains = adrc_stabilizing_gains(G, order, 20.0, 2.0)
     assert bandwidths and gains
     for found, judge in (
         (bandwidths, lambda x: stable(x, 9.0)),
@@ -176,7 +181,7 @@ def test_with_dead_time_every_end_is_where_a_count_changes(order):
 
 def test_the_phase_of_an_integrator_with_dead_time_gives_the_largest_bandwidth():
     theta, wc = 0.1, 2.0
-    ((low, high),) = nrdob.adrc_stabilizing_bandwidths(delay(theta) / s, 1, 1.0, wc)
+    ((low, high),) = adrc_stabilizing_bandwidths(delay(theta) / s, 1, 1.0, wc)
     assert low == 0.0
     # K(jω) e^(-jωθ)/(jω) = -1 there: the angle first, the size then.
     a, beta, gamma = wc + 2 * high, high**2 + 2 * wc * high, wc * high**2
@@ -188,20 +193,20 @@ def test_the_phase_of_an_integrator_with_dead_time_gives_the_largest_bandwidth()
 
 def test_the_chart_counts_what_single_loops_have():
     G = delay(0.1) / s
-    chart = nrdob.adrc_chart(G, 1, 2.0, observer_bandwidth=(1, 100), b0=(0.2, 20), ms=(2.0,))
+    chart = adrc_chart(G, 1, 2.0, observer_bandwidth=(1, 100), b0=(0.2, 20), ms=(2.0,))
     rng = np.random.default_rng(3)
     seen = set()
     for _ in range(25):
         wo, b0 = 100 ** rng.uniform(), 0.2 * 100 ** rng.uniform()
         region = chart.region(wo, b0)
-        stable = nrdob.linear_adrc(G, 1, b0, wo, 2.0).stability().stable
+        stable = linear_adrc(G, 1, b0, wo, 2.0).stability().stable
         if region is not None:
             seen.add(stable)
             assert stable == (region.count == 0) == (chart.count(wo, b0) == 0)
     assert seen == {True, False}
     level = np.concatenate(chart.ms_levels[2.0])
     wo, b0 = level[len(level) // 2]
-    ms = nrdob.linear_adrc(G, 1, float(b0), float(wo), 2.0).margins().plant_loop.ms
+    ms = linear_adrc(G, 1, float(b0), float(wo), 2.0).margins().plant_loop.ms
     assert ms == pytest.approx(2.0, rel=0.05)
     assert "bandwidth of the observer" in chart.plot().alt
 
@@ -221,11 +226,11 @@ def test_the_chart_counts_what_single_loops_have():
 def test_what_adrc_cannot_be_is_refused(change, error, message):
     given = {"order": 1, "b0": 1.0, "observer_bandwidth": 10.0, "controller_bandwidth": 2.0}
     with pytest.raises(error, match=message):
-        nrdob.linear_adrc(1 / s, **(given | change))
+        linear_adrc(1 / s, **(given | change))
 
 
 def test_axes_of_the_chart_must_span_a_factor_of_twenty():
     with pytest.raises(ValueError, match=r"b0 reaches from 1.0 to 2.0; .* a factor of 20 or more"):
-        nrdob.adrc_chart(1 / s, 1, 2.0, observer_bandwidth=(1, 100), b0=(1, 2))
+        adrc_chart(1 / s, 1, 2.0, observer_bandwidth=(1, 100), b0=(1, 2))
     with pytest.raises(TypeError, match=r"give \(low, high\)"):
-        nrdob.adrc_chart(1 / s, 1, 2.0, observer_bandwidth=5, b0=(1, 20 * pi))
+        adrc_chart(1 / s, 1, 2.0, observer_bandwidth=5, b0=(1, 20 * pi))

@@ -10,8 +10,9 @@ import pytest
 
 import nrdob
 from nrdob import delay
-from nrdob.alternatives import load_errors
+from nrdob.alternatives import candidates, controller_alone, linear_adrc, load_errors, simc_pi, tune
 from nrdob.design import step_peak
+from nrdob.diagram import DelayedTransferFunction
 
 s = ct.tf("s")
 NOISE = ct.tf([1], [0.02, 1])
@@ -20,7 +21,7 @@ NOISE = ct.tf([1], [0.02, 1])
 @cache
 def examples(number):
     loop = nrdob.paper.example(number)
-    each = nrdob.candidates(loop.process, loop.model, loop.controller, loop.filter.order)
+    each = candidates(loop.process, loop.model, loop.controller, loop.filter.order)
     changed = {} if number == 1 else {"modified": nrdob.paper.example(number, True).process}
     deviation = sqrt(loop.noise_variance(NOISE).u)
     return loop, nrdob.compare(
@@ -82,7 +83,7 @@ PLANTS = {
 @pytest.mark.parametrize("name", PLANTS)
 def test_nothing_raises_on_plants_that_nobody_prepared(name):
     G, Gm, C = PLANTS[name]
-    each = nrdob.candidates(G, Gm, C)
+    each = candidates(G, Gm, C)
     found = nrdob.compare(G, each, max_ms=1.8)
     for row in found.rows:
         assert bool(row.reason) == isnan(row.ms) and (row.reason or row.ms <= 1.8 * (1 + 1e-6))
@@ -94,13 +95,13 @@ def test_an_observer_that_cannot_do_says_what_it_needs():
     with pytest.raises(
         ValueError, match=r"the model has 2 integrators, .* take a filter with 1 - F"
     ):
-        nrdob.tune(nrdob.candidates(G, Gm, C)["NR-DOB"], max_ms=1.8)
+        tune(candidates(G, Gm, C)["NR-DOB"], max_ms=1.8)
 
 
 def test_b0_is_that_of_two_lags_where_there_are_more():
     G = 3 / ((s + 1) * (0.5 * s + 1) * (0.2 * s + 1))  # τ2 = 0.5 + 0.2/2
-    adrc = nrdob.candidates(G, 1 / (s + 1) ** 3, 1 / s)["ADRC"].build(8.0)
-    by_hand = nrdob.linear_adrc(G, 2, 3 / 0.6, 8.0, 2.0)
+    adrc = candidates(G, 1 / (s + 1) ** 3, 1 / s)["ADRC"].build(8.0)
+    by_hand = linear_adrc(G, 2, 3 / 0.6, 8.0, 2.0)
     np.testing.assert_allclose(
         adrc.L(1j * np.array([0.1, 3.0])), by_hand.L(1j * np.array([0.1, 3.0]))
     )
@@ -143,25 +144,25 @@ def test_only_the_columns_that_are_asked_for_are_printed():
 
 def test_reasons_are_text_in_the_html():
     loop = nrdob.paper.example(3)
-    each = nrdob.candidates(loop.process, loop.model, loop.controller)
+    each = candidates(loop.process, loop.model, loop.controller)
     found = nrdob.compare(loop.process, {"<b>": each["PI"]}, max_ms=2.0)
     assert "&lt;b&gt;" in found._repr_html_() and "<b>" not in found._repr_html_()
 
 
 def test_limits_that_do_not_limit_are_named():
     loop = nrdob.paper.example(1)
-    each = nrdob.candidates(loop.process, loop.model, loop.controller, 2)
-    found = nrdob.tune(each["NR-DOB"], max_ms=1.6)
+    each = candidates(loop.process, loop.model, loop.controller, 2)
+    found = tune(each["NR-DOB"], max_ms=1.6)
     assert not found.limited and found.text == "λ = 0.001 s, no limit"
-    found = nrdob.tune(each["NR-DOB"], max_ms=1.6, max_noise=10.0)
+    found = tune(each["NR-DOB"], max_ms=1.6, max_noise=10.0)
     assert found.limited
     assert sqrt(found.loop.noise_variance().u) == pytest.approx(10.0, rel=1e-6)
     with pytest.raises(
         ValueError, match=r"max_noise = 1e-09 is not kept .*: missed by a factor of"
     ):
-        nrdob.tune(each["ADRC"], max_noise=1e-9)
+        tune(each["ADRC"], max_noise=1e-9)
     with pytest.raises(ValueError, match="white noise comes to u directly"):
-        nrdob.tune(each["PID"], max_noise=5.0)
+        tune(each["PID"], max_noise=5.0)
 
 
 @pytest.mark.parametrize(
@@ -175,13 +176,13 @@ def test_limits_that_do_not_limit_are_named():
 )
 def test_limits_must_be_limits(given, error, message):
     loop = nrdob.paper.example(1)
-    each = nrdob.candidates(loop.process, loop.model, loop.controller)
+    each = candidates(loop.process, loop.model, loop.controller)
     with pytest.raises(error, match=message):
         nrdob.compare(loop.process, each, **given)
 
 
 def test_a_loop_that_is_all_but_unstable_is_no_error():
-    loop = nrdob.controller_alone(1 / (s + 1e-7), 1 / (s + 1e-7), 4 / s)  # 3e7 swings to settle
+    loop = controller_alone(1 / (s + 1e-7), 1 / (s + 1e-7), 4 / s)  # 3e7 swings to settle
     row = nrdob.compare(loop.process, {"C": loop})["C"]
     assert row.stable and row.reason.startswith("stable, but ")
 
@@ -191,14 +192,14 @@ def test_only_loops_and_candidates_are_compared():
         nrdob.compare(1 / (s + 1), {"PI": ct.tf([1], [1, 0])}, max_ms=2.0)
     with pytest.raises(TypeError, match="changed is a list; give a dict of names to plants"):
         nrdob.compare(1 / (s + 1), {}, changed=[1 / (s + 1)])
-    with pytest.raises(TypeError, match=r"candidate is a NRDOB; give one of nrdob\.cand"):
-        nrdob.tune(nrdob.paper.example(1), max_ms=2.0)
+    with pytest.raises(TypeError, match=r"candidate is a NRDOB; give one of nrdob\.alt"):
+        tune(nrdob.paper.example(1), max_ms=2.0)
     with pytest.raises(ValueError, match="late is identically zero"):
         nrdob.compare(1 / (s + 1), {}, changed={"late": ct.tf([0], [1])})
 
 
 def test_noise_without_roll_off_is_infinite_in_the_table():
-    loop = nrdob.simc_pi(1 / (s + 1), 1.0)
+    loop = simc_pi(1 / (s + 1), 1.0)
     row = nrdob.compare(loop.process, {"PI": loop})["PI"]
     assert row.noise_u == inf and np.isfinite(row.noise_y)
 
@@ -206,7 +207,7 @@ def test_noise_without_roll_off_is_infinite_in_the_table():
 def from_the_blocks(loop, w, tau):
     """G and K at s = jw, or right of it, from what was put in, with nothing of the package."""
     G, dead = loop.process, 0.0
-    if isinstance(G, nrdob.DelayedTransferFunction):
+    if isinstance(G, DelayedTransferFunction):
         G, dead = G.tf, G.delay
     F = getattr(loop.filter, "tf", loop.filter)
     late = getattr(loop.model, "delay", 0.0)
@@ -227,7 +228,7 @@ def test_the_numbers_are_those_of_a_grid_and_of_a_numerical_inverse_transform(se
     name = ["NR-DOB", "conventional observer", "Smith predictor", "PI", "PID", "C alone", "ADRC"][
         seed % 7
     ]
-    each = nrdob.candidates(G, undelayed, C, 2)
+    each = candidates(G, undelayed, C, 2)
     found = nrdob.compare(G, {name: each[name]}, shaping=ct.tf([1], [tau, 1]), max_ms=1.5)[name]
 
     x = np.linspace(np.log(1e-5), np.log(1e6), 400_001)

@@ -8,7 +8,7 @@ import pytest
 
 import nrdob
 from nrdob import LowPassFilter, delay
-from nrdob.alternatives import load_errors
+from nrdob.alternatives import controller_alone, load_errors
 
 s = ct.tf("s")
 
@@ -19,7 +19,7 @@ def test_area_and_energy_of_a_damped_swing(damping):
     k = 4.0
     sigma = damping * sqrt(k)
     omega = sqrt(k - sigma**2)
-    loop = nrdob.controller_alone(1 / (s + 2 * sigma), 1 / (s + 2 * sigma), k / s)
+    loop = controller_alone(1 / (s + 2 * sigma), 1 / (s + 2 * sigma), k / s)
     found = load_errors(loop)
     assert found.iae == pytest.approx(1 / tanh(np.pi * sigma / (2 * omega)) / k, rel=1e-4)
     assert found.ise == pytest.approx(1 / (4 * sigma * k), rel=1e-9)
@@ -34,9 +34,7 @@ def test_an_offset_that_stays_has_no_finite_area():
     "loop",
     [
         nrdob.paper.example(4),
-        nrdob.dead_time_observer(
-            delay(0.6) * 1.1 / (s + 1), 1 / (s + 1), 1.0, LowPassFilter(0.3, 2)
-        ),
+        nrdob.NRDOB(delay(0.6) * 1.1 / (s + 1), delay(0.6) / (s + 1), 1.0, LowPassFilter(0.3, 2)),
         nrdob.NRDOB(delay(0.5) / (s + 1), delay(0.4) / (s + 1), 1.0, LowPassFilter(0.6, 2)),
     ],
     ids=["one dead time", "a model that waits as long", "two dead times"],
@@ -66,11 +64,11 @@ def test_a_well_tuned_controller_alone_passes_less_noise_at_equal_rejection():
 
     observer = nrdob.NRDOB(G, G, 1.39 / s, LowPassFilter(0.01, 2))
     inverting = (s**2 + 11 * s + 10) / (0.1 * s * (2 * s + 10))
-    alone = [price(nrdob.controller_alone(G, G, C)) for C in (0.2 / s, (s + 1) / s, inverting)]
+    alone = [price(controller_alone(G, G, C)) for C in (0.2 / s, (s + 1) / s, inverting)]
     assert price(observer) == pytest.approx(5 / 16, rel=1e-10)
     assert alone[-1] == pytest.approx(1 / 4, rel=1e-10) and max(alone) < 5 / 16
     # The paper's own C is far from that.
-    assert price(nrdob.controller_alone(G, G, 1.39 / s)) > 5 / 16
+    assert price(controller_alone(G, G, 1.39 / s)) > 5 / 16
 
 
 def test_an_unstable_loop_has_no_energy():

@@ -9,7 +9,7 @@ import sympy as sp
 
 import nrdob
 from nrdob import LowPassFilter, delay
-from nrdob.alternatives import half_rule
+from nrdob.alternatives import half_rule, simc_pi, simc_pid
 
 s = ct.tf("s")
 
@@ -38,14 +38,14 @@ def test_four_times_tc_and_theta_leaves_an_integrator_just_without_oscillation()
     ],
 )
 def test_tight_control_has_the_margins_of_skogestads_table(G, gm, pm, ms):
-    found = nrdob.simc_pi(G, 1.0).margins().plant_loop
+    found = simc_pi(G, 1.0).margins().plant_loop
     assert (round(found.gm, 2), round(found.pm, 1), round(found.ms, 2)) == (gm, pm, ms)
 
 
 @pytest.mark.parametrize("time_constant", [0.05, 1.0, 3.0])
 def test_without_dead_time_the_pi_is_the_observer_of_order_1(time_constant):
     G = 2 / (0.2 * s + 1)  # τ1 <= 4 τc; for a longer lag SIMC integrates more than IMC
-    pi_loop = nrdob.simc_pi(G, time_constant)
+    pi_loop = simc_pi(G, time_constant)
     observer = nrdob.NRDOB(G, G, 1.0, LowPassFilter(time_constant, 1))
     at = np.array([0.01j, 1j, 30j])
     np.testing.assert_allclose(pi_loop.K(at), observer.K(at), rtol=1e-12)
@@ -54,7 +54,7 @@ def test_without_dead_time_the_pi_is_the_observer_of_order_1(time_constant):
 @pytest.mark.parametrize(("tc", "filtered"), [(0.6, 0.2), (0.3, 0.15)])
 def test_a_pid_is_what_its_series_form_says_its_filter_counted_as_dead_time(tc, filtered):
     G = delay(0.4) * 3 / ((5 * s + 1) * (2 * s + 1))
-    loop = nrdob.simc_pid(G, tc)
+    loop = simc_pid(G, tc)
     wait = tc + 0.4 + filtered
     gain, integral = 5 / (3 * wait), min(5.0, 4 * wait)
     at = np.array([0.05j, 1j, 8j])
@@ -136,12 +136,12 @@ def test_the_examples_of_skogestads_paper(number, reduced, settings, ms):
     ideal = highest_sensitivity(G, found)
     assert ideal == pytest.approx(ms, abs=0.005)
     if order == 1:
-        peak = nrdob.simc_pi(G, found.delay).margins().plant_loop.ms
+        peak = simc_pi(G, found.delay).margins().plant_loop.ms
         assert peak == pytest.approx(ideal, rel=1e-4)
     else:  # its filter costs little at most where it counts as dead time
         tight = found.delay + found.second / 10
-        assert nrdob.simc_pid(G, tight).margins().plant_loop.ms < ideal + 0.15
-        assert nrdob.simc_pid(G, found.delay).margins().plant_loop.ms < ideal + 0.3
+        assert simc_pid(G, tight).margins().plant_loop.ms < ideal + 0.15
+        assert simc_pid(G, found.delay).margins().plant_loop.ms < ideal + 0.3
 
 
 @pytest.mark.parametrize(
@@ -187,7 +187,7 @@ def test_a_zero_on_the_left_is_cancelled_by_the_rule_that_fits(zero, lag, time, 
     [
         (1 / (s - 1), "a pole at 1; these rules are for stable or integrating processes: use an"),
         (1 / (s**2 + 0.2 * s + 1), "these rules are for lags, without oscillation"),
-        (1 / (s**2 * (s + 1)), "has 2 integrators; these rules take one: use nrdob.linear_adrc"),
+        (1 / (s**2 * (s + 1)), "has 2 integrators; these rules take one: use nrdob.alternatives.linear_adrc"),
         (s / (s + 1) ** 2, "has a zero at s = 0: no controller holds a load there"),
         ((s**2 + 0.1 * s + 1) / (s + 1) ** 3, "these rules take real ones"),
         (ct.tf([3], [1]), "no lag of the process is left"),
@@ -195,16 +195,16 @@ def test_a_zero_on_the_left_is_cancelled_by_the_rule_that_fits(zero, lag, time, 
 )
 def test_what_the_rule_does_not_fit_is_named(G, message):
     with pytest.raises(ValueError, match=message):
-        nrdob.simc_pi(G, 1.0)
+        simc_pi(G, 1.0)
 
 
 def test_a_pid_needs_two_lags_and_every_rule_a_time():
     with pytest.raises(ValueError, match="one lag, and a PID needs two: take a PI"):
-        nrdob.simc_pid(1 / (s + 1), 1.0)
+        simc_pid(1 / (s + 1), 1.0)
     with pytest.raises(ValueError, match=r"closed_loop_time is -1.0; τc is positive"):
-        nrdob.simc_pi(1 / (s + 1), -1.0)
+        simc_pi(1 / (s + 1), -1.0)
     with pytest.raises(TypeError, match="closed_loop_time is None"):
-        nrdob.simc_pi(1 / (s + 1), None)
+        simc_pi(1 / (s + 1), None)
     for order in (0, 3):
         with pytest.raises(ValueError, match=f"order is {order}; the rule keeps one lag or two"):
             half_rule(1 / (s + 1) ** 4, order, 1.0)

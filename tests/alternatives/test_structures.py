@@ -6,6 +6,7 @@ import pytest
 
 import nrdob
 from nrdob import LowPassFilter, delay
+from nrdob.alternatives import controller_alone, conventional_observer
 
 s = ct.tf("s")
 AT = np.array([0.2j, 1.5j, -0.3 + 4j, 30j, 0.7 + 0.1j])
@@ -31,8 +32,8 @@ def test_all_maps_are_those_of_the_other_diagram(G, Gm, C, F):
     g, gm, f = G(AT), Gm(AT), F(AT)
     c = C(AT)
     for loop, K, prefilter in (
-        (nrdob.controller_alone(G, Gm, C), c, c),
-        (nrdob.conventional_observer(G, Gm, C, F), (c + f / gm) / (1 - f), c / (1 - f)),
+        (controller_alone(G, Gm, C), c, c),
+        (conventional_observer(G, Gm, C, F), (c + f / gm) / (1 - f), c / (1 - f)),
     ):
         for name, value in expected(g, K, prefilter).items():
             np.testing.assert_allclose(getattr(loop, name)(AT), value, rtol=1e-9, err_msg=name)
@@ -42,15 +43,13 @@ def test_all_maps_are_those_of_the_other_diagram(G, Gm, C, F):
 def test_the_poles_are_those_of_the_other_diagram(number):
     example = nrdob.paper.example(number)
     G, Gm, C, F = example.fractions
-    alone = nrdob.controller_alone(example.process, example.model, example.controller)
+    alone = controller_alone(example.process, example.model, example.controller)
     if not alone.delay:
         by_hand = np.polyadd(np.convolve(G.den, C.den), np.convolve(G.num, C.num))
         np.testing.assert_allclose(
             np.sort_complex(alone.p_B.roots), np.sort_complex(np.roots(by_hand)), rtol=1e-7
         )
-    both = nrdob.conventional_observer(
-        example.process, example.model, example.controller, example.filter
-    )
+    both = conventional_observer(example.process, example.model, example.controller, example.filter)
     num = np.polyadd(np.convolve(F.num, np.convolve(C.den, Gm.den)),
                      np.convolve(F.den, np.convolve(C.num, Gm.num)))  # fmt: skip
     opened = np.convolve(np.convolve(G.den, Gm.num), np.convolve(C.den, np.polysub(F.den, F.num)))
@@ -64,7 +63,7 @@ def test_the_poles_are_those_of_the_other_diagram(number):
 
 def test_a_conventional_observer_survives_the_modified_plant_of_example_2_only_just():
     loop, changed = nrdob.paper.example(2), nrdob.paper.example(2, modified=True)
-    other = nrdob.conventional_observer(changed.process, loop.model, loop.controller, loop.filter)
+    other = conventional_observer(changed.process, loop.model, loop.controller, loop.filter)
     assert other.stability().stable and other.margins().plant_loop.ms > 100
 
 
@@ -77,9 +76,9 @@ def test_a_conventional_observer_survives_the_modified_plant_of_example_2_only_j
 )
 def test_a_controller_that_is_no_observer_is_refused(C, message):
     with pytest.raises(ValueError, match=message):
-        nrdob.controller_alone(1 / (s + 1), 1 / (s + 1), C)
+        controller_alone(1 / (s + 1), 1 / (s + 1), C)
 
 
 def test_a_conventional_observer_needs_a_controller_for_its_model():
     with pytest.raises(ValueError, match="C does not stabilise the model: p_A has the root"):
-        nrdob.conventional_observer(1 / (s + 1), 1 / (s - 1), 0.5, LowPassFilter(1.0, 1))
+        conventional_observer(1 / (s + 1), 1 / (s - 1), 0.5, LowPassFilter(1.0, 1))

@@ -9,7 +9,7 @@ from hypothesis import assume, given, settings
 import nrdob
 from campaigns.margins import FAMILIES, FIGURES, differs, loop_gains, missed, random_hard_loop, run
 from nrdob import LowPassFilter, paper
-from nrdob.analysis import quotient_margins
+from nrdob.analysis import margin_bounds, quotient_margins
 from nrdob.diagram import Quotient
 from nrdob.numerics import QuasiPolynomial, add, count_rhp
 from strategies import loops
@@ -392,7 +392,7 @@ def test_a_neutral_loop_has_the_phase_margin_of_the_circle_it_ends_in():
 
 @pytest.mark.parametrize("ms", [1.01, 1.4, 2.0, 50.0])
 def test_the_bounds_of_a_peak_lie_on_the_circle_around_minus_one(ms):
-    bounds = nrdob.margin_bounds(ms)
+    bounds = margin_bounds(ms)
     rotated = -np.exp(1j * np.radians(bounds.pm))
     for point in (-1 / bounds.gm_low, -1 / bounds.gm_high, rotated):
         assert abs(1 + point) == pytest.approx(1 / ms)
@@ -404,7 +404,7 @@ def test_the_bounds_of_a_peak_lie_on_the_circle_around_minus_one(ms):
 def test_margins_are_never_below_the_bounds_of_the_peak(loop):
     found = loop.margins().plant_loop
     assume(found.stable and found.ms > 1 + 1e-9)
-    bounds = nrdob.margin_bounds(found.ms)
+    bounds = margin_bounds(found.ms)
     assert found.gm_low <= bounds.gm_low * (1 + 1e-9)
     assert found.gm_high >= bounds.gm_high * (1 - 1e-9)
     assert found.pm >= bounds.pm * (1 - 1e-9)
@@ -413,13 +413,13 @@ def test_margins_are_never_below_the_bounds_of_the_peak(loop):
 @pytest.mark.parametrize("ms", [1, 0.5, -2.0, math.inf, math.nan])
 def test_a_peak_of_one_or_less_bounds_nothing_and_is_refused(ms):
     with pytest.raises(ValueError, match="above 1"):
-        nrdob.margin_bounds(ms)
+        margin_bounds(ms)
 
 
 @pytest.mark.parametrize("ms", ["1.4", True, None, 1.4 + 1j])
 def test_what_is_no_number_has_no_bounds(ms):
     with pytest.raises(TypeError, match="as a number"):
-        nrdob.margin_bounds(ms)
+        margin_bounds(ms)
 
 
 # Any loop gain.

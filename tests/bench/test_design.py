@@ -12,6 +12,7 @@ from loops import CASES
 
 import nrdob
 from nrdob import paper
+from nrdob.diagram import DelayedTransferFunction
 from nrdob.plotting import TALL, Explorer, Figure, Slider, axes_for
 
 SIDES = ["nrdob", "control"]
@@ -34,7 +35,7 @@ mismatches = pytest.mark.parametrize(
 
 def scan(process, model, order):
     """Time constants of the grid at which control finds all poles in the left half plane."""
-    if isinstance(process, nrdob.DelayedTransferFunction):
+    if isinstance(process, DelayedTransferFunction):
         process = process.tf * ct.tf(*ct.pade(process.delay, 5))
     H = process / model - 1
 

@@ -5,6 +5,7 @@ import pytest
 
 import nrdob
 from nrdob import paper
+from nrdob.digital import largest_sampling_time
 
 DT = 0.01
 
@@ -44,7 +45,7 @@ def test_sampled_margins(race, side):
 @pytest.mark.parametrize(
     ("name", "run"),
     [
-        ("largest sampling time, Example 3", lambda: nrdob.largest_sampling_time(paper.example(3))),
+        ("largest sampling time, Example 3", lambda: largest_sampling_time(paper.example(3))),
         (
             "set of time constants, Example 4",
             lambda: nrdob.stabilizing_time_constants(

@@ -20,6 +20,7 @@ import nrdob
 from browser import CHROMIUM, browser
 from explorable import AT_REST, SCRIPTS, carried, coefficients, scene, still
 from nrdob import NRDOB, LowPassFilter, paper
+from nrdob.alternatives import adrc_stabilizing_bandwidths, linear_adrc
 
 STATIC = Path(__file__).resolve().parents[2] / "book" / "_static"
 RANGE = {
@@ -215,7 +216,7 @@ def test_adrc_is_judged_as_by_the_package(tab: Any) -> None:
     seen = set()
     for _ in range(40):
         at, process = drawn_adrc(rng)
-        loop = nrdob.linear_adrc(process, 1, at["plant"]["b0"], at["observer"], at["controller"])
+        loop = linear_adrc(process, 1, at["plant"]["b0"], at["observer"], at["controller"])
         found = tab.evaluate("(at) => nrdob.judge(nrdob.kinds.adrc.loopOf(at))", at)
         assert found["stable"] == loop.stability().stable, at
         seen.add(found["stable"])
@@ -231,7 +232,7 @@ def test_the_bar_of_adrc_is_the_set_of_the_package(tab: Any) -> None:
     for _ in range(20):
         at, process = drawn_adrc(rng)
         found = tab.evaluate(script, [at, low, high])
-        sets = nrdob.adrc_stabilizing_bandwidths(
+        sets = adrc_stabilizing_bandwidths(
             process, 1, at["plant"]["b0"], at["controller"], highest=2 * high
         )
         wanted = within(sets, low, high)
@@ -245,7 +246,7 @@ def test_adrc_answers_as_in_the_package(tab: Any, signal: str) -> None:
     compared = 0
     while compared < 3:
         at, process = drawn_adrc(rng)
-        loop = nrdob.linear_adrc(process, 1, at["plant"]["b0"], at["observer"], at["controller"])
+        loop = linear_adrc(process, 1, at["plant"]["b0"], at["observer"], at["controller"])
         if not loop.stability().stable:
             continue
         script = "([at, signal]) => nrdob.step(nrdob.kinds.adrc.loopOf(at), signal, 0.3)"

@@ -9,7 +9,7 @@ import pytest
 
 from concordance import words
 from findable import cut, plain
-from nrdob.course.claims import LEDGER
+from nrdob_course.claims import LEDGER
 from papermap import EQUATIONS, claims_of, equations_in, table
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -33,11 +33,12 @@ def archive(tmp_path_factory: pytest.TempPathFactory) -> ZipFile:
 def test_the_archive_has_each_chapter_and_the_package(archive: ZipFile):
     names = {name.removeprefix("nrdob-book/") for name in archive.namelist()}
     assert {f"notebooks/{path.name}" for path in (ROOT / "notebooks").glob("*.ipynb")} <= names
+    assert {f"book/nrdob_course/{each}/__init__.py" for each in ("claims", "exercises")} <= names
     assert {"nrdob/__init__.py", "nrdob/py.typed", "pyproject.toml", "LICENSE"} <= names
 
 
 def test_the_archive_has_no_solution_of_a_set(archive: ZipFile):
-    assert not [name for name in archive.namelist() if "exercises/source" in name]
+    assert not [name for name in archive.namelist() if "/sets/" in name or "problems.toml" in name]
     assert not [name for name in archive.namelist() if "__pycache__" in name]
 
 

@@ -9,13 +9,13 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-import conf
 import nbformat
 import pytest
 from sphinx.errors import ConfigError
 
+import conf
 import ledger
-from nrdob.course.claims import LEDGER, Amendment, Claim, Finding, Verdict
+from nrdob_course.claims import LEDGER, Amendment, Claim, Finding, Verdict
 
 
 def claim(

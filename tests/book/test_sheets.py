@@ -30,7 +30,7 @@ def printed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, BeautifulSoup
 
 
 def source(name: str) -> list[nbformat.NotebookNode]:
-    return list(nbformat.read(paper.SETS / name / f"{name}.ipynb", as_version=4).cells)
+    return list(nbformat.read(paper.SOURCE / name / f"{name}.ipynb", as_version=4).cells)
 
 
 def lines_of_solutions(name: str) -> list[str]:

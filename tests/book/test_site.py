@@ -30,8 +30,8 @@ import ledger
 import teaching
 from browser import CHROMIUM, LIGHTER, VIEWS, Look, browser, look, look_again
 from digits import hanging_on_rounding
-from nrdob.course.claims import LEDGER, Entry, Verdict
-from nrdob.course.exercises import PROBLEMS
+from nrdob_course.claims import LEDGER, Entry, Verdict
+from nrdob_course.exercises import PROBLEMS
 from papermap import equations_in
 from predictions import read_questions
 from statements import prose_of, theorems_of

@@ -23,10 +23,10 @@ import pages
 import predictions
 import slides
 import teaching
-from nrdob.course.exercises import PROBLEMS
-from nrdob.course.exercises.problems import review
-from nrdob.course.grading import command as exercises
 from nrdob.design import closedforms
+from nrdob_course.exercises import PROBLEMS
+from nrdob_course.exercises.problems import review
+from nrdob_course.grading import command as exercises
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -154,9 +154,7 @@ def unescaped(text: str) -> str:
 
 def test_minutes_follow_the_rule() -> None:
     rule, [task] = teaching.RULE, [task for task in PACK.tasks if task.id == "2.4"]
-    source = nbformat.read(
-        ROOT / "notebooks" / "exercises" / "source" / "set2" / "set2.ipynb", as_version=4
-    )
+    source = nbformat.read(teaching.SOURCE / "set2" / "set2.ipynb", as_version=4)
     cells = {cell.id: cell.source for cell in source.cells}
     assert task.reading == len(cells["task-2-4"].split()) / rule.words_read
     lines = cells["answer-2-4"].split("### BEGIN SOLUTION")[1].split("### END")[0].splitlines()
@@ -198,7 +196,7 @@ def test_the_syllabus_says_how_long_a_set_takes() -> None:
         tasks = [task for task in each.tasks if task not in project]
         assert said[each.name.removeprefix("set")] == pytest.approx(PACK.hours_of(tasks), abs=0.26)
         # A set that names hours names these.
-        path = ROOT / "notebooks" / "exercises" / "source" / each.name / f"{each.name}.ipynb"
+        path = teaching.SOURCE / each.name / f"{each.name}.ipynb"
         opening = nbformat.read(path, as_version=4).cells[0].source
         if own := re.search(r"\*\*Time\*\* (.*?) hours", opening):
             assert hours_in(own[1]) == said[each.name.removeprefix("set")]
@@ -346,7 +344,7 @@ def test_a_problem_that_is_solved_in_class_fits_into_its_minutes() -> None:
 
 def needed_by(name: str) -> Iterator[str]:
     """Give the chapters that a set asks for, by the beginnings of their titles."""
-    path = ROOT / "notebooks" / "exercises" / "source" / name / f"{name}.ipynb"
+    path = teaching.SOURCE / name / f"{name}.ipynb"
     opening = nbformat.read(path, as_version=4).cells[0].source
     needs = re.search(r"\*\*You need\*\*(.*)", opening)
     assert needs
@@ -562,10 +560,10 @@ def test_every_make_target_exists() -> None:
 
 
 def test_our_own_programs_take_these_arguments() -> None:
-    commands = [shlex.split(command) for command in COMMANDS if "nrdob.course.grading" in command]
+    commands = [shlex.split(command) for command in COMMANDS if "nrdob_course.grading" in command]
     assert commands
     for command in commands:
-        program = "nrdob.course.grading"
+        program = "nrdob_course.grading"
         arguments = command[command.index(program) + 1 :]
         with contextlib.suppress(SystemExit):
             assert exercises.parse(arguments).command == arguments[0]
@@ -574,7 +572,7 @@ def test_our_own_programs_take_these_arguments() -> None:
 
 
 def test_files_and_folders_that_are_named_exist() -> None:
-    made = ("build/", "grading", "dist/", "submissions", "notebooks/exercises/submitted")
+    made = ("build/", "grading", "dist/", "submissions", "book/nrdob_course/sets/submitted")
     to_come = {"set7"}
     for name in re.findall(r"`([\w./-]+/[\w./-]+)`", "\n".join(PAGES.values())):
         if name.startswith(("/", *made)) or any(part in name for part in to_come):
@@ -586,7 +584,7 @@ def test_new_seeds_can_be_set_as_the_page_says() -> None:
     [command] = [command for command in COMMANDS if command.startswith("perl")]
     expression = re.search(r"s/(.*)/\$\{1\}26/", command)
     assert expression
-    for path in (ROOT / "notebooks" / "exercises" / "source").glob("*/*.ipynb"):
+    for path in teaching.SOURCE.glob("*/*.ipynb"):
         text = path.read_text("utf-8")
         changed = re.sub(expression[1], r"\g<1>26", text)
         assert len(re.findall(r"seed=\d", text)) == len(re.findall(r"seed=26\d{4,}", changed)) > 0

@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-import nrdob
+from nrdob.alternatives import adrc_stabilizing_bandwidths, adrc_stabilizing_gains, linear_adrc
 from nrdob.numerics import QuasiPolynomial
 
 from .plants import plant_and_model
@@ -36,17 +36,17 @@ def _sets(rng: np.random.Generator, label: str) -> Counter[str]:
     b0, wo, wc = float(b0), float(wo), float(wc)
 
     def stable(bandwidth: float, gain: float) -> bool | None:
-        return _stable(nrdob.linear_adrc(process, order, gain, bandwidth, wc).p_B)
+        return _stable(linear_adrc(process, order, gain, bandwidth, wc).p_B)
 
     highest = 300.0
     asked: dict[str, tuple[Callable[[], list[tuple[float, float]]], Callable[[float], bool | None]]]
     asked = {
         "ωo": (
-            lambda: nrdob.adrc_stabilizing_bandwidths(process, order, b0, wc, highest=highest),
+            lambda: adrc_stabilizing_bandwidths(process, order, b0, wc, highest=highest),
             lambda x: stable(x, b0) if 0 < x < highest else None,
         ),
         "b0": (
-            lambda: nrdob.adrc_stabilizing_gains(process, order, wo, wc),
+            lambda: adrc_stabilizing_gains(process, order, wo, wc),
             lambda x: stable(wo, x) if x else None,
         ),
     }

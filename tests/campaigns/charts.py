@@ -17,6 +17,7 @@ import numpy as np
 
 import nrdob
 from nrdob import filter_family
+from nrdob.diagram import DelayedTransferFunction
 
 from .runner import print_tally
 
@@ -79,7 +80,7 @@ def _chart(rng: np.random.Generator, label: str) -> str:
     blocks, axes = random_chart(rng)
     points = rng.random((POINTS, 2))
     names = "/".join(sorted(axes[which][0] for which in "xy"))
-    waits = ", waits" if isinstance(blocks[1], nrdob.DelayedTransferFunction) else ""
+    waits = ", waits" if isinstance(blocks[1], DelayedTransferFunction) else ""
     try:
         chart = nrdob.stability_chart(*blocks, **axes)
     except ValueError as error:

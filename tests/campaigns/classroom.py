@@ -41,7 +41,7 @@ from exported import (
     taken_by_moodle,
 )
 from handin import DISASTERS, FORGERIES, HARMFUL, SPYING, answer_cell, cell_of, mistake, solution
-from nrdob.course.grading import command, marks
+from nrdob_course.grading import command, marks
 from problemsets import SOURCE, Posed, cells, nbgrader, posed
 
 BROKEN = 9

@@ -13,9 +13,9 @@ from collections import Counter
 
 import numpy as np
 
-import nrdob
 from firmware import relative, run_c, run_python
 from nrdob.digital import Limits
+from nrdob.sampling import random_loop
 
 from .runner import print_tally
 from .waiting import random_loop as random_waiting_loop
@@ -29,7 +29,7 @@ def campaign(count: int, seed: int) -> dict[str, int]:
     rng, tally, worst = np.random.default_rng(seed), Counter(), 0.0
     while sum(tally.values()) < count:
         waits = rng.random() < 0.3
-        loop = random_waiting_loop(rng) if waits else nrdob.random_loop(rng, delayed=True)
+        loop = random_waiting_loop(rng) if waits else random_loop(rng, delayed=True)
         longest = max(loop.model_delay, loop.delay, 1e-2)
         dt = longest * 10 ** rng.uniform(-1.5, 0.5)
         try:

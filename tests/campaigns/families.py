@@ -15,6 +15,7 @@ import numpy as np
 import nrdob
 from nrdob import filter_family
 from nrdob.design import default_floor
+from nrdob.diagram import DelayedTransferFunction, FilterFamily
 from nrdob.sampling import random_block
 
 from .plants import plant_and_model
@@ -46,7 +47,7 @@ def _loop(rng: np.random.Generator):
     return nrdob.delay(10 ** rng.uniform(-2, 0)) * process if rng.random() < 0.4 else process, model
 
 
-def _family(rng: np.random.Generator, model) -> nrdob.FilterFamily:
+def _family(rng: np.random.Generator, model) -> FilterFamily:
     kind = KINDS[int(rng.integers(len(KINDS)))]
     least = max(1, model.den[0][0].size - model.num[0][0].size)
     order = least + int(rng.integers(0, 3))
@@ -96,7 +97,7 @@ def _set(rng: np.random.Generator, label: str) -> str:
         if any(low < value < high for low, high in intervals) != stable:
             print(label, family, intervals, value)
             return f"WRONG {family.kind}"
-    waits = isinstance(model, nrdob.DelayedTransferFunction)
+    waits = isinstance(model, DelayedTransferFunction)
     return f"{family.kind}: right{', waits' if waits else ''}"
 
 

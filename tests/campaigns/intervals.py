@@ -15,6 +15,8 @@ import control as ct
 import numpy as np
 
 import nrdob
+from nrdob.sampling import random_loop
+from nrdob.uncertain import delay_intervals, gain_intervals
 
 from .runner import print_tally
 
@@ -46,7 +48,7 @@ def campaign(count: int, seed: int) -> Counter[str]:
 def draw(rng: np.random.Generator) -> nrdob.NRDOB:
     """Draw a loop whose condition i holds."""
     while True:
-        loop = nrdob.random_loop(rng, delayed=bool(rng.random() < 0.5))
+        loop = random_loop(rng, delayed=bool(rng.random() < 0.5))
         model, plant = loop.model, ct.tf(*loop.fractions.G)
         if rng.random() < 0.7:
             plant = model * rng.uniform(0.6, 1.6)
@@ -119,8 +121,8 @@ def _intervals(rng: np.random.Generator, loop: nrdob.NRDOB) -> list[str]:
     low, high, found = {}, {}, {}
     low["delay"], high["delay"] = 0.0, 10 ** rng.uniform(-1, 2)
     low["gain"], high["gain"] = 10 ** rng.uniform(-2, 0), 10 ** rng.uniform(0.1, 2)
-    found["delay"] = nrdob.delay_intervals(loop, low["delay"], high["delay"])
-    found["gain"] = nrdob.gain_intervals(loop, low["gain"], high["gain"])
+    found["delay"] = delay_intervals(loop, low["delay"], high["delay"])
+    found["gain"] = gain_intervals(loop, low["gain"], high["gain"])
     told = []
     for name, intervals in found.items():
         ends = [end for end in np.ravel(intervals) if low[name] < end < high[name]]

@@ -24,7 +24,7 @@ sys.path.append(str(Path(__file__).resolve().parents[1]))  # where the tests fin
 
 from course.test_exercise_routes import WRONG
 from course.test_exercise_routes import points as judged_alone
-from nrdob.course.exercises import PROBLEMS, own_case
+from nrdob_course.exercises import PROBLEMS, own_case
 from problemsets import SETS, Posed, posed, published, rounded
 
 ALL = {this.id: this for path in SETS for this in posed(path)}

@@ -16,6 +16,7 @@ import numpy as np
 from scipy.linalg import block_diag, expm
 
 import nrdob
+from nrdob.sampling import random_loop
 
 from .runner import print_tally
 
@@ -37,7 +38,7 @@ class Case(NamedTuple):
 
 
 def draw(rng: np.random.Generator) -> Case:
-    loop = nrdob.random_loop(rng, delayed=bool(rng.random() < 0.6))
+    loop = random_loop(rng, delayed=bool(rng.random() < 0.6))
     if rng.random() < 0.3:
         model = nrdob.delay(10 ** rng.uniform(-2, -0.3)) * loop.model
         loop = nrdob.NRDOB(loop.process, model, loop.controller, loop.filter)

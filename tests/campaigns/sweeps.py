@@ -14,6 +14,7 @@ from math import isclose
 import numpy as np
 
 import nrdob
+from nrdob.sampling import random_loop
 
 from .runner import print_tally
 
@@ -30,7 +31,7 @@ def loops(seed: int) -> Iterator[tuple[str, nrdob.NRDOB]]:
     rng = np.random.default_rng(seed)
     for k in range(20):
         while True:
-            loop = nrdob.random_loop(rng, delayed=k % 2 == 1)
+            loop = random_loop(rng, delayed=k % 2 == 1)
             if loop.stability().stable:
                 break
         yield f"random {k}" + " with dead time" * (k % 2), loop

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import copy
 import json
+import math
 import subprocess
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -20,6 +22,7 @@ import nrdob
 from nrdob import LowPassFilter, paper
 from nrdob.certificates import check, checker, half_plane_points
 from nrdob.numerics import Term
+from nrdob.sampling import random_loop
 
 Content = dict[str, Any]
 
@@ -49,7 +52,7 @@ def test_random_loops_stable_or_not_are_counted_as_by_the_verdict(delayed):
     rng = np.random.default_rng(7)
     stable = set()
     for _ in range(60):
-        loop = nrdob.random_loop(rng, delayed=delayed)
+        loop = random_loop(rng, delayed=delayed)
         verdict = loop.stability()
         if np.inf in counts(loop):
             with pytest.raises(ArithmeticError, match="at infinite frequency"):
@@ -106,24 +109,22 @@ def test_a_gain_interval_is_proved_up_to_its_end():
     low, high = 0.01, loop.margins().plant_loop.gm_high
     assert high == pytest.approx(3.7121, abs=1e-4)
     for share in (0.5, 0.9, 0.999):
-        certificate = loop.stability().certificate(
-            [low * loop.process, share * high * loop.process]
-        )
-        assert "for all processes between 3" in str(certificate)
+        certificate = loop.stability().certificate(gains=(low, share * high))
+        assert "for all blocks between 2" in str(certificate)
     with pytest.raises(ArithmeticError, match="no certificate for p_B"):
-        loop.stability().certificate([1.001 * high * loop.process])
+        loop.stability().certificate(gains=(1, 1.001 * high))
 
 
 def test_a_box_of_coefficients_is_proved_by_its_vertices():
     F = LowPassFilter(1.0, 1)
     loop = nrdob.NRDOB(ct.tf([1], [1, 1]), ct.tf([1], [1, 1]), ct.tf([1], [1, 0]), F)
     corners = [ct.tf([k], [lag, 1]) for k in (0.5, 2.0) for lag in (0.5, 2.0)]
-    certificate = loop.stability().certificate(corners)
+    certificate = loop.stability().certificate(processes=corners)
     assert certificate.content["claim"] == {"D_F": 0, "p_A": 0, "p_B": 0}
     with pytest.raises(ArithmeticError, match="no certificate"):
-        loop.stability().certificate([ct.tf([-0.5], [1, 1])])
+        loop.stability().certificate(gains=(-0.5, 1))
     with pytest.raises(ArithmeticError, match="no certificate"):
-        loop.stability().certificate([nrdob.delay(0.1) * ct.tf([1], [1, 1])])
+        loop.stability().certificate(processes=[nrdob.delay(0.1) * ct.tf([1], [1, 1])])
 
 
 def test_a_root_on_the_axis_has_no_certificate():
@@ -163,6 +164,83 @@ def test_the_checker_is_short_and_needs_the_standard_library_only():
     assert set(imports) <= sys.stdlib_module_names
 
 
+def test_an_interval_of_dead_time_is_proved_up_to_its_end():
+    loop = example(4)
+    own = loop.process.delay
+    end = loop.margins().plant_loop.delay_margin + own
+    for low, high in ((0, own), (0.9 * own, 1.1 * own), (0, 0.99 * end)):
+        certificate = loop.stability().certificate(delays=(low, high))
+        assert f"for every dead time from {low:g} to {high:g}" in str(certificate)
+    with pytest.raises(ArithmeticError, match="no certificate for p_B"):
+        loop.stability().certificate(delays=(own, 1.001 * end))
+
+
+def test_a_set_of_time_constants_is_proved_up_to_its_end():
+    given = paper.example(3)
+    loop = example(3)
+    [(low, high)] = nrdob.stabilizing_time_constants(given.process, given.model, given.filter.order)
+    span = high - low
+    for share in (0.1, 0.01, 0.001):
+        part = low + share * span, high - share * span
+        proved = loop.stability().certificate(time_constants=part)
+        assert "internally stable for all blocks between 3" in str(proved)
+    with pytest.raises(ArithmeticError, match="no certificate for p_B"):
+        loop.stability().certificate(time_constants=(high - 0.1 * span, high + 0.001 * span))
+
+
+@pytest.mark.parametrize("order", [1, 2, 5])
+def test_every_filter_of_an_interval_lies_between_the_ones_of_its_certificate(order):
+    # (λs + 1)^n is the Bernstein sum of the denominators, exactly.
+    lam = Fraction(7, 5)
+    loop = nrdob.NRDOB(ct.tf([1], [1, 1]), ct.tf([1], [1, 1]), 1.0, LowPassFilter(1.0, order))
+    content = loop.stability().certificate(time_constants=(0.75, 1.5)).content
+    share = (lam - Fraction(3, 4)) / Fraction(3, 4)
+    found = [
+        sum(
+            math.comb(order, k) * share**k * (1 - share) ** (order - k) * Fraction(F["den"][i])
+            for k, F in enumerate(content["blocks"]["filter"])
+        )
+        for i in range(order + 1)
+    ]
+    assert found == [math.comb(order, k) * lam ** (order - k) for k in range(order + 1)]
+
+
+def test_intervals_at_once():
+    loop = example(4)
+    certificate = loop.stability().certificate(
+        gains=(0.5, 1.5), delays=(0.03, 0.08), time_constants=(0.07, 0.11)
+    )
+    rng = np.random.default_rng(5)
+    for k, delay, lam in zip(
+        *rng.uniform([[0.5], [0.03], [0.07]], [[1.5], [0.08], [0.11]], (3, 20)), strict=True
+    ):
+        process = k * nrdob.delay(delay) * loop.process.tf
+        assert replace(loop, process=process, filter=LowPassFilter(lam, 3)).stability().stable
+    assert "for all blocks between 8 for every dead time from 0.03 to 0.08" in str(certificate)
+
+
+@pytest.mark.parametrize(
+    "interval",
+    [
+        {"delays": (-0.1, 0.1)},
+        {"delays": (0.2, 0.1)},
+        {"gains": (2, 1)},
+        {"gains": (0.5, np.inf)},
+        {"time_constants": (0, 1)},
+        {"time_constants": (2, 1)},
+    ],
+)
+def test_what_is_no_interval_is_refused(interval):
+    with pytest.raises(ValueError, match=f"{next(iter(interval))} are "):
+        example(4).stability().certificate(**interval)
+
+
+def test_time_constants_of_another_filter_are_refused():
+    loop = replace(example(4), filter=ct.tf([1], [0.1, 0.5, 1.1, 1]))
+    with pytest.raises(ValueError, match="those of a LowPassFilter"):
+        loop.stability().certificate(time_constants=(0.1, 0.2))
+
+
 # What is not proved.
 
 
@@ -193,8 +271,9 @@ def tampered(content: Content) -> Iterator[tuple[str, Content]]:
         ):  # fmt: skip
             yield f"{name}, points {str(wrong)[:30]}", changed(place, wrong)
     process = content["blocks"]["process"][0]
-    single = {**content["blocks"], "process.0": process}
-    del single["process"]
+    F = content["blocks"]["filter"][0]
+    single = {**content["blocks"], "process.0": process, "filter.0": F}
+    del single["process"], single["filter"]
     for block, parts in single.items():
         for part in ("num", "den"):
             place = f"blocks.{block}.{part}"
@@ -212,6 +291,13 @@ def tampered(content: Content) -> Iterator[tuple[str, Content]]:
         yield f"without {block}", changed("blocks", others)
     for wrong in ([], [process] * 100, process, [process, {**process, "delay": "1/10"}]):
         yield f"{len(wrong)} processes, {str(wrong)[:9]}", changed("blocks.process", wrong)
+    slow = {**F, "den": ["1000000", "3000", "3000", "1"]}
+    for wrong in ([], [F] * 100, F, [F, slow]):
+        yield f"{len(wrong)} filters, {str(wrong)[:9]}", changed("blocks.filter", wrong)
+    for wrong in ("1", "1/10", "-1/100", "x", 0, None, ["0"]):
+        yield f"within {wrong}", changed("within", wrong)
+    for wrong in ("z", "w", "Re s", "", 1):
+        yield f"variable {wrong!r}", changed("variable", wrong)
     for part in ("zeros", "poles"):
         for wrong in (["1", "1"], ["1", "-1"], ["1", "0", "1"], ["0"], [], None, ["1"] * 9):
             yield f"cancelled {part} {wrong}", changed(f"cancelled.{part}", wrong)
@@ -245,7 +331,7 @@ def test_a_tampered_certificate_is_refused(content):
 
 @pytest.mark.parametrize("other", [None, [], "certificate", 1, {}])
 def test_something_else_is_refused(other):
-    with pytest.raises(ValueError, match="an object needs format"):
+    with pytest.raises(ValueError, match=r"an object needs format|there are no parts"):
         check(other)
 
 
@@ -260,3 +346,30 @@ def test_cosine_and_sine_are_within_their_bound():
                 error = abs(mpmath.mpf(found.numerator) / found.denominator - true)
                 assert error <= mpmath.mpf(bound.numerator) / bound.denominator
             assert bound < Fraction(1, 2**100)
+
+
+# Parts that do not join.
+
+
+def parts_of(**interval: tuple[float, float]) -> list[Content]:
+    content = example(4).stability().certificate(**interval).content
+    assert isinstance(content, list) and len(content) > 2
+    check(content)
+    return content
+
+
+@pytest.mark.parametrize("interval", [{"delays": (0.0, 0.28)}, {"time_constants": (0.1, 9.0)}])
+def test_parts_that_leave_a_gap_are_refused(interval):
+    content = parts_of(**interval)
+    for wrong in ([content[0], content[2]], [*content[:1], *content[2:]], content[::-1][:2]):
+        if wrong[0]["within"] == "0" or wrong != content[::-1][:2]:
+            with pytest.raises(ValueError, match="do not join"):
+                check(wrong)
+
+
+def test_parts_of_different_loops_do_not_join():
+    delays, lags = parts_of(delays=(0.0, 0.28)), parts_of(time_constants=(0.1, 9.0))
+    other = example(1).stability().certificate().content
+    for wrong in ([*delays, *lags], [*lags, *delays], [delays[0], other], [other, other, lags[0]]):
+        with pytest.raises(ValueError, match="do not join"):
+            check(wrong)

@@ -14,7 +14,7 @@ import pytest
 
 from exported import table
 from handin import MAX, NAME, POINTS, WRITTEN, Stub, handed, of_group, write
-from nrdob.course.grading import command, marks
+from nrdob_course.grading import command, marks
 
 CHECKED = marks.number(MAX - POINTS[WRITTEN[0]])
 GOOD = f"Anna_1_assignsubmission_file_/{NAME}.ipynb"

@@ -11,8 +11,9 @@ from scipy.optimize import brentq
 
 import nrdob
 from nrdob import LowPassFilter, paper
-from nrdob.course import claims
-from nrdob.course.claims import (
+from nrdob.diagram import LoopEquations, Quotient
+from nrdob_course import claims
+from nrdob_course.claims import (
     LEDGER,
     Amendment,
     Finding,
@@ -29,8 +30,7 @@ from nrdob.course.claims import (
     settle,
     signals,
 )
-from nrdob.course.claims.ledger import WIDTH, Section, collect
-from nrdob.diagram import LoopEquations, Quotient
+from nrdob_course.claims.ledger import WIDTH, Section, collect
 
 SECTIONS = (section2, section3, examples12, example3, example4, conclusions)
 MODULES = (*SECTIONS, ledger, recurring, signals)

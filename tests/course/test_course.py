@@ -39,10 +39,10 @@ from handin import (
     spying,
     tampered,
 )
-from nrdob.course.grading import command as exercises
-from nrdob.course.grading import marks
-from nrdob.course.grading.autograde import course
-from nrdob.course.grading.written import WRITTEN as COLUMNS
+from nrdob_course.grading import command as exercises
+from nrdob_course.grading import marks
+from nrdob_course.grading.autograde import course
+from nrdob_course.grading.written import WRITTEN as COLUMNS
 
 # Every test runs nbgrader and kernels; nbgrader quarrels with its own database.
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore:Object of type")]

@@ -12,8 +12,8 @@ import matplotlib.pyplot as plt
 import pytest
 
 from nrdob import LowPassFilter
-from nrdob.course.exercises import PROBLEMS, Problem, own_case
-from nrdob.course.exercises.problems import review
+from nrdob_course.exercises import PROBLEMS, Problem, own_case
+from nrdob_course.exercises.problems import review
 
 GROUPS = (3, 8)
 
@@ -35,7 +35,7 @@ def inside(thing: Any, case: Any) -> Held:
         yield from ((f"[{key!r}]", value) for key, value in thing.items())
     if isinstance(thing, tuple | list) and len(thing) < 30:
         yield from ((f"[{k}]", value) for k, value in enumerate(thing))
-    ours = type(thing).__module__.startswith("nrdob.course")
+    ours = type(thing).__module__.startswith("nrdob_course")
     names = {*dir(thing), *getattr(thing, "__dict__", {})} if ours or is_block(thing) else ()
     for name in sorted(names):
         if name.startswith("__"):

@@ -17,8 +17,8 @@ from scipy.optimize import brentq
 import nrdob
 from nrdob import NRDOB, LowPassFilter
 from nrdob.analysis import encirclements
-from nrdob.course.exercises import PROBLEMS, own_case, score
-from nrdob.course.exercises.cases import s
+from nrdob_course.exercises import PROBLEMS, own_case, score
+from nrdob_course.exercises.cases import s
 from problemsets import SETS, Posed, posed, published, rounded
 
 Route = Callable[[Any], Any]

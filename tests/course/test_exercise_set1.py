@@ -7,8 +7,9 @@ import pytest
 import sympy as sp
 
 from nrdob import NRDOB, LowPassFilter
-from nrdob.course.exercises import PROBLEMS, check, own_case
-from nrdob.course.exercises.set1 import (
+from nrdob.numerics import FloatArray
+from nrdob_course.exercises import PROBLEMS, check, own_case
+from nrdob_course.exercises.set1 import (
     INPUTS,
     PolynomialCase,
     SettledCase,
@@ -17,7 +18,6 @@ from nrdob.course.exercises.set1 import (
     draw_sensitivity,
     gain_readings,
 )
-from nrdob.numerics import FloatArray
 
 GROUPS = range(1, 16)  # tests/campaigns/misconceptions.py takes more of them
 

@@ -8,9 +8,9 @@ import pytest
 
 from nrdob import NRDOB, LowPassFilter
 from nrdob.analysis import encirclements
-from nrdob.course.exercises import own_case
-from nrdob.course.exercises.cases import first_fitting, s
-from nrdob.course.exercises.set2 import CLOSING, LITERAL, READING, UNTURNED, draw_without_count
+from nrdob_course.exercises import own_case
+from nrdob_course.exercises.cases import first_fitting, s
+from nrdob_course.exercises.set2 import CLOSING, LITERAL, READING, UNTURNED, draw_without_count
 
 GROUPS = range(1, 13)
 

@@ -8,9 +8,11 @@ import control as ct
 import numpy as np
 import pytest
 
-from nrdob import NRDOB, LowPassFilter, delay, margin_bounds
-from nrdob.course.exercises import PROBLEMS, check, own_case
-from nrdob.course.exercises.set3 import (
+from nrdob import NRDOB, LowPassFilter, delay
+from nrdob.analysis import margin_bounds
+from nrdob.sampling import random_loop
+from nrdob_course.exercises import PROBLEMS, check, own_case
+from nrdob_course.exercises.set3 import (
     SHARES,
     GainCase,
     PeakCase,
@@ -24,7 +26,6 @@ from nrdob.course.exercises.set3 import (
     measured_crossovers,
     noise_readings,
 )
-from nrdob.sampling import random_loop
 
 GROUPS = range(1, 13)  # tests/campaigns/misconceptions.py takes more of them
 

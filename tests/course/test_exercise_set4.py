@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from nrdob import NRDOB, LowPassFilter
-from nrdob.course.exercises import PROBLEMS, check, own_case
-from nrdob.course.exercises.set4 import (
+from nrdob_course.exercises import PROBLEMS, check, own_case
+from nrdob_course.exercises.set4 import (
     borders_of,
     fastest_of,
     just_good,

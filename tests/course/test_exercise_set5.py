@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from nrdob import NRDOB, LowPassFilter, stabilizing_time_constants
-from nrdob.course.exercises import own_case
-from nrdob.course.exercises.cases import s
-from nrdob.course.exercises.set5 import (
+from nrdob_course.exercises import own_case
+from nrdob_course.exercises.cases import s
+from nrdob_course.exercises.set5 import (
     ADVICE,
     BORDER,
     DESIGN,

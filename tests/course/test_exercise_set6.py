@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from nrdob import NRDOB, LowPassFilter, stabilizing_time_constants
-from nrdob.course.exercises import PROBLEMS, check, own_case
-from nrdob.course.exercises.set6 import (
+from nrdob_course.exercises import PROBLEMS, check, own_case
+from nrdob_course.exercises.set6 import (
     STAGES,
     Project,
     controller_of,

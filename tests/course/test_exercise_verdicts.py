@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from nrdob import LowPassFilter
-from nrdob.course.exercises import PROBLEMS, own_case
+from nrdob_course.exercises import PROBLEMS, own_case
 from problemsets import SETS, posed, published
 
 POSED = {this.id: this for path in SETS for this in posed(path)}

@@ -12,11 +12,11 @@ import pytest
 import sympy as sp
 
 from nrdob import LowPassFilter
-from nrdob.course.exercises import PROBLEMS, check, own_case, score, set3, set6
-from nrdob.course.exercises.problems import HIDDEN, OTHER, Lack
-from nrdob.course.exercises.reading import numbers
-from nrdob.course.grading.plain import decode, encode
 from nrdob.design import disturbance_index, noise_index
+from nrdob_course.exercises import PROBLEMS, check, own_case, score, set3, set6
+from nrdob_course.exercises.problems import HIDDEN, OTHER, Lack
+from nrdob_course.exercises.reading import numbers
+from nrdob_course.grading.plain import decode, encode
 from problemsets import SETS, posed, published
 
 POSED = {this.id: this for path in SETS for this in posed(path)}

@@ -10,8 +10,8 @@ import pytest
 from bs4 import BeautifulSoup
 from nbconvert.filters import markdown2html
 
-from nrdob.course.grading.autograde import is_sound
-from nrdob.course.grading.feedback import offline, with_note
+from nrdob_course.grading.autograde import is_sound
+from nrdob_course.grading.feedback import offline, with_note
 from problemsets import SETS, cells
 
 

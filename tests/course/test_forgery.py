@@ -11,7 +11,7 @@ import pytest
 from attacks import FORGERIES, LATER
 from exported import table
 from handin import CHECKED, NAME, Notebook, answer_cell, cell_of, right, settings
-from nrdob.course.grading import command, wall
+from nrdob_course.grading import command, wall
 
 pytestmark = [
     pytest.mark.slow,

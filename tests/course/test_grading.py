@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from nrdob.course.exercises import PROBLEMS, check, own_case, score
-from nrdob.course.exercises.cases import few
-from nrdob.course.exercises.problems import (
+from nrdob_course.exercises import PROBLEMS, check, own_case, score
+from nrdob_course.exercises.cases import few
+from nrdob_course.exercises.problems import (
     BLANK,
     BUDGET,
     HARD_CODED,
@@ -31,7 +31,7 @@ from nrdob.course.exercises.problems import (
     rounds,
     same,
 )
-from nrdob.course.exercises.reading import numbers
+from nrdob_course.exercises.reading import numbers
 
 
 @dataclass(frozen=True)
@@ -452,7 +452,7 @@ class Clock:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.now = 0.0
-        monkeypatch.setattr("nrdob.course.exercises.problems.time.perf_counter", lambda: self.now)
+        monkeypatch.setattr("nrdob_course.exercises.problems.time.perf_counter", lambda: self.now)
 
     def answer(self, seconds: float) -> Any:
         def slow(case: Square) -> float:

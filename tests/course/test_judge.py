@@ -22,12 +22,12 @@ from nbgrader.preprocessors import Execute
 
 import nrdob
 from nrdob import LowPassFilter
-from nrdob.course.exercises import PROBLEMS, score
-from nrdob.course.grading import plain
-from nrdob.course.grading.autograde import PatientExecute
-from nrdob.course.grading.handout import handout
-from nrdob.course.grading.judge import HiddenTest, asking, hidden_test, judge, judge_apart
-from nrdob.course.grading.plain import decode, encode
+from nrdob_course.exercises import PROBLEMS, score
+from nrdob_course.grading import plain
+from nrdob_course.grading.autograde import PatientExecute
+from nrdob_course.grading.handout import handout
+from nrdob_course.grading.judge import HiddenTest, asking, hidden_test, judge, judge_apart
+from nrdob_course.grading.plain import decode, encode
 from problemsets import SETS, SOURCE, posed, run
 
 s = ct.tf("s")
@@ -291,7 +291,7 @@ def test_judged_in_a_process_of_its_own_it_is_judged_alike(kernel: Any) -> None:
 
 @forks
 def test_a_verdict_that_takes_too_long_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("nrdob.course.grading.judge.score", lambda *any, **more: time.sleep(600))
+    monkeypatch.setattr("nrdob_course.grading.judge.score", lambda *any, **more: time.sleep(600))
     with pytest.raises(TimeoutError):
         judge_apart(TEST, lambda source: '{"value": 5}', 0.5)
 
@@ -301,14 +301,14 @@ def test_a_verdict_that_takes_too_much_memory_is_given_up(monkeypatch: pytest.Mo
     def greedy(*any: Any, **more: Any) -> Any:
         return [bytes(400 << 20) for _ in range(5)]
 
-    monkeypatch.setattr("nrdob.course.grading.judge.score", greedy)
+    monkeypatch.setattr("nrdob_course.grading.judge.score", greedy)
     with pytest.raises(ValueError, match="MemoryError"):
         judge_apart(TEST, lambda source: '{"value": 5}', 60)
 
 
 @forks
 def test_a_process_that_ends_without_a_verdict_gives_none(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("nrdob.course.grading.judge.score", lambda *any, **more: os._exit(1))
+    monkeypatch.setattr("nrdob_course.grading.judge.score", lambda *any, **more: os._exit(1))
     with pytest.raises(MemoryError):
         judge_apart(TEST, lambda source: '{"value": 5}', 60)
 
@@ -340,10 +340,10 @@ def test_the_cases_that_are_handed_out_are_those_of_the_graders(path: Path) -> N
     given = handout([this.id for this in posed(path)], 5)
     program = """
 import json, sys
-from nrdob.course.grading.kernel import Graders
+from nrdob_course.grading.kernel import Graders
 given = json.load(sys.stdin)
 sys.meta_path.insert(0, Graders(given))
-from nrdob.course.exercises import check, own_case
+from nrdob_course.exercises import check, own_case
 print(json.dumps({name: repr(own_case(name, 5)) for name in given["cases"]}))
 """
     command, told = [sys.executable, "-c", program], json.dumps(given)

@@ -15,9 +15,9 @@ import pytest
 
 from exported import CLASS, Sent, canvas, moment_of, moodle, plan, read_canvas, read_moodle, table
 from handin import KNOWN, NAME, POINTS, Stub, handed, of_group, tiny, write
-from nrdob.course.grading import command as exercises
-from nrdob.course.grading import marks, platforms, submissions, written
-from nrdob.course.grading.roster import Course, Student, read_course, spellings
+from nrdob_course.grading import command as exercises
+from nrdob_course.grading import marks, platforms, submissions, written
+from nrdob_course.grading.roster import Course, Student, read_course, spellings
 
 pytestmark = pytest.mark.filterwarnings("ignore:Object of type")
 

@@ -9,7 +9,7 @@ import nbformat
 import pytest
 
 from handin import CHECKED, PATH
-from nrdob.course.grading import command as exercises
+from nrdob_course.grading import command as exercises
 from problemsets import SETS, SOURCE, cells, nbgrader, posed
 
 # nbgrader gives out every set; it quarrels with its own database.

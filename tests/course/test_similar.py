@@ -6,7 +6,7 @@ from typing import Any
 
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
 
-from nrdob.course.grading.similar import pairs
+from nrdob_course.grading.similar import pairs
 
 GIVEN_OUT = "def turns(case):\n    ..."
 ORIGINAL = """

@@ -11,7 +11,7 @@ import nbformat
 import pytest
 
 from handin import KNOWN, tiny, write
-from nrdob.course.grading import marks, submissions
+from nrdob_course.grading import marks, submissions
 
 
 @pytest.mark.parametrize(

@@ -18,10 +18,10 @@ from nbformat.v4 import new_output
 
 from exported import table, taken_by_canvas, taken_by_moodle
 from handin import MAX, NAME, POINTS, WRITTEN, Stub, cell_of, handed, of_group, write
-from nrdob.course.exercises import PROBLEMS
-from nrdob.course.grading import command, marks, written
-from nrdob.course.grading.batch import Outcome
-from nrdob.course.grading.roster import Course, Student
+from nrdob_course.exercises import PROBLEMS
+from nrdob_course.grading import command, marks, written
+from nrdob_course.grading.batch import Outcome
+from nrdob_course.grading.roster import Course, Student
 
 [PROBLEM] = map(marks.problem_of, WRITTEN)
 CHECKED = MAX - POINTS[WRITTEN[0]]

@@ -14,11 +14,12 @@ from pathlib import Path
 import nbformat
 import pytest
 
+import nrdob
 from attacks import ESCAPES, PRELUDE
 from handin import FORGERIES, NAME, handed
-from nrdob.course.grading import command as exercises
-from nrdob.course.grading import seccomp, wall
-from nrdob.course.grading.remarks import suspicious
+from nrdob_course.grading import command as exercises
+from nrdob_course.grading import seccomp, wall
+from nrdob_course.grading.remarks import suspicious
 from problemsets import SETS
 
 walled = pytest.mark.skipif(bool(wall.missing()), reason="there is no wall on this system")
@@ -81,7 +82,7 @@ from pathlib import Path
 import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
-from nrdob.course.grading import wall
+from nrdob_course.grading import wall
 desk, secret, datagrams = Path({str(desk)!r}), Path({str(secret)!r}), {str(place / "socket")!r}
 course, project = Path({str(course)!r}), Path({str(course.parents[1])!r})
 port = {listener.getsockname()[1]}
@@ -147,10 +148,14 @@ def test_a_project_anywhere_stays_closed(
     below: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     project = tmp_path / below / "project"
-    for name in ("nrdob/course/grading", "nrdob/design", "notebooks", "lib/site-packages/numpy"):
+    for name in (
+        "book/nrdob_course/grading",
+        "nrdob",
+        "notebooks",
+        "lib/site-packages/numpy",
+    ):
         (project / name).mkdir(parents=True)
-    (project / "nrdob" / "loop.py").touch()
-    monkeypatch.setattr(wall, "COURSE", project / "nrdob" / "course")
+    monkeypatch.setattr(wall, "COURSE", project / "book" / "nrdob_course")
     monkeypatch.setattr(wall, "PACKAGE", project / "nrdob")
     packages = str(project / "lib" / "site-packages")
     monkeypatch.setattr(sys, "path", [str(project), str(project.parent), packages, *sys.path])
@@ -158,7 +163,7 @@ def test_a_project_anywhere_stays_closed(
     monkeypatch.setattr(wall, "shared_libraries", lambda: {tmp_path})
     found = wall.readable()
     inside = {path.relative_to(project) for path in found if path.is_relative_to(project)}
-    assert inside == {Path("nrdob/design"), Path("nrdob/loop.py"), Path("lib/site-packages")}
+    assert inside == {Path("nrdob"), Path("lib/site-packages")}
     assert not any(project.is_relative_to(path) for path in found)
 
 
@@ -234,6 +239,8 @@ from pathlib import Path
 package = types.ModuleType("grading")
 package.__path__ = [{str(Path(wall.__file__).parent)!r}]
 sys.modules["grading"] = package
+sys.modules["nrdob"] = types.ModuleType("nrdob")
+sys.modules["nrdob"].__file__ = {nrdob.__file__!r}
 from grading import wall
 desk, secret = Path({str(desk)!r}), Path({str(secret)!r})
 os.chdir(desk)
@@ -291,8 +298,8 @@ def test_what_is_left_running_can_be_ended() -> None:
     program = """
 import os, time
 import psutil
-from nrdob.course.grading import wall
-from nrdob.course.grading.batch import end
+from nrdob_course.grading import wall
+from nrdob_course.grading.batch import end
 wall.adopt_orphans()
 if not os.fork():
     if not os.fork():
@@ -320,9 +327,9 @@ def code(source: str) -> list[nbformat.NotebookNode]:
 @pytest.mark.parametrize(
     ("source", "sign"),
     [
-        ("from nrdob.course.exercises.set2 import _good", "import _good"),
-        ("import nrdob.course.exercises.set2 as s", "import nrdob.course.exercises.set2"),
-        ("nrdob.course.exercises.score = 1", "nrdob.course.exercises.score"),
+        ("from nrdob_course.exercises.set2 import _good", "import _good"),
+        ("import nrdob_course.exercises.set2 as s", "import nrdob_course.exercises.set2"),
+        ("nrdob_course.exercises.score = 1", "nrdob_course.exercises.score"),
         ("nrdob.NRDOB.stability = 1", "nrdob.NRDOB.stability = …"),
         ("case._loop.margins()", "case._loop"),
         ("open('x')", "open"),
@@ -331,8 +338,8 @@ def code(source: str) -> list[nbformat.NotebookNode]:
         ("from subprocess import run", "from subprocess import run"),
         ("a = '/proc/1/cwd'", "'/proc/1/cwd'"),
         ("import os\nos.system('ls')", "os.system"),
-        ("from nrdob import course", "from nrdob import course"),
-        ("import nrdob as n\nn.course.exercises.set1.settled_table(case)", "n.course"),
+        ("from nrdob_course import claims", "from nrdob_course import claims"),
+        ("import nrdob_course as n\nn.exercises.set1.settled_table(case)", "import nrdob_course"),
         ("getattr(case, '_p' + '_B')(case)", "getattr"),
         ("from functools import reduce\nreduce(getattr, names, case)", "getattr"),
         ("np.ctypeslib.ctypes.CDLL(None).system", "np.ctypeslib"),

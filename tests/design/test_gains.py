@@ -8,8 +8,10 @@ import pytest
 
 import nrdob
 from nrdob import LowPassFilter, delay
+from nrdob.design import stabilizing_gains
 from nrdob.diagram import ObserverEquations
 from nrdob.numerics import count_rhp
+from nrdob.sampling import random_loop
 
 s = ct.tf("s")
 
@@ -18,27 +20,27 @@ s = ct.tf("s")
 def test_a_pure_gain_error_is_bounded_by_m_n(order):
     G = 1 / (s + 1) ** order
     bound = inf if order <= 2 else 1 + 1 / np.cos(pi / order) ** order
-    ((low, high),) = nrdob.stabilizing_gains(G, G, LowPassFilter(0.3, order))
+    ((low, high),) = stabilizing_gains(G, G, LowPassFilter(0.3, order))
     assert low == 0 and high == pytest.approx(bound, rel=1e-9)
 
 
 def test_an_unstable_plant_needs_gain():
     loop = nrdob.paper.example(3)
-    found = nrdob.stabilizing_gains(loop.process, loop.model, loop.filter)
+    found = stabilizing_gains(loop.process, loop.model, loop.filter)
     margins = loop.margins().plant_loop
     assert found == [pytest.approx((margins.gm_low, margins.gm_high), rel=1e-9)]
 
 
 def test_a_negative_gain_stabilises_nothing_here():
     G = 1 / (s + 1)
-    assert nrdob.stabilizing_gains(-1 * G, G, LowPassFilter(0.5, 2)) == []
+    assert stabilizing_gains(-1 * G, G, LowPassFilter(0.5, 2)) == []
 
 
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize("delayed", [False, True])
 def test_random_loops_are_stable_in_the_set_and_nowhere_else(seed, delayed):
-    loop = nrdob.random_loop(np.random.default_rng(40 + seed), delayed=delayed)
-    found = nrdob.stabilizing_gains(loop.process, loop.model, loop.filter)
+    loop = random_loop(np.random.default_rng(40 + seed), delayed=delayed)
+    found = stabilizing_gains(loop.process, loop.model, loop.filter)
     ends = [end for interval in found for end in interval]
     for k in np.geomspace(1e-3, 1e3, 25).tolist():
         if any(end and abs(k / end - 1) < 1e-3 for end in ends):
@@ -54,7 +56,7 @@ def test_a_resonance_leaves_two_intervals(theta):
     G = delay(theta) * 10 * (s**2 + 0.5 * s + 25) / (s**2 + 0.2 * s + 25)
     G = G / ((s + 1) * (0.1 * s + 1))
     F = LowPassFilter(0.3, 2)
-    found = nrdob.stabilizing_gains(G, 1 / (s + 1), F)
+    found = stabilizing_gains(G, 1 / (s + 1), F)
     assert len(found) == 2
     for low, high in found:
         for k, stable in ((low * 0.999, False), (low * 1.001, True),

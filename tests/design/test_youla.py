@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import nrdob
-from nrdob import observer_form, stable_model_exists
+from nrdob.design import observer_form, stable_model_exists
 from nrdob.sampling import random_block
 
 s = ct.tf("s")

@@ -7,6 +7,7 @@ from scipy import signal
 
 import nrdob
 from nrdob.diagram import as_fraction
+from nrdob.sampling import random_loop
 
 
 def test_state_space_gives_the_same_coefficients_as_its_transfer_function():
@@ -71,7 +72,7 @@ def test_scipys_systems_are_blocks_like_those_of_python_control(delayed):
 @pytest.mark.parametrize("seed", range(12))
 def test_a_loop_does_not_depend_on_the_coordinates_or_hidden_modes_of_its_states(seed):
     rng = np.random.default_rng(seed)
-    loop = nrdob.random_loop(rng, delayed=bool(seed % 2))
+    loop = random_loop(rng, delayed=bool(seed % 2))
     dead = loop.process.delay if seed % 2 else 0.0
     undelayed = loop.process.tf if seed % 2 else loop.process
     A, B, C, D = signal.tf2ss(*as_fraction(undelayed, "process"))

@@ -23,7 +23,9 @@ from firmware import (
     run_python,
     run_two,
 )
+from nrdob.alternatives import linear_adrc
 from nrdob.digital import ControllerCode, Limits, Section
+from nrdob.sampling import random_loop
 
 LAG = ct.tf([2.0], [1.0, 1.0])
 PI = ct.tf([1.0, 1.0], [1.0, 0.0])
@@ -40,7 +42,7 @@ def sampled_loop(dt=0.05, wait=0.0, controller=PI, lag=0.5):
 def random_sampled(rng):
     """Draw a sampled loop whose blocks are stable, so that rounding does not grow in them."""
     while True:
-        loop = nrdob.random_loop(rng, delayed=bool(rng.integers(2)))
+        loop = random_loop(rng, delayed=bool(rng.integers(2)))
         dt = 10 ** rng.uniform(-3, -0.5)
         sampled = loop.sampled(dt, computation_delay=float(rng.choice([0.0, 0.3, 1.0])) * dt)
         if np.abs(np.linalg.eigvals(sampled.code().wired.A)).max() <= 1 + 1e-9:
@@ -160,7 +162,7 @@ def test_started_at_a_manual_value_the_first_output_is_that_value_if_c_integrate
 
 
 def test_a_c_without_an_integrator_goes_on_with_u_only_from_rest_and_says_so():
-    adrc = nrdob.linear_adrc(nrdob.plants.motor_position(), 2, 10.0, 20.0, 5.0).sampled(0.005)
+    adrc = linear_adrc(nrdob.plants.motor_position(), 2, 10.0, 20.0, 5.0).sampled(0.005)
     p_only = nrdob.NRDOB(LAG, LAG, 1.5, nrdob.LowPassFilter(0.5, 1)).sampled(0.05)
     for sampled in (adrc, p_only):
         for text in (sampled.to_c(), sampled.to_python()):

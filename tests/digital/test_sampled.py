@@ -12,7 +12,14 @@ from scipy.signal import cont2discrete, lsim
 import nrdob
 from nrdob import paper
 from nrdob.diagram import Fraction
-from nrdob.digital import held_in_w, held_process, lifted, process_in_w, verdict
+from nrdob.digital import (
+    held_in_w,
+    held_process,
+    largest_sampling_time,
+    lifted,
+    process_in_w,
+    verdict,
+)
 from nrdob.digital.circle import CircleFunction, Product, count_outside
 from tests.campaigns import sampled as campaign
 
@@ -280,7 +287,7 @@ def test_a_model_with_an_integrator_is_built_without_it():
 def test_a_process_that_only_amplifies_is_a_closed_form():
     # K = F/(1 - F) = 1/s: z (z - 1) + dt (z + 1) = 0, whose roots have the product dt.
     loop = nrdob.NRDOB(ct.tf([2], [1]), ct.tf([1], [1]), 0.5 / s, nrdob.LowPassFilter(1.0, 1))
-    assert nrdob.largest_sampling_time(loop) == pytest.approx(1.0, rel=1e-9)
+    assert largest_sampling_time(loop) == pytest.approx(1.0, rel=1e-9)
     assert loop.sampled(1 - 1e-6).stability().stable
     margins = loop.sampled(0.1).margins()
     assert margins.gm == pytest.approx(10.0, rel=1e-9)
@@ -354,7 +361,7 @@ def test_an_unstable_loop_has_no_margins():
 )
 def test_the_largest_sampling_time_of_the_examples(number, ratio):
     loop = paper.example(number)
-    longest = nrdob.largest_sampling_time(loop)
+    longest = largest_sampling_time(loop)
     assert longest / loop.filter.time_constant == pytest.approx(ratio, rel=1e-6)
     for beyond in (1 - 1e-8, 1 + 1e-8):
         case = campaign.Case(loop, longest * beyond, 0.0, None)
@@ -369,7 +376,7 @@ def test_where_the_sampled_controller_is_lost_under_zoh_is_a_closed_form():
 
 def test_the_end_in_dt_is_an_end_of_the_set_of_time_constants():
     loop = paper.example(3)
-    dt = nrdob.largest_sampling_time(loop)
+    dt = largest_sampling_time(loop)
     ends = nrdob.stabilizing_time_constants(loop.process, loop.model, 2, dt=dt)
     assert np.abs(np.ravel(ends) / loop.filter.time_constant - 1).min() < 1e-8
 
@@ -518,6 +525,6 @@ def test_sets_say_which_dead_times_they_do_not_take():
 def test_a_loop_that_is_not_stable_has_no_largest_sampling_time():
     loop = nrdob.NRDOB(1 / (s - 1), 1 / (s + 1), 1.0, nrdob.LowPassFilter(5.0, 1))
     with pytest.raises(ValueError, match="not stable in continuous time"):
-        nrdob.largest_sampling_time(loop)
+        largest_sampling_time(loop)
     with pytest.raises(ValueError, match=r"with 9 s of computation"):
-        nrdob.largest_sampling_time(paper.example(4), computation_delay=9.0)
+        largest_sampling_time(paper.example(4), computation_delay=9.0)

@@ -10,6 +10,7 @@ from scipy.signal import cont2discrete, dlsim
 import nrdob
 from firmware import python_class
 from nrdob.digital import Limits
+from nrdob.sampling import random_loop
 
 LAG = ct.tf([2.0], [1.0, 1.0])
 PI = ct.tf([1.0, 1.0], [1.0, 0.0])
@@ -171,7 +172,7 @@ def test_back_calculation_lets_the_integrator_of_the_controller_follow():
 def test_fed_with_what_is_applied_the_blocks_keep_their_own_poles():
     rng = np.random.default_rng(5)
     for _ in range(20):
-        sampled = nrdob.random_loop(rng).sampled(0.05)
+        sampled = random_loop(rng).sampled(0.05)
         wired = sampled.code().wired
         own = np.concatenate(
             [np.linalg.eigvals(wired.A[rows, rows]) for rows in wired.rows.values()]
@@ -296,7 +297,7 @@ def test_noise_is_white_of_its_deviation_and_of_its_seed():
         ({"R": 1.0}, {"timepts": [0.0, 0.2]}, ValueError, r"timepts\[1\] is 0.2 s, and sample"),
         ({"R": []}, {}, ValueError, "the signals are empty"),
         ({"R": 1.0}, {"timepts": "all"}, TypeError, "timepts is 'all'; give the times"),
-        ({"R": [1.0]}, {"limits": (0, 1)}, TypeError, r"limits is a tuple; give nrdob\.Limits"),
+        ({"R": [1.0]}, {"limits": (0, 1)}, TypeError, r"limits is a tuple; give nrdob\.digital\.Limits"),
         ({"R": 1.0}, {"timepts": -1.0}, ValueError, "timepts is -1.0"),
         ({"R": 1.0}, {"timepts": inf}, ValueError, "timepts is inf"),
         ({"R": [1.0]}, {"noise": -1.0}, ValueError, "noise is -1"),

@@ -10,6 +10,7 @@ import pytest
 from bs4 import BeautifulSoup
 
 import nrdob
+from nrdob.digital import largest_sampling_time
 from nrdob.measured import checked_record, heated_air, identify
 from nrdob.reporting import main, propose
 
@@ -71,7 +72,7 @@ def test_the_report_of_a_loop_tells_its_numbers():
     low = -20 * np.log10(margins.gm_low)
     assert f"Only {low:.2g} dB from instability if the gain of the plant falls" in text
     assert "0 s < λ < 0.7639 s" in text  # 3 - √5
-    longest = nrdob.largest_sampling_time(loop)
+    longest = largest_sampling_time(loop)
     assert f"the loop becomes unstable at dt = {longest:.4g} s" in text
     assert "cannot be written" not in text
 

@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 
 import nrdob
 from nrdob import LowPassFilter, paper
-from nrdob.uncertain import conservatism, fit_weight, small_gain
+from nrdob.uncertain import conservatism, delay_intervals, fit_weight, gain_intervals, small_gain
 from tests.campaigns import intervals
 
 LAG = ct.tf([1], [1, 1])
@@ -21,15 +21,15 @@ MATCHED = nrdob.NRDOB(LAG, LAG, INTEGRATOR, LowPassFilter(0.2, 1))
 def test_gains_survive_up_to_the_closed_form_bound(order, bound):
     G = ct.tf([1], [1, 3, 2])
     loop = nrdob.NRDOB(G, G, INTEGRATOR, LowPassFilter(0.05, order))
-    ((low, high),) = nrdob.gain_intervals(loop, 0.01, 50)
+    ((low, high),) = gain_intervals(loop, 0.01, 50)
     assert low == 0.01 and high == pytest.approx(bound, rel=1e-9)
 
 
 def test_intervals_are_those_of_the_margins_and_of_the_printed_example():
     loop = paper.example(4)
     margins = loop.margins().plant_loop
-    ((_, gain),) = nrdob.gain_intervals(loop, 0.01, 20)
-    ((_, delay),) = nrdob.delay_intervals(loop, 0, 2)
+    ((_, gain),) = gain_intervals(loop, 0.01, 20)
+    ((_, delay),) = delay_intervals(loop, 0, 2)
     assert gain == pytest.approx(margins.gm) == pytest.approx(3.7121, abs=1e-4)
     assert delay == pytest.approx(margins.delay_margin)
 
@@ -38,7 +38,7 @@ def test_dead_times_may_be_survived_again_and_again():
     # A mode that is seen through a dead time: lost and found again with every turn.
     process = LAG * nrdob.plants.resonance(20.0, 0.02)
     loop = nrdob.NRDOB(process, LAG, INTEGRATOR, LowPassFilter(1.0, 1))
-    found = nrdob.delay_intervals(loop, 0.0, 1.5)
+    found = delay_intervals(loop, 0.0, 1.5)
     assert len(found) > 2
     family = nrdob.family(process, delay=(0.0, 1.5), samples=2000)
     table = nrdob.sweep(loop, family, "stable")
@@ -143,7 +143,7 @@ def test_how_far_dead_times_are_asked_for_does_not_change_the_answer():
     process = LAG * nrdob.plants.resonance(20.0, 0.02)
     for plant in (LAG, process):
         loop = nrdob.NRDOB(plant, LAG, INTEGRATOR, LowPassFilter(1.0, 1))
-        near, far = (nrdob.delay_intervals(loop, 0.0, high) for high in (20.0, 1e6))
+        near, far = (delay_intervals(loop, 0.0, high) for high in (20.0, 1e6))
         assert np.ravel(near) == pytest.approx(np.ravel(far)) and near[-1][1] < 20
 
 
@@ -178,7 +178,7 @@ def test_a_loop_that_is_not_stable_has_no_box_and_no_small_gain():
         with pytest.raises(ValueError, match="not stable"):
             ask()
     with pytest.raises(ValueError, match="predicts the future"):
-        nrdob.delay_intervals(MATCHED, -0.1, 1)
+        delay_intervals(MATCHED, -0.1, 1)
 
 
 def test_a_weight_holds_every_plant_and_touches_one():

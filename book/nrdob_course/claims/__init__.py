@@ -1,0 +1,51 @@
+"""The ledger: every checkable statement of the paper, its check, and the verdict.
+
+>>> from nrdob_course import claims
+>>> claims.check("ex3.FH.pm").verdict.value
+'reproduced'
+"""
+
+from __future__ import annotations
+
+from . import conclusions, example3, example4, examples12, section2, section3
+from .ledger import Amendment, Claim, Entry, Finding, LedgerError, Verdict, collect, settle
+from .signals import loop_modes
+
+__all__ = [
+    "LEDGER", "Amendment", "Claim", "Entry", "Finding", "LedgerError", "Verdict",
+    "check", "check_all", "loop_modes",
+]  # fmt: skip
+
+_PARTS = (section2, section3, examples12, example3, example4, conclusions)  # as in the paper
+
+LEDGER: dict[str, Claim] = collect(part.SECTION for part in _PARTS)
+"""Every claim by its id, in the order of the paper.
+
+:meta hide-value:
+"""
+
+
+def check(id: str) -> Entry:
+    """Run the check of one claim now, and give the entry with what it found.
+
+    Parameters
+    ----------
+    id : str
+        Of the claim, as "eq05.S_eta".
+
+    Raises
+    ------
+    KeyError
+        If there is no such claim.
+    LedgerError
+        If the check did not find what the ledger says.
+    """
+    if id not in LEDGER:
+        near = [known for known in LEDGER if known.split(".")[0] == id.split(".")[0]]
+        raise KeyError(f"there is no claim {id!r}; near it: {', '.join(near) or 'nothing'}")
+    return settle(LEDGER[id])
+
+
+def check_all() -> list[Entry]:
+    """Run every check, in the order of the paper."""
+    return [settle(claim) for claim in LEDGER.values()]

@@ -1,0 +1,507 @@
+"""Section IV: Example 4, a process with dead time."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import product
+from math import exp, inf, log1p, pi
+
+import numpy as np
+
+from nrdob.analysis import encirclements, minus_point
+from nrdob.diagram import DelayedTransferFunction, LowPassFilter, Quotient
+from nrdob.loop import NRDOB
+from nrdob.numerics import QuasiPolynomial, count_rhp, number
+from nrdob.paper import example
+from nrdob.plotting import turns
+from nrdob.uncertain import family, largest_box, sweep
+
+from .ledger import Amendment, Finding, Section, Verdict
+from .recurring import (
+    OMEGA,
+    border,
+    enter_controller,
+    enter_function,
+    enter_margin,
+    enter_steps,
+    filtered,
+    inverse_degree,
+    npz,
+    npz_text,
+    performance_finding,
+)
+
+__all__ = ["SECTION"]
+
+SECTION = Section()
+
+LATE, SURVIVES = "04_time_delay", "37_will_it_survive"
+
+
+@SECTION.claim(
+    "ex4.model_delay",
+    "Example 4",
+    r"The dead time must not be put into the model: then no filter makes $F\tilde G^{-1}$ causal.",
+    LATE,
+)
+def model_delay() -> Finding:
+    """See F exp(θs) grow without bound on the positive real axis, where causal stable maps do not.
+
+    For six orders and five time constants its logarithm must pass 1000. What the package inverts of
+    such a model is the rest of it, without the dead time: beyond all corners K must be that.
+    The area of F's impulse response before t = θ is what would have to come before its cause.
+    """
+    theta = 0.05
+
+    def size(s: float, lam: float, n: int) -> float:  # log of |F(s) exp(θs)|, s > 0
+        return theta * s - n * log1p(lam * s)
+
+    grows = all(
+        size(1e6, lam, n) > 1000 and size(1e7, lam, n) > 5 * size(1e6, lam, n)
+        for n in range(1, 7)
+        for lam in (1e-3, 0.01, 0.09, 1.0, 100.0)
+    )
+    loop = example(4)
+    waits = NRDOB(loop.process, loop.process, loop.controller, loop.filter)
+    inverse = loop.filter(1e4) / loop.process.tf(1e4)
+    left_out = abs(waits.K(1e4) / inverse - 1) < 1e-12
+    x = theta / 0.09
+    early = 1 - exp(-x) * (1 + x + x**2 / 2)
+    return Finding(
+        grows and left_out,
+        f"F exp(0.05s) of eq. (16) is {number(exp(size(1000.0, 0.09, 3)), 4)} at s = 1000 and "
+        f"grows without bound; {number(100 * early, 4)} % of its impulse response comes before "
+        "t = 0",
+    )
+
+
+def _proper_pairs() -> list[tuple[tuple[int, int], tuple[int, int]]]:
+    """Degrees (n, m) of plant and model, 0 ≤ m ≤ n ≤ 3, n ≥ 1."""
+    degrees = [(n, m) for n in range(1, 4) for m in range(n + 1)]
+    return list(product(degrees, degrees))
+
+
+def _relative_degree(plant: tuple[int, int], model: tuple[int, int]) -> int:
+    """Measure the relative degree of G/Gm from its size at two high frequencies."""
+    blocks = [
+        (np.poly(-1.0 - np.arange(m)), np.poly(-1.5 - np.arange(n))) for n, m in (plant, model)
+    ]
+    ratio = NRDOB(blocks[0], blocks[1], 1, LowPassFilter(1.0, 3)).ratio
+    return round(float(np.log10(abs(ratio(1e7j)) / abs(ratio(1e8j)))))
+
+
+@SECTION.claim(
+    "ex4.relative_degree",
+    "Example 4",
+    r"With $G$ of degrees $m$ over $n$ and $\tilde G$ of degrees $\tilde m$ over $\tilde n$ the "
+    r"relative degree of $\tilde G^{-1}G$ is $n\tilde m-\tilde nm$.",
+    LATE,
+    printed="n m̃ − ñ m",
+    amendment=Amendment(
+        Verdict.CORRECTED,
+        r"Relative degrees subtract: it is $(n-m)-(\tilde n-\tilde m)$. In Example 4 both formulas "
+        "give 0.",
+    ),
+)
+def ratio_degree() -> Finding:
+    """Measure the relative degree for the 81 pairs of proper blocks of order 1 to 3."""
+    pairs = _proper_pairs()
+    measured = [_relative_degree(*pair) for pair in pairs]
+    printed = [n * m1 - n1 * m for (n, m), (n1, m1) in pairs]
+    subtracted = [(n - m) - (n1 - m1) for (n, m), (n1, m1) in pairs]
+
+    def agree(formula: list[int]) -> int:
+        return sum(a == b for a, b in zip(formula, measured, strict=True))
+
+    return Finding(
+        agree(printed) == len(pairs),
+        f"the printed formula holds for {agree(printed)} of {len(pairs)} pairs of blocks, the "
+        f"difference for {agree(subtracted)}",
+        conditions={"relative degrees subtract": agree(subtracted) == len(pairs)},
+    )
+
+
+@SECTION.claim(
+    "ex4.order_causal",
+    "Example 4",
+    r"If $\tilde n<n$, $\tilde G^{-1}G$ is causal, of relative degree above 0; if $n<\tilde n$ it "
+    "is not causal.",
+    LATE,
+    amendment=Amendment(
+        Verdict.REFUTED,
+        r"Order says nothing about it. $\tilde G^{-1}G$ is causal if and only if "
+        r"$n-m\ge\tilde n-\tilde m$: a model of lower order may fall off faster than the plant.",
+    ),
+)
+def order_causal() -> Finding:
+    """Measure the relative degree for all pairs of proper blocks of order 1 to 3, and for one case.
+
+    The case is a strictly proper plant, m = 2 and n = 3, with a model of m = 0 and n = 2.
+    """
+    pairs = _proper_pairs()
+    measured = {pair: _relative_degree(*pair) for pair in pairs}
+    lower = [pair for pair in pairs if pair[1][0] < pair[0][0]]
+    higher = [pair for pair in pairs if pair[1][0] > pair[0][0]]
+    failing = sum(measured[pair] <= 0 for pair in lower)
+    failing_too = sum(measured[pair] >= 0 for pair in higher)
+    rule = all((value >= 0) == (n - m >= n1 - m1) for ((n, m), (n1, m1)), value in measured.items())
+    case = measured[(3, 2), (2, 0)]
+    return Finding(
+        failing + failing_too == 0,
+        f"of {len(lower)} pairs with ñ < n {failing} fail, of {len(higher)} with n < ñ "
+        f"{failing_too}; n = 3, m = 2, ñ = 2, m̃ = 0 gives relative degree {number(case)}",
+        conditions={
+            "causal if and only if n − m ≥ ñ − m̃": rule,
+            "a model of lower order makes it improper": case < 0,
+        },
+    )
+
+
+@SECTION.claim(
+    "ex4.infinite_turns",
+    "Example 4",
+    "The infinitely many turns of $H$ around $-1$ make $p_B$ unstable unless $F$ is slow enough to "
+    "avoid them.",
+    LATE,
+    amendment=Amendment(
+        Verdict.CONDITION,
+        r"The turns of $H$ itself mean nothing: $1+H=\tilde G^{-1}G$ has finitely many zeros, here "
+        "none on the right, for the closing arc gives every turn back. For filters that roll off "
+        r"the conclusion is right: for small $\lambda$ there are unstable roots, and ever more of "
+        r"them as $\lambda\to0$.",
+    ),
+)
+def infinite_turns() -> Finding:
+    """Count the zeros of 1 + H, and of p_B for four λ; ratios of relative degree 1, 0 and −1."""
+    loops = [_late([4, 4], [1.5]), example(4), _late([2], [4, 3.75])]
+    own = [encirclements(loop.H) for loop in loops]
+    time_constants = (1.0, 1e-2, 1e-3, 1e-4)
+    right = [
+        [encirclements(filtered(loop, lam, 3).FH).closed_loop_rhp or 0 for lam in time_constants]
+        for loop in loops
+    ]
+    second = [
+        filtered(loop, lam, 3).stability().observer_loop.stable
+        for loop, lam in zip(loops, (1e-3, 1e-3, 1e-2), strict=True)
+    ]
+    return Finding(
+        all(count.encirclements == inf and (count.closed_loop_rhp or 0) > 0 for count in own),
+        f"1 + H: {npz_text(own[1])}; p_B of Example 4: Z = "
+        f"{', '.join(number(z) for z in right[1])} for λ = 1, 0.01, 0.001, 0.0001 s",
+        conditions={
+            "H turns for ever, and 1 + H has no zero on the right": all(
+                npz(count) == (inf, 0, 0) for count in own
+            ),
+            "p_B has unstable roots for small λ only": all(
+                row[0] == 0 and row[2] > 0 for row in right
+            ),
+            "they are ever more as λ → 0": all(row == sorted(row) for row in right),
+            "the loops with small λ are judged unstable": second == [False] * 3,
+        },
+    )
+
+
+def _late(den: list[float], model_den: list[float], num: list[float] | None = None) -> NRDOB:
+    """Plant num/(s^n + den) with a dead time of 0.05 s, model 1/(s^n + model_den), order 3."""
+    plant = DelayedTransferFunction((num or [1.0], [1.0, *den]), 0.05)
+    return NRDOB(plant, ([1.0], [1.0, *model_den]), 1, LowPassFilter(0.1, 3))
+
+
+@SECTION.claim(
+    "ex4.noncausal_order",
+    "Example 4",
+    r"If $\tilde G^{-1}G$ is improper the loop is stable provided that $F$ has a small bandwidth "
+    "and an order above the size of the relative degree, so that the turns of $FH$ at high "
+    "frequency are avoided.",
+    "16_nyquist",
+)
+def noncausal_order() -> Finding:
+    """Take a biproper plant with dead time, and models of relative degree m = 2 and 3.
+
+    For orders above m p_B must be retarded, FH come to rest, and a slow filter stabilise. At order
+    m p_B is neutral and FH circles for ever, below m it is advanced: a fast filter then leaves
+    infinitely many roots on the right. (With a strictly proper plant causality alone asks for an
+    order above m.)
+    """
+    plant, holds, ends = ([1.0, 1.0], [1.0, 2.0]), True, []
+    for m, den in ((2, [4.0, 3.0]), (3, [6.0, 11.0, 6.0])):
+        loop = _late(plant[1][1:], den, num=plant[0])
+        above = [filtered(loop, 20.0, m + k) for k in (1, 2)]
+        holds &= all(other.FH.at_infinity == (0, 0) for other in above)
+        holds &= all(other.stability().observer_loop.kind == "retarded" for other in above)
+        holds &= all(other.stability().stable is True for other in above)
+        equal = filtered(loop, 0.5, m)
+        ends.append(abs(equal.FH.at_infinity[1]))
+        holds &= equal.stability().observer_loop.kind == "neutral"
+        holds &= ends[-1] > 1 and equal.stability().observer_loop.closed_loop_rhp == inf
+        # With order m - 1 F/Gm is improper: p_B can be written down, but not built.
+        q = np.polymul(plant[1], np.polysub(LowPassFilter(0.5, m - 1).den, [1.0]))
+        advanced = QuasiPolynomial(q, np.polymul(plant[0], [1.0, *den]), loop.delay)
+        holds &= advanced.neutral_ratio == inf and count_rhp(advanced).count == inf
+    return Finding(
+        bool(holds),
+        "one or two orders above m = 2 and 3 are stable with λ = 20 s; order m is neutral: |FH| "
+        f"tends to {number(ends[0], 4)} and {number(ends[1], 4)} with λ = 0.5 s, which leaves "
+        "infinitely many roots on the right",
+    )
+
+
+@SECTION.claim(
+    "ex4.radius",
+    "Example 4, below Fig. 15",
+    r"With relative degree 0, $\tilde G^{-1}G$ turns with the constant magnitude $|k/k|=1$.",
+    LATE,
+    printed="|k/k| = 1",
+    amendment=Amendment(
+        Verdict.CORRECTED,
+        r"The magnitude tends to $|k/\tilde k|$, the ratio of the leading gains, which is 1 in "
+        "Example 4. It is not constant.",
+    ),
+)
+def radius() -> Finding:
+    """Follow the magnitude along the axis; double and halve the plant's gain."""
+    loop = example(4)
+    size = np.abs(loop.ratio(1j * np.append(0.0, OMEGA)))
+    limits = {
+        k: NRDOB(k * loop.process, loop.model, loop.controller, loop.filter).ratio.at_infinity[1]
+        for k in (0.5, 1.0, 2.0)
+    }
+    far = abs(loop.ratio(1e7j))
+    return Finding(
+        bool(np.allclose(size, 1, rtol=1e-3)) and all(abs(v) == 1 for v in limits.values()),
+        f"|G/Gm| is {number(size[0], 4)} at ω = 0, at most {number(size.max(), 5)}, and tends to "
+        f"{number(far, 4)}; to {number(limits[2.0], 4)} with twice the plant's gain",
+        conditions={
+            "|G/Gm| tends to 1 in Example 4": bool(np.isclose(far, 1, rtol=1e-9)),
+            "it tends to the ratio of the leading gains": all(
+                np.isclose(limit, k, rtol=1e-12) for k, limit in limits.items()
+            ),
+        },
+    )
+
+
+enter_function(
+    SECTION,
+    "ex4.ratio",
+    r"In Example 4 $\tilde G^{-1}G=e^{-0.05s}(s+1.5)(s+2.5)/(s+2)^2$.",
+    LATE,
+    "ex4.ratio",
+    4,
+)
+
+
+def _endless(loop: Quotient, point: float) -> tuple[bool, str]:
+    """Whether a map turns clockwise around a point for ever, and the turns up to 10 000 rad/s."""
+    omega = np.linspace(0, 1e4, 100_001)
+    angle = np.unwrap(np.angle(loop(1j * omega) - point))
+    half, full = (-angle[k] / pi for k in (50_000, 100_000))  # both halves of the curve together
+    endless = encirclements(loop, point).encirclements == inf
+    steady = abs(full / half - 2) < 0.01 and abs(full - 1e4 * 0.05 / pi) < 1
+    return (
+        endless and bool(steady),
+        f"{turns(inf, point)}; {number(half, 4)} of them up to 5000 rad/s, {number(full, 4)} up to "
+        "10 000 rad/s",
+    )
+
+
+@SECTION.claim(
+    "fig15a",
+    "Fig. 15a",
+    r"$\tilde G^{-1}G$ turns clockwise around the origin infinitely often.",
+    LATE,
+)
+def figure_15a() -> Finding:
+    """Count by the argument, and follow the angle: the turns must grow as ωθ/π."""
+    return Finding(*_endless(example(4).ratio, 0.0))
+
+
+@SECTION.claim("fig15b", "Fig. 15b", "$H$ turns clockwise around $-1$ infinitely often.", LATE)
+def figure_15b() -> Finding:
+    """Count by the argument, and follow the angle: the turns must grow as ωθ/π."""
+    return Finding(*_endless(example(4).H, -1.0))
+
+
+@SECTION.claim(
+    "eq16",
+    "eq. (16)",
+    r"$F=1/(0.09s+1)^3$ makes $F\tilde G^{-1}$ causal and is slow enough to stabilise the observer "
+    "loop.",
+    LATE,
+)
+def filter_of_example_4() -> Finding:
+    """Judge F·H by turns and by roots; find the border, and judge 12 filters on its two sides."""
+    loop = example(4)
+    part = loop.stability().observer_loop
+    smallest = border(loop, 3, 0.0125, 0.02)
+    factors = (0.1, 0.5, 0.9, 0.99, 0.999, 1.001, 1.01, 1.1, 2.0, 10.0, 100.0, 1000.0)
+    sides = all(
+        filtered(loop, factor * smallest, 3).stability().stable is bool(factor > 1)
+        for factor in factors
+    )
+    degree = inverse_degree(loop)
+    return Finding(
+        part.stable is True and sides and smallest < 0.09 and degree >= 0,
+        f"p_B rightmost {number(part.rightmost.real, 4)}; with n = 3 the loop is lost below "
+        f"λ = {number(smallest, 4)} s; F/Gm has relative degree {degree}",
+    )
+
+
+enter_margin(SECTION, "ex4.FH.pm", LATE)
+enter_margin(SECTION, "ex4.FH.gm", LATE)
+
+
+@SECTION.claim("fig16", "Fig. 16", "The Nyquist plot of $FH$ does not encircle $-1$.", LATE)
+def figure_16() -> Finding:
+    """Count the turns, and find the largest |FH|: below 1, with P = 0, nothing can turn."""
+    loop = example(4)
+    part = loop.stability().observer_loop
+    size = np.abs(loop.FH(1j * OMEGA)).max()
+    return Finding(
+        npz(part) == (0, 0, 0) and bool(size < 1),
+        f"{npz_text(part)}; the largest |F·H| is {number(size, 4)}",
+    )
+
+
+@SECTION.claim(
+    "ex4.gain_margin",
+    "Fig. 16, Lemma 2",
+    "The gain margin of $FH$ says how much gain the loop bears before it is unstable.",
+    "18_lemma_2",
+    printed="14.01 dB",
+    amendment=Amendment(
+        Verdict.CORRECTED,
+        r"It says so of a factor on the mismatch, $\tilde G+k(G-\tilde G)$ in the place of $G$. A "
+        r"factor $k$ on the plant turns $H$ into $k\,\tilde G^{-1}G-1$; what it may be is the gain "
+        r"margin of $L=F\,\tilde G^{-1}G/(1-F)$.",
+    ),
+)
+def gain_margin() -> Finding:
+    """Multiply the plant by factors below and above both margins, and judge; the same with FH."""
+    loop = example(4)
+    margins = loop.margins()
+    by_FH, by_L = margins.observer_loop.gm, margins.plant_loop.gm
+
+    def plant(k: float) -> bool | None:
+        louder = NRDOB(k * loop.process, loop.model, loop.controller, loop.filter)
+        return louder.stability().stable
+
+    def scaled(k: float) -> bool:
+        return count_rhp(minus_point(loop.FH, -1 / k)).count == 0
+
+    factors = (0.5, 0.99, 0.999)
+    return Finding(
+        all(plant(factor * by_FH) is True for factor in factors) and plant(1.001 * by_FH) is False,
+        f"a factor on FH: {number(by_FH, 4)}; on the plant: {number(by_L, 4)}, that is "
+        f"{number(margins.plant_loop.gm_db, 4)} dB",
+        conditions={
+            "the plant bears factors below the margin of L": all(
+                plant(factor * by_L) is True for factor in factors
+            ),
+            "it bears none above, though the margin of FH allows them": all(
+                plant(k) is False for k in (1.001 * by_L, 1.1 * by_L, 0.999 * by_FH)
+            ),
+            "the mismatch bears factors below the margin of FH": all(
+                scaled(factor * by_FH) for factor in factors
+            ),
+            "it bears none above": not scaled(1.001 * by_FH),
+        },
+    )
+
+
+enter_controller(
+    SECTION,
+    "eq17",
+    r"The controller $C=2.7\,(s+1.5)/s$ stabilises the model of Example 4.",
+    LATE,
+    4,
+)
+enter_margin(SECTION, "ex4.CGm.pm", LATE)
+enter_margin(SECTION, "ex4.CGm.gm", LATE)
+enter_steps(
+    SECTION,
+    "fig18",
+    "Fig. 18",
+    r"The responses of $y$ to unit steps of $R$, $d$, $\delta$ and $\eta$ in Example 4 settle, at "
+    "1, 0, 0 and $-1$.",
+    LATE,
+    4,
+    modified=False,
+)
+
+
+@SECTION.claim(
+    "ex4.variation",
+    "Example 4, above Fig. 19",
+    "The modified plant has a dead time longer by 100 % and an additional pole at $-10$.",
+    LATE,
+)
+def variation() -> Finding:
+    """Compare dead times, DC gains and poles of the two plants."""
+    before, after = (example(4, modified) for modified in (False, True))
+    poles = [np.sort(np.roots(loop.G.denominator.q).real) for loop in (before, after)]
+    holds = (
+        np.isclose(after.delay, 2 * before.delay)
+        and np.allclose(poles[1], [-10, *poles[0]], atol=1e-6)
+        and np.isclose(before.G.dc_gain, after.G.dc_gain)
+    )
+    return Finding(
+        bool(holds),
+        f"dead time {number(before.delay, 4)} → {number(after.delay, 4)} s; poles "
+        f"{', '.join(number(p, 4) for p in poles[1])}",
+    )
+
+
+enter_steps(
+    SECTION,
+    "fig19",
+    "Fig. 19",
+    "With the modified plant the loop of Example 4 is still stable, and its step responses settle.",
+    LATE,
+    4,
+    modified=True,
+)
+
+
+@SECTION.claim(
+    "ex4.performance",
+    "Fig. 19",
+    "The responses with the modified plant of Example 4 prove the robustness of the design.",
+    LATE,
+    amendment=Amendment(
+        Verdict.CONDITION,
+        "The loop stays stable, and the response to the reference is maintained. The rejection of "
+        r"disturbances and of noise is not: $M_s=\max|S_d|$ grows to more than 1.7 times what it "
+        "was.",
+    ),
+)
+def performance_4() -> Finding:
+    """Compare excursions and sensitivity peaks before and after; "kept" means within 10 %."""
+    return performance_finding(4, times=1.7)
+
+
+@SECTION.claim(
+    "ex4.family",
+    "Example 4, Fig. 19",
+    "The loop of Example 4 stays stable whenever the dead time is up to 100 % longer and a lag of "
+    "up to 0.1 s is neglected.",
+    SURVIVES,
+)
+def family_4() -> Finding:
+    """Judge 441 plants between the nominal and the modified one, and the corners one by one.
+
+    That no plant of the whole box has a root on the axis is decided from the frequency response.
+    """
+    loop = example(4)
+    plants = family(loop.process, delay=(0.0, 0.05), lag=(0.0, 0.1), grid=21)
+    table = sweep(loop, plants, "stable", progress=False)
+    corners = [replace(loop, process=plants[k]).stability().stable for k in (0, 20, 420, 440)]
+    known = corners == 4 * [True]  # without a stable nominal plant there is no box around it
+    share, wider = (
+        largest_box(loop, delay=(0.0, 0.05 * times), lag=(0.0, 0.1 * times)).share if known else 0.0
+        for times in (1, 7)
+    )
+    return Finding(
+        known and bool(table["stable"].all()) and share == 1,
+        f"stable with {int(table['stable'].sum())} of {len(table)} plants, and with the whole box; "
+        f"of one seven times as large {number(100 * wider, 3)} % of the way to its sides",
+    )

@@ -1,0 +1,426 @@
+"""Examples 1 (a matched model) and 2 (a zero left out of the model)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import cos, pi, tan
+
+import control as ct
+import numpy as np
+
+from nrdob.analysis import encirclements, minus_point
+from nrdob.diagram import INPUTS, LowPassFilter, Quotient
+from nrdob.loop import NRDOB
+from nrdob.numerics import ComplexArray, number
+from nrdob.paper import example
+from nrdob.uncertain import family, sweep
+
+from .ledger import Amendment, Finding, Section, Verdict
+from .recurring import (
+    enter_controller,
+    enter_function,
+    enter_margin,
+    enter_steps,
+    filtered,
+    inverse_degree,
+    map_text,
+    npz,
+    npz_text,
+    performance_finding,
+    steps_finding,
+    swings,
+)
+from .signals import TO_OUTPUT
+
+__all__ = ["SECTION"]
+
+SECTION = Section()
+
+MATCHED, ZERO, SURVIVES = "01_matched", "02_nonminimum_phase", "37_will_it_survive"
+
+enter_margin(SECTION, "ex1.CGm.pm", MATCHED)
+enter_margin(SECTION, "ex1.CGm.gm", MATCHED)
+
+
+@SECTION.claim(
+    "ex1.F",
+    "Example 1",
+    "For the matched, stable, minimum-phase plant all that $F$ must be is stable, and such that "
+    r"$F\tilde G^{-1}$ is causal.",
+    MATCHED,
+)
+def any_stable_filter() -> Finding:
+    """Try 32 low-pass filters and four with zeros or resonance: p_B must be N·D·Df, and stable.
+
+    A filter that is unstable, or too flat for the model, must be refused.
+    """
+    loop = example(1)
+    filters = [LowPassFilter(lam, n) for n in (1, 2, 3, 4) for lam in np.geomspace(1e-3, 1e3, 8)]
+    others = [
+        ct.tf([0.1, 1], [0.01, 0.2, 1]),
+        ct.tf([-0.5, 1], [1, 2, 1]),
+        ct.tf([1], [1, 0.1, 1]),
+        ct.tf([3, 0.5, 1], [2, 3, 3, 1]),
+    ]
+    plant = np.polymul(loop.process.num_array[0, 0], loop.process.den_array[0, 0])
+    holds = True
+    for each in (*filters, *others):
+        tried = NRDOB(loop.process, loop.model, loop.controller, each, keep_factors=True)
+        den = each.den if isinstance(each, LowPassFilter) else each.den_array[0, 0]
+        holds &= np.allclose(tried.p_B.q, np.polymul(plant, den), rtol=1e-12)
+        holds &= tried.stability().stable is True
+    refused = [_refusal(loop, ct.tf([-1], [0.1, -1])), _refusal(loop, ct.tf([0.1, 1], [0.2, 1]))]
+    count = len(filters) + len(others)
+    return Finding(
+        holds and all(refused),
+        f"p_B = N·D·Df, and stable, for {count if holds else 'not all'} of {count} filters; an "
+        "unstable or a too flat one is refused",
+    )
+
+
+def _refusal(loop: NRDOB, F: ct.TransferFunction) -> bool:
+    """Whether the loop cannot be built with this filter."""
+    try:
+        NRDOB(loop.process, loop.model, loop.controller, F)
+    except ValueError:
+        return True
+    return False
+
+
+@SECTION.claim(
+    "ex1.causal",
+    "Example 1",
+    r"With $F$ of order 2, $F\tilde G^{-1}$ is causal.",
+    MATCHED,
+)
+def causal() -> Finding:
+    """Measure the relative degree of F/Gm by its size at two high frequencies, n = 1 and 2."""
+    first, second = (inverse_degree(filtered(example(1), 0.01, order)) for order in (1, 2))
+    return Finding(
+        second >= 0,
+        f"relative degree of F/Gm: {number(second)} for n = 2"
+        + (f"; {number(first)}, still causal, for n = 1" if first >= 0 else ""),
+    )
+
+
+@SECTION.claim(
+    "fig02",
+    "Fig. 2",
+    r"The responses of $y$ to unit steps of $R$, $d$, $\delta$ and $\eta$ in Example 1: the "
+    "reference is reached, both disturbances vanish, the sensor error is believed.",
+    MATCHED,
+)
+def figure_2() -> Finding:
+    """Compare the ends with the maps at s = 0, and S_d with (1 + t/λ) exp(−t/λ) at all times."""
+    loop = example(1)
+    found = loop.step_response("d")
+    scaled = found.time / loop.filter.time_constant
+    closed_form = (1 + scaled) * np.exp(-scaled)
+    steps = steps_finding(loop)
+    agrees = np.allclose(found.outputs[0, 0], closed_form, atol=1e-9)
+    return Finding(steps.as_printed and bool(agrees), steps.computed)
+
+
+@SECTION.claim(
+    "ex1.responses_prove",
+    "Example 1",
+    "From the four step responses it is clear that the loop is globally and internally stable.",
+    "17_lemma_1",
+    amendment=Amendment(
+        Verdict.CONDITION,
+        "The loop of Example 1 is internally stable because $p_A$ and $p_B$, with nothing "
+        "cancelled, have all roots in the open left half plane. Bounded responses of $y$ alone do "
+        "not show it: an unstable mode may cancel out of all four of them.",
+    ),
+)
+def responses_prove() -> Finding:
+    """Set beside Example 1 two loops with four bounded responses of y and a hidden unstable mode.
+
+    One hides a root of p_A (the controller's zero on the model's unstable pole), one a root of p_B
+    (a matched plant with a zero in the right half plane).
+    """
+    first = example(1)
+    in_model_loop = NRDOB(
+        ([-0.5], [1, 1]), ([1], [1, -1]), ([1, -1], [1, 3, 0]), LowPassFilter(1.0, 1)
+    )
+    plant = ([-1, 1], [1, 2, 1])
+    in_observer = NRDOB(plant, plant, 0.1, LowPassFilter(0.05, 1))
+    loops = (first, in_model_loop, in_observer)
+    bounded = [_bounded(loop) for loop in loops]
+    stable = [loop.stability().stable for loop in loops]
+    hidden = in_model_loop.p_A.roots[0].real, in_observer.p_B.roots[0].real
+    peak = max(np.abs(in_model_loop.step_response(i).outputs[0]).max() for i in INPUTS)
+    return Finding(
+        all(verdict is True for verdict, harmless in zip(stable, bounded, strict=True) if harmless),
+        "Example 1 is stable; with Gm = 1/(s − 1), C = (s − 1)/(s(s + 3)) no response of y "
+        f"exceeds {number(peak, 4)} in size and p_A has a root at {number(hidden[0], 4)}",
+        conditions={
+            "all responses of y are bounded in the three loops": all(bounded),
+            "of the three Example 1 alone is stable": stable == [True, False, False],
+            "a root at 1 is hidden in each of the others": np.allclose(hidden, 1, rtol=1e-9),
+        },
+    )
+
+
+def _bounded(loop: NRDOB) -> bool:
+    """Whether T_R, S_d, S_delta and S_eta, common factors divided out, are all stable."""
+    return all(bool(np.all(getattr(loop, name).to_tf().poles().real < 0)) for name in TO_OUTPUT)
+
+
+# Example 2.
+
+
+@SECTION.claim(
+    "fig03",
+    "Example 2, Fig. 3",
+    r"The model $\tilde G = 10/(s+2)$, without the zero, is a good model of $G$ for "
+    r"$\omega\in[0, 20)$ rad/s.",
+    ZERO,
+)
+def good_model() -> Finding:
+    """Find the largest errors of gain and phase, and the largest |H|, below 20 rad/s."""
+    loop = example(2)
+    omega = np.linspace(0, 20, 2001)
+    ratio, mismatch = loop.ratio(1j * omega), np.abs(loop.H(1j * omega))
+    gain, phase = np.abs(np.abs(ratio) - 1), np.degrees(np.abs(np.angle(ratio)))
+    return Finding(
+        bool(gain[:-1].max() < 0.02 and mismatch[:-1].max() < 0.2),
+        f"gain within {number(100 * gain.max(), 3)} %, phase within {number(phase.max(), 4)}°, "
+        f"|H| up to {number(mismatch.max(), 4)}",
+        "good: gain within 2 %, |H| below 0.2",
+    )
+
+
+enter_controller(
+    SECTION, "eq08", "The controller $C = (0.5s+1)/s$ stabilises the model of Example 2.", ZERO, 2
+)
+enter_margin(SECTION, "ex2.CGm.pm", ZERO)
+enter_margin(SECTION, "ex2.CGm.gm", ZERO)
+enter_function(SECTION, "eq09", r"In Example 2 $\tilde G^{-1}G = 1-0.01s$.", ZERO, "ex2.ratio", 2)
+
+
+@SECTION.claim(
+    "ex2.H",
+    "Example 2, below eq. (9)",
+    "$H = -0.01s$: it has no poles, and a zero at $s = 0$ because the DC gains agree.",
+    ZERO,
+    printed="−0.01s",
+)
+def mismatch_2() -> Finding:
+    """Divide out what plant and model share, and look at what is left; compare the DC gains."""
+    loop = example(2)
+    left = loop.H.to_tf()
+    holds = (
+        left.poles().size == 0
+        and np.array_equal(left.zeros(), [0])
+        and loop.H.zeros_at_origin == 1
+        and np.allclose(left.num_array[0, 0] / left.den_array[0, 0], [-0.01, 0], rtol=1e-12)
+        and np.isclose(loop.G.dc_gain, loop.Gm.dc_gain, rtol=1e-12)
+    )
+    return Finding(
+        bool(holds),
+        f"{map_text(loop.H)}; DC gains {number(loop.G.dc_gain)} and {number(loop.Gm.dc_gain)}",
+    )
+
+
+@SECTION.claim(
+    "fig05",
+    "Fig. 5",
+    "The Nyquist plot of $H$ encircles $-1$ once clockwise.",
+    "16_nyquist",
+    amendment=Amendment(
+        Verdict.CONDITION,
+        "It does once the curve is closed. $H = -0.01s$ is improper: the line drawn for "
+        r"$-\infty<\omega<\infty$ makes half a turn around $-1$, and the arc at infinity, on which "
+        "$s$ runs through the right half plane and $H$ through the left one, makes the other half.",
+    ),
+)
+def figure_5() -> Finding:
+    """Follow the angle of 1 + H along the axis and the closing arc; count its zeros, too."""
+    H = example(2).H
+    radius = 1e8
+    line = _turns(H, 1j * radius * np.linspace(-1, 1, 100_001))
+    arc = _turns(H, radius * np.exp(1j * np.linspace(pi / 2, -pi / 2, 1001)))
+    counted = encirclements(H)
+    return Finding(
+        round(line, 4) == 1,
+        f"{number(line, 4)} turns without the arc, {number(line + arc, 4)} with it; "
+        f"1 + H has a zero at {number(minus_point(H).roots[0].real, 4)}",
+        conditions={
+            "the closed curve turns once clockwise": bool(np.isclose(line + arc, 1, atol=1e-5)),
+            "so does the count, P = 0 and Z = 1": npz(counted) == (1, 0, 1),
+        },
+    )
+
+
+def _turns(loop: Quotient, s: ComplexArray) -> float:
+    """Clockwise turns of a map around −1 along a path of s."""
+    angle = np.unwrap(np.angle(1 + loop(s)))
+    return float(angle[0] - angle[-1]) / (2 * pi)
+
+
+@SECTION.claim(
+    "ex2.slow",
+    "Example 2",
+    "$p_B$ has unstable roots unless the filter is slow enough.",
+    ZERO,
+)
+def slow_enough() -> Finding:
+    """Find the border for n = 1 to 4 in closed form, and judge 12 time constants on either side."""
+    loop, zero = example(2), 100.0
+
+    def smallest(n: int) -> float:
+        # (1 + jλω)^n = jω/z: the phase gives λω = tan(π/2n), the size then λ.
+        return 1 / zero if n == 1 else tan(pi / (2 * n)) * cos(pi / (2 * n)) ** n / zero
+
+    factors = np.array([0.01, 0.1, 0.5, 0.9, 0.99, 0.9999, 1.0001, 1.01, 1.1, 2, 10, 100])
+    holds = all(
+        filtered(loop, factor * smallest(n), n).stability().stable is bool(factor > 1)
+        for n in (1, 2, 3, 4)
+        for factor in factors
+    )
+    borders = ", ".join(f"{number(smallest(n), 4)} s for n = {n}" for n in (1, 2, 3, 4))
+    return Finding(holds, f"stable exactly for λ above {borders}")
+
+
+@SECTION.claim(
+    "eq10",
+    "eq. (10)",
+    r"$F = 1/(0.025s+1)^2$ satisfies condition ii of Lemma 1 and makes $F\tilde G^{-1}$ causal.",
+    ZERO,
+)
+def filter_2() -> Finding:
+    """Judge F·H by turns and by roots; see how fast F/Gm falls."""
+    loop = example(2)
+    part = loop.stability().observer_loop
+    degree = inverse_degree(loop)
+    return Finding(
+        part.stable is True and degree >= 0,
+        f"p_B rightmost {number(part.rightmost.real, 4)}; F/Gm has relative degree {degree}",
+    )
+
+
+enter_margin(SECTION, "ex2.FH.pm", ZERO)
+enter_margin(SECTION, "ex2.FH.gm", ZERO)
+
+
+@SECTION.claim("fig06", "Fig. 6", "The Nyquist plot of $FH$ does not encircle $-1$.", ZERO)
+def figure_6() -> Finding:
+    """Count the turns, and find the largest |FH|."""
+    loop = example(2)
+    part = loop.stability().observer_loop
+    size = np.abs(loop.FH(1j * np.geomspace(1, 1600, 10_001))).max()
+    return Finding(
+        npz(part) == (0, 0, 0) and bool(size < 1),
+        f"{npz_text(part)}; the largest |F·H| is {number(size, 4)}",
+    )
+
+
+enter_steps(
+    SECTION,
+    "fig07",
+    "Fig. 7",
+    r"The responses of $y$ to unit steps of $R$, $d$, $\delta$ and $\eta$ in Example 2 settle, at "
+    "1, 0, 0 and $-1$.",
+    ZERO,
+    2,
+    modified=False,
+)
+
+
+@SECTION.claim(
+    "ex2.variation",
+    "Example 2, above Fig. 8",
+    "The modified plant has its right-half-plane zero moved by 20 % and an additional pole at "
+    "$-10$.",
+    ZERO,
+)
+def variation_2() -> Finding:
+    """Compare zeros, poles and DC gains of the two plants."""
+    before, after = (example(2, modified).G for modified in (False, True))
+    zeros = [tf.zeros().real[0] for tf in (before.to_tf(), after.to_tf())]
+    poles = [np.sort(tf.poles().real) for tf in (before.to_tf(), after.to_tf())]
+    holds = (
+        np.isclose(zeros[1], 0.8 * zeros[0])
+        and np.allclose(poles[1], [-10, *poles[0]])
+        and np.isclose(before.dc_gain, after.dc_gain)
+    )
+    return Finding(
+        bool(holds),
+        f"zero {number(zeros[0], 4)} → {number(zeros[1], 4)}; poles "
+        f"{', '.join(number(p, 4) for p in poles[1])}; DC gain still {number(after.dc_gain, 4)}",
+    )
+
+
+enter_steps(
+    SECTION,
+    "fig08",
+    "Fig. 8",
+    "With the modified plant the loop of Example 2 is still stable, and its step responses settle.",
+    ZERO,
+    2,
+    modified=True,
+)
+
+
+@SECTION.claim(
+    "ex2.performance",
+    "Fig. 8",
+    "With the modified plant of Example 2 stability and performance are maintained.",
+    ZERO,
+    amendment=Amendment(
+        Verdict.CONDITION,
+        "Stability, the final values and the response to the reference are maintained. The "
+        r"rejection of disturbances and of noise is not: $M_s=\max|S_d|$ more than doubles and "
+        "$S_d$ rings.",
+    ),
+)
+def performance_2() -> Finding:
+    """Compare excursions and sensitivity peaks before and after; "kept" means within 10 %."""
+    found = performance_finding(2, times=2.0)
+    before, after = (swings(example(2, modified), "d", 0.1) for modified in (False, True))
+    rings = {"S_d rings, as it did not before": before == 0 and after >= 3}
+    return replace(found, conditions={**found.conditions, **rings})
+
+
+@SECTION.claim(
+    "ex2.family",
+    "Example 2, Fig. 8",
+    "The loop of Example 2 stays stable whenever the zero varies by 20 % and a lag of up to 0.1 s "
+    "is neglected.",
+    SURVIVES,
+)
+def family_2() -> Finding:
+    """Judge 441 plants between the nominal and the modified one, and the corners by turns.
+
+    By Routh's condition for p_B divided by what plant and model share, λ(2λ − 1/z) + T(3λ − 2/z)
+    must be positive, which it is for every lag T if z > 2/(3λ).
+    """
+    loop, lam = example(2), 0.025
+    plants = family(loop.process, zeros=(0.8, 1.2), lag=(0.0, 0.1), grid=21)
+    table = sweep(loop, plants, "stable", progress=False)
+    z, T = 100 * table["zero 1"], table["lag"]
+    by_hand = bool((lam * (2 * lam - 1 / z) + T * (3 * lam - 2 / z) > 0).all())
+    corners = [replace(loop, process=plants[k]).stability().stable for k in (0, 20, 420, 440)]
+    least = 2 / (3 * lam)
+    return Finding(
+        bool(table["stable"].all()) and by_hand and corners == 4 * [True],
+        f"stable with {int(table['stable'].sum())} of {len(table)} plants; with every lag if the "
+        f"zero is above {number(least, 4)}",
+    )
+
+
+@SECTION.claim(
+    "ex2.nmp",
+    "Example 2, below Fig. 8",
+    "The process may be non-minimum phase, contrary to the conditions of an earlier paper.",
+    ZERO,
+)
+def non_minimum_phase() -> Finding:
+    """Find the zeros of both plants, and judge both loops by turns and by roots."""
+    loops = [example(2, modified) for modified in (False, True)]
+    zeros = [loop.G.to_tf().zeros().real[0] for loop in loops]
+    return Finding(
+        min(zeros) > 0 and all(loop.stability().stable is True for loop in loops),
+        f"stable with a zero at {number(zeros[0], 4)}, and at {number(zeros[1], 4)}",
+    )

@@ -1,0 +1,349 @@
+"""Checks that recur: printed maps, margins and functions, step responses, variations."""
+
+from __future__ import annotations
+
+from math import inf, isfinite
+
+import numpy as np
+from scipy.optimize import brentq
+
+from nrdob.analysis import LoopStability, Margins, NyquistCount
+from nrdob.diagram import INPUTS, LowPassFilter, Quotient
+from nrdob.loop import NRDOB
+from nrdob.numerics import FloatArray, number
+from nrdob.paper import PRINTED, PRINTED_FUNCTIONS, Printed, example
+from nrdob.plotting import complex_number, frequency, spoken
+
+from .ledger import Finding, Section
+from .signals import printed_map
+
+__all__ = [
+    "OMEGA",
+    "border",
+    "enter_controller",
+    "enter_function",
+    "enter_map",
+    "enter_margin",
+    "enter_steps",
+    "filtered",
+    "inverse_degree",
+    "map_text",
+    "npz",
+    "npz_text",
+    "performance_finding",
+    "printed_text",
+    "steps_finding",
+    "swings",
+]
+
+OMEGA = np.geomspace(1e-3, 1e5, 4001)
+"""Frequencies on which a statement about all frequencies is tried, rad/s."""
+
+_LOOPS = {"CGm": ("model_loop", r"$C\tilde G$"), "FH": ("observer_loop", "$FH$")}
+_METHOD = {
+    ("pm", True): "Compute the margin; the loop gain, rotated by it, must meet −1.",
+    ("pm", False): "Compute the margin; the loop gain must stay inside the unit circle on a grid.",
+    ("gm", True): "Compute the margin; the loop gain, multiplied by it, must meet −1.",
+    ("gm", False): "Compute the margin; the loop gain must not cross the negative real axis.",
+}
+_FINAL = {"R": 1.0, "d": 0.0, "delta": 0.0, "eta": -1.0}
+"""Where y should end after a unit step at each input."""
+
+
+def filtered(loop: NRDOB, time_constant: float, order: int) -> NRDOB:
+    """Give the same loop with another filter of eq. (1)."""
+    return NRDOB(
+        loop.process, loop.model, loop.controller, LowPassFilter(time_constant, int(order))
+    )
+
+
+def border(loop: NRDOB, order: int, low: float, high: float) -> float:
+    """Time constant between `low` and `high` at which the rightmost root of p_B is on the axis."""
+
+    def rightmost(time_constant: float) -> float:
+        return float(filtered(loop, time_constant, order).p_B.roots[0].real)
+
+    return float(brentq(rightmost, low, high, xtol=1e-12))
+
+
+def inverse_degree(loop: NRDOB) -> int:
+    """Measure the relative degree of F/Gm, from 0 on causal, by its size at 10⁷ and 10⁸ rad/s."""
+    size = [abs(loop.F(1j * omega) / loop.Gm(1j * omega)) for omega in (1e7, 1e8)]
+    return round(float(np.log10(size[0] / size[1])))
+
+
+def npz(count: NyquistCount | LoopStability) -> tuple[float | None, float, float | None]:
+    """Give N, P and Z."""
+    return count.encirclements, count.open_loop_rhp, count.closed_loop_rhp
+
+
+def npz_text(count: NyquistCount | LoopStability) -> str:
+    """Write N, P and Z."""
+    values = ("?" if value is None else number(value) for value in npz(count))
+    return ", ".join(f"{name} = {value}" for name, value in zip("NPZ", values, strict=True))
+
+
+# Printed margins.
+
+
+def enter_margin(section: Section, id: str, chapter: str) -> None:
+    """Enter the claim that a margin has the value that the paper prints."""
+    which, loop_name, kind = id.split(".")
+    attribute, name = _LOOPS[loop_name]
+    word, value = "phase" if kind == "pm" else "gain", _with_unit(PRINTED[id])
+    finite = isfinite(PRINTED[id].value)
+    said = f"is {value}" if finite else "tends to infinity"
+
+    @section.claim(
+        id,
+        PRINTED[id].place,
+        f"In Example {which[2:]} the {word} margin of {name} {said}.",
+        chapter,
+        printed=value,
+    )
+    def check() -> Finding:
+        printed, loop = PRINTED[id], example(int(which[2:]))
+        margins: Margins = getattr(loop.margins(), attribute)
+        gain: Quotient = getattr(loop, loop_name)
+        computed = margins.pm if kind == "pm" else margins.gm_db
+        confirmed, text = _phase(gain, margins) if kind == "pm" else _gain(gain, margins)
+        tolerance = (
+            f"±{0.5 * 10.0**-printed.digits:g}{_unit(printed)}" if isfinite(computed) else ""
+        )
+        return Finding(printed.agrees_with(computed) and confirmed, text, tolerance)
+
+    check.__doc__ = _METHOD[kind, finite]
+
+
+def _with_unit(printed: Printed) -> str:
+    if printed.value == inf:
+        return "∞"
+    return f"{printed.value:.{printed.digits}f}".replace("-", "−") + _unit(printed)
+
+
+def _unit(printed: Printed) -> str:
+    return "°" if printed.unit == "deg" else f" {printed.unit}"
+
+
+def _phase(gain: Quotient, margins: Margins) -> tuple[bool, str]:
+    """Confirm a phase margin and say it."""
+    if not isfinite(margins.pm):
+        largest = float(np.abs(gain(1j * OMEGA)).max())
+        return largest < 1, f"∞: the largest |{spoken(gain.name)}| is {number(largest, 4)}"
+    turn = np.exp(1j * np.radians(margins.pm))
+    at = complex(gain(1j * margins.wgc))
+    meets = min(abs(at * turn + 1), abs(at / turn + 1)) < 1e-9
+    return meets, f"{number(margins.pm, 5)}° {frequency(margins.wgc)}"
+
+
+def _gain(gain: Quotient, margins: Margins) -> tuple[bool, str]:
+    """Confirm a gain margin and say it."""
+    if not isfinite(margins.gm_db):
+        values = gain(1j * OMEGA)
+        crosses = (np.diff(np.sign(values.imag)) != 0) & (values.real[1:] < 0)
+        where = "no frequency" if not crosses.any() else f"{crosses.sum()} frequencies"
+        return not crosses.any(), f"∞: {spoken(gain.name)} is real and negative at {where}"
+    meets = abs(complex(gain(1j * margins.wpc)) * margins.gm + 1) < 1e-9
+    return meets, f"{number(margins.gm_db, 5)} dB {frequency(margins.wpc)}"
+
+
+# Controllers.
+
+
+def enter_controller(section: Section, id: str, says: str, chapter: str, which: int) -> None:
+    """Enter the claim that a printed controller stabilises the model."""
+
+    @section.claim(id, f"eq. ({int(id[2:])})", says, chapter)
+    def check() -> Finding:
+        """Count the turns of C·Gm and find the roots of p_A."""
+        part = example(which).stability().model_loop
+        rightmost = complex_number(part.rightmost)
+        return Finding(part.stable is True, f"{npz_text(part)}; p_A rightmost {rightmost}")
+
+
+# Printed transfer functions.
+
+
+def printed_text(id: str) -> str:
+    """Write a printed transfer function in one line."""
+    printed = PRINTED_FUNCTIONS[id]
+    return _fraction_text(np.array(printed.num), np.array(printed.den), printed.delay)
+
+
+def map_text(quotient: Quotient) -> str:
+    """Write a map in one line, common factors divided out where there is no dead time."""
+    if quotient.delay:
+        num, den = quotient.numerator.r, quotient.denominator.q
+    else:
+        tf = quotient.to_tf()
+        num, den = tf.num_array[0, 0], tf.den_array[0, 0]
+    return _fraction_text(num / den[0], den / den[0], quotient.delay)
+
+
+def _fraction_text(num: FloatArray, den: FloatArray, delay: float) -> str:
+    text = _polynomial_text(num)
+    if den.size > 1:
+        text = f"({text})/({_polynomial_text(den)})"
+    return text + (f" · exp(−{number(delay)}s)" if delay else "")
+
+
+def _polynomial_text(coefficients: FloatArray) -> str:
+    """Write a polynomial in descending powers of s.
+
+    Examples
+    --------
+    >>> _polynomial_text(np.array([1.0, 0.0, -3.75])), _polynomial_text(np.array([-0.01, 1.0]))
+    ('s² − 3.75', '−0.01s + 1')
+    """
+    powers = ["", "s", "s²", "s³", "s⁴"][: coefficients.size][::-1]
+    size = float(np.abs(coefficients).max())
+    text = ""
+    for coefficient, power in zip(coefficients.tolist(), powers, strict=True):
+        if abs(coefficient) <= 1e-12 * size:
+            continue
+        digits = number(abs(coefficient), 6)
+        sign = "−" if coefficient < 0 else "+"
+        text += f" {sign} " if text else sign.replace("+", "")
+        text += power if power and digits == "1" else digits + power
+    return text
+
+
+def enter_map(section: Section, id: str, says: str, chapter: str, between: tuple[str, str]) -> None:
+    """Enter the claim that a map between two signals has the formula that the paper prints."""
+    equation, name = id.split(".")
+
+    @section.claim(id, f"eq. ({int(equation[2:])})", says, chapter)
+    def check() -> Finding:
+        return printed_map(name)
+
+    check.__doc__ = (
+        f"Solve the diagram with {between[0]} alone at random values; compare {between[1]} with "
+        "the printed formula."
+    )
+
+
+def enter_function(
+    section: Section, id: str, says: str, chapter: str, printed_as: str, which: int
+) -> None:
+    """Enter the claim that a map is the transfer function that the paper prints."""
+
+    @section.claim(
+        id,
+        PRINTED_FUNCTIONS[printed_as].place,
+        says,
+        chapter,
+        printed=printed_text(printed_as),
+    )
+    def check() -> Finding:
+        """Compare with the printed one on a grid of the right half plane; cancel to show it."""
+        computed: Quotient = getattr(example(which), printed_as.split(".")[1])
+        return Finding(
+            PRINTED_FUNCTIONS[printed_as].agrees_with(computed),
+            map_text(computed),
+            "relative difference below 1e−10",
+        )
+
+
+# Step responses.
+
+
+def response(loop: NRDOB, input: str) -> tuple[float, float]:
+    """Give the least and the greatest value of y after a unit step, each looked at closely."""
+    found = loop.step_response(input)
+    times, y = found.time, found.outputs[0, 0]
+
+    def closely(k: int) -> FloatArray:
+        near = np.linspace(times[max(k - 1, 0)], times[min(k + 1, times.size - 1)], 201)
+        return np.asarray(loop.step_response(input, near).outputs[0, 0])
+
+    return float(closely(int(y.argmin())).min()), float(closely(int(y.argmax())).max())
+
+
+def extreme(loop: NRDOB, input: str) -> float:
+    """Give the value of y with the largest modulus after a unit step."""
+    return max(response(loop, input), key=abs)
+
+
+def to_y(loop: NRDOB, input: str) -> Quotient:
+    """Give the map from an input to the output y."""
+    quotient: Quotient = getattr(loop, INPUTS[input].to_y)
+    return quotient
+
+
+def comes_to_rest(loop: NRDOB) -> bool:
+    """Whether the four responses end at 1, 0, 0 and −1, by the maps at s = 0 and by simulation."""
+
+    def at_the_end(input: str) -> float:
+        late = 5 * loop.step_response(input).time[-1]
+        return float(loop.step_response(input, [0.0, late]).outputs[0, 0, -1])
+
+    return all(
+        abs(to_y(loop, input).dc_gain - final) < 1e-9 and abs(at_the_end(input) - final) < 1e-3
+        for input, final in _FINAL.items()
+    )
+
+
+def steps_finding(loop: NRDOB) -> Finding:
+    """Find whether a loop is stable and its step responses end where they should."""
+    peaks = ", ".join(
+        f"{name.to_y.replace('delta', 'δ').replace('eta', 'η')} {number(extreme(loop, input), 4)}"
+        for input, name in INPUTS.items()
+    )
+    finals = ", ".join(number(to_y(loop, input).dc_gain, 4) for input in INPUTS)
+    verdict = loop.stability()
+    stable = "stable" if verdict.stable else f"not known to be stable: {verdict.reason}"
+    return Finding(
+        verdict.stable is True and comes_to_rest(loop),
+        f"{stable}; final values {finals}; largest excursions {peaks}",
+    )
+
+
+def enter_steps(
+    section: Section, id: str, place: str, says: str, chapter: str, which: int, modified: bool
+) -> None:
+    """Enter the claim of a figure of step responses."""
+
+    @section.claim(id, place, says, chapter)
+    def check() -> Finding:
+        """Judge stability by turns and by roots; compare four ends with the maps at s = 0."""
+        return steps_finding(example(which, modified))
+
+
+# What the modified plant costs.
+
+
+def performance_finding(which: int, times: float) -> Finding:
+    """Find what the modified plant changes in the responses, and whether Ms grows so many times."""
+    loops = [example(which, modified) for modified in (False, True)]
+    tracking = [response(loop, "R")[1] for loop in loops]
+    rejection = [response(loop, "d")[0] for loop in loops]
+    peak = [loop.margins().plant_loop.ms for loop in loops]
+    stable = all(loop.stability().stable and comes_to_rest(loop) for loop in loops)
+    tracks = abs(tracking[1] / tracking[0] - 1) < 0.1
+    rejects = abs(rejection[1] - rejection[0]) < 0.1 and peak[1] < 1.1 * peak[0]
+    compared = {
+        "Ms": peak,
+        "lowest value of the response to d": rejection,
+        "peak of the response to R": tracking,
+    }
+    return Finding(
+        stable and tracks and rejects,
+        "; ".join(
+            f"{name} {number(before, 4)} → {number(after, 4)}"
+            for name, (before, after) in compared.items()
+        ),
+        "kept: within 10 %",
+        conditions={
+            "both loops are stable, and their responses end where they should": stable,
+            "the response to the reference is maintained": tracks,
+            f"Ms grows to more than {number(times)} times what it was": peak[1] > times * peak[0],
+            "the response to d falls below −0.4": rejection[1] < -0.4,
+        },
+    )
+
+
+def swings(loop: NRDOB, input: str, size: float) -> int:
+    """Count how often y changes sides, each time beyond ±size, after a unit step."""
+    y = loop.step_response(input).outputs[0, 0]
+    sides = np.sign(y[np.abs(y) > size])
+    return int(np.count_nonzero(np.diff(sides)))

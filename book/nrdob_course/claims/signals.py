@@ -1,0 +1,320 @@
+"""Fig. 1 solved number by number: what the checks compare the printed formulas with.
+
+At one complex s the four blocks are four numbers, and the diagram is three linear equations for the
+signals e, u and y. They are solved as they stand; no transfer function is formed on the way. A
+formula that is a quotient of polynomials in the four numbers and agrees with the solution for many
+random ones is no coincidence. `modes` does the same for the whole diagram as a state space: its
+eigenvalues know nothing of p_A, p_B or any encirclement.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from nrdob import paper
+from nrdob.diagram import Fraction, Quotient
+from nrdob.loop import NRDOB
+from nrdob.numerics import ComplexArray, FloatArray, number
+from nrdob.sampling import random_loop
+
+from .ledger import Finding
+
+__all__ = [
+    "EXACT",
+    "PRINTED_MAPS",
+    "QUADRUPLES",
+    "TOLERANCE",
+    "TO_OUTPUT",
+    "Values",
+    "blocks_of",
+    "equations",
+    "every",
+    "fraction",
+    "from_diagram",
+    "loop_modes",
+    "many_loops",
+    "modes",
+    "numbers",
+    "printed_map",
+    "random_blocks",
+    "random_points",
+    "same",
+    "solve",
+    "turns",
+]
+
+EXACT = 1e-8
+"""Relative difference up to which two ways to compute one number agree."""
+
+TOLERANCE = "1e-8 relative"
+
+AXIS = 1e-7
+"""How far to the right of the imaginary axis a curve is followed, rad/s."""
+
+QUADRUPLES = 100
+"""How many random values of the four blocks a formula is tried on."""
+
+
+class Values(NamedTuple):
+    """The four blocks at some points s, as arrays of complex numbers."""
+
+    G: ComplexArray
+    Gm: ComplexArray
+    C: ComplexArray
+    F: ComplexArray
+
+    @property
+    def H(self) -> ComplexArray:
+        """Relative mismatch G/Gm - 1."""
+        return self.G / self.Gm - 1
+
+    @property
+    def FH(self) -> ComplexArray:
+        """Observer loop."""
+        return self.F * self.H
+
+    @property
+    def CGm(self) -> ComplexArray:
+        """Model loop."""
+        return self.C * self.Gm
+
+    @property
+    def B(self) -> ComplexArray:
+        """First form of B in Lemma 1, Gm + F (G - Gm)."""
+        return self.Gm + self.F * (self.G - self.Gm)
+
+
+class Signals(NamedTuple):
+    """Error, controller output and process output."""
+
+    e: ComplexArray
+    u: ComplexArray
+    y: ComplexArray
+
+
+def equations(blocks: Values, *, conventional: bool = False) -> ComplexArray:
+    """Matrix of the diagram's equations for (e, u, y), one for each point, shape (..., 3, 3).
+
+    Parameters
+    ----------
+    blocks : Values
+        The four blocks.
+    conventional : bool
+        The older observer: the measurement itself, not its filtered estimate, is compared with R.
+    """
+    G, Gm, C, F = blocks
+    one, zero = np.ones_like(G), np.zeros_like(G)
+    measured = [one, zero, one] if conventional else [one, (1 - F) * Gm, F]
+    rows = [measured, [-C, 1 - F, F / Gm], [zero, -G, one]]
+    return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
+
+
+def solve(
+    blocks: Values,
+    *,
+    R: Any = 0.0,
+    d: Any = 0.0,
+    delta: Any = 0.0,
+    eta: Any = 0.0,
+    conventional: bool = False,
+) -> Signals:
+    """Solve the diagram for given inputs, numbers or arrays of the shape of the blocks."""
+    G, Gm, _, F = blocks
+    compared = eta if conventional else F * eta
+    inputs = np.broadcast_arrays(R - compared + 0 * G, -F / Gm * eta, G * delta + d)
+    right = np.stack(inputs, axis=-1)[..., None]
+    found = np.linalg.solve(equations(blocks, conventional=conventional), right)[..., 0]
+    return Signals(*np.moveaxis(found, -1, 0))
+
+
+MAPS = {
+    "T_R": ("R", "y"), "S_d": ("d", "y"), "S_delta": ("delta", "y"), "S_eta": ("eta", "y"),
+    "E_R": ("R", "e"), "U_R": ("R", "u"), "U_d": ("d", "u"), "U_eta": ("eta", "u"),
+}  # fmt: skip
+"""Input and output of each map; that of δ to the plant input, U_delta, is u + δ.
+
+:meta hide-value:
+"""
+
+TO_OUTPUT = tuple(name for name, (_, signal) in MAPS.items() if signal == "y")
+"""The maps of eq. (4), to y."""
+
+
+def from_diagram(name: str, blocks: Values, *, conventional: bool = False) -> ComplexArray:
+    """Value of one closed-loop map, by a unit input at one place and nothing elsewhere."""
+    if name == "U_delta":
+        return solve(blocks, delta=1.0, conventional=conventional).u + 1.0
+    source, signal = MAPS[name]
+    found: ComplexArray = getattr(solve(blocks, **{source: 1.0}, conventional=conventional), signal)
+    return found
+
+
+PRINTED_MAPS: dict[str, Callable[[Values], ComplexArray]] = {
+    "T_R": lambda v: v.C * v.G * v.Gm / ((1 + v.CGm) * v.B),
+    "S_d": lambda v: v.Gm * (1 - v.F) / v.B,
+    "S_delta": lambda v: v.G * v.Gm * (1 - v.F) / v.B,
+    "S_eta": lambda v: -v.G * v.F / v.B,
+    "E_R": lambda v: (v.F * (v.G - v.Gm) + v.Gm) / ((1 + v.CGm) * v.B),
+    "U_R": lambda v: v.CGm / ((1 + v.CGm) * v.B),
+    "U_d": lambda v: -v.F / v.B,
+    "U_eta": lambda v: -v.F / v.B,
+    "U_delta": lambda v: v.Gm * (1 - v.F) / v.B,
+}
+"""Eqs. (4) and (7) as the paper prints them.
+
+:meta hide-value:
+"""
+
+
+def random_blocks(rng: np.random.Generator, count: int = QUADRUPLES) -> Values:
+    """Draw complex numbers for the four blocks, around 1 in size."""
+    parts = rng.normal(size=(2, len(Values._fields), count))
+    return Values(*(parts[0] + 1j * parts[1]))
+
+
+def random_points(rng: np.random.Generator, count: int = 4) -> ComplexArray:
+    """Draw points of the right half plane, where a dead time makes nothing large."""
+    points: ComplexArray = rng.uniform(0.1, 3, count) + 1j * rng.uniform(-10, 10, count)
+    return points
+
+
+def blocks_of(loop: NRDOB, s: ComplexArray) -> Values:
+    """Evaluate the blocks of a loop."""
+    return Values(loop.G(s), loop.Gm(s), loop.C(s), loop.F(s))
+
+
+def many_loops(seed: int = 2020) -> list[NRDOB]:
+    """Give the seven loops of the paper, 20 random ones, and 10 random ones with dead time."""
+    rng = np.random.default_rng(seed)
+    printed = [paper.example(number) for number in paper.EXAMPLES]
+    modified = [paper.example(number, modified=True) for number in (2, 3, 4)]
+    rational = [random_loop(rng) for _ in range(20)]
+    delayed = [random_loop(rng, delayed=True) for _ in range(10)]
+    return printed + modified + rational + delayed
+
+
+def same(a: Any, b: Any, rtol: float = EXACT) -> bool:
+    """Whether two arrays agree, entry by entry."""
+    return bool(np.size(a) and np.allclose(a, b, rtol=rtol, atol=0))
+
+
+def every(outcomes: Iterable[Any]) -> bool:
+    """Whether all outcomes are true; unlike `all` it refuses to say so of none.
+
+    Raises
+    ------
+    ValueError
+        If there is nothing to judge.
+    """
+    found = [bool(outcome) for outcome in outcomes]
+    if not found:
+        raise ValueError("nothing was tried")
+    return all(found)
+
+
+def fraction(quotient: Quotient) -> Fraction:
+    """Numerator and denominator of a block of a loop without dead time, nothing cancelled."""
+    return Fraction(quotient.numerator.q, quotient.denominator.q)
+
+
+def loop_modes(loop: NRDOB) -> ComplexArray:
+    """Modes of a loop without dead time.
+
+    Parameters
+    ----------
+    loop : NRDOB
+        Without dead time.
+
+    Returns
+    -------
+    array of complex
+        Eigenvalues of the whole diagram, every block realised by itself, in rad/s.
+    """
+    return modes(*(fraction(block) for block in (loop.G, loop.Gm, loop.C, loop.F)))
+
+
+def numbers(values: Iterable[Any], digits: int = 4) -> str:
+    """Write numbers one after the other."""
+    return ", ".join(number(float(value), digits) for value in values)
+
+
+def modes(G: Fraction, Gm: Fraction, C: Fraction, F: Fraction) -> ComplexArray:
+    """Eigenvalues of the whole diagram, every block realised by itself; without dead time.
+
+    Six blocks run it: C and G, F on u, F/Gm on y, and F on y with (1 - F) Gm on u.
+
+    Parameters
+    ----------
+    G, Gm, C, F : Fraction
+        The four blocks; F need not be stable here.
+    """
+    F_over_Gm = Fraction(np.convolve(F.num, Gm.den), np.convolve(F.den, Gm.num))
+    rest = Fraction(np.convolve(np.polysub(F.den, F.num), Gm.num), np.convolve(F.den, Gm.den))
+    blocks = [_state_space(block) for block in (C, G, F, F_over_Gm, F, rest)]
+    A, B, c, D = (block_diag(*parts) for parts in zip(*blocks, strict=True))
+    e, u, y = [0, 0, 0, 0, -1, -1], [1, 0, 1, -1, 0, 0], [0, 1, 0, 0, 0, 0]
+    wiring = np.array([e, u, u, y, y, u])  # what each block gets, from what all of them give
+    closed = A + B @ wiring @ np.linalg.solve(np.eye(len(blocks)) - D @ wiring, c)
+    return np.linalg.eigvals(closed)
+
+
+def _state_space(block: Fraction) -> tuple[FloatArray, ...]:
+    """Companion form of a proper block."""
+    den = block.den / block.den[0]
+    order = den.size - 1
+    num = np.zeros(den.size)
+    num[den.size - block.num.size :] = block.num / block.den[0]
+    A = np.vstack([-den[1:], np.eye(order)[:-1]]) if order else np.zeros((0, 0))
+    c = (num[1:] - num[0] * den[1:])[None]
+    return A, np.eye(order)[:, :1].reshape(order, 1), c, num[:1][None]
+
+
+def turns(values_at: Callable[[ComplexArray], ComplexArray], excess: int = 0) -> int:
+    """Clockwise turns around 0 that a closed Nyquist curve makes, followed point by point.
+
+    Parameters
+    ----------
+    values_at : callable
+        The curve at s, which runs up the imaginary axis and leaves poles on it at its left.
+    excess : int
+        By how many degrees the map is improper: so many half turns the arc at infinity adds.
+
+    Raises
+    ------
+    ArithmeticError
+        If the curve turns faster than it can be followed.
+    """
+    omega = np.append(0.0, np.geomspace(1e-5, 1e6, 2001))
+    for _ in range(40):
+        values = values_at(1j * omega + AXIS)
+        steps = np.angle(values[1:] / values[:-1])
+        wide = np.flatnonzero(np.abs(steps) > 0.5)
+        if not wide.size:
+            return round(excess / 2 - float(steps.sum()) / np.pi)
+        omega = np.insert(omega, wide + 1, (omega[wide] + omega[wide + 1]) / 2)
+    raise ArithmeticError("the curve turns faster than it can be followed")
+
+
+def printed_map(name: str) -> Finding:
+    """Find whether a map is the printed one, in the diagram and in the package."""
+    rng = np.random.default_rng(4)
+    blocks = random_blocks(rng)
+    by_formula = np.isclose(
+        PRINTED_MAPS[name](blocks), from_diagram(name, blocks), rtol=EXACT, atol=0
+    )
+    loops = many_loops()
+    by_package = []
+    for loop in loops:
+        s = random_points(rng)
+        by_package.append(same(getattr(loop, name)(s), from_diagram(name, blocks_of(loop, s))))
+    return Finding(
+        every(by_formula) and every(by_package),
+        f"the printed formula agrees with the diagram for {by_formula.sum()} of {QUADRUPLES} "
+        f"random values of the four blocks, the package's map for {sum(by_package)} of "
+        f"{len(loops)} loops",
+        TOLERANCE,
+    )

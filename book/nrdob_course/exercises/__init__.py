@@ -1,0 +1,140 @@
+"""Problem sets that grade themselves: the graders behind the notebooks of `book/nrdob_course/sets`.
+
+In a notebook, `check` gives immediate feedback and `score`, in the hidden tests, the points.
+
+>>> from nrdob_course.exercises import PROBLEMS, check
+>>> check("2.1", None, group=7)
+Nothing to check yet: replace the placeholder by your answer and run this cell again.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+from dataclasses import replace
+from importlib import import_module
+from pkgutil import iter_modules
+from typing import Any
+
+from .cases import factored
+from .problems import (
+    BUDGET,
+    HIDDEN_CASES,
+    VISIBLE_CASES,
+    Case,
+    Feedback,
+    Misconception,
+    Points,
+    Problem,
+    review,
+    timed,
+)
+from .set2 import draw_without_count
+from .set5 import draw_edge
+
+__all__ = [
+    "BUDGET",
+    "PROBLEMS",
+    "Feedback",
+    "Misconception",
+    "Points",
+    "Problem",
+    "check",
+    "draw_edge",
+    "draw_without_count",
+    "factored",
+    "own_case",
+    "score",
+]
+
+_SETS = sorted(name for _, name, _ in iter_modules(__path__) if re.fullmatch(r"set\d+", name))
+
+PROBLEMS: dict[str, Problem] = {
+    problem.id: problem
+    for name in _SETS
+    for problem in import_module(f"{__name__}.{name}").PROBLEMS
+}
+"""Every problem by its id, found in the modules set1, set2, …
+
+:meta hide-value:
+"""
+
+
+NOT_NOW = "Not checked while the notebook is graded: it would take the time of the grading."
+
+NOBODY = (
+    "This is the case of group 0, which is nobody's: write your group's number into the first cell."
+)
+
+
+def own_case(id: str, group: int) -> Case:
+    """Give the case of a group: the same problem for all, with numbers of its own.
+
+    Parameters
+    ----------
+    id : str
+        Number of the problem, "2.1".
+    group : int
+        Seed of the group.
+    """
+    return _problem(id).cases(group, 1)[0]
+
+
+def check(id: str, answer: Any, group: int) -> Feedback:
+    """Judge an answer on the group's own case and some more, and tell what to think about.
+
+    It tells, too, how much of the time allowed the answer takes when it is graded, if that is more
+    than a little.
+
+    Parameters
+    ----------
+    id : str
+        Number of the problem, "2.1".
+    answer : object
+        What the problem asks for: a function of a case, or a value for the group's own case.
+    group : int
+        Seed of the group.
+    """
+    problem = _problem(id)
+    if os.environ.get("NBGRADER_EXECUTION") == "autograde":
+        return Feedback(0.0, NOT_NOW)
+    count, graded = (1, 1) if problem.own else (VISIBLE_CASES, 1 + HIDDEN_CASES)
+    found = timed(problem, answer, problem.drawn(group, count), graded)
+    return replace(found, notes=(*found.notes, NOBODY)) if group == 0 else found
+
+
+def score(id: str, answer: Any, group: int, points: float, seed: int) -> Points:
+    """Points of an answer on cases that the student has not seen, for the hidden tests.
+
+    The answer must hold on the group's own case too; a value is for that case alone. What the
+    answer prints is left out, and what is said tells nothing of the cases that nobody has seen.
+
+    Parameters
+    ----------
+    id : str
+        Number of the problem, "2.1".
+    answer : object
+        A function of a case, or a value for the group's own case.
+    group : int
+        Seed of the group.
+    points : float
+        Points of a right answer.
+    seed : int
+        Hidden seed of the cases that the student has not seen.
+    """
+    problem = _problem(id)
+    own = problem.drawn(group, 1)
+    cases = own if problem.own else own + problem.drawn(seed, HIDDEN_CASES)
+    with (
+        open(os.devnull, "w", encoding="utf-8") as nowhere,
+        contextlib.redirect_stdout(nowhere),
+        contextlib.redirect_stderr(nowhere),
+    ):
+        return Points(review(problem, answer, cases, shown=1), points)
+
+
+def _problem(id: str) -> Problem:
+    if id not in PROBLEMS:
+        raise KeyError(f"there is no problem {id!r}; there are {', '.join(PROBLEMS)}")
+    return PROBLEMS[id]

@@ -1,0 +1,233 @@
+"""What the problem sets share: draw a case that fits, write a block in factors, judge p_B."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, TypeVar
+
+import control as ct
+import numpy as np
+
+from nrdob.analysis import judge_observer
+from nrdob.diagram import DelayedTransferFunction
+from nrdob.loop import NRDOB
+from nrdob.numerics import ComplexArray, FloatArray, number
+
+from .problems import Lack
+
+__all__ = [
+    "POINTS",
+    "TRIES",
+    "LoopCase",
+    "UnstablePlant",
+    "alike",
+    "apart",
+    "draw",
+    "either_sign",
+    "factored",
+    "few",
+    "first_fitting",
+    "grid_peak",
+    "kept",
+    "mirrored",
+    "not_around",
+    "observer_stable",
+    "on_the_right",
+    "s",
+]
+
+T = TypeVar("T")
+
+TRIES = 2000
+
+kept = lru_cache(maxsize=512)
+"""Keeps what a grader has found out about a case, by the case itself, not by its numbers."""
+
+s = ct.tf("s")
+
+
+def few(value: float, digits: int = 2) -> float:
+    """Round to a few significant digits, so that a case is short to print.
+
+    Examples
+    --------
+    >>> few(0.12345), few(1234.5, 3)
+    (0.12, 1230.0)
+    """
+    return float(f"{value:.{digits}g}")
+
+
+def draw(rng: np.random.Generator, low: float, high: float) -> float:
+    """Draw a number of two digits, evenly on a log scale."""
+    return few(float(np.exp(rng.uniform(np.log(low), np.log(high)))))
+
+
+def either_sign(rng: np.random.Generator) -> float:
+    """Draw 1 or -1."""
+    return float(rng.choice([-1, 1]))
+
+
+def first_fitting(draw: Callable[[], T], fits: Callable[[T], bool], tries: int = TRIES) -> T:
+    """Draw until a case fits.
+
+    Raises
+    ------
+    RuntimeError
+        If none does, so that a generator that has become too strict says so.
+
+    Examples
+    --------
+    >>> numbers = iter(range(10))
+    >>> first_fitting(lambda: next(numbers), lambda n: n > 3)
+    4
+    """
+    for _ in range(tries):
+        case = draw()
+        if fits(case):
+            return case
+    raise RuntimeError(f"none of {tries} cases drawn fits")
+
+
+def apart(*values: Any, by: float = 0.02) -> bool:
+    """Tell whether numbers, or tuples of numbers, differ from one another by more than a share.
+
+    Examples
+    --------
+    >>> apart(1.0, 1.5, -1.0), apart((1, 2), (1, 3)), apart(1.0, 1.01)
+    (True, True, False)
+    """
+    for k, a in enumerate(values):
+        for b in values[:k]:
+            first, second = np.atleast_1d(a).astype(float), np.atleast_1d(b).astype(float)
+            scale = np.maximum(np.abs(first), np.abs(second))
+            if not np.any(np.abs(first - second) > by * scale):
+                return False
+    return True
+
+
+def on_the_right(*roots: Any) -> int:
+    """Count roots with a positive real part, of one list or several."""
+    return int(sum(np.sum(np.real(each) > 0) for each in roots))
+
+
+def observer_stable(plant: Any, model: Any, filter: Any) -> bool | None:
+    """Judge p_B in two ways; the controller does not occur in it."""
+    return judge_observer(plant, model, filter).stable
+
+
+def grid_peak(F: ComplexArray, R: ComplexArray, of_FH: bool = False) -> float:
+    """Ms of L, or of FH, where F and R = G/Gm are known on a grid; true for a stable loop only."""
+    return float(np.abs((1 if of_FH else 1 - F) / (1 + F * (R - 1))).max())
+
+
+POINTS = np.array([0.3 + 0.2j, 1j, 3 + 2j, 10j, 40 + 7j])
+"""Where two plants are compared."""
+
+
+def alike(first: Callable[[Any], Any], second: Callable[[Any], Any]) -> bool:
+    """Tell whether two functions of s are the same."""
+    return bool(np.allclose(first(POINTS), second(POINTS), rtol=1e-6, atol=0))
+
+
+def not_around(plant: Any, loop: Any) -> str:
+    """Tell why an answer is no loop around a plant; empty if it is one."""
+    if not isinstance(loop, NRDOB):
+        return Lack("type", "it is not an nrdob.NRDOB")
+    if loop.delay or not alike(loop.G, plant):
+        return Lack("plant", "its plant is not case.process")
+    return ""
+
+
+@dataclass(frozen=True, eq=False)
+class LoopCase:
+    """A loop.
+
+    Attributes
+    ----------
+    loop : NRDOB
+        The loop: its `process`, `model`, `controller` and `filter`.
+    """
+
+    loop: NRDOB
+
+
+@dataclass(frozen=True, eq=False)
+class UnstablePlant:
+    """A plant gain/((s - pole)(s + decay)).
+
+    Attributes
+    ----------
+    gain, pole, decay : float
+        The gain of either sign; `pole` and `decay` positive, in rad/s.
+    """
+
+    gain: float
+    pole: float
+    decay: float
+
+    @property
+    def process(self) -> ct.TransferFunction:
+        """The plant made of these numbers."""
+        return self.gain / ((s - self.pole) * (s + self.decay))
+
+    def __repr__(self) -> str:
+        return f"the plant {factored(self.process)}"
+
+
+def mirrored(case: UnstablePlant) -> ct.TransferFunction:
+    """Give the model that has the plant's pole on the left."""
+    return case.gain / ((s + case.pole) * (s + case.decay))
+
+
+def factored(block: Any) -> str:
+    """Write a transfer function, with or without dead time, in factors.
+
+    Parameters
+    ----------
+    block : as for `nrdob.NRDOB`
+        The transfer function.
+
+    Examples
+    --------
+    >>> import control as ct
+    >>> factored(ct.tf([4], [-1, -1, 2]))
+    '−4/((s − 1)(s + 2))'
+    >>> factored(DelayedTransferFunction(ct.tf([2, 2], [1, 2, 5, 0]), 0.5))
+    'exp(−0.5s) 2(s + 1)/(s(s² + 2s + 5))'
+    """
+    late = f"exp(−{number(block.delay, 4)}s) " if isinstance(block, DelayedTransferFunction) else ""
+    tf = block.tf if isinstance(block, DelayedTransferFunction) else block
+    num, den = tf.num_array[0, 0], tf.den_array[0, 0]
+    gain = number(num[0] / den[0], 4)
+    above, below = (_factors(polynomial) for polynomial in (num, den))
+    if above:
+        gain = {"1": "", "−1": "−"}.get(gain, gain)
+    text = gain + "".join(above)
+    if below:
+        one = len(below) == 1
+        text += f"/{below[0]}" if one else f"/({''.join(below)})"
+    return late + text
+
+
+def _factors(polynomial: FloatArray) -> list[str]:
+    """Write a factor for each real root and each pair of conjugate ones."""
+    found = []
+    for root in sorted(
+        np.roots(polynomial).astype(complex), key=lambda z: (round(abs(z), 9), z.real)
+    ):
+        if abs(root.imag) <= 1e-6 * abs(root):
+            found.append("s" if root == 0 else f"(s{_term(-root.real)})")
+        elif root.imag > 0:
+            found.append(f"(s²{_term(-2 * root.real, 's')}{_term(abs(root) ** 2)})")
+    powers = {2: "²", 3: "³", 4: "⁴"}
+    counts = {factor: found.count(factor) for factor in found}
+    return [factor + powers.get(count, "") for factor, count in counts.items()]
+
+
+def _term(value: float, unit: str = "") -> str:
+    if abs(value) < 1e-12:
+        return ""
+    size = number(abs(value), 4)
+    return f" {'−' if value < 0 else '+'} {'' if unit and size == '1' else size}{unit}"

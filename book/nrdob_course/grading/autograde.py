@@ -1,0 +1,431 @@
+"""Grade one submission with nbgrader, in a process of its own.
+
+    python -m nrdob_course.grading.autograde COURSE STUDENT SET
+
+COURSE is a folder in nbgrader's layout that this process has for itself. What came out is written
+to ``COURSE/result.json``; the marked notebook and the feedback lie where nbgrader puts them.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import sys
+import time
+import warnings
+from copy import deepcopy
+from math import ceil
+from pathlib import Path
+from typing import Any
+
+from jupyter_client.kernelspec import KernelSpec
+from jupyter_core.utils import run_sync
+from nbclient.exceptions import DeadKernelError
+from nbformat.v4 import new_code_cell, new_output
+from nbgrader.apps.api import NbGraderAPI
+from nbgrader.preprocessors import CheckCellMetadata, Execute, LimitOutput, SaveAutoGrades
+from nbgrader.utils import is_grade, is_solution, temp_attrs
+from traitlets.config import Config
+from traitlets.config.loader import PyFileConfigLoader
+
+from .. import exercises
+from . import disk, plain, wall
+from .batch import end
+from .feedback import offline
+from .handout import handout, own_cases
+from .judge import HiddenTest, Stopped, hidden_test, judge_apart
+from .starter import Provisioner, Starter
+from .submissions import group_of
+
+__all__ = [
+    "KERNEL",
+    "SETTINGS",
+    "STARTERS",
+    "PatientExecute",
+    "course",
+    "is_test",
+    "main",
+    "write_feedback",
+]
+
+# What nbgrader does with its own database is not for those who grade.
+warnings.filterwarnings("ignore", module="nbgrader")
+
+SETTINGS = "nbgrader_config.py"
+
+KERNEL = f"{__package__}.kernel"
+
+NOT_MARKED = "Not marked yet: its points are still to come."
+
+
+def course(root: Path) -> NbGraderAPI:
+    """Give nbgrader's programming interface for the course in a folder."""
+    programs = str(Path(sys.executable).parent)  # nbgrader calls one that is installed beside it
+    if programs not in os.environ["PATH"].split(os.pathsep):
+        os.environ["PATH"] = programs + os.pathsep + os.environ["PATH"]
+    config = Config(PyFileConfigLoader(SETTINGS, str(root)).load_config())
+    config.CourseDirectory.root = str(root.resolve())
+    config.Autograde.autograde_preprocessors = [
+        PatientExecute,
+        LimitOutput,
+        SaveAutoGrades,
+        CheckCellMetadata,
+    ]
+    return NbGraderAPI(config=config)
+
+
+REMARKS: list[str] = []
+"""What happened while the cells ran, each as often as it did; this process runs one notebook."""
+
+STARTERS: list[Starter] = []
+"""What starts kernels quickly, if there is one: the last."""
+
+GROUPS: list[Any] = []
+"""The groups that the answers were given for."""
+
+
+class PatientExecute(Execute):  # type: ignore[misc]
+    """Run the cells as nbgrader does, and survive those that end the kernel or flood it.
+
+    The kernel stands behind a wall, and what is graded is judged here, see `judge`. What was judged
+    stays here until the last cell has run: nothing that a kernel sends reaches it. A cell that
+    ends its kernel, or that cannot be interrupted, is left out, with an error in its place, and
+    the notebook run again. So each such cell costs its own problem only. A kernel that does not
+    start, for its ports were taken meanwhile, is no student's fault: another one is started.
+
+    The cells run twice. What the first kernel puts out is kept, and it is asked nothing. Only the
+    second one receives hidden cases, and of it nothing is kept but the verdicts: what an answer
+    remembers of its cases it cannot show.
+    """
+
+    most_output = 300_000  # letters of one cell, of every kind together
+    most_deaths = 10
+    most_starts = 3
+    most_groups = 3
+
+    def preprocess(self, nb: Any, resources: Any = None, km: Any = None) -> tuple[Any, Any]:
+        """Execute the notebook, once to show what it puts out and once to judge its answers."""
+        self.left_out: dict[int, str] = {}
+        tests = {k: hidden_test(cell.source) for k, cell in enumerate(nb.cells) if is_test(cell)}
+        self.problems = [test.problem for test in tests.values() if test]
+        self.judging = False
+        nb, resources = self.run(nb, resources, km)
+        if self.problems:
+            shown = [deepcopy(cell.get("outputs")) for cell in nb.cells]
+            self.judging = True
+            nb, resources = self.run(nb, resources, km)
+            for cell, outputs in zip(nb.cells, shown, strict=True):
+                if outputs is not None:
+                    cell.outputs = outputs
+        for index in tests:
+            nb.cells[index].outputs = [self.verdicts.get(index, NO_VERDICT)]
+        return nb, resources
+
+    def run(self, nb: Any, resources: Any, km: Any) -> tuple[Any, Any]:
+        """Execute the notebook, and again without a cell that ends the kernel."""
+        not_started = 0
+        while True:
+            self.at = -1
+            self.verdicts: dict[int, Any] = {}
+            self.groups = [group_of(nb.cells)[0]]
+            GROUPS.clear()
+            try:
+                with disk.desk() as desk:
+                    self.desk = lay_out(desk, Path(resources["metadata"]["path"]))
+                    given = json.dumps(handout(self.problems, self.groups[0]))
+                    (self.desk / plain.HANDOUT).write_text(given, "utf-8")
+                    with disk.watched(self.desk, self.kernel) as full:
+                        nb, resources = super().preprocess(nb, resources, km)
+                return nb, resources
+            except Exception as error:
+                if self.at < 0:
+                    not_started += 1
+                    if not_started == self.most_starts:
+                        raise
+                    continue
+                if len(self.left_out) == self.most_deaths:
+                    raise
+                why = next((why for kind, why in WHY.items() if isinstance(error, kind)), BROKE)
+                why = TOO_FULL if full.is_set() else why
+                self.left_out[self.at] = why
+                REMARKS.append(f"{name_of(nb.cells[self.at])} was left out: {why}")
+
+    def kernel(self) -> int | None:
+        """Give the process of the kernel, if there is one."""
+        return getattr(getattr(self.km, "provisioner", None), "pid", None)
+
+    def create_kernel_manager(self) -> Any:
+        """Make the manager of a kernel that starts behind the wall."""
+        connection = self.desk / "connection.json"
+        manager = self.kernel_manager_class(connection_file=str(connection), config=self.config)
+        command = [sys.executable, "-P", "-m", KERNEL, str(connection), str(self.desk)]
+        manager._kernel_spec = KernelSpec(argv=command, language="python", display_name="walled")
+        if STARTERS:
+            manager.provisioner = Provisioner(
+                kernel_id="", kernel_spec=manager._kernel_spec, parent=manager
+            )
+            manager.provisioner.starter = STARTERS[-1]
+        self.km = manager
+        return manager
+
+    async def async_start_new_kernel(self, **kwargs: Any) -> None:
+        """Start the kernel on its desk, with nothing in its environment that it does not need."""
+        self.extra_arguments: list[str] = []
+        await super().async_start_new_kernel(
+            **{**kwargs, "cwd": str(self.desk), "env": surroundings(self.desk)}
+        )
+
+    start_new_kernel = run_sync(async_start_new_kernel)
+
+    def preprocess_cell(self, cell: Any, resources: Any, index: int) -> tuple[Any, Any]:
+        """Execute one cell, or judge what it tests."""
+        self.at, self.size = index, 0
+        if index in self.left_out:
+            self.verdicts[index] = failure("CellLeftOut", self.left_out[index])
+            cell.outputs = [self.verdicts[index]]
+            return cell, resources
+        if is_test(cell):
+            cell.outputs = []
+            if self.judging and (test := hidden_test(cell.source)):
+                self.verdicts[index] = self.judged(test, cell, index)
+            return cell, resources
+        self.run_cell(cell, resources, index)
+        errors = [out for out in cell.get("outputs", []) if out.output_type == "error"]
+        wanted = [out.evalue[:50] for out in errors if out.ename == "AnotherGroupError"]
+        if wanted and len(self.groups) < self.most_groups:
+            self.groups.append(wanted[0])
+            cases = own_cases(self.problems, wanted[0])
+            add = f"__import__({exercises.__name__!r}, fromlist=['add']).add"
+            self.execute_cell(new_code_cell(f"{add}({wanted[0]!r}, {cases!r})"), index)
+            self.run_cell(cell, resources, index)
+        if any(out.get("ename") == TOO_SLOW for out in cell.get("outputs", [])):
+            REMARKS.append(f"{name_of(cell)} {too_slow(self.timeout)}")
+        return cell, resources
+
+    def run_cell(self, cell: Any, resources: Any, index: int) -> None:
+        """Execute one cell; what it put out stays, if it has the form of an output."""
+        self.size = 0
+        with temp_attrs(self, error_on_timeout=slow(self.timeout)):
+            super().preprocess_cell(cell, resources, index)
+        self.nb.cells[index] = cell
+        if cell.cell_type == "code":
+            cell.outputs = [output for output in cell.outputs if is_sound(output)]
+
+    def judged(self, test: HiddenTest, cell: Any, index: int) -> Any:
+        """Judge what a cell tests; its points, or what went wrong, as an output."""
+        budget = self.timeout * allowed(test.problem)
+        # The machine that grades may be busier than the student's: the clock is generous.
+        end = time.monotonic() + PATIENCE * budget
+
+        def ask(source: str) -> str:
+            left = max(1, ceil(end - time.monotonic()))
+            asked = new_code_cell(source)
+            self.size = 0
+            try:
+                with temp_attrs(self, timeout=left, error_on_timeout=slow(budget)):
+                    self.execute_cell(asked, index, store_history=False)
+            except Exception as error:  # the kernel is dead or deaf
+                raise Stopped(error) from error
+            finally:
+                self.nb.cells[index] = cell
+            outputs = list(filter(is_sound, asked.outputs))
+            for out in outputs:
+                if out.output_type == "display_data" and plain.MIME in out.data:
+                    return str(out.data[plain.MIME])
+            errors = [out for out in outputs if out.output_type == "error"]
+            # An interrupt has an error of its own, before ours.
+            raise Stopped(max(errors, key=lambda out: bool(out.ename == TOO_SLOW), default=None))
+
+        try:
+            points, group = judge_apart(test, ask, 1.5 * PATIENCE * budget)
+        except Stopped as stopped:
+            [why] = stopped.args
+            if isinstance(why, Exception):
+                raise why from None
+            if why is None:
+                return failure("NoAnswer", "the answer was not told")
+            if why.ename != TOO_SLOW:
+                return failure(why.ename, why.evalue)
+        except TimeoutError:
+            pass
+        except Exception as error:
+            return failure("Unreadable", str(error)[:300])
+        else:
+            GROUPS.append(group)
+            data = {"text/plain": repr(points), "text/html": points._repr_html_()}
+            return new_output("execute_result", data=data)
+        REMARKS.append(f"{name_of(cell)} {too_slow(budget)}")
+        return failure(TOO_SLOW, too_slow(budget))
+
+    def process_message(self, msg: Any, cell: Any, cell_index: int) -> Any:
+        """Take what the kernel says, unless it is of another cell, or the cell has said enough."""
+        kind, content = msg["msg_type"], msg["content"]
+        if kind not in SAID:
+            return super().process_message(msg, cell, cell_index) if kind in STATE else None
+        content.pop("transient", None)  # a display with an id changes other cells
+        most = plain.LONGEST + 1000 if plain.MIME in content.get("data", ()) else self.most_output
+        self.size += len(str(content))
+        if self.size > most:
+            self.flooded(cell)
+            return None
+        return super().process_message(msg, cell, cell_index)
+
+    def flooded(self, cell: Any) -> None:
+        """Say that the rest of a cell's outputs is left out."""
+        REMARKS.append(
+            f"the outputs of {name_of(cell)} were cut: more than {self.most_output} letters"
+        )
+
+
+WHY = {
+    DeadKernelError: "it ended the kernel",
+    TimeoutError: "it could not be stopped",
+}
+BROKE = "it broke the kernel"
+
+TOO_FULL = f"it wrote more than {disk.MOST_BYTES >> 20} MB, or {disk.MOST_FILES} files"
+
+STATE = {"status", "clear_output"}
+SAID = {"stream", "display_data", "execute_result", "error"}
+"""Kinds of messages that count; what changes outputs of other cells is none of them."""
+
+TOO_SLOW = "TooSlow"
+
+PATIENCE = 1.5
+"""How much longer the clock of the grading waits than the student was told."""
+
+
+def allowed(problem: str) -> float:
+    """Give the time that a problem allows, as a share of what the others do."""
+    common = getattr(exercises, "BUDGET", 20.0)
+    return float(getattr(exercises.PROBLEMS.get(problem), "budget", common) / common)
+
+
+def too_slow(seconds: float) -> str:
+    """Say in plain words that something took too long."""
+    return f"took longer than the {seconds:g} s that the set allows"
+
+
+def slow(seconds: float) -> dict[str, Any]:
+    """Make what nbclient is to reply for a cell that took too long."""
+    text = too_slow(seconds)
+    return {"ename": TOO_SLOW, "evalue": text, "traceback": [text]}
+
+
+def lay_out(desk: Path, folder: Path) -> Path:
+    """Lay what was handed in beside the notebook on the desk; the notebook holds hidden tests."""
+    for path in folder.iterdir():
+        if path.is_file() and path.suffix != ".ipynb":
+            shutil.copy(path, desk)
+    return desk
+
+
+def surroundings(desk: Path) -> dict[str, str]:
+    """Give the environment of a kernel: what it needs, and nothing that is the teacher's."""
+    import matplotlib
+
+    wanted = {name: os.environ[name] for name in KEPT if name in os.environ}
+    folders = ("HOME", "TMPDIR", "TEMP", "TMP", "IPYTHONDIR", "JUPYTER_RUNTIME_DIR")
+    return {
+        **wanted,
+        **dict.fromkeys(folders, str(desk)),
+        "MPLCONFIGDIR": matplotlib.get_cachedir(),  # its list of fonts takes long to make
+    }
+
+
+KEPT = (
+    "NBGRADER_EXECUTION", "PATH", "PYTHONPATH", "PYTHONHASHSEED", "PYTHONUTF8", "LANG",
+    "LC_ALL", "LC_CTYPE", "TZ", "SYSTEMROOT", "MATPLOTLIBRC", "OPENBLAS_NUM_THREADS",
+    "OMP_NUM_THREADS", "OPENBLAS_CORETYPE", "NPY_DISABLE_CPU_FEATURES",
+)  # fmt: skip
+
+
+def is_test(cell: Any) -> bool:
+    """Tell whether a cell holds a hidden test."""
+    return bool(cell.cell_type == "code" and is_grade(cell) and not is_solution(cell))
+
+
+def name_of(cell: Any) -> str:
+    """Give the name of a cell, as the person who marks knows it."""
+    return str(cell.metadata.get("nbgrader", {}).get("grade_id") or cell.get("id", "a cell"))
+
+
+def failure(name: str, text: str) -> Any:
+    """Make the output of a cell that failed."""
+    return new_output("error", ename=name, evalue=text, traceback=[f"{name}: {text}"])
+
+
+NO_VERDICT = failure("NoPoints", "the test did not come to its end")
+
+
+def is_sound(output: Any) -> bool:
+    """Tell whether an output has the form that the notebook's format asks for."""
+    data, lines = output.get("data"), output.get("traceback")
+    match output.get("output_type"):
+        case "stream":
+            parts = [output.get("name"), output.get("text")]
+        case "error" if isinstance(lines, list):
+            parts = [output.get("ename"), output.get("evalue"), *lines]
+        case "display_data" | "execute_result" if isinstance(data, dict):
+            texts = [text for kind, text in data.items() if "json" not in kind]
+            return isinstance(output.get("metadata"), dict) and all(map(is_text, texts))
+        case _:
+            return False
+    return all(isinstance(part, str) for part in parts)
+
+
+def is_text(value: Any) -> bool:
+    """Tell whether a value is a text, or lines of one."""
+    lines = value if isinstance(value, list) else [value]
+    return all(isinstance(line, str) for line in lines)
+
+
+def grade(root: Path, student: str, set_name: str) -> dict[str, Any]:
+    """Grade a submission, and make its feedback."""
+    api = course(root)
+    done = api.autograde(set_name, student)
+    if not done["success"]:
+        return {"error": done.get("log") or done["error"]}
+    with api.gradebook as gradebook:
+        notebook = gradebook.find_submission_notebook(set_name, set_name, student)
+        grades = {grade.name: grade.auto_score for grade in notebook.grades}
+        comments = {comment.name: comment.auto_comment for comment in notebook.comments}
+    write_feedback(api, student, set_name)
+    remarks = list(dict.fromkeys(REMARKS))
+    groups = list(dict.fromkeys(group for group in GROUPS if type(group) is int))
+    return {"grades": grades, "comments": comments, "remarks": remarks, "groups": groups}
+
+
+def write_feedback(api: NbGraderAPI, student: str, set_name: str) -> None:
+    """Let nbgrader write the feedback, and make it readable without a network."""
+    with api.gradebook as gradebook:
+        for grade in gradebook.find_submission_notebook(set_name, set_name, student).grades:
+            if grade.auto_score is not None:
+                continue
+            comment = gradebook.find_comment(grade.name, set_name, set_name, student)
+            comment.auto_comment = NOT_MARKED if grade.manual_score is None else None
+        gradebook.db.commit()
+    done = api.generate_feedback(set_name, student)
+    if not done["success"]:
+        raise RuntimeError(done.get("log") or done["error"])
+    page = Path(api.coursedir.root) / "feedback" / student / set_name / f"{set_name}.html"
+    page.write_text(offline(page.read_text("utf-8")), "utf-8")
+
+
+def main(arguments: list[str]) -> int:
+    """Run the command line; the result is the exit code."""
+    root, student, set_name = Path(arguments[0]), arguments[1], arguments[2]
+    # Neither the teacher's own settings nor their history have a part in it.
+    os.environ.update(IPYTHONDIR=str(root / "ipython"), JUPYTER_CONFIG_DIR=str(root / "jupyter"))
+    wall.adopt_orphans()
+    try:
+        result = grade(root, student, set_name)
+    finally:  # whatever the student's code has left running
+        end(os.getpid(), itself=False)
+    (root / "result.json").write_text(json.dumps(result), "utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,490 @@
+"""Give out the problem sets, and grade what comes back.
+
+    python -m nrdob_course.grading release             student copies and solutions
+    python -m nrdob_course.grading grade FOLDER        grade what students handed in
+    python -m nrdob_course.grading report [TABLE …]    after marks were written by hand
+    python -m nrdob_course.grading regrade             judge some of it anew
+    python -m nrdob_course.grading override            change the points of one answer
+
+FOLDER holds a folder for each student with the notebook in it, ``FOLDER/anna/set2.ipynb``, or is
+what Moodle or Canvas exports, zipped or not. The result is a course in nbgrader's layout:
+``grades.csv`` and ``course.csv``, the feedback of each student and the archives in which Moodle and
+Canvas take it, ``written.csv`` and ``marking.html`` for the answers to be marked by hand,
+``class.html``, ``similar.csv``, and nbgrader's gradebook. What was changed later stands in
+``changes.csv``. Roster, deadlines and the rule for late ones stand in ``course.toml``.
+"""
+
+from __future__ import annotations
+
+import csv
+import shutil
+import sys
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import nbformat
+from sqlalchemy.exc import DatabaseError
+
+from . import changes, similar, wall
+from .arguments import COURSE, GRADING, parse
+from .autograde import course, write_feedback
+from .batch import Batch, Outcome
+from .marking import write_marking
+from .marks import (
+    Records,
+    enter,
+    grades_of,
+    lines,
+    number,
+    pack_feedback,
+    problem_of,
+    tell_late,
+    unmarked,
+    write_course,
+    write_grades,
+    write_platforms,
+    write_table,
+)
+from .platforms import packed, unpacked
+from .release import (
+    MARKERS,
+    SOURCE,
+    CourseError,
+    found_course,
+    generate,
+    release,
+    sets_in,
+    solved,
+)
+from .roster import Course, read_course
+from .submissions import NOTHING, Submission, find, repair
+from .tally import write_tally
+from .written import Key, Typed, read_written, write_written
+
+__all__ = [
+    "MARKERS",
+    "grade",
+    "main",
+    "override",
+    "parse",
+    "regrade",
+    "release",
+    "report",
+    "solved",
+]
+
+ADVICE = SOURCE.parents[1] / "problems.toml"
+
+Notebook = Any
+
+
+# --- grading ------------------------------------------------------------------------------------
+
+
+def grade(
+    folder: Path,
+    wanted: Sequence[str] = (),
+    target: Path = GRADING,
+    source: Path = SOURCE,
+    jobs: int = 2,
+    limit: float = 1200,
+    plan: Course | None = None,
+    trust: bool = False,
+) -> int:
+    """Grade what students handed in; the result is how many could not be graded."""
+    if not folder.exists():
+        raise CourseError(f"there is no folder {folder}")
+    plan = plan or Course()
+    if wall.missing():
+        print(f"{wall.missing()}. {UNWALLED}")
+    if wall.stays_root():
+        print(f"{wall.stays_root()}. Grade as a user of your own.")
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as place:
+        faults = []
+        if packed(folder):
+            faults = list(unpacked(folder, Path(place)))
+            folder = Path(place)
+        submissions = find(folder, sets_in(source), wanted, plan)
+        if not submissions:
+            raise CourseError(f"there are no submissions in {folder}")
+        found_course(target)
+        records = Records(target / "submissions.json")
+        faults += take_marks(target, records).faults.values()
+        given_out = released(target, source, {s.set for s in submissions if not s.reason})
+        for fault in faults:
+            print(fault, flush=True)
+        ready = []
+        for submission in list(submissions):
+            if submission.reason and records.graded(submission):  # what came earlier stays
+                submissions.remove(submission)
+                if submission.reason != NOTHING:
+                    faults.append(f"{described(submission)}: {submission.reason}. {EARLIER}")
+                continue
+            if not submission.reason:
+                hand_over(submission, given_out[submission.set], target, records, plan)
+            if not submission.reason and submission.suspicious and wall.missing() and not trust:
+                submission.reason = NOT_RUN
+            entry = records.add(submission, submission.reason or "it is still to be graded")
+            if submission.reason:
+                print(f"not graded: {described(submission)}: {submission.reason}", flush=True)
+            else:
+                ready.append((entry["folder"], submission))
+    try:
+        run(ready, target, records, jobs, limit)
+        records.remark_shared_groups(plan)
+    finally:  # after an interrupt, too
+        write_tables(target, records, plan, source)
+    compare(target, records, given_out, sets_in(source))
+    return summary(target, submissions, records, faults)
+
+
+def released(target: Path, source: Path, names: set[str]) -> dict[str, Notebook]:
+    """Give the students' copy of each of some sets, made anew."""
+    return {
+        name: nbformat.read(generate(target, source, name) / f"{name}.ipynb", as_version=4)
+        for name in sorted(names)
+    }
+
+
+EARLIER = "What was graded earlier stays"
+
+
+UNWALLED = (
+    "It runs with your rights, and could read and change what you can: what looks as if it did is "
+    "not run, unless you have read it and say --trust. Grade strangers' work in a virtual machine."
+)
+NOT_RUN = "it was not run, for there is no wall on this system: read what is remarked, then --trust"
+
+
+def hand_over(
+    submission: Submission, given_out: Notebook, target: Path, records: Records, plan: Course
+) -> None:
+    """Put a submission where nbgrader looks for it, repaired."""
+    known = plan.find(submission.student, submission.owner.identifier)
+    try:
+        repair(submission, given_out, known.group if known else None)
+    except Exception as error:  # whatever a file may hold
+        submission.reason = f"its cells cannot be read ({type(error).__name__}: {error})"
+        return
+    place = target / "submitted" / records.folder_of(submission.student) / submission.set
+    if place.exists():
+        shutil.rmtree(place)
+    place.mkdir(parents=True)
+    nbformat.write(submission.notebook, place / f"{submission.set}.ipynb")
+    for picture in submission.pictures:
+        shutil.copy(picture, place)
+
+
+def run(
+    ready: list[tuple[str, Submission]], target: Path, records: Records, jobs: int, limit: float
+) -> None:
+    """Grade, and tell how it goes."""
+    for count, outcome in enumerate(Batch(target, jobs, limit).grade(ready), start=1):
+        entry = records.add(outcome.submission, outcome.reason, outcome.seconds)
+        if not outcome.reason:
+            with course(target).gradebook as gradebook:
+                enter(gradebook, entry["folder"], outcome)
+        print(f"[{count:>{len(str(len(ready)))}}/{len(ready)}] {told(outcome)}", flush=True)
+
+
+def compare(
+    target: Path,
+    records: Records,
+    given_out: Mapping[str, Notebook],
+    solutions: Mapping[str, Notebook],
+) -> None:
+    """List the submissions whose answers are alike, or published ones, of the sets just graded."""
+    path = target / "similar.csv"
+    columns = ["set", "first", "second", "cells", "share"]
+    rows: list[dict[str, Any]] = []
+    if path.exists():
+        with path.open(newline="", encoding="utf-8", errors="replace") as file:
+            found_before = [{c: row.get(c) for c in columns} for row in csv.DictReader(file)]
+        rows = [row for row in found_before if row["set"] not in given_out]
+    for name, skeleton in given_out.items():
+        notebooks = {
+            entry["student"]: nbformat.read(
+                target / "submitted" / entry["folder"] / name / f"{name}.ipynb", as_version=4
+            )
+            for entry in records.entries
+            if entry["set"] == name and not entry["reason"]
+        }
+        copies = similar.copies(notebooks, skeleton, solutions[name])
+        found = similar.pairs(notebooks, skeleton)
+        rows += [{"set": name, **line} for line in similar.told([*copies, *found])]
+        if copies:
+            print(f"{name}: {len(copies)} students have answers like the published ones: {path}")
+        if found:
+            print(f"{name}: {len(found)} pairs of students have answers that are alike: {path}")
+    write_table(path, columns, rows)
+
+
+def described(submission: Submission) -> str:
+    """Name the student and the set."""
+    return " ".join(filter(None, [submission.student, submission.set]))
+
+
+def told(outcome: Outcome) -> str:
+    """Tell in a line what came of a submission."""
+    points = [points for points in outcome.grades.values() if points is not None]
+    open_ones = len(outcome.grades) - len(points)
+    parts = (
+        [f"not graded: {outcome.reason}"] if outcome.reason else [f"{number(sum(points))} points"]
+    )
+    if open_ones:
+        parts.append(f"{open_ones} to mark by hand")
+    parts += outcome.submission.remarks
+    return f"{described(outcome.submission)} ({outcome.seconds:.0f} s): {'; '.join(parts)}"
+
+
+def take_marks(target: Path, records: Records, tables: Sequence[Path] = ()) -> Typed:
+    """Enter the marks written by hand, if there are any yet, from tables of their own at last."""
+    typed = Typed()
+    if not (target / "gradebook.db").exists():
+        return typed
+    given = changes.overridden(target)
+    with course(target).gradebook as gradebook:
+        for table in (target / "written.csv", *tables):
+            typed.add(read_written(table, gradebook, records, given))
+        changes.apply(gradebook, records, given)
+    return typed
+
+
+def write_tables(
+    target: Path,
+    records: Records,
+    plan: Course,
+    source: Path = SOURCE,
+    tables: Sequence[Path] = (),
+) -> None:
+    """Write what the teacher reads, and what the platform imports."""
+    records.save()
+    typed = take_marks(target, records, tables)  # also what was typed in the meantime
+    with course(target).gradebook as gradebook:
+        found = lines(gradebook, records, plan)
+        write_grades(target / "grades.csv", found)
+        write_course(target / "course.csv", found, plan)
+        write_written(target / "written.csv", gradebook, records, typed)
+        write_marking(target / "marking.html", gradebook, records, sets_in(source), ADVICE)
+        tell_late(target, found, plan)
+        write_platforms(target, found, plan)
+        pack_feedback(target, found)
+        write_tally(target / "class.html", target, found)
+
+
+def summary(
+    target: Path, submissions: list[Submission], records: Records, faults: list[str]
+) -> int:
+    """Say at the end what somebody should look at, by name."""
+    mine = {(submission.student, submission.set) for submission in submissions}
+    entries = [entry for entry in records.entries if (entry["student"], entry["set"]) in mine]
+    refused = [entry for entry in entries if entry["reason"]]
+    print(f"\n{len(entries) - len(refused)} of {len(entries)} submissions are graded.")
+    for entry in entries:
+        said = [f"NOT GRADED: {entry['reason']}"] if entry["reason"] else []
+        for remark in [*said, *entry["remarks"]]:
+            print(f"  {' '.join(filter(None, [entry['student'], entry['set']]))}: {remark}")
+    for fault in faults:
+        print(f"  {fault}")
+    print(
+        f"Points: {target / 'grades.csv'}, {target / 'course.csv'}\nFeedback: {target / 'feedback'}"
+    )
+    with course(target).gradebook as gradebook:
+        left = sum(unmarked(grade) for entry in entries for grade in grades_of(gradebook, entry))
+    if left:
+        print(
+            f"{left} answers are to be marked by hand: in {target / 'marking.html'}, without "
+            f"names, or in {target / 'written.csv'}; then: python -m nrdob_course.grading report"
+        )
+    return len(refused) + len(faults)
+
+
+def report(target: Path = GRADING, plan: Course | None = None, tables: Sequence[Path] = ()) -> int:
+    """Enter the marks written by hand; write feedback and tables anew."""
+    records = records_of(target)
+    if missing := [table for table in tables if not table.is_file()]:
+        raise CourseError(f"there is no table {missing[0]}")
+    faults = take_marks(target, records, tables).faults.values()
+    for fault in faults:
+        print(fault, flush=True)
+    give_feedback(target, [entry for entry in records.entries if not entry["reason"]])
+    write_tables(target, records, plan or Course(), tables=tables)
+    for fault in faults:
+        print(f"  {fault}")
+    print(f"Points: {target / 'grades.csv'}")
+    return len(faults)
+
+
+def records_of(target: Path) -> Records:
+    """Give what is known of a course that was graded."""
+    if not (target / "gradebook.db").exists():
+        raise CourseError(f"nothing is graded yet in {target}")
+    return Records(target / "submissions.json")
+
+
+def give_feedback(target: Path, entries: Sequence[Mapping[str, Any]]) -> None:
+    """Write the feedback of some submissions anew."""
+    api = course(target)
+    for entry in entries:
+        write_feedback(api, entry["folder"], entry["set"])
+        print(f"feedback for {entry['student']} {entry['set']}", flush=True)
+
+
+# --- changing -----------------------------------------------------------------------------------
+
+
+def override(
+    target: Path, key: Key, points: str, who: str, why: str, plan: Course | None = None
+) -> int:
+    """Give the points of one answer by hand, or withdraw such points; it is logged."""
+    records = records_of(target)
+    with course(target).gradebook as gradebook:
+        entry = changes.override(gradebook, target, records, key, points, who, why)
+    give_feedback(target, [entry])
+    write_tables(target, records, plan or Course())
+    print(f"{' '.join(key)}: {points}. The log: {target / changes.FILE}")
+    return 0
+
+
+def regrade(
+    target: Path,
+    students: Sequence[str],
+    problems: Sequence[str],
+    who: str,
+    why: str,
+    source: Path = SOURCE,
+    jobs: int = 2,
+    limit: float = 1200,
+    plan: Course | None = None,
+) -> int:
+    """Judge anew what some students have handed in, or some problems of all; it is logged.
+
+    Points given by hand, and those of other problems, stay.
+    """
+    records = records_of(target)
+    sets = {f"set{problem.partition('.')[0]}" for problem in problems}
+    chosen = [
+        entry
+        for entry in records.entries
+        if not entry["reason"]
+        and (not students or entry["student"] in students)
+        and (not sets or entry["set"] in sets)
+    ]
+    if unknown := set(students) - {entry["student"] for entry in chosen}:
+        raise CourseError(f"nothing of {', '.join(sorted(unknown))} is graded there")
+    if not chosen:
+        raise CourseError(f"nothing is graded of {', '.join(problems)}")
+    released(target, source, {entry["set"] for entry in chosen})
+    entries = {(entry["folder"], entry["set"]): entry for entry in chosen}
+    ready = [(entry["folder"], Submission(entry["student"], entry["set"])) for entry in chosen]
+    failed = 0
+    for outcome in Batch(target, jobs, limit).grade(ready):
+        submission = outcome.submission
+        entry = entries[records.folder_of(submission.student), submission.set]
+        if outcome.reason:
+            failed += 1
+            print(f"not regraded: {described(submission)}: {outcome.reason}", flush=True)
+            continue
+        outcome.grades = {
+            cell: points
+            for cell, points in outcome.grades.items()
+            if not problems or problem_of(cell) in problems
+        }
+        with course(target).gradebook as gradebook:
+            before = {grade.name: grade.auto_score for grade in grades_of(gradebook, entry)}
+            enter(gradebook, entry["folder"], outcome)
+        changed = [
+            ((entry["student"], entry["set"], problem_of(cell)), number(before[cell]), number(new))
+            for cell, new in outcome.grades.items()
+            if number(before[cell]) != number(new)
+        ]
+        changes.log(target, "regrade", who, why, changed)
+        for key, old, new in changed:
+            print(f"{' '.join(key)}: {old} → {new}", flush=True)
+    give_feedback(target, chosen)
+    write_tables(target, records, plan or Course(), source)
+    print(f"The log: {target / changes.FILE}")
+    return failed
+
+
+# --- command line -------------------------------------------------------------------------------
+
+
+def checked(names: Sequence[str]) -> list[str]:
+    """Take sets as "set2" or "2"; an unknown one is an error."""
+    known = sets_in(SOURCE)
+    names = [name if name.startswith("set") else f"set{name}" for name in names]
+    for name in names:
+        if name not in known:
+            raise CourseError(f"there is no {name}; there are {', '.join(known)}")
+    return names
+
+
+def planned(path: Path | None) -> Course:
+    """Read the settings of the course; without a file there are none."""
+    if path is None and not COURSE.exists():
+        return Course()
+    try:
+        found = read_course(path or COURSE)
+    except OSError as error:
+        raise CourseError(str(error)) from None
+    if unknown := {*found.deadlines, *found.extensions} - set(sets_in(SOURCE)):
+        raise CourseError(f"{(path or COURSE).name}: there is no {', '.join(sorted(unknown))}")
+    return found
+
+
+ROOT_STOPS = (
+    "You are root: what students have written would run with more rights than it needs. Grade as a "
+    "user of your own, or say --as-root."
+)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command line; 0 if all is well, 1 if some could not be graded, 2 if nothing was."""
+    options = parse(arguments)
+    try:
+        if options.command == "release":
+            release(checked(options.sets) or list(sets_in(SOURCE)), SOURCE, options.output)
+            return 0
+        if getattr(options, "as_root", True) is False and wall.is_root():
+            raise CourseError(ROOT_STOPS)
+        plan = planned(options.course)
+        if options.command == "override":
+            name = f"set{options.problem.partition('.')[0]}"
+            key = (options.student, name, options.problem)
+            left = override(options.output, key, options.points, options.who, options.why, plan)
+        elif options.command == "regrade":
+            left = regrade(
+                options.output,
+                options.student,
+                options.problem,
+                options.who,
+                options.why,
+                jobs=options.jobs,
+                limit=options.limit,
+                plan=plan,
+            )
+        elif options.command == "grade":
+            left = grade(
+                options.folder,
+                checked(options.set),
+                options.output,
+                jobs=options.jobs,
+                limit=options.limit,
+                plan=plan,
+                trust=options.trust,
+            )
+        else:
+            left = report(options.output, plan, options.tables)
+    except (CourseError, ValueError) as error:
+        print(error, file=sys.stderr)
+        return 2
+    except DatabaseError as error:
+        print(f"gradebook.db cannot be read or written: {error.orig}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("Stopped. What was graded is in the tables.", file=sys.stderr)
+        return 2
+    return 1 if left else 0

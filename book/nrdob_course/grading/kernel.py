@@ -1,0 +1,131 @@
+"""The kernel in which a student's code runs, behind a wall.
+
+    python -P -m nrdob_course.grading.kernel CONNECTION DESK
+
+CONNECTION is Jupyter's file of ports; DESK the only folder that the code can write. What every
+notebook imports is imported before the wall stands and the clock runs. In the place of the graders
+stands what was handed out, see `handout`, in a file on the desk that is gone when the code begins.
+Without arguments it starts kernels on demand, see `starter`.
+"""
+
+from __future__ import annotations
+
+import base64
+import builtins
+import json
+import os
+import pickle
+import sys
+from importlib import import_module
+from importlib.abc import Loader, MetaPathFinder
+from importlib.machinery import ModuleSpec
+from importlib.util import spec_from_loader
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import matplotlib.pyplot  # noqa: F401
+from ipykernel.kernelapp import IPKernelApp
+
+import nrdob  # noqa: F401
+
+from . import wall
+from .plain import HANDOUT
+from .starter import serve
+
+__all__ = ["AnotherGroupError", "Graders", "Note", "leave", "main"]
+
+COURSE = __package__.rpartition(".")[0]
+
+
+def leave(*code: Any) -> None:
+    """End a cell: IPython's own would end the kernel a moment later, and nobody knew why."""
+    raise SystemExit(*code)
+
+
+class Note(str):
+    """What `check` gives while the notebook is graded."""
+
+    share = 0.0
+
+    def __repr__(self) -> str:
+        return str(self)
+
+
+def not_now(*any: Any, **more: Any) -> Note:
+    """Stand for `check`."""
+    return Note("Not checked while the notebook is graded: it would take the time of the grading.")
+
+
+class AnotherGroupError(LookupError):
+    """The cases of another group are wanted; the grader sends them, and runs the cell again."""
+
+
+class Graders(MetaPathFinder, Loader):
+    """Finds in the place of the graders what was handed out."""
+
+    def __init__(self, handout: dict[str, Any]) -> None:
+        self.package, self.sources = handout["package"], handout["sources"]
+        self.tools = handout["tools"]
+        self.cases: dict[tuple[str, str], str] = {}
+        self.add(handout["group"], handout["cases"])
+
+    def add(self, group: Any, cases: dict[str, str]) -> None:
+        """Take the cases of a group, by problem."""
+        for problem, case in cases.items():
+            self.cases[problem, str(group)] = case
+
+    def find_spec(self, name: str, path: Any = None, target: Any = None) -> ModuleSpec | None:
+        """Find what was handed out, and nothing else of the course."""
+        if name == self.package or (name.rpartition(".")[0] == self.package and self.of(name)):
+            return spec_from_loader(name, self, is_package=name == self.package)
+        if name.startswith(f"{COURSE}.") and name not in sys.modules:
+            raise ModuleNotFoundError(f"{name} is not there while the notebook is graded")
+        return None
+
+    def of(self, name: str) -> str:
+        """Give the source of a module; empty if there is none."""
+        return str(self.sources.get(name.rpartition(".")[2], ""))
+
+    def exec_module(self, module: ModuleType) -> None:
+        """Fill a module."""
+        if module.__name__ != self.package:
+            exec(compile(self.of(module.__name__), f"<{module.__name__}>", "exec"), vars(module))
+            return
+        given = {
+            name: getattr(import_module(f"{self.package}.{m}"), name) for m, name in self.tools
+        }
+        vars(module).update(check=not_now, own_case=self.own_case, add=self.add, **given)
+
+    def own_case(self, id: str, group: Any) -> Any:
+        """Give the case of a group."""
+        if isinstance(group, float) and group.is_integer():
+            group = int(group)
+        if (id, str(group)) not in self.cases:
+            raise AnotherGroupError(str(group))
+        return pickle.loads(base64.b64decode(self.cases[id, str(group)]))
+
+
+def main(arguments: list[str]) -> None:
+    """Build the wall, then be a kernel like any other."""
+    connection, desk = Path(arguments[0]), Path(arguments[1])
+    os.chdir(desk)
+    ports = json.loads(connection.read_text("utf-8"))
+    handout = json.loads((desk / HANDOUT).read_text("utf-8"))
+    (desk / HANDOUT).unlink()
+    wall.limit()
+    wall.build(desk, [port for name, port in ports.items() if name.endswith("_port")])
+    sys.meta_path.insert(0, Graders(handout))
+    builtins.exit = builtins.quit = leave  # type: ignore[assignment]
+    app: Any = IPKernelApp.instance()
+    app.initialize(["-f", str(connection), "--HistoryManager.enabled=False", "--log-level=ERROR"])
+    app.shell.user_ns.update(exit=leave, quit=leave)
+    wall.seal()
+    app.start()
+
+
+if __name__ == "__main__":
+    if sys.argv[1:]:
+        main(sys.argv[1:])
+    else:
+        serve(main)

@@ -1,0 +1,127 @@
+"""Read a submission's code before it runs, and remark what no answer needs.
+
+A remark is no verdict: there are honest reasons to open a file. It says where to look. And no
+reading finds everything, for names can be put together while the code runs; see `wall` for what
+holds.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+__all__ = ["parsed", "suspicious"]
+
+OURS = ("nrdob", "nrdob_course")
+MODULES = {
+    "__future__", "cmath", "collections", "control", "copy", "dataclasses", "decimal", "enum",
+    "fractions", "functools", "itertools", "json", "math", "matplotlib", "nrdob", "numbers",
+    "numpy", "operator", "random", "re", "scipy", "statistics", "string", "sympy", "textwrap",
+    "time", "typing", "warnings",
+}  # fmt: skip
+"""What an answer may import, with what lies in it, but for the names below."""
+OUTWARD = {
+    # Modules that others hold.
+    "asyncio", "builtins", "codecs", "contextlib", "ctypes", "ctypeslib", "distutils",
+    "f2py", "gc", "importlib", "inspect", "io", "linecache", "mmap", "modules", "multiprocessing",
+    "os", "pathlib", "pickle", "pkgutil", "posix", "pty", "resource", "runpy", "shutil",
+    "socket", "subprocess", "sys", "tempfile", "threading", "urllib", "weakref",
+    # Functions that read, write or run.
+    "attrgetter", "fromfile", "fromregex", "genfromtxt", "imread", "imsave", "lambdify", "load",
+    "loadmat", "loadtxt", "measure", "memmap", "methodcaller", "open_memmap", "parse_expr",
+    "preview", "read_data", "rundocs", "runstring", "save", "savefig", "savemat", "savetxt",
+    "savez", "savez_compressed", "sympify", "tofile", "DataSource", "rc_file",
+}  # fmt: skip
+BUILT_IN = {
+    "open", "exec", "eval", "compile", "globals", "locals", "vars", "get_ipython", "breakpoint",
+    "memoryview", "getattr", "setattr", "delattr", "input", "help", "copyright", "credits",
+    "license",
+}  # fmt: skip
+PLACES = re.compile(
+    r"/proc\b|/dev/|gradebook|\.\./|\.ipynb|/etc/|/home/|/root/|__\w+__", re.IGNORECASE
+)
+
+
+def suspicious(cells: Iterable[Any], given_out: Iterable[Any]) -> list[str]:
+    """List what the code cells do that no answer needs, each with the name of its cell.
+
+    What the cells do as they were given out is left out: their own imports may be used.
+    """
+    usual = {sign for cell in given_out for sign in _signs(cell)}
+    found: dict[str, list[str]] = {}
+    for cell in cells:
+        for sign in _signs(cell):
+            if sign not in usual and sign not in found.setdefault(cell.id, []):
+                found[cell.id].append(sign)
+    return [
+        f"{name} does what no answer needs: {', '.join(signs[:5])}"
+        for name, signs in found.items()
+        if signs
+    ]
+
+
+def parsed(source: str) -> ast.Module | None:
+    """Parse a cell without its magics; None if it is no Python."""
+    lines = [re.sub(r"^(\s*)[%!].*", r"\1pass", line) for line in source.splitlines()]
+    try:
+        return ast.parse("\n".join(lines))
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        return None
+
+
+def _signs(cell: Any) -> Iterator[str]:
+    if cell.cell_type != "code":
+        return
+    yield from (
+        f"the command {match[1]}" for match in re.finditer(r"^\s*([!%]+\w*)", cell.source, re.M)
+    )
+    tree = parsed(cell.source)
+    nodes = list(ast.walk(tree)) if tree else []
+    literal = {id(node.func) for node in nodes if isinstance(node, ast.Call) and _is_literal(node)}
+    for node in nodes:
+        if id(node) not in literal:
+            yield from _of_node(node)
+
+
+def _is_literal(call: ast.Call) -> bool:
+    """Tell whether an attribute is asked for by a name that is written down, and leads nowhere."""
+    match call:
+        case ast.Call(func=ast.Name(id="getattr"), args=[_, ast.Constant(value=str(name)), *_]):
+            return not _leads_out(name)
+    return False
+
+
+def _of_node(node: ast.AST) -> Iterator[str]:
+    match node:
+        case ast.Import(names=names):
+            for name in names:
+                if not _allowed(name.name):
+                    yield f"import {name.name}"
+        case ast.ImportFrom(module=module, names=names, level=level):
+            for name in names:
+                if level or name.name == "*" or not _allowed(f"{module}.{name.name}"):
+                    yield f"from {'.' * level}{module or ''} import {name.name}"
+        case ast.Name(id=name) if name in BUILT_IN or name.startswith("__"):
+            yield name
+        case ast.Attribute(attr=attribute):
+            text = ast.unparse(node)
+            if _leads_out(attribute) or text.startswith(("os.", "sys.")):
+                yield text[-60:]
+            elif isinstance(node.ctx, ast.Store) and text.split(".")[0] in OURS:
+                yield f"{text[:60]} = …"
+        case ast.MatchClass(kwd_attrs=names):
+            yield from filter(_leads_out, names)
+        case ast.Constant(value=str(text)) if PLACES.search(text):
+            yield repr(text[:60])
+
+
+def _leads_out(name: str) -> bool:
+    return name.startswith("_") or name in OUTWARD
+
+
+def _allowed(module: str) -> bool:
+    """Tell whether an answer may import that; the graders' package, by what was given out only."""
+    first, *others = module.split(".")
+    return first in MODULES and not any(map(_leads_out, others))

@@ -1,6 +1,0 @@
-"""What teaches: the ledger of the paper's claims, and the graded problem sets.
-
-Each is loaded where it is asked for, as in ``from nrdob.course import claims``.
-"""
-
-__all__ = ["claims", "exercises", "grading"]

@@ -1,8 +1,0 @@
-"""The way from a submission to its points: give out the problem sets, grade, report.
-
-python -m nrdob.course.grading release
-python -m nrdob.course.grading grade FOLDER
-python -m nrdob.course.grading report
-"""
-
-__all__: list[str] = []
