@@ -18,14 +18,14 @@ __all__ = ["REFERENCE_2", "SECTION"]
 
 SECTION = Section()
 
-LATE = "04_time_delay"
+VERDICTS = "08_which_margin_is_the_plants"
 
 
 @SECTION.claim(
     "concl.unstable_nmp_delay",
     "Section V",
     "NR-DOB control systems can be designed for unstable, non-minimum-phase and delayed processes.",
-    LATE,
+    VERDICTS,
 )
 def designs_exist() -> Finding:
     """See that the plants of Examples 2, 3, 4 are what they should be, and judge all six loops."""
@@ -48,7 +48,7 @@ def designs_exist() -> Finding:
     "Section V",
     "The model should be designed for stability rather than to match the process, above all for "
     "unstable processes and for processes with dead time.",
-    LATE,
+    VERDICTS,
     amendment=Amendment(
         Verdict.CONDITION,
         "For a plant with a pole or a zero in the right half plane that is so with the filter (1): "
@@ -147,7 +147,7 @@ REFERENCE_2 = (
     "ref02.year",
     "Reference [2]",
     "The reference appeared in 2006.",
-    LATE,
+    VERDICTS,
     printed="2006",
     amendment=Amendment(
         Verdict.CORRECTED,

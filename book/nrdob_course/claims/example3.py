@@ -35,7 +35,7 @@ __all__ = ["SECTION"]
 
 SECTION = Section()
 
-UNSTABLE, SURVIVES = "03_unstable", "37_will_it_survive"
+UNSTABLE, SURVIVES = "06_why_must_the_model_be_wrong", "37_will_it_survive"
 
 PLANT = ([4], [-1, -1, 2])
 

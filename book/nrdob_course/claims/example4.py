@@ -35,7 +35,7 @@ __all__ = ["SECTION"]
 
 SECTION = Section()
 
-LATE, SURVIVES = "04_time_delay", "37_will_it_survive"
+LATE, SURVIVES = "07_do_endless_encirclements_matter", "37_will_it_survive"
 
 
 @SECTION.claim(
@@ -213,7 +213,7 @@ def _late(den: list[float], model_den: list[float], num: list[float] | None = No
     r"If $\tilde G^{-1}G$ is improper the loop is stable provided that $F$ has a small bandwidth "
     "and an order above the size of the relative degree, so that the turns of $FH$ at high "
     "frequency are avoided.",
-    "16_nyquist",
+    "07_do_endless_encirclements_matter",
 )
 def noncausal_order() -> Finding:
     """Take a biproper plant with dead time, and models of relative degree m = 2 and 3.
@@ -366,7 +366,7 @@ def figure_16() -> Finding:
     "ex4.gain_margin",
     "Fig. 16, Lemma 2",
     "The gain margin of $FH$ says how much gain the loop bears before it is unstable.",
-    "18_lemma_2",
+    "08_which_margin_is_the_plants",
     printed="14.01 dB",
     amendment=Amendment(
         Verdict.CORRECTED,

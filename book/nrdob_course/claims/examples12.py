@@ -36,7 +36,7 @@ __all__ = ["SECTION"]
 
 SECTION = Section()
 
-MATCHED, ZERO, SURVIVES = "01_matched", "02_nonminimum_phase", "37_will_it_survive"
+MATCHED, ZERO, SURVIVES = "03_is_a_perfect_model_perfect", "05_how_slow_must_the_filter_be", "37_will_it_survive"
 
 enter_margin(SECTION, "ex1.CGm.pm", MATCHED)
 enter_margin(SECTION, "ex1.CGm.gm", MATCHED)
@@ -125,7 +125,7 @@ def figure_2() -> Finding:
     "ex1.responses_prove",
     "Example 1",
     "From the four step responses it is clear that the loop is globally and internally stable.",
-    "17_lemma_1",
+    "04_what_exactly_is_lemma_1",
     amendment=Amendment(
         Verdict.CONDITION,
         "The loop of Example 1 is internally stable because $p_A$ and $p_B$, with nothing "
@@ -227,7 +227,7 @@ def mismatch_2() -> Finding:
     "fig05",
     "Fig. 5",
     "The Nyquist plot of $H$ encircles $-1$ once clockwise.",
-    "16_nyquist",
+    "05_how_slow_must_the_filter_be",
     amendment=Amendment(
         Verdict.CONDITION,
         "It does once the curve is closed. $H = -0.01s$ is improper: the line drawn for "

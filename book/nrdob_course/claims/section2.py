@@ -83,7 +83,7 @@ def _noise_powers(loop: NRDOB, time_constant: float) -> FloatArray:
     "Section I",
     "A conventional disturbance observer cannot reduce the effect of sensor noise without "
     "affecting the performance; the noise-reduction observer can.",
-    "11_the_loop",
+    "01_can_you_compute_the_load",
     amendment=Amendment(
         Verdict.CONDITION,
         r"With a perfect model the response to $R$ is $C\tilde G/(1+C\tilde G)$ under either "
@@ -148,7 +148,7 @@ def _matched(blocks: Values) -> Values:
     "Fig. 1",
     r"One block diagram, that of Fig. 1, leads to eqs. (3), (4) and (7); $U/\delta$ in eq. (7) is "
     r"then the plant input $u+\delta$.",
-    "11_the_loop",
+    "01_can_you_compute_the_load",
 )
 def one_diagram() -> Finding:
     """Solve the diagram's three linear equations, for each input alone, at random values.
@@ -173,7 +173,7 @@ def one_diagram() -> Finding:
     "eq01.causal",
     "below eq. (1)",
     r"The order $n$ can be chosen such that $F\tilde G^{-1}$ is causal.",
-    "12_the_filter",
+    "01_can_you_compute_the_load",
 )
 def a_causal_choice_of_the_order() -> Finding:
     """Take random models; see whether |F/Gm| still grows from ω = 10⁵ to 10⁶ rad/s.
@@ -213,7 +213,7 @@ def _accepted(model: ct.TransferFunction, F: LowPassFilter) -> bool:
     "eq01.bandwidth",
     "below eq. (1)",
     r"The time constant $\lambda$ determines which frequencies are filtered.",
-    "12_the_filter",
+    "01_can_you_compute_the_load",
 )
 def time_constant_and_bandwidth() -> Finding:
     r"""Find the −3 dB frequency by bisection; compare with √(2^(1/n) − 1)/λ.
@@ -239,7 +239,7 @@ def time_constant_and_bandwidth() -> Finding:
     "eq02.low",
     "eq. (2)",
     r"$|F(\mathrm{j}\omega)|\approx1$ for $\omega\in[0,\omega_B]$.",
-    "12_the_filter",
+    "01_can_you_compute_the_load",
     amendment=Amendment(
         Verdict.CONDITION,
         r"$|F|$ falls to $1/\sqrt2$ at $\omega_B$ itself. It is at least $1-\varepsilon$ exactly "
@@ -280,7 +280,7 @@ def filter_in_its_pass_band() -> Finding:
     "eq. (2)",
     r"$|F(\mathrm{j}\omega)|\approx0$ for $\omega\in[\omega_B+\Delta_\omega,\infty)$, with some "
     r"$\Delta_\omega$.",
-    "12_the_filter",
+    "01_can_you_compute_the_load",
 )
 def filter_in_its_stop_band() -> Finding:
     r"""Find by bisection where |F| falls to 10, 1 and 0.1 %.
@@ -309,7 +309,7 @@ def filter_in_its_stop_band() -> Finding:
     "eq03",
     "eq. (3)",
     r"$Y=T_R\,R+S_d\,d+S_\delta\,\delta+S_\eta\,\eta$.",
-    "11_the_loop",
+    "02_why_two_conditions",
 )
 def output_is_the_sum_of_four() -> Finding:
     """Solve the diagram with all four inputs at once, random complex numbers; compare the sums.
@@ -348,7 +348,7 @@ for _name, _input, _formula in (
     ("S_delta", "δ", r"S_\delta=\dfrac{G\tilde G(1-F)}{\tilde G+F(G-\tilde G)}"),
     ("S_eta", "η", r"S_\eta=\dfrac{-GF}{\tilde G+F(G-\tilde G)}"),
 ):
-    enter_map(SECTION, f"eq04.{_name}", f"${_formula}$.", "11_the_loop", (_input, "y"))
+    enter_map(SECTION, f"eq04.{_name}", f"${_formula}$.", "02_why_two_conditions", (_input, "y"))
 
 
 # Eq. (5): low frequency.
@@ -368,7 +368,7 @@ def _worst(measure: Callable[[NRDOB], float]) -> list[float]:
     "eq05.T_R",
     "eq. (5)",
     r"On $[0,\omega_B]$, $|T_R|\approx\left|\dfrac{C\tilde G}{1+C\tilde G}\right|$.",
-    "14_two_bands",
+    "03_is_a_perfect_model_perfect",
     amendment=Amendment(
         Verdict.CONDITION,
         r"Exactly, $T_R=\dfrac{1+H}{1+FH}\cdot\dfrac{C\tilde G}{1+C\tilde G}$. The first factor "
@@ -415,7 +415,7 @@ def tracking_at_low_frequency() -> Finding:
     "eq05.S_d",
     "eq. (5)",
     r"On $[0,\omega_B]$, $|S_d|\approx0$.",
-    "14_two_bands",
+    "03_is_a_perfect_model_perfect",
     amendment=Amendment(
         Verdict.CONDITION,
         r"$S_d=(1-F)/(1+FH)$ is 0 at $s=0$ (if $G(0)/\tilde G(0)\ne0$) and small only where "
@@ -462,7 +462,7 @@ def _one_minus(order: int) -> Callable[[float], float]:
     "eq05.S_eta",
     "eq. (5)",
     r"On $[0,\omega_B]$, $|S_\eta|\approx-1$.",
-    "14_two_bands",
+    "03_is_a_perfect_model_perfect",
     amendment=Amendment(
         Verdict.CORRECTED,
         r"$S_\eta\approx-1$: a modulus is never negative. $S_\eta(0)=-1$ exactly, if "
@@ -506,7 +506,7 @@ def _at(G: Any, Gm: Any, F: LowPassFilter, name: str, s: complex) -> complex:
     "eq05.S_delta",
     "eq. (5)",
     r"On $[0,\omega_B]$, $|S_\delta|\approx0$.",
-    "14_two_bands",
+    "03_is_a_perfect_model_perfect",
     amendment=Amendment(
         Verdict.CONDITION,
         r"$S_\delta=G\,S_d$. If the model has no pole at $s=0$ (and $G(0)\ne0$), "
@@ -618,7 +618,7 @@ def _approach(
     "eq06.T_R",
     "eq. (6)",
     r"Where $|F|\approx0$, $|T_R|\approx\left|\dfrac{CG}{1+C\tilde G}\right|$.",
-    "14_two_bands",
+    "03_is_a_perfect_model_perfect",
     amendment=Amendment(
         Verdict.CONDITION,
         r"Exactly, $T_R=\dfrac{1}{1+FH}\cdot\dfrac{CG}{1+C\tilde G}$: what has to be small is "
@@ -645,7 +645,7 @@ def tracking_at_high_frequency() -> Finding:
     "eq06.S_d",
     "eq. (6)",
     r"Where $|F|\approx0$, $|S_d|\approx1$.",
-    "14_two_bands",
+    "03_is_a_perfect_model_perfect",
     amendment=Amendment(
         Verdict.CONDITION,
         r"$S_d=(1-F)/(1+FH)$: besides $|F|$ also $|FH|$ must be small. If $FH$ is strictly proper "
@@ -671,7 +671,7 @@ def output_disturbance_at_high_frequency() -> Finding:
     "eq06.S_eta",
     "eq. (6)",
     r"Where $|F|\approx0$, $|S_\eta|\approx0$.",
-    "14_two_bands",
+    "03_is_a_perfect_model_perfect",
     amendment=Amendment(
         Verdict.CONDITION,
         r"$S_\eta=-F(1+H)/(1+FH)$ with $1+H=G/\tilde G$: what has to be small is $|FG/\tilde G|$. "
@@ -712,7 +712,7 @@ def noise_at_high_frequency() -> Finding:
     "eq06.S_delta",
     "eq. (6)",
     r"Where $|F|\approx0$, $|S_\delta|\approx|G|$.",
-    "14_two_bands",
+    "03_is_a_perfect_model_perfect",
     amendment=Amendment(
         Verdict.CONDITION,
         r"$S_\delta=G\,S_d$ with $S_d=(1-F)/(1+FH)$: besides $|F|$ also $|FH|$ must be small, "
@@ -741,7 +741,7 @@ def input_disturbance_at_high_frequency() -> Finding:
     "below eq. (6)",
     r"With a suitable $F$ the effect of noise is reduced without compromising the tracking of "
     r"$R$.",
-    "14_two_bands",
+    "03_is_a_perfect_model_perfect",
     amendment=Amendment(
         Verdict.CONDITION,
         r"$T_R$ is free of $F$ only if $G=\tilde G$; otherwise $F$ enters it as "
@@ -800,7 +800,7 @@ def noise_against_tracking() -> Finding:
     "below eq. (6)",
     r"Above $\omega_B$ disturbances pass with $|S_d|\approx1$, which does no harm since they are "
     "negligible there.",
-    "14_two_bands",
+    "03_is_a_perfect_model_perfect",
     amendment=Amendment(
         Verdict.CONDITION,
         r"1 is the limit for $\omega\to\infty$ (if $FH$ is strictly proper). With a perfect model "

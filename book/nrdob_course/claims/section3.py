@@ -84,7 +84,7 @@ def critical_gain(order: int) -> float:
     "eq07.E_R",
     "eq. (7)",
     r"$\dfrac{E}{R}=\dfrac{F(G-\tilde G)+\tilde G}{(1+\tilde G C)\,[\tilde G+F(G-\tilde G)]}$.",
-    "11_the_loop",
+    "02_why_two_conditions",
 )
 def reference_to_error() -> Finding:
     """Solve the diagram with R alone at random values; compare e with the printed formula.
@@ -106,7 +106,7 @@ def reference_to_error() -> Finding:
     "eq07.E_zero",
     "eq. (7)",
     r"$E/\delta=0$, $E/d=0$ and $E/\eta=0$.",
-    "11_the_loop",
+    "02_why_two_conditions",
 )
 def the_error_sees_no_disturbance() -> Finding:
     """Solve the diagram with δ, d and η at random values; compare e with the other signals."""
@@ -126,7 +126,7 @@ enter_map(
     SECTION,
     "eq07.U_R",
     r"$\dfrac{U}{R}=\dfrac{\tilde G C}{(1+\tilde G C)\,[\tilde G+F(G-\tilde G)]}$.",
-    "11_the_loop",
+    "02_why_two_conditions",
     ("R", "u"),
 )
 
@@ -135,7 +135,7 @@ enter_map(
     "eq07.U_d",
     "eq. (7)",
     r"$\dfrac{U}{d}=\dfrac{U}{\eta}=\dfrac{-F}{\tilde G+F(G-\tilde G)}$.",
-    "11_the_loop",
+    "02_why_two_conditions",
 )
 def output_disturbance_to_control() -> Finding:
     """Solve the diagram with d alone, then η alone; compare u with the printed formula."""
@@ -151,7 +151,7 @@ def output_disturbance_to_control() -> Finding:
     "eq07.U_delta",
     "eq. (7)",
     r"$\dfrac{U}{\delta}=\dfrac{\tilde G(1-F)}{\tilde G+F(G-\tilde G)}$.",
-    "11_the_loop",
+    "02_why_two_conditions",
     amendment=Amendment(
         Verdict.CORRECTED,
         r"This is the plant input, $(U+\delta)/\delta$. The controller output, which $U$ is in "
@@ -186,7 +186,7 @@ def input_disturbance_to_control() -> Finding:
     "lemma1.polynomials",
     "Lemma 1",
     r"$\Lambda$, $A=1+\tilde G C$ and $B$ are polynomials.",
-    "17_lemma_1",
+    "04_what_exactly_is_lemma_1",
     amendment=Amendment(
         Verdict.CORRECTED,
         r"They are rational functions. The polynomials are $p_A=D_mD_c+N_mN_c$ and "
@@ -256,7 +256,7 @@ def _modes_are_the_roots(loop: NRDOB) -> bool:
     "Lemma 1, condition ii",
     r"The conditions on $\tilde G+F(G-\tilde G)$, on $1+F(G/\tilde G-1)$ and on $1+FH$ are the "
     "same.",
-    "17_lemma_1",
+    "04_what_exactly_is_lemma_1",
     amendment=Amendment(
         Verdict.CONDITION,
         r"The first form is $\tilde G$ times the other two, which are equal. Before cancellation "
@@ -308,7 +308,7 @@ def _vanishes_at_roots(loop: NRDOB) -> bool:
     "lemma1.H_forms",
     "Lemma 1",
     r"$H=\dfrac{G}{\tilde G}-1=-\left(1-\dfrac{G}{\tilde G}\right)=\dfrac{G-\tilde G}{\tilde G}$.",
-    "17_lemma_1",
+    "04_what_exactly_is_lemma_1",
 )
 def three_forms_of_h() -> Finding:
     """Compare the three at random values of the blocks, and on loops with the package's H."""
@@ -339,7 +339,7 @@ def _h_forms_agree(blocks: Values, H: ComplexArray) -> bool:
     "Lemma 1",
     r"The loop is globally and internally stable if $C$ stabilises $\tilde G$ ($A$ has no zeros in "
     r"the closed right half plane) and $F$ stabilises $B$ (nor has $B$).",
-    "17_lemma_1",
+    "04_what_exactly_is_lemma_1",
     amendment=Amendment(
         Verdict.CONDITION,
         r"It is if, and only if, the polynomials $p_A$ and $p_B$ have all roots in the open left "
@@ -420,7 +420,7 @@ def _zeros_of_one_plus(loop: Quotient) -> ComplexArray:
     "lemma1.H_poles",
     "below Lemma 1",
     r"The poles of $H$ are the poles of $G$ and the zeros of $\tilde G$.",
-    "17_lemma_1",
+    "05_how_slow_must_the_filter_be",
     amendment=Amendment(
         Verdict.CONDITION,
         r"Before cancellation they are: $H=(ND_me^{-\theta s}-DN_m)/(DN_m)$. Those that $G$ and "
@@ -476,7 +476,7 @@ def _is_pole(loop: NRDOB, root: complex) -> bool:
     "below Lemma 1",
     r"Condition ii holds if the plot of $FH$ encircles $-1$ anticlockwise $N_p$ times, the number "
     r"of right half plane poles of $G$ plus that of right half plane zeros of $\tilde G$.",
-    "17_lemma_1",
+    "05_how_slow_must_the_filter_be",
     amendment=Amendment(
         Verdict.CONDITION,
         r"If and only if, provided that $N_p$ is counted before cancellation, that nothing cancels "
@@ -561,7 +561,7 @@ def _condition_ii(loop: NRDOB) -> bool:
     "sec3.rhp_zeros",
     "below Lemma 1",
     r"Right half plane zeros of $H$ can prevent stabilisation.",
-    "20_rules_of_the_paper",
+    "B_rules",
 )
 def a_zero_that_no_filter_survives() -> Finding:
     """Try H = 4(s − 1)/(s − 2) with 21 λ and n = 1 to 4, and the same with its zero at −1.
@@ -591,7 +591,7 @@ def a_zero_that_no_filter_survives() -> Finding:
     "Section III",
     r"The number of right half plane zeros of $H$ is $Z_H=N_H+P_H$, with $N_H$ the clockwise turns "
     r"of $G/\tilde G$ around $+1$.",
-    "16_nyquist",
+    "05_how_slow_must_the_filter_be",
     amendment=Amendment(
         Verdict.CONDITION,
         r"The plot must not pass through $+1$: it does when $G(0)=\tilde G(0)$ and when the limit "
@@ -642,7 +642,7 @@ def _meets_plus_one(ratio: Quotient) -> bool:
     "sec3.slow_filter_always",
     "Section III",
     r"Clockwise turns of $H$ around $-1$ are avoided by reducing the bandwidth of $F$.",
-    "20_rules_of_the_paper",
+    "B_rules",
     amendment=Amendment(
         Verdict.CONDITION,
         r"For all sufficiently large $\lambda$ the observer loop is stable if and only if the "
@@ -689,7 +689,7 @@ def slowing_the_filter_down() -> Finding:
     "Section III",
     r"If $H$ has $P_H$ unstable poles and its plot does not turn $P_H$ times anticlockwise around "
     r"$-1$, no filter $F$ stabilises $B$.",
-    "20_rules_of_the_paper",
+    "B_rules",
     amendment=Amendment(
         Verdict.REFUTED,
         r"It is $FH$ that has to turn, not $H$. $G/\tilde G=(s+1)(1-s/100)/(s-1)$ has $P_H=1$, its "
@@ -826,7 +826,7 @@ def _normalised_loops(count: int) -> list[NRDOB]:
     "Section III",
     r"If $G$ and $\tilde G$ have the same steady state gain, $\lim_{\omega\to0}G/\tilde G=1$ and "
     r"$H(0)=0$.",
-    "20_rules_of_the_paper",
+    "B_rules",
 )
 def equal_gains_at_zero() -> Finding:
     """Draw 40 pairs of one order and gain; take H at s = 0 and follow it towards 0."""
@@ -848,7 +848,7 @@ def equal_gains_at_zero() -> Finding:
     r"With constant coefficients 1 and equal orders, "
     r"$\lim_{\omega\to\infty}G/\tilde G=\dfrac{b_m\tilde a_n}{\tilde b_m a_n}=M$, and "
     r"$H(\infty)=0$ if $M=1$.",
-    "20_rules_of_the_paper",
+    "B_rules",
 )
 def ratio_at_high_frequency() -> Finding:
     """Draw 40 pairs of one order and gain; follow G/Gm to ω = 10⁹ rad/s.
@@ -876,7 +876,7 @@ def ratio_at_high_frequency() -> Finding:
     "Section III",
     r"If the parameters of $G$ and $\tilde G$ differ little, the plot of $H$ may be expected in "
     "the right half plane.",
-    "20_rules_of_the_paper",
+    "B_rules",
     amendment=Amendment(
         Verdict.REFUTED,
         r"It may lie anywhere. Exchange $G$ and $\tilde G$, and $H$ becomes $-H/(1+H)$: where the "
@@ -965,7 +965,7 @@ def _small_mismatches(count: int) -> Iterator[bool]:
     "Section III",
     r"If $H$ stays in the right half plane, and $G$ and $\tilde G$ are stable and minimum phase, "
     r"$B$ is stable whatever the bandwidth of $F$.",
-    "20_rules_of_the_paper",
+    "B_rules",
     amendment=Amendment(
         Verdict.CONDITION,
         r"True for $n=1$ and a proper $H$: $FH$ never turns by 180°. For $n\ge2$ it can: with "
@@ -1045,7 +1045,7 @@ def _in_the_right(loop: NRDOB) -> bool:
     "Lemma 2",
     r"The loop is robust if $C$ is designed such that $C\tilde G$ has adequate gain and phase "
     "margins (with ii).",
-    "18_lemma_2",
+    "08_which_margin_is_the_plants",
     amendment=Amendment(
         Verdict.CONDITION,
         r"$C\tilde G$ does not contain the process: its margins are the same for every $G$, and "
@@ -1102,7 +1102,7 @@ def _equal(one: Margins, other: Margins) -> bool:
     "Lemma 2",
     r"The loop is robust if $F$ is designed such that $FH$ has adequate gain and phase margins "
     "(with i).",
-    "18_lemma_2",
+    "08_which_margin_is_the_plants",
     amendment=Amendment(
         Verdict.CONDITION,
         r"Margins of $FH$ are margins of the mismatch, not of the process: with $kG$ for $G$ the "
@@ -1158,7 +1158,7 @@ def _with_gain(loop: NRDOB, gain: float) -> bool:
     "Corollary 1",
     r"If $G=\tilde G$, the loop is stable when $C$ stabilises $\tilde G$, $F$ is stable, and $G$ "
     "is stable and minimum phase.",
-    "17_lemma_1",
+    "03_is_a_perfect_model_perfect",
 )
 def perfect_models() -> Finding:
     """Draw blocks that fulfil the three conditions; take the modes of the whole diagram.
@@ -1190,7 +1190,7 @@ def perfect_models() -> Finding:
     "Corollary 1",
     r"Each of the conditions of Corollary 1 is needed, if the blocks are built as drawn; they "
     "exclude poles and zeros of $G$ on the imaginary axis, too.",
-    "17_lemma_1",
+    "03_is_a_perfect_model_perfect",
 )
 def each_condition_dropped() -> Finding:
     """Drop one condition at a time and take the modes of the whole diagram.
@@ -1252,7 +1252,7 @@ def _reaches_right(coefficients: FloatArray) -> bool:
     "cor1.robust",
     "Corollary 1",
     r"If $G=\tilde G$, the loop is robust when $C\tilde G$ has adequate gain and phase margins.",
-    "18_lemma_2",
+    "03_is_a_perfect_model_perfect",
     amendment=Amendment(
         Verdict.CONDITION,
         r"With a perfect model $L=F/(1-F)$: gain and phase margins against a change of the process "
