@@ -136,13 +136,13 @@ def table(folder: Path) -> str:
     theorems = [theorem for of in theorems_of(folder).values() for theorem in of]
 
     def chapter(page: str) -> str:
-        return f"[{number(page)} {title_of(pages[page])}](/{CHAPTERS}/{page}.ipynb)"
+        return f"[{short(page)} {title_of(pages[page])}](/{CHAPTERS}/{page}.ipynb)"
 
     def row(name: str, places: list[str], claims: list[str]) -> str:
         ledger = " ".join(f"`claim:{id}`" for id in claims)
         return f"| {name} | {'; '.join(places) or '–'} | {ledger or '–'} |"
 
-    def number(page: str) -> str:
+    def short(page: str) -> str:
         return page.partition("_")[0].lstrip("0")
 
     rows = ["| In the paper | In the book | In the ledger |", "|---|---|---|"]
@@ -159,7 +159,7 @@ def table(folder: Path) -> str:
         rows.append(row(f"Example {n}", [chapter(page)] if page in pages else [], []))
     for n in FIGURES:
         at = [
-            f"[{number(page)}, Figure {n}{PARTS[name.rpartition('-')[2]]}](#{name})"
+            f"[{short(page)}, Figure {n}{PARTS[name.rpartition('-')[2]]}](#{name})"
             for page, names in figures.items()
             for name, number in names.items()
             if number == n
