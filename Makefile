@@ -84,11 +84,13 @@ layers: $(READY) ## imports between the modules run one way
 	@# and in UTF-8, which is all that the reader of the imports takes a path for.
 	PYTHONUTF8=1 $(PY) -c 'from importlinter.cli import lint_imports_command as lint; lint()'
 
-map: $(READY) ## print the rooms of the package floor by floor, as its imports have them
+map: $(READY) ## print the layers of the package, each module with its lines
 	$(PY) -m tests.structure.map
 
-quick: $(READY) ## the checks of the working day, in below 90 seconds
-	@$(MAKE) --jobs=2 lint types layers unit FAST='-m "not slow"'
+# Without the slow tests, those of the course (make test-exercises) and most random examples.
+quick: $(READY) ## the checks of the working day, below a minute
+	@$(MAKE) --jobs=2 lint types layers unit \
+		FAST='-m "not slow" --ignore=tests/course --hypothesis-profile=quick'
 
 unit: $(READY) ## unit tests, doctests, the rules for notebooks, the ledger, and the built book
 	$(PYTEST) $(FAST) tests nrdob book/nrdob_course --doctest-modules

@@ -42,11 +42,13 @@ extensions = [
     "getting",
     "papermap",
     "predict",
-    "reread",
     "solutions",
     "theorems",
     "typeset",
 ]
+
+# The problem sets lie there with their solutions.
+exclude_patterns = ["nrdob_course/**"]
 
 # --- Text -------------------------------------------------------------------------------------
 myst_enable_extensions = [

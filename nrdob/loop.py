@@ -6,19 +6,10 @@ from collections.abc import Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-import control as ct
 from numpy.typing import ArrayLike
 
-from .analysis import (
-    LoopMargins,
-    NoiseVariance,
-    Stability,
-    forced_response,
-    loop_margins,
-    noise_variance,
-    stability,
-    step_response,
-)
+from . import analysis
+from .analysis import LoopMargins, Stability, loop_margins, stability
 from .diagram import CLOSED_LOOP, MAPS, LoopEquations, Quotient
 from .digital import SampledLoop
 
@@ -106,68 +97,15 @@ class NRDOB(LoopEquations):
         """
         return loop_margins(self, self._stability)
 
-    def step_response(self, input: str, timepts: ArrayLike | None = None) -> ct.TimeResponseData:
-        """Respond to a unit step: see `nrdob.analysis.step_response`.
-
-        Parameters
-        ----------
-        input : {"R", "d", "delta", "eta"}
-            Where the step enters: reference, output disturbance, input disturbance or noise.
-        timepts : (N,) array_like or float, optional
-            Increasing times from 0 on, in seconds, or the last one; by default until y and u have
-            settled.
-
-        Returns
-        -------
-        control.TimeResponseData
-            `time` (N,), and `outputs` (2, 1, N) with y and u.
-        """
-        return step_response(self, input, timepts)
-
-    def forced_response(
-        self, input: str, timepts: ArrayLike, inputs: ArrayLike
-    ) -> ct.TimeResponseData:
-        """Respond to any signal: see `nrdob.analysis.forced_response`.
-
-        Parameters
-        ----------
-        input : {"R", "d", "delta", "eta"}
-            Where the signal enters.
-        timepts : (N,) array_like
-            Evenly spaced times from 0 on, in seconds.
-        inputs : (N,) array_like
-            The signal at these times, linear between them.
-
-        Returns
-        -------
-        control.TimeResponseData
-            `time` (N,), and `outputs` (2, N) with y and u.
-        """
-        return forced_response(self, input, timepts, inputs)
-
-    def noise_variance(self, shaping: Any = None, *, input: str = "eta") -> NoiseVariance:
-        """Compute the variances of y and u for noise: see `nrdob.analysis.noise_variance`.
-
-        Parameters
-        ----------
-        shaping : control.TransferFunction, StateSpace, number or (num, den), optional
-            A stable filter that colours white noise of unit density.
-        input : {"R", "d", "delta", "eta"}
-            Where the noise enters.
-
-        Returns
-        -------
-        NoiseVariance
-            `y` and `u`.
-        """
-        return noise_variance(self, shaping, input=input)
+    step_response = analysis.step_response
+    forced_response = analysis.forced_response
+    noise_variance = analysis.noise_variance
 
     def sampled(
         self,
         dt: float,
         method: str = "tustin",
         computation_delay: float = 0.0,
-        prewarp: float | None = None,
     ) -> SampledLoop:
         """Put the controller on a processor: see `nrdob.digital.SampledLoop`.
 
@@ -182,8 +120,6 @@ class NRDOB(LoopEquations):
             How the blocks are sampled.
         computation_delay : float
             Time from reading y to writing u, in seconds.
-        prewarp : float, optional
-            Frequency in rad/s at which Tustin's rule is exact.
 
         Returns
         -------
@@ -191,14 +127,13 @@ class NRDOB(LoopEquations):
             With `stability()`, `margins()`, `step_response()` and the difference equations,
             `.controller`.
         """
-        return SampledLoop(self, dt, method, computation_delay, prewarp)
+        return SampledLoop(self, dt, method, computation_delay)
 
     def plot_nyquist(
         self,
         which: str = "FH",
         *,
         point: float = -1.0,
-        zoom: float | None = None,
         title: str = "",
         ax: Any = None,
     ) -> Figure:
@@ -210,8 +145,6 @@ class NRDOB(LoopEquations):
             Attribute that holds the map, as "FH", "CGm" or "L".
         point : float
             Point of the real axis to turn around.
-        zoom : float, optional
-            Half-width of an inset around the point; 0 for none.
         title : str
             Heading, which also enters the alt text.
         ax : matplotlib Axes, optional
@@ -228,7 +161,7 @@ class NRDOB(LoopEquations):
         verdicts = self._stability
         known = {"CGm": verdicts.model_loop, self.condition_ii.name: verdicts.observer_loop}
         verdict = known.get(which) if point == -1 else None
-        return nyquist_plot(quotient, verdict=verdict, point=point, zoom=zoom, title=title, ax=ax)
+        return nyquist_plot(quotient, verdict=verdict, point=point, title=title, ax=ax)
 
     def plot_bode(
         self,
@@ -300,25 +233,6 @@ class NRDOB(LoopEquations):
         return step_plot(
             self, signal=signal, compare=compare, timepts=timepts, title=title, axes=axes
         )
-
-    def plot_roots(self, *, title: str = "", ax: Any = None) -> Figure:
-        """Draw the roots of p_A and p_B: see `nrdob.plotting.roots_plot`.
-
-        Parameters
-        ----------
-        title : str
-            Heading, which also enters the alt text.
-        ax : matplotlib Axes, optional
-            Where to draw.
-
-        Returns
-        -------
-        Figure
-            With `.lines`, `.axes`, `.figure` and `.alt`.
-        """
-        from .plotting import roots_plot
-
-        return roots_plot(self, title=title, ax=ax)
 
     def _map(self, name: str) -> Quotient:
         if name not in MAPS:

@@ -1,7 +1,7 @@
 """What a hostile student tries: to get out of the kernel, and to get points without an answer.
 
-Each is run for real, see `test_wall` and `test_forgery`. The numbers of system calls are those of
-x86_64.
+Each is run for real, see `test_sandbox` and `test_forgery`. The numbers of system calls are
+those of x86_64.
 """
 
 PRELUDE = """
@@ -108,7 +108,7 @@ ESCAPES = {
     "folders beside the project": "os.listdir(project.parent)",
     "hard link": "os.link(secret, 'link')",
     "link then read": "os.symlink(secret, 'l') or open('l').read()",
-    "rename the desk": "os.rename('.', '../gone')",
+    "rename the workdir": "os.rename('.', '../gone')",
     "a large file": (
         "open('big', 'wb').write(bytes(30 << 20)) and 1/(os.path.getsize('big') < (30 << 20))"
     ),
@@ -124,7 +124,7 @@ ESCAPES = {
     "quota": "call(179, 0, None, 0, None)",
     "modify_ldt": "call(154, 0, ctypes.create_string_buffer(10), 10)",
 }
-"""What nobody may do behind the wall: an expression that ends with an error."""
+"""What nobody may do in the sandbox: an expression that ends with an error."""
 
 WRONG = "def {answer}(case):\n    return 1000.0\n"
 
@@ -211,7 +211,7 @@ FORGERIES = {
     "tell replaced": (
         "import sys\n"
         "\n"
-        "sys.modules['nrdob_course.grading.plain'].tell = lambda *any: "
+        "sys.modules['nrdob_course.grading.encoding'].tell = lambda *any: "
         "get_ipython().display_pub.publish({{'application/vnd.nrdob.answer+json': "
         '\'{{"value": {{"other": ["Points", "3"]}}}}\'}})\n'
         "\n"
@@ -223,7 +223,7 @@ FORGERIES = {
     "a deep text": (
         "import sys\n"
         "\n"
-        "sys.modules['nrdob_course.grading.plain'].tell = lambda *any: "
+        "sys.modules['nrdob_course.grading.encoding'].tell = lambda *any: "
         "get_ipython().display_pub.publish({{'application/vnd.nrdob.answer+json': '[' * "
         "900_000}})\n"
         "\n"
@@ -239,7 +239,7 @@ FORGERIES = {
     "a filter of order a million": (
         "import sys\n"
         "\n"
-        "sys.modules['nrdob_course.grading.plain'].encode = lambda value: {{'filter': "
+        "sys.modules['nrdob_course.grading.encoding'].encode = lambda value: {{'filter': "
         "[1.0, 10**6]}}\n"
         "\n"
     )
@@ -247,7 +247,7 @@ FORGERIES = {
     "an empty array of a huge shape": (
         "import sys\n"
         "\n"
-        "sys.modules['nrdob_course.grading.plain'].encode = lambda value: {{'array': [], "
+        "sys.modules['nrdob_course.grading.encoding'].encode = lambda value: {{'array': [], "
         "'shape': [0, 10**12]}}\n"
         "\n"
     )
@@ -255,7 +255,7 @@ FORGERIES = {
     "a thousand loops": (
         "import sys\n"
         "\n"
-        "sys.modules['nrdob_course.grading.plain'].encode = lambda value: {{'list': "
+        "sys.modules['nrdob_course.grading.encoding'].encode = lambda value: {{'list': "
         "[{{'loop': [1, 1, 1, {{'filter': [1.0, 50]}}]}}] * 1000}}\n"
         "\n"
     )

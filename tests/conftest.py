@@ -27,6 +27,7 @@ settings.register_profile(
     max_examples=60,
     suppress_health_check=[HealthCheck.filter_too_much, HealthCheck.too_slow],
 )
+settings.register_profile("quick", settings.get_profile("book"), max_examples=15)
 settings.load_profile("book")
 
 

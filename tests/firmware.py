@@ -78,8 +78,8 @@ def built(cc, sampled, name, dtype, harness, *options, **made):
     """Compile file and harness, which knows the header alone, without a single warning."""
     with tempfile.TemporaryDirectory() as folder:
         for file, text in (
-            (f"{name}.c", sampled.to_c(name, dtype, **made)),
-            (f"{name}.h", sampled.to_header(name, dtype)),
+            (f"{name}.c", sampled.code(**made).to_c(name, dtype)),
+            (f"{name}.h", sampled.code().to_header(name, dtype)),
             ("harness.c", harness.format(name=name)),
         ):
             (Path(folder) / file).write_text(text, encoding="utf-8")

@@ -14,10 +14,10 @@ from typing import Any
 import nbformat
 import numpy as np
 
-from nrdob_course.exercises.problems import HIDDEN_CASES
+from nrdob_course.exercises.reviewing import HIDDEN_CASES
 from nrdob_course.grading import command as exercises
 from nrdob_course.grading.batch import Batch, Outcome
-from nrdob_course.grading.plain import packed
+from nrdob_course.grading.encoding import packed
 from problemsets import SOURCE, Posed, cells, nbgrader, posed
 
 NAME = "set2"
@@ -225,10 +225,10 @@ def in_the_function(released: Path) -> Handed:
 
 FORGERIES = [
     "import nrdob_course.exercises as graders\n\ngraders.score = lambda *any, **more: 1000.0",
-    "import nrdob_course.exercises.problems as p\n\np.review = lambda *any: p.Feedback(1.0, 'x')",
+    "import nrdob_course.exercises.reviewing as p\n\np.review = lambda *any: p.Feedback(1.0, 'x')",
     "import builtins\n\nbuiltins.float = lambda *any: 1000.0",
     'import json\n\njson.dumps = lambda *any, **more: \'{"value": true, "share": 1}\'',
-    "import sys\n\nsys.modules['nrdob_course.grading.plain'].tell = lambda *any: 1000.0",
+    "import sys\n\nsys.modules['nrdob_course.grading.encoding'].tell = lambda *any: 1000.0",
 ]
 """Code that would give itself the points, if it were asked for them."""
 

@@ -115,7 +115,7 @@ def everything(nrdob, place: Path) -> int:
     lines = plotting.axes_for(None, 1, plotting.SHORT)[0].plot([0, 1], [0, 1])
     line = plotting.Figure(lines, lines[0].axes, alt="A line")
     pictures = [
-        loop.plot_nyquist(), loop.plot_bode(), loop.plot_step(), loop.plot_roots(), chart.plot(),
+        loop.plot_nyquist(), loop.plot_bode(), loop.plot_step(), chart.plot(),
         table.plot_map("gain", "delay"), plotting.winding_plot([0.5], [0.2]),
         plotting.winding_animation([0.5], [0.2]), line,
     ]  # fmt: skip
@@ -144,7 +144,8 @@ def everything(nrdob, place: Path) -> int:
     assert (place / "again.html").exists()
 
     sampled = loop.sampled(0.01)
-    assert sampled.to_c() and sampled.to_header() and sampled.to_python() and sampled.to_json()
+    code = sampled.code()
+    assert code.to_c() and code.to_header() and code.to_python()
     every = nrdob.alternatives.candidates(loop.process, loop.model, loop.controller, 3)
     compared = nrdob.compare(loop.process, every, max_ms=1.6)
     assert repr(compared) and compared._repr_html_()

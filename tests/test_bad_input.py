@@ -150,6 +150,7 @@ def test_a_bad_pair_of_coefficients_is_named_with_the_remedy_at_every_door(role,
     assert type(caught.value) is error
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "role",
     [role for role in DOORS if role[0] == "model"],

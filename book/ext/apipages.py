@@ -1,5 +1,6 @@
-"""What the pages of the package show of each thing: its name, and what is told of it, once.
+"""The pages of the package: one for each subpackage, and on it what each module shows, once.
 
+The pages are written from the contracts of imports in pyproject.toml, the highest layer first.
 Python describes the fields of a named tuple as "Alias for field number 0", long data by all they
 hold, a function that is a default by its address, and the name of a type by what it stands for.
 Here they get words; and where a page is narrow, names break at dots and brackets only.
@@ -8,13 +9,21 @@ Here they get words; and where a page is narrow, names break at dots and bracket
 from __future__ import annotations
 
 import re
+import tomllib
 from collections import namedtuple
+from importlib import import_module
+from inspect import isclass, isfunction
+from pathlib import Path
 from typing import Any
 
 from docutils import nodes
 from sphinx.addnodes import desc, desc_annotation, desc_content, desc_signature
 from sphinx.application import Sphinx
+from sphinx.config import Config
 from sphinx.pycode import ModuleAnalyzer
+
+from getting import project_of
+from pages import store
 
 FIELD = type(namedtuple("Any", "field").field)
 MADE = re.compile(r"<function (?:[\w.]*\.)?(?:(\w+)|<lambda>)>|<factory>")
@@ -24,6 +33,45 @@ TITLE = re.compile(r"<h2><code.*?</code>")
 OPENS = '<span class="sig-paren">(</span>'
 LONGEST = 40
 """Characters of a value that can be read beside its name."""
+
+
+def pages_of(project: Path) -> dict[str, str]:
+    """Give the pages by name; modules beside the subpackages share the one called `loop`."""
+    settings = tomllib.loads((project / "pyproject.toml").read_text("utf-8"))
+    layers = {
+        contract["containers"][0]: " | ".join(contract["layers"]).split(" | ")
+        for contract in settings["tool"]["importlinter"]["contracts"]
+        if "containers" in contract
+    }
+    inside = {name for name in layers["nrdob"] if f"nrdob.{name}" in layers}
+    beside = [name for name in layers["nrdob"] if name not in inside and name != "__main__"]
+    pages = {"loop": "# The loop, examples and plants\n" + sections("nrdob", beside)}
+    for name in sorted(inside):
+        package = f"nrdob.{name}"
+        opening = f"# `{package}`\n\n```{{eval-rst}}\n.. automodule:: {package}\n```\n"
+        pages[name] = opening + sections(package, layers[package])
+    return pages
+
+
+def sections(package: str, modules: list[str]) -> str:
+    """Write a section for each module; what it shows of another one is described there."""
+    written = ""
+    for name in (f"{package}.{module}" for module in modules):
+        module = import_module(name)
+        things = {each: getattr(module, each) for each in module.__all__}
+        named = {k: v for k, v in things.items() if isclass(v) or isfunction(v)}
+        others = ", ".join(k for k, v in named.items() if v.__module__ != name)
+        options = "   :members:\n" + (f"   :exclude-members: {others}\n" if others else "")
+        written += f"\n## `{name}`\n\n```{{eval-rst}}\n.. automodule:: {name}\n{options}```\n"
+    return written
+
+
+def write_pages(app: Sphinx, _config: Config) -> None:
+    """Lay the pages beside the others before they are read."""
+    folder = Path(app.srcdir) / "api"
+    folder.mkdir(exist_ok=True)
+    for name, text in pages_of(project_of(app)).items():
+        store(text, folder / f"{name}.md")
 
 
 def skip_fields(
@@ -79,7 +127,8 @@ def let_names_break(
 
 
 def setup(app: Sphinx) -> dict[str, Any]:
-    """Listen to autodoc, and look at each page that it has made."""
+    """Write the pages, listen to autodoc, and look at each page that it has made."""
+    app.connect("config-inited", write_pages)
     app.connect("autodoc-skip-member", skip_fields)
     app.connect("autodoc-process-signature", name_functions)
     app.connect("doctree-read", shorten_data)

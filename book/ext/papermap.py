@@ -25,7 +25,8 @@ from sphinx.transforms import SphinxTransform
 from sphinx.util.docutils import SphinxDirective
 
 from nrdob_course.claims import LEDGER
-from statements import prose_of, theorems_of, title_of
+from pages import prose_of
+from statements import theorems_of, title_of
 
 CHAPTERS = "chapters"
 TAG = re.compile(r"\s*\\tag\{(\d+)\}")

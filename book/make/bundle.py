@@ -8,14 +8,13 @@ The problem sets stay out: where they lie, their solutions lie, too (`make relea
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Iterator
 from itertools import chain
 from pathlib import Path
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
-ROOT = Path(__file__).resolve().parents[2]
+from pages import ROOT, options
 
 TO_RUN = (
     "notebooks/*.ipynb", "notebooks/class/*", "nrdob/**/*", "book/pyproject.toml",
@@ -55,10 +54,8 @@ def pack(files: Iterator[tuple[str, Path]], target: Path) -> None:
 
 def main() -> None:
     """Read the command line."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--site", type=Path, default=ROOT / "build" / "html")
-    parser.add_argument("--output", type=Path, default=ROOT / "build" / "nrdob-book.zip")
-    given = parser.parse_args()
+    build = ROOT / "build"
+    given = options(__doc__, None, site=build / "html", output=build / "nrdob-book.zip")
     if not (given.site / "index.html").exists():
         sys.exit(f"There is no book in {given.site}. Build it first: make book")
     pack(chain(site(given.site), to_run()), given.output)

@@ -12,7 +12,6 @@ author of a chapter can look at them.
 
 from __future__ import annotations
 
-import argparse
 import re
 import sys
 import time
@@ -20,13 +19,9 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import nbformat
-
 from nrdob_course.claims import LEDGER, Claim, Entry, Verdict
 from nrdob_course.claims.ledger import settle
-from pages import render, store
-
-ROOT = Path(__file__).resolve().parents[2]
+from pages import NOTEBOOKS, ROOT, cells_of, options, render, store
 
 CITED_IN_PROSE = re.compile(r"(?<!`)`claim:([^`\s]+)`(?!`)")
 CITED_IN_CODE = re.compile(r"""\bclaims\.check\(\s*["']([^"']+)["']""")
@@ -73,16 +68,16 @@ def read_chapter(path: Path) -> Chapter:
     """Read title and citations of one notebook."""
     title = heading = ""
     citations = []
-    for cell in nbformat.read(path, as_version=4).cells:
-        if cell.cell_type == "code":
-            citations += [Citation(id, heading) for id in CITED_IN_CODE.findall(cell.source)]
+    for cell in cells_of(path):
+        if cell["cell_type"] == "code":
+            citations += [Citation(id, heading) for id in CITED_IN_CODE.findall(cell["source"])]
         else:
-            for line in prose(cell.source):
+            for line in prose(cell["source"]):
                 if match := HEADING.match(line):
                     heading = match.group(1)
                     title = title or heading
                 citations += [Citation(id, heading) for id in CITED_IN_PROSE.findall(line)]
-        citations += [Citation(id, heading) for id in cell.metadata.get("claims", ())]
+        citations += [Citation(id, heading) for id in cell["metadata"].get("claims", ())]
     return Chapter(path.stem, title or path.stem, tuple(citations))
 
 
@@ -192,24 +187,6 @@ def page(name: str, entries: Sequence[Entry], chapters: Mapping[str, Chapter]) -
 # --- the command line ---------------------------------------------------------------------------
 
 
-def parse(arguments: list[str] | None) -> argparse.Namespace:
-    """Read the command line."""
-    parser = argparse.ArgumentParser(
-        description="Run every check of the ledger and write the pages ledger.md and errata.md."
-    )
-    parser.add_argument(
-        "--output", type=Path, default=ROOT / "book", metavar="FOLDER", help="write them there"
-    )
-    parser.add_argument(
-        "--notebooks",
-        type=Path,
-        default=ROOT / "notebooks",
-        metavar="FOLDER",
-        help="read the chapters there",
-    )
-    return parser.parse_args(arguments)
-
-
 def main(
     arguments: list[str] | None = None,
     ledger: Mapping[str, Claim] = LEDGER,
@@ -219,15 +196,15 @@ def main(
 
     `settle` may be one that remembers the claims it has settled before, as in the tests.
     """
-    options = parse(arguments)
+    given = options(__doc__, arguments, output=ROOT / "book", notebooks=NOTEBOOKS)
     start = time.perf_counter()
-    chapters = read_chapters(options.notebooks)
+    chapters = read_chapters(given.notebooks)
     entries, problems = settle_all(ledger, settle)
     problems += misfits(ledger, chapters)
 
-    options.output.mkdir(parents=True, exist_ok=True)
+    given.output.mkdir(parents=True, exist_ok=True)
     for name in PAGES:
-        store(page(name, entries, chapters), options.output / name)
+        store(page(name, entries, chapters), given.output / name)
 
     verdicts = ", ".join(f"{count(entries, verdict)} {verdict.value}" for verdict in Verdict)
     print(f"The ledger: {len(entries)} claims ({verdicts}), {time.perf_counter() - start:.1f} s")

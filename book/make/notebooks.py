@@ -21,15 +21,10 @@ from pathlib import Path
 from nbclient.exceptions import CellExecutionError, CellTimeoutError, DeadKernelError
 
 from nrdob_course.running import NotebookRuleError, execute
+from pages import NOTEBOOKS, same, store
 
-try:
-    import resource
-except ImportError:  # Windows
-    resource = None  # type: ignore[assignment]
-
-ROOT = Path(__file__).resolve().parents[2]
-FOLDER = ROOT / "notebooks"
-CLASS = FOLDER / "class"
+SECONDS = 300
+"""Limit for one cell."""
 
 
 @dataclass(frozen=True)
@@ -40,57 +35,16 @@ class Run:
     text: str = ""
     problem: str = ""
     seconds: float = 0.0
-    peak_megabytes: float | None = None
 
 
-def peak_memory_of_children() -> float | None:
-    """Peak memory of the largest finished child process, in MB; None where unknown."""
-    if resource is None:
-        return None
-    peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
-    return peak / (1e6 if sys.platform == "darwin" else 1e3)  # bytes there, kilobytes elsewhere
-
-
-def run(path: Path, timeout: int) -> Run:
-    """Run one notebook; a failure becomes a `Run` with the problem told."""
+def run(path: Path) -> Run:
+    """Run one notebook; a failure becomes a `Run` that says the problem."""
     start = time.perf_counter()
     try:
-        text = execute(path, timeout)
+        text = execute(path, SECONDS)
     except (CellExecutionError, CellTimeoutError, DeadKernelError, NotebookRuleError) as error:
         return Run(path, problem=str(error))
-    return Run(path, text, "", time.perf_counter() - start, peak_memory_of_children())
-
-
-def run_all(paths: list[Path], timeout: int) -> list[Run]:
-    """Run the notebooks, two at a time, each in a process of its own.
-
-    One process for each notebook makes its kernel the only child there, so that the peak
-    memory is the kernel's.
-    """
-    with ProcessPoolExecutor(max_workers=min(2, len(paths)), max_tasks_per_child=1) as pool:
-        return list(pool.map(run, paths, [timeout] * len(paths)))
-
-
-def store(run: Run, target: Path) -> None:
-    """Write the notebook, with Unix line ends everywhere, and only where it changed."""
-    content = run.text.encode()
-    if not target.exists() or target.read_bytes() != content:
-        target.write_bytes(content)
-
-
-def report(runs: list[Run]) -> str:
-    """Make a small table of the time and memory each notebook took."""
-    width = max(len(run.path.name) for run in runs)
-    lines = [f"{'notebook':<{width}}  {'time':>8}  {'peak memory':>11}"]
-    for run in runs:
-        memory = "–" if run.peak_megabytes is None else f"{run.peak_megabytes:.0f} MB"
-        lines.append(f"{run.path.name:<{width}}  {run.seconds:>6.1f} s  {memory:>11}")
-    return "\n".join(lines)
-
-
-def same_as_stored(run: Run) -> bool:
-    """Compare with the file; line ends do not count, since git may change them on Windows."""
-    return run.path.read_bytes().replace(b"\r\n", b"\n") == run.text.encode()
+    return Run(path, text, "", time.perf_counter() - start)
 
 
 def parse(arguments: list[str] | None) -> argparse.Namespace:
@@ -104,45 +58,39 @@ def parse(arguments: list[str] | None) -> argparse.Namespace:
     mode.add_argument("--output", type=Path, metavar="FOLDER", help="write the results there")
     mode.add_argument("--in-place", action="store_true", help="store the results in the notebooks")
     mode.add_argument("--check", action="store_true", help="fail if a result differs from the file")
-    parser.add_argument("--report", action="store_true", help="show time and memory of each")
-    parser.add_argument(
-        "--timeout", type=int, default=300, metavar="SECONDS", help="limit for one cell"
-    )
+    parser.add_argument("--report", action="store_true", help="print the time of each")
     return parser.parse_args(arguments)
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line; the result is the exit code."""
-    options = parse(arguments)
-    paths = [path.resolve() for path in options.notebooks] or sorted(FOLDER.glob("*.ipynb"))
-    if not options.notebooks and not options.output:
-        paths += sorted(CLASS.glob("*.ipynb"))
+    given = parse(arguments)
+    paths = [path.resolve() for path in given.notebooks] or sorted(NOTEBOOKS.glob("*.ipynb"))
+    if not given.notebooks and not given.output:
+        paths += sorted((NOTEBOOKS / "class").glob("*.ipynb"))
     if not paths:
-        print(f"No notebooks in {FOLDER}", file=sys.stderr)
+        print(f"No notebooks in {NOTEBOOKS}", file=sys.stderr)
         return 1
-    if options.output:
-        options.output.mkdir(parents=True, exist_ok=True)
-        if not options.notebooks:  # a chapter that is gone must not live on in the folder
-            for old in options.output.glob("*.ipynb"):
+    if given.output:
+        given.output.mkdir(parents=True, exist_ok=True)
+        if not given.notebooks:  # a chapter that was removed must not stay in the folder
+            for old in given.output.glob("*.ipynb"):
                 old.unlink()
+    with ProcessPoolExecutor(max_workers=min(2, len(paths))) as pool:
+        runs = list(pool.map(run, paths))
 
-    runs = run_all(paths, options.timeout)
-
-    failed = [run for run in runs if run.problem]
-    for run in failed:
-        print(f"{run.path.name} does not run:\n{run.problem}", file=sys.stderr)
-    different = []
-    for done in (run for run in runs if not run.problem):
-        if options.check:
-            if not same_as_stored(done):
-                different.append(done)
-        else:
-            store(done, options.output / done.path.name if options.output else done.path)
-    for run in different:
-        print(f"{run.path.name} is not what running it gives: make execute", file=sys.stderr)
-    if options.report:
-        print(report(runs))
-    return 1 if failed or different else 0
+    problems = []
+    for done in runs:
+        if done.problem:
+            problems.append(f"{done.path.name} does not run:\n{done.problem}")
+        elif not given.check:
+            store(done.text, given.output / done.path.name if given.output else done.path)
+        elif not same(done.text, done.path):
+            problems.append(f"{done.path.name} is not what running it gives: make execute")
+    if given.report:
+        print(*(f"{done.seconds:7.1f} s  {done.path.name}" for done in runs), sep="\n")
+    print(*problems, sep="\n", end="\n" if problems else "", file=sys.stderr)
+    return 1 if problems else 0
 
 
 if __name__ == "__main__":

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import json
 import re
 from dataclasses import dataclass
 from pathlib import Path
+
+from pages import cells_of
 
 __all__ = ["PARTS", "Chapter", "read_chapter"]
 
@@ -50,7 +51,7 @@ class Chapter:
 
 def read_chapter(path: Path) -> Chapter:
     """Read the first cell of a chapter."""
-    opening = "".join(json.loads(path.read_text("utf-8"))["cells"][0]["source"])
+    opening = cells_of(path)[0]["source"]
     title = TITLE.match(opening)
     time, promised, needed = (
         MINUTES.search(opening),

@@ -1,12 +1,18 @@
-"""Pages of the book that a program makes: Markdown out of a template, stored where it changed."""
+"""What the programs that make pages share: templates, storing, notebooks, the command line."""
 
 from __future__ import annotations
 
+import argparse
+import json
 import re
 from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+ROOT = Path(__file__).resolve().parents[2]
+NOTEBOOKS = ROOT / "notebooks"
+TEACHING = ROOT / "book" / "teaching"
 
 TEMPLATES = Environment(
     loader=FileSystemLoader(Path(__file__).resolve().parents[1] / "templates"),
@@ -42,3 +48,26 @@ def store(text: str, target: Path) -> None:
     """Store a page, with Unix line ends everywhere, and only where it changed."""
     if not target.exists() or target.read_bytes() != text.encode():
         target.write_bytes(text.encode())
+
+
+def cells_of(notebook: Path) -> list[dict[str, Any]]:
+    """Read the cells of a notebook, the source of each in one piece."""
+    cells = json.loads(notebook.read_text("utf-8"))["cells"]
+    return [cell | {"source": "".join(cell["source"])} for cell in cells]
+
+
+def prose_of(notebook: Path) -> list[str]:
+    """Give the text of the Markdown cells of a notebook."""
+    return [cell["source"] for cell in cells_of(notebook) if cell["cell_type"] == "markdown"]
+
+
+def options(
+    about: str | None, arguments: list[str] | None, *, check: bool = False, **paths: Path
+) -> argparse.Namespace:
+    """Read a command line: a folder or file for each name, and whether only to compare."""
+    parser = argparse.ArgumentParser(description=(about or "").partition("\n")[0])
+    for name, default in paths.items():
+        parser.add_argument(f"--{name}", type=Path, default=default, metavar="PATH")
+    if check:
+        parser.add_argument("--check", action="store_true", help="only compare with what is stored")
+    return parser.parse_args(arguments)

@@ -9,7 +9,6 @@ page is made. Print it from a browser, on paper or into a PDF.
 
 from __future__ import annotations
 
-import argparse
 import re
 import sys
 from collections.abc import Iterator
@@ -27,10 +26,8 @@ from mdit_py_plugins.dollarmath import dollarmath_plugin
 from nbgrader.preprocessors import ClearHiddenTests, ClearSolutions
 
 from nrdob.plotting import diagrams
-from pages import render, store
-from teaching import SOLUTION, SOURCE, TEACHING, Pack, ProblemSet, read_pack
-
-ROOT = Path(__file__).resolve().parents[2]
+from pages import ROOT, TEACHING, options, render, store
+from teaching import SOLUTION, SOURCE, Pack, ProblemSet, read_pack
 
 NOT_PRINTED = ("group", "imports", "check")
 """Cells that mean something in a notebook only, by the first word of their names."""
@@ -149,9 +146,8 @@ def page(title: str, sections: Iterator[list[Markup]], look: str) -> str:
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line; the result is the exit code."""
-    parser = argparse.ArgumentParser(description="Write sets, solutions and boards to be printed.")
-    parser.add_argument("--output", type=Path, default=ROOT / "build" / "paper", metavar="FOLDER")
-    print(*write(parser.parse_args(arguments).output), sep="\n")
+    given = options(__doc__, arguments, output=ROOT / "build" / "paper")
+    print(*write(given.output), sep="\n")
     return 0
 
 

@@ -9,7 +9,6 @@ printed twice, the second time with the page numbers in the contents. It takes s
 
 from __future__ import annotations
 
-import argparse
 import logging
 import re
 import sys
@@ -27,9 +26,7 @@ from pypdf import PdfReader, PdfWriter
 from pypdf.generic import NameObject, TextStringObject
 
 import chromium
-from pages import render, store
-
-ROOT = Path(__file__).resolve().parents[2]
+from pages import ROOT, options, render, store
 
 LEFT_OUT = ("api", "search", "genindex", "teaching/")
 """Not for reading from the front to the back; teachers have pages of their own to be printed."""
@@ -286,10 +283,8 @@ def build(site: Path, output: Path) -> None:
 
 def main() -> None:
     """Read the command line."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--site", type=Path, default=ROOT / "build" / "html")
-    parser.add_argument("--output", type=Path, default=ROOT / "build" / "nrdob.pdf")
-    given = parser.parse_args()
+    folder = ROOT / "build"
+    given = options(__doc__, None, site=folder / "html", output=folder / "nrdob.pdf")
     # A browser miscounts its objects; what reads them would say so, and heals it.
     logging.getLogger("pypdf").setLevel(logging.ERROR)
     build(given.site.resolve(), given.output.resolve())

@@ -10,7 +10,6 @@ it, without a kernel or a script. The book shows the same cell with its figures 
 
 from __future__ import annotations
 
-import argparse
 import re
 import sys
 from collections.abc import Callable
@@ -20,10 +19,8 @@ from typing import Any, NamedTuple
 
 import nbformat
 
-from pages import same, store
+from pages import NOTEBOOKS, options, same, store
 
-ROOT = Path(__file__).resolve().parents[2]
-NOTEBOOKS = ROOT / "notebooks"
 CLASS = "class"
 
 KEY = "prediction"
@@ -202,9 +199,7 @@ def put_into(notebook: Any, question: Question) -> None:
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line; the result is the exit code."""
-    parser = argparse.ArgumentParser(description="Bring the questions for class into the chapters.")
-    parser.add_argument("--check", action="store_true", help="only see whether they are there")
-    check = parser.parse_args(arguments).check
+    check = options(__doc__, arguments, check=True).check
     behind = []
     for chapter, question in read_questions().items():
         path = NOTEBOOKS / f"{chapter}.ipynb"

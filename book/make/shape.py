@@ -5,11 +5,12 @@ Nothing here needs Sphinx: the tests and the build ask the same function.
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
+
+from pages import cells_of
 
 Cell = Mapping[str, Any]
 
@@ -19,7 +20,7 @@ def faults_of_book(folder: Path) -> list[str]:
     return [
         fault
         for path in sorted(folder.glob("*.ipynb"))
-        for fault in faults(path.stem, json.loads(path.read_text("utf-8"))["cells"])
+        for fault in faults(path.stem, cells_of(path))
     ]
 
 

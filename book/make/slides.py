@@ -11,7 +11,6 @@ made is. reveal.js and MathJax come out of installed packages and are laid besid
 
 from __future__ import annotations
 
-import argparse
 import re
 import shutil
 import sys
@@ -24,12 +23,12 @@ import nbformat
 from nbconvert.exporters import SlidesExporter
 from traitlets.config import Config
 
+from pages import NOTEBOOKS, ROOT, TEACHING, options
 from predictions import split
 
-ROOT = Path(__file__).resolve().parents[2]
-FOLDER = ROOT / "notebooks" / "class"
+FOLDER = NOTEBOOKS / "class"
 TEMPLATE = ROOT / "book" / "templates" / "slides"
-SYLLABUS = ROOT / "book" / "teaching" / "syllabus.md"
+SYLLABUS = TEACHING / "syllabus.md"
 
 TWO_DAYS = re.compile(r"^\| \d+:\d\d \| \d+:\d\d \|[^|]*\| ([\w, ]+) \|", re.MULTILINE)
 """A line of the plan for two days that has questions; their numbers."""
@@ -104,9 +103,7 @@ def copy_beside(folder: Path) -> None:
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line; the result is the exit code."""
-    parser = argparse.ArgumentParser(description="Make slides of the notebooks for class.")
-    parser.add_argument("--output", type=Path, default=ROOT / "build" / "slides")
-    folder = parser.parse_args(arguments).output
+    folder: Path = options(__doc__, arguments, output=ROOT / "build" / "slides").output
     folder.mkdir(parents=True, exist_ok=True)
     for old in folder.glob("*.html"):
         old.unlink()

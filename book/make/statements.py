@@ -23,11 +23,12 @@ Nothing here needs Sphinx: the tests and the build ask the same functions.
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+
+from pages import prose_of
 
 HEAD = re.compile(r"\*\*Theorem (\d+|[A-C])\.(\d+) \((.+?)\)\.\*\*\s*")
 NUMBERED = re.compile(r"\*\*Theorem\b")
@@ -86,12 +87,6 @@ def anchor(number: str) -> str:
 
 
 # --- reading ------------------------------------------------------------------------------------
-
-
-def prose_of(notebook: Path) -> list[str]:
-    """Give the text of the Markdown cells of a notebook."""
-    cells = json.loads(notebook.read_text("utf-8"))["cells"]
-    return ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "markdown"]
 
 
 def quotations(text: str) -> Iterator[str]:

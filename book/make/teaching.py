@@ -14,7 +14,6 @@ reason is listed, if the two do not fit together; the pages are written in any c
 
 from __future__ import annotations
 
-import argparse
 import re
 import sys
 import tomllib
@@ -28,11 +27,8 @@ import nbformat
 import nrdob_course
 from nrdob_course.exercises import PROBLEMS, Problem
 from openings import PARTS, Chapter, read_chapter
-from pages import render, same, store
+from pages import NOTEBOOKS, TEACHING, options, render, same, store
 
-ROOT = Path(__file__).resolve().parents[2]
-NOTEBOOKS = ROOT / "notebooks"
-TEACHING = ROOT / "book" / "teaching"
 COURSE = Path(nrdob_course.__file__).parent
 SOURCE, ADVICE = COURSE / "sets" / "source", COURSE / "problems.toml"
 
@@ -284,24 +280,17 @@ def read_pack() -> Pack:
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line; the result is the exit code."""
-    parser = argparse.ArgumentParser(
-        description="Write the generated pages of the instructor's pack: " + ", ".join(PAGES)
-    )
-    parser.add_argument(
-        "--output", type=Path, default=TEACHING, metavar="FOLDER", help="write them there"
-    )
-    parser.add_argument("--check", action="store_true", help="only compare with what is stored")
-    options = parser.parse_args(arguments)
+    given = options(__doc__, arguments, check=True, output=TEACHING)
     pack = read_pack()
     made = {name: render(name, pack=pack, rule=RULE) for name in PAGES}
-    if options.check:
-        behind = [name for name in PAGES if not same(made[name], options.output / name)]
+    if given.check:
+        behind = [name for name in PAGES if not same(made[name], given.output / name)]
         if behind:
             print("Behind their source:", *behind, "- make pages writes them", file=sys.stderr)
         return 1 if behind else 0
-    options.output.mkdir(parents=True, exist_ok=True)
+    given.output.mkdir(parents=True, exist_ok=True)
     for name, text in made.items():
-        store(text, options.output / name)
+        store(text, given.output / name)
     mistakes = sum(len(problem.misconceptions) for problem in pack.problems.values())
     print(
         f"The instructor's pack: {len(pack.sets)} sets, {sum(1 for _ in pack.tasks)} problems, "

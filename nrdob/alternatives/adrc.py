@@ -158,7 +158,8 @@ def adrc_stabilizing_bandwidths(
         G, m, b0 and ωc.
     highest : float, optional
         Largest ωo of interest, in rad/s. With dead time the critical ones accumulate at infinity:
-        by default the list ends at one over `nrdob.design.default_floor`.
+        by default the list ends at one over the default floor of
+        `nrdob.critical_time_constants`.
 
     Returns
     -------

@@ -132,23 +132,10 @@ def _corners(factor: QuasiPolynomial) -> ComplexArray:
 
 
 def with_turns(locus: Locus, omega: FloatArray, *loops: Quotient) -> tuple[FloatArray, FloatArray]:
-    """Add frequencies where dead times turn loop gains that are not small.
+    """Add frequencies in rad/s where dead times turn loop gains that are not small.
 
-    Parameters
-    ----------
-    locus : Locus
-        The loop gains.
-    omega : (N,) array of float
-        Frequencies between which nothing else bends them, in rad/s.
-    *loops : Quotient
-        The same loops.
-
-    Returns
-    -------
-    (M,) array of float
-        Increasing frequencies in rad/s.
-    (loops,) array of float
-        Up to where each loop is then resolved.
+    Between the given ones nothing else bends them. Returned are also the frequencies up to which
+    each loop is then resolved.
     """
     delays = np.array([loop.delay for loop in loops])
     last = np.full(delays.size, inf)

@@ -50,16 +50,10 @@ _SAME = 1e-12  # of the last time: two moments of the lattice that are one
 
 @dataclass(frozen=True)
 class Driven:
-    """What one delayed signal does.
+    """What one delayed signal does: blocks to (y, u), side by side, at rest at first.
 
-    Attributes
-    ----------
-    blocks : sequence of Block
-        To (y, u), side by side, at rest at first.
-    delay : float
-        T > 0, seconds.
-    known : array of float
-        Coefficients, in descending powers of t, of what is added to u before the dead time.
+    The dead time is in seconds; `known` holds coefficients, in descending powers of t, of what is
+    added to u before it.
     """
 
     blocks: Sequence[Block]
@@ -74,25 +68,11 @@ def delayed_responses(
     smoothing: int,
     finer: float = 1.0,
 ) -> Callable[[FloatArray], FloatArray]:
-    """March from moment to moment.
+    """March from moment to moment until the last time of interest, in seconds.
 
-    Parameters
-    ----------
-    driven : sequence of Driven
-        The delayed signals.
-    free : sequence of Block
-        What the input does to (y, u): impulse responses of these blocks.
-    last : float
-        Last time of interest, in seconds.
-    smoothing : int
-        How many derivatives a bend gains at least on every way around the loop.
-    finer : float
-        How much shorter than necessary the panels are at first.
-
-    Returns
-    -------
-    callable
-        Takes increasing times (N,) from 0 to `last`, in seconds, and gives y and u there, (2, N).
+    The input makes (y, u) the impulse responses of the blocks in `free`; a bend gains at least
+    `smoothing` derivatives on every way around the loop. What is returned takes increasing times
+    (N,) and gives y and u there, (2, N).
 
     Raises
     ------

@@ -157,20 +157,25 @@ class Locus:
         with np.errstate(over="ignore", invalid="ignore"):
             return np.asarray(np.exp(self.log_and_slope(omega)[0]))
 
-    def motion(self, omega: FloatArray) -> FloatArray:
+    def motion(self, omega: FloatArray, loop: IntArray | None = None) -> FloatArray:
         """Evaluate what decides about margins: the rows named above.
 
         Parameters
         ----------
         omega : (N,) array of float
             Frequencies in rad/s, above 0.
+        loop : (N,) array of int, optional
+            The one loop that is asked for at each frequency.
 
         Returns
         -------
-        (rows, loops, N) array of float
+        (rows, loops, N) or (rows, N) array of float
             The rows.
         """
         log, slope = self.log_and_slope(omega)
+        if loop is not None:
+            each = np.arange(loop.size)
+            log, slope = log[loop, each], slope[loop, each]
         size, angle = log.real, log.imag
         rows, z = np.empty((9, *log.shape)), np.empty_like(log)
         with np.errstate(all="ignore"):
@@ -269,13 +274,7 @@ class Locus:
 
 
 def factors_of(*loops: Quotient) -> list[QuasiPolynomial]:
-    """List the factors of loop gains, each object once.
-
-    Parameters
-    ----------
-    *loops : Quotient
-        The loop gains.
-    """
+    """List the factors of loop gains, each object once."""
     return list({id(factor): factor for loop in loops for factor in loop.num + loop.den}.values())
 
 
@@ -415,15 +414,15 @@ def _solved(locus: Locus, omega: FloatArray, motion: FloatArray, at: Brackets) -
     row, loop, low, high = at
     if not row.size:
         return omega[low]
-    each = np.arange(row.size)
+    each, both = np.arange(row.size), np.concatenate([loop, loop])
     first, last = motion[row, loop, low], motion[row, loop, high]
     upwards = np.where(first < 0, 1.0, -1.0)
     left, right = omega[low], omega[high]
     step = SLOPE_STEP * (right - left)
 
     def value_and_slope(omega: FloatArray) -> tuple[FloatArray, FloatArray]:
-        found = locus.motion(np.concatenate([omega, omega + step]))
-        value, beside = found[row, loop, each], found[row, loop, each + row.size]
+        found = locus.motion(np.concatenate([omega, omega + step]), both)
+        value, beside = found[row, each], found[row, each + row.size]
         return upwards * value, upwards * (beside - value) / step
 
     with np.errstate(all="ignore"):

@@ -17,11 +17,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..diagram import LoopEquations, Quotient, as_quotient
+from ..diagram import LoopEquations, Quotient
 from ..numerics import ROUNDING, ComplexArray, FloatArray
 from .frequencies import gentle_frequencies, with_turns
 from .locus import Found, Locus, Notable, notable_frequencies
-from .nyquist import minus_point
+from .nyquist import closed_around
 from .stability import Stability, judge, stability
 
 __all__ = [
@@ -274,12 +274,9 @@ def margins(loop: Any) -> Margins:
     >>> print(margins(ct.tf([4], [1, 2, 1, 0])))
     L    NOT stable: no margins; roots on the axis at gain × 0.5, rotation 18.10°
     """
-    L = as_quotient(loop, "L")
-    closed = minus_point(L)
-    full = max(L.numerator.degree, L.denominator.degree)
-    well_posed = closed.delay or (closed.degree == full and closed.q.any())
-    ill_posed = "" if well_posed else "1 + L(∞) = 0"
-    return quotient_margins(L, judge(L.name, L.den, closed, ill_posed).stable)
+    L, closed, well_posed = closed_around(loop)
+    verdict = judge(L.name, L.den, closed, "" if well_posed else "1 + L(∞) = 0")
+    return quotient_margins(L, verdict.stable)
 
 
 def quotient_margins(loop: Quotient, stable: bool | None) -> Margins:

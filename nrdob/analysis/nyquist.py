@@ -21,7 +21,14 @@ import numpy as np
 from ..diagram import Quotient, as_quotient
 from ..numerics import QuasiPolynomial, RootCount, Term, add, count_rhp
 
-__all__ = ["NyquistCount", "encirclements", "minus_point", "nyquist_count", "rhp_roots"]
+__all__ = [
+    "NyquistCount",
+    "closed_around",
+    "encirclements",
+    "minus_point",
+    "nyquist_count",
+    "rhp_roots",
+]
 
 
 @dataclass(frozen=True)
@@ -50,15 +57,7 @@ class NyquistCount:
 def nyquist_count(
     open_loop: Iterable[QuasiPolynomial], closed_loop: QuasiPolynomial
 ) -> NyquistCount:
-    """Count encirclements from the factors of den and the closed-loop function p.
-
-    Parameters
-    ----------
-    open_loop : iterable of QuasiPolynomial
-        Factors of the open-loop denominator.
-    closed_loop : QuasiPolynomial
-        p = num - point * den.
-    """
+    """Count encirclements from the factors of den and the closed-loop function p."""
     factors = tuple(open_loop)
     poles = sum(rhp_roots(factor) for factor in factors)
     zeros = count_rhp(closed_loop)
@@ -109,16 +108,22 @@ def encirclements(loop: Any, point: float = -1.0) -> NyquistCount:
     >>> encirclements(loop.H)
     NyquistCount(encirclements=-1, open_loop_rhp=1, closed_loop_rhp=0, reason='')
     """
-    loop = as_quotient(loop, "L")
-    closed = minus_point(loop, point)
+    loop, closed, well_posed = closed_around(loop, point)
     found = nyquist_count(loop.den, closed)
-    full = max(loop.numerator.degree, loop.denominator.degree)
-    if found.reason or closed.delay or closed.degree == full:
+    if found.reason or well_posed:
         return found
     # The leading terms cancel, or all do: what is left is counted, but the plot does not turn.
     where = "ends at the point at infinite frequency" if closed.q.any() else "stays at the point"
     zeros = found.closed_loop_rhp if closed.q.any() else None
     return NyquistCount(None, found.open_loop_rhp, zeros, f"the curve {where}")
+
+
+def closed_around(loop: Any, point: float = -1.0) -> tuple[Quotient, QuasiPolynomial, bool]:
+    """Read a loop gain; the numerator of L - point, and whether its leading terms stay."""
+    L = as_quotient(loop, "L")
+    closed = minus_point(L, point)
+    full = max(L.numerator.degree, L.denominator.degree)
+    return L, closed, bool(closed.delay or (closed.degree == full and closed.q.any()))
 
 
 def minus_point(loop: Quotient, point: float = -1.0) -> QuasiPolynomial:
@@ -149,7 +154,7 @@ def rhp_roots(factor: QuasiPolynomial) -> float:
     """
     if factor.finite_part.neutral_ratio >= 1:
         return inf
-    count = None if factor.turn.touched else factor.rhp_in_whole_numbers
+    count = None if factor.argument_change.touched else factor.rhp_in_whole_numbers
     if count is None:
         if not factor.roots_resolved:
             return count_rhp(factor).at_least

@@ -17,7 +17,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from html import escape
 from math import inf, nan
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -78,7 +78,7 @@ class LoopStability:
         Roots, rightmost first: all of them, or with a delay the rightmost ones (see
         `nrdob.numerics.quasipoly.QuasiPolynomial.roots`).
     kind : str
-        "rational", "retarded", "neutral" or "advanced".
+        "rational", "retarded", "neutral" or "advanced"; "sampled" for roots z.
     ways : tuple of str
         The two ways in which Z was found; empty where the coefficients alone decide, or nothing
         does.
@@ -97,7 +97,7 @@ class LoopStability:
 
     def __bool__(self) -> bool:
         """Whether the condition holds; ValueError if that cannot be told."""
-        return _known(self.stable, self.reason)
+        return _decided(self.stable, self.reason)
 
 
 @dataclass(frozen=True, repr=False)
@@ -122,9 +122,12 @@ class Stability:
     observer_loop: LoopStability
     loop: LoopEquations = field(compare=False)
 
+    _title: ClassVar[str] = "NR-DOB loop"
+    _root: ClassVar[str] = "rightmost root"
+
     def __bool__(self) -> bool:
         """Whether the loop is stable; ValueError if that cannot be told."""
-        return _known(self.stable, self.reason)
+        return _decided(self.stable, self.reason)
 
     def certificate(
         self,
@@ -186,14 +189,14 @@ class Stability:
         ]
 
     def __repr__(self) -> str:
-        rows = [["", "N", "P", "Z", "rightmost root"], *self._rows]
+        rows = [["", "N", "P", "Z", self._root], *self._rows]
         wide = [max(5, 1 + max(len(row[k]) for row in rows)) for k in (1, 2, 3)]
         table = [
             f"{name:12}{n:>{wide[0]}}{p:>{wide[1]}}{z:>{wide[2]}}   {root}"
             for name, n, p, z, root in rows
         ]
         reason = textwrap.wrap(self.reason, 95, subsequent_indent="  ")
-        return "\n".join([f"NR-DOB loop: {self._verdict}", *table, *reason])
+        return "\n".join([f"{self._title}: {self._verdict}", *table, *reason])
 
     def _repr_html_(self) -> str:
         def row(tag: str, cells: Iterable[str]) -> str:
@@ -205,11 +208,11 @@ class Stability:
             text = re.sub(r"\bp_([AB])\b", r"<i>p</i><sub>\1</sub>", escape(text))
             return re.sub(r"\bF H\b", "FH", re.sub(r"\bC Gm\b", "CG\N{COMBINING TILDE}", text))
 
-        head = row("th", ("loop", "N", "P", "Z", "rightmost root"))
+        head = row("th", ("loop", "N", "P", "Z", self._root))
         cells = ([letters(cell).replace("-", "−") for cell in found] for found in self._rows)
         body = "".join(row("td", found) for found in cells)
         return (
-            f"<p>NR-DOB loop: <strong>{self._verdict}</strong></p>"
+            f"<p>{self._title}: <strong>{self._verdict}</strong></p>"
             f"<table><thead>{head}</thead><tbody>{body}</tbody></table>"
             f'<p style="margin-top: .5rem">{letters(self.reason)}</p>'
         )
@@ -410,7 +413,7 @@ def _find(
     if hidden.size:
         pole = f"s = {written(hidden[0])} is an open-loop pole that cancels out of sight"
         told = f", of which {pole}{told}"
-    return _Finding(False, f"{_many(count)} in the right half plane{told}", ways)
+    return _Finding(False, f"{_so_many_roots(count)} in the right half plane{told}", ways)
 
 
 def _second_count(
@@ -437,11 +440,11 @@ def _beside_the_axis(p: QuasiPolynomial, reason: str, roots: ComplexArray) -> _F
     if not (by_turns and by_roots):
         return _Finding(None, reason)
     return _Finding(
-        False, f"{_many(by_turns)} in the right half plane, and {reason}", (TURNS, ROOTS)
+        False, f"{_so_many_roots(by_turns)} in the right half plane, and {reason}", (TURNS, ROOTS)
     )
 
 
-def _many(count: float) -> str:
+def _so_many_roots(count: float) -> str:
     return f"{count:g} {'root' if count == 1 else 'roots'}"
 
 
@@ -455,7 +458,7 @@ def _by(*parts: LoopStability) -> str:
     return first if first == second else f"p_A {first}, p_B {second}"
 
 
-def _known(stable: bool | None, reason: str) -> bool:
+def _decided(stable: bool | None, reason: str) -> bool:
     if stable is None:
         raise ValueError(
             f"neither stable nor unstable can be told: {reason}; ask for .stable, which is None"
@@ -486,5 +489,5 @@ def _count(value: float | None) -> str:
 def _rightmost(part: LoopStability) -> str:
     if not np.isnan(part.rightmost):
         return written(part.rightmost)
-    countless = part.kind in ("retarded", "neutral") and part.closed_loop_rhp != inf
+    countless = part.kind in ("retarded", "neutral", "sampled") and part.closed_loop_rhp != inf
     return "not computed" if countless else "none"

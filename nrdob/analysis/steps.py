@@ -97,24 +97,13 @@ class _Interval:
 def delayed_response(
     driven: Sequence[Block], free: Sequence[Block], delay: float
 ) -> Callable[[FloatArray], FloatArray]:
-    """Prepare to march from dead time to dead time.
+    """Prepare to march from dead time to dead time, in seconds.
 
-    Parameters
-    ----------
-    driven : sequence of Block
-        What z does to (y, v), side by side, at rest at first.
-    free : sequence of Block
-        What the input does to (y, v): impulse responses of these blocks.
-    delay : float
-        θ > 0, seconds.
-
-    Returns
-    -------
-    callable
-        Takes increasing times (N,) from 0 on, in seconds, and gives y and v there, (2, N). It
-        raises ValueError where `times` spans so many panels, or so many dead times, that no result
-        could be given in reasonable time and with nine digits, and ArithmeticError where signals
-        are too fast for the panels.
+    To (y, v) z does what the blocks in `driven` do, side by side, at rest at first; the input makes
+    the impulse responses of the blocks in `free`. What is returned takes increasing times (N,) from
+    0 on and gives y and v there, (2, N). It raises ValueError where times span so many panels, or
+    so many dead times, that no result could be given in reasonable time and with nine digits, and
+    ArithmeticError where signals are too fast for the panels.
     """
     start = np.concatenate([np.zeros(sum(b.B.size for b in driven)), *(b.B for b in free)])
     idle = [Block(b.A, np.zeros_like(b.B), b.C, np.zeros_like(b.D)) for b in free]

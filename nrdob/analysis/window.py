@@ -29,23 +29,10 @@ def default_response(
 ) -> tuple[FloatArray, FloatArray]:
     """Choose evenly spaced times over what there is to see, and respond.
 
-    Parameters
-    ----------
-    loop : LoopEquations
-        The loop, stable or not.
-    input : {"R", "d", "delta", "eta"}
-        Where the step enters.
-    prepared : callable
-        Takes a last time and gives what gives the outputs, shape (2, N), at N times until then;
-        both raise ValueError or ArithmeticError where that takes too long or too many digits.
-
-    Returns
-    -------
-    times : (N,) array of float
-        Until y and u have settled, or over a few e-foldings of an unstable loop, in seconds; less
-        where the response over that time is refused.
-    outputs : (2, N) array of float
-        y and u at these times.
+    `prepared` takes a last time in seconds and gives what gives y and u, (2, N), at N times until
+    then; both raise ValueError or ArithmeticError where that takes too long or too many digits.
+    Times and outputs last until y and u have settled, or a few e-foldings of an unstable loop; less
+    where the response over that time is refused.
     """
     window, settles = _estimate(loop, input)
     for attempt in range(_ATTEMPTS):

@@ -1,10 +1,16 @@
-"""Certificates of stability and instability that a checker of 200 lines accepts or refuses."""
+"""Certificates of stability and instability that a checker of 200 lines accepts or refuses.
 
-from .certificate import Certificate, certify
+``loop.stability().certificate().save("certificate.json")`` writes a verdict with its proof, and
+``python -m nrdob.certificates.checker certificate.json`` says what is proved (exit status 0) or why
+nothing is (1). The checker is one file of the standard library, which also runs alone. It builds
+the characteristic functions from the blocks, in exact fractions, and trusts nothing else.
+"""
+
+from .certificate import Certificate, W, certify
 from .checker import check
 from .points import half_plane_points
 
-__all__ = ["Certificate", "certify", "check", "half_plane_points"]
+__all__ = ["Certificate", "W", "certify", "check", "half_plane_points"]
 
 
 def __dir__() -> list[str]:

@@ -17,11 +17,14 @@ from ..numerics import QuasiPolynomial
 from .checker import check
 from .points import half_plane_points
 
-__all__ = ["Certificate", "certify"]
+__all__ = ["Certificate", "W", "certify"]
 
 Interval = tuple[float, float]
 Exact = list[Ratio]
 Blocks = dict[str, Any]
+
+W = "w = c (z - 1)/(z + 1)"
+"""The variable of a sampled loop, c > 0: the unit circle is the imaginary axis of w."""
 
 SHORTEST = 1e-4
 """Share of the longest dead time below which no part of an interval is cut."""
@@ -72,6 +75,7 @@ def certify(
     delays: Interval | None = None,
     time_constants: Interval | None = None,
     processes: Sequence[Any] = (),
+    variable: str = "s",
 ) -> Certificate:
     r"""Find the points that prove a verdict, and have them checked.
 
@@ -96,6 +100,8 @@ def certify(
     processes : sequence of blocks
         Other processes with the dead time of the loop's own. What is proved then holds for every
         convex combination of their numerators and denominators, as they are given, with its own.
+    variable : {"s", W}
+        Of a sampled loop the blocks are in w.
 
     Returns
     -------
@@ -138,7 +144,7 @@ def certify(
         middle, within = sum(map(Ratio, delay)) / 2, (Ratio(delay[1]) - Ratio(delay[0])) / 2
         process = [_block(*fraction, middle) for fraction in given]
         blocks = {"process": process, **others, "filter": _filters(loop, lag)}
-        return _part(loop, counts, blocks, within)
+        return _part(loop, counts, blocks, within, variable)
 
     delay = _interval("delays", delays or (loop.delay, loop.delay))
     lag = _interval("time_constants", time_constants or (0.0, 0.0))
@@ -169,7 +175,11 @@ def _cut(part: Callable[[Interval], Blocks], interval: Interval) -> list[Blocks]
 
 
 def _part(
-    loop: LoopEquations, counts: tuple[float | None, float | None], blocks: Blocks, within: Ratio
+    loop: LoopEquations,
+    counts: tuple[float | None, float | None],
+    blocks: Blocks,
+    within: Ratio,
+    variable: str,
 ) -> Blocks:
     """Certify the loops of all processes and filters, whose dead time may differ by `within`."""
     every = [
@@ -196,7 +206,7 @@ def _part(
     return {
         "format": "nrdob certificate",
         "version": 1,
-        "variable": "s",
+        "variable": variable,
         "blocks": blocks,
         "within": str(within),
         "cancelled": {name: _texts(_exact(getattr(built, name).q)) for name in ("zeros", "poles")},

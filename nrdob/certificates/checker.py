@@ -55,7 +55,7 @@ def prove(certificate: Any) -> tuple[Any, ...]:
     keys = "format version variable blocks within cancelled claim points"
     *kind, variable, given, within, cancelled, claims, points = members(certificate, keys)
     need(kind == ["nrdob certificate", 1], f"format and version are {kind}")
-    need(variable in ("s", "w = (z - 1)/(z + 1)"), "the variable is neither s nor w")
+    need(variable in ("s", "w = c (z - 1)/(z + 1)"), "the variable is neither s nor w")
     processes, *others, filters = members(given, "process model controller filter")
     need(all(type(b) is list and 0 < len(b) < 65 for b in (processes, filters)), "give block lists")
     built = [build([G, *others, F], cancelled) for G, F in product(processes, filters)]

@@ -4,7 +4,6 @@ from . import closedforms
 from .chart import Axis, Border, Region, StabilityChart, stability_chart
 from .closedforms import (
     disturbance_index,
-    largest_for_unstable_pole,
     noise_index,
     sensitivity_floor,
     smallest_for_delay,
@@ -12,15 +11,9 @@ from .closedforms import (
     smallest_for_rhp_zero,
 )
 from .controllers import design_controller
+from .existence import Answer, right_half_plane_parity, stabilizing_filter_exists
+from .fastandslow import gain_bound, stable_for_fast_filters, stable_for_slow_filters
 from .gains import critical_gains, stabilizing_gains
-from .limits import (
-    Answer,
-    gain_bound,
-    right_half_plane_parity,
-    stabilizing_filter_exists,
-    stable_for_fast_filters,
-    stable_for_slow_filters,
-)
 from .mismatch import Mismatch
 from .models import ModelCandidate, suggest_model
 from .prices import peak_gain, step_peak
@@ -29,10 +22,8 @@ from .slack import UNSTABLE, Specification
 from .timeconstants import (
     CriticalTimeConstant,
     critical_time_constants,
-    default_floor,
     intersection,
     stabilizing_time_constants,
-    stable_filters,
 )
 from .youla import ObserverForm, observer_form, stable_model_exists
 
@@ -52,13 +43,11 @@ __all__ = [
     "closedforms",
     "critical_gains",
     "critical_time_constants",
-    "default_floor",
     "design_controller",
     "design_filter",
     "disturbance_index",
     "gain_bound",
     "intersection",
-    "largest_for_unstable_pole",
     "noise_index",
     "observer_form",
     "peak_gain",
@@ -71,7 +60,6 @@ __all__ = [
     "stabilizing_filter_exists",
     "stabilizing_gains",
     "stabilizing_time_constants",
-    "stable_filters",
     "stable_for_fast_filters",
     "stable_for_slow_filters",
     "stable_model_exists",

@@ -15,27 +15,55 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import islice
 from math import inf
 from numbers import Real
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from contourpy import contour_generator
+from scipy.ndimage import distance_transform_edt, find_objects, label
 
 from ..numerics import FloatArray, IntArray
-from .chartaxes import PIXELS, Axis, check_value, given_axis
-from .chartborders import borders_of, most_turns
-from .chartcurves import Border
-from .chartloops import ChartLoops
-from .chartregions import Region, labelled, regions_of
+from .chartborders import MANY_ROOTS, ChartLoops, borders_of, most_turns
+from .chartcurves import PIXELS, Axis, Border, check_value, given_axis
 
 __all__ = ["Axis", "Border", "Region", "StabilityChart", "stability_chart"]
 
 if TYPE_CHECKING:
     from ..plotting import Figure
 
+LARGEST = 300.0
+"""Bound of the logarithm of a sensitivity, so that nothing overflows."""
+
 MS_GRID = 44
 """Points to an axis at which Ms is computed."""
+
+SMALLEST = 4
+"""Pixels of the smallest region that is counted."""
+
+
+@dataclass(frozen=True)
+class Region:
+    """A part of the chart in which the number of roots on the right is the same.
+
+    Attributes
+    ----------
+    count : float
+        Roots of p_B in the right half plane; infinite beyond a neutral border.
+    exact : bool
+        False where there are `count` or more, and curves too close to be drawn.
+    x, y : float
+        A point well inside.
+    share : float
+        Part of the chart that it covers, on its axes.
+    """
+
+    count: float
+    x: float
+    y: float
+    share: float
+    exact: bool = True
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -200,9 +228,81 @@ def stability_chart(
     def counts_at(points: list[tuple[float, float]]) -> list[float]:
         return loops.counts([{axes[0].name: x, axes[1].name: y} for x, y in points])
 
-    regions, labels = regions_of(axes, labelled(axes, borders), counts_at, capped=most < inf)
+    regions, labels = _regions_of(axes, _labelled(axes, borders), counts_at, capped=most < inf)
     lines = _ms_levels(loops, axes, labels, regions, ms) if ms else {}
     return StabilityChart(*axes, borders, regions, lines, labels, count_at)
+
+
+def _labelled(axes: tuple[Axis, Axis], borders: tuple[Border, ...]) -> IntArray:
+    """Give a number to the parts that the borders leave, on a raster; 0 on a border."""
+    drawn = np.zeros((PIXELS, PIXELS), dtype=bool)
+    for border in borders:
+        u, v = axes[0].share(border.x) * PIXELS, axes[1].share(border.y) * PIXELS
+        steps = np.maximum(np.abs(np.diff(u)), np.abs(np.diff(v)))
+        count = np.minimum(np.ceil(3 * steps).astype(int), 40 * PIXELS) + 1
+        begin = np.repeat(np.arange(count.size), count)
+        share = (np.arange(begin.size) - np.repeat(np.cumsum(count) - count, count)) / count[begin]
+        columns, rows = (
+            np.floor(values[begin] + share * (values[begin + 1] - values[begin])).astype(int)
+            for values in (u, v)
+        )
+        inside = (columns >= 0) & (columns < PIXELS) & (rows >= 0) & (rows < PIXELS)
+        drawn[rows[inside], columns[inside]] = True
+    found: IntArray = label(~drawn)[0]
+    return found
+
+
+def _regions_of(
+    axes: tuple[Axis, Axis],
+    labels: IntArray,
+    counts_at: Callable[[list[tuple[float, float]]], list[float]],
+    *,
+    capped: bool,
+) -> tuple[tuple[Region, ...], IntArray]:
+    """Count in every part, at two points of the larger ones; if `capped`, up to `MANY_ROOTS`."""
+    depth = distance_transform_edt(np.pad(labels > 0, 1))[1:-1, 1:-1]
+    sizes = np.bincount(labels.ravel())
+    sizes[0] = 0
+    boxes = find_objects(labels)
+    order = [int(k) for k in np.argsort(-sizes) if sizes[k] >= SMALLEST]
+    places = [_inside(axes, labels, depth, k, boxes[k - 1]) for k in order]
+    counted = iter(counts_at([place for some in places for place in some]))
+    regions, numbers = [], np.zeros(sizes.size, dtype=labels.dtype)
+    for k, some in zip(order, places, strict=True):
+        counts = set(islice(counted, len(some)))
+        many = capped and min(counts) >= MANY_ROOTS
+        counts = {MANY_ROOTS} if many else counts
+        if len(counts) > 1:
+            raise ArithmeticError(
+                f"within one region of the chart, {counts} roots are counted, at {some}: a "
+                "border is too fine for it; let the axes be shorter"
+            )
+        share = float(sizes[k]) / PIXELS**2
+        regions.append(Region(counts.pop(), *some[0], share, exact=not many))
+        numbers[k] = len(regions)
+    return tuple(regions), numbers[labels]
+
+
+def _inside(
+    axes: tuple[Axis, Axis],
+    labels: IntArray,
+    depth: FloatArray,
+    number: int,
+    box: tuple[slice, slice],
+) -> list[tuple[float, float]]:
+    """Give the point that is deepest in a part, and in a larger one another far from it."""
+    rows, columns = np.nonzero(labels[box] == number)
+    rows, columns = rows + box[0].start, columns + box[1].start
+    deep = depth[rows, columns]
+    points = [int(deep.argmax())]
+    if rows.size > 40 * SMALLEST:
+        far = np.abs(rows - rows[points[0]]) + np.abs(columns - columns[points[0]])
+        points.append(int(np.where(deep >= 2, far, -1).argmax()))
+    return [
+        (float(axes[0].value((columns[i] + 0.5) / PIXELS)),
+         float(axes[1].value((rows[i] + 0.5) / PIXELS)))
+        for i in points
+    ]  # fmt: skip
 
 
 def _ms_levels(
@@ -224,6 +324,22 @@ def _ms_levels(
         columns = np.flatnonzero(stable[row])
         if columns.size:
             given = {axes[0].name: x[columns, None], axes[1].name: y[row]}
-            found[row, columns] = loops.peaks(given, omega)
+            found[row, columns] = _peaks(loops, given, omega)
     generator = contour_generator(x, y, np.ma.masked_invalid(found))
     return {float(level): [np.asarray(p) for p in generator.lines(level)] for level in levels}
+
+
+def _peaks(loops: ChartLoops, given: dict[str, Any], omega: FloatArray) -> FloatArray:
+    """Peak of the sensitivity of each stable loop, one a row."""
+    values = loops.fixed | given
+    ahead, behind, waits = loops.mismatch.terms(omega, values["time_constant"])
+    ahead = (ahead + waits) * (1 + 1j * values["lag"] * omega)
+    behind = behind * values["gain"] * np.exp(-1j * values["delay"] * omega)
+    with np.errstate(all="ignore"):
+        size = np.log(np.abs(ahead / (ahead + behind)))
+    size = np.nan_to_num(size, nan=-LARGEST, neginf=-LARGEST, posinf=LARGEST)
+    top = np.clip(size.argmax(axis=1), 1, omega.size - 2)
+    before, at, after = (size[np.arange(top.size), top + k] for k in (-1, 0, 1))
+    curvature = np.minimum(before - 2 * at + after, -1e-300)
+    risen = at - (after - before) ** 2 / (8 * curvature)
+    return np.asarray(np.exp(np.where((at >= before) & (at >= after), risen, size.max(axis=1))))

@@ -12,12 +12,11 @@ from math import comb, cos, isfinite, pi, sin, sqrt, tan
 from scipy.optimize import brentq
 
 from ..diagram import LowPassFilter
-from .limits import gain_bound
+from .fastandslow import gain_bound
 
 __all__ = [
     "disturbance_index",
     "gain_bound",
-    "largest_for_unstable_pole",
     "noise_index",
     "sensitivity_floor",
     "smallest_for_delay",
@@ -100,49 +99,6 @@ def smallest_for_double_lag(time_constant: float, order: int) -> float:
 
     x = float(brentq(lambda x: root(x).real - 1, 1e-6, 1.0, xtol=1e-15))
     return float(time_constant * x / abs(root(x).imag))
-
-
-def largest_for_unstable_pole(gain: float, zero: float, pole: float, order: int) -> float:
-    r"""Largest λ for a first-order mismatch with an unstable pole: R = g(s + z)/(s - p).
-
-    Such a λ exists if z > 0 and :math:`0 < g < M_n`. For n = 1, p_B = λs² + (g - λp)s + gz and
-    λ < g/p. For n = 2, by Routh, λ is below the smaller root of
-    :math:`2p^2\lambda^2 - (4p + gp + gz)\lambda + 2g = 0`.
-
-    Parameters
-    ----------
-    gain : float
-        g > 0, the ratio of plant and model at high frequency.
-    zero : float
-        z > 0, minus the zero of R, in rad/s.
-    pole : float
-        p > 0, the unstable pole of R, in rad/s.
-    order : int
-        n of the filter, 1 or 2.
-
-    Raises
-    ------
-    NotImplementedError
-        For higher orders; use `nrdob.stabilizing_time_constants`.
-
-    Examples
-    --------
-    Example 3 of the paper: 3 - √5.
-
-    >>> round(largest_for_unstable_pole(4.0, 1.0, 1.0, 2), 6)
-    0.763932
-    """
-    for value, name in ((gain, "gain"), (zero, "zero"), (pole, "pole")):
-        _check(value, name, order)
-    if order == 1:
-        return gain / pole
-    if order != 2:
-        raise NotImplementedError(
-            f"order is {order}; the closed form is for 1 and 2: use stabilizing_time_constants"
-        )
-    linear = 4 * pole + gain * pole + gain * zero
-    # Product of the roots over the larger one: nothing cancels.
-    return 4 * gain / (linear + sqrt(linear**2 - 16 * pole**2 * gain))
 
 
 def noise_index(order: int) -> float:

@@ -22,8 +22,8 @@ from math import asin, pi, radians
 import numpy as np
 
 from ..numerics import BoolArray, FloatArray, IntArray
+from .existence import roots_by_side
 from .forbidden import Curve, Forbidden, Limit, limits
-from .limits import roots_by_side
 from .mismatch import Mismatch
 from .mismatchgrid import Frequencies
 from .slack import NARROW, Specification
@@ -102,7 +102,7 @@ def _followed(mismatch: Mismatch, omega: FloatArray) -> FloatArray:
     """Leave out frequencies at which R is noise; follow it further if L does not vanish."""
     if mismatch.excess == mismatch.order and not mismatch.delay:
         omega = np.append(omega, omega[-1] * np.geomspace(1, FAR, 41)[1:])
-    return omega[mismatch.noise(omega) < NOISE * np.abs(mismatch.ratio(omega))]
+    return omega[mismatch.rounding(omega) < NOISE * np.abs(mismatch.ratio(omega))]
 
 
 def _at_ends(mismatch: Mismatch, specification: Specification) -> Iterator[Interval]:

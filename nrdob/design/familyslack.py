@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from ..diagram import FilterFamily, as_family
+from ..diagram import FilterFamily
 from ..numerics import ComplexArray, FloatArray
-from .familygrid import FamilyFrequencies
-from .familymismatch import FamilyMismatch
+from .mismatch import Mismatch
+from .mismatchgrid import Frequencies
 from .slack import PlantLoops, Specification
 
 __all__ = ["FamilyLoops"]
@@ -31,13 +31,13 @@ class FamilyLoops(PlantLoops):
 
     Attributes
     ----------
-    mismatch : FamilyMismatch
+    mismatch : Mismatch
         Process over model, and the family.
     omega : (N,) array of float
         Frequencies that hold all there is to see, in rad/s.
     """
 
-    mismatch: FamilyMismatch
+    mismatch: Mismatch
 
     @classmethod
     def for_family(
@@ -49,9 +49,9 @@ class FamilyLoops(PlantLoops):
         slowest: float,
     ) -> FamilyLoops:
         """Choose the frequencies for all time constants from the smallest of interest on."""
-        mismatch = FamilyMismatch.for_family(process, model, as_family(family))
+        mismatch = Mismatch.of(process, model, family, waits=True)
         gain = specification.smallest_gain / SHORT
-        return cls(mismatch, FamilyFrequencies(mismatch).above(slowest, gain))
+        return cls(mismatch, Frequencies(mismatch).above(slowest, gain))
 
     def _gain(
         self, time_constants: FloatArray, omega: FloatArray, ratio: ComplexArray | None = None

@@ -1,86 +1,187 @@
-"""What every question about filters starts from: process over model, nothing cancelled."""
+r"""Process over model, and the observer loop as a polynomial in the time constant λ.
+
+What every question about filters starts from is :math:`R = G/\tilde G = b/a`, a = D·Nm, b = N·Dm.
+With the coefficients :math:`e_k` and :math:`n_k` of the powers of λ in :math:`D_f - N_f` and
+:math:`N_f`
+
+.. math:: p_B(s; \lambda)
+          = s^{-m} \sum_k \lambda^k \left( a\,e_k + b\,n_k\,e^{-\theta s} \right):
+
+m integrators, which the model has more than the process, cancel inside (1 - F)·model. Whatever else
+F/G̃ and (1 - F)G̃ share with themselves for every λ is divided out of the model and of
+:math:`e_k` or :math:`n_k`. With a dead time in the model no pole but integrators cancels, and
+
+.. math:: p_B(s; \lambda) = s^{-m} \sum_k \lambda^k \left(
+          a\,d_k + (b\,e^{-\theta s} - D N_m\,e^{-\theta_m s})\,n_k \right).
+
+On the axis m of Taylor's terms of :math:`e^{-\theta_m s}` go to :math:`d_k`, so that both parts can
+be divided.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
-from math import comb, log10
+from functools import cached_property, reduce
+from math import factorial, log10
 from typing import Any
 
 import numpy as np
 
-from ..diagram import DelayedTransferFunction, LowPassFilter, ObserverEquations, as_fraction
-from ..numerics import BoolArray, ComplexArray, FloatArray, QuasiPolynomial, Term, add
+from ..diagram import (
+    DelayedTransferFunction,
+    FilterFamily,
+    ObserverEquations,
+    as_family,
+    as_fraction,
+)
+from ..numerics import (
+    BoolArray,
+    ComplexArray,
+    FloatArray,
+    QuasiPolynomial,
+    Term,
+    add,
+    exponential_rest,
+)
+from .columns import size_squared
+from .familytables import (
+    by_powers,
+    common_ramp,
+    in_lambda,
+    multiplied,
+    rows,
+    stable_member,
+    taylor,
+    without_shared,
+)
 
-__all__ = ["ERROR", "Mismatch", "multiplied"]
+__all__ = ["Mismatch"]
 
 ERROR = 64 * float(np.finfo(float).eps)
 """Bound of the rounding error of a polynomial's value, against the sum of its terms' sizes."""
 
+Factors = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
-@dataclass(frozen=True, eq=False)
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Mismatch:
-    """The ratio R = G/G̃ = b/a · exp(-(θ - θm)s) and the order of the filter.
+    """The ratio R = G/G̃ = b/a · exp(-(θ - θm)s) and a family of filters.
 
     Attributes
     ----------
-    a, b : array of float
-        D·Nm and N·Dm.
-    delay : float
-        θ in seconds.
-    order : int
-        n.
     factors : tuple of arrays
-        N, D, Nm and Dm, whose roots say where R changes.
-    integrator : bool
-        Whether the model has an integrator that the process has not. It cancels inside
-        (1 - F)·model, or (1 - F exp(-θm s))·model, and p_B is divided by s. One that both have is
-        in no factor at all.
-    wait : float
-        θm in seconds, for a model that waits.
+        N, D, Nm and Dm, without what cancels inside the blocks but for the m integrators; those
+        that process and model have in common are in no factor. Their roots say where R changes.
+    delay, wait : float
+        θ and θm in seconds.
+    family : FilterFamily
+        The filters.
+    zeros : array of float
+        All of Nm.
+    E, Nf : (K, m) array of float
+        Row k holds the coefficients of λ^k, descending in s. E is all of Df where the model has a
+        dead time, else Df - Nf.
+    divided : int
+        m.
     """
 
-    a: FloatArray
-    b: FloatArray
+    factors: Factors
+    zeros: FloatArray
     delay: float
-    order: int
-    factors: tuple[FloatArray, FloatArray, FloatArray, FloatArray]
-    integrator: bool = False
-    wait: float = 0.0
+    wait: float
+    family: FilterFamily
+    E: FloatArray
+    Nf: FloatArray
+    divided: int
 
     @classmethod
     def of(
-        cls, process: Any, model: Any, order: int | None = None, *, waits: bool = False
+        cls,
+        process: Any,
+        model: Any,
+        filters: int | FilterFamily | None = None,
+        *,
+        waits: bool = False,
     ) -> Mismatch:
         """Read process and model as the loop does, with the same refusals.
-
-        Without an order, the lowest that is causal. A model with a dead time is refused unless it
-        may wait.
 
         Parameters
         ----------
         process, model : as for `nrdob.NRDOB`
             G, with or without dead time, and G̃.
-        order : int, optional
-            n of the filter.
+        filters : int or FilterFamily, optional
+            n of eq. (1), or a family; without it the lowest order that is causal.
         waits : bool
             Whether the model may have a dead time.
         """
-        if order is None:
+        if filters is None:
             undelayed = model.tf if isinstance(model, DelayedTransferFunction) else model
-            order = max(1, as_fraction(undelayed, "model").relative_degree)
-        loop = ObserverEquations(process, model, LowPassFilter(1.0, order))
+            filters = max(1, as_fraction(undelayed, "model").relative_degree)
+        family = as_family(filters)
+        loop = ObserverEquations(process, model, stable_member(family))
         if loop.model_delay and not waits:
             raise ValueError(
-                f"model has a dead time of {loop.model_delay:g} s, which cannot wait here: leave "
-                "the dead time out"
+                f"model has a dead time of {loop.model_delay:g} s, which cannot be used here: "
+                "leave the dead time out"
             )
-        G, Gm = loop.fractions.G, loop.fractions.Gm
-        integrator = Gm.den[-1] == 0
-        if integrator and G.den[-1] == 0:
-            G, Gm, integrator = G._replace(den=G.den[:-1]), Gm._replace(den=Gm.den[:-1]), False
-        a, b = multiplied(G.den, Gm.num), multiplied(G.num, Gm.den)
-        return cls(a, b, loop.delay, int(order), (*G, *Gm), bool(integrator), loop.model_delay)
+        return cls.in_loop(loop, family)
+
+    @classmethod
+    def in_loop(cls, loop: ObserverEquations, family: FilterFamily) -> Mismatch:
+        """Take the process and model of a loop, and a family in place of its filter.
+
+        Parameters
+        ----------
+        loop : ObserverEquations
+            With any filter.
+        family : FilterFamily
+            The filters.
+        """
+        G, Gm, wait = loop.fractions.G, loop.fractions.Gm, loop.model_delay
+        held = min(QuasiPolynomial(Gm.den).zeros_at_origin, common_ramp(family, wait))
+        both = min(held, QuasiPolynomial(G.den).zeros_at_origin)
+        D, Dm = (p[: p.size - both] for p in (G.den, Gm.den))
+        Nf, Nm = without_shared(family.num, Gm.num)
+        E = family.den
+        if not wait:
+            integrators = np.zeros(held - both)
+            E, rest = without_shared(family.difference, Dm[: Dm.size - integrators.size])
+            Dm = np.concatenate([rest, integrators])
+        E, Nf = by_powers(E, Nf)
+        return cls(
+            factors=(G.num, D, Nm, Dm), zeros=Gm.num, delay=loop.delay, wait=wait, family=family,
+            E=E, Nf=Nf, divided=held - both,
+        )  # fmt: skip
+
+    def __post_init__(self) -> None:
+        self.a, self.b  # noqa: B018 - those out of range are refused at once
+
+    @property
+    def order(self) -> int:
+        """Degree n of the filters' denominator."""
+        return self.family.order
+
+    # The ratio R.
+
+    @cached_property
+    def a(self) -> FloatArray:
+        """Coefficients of D·Nm."""
+        return multiplied(self.factors[1], self.factors[2])
+
+    @cached_property
+    def b(self) -> FloatArray:
+        """Coefficients of N·Dm."""
+        return multiplied(self.factors[0], self.factors[3])
+
+    @property
+    def delayed(self) -> FloatArray:
+        """Coefficients of b divided by s^m."""
+        return self.b[: self.b.size - self.divided]
+
+    @property
+    def integrator(self) -> bool:
+        """Whether integrators of the model cancel inside (1 - F)·model that the process has not."""
+        return self.divided > 0
 
     @property
     def longest_delay(self) -> float:
@@ -89,7 +190,7 @@ class Mismatch:
 
     @property
     def held_at_origin(self) -> bool:
-        """Whether p_B(0) = N(0) Dm(0) = 0 whatever λ."""
+        """Whether p_B(0) = N(0) Dm(0) = 0 whatever λ, with the filters of eq. (1)."""
         return bool(self.b[-1] == 0) and not self.integrator
 
     @cached_property
@@ -104,20 +205,15 @@ class Mismatch:
         return int(self.b.size - self.a.size)
 
     @cached_property
-    def neutral_limit(self) -> float:
-        """λ below which a dead time leaves infinitely many roots on the right; 0 if there is none.
-
-        There F·R is not strictly proper, and its gain at infinite frequency exceeds 1.
-        """
-        if self.excess < self.order or not self.delay:
-            return 0.0
-        return float(abs(self.b[0] / self.a[0]) ** (1 / self.order))
-
-    @cached_property
     def speeds(self) -> FloatArray:
-        """Sizes of all roots, and one over the dead time, in rad/s; 1 where there is neither."""
+        """Sizes of all roots and 1/θ, 1/θm, in rad/s; 1 where there are none.
+
+        The roots that the family's coefficients have in s are among them.
+        """
+        rows = [row for table in (self.E, self.Nf) for row in table if np.count_nonzero(row) > 1]
+        own = [QuasiPolynomial(np.trim_zeros(row, "f")).without_origin.roots for row in rows]
         delays = [1 / delay for delay in (self.delay, self.wait) if delay]
-        sizes = np.append(np.abs(self.roots), delays)
+        sizes = np.concatenate([np.abs(self.roots), delays, *(np.abs(found) for found in own)])
         return sizes if sizes.size else np.ones(1)
 
     def ratio(self, omega: FloatArray) -> ComplexArray:
@@ -137,7 +233,7 @@ class Mismatch:
             delay = self.delay - self.wait
             return np.asarray(R * np.exp(-1j * delay * omega) if delay else R)
 
-    def noise(self, omega: FloatArray) -> FloatArray:
+    def rounding(self, omega: FloatArray) -> FloatArray:
         """Bound the rounding error of R(jω), which near a zero on the axis exceeds R itself.
 
         Parameters
@@ -170,84 +266,248 @@ class Mismatch:
 
     def _values(self, omega: FloatArray) -> list[ComplexArray]:
         s = 1j * np.asarray(omega)
-        return [np.asarray(np.polyval(p, s)) for p in self.factors]
+        return [rows(p[None], s)[0] for p in self.factors]
 
     def _sizes(self, omega: FloatArray) -> list[FloatArray]:
-        return [np.asarray(np.polyval(np.abs(p), omega)) for p in self.factors]
+        return [rows(np.abs(p)[None], np.asarray(omega))[0] for p in self.factors]
+
+    # For one filter.
 
     def p_B(self, time_constant: float) -> QuasiPolynomial:
-        """Characteristic function for one filter, without what cancels inside (1 - F)·model.
+        """Characteristic function for one filter, without what cancels inside the blocks.
 
         Parameters
         ----------
         time_constant : float
             λ in seconds.
         """
+        (ahead, behind, *waiting), sizes = self.built(time_constant)
+        more = tuple(Term(part, self.wait) for part in waiting)
+        p = QuasiPolynomial(
+            ahead, behind, self.delay, reduce(add, sizes), more, origin=self.divided
+        )
+        return p.over_s(self.divided)
+
+    def built(self, time_constant: float) -> tuple[list[FloatArray], list[FloatArray]]:
+        """Coefficients of a E, b Nf, and -D Nm Nf with a dead time in the model; and sizes summed.
+
+        Parameters
+        ----------
+        time_constant : float
+            λ in seconds.
+        """
+        parts, sizes = [], []
+        tables = [(self.E, self.a), (self.Nf, self.b)]
+        tables += [(self.Nf, -self.waiting)] if self.wait else []
+        with np.errstate(over="ignore"):
+            for table, factor in tables:
+                parts.append(np.convolve(factor, in_lambda(table, time_constant)))
+                sizes.append(np.convolve(np.abs(factor), in_lambda(np.abs(table), time_constant)))
+        if abs(self.order * log10(time_constant)) > 300 or not all(
+            np.isfinite(size).all() for size in sizes
+        ):
+            raise ArithmeticError(
+                f"time constant {time_constant:g} s to the power {self.order} leaves the range of "
+                "floating-point numbers: choose another unit of time"
+            )
+        return parts, sizes
+
+    @cached_property
+    def waiting(self) -> FloatArray:
+        """Coefficients of D Nm, which stand before the model's dead time; 0 without one."""
+        return np.convolve(self.factors[1], self.zeros) if self.wait else np.zeros(1)
+
+    @cached_property
+    def behind(self) -> list[Term]:
+        """What stands before Nf, by dead time; equal ones are added up."""
+        if self.wait and self.wait == self.delay:
+            return [Term(add(self.b, -self.waiting), self.delay)]
+        return [Term(self.b, self.delay), *([Term(-self.waiting, self.wait)] if self.wait else [])]
+
+    # On the imaginary axis: a polynomial in λ at each frequency.
+
+    def coefficients(self, omega: FloatArray) -> ComplexArray:
+        """Coefficients of λ^k in p_B(jω), ascending, each frequency a column.
+
+        Parameters
+        ----------
+        omega : (N,) array of float
+            Frequencies, in rad/s.
+        """
+        (a, b, waits), (E, Nf) = self._apart(omega), self._tables(omega)
+        return np.asarray(a * E + (b + waits) * Nf)
+
+    def uncertainty(self, omega: FloatArray) -> FloatArray:
+        """Bounds of the rounding errors of the coefficients.
+
+        Parameters
+        ----------
+        omega : (N,) array of float
+            Frequencies, in rad/s.
+        """
+        values, sizes = [np.abs(value) for value in self._values(omega)], self._sizes(omega)
+        N, D, Nm, Dm = values
+        off_a = sizes[1] * Nm + D * sizes[2]
+        off_b = sizes[0] * Dm + N * sizes[3] + N * Dm * self.delay * omega / 8
+        off_b = off_b / omega**self.divided
         if self.wait:
-            return self._waiting(time_constant)
-        # No term of (λs + 1)^n - 1 is negative, so that its sizes are its coefficients.
-        sizes = np.convolve(np.abs(self.a), _den_less_1(time_constant, self.order))
-        terms = self.undelayed(time_constant), self.delayed
-        return QuasiPolynomial(*terms, self.delay, add(sizes[: terms[0].size], np.abs(terms[1])))
+            zeros, size = (
+                np.abs(rows(self.zeros[None], 1j * omega)[0]),
+                np.polyval(np.abs(self.zeros), omega),
+            )
+            lag = np.abs(self._lag(1j * omega))
+            turned = D * zeros * self.wait * omega / 8
+            off_b = off_b + lag * (sizes[1] * zeros + D * size) + turned / omega**self.divided
+        E, Nf = (rows(np.abs(table), omega) for table in (self._ahead, self.Nf))
+        return np.asarray(ERROR * (off_a * E + off_b * Nf))
 
-    def _waiting(self, time_constant: float) -> QuasiPolynomial:
-        den = _den_less_1(time_constant, self.order)
-        den[-1] = 1.0
-        ahead = np.convolve(self.a, den)
-        scale = add(np.convolve(np.abs(self.a), den), add(np.abs(self.a), np.abs(self.b)))
-        more = (Term(-self.a, self.wait),)
-        p = QuasiPolynomial(ahead, self.b, self.delay, scale, more)
-        return p.over_s(1) if self.integrator else p
+    def terms(
+        self, omega: FloatArray, time_constant: FloatArray
+    ) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+        """Return a E, b Nf exp(-jωθ), and -D Nm Nf exp(-jωθm) or 0, at points (ω, λ).
 
-    def undelayed(self, time_constant: float) -> FloatArray:
-        """Coefficients of D Nm (Df - 1) or of that over s, or of D Nm Df where the model waits.
+        Divided as p_B is. The arrays are broadcast against each other.
 
         Parameters
         ----------
-        time_constant : float
+        omega : (N,) array of float
+            Frequencies, in rad/s.
+        time_constant : array of float
             λ in seconds.
         """
-        den = _den_less_1(time_constant, self.order)
-        den[-1] = float(self.wait > 0)
-        product = np.convolve(self.a, den)
-        return product[:-1] if self.integrator else product
-
-    @property
-    def delayed(self) -> FloatArray:
-        """Coefficients of N Dm, or of that over s."""
-        return self.b[:-1] if self.integrator else self.b
-
-
-def multiplied(of_process: FloatArray, of_model: FloatArray) -> FloatArray:
-    """Multiply a polynomial of the process by one of the model, within the range of floats.
-
-    Parameters
-    ----------
-    of_process, of_model : array of float
-        Coefficients in descending powers.
-
-    Raises
-    ------
-    ValueError
-        If the product leaves the range of floating-point numbers.
-    """
-    with np.errstate(over="ignore", under="ignore"):
-        product = np.convolve(of_process, of_model)
-    if not (np.isfinite(product).all() and product[0]):
-        raise ValueError(
-            "the coefficients of process and model are so large or so small that their product "
-            "leaves the range of floating-point numbers: divide numerator and denominator of each "
-            "block by its leading coefficient, or change the units"
+        (a, b, waits), (E, Nf) = self._apart(omega), self._tables(omega)
+        powers = [np.asarray(time_constant) ** k for k in range(len(E))]
+        E, Nf = (
+            sum(row * power for row, power in zip(table, powers, strict=True)) for table in (E, Nf)
         )
-    return product
+        return a * E, b * Nf, waits * Nf
 
+    def filters(self, s: complex, time_constant: FloatArray) -> tuple[Any, Any]:
+        """Values of E and Nf for many filters at one point.
 
-def _den_less_1(time_constant: float, order: int) -> FloatArray:
-    """Coefficients of (λs + 1)^n - 1, whose zero at s = 0 is exact."""
-    if abs(order * log10(time_constant)) > 300:
-        raise ArithmeticError(
-            f"time constant {time_constant:g} s to the power {order} leaves the range of "
-            "floating-point numbers: choose another unit of time"
+        Parameters
+        ----------
+        s : complex
+            The point.
+        time_constant : array of float
+            λ in seconds.
+        """
+        powers = np.asarray(time_constant)[None, :] ** np.arange(len(self.E))[:, None]
+        return np.polyval(self.E.T, s) @ powers, np.polyval(self.Nf.T, s) @ powers
+
+    def powers_apart(self, omega: FloatArray) -> ComplexArray:
+        """For the filters of eq. (1): all λ with (1 + jλω)^n = -H, each row continuous in ω.
+
+        -H is 1 - R, or behind the model's dead time exp(-jωθm) (1 - R), R with the difference of
+        the dead times. Its logarithm is accurate for small R, too, where numpy's log1p is not.
+
+        Parameters
+        ----------
+        omega : (N,) array of float
+            Frequencies, in rad/s.
+        """
+        R = self.ratio(omega)
+        with np.errstate(divide="ignore"):  # where H vanishes exactly, all are one
+            size = np.log1p(-R.real * (2 - R.real) + R.imag**2) / 2
+        angle = np.arctan2(-R.imag, 1 - R.real) - self.wait * omega
+        # Whole turns are counted apart: an angle of 2π would leave a root near 1 only rounding.
+        turns = np.round((np.unwrap(angle) - angle) / (2 * np.pi))
+        turns = (turns + np.arange(self.order)[:, None]) % self.order
+        angles = (angle + 2 * np.pi * turns) / self.order
+        return np.asarray(np.expm1(size / self.order + 1j * angles) / (1j * omega))
+
+    def off_gain(self, omega: FloatArray, gain: float = 1.0) -> FloatArray:
+        """Coefficients in λ, ascending, each frequency a column, of ``|a E|^2 - |b Nf/gain|^2``.
+
+        Its last root bounds the λ with ``|L| = gain``; the critical λ are among those of gain 1.
+        Two dead times are taken at their worst, so that the bound does not turn with them.
+
+        Parameters
+        ----------
+        omega : (N,) array of float
+            Frequencies, in rad/s.
+        gain : float
+            The size of L.
+        """
+        (a, b, waits), (E, Nf) = self._apart(omega), self._tables(omega)
+        ahead, behind = a * E, (np.abs(b) / gain + np.abs(waits)) * Nf
+        most = np.maximum(np.abs(ahead).max(axis=0), np.abs(behind).max(axis=0))
+        with np.errstate(all="ignore"):
+            ahead, behind = (np.nan_to_num(part / most) for part in (ahead, behind))
+        return size_squared(ahead) - size_squared(behind)
+
+    def _apart(self, omega: FloatArray) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+        """Return a, b exp(-jωθ), and -D Nm exp(-jωθm) or 0, divided as p_B is."""
+        s = 1j * np.asarray(omega)
+        N, D, Nm, Dm = self._values(omega)
+        turned = N * Dm * np.exp(-self.delay * s) if self.delay else N * Dm
+        turned = turned / s**self.divided if self.divided else turned
+        if not self.wait:
+            return D * Nm, turned, np.zeros(1, dtype=complex)
+        return D * Nm, turned, -D * rows(self.zeros[None], s)[0] * self._lag(s)
+
+    def _lag(self, s: ComplexArray) -> ComplexArray:
+        """exp(-θm s), or what is left of it without the first terms of its series."""
+        m = self.divided
+        if not m:
+            return np.asarray(np.exp(-self.wait * s))
+        return np.asarray((-self.wait) ** m * exponential_rest(-self.wait * s, m, divided=True))
+
+    @cached_property
+    def _ahead(self) -> FloatArray:
+        """E less Nf times the first terms of the series of exp(-θm s), divided as p_B is."""
+        m = self.divided
+        if not m:
+            return self.E
+        lag = taylor(self.wait, m)[::-1] if self.wait else np.zeros(1)
+        late = np.array([np.convolve(row, lag) for row in self.Nf])
+        columns = max(late.shape[1], self.E.shape[1])
+        late, ahead = (np.pad(p, ((0, 0), (columns - p.shape[1], 0))) for p in (late, self.E))
+        return np.asarray((ahead - late)[:, :-m])
+
+    def _tables(self, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:
+        s = 1j * np.asarray(omega)
+        return rows(self._ahead, s), rows(self.Nf, s)
+
+    # At the ends of the axis.
+
+    def lowest(self, time_constant: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Values of the three `terms` at s = 0 for many filters.
+
+        Parameters
+        ----------
+        time_constant : array of float
+            λ in seconds.
+        """
+        E, Nf = (
+            np.polyval(table[::-1, -1], np.asarray(time_constant))
+            for table in (self._ahead, self.Nf)
         )
-    powers = [comb(order, k) * time_constant**k for k in range(order, 0, -1)]
-    return np.array([*powers, 0.0])
+        lag = (-self.wait) ** self.divided / factorial(self.divided)
+        return self.a[-1] * E, self.b[-1 - self.divided] * Nf, -self.waiting[-1] * lag * Nf
+
+    def highest(
+        self, time_constant: FloatArray, *, lagging: bool = False
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Coefficients of the highest power of s in p_B of the three `terms`, for many filters.
+
+        D may be multiplied by one more lag, whose time constant is left out.
+
+        Parameters
+        ----------
+        time_constant : array of float
+            λ in seconds.
+        lagging : bool
+            Whether there is that lag.
+        """
+        tables = [np.polyval(t[::-1], time_constant[:, None]) for t in (self.E, self.Nf, self.Nf)]
+        leads, degrees = [], []
+        factors = (self.a, self.b, -self.waiting)
+        for table, factor, more in zip(tables, factors, (lagging, False, lagging), strict=True):
+            used = int(np.flatnonzero(table.any(axis=0))[0])
+            leads.append(factor[0] * table[:, used])
+            degrees.append((factor.size + table.shape[1] - used if factor.any() else 0) + more)
+        ahead, behind, waits = (
+            lead * (degree == max(degrees)) for lead, degree in zip(leads, degrees, strict=True)
+        )
+        return ahead, behind, waits

@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, reduce
 from math import pi
 
 import numpy as np
 
 from ..numerics import FloatArray, QuasiPolynomial, add
+from .columns import beyond_roots, last_root, positive_roots
+from .familytables import wide, width
 from .mismatch import Mismatch
 
 __all__ = ["Frequencies"]
 
 PER_DECADE, DECADES = 16, 5
 """Density of the frequencies, and how far they reach below and above all poles and zeros."""
+
+FARTHER, SPARSE = 10, 4
+"""Decades beyond the others, and frequencies in each, where R is but a power of s."""
 
 NARROWEST = 4 * float(np.finfo(float).eps)
 """Relative width to which the surroundings of an undamped pole or zero are looked at."""
@@ -27,6 +32,15 @@ PER_TURN = 24
 
 MAX_FREQUENCIES = 2_000_000
 
+AT_ONCE = 6
+"""Frequencies at which roots are found at once."""
+
+TURNS = 32
+"""Turns of the dead time over which the default floor resolves the critical time constants."""
+
+FASTEST = 1000
+"""How many times faster than the dead time a filter of the default range may be."""
+
 
 @dataclass(frozen=True, eq=False)
 class Frequencies:
@@ -35,7 +49,7 @@ class Frequencies:
     Attributes
     ----------
     mismatch : Mismatch
-        The ratio R and the order.
+        The ratio R and the family of filters.
     """
 
     mismatch: Mismatch
@@ -59,16 +73,21 @@ class Frequencies:
             width = max(abs(root.real), narrowest * abs(root))
             steps = np.geomspace(0.1 * width, abs(root), int(8 * np.log10(abs(root) / width)) + 9)
             grids += [root.imag + steps, root.imag - steps]
-        omega = np.unique(np.concatenate(grids))
-        omega = omega[omega >= 10**low]
-        return np.asarray(omega[~mismatch.at_pole(omega)])
+        near = np.unique(np.concatenate(grids))
+        near = near[near >= 10**low]
+        near = near[~mismatch.at_pole(near)]
+        if mismatch.family.is_binomial:
+            return np.asarray(near)
+        beyond = np.geomspace(1, 10.0**FARTHER, FARTHER * SPARSE + 1)[1:]
+        omega = np.concatenate([near[0] / beyond[::-1], near, near[-1] * beyond])
+        return np.asarray(omega[np.abs(np.log10(omega)) < LAST_DECADE])
 
     @cached_property
     def _far_crossings(self) -> tuple[float, float]:
-        """Decades of ω below and above which a large R cannot cross Re w = 1 any more.
+        """Decades of ω below and above which a large R cannot bring λ(ω) to the real axis any more.
 
-        Where R ≈ c s^m is large, a branch of size |c|^(1/n) ω^(m/n) may run along the imaginary
-        axis but for an angle of about (largest root)/ω, or ω/(smallest root) at low frequency.
+        Where R ≈ c s^m is large, λ jω of size |c|^(1/n) ω^(m/n) may run along the imaginary axis
+        but for an angle of about (largest root)/ω, or ω/(smallest root) at low frequency.
         """
         mismatch = self.mismatch
         n, speeds = mismatch.order, mismatch.speeds
@@ -83,22 +102,80 @@ class Frequencies:
             first = max((slowest - size / n) * n / (n + m), -LAST_DECADE)
         return first, last
 
-    def largest_time_constant(self, omega: FloatArray, gain: float = 1.0) -> FloatArray:
-        """Bound of the λ with ``|L| = gain`` at a frequency: ``|1 + jλω|^n <= 1 + |R|/gain``.
+    @cached_property
+    def lowest_floor(self) -> float:
+        """Smallest time constant down to which sets are complete by default, in seconds.
 
-        The critical λ are among those of gain 1.
+        0 without dead time. With a dead time θ: the λ above which every critical frequency lies
+        within the first 32 turns of exp(-jωθ), and at least θ/1000.
         """
-        size = np.abs(self.mismatch.ratio(omega)) / gain
-        return np.asarray(np.sqrt((1 + size) ** (2 / self.mismatch.order) - 1) / omega)
+        mismatch = self.mismatch
+        longest = mismatch.longest_delay
+        if not longest:
+            return 0.0
+        last = 2 * pi * TURNS / longest
+        beyond = np.append(last, self.base[self.base > last])
+        return max(self._highest(beyond), longest / FASTEST, 1.001 * self.neutral_limit)
 
-    def last_above(self, omega: FloatArray, floor: float, gain: float = 1.0) -> int:
+    @cached_property
+    def neutral_limit(self) -> float:
+        """λ below which a dead time leaves infinitely many roots on the right; 0 if there is none.
+
+        Raises
+        ------
+        ValueError
+            If it does so for every large λ.
+        """
+        mismatch = self.mismatch
+        ahead = [(mismatch.E, mismatch.a)] + [
+            (mismatch.Nf, p) for p, delay in mismatch.behind if not delay
+        ]
+        behind = [(mismatch.Nf, p) for p, delay in mismatch.behind if delay]
+        if not behind:
+            return 0.0
+        top = max(width(table) + p.size for table, p in (*ahead, *behind))
+        leading, delayed = (
+            [wide(table)[::-1, 0] * p[0] for table, p in part if width(table) + p.size == top]
+            for part in (ahead, behind)
+        )
+        if not delayed:
+            return 0.0
+        # Those with dead time are all multiples of the same polynomial in λ.
+        least: FloatArray = reduce(add, leading, np.zeros(1))
+        most: FloatArray = np.sign(delayed[0]) * sum(map(np.abs, delayed))
+        square = add(np.convolve(least, least), -np.convolve(most, most))
+        square = np.trim_zeros(square, "f")
+        if not leading or not square.size or square[0] < 0:
+            raise ValueError(
+                "with dead time every slow filter of this family leaves infinitely many roots in "
+                "the right half plane: take one of higher relative degree"
+            )
+        return float(positive_roots(square).max(initial=0.0))
+
+    # The roots of a polynomial at each frequency are dear; of few it must be known what they are.
+
+    def _last_above(self, omega: FloatArray, floor: float, gain: float) -> int:
         """Give the number of the last frequency at which λ may exceed a floor; -1 for none."""
-        possible = np.flatnonzero(self.largest_time_constant(omega, gain) > floor)
-        return int(possible[-1]) if possible.size else -1
+        columns = self.mismatch.off_gain(omega, gain)
+        possible = np.flatnonzero(beyond_roots(columns) > floor)
+        for first in range(possible.size, 0, -AT_ONCE):
+            some = possible[max(first - AT_ONCE, 0) : first]
+            found = some[last_root(columns[:, some]) > floor]
+            if found.size:
+                return int(found[-1])
+        return -1
 
-    def highest(self, omega: FloatArray) -> float:
+    def _highest(self, omega: FloatArray) -> float:
         """Bound the critical λ of all these frequencies."""
-        return float(self.largest_time_constant(omega).max())
+        columns = self.mismatch.off_gain(omega)
+        bounds = beyond_roots(columns)
+        order, highest = np.argsort(-bounds), 0.0
+        for first in range(0, order.size, AT_ONCE):
+            some = order[first : first + AT_ONCE]
+            if bounds[some[0]] <= highest:
+                break
+            highest = max(highest, float(last_root(columns[:, some]).max()))
+        return highest
 
     def above(self, floor: float, gain: float = 1.0) -> FloatArray:
         """Frequencies that hold every crossing for λ above a floor, none hidden between two.
@@ -114,7 +191,7 @@ class Frequencies:
         longest = self.mismatch.longest_delay
         if not longest:
             return omega
-        last = omega[min(self.last_above(omega, floor, gain) + 1, omega.size - 1)]
+        last = omega[min(self._last_above(omega, floor, gain) + 1, omega.size - 1)]
         step = 2 * pi / (longest * PER_TURN)
         if last > step * MAX_FREQUENCIES or last == omega[-1]:
             raise ValueError(

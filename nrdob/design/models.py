@@ -32,7 +32,7 @@ from ..diagram import (
     filter_family,
 )
 from ..numerics import ComplexArray, FloatArray, QuasiPolynomial
-from .limits import roots_by_side
+from .existence import roots_by_side
 from .mismatch import Mismatch
 from .prices import PricedSearch, Prices
 from .search import FilterSearch

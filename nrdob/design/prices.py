@@ -21,10 +21,11 @@ from scipy.optimize import brentq, minimize_scalar
 from ..analysis import judge, quotient_margins, resolved_frequencies, step_response
 from ..diagram import FilterFamily, LoopEquations, LowPassFilter, ObserverEquations, Quotient
 from ..numerics import FloatArray, golden
-from .familygrid import frequencies_for
 from .familyslack import FamilyLoops
+from .mismatch import Mismatch
+from .mismatchgrid import Frequencies
 from .slack import UNSTABLE, Specification
-from .timeconstants import intersection, lowest_floor, stabilizing_set, stable_filters
+from .timeconstants import intersection, stabilizing_set, stable_filters
 
 __all__ = [
     "PricedSearch",
@@ -229,9 +230,11 @@ class PricedSearch:
         controller: Any,
     ) -> PricedSearch:
         """Find the stabilising set, in which it will be seen where the limits are met."""
-        frequencies = frequencies_for(process, model, family)
-        floor = lowest_floor(frequencies)
-        intervals = intersection(stabilizing_set(frequencies, floor), stable_filters(family))
+        frequencies = Frequencies(Mismatch.of(process, model, family, waits=True))
+        floor = frequencies.lowest_floor
+        intervals = intersection(
+            stabilizing_set(frequencies, floor), stable_filters(frequencies.mismatch.family)
+        )
 
         @cache
         def slack(time_constant: float) -> float:

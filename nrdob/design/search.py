@@ -23,12 +23,12 @@ from ..analysis import Margins, quotient_margins
 from ..diagram import DelayedTransferFunction, FilterFamily, LowPassFilter, ObserverEquations
 from ..numerics import FloatArray
 from .excluded import admissible
-from .limits import stabilizing_filter_exists
+from .existence import stabilizing_filter_exists
 from .mismatch import Mismatch
 from .mismatchgrid import Frequencies
 from .prices import PricedSearch, Prices, member, sluggishness
 from .slack import PlantLoops, Specification
-from .timeconstants import lowest_floor, stabilizing_set
+from .timeconstants import stabilizing_set
 
 __all__ = ["FilterSearch", "admissible_time_constants", "design_filter"]
 
@@ -183,8 +183,8 @@ def admissible_time_constants(
     list of (low, high)
         Intervals in seconds, increasing, within those of `nrdob.stabilizing_time_constants`; empty
         where no λ will do. `low` is 0 and `high` inf where every filter will do that is at least
-        so fast, or so slow. With dead time nothing is looked for below
-        `nrdob.design.timeconstants.default_floor`.
+        so fast, or so slow. With dead time nothing is looked for below the default floor of
+        `nrdob.critical_time_constants`.
 
     Raises
     ------
@@ -321,7 +321,7 @@ class FilterSearch:
     def of(cls, process: Any, model: Any, order: int, specification: Specification) -> FilterSearch:
         """Find the stabilising set, and in it where the specification is met."""
         frequencies = Frequencies(Mismatch.of(process, model, order))
-        intervals = stabilizing_set(frequencies, lowest_floor(frequencies))
+        intervals = stabilizing_set(frequencies, frequencies.lowest_floor)
 
         @cache
         def plant_loop(time_constant: float) -> Margins:

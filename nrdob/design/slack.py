@@ -17,7 +17,7 @@ import numpy as np
 
 from ..analysis import Margins
 from ..numerics import ComplexArray, FloatArray, IntArray
-from .limits import roots_by_side
+from .existence import roots_by_side
 from .mismatch import Mismatch
 from .mismatchgrid import Frequencies
 

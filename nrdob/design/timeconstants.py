@@ -1,19 +1,14 @@
 r"""Every stabilising filter: the time constants at which the loop changes sides, exactly.
 
-The observer loop has a root at :math:`s = j\omega` if and only if
-:math:`(1 + j\lambda\omega)^n = -H(j\omega)`: an n-th root w of :math:`-H(j\omega)` must have real
-part 1, and then :math:`\lambda = \operatorname{Im} w/\omega`. So one looks for the frequencies at
-which one of n branches crosses the line Re w = 1, with H evaluated exactly, dead time included;
-for a model that waits, :math:`-H = e^{-j\omega\theta_m} - e^{-j\omega\theta} G_0/\tilde G_0`.
-Between two neighbouring critical time constants the number of roots in the right half plane does
-not change; it is counted there by the argument of p_B, which knows nothing of the crossings.
+The critical time constants, at which a root of p_B is on the imaginary axis, come from
+`nrdob.design.crossings`. Between two neighbouring ones the number of roots in the right half plane
+does not change; it is counted there by the argument of p_B, which knows nothing of the crossings.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import pairwise
-from math import atan, comb, inf, isfinite, pi
+from math import atan, inf, isfinite
 from numbers import Real
 from typing import Any, NamedTuple
 
@@ -21,29 +16,15 @@ import numpy as np
 
 from ..diagram import DelayedTransferFunction, FilterFamily
 from ..digital import process_in_w
-from ..numerics import (
-    BoolArray,
-    ComplexArray,
-    FloatArray,
-    IntArray,
-    add,
-    bisect,
-    count_rhp,
-    golden,
-    side,
-)
-from .familybranches import FamilyBranches
-from .familygrid import frequencies_for
-from .familymismatch import FamilyMismatch, positive_roots
-from .mismatch import ERROR, Mismatch
+from ..numerics import count_rhp
+from .crossings import CriticalTimeConstant, crossings
+from .mismatch import Mismatch
 from .mismatchgrid import Frequencies
 
 __all__ = [
     "CriticalTimeConstant",
     "critical_time_constants",
-    "default_floor",
     "intersection",
-    "lowest_floor",
     "stabilizing_set",
     "stabilizing_time_constants",
     "stable_filters",
@@ -51,34 +32,6 @@ __all__ = [
 
 SAME = 1e-9
 """Relative distance below which two critical time constants are one."""
-
-JUMP = 1e-6
-"""Distance from the line, against the branch's own size, at which a change of side is a jump."""
-
-TURNS = 32
-"""Turns of the dead time over which the default floor resolves the critical time constants."""
-
-FASTEST = 1000
-"""How many times faster than the dead time a filter of the default range may be."""
-
-
-class CriticalTimeConstant(NamedTuple):
-    """A time constant at which roots cross the imaginary axis.
-
-    Attributes
-    ----------
-    time_constant : float
-        λ in seconds.
-    frequency : float
-        Where they cross, in rad/s; 0 for a real root that passes through s = 0, inf for one that
-        passes through infinity.
-    direction : int
-        +1 if they enter the right half plane as λ grows, -1 if they leave it.
-    """
-
-    time_constant: float
-    frequency: float
-    direction: int
 
 
 def critical_time_constants(
@@ -99,9 +52,10 @@ def critical_time_constants(
     order : int or FilterFamily
         n of the filter :math:`1/(\lambda s + 1)^n`, or a family from `nrdob.filter_family`.
     floor : float, optional
-        Smallest λ of interest, in seconds. With dead time the critical time constants accumulate
-        at 0 and the list must end somewhere: by default at `default_floor`. Without dead time the
-        default is 0, and the list is complete.
+        Smallest λ of interest, in seconds. With a dead time θ the critical time constants
+        accumulate at 0 and the list must end somewhere: by default where every critical frequency
+        above lies within 32 turns of exp(-jωθ), and not below θ/1000. Without dead time the default
+        is 0, and the list is complete.
     dt : float, optional
         Sampling time in seconds of a processor that runs the observer by Tustin's rule, see
         `stabilizing_time_constants`.
@@ -129,9 +83,9 @@ def critical_time_constants(
     >>> round(critical.time_constant, 9), round(critical.frequency, 3), critical.direction
     (0.005, 200.0, -1)
     """
-    process = _held(process, model, dt, computation_delay)
-    frequencies = frequencies_for(process, model, order)
-    found = _critical(frequencies, _checked_floor(frequencies, floor))
+    frequencies = _frequencies(process, model, order, dt, computation_delay)
+    floor = _checked_floor(frequencies, floor)
+    found = crossings(frequencies.mismatch, frequencies.above(floor), floor)
     if dt is None:
         return found
     return [c._replace(frequency=2 / dt * atan(c.frequency * dt / 2)) for c in found]
@@ -202,14 +156,20 @@ def stabilizing_time_constants(
     >>> [(round(low, 6), round(high, 6)) for low, high in sampled]
     [(0.111006, 0.651317)]
     """
-    process = _held(process, model, dt, computation_delay)
-    frequencies = frequencies_for(process, model, order)
+    frequencies = _frequencies(process, model, order, dt, computation_delay)
     found = stabilizing_set(frequencies, _checked_floor(frequencies, floor))
-    return intersection(found, stable_filters(order)) if found else found
+    return intersection(found, stable_filters(frequencies.mismatch.family)) if found else found
+
+
+def _frequencies(
+    process: Any, model: Any, order: int | FilterFamily, dt: float | None, computation_delay: float
+) -> Frequencies:
+    """Read the blocks, the process behind a hold where there is a sampling time."""
+    process = _held(process, model, dt, computation_delay)
+    return Frequencies(Mismatch.of(process, model, order, waits=True))
 
 
 def _held(process: Any, model: Any, dt: float | None, computation_delay: float) -> Any:
-    """Put the process behind a hold, where there is a sampling time."""
     if dt is None:
         if computation_delay:
             raise ValueError(
@@ -220,27 +180,36 @@ def _held(process: Any, model: Any, dt: float | None, computation_delay: float) 
     if isinstance(model, DelayedTransferFunction) and model.delay:
         raise ValueError(
             f"model has a dead time of {model.delay:g} s; with dt sets are computed for models "
-            "that do not wait: leave it out, or ask NRDOB(…).sampled(dt).stability() for one λ"
+            "without: leave it out, or ask NRDOB(…).sampled(dt).stability() for one λ"
         )
     return process_in_w(process, dt, computation_delay)
 
 
 def stabilizing_set(frequencies: Frequencies, floor: float) -> list[tuple[float, float]]:
-    """Find the set of `stabilizing_time_constants` for a mismatch that is already read."""
-    intervals = _intervals(floor, _critical(frequencies, floor))
-    counts = _counts(frequencies.mismatch, intervals)
+    """Find the set of `stabilizing_time_constants` above a floor for a mismatch already read.
+
+    Parameters
+    ----------
+    frequencies : Frequencies
+        Of the mismatch.
+    floor : float
+        Smallest λ of interest, in seconds: `frequencies.lowest_floor`, or above.
+    """
+    mismatch = frequencies.mismatch
+    intervals = _intervals(floor, crossings(mismatch, frequencies.above(floor), floor))
+    counts = _counts(mismatch, intervals)
     return [
         (part.low, part.high) for part, count in zip(intervals, counts, strict=True) if count == 0
     ]
 
 
-def stable_filters(order: int | FilterFamily) -> list[tuple[float, float]]:
+def stable_filters(family: FilterFamily) -> list[tuple[float, float]]:
     """Find all λ for which the filters of a family are stable themselves.
 
     Parameters
     ----------
-    order : int or FilterFamily
-        n of the filters of eq. (1), or a family.
+    family : FilterFamily
+        The filters.
 
     Returns
     -------
@@ -254,10 +223,10 @@ def stable_filters(order: int | FilterFamily) -> list[tuple[float, float]]:
     >>> [(low, round(high, 6)) for low, high in stable_filters(resonant)]
     [(0.0, 2.0)]
     """
-    if not isinstance(order, FilterFamily) or order.kind != "own":
+    if family.kind != "own":
         return [(0.0, inf)]
     # Under a process of 1 and a model of 1 the observer loop is the filter.
-    return stabilizing_set(frequencies_for(1.0, 1.0, order), 0.0)
+    return stabilizing_set(Frequencies(Mismatch.of(1.0, 1.0, family)), 0.0)
 
 
 def intersection(
@@ -279,45 +248,10 @@ def intersection(
     return [(low, high) for low, high in pairs if low < high]
 
 
-def default_floor(process: Any, model: Any, order: int | FilterFamily) -> float:
-    """Smallest time constant down to which the sets are complete by default, in seconds.
-
-    0 without dead time. With a dead time θ: the λ above which every critical frequency lies within
-    the first 32 turns of exp(-jωθ), and at least θ/1000.
-
-    Parameters
-    ----------
-    process, model : as for `nrdob.NRDOB`
-        G, with or without dead time, and G̃.
-    order : int
-        n of the filter.
-
-    Examples
-    --------
-    >>> import control as ct
-    >>> from nrdob import delay
-    >>> G = ct.tf([1], [1, 1])
-    >>> round(default_floor(delay(0.5) * G, G, 1), 5)
-    0.00431
-    """
-    return lowest_floor(frequencies_for(process, model, order))
-
-
-def lowest_floor(frequencies: Frequencies) -> float:
-    """Find the `default_floor` of a mismatch that is already read."""
-    mismatch = frequencies.mismatch
-    longest = mismatch.longest_delay
-    if not longest:
-        return 0.0
-    last = 2 * pi * TURNS / longest
-    beyond = np.append(last, frequencies.base[frequencies.base > last])
-    return max(frequencies.highest(beyond), longest / FASTEST, 1.001 * mismatch.neutral_limit)
-
-
 def _checked_floor(frequencies: Frequencies, floor: float | None) -> float:
     """Return the floor asked for, or the default; an error for one that cannot be."""
     if floor is None:
-        return lowest_floor(frequencies)
+        return frequencies.lowest_floor
     if isinstance(floor, bool) or not isinstance(floor, Real):
         raise TypeError(
             f"floor is {floor!r}; it is the smallest time constant of interest, a number of "
@@ -329,246 +263,13 @@ def _checked_floor(frequencies: Frequencies, floor: float | None) -> float:
             "positive and finite, or None"
         )
     mismatch = frequencies.mismatch
-    if floor <= mismatch.neutral_limit:
+    if floor <= frequencies.neutral_limit:
         raise ValueError(
             f"floor is {floor:g} s, but with dead time and order {mismatch.order} every time "
-            f"constant up to {mismatch.neutral_limit:.6g} s leaves infinitely many roots in the "
+            f"constant up to {frequencies.neutral_limit:.6g} s leaves infinitely many roots in the "
             "right half plane: choose a larger floor, or a higher order"
         )
     return float(floor)
-
-
-# Where the crossings are.
-
-
-def _critical(frequencies: Frequencies, floor: float) -> list[CriticalTimeConstant]:
-    mismatch = frequencies.mismatch
-    omega = frequencies.above(floor)
-    if isinstance(mismatch, FamilyMismatch):
-        found = _crossings(FamilyBranches.on(mismatch, omega)) + _through_ends(mismatch)
-    else:
-        found = _crossings(_Branches.on(mismatch, omega))
-        found += _through_zero(mismatch) + _through_infinity(mismatch)
-    return sorted(c for c in found if c.time_constant > floor)
-
-
-@dataclass(frozen=True, eq=False)
-class _Branches:
-    """The n-th roots w of -H(jω), each continuous in ω, less 1.
-
-    Attributes
-    ----------
-    mismatch : Mismatch
-        The ratio R and the order.
-    omega : array of float
-        Frequencies, N of them.
-    phase : array of float
-        arg(-H) at each, followed from one frequency to the next.
-    excess : array of complex
-        w - 1, of shape (n, N).
-    """
-
-    mismatch: Mismatch
-    omega: FloatArray
-    phase: FloatArray
-    excess: ComplexArray
-
-    @classmethod
-    def on(cls, mismatch: Mismatch, omega: FloatArray) -> _Branches:
-        """Follow the branches over given frequencies."""
-        root = _log_minus_H(mismatch, omega)
-        phase = np.unwrap(root.imag)
-        each = np.arange(mismatch.order)[:, None]
-        return cls(mismatch, omega, phase, _less_1(root, phase, each, mismatch.order))
-
-    def __call__(self, of: IntArray, at: IntArray, omega: FloatArray) -> ComplexArray:
-        """Branches `of`, reached continuously from frequencies number `at`, less 1."""
-        root = _log_minus_H(self.mismatch, omega)
-        return _less_1(root, self.phase[at], of, self.mismatch.order)
-
-    @staticmethod
-    def size(excess: ComplexArray) -> FloatArray:
-        """Size of a branch w, against which a jump is told from a crossing."""
-        return np.asarray(np.abs(1 + excess))
-
-    def nearest(
-        self, of: IntArray, at: IntArray, way: FloatArray, low: FloatArray, high: FloatArray
-    ) -> FloatArray:
-        """Frequencies at which branches on one side, `way`, come closest to the line."""
-        return golden(lambda omega: way * self(of, at, omega).real, low, high)
-
-    @staticmethod
-    def near_line(excess: ComplexArray) -> BoolArray:
-        """Whether a branch may touch the line between two frequencies and leave it again."""
-        return np.asarray(np.abs(excess.real) < 1)
-
-    @staticmethod
-    def lost(excess: ComplexArray, rounding: FloatArray) -> BoolArray:
-        """Whether a branch is not known at all, as beside a pole."""
-        return rounding >= np.ones(excess.shape)
-
-    def rounding(self, omega: FloatArray, excess: ComplexArray) -> FloatArray:
-        """Bound the rounding error of a branch w, where w - 1 is `excess`: dw/w = dH/(nH)."""
-        mismatch = self.mismatch
-        with np.errstate(divide="ignore", invalid="ignore"):  # at zeros of H and poles of R
-            relative = mismatch.noise(omega) / np.abs(1 - mismatch.ratio(omega))
-            relative += mismatch.wait * omega * ERROR / 8
-            return np.asarray(np.nan_to_num(relative / mismatch.order * np.abs(1 + excess)))
-
-
-class _Brackets(NamedTuple):
-    """Between which frequencies which branch changes sides, and from which one it is reached."""
-
-    of: IntArray
-    at: IntArray
-    low: FloatArray
-    high: FloatArray
-
-
-def _crossings(branches: _Branches | FamilyBranches) -> list[CriticalTimeConstant]:
-    """Find where a branch crosses the line Re w = 1 with a positive imaginary part."""
-    # Where R nearly vanishes a branch is so close to 1 that its side is only rounding.
-    rounding = branches.rounding(branches.omega, branches.excess)
-    known = np.abs(branches.excess.real) >= rounding
-    parts = (_sign_changes(branches, known), *_hidden_pairs(branches, known, rounding))
-    of, at, low, high = (np.concatenate(part) for part in zip(*parts, strict=True))
-    where = bisect(lambda w: branches(of, at, w).real, low, high)
-    value = branches(of, at, where)
-    true = _accepted(branches, where, value)
-    # A pair leaves where the branch rises through the line as ω grows, and enters where it falls:
-    # Re ds/dλ has the sign opposite to that of the slope.
-    directions = side(branches(of, at, low).real)[true]
-    where, critical = where[true], value.imag[true] / where[true]
-    return [
-        CriticalTimeConstant(float(c), float(w), int(d))
-        for c, w, d in zip(critical, where, directions, strict=True)
-    ]
-
-
-def _sign_changes(branches: _Branches | FamilyBranches, known: BoolArray) -> _Brackets:
-    """Bracket the changes of side between neighbouring frequencies where it is known."""
-    of, columns = np.nonzero(known)
-    sign = side(branches.excess.real[of, columns])
-    changed = np.flatnonzero((of[1:] == of[:-1]) & (sign[1:] != sign[:-1]))
-    before, after = columns[changed], columns[changed + 1]
-    return _Brackets(of[changed], before, branches.omega[before], branches.omega[after])
-
-
-def _hidden_pairs(
-    branches: _Branches | FamilyBranches, known: BoolArray, rounding: FloatArray
-) -> tuple[_Brackets, _Brackets]:
-    """Bracket pairs of crossings that leave the same side at both neighbours, but a dip.
-
-    Of two frequencies so close that only rounding tells them apart both may be the bottom.
-    """
-    real, omega = branches.excess.real, branches.omega
-    sign, size = side(real), np.abs(real)
-    inner = np.s_[:, 1:-1]
-    least = size[inner] - rounding[inner]
-    dips = (least <= size[:, :-2]) & (least <= size[:, 2:]) & known[inner]
-    dips &= (sign[inner] == sign[:, :-2]) & (sign[inner] == sign[:, 2:])
-    dips &= branches.near_line(branches.excess)[inner]
-    of, at = np.nonzero(dips & (branches.excess.imag[inner] > 0))
-    at = at + 1
-    left, right, way = omega[at - 1], omega[at + 1], sign[of, at]
-    bottom = branches.nearest(of, at, way, left, right)
-    through = way * branches(of, at, bottom).real < 0
-    of, at, bottom = of[through], at[through], bottom[through]
-    return _Brackets(of, at, left[through], bottom), _Brackets(of, at, bottom, right[through])
-
-
-def _accepted(
-    branches: _Branches | FamilyBranches, omega: FloatArray, excess: ComplexArray
-) -> BoolArray:
-    """Tell crossings from jumps at a pole on the axis, and from zeros there, where λ = 0."""
-    rounding = branches.rounding(omega, excess)
-    size = branches.size(excess)
-    on_line = np.abs(excess.real) <= JUMP * size + rounding
-    # Beside a pole a branch is so large that the line cannot be told from the imaginary axis.
-    near_pole = branches.lost(excess, rounding) | branches.mismatch.at_pole(omega)
-    return on_line & (excess.imag > rounding) & ~near_pole
-
-
-def _less_1(value: ComplexArray, near: FloatArray, of: IntArray, order: int) -> ComplexArray:
-    """n-th root number `of`, less 1, where ln(-H) is `value` and its phase near to `near`."""
-    # Whole turns are counted apart: a phase of 2π would leave a branch near 1 only rounding.
-    turns = (np.round((near - value.imag) / (2 * pi)) + of) % order
-    return np.asarray(np.expm1(value.real / order + 1j * (value.imag + 2 * pi * turns) / order))
-
-
-def _log_minus_H(mismatch: Mismatch, omega: FloatArray) -> ComplexArray:
-    """ln(1 - R(jω)), accurate for small R too, where numpy's complex log1p is not.
-
-    Where the model waits, -H is that behind its dead time.
-    """
-    R = mismatch.ratio(omega)
-    with np.errstate(divide="ignore"):  # where H vanishes exactly, all branches are at 0
-        size = np.log1p(-R.real * (2 - R.real) + R.imag**2) / 2
-    return np.asarray(size + 1j * (np.arctan2(-R.imag, 1 - R.real) - mismatch.wait * omega))
-
-
-def _through_zero(mismatch: Mismatch) -> list[CriticalTimeConstant]:
-    """Find the λ at which p_B(0) = (nλ + θm) a(0) + b'(0) vanishes, where the integrator cancels.
-
-    The direction is that of the root -p_B(0)/p_B'(0) beside it.
-    """
-    if not mismatch.integrator:
-        return []
-    n, wait = mismatch.order, mismatch.wait
-    (a1, a0), (b1, b0) = (np.append(0.0, p)[-2:].tolist() for p in (mismatch.a, mismatch.delayed))
-    critical = -(b0 / a0 + wait) / n
-    if critical <= 0:
-        return []
-    tilt = a0 * (comb(n, 2) * critical**2 - wait**2 / 2) + a1 * (n * critical + wait)
-    tilt += b1 - mismatch.delay * b0
-    return [CriticalTimeConstant(critical, 0.0, int(-np.sign(n * a0 * tilt)))]
-
-
-def _through_infinity(mismatch: Mismatch) -> list[CriticalTimeConstant]:
-    """Find the λ at which the leading coefficient of p_B vanishes: 1 + F(∞) H(∞) = 0."""
-    n, (a, b) = mismatch.order, (mismatch.a, mismatch.b)
-    if mismatch.delay or mismatch.excess != n or b[0] / a[0] > 0:
-        return []
-    critical = float((-b[0] / a[0]) ** (1 / n))
-    # Near it p_B is a0 (λ^n - critical^n) s^N + second s^(N-1) + …, with one large root.
-    second = add(mismatch.undelayed(critical), mismatch.delayed)[1]
-    direction = int(-np.sign(second / a[0]))
-    if mismatch.p_B(critical).q.size == a.size + n - 2 - mismatch.integrator:
-        a1 = a[1] if a.size > 1 else 0.0
-        slopes = critical * a[0], (n - 1) * a[0] + critical * a1
-        direction = _pair_at_infinity(mismatch, critical, slopes)
-    return [CriticalTimeConstant(critical, inf, direction)]
-
-
-def _pair_at_infinity(mismatch: Mismatch, critical: float, slopes: tuple[float, float]) -> int:
-    """Find the direction where the two highest coefficients of p_B vanish at one λ.
-
-    Next to it they grow by their slopes in λ. On one side the two large roots are real, one to the
-    right and one to the left; on the other they are a pair whose real part is finite.
-    """
-    lead, second = slopes
-    third, fourth = np.append(mismatch.p_B(critical).q, 0.0)[:2]
-    of_pair = 2 if fourth / third > second / lead else 0
-    return of_pair - 1 if third / lead > 0 else 1 - of_pair
-
-
-def _through_ends(mismatch: FamilyMismatch) -> list[CriticalTimeConstant]:
-    """Find the λ at which a real root passes through s = 0 or through infinity.
-
-    There p_B(0), or its leading coefficient, vanishes; the root is near -p_B(0)/p_B'(0), or near
-    minus the second coefficient over the leading one.
-    """
-    constant, slope, leading, second = mismatch.at_ends[:, ::-1]
-    found = []
-    for end, other, frequency in ((constant, slope, 0.0), (leading, second, inf)):
-        for critical in positive_roots(end).tolist():
-            lead, second = (float(np.polyval(np.polyder(p), critical)) for p in (end, other))
-            direction = int(-np.sign(lead * np.polyval(other, critical)))
-            rest = mismatch.p_B(critical)
-            if frequency and not rest.delay and rest.q.size == mismatch.degree - 1:
-                direction = _pair_at_infinity(mismatch, critical, (lead, second))
-            found.append(CriticalTimeConstant(critical, frequency, direction))
-    return found
 
 
 # What the intervals between them hold.

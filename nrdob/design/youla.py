@@ -37,7 +37,7 @@ from ..numerics import (
     without_shared_factor,
     written,
 )
-from .limits import Answer, roots_by_side
+from .existence import Answer, roots_by_side
 
 __all__ = ["ObserverForm", "observer_form", "stable_model_exists"]
 

@@ -13,7 +13,7 @@ import numpy as np
 from ..numerics import ComplexArray, FloatArray
 from .blocks import as_fraction, real_number, six_digits
 
-__all__ = ["DelayedTransferFunction", "delay"]
+__all__ = ["DelayedTransferFunction", "delay", "undelayed"]
 
 
 class DelayedTransferFunction:
@@ -210,6 +210,11 @@ def delay(seconds: float) -> DelayedTransferFunction:
     2.0
     """
     return DelayedTransferFunction(1.0, seconds)
+
+
+def undelayed(block: Any) -> tuple[Any, float]:
+    """Take the dead time off a block; return both."""
+    return (block.tf, block.delay) if isinstance(block, DelayedTransferFunction) else (block, 0.0)
 
 
 def _as_delayed(block: Any, name: str) -> DelayedTransferFunction:

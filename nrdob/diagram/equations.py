@@ -121,7 +121,7 @@ from ..numerics import (
     unstable_roots,
 )
 from .blocks import Fraction, as_fraction, nonzero
-from .delay import DelayedTransferFunction
+from .delay import undelayed
 from .filters import filter_fraction
 from .quotient import Quotient
 
@@ -181,6 +181,18 @@ class _Parts(dict[str, QuasiPolynomial]):
         return self[name]
 
 
+class _Map(cached_property[Quotient]):
+    """A map of the loop: the factors of its numerator and denominator, by their names."""
+
+    def __init__(self, num: str, den: str, doc: str) -> None:
+        super().__init__(self._made)
+        self.parts, self.__doc__ = (num.split(), den.split()), doc
+
+    def _made(self, loop: Any) -> Quotient:
+        num, den = (tuple(loop._parts[part] for part in parts) for parts in self.parts)
+        return Quotient(num, den, self.attrname or "")
+
+
 class _ObserverMaps:
     """What does not depend on the controller: condition ii, and all the feedback there is."""
 
@@ -197,7 +209,7 @@ class _ObserverMaps:
     @cached_property
     def _observer_fractions(self) -> ObserverFractions:
         G, Gm = (
-            nonzero(as_fraction(_undelayed(block), name), name)
+            nonzero(as_fraction(undelayed(block)[0], name), name)
             for block, name in ((self.process, "process"), (self.model, "model"))
         )
         F = filter_fraction(self.filter)
@@ -212,12 +224,12 @@ class _ObserverMaps:
     @property
     def delay(self) -> float:
         """Dead time θ of the process, in seconds."""
-        return _dead_time(self.process)
+        return undelayed(self.process)[1]
 
     @property
     def model_delay(self) -> float:
         """Dead time θm of the model, in seconds; θ where only rounding keeps them apart."""
-        found = _dead_time(self.model)
+        _, found = undelayed(self.model)
         return self.delay if abs(found - self.delay) <= SAME_DELAY * found else found
 
     @cached_property
@@ -283,79 +295,30 @@ class _ObserverMaps:
 
     # Eq. (4): to the output y.
 
-    @cached_property
-    def S_d(self) -> Quotient:
-        """Output disturbance d to output y, eq. (4): the sensitivity of the plant loop."""
-        return self._quotient("S_d", "D Nm' E", "B")
-
-    @cached_property
-    def S_delta(self) -> Quotient:
-        """Input disturbance δ to output y, eq. (4)."""
-        return self._quotient("S_delta", "Ne Nm' E", "B")
-
-    @cached_property
-    def S_eta(self) -> Quotient:
-        """Measurement noise η to output y, eq. (4)."""
-        return self._quotient("S_eta", "-1 Ne Dm' Nf'", "B")
+    S_d = _Map(
+        "D Nm' E", "B", "Output disturbance d to output y, eq. (4): the plant loop's sensitivity."
+    )
+    S_delta = _Map("Ne Nm' E", "B", "Input disturbance δ to output y, eq. (4).")
+    S_eta = _Map("-1 Ne Dm' Nf'", "B", "Measurement noise η to output y, eq. (4).")
 
     # Eq. (7): to the error and to the control signal.
 
-    @cached_property
-    def U_d(self) -> Quotient:
-        """Output disturbance d to controller output u, eq. (7)."""
-        return self._quotient("U_d", "-1 D Dm' Nf'", "B")
-
-    @cached_property
-    def U_delta(self) -> Quotient:
-        """Input disturbance δ to plant input u + δ, eq. (7)."""
-        return self._quotient("U_delta", "D Nm' E", "B")
-
-    @cached_property
-    def U_eta(self) -> Quotient:
-        """Measurement noise η to controller output u, eq. (7): the same map as `U_d`."""
-        return self._quotient("U_eta", "-1 D Dm' Nf'", "B")
+    U_d = _Map("-1 D Dm' Nf'", "B", "Output disturbance d to controller output u, eq. (7).")
+    U_delta = _Map("D Nm' E", "B", "Input disturbance δ to plant input u + δ, eq. (7).")
+    U_eta = _Map(
+        "-1 D Dm' Nf'", "B", "Measurement noise η to controller output u, eq. (7): same as `U_d`."
+    )
 
     # Blocks and open loops.
 
-    @cached_property
-    def G(self) -> Quotient:
-        """The process."""
-        return self._quotient("G", "Ne", "D")
-
-    @cached_property
-    def Gm(self) -> Quotient:
-        """The model G̃."""
-        return self._quotient("Gm", "Nme", "Dm")
-
-    @cached_property
-    def F(self) -> Quotient:
-        """The filter."""
-        return self._quotient("F", "Nf", "Df")
-
-    @cached_property
-    def ratio(self) -> Quotient:
-        """Process over model, G̃⁻¹G; the model without its dead time."""
-        return self._quotient("ratio", "Ne Dm", "D Nm")
-
-    @cached_property
-    def H(self) -> Quotient:
-        """Relative mismatch H = G/G̃ - 1 of Lemma 1; G/G̃0 - exp(-θm s) for a model that waits."""
-        return self._quotient("H", "mismatch", "D Nm")
-
-    @cached_property
-    def FH(self) -> Quotient:
-        """Observer loop F H, condition ii of Lemmas 1 and 2."""
-        return self._quotient("FH", "Nf' mismatch", "D Nm' Df")
-
-    @cached_property
-    def K(self) -> Quotient:
-        """All the feedback there is: K = F/((1 - F) G̃), or F/((1 - F exp(-θm s)) G̃0)."""
-        return self._quotient("K", "Nf' Dm'", "E Nm'")
-
-    @cached_property
-    def L(self) -> Quotient:
-        """Plant loop L = K G, the loop that the plant itself sees."""
-        return self._quotient("L", "Nf' Dm' Ne", "E Nm' D")
+    G = _Map("Ne", "D", "The process.")
+    Gm = _Map("Nme", "Dm", "The model G̃.")
+    F = _Map("Nf", "Df", "The filter.")
+    ratio = _Map("Ne Dm", "D Nm", "Process over model, G̃⁻¹G; the model without its dead time.")
+    H = _Map("mismatch", "D Nm", "Relative mismatch G/G̃ - 1 of Lemma 1, or G/G̃0 - exp(-θm s).")
+    FH = _Map("Nf' mismatch", "D Nm' Df", "Observer loop F H, condition ii of Lemmas 1 and 2.")
+    K = _Map("Nf' Dm'", "E Nm'", "All the feedback: F/((1 - F) G̃), or F/((1 - F exp(-θm s)) G̃0).")
+    L = _Map("Nf' Dm' Ne", "E Nm' D", "Plant loop L = K G, the loop that the plant itself sees.")
 
     @cached_property
     def _parts(self) -> _Parts:
@@ -387,12 +350,6 @@ class _ObserverMaps:
             ),
             "B": lambda: self.p_B,
         }
-
-    def _quotient(self, name: str, num: str, den: str) -> Quotient:
-        num_factors, den_factors = (
-            tuple(self._parts[part] for part in parts.split()) for parts in (num, den)
-        )
-        return Quotient(num_factors, den_factors, name)
 
 
 @dataclass(frozen=True, eq=False)
@@ -458,7 +415,7 @@ class LoopEquations(_ObserverMaps):
     keep_factors: bool = False
 
     def __post_init__(self) -> None:
-        if delay := _dead_time(self.controller):
+        if delay := undelayed(self.controller)[1]:
             raise TypeError(
                 f"controller has a dead time of {delay:g} s; only the process and the model may "
                 "have one: leave the dead time out"
@@ -490,30 +447,15 @@ class LoopEquations(_ObserverMaps):
         """Why the loop has no solution at infinite frequency; empty if it is well posed."""
         return self.ill_posed_model_loop or self.ill_posed_observer_loop
 
-    @cached_property
-    def T_R(self) -> Quotient:
-        """Reference R to output y, eq. (4)."""
-        return self._quotient("T_R", "Nc Ne Nm' Dm' Df", "A B")
-
-    @cached_property
-    def E_R(self) -> Quotient:
-        """Reference R to error e, eq. (7), which collapses to 1/(1 + Gm C)."""
-        return self._quotient("E_R", "Dm Dc", "A")
-
-    @cached_property
-    def U_R(self) -> Quotient:
-        """Reference R to controller output u, eq. (7)."""
-        return self._quotient("U_R", "Nc D Nm' Dm' Df", "A B")
-
-    @cached_property
-    def C(self) -> Quotient:
-        """The controller."""
-        return self._quotient("C", "Nc", "Dc")
-
-    @cached_property
-    def CGm(self) -> Quotient:
-        """Model loop C G̃, condition i of Lemmas 1 and 2; the model without its dead time."""
-        return self._quotient("CGm", "Nc Nm", "Dc Dm")
+    T_R = _Map("Nc Ne Nm' Dm' Df", "A B", "Reference R to output y, eq. (4).")
+    E_R = _Map("Dm Dc", "A", "Reference R to error e, eq. (7), which collapses to 1/(1 + Gm C).")
+    U_R = _Map("Nc D Nm' Dm' Df", "A B", "Reference R to controller output u, eq. (7).")
+    C = _Map("Nc", "Dc", "The controller.")
+    CGm = _Map(
+        "Nc Nm",
+        "Dc Dm",
+        "Model loop C G̃, condition i of Lemmas 1 and 2; the model without its dead time.",
+    )
 
     def _makers(self) -> dict[str, Callable[[], QuasiPolynomial]]:
         C = self.fractions.C
@@ -545,14 +487,6 @@ def _zeros_of_difference(den: FloatArray, num: FloatArray, delay: float) -> int:
     difference = ahead - np.convolve(behind, taylor)[:n]
     sizes = np.abs(ahead) + np.convolve(np.abs(behind), np.abs(taylor))[:n]
     return int(np.argmax(np.append(np.abs(difference) > TYPED_IN * sizes, True)))
-
-
-def _undelayed(block: Any) -> Any:
-    return block.tf if isinstance(block, DelayedTransferFunction) else block
-
-
-def _dead_time(block: Any) -> float:
-    return block.delay if isinstance(block, DelayedTransferFunction) else 0.0
 
 
 def _sum_of_products(

@@ -39,7 +39,7 @@ from ..numerics import (
     written,
 )
 from .blocks import Fraction, as_fraction, nonzero
-from .delay import DelayedTransferFunction
+from .delay import undelayed
 from .filters import LowPassFilter
 
 __all__ = ["interpolating_filter", "interpolation"]
@@ -140,9 +140,7 @@ class Interpolation(NamedTuple):
 
 def interpolation(model: Any, order: int | None, ramp: int) -> Interpolation:
     """Read off a model what `interpolating_filter` has to meet, with the same refusals."""
-    wait = 0.0
-    if isinstance(model, DelayedTransferFunction):
-        model, wait = model.tf, model.delay
+    model, wait = undelayed(model)
     Gm = nonzero(as_fraction(model, "model"), "model")
     _check_ramp(ramp)
     zeros, poles = _right_factor(Gm.num), _right_factor(Gm.den)

@@ -28,13 +28,7 @@ class Name:
 
 @dataclass(frozen=True)
 class Input(Name):
-    """How an input is called, and by which map it comes to the output y.
-
-    Attributes
-    ----------
-    to_y : str
-        Name of the map from the input to y, eq. (4).
-    """
+    """How an input is called, and by which map of eq. (4) it comes to the output y."""
 
     to_y: str
 

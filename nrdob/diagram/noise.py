@@ -29,6 +29,7 @@ from math import inf, pi
 from typing import Any
 
 import numpy as np
+from numpy.polynomial.legendre import leggauss
 from numpy.typing import NDArray
 
 from ..numerics import (
@@ -49,25 +50,8 @@ TOLERANCE = 1e-10
 
 MAX_INTERVALS = 2_000_000
 
-HALF_NODES = (
-    0.991455371120812639206854697526329, 0.949107912342758524526189684047851,
-    0.864864423359769072789712788640926, 0.741531185599394439863864773280788,
-    0.586087235467691130294144691693013, 0.405845151377397166906606412076961,
-    0.207784955007898467600689403773245,
-)  # fmt: skip
-HALF_KRONROD = (
-    0.022935322010529224963732008058970, 0.063092092629978553290700663189204,
-    0.104790010322250183839876322541518, 0.140653259715525918745189590510238,
-    0.169004726639267902826583426598550, 0.190350578064785409913256402421014,
-    0.204432940075298892414161999234649,
-)  # fmt: skip
-HALF_GAUSS = (
-    0.129484966168869693270611432679082, 0.279705391489276667901467771423780,
-    0.381830050505118944950369775488975,
-)  # fmt: skip
-NODES = np.array([*(-x for x in HALF_NODES), 0.0, *HALF_NODES[::-1]])
-KRONROD = np.array([*HALF_KRONROD, 0.209482141084727828012999174891714, *HALF_KRONROD[::-1]])
-GAUSS = np.array([*HALF_GAUSS, 0.417959183673469387755102040816327, *HALF_GAUSS[::-1]])
+(FEWER_NODES, FEWER_WEIGHTS), (MORE_NODES, MORE_WEIGHTS) = map(leggauss, (7, 10))
+NODES = np.append(FEWER_NODES, MORE_NODES)
 
 
 def noise_power(
@@ -177,7 +161,7 @@ def _delayed_power(
         delayed = r(s) / q(s) * np.exp(-product.delay * s)
         return np.asarray(-rational(s) * delayed / (1 + delayed))
 
-    edges = np.unique(np.concatenate([_frequencies(factor) for factor in den]))
+    edges = np.unique(np.concatenate([frequency_segments(factor) for factor in den]))
     end = edges[-1]
     unit = np.array([0.0, 0.5, 1.0])
     body = _integral(density, edges, 0.0).real
@@ -214,7 +198,7 @@ def _turning_power(
         twice = 3 * late**2 * sum(sizes) ** 2 / max(1 - late, 1e-3) ** 2
         return once * min(4 / float(beats.min()), omega) + twice * omega
 
-    edges = np.unique(np.concatenate([_frequencies(factor) for factor in den]))
+    edges = np.unique(np.concatenate([frequency_segments(factor) for factor in den]))
     body = _integral(density, edges, 0.0).real
     step = pi / delays[-1]
     while turning(edges[-1]) > TOLERANCE * body:
@@ -231,17 +215,10 @@ def _turning_power(
     return float(body + tail) / pi
 
 
-def _frequencies(factor: QuasiPolynomial) -> FloatArray:
-    found = frequency_segments(factor)
-    if isinstance(found, str):
-        raise ArithmeticError(f"the noise power is undecided: {found}")
-    return found
-
-
 def _integral(
     f: Callable[[FloatArray], NDArray[Any]], edges: FloatArray, besides: float
 ) -> complex:
-    """Gauss and Kronrod's rule on every interval, halved where its two values differ."""
+    """Two of Gauss's rules on every interval, halved where they differ."""
     left, right = edges[:-1], edges[1:]
     total, used = 0j, 0
     while left.size:
@@ -254,10 +231,11 @@ def _integral(
         half = (right - left) / 2
         points = (left + half)[:, None] + half[:, None] * NODES
         values = np.reshape(f(points.ravel()), points.shape)
-        kronrod, gauss = half * (values @ KRONROD), half * (values[:, 1::2] @ GAUSS)
-        error, size = np.abs(kronrod - gauss), abs(total) + np.abs(kronrod).sum() + besides
-        done = (error <= TOLERANCE * np.abs(kronrod)) | (error <= 1e-3 * TOLERANCE * size)
-        total += complex(kronrod[done].sum())
+        fewer, more = values[:, : FEWER_NODES.size], values[:, FEWER_NODES.size :]
+        check, found = half * (fewer @ FEWER_WEIGHTS), half * (more @ MORE_WEIGHTS)
+        error, size = np.abs(found - check), abs(total) + np.abs(found).sum() + besides
+        done = (error <= TOLERANCE * np.abs(found)) | (error <= 1e-3 * TOLERANCE * size)
+        total += complex(found[done].sum())
         left, right = left[~done], right[~done]
         middle = (left + right) / 2
         left, right = np.concatenate([left, middle]), np.concatenate([middle, right])

@@ -21,7 +21,7 @@ from ..numerics import (
     written,
 )
 from .blocks import Fraction, as_fraction
-from .delay import DelayedTransferFunction
+from .delay import undelayed
 from .noise import check_stable, noise_power, step_energy
 
 __all__ = ["Quotient", "as_quotient", "as_shaping"]
@@ -360,9 +360,7 @@ def as_quotient(system: Any, name: str) -> Quotient:
     """
     if isinstance(system, Quotient):
         return system
-    seconds = 0.0
-    if isinstance(system, DelayedTransferFunction):
-        system, seconds = system.tf, system.delay
+    system, seconds = undelayed(system)
     num, den = as_fraction(system, name, proper=False)
     return Quotient((QuasiPolynomial(np.zeros(1), num, seconds),), (QuasiPolynomial(den),), name)
 

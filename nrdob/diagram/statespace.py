@@ -39,24 +39,13 @@ ZERO, NONZERO = (roundings * float(np.finfo(float).eps) for roundings in (1e2, 1
 
 
 def polynomials(system: Any, name: str) -> tuple[FloatArray, FloatArray]:
-    """Read numerator and denominator off a SISO state space.
+    """Read numerator and denominator off a SISO state space, for messages called `name`.
 
-    The denominator has the degree of A: modes that cannot be reached or seen stay in both
-    polynomials, as factors that they share. Leading coefficients of the numerator and trailing
-    ones of both, where a zero means a relative degree, a zero or a pole at s = 0, are zero if a
-    relative change of the entries below `ZERO` makes them so.
-
-    Parameters
-    ----------
-    system : control.StateSpace or scipy.signal.StateSpace
-        One input, one output.
-    name : str
-        What the block is called in messages.
-
-    Returns
-    -------
-    num, den : array of float
-        Coefficients in descending powers, correctly rounded; the first of den is 1.
+    Coefficients come in descending powers, correctly rounded, the first of the denominator 1. It
+    has the degree of A: modes that cannot be reached or seen stay in both polynomials, as factors
+    that they share. Leading coefficients of the numerator and trailing ones of both, where a zero
+    means a relative degree, a zero or a pole at s = 0, are zero if a relative change of the entries
+    below `ZERO` makes them so.
 
     Raises
     ------

@@ -1,35 +1,29 @@
 """The loop on a processor: process behind a hold, observer as difference equations."""
 
-from .circle import CircleFunction, Product
+from .actuatorlimits import ActuatorLimits
+from .bilinear import held_in_w, process_in_w
 from .code import ControllerCode
-from .controller import SampledBlock, SampledController, Wait
+from .controller import ModelDelay, SampledController
 from .hold import HeldProcess, held_process
-from .limits import Limits
-from .longest import largest_sampling_time
 from .sampled import SampledLoop
+from .samplingtime import largest_sampling_time
 from .sections import Section
 from .simulation import SimulatedResponse
-from .verdict import SampledCondition, SampledStability, lifted
-from .wplane import held_in_w, process_in_w
+from .verdict import SampledStability
 
 __all__ = [
-    "CircleFunction",
+    "ActuatorLimits",
     "ControllerCode",
     "HeldProcess",
-    "Limits",
-    "Product",
-    "SampledBlock",
-    "SampledCondition",
+    "ModelDelay",
     "SampledController",
     "SampledLoop",
     "SampledStability",
     "Section",
     "SimulatedResponse",
-    "Wait",
     "held_in_w",
     "held_process",
     "largest_sampling_time",
-    "lifted",
     "process_in_w",
 ]
 

@@ -1,8 +1,8 @@
 r"""What the processor runs: every block one difference equation, the diagram solved for u[k].
 
 Each block of the diagram is sampled as one (F, F/Gm, (1 - F) Gm and C, without what cancels in it)
-and is a small state space of its own. At the sample k the processor reads y[k] (with its noise) and
-r[k], and both u[k] and yf[k] stand on two sides of the diagram::
+and is a cascade of sections (`nrdob.digital.sections`). At the sample k the processor reads y[k]
+(with its noise) and r[k], and both u[k] and yf[k] stand on two sides of the diagram::
 
     f = F u        q = (F/Gm) y        yf = F y + (1 - F) Gm u        u = C (r - yf) + f - q
 
@@ -11,77 +11,49 @@ and m0 known from the past, that is one linear equation for u[k]::
 
     (1 - F∞ + C∞ M∞) u[k] = c0 + C∞ (r - F y - m0) + f0 - (F/Gm) y
 
-where c0 is what C still gives from its past. If the factor on the left is 0 the sampled loop is
-ill-posed and refused. Only then are the states renewed, with the u that has really been *applied*:
-an actuator at its limit, or a hand on the valve, is then no disturbance, and the observer cannot
-wind up. With a limit sat(u) this u is also the solution of the diagram with the limit in it, as
-long as the factor is positive.
+where c0 is the part of C's output that comes from its past. If the factor on the left is 0 the
+sampled loop is ill-posed and refused. Only then are the states renewed, with the u that has really
+been *applied*: a saturated actuator, or manual operation, is then no disturbance, and the observer
+cannot wind up. With a limit sat(u) this u is also the solution of the diagram with the limit in it,
+as long as the factor is positive.
 
-A model that waits has F W in place of F, where u goes through (W u)[k] = (1 - φ) u[k-m] +
+A model with dead time has F W in place of F, where u goes through (W u)[k] = (1 - φ) u[k-m] +
 φ u[k-m-1] for a dead time of (m + φ) dt: for whole samples that is exact, and for a fraction it is
-what a held u is on average over a sample. Its yf is F y + Gm0 (u - F W u), with Gm0 one block.
+the mean of a held u over a sample. Its yf is F y + Gm0 (u - F W u), with Gm0 one block.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import lu_factor, lu_solve
 
-from ..diagram import Fraction
 from ..numerics import FloatArray
-from .hold import realised
+from .sections import Section, StateSpace, at_rest, bilinear_sections, state_space
 
-__all__ = ["SampledBlock", "SampledController", "Wait", "bilinear_block", "wired"]
+__all__ = ["ModelDelay", "SampledController", "sampled_controller"]
 
 SINGULAR = 1e-12
 """Size of the factor of u[k], against its terms, at which it is 0."""
 
 
-@dataclass(frozen=True, eq=False)
-class SampledBlock:
-    """One block as difference equations, x[k+1] = A x[k] + B v[k] and w[k] = C x[k] + D v[k].
-
-    Attributes
-    ----------
-    name : str
-        How the diagram writes it.
-    A, B, C, D : arrays of float, shapes (n, n), (n,), (n,), and a float
-        The state space.
-    """
-
-    name: str
-    A: FloatArray
-    B: FloatArray
-    C: FloatArray
-    D: float
-
-    @property
-    def states(self) -> int:
-        """Number of states."""
-        return self.B.size
-
-
 @dataclass(frozen=True)
-class Wait:
+class ModelDelay:
     """The dead time of a model on the processor: (1 - φ) u[k-m] + φ u[k-m-1].
 
     Attributes
     ----------
-    samples : int
-        m.
-    fraction : float
-        φ, 0 <= φ < 1.
+    samples, fraction : int, float
+        m and φ, 0 <= φ < 1.
     """
 
     samples: int = 0
     fraction: float = 0.0
 
     def __bool__(self) -> bool:
-        """Whether there is anything to wait for."""
+        """Whether there is any dead time."""
         return self.samples > 0 or self.fraction > 0
 
     @property
@@ -89,47 +61,68 @@ class Wait:
         """Number of past inputs that must be kept."""
         return self.samples + (self.fraction > 0)
 
+    @property
+    def terms(self) -> list[tuple[float, int]]:
+        """Weights of u and their ages in samples."""
+        later = [(self.fraction, self.samples + 1)] if self.fraction else []
+        return [(1 - self.fraction, self.samples), *later]
+
 
 @dataclass(frozen=True, eq=False)
 class SampledController:
     """All that the processor does from (r, y, applied u) to u.
 
     In each sample it computes ``u = C @ x + D @ (r, y)``, writes it, and then renews its states
-    with what has been applied, ``x = A @ x + B @ (r, y, applied)``. The same is written out block
-    by block in `nrdob.digital.controller`. The matrices are built when they are first used.
+    with what has been applied, ``x = A @ x + B @ (r, y, applied)``.
 
     Attributes
     ----------
     dt : float
         Sampling time in seconds.
-    blocks : dict of str: SampledBlock
-        The blocks: "C", "F" (of which there are two copies, one of u and one of y), "F/Gm" and
-        "(1-F)Gm" (for a model that waits "Gm", the model without its dead time).
-    wait : Wait
+    sections : dict of str: tuple of Section
+        The blocks "C", "F" (of which there are two copies, one of u and one of y), "F/Gm" and
+        "(1-F)Gm" (for a model with dead time "Gm", the model without it).
+    delay : ModelDelay
         Dead time of the model.
-    factor : float
-        1 - F∞ + C∞ M∞, the factor of u[k] in the diagram.
     """
 
     dt: float
-    blocks: Mapping[str, SampledBlock]
-    wait: Wait
-    factor: float
+    sections: Mapping[str, tuple[Section, ...]]
+    delay: ModelDelay
+
+    @cached_property
+    def blocks(self) -> dict[str, StateSpace]:
+        """The blocks by name, each as one state space."""
+        return {name: state_space(cascade) for name, cascade in self.sections.items()}
+
+    @property
+    def inner(self) -> str:
+        """Name of the block between u and yf: "(1-F)Gm" or "Gm"."""
+        return "Gm" if self.delay else "(1-F)Gm"
+
+    @cached_property
+    def factor(self) -> float:
+        """1 - F∞ + C∞ M∞, the factor of u[k] in the diagram."""
+        C, F, inner = (self.blocks[name].D for name in ("C", "F", self.inner))
+        if not self.delay:
+            return 1 - F + C * inner
+        at_once = 0.0 if self.delay.samples else 1 - self.delay.fraction
+        return (1 - F * at_once) * (1 + C * inner)
 
     @property
     def states(self) -> int:
         """Number of states."""
-        return sum(part.states for part in self._parts.values()) + self.wait.memory
+        return int(self.rows["past"].stop)
 
     @cached_property
     def rows(self) -> dict[str, slice]:
         """Which states belong to which block: "C", "F u", "F y", "F/Gm", "(1-F)Gm" or "Gm".
 
-        And "wait", the past inputs, youngest first.
+        And "past", the past inputs that a model with dead time keeps, youngest first.
         """
-        sizes = [part.states for part in self._parts.values()]
-        ends = np.cumsum([0, *sizes, self.wait.memory]).tolist()
-        return dict(zip([*self._parts, "wait"], map(slice, ends[:-1], ends[1:]), strict=True))
+        sizes = [block.B.size for block in self._copies.values()]
+        ends = np.cumsum([0, *sizes, self.delay.memory]).tolist()
+        return dict(zip([*self._copies, "past"], map(slice, ends[:-1], ends[1:]), strict=True))
 
     @property
     def A(self) -> FloatArray:
@@ -152,136 +145,99 @@ class SampledController:
         return self._signals["command"][self.states : -1] / self.factor
 
     @property
-    def _parts(self) -> dict[str, SampledBlock]:
-        controller, F, inverse = (self.blocks[name] for name in ("C", "F", "F/Gm"))
-        inner = inner_block(self.blocks)
-        return {"C": controller, "F u": F, "F y": F, "F/Gm": inverse, inner.name: inner}
+    def estimate(self) -> FloatArray:
+        """The estimate of the disturbance at the input over (states, r, y, applied u)."""
+        return self._signals["estimate"]
+
+    def start(self, r: float, y: float, u: float) -> FloatArray:
+        """States that take over from a constant u, y being at rest, shape (n,).
+
+        If C integrates, the first output is u. Otherwise it is u only where r, y and u are a state
+        of rest of the loop; elsewhere C answers to the error at once.
+
+        Parameters
+        ----------
+        r, y, u : float
+            Reference, measurement, and the constant u.
+        """
+        found = {"past": np.full(self.delay.memory, u)}
+
+        def output(copy: str, name: str, input: float, integrated: float) -> float:
+            found[copy] = at_rest(self.sections[name], input, integrated)
+            return float(self.blocks[name].C @ found[copy] + self.blocks[name].D * input)
+
+        filtered = output("F u", "F", u, u)
+        estimate = output("F/Gm", "F/Gm", y, 0.0) - filtered
+        entering = u - filtered if self.delay else u
+        yf = output("F y", "F", y, y) + output(self.inner, self.inner, entering, 0.0)
+        output("C", "C", r - yf, u + estimate)
+        return np.concatenate([found[name] for name in self.rows])
+
+    @cached_property
+    def _copies(self) -> dict[str, StateSpace]:
+        names = {"C": "C", "F u": "F", "F y": "F", "F/Gm": "F/Gm", self.inner: self.inner}
+        return {copy: self.blocks[name] for copy, name in names.items()}
 
     @cached_property
     def _signals(self) -> dict[str, FloatArray]:
-        """Inputs of the blocks, and the command with that of u[k], over (states, r, y, u)."""
-        n, inner = self.states, inner_block(self.blocks).name
+        """Inputs of the blocks, estimate, and command with that of u[k], over (x, r, y, u)."""
+        n = self.states
         r, y, u = np.eye(3, n + 3, n)
 
         def output(name: str, signal: FloatArray) -> FloatArray:
-            row = self._parts[name].D * signal
-            row[self.rows[name]] += self._parts[name].C
+            row = self._copies[name].D * signal
+            row[self.rows[name]] += self._copies[name].C
             return row
 
-        late = self._waited(u) if self.wait else u
-        filtered = output("F u", late)
-        entering = u - filtered if self.wait else u
-        error = r - output("F y", y) - output(inner, entering)
-        command = output("C", error) + filtered - output("F/Gm", y)
-        return {"C": error, "F u": late, "F y": y, "F/Gm": y, inner: entering, "command": command}
+        late = self._late(u) if self.delay else u
+        filtered, explained = output("F u", late), output("F/Gm", y)
+        entering = u - filtered if self.delay else u
+        error = r - output("F y", y) - output(self.inner, entering)
+        return {
+            "C": error, "F u": late, "F y": y, "F/Gm": y, self.inner: entering,
+            "command": output("C", error) + filtered - explained, "estimate": explained - filtered,
+        }  # fmt: skip
 
     @cached_property
     def _renewed(self) -> FloatArray:
-        n, line = self.states, self.rows["wait"]
+        n, line = self.states, self.rows["past"]
         renewed = np.zeros((n, n + 3))
-        for name, part in self._parts.items():
+        for name, block in self._copies.items():
             own = self.rows[name]
-            renewed[own, own] = part.A
-            renewed[own] += np.outer(part.B, self._signals[name])
-        if self.wait:
+            renewed[own, own] = block.A
+            renewed[own] += np.outer(block.B, self._signals[name])
+        if self.delay:
             renewed[line.start, n + 2] = 1.0
             younger = np.arange(line.start, line.stop - 1)
             renewed[younger + 1, younger] = 1.0
         return renewed
 
-    def _waited(self, u: FloatArray) -> FloatArray:
+    def _late(self, u: FloatArray) -> FloatArray:
         """(1 - φ) u[k-m] + φ u[k-m-1], as a row over (states, r, y, u)."""
-        samples, fraction = self.wait.samples, self.wait.fraction
-        late = (1 - fraction) * u if not samples else np.zeros(u.size)
-        for age, share in ((samples, 1 - fraction), (samples + 1, fraction)):
-            if age and share:
-                late[self.rows["wait"].start + age - 1] = share
+        late = np.zeros(u.size)
+        for weight, age in self.delay.terms:
+            late[self.rows["past"].start + age - 1 if age else -1] = weight
         return late
 
 
-def bilinear_block(name: str, block: Fraction, alpha: float, dt: float) -> SampledBlock:
-    r"""Turn a block of w = (z - 1)/(α (z + 1)) into difference equations.
+def sampled_controller(
+    factors: Mapping[str, tuple[Sequence[FloatArray], Sequence[FloatArray]]],
+    delay: ModelDelay,
+    dt: float,
+) -> SampledController:
+    """Sample the blocks and solve the diagram for u[k].
 
-    With Tustin's α = dt/2 this samples a block of s.
-
-    Parameters
-    ----------
-    name : str
-        How the diagram writes the block.
-    block : Fraction
-        Proper, in powers of w.
-    alpha : float
-        α in seconds.
-    dt : float
-        Sampling time in seconds.
-
-    Raises
-    ------
-    ValueError
-        If the block has a pole at w = 1/α, which would be at z = ∞.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> integrator = bilinear_block("C", Fraction(np.ones(1), np.array([1.0, 0.0])), 0.05, 0.1)
-    >>> integrator.A.tolist(), integrator.D                 # the trapezoidal rule
-    ([[1.0]], 0.05)
+    Numerators and denominators are given as factors, in descending powers of w, α = dt/2, under the
+    names of `SampledController.sections`. A block with a pole at z = ∞, or a diagram without
+    solution for u[k], raises a ValueError.
     """
-    A, B, C, D = realised(block, dt)
-    n = B.size
-    if not n:
-        return SampledBlock(name, A, B, C, D)
-    implicit = np.eye(n) - alpha * A
-    largest = np.maximum(np.abs(implicit).sum(axis=1), SINGULAR)
-    if np.linalg.svd(implicit / largest[:, None], compute_uv=False)[-1] < SINGULAR:
-        raise ValueError(
-            f"{name} has a pole at {1 / alpha:.6g} rad/s, which Tustin's rule maps to z = ∞: it "
-            "would need y before it is there; choose another dt"
-        )
-    factors = lu_factor(implicit)
-    column = lu_solve(factors, B)
-    return SampledBlock(
-        name,
-        np.asarray(lu_solve(factors, np.eye(n) + alpha * A)),
-        2 * alpha * column,
-        np.asarray(lu_solve(factors, C, trans=1)),
-        float(D + alpha * C @ column),
-    )
-
-
-def wired(blocks: Mapping[str, SampledBlock], wait: Wait, dt: float) -> SampledController:
-    """Wire the blocks as the diagram does, and solve it for u[k].
-
-    Parameters
-    ----------
-    blocks : dict of str: SampledBlock
-        "C", "F", "F/Gm", and "(1-F)Gm" or, for a model that waits, "Gm".
-    wait : Wait
-        Dead time of the model.
-    dt : float
-        Sampling time in seconds.
-
-    Raises
-    ------
-    ValueError
-        If the diagram has no solution for u[k].
-    """
-    controller, F, inner = blocks["C"], blocks["F"], inner_block(blocks)
-    if wait:
-        at_once = 0.0 if wait.samples else 1 - wait.fraction
-        factor = (1 - F.D * at_once) * (1 + controller.D * inner.D)
-    else:
-        factor = 1 - F.D + controller.D * inner.D
-    size = 1 + abs(F.D) + abs(controller.D * inner.D)
-    if abs(factor) < SINGULAR * size:
+    sections = {name: bilinear_sections(*block, dt / 2, name) for name, block in factors.items()}
+    found = SampledController(dt, sections, delay)
+    C, F, inner = (found.blocks[name].D for name in ("C", "F", found.inner))
+    if abs(found.factor) < SINGULAR * (1 + abs(F) + abs(C * inner)):
         raise ValueError(
             f"the sampled loop is ill-posed: u[k] stands on both sides of the diagram with the "
-            f"same factor, (1 - F)(1 + C·model) = {factor:.3g} at z = ∞; choose another dt or "
-            "another controller gain"
+            f"same factor, (1 - F)(1 + C·model) = {found.factor:.3g} at z = ∞; choose another dt "
+            "or another controller gain"
         )
-    return SampledController(dt, dict(blocks), wait, factor)
-
-
-def inner_block(blocks: Mapping[str, SampledBlock]) -> SampledBlock:
-    """Return the block of the model: "(1-F)Gm", or "Gm" for a model that waits."""
-    return blocks["Gm"] if "Gm" in blocks else blocks["(1-F)Gm"]
+    return found

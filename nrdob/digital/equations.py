@@ -3,7 +3,7 @@ r"""The equations of the controller, once: what is generated in any language com
 They are those of `nrdob.digital.controller`, written over the blocks of the diagram. A block knows
 three verbs, `output(block, v)`, what comes out at an input v; `advance(block, v)`, which renews its
 states; and `rest(block, v, w)`, which puts it at rest at v (giving w if it integrates). The dead
-time of a model that waits knows `late(v)`, `remember(v)` and `fill(v)`. First comes what must be
+time of a model knows `late(v)`, `remember(v)` and `fill(v)`. First comes what must be
 ready before u can be written, then what can be done while the actuator works.
 """
 
@@ -37,36 +37,21 @@ SIGNALS = {
 
 
 class Row(NamedTuple):
-    """One equation.
+    """One equation: an expression that C and Python share, and its target.
 
-    Attributes
-    ----------
-    target : str
-        The signal on the left; empty where only states are renewed.
-    expression : str
-        The right side, in what C and Python have in common.
+    That is the signal on the left; empty where only states are renewed.
     """
 
     target: str
     expression: str
 
 
-def equations(*, waits: bool) -> dict[str, tuple[Row, ...]]:
-    """Lay out the table: what is done for the output, for the update and for the start.
-
-    Parameters
-    ----------
-    waits : bool
-        Whether the model has a dead time.
-
-    Returns
-    -------
-    dict of str: tuple of Row
-        "output" from r and y, "update" from applied, "start" from r, y and u.
+def equations(*, delayed: bool) -> dict[str, tuple[Row, ...]]:
+    """Lay out "output" from r and y, "update" from applied, and "start" from r, y and u.
 
     Examples
     --------
-    >>> for row in equations(waits=False)["output"]:
+    >>> for row in equations(delayed=False)["output"]:
     ...     print(row.target, "=", row.expression)
     y_filtered = output(filter_y, y)
     from_y = output(inverse, y)
@@ -74,13 +59,13 @@ def equations(*, waits: bool) -> dict[str, tuple[Row, ...]]:
     e = r - y_filtered - output(inner, 0)
     u = (output(controller, e) + filtered - from_y) / FACTOR
     """
-    if waits:
+    if delayed:
         late, inner = "late({})", "{} - filtered"
         remember, fill = [Row("", "remember(applied)")], [Row("", "fill(u)")]
     else:
         late = inner = "{}"
         remember, fill = [], []
-    nothing = inner.format(0) if waits else "0"
+    nothing = inner.format(0) if delayed else "0"
     return {
         "output": (
             Row("y_filtered", "output(filter_y, y)"),
@@ -124,14 +109,8 @@ def rendered(
 ) -> tuple[str, str]:
     """Write both sides of one equation in a language.
 
-    Parameters
-    ----------
-    row : Row
-        The equation.
-    signal : callable
-        How the language writes a signal that is kept.
-    verb : callable
-        How it begins a call, from the verb and the block; from the verb and "" for the dead time.
+    `signal` writes a signal that is kept, `verb` the beginning of a call, from the verb and the
+    block; from the verb and "" for the dead time.
     """
     text = re.sub(rf"\b({'|'.join(SIGNALS)})\b", lambda f: signal(f[1]), row.expression)
     text = re.sub(r"\b(output|advance|rest)\((\w+), ", lambda f: verb(f[1], f[2]), text)

@@ -1,20 +1,16 @@
-r"""The process behind a zero-order hold, with any dead time, exactly.
+r"""A process with any dead time between a zero-order hold and a sampler, exactly.
 
 The processor writes u[k] at the time k dt and the hold keeps it until the next sample. With a dead
-time θ = (d + φ) dt, 0 <= φ < 1, the process x' = A x + B v, y = C x + D v feels v = u[k-d-1] for
+time θ = (d + φ) dt, 0 <= φ < 1, the process x' = A x + B v, y = C x + D v receives v = u[k-d-1] for
 the first φ dt seconds of a sample and u[k-d] for the rest of it::
 
     x[k+1] = exp(A dt) x[k] + B1 u[k-d-1] + B0 u[k-d]        y[k] = C x[k] + D u[k-d-1]
     B0 = ∫ exp(A τ) B dτ from 0 to (1-φ) dt,   B1 = exp(A (1-φ) dt) ∫ exp(A τ) B dτ from 0 to φ dt
 
 y is read just before the next u is written, so that a process with a direct path answers with the
-input it has had until then, also without dead time. All integrals are blocks of one matrix
-exponential (Van Loan).
+input it has had until then, also without dead time.
 
 .. rubric:: References
-
-Van Loan, C. F., Computing integrals involving the matrix exponential, IEEE Trans. Automatic Control
-23 (1978) 395-404.
 
 Åström, K. J., B. Wittenmark, Computer-Controlled Systems, 3rd ed., Prentice Hall 1997, 2.3.
 """
@@ -25,12 +21,12 @@ from dataclasses import dataclass, replace
 from math import floor, isfinite
 
 import numpy as np
-from scipy.linalg import block_diag, expm
+from scipy.linalg import block_diag
 
 from ..diagram import Fraction, real_number
-from ..numerics import FloatArray, split
+from ..numerics import FloatArray, split, transition
 
-__all__ = ["WHOLE", "HeldProcess", "checked_times", "held_process", "in_samples", "realised"]
+__all__ = ["WHOLE", "HeldProcess", "checked_times", "held_process", "in_samples"]
 
 WHOLE = 1e-9
 """Fraction of a sample that is rounding: 0.3 s are three samples of 0.1 s."""
@@ -49,10 +45,8 @@ class HeldProcess:
         The process in continuous time without its dead time, x' = A x + B v and y = C x + D v.
     dt : float
         Sampling time in seconds.
-    samples : int
-        d, the whole samples in the dead time.
-    fraction : float
-        φ, what is left of it in samples, 0 <= φ < 1.
+    samples, fraction : int, float
+        d and φ: the dead time in whole samples, and what is left of it, 0 <= φ < 1.
     Ad, B0, B1 : arrays of float, shapes (n, n), (n,), (n,)
         From sample to sample, x[k+1] = Ad x[k] + B0 u[k-d] + B1 u[k-d-1].
     """
@@ -75,49 +69,53 @@ class HeldProcess:
 
     @property
     def memory(self) -> int:
-        """How many past inputs there are that still act: d, and one more with a fraction or D."""
+        """Number of past inputs that still act: d, and one more with a fraction or D."""
         return self.samples + int(self.fraction > 0 or self.D != 0)
 
     def after(self, delay: float) -> HeldProcess:
-        """Return the same process behind another dead time.
+        """Return the same process behind another dead time, the whole of it in seconds.
 
         Parameters
         ----------
         delay : float
-            The whole dead time in seconds.
+            In seconds.
         """
         samples, fraction = in_samples(delay, self.dt)
-        late, B0 = self.between((1 - fraction) * self.dt)
-        B1 = late @ self.between(fraction * self.dt)[1]
+        late, B0 = self.transition((1 - fraction) * self.dt)
+        B1 = late @ self.transition(fraction * self.dt)[1] if fraction else np.zeros_like(B0)
         return replace(self, samples=samples, fraction=fraction, B0=B0, B1=B1)
 
-    def between(self, time: float) -> tuple[FloatArray, FloatArray]:
-        """Transition exp(A t) and input ∫ exp(A τ) B dτ over a time t, in seconds.
+    def transition(self, time: float) -> tuple[FloatArray, FloatArray]:
+        """Compute exp(A t) and ∫ exp(A τ) B dτ: see `nrdob.numerics.transition`.
 
         Parameters
         ----------
         time : float
-            At least 0.
+            In seconds, at least 0.
+
+        Raises
+        ------
+        ValueError
+            If an unstable mode overflows within this time.
         """
-        return _integrated(self.A, self.B, time)
+        found = transition(self.A, self.B, time)
+        if not all(np.isfinite(part).all() for part in found):
+            raise ValueError(
+                f"an unstable mode of the process leaves the range of floating-point numbers "
+                f"within {time:g} s, less than a sample: choose a shorter dt"
+            )
+        return found
 
 
 def held_process(process: Fraction, delay: float, dt: float) -> HeldProcess:
-    """Put a process between a hold and a sampler.
+    """Discretise a process with dead time under zero-order hold, exactly.
 
     Parameters
     ----------
     process : Fraction
         The rational part, proper.
-    delay : float
-        The whole dead time in seconds.
-    dt : float
-        The sampling time in seconds.
-
-    Returns
-    -------
-    HeldProcess
-        Exact, whatever the ratio of dead time and sampling time.
+    delay, dt : float
+        The whole dead time and the sampling time in seconds.
 
     Examples
     --------
@@ -131,25 +129,18 @@ def held_process(process: Fraction, delay: float, dt: float) -> HeldProcess:
     >>> np.allclose([held.C * held.B0, held.C * held.B1], [[1 - lag], [lag * (1 - lag)]])
     True
     """
-    A, B, C, D = realised(process, dt)
-    Ad = _integrated(A, B, dt)[0]
-    empty = np.zeros_like(B)
-    return HeldProcess(A, B, C, D, dt, 0, 0.0, Ad, empty, empty).after(delay)
+    # Parts of different time scales stand side by side.
+    parts = split([process.num], process.den, SLOWEST * dt)
+    A = block_diag(*(part.A for part in parts)) if process.den.size > 1 else np.zeros((0, 0))
+    B = np.concatenate([part.B for part in parts])
+    C = np.concatenate([part.C[0] for part in parts])
+    D = float(sum(part.D[0] for part in parts))
+    bare = HeldProcess(np.asarray(A), B, C, D, dt, 0, 0.0, A, B, B)
+    return replace(bare, Ad=bare.transition(dt)[0]).after(delay)
 
 
 def checked_times(dt: float, computation_delay: float) -> tuple[float, float]:
-    """Read sampling time and computation delay, in seconds, or refuse them.
-
-    Parameters
-    ----------
-    dt, computation_delay : float
-        In seconds.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If dt is not positive and finite, or the delay negative or not finite.
-    """
+    """Read sampling time and computation delay, in seconds, or refuse them."""
     dt = real_number(dt, "dt", "give the sampling time in seconds as a number")
     delay = real_number(computation_delay, "computation_delay", "give seconds as a number")
     if not (isfinite(dt) and dt > 0):
@@ -163,12 +154,7 @@ def checked_times(dt: float, computation_delay: float) -> tuple[float, float]:
 
 
 def in_samples(delay: float, dt: float) -> tuple[int, float]:
-    """Count a dead time in whole samples, and what is left of it as a fraction of one.
-
-    Parameters
-    ----------
-    delay, dt : float
-        Dead time and sampling time in seconds.
+    """Divide a dead time into whole samples and a fraction of one, all times in seconds.
 
     Examples
     --------
@@ -179,40 +165,3 @@ def in_samples(delay: float, dt: float) -> tuple[int, float]:
     samples = floor(count + WHOLE)
     fraction = count - samples
     return samples, fraction if fraction > WHOLE else 0.0
-
-
-def realised(block: Fraction, dt: float) -> tuple[FloatArray, FloatArray, FloatArray, float]:
-    """Realise a fraction in state space, parts of different time scales side by side.
-
-    Parameters
-    ----------
-    block : Fraction
-        Proper.
-    dt : float
-        Sampling time in seconds; modes slower than a million of it are not told apart.
-
-    Returns
-    -------
-    A, B, C, D : arrays of float, shapes (n, n), (n,), (n,) and a float
-        Time in seconds.
-    """
-    parts = split([block.num], block.den, SLOWEST * dt)
-    A = block_diag(*(part.A for part in parts)) if block.den.size > 1 else np.zeros((0, 0))
-    B = np.concatenate([part.B for part in parts])
-    C = np.concatenate([part.C[0] for part in parts])
-    return np.asarray(A), B, C, float(sum(part.D[0] for part in parts))
-
-
-def _integrated(A: FloatArray, B: FloatArray, time: float) -> tuple[FloatArray, FloatArray]:
-    """exp(A t), and ∫ exp(A τ) B dτ from 0 to t."""
-    n = B.size
-    augmented = np.zeros((n + 1, n + 1))
-    augmented[:n, :n], augmented[:n, n] = A * time, B * time
-    with np.errstate(over="ignore", invalid="ignore"):
-        both = expm(augmented)
-    if not np.isfinite(both).all():
-        raise ValueError(
-            f"an unstable mode of the process leaves the range of floating-point numbers within "
-            f"{time:g} s, less than a sample: choose a shorter dt"
-        )
-    return np.asarray(both[:n, :n]), np.asarray(both[:n, n])

@@ -1,4 +1,4 @@
-r"""How much of a noise arrives at y and u in a sampled loop, at the samples: exactly.
+r"""Variances of y and u at the samples for noise in a sampled loop, exactly.
 
 The whole loop is one set of difference equations, :math:`x_{k+1} = A x_k + B e_k` with white
 :math:`e_k` of unit variance, behind a shaping filter if there is one. In the long run the
@@ -21,13 +21,12 @@ from scipy.linalg import block_diag
 from ..analysis import NoiseVariance
 from ..diagram import is_number
 from ..numerics import FloatArray
-from .controller import SampledController
-from .hold import HeldProcess
+from .closedloop import ClosedLoop
 
 __all__ = ["sampled_noise_variance"]
 
 STABLE = 1 - 1e-12
-"""Size of the largest eigenvalue from which nothing settles any more."""
+"""Spectral radius from which nothing settles any more."""
 
 SUMMED = 1e-16
 """Relative size of what may be left out of a sum of positive terms."""
@@ -35,54 +34,30 @@ SUMMED = 1e-16
 SAME_DT = 1e-9
 """Relative difference of two sampling times that are meant to be one."""
 
-System = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
-
-def sampled_noise_variance(
-    process: HeldProcess, controller: SampledController, shaping: Any = None
-) -> NoiseVariance:
-    r"""Variances of y and u at the samples, for noise η added to each y that is read.
-
-    Parameters
-    ----------
-    process : HeldProcess
-        The process with all its dead time.
-    controller : SampledController
-        What the processor does.
-    shaping : control.TransferFunction, StateSpace or number, optional
-        A stable discrete-time W(z) with the loop's sampling time, behind which the noise is
-        coloured. By default η is white of unit variance; with a variance σ² give σ.
-
-    Returns
-    -------
-    NoiseVariance
-        `y`, of the process itself, and `u`.
-
-    Raises
-    ------
-    ValueError
-        If the sampled loop is not stable, or W is not; or if W has another sampling time.
-    TypeError
-        If `shaping` is no block.
+def sampled_noise_variance(loop: ClosedLoop, dt: float, shaping: Any = None) -> NoiseVariance:
+    r"""Compute the variances of y and u at the samples: see `SampledLoop.noise_variance`.
 
     Examples
     --------
-    >>> import control as ct
     >>> from nrdob import NRDOB, LowPassFilter
     >>> G = ct.tf([1], [1, 1])
-    >>> sampled = NRDOB(G, G, 1.0, LowPassFilter(0.5, 2)).sampled(0.01)
-    >>> y, u = sampled_noise_variance(sampled.process, sampled.controller)
+    >>> y, u = NRDOB(G, G, 1.0, LowPassFilter(0.5, 2)).sampled(0.01).noise_variance()
     >>> round(y / 0.01, 3)                    # near 1/(4λ), as for white noise of unit density
     0.503
     """
-    A, B, C, D = _closed(process, controller)
+    A, B, C, D = loop.from_noise
     if _radius(A) >= STABLE:
         raise ValueError(
             f"the variances are infinite: the sampled loop has a root of size {_radius(A):.6g}; "
             "all must be inside the unit circle, see stability()"
         )
     if shaping is not None:
-        A, B, C, D = _behind((A, B, C, D), _shaping(shaping, controller.dt))
+        W = _shaping(shaping, dt)
+        n = B.size
+        A, B = block_diag(A, W.A), np.append(B * W.D, W.B)
+        A[:n, n:] = np.outer(loop.from_noise[1], W.C)
+        C, D = np.hstack([C, np.outer(D, W.C)]), D * W.D[0, 0]
     P = _covariance(A, B)
     y, u = (float(row @ P @ row + direct**2) for row, direct in zip(C, D, strict=True))
     return NoiseVariance(y, u)
@@ -102,58 +77,10 @@ def _covariance(A: FloatArray, B: FloatArray) -> FloatArray:
         P, A = P + more, A @ A
 
 
-def _closed(process: HeldProcess, controller: SampledController) -> System:
-    """Give the whole loop from η to y and u; its states are those of the process, past u, own ones.
-
-    y of the process at a sample does not depend on η at the same sample.
-    """
-    n, m, k = process.C.size, process.memory, controller.states
-    size = n + m + k
-    rows = np.eye(size)
-
-    def past(samples: int) -> FloatArray:
-        """Give u as it was so many samples ago, 1 or more."""
-        return np.asarray(rows[n + samples - 1])
-
-    # Signals as rows over (states, η).
-    y = np.zeros(size)
-    y[:n] = process.C
-    if process.D:
-        y = y + process.D * past(process.samples + 1)
-    measured = np.append(y, 1.0)
-    u = np.zeros(size + 1)
-    u[n + m : size] = controller.C
-    u += controller.D[1] * measured
-    late = u if process.samples == 0 else np.append(past(process.samples), 0.0)
-    renewed = np.zeros((size, size + 1))
-    renewed[:n, :n] = process.Ad
-    renewed[:n] += np.outer(process.B0, late)
-    if process.fraction:
-        renewed[:n] += np.outer(process.B1, np.append(past(process.samples + 1), 0.0))
-    if m:
-        renewed[n] = u
-        renewed[n + 1 : n + m, :size] = rows[n : n + m - 1]
-    renewed[n + m :, n + m : size] = controller.A
-    renewed[n + m :] += np.outer(controller.B[:, 1], measured) + np.outer(controller.B[:, 2], u)
-    signals = np.array([np.append(y, 0.0), u])
-    return renewed[:, :size], renewed[:, size], signals[:, :size], signals[:, size]
-
-
-def _behind(loop: System, shaping: System) -> System:
-    """Put a loop behind a shaping filter."""
-    A, B, C, D = loop
-    Aw, Bw, Cw, Dw = shaping
-    both = block_diag(A, Aw)
-    both[: B.size, B.size :] = np.outer(B, Cw)
-    return (
-        both, np.concatenate([B * Dw, Bw]), np.hstack([C, np.outer(D, Cw)]), D * Dw
-    )  # fmt: skip
-
-
-def _shaping(shaping: Any, dt: float) -> System:
+def _shaping(shaping: Any, dt: float) -> Any:
     """Read a shaping filter as a state space."""
     if is_number(shaping):
-        return np.zeros((0, 0)), np.zeros(0), np.zeros(0), np.asarray(float(shaping))
+        return ct.ss([], [], [], [[float(shaping)]], dt)
     if not isinstance(shaping, ct.TransferFunction | ct.StateSpace):
         raise TypeError(
             f"shaping is a {type(shaping).__name__}; give a discrete-time block, such as "
@@ -169,16 +96,13 @@ def _shaping(shaping: Any, dt: float) -> System:
             f"discrete-time block with dt = {dt:g}"
         )
     system = ct.ss(shaping)
-    A, B, C, D = (np.asarray(part, dtype=float) for part in (
-        system.A, system.B[:, 0], system.C[0], system.D[0, 0]
-    ))  # fmt: skip
-    if _radius(A) >= STABLE:
+    if _radius(system.A) >= STABLE:
         raise ValueError(
-            f"shaping has a pole of size {_radius(A):.6g}: behind it noise has no finite power; "
-            "every pole must be inside the unit circle"
+            f"shaping has a pole of size {_radius(system.A):.6g}: behind it noise has no finite "
+            "power; every pole must be inside the unit circle"
         )
-    return A, B, C, D
+    return system
 
 
 def _radius(A: FloatArray) -> float:
-    return float(np.abs(np.linalg.eigvals(A)).max(initial=0.0)) if A.size else 0.0
+    return float(np.abs(np.linalg.eigvals(A)).max(initial=0.0))

@@ -2,9 +2,9 @@ r"""The loop on a processor: the process behind a hold, the observer as differen
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import inf, pi, tan
 from typing import Any
 
 import control as ct
@@ -12,29 +12,29 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..analysis import Margins, NoiseVariance
-from ..diagram import Fraction, LoopEquations, real_number, six_digits
-from ..numerics import FloatArray, QuasiPolynomial
-from .between import Running, sampled_step_response
-from .circle import CircleFunction, Product
-from .circlemargins import CircleLocus, added_delay, circle_margins
-from .controller import SampledController, Wait, bilinear_block, wired
-from .heldblocks import held_blocks
+from ..diagram import Fraction, LoopEquations, six_digits
+from ..numerics import FloatArray
+from .actuatorlimits import ActuatorLimits
+from .bilinear import held_blocks, held_in_w, process_in_w
+from .closedloop import ClosedLoop
+from .code import ControllerCode, controller_code
+from .controller import ModelDelay, SampledController, sampled_controller
 from .hold import HeldProcess, checked_times, held_process, in_samples
+from .margins import sampled_margins
 from .noise import sampled_noise_variance
-from .running import RunningLoop
+from .signals import Signal
+from .simulation import SimulatedResponse, sampled_step_response, simulate
+from .unitcircle import CircleFunction, Product
 from .verdict import SampledStability, sampled_stability
-from .wplane import held_in_w
 
 __all__ = ["METHODS", "SampledLoop"]
 
 METHODS = ("tustin", "zoh")
 """How a block is sampled."""
 
-Factor = FloatArray | QuasiPolynomial
-
 
 @dataclass(frozen=True, eq=False)
-class SampledLoop(RunningLoop):
+class SampledLoop:
     """An NR-DOB loop whose controller runs on a processor: what `NRDOB.sampled` returns.
 
     y is read just before the next u is written: a direct path of the process answers one sample
@@ -50,15 +50,12 @@ class SampledLoop(RunningLoop):
         How the blocks are sampled.
     computation_delay : float
         Time from reading y to writing u, in seconds.
-    prewarp : float, optional
-        Frequency in rad/s at which Tustin's rule is exact.
     """
 
     loop: LoopEquations
     dt: float
     method: str = "tustin"
     computation_delay: float = 0.0
-    prewarp: float | None = None
 
     def __post_init__(self) -> None:
         checked = checked_times(self.dt, self.computation_delay)
@@ -66,41 +63,20 @@ class SampledLoop(RunningLoop):
             object.__setattr__(self, name, value)
         if self.method not in METHODS:
             raise ValueError(f"method is {self.method!r}; choose one of {', '.join(METHODS)}")
-        self._check_prewarp()
         if self.loop.ill_posed_model_loop:
             raise ValueError(f"no sampled loop: {self.loop.ill_posed_model_loop}")
         _ = self.controller
 
-    def _check_prewarp(self) -> None:
-        if self.prewarp is None:
-            return
-        value = real_number(self.prewarp, "prewarp", "give a frequency in rad/s as a number")
-        object.__setattr__(self, "prewarp", value)
-        if self.method != "tustin":
-            raise ValueError("prewarp belongs to Tustin's rule: leave it out, or method='tustin'")
-        if not 0 < value < pi / self.dt:
-            raise ValueError(
-                f"prewarp is {value:g} rad/s; it must lie between 0 and the Nyquist frequency, "
-                f"pi/dt = {pi / self.dt:.6g} rad/s"
-            )
-
     def __repr__(self) -> str:
-        more = f", computation_delay={six_digits(self.computation_delay)}"
-        more += "" if self.prewarp is None else f", prewarp={six_digits(self.prewarp)}"
-        return f"SampledLoop(dt={six_digits(self.dt)}, method={self.method!r}{more})"
+        return (
+            f"SampledLoop(dt={six_digits(self.dt)}, method={self.method!r}, "
+            f"computation_delay={six_digits(self.computation_delay)})"
+        )
 
     @property
-    def alpha(self) -> float:
-        """α of w = (z - 1)/(α (z + 1)), in seconds: dt/2, or what makes `prewarp` exact."""
-        if self.prewarp is None:
-            return self.dt / 2
-        return tan(self.prewarp * self.dt / 2) / self.prewarp
-
-    @property
-    def wait(self) -> Wait:
+    def model_delay(self) -> ModelDelay:
         """Dead time of the model in samples."""
-        samples, fraction = in_samples(self.loop.model_delay, self.dt)
-        return Wait(samples, fraction)
+        return ModelDelay(*in_samples(self.loop.model_delay, self.dt))
 
     @cached_property
     def process(self) -> HeldProcess:
@@ -110,11 +86,29 @@ class SampledLoop(RunningLoop):
 
     @cached_property
     def blocks(self) -> LoopEquations:
-        """Model, controller and filter in the plane of w, which Tustin's rule takes as they are.
+        """Model, controller and filter in the plane of w, where Tustin's blocks are unchanged.
 
         The process is still the one in continuous time.
         """
         return self.loop if self.method == "tustin" else held_blocks(self.loop, self.dt)
+
+    @cached_property
+    def controller(self) -> SampledController:
+        """The difference equations of the processor."""
+        _, Gm, C, F = self.blocks.fractions
+        Nf, Nm, Dm, E = (getattr(self.blocks.built, name).q for name in ("Nf", "Nm", "Dm", "E"))
+        factors = {name: ([num], [den]) for name, (num, den) in (("C", C), ("F", F))}
+        factors["F/Gm"] = [Nf, Gm.den], [F.den, Nm]
+        if self.model_delay:
+            factors["Gm"] = [Gm.num], [Gm.den]
+        else:
+            factors["(1-F)Gm"] = [E, Gm.num], [F.den, Dm]
+        return sampled_controller(factors, self.model_delay, self.dt)
+
+    @cached_property
+    def closed_loop(self) -> ClosedLoop:
+        """Process and controller as one recursion."""
+        return ClosedLoop(self.controller, self.process)
 
     @cached_property
     def p_B(self) -> CircleFunction:
@@ -123,7 +117,16 @@ class SampledLoop(RunningLoop):
 
     @cached_property
     def _stability(self) -> SampledStability:
-        return sampled_stability(self.blocks, self.p_B, self.process, self.controller, self.alpha)
+        return sampled_stability(
+            self.loop, self.blocks, self.p_B, self.process, self.controller, self._in_w
+        )
+
+    def _in_w(self) -> LoopEquations:
+        """Give the loop in the plane of w, its samples of dead time multiplied out."""
+        if self.model_delay:
+            raise ValueError("the model has a dead time, which is no fraction in w")
+        process = process_in_w(self.loop.process, self.dt, self.computation_delay)
+        return replace(self.blocks, process=process)
 
     def stability(self) -> SampledStability:
         """Judge the sampled loop by Lemma 1 on the unit circle, in two ways.
@@ -143,27 +146,20 @@ class SampledLoop(RunningLoop):
         Margins
             Which unpack as `control.stability_margins`, with frequencies up to π/dt. The delay
             margin is the smallest dead time that must be added to the process, or to the
-            computation, for the loop to be lost: whole samples turn L, fractions act on the hold.
+            computation, for the loop to become unstable: whole samples turn L, fractions act on
+            the hold.
         """
         return self._margins
 
     @cached_property
     def _margins(self) -> Margins:
         stable = self._stability.observer_loop.stable
-        found = circle_margins(self._numerator, self._denominator, self.p_B, self.dt, stable)
-        if not stable or found.delay_margin == inf:
-            return found
-        locus = CircleLocus(self._numerator, CircleFunction(self._denominator), self.dt)
-        more = added_delay(
-            self.process,
-            self.controller,
-            lambda omega: locus.values(omega)[0],
-            found.gain_crossovers,
+        return sampled_margins(
+            self._numerator, self._denominator, self.process, self.controller, stable
         )
-        return replace(found, delay_margin=more)
 
     def step_response(self, input: str, timepts: ArrayLike | None = None) -> ct.TimeResponseData:
-        """Respond to a unit step, exactly between the samples, too: see `nrdob.digital.between`.
+        """Respond to a unit step, exactly between the samples, too.
 
         Parameters
         ----------
@@ -179,29 +175,165 @@ class SampledLoop(RunningLoop):
             `time` (N,), and `outputs` (2, 1, N) with y and u; u is what the hold puts out, for
             "delta" the input of the process u + δ.
         """
-        running = Running(
-            self.process,
-            self.controller,
-            self.loop.delay,
-            self.computation_delay,
+        return sampled_step_response(
+            self.controller, self.process, self._disturbed, input, timepts,
             self._stability.spectral_radius,
-        )
-        return sampled_step_response(running, input, timepts)
+        )  # fmt: skip
+
+    def noise_variance(self, shaping: Any = None) -> NoiseVariance:
+        """Compute the variances of y and u at the samples, for noise η added to each y read.
+
+        Parameters
+        ----------
+        shaping : control.TransferFunction, StateSpace or number, optional
+            A stable discrete-time W(z) with the loop's sampling time, behind which the noise is
+            coloured. By default η is white of unit variance; with a variance σ² give σ.
+
+        Returns
+        -------
+        NoiseVariance
+            `y`, of the process itself, and `u`.
+
+        Raises
+        ------
+        ValueError
+            If the sampled loop is not stable, or W is not; or if W has another sampling time.
+        TypeError
+            If `shaping` is no block.
+        """
+        return sampled_noise_variance(self.closed_loop, self.dt, shaping)
+
+    def code(
+        self, limits: ActuatorLimits | None = None, *, tracking_time: float | None = None
+    ) -> ControllerCode:
+        """Make the controller ready to be written as C or Python.
+
+        It is written for any loop; `stability()` judges whether the loop is stable.
+
+        Parameters
+        ----------
+        limits : ActuatorLimits, optional
+            Range and rate of the actuator.
+        tracking_time : float, optional
+            Time in seconds in which the integrator of C follows a u that is limited; by default it
+            does not.
+
+        Returns
+        -------
+        ControllerCode
+            With `to_c()`, `to_header()` and `to_python()`.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If the limits are something else, or there is no integrator to track with, or the
+            tracking time is too short.
+
+        Examples
+        --------
+        >>> from nrdob import paper
+        >>> from nrdob.digital import ActuatorLimits
+        >>> code = paper.example(1).sampled(0.01).code(ActuatorLimits(0, 10))
+        >>> "class Heater:" in code.to_python("Heater")
+        True
+        """
+        return controller_code(self.controller, limits, tracking_time)
+
+    def simulate(
+        self,
+        inputs: Mapping[str, Signal],
+        noise: float | ArrayLike | None = None,
+        limits: ActuatorLimits | None = None,
+        *,
+        timepts: ArrayLike | None = None,
+        seed: int | np.random.Generator = 0,
+        observer_input: str = "applied",
+        tracking_time: float | None = None,
+        start: float | None = None,
+        resolution: float | None = None,
+        n_between: int = 0,
+    ) -> SimulatedResponse:
+        """Run the loop on given signals, with noise and an actuator that has limits.
+
+        Parameters
+        ----------
+        inputs : mapping of "R", "d", "delta" to signals
+            Reference, output and input disturbance: a number, an array (N,), or a function of the
+            times. Each value is held from its sample to the next; what is left out is 0.
+        noise : float or (N,) array_like, optional
+            Measurement noise, or the standard deviation of white noise.
+        limits : ActuatorLimits, optional
+            Range and rate of the actuator.
+        timepts : (N,) array_like or float, optional
+            Times of the samples, 0, dt, 2 dt, …, in seconds, or the last one; by default as many
+            as the arrays have.
+        seed : int or numpy.random.Generator
+            Of white noise.
+        observer_input : {"applied", "commanded"}
+            Which u the observer receives: the actuator's or the controller's.
+        tracking_time : float, optional
+            Time in seconds in which the integrator of C follows a u that is limited
+            (back-calculation); by default it does not.
+        start : float, optional
+            A constant u to take over from without a bump, the process at rest under it and the
+            first d and delta. By default everything is 0 before.
+        resolution : float, optional
+            Step of the converter that reads y.
+        n_between : int
+            Points in each sample at which the output is computed in continuous time.
+
+        Returns
+        -------
+        SimulatedResponse
+            `time`, `y`, `measured`, `u`, `applied`, `d_hat`, and `time_between`, `y_between`.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If a signal is of the wrong length or not finite, an input is unknown, the times are
+            not those of the samples, or the process is not at rest at `start`.
+        ArithmeticError
+            If the signals leave the range of floating-point numbers.
+
+        Examples
+        --------
+        >>> import control as ct
+        >>> import nrdob
+        >>> Gm = ct.tf([2], [1, 1])
+        >>> loop = nrdob.NRDOB(process=Gm, model=Gm, controller=ct.tf([1, 1], [1, 0]),
+        ...                    filter=nrdob.LowPassFilter(0.5, 1))
+        >>> given, limits = {"R": 1.0, "delta": -0.3}, nrdob.digital.ActuatorLimits(0, 0.9)
+        >>> loop.sampled(0.1).simulate(given, limits=limits, timepts=10)
+        101 samples to 10 s, u limited in 8 of them
+        y        from 0 to 0.999983, at last 0.999983
+        u        from 0.8 to 1.05, at last 0.8
+        applied  from 0.8 to 0.9, at last 0.8
+        """
+        return simulate(
+            self.code(limits, tracking_time=tracking_time), self.process, self._disturbed, inputs,
+            noise, timepts=timepts, seed=seed, observer_input=observer_input, start=start,
+            resolution=resolution, n_between=n_between,
+        )  # fmt: skip
+
+    @cached_property
+    def _disturbed(self) -> HeldProcess:
+        """The process as δ reaches it."""
+        return self.process.after(self.loop.delay)
 
     @cached_property
     def held(self) -> Fraction:
-        """The process behind its hold, in powers of v = αw, without the whole samples."""
-        return held_in_w(self.loop.fractions.G, self.dt, fraction=self.process.fraction, alpha=1.0)
+        """The process behind its hold, in powers of w, without the whole samples."""
+        return held_in_w(self.loop.fractions.G, self.dt, fraction=self.process.fraction)
 
     @cached_property
     def _numerator(self) -> Product:
         """Numerator of L = K G, N Dm Nf."""
         built = self.blocks.built
         F = self.blocks.fractions.F
-        degree = built.Nm.q.size + (F.den if self.wait else built.E.q).size
+        degree = built.Nm.q.size + (F.den if self.model_delay else built.E.q).size
         return Product(
             (
-                _filled(self.held.num, self.held.den.size),
+                self._in_v(self.held.num, self.held.den.size),
                 self._in_v(built.Dm.q, degree - built.Nf.q.size),
                 self._in_v(built.Nf.q, built.Nf.q.size),
             ),
@@ -210,68 +342,16 @@ class SampledLoop(RunningLoop):
 
     @cached_property
     def _denominator(self) -> tuple[Product, ...]:
-        """Denominator of L, D Nm (Df - Nf), term by term for a model that waits."""
-        built, F, wait = self.blocks.built, self.blocks.fractions.F, self.wait
-        common = self.held.den, self._in_v(built.Nm.q, built.Nm.q.size)
-        if not wait:
+        """Denominator of L, D Nm (Df - Nf), term by term for a model with dead time."""
+        built, F = self.blocks.built, self.blocks.fractions.F
+        common = tuple(self._in_v(p, p.size) for p in (self.held.den, built.Nm.q))
+        if not self.model_delay:
             return (Product((*common, self._in_v(built.E.q, built.E.q.size))),)
         late = self._in_v(F.num, F.den.size)
         terms = [Product((*common, self._in_v(F.den, F.den.size)))]
-        shares = (1 - wait.fraction, wait.samples), (wait.fraction, wait.samples + 1)
-        terms += [Product((*common, -share * late), m) for share, m in shares if share]
+        terms += [Product((*common, -weight * late), age) for weight, age in self.model_delay.terms]
         return tuple(terms)
 
     def _in_v(self, p: FloatArray, size: int) -> FloatArray:
         """Powers of w as powers of v = αw, with leading zeros up to a size."""
-        return _filled(p, size) * self.alpha ** np.arange(size)
-
-    @cached_property
-    def fractions(self) -> dict[str, Fraction]:
-        """The blocks of the controller, each as one, in powers of w."""
-        _, Gm, C, F = self.blocks.fractions
-        built = self.blocks.built
-        fractions = {"C": C, "F": F, "F/Gm": _over((built.Nf, Gm.den), (F.den, built.Nm))}
-        if self.wait:
-            fractions["Gm"] = Gm
-        else:
-            fractions["(1-F)Gm"] = _over((built.E, Gm.num), (F.den, built.Dm))
-        return fractions
-
-    @cached_property
-    def controller(self) -> SampledController:
-        """The difference equations of the processor."""
-        sampled = {
-            name: bilinear_block(name, fraction, self.alpha, self.dt)
-            for name, fraction in self.fractions.items()
-        }
-        return wired(sampled, self.wait, self.dt)
-
-    def noise_variance(self, shaping: Any = None) -> NoiseVariance:
-        """Compute the variances of y and u at the samples: see `nrdob.digital.noise`.
-
-        Parameters
-        ----------
-        shaping : control.TransferFunction, StateSpace or number, optional
-            A stable discrete-time filter that colours the noise η; white of unit variance by
-            default.
-
-        Returns
-        -------
-        NoiseVariance
-            `y`, of the process itself, and `u`.
-        """
-        return sampled_noise_variance(self.process, self.controller, shaping)
-
-
-def _filled(p: FloatArray, size: int) -> FloatArray:
-    return np.pad(p, (size - p.size, 0))
-
-
-def _over(num: tuple[Factor, Factor], den: tuple[Factor, Factor]) -> Fraction:
-    """Multiply out one block from its factors."""
-    (a, b), (c, d) = ([_coefficients(part) for part in parts] for parts in (num, den))
-    return Fraction(np.trim_zeros(np.convolve(a, b), "f"), np.convolve(c, d))
-
-
-def _coefficients(part: Factor) -> FloatArray:
-    return part.q if isinstance(part, QuasiPolynomial) else part
+        return np.pad(p, (size - p.size, 0)) * (self.dt / 2) ** np.arange(size)

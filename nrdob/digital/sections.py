@@ -1,4 +1,4 @@
-r"""Blocks of a sampled controller as second-order sections that bear a small sampling time.
+r"""Blocks of a sampled controller as second-order sections that stay accurate at a short dt.
 
 Sampled fast, every pole lies next to z = 1, and in powers of z the digits go into saying so: a lag
 of 1 s sampled at 1 ms has :math:`a_2 = 1 + a_1 + \dots`, of which six digits are about the lag. In
@@ -20,23 +20,35 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import astuple, dataclass
-from functools import reduce
+from functools import lru_cache, reduce
+from typing import NamedTuple
 
 import numpy as np
 
-from ..diagram import Fraction
 from ..numerics import ComplexArray, FloatArray, roots_by_time_scale
 
 __all__ = [
     "Section",
+    "StateSpace",
     "at_rest",
     "bilinear_sections",
-    "second_order_sections",
-    "sections",
     "state_space",
 ]
 
-Realisation = tuple[FloatArray, FloatArray, FloatArray, float]
+AT_INFINITY = 1e-12
+"""Size of 1 - αp for a pole p at which its image is z = ∞."""
+
+
+class StateSpace(NamedTuple):
+    """Difference equations x[k+1] = A x[k] + B v[k], w[k] = C x[k] + D v[k].
+
+    A, B, C and D are arrays of the shapes (n, n), (n,) and (n,), and a float.
+    """
+
+    A: FloatArray
+    B: FloatArray
+    C: FloatArray
+    D: float
 
 
 @dataclass(frozen=True)
@@ -59,7 +71,7 @@ class Section:
 
     @property
     def integrates(self) -> bool:
-        """Whether there is a pole at z = 1, so that rest does not say where the output is."""
+        """Whether there is a pole at z = 1, so that the output at rest is not determined."""
         return (self.b2 != 0 or self.b1 != 0) and self._last[1] == 0
 
     @property
@@ -72,7 +84,7 @@ class Section:
 
     @property
     def order(self) -> int:
-        """How many states there are: 0, 1 or 2."""
+        """Number of states: 0, 1 or 2."""
         if self.b2 != 0 or self.a2 != 0:
             return 2
         return int(self.b1 != 0 or self.a1 != 0)
@@ -82,130 +94,49 @@ class Section:
         return (self.b2, self.a2) if self.order == 2 else (self.b1, self.a1)
 
 
-def sections(zeros: ComplexArray, poles: ComplexArray, gain: float) -> tuple[Section, ...]:
-    """Put zeros and poles into sections, those that integrate last.
+def bilinear_sections(
+    num: Sequence[FloatArray], den: Sequence[FloatArray], alpha: float, name: str = "the block"
+) -> tuple[Section, ...]:
+    """Put a block of w = (z - 1)/(α (z + 1)) into sections, those that integrate last.
 
-    Parameters
-    ----------
-    zeros, poles : array of complex
-        In δ = z - 1, conjugate ones in pairs; not more zeros than poles.
-    gain : float
-        Ratio of the leading coefficients.
+    It is proper and given by its factors, in descending powers of w; with α = dt/2, in seconds, and
+    s for w this is Tustin's rule. A pole at w = 1/α, whose image is z = ∞, raises a ValueError.
 
     Examples
     --------
-    A PI controller 0.3 (δ + 0.1)/δ:
-
-    >>> sections(np.array([-0.1]), np.array([0.0]), 0.3)
-    (Section(b0=0.3, b1=0.03, b2=0.0, a1=0.0, a2=0.0),)
-    """
-    if poles.size == 0:
-        return (Section(gain),)
-    nums = _factors(zeros)
-    share = abs(gain) ** (1 / len(_factors(poles)))
-    found: list[Section] = []
-    for den in sorted(_factors(poles), key=lambda den: (den.size, abs(den[-1]))):
-        fitting = [num for num in nums if num.size <= den.size]
-        num = min(fitting, key=lambda num: abs(_mean(num) - _mean(den)), default=np.ones(1))
-        nums = [other for other in nums if other is not num]
-        sign = np.sign(gain) if not found else 1.0
-        found.append(_section(sign * share * num, den))
-    return tuple(sorted(found, key=lambda section: section.integrates))
-
-
-def bilinear_sections(block: Fraction, alpha: float) -> tuple[Section, ...]:
-    """Put a block of w = (z - 1)/(α (z + 1)) into sections.
-
-    Parameters
-    ----------
-    block : Fraction
-        Proper, in powers of w.
-    alpha : float
-        α in seconds; Tustin's rule is dt/2 with s for w.
-
-    Examples
-    --------
-    >>> from nrdob.diagram import Fraction
-    >>> lag = bilinear_sections(Fraction(np.array([1.0]), np.array([0.9, 1.0])), 0.1)[0]
+    >>> lag = bilinear_sections([np.array([1.0])], [np.array([0.9, 1.0])], 0.1)[0]
     >>> [round(c, 6) for c in (lag.b0, lag.b1, lag.a1, lag.rest)]
     [0.1, 0.2, 0.2, 1.0]
     """
-    num, den = np.trim_zeros(block.num, "f"), np.trim_zeros(block.den, "f")
-    if not num.size:
+    (top, zeros), (bottom, poles) = map(_leading_and_roots, (num, den))
+    if top == 0:
         return (Section(0.0),)
-    zeros, poles = _roots(num), _roots(den)
     # w - p = ((1 - αp) δ - 2αp)/(α (δ + 2)): a zero at w = 1/α is none in δ.
     scale_zeros, scale_poles = 1 - alpha * zeros, 1 - alpha * poles
+    if (np.abs(scale_poles) < AT_INFINITY).any():
+        raise ValueError(
+            f"{name} has a pole at {1 / alpha:.6g} rad/s, which Tustin's rule maps to z = ∞: it "
+            "would need y before it is there; choose another dt"
+        )
     lost = scale_zeros == 0
     factors = np.where(lost, -2.0, scale_zeros)
     excess = poles.size - zeros.size
-    gain = num[0] / den[0] * alpha**excess * np.prod(factors) / np.prod(scale_poles)
+    gain = top / bottom * alpha**excess * np.prod(factors) / np.prod(scale_poles)
     mapped = 2 * alpha * zeros[~lost] / scale_zeros[~lost]
-    return sections(
+    return _paired(
         np.append(mapped, np.full(excess, -2.0)), 2 * alpha * poles / scale_poles, float(gain.real)
     )
 
 
-def second_order_sections(cascade: Sequence[Section]) -> FloatArray:
-    """Write sections in powers of z, as `scipy.signal.sosfilt` takes them.
-
-    Parameters
-    ----------
-    cascade : sequence of Section
-        The sections.
-
-    Returns
-    -------
-    (n, 6) array of float
-        b0, b1, b2, 1, a1, a2 in each row.
-
-    Examples
-    --------
-    >>> second_order_sections([Section(0.0, 0.0, 0.01, 0.2, 0.01)]).round(6).tolist()
-    [[0.0, 0.0, 0.01, 1.0, -1.8, 0.81]]
-    """
-    rows = []
-    for section in cascade:
-        b0, b1, b2, a1, a2 = astuple(section)
-        if section.order == 2:
-            rows.append([b0, b1 - 2 * b0, b0 - b1 + b2, 1.0, a1 - 2, 1 - a1 + a2])
-        else:
-            rows.append([b0, b1 - b0, 0.0, 1.0, a1 - 1, 0.0])
-    return np.array(rows)
-
-
-def state_space(cascade: Sequence[Section]) -> Realisation:
-    """Write sections as a state space with the sums x1, x2 of each as states.
-
-    Parameters
-    ----------
-    cascade : sequence of Section
-        The sections.
-
-    Returns
-    -------
-    A, B, C, D : arrays of shapes (n, n), (n,), (n,), and a float
-        Matrices for one step, states one section after the other: `Section.order` of each.
-    """
+def state_space(cascade: Sequence[Section]) -> StateSpace:
+    """Write sections as a state space with the sums x1, x2 of each as states."""
     return reduce(_behind, map(_realised, cascade))
 
 
 def at_rest(cascade: Sequence[Section], input: float, output: float) -> FloatArray:
-    """States in which nothing moves at a constant input, as far as that is possible.
+    """States of rest at a constant input, shape (n,), as `state_space` orders them.
 
-    Parameters
-    ----------
-    cascade : sequence of Section
-        The sections.
-    input : float
-        The constant input.
-    output : float
-        What is to come out where a section integrates, so that rest does not say it.
-
-    Returns
-    -------
-    (n,) array of float
-        States as `state_space` orders them.
+    A section that integrates gets an `output`; its input at rest is 0.
 
     Examples
     --------
@@ -221,11 +152,37 @@ def at_rest(cascade: Sequence[Section], input: float, output: float) -> FloatArr
     return np.array(states)
 
 
-def _roots(p: FloatArray) -> ComplexArray:
-    """All roots, those at 0 exactly."""
-    q = np.trim_zeros(p, "b")
-    at_zero = np.zeros(p.size - q.size, dtype=complex)
-    return np.append(roots_by_time_scale(q) if q.size > 1 else at_zero[:0], at_zero)
+def _leading_and_roots(factors: Sequence[FloatArray]) -> tuple[float, ComplexArray]:
+    """Leading coefficient and roots of a product."""
+    leading, roots = zip(*(_factored(tuple(factor.tolist())) for factor in factors), strict=True)
+    return float(np.prod(leading)), np.concatenate(roots)
+
+
+@lru_cache(maxsize=256)  # of one loop at many sampling times they are the same
+def _factored(p: tuple[float, ...]) -> tuple[float, ComplexArray]:
+    """Leading coefficient and roots, those at 0 exactly."""
+    coefficients = np.trim_zeros(np.array(p), "f")
+    if not coefficients.size:
+        return 0.0, np.empty(0, dtype=complex)
+    q = np.trim_zeros(coefficients, "b")
+    roots = roots_by_time_scale(q) if q.size > 2 else -q[1:] / q[0]
+    return q[0], np.append(roots, np.zeros(coefficients.size - q.size)).astype(complex)
+
+
+def _paired(zeros: ComplexArray, poles: ComplexArray, gain: float) -> tuple[Section, ...]:
+    """Put zeros and poles in δ into sections, neighbours together."""
+    if poles.size == 0:
+        return (Section(gain),)
+    nums, dens = _factors(zeros), _factors(poles)
+    share = abs(gain) ** (1 / len(dens))
+    found: list[Section] = []
+    for den in sorted(dens, key=lambda den: (den.size, abs(den[-1]))):
+        fitting = [num for num in nums if num.size <= den.size]
+        num = min(fitting, key=lambda num: abs(_mean(num) - _mean(den)), default=np.ones(1))
+        nums = [other for other in nums if other is not num]
+        sign = np.sign(gain) if not found else 1.0
+        found.append(_section(sign * share * num, den))
+    return tuple(sorted(found, key=lambda section: section.integrates))
 
 
 def _factors(roots: ComplexArray) -> list[FloatArray]:
@@ -250,15 +207,15 @@ def _section(num: FloatArray, den: FloatArray) -> Section:
     return Section(*b, *a[1:])
 
 
-def _realised(section: Section) -> Realisation:
+def _realised(section: Section) -> StateSpace:
     b0, b1, b2, a1, a2 = astuple(section)
     n = section.order
     A, B, C = [[1 - a1, 1.0], [-a2, 1.0]], [b1 - a1 * b0, b2 - a2 * b0], [1.0, 0.0]
-    return np.array(A)[:n, :n], np.array(B)[:n], np.array(C)[:n], b0
+    return StateSpace(np.array(A)[:n, :n], np.array(B)[:n], np.array(C)[:n], b0)
 
 
-def _behind(first: Realisation, second: Realisation) -> Realisation:
-    """Feed what comes out of one realisation into another one."""
+def _behind(first: StateSpace, second: StateSpace) -> StateSpace:
+    """Feed the output of one realisation into another one."""
     (A, B, C, D), (A2, B2, C2, D2) = first, second
     joined = np.block([[A, np.zeros((B.size, B2.size))], [np.outer(B2, C), A2]])
-    return joined, np.append(B, B2 * D), np.append(D2 * C, C2), D2 * D
+    return StateSpace(joined, np.append(B, B2 * D), np.append(D2 * C, C2), D2 * D)

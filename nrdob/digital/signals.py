@@ -1,4 +1,4 @@
-"""What is given to a simulation: checked, and made one value for each sample."""
+"""The external signals of a simulation: checked, and turned into one value for each sample."""
 
 from __future__ import annotations
 
@@ -12,35 +12,19 @@ from numpy.typing import ArrayLike
 from ..diagram import real_number
 from ..numerics import FloatArray
 
-__all__ = ["OUTSIDE", "Signal", "finite", "outside", "sample_times"]
+__all__ = ["EXTERNAL", "Signal", "external_signals", "finite", "sample_times"]
 
 Signal = ArrayLike | Callable[[FloatArray], ArrayLike]
 """A signal: a number, one value for each sample, or a function of the times."""
 
-OUTSIDE = ("R", "d", "delta")
-"""What may be given as an input; noise is a matter of its own."""
+EXTERNAL = ("R", "d", "delta")
+"""The inputs of a simulation; noise is given apart."""
 
 
 def sample_times(
     timepts: ArrayLike | None, inputs: Mapping[str, Signal], noise: Any, dt: float
 ) -> FloatArray:
-    """Find the times of the samples: as asked, or as long as the signals are.
-
-    Parameters
-    ----------
-    timepts : (N,) array_like or float, optional
-        The times, or the last one, in seconds.
-    inputs : mapping of str to signals
-        What enters by which name.
-    noise : float or (N,) array_like, optional
-        Measurement noise.
-    dt : float
-        Sampling time in seconds.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an input is unknown, lengths differ, or the times are not those of the samples.
+    """Find the times of the samples: as given, or as many as the signals have.
 
     Examples
     --------
@@ -51,25 +35,12 @@ def sample_times(
         raise TypeError(
             f"inputs is a {type(inputs).__name__}; give a mapping, as {{'R': 1.0, 'd': values}}"
         )
-    unknown = [name for name in inputs if name not in OUTSIDE]
+    unknown = [name for name in inputs if name not in EXTERNAL]
     if unknown:
         hint = " (noise is given as noise=)" if "eta" in unknown else ""
-        raise ValueError(f"{unknown[0]!r} is no input; choose from {', '.join(OUTSIDE)}{hint}")
+        raise ValueError(f"{unknown[0]!r} is no input; choose from {', '.join(EXTERNAL)}{hint}")
     if timepts is None:
-        given = dict(inputs) | ({} if noise is None else {"noise": noise})
-        lengths = {name: np.shape(signal)[0] for name, signal in given.items()
-                   if not callable(signal) and np.ndim(signal) == 1}  # fmt: skip
-        if not lengths:
-            raise ValueError(
-                "no input says how many samples there are: give one as an array, or timepts"
-            )
-        if len(set(lengths.values())) > 1:
-            said = ", ".join(f"{name} has {count}" for name, count in lengths.items())
-            raise ValueError(f"the signals differ in length: {said} samples; make them equal")
-        count = next(iter(lengths.values()))
-        if not count:
-            raise ValueError("the signals are empty; give one value for each sample")
-        return np.asarray(np.arange(count) * dt)
+        return np.asarray(np.arange(_common_length({**inputs, "noise": noise})) * dt)
     try:
         asked = np.asarray(timepts, dtype=float)
     except (TypeError, ValueError):
@@ -95,35 +66,32 @@ def sample_times(
     return expected
 
 
-def outside(
+def _common_length(signals: Mapping[str, Any]) -> int:
+    lengths = {name: np.shape(signal)[0] for name, signal in signals.items()
+               if not callable(signal) and np.ndim(signal) == 1}  # fmt: skip
+    if not lengths:
+        raise ValueError(
+            "no input says how many samples there are: give one as an array, or timepts"
+        )
+    if len(set(lengths.values())) > 1:
+        said = ", ".join(f"{name} has {count}" for name, count in lengths.items())
+        raise ValueError(f"the signals differ in length: {said} samples; make them equal")
+    count: int = next(iter(lengths.values()))
+    if not count:
+        raise ValueError("the signals are empty; give one value for each sample")
+    return count
+
+
+def external_signals(
     inputs: Mapping[str, Signal],
     noise: float | ArrayLike | None,
     time: FloatArray,
     seed: int | np.random.Generator,
 ) -> FloatArray:
-    """Gather all that comes from outside.
-
-    Parameters
-    ----------
-    inputs : mapping of str to signals
-        R, d and delta; what is left out is 0.
-    noise : float or (N,) array_like, optional
-        Measurement noise, or its standard deviation.
-    time : (N,) array of float
-        Times of the samples.
-    seed : int or numpy.random.Generator
-        Where white noise comes from.
-
-    Returns
-    -------
-    (N, 4) array of float
-        R, d, δ, η.
-    """
-    columns = [_signal(inputs.get(name, 0.0), name, time) for name in OUTSIDE]
-    if noise is None:
-        noise = 0.0
-    if np.ndim(noise) == 0:
-        deviation = finite(noise, "noise", "give its standard deviation, or an array")
+    """Gather R, d, δ and η as columns, shape (N, 4); noise as a number is a standard deviation."""
+    columns = [_signal(inputs.get(name, 0.0), name, time) for name in EXTERNAL]
+    if noise is None or np.ndim(noise) == 0:
+        deviation = finite(noise or 0.0, "noise", "give its standard deviation, or an array")
         if deviation < 0:
             raise ValueError(
                 f"noise is {deviation:g}; as a number it is a standard deviation, 0 or more"
@@ -134,7 +102,7 @@ def outside(
     return np.column_stack(columns)
 
 
-def _signal(signal: Signal, name: str, time: FloatArray) -> FloatArray:
+def _signal(signal: Any, name: str, time: FloatArray) -> FloatArray:
     values = signal(time) if callable(signal) else signal
     try:
         found = np.asarray(values, dtype=float)
@@ -160,15 +128,7 @@ def _signal(signal: Signal, name: str, time: FloatArray) -> FloatArray:
 
 
 def finite(value: Any, name: str, remedy: str) -> float:
-    """Read a finite number, or raise with the remedy.
-
-    Parameters
-    ----------
-    value : object
-        What was given.
-    name, remedy : str
-        What it is called, and what to do.
-    """
+    """Read a finite number, or raise with the remedy."""
     number = real_number(value, name, remedy)
     if not isfinite(number):
         raise ValueError(f"{name} is {number}; {remedy}")

@@ -1,42 +1,61 @@
-r"""The sampled loop run on given signals, with an actuator that has limits.
+r"""A sampled loop run on given signals: step responses, and simulations with an actuator's limits.
 
 The processor runs the sections that the generated code runs, too; between hold and sampler the
-process is exact. All signals from outside are held over a sample, as u is. What is decided in a
-sample are the reading, if a converter rounds it, and the u that is applied, if the actuator has
-limits: all else is linear and is done for many samples at once (`nrdob.digital.recursion`).
+process is exact. All external signals are held over a sample, as u is.
 
-The observer asks what the process has been given, and what it is told decides whether it winds up.
-Told the *applied* u, its blocks F, F/G̃ and (1 - F)G̃ are driven by bounded signals, from outside,
-while the actuator is at its limit: they stay bounded iff they are stable. Told the *commanded* u,
-F u goes round in a circle of its own, u = F u + …, with 1/(1 - F), an integrator: what the actuator
-withholds is taken for a disturbance, which more u is to fight.
+A loop with a limit is linear in everything but its decisions v (`nrdob.digital.closedloop`). Over a
+block of m samples all that is proposed is p = O x + T w + S v, x being the states at its beginning
+and S strictly lower triangular. The parts in w are products of matrices, computed for all blocks at
+once. If every rule leaves p as it is, v = (I - S)^{-1}(O x + T w) is the answer for the whole
+block; otherwise the block is computed sample by sample, at one scalar product for each.
 
-.. rubric:: References
-
-Åström, K. J., L. Rundqwist, Integrator windup and how to avoid it, Proc. American Control
-Conference (1989) 1693-1698.
+An observer that receives the *applied* u has stable blocks driven by bounded signals while the
+actuator is at its limit. With the *commanded* u, F u is fed back on itself through 1/(1 - F), an
+integrator: the observer winds up.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from math import ceil, log
+from typing import Any
 
+import control as ct
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.linalg import solve_triangular
+from scipy.sparse import csr_array
+from scipy.sparse.linalg import matrix_power
 
+from ..diagram import INPUTS
 from ..numerics import BoolArray, FloatArray
+from .actuatorlimits import Rule, limited, rounded
+from .closedloop import ClosedLoop, Recursion
 from .code import ControllerCode
-from .hold import HeldProcess
-from .limits import Rule, limited, rounded
-from .recursion import march
-from .signals import Signal, finite, outside, sample_times
-from .wholeloop import WholeLoop
+from .controller import SampledController
+from .hold import WHOLE, HeldProcess
+from .signals import EXTERNAL, Signal, external_signals, finite, sample_times
 
-__all__ = ["SimulatedResponse", "simulate"]
+__all__ = ["SimulatedResponse", "run", "sampled_step_response", "simulate"]
 
-TOLD = ("applied", "commanded")
-"""Which u the observer may be told."""
+OBSERVER_INPUTS = ("applied", "commanded")
+"""Which u the observer may receive."""
+
+LONGEST = 64
+"""Samples in one block: the work for a sample grows with it, the work for a block is spread."""
+
+GROWTH = 1e3
+"""By how much a block may multiply what has been decided in it: so many digits are lost."""
+
+MOST_DENSE = 100
+"""States up to which nothing is gained by leaving out zeros."""
+
+FEWEST, MOST_BY_DEFAULT, MOST_SAMPLES = 20, 20_000, 1_000_000
+"""Samples in a step response."""
+
+POINTS, SETTLED = 1000, 1e-3
+"""Times in a step response by default, at least, and what is left of it at the end."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +91,7 @@ class SimulatedResponse:
 
     @property
     def limited(self) -> BoolArray:
-        """Samples in which the actuator does not do what it is told, shape (N,)."""
+        """Samples in which the actuator is at a limit, shape (N,)."""
         return np.asarray(np.abs(self.applied - self.u) > 1e-9 * (1 + np.abs(self.u)))
 
     def __repr__(self) -> str:
@@ -97,59 +116,295 @@ def simulate(
     *,
     timepts: ArrayLike | None = None,
     seed: int | np.random.Generator = 0,
-    told: str = "applied",
+    observer_input: str = "applied",
     start: float | None = None,
     resolution: float | None = None,
-    u_resolution: float | None = None,
     n_between: int = 0,
 ) -> SimulatedResponse:
-    """Run a sampled loop: see `SampledLoop.simulate`, which says what everything is.
+    """Simulate a sampled loop: see `SampledLoop.simulate`.
 
-    Parameters
-    ----------
-    code : ControllerCode
-        The controller, its limits and its tracking.
-    process, disturbed : HeldProcess
-        The process as u reaches it, with the dead time of computation, and as δ does.
-    inputs, noise, timepts, seed, told, start, resolution, u_resolution, n_between : see there
-        The signals and what else is to be seen.
+    `process` and `disturbed` are the process with the dead time from u, computation included, and
+    from δ.
     """
-    if told not in TOLD:
-        raise ValueError(f"observer_input is {told!r}; choose one of {', '.join(TOLD)}")
+    if observer_input not in OBSERVER_INPUTS:
+        raise ValueError(
+            f"observer_input is {observer_input!r}; choose one of {', '.join(OBSERVER_INPUTS)}"
+        )
     if isinstance(n_between, bool) or not isinstance(n_between, int) or n_between < 0:
         raise ValueError(f"n_between is {n_between!r}; how many points a sample: 0, 1, 2, …")
-    time = sample_times(timepts, inputs, noise, code.dt)
-    given = outside(inputs, noise, time, seed)
-    loop = WholeLoop(code, process, disturbed, told, resolution is not None)
-    rules = [limited(code.limits, code.dt, u_resolution)]
+    dt, rounds = process.dt, resolution is not None
+    time = sample_times(timepts, inputs, noise, dt)
+    external = external_signals(inputs, noise, time, seed)
+    loop = ClosedLoop(
+        code.controller, process, disturbed,
+        observer_input=observer_input, tracking=code.tracking, rounds=rounds,
+    )  # fmt: skip
+    rules = [limited(code.limits, dt)]
     if resolution is not None:
         rules.insert(0, rounded(resolution))
-    states, before = _start(loop, given[0], start, rules)
-    entering = loop.entering(given, at_rest=start is not None)
-    gone = march(loop.recursion, states, entering, rules, before)
-    y, measured, u, d_hat = gone.outputs(*loop.rows(("y", "measured", "u", "d_hat"))).T
-    found = SimulatedResponse(time, y, measured, u, gone.decisions[:, -1], d_hat)
+    states, before = _start(loop, external[0], start, rules)
+    entering = loop.entering(external, at_rest=start is not None)
+    found = run(loop.recursion, states, entering, rules, before)
+    found.check_finite()
+    y, measured, u, d_hat = found.outputs(loop.rows(("y", "measured", "u", "d_hat"))).T
+    response = SimulatedResponse(time, y, measured, u, found.decisions[:, -1], d_hat)
     if not n_between:
-        return found
-    after = np.arange(n_between) * (code.dt / n_between)
+        return response
+    x, felt, d = _in_between(loop, found)
+    after = np.arange(n_between) * (dt / n_between)
+    between = np.column_stack([loop.output_after(t, x, felt) for t in after.tolist()])
     return replace(
-        found,
+        response,
         time_between=(time[:, None] + after).ravel(),
-        y_between=gone.outputs(*loop.later(after.tolist())).ravel(),
+        y_between=(between + d[:, None]).ravel(),
     )
 
 
+def sampled_step_response(
+    controller: SampledController,
+    process: HeldProcess,
+    disturbed: HeldProcess,
+    input: str,
+    timepts: ArrayLike | None,
+    spectral_radius: float,
+) -> ct.TimeResponseData:
+    """Respond to a unit step at t = 0, all signals zero before: see `SampledLoop.step_response`.
+
+    The spectral radius, nan if it is not known, says how long the response is by default; y and u
+    are nan once an unstable loop has left the floating-point range.
+    """
+    if input not in INPUTS:
+        raise ValueError(f"input is {input!r}; choose one of {', '.join(INPUTS)}")
+    dt = process.dt
+    times = _step_times(timepts, process, spectral_radius)
+    samples = int(times[-1] / dt * (1 + WHOLE)) + 2
+    if samples > MOST_SAMPLES:
+        raise ValueError(
+            f"timepts end at {times[-1]:g} s, {samples} samples of dt = {dt:g} s; at most "
+            f"{MOST_SAMPLES} are computed: shorten timepts"
+        )
+    loop = ClosedLoop(controller, process, disturbed)
+    external = np.zeros((samples, 4))
+    external[:, (*EXTERNAL, "eta").index(input)] = 1.0
+    entering = loop.entering(external, at_rest=False)
+    free = Rule(lambda value, before: value, lambda values, before: True)
+    with np.errstate(over="ignore", invalid="ignore"):
+        found = run(loop.recursion, np.zeros(len(loop.recursion.A)), entering, [free], [0.0])
+        x, felt, d = _in_between(loop, found)
+        k = np.floor(times / dt + WHOLE).astype(int)
+        inside = np.maximum(times / dt - k, 0.0)
+        inside[inside < WHOLE] = 0.0
+        offsets, which = np.unique(np.round(inside, 12), return_inverse=True)
+        y = d[k]
+        for i, offset in enumerate((offsets * dt).tolist()):
+            at = which == i
+            y[at] += loop.output_after(offset, x[:, k[at]], felt[:, k[at]])
+    # u reaches the process after the time of computation.
+    late = np.floor((times - process.delay + disturbed.delay) / dt + WHOLE).astype(int)
+    u = np.where(late >= 0, found.decisions[np.maximum(late, 0), 0], 0.0) + (input == "delta")
+    outputs = np.stack([y, u])
+    outputs[~np.isfinite(outputs)] = np.nan
+    return ct.TimeResponseData(
+        times, outputs[:, np.newaxis], inputs=np.ones((1, 1, times.size)), issiso=False,
+        output_labels=["y", "u"], input_labels=[input], trace_labels=[f"From {input}"],
+        title=f"Step response to {input}, dt = {dt:g} s", trace_types=["step"], plot_inputs=False,
+    )  # fmt: skip
+
+
+def _step_times(
+    timepts: ArrayLike | None, process: HeldProcess, spectral_radius: float
+) -> FloatArray:
+    if timepts is None:
+        rate = 1.0 if spectral_radius == 0 else abs(log(spectral_radius))
+        rate = max(1 / MOST_BY_DEFAULT, rate)  # also where the radius is not known, nan
+        count = ceil(-log(SETTLED) / rate) + 2 * process.memory
+        count = min(max(count, FEWEST), MOST_BY_DEFAULT)
+        each = ceil(POINTS / count)
+        return np.arange(count * each + 1) / each * process.dt
+    times = np.asarray(timepts, dtype=float)
+    if times.ndim == 0:
+        times = np.linspace(0.0, float(times), POINTS + 1)
+    good = times.ndim == 1 and times.size and np.isfinite(times).all()
+    if not (good and times[0] >= 0 and np.all(np.diff(times) > 0)):
+        raise ValueError(
+            "timepts must be increasing times from 0 on, in seconds, or the last one, above 0"
+        )
+    return times
+
+
+def _in_between(loop: ClosedLoop, found: Run) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """States of the process, u and δ as it receives them, and d, at all samples."""
+    rows = found.outputs(loop.rows(("x", "felt", "d"))).T
+    return rows[:-5], rows[-5:-1], rows[-1]
+
+
 def _start(
-    loop: WholeLoop, first: FloatArray, manual: float | None, rules: Sequence[Rule]
+    loop: ClosedLoop, first: FloatArray, manual: float | None, rules: Sequence[Rule]
 ) -> tuple[FloatArray, list[float]]:
     """States and decisions before the first sample: zero, or at rest under a constant u."""
     if manual is None:
         return np.zeros(len(loop.recursion.A)), [0.0] * len(rules)
     u = finite(manual, "start", "give the constant u to take over from")
-    states, y = loop.at_rest(u, first)
-    R, _, _, eta = first.tolist()
-    measured = y + eta
-    if len(rules) == 1:
-        return loop.start(states, R, measured, u), [u]
-    measured = rules[0].apply(measured, measured)
-    return loop.start(states, R, measured, u), [measured, u]
+    *converter, _ = rules
+    states, measured = loop.at_rest(
+        u, first, lambda y: converter[0].apply(y, y) if converter else y
+    )
+    return states, [measured, u][-len(rules) :]
+
+
+# The recursion, many samples at once.
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A recursion that has been run over so many samples, in b blocks of m.
+
+    `inputs` has the shape (b, m q), the last block filled up with zeros; `starts`, the states at
+    the beginning of each block, (b, n); `decided` (b, m p).
+    """
+
+    recursion: Recursion
+    inputs: FloatArray
+    starts: FloatArray
+    decided: FloatArray
+    samples: int
+
+    @property
+    def decisions(self) -> FloatArray:
+        """The decisions of each sample, shape (N, p)."""
+        return self.decided.reshape(-1, self.recursion.G.shape[1])[: self.samples]
+
+    def outputs(self, rows: tuple[FloatArray, FloatArray, FloatArray]) -> FloatArray:
+        """Signals C x + D w + H v of each sample, shape (N, r), from their rows C, D and H."""
+        m = self.decided.shape[1] // self.recursion.G.shape[1]
+        from_states, from_inputs, from_decisions = _over_block(self.recursion, m, *rows)
+        found = self.starts @ from_states.T
+        found += self.inputs @ from_inputs.T
+        found += self.decided @ from_decisions.T
+        return found.reshape(-1, len(rows[0]))[: self.samples]
+
+    def check_finite(self) -> None:
+        """Raise an ArithmeticError if a state has left the range of floating-point numbers."""
+        finite = np.isfinite(self.starts).all(axis=1) & np.isfinite(self.decided).all(axis=1)
+        if not finite.all():
+            m = self.decided.shape[1] // self.recursion.G.shape[1]
+            raise ArithmeticError(
+                "the signals leave the range of floating-point numbers near sample "
+                f"{int(np.argmin(finite)) * m}: the loop is unstable, or the limits are too narrow "
+                "for an unstable process; simulate fewer samples"
+            )
+
+
+@np.errstate(over="ignore", invalid="ignore")  # see `Run.check_finite`
+def run(
+    recursion: Recursion,
+    states: FloatArray,
+    inputs: FloatArray,
+    rules: Sequence[Rule],
+    before: Sequence[float],
+) -> Run:
+    """Run a recursion over N samples.
+
+    `states`, shape (n,), are those at the first sample, `inputs` has the shape (N, q), `rules` say
+    how each of the p decisions is made, and `before` are those in the sample before the first.
+
+    Examples
+    --------
+    An integrator with -x[k] fed back, at most 0.4 in a sample:
+
+    >>> from nrdob.digital.actuatorlimits import ActuatorLimits, limited
+    >>> one, none = np.ones((1, 1)), np.zeros((1, 0))
+    >>> loop = Recursion(one, none, one, -one, none, 0 * one)
+    >>> rules = [limited(ActuatorLimits(-0.4, 0.4), 1.0)]
+    >>> run(loop, np.ones(1), np.zeros((4, 0)), rules, [0.0]).decisions[:, 0].round(6).tolist()
+    [-0.4, -0.4, -0.2, 0.0]
+    """
+    (n, p), samples = recursion.G.shape, len(inputs)
+    m = _block_length(recursion, samples)
+    blocks = -(-samples // m)
+    padded = np.zeros((blocks * m, inputs.shape[1]))
+    padded[:samples] = inputs
+    grouped = padded.reshape(blocks, -1)
+
+    from_states, from_inputs, from_decisions = _over_block(recursion, m, *recursion[3:])
+    over = _power(recursion.A, m)
+    to_end, decisions_to_end = _to_the_end(recursion, m)
+    undecided = _all_free(from_decisions)
+    from_outside, outside_to_end = grouped @ from_inputs.T, grouped @ to_end.T
+
+    values = np.zeros(m * p)  # decisions of the block at hand
+    steps = [
+        (from_decisions[i, :i].dot, values[:i], rules[i % p].apply, i, i % p) for i in range(m * p)
+    ]
+    starts, decided = np.zeros((blocks, n)), np.zeros((blocks, m * p))
+    x, previous = states, [float(value) for value in before]
+    for block in range(blocks):
+        starts[block] = x
+        proposed = from_outside[block] + from_states @ x
+        values[:] = undecided @ proposed
+        if not all(rule.leaves(values[r::p], previous[r]) for r, rule in enumerate(rules)):
+            now = previous.copy()
+            for own, (dot, past, apply, i, r) in zip(proposed.tolist(), steps, strict=True):
+                values[i] = now[r] = apply(own + float(dot(past)), now[r])
+        previous = values[-p:].tolist()
+        decided[block] = values
+        x = over @ x + outside_to_end[block] + decisions_to_end @ values
+    return Run(recursion, grouped, starts, decided, samples)
+
+
+def _power(A: FloatArray, m: int) -> Any:
+    """Raise to the power m; long dead times are mostly zeros, which are left out."""
+    if len(A) <= MOST_DENSE:
+        return np.linalg.matrix_power(A, m)
+    return matrix_power(csr_array(A), m)
+
+
+def _block_length(recursion: Recursion, samples: int) -> int:
+    """Choose the samples that go together, few where decisions grow from one to the next."""
+    p = len(recursion.H)
+    m = min(LONGEST, samples)
+    while m > 1:
+        from_states, _, coupling = _over_block(recursion, m, *recursion[3:])
+        growth = np.abs(_all_free(coupling)) @ np.abs(coupling)
+        # Decisions of one kind among themselves, which does not depend on their units.
+        largest = max(growth[r::p, r::p].max() for r in range(p))
+        if largest <= GROWTH and np.isfinite(from_states).all():
+            break
+        m //= 2
+    return m
+
+
+def _all_free(coupling: FloatArray) -> FloatArray:
+    """Solve for decisions that are all left as proposed, none of them by way of a later one."""
+    unit = np.eye(len(coupling))
+    return np.asarray(
+        solve_triangular(unit - coupling, unit, lower=True, unit_diagonal=True, check_finite=False)
+    )
+
+
+def _over_block(
+    recursion: Recursion, m: int, C: FloatArray, D: FloatArray, H: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Write signals C x + D w + H v of m samples over the first x, all w and all v."""
+    powers = [C]
+    for _ in range(m - 1):
+        powers.append(powers[-1] @ recursion.A)
+    observed = np.array(powers)  # C A^k
+
+    def lower(direct: FloatArray, into: FloatArray) -> FloatArray:
+        # The answer k samples after an impulse, and last of all none before it.
+        answers = np.concatenate([direct[None], observed[:-1] @ into, 0 * direct[None]])
+        lag = np.subtract.outer(np.arange(m), np.arange(m))
+        grid = answers[np.where(lag >= 0, lag, m)]
+        return np.asarray(grid.transpose(0, 2, 1, 3).reshape(m * direct.shape[0], -1))
+
+    return observed.reshape(-1, C.shape[1]), lower(D, recursion.B), lower(H, recursion.G)
+
+
+def _to_the_end(recursion: Recursion, m: int) -> tuple[FloatArray, FloatArray]:
+    """How the inputs and the decisions of m samples move the states at their end."""
+    inputs, decisions = [recursion.B], [recursion.G]
+    for _ in range(m - 1):
+        inputs.append(recursion.A @ inputs[-1])
+        decisions.append(recursion.A @ decisions[-1])
+    return np.hstack(inputs[::-1]), np.hstack(decisions[::-1])

@@ -1,10 +1,10 @@
 """What was measured on a plant, and the process behind it."""
 
 from .identification import Candidate, Identification, identified, identify
-from .naming import Parameter
+from .parameters import Parameter
 from .records import Record, checked_record
 from .residuals import ResidualCheck
-from .structures import STRUCTURES, Structure
+from .structures import STRUCTURES
 from .tables import heated_air, read_data
 
 __all__ = [
@@ -14,7 +14,6 @@ __all__ = [
     "Parameter",
     "Record",
     "ResidualCheck",
-    "Structure",
     "checked_record",
     "heated_air",
     "identified",

@@ -20,14 +20,14 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from ..numerics import ROUNDING, BoolArray, FloatArray
+from .initialguesses import starting_points
 from .residuals import DECISIVE, Whitening, whitening_of
-from .starts import starting_points
 from .structures import STRUCTURES, Structure
 
 __all__ = ["Fit", "Problem", "best_fit", "refined", "simple_fit"]
 
-STEP = 1e-5
-"""Of dead time in samples, and of logarithms, for derivatives."""
+STEP, WIDE = 1e-5, 0.5
+"""Of logarithms, and of the dead time in samples, for derivatives."""
 
 SHIFTS = (0.0, -0.5, 0.5)
 """Of the dead time in samples: for a lag the misfit has a kink at each whole one."""
@@ -59,23 +59,19 @@ INSIDE = 1e-9
 
 @dataclass(frozen=True)
 class Problem:
-    """What is to be explained.
+    """What is to be explained: the record, less its values at rest, and which samples count.
 
-    Attributes
-    ----------
-    inputs, outputs : (N,) array
-        The record, less the first value of each.
-    used : (N,) array of bool
-        Samples that count.
+    Grain is what the sensor resolves; 0 if it does not round.
     """
 
     inputs: FloatArray
     outputs: FloatArray
     used: BoolArray
+    grain: float
 
     def first(self, count: int) -> Problem:
         """Keep so many samples, from the first on."""
-        return Problem(self.inputs[:count], self.outputs[:count], self.used[:count])
+        return Problem(self.inputs[:count], self.outputs[:count], self.used[:count], self.grain)
 
     def thinned(self, factor: int) -> Problem:
         """Take means of so many samples."""
@@ -83,41 +79,23 @@ class Problem:
         inputs, outputs, used = (
             each[:count].reshape(-1, factor) for each in (self.inputs, self.outputs, self.used)
         )
-        return Problem(inputs.mean(axis=1), outputs.mean(axis=1), np.asarray(used.all(axis=1)))
+        return Problem(inputs.mean(axis=1), outputs.mean(axis=1), np.asarray(used.all(axis=1)), 0.0)
 
     def left(self, fit: Fit) -> FloatArray:
         """Compute the residual from the first sample compared on."""
         return np.asarray(self.outputs[fit.start :] - fit.response(self.inputs))
 
     def whitening(self, residual: FloatArray) -> Whitening:
-        """Find the filter that whitens a residual; none where more than a few samples are missing.
-
-        Parameters
-        ----------
-        residual : array of float
-            As `left` gives it.
-        """
+        """Find the filter that whitens a residual; none where many samples are missing."""
         return whitening_of(residual) if self.dense else Whitening()
 
     def explained(self, fit: Fit) -> float:
-        """Give the share of the output that the response explains, drift left out; 1 for all.
-
-        Parameters
-        ----------
-        fit : Fit
-            Level included: only the scatter about it counts.
-        """
+        """Give the share of the output that the response explains, drift left out; 1 for all."""
         used = self.used[fit.start :]
         return 1 - float(np.std(self.left(fit)[used]) / np.std(self.outputs[fit.start :][used]))
 
     def criterion_without(self, start: int) -> float:
-        """Give the criterion of a level alone, upon which the input does not act.
-
-        Parameters
-        ----------
-        start : int
-            First sample compared.
-        """
+        """Give the criterion of a level alone, upon which the input does not act."""
         level = self.outputs[start:] - self.outputs[start:].mean()
         rest = self.whitening(level).applied(level)[self.used[start:]]
         return rest.size * log(float(np.mean(rest**2))) + log(rest.size)
@@ -176,16 +154,18 @@ class Fit:
         return np.asarray(self._columns(self.shape, inputs) @ self.linear)
 
     def jacobian(self, inputs: FloatArray) -> FloatArray:
-        """Differentiate the output by all unknowns, at all samples from `start` on."""
+        """Differentiate the output by all unknowns, at all samples from `start` on.
+
+        By the dead time over half a sample to either side: the slope jumps at each whole one.
+        """
         slopes = []
         for k in range(self.shape.size):
-            # A dead time of zero can only grow.
-            back = 0.0 if k == 0 and self.shape[0] < STEP else STEP
             ends = [self.shape.copy(), self.shape.copy()]
-            ends[0][k] -= back
-            ends[1][k] += STEP
+            step = STEP if k else WIDE
+            ends[0][k] = max(ends[0][k] - step, 0.0) if k == 0 else ends[0][k] - step
+            ends[1][k] += step
             low, high = (self._columns(shape, inputs) for shape in ends)
-            slopes.append((high - low) @ self.linear / (STEP + back))
+            slopes.append((high - low) @ self.linear / (ends[1][k] - ends[0][k]))
         return np.column_stack([*slopes, self._columns(self.shape, inputs)])
 
     def _columns(self, shape: FloatArray, inputs: FloatArray) -> FloatArray:
@@ -193,21 +173,9 @@ class Fit:
 
 
 def best_fit(structure: Structure, problem: Problem, moving: bool) -> Fit:
-    """Search from several starting points.
+    """Search from several starting points for the fit of smallest misfit.
 
-    Parameters
-    ----------
-    structure : Structure
-        The kind of plant.
-    problem : Problem
-        What is to be explained.
-    moving : bool
-        Whether the plant may move before the input does.
-
-    Returns
-    -------
-    Fit
-        The one of smallest misfit.
+    Moving: the plant may move before the input does.
     """
     factor = problem.outputs.size // LONG
     if factor > 1:
@@ -240,15 +208,7 @@ def _plain_fit(structure: Structure, problem: Problem, start: int, moving: bool)
 
 
 def simple_fit(problem: Problem, rival: Fit) -> Fit | None:
-    """Fit one lag with dead time, from rest, by least squares alone.
-
-    Parameters
-    ----------
-    problem : Problem
-        What is to be explained.
-    rival : Fit
-        Another fit; None is given where that one explains far more.
-    """
+    """Fit one lag with dead time, from rest, by least squares; None if a rival is far better."""
     simple = _plain_fit(STRUCTURES[1], problem, rival.start, False)
     enough = max(problem.explained(rival) - FAR, 0.0)
     return simple if problem.explained(simple) > enough else None
@@ -259,17 +219,7 @@ def _loss(fit: Fit) -> float:
 
 
 def refined(fit: Fit, problem: Problem, start: int) -> Fit:
-    """Search on from a fit, and with the dead time half a sample to either side.
-
-    Parameters
-    ----------
-    fit : Fit
-        Where to begin.
-    problem : Problem
-        What is to be explained.
-    start : int
-        First sample compared.
-    """
+    """Search on from a fit, and with the dead time half a sample off, comparing from `start`."""
 
     def searched(shift: float) -> Fit:
         moved = fit.shape + shift * np.eye(fit.shape.size)[0]

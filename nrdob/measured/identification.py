@@ -14,15 +14,15 @@ from numbers import Real
 from typing import Any
 
 import numpy as np
-from scipy.stats import t as student
 
 from ..diagram import DelayedTransferFunction
 from ..numerics import FloatArray
-from .doubts import doubts
+from .diagnostics import doubts
+from .disturbance import Rounding, scatter_of
 from .fitting import Fit, Problem, best_fit, refined, simple_fit
-from .naming import Parameter, corners_of, process_of, told
-from .records import Record, checked_record
-from .residuals import DECISIVE, Noise, ResidualCheck, check_residuals, noise_of
+from .parameters import Parameter, corners_of, process_of, told
+from .records import Record, checked_record, resolution
+from .residuals import DECISIVE, ResidualCheck, check_residuals
 from .structures import STRUCTURES, Structure
 
 __all__ = ["Candidate", "Identification", "identified", "identify"]
@@ -158,8 +158,6 @@ class _Judged:
     """A fit and what it is worth."""
 
     fit: Fit
-    innovations: FloatArray
-    noise: Noise
     bic: float
     fit_percent: float
     validation: float
@@ -273,22 +271,23 @@ def identified(
     ValueError
         If the numbers of the process cannot be told from the record.
     """
-    sizes = np.ptp(record.u), np.ptp(record.y)
-    inputs, outputs = (record.u - record.u[0]) / sizes[0], (record.y - record.y[0]) / sizes[1]
+    sizes = np.ptp(np.append(record.inputs, 0.0)), np.ptp(record.y)
+    inputs, outputs = record.inputs / sizes[0], (record.y - record.y[0]) / sizes[1]
     every = np.arange(outputs.size)  # across what was not measured, for the memory of the filters
     outputs = np.interp(every, every[record.free], outputs[record.free])
-    whole = Problem(inputs, outputs, record.free)
+    whole = Problem(inputs, outputs, record.free, resolution(record.y) / float(sizes[1]))
     count, parting = _parted(record, held_out)
     problem = whole.first(count)
     # An integrator always moves: nobody knows the input that keeps it at rest.
+    known = record.input_before is not None
     begun = [
-        [best_fit(each, problem, moving) for moving in {each.integrates, True}]
+        [best_fit(each, problem, moving) for moving in {each.integrates, not known}]
         for each in structures
     ]
-    # What the input was before the record is not known: the samples that the dead time keeps it
-    # alive for are left out, the same for all, so that they can be compared.
+    # Where the input before the record is not known, the samples that the dead time keeps it alive
+    # for are left out, the same for all, so that they can be compared.
     leading = min((fit for each in begun for fit in each), key=lambda fit: _criterion(fit, count))
-    start = min(ceil(leading.shape[0]) + 1, count // 2)
+    start = 0 if known else min(ceil(leading.shape[0]) + 1, count // 2)
     samples = float(problem.used[start:].sum())
     fits = [
         _resting_or_moving([refined(fit, problem, start) for fit in each], samples)
@@ -297,8 +296,12 @@ def identified(
     units = record.sampling_time, float(sizes[1] / sizes[0])
     judged = [_judged(fit, whole, problem, units, confidence) for fit in fits]
     best, rivals, reason = _chosen(judged, count)
-    needless = best.fit_percent < LITTLE and (
-        _criterion(best.fit, samples) > problem.criterion_without(start)
+    fit = best.fit
+    rest = sizes[1] * np.where(problem.used[start:], problem.left(fit), 0.0)
+    residuals = check_residuals(rest, problem.inputs[start:], fit.structure.told)
+    follows = residuals.independent is False
+    needless = (best.fit_percent < LITTLE and not follows) and (
+        _criterion(fit, samples) > problem.criterion_without(start)
     )
     least = min(each.bic for each in judged)
     candidates = tuple(
@@ -310,16 +313,19 @@ def identified(
         for each in judged
     )  # fmt: skip
     parameters, denied = _denied(best, rivals, needless)
-    fit = best.fit
     remarks = doubts(
-        record, parameters, (best.fit_percent, best.validation), count,
+        record, parameters, (best.fit_percent, best.validation, follows), count,
         sizes[1] * np.where(record.free[start:], whole.left(fit), 0.0), fit,
     )  # fmt: skip
     plain = simple_fit(whole, fit)
     gain = parameters["gain"]
     unsure = ""
     if gain.low <= 0 <= gain.high:
-        unsure = "the gain of the process may be zero, or of either sign"
+        unsure = (
+            "its structure leaves so much of what the input does unexplained that the gain is open"
+            if follows
+            else "the gain of the process may be zero, or of either sign"
+        )
     elif best.validation < 0:
         unsure = "the process foretells the part held out worse than a constant would"
     return Identification(
@@ -330,11 +336,7 @@ def identified(
         confidence=confidence,
         fit_percent=best.fit_percent,
         validation_percent=best.validation,
-        residuals=check_residuals(
-            sizes[1] * np.where(problem.used[start:], problem.left(fit), 0.0),
-            sizes[1] * best.innovations, fit.whitening.applied(problem.inputs[start:]),
-            best.noise, fit.structure.told,
-        ),
+        residuals=residuals,
         candidates=candidates,
         reason=f"{reason}; {parting}".removesuffix("; "),
         remarks=(*denied, *remarks, *record.remarks),
@@ -362,8 +364,9 @@ def _parted(record: Record, held_out: float) -> tuple[int, str]:
     first = count - round(count * held_out)
     if first == count:
         return count, "nothing was held out"
-    parts = (record.u[:first], record.u[first:])
-    if any(part.size < LEAST or np.var(part) < MOVES * np.var(record.u) for part in parts):
+    u = np.append(0.0, record.inputs)
+    parts = (u[: first + 1], u[first + 1 :])
+    if any(part.size < LEAST or np.var(part) < MOVES * np.var(u) for part in parts):
         return count, (
             "nothing was held out, because the input does not move enough in both parts of the "
             "record to fit one and foretell the other"
@@ -395,27 +398,20 @@ def _resting_or_moving(fits: list[Fit], samples: float) -> Fit:
 def _judged(
     fit: Fit, whole: Problem, problem: Problem, units: tuple[float, float], confidence: float
 ) -> _Judged:
-    used = problem.used[fit.start :]
-    innovations = np.where(used, fit.whitening.applied(problem.left(fit)), 0.0)
-    noise, _ = noise_of(innovations, fit.count)
-    slopes = fit.whitening.applied(fit.jacobian(problem.inputs))
-    covariance = noise.covariance(slopes * used[:, None])
-    memory = replace(noise, den=np.convolve(noise.den, fit.whitening.memory))
-    freedom = max(1.0, float(used.sum()) / memory.inflation - fit.count)
-    reach = float(student.ppf(0.5 + confidence / 2, freedom))
+    rounding = Rounding(whole.grain, whole.outputs[fit.start :])
+    rest, slopes, used = whole.left(fit), fit.jacobian(whole.inputs), whole.used[fit.start :]
+    fitted = problem.outputs.size - fit.start
+    scatter = scatter_of(rest, slopes, used, fit.whitening, rounding, fitted)
     # Over all of the record: what was held out takes part, with numbers that do not know it.
-    rest = whole.left(fit)
-    everywhere = whole.whitening(rest).applied(rest)[whole.used[fit.start :]]
+    everywhere = whole.whitening(rest).applied(rest)[used]
     misfit = max(float(np.mean(everywhere**2)), fit.misfit * TINY)
     predicted, percents = _foretold(fit, whole, problem)
     return _Judged(
         fit,
-        innovations,
-        noise,
         _criterion(replace(fit, misfit=misfit), everywhere.size),
         *percents,
         predicted,
-        *told(fit, covariance, units, reach),
+        *told(fit, scatter, units, confidence),
     )
 
 

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from numbers import Real
 from typing import Any
 
 import numpy as np
 
 from ..numerics import BoolArray, FloatArray, IntArray
-from .grids import evenly_sampled
+from .resampling import evenly_sampled
 
-__all__ = ["SHORTEST", "Record", "checked_record"]
+__all__ = ["SHORTEST", "Record", "checked_record", "resolution"]
 
 SHORTEST = 20
 """Samples below which nothing is fitted."""
@@ -51,6 +51,8 @@ class Record:
         Where it comes from.
     notes : tuple of str
         What was done in reading it: units converted, a few missing samples filled in.
+    input_before : float or None
+        What the input was before the record, with the plant at rest; None if that is not known.
     """
 
     t: FloatArray = field(repr=False)
@@ -60,9 +62,15 @@ class Record:
     remarks: tuple[str, ...] = ()
     name: str = ""
     notes: tuple[str, ...] = ()
+    input_before: float | None = None
 
     def __iter__(self) -> Iterator[FloatArray]:
         return iter((self.t, self.u, self.y))
+
+    @property
+    def inputs(self) -> FloatArray:
+        """The input, less what it was before the record, or else less its first value."""
+        return self.u - (self.u[0] if self.input_before is None else self.input_before)
 
     @property
     def sampling_time(self) -> float:
@@ -126,6 +134,8 @@ def checked_record(
         notes = (*notes, f"times count from {times[0]:.10g} s, that of the first sample")
         times = times - times[0]
     before = None if input_before is None else _before(input_before)
+    if before is not None:
+        notes = (*notes, f"before it u is {before:g}, as you say, and the plant at rest")
     _check_moving(inputs if before is None else np.append(before, inputs), outputs)
     free, noticed = _stuck(outputs, place)
     even = evenly_sampled(times, inputs, outputs, place)
@@ -133,11 +143,10 @@ def checked_record(
         raise ValueError("u changes at the last sample only: let the record go on after the step")
     if even.t.size != times.size or not np.array_equal(even.t, times):
         free = np.interp(even.t, times, free) > 1 - 1e-9
-    record = Record(
+    return Record(
         even.t, even.u, even.y, free & even.measured, (*remarks, *even.remarks, *noticed), name,
-        (*notes, *even.notes),
+        (*notes, *even.notes), before,
     )  # fmt: skip
-    return record if before is None else _from_rest(record, before)
 
 
 def _before(value: Any) -> float:
@@ -161,28 +170,6 @@ def _check_moving(inputs: FloatArray, outputs: FloatArray) -> None:
                 f"{called} is {values[-1]:g} in the whole record: nothing can be learned from it; "
                 f"{remedy}"
             )
-
-
-def _from_rest(record: Record, before: float) -> Record:
-    """Put samples at rest before a record, so that its first change of the input is seen.
-
-    They are as many as the shortest record has: enough to fix level and initial state, and few
-    against the record, since they hold no noise.
-    """
-    t, u, y = record
-    back = record.sampling_time * np.arange(-SHORTEST, 0)
-    said = (
-        f"{SHORTEST} samples at rest stand before it, with u = {before:g} as you say and "
-        f"y = {y[0]:g} as in its first sample"
-    )
-    return replace(
-        record,
-        t=np.concatenate([t[0] + back, t]),
-        u=np.concatenate([np.full(SHORTEST, before), u]),
-        y=np.concatenate([np.full(SHORTEST, y[0]), y]),
-        free=np.concatenate([np.ones(SHORTEST, dtype=bool), record.free]),
-        notes=(*record.notes, said),
-    )
 
 
 def _numbers(values: Any, called: str, place: Callable[[int], str]) -> FloatArray:
@@ -214,8 +201,8 @@ def _stuck(outputs: FloatArray, place: Callable[[int], str]) -> tuple[BoolArray,
     remarks = []
     steps = np.abs(np.diff(outputs))
     moves = np.abs(outputs[STUCK:] - outputs[:-STUCK])  # of several samples: noise is no motion
-    abrupt = max(ABRUPT * steps.max(), COARSE * _resolution(steps))
-    far = max(ABRUPT * moves.max(), COARSE * _resolution(steps))
+    coarse = COARSE * resolution(outputs)
+    abrupt, far = (max(ABRUPT * each.max(), coarse) for each in (steps, moves))
     for extreme, called in ((outputs.max(), "largest"), (outputs.min(), "smallest")):
         held = outputs == extreme
         cut = [
@@ -235,11 +222,12 @@ def _stuck(outputs: FloatArray, place: Callable[[int], str]) -> tuple[BoolArray,
     return free, remarks
 
 
-def _resolution(steps: FloatArray) -> float:
+def resolution(outputs: FloatArray) -> float:
     """Step of a coarse sensor, of which most others are multiples; 0 if there is none.
 
     A sensor that is written with few digits has steps that differ by some per cent.
     """
+    steps = np.abs(np.diff(outputs))
     moved = steps[steps > 0]
     usual = float(np.median(moved[moved <= 1.1 * np.median(moved)]))
     multiples = moved / usual

@@ -1,18 +1,12 @@
-r"""What a model leaves unexplained.
+r"""What a model leaves unexplained: whether it is noise, has a memory or follows the input.
 
-Is it noise, has it a memory, does it still follow the input? A memory makes neighbouring samples
-tell the same thing twice, and the memory of a drift is endless: it is a random walk, and only its
-steps are noise. With white noise of the sensor on top the innovations are
+A drift is a random walk, of which only the steps are noise. With coloured noise of the sensor on
+top the innovations are
 
 .. math:: e = \frac{(1-z^{-1})(1-\varphi z^{-1})}{1-\theta z^{-1}}\,r,
 
-:math:`\theta=1` without drift. Estimates are made of what this filter leaves. The memory that is
-left even then is described by an autoregression, from which follow the covariance of estimates that
-were made as if there were none,
-
-.. math:: (J^TJ)^{-1}\,J^TRJ\,(J^TJ)^{-1}, \qquad R = E\,ee^T,
-
-and a fair test of what is left against the input.
+:math:`\theta=1` without drift. A fit is made of what this filter leaves, so that it does not take
+the drift for dynamics; how far its numbers scatter, see `nrdob.measured.disturbance`.
 """
 
 from __future__ import annotations
@@ -21,7 +15,7 @@ from dataclasses import dataclass
 from math import log, sqrt
 
 import numpy as np
-from scipy.linalg import matmul_toeplitz, solve_toeplitz
+from scipy.linalg import solve_toeplitz
 from scipy.optimize import minimize_scalar
 from scipy.signal import lfilter
 from scipy.stats import chi2
@@ -30,11 +24,9 @@ from ..numerics import FloatArray
 
 __all__ = [
     "DECISIVE",
-    "Noise",
     "ResidualCheck",
     "Whitening",
     "check_residuals",
-    "noise_of",
     "whitening_of",
 ]
 
@@ -80,44 +72,22 @@ class Whitening:
     theta: float = 1.0
 
     def applied(self, columns: FloatArray) -> FloatArray:
-        """Filter each column; where a memory has not begun yet, nothing counts.
-
-        Parameters
-        ----------
-        columns : (N, ...) array
-            Outputs or responses.
-        """
+        """Filter each column; where a memory has not begun yet, nothing counts."""
         if len(self.memory) == 1 and self.theta == 1:
             return columns
-        filtered = np.asarray(lfilter(*self._taps, columns, axis=0))
+        filtered = np.asarray(lfilter(*self.taps, columns, axis=0))
         if self.theta == 1:  # a drift begins where it is, but of a memory the past is not known
             filtered[: len(self.memory) - 1] = 0.0
         return filtered
 
     def carried_on(self, residual: FloatArray, count: int) -> FloatArray:
-        """Foretell a residual.
-
-        Parameters
-        ----------
-        residual : (N,) array
-            What was seen of it.
-        count : int
-            How many samples to foretell.
-        """
-        num, den = self._taps
+        """Predict a residual for so many samples more."""
+        num, den = self.taps
         innovations = np.concatenate([lfilter(num, den, residual), np.zeros(count)])
         return np.asarray(lfilter(den, num, innovations)[residual.size :])
 
     def walked(self, deviation: float, count: int) -> float:
-        """Give the standard deviation of the drift after so many samples.
-
-        Parameters
-        ----------
-        deviation : float
-            Of the innovations.
-        count : int
-            How many samples.
-        """
+        """Give the standard deviation of the drift after `count` samples, from the innovations'."""
         return (1 - self.theta) / sum(self.memory) * deviation * sqrt(count)
 
     @property
@@ -129,7 +99,8 @@ class Whitening:
         return self if self.theta < 1 else Whitening()
 
     @property
-    def _taps(self) -> tuple[FloatArray, FloatArray]:
+    def taps(self) -> tuple[FloatArray, FloatArray]:
+        """Numerator and denominator."""
         memory = np.array(self.memory)
         if self.theta == 1:
             return memory, np.ones(1)
@@ -137,13 +108,7 @@ class Whitening:
 
 
 def whitening_of(residual: FloatArray) -> Whitening:
-    """Find the most likely filter: a drift and a short memory, or a longer memory and no drift.
-
-    Parameters
-    ----------
-    residual : (N,) array
-        What a model leaves.
-    """
+    """Find the most likely filter: a drift and a short memory, or a longer memory and no drift."""
     count = residual.size
 
     def left(tried: Whitening) -> float:
@@ -174,67 +139,6 @@ def whitening_of(residual: FloatArray) -> Whitening:
             if 1 - float(a.sum()) > LONGEST / count:  # one that lasts as long as the record drifts
                 found.append(Whitening((1.0, *(-a).tolist())))
     return min(found, key=left)
-
-
-@dataclass(frozen=True, eq=False)
-class Noise:
-    """An autoregression, e(k) = w(k) - a1 e(k-1) - ..., with white w.
-
-    Attributes
-    ----------
-    den : array of float
-        1, a1, a2, ...; of length 1 for white noise.
-    variance : float
-        Of w.
-    """
-
-    den: FloatArray
-    variance: float
-
-    def autocovariance(self, count: int) -> FloatArray:
-        """Covariance at the lags from 0 to count - 1.
-
-        Parameters
-        ----------
-        count : int
-            How many lags.
-        """
-        impulse = np.zeros(2 * count)
-        impulse[0] = 1.0
-        response = lfilter([1.0], self.den, impulse)
-        spectrum = np.abs(np.fft.rfft(response, 4 * count)) ** 2
-        return np.asarray(self.variance * np.fft.irfft(spectrum)[:count])
-
-    @property
-    def inflation(self) -> float:
-        """How many samples tell as much as one of white noise, at low frequency; at least 1."""
-        power = self.autocovariance(1000)[0]
-        return max(1.0, float(self.variance / np.sum(self.den) ** 2 / power)) if power else 1.0
-
-    def covariance(self, jacobian: FloatArray) -> FloatArray:
-        """Covariance of least-squares estimates with this Jacobian.
-
-        Parameters
-        ----------
-        jacobian : (N, n) array
-            Derivatives of the output by what is estimated.
-
-        Returns
-        -------
-        array of float, shape (n, n)
-            Infinite where something cannot be told from the record.
-        """
-        size = np.linalg.norm(jacobian, axis=0)
-        scaled = jacobian / np.where(size > 0, size, 1.0)
-        if np.linalg.matrix_rank(scaled) < scaled.shape[1]:
-            return np.full((size.size, size.size), np.inf)
-        narrow = np.linalg.pinv(scaled)
-        if self.den.size == 1:
-            scattered = self.variance * narrow @ narrow.T
-        else:
-            spread = matmul_toeplitz(self.autocovariance(jacobian.shape[0]), narrow.T)
-            scattered = narrow @ spread
-        return np.asarray(scattered / np.outer(size, size))
 
 
 @dataclass(frozen=True)
@@ -268,61 +172,12 @@ class ResidualCheck:
         return self.reason
 
 
-def noise_of(residual: FloatArray, fitted: int) -> tuple[Noise, float]:
-    """Describe a residual as an autoregression, of order 0 where it looks white.
-
-    Parameters
-    ----------
-    residual : (N,) array
-        What is left.
-    fitted : int
-        How many numbers were fitted to it.
-
-    Returns
-    -------
-    (Noise, float)
-        The noise, and the probability of such correlations by chance if it were white.
-    """
-    count = residual.size
-    most = max(1, min(LAGS, count // PER_LAG))
-    scale = count / max(1, count - fitted)
-    power, *others = _products(residual, residual, most + 1)
-    if power == 0:
-        return Noise(np.ones(1), 0.0), 1.0
-    r = np.array([1.0, *(other / power for other in others)])
-    box = count * (count + 2) * float(np.sum(r[1:] ** 2 / (count - np.arange(1, most + 1))))
-    chance = float(chi2.sf(box, most))
-    best, score = Noise(np.ones(1), float(power) * scale), 0.0
-    for order in range(1, most + 1) if chance < DOUBTFUL else ():
-        a = solve_toeplitz(r[:order], r[1 : order + 1])
-        left = 1 - float(a @ r[1 : order + 1])
-        if left <= 0:
-            break
-        if count * log(left) + 2 * order < score:
-            score = count * log(left) + 2 * order
-            best = Noise(np.concatenate([[1.0], -a]), float(power) * left * scale)
-    return best, chance
-
-
-def check_residuals(
-    residual: FloatArray, innovations: FloatArray, inputs: FloatArray, noise: Noise, fitted: int
-) -> ResidualCheck:
-    """Judge a residual.
-
-    Parameters
-    ----------
-    residual : (N,) array
-        What is left.
-    innovations, inputs : (N,) array
-        What its filter leaves of it, and the input through the same filter.
-    noise : Noise
-        Of the innovations.
-    fitted : int
-        How many numbers of the responses to the input were fitted.
-    """
-    plain, chance = noise_of(residual, fitted)
-    white = plain.den.size == 1
-    independence = _independence(innovations, inputs, noise, fitted)
+def check_residuals(residual: FloatArray, inputs: FloatArray, fitted: int) -> ResidualCheck:
+    """Judge a residual, with the input beside it, of a response described by so many numbers."""
+    chance = _whiteness(residual)
+    white = chance >= DOUBTFUL
+    filter = whitening_of(residual)
+    independence = _independence(filter.applied(residual), filter.applied(inputs), fitted)
     independent = None if np.isnan(independence) else independence > UNLIKELY
     said = [
         f"The residual is white ({_told(chance)}): what is left looks like noise of the sensor."
@@ -348,12 +203,21 @@ def _told(chance: float) -> str:
     return f"p = {chance:.2g}" if chance >= NO_CHANCE else f"p < {NO_CHANCE}"
 
 
-def _independence(residual: FloatArray, inputs: FloatArray, noise: Noise, fitted: int) -> float:
-    """Chance of correlations between the residual, made white, and the input treated alike."""
-    lags = max(1, min(LAGS, residual.size // PER_LAG))
-    past = noise.den.size - 1
-    e = lfilter(noise.den, [1.0], residual)[past:]
-    x = lfilter(noise.den, [1.0], inputs - inputs.mean())[past:]
+def _whiteness(residual: FloatArray) -> float:
+    """Chance of correlations as large as these if the residual were white (Ljung and Box)."""
+    count = residual.size
+    most = max(1, min(LAGS, count // PER_LAG))
+    power, *others = _products(residual, residual, most + 1)
+    if power == 0:
+        return 1.0
+    terms = (np.array(others) / power) ** 2 / (count - np.arange(1, most + 1))
+    return float(chi2.sf(count * (count + 2) * terms.sum(), most))
+
+
+def _independence(e: FloatArray, inputs: FloatArray, fitted: int) -> float:
+    """Chance of correlations between innovations and the input through the same filter."""
+    lags = max(1, min(LAGS, e.size // PER_LAG))
+    x = inputs - inputs.mean()
     power = float(np.mean(e**2))
     own = _products(x, x, lags)
     if power == 0 or own[0] <= 0:

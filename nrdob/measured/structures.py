@@ -13,7 +13,7 @@ from math import exp, log, pi, sqrt
 import numpy as np
 
 from ..numerics import FloatArray
-from .hold import free_responses, held_responses
+from .zoh import free_responses, held_responses
 
 __all__ = ["STRUCTURES", "Structure"]
 
@@ -59,23 +59,11 @@ class Structure:
         return 1 + self.lags + self.numerators
 
     def count(self, moving: bool) -> int:
-        """How many numbers are fitted in all.
-
-        Parameters
-        ----------
-        moving : bool
-            As in `columns`.
-        """
+        """How many numbers are fitted in all, level and initial state (if it moves) included."""
         return self.told + 1 + moving * (self.lags + self.integrates)
 
     def bounds(self, samples: int) -> tuple[FloatArray, FloatArray]:
-        """Lowest and highest `shape`.
-
-        Parameters
-        ----------
-        samples : int
-            Length of the record.
-        """
+        """Lowest and highest `shape` in a record of so many samples."""
         slow = 20.0 * samples
         if self.lags == 2:
             pairs = [(-log(slow), log(pi)), (log(DAMPING[0]), log(DAMPING[1]))]
@@ -85,13 +73,7 @@ class Structure:
         return low, high
 
     def den(self, shape: FloatArray) -> list[float]:
-        """Denominator, monic, in samples, from dead time and logarithms of what shapes it.
-
-        Parameters
-        ----------
-        shape : array of float
-            Dead time, then ln T of one lag, or ln ω and ln ζ of two.
-        """
+        """Monic denominator, in samples; shape: dead time; ln T of a lag, or ln ω, ln ζ of two."""
         if self.lags == 2:
             omega, damping = exp(shape[1]), exp(shape[2])
             rest = [1.0, 2 * damping * omega, omega**2]
@@ -100,41 +82,21 @@ class Structure:
         return rest + [0.0] * self.integrates
 
     def slowest(self, shape: FloatArray) -> float:
-        """Longest lag of a denominator, or inverse frequency of a resonance, in samples.
-
-        Parameters
-        ----------
-        shape : array of float
-            As in `den`.
-        """
+        """Longest lag of a denominator, or inverse frequency of a resonance, in samples."""
         if self.lags < 2:
             return exp(shape[1]) if self.lags else 0.0
         damping = max(exp(shape[2]), 1.0)
         return (damping + sqrt(damping**2 - 1)) / exp(shape[1])
 
     def stretched(self, shape: FloatArray, factor: int) -> FloatArray:
-        """Tell a shape in samples that are shorter by a factor.
-
-        Parameters
-        ----------
-        shape : array of float
-            As in `den`.
-        factor : int
-            How many of them make one of those before.
-        """
+        """Give a shape in samples that are shorter by a factor."""
         logarithm = log(factor)
         if self.lags == 2:
             return np.array([shape[0] * factor, shape[1] - logarithm, shape[2]])
         return np.array([shape[0] * factor, *(lag + logarithm for lag in shape[1:])])
 
     def shapes(self, samples: int) -> list[FloatArray]:
-        """Denominators tried at first, without dead time.
-
-        Parameters
-        ----------
-        samples : int
-            Length of the record.
-        """
+        """Denominators tried at first, without dead time."""
         lags = np.geomspace(0.3, samples / 3, 14)
         if self.lags == 0:
             return [np.zeros(1)]
@@ -152,12 +114,7 @@ class Structure:
     def forced(self, shape: FloatArray, inputs: FloatArray) -> FloatArray:
         """Responses that the coefficients of the numerator multiply, shape (numerators, N).
 
-        Parameters
-        ----------
-        shape : array of float
-            As in `den`.
-        inputs : (N,) array
-            The input, zero before its first sample.
+        The input is zero before its first sample.
         """
         den = self.den(shape)
         found = held_responses(den, inputs, float(shape[0]))[: self.numerators]
@@ -166,38 +123,17 @@ class Structure:
     def columns(
         self, shape: FloatArray, inputs: FloatArray, start: int, moving: bool
     ) -> FloatArray:
-        """All responses of which the output is a sum, from sample `start` on.
+        """All responses of which the output is a sum, from `start` on: numerator, then `own`.
 
-        Parameters
-        ----------
-        shape : array of float
-            As in `den`.
-        inputs : (N,) array
-            The input.
-        start : int
-            First sample compared.
-        moving : bool
-            Whether the plant may move before the input does: then its state at `start` is free.
-
-        Returns
-        -------
-        array of float, shape (N - start, numerators + own)
-            Numerator, then what the plant does by itself: see `own`.
+        The shape is (N - start, numerators + own).
         """
         forced = self.forced(shape, inputs)[:, start:]
         return np.vstack([forced, self.own(shape, forced.shape[1], moving)]).T
 
     def own(self, shape: FloatArray, count: int, moving: bool) -> FloatArray:
-        """Give what the plant does by itself: rest at a level, or move from any state.
+        """Give what the plant does by itself: rest at a level or, moving, go on from any state.
 
-        Parameters
-        ----------
-        shape : array of float
-            As in `den`.
-        count : int
-            How many samples.
-        moving : bool
-            Whether it does; an integrator then has a level of u, too, which makes a ramp.
+        An integrator that moves has a level of u, too, which makes a ramp.
         """
         level = np.ones((1, count))
         if not moving:

@@ -16,10 +16,10 @@ from pathlib import Path
 import numpy as np
 
 from ..numerics import FloatArray
-from .cells import UNITS, is_moment, number_in, seconds_in, short
-from .headings import Choice, checked_columns, chosen, unit_of_time
+from .columns import Choice, checked_columns, chosen, unit_of_time
+from .parsing import UNITS, is_moment, number_in, seconds_in, short
 from .records import Record, checked_record
-from .sheets import Sheet, read_sheet
+from .textfiles import Sheet, read_sheet
 
 __all__ = ["heated_air", "read_data"]
 

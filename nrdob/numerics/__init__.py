@@ -1,25 +1,18 @@
 """Numbers only, no control theory: roots, crossings, polynomials with a delay."""
 
-from .argument import Term
+from .argument import Term, frequency_range, rhp_counts, zero_free
 from .arrays import ROUNDING, BoolArray, ComplexArray, FloatArray, IntArray
+from .coefficients import add, exponential_rest
 from .crossings import bisect, golden, newton, side
 from .hurwitz import hurwitz
 from .manypolynomials import convolved, padded_sum, values_and_slopes, values_on_axis
-from .manyturns import ManyTerms, frequency_range, rhp_counts, zero_free
-from .quasipoly import (
-    QuasiPolynomial,
-    RootCount,
-    add,
-    count_rhp,
-    differentiate,
-    exponential_rest,
-    frequency_segments,
-    multiply,
-    unstable_roots,
-)
+from .quasipoly import QuasiPolynomial, multiply
+from .rootcount import RootCount, count_rhp, frequency_segments, unstable_roots
 from .rootfinding import companion_roots, polynomial_roots
 from .sharedfactor import Shared, factor_near, shared_factor, without_shared_factor
+from .stretches import ManyTerms
 from .timescales import Block, impulse_states, roots_by_time_scale, split
+from .transition import transition
 from .writing import number, written
 
 __all__ = [
@@ -39,7 +32,6 @@ __all__ = [
     "companion_roots",
     "convolved",
     "count_rhp",
-    "differentiate",
     "exponential_rest",
     "factor_near",
     "frequency_range",
@@ -57,6 +49,7 @@ __all__ = [
     "shared_factor",
     "side",
     "split",
+    "transition",
     "unstable_roots",
     "values_and_slopes",
     "values_on_axis",

@@ -1,57 +1,57 @@
-r"""The argument of :math:`\sum_i q_i(s)\,e^{-sT_i}` followed along the imaginary axis, certified.
+r"""The change in argument of :math:`\sum_i q_i(s)\,e^{-sT_i}` along the imaginary axis, certified.
 
-From one frequency to the next the argument is known where a Taylor bound proves one of two things
-on the disc over the step:
-
-- the sum has no zero there, so that it turns by less than half a revolution;
-- one term is larger than all others together. Then the argument stays within a quarter of a
-  revolution of that term's, whose dead time turns it by exactly T times the step.
-
-A dead time therefore costs small steps only where two terms are of equal size: their number
-grows with the logarithm of T. Where the sum vanishes on the axis within rounding the path leaves
-it for a half circle on the right, so that what lies on the axis counts as lying on the left.
+It says how many roots are in the right half plane (Mikhailov): for one sum, or for many at once.
+The stretches of the axis on which the argument is certain are those of `nrdob.numerics.stretches`.
+Where a single sum vanishes on the axis within rounding the path leaves the axis for a half circle
+on the right, so that what lies on the axis counts as lying on the left; of many sums those that
+vanish are left open.
 """
 
 from __future__ import annotations
 
-from cmath import exp, phase
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
-from math import ceil, comb, inf, log2, nan, pi, sqrt
+from math import ceil, nan, pi, sqrt
 from typing import NamedTuple
 
 import numpy as np
 
-from .arrays import ROUNDING, BoolArray, ComplexArray, FloatArray
-from .rootfinding import dominance_radius
+from .arrays import ROUNDING, BoolArray, ComplexArray, FloatArray, IntArray
+from .stretches import (
+    ZERO_FREE,
+    Certified,
+    ManyTerms,
+    Stretches,
+    Sums,
+    binomial,
+    certified,
+    multiplied,
+)
 
-__all__ = ["Term", "Turn", "turn", "zero_free_frequencies"]
+__all__ = [
+    "ArgumentChange",
+    "Term",
+    "argument_change",
+    "frequency_range",
+    "rhp_counts",
+    "zero_free",
+    "zero_free_frequencies",
+]
 
 MAX_SEGMENTS = 400_000
-"""Stretches of the axis at most where every turn is to be followed."""
+"""Stretches of the axis at most where a dominant term is not enough."""
 
 MAX_STEPS = 40_000
-"""Stretches at most where a dominant term is enough."""
+"""Stretches of one sum at most where a dominant term is enough."""
 
-PER_OCTAVE = 6
-"""Stretches of an octave to begin with: many at once take less time than many rounds."""
-
-SLACK = 1.05
-"""By how much a value must exceed its Taylor bound, so that no zero hides at the end of a step."""
+TOGETHER = 250
+"""Sums that are followed at once: their arrays stay in the processor's memory."""
 
 ARCS = 32
 """Discs that cover a half circle around a zero on the axis."""
 
-
 SERIES = 24
 """Coefficients of exp(-sT) for |s|T <= 1, behind which less than rounding is left."""
-
-MODERATE = 300
-"""Exponents of two: below 2^this, coefficients are multiplied by powers below 2^twice this."""
-
-FREE, OPEN = -1, -2
-"""Marks of a stretch of the axis: the sum has no zero there; it may have one."""
 
 
 class Term(NamedTuple):
@@ -70,8 +70,8 @@ class Term(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Turn:
-    """How far the argument turns from ω = 0 to infinity.
+class ArgumentChange:
+    """How much the argument changes from ω = 0 to infinity.
 
     Attributes
     ----------
@@ -89,34 +89,100 @@ class Turn:
     origin_alone: bool = True
 
 
-class _Stretches(NamedTuple):
-    """Certified stretches of the axis: the number of the dominant term, or `FREE`."""
-
-    left: FloatArray
-    right: FloatArray
-    term: FloatArray
-
-    def outside(self, low: float, high: float) -> _Stretches:
-        """Cut out what lies between two frequencies."""
-        below = _Stretches(self.left, np.minimum(self.right, low), self.term)
-        above = _Stretches(np.maximum(self.left, high), self.right, self.term)
-        both = _Stretches(*map(np.concatenate, zip(below, above, strict=True)))
-        kept = both.left < both.right
-        return _Stretches(*(column[kept] for column in both))
-
-
-def turn(terms: Sequence[Term], scale: FloatArray, origin: int = 1) -> Turn:
-    """Follow the argument from ω = 0 to infinity.
+def rhp_counts(terms: Sequence[ManyTerms], scale: FloatArray) -> IntArray:
+    """Count the roots of many sums in the open right half plane.
 
     Parameters
     ----------
-    terms : sequence of Term
-        The first one without dead time and of the highest degree, its leading coefficient larger
-        than those of the others together.
-    scale : array of float
+    terms : sequence of ManyTerms
+        The first one without dead time and of the highest degree, its leading coefficient not 0.
+    scale : (k, n) array of float
         For each power of s (descending) the size of what was summed to give the coefficients.
-    origin : int
-        Multiplicity of the zero at s = 0, if there is one.
+
+    Returns
+    -------
+    (n,) array of int
+        The counts; -1 where a root is on the axis within rounding, or steps would be too many.
+
+    Examples
+    --------
+    >>> q = np.array([[1.0, 1.0], [-1.0, 1.0], [4.0, 4.0]])        # s² - s + 4, s² + s + 4
+    >>> rhp_counts([ManyTerms(q, np.zeros(1))], np.abs(q)).tolist()
+    [2, 0]
+    """
+    counts = np.full(scale.shape[1], -1)
+    low, high, certain = frequency_range(terms, scale)
+    known = np.flatnonzero(certain)
+    for few in np.array_split(known, ceil(known.size / TOGETHER)) if known.size else ():
+        slowest, fastest = float(low[few].min()), float(high[few].max())
+        sums = Sums.between([term.of(few) for term in terms], scale[:, few], slowest, fastest)
+        with np.errstate(all="ignore"):  # what is not finite is not certain
+            found = certified(sums, slowest, fastest, MAX_STEPS, pass_zeros=False)
+            roots = (len(scale) - 1) / 2 - sums.changes(found.rounds) / pi
+            whole = np.round(roots)
+            settled = ~found.given_up & (np.abs(roots - whole) < 0.1)
+        counts[few[settled]] = whole[settled]
+    return counts
+
+
+def frequency_range(
+    terms: Sequence[ManyTerms], scale: FloatArray
+) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Frequencies below which the constant, and above which the leading term dominates.
+
+    Parameters
+    ----------
+    terms : sequence of ManyTerms
+        As for `rhp_counts`.
+    scale : (k, n) array of float
+        As for `rhp_counts`.
+
+    Returns
+    -------
+    low, high : (n,) array of float
+        In rad/s; low is 0 where the constant is only rounding.
+    certain : (n,) array of bool
+        Whether constant and leading coefficients are more than rounding.
+    """
+    with np.errstate(all="ignore"):
+        low, high = _range(terms, scale)
+    certain = (low > 0) & np.isfinite(high) & np.isfinite(scale).all(axis=0)
+    return low, high, certain
+
+
+def zero_free(
+    terms: Sequence[ManyTerms], scale: FloatArray, centre: FloatArray, radius: FloatArray
+) -> BoolArray:
+    """Tell on which discs around j·centre a sum certainly has no zero.
+
+    Parameters
+    ----------
+    terms : sequence of ManyTerms
+        As for `rhp_counts`; their columns broadcast with the discs.
+    scale : (k, ...) array of float
+        As for `rhp_counts`.
+    centre, radius : array of float
+        Of the discs, in rad/s.
+
+    Returns
+    -------
+    array of bool
+        For each disc.
+    """
+    with np.errstate(all="ignore"):
+        sums = Sums.between(terms, scale, float(centre.min()), float(centre.max()))
+        if centre.ndim < scale.ndim - 1:
+            centre, radius = centre[None], radius[None]
+        return np.asarray(sums.examined(centre, radius)[0] == ZERO_FREE)
+
+
+def argument_change(terms: Sequence[Term], scale: FloatArray, origin: int = 1) -> ArgumentChange:
+    """Follow the argument of one sum from ω = 0 to infinity.
+
+    The first term has no dead time and the highest degree, its leading coefficient larger than
+    those of the others together; `scale` has for each power of s (descending) the size of what was
+    summed to give the coefficients; `origin` is the multiplicity of the zero at s = 0, if there is
+    one.
 
     Raises
     ------
@@ -126,102 +192,101 @@ def turn(terms: Sequence[Term], scale: FloatArray, origin: int = 1) -> Turn:
     Examples
     --------
     >>> q = np.array([1.0, -1.0, 4.0])                       # two roots on the right
-    >>> bool(np.isclose(turn([Term(q, 0.0)], np.abs(q)).angle, -np.pi))
+    >>> bool(np.isclose(argument_change([Term(q, 0.0)], np.abs(q)).angle, -np.pi))
     True
     """
     lead = terms[0].q
     degree = lead.size - 1
     if degree == 0:
-        return Turn(0.0)
-    if len(terms) == 1 and degree <= 2 and (angle := _short(lead, scale)) is not None:
-        return Turn(angle)
-    low, high = _range(terms, scale)
-    touched: list[float] = []
-    angle, alone = 0.0, True
-    if low is None:
-        touched.append(0.0)
+        return ArgumentChange(0.0)
+    if len(terms) == 1 and degree <= 2 and (angle := _of_low_degree(lead, scale)) is not None:
+        return ArgumentChange(angle)
+    with np.errstate(all="ignore"):
+        low, high = _range_of_one(terms, scale)
+        if low:
+            sums = _one(terms, scale, low, high)
+            found = _certified(sums, low, high)
+            if not found.vanishing:
+                return ArgumentChange(float(sums.changes(found.rounds)[0]))
+            angle, touched = _indented(sums, found, high)
+            angle += _angle(sums.constant, sums, low) - _angle(sums.lead, sums, high)
+            return ArgumentChange(angle, touched)
         near = _near_origin(terms, scale, high, origin)
-        alone = near is not None
         if near is None:
-            low, angle = _pass_origin(terms, scale, high)
+            start, angle = _pass_origin(terms, scale, high)
+            touched = ()
         else:
-            low, angle = near.radius, origin * pi / 2
-            slowest = _range([near.rest], near.scale)[0] or low
-            more, passed = _followed([near.rest], near.scale, min(slowest, low), low)
-            angle, touched = angle + more, touched + passed
-    more, passed = _followed(terms, scale, low, high, from_zero=not touched)
-    # Beyond the last frequency the leading term keeps the sum in an open half plane around it.
-    more -= phase(_against_lead(terms, high))
-    return Turn(angle + more, (*touched, *passed), alone)
-
-
-def _against_lead(terms: Sequence[Term], omega: float) -> complex:
-    """Value of the sum at jω, divided by that of its leading term."""
-    x, lead = -1j / omega, terms[0].q
-    total = 0j
-    for q, delay in terms:
-        value = 0j
-        for coefficient in (q[::-1] / lead[0]).tolist():
-            value = value * x + coefficient
-        total += value * x ** (lead.size - q.size) * exp(-1j * delay * omega)
-    return total
-
-
-def _followed(
-    terms: Sequence[Term], scale: FloatArray, low: float, high: float, *, from_zero: bool = True
-) -> tuple[float, list[float]]:
-    """Follow the argument to a frequency, and say what is touched on the way.
-
-    From 0 on, where the constant term dominates up to the frequency `low`, or from there.
-    """
-    stretches, holes = _certified(terms, scale, low, high, dominance=True)
-    if from_zero:
-        first = _Stretches(np.zeros(1), np.array([low]), np.array([FREE]))
-        stretches = _Stretches(*map(np.concatenate, zip(first, stretches, strict=True)))
-    angle, touched = 0.0, []
-    for a, b, around in _passed(terms, scale, holes):
-        stretches = stretches.outside(a, b)
-        angle += around if b < high else nan
-        touched.append((a + b) / 2)
-    return angle + _angles(terms, scale, stretches), touched
+            start, rest = near.radius, _one([near.rest], near.scale, near.first, near.radius)
+            angle, touched = _indented(rest, _certified(rest, near.first, start), start)
+            angle += origin * pi / 2 + _angle(rest.constant, rest, near.first)
+        sums = _one(terms, scale, start, high)
+        more, passed = _indented(sums, _certified(sums, start, high), high)
+        angle += more - _angle(sums.lead, sums, high)
+    return ArgumentChange(angle, (0.0, *touched, *passed), near is not None)
 
 
 def zero_free_frequencies(terms: Sequence[Term], scale: FloatArray, origin: int = 1) -> FloatArray:
-    """Frequencies between which the sum provably turns by less than half a revolution.
+    """Frequencies between which the argument provably changes by less than half a revolution.
 
-    Around a zero on the axis, within rounding, a stretch is left in which it may. If the dead time
-    is so long that more than `MAX_SEGMENTS` frequencies would be needed, there are stretches, too,
-    in which it turns with a dominant term's dead time, any number of times.
-
-    Parameters
-    ----------
-    terms, scale, origin
-        As for `turn`.
-
-    Returns
-    -------
-    array of float
-        Increasing, in rad/s, from 0 to where the leading term dominates.
+    In rad/s, increasing, from 0 to where the leading term dominates. Around a zero on the axis,
+    within rounding, a stretch is left in which it may change by more. If the dead time is so long
+    that more than `MAX_SEGMENTS` frequencies would be needed, there are stretches, too, in which it
+    turns with a dominant term's dead time, any number of times.
     """
     if terms[0].q.size == 1:
         return np.zeros(1)
-    low, high = _range(terms, scale)
-    near = _near_origin(terms, scale, high, origin) if low is None else None
-    first: FloatArray = np.zeros(1)
-    if near is not None:
-        low = near.radius
-        first = zero_free_frequencies([near.rest], near.scale)
-        first = first[first < low]
-    low = low or 1e-12 * high
-    try:
-        (left, right, _), _ = _certified(terms, scale, low, high, dominance=False)
-    except ArithmeticError:
-        (left, right, _), _ = _certified(terms, scale, low, high, dominance=True)
-    return np.unique(np.concatenate([first, [low], left, (left + right) / 2, right]))
+    with np.errstate(all="ignore"):
+        low, high = _range_of_one(terms, scale)
+        before: FloatArray = np.zeros(1)
+        if not low:
+            near = _near_origin(terms, scale, high, origin)
+            low = near.radius if near else 1e-12 * high
+            if near is not None:
+                before = np.append(0.0, _segments([near.rest], near.scale, near.first, low)[:-1])
+        return np.append(before, _segments(terms, scale, low, high))
 
 
-def _short(q: FloatArray, scale: FloatArray) -> float | None:
-    """Turn of a polynomial of degree 1 or 2, which is seen from where it crosses an axis.
+def _segments(terms: Sequence[Term], scale: FloatArray, low: float, high: float) -> FloatArray:
+    """Return ends and middles of certified stretches; with a dominant term where there are many."""
+    sums = _one(terms, scale, low, high)
+    found = certified(sums, low, high, MAX_SEGMENTS, dominance=False)
+    if found.given_up[0]:
+        found = _certified(sums, low, high)
+    _, left, right, _ = Stretches.joined(found.rounds)
+    return np.unique(np.concatenate([[low], left, (left + right) / 2, right]))
+
+
+def _certified(sums: Sums, low: float, high: float) -> Certified:
+    found = certified(sums, low, high, MAX_STEPS)
+    if found.given_up[0]:
+        raise ArithmeticError(
+            f"over {MAX_STEPS} frequencies would be needed to follow the argument: the "
+            "dead time is too long for terms of so nearly equal size"
+        )
+    return found
+
+
+def _one(terms: Sequence[Term], scale: FloatArray, low: float, high: float) -> Sums:
+    return Sums.between(_columns(terms), scale[:, None], low, high)
+
+
+def _columns(terms: Sequence[Term]) -> list[ManyTerms]:
+    return [ManyTerms(q[:, None], np.array([delay])) for q, delay in terms]
+
+
+def _range_of_one(terms: Sequence[Term], scale: FloatArray) -> tuple[float, float]:
+    low, high = _range(_columns(terms), scale[:, None])
+    return float(low[0]), float(high[0])
+
+
+def _angle(base: FloatArray | ComplexArray, sums: Sums, omega: float) -> float:
+    """Angle from a value to that of the one sum at jω."""
+    value = sum(sums.values(np.array([omega])))
+    return float(np.angle(value / base)[0])
+
+
+def _of_low_degree(q: FloatArray, scale: FloatArray) -> float | None:
+    """Change for a polynomial of degree 1 or 2, which is seen from where it crosses an axis.
 
     None where a root is on the axis within rounding.
     """
@@ -239,189 +304,68 @@ def _short(q: FloatArray, scale: FloatArray) -> float | None:
     return pi if (b > 0) == (c > 0) else -pi
 
 
-def _range(terms: Sequence[Term], scale: FloatArray) -> tuple[float | None, float]:
+def _range(terms: Sequence[ManyTerms], scale: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Frequencies below and above which the constant and the leading term dominate.
 
-    The lower one is None if the constant term is only rounding.
+    The lower one is 0 where the constant is only rounding, the upper one infinite where the
+    leading coefficient is.
     """
-    lead = terms[0].q
-    rivals = sum(abs(t.q[0]) for t in terms[1:] if t.q.size == lead.size)
-    high = dominance_radius(scale[::-1] / (abs(lead[0]) - rivals))
-    constant = abs(float(sum(term.q[-1] for term in terms)))
-    if constant <= ROUNDING * scale[-1]:
-        return None, high
-    descending = np.append(0.0, scale)
-    for q, delay in terms:  # |exp(-jωT) - 1| <= ωT
-        if delay:
-            descending[-1 - q.size : -1] += np.abs(q) * delay
-    descending[-1] = constant
-    return 1 / dominance_radius(descending[np.argmax(descending > 0) :] / constant), high
+    lead = np.abs(terms[0].q[0])
+    rising = np.zeros((len(scale) + 1, scale.shape[1]))  # ascending
+    rising[:-1] = scale[::-1]
+    for q, delay in terms[1:]:  # |exp(-jωT) - 1| <= ωT
+        rising[1 : len(q) + 1] += np.abs(q[::-1]) * delay
+        if len(q) == len(scale):
+            lead = lead - np.abs(q[0])
+    constant = np.abs(sum(term.q[-1] for term in terms))
+    low = 1 / _dominance_radius(rising[1:] / constant)
+    high = _dominance_radius(scale[1:] / lead)
+    return (
+        np.where(constant > ROUNDING * scale[-1], low, 0.0),
+        np.where(lead > ROUNDING * scale[0], high, np.inf),
+    )
 
 
-def _certified(
-    terms: Sequence[Term], scale: FloatArray, low: float, high: float, *, dominance: bool
-) -> tuple[_Stretches, FloatArray]:
-    """Cut the axis between two frequencies into certified stretches; the rest are the holes."""
-    span = max(high / low, 1.0)
-    per_octave = PER_OCTAVE if dominance else 1
-    count = ceil(min(max(per_octave * log2(span), 1), 2000))
-    todo = low * span ** (np.arange(count + 1) / count)
-    todo[-1] = high
-    left, right = todo[:-1], todo[1:]
-    limit = MAX_STEPS if dominance else MAX_SEGMENTS
-    done: list[_Stretches] = []
-    holes: list[FloatArray] = [np.zeros((0, 2))]
-    steps = left.size
-    while left.size:
-        middle = (left + right) / 2
-        term, vanishing = _examine(terms, scale, middle, (right - left) / 2, dominance)
-        if dominance and len(terms) > 1 and (unsure := term == OPEN).any():
-            term[unsure] = _leader(terms, scale, left[unsure], right[unsure])
-        unknown = term == OPEN
-        if not unknown.any():
-            done.append(_Stretches(left, right, term))
-            break
-        vanishing = unknown & (vanishing | (middle <= left) | (middle >= right))
-        done.append(_Stretches(left[~unknown], right[~unknown], term[~unknown]))
-        holes.append(np.stack([left[vanishing], right[vanishing]], axis=1))
-        more = unknown & ~vanishing
-        left, middle, right = left[more], middle[more], right[more]
-        left, right = np.concatenate([left, middle]), np.concatenate([middle, right])
-        steps += left.size
-        if steps > limit:
-            raise ArithmeticError(
-                f"over {limit} frequencies would be needed to follow the argument: the "
-                "dead time is too long for terms of so nearly equal size"
-            )
-    whole = done[0] if len(done) == 1 else _Stretches(*map(np.concatenate, zip(*done, strict=True)))
-    return whole, np.concatenate(holes)
+def _dominance_radius(ratios: FloatArray) -> FloatArray:
+    """Radius beyond which the leading term, 1, exceeds the sum of the others (Fujiwara's bound)."""
+    powers = 1 / np.arange(1, len(ratios) + 1)[:, None]
+    return np.asarray(2.02 * np.max(ratios**powers, axis=0, initial=1e-300))
 
 
-def _examine(
-    terms: Sequence[Term],
-    scale: FloatArray,
-    centre: FloatArray,
-    radius: FloatArray,
-    dominance: bool,
-) -> tuple[FloatArray, BoolArray]:
-    """Say for discs around j·centre what certifies them; flag centres where the sum is rounding.
-
-    Taylor: |q(s) - q(c)| <= sum |q^(m)(c)|/m! radius^m over the disc.
-    """
-    powers = _powers(scale, centre)
-    spread = _multiplied(radius / centre, scale.size)
-    noise = ROUNDING * (powers @ scale[::-1])
-    found = [_taylor_sums(term.q, powers, spread) for term in terms]
-    if len(terms) == 1:
-        (value, rest), turns = found[0], terms[0].delay * radius
-        size = np.abs(value)
-        bound = rest + size * np.minimum(2.0, turns) if terms[0].delay else rest
-        result = np.where(size > SLACK * bound + noise, FREE, OPEN)
-        return result, (result == OPEN) & (size <= noise)
-    sizes = [np.abs(value) for value, _ in found]
-    total = np.zeros(centre.size, dtype=complex)
-    bound = np.zeros(centre.size)
-    for (_, delay), (value, rest), size in zip(terms, found, sizes, strict=True):
-        total += value * np.exp(-1j * delay * centre) if delay else value
-        bound += rest + (size * np.minimum(2.0, delay * radius) if delay else 0.0)
-    result = np.where(np.abs(total) > SLACK * bound + noise, FREE, OPEN)
-    if dominance and len(terms) > 1:
-        everything = sum(size + rest for size, (_, rest) in zip(sizes, found, strict=True))
-        for i, (size, (_, rest)) in enumerate(zip(sizes, found, strict=True)):
-            # size - rest > what the others can be
-            result[size - rest > everything - size - rest + noise] = i
-    return result, (result == OPEN) & (np.abs(total) <= noise)
+def _outside(stretches: Stretches, low: float, high: float) -> Stretches:
+    """Cut out what lies between two frequencies."""
+    below = stretches._replace(right=np.minimum(stretches.right, low))
+    above = stretches._replace(left=np.maximum(stretches.left, high))
+    return Stretches.joined([part.where(part.left < part.right) for part in (below, above)])
 
 
-def _leader(
-    terms: Sequence[Term], scale: FloatArray, left: FloatArray, right: FloatArray
-) -> FloatArray:
-    """Find the term that is certainly larger than all others on each stretch, or `OPEN`.
-
-    For terms of nearly equal size over a long stretch: the difference of their squares is bounded,
-    not each. The sum of n - 1 squares is at least the square of the sum divided by n - 1. Each
-    stretch has its own unit of frequency and of size, so that no square leaves the range.
-    """
-    ratio = right / left
-    omega = left * np.sqrt((1 + ratio**2) / 2)
-    spread = _multiplied((ratio**2 - 1) / (ratio**2 + 1), scale.size)
-    exponents = np.log(omega)[:, None] * np.arange(scale.size) - _log_unit(scale, omega)
-    local = np.zeros((len(terms), *exponents.shape))
-    with np.errstate(divide="ignore"):
-        for row, (q, _) in zip(local, terms, strict=True):
-            n = q.size
-            row[:, :n] = np.exp(exponents[:, :n] + np.log(np.abs(q[::-1]))) * np.sign(q[::-1])
-        sizes = np.exp(exponents + np.log(scale[::-1])).sum(axis=1)
-    squares = [_squared_sizes(row) for row in local]
-    result = np.full(omega.size, OPEN)
-    for i, square in enumerate(squares):
-        lead = square - (len(terms) - 1) * (sum(squares) - square)
-        taylor = lead @ _binomial(scale.size)
-        rest = (np.abs(taylor[:, 1:]) * spread[:, 1:]).sum(axis=1)
-        result[taylor[:, 0] - rest > ROUNDING * sizes**2] = i
-    return result
+def _indented(sums: Sums, found: Certified, last: float) -> tuple[float, tuple[float, ...]]:
+    """Change where zeros are passed by half circles on the right, and the frequencies of these."""
+    stretches, angle = Stretches.joined(found.rounds), 0.0
+    passed = _half_circles(sums, found.vanishing)
+    for low, high, around in passed:
+        stretches = _outside(stretches, low, high)
+        angle += around if high < last else nan
+    angle += float(sums.changes_over(stretches)[0])
+    return angle, tuple((low + high) / 2 for low, high, _ in passed)
 
 
-def _squared_sizes(ascending: FloatArray) -> FloatArray:
-    """|q(jω)|² in ascending powers of ω², for polynomials in rows."""
-    squares = np.zeros_like(ascending)
-    for first in (0, 1):
-        part = ascending[:, first::2] * (-1.0) ** np.arange(ascending[0, first::2].size)
-        for k in range(part.shape[1]):
-            squares[:, first + k : first + k + part.shape[1]] += part[:, k : k + 1] * part
-    return squares
-
-
-def _angles(terms: Sequence[Term], scale: FloatArray, stretches: _Stretches) -> float:
-    """Sum of what the argument turns over certified stretches."""
-    left, right, mark = stretches
-    joined = bool((left[1:] == right[:-1]).all())  # then every edge is looked at once
-    edges = np.append(left, right[-1:]) if joined else np.concatenate([left, right])
-    origin = edges == 0
-    values = _values(terms, scale, np.where(origin, 1.0, edges))
-    values[:, origin] = np.array([[term.q[-1]] for term in terms])
-    n, second = left.size, 1 if joined else left.size
-    sums = values.sum(axis=0)
-    before, after = sums[:n], sums[second:]
-    free = mark == FREE
-    if free.all():
-        return float(np.angle(after / before).sum())
-    angle = float(np.angle(after[free] / before[free]).sum())
-    for i, (_, delay) in enumerate(terms):
-        on = mark == i
-        if on.any():
-            a, b = values[i, :n][on], values[i, second:][on]
-            # The term itself without its dead time, the dead time, and the angles from the term
-            # to the sum at both ends.
-            waits = np.exp(1j * delay * right[on]) / np.exp(1j * delay * left[on])
-            angle += float(np.angle(b * waits / a).sum() - delay * (right[on] - left[on]).sum())
-            angle += float((np.angle(after[on] / b) - np.angle(before[on] / a)).sum())
-    return angle
-
-
-def _values(terms: Sequence[Term], scale: FloatArray, omega: FloatArray) -> ComplexArray:
-    """Each term at jω > 0, up to a positive factor that differs from one frequency to the next."""
-    powers = _powers(scale, omega) * _units(scale.size)
-    rows = [powers[:, : q.size] @ q[::-1] for q, _ in terms]
-    for row, (_, delay) in zip(rows, terms, strict=True):
-        if delay:
-            row *= np.exp(-1j * delay * omega)
-    return np.array(rows)
-
-
-def _passed(
-    terms: Sequence[Term], scale: FloatArray, holes: FloatArray
-) -> list[tuple[float, float, float]]:
-    """Pass the holes by half circles on the right: low, high, angle turned on the way."""
+def _half_circles(sums: Sums, vanishing: list[Stretches]) -> list[tuple[float, float, float]]:
+    """Half circles around zeros on the axis: low, high, change on the way."""
+    ends = (
+        pair
+        for part in vanishing
+        for pair in zip(part.left.tolist(), part.right.tolist(), strict=True)
+    )
     passed: list[tuple[float, float, float]] = []
-    for low, high in sorted(holes.tolist()):
+    for low, high in sorted(ends):
         if passed and high <= passed[-1][1]:
             continue
         a, b = low, high
         if passed and low <= passed[-1][1]:
             a = passed.pop()[0]
         centre, radius = (a + b) / 2, max((b - a) / 2, 1e-15 * b)
-        while (angle := _round(terms, scale, centre, radius, -pi / 2)) is None:
+        while (angle := _on_arc(sums, centre, radius, -pi / 2)) is None:
             radius *= 4
             if radius > 0.3 * centre:
                 angle = nan
@@ -434,10 +378,14 @@ def _passed(
 
 
 class _Near(NamedTuple):
-    """A sum near its zero at s = 0: this polynomial times s^m within the radius."""
+    """A sum near its zero at s = 0: this polynomial times a power of s within the radius.
+
+    Below the first frequency the polynomial's constant dominates.
+    """
 
     rest: Term
     scale: FloatArray
+    first: float
     radius: float
 
 
@@ -452,33 +400,32 @@ def _near_origin(
     c, sizes = np.zeros(count), np.zeros(count)
     sizes[: scale.size] = scale[::-1]
     for q, T in terms:
-        ascending = q[::-1]
         series = np.cumprod(np.append(1.0, T / np.arange(1.0, count)))
-        signs = (-1.0) ** np.arange(count)
-        c += np.convolve(ascending, signs * series)[:count]
-        sizes += np.convolve(np.abs(ascending), series)[:count] * (T > 0)
+        c += np.convolve(q[::-1], (-1.0) ** np.arange(count) * series)[:count]
+        sizes += np.convolve(np.abs(q[::-1]), series)[:count] * (T > 0)
     c, sizes = c[multiplicity:], sizes[multiplicity:]
     if abs(c[0]) <= ROUNDING * sizes[0]:
         return None
     radius = min([high, *(1 / T for _, T in terms if T)])
-    return _Near(Term(np.trim_zeros(c[::-1], "f"), 0.0), sizes[::-1], radius)
+    rest, scale = Term(np.trim_zeros(c[::-1], "f"), 0.0), sizes[::-1]
+    first, _ = _range_of_one([rest], scale)
+    return _Near(rest, scale, min(first or radius, radius), radius)
 
 
 def _pass_origin(terms: Sequence[Term], scale: FloatArray, high: float) -> tuple[float, float]:
-    """Pass s = 0 by a quarter circle: its radius, and the angle turned on the way."""
-    speeds = [high, 1 / dominance_radius(scale / scale[-1])]
-    radius = 1e-15 * min([*speeds, *(1 / delay for _, delay in terms if delay)])
-    while (angle := _round(terms, scale, 0.0, radius, 0.0)) is None:
+    """Pass s = 0 by a quarter circle: its radius, and the change on the way."""
+    slowest = 1 / float(_dominance_radius((scale[-2::-1] / scale[-1])[:, None])[0])
+    radius = 1e-15 * min([high, slowest, *(1 / delay for _, delay in terms if delay)])
+    sums = _one(terms, scale, radius, high)
+    while (angle := _on_arc(sums, 0.0, radius, 0.0)) is None:
         radius *= 4
         if radius > high:
             return high / 2, nan
     return radius, angle
 
 
-def _round(
-    terms: Sequence[Term], scale: FloatArray, centre: float, radius: float, start: float
-) -> float | None:
-    """Angle turned on the arc from `start` to a right angle; None where it is not certain."""
+def _on_arc(sums: Sums, centre: float, radius: float, start: float) -> float | None:
+    """Change on the arc from `start` to a right angle; None where it is not certain."""
     steps = np.linspace(start, pi / 2, ARCS + 1)
     ends = 1j * centre + radius * np.exp(1j * steps)
     middles = 1j * centre + radius * np.exp(1j * (steps[:-1] + steps[1:]) / 2)
@@ -486,100 +433,20 @@ def _round(
     total, bound = np.zeros(ARCS, dtype=complex), np.zeros(ARCS)
     at_ends = np.zeros(ARCS + 1, dtype=complex)
     unit = max(centre, radius)
-    powers = _powers(scale, np.array([unit]))[0, ::-1]
-    for q, delay in terms:
-        scaled = q * powers[-q.size :]
-        value, rest = _taylor_at(scaled, middles / unit, reach / unit)
-        lag = np.exp(-delay * middles)
-        growth = float(np.expm1(min(delay * reach, 700.0)))
+    in_unit = sums.powers(np.array([unit]))
+    spread = reach / np.abs(middles)
+    for q, delay in sums.terms:
+        T, scaled = float(delay[0]), q[::-1] * in_unit[: len(q)]
+        taylor = binomial(len(q)).T @ (scaled * multiplied(middles / unit, len(q)))
+        value, rest = taylor[0], np.zeros(ARCS)
+        for size in np.abs(taylor[:0:-1]):
+            rest = (rest + size) * spread
+        lag = np.exp(-T * middles)
+        growth = float(np.expm1(min(T * reach, 700.0)))
         total += value * lag
         bound += np.abs(lag) * (rest * (1 + growth) + np.abs(value) * growth)
-        at_ends += np.polyval(scaled, ends / unit) * np.exp(-delay * ends)
-    noise = ROUNDING * np.polyval(scale * powers, np.abs(middles) / unit)
+        at_ends += np.polyval(scaled[::-1], ends / unit) * np.exp(-T * ends)
+    noise = ROUNDING * np.polyval((sums.scale[::-1] * in_unit)[::-1], np.abs(middles) / unit)
     if not np.all(np.abs(total) > bound + 4 * noise):
         return None
     return float(np.angle(at_ends[1:] / at_ends[:-1]).sum())
-
-
-def _taylor_at(q: FloatArray, s: ComplexArray, radius: float) -> tuple[ComplexArray, FloatArray]:
-    """Values at s and bounds of how far q can be from them within `radius`."""
-    rows = [np.full(s.shape, complex(c)) for c in q]
-    n = q.size
-    taylor = []
-    for m in range(n):  # repeated synthetic division
-        for i in range(1, n - m):
-            rows[i] = rows[i] + s * rows[i - 1]
-        taylor.append(rows[n - m - 1])
-    rest = sum((np.abs(t) * radius**m for m, t in enumerate(taylor[1:], 1)), np.zeros(s.shape))
-    return taylor[0], rest
-
-
-def _powers(scale: FloatArray, omega: FloatArray) -> FloatArray:
-    """Powers 0, 1, 2, … of each frequency along axis 1, up to a factor for each row.
-
-    Where they might leave the floating-point range (the roots of a very fast filter, 1e30 rad/s
-    and more) they are given in a unit in which no term exceeds 1. What is asked of a row does not
-    depend on it.
-    """
-    if _moderate(scale, omega):
-        return _multiplied(omega, scale.size)
-    exponents = np.log(omega)[:, None] * np.arange(scale.size) - _log_unit(scale, omega)
-    return np.exp(np.where(scale[::-1] > 0, exponents, -inf))
-
-
-def _multiplied(x: FloatArray, count: int) -> FloatArray:
-    """Powers 0, 1, 2, … of each number along axis 1."""
-    powers = np.ones((x.size, count))
-    powers[:, 1:] = x[:, None]
-    return np.multiply.accumulate(powers, axis=1, out=powers)
-
-
-def _moderate(scale: FloatArray, omega: FloatArray) -> bool:
-    """Whether powers and terms stay so far within the floating-point range that no unit is needed.
-
-    Coefficients 0 are never seen against the others.
-    """
-    sizes = [size for size in scale.tolist() if size]
-    speed = max(float(omega.max(initial=1.0)), 1 / float(omega.min(initial=1.0)))
-    return (
-        len(scale) * log2(speed) < 2 * MODERATE
-        and max(sizes) < 2.0**MODERATE
-        and min(sizes) > 2.0**-MODERATE
-    )
-
-
-def _log_unit(scale: FloatArray, omega: FloatArray) -> FloatArray:
-    """Logarithm of the largest term of `scale` at each frequency, as a column."""
-    with np.errstate(divide="ignore"):
-        sizes = np.log(scale[::-1])
-    return np.asarray(
-        np.max(np.log(omega)[:, None] * np.arange(scale.size) + sizes, axis=1, keepdims=True)
-    )
-
-
-def _taylor_sums(
-    coefficients: FloatArray, powers: FloatArray, spread: FloatArray
-) -> tuple[ComplexArray, FloatArray]:
-    """Value at jc and the sum of the higher Taylor terms' sizes for |s - jc| = spread·c.
-
-    Both c and spread are given by their powers 0, 1, 2, … along axis 1.
-    """
-    n = coefficients.size
-    taylor = (powers[:, :n] * coefficients[::-1]) @ _turned_binomial(n)
-    return taylor[:, 0], (np.abs(taylor[:, 1:]) * spread[:, 1:n]).sum(axis=1)
-
-
-@lru_cache(maxsize=64)
-def _binomial(n: int) -> FloatArray:
-    """Binomial coefficients C(i, m), row i, column m."""
-    return np.array([[float(comb(i, m)) for m in range(n)] for i in range(n)])
-
-
-@lru_cache(maxsize=64)
-def _turned_binomial(n: int) -> ComplexArray:
-    return np.asarray(_units(n)[:, None] * _binomial(n))
-
-
-@lru_cache(maxsize=64)
-def _units(count: int) -> ComplexArray:
-    return np.array([(1, 1j, -1, -1j)[i % 4] for i in range(count)])

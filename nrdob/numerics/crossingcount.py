@@ -25,7 +25,7 @@ import numpy as np
 from .arrays import FloatArray
 from .crossings import side, zeros
 from .exact import Whole, multiply, positive_sign_changes, rhp_count, squared_size, total, whole
-from .rootfinding import companion_roots, polynomial_roots
+from .rootfinding import companion_roots, frequencies_beside, polynomial_roots
 
 PER_TURN = 24
 """Frequencies to each turn of a dead time."""
@@ -45,18 +45,8 @@ AT_ZERO = 1e-6
 def count_by_crossings(q: FloatArray, r: FloatArray, delay: float) -> int | None:
     """Count the roots of q + r exp(-sT) in the open right half plane, after Walton and Marshall.
 
-    Parameters
-    ----------
-    q, r : array of float
-        Coefficients in descending powers; the leading one of q dominates.
-    delay : float
-        T > 0, in seconds.
-
-    Returns
-    -------
-    int or None
-        The number, or None where the equation without dead time has roots on the axis. A root at
-        s = 0 for every dead time, where q + r = 0, is not counted.
+    The leading coefficient of q dominates. None where the equation without dead time has roots on
+    the axis; a root at s = 0 for every dead time, where q + r = 0, is not counted.
 
     Examples
     --------
@@ -81,22 +71,9 @@ def crossings_between(
 ) -> int | None:
     """Count the roots that enter the right half plane while one of two dead times changes.
 
-    Parameters
-    ----------
-    q : array of float
-        Coefficients in descending powers; the leading one dominates.
-    fixed : (r, T)
-        The term r exp(-sT) whose dead time stays.
-    moving : array of float
-        The polynomial behind the other dead time.
-    start, end : float
-        That dead time, in seconds, before and afterwards.
-
-    Returns
-    -------
-    int or None
-        How many more are there afterwards; None if there are too many frequencies to look at. A
-        root at s = 0 for all dead times, where q + r + moving = 0, is not counted.
+    The term r exp(-sT) in `fixed` stays; the dead time of `moving` goes from `start` to `end`, in
+    seconds. None if there are too many frequencies to look at; a root at s = 0 for all dead times,
+    where q + r + moving = 0, is not counted.
 
     Examples
     --------
@@ -150,12 +127,12 @@ def _frequencies(
     low = max(low, 1e-9 * high)
     step = tau / (PER_TURN * delay)
     count = min((high - low) / step, MAX_FREQUENCIES)
-    grids = [np.linspace(low, high, int(count) + 64), np.geomspace(low, high, 64)]
-    for root in np.concatenate([companion_roots(p) for p in polynomials]):
-        if root.imag > 0:
-            width = max(abs(root.real), 1e-12 * abs(root))
-            steps = np.geomspace(0.1 * width, abs(root), 60)
-            grids += [root.imag - steps, root.imag + steps]
+    roots = np.concatenate([companion_roots(p) for p in polynomials])
+    grids = [
+        np.linspace(low, high, int(count) + 64),
+        np.geomspace(low, high, 64),
+        *frequencies_beside(roots, 60),
+    ]
     omega = np.unique(np.concatenate(grids))
     return np.asarray(omega[(omega >= low) & (omega <= high)])
 

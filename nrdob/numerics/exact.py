@@ -34,13 +34,6 @@ Whole = list[int]
 def whole(*polynomials: FloatArray) -> list[Whole]:
     """Write polynomials in whole numbers, all multiplied by the same positive number.
 
-    Parameters
-    ----------
-    *polynomials : array of float
-        Coefficients in descending powers.
-
-    Examples
-    --------
     >>> import numpy as np
     >>> whole(np.array([0.5, 1.0]), np.array([0.75]))
     [[2, 4], [3]]

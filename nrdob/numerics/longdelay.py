@@ -18,9 +18,9 @@ from math import comb, perm, pi, tau
 
 import numpy as np
 
-from .argument import Term, turn
+from .argument import Term, argument_change
 from .arrays import ComplexArray, FloatArray
-from .rootfinding import Delayed, companion_roots, value_and_slope
+from .rootfinding import Delayed, companion_roots, frequencies_beside, value_and_slope
 
 __all__ = ["rightmost_roots"]
 
@@ -46,18 +46,9 @@ BESIDE = 1e-4
 def rightmost_roots(q: FloatArray, delayed: Delayed) -> ComplexArray:
     """Find roots of q + sum of r exp(-sT), of which none lies to the right of the first.
 
-    Parameters
-    ----------
-    q : array of float
-        Coefficients in descending powers; the leading one of q dominates.
-    delayed : sequence of (r, T)
-        Coefficients, and dead times T > 0 in seconds, the longest first.
-
-    Returns
-    -------
-    array of complex
-        Rightmost first; there may be others between them. The first one's real part is known to
-        be the largest, to four digits. Empty if no such root was found.
+    The leading coefficient of q dominates; the longest dead time comes first. There may be others
+    between the roots. The first one's real part is known to be the largest, to four digits; there
+    are none if no such root was found.
 
     Examples
     --------
@@ -125,10 +116,7 @@ def _frequencies(roots: ComplexArray, delay: float) -> FloatArray:
     corners = np.append(np.abs(roots), 1 / delay)
     corners = corners[corners > 0]
     grid = [np.geomspace(corners.min() / 1e3, corners.max() * 1e3, 600)]
-    for root in roots[roots.imag > 0]:
-        width = max(abs(root.real), 1e-9 * abs(root))
-        steps = np.geomspace(0.1 * width, abs(root), 40)
-        grid += [root.imag + steps, root.imag - steps, np.array([root.imag])]
+    grid += frequencies_beside(roots, 40)
     omega = np.unique(np.concatenate(grid))
     return np.asarray(omega[omega > 0])
 
@@ -187,7 +175,7 @@ def _none_right_of(q: FloatArray, delayed: Delayed, line: float) -> bool:
     if neutral >= abs(q[0]):  # to the left of where chains of roots go
         return False
     try:
-        found = turn(terms, scale)
+        found = argument_change(terms, scale)
     except ArithmeticError:
         return False
     return bool(abs((q.size - 1) / 2 - found.angle / pi) < 0.5)

@@ -7,9 +7,6 @@ that the digits depend on neither threads nor on how many polynomials there are.
 
 from __future__ import annotations
 
-from functools import lru_cache
-from math import comb
-
 import numpy as np
 
 from .arrays import ComplexArray, FloatArray
@@ -17,8 +14,6 @@ from .arrays import ComplexArray, FloatArray
 __all__ = [
     "convolved",
     "padded_sum",
-    "sizes_on_axis",
-    "taylor_on_axis",
     "values_and_slopes",
     "values_on_axis",
 ]
@@ -126,57 +121,3 @@ def _horner(
         value *= x
         value += coefficient
     return value, slope
-
-
-def sizes_on_axis(sizes: FloatArray, omega: FloatArray) -> FloatArray:
-    """Evaluate polynomials with coefficients of one sign at ω itself.
-
-    Parameters
-    ----------
-    sizes : (k, ...) array of float
-        Coefficients in descending powers.
-    omega : array of float
-        Frequencies in rad/s.
-    """
-    return _plain(sizes[::-1], omega)
-
-
-def taylor_on_axis(
-    p: FloatArray, centre: FloatArray, radius: FloatArray
-) -> tuple[ComplexArray, FloatArray]:
-    """Values at j·centre, and how far p can be from them within `radius`.
-
-    Parameters
-    ----------
-    p : (k, ...) array of float
-        Coefficients in descending powers.
-    centre, radius : array of float
-        Of discs around j·centre; their shape broadcasts with the columns.
-    """
-    power = np.ones_like(centre)
-    scaled = []
-    for coefficient in p[::-1]:
-        scaled.append(coefficient * power)
-        power = power * centre
-    even, odd = _derivative(scaled, 0)
-    spread = radius / centre
-    rest, step = np.zeros_like(scaled[0]), spread
-    for m in range(1, p.shape[0]):
-        # The sum of the sizes of both parts is cheaper than their root of squares, and no smaller.
-        rest += sum(np.abs(part) for part in _derivative(scaled, m)) * step
-        step = step * spread
-    return even + 1j * odd, rest
-
-
-def _derivative(scaled: list[FloatArray], m: int) -> tuple[FloatArray, FloatArray]:
-    """Real and imaginary part of Taylor's coefficient m for the radius |c|, up to a power of j."""
-    parts: list[FloatArray] = [np.zeros(1), np.zeros(1)]
-    for k, weight in _weights(len(scaled), m):
-        parts[(k - m) % 2] = parts[(k - m) % 2] + (scaled[k] if weight == 1 else weight * scaled[k])
-    return parts[0], parts[1]
-
-
-@lru_cache(maxsize=256)
-def _weights(n: int, m: int) -> list[tuple[int, float]]:
-    """C(k, m) with the sign of j^(k-m), without j where that is odd."""
-    return [(k, comb(k, m) * (1.0, 1.0, -1.0, -1.0)[(k - m) % 4]) for k in range(m, n)]

@@ -4,9 +4,9 @@ There is one delayed term for every dead time: one in the process, one more in a
 
 Independent ways to know the right half plane, none of which approximates the delay away:
 
-- `count_rhp` follows the argument of p along the imaginary axis (Mikhailov), in steps that are
-  certified, so that no resonance, however sharp, can slip between two frequencies: see
-  `nrdob.numerics.argument`.
+- `nrdob.numerics.count_rhp` follows the argument of p along the imaginary axis (Mikhailov), in
+  steps that are certified, so that no resonance, however sharp, can slip between two frequencies:
+  see `nrdob.numerics.argument`.
 - `QuasiPolynomial.roots` are the roots themselves: eigenvalues (`nrdob.numerics.rootfinding`), or
   with a long delay the rightmost ones (`nrdob.numerics.longdelay`).
 - `QuasiPolynomial.rhp_in_whole_numbers` asks the coefficients alone, without rounding: Routh and
@@ -19,13 +19,23 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import cached_property, reduce
 from itertools import product
-from math import factorial, inf, isnan, pi
+from math import factorial, inf, pi
 from typing import Any
 
 import numpy as np
 
-from .argument import Term, Turn, turn, zero_free_frequencies
+from .argument import ArgumentChange, Term, argument_change
 from .arrays import ROUNDING, BoolArray, ComplexArray, FloatArray
+from .coefficients import (
+    add,
+    drop,
+    exponential,
+    exponential_rest,
+    horner,
+    times_s,
+    trailing_zeros,
+    trim,
+)
 from .crossingcount import count_by_crossings, crossings_between
 from .exact import rhp_count, whole
 from .longdelay import rightmost_roots
@@ -33,21 +43,12 @@ from .rootfinding import delay_roots, polynomial_roots
 
 __all__ = [
     "QuasiPolynomial",
-    "RootCount",
-    "add",
-    "count_rhp",
-    "differentiate",
-    "exponential_rest",
-    "frequency_segments",
     "multiply",
-    "unstable_roots",
+    "undivided_sum",
 ]
 
 AT_ORIGIN = 1e-6
 """Size of a root, times the dead time, that is the one at s = 0."""
-
-NEAR = 1.0
-"""Size of z up to which the rest of exp(z) is summed up, because the difference loses digits."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +75,7 @@ class QuasiPolynomial:
     >>> p = QuasiPolynomial([1.0, 0.0], [1.0], delay=1.0)      # s + exp(-s)
     >>> complex(p(0.0))
     (1+0j)
-    >>> count_rhp(p).count
+    >>> p.rhp_in_whole_numbers
     0
     """
 
@@ -93,7 +94,7 @@ class QuasiPolynomial:
             if r.any():
                 q, sizes = add(q, r), add(sizes, np.abs(r))
             scale = scale if scale.size else sizes
-            q = _trim(q, scale)
+            q = trim(q, scale)
             self.__dict__.update(q=q, r=np.zeros(1), scale=scale[-q.size :])
             return
         given = [Term(r, self.delay), *self.more]
@@ -105,10 +106,10 @@ class QuasiPolynomial:
                 sums[delay] = add(sums[delay], p) if delay in sums else p
             else:
                 q = add(q, p)
-        trimmed = {delay: _trim(p, scale) for delay, p in sums.items()}
+        trimmed = {delay: trim(p, scale) for delay, p in sums.items()}
         delayed = [Term(p, delay) for delay, p in trimmed.items() if p.any()]
         delayed.sort(key=lambda term: -term.delay)
-        q = _trim(q, scale)
+        q = trim(q, scale)
         r, delay = delayed[0] if delayed else (np.zeros(1), 0.0)
         scale = scale[-max(q.size, *(term.q.size for term in delayed), 1) :]
         self.__dict__.update(q=q, r=r, scale=scale, delay=delay, more=tuple(delayed[1:]))
@@ -152,7 +153,7 @@ class QuasiPolynomial:
     def zeros_at_origin(self) -> int:
         """Multiplicity of the root s = 0 that the coefficients prove exactly, or that is known."""
         if not self.delay:
-            return _trailing_zeros(self.q) if not self.q[-1] and self.q.any() else 0
+            return trailing_zeros(self.q) if not self.q[-1] and self.q.any() else 0
         shared = self._shared_zeros
         return max(shared + (sum(self._constants(shared)) == 0), self.origin)
 
@@ -169,7 +170,7 @@ class QuasiPolynomial:
     @property
     def _shared_zeros(self) -> int:
         """Multiplicity of the root s = 0 that all terms share."""
-        return min(_trailing_zeros(p) for p, _ in self.terms if p.any())
+        return min(trailing_zeros(p) for p, _ in self.terms if p.any())
 
     def _constants(self, power: int) -> list[float]:
         """Coefficients of s to this power, one of each term."""
@@ -193,8 +194,8 @@ class QuasiPolynomial:
         shared = min(power, self._shared_zeros)
         p = self
         if shared:
-            delayed = tuple(Term(_drop(p, shared), delay) for p, delay in self.delayed)
-            q, scale = _drop(self.q, shared), self.scale[:-shared]
+            delayed = tuple(Term(drop(p, shared), delay) for p, delay in self.delayed)
+            q, scale = drop(self.q, shared), self.scale[:-shared]
             p = QuasiPolynomial(q, scale=scale, more=delayed, origin=self.origin - shared)
         return _OverS.of(p, power - shared) if power > shared else p
 
@@ -208,8 +209,8 @@ class QuasiPolynomial:
         """
         if not power:
             return self
-        delayed = tuple(Term(_times_s(p, power), delay) for p, delay in self.delayed)
-        q, scale = _times_s(self.q, power), _times_s(self.scale, power)
+        delayed = tuple(Term(times_s(p, power), delay) for p, delay in self.delayed)
+        q, scale = times_s(self.q, power), times_s(self.scale, power)
         return QuasiPolynomial(q, scale=scale, more=delayed, origin=self.origin + power)
 
     @cached_property
@@ -222,7 +223,7 @@ class QuasiPolynomial:
         m = self.zeros_at_origin - self._shared_zeros if self.delay else 0
         if m <= 0:
             return self.q, 0
-        parts = [np.convolve(r, _exponential(delay, m)) for r, delay in self.delayed]
+        parts = [np.convolve(r, exponential(delay, m)) for r, delay in self.delayed]
         p = reduce(add, parts, self.q)
         p[-min(self.zeros_at_origin, p.size) :] = 0.0
         return p, m
@@ -235,9 +236,9 @@ class QuasiPolynomial:
     def __call__(self, s: complex | ComplexArray) -> Any:
         """Evaluate at complex `s`, a number or an array of any shape."""
         s = np.asarray(s, dtype=complex)
-        value = _horner(self.q, s)
+        value = horner(self.q, s)
         for r, delay in self.delayed:
-            value = value + _horner(r, s) * np.exp(-delay * s)
+            value = value + horner(r, s) * np.exp(-delay * s)
         return value
 
     @cached_property
@@ -251,14 +252,14 @@ class QuasiPolynomial:
         return QuasiPolynomial(np.zeros(1), scale=p.scale, more=advanced)
 
     @cached_property
-    def turn(self) -> Turn:
-        """Turn of the argument from ω = 0 to infinity, see `nrdob.numerics.argument`.
+    def argument_change(self) -> ArgumentChange:
+        """Change in argument from ω = 0 to infinity, see `nrdob.numerics.argument`.
 
         That of the finite part: a root at s = 0, which the path passes on the right, adds a
         quarter of a revolution.
         """
         p = self.finite_part
-        return turn(p.terms, p.scale) if p is self else p.turn
+        return argument_change(p.terms, p.scale) if p is self else p.argument_change
 
     def near_axis(self, roots: ComplexArray) -> BoolArray:
         """Tell which roots a change of the coefficients within rounding moves onto the axis.
@@ -271,7 +272,7 @@ class QuasiPolynomial:
         near = np.abs(roots.real) <= 0.1 * np.abs(roots)
         if near.any():
             omega = np.abs(roots.imag[near])
-            p = _terms_of(self)
+            p = undivided_sum(self)
             near[near] = np.abs(p(1j * omega)) <= ROUNDING * np.polyval(p.scale, omega)
         return near
 
@@ -364,7 +365,7 @@ class _OverS(QuasiPolynomial):
     @classmethod
     def of(cls, p: QuasiPolynomial, power: int) -> _OverS:
         # On the right Taylor's remainder of exp(-sT) is at most T^m |s|^m/m!.
-        parts = [np.convolve(np.abs(r), _exponential(-T, power + 1)) for r, T in p.delayed]
+        parts = [np.convolve(np.abs(r), exponential(-T, power + 1)) for r, T in p.delayed]
         scale = reduce(add, parts, p.scale)[:-power]
         return cls(p.q, p.r, p.delay, scale, p.more, undivided=p, power=power)
 
@@ -401,9 +402,9 @@ class _OverS(QuasiPolynomial):
     def __call__(self, s: complex | ComplexArray) -> Any:
         s = np.asarray(s, dtype=complex)
         p, m = self.expanded
-        value = _horner(p[:-m], s) if p.size > m else 0.0
+        value = horner(p[:-m], s) if p.size > m else 0.0
         for r, T in self.delayed:
-            value = value + _horner(r, s) * (-T) ** m * exponential_rest(-T * s, m, divided=True)
+            value = value + horner(r, s) * (-T) ** m * exponential_rest(-T * s, m, divided=True)
         return value * s ** (m - self.power) if m > self.power else value
 
     @property
@@ -411,14 +412,14 @@ class _OverS(QuasiPolynomial):
         return self.without_origin
 
     @cached_property
-    def turn(self) -> Turn:
+    def argument_change(self) -> ArgumentChange:
         if self.zeros_at_origin:
-            return self.without_origin.turn
-        found = turn(self.undivided.terms, self.undivided.scale, self.power)
+            return self.without_origin.argument_change
+        found = argument_change(self.undivided.terms, self.undivided.scale, self.power)
         touched = found.touched
         if found.origin_alone:
             touched = tuple(omega for omega in touched if omega)
-        return Turn(found.angle - self.power * pi / 2, touched)
+        return ArgumentChange(found.angle - self.power * pi / 2, touched)
 
     @cached_property
     def _eigenvalues(self) -> ComplexArray | None:
@@ -450,136 +451,9 @@ class _OverS(QuasiPolynomial):
         return count_by_crossings(self.q, self.r, self.delay)
 
 
-@dataclass(frozen=True)
-class RootCount:
-    """Number of roots with positive real part.
-
-    Attributes
-    ----------
-    count : float or None
-        The number, infinite for an advanced or an unstable neutral equation; None where roots on
-        the axis, within rounding, leave it open.
-    reason : str
-        Why the count is not known.
-    at_least : float
-        Roots that are on the right whatever rounding does to those on the axis, which the path
-        passes on their right.
-    """
-
-    count: float | None
-    reason: str = ""
-    at_least: float = 0
-
-
-def count_rhp(p: QuasiPolynomial) -> RootCount:
-    """Count the roots in the open right half plane by the argument along the imaginary axis.
-
-    Roots at s = 0 that the coefficients prove are divided out first and not counted.
-
-    Parameters
-    ----------
-    p : QuasiPolynomial
-        Not identically zero.
-
-    Returns
-    -------
-    RootCount
-        The count (infinite for an advanced or an unstable neutral equation), or None with the
-        reason: a root on the axis within rounding, or a neutral equation at its limit.
-
-    Examples
-    --------
-    >>> count_rhp(QuasiPolynomial([1.0, -1.0, 4.0])).count         # s^2 - s + 4
-    2
-    >>> count_rhp(QuasiPolynomial([1.0, 0.0], [2.0], delay=1.0)).count   # s + 2 exp(-s)
-    2
-    """
-    p = p.finite_part
-    ratio = p.neutral_ratio
-    if p.more and ratio > 1 - ROUNDING:
-        return _chains(p, ratio)
-    if abs(ratio - 1) <= ROUNDING:
-        return RootCount(None, "neutral with |r/q| = 1 at infinite frequency: a chain of roots "
-                               "comes arbitrarily close to the imaginary axis")  # fmt: skip
-    if ratio > 1:
-        return RootCount(inf, at_least=inf)
-    try:
-        turn = p.turn
-    except ArithmeticError as error:
-        return RootCount(None, str(error))
-    if isnan(turn.angle):
-        return RootCount(None, _where(turn))
-    turns = p.degree / 2 - turn.angle / pi
-    count = round(turns)
-    if abs(turns - count) > 0.1:
-        return RootCount(None, "the turns of the argument do not add up to a whole number")
-    if turn.touched:
-        return RootCount(None, _where(turn), count)
-    return RootCount(count, at_least=count)
-
-
-def _chains(p: QuasiPolynomial, ratio: float) -> RootCount:
-    """Judge chains of roots of an equation with several delays whose delayed terms are so large."""
-    leading = [abs(term.q[0]) for term in p.terms if term.q.size == p.degree + 1]
-    if p.q.size <= p.degree or max(leading[1:]) > (1 + ROUNDING) * (sum(leading) - max(leading)):
-        return RootCount(inf, at_least=inf)
-    return RootCount(None, (
-        f"neutral, the sizes of its delayed terms at infinite frequency add up to {ratio:.4g}, not "
-        "below 1: the smallest change of a dead time may put a chain of roots on the right"
-    ))  # fmt: skip
-
-
-def frequency_segments(p: QuasiPolynomial) -> FloatArray:
-    """Frequencies between which p provably turns by less than half a revolution.
-
-    See `nrdob.numerics.argument.zero_free_frequencies` for roots on the axis and for very long
-    delays.
-
-    Parameters
-    ----------
-    p : QuasiPolynomial
-        Without roots at s = 0; retarded, or neutral with ratio below 1.
-
-    Returns
-    -------
-    array of float
-        Increasing frequencies in rad/s from 0 to where the leading term dominates.
-    """
-    terms = _terms_of(p)
-    return zero_free_frequencies(terms.terms, terms.scale, max(p.divided, 1))
-
-
-def _terms_of(p: QuasiPolynomial) -> QuasiPolynomial:
+def undivided_sum(p: QuasiPolynomial) -> QuasiPolynomial:
     """Return the sum itself, where it has been divided by s."""
     return p.undivided if isinstance(p, _OverS) else p
-
-
-def _where(turn: Turn) -> str:
-    if 0.0 in turn.touched:
-        return "a root at s = 0 within rounding"
-    return f"a root on the imaginary axis within rounding, near {turn.touched[0]:.6g} rad/s"
-
-
-def unstable_roots(p: QuasiPolynomial) -> ComplexArray:
-    """Roots right of the imaginary axis, or on it within rounding; not those at s = 0 exactly.
-
-    Parameters
-    ----------
-    p : QuasiPolynomial
-        Its roots are computed.
-
-    Returns
-    -------
-    array of complex
-        In rad/s.
-
-    Examples
-    --------
-    >>> unstable_roots(QuasiPolynomial([1.0, 0.0, 0.0, -1.0, 0.0])).real.tolist()   # s (s³ - 1)
-    [1.0]
-    """
-    roots = p.without_origin.roots
-    return np.asarray(roots[(roots.real > 0) | p.without_origin.near_axis(roots)])
 
 
 def multiply(*factors: QuasiPolynomial) -> QuasiPolynomial:
@@ -593,7 +467,7 @@ def multiply(*factors: QuasiPolynomial) -> QuasiPolynomial:
     if len(factors) == 1:
         return factors[0]
     power = sum(factor.divided for factor in factors)
-    factors = tuple(_terms_of(factor) for factor in factors)
+    factors = tuple(undivided_sum(factor) for factor in factors)
     scale = reduce(np.convolve, [factor.scale for factor in factors])
     terms = [
         Term(reduce(np.convolve, [p for p, _ in chosen]), sum(delay for _, delay in chosen))
@@ -603,103 +477,3 @@ def multiply(*factors: QuasiPolynomial) -> QuasiPolynomial:
     origin = sum(factor.zeros_at_origin for factor in factors) if known else 0
     whole = QuasiPolynomial(terms[0].q, scale=scale, more=tuple(terms[1:]), origin=origin)
     return whole.over_s(power)
-
-
-def exponential_rest(z: ComplexArray, m: int, *, divided: bool = False) -> ComplexArray:
-    """Evaluate what Taylor's polynomial of degree m - 1 leaves of exp(z), without cancellation.
-
-    Parameters
-    ----------
-    z : array of complex
-        Any shape.
-    m : int
-        0 for exp(z) itself, 1 for exp(z) - 1.
-    divided : bool
-        Whether it is divided by z^m, which at 0 leaves 1/m!.
-
-    Examples
-    --------
-    >>> exponential_rest(np.array([0.0, 1.0, 2.0]), 2, divided=True).real.round(6).tolist()
-    [0.5, 0.718282, 1.097264]
-    """
-    z = np.asarray(z, dtype=complex)
-    if not m:
-        return np.asarray(np.exp(z))
-    if m == 1 and not divided:
-        return np.asarray(np.expm1(z))
-    near = np.abs(z) <= (NEAR if m > 1 else 0.0)
-    far = np.where(near, 1.0, z)
-    rest = np.expm1(far)
-    for k in range(1, m):
-        rest = rest - far**k / factorial(k)
-    series = np.ones_like(z)
-    if m > 1:
-        close = np.where(near, z, 0.0)
-        for k in range(m + 18, m, -1):  # (…(z/k + 1) z/(k - 1) + 1)…
-            series = series * close / k + 1.0
-    value = np.where(near, series / factorial(m), rest / far**m)
-    return np.asarray(value if divided else value * z**m)
-
-
-def _exponential(delay: float, m: int) -> FloatArray:
-    """Taylor's polynomial of exp(-delay·s), of m coefficients, descending."""
-    return np.array([(-delay) ** k / factorial(k) for k in range(m - 1, -1, -1)])
-
-
-def add(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Add two coefficient arrays in descending powers.
-
-    Parameters
-    ----------
-    a, b : array of float
-        Of any lengths.
-    """
-    if a.size < b.size:
-        a, b = b, a
-    total = np.array(a, dtype=float)
-    total[a.size - b.size :] += b
-    return total
-
-
-def differentiate(coefficients: FloatArray) -> FloatArray:
-    """Differentiate a polynomial given in descending powers.
-
-    Parameters
-    ----------
-    coefficients : array of float, shape (n + 1,)
-        Of degree n.
-    """
-    return coefficients[:-1] * np.arange(coefficients.size - 1, 0, -1)
-
-
-def _horner(coefficients: FloatArray, s: ComplexArray) -> Any:
-    """`numpy.polyval` without its overhead, which would be most of the time on a few points."""
-    first, *others = coefficients.tolist()
-    value = np.full_like(s, first)[()]
-    for coefficient in others:
-        value = value * s + coefficient
-    return value
-
-
-def _trim(coefficients: FloatArray, scale: FloatArray) -> FloatArray:
-    """Drop leading coefficients that are rounding of larger terms which cancelled."""
-    size = scale[-coefficients.size :]
-    if abs(coefficients[0]) > ROUNDING * size[0]:
-        return coefficients
-    used = np.flatnonzero(np.abs(coefficients) > ROUNDING * size)
-    return coefficients[used[0] :] if used.size else np.zeros(1)
-
-
-def _trailing_zeros(coefficients: FloatArray) -> int:
-    if coefficients[-1]:
-        return 0
-    used = np.flatnonzero(coefficients)
-    return int(coefficients.size - 1 - used[-1]) if used.size else int(coefficients.size)
-
-
-def _times_s(coefficients: FloatArray, power: int) -> FloatArray:
-    return np.append(coefficients, np.zeros(power)) if coefficients.any() else coefficients
-
-
-def _drop(coefficients: FloatArray, m: int) -> FloatArray:
-    return coefficients[:-m] if coefficients.size > m else np.zeros(1)

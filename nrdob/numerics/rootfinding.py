@@ -29,7 +29,7 @@ __all__ = [
     "Delayed",
     "companion_roots",
     "delay_roots",
-    "dominance_radius",
+    "frequencies_beside",
     "polynomial_roots",
     "value_and_slope",
 ]
@@ -83,14 +83,8 @@ def companion_roots(q: FloatArray) -> ComplexArray:
 def delay_roots(q: FloatArray, delayed: Delayed) -> ComplexArray:
     """Find the roots of q + sum of r exp(-sT) that matter for stability.
 
-    All of those in the right half plane and the rightmost ones of the left half plane.
-
-    Parameters
-    ----------
-    q : array of float
-        Coefficients in descending powers, the first one not zero.
-    delayed : sequence of (r, T)
-        Coefficients of degree at most that of q, and delays T > 0 in seconds, the longest first.
+    All of those in the right half plane and the rightmost ones of the left half plane. No r is of a
+    higher degree than q; the longest dead time comes first.
 
     Raises
     ------
@@ -126,18 +120,14 @@ def delay_roots(q: FloatArray, delayed: Delayed) -> ComplexArray:
         nodes = ceil(min(max(rightmost, nodes + 8), MAX_DELAY_NODES))
 
 
-def dominance_radius(ascending: FloatArray) -> float:
-    """Radius beyond which the last term exceeds the sum of the others (Fujiwara's bound).
-
-    Parameters
-    ----------
-    ascending : array of float
-        Coefficients in ascending powers, the last one 1.
-    """
-    n = ascending.size - 1
-    sizes = np.abs(ascending[:-1]).tolist()
-    bounds: list[float] = [size ** (1 / (n - k)) for k, size in enumerate(sizes)]
-    return 2.02 * max(bounds, default=0.0) or 2e-300
+def frequencies_beside(roots: ComplexArray, count: int) -> list[FloatArray]:
+    """Frequencies in rad/s, dense at roots near the axis, `count` on either side of each."""
+    found = []
+    for root in roots[roots.imag > 0]:
+        width = max(abs(root.real), 1e-12 * abs(root))
+        steps = np.geomspace(0.1 * width, abs(root), count)
+        found.append(root.imag + np.concatenate([-steps, [0.0], steps]))
+    return found
 
 
 def _quadratic_roots(b: float, c: float) -> tuple[complex, complex]:

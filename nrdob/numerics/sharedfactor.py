@@ -111,9 +111,9 @@ def shared_factor(f: QuasiPolynomial, g: QuasiPolynomial) -> Shared:
     if not power and common.size == 1:
         return Shared(QuasiPolynomial(common), *whole)
     return Shared(
-        _times_s(QuasiPolynomial(common), power),
-        _times_s(f, max(excess, 0)),
-        _times_s(g, max(-excess, 0)),
+        QuasiPolynomial(common).lifted(power),
+        f.lifted(max(excess, 0)),
+        g.lifted(max(-excess, 0)),
     )
 
 
@@ -144,13 +144,6 @@ def factor_near(p: QuasiPolynomial, divisor: FloatArray) -> FloatArray:
             f"polynomial {p.q.tolist()} to rounding: roots inside and outside of it are too close"
         )
     return fitted.common.q
-
-
-def _times_s(p: QuasiPolynomial, power: int) -> QuasiPolynomial:
-    if not power:
-        return p
-    q, scale = (np.append(c, np.zeros(power)) for c in (p.q, p.scale))
-    return QuasiPolynomial(q, scale=scale)
 
 
 def _suggested(f: QuasiPolynomial, g: QuasiPolynomial) -> Iterator[FloatArray]:

@@ -46,18 +46,7 @@ def number(value: float, digits: int = 3) -> str:
 
 
 def four_digits(value: float) -> str:
-    """Write a number with four digits as a message or a table does.
-
-    Parameters
-    ----------
-    value : float
-        The number.
-
-    Returns
-    -------
-    str
-        The number as Python writes it.
-    """
+    """Write a number with four digits as a message or a table does."""
     return f"{value:.4g}"
 
 

@@ -4,6 +4,7 @@
 """
 
 from .alttext import complex_number, frequency, spoken, turns
+from .bodeplot import bode_plot
 from .chartplot import chart_plot
 from .explorer import Explorer, Slider
 from .figure import (
@@ -22,7 +23,7 @@ from .figure import (
 )
 from .mapplot import MapAxis, map_plot
 from .nyquistplot import nyquist_plot
-from .plots import bode_plot, roots_plot, step_plot
+from .stepplot import step_plot
 from .winding import winding_animation, winding_plot
 
 __all__ = [
@@ -47,7 +48,6 @@ __all__ = [
     "map_plot",
     "missing",
     "nyquist_plot",
-    "roots_plot",
     "spoken",
     "step_plot",
     "styled",

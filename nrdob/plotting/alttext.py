@@ -1,8 +1,4 @@
-"""Figures in words: what a reader who cannot see the picture should know.
-
-Each function states the facts that the figure is drawn for, computed, with three significant
-digits and the same digits on every platform.
-"""
+"""Figures in words: the facts that a figure is drawn for, computed, with three digits."""
 
 from __future__ import annotations
 
@@ -13,7 +9,7 @@ from typing import NamedTuple
 
 from ..analysis import Margins
 from ..diagram import MAPS
-from ..numerics import ComplexArray, number, written
+from ..numerics import number, written
 from .contour import Approach
 
 __all__ = [
@@ -23,7 +19,6 @@ __all__ = [
     "complex_number",
     "frequency",
     "nyquist",
-    "roots",
     "spoken",
     "steps",
     "turns",
@@ -42,16 +37,9 @@ class BodePoint(NamedTuple):
 
 @dataclass(frozen=True)
 class StepFacts:
-    """What one step response does.
+    """One step response: its signed peak, and its final value.
 
-    Attributes
-    ----------
-    input : str
-        Where the step enters.
-    peak : float
-        Extreme value, signed, of largest modulus.
-    final : float
-        Value at rest; inf if the response grows without bound, nan if it does not come to rest.
+    The latter is inf if the response grows without bound, nan if it does not come to rest.
     """
 
     input: str
@@ -99,12 +87,12 @@ def turns(count: float | None, point: float = -1.0) -> str:
 
 
 def frequency(omega: float) -> str:
-    """Say where something happens.
+    """Name a frequency in rad/s: inf for the limit, nan for all.
 
     Parameters
     ----------
     omega : float
-        In rad/s; inf for its limit, nan for all.
+        In rad/s.
     """
     if isnan(omega):
         return "at every frequency"
@@ -151,16 +139,6 @@ def steps(signal: str, title: str, facts: Iterable[StepFacts], compared: Iterabl
     )  # fmt: skip
     beside = f", beside {_listed(compared)}" if compared else ""
     return f"{_opening('Step responses', [signal], title)}{beside}: {said}"
-
-
-def roots(title: str, found: Mapping[str, ComplexArray], right: Mapping[str, float]) -> str:
-    """Describe a map of roots, and say how many are in the right half plane."""
-    said = []
-    for name, values in found.items():
-        where = f"{right[name]:g} in the right half plane, " if right[name] else ""
-        rightmost = f"rightmost {complex_number(values[0])}" if values.size else "none"
-        said.append(f"{name} {where}{rightmost}")
-    return f"{_opening('Roots', found, title)}: {'; '.join(said)}"
 
 
 def complex_number(value: complex) -> str:

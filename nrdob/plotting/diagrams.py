@@ -1,12 +1,9 @@
 """Block diagrams that are drawn, and read, from one list of parts and wires.
 
-Each function gives a `Diagram`. Its `plot` is the picture; its `equations` are what the picture
-says, read off it as a reader does: follow each arrow that ends at a circle back to where it comes
-from, and write down the block on the way. So the picture cannot say one thing and the algebra
-another.
+Each function gives a `Diagram`. Its `plot` is the picture; its `equations` are read off the same
+wires: follow each arrow that ends at a sum back to its origin, and write down the block on the way.
 
-This module needs schemdraw and SymPy, which come with the extra "notebooks"; `nrdob` by itself
-imports neither.
+This module needs schemdraw and SymPy, which come with the extra "notebooks".
 """
 
 from __future__ import annotations
@@ -38,17 +35,17 @@ __all__ = [
     "Term",
     "Wire",
     "conventional",
+    "delayed_model",
     "internal_model_control",
     "nrdob",
     "six_blocks",
     "two_degrees_of_freedom",
-    "waiting",
 ]
 
 Point = tuple[float, float]
 
 UNIT = 0.5
-"""Inches to a unit of the drawing: a house figure is 14 units wide."""
+"""Inches to a unit of the drawing: a figure is 14 units wide."""
 
 RADIUS = 0.3
 SHADE = INK + "1e"
@@ -82,12 +79,8 @@ class Term(NamedTuple):
 
     Attributes
     ----------
-    sign : int
-        1 or -1.
-    block : str
-        Gain of the block on the way.
-    signal : str
-        Where the way begins.
+    sign, block, signal : int, str, str
+        1 or -1, the gain on the way, and where the way begins.
     """
 
     sign: int
@@ -100,12 +93,12 @@ class Term(NamedTuple):
 
 @dataclass(frozen=True)
 class Input:
-    """A signal from outside, written at `at`.
+    """An external signal.
 
     Attributes
     ----------
     at : (x, y)
-        Centre, in units of the drawing.
+        Centre of its label, in units of the drawing.
     """
 
     at: Point
@@ -113,12 +106,12 @@ class Input:
 
 @dataclass(frozen=True)
 class Sum:
-    """A circle: its output, named as the part, is the signed sum of what arrives.
+    """A circle: its output, named as the part, is the signed sum of its inputs.
 
     Attributes
     ----------
     at : (x, y)
-        Centre, in units of the drawing.
+        Its centre.
     """
 
     at: Point
@@ -135,10 +128,8 @@ class Block:
 
     Attributes
     ----------
-    at : (x, y)
-        Centre, in units of the drawing.
-    width, height : float
-        Size of the box.
+    at, width, height : (x, y), float, float
+        Its centre and size.
     """
 
     at: Point
@@ -173,20 +164,21 @@ Parts = dict[str, Input | Sum | Block]
 
 @dataclass(frozen=True)
 class Diagram:
-    """A block diagram: parts by name, the wires between them, and what is written beside.
+    """A block diagram: parts by name, the wires between them, and labels.
 
     Attributes
     ----------
     title : str
-        Of what; begins the alt text.
+        Begins the alt text.
     parts : dict
         Inputs and sums under the name of their signal, blocks under their gain; a gain that occurs
         twice has an apostrophe the second time.
     wires : tuple of Wire
+        Between the parts.
     bottom, top : float
         Lower and upper edge of the picture.
     labels : dict
-        Places of the texts that name signals and groups; they say nothing to `equations`.
+        Places of the texts that name signals and groups; `equations` does not read them.
     shades : tuple
         Corners of each shaded group.
 
@@ -210,7 +202,7 @@ class Diagram:
 
     @property
     def equations(self) -> dict[str, tuple[Term, ...]]:
-        """What each sum adds up, read off the wires."""
+        """The terms of each sum, read off the wires."""
         return {
             name: tuple(
                 Term(wire.sign, *self.origin(wire)) for wire in self.wires if wire.path[-1] == name
@@ -221,20 +213,13 @@ class Diagram:
 
     @property
     def symbolic(self) -> dict[sp.Symbol, sp.Expr]:
-        r"""The same equations in SymPy: the signal of each sum, and what it adds up.
-
-        Blocks and signals are symbols of their own names; the model is written ``\tilde{G}``, the
-        signals ``\hat{\delta}``, ``y_m`` and ``y_f`` as in the book.
+        r"""The same equations in SymPy, with symbols named as in the book: ``\tilde{G}``, ``y_m``.
 
         Examples
         --------
         >>> from nrdob.plotting import diagrams
-        >>> for signal, added in diagrams.two_degrees_of_freedom().symbolic.items():
-        ...     print(signal, "=", added)
-        u = C*R/((1 - F)*(C*\tilde{G} + 1)) - K*y_m
-        v = delta + u
-        y = G*v + d
-        y_m = eta + y
+        >>> diagrams.two_degrees_of_freedom().symbolic[sp.Symbol("u")]
+        C*R/((1 - F)*(C*\tilde{G} + 1)) - K*y_m
         """
         names = set(re.findall(r"[A-Za-z]\w*", str(self)))
         symbols = {name: sp.Symbol(WRITTEN.get(name, name)) for name in names}
@@ -265,12 +250,12 @@ class Diagram:
         return [first, *centres[1:-1], last]
 
     def plot(self, ax: Any = None) -> Figure:
-        """Draw the diagram in the house style, on `ax` or in a figure of the house width.
+        """Draw the diagram.
 
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw.
+            Where to draw; by default a figure of its own.
         """
         (ax,) = axes_for(ax, 1, UNIT * (self.top - self.bottom))
         with styled():
@@ -318,17 +303,12 @@ class Diagram:
         return x, y
 
     def origin(self, wire: Wire) -> tuple[str, str]:
-        """Follow a wire back to where it comes from.
+        """Follow a wire back: the block on the way, "1" for none, and the signal at its origin.
 
         Parameters
         ----------
         wire : Wire
             One of the diagram's.
-
-        Returns
-        -------
-        block, signal : str
-            The block on the way, "1" for none, and the signal at its beginning.
         """
         start = wire.path[0]
         if not isinstance(start, str):
@@ -382,13 +362,13 @@ def six_blocks() -> Diagram:
     return replace(drawn, title="the NR-DOB loop, its six blocks", labels=kept | outputs)
 
 
-def waiting() -> Diagram:
-    """Draw the loop whose model waits: W is its dead time, Gm0 what is inverted."""
+def delayed_model() -> Diagram:
+    """Draw the loop with a delayed model: W is its dead time, Gm0 the part that is inverted."""
     drawn = nrdob()
-    parts = {_WAITING.get(name, name): part for name, part in drawn.parts.items()}
+    parts = {_DELAYED.get(name, name): part for name, part in drawn.parts.items()}
     parts |= {"F*W": Block((5.2, 1.2), 1.3), "(1 - F*W)*Gm0": Block((5.2, -1.2), 2.5)}
     wires = tuple(
-        Wire(tuple(_WAITING.get(p, p) if isinstance(p, str) else p for p in wire.path), wire.sign)
+        Wire(tuple(_DELAYED.get(p, p) if isinstance(p, str) else p for p in wire.path), wire.sign)
         for wire in drawn.wires
     )
     title = "the loop with a model that waits, W = exp(-θm s)"
@@ -410,7 +390,7 @@ def conventional() -> Diagram:
 
 
 def two_degrees_of_freedom() -> Diagram:
-    """Draw what the loop amounts to: a prefilter, and one feedback K = F/((1 - F) Gm)."""
+    """Draw the equivalent loop: a prefilter, and one feedback K = F/((1 - F) Gm)."""
     prefilter = "C/((1 - F)*(1 + C*Gm))"
     parts: Parts = {"R": Input((0.35, 0)), prefilter: Block((2.75, 0), 3.0, 1.3), "u": Sum((5, 0))}
     return Diagram(
@@ -424,7 +404,7 @@ def two_degrees_of_freedom() -> Diagram:
 
 
 def internal_model_control() -> Diagram:
-    """Draw the same loop as internal model control: what the model does not explain is fed back."""
+    """Draw the same loop as internal model control: the error of the model is fed back."""
     prefilter = "C/(1 + C*Gm)"
     parts: Parts = {"R": Input((0.35, 0)), prefilter: Block((2.2, 0), 1.9, 1.3), "u": Sum((4.1, 0))}
     return Diagram(
@@ -451,15 +431,15 @@ _PLANT_WIRES = (
 )  # fmt: skip
 """The plant with its disturbances and its sensor, the same in every diagram."""
 
-_WAITING = {"F": "F*W", "F/Gm": "F/Gm0", "(1 - F)*Gm": "(1 - F*W)*Gm0"}
-"""What takes the place of what where the model waits; F' of the noise reduction stays."""
+_DELAYED = {"F": "F*W", "F/Gm": "F/Gm0", "(1 - F)*Gm": "(1 - F*W)*Gm0"}
+"""Blocks that a delayed model changes; F' of the noise reduction stays."""
 
 _LABELS = {"$u$": (4.8, 0.3), "$y$": (10.6, -0.9), r"$y+\eta$": (12.65, 0.3)}
 _ESTIMATE = ((4.55, 0.5), (6.0, 0.5), (6.0, 1.8), (12.0, 1.8), (12.0, 2.9), (4.55, 2.9))
 
 
 def _observer() -> tuple[Parts, tuple[Wire, ...]]:
-    """Give what both observers share: the forward path, the plant, the disturbance estimate."""
+    """Give what both observers share: forward path, plant, disturbance estimate."""
     high = 2.35
     parts: Parts = {
         "R": Input((0.35, 0)), "e": Sum((1.4, 0)), "C": Block((2.75, 0)), "u": Sum((4.1, 0)),

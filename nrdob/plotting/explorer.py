@@ -1,7 +1,7 @@
-"""A figure with sliders: it moves in a running notebook, and stands still, but complete, in a page.
+"""A figure with sliders, which moves in a running notebook and is a still picture in a page.
 
 The fixed part of the figure (axes, grid, labels) is drawn once. A move of a slider changes the data
-of a few artists and draws only these, so that the picture follows the hand.
+of a few artists and draws only these.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ WIDGET_VIEW = "application/vnd.jupyter.widget-view+json"
 
 @dataclass(frozen=True)
 class Slider:
-    """A number that the reader may move.
+    """A number that the reader can change.
 
     Attributes
     ----------
@@ -35,7 +35,7 @@ class Slider:
     low, high, value : float
         Range and initial value. Three whole numbers make a slider of whole numbers.
     log : bool
-        Move on a logarithmic scale.
+        Whether the scale is logarithmic.
 
     Raises
     ------
@@ -127,7 +127,7 @@ class Explorer:
         return self.alt
 
     def move(self, **values: float) -> str:
-        """Set some sliders' values and update the artists; give the line of text.
+        """Set some sliders' values by name and update the artists; give the line of text.
 
         Parameters
         ----------
@@ -165,13 +165,7 @@ class Explorer:
         return buffer.getvalue()
 
     def widget(self) -> Any:
-        """Make the sliders, the picture and the line of text, wired together.
-
-        Raises
-        ------
-        ImportError
-            If ipywidgets is not installed.
-        """
+        """Make sliders, picture and line of text, connected; an ImportError without ipywidgets."""
         widgets = _widgets()
         width = round(float(96 * self.figure.figure.get_figwidth()))
         picture = widgets.Image(value=self.frame(), format="png", width=width)

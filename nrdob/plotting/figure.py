@@ -1,11 +1,11 @@
-"""What all figures share: the result object, the style, one colour for each role, the names."""
+"""What all figures share: the result, the style, one colour for each role, the names."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 from io import BytesIO
-from math import inf, isfinite
+from math import isfinite
 from numbers import Real
 from pathlib import Path
 from typing import Any
@@ -102,7 +102,7 @@ class Figure(ct.ControlPlot):  # type: ignore[misc]
 
 @contextmanager
 def styled() -> Iterator[None]:
-    """Draw in the house style and leave the user's settings as they are.
+    """Draw in the style of this package and leave the user's settings as they are.
 
     Yields
     ------
@@ -114,7 +114,7 @@ def styled() -> Iterator[None]:
 
 
 def axes_for(given: Any, count: int, height: float) -> list[Axes]:
-    """Return the user's axes, or new ones in a figure of the house size.
+    """Return the user's axes, or new ones in a figure 7 inches wide.
 
     Parameters
     ----------
@@ -156,12 +156,12 @@ def as_map(given: Any) -> Quotient:
     return given
 
 
-def as_number(given: Any, name: str, needed: str, *, low: float = -inf) -> float:
-    """Return a finite real number not below `low`, or say what is `needed`."""
+def as_number(given: Any, name: str, needed: str) -> float:
+    """Return a finite real number, or say what is `needed`."""
     if isinstance(given, bool) or not isinstance(given, Real):
         raise TypeError(f"{name} is {given!r}; it must be {needed}")
     number = float(given)
-    if not (isfinite(number) and number >= low):
+    if not isfinite(number):
         raise ValueError(f"{name} is {given}; it must be {needed}")
     return number
 
@@ -218,15 +218,6 @@ def missing(error: ImportError, extra: str) -> ImportError:
     extra : str
         The extra of this package that the library comes with.
 
-    Returns
-    -------
-    ImportError
-        To be raised from `error`.
-
-    Examples
-    --------
-    >>> print(missing(ImportError("No module named 'sympy'", name="sympy"), "notebooks"))
-    sympy is not installed; it comes with an extra: pip install "nrdob[notebooks]"
     """
     return ImportError(
         f'{error.name} is not installed; it comes with an extra: pip install "nrdob[{extra}]"',

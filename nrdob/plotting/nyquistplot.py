@@ -46,11 +46,12 @@ def nyquist_plot(
     *,
     verdict: LoopStability | NyquistCount | None = None,
     point: float = -1.0,
-    zoom: float | None = None,
     title: str = "",
     ax: Axes | None = None,
 ) -> Figure:
     """Draw a complete Nyquist plot: both halves, and the arcs that close it at infinity.
+
+    Where the plot is so large that the point would drown, an inset magnifies it.
 
     Parameters
     ----------
@@ -60,18 +61,10 @@ def nyquist_plot(
         N, P and Z if they are known; by default they are counted.
     point : float
         Point of the real axis to turn around: -1, or +1 for the paper's G̃⁻¹G.
-    zoom : float, optional
-        Half-width of an inset around the point; 0 for none. By default there is one where the
-        plot is so large that the point would drown.
     title : str
         Heading, which also begins the alt text.
     ax : matplotlib Axes, optional
         Where to draw.
-
-    Returns
-    -------
-    Figure
-        With `.lines`, `.axes`, `.figure` and `.alt`.
 
     Raises
     ------
@@ -79,12 +72,9 @@ def nyquist_plot(
         If something is given that cannot be drawn; the message names it and the remedy.
     """
     point = as_number(point, "point", "a finite real number: -1, or +1 for the ratio G̃⁻¹G")
-    if zoom is not None:
-        as_number(zoom, "zoom", "the half-width of the inset, 0 for none", low=0.0)
     curve = contour(as_map(quotient))
     approach = closest_approach(quotient, curve, point)
     counted = encirclements(quotient, point) if verdict is None else verdict
-    half = _inset_half_width(curve, approach, point) if zoom is None else zoom
     (ax,) = axes_for(ax, 1, TALL)
     with styled():
         colour = colour_of(quotient.name)
@@ -96,7 +86,7 @@ def nyquist_plot(
         _arrows(ax, curve, colour)
         _arc_labels(ax, curve)
         _critical(ax, point)
-        if half:
+        if half := _inset_half_width(curve, approach, point):
             _inset(ax, curve, colour, point, half, approach)
         else:
             _mark_approach(ax, curve, approach, point)

@@ -52,7 +52,7 @@ def winding_plot(zeros: Sequence[complex], poles: Sequence[complex]) -> Figure:
 
 
 def winding_animation(zeros: Sequence[complex], poles: Sequence[complex]) -> Figure:
-    """Let the walk of `winding_plot` move, with a bar for the angle that each vector has swept.
+    """Animate the walk of `winding_plot`, with a bar for the angle that each vector has swept.
 
     Parameters
     ----------

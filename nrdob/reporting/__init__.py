@@ -2,10 +2,10 @@
 
 from .command import main
 from .expressions import read_block
-from .page import Picture, Section, Table
+from .formulas import character, formula, intervals
+from .html import Picture, Section, Table
 from .proposals import Proposal, propose
 from .reports import Report, report
-from .wording import character, formula, intervals
 
 __all__ = [
     "Picture",

@@ -93,7 +93,7 @@ def _report(asked: argparse.Namespace) -> Report:
         time_constant=asked.time_constant,
         order=asked.order,
         title=asked.title,
-        progress=_progress if sys.stderr.isatty() else None,
+        progress=_progress if sys.stderr.isatty() else lambda part: None,
     )
 
 

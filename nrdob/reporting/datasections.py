@@ -10,8 +10,8 @@ import numpy as np
 from ..measured import Identification, Record
 from ..numerics import number
 from ..plotting import COLOURS, INK, TALL, Figure, axes_for, styled
-from .page import Picture, Section, Table, picture
-from .wording import formula
+from .formulas import formula
+from .html import Picture, Section, Table, picture
 
 __all__ = ["data_sections", "record_section"]
 
@@ -20,28 +20,14 @@ MOST_POINTS = 4000
 
 
 def data_sections(found: Identification) -> Iterator[tuple[str, Callable[[], Section]]]:
-    """Give each section by its title, to be written one by one.
-
-    Parameters
-    ----------
-    found : Identification
-        The process and the evidence.
-    """
+    """Give each section by its title, to be written one by one."""
     yield "What was measured", lambda: record_section(found.record, found)
     yield "The process behind it", lambda: _process(found)
     yield "How well is it known?", lambda: _trust(found)
 
 
 def record_section(record: Record, found: Identification | None = None) -> Section:
-    """Show a record, and what a process makes of it.
-
-    Parameters
-    ----------
-    record : Record
-        The record.
-    found : Identification, optional
-        A process found in it.
-    """
+    """Show a record, and what a process found in it makes of it."""
     words = (
         f"{record.u.size} samples every {number(record.sampling_time, 4)} s; u lies between "
         f"{number(record.u.min())} and {number(record.u.max())}, y between "
@@ -133,7 +119,7 @@ def _drawn(record: Record, found: Identification | None) -> Picture:
             alt += f" and {number(found.validation_percent)} % of the part held out"
     figure = Figure(upper.lines, np.array([[upper], [lower]]), alt)
     caption = "What was measured" + (" and what the process found makes of u." if found else ".")
-    return picture(figure, 20, caption)
+    return picture(figure, caption)
 
 
 def _sentence(text: str) -> str:

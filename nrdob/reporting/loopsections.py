@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import partial
 from math import inf, isfinite, isnan, log10
 from typing import Any
@@ -22,19 +21,16 @@ from ..digital import largest_sampling_time
 from ..loop import NRDOB
 from ..numerics import number, written
 from ..plotting import COLOURS, chart_plot, nyquist_plot
-from .page import Picture, Section, Table, picture
-from .resonances import resonance_warnings
-from .wording import character, formula, intervals, roots_listed
+from .formulas import character, formula, intervals, roots_listed
+from .html import Section, Table, picture
+from .resonances import CERTAIN, resonance_warnings
 
-__all__ = ["UNDECIDED", "Given", "sections_of"]
+__all__ = ["UNDECIDED", "sections_of"]
 
 SMALL_GAIN_DB, SMALL_PHASE, LARGE_MS = 6.0, 30.0, 2.0
 """Margins below, and sensitivity above, which a loop is called near its limit."""
 
 UNDECIDED = "Whether the loop is stable could not be decided."
-
-CERTAIN = 0.02
-"""Relative error of a resonance that every plant has."""
 
 SPANS = (30.0, 10.0, 3.0)
 """How far a chart reaches below and above λ; less far where a dead time asks for too much."""
@@ -43,31 +39,11 @@ FINE = 10.0
 """By how much a loop is sampled faster than it must be, where no sampling time is given."""
 
 
-@dataclass(frozen=True)
-class Given:
-    """A loop and what belongs to it.
-
-    Attributes
-    ----------
-    loop : NRDOB
-        The loop.
-    sampling_time : float or None
-        At which the process was measured, in seconds.
-    """
-
-    loop: NRDOB
-    sampling_time: float | None = None
-
-
-def sections_of(given: Given) -> Iterator[tuple[str, Callable[[], Section]]]:
-    """Give each section by its title, to be written one by one.
-
-    Parameters
-    ----------
-    given : Given
-        The loop.
-    """
-    parts: tuple[tuple[str, Callable[[Given, str], Section]], ...] = (
+def sections_of(
+    loop: NRDOB, step: float | None = None
+) -> Iterator[tuple[str, Callable[[], Section]]]:
+    """Give each section by its title, written one by one; step is the sampling time, if known."""
+    parts: tuple[tuple[str, Callable[[NRDOB, float | None, str], Section]], ...] = (
         ("The loop", _blocks),
         ("Is it stable?", _verdict),
         ("How nearly not?", _margins),
@@ -77,15 +53,15 @@ def sections_of(given: Given) -> Iterator[tuple[str, Callable[[], Section]]]:
         ("On a processor", _sampled),
     )
     for title, write in parts:
-        yield title, partial(write, given, title)
+        yield title, partial(write, loop, step, title)
 
 
-def _blocks(given: Given, title: str) -> Section:
+def _blocks(loop: NRDOB, step: float | None, title: str) -> Section:
     named = (
-        ("process G", given.loop.process),
-        ("model G̃", given.loop.model),
-        ("controller C", given.loop.controller),
-        ("filter F", given.loop.filter),
+        ("process G", loop.process),
+        ("model G̃", loop.model),
+        ("controller C", loop.controller),
+        ("filter F", loop.filter),
     )
     rows = []
     for name, block in named:
@@ -97,13 +73,13 @@ def _blocks(given: Given, title: str) -> Section:
         "The model and its inverse tell from u and y what disturbs the plant; the filter takes "
         "that off the input. All the feedback from y to u is K = F/((1 − F) G̃), and the "
         "controller C acts on the reference through the model.",
-        "What kind of process is it? " + " ".join(character(given.loop.process)),
+        "What kind of process is it? " + " ".join(character(loop.process)),
     )
     return Section(title, words, (table,))
 
 
-def _verdict(given: Given, title: str) -> Section:
-    found = given.loop.stability()
+def _verdict(loop: NRDOB, step: float | None, title: str) -> Section:
+    found = loop.stability()
     rows = tuple(
         (
             part.name,
@@ -129,12 +105,12 @@ def _verdict(given: Given, title: str) -> Section:
     }[found.stable]
     alarms = () if found.stable else (f"{says} {found.reason}.",)
     caption = "All the feedback around the plant, L = K·G; the red cross is −1."
-    drawn = picture(nyquist_plot(given.loop.L), 1, caption)
+    drawn = picture(nyquist_plot(loop.L), caption)
     return Section(title, (says, f"{found.reason}."), (table,), (drawn,), (), alarms)
 
 
-def _margins(given: Given, title: str) -> Section:
-    found = given.loop.margins()
+def _margins(loop: NRDOB, step: float | None, title: str) -> Section:
+    found = loop.margins()
     if not found.stable:
         return Section(title, ("A loop that is not stable has no margins.",))
     rows = tuple(
@@ -159,13 +135,13 @@ def _margins(given: Given, title: str) -> Section:
         ("loop", "gain may rise by", "gain may fall by", "phase", "peak Ms", "more dead time"),
         rows,
     )
-    warnings = tuple(_warnings(found.plant_loop, given))
+    warnings = tuple(_warnings(found.plant_loop, loop, step))
     if found.model_loop.ms > 1.0005 * LARGE_MS:
         warnings += (
             "The controller leaves its own loop with the model a sensitivity peak of "
             f"{number(found.model_loop.ms)}: the reference will make it swing.",
         )
-    moved = tuple(resonance_warnings(given.loop))
+    moved = tuple(resonance_warnings(loop))
     alarms = tuple(said for error, said in moved if error <= CERTAIN)
     warnings += tuple(said for error, said in moved if error > CERTAIN)
     words = (
@@ -175,7 +151,7 @@ def _margins(given: Given, title: str) -> Section:
     return Section(title, words, (table,), (), warnings, alarms)
 
 
-def _warnings(found: Margins, given: Given) -> Iterator[str]:
+def _warnings(found: Margins, loop: NRDOB, step: float | None) -> Iterator[str]:
     """Say what brings the loop near its limit, in plain words."""
     for factor, way in ((found.gm_high, "rises"), (found.gm_low, "falls")):
         decibels = abs(20 * log10(factor)) if 0 < factor < inf else inf
@@ -191,16 +167,16 @@ def _warnings(found: Margins, given: Given) -> Iterator[str]:
             f"Disturbances near {number(found.wms)} rad/s are made {number(found.ms, 2)} times as "
             "large as without control."
         )
-    least = max(given.sampling_time or 0.0, 0.1 * given.loop.delay)
+    least = max(step or 0.0, 0.1 * loop.delay)
     if found.delay_margin < least:
         yield (
             f"With another {number(found.delay_margin, 2)} s of dead time the loop is unstable, "
-            "less than " + ("one sample." if given.sampling_time else "a tenth of the dead time.")
+            "less than " + ("one sample." if step else "a tenth of the dead time.")
         )
 
 
-def _filters(given: Given, title: str) -> Section:
-    filter = given.loop.filter
+def _filters(loop: NRDOB, step: float | None, title: str) -> Section:
+    filter = loop.filter
     if not isinstance(filter, LowPassFilter):
         return Section(
             title,
@@ -209,9 +185,9 @@ def _filters(given: Given, title: str) -> Section:
     rows = []
     warnings: list[str] = []
     for order in (filter.order, filter.order + 1):
-        found = stabilizing_time_constants(given.loop.process, given.loop.model, order)
+        found = stabilizing_time_constants(loop.process, loop.model, order)
         calm = (
-            admissible_time_constants(given.loop.process, given.loop.model, order, max_ms=LARGE_MS)
+            admissible_time_constants(loop.process, loop.model, order, max_ms=LARGE_MS)
             if found
             else []
         )
@@ -229,18 +205,18 @@ def _filters(given: Given, title: str) -> Section:
     return Section(title, words, (table,), (), tuple(warnings))
 
 
-def _chart(given: Given, title: str) -> Section:
-    filter = given.loop.filter
+def _chart(loop: NRDOB, step: float | None, title: str) -> Section:
+    filter = loop.filter
     if not isinstance(filter, LowPassFilter):
         return Section(title, ("A chart over λ needs a filter of the form 1/(λs + 1)^n.",))
     here = filter.time_constant
-    figure = chart_plot(_charted(given.loop, filter))
+    figure = chart_plot(_charted(loop, filter))
     figure.axes[0, 0].plot(1.0, here, "+", color=COLOURS["critical"], ms=11, mew=2.2, zorder=6)
     caption = (
         "Number of unstable roots when the gain of the plant is not what it was, and for other "
         "filters; the red cross is this loop."
     )
-    return Section(title, (), (), (picture(figure, 2, caption),))
+    return Section(title, (), (), (picture(figure, caption),))
 
 
 def _charted(loop: NRDOB, filter: LowPassFilter) -> StabilityChart:
@@ -259,40 +235,37 @@ def _chart_within(loop: NRDOB, filter: LowPassFilter, span: float) -> StabilityC
     return stability_chart(loop.process, loop.model, filter.order, **axes)
 
 
-def _responses(given: Given, title: str) -> Section:
-    if not given.loop.stability().stable:
+def _responses(loop: NRDOB, step: float | None, title: str) -> Section:
+    if not loop.stability().stable:
         return Section(title, ("Responses are drawn of stable loops only.",))
-    drawn: list[Picture] = []
-    for k, (signal, caption) in enumerate(
-        (("y", "Output y after unit steps."), ("u", "Control signal u after unit steps."))
-    ):
-        drawn.append(picture(given.loop.plot_step(signal), 3 + k, caption))
+    drawn = tuple(
+        picture(loop.plot_step(signal), f"{name} {signal} after unit steps.")
+        for signal, name in (("y", "Output"), ("u", "Control signal"))
+    )
     words = []
-    peak = given.loop.step_response("R").outputs
+    peak = loop.step_response("R").outputs
     words.append(
         f"After a step of the reference y rises to {number(float(peak[0, 0].max()))} at most, and "
         f"u reaches {number(float(np.abs(peak[1, 0]).max()))} per unit."
     )
     try:
-        power = given.loop.U_eta.noise_power()
+        power = loop.U_eta.noise_power()
         words.append(
             "White noise of unit density on the sensor makes u wander with a standard deviation of "
             f"{number(float(np.sqrt(power)))}."
-            if isfinite(power)
-            else "White noise on the sensor reaches u without being filtered at high frequency."
         )
     except (ValueError, ArithmeticError) as error:
         words.append(f"What noise does to u: {error}.")
-    return Section(title, tuple(words), (), tuple(drawn))
+    return Section(title, tuple(words), (), drawn)
 
 
-def _sampled(given: Given, title: str) -> Section:
-    if not given.loop.stability().stable:
+def _sampled(loop: NRDOB, step: float | None, title: str) -> Section:
+    if not loop.stability().stable:
         return Section(title, ("A loop that is not stable is not worth sampling.",))
     words, warnings, alarms = [], [], []
     longest = inf
     try:
-        longest = largest_sampling_time(given.loop)
+        longest = largest_sampling_time(loop)
         words.append(
             f"Sampled by Tustin's rule, the loop becomes unstable at dt = {number(longest, 4)} s; "
             "it is stable for every shorter sampling time."
@@ -301,18 +274,18 @@ def _sampled(given: Given, title: str) -> Section:
         )
     except (ValueError, ArithmeticError, NotImplementedError) as error:
         warnings.append(f"The largest sampling time is not known: {error}.")
-    dt = given.sampling_time or _sampling_time(given.loop, longest)
-    sampled = given.loop.sampled(dt)
+    dt = step or _sampling_time(loop, longest)
+    sampled = loop.sampled(dt)
     verdict = sampled.stability()
     says = {True: "stable", False: "NOT stable", None: "not decided"}[verdict.stable]
-    of = "at which the plant was measured" if given.sampling_time else "chosen here"
+    of = "at which the plant was measured" if step else "chosen here"
     words.append(f"At dt = {number(dt, 4)} s, {of}, the sampled loop is {says}: {verdict.reason}.")
     if not verdict.stable:
         alarms.append(f"At dt = {number(dt, 4)} s the sampled loop is {says}.")
     tables = []
     if verdict.stable:
         try:
-            table, after = _compared(given.loop.margins().plant_loop, sampled.margins(), dt)
+            table, after = _compared(loop.margins().plant_loop, sampled.margins(), dt)
         except (ValueError, ArithmeticError) as error:
             warnings.append(f"What sampling takes from the margins is not known: {error}.")
         else:

@@ -4,61 +4,36 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from math import log10
 from typing import Any
 
 import control as ct
 import numpy as np
-from scipy.optimize import brentq
 
 from ..design import (
     ModelCandidate,
-    admissible_time_constants,
-    design_controller,
-    design_filter,
     stable_model_exists,
     suggest_model,
 )
 from ..diagram import (
     DelayedTransferFunction,
     FilterFamily,
-    LowPassFilter,
     as_fraction,
     interpolating_filter,
 )
 from ..loop import NRDOB
 from ..measured import Identification
 from ..numerics import ComplexArray, number
-from .trials import Trial, holds_on_all, in_words, trials_on
+from .choices import controller_for, filter_at, filter_for, slowest_lag
+from .resonances import CERTAIN, LIGHT, resonance_warnings
+from .trials import Trial, in_words, trials_on
 
 __all__ = ["Proposal", "propose"]
-
-ORIGIN = 1e-9
-"""Size of a root, against the largest, that is taken for 0."""
-
-NOISE_GAIN = 10.0
-"""Largest gain from noise to u against that at rest, where only noise limits the filter."""
-
-SPEEDS = (1.0, 0.5, 0.2, 0.1, 0.05, 2.0, 5.0)
-"""Crossovers tried for the controller, against the bandwidth 1/(nλ) of the observer."""
-
-MARGINS = (60.0, 30.0, 10.0)
-"""Phase margins tried for it, in degrees."""
-
-CALM = 2.0
-"""Largest sensitivity peak of the controller with the model that is not called swinging."""
-
-INSIDE = 0.5
-"""Of the longest time constant that will do, the longest that is taken."""
-
-RELAXED = (1.2, 1.5, 2.0, 3.0, 5.0)
-"""Times the peak aimed at, tried where none meets it."""
 
 SHORTER = (1.0, 0.3, 0.1, 0.03, 0.01, 3.0, 10.0)
 """Time constants of an interpolating filter, against the fastest of the process."""
 
 
-SLOWER = (1.0, 1.5, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0)
+SLOWER = (1.5, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0)
 """Times the λ for the process found, tried where the loop fails on a process that it may be."""
 
 
@@ -122,38 +97,136 @@ def propose(
     TypeError, ValueError
         If a block cannot stand where it is put.
     """
-    given = {"model": model, "controller": controller, "order": order, "max_ms": max_ms}
-    if not isinstance(process, Identification):
-        return _proposed(process, time_constant, **given)
-    if process.unsure:
-        said = f"No loop is proposed, because {process.unsure}."
+    found = process if isinstance(process, Identification) else None
+    process = found.process if found else process
+    if found and found.unsure:
+        said = f"No loop is proposed, because {found.unsure}."
         return Proposal(None, (said,), warnings=(said,))
-    first = _proposed(process.process, time_constant, **given)
+    candidates: tuple[ModelCandidate, ...] = ()
+    others = []
+    if model is None:
+        candidates = tuple(suggest_model(process, max_ms=max_ms))
+        best = candidates[0]
+        if not best.time_constants:
+            return _matched(process, controller, max_ms, candidates)
+        why = f"Model: {_why(best.how)}. {_rank(candidates, max_ms)}"
+        base = _Base(process, best.model, why, order or best.filters, controller, max_ms)
+        damped = _without_resonances(process)
+        if damped is not None:
+            why = "Model: the process without dead time and with its resonances critically damped."
+            others = [replace(base, model=damped, why=why, family=order or _lowest(damped))]
+    else:
+        base = _Base(
+            process, model, "Model: as given.", order or _lowest(model), controller, max_ms
+        )
+    first = replace(_completed(base, time_constant), candidates=candidates)
     if first.loop is None:
         return first
-    proposal, loop, slower = first, first.loop, 1.0
-    found = holds_on_all(first.loop, process)
-    for factor in () if found or time_constant is not None else SLOWER[1:]:
-        late = factor * _time_constant(first.loop.filter)
-        tried = _proposed(process.process, late, **given, calm=True)
-        if tried.loop is not None and (found := holds_on_all(tried.loop, process)):
-            proposal, loop, slower = tried, tried.loop, factor
+    trying = trials_on(first.loop, found)
+    seen = _until_one_fails(trying)
+    fault = _fault(first.loop, seen)
+    if not fault:
+        return replace(first, words=(*first.words, *_told(seen)), trials=seen)
+    for change, other in () if time_constant else _others(base, first, first.loop.filter, others):
+        if other.loop is None:
+            continue
+        trials = _until_one_fails(trials_on(other.loop, found))
+        if not _fault(other.loop, trials):
+            said = f"{fault}, so {change}, with a controller to match."
+            words = (*other.words, " ".join([said, *_told(trials)]))
+            return replace(other, words=words, candidates=candidates, trials=trials)
+    trials = (*seen, *trying)
+    said_of = _told(trials) if any(not each.holds for each in trials) else ()
+    return replace(first, warnings=(*said_of, *first.warnings), trials=trials)
+
+
+@dataclass(frozen=True)
+class _Base:
+    """What a loop is completed from: the model, why it is that one, and the kind of filter."""
+
+    process: Any
+    model: Any
+    why: str
+    family: int | FilterFamily
+    controller: Any
+    max_ms: float
+
+
+def _lowest(model: Any) -> int:
+    """Lowest order of a filter with which the inverse of a model is causal."""
+    return max(1, as_fraction(getattr(model, "tf", model), "model").relative_degree)
+
+
+def _completed(base: _Base, time_constant: float | None, calm: bool = False) -> Proposal:
+    """Choose filter and controller; the controller is as slow as the filter if it must be calm."""
+    words, warnings = [base.why], []
+    if time_constant is None:
+        filter, said, warned = filter_for(base.process, base.model, base.family, base.max_ms)
+        words.append(said)
+        warnings += warned
+        if filter is None:
+            return Proposal(None, tuple(words), warnings=tuple(warnings))
+    else:
+        filter = filter_at(base.family, time_constant)
+        words.append("Filter: as given.")
+    controller = base.controller
+    if controller is None:
+        controller, said = controller_for(base.model, filter, calm)
+        words.append(said)
+        if controller is None:
+            return Proposal(None, tuple(words), warnings=(*warnings, said))
+    else:
+        words.append("Controller: as given.")
+    loop = NRDOB(base.process, base.model, controller, filter)
+    settles = all(root.real < 0 for root in np.roots(loop.fractions.G.den))
+    if settles and loop.delay > slowest_lag(base.process) and not loop.model_delay:
+        words.append(
+            "The dead time is the longest of all times here. With a model that has it, too, "
+            f"nrdob.delay({loop.delay:.4g})*model, the response to the reference has no "
+            "oscillation; against disturbances that loop, too, must wait for it."
+        )
+    return Proposal(loop, tuple(words), warnings=tuple(warnings))
+
+
+def _until_one_fails(trying: Iterator[Trial]) -> tuple[Trial, ...]:
+    seen = []
+    for each in trying:
+        seen.append(each)
+        if not each.holds:
             break
-    trials = trials_on(loop, process)
-    said = in_words(trials)
-    if not found:
-        return replace(first, warnings=(said, *first.warnings), trials=trials)
-    words = first.words
-    if slower > 1:
+    return tuple(seen)
+
+
+def _fault(loop: NRDOB, trials: tuple[Trial, ...]) -> str:
+    """Say why a loop should not be used as it is; nothing where it may."""
+    if any(not each.holds for each in trials):
+        return "With this filter the loop fails on a process that the record does not exclude"
+    if loop.stability().stable and any(e <= CERTAIN for e, _ in resonance_warnings(loop)):
+        return (
+            f"With a model that resonates like the process an error of {100 * CERTAIN:g} % in the "
+            "frequency makes the loop unstable"
+        )
+    return ""
+
+
+def _told(trials: tuple[Trial, ...]) -> tuple[str, ...]:
+    return (in_words(trials),) if trials else ()
+
+
+def _others(
+    base: _Base, first: Proposal, filter: Any, others: list[_Base]
+) -> Iterator[tuple[str, Proposal]]:
+    """Give loops with other models, then slower ones with the same."""
+    for other in others:
+        yield "the model does not resonate", _completed(other, None, calm=True)
+    fastest = _time_constant(filter)
+    for factor in SLOWER:
+        slower = _completed(base, factor * fastest, calm=True)
         words = tuple(
             late if late.startswith("Controller") else early
-            for early, late in zip(first.words, proposal.words, strict=False)
+            for early, late in zip(first.words, slower.words, strict=False)
         )
-        said = (
-            "With this filter the loop fails on a process that the record does not exclude, so λ "
-            f"is {slower:g} times as long, with a controller to match. {said}"
-        )
-    return replace(first, loop=proposal.loop, words=(*words, said), trials=trials)
+        yield f"λ is {factor:g} times as long", replace(slower, words=words)
 
 
 def _time_constant(filter: Any) -> float:
@@ -162,69 +235,16 @@ def _time_constant(filter: Any) -> float:
     return float(abs(den[0] / den[-1]) ** (1 / (len(den) - 1)))
 
 
-def _proposed(
-    process: Any,
-    time_constant: float | None,
-    *,
-    model: Any,
-    controller: Any,
-    order: int | None,
-    max_ms: float,
-    calm: bool = False,
-) -> Proposal:
-    """Choose what was not given; the controller is as slow as the filter if it must be calm."""
-    words: list[str] = []
-    warnings: list[str] = []
-    candidates: tuple[ModelCandidate, ...] = ()
-    if model is None:
-        candidates = tuple(suggest_model(process, max_ms=max_ms))
-        best = candidates[0]
-        if not best.time_constants:
-            return _matched(process, controller, max_ms, candidates)
-        model, family = best.model, order or best.filters
-        words.append(f"Model: {_why(best.how)}. {_rank(candidates, max_ms)}")
-    else:
-        words.append("Model: as given.")
-        lowest = as_fraction(getattr(model, "tf", model), "model").relative_degree
-        family = order or max(1, lowest)
-    if time_constant is None:
-        filter, said, warned = _filter(process, model, family, max_ms)
-        words.append(said)
-        warnings += warned
-        if filter is None:
-            return Proposal(None, tuple(words), candidates, tuple(warnings))
-    else:
-        filter = _at(family, time_constant)
-        words.append("Filter: as given.")
-    if controller is None:
-        controller, said = _controller(model, filter, calm)
-        words.append(said)
-        if controller is None:
-            return Proposal(None, tuple(words), candidates, (*warnings, said))
-    else:
-        words.append("Controller: as given.")
-    loop = NRDOB(process, model, controller, filter)
-    settles = all(root.real < 0 for root in np.roots(loop.fractions.G.den))
-    if settles and loop.delay > slowest_lag(process) and not loop.model_delay:
-        words.append(
-            "The dead time is the longest of all times here. With a model that has it, too, "
-            f"nrdob.delay({loop.delay:.4g})*model, the response to the reference has no "
-            "oscillation; against disturbances that loop, too, must wait for it."
-        )
-    return Proposal(loop, tuple(words), candidates, tuple(warnings))
-
-
-def slowest_lag(process: Any) -> float:
-    """Largest time constant of poles and zeros, in seconds; 0 where there is none."""
+def _without_resonances(process: Any) -> ct.TransferFunction | None:
+    """Give the process without dead time and with critical damping; None if nothing resonates."""
     fraction = as_fraction(getattr(process, "tf", process), "process", proper=False)
-    roots = np.concatenate([np.roots(part) for part in fraction])
-    sizes = np.abs(roots[np.abs(roots) > ORIGIN * np.abs(roots).max(initial=0.0)])
-    return float(max(1 / sizes, default=0.0))
-
-
-def slowest_time_constant(process: Any) -> float:
-    """Largest time constant, dead time included, in seconds; 1 where there is none."""
-    return max(slowest_lag(process), getattr(process, "delay", 0.0)) or 1.0
+    parts = []
+    for part in fraction:
+        roots = np.roots(part)
+        light = (np.abs(roots.real) < LIGHT * np.abs(roots)) & (roots.imag != 0)
+        calm = np.where(light, -np.abs(roots), roots)
+        parts.append(part[0] * np.atleast_1d(np.poly(calm).real))
+    return None if all(map(np.allclose, parts, fraction)) else ct.tf(*parts)
 
 
 def _rank(candidates: tuple[ModelCandidate, ...], max_ms: float) -> str:
@@ -253,142 +273,6 @@ def _why(how: str) -> str:
         "inverted",
     }
     return "; ".join(reasons.get(part, part) for part in how.split(", "))
-
-
-def _filter(
-    process: Any, model: Any, family: int | FilterFamily, max_ms: float
-) -> tuple[LowPassFilter | ct.TransferFunction | None, str, list[str]]:
-    """Choose the fastest filter that keeps the peak; where all do, what the noise allows."""
-    of_order = _named(family)
-    try:
-        found = design_filter(process, model, order=family, max_ms=max_ms)
-        return (
-            found,
-            (
-                f"Filter: the fastest {of_order} whose plant loop has a sensitivity peak of "
-                f"at most {max_ms:g}."
-            ),
-            [],
-        )
-    except ValueError as error:
-        reason = str(error)
-    if "however fast" in reason:
-        return *_by_noise(process, model, family, max_ms), []
-    for limit in RELAXED:
-        try:
-            found = design_filter(process, model, order=family, max_ms=max_ms * limit)
-        except ValueError:
-            continue
-        return (
-            found,
-            (
-                f"Filter: none {of_order} keeps the sensitivity peak below {max_ms:g}; this "
-                f"is the fastest below {max_ms * limit:g}."
-            ),
-            [f"No filter with this model meets a sensitivity peak of {max_ms:g}: it is touchy."],
-        )
-    return (
-        None,
-        f"Filter: {reason}.",
-        [f"No filter {of_order} gives a loop that could be used with this model: {reason}."],
-    )
-
-
-def _named(family: int | FilterFamily) -> str:
-    if isinstance(family, FilterFamily):
-        return f"of the {family.kind} filters of order {family.order}"
-    return f"of order {family}"
-
-
-def _at(family: int | FilterFamily, time_constant: float) -> LowPassFilter | ct.TransferFunction:
-    if isinstance(family, FilterFamily):
-        return family.at(time_constant)
-    return LowPassFilter(time_constant, family)
-
-
-def _by_noise(
-    process: Any, model: Any, family: int | FilterFamily, max_ms: float
-) -> tuple[LowPassFilter | ct.TransferFunction, str]:
-    """Choose among filters that may be as fast as one likes: F/model must not amplify too much."""
-    slow = slowest_time_constant(process)
-    longest = admissible_time_constants(process, model, family, max_ms=max_ms)[0][1]
-    omega = np.geomspace(1e-4, 1e6, 2000) / slow
-    Gm = as_fraction(getattr(model, "tf", model), "model")
-    inverse = np.abs(np.polyval(Gm.den, 1j * omega) / np.polyval(Gm.num, 1j * omega))
-    allowed = NOISE_GAIN * abs(Gm.den[-1] / Gm.num[-1])
-
-    def excess(exponent: float) -> float:
-        tried = _at(family, 10**exponent)
-        F = as_fraction(getattr(tried, "tf", tried), "filter")
-        passed = inverse * np.abs(np.polyval(F.num, 1j * omega) / np.polyval(F.den, 1j * omega))
-        return float(log10(passed.max() / allowed))
-
-    fast, late = log10(slow) - 4, log10(slow) + 4
-    if allowed > 0 and excess(fast) > 0 > excess(late):
-        quiet = 10 ** brentq(excess, fast, late, xtol=1e-3)
-        said = (
-            f"so the noise must choose: F/G̃ passes noise to u at most {NOISE_GAIN:g} times as "
-            "strongly as it passes a constant."
-        )
-    else:
-        quiet = slow / 10
-        said = (
-            "and noise does not say how fast it must be: this is a tenth of the plant's slowest "
-            "time constant (of 1 s where it has none). Choose your own."
-        )
-    if quiet > INSIDE * longest:
-        quiet = INSIDE * longest
-        said = "and this is a slow one: a faster one would pass even more noise to u."
-    opening = f"every fast one {_named(family)} keeps the sensitivity peak below {max_ms:g}"
-    return _at(family, float(f"{quiet:.3g}")), f"Filter: {opening}, {said}"
-
-
-def _controller(
-    model: Any, filter: Any, calm: bool = False
-) -> tuple[ct.TransferFunction | None, str]:
-    """Design a PI by its phase margin, or by the observer's bandwidth, whose loop is calm.
-
-    Where none of them is, the calmest.
-    """
-    undelayed = getattr(model, "tf", model)
-    tried: list[tuple[float, ct.TransferFunction, str]] = []
-    for limit in (CALM, None):
-        for bandwidth, margin in _asked_of_controllers(filter, undelayed):
-            if calm and bandwidth is None:
-                continue
-            try:
-                found = design_controller(
-                    undelayed, bandwidth=bandwidth, phase_margin=margin, max_ms=limit
-                )
-            except ValueError:
-                continue
-            how = (
-                f"the PI of largest integral gain with a phase margin of {margin:g}° on the model"
-                if bandwidth is None
-                else f"designed for a crossover at {number(bandwidth)} rad/s, near the bandwidth "
-                f"of the observer, with a phase margin of {margin:g}° on the model"
-            )
-            ms = NRDOB(undelayed, undelayed, found, filter).margins().model_loop.ms
-            lowered = limit is not None and bandwidth is None and ms > (1 - 1e-3) * limit
-            calmed = f"; its gain is lowered until the sensitivity peaks at {CALM:g}"
-            tried.append((ms, found, f"Controller: {how}{calmed if lowered else ''}."))
-            if limit is not None:
-                return tried[0][1:]
-    if tried:
-        return min(tried, key=lambda each: each[0])[1:]
-    return None, "Controller: none of I, PI and PID was found that stabilises this model."
-
-
-def _asked_of_controllers(filter: Any, model: Any) -> Iterator[tuple[float | None, float]]:
-    yield None, MARGINS[0]
-    speed = (
-        1 / (filter.order * filter.time_constant)
-        if isinstance(filter, LowPassFilter)
-        else 1 / slowest_time_constant(model)
-    )
-    for margin in MARGINS:
-        for share in SPEEDS:
-            yield share * speed, margin
 
 
 def _matched(
@@ -460,7 +344,7 @@ def _interpolated(process: Any, controller: Any) -> list[tuple[float, float, NRD
         try:
             filter = interpolating_filter(process, share * base)
             if controller is None:  # the one that is found does not depend on λ
-                controller, _ = _controller(process, filter)
+                controller, _ = controller_for(process, filter)
             if controller is None:
                 break
             loop = NRDOB(process, process, controller, filter)

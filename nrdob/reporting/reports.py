@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from html import escape
+from inspect import signature
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -19,11 +20,11 @@ from ..loop import NRDOB
 from ..measured import Identification, Record, identified
 from ..numerics import number
 from .datasections import data_sections, record_section
-from .loopsections import UNDECIDED, Given, sections_of
-from .page import Section, Table, written
+from .formulas import character, formula, intervals
+from .html import Section, Table, written
+from .loopsections import UNDECIDED, sections_of
 from .proposals import Proposal, propose
 from .trials import trial_table
-from .wording import character, formula, intervals
 
 __all__ = ["Report", "report"]
 
@@ -145,12 +146,9 @@ def report(
     subject: Any,
     path: str | PathLike[str] | None = None,
     *,
-    model: Any = None,
-    controller: Any = None,
-    time_constant: float | None = None,
-    order: int | None = None,
     title: str = "",
-    progress: Callable[[str], object] | None = None,
+    progress: Callable[[str], object] = lambda part: None,
+    **given: Any,
 ) -> Report:
     """Write a report as one self-contained HTML page.
 
@@ -165,16 +163,13 @@ def report(
         What to report on.
     path : str or path, optional
         Where to write the page.
-    model, controller : as for `nrdob.NRDOB`, optional
-        Blocks that are given; others are chosen.
-    time_constant : float, optional
-        λ of the filter, in seconds.
-    order : int, optional
-        n of the filter.
     title : str
         Heading of the page.
-    progress : callable, optional
+    progress : callable
         Called with the name of each part before it is worked on.
+    **given : Any
+        What is not to be chosen: model, controller, time_constant and order, and max_ms, as for
+        `nrdob.reporting.propose`.
 
     Returns
     -------
@@ -199,14 +194,12 @@ def report(
     >>> found.loop.filter
     LowPassFilter(time_constant=0.1, order=1)
     """
-    given = {
-        "model": model, "controller": controller, "time_constant": time_constant, "order": order
-    }  # fmt: skip
+    signature(propose).bind(subject, **given)
     if isinstance(subject, NRDOB) and any(each is not None for each in given.values()):
         raise ValueError("a loop has its model, controller and filter; give the process alone")
     if not isinstance(subject, NRDOB | Identification | Record):
         _check_kind(subject)
-    found = _composed(subject, given, title, progress or (lambda part: None))
+    found = _composed(subject, given, title, progress)
     if path is not None:
         found.save(path)
     return found
@@ -247,7 +240,7 @@ def _composed(
         sections += _each_written([(PROPOSED, lambda: _reasons(process, proposal))])
         loop = proposal.loop
     if loop is not None:
-        sections += _each_written(sections_of(Given(loop, step)), progress)
+        sections += _each_written(sections_of(loop, step), progress)
     sections.append(Section("What was checked, and what was not", CHECKED))
     return Report(
         title or f"{name}: report", tuple(sections), _sound(loop), process, loop, identification,

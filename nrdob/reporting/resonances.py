@@ -11,12 +11,15 @@ from ..diagram import DelayedTransferFunction
 from ..loop import NRDOB
 from ..numerics import FloatArray, number
 
-__all__ = ["moved", "resonance_warnings"]
+__all__ = ["CERTAIN", "LIGHT", "moved", "resonance_warnings"]
 
 LIGHT = 0.2
 """Damping ratio below which a pair of roots is a resonance."""
 
-SHIFTS = (0.02, 0.05, 0.1)
+CERTAIN = 0.02
+"""Relative error of its frequency that every plant has."""
+
+SHIFTS = (CERTAIN, 0.05, 0.1)
 """Relative errors of its frequency that are tried."""
 
 
@@ -66,21 +69,7 @@ def resonance_warnings(loop: NRDOB) -> Iterator[tuple[float, str]]:
 
 
 def moved(polynomial: FloatArray, root: complex, factor: float) -> FloatArray:
-    """Move a pair of complex roots along its rays, and keep the value at 0.
-
-    Parameters
-    ----------
-    polynomial : array_like, shape (m,)
-        Real coefficients, highest power first.
-    root : complex
-        One of the pair.
-    factor : float
-        By which its frequency is multiplied.
-
-    Returns
-    -------
-    ndarray, shape (m,)
-        The polynomial with the other pair.
+    """Move a pair of complex roots along its rays by a factor, and keep the value at 0.
 
     Examples
     --------

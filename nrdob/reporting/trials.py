@@ -9,9 +9,9 @@ from math import inf, isfinite
 from ..loop import NRDOB
 from ..measured import Identification
 from ..numerics import number
-from .page import Table
+from .html import Table
 
-__all__ = ["Trial", "holds_on_all", "in_words", "trial_table", "trials_on"]
+__all__ = ["Trial", "in_words", "trial_table", "trials_on"]
 
 TOLERATED = 2.5
 """Largest sensitivity peak on a process that the record does not exclude."""
@@ -47,33 +47,10 @@ class Trial:
         return self.ms <= TOLERATED
 
 
-def trials_on(loop: NRDOB, found: Identification) -> tuple[Trial, ...]:
-    """Try a loop on what was identified, its rivals, and all corners of the intervals.
-
-    Parameters
-    ----------
-    loop : NRDOB
-        The loop; its process is replaced.
-    found : Identification
-        What the record says.
-    """
-    return tuple(_trials(loop, found))
-
-
-def holds_on_all(loop: NRDOB, found: Identification) -> bool:
-    """Tell whether no trial fails; the first that does ends them.
-
-    Parameters
-    ----------
-    loop : NRDOB
-        The loop; its process is replaced.
-    found : Identification
-        What the record says.
-    """
-    return all(each.holds for each in _trials(loop, found))
-
-
-def _trials(loop: NRDOB, found: Identification) -> Iterator[Trial]:
+def trials_on(loop: NRDOB, found: Identification | None) -> Iterator[Trial]:
+    """Try a loop on what was identified, its rivals, and all corners of the intervals, if any."""
+    if found is None:
+        return
     plants = {f"{found.structure} (chosen)": found.process}
     plants |= {each.structure: each.process for each in found.candidates if each.rival}
     if found.plain is not None:
@@ -92,13 +69,7 @@ def _trials(loop: NRDOB, found: Identification) -> Iterator[Trial]:
 
 
 def in_words(trials: tuple[Trial, ...]) -> str:
-    """Say what became of all trials.
-
-    Parameters
-    ----------
-    trials : tuple of Trial
-        Of one loop.
-    """
+    """Say what became of all trials of a loop."""
     corners = sum(each.corner for each in trials)
     rivals = len(trials) - corners - 1
     some = f"{rivals} rival{'s' * (rivals > 1)}" if rivals else "no rival"
@@ -117,13 +88,7 @@ def in_words(trials: tuple[Trial, ...]) -> str:
 
 
 def trial_table(trials: tuple[Trial, ...]) -> Table:
-    """Show the trials: all structures, and the worst corners.
-
-    Parameters
-    ----------
-    trials : tuple of Trial
-        Of one loop.
-    """
+    """Show the trials of a loop: all structures, and the worst corners."""
     corners = sorted((each for each in trials if each.corner), key=lambda each: -each.ms)
     shown = [*(each for each in trials if not each.corner), *corners[:SHOWN]]
     answer = {True: "yes", False: "NO", None: "not decided"}

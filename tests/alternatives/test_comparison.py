@@ -55,6 +55,7 @@ def test_the_numbers_are_those_of_the_loop():
     assert found.column("modified")["as printed"] == pytest.approx(changed, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_an_unstable_plant_has_rows_that_say_why():
     _, found = examples(3)
     assert "stable or integrating processes: use an observer" in found["PI"].reason
@@ -117,6 +118,7 @@ def test_a_changed_plant_that_is_lost_is_lost_in_the_table():
     assert "lost" in repr(found)
 
 
+@pytest.mark.slow
 def test_the_table_prints_and_is_written(tmp_path):
     _, found = examples(4)
     assert repr(found).splitlines()[0].split()[:2] == ["tuning", "Ms"]
@@ -218,6 +220,7 @@ def from_the_blocks(loop, w, tau):
     return G(w) * np.exp(-dead * w), np.polyval(num, w) / open_ / Gm(w), 1 / (tau * w + 1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(8))
 def test_the_numbers_are_those_of_a_grid_and_of_a_numerical_inverse_transform(seed):
     rng = np.random.default_rng(seed)

@@ -74,7 +74,7 @@ def test_nothing_is_printed_and_nothing_warns(number, capfd):
     loop.stability()
     loop.margins()
     loop.step_response("eta")
-    for draw in (loop.plot_nyquist, loop.plot_bode, loop.plot_step, loop.plot_roots):
+    for draw in (loop.plot_nyquist, loop.plot_bode, loop.plot_step):
         draw()._repr_mimebundle_()
     plt.close("all")
     captured = capfd.readouterr()

@@ -249,6 +249,7 @@ def test_margins_at_60_detuned_hardly_damped_modes_are_the_certified_ones():
                 assert not differs(each, quotient)
 
 
+@pytest.mark.slow
 def test_random_loops_have_the_margins_of_a_sweep_in_long_doubles():
     tally = run(2 * len(FAMILIES), seed=4)
     assert tally["wrong"] == 0

@@ -647,6 +647,7 @@ def test_real_numbers_may_be_stored_as_complex_ones():
     assert np.array_equal(found.outputs, same.outputs)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1])
 def test_random_loops_with_dead_times_are_summed_echo_by_echo(seed):
     errors, refusals = delayedsteps.campaign(30, seed)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import nrdob
+from densegrid import roots_on_the_right, values_on_axis
 from nrdob.analysis import judge, step_response
 from nrdob.diagram import INPUTS
 from nrdob.numerics import QuasiPolynomial, Term, count_rhp
@@ -45,21 +46,14 @@ def adaptive_argument_count(loop, integrators=0):
     # Between two frequencies less than a turn, or what turns is small.
     lowest = 1e-6 if integrators < 2 else 1e-4
     omega = np.union1d(np.geomspace(lowest, top, 2000), np.arange(lowest, 50 * fastest, turn / 15))
-    for _ in range(60):
-        values = p(omega)
-        turned = np.abs(np.angle(values[1:] / values[:-1]))
-        coarse = np.flatnonzero(turned > 0.3)
-        if not coarse.size:
-            break
-        omega = np.insert(omega, coarse + 1, (omega[coarse] + omega[coarse + 1]) / 2)
-    lead = G.den[0] * Gm.num[0] * F.den[0] * 1j**degree
-    turn = np.angle(values[1:] / values[:-1]).sum() + np.angle(lead / values[-1])
-    return round(degree / 2 - turn / math.pi)
+    lead = G.den[0] * Gm.num[0] * F.den[0]
+    return round(roots_on_the_right(values_on_axis(p, omega), lead, degree))
 
 
 # Verdicts.
 
 
+@pytest.mark.slow
 def test_random_verdicts_are_those_of_an_independent_count():
     rng = np.random.default_rng(11)
     seen = set()
@@ -329,6 +323,7 @@ def test_two_integrators_take_a_filter_that_leads_by_the_dead_time():
     assert usual.stable is False and "interpolating_filter" in usual.reason
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("leak", "theta", "input", "t"),
     [

@@ -8,7 +8,7 @@ import pytest
 from scipy.signal import dlsim
 
 import nrdob
-from nrdob.digital import Limits
+from nrdob.digital import ActuatorLimits
 
 DT = 0.01
 LAG = ct.tf([2.0], [1.0, 1.0])
@@ -50,9 +50,9 @@ def test_simulations_of_a_million_samples(same, note):
 
     for what, options in (
         ("without limits", {}),
-        ("limits and rate, noise", {"limits": Limits(-0.6, 0.6, 5), "noise": 0.1}),
-        ("chattering between limits", {"limits": Limits(-0.01, 0.01), "noise": 0.5}),
-        ("limits and converters", {"limits": Limits(-0.6, 0.6, 5), "resolution": 0.01}),
+        ("limits and rate, noise", {"limits": ActuatorLimits(-0.6, 0.6, 5), "noise": 0.1}),
+        ("chattering between limits", {"limits": ActuatorLimits(-0.01, 0.01), "noise": 0.5}),
+        ("limits and converters", {"limits": ActuatorLimits(-0.6, 0.6, 5), "resolution": 0.01}),
         ("4 points between samples", {"n_between": 4}),
     ):
         seconds = timed(lambda options=options: sampled.simulate({"R": R}, **options))

@@ -43,5 +43,5 @@ def test_notebooks(request, note, tmp_path):
     start = time.perf_counter()
     runner = [sys.executable, "book/make/notebooks.py", "--output", str(tmp_path), "--report"]
     done = subprocess.run(runner, capture_output=True, text=True, cwd=ROOT, check=False)
-    note(f"notebooks, all in {time.perf_counter() - start:.0f} s (below 180 s, each below 600 MB)")
+    note(f"notebooks, all in {time.perf_counter() - start:.0f} s (below 180 s)")
     note(done.stdout + done.stderr)

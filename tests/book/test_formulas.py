@@ -421,6 +421,7 @@ def serves(equation: Equation, claims: list[Equation]) -> bool:
     return not used.isdisjoint(definition(equation))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_every_formula_is_true_or_printed(path: Path) -> None:
     found = problems(nbformat.read(path, as_version=4))
@@ -490,6 +491,7 @@ def test_a_cell_or_a_chapter_says_that_the_model_is_perfect() -> None:
     assert problems(chapter) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("formula", [*TRUE_FOR_ALL, *TRUE_IF_RATIONAL, *TRUE_IF_MATCHED])
 def test_every_wrong_sign_is_noticed(formula: str) -> None:
     for sign in re.finditer("[+-]", formula):

@@ -30,6 +30,7 @@ def archive(tmp_path_factory: pytest.TempPathFactory) -> ZipFile:
     return ZipFile(target)
 
 
+@pytest.mark.slow
 def test_the_archive_has_each_chapter_and_the_package(archive: ZipFile):
     names = {name.removeprefix("nrdob-book/") for name in archive.namelist()}
     assert {f"notebooks/{path.name}" for path in (ROOT / "notebooks").glob("*.ipynb")} <= names

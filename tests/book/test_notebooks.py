@@ -141,6 +141,7 @@ def test_a_number_appears_with_the_same_digits(number: str, text: str, there: bo
     assert appears(number, text) is there
 
 
+@pytest.mark.slow
 @each_notebook
 def test_numbers_in_prose_come_from_code(path: Path) -> None:
     computed = text_from_code(path)

@@ -18,6 +18,7 @@ QUESTIONS = read_questions()
 each_question = pytest.mark.parametrize("question", QUESTIONS.values(), ids=QUESTIONS.keys())
 
 
+@pytest.mark.slow
 def test_every_chapter_holds_its_question_as_it_is_asked_in_class() -> None:
     assert predictions.main(["--check"]) == 0
     for path in sorted(predictions.NOTEBOOKS.glob("*.ipynb")):

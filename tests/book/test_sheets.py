@@ -45,6 +45,7 @@ def test_each_set_has_its_page_and_its_solutions_apart(printed: dict[str, Beauti
     assert printed.keys() == pages | {"boards"}
 
 
+@pytest.mark.slow
 @each_set
 def test_every_problem_is_on_both_pages(printed: dict[str, BeautifulSoup], name: str) -> None:
     posed = [task.id for each in PACK.sets if each.name == name for task in each.tasks]
@@ -114,5 +115,6 @@ def test_a_page_is_the_same_each_time(printed: dict[str, BeautifulSoup], tmp_pat
     assert BeautifulSoup(again, "html.parser") == printed["boards"]
 
 
+@pytest.mark.slow
 def test_the_pages_are_written_into_the_folder_that_is_asked_for(tmp_path: Path) -> None:
     assert all(path.parent == tmp_path / "here" for path in paper.write(tmp_path / "here"))

@@ -26,15 +26,17 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from bs4 import BeautifulSoup
 
+import apipages
 import ledger
 import teaching
 from browser import CHROMIUM, LIGHTER, VIEWS, Look, browser, look, look_again
 from digits import hanging_on_rounding
 from nrdob_course.claims import LEDGER, Entry, Verdict
 from nrdob_course.exercises import PROBLEMS
+from pages import prose_of
 from papermap import equations_in
 from predictions import read_questions
-from statements import prose_of, theorems_of
+from statements import theorems_of
 
 # The whole book is built.
 pytestmark = pytest.mark.slow
@@ -44,7 +46,7 @@ REFERENCE_PAGES = {
     "index", "get", "ledger", "errata", "theorems", "paper_map", "notation", "glossary", "api",
     "comparison", "bibliography", "colophon",
 }  # fmt: skip
-REFERENCE_PAGES |= {f"api/{path.stem}" for path in (ROOT / "book" / "api").glob("*.md")}
+REFERENCE_PAGES |= {f"api/{name}" for name in ("course", *apipages.pages_of(ROOT))}
 TEACHING_PAGES = {
     f"teaching/{name}"
     for name in (

@@ -6,6 +6,7 @@ import contextlib
 import re
 import shlex
 import textwrap
+import tomllib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
@@ -25,7 +26,7 @@ import slides
 import teaching
 from nrdob.design import closedforms
 from nrdob_course.exercises import PROBLEMS
-from nrdob_course.exercises.problems import review
+from nrdob_course.exercises.reviewing import review
 from nrdob_course.grading import command as exercises
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -110,6 +111,7 @@ def test_the_program_tells_what_is_wrong(
     assert "1.1: posed in no set" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_the_stored_pages_are_in_step_with_their_sources(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -443,6 +445,7 @@ SYMBOLS = ("p_A", "p_B", "FH", "H", "K", "L", "T_R", "S_d", "S_\\delta", "S_\\et
 """What a class learns to read from the board."""
 
 
+@pytest.mark.slow
 def test_a_question_uses_what_was_on_the_board_before() -> None:
     known: set[str] = set()
     for number, session in zip(weeks(), teaching_sessions(), strict=True):
@@ -492,6 +495,7 @@ def test_the_plan_names_every_line_of_the_board_once() -> None:
         assert named == lines
 
 
+@pytest.mark.slow
 def test_formulas_on_the_board_are_true() -> None:
     lines = [
         textwrap.dedent(line)
@@ -594,8 +598,10 @@ def test_new_seeds_can_be_set_as_the_page_says() -> None:
 # --- the example of a problem -------------------------------------------------------------------
 
 
-def test_the_example_of_a_new_problem_works() -> None:
-    [code] = [block for language, block in BLOCK.findall(PAGES["adding"]) if language == "python"]
+def test_the_example_of_a_new_problem_works(monkeypatch: pytest.MonkeyPatch) -> None:
+    blocks = dict(BLOCK.findall(PAGES["adding"]))
+    code, texts = blocks["python"], tomllib.loads(textwrap.dedent(blocks["toml"]))
+    monkeypatch.setattr("nrdob_course.exercises.problems.texts_of", {"7": texts}.get)
     space: dict[str, Any] = {"__name__": __name__}
     exec(textwrap.dedent(code), space)
     [problem] = space["PROBLEMS"]

@@ -4,7 +4,7 @@ python -m tests.campaigns.classroom --set set6 --platform moodle
 
 Right, mistaken, blank, hostile and broken notebooks, packed, handed in again, late: each must get
 the points that it deserves, in the table and in the file that the platform imports. What nobody may
-do is tried out in `tests/course/test_wall.py`; here it is done in the middle of a class.
+do is tried out in `tests/course/test_sandbox.py`; here it is done in the middle of a class.
 """
 
 from __future__ import annotations

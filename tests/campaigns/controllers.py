@@ -14,7 +14,7 @@ from collections import Counter
 import numpy as np
 
 from firmware import relative, run_c, run_python
-from nrdob.digital import Limits
+from nrdob.digital import ActuatorLimits
 from nrdob.sampling import random_loop
 
 from .runner import print_tally
@@ -36,15 +36,17 @@ def campaign(count: int, seed: int) -> dict[str, int]:
             method = "zoh" if rng.random() < 0.2 else "tustin"
             late = float(rng.choice([0, 0.4, 1])) * dt
             sampled = loop.sampled(dt, method, computation_delay=late)
-            code = sampled.code()
+            controller = sampled.controller
         except ValueError as refusal:
             tally["refused: " + str(refusal).split(" (")[0][:60]] += 1
             continue
-        if np.abs(np.linalg.eigvals(code.wired.A)).max() > 1 + 1e-9:
+        if np.abs(np.linalg.eigvals(controller.A)).max() > 1 + 1e-9:
             continue  # unstable blocks: rounding grows in them, whoever runs them
-        once = [section.integrates for section in code.blocks["C"]].count(True) == 1
-        more = {"tracking_time": 5 * dt / abs(code.wired.factor)} if once else {}
-        limits = rng.choice([None, Limits(-1, 1.5), Limits(-1, 2, 0.5 / dt), Limits(rate=5)])
+        once = [section.integrates for section in controller.sections["C"]].count(True) == 1
+        more = {"tracking_time": 5 * dt / abs(controller.factor)} if once else {}
+        limits = rng.choice(
+            [None, ActuatorLimits(-1, 1.5), ActuatorLimits(-1, 2, 0.5 / dt), ActuatorLimits(rate=5)]
+        )
         start = rng.choice([None, 0.7])
         R, d = rng.standard_normal((2, SAMPLES))
         try:
@@ -59,9 +61,9 @@ def campaign(count: int, seed: int) -> dict[str, int]:
             continue
         given = R, expected.measured, expected.applied, start
         in_c = run_c(sampled, "c", *given, limits=limits, **more)
-        in_python = run_python(sampled.to_python(limits=limits, **more), *given)
+        in_python = run_python(sampled.code(limits=limits, **more).to_python(), *given)
         # What u is made of: at a start from rest the first two terms nearly cancel.
-        terms = code.wired.blocks["F/Gm"].D / code.wired.factor * expected.measured
+        terms = controller.blocks["F/Gm"].D / controller.factor * expected.measured
         names = ("u", "applied", "d_hat")
         error = max(
             relative(found, getattr(expected, name), terms)

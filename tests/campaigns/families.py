@@ -14,12 +14,12 @@ import numpy as np
 
 import nrdob
 from nrdob import filter_family
-from nrdob.design import default_floor
 from nrdob.diagram import DelayedTransferFunction, FilterFamily
 from nrdob.sampling import random_block
 
 from .plants import plant_and_model
 from .runner import print_tally
+from .sets import floor_of
 
 BESIDE = 1e-5
 """How far inside and outside an end the loop is judged."""
@@ -82,7 +82,7 @@ def _set(rng: np.random.Generator, label: str) -> str:
         family = _family(rng, model)
         model = _waiting(rng, process, model)
         intervals = nrdob.stabilizing_time_constants(process, model, family)
-        floor = default_floor(process, model, family)
+        floor = floor_of(process, model, family)
     except (ArithmeticError, ValueError) as error:
         return f"refused: {type(error).__name__}"
     ends = {end for ends in intervals for end in ends if 0 < end < np.inf}

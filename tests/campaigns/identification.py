@@ -6,8 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.signal import lfilter
+from scipy.stats import binomtest
 
-from nrdob.measured import STRUCTURES, Structure, identify
+from nrdob.measured import STRUCTURES, identify
+from nrdob.measured.structures import Structure
 
 from .runner import print_tally
 
@@ -16,6 +18,9 @@ NAMES = {
     1: ("lag",),
     2: ("slow lag", "fast lag"),
 }
+
+
+Held = dict[str, bool]
 
 
 @dataclass(frozen=True)
@@ -60,10 +65,25 @@ def response(den: np.ndarray, num: np.ndarray, delay: float, u: np.ndarray) -> n
     return np.asarray(y)
 
 
+DISTURBANCES = ("white", "coloured", "drift", "rounded")
+"""White noise; an autoregression with φ = 0.9; a random walk with white noise; a coarse sensor."""
+
+
+def disturbance(kind: str, count: int, rng: np.random.Generator) -> np.ndarray:
+    """A disturbance of about unit size."""
+    white = rng.standard_normal(count + 200)
+    if kind == "coloured":
+        return np.asarray(lfilter([np.sqrt(1 - 0.81)], [1.0, -0.9], white)[200:])
+    if kind == "drift":
+        walk = np.cumsum(white[:count]) * rng.uniform(0.5, 3) / np.sqrt(count)
+        return np.asarray(walk + 0.3 * rng.standard_normal(count))
+    return white[200:] * (0.4 if kind == "rounded" else 1.0)
+
+
 def measured(
     structure: Structure,
     kind: str,
-    colour: float,
+    disturbed: str,
     rng: np.random.Generator,
     noise: float = 0.05,
 ) -> Measured:
@@ -87,43 +107,45 @@ def measured(
         truth["lead of the zero"] = lead * step
     u = signal(kind, count, slow, rng)
     clean = response(den / den[0], num / den[0], delay, u)
-    white = rng.standard_normal(count + 200)
-    coloured = lfilter([np.sqrt(1 - colour**2)], [1.0, -colour], white)[200:]
     # Of an integrator's long ramp a share would drown every change of its slope.
     size = 0.4 * abs(gain) * slow if structure.integrates else clean.std()
-    y = 5.0 + clean + noise * size * coloured
+    y = 5.0 + clean + noise * size * disturbance(disturbed, count, rng)
     if structure.integrates:
         y += 0.01 * gain * np.arange(count)
+    if disturbed == "rounded":
+        y = 3 * noise * size * np.round(y / (3 * noise * size))
     return Measured(structure, truth, 3.0 + step * np.arange(count), u, y)
 
 
-def sure(structure: Structure, kind: str, colour: float, rng: np.random.Generator) -> list[bool]:
-    """Whether each interval of 95 % holds the truth, and last whether the dead time is good."""
-    case = measured(structure, kind, colour, rng)
+def held(structure: Structure, kind: str, disturbed: str, rng: np.random.Generator) -> Held:
+    """Whether each interval of 95 % holds the truth, by name."""
+    case = measured(structure, kind, disturbed, rng)
     found = identify(case.t, case.u, case.y, structure=structure.name, held_out=0)
-    inside = [
-        p.low <= case.truth[name] <= p.high
+    return {
+        name: bool(p.low <= case.truth[name] <= p.high)
         for name, p in found.parameters.items()
         if name in case.truth
-    ]
-    off = abs(found.parameters["dead time"].value - case.truth["dead time"])
-    return [*inside, off < 0.5 * found.record.sampling_time]
+    }
 
 
 def coverage(count: int, seed: int) -> dict[str, int]:
-    """How often an interval of 95 % holds the truth, and the dead time is half a sample right."""
+    """How often an interval of 95 % holds the truth."""
     tally: dict[str, int] = {}
-    for structure in STRUCTURES:
-        for kind in ("step", "binary", "waves"):
-            for colour in (0.0, 0.8):
-                rng = np.random.default_rng([seed, len(structure.name), len(kind), int(colour * 9)])
-                told = [sure(structure, kind, colour, rng) for _ in range(count)]
-                inside = np.concatenate([each[:-1] for each in told])
-                label = f"{structure.name}, {kind}, memory {colour:g}"
-                tally[f"{label}: intervals"] = inside.size
-                tally[f"{label}: intervals that hold"] = int(inside.sum())
-                tally[f"{label}: dead times"] = count
-                tally[f"{label}: dead times within half a sample"] = sum(e[-1] for e in told)
+    for structure in (STRUCTURES[1], STRUCTURES[3]):
+        for kind in ("step", "binary"):
+            for disturbed in DISTURBANCES:
+                seeds = [seed, len(structure.name), len(kind), len(disturbed)]
+                cases = [
+                    held(structure, kind, disturbed, np.random.default_rng([*seeds, k]))
+                    for k in range(count)
+                ]
+                for name in dict.fromkeys(name for case in cases for name in case):
+                    told = [case[name] for case in cases if name in case]
+                    low, high = binomtest(sum(told), len(told)).proportion_ci()
+                    label = f"{structure.name}, {kind}, {disturbed}: {name} held"
+                    label += f" of {len(told)} (between {100 * low:.0f} and {100 * high:.0f} %)"
+                    print(f"{sum(told):6}  {label}", flush=True)
+                    tally[label] = sum(told)
     return tally
 
 

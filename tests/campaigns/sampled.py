@@ -30,11 +30,10 @@ class Case(NamedTuple):
     loop: nrdob.NRDOB
     dt: float
     computation_delay: float
-    prewarp: float | None
     method: str = "tustin"
 
     def sampled(self) -> Any:
-        return self.loop.sampled(self.dt, self.method, self.computation_delay, self.prewarp)
+        return self.loop.sampled(self.dt, self.method, self.computation_delay)
 
 
 def draw(rng: np.random.Generator) -> Case:
@@ -55,11 +54,10 @@ def draw(rng: np.random.Generator) -> Case:
         loop = nrdob.NRDOB(process, model, loop.controller, F)
     dt = max(10 ** rng.uniform(-2, 0.3), (loop.delay + loop.model_delay) / 40)
     late = float(rng.choice([0.0, 1.0, rng.random(), 3 * rng.random()])) * dt
-    prewarp = float(rng.uniform(0.05, 0.9)) * np.pi / dt if rng.random() < 0.2 else None
     sound = not loop.model_delay and loop.fractions.Gm.relative_degree <= 1
     if sound and rng.random() < 0.5:
-        return Case(loop, float(dt), late, None, "zoh")
-    return Case(loop, float(dt), late, prewarp)
+        return Case(loop, float(dt), late, "zoh")
+    return Case(loop, float(dt), late)
 
 
 def brute_force(case: Case) -> np.ndarray:
@@ -71,8 +69,7 @@ def brute_force(case: Case) -> np.ndarray:
         block = ct.ss(ct.tf(num, den))
         if not block.nstates:
             return np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), block.D
-        # At a frequency of 0 python-control would divide by it.
-        found = ct.sample_system(block, dt, case.method, prewarp_frequency=case.prewarp)
+        found = ct.sample_system(block, dt, case.method)
         return found.A, found.B, found.C, found.D
 
     filter, inverse = sampled(*F), sampled(np.convolve(F.num, Gm.den), np.convolve(F.den, Gm.num))
@@ -168,7 +165,7 @@ def outcome(case: Case) -> str:
         return f"undecided: {verdict.reason}"
     if verdict.stable != bool((size < 1).all()):
         return f"WRONG verdict, {case.method}"
-    counts = verdict.model_loop.closed_loop_outside, verdict.observer_loop.closed_loop_outside
+    counts = verdict.model_loop.closed_loop_rhp, verdict.observer_loop.closed_loop_rhp
     if None not in counts and sum(counts) != np.sum(size > 1):
         return "WRONG count"
     found = "stable" if verdict.stable else "not stable"

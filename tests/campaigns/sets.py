@@ -11,6 +11,7 @@ import numpy as np
 
 import nrdob
 from nrdob.design import Mismatch
+from nrdob.design.mismatchgrid import Frequencies
 
 from .plants import plant_and_model
 from .runner import print_tally
@@ -19,6 +20,11 @@ BESIDE = 1e-5
 """How far inside and outside an end the roots are counted."""
 
 SCANNED = 24
+
+
+def floor_of(process, model, filters):
+    """Give the time constant down to which sets are complete by default."""
+    return Frequencies(Mismatch.of(process, model, filters, waits=True)).lowest_floor
 
 
 def campaign(count: int, seed: int) -> Counter[str]:
@@ -38,7 +44,7 @@ def _set(rng: np.random.Generator, label: str) -> str:
     ends = {end for ends in intervals for end in ends if 0 < end < np.inf}
     beside = [end * (1 + side * BESIDE) for end in ends for side in (-1, 1)]
     slow, fast = 1 / mismatch.speeds.min(), 1 / mismatch.speeds.max()
-    floor = nrdob.design.timeconstants.default_floor(process, model, order)
+    floor = floor_of(process, model, order)
     scanned = np.geomspace(max(fast / 100, 1.01 * floor), max(slow * 100, 2 * floor), SCANNED)
     for value in [*beside, *scanned.tolist()]:
         if value <= floor * (1 + 2 * BESIDE):

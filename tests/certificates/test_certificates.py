@@ -47,6 +47,7 @@ def test_the_examples_of_the_paper_are_proved_stable(number):
     assert str(certificate).startswith("Proved: the loop is internally stable.")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("delayed", [False, True])
 def test_random_loops_stable_or_not_are_counted_as_by_the_verdict(delayed):
     rng = np.random.default_rng(7)

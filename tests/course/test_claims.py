@@ -15,25 +15,31 @@ from nrdob.diagram import LoopEquations, Quotient
 from nrdob_course import claims
 from nrdob_course.claims import (
     LEDGER,
-    Amendment,
     Finding,
     LedgerError,
     Verdict,
+    bands,
     conclusions,
     example3,
     example4,
     examples12,
     ledger,
+    lemma1,
+    mismatch,
     recurring,
+    robustness,
+    roots,
     section2,
-    section3,
     settle,
     signals,
 )
 from nrdob_course.claims.ledger import WIDTH, Section, collect
 
-SECTIONS = (section2, section3, examples12, example3, example4, conclusions)
-MODULES = (*SECTIONS, ledger, recurring, signals)
+SECTIONS = (
+    section2, bands, lemma1, mismatch, robustness, examples12, example3, example4, conclusions,
+)  # fmt: skip
+MODULES = (*SECTIONS, ledger, recurring, roots, signals)
+TEXT = {"chapter": "11_the_loop", "place": "p. 1", "says": "It is so."}
 CHAPTERS = {
     "01_matched", "02_nonminimum_phase", "03_unstable", "04_time_delay", "11_the_loop",
     "12_the_filter", "14_two_bands", "15_what_it_is", "16_nyquist",
@@ -41,11 +47,11 @@ CHAPTERS = {
 }  # fmt: skip
 
 
-def one(finding, amendment=None, id="x"):
-    """A claim with a ready finding."""
-    section = Section()
+def one(finding, verdict="", id="x"):
+    """A claim with a ready finding; with a verdict it is amended."""
+    section = Section({id: TEXT | ({"verdict": verdict, "instead": "If."} if verdict else {})})
 
-    @section.claim(id, "p. 1", "It is so.", "11_the_loop", amendment=amendment)
+    @section.check(id)
     def check():
         """Look."""
         return finding
@@ -57,36 +63,35 @@ def one(finding, amendment=None, id="x"):
 
 
 def test_a_verdict_follows_from_the_finding():
-    corrected = Amendment(Verdict.CORRECTED, "It is otherwise.")
     otherwise = Finding(False, "1", conditions={"it is otherwise": True})
     assert settle(one(Finding(True, "1"))).verdict is Verdict.REPRODUCED
-    assert settle(one(otherwise, corrected)).verdict is Verdict.CORRECTED
+    assert settle(one(otherwise, "corrected")).verdict is Verdict.CORRECTED
 
 
 @pytest.mark.parametrize(
-    ("finding", "amendment", "words"),
+    ("finding", "verdict", "words"),
     [
-        (Finding(False, "0.3"), None, r"x: does not hold as printed \(0.3\), and .* no amendment"),
+        (Finding(False, "0.3"), "", r"x: does not hold as printed \(0.3\), and .* no amendment"),
         (
             Finding(True, "0.3", conditions={"it is otherwise": True}),
-            Amendment(Verdict.REFUTED, "No."),
+            "refuted",
             r"holds as printed \(0.3\), but the ledger amends it",
         ),
         (
             Finding(False, "0.3", conditions={"1 is odd": True, "2 is odd": False, "4 is": False}),
-            Amendment(Verdict.CONDITION, "If."),
+            "needs a condition",
             r"x: the amended statement fails as well \(0.3\); not met: 2 is odd; 4 is$",
         ),
         (
             Finding(False, "0.3"),
-            Amendment(Verdict.CONDITION, "If."),
+            "needs a condition",
             "not met: any condition, since none was tried",
         ),
     ],
 )
-def test_a_check_that_finds_something_else_gives_no_verdict(finding, amendment, words):
+def test_a_check_that_finds_something_else_gives_no_verdict(finding, verdict, words):
     with pytest.raises(LedgerError, match=words):
-        settle(one(finding, amendment))
+        settle(one(finding, verdict))
 
 
 def test_an_unknown_id_is_named_with_those_near_it():
@@ -97,11 +102,24 @@ def test_an_unknown_id_is_named_with_those_near_it():
 
 
 def test_two_claims_with_one_id_are_refused():
-    sections = [Section(), Section()]
-    for place, section in enumerate(sections):
-        section.claim("x", f"p. {place}", "It is so.", "11_the_loop")(lambda: Finding(True, ""))
+    sections = [Section({"x": TEXT | {"place": f"p. {place}"}}) for place in range(2)]
+    for section in sections:
+        section.check("x")(lambda: Finding(True, ""))
     with pytest.raises(ValueError, match=r"two claims have the id 'x': that of p\. 0 and .* p\. 1"):
         collect(sections)
+
+
+def test_texts_and_checks_belong_together():
+    section = Section({"x": TEXT, "y": TEXT})
+    section.check("x")(lambda: Finding(True, ""))
+    with pytest.raises(ValueError, match="no text for the claim 'z'"):
+        section.check("z")
+    with pytest.raises(ValueError, match="two checks have the id 'x'"):
+        section.check("x")
+    with pytest.raises(ValueError, match=r"no check for y; write one below @SECTION\.check"):
+        _ = section.claims
+    with pytest.raises(TypeError, match="chaptre"):
+        Section({"x": {"chaptre": "11_the_loop"}}).check("x")(lambda: Finding(True, ""))
 
 
 def test_nothing_is_true_of_nothing():

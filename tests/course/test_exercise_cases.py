@@ -13,7 +13,7 @@ import pytest
 
 from nrdob import LowPassFilter
 from nrdob_course.exercises import PROBLEMS, Problem, own_case
-from nrdob_course.exercises.problems import review
+from nrdob_course.exercises.reviewing import review
 
 GROUPS = (3, 8)
 

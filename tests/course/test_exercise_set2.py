@@ -10,7 +10,9 @@ from nrdob import NRDOB, LowPassFilter
 from nrdob.analysis import encirclements
 from nrdob_course.exercises import own_case
 from nrdob_course.exercises.cases import first_fitting, s
-from nrdob_course.exercises.set2 import CLOSING, LITERAL, READING, UNTURNED, draw_without_count
+from nrdob_course.exercises.figures import draw_without_count
+from nrdob_course.exercises.set2 import CLOSING, READING
+from nrdob_course.exercises.set2_loops import LITERAL, UNTURNED
 
 GROUPS = range(1, 13)
 

@@ -11,12 +11,10 @@ import pytest
 from nrdob import NRDOB, LowPassFilter, stabilizing_time_constants
 from nrdob_course.exercises import own_case
 from nrdob_course.exercises.cases import s
-from nrdob_course.exercises.set5 import (
-    ADVICE,
+from nrdob_course.exercises.set5 import ADVICE, DESIGN, SIGN
+from nrdob_course.exercises.set5_edges import (
     BORDER,
-    DESIGN,
     EDGE,
-    SIGN,
     borders_read,
     draw_edge,
     edge_of,

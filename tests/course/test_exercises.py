@@ -17,7 +17,7 @@ import pytest
 from nbgrader.nbgraderformat import MetadataValidator
 
 from nrdob_course.exercises import PROBLEMS, Misconception, own_case
-from nrdob_course.exercises.problems import BLANK, HARD_CODED, NOTHING, ROUNDED
+from nrdob_course.exercises.reviewing import BLANK, HARD_CODED, NOTHING, ROUNDED
 from problemsets import SETS, Posed, calls, cells, nbgrader, posed, published, run
 
 # More groups, with other seeds: tests/campaigns/misconceptions.py.

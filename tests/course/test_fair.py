@@ -13,10 +13,11 @@ import sympy as sp
 
 from nrdob import LowPassFilter
 from nrdob.design import disturbance_index, noise_index
-from nrdob_course.exercises import PROBLEMS, check, own_case, score, set3, set6
-from nrdob_course.exercises.problems import HIDDEN, OTHER, Lack
+from nrdob_course.exercises import PROBLEMS, check, own_case, score
+from nrdob_course.exercises.problems import Lack
 from nrdob_course.exercises.reading import numbers
-from nrdob_course.grading.plain import decode, encode
+from nrdob_course.exercises.reviewing import HIDDEN, OTHER
+from nrdob_course.grading.encoding import decode, encode
 from problemsets import SETS, posed, published
 
 POSED = {this.id: this for path in SETS for this in posed(path)}
@@ -127,7 +128,7 @@ def test_decibels_are_not_told_that_they_went_beyond_a_margin() -> None:
         assert found.recognised == "decibels taken for a factor"
         case = own_case("3.5", group)
         beyond = 1.02 * case.loop.margins().observer_loop.gm_high
-        assert not set3.PROBLEMS[3].accepts(case, beyond)
+        assert not PROBLEMS["3.5"].accepts(case, beyond)
 
 
 @pytest.mark.parametrize(
@@ -223,4 +224,4 @@ def test_what_a_filter_lacks_is_told_by_its_kind() -> None:
     problem = PROBLEMS["1.5"]
     lack = problem.lacks(case, problem.reads(shifted(case, -1.0)))
     assert isinstance(lack, Lack) and lack.kind == "unusable"
-    assert set6.PROBLEMS[3].parts is not None
+    assert PROBLEMS["6.5"].parts is not None

@@ -11,11 +11,11 @@ import pytest
 from attacks import FORGERIES, LATER
 from exported import table
 from handin import CHECKED, NAME, Notebook, answer_cell, cell_of, right, settings
-from nrdob_course.grading import command, wall
+from nrdob_course.grading import command, sandbox
 
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.skipif(bool(wall.missing()), reason="there is no wall on this system"),
+    pytest.mark.skipif(bool(sandbox.missing()), reason="there is no sandbox on this system"),
     pytest.mark.filterwarnings("ignore:Object of type"),
 ]
 

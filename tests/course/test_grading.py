@@ -14,24 +14,20 @@ import pytest
 
 from nrdob_course.exercises import PROBLEMS, check, own_case, score
 from nrdob_course.exercises.cases import few
+from nrdob_course.exercises.comparing import rounds, same
 from nrdob_course.exercises.problems import (
-    BLANK,
     BUDGET,
-    HARD_CODED,
-    TOO_SLOW,
     Feedback,
     Lack,
     Misconception,
     Points,
     Problem,
-    answers_like,
-    answers_like_any,
+    any_of,
     lacking,
-    review,
-    rounds,
-    same,
+    pose,
 )
 from nrdob_course.exercises.reading import numbers
+from nrdob_course.exercises.reviewing import BLANK, HARD_CODED, TOO_SLOW, review
 
 
 @dataclass(frozen=True)
@@ -49,22 +45,30 @@ def judged(case: Square, got: Any) -> str:
     return "" if same(case.side**2, got) else "the area of a square of side 1 is 1"
 
 
-AREA = Problem(
-    id="0.1",
-    title="Area of a square",
+TEXTS = {
+    "title": "Area of a square",
+    "praise": "Right: the side, squared.",
+    "misconceptions": {
+        "circumference": {"says": "That is the way around.", "marks": "1/4"},
+        "negative": {"says": "An area is not negative.", "marks": 0.1},
+    },
+}
+
+
+def without_texts(**says: str) -> dict[str, Any]:
+    texts = {name: {"says": words, "marks": 0.25} for name, words in says.items()}
+    return {"title": "", "praise": "Right.", "misconceptions": texts}
+
+
+AREA = pose(
+    "0.1",
+    texts=TEXTS,
     case=lambda rng: Square(rng.uniform(1, 9)),
     lacks=judged,
-    praise="Right: the side, squared.",
-    misconceptions=(
-        answers_like("circumference", "That is the way around.", lambda case: 4 * case.side, 0.25),
-        Misconception(
-            "negative",
-            "An area is not negative.",
-            example=lambda case: -1.0,
-            recognises=lambda case, got: got < 0,
-            marks=0.1,
-        ),
-    ),
+    misconceptions={
+        "circumference": lambda case: 4 * case.side,
+        "negative": Misconception(lambda case: -1.0, lambda case, got: got < 0),
+    },
 )
 CASES = AREA.cases(1, 5)
 
@@ -201,26 +205,48 @@ def test_a_misconception_may_be_known_by_what_its_answers_lack() -> None:
     def signed(case: Square, got: float) -> str:
         return judged(case, got) and Lack("sign" if got < 0 else "size", judged(case, got))
 
-    negative = lacking("sign", "negative", "An area is not negative.", lambda case: -1.0, 0.1)
-    area = Problem("0.2", "", AREA.case, signed, "Right.", (negative,))
-    assert review(area, lambda case: -case.side, CASES) == Feedback(0.1, negative.says, "negative")
+    area = pose(
+        "0.2",
+        texts=without_texts(negative="An area is not negative."),
+        case=AREA.case,
+        lacks=signed,
+        misconceptions={"negative": lacking("sign", lambda case: -1.0)},
+    )
+    found = review(area, lambda case: -case.side, CASES)
+    assert found == Feedback(0.25, "An area is not negative.", "negative")
     assert review(area, lambda case: 1e9, CASES).recognised == ""
     # Without a word for it, what an answer lacks is no kind.
     assert review(replace(area, lacks=judged), lambda case: -1.0, CASES).recognised == ""
 
 
 def test_one_of_several_answers_is_recognised_and_the_first_is_the_example() -> None:
-    around = answers_like_any(
-        "around",
-        "Around.",
-        lambda case: [4 * case.side, 2 * case.side],
-        close=partial(same, rtol=0.1),
+    area = pose(
+        "0.2",
+        texts=without_texts(around="Around."),
+        case=AREA.case,
+        lacks=judged,
+        misconceptions={"around": any_of(lambda case: [4 * case.side, 2 * case.side])},
+        alike=partial(same, rtol=0.1),
     )
-    area = replace(AREA, misconceptions=(around,))
+    [around] = area.misconceptions
     assert around.example(CASES[0]) == 4 * CASES[0].side
     for share, recognised in ((4, "around"), (2, "around"), (2.1, "around"), (3, "")):
         found = review(area, lambda case, share=share: share * case.side, CASES)
         assert found.recognised == recognised
+
+
+def test_a_misconception_without_a_text_and_a_text_without_one_are_named() -> None:
+    for misconceptions in ({}, {"twice": lambda case: 2.0, "thrice": lambda case: 3.0}):
+        with pytest.raises(
+            ValueError, match=r"problem 0\.2: (twice|thrice): in the texts of its set, or"
+        ):
+            pose(
+                "0.2",
+                texts=without_texts(twice="That is half."),
+                lacks=judged,
+                case=AREA.case,
+                misconceptions=misconceptions,
+            )
 
 
 @pytest.mark.parametrize("verdict", [True, False, None, np.bool_(True)])
@@ -386,13 +412,14 @@ def test_a_value_for_the_own_case_is_judged_on_that_case_alone() -> None:
 
 # --- parts, digits, dress -----------------------------------------------------------------------
 
-SIDES = Problem(
+SIDES = pose(
     "0.5",
-    "",
-    AREA.case,
-    lambda case, got: "" if same([4 * case.side, case.side**2], got) else "one of the two is wrong",
-    "Right.",
-    (answers_like("twice", "That is half.", lambda case: [2 * case.side, case.side**2], 0.25),),
+    texts=without_texts(twice="That is half."),
+    case=AREA.case,
+    lacks=lambda case, got: (
+        "" if same([4 * case.side, case.side**2], got) else "one of the two is wrong"
+    ),
+    misconceptions={"twice": lambda case: [2 * case.side, case.side**2]},
     reads=partial(numbers, names="around, area"),
     parts=lambda case, got: {
         "around": same(4 * case.side, got[0]),
@@ -452,7 +479,7 @@ class Clock:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.now = 0.0
-        monkeypatch.setattr("nrdob_course.exercises.problems.time.perf_counter", lambda: self.now)
+        monkeypatch.setattr("nrdob_course.exercises.reviewing.time.perf_counter", lambda: self.now)
 
     def answer(self, seconds: float) -> Any:
         def slow(case: Square) -> float:

@@ -23,11 +23,11 @@ from nbgrader.preprocessors import Execute
 import nrdob
 from nrdob import LowPassFilter
 from nrdob_course.exercises import PROBLEMS, score
-from nrdob_course.grading import plain
+from nrdob_course.grading import encoding
 from nrdob_course.grading.autograde import PatientExecute
+from nrdob_course.grading.encoding import decode, encode
 from nrdob_course.grading.handout import handout
 from nrdob_course.grading.judge import HiddenTest, asking, hidden_test, judge, judge_apart
-from nrdob_course.grading.plain import decode, encode
 from problemsets import SETS, SOURCE, posed, run
 
 s = ct.tf("s")
@@ -148,17 +148,17 @@ def test_what_is_too_large_is_refused_before_anything_is_computed(
     kind: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     built: list[Any] = []
-    for name in plain.BUILD.keys() - {"filter"}:
-        monkeypatch.setitem(plain.BUILD, name, built.append)
-    monkeypatch.setattr(plain, "LowPassFilter", built.append)
+    for name in encoding.BUILD.keys() - {"filter"}:
+        monkeypatch.setitem(encoding.BUILD, name, built.append)
+    monkeypatch.setattr(encoding, "LowPassFilter", built.append)
     with pytest.raises(ValueError, match="at most"):
         decode(filled(kind, 9000 if kind != "ss" else 51))
-    assert [each for each in built if np.size(each) > plain.MOST] == []
+    assert [each for each in built if np.size(each) > encoding.MOST] == []
 
 
 @pytest.mark.parametrize("kind", ["list", "tf", "filter"])
 def test_what_has_fifty_coefficients_is_read(kind: str) -> None:
-    assert decode(filled(kind, plain.MOST)) is not None
+    assert decode(filled(kind, encoding.MOST)) is not None
 
 
 def test_many_small_parts_are_too_large_too() -> None:
@@ -179,7 +179,7 @@ def kernel(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     def asks(space: dict[str, Any]) -> Any:
         def ask(source: str) -> str:
             eval(source, space)
-            return published.pop()[plain.MIME]
+            return published.pop()[encoding.MIME]
 
         return ask
 
@@ -255,7 +255,7 @@ def test_neither_seed_nor_key_is_sent() -> None:
     assert asking("turns").endswith(".tell(turns, '')")
     for path in sorted(SOURCE.glob("*/*.ipynb")):
         for this in posed(path):
-            case = plain.packed(PROBLEMS[this.id].cases(this.seed, 1)[0])
+            case = encoding.packed(PROBLEMS[this.id].cases(this.seed, 1)[0])
             assert str(this.seed) not in case
 
 

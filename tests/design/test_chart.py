@@ -11,7 +11,7 @@ import pytest
 import nrdob
 from campaigns.charts import campaign
 from nrdob import filter_family, paper, stability_chart, stabilizing_time_constants
-from nrdob.design.chartloops import ChartLoops
+from nrdob.design.chartborders import ChartLoops
 
 s = ct.tf("s")
 lag = 1 / (s + 1)
@@ -40,6 +40,7 @@ def wrong_points(chart, count, seed, least=0.8):
     return wrong
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pair", PAIRS)
 def test_every_region_of_example_4_has_its_count(pair):
     x, y = ((name, *RANGES[name]) for name in pair)
@@ -145,6 +146,7 @@ def test_what_would_have_to_be_followed_for_ever_is_refused_with_a_remedy():
         stability_chart(biproper, nrdob.delay(1.0) * biproper, F, **axes)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("filter", "y"),
     [
@@ -248,6 +250,7 @@ def test_levels_of_a_model_that_waits_lie_where_the_margins_have_them():
         assert loop.margins().plant_loop.ms == pytest.approx(1.8, rel=3e-2)
 
 
+@pytest.mark.slow
 def test_a_tongue_that_ends_between_the_lines_of_the_grid_is_closed():
     # Eight roots on one side of its border and six on the other, seen only if it has no gap.
     chart = stability_chart(

@@ -11,6 +11,7 @@ from scipy.optimize import brentq
 
 import nrdob
 from campaigns.families import campaign
+from campaigns.sets import floor_of
 from nrdob import (
     critical_time_constants,
     filter_family,
@@ -18,10 +19,10 @@ from nrdob import (
     paper,
     stabilizing_time_constants,
 )
-from nrdob.design import default_floor
-from nrdob.design.familybranches import FamilyBranches
-from nrdob.design.familygrid import frequencies_for
-from nrdob.design.familymismatch import roots_of_columns
+from nrdob.design import Mismatch
+from nrdob.design.columns import last_root, roots_of_columns
+from nrdob.design.crossings import Branches
+from nrdob.design.mismatchgrid import Frequencies
 
 s = ct.tf("s")
 lag = 1 / (s + 1)
@@ -172,9 +173,9 @@ def test_an_exact_model_that_waits_is_stable_for_every_filter_of_a_family(kind):
 def test_beyond_the_largest_time_constant_the_plant_loop_is_smaller_than_the_gain(wait, gain):
     model = nrdob.delay(wait) * lag**2 if wait else lag**2
     process, family = nrdob.delay(0.4) * 1.5 * lag**2, filter_family("butterworth", 2)
-    frequencies = frequencies_for(process, model, family)
+    mismatch = Mismatch.of(process, model, family, waits=True)
     omega = np.geomspace(0.1, 100, 40)
-    for w, most in zip(omega, frequencies.largest_time_constant(omega, gain), strict=True):
+    for w, most in zip(omega, last_root(mismatch.off_gain(omega, gain)), strict=True):
         for time_constant in most * np.array([1.001, 2.0, 10.0]):
             loop = nrdob.NRDOB(process, model, 0.0, family.at(float(time_constant)))
             assert most == 0 or abs(loop.L(1j * w)) < gain
@@ -222,9 +223,10 @@ def test_two_integrators_of_a_model_that_waits_cancel_for_a_whole_family(pole):
 def test_branches_that_meet_away_from_the_line_need_hardly_more_frequencies(kind):
     # Once in each turn of the dead time R is nearly 0, and the branches of a ramp nearly one.
     loop = paper.example(4)
-    frequencies = frequencies_for(loop.process, loop.model, filter_family(kind, 3))
-    omega = frequencies.above(default_floor(loop.process, loop.model, filter_family(kind, 3)))
-    branches = FamilyBranches.on(frequencies.mismatch, omega)
+    blocks = loop.process, loop.model, filter_family(kind, 3)
+    frequencies = Frequencies(Mismatch.of(*blocks))
+    omega = frequencies.above(floor_of(*blocks))
+    branches = Branches.on(frequencies.mismatch, omega)
     assert omega.size <= branches.omega.size <= 1.15 * omega.size
 
 

@@ -47,6 +47,7 @@ def test_the_ends_of_the_exact_set_are_as_the_limits_say(case):
         assert fast.holds == (bool(intervals) and intervals[0][0] == 0), fast
 
 
+@pytest.mark.slow
 @given(mismatches(), st.floats(-2, 2))
 def test_the_parity_of_the_count_is_that_of_the_signs(case, exponent):
     process, model, order = case
@@ -57,6 +58,7 @@ def test_the_parity_of_the_count_is_that_of_the_signs(case, exponent):
     assert right_half_plane_parity(process, model).holds == (count % 2 == 0)
 
 
+@pytest.mark.slow
 @given(mismatches())
 def test_where_no_filter_exists_none_of_ours_does(case):
     process, model, order = case
@@ -144,6 +146,7 @@ def common_roots(rng):
     return sign * 10 ** rng.uniform(-0.3, 0.3) / G.dcgain() * G, Gm / Gm.dcgain()
 
 
+@pytest.mark.slow
 def test_where_common_roots_leave_a_filter_some_are_found_and_where_they_do_not_none_is():
     rng, seen = np.random.default_rng(6), []
     for _ in range(30):

@@ -36,6 +36,7 @@ def test_an_unstable_process_gets_the_opposite_dc_sign():
         assert candidate.time_constants
 
 
+@pytest.mark.slow
 def test_two_unstable_poles_keep_the_dc_sign():
     process = 5 / ((s - 1) * (s - 2) * (s + 4))
     assert all(dc_gain(c.model) * dc_gain(process) > 0 for c in suggest_model(process))
@@ -123,6 +124,7 @@ def test_what_need_not_change_is_not_changed():
     assert candidate.model.den[0][0] == pytest.approx(np.polymul(lags, [1, 0.5]), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_candidates_are_ranked_by_what_is_left_of_a_slow_disturbance():
     # S_δ tends to nλ·G̃(0)·s: a small model gain rejects as a small λ does.
     process = 1 / ((0.3 * s - 1) * (0.05 * s + 1))
@@ -276,6 +278,7 @@ def test_an_integrator_before_a_resonance_is_limited_by_its_sensitivity_peak(zet
     assert 0.999 * max_ms < np.abs(1 / (1 + L)).max() <= max_ms * (1 + 1e-6)
 
 
+@pytest.mark.slow
 def test_a_controller_that_keeps_the_peak_is_left_as_it_is():
     model = ct.tf([1], [1, 2, 1])
     free, limited = (design_controller(model, max_ms=max_ms) for max_ms in (None, 2.0))

@@ -28,12 +28,14 @@ def test_peak_of_u_eta_of_a_matched_lag_has_a_closed_form():
     assert 1 / (2 * low * np.sqrt(1 - low**2)) == pytest.approx(4.0, rel=1e-8)
 
 
+@pytest.mark.slow
 def test_step_of_d_on_a_matched_lag_has_a_closed_form():
     # u = -(1 + (1/λ - 1) exp(-t/λ)) for n = 1: |u(0)| = 1/λ.
     low = admissible_time_constants(lag, lag, 1, max_u_step_d=5.0)[0][0]
     assert low == pytest.approx(0.2, rel=1e-8)
 
 
+@pytest.mark.slow
 def test_the_filter_found_just_meets_what_binds():
     C = (s + 2) / s
     F = design_filter(G, MODEL, order=2, max_ms=2.5, max_u_step_R=1.1, controller=C)
@@ -67,6 +69,7 @@ def test_of_several_families_the_one_that_rejects_most_is_taken():
     assert slope(best) == pytest.approx(min(map(slope, alone)), rel=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "error", "message"),
     [
@@ -129,6 +132,7 @@ def test_waiting_lets_the_filter_of_example_4_be_faster():
         design_filter(example.process, waiting, order=3, max_ms=2.5)
 
 
+@pytest.mark.slow
 def test_lags_read_as_a_family_are_sampled_to_the_windows_that_their_order_excludes():
     rng = np.random.default_rng(5)
     for _ in range(4):

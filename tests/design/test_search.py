@@ -364,6 +364,7 @@ def test_coefficients_whose_products_leave_the_range_of_numbers_are_refused():
         design_filter(([1e-200], [1e-200, 1e-200]), ([1e-200], [1e-200, 1e-200]), max_ms=2)
 
 
+@pytest.mark.slow
 def test_a_window_ends_where_a_new_crossover_appears():
     # The loop gain just reaches 1 at a second frequency: the phase margin jumps from 69° to 46°.
     process = ct.tf([0.5054], [20.4, 118.8, 178.6, 56.74, 5.157, 1])

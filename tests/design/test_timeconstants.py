@@ -12,12 +12,11 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq
 
 import nrdob
-from campaigns.sets import campaign
+from campaigns.sets import campaign, floor_of
 from nrdob import paper
 from nrdob.design import (
     Mismatch,
     critical_time_constants,
-    default_floor,
     stabilizing_time_constants,
 )
 from nrdob.numerics import count_rhp
@@ -150,7 +149,7 @@ def test_neutral_loops_are_complete_above_their_limit():
     process, model = nrdob.delay(0.1) * 2 * (s + 1) / (s + 2), (s + 1) / (s + 2) / (s + 3)
     with pytest.raises(ValueError, match=r"up to 2 s leaves infinitely many roots"):
         stabilizing_time_constants(process, model, 1, floor=1.5)
-    assert default_floor(process, model, 1) > 2
+    assert floor_of(process, model, 1) > 2
 
 
 @pytest.mark.parametrize("floor", [0, -1.0, inf, float("nan")])
@@ -204,7 +203,7 @@ def test_every_end_of_random_sets(delayed, data):
     process, model, order = data.draw(mismatches(delayed=delayed))
     assume(order <= 6)
     intervals = stabilizing_time_constants(process, model, order)
-    mismatch, floor = Mismatch.of(process, model, order), default_floor(process, model, order)
+    mismatch, floor = Mismatch.of(process, model, order), floor_of(process, model, order)
     for low, high in intervals:
         for end, inside in ((low, 1 + 1e-5), (high, 1 - 1e-5)):
             if end in (0.0, inf, floor) or not low < end * inside < high:
@@ -255,7 +254,7 @@ def test_poles_and_zeros_on_the_axis(process, model, order, delay, no_warning_le
     process = nrdob.delay(delay) * process if delay else process
     intervals = stabilizing_time_constants(process, model, order)
     mismatch = Mismatch.of(process, model, order)
-    for value in np.geomspace(max(0.02, 2 * default_floor(process, model, order)), 50, 25):
+    for value in np.geomspace(max(0.02, 2 * floor_of(process, model, order)), 50, 25):
         roots = mismatch.p_B(value).roots
         if np.abs(roots.real).min() > 1e-7:
             inside = any(low < value < high for low, high in intervals)
@@ -439,6 +438,7 @@ def test_waiting_makes_example_4_stable_for_every_filter_and_a_wrong_wait_does_n
     assert low > floor and high == inf
 
 
+@pytest.mark.slow
 def test_sets_of_models_that_wait_end_where_verdicts_change():
     rng = np.random.default_rng(0)
     ends = 0
@@ -453,7 +453,7 @@ def test_sets_of_models_that_wait_end_where_verdicts_change():
         G, Gm = nrdob.delay(theta) * G, nrdob.delay(wait) * Gm
         n = order + int(rng.integers(0, 2))
         intervals = stabilizing_time_constants(G, Gm, n)
-        floor = default_floor(G, Gm, n)
+        floor = floor_of(G, Gm, n)
         inner = [end for pair in intervals for end in pair if 1.001 * floor < end < inf]
         tried = [end * (1 + side * 1e-5) for end in inner for side in (-1, 1)]
         for time_constant in [*tried, *np.geomspace(max(1.01 * floor, 1e-4), 100, 4)]:

@@ -48,11 +48,13 @@ def test_every_map_is_the_printed_formula(number):
     assert_maps_are_the_printed_ones(paper.example(number), S, 1e-10)
 
 
+@pytest.mark.slow
 @given(loops())
 def test_every_map_of_a_random_loop_is_the_printed_formula(loop):
     assert_maps_are_the_printed_ones(loop, np.array([0.3 + 0.7j, 3 + 1j]), 1e-6)
 
 
+@pytest.mark.slow
 @given(loops(delayed=True))
 def test_every_map_of_a_random_delayed_loop_is_the_printed_formula(loop):
     assert_maps_are_the_printed_ones(loop, np.array([0.3 + 0.7j, 3 + 1j]), 1e-6)

@@ -26,7 +26,7 @@ DRAW: dict[str, Callable[[], Diagram]] = {
     "two_degrees_of_freedom": diagrams.two_degrees_of_freedom,
     "internal_model_control": diagrams.internal_model_control,
     "six_blocks": diagrams.six_blocks,
-    "waiting": diagrams.waiting,
+    "delayed_model": diagrams.delayed_model,
 }
 each_diagram = pytest.mark.parametrize("draw", DRAW.values(), ids=DRAW)
 C, F, G, Gm = (sp.Symbol(name) for name in ("C", "F", "G", "Gm"))
@@ -79,11 +79,12 @@ def test_the_conventional_observer_feeds_the_measurement_itself_to_the_controlle
 
 def test_a_model_that_waits_leaves_the_error_what_it_is_without_dead_time() -> None:
     W, Gm0 = sp.symbols("W Gm0")
-    solved = maps(diagrams.waiting())
+    solved = maps(diagrams.delayed_model())
     assert sp.simplify(solved["e"]["R"] - 1 / (1 + Gm0 * C)) == 0
     assert sp.simplify(solved["y"]["d"] - (1 - F * W) / (1 - F * W + F * G / Gm0)) == 0
 
 
+@pytest.mark.slow
 @each_diagram
 def test_the_equations_in_sympy_are_those_read_off_the_picture(draw: Callable[[], Diagram]) -> None:
     diagram = draw()
@@ -264,5 +265,5 @@ def test_the_users_settings_neither_change_nor_matter() -> None:
 @pytest.mark.slow
 def test_the_package_does_without_schemdraw_and_sympy() -> None:
     loaded = "{'schemdraw', 'sympy'} & set(sys.modules)"
-    code = f"import nrdob, nrdob.plotting.plots, sys; sys.exit(bool({loaded}))"
+    code = f"import nrdob, nrdob.plotting.bodeplot, sys; sys.exit(bool({loaded}))"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -22,6 +22,7 @@ def test_the_walk_ends_with_zeros_less_poles_inside(zeros, poles, turns):
     assert len(drawn.axes.flat) == 8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("zeros", "poles", "turns"), CASES)
 def test_the_animation_is_well_formed_and_can_rest(zeros, poles, turns):
     moving = winding_animation(zeros, poles)

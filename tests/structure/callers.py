@@ -16,7 +16,7 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
-from .modules import PACKAGE, cells, modules, notebooks, subpackage_of, uses
+from .modules import PACKAGE, cells, modules, nodes, notebooks, subpackage_of, uses
 
 PAGES = ("README.md", "book/*.md", "book/teaching/*.md", "book/templates/*.j2")
 """Pages that a reader is shown; those of the reference, which list everything, are none."""
@@ -66,10 +66,8 @@ def members(root: Path) -> Iterator[str]:
         A member or a parameter, with its place.
     """
     trees = [module.tree for module in modules(root).values()] + _outside(root)
-    read = {n.attr for t in trees for n in ast.walk(t) if isinstance(n, ast.Attribute)}
-    given = {
-        k.arg for t in trees for n in ast.walk(t) if isinstance(n, ast.Call) for k in n.keywords
-    }
+    read = {n.attr for t in trees for n in nodes(t) if isinstance(n, ast.Attribute)}
+    given = {k.arg for t in trees for n in nodes(t) if isinstance(n, ast.Call) for k in n.keywords}
     told = _told(root)
     for name, module in modules(root).items():
         if not name.startswith(f"{PACKAGE}."):
@@ -126,7 +124,7 @@ def _told(root: Path) -> frozenset[str]:
 
 def _annotations(tree: ast.Module) -> Iterator[str]:
     """Give the names in the types of results and of fields, and of the errors that are raised."""
-    for node in ast.walk(tree):
+    for node in nodes(tree):
         match node:
             case (
                 ast.FunctionDef(returns=ast.expr() as found)

@@ -20,7 +20,7 @@ from typing import Any
 from numpydoc.docscrape import NumpyDocString
 from numpydoc.validate import validate
 
-from .modules import PACKAGE, Module, modules
+from .modules import PACKAGE, Module, modules, nodes
 
 REQUIRED = {"PR01", "PR02", "PR03", "PR04", "PR10", "RT03", "YD01"}
 """Every parameter once, in order, with a type; what comes back described."""
@@ -65,7 +65,7 @@ def faults(root: Path) -> Iterator[str]:
 
 def misread(module: Module) -> Iterator[str]:
     """Name every docstring of a module that its page would not show as it is meant."""
-    for node in ast.walk(module.tree):
+    for node in nodes(module.tree):
         match node:
             case ast.Expr(ast.Constant(str() as written)):
                 text = inspect.cleandoc(written)

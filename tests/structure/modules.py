@@ -56,6 +56,12 @@ def modules(root: Path) -> dict[str, Module]:
     return found
 
 
+@cache
+def nodes(tree: ast.AST) -> tuple[ast.AST, ...]:
+    """Walk a tree once."""
+    return tuple(ast.walk(tree))
+
+
 def notebooks(root: Path) -> list[Path]:
     """Return the chapters, the notebooks for class and the problem sets."""
     sets = root / "book" / COURSE / "sets"
@@ -79,7 +85,7 @@ def uses(root: Path, tree: ast.Module, inside: Module | None = None) -> Iterator
     """Find what is taken from the modules: by import, or as `module.name`."""
     known = modules(root)
     aliases: dict[str, str] = {}
-    for node in ast.walk(tree):
+    for node in nodes(tree):
         if isinstance(node, ast.Import):
             for alias in node.names:
                 if alias.name in known:
@@ -92,7 +98,7 @@ def uses(root: Path, tree: ast.Module, inside: Module | None = None) -> Iterator
                 if whole in known:
                     aliases[alias.asname or alias.name] = whole
                 yield Use(node.lineno, source, alias.name)
-    for node in ast.walk(tree):
+    for node in nodes(tree):
         if isinstance(node, ast.Attribute) and _module(node, aliases, known) is None:
             base = _module(node.value, aliases, known)
             if base is not None:

@@ -11,8 +11,8 @@ from .modules import COURSE, PACKAGE, modules, subpackage_of
 CHECKED = ("README.md", "CONTRIBUTING.md")
 """Pages that tell which file to open and which command to run."""
 
-REFERENCE = "book/api"
-"""The folder with a page for each subpackage; the page of the same name leads to them."""
+CONTENTS = "book/api.md"
+"""Leads to every name that `import nrdob` gives, and to the pages of the subpackages."""
 
 
 def faults(root: Path) -> Iterator[str]:
@@ -28,33 +28,15 @@ def faults(root: Path) -> Iterator[str]:
     str
         A fault, with its place.
     """
-    yield from _reference(root)
     yield from _contents(root)
     yield from _table_of_subpackages(root)
     for page in CHECKED:
         yield from _paths_and_targets(root, page)
 
 
-def _reference(root: Path) -> Iterator[str]:
-    """The pages of the subpackages have a section for each module, and none twice."""
-    shown: dict[str, str] = {}
-    for path in sorted((root / REFERENCE).glob("*.md")):
-        for number, line in enumerate(path.read_text("utf-8").splitlines(), 1):
-            if line.startswith(".. automodule::"):
-                name, place = line.split()[-1], f"{REFERENCE}/{path.name}:{number}"
-                if name not in modules(root):
-                    yield f"{place}: there is no module {name}"
-                if name in shown:
-                    yield f"{place}: {name} stands in {shown[name]} already"
-                shown[name] = place
-    for name, module in modules(root).items():
-        if not module.is_package and not name.startswith(COURSE) and name not in shown:
-            yield f"{REFERENCE}: {name} has no section: enter `.. automodule:: {name}`"
-
-
 def _contents(root: Path) -> Iterator[str]:
-    """The page of the package leads to every name that `import nrdob` gives."""
-    page = f"{REFERENCE}.md"
+    """The page of the package leads to every name."""
+    page = CONTENTS
     linked = set(re.findall(r"[.`](\w+)`", (root / page).read_text("utf-8")))
     for name in sorted(set(modules(root)[PACKAGE].shows or ()) - linked):
         yield f"{page}: {PACKAGE}.{name} has no link"

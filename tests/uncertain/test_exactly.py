@@ -52,6 +52,7 @@ def test_one_dead_time_alone_is_survived_below_half_pi_lambda():
     assert box.frequency == pytest.approx(5.0, rel=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [2, 3, 4])
 @pytest.mark.parametrize("names", ["gain lag", "gain delay", "delay lag", "gain delay lag", "lag"])
 def test_a_box_survives_up_to_its_share_and_not_beyond(number, names):
@@ -139,6 +140,7 @@ def test_a_dead_time_alone_is_lost_at_the_frequency_that_is_named():
     assert abs(1 + loop.L(s) * np.exp(-s * box.lost["delay"])) < 1e-8
 
 
+@pytest.mark.slow
 def test_how_far_dead_times_are_asked_for_does_not_change_the_answer():
     process = LAG * nrdob.plants.resonance(20.0, 0.02)
     for plant in (LAG, process):
@@ -147,6 +149,7 @@ def test_how_far_dead_times_are_asked_for_does_not_change_the_answer():
         assert np.ravel(near) == pytest.approx(np.ravel(far)) and near[-1][1] < 20
 
 
+@pytest.mark.slow
 def test_intervals_and_boxes_are_those_of_an_independent_count():
     tally = intervals.campaign(4, 0)
     assert not any(name.startswith("WRONG") for name in tally), tally

@@ -20,6 +20,7 @@ def some_loops():
     return dict(loops(3))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["Example 1", "Example 2", "Example 3", "Example 4", "random 2",
                                   "random 5 with dead time", "random 8"])  # fmt: skip
 def test_a_sweep_says_of_each_member_what_is_said_of_it_alone(name):
@@ -129,6 +130,7 @@ def test_the_share_is_bounded_as_clopper_and_pearson_do():
             table.stable_share(wrong)
 
 
+@pytest.mark.slow
 def test_the_worst_come_first_and_tables_go_to_pandas_and_xarray():
     loop = paper.example(3)
     family = nrdob.family(loop.process, gain=(0.5, 2), lag=(0, 0.2), grid={"gain": 5, "lag": 4})

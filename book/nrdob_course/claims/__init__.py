@@ -7,7 +7,17 @@
 
 from __future__ import annotations
 
-from . import conclusions, example3, example4, examples12, section2, section3
+from . import (
+    bands,
+    conclusions,
+    example3,
+    example4,
+    examples12,
+    lemma1,
+    mismatch,
+    robustness,
+    section2,
+)
 from .ledger import Amendment, Claim, Entry, Finding, LedgerError, Verdict, collect, settle
 from .signals import loop_modes
 
@@ -16,7 +26,9 @@ __all__ = [
     "check", "check_all", "loop_modes",
 ]  # fmt: skip
 
-_PARTS = (section2, section3, examples12, example3, example4, conclusions)  # as in the paper
+_PARTS = (  # as in the paper
+    section2, bands, lemma1, mismatch, robustness, examples12, example3, example4, conclusions,
+)  # fmt: skip
 
 LEDGER: dict[str, Claim] = collect(part.SECTION for part in _PARTS)
 """Every claim by its id, in the order of the paper.

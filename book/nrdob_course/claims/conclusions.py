@@ -12,21 +12,15 @@ from nrdob.loop import NRDOB
 from nrdob.numerics import QuasiPolynomial, number
 from nrdob.paper import example
 
-from .ledger import Amendment, Finding, Section, Verdict
+from .ledger import Finding
+from .recurring import section
 
 __all__ = ["REFERENCE_2", "SECTION"]
 
-SECTION = Section()
-
-VERDICTS = "08_which_margin_is_the_plants"
+SECTION = section("conclusions")
 
 
-@SECTION.claim(
-    "concl.unstable_nmp_delay",
-    "Section V",
-    "NR-DOB control systems can be designed for unstable, non-minimum-phase and delayed processes.",
-    VERDICTS,
-)
+@SECTION.check("concl.unstable_nmp_delay")
 def designs_exist() -> Finding:
     """See that the plants of Examples 2, 3, 4 are what they should be, and judge all six loops."""
     loops = {k: [example(k, modified) for modified in (False, True)] for k in (2, 3, 4)}
@@ -43,24 +37,7 @@ def designs_exist() -> Finding:
     )
 
 
-@SECTION.claim(
-    "concl.not_matching",
-    "Section V",
-    "The model should be designed for stability rather than to match the process, above all for "
-    "unstable processes and for processes with dead time.",
-    VERDICTS,
-    amendment=Amendment(
-        Verdict.CONDITION,
-        "For a plant with a pole or a zero in the right half plane that is so with the filter (1): "
-        "the matched model never works. A filter made for the model, 0 at its zeros and 1 at its "
-        "poles on the right, makes it work, if each block is built as one. Dead time alone can be "
-        r"matched, if the observer is changed: with the path $Fu$ delayed by $\theta$, a Smith "
-        r"predictor, the characteristic function of the observer loop is $ND\,D_f$, stable with "
-        "every filter if the process is otherwise stable and minimum phase. That is for the exact "
-        r"$\theta$; with a filter fast against it the loop is lost as soon as $\theta$ is wrong by "
-        r"$c_n\lambda$, $c_3=3.0427$.",
-    ),
-)
+@SECTION.check("concl.not_matching")
 def not_matching() -> Finding:
     """Judge nine filters with each: matched Examples 2 and 3; Example 4 with the path Fu delayed.
 
@@ -143,17 +120,7 @@ REFERENCE_2 = (
 """Journal, volume, pages, DOI and year of reference [2], as the paper gives them."""
 
 
-@SECTION.claim(
-    "ref02.year",
-    "Reference [2]",
-    "The reference appeared in 2006.",
-    VERDICTS,
-    printed="2006",
-    amendment=Amendment(
-        Verdict.CORRECTED,
-        "It appeared in 2004: so says its own DOI, and volume 9 of a journal that began in 1996.",
-    ),
-)
+@SECTION.check("ref02.year")
 def year() -> Finding:
     """Read the year out of the printed DOI, and compute it from the printed volume."""
     found = re.search(r", (\d+) \(\d+\).*\.(\d{4})\.\d+\], (\d{4})$", REFERENCE_2)

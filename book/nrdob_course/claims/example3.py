@@ -16,37 +16,26 @@ from nrdob.paper import PRINTED_FUNCTIONS, PrintedFunction, example
 from nrdob.plotting import turns
 from nrdob.uncertain import family, largest_box, sweep
 
-from .ledger import Amendment, Finding, Section, Verdict
+from .ledger import Finding
 from .recurring import (
     border,
-    enter_controller,
-    enter_function,
-    enter_margin,
-    enter_steps,
     filtered,
     map_text,
     npz,
     npz_text,
     performance_finding,
     printed_text,
+    section,
 )
 
 __all__ = ["SECTION"]
 
-SECTION = Section()
-
-UNSTABLE, SURVIVES = "06_why_must_the_model_be_wrong", "37_will_it_survive"
+SECTION = section("example3")
 
 PLANT = ([4], [-1, -1, 2])
 
 
-@SECTION.claim(
-    "ex3.matched_fails",
-    "Example 3",
-    "With a model that matches the unstable plant exactly, or almost, no filter of eq. (1) "
-    "stabilises the observer loop.",
-    UNSTABLE,
-)
+@SECTION.check("ex3.matched_fails")
 def matched_fails() -> Finding:
     """Judge the exact model and eight that are off by 5 to 20 %, with 15 filters each.
 
@@ -80,18 +69,7 @@ def matched_fails() -> Finding:
     )
 
 
-@SECTION.claim(
-    "ex3.negative_gain",
-    "Example 3",
-    "For this plant, with positive DC gain, the model must be stable with negative gain.",
-    UNSTABLE,
-    amendment=Amendment(
-        Verdict.CONDITION,
-        "The gain of a stable model must be negative if the model has no zero in the closed right "
-        "half plane: the sign of $p_B(0)=N(0)D_m(0)$ decides whether the number of unstable roots "
-        "is odd. A single real zero on the right reverses the rule: then it must be positive.",
-    ),
-)
+@SECTION.check("ex3.negative_gain")
 def negative_gain() -> Finding:
     """Try 60 loops with stable minimum-phase models of positive gain; then both signs with a zero.
 
@@ -134,13 +112,7 @@ def negative_gain() -> Finding:
     )
 
 
-@SECTION.claim(
-    "ex3.rotation",
-    "Example 3",
-    r"With the model of the paper $\tilde G^{-1}G$ is minimum phase and its Nyquist plot turns "
-    "counter-clockwise.",
-    UNSTABLE,
-)
+@SECTION.check("ex3.rotation")
 def rotation() -> Finding:
     """Find the zeros, see that the angle grows at every step, and count the turns around 0."""
     ratio = example(3).ratio
@@ -157,19 +129,7 @@ def rotation() -> Finding:
     return Finding(holds, f"zero at {number(zeros[0], 4)}; {turns(counted.encirclements, 0.0)}")
 
 
-@SECTION.claim(
-    "ex3.smaller",
-    "Example 3",
-    r"$|\tilde G(\mathrm{j}\omega)|<|G(\mathrm{j}\omega)|$ is required, for a gain high enough to "
-    "stabilise the unstable pole.",
-    UNSTABLE,
-    amendment=Amendment(
-        Verdict.REFUTED,
-        r"No size of the model's gain is needed. With $\tilde G=-k/(s^2+3s+2)$ and $n=2$ the "
-        r"observer loop is stable exactly for $0<\lambda<(k+2-\sqrt{k^2+4})/k$, whatever $k>0$: a "
-        "larger gain leaves fewer filters, but always some.",
-    ),
-)
+@SECTION.check("ex3.smaller")
 def smaller() -> Finding:
     """Compare sizes for k = 8; for six k judge time constants on both sides of the border."""
 
@@ -199,13 +159,7 @@ def smaller() -> Finding:
     )
 
 
-@SECTION.claim(
-    "eq11",
-    "eq. (11)",
-    r"The model $\tilde G=-1/(s^2+3s+2)$ meets these conditions: stable, negative gain, and "
-    r"$\tilde G^{-1}G$ minimum phase.",
-    UNSTABLE,
-)
+@SECTION.check("eq11")
 def model() -> Finding:
     """Look at its poles and DC gain, and at the zeros of the ratio."""
     loop = example(3)
@@ -218,32 +172,7 @@ def model() -> Finding:
     )
 
 
-enter_controller(
-    SECTION,
-    "eq12",
-    r"The controller $C=-1.8\,(0.5s+1)/s$ stabilises the model of Example 3.",
-    UNSTABLE,
-    3,
-)
-enter_margin(SECTION, "ex3.CGm.pm", UNSTABLE)
-enter_margin(SECTION, "ex3.CGm.gm", UNSTABLE)
-enter_function(
-    SECTION,
-    "eq13",
-    r"In Example 3 $\tilde G^{-1}G = 4(s+1)/(s-1)$.",
-    UNSTABLE,
-    "ex3.ratio",
-    3,
-)
-
-
-@SECTION.claim(
-    "fig10",
-    "Fig. 10",
-    r"The plot of $\tilde G^{-1}G$ encircles $+1$ once counter-clockwise, so that $H$ is minimum "
-    "phase.",
-    UNSTABLE,
-)
+@SECTION.check("fig10")
 def figure_10() -> Finding:
     """Count the turns around +1, and find the zero of H."""
     loop = example(3)
@@ -255,17 +184,7 @@ def figure_10() -> Finding:
     )
 
 
-@SECTION.claim(
-    "fig10.caption",
-    "Fig. 10, caption",
-    r"Figure 10 shows $C\tilde G^{-1}$.",
-    UNSTABLE,
-    amendment=Amendment(
-        Verdict.CORRECTED,
-        r"It shows $\tilde G^{-1}G$: that is the plot which encircles $+1$ once counter-clockwise, "
-        r"as the text says of this figure.",
-    ),
-)
+@SECTION.check("fig10.caption")
 def caption_10() -> Finding:
     """Count the turns of both around +1: only one can be the plot that the text describes."""
     loop = example(3)
@@ -278,17 +197,7 @@ def caption_10() -> Finding:
     )
 
 
-@SECTION.claim(
-    "eq14",
-    "eq. (14)",
-    "$H=-(3s+5)/(s-1)$.",
-    UNSTABLE,
-    printed=printed_text("ex3.H"),
-    amendment=Amendment(
-        Verdict.CORRECTED,
-        r"$H=+(3s+5)/(s-1)$. The margins that the paper prints for $FH$ belong to this sign.",
-    ),
-)
+@SECTION.check("eq14", printed=printed_text("ex3.H"))
 def equation_14() -> Finding:
     """Compare both signs with G/Gm − 1, and find the root that the printed one would give."""
     loop, printed = example(3), PRINTED_FUNCTIONS["ex3.H"]
@@ -308,9 +217,7 @@ def equation_14() -> Finding:
     )
 
 
-@SECTION.claim(
-    "fig11", "Fig. 11", "The plot of $H$ encircles $-1$ once counter-clockwise.", UNSTABLE
-)
+@SECTION.check("fig11")
 def figure_11() -> Finding:
     """Count the turns, and find the zero of 1 + H."""
     loop = example(3)
@@ -321,12 +228,7 @@ def figure_11() -> Finding:
     )
 
 
-@SECTION.claim(
-    "ex3.fast",
-    "Example 3",
-    "The filter needs a sufficiently high bandwidth to keep the turn of $H$.",
-    UNSTABLE,
-)
+@SECTION.check("ex3.fast")
 def fast_enough() -> Finding:
     """Compare the crossing of the rightmost root with 3 − √5; judge 14 filters on both sides."""
     loop, largest = example(3), 3 - sqrt(5)
@@ -342,17 +244,7 @@ def fast_enough() -> Finding:
     )
 
 
-@SECTION.claim(
-    "ex3.critical_point",
-    "Examples 3 and 4",
-    "The turns of $FH$ that decide are those around the point $(1, 0)$.",
-    UNSTABLE,
-    printed="(1,0)",
-    amendment=Amendment(
-        Verdict.CORRECTED,
-        "They are the turns around $(-1, 0)$, as the paper itself has it elsewhere.",
-    ),
-)
+@SECTION.check("ex3.critical_point")
 def critical_point() -> Finding:
     """See around which of the two points N = −P tells the verdict, in ten loops of both kinds."""
     loops = [
@@ -379,12 +271,7 @@ def critical_point() -> Finding:
     )
 
 
-@SECTION.claim(
-    "eq15",
-    "eq. (15)",
-    r"$F=1/(0.05s+1)^2$ stabilises the observer loop and makes $F\tilde G^{-1}$ causal.",
-    UNSTABLE,
-)
+@SECTION.check("eq15")
 def filter_of_example_3() -> Finding:
     """Judge F·H by turns and by roots; see where F/Gm ends at high frequency."""
     loop = example(3)
@@ -395,11 +282,7 @@ def filter_of_example_3() -> Finding:
     )
 
 
-enter_margin(SECTION, "ex3.FH.pm", UNSTABLE)
-enter_margin(SECTION, "ex3.FH.gm", UNSTABLE)
-
-
-@SECTION.claim("fig12", "Fig. 12", "$FH$ keeps the counter-clockwise turn around $-1$.", UNSTABLE)
+@SECTION.check("fig12")
 def figure_12() -> Finding:
     """Count the turns by the argument of p_B, and along the curve."""
     loop = example(3)
@@ -413,24 +296,7 @@ def figure_12() -> Finding:
     )
 
 
-enter_steps(
-    SECTION,
-    "fig13",
-    "Fig. 13",
-    r"The responses of $y$ to unit steps of $R$, $d$, $\delta$ and $\eta$ in Example 3 settle, at "
-    "1, 0, 0 and $-1$.",
-    UNSTABLE,
-    3,
-    modified=False,
-)
-
-
-@SECTION.claim(
-    "ex3.variation",
-    "Example 3, above Fig. 14",
-    "The modified plant has half the gain and an additional pole at $-10$.",
-    UNSTABLE,
-)
+@SECTION.check("ex3.variation")
 def variation() -> Finding:
     """Compare DC gains and poles of the two plants."""
     before, after = (example(3, modified).G for modified in (False, True))
@@ -445,29 +311,7 @@ def variation() -> Finding:
     )
 
 
-enter_steps(
-    SECTION,
-    "fig14",
-    "Fig. 14",
-    "With the modified plant the loop of Example 3 is still stable, and its step responses settle.",
-    UNSTABLE,
-    3,
-    modified=True,
-)
-
-
-@SECTION.claim(
-    "ex3.performance",
-    "Fig. 14 and below",
-    "The responses with the modified plant prove robustness; performance is assured.",
-    UNSTABLE,
-    amendment=Amendment(
-        Verdict.CONDITION,
-        "The loop stays stable because the gain falls together with the neglected pole; that pole "
-        "alone destabilises it. The response to the reference is maintained; the rejection of "
-        r"disturbances and of noise is not, $M_s=\max|S_d|$ triples.",
-    ),
-)
+@SECTION.check("ex3.performance")
 def performance() -> Finding:
     """Compare before and after ("kept": within 10 %), and judge the pole and the gain alone."""
     found, nominal = performance_finding(3, times=3.0), example(3)
@@ -490,19 +334,7 @@ def performance() -> Finding:
     )
 
 
-@SECTION.claim(
-    "ex3.family",
-    "Example 3, Fig. 14",
-    "The loop of Example 3 stays stable whenever the gain is up to 50 % lower and a lag of up to "
-    "0.1 s is neglected.",
-    SURVIVES,
-    amendment=Amendment(
-        Verdict.CONDITION,
-        "It does as long as the neglected lag is below 0.08775 s, a pole faster than $-11.4$. With "
-        "the full lag of 0.1 s the gain must be below 0.9427 of the nominal: between the nominal "
-        "and the modified plant, which are both stable, lie plants with which the loop is lost.",
-    ),
-)
+@SECTION.check("ex3.family")
 def family_3() -> Finding:
     """Judge 441 plants between the nominal and the modified one; find the limits exactly.
 
@@ -549,21 +381,7 @@ def _routh(k: Any, T: Any, lam: float = 0.05) -> Any:
     return a1 * (a2 * a3 - a1 * a4) - a0 * a3**2
 
 
-@SECTION.claim(
-    "ex3.overparametrise",
-    "Example 3, end",
-    r"With an over-parametrised stable model, so that $\tilde G^{-1}G$ is improper and minimum "
-    "phase, only a filter of sufficient bandwidth and degree remains to be designed.",
-    UNSTABLE,
-    amendment=Amendment(
-        Verdict.REFUTED,
-        r"There may be no such filter. Let $\tilde G^{-1}G$ grow like $s$, with stable zeros and a "
-        "positive leading coefficient: sufficiently fast filters then stabilise for $n\\le3$ and "
-        "fail for $n\\ge4$, and a plant of relative degree 3 needs $n\\ge4$ for causality. With "
-        r"$\tilde G^{-1}G=g(s+1)(0.1s+1)/(s-1)$ and $n=4$ the good time constants are an interval "
-        "away from 0 if $g=2$; if $g=10$ there are none.",
-    ),
-)
+@SECTION.check("ex3.overparametrise")
 def overparametrise() -> Finding:
     """Scan λ from 1e−4 to 1e2 s for g = 2 and 10, for the least causal order 4 and for 5 and 6.
 

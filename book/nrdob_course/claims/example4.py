@@ -16,34 +16,24 @@ from nrdob.paper import example
 from nrdob.plotting import turns
 from nrdob.uncertain import family, largest_box, sweep
 
-from .ledger import Amendment, Finding, Section, Verdict
+from .ledger import Finding
 from .recurring import (
     OMEGA,
     border,
-    enter_controller,
-    enter_function,
-    enter_margin,
-    enter_steps,
     filtered,
     inverse_degree,
     npz,
     npz_text,
     performance_finding,
+    section,
 )
 
 __all__ = ["SECTION"]
 
-SECTION = Section()
-
-LATE, SURVIVES = "07_do_endless_encirclements_matter", "37_will_it_survive"
+SECTION = section("example4")
 
 
-@SECTION.claim(
-    "ex4.model_delay",
-    "Example 4",
-    r"The dead time must not be put into the model: then no filter makes $F\tilde G^{-1}$ causal.",
-    LATE,
-)
+@SECTION.check("ex4.model_delay")
 def model_delay() -> Finding:
     """See F exp(θs) grow without bound on the positive real axis, where causal stable maps do not.
 
@@ -90,19 +80,7 @@ def _relative_degree(plant: tuple[int, int], model: tuple[int, int]) -> int:
     return round(float(np.log10(abs(ratio(1e7j)) / abs(ratio(1e8j)))))
 
 
-@SECTION.claim(
-    "ex4.relative_degree",
-    "Example 4",
-    r"With $G$ of degrees $m$ over $n$ and $\tilde G$ of degrees $\tilde m$ over $\tilde n$ the "
-    r"relative degree of $\tilde G^{-1}G$ is $n\tilde m-\tilde nm$.",
-    LATE,
-    printed="n m̃ − ñ m",
-    amendment=Amendment(
-        Verdict.CORRECTED,
-        r"Relative degrees subtract: it is $(n-m)-(\tilde n-\tilde m)$. In Example 4 both formulas "
-        "give 0.",
-    ),
-)
+@SECTION.check("ex4.relative_degree")
 def ratio_degree() -> Finding:
     """Measure the relative degree for the 81 pairs of proper blocks of order 1 to 3."""
     pairs = _proper_pairs()
@@ -121,18 +99,7 @@ def ratio_degree() -> Finding:
     )
 
 
-@SECTION.claim(
-    "ex4.order_causal",
-    "Example 4",
-    r"If $\tilde n<n$, $\tilde G^{-1}G$ is causal, of relative degree above 0; if $n<\tilde n$ it "
-    "is not causal.",
-    LATE,
-    amendment=Amendment(
-        Verdict.REFUTED,
-        r"Order says nothing about it. $\tilde G^{-1}G$ is causal if and only if "
-        r"$n-m\ge\tilde n-\tilde m$: a model of lower order may fall off faster than the plant.",
-    ),
-)
+@SECTION.check("ex4.order_causal")
 def order_causal() -> Finding:
     """Measure the relative degree for all pairs of proper blocks of order 1 to 3, and for one case.
 
@@ -157,20 +124,7 @@ def order_causal() -> Finding:
     )
 
 
-@SECTION.claim(
-    "ex4.infinite_turns",
-    "Example 4",
-    "The infinitely many turns of $H$ around $-1$ make $p_B$ unstable unless $F$ is slow enough to "
-    "avoid them.",
-    LATE,
-    amendment=Amendment(
-        Verdict.CONDITION,
-        r"The turns of $H$ itself mean nothing: $1+H=\tilde G^{-1}G$ has finitely many zeros, here "
-        "none on the right, for the closing arc gives every turn back. For filters that roll off "
-        r"the conclusion is right: for small $\lambda$ there are unstable roots, and ever more of "
-        r"them as $\lambda\to0$.",
-    ),
-)
+@SECTION.check("ex4.infinite_turns")
 def infinite_turns() -> Finding:
     """Count the zeros of 1 + H, and of p_B for four λ; ratios of relative degree 1, 0 and −1."""
     loops = [_late([4, 4], [1.5]), example(4), _late([2], [4, 3.75])]
@@ -207,14 +161,7 @@ def _late(den: list[float], model_den: list[float], num: list[float] | None = No
     return NRDOB(plant, ([1.0], [1.0, *model_den]), 1, LowPassFilter(0.1, 3))
 
 
-@SECTION.claim(
-    "ex4.noncausal_order",
-    "Example 4",
-    r"If $\tilde G^{-1}G$ is improper the loop is stable provided that $F$ has a small bandwidth "
-    "and an order above the size of the relative degree, so that the turns of $FH$ at high "
-    "frequency are avoided.",
-    "07_do_endless_encirclements_matter",
-)
+@SECTION.check("ex4.noncausal_order")
 def noncausal_order() -> Finding:
     """Take a biproper plant with dead time, and models of relative degree m = 2 and 3.
 
@@ -246,18 +193,7 @@ def noncausal_order() -> Finding:
     )
 
 
-@SECTION.claim(
-    "ex4.radius",
-    "Example 4, below Fig. 15",
-    r"With relative degree 0, $\tilde G^{-1}G$ turns with the constant magnitude $|k/k|=1$.",
-    LATE,
-    printed="|k/k| = 1",
-    amendment=Amendment(
-        Verdict.CORRECTED,
-        r"The magnitude tends to $|k/\tilde k|$, the ratio of the leading gains, which is 1 in "
-        "Example 4. It is not constant.",
-    ),
-)
+@SECTION.check("ex4.radius")
 def radius() -> Finding:
     """Follow the magnitude along the axis; double and halve the plant's gain."""
     loop = example(4)
@@ -280,16 +216,6 @@ def radius() -> Finding:
     )
 
 
-enter_function(
-    SECTION,
-    "ex4.ratio",
-    r"In Example 4 $\tilde G^{-1}G=e^{-0.05s}(s+1.5)(s+2.5)/(s+2)^2$.",
-    LATE,
-    "ex4.ratio",
-    4,
-)
-
-
 def _endless(loop: Quotient, point: float) -> tuple[bool, str]:
     """Whether a map turns clockwise around a point for ever, and the turns up to 10 000 rad/s."""
     omega = np.linspace(0, 1e4, 100_001)
@@ -304,30 +230,19 @@ def _endless(loop: Quotient, point: float) -> tuple[bool, str]:
     )
 
 
-@SECTION.claim(
-    "fig15a",
-    "Fig. 15a",
-    r"$\tilde G^{-1}G$ turns clockwise around the origin infinitely often.",
-    LATE,
-)
+@SECTION.check("fig15a")
 def figure_15a() -> Finding:
     """Count by the argument, and follow the angle: the turns must grow as ωθ/π."""
     return Finding(*_endless(example(4).ratio, 0.0))
 
 
-@SECTION.claim("fig15b", "Fig. 15b", "$H$ turns clockwise around $-1$ infinitely often.", LATE)
+@SECTION.check("fig15b")
 def figure_15b() -> Finding:
     """Count by the argument, and follow the angle: the turns must grow as ωθ/π."""
     return Finding(*_endless(example(4).H, -1.0))
 
 
-@SECTION.claim(
-    "eq16",
-    "eq. (16)",
-    r"$F=1/(0.09s+1)^3$ makes $F\tilde G^{-1}$ causal and is slow enough to stabilise the observer "
-    "loop.",
-    LATE,
-)
+@SECTION.check("eq16")
 def filter_of_example_4() -> Finding:
     """Judge F·H by turns and by roots; find the border, and judge 12 filters on its two sides."""
     loop = example(4)
@@ -346,11 +261,7 @@ def filter_of_example_4() -> Finding:
     )
 
 
-enter_margin(SECTION, "ex4.FH.pm", LATE)
-enter_margin(SECTION, "ex4.FH.gm", LATE)
-
-
-@SECTION.claim("fig16", "Fig. 16", "The Nyquist plot of $FH$ does not encircle $-1$.", LATE)
+@SECTION.check("fig16")
 def figure_16() -> Finding:
     """Count the turns, and find the largest |FH|: below 1, with P = 0, nothing can turn."""
     loop = example(4)
@@ -362,19 +273,7 @@ def figure_16() -> Finding:
     )
 
 
-@SECTION.claim(
-    "ex4.gain_margin",
-    "Fig. 16, Lemma 2",
-    "The gain margin of $FH$ says how much gain the loop bears before it is unstable.",
-    "08_which_margin_is_the_plants",
-    printed="14.01 dB",
-    amendment=Amendment(
-        Verdict.CORRECTED,
-        r"It says so of a factor on the mismatch, $\tilde G+k(G-\tilde G)$ in the place of $G$. A "
-        r"factor $k$ on the plant turns $H$ into $k\,\tilde G^{-1}G-1$; what it may be is the gain "
-        r"margin of $L=F\,\tilde G^{-1}G/(1-F)$.",
-    ),
-)
+@SECTION.check("ex4.gain_margin")
 def gain_margin() -> Finding:
     """Multiply the plant by factors below and above both margins, and judge; the same with FH."""
     loop = example(4)
@@ -408,33 +307,7 @@ def gain_margin() -> Finding:
     )
 
 
-enter_controller(
-    SECTION,
-    "eq17",
-    r"The controller $C=2.7\,(s+1.5)/s$ stabilises the model of Example 4.",
-    LATE,
-    4,
-)
-enter_margin(SECTION, "ex4.CGm.pm", LATE)
-enter_margin(SECTION, "ex4.CGm.gm", LATE)
-enter_steps(
-    SECTION,
-    "fig18",
-    "Fig. 18",
-    r"The responses of $y$ to unit steps of $R$, $d$, $\delta$ and $\eta$ in Example 4 settle, at "
-    "1, 0, 0 and $-1$.",
-    LATE,
-    4,
-    modified=False,
-)
-
-
-@SECTION.claim(
-    "ex4.variation",
-    "Example 4, above Fig. 19",
-    "The modified plant has a dead time longer by 100 % and an additional pole at $-10$.",
-    LATE,
-)
+@SECTION.check("ex4.variation")
 def variation() -> Finding:
     """Compare dead times, DC gains and poles of the two plants."""
     before, after = (example(4, modified) for modified in (False, True))
@@ -451,41 +324,13 @@ def variation() -> Finding:
     )
 
 
-enter_steps(
-    SECTION,
-    "fig19",
-    "Fig. 19",
-    "With the modified plant the loop of Example 4 is still stable, and its step responses settle.",
-    LATE,
-    4,
-    modified=True,
-)
-
-
-@SECTION.claim(
-    "ex4.performance",
-    "Fig. 19",
-    "The responses with the modified plant of Example 4 prove the robustness of the design.",
-    LATE,
-    amendment=Amendment(
-        Verdict.CONDITION,
-        "The loop stays stable, and the response to the reference is maintained. The rejection of "
-        r"disturbances and of noise is not: $M_s=\max|S_d|$ grows to more than 1.7 times what it "
-        "was.",
-    ),
-)
+@SECTION.check("ex4.performance")
 def performance_4() -> Finding:
     """Compare excursions and sensitivity peaks before and after; "kept" means within 10 %."""
     return performance_finding(4, times=1.7)
 
 
-@SECTION.claim(
-    "ex4.family",
-    "Example 4, Fig. 19",
-    "The loop of Example 4 stays stable whenever the dead time is up to 100 % longer and a lag of "
-    "up to 0.1 s is neglected.",
-    SURVIVES,
-)
+@SECTION.check("ex4.family")
 def family_4() -> Finding:
     """Judge 441 plants between the nominal and the modified one, and the corners one by one.
 

@@ -14,22 +14,18 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from textwrap import fill
+from typing import Any
 
 __all__ = [
-    "WIDTH",
-    "Amendment",
-    "Claim",
-    "Entry",
-    "Finding",
-    "LedgerError",
-    "Section",
-    "Verdict",
-    "collect",
-    "settle",
-]
+    "RECURS", "WIDTH", "Amendment", "Check", "Claim", "Entry", "Finding", "LedgerError", "Section",
+    "Verdict", "collect", "settle",
+]  # fmt: skip
 
 WIDTH = 95
 """Characters to a line of a printed entry: what a page of the book is wide."""
+
+RECURS = "recurs"
+"""Key of the texts whose check is one of several alike, with what it needs to know."""
 
 
 class Verdict(StrEnum):
@@ -80,6 +76,9 @@ class Finding:
         return [name for name, met in self.conditions.items() if not met]
 
 
+Check = Callable[[], Finding]
+
+
 @dataclass(frozen=True)
 class Amendment:
     """What we put in the place of a statement that does not hold as printed.
@@ -126,7 +125,7 @@ class Claim:
     printed: str
     chapter: str
     amendment: Amendment | None
-    check: Callable[[], Finding] = field(repr=False)
+    check: Check = field(repr=False)
 
     @property
     def method(self) -> str:
@@ -211,13 +210,19 @@ def settle(claim: Claim) -> Entry:
 
 
 class Section:
-    """The claims of one part of the paper, in its order.
+    """The claims of one part of the paper, in its order: their texts, and a check for each.
+
+    Parameters
+    ----------
+    texts : mapping from str to mapping
+        By id: chapter, place, says and, where there are any, printed; for what does not hold as
+        printed the verdict and what is true instead. `recurs` is for `recurring.section`.
 
     Examples
     --------
-    >>> part = Section()
-    >>> @part.claim("sum", "p. 1", "1 + 1 is 3", "chapter", printed="3",
-    ...             amendment=Amendment(Verdict.CORRECTED, "1 + 1 is 2"))
+    >>> part = Section({"sum": {"chapter": "chapter", "place": "p. 1", "says": "1 + 1 is 3",
+    ...     "printed": "3", "verdict": "corrected", "instead": "1 + 1 is 2"}})
+    >>> @part.check("sum")
     ... def check() -> Finding:
     ...     '''Count on fingers.'''
     ...     return Finding(1 + 1 == 3, "2", conditions={"1 + 1 is 2": 1 + 1 == 2})
@@ -229,26 +234,45 @@ class Section:
       instead:   1 + 1 is 2
     """
 
-    def __init__(self) -> None:
-        self.claims: list[Claim] = []
+    def __init__(self, texts: Mapping[str, Mapping[str, Any]]) -> None:
+        self.texts = texts
+        self._entered: dict[str, Claim] = {}
 
-    def claim(
-        self,
-        id: str,
-        place: str,
-        says: str,
-        chapter: str,
-        *,
-        printed: str = "",
-        amendment: Amendment | None = None,
-    ) -> Callable[[Callable[[], Finding]], Callable[[], Finding]]:
-        """Enter the decorated check, with its statement, as the next claim of this section."""
+    def check(self, id: str, **known: str) -> Callable[[Check], Check]:
+        """Enter the decorated check of a claim; `known` are texts that are computed.
 
-        def enter(check: Callable[[], Finding]) -> Callable[[], Finding]:
-            self.claims.append(Claim(id, place, says, printed, chapter, amendment, check))
+        Raises
+        ------
+        ValueError
+            If there is no text for it, or a check already.
+        """
+        if id not in self.texts:
+            raise ValueError(f"there is no text for the claim {id!r}; write it beside the others")
+        if id in self._entered:
+            raise ValueError(f"two checks have the id {id!r}; rename one")
+        said = {key: text for key, text in self.texts[id].items() if key != RECURS}
+        text = {"printed": ""} | {key: " ".join(said[key].split()) for key in said} | known
+        verdict, instead = text.pop("verdict", ""), text.pop("instead", "")
+        amendment = Amendment(Verdict(verdict), instead) if verdict else None
+
+        def enter(check: Check) -> Check:
+            self._entered[id] = Claim(id=id, amendment=amendment, check=check, **text)
             return check
 
         return enter
+
+    @property
+    def claims(self) -> list[Claim]:
+        """The claims, in the order of their texts.
+
+        Raises
+        ------
+        ValueError
+            If one of them has no check.
+        """
+        if missing := [id for id in self.texts if id not in self._entered]:
+            raise ValueError(f"no check for {', '.join(missing)}; write one below @SECTION.check")
+        return [self._entered[id] for id in self.texts]
 
 
 def collect(sections: Iterable[Section]) -> dict[str, Claim]:

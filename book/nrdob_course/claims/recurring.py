@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import tomllib
+from collections.abc import Callable
+from importlib.resources import files
 from math import inf, isfinite
 
 import numpy as np
@@ -14,27 +17,13 @@ from nrdob.numerics import FloatArray, number
 from nrdob.paper import PRINTED, PRINTED_FUNCTIONS, Printed, example
 from nrdob.plotting import complex_number, frequency, spoken
 
-from .ledger import Finding, Section
+from .ledger import RECURS, Finding, Section
 from .signals import printed_map
 
 __all__ = [
-    "OMEGA",
-    "border",
-    "enter_controller",
-    "enter_function",
-    "enter_map",
-    "enter_margin",
-    "enter_steps",
-    "filtered",
-    "inverse_degree",
-    "map_text",
-    "npz",
-    "npz_text",
-    "performance_finding",
-    "printed_text",
-    "steps_finding",
-    "swings",
-]
+    "OMEGA", "border", "filtered", "inverse_degree", "map_text", "npz", "npz_text",
+    "performance_finding", "printed_text", "section", "steps_finding", "swings",
+]  # fmt: skip
 
 OMEGA = np.geomspace(1e-3, 1e5, 4001)
 """Frequencies on which a statement about all frequencies is tried, rad/s."""
@@ -86,7 +75,7 @@ def npz_text(count: NyquistCount | LoopStability) -> str:
 # Printed margins.
 
 
-def enter_margin(section: Section, id: str, chapter: str) -> None:
+def _margin(section: Section, id: str) -> None:
     """Enter the claim that a margin has the value that the paper prints."""
     which, loop_name, kind = id.split(".")
     attribute, name = _LOOPS[loop_name]
@@ -94,11 +83,10 @@ def enter_margin(section: Section, id: str, chapter: str) -> None:
     finite = isfinite(PRINTED[id].value)
     said = f"is {value}" if finite else "tends to infinity"
 
-    @section.claim(
+    @section.check(
         id,
-        PRINTED[id].place,
-        f"In Example {which[2:]} the {word} margin of {name} {said}.",
-        chapter,
+        place=PRINTED[id].place,
+        says=f"In Example {which[2:]} the {word} margin of {name} {said}.",
         printed=value,
     )
     def check() -> Finding:
@@ -150,10 +138,10 @@ def _gain(gain: Quotient, margins: Margins) -> tuple[bool, str]:
 # Controllers.
 
 
-def enter_controller(section: Section, id: str, says: str, chapter: str, which: int) -> None:
+def _controller(section: Section, id: str, which: int) -> None:
     """Enter the claim that a printed controller stabilises the model."""
 
-    @section.claim(id, f"eq. ({int(id[2:])})", says, chapter)
+    @section.check(id)
     def check() -> Finding:
         """Count the turns of C·Gm and find the roots of p_A."""
         part = example(which).stability().model_loop
@@ -208,32 +196,24 @@ def _polynomial_text(coefficients: FloatArray) -> str:
     return text
 
 
-def enter_map(section: Section, id: str, says: str, chapter: str, between: tuple[str, str]) -> None:
+def _map(section: Section, id: str, input: str, signal: str) -> None:
     """Enter the claim that a map between two signals has the formula that the paper prints."""
-    equation, name = id.split(".")
 
-    @section.claim(id, f"eq. ({int(equation[2:])})", says, chapter)
+    @section.check(id)
     def check() -> Finding:
-        return printed_map(name)
+        return printed_map(id.partition(".")[2])
 
     check.__doc__ = (
-        f"Solve the diagram with {between[0]} alone at random values; compare {between[1]} with "
+        f"Solve the diagram with {input} alone at random values; compare {signal} with "
         "the printed formula."
     )
 
 
-def enter_function(
-    section: Section, id: str, says: str, chapter: str, printed_as: str, which: int
-) -> None:
+def _function(section: Section, id: str, which: int, printed_as: str) -> None:
     """Enter the claim that a map is the transfer function that the paper prints."""
+    place = PRINTED_FUNCTIONS[printed_as].place
 
-    @section.claim(
-        id,
-        PRINTED_FUNCTIONS[printed_as].place,
-        says,
-        chapter,
-        printed=printed_text(printed_as),
-    )
+    @section.check(id, place=place, printed=printed_text(printed_as))
     def check() -> Finding:
         """Compare with the printed one on a grid of the right half plane; cancel to show it."""
         computed: Quotient = getattr(example(which), printed_as.split(".")[1])
@@ -298,15 +278,29 @@ def steps_finding(loop: NRDOB) -> Finding:
     )
 
 
-def enter_steps(
-    section: Section, id: str, place: str, says: str, chapter: str, which: int, modified: bool
-) -> None:
+def _steps(section: Section, id: str, which: int, modified: bool) -> None:
     """Enter the claim of a figure of step responses."""
 
-    @section.claim(id, place, says, chapter)
+    @section.check(id)
     def check() -> Finding:
         """Judge stability by turns and by roots; compare four ends with the maps at s = 0."""
         return steps_finding(example(which, modified))
+
+
+KINDS: dict[str, Callable[..., None]] = {
+    "margin": _margin, "controller": _controller, "map": _map, "function": _function,
+    "steps": _steps,
+}  # fmt: skip
+
+
+def section(name: str) -> Section:
+    """Read the texts of a part of the paper, name.toml, and enter the checks that recur in it."""
+    texts = files(__package__).joinpath(f"{name}.toml").read_text(encoding="utf-8")
+    found = Section(tomllib.loads(texts))
+    for id, text in found.texts.items():
+        if recurs := dict(text.get(RECURS, {})):
+            KINDS[recurs.pop("kind")](found, id, **recurs)
+    return found
 
 
 # What the modified plant costs.

@@ -24,33 +24,26 @@ from nrdob.sampling import random_loop
 from .ledger import Finding
 
 __all__ = [
-    "EXACT",
-    "PRINTED_MAPS",
-    "QUADRUPLES",
-    "TOLERANCE",
-    "TO_OUTPUT",
-    "Values",
-    "blocks_of",
-    "equations",
-    "every",
-    "fraction",
-    "from_diagram",
-    "loop_modes",
-    "many_loops",
-    "modes",
-    "numbers",
-    "printed_map",
-    "random_blocks",
-    "random_points",
-    "same",
-    "solve",
-    "turns",
-]
+    "ABOUT", "EXACT", "NEAR", "ORDERS", "PRINTED_MAPS", "QUADRUPLES", "STOPPED", "TOLERANCE",
+    "TO_OUTPUT", "Values", "blocks_of", "equations", "every", "fraction", "from_diagram",
+    "loop_modes", "many_loops", "matched_blocks", "modes", "numbers", "printed_map",
+    "random_blocks", "random_points", "same", "solve", "turns",
+]  # fmt: skip
 
 EXACT = 1e-8
 """Relative difference up to which two ways to compute one number agree."""
 
 TOLERANCE = "1e-8 relative"
+
+NEAR = 0.1
+"""What "approximately" of the paper is taken to allow, of 1 or of the value compared with."""
+
+ABOUT = "“≈” taken as within 10 %"
+
+STOPPED = 0.01
+"""Size of F where it is taken to be approximately zero."""
+
+ORDERS = (1, 2, 3, 4)
 
 AXIS = 1e-7
 """How far to the right of the imaginary axis a curve is followed, rad/s."""
@@ -174,6 +167,11 @@ def random_blocks(rng: np.random.Generator, count: int = QUADRUPLES) -> Values:
     """Draw complex numbers for the four blocks, around 1 in size."""
     parts = rng.normal(size=(2, len(Values._fields), count))
     return Values(*(parts[0] + 1j * parts[1]))
+
+
+def matched_blocks(blocks: Values) -> Values:
+    """Give the same blocks with a perfect model."""
+    return blocks._replace(G=blocks.Gm)
 
 
 def random_points(rng: np.random.Generator, count: int = 4) -> ComplexArray:

@@ -18,44 +18,23 @@ from pkgutil import iter_modules
 from typing import Any
 
 from .cases import factored
-from .problems import (
-    BUDGET,
-    HIDDEN_CASES,
-    VISIBLE_CASES,
-    Case,
-    Feedback,
-    Misconception,
-    Points,
-    Problem,
-    review,
-    timed,
-)
-from .set2 import draw_without_count
-from .set5 import draw_edge
+from .figures import draw_without_count
+from .problems import BUDGET, Case, Feedback, Misconception, Points, Problem
+from .reviewing import HIDDEN_CASES, VISIBLE_CASES, review, timed
+from .set5_edges import draw_edge
 
 __all__ = [
-    "BUDGET",
-    "PROBLEMS",
-    "Feedback",
-    "Misconception",
-    "Points",
-    "Problem",
-    "check",
-    "draw_edge",
-    "draw_without_count",
-    "factored",
-    "own_case",
-    "score",
-]
+    "BUDGET", "PROBLEMS", "Feedback", "Misconception", "Points", "Problem", "check", "draw_edge",
+    "draw_without_count", "factored", "own_case", "score",
+]  # fmt: skip
 
-_SETS = sorted(name for _, name, _ in iter_modules(__path__) if re.fullmatch(r"set\d+", name))
+_SETS = [name for _, name, _ in iter_modules(__path__) if re.match(r"set\d", name)]
+_POSED = [each for name in _SETS for each in import_module(f"{__name__}.{name}").PROBLEMS]
 
 PROBLEMS: dict[str, Problem] = {
-    problem.id: problem
-    for name in _SETS
-    for problem in import_module(f"{__name__}.{name}").PROBLEMS
+    each.id: each for each in sorted(_POSED, key=lambda each: tuple(map(int, each.id.split("."))))
 }
-"""Every problem by its id, found in the modules set1, set2, …
+"""Every problem by its id, in their order, found in the modules set1, set1_filters, …
 
 :meta hide-value:
 """

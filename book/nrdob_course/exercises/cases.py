@@ -14,29 +14,15 @@ from nrdob.analysis import judge_observer
 from nrdob.diagram import DelayedTransferFunction
 from nrdob.loop import NRDOB
 from nrdob.numerics import ComplexArray, FloatArray, number
+from nrdob.plants import lags
 
 from .problems import Lack
 
 __all__ = [
-    "POINTS",
-    "TRIES",
-    "LoopCase",
-    "UnstablePlant",
-    "alike",
-    "apart",
-    "draw",
-    "either_sign",
-    "factored",
-    "few",
-    "first_fitting",
-    "grid_peak",
-    "kept",
-    "mirrored",
-    "not_around",
-    "observer_stable",
-    "on_the_right",
-    "s",
-]
+    "POINTS", "TRIES", "LoopCase", "UnstablePlant", "alike", "all_pole", "apart", "draw",
+    "either_sign", "factored", "few", "first_fitting", "grid_peak", "kept", "mirrored",
+    "mirrored_pair", "not_around", "observer_stable", "on_the_right", "s",
+]  # fmt: skip
 
 T = TypeVar("T")
 
@@ -120,6 +106,18 @@ def observer_stable(plant: Any, model: Any, filter: Any) -> bool | None:
 def grid_peak(F: ComplexArray, R: ComplexArray, of_FH: bool = False) -> float:
     """Ms of L, or of FH, where F and R = G/Gm are known on a grid; true for a stable loop only."""
     return float(np.abs((1 if of_FH else 1 - F) / (1 + F * (R - 1))).max())
+
+
+def all_pole(*poles: float, gain: float = 1.0) -> ct.TransferFunction:
+    """Make lags given by their poles, in rad/s."""
+    return lags(*(1 / pole for pole in poles), gain=gain)
+
+
+def mirrored_pair(
+    pole: float, decay: float, gain: float
+) -> tuple[ct.TransferFunction, ct.TransferFunction]:
+    """Give an unstable plant of gain -k at s = 0, and the model in which its pole is mirrored."""
+    return lags(-1 / pole, 1 / decay, gain=-gain), lags(1 / pole, 1 / decay, gain=gain)
 
 
 POINTS = np.array([0.3 + 0.2j, 1j, 3 + 2j, 10j, 40 + 7j])

@@ -20,18 +20,9 @@ from nrdob.diagram import DelayedTransferFunction, LowPassFilter, as_fraction
 from nrdob.numerics import FloatArray
 
 __all__ = [
-    "UNORDERED",
-    "UnreadableError",
-    "as_given",
-    "block",
-    "coefficients",
-    "lowpass",
-    "number",
-    "numbers",
-    "polynomial",
-    "things",
-    "whole",
-]
+    "UNORDERED", "UnreadableError", "as_given", "block", "coefficients", "lowpass", "number",
+    "numbers", "polynomial", "things", "whole",
+]  # fmt: skip
 
 REAL, NOTHING = 1e-9, 1e-12
 """An imaginary part is rounding, if it is a smaller share than this, or a smaller number."""

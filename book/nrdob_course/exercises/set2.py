@@ -10,34 +10,28 @@ import control as ct
 import numpy as np
 
 from nrdob.analysis import judge, resolved_frequencies
-from nrdob.design import right_half_plane_parity, stabilizing_time_constants
-from nrdob.diagram import LowPassFilter, Quotient
+from nrdob.diagram import LowPassFilter
 from nrdob.loop import NRDOB
-from nrdob.numerics import ComplexArray, FloatArray, QuasiPolynomial, number
-from nrdob.plotting import Figure
+from nrdob.numerics import ComplexArray, FloatArray, QuasiPolynomial
 
 from .cases import (
     LoopCase,
-    UnstablePlant,
-    alike,
     apart,
     draw,
-    either_sign,
     factored,
     few,
     first_fitting,
     kept,
-    mirrored,
-    not_around,
     observer_stable,
     on_the_right,
     s,
 )
-from .problems import Lack, Problem, answers_like, answers_like_any, lacking, same
+from .comparing import same
+from .problems import Misconception, any_of, pose
 from .reading import number as one_number
 from .reading import numbers
 
-__all__ = ["CLOSING", "LITERAL", "PROBLEMS", "READING", "UNTURNED", "draw_without_count"]
+__all__ = ["PROBLEMS"]
 
 # --- 2.1 Turns from a list of roots -------------------------------------------------------------
 
@@ -46,12 +40,8 @@ __all__ = ["CLOSING", "LITERAL", "PROBLEMS", "READING", "UNTURNED", "draw_withou
 class RootsCase:
     """A loop, taken apart into roots.
 
-    Attributes
-    ----------
-    plant_zeros, plant_poles, model_zeros, model_poles : array of complex
-        Of G and of the model, before anything cancels.
-    closed_loop_roots : array of complex
-        Roots of p_B.
+    `plant_zeros`, `plant_poles`, `model_zeros`, `model_poles`: of G and of the model, before
+    anything cancels; `closed_loop_roots`: Roots of p_B.
     """
 
     plant_zeros: ComplexArray
@@ -143,9 +133,8 @@ def _as_if_stable(case: RootsCase) -> float:
 
 _TURN_MISTAKES = (_counter_clockwise, _sum_of_both, _poles_of_both, _plant_only, _as_if_stable)
 
-TURNS = Problem(
-    id="2.1",
-    title="Turns from a list of roots",
+TURNS = pose(
+    "2.1",
     case=_roots_case,
     reads=one_number,
     lacks=lambda case, got: (
@@ -154,48 +143,13 @@ TURNS = Problem(
         else f"that many turns do not turn P = {_poles(case)} poles into Z = "
         f"{on_the_right(case.closed_loop_roots)} roots of p_B on the right"
     ),
-    praise=(
-        "Right: N = Z - P, clockwise turns counted as positive, and P counts the poles of the "
-        "plant and the zeros of the model."
-    ),
-    misconceptions=(
-        answers_like(
-            "counter-clockwise counted as positive",
-            "The size is right, the sign is not: here, as in python-control, clockwise turns count "
-            "as positive, so N = Z - P. Which way does the plot turn for a stable loop with an "
-            "unstable plant?",
-            _counter_clockwise,
-            marks=0.5,
-        ),
-        answers_like(
-            "Z and P added",
-            "You have added the two counts. A zero of 1 + FH on the right turns the plot "
-            "clockwise, a pole turns it the other way: the turns are the difference, N = Z - P.",
-            _sum_of_both,
-            marks=0.25,
-        ),
-        answers_like(
-            "poles of the model for its zeros",
-            "You have counted the poles of the plant and the poles of the model. But H contains "
-            "the model upside down, H = G/Gm - 1: which roots of the model are poles of H?",
-            _poles_of_both,
-            marks=0.25,
-        ),
-        answers_like(
-            "zeros of the model forgotten",
-            "P is not only the plant's: H = G/Gm - 1 has the model in the denominator, so a zero "
-            "of the model on the right is a pole of FH. Count it, too.",
-            _plant_only,
-            marks=0.5,
-        ),
-        answers_like(
-            "the turns of a stable loop",
-            "-P is what the plot would have to do if the loop were stable. Is it? Look at the "
-            "roots of p_B, and use them.",
-            _as_if_stable,
-            marks=0.25,
-        ),
-    ),
+    misconceptions={
+        "counter-clockwise counted as positive": _counter_clockwise,
+        "Z and P added": _sum_of_both,
+        "poles of the model for its zeros": _poles_of_both,
+        "zeros of the model forgotten": _plant_only,
+        "the turns of a stable loop": _as_if_stable,
+    },
 )
 
 
@@ -258,37 +212,6 @@ def _readable(case: PlotCase, wanted: int) -> bool:
     return bool(np.abs(values).max() < 6.5 and np.abs(1 + values).min() > 0.3)
 
 
-def draw_without_count(loop: NRDOB) -> Figure:
-    """Draw the Nyquist plot of FH as the book does, but let the reader count.
-
-    The alt text says where the plot crosses the real axis, which is what the eye would see.
-
-    Parameters
-    ----------
-    loop : NRDOB
-        The loop of a case.
-    """
-    figure = loop.plot_nyquist("FH")
-    for ax in np.ravel(figure.axes):
-        ax.set_title("", loc="right")
-    return Figure(figure.lines, figure.axes, alt=f"Nyquist plot of F·H: {_crossings(loop)}")
-
-
-def _crossings(loop: NRDOB) -> str:
-    omega = resolved_frequencies(loop.FH)
-    values = loop.FH(1j * omega)
-    found = [f"it starts at {number(loop.FH.dc_gain)} for zero frequency"]
-    for k in np.flatnonzero(np.diff(np.sign(values.imag))):
-        weight = values.imag[k] / (values.imag[k] - values.imag[k + 1])
-        real = float(values.real[k] + weight * (values.real[k + 1] - values.real[k]))
-        way = "upwards" if values.imag[k + 1] > 0 else "downwards"
-        if abs(real) > 0.01:
-            found.append(f"crosses the real axis at {number(real)} {way}")
-    found[0] += f" and leaves {'up' if values.imag[0] > 0 else 'down'}wards"
-    last = "and ends at 0; the half for negative frequencies is its mirror image"
-    return ", ".join([*found, last])
-
-
 Reading = tuple[float, float, float]
 
 
@@ -336,52 +259,21 @@ def _plot_lacks(case: PlotCase, got: FloatArray) -> str:
     return ""
 
 
-READING = Problem(
-    id="2.3",
-    title="Read a plot",
+READING = pose(
+    "2.3",
     case=_plot_case,
     reads=partial(numbers, names="N, P, Z", gaps=True),
     lacks=_plot_lacks,
     parts=lambda case, got: dict(
         zip("NPZ", (same(*each) for each in zip(_reading(case), got, strict=True)), strict=True)
     ),
-    praise=(
-        "Right, all three. The plot shows N and nothing else: P comes from the factors of plant "
-        "and model, and one of them never appears in the plot."
-    ),
     own=True,
-    misconceptions=(
-        answers_like(
-            "P counted after cancellation",
-            "N is right, but one root is missing from P, and so from Z. A factor that plant and "
-            "model share cancels in FH, not in the loop: count the poles of the plant and the "
-            "zeros of the model before anything cancels.",
-            _after_cancellation,
-            marks=0.5,
-        ),
-        answers_like(
-            "Z = P - N for clockwise turns",
-            "N and P are right. The formula Z = P - N belongs to books that count anticlockwise "
-            "turns as positive; here they are negative, and it is Z = N + P.",
-            _mixed_conventions,
-            marks=2 / 3,
-        ),
-        answers_like(
-            "the other convention, used consistently",
-            "P and Z are right, and your N counts anticlockwise turns as positive. That is a good "
-            "convention, but not that of this book: clockwise is positive here, and Z = N + P.",
-            _other_convention,
-            marks=0.75,
-        ),
-        answers_like(
-            "turns counted in the wrong sense",
-            "P is right, and you have applied Z = N + P; but the sign of N is not right, so Z is "
-            "not either. Follow the arrowheads: which way does a walker go around -1? Clockwise is "
-            "positive.",
-            _other_sense,
-            marks=1 / 3,
-        ),
-    ),
+    misconceptions={
+        "P counted after cancellation": _after_cancellation,
+        "Z = P - N for clockwise turns": _mixed_conventions,
+        "the other convention, used consistently": _other_convention,
+        "turns counted in the wrong sense": _other_sense,
+    },
 )
 
 
@@ -392,16 +284,9 @@ READING = Problem(
 class HalfCurve:
     """What is known of a function H: its values, and how it behaves at both ends.
 
-    Attributes
-    ----------
-    omega : array of float
-        Frequencies in rad/s, growing, densely from far below all corner frequencies to far above.
-    values : array of complex
-        H at j omega.
-    poles_at_zero : int
-        How many poles H has at s = 0.
-    excess : int
-        By how much the degree of its numerator exceeds that of its denominator.
+    `omega`: frequencies in rad/s, growing, densely from far below all corner frequencies to far
+    above; `values`: H at j omega; `poles_at_zero`: how many poles H has at s = 0; `excess`: by how
+    much the degree of its numerator exceeds that of its denominator.
     """
 
     omega: FloatArray = field(repr=False)
@@ -526,9 +411,6 @@ def _near(value: float, got: float) -> bool:
     )
 
 
-_turning_like = partial(answers_like_any, close=_near)
-
-
 def _hints(case: HalfCurve) -> dict[float, str]:
     """Say what other slips look like."""
     axis, pieces = _axis_only(case), _pieces(case)
@@ -553,317 +435,26 @@ def _closing_lacks(case: HalfCurve, got: float) -> str:
     return "that many turns do not fit the zeros of 1 + H and the poles of H on the right"
 
 
-CLOSING = Problem(
-    id="2.4",
-    title="Close the curve",
+CLOSING = pose(
+    "2.4",
+    alike=_near,
     case=(partial(_half_curve, 1), partial(_half_curve, -1)),
     reads=one_number,
     lacks=_closing_lacks,
-    praise=(
-        "Right: half the turns are on the page, its mirror image makes as many, each pole at 0 "
-        "adds half a turn by the detour, and each degree of excess half a turn at infinity."
-    ),
-    misconceptions=(
-        answers_like(
-            "cut off instead of rounded",
-            "One turn is missing where the sum is a little below a whole number: int() cuts off, "
-            "and 3.99999 becomes 3. Use round(). (If there is no int() in your answer, look for a "
-            "piece of the path that you have left out.)",
-            lambda case: int(_sum(case)),
-            marks=0.75,
+    misconceptions={
+        "cut off instead of rounded": Misconception(
+            lambda case: int(_sum(case)), lambda case, got: same(int(_sum(case)), got)
         ),
-        _turning_like(
-            "angles that jump",
-            "You have taken the difference of two angles, and np.angle gives every angle between "
-            "-π and π: whole turns are lost on the way. Add up the small angles from one "
-            "frequency to the next, or use np.unwrap.",
-            lambda case: [_jumps(case)],
-            marks=0.5,
+        "angles that jump": any_of(lambda case: [_jumps(case)]),
+        "the curve left open": any_of(lambda case: [_axis_only(case)]),
+        "one of the two closing pieces forgotten": any_of(
+            lambda case: [_half_circle_missing(case), _detour_missing(case)]
         ),
-        _turning_like(
-            "the curve left open",
-            "You have counted what is on the page, positive and negative frequencies, and left the "
-            "curve open. Poles at 0 make the path take a detour, and an excess of the numerator "
-            "makes the large half circle count: how much does each add, and which way round?",
-            lambda case: [_axis_only(case)],
-            marks=0.25,
-        ),
-        _turning_like(
-            "one of the two closing pieces forgotten",
-            "One piece of the closed path is missing. There are two: the detour around the poles "
-            "at 0, and the large half circle, which counts because H is improper. Each adds half a "
-            "turn, clockwise, for each pole at 0 and for each degree of excess.",
-            lambda case: [_half_circle_missing(case), _detour_missing(case)],
-            marks=0.5,
-        ),
-        _turning_like(
-            "counter-clockwise counted as positive",
-            "The number is right, the sign is not. numpy's angles grow counter-clockwise, turns "
-            "here are positive clockwise: there must be a minus sign in front of the sum.",
-            lambda case: [_anticlockwise(case)],
-            marks=0.5,
-        ),
-        _turning_like(
-            "turns around 0",
-            "These are the turns of H around 0. We want those around -1, which are the turns of "
-            "1 + H around 0: add up the angles of 1 + H.",
-            lambda case: [_around_zero(case)],
-            marks=0.25,
-        ),
-        _turning_like(
-            "negative frequencies forgotten",
-            "The values are given for positive frequencies only. The other half of the plot is the "
-            "mirror image, and turns as much: count what is on the page twice. The detour and the "
-            "half circle are whole already.",
-            lambda case: [_one_half(case)],
-            marks=0.5,
-        ),
-    ),
+        "counter-clockwise counted as positive": any_of(lambda case: [_anticlockwise(case)]),
+        "turns around 0": any_of(lambda case: [_around_zero(case)]),
+        "negative frequencies forgotten": any_of(lambda case: [_one_half(case)]),
+    },
 )
 
 
-# --- 2.5 Lemma 1, read literally ----------------------------------------------------------------
-
-
-def _unstable_plant(rng: np.random.Generator) -> UnstablePlant:
-    pole = draw(rng, 0.5, 3)
-    return UnstablePlant(draw(rng, 0.5, 5), pole, few(pole * rng.uniform(1.5, 4)))
-
-
-def _visible(open_loop: Quotient) -> ComplexArray:
-    """Zeros of 1 + L on the right after cancellation: what Lemma 1 read literally looks at."""
-    if not open_loop.numerator.q.any():
-        return np.empty(0, dtype=complex)
-    tf = open_loop.to_tf()
-    roots = np.roots(np.polyadd(tf.num_array[0, 0], tf.den_array[0, 0]))
-    return np.asarray(roots[roots.real >= 0], dtype=complex)
-
-
-def _not_refuting(case: UnstablePlant, got: Any) -> str:
-    """Tell what keeps a loop from being a counterexample."""
-    if lack := not_around(case.process, got):
-        return lack
-    for kind, term, open_loop in (("A", "C Gm", got.CGm), ("B", "FH", got.FH)):
-        if _visible(open_loop).size:
-            return Lack(
-                kind,
-                f"1 + {term} has a zero on the right, so the lemma does not call this loop stable",
-            )
-    verdict = got.stability().stable
-    if verdict is None:
-        return AT_A_BORDER
-    if verdict:
-        return Lack("stable", "this loop is stable, as the lemma says")
-    if alike(got.G, got.Gm):
-        return Lack("matched", "the model is the plant itself, which was excluded")
-    return ""
-
-
-AT_A_BORDER = "there is no verdict on this loop, it is at a border; move away from it"
-
-
-def _held(case: UnstablePlant, pole: float, gain: float) -> NRDOB:
-    """Take a model with an unstable pole, and a controller that holds the model."""
-    decay = case.decay + case.pole
-    model = 1 / ((s - pole) * (s + decay))
-    return NRDOB(case.process, model, gain * 2 * pole * decay, LowPassFilter(0.1 / case.pole, 2))
-
-
-def _around_mirrored(
-    case: UnstablePlant, value: float, sign: float = 1.0, hold: float = 0.5
-) -> NRDOB:
-    """Take the mirrored model, and a controller that gives C Gm a gain."""
-    controller = sign * hold * case.pole * case.decay / case.gain
-    return NRDOB(case.process, sign * mirrored(case), controller, LowPassFilter(value, 2))
-
-
-LITERAL = Problem(
-    id="2.5",
-    title="Lemma 1, read literally",
-    case=_unstable_plant,
-    lacks=_not_refuting,
-    praise=(
-        "Right. Neither 1 + C Gm nor 1 + FH has a zero on the right, and yet the loop is not "
-        "stable: a root of p_A or p_B has cancelled in the fraction and stays in the loop."
-    ),
-    misconceptions=(
-        lacking(
-            "matched",
-            "the model is the plant itself",
-            "A counterexample it is: with a matched model B = 1 has no zeros at all. But the "
-            "problem asks for a model that differs from the plant. What is the least that the two "
-            "must have in common?",
-            lambda case: NRDOB(
-                case.process,
-                case.process,
-                2 * case.pole * case.decay / case.gain,
-                LowPassFilter(0.1 / case.pole, 2),
-            ),
-            marks=0.5,
-        ),
-        lacking(
-            "stable",
-            "a loop that is stable",
-            "This loop is stable, so it does not contradict the lemma. You need the opposite: a "
-            "loop that is not stable, and two fractions that do not show it. What makes a root "
-            "disappear from a fraction?",
-            lambda case: _around_mirrored(case, 0.1 / case.pole),
-            marks=0.0,
-        ),
-        lacking(
-            "B",
-            "a root that is not hidden",
-            "The loop is not stable, and 1 + FH shows it: it has a zero on the right, so the lemma "
-            "gives the right warning. A root hides only where plant and model have it in "
-            "common, to the last digit: near it, or elsewhere, nothing cancels.",
-            lambda case: _held(case, 1.05 * case.pole, 1.0),
-            marks=0.25,
-        ),
-        lacking(
-            "A",
-            "the controller does not hold the model",
-            "1 + C Gm has a zero on the right: condition (i) of the lemma is not met, and then the "
-            "lemma says nothing. Choose a controller that stabilises your model.",
-            lambda case: _held(case, case.pole, -1.0),
-            marks=0.25,
-        ),
-        lacking(
-            "plant",
-            "another plant",
-            "This loop is not built around your plant. Take process=case.process, which is another "
-            "one in every case, and compute the model from its pole, case.pole.",
-            lambda case: NRDOB(4 / (2 - s - s**2), 4 / (2 - s - s**2), -2, LowPassFilter(0.05, 2)),
-            marks=0.0,
-        ),
-    ),
-)
-
-
-# --- 2.6 A loop that should not exist -----------------------------------------------------------
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class DistantZero(UnstablePlant):
-    """A plant gain (1 - s/zero)/((s - pole)(s + decay)).
-
-    Attributes
-    ----------
-    gain, pole, decay, zero : float
-        The gain of either sign; the others positive, in rad/s. The zero is far beyond the pole.
-    """
-
-    zero: float
-
-    @property
-    def process(self) -> ct.TransferFunction:
-        """The plant made of these numbers."""
-        return (1 - s / self.zero) * super().process
-
-
-def _distant_zero(rng: np.random.Generator) -> DistantZero:
-    pole = draw(rng, 0.5, 3)
-    return DistantZero(
-        either_sign(rng) * draw(rng, 0.5, 5),
-        pole,
-        few(pole * rng.uniform(2, 5)),
-        few(pole * rng.uniform(60, 150)),
-    )
-
-
-def _not_held(case: DistantZero, got: Any) -> str:
-    """Tell why a loop is not the one that should not exist."""
-    if lack := not_around(case.process, got):
-        return lack
-    verdict = got.stability()
-    if verdict.stable:
-        return ""
-    if verdict.observer_loop.stable:
-        if verdict.stable is None:
-            return AT_A_BORDER
-        return Lack("controller", "the controller does not stabilise the model (condition i)")
-    shared = [
-        root
-        for root in verdict.observer_loop.roots
-        if root.real > 0 and any(abs(root - r) < 1e-6 * abs(r) for r in (case.pole, case.zero))
-    ]
-    if shared:
-        return Lack(
-            "shared", "the model shares a root on the right with the plant, which stays in the loop"
-        )
-    if verdict.stable is None:
-        return AT_A_BORDER
-    if not right_half_plane_parity(got.process, got.model).holds:
-        return Lack("sign", "p_B has an odd number of roots on the right for every λ and n")
-    F = got.filter
-    works = isinstance(F, LowPassFilter) and stabilizing_time_constants(
-        got.process, got.model, F.order
-    )
-    if not works:
-        return "with this model and order the filter does not stabilise p_B"
-    kind = "fast" if F.time_constant <= works[0][0] else "slow"
-    return Lack(kind, f"the filter is too {kind}, p_B has roots on the right")
-
-
-def _with_shared_zero(case: DistantZero) -> NRDOB:
-    model = (1 - s / case.zero) * mirrored(case)
-    return NRDOB(case.process, model, 0, LowPassFilter(0.1 / case.pole, 2))
-
-
-UNTURNED = Problem(
-    id="2.6",
-    title="A loop that should not exist",
-    case=_distant_zero,
-    lacks=_not_held,
-    praise=(
-        "Stable, in two ways. H does not make the turn of its unstable pole, because it must turn "
-        "back for the plant's zero; FH makes it, because the filter has rolled off by then."
-    ),
-    misconceptions=(
-        lacking(
-            "shared",
-            "a root shared on the right",
-            "The model has a root on the right in common with the plant. In H it cancels, and the "
-            "turns look better; in the loop it stays, for every filter 1/(λs + 1)^n. Leave the "
-            "zero out of the model, and mirror the pole.",
-            _with_shared_zero,
-            marks=0.0,
-        ),
-        lacking(
-            "sign",
-            "the DC sign of the plant",
-            "p_B has an odd number of roots on the right, and no λ and n change that: parity. One "
-            "unstable pole of H asks for a model whose DC gain has the opposite sign of the "
-            "plant's.",
-            lambda case: _around_mirrored(case, 0.1 / case.pole, sign=-1.0),
-            marks=0.25,
-        ),
-        lacking(
-            "controller",
-            "the controller does not hold the model",
-            "The observer loop is stable, and that is the hard part. But the controller does not "
-            "stabilise the model: condition (i). Look at p_A.",
-            lambda case: _around_mirrored(case, 0.1 / case.pole, hold=-2.0),
-            marks=0.5,
-        ),
-        lacking(
-            "fast",
-            "a filter that is too fast",
-            "The model is good, and some filters stabilise this loop. Yours is too fast: it still "
-            "works where the plant's distant zero does, and turns back as H does. Let it roll off "
-            "before the zero.",
-            lambda case: _around_mirrored(case, 0.2 / case.zero),
-            marks=0.5,
-        ),
-        lacking(
-            "slow",
-            "a filter that is too slow",
-            "The model is good, and some filters stabilise this loop. Yours is too slow: it has "
-            "rolled off before FH has made the turn that the unstable pole needs. Make it faster "
-            "than the pole.",
-            lambda case: _around_mirrored(case, 2 / case.pole),
-            marks=0.5,
-        ),
-    ),
-)
-
-PROBLEMS = (TURNS, READING, CLOSING, LITERAL, UNTURNED)
+PROBLEMS = (TURNS, READING, CLOSING)

@@ -11,39 +11,20 @@ from typing import Any
 import control as ct
 import numpy as np
 
-from nrdob.analysis import LoopMargins, margin_bounds
+from nrdob.analysis import margin_bounds
 from nrdob.diagram import LowPassFilter
 from nrdob.loop import NRDOB
 from nrdob.numerics import ComplexArray, FloatArray
 from nrdob.plants import antiresonance, resonance
-from nrdob.plotting import SHORT, Figure, axes_for, colour_of, styled
+from nrdob.plotting import Figure
 
-from .cases import LoopCase, apart, draw, few, first_fitting, kept
-from .problems import (
-    Lack,
-    Misconception,
-    Problem,
-    answers_like,
-    lacking,
-    near,
-    read_as,
-    rounds,
-    same,
-)
-from .reading import lowpass, number, numbers
+from .cases import apart, draw, first_fitting, kept
+from .comparing import near, rounds, same
+from .figures import draw_gains
+from .problems import pose, put_right, reading
+from .reading import number, numbers
 
-__all__ = [
-    "PROBLEMS",
-    "SHARES",
-    "GainCase",
-    "MarginCase",
-    "MeasuredCase",
-    "NoiseCase",
-    "PeakCase",
-    "delay_readings",
-    "measured_crossovers",
-    "noise_readings",
-]
+__all__ = ["PROBLEMS"]
 
 
 def _changed(loop: NRDOB, plant: Any) -> bool | None:
@@ -58,10 +39,7 @@ def _changed(loop: NRDOB, plant: Any) -> bool | None:
 class PeakCase:
     """A loop of which only the peak of the sensitivity is known.
 
-    Attributes
-    ----------
-    ms : float
-        M_s, the maximum of |S_d|.
+    `ms`: M_s, the maximum of |S_d|.
     """
 
     ms: float
@@ -119,76 +97,42 @@ def _as_factors(got: FloatArray) -> FloatArray:
     return np.array([10 ** (-abs(low) / 20), 10 ** (high / 20), angle])
 
 
-PROMISE = Problem(
-    id="3.1",
-    title="What M_s promises",
+PROMISE = pose(
+    "3.1",
     case=lambda rng: PeakCase(round(float(rng.uniform(1.2, 1.9)), 2)),
     reads=partial(numbers, names="low, high, angle", gaps=True),
     lacks=_promise_lacks,
     parts=_kept_promises,
     rounded=lambda case, got: rounds(promised_margins(case), got),
-    praise=(
-        "Right: three points on a circle of radius 1/Ms around -1. The converse is false: fine "
-        "gain and phase margins do not bound Ms."
-    ),
-    misconceptions=(
-        answers_like(
-            "angle in radians",
-            "The gains are right, and so is the angle, but for its unit: sines and arcs in "
-            "numpy are in radians, and degrees were asked for.",
-            lambda case: (*promised_margins(case)[:2], radians(promised_margins(case)[2])),
-            0.75,
+    misconceptions={
+        "angle in radians": lambda case: (
+            *promised_margins(case)[:2],
+            radians(promised_margins(case)[2]),
         ),
-        answers_like(
-            "lower gain as the inverse of the upper",
-            "The lower gain is not one over the upper one. Draw the circle of radius 1/Ms "
-            "around -1: it is symmetric about -1, and -1/g is not. The far side is at "
-            "-(1 + 1/Ms) = -1/g; solve for g.",
-            lambda case: (1 / promised_margins(case)[1], *promised_margins(case)[1:]),
-            2 / 3,
+        "lower gain as the inverse of the upper": lambda case: (
+            1 / promised_margins(case)[1],
+            *promised_margins(case)[1:],
         ),
-        answers_like(
-            "Ms taken for a gain margin",
-            "You let the gain change by the factor Ms. But 1/Ms is a distance, from -1 to the "
-            "curve, not a gain. The gain multiplies the curve, which crosses the axis at some "
-            "-1/g: its distance from -1 is |1 - 1/g|. Make that 1/Ms, on either side.",
-            lambda case: (1 / case.ms, case.ms, promised_margins(case)[2]),
-            1 / 3,
+        "Ms taken for a gain margin": lambda case: (
+            1 / case.ms,
+            case.ms,
+            promised_margins(case)[2],
         ),
-        answers_like(
-            "distance taken for a change of gain",
-            "You let the gain change by 1/Ms either way. But the gain multiplies the curve, which "
-            "crosses the axis at some -1/g: what is 1/Ms is the distance from there to -1, "
-            "|1 - 1/g|.",
-            lambda case: (1 - 1 / case.ms, 1 + 1 / case.ms, promised_margins(case)[2]),
-            1 / 3,
+        "distance taken for a change of gain": lambda case: (
+            1 - 1 / case.ms,
+            1 + 1 / case.ms,
+            promised_margins(case)[2],
         ),
-        answers_like(
-            "chord taken for a sine",
-            "The gains are right. The angle belongs to a chord of the unit circle, from -1 to the "
-            "curve: a chord of length c spans the angle 2 arcsin(c/2), not arcsin(c).",
-            lambda case: (*promised_margins(case)[:2], degrees(asin(1 / case.ms))),
-            0.75,
+        "chord taken for a sine": lambda case: (
+            *promised_margins(case)[:2],
+            degrees(asin(1 / case.ms)),
         ),
-        read_as(
-            "gains in decibels",
-            "The angle is right, and so are the gains, in decibels. Asked for are plain factors, "
-            "below 1 and above: 10^(dB/20).",
-            _in_decibels,
-            _as_factors,
-            _promise_lacks,
-            0.75,
-        ),
-        read_as(
-            "low and high exchanged",
-            "All three are right, and the first two have changed places: the lower gain, below 1, "
-            "comes first.",
+        "gains in decibels": put_right(_in_decibels, _as_factors),
+        "low and high exchanged": put_right(
             lambda case: (*promised_margins(case)[1::-1], promised_margins(case)[2]),
             lambda got: got[[1, 0, 2]],
-            _promise_lacks,
-            0.75,
         ),
-    ),
+    },
 )
 
 
@@ -199,14 +143,7 @@ PROMISE = Problem(
 class MeasuredCase:
     """The frequency response of a plant loop, measured; the loop is stable.
 
-    Attributes
-    ----------
-    omega : array of float
-        Frequencies, rad/s, ascending.
-    L : array of complex
-        L(jω) at these frequencies.
-    truth : NRDOB
-        The loop that was measured: for graders and solutions alone.
+    `omega`: frequencies, rad/s, ascending; `L`: L(jω) at these frequencies.
     """
 
     omega: FloatArray
@@ -330,76 +267,23 @@ def _delay_lacks(case: MeasuredCase, margin: float) -> str:
     return ""
 
 
-_delay_like = partial(answers_like, close=partial(same, rtol=READ_OFF))
-
-
-DELAY_MARGIN = Problem(
-    id="3.3",
-    title="The delay margin, from a measurement",
+DELAY_MARGIN = pose(
+    "3.3",
+    alike=partial(same, rtol=READ_OFF),
     case=(_far_case, _close_case),
     reads=number,
     lacks=_delay_lacks,
-    praise=(
-        "Right: with a little less dead time the curve does not reach -1, with a little more it "
-        "does. Not the crossover with the least phase decides, but the one with the least "
-        "time."
-    ),
-    misconceptions=(
-        _delay_like(
-            "degrees for radians",
-            "Right, if a full turn were 360 radians: the angle must be in radians before it is "
-            "divided by ω in rad/s. Leave out np.degrees.",
-            lambda case: delay_readings(case)["degrees"],
-            0.5,
+    misconceptions={
+        "degrees for radians": reading(delay_readings, "degrees"),
+        "the crossover of the phase margin only": reading(delay_readings, "phase margin"),
+        "the last crossover only": reading(delay_readings, "last"),
+        "measured to +1 instead of -1": reading(delay_readings, "plus one"),
+        "negative angle not taken modulo 2π": reading(delay_readings, "negative"),
+        "turned either way": reading(delay_readings, "either way"),
+        "milliseconds": put_right(
+            lambda case: 1000 * delay_readings(case)["right"], lambda got: got / 1000
         ),
-        _delay_like(
-            "the crossover of the phase margin only",
-            "You took the crossover with the smallest phase margin. But a delay turns the curve by "
-            "ω τ, fast at high frequency: a crossover far out is lost sooner, though it has "
-            "more phase in hand. Take the smallest quotient over all crossovers.",
-            lambda case: delay_readings(case)["phase margin"],
-            0.25,
-        ),
-        _delay_like(
-            "the last crossover only",
-            "You took the last crossover. It is often lost first, since a delay turns the curve "
-            "by ω τ; but where the first one has little phase in hand, that is lost sooner. Take "
-            "the smallest quotient over all crossovers.",
-            lambda case: delay_readings(case)["last"],
-            0.25,
-        ),
-        _delay_like(
-            "measured to +1 instead of -1",
-            "You measured the angle to the positive real axis. Critical for 1 + L = 0 is -1: the "
-            "angle by which L must turn clockwise to reach it is that of -L, modulo 2π.",
-            lambda case: delay_readings(case)["plus one"],
-            0.25,
-        ),
-        _delay_like(
-            "negative angle not taken modulo 2π",
-            "A negative dead time does not exist. Where np.angle(-L) is negative the curve has "
-            "passed -1, seen clockwise, and must go nearly once around: take the angle modulo "
-            "2π.",
-            lambda case: delay_readings(case)["negative"],
-            0.25,
-        ),
-        _delay_like(
-            "turned either way",
-            "At one crossover you let the curve turn counter-clockwise to -1, which is nearer. A "
-            "delay turns it clockwise only: where np.angle(-L) is negative add 2π, instead of "
-            "dropping the sign.",
-            lambda case: delay_readings(case)["either way"],
-            0.25,
-        ),
-        read_as(
-            "milliseconds",
-            "Right, in milliseconds. Frequencies are in rad/s here, and dead times in seconds.",
-            lambda case: 1000 * delay_readings(case)["right"],
-            lambda got: got / 1000,
-            _delay_lacks,
-            0.75,
-        ),
-    ),
+    },
 )
 
 
@@ -410,12 +294,8 @@ DELAY_MARGIN = Problem(
 class NoiseCase:
     """A loop whose maps are drawn, `case.plot()`, and how wrong its plant may be.
 
-    Attributes
-    ----------
-    size : float
-        Bound of the plant's relative error |Δ| beyond the frequency asked for.
-    omega, S_d, S_eta, F : array of float
-        The points of the curves: frequencies in rad/s, and the three gains there.
+    `size`: bound of the plant's relative error |Δ| beyond the frequency asked for; `omega`, `S_d`,
+    `S_eta`, `F`: the points of the curves: frequencies in rad/s, and the three gains there.
     """
 
     size: float
@@ -429,19 +309,11 @@ class NoiseCase:
 
     def plot(self) -> Figure:
         """Draw |S_d|, |S_η| and |F| over the frequency, all on log scales."""
-        with styled():
-            (ax,) = axes_for(None, 1, SHORT)
-            lines = []
-            for name, style in (("S_d", "-"), ("S_eta", "-"), ("F", "--")):
-                label = {"S_eta": r"$|S_\eta|$"}.get(name, f"$|{name}|$")
-                size = getattr(self, name)
-                lines += ax.loglog(self.omega, size, style, color=colour_of(name), label=label)
-            ax.grid(True, which="minor", alpha=0.15)
-            ax.set(xlabel="frequency (rad/s)", ylabel="gain", ylim=(0.02, 4))
-            ax.legend(loc="center left")
+        gains = {name: getattr(self, name) for name in ("S_d", "S_eta", "F")}
         seen = [_falls_to(self.omega, self.S_eta, level) for level in (0.5, 0.2, 0.1)]
         words = ", ".join(f"{value:.3g}" for value in seen)
-        return Figure(lines, ax, alt=f"|S_η| falls through 0.5, 0.2 and 0.1 at {words} rad/s")
+        alt = f"|S_η| falls through 0.5, 0.2 and 0.1 at {words} rad/s"
+        return draw_gains(self.omega, gains, alt, ylim=(0.02, 4))
 
 
 def _falls_to(omega: FloatArray, size: FloatArray, level: float) -> float:
@@ -496,323 +368,22 @@ def _noise_lacks(case: NoiseCase, omega: float) -> str:
     return ""
 
 
-_noise_like = partial(answers_like, close=partial(near, tolerance=log(1.13)))
-
-
-NOISE_MAP = Problem(
-    id="3.4",
-    title="Where may the plant be wrong?",
+NOISE_MAP = pose(
+    "3.4",
+    alike=partial(near, tolerance=log(1.13)),
     case=lambda rng: draw_noise_loop(rng)[0],
     reads=number,
     lacks=_noise_lacks,
-    praise=(
-        "Right: |Δ| |S_η| < 1. Where the loop stops the noise, it does not need to know the plant."
-    ),
-    misconceptions=(
-        _noise_like(
-            "filter's curve read instead of the noise map",
-            "You read the curve of F. It would be the right one for a perfect model. This plant is "
-            "stronger than its model, so the loop is faster than the filter: read |S_η|.",
-            lambda case: noise_readings(case)["F"],
-            0.5,
-        ),
-        _noise_like(
-            "disturbance map read instead of the noise map",
-            "You read |S_d|. That tells where disturbances are rejected; there the loop needs the "
-            "plant most of all. 1 + L(1 + Δ) = (1 + L)(1 + TΔ), and T = -S_η.",
-            lambda case: noise_readings(case)["S_d"],
-            0.0,
-        ),
-        _noise_like(
-            "bandwidth of the noise map",
-            "This is where |S_η| has lost 3 dB. There it is 0.71, and an error of the size given "
-            "would make |Δ S_η| far larger than 1. Which |S_η| makes the product 1?",
-            lambda case: noise_readings(case)["bandwidth"],
-            0.25,
-        ),
-        read_as(
-            "hertz for rad/s",
-            "This is the frequency in hertz. The axis of the figure is in rad/s, and so is what is "
-            "asked for: 2π times as much.",
-            lambda case: noise_readings(case)["right"] / (2 * pi),
-            lambda got: 2 * pi * got,
-            _noise_lacks,
-            0.75,
-        ),
-    ),
     own=True,
+    misconceptions={
+        "filter's curve read instead of the noise map": reading(noise_readings, "F"),
+        "disturbance map read instead of the noise map": reading(noise_readings, "S_d"),
+        "bandwidth of the noise map": reading(noise_readings, "bandwidth"),
+        "hertz for rad/s": put_right(
+            lambda case: noise_readings(case)["right"] / (2 * pi), lambda got: 2 * pi * got
+        ),
+    },
 )
 
 
-# --- 3.5 Find the error: the margin of FH -------------------------------------------------------
-
-
-class GainCase(LoopCase):
-    """A stable loop whose F H has an adequate gain margin."""
-
-    def __repr__(self) -> str:
-        m = self.loop.margins().observer_loop
-        return f"a loop whose FH has a gain margin of {m.gm_db:.2f} dB"
-
-
-def _gain_case(rng: np.random.Generator) -> GainCase:
-    def drawn() -> GainCase:
-        constant, gain = draw(rng, 0.05, 0.5), draw(rng, 0.5, 5)
-        pole = draw(rng, 0.5, 3)
-        model = ct.tf([gain], [1 / pole, 1])
-        # Two kinds, so that no one number lies between the two margins of all loops.
-        stronger = float(rng.choice([rng.uniform(1.1, 1.2), rng.uniform(1.8, 2.1)]))
-        fast = float(rng.uniform(0.05, 0.12)) * constant
-        lag = rng.random() < 0.5
-        wrong = ct.tf([stronger], [fast, 1]) if lag else ct.tf([-stronger * fast, stronger], [1])
-        loop = NRDOB(model * wrong, model, ct.tf([pole], [gain, 0]), LowPassFilter(constant, 3))
-        return GainCase(loop)
-
-    def fits(case: GainCase) -> bool:
-        found = case.loop.margins()
-        fh, true = found.observer_loop, found.plant_loop
-        return bool(
-            found.stable
-            and 3.5 < fh.gm_high < inf
-            and fh.pm > 60
-            and found.model_loop.pm > 45
-            and fh.gm_high > 1.3 * true.gm_high
-        )
-
-    return first_fitting(drawn, fits)
-
-
-@kept
-def _margins(case: GainCase) -> LoopMargins:
-    return case.loop.margins()
-
-
-def _gain_lacks(case: GainCase, k: float) -> str:
-    fh = _margins(case).observer_loop
-    if not fh.gm_low < k < fh.gm_high:
-        return f"the margin of F H allows gains from {fh.gm_low:.4g} to {fh.gm_high:.4g} only"
-    stable = _changed(case.loop, k * case.loop.process)
-    if stable is False:
-        return ""
-    return f"with {k:.4g} times its plant the loop is " + ("stable" if stable else "on the border")
-
-
-def _decibels(case: GainCase, k: float) -> bool:
-    """Tell whether a gain is right in decibels, or one of the two margins in them."""
-    found = _margins(case)
-    margins = (found.observer_loop, found.plant_loop)
-    return any(abs(k / m.gm_db - 1) < 1e-2 for m in margins) or (
-        0 < k < 100 and not _gain_lacks(case, 10 ** (k / 20))
-    )
-
-
-GAIN = Problem(
-    id="3.5",
-    title="Find the error: the margin of F H",
-    case=_gain_case,
-    reads=number,
-    lacks=_gain_lacks,
-    praise=(
-        "Right: the margin of F H allows this gain, and the plant loop is lost. 1 + F (kR - 1) is "
-        "(1 - F)(1 + kL), not 1 + kFH."
-    ),
-    misconceptions=(
-        Misconception(
-            "decibels taken for a factor",
-            "This looks like decibels. The plant's gain is a plain factor: 10^(dB/20). As a factor "
-            "your number is another gain altogether.",
-            example=lambda case: _margins(case).observer_loop.gm_db,
-            recognises=_decibels,
-            marks=0.5,
-        ),
-        Misconception(
-            "margin of FH taken for the plant's",
-            "At this gain the loop is lost, but the margin of F H did not promise it: you went "
-            "beyond that margin. The loop breaks earlier. Which loop has the plant's gain as a "
-            "factor? Compute its margin, and take a gain between the two.",
-            example=lambda case: 1.01 * _margins(case).observer_loop.gm_high,
-            recognises=lambda case, got: got >= _margins(case).observer_loop.gm_high,
-        ),
-        Misconception(
-            "still stable",
-            "The loop bears this gain: look at the roots, with the plant multiplied. The "
-            "error of Lemma 2 shows only beyond the upper gain margin of L = K G.",
-            example=lambda case: 0.95 * _margins(case).plant_loop.gm_high,
-            recognises=lambda case, got: 0 < got < _margins(case).plant_loop.gm_high,
-            marks=0.25,
-        ),
-    ),
-)
-
-
-# --- 3.6 Design for margins ---------------------------------------------------------------------
-
-
-@dataclass(frozen=True, eq=False)
-class MarginCase:
-    """A plant, its model, and what the loop should be able to do.
-
-    Attributes
-    ----------
-    plant, model, controller : control.TransferFunction
-        Blocks of the loop.
-    ms : float
-        M_s of the plant loop may not be larger.
-    delay_margin : float
-        In seconds; may not be smaller.
-    omega : float
-        A frequency in rad/s,
-    rejection : float
-        at which |S_d| may not be larger than this.
-    good : float
-        λ of a filter of order 2 that does it all: for graders alone.
-    """
-
-    plant: ct.TransferFunction
-    model: ct.TransferFunction
-    controller: ct.TransferFunction
-    ms: float
-    delay_margin: float
-    omega: float
-    rejection: float
-
-    def loop(self, filter: Any) -> NRDOB:
-        """Make the loop with a filter."""
-        return NRDOB(self.plant, self.model, self.controller, filter)
-
-    def __repr__(self) -> str:
-        return (
-            f"Ms ≤ {self.ms:g}, delay margin ≥ {self.delay_margin:g} s, "
-            f"|S_d| ≤ {self.rejection:g} at {self.omega:g} rad/s"
-        )
-
-
-def draw_margin_loop(rng: np.random.Generator) -> tuple[MarginCase, float]:
-    """Draw a case, and a λ that is good for it."""
-
-    def drawn() -> tuple[MarginCase, float]:
-        lag, gain = draw(rng, 0.02, 0.3), draw(rng, 0.5, 5)
-        slow = [draw(rng, 0.05, 0.15) / lag, draw(rng, 0.2, 0.4) / lag]
-        model = ct.tf([gain], np.polymul(*([1 / p, 1] for p in slow)))
-        stronger = float(rng.uniform(1.2, 1.5))
-        plant = model * ct.tf([stronger], np.polymul([lag, 1], [lag, 1]))
-        controller = ct.tf([1 / slow[0], 1], [4 * gain / slow[1], 0])
-        good, omega = float(rng.uniform(3.5, 5)) * lag, few(0.05 / lag)
-
-        def at(share: float) -> NRDOB:
-            return NRDOB(plant, model, controller, LowPassFilter(share * good, 2))
-
-        case = MarginCase(
-            plant,
-            model,
-            controller,
-            ms=float(np.ceil(100 * at(SHARES[0]).margins().plant_loop.ms) / 100),
-            delay_margin=few(at(SHARES[1]).margins().plant_loop.delay_margin, 3),
-            omega=omega,
-            rejection=few(float(abs(at(SHARES[2]).S_d(1j * omega))), 3),
-        )
-        return case, good
-
-    def fits(found: tuple[MarginCase, float]) -> bool:
-        # Between what F H allows and what L allows there must be room for the mistake.
-        case, good = found
-        faster = case.loop(LowPassFilter(0.88 * SHARES[0] * good, 2))
-        return bool(faster.margins().observer_loop.ms <= case.ms)
-
-    return first_fitting(drawn, fits)
-
-
-SHARES = (0.7, 0.9, 1.15)
-"""Of a good λ: where M_s becomes too large, then the delay margin too small, then S_d too large."""
-
-
-def _fastest(case: MarginCase, which: str) -> float:
-    """Find the smallest λ at which one loop, judged by M_s, would do."""
-
-    def enough(constant: float) -> bool:
-        found = case.loop(LowPassFilter(constant, 2)).margins()
-        return bool(found.stable) and bool(getattr(found, which).ms <= case.ms)
-
-    lag = 1 / float(np.abs(case.plant.poles()).max())
-    low, high = 0.5 * lag, 8 * lag
-    for _ in range(12):
-        middle = sqrt(low * high)
-        low, high = (low, middle) if enough(middle) else (middle, high)
-    return high
-
-
-def _filter(given: Any) -> Any:
-    """Read a filter of the family, or take one of another."""
-    return given if isinstance(given, ct.TransferFunction) else lowpass(given)
-
-
-WITHIN = 6e-3
-"""By what share a limit may be missed: that is three digits of λ."""
-
-
-def _design_lacks(case: MarginCase, filter: Any) -> str:
-    loop = case.loop(filter)
-    if loop.stability().stable is not True:
-        return "the loop is not stable"
-    true = loop.margins().plant_loop
-    size = float(abs(loop.S_d(1j * case.omega)))
-    lacks = []
-    if true.ms > case.ms * (1 + WITHIN):
-        lacks.append(Lack("ms", f"Ms of L is {true.ms:.4g}"))
-    if true.delay_margin < case.delay_margin * (1 - WITHIN):
-        lacks.append(Lack("delay", f"the delay margin is {true.delay_margin:.4g} s"))
-    if size > case.rejection * (1 + WITHIN):
-        lacks.append(Lack("rejection", f"|S_d| is {size:.4g} at {case.omega:g} rad/s"))
-    return lacks[0] if len(lacks) == 1 else ", ".join(lacks)
-
-
-def _trusts_FH(case: MarginCase, filter: Any) -> bool:
-    found = case.loop(filter).margins()
-    return bool(found.observer_loop.ms <= case.ms * (1 + WITHIN) < found.plant_loop.ms)
-
-
-def _example(find: Callable[[MarginCase], float]) -> Callable[[MarginCase], LowPassFilter]:
-    return lambda case: LowPassFilter(find(case), 2)
-
-
-DESIGN = Problem(
-    id="3.6",
-    title="Design for margins",
-    case=lambda rng: draw_margin_loop(rng)[0],
-    reads=_filter,
-    lacks=_design_lacks,
-    praise=(
-        "Right: stable, and with margins that the plant feels. How narrow the room is shows what "
-        "the neglected lags cost."
-    ),
-    misconceptions=(
-        Misconception(
-            "Ms of FH taken for the plant's",
-            "The Ms of F H is small enough, that of L is not. The first belongs to a loop in "
-            "which the model error is exaggerated; what the plant and its disturbances feel is "
-            "L = K G. Take the third line of the margins.",
-            example=_example(lambda case: 1.02 * _fastest(case, "observer_loop")),
-            recognises=_trusts_FH,
-            marks=0.25,
-        ),
-        lacking(
-            "delay",
-            "delay margin not looked at",
-            "Ms and the rejection are as wanted, but the delay margin is too small. Ms does not "
-            "bound it from below. Make the filter a little slower.",
-            example=_example(lambda case: 1.05 * _fastest(case, "plant_loop")),
-            marks=0.5,
-        ),
-        lacking(
-            "rejection",
-            "robust only",
-            "Robust enough, and too slow: the disturbance is not rejected as it should be. The "
-            "margins leave you room; make λ smaller, until the first of them is used up.",
-            example=_example(lambda case: 2.2 * _fastest(case, "plant_loop")),
-            marks=0.5,
-        ),
-    ),
-    own=True,
-)
-
-PROBLEMS = (PROMISE, DELAY_MARGIN, NOISE_MAP, GAIN, DESIGN)
+PROBLEMS = (PROMISE, DELAY_MARGIN, NOISE_MAP)

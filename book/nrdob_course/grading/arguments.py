@@ -33,7 +33,7 @@ def parse(arguments: list[str] | None) -> argparse.Namespace:
     grading.add_argument("folder", type=Path, metavar="FOLDER")
     grading.add_argument("--set", action="append", default=[], help="only this one, e.g. set2")
     grading.add_argument(
-        "--trust", action="store_true", help="run suspicious code even where there is no wall"
+        "--trust", action="store_true", help="run suspicious code even where there is no sandbox"
     )
     reporting = commands.add_parser("report", help="after marks were written into written.csv")
     reporting.add_argument(

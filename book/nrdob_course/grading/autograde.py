@@ -30,24 +30,18 @@ from traitlets.config import Config
 from traitlets.config.loader import PyFileConfigLoader
 
 from .. import exercises
-from . import disk, plain, wall
-from .batch import end
+from . import disk, encoding, sandbox
+from .children import Child, end
 from .feedback import offline
+from .forkserver import Provisioner
 from .handout import handout, own_cases
 from .judge import HiddenTest, Stopped, hidden_test, judge_apart
-from .starter import Provisioner, Starter
 from .submissions import group_of
 
 __all__ = [
-    "KERNEL",
-    "SETTINGS",
-    "STARTERS",
-    "PatientExecute",
-    "course",
-    "is_test",
-    "main",
+    "FORK_SERVERS", "KERNEL", "SETTINGS", "PatientExecute", "course", "is_test", "main",
     "write_feedback",
-]
+]  # fmt: skip
 
 # What nbgrader does with its own database is not for those who grade.
 warnings.filterwarnings("ignore", module="nbgrader")
@@ -78,7 +72,7 @@ def course(root: Path) -> NbGraderAPI:
 REMARKS: list[str] = []
 """What happened while the cells ran, each as often as it did; this process runs one notebook."""
 
-STARTERS: list[Starter] = []
+FORK_SERVERS: list[Child] = []
 """What starts kernels quickly, if there is one: the last."""
 
 GROUPS: list[Any] = []
@@ -88,7 +82,7 @@ GROUPS: list[Any] = []
 class PatientExecute(Execute):  # type: ignore[misc]
     """Run the cells as nbgrader does, and survive those that end the kernel or flood it.
 
-    The kernel stands behind a wall, and what is graded is judged here, see `judge`. What was judged
+    The kernel stands in a sandbox, and what is graded is judged here, see `judge`. What was judged
     stays here until the last cell has run: nothing that a kernel sends reaches it. A cell that
     ends its kernel, or that cannot be interrupted, is left out, with an error in its place, and
     the notebook run again. So each such cell costs its own problem only. A kernel that does not
@@ -131,11 +125,11 @@ class PatientExecute(Execute):  # type: ignore[misc]
             self.groups = [group_of(nb.cells)[0]]
             GROUPS.clear()
             try:
-                with disk.desk() as desk:
-                    self.desk = lay_out(desk, Path(resources["metadata"]["path"]))
+                with disk.workdir() as workdir:
+                    self.workdir = lay_out(workdir, Path(resources["metadata"]["path"]))
                     given = json.dumps(handout(self.problems, self.groups[0]))
-                    (self.desk / plain.HANDOUT).write_text(given, "utf-8")
-                    with disk.watched(self.desk, self.kernel) as full:
+                    (self.workdir / encoding.HANDOUT).write_text(given, "utf-8")
+                    with disk.watched(self.workdir, self.kernel) as full:
                         nb, resources = super().preprocess(nb, resources, km)
                 return nb, resources
             except Exception as error:
@@ -156,24 +150,24 @@ class PatientExecute(Execute):  # type: ignore[misc]
         return getattr(getattr(self.km, "provisioner", None), "pid", None)
 
     def create_kernel_manager(self) -> Any:
-        """Make the manager of a kernel that starts behind the wall."""
-        connection = self.desk / "connection.json"
+        """Make the manager of a kernel that starts in the sandbox."""
+        connection = self.workdir / "connection.json"
         manager = self.kernel_manager_class(connection_file=str(connection), config=self.config)
-        command = [sys.executable, "-P", "-m", KERNEL, str(connection), str(self.desk)]
-        manager._kernel_spec = KernelSpec(argv=command, language="python", display_name="walled")
-        if STARTERS:
+        command = [sys.executable, "-P", "-m", KERNEL, str(connection), str(self.workdir)]
+        manager._kernel_spec = KernelSpec(argv=command, language="python", display_name="sandboxed")
+        if FORK_SERVERS:
             manager.provisioner = Provisioner(
                 kernel_id="", kernel_spec=manager._kernel_spec, parent=manager
             )
-            manager.provisioner.starter = STARTERS[-1]
+            manager.provisioner.server = FORK_SERVERS[-1]
         self.km = manager
         return manager
 
     async def async_start_new_kernel(self, **kwargs: Any) -> None:
-        """Start the kernel on its desk, with nothing in its environment that it does not need."""
+        """Start the kernel in its workdir; its environment holds what it needs, and no more."""
         self.extra_arguments: list[str] = []
         await super().async_start_new_kernel(
-            **{**kwargs, "cwd": str(self.desk), "env": surroundings(self.desk)}
+            **{**kwargs, "cwd": str(self.workdir), "env": surroundings(self.workdir)}
         )
 
     start_new_kernel = run_sync(async_start_new_kernel)
@@ -231,8 +225,8 @@ class PatientExecute(Execute):  # type: ignore[misc]
                 self.nb.cells[index] = cell
             outputs = list(filter(is_sound, asked.outputs))
             for out in outputs:
-                if out.output_type == "display_data" and plain.MIME in out.data:
-                    return str(out.data[plain.MIME])
+                if out.output_type == "display_data" and encoding.MIME in out.data:
+                    return str(out.data[encoding.MIME])
             errors = [out for out in outputs if out.output_type == "error"]
             # An interrupt has an error of its own, before ours.
             raise Stopped(max(errors, key=lambda out: bool(out.ename == TOO_SLOW), default=None))
@@ -264,7 +258,11 @@ class PatientExecute(Execute):  # type: ignore[misc]
         if kind not in SAID:
             return super().process_message(msg, cell, cell_index) if kind in STATE else None
         content.pop("transient", None)  # a display with an id changes other cells
-        most = plain.LONGEST + 1000 if plain.MIME in content.get("data", ()) else self.most_output
+        most = (
+            encoding.LONGEST + 1000
+            if encoding.MIME in content.get("data", ())
+            else self.most_output
+        )
         self.size += len(str(content))
         if self.size > most:
             self.flooded(cell)
@@ -313,15 +311,15 @@ def slow(seconds: float) -> dict[str, Any]:
     return {"ename": TOO_SLOW, "evalue": text, "traceback": [text]}
 
 
-def lay_out(desk: Path, folder: Path) -> Path:
-    """Lay what was handed in beside the notebook on the desk; the notebook holds hidden tests."""
+def lay_out(workdir: Path, folder: Path) -> Path:
+    """Copy what lies beside the notebook into the workdir; the notebook holds hidden tests."""
     for path in folder.iterdir():
         if path.is_file() and path.suffix != ".ipynb":
-            shutil.copy(path, desk)
-    return desk
+            shutil.copy(path, workdir)
+    return workdir
 
 
-def surroundings(desk: Path) -> dict[str, str]:
+def surroundings(workdir: Path) -> dict[str, str]:
     """Give the environment of a kernel: what it needs, and nothing that is the teacher's."""
     import matplotlib
 
@@ -329,7 +327,7 @@ def surroundings(desk: Path) -> dict[str, str]:
     folders = ("HOME", "TMPDIR", "TEMP", "TMP", "IPYTHONDIR", "JUPYTER_RUNTIME_DIR")
     return {
         **wanted,
-        **dict.fromkeys(folders, str(desk)),
+        **dict.fromkeys(folders, str(workdir)),
         "MPLCONFIGDIR": matplotlib.get_cachedir(),  # its list of fonts takes long to make
     }
 
@@ -418,7 +416,7 @@ def main(arguments: list[str]) -> int:
     root, student, set_name = Path(arguments[0]), arguments[1], arguments[2]
     # Neither the teacher's own settings nor their history have a part in it.
     os.environ.update(IPYTHONDIR=str(root / "ipython"), JUPYTER_CONFIG_DIR=str(root / "jupyter"))
-    wall.adopt_orphans()
+    sandbox.adopt_orphans()
     try:
         result = grade(root, student, set_name)
     finally:  # whatever the student's code has left running

@@ -9,8 +9,6 @@ import json
 import os
 import re
 import shutil
-import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Iterator
@@ -20,17 +18,16 @@ from pathlib import Path
 from queue import SimpleQueue
 from threading import Timer
 
-import psutil
-
 import nrdob
 import nrdob_course
 
 from ..running import kernel_environment
+from .children import Child, end
 from .submissions import Submission
 
-__all__ = ["Batch", "Outcome", "end"]
+__all__ = ["Batch", "Outcome"]
 
-NURSERY = f"{__package__}.nursery"
+WORKER = f"{__package__}.worker"
 FOUND = [str(Path(module.__file__ or "").resolve().parents[1]) for module in (nrdob, nrdob_course)]
 """Where the packages were found, so that the graders find the same."""
 
@@ -46,51 +43,32 @@ class Outcome:
     seconds: float = 0.0
 
 
-class Nursery:
-    """A process that grades one submission after the other, see `nursery`."""
+class Worker(Child):
+    """A process that grades one submission after the other, see `worker`."""
 
     def __init__(self) -> None:
         environment = kernel_environment()
         found = [*FOUND, os.getenv("PYTHONPATH")]
         environment["PYTHONPATH"] = os.pathsep.join(filter(None, found))
-        self.process = subprocess.Popen(
-            [sys.executable, "-P", "-m", NURSERY],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            encoding="utf-8",
-            cwd=tempfile.gettempdir(),
-            env=environment,
-            start_new_session=True,  # Ctrl-C is for the batch, which then ends this one
-        )
+        # Ctrl-C is for the batch, which then ends this one.
+        super().__init__(WORKER, cwd=tempfile.gettempdir(), env=environment, start_new_session=True)
         self.late = False
 
     def run(self, order: dict[str, str], limit: float) -> int | None:
         """Grade one, and give the exit code; None if it took too long."""
-        assert self.process.stdin and self.process.stdout
         self.late = False
         timer = Timer(limit, self.stop)
         timer.start()
         try:
-            self.process.stdin.write(json.dumps(order) + "\n")
-            self.process.stdin.flush()
-            answer = self.process.stdout.readline()
+            code = self.ask(order)
         finally:
             timer.cancel()
-        if not answer:
-            raise OSError("the grader ended")
-        return None if self.late else int(answer)
+        return None if self.late else int(code)
 
     def stop(self) -> None:
         """End what it is grading."""
         self.late = True
         end(self.process.pid, itself=False)
-
-    def close(self) -> None:
-        """End it."""
-        end(self.process.pid)
-        with self.process:  # its pipes are closed, and its end is waited for
-            pass
 
 
 class Batch:
@@ -98,27 +76,27 @@ class Batch:
 
     def __init__(self, root: Path, jobs: int, limit: float) -> None:
         self.root, self.jobs, self.limit = root.resolve(), jobs, limit
-        self.idle: SimpleQueue[Nursery] = SimpleQueue()
-        self.nurseries: list[Nursery] = []
+        self.idle: SimpleQueue[Worker] = SimpleQueue()
+        self.workers: list[Worker] = []
 
     def grade(self, submissions: list[tuple[str, Submission]]) -> Iterator[Outcome]:
         """Grade all, each given with the name of its folder; outcomes come as they are ready."""
         pool = ThreadPoolExecutor(self.jobs)
         try:
             for _ in range(min(self.jobs, len(submissions))):
-                self.open_nursery()
+                self.open_worker()
             futures = [pool.submit(self.grade_one, *submission) for submission in submissions]
             for future in as_completed(futures):
                 yield future.result()
         finally:  # after an interrupt, too
             pool.shutdown(wait=False, cancel_futures=True)
-            for nursery in self.nurseries:
-                nursery.close()
+            for worker in self.workers:
+                worker.close()
 
-    def open_nursery(self) -> None:
+    def open_worker(self) -> None:
         """Start one more process that grades."""
-        self.nurseries.append(Nursery())
-        self.idle.put(self.nurseries[-1])
+        self.workers.append(Worker())
+        self.idle.put(self.workers[-1])
 
     def grade_one(self, student: str, submission: Submission) -> Outcome:
         """Grade one, in a copy of the course.
@@ -150,13 +128,13 @@ class Batch:
         """Run the grader; give back what went wrong, empty if nothing did."""
         source = self.root / "source" / name / f"{name}.ipynb"
         order = {"root": str(private), "student": student, "set": name, "source": str(source)}
-        nursery = self.idle.get()
+        worker = self.idle.get()
         try:
-            code = nursery.run(order, self.limit)
+            code = worker.run(order, self.limit)
         except OSError:  # whatever ended it, the next one needs another
-            self.open_nursery()
+            self.open_worker()
             raise
-        self.idle.put(nursery)
+        self.idle.put(worker)
         if code is None:
             return f"it took longer than {self.limit:.0f} s"
         if code < 0:
@@ -179,20 +157,6 @@ class Batch:
             outcome.submission.remarks.append(f"answers for several groups: {told}")
         elif groups and groups[0] != outcome.submission.assumed:
             outcome.submission.group = groups[0]  # also where it was computed
-
-
-def end(pid: int, itself: bool = True) -> None:
-    """End all that a process started, and itself: a kernel may be deaf to everything else."""
-    try:
-        process = psutil.Process(pid)
-        family = process.children(recursive=True) + ([process] if itself else [])
-    except psutil.NoSuchProcess:
-        return
-    for member in family:
-        try:
-            member.kill()
-        except psutil.NoSuchProcess:
-            continue
 
 
 ERROR = re.compile(r"[\w.]*(Error|Exception|Exit|Interrupt)\b.*")

@@ -27,7 +27,7 @@ from typing import Any
 import nbformat
 from sqlalchemy.exc import DatabaseError
 
-from . import changes, similar, wall
+from . import changes, sandbox, similar
 from .arguments import COURSE, GRADING, parse
 from .autograde import course, write_feedback
 from .batch import Batch, Outcome
@@ -48,32 +48,15 @@ from .marks import (
     write_table,
 )
 from .platforms import packed, unpacked
-from .release import (
-    MARKERS,
-    SOURCE,
-    CourseError,
-    found_course,
-    generate,
-    release,
-    sets_in,
-    solved,
-)
+from .release import MARKERS, SOURCE, CourseError, found_course, generate, release, sets_in, solved
 from .roster import Course, read_course
 from .submissions import NOTHING, Submission, find, repair
 from .tally import write_tally
 from .written import Key, Typed, read_written, write_written
 
 __all__ = [
-    "MARKERS",
-    "grade",
-    "main",
-    "override",
-    "parse",
-    "regrade",
-    "release",
-    "report",
-    "solved",
-]
+    "MARKERS", "grade", "main", "override", "parse", "regrade", "release", "report", "solved",
+]  # fmt: skip
 
 ADVICE = SOURCE.parents[1] / "problems.toml"
 
@@ -97,10 +80,10 @@ def grade(
     if not folder.exists():
         raise CourseError(f"there is no folder {folder}")
     plan = plan or Course()
-    if wall.missing():
-        print(f"{wall.missing()}. {UNWALLED}")
-    if wall.stays_root():
-        print(f"{wall.stays_root()}. Grade as a user of your own.")
+    if sandbox.missing():
+        print(f"{sandbox.missing()}. {NO_SANDBOX}")
+    if sandbox.stays_root():
+        print(f"{sandbox.stays_root()}. Grade as a user of your own.")
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as place:
         faults = []
         if packed(folder):
@@ -124,7 +107,7 @@ def grade(
                 continue
             if not submission.reason:
                 hand_over(submission, given_out[submission.set], target, records, plan)
-            if not submission.reason and submission.suspicious and wall.missing() and not trust:
+            if not submission.reason and submission.suspicious and sandbox.missing() and not trust:
                 submission.reason = NOT_RUN
             entry = records.add(submission, submission.reason or "it is still to be graded")
             if submission.reason:
@@ -151,11 +134,13 @@ def released(target: Path, source: Path, names: set[str]) -> dict[str, Notebook]
 EARLIER = "What was graded earlier stays"
 
 
-UNWALLED = (
+NO_SANDBOX = (
     "It runs with your rights, and could read and change what you can: what looks as if it did is "
     "not run, unless you have read it and say --trust. Grade strangers' work in a virtual machine."
 )
-NOT_RUN = "it was not run, for there is no wall on this system: read what is remarked, then --trust"
+NOT_RUN = (
+    "it was not run, for there is no sandbox on this system: read what is remarked, then --trust"
+)
 
 
 def hand_over(
@@ -448,7 +433,7 @@ def main(arguments: list[str] | None = None) -> int:
         if options.command == "release":
             release(checked(options.sets) or list(sets_in(SOURCE)), SOURCE, options.output)
             return 0
-        if getattr(options, "as_root", True) is False and wall.is_root():
+        if getattr(options, "as_root", True) is False and sandbox.is_root():
             raise CourseError(ROOT_STOPS)
         plan = planned(options.course)
         if options.command == "override":

@@ -15,14 +15,14 @@ from threading import Event, Thread
 
 import psutil
 
-__all__ = ["MOST_BYTES", "MOST_FILES", "desk", "used", "watched"]
+__all__ = ["MOST_BYTES", "MOST_FILES", "used", "watched", "workdir"]
 
 MOST_BYTES, MOST_FILES = 100 << 20, 2000
 INTERVAL = 0.25
 
 
 @contextmanager
-def desk() -> Iterator[Path]:
+def workdir() -> Iterator[Path]:
     """Make a folder, and remove it with whatever is in it then."""
     folder = Path(tempfile.mkdtemp())
     try:
@@ -55,14 +55,14 @@ def _removed(entry: os.DirEntry[str]) -> bool:
 
 
 @contextmanager
-def watched(desk: Path, kernel: Callable[[], int | None]) -> Iterator[Event]:
+def watched(workdir: Path, kernel: Callable[[], int | None]) -> Iterator[Event]:
     """Watch a folder while a kernel runs; the event tells that it was ended for what it wrote."""
     full, done = Event(), Event()
 
     def watch() -> None:
         while not done.wait(INTERVAL):
             pid = kernel()
-            count, size = used(desk, pid)
+            count, size = used(workdir, pid)
             if pid and (count > MOST_FILES or size > MOST_BYTES):
                 full.set()
                 try:
@@ -79,10 +79,10 @@ def watched(desk: Path, kernel: Callable[[], int | None]) -> Iterator[Event]:
         thread.join()
 
 
-def used(desk: Path, pid: int | None) -> tuple[int, int]:
+def used(workdir: Path, pid: int | None) -> tuple[int, int]:
     """Count the files below a folder and their bytes, with those deleted that are still open."""
     count = size = 0
-    folders = [str(desk)]
+    folders = [str(workdir)]
     while folders and count <= MOST_FILES:
         try:
             entries = list(os.scandir(folders.pop()))

@@ -9,7 +9,9 @@ cannot be converted is shown as it was written.
 from __future__ import annotations
 
 import re
+import tomllib
 from html import escape
+from importlib.resources import files
 from typing import Any
 
 import nh3
@@ -32,29 +34,11 @@ FORMULA = re.compile(
 )
 
 
-TAGS = {
-    "a", "abbr", "b", "blockquote", "br", "caption", "code", "col", "colgroup", "dd", "del",
-    "details", "div", "dl", "dt", "em", "figcaption", "figure", "h1", "h2", "h3", "h4", "h5",
-    "h6", "hr", "i", "img", "ins", "kbd", "li", "main", "ol", "p", "pre", "q", "s", "samp",
-    "small", "span", "strong", "sub", "summary", "sup", "table", "tbody", "td", "tfoot", "th",
-    "thead", "tr", "u", "ul", "var",
-}  # fmt: skip
-ATTRIBUTES = {
-    "*": {"class", "id", "title", "lang", "dir"},
-    "a": {"href", "name"},
-    "img": {"src", "alt", "width", "height"},
-    "ol": {"start"},
-    "td": {"colspan", "rowspan", "align"},
-    "th": {"colspan", "rowspan", "align", "scope"},
-}
+ALLOWED = tomllib.loads(files(__package__).joinpath("feedback.toml").read_text("utf-8"))
+TAGS, MATH = set(ALLOWED["tags"]), set(ALLOWED["mathml"])
+ATTRIBUTES = {tag: set(names) for tag, names in ALLOWED["attributes"].items()}
 PICTURE = re.compile(r"data:image/(png|jpeg|gif|webp);base64,[A-Za-z0-9+/=\s]*")
 PLACE = re.compile(r"#|https?://", re.IGNORECASE)
-MATH = {
-    "math", "mrow", "mi", "mn", "mo", "mtext", "mspace", "ms", "mfrac", "msqrt", "mroot",
-    "mstyle", "merror", "mpadded", "mphantom", "msub", "msup", "msubsup", "munder", "mover",
-    "munderover", "mmultiscripts", "mprescripts", "mtable", "mtr", "mtd", "menclose",
-    "semantics", "annotation",
-}  # fmt: skip
 NOWHERE = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
 """What a browser is told: even if something got through, it can load nothing and run nothing."""
 

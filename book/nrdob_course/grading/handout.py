@@ -1,6 +1,6 @@
 """What of the graders a student's code gets while it is graded.
 
-The notebooks import the package of the graders, which holds the solutions. Behind the wall they
+The notebooks import the package of the graders, which holds the solutions. In the sandbox they
 find another one in its place: the classes of their cases, cut out of the source with whatever these
 need to be printed and drawn, the group's own cases, and a `check` that does not check now.
 """
@@ -16,14 +16,14 @@ from importlib import import_module
 from typing import Any
 
 from .. import exercises
-from .plain import packed
+from .encoding import packed
 
 __all__ = ["cut", "handout", "own_cases"]
 
 TOOLS = {
     ("cases", "factored"),
-    ("set2", "draw_without_count"),
-    ("set5", "draw_edge"),
+    ("figures", "draw_without_count"),
+    ("set5_edges", "draw_edge"),
 }
 """What the notebooks import besides, by module and name."""
 

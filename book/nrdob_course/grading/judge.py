@@ -19,8 +19,8 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from ..exercises import Points, score
-from . import wall
-from .plain import decode, packed
+from . import sandbox
+from .encoding import decode, packed
 
 __all__ = ["Ask", "HiddenTest", "Stopped", "hidden_test", "judge", "judge_apart"]
 
@@ -125,7 +125,7 @@ def judge_apart(test: HiddenTest, ask: Ask, seconds: float) -> tuple[Points, Any
 
 def _judge_there(test: HiddenTest, pipe: Connection) -> None:
     """Judge what the other end of the pipe asks the student's code for."""
-    wall.limit()
+    sandbox.limit()
 
     def ask(source: str) -> Any:
         pipe.send(("ask", source))
@@ -140,7 +140,7 @@ def _judge_there(test: HiddenTest, pipe: Connection) -> None:
 
 def asking(expression: str, case: str = "") -> str:
     """Write what the student's process is to run."""
-    module = f"{__package__}.plain"
+    module = f"{__package__}.encoding"
     return f"__import__({module!r}, fromlist=['tell']).tell({expression}, {case!r})"
 
 

@@ -1,11 +1,11 @@
-"""The kernel in which a student's code runs, behind a wall.
+"""The kernel in which a student's code runs, in a sandbox.
 
-    python -P -m nrdob_course.grading.kernel CONNECTION DESK
+    python -P -m nrdob_course.grading.kernel CONNECTION WORKDIR
 
-CONNECTION is Jupyter's file of ports; DESK the only folder that the code can write. What every
-notebook imports is imported before the wall stands and the clock runs. In the place of the graders
-stands what was handed out, see `handout`, in a file on the desk that is gone when the code begins.
-Without arguments it starts kernels on demand, see `starter`.
+CONNECTION is Jupyter's file of ports; WORKDIR the only folder that the code can write. What every
+notebook imports is imported before the sandbox is built and the clock runs. In the place of the
+graders stands what was handed out, see `handout`, in a file that is gone when the code begins.
+Without arguments it starts kernels on demand, see `forkserver`.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ from ipykernel.kernelapp import IPKernelApp
 
 import nrdob  # noqa: F401
 
-from . import wall
-from .plain import HANDOUT
-from .starter import serve
+from . import sandbox
+from .encoding import HANDOUT
+from .forkserver import fork_kernels
 
 __all__ = ["AnotherGroupError", "Graders", "Note", "leave", "main"]
 
@@ -107,20 +107,20 @@ class Graders(MetaPathFinder, Loader):
 
 
 def main(arguments: list[str]) -> None:
-    """Build the wall, then be a kernel like any other."""
-    connection, desk = Path(arguments[0]), Path(arguments[1])
-    os.chdir(desk)
+    """Build the sandbox, then be a kernel like any other."""
+    connection, workdir = Path(arguments[0]), Path(arguments[1])
+    os.chdir(workdir)
     ports = json.loads(connection.read_text("utf-8"))
-    handout = json.loads((desk / HANDOUT).read_text("utf-8"))
-    (desk / HANDOUT).unlink()
-    wall.limit()
-    wall.build(desk, [port for name, port in ports.items() if name.endswith("_port")])
+    handout = json.loads((workdir / HANDOUT).read_text("utf-8"))
+    (workdir / HANDOUT).unlink()
+    sandbox.limit()
+    sandbox.build(workdir, [port for name, port in ports.items() if name.endswith("_port")])
     sys.meta_path.insert(0, Graders(handout))
     builtins.exit = builtins.quit = leave  # type: ignore[assignment]
     app: Any = IPKernelApp.instance()
     app.initialize(["-f", str(connection), "--HistoryManager.enabled=False", "--log-level=ERROR"])
     app.shell.user_ns.update(exit=leave, quit=leave)
-    wall.seal()
+    sandbox.seal()
     app.start()
 
 
@@ -128,4 +128,4 @@ if __name__ == "__main__":
     if sys.argv[1:]:
         main(sys.argv[1:])
     else:
-        serve(main)
+        fork_kernels(main)

@@ -26,26 +26,10 @@ from .roster import Course
 from .submissions import NOTHING, Submission
 
 __all__ = [
-    "Line",
-    "Record",
-    "Records",
-    "enter",
-    "grades_of",
-    "harmless",
-    "in_order",
-    "in_order_of_sets",
-    "lines",
-    "number",
-    "pack_feedback",
-    "page_of",
-    "problem_of",
-    "tell_late",
-    "unmarked",
-    "write_course",
-    "write_grades",
-    "write_platforms",
-    "write_table",
-]
+    "Line", "Record", "Records", "enter", "grades_of", "harmless", "in_order", "in_order_of_sets",
+    "lines", "number", "pack_feedback", "page_of", "problem_of", "tell_late", "unmarked",
+    "write_course", "write_grades", "write_platforms", "write_table",
+]  # fmt: skip
 
 GRADED_CELL = re.compile(r"(?:check|written)-(\d+)-(\w+)")
 FORMULA = re.compile(r"\s*[=+@|-](?![\d.,\s]*$)|[\t\r]")

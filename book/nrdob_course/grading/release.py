@@ -18,16 +18,9 @@ from .autograde import SETTINGS, course
 from .platforms import pack
 
 __all__ = [
-    "COURSE",
-    "MARKERS",
-    "SOURCE",
-    "CourseError",
-    "found_course",
-    "generate",
-    "release",
-    "sets_in",
+    "COURSE", "MARKERS", "SOURCE", "CourseError", "found_course", "generate", "release", "sets_in",
     "solved",
-]
+]  # fmt: skip
 
 COURSE = Path(__file__).resolve().parents[1]
 SOURCE = COURSE / "sets" / "source"

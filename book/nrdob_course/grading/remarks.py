@@ -1,7 +1,7 @@
 """Read a submission's code before it runs, and remark what no answer needs.
 
 A remark is no verdict: there are honest reasons to open a file. It says where to look. And no
-reading finds everything, for names can be put together while the code runs; see `wall` for what
+reading finds everything, for names can be put together while the code runs; see `sandbox` for what
 holds.
 """
 
@@ -9,39 +9,17 @@ from __future__ import annotations
 
 import ast
 import re
+import tomllib
 from collections.abc import Iterable, Iterator
+from importlib.resources import files
 from typing import Any
 
 __all__ = ["parsed", "suspicious"]
 
 OURS = ("nrdob", "nrdob_course")
-MODULES = {
-    "__future__", "cmath", "collections", "control", "copy", "dataclasses", "decimal", "enum",
-    "fractions", "functools", "itertools", "json", "math", "matplotlib", "nrdob", "numbers",
-    "numpy", "operator", "random", "re", "scipy", "statistics", "string", "sympy", "textwrap",
-    "time", "typing", "warnings",
-}  # fmt: skip
-"""What an answer may import, with what lies in it, but for the names below."""
-OUTWARD = {
-    # Modules that others hold.
-    "asyncio", "builtins", "codecs", "contextlib", "ctypes", "ctypeslib", "distutils",
-    "f2py", "gc", "importlib", "inspect", "io", "linecache", "mmap", "modules", "multiprocessing",
-    "os", "pathlib", "pickle", "pkgutil", "posix", "pty", "resource", "runpy", "shutil",
-    "socket", "subprocess", "sys", "tempfile", "threading", "urllib", "weakref",
-    # Functions that read, write or run.
-    "attrgetter", "fromfile", "fromregex", "genfromtxt", "imread", "imsave", "lambdify", "load",
-    "loadmat", "loadtxt", "measure", "memmap", "methodcaller", "open_memmap", "parse_expr",
-    "preview", "read_data", "rundocs", "runstring", "save", "savefig", "savemat", "savetxt",
-    "savez", "savez_compressed", "sympify", "tofile", "DataSource", "rc_file",
-}  # fmt: skip
-BUILT_IN = {
-    "open", "exec", "eval", "compile", "globals", "locals", "vars", "get_ipython", "breakpoint",
-    "memoryview", "getattr", "setattr", "delattr", "input", "help", "copyright", "credits",
-    "license",
-}  # fmt: skip
-PLACES = re.compile(
-    r"/proc\b|/dev/|gradebook|\.\./|\.ipynb|/etc/|/home/|/root/|__\w+__", re.IGNORECASE
-)
+LISTS = tomllib.loads(files(__package__).joinpath("remarks.toml").read_text("utf-8"))
+MODULES, OUTWARD, BUILT_IN = (set(LISTS[name]) for name in ("modules", "outward", "built_in"))
+PLACES = re.compile(LISTS["places"], re.IGNORECASE)
 
 
 def suspicious(cells: Iterable[Any], given_out: Iterable[Any]) -> list[str]:

@@ -22,15 +22,9 @@ from .marks import Record, Records, grades_of, harmless, number, page_of, proble
 from .roster import read_table
 
 __all__ = [
-    "WRITTEN",
-    "Key",
-    "Typed",
-    "answers_of",
-    "read_written",
-    "to_be_marked",
-    "write_written",
+    "WRITTEN", "Key", "Typed", "answers_of", "read_written", "to_be_marked", "write_written",
     "wrong_points",
-]
+]  # fmt: skip
 
 WRITTEN = ("student", "set", "problem", "of", "points", "comment", "answer", "feedback")
 

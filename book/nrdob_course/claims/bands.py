@@ -1,0 +1,425 @@
+"""Eqs. (5) and (6): what the loop does at low and at high frequency, and what follows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import inf, sqrt
+from typing import Any
+
+import control as ct
+import numpy as np
+from scipy.optimize import brentq
+
+from nrdob.diagram import LowPassFilter
+from nrdob.loop import NRDOB
+from nrdob.numerics import ComplexArray, number
+from nrdob.paper import EXAMPLES, example
+
+from .ledger import Finding
+from .recurring import section
+from .signals import (
+    ABOUT,
+    EXACT,
+    NEAR,
+    ORDERS,
+    STOPPED,
+    Values,
+    every,
+    from_diagram,
+    many_loops,
+    matched_blocks,
+    numbers,
+    random_blocks,
+    same,
+)
+
+__all__ = ["SECTION"]
+
+SECTION = section("bands")
+
+_s = ct.tf("s")
+
+
+# Eq. (5): low frequency.
+
+
+def _low_band(loop: NRDOB) -> ComplexArray:
+    """Points jω from near 0 to ω_B."""
+    return np.linspace(0, 1j, 1001)[1:] * complex(loop.filter.bandwidth)
+
+
+def _worst(measure: Callable[[NRDOB], float]) -> list[float]:
+    """One number for each of the four examples."""
+    return [measure(example(which)) for which in EXAMPLES]
+
+
+@SECTION.check("eq05.T_R")
+def tracking_at_low_frequency() -> Finding:
+    """Compute the modulus of T_R (1 + C Gm)/(C Gm) over [0, ω_B], from p_A and p_B.
+
+    The exact factor is compared with the diagram at random values; on loops it tends to 1 with s.
+    """
+    blocks = random_blocks(np.random.default_rng(5))
+    wanted = blocks.CGm / (1 + blocks.CGm)
+    factor = from_diagram("T_R", blocks) / wanted
+
+    def farthest(loop: NRDOB) -> float:
+        s = _low_band(loop)
+        size = np.abs(loop.T_R(s) * (1 + loop.CGm(s)) / loop.CGm(s))
+        return float(size[np.abs(size - 1).argmax()])
+
+    def near_zero(loop: NRDOB) -> ComplexArray:
+        s = np.array([1e-7j])
+        return np.asarray(loop.T_R(s) * (1 + loop.CGm(s)) / loop.CGm(s))
+
+    worst = _worst(farthest)
+    return Finding(
+        every(abs(value - 1) <= NEAR for value in worst),
+        f"the factor between the two reaches {numbers(worst)} on [0, ω_B] in Examples 1 to 4",
+        ABOUT,
+        conditions={
+            "the first factor is (1 + H)/(1 + FH)": same(factor, (1 + blocks.H) / (1 + blocks.FH)),
+            "it differs from 1 by (1 − F)H/(1 + FH)": same(
+                factor - 1, (1 - blocks.F) * blocks.H / (1 + blocks.FH)
+            ),
+            "it tends to 1 with s": every(
+                same(near_zero(loop), 1, rtol=1e-4) for loop in many_loops()
+            ),
+        },
+    )
+
+
+@SECTION.check("eq05.S_d")
+def output_disturbance_at_low_frequency() -> Finding:
+    """Take |S_d| at ω_B in the examples; |1 − F| there and where it passes 0.1.
+
+    The exact form is compared with the diagram at random values, S_d(0) is exactly 0 on loops.
+    """
+    blocks = random_blocks(np.random.default_rng(5))
+    error = [_one_minus(order)(LowPassFilter(1.0, order).bandwidth) for order in ORDERS[:3]]
+    reach = [
+        brentq(lambda x, n=n: _one_minus(n)(x) - NEAR, 0, 1) / LowPassFilter(1.0, n).bandwidth
+        for n in ORDERS[:3]
+    ]
+    worst = _worst(lambda loop: float(np.abs(loop.S_d(_low_band(loop))).max()))
+    return Finding(
+        every(value <= NEAR for value in worst),
+        f"|S_d| reaches {numbers(worst)} on [0, ω_B] in Examples 1 to 4; |1 − F| at ω_B is "
+        f"{numbers(error)} for n = 1, 2, 3, and below 0.1 only up to {numbers(reach)} of ω_B",
+        ABOUT,
+        conditions={
+            "S_d = (1 − F)/(1 + FH)": same(
+                from_diagram("S_d", blocks), (1 - blocks.F) / (1 + blocks.FH)
+            ),
+            "S_d = 1 − F with a perfect model": same(
+                from_diagram("S_d", matched_blocks(blocks)), 1 - blocks.F
+            ),
+            "S_d(0) = 0": every(loop.S_d.dc_gain == 0 for loop in many_loops()),
+            "|1 − F| is near 1 at ω_B": every(value > 0.5 for value in error),
+        },
+    )
+
+
+def _one_minus(order: int) -> Callable[[float], float]:
+    """|1 − F| as a function of λω."""
+    return lambda x: float(abs(1 - LowPassFilter(1.0, order)(1j * x)))
+
+
+@SECTION.check("eq05.S_eta")
+def noise_at_low_frequency() -> Finding:
+    """Measure the distance of |S_η| from −1 on the band; take S_η(0), and S_η + 1 at random.
+
+    The condition fails for Gm = 1/s under G = 1/(s + 1): the diagram at s = 10⁻⁸ gives another
+    value than −1.
+    """
+    blocks = random_blocks(np.random.default_rng(5))
+    loops = many_loops()
+    distance = _worst(lambda loop: float(np.abs(np.abs(loop.S_eta(_low_band(loop))) + 1).min()))
+    at_zero = [loop.S_eta.dc_gain for loop in loops]
+    lost = _at(1 / (_s + 1), 1 / _s, LowPassFilter(0.5, 1), "S_eta", 1e-8)
+    return Finding(
+        every(value <= NEAR for value in distance),
+        f"|S_η| stays at least {number(min(distance), 4)} away from −1, but S_η(0) is −1 in "
+        f"{sum(abs(value + 1) < EXACT for value in at_zero)} of {len(loops)} loops; with "
+        f"G(0)/Gm(0) = 0, for one, {number(lost.real, 4)}",
+        ABOUT,
+        conditions={
+            "S_η(0) = −1": every(abs(value + 1) < EXACT for value in at_zero),
+            "S_η + 1 = S_d": same(from_diagram("S_eta", blocks) + 1, from_diagram("S_d", blocks)),
+            "S_η(0) is another value with G(0)/Gm(0) = 0": abs(lost + 1) > NEAR,
+        },
+    )
+
+
+def _at(G: Any, Gm: Any, F: LowPassFilter, name: str, s: complex) -> complex:
+    """One map of the diagram at one point, for C = 1."""
+    point = np.array([s], dtype=complex)
+    blocks = Values(G(point), Gm(point), np.ones(1, dtype=complex), F(point))
+    return complex(from_diagram(name, blocks)[0])
+
+
+@SECTION.check("eq05.S_delta")
+def input_disturbance_at_low_frequency() -> Finding:
+    """Take |S_δ| over the band in the examples, and its value near s = 0 for G = Gm = 1/s.
+
+    S_δ = G S_d is compared with the diagram at random values, the slope at s = 0 on loops, among
+    them a stable one with an integrator in the plant only.
+    """
+    blocks = random_blocks(np.random.default_rng(5))
+    worst = _worst(lambda loop: float(np.abs(loop.S_delta(_low_band(loop))).max()))
+    F = LowPassFilter(0.5, 2)
+    integrators = _at(1 / _s, 1 / _s, F, "S_delta", 1e-6)
+    plant_only = NRDOB(1 / _s, 1 / (_s + 0.1), 2.0, LowPassFilter(0.05, 1))
+    loops = [*many_loops(), plant_only]
+
+    def slope(loop: NRDOB) -> bool:
+        s = np.array([1e-6j])
+        expected = loop.filter.order * loop.filter.time_constant * loop.Gm.dc_gain
+        return same(loop.S_delta(s) / s, expected, rtol=1e-2)
+
+    return Finding(
+        every(value <= NEAR for value in worst) and abs(integrators) <= NEAR,
+        f"|S_δ| reaches {numbers(worst)} on [0, ω_B] in Examples 1 to 4; for G = Gm = 1/s, "
+        f"n = 2, λ = 0.5 s it tends to {number(integrators.real, 4)}",
+        ABOUT,
+        conditions={
+            "S_δ = G S_d": same(
+                from_diagram("S_delta", blocks), blocks.G * from_diagram("S_d", blocks)
+            ),
+            "the slope of S_δ at s = 0 is nλGm(0)": every(slope(loop) for loop in loops),
+            "the loop with an integrator in the plant only is stable": (
+                plant_only.stability().stable is True
+            ),
+            "S_δ tends to nλ for G = Gm = 1/s": (
+                abs(integrators - F.order * F.time_constant) < 1e-4
+            ),
+        },
+    )
+
+
+# Eq. (6): high frequency.
+
+
+def _biproper() -> NRDOB:
+    """Give Example 2 with n = 1: causal, stable, and FH does not die out."""
+    loop = example(2)
+    return NRDOB(loop.process, loop.model, loop.controller, LowPassFilter(0.02, 1))
+
+
+def _high_band(loop: NRDOB) -> ComplexArray:
+    """Points jω from where |F| = 0.01 on."""
+    start = sqrt(STOPPED ** (-2 / loop.filter.order) - 1) / loop.filter.time_constant
+    return 1j * np.geomspace(start, 1e6 * start, 601)
+
+
+def _dies_out(loop: NRDOB) -> bool:
+    """Whether FH is strictly proper."""
+    return max(map(abs, loop.FH.at_infinity)) < EXACT
+
+
+def _tends_to_one(loop: NRDOB, part: Callable[[NRDOB, ComplexArray], ComplexArray]) -> bool:
+    s = _high_band(loop)[-1:]
+    return bool(abs(abs(part(loop, s)[0]) - 1) < 1e-3)
+
+
+def _approach(
+    part: Callable[[NRDOB, ComplexArray], ComplexArray], what: str, form: str, exact: bool
+) -> Finding:
+    """Judge a statement of eq. (6) by the ratio of both sides, `part`, which should be 1.
+
+    `form` is what the ratio is said to be exactly, and `exact` whether it is.
+    """
+
+    def deviation(loop: NRDOB) -> float:
+        off = float(np.abs(np.abs(part(loop, _high_band(loop))) - 1).max())
+        return round(off, 9)  # for the matched example nothing but the last bit
+
+    worst = _worst(deviation)
+    biproper = _biproper()
+    limit = abs(1 / (1 + biproper.FH.at_infinity[0]))
+    dying = [loop for loop in many_loops() if _dies_out(loop)]
+    stable = biproper.stability().stable is True
+    return Finding(
+        every(value <= NEAR for value in worst) and deviation(biproper) <= NEAR,
+        f"where |F| ≤ 0.01 {what} is off by at most {numbers(worst)} in Examples 1 to 4; in "
+        f"Example 2 with n = 1, λ = 0.02 s ({'stable' if stable else 'not stable'}) it tends to "
+        f"{number(abs(part(biproper, _high_band(biproper)[-1:])[0]), 4)}",
+        ABOUT,
+        conditions={
+            f"{what} is {form}": exact,
+            "Example 2 with n = 1, λ = 0.02 s is stable": stable,
+            f"there {what} tends to |1/(1 + FH)| at infinity, not to 1": same(
+                abs(part(biproper, _high_band(biproper)[-1:])[0]), limit, rtol=1e-3
+            ),
+            f"{what} tends to 1 if FH is strictly proper": every(
+                _tends_to_one(loop, part) for loop in dying
+            ),
+        },
+    )
+
+
+@SECTION.check("eq06.T_R")
+def tracking_at_high_frequency() -> Finding:
+    """Compute T_R (1 + C Gm)/(C G) where |F| ≤ 0.01, in the examples and for a biproper FH.
+
+    The exact factor is compared with the diagram at random values, its limit on random loops.
+    """
+    blocks = random_blocks(np.random.default_rng(6))
+    factor = from_diagram("T_R", blocks) * (1 + blocks.CGm) / (blocks.C * blocks.G)
+    return _approach(
+        lambda loop, s: loop.T_R(s) * (1 + loop.CGm(s)) / (loop.C(s) * loop.G(s)),
+        "the factor between the two",
+        "1/(1 + FH)",
+        same(factor, 1 / (1 + blocks.FH)),
+    )
+
+
+@SECTION.check("eq06.S_d")
+def output_disturbance_at_high_frequency() -> Finding:
+    """Compute |S_d| where |F| ≤ 0.01, in the examples and for a biproper FH.
+
+    The exact form is compared with the diagram at random values, its limit on random loops.
+    """
+    blocks = random_blocks(np.random.default_rng(6))
+    return _approach(
+        lambda loop, s: np.asarray(loop.S_d(s)),
+        "|S_d|",
+        "|(1 − F)/(1 + FH)|",
+        same(from_diagram("S_d", blocks), (1 - blocks.F) / (1 + blocks.FH)),
+    )
+
+
+@SECTION.check("eq06.S_eta")
+def noise_at_high_frequency() -> Finding:
+    """Compute |S_η| where |F| ≤ 0.01, in the examples and for a biproper FH.
+
+    The exact form is compared with the diagram at random values, its limit on random loops.
+    """
+    blocks = random_blocks(np.random.default_rng(6))
+    exact = -blocks.F * (1 + blocks.H) / (1 + blocks.FH)
+    worst = _worst(lambda loop: float(np.abs(loop.S_eta(_high_band(loop))).max()))
+    biproper = _biproper()
+    passes = float(np.abs(biproper.S_eta(_high_band(biproper))).min())
+    dying = [loop for loop in many_loops() if _dies_out(loop)]
+    stable = biproper.stability().stable is True
+    return Finding(
+        every(value <= NEAR for value in worst) and passes <= NEAR,
+        f"where |F| ≤ 0.01 |S_η| is at most {numbers(worst)} in Examples 1 to 4; in Example 2 "
+        f"with n = 1, λ = 0.02 s ({'stable' if stable else 'not stable'}) it is nowhere below "
+        f"{number(passes, 4)}",
+        ABOUT,
+        conditions={
+            "S_η = −F(1 + H)/(1 + FH)": same(from_diagram("S_eta", blocks), exact),
+            "Example 2 with n = 1, λ = 0.02 s is stable": stable,
+            "there S_η does not die out": passes > 1 - NEAR,
+            "S_η dies out if FH is strictly proper": every(
+                abs(loop.S_eta(_high_band(loop)[-1])) < 1e-3 for loop in dying
+            ),
+        },
+    )
+
+
+@SECTION.check("eq06.S_delta")
+def input_disturbance_at_high_frequency() -> Finding:
+    """Compute |S_δ/G| where |F| ≤ 0.01, in the examples and for a biproper FH.
+
+    The exact form is compared with the diagram at random values, its limit on random loops.
+    """
+    blocks = random_blocks(np.random.default_rng(6))
+    return _approach(
+        lambda loop, s: np.asarray(loop.S_delta(s) / loop.G(s)),
+        "|S_δ/G|",
+        "|(1 − F)/(1 + FH)|",
+        same(from_diagram("S_delta", blocks), blocks.G * (1 - blocks.F) / (1 + blocks.FH)),
+    )
+
+
+# What the paper concludes from the two bands.
+
+
+@SECTION.check("sec2.noise")
+def noise_against_tracking() -> Finding:
+    """Make the filters of Examples 2 to 4 four times slower: all stay stable, all pass less noise.
+
+    T_R is compared with C Gm/(1 + C Gm) over all frequencies. The diagram at random values shows
+    that T_R is free of F for G = Gm, that it is not otherwise, and that S_d − S_η = 1.
+    """
+    s = 1j * np.geomspace(1e-3, 1e4, 2001)
+    departs, quieter = [], []
+    for which in (2, 3, 4):
+        loop = example(which)
+        F = LowPassFilter(4 * loop.filter.time_constant, loop.filter.order)
+        slower = NRDOB(loop.process, loop.model, loop.controller, F)
+        before, after = (case.S_eta.noise_power() for case in (loop, slower))
+        quieter.append(after < before and slower.stability().stable is True)
+        wanted = loop.CGm(s) / (1 + loop.CGm(s))
+        departs.append(float(np.abs(slower.T_R(s) - wanted).max()))
+        if which == 3:
+            power = (before, after)
+            before_departs = float(np.abs(loop.T_R(s) - wanted).max())
+    rng = np.random.default_rng(7)
+    blocks = random_blocks(rng)
+    other = blocks._replace(F=random_blocks(rng).F)
+    tracking = from_diagram("T_R", blocks)
+    return Finding(
+        every(quieter) and every(value <= NEAR for value in departs),
+        f"filters four times slower: T_R departs from C Gm/(1 + C Gm) by up to "
+        f"{numbers(departs)} in Examples 2 to 4; in Example 3 it was "
+        f"{number(before_departs, 4)}, while the noise power at y falls from {number(power[0], 4)} "
+        f"to {number(power[1], 4)}",
+        ABOUT,
+        conditions={
+            "slower filters pass less noise, and stay stable": every(quieter),
+            "T_R is free of F for G = Gm": same(
+                from_diagram("T_R", matched_blocks(blocks)),
+                from_diagram("T_R", matched_blocks(other)),
+            ),
+            "T_R depends on F otherwise": not np.isclose(
+                tracking, from_diagram("T_R", other)
+            ).any(),
+            "F enters T_R as (1 + H)/(1 + FH)": same(
+                tracking * (1 + blocks.CGm) / blocks.CGm, (1 + blocks.H) / (1 + blocks.FH)
+            ),
+            "S_d − S_η = 1": same(from_diagram("S_d", blocks) - from_diagram("S_eta", blocks), 1),
+        },
+    )
+
+
+@SECTION.check("sec2.high_disturbance")
+def disturbances_above_the_bandwidth() -> Finding:
+    """Find the largest |S_d| above ω_B in the examples; for G = Gm compare with closed forms.
+
+    The peak of |1 − F| comes from the diagram with G = Gm on 20,000 frequencies.
+    """
+    floor = []
+    rng = np.random.default_rng(8)
+    x = np.geomspace(LowPassFilter(1.0, 3).bandwidth, 1e6, 20_001)
+    for order in ORDERS[:3]:
+        blocks = matched_blocks(random_blocks(rng, x.size))._replace(
+            F=LowPassFilter(1.0, order)(1j * x)
+        )
+        floor.append(float(np.abs(from_diagram("S_d", blocks)).max()))
+
+    def peak(loop: NRDOB) -> float:
+        omega = np.geomspace(1, 1e5, 20_001) * loop.filter.bandwidth
+        return float(np.abs(loop.S_d(1j * omega)).max())
+
+    worst = _worst(peak)
+    return Finding(
+        every(abs(value - 1) <= NEAR for value in worst),
+        f"|S_d| above ω_B reaches {numbers(worst)} in Examples 1 to 4; max|1 − F| is "
+        f"{numbers(floor)} for n = 1, 2, 3",
+        ABOUT,
+        conditions={
+            "|1 − F| stays below 1 for n = 1": floor[0] < 1,
+            "it peaks at 1, 2/√3 and 9/7 for n = 1, 2, 3": same(
+                floor, [1, 2 / sqrt(3), 9 / 7], rtol=1e-6
+            ),
+            "|S_d| of the perfect model in Example 1 peaks there": same(
+                worst[0], floor[1], rtol=1e-6
+            ),
+            "a mismatch raises the peak, in Examples 2 to 4": every(
+                floor[1] < value < inf for value in worst[1:]
+            ),
+        },
+    )

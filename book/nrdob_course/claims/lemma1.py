@@ -1,0 +1,386 @@
+"""Eq. (7) and Lemma 1: what makes the loop internally stable."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Any
+
+import control as ct
+import numpy as np
+
+from nrdob.diagram import Fraction, LowPassFilter, Quotient
+from nrdob.loop import NRDOB
+from nrdob.numerics import ComplexArray, FloatArray, number
+from nrdob.paper import example
+
+from .ledger import Finding
+from .recurring import section
+from .roots import (
+    condition_ii,
+    enough_turns,
+    in_right_half,
+    is_pole,
+    n_p,
+    poles_and_zeros,
+    random_loops,
+    rightmost,
+    turns_around_minus_one,
+)
+from .signals import (
+    EXACT,
+    PRINTED_MAPS,
+    QUADRUPLES,
+    TOLERANCE,
+    Values,
+    blocks_of,
+    equations,
+    every,
+    loop_modes,
+    many_loops,
+    modes,
+    numbers,
+    printed_map,
+    random_blocks,
+    random_points,
+    same,
+    solve,
+)
+
+__all__ = ["SECTION"]
+
+SECTION = section("lemma1")
+
+_s = ct.tf("s")
+
+
+@SECTION.check("eq07.E_R")
+def reference_to_error() -> Finding:
+    """Solve the diagram with R alone at random values; compare e with the printed formula.
+
+    The formula is compared with 1/(1 + C Gm), too.
+    """
+    finding = printed_map("E_R")
+    blocks = random_blocks(np.random.default_rng(7))
+    collapses = same(PRINTED_MAPS["E_R"](blocks), 1 / (1 + blocks.CGm))
+    return replace(
+        finding,
+        as_printed=finding.as_printed and collapses,
+        computed=f"{finding.computed}; both are "
+        f"{'' if collapses else 'not '}1/(1 + C Gm), free of F and of the process",
+    )
+
+
+@SECTION.check("eq07.E_zero")
+def the_error_sees_no_disturbance() -> Finding:
+    """Solve the diagram with δ, d and η at random values; compare e with the other signals."""
+    blocks = random_blocks(np.random.default_rng(7))
+    sizes = []
+    for found in (solve(blocks, delta=1.0), solve(blocks, d=1.0), solve(blocks, eta=1.0)):
+        sizes.append(np.abs(found.e) / (np.abs(found.u) + np.abs(found.y)))
+    zero = np.array(sizes) < EXACT
+    return Finding(
+        every(zero.ravel()),
+        f"e is 0 against u and y in {zero.sum()} of {zero.size} random solutions of the diagram",
+        TOLERANCE,
+    )
+
+
+@SECTION.check("eq07.U_d")
+def output_disturbance_to_control() -> Finding:
+    """Solve the diagram with d alone, then η alone; compare u with the printed formula."""
+    by_d, by_eta = printed_map("U_d"), printed_map("U_eta")
+    return replace(
+        by_d,
+        as_printed=by_d.as_printed and by_eta.as_printed,
+        computed=f"d: {by_d.computed}; η: {by_eta.computed}",
+    )
+
+
+@SECTION.check("eq07.U_delta")
+def input_disturbance_to_control() -> Finding:
+    """Solve the diagram with δ alone at random values; compare u and u + δ with the formulas."""
+    blocks = random_blocks(np.random.default_rng(7))
+    u = solve(blocks, delta=1.0).u
+    printed = PRINTED_MAPS["U_delta"](blocks)
+    agree = np.isclose(printed, u, rtol=EXACT, atol=0)
+    plant_input = np.isclose(printed, u + 1, rtol=EXACT, atol=0)
+    return Finding(
+        every(agree),
+        f"the printed formula is u in {agree.sum()} and u + δ in {plant_input.sum()} of "
+        f"{QUADRUPLES} random solutions of the diagram",
+        TOLERANCE,
+        conditions={
+            "the printed formula is (U + δ)/δ": every(plant_input),
+            "it is so in the package, too": printed_map("U_delta").as_printed,
+            "U/δ = −FG/(Gm + F(G − Gm))": same(u, -blocks.F * blocks.G / blocks.B),
+        },
+    )
+
+
+# Lemma 1.
+
+
+@SECTION.check("lemma1.polynomials")
+def rational_functions_not_polynomials() -> Finding:
+    """Follow A, and B in its first form, from s = 3 to 10⁹: a polynomial is constant or grows.
+
+    Diagram, p_A and p_B are compared at random points; the eigenvalues of a state space of the
+    whole diagram with the roots of the product, as polynomials.
+    """
+    loops = many_loops()
+    near, far = np.array([3.0 + 0j]), np.array([1e9 + 0j])
+    grows, starts, ends = [], [], []
+    for loop in loops:
+        here, there = blocks_of(loop, near), blocks_of(loop, far)
+        a, a_far = abs(1 + here.CGm[0]), abs(1 + there.CGm[0])
+        b, b_far = abs(here.B[0]), abs(there.B[0])
+        grows += [same(a, a_far) or a_far > 1e6 * a, same(b, b_far) or b_far > 1e6 * b]
+        starts.append(a)
+        ends.append(a_far)
+    return Finding(
+        every(grows),
+        f"Examples 1 to 4: from s = 3 to 10⁹ the size of A goes from {numbers(starts[:4])} to "
+        f"{numbers(np.round(ends[:4], 6))}; {sum(grows)} of {len(grows)} functions A and B of "
+        f"{len(loops)} loops are constant or grow, as a polynomial must",
+        conditions={
+            "A = p_A/(Dm Dc), 1 + FH = p_B/(D Nm Df), and the diagram has their product": every(
+                _factors(loop) for loop in loops
+            ),
+            "the modes are the roots of Df³ p_A p_B": every(
+                _modes_are_the_roots(loop) for loop in loops if not loop.delay
+            ),
+        },
+    )
+
+
+def _value(factors: Iterable[Any], s: ComplexArray) -> ComplexArray:
+    return np.asarray(np.prod([factor(s) for factor in factors], axis=0))
+
+
+def _factors(loop: NRDOB) -> bool:
+    """Whether p_A and p_B are what the diagram gives, times the denominators."""
+    s = random_points(np.random.default_rng(7))
+    blocks = blocks_of(loop, s)
+    A, B = loop.p_A(s) / _value(loop.CGm.den, s), loop.p_B(s) / _value(loop.FH.den, s)
+    return (
+        same(A, 1 + blocks.CGm)
+        and same(B, 1 + blocks.FH)
+        and same(np.linalg.det(equations(blocks)), A * B)
+    )
+
+
+def _modes_are_the_roots(loop: NRDOB) -> bool:
+    """Whether the modes of the whole diagram are the roots of Df³ p_A p_B."""
+    s = random_points(np.random.default_rng(7))
+    by_modes = np.prod(s[:, None] - loop_modes(loop), axis=1)
+    by_roots = _value([*loop.F.den] * 3 + [loop.p_A, loop.p_B], s)
+    return same(by_modes / by_modes[0], by_roots / by_roots[0], rtol=1e-6)
+
+
+@SECTION.check("lemma1.forms")
+def three_forms_of_b() -> Finding:
+    """Compare the forms at random values, at the roots of p_B, and for G = Gm = (1 − s)/(s + 2)."""
+    blocks = random_blocks(np.random.default_rng(7))
+    second = 1 + blocks.F * (blocks.G / blocks.Gm - 1)
+    loops = [loop for loop in many_loops() if not loop.delay]
+    vanish = [_vanishes_at_roots(loop) for loop in loops if not _shares(loop)]
+    G = (1 - _s) / (_s + 2)
+    shared = NRDOB(G, G, 0.1, LowPassFilter(0.1, 1))
+    at = blocks_of(shared, np.array([1.0 + 1e-9j]))  # at 1 itself G/Gm is 0/0
+    first, third = np.round([abs(at.B[0]), abs(1 + at.FH[0])], 8)
+    root = rightmost(shared)
+    return Finding(
+        (first < EXACT) == (third < EXACT),
+        f"G = Gm = (1 − s)/(s + 2): at s = 1 the first form is {number(first, 4)}, the third "
+        f"{number(third, 4)}, and p_B has the root {number(root, 4)}; in {sum(vanish)} of "
+        f"{len(vanish)} loops that share nothing all forms vanish at every root of p_B",
+        conditions={
+            "the first form is Gm times the second": same(blocks.B, blocks.Gm * second),
+            "the second form is the third": same(second, 1 + blocks.FH),
+            "all vanish at the roots of p_B that Gm does not share": every(vanish),
+            "a zero that plant and model share is a root of p_B": same(root, 1.0),
+        },
+    )
+
+
+def _shares(loop: NRDOB) -> bool:
+    """Whether p_B has a root in common with the model."""
+    roots = np.concatenate([loop.Gm.numerator.roots, loop.Gm.denominator.roots])
+    return bool((np.abs(np.subtract.outer(loop.p_B.roots, roots)) < 1e-6).any())
+
+
+def _vanishes_at_roots(loop: NRDOB) -> bool:
+    """Whether the first and the third form of B are 0 at the roots of p_B, against their terms."""
+    blocks = blocks_of(loop, loop.p_B.roots)
+    first = np.abs(blocks.B) / (np.abs(blocks.Gm) + np.abs(blocks.F * (blocks.G - blocks.Gm)))
+    third = np.abs(1 + blocks.FH) / (1 + np.abs(blocks.FH))
+    return every(np.concatenate([first, third]) < 1e-5)
+
+
+@SECTION.check("lemma1.H_forms")
+def three_forms_of_h() -> Finding:
+    """Compare the three at random values of the blocks, and on loops with the package's H."""
+    rng = np.random.default_rng(7)
+    loops = many_loops()
+    blocks = random_blocks(rng)
+    agree = []
+    for loop in loops:
+        s = random_points(rng)
+        agree.append(_h_forms_agree(blocks_of(loop, s), loop.H(s)))
+    return Finding(
+        _h_forms_agree(blocks, blocks.H) and every(agree),
+        f"the three forms agree for {QUADRUPLES} random values of the blocks and, with the "
+        f"package's H, for {sum(agree)} of {len(loops)} loops",
+        TOLERANCE,
+    )
+
+
+def _h_forms_agree(blocks: Values, H: ComplexArray) -> bool:
+    """Whether the three forms give H; the difference is compared with their terms."""
+    ratio = blocks.G / blocks.Gm
+    forms = np.array([ratio - 1, -(1 - ratio), (blocks.G - blocks.Gm) / blocks.Gm])
+    return every((np.abs(forms - H) <= EXACT * (1 + np.abs(ratio))).ravel())
+
+
+@SECTION.check("lemma1.sufficient")
+def what_lemma_1_does_not_see() -> Finding:
+    """Compare zeros of A and B after cancellation with the modes of the whole diagram, twice.
+
+    On 60 random loops the modes and the roots of p_A and p_B must give the same verdict. The modes
+    are eigenvalues of a state space in which every block is realised by itself. An unstable F
+    under which p_B is Hurwitz must have an unstable mode, and Example 2 with n = 1, λ = 0.01 s
+    be ill-posed.
+    """
+    unstable = 4 / (2 - _s - _s**2)
+    in_b = NRDOB(unstable, unstable, -2.0, LowPassFilter(0.05, 2))
+    in_a = NRDOB(-1 / (_s + 1), 1 / (_s - 1), (_s - 1) / (_s * (_s + 3)), LowPassFilter(2.0, 1))
+    seen, true = [], []
+    for loop in (in_b, in_a):
+        zeros = np.concatenate([_zeros_of_one_plus(loop.CGm), _zeros_of_one_plus(loop.FH)])
+        seen.append(float(zeros.real.max()))
+        true.append(float(loop_modes(loop).real.max()))
+    loops = random_loops(60)
+    stable = np.array([loop_modes(loop).real.max() < 0 for loop in loops])
+    hurwitz = np.array(
+        [not in_right_half(loop.p_A.q) and not in_right_half(loop.p_B.q) for loop in loops]
+    )
+    p_b, by_filter = _unstable_filter()
+    second = example(2)
+    ill_posed = NRDOB(second.process, second.model, second.controller, LowPassFilter(0.01, 1))
+    return Finding(
+        every((value < 0) <= (mode < 0) for value, mode in zip(seen, true, strict=True)),
+        f"zeros of A and B up to {number(seen[0], 4)} but a mode at {number(true[0], 4)} "
+        f"(G = Gm = 4/(2 − s − s²), C = −2); up to {number(seen[1], 4)} but {number(true[1], 4)} "
+        f"(Gm = 1/(s − 1), C = (s − 1)/(s(s + 3)), G = −1/(s + 1), λ = 2 s, n = 1); modes, and "
+        f"p_A with p_B, agree for {np.sum(stable == hurwitz)} of {len(loops)} random loops, of "
+        f"which {stable.sum()} are stable",
+        conditions={
+            "modes, and p_A with p_B, give the same verdict": every(stable == hurwitz),
+            "both verdicts occur": 0 < stable.sum() < len(loops),
+            "both loops with a cancellation have an unstable mode": every(
+                value > 0 for value in true
+            ),
+            "they are judged unstable": every(
+                loop.stability().stable is False for loop in (in_b, in_a)
+            ),
+            "p_B is Hurwitz under the unstable F": not in_right_half(p_b),
+            "an unstable F brings an unstable mode": by_filter > 0,
+            "the ill-posed loop gets no verdict": ill_posed.stability().stable is None,
+        },
+    )
+
+
+def _unstable_filter() -> tuple[FloatArray, float]:
+    """p_B and the rightmost mode for F = 1/(1 − 0.1s) and G = −Gm = −1/(s + 1)."""
+    one, lag = np.ones(1), np.array([1.0, 1.0])
+    F = Fraction(one, np.array([-0.1, 1.0]))
+    p_b = np.polysub(np.convolve(lag, np.polysub(F.den, F.num)), lag)
+    found = modes(Fraction(-one, lag), Fraction(one, lag), Fraction(one, one), F)
+    return p_b, float(found.real.max())
+
+
+def _zeros_of_one_plus(loop: Quotient) -> ComplexArray:
+    """Zeros of 1 + L after everything that cancels in L is gone."""
+    tf = loop.to_tf()
+    zeros = np.roots(np.polyadd(tf.num_array[0, 0], tf.den_array[0, 0]))
+    return zeros.astype(complex)
+
+
+@SECTION.check("lemma1.H_poles")
+def poles_of_the_mismatch() -> Finding:
+    """Approach every pole of G and every zero of Gm, in Examples 1 to 3 and in random loops.
+
+    It is a pole of H if |H| grows like one over the distance. Where one has cancelled, p_B must
+    vanish.
+    """
+    before, after, stay = [], [], []
+    for which in (1, 2, 3):
+        loop = example(which)
+        roots = poles_and_zeros(loop)
+        kept = [is_pole(loop, root) for root in roots]
+        before.append(roots.size)
+        after.append(sum(kept))
+        stay += [
+            abs(loop.p_B(root)) <= EXACT * np.polyval(loop.p_B.scale, abs(root))
+            for root, is_pole in zip(roots, kept, strict=True)
+            if not is_pole
+        ]
+    loops = random_loops(20) + random_loops(10, delayed=True)
+    poles = [is_pole(loop, root) for loop in loops for root in poles_and_zeros(loop)]
+    return Finding(
+        before == after,
+        f"Examples 1 to 3 have {numbers(before)} poles of G and zeros of Gm, of which "
+        f"{numbers(after)} are poles of H; in random loops, where nothing is shared, "
+        f"{sum(poles)} of {len(poles)} are",
+        conditions={
+            "where nothing is shared all are poles of H": every(poles),
+            "those that cancel stay roots of p_B": every(stay),
+        },
+    )
+
+
+@SECTION.check("lemma1.N_p")
+def turns_that_condition_ii_needs() -> Finding:
+    """Follow 1 + FH point by point and count its turns; compare with the roots of p_B.
+
+    Random loops with and without dead time, a plant with an integrator, G = Gm = 1/s with every
+    factor kept and with blocks built as one, a filter that is zero on the axis, and
+    G = Gm = 4/(2 − s − s²), for which a count after cancellation would call the loop stable.
+    """
+    rational = random_loops(80)
+    delayed = [loop for loop in random_loops(40, delayed=True) if not any(loop.FH.at_infinity)]
+    integrating = NRDOB(1 / _s, 1 / (_s + 0.1), 2.0, LowPassFilter(0.05, 1))
+    agree = [enough_turns(loop) == condition_ii(loop) for loop in [*rational, *delayed]]
+    hidden = NRDOB(1 / _s, 1 / _s, 2.0, LowPassFilter(0.05, 1), keep_factors=True)
+    as_one = NRDOB(1 / _s, 1 / _s, 2.0, LowPassFilter(0.05, 1))
+    notch = NRDOB(1 / (_s**2 + 1), 1 / (_s + 1) ** 2, 1.0, (_s**2 + 1) / (_s + 1) ** 4)
+    G = 4 / (2 - _s - _s**2)
+    matched = NRDOB(G, G, -2.0, LowPassFilter(0.05, 2))
+    after = sum(is_pole(matched, root) for root in poles_and_zeros(matched) if root.real > 0)
+    turned = turns_around_minus_one(matched.FH)
+    stable = sum(condition_ii(loop) for loop in [*rational, *delayed])
+    return Finding(
+        every(agree) and enough_turns(hidden) == condition_ii(hidden),
+        f"turns and roots agree for {sum(agree)} of {len(agree)} random loops, of which {stable} "
+        f"fulfil condition ii; G = Gm = 1/s has {turns_around_minus_one(hidden.FH)} turns, "
+        f"N_p = {n_p(hidden)} and a root of p_B at {number(rightmost(hidden))}; "
+        f"G = Gm = 4/(2 − s − s²) has {turned} turns, N_p = {n_p(matched)} before and {after} "
+        f"after cancellation, and a root at {number(rightmost(matched), 4)}",
+        conditions={
+            "turns and roots agree": every(agree),
+            "both verdicts occur": 0 < stable < len(agree),
+            "there are loops with dead time": len(delayed) > 0,
+            "a pole on the axis, passed on its right, is no obstacle": (
+                enough_turns(integrating) and condition_ii(integrating)
+            ),
+            "G = Gm = 1/s violates condition ii if every factor is kept": not condition_ii(hidden),
+            "built as one it fulfils it": condition_ii(as_one),
+            "a zero of F on a pole of G on the axis: enough turns, and roots on the axis": (
+                enough_turns(notch) and not condition_ii(notch)
+            ),
+            "the matched unstable plant violates condition ii": not condition_ii(matched),
+            "N_p before cancellation tells": not enough_turns(matched),
+            "N_p after cancellation does not": turned == -after,
+        },
+    )

@@ -1,0 +1,245 @@
+"""Lemma 2 and Corollary 1: robustness, and the perfect model."""
+
+from __future__ import annotations
+
+from math import inf
+
+import control as ct
+import numpy as np
+
+from nrdob.analysis import Margins
+from nrdob.design import gain_bound
+from nrdob.diagram import Fraction, LowPassFilter, Quotient
+from nrdob.loop import NRDOB
+from nrdob.numerics import FloatArray, number
+from nrdob.paper import example
+from nrdob.sampling import random_block
+
+from .ledger import Finding
+from .recurring import section
+from .roots import critical_gain, in_right_half
+from .signals import every, fraction, loop_modes, modes, numbers, same
+
+__all__ = ["SECTION"]
+
+SECTION = section("robustness")
+
+_s = ct.tf("s")
+
+
+@SECTION.check("lemma2.i")
+def margins_without_the_process() -> Finding:
+    """Neglect a lag of 0.1 s in Example 3; compare margins of C Gm and the verdict.
+
+    In Examples 2 to 4 the margins of C Gm must not change with the plant, nor those of L with C,
+    while those of C Gm do.
+    """
+    loop = example(3)
+    process = 4 / ((2 - _s - _s**2) * (0.1 * _s + 1))
+    lagging = NRDOB(process, loop.model, loop.controller, loop.filter)
+    pm = [case.margins().model_loop.pm for case in (loop, lagging)]
+    fixed, shaped = [], []
+    for which in (2, 3, 4):
+        nominal, modified = example(which), example(which, modified=True)
+        fixed.append(_equal(nominal.margins().model_loop, modified.margins().model_loop))
+        scaled = [
+            NRDOB(nominal.process, nominal.model, gain * nominal.controller, nominal.filter)
+            for gain in (0.5, 1.0, 2.0)
+        ]
+        plant = [case.margins().plant_loop for case in scaled]
+        fixed += [_equal(plant[0], plant[1]), _equal(plant[1], plant[2])]
+        crossovers = [case.margins().model_loop.wgc for case in scaled]
+        shaped.append(crossovers[0] < 0.9 * crossovers[1] < 0.8 * crossovers[2])
+    verdict = lagging.stability()
+    return Finding(
+        verdict.stable is True,
+        f"Example 3: the phase margin of C Gm is {number(pm[0], 4)}° and, with a lag of 0.1 s "
+        f"neglected in the process, {number(pm[1], 4)}°; the loop then has a root at "
+        f"{number(verdict.observer_loop.rightmost.real, 4)} ± "
+        f"{number(abs(verdict.observer_loop.rightmost.imag), 4)}j",
+        conditions={
+            "Example 3 is stable": loop.stability().stable is True,
+            "with the lag it is not": verdict.stable is False,
+            "the phase margin of C Gm stays what it was": pm[0] == pm[1],
+            "margins of C Gm are free of G, those of L of C": every(fixed),
+            "C shapes the crossover of C Gm": every(shaped),
+        },
+    )
+
+
+def _equal(one: Margins, other: Margins) -> bool:
+    return np.allclose(list(one), list(other), rtol=1e-9, equal_nan=True)
+
+
+@SECTION.check("lemma2.ii")
+def margins_of_the_mismatch() -> Finding:
+    """Multiply the process by a gain, in Examples 2 to 4, and compare the verdict with both.
+
+    0.1 % inside and outside the range of L the loop must be stable and not stable; 0.1 % inside
+    the range of FH it should be stable, were this the range of the process.
+    """
+    texts: list[str] = []
+    as_claimed: list[bool] = []
+    as_amended: list[bool] = []
+    for which in (2, 3, 4):
+        loop = example(which)
+        margins = loop.margins()
+        observer_loop, plant_loop = margins.observer_loop, margins.plant_loop
+        texts.append(
+            f"{number(observer_loop.gm_low, 4)} to {number(observer_loop.gm_high, 5)} against "
+            f"{number(plant_loop.gm_low, 4)} to {number(plant_loop.gm_high, 5)}"
+        )
+        for low, high, judged in (
+            (observer_loop.gm_low, observer_loop.gm_high, as_claimed),
+            (plant_loop.gm_low, plant_loop.gm_high, as_amended),
+        ):
+            judged += [_with_gain(loop, low * 1.001)] if low else []
+            judged += [_with_gain(loop, high * 0.999)] if high < inf else []
+            # Only the true range may, and must, end there.
+            if judged is as_amended:
+                judged += [not _with_gain(loop, low * 0.999)] if low else []
+                judged += [not _with_gain(loop, high * 1.001)] if high < inf else []
+    return Finding(
+        every(as_claimed),
+        f"gain factors that FH and the process allow in Examples 2 to 4: {'; '.join(texts)}",
+        conditions={"the range of L is that of the process": every(as_amended)},
+    )
+
+
+def _with_gain(loop: NRDOB, gain: float) -> bool:
+    """Whether the loop is stable with so many times the process."""
+    changed = NRDOB(gain * loop.process, loop.model, loop.controller, loop.filter)
+    return changed.stability().stable is True
+
+
+# Corollary 1.
+
+
+@SECTION.check("cor1.stable")
+def perfect_models() -> Finding:
+    """Draw blocks that fulfil the three conditions; take the modes of the whole diagram.
+
+    p_B must be N D Df, coefficient by coefficient.
+    """
+    rng = np.random.default_rng(29)
+    stable: list[bool] = []
+    factored: list[bool] = []
+    while len(stable) < 40:
+        G, C = random_block(rng, 3), random_block(rng, 2)
+        num, den = G.num_array[0, 0], G.den_array[0, 0]
+        F = LowPassFilter(10 ** rng.uniform(-1.5, 0.5), max(1, den.size - num.size))
+        loop = NRDOB(G, G, C, F)
+        if in_right_half(num) or in_right_half(den) or in_right_half(loop.p_A.q) or loop.ill_posed:
+            continue
+        stable.append(bool(loop_modes(loop).real.max() < 0))
+        factored.append(same(loop.p_B.q, np.convolve(np.convolve(num, den), F.den)))
+    return Finding(
+        every(stable) and every(factored),
+        f"{sum(stable)} of {len(stable)} random loops that fulfil the conditions are stable; "
+        f"p_B = N D Df in {sum(factored)}",
+        "p_B: 1e-8 relative",
+    )
+
+
+@SECTION.check("cor1.necessary")
+def each_condition_dropped() -> Finding:
+    """Drop one condition at a time and take the modes of the whole diagram.
+
+    The rest of the conditions is checked in each case. An integrator and a zero at s = 0 stand for
+    poles and zeros on the axis.
+    """
+    one, F = np.ones(1), fraction(_lag(0.1))
+    zero, poles = np.array([1.0, 3.0]), np.array([1.0, 3.0, 2.0])
+    G, C = Fraction(zero, poles), Fraction(one, np.array([1.0, 0.0]))
+    half, gain = Fraction(0.5 * one, one), Fraction(4 * one, one)
+    cases = {
+        "none": (G, C, F),
+        "C does not stabilise": (G, Fraction(-one, np.array([1.0, 0.0])), F),
+        "F unstable": (G, C, Fraction(one, np.array([-0.1, 1.0]))),
+        "G unstable": (Fraction(zero, np.array([1.0, 1.0, -2.0])), gain, F),
+        "zero at +1": (Fraction(np.array([-1.0, 1.0]), poles), half, F),
+        "integrator": (Fraction(one, np.array([1.0, 0.0])), gain, F),
+        "zero at 0": (Fraction(np.array([1.0, 0.0]), poles), half, F),
+    }
+    right = {}
+    for name, (process, controller, low_pass) in cases.items():
+        found = modes(process, process, controller, low_pass).real.max()
+        right[name] = float(np.round(found, 9)) + 0.0
+    dropped = [
+        [
+            in_right_half(_closed(process, controller)) > 0,
+            in_right_half(low_pass.den) > 0,
+            _reaches_right(process.den),
+            _reaches_right(process.num),
+        ]
+        for process, controller, low_pass in cases.values()
+    ]
+    single = [sum(row) for row in dropped] == [0, *[1] * (len(cases) - 1)]
+    return Finding(
+        single and right.pop("none") < 0 and every(value >= 0 for value in right.values()),
+        "rightmost mode with one condition dropped: "
+        + ", ".join(f"{name} {number(value, 4)}" for name, value in right.items()),
+    )
+
+
+def _lag(time_constant: float) -> Quotient:
+    return NRDOB(1.0, 1.0, 0.0, LowPassFilter(time_constant, 1)).F
+
+
+def _closed(model: Fraction, controller: Fraction) -> FloatArray:
+    """p_A."""
+    return np.polyadd(
+        np.convolve(model.den, controller.den), np.convolve(model.num, controller.num)
+    )
+
+
+def _reaches_right(coefficients: FloatArray) -> bool:
+    """Whether a polynomial has a root in the closed right half plane."""
+    return bool((np.roots(coefficients).real >= 0).any())
+
+
+@SECTION.check("cor1.robust")
+def margins_of_a_perfect_model() -> Finding:
+    """Compute the margins of L for matched loops with n = 1 to 6, and multiply the process by k.
+
+    Example 1 with its own C and with one twice as large, another process, and other λ must give
+    the same margins; 0.1 % below M_n the loop must be stable, above it must not.
+    """
+    first = example(1)
+    other = 5 * (_s + 4) / ((_s + 1) * (_s + 2))
+    limits, phases, same_margins, ends = [], [], [], []
+    for order in range(1, 7):
+        loops = [
+            NRDOB(first.process, first.process, first.controller, LowPassFilter(0.01, order)),
+            NRDOB(first.process, first.process, 2 * first.controller, LowPassFilter(0.01, order)),
+            NRDOB(other, other, 1 / _s, LowPassFilter(0.3, order)),
+        ]
+        margins = [loop.margins().plant_loop for loop in loops]
+        limits.append(margins[0].gm_high)
+        phases.append(margins[0].pm)
+        for found in margins:
+            same_margins += [
+                same(found.pm, phases[-1], 1e-6),
+                same(found.gm_high, limits[-1], 1e-6),
+            ]
+        limit = critical_gain(order)
+        for loop in loops[::2]:
+            ends += [_with_gain(loop, k) for k in (1e-3, 0.999 * min(limit, 1e4))]
+            ends.append(not _with_gain(loop, -0.1))
+            ends += [not _with_gain(loop, 1.001 * limit)] if limit < inf else []
+    gains = [critical_gain(order) for order in range(1, 7)]
+    pm = first.margins().model_loop
+    return Finding(
+        # C Gm of Example 1 has an infinite gain margin: were it that of the loop, so had this.
+        every(value == pm.gm for value in limits),
+        f"Example 1: C Gm has a gain margin of {number(pm.gm)}, the process may grow by "
+        f"{numbers(limits)} for n = 1 to 6, with phase margins {numbers(phases)}°",
+        conditions={
+            "the margins of L depend on n alone": every(same_margins),
+            "the process may grow up to M_n and no further": every(ends),
+            "the upper gain margin of L is M_n": same(limits, gains, 1e-6),
+            "the closed form of M_n agrees": same(
+                [gain_bound(order) for order in range(1, 7)], gains, 1e-9
+            ),
+        },
+    )

@@ -1,0 +1,265 @@
+"""Judge an answer on some cases, and say what comes of it."""
+
+from __future__ import annotations
+
+import builtins
+import copy
+import time
+import traceback
+import warnings
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from nrdob.diagram import LowPassFilter
+from nrdob.loop import NRDOB
+
+from .comparing import same
+from .problems import Case, Feedback, Lack, Misconception, Problem
+from .reading import UnreadableError
+
+__all__ = [
+    "BLANK", "HARD_CODED", "HIDDEN", "HIDDEN_CASES", "NOTHING", "OTHER", "ROUNDED", "TOO_SLOW",
+    "VISIBLE_CASES", "review", "timed",
+]  # fmt: skip
+
+VISIBLE_CASES, HIDDEN_CASES = 4, 8
+
+BLANK = "Nothing to check yet: replace the placeholder by your answer and run this cell again."
+
+NOTHING = (
+    "Nothing to check yet: your function returns nothing. Write the answer into it, end it with "
+    "return …, and run this cell again."
+)
+
+SOMETIMES = (
+    "Your function returns an answer in some cases, and nothing for {case}. Does a search end "
+    "there without having found anything, or is there a branch without return?"
+)
+
+ROUNDED = (
+    "Right, but rounded: numbers are compared to four digits, and these have fewer, which costs a "
+    "quarter of the points. Leave the rounding out, or keep four digits or more."
+)
+KEPT = 0.75
+"""Share of the points for a right answer that was rounded."""
+
+TOO_SLOW = "Right, but too slow: when it is graded it would be stopped, and earn nothing."
+
+HARD_CODED = (
+    "Right for the first case and wrong for another: it looks as if a number of one case were "
+    "written into the answer. Compute it from the case that the function is given."
+)
+
+
+HIDDEN = (
+    "Right for your own case, and not for all others, which are drawn as yours was. Run the check "
+    "with the numbers of other groups, in a cell of your own, until it shows you one that fails."
+)
+
+
+def review(
+    problem: Problem, answer: Any, cases: Iterable[Case], shown: int | None = None
+) -> Feedback:
+    """Judge an answer on some cases.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem.
+    answer : object
+        A function of a case, or, where the problem asks for the student's own case, a value.
+    cases : iterable
+        What it is tried on; the value of an own case is tried on the first one only.
+    shown : int, optional
+        How many of them the student may see; what is said tells nothing of the others.
+    """
+    if answer is None or answer is Ellipsis:
+        return Feedback(0.0, BLANK)
+    if problem.own:
+        return _judge(problem, [_tried(problem, next(iter(cases)), answer)])
+    if not callable(answer):
+        return Feedback(0.0, "The answer must be a function of a case; this is a value.")
+    tried: list[_Tried] = []
+    for count, case in enumerate(cases):
+        seen = f"{case}" if shown is None or count < shown else ""
+        try:
+            # A copy, so that an answer which changes its case is judged on the case it was given.
+            got = _quietly(answer, copy.deepcopy(case))
+        except NotImplementedError:
+            return Feedback(0.0, BLANK)
+        except (Exception, SystemExit) as error:
+            return Feedback(0.0, _told(error, answer, seen))
+        if got is None or got is Ellipsis:
+            return Feedback(0.0, SOMETIMES.format(case=seen or OTHER) if tried else NOTHING)
+        tried.append(_tried(problem, case, got))
+    return _judge(problem, tried, shown)
+
+
+def timed(problem: Problem, answer: Any, cases: Sequence[Case], graded: int) -> Feedback:
+    """Judge an answer, and tell how much of the time allowed it takes when it is graded.
+
+    Parameters
+    ----------
+    problem, answer, cases
+        As `review` takes them.
+    graded : int
+        On how many cases it will be graded.
+    """
+    start = time.perf_counter()
+    found = review(problem, answer, cases)
+    seconds = (time.perf_counter() - start) * graded / len(cases)
+    if seconds < 0.05 * problem.budget:
+        return found
+    note = f"When it is graded it takes about {seconds:.2g} s of the {problem.budget:g} s allowed."
+    if seconds > problem.budget:
+        found = replace(found, share=0.0, text=TOO_SLOW if found.share == 1 else found.text)
+    return replace(found, notes=(note,))
+
+
+def _quietly(function: Callable[..., Any], *arguments: Any) -> Any:
+    """Call without warnings: nbgrader gives no points to a test that writes to stderr."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return function(*arguments)
+
+
+OTHER = "a case that is not your own"
+
+
+def _told(error: BaseException, answer: Any, case: str) -> str:
+    """Tell an error, and the line of the answer that it comes from; no words of it for no case."""
+    name = type(error).__name__
+    if not case:  # a name, too, can be made up of what nobody is to see
+        name = f", {name}," if hasattr(builtins, name) else ""
+        return f"Your function ends with an error{name} for {OTHER}. {HIDDEN.partition('. ')[2]}"
+    file = getattr(getattr(answer, "__code__", None), "co_filename", None)
+    lines = [
+        frame.line for frame in traceback.extract_tb(error.__traceback__) if frame.filename == file
+    ]
+    where = f" In the line: {lines[-1]}" if lines and lines[-1] else ""
+    return f"Your function ends with an error, {name}, for {case}: {error}.{where}"
+
+
+def _shown(value: Any, longest: int = 200) -> str:
+    """Write a value as text, numbers to four digits, cut where it is long."""
+    try:
+        text = _text(value)
+    except Exception:
+        text = f"an object of type {type(value).__name__}"
+    return text if len(text) <= longest else text[:longest] + " …"
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, NRDOB):
+        return "(a loop)"
+    if isinstance(value, LowPassFilter):
+        return f"LowPassFilter({_text(value.time_constant)}, {value.order})"
+    if isinstance(value, np.ndarray):
+        return _text(value.tolist())
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key!r}: {_text(held)}" for key, held in value.items()) + "}"
+    if isinstance(value, list | tuple):
+        inside = ", ".join(map(_text, value))
+        return f"[{inside}]" if isinstance(value, list) else f"({inside})"
+    if isinstance(value, float | complex | np.number):
+        plain = complex(value)
+        whole = plain.imag == 0 and plain.real.is_integer() and abs(plain) < 1e6
+        return f"{int(plain.real)}" if whole else f"{value:.4g}"
+    return str(value)
+
+
+@dataclass(frozen=True, eq=False)
+class _Tried:
+    """An answer to a case, as it was given and as it was read, and what it lacks."""
+
+    case: Case
+    given: Any
+    got: Any
+    lack: str
+
+
+def _tried(problem: Problem, case: Case, given: Any) -> _Tried:
+    try:
+        got = _quietly(problem.reads, given)
+    except Exception as error:
+        return _Tried(case, given, None, _unusable(error))
+    return _Tried(case, given, got, _lack(problem, case, got))
+
+
+def _judge(problem: Problem, tried: Sequence[_Tried], shown: int | None = None) -> Feedback:
+    failing = [each for each in tried if each.lack]
+    if not failing:
+        return Feedback(1.0, problem.praise)
+    right = _right_parts(problem, tried)
+    earned = sum(right.values()) / len(right) if right else 0.0
+
+    def recognised(how: Callable[[_Tried], Any]) -> bool:
+        return all(each.got is not None and _holds(how, each) for each in failing)
+
+    is_rounded = problem.rounded
+    if is_rounded and recognised(lambda each: is_rounded(each.case, each.got)):
+        return Feedback(max(earned, KEPT), ROUNDED, "rounded")
+    for misconception in problem.misconceptions:
+        if recognised(partial(_recognises, misconception)):
+            share = max(earned, misconception.marks)
+            return Feedback(share, misconception.says, misconception.name)
+    first = tried[0]
+    if len(tried) > 1 and not first.lack and all(same(first.given, t.given) for t in tried):
+        return Feedback(0.0, HARD_CODED, "hard-coded")
+    worst = failing[0]
+    text = f"Not yet. For {worst.case} the answer {_shown(worst.given)} fails: {worst.lack}"
+    if shown is not None and tried.index(worst) >= shown:
+        text = HIDDEN
+    if earned:
+        text += f"{'' if text == HIDDEN else '.'} (Right in every case: "
+        text += f"{', '.join(name for name in right if right[name])}.)"
+    return Feedback(earned, text)
+
+
+def _right_parts(problem: Problem, tried: Sequence[_Tried]) -> dict[str, bool]:
+    """Tell which parts of an answer are right in every case."""
+    if not problem.parts or any(each.got is None for each in tried):
+        return {}
+    try:
+        found = [_quietly(problem.parts, each.case, each.got) for each in tried]
+    except Exception:  # what cannot be taken apart has no parts that are right
+        return {}
+    return {name: all(parts[name] for parts in found) for name in found[0]}
+
+
+def _lack(problem: Problem, case: Case, got: Any) -> str:
+    try:
+        lack = _quietly(problem.lacks, case, got)
+    except Exception as error:
+        return _unusable(error)
+    if not isinstance(lack, str):
+        raise TypeError(
+            f"lacks of problem {problem.id} gives {lack!r}; it must give a sentence that says what "
+            "the answer lacks, or an empty one if it lacks nothing"
+        )
+    return lack
+
+
+def _unusable(error: Exception) -> str:
+    if isinstance(error, UnreadableError):
+        return _shown(error, longest=300)
+    # What the package refuses it says in words that need no name.
+    name = "" if isinstance(error, ValueError | TypeError) else f"{type(error).__name__}: "
+    return f"it cannot be used: {name}{_shown(error, longest=300)}"
+
+
+def _recognises(misconception: Misconception, tried: _Tried) -> bool:
+    if misconception.kind:
+        return isinstance(tried.lack, Lack) and tried.lack.kind == misconception.kind
+    return bool(misconception.recognises and misconception.recognises(tried.case, tried.got))
+
+
+def _holds(how: Callable[[_Tried], Any], tried: _Tried) -> bool:
+    try:
+        return bool(_quietly(how, tried))
+    except Exception:
+        return False

@@ -1,0 +1,390 @@
+"""Set 5: edges of stabilising filters, most of them under dead time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from math import asin, inf, log, pi
+from typing import Any
+
+import control as ct
+import numpy as np
+from scipy.optimize import brentq, minimize_scalar
+
+from nrdob.design import critical_time_constants, stabilizing_time_constants
+from nrdob.diagram import LowPassFilter, delay
+from nrdob.loop import NRDOB
+from nrdob.plotting import Figure
+
+from .cases import apart, draw, factored, few, first_fitting, kept, observer_stable, s
+from .comparing import near, rounds, same
+from .figures import draw_crossing
+from .problems import Misconception, any_of, pose
+from .reading import UnreadableError, things
+from .reading import number as one_number
+
+__all__ = ["PROBLEMS", "draw_edge"]
+
+# --- 5.3 How fast may the filter be? ------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class FilterCase:
+    """A plant, a model and the order of the filter.
+
+    `process`: the plant; a dead time is `process.delay`, in seconds.
+    """
+
+    process: Any
+    model: ct.TransferFunction
+    order: int
+
+    def __repr__(self) -> str:
+        return f"plant {factored(self.process)}, model {factored(self.model)}, n = {self.order}"
+
+
+def _stable(case: FilterCase, time_constant: float) -> bool | None:
+    """Judge p_B with a filter."""
+    return observer_stable(case.process, case.model, LowPassFilter(time_constant, case.order))
+
+
+@kept
+def borders_read(case: FilterCase) -> dict[str, float]:
+    """Give the true border, and what one would take for it."""
+    edges = critical_time_constants(case.process, case.model, case.order)
+    late, rational = case.process.delay, case.process.tf
+    by_order = {
+        f"Padé {k}": stabilizing_time_constants(
+            ct.tf(*ct.pade(late, k)) * rational, case.model, case.order
+        )[-1][0]
+        for k in (1, 2)
+    }
+    return {
+        "true": edges[-1].time_constant,
+        "first edge": edges[0].time_constant,
+        "bandwidth": 1 / edges[-1].time_constant,
+        "frequency": edges[-1].frequency,
+        "2θ/π": 2 * late / pi,
+        "small gain": _small_gain(case),
+        **by_order,
+    }
+
+
+def _small_gain(case: FilterCase) -> float:
+    """Find the fastest filter with ``|FH| < 1`` at all frequencies."""
+    late = case.process.delay
+    omega = np.geomspace(1e-3, 1e3, 4001) / late
+    size = np.abs(NRDOB(case.process, case.model, 0, LowPassFilter(1.0, 3)).H(1j * omega))
+
+    def excess(value: float) -> float:
+        return float((size * np.abs(LowPassFilter(value, case.order)(1j * omega))).max() - 1)
+
+    return float(brentq(excess, 1e-3 * late, 100 * late, xtol=1e-9))
+
+
+def _late_case(rng: np.random.Generator) -> FilterCase:
+    return first_fitting(lambda: _draw_late(rng), _tells_apart)
+
+
+def _draw_late(rng: np.random.Generator) -> FilterCase:
+    """Draw a plant of two lags and a dead time, and a model whose poles are a little off."""
+    poles = [draw(rng, 1, 6) for _ in range(2)]
+    close = [few(pole * rng.uniform(0.75, 1.35)) for pole in poles]
+    gain = few(rng.uniform(0.85, 1.2) * poles[0] * poles[1])
+    return FilterCase(
+        delay(draw(rng, 0.06, 0.4)) * (gain / ((s + poles[0]) * (s + poles[1]))),
+        few(close[0] * close[1]) / ((s + close[0]) * (s + close[1])),
+        int(rng.integers(2, 4)),
+    )
+
+
+def _tells_apart(case: FilterCase) -> bool:
+    found = borders_read(case)
+    rough = [value for name, value in found.items() if name not in ("Padé 2", "frequency")]
+    sets = stabilizing_time_constants(case.process, case.model, case.order)
+    one_set = len(sets) == 1 and sets[0][1] == inf
+    return (
+        one_set
+        and apart(*rough, by=0.05)
+        and apart(found["true"], found["Padé 2"], by=0.0025)
+        and apart(found["true"], found["frequency"], by=0.5)
+    )
+
+
+def _border_lacks(case: FilterCase, value: float) -> str:
+    if not 0 < value < inf:
+        return "a time constant is a positive number"
+    slower = (50.0, 5.0, 1.5, 1.001)
+    if not all(_stable(case, k * value) for k in slower):
+        return "there is a slower filter that does not stabilise the loop"
+    if _stable(case, 0.999 * value) is not False:
+        return "a slightly faster filter stabilises the loop, too"
+    return ""
+
+
+BORDER = pose(
+    "5.3",
+    alike=partial(same, rtol=1.2e-3),
+    case=_late_case,
+    reads=one_number,
+    lacks=_border_lacks,
+    rounded=lambda case, got: rounds(borders_read(case)["true"], got),
+    misconceptions={
+        "Padé trusted": any_of(
+            lambda case: [borders_read(case)["Padé 1"], borders_read(case)["Padé 2"]]
+        ),
+        "the closed form of a pure dead time": any_of(lambda case: [borders_read(case)["2θ/π"]]),
+        "small gain taken for the border": any_of(lambda case: [borders_read(case)["small gain"]]),
+        "the first edge taken for the last": any_of(
+            lambda case: [borders_read(case)["first edge"]]
+        ),
+        "a frequency given for the time constant": any_of(
+            lambda case: [borders_read(case)["bandwidth"], borders_read(case)["frequency"]]
+        ),
+    },
+)
+
+
+# --- 5.4 Read an edge off a picture -------------------------------------------------------------
+
+
+@kept
+def edge_of(case: FilterCase) -> tuple[float, float]:
+    """Give the time constant of the edge, and the frequency of the roots there."""
+    ((value, omega, _),) = critical_time_constants(case.process, case.model, case.order)
+    return value, omega
+
+
+@kept
+def side_of(case: FilterCase) -> str:
+    """Tell whether the loop is stable "below" or "above" the edge."""
+    return "below" if _stable(case, 0.9 * edge_of(case)[0]) else "above"
+
+
+def _edge_case(rng: np.random.Generator) -> FilterCase:
+    unstable = bool(rng.random() < 0.5)
+    return first_fitting(lambda: _draw_edge(rng, unstable), lambda case: _legible(case, unstable))
+
+
+def _draw_edge(rng: np.random.Generator, unstable: bool) -> FilterCase:
+    """Draw an unstable pole that the model mirrors, or a zero on the right that it leaves out."""
+    gain, lag, speed = (draw(rng, low, high) for low, high in ((1.3, 5), (2, 9), (0.6, 6)))
+    size = draw(rng, 0.5, 4)
+    if unstable:
+        mirrored = few(speed * rng.uniform(0.6, 1.6))
+        process = few(gain * size) / ((s - speed) * (s + lag))
+        return FilterCase(process, size / ((s + mirrored) * (s + lag)), 2)
+    process = (
+        few(size * rng.uniform(0.7, 1.4)) * (1 - s / few(2 * speed)) / ((s + speed) * (s + lag))
+    )
+    return FilterCase(process, size / ((s + few(speed * rng.uniform(0.6, 1.6))) * (s + lag)), 2)
+
+
+def _legible(case: FilterCase, unstable: bool) -> bool:
+    """Whether there is one edge, in the picture, and every misreading leads elsewhere."""
+    if len(critical_time_constants(case.process, case.model, case.order)) != 1:
+        return False
+    value, omega = edge_of(case)
+    x = value * omega
+    verdicts = [_stable(case, k * value) for k in (0.9, 1.1)]
+    return (
+        verdicts == [unstable, not unstable]
+        and 0.5 < x < 2.2
+        and 0.5 < omega < 30
+        and apart(value, x, 1 / value, by=0.3)
+        and apart(value, x, omega, by=0.3)
+    )
+
+
+def draw_edge(case: FilterCase) -> Figure:
+    """Draw H, marked at round frequencies, and the curve of order 2, marked at round x.
+
+    Parameters
+    ----------
+    case : FilterCase
+        What is asked for.
+    """
+    return draw_crossing(NRDOB(case.process, case.model, 0, LowPassFilter(1.0, 2)), *edge_of(case))
+
+
+Edge = tuple[float, str]
+
+
+def _read_edge(given: Any) -> Edge:
+    wanted = 'two things are asked for, the time constant and "below" or "above"'
+    value, given_side = things(given, wanted)
+    side = str(given_side).strip().lower()
+    if side not in ("below", "above"):
+        raise UnreadableError('the second entry must be "below" or "above"')
+    return one_number(value), side
+
+
+def _edge_lacks(case: FilterCase, got: Edge) -> str:
+    value, side = got
+    if not value > 0:
+        return "a time constant is a positive number"
+    low, high = (_stable(case, k * value) for k in (1 / NEAR_EDGE, NEAR_EDGE))
+    if low is high:
+        return (
+            f"the verdict is the same on both sides of {value:.3g} s, so the edge is elsewhere. "
+            "Where the two curves cross, read x off the one and the frequency off the other"
+        )
+    return "" if bool(low) is (side == "below") else "it is stable on the other side"
+
+
+NEAR_EDGE = 1.12
+"""How well an edge can be read off a picture."""
+
+
+def _read_alike(expected: Edge, got: Edge) -> bool:
+    """Compare the time constants."""
+    return near(expected[0], got[0], log(NEAR_EDGE))
+
+
+def _other_side(case: FilterCase) -> Edge:
+    return edge_of(case)[0], "above" if side_of(case) == "below" else "below"
+
+
+EDGE = pose(
+    "5.4",
+    alike=_read_alike,
+    case=_edge_case,
+    reads=_read_edge,
+    lacks=_edge_lacks,
+    own=True,
+    misconceptions={
+        "the wrong side": Misconception(
+            _other_side,
+            lambda case, got: (
+                _read_alike(_other_side(case), got) and got[1] == _other_side(case)[1]
+            ),
+        ),
+        "x taken for the time constant": any_of(
+            lambda case: [(edge_of(case)[0] * edge_of(case)[1], side_of(case))]
+        ),
+        "a frequency taken for the time constant": any_of(
+            lambda case: [
+                (1 / edge_of(case)[0], side_of(case)),
+                (edge_of(case)[1], side_of(case)),
+            ]
+        ),
+    },
+)
+
+
+# --- 5.7 How well must the dead time be known? --------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class WaitingCase:
+    """A plant whose model waits for nearly the right time.
+
+    `prompt`: What stands before the dead time, in the plant and in the model; `dead_time`: for how
+    long the model waits today, in seconds; `error`: by how much the plant's dead time may be
+    another one, in seconds, up or down; `order`: order of the filter.
+    """
+
+    prompt: ct.TransferFunction
+    dead_time: float
+    error: float
+    order: int
+
+    def __repr__(self) -> str:
+        late = delay(self.dead_time) * self.prompt
+        return f"model {factored(late)}, dead time wrong by {self.error:g} s, n = {self.order}"
+
+
+def _borne(order: int) -> float:
+    """Error of the dead time, against λ, that is borne whatever the dead time: c_n.
+
+    Roots reach the axis where Df = exp(-jωθm) - exp(-jωθ), of size 2 sin(ω|θ - θm|/2) at most.
+    """
+    last = (2 ** (2 / order) - 1) ** 0.5  # where |Df| = 2
+
+    def error(x: float) -> float:
+        return 2 * asin(min((1 + x * x) ** (order / 2) / 2, 1.0)) / x
+
+    return float(minimize_scalar(error, bounds=(0, last), method="bounded").fun)
+
+
+@kept
+def _today(case: WaitingCase) -> float:
+    """Find the fastest filter that bears the error with the dead time of today."""
+    model = delay(case.dead_time) * case.prompt
+    return max(
+        critical_time_constants(
+            delay(case.dead_time + off) * case.prompt, model, case.order, floor=0.1 * case.error
+        )[-1].time_constant
+        for off in (-case.error, case.error)
+    )
+
+
+@kept
+def _unwaited(case: WaitingCase) -> float:
+    """Find the fastest filter where the error is all the dead time and the model does not wait."""
+    process = delay(case.error) * case.prompt
+    return float(stabilizing_time_constants(process, case.prompt, case.order)[-1][0])
+
+
+def _ramp_bound(case: WaitingCase) -> float:
+    """Give λ with ``ω|error| |F| < 1``: the largest x/(1 + x²)^(n/2) is at x = 1/√(n - 1)."""
+    n = case.order
+    return float(case.error * (n - 1) ** ((n - 1) / 2) / n ** (n / 2))
+
+
+_WRONG_WAITING: tuple[Callable[[WaitingCase], float], ...] = (
+    lambda case: case.error / _borne(1),
+    _unwaited,
+    _today,
+    _ramp_bound,
+    lambda case: case.error * _borne(case.order),
+)
+
+
+def _waiting_case(rng: np.random.Generator) -> WaitingCase:
+    def drawn() -> WaitingCase:
+        pole, other = draw(rng, 0.5, 4), draw(rng, 0.5, 4)
+        prompt = few(rng.uniform(0.5, 4)) / ((s / pole + 1) * (s / other + 1))
+        dead_time = draw(rng, 0.2, 1.5)
+        error = few(dead_time * rng.uniform(0.08, 0.2))
+        return WaitingCase(prompt, dead_time, error, int(rng.integers(2, 5)))
+
+    def fits(case: WaitingCase) -> bool:
+        right = case.error / _borne(case.order)
+        return apart(right, *(of(case) for of in _WRONG_WAITING), by=0.004)
+
+    return first_fitting(drawn, fits)
+
+
+def _waiting_lacks(case: WaitingCase, got: float) -> str:
+    if not 0 < got < inf:
+        return "a time constant is a positive number"
+    borne = _borne(case.order) * got
+    if same(case.error, borne):
+        return ""
+    if borne > case.error:
+        return f"it is stable, but a faster filter would be, too: this one bears {borne:.4g} s"
+    return (
+        f"there are dead times with which it is not stable: this filter bears an error of "
+        f"{borne:.4g} s, not of {case.error:g} s"
+    )
+
+
+WAITING = pose(
+    "5.7",
+    case=_waiting_case,
+    reads=one_number,
+    lacks=_waiting_lacks,
+    rounded=lambda case, got: rounds(case.error / _borne(case.order), got),
+    misconceptions={
+        "order forgotten": _WRONG_WAITING[0],
+        "error taken for the whole dead time": _WRONG_WAITING[1],
+        "the dead time of today alone": _WRONG_WAITING[2],
+        "sine taken for its angle": _WRONG_WAITING[3],
+        "upside down": _WRONG_WAITING[4],
+    },
+)
+
+
+PROBLEMS = (BORDER, EDGE, WAITING)

@@ -1,0 +1,259 @@
+"""Answers as plain data: how they come out of the process in which a student's code runs.
+
+What arrives is text, read as JSON and built anew by the public constructors. So nothing that the
+student's code has made is ever run or trusted where the points are given: a loop comes as its four
+blocks, and is judged afresh.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import pickle
+import traceback
+import warnings
+from collections.abc import Iterable
+from typing import Any
+
+import control as ct
+import numpy as np
+
+from nrdob.diagram import DelayedTransferFunction, LowPassFilter
+from nrdob.loop import NRDOB
+
+__all__ = [
+    "BUILD", "HANDOUT", "LONGEST", "MIME", "MOST", "Foreign", "decode", "encode", "packed", "tell",
+]  # fmt: skip
+
+MIME = "application/vnd.nrdob.answer+json"
+
+HANDOUT = "handout.json"
+"""The file in which a kernel finds what was handed out to it."""
+
+LONGEST = 2_000_000
+"""Letters of an answer; a longer one is not taken."""
+
+
+MOST = 50
+"""Coefficients, states, numbers in a row; an answer with more is not taken."""
+
+LONGEST_TEXT = 1000
+
+PARTS = 2000
+"""Numbers and texts of an answer, all together."""
+
+
+UNORDERED = (str, bytes, set, frozenset, ct.InputOutputSystem)
+
+
+class Foreign:
+    """Stands for an answer that is none of the kinds that a problem asks for."""
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+
+    def __repr__(self) -> str:
+        return self.text
+
+
+def encode(value: Any) -> Any:
+    """Write a value in lists, texts and numbers, each under the name of its kind.
+
+    Examples
+    --------
+    >>> encode((1, 2j))
+    {'tuple': [1, {'complex': [0.0, 2.0]}]}
+    >>> decode(encode(LowPassFilter(0.5, 2)))
+    LowPassFilter(time_constant=0.5, order=2)
+    """
+    if value is None or type(value) in (bool, int, float, str):
+        return value
+    if value is Ellipsis:
+        return {"blank": True}
+    if isinstance(value, np.generic):
+        return encode(value.item()) if value.dtype.kind in "biufcUS" else _other(value)
+    if isinstance(value, np.ndarray):
+        if value.dtype.kind not in "biufc":
+            return {"list": [encode(each) for each in value.tolist()]}
+        return {"array": [encode(each) for each in value.ravel()], "shape": list(value.shape)}
+    if isinstance(value, tuple | list | range):
+        name = "tuple" if isinstance(value, tuple) else "list"
+        return {name: [encode(each) for each in value]}
+    if isinstance(value, dict):
+        return {"dict": [[encode(key), encode(each)] for key, each in value.items()]}
+    if isinstance(value, NRDOB):
+        return {"loop": [encode(each) for each in _blocks(value)]}
+    if isinstance(value, LowPassFilter):
+        return {"filter": [float(value.time_constant), int(value.order)]}
+    if isinstance(value, DelayedTransferFunction):
+        return {"delayed": [encode(value.tf), float(value.delay)]}
+    if isinstance(value, ct.TransferFunction) and (value.ninputs, value.noutputs) == (1, 1):
+        num, den = value.num_array[0, 0], value.den_array[0, 0]
+        return {"tf": [encode(num), encode(den), encode(value.dt)]}
+    if isinstance(value, ct.StateSpace):
+        matrices = (value.A, value.B, value.C, value.D)
+        return {"ss": [*map(encode, matrices), encode(value.dt)]}
+    if isinstance(value, np.polynomial.Polynomial):
+        return {"polynomial": [encode(each) for each in (value.coef, value.domain, value.window)]}
+    if isinstance(value, np.poly1d):
+        return {"poly1d": [encode(value.coeffs)]}
+    if hasattr(type(value), "as_poly"):  # an expression or a polynomial of SymPy
+        poly = value.as_poly(*value.free_symbols)
+        if poly is not None and len(poly.gens) == 1:
+            return encode(np.poly1d([complex(each) for each in poly.all_coeffs()]))
+    return _other(value)
+
+
+def _blocks(loop: NRDOB) -> tuple[Any, Any, Any, Any]:
+    return loop.process, loop.model, loop.controller, loop.filter
+
+
+def _other(value: Any) -> Any:
+    """Write what is none of these: as a number if it says that it is one, else as its text."""
+    name = type(value).__name__
+    if not isinstance(value, type) and hasattr(type(value), "__float__"):
+        try:
+            return float(value)
+        except Exception:
+            pass
+    if isinstance(value, complex):
+        return {"complex": [value.real, value.imag]}
+    if isinstance(value, Iterable) and not isinstance(value, UNORDERED):
+        return {"list": [encode(each) for each in value]}  # map, zip, dict.values()
+    try:
+        text = str(value)[:300]
+    except Exception:
+        text = f"an object of type {name}"
+    return {"other": [name, text]}
+
+
+def decode(data: Any) -> Any:
+    """Build a value from what `encode` has written.
+
+    Raises
+    ------
+    ValueError
+        If it was written by something else, or is larger than any answer: before anything is
+        computed with it.
+    """
+    if (count := _count(data)) > PARTS:
+        raise ValueError(f"an answer of {count} parts; at most {PARTS} are read")
+    return _built(data)
+
+
+def _count(data: Any) -> int:
+    """Count the parts of an answer, without building any."""
+    waiting, count = [data], 0
+    while waiting:
+        each = waiting.pop()
+        count += 1
+        if isinstance(each, dict):
+            waiting += each.values()
+        elif isinstance(each, list):
+            waiting += each
+    return count
+
+
+def _built(data: Any) -> Any:
+    if not isinstance(data, dict):
+        if data is None or isinstance(data, bool | int | float):
+            return data
+        if isinstance(data, str):
+            return data[:LONGEST_TEXT]
+        raise ValueError(f"an answer cannot be read from {type(data).__name__}")
+    kind, parts = next(iter(data.items()), ("", None))
+    if kind == "blank":
+        return Ellipsis
+    if not isinstance(parts, list):
+        raise ValueError(f"an answer cannot be read from {kind!r}")
+    if len(parts) > (MOST**2 if kind == "array" else MOST):
+        raise ValueError(f"an answer with {len(parts)} numbers in a row; at most {MOST} are read")
+    if kind == "dict":
+        return {_built(key): _built(each) for key, each in parts}
+    if kind == "other":
+        name, text = (str(part)[:300] for part in parts)
+        return type(name, (Foreign,), {})(text)
+    if kind == "array":
+        shape = [int(size) for size in data["shape"]]
+        if len(shape) > 2 or max(shape, default=0) > MOST:
+            raise ValueError(f"an answer of {shape} numbers; at most {MOST} in a row are read")
+        return np.array([_built(each) for each in parts]).reshape(shape)
+    if kind not in BUILD:
+        raise ValueError(f"an answer cannot be read from {kind!r}")
+    return BUILD[kind]([_built(each) for each in parts])
+
+
+def _filter(parts: list[Any]) -> LowPassFilter:
+    time_constant, order = parts
+    if not order <= MOST:
+        raise ValueError(f"a filter of order {order}; at most {MOST} is read")
+    return LowPassFilter(time_constant, order)
+
+
+BUILD: dict[str, Any] = {
+    "list": list,
+    "tuple": tuple,
+    "complex": lambda parts: complex(*parts),
+    "loop": lambda parts: NRDOB(*parts),
+    "filter": _filter,
+    "delayed": lambda parts: DelayedTransferFunction(*parts),
+    "tf": lambda parts: ct.TransferFunction(*parts),
+    "ss": lambda parts: ct.StateSpace(*parts),
+    "polynomial": lambda parts: np.polynomial.Polynomial(*parts),
+    "poly1d": lambda parts: np.poly1d(*parts),
+}
+
+
+# --- in the process of the student's code -------------------------------------------------------
+
+
+def packed(case: Any) -> str:
+    """Pack a case for the way to the student's code; it is ours, so a pickle is safe there."""
+    return base64.b64encode(pickle.dumps(case)).decode("ascii")
+
+
+def tell(answer: Any, case: str = "") -> None:
+    """Call the answer on a packed case, and publish what it returns; a value without a case."""
+    from IPython.display import publish_display_data
+
+    publish_display_data({MIME: _told(answer, case)})  # type: ignore[no-untyped-call]
+
+
+def _told(answer: Any, case: str) -> str:
+    try:
+        told = _called(answer, pickle.loads(base64.b64decode(case))) if case else _value(answer)
+        text = json.dumps(told)
+    except (RecursionError, TypeError, ValueError) as error:  # a list that holds itself
+        text = json.dumps({"value": {"other": [type(error).__name__, str(error)[:300]]}})
+    if len(text) > LONGEST:
+        told = {"value": {"other": ["answer", f"an answer of {len(text)} letters"]}}
+        return json.dumps(told)
+    return text
+
+
+def _value(answer: Any) -> Any:
+    return {"function": True} if callable(answer) and not _is_block(answer) else _returned(answer)
+
+
+def _is_block(answer: Any) -> bool:
+    """Tell whether something that can be called, at a complex s, is an answer all the same."""
+    kinds = (ct.InputOutputSystem, DelayedTransferFunction, LowPassFilter, np.poly1d)
+    return isinstance(answer, (*kinds, np.polynomial.Polynomial))
+
+
+def _returned(value: Any) -> Any:
+    return {"value": encode(value)}
+
+
+def _called(answer: Any, case: Any) -> Any:
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            got = answer(case)
+    except (Exception, SystemExit) as error:
+        file = getattr(getattr(answer, "__code__", None), "co_filename", None)
+        frames = traceback.extract_tb(error.__traceback__)
+        lines = [frame.line for frame in frames if frame.filename == file and frame.line]
+        where = f". In the line: {lines[-1]}" if lines else ""
+        return {"error": [type(error).__name__, f"{error!s:.500}{where:.300}"]}
+    return _returned(got)

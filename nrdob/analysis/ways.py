@@ -1,0 +1,370 @@
+r"""Ways to compute a time response of the NR-DOB loop, exact with dead time.
+
+The loop is kept as the blocks that run it: the process rational part G0, the observer with its two
+inputs u and y + η, and, for a reference, the prefilter to which the model loop collapses because
+E/R = 1/(1 + Gm C)::
+
+    y = G0 z + d       u = (Nc Dm/p_A) R + F u - (F/Gm)(y + η)       v = u + δ       z(t) = v(t - θ)
+
+One signal v is delayed, everything else is rational. Without dead time y and u are rational, too,
+and their factors are taken apart by time scale before anything is simulated
+(`nrdob.numerics.timescales`). With dead time z is known on every interval of length θ from the
+interval before (`nrdob.analysis.steps`). A model that waits needs u as it was θm ago, a second
+delayed signal: u = … + F u(t - θm) - … is known between any two moments at which something comes
+around (`nrdob.analysis.lattice`). Where marching loses digits two more ways are at hand. The first
+few echoes can be summed up one by one. And where a window spans so many dead times that the
+rounding of each adds up, a rational stands in for the dead time once its first echoes are over;
+there, and nowhere else, and only where one of another order gives the same ten digits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import reduce
+from itertools import product
+from math import comb, factorial
+
+import numpy as np
+
+from ..diagram import LoopEquations, Quotient
+from ..numerics import Block, FloatArray, add, impulse_states, split
+from .lattice import Driven, delayed_responses
+from .steps import MAX_DELAYS, delayed_response
+
+__all__ = ["Rational", "Solver", "Way", "even_step", "maps", "ways"]
+
+_UNITS = 1.0, 3.0  # of time, in which coefficients are rounded differently
+_FIRST_ECHOES = 2  # delays in which the echoes are summed one by one, which is exact
+_ECHOES = 8  # delays at most whose echoes are summed one by one
+_FEW_DELAYS = 20_000  # through which rounding does not add up
+_ALL_ECHOES = 4  # of the shorter of two delays, whose echoes are summed in every order
+_FINER = 1.0, 1.5  # panels of two marches that are compared
+_STARTING = 60  # delays, after which a short one is smooth enough to be replaced by a rational
+_ORDERS = 9, 7  # of the rational that replaces it, and of the one it is checked against
+
+# A step is one integral of an impulse, a ramp is two.
+
+# Numerators to y and to v, and their common denominator.
+Rational = tuple[Sequence[FloatArray], FloatArray]
+
+# Gives y and u, shape (2, N), at N increasing times.
+Solver = Callable[[FloatArray], FloatArray]
+Way = Callable[..., Solver]
+
+
+def ways(loop: LoopEquations, horizon: float) -> tuple[Way, ...]:
+    """Ways to compute a response, in the order in which they are tried."""
+    if loop.model_delay:
+        shortest = min(each for each in (loop.delay, loop.model_delay) if each)
+        if horizon < _FIRST_ECHOES * shortest:
+            return _all_echoes, _waiting
+        return (_waiting, _all_echoes) if horizon < _ALL_ECHOES * shortest else (_waiting,)
+    if not loop.delay:
+        return (_rational,)
+    if horizon > MAX_DELAYS * loop.delay:
+        return (_short_delay,)
+    if horizon > _FEW_DELAYS * loop.delay:
+        return _marching, _short_delay
+    if horizon < _FIRST_ECHOES * loop.delay:
+        return _echoes, _marching
+    return (_marching, _echoes) if horizon < _ECHOES * loop.delay else (_marching,)
+
+
+def maps(loop: LoopEquations, input: str) -> tuple[Quotient, Quotient]:
+    """Return the maps from `input` to y and to u."""
+    return {
+        "R": lambda: (loop.T_R, loop.U_R),
+        "d": lambda: (loop.S_d, loop.U_d),
+        "delta": lambda: (loop.S_delta, loop.U_delta),
+        "eta": lambda: (loop.S_eta, loop.U_eta),
+    }[input]()
+
+
+def even_step(times: FloatArray) -> float | None:
+    """Return the spacing of `times`, or None if they are not evenly spaced."""
+    if times.size < 2:
+        return None
+    step = float(times[-1] - times[0]) / (times.size - 1)
+    deviation = np.abs(times - times[0] - step * np.arange(times.size)).max()
+    return step if deviation <= 1e-8 * step else None
+
+
+def _rational(
+    loop: LoopEquations, input: str, horizon: float, integrals: int, attempt: int
+) -> Solver:
+    """Without dead time both signals are sums of exponentials."""
+    both = maps(loop, input)
+    term = [m.numerator.q for m in both], both[0].denominator.q
+    return _shifted([(0.0, term)], 0.0, horizon, integrals, attempt)
+
+
+def _echoes(
+    loop: LoopEquations, input: str, horizon: float, integrals: int, attempt: int
+) -> Solver:
+    r"""Sum up what has come around the loop k times, each a rational transform.
+
+    ``(a + b E)/(q + r E) = a/q + sum of (-r)^(k-1) (b q - a r)/q^(k+1) E^k`` with E = exp(-θs).
+    Their degree grows, but nothing has to cancel on the way through a plant after a filter so fast
+    that the input of the plant is next to an impulse and all its derivatives.
+    """
+    both = maps(loop, input)
+    q, r = loop.p_B.q, loop.p_B.r
+    rest = loop.p_A.q if input == "R" else np.ones(1)
+    ends = [(m.numerator.q, m.numerator.r) for m in both]
+    terms = [(0.0, ([a for a, _ in ends], np.convolve(rest, q)))]
+    nums = [add(np.convolve(b, q), -np.convolve(a, r)) for a, b in ends]
+    for k in range(1, int(horizon / loop.delay + 1e-9) + 1):
+        terms.append((k * loop.delay, (nums, np.convolve(terms[-1][1][1], q))))
+        nums = [-np.convolve(num, r) for num in nums]
+    return _shifted(terms, loop.delay, horizon, integrals, attempt)
+
+
+def _all_echoes(
+    loop: LoopEquations, input: str, horizon: float, integrals: int, attempt: int
+) -> Solver:
+    """Sum up what has come around in every order, with two dead times or one of two signals.
+
+    ``1/(q + sum of r E)`` is the sum over the numbers of times that each r E occurs, as often as
+    they can be ordered.
+    """
+    both = maps(loop, input)
+    power = max(each.divided for each in (loop.p_B, *(m.numerator for m in both)))
+    p_B = loop.p_B.lifted(power)
+    q, echoes = p_B.q, p_B.delayed
+    rest = loop.p_A.q if input == "R" else np.ones(1)
+    ends = [m.numerator.lifted(power).terms for m in both]
+    counts = [range(int(horizon / echo.delay + 1e-9) + 1) for echo in echoes]
+    terms: list[tuple[float, Rational]] = []
+    for occurs in product(*counts):
+        around = sum(k * echo.delay for k, echo in zip(occurs, echoes, strict=True))
+        if around > horizon * (1 + 1e-9):
+            continue
+        ways = float(comb(sum(occurs), occurs[0])) if occurs else 1.0
+        powers = [-echo.q for k, echo in zip(occurs, echoes, strict=True) for _ in range(k)]
+        num = reduce(np.convolve, powers, np.array([ways]))
+        den = reduce(np.convolve, [q] * sum(occurs), np.convolve(rest, q))
+        for row, end in enumerate(ends):
+            for a, delay in end:
+                if a.any():
+                    nums = [np.zeros(1), np.zeros(1)]
+                    nums[row] = np.convolve(a, num)
+                    terms.append((around + delay, (nums, den)))
+    shortest = min((echo.delay for echo in echoes), default=0.0)
+    return _shifted(terms, shortest, horizon, integrals, attempt)
+
+
+def _shifted(
+    terms: Sequence[tuple[float, Rational]],
+    delay: float,
+    horizon: float,
+    integrals: int,
+    attempt: int,
+) -> Solver:
+    """Sum up transforms, each delayed, where `delay` is the shortest of the dead times."""
+    unit = _UNITS[attempt]
+    late = [
+        (begin, _impulses(_in_blocks(_forced(*term, integrals), horizon - begin, unit), unit))
+        for begin, term in terms
+        if begin <= horizon * (1 + 1e-9)
+    ]
+
+    def solve(times: FloatArray) -> FloatArray:
+        outputs = np.zeros((2, times.size))
+        for begin, blocks in late:
+            # A time that only rounding puts before a multiple of the delay is meant to be on it.
+            since = times - begin
+            begun = since >= -1e-9 * delay
+            since = np.maximum(since[begun], 0.0)
+            if since.size:
+                step = even_step(since)
+                for block in blocks:
+                    states = impulse_states(block, since * unit, step and step * unit)
+                    outputs[:, begun] += block.C @ states
+        return outputs
+
+    return solve
+
+
+def _marching(
+    loop: LoopEquations, input: str, horizon: float, integrals: int, attempt: int
+) -> Solver:
+    """Dead time by dead time, see `nrdob.analysis.steps`."""
+    unit = _UNITS[attempt]
+    driven = _in_blocks(_around_the_delay(loop), horizon, unit)
+    before = _forced(*_before_the_delay(loop, input), integrals)
+    free = _impulses(_in_blocks(before, horizon, unit), unit)
+
+    march = delayed_response(driven, free, loop.delay * unit)
+    return lambda times: march(times * unit)
+
+
+def _waiting(
+    loop: LoopEquations, input: str, horizon: float, integrals: int, attempt: int
+) -> Solver:
+    """From moment to moment at which something comes around, see `nrdob.analysis.lattice`."""
+    unit = _UNITS[attempt]
+    known = np.append([unit ** (1 - integrals)], np.zeros(integrals - 1))  # of δ in this unit
+    nothing = np.zeros(0)
+    driven = [
+        Driven(
+            _in_blocks(rational, horizon, unit),
+            delay * unit,
+            known if input == "delta" and of_v else nothing,
+        )
+        for rational, delay, of_v in _behind_the_delays(loop)
+    ]
+    before = _forced(*_beside_the_delays(loop, input), integrals)
+    free = _impulses(_in_blocks(before, horizon, unit), unit)
+    _, _, _, F = loop.fractions
+    ratio = loop.ratio
+    around = [F.relative_degree]
+    if loop.delay:
+        around.append(F.relative_degree + ratio.denominator.degree - ratio.numerator.degree)
+
+    march = delayed_responses(driven, free, horizon * unit, min(around), _FINER[attempt])
+
+    def solve(times: FloatArray) -> FloatArray:
+        outputs = march(times * unit)
+        if input == "delta":
+            outputs[1] += np.polyval(known, times * unit)
+        return outputs
+
+    return solve
+
+
+def _behind_the_delays(loop: LoopEquations) -> list[tuple[Rational, float, bool]]:
+    """Return what delayed signals do to y and u, their dead times, and which of them is v.
+
+    That of the process is v = u + δ, what the model waits for is u.
+    """
+    G, Gm, _, F = loop.fractions
+    nothing = np.zeros(1)
+    if not loop.delay:
+        both = _product(G.num, Gm.num, F.num), _product(G.den, Gm.num, F.num)
+        return [((both, _without_waiting(loop)), loop.model_delay, False)]
+    inverse = _product(F.den, Gm.num)
+    y, u = np.convolve(G.num, inverse), -_product(G.num, F.num, Gm.den)
+    process = (y, u), np.convolve(G.den, inverse)
+    return [(process, loop.delay, True), (((nothing, F.num), F.den), loop.model_delay, False)]
+
+
+def _beside_the_delays(loop: LoopEquations, input: str) -> Rational:
+    """Return what the input does to y and u before anything has come around.
+
+    u = c - (F/Gm0)(y + η), where c = C e is the prefiltered reference; without dead time in the
+    process y = G0 (u + δ) + d at once.
+    """
+    G, Gm, C, F = loop.fractions
+    nothing, one = np.zeros(1), np.ones(1)
+    feedback, through = _product(F.num, Gm.den), _product(F.den, Gm.num)
+    prefilter = _product(C.num, Gm.den)
+    if loop.delay:
+        return {
+            "R": ((nothing, prefilter), loop.p_A.q),
+            "d": ((through, -feedback), through),
+            "eta": ((nothing, -feedback), through),
+            "delta": ((nothing, nothing), one),
+        }[input]
+    den = _without_waiting(loop)
+    to_y, to_u = _product(G.num, through), _product(G.den, through)
+    around, back = _product(G.num, feedback), _product(G.den, feedback)
+    return {
+        "R": ((_product(to_y, prefilter), _product(to_u, prefilter)), _product(loop.p_A.q, den)),
+        "d": ((to_u, -back), den),
+        "eta": ((-around, -back), den),
+        "delta": ((to_y, -around), den),
+    }[input]
+
+
+def _without_waiting(loop: LoopEquations) -> FloatArray:
+    """D Nm Df + N Dm Nf, what a process without dead time does while the model still waits."""
+    G, Gm, _, F = loop.fractions
+    return add(_product(G.den, Gm.num, F.den), _product(G.num, Gm.den, F.num))
+
+
+def _product(*factors: FloatArray) -> FloatArray:
+    return reduce(np.convolve, factors)
+
+
+def _short_delay(
+    loop: LoopEquations, input: str, horizon: float, integrals: int, attempt: int
+) -> Solver:
+    """Replace the dead time by a rational once the first few of them are over.
+
+    What is then left of the loop is far slower than its dead time; where it is not, two rationals
+    of different order do not agree.
+    """
+    numbers = _pade(_ORDERS[attempt], loop.delay)
+    G = loop.fractions.G
+    rational = replace(
+        loop, process=(np.convolve(G.num, numbers[0]), np.convolve(G.den, numbers[1]))
+    )
+    start = _STARTING * loop.delay
+    early = _marching(loop, input, start, integrals, attempt)
+    late = _rational(rational, input, horizon, integrals, attempt)
+
+    def solve(times: FloatArray) -> FloatArray:
+        outputs, first = late(times), times <= start
+        if first.any():
+            outputs[:, first] = early(times[first])
+        return outputs
+
+    return solve
+
+
+def _pade(order: int, delay: float) -> tuple[FloatArray, FloatArray]:
+    """Numerator and denominator of the diagonal Padé approximant of exp(-delay·s)."""
+    k = np.arange(order, -1, -1)
+    den = np.array([
+        factorial(2 * order - i) * factorial(order)
+        / (factorial(2 * order) * factorial(i) * factorial(order - i))
+        * delay**i
+        for i in k.tolist()
+    ])  # fmt: skip
+    return den * (-1.0) ** k, den
+
+
+def _around_the_delay(loop: LoopEquations) -> Rational:
+    """Return what z does: y = G0 z and v = -K G0 z with K = F/((1 - F) Gm)."""
+    G, (num, den) = loop.fractions.G, _feedback(loop)
+    return (np.convolve(G.num, den), -np.convolve(G.num, num)), np.convolve(G.den, den)
+
+
+def _before_the_delay(loop: LoopEquations, input: str) -> Rational:
+    """Return what the input does to y and v before anything has come around."""
+    nothing, one = np.zeros(1), np.ones(1)
+    if input == "delta":
+        return (nothing, one), one
+    if input == "R":
+        prefilter = reduce(
+            np.convolve, (loop.fractions.C.num, loop.built.Dm.q, loop.fractions.F.den)
+        )
+        return (nothing, prefilter), np.convolve(loop.p_A.q, loop.built.E.q)
+    num, den = _feedback(loop)
+    return (den if input == "d" else nothing, -num), den
+
+
+def _feedback(loop: LoopEquations) -> tuple[FloatArray, FloatArray]:
+    """Numerator and denominator of K, from the blocks as they are built."""
+    built = loop.built
+    return np.convolve(built.Nf.q, built.Dm.q), np.convolve(built.E.q, built.Nm.q)
+
+
+def _forced(nums: Sequence[FloatArray], den: FloatArray, integrals: int) -> Rational:
+    return nums, np.append(den, np.zeros(integrals))
+
+
+def _in_blocks(rational: Rational, horizon: float, unit: float) -> list[Block]:
+    """Split by time scale, with time in units of 1/unit seconds."""
+    nums, den = rational
+    return split([_in_unit(num, unit) for num in nums], _in_unit(den, unit), horizon * unit)
+
+
+def _impulses(blocks: Sequence[Block], unit: float) -> list[Block]:
+    """Scale what an impulse sets off: one of a second is shorter or longer in another unit."""
+    return [replace(block, B=unit * block.B) for block in blocks]
+
+
+def _in_unit(coefficients: FloatArray, unit: float) -> FloatArray:
+    return coefficients * unit ** np.arange(coefficients.size - 1, -1, -1.0)

@@ -1,0 +1,130 @@
+"""Range and rate of an actuator, and the resolution of a converter."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import inf, isfinite, isnan
+
+import numpy as np
+
+from ..numerics import FloatArray
+
+__all__ = ["ActuatorLimits", "Rule", "limited", "rounded"]
+
+FINEST = 2.0**-52
+"""Resolution, against the size of a signal, that floating-point numbers have anyway."""
+
+
+@dataclass(frozen=True)
+class ActuatorLimits:
+    """Limits of an actuator: the range of u, and how fast u can change.
+
+    Parameters
+    ----------
+    low, high : float
+        Range of u, low < high; infinite where there is no limit.
+    rate : float
+        Largest change of u in one second, positive; infinite if there is no limit.
+
+    Raises
+    ------
+    ValueError
+        If the range is empty or the rate is not positive.
+
+    Examples
+    --------
+    >>> ActuatorLimits(0, 100, rate=25)
+    ActuatorLimits(low=0, high=100, rate=25)
+    """
+
+    low: float = -inf
+    high: float = inf
+    rate: float = inf
+
+    def __post_init__(self) -> None:
+        for name in ("low", "high", "rate"):
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int | float | np.number):
+                raise TypeError(
+                    f"{name} is {value!r}; limits are numbers in the unit of u, and inf where "
+                    "there is none"
+                )
+        if isnan(self.low) or isnan(self.high) or not self.low < self.high:
+            raise ValueError(
+                f"the limits of u are low = {self.low:g} and high = {self.high:g}; low must be "
+                "below high: is it ActuatorLimits(low, high)?"
+            )
+        if not self.rate > 0:
+            raise ValueError(
+                f"the rate limit is {self.rate:g}; it is the largest change of u in a second and "
+                "must be positive: leave it out (inf) if there is none"
+            )
+
+
+@dataclass(frozen=True)
+class Rule:
+    """How a proposed number becomes the actual one, given the actual one a sample ago.
+
+    `leaves` tells whether values proposed for m successive samples, shape (m,), all stay as they
+    are.
+    """
+
+    apply: Callable[[float, float], float]
+    leaves: Callable[[FloatArray, float], bool]
+
+
+def limited(limits: ActuatorLimits, dt: float) -> Rule:
+    """Apply the limits of an actuator to a command: rate first, then range.
+
+    Examples
+    --------
+    >>> rule = limited(ActuatorLimits(-1, 1, rate=10), 0.05)
+    >>> rule.apply(3.0, 0.0), rule.apply(3.0, 0.8)
+    (0.5, 1.0)
+    """
+    low, high, step = float(limits.low), float(limits.high), float(limits.rate) * dt
+
+    def apply(value: float, before: float) -> float:
+        if value > before + step:
+            value = before + step
+        elif value < before - step:
+            value = before - step
+        if value > high:
+            value = high
+        elif value < low:
+            value = low
+        return value
+
+    def leaves(values: FloatArray, before: float) -> bool:
+        if not (values.max() <= high and values.min() >= low):
+            return False
+        if isfinite(step):
+            if not abs(values[0] - before) <= step:
+                return False
+            return bool(np.abs(values[1:] - values[:-1]).max(initial=0.0) <= step)
+        return True
+
+    return Rule(apply, leaves)
+
+
+def rounded(resolution: float) -> Rule:
+    """Round a signal as a converter does: whole multiples of its resolution, ties to even.
+
+    Examples
+    --------
+    >>> rounded(0.25).apply(1.2, 0.0)
+    1.25
+    """
+    if not (isfinite(resolution) and resolution > 0):
+        raise ValueError(
+            f"the resolution is {resolution:g}; it is one step of a converter, positive, in the "
+            "unit of the signal: leave it out if nothing is rounded"
+        )
+
+    def apply(value: float, _: float) -> float:
+        if abs(value) * FINEST < resolution:
+            return round(value / resolution) * resolution
+        return value
+
+    return Rule(apply, lambda values, before: False)

@@ -1,0 +1,364 @@
+r"""The plane w = (z - 1)/(α (z + 1)), α = dt/2, in which a sampled loop is one in continuous time.
+
+Tustin's rule puts w for s. In the plane of w every block that is sampled so is unchanged, the unit
+circle is the imaginary axis, and of the whole sampled loop only the process is different::
+
+    z = (1 + αw)/(1 - αw)                        w = jΩ  <=>  z = exp(jω dt),  αΩ = tan(ω dt/2)
+
+    G_w(w) = G_z(z)                              p_B = D_w Nm (Df - Nf) + N_w Dm Nf
+
+G_w is rational, whatever the dead time: each whole sample is a factor (1 - αw)/(1 + αw). So all
+that is known about loops in continuous time holds for sampled ones, with the process G_w: verdicts,
+margins, sets of time constants.
+
+As dt gets short, all poles and zeros of G_z move together to z = 1 and the coefficients of its
+polynomials lose the digits that tell them apart. Here they never exist as floating-point numbers:
+the exponentials, the polynomials of z and their change to w are computed with whole numbers of as
+many digits as it takes for two precisions to give the same floating-point coefficients of w.
+
+Model, controller and filter can be sampled behind a hold, too, but not every model soundly. One
+that falls off by two powers of s or more gets zeros from the sampling that it has not in continuous
+time, at negative z, and with short sampling times on the unit circle or outside it: near z = -1 for
+two powers, -3.73 for three (Åström, Hagander, Sternby). F/Gm, which inverts them, then rings or
+diverges from sample to sample, whatever the plant. Tustin's rule puts these zeros at z = -1 in F/Gm
+as *zeros* of F.
+
+.. rubric:: References
+
+Åström, K. J., P. Hagander, J. Sternby, Zeros of sampled systems, Automatica 20 (1984) 31-38.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction as Exact
+from functools import lru_cache
+from math import comb, isqrt, log2
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..diagram import DelayedTransferFunction, Fraction, LoopEquations, as_fraction, nonzero
+from ..numerics import QuasiPolynomial, written
+from .hold import checked_times, in_samples
+
+__all__ = ["MULTIPLIED_OUT", "held_blocks", "held_in_w", "process_in_w"]
+
+Whole = NDArray[np.object_]
+
+FIRST, LAST = 128, 16384
+"""Binary digits behind the point of the first and of the last attempt."""
+
+MULTIPLIED_OUT = 40
+"""Samples of dead time up to which powers of 1 + v and 1 - v are multiplied out."""
+
+AT_NYQUIST = 1e-12
+"""Distance of a pole from z = -1 at which it lies there."""
+
+ON_CIRCLE = 1e-9
+"""Distance from the unit circle at which a sampling zero lies on it."""
+
+AGREEMENT = 4 * float(np.finfo(float).eps)
+
+
+def held_in_w(
+    process: Fraction, dt: float, *, fraction: float = 0.0, at_once: bool = False
+) -> Fraction:
+    """Take a process behind its hold to the plane of w.
+
+    Parameters
+    ----------
+    process : Fraction
+        The rational part, proper, in powers of s.
+    dt : float
+        Sampling time in seconds.
+    fraction : float
+        Dead time in samples, below 1.
+    at_once : bool
+        Whether a direct term acts at once, as it does inside the processor, and not only after
+        the next sample, as it does behind it.
+
+    Returns
+    -------
+    Fraction
+        In descending powers of w, monic denominator.
+
+    Raises
+    ------
+    ValueError
+        If an undamped mode of the process is sampled exactly twice in each of its periods.
+    ArithmeticError
+        If the process is too stiff for this sampling time.
+
+    Examples
+    --------
+    A lag behind a hold, (1 - w dt/2)/(1 + w/c) with c = (2/dt) tanh(dt/2):
+
+    >>> import numpy as np
+    >>> num, den = held_in_w(Fraction(np.array([1.0]), np.array([1.0, 1.0])), 0.1)
+    >>> np.roots(num).round(6).tolist(), np.roots(den).round(6).tolist()
+    ([20.0], [-0.999167])
+    """
+    a, c, direct, unit = _in_unit(tuple(process.num.tolist()), tuple(process.den.tolist()))
+    given = _Given(a, c, direct, Exact(dt) / unit, Exact(fraction), at_once)
+    bits, last = FIRST, None
+    while bits <= LAST:
+        found = _in_v(given, bits)
+        if last is not None and _same(found, last):
+            return _scaled(found, dt)
+        bits, last = 2 * bits, found
+    raise ArithmeticError(
+        f"the process has modes so much faster than dt = {dt:g} s that its samples cannot be "
+        "computed: leave out what is much faster than the sampling"
+    )
+
+
+def process_in_w(process: Any, dt: float, computation_delay: float = 0.0) -> Fraction:
+    """Take a whole process, dead time and all, behind its hold to the plane of w, α = dt/2.
+
+    Parameters
+    ----------
+    process : control.TransferFunction, StateSpace, DelayedTransferFunction or (num, den)
+        G, proper, with or without dead time.
+    dt : float
+        Sampling time in seconds.
+    computation_delay : float
+        Time from reading y to writing u, in seconds.
+
+    Returns
+    -------
+    Fraction
+        In descending powers of w.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If dt or the delay cannot be, or both dead times together hold more samples than can be
+        multiplied out.
+
+    Examples
+    --------
+    >>> import control as ct
+    >>> from nrdob import delay
+    >>> num, den = process_in_w(delay(0.25) / ct.tf([1, 1], [1]), 0.1)
+    >>> den.size - 1                              # the lag, two samples and half of one
+    4
+    """
+    dt, computation_delay = checked_times(dt, computation_delay)
+    late = isinstance(process, DelayedTransferFunction)
+    G = nonzero(as_fraction(process.tf if late else process, "process"), "process")
+    delay = (process.delay if late else 0.0) + computation_delay
+    samples, fraction = in_samples(delay, dt)
+    if samples > MULTIPLIED_OUT:
+        raise ValueError(
+            f"the dead time of {delay:g} s holds {samples} samples of dt = {dt:g} s; sets are "
+            f"computed for up to {MULTIPLIED_OUT}: choose a longer dt, or ask without dt, as in "
+            "continuous time"
+        )
+    held = held_in_w(G, dt, fraction=fraction)
+    # Whole samples, ((1 - αw)/(1 + αw))^d.
+    lag = np.array([comb(samples, k) * (dt / 2) ** k for k in range(samples, -1, -1)])
+    signs = (-1.0) ** np.arange(samples, -1, -1)
+    return Fraction(np.convolve(held.num, lag * signs), np.convolve(held.den, lag))
+
+
+def held_blocks(loop: LoopEquations, dt: float) -> LoopEquations:
+    """Sample model, controller and filter, each behind a hold, as blocks of w; not the process.
+
+    A ValueError if F/Gm would invert a zero that only the sampling has made, on or outside the unit
+    circle.
+    """
+    _, Gm, C, F = loop.fractions
+    if loop.keep_factors:
+        raise ValueError(
+            "method='zoh' builds F/model as one block; for keep_factors=True use method='tustin'"
+        )
+    if loop.model_delay:
+        raise ValueError(
+            f"method='zoh' is not for a model with a dead time ({loop.model_delay:g} s); use "
+            "method='tustin', whose model is delayed by whole samples and fractions of them"
+        )
+    model = held_in_w(Gm, dt, at_once=True)
+    _check_sound(model, Gm, dt)
+    controller, filter = (held_in_w(block, dt, at_once=True) for block in (C, F))
+    blocks = LoopEquations(loop.process, model, controller, filter)
+    if Gm.relative_degree and not blocks.built.zeros.degree:
+        raise ValueError(
+            f"method='zoh' with dt = {dt:g} s: so long after a sample nothing is left in the "
+            "filter, and F/model cannot be told from a prediction; choose a shorter dt"
+        )
+    return blocks
+
+
+def _check_sound(held: Fraction, model: Fraction, dt: float) -> None:
+    roots = QuasiPolynomial(held.num).roots * dt / 2
+    at_infinity = held.den.size - held.num.size
+    # Of a model without direct term one zero is at z = ∞, w = 2/dt: a sample of dead time.
+    if model.relative_degree:
+        roots = np.delete(roots, np.abs(roots - 1).argmin())
+    z = np.append((1 + roots) / (1 - roots), np.full(at_infinity, -1.0))
+    outside = z[np.abs(z) > 1 - ON_CIRCLE]
+    own = QuasiPolynomial(model.num).roots
+    made = outside.size - int(np.sum(own.real >= 0))
+    if made > 0:
+        worst = outside[outside.real.argmin()]
+        raise ValueError(
+            f"method='zoh' is unsound here: behind its hold the model, of relative degree "
+            f"{model.relative_degree}, has a zero at z = {written(complex(worst))} that only the "
+            f"sampling has made, and F/model, which inverts it, would diverge as its powers; use "
+            "method='tustin'"
+        )
+
+
+@dataclass(frozen=True)
+class _Given:
+    """The process in a unit of time in which its roots are near 1, as exact fractions.
+
+    x' = A x + e1 v with the companion matrix A of the coefficients a, y = c x + direct v.
+    """
+
+    a: list[Exact]
+    c: list[Exact]
+    direct: Exact
+    time: Exact
+    fraction: Exact
+    at_once: bool
+
+    @property
+    def remembers(self) -> bool:
+        """Whether the input before the last is felt, too."""
+        return bool(self.fraction or (self.direct and not self.at_once))
+
+
+@lru_cache  # of one block at many sampling times it is the same
+def _in_unit(
+    num: tuple[float, ...], den: tuple[float, ...]
+) -> tuple[list[Exact], list[Exact], Exact, Exact]:
+    """Companion form of a block, and the unit of time in which its roots are near 1."""
+    den_, num_ = [Exact(x) for x in den], [Exact(x) for x in num]
+    num_ = [Exact(0)] * (len(den_) - len(num_)) + num_
+    a, b = [x / den_[0] for x in den_[1:]], [x / den_[0] for x in num_]
+    rates = [log2(abs(x)) / k for k, x in enumerate(a, 1) if x]
+    unit = Exact(2) ** -round(max(rates, default=0.0))
+    c = [(b[k] - b[0] * x) * unit**k for k, x in enumerate(a, 1)]
+    return [x * unit**k for k, x in enumerate(a, 1)], c, b[0], unit
+
+
+def _in_v(given: _Given, bits: int) -> Fraction:
+    """Give the held process in powers of v = αw."""
+    num, den = _in_z(given, bits)
+    columns = [np.array(p, dtype=object) @ _bilinear(len(den) - 1) for p in (num, den)]
+    largest = max(abs(x) for x in columns[1])
+    floor = 1 << (bits // 2)
+    found = [
+        np.array([x / largest if abs(x) * floor > max(map(abs, column)) else 0.0 for x in column])
+        for column in columns
+    ]
+    return Fraction(found[0][::-1], found[1][::-1])
+
+
+def _scaled(found: Fraction, dt: float) -> Fraction:
+    """Go from powers of v to those of w, and to a monic denominator."""
+    num, den = np.trim_zeros(found.num, "f"), found.den
+    if abs(den[0]) <= AT_NYQUIST * np.abs(den).max():
+        raise ValueError(
+            f"an undamped mode of the process turns by half a revolution in dt = {dt:g} s, at the "
+            "Nyquist frequency: choose another dt"
+        )
+    powers = (2 / dt) ** np.arange(den.size) / den[0]  # of 1/α, from the leading coefficient on
+    return Fraction(num * powers[den.size - num.size :], den * powers)
+
+
+def _same(one: Fraction, other: Fraction) -> bool:
+    return all(
+        bool(np.all(np.abs(p - q) <= AGREEMENT * np.abs(q)))
+        for p, q in zip(one, other, strict=True)
+    )
+
+
+def _in_z(given: _Given, bits: int) -> tuple[list[int], list[int]]:
+    """Numerator and denominator of the held process, descending powers of z, in 2^-bits."""
+    n = len(given.a)
+    late = _held(given, 1 - given.fraction, bits)
+    Ad, B0, B1 = late[:n, :n], late[:n, n], np.zeros(n, dtype=object)
+    if given.fraction:
+        # Behind e^(A (1-φ) dt) what is felt in the first φ of a sample goes on.
+        early = _held(given, given.fraction, bits)
+        Ad, B1 = _times(Ad, early[:n, :n], bits), _times(Ad, early[:n, n], bits)
+    order = n + given.remembers
+    A = np.zeros((order, order), dtype=object)
+    A[:n, :n], B, C = Ad, np.zeros(order, dtype=object), np.zeros(order, dtype=object)
+    B[:n], C[:n] = B0, [_fixed(x, bits) for x in given.c]
+    direct = _fixed(given.direct, bits)
+    if given.remembers:
+        A[:n, n], B[n], C[n] = B1, 1 << bits, 0 if given.at_once else direct
+    den = _characteristic(A, bits)
+    markov, state = [], B
+    for _ in range(order):
+        markov.append(int(_times(C, state, bits)))
+        state = _times(A, state, bits)
+    num = [0, *(sum(markov[i] * den[j - i] for i in range(j + 1)) >> bits for j in range(order))]
+    if given.at_once:
+        num = [x + (direct * y >> bits) for x, y in zip(num, den, strict=True)]
+    return num, den
+
+
+def _characteristic(A: Whole, bits: int) -> list[int]:
+    """Coefficients of det(zI - A), descending, by Faddeev and LeVerrier."""
+    order = len(A)
+    coefficients = [1 << bits]
+    identity = np.array([[int(i == j) for j in range(order)] for i in range(order)], dtype=object)
+    M = identity * (1 << bits)
+    for k in range(1, order + 1):
+        AM = _times(A, M, bits)
+        coefficients.append(-int(np.trace(AM)) // k)
+        M = AM + identity * coefficients[-1]
+    return coefficients
+
+
+def _held(given: _Given, share: Exact, bits: int) -> Whole:
+    """Exp of [[A, e1], [0, 0]] over a share of a sample, by Taylor's series and squaring."""
+    n = len(given.a)
+    time = given.time * share
+    # As many squarings as there are about terms of the series take the fewest products.
+    halvings = (time.numerator // time.denominator).bit_length() + isqrt(bits) // 2 + 2
+    step = time / 2**halvings
+    M = np.zeros((n + 1, n + 1), dtype=object)
+    for k in range(n):
+        M[0, k] = _fixed(-given.a[k] * step, bits)
+    for k in range(1, n):
+        M[k, k - 1] = _fixed(step, bits)
+    M[0, n] = _fixed(step, bits)
+    identity = np.array(
+        [[(1 << bits) * (i == j) for j in range(n + 1)] for i in range(n + 1)], dtype=object
+    )
+    total, term, k = identity, identity, 1
+    while np.abs(term).max() > 1:  # what is negative is rounded down to -1, and never to 0
+        term = _times(term, M, bits) // k
+        total, k = total + term, k + 1
+    for _ in range(halvings):
+        total = _times(total, total, bits)
+    return total
+
+
+@lru_cache
+def _bilinear(order: int) -> Whole:
+    """Coefficients of (1+v)^(n-k) (1-v)^k, a row for each k, ascending powers of v."""
+    rows = []
+    for k in range(order + 1):
+        plus = [comb(order - k, i) for i in range(order - k + 1)]
+        minus = [comb(k, i) * (-1) ** i for i in range(k + 1)]
+        rows.append([
+            sum(plus[i] * minus[j - i] for i in range(len(plus)) if 0 <= j - i <= k)
+            for j in range(order + 1)
+        ])  # fmt: skip
+    return np.array(rows, dtype=object)
+
+
+def _times(p: Whole, q: Whole, bits: int) -> Any:
+    return (p @ q) >> bits
+
+
+def _fixed(x: Exact, bits: int) -> int:
+    return (x.numerator << bits) // x.denominator

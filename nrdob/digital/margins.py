@@ -1,0 +1,156 @@
+r"""Margins of a sampled loop gain: the crossings of the unit circle's image, exactly.
+
+Between two certified angles neither the parts of L nor 1 + L turn by more than a right angle; there
+the crossings are bracketed and refined by the same search as in continuous time
+(`nrdob.analysis.locus`), at frequencies ω = angle/dt. z = 1 and z = -1, at the Nyquist frequency
+π/dt, are evaluated, too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import reduce
+from math import inf, pi
+
+import numpy as np
+from scipy.optimize import brentq, root
+
+from ..analysis import Ends, Locus, Margins, margins_at, notable_frequencies, subdivided
+from ..numerics import ComplexArray, FloatArray
+from .closedloop import ClosedLoop
+from .controller import SampledController
+from .hold import HeldProcess
+from .unitcircle import CircleFunction, Product, resolved
+
+__all__ = ["sampled_margins"]
+
+PER_SEGMENT = 4
+"""Angles in each certified stretch."""
+
+LOWEST = 1e-8
+"""Frequency, against the lowest at which anything turns, down to which crossings are sought."""
+
+LOOKED_AT, DEAD_TIMES = 60, 32
+"""States of a loop up to which eigenvalues are computed, and at how many dead times."""
+
+SOLVED = 1e-9
+"""What may be left of 1 + L where the loop becomes unstable."""
+
+
+class _CircleLocus(Locus):
+    """A sampled loop gain, numerator over denominator, at frequencies in rad/s."""
+
+    def __init__(self, numerator: Product, denominator: CircleFunction, dt: float) -> None:
+        self.count = 1
+        self.numerator, self.denominator, self.dt = numerator, denominator, dt
+
+    def log_and_slope(self, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:
+        """Evaluate log L and its derivative with respect to log ω."""
+        angle = omega * self.dt
+        with np.errstate(all="ignore"):
+            below = self.denominator(angle)
+            terms = self.denominator.terms
+            slope = sum(term(angle) * term.slope(angle) for term in terms) / below
+            log = np.log(self.numerator(angle) / below)
+            return log[None], (angle * (self.numerator.slope(angle) - slope))[None]
+
+
+def sampled_margins(
+    numerator: Product,
+    denominator: tuple[Product, ...],
+    process: HeldProcess,
+    controller: SampledController,
+    stable: bool | None,
+) -> Margins:
+    """Compute the margins of L, numerator over the sum of the denominator's terms.
+
+    The verdict on 1 + L is `stable`, None if it is not decided.
+    """
+    dt, below = process.dt, CircleFunction(denominator)
+    closed = CircleFunction((*denominator, numerator))
+    parts = [CircleFunction((term.inside,)) for term in (numerator, *denominator)]
+    angles = reduce(np.union1d, map(resolved, (closed, *parts)))[1:-1]
+    angles = np.union1d(angles, angles[0] * np.geomspace(LOWEST, 0.8, 25))
+    angles = np.union1d(angles, pi - (pi - angles[-1]) * np.geomspace(1e-6, 0.8, 9))
+    locus = _CircleLocus(numerator, below, dt)
+    (notable,) = notable_frequencies(locus, subdivided(angles, PER_SEGMENT) / dt)
+    first, last = _at_ends(numerator, below)
+    found = margins_at(notable, Ends(first, last, 0.0, pi / dt), stable, "L")
+    if not stable or found.delay_margin == inf:
+        return found
+    more = _added_delay(
+        process, controller, lambda omega: locus.values(omega)[0], found.gain_crossovers
+    )
+    return replace(found, delay_margin=more)
+
+
+def _at_ends(numerator: Product, below: CircleFunction) -> tuple[float, float]:
+    """L at z = 1 and z = -1, where it is real; infinite with an integrator."""
+    ends = np.array([0.0, pi])
+    num, den = numerator(ends).real, below(ends).real
+    vanishing = np.abs(den) <= below.rounding(ends)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        values = np.where(vanishing, np.inf, num / den)
+    return float(values[0]), float(values[1])
+
+
+def _added_delay(
+    held: HeldProcess,
+    controller: SampledController,
+    gain: Callable[[FloatArray], ComplexArray],
+    crossovers: FloatArray,
+) -> float:
+    """Find the added dead time at which the loop becomes unstable, in seconds.
+
+    At every gain crossover the dead time that would turn L to -1 is the start of a search in both,
+    dead time and frequency, with the hold's true answer to fractions of a sample. Where the loop is
+    small the eigenvalues of dead times in between are computed, too.
+    """
+    dt = held.dt
+
+    def later(samples: float) -> HeldProcess:
+        return held.after(held.delay + samples * dt)
+
+    def off(unknown: FloatArray) -> list[float]:
+        # L with its frequency moved, and the process in it exchanged for the later one.
+        at, samples = unknown
+        moved = complex(gain(np.array([at]))[0]) / _response(held, at)
+        value = moved * _response(later(max(samples, 0.0)), at) + 1
+        return [value.real, value.imag]
+
+    found, starts = [inf], []
+    for omega, value in zip(crossovers, gain(crossovers), strict=True):
+        start = np.array([omega, float(np.angle(-value) % (2 * pi)) / (omega * dt)])
+        solution = root(off, start, tol=1e-13)
+        starts.append(float(start[1]))
+        near = abs(solution.x[1] - start[1]) <= 2 and 0 < solution.x[0] <= pi / dt
+        if near and max(map(abs, off(solution.x))) < SOLVED:
+            found.append(max(0.0, float(solution.x[1])))
+    least = min(found)
+    if not crossovers.size:
+        return inf
+    turned = min(starts) if least == inf else least
+    states = held.B.size + held.memory + controller.states
+    if states + min(least, max(starts)) > LOOKED_AT:
+        return turned * dt
+
+    def excess(samples: float) -> float:
+        return float(np.abs(np.linalg.eigvals(ClosedLoop(controller, later(samples)).A)).max()) - 1
+
+    if excess(0.0) >= 0:  # another part of the loop is unstable already
+        return turned * dt
+    # A direct path jumps from sample to sample, so that no dead time solves 1 + L = 0.
+    end, last = (max(starts) + 2 if least == inf else least), 0.0
+    for samples in np.linspace(0, end, DEAD_TIMES)[1 : None if least == inf else -1].tolist():
+        if excess(samples) >= 0:
+            return float(brentq(excess, last, samples, xtol=1e-12)) * dt
+        last = samples
+    return least * dt
+
+
+def _response(held: HeldProcess, omega: float) -> complex:
+    """Evaluate the process behind its hold at z = exp(jω dt)."""
+    z = np.exp(1j * omega * held.dt)
+    state = np.linalg.solve(z * np.eye(held.B.size) - held.Ad, held.B0 + held.B1 / z)
+    return complex((held.C @ state + held.D / z) * z**-held.samples)

@@ -1,0 +1,148 @@
+"""The largest sampling time at which a loop is stable."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import inf
+from typing import Any
+
+import numpy as np
+from scipy.optimize import brentq, minimize_scalar
+
+from ..analysis import stability
+from ..diagram import DelayedTransferFunction, LoopEquations
+from ..numerics import FloatArray
+from .sampled import SampledLoop
+
+__all__ = ["largest_sampling_time"]
+
+STEP = 1.04
+"""Ratio of neighbouring sampling times in the search."""
+
+FASTEST, SLOWEST = 0.02, 100.0
+"""Range of sampling times, against the shortest and the longest time of the loop."""
+
+SAMPLES = 100
+"""Samples in the dead time at the shortest sampling time, at most."""
+
+REFINED = 1e-12
+"""Relative error of the end."""
+
+
+def largest_sampling_time(
+    loop: LoopEquations, method: str = "tustin", computation_delay: float = 0.0
+) -> float:
+    r"""Find the sampling time up to which a stable loop stays stable on a processor, in seconds.
+
+    For every shorter one the sampled loop is stable. The spectral radius is evaluated on a 4 % grid
+    of sampling times, from a fiftieth of the shortest time of the loop (but no more than 100
+    samples in a dead time) on, and refined where it comes close to 1 in between; an unstable
+    interval narrower than 4 % can be missed. Shorter sampling times are taken for continuous time.
+    The end itself is refined to rounding and counted on both of its sides, by the argument on the
+    unit circle.
+
+    y is read just before the next u is written, so that a direct path of the process answers one
+    sample later. Example 2, whose process has one, stays stable up to 4.422 λ; if its direct term
+    acted within the same sample, the end would lie between 3.14 λ and 3.15 λ.
+
+    Parameters
+    ----------
+    loop : NRDOB
+        Stable in continuous time, with the delay of the computation, too.
+    method : {"tustin", "zoh"}
+        How the blocks are sampled, as in `NRDOB.sampled`; "zoh" may end where it is refused.
+    computation_delay : float
+        Time from reading y to writing u, in seconds.
+
+    Returns
+    -------
+    float
+        Seconds; inf if the loop is stable for all sampling times up to a hundred times the longest
+        time of the loop.
+
+    Raises
+    ------
+    ValueError
+        If the loop is not stable in continuous time, so that no sampling time is short enough.
+    ArithmeticError
+        If the counts on both sides of the end do not confirm it.
+
+    Examples
+    --------
+    >>> from nrdob import paper
+    >>> loop = paper.example(1)
+    >>> round(largest_sampling_time(loop) / loop.filter.time_constant, 4)
+    4.0275
+    """
+    SampledLoop(loop, 1.0, "tustin", computation_delay)  # refuses bad input
+    late: Any = DelayedTransferFunction(loop.fractions.G, loop.delay + computation_delay)
+    verdict = stability(
+        LoopEquations(late, loop.model, loop.controller, loop.filter, loop.keep_factors)
+    )
+    if not verdict.stable:
+        with_delay = f" with {computation_delay:g} s of computation" if computation_delay else ""
+        raise ValueError(
+            f"the loop is not stable in continuous time{with_delay}, so that no sampling time is "
+            f"short enough: {verdict.reason}"
+        )
+
+    def excess(dt: float) -> float:
+        try:
+            sampled = SampledLoop(loop, dt, method, computation_delay)
+        except ValueError:  # "zoh" where it is unsound
+            return inf
+        return float(np.abs(np.linalg.eigvals(sampled.closed_loop.A)).max()) - 1
+
+    bracket = _first_unstable(excess, _times(loop, loop.delay + computation_delay))
+    if bracket is None:
+        return inf
+    low, high = bracket
+    if low == 0:
+        raise ArithmeticError(
+            f"the loop is stable in continuous time, but not at dt = {high:g} s, the shortest in "
+            "the search: its time scales are too far apart to say where it becomes unstable"
+        )
+    end = float(brentq(lambda dt: min(excess(dt), 1.0), low, high, xtol=REFINED * high))
+    if excess(end * (1 + 1e-9)) < inf:
+        inside, outside = (
+            SampledLoop(loop, end * beside, method, computation_delay).stability().stable
+            for beside in (1 - 1e-6, 1 + 1e-6)
+        )
+        if inside is not True or outside is True:
+            raise ArithmeticError(
+                f"the loop seems to become unstable at dt = {end:.9g} s, but the counts beside it "
+                "do not confirm it"
+            )
+    return end
+
+
+def _times(loop: LoopEquations, delay: float) -> FloatArray:
+    """Return the sampling times of the search, from short to long."""
+    G, Gm, C, F = loop.fractions
+    rates = [np.abs(p.roots) for p in (loop.p_A, loop.p_B)]
+    rates += [np.abs(np.roots(p)) for p in (*G, *Gm, *C, *F)]
+    found = np.concatenate(rates)
+    lengths = 1 / found[found > 0]
+    if delay:
+        lengths = np.append(lengths, delay)
+    first = max(FASTEST * lengths.min(), delay / SAMPLES)
+    last = SLOWEST * lengths.max()
+    return np.geomspace(first, last, max(2, int(np.log(last / first) / np.log(STEP)) + 1))
+
+
+def _first_unstable(
+    excess: Callable[[float], float], times: FloatArray
+) -> tuple[float, float] | None:
+    """Bracket the first sampling time at which the loop is unstable."""
+    seen: list[float] = []
+    for k, dt in enumerate(times.tolist()):
+        seen.append(excess(dt))
+        if seen[-1] >= 0:
+            return (float(times[k - 1]) if k else 0.0), dt
+        if k >= 2 and seen[-2] >= max(seen[-1], seen[-3]):
+            # A local maximum between three neighbours: how high is it?
+            low, high = float(times[k - 2]), dt
+            top = minimize_scalar(lambda t: -excess(t), bounds=(low, high), method="bounded")
+            if -top.fun >= 0:
+                return low, float(top.x)
+    return None

@@ -1,0 +1,338 @@
+r"""Functions on the unit circle as sums of products, and certified counts of their zeros.
+
+With v = (z - 1)/(z + 1), a polynomial of degree n in v, divided by (1 + v)^n, is a product of
+factors
+
+.. math:: \frac{v - v_i}{1 + v} = \frac{(1 - v_i) - (1 + v_i)\,z^{-1}}{2}
+
+each of which is linear in 1/z: over an angle h on the circle it moves by at most
+:math:`h|1 + v_i|/2`. That bounds how far a product, and a sum of products, can move in an interval.
+Where it is less than the function's size, the function has not passed 0, and its argument is known.
+The number of zeros outside the circle is minus the turn of the argument from z = 1 to z = -1, in
+half revolutions. Where the terms behind one dead time are certainly larger than all others, the
+argument follows theirs within a right angle, and z^-samples turns it by exactly samples times the
+angle: so the number of intervals grows with the logarithm of the samples.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property, reduce
+from math import nan, pi
+from typing import NamedTuple
+
+import numpy as np
+
+from ..numerics import (
+    ROUNDING,
+    ComplexArray,
+    FloatArray,
+    IntArray,
+    QuasiPolynomial,
+    add,
+    companion_roots,
+)
+from .bilinear import MULTIPLIED_OUT
+
+__all__ = [
+    "CircleFunction",
+    "Group",
+    "Product",
+    "TurnCount",
+    "count_outside",
+    "multiplied_out",
+    "resolved",
+]
+
+TURN = 0.6
+"""How far a function may get within half an interval, against its own size."""
+
+SMALLEST = 2.0**-48
+"""Half width of an interval, against its angle, at which it is halved no more."""
+
+MOST = 400_000
+"""Intervals at most."""
+
+TOGETHER = 8
+"""Samples between terms that are taken together, behind one dead time."""
+
+FREE, OPEN = -1, -2
+"""Marks of an interval: the function has no zero there; it may have one."""
+
+
+@dataclass(frozen=True, eq=False)
+class Product:
+    """A product of real polynomials of v, each over (1 + v)^degree, times z^-samples.
+
+    It is evaluated at z = exp(j·angle), v = j tan(angle/2), for angles from 0 to π.
+
+    Attributes
+    ----------
+    factors : tuple of arrays of float
+        Coefficients in descending powers of v. Leading zeros count as roots at z = -1.
+    samples : int
+        Dead time in samples.
+    """
+
+    factors: tuple[FloatArray, ...]
+    samples: int = 0
+
+    def __call__(self, angle: FloatArray) -> ComplexArray:
+        """Values at these angles."""
+        sine, cosine = _half(angle)
+        turns = self.samples + sum(factor.size - 1 for factor in self.factors) / 2
+        value = np.exp(-1j * turns * angle)
+        for factor in self.factors:
+            value = value * _homogeneous(factor, 1j * sine, cosine)
+        return np.asarray(value)
+
+    def size(self, angle: FloatArray) -> FloatArray:
+        """Sum of the sizes of all that is added up, against which rounding is measured."""
+        parts = (_homogeneous(np.abs(factor), *_half(angle)) for factor in self.factors)
+        return np.asarray(reduce(np.multiply, parts, np.ones(angle.shape)).real)
+
+    def reach(self, angle: FloatArray, half: FloatArray) -> FloatArray:
+        """How far the product can get from its value at `angle` within `half` an interval."""
+        sine, cosine = _half(angle)
+        leading = np.prod([_used(factor)[0] for factor in self.factors])
+        at = np.full(angle.shape, abs(leading))
+        far = at * (1 + np.minimum(self.samples * half, 2.0))
+        for root in self._roots:
+            size = np.abs(1j * sine - root * cosine)
+            far = far * (size + half * abs(1 + root) / 2)
+            at = at * size
+        for _ in range(sum(factor.size - _used(factor).size for factor in self.factors)):
+            far = far * (cosine + half / 2)
+            at = at * cosine
+        return np.asarray(far - at)
+
+    def slope(self, angle: FloatArray) -> ComplexArray:
+        """Logarithmic derivative with respect to the angle; infinite at a zero on the circle."""
+        sine, cosine = _half(angle)
+        s, total = 1j * sine, np.full(angle.shape, -1j * self.samples)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            for factor in self.factors:
+                degree = factor.size - 1
+                powers = np.arange(degree, -1, -1)
+                by_s, by_c = (factor * powers)[:-1], (factor * (degree - powers))[1:]
+                moved = 0.5j * cosine * _homogeneous(by_s, s, cosine)
+                moved = moved - 0.5 * sine * _homogeneous(by_c, s, cosine)
+                total = total + moved / _homogeneous(factor, s, cosine) - 0.5j * degree
+        return np.asarray(total)
+
+    @property
+    def inside(self) -> Product:
+        """The product without its zeros at z = 1 and z = -1, near which it turns no more."""
+        return Product(tuple(np.trim_zeros(factor) for factor in self.factors), self.samples)
+
+    @cached_property
+    def _roots(self) -> ComplexArray:
+        found = [companion_roots(_used(factor)) for factor in self.factors if factor.any()]
+        return np.concatenate([*found, np.empty(0, dtype=complex)])
+
+
+@dataclass(frozen=True, eq=False)
+class CircleFunction:
+    """A sum of products on the unit circle, all over the same power of 1 + v."""
+
+    terms: tuple[Product, ...]
+
+    def __call__(self, angle: FloatArray) -> ComplexArray:
+        """Values at these angles."""
+        return np.asarray(sum(term(angle) for term in self.terms))
+
+    def rounding(self, angle: FloatArray) -> FloatArray:
+        """Bound of the rounding error."""
+        turned = np.finfo(float).eps * angle
+        return np.asarray(
+            sum((ROUNDING + term.samples * turned) * term.size(angle) for term in self.terms)
+        )
+
+    def reach(self, angle: FloatArray, half: FloatArray) -> FloatArray:
+        """How far the function can get from its value at `angle` within `half` an interval."""
+        return np.asarray(sum(term.reach(angle, half) for term in self.terms))
+
+    @cached_property
+    def groups(self) -> tuple[Group, ...]:
+        """The terms behind one dead time, or nearly one, together."""
+        found: list[Group] = []
+        for term in sorted(self.terms, key=lambda term: term.samples):
+            samples, terms = term.samples, tuple[Product, ...]()
+            if found and term.samples - found[-1].samples <= TOGETHER:
+                samples, terms = found[-1].samples, found.pop().bare.terms
+            bare = Product(term.factors, term.samples - samples)
+            found.append(Group(samples, CircleFunction((*terms, bare))))
+        return tuple(found)
+
+    @property
+    def vanishes_at_one(self) -> bool:
+        """Whether all terms have a zero at z = 1 exactly."""
+        return all(any(f[-1] == 0 for f in term.factors) for term in self.terms)
+
+    @cached_property
+    def polynomial(self) -> QuasiPolynomial | None:
+        """The function times (1 + v)^degree, or None if its dead time holds too many samples."""
+        longest = max(term.samples for term in self.terms)
+        if longest > MULTIPLIED_OUT:
+            return None
+        return QuasiPolynomial(multiplied_out(self.terms, longest))
+
+
+class Group(NamedTuple):
+    """Terms behind a dead time: z^-samples times a `bare` sum of low degree in 1/z."""
+
+    samples: int
+    bare: CircleFunction
+
+
+@dataclass(frozen=True)
+class TurnCount:
+    """How many zeros lie outside the unit circle, z = ∞ included.
+
+    The count is None if one lies on the circle within rounding, at the angle in radians.
+    """
+
+    count: int | None
+    angle: float = nan
+
+
+def multiplied_out(terms: Iterable[Product], samples: int) -> FloatArray:
+    """Multiply a sum of products out, z^-k = ((1 - v)/(1 + v))^k, over (1 + v)^samples further.
+
+    No term has a longer dead time; the result is in descending powers of v.
+    """
+    total: FloatArray = np.zeros(1)
+    for term in terms:
+        powers = [np.array([-1.0, 1.0])] * term.samples + [np.ones(2)] * (samples - term.samples)
+        total = add(total, reduce(np.convolve, (*term.factors, *powers)))
+    return total
+
+
+def count_outside(function: CircleFunction) -> TurnCount:
+    """Count the zeros outside the unit circle by the turn of the argument.
+
+    Examples
+    --------
+    1 - 2/z, that is v + 1 less 2 (1 - v), over 1 + v:
+
+    >>> import numpy as np
+    >>> count_outside(CircleFunction((Product((np.array([3.0, -1.0]),)),))).count
+    1
+    """
+    ends = np.array([0.0, pi])
+    at_ends = np.abs(function(ends)) <= function.rounding(ends)
+    if at_ends.any():
+        return TurnCount(None, float(ends[at_ends][0]))
+    found = _certified(function, dominance=True)
+    if found.touched is not None:
+        return TurnCount(None, found.touched)
+    return TurnCount(round(-_turned(function, found) / pi))
+
+
+def resolved(function: CircleFunction) -> FloatArray:
+    """Angles from 0 to π between which a function provably turns by less than a right angle.
+
+    An ArithmeticError if it takes too many of them.
+    """
+    low, high, *_ = _certified(function, dominance=False)
+    return np.unique(np.concatenate([low, high, (low + high) / 2]))
+
+
+class _Certified(NamedTuple):
+    """Intervals, the number of the dominant group in each or `FREE`, and an angle of a zero."""
+
+    low: FloatArray
+    high: FloatArray
+    mark: IntArray
+    touched: float | None
+
+
+def _certified(function: CircleFunction, *, dominance: bool) -> _Certified:
+    """Cut the upper half of the circle into intervals over which the argument is known."""
+    low, high = np.zeros(1), np.full(1, pi)
+    done: list[tuple[FloatArray, FloatArray, IntArray]] = []
+    total = 2
+    touched: float | None = None
+    while low.size:
+        middle, half = (low + high) / 2, (high - low) / 2
+        mark, value = _examined(function, middle, half, dominance)
+        zero = (mark == OPEN) & (half <= 1e-3 * middle)
+        zero[zero] = value[zero] <= function.rounding(middle[zero])
+        zero |= (mark == OPEN) & (half <= SMALLEST * middle)
+        if zero.any() and touched is None:
+            touched = float(middle[zero][0])
+        wide = (mark == OPEN) & ~zero
+        done.append((low[~wide], high[~wide], mark[~wide]))
+        low, high = (
+            np.concatenate([low[wide], middle[wide]]),
+            np.concatenate([middle[wide], high[wide]]),
+        )
+        total += middle.size
+        if total > MOST:
+            raise ArithmeticError(
+                "the sampled loop turns too often on the unit circle to be followed: the dead "
+                "time holds too many samples, or modes are hardly damped; choose a larger dt"
+            )
+    lows, highs, marks = map(np.concatenate, zip(*done, strict=True))
+    return _Certified(lows, highs, marks, touched)
+
+
+def _examined(
+    function: CircleFunction, middle: FloatArray, half: FloatArray, dominance: bool
+) -> tuple[IntArray, FloatArray]:
+    """Say what certifies each interval, and how large the function is in its middle."""
+    delays = [group.samples for group in function.groups]
+    values = [group.bare(middle) for group in function.groups]
+    reaches = [group.bare.reach(middle, half) for group in function.groups]
+    sizes = [np.abs(value) for value in values]
+    sum_, far = np.zeros(middle.shape, dtype=complex), np.zeros(middle.shape)
+    for samples, value, size, reach in zip(delays, values, sizes, reaches, strict=True):
+        sum_ += value * np.exp(-1j * samples * middle)
+        far += reach + size * np.minimum(samples * half, 2.0)
+    mark = np.where(far <= TURN * np.abs(sum_), FREE, OPEN)
+    if dominance and len(values) > 1:
+        every = sum(size + reach for size, reach in zip(sizes, reaches, strict=True))
+        noise = function.rounding(middle)
+        for k, size in enumerate(sizes):
+            mark[2 * size > every + noise] = k  # size - reach > what the others can be
+    return mark, np.abs(sum_)
+
+
+def _turned(function: CircleFunction, found: _Certified) -> float:
+    """Sum of what the argument turns over certified intervals."""
+    edges = np.stack([found.low, found.high])
+    values = [group.bare(edges) for group in function.groups]
+    late = [
+        value * np.exp(-1j * group.samples * edges)
+        for group, value in zip(function.groups, values, strict=True)
+    ]
+    sums = np.sum(late, axis=0)
+    free = found.mark == FREE
+    angle = float(np.angle(sums[1, free] / sums[0, free]).sum())
+    for k, (group, value) in enumerate(zip(function.groups, values, strict=True)):
+        on = found.mark == k
+        # The group without its dead time, the dead time, and the angles from it to the sum.
+        angle += float(np.angle(value[1, on] / value[0, on]).sum())
+        angle -= group.samples * float((found.high - found.low)[on].sum())
+        beside = np.angle(sums[:, on] / late[k][:, on])
+        angle += float((beside[1] - beside[0]).sum())
+    return angle
+
+
+def _half(angle: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Sine and cosine of half an angle, the latter 0 at π."""
+    return np.sin(angle / 2), np.sin((pi - angle) / 2)
+
+
+def _homogeneous(factor: FloatArray, x: ComplexArray | FloatArray, y: FloatArray) -> ComplexArray:
+    """Σ p_k x^k y^(n-k): with v = x/y, and 1 + v = exp(j·angle/2)/y, p(v)/(1 + v)^n but a turn."""
+    value, power = np.zeros_like(x), np.ones_like(y)
+    for coefficient in factor.tolist():
+        value = value * x + coefficient * power
+        power = power * y
+    return np.asarray(value)
+
+
+def _used(factor: FloatArray) -> FloatArray:
+    return factor[np.flatnonzero(factor)[0] :]

@@ -1,0 +1,207 @@
+"""What makes a process doubtful that was found nevertheless, each with its remedy."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from scipy.linalg import solve_toeplitz
+from scipy.signal import lfilter
+from scipy.stats import chi2, norm
+
+from ..numerics import FloatArray
+from .fitting import Fit
+from .parameters import Parameter
+from .records import Record
+from .residuals import whitening_of
+
+__all__ = ["doubts"]
+
+LITTLE = 30.0
+"""Per cent of the output explained below which a process is doubtful."""
+
+SETTLED = 2.0
+"""Lags that a record must last after the input first moves."""
+
+FAR = 8.0
+"""Deviations from the samples around it at which a sample is an outlier."""
+
+TAIL = 0.95
+"""Share of the samples from the rest of which the tails of the noise are seen."""
+
+DRIFTED = 0.05
+"""Share of the output's range from which on a drift is told."""
+
+PAST = 20
+"""Samples over which a controller is looked for."""
+
+FEEDBACK, NEVER = 0.3, 1e-6
+"""Correlation of u with what disturbed y, and its probability by chance, that tell of one."""
+
+LEVELS = 12
+"""Limits of the actuator that are tried."""
+
+CLIPPED = 0.7
+"""Misfit with a limit, against that without, that tells of one."""
+
+
+def doubts(
+    record: Record,
+    parameters: dict[str, Parameter],
+    worth: tuple[float, float, bool],
+    fitted: int,
+    residual: FloatArray,
+    fit: Fit,
+) -> tuple[str, ...]:
+    """Look for all that is known to mislead a fit; the gravest first.
+
+    Worth: per cent explained of the part fitted and of that held out, and whether the residual, in
+    units of y from the start of the fit on, still follows the input. Fitted: how many samples were.
+    """
+    return tuple(
+        [
+            *_worth(*worth, parameters["gain"]),
+            *_closed_loop(record, residual, fit),
+            *_limited(record, fit),
+            *_short(record, parameters, fitted),
+            *_outliers(record, residual, fit.start),
+            *_drift(record, residual, fit),
+        ]
+    )
+
+
+def _worth(fitted: float, foretold: float, follows: bool, gain: Parameter) -> Iterator[str]:
+    if gain.low <= 0 <= gain.high:
+        yield (
+            "the structure leaves so much of what u does to y unexplained that its gain is open: "
+            "let another structure be chosen"
+            if follows
+            else "the gain may be zero, or of either sign: the record does not show that u acts on "
+            "y; make a larger step, or repeat it"
+        )
+    if foretold < 0:
+        yield (
+            "the part held out is foretold worse than a constant would: the process changes, "
+            "something else moves y, or the record is too short; repeat the measurement"
+        )
+    if not fitted > LITTLE and not follows:
+        yield (
+            f"the input explains only {max(fitted, 0.0):.0f} % of the output: look whether "
+            "these columns belong to each other and the plant needs longer than one sample, or "
+            "make larger steps"
+        )
+
+
+def _short(record: Record, parameters: dict[str, Parameter], fitted: int) -> Iterator[str]:
+    moved = int(np.flatnonzero(record.inputs)[0])
+    duration = record.sampling_time * (fitted - moved)
+    for name, found in parameters.items():
+        if found.unit != "s":
+            continue
+        if name.endswith("lag") and SETTLED * found.value > duration:
+            yield (
+                f"the record is short: {duration:.3g} s from the first move of the input on, for a "
+                f"{name} of {found.value:.3g} s; record at least three times as long as the lag"
+            )
+        elif found.standard_error > max(abs(found.value), 0.1 * duration):
+            yield (
+                f"the {name} is hardly known ({found.value:.3g} ± {found.standard_error:.2g} s): "
+                "let the input move more often"
+            )
+
+
+def _outliers(record: Record, residual: FloatArray, start: int) -> Iterator[str]:
+    """Find samples whose residual is far from the two on either side.
+
+    Far is what neither the noise, with its tails, nor the steps in which y usually changes explain:
+    a sensor that rounds leaves most samples alike, and moves the others by what it can resolve.
+    """
+    around = np.lib.stride_tricks.sliding_window_view(np.pad(residual, 2, mode="edge"), 5)
+    apart = np.abs(residual - np.median(around, axis=1))
+    steps = np.abs(np.diff(record.y))
+    tail = float(np.quantile(apart, TAIL)) / float(norm.ppf(0.5 + TAIL / 2))
+    scale = max(tail, float(np.median(steps[steps > 0])))
+    far = np.flatnonzero(apart > FAR * scale)
+    if far.size:
+        k = start + int(far[np.argmax(apart[far])])
+        yield (
+            f"{far.size} samples of y are outliers, such as {record.y[k]:g} at "
+            f"{record.t[k]:g} s: correct or replace them by their neighbours, for they pull the fit"
+        )
+
+
+def _drift(record: Record, residual: FloatArray, fit: Fit) -> Iterator[str]:
+    innovations = fit.whitening.applied(residual)
+    walked = fit.whitening.walked(float(innovations.std()), record.y.size)
+    if walked > DRIFTED * np.ptp(record.y):
+        yield (
+            f"y drifts, by about {walked:.2g} over the record, without the input's doing; the "
+            "intervals count that in: let the plant come to rest before the record, or make "
+            "larger steps and more of them"
+        )
+
+
+def _closed_loop(record: Record, residual: FloatArray, fit: Fit) -> Iterator[str]:
+    """See whether u answers what disturbs y, against the plant's gain, as a controller does."""
+    moves = np.diff(record.inputs, prepend=0.0)[fit.start :]
+    fresh = _fresh(moves)
+    if fresh is None:
+        return
+    e = whitening_of(residual).applied(residual)[-fresh.size :]
+    e = np.clip(e, *np.quantile(e, [0.02, 0.98]))
+    e = e - e.mean()
+    size = np.sqrt(float(e @ e) * float(fresh @ fresh))
+    if not size:
+        return
+    count = e.size
+    # In the same sample only if the plant cannot have answered within it.
+    first = int(fit.shape[0] < 1)
+    found = np.array([fresh[k:] @ e[: count - k] for k in range(first, PAST)]) / size
+    chance = float(chi2.sf(count * float(found @ found), found.size))
+    found *= -np.sign(fit.linear[0])
+    if chance < NEVER and found.max() > FEEDBACK:
+        yield (
+            "u follows what disturbed y before: the plant was under control while it was measured, "
+            "and the fit may show the controller instead; open the loop, or move the set point and "
+            "trust only what the held-out part confirms"
+        )
+
+
+def _fresh(moves: FloatArray) -> FloatArray | None:
+    """Give what its own past does not tell of an input that always moves; None of any other."""
+    if np.count_nonzero(moves) < moves.size / 2 or moves.size < 5 * PAST:
+        return None
+    own = np.array([moves[k:] @ moves[: moves.size - k] for k in range(PAST + 1)])
+    own[0] *= 1 + 1e-9
+    past = solve_toeplitz(own[:-1], own[1:])
+    fresh = lfilter(np.concatenate([[1.0], -past]), [1.0], moves)[PAST:]
+    low, high = np.quantile(fresh, [0.05, 0.95])
+    if high - low < 1e-6 * np.ptp(moves):
+        return None
+    fresh = np.clip(fresh, low, high)
+    return np.asarray(fresh - fresh.mean())
+
+
+def _limited(record: Record, fit: Fit) -> Iterator[str]:
+    """Try whether y is explained far better if the input is cut off."""
+    inputs = record.inputs
+    levels = np.unique(np.quantile(inputs, np.linspace(0, 1, LEVELS + 2)))
+    if levels.size < 3:
+        return
+    outputs = record.y[fit.start :]
+
+    def misfit(inputs: FloatArray) -> float:
+        columns = fit.structure.columns(fit.shape, inputs, fit.start, fit.moving)
+        rest = outputs - columns @ np.linalg.lstsq(columns, outputs, rcond=None)[0]
+        return float(rest @ rest)
+
+    plain = misfit(inputs)
+    tried = [(misfit(np.minimum(inputs, c)), "above", c) for c in levels[1:-1]]
+    tried += [(misfit(np.maximum(inputs, c)), "below", c) for c in levels[1:-1]]
+    least, side, level = min(tried)
+    level += record.u[0] - inputs[0]
+    if least < CLIPPED * plain:
+        yield (
+            f"the plant answers as if u were cut off {side} {level:g}: the actuator looks "
+            "saturated there; keep the steps inside its limits"
+        )

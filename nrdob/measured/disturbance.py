@@ -1,0 +1,180 @@
+r"""What disturbs the output, and how far it scatters the numbers of a fit.
+
+The disturbance is taken as :math:`d=\bigl(\frac{1-\theta z^{-1}}{1-\varphi z^{-1}}\bigr)^me` with
+white noise e: white noise alone for :math:`\theta=\varphi`, coloured noise for
+:math:`|\varphi|<1`, and for :math:`\varphi=1` a drift with white noise of the sensor on top, which
+is a random walk (m = 1) or smooth, noise integrated twice (m = 2). A record seldom tells which of
+them it is. So all are kept, weighted by the restricted likelihood of the residual r,
+
+.. math:: |V|^{-1/2}\,|J^TV^{-1}J|^{-1/2}\,(r^TPr)^{-(N-n)/2},
+
+where V is the covariance of d over that of e, J the Jacobian of the response by its n unknowns, and
+P projects onto what V leaves to be seen beside them. Whatever the disturbance is, an estimate made
+with the filter W scatters by :math:`MVM^T` with :math:`M=(J^TW^TWJ)^{-1}J^TW^TW`. A sensor that
+rounds adds errors that are alike wherever its reading is the same, unless noise dithers it.
+
+.. rubric:: References
+
+Harville, D. A., Maximum likelihood approaches to variance component estimation and to related
+problems, Journal of the American Statistical Association 72 (1977) 320-338.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import exp, pi, sqrt
+
+import numpy as np
+from scipy.optimize import brentq
+from scipy.signal import lfilter
+from scipy.stats import t as student
+
+from ..numerics import BoolArray, FloatArray
+from .residuals import Whitening
+
+__all__ = ["Rounding", "Scatter", "scatter_of"]
+
+COLOURED = (0.3, 0.5, 0.65, 0.75, 0.82, 0.87, 0.91, 0.94, 0.96, 0.975, 0.985, 0.993)
+"""Poles φ of coloured noise."""
+
+SHARES = (1e-3, 3e-3, 6e-3, 0.012, 0.025, 0.05, 0.1, 0.2, 0.35, 0.6, 1.0)
+"""Distances of the zero from the pole, 1 - θ/φ."""
+
+LEAST = 0.02
+"""Distance φ - θ below which coloured noise is white."""
+
+SMOOTH = SHARES[1:8]
+"""The same for a drift that goes on in its direction."""
+
+HYPOTHESES = (
+    [(1, 0.0, 0.0), (1, -0.3, 0.0), (1, -0.6, 0.0)]
+    + [(1, pole, pole * (1 - far)) for pole in COLOURED for far in SHARES if pole * far > LEAST]
+    + [(1, 1.0, 1 - far) for far in SHARES]
+    + [(2, 1.0, 1 - far) for far in SMOOTH]
+)
+"""Order m, φ and θ."""
+
+
+@dataclass(frozen=True)
+class Rounding:
+    """What a sensor resolves (0 if that cannot be seen), and its readings."""
+
+    grain: float
+    readings: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Scatter:
+    """How far estimates scatter under each disturbance that the record does not exclude.
+
+    Attributes
+    ----------
+    weights : (h,) array
+        Of the disturbances; their sum is 1.
+    covariances : (h, n, n) array
+        Of the estimates under each.
+    freedom : float
+        Degrees of freedom.
+    """
+
+    weights: FloatArray
+    covariances: FloatArray
+    freedom: float
+
+    @property
+    def covariance(self) -> FloatArray:
+        """Mean covariance; infinite where something cannot be told from the record."""
+        return np.asarray(np.tensordot(self.weights, self.covariances, 1))
+
+    def reach(self, slope: FloatArray, confidence: float) -> float:
+        """Half width of the confidence interval of what has this slope, (n,), by the estimates."""
+        errors = np.sqrt(np.einsum("i,hij,j->h", slope, self.covariances, slope))
+        if not 0 < errors.max() < np.inf:
+            return float(errors.max())
+        seen = errors > 0
+        tail = (1 - confidence) / 2
+
+        def excess(half: float) -> float:
+            beyond = student.sf(half / errors[seen], self.freedom)
+            return float(self.weights[seen] @ beyond) - tail
+
+        top = float(errors.max() * student.isf(tail, self.freedom))
+        return float(brentq(excess, 0.0, 1.001 * top)) if excess(0.0) > 0 else 0.0
+
+
+def scatter_of(
+    residual: FloatArray,
+    jacobian: FloatArray,
+    used: BoolArray,
+    whitening: Whitening,
+    rounding: Rounding,
+    fitted: int,
+) -> Scatter:
+    """Find how far least-squares estimates scatter that were made through a filter.
+
+    Parameters
+    ----------
+    residual, used : (N,) array
+        What the fit leaves, and which samples count.
+    jacobian : (N, n) array
+        Derivatives of the response by what was estimated.
+    whitening : Whitening
+        The filter.
+    rounding : Rounding
+        Of the sensor.
+    fitted : int
+        How many samples the estimates were made of, from the first on; all tell of the disturbance.
+    """
+    size = np.linalg.norm(jacobian[used], axis=0)
+    scaled = jacobian / np.where(size > 0, size, 1.0)
+    seen = used & (np.arange(used.size) < fitted)
+    filtered = whitening.applied(scaled)[seen]
+    n = filtered.shape[1]
+    freedom = float(max(1, used.sum() - n))
+    if np.linalg.matrix_rank(filtered) < n:
+        return Scatter(np.ones(1), np.full((1, n, n), np.inf), freedom)
+    estimator: FloatArray = np.zeros((n, residual.size))
+    estimator[:, seen] = np.linalg.pinv(filtered)
+    estimator = _backwards(*whitening.taps, estimator)
+    both = np.column_stack([scaled, residual])
+    readings = np.unique(rounding.readings, return_inverse=True)[1] if rounding.grain else None
+    logarithms, covariances = [], []
+    times = np.arange(residual.size)
+    for order, pole, zero in HYPOTHESES:
+        den, num = (np.poly([root] * order) for root in (pole, zero))
+        if pole < 1:  # what the noise remembers from before the record
+            before = abs(pole - zero) / sqrt(1 - pole**2) * pole**times
+        else:  # the slope of the drift as the record begins
+            before = (order - 1) * sqrt(residual.size) * (1 - zero) ** 2 * times
+        white = lfilter(den, num, np.column_stack([before, both]), axis=0)[used]
+        white = np.vstack([white, np.eye(1, n + 2)])
+        covariance = _gram(_backwards(num, den, estimator))
+        covariance += _gram((estimator @ before)[:, None])
+        corners = np.abs(np.diag(np.linalg.qr(white, mode="r")))
+        variance = float(corners[-1] ** 2) / freedom + np.finfo(float).tiny
+        logarithms.append(-np.log(corners[:-1]).sum() - 0.5 * freedom * np.log(variance))
+        covariance *= variance
+        if readings is not None:
+            alike = np.zeros((readings.max() + 1, n))
+            np.add.at(alike, readings, estimator.T)
+            covariance += _rounded(rounding.grain, variance) * _gram(alike.T)
+        covariances.append(covariance / np.outer(size, size))
+    kinds = [kind[:2] for kind in HYPOTHESES]
+    weights = np.exp(np.array(logarithms) - max(logarithms))
+    weights /= [kinds.count(kind) for kind in kinds]  # all poles are alike beforehand
+    return Scatter(weights / weights.sum(), np.array(covariances), freedom)
+
+
+def _rounded(grain: float, variance: float) -> float:
+    """Variance of the rounding error that noise of this variance, rounding included, leaves."""
+    dither = max(variance / grain**2 - 1 / 12, 0.0)
+    return grain**2 / 12 * exp(-4 * pi**2 * dither)
+
+
+def _gram(rows: FloatArray) -> FloatArray:
+    return np.asarray(rows @ rows.T)
+
+
+def _backwards(num: FloatArray, den: FloatArray, rows: FloatArray) -> FloatArray:
+    """Multiply rows by the matrix of a filter: it runs from the last sample to the first."""
+    return np.asarray(lfilter(num, den, rows[:, ::-1])[:, ::-1])

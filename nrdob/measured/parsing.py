@@ -1,0 +1,159 @@
+"""What a cell of a table says: a number, with a point or a comma, or a time."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from datetime import date
+
+import numpy as np
+
+from ..numerics import FloatArray
+
+__all__ = ["NUMBER", "UNITS", "is_moment", "number_in", "seconds_in", "short"]
+
+LONGEST = 60
+"""Characters of a cell or a heading that a message repeats."""
+
+UNITS = {
+    unit: seconds
+    for units, seconds in (
+        (("ns", "nanosecond", "nanoseconds"), 1e-9),
+        (("us", "µs", "μs", "microsecond", "microseconds"), 1e-6),
+        (("ms", "msec", "millis", "millisecond", "milliseconds"), 1e-3),
+        (("s", "sec", "secs", "second", "seconds", "sekunden"), 1.0),
+        (("min", "mins", "minute", "minutes", "minuten"), 60.0),
+        (("h", "hr", "hrs", "hour", "hours", "stunden"), 3600.0),
+        (("d", "day", "days"), 86400.0),
+    )
+    for unit in units
+}
+"""Seconds in each unit of time that a heading may name, in small letters."""
+
+NUMBER = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)(e[+-]?\d+)?", re.I)
+
+MOMENT = re.compile(
+    r"(?:(?P<days>\d+)\s+days?,?\s+(?=\d))?"
+    r"(?:(?P<day>\d{1,4}[-./](?:\d{1,2}|[a-z]{3,9})[-./]\d{1,4})(?:[t\s]\s*|$))?"
+    r"(?:(?P<hour>\d{1,3}):(?P<minute>\d\d)(?::(?P<second>\d\d(?:[.,]\d+)?))?"
+    r"(?:\s*(?P<half>[ap])\.?m\.?)?)?\s*(?P<zone>z|[+-]\d\d:?\d\d)?",
+    re.I,
+)
+
+ISO_DAY = re.compile(r"(\d{4})[-./](\d\d?)[-./](\d\d?)")
+
+
+def short(text: str) -> str:
+    """Repeat a piece of a file in a message: what cannot be printed as ?, and not too long."""
+    clean = "".join(c if c.isprintable() else "?" for c in text)
+    return clean if len(clean) <= LONGEST else f"{clean[:LONGEST]}…"
+
+
+def number_in(cell: str) -> float | None:
+    """Read a number with a decimal point or comma, maybe nan or inf; None if it is none.
+
+    Examples
+    --------
+    >>> number_in("-2,5"), number_in("1,234.5"), number_in("=1+1")
+    (-2.5, None, None)
+    """
+    text = cell.strip()
+    if "." not in text and text.count(",") == 1:
+        text = text.replace(",", ".")
+    if "_" in text or len(text) > LONGEST:
+        return None
+    try:
+        return float(text)
+    except ValueError:
+        return None
+
+
+def is_moment(cell: str) -> bool:
+    """Tell whether a cell looks like a date or a time of day."""
+    text = cell.strip()
+    found = MOMENT.fullmatch(text) if 4 < len(text) <= LONGEST else None
+    return found is not None and (found["day"] is not None or found["hour"] is not None)
+
+
+def seconds_in(cells: Sequence[str], place: Callable[[int], str]) -> tuple[FloatArray, str]:
+    """Read dates and times of day: seconds since the first, shape (N,), and the first cell.
+
+    Such as 2024-01-31T12:00:00.5, 12:00:00, 31.01.2024 12:00:00 or 1/31/2024 12:00:00 PM. An order
+    of day and month that is not year, month, day is not guessed: such a day may stand there as long
+    as it is the same in all rows. Place gives what messages call the cell of a number.
+
+    Raises
+    ------
+    ValueError
+        If one is no time, or days can be read in two ways.
+    """
+    days, clock, zones = [], np.empty(len(cells)), []
+    for k, cell in enumerate(cells):
+        day, clock[k], zone = _moment(cell, place(k))
+        days.append(day)
+        zones.append(zone)
+        if (zone is None) != (zones[0] is None) or (day is None) != (days[0] is None):
+            raise ValueError(
+                f"{place(k)}: t is {short(cell)!r}, and {short(cells[0])!r} in the first row; "
+                "write all times alike"
+            )
+    clock -= np.array([zone or 0.0 for zone in zones])
+    back = np.flatnonzero(np.diff(clock) < -43200.0)
+    if days[0] is None and back.size:
+        k = int(back[0]) + 1
+        raise ValueError(
+            f"{place(k)}: t goes from {short(cells[k - 1])} to {short(cells[k])}; where midnight "
+            "passes, the day is needed: write 2024-01-31 12:00:00, or give the sampling time"
+        )
+    if len(set(days)) > 1:
+        numbers = {day: _ordinal(day) for day in set(days)}
+        for k, day in enumerate(days):
+            if numbers[day] is None:
+                raise ValueError(
+                    f"{place(k)}: t is {short(cells[k])!r}; where the day changes, it is not "
+                    "guessed which number is the month: write 2024-01-31 12:00:00, or give the "
+                    "sampling time"
+                )
+        clock += 86400.0 * np.array([numbers[day] for day in days])
+    return clock - clock[0], cells[0].strip()
+
+
+def _moment(cell: str, where: str) -> tuple[str | None, float, float | None]:
+    """Take a cell apart: its day, the seconds of that day, its zone in seconds."""
+    found = MOMENT.fullmatch(cell.strip()) if is_moment(cell) else None
+    if found is None:
+        said = f"is {short(cell)!r}, which is no time like the ones before" * bool(cell)
+        raise ValueError(
+            f"{where}: t {said or 'is empty'}; take the line out, or cut the record there"
+        )
+    clock = 0.0
+    if found["hour"] is not None:
+        if found["second"] is None and found["day"] is None and found["half"] is None:
+            raise ValueError(
+                f"{where}: t is {short(cell)!r}, which may be hours and minutes or minutes and "
+                "seconds: write 12:00:00, or give the sampling time"
+            )
+        hour, minute = int(found["hour"]), int(found["minute"])
+        second = float((found["second"] or "0").replace(",", "."))
+        top = 12 if found["half"] else 23 if found["day"] else 999
+        if hour > top or minute > 59 or second >= 60 or (found["half"] and hour == 0):
+            raise ValueError(f"{where}: t is {short(cell)!r}, which is no time of a day")
+        if found["half"]:
+            hour = hour % 12 + 12 * (found["half"].lower() == "p")
+        clock = 86400.0 * int(found["days"] or 0) + 3600.0 * hour + 60.0 * minute + second
+    zone = None
+    if found["zone"] is not None:
+        digits = found["zone"].lower().replace("z", "+0000").replace(":", "")
+        zone = float(digits[0] + "1") * (3600.0 * int(digits[1:3]) + 60.0 * int(digits[3:]))
+    if found["day"] is not None and ISO_DAY.fullmatch(found["day"]) and not _ordinal(found["day"]):
+        raise ValueError(f"{where}: t is {short(cell)!r}, which is no day of a calendar")
+    return found["day"], clock, zone
+
+
+def _ordinal(day: str | None) -> int | None:
+    """Count days, for a day written as year, month, day."""
+    found = ISO_DAY.fullmatch(day or "")
+    try:
+        return date(*map(int, found.groups())).toordinal() if found else None
+    except ValueError:
+        return None

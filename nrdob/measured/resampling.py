@@ -1,0 +1,225 @@
+"""Times that are not even: rounded, with missing rows, or with jitter.
+
+What can be repaired without inventing anything is repaired, and how much is said; the rest is
+refused, with the place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from ..numerics import BoolArray, FloatArray, IntArray
+
+__all__ = ["Sampled", "evenly_sampled"]
+
+EVEN = 0.05
+"""Largest distance of a sample from the even grid, in sampling times, that is left as it is."""
+
+JITTER = 0.25
+"""Largest error of an interval, in sampling times, that is resampled."""
+
+MISSING, LONGEST = 0.05, 0.01
+"""Largest share of missing samples: in the whole record, and in one gap (of more than one)."""
+
+SMOOTH = 0.05
+"""Largest difference of two ways to interpolate y, against its standard deviation."""
+
+MINOR = 0.01
+"""Share of missing samples up to which filling them is not worth a warning."""
+
+COARSE = 2.5
+"""Largest step of rounded times, in sampling times."""
+
+IRREGULAR = 3
+"""Irregular intervals that rounding must have left; fewer are missing or repeated rows."""
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """A record at even times, in seconds; what was done to it is noted, or remarked if it matters.
+
+    `measured` is false where y was filled in.
+    """
+
+    t: FloatArray
+    u: FloatArray
+    y: FloatArray
+    measured: BoolArray
+    notes: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
+
+
+def evenly_sampled(
+    t: FloatArray, u: FloatArray, y: FloatArray, place: Callable[[int], str]
+) -> Sampled:
+    """Bring a record to even times.
+
+    Times within 5 % of a sampling time of an even grid are left as they are. Times that were
+    rounded are taken as even. Where a few rows are missing, y is interpolated (and not used) and u
+    held. Times with jitter are resampled: y along straight lines, u averaged over each interval.
+    Place gives what the sample of a number is called in messages.
+
+    Raises
+    ------
+    ValueError
+        If the times do not increase, or if even times would hide something: long gaps, a change of
+        u in a gap, large jitter, an output that moves too fast to be interpolated.
+
+    Examples
+    --------
+    >>> t = np.delete(np.arange(200.0), 7)
+    >>> even = evenly_sampled(t, t > 20, t, "sample {}".format)
+    >>> even.t.size, even.y[7].item(), even.notes
+    (200, 7.0, ('1 of 200 samples is missing: y is interpolated there, and not used',))
+    """
+    span, count = t[-1] - t[0], t.size
+    if span > 0:
+        line = np.linspace(t[0], t[-1], count)
+        if np.abs(t - line).max() <= EVEN * span / (count - 1):
+            return Sampled(t, u, y, np.ones(count, dtype=bool))
+        step, spacing = _rounding(t)
+        if step:
+            said = (
+                f"times are given to {step:g} s only; they are taken as even, one sample every "
+                f"{spacing:.5g} s: a missing row would not be seen, and with a sampling time of "
+                "your own the times are not needed"
+            )
+            even = t[0] + spacing * np.arange(count)
+            return Sampled(even, u, y, np.ones(count, dtype=bool), (), (said,))
+    _check_increasing(t, place)
+    index, spacing = _numbered(t, place)
+    notes, remarks = _gaps(index, t, u, place)
+    size = int(index[-1]) + 1
+    measured = np.zeros(size, dtype=bool)
+    measured[index] = True
+    grid = t[0] + spacing * np.arange(size)
+    if np.abs(t - grid[index]).max() <= EVEN * spacing:
+        held = u[np.maximum.accumulate(np.where(measured, np.cumsum(measured) - 1, 0))]
+        return Sampled(grid, held, np.interp(grid, t, y), measured, notes, remarks)
+    said = _resampling(t, y, grid, place)
+    minor = _jitter(t) <= 2 * EVEN
+    return Sampled(
+        grid, _averaged(t, u, grid), np.interp(grid, t, y), measured,
+        (*notes, *[said] * minor), (*remarks, *[said] * (not minor)),
+    )  # fmt: skip
+
+
+def _check_increasing(t: FloatArray, place: Callable[[int], str]) -> None:
+    back = np.flatnonzero(np.diff(t) <= 0)
+    if back.size:
+        k = int(back[0]) + 1
+        raise ValueError(
+            f"t goes from {t[k - 1]:.10g} to {t[k]:.10g} at {place(k)}; times must increase: put "
+            "the samples in order, and take out what stands twice (or, if the samples are even and "
+            "only their times are wrong, give the sampling time)"
+        )
+
+
+def _rounding(t: FloatArray) -> tuple[float, float]:
+    """Find the step to which even times were rounded (0 if they were not), and their spacing."""
+    elapsed = t - t[0]
+    for step in (3600.0, 60.0, *(10.0**-k for k in range(7))):
+        whole = np.round(elapsed / step)
+        if np.abs(elapsed - step * whole).max() <= 1e-6 * step:
+            break
+    else:
+        return 0.0, 0.0
+    number = np.arange(t.size)
+    line = np.polyfit(number, elapsed, 1)
+    spacing = float(line[0])
+    rest = elapsed - np.polyval(line, number)
+    steps = np.diff(elapsed)
+    irregular = np.count_nonzero(np.abs(steps - np.median(steps)) > 0.5 * step)
+    rounded = np.ptp(rest) <= 1.05 * step and EVEN * spacing < step <= COARSE * spacing
+    return (step if rounded and irregular >= IRREGULAR else 0.0), spacing
+
+
+def _numbered(t: FloatArray, place: Callable[[int], str]) -> tuple[IntArray, float]:
+    """Give each sample its number on the even grid, and the sampling time."""
+    steps = np.diff(t)
+    usual = float(np.median(steps))
+    off = np.abs(steps / usual - np.round(steps / usual))
+    if off.max() > JITTER or steps.min() < 0.5 * usual:
+        k = int(np.argmax(steps)) + 1
+        raise ValueError(
+            f"t is not evenly sampled: its steps lie between {steps.min():.4g} and "
+            f"{steps.max():.4g} s, the largest before {place(k)}; use a stretch without gaps, or "
+            "log at a fixed rate (if the samples are even and only their times are wrong, give the "
+            "sampling time)"
+        )
+    index = np.concatenate([[0], np.cumsum(np.round(steps / usual).astype(int))])
+    return index, float((t[-1] - t[0]) / index[-1])
+
+
+def _gaps(
+    index: IntArray, t: FloatArray, u: FloatArray, place: Callable[[int], str]
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Say how much is missing; refuse gaps that hide something."""
+    missing = np.diff(index) - 1
+    total, size = int(missing.sum()), int(index[-1]) + 1
+    if not total:
+        return (), ()
+    worst = int(np.argmax(missing))
+    if total > MISSING * size or missing.max() > max(1.0, LONGEST * size):
+        raise ValueError(
+            f"t is not evenly sampled: {total} of {size} samples are missing, {missing.max()} of "
+            f"them in a row before {place(worst + 1)}; at most {100 * MISSING:g} % are filled in, "
+            f"and {100 * LONGEST:g} % in a row: use a stretch without gaps"
+        )
+    moved = np.flatnonzero((missing > 0) & (np.diff(u) != 0))
+    if moved.size and missing[moved].max() > 1:
+        k = int(moved[np.argmax(missing[moved])]) + 1
+        raise ValueError(
+            f"u changes from {u[k - 1]:g} to {u[k]:g} while {missing[k - 1]} samples are missing "
+            f"before {place(k)}: when is not known; use a stretch without that gap"
+        )
+    said = (
+        f"{total} of {size} samples {'is' if total == 1 else 'are'} missing: y is interpolated "
+        "there, and not used"
+    )
+    late = (
+        f"u changes while a sample is missing, before {place(int(moved[0]) + 1)}"
+        + (f" and {moved.size - 1} times more" if moved.size > 1 else "")
+        + ": u is taken to change after it; the dead time may be wrong by up to one sample"
+        if moved.size
+        else ""
+    )
+    minor = total <= MINOR * size
+    return (said,) * minor, (said,) * (not minor) + ((late,) if late else ())
+
+
+def _jitter(t: FloatArray) -> float:
+    """Largest error of an interval, in sampling times."""
+    steps = np.diff(t) / np.median(np.diff(t))
+    return float(np.abs(steps - np.round(steps)).max())
+
+
+def _resampling(t: FloatArray, y: FloatArray, grid: FloatArray, place: Callable[[int], str]) -> str:
+    """Say what resampling does; refuse it where the way of interpolating matters."""
+    apart = np.abs(CubicSpline(t, y)(grid) - np.interp(grid, t, y))
+    if float(np.sqrt(np.mean(apart**2))) > SMOOTH * y.std():
+        k = int(np.searchsorted(t, grid[np.argmax(apart)]))
+        raise ValueError(
+            f"t is not evenly sampled (intervals differ by up to {100 * _jitter(t):.2g} %), and y "
+            f"moves too fast between samples to be resampled, most before {place(k)}: sample "
+            "faster, or log at a fixed rate (if the samples are even and only their times are "
+            "wrong, give the sampling time)"
+        )
+    return (
+        f"intervals between the times differ by up to {100 * _jitter(t):.2g} %: resampled to one "
+        f"sample every {grid[1] - grid[0]:.5g} s, y along straight lines (which changes it by "
+        f"about {100 * np.sqrt(np.mean(apart**2)) / np.ptp(y):.1g} % of its range), u averaged "
+        "over each interval"
+    )
+
+
+def _averaged(t: FloatArray, u: FloatArray, grid: FloatArray) -> FloatArray:
+    """Average a held input over each interval of the grid, so that its area is kept."""
+    area = np.concatenate([[0.0], np.cumsum(u[:-1] * np.diff(t))])
+    mean = np.append(np.diff(np.interp(grid, t, area)) / np.diff(grid), u[-1])
+    held = u[np.clip(np.searchsorted(t, grid, side="right") - 1, 0, u.size - 1)]
+    return np.where(np.abs(mean - held) <= 1e-9 * np.ptp(u), held, mean)

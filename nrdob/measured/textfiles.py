@@ -1,0 +1,213 @@
+"""Files as tables of cells: how they are encoded, what separates the columns, where headings are.
+
+Nothing in a file is ever run. Line numbers in messages are those of an editor.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from .columns import known
+from .parsing import NUMBER, is_moment, number_in, short
+
+__all__ = ["Sheet", "read_sheet"]
+
+MOST_BYTES, MOST_ROWS = 50_000_000, 200_000
+"""Sizes beyond which a file is refused."""
+
+SEEN = 200
+"""Lines by which it is found how columns are separated."""
+
+SEPARATORS = ("\t", ";", "|", " ", ",")
+"""What may separate columns; where two explain the cells alike, the first. A blank is any white
+space."""
+
+COMMENT = re.compile(r"\s*(#|%|//)\s*")
+
+UPPERS = 3
+"""Lines of text above the numbers among which the headings are."""
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A table of cells.
+
+    `lines` tells the line of each row; `heads` and `units`, the row below them, may be empty;
+    `blank` is the first empty line among the rows, or 0; `notes` say what was left out.
+    """
+
+    rows: Sequence[Sequence[str]]
+    lines: Sequence[int]
+    heads: Sequence[str]
+    units: Sequence[str]
+    head_line: int
+    separator: str
+    blank: int
+    notes: tuple[str, ...]
+
+
+def read_sheet(path: Path) -> Sheet:
+    """Split a file into cells, and find its headings.
+
+    Raises ValueError if it is no text, empty, too large, or cells go over several lines.
+    """
+    text, notes = _text(path)
+    name = short(path.name)
+    every = list(enumerate(re.split(r"\r\n|\r|\n", text), 1))
+    kept = [(k, line) for k, line in every if line.strip() and not COMMENT.match(line)]
+    if not kept:
+        raise ValueError(f"{name} is empty; it needs columns t, u and y")
+    if len(kept) > MOST_ROWS:
+        raise ValueError(
+            f"{name} has {len(kept)} lines; at most {MOST_ROWS} are read: cut out the stretch "
+            "that matters, or keep every tenth line"
+        )
+    if named := re.fullmatch(r'"?sep=(.)"?', kept[0][1].strip(), re.I):  # for spreadsheets
+        kept, separator = kept[1:], named[1]
+    else:
+        separator = _separator([line for _, line in kept[:SEEN]])
+    rows, lines = _parted(kept, separator)
+    first, head, below = _layout(rows)
+    heads = [cell.strip() for cell in rows[head]] if head is not None else []
+    head_line = lines[head] if head is not None else 0
+    if head is None and (above := _commented(every[: lines[0] - 1], separator, len(rows[0]))):
+        head_line, heads = above
+    while heads and not heads[-1]:
+        heads.pop()
+    if head:
+        last = "line 1 is" if head_line == 2 else f"lines 1 to {head_line - 1} are"
+        notes = (*notes, f"{last} above the headings, and not read as part of the table")
+    empty = {k for k, line in every if not line.strip(f" \t{separator}")}
+    inside = [k for k in range(lines[first] if first < len(lines) else 0, lines[-1]) if k in empty]
+    # A file of which every second line is empty has lost nothing.
+    spaced = len(inside) >= len(lines) - first - 1
+    return Sheet(
+        rows[first:], lines[first:], heads, rows[below] if below is not None else (), head_line,
+        separator, inside[0] if inside and not spaced else 0, notes,
+    )  # fmt: skip
+
+
+def _text(path: Path) -> tuple[str, tuple[str, ...]]:
+    """Decode a file, or say in which line it is no text."""
+    with path.open("rb") as file:
+        raw = file.read(MOST_BYTES + 1)
+    name = short(path.name)
+    if len(raw) > MOST_BYTES:
+        raise ValueError(
+            f"{name} is larger than {MOST_BYTES // 10**6} MB; cut out the stretch that matters, "
+            "some thousand samples"
+        )
+    notes: tuple[str, ...] = ()
+    try:
+        text = raw.decode(_encoding(raw))
+        wrong = re.search(r"[\0-\x08\x0e-\x1f\x7f]", text)
+    except UnicodeDecodeError as error:
+        text = raw.decode("cp1252", errors="replace")
+        wrong = re.search(r"[\0-\x08\x0e-\x1f\x7f\ufffd]", text)
+        if wrong:
+            raise _no_text(name, raw[: error.start].count(b"\n") + 1) from None
+        notes = ("the file is not in UTF-8; it was read as Latin-1 (Windows-1252)",)
+    if wrong:
+        raise _no_text(name, text[: wrong.start()].count("\n") + 1)
+    return text, notes
+
+
+def _no_text(name: str, line: int) -> ValueError:
+    return ValueError(
+        f"{name} is no table of text, see line {line}: save it as CSV, not as a spreadsheet"
+    )
+
+
+def _encoding(raw: bytes) -> str:
+    if raw.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return "utf-16"
+    start = raw[:200]
+    for name, zeros, others in (
+        ("utf-16-le", start[1::2], start[::2]), ("utf-16-be", start[::2], start[1::2])
+    ):  # fmt: skip
+        if len(start) > 10 and not any(zeros) and all(others):
+            return name
+    return "utf-8-sig"
+
+
+def _separator(sample: Sequence[str]) -> str:
+    """Find what separates the columns: what makes the most cells numbers."""
+
+    def found(separator: str) -> tuple[int, int, int]:
+        rows = [row for line in sample if len(row := _cells(line, separator)) > 1]
+        numbers = sum(_is_value(cell) for row in rows for cell in row)
+        cells = 0 if numbers else sum(map(len, rows))
+        return numbers, cells, -SEPARATORS.index(separator)
+
+    return max(SEPARATORS, key=found)
+
+
+def _cells(line: str, separator: str) -> list[str]:
+    """Part one line."""
+    if separator == " ":
+        return line.split()
+    return next(csv.reader([line], delimiter=separator), [])
+
+
+def _parted(kept: Sequence[tuple[int, str]], separator: str) -> tuple[list[list[str]], list[int]]:
+    """Part all lines; rows without any cell that holds something are dropped."""
+    rows, lines = [], []
+    for number, line in kept:
+        if line.count('"') % 2 and separator != " ":
+            raise ValueError(
+                f"line {number} opens a quotation mark that it does not close: cells over several "
+                "lines cannot be read, write each row in one line"
+            )
+        try:
+            cells = _cells(line, separator)
+        except csv.Error as error:
+            raise ValueError(f"line {number} cannot be read: {error}; look for quotes") from None
+        if any(cell.strip() for cell in cells):
+            rows.append(cells)
+            lines.append(number)
+    if not rows:
+        raise ValueError("no line of the file holds anything but separators")
+    return rows, lines
+
+
+def _layout(rows: Sequence[Sequence[str]]) -> tuple[int, int | None, int | None]:
+    """Find the first row of numbers, the headings and the row of units."""
+    values = [sum(_is_value(cell) for cell in row) for row in rows[:SEEN]]
+    first = next((k for k, count in enumerate(values) if count >= 2), None)
+    if first is None:  # no numbers at all, or one column of them: the headings are line 1
+        return (1, 0, None) if values[0] == 0 else (0, None, None)
+    width = max(len(row) for row in rows[first : first + 20])
+    above: list[int] = []
+    for k in range(first - 1, max(first - 1 - UPPERS, -1), -1):
+        text = [cell for cell in rows[k] if cell.strip()]
+        if values[k] or len(text) < 2 or not len(text) <= len(rows[k]) <= width:
+            break
+        above.append(k)
+    if not above:
+        # What stands there is no heading; it is a row like others, or nothing.
+        return (0, None, None) if values[0] or first == 0 else (1, 0, None)
+    head = max(reversed(above), key=lambda k: known(rows[k]))
+    return first, head, head + 1 if head + 1 < first else None
+
+
+def _commented(
+    above: Sequence[tuple[int, str]], separator: str, width: int
+) -> tuple[int, list[str]] | None:
+    """Find headings in the comment right above the numbers."""
+    written = [(k, line) for k, line in above if line.strip()]
+    if not written:
+        return None
+    number, line = written[-1]
+    heads = [cell.strip() for cell in _cells(COMMENT.sub("", line, count=1), separator)]
+    fits = len(heads) == width and known(heads) >= 2
+    return (number, heads) if fits else None
+
+
+def _is_value(cell: str) -> bool:
+    """Tell numbers and times from words; nan and inf are words of a heading, too."""
+    number = number_in(cell)
+    return is_moment(cell) if number is None else bool(NUMBER.fullmatch(cell.strip()))

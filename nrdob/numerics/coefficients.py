@@ -1,0 +1,116 @@
+"""Coefficients of single polynomials and of the exponential series, in descending powers."""
+
+from __future__ import annotations
+
+from math import factorial
+from typing import Any
+
+import numpy as np
+
+from .arrays import ROUNDING, ComplexArray, FloatArray
+
+__all__ = [
+    "add",
+    "drop",
+    "exponential",
+    "exponential_rest",
+    "horner",
+    "times_s",
+    "trailing_zeros",
+    "trim",
+]
+
+NEAR = 1.0
+"""Size of z up to which the rest of exp(z) is summed up, because the difference loses digits."""
+
+
+def exponential_rest(z: ComplexArray, m: int, *, divided: bool = False) -> ComplexArray:
+    """Evaluate what Taylor's polynomial of degree m - 1 leaves of exp(z), without cancellation.
+
+    Parameters
+    ----------
+    z : array of complex
+        Any shape.
+    m : int
+        0 for exp(z) itself, 1 for exp(z) - 1.
+    divided : bool
+        Whether it is divided by z^m, which at 0 leaves 1/m!.
+
+    Examples
+    --------
+    >>> exponential_rest(np.array([0.0, 1.0, 2.0]), 2, divided=True).real.round(6).tolist()
+    [0.5, 0.718282, 1.097264]
+    """
+    z = np.asarray(z, dtype=complex)
+    if not m:
+        return np.asarray(np.exp(z))
+    if m == 1 and not divided:
+        return np.asarray(np.expm1(z))
+    near = np.abs(z) <= (NEAR if m > 1 else 0.0)
+    far = np.where(near, 1.0, z)
+    rest = np.expm1(far)
+    for k in range(1, m):
+        rest = rest - far**k / factorial(k)
+    series = np.ones_like(z)
+    if m > 1:
+        close = np.where(near, z, 0.0)
+        for k in range(m + 18, m, -1):  # (…(z/k + 1) z/(k - 1) + 1)…
+            series = series * close / k + 1.0
+    value = np.where(near, series / factorial(m), rest / far**m)
+    return np.asarray(value if divided else value * z**m)
+
+
+def exponential(delay: float, m: int) -> FloatArray:
+    """Taylor's polynomial of exp(-delay·s), of m coefficients, descending."""
+    return np.array([(-delay) ** k / factorial(k) for k in range(m - 1, -1, -1)])
+
+
+def add(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Add two coefficient arrays in descending powers.
+
+    Parameters
+    ----------
+    a, b : array of float
+        Of any lengths.
+    """
+    if a.size < b.size:
+        a, b = b, a
+    total = np.array(a, dtype=float)
+    total[a.size - b.size :] += b
+    return total
+
+
+def horner(coefficients: FloatArray, s: ComplexArray) -> Any:
+    """`numpy.polyval` without its overhead, which would be most of the time on a few points."""
+    first, *others = coefficients.tolist()
+    value = np.full_like(s, first)[()]
+    for coefficient in others:
+        value = value * s + coefficient
+    return value
+
+
+def trim(coefficients: FloatArray, scale: FloatArray) -> FloatArray:
+    """Drop leading coefficients that are rounding of larger terms which cancelled."""
+    size = scale[-coefficients.size :]
+    if abs(coefficients[0]) > ROUNDING * size[0]:
+        return coefficients
+    used = np.flatnonzero(np.abs(coefficients) > ROUNDING * size)
+    return coefficients[used[0] :] if used.size else np.zeros(1)
+
+
+def trailing_zeros(coefficients: FloatArray) -> int:
+    """Multiplicity of the root at 0."""
+    if coefficients[-1]:
+        return 0
+    used = np.flatnonzero(coefficients)
+    return int(coefficients.size - 1 - used[-1]) if used.size else int(coefficients.size)
+
+
+def times_s(coefficients: FloatArray, power: int) -> FloatArray:
+    """Multiply by a power of s."""
+    return np.append(coefficients, np.zeros(power)) if coefficients.any() else coefficients
+
+
+def drop(coefficients: FloatArray, m: int) -> FloatArray:
+    """Divide by a power of s, without the remainder."""
+    return coefficients[:-m] if coefficients.size > m else np.zeros(1)

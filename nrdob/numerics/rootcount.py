@@ -1,0 +1,141 @@
+"""Roots in the right half plane: how many, by the argument along the axis, and which."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf, isnan, pi
+
+import numpy as np
+
+from .argument import ArgumentChange, zero_free_frequencies
+from .arrays import ROUNDING, ComplexArray, FloatArray
+from .quasipoly import QuasiPolynomial, undivided_sum
+
+__all__ = ["RootCount", "count_rhp", "frequency_segments", "unstable_roots"]
+
+
+@dataclass(frozen=True)
+class RootCount:
+    """Number of roots with positive real part.
+
+    Attributes
+    ----------
+    count : float or None
+        The number, infinite for an advanced or an unstable neutral equation; None where roots on
+        the axis, within rounding, leave it open.
+    reason : str
+        Why the count is not known.
+    at_least : float
+        Roots that are on the right whatever rounding does to those on the axis, which the path
+        passes on their right.
+    """
+
+    count: float | None
+    reason: str = ""
+    at_least: float = 0
+
+
+def count_rhp(p: QuasiPolynomial) -> RootCount:
+    """Count the roots in the open right half plane by the argument along the imaginary axis.
+
+    Roots at s = 0 that the coefficients prove are divided out first and not counted.
+
+    Parameters
+    ----------
+    p : QuasiPolynomial
+        Not identically zero.
+
+    Returns
+    -------
+    RootCount
+        The count (infinite for an advanced or an unstable neutral equation), or None with the
+        reason: a root on the axis within rounding, or a neutral equation at its limit.
+
+    Examples
+    --------
+    >>> count_rhp(QuasiPolynomial([1.0, -1.0, 4.0])).count         # s^2 - s + 4
+    2
+    >>> count_rhp(QuasiPolynomial([1.0, 0.0], [2.0], delay=1.0)).count   # s + 2 exp(-s)
+    2
+    """
+    p = p.finite_part
+    ratio = p.neutral_ratio
+    if p.more and ratio > 1 - ROUNDING:
+        return _chains(p, ratio)
+    if abs(ratio - 1) <= ROUNDING:
+        return RootCount(None, "neutral with |r/q| = 1 at infinite frequency: a chain of roots "
+                               "comes arbitrarily close to the imaginary axis")  # fmt: skip
+    if ratio > 1:
+        return RootCount(inf, at_least=inf)
+    try:
+        change = p.argument_change
+    except ArithmeticError as error:
+        return RootCount(None, str(error))
+    if isnan(change.angle):
+        return RootCount(None, _where(change))
+    turns = p.degree / 2 - change.angle / pi
+    count = round(turns)
+    if abs(turns - count) > 0.1:
+        return RootCount(None, "the turns of the argument do not add up to a whole number")
+    if change.touched:
+        return RootCount(None, _where(change), count)
+    return RootCount(count, at_least=count)
+
+
+def _chains(p: QuasiPolynomial, ratio: float) -> RootCount:
+    """Judge chains of roots of an equation with several delays whose delayed terms are so large."""
+    leading = [abs(term.q[0]) for term in p.terms if term.q.size == p.degree + 1]
+    if p.q.size <= p.degree or max(leading[1:]) > (1 + ROUNDING) * (sum(leading) - max(leading)):
+        return RootCount(inf, at_least=inf)
+    return RootCount(None, (
+        f"neutral, the sizes of its delayed terms at infinite frequency add up to {ratio:.4g}, not "
+        "below 1: the smallest change of a dead time may put a chain of roots on the right"
+    ))  # fmt: skip
+
+
+def frequency_segments(p: QuasiPolynomial) -> FloatArray:
+    """Frequencies between which p provably turns by less than half a revolution.
+
+    See `nrdob.numerics.argument.zero_free_frequencies` for roots on the axis and for very long
+    delays.
+
+    Parameters
+    ----------
+    p : QuasiPolynomial
+        Without roots at s = 0; retarded, or neutral with ratio below 1.
+
+    Returns
+    -------
+    array of float
+        Increasing frequencies in rad/s from 0 to where the leading term dominates.
+    """
+    terms = undivided_sum(p)
+    return zero_free_frequencies(terms.terms, terms.scale, max(p.divided, 1))
+
+
+def _where(change: ArgumentChange) -> str:
+    if 0.0 in change.touched:
+        return "a root at s = 0 within rounding"
+    return f"a root on the imaginary axis within rounding, near {change.touched[0]:.6g} rad/s"
+
+
+def unstable_roots(p: QuasiPolynomial) -> ComplexArray:
+    """Roots right of the imaginary axis, or on it within rounding; not those at s = 0 exactly.
+
+    Parameters
+    ----------
+    p : QuasiPolynomial
+        Its roots are computed.
+
+    Returns
+    -------
+    array of complex
+        In rad/s.
+
+    Examples
+    --------
+    >>> unstable_roots(QuasiPolynomial([1.0, 0.0, 0.0, -1.0, 0.0])).real.tolist()   # s (s³ - 1)
+    [1.0]
+    """
+    roots = p.without_origin.roots
+    return np.asarray(roots[(roots.real > 0) | p.without_origin.near_axis(roots)])

@@ -1,0 +1,116 @@
+"""Responses of the loop to unit steps, one panel for each input."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import inf, nan
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from ..analysis import step_response
+from ..diagram import INPUTS, LoopEquations, Quotient
+from ..numerics import FloatArray, QuasiPolynomial, count_rhp
+from . import alttext
+from .figure import INK, TALL, Figure, axes_for, colour_of, label_of, styled
+
+__all__ = ["step_plot"]
+
+
+def step_plot(
+    loop: LoopEquations,
+    *,
+    signal: str = "y",
+    compare: LoopEquations | Mapping[str, LoopEquations] | None = None,
+    timepts: Any = None,
+    title: str = "",
+    axes: Sequence[Axes] | None = None,
+) -> Figure:
+    """Draw the responses to a unit step of reference, disturbances and noise.
+
+    Parameters
+    ----------
+    loop : LoopEquations
+        The loop.
+    signal : {"y", "u"}
+        Output or control signal.
+    compare : LoopEquations or dict of str: LoopEquations, optional
+        Other loops, drawn dashed and grey; one without a label is called "nominal".
+    timepts : array_like or float, optional
+        Times in seconds, or the last one; by default each panel shows what there is to see.
+    title : str
+        Heading, which also enters the alt text.
+    axes : four matplotlib Axes, optional
+        Where to draw R, d, δ and η.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If `signal` is neither "y" nor "u", or something is given that is no loop.
+    """
+    if signal not in ("y", "u"):
+        raise ValueError(f"signal is {signal!r}; it must be 'y' or 'u'")
+    named = {"nominal": compare} if isinstance(compare, LoopEquations) else compare
+    if not isinstance(named, Mapping | None):
+        raise TypeError(
+            f"compare is a {type(compare).__name__}; give another loop, or loops by label: "
+            '{"slower filter": loop}'
+        )
+    others = dict(named or {})
+    for each in (loop, *others.values()):
+        if not isinstance(each, LoopEquations):
+            raise TypeError(f"a {type(each).__name__} is given where a loop, an NRDOB, is needed")
+    row, facts = "yu".index(signal), []
+    panels = axes_for(axes, 4, TALL)
+    with styled():
+        lines = np.empty(4, dtype=object)
+        for k, (ax, given) in enumerate(zip(panels, INPUTS, strict=True)):
+            times = timepts
+            if times is None and others:
+                longest = max(step_response(x, given).time[-1] for x in (loop, *others.values()))
+                times = np.linspace(0.0, longest, 1001)
+            response = step_response(loop, given, times)
+            times, values = response.time, response.outputs[row, 0]
+            lines[k] = ax.plot(times, values, color=colour_of(given), zorder=3)
+            for style, (label, other) in zip(("--", ":", "-."), others.items(), strict=False):
+                faint = step_response(other, given, times).outputs[row, 0]
+                lines[k] += ax.plot(times, faint, style, color=INK, lw=1.2, label=label, zorder=4)
+            name = ("T_" if given == "R" else "S_") + given if signal == "y" else f"U_{given}"
+            _step_frame(ax, given, name, signal, bottom=k > 1)
+            facts.append(_step_facts(loop, given, getattr(loop, name), values))
+        if others:
+            panels[0].legend(loc="best", handlelength=2.4)
+        if axes is None:
+            panels[0].figure.suptitle(title, x=0.01, ha="left", fontsize="medium")
+    alt = alttext.steps(signal, title, facts, tuple(others))
+    return Figure(lines.reshape(2, 2), np.array(panels, dtype=object).reshape(2, 2), alt)
+
+
+def _step_facts(
+    loop: LoopEquations, given: str, through: Quotient, values: FloatArray
+) -> alttext.StepFacts:
+    """Peak and rest of one response; the loop's own roots say whether there is rest."""
+    excited = (loop.p_A, loop.p_B) if given == "R" else (loop.p_B,)
+    rightmost = max(p.roots[0].real if p.roots.size else -inf for p in excited)
+    unstable = any(_on_the_right(p) for p in excited)
+    final = inf if unstable else nan if rightmost == 0 else through.dc_gain
+    peak = float(values[int(np.argmax(np.abs(values)))])
+    return alttext.StepFacts(given, peak, final)
+
+
+def _step_frame(ax: Axes, given: str, name: str, signal: str, *, bottom: bool) -> None:
+    # As in eq. (7): an input disturbance is seen where it acts.
+    reached = r"u + $\delta$" if (signal, given) == ("u", "delta") else signal
+    ax.set_title(f"{label_of(name)}   {INPUTS[given].spoken} {label_of(given)} → {reached}")
+    ax.set(xlabel="time (s)" if bottom else "", ylabel=f"{reached} (per unit step)")
+    ax.set_xlim(left=0)
+    low, high = ax.get_ylim()
+    if high - low < 1e-6:
+        ax.set_ylim(-0.5, 0.5)
+    ax.axhline(0, color=INK, lw=0.6)
+
+
+def _on_the_right(p: QuasiPolynomial) -> float:
+    """Roots in the right half plane; counted where a long dead time has more than are listed."""
+    return float(np.sum(p.roots.real > 0)) if p.roots_resolved else count_rhp(p).at_least

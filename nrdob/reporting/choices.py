@@ -1,0 +1,191 @@
+"""Filter and controller for a process and its model: how fast each may be, and why."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import log10
+from typing import Any
+
+import control as ct
+import numpy as np
+from scipy.optimize import brentq
+
+from ..design import admissible_time_constants, design_controller, design_filter
+from ..diagram import FilterFamily, LowPassFilter, as_fraction
+from ..loop import NRDOB
+from ..numerics import number
+
+__all__ = ["controller_for", "filter_at", "filter_for", "slowest_lag"]
+
+ORIGIN = 1e-9
+"""Size of a root, against the largest, that is taken for 0."""
+
+NOISE_GAIN = 10.0
+"""Largest gain from noise to u against that at rest, where only noise limits the filter."""
+
+SPEEDS = (1.0, 0.5, 0.2, 0.1, 0.05, 2.0, 5.0)
+"""Crossovers tried for the controller, against the bandwidth 1/(nλ) of the observer."""
+
+MARGINS = (60.0, 30.0, 10.0)
+"""Phase margins tried for it, in degrees."""
+
+CALM = 2.0
+"""Largest sensitivity peak of the controller with the model that is not called swinging."""
+
+INSIDE = 0.5
+"""Of the longest time constant that will do, the longest that is taken."""
+
+RELAXED = (1.2, 1.5, 2.0, 3.0, 5.0)
+"""Times the peak aimed at, tried where none meets it."""
+
+
+def slowest_lag(process: Any) -> float:
+    """Largest time constant of poles and zeros, in seconds; 0 where there is none."""
+    fraction = as_fraction(getattr(process, "tf", process), "process", proper=False)
+    roots = np.concatenate([np.roots(part) for part in fraction])
+    sizes = np.abs(roots[np.abs(roots) > ORIGIN * np.abs(roots).max(initial=0.0)])
+    return float(max(1 / sizes, default=0.0))
+
+
+def _slowest(process: Any) -> float:
+    """Largest time constant, dead time included, in seconds; 1 where there is none."""
+    return max(slowest_lag(process), getattr(process, "delay", 0.0)) or 1.0
+
+
+def filter_for(
+    process: Any, model: Any, family: int | FilterFamily, max_ms: float
+) -> tuple[LowPassFilter | ct.TransferFunction | None, str, list[str]]:
+    """Choose the fastest filter that keeps the peak; where all do, what the noise allows."""
+    of_order = _named(family)
+    try:
+        found = design_filter(process, model, order=family, max_ms=max_ms)
+        return (
+            found,
+            (
+                f"Filter: the fastest {of_order} whose plant loop has a sensitivity peak of "
+                f"at most {max_ms:g}."
+            ),
+            [],
+        )
+    except ValueError as error:
+        reason = str(error)
+    if "however fast" in reason:
+        return *_by_noise(process, model, family, max_ms), []
+    for limit in RELAXED:
+        try:
+            found = design_filter(process, model, order=family, max_ms=max_ms * limit)
+        except ValueError:
+            continue
+        return (
+            found,
+            (
+                f"Filter: none {of_order} keeps the sensitivity peak below {max_ms:g}; this "
+                f"is the fastest below {max_ms * limit:g}."
+            ),
+            [f"No filter with this model meets a sensitivity peak of {max_ms:g}: it is touchy."],
+        )
+    return (
+        None,
+        f"Filter: {reason}.",
+        [f"No filter {of_order} gives a loop that could be used with this model: {reason}."],
+    )
+
+
+def _named(family: int | FilterFamily) -> str:
+    if isinstance(family, FilterFamily):
+        return f"of the {family.kind} filters of order {family.order}"
+    return f"of order {family}"
+
+
+def filter_at(
+    family: int | FilterFamily, time_constant: float
+) -> LowPassFilter | ct.TransferFunction:
+    """Give the filter of an order or a family with this time constant, in seconds."""
+    if isinstance(family, FilterFamily):
+        return family.at(time_constant)
+    return LowPassFilter(time_constant, family)
+
+
+def _by_noise(
+    process: Any, model: Any, family: int | FilterFamily, max_ms: float
+) -> tuple[LowPassFilter | ct.TransferFunction, str]:
+    """Choose among filters that may be as fast as one likes: F/model must not amplify too much."""
+    slow = _slowest(process)
+    longest = admissible_time_constants(process, model, family, max_ms=max_ms)[0][1]
+    omega = np.geomspace(1e-4, 1e6, 2000) / slow
+    Gm = as_fraction(getattr(model, "tf", model), "model")
+    inverse = np.abs(np.polyval(Gm.den, 1j * omega) / np.polyval(Gm.num, 1j * omega))
+    allowed = NOISE_GAIN * abs(Gm.den[-1] / Gm.num[-1])
+
+    def excess(exponent: float) -> float:
+        tried = filter_at(family, 10**exponent)
+        F = as_fraction(getattr(tried, "tf", tried), "filter")
+        passed = inverse * np.abs(np.polyval(F.num, 1j * omega) / np.polyval(F.den, 1j * omega))
+        return float(log10(passed.max() / allowed))
+
+    fast, late = log10(slow) - 4, log10(slow) + 4
+    if allowed > 0 and excess(fast) > 0 > excess(late):
+        quiet = 10 ** brentq(excess, fast, late, xtol=1e-3)
+        said = (
+            f"so the noise must choose: F/G̃ passes noise to u at most {NOISE_GAIN:g} times as "
+            "strongly as it passes a constant."
+        )
+    else:
+        quiet = slow / 10
+        said = (
+            "and noise does not say how fast it must be: this is a tenth of the plant's slowest "
+            "time constant (of 1 s where it has none). Choose your own."
+        )
+    if quiet > INSIDE * longest:
+        quiet = INSIDE * longest
+        said = "and this is a slow one: a faster one would pass even more noise to u."
+    opening = f"every fast one {_named(family)} keeps the sensitivity peak below {max_ms:g}"
+    return filter_at(family, float(f"{quiet:.3g}")), f"Filter: {opening}, {said}"
+
+
+def controller_for(
+    model: Any, filter: Any, calm: bool = False
+) -> tuple[ct.TransferFunction | None, str]:
+    """Design a PI by its phase margin, or by the observer's bandwidth, whose loop is calm.
+
+    Where none of them is, the calmest.
+    """
+    undelayed = getattr(model, "tf", model)
+    tried: list[tuple[float, ct.TransferFunction, str]] = []
+    for limit in (CALM, None):
+        for bandwidth, margin in _asked_of_controllers(filter, undelayed):
+            if calm and bandwidth is None:
+                continue
+            try:
+                found = design_controller(
+                    undelayed, bandwidth=bandwidth, phase_margin=margin, max_ms=limit
+                )
+            except ValueError:
+                continue
+            how = (
+                f"the PI of largest integral gain with a phase margin of {margin:g}° on the model"
+                if bandwidth is None
+                else f"designed for a crossover at {number(bandwidth)} rad/s, near the bandwidth "
+                f"of the observer, with a phase margin of {margin:g}° on the model"
+            )
+            ms = NRDOB(undelayed, undelayed, found, filter).margins().model_loop.ms
+            lowered = limit is not None and bandwidth is None and ms > (1 - 1e-3) * limit
+            calmed = f"; its gain is lowered until the sensitivity peaks at {CALM:g}"
+            tried.append((ms, found, f"Controller: {how}{calmed if lowered else ''}."))
+            if limit is not None:
+                return tried[0][1:]
+    if tried:
+        return min(tried, key=lambda each: each[0])[1:]
+    return None, "Controller: none of I, PI and PID was found that stabilises this model."
+
+
+def _asked_of_controllers(filter: Any, model: Any) -> Iterator[tuple[float | None, float]]:
+    yield None, MARGINS[0]
+    speed = (
+        1 / (filter.order * filter.time_constant)
+        if isinstance(filter, LowPassFilter)
+        else 1 / _slowest(model)
+    )
+    for margin in MARGINS:
+        for share in SPEEDS:
+            yield share * speed, margin

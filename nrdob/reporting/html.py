@@ -1,0 +1,132 @@
+"""A page that stands alone: sections of words, tables and pictures, written as one HTML file.
+
+All text goes through a template that escapes it; pictures are drawn into the page. It needs no
+network and holds no script, and it says so to the browser that shows it.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from functools import cache
+from io import StringIO
+from typing import Any
+from zlib import crc32
+
+__all__ = ["Picture", "Section", "Table", "picture", "written"]
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows under headings; the first cell of each row names it.
+
+    Attributes
+    ----------
+    caption : str
+        What it shows.
+    head : tuple of str
+        Headings.
+    rows : tuple of tuple of str
+        Cells.
+    """
+
+    caption: str
+    head: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A drawing, and the same in words.
+
+    Attributes
+    ----------
+    svg : str
+        The drawing, as an element of a page.
+    alt : str
+        The facts that it shows.
+    caption : str
+        What stands below it.
+    """
+
+    svg: str
+    alt: str
+    caption: str
+
+
+@dataclass(frozen=True)
+class Section:
+    """A part of the page.
+
+    Attributes
+    ----------
+    title : str
+        Its heading.
+    words : tuple of str
+        Paragraphs.
+    tables, pictures : tuple
+        What is shown.
+    warnings : tuple of str
+        What must not be overlooked; also listed at the top of the page.
+    alarms : tuple of str
+        What speaks against using the loop, or the process; the first of a page is its headline.
+    """
+
+    title: str
+    words: tuple[str, ...] = ()
+    tables: tuple[Table, ...] = ()
+    pictures: tuple[Picture, ...] = ()
+    warnings: tuple[str, ...] = ()
+    alarms: tuple[str, ...] = ()
+
+
+def written(report: Any) -> str:
+    """Lay a `nrdob.reporting.Report` out as a page of HTML."""
+    text: str = _template().render(page=report)
+    return text
+
+
+def picture(figure: Any, caption: str) -> Picture:
+    """Turn an `nrdob.plotting.Figure` into a drawing of the page, and close it.
+
+    Names within its drawing differ from those of others.
+    """
+    import matplotlib as mpl
+    import matplotlib.pyplot as plt
+
+    from ..plotting import styled
+
+    text = StringIO()
+    with styled(), mpl.rc_context({"svg.fonttype": "path"}):
+        figure.figure.savefig(
+            text, format="svg", transparent=True, metadata={"Date": None, "Creator": None}
+        )
+    plt.close(figure.figure)
+    svg = text.getvalue()
+    svg = svg[svg.index("<svg") :]
+    svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
+    svg = re.sub(r'(\bid="|href="#|url\(#)', rf"\g<1>p{crc32(svg.encode()):x}-", svg)
+    # The width is the page's; the height follows from the view box.
+    svg = re.sub(r'^<svg ([^>]*?)height="[^"]*"', r"<svg \1", svg, count=1)
+    svg = re.sub(r'^<svg ([^>]*?) width="[^"]*"', r"<svg \1", svg, count=1)
+    return Picture(svg, figure.alt, caption)
+
+
+@cache
+def _template() -> Any:
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader("nrdob.reporting", "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["unbroken"] = _unbroken
+    return environment.get_template("page.html.j2")
+
+
+def _unbroken(text: str) -> str:
+    """Keep a number and its unit in one line."""
+    return re.sub(r"(?<=[\d∞]) (?=(?:s|dB|rad/s|%)(?!\w))", "\N{NO-BREAK SPACE}", text)

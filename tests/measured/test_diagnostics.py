@@ -1,0 +1,203 @@
+"""Records that mislead a fit: drift, rivals of the other sign, and what must be told by name."""
+
+import numpy as np
+import pytest
+
+import nrdob
+from nrdob.measured import checked_record, identify
+from nrdob.measured.residuals import whitening_of
+from nrdob.reporting import propose
+from tests.campaigns.identification import response, thermal
+
+ONE_LAG = "one lag with dead time"
+
+
+def lag(inputs, noise=0.02, seed=0):
+    """Gain 2, 15 samples of lag and 4 of dead time, measured."""
+    rng = np.random.default_rng(seed)
+    clean = response(np.array([1, 1 / 15]), np.array([2 / 15]), 4.0, inputs)
+    return np.arange(inputs.size), inputs, clean + noise * rng.standard_normal(inputs.size)
+
+
+def switched(count=400, seed=0):
+    rng = np.random.default_rng(seed)
+    return np.cumprod(np.where(rng.random(count) < 0.04, -1.0, 1.0))
+
+
+@pytest.mark.parametrize("theta", [1.0, 0.9, 0.5])
+def test_drift_and_memory_are_found(theta):
+    rng = np.random.default_rng(1)
+    fresh = rng.standard_normal(4000)
+    walk = np.cumsum((1 - theta) * fresh)
+    found = whitening_of(fresh + np.concatenate([[0.0], walk[:-1]]))
+    assert found.theta == pytest.approx(theta, abs=0.03)
+    assert len(found.memory) == 1 or abs(found.memory[1]) < 0.1
+
+
+def test_a_filter_and_what_it_foretells_are_each_others_inverse():
+    rng = np.random.default_rng(2)
+    walk = np.cumsum(rng.standard_normal(300)) + rng.standard_normal(300)
+    found = whitening_of(walk)
+    ahead = found.carried_on(walk[:299], 1)[0]
+    assert walk[299] - ahead == pytest.approx(found.applied(walk)[299])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("kind", "case"),
+    [
+        ("step", 13), ("up and down", 3), ("up and down", 6),  # of the wrong sign before
+        ("step", 6), ("up and down", 10), ("three steps", 12),  # integrators before
+    ],
+)  # fmt: skip
+def test_a_heater_in_a_room_that_drifts_has_the_sign_of_its_gain(kind, case):
+    true = thermal(kind, np.random.default_rng([1, case, len(kind)]))
+    found = identify(true.t, true.u, true.y)
+    gain = found.parameters["gain"]
+    assert found.structure.startswith(("one lag", "two lags")) and not found.unsure
+    assert gain.value == pytest.approx(true.truth["gain"], rel=0.25)
+    assert gain.low * gain.high > 0
+
+
+@pytest.mark.slow
+def test_a_search_does_not_end_with_the_wrong_sign_of_a_slow_plant():
+    # Ten blocks, hardly any noise, not at rest: gain -0.96 and 43 samples for 3 before.
+    rng = np.random.default_rng(0)
+    u = np.repeat([0.0, 1, 1, 0, 0, 1, 1, 1, 0, 1], 20)
+    for slow, late, first in ((148.468, 3.041, 0.7), (148.468, 3.041, -1.2), (40.0, 7.15, 1.0)):
+        y = response(np.array([1, 1 / slow]), np.array([0.9596 / slow]), late, u)
+        y += first * np.exp(-np.arange(200) / slow) + 1e-4 * rng.standard_normal(200)
+        found = identify(np.arange(200.0), u, y, structure=ONE_LAG)
+        assert found.parameters["gain"].value == pytest.approx(0.9596, rel=0.02)
+        assert found.parameters["dead time"].value == pytest.approx(late, abs=0.5)
+        assert found.validation_percent > 95
+
+
+@pytest.mark.slow
+def test_the_held_out_part_has_a_veto():
+    # After the first half the plant answers the other way round: nothing foretells that.
+    t, u, y = lag(switched())
+    y[200:] = 2 * y[199] - y[200:]
+    found = identify(t, u, y)
+    assert found.validation_percent < 0 and "held out" in found.unsure
+    assert "foretold worse than a constant" in found.remarks[0]
+    refused = propose(found)
+    assert refused.loop is None and "worse than a constant" in refused.warnings[0]
+
+
+@pytest.mark.slow
+def test_no_loop_rests_on_a_gain_that_may_be_zero():
+    rng = np.random.default_rng(0)
+    found = identify(np.arange(300), np.sign(rng.standard_normal(300)), rng.standard_normal(300))
+    gain = found.parameters["gain"]
+    assert gain.low <= 0 <= gain.high and "may be zero" in found.unsure
+    assert propose(found).loop is None
+
+
+@pytest.mark.slow
+def test_outliers_are_told():
+    t, u, y = lag(switched())
+    assert not identify(t, u, y, structure=ONE_LAG).remarks
+    y[[100, 250, 333]] += [3, -2, 4]
+    (said,) = identify(t, u, y, structure=ONE_LAG).remarks
+    assert said.startswith("3 samples of y are outliers") and "at 333 s" in said
+
+
+@pytest.mark.slow
+def test_what_a_sensor_rounds_and_a_table_interpolates_is_no_outlier():
+    inputs = (np.arange(600) > 60).astype(float)
+    t, u, y = lag(inputs, noise=0.0)
+    y = np.round(y / 0.05) * 0.05
+    y = np.interp(t + 0.02 * np.sin(t), t, y)
+    assert not [each for each in identify(t, u, y).remarks if "outliers" in each]
+
+
+@pytest.mark.slow
+def test_a_drift_is_told_and_counted_in():
+    t, u, y = lag(switched())
+    rng = np.random.default_rng(5)
+    quiet = identify(t, u, y, structure=ONE_LAG)
+    drifting = identify(t, u, y + np.cumsum(0.05 * rng.standard_normal(400)), structure=ONE_LAG)
+    assert any(said.startswith("y drifts") for said in drifting.remarks)
+    gain, before = drifting.parameters["gain"], quiet.parameters["gain"]
+    assert gain.standard_error > 3 * before.standard_error
+    assert gain.low < 2 < gain.high
+
+
+@pytest.mark.slow
+def test_too_short_a_record_is_told():
+    t, u, y = lag(np.where(np.arange(62) < 50, 0.0, 1.0))
+    found = identify(t, u, y, structure=ONE_LAG)
+    assert any("the record is short" in said for said in found.remarks)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("limit", [1.0, 9.0])
+def test_an_actuator_that_saturates_is_told(limit):
+    u = np.repeat(np.random.default_rng(3).choice([0.0, 0.5, 1.0, 1.5], 20), 25)
+    t, _, y = lag(np.minimum(u, limit))
+    said = " ".join(identify(t, u, y, structure=ONE_LAG).remarks)
+    assert ("as if u were cut off above 1" in said) is (limit == 1.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("closed", [True, False])
+def test_data_from_a_closed_loop_are_told(closed):
+    rng = np.random.default_rng(4)
+    a, state, integral, wander = np.exp(-1 / 15), 0.0, 0.0, 0.0
+    late, u, y = [0.0] * 4, [], []
+    for k in range(800):
+        wander = 0.9 * wander + 0.03 * rng.standard_normal()
+        y.append(state + wander + 0.01 * rng.standard_normal())
+        error = (k // 200) % 2 - (y[-1] if closed else 0.1 * rng.standard_normal())
+        integral += 0.05 * error
+        u.append(error + (integral if closed else 0.0))
+        late.append(u[-1])
+        state = a * state + 2 * (1 - a) * late.pop(0)
+    found = identify(np.arange(800), np.array(u), np.array(y), structure=ONE_LAG)
+    assert any("under control" in said for said in found.remarks) is closed
+
+
+def test_a_sensor_that_rounds_is_not_taken_for_a_limit_at_the_end_of_a_record():
+    # A heater that has nearly settled, in steps of 0.32 and 0.33 as a converter writes them.
+    rng = np.random.default_rng(2)
+    t = np.arange(800.0)
+    for _ in range(20):
+        rising = 21 + 34 * -np.expm1(-np.maximum(t - 20, 0) / 160)
+        y = np.round(np.round((rising + 0.2 * rng.standard_normal(800)) / 0.3226) * 0.3226, 2)
+        y[770:] = y.max()
+        assert checked_record(t, (t > 10) * 50.0, y).free.all()
+
+
+@pytest.mark.slow
+def test_a_loop_is_tried_on_what_the_record_does_not_exclude():
+    true = thermal("three steps", np.random.default_rng([1, 4, 11]))
+    found = identify(true.t, true.u, true.y)
+    proposal = propose(found)
+    loop = proposal.loop
+    plants = [found.process, *(each.process for each in found.candidates if each.rival)]
+    plants += [found.plain, *found.corners.values()]
+    assert len(found.corners) == 2 ** len(found.parameters)
+    assert len(proposal.trials) == len(plants)
+    for plant, trial in zip(plants, proposal.trials, strict=True):
+        tried = nrdob.NRDOB(plant, loop.model, loop.controller, loop.filter)
+        assert tried.stability().stable and trial.stable
+        omega = np.geomspace(1e-6, 10, 4000) / true.truth["lag"] * 100
+        assert trial.ms <= 2.5 and trial.ms >= np.abs(tried.S_d(1j * omega)).max() - 1e-3
+
+
+@pytest.mark.slow
+def test_a_filter_is_made_slower_until_no_corner_fails():
+    t, u, y = lag(switched(120, seed=3), noise=0.6)
+    found = identify(t, u, y, structure=ONE_LAG, held_out=0)
+    alone, proposal = propose(found.process), propose(found)
+    first = [
+        nrdob.NRDOB(plant, alone.loop.model, alone.loop.controller, alone.loop.filter).margins()
+        for plant in found.corners.values()
+    ]
+    assert any(not each.stable or each.plant_loop.ms > 2.5 for each in first)
+    assert proposal.loop.filter.time_constant > alone.loop.filter.time_constant
+    assert all(each.holds for each in proposal.trials) and "times as long" in proposal.words[-1]
+    given = propose(found, time_constant=alone.loop.filter.time_constant)
+    assert given.loop.filter.time_constant == alone.loop.filter.time_constant
+    assert "does not tell enough" in given.warnings[0] or all(e.holds for e in given.trials)

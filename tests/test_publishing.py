@@ -1,0 +1,118 @@
+"""All that can be checked of a release before there is an address: files, metadata, workflows."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import tarfile
+import tomllib
+import zipfile
+from email.parser import Parser
+from pathlib import Path
+
+import pytest
+import yaml
+
+ROOT = Path(__file__).resolve().parents[1]
+SETTINGS = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
+PROJECT = SETTINGS["project"]
+WORKFLOWS = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
+
+KEPT = (".github", "binder", "book/ext", "book/make", "book/teaching", "nrdob", "recipe", "tests")
+
+CONDA = {"matplotlib": "matplotlib-base"}
+"""Names that differ there: without the parts for windows on a screen."""
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Build wheel and sdist, from a copy whose project has an address."""
+    builders = (
+        pytest.importorskip("hatchling.builders.wheel"),
+        pytest.importorskip("hatchling.builders.sdist"),
+    )
+    place = tmp_path_factory.mktemp("built")
+    skipped = shutil.ignore_patterns("__pycache__")
+    for folder in ("nrdob", "book/nrdob_course"):
+        shutil.copytree(ROOT / folder, place / folder, ignore=skipped)
+    for path in filter(Path.is_file, ROOT.iterdir()):
+        shutil.copy(path, place)
+    settings = (place / "pyproject.toml").read_text("utf-8")
+    given = settings.replace('repository = ""', 'repository = "https://example.org/nrdob"')
+    assert given != settings
+    (place / "pyproject.toml").write_text(given, "utf-8")
+    for module, kind in zip(builders, ("WheelBuilder", "SdistBuilder"), strict=True):
+        list(getattr(module, kind)(str(place)).build(directory=str(place / "dist")))
+    return place / "dist"
+
+
+@pytest.mark.slow
+def test_wheel_and_sdist_hold_the_package_and_no_course(built: Path) -> None:
+    (wheel,), (sdist,) = built.glob("*.whl"), built.glob("*.tar.gz")
+    names = zipfile.ZipFile(wheel).namelist()
+    with tarfile.open(sdist) as archive:
+        sources = [name.partition("/")[2] for name in archive.getnames()]
+    modules = {path.relative_to(ROOT).as_posix() for path in (ROOT / "nrdob").rglob("*.py")}
+    for held in (names, sources):
+        assert modules <= set(held) and "nrdob/py.typed" in held
+        assert not [name for name in held if "course" in name or "__pycache__" in name]
+    assert {"hatch_build.py", "README.md", "LICENSE"} <= set(sources)
+    (about,) = (name for name in names if name.endswith("METADATA"))
+    metadata = Parser().parsestr(zipfile.ZipFile(wheel).read(about).decode())
+    assert (metadata["Name"], metadata["Version"]) == ("nrdob", PROJECT["version"])
+    assert metadata["Project-URL"] == "Source, https://example.org/nrdob"
+    assert metadata["License-Expression"] == "BSD-3-Clause"
+
+
+def test_versions_agree() -> None:
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text("utf-8"))
+    recipe = yaml.safe_load((ROOT / "recipe" / "recipe.yaml").read_text("utf-8"))
+    course = tomllib.loads((ROOT / "book" / "pyproject.toml").read_text("utf-8"))["project"]
+    assert {citation["version"], recipe["context"]["version"], course["version"]} == {
+        PROJECT["version"]
+    }
+
+
+def test_the_recipe_says_what_the_project_says() -> None:
+    recipe = yaml.safe_load((ROOT / "recipe" / "recipe.yaml").read_text("utf-8"))
+    needed = [f"python {PROJECT['requires-python']}"]
+    for line in PROJECT["dependencies"]:
+        name, version = re.fullmatch(r"([\w-]+)(>=.+)", line).groups()
+        needed.append(f"{CONDA.get(name, name)} {version}")
+    assert sorted(recipe["requirements"]["run"]) == sorted(needed)
+    scripts = [f"{name} = {place}" for name, place in PROJECT["scripts"].items()]
+    assert recipe["build"]["python"]["entry_points"] == scripts
+    assert recipe["about"]["summary"] == PROJECT["description"]
+    backend = SETTINGS["build-system"]["requires"]
+    assert [line.replace(" ", "") for line in recipe["requirements"]["host"][1:2]] == backend
+
+
+@pytest.mark.parametrize("path", WORKFLOWS, ids=lambda path: path.stem)
+def test_a_workflow_can_be_read_and_runs_what_exists(path: Path) -> None:
+    jobs = yaml.safe_load(path.read_text("utf-8"))["jobs"]
+    makefile = (ROOT / "Makefile").read_text("utf-8")
+    targets = set(re.findall(r"^([a-z-]+):", makefile, re.MULTILINE))
+    for name, job in jobs.items():
+        assert job["timeout-minutes"], name
+        assert set(job.get("needs", [])) <= set(jobs) or job["needs"] in jobs
+        for step in job["steps"]:
+            assert ("run" in step) != ("uses" in step)
+            assert re.search(r"@(v\d+|release/v\d+)$", step.get("uses", "@v1")), step
+            run = step.get("run", "")
+            for made in re.findall(r"^make ([a-z -]+)$", run, re.MULTILINE):
+                assert set(made.split()) <= targets, run
+            for file in re.findall(r"\bpython (?:-I )?((?:book|tests)/[\w/]+\.py)", run):
+                assert (ROOT / file).exists(), run
+
+
+def test_the_release_publishes_by_trust_and_the_address_stands_in_one_place() -> None:
+    release = yaml.safe_load((ROOT / ".github" / "workflows" / "release.yml").read_text("utf-8"))
+    publish = release["jobs"]["publish"]
+    assert publish["permissions"]["id-token"] == "write" and publish["environment"]
+    assert not re.search(r"password|secrets\.", yaml.safe_dump(release))
+    address = SETTINGS["tool"]["nrdob"]["repository"]
+    kept = [path for folder in KEPT for path in (ROOT / folder).rglob("*.*")]
+    files = [*kept, *filter(Path.is_file, ROOT.glob("[!p]*"))]
+    texts = {path: path.read_bytes() for path in files if path.is_file()}
+    assert not [path for path, text in texts.items() if address and address.encode() in text]
+    assert len(texts) > 300
