@@ -1,9 +1,8 @@
 """The loop on a processor: process behind a hold, observer as difference equations."""
 
 from .actuatorlimits import ActuatorLimits
-from .bilinear import held_in_w, process_in_w
+from .bilinear import process_in_w
 from .code import ControllerCode
-from .hold import held_process
 from .sampled import SampledLoop
 from .samplingtime import largest_sampling_time
 from .sections import Section
@@ -17,8 +16,6 @@ __all__ = [
     "SampledStability",
     "Section",
     "SimulatedResponse",
-    "held_in_w",
-    "held_process",
     "largest_sampling_time",
     "process_in_w",
 ]

@@ -322,7 +322,7 @@ def nrdob() -> Diagram:
 def six_blocks() -> Diagram:
     """Draw Fig. 1 with a name for the output of each block but the process, whose output is y."""
     drawn = nrdob()
-    outputs = {"$c$": (3.52, -0.3), "$v$": (6.4, 2.65), "$g$": (5.45, 1.86),
+    outputs = {"$c$": (3.52, -0.3), "$w$": (6.4, 2.65), "$g$": (5.45, 1.86),
                "$b$": (5.45, -1.86), "$a$": (6.9, -2.05)}  # fmt: skip
     kept = {text: place for text, place in drawn.labels.items() if text != "noise reduction"}
     return replace(drawn, title="the NR-DOB loop, its six blocks", labels=kept | outputs)

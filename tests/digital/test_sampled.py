@@ -13,12 +13,12 @@ import nrdob
 from nrdob import paper
 from nrdob.diagram import Fraction
 from nrdob.digital import (
-    held_in_w,
-    held_process,
     largest_sampling_time,
     process_in_w,
     verdict,
 )
+from nrdob.digital.bilinear import held_in_w
+from nrdob.digital.hold import held_process
 from nrdob.digital.unitcircle import CircleFunction, Product, count_outside
 from tests.campaigns import sampled as campaign
 
