@@ -119,7 +119,7 @@ def everything(nrdob, place: Path) -> int:
     pictures = [
         loop.plot_nyquist(), loop.plot_bode(), loop.plot_step(), chart.plot(),
         table.plot_map("gain", "delay"), plotting.winding_plot([0.5], [0.2]),
-        line,
+        plotting.winding_animation([0.5], [0.2]), line,
     ]  # fmt: skip
     for picture in pictures:
         shown, _ = picture._repr_mimebundle_()

@@ -17,13 +17,14 @@ from .figure import (
     axes_for,
     colour_of,
     dress,
+    label_of,
     missing,
     styled,
 )
 from .mapplot import MapAxis, map_plot
 from .nyquistplot import nyquist_plot
 from .stepplot import step_plot
-from .winding import winding_plot
+from .winding import winding_animation, winding_plot
 
 __all__ = [
     "COLOURS",
@@ -43,6 +44,7 @@ __all__ = [
     "diagrams",
     "dress",
     "frequency",
+    "label_of",
     "map_plot",
     "missing",
     "nyquist_plot",
@@ -50,6 +52,7 @@ __all__ = [
     "step_plot",
     "styled",
     "turns",
+    "winding_animation",
     "winding_plot",
 ]
 

@@ -1,4 +1,4 @@
-"""The argument principle: a walk around the unit circle, and how far f(s) has turned."""
+"""The argument principle to look at: a walk around the unit circle, and how far f(s) has turned."""
 
 from __future__ import annotations
 
@@ -10,12 +10,18 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from ..numerics import ComplexArray, FloatArray
-from .figure import COLOURS, INK, TALL, WIDTH, Figure, dress, styled
+from .figure import COLOURS, INK, SHORT, TALL, WIDTH, Figure, dress, styled
 
-__all__ = ["winding_plot"]
+__all__ = ["winding_animation", "winding_plot"]
 
 CIRCLE: ComplexArray = np.exp(-2j * np.pi * np.linspace(0, 1, 401))
 """The walk: clockwise, from +1 to +1."""
+
+WALK, VALUE, BARS = 150 + 140j, 560 + 120j, 330 + 294j
+"""Where the SVG has the walk, the value of f, and the bars; y downwards, as in every SVG."""
+
+STEP = 22
+"""From one bar to the next."""
 
 
 def winding_plot(zeros: Sequence[complex], poles: Sequence[complex]) -> Figure:
@@ -32,7 +38,7 @@ def winding_plot(zeros: Sequence[complex], poles: Sequence[complex]) -> Figure:
         Above the walker with a vector from each zero and pole, below f(s) and its turns.
     """
     turned = _swept(_rational(zeros, poles))
-    axes, moments = _panels(), (100, 200, 300, 400)
+    axes, moments = _panels(2, 4, TALL), (100, 200, 300, 400)
     with styled():
         for (above, below), k in zip(axes.T, moments, strict=True):
             _draw_walk(above, zeros, poles, k)
@@ -43,6 +49,43 @@ def winding_plot(zeros: Sequence[complex], poles: Sequence[complex]) -> Figure:
         axes[1, 0].set(xlabel="Re f", ylabel="Im f")
     said = ", ".join(f"{turned[k]:.2f}" for k in moments)
     return Figure([], axes, f"f(s) after each quarter of the way: {said} clockwise turns around 0")
+
+
+def winding_animation(zeros: Sequence[complex], poles: Sequence[complex]) -> Figure:
+    """Animate the walk of `winding_plot`, with a bar for the angle that each vector has swept.
+
+    Parameters
+    ----------
+    zeros, poles : sequence of complex
+        Of f, none of them on the circle.
+
+    Returns
+    -------
+    Figure
+        Moving where SVG is shown, at rest for those who ask for less motion; as PNG its end.
+    """
+    f = _rational(zeros, poles)
+    axes = _panels(1, 2, SHORT)
+    with styled():
+        _draw_walk(axes[0, 0], zeros, poles, CIRCLE.size - 1)
+        _draw_value(axes[0, 1], f, CIRCLE.size - 1)
+    whole = round(float(_swept(f)[-1]))
+    alt = f"The walk as an animation; in all f makes {whole} clockwise turn{'s'[: whole != 1]}"
+    return _Animation(axes, alt, _svg(zeros, poles))
+
+
+class _Animation(Figure):
+    """A figure that moves where SVG does, and else rests."""
+
+    def __init__(self, axes: Any, alt: str, svg: str) -> None:
+        super().__init__([], axes, alt)
+        self.svg = svg
+
+    def _repr_mimebundle_(
+        self, include: Any = None, exclude: Any = None
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        data, metadata = super()._repr_mimebundle_(include, exclude)
+        return data | {"image/svg+xml": self.svg}, metadata
 
 
 def _rational(zeros: Sequence[complex], poles: Sequence[complex]) -> ComplexArray:
@@ -61,10 +104,10 @@ def _swept(values: ComplexArray) -> FloatArray:
     return np.append(0.0, -np.cumsum(steps) / (2 * np.pi))
 
 
-def _panels() -> Any:
-    figure = plt.figure(figsize=(WIDTH, TALL), layout="constrained")
+def _panels(rows: int, columns: int, height: float) -> Any:
+    figure = plt.figure(figsize=(WIDTH, height), layout="constrained")
     with styled():
-        axes = figure.subplots(2, 4)
+        axes = figure.subplots(rows, columns, squeeze=False)
         for ax in axes.flat:
             dress(ax)
             ax.set_aspect("equal", adjustable="datalim")
@@ -89,3 +132,92 @@ def _draw_value(ax: Axes, image: ComplexArray, k: int) -> None:
     ax.plot([0, image[k].real], [0, image[k].imag], color=INK, lw=1.1)
     ax.plot(image[k].real, image[k].imag, ".", color=COLOURS["loop"], ms=9)
     ax.plot(0, 0, "+", color=COLOURS["critical"], ms=9, mew=2.2, zorder=6)
+
+
+# --- the same, moving -----------------------------------------------------------------------------
+
+
+def _svg(zeros: Sequence[complex], poles: Sequence[complex]) -> str:
+    image = _rational(zeros, poles)
+    scale = 200 / max(np.ptp(image.real), np.ptp(image.imag))
+    walk, value = WALK + 95 * CIRCLE.conj(), VALUE + scale * image.conj()
+    named = [("zero", a) for a in zeros] + [("pole", a) for a in poles]
+    labels = [f"{kind} at {_short(a)}" for kind, a in named] + ["their sum: turns of f"]
+    x, y = BARS.real, BARS.imag
+    foot = y + STEP * len(labels)
+    swept = [(a, _swept((CIRCLE - a) ** (1 if kind == "zero" else -1))) for kind, a in named]
+    colours = [COLOURS["process" if kind == "zero" else "model"] for kind, _ in named]
+
+    def moment(frames: Any) -> str:
+        parts = []
+        for k, ((a, angle), colour) in enumerate(zip(swept, colours, strict=True)):
+            place, bar = WALK + 95 * np.conj(a), BARS + 1j * STEP * k
+            parts += [
+                _stroke(frames, place, walk, colour, 1.5),
+                _dot([0], place + 0 * walk, colour),
+            ]
+            parts.append(_stroke(frames, bar, bar + 150 * angle, colour, 10))
+        bar = BARS + 1j * STEP * len(swept)
+        parts.append(_stroke(frames, bar, bar + 150 * _swept(image), COLOURS["loop"], 10))
+        parts.append(_stroke(frames, VALUE, value, INK, 1.5))
+        parts += [_dot(frames, walk, COLOURS["reference"]), _dot(frames, value, COLOURS["loop"])]
+        return "".join(parts)
+
+    scene = _still(walk) + _still(value)
+    cross = f"M{VALUE.real - 8:.0f} {VALUE.imag:.0f}h16M{VALUE.real:.0f} {VALUE.imag - 8:.0f}v16"
+    scene += f'<path d="{cross}" stroke="{COLOURS["critical"]}" stroke-width="2.5"/>'
+    scene += _text(20, 24, "s walks around the circle") + _text(340, 24, "f(s) turns around 0")
+    scene += "".join(_text(160, y + 4 + STEP * k, label, "end") for k, label in enumerate(labels))
+    for n in (-1, 0, 1):
+        at = x + 150 * n
+        scene += f'<path d="M{at:g} {y - 10:g}V{foot:g}" stroke="{INK}" stroke-width="0.6"/>'
+        scene += _text(at, foot + 16, ("−1", "0", "+1")[n + 1], "middle")
+    frames = np.append(np.arange(0, CIRCLE.size, 5), np.full(16, CIRCLE.size - 1))
+    tall = f"{foot + 26:.0f}"
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 672 {tall}" width="672" '
+        f'height="{tall}" font-family="DejaVu Sans, sans-serif" font-size="13">'
+        "<style>.rest{display:none}@media (prefers-reduced-motion: reduce)"
+        "{.moving{display:none}.rest{display:inline}}</style>"
+        f'{scene}<g class="moving">{moment(frames)}</g>'
+        f'<g class="rest">{moment([CIRCLE.size - 1])}</g></svg>'
+    )
+
+
+def _short(a: complex) -> str:
+    """Write a complex number for a label: −0.5, 0.5j, 1.5+1j."""
+    real, imag = complex(a).real, complex(a).imag
+    text = f"{real:g}" if not imag else f"{imag:g}j" if not real else f"{real:g}{imag:+g}j"
+    return text.replace("-", "−")
+
+
+def _moving(tag: str, fixed: str, frames: Any, **numbers: FloatArray) -> str:
+    """Write an SVG element whose attributes run through numbers, one for each frame."""
+    runs = {key: np.asarray(values)[frames] for key, values in numbers.items()}
+    rest = "".join(f' {key}="{values[-1]:.1f}"' for key, values in runs.items())
+    inside = "".join(
+        f'<animate attributeName="{key}" dur="12s" repeatCount="indefinite" values="'
+        + ";".join(f"{each:.1f}" for each in values)
+        + '"/>'
+        for key, values in runs.items()
+        if values.size > 1
+    )
+    return f"<{tag} {fixed}{rest}>{inside}</{tag}>"
+
+
+def _stroke(frames: Any, start: complex, end: ComplexArray, colour: str, width: float) -> str:
+    fixed = f'x1="{start.real:.1f}" y1="{start.imag:.1f}" stroke="{colour}" stroke-width="{width}"'
+    return _moving("line", fixed, frames, x2=end.real, y2=end.imag)
+
+
+def _dot(frames: Any, at: ComplexArray, colour: str) -> str:
+    return _moving("circle", f'r="4.5" fill="{colour}"', frames, cx=at.real, cy=at.imag)
+
+
+def _still(points: ComplexArray) -> str:
+    joined = " ".join(f"{p.real:.1f},{p.imag:.1f}" for p in points[::4])
+    return f'<polyline points="{joined}" fill="none" stroke="{INK}" stroke-width="0.8"/>'
+
+
+def _text(x: float, y: float, words: str, anchor: str = "start") -> str:
+    return f'<text x="{x:g}" y="{y:g}" text-anchor="{anchor}" fill="{INK}">{words}</text>'
