@@ -239,7 +239,7 @@ def test_a_pole_or_a_turn_miscounted_leaves_no_verdict(counted, monkeypatch):
     monkeypatch.setattr(nrdob.analysis.nyquist, counted, wrong)
     part = paper.example(3).stability().observer_loop
     assert part.stable is None and part.closed_loop_rhp is None
-    assert "the turns give Z" in part.reason and "no verdict" in part.reason
+    assert "the encirclements give Z" in part.reason and "no verdict" in part.reason
 
 
 def test_a_verdict_is_true_or_false_and_none_is_no_answer():
