@@ -24,7 +24,7 @@ import numpy as np
 from ..numerics import BoolArray, FloatArray, IntArray
 from .existence import roots_by_side
 from .forbidden import Curve, Forbidden, Limit, limits
-from .mismatch import Mismatch
+from .mismatch import ERROR, Mismatch
 from .mismatchgrid import Frequencies
 from .slack import NARROW, Specification
 
@@ -102,7 +102,7 @@ def _followed(mismatch: Mismatch, omega: FloatArray) -> FloatArray:
     """Leave out frequencies at which R is noise; follow it further if L does not vanish."""
     if mismatch.excess == mismatch.order and not mismatch.delay:
         omega = np.append(omega, omega[-1] * np.geomspace(1, FAR, 41)[1:])
-    return omega[mismatch.rounding(omega) < NOISE * np.abs(mismatch.ratio(omega))]
+    return omega[_rounding(mismatch, omega) < NOISE * np.abs(mismatch.ratio(omega))]
 
 
 def _at_ends(mismatch: Mismatch, specification: Specification) -> Iterator[Interval]:
@@ -360,3 +360,16 @@ def _on_axis(mismatch: Mismatch) -> tuple[FloatArray, BoolArray]:
     is_pole = np.arange(omega.size) < np.sum(parts[0] > 0)
     by_size = np.argsort(omega)
     return omega[by_size], is_pole[by_size]
+
+
+def _rounding(mismatch: Mismatch, omega: FloatArray) -> FloatArray:
+    """Bound the rounding error of R(jω), which near a zero on the axis exceeds R itself."""
+    values = [np.abs(np.polyval(p, 1j * omega)) for p in mismatch.factors]
+    sizes = [np.polyval(np.abs(p), omega) for p in mismatch.factors]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        poles = values[1] * values[2]
+        at_most = sizes[0] * sizes[3] / poles
+        relative = sizes[1] / values[1] + sizes[2] / values[2]
+        # The angle ωθ of the dead time is rounded in proportion to its size.
+        turned = at_most * (1 + mismatch.longest_delay * omega / 8)
+        return np.asarray(ERROR * (turned + values[0] * values[3] / poles * relative))
