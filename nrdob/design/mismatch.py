@@ -56,7 +56,7 @@ from .familytables import (
     without_shared,
 )
 
-__all__ = ["ERROR", "Mismatch"]
+__all__ = ["Mismatch"]
 
 ERROR = 64 * float(np.finfo(float).eps)
 """Bound of the rounding error of a polynomial's value, against the sum of its terms' sizes."""
