@@ -61,8 +61,6 @@ from .mismatchgrid import Frequencies
 
 __all__ = ["MANY_ROOTS", "ChartLoops", "borders_of", "most_turns"]
 
-OWN = "own"
-
 PER_DECADE, PER_TURN = 48, 24
 """Density of the frequencies, and frequencies to a turn of a dead time that is fixed."""
 
@@ -88,12 +86,6 @@ VALUES = 80
 """Number of values of the other parameter for which the turns are counted."""
 
 Curve = tuple[FloatArray, FloatArray, FloatArray]
-
-PAIRS = {
-    ("time_constant", "delay"), ("time_constant", "gain"), ("time_constant", "lag"),
-    ("gain", "delay"), ("gain", "lag"), ("lag", "delay"),
-}  # fmt: skip
-"""Which of two axes comes first."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +120,9 @@ class ChartLoops:
         fixed["time_constant"] = 1.0
         loop = ObserverEquations(undelayed, model, filter)
         F = loop.fractions.F
-        return cls(Mismatch.in_loop(loop, FilterFamily(OWN, F.num[:, None], F.den[:, None])), fixed)
+        return cls(
+            Mismatch.in_loop(loop, FilterFamily("own", F.num[:, None], F.den[:, None])), fixed
+        )
 
     # One loop.
 
@@ -262,26 +256,20 @@ def _columns(terms: tuple[Term, ...]) -> ManyTerms:
 
 
 def _family(filter: Any) -> FilterFamily:
-    if isinstance(filter, LowPassFilter):
-        return as_family(filter.order)
-    if isinstance(filter, FilterFamily) or not hasattr(filter, "num"):
-        return as_family(filter)
+    family = filter.order if isinstance(filter, LowPassFilter) else filter
+    if isinstance(family, FilterFamily) or not hasattr(family, "num"):
+        return as_family(family)
     raise TypeError(
         "time_constant is on an axis, but filter is a single one: give an order, or a family from "
         "nrdob.filter_family"
     )
 
 
-# The borders.
-
-
 def borders_of(loops: ChartLoops, x: Axis, y: Axis, most: float) -> Iterator[Border]:
     """Give the curves on which the number of roots on the right may change."""
     for flipped, axes in ((False, (x, y)), (True, (y, x))):
-        if (axes[0].name, axes[1].name) in PAIRS:
-            crossing = _with_lambda if axes[0].name == "time_constant" else _without_lambda
-            curves = (*crossing(loops, axes, most), *_ends(loops, axes))
-            for omega, first, second in curves:
+        if crossing := CROSSING.get((axes[0].name, axes[1].name)):
+            for omega, first, second in (*crossing(loops, axes, most), *_ends(loops, axes)):
                 points = (second, first) if flipped else (first, second)
                 yield from cut(x, y, Border(*points, omega))
 
@@ -319,15 +307,7 @@ def most_turns(loops: ChartLoops, x: Axis, y: Axis) -> float:
 # Without λ: both parameters are functions of ω.
 
 
-def _without_lambda(loops: ChartLoops, axes: tuple[Axis, Axis], most: float) -> Iterator[Curve]:
-    omega = loops.frequencies(axes)
-    if axes[1].name == "lag":
-        yield from _gain_and_lag(loops, axes, omega)
-    else:
-        yield from _with_delay(loops, axes, omega, most)
-
-
-def _gain_and_lag(loops: ChartLoops, axes: tuple[Axis, Axis], omega: FloatArray) -> Iterator[Curve]:
+def _gain_and_lag(loops: ChartLoops, axes: tuple[Axis, Axis], most: float) -> Iterator[Curve]:
     """With V = W exp(jωθ): (1 + jτω) V = k."""
 
     def at(place: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -336,17 +316,15 @@ def _gain_and_lag(loops: ChartLoops, axes: tuple[Axis, Axis], omega: FloatArray)
         with np.errstate(all="ignore"):
             return place, np.abs(V) ** 2 / V.real, -V.imag / (omega * V.real)
 
-    omega = beside_changes(lambda w: loops.turned(w).real, omega)
+    omega = beside_changes(lambda w: loops.turned(w).real, loops.frequencies(axes))
     for part in parts(loops.turned(omega).real > 0):
         place, gain, lag = drawn(axes, np.log(omega[part])[None], at, 1)
         yield np.exp(place[0]), gain, lag
 
 
-def _with_delay(
-    loops: ChartLoops, axes: tuple[Axis, Axis], omega: FloatArray, most: float
-) -> Iterator[Curve]:
+def _with_delay(loops: ChartLoops, axes: tuple[Axis, Axis], most: float) -> Iterator[Curve]:
     """Take the gain, or the lag, from the size of W, and the dead time from its angle."""
-    first = axes[0]
+    first, omega = axes[0], loops.frequencies(axes)
 
     def read(omega: FloatArray) -> tuple[FloatArray, ComplexArray]:
         W = loops.ratio(omega)
@@ -470,6 +448,17 @@ FUNCTIONS: dict[str, Function] = {
     "lag": _real_part_off,
 }
 """What vanishes where the parameter on the other axis can have a value."""
+
+
+CROSSING: dict[tuple[str, str], Callable[..., Iterator[Curve]]] = {
+    ("time_constant", "delay"): _with_lambda,
+    ("time_constant", "gain"): _with_lambda,
+    ("time_constant", "lag"): _with_lambda,
+    ("gain", "delay"): _with_delay,
+    ("gain", "lag"): _gain_and_lag,
+    ("lag", "delay"): _with_delay,
+}
+"""What gives the curves, by the two axes in the order in which they are read."""
 
 
 def _lambdas(axis: Axis) -> FloatArray:

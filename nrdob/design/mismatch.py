@@ -234,24 +234,6 @@ class Mismatch:
             delay = self.delay - self.wait
             return np.asarray(R * np.exp(-1j * delay * omega) if delay else R)
 
-    def rounding(self, omega: FloatArray) -> FloatArray:
-        """Bound the rounding error of R(jω), which near a zero on the axis exceeds R itself.
-
-        Parameters
-        ----------
-        omega : array of float, shape (N,)
-            Frequencies, in rad/s.
-        """
-        values = [np.abs(value) for value in self._values(omega)]
-        sizes = self._sizes(omega)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            poles = values[1] * values[2]
-            at_most = sizes[0] * sizes[3] / poles
-            relative = sizes[1] / values[1] + sizes[2] / values[2]
-            # The angle ωθ of the dead time is rounded in proportion to its size.
-            turned = at_most * (1 + self.longest_delay * omega / 8)
-            return np.asarray(ERROR * (turned + values[0] * values[3] / poles * relative))
-
     def at_pole(self, omega: FloatArray) -> BoolArray:
         """Tell at which frequencies a pole of R lies within rounding.
 

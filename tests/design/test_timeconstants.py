@@ -5,6 +5,7 @@ from __future__ import annotations
 from math import cos, inf, pi, sqrt, tan
 
 import control as ct
+import mpmath as mp
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
@@ -461,3 +462,25 @@ def test_sets_of_models_that_wait_end_where_verdicts_change():
             assert found.stable is any(low < time_constant < high for low, high in intervals)
         ends += len(inner)
     assert ends >= 10
+
+
+@pytest.mark.parametrize("order", [2, 7])
+@pytest.mark.parametrize("gain", [0.9, 1e-6])
+@pytest.mark.parametrize("damping", [0.0, 5e-11])
+def test_a_border_beside_an_undamped_pole_is_exact(damping, gain, order):
+    # There λ(ω) is so steep that the frequencies that floats can tell apart are too coarse.
+    process = gain * ct.tf([1.0], [1.0, 2 * damping, 1.0])
+    model = ct.tf([1.0], [1.0, 0.02, 1.01])
+    factors = Mismatch.of(process, model, order).factors
+    N, D, Nm, Dm = ([mp.mpf(float(c)) for c in p] for p in factors)
+
+    def p_B(w, time_constant):
+        jw = mp.mpc(0, w)
+        ahead = mp.polyval(D, jw) * mp.polyval(Nm, jw) * ((1 + time_constant * jw) ** order - 1)
+        value = ahead + mp.polyval(N, jw) * mp.polyval(Dm, jw)
+        return [value.real, value.imag]
+
+    with mp.workdps(40):
+        for found, frequency, _ in critical_time_constants(process, model, order):
+            exact = mp.findroot(p_B, (mp.mpf(frequency), mp.mpf(found)))[1]
+            assert abs(found / exact - 1) < 1e-10
