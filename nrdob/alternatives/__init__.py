@@ -2,7 +2,6 @@
 
 from .adrc import (
     adrc_chart,
-    adrc_filters,
     adrc_stabilizing_bandwidths,
     adrc_stabilizing_gains,
     linear_adrc,
@@ -21,7 +20,6 @@ __all__ = [
     "Scheme",
     "Tuned",
     "adrc_chart",
-    "adrc_filters",
     "adrc_stabilizing_bandwidths",
     "adrc_stabilizing_gains",
     "candidates",
