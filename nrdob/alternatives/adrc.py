@@ -45,12 +45,12 @@ from ..design import (
     Border,
     StabilityChart,
     stability_chart,
-    stabilizing_gains,
     stabilizing_time_constants,
 )
 from ..diagram import FilterFamily, as_fraction, filter_family, real_number, undelayed
 from ..loop import NRDOB
 from ..numerics import FloatArray
+from ..uncertain import gain_intervals
 
 __all__ = [
     "adrc_chart",
@@ -215,7 +215,7 @@ def adrc_stabilizing_gains(
     TypeError, ValueError
         As `linear_adrc`.
     ArithmeticError
-        As `nrdob.design.stabilizing_gains`.
+        If a verdict cannot be given.
 
     Examples
     --------
@@ -227,12 +227,11 @@ def adrc_stabilizing_gains(
     >>> round(low, 3), high
     (0.462, inf)
     """
-    filter = adrc_filters(order, controller_bandwidth).at(
-        1 / _bandwidth(observer_bandwidth, "observer_bandwidth")
-    )
     found = []
     for sign in (-1.0, 1.0):
-        gains = stabilizing_gains(process, _model(order, sign), filter)
+        # With b0 = ±1 a factor of the process is as good as 1/b0.
+        loop = linear_adrc(process, order, sign, observer_bandwidth, controller_bandwidth)
+        gains = gain_intervals(loop)
         ends = [(1 / high, 1 / low if low else inf) for low, high in reversed(gains)]
         found += ends if sign > 0 else [(-high, -low) for low, high in reversed(ends)]
     return found

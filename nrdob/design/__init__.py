@@ -14,7 +14,6 @@ from .controllers import design_controller
 from .existence import Answer, right_half_plane_parity, stabilizing_filter_exists
 from .fastandslow import gain_bound, stable_for_fast_filters, stable_for_slow_filters
 from .fastest import design_filter
-from .gains import critical_gains, stabilizing_gains
 from .mismatch import Mismatch
 from .models import ModelCandidate, suggest_model
 from .peaks import peak_gain, step_peak
@@ -39,7 +38,6 @@ __all__ = [
     "StabilityChart",
     "admissible_time_constants",
     "closedforms",
-    "critical_gains",
     "critical_time_constants",
     "design_controller",
     "design_filter",
@@ -56,7 +54,6 @@ __all__ = [
     "solved",
     "stability_chart",
     "stabilizing_filter_exists",
-    "stabilizing_gains",
     "stabilizing_time_constants",
     "stable_for_fast_filters",
     "stable_for_slow_filters",

@@ -29,7 +29,7 @@ from ..diagram import FilterFamily, LowPassFilter, ObserverEquations
 from ..numerics import BoolArray, FloatArray, IntArray, bisect
 from .mismatch import Mismatch
 from .mismatchgrid import Frequencies
-from .plantloops import Distances, PlantLoops
+from .plantloops import PlantLoops
 from .timeconstants import intersection, stabilizing_set, stable_filters
 
 __all__ = ["Bracket", "FilterSearch", "admissible_time_constants", "checked_ms", "member", "solved"]
@@ -53,6 +53,9 @@ SHORT = 1.01
 
 FLAT = 1e-7
 """Change of the slack from one λ to the next that may be rounding."""
+
+FEW = 1500
+"""Frequencies at which all λ may be tried without asking which are left."""
 
 BEFORE = 0.8
 """From where dead times are followed farther, against the first λ that may be left."""
@@ -239,30 +242,31 @@ class FilterSearch:
     @cached_property
     def _scan(self) -> Scan:
         """Distances all over the stabilising set, dead times followed as far as it takes."""
-        slowest = self.intervals[0][0]
-        scan = self._scanned(self.intervals, slowest, 1.0)
-        if not (self.frequencies.mismatch.longest_delay and scan.windows):
+        slowest, gain = self.intervals[0][0], (1 - 1 / self.max_ms) / SHORT
+        if not self.frequencies.mismatch.longest_delay:
+            return self._scanned(PlantLoops.above(self.frequencies, slowest), self.intervals)
+        try:
+            loops = PlantLoops.above(self.frequencies, slowest, gain)
+            if loops.omega.size <= FEW:
+                return self._scanned(loops, self.intervals)
+        except ValueError:  # dead times would have to be followed too far
+            pass
+        # How far they must be depends on the fastest filter that an unstable loop's gains leave.
+        scan = self._scanned(PlantLoops.above(self.frequencies, slowest), self.intervals)
+        if not scan.windows:
             return scan
-        # Smaller gains than an unstable loop's are forbidden, too, up to higher frequency; how high
-        # depends on the fastest filter that may be left.
         bracket, _ = scan.windows[0]
-        low, gain = BEFORE * bracket.outside, (1 - 1 / self.max_ms) / SHORT
-        loops = PlantLoops(self.frequencies.mismatch, np.empty(0))
-        if low and loops.at_infinity(np.array([low]))[0] != 1:  # L(∞) is just that gain, or less
+        low = BEFORE * bracket.outside
+        if low and scan.loops.at_infinity(np.array([low]))[0] != 1:  # L(∞) is just that gain
             low, gain = scan.solved(bracket), gain * SHORT**2
         left = [(max(low, a), b) for a, b in self.intervals if b > low]
         try:
-            return self._scanned(left, low or slowest, gain)
+            return self._scanned(PlantLoops.above(self.frequencies, low or slowest, gain), left)
         except ValueError as refusal:
             raise ValueError(f"max_ms is {self.max_ms}, too close to 1: {refusal}") from refusal
 
-    def _scanned(self, intervals: list[Interval], slowest: float, gain: float) -> Scan:
-        loops = PlantLoops.above(self.frequencies, slowest, gain)
-
-        def look(x: FloatArray) -> Distances:
-            return loops.distances(np.exp(x), 1 / self.max_ms)
-
-        return Scan.of(look, log(self.max_ms), intervals, self.frequencies.mismatch.speeds)
+    def _scanned(self, loops: PlantLoops, intervals: list[Interval]) -> Scan:
+        return Scan.of(loops, self.max_ms, intervals, self.frequencies.mismatch.speeds)
 
 
 @dataclass(frozen=True, eq=False)
@@ -271,10 +275,10 @@ class Scan:
 
     Attributes
     ----------
-    look : callable
-        Distances of many ln λ.
-    level : float
-        The logarithm of the limit over which they are slack.
+    loops : PlantLoops
+        The loops of all λ.
+    max_ms : float
+        The limit over which they are slack.
     intervals : list of (low, high)
         The intervals of λ.
     x, slack : (N,) array of float
@@ -283,8 +287,8 @@ class Scan:
         The number of the interval in which each lies.
     """
 
-    look: Callable[[FloatArray], Distances]
-    level: float
+    loops: PlantLoops
+    max_ms: float
     intervals: list[Interval]
     x: FloatArray
     slack: FloatArray
@@ -293,8 +297,8 @@ class Scan:
     @classmethod
     def of(
         cls,
-        look: Callable[[FloatArray], Distances],
-        level: float,
+        loops: PlantLoops,
+        max_ms: float,
         intervals: list[Interval],
         speeds: FloatArray,
     ) -> Scan:
@@ -303,25 +307,26 @@ class Scan:
         each = [_samples(low, high, first, last) for low, high in intervals]
         part = np.repeat(np.arange(len(each)), [values.size for values in each])
         x = np.log(np.concatenate(each))
-        least, reach = look(x)
+        least, reach = loops.distances(np.exp(x), 1 / max_ms)
         while True:
-            slack = np.log(least) + level
+            slack = np.log(least * max_ms)
             apart = np.diff(x) > np.maximum(reach[1:] + reach[:-1], FINEST)
             plants = (x[1:] > log(first)) & (x[:-1] < log(last))
             k = np.flatnonzero(apart & plants & _alike(slack, part))
             if not k.size:
                 break
             more = (x[k] + x[k + 1]) / 2
-            found = look(more)
+            found = loops.distances(np.exp(more), 1 / max_ms)
             x, part = np.insert(x, k + 1, more), np.insert(part, k + 1, part[k])
             least, reach = (
                 np.insert(old, k + 1, new) for old, new in zip((least, reach), found, strict=True)
             )
-        scan = cls(look, level, intervals, x, slack, part)
+        scan = cls(loops, max_ms, intervals, x, slack, part)
         return scan._with_extremes(np.diff(x) > reach[1:] + reach[:-1])
 
     def _at(self, x: FloatArray) -> FloatArray:
-        return np.log(self.look(np.ravel(x)).least).reshape(np.shape(x)) + self.level
+        found = self.loops.distances(np.exp(np.ravel(x)), 1 / self.max_ms)
+        return np.asarray(np.log(found.least * self.max_ms).reshape(np.shape(x)))
 
     def _with_extremes(self, apart: BoolArray) -> Scan:
         """Look into extremes that may lie on the other side of 0, where samples are apart."""

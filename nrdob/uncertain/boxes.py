@@ -21,10 +21,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..analysis import resolved_frequencies
-from ..design import critical_gains
-from ..diagram import DelayedTransferFunction, as_fraction, undelayed
+from ..diagram import DelayedTransferFunction, as_fraction, real_number, undelayed
 from ..loop import NRDOB
-from ..numerics import BoolArray, ComplexArray, FloatArray, bisect, golden, side
+from ..numerics import (
+    BoolArray,
+    ComplexArray,
+    FloatArray,
+    QuasiPolynomial,
+    bisect,
+    golden,
+    side,
+)
 from .distributions import Interval, read_range
 
 __all__ = ["Box", "delay_intervals", "gain_intervals", "largest_box"]
@@ -34,6 +41,11 @@ NOMINAL = {"gain": 1.0, "delay": 0.0, "lag": 0.0}
 
 MOST = 200_000
 """Frequencies at most that a dead time asks for."""
+
+FAR = 10.0
+"""How far beyond all poles and zeros L is only a power of s and a dead time."""
+
+GIVE = "give a factor of the gain, a number"
 
 HALVINGS = 60
 """How often shares are halved."""
@@ -68,7 +80,7 @@ class Box(NamedTuple):
     frequency: float
 
 
-def gain_intervals(loop: NRDOB, low: float, high: float) -> list[tuple[float, float]]:
+def gain_intervals(loop: NRDOB, low: float = 0.0, high: float = inf) -> list[tuple[float, float]]:
     """Find all factors of the plant's gain with which the loop is stable.
 
     Parameters
@@ -76,7 +88,7 @@ def gain_intervals(loop: NRDOB, low: float, high: float) -> list[tuple[float, fl
     loop : NRDOB
         The loop, with its nominal plant, stable or not.
     low, high : float
-        Between which positive gains.
+        Between which gains; by default all positive ones.
 
     Returns
     -------
@@ -86,7 +98,7 @@ def gain_intervals(loop: NRDOB, low: float, high: float) -> list[tuple[float, fl
     Raises
     ------
     TypeError, ValueError
-        If the range is none, or not positive; if a verdict cannot be given.
+        If the range is none, or begins below 0; if a verdict cannot be given.
 
     Examples
     --------
@@ -99,15 +111,26 @@ def gain_intervals(loop: NRDOB, low: float, high: float) -> list[tuple[float, fl
     >>> [(round(a, 6), round(b, 6)) for a, b in gain_intervals(loop, 0.1, 20)]
     [(0.1, 9.0)]
     """
-    span = _positive("gain", (low, high))
+    span = Interval(real_number(low, "low", GIVE), real_number(high, "high", GIVE))
+    if not 0 <= span.low < span.high:
+        raise ValueError(f"gains from {low:g} to {high:g}; give positive ones, the lower one first")
     return _stable_between(span, _critical_gains(loop, span), lambda gain: _with(loop, gain=gain))
 
 
 def _critical_gains(loop: NRDOB, span: Interval) -> list[float]:
     # With the largest gain all frequencies count at which a smaller one is critical.
-    largest = _with(loop, gain=span.high)
-    found = critical_gains(largest.L, largest.margins().plant_loop.phase_crossovers)
-    return [span.high * gain for gain in found.tolist()]
+    largest = span.high if span.high < inf else _all_but_small(loop)
+    found = _with(loop, gain=largest).margins().plant_loop.critical_gains
+    return [largest * gain for gain in found[np.isfinite(found)].tolist()]
+
+
+def _all_but_small(loop: NRDOB) -> float:
+    """Gain with which L is 1 just beyond all that is in it, so that no more has to be followed."""
+    parts = [p for factor in (*loop.L.num, *loop.L.den) for p, _ in factor.terms if p.any()]
+    roots = [QuasiPolynomial(p).without_origin.roots for p in parts]
+    speeds = np.append(np.abs(np.concatenate(roots)), 1 / loop.delay if loop.delay else 0.0)
+    size = float(np.abs(loop.L(1j * FAR * (speeds.max() or 1.0))))
+    return 1 / size if 0 < size < inf else 1.0
 
 
 def delay_intervals(loop: NRDOB, low: float, high: float) -> list[tuple[float, float]]:
@@ -199,9 +222,12 @@ def _stable_between(
     ends = [span.low, *inner, span.high]
     found: list[tuple[float, float]] = []
     for low, high in pairwise(ends):
-        if high - low <= 1e-9 * max(abs(low), abs(high)):  # two crossings at the same value
+        if high < inf and high - low <= 1e-9 * max(
+            abs(low), abs(high)
+        ):  # two crossings at the same value
             continue
-        if not bool(loop_at((low + high) / 2).stability()):
+        middle = (low + high) / 2 if high < inf else 2 * low or 1.0
+        if not bool(loop_at(middle).stability()):
             continue
         if found and low - found[-1][1] <= 1e-9 * abs(low):
             found[-1] = (found[-1][0], high)
@@ -459,11 +485,4 @@ def _interval(name: str, given: Any) -> Interval:
     read = read_range(name, given)
     if not isinstance(read, Interval):
         raise TypeError(f"{name} is a distribution; exact boxes take intervals")
-    return read
-
-
-def _positive(name: str, given: Any) -> Interval:
-    read = _interval(name, given)
-    if read.low <= 0:
-        raise ValueError(f"{name} begins at {read.low:g}; give positive values")
     return read
