@@ -144,7 +144,6 @@ def coverage(count: int, seed: int) -> dict[str, int]:
                     low, high = binomtest(sum(told), len(told)).proportion_ci()
                     label = f"{structure.name}, {kind}, {disturbed}: {name} held"
                     label += f" of {len(told)} (between {100 * low:.0f} and {100 * high:.0f} %)"
-                    print(f"{sum(told):6}  {label}", flush=True)
                     tally[label] = sum(told)
     return tally
 

@@ -64,7 +64,7 @@ def test_a_heater_in_a_room_that_drifts_has_the_sign_of_its_gain(kind, case):
 @pytest.mark.parametrize(
     ("kind", "case"), [("three steps", 0), ("three steps", 3), ("step", 7), ("three steps", 7)]
 )
-def test_intervals_count_a_drift_in_that_follows_the_gain(kind, case):
+def test_intervals_allow_for_a_drift_that_looks_like_a_change_of_the_gain(kind, case):
     true = thermal(kind, np.random.default_rng([0, case, len(kind)]))
     found = identified(checked_record(true.t, true.u, true.y), (true.structure,))
     gain = found.parameters["gain"]

@@ -306,8 +306,10 @@ def test_an_input_before_the_record_makes_its_first_sample_a_step():
     t = np.arange(300.0)
     y = 20 + 15 * (1 - np.exp(-t / 30))
     record = checked_record(t, 0 * t + 50, y, input_before=0)
-    assert record.t[record.u == 0] == pytest.approx(np.arange(-20.0, 0))
-    assert (record.y[:20] == 20).all() and record.y[20:] == pytest.approx(y)
+    assert (record.inputs == 50).all() and record.input_before == 0
+    assert np.array_equal(record.t, t) and np.array_equal(record.y, y)
+    later = checked_record(t, (t > 10) * 5.0 + 3, y)
+    assert np.array_equal(later.inputs, (t > 10) * 5.0)
     for before, kind in ((50, ValueError), (np.inf, ValueError), ("0", TypeError)):
         with pytest.raises(kind, match=r"50 in the whole record|input_before is"):
             checked_record(t, 0 * t + 50, y, input_before=before)
