@@ -12,7 +12,6 @@ from dataclasses import dataclass, fields
 from functools import cache, cached_property, partial
 from itertools import pairwise
 from math import ceil, exp, inf, isfinite, log, log10
-from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -20,7 +19,7 @@ from scipy.optimize import brentq, minimize_scalar
 
 from ..analysis import judge, quotient_margins, resolved_frequencies, step_response
 from ..diagram import FilterFamily, LoopEquations, LowPassFilter, ObserverEquations, Quotient
-from ..numerics import FloatArray, golden
+from ..numerics import FloatArray, golden, is_real
 from .familyslack import FamilyLoops
 from .mismatch import Mismatch
 from .mismatchgrid import Frequencies
@@ -76,7 +75,7 @@ class Prices:
 
     def __post_init__(self) -> None:
         for name, value in self._given.items():
-            if isinstance(value, bool) or not isinstance(value, Real):
+            if not is_real(value):
                 raise TypeError(f"{name} is {value!r}; give a real number, or None")
             if not (isfinite(value) and value > 0):
                 raise ValueError(f"{name} is {value}; give a positive number")

@@ -11,12 +11,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from math import comb, inf, isfinite, log
-from numbers import Real
 
 import numpy as np
 
 from ..analysis import Margins
-from ..numerics import ComplexArray, FloatArray, IntArray
+from ..numerics import ComplexArray, FloatArray, IntArray, is_real
 from .existence import roots_by_side
 from .mismatch import Mismatch
 from .mismatchgrid import Frequencies
@@ -56,7 +55,7 @@ class Specification:
     def __post_init__(self) -> None:
         for name in ("max_ms", "min_gm_db", "min_pm_deg"):
             value = getattr(self, name)
-            if value is not None and (isinstance(value, bool) or not isinstance(value, Real)):
+            if value is not None and (not is_real(value)):
                 raise TypeError(f"{name} is {value!r}; give a real number, or None")
         if self.max_ms is None and self.min_gm_db is None and self.min_pm_deg is None:
             raise ValueError(

@@ -10,13 +10,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
-from numbers import Integral
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..diagram import is_number
-from ..numerics import FloatArray
+from ..numerics import FloatArray, is_whole
 
 __all__ = [
     "BLOCK",
@@ -308,7 +307,7 @@ def read_grid(given: Any, ranges: Mapping[str, Range]) -> Grid:
     axes: dict[str, FloatArray] = {}
     for name, range in ranges.items():
         count = counts[name]
-        if isinstance(count, bool) or not isinstance(count, Integral):
+        if not is_whole(count):
             raise TypeError(f"grid has {count!r} points for {name}; give a whole number")
         if count < 2:
             raise ValueError(f"grid has {count} points for {name}; give 2 or more")

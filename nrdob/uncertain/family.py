@@ -11,13 +11,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from math import ceil
-from numbers import Integral
 from typing import Any
 
 import numpy as np
 
 from ..diagram import DelayedTransferFunction, as_fraction, nonzero
-from ..numerics import FloatArray, convolved
+from ..numerics import FloatArray, convolved, is_whole
 from .draws import BLOCK, Grid, Samples, read_fit, read_grid, read_range
 from .plants import Moving, Plants, moving
 
@@ -273,7 +272,7 @@ def _each_root(grid: int | Mapping[str, int], ranges: Mapping[str, Any]) -> Any:
 
 
 def _whole(value: Any, name: str, least: int) -> int:
-    if isinstance(value, bool) or not isinstance(value, Integral):
+    if not is_whole(value):
         raise TypeError(f"{name} is {value!r}; give a whole number")
     if value < least:
         raise ValueError(f"{name} is {value}; give {least} or more")

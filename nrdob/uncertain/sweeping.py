@@ -7,11 +7,11 @@ from collections.abc import Iterable
 from concurrent.futures import Executor
 from functools import partial
 from math import isfinite
-from numbers import Real
 
 import numpy as np
 
 from ..loop import NRDOB
+from ..numerics import is_real
 from .draws import BLOCK
 from .family import Family
 from .farm import Columns, Keep, Progress, SweepStopped, gather, told
@@ -104,7 +104,7 @@ def sweep(
             f"executor is a {type(executor).__name__}; give a concurrent.futures.Executor, of a "
             "Dask client that is client.get_executor()"
         )
-    if isinstance(timeout, bool) or not isinstance(timeout, Real):
+    if not is_real(timeout):
         raise TypeError(f"timeout is {timeout!r}; give seconds as a number")
     if not (isfinite(timeout) and timeout > 0):
         raise ValueError(f"timeout is {timeout}; give a positive number of seconds")
