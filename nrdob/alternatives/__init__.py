@@ -10,14 +10,14 @@ from .comparison import Comparison, Row, compare
 from .measures import LoadErrors, load_errors
 from .simc import LagModel, half_rule, simc_pi, simc_pid
 from .structures import controller_alone, conventional_observer, smith_predictor
-from .tuning import Candidate, Tuned, candidates, tune
+from .tuning import Scheme, Tuned, candidates, tune
 
 __all__ = [
-    "Candidate",
     "Comparison",
     "LagModel",
     "LoadErrors",
     "Row",
+    "Scheme",
     "Tuned",
     "adrc_chart",
     "adrc_stabilizing_bandwidths",

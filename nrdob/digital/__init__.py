@@ -3,8 +3,6 @@
 from .actuatorlimits import ActuatorLimits
 from .bilinear import process_in_w
 from .code import ControllerCode
-from .controller import ModelDelay, SampledController
-from .hold import HeldProcess
 from .sampled import SampledLoop
 from .samplingtime import largest_sampling_time
 from .sections import Section
@@ -14,9 +12,6 @@ from .verdict import SampledStability
 __all__ = [
     "ActuatorLimits",
     "ControllerCode",
-    "HeldProcess",
-    "ModelDelay",
-    "SampledController",
     "SampledLoop",
     "SampledStability",
     "Section",

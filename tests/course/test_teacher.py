@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import re
+import shutil
 import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -60,24 +61,36 @@ def notebook(released: Path) -> Any:
     return handed(released)
 
 
+def without_kernels(patch: pytest.MonkeyPatch, said: list[str]) -> None:
+    patch.setattr(command, "Batch", Stub)
+    patch.setattr(command, "write_feedback", lambda *any: None)
+    patch.setattr("builtins.print", lambda *texts, **_: said.append(" ".join(map(str, texts))))
+
+
 @pytest.fixture
 def school(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Class:
     """A course in which nothing has been graded yet."""
     said: list[str] = []
-    monkeypatch.setattr(command, "Batch", Stub)
-    monkeypatch.setattr(command, "write_feedback", lambda *any: None)
-    monkeypatch.setattr(
-        "builtins.print", lambda *texts, **_: said.append(" ".join(map(str, texts)))
-    )
+    without_kernels(monkeypatch, said)
     return Class(tmp_path / "grading", said)
 
 
-@pytest.fixture
-def graded(school: Class, notebook: Any, tmp_path: Path) -> Class:
+@pytest.fixture(scope="module")
+def class_of_three(released: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What three handed in, and their course, graded once; it must stay as it is."""
+    place, notebook = tmp_path_factory.mktemp("class"), handed(released)
     cell_of(notebook, WRITTEN[0]).source = "As $Z = N + P$, **yes** <script>alert(1)</script>."
-    write(tmp_path / "in", {f"{n}/{NAME}.ipynb": of_group(notebook, 5) for n in NAMES})
-    assert school.grade(tmp_path / "in") == 0
-    school.said.clear()
+    write(place / "in", {f"{n}/{NAME}.ipynb": of_group(notebook, 5) for n in NAMES})
+    with pytest.MonkeyPatch.context() as patch:
+        without_kernels(patch, [])
+        assert command.grade(place / "in", target=place / "grading") == 0
+    return place
+
+
+@pytest.fixture
+def graded(school: Class, class_of_three: Path, tmp_path: Path) -> Class:
+    """A copy of the class that was graded."""
+    shutil.copytree(class_of_three, tmp_path, dirs_exist_ok=True)
     return school
 
 

@@ -11,12 +11,13 @@ import base64
 import hashlib
 import re
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping
-from html import escape
+from collections.abc import Iterator, Mapping
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+from jinja2 import Environment, PackageLoader
+from markupsafe import Markup
 from nbconvert.filters.markdown_mistune import markdown2html_mistune
 from nbgrader.api import Gradebook
 
@@ -26,13 +27,11 @@ from .release import MARKERS
 from .submissions import PICTURES
 from .written import answers_of, to_be_marked
 
-__all__ = ["write_marking"]
+__all__ = ["PAGES", "write_marking"]
 
 MIME = {".jpg": "jpeg", ".jpeg": "jpeg", ".png": "png", ".gif": "gif"}
 
-STYLE, SCRIPT = (
-    files(__package__).joinpath(f"marking.{kind}").read_text("utf-8") for kind in ("css", "js")
-)
+PAGES = Environment(loader=PackageLoader(__package__, "pages"), autoescape=True, trim_blocks=True)
 
 
 def write_marking(
@@ -48,74 +47,47 @@ def write_marking(
         path.unlink(missing_ok=True)
         return
     rubrics = tomllib.loads(advice.read_text("utf-8")) if advice.exists() else {}
-    body = "".join(
-        _problem(path, sets[name], problem, cell, found, gradebook, rubrics.get(problem, {}))
+    problems = [
+        {"problem": problem}
+        | _problem(sets[name], cell, rubrics.get(problem, {}))
+        | {"answers": [_answer(path, *each, gradebook) for each in sorted(found, key=_by_code)]}
         for (name, problem, cell), found in sorted(
             answers.items(), key=lambda item: in_order(item[0][1])
         )
+    ]
+    style, script = (_source(f"marking.{kind}") for kind in ("css", "js"))
+    page = PAGES.get_template("marking.html").render(
+        problems=problems,
+        style=style,
+        script=script,
+        digest=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
+        key=hashlib.sha256(str(path.resolve()).encode()).hexdigest()[:8],
     )
-    digest = base64.b64encode(hashlib.sha256(SCRIPT.encode()).digest()).decode()
-    policy = (
-        "default-src 'none'; img-src data:; style-src 'unsafe-inline'; "
-        f"script-src 'sha256-{digest}'"
-    )
-    mine = hashlib.sha256(str(path.resolve()).encode()).hexdigest()[:8]
-    path.write_text(
-        f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"/>'
-        f'<meta http-equiv="Content-Security-Policy" content="{policy}"/>'
-        f'<title>Answers to be marked</title><style>{STYLE}</style></head><body data-key="{mine}">'
-        "<h1>Answers to be marked</h1><p>Type points and, if you like, a comment. Enter goes to "
-        "the next answer, Shift+Enter back, Ctrl+S writes <code>marked.csv</code>; then: "
-        "<code>python -m nrdob_course.grading report marked.csv</code></p>"
-        '<header><button id="download">Write marked.csv</button> '
-        f'<span id="state" role="status"></span></header><main>{body}</main>'
-        f"<script>{SCRIPT}</script></body></html>\n",
-        "utf-8",
-    )
+    path.write_text(page + "\n", "utf-8")
 
 
-def _problem(
-    path: Path,
-    source: Any,
-    problem: str,
-    name: str,
-    found: Iterable[tuple[Record, Any]],
-    gradebook: Gradebook,
-    advice: Mapping[str, Any],
-) -> str:
-    """Write what was asked, what is right, and each of the answers, in the order of the codes."""
+def _source(name: str) -> Markup:
+    return Markup(files(__package__).joinpath("pages", name).read_text("utf-8"))
+
+
+def _by_code(pair: tuple[Record, Any]) -> str:
+    return str(pair[0]["code"])
+
+
+def _problem(source: Any, name: str, advice: Mapping[str, Any]) -> dict[str, Any]:
+    """Give what was asked, what is right, and what goes wrong."""
     texts = {cell.id: MARKERS.sub("", cell.source) for cell in source.cells if "id" in cell}
-    task = texts.get(name.replace("written", "task"), "")
-    rubric = "".join(
-        f"<li>{number(points)}: {_shown(what)}</li>" for points, what in advice.get("rubric", [])
-    )
-    wrong = "".join(
-        f"<li>{_shown(what)} <em>Say:</em> {_shown(say)}</li>"
-        for what, say in advice.get("wrong", [])
-    )
-    each = "".join(
-        _answer(path, entry, grade, gradebook)
-        for entry, grade in sorted(found, key=lambda pair: str(pair[0]["code"]))
-    )
-    return (
-        f"<section><h2>Problem {escape(problem)}</h2><details open><summary>The problem</summary>"
-        f"{_shown(task)}</details><details><summary>The solution, with its points</summary>"
-        f"{_shown(texts.get(name, ''))}</details>"
-        + (f"<details open><summary>Rubric</summary><ul>{rubric}</ul></details>" if rubric else "")
-        + (
-            f"<details><summary>What goes wrong</summary><ul>{wrong}</ul></details>"
-            if wrong
-            else ""
-        )
-        + f"{each}</section>"
-    )
+    return {
+        "task": _shown(texts.get(name.replace("written", "task"), "")),
+        "solution": _shown(texts.get(name, "")),
+        "rubric": [(number(points), _shown(what)) for points, what in advice.get("rubric", [])],
+        "wrong": [(_shown(what), _shown(say)) for what, say in advice.get("wrong", [])],
+    }
 
 
-def _answer(path: Path, entry: Record, grade: Any, gradebook: Gradebook) -> str:
+def _answer(path: Path, entry: Record, grade: Any, gradebook: Gradebook) -> dict[str, Any]:
     where = (grade.name, entry["set"], entry["set"], entry["folder"])
-    comment = gradebook.find_comment(*where).manual_comment or ""
-    place = path.parent / "submitted" / entry["folder"] / entry["set"]
-    pictures = dict(_pictures(place))
+    pictures = dict(_pictures(path.parent / "submitted" / entry["folder"] / entry["set"]))
     cell = dict(answers_of(path, entry)).get(grade.name)
     text = cell.source if cell else ""
     for name, held in (cell.get("attachments", {}) if cell else {}).items():
@@ -123,18 +95,15 @@ def _answer(path: Path, entry: Record, grade: Any, gradebook: Gradebook) -> str:
             text = text.replace(f"attachment:{name}", f"data:{mime};base64,{data}")
     for name in [name for name in pictures if f"({name})" in text]:
         text = text.replace(f"({name})", f"({pictures.pop(name)})")
-    others = "".join(f'<img src="{data}" alt="a page"/>' for data in pictures.values())
-    problem, most = problem_of(grade.name), number(grade.max_score)
-    code, label = escape(entry["code"]), f"Points for {entry['code']}, of {most}"
-    return (
-        f'<article data-code="{code}" data-set="{entry["set"]}" data-problem="{problem}" '
-        f'data-of="{most}"><h3>{code}</h3><div>{_shown(text)}</div>'
-        + (f"<details><summary>Pictures</summary>{others}</details>" if others else "")
-        + f'<p><input name="points" inputmode="decimal" autocomplete="off" aria-label="{label}" '
-        f'value="{number(grade.manual_score)}"/> of {most}</p><textarea name="comment" rows="2" '
-        f'aria-label="Comment for {code}" placeholder="A comment">{escape(comment)}</textarea>'
-        "</article>"
-    )
+    return {
+        "code": entry["code"],
+        "set": entry["set"],
+        "text": _shown(text),
+        "pictures": list(pictures.values()),
+        "most": number(grade.max_score),
+        "points": number(grade.manual_score),
+        "comment": gradebook.find_comment(*where).manual_comment or "",
+    }
 
 
 def _pictures(place: Path) -> Iterator[tuple[str, str]]:
@@ -145,7 +114,7 @@ def _pictures(place: Path) -> Iterator[tuple[str, str]]:
             yield file.name, f"data:image/{kind};base64,{data}"
 
 
-def _shown(text: str) -> str:
+def _shown(text: str) -> Markup:
     """Convert Markdown to a piece of a page that does nothing but be read."""
     html = re.sub(r"\A<p>(.*)</p>\Z", r"\1", markdown2html_mistune(text).strip())
-    return offline(html)
+    return Markup(offline(html))

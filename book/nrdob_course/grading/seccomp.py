@@ -14,13 +14,13 @@ import platform
 import struct
 import sys
 import tomllib
-from importlib.resources import files
+from pathlib import Path
 
 __all__ = ["ARCHITECTURES", "available", "program", "seal"]
 
 ARCHITECTURES = {"x86_64": 0xC000003E, "aarch64": 0xC00000B7}
 
-TABLES = tomllib.loads(files(__package__).joinpath("seccomp.toml").read_text("utf-8"))
+TABLES = tomllib.loads(Path(__file__).with_name("seccomp.toml").read_text("utf-8"))
 REFUSED, OWN, IGNORED = (TABLES[name] for name in ("refused", "own", "ignored"))
 """Calls that are refused, that a process may do to itself only, and that it believes it has done.
 

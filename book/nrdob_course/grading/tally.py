@@ -10,22 +10,16 @@ from collections.abc import Iterable, Sequence
 from html import escape
 from pathlib import Path
 from statistics import mean, median
+from typing import Any
 
 import nbformat
 
 from ..exercises import PROBLEMS
 from .feedback import NOWHERE
+from .marking import PAGES
 from .marks import Line, in_order, in_order_of_sets, number, problem_of, unmarked
 
 __all__ = ["mistakes", "write_tally"]
-
-STYLE = """
-body { max-width: 60rem; margin: auto; padding: 0 1rem 4rem; font: 1rem/1.5 sans-serif; }
-table { border-collapse: collapse; margin-bottom: 2rem; } caption { text-align: left; }
-th, td { padding: .2rem .6rem; border-bottom: 1px solid; text-align: right; }
-th:first-child, td:first-child, td.text { text-align: left; }
-meter { width: 8rem; }
-"""
 
 
 def mistakes(root: Path, found: Iterable[Line]) -> Counter[tuple[str, str]]:
@@ -57,68 +51,42 @@ def write_tally(path: Path, root: Path, found: Sequence[Line]) -> None:
     graded = [line for line in found if line.grades]
     sets = sorted({line.entry["set"] for line in graded}, key=in_order_of_sets)
     counts = mistakes(root, graded)
-    body = "".join(
+    parts = [
         _set(name, [line for line in graded if line.entry["set"] == name], counts) for name in sets
-    )
-    path.write_text(
-        '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"/>'
-        f'<meta http-equiv="Content-Security-Policy" content="{NOWHERE}"/>'
-        f"<title>The class</title><style>{STYLE}</style></head><body><h1>The class</h1>"
-        f"{body or '<p>Nothing is graded yet.</p>'}</body></html>\n",
-        "utf-8",
-    )
-
-
-def _set(name: str, graded: list[Line], counts: Counter[tuple[str, str]]) -> str:
-    problems: dict[str, list[tuple[float, float]]] = {}
-    for line in graded:
-        for grade in line.grades:
-            given = problems.setdefault(problem_of(grade.name), [])
-            if not unmarked(grade):
-                given.append((float(grade.score), float(grade.max_score)))
-    rows = []
-    for problem in sorted(problems, key=in_order):
-        shares = [score / most for score, most in problems[problem] if most]
-        if not shares:
-            rows.append([problem, "0", "", "", "", ""])
-            continue
-        share = mean(shares)
-        rows.append(
-            [
-                problem,
-                f"{len(shares)}",
-                f"{share:.0%}",
-                f'<meter value="{share:.3f}" aria-label="{share:.0%}"></meter>',
-                f"{sum(s > 0.999 for s in shares)}",
-                f"{sum(s < 0.001 for s in shares)}",
-            ]
-        )
-    known = sorted(
-        ((key, count) for key, count in counts.items() if key[0] in problems),
-        key=lambda item: (-item[1], in_order(item[0][0])),
-    )
-    times = [line.entry.get("seconds", 0.0) for line in graded]
-    late = sum(bool(line.days) for line in graded)
-    totals = [line.earned for line in graded]
-    head = (
-        f"<h2>{escape(name)}</h2><p>{len(graded)} graded; {late} late; points so far: median "
-        f"{number(median(totals))}, from {number(min(totals))} to {number(max(totals))} of "
-        f"{number(max(line.most for line in graded))}. Grading took {median(times):.0f} s each in "
-        f"the middle, {max(times):.0f} s at most.</p>"
-    )
-    columns = ["problem", "marked", "mean", "", "full points", "no points"]
-    told = [
-        [problem, f'<span class="text">{escape(kind)}</span>', f"{count}"]
-        for (problem, kind), count in known
     ]
-    return (
-        head
-        + _table("Points", columns, rows)
-        + (_table("Recognised", ["problem", "mistake", "students"], told) if told else "")
-    )
+    page = PAGES.get_template("class.html").render(sets=parts, nowhere=NOWHERE)
+    path.write_text(page + "\n", "utf-8")
 
 
-def _table(caption: str, columns: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
-    head = "".join(f'<th scope="col">{column}</th>' for column in columns)
-    body = "".join(f"<tr>{''.join(f'<td>{cell}</td>' for cell in row)}</tr>" for row in rows)
-    return f"<table><caption>{caption}</caption><tr>{head}</tr>{body}</table>"
+def _set(name: str, graded: list[Line], counts: Counter[tuple[str, str]]) -> dict[str, Any]:
+    """Give what the page says of a set."""
+    shares: dict[str, list[float]] = {}
+    for grade in (grade for line in graded for grade in line.grades):
+        given = shares.setdefault(problem_of(grade.name), [])
+        if grade.max_score and not unmarked(grade):
+            given.append(float(grade.score) / float(grade.max_score))
+    times = [line.entry.get("seconds", 0.0) for line in graded]
+    totals = [line.earned for line in graded]
+    return {
+        "name": name,
+        "said": (
+            f"{len(graded)} graded; {sum(bool(line.days) for line in graded)} late; points so far: "
+            f"median {number(median(totals))}, from {number(min(totals))} to "
+            f"{number(max(totals))} of {number(max(line.most for line in graded))}. Grading took "
+            f"{median(times):.0f} s each in the middle, {max(times):.0f} s at most."
+        ),
+        "points": [
+            {
+                "problem": problem,
+                "marked": len(mine),
+                "mean": mean(mine or [0.0]),
+                "full": sum(share > 0.999 for share in mine),
+                "none": sum(share < 0.001 for share in mine),
+            }
+            for problem, mine in sorted(shares.items(), key=lambda item: in_order(item[0]))
+        ],
+        "mistakes": sorted(
+            ((*key, count) for key, count in counts.items() if key[0] in shares),
+            key=lambda item: (-item[2], in_order(item[0])),
+        ),
+    }
