@@ -22,7 +22,6 @@ from .search import Bracket, admissible_time_constants, solved
 from .timeconstants import (
     CriticalTimeConstant,
     critical_time_constants,
-    intersection,
     stabilizing_time_constants,
 )
 from .youla import ObserverForm, observer_form, stable_model_exists
@@ -46,7 +45,6 @@ __all__ = [
     "design_filter",
     "disturbance_index",
     "gain_bound",
-    "intersection",
     "noise_index",
     "observer_form",
     "peak_gain",

@@ -212,7 +212,18 @@ def delay(seconds: float) -> DelayedTransferFunction:
 
 
 def undelayed(block: Any) -> tuple[Any, float]:
-    """Take the dead time off a block; return both."""
+    """Take the dead time off a block.
+
+    Parameters
+    ----------
+    block : DelayedTransferFunction or other block
+        The block.
+
+    Returns
+    -------
+    block, seconds : block, float
+        What is left, and the dead time, 0 where there is none.
+    """
     return (block.tf, block.delay) if isinstance(block, DelayedTransferFunction) else (block, 0.0)
 
 
