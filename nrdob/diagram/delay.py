@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import sys
 from math import inf, isfinite, nan
+from numbers import Integral
 from typing import Any
 
 import control as ct
 import numpy as np
 
-from ..numerics import ComplexArray, FloatArray, is_whole
+from ..numerics import ComplexArray, FloatArray
 from .blocks import as_fraction, real_number, six_digits
 
 __all__ = ["DelayedTransferFunction", "delay", "undelayed"]
@@ -123,7 +124,7 @@ class DelayedTransferFunction:
         return _as_delayed(other, "the dividend") / self
 
     def __pow__(self, exponent: int) -> DelayedTransferFunction:
-        if not is_whole(exponent):
+        if isinstance(exponent, bool) or not isinstance(exponent, Integral):
             raise TypeError(f"the exponent is {exponent!r}; a power needs a whole number")
         if exponent < 0:
             return DelayedTransferFunction(1.0, 0.0) / self.__pow__(-int(exponent))
@@ -216,13 +217,13 @@ def undelayed(block: Any) -> tuple[Any, float]:
 
     Parameters
     ----------
-    block : DelayedTransferFunction or other block
-        The block.
+    block : block or DelayedTransferFunction
+        With or without a dead time.
 
     Returns
     -------
-    block, seconds : block, float
-        What is left, and the dead time, 0 where there is none.
+    tuple of block and float
+        The block without it, and the dead time in seconds.
     """
     return (block.tf, block.delay) if isinstance(block, DelayedTransferFunction) else (block, 0.0)
 
