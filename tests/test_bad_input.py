@@ -10,8 +10,7 @@ import scipy.signal
 import sympy
 
 import nrdob
-from nrdob import LowPassFilter
-from nrdob.design import limits
+from nrdob import LowPassFilter, design
 from nrdob.diagram import DelayedTransferFunction
 
 pytestmark = pytest.mark.usefixtures("no_warning_leaks")
@@ -28,10 +27,10 @@ TAKES_A_PROCESS = {
     "suggest_model": nrdob.suggest_model,
     "stabilizing_time_constants": lambda G: nrdob.stabilizing_time_constants(G, PLANT, 1),
     "critical_time_constants": lambda G: nrdob.critical_time_constants(G, PLANT, 1),
-    "stable_for_slow_filters": lambda G: limits.stable_for_slow_filters(G, PLANT, 1),
-    "stable_for_fast_filters": lambda G: limits.stable_for_fast_filters(G, PLANT, 1),
-    "right_half_plane_parity": lambda G: limits.right_half_plane_parity(G, PLANT),
-    "stabilizing_filter_exists": lambda G: limits.stabilizing_filter_exists(G, PLANT),
+    "stable_for_slow_filters": lambda G: design.stable_for_slow_filters(G, PLANT, 1),
+    "stable_for_fast_filters": lambda G: design.stable_for_fast_filters(G, PLANT, 1),
+    "right_half_plane_parity": lambda G: design.right_half_plane_parity(G, PLANT),
+    "stabilizing_filter_exists": lambda G: design.stabilizing_filter_exists(G, PLANT),
 }
 TAKES_A_MODEL = {
     "NRDOB": lambda Gm: nrdob.NRDOB(PLANT, Gm, 1.0, FILTER),
@@ -41,10 +40,10 @@ TAKES_A_MODEL = {
     "design_controller": lambda Gm: nrdob.design_controller(Gm, bandwidth=1.0),
     "stabilizing_time_constants": lambda Gm: nrdob.stabilizing_time_constants(PLANT, Gm, 1),
     "critical_time_constants": lambda Gm: nrdob.critical_time_constants(PLANT, Gm, 1),
-    "stable_for_slow_filters": lambda Gm: limits.stable_for_slow_filters(PLANT, Gm, 1),
-    "stable_for_fast_filters": lambda Gm: limits.stable_for_fast_filters(PLANT, Gm, 1),
-    "right_half_plane_parity": lambda Gm: limits.right_half_plane_parity(PLANT, Gm),
-    "stabilizing_filter_exists": lambda Gm: limits.stabilizing_filter_exists(PLANT, Gm),
+    "stable_for_slow_filters": lambda Gm: design.stable_for_slow_filters(PLANT, Gm, 1),
+    "stable_for_fast_filters": lambda Gm: design.stable_for_fast_filters(PLANT, Gm, 1),
+    "right_half_plane_parity": lambda Gm: design.right_half_plane_parity(PLANT, Gm),
+    "stabilizing_filter_exists": lambda Gm: design.stabilizing_filter_exists(PLANT, Gm),
 }
 DOORS = {
     **{("process", name): door for name, door in TAKES_A_PROCESS.items()},
@@ -167,7 +166,7 @@ def test_no_dead_time_is_no_dead_time():
         lambda model: nrdob.design_filter(G, model, max_ms=1.6),
         lambda model: nrdob.stabilizing_time_constants(G, model, 2),
         lambda model: nrdob.design_controller(model, bandwidth=1.0),
-        lambda model: limits.right_half_plane_parity(G, model),
+        lambda model: design.right_half_plane_parity(G, model),
     ):
         assert repr(ask(nrdob.delay(0) * Gm)) == repr(ask(Gm))
 

@@ -25,7 +25,7 @@ from sphinx.pycode import ModuleAnalyzer
 from getting import project_of
 from pages import store
 
-FIELD = type(namedtuple("Any", "field").field)
+FIELD = type(vars(namedtuple("Any", "field"))["field"])
 MADE = re.compile(r"<function (?:[\w.]*\.)?(?:(\w+)|<lambda>)>|<factory>")
 """A default as Python tells it: a function, perhaps with a name, or what a function makes."""
 

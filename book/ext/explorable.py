@@ -90,8 +90,8 @@ def still(shown: Scene, upwards: str, ranges: dict[str, tuple[float, float]]) ->
     if not upwards:
         return loop.plot_nyquist("L" if shown.kind == "adrc" else "FH")
     start = AT_REST | shown.start
-    axes = {"x": ("time_constant", *ranges["lambda"]), "y": (upwards, *ranges[upwards])}
-    chart = stability_chart(loop.process, loop.model, loop.filter, **axes)
+    x, y = ("time_constant", *ranges["lambda"]), (upwards, *ranges[upwards])
+    chart = stability_chart(loop.process, loop.model, loop.filter, x=x, y=y)
     with styled():
         (ax,) = axes_for(None, 1, TALL)
         figure = chart.plot(ax=ax)

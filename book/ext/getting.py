@@ -98,7 +98,7 @@ class Repository(SphinxDirective):
 
 def project_of(app: Sphinx) -> Path:
     """Find the folder of the project."""
-    return (Path(app.srcdir) / app.config.nrdob_project).resolve()
+    return Path(app.srcdir, app.config.nrdob_project).resolve()
 
 
 def set_repository(app: Sphinx, config: Config) -> None:

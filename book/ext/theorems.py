@@ -65,7 +65,7 @@ class Boxes(SphinxTransform):
         """Turn a quotation into a box, if it is a theorem."""
         strong = leading(quotation[0]) if quotation.children else None
         match = isinstance(strong, nodes.strong) and TITLE.fullmatch(strong.astext())
-        if not match:
+        if strong is None or not match:
             return
         box = nodes.container("", *quotation.children, classes=["theorem"])
         box["names"].append(anchor(match[1]))

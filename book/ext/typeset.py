@@ -68,7 +68,7 @@ def touching(formula: nodes.math, step: int, marks: re.Pattern[str]) -> str:
     found = (
         (marks.match if step > 0 else marks.search)(text) if isinstance(text, nodes.Text) else None
     )
-    if not found:
+    if text is None or not found:
         return ""
     parent[place] = nodes.Text(text[: found.start()] + text[found.end() :])
     return re.sub(r"\s", SPACE, found.group())

@@ -33,7 +33,6 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import reduce
 from math import inf, isfinite
-from numbers import Integral
 from typing import Any
 
 import control as ct
@@ -49,7 +48,7 @@ from ..design import (
 )
 from ..diagram import FilterFamily, as_fraction, filter_family, real_number, undelayed
 from ..loop import NRDOB
-from ..numerics import FloatArray
+from ..numerics import FloatArray, is_whole
 from ..uncertain import gain_intervals
 
 __all__ = [
@@ -310,7 +309,7 @@ def high_frequency_gain(process: Any) -> tuple[int, float]:
 
 
 def _order(order: Any) -> int:
-    if isinstance(order, bool) or not isinstance(order, Integral):
+    if not is_whole(order):
         raise TypeError(f"order is {order!r}; linear ADRC has a whole number as order: 1 or 2")
     if order not in (1, 2):
         raise ValueError(

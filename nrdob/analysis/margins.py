@@ -12,13 +12,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from math import acos, asin, atan, degrees, inf, isfinite, log10, nan, pi
-from numbers import Real
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..diagram import LoopEquations, Quotient
-from ..numerics import ROUNDING, ComplexArray, FloatArray
+from ..numerics import ROUNDING, ComplexArray, FloatArray, is_real
 from .frequencies import gentle_frequencies, with_turns
 from .locus import Found, Locus, Notable, notable_frequencies
 from .nyquist import closed_around
@@ -215,7 +214,7 @@ def margin_bounds(ms: float) -> MarginBounds:
     >>> round(low, 4), high, round(pm, 2)
     (0.6667, 2.0, 28.96)
     """
-    if isinstance(ms, bool) or not isinstance(ms, Real):
+    if not is_real(ms):
         raise TypeError(f"ms is {ms!r}; give the sensitivity's peak as a number, such as 1.4")
     if not 1 < ms < inf:
         raise ValueError(

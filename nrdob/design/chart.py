@@ -17,14 +17,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import islice
 from math import inf
-from numbers import Real
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from contourpy import contour_generator
 from scipy.ndimage import distance_transform_edt, find_objects, label
 
-from ..numerics import FloatArray, IntArray
+from ..numerics import FloatArray, IntArray, is_real
 from .chartborders import MANY_ROOTS, ChartLoops, borders_of, most_turns
 from .chartcurves import PIXELS, Axis, Border, check_value, given_axis
 
@@ -214,7 +213,7 @@ def stability_chart(
     if axes[0].name == axes[1].name:
         raise ValueError(f"both axes are {axes[0].name}: choose two different parameters")
     for level in ms:
-        if isinstance(level, bool) or not isinstance(level, Real) or not 1 < level < inf:
+        if not is_real(level) or not 1 < level < inf:
             raise ValueError(
                 f"ms has the level {level!r}; give numbers above 1, such as (1.5, 2.0)"
             )

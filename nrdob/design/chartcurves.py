@@ -10,13 +10,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from itertools import pairwise
 from math import isfinite, log
-from numbers import Real
 from typing import Any, NamedTuple
 
 import numpy as np
 from contourpy import contour_generator
 
-from ..numerics import BoolArray, FloatArray, IntArray, bisect
+from ..numerics import BoolArray, FloatArray, IntArray, bisect, is_real
 
 __all__ = [
     "BESIDE",
@@ -139,7 +138,7 @@ def given_axis(which: str, given: Any) -> Axis:
         known = ", ".join(f'"{each}" ({what})' for each, what in AXES.items())
         raise ValueError(f"{which} is {name!r}; it must be one of {known}")
     for end in (low, high):
-        if isinstance(end, bool) or not isinstance(end, Real):
+        if not is_real(end):
             raise TypeError(f"{which} reaches from {low!r} to {high!r}; give two real numbers")
     if not (isfinite(low) and isfinite(high) and 0 <= low < high):
         raise ValueError(
@@ -151,7 +150,7 @@ def given_axis(which: str, given: Any) -> Axis:
 def check_value(name: str, value: Any) -> None:
     """Refuse a value that the parameter cannot have."""
     positive = name not in ("delay", "lag")
-    if isinstance(value, bool) or not isinstance(value, Real):
+    if not is_real(value):
         raise TypeError(f"{name} is {value!r}; give a real number")
     number = float(value)
     if not (isfinite(number) and (number > 0 if positive else number >= 0)):

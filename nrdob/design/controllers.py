@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from itertools import product
 from math import asin, atan, ceil, degrees, inf, isfinite, log, log10, radians, sin, tan
-from numbers import Real
 from typing import Any
 
 import control as ct
@@ -21,7 +20,7 @@ from ..diagram import (
     as_fraction,
     nonzero,
 )
-from ..numerics import ComplexArray, FloatArray, IntArray, QuasiPolynomial
+from ..numerics import ComplexArray, FloatArray, IntArray, QuasiPolynomial, is_real
 
 __all__ = ["design_controller"]
 
@@ -130,7 +129,7 @@ def design_controller(
     fraction = nonzero(as_fraction(prompt, "model"), "model")
     options = {"bandwidth": bandwidth, "phase_margin": phase_margin, "max_ms": max_ms}
     for name, given in options.items():
-        if given is not None and (isinstance(given, bool) or not isinstance(given, Real)):
+        if given is not None and not is_real(given):
             raise TypeError(f"{name} is {given!r}; give a real number")
     if not 0 < phase_margin < 90:
         raise ValueError(

@@ -18,7 +18,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from math import ceil, exp, inf, log, log10
-from numbers import Real
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,7 +25,7 @@ from scipy.optimize import brentq, elementwise
 
 from ..analysis import Margins, quotient_margins
 from ..diagram import FilterFamily, LowPassFilter, ObserverEquations
-from ..numerics import BoolArray, FloatArray, IntArray, bisect
+from ..numerics import BoolArray, FloatArray, IntArray, bisect, is_real
 from .mismatch import Mismatch
 from .mismatchgrid import Frequencies
 from .plantloops import PlantLoops
@@ -114,7 +113,7 @@ def admissible_time_constants(
 
 def checked_ms(max_ms: Any) -> float:
     """Return a limit of the sensitivity peak, or refuse it."""
-    if isinstance(max_ms, bool) or not isinstance(max_ms, Real):
+    if not is_real(max_ms):
         raise TypeError(f"max_ms is {max_ms!r}; give a real number, for example 1.7")
     if not 1 < float(max_ms) < inf:
         raise ValueError(

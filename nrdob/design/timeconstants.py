@@ -9,14 +9,13 @@ from __future__ import annotations
 
 from itertools import pairwise
 from math import atan, inf, isfinite
-from numbers import Real
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..diagram import DelayedTransferFunction, FilterFamily
 from ..digital import process_in_w
-from ..numerics import count_rhp
+from ..numerics import count_rhp, is_real
 from .crossings import CriticalTimeConstant, crossings
 from .mismatch import Mismatch
 from .mismatchgrid import Frequencies
@@ -252,7 +251,7 @@ def _checked_floor(frequencies: Frequencies, floor: float | None) -> float:
     """Return the floor asked for, or the default; an error for one that cannot be."""
     if floor is None:
         return frequencies.lowest_floor
-    if isinstance(floor, bool) or not isinstance(floor, Real):
+    if not is_real(floor):
         raise TypeError(
             f"floor is {floor!r}; it is the smallest time constant of interest, a number of "
             "seconds, or None"

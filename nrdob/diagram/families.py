@@ -16,13 +16,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from math import comb, factorial, pi
-from numbers import Integral
 from typing import Any
 
 import control as ct
 import numpy as np
 
-from ..numerics import FloatArray
+from ..numerics import FloatArray, is_whole
 from .blocks import is_number
 from .filters import LowPassFilter
 from .interpolation import interpolation
@@ -237,7 +236,7 @@ def _bessel(order: int) -> tuple[FloatArray, FloatArray]:
 
 
 def _ramp(order: int, ramp: int = 2) -> tuple[FloatArray, FloatArray]:
-    if isinstance(ramp, bool) or not isinstance(ramp, Integral):
+    if not is_whole(ramp):
         raise TypeError(f"ramp is {ramp!r}; it counts zeros of 1 - F and must be a whole number")
     if not 1 <= ramp <= order:
         raise ValueError(

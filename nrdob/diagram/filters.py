@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import comb, isfinite, log10, sqrt
-from numbers import Integral
 from typing import Any
 
 import control as ct
 import numpy as np
 
-from ..numerics import ComplexArray, FloatArray, QuasiPolynomial, count_rhp, written
+from ..numerics import ComplexArray, FloatArray, QuasiPolynomial, count_rhp, is_whole, written
 from .blocks import Fraction, as_fraction, real_number, six_digits
 
 __all__ = ["LowPassFilter", "filter_fraction"]
@@ -60,7 +59,7 @@ class LowPassFilter:
                 f"time_constant is {self.time_constant}; F(s) = 1/(time_constant s + 1)^n "
                 "needs a positive one, in seconds"
             )
-        if isinstance(self.order, bool) or not isinstance(self.order, Integral):
+        if not is_whole(self.order):
             raise TypeError(f"order is {self.order!r}; it counts lags and must be a whole number")
         if self.order < 1:
             raise ValueError(f"order is {self.order}; F needs at least one lag: order >= 1")

@@ -24,7 +24,6 @@ from __future__ import annotations
 
 from fractions import Fraction as Exact
 from math import factorial
-from numbers import Integral
 from typing import Any, NamedTuple
 
 import control as ct
@@ -34,6 +33,7 @@ from ..numerics import (
     FloatArray,
     QuasiPolynomial,
     factor_near,
+    is_whole,
     shared_factor,
     unstable_roots,
     written,
@@ -164,7 +164,7 @@ def interpolation(model: Any, order: int | None, ramp: int) -> Interpolation:
 
 
 def _check_ramp(ramp: int) -> None:
-    if isinstance(ramp, bool) or not isinstance(ramp, Integral):
+    if not is_whole(ramp):
         raise TypeError(f"ramp is {ramp!r}; it counts zeros of 1 - F and must be a whole number")
     if ramp < 1:
         raise ValueError(f"ramp is {ramp}; 1 - F needs one zero at s = 0 at least: ramp >= 1")

@@ -10,13 +10,12 @@ from __future__ import annotations
 import warnings
 from dataclasses import dataclass, field, replace
 from math import ceil, log, nan
-from numbers import Real
 from typing import Any
 
 import numpy as np
 
 from ..diagram import DelayedTransferFunction
-from ..numerics import FloatArray
+from ..numerics import FloatArray, is_real
 from .diagnostics import doubts
 from .disturbance import Rounding, scatter_of
 from .fitting import Fit, Problem, best_fit, refined, simple_fit
@@ -235,7 +234,7 @@ def identify(
     """
     record = checked_record(t, u, y)
     for name, given, top in (("held_out", held_out, 0.9), ("confidence", confidence, 1.0)):
-        if isinstance(given, bool) or not isinstance(given, Real):
+        if not is_real(given):
             raise TypeError(f"{name} is {given!r}; give a number, such as 0.5")
         if not (0 <= given < top and (name == "held_out" or given > 0)):
             raise ValueError(f"{name} is {given}; it must be between 0 and {top:g}")

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from numbers import Real
 from typing import Any
 
 import numpy as np
 
-from ..numerics import BoolArray, FloatArray, IntArray
+from ..numerics import BoolArray, FloatArray, IntArray, is_real
 from .resampling import evenly_sampled
 
 __all__ = ["SHORTEST", "Record", "checked_record", "resolution"]
@@ -150,7 +149,7 @@ def checked_record(
 
 
 def _before(value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, Real):
+    if not is_real(value):
         raise TypeError(f"input_before is {value!r}; give a number in the units of u, such as 0")
     if not abs(float(value)) < LARGEST:
         raise ValueError(f"input_before is {value}; give a finite number in the units of u")

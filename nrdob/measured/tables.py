@@ -9,13 +9,12 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from math import isfinite
-from numbers import Real
 from os import PathLike
 from pathlib import Path
 
 import numpy as np
 
-from ..numerics import FloatArray
+from ..numerics import FloatArray, is_real
 from .columns import Choice, checked_columns, chosen, unit_of_time
 from .parsing import UNITS, is_moment, number_in, seconds_in, short
 from .records import Record, checked_record
@@ -88,7 +87,7 @@ def read_data(
     """
     asked = checked_columns(columns)
     if sampling_time is not None:
-        if isinstance(sampling_time, bool) or not isinstance(sampling_time, Real):
+        if not is_real(sampling_time):
             raise TypeError(f"sampling_time is {sampling_time!r}; give seconds, such as 0.1")
         if not (isfinite(sampling_time) and sampling_time > 0):
             raise ValueError(f"sampling_time is {sampling_time}; give positive seconds")

@@ -1,7 +1,7 @@
 """Numbers only, no control theory: roots, crossings, polynomials with a delay."""
 
 from .argument import Term, frequency_range, rhp_counts, zero_free
-from .arrays import ROUNDING, BoolArray, ComplexArray, FloatArray, IntArray
+from .arrays import ROUNDING, BoolArray, ComplexArray, FloatArray, IntArray, is_real, is_whole
 from .coefficients import add, exponential_rest
 from .crossings import bisect, golden, newton, side
 from .hurwitz import hurwitz
@@ -39,6 +39,8 @@ __all__ = [
     "golden",
     "hurwitz",
     "impulse_states",
+    "is_real",
+    "is_whole",
     "multiply",
     "newton",
     "number",

@@ -1,13 +1,14 @@
-"""Types of the arrays that everything works on, and what counts as rounding."""
+"""Types of the arrays that everything works on, what is a number, and what counts as rounding."""
 
 from __future__ import annotations
 
+from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["ROUNDING", "BoolArray", "ComplexArray", "FloatArray", "IntArray"]
+__all__ = ["ROUNDING", "BoolArray", "ComplexArray", "FloatArray", "IntArray", "is_real", "is_whole"]
 
 FloatArray = NDArray[np.floating[Any]]
 ComplexArray = NDArray[np.complexfloating[Any, Any]]
@@ -16,3 +17,35 @@ IntArray = NDArray[np.intp]
 
 ROUNDING = 1e3 * float(np.finfo(float).eps)
 """Relative change of the coefficients below which two loops cannot be told apart."""
+
+
+def is_real(value: object) -> bool:
+    """Tell whether a value is a real number; truth values and texts are none.
+
+    Parameters
+    ----------
+    value : object
+        Anything.
+
+    Returns
+    -------
+    bool
+        True for a number of Python or NumPy.
+    """
+    return isinstance(value, Real) and not isinstance(value, bool)
+
+
+def is_whole(value: object) -> bool:
+    """Tell whether a value is a whole number by its type; truth values are none.
+
+    Parameters
+    ----------
+    value : object
+        Anything.
+
+    Returns
+    -------
+    bool
+        True for an integer of Python or NumPy.
+    """
+    return isinstance(value, Integral) and not isinstance(value, bool)

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from io import BytesIO
 from math import isfinite
-from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from ..diagram import INPUTS, MAPS, Quotient
+from ..numerics import is_real
 
 __all__ = [
     "COLOURS",
@@ -158,7 +158,7 @@ def as_map(given: Any) -> Quotient:
 
 def as_number(given: Any, name: str, needed: str) -> float:
     """Return a finite real number, or say what is `needed`."""
-    if isinstance(given, bool) or not isinstance(given, Real):
+    if not is_real(given):
         raise TypeError(f"{name} is {given!r}; it must be {needed}")
     number = float(given)
     if not isfinite(number):

@@ -10,13 +10,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
-from numbers import Integral
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..diagram import is_number
-from ..numerics import FloatArray
+from ..numerics import FloatArray, is_whole
 
 __all__ = [
     "BLOCK",
@@ -289,7 +288,7 @@ def whole_number(value: Any, name: str, least: int) -> int:
     least : int
         Its smallest value.
     """
-    if isinstance(value, bool) or not isinstance(value, Integral):
+    if not is_whole(value):
         raise TypeError(f"{name} is {value!r}; give a whole number")
     if value < least:
         raise ValueError(f"{name} is {value}; give {least} or more")

@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import isfinite
-from numbers import Real
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import beta
 
-from ..numerics import IntArray
+from ..numerics import IntArray, is_real
 from .distributions import Grid
 from .plantfamily import PlantFamily
 
@@ -128,7 +127,7 @@ class SweepTable:
         Clopper, C. J., E. S. Pearson, The use of confidence or fiducial limits illustrated in the
         case of the binomial, Biometrika 26 (1934) 404-413.
         """
-        if isinstance(confidence, bool) or not isinstance(confidence, Real):
+        if not is_real(confidence):
             raise TypeError(f"confidence is {confidence!r}; give a number, such as 0.95")
         if not (isfinite(confidence) and 0 < confidence < 1):
             raise ValueError(f"confidence is {confidence}; give a number between 0 and 1")
