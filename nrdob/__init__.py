@@ -24,7 +24,7 @@ from .design import (
 from .diagram import LowPassFilter, delay, filter_family, interpolating_filter
 from .loop import NRDOB
 from .measured import identify, read_data
-from .uncertain import family, largest_box, sweep
+from .uncertain import largest_box, plant_family, sweep
 
 if TYPE_CHECKING:
     from .reporting import report
@@ -40,7 +40,7 @@ __all__ = [  # noqa: RUF022  (by topic: the contents of the package)
     # Which model, and which controller? What process was measured?
     "suggest_model", "design_controller", "identify", "read_data",
     # Is it robust, and better than another scheme?
-    "family", "sweep", "largest_box", "compare",
+    "plant_family", "sweep", "largest_box", "compare",
     # All that can be said, on one page.
     "report",
     # Loops to try things on: the paper's, and some with a name.

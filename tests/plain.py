@@ -111,7 +111,9 @@ def everything(nrdob, place: Path) -> int:
     loop = paper.example(4)
     chart = nrdob.stability_chart(loop.process, loop.model, 3, x=("gain", 0.5, 2.0),
                                   y=("time_constant", 0.01, 0.3))  # fmt: skip
-    table = nrdob.sweep(loop, nrdob.family(loop.process, gain=(0.5, 2), delay=(0, 0.1), samples=9))
+    table = nrdob.sweep(
+        loop, nrdob.plant_family(loop.process, gain=(0.5, 2), delay=(0, 0.1), samples=9)
+    )
     lines = plotting.axes_for(None, 1, plotting.SHORT)[0].plot([0, 1], [0, 1])
     line = plotting.Figure(lines, lines[0].axes, alt="A line")
     pictures = [
@@ -127,9 +129,6 @@ def everything(nrdob, place: Path) -> int:
     assert explorer.frame() and explorer._repr_mimebundle_()[0]["image/png"]
     with asks_for("notebooks"):
         explorer.widget()
-    for convert in (table.to_pandas, table.to_xarray):
-        with asks_for("sweep"):
-            convert()
 
     t = np.arange(200) * 0.1
     u = np.where(t < 1, 0.0, 1.0)

@@ -37,7 +37,7 @@ def read_opening(path: Path) -> Chapter:
 
 def read_openings(folder: Path) -> dict[str, Chapter]:
     """Read the openings of all chapters in a folder, by number."""
-    found = [read_opening(path) for path in sorted(folder.glob("[0-9]*.ipynb"))]
+    found = [read_opening(path) for path in sorted(folder.glob("*.ipynb"))]
     return {opening.number: opening for opening in found}
 
 
@@ -56,7 +56,7 @@ class ChapterDirective(SphinxDirective):
     def openings(self) -> dict[str, Chapter]:
         """Read them, and have the page written again when one changes."""
         folder = Path(self.env.srcdir) / "chapters"
-        for path in folder.glob("[0-9]*.ipynb"):
+        for path in folder.glob("*.ipynb"):
             self.env.note_dependency(str(path))
         return read_openings(folder)
 
@@ -77,10 +77,10 @@ class ChapterMap(ChapterDirective):
         """Make the cards."""
         openings = self.openings()
         found = nodes.container(classes=["chapter-map"])
-        for digit, part in PARTS.items():
+        for begins, part in PARTS.items():
             found += nodes.rubric(part, part)
             cards = nodes.bullet_list(classes=["chapter-cards"])
-            cards += [self.card(o) for o in openings.values() if o.number.startswith(digit)]
+            cards += [self.card(o) for o in openings.values() if o.number[0] in begins]
             found += cards
         return [found]
 

@@ -1,11 +1,15 @@
 """Links between the chapters and the ledger: inline code ``claim:ID`` leads to the entry of ID.
 
+A cell whose metadata names claims, ``{"claims": ["eq03"]}``, shows them at the right margin of its
+page.
+
 The way back is made here as well: the first mention of a claim in a chapter gets the label
 ``shown-<chapter>-<ID>``, to which its entry links.
 """
 
 from __future__ import annotations
 
+import json
 import re
 
 from docutils import nodes
@@ -52,6 +56,22 @@ class ClaimLinks(SphinxTransform):
             self.document.note_explicit_target(node)
 
 
+def show_in_margin(_app: Sphinx, page: str, source: list[str]) -> None:
+    """Put behind each cell of a chapter the claims that its metadata names."""
+    if not page.startswith("chapters/"):
+        return
+    notebook = json.loads(source[0])
+    cells = []
+    for cell in notebook["cells"]:
+        cells.append(cell)
+        if claims := cell["metadata"].get("claims"):
+            links = " ".join(f"`claim:{id}`" for id in claims)
+            text = f":::{{container}} margin-claims\n{links}\n:::"
+            cells.append({"cell_type": "markdown", "metadata": {}, "source": text})
+            cells[-1] |= {"id": f"{cell['id']}-claims"[-64:]}
+    source[0] = json.dumps(notebook | {"cells": cells})
+
+
 def resolve(
     app: Sphinx, env: BuildEnvironment, node: pending_xref, name: nodes.TextElement
 ) -> nodes.Element | None:
@@ -69,5 +89,6 @@ def resolve(
 def setup(app: Sphinx) -> dict[str, bool]:
     """Register the transform and the way its links are resolved."""
     app.add_transform(ClaimLinks)
+    app.connect("source-read", show_in_margin)
     app.connect("missing-reference", resolve)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -35,7 +35,12 @@ FIGURE = re.compile(r"fig-(\d+)(-[a-zH]+)?")
 EQUATIONS, FIGURES = range(1, 18), range(1, 20)
 PARTS = defaultdict(str, bode=" (Bode)", nyquist=" (Nyquist)", ratio=" (G̃⁻¹G)", H=" (H)")
 """What the name of a figure says beside its number."""
-EXAMPLES = {1: "01_matched", 2: "02_nonminimum_phase", 3: "03_unstable", 4: "04_time_delay"}
+EXAMPLES = {
+    1: "03_is_a_perfect_model_perfect",
+    2: "05_how_slow_must_the_filter_be",
+    3: "06_why_must_the_model_be_wrong",
+    4: "07_do_endless_encirclements_matter",
+}
 
 
 def claims_of(stem: str, figure: int = 0) -> list[str]:
@@ -132,11 +137,14 @@ def table(folder: Path) -> str:
     theorems = [theorem for of in theorems_of(folder).values() for theorem in of]
 
     def chapter(page: str) -> str:
-        return f"[{page[:2]} {title_of(pages[page])}](/{CHAPTERS}/{page}.ipynb)"
+        return f"[{short(page)} {title_of(pages[page])}](/{CHAPTERS}/{page}.ipynb)"
 
     def row(name: str, places: list[str], claims: list[str]) -> str:
         ledger = " ".join(f"`claim:{id}`" for id in claims)
         return f"| {name} | {'; '.join(places) or '–'} | {ledger or '–'} |"
+
+    def short(page: str) -> str:
+        return page.partition("_")[0].lstrip("0")
 
     rows = ["| In the paper | In the book | In the ledger |", "|---|---|---|"]
     for n in EQUATIONS:
@@ -152,7 +160,7 @@ def table(folder: Path) -> str:
         rows.append(row(f"Example {n}", [chapter(page)] if page in pages else [], []))
     for n in FIGURES:
         at = [
-            f"[{page[:2]}, Figure {n}{PARTS[name.rpartition('-')[2]]}](#{name})"
+            f"[{short(page)}, Figure {n}{PARTS[name.rpartition('-')[2]]}](#{name})"
             for page, names in figures.items()
             for name, number in names.items()
             if number == n

@@ -27,7 +27,7 @@ from complete import CHAPTERS, warn
 from findable import plain
 from statements import MENTION, NUMBER, Theorem, anchor, faults_of_book, theorems_of, title_of
 
-TITLE = re.compile(r"Theorem (\d+\.\d+) \((.+)\)\.", re.DOTALL)
+TITLE = re.compile(rf"Theorem ({NUMBER.pattern}) \((.+)\)\.", re.DOTALL)
 NO_MENTION = (nodes.literal, nodes.literal_block, nodes.math, nodes.math_block, nodes.raw,
               nodes.reference, nodes.title, nodes.comment, addnodes.pending_xref)  # fmt: skip
 

@@ -71,12 +71,13 @@ def read_chapter(path: Path) -> Chapter:
     for cell in cells_of(path):
         if cell["cell_type"] == "code":
             citations += [Citation(id, heading) for id in CITED_IN_CODE.findall(cell["source"])]
-            continue
-        for line in prose(cell["source"]):
-            if match := HEADING.match(line):
-                heading = match.group(1)
-                title = title or heading
-            citations += [Citation(id, heading) for id in CITED_IN_PROSE.findall(line)]
+        else:
+            for line in prose(cell["source"]):
+                if match := HEADING.match(line):
+                    heading = match.group(1)
+                    title = title or heading
+                citations += [Citation(id, heading) for id in CITED_IN_PROSE.findall(line)]
+        citations += [Citation(id, heading) for id in cell["metadata"].get("claims", ())]
     return Chapter(path.stem, title or path.stem, tuple(citations))
 
 

@@ -11,18 +11,18 @@ from pages import cells_of
 __all__ = ["PARTS", "Chapter", "read_chapter"]
 
 PARTS = {
-    "0": "First the examples",
-    "1": "The derivations",
-    "2": "Design",
-    "3": "From the page to the bench",
+    "0": "The paper in an afternoon",
+    "12": "Design",
+    "3": "The bench",
+    "ABC": "Appendices",
 }
-"""The parts of the book, by the first digit of a chapter's number, as on the front page."""
+"""The parts of the book, by what a chapter's number begins with, as on the front page."""
 
 TITLE = re.compile(r"# (.+)")
 PROMISED = re.compile(r"\*\*You will be able to\*\*(.*?)\*\*You need\*\*", re.DOTALL)
 NEEDED = re.compile(r"^\*\*You need\*\* (.+)$", re.MULTILINE)
 MINUTES = re.compile(r"\*\*Time\*\* (\d+) minutes")
-CHAPTER = re.compile(r"\((\d\d)_\w+\.ipynb\)")
+CHAPTER = re.compile(r"\((\d\d|[A-C])_\w+\.ipynb\)")
 
 
 @dataclass(frozen=True)
@@ -45,8 +45,8 @@ class Chapter:
 
     @property
     def number(self) -> str:
-        """The two digits that its file begins with."""
-        return self.stem[:2]
+        """What its file begins with: two digits, or the letter of an appendix."""
+        return self.stem.partition("_")[0]
 
 
 def read_chapter(path: Path) -> Chapter:

@@ -1,8 +1,9 @@
 """Bring the prediction questions of notebooks/class into the chapters, to choose and then to see.
 
 A question is written once, in the notebook of its week. Its chapter holds a copy in one Markdown
-cell, made here: each choice can be opened and tells what is wrong with it, without a kernel or a
-script. The book shows the same cell with its figures (``book/ext/predict.py``).
+cell, made here, with the figures attached: each choice can be opened and tells what is wrong with
+it, without a kernel or a script. The book shows the same cell with its figures
+(``book/ext/predict.py``).
 
     python book/make/predictions.py              write the cells into the chapters
     python book/make/predictions.py --check      fail if one is not what its question gives
@@ -138,15 +139,16 @@ def in_html(markdown: str) -> str:
     return "".join(parts)
 
 
-def no_picture(_question: Question, _which: str) -> str:
-    """Leave a picture out: a Markdown cell has none, the notebook of the week does."""
-    return ""
+def attached(question: Question, which: str) -> str:
+    """Show a picture that is attached to the cell, if the question has it."""
+    picture = getattr(question, which)
+    return f"![{picture.alt}](attachment:{which}.png)" if picture else ""
 
 
 def markdown(
     question: Question,
     summary: Callable[[str], str] = in_html,
-    picture: Callable[[Question, str], str] = no_picture,
+    picture: Callable[[Question, str], str] = attached,
 ) -> str:
     """Write a question: its choices can be opened, each one tells what it comes from.
 
@@ -167,8 +169,7 @@ def markdown(
             blocks += [
                 f"**Yes:** {question.answer}.",
                 question.why,
-                picture(question, "answered_with")
-                or f"(The figure is in [{question.deck}]({question.deck}).)",
+                picture(question, "answered_with"),
                 f"<details><summary>{summary(f'*And then:* {question.further}')}</summary>",
                 question.further_answer,
                 "</details>",
@@ -190,6 +191,11 @@ def put_into(notebook: Any, question: Question) -> None:
     (cell,) = places
     cell.metadata[KEY] = question.chapter
     cell.source = markdown(question)
+    cell["attachments"] = {
+        f"{which}.png": {"image/png": picture.png}
+        for which in ("asked_with", "answered_with")
+        if (picture := getattr(question, which))
+    }
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -30,7 +30,7 @@ FOLDER = NOTEBOOKS / "class"
 TEMPLATE = ROOT / "book" / "templates" / "slides"
 SYLLABUS = TEACHING / "syllabus.md"
 
-TWO_DAYS = re.compile(r"^\| \d+:\d\d \| \d+:\d\d \|[^|]*\| ([\d, ]+) \|", re.MULTILINE)
+TWO_DAYS = re.compile(r"^\| \d+:\d\d \| \d+:\d\d \|[^|]*\| ([\w, ]+) \|", re.MULTILINE)
 """A line of the plan for two days that has questions; their numbers."""
 
 BESIDE = (
@@ -71,7 +71,7 @@ def read(path: Path) -> Any:
 def two_days(notebooks: Iterable[Any]) -> Any:
     """Give all questions in one notebook, in the order of the course of two days."""
     by_number = {
-        cells[0].source.removeprefix("## ")[:2]: cells
+        cells[0].source.split()[1]: cells
         for notebook in notebooks
         for cells in split(notebook.cells)
     }

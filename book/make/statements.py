@@ -30,14 +30,16 @@ from pathlib import Path
 
 from pages import prose_of
 
-HEAD = re.compile(r"\*\*Theorem (\d+)\.(\d+) \((.+?)\)\.\*\*\s*")
+HEAD = re.compile(r"\*\*Theorem (\d+|[A-C])\.(\d+) \((.+?)\)\.\*\*\s*")
 NUMBERED = re.compile(r"\*\*Theorem\b")
 CONDITION = re.compile(r"(\d+)\.\s+(.*)", re.DOTALL)
 # A mention, such as "the loop of *Without 2*", has no colon and begins no part.
 PART = re.compile(r"\*(Then|(?:Without|Proof|Known)(?=[^*]*:\*))\b([^*]*?)[:.]?\*[:.,]?\s*")
 SENTENCE = re.compile(r"[.:;?!∎]\W*\Z|\$\Z|\|\Z")
-MENTION = re.compile(r"\bTheorems?\s+(\d+\.\d+(?:(?:,\s+|,?\s+and\s+|\s+to\s+|–)\d+\.\d+)*)")
-NUMBER = re.compile(r"\d+\.\d+")
+NUMBER = re.compile(r"(?:\d+|[A-C])\.\d+")
+MENTION = re.compile(
+    rf"\bTheorems?\s+({NUMBER.pattern}(?:(?:,\s+|,?\s+and\s+|\s+to\s+|–){NUMBER.pattern})*)"
+)
 NOT_PROSE = re.compile(r"```.*?```|`[^`]*`|\$\$.*?\$\$|\$[^$]*\$", re.DOTALL)
 
 
@@ -46,7 +48,7 @@ class Theorem:
     """A theorem as its chapter writes it; every text is Markdown."""
 
     page: str
-    chapter: int
+    chapter: str
     count: int
     name: str
     setting: str
@@ -81,7 +83,7 @@ class Theorem:
 
 def anchor(number: str) -> str:
     """Give the anchor of a theorem; addresses in letters and papers rely on it."""
-    return f"theorem-{number.replace('.', '-')}"
+    return f"theorem-{number.replace('.', '-').lower()}"
 
 
 # --- reading ------------------------------------------------------------------------------------
@@ -123,7 +125,7 @@ def parse(page: str, head: re.Match[str], body: str) -> Theorem:
     setting = re.split(r"^\d+\.\s", before, maxsplit=1, flags=re.MULTILINE)[0].strip()
     return Theorem(
         page=page,
-        chapter=int(head[1]),
+        chapter=head[1],
         count=int(head[2]),
         name=head[3],
         setting=setting if setting != "*Let*" else "",
@@ -174,8 +176,8 @@ def faults(page: str, cells: Iterable[str]) -> list[str]:
 
 def faults_of(theorem: Theorem) -> Iterator[str]:
     """Say what one theorem lacks."""
-    own = re.match(r"\d+", theorem.page)
-    if own is None or int(own[0]) != theorem.chapter:
+    own = theorem.page.partition("_")[0].lstrip("0")
+    if own != theorem.chapter:
         yield f"stands in {theorem.page}, and has the number of another chapter"
     if not theorem.listed:
         yield "has no numbered conditions"

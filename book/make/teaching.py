@@ -230,8 +230,8 @@ class Pack:
     def parts(self) -> dict[str, list[Chapter]]:
         """The chapters of each part of the book."""
         return {
-            part: [chapter for stem, chapter in self.chapters.items() if stem.startswith(digit)]
-            for digit, part in PARTS.items()
+            part: [chapter for stem, chapter in self.chapters.items() if stem[0] in begins]
+            for begins, part in PARTS.items()
         }
 
     def problems_for(self, stem: str, objective: str) -> list[str]:

@@ -2,7 +2,6 @@
 
 from .adrc import (
     adrc_chart,
-    adrc_filters,
     adrc_stabilizing_bandwidths,
     adrc_stabilizing_gains,
     linear_adrc,
@@ -11,17 +10,16 @@ from .comparison import Comparison, Row, compare
 from .measures import LoadErrors, load_errors
 from .simc import LagModel, half_rule, simc_pi, simc_pid
 from .structures import controller_alone, conventional_observer, smith_predictor
-from .tuning import Candidate, Tuned, candidates, tune
+from .tuning import Scheme, Tuned, candidates, tune
 
 __all__ = [
-    "Candidate",
     "Comparison",
     "LagModel",
     "LoadErrors",
     "Row",
+    "Scheme",
     "Tuned",
     "adrc_chart",
-    "adrc_filters",
     "adrc_stabilizing_bandwidths",
     "adrc_stabilizing_gains",
     "candidates",

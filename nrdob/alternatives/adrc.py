@@ -38,6 +38,7 @@ from typing import Any
 
 import control as ct
 import numpy as np
+from scipy.signal import convolve2d
 
 from ..design import (
     Axis,
@@ -47,7 +48,7 @@ from ..design import (
     stabilizing_gains,
     stabilizing_time_constants,
 )
-from ..diagram import DelayedTransferFunction, FilterFamily, as_fraction, filter_family, real_number
+from ..diagram import FilterFamily, as_fraction, filter_family, real_number, undelayed
 from ..loop import NRDOB
 from ..numerics import FloatArray
 
@@ -138,7 +139,7 @@ def adrc_filters(order: int, controller_bandwidth: float) -> FilterFamily:
     m, wc = _order(order), _bandwidth(controller_bandwidth, "controller_bandwidth")
     # Tables with a row for each power of s and a column for each power of λ, both descending.
     lag, observer = np.array([[1 / wc], [1.0]]), np.array([[1.0, 0.0], [0.0, 1.0]])
-    den = reduce(_convolved, [lag] * m + [observer] * (m + 1))
+    den = reduce(convolve2d, [lag] * m + [observer] * (m + 1))
     return filter_family("own", num=den[-(m + 1) :].tolist(), den=den.tolist())
 
 
@@ -305,8 +306,7 @@ def high_frequency_gain(process: Any) -> tuple[int, float]:
     process : as for `nrdob.NRDOB`
         The process G.
     """
-    undelayed = process.tf if isinstance(process, DelayedTransferFunction) else process
-    G = as_fraction(undelayed, "process")
+    G = as_fraction(undelayed(process)[0], "process")
     return G.relative_degree, float(G.num[0] / G.den[0])
 
 
@@ -348,12 +348,3 @@ def _range(name: str, given: Any) -> Axis:
             f"{DECADE_AND_MORE:g} or more apart"
         )
     return Axis(name, low, high)
-
-
-def _convolved(one: FloatArray, other: FloatArray) -> FloatArray:
-    """Multiply two polynomials in s whose coefficients are polynomials in λ."""
-    rows, columns = (a + b - 1 for a, b in zip(one.shape, other.shape, strict=True))
-    total = np.zeros((rows, columns))
-    for (i, j), value in np.ndenumerate(one):
-        total[i : i + other.shape[0], j : j + other.shape[1]] += value * other
-    return total

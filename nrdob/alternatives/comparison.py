@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from html import escape
 from math import isnan, nan
-from pathlib import Path
 from typing import Any
 
 from ..analysis import noise_variance, quotient_margins
 from ..design import step_peak
-from ..diagram import DelayedTransferFunction, as_fraction, nonzero
+from ..diagram import as_fraction, nonzero, undelayed
 from ..loop import NRDOB
 from .measures import load_errors
-from .tuning import Candidate, Limits, tune
+from .tuning import Scheme, checked_limits, tune
 
 __all__ = ["Comparison", "Row", "compare"]
 
@@ -42,7 +40,7 @@ class Row:
     tuning : str
         The parameter that was found, if one was looked for; "no limit" where the limits allow all.
     stable : bool or None
-        Whether the loop is stable; None if that cannot be told, or if there is no loop.
+        Whether the loop is stable; None if that is not known, or if there is no loop.
     reason : str
         Why there are no numbers, empty where there are.
     ms : float
@@ -56,7 +54,7 @@ class Row:
     peak_u : float
         Largest ``|u|`` after a unit step of d.
     changed : dict of str to float
-        Ms on each of the changed plants; nan where the loop is lost.
+        Ms on each of the changed plants; nan where the loop is unstable.
     loop : NRDOB or None
         The loop itself.
     """
@@ -150,23 +148,6 @@ class Comparison:
                 raise ValueError(f"there is no column {name!r}; choose from {', '.join(known)}")
         return replace(self, shown=names)
 
-    def to_csv(self, path: str | Path) -> None:
-        """Write the table as comma-separated values in UTF-8, numbers in full.
-
-        Parameters
-        ----------
-        path : str or Path
-            The file, which is overwritten.
-        """
-        names = ["name", "tuning", "stable", *COLUMNS]
-        with open(path, "w", encoding="utf-8", newline="") as file:
-            writer = csv.writer(file)
-            writer.writerow([*names, *self.changed, "reason"])
-            for row in self.rows:
-                cells = [getattr(row, name) for name in names]
-                more = [(row.changed or {}).get(name, nan) for name in self.changed]
-                writer.writerow([*cells, *more, row.reason])
-
     @property
     def _cells(self) -> list[list[str]]:
         every = [(name, False) for name in COLUMNS] + [(name, True) for name in self.changed]
@@ -218,7 +199,7 @@ class Comparison:
 
 def compare(
     process: Any,
-    candidates: Mapping[str, NRDOB | Candidate],
+    candidates: Mapping[str, NRDOB | Scheme],
     *,
     changed: Mapping[str, Any] | None = None,
     shaping: Any = None,
@@ -231,9 +212,9 @@ def compare(
     ----------
     process : as for `nrdob.NRDOB`
         G, on which every scheme is judged.
-    candidates : dict of str to NRDOB or Candidate
-        Loops as they are; or candidates from `nrdob.alternatives.candidates`, each of which is
-        tuned to the same limits by `nrdob.alternatives.tune`.
+    candidates : dict of str to NRDOB or Scheme
+        Loops as they are; or schemes from `nrdob.alternatives.candidates`, each of which is tuned
+        to the same limits by `nrdob.alternatives.tune`.
     changed : dict of str to process, optional
         What the plant may become; the schemes stay as they are.
     shaping : control.TransferFunction, StateSpace, number or (num, den), optional
@@ -268,7 +249,7 @@ def compare(
     {'NR-DOB': 3.209, 'PI': 2.416}
     """
     if not isinstance(candidates, Mapping) or not all(
-        isinstance(each, NRDOB | Candidate) for each in candidates.values()
+        isinstance(each, NRDOB | Scheme) for each in candidates.values()
     ):
         raise TypeError(
             "candidates must be a dict of names to NRDOB loops or to candidates from "
@@ -278,14 +259,14 @@ def compare(
         raise TypeError(f"changed is a {type(changed).__name__}; give a dict of names to plants")
     others = dict(changed or {})
     for name, plant in (("process", process), *others.items()):
-        _check_process(plant, name)
-    if any(isinstance(each, Candidate) for each in candidates.values()):
-        Limits(max_ms, max_noise, shaping)  # its refusals are about what is asked, not a scheme
+        nonzero(as_fraction(undelayed(plant)[0], name), name)
+    if any(isinstance(each, Scheme) for each in candidates.values()):
+        checked_limits(max_ms, max_noise)  # such refusals are about what is asked, not a scheme
     rows = []
     for name, each in candidates.items():
         tuning = ""
         try:
-            if isinstance(each, Candidate):
+            if isinstance(each, Scheme):
                 tuned = tune(each, max_ms=max_ms, max_noise=max_noise, shaping=shaping)
                 loop, tuning = tuned.loop, tuned.text
             else:
@@ -324,8 +305,3 @@ def _ms(loop: NRDOB) -> float:
 
 def _number(value: float, missing: str = "-") -> str:
     return missing if isnan(value) else f"{value:.4g}"
-
-
-def _check_process(plant: Any, name: str) -> None:
-    undelayed = plant.tf if isinstance(plant, DelayedTransferFunction) else plant
-    nonzero(as_fraction(undelayed, name), name)

@@ -117,10 +117,10 @@ def _area(loop: LoopEquations) -> float:
 def _horizon(loop: LoopEquations) -> float:
     """Time after which nothing is left, in seconds."""
     roots = loop.p_B.roots
-    waits = DEAD_TIMES * (loop.delay + loop.model_delay)
+    late = DEAD_TIMES * (loop.delay + loop.model_delay)
     if not roots.size or not roots[0].real < 0:
-        return float(step_response(loop, "delta").time[-1]) * 4 + waits
-    return SETTLING / float(-roots[0].real) + waits
+        return float(step_response(loop, "delta").time[-1]) * 4 + late
+    return SETTLING / float(-roots[0].real) + late
 
 
 def _integrals(times: FloatArray, y: FloatArray) -> tuple[float, float, float]:

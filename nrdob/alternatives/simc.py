@@ -36,7 +36,7 @@ from typing import Any, NamedTuple
 import control as ct
 import numpy as np
 
-from ..diagram import DelayedTransferFunction, as_fraction, nonzero, real_number
+from ..diagram import as_fraction, nonzero, real_number, undelayed
 from ..loop import NRDOB
 from ..numerics import FloatArray, QuasiPolynomial, written
 from .structures import controller_alone
@@ -120,9 +120,8 @@ def half_rule(process: Any, order: int, closed_loop_time: float) -> LagModel:
     if order not in (1, 2):
         raise ValueError(f"order is {order}; the rule keeps one lag or two")
     tc = _closed_loop_time(closed_loop_time)
-    undelayed = process.tf if isinstance(process, DelayedTransferFunction) else process
-    delay = process.delay if isinstance(process, DelayedTransferFunction) else 0.0
-    G = nonzero(as_fraction(undelayed, "process"), "process")
+    prompt, delay = undelayed(process)
+    G = nonzero(as_fraction(prompt, "process"), "process")
     lags, zeros = _lags(G.den), _zeros(G.num)
     gain = _low_frequency_gain(G.num, G.den)
     for zero in sorted((z for z in zeros if z > 0), reverse=True):

@@ -34,7 +34,7 @@ import control as ct
 import numpy as np
 
 from ..design import observer_form
-from ..diagram import DelayedTransferFunction, as_fraction, filter_fraction
+from ..diagram import as_fraction, filter_fraction, undelayed
 from ..loop import NRDOB
 from ..numerics import QuasiPolynomial, add, count_rhp, written
 
@@ -72,7 +72,7 @@ def controller_alone(process: Any, model: Any, controller: Any) -> NRDOB:
     [0.333333, 1.333333, 2.0]
     """
     F = _filter_of("C alone", model, controller)
-    return NRDOB(process, _undelayed(model), controller, F)
+    return NRDOB(process, undelayed(model)[0], controller, F)
 
 
 def smith_predictor(process: Any, model: Any, controller: Any) -> NRDOB:
@@ -136,8 +136,8 @@ def conventional_observer(process: Any, model: Any, controller: Any, filter: Any
     >>> loop.p_B.roots.real.round(6).tolist()           # of F, and of C·model
     [-2.0, -3.0]
     """
-    undelayed = _undelayed(model)
-    Gm, C = as_fraction(undelayed, "model"), as_fraction(controller, "controller")
+    prompt = undelayed(model)[0]
+    Gm, C = as_fraction(prompt, "model"), as_fraction(controller, "controller")
     F = filter_fraction(filter)
     opened, closing = np.convolve(C.den, Gm.den), np.convolve(C.num, Gm.num)
     p_A = QuasiPolynomial(add(opened, closing), scale=add(np.abs(opened), np.abs(closing)))
@@ -147,16 +147,12 @@ def conventional_observer(process: Any, model: Any, controller: Any, filter: Any
             "change C"
         )
     num = add(np.convolve(F.num, opened), np.convolve(F.den, closing))
-    return NRDOB(process, undelayed, controller, ct.tf(num, np.convolve(F.den, p_A.q)))
+    return NRDOB(process, prompt, controller, ct.tf(num, np.convolve(F.den, p_A.q)))
 
 
 def _filter_of(scheme: str, model: Any, controller: Any) -> Any:
     """Return the complementary sensitivity of the model without dead time under C."""
-    found = observer_form(controller, _undelayed(model))
+    found = observer_form(controller, undelayed(model)[0])
     if not found:
         raise ValueError(f"{scheme} cannot be written as an observer: {found.reason}")
     return found.F
-
-
-def _undelayed(model: Any) -> Any:
-    return model.tf if isinstance(model, DelayedTransferFunction) else model

@@ -15,17 +15,23 @@ from math import ceil, exp, inf, log, log10
 from typing import Any
 
 import numpy as np
-from scipy.optimize import brentq
 
 from ..analysis import noise_variance, quotient_margins
-from ..diagram import DelayedTransferFunction, LowPassFilter, as_fraction, real_number
+from ..design import Bracket, solved
+from ..diagram import (
+    DelayedTransferFunction,
+    LowPassFilter,
+    as_fraction,
+    real_number,
+    undelayed,
+)
 from ..loop import NRDOB
 from ..numerics import QuasiPolynomial, count_rhp
 from .adrc import high_frequency_gain, linear_adrc
 from .simc import half_rule, simc_pi, simc_pid
 from .structures import controller_alone, conventional_observer
 
-__all__ = ["Candidate", "Limits", "Tuned", "candidates", "tune"]
+__all__ = ["Scheme", "Tuned", "candidates", "checked_limits", "tune"]
 
 PER_DECADE = 6
 """Values of the parameter tried in a decade."""
@@ -49,7 +55,7 @@ ENDLESS = -1e3
 
 
 @dataclass(frozen=True)
-class Candidate:
+class Scheme:
     """A scheme with one parameter.
 
     Attributes
@@ -105,72 +111,17 @@ class Tuned:
     value : float
         The parameter.
     text : str
-        Name, value and unit.
-    limited : bool
-        Whether a faster one would not keep to the limits; False where the fastest of all tried
-        does.
+        Name, value and unit; "no limit" where the fastest of all tried keeps to the limits.
     """
 
     loop: NRDOB
     value: float
     text: str
-    limited: bool
-
-
-@dataclass(frozen=True)
-class Limits:
-    """What a candidate has to keep to.
-
-    Attributes
-    ----------
-    max_ms, max_noise, shaping : as for `tune`
-        None where nothing is asked.
-    """
-
-    max_ms: Any
-    max_noise: Any
-    shaping: Any
-
-    def __post_init__(self) -> None:
-        if not self.given:
-            raise ValueError("nothing limits the candidates: give max_ms or max_noise")
-        for name, value in self.given.items():
-            least = 1.0 if name == "max_ms" else 0.0
-            number = real_number(value, name, "give a number, or None")
-            if not least < number < inf:
-                raise ValueError(f"{name} is {value}; give a finite number above {least:g}")
-
-    @property
-    def given(self) -> dict[str, Any]:
-        """The limits that there are."""
-        every = {"max_ms": self.max_ms, "max_noise": self.max_noise}
-        return {name: value for name, value in every.items() if value is not None}
-
-    def slack(self, loop: NRDOB, band: tuple[float, float]) -> float:
-        """Logarithm of limit over value, the smaller of the two; negative where one is not kept.
-
-        Where a peak seen at a few frequencies is too high already, it is that of these.
-        """
-        if loop.ill_posed or not all(map(_on_the_left, (loop.p_A, loop.p_B))):
-            return UNSTABLE
-        found = -UNSTABLE
-        if self.max_ms is not None:
-            seen = np.abs(loop.S_d(1j * np.geomspace(*band, LOOKED_AT))).max()
-            if seen <= self.max_ms:
-                seen = quotient_margins(loop.L, True).ms
-            found = log(self.max_ms / seen)
-        if self.max_noise is not None and found >= 0:
-            variance = noise_variance(loop, self.shaping).u
-            found = min(found, log(self.max_noise) - log(max(variance, 1e-300)) / 2)
-        return max(found, ENDLESS)
-
-    def __str__(self) -> str:
-        return " and ".join(f"{name} = {value:g}" for name, value in self.given.items())
 
 
 def candidates(
     process: Any, model: Any, controller: Any, order: int | None = None
-) -> dict[str, Candidate]:
+) -> dict[str, Scheme]:
     """Return what a plant can be controlled with, each with one parameter.
 
     Parameters
@@ -188,7 +139,7 @@ def candidates(
 
     Returns
     -------
-    dict of str to Candidate
+    dict of str to Scheme
         "NR-DOB", "conventional observer", "Smith predictor" (with dead time), "PI", "PID",
         "C alone" and "ADRC", the latter with ωc = ωo/4. What does not fit the plant says so when it
         is built.
@@ -225,16 +176,16 @@ def candidates(
         observers["Smith predictor"] = lambda x: NRDOB(process, delayed, controller, filter(x))
     rules = {"PI": partial(simc_pi, process), "PID": partial(simc_pid, process)}
     timed = {
-        name: Candidate(parameter, "s", build, 1 / fastest, 1 / slowest, band)
+        name: Scheme(parameter, "s", build, 1 / fastest, 1 / slowest, band)
         for parameter, group in (("λ", observers), ("τc", rules))
         for name, build in group.items()
     }
     return timed | {
-        "C alone": Candidate(
+        "C alone": Scheme(
             "gain of C", "", lambda x: controller_alone(process, model, _times(x, controller)),
             BEYOND, 1 / BEYOND, band,
         ),
-        "ADRC": Candidate(
+        "ADRC": Scheme(
             "ωo", "rad/s", lambda x: linear_adrc(process, m, b0, x, x / RATIO),
             fastest, slowest, band,
         ),
@@ -242,7 +193,7 @@ def candidates(
 
 
 def tune(
-    candidate: Candidate,
+    candidate: Scheme,
     *,
     max_ms: float | None = None,
     max_noise: float | None = None,
@@ -252,7 +203,7 @@ def tune(
 
     Parameters
     ----------
-    candidate : Candidate
+    candidate : Scheme
         A scheme with one parameter.
     max_ms : float, optional
         Largest peak of the sensitivity :math:`|S_d|`.
@@ -265,7 +216,7 @@ def tune(
     -------
     Tuned
         Loop and parameter; the limits are kept with it, and not with a slightly faster one. Where
-        they are kept even with the fastest one that is tried, it is that, and not `limited`.
+        they are kept even with the fastest one that is tried, it is that one.
 
     Raises
     ------
@@ -281,12 +232,12 @@ def tune(
     >>> tune(each["NR-DOB"], max_ms=1.6).text, tune(each["PI"], max_ms=1.6).text
     ('λ = 0.07705 s', 'τc = 0.1455 s')
     """
-    if not isinstance(candidate, Candidate):
+    if not isinstance(candidate, Scheme):
         raise TypeError(
             f"candidate is a {type(candidate).__name__}; give one of "
             "nrdob.alternatives.candidates(process, model, controller)"
         )
-    limits = Limits(max_ms, max_noise, shaping)
+    checked_limits(max_ms, max_noise)
     refusals: list[str] = []
     built: list[NRDOB] = []
 
@@ -296,7 +247,7 @@ def tune(
         except ValueError as refusal:  # such as a C that is too large for the model
             refusals.append(str(refusal))
             return UNSTABLE
-        return limits.slack(built[-1], candidate.band)
+        return _slack(built[-1], candidate.band, max_ms, max_noise, shaping)
 
     decades = abs(log10(candidate.slowest / candidate.fastest))
     values = np.geomspace(candidate.fastest, candidate.slowest, ceil(PER_DECADE * decades) + 1)
@@ -308,19 +259,54 @@ def tune(
     else:
         if not built:
             raise ValueError(refusals[-1])
+        given = {"max_ms": max_ms, "max_noise": max_noise}
+        limits = " and ".join(f"{name} = {x:g}" for name, x in given.items() if x is not None)
         raise ValueError(_refusal(candidate, limits, tried, built))
     if len(tried) == 1:
-        return Tuned(candidate.build(value), value, f"{candidate.said(value)}, no limit", False)
-    bad, good = (log(each) for each in list(tried)[-2:])
-    found = float(brentq(lambda x: max(slack(exp(x)), -1.0), bad, good, xtol=1e-10))
-    step = 1e-9 if good > bad else -1e-9
-    at = next((exp(x) for x in (found, found + step) if slack(exp(x)) >= 0), exp(good))
-    return Tuned(candidate.build(at), at, candidate.said(at), True)
+        return Tuned(candidate.build(value), value, f"{candidate.said(value)}, no limit")
+    found = solved(lambda x: max(slack(x), -1.0), Bracket(*list(tried)[-2:])) or value
+    return Tuned(candidate.build(found), found, candidate.said(found))
 
 
-def _refusal(
-    candidate: Candidate, limits: Limits, tried: dict[float, float], built: list[NRDOB]
-) -> str:
+def checked_limits(max_ms: Any, max_noise: Any) -> None:
+    """Refuse limits that are none.
+
+    Parameters
+    ----------
+    max_ms, max_noise : as for `tune`
+        The limits, or None.
+    """
+    if max_ms is None and max_noise is None:
+        raise ValueError("nothing limits the candidates: give max_ms or max_noise")
+    for name, value, least in (("max_ms", max_ms, 1.0), ("max_noise", max_noise, 0.0)):
+        if value is None:
+            continue
+        if not least < real_number(value, name, "give a number, or None") < inf:
+            raise ValueError(f"{name} is {value}; give a finite number above {least:g}")
+
+
+def _slack(
+    loop: NRDOB, band: tuple[float, float], max_ms: Any, max_noise: Any, shaping: Any
+) -> float:
+    """Logarithm of limit over value, the smaller of the two; negative where one is not kept.
+
+    Where a peak seen at a few frequencies is too high already, it is that of these.
+    """
+    if loop.ill_posed or not all(map(_on_the_left, (loop.p_A, loop.p_B))):
+        return UNSTABLE
+    found = -UNSTABLE
+    if max_ms is not None:
+        seen = np.abs(loop.S_d(1j * np.geomspace(*band, LOOKED_AT))).max()
+        if seen <= max_ms:
+            seen = quotient_margins(loop.L, True).ms
+        found = log(max_ms / seen)
+    if max_noise is not None and found >= 0:
+        variance = noise_variance(loop, shaping).u
+        found = min(found, log(max_noise) - log(max(variance, 1e-300)) / 2)
+    return max(found, ENDLESS)
+
+
+def _refusal(candidate: Scheme, limits: str, tried: dict[float, float], built: list[NRDOB]) -> str:
     first, *_, last = tried
     span = f"{candidate.parameter} tried, from {first:.3g} to {candidate.value(last)}"
     best = max(tried, key=lambda each: tried[each])
@@ -345,7 +331,7 @@ def _integrators(loop: NRDOB) -> tuple[int, float]:
     """Return the order and b0 that fit a process, for linear ADRC."""
     for block in (loop.process, loop.model):
         order, b0 = high_frequency_gain(block)
-        zeros = QuasiPolynomial(as_fraction(_undelayed(block), "process").num).roots
+        zeros = QuasiPolynomial(as_fraction(undelayed(block)[0], "process").num).roots
         if 1 <= order <= 2 and not (zeros.real > 0).any():
             return order, b0
     try:
@@ -353,10 +339,6 @@ def _integrators(loop: NRDOB) -> tuple[int, float]:
     except ValueError:
         return order, b0
     return (2, reduced.slope / reduced.second) if reduced.second else (1, reduced.slope)
-
-
-def _undelayed(block: Any) -> Any:
-    return block.tf if isinstance(block, DelayedTransferFunction) else block
 
 
 def _speeds(loop: NRDOB) -> list[float]:

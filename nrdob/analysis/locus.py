@@ -35,7 +35,7 @@ CROSSING = 1e-3
 STEEP = 1e12
 """Slope of log L over log ω beyond which a crossing is a pole or a zero on the axis."""
 
-SLACK = 0.1
+LEEWAY = 0.1
 """By how much the logarithm of L may leave what it is at both ends of a stretch."""
 
 SMALL = 0.5
@@ -355,7 +355,7 @@ def _relevant(motion: FloatArray, brackets: Brackets, late: BoolArray) -> Bracke
         sure = (row == SIDE) & negative[0] & negative[1] & (largest < 0)
         np.maximum.at(certain, loop[sure], smallest[sure])
         floor = np.fmin(np.fmax.reduce(motion[SIZE], axis=-1, initial=-np.inf), 0.0) + np.log(SMALL)
-        small = late[loop] & (largest + SLACK < np.fmin(floor, certain)[loop])
+        small = late[loop] & (largest + LEEWAY < np.fmin(floor, certain)[loop])
         kept &= (row != SIDE) | ~small
     towards, known = motion[row, loop, low] < 0, _known(motion)[row - RETREAT, loop]
     near = towards & (_least(smallest, largest, row == DISK_RETREAT) < known)
@@ -370,7 +370,7 @@ def _known(motion: FloatArray) -> FloatArray:
 
 def _least(smallest: FloatArray, largest: FloatArray, disk: BoolArray | bool) -> FloatArray:
     """Bound ``|1 + L|``, or ``|(1 + L)/(1 - L)|``, from below by the size of L in a stretch."""
-    size = np.exp(np.minimum(np.maximum(smallest - SLACK, 0.0), largest + SLACK))
+    size = np.exp(np.minimum(np.maximum(smallest - LEEWAY, 0.0), largest + LEEWAY))
     return np.asarray(np.abs(1 - size) / np.where(disk, 1 + size, 1.0))
 
 

@@ -44,7 +44,7 @@ __all__ = [
 
 AT_ORIGIN = "a root at s = 0 exactly"
 
-TURNS = "encirclements"
+ENCIRCLEMENTS = "encirclements"
 ROOTS = "roots"
 CROSSINGS = "Walton and Marshall's count"
 TWO_CROSSINGS = "Walton and Marshall's count and the crossings between the two dead times"
@@ -360,16 +360,20 @@ def judge(
         Why the loop has no solution at infinite frequency, if it has none.
     """
     factors = tuple(open_loop)
-    by_turns = nyquist_count(factors, closed_loop)
+    by_encirclements = nyquist_count(factors, closed_loop)
     roots = closed_loop.roots if closed_loop.neutral_ratio < 1 else np.empty(0, dtype=complex)
-    found = _Finding(None, ill_posed) if ill_posed else _find(closed_loop, by_turns, roots, factors)
+    found = (
+        _Finding(None, ill_posed)
+        if ill_posed
+        else _find(closed_loop, by_encirclements, roots, factors)
+    )
     return LoopStability(
         name=name,
         stable=found.stable,
         reason=found.reason,
-        encirclements=by_turns.encirclements,
-        open_loop_rhp=by_turns.open_loop_rhp,
-        closed_loop_rhp=by_turns.closed_loop_rhp if found.stable is not None else None,
+        encirclements=by_encirclements.encirclements,
+        open_loop_rhp=by_encirclements.open_loop_rhp,
+        closed_loop_rhp=by_encirclements.closed_loop_rhp if found.stable is not None else None,
         rightmost=complex(roots[0]) if roots.size else complex(nan, nan),
         kind=_kind(closed_loop),
         roots=roots,
@@ -385,11 +389,11 @@ class _Finding(NamedTuple):
 
 def _find(
     p: QuasiPolynomial,
-    by_turns: NyquistCount,
+    by_encirclements: NyquistCount,
     roots: ComplexArray,
     open_loop: tuple[QuasiPolynomial, ...],
 ) -> _Finding:
-    count = by_turns.closed_loop_rhp
+    count = by_encirclements.closed_loop_rhp
     if count == inf:
         return _Finding(False, (
             f"{_kind(p)} with |r/q| = {p.neutral_ratio:.4g} at infinite frequency: "
@@ -398,11 +402,11 @@ def _find(
     if p.zeros_at_origin:
         return _Finding(False, AT_ORIGIN)
     if count is None:
-        return _beside_the_axis(p, by_turns.reason, roots)
+        return _beside_the_axis(p, by_encirclements.reason, roots)
     second, way = _second_count(p, count, roots)
     if count != second:
-        return _Finding(None, f"the turns give Z = {count}, {way} {second}: no verdict")
-    ways = (TURNS, way)
+        return _Finding(None, f"the encirclements give Z = {count}, {way} {second}: no verdict")
+    ways = (ENCIRCLEMENTS, way)
     told = "" if way == ROOTS else f", {_written(ways)}"
     if count == 0:
         neutral = f" ({_kind(p)}, |r/q| = {p.neutral_ratio:.4g} at infinity)"
@@ -435,12 +439,14 @@ def _second_count(
 
 def _beside_the_axis(p: QuasiPolynomial, reason: str, roots: ComplexArray) -> _Finding:
     """Judge beside a root on the axis within rounding: others may be clearly right of it."""
-    by_turns = count_rhp(p).at_least
+    by_encirclements = count_rhp(p).at_least
     by_roots = int(np.sum((roots.real > 0) & ~p.near_axis(roots)))
-    if not (by_turns and by_roots):
+    if not (by_encirclements and by_roots):
         return _Finding(None, reason)
     return _Finding(
-        False, f"{_so_many_roots(by_turns)} in the right half plane, and {reason}", (TURNS, ROOTS)
+        False,
+        f"{_so_many_roots(by_encirclements)} in the right half plane, and {reason}",
+        (ENCIRCLEMENTS, ROOTS),
     )
 
 

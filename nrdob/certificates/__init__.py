@@ -8,9 +8,8 @@ the characteristic functions from the blocks, in exact fractions, and trusts not
 
 from .certificate import Certificate, W, certify
 from .checker import check
-from .points import half_plane_points
 
-__all__ = ["Certificate", "W", "certify", "check", "half_plane_points"]
+__all__ = ["Certificate", "W", "certify", "check"]
 
 
 def __dir__() -> list[str]:

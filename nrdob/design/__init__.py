@@ -13,31 +13,29 @@ from .closedforms import (
 from .controllers import design_controller
 from .existence import Answer, right_half_plane_parity, stabilizing_filter_exists
 from .fastandslow import gain_bound, stable_for_fast_filters, stable_for_slow_filters
+from .fastest import design_filter
 from .gains import critical_gains, stabilizing_gains
 from .mismatch import Mismatch
 from .models import ModelCandidate, suggest_model
-from .prices import peak_gain, step_peak
-from .search import admissible_time_constants, design_filter
-from .slack import UNSTABLE, Specification
+from .peaks import peak_gain, step_peak
+from .search import Bracket, admissible_time_constants, solved
 from .timeconstants import (
     CriticalTimeConstant,
     critical_time_constants,
-    intersection,
     stabilizing_time_constants,
 )
 from .youla import ObserverForm, observer_form, stable_model_exists
 
 __all__ = [
-    "UNSTABLE",
     "Answer",
     "Axis",
     "Border",
+    "Bracket",
     "CriticalTimeConstant",
     "Mismatch",
     "ModelCandidate",
     "ObserverForm",
     "Region",
-    "Specification",
     "StabilityChart",
     "admissible_time_constants",
     "closedforms",
@@ -47,7 +45,6 @@ __all__ = [
     "design_filter",
     "disturbance_index",
     "gain_bound",
-    "intersection",
     "noise_index",
     "observer_form",
     "peak_gain",
@@ -56,6 +53,7 @@ __all__ = [
     "smallest_for_delay",
     "smallest_for_double_lag",
     "smallest_for_rhp_zero",
+    "solved",
     "stability_chart",
     "stabilizing_filter_exists",
     "stabilizing_gains",

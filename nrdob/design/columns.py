@@ -5,12 +5,13 @@ from __future__ import annotations
 from typing import Any, TypeVar
 
 import numpy as np
+from scipy.linalg import pascal
 
 from ..numerics import BoolArray, ComplexArray, FloatArray, companion_roots
 
 __all__ = [
-    "beyond_roots",
     "last_root",
+    "none_beyond",
     "positive_roots",
     "root_near",
     "roots_of_columns",
@@ -135,12 +136,15 @@ def last_root(columns: FloatArray) -> FloatArray:
     return np.asarray(np.where(real, roots.real, 0.0).max(axis=0, initial=0.0))
 
 
-def beyond_roots(columns: FloatArray) -> FloatArray:
-    """Bound the sizes of all roots of polynomials, ascending coefficients in columns (Fujiwara)."""
+def none_beyond(columns: FloatArray, at: float) -> BoolArray:
+    """Tell which polynomials, ascending coefficients in columns, surely have no root beyond `at`.
+
+    All their derivatives have one sign there (Budan).
+    """
     n = columns.shape[0] - 1
     with np.errstate(all="ignore"):
-        ratios = np.abs(columns[:-1] / columns[-1]) ** (1 / np.arange(n, 0, -1))[:, None]
-    return np.asarray(2 * np.nan_to_num(ratios, nan=np.inf, posinf=np.inf).max(axis=0))
+        there = pascal(n + 1, "upper") @ (columns * at ** np.arange(n + 1)[:, None])
+        return np.asarray((there * there[-1] > 0).all(axis=0))
 
 
 def values_and_slopes(

@@ -74,7 +74,7 @@ def design_controller(
     A phase margin does not see everything: near a resonance the loop can come close to -1 without
     a crossover. `max_ms` limits the peak of the sensitivity as well.
 
-    A model that waits keeps its dead time outside of the loop that C closes, as in a Smith
+    The dead time of a delayed model stays outside of the loop that C closes, as in a Smith
     predictor: condition i, and so C, is about what stands before it.
 
     Parameters
@@ -119,7 +119,7 @@ def design_controller(
     peak 5e+03
     peak 1.5
 
-    A model that waits has the controller of one that does not:
+    The controller of a delayed model is that of the model without its dead time:
 
     >>> from nrdob import delay
     >>> C = design_controller(delay(0.3) * ct.tf([1], [1, 1]), bandwidth=2.0, phase_margin=80)

@@ -43,6 +43,10 @@ width, and how many times more frequencies that may take."""
 ROUNDING = 1e-12
 """Bound of the rounding error of n roots that are one, to the power n, against their size."""
 
+ROUGH, STEP, FARTHEST = 1e-11, 1e-15, 1e-3
+"""Bound of the rounding error of a critical λ from which it is found exactly; step of the frequency
+for that, and by how much it may differ at most."""
+
 JUMP = 1e-6
 """Distance from the line, against the branch's own size, at which a change of side is a jump."""
 
@@ -108,7 +112,10 @@ class Branches:
             return 1j * omega * roots_of_columns(mismatch.coefficients(omega))
 
         if mismatch.family.is_binomial:
-            return cls(mismatch, omega, 1j * omega * mismatch.powers_apart(omega))
+            size, angle = mismatch.log_minus_H(omega)
+            turns = np.round((np.unwrap(angle) - angle) / (2 * np.pi))
+            turns = turns + np.arange(mismatch.order)[:, None]
+            return cls(mismatch, omega, _root_less_1(size, angle, turns, mismatch.order))
         roots, most = at(omega), MOST * omega.size
         steps = np.arange(omega.size - 1)
         for _ in range(CUTS):
@@ -135,6 +142,11 @@ class Branches:
         low, high = self.omega[cell], self.omega[cell + 1]
         share = (omega - low) / (high - low)
         guess = (1 - share) * self.excess[of, cell] + share * self.excess[of, cell + 1]
+        if self.mismatch.family.is_binomial:
+            size, angle = self.mismatch.log_minus_H(omega)
+            n = self.mismatch.order
+            turns = np.round((n * np.angle(1 + guess) - angle) / (2 * np.pi))
+            return _root_less_1(size, angle, turns, n)
         found = root_near(self.mismatch.coefficients(omega), guess / (1j * omega))
         return np.asarray(1j * omega * found)
 
@@ -148,6 +160,13 @@ class Branches:
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             found = np.nan_to_num(omega * error / np.abs(slope), posinf=1e300)
         return np.asarray(np.reshape(found, np.shape(excess)))
+
+
+def _root_less_1(size: FloatArray, angle: FloatArray, turns: FloatArray, n: int) -> ComplexArray:
+    """n-th root of exp(size + j angle), reached after some turns, less 1."""
+    # Whole turns are counted apart: an angle of 2π would leave a root near 1 only rounding.
+    angles = (angle + 2 * np.pi * (turns % n)) / n
+    return np.asarray(np.expm1(size / n + 1j * angles))
 
 
 def _near_line(excess: ComplexArray) -> BoolArray:
@@ -215,11 +234,30 @@ def _on_axis(branches: Branches) -> list[CriticalTimeConstant]:
     # A pair leaves where the branch rises through the line as ω grows, and enters where it falls:
     # Re ds/dλ has the sign opposite to that of the slope.
     directions = side(branches(of, at, low).real)[true]
-    where, critical = where[true], value.imag[true] / where[true]
+    where, value = where[true], value[true]
+    critical = value.imag / where
+    rough = branches.rounding(where, value) > ROUGH * np.abs(value)
+    critical[rough] = _exactly(branches.mismatch, where[rough], critical[rough])
     return [
         CriticalTimeConstant(float(c), float(w), int(d))
         for c, w, d in zip(critical, where, directions, strict=True)
     ]
+
+
+def _exactly(mismatch: Mismatch, omega: FloatArray, critical: FloatArray) -> FloatArray:
+    """Find critical λ beside a pole of R, where λ(ω) is so steep that ω itself is too coarse.
+
+    By a secant through two neighbouring frequencies, to where λ is real.
+    """
+    if not omega.size:
+        return critical
+    one, other = (
+        root_near(mismatch.coefficients(w, exact=True), critical + 0j)
+        for w in (omega, omega * (1 + STEP))
+    )
+    with np.errstate(all="ignore"):
+        found = one.real - one.imag * (other - one).real / (other - one).imag
+    return np.where(np.abs(found - critical) <= FARTHEST * critical, found, critical)
 
 
 def _sign_changes(branches: Branches, known: BoolArray) -> _Brackets:

@@ -6,17 +6,19 @@ coefficients of λ^k, descending in s.
 
 from __future__ import annotations
 
+from fractions import Fraction
 from math import factorial
 from typing import Any
 
 import numpy as np
 
 from ..diagram import FilterFamily
-from ..numerics import ROUNDING, FloatArray, QuasiPolynomial, count_rhp, shared_factor
+from ..numerics import ROUNDING, ComplexArray, FloatArray, QuasiPolynomial, count_rhp, shared_factor
 
 __all__ = [
     "by_powers",
     "common_ramp",
+    "exactly_on_axis",
     "in_lambda",
     "multiplied",
     "rows",
@@ -127,6 +129,17 @@ def rows(table: FloatArray, s: Any) -> Any:
     for column in columns[1:]:
         value = value * s + column
     return value
+
+
+def exactly_on_axis(p: FloatArray, omega: FloatArray) -> ComplexArray:
+    """Values of a polynomial at jω, rounded but once: beside a root Horner's scheme loses them."""
+    found = []
+    for w in map(Fraction, omega.tolist()):
+        real, imag = Fraction(0), Fraction(0)
+        for c in p.tolist():
+            real, imag = Fraction(c) - imag * w, real * w
+        found.append(complex(real, imag))
+    return np.array(found)
 
 
 def summed(tables: list[FloatArray]) -> FloatArray:

@@ -47,6 +47,7 @@ from .columns import size_squared
 from .familytables import (
     by_powers,
     common_ramp,
+    exactly_on_axis,
     in_lambda,
     multiplied,
     rows,
@@ -264,7 +265,9 @@ class Mismatch:
             (np.abs(values[1]) <= ERROR * sizes[1]) | (np.abs(values[2]) <= ERROR * sizes[2])
         )
 
-    def _values(self, omega: FloatArray) -> list[ComplexArray]:
+    def _values(self, omega: FloatArray, exact: bool = False) -> list[ComplexArray]:
+        if exact:
+            return [exactly_on_axis(p, omega) for p in self.factors]
         s = 1j * np.asarray(omega)
         return [rows(p[None], s)[0] for p in self.factors]
 
@@ -326,15 +329,17 @@ class Mismatch:
 
     # On the imaginary axis: a polynomial in λ at each frequency.
 
-    def coefficients(self, omega: FloatArray) -> ComplexArray:
+    def coefficients(self, omega: FloatArray, *, exact: bool = False) -> ComplexArray:
         """Coefficients of λ^k in p_B(jω), ascending, each frequency a column.
 
         Parameters
         ----------
         omega : (N,) array of float
             Frequencies, in rad/s.
+        exact : bool
+            Whether the factors are evaluated without rounding, which takes long.
         """
-        (a, b, waits), (E, Nf) = self._apart(omega), self._tables(omega)
+        (a, b, waits), (E, Nf) = self._apart(omega, exact), self._tables(omega)
         return np.asarray(a * E + (b + waits) * Nf)
 
     def uncertainty(self, omega: FloatArray) -> FloatArray:
@@ -395,11 +400,11 @@ class Mismatch:
         powers = np.asarray(time_constant)[None, :] ** np.arange(len(self.E))[:, None]
         return np.polyval(self.E.T, s) @ powers, np.polyval(self.Nf.T, s) @ powers
 
-    def powers_apart(self, omega: FloatArray) -> ComplexArray:
-        """For the filters of eq. (1): all λ with (1 + jλω)^n = -H, each row continuous in ω.
+    def log_minus_H(self, omega: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Real and imaginary part of ln(-H): with eq. (1) a root is at jω where (1 + jλω)^n = -H.
 
         -H is 1 - R, or behind the model's dead time exp(-jωθm) (1 - R), R with the difference of
-        the dead times. Its logarithm is accurate for small R, too, where numpy's log1p is not.
+        the dead times. Accurate for small R, too, where numpy's complex log1p is not.
 
         Parameters
         ----------
@@ -407,14 +412,9 @@ class Mismatch:
             Frequencies, in rad/s.
         """
         R = self.ratio(omega)
-        with np.errstate(divide="ignore"):  # where H vanishes exactly, all are one
+        with np.errstate(divide="ignore"):  # where H vanishes exactly
             size = np.log1p(-R.real * (2 - R.real) + R.imag**2) / 2
-        angle = np.arctan2(-R.imag, 1 - R.real) - self.wait * omega
-        # Whole turns are counted apart: an angle of 2π would leave a root near 1 only rounding.
-        turns = np.round((np.unwrap(angle) - angle) / (2 * np.pi))
-        turns = (turns + np.arange(self.order)[:, None]) % self.order
-        angles = (angle + 2 * np.pi * turns) / self.order
-        return np.asarray(np.expm1(size / self.order + 1j * angles) / (1j * omega))
+        return size, np.arctan2(-R.imag, 1 - R.real) - self.wait * omega
 
     def off_gain(self, omega: FloatArray, gain: float = 1.0) -> FloatArray:
         """Coefficients in λ, ascending, each frequency a column, of ``|a E|^2 - |b Nf/gain|^2``.
@@ -436,10 +436,12 @@ class Mismatch:
             ahead, behind = (np.nan_to_num(part / most) for part in (ahead, behind))
         return size_squared(ahead) - size_squared(behind)
 
-    def _apart(self, omega: FloatArray) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+    def _apart(
+        self, omega: FloatArray, exact: bool = False
+    ) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
         """Return a, b exp(-jωθ), and -D Nm exp(-jωθm) or 0, divided as p_B is."""
         s = 1j * np.asarray(omega)
-        N, D, Nm, Dm = self._values(omega)
+        N, D, Nm, Dm = self._values(omega, exact)
         turned = N * Dm * np.exp(-self.delay * s) if self.delay else N * Dm
         turned = turned / s**self.divided if self.divided else turned
         if not self.wait:

@@ -9,7 +9,7 @@ from math import pi
 import numpy as np
 
 from ..numerics import FloatArray, QuasiPolynomial, add
-from .columns import beyond_roots, last_root, positive_roots
+from .columns import last_root, none_beyond, positive_roots
 from .familytables import wide, width
 from .mismatch import Mismatch
 
@@ -157,7 +157,7 @@ class Frequencies:
     def _last_above(self, omega: FloatArray, floor: float, gain: float) -> int:
         """Give the number of the last frequency at which λ may exceed a floor; -1 for none."""
         columns = self.mismatch.off_gain(omega, gain)
-        possible = np.flatnonzero(beyond_roots(columns) > floor)
+        possible = np.flatnonzero(~none_beyond(columns, floor))
         for first in range(possible.size, 0, -AT_ONCE):
             some = possible[max(first - AT_ONCE, 0) : first]
             found = some[last_root(columns[:, some]) > floor]
@@ -167,14 +167,11 @@ class Frequencies:
 
     def _highest(self, omega: FloatArray) -> float:
         """Bound the critical λ of all these frequencies."""
-        columns = self.mismatch.off_gain(omega)
-        bounds = beyond_roots(columns)
-        order, highest = np.argsort(-bounds), 0.0
-        for first in range(0, order.size, AT_ONCE):
-            some = order[first : first + AT_ONCE]
-            if bounds[some[0]] <= highest:
-                break
-            highest = max(highest, float(last_root(columns[:, some]).max()))
+        columns, highest = self.mismatch.off_gain(omega), 0.0
+        while columns.shape[1]:
+            highest = max(highest, float(last_root(columns[:, :AT_ONCE]).max()))
+            columns = columns[:, AT_ONCE:]
+            columns = columns[:, ~none_beyond(columns, highest)]
         return highest
 
     def above(self, floor: float, gain: float = 1.0) -> FloatArray:

@@ -22,7 +22,6 @@ from typing import Any
 import control as ct
 import numpy as np
 
-from ..analysis import quotient_margins
 from ..diagram import (
     FilterFamily,
     LowPassFilter,
@@ -34,9 +33,7 @@ from ..diagram import (
 from ..numerics import ComplexArray, FloatArray, QuasiPolynomial
 from .existence import roots_by_side
 from .mismatch import Mismatch
-from .prices import PricedSearch, Prices
-from .search import FilterSearch
-from .slack import Specification
+from .search import FilterSearch, checked_ms
 
 __all__ = ["ModelCandidate", "suggest_model"]
 
@@ -138,7 +135,7 @@ def suggest_model(process: Any, *, max_ms: float = 2.0) -> list[ModelCandidate]:
     >>> kept[0].how, kept[0].family, kept[0].time_constants[0][0]
     ('integrator kept, 1 - F ~ s^2', <ramp filters of order 3>, 0.0)
     """
-    specification = Specification(max_ms=max_ms)
+    limit = checked_ms(max_ms)
     blocks = ObserverEquations(process, 1.0, LowPassFilter(1.0, 1))
     G = blocks.fractions.G
     if G.num[-1] == 0:
@@ -147,15 +144,12 @@ def suggest_model(process: Any, *, max_ms: float = 2.0) -> list[ModelCandidate]:
             "output cannot be held against a constant disturbance; use another output"
         )
     candidates = [
-        _judged(process, model, how, specification)
-        for model, how in _models(G.num, G.den, blocks.delay)
+        _judged(process, model, how, limit) for model, how in _models(G.num, G.den, blocks.delay)
     ]
     k = QuasiPolynomial(G.den).zeros_at_origin
     for model, how in _models(G.num, G.den[: G.den.size - k], blocks.delay) if k else ():
         kept = ct.tf(model.num[0][0], np.append(model.den[0][0], np.zeros(k)))
-        candidates += [
-            _with_integrators(process, kept, how, ramp, specification) for ramp in (k, k + 1)
-        ]
+        candidates += [_with_integrators(process, kept, how, ramp, limit) for ramp in (k, k + 1)]
     return sorted(candidates, key=_rank)
 
 
@@ -177,41 +171,38 @@ def _left(candidate: ModelCandidate, time_constant: float) -> float:
 
 
 def _with_integrators(
-    process: Any, model: ct.TransferFunction, how: str, ramp: int, specification: Specification
+    process: Any, model: ct.TransferFunction, how: str, ramp: int, max_ms: float
 ) -> ModelCandidate:
     """Judge a model that integrates, with the lowest filter for which 1 - F ~ s^ramp."""
     k = QuasiPolynomial(model.den[0][0]).zeros_at_origin
     kept = f"{'integrator' if k == 1 else f'{k} integrators'} kept, 1 - F ~ s^{ramp}"
     how = kept if how == "matched" else f"{kept}, {how}"
     if ramp == 1:
-        return _judged(process, model, how, specification)
+        return _judged(process, model, how, max_ms)
     degree = as_fraction(model, "model").relative_degree
     family = filter_family("ramp", degree + ramp - 1, ramp=ramp)
-    search = PricedSearch.of(process, model, family, specification, Prices(), None)
-    fastest, ms = None, nan
-    if search.windows:
-        low = search.windows[0][0]
-        fastest = 0.0 if low == search.intervals[0][0] else low
-    if search.intervals:
-        loop = ObserverEquations(process, model, family.at(search.best[0]))
-        ms = quotient_margins(loop.L, True).ms
-    return ModelCandidate(model, how, family.order, search.intervals, fastest, ms, family)
+    return _allowed(FilterSearch.of(process, model, family, max_ms), how)
 
 
-def _judged(
-    process: Any, model: ct.TransferFunction, how: str, specification: Specification
-) -> ModelCandidate:
+def _judged(process: Any, model: ct.TransferFunction, how: str, max_ms: float) -> ModelCandidate:
     """Try the lowest causal order and the next, and keep the better."""
     lowest = Mismatch.of(process, model).order
-    searches = [FilterSearch.of(process, model, n, specification) for n in (lowest, lowest + 1)]
-    # Where one is faster the peak need not choose; only of the chosen it is told.
+    searches = [FilterSearch.of(process, model, n, max_ms) for n in (lowest, lowest + 1)]
+    # Where one is faster the peak need not choose.
     best = min(search.promise for search in searches)
-    found = []
-    for search in (search for search in searches if search.promise == best):
-        ms = search.plant_loop(search.closest()[0]).ms if search.intervals else nan
-        fastest = search.fastest()
-        found.append(ModelCandidate(model, how, search.order, search.intervals, fastest, ms))
-    return min(found, key=_rank)
+    found = [search for search in searches if search.promise == best]
+    return min((_allowed(search, how) for search in found), key=_rank)
+
+
+def _allowed(search: FilterSearch, how: str) -> ModelCandidate:
+    """Say what a model allows."""
+    fastest, ms = None, nan
+    if search.admissible:
+        fastest = 0.0 if search.all_fast_ones_do else search.admissible[0][0]
+    if search.intervals:
+        ms = search.closest[1].ms
+    family = search.family if isinstance(search.family, FilterFamily) else None
+    return ModelCandidate(search.model, how, search.order, search.intervals, fastest, ms, family)
 
 
 def _models(

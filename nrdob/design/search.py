@@ -5,165 +5,69 @@ the output through :math:`S_d = (1 - F)/(1 + FH)`, which at low frequency is
 :math:`n\lambda s/R(0)`: what a constant disturbance leaves behind, and how far a ramp pulls the
 output away, is proportional to nλ, and R(0) is the same for every filter. So the smallest nλ wins;
 the bandwidth of F would flatter the high orders.
+
+Which λ meet the specification is found on the stabilising set. How near all plant loops come to -1
+is computed at many λ, and with it how far λ may change before one can reach the limit. Where two
+neighbours do not cover what lies between them, there is another λ in the middle. The ends are
+confirmed by exact margins.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from math import ceil, exp, inf, log, log10
-from typing import Any
+from numbers import Real
+from typing import Any, NamedTuple
 
-import control as ct
 import numpy as np
-from scipy.optimize import brentq, minimize_scalar
+from scipy.optimize import brentq, elementwise
 
 from ..analysis import Margins, quotient_margins
-from ..diagram import DelayedTransferFunction, FilterFamily, LowPassFilter, ObserverEquations
-from ..numerics import FloatArray
-from .excluded import admissible
-from .existence import stabilizing_filter_exists
+from ..diagram import FilterFamily, LowPassFilter, ObserverEquations
+from ..numerics import BoolArray, FloatArray, IntArray, bisect
 from .mismatch import Mismatch
 from .mismatchgrid import Frequencies
-from .prices import PricedSearch, Prices, member, sluggishness
-from .slack import PlantLoops, Specification
-from .timeconstants import stabilizing_set
+from .plantloops import Distances, PlantLoops
+from .timeconstants import intersection, stabilizing_set, stable_filters
 
-__all__ = ["FilterSearch", "admissible_time_constants", "design_filter"]
+__all__ = ["Bracket", "FilterSearch", "admissible_time_constants", "checked_ms", "member", "solved"]
 
-PER_DECADE, DECADES = 16, 3
-"""How densely time constants are tried, and how far beyond the time constants of the plant."""
+Interval = tuple[float, float]
 
-CLOSE = 0.1
-"""Half the width, in ln λ, within which the top of the slack is looked for at least."""
+PER_DECADE, DECADES = 16, 2
+"""How densely λ are tried, up to how far beyond the time constants of the plant."""
 
-BESIDE, WIDER = 1e-8, 30.0
-"""Distance from an end, in ln λ, at which it is confirmed, and by how much it grows otherwise."""
+FAR, SPARSE = 12, 2
+"""How many decades beyond these, and how densely, they are tried, too."""
 
-ROUNDING = (0.0, 1e-12, 1e-11, 1e-10, 1e-9)
+FINEST = 0.02
+"""Step of ln λ below which only extremes are looked into."""
+
+NEARLY = 0.3
+"""Logarithm of the limit over Ms within which an extreme may lie on the other side of 0."""
+
+SHORT = 1.01
+"""How far short of the smallest forbidden gain a dead time is followed: L may tend to just that."""
+
+FLAT = 1e-7
+"""Change of the slack from one λ to the next that may be rounding."""
+
+BEFORE = 0.8
+"""From where dead times are followed farther, against the first λ that may be left."""
+
+BESIDE = 1e-8
+"""How well an end is known, in ln λ, where it need not be known better."""
+
+ROUNDING = (0.0, 1e-12, 1e-11, 1e-10, 1e-9, 1e-8)
 """Steps inwards from an end, in ln λ, until rounding does not matter."""
-
-EXTRA_ORDERS = 2
-"""How many orders above the lowest causal one are tried where none is asked for."""
-
-
-def design_filter(
-    process: Any,
-    model: Any,
-    *,
-    order: int | FilterFamily | Sequence[int | FilterFamily] | None = None,
-    max_ms: float | None = None,
-    min_gm_db: float | None = None,
-    min_pm_deg: float | None = None,
-    max_noise: float | None = None,
-    max_u_eta: float | None = None,
-    max_u_step_d: float | None = None,
-    max_u_step_R: float | None = None,
-    controller: Any = None,
-) -> LowPassFilter | ct.TransferFunction:
-    """Find the filter that rejects most and whose plant loop L meets a specification.
-
-    Of one order that is the filter of widest bandwidth, the smallest λ. Orders are compared by nλ,
-    the slope of the filter's part in S_d at low frequency, which says what a slow disturbance
-    leaves behind. Families are compared alike: where S_d ~ c s^k, by c^(1/k), one over the
-    frequency at which that line reaches 1, whatever the ramp k. Margins are those of
-    L = F·R/(1 - F), R = G/G̃, because these are what a change of the plant uses up; the margins of
-    F·H are not.
-
-    Parameters
-    ----------
-    process, model : as for `nrdob.NRDOB`
-        G and G̃, both with or without dead time.
-    order : int or FilterFamily, or several of them, optional
-        Order or family of the filter. By default the lowest causal order and the next two are
-        compared.
-    max_ms : float, optional
-        Largest allowed peak of the sensitivity ``|S_d|``; above 1.
-    min_gm_db : float, optional
-        Smallest allowed gain margin, up and down, in dB.
-    min_pm_deg : float, optional
-        Smallest allowed phase margin in degrees, below 180.
-    max_noise : float, optional
-        Largest allowed standard deviation of u for white measurement noise of unit density,
-        ``‖U_η‖₂``.
-    max_u_eta : float, optional
-        Largest allowed peak of ``|U_η|``, noise to controller output, over all frequencies.
-    max_u_step_d, max_u_step_R : float, optional
-        Largest allowed ``|u|`` after a unit step of d, or of R, for which C must be given.
-    controller : as for `nrdob.NRDOB`, optional
-        C, for `max_u_step_R` alone.
-
-    Returns
-    -------
-    LowPassFilter, or control.TransferFunction of another family
-        The one of smallest nλ, or what corresponds to it in a family.
-
-    Raises
-    ------
-    TypeError
-        If a block, the order or a limit is of the wrong type.
-    ValueError
-        If no specification is given, or one that no loop can meet; if no filter stabilises the
-        loop; if none meets the specification (the message gives the best that can be had); or if
-        every filter does, however fast, so that noise alone must choose.
-
-    See Also
-    --------
-    admissible_time_constants : all time constants of one order that meet it.
-
-    Examples
-    --------
-    Example 2 of the paper, a zero in the right half plane:
-
-    >>> import control as ct
-    >>> s = ct.tf('s')
-    >>> F = design_filter(0.1*(100 - s)/(s + 2), 10/(s + 2), order=2, max_ms=1.6)
-    >>> round(F.time_constant, 5)
-    0.01708
-    """
-    orders = _orders(process, model, order)
-    prices = Prices(max_noise, max_u_eta, max_u_step_d, max_u_step_R)
-    if prices or _waits(model) or any(isinstance(each, FilterFamily) for each in orders):
-        specification = _specification(prices, max_ms, min_gm_db, min_pm_deg)
-        return _best_paid(process, model, orders, specification, prices, controller)
-    specification = Specification(max_ms, min_gm_db, min_pm_deg)
-    searches = [FilterSearch.of(process, model, n, specification) for n in orders]
-    best: LowPassFilter | None = None
-    for search in sorted(searches, key=lambda search: search.promise):
-        if best and search.promise > _sluggishness(best):
-            break
-        time_constant = search.fastest()
-        if time_constant == 0:
-            floor = search.intervals[0][0]
-            looked_at = f" (looked at down to {floor:.3g} s)" if floor else ""
-            raise ValueError(
-                f"{specification} is met by every filter of order {search.order}, however fast"
-                f"{looked_at}; let the noise choose, for example by the largest |U_eta| that the "
-                "actuator bears"
-            )
-        if time_constant and (not best or search.order * time_constant < _sluggishness(best)):
-            best = LowPassFilter(time_constant, search.order)
-    if best:
-        return best
-    raise ValueError(_refusal(process, model, searches, specification))
 
 
 def admissible_time_constants(
-    process: Any,
-    model: Any,
-    order: int | FilterFamily,
-    *,
-    max_ms: float | None = None,
-    min_gm_db: float | None = None,
-    min_pm_deg: float | None = None,
-    max_noise: float | None = None,
-    max_u_eta: float | None = None,
-    max_u_step_d: float | None = None,
-    max_u_step_R: float | None = None,
-    controller: Any = None,
+    process: Any, model: Any, order: int | FilterFamily, *, max_ms: float
 ) -> list[tuple[float, float]]:
-    """Find all λ for which the filter meets a specification on the plant loop L.
+    """Find all λ for which the sensitivity of the plant loop L peaks at a given value at most.
 
     Parameters
     ----------
@@ -171,38 +75,30 @@ def admissible_time_constants(
         G and G̃, both with or without dead time.
     order : int or FilterFamily
         n of the filter 1/(λs + 1)^n, or a family from `nrdob.filter_family`.
-    max_ms, min_gm_db, min_pm_deg : float, optional
-        What is asked of the margins, as for `design_filter`.
-    max_noise, max_u_eta, max_u_step_d, max_u_step_R : float, optional
-        What it may cost, as for `design_filter`. At least one limit must be given.
-    controller : as for `nrdob.NRDOB`, optional
-        C, for `max_u_step_R` alone.
+    max_ms : float
+        Largest allowed peak of ``|S_d|``, above 1.
 
     Returns
     -------
     list of (low, high)
         Intervals in seconds, increasing, within those of `nrdob.stabilizing_time_constants`; empty
         where no λ will do. `low` is 0 and `high` inf where every filter will do that is at least
-        so fast, or so slow. With dead time nothing is looked for below the default floor of
-        `nrdob.critical_time_constants`.
+        so fast, or so slow. With dead time nothing is looked for below
+        the floor of `nrdob.stabilizing_time_constants`.
 
     Raises
     ------
     TypeError, ValueError
-        As `design_filter`, but for a specification that no λ meets.
+        As `nrdob.design_filter`, but for a limit that no λ meets.
 
     Notes
     -----
-    No λ is tried: what the specification forbids at each frequency is a range of λ, and left out.
-    So windows of a millionth of their λ are found, and their ends confirmed by exact margins. That
-    no range is missed between two frequencies rests on how densely they lie beside each pole, zero
-    and turn of the dead time: it is not proved. With limits on the price, with a family other than
-    the lags, and with a model that waits, the slack is sampled over λ instead, closer beside each
-    extreme; the ends are confirmed in the same way.
+    The ends are confirmed by exact margins. Between two λ that are tried nothing is missed as long
+    as ``|L|`` changes by no more than the n-th power of λ at each frequency, or is wider than 1 %.
 
     Examples
     --------
-    An unstable plant: with a slow filter the loop is lost, with a fast one it comes close to it.
+    An unstable plant: slow filters make the loop unstable, fast ones bring it close to that.
 
     >>> import control as ct
     >>> s = ct.tf('s')
@@ -210,251 +106,321 @@ def admissible_time_constants(
     >>> [(round(low, 4), round(high, 4)) for low, high in found]
     [(0.0, 0.031)]
     """
-    prices = Prices(max_noise, max_u_eta, max_u_step_d, max_u_step_R)
-    if prices or _waits(model) or isinstance(order, FilterFamily):
-        specification = _specification(prices, max_ms, min_gm_db, min_pm_deg)
-        prices.check_controller(controller, model)
-        return PricedSearch.of(process, model, order, specification, prices, controller).windows
-    specification = Specification(max_ms, min_gm_db, min_pm_deg)
-    return FilterSearch.of(process, model, order, specification).admissible()
+    return FilterSearch.of(process, model, order, checked_ms(max_ms)).admissible
 
 
-def _orders(
-    process: Any, model: Any, order: int | FilterFamily | Sequence[int | FilterFamily] | None
-) -> tuple[Any, ...]:
-    """Give the orders and families to be compared."""
-    if order is None:
-        lowest = Mismatch.of(process, model, waits=True).order
-        return tuple(range(lowest, lowest + EXTRA_ORDERS + 1))
-    several = tuple(order) if isinstance(order, list | tuple) else (order,)
-    if not several:
-        raise ValueError("order is an empty list; give an order, a family, or several of them")
-    return several
+def checked_ms(max_ms: Any) -> float:
+    """Return a limit of the sensitivity peak, or refuse it."""
+    if isinstance(max_ms, bool) or not isinstance(max_ms, Real):
+        raise TypeError(f"max_ms is {max_ms!r}; give a real number, for example 1.7")
+    if not 1 < float(max_ms) < inf:
+        raise ValueError(
+            f"max_ms is {max_ms}; |S_d| tends to 1 at high frequency, so its peak cannot be held "
+            "to 1 or less: give a number above 1, for example 1.7"
+        )
+    return float(max_ms)
 
 
-def _waits(model: Any) -> bool:
-    """Tell whether a model has a dead time."""
-    return isinstance(model, DelayedTransferFunction) and model.delay > 0
-
-
-def _specification(prices: Prices, *margins: float | None) -> Specification | None:
-    """Return the specification of the margins, if there is one besides other limits."""
-    return None if prices and margins == (None, None, None) else Specification(*margins)
-
-
-def _best_paid(
-    process: Any,
-    model: Any,
-    families: tuple[int | FilterFamily, ...],
-    specification: Specification | None,
-    prices: Prices,
-    controller: Any,
-) -> Any:
-    """Find the filter that rejects most among families and orders, if limits are on its price."""
-    prices.check_controller(controller, model)
-    asked = ", ".join(filter(None, [str(specification or ""), str(prices)]))
-    searches = []
-    for family in families:
-        search = PricedSearch.of(process, model, family, specification, prices, controller)
-        if (low := search.met_from) is not None:
-            edge = f"down to the border of stability at {low:.4g} s"
-            if low == search.floor:
-                edge = f"however fast{f' (looked at down to {low:.3g} s)' if low else ''}"
-            raise ValueError(
-                f"{asked} is met by every filter of {_named(search.family)}, {edge}; ask for "
-                "more, such as max_ms against the border, or max_u_eta against the noise"
-            )
-        searches.append(search)
-    best = [member(search.family, low) for search in searches for low, _ in search.windows[:1]]
-    found = [(sluggishness(process, model, filter), filter) for filter in best]
-    if found:
-        return min(found, key=lambda item: item[0])[1]
-    names = " or ".join(_named(search.family) for search in searches)
-    stable = [search for search in searches if search.intervals]
-    if not stable:
-        raise ValueError(f"no filter of {names} stabilises the loop: choose another model")
-    closest = max(stable, key=lambda search: search.best[1])
-    raise ValueError(
-        f"no filter of {names} meets {asked}; closest comes λ = {closest.best[0]:.4g} s of "
-        f"{_named(closest.family)}: relax the specification or choose another model"
-    )
-
-
-def _named(family: int | FilterFamily) -> str:
+def member(family: int | FilterFamily, time_constant: float) -> Any:
+    """Return the filter of an order, or of a family."""
     if isinstance(family, FilterFamily):
-        return f"the {family.kind} family of order {family.order}"
-    return f"order {family}"
+        return family.at(time_constant)
+    return LowPassFilter(time_constant, family)
 
 
-def _sluggishness(filter: LowPassFilter) -> float:
-    return filter.order * filter.time_constant
+class Bracket(NamedTuple):
+    """An end of what meets a specification lies between these; they are equal if it is known.
+
+    Attributes
+    ----------
+    outside, inside : float
+        Values with which it is not met, and is.
+    """
+
+    outside: float
+    inside: float
 
 
 @dataclass(frozen=True, eq=False)
 class FilterSearch:
-    """The search for the filters of one order that meet a specification.
+    """The search for the filters of one order or family that meet a specification.
 
     Attributes
     ----------
-    order : int
-        n.
+    process, model : as for `nrdob.NRDOB`
+        G and G̃.
+    family : int or FilterFamily
+        The filters.
+    max_ms : float
+        Largest allowed peak of the sensitivity.
+    frequencies : Frequencies
+        Where process over model is looked at.
     intervals : list of (low, high)
         The stabilising set.
-    windows : list of (low, high)
-        Where in it the specification is met, all of them, but for the last digits.
-    plant_loop : callable
-        Margins of L as a function of λ: they decide.
-    specification : Specification
-        What is asked of them.
-    frequencies : Frequencies
-        Where the mismatch is looked at.
     """
 
-    order: int
-    intervals: list[tuple[float, float]]
-    windows: list[tuple[float, float]]
-    plant_loop: Callable[[float], Margins]
-    specification: Specification
+    process: Any
+    model: Any
+    family: int | FilterFamily
+    max_ms: float
     frequencies: Frequencies
+    intervals: list[Interval]
 
     @classmethod
-    def of(cls, process: Any, model: Any, order: int, specification: Specification) -> FilterSearch:
-        """Find the stabilising set, and in it where the specification is met."""
-        frequencies = Frequencies(Mismatch.of(process, model, order))
-        intervals = stabilizing_set(frequencies, frequencies.lowest_floor)
+    def of(
+        cls, process: Any, model: Any, family: int | FilterFamily, max_ms: float
+    ) -> FilterSearch:
+        """Find the stabilising set, in which it will be seen where the specification is met."""
+        found = Frequencies(Mismatch.of(process, model, family, waits=True))
+        intervals = stabilizing_set(found, found.lowest_floor)
+        intervals = intersection(intervals, stable_filters(found.mismatch.family))
+        return cls(process, model, family, max_ms, found, intervals)
 
-        @cache
-        def plant_loop(time_constant: float) -> Margins:
-            stable = any(low < time_constant < high for low, high in intervals)
-            loop = ObserverEquations(process, model, LowPassFilter(time_constant, order))
-            return quotient_margins(loop.L, stable)
+    def plant_loop(self, time_constant: float) -> Margins:
+        """Exact margins of L with a λ of the stabilising set."""
+        filter = member(self.family, time_constant)
+        return quotient_margins(ObserverEquations(self.process, self.model, filter).L, True)
 
-        windows = admissible(frequencies, specification, intervals)
-        return cls(order, intervals, windows, plant_loop, specification, frequencies)
+    @cached_property
+    def slack(self) -> Callable[[float], float]:
+        """Logarithm of the limit over the exact Ms, as a function of λ."""
+        loops = PlantLoops(self.frequencies.mismatch, np.empty(0))
+
+        def slack(value: float) -> float:
+            # Where a mode is narrower than frequencies are rounded, it is not in the margins.
+            narrow = 1 / float(loops.at_poles(np.array([value]))[0])
+            return log(self.max_ms / max(self.plant_loop(value).ms, narrow))
+
+        return cache(slack)
+
+    @property
+    def order(self) -> int:
+        """Order of the filters."""
+        return self.family if isinstance(self.family, int) else self.family.order
+
+    @property
+    def first(self) -> float:
+        """A λ below which all are excluded; inf where none is left."""
+        return self._windows[0][0].outside if self._windows else inf
+
+    @property
+    def all_fast_ones_do(self) -> bool:
+        """Whether the fastest filters looked at meet the specification."""
+        return bool(self._windows) and self.first == self.intervals[0][0]
 
     @property
     def promise(self) -> float:
-        """Smallest nλ that is not excluded, in seconds: 0 if all will do, inf if none."""
-        if not self.windows:
-            return inf
-        return 0.0 if self._all_fast_ones_do else self.order * self.windows[0][0]
+        """Smallest nλ that is not excluded, in seconds: 0 if all fast ones will do."""
+        return 0.0 if self.all_fast_ones_do else self.order * self.first
 
-    @property
-    def _all_fast_ones_do(self) -> bool:
-        """Whether the first window begins with the fastest filter there is."""
-        return bool(self.windows) and self.windows[0][0] == self.intervals[0][0]
-
-    def slack(self, time_constant: float) -> float:
-        """Exact slack of the specification."""
-        return self.specification.slack(self.plant_loop(time_constant))
-
-    def fastest(self) -> float | None:
-        """Find the smallest λ that meets the specification: None if none does, 0 if all do."""
-        if self._all_fast_ones_do:
-            return 0.0
-        ends = (self._end(low, high) for low, high in self.windows)
-        return next((end for end in ends if end is not None), None)
-
-    def admissible(self) -> list[tuple[float, float]]:
-        """Find all intervals of λ that meet the specification."""
-        ends = {end for ends in self.intervals for end in ends}
-        found = []
-        for window in self.windows:
-            low, high = (
-                end if end in ends else self._end(end, other)
-                for end, other in (window, window[::-1])
-            )
-            if low is not None and high is not None:
-                found.append((low, high))
+    @cached_property
+    def admissible(self) -> list[Interval]:
+        """All intervals of λ that meet the specification."""
+        found: list[Interval] = []
+        for window in self._windows:
+            low, high = (solved(self.slack, end) for end in window)
+            if low is None or high is None:
+                continue
+            if found and low <= found[-1][1]:
+                low = found.pop()[0]
+            found.append((low, high))
         return found
 
-    def closest(self) -> tuple[float, float]:
-        """Find the λ of the greatest slack, and the slack."""
-        tried, slacks = self._tried
-        k = int(slacks.argmax())
-        low, high = next(ends for ends in self.intervals if ends[0] < tried[k] < ends[1])
-        inside = tried[(tried > low) & (tried < high)]
-        # The slack off the grid has its top a little beside the true one.
-        middle, at = log(tried[k]), int(np.searchsorted(inside, tried[k]))
-        below, above = inside[max(at - 1, 0)], inside[min(at + 1, inside.size - 1)]
-        around = (
-            max(min(middle - CLOSE, log(below)), log(inside[0])),
-            min(max(middle + CLOSE, log(above)), log(inside[-1])),
-        )
-        best = minimize_scalar(
-            lambda x: -self._precise(np.exp([x]))[0], bounds=around, method="bounded",
-            options={"xatol": 1e-4 * (around[1] - around[0])},
+    @cached_property
+    def closest(self) -> tuple[float, Margins]:
+        """The λ of the smallest Ms on the stabilising set, and the margins of L."""
+        value = float(np.exp(self._scan.best))
+        return value, self.plant_loop(value)
+
+    @property
+    def _windows(self) -> list[tuple[Bracket, Bracket]]:
+        return self._scan.windows if self.intervals else []
+
+    @cached_property
+    def _scan(self) -> Scan:
+        """Distances all over the stabilising set, dead times followed as far as it takes."""
+        slowest = self.intervals[0][0]
+        scan = self._scanned(self.intervals, slowest, 1.0)
+        if not (self.frequencies.mismatch.longest_delay and scan.windows):
+            return scan
+        # Smaller gains than an unstable loop's are forbidden, too, up to higher frequency; how high
+        # depends on the fastest filter that may be left.
+        bracket, _ = scan.windows[0]
+        low, gain = BEFORE * bracket.outside, (1 - 1 / self.max_ms) / SHORT
+        loops = PlantLoops(self.frequencies.mismatch, np.empty(0))
+        if low and loops.at_infinity(np.array([low]))[0] != 1:  # L(∞) is just that gain, or less
+            low, gain = scan.solved(bracket), gain * SHORT**2
+        left = [(max(low, a), b) for a, b in self.intervals if b > low]
+        try:
+            return self._scanned(left, low or slowest, gain)
+        except ValueError as refusal:
+            raise ValueError(f"max_ms is {self.max_ms}, too close to 1: {refusal}") from refusal
+
+    def _scanned(self, intervals: list[Interval], slowest: float, gain: float) -> Scan:
+        loops = PlantLoops.above(self.frequencies, slowest, gain)
+
+        def look(x: FloatArray) -> Distances:
+            return loops.distances(np.exp(x), 1 / self.max_ms)
+
+        return Scan.of(look, log(self.max_ms), intervals, self.frequencies.mismatch.speeds)
+
+
+@dataclass(frozen=True, eq=False)
+class Scan:
+    """Where in some intervals a slack is positive, from samples that cover all between them.
+
+    Attributes
+    ----------
+    look : callable
+        Distances of many ln λ.
+    level : float
+        The logarithm of the limit over which they are slack.
+    intervals : list of (low, high)
+        The intervals of λ.
+    x, slack : (N,) array of float
+        ln λ, and the slack there.
+    part : (N,) array of int
+        The number of the interval in which each lies.
+    """
+
+    look: Callable[[FloatArray], Distances]
+    level: float
+    intervals: list[Interval]
+    x: FloatArray
+    slack: FloatArray
+    part: IntArray
+
+    @classmethod
+    def of(
+        cls,
+        look: Callable[[FloatArray], Distances],
+        level: float,
+        intervals: list[Interval],
+        speeds: FloatArray,
+    ) -> Scan:
+        """Try λ all over the intervals, more where those tried do not cover what is between."""
+        first, last = 10.0**-DECADES / float(speeds.max()), 10.0**DECADES / float(speeds.min())
+        each = [_samples(low, high, first, last) for low, high in intervals]
+        part = np.repeat(np.arange(len(each)), [values.size for values in each])
+        x = np.log(np.concatenate(each))
+        least, reach = look(x)
+        while True:
+            slack = np.log(least) + level
+            apart = np.diff(x) > np.maximum(reach[1:] + reach[:-1], FINEST)
+            plants = (x[1:] > log(first)) & (x[:-1] < log(last))
+            k = np.flatnonzero(apart & plants & _alike(slack, part))
+            if not k.size:
+                break
+            more = (x[k] + x[k + 1]) / 2
+            found = look(more)
+            x, part = np.insert(x, k + 1, more), np.insert(part, k + 1, part[k])
+            least, reach = (
+                np.insert(old, k + 1, new) for old, new in zip((least, reach), found, strict=True)
+            )
+        scan = cls(look, level, intervals, x, slack, part)
+        return scan._with_extremes(np.diff(x) > reach[1:] + reach[:-1])
+
+    def _at(self, x: FloatArray) -> FloatArray:
+        return np.log(self.look(np.ravel(x)).least).reshape(np.shape(x)) + self.level
+
+    def _with_extremes(self, apart: BoolArray) -> Scan:
+        """Look into extremes that may lie on the other side of 0, where samples are apart."""
+        size, alike = np.abs(self.slack), _alike(self.slack, self.part)
+        low = (size[1:-1] <= size[:-2]) & (size[1:-1] <= size[2:]) & (size[1:-1] < NEARLY)
+        low &= np.maximum(size[:-2], size[2:]) > size[1:-1] + FLAT
+        k = 1 + np.flatnonzero(low & alike[1:] & alike[:-1] & (apart[1:] | apart[:-1]))
+        if not k.size:
+            return self
+        way = np.where(self.slack[k] >= 0, 1.0, -1.0)
+        found = elementwise.find_minimum(
+            lambda x, way: way * self._at(x), (self.x[k - 1], self.x[k], self.x[k + 1]),
+            args=(way,), tolerances={"xatol": 1e-7, "xrtol": 1e-9}, maxiter=40,
         )  # fmt: skip
-        time_constant = float(np.exp(best.x)) if -best.fun > slacks[k] else float(tried[k])
-        return time_constant, self.slack(time_constant)
+        by_size = np.argsort(np.append(self.x, found.x), kind="stable")
+        x, slack, part = (
+            np.append(old, new)[by_size]
+            for old, new in (
+                (self.x, found.x), (self.slack, way * found.f_x), (self.part, self.part[k]),
+            )
+        )  # fmt: skip
+        return replace(self, x=x, slack=slack, part=part)
 
     @cached_property
-    def _tried(self) -> tuple[FloatArray, FloatArray]:
-        """Time constants all over the stabilising set, and the slack of each."""
-        samples = [_samples(low, high, self.frequencies.mismatch) for low, high in self.intervals]
-        tried = np.concatenate(samples)
-        return tried, self._precise(tried)
+    def windows(self) -> list[tuple[Bracket, Bracket]]:
+        """Where the slack is positive, as far as the samples tell."""
+        good, x = self.slack >= 0, np.exp(self.x)
+        k = np.flatnonzero((np.diff(self.part) == 0) & (good[1:] != good[:-1]))
+        found: list[tuple[Bracket, Bracket]] = []
+        for number, interval in enumerate(self.intervals):
+            mine = good[self.part == number]
+            ends = [
+                Bracket(*pair) if good[i + 1] else Bracket(*pair[::-1])
+                for i, pair in ((i, x[i : i + 2].tolist()) for i in k[self.part[k] == number])
+            ]
+            low, high = (Bracket(end, end) for end in interval)
+            ends = [low] * bool(mine[0]) + ends + [high] * bool(mine[-1])
+            found += zip(ends[::2], ends[1::2], strict=True)
+        return found
 
-    def _precise(self, time_constants: FloatArray) -> FloatArray:
-        """Slack of many time constants at once."""
-        return self.specification.of_many(self._loops, time_constants)
+    def solved(self, bracket: Bracket) -> float:
+        """Find where the slack passes 0 at a bracket, to some eight digits."""
+        outside, inside = np.log([[each] for each in bracket])
+        return float(np.exp(bisect(self._at, outside, inside, BESIDE)[0]))
 
     @cached_property
-    def _loops(self) -> PlantLoops:
-        return PlantLoops.of(self.frequencies, self.intervals[0][0])
-
-    def _end(self, end: float, other: float) -> float | None:
-        """Find the end of a window to the last digits, by the exact slack: None if there is none.
-
-        A window is known to about 1e-8 of its end, less closely where an edge of what is excluded
-        is steep. Where a crossover appears the slack jumps.
-        """
-        way = 1.0 if other > end else -1.0
-        width = abs(log(other / end)) if 0 < other < inf else 1.0
-
-        def at(step: float) -> float:
-            return end * exp(way * step)
-
-        inwards = (BESIDE * WIDER**k for k in range(6))
-        good = next((x for x in inwards if x < width and self.slack(at(x)) >= 0), None)
-        if good is None:
-            return None
-        bad = next((-good * k for k in (1.0, WIDER) if self.slack(at(-good * k)) < 0), None)
-        if bad is None:
-            return at(good)
-        border = float(brentq(lambda x: self.slack(at(x)), bad, good, xtol=1e-12, rtol=1e-12))
-        return next((at(border + x) for x in ROUNDING if self.slack(at(border + x)) >= 0), at(good))
+    def best(self) -> float:
+        """Ln λ of the largest slack."""
+        highest = np.flatnonzero(self.slack > self.slack.max() - FLAT)
+        k = int(highest[highest.size // 2])
+        around = slice(max(k - 1, 0), k + 2)
+        x, slack = self.x[around], self.slack[around]
+        if np.unique(self.part[around]).size > 1 or x.size < 3 or slack.min() == slack.max():
+            return float(self.x[k])
+        found = elementwise.find_minimum(
+            lambda x: -self._at(x), tuple(x), tolerances={"xatol": 1e-6}
+        )
+        return float(found.x if -found.f_x > self.slack[k] else self.x[k])
 
 
-def _samples(low: float, high: float, mismatch: Mismatch) -> FloatArray:
-    """Time constants to try between two critical ones, or some decades around the plant's."""
-    sizes = mismatch.speeds
-    if not low:
-        low = min(1 / float(sizes.max()), high) * 10.0**-DECADES
-    if high == inf:
-        high = max(1 / float(sizes.min()), low) * 10.0**DECADES
-    count = max(8, ceil(PER_DECADE * log10(high / low)))
-    inside = np.geomspace(low, high, count + 1)[1:-1]
-    # At an end the loop is lost; beside it the margins are nearly zero.
-    return np.array([low * (1 + 1e-6), *inside, high * (1 - 1e-6)])
+def _alike(slack: FloatArray, part: IntArray) -> BoolArray:
+    """Tell between which neighbours of one interval the slack keeps its side."""
+    return np.asarray((np.diff(part) == 0) & ((slack[1:] >= 0) == (slack[:-1] >= 0)))
 
 
-def _refusal(
-    process: Any, model: Any, searches: list[FilterSearch], specification: Specification
-) -> str:
-    """Say why there is no filter, and what comes closest."""
-    orders = " or ".join(str(search.order) for search in searches)
-    stable = [search for search in searches if search.intervals]
-    if not stable:
-        answer = stabilizing_filter_exists(process, model)
-        reason = "" if answer.holds else f" ({answer.reason})"
-        return f"no filter of order {orders} stabilises the loop{reason}: choose another model"
-    found = [(search, *search.closest()) for search in stable]
-    closest, time_constant, _slack = max(found, key=lambda item: item[2])
-    best = closest.plant_loop(time_constant)
-    return (
-        f"no filter of order {orders} meets {specification}; closest comes λ = "
-        f"{time_constant:.4g} s, n = {closest.order}, with Ms = {best.ms:.4g}, "
-        f"GM = {abs(best.gm_db):.4g} dB, PM = {best.pm:.4g}°: relax the specification or choose "
-        "another model"
-    )
+def _samples(low: float, high: float, first: float, last: float) -> FloatArray:
+    """Time constants to try between two critical ones, or from `first` to `last` and beyond."""
+    begin = low or min(first, high * 10.0**-DECADES)
+    end = high if high < inf else max(last, begin * 10.0**DECADES)
+    inside = np.geomspace(begin, end, max(8, ceil(PER_DECADE * log10(end / begin))) + 1)[1:-1]
+    far = np.logspace(0, FAR, FAR * SPARSE + 1)[1:]
+    faster = begin / far[::-1] if not low else far[:0]
+    slower = end * far if high == inf else far[:0]
+    # At an end the loop is unstable; beside it Ms is large.
+    return np.array([*faster, begin * (1 + 1e-6), *inside, end * (1 - 1e-6), *slower])
+
+
+def solved(slack: Callable[[float], float], bracket: Bracket) -> float | None:
+    """Find the end of what meets a limit to the last digits, on the side where it is met.
+
+    Parameters
+    ----------
+    slack : callable
+        Takes a value, and is negative where the limit is not met.
+    bracket : Bracket
+        Values on both sides of the end; one value twice for an end that is known.
+
+    Returns
+    -------
+    float or None
+        None if the limit is not met inside.
+    """
+    outside, inside = bracket
+    if outside == inside or slack(outside) >= 0:
+        return outside
+    if slack(inside) < 0:
+        return None
+    bad, good = log(outside), log(inside)
+    found = float(brentq(lambda x: slack(exp(x)), bad, good, xtol=1e-12, rtol=1e-13))
+    way = 1.0 if good > bad else -1.0
+    near = (exp(found + way * x) for x in ROUNDING)
+    return next((value for value in near if slack(value) >= 0), inside)

@@ -1,7 +1,7 @@
 """What is wired to what: the blocks handed in, and the loop's maps as factored quotients."""
 
 from .blocks import Fraction, as_fraction, is_number, nonzero, real_number, six_digits
-from .delay import DelayedTransferFunction, delay
+from .delay import DelayedTransferFunction, delay, undelayed
 from .equations import LoopEquations, ObserverEquations
 from .families import FilterFamily, as_family, filter_family
 from .filters import LowPassFilter, filter_fraction
@@ -34,6 +34,7 @@ __all__ = [
     "rational_power",
     "real_number",
     "six_digits",
+    "undelayed",
 ]
 
 

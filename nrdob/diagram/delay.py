@@ -213,7 +213,18 @@ def delay(seconds: float) -> DelayedTransferFunction:
 
 
 def undelayed(block: Any) -> tuple[Any, float]:
-    """Take the dead time off a block; return both."""
+    """Take the dead time off a block.
+
+    Parameters
+    ----------
+    block : block or DelayedTransferFunction
+        With or without a dead time.
+
+    Returns
+    -------
+    tuple of block and float
+        The block without it, and the dead time in seconds.
+    """
     return (block.tf, block.delay) if isinstance(block, DelayedTransferFunction) else (block, 0.0)
 
 

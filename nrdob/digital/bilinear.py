@@ -17,11 +17,10 @@ the exponentials, the polynomials of z and their change to w are computed with w
 many digits as it takes for two precisions to give the same floating-point coefficients of w.
 
 Model, controller and filter can be sampled behind a hold, too, but not every model soundly. One
-that falls off by two powers of s or more gets zeros from the sampling that it has not in continuous
-time, at negative z, and with short sampling times on the unit circle or outside it: near z = -1 for
-two powers, -3.73 for three (Åström, Hagander, Sternby). F/Gm, which inverts them, then rings or
-diverges from sample to sample, whatever the plant. Tustin's rule puts these zeros at z = -1 in F/Gm
-as *zeros* of F.
+that falls off by two powers of s or more gets zeros from the sampling, with short sampling times
+near z = -1 for two powers, -3.73 for three (Åström, Hagander, Sternby). F/Gm, which inverts them,
+then rings or diverges from sample to sample. Tustin's rule puts these zeros at z = -1 in F/Gm as
+*zeros* of F.
 
 .. rubric:: References
 
@@ -213,10 +212,7 @@ def _check_sound(held: Fraction, model: Fraction, dt: float) -> None:
 
 @dataclass(frozen=True)
 class _Given:
-    """The process in a unit of time in which its roots are near 1, as exact fractions.
-
-    x' = A x + e1 v with the companion matrix A of the coefficients a, y = c x + direct v.
-    """
+    """The process x' = A x + e1 v, y = c x + direct v, A the companion matrix of a, exactly."""
 
     a: list[Exact]
     c: list[Exact]

@@ -36,14 +36,9 @@ STILL = 1e-9
 
 
 class Recursion(NamedTuple):
-    """The matrices of one sample, for n states, q inputs, p decisions.
+    """The matrices of one sample, for n states, q inputs, p decisions: A is (n, n), H (p, p).
 
-    Attributes
-    ----------
-    A, B, G : arrays of float, shapes (n, n), (n, q), (n, p)
-        How the states are renewed.
-    C, D, H : arrays of float, shapes (p, n), (p, q), (p, p)
-        What is proposed; a decision may depend on those before it in the same sample.
+    A decision may depend on those before it in the same sample.
     """
 
     A: FloatArray
@@ -72,10 +67,7 @@ class ClosedLoop:
     rounds : bool
         Whether the reading is a decision, too.
 
-    Attributes
-    ----------
-    recursion : Recursion
-        Its matrices, states in the order of process, past u, controller.
+    The states of its `recursion` are those of the process, the past u, and the controller.
     """
 
     def __init__(

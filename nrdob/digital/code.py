@@ -4,8 +4,6 @@ Both are written from the same numbers (`nrdob.digital.sections`) and the same e
 (`nrdob.digital.equations`); the simulation runs the same sections, too. So what has been simulated
 is what runs on the processor, up to rounding.
 
-.. rubric:: What float costs
-
 A `float` has 7 digits. In powers of z they are used up where the sampling is fast: a filter of the
 order n whose lag takes N samples needs them to tell :math:`N^{-n}` from 0. Here all coefficients
 are in powers of z - 1 and keep their 7 digits. Measured at 5000 samples in a lag, orders 1, 2 and

@@ -13,9 +13,9 @@ and m0 known from the past, that is one linear equation for u[k]::
 
 where c0 is the part of C's output that comes from its past. If the factor on the left is 0 the
 sampled loop is ill-posed and refused. Only then are the states renewed, with the u that has really
-been *applied*: a saturated actuator, or manual operation, is then no disturbance, and the observer
-cannot wind up. With a limit sat(u) this u is also the solution of the diagram with the limit in it,
-as long as the factor is positive.
+been *applied*: a saturated actuator is then no disturbance, and the observer cannot wind up. With a
+limit sat(u) this u is also the solution of the diagram with the limit in it, as long as the factor
+is positive.
 
 A model with dead time has F W in place of F, where u goes through (W u)[k] = (1 - φ) u[k-m] +
 φ u[k-m-1] for a dead time of (m + φ) dt: for whole samples that is exact, and for a fraction it is
@@ -154,11 +154,6 @@ class SampledController:
 
         If C integrates, the first output is u. Otherwise it is u only where r, y and u are a state
         of rest of the loop; elsewhere C answers to the error at once.
-
-        Parameters
-        ----------
-        r, y, u : float
-            Reference, measurement, and the constant u.
         """
         found = {"past": np.full(self.delay.memory, u)}
 

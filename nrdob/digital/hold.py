@@ -73,13 +73,7 @@ class HeldProcess:
         return self.samples + int(self.fraction > 0 or self.D != 0)
 
     def after(self, delay: float) -> HeldProcess:
-        """Return the same process behind another dead time, the whole of it in seconds.
-
-        Parameters
-        ----------
-        delay : float
-            In seconds.
-        """
+        """Return the same process behind another dead time, the whole of it in seconds."""
         samples, fraction = in_samples(delay, self.dt)
         late, B0 = self.transition((1 - fraction) * self.dt)
         B1 = late @ self.transition(fraction * self.dt)[1] if fraction else np.zeros_like(B0)
@@ -91,12 +85,7 @@ class HeldProcess:
         Parameters
         ----------
         time : float
-            In seconds, at least 0.
-
-        Raises
-        ------
-        ValueError
-            If an unstable mode overflows within this time.
+            In seconds, at least 0. A ValueError if an unstable mode overflows within it.
         """
         found = transition(self.A, self.B, time)
         if not all(np.isfinite(part).all() for part in found):

@@ -75,7 +75,11 @@ def sampled_margins(
     angles = np.union1d(angles, pi - (pi - angles[-1]) * np.geomspace(1e-6, 0.8, 9))
     locus = _CircleLocus(numerator, below, dt)
     (notable,) = notable_frequencies(locus, subdivided(angles, PER_SEGMENT) / dt)
-    first, last = _at_ends(numerator, below)
+    ends = np.array([0.0, pi])  # where L is real, and infinite with an integrator
+    vanishing = np.abs(below(ends).real) <= below.rounding(ends)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        values = np.where(vanishing, np.inf, numerator(ends).real / below(ends).real)
+    first, last = values.tolist()
     found = margins_at(notable, Ends(first, last, 0.0, pi / dt), stable, "L")
     if not stable or found.delay_margin == inf:
         return found
@@ -83,16 +87,6 @@ def sampled_margins(
         process, controller, lambda omega: locus.values(omega)[0], found.gain_crossovers
     )
     return replace(found, delay_margin=more)
-
-
-def _at_ends(numerator: Product, below: CircleFunction) -> tuple[float, float]:
-    """L at z = 1 and z = -1, where it is real; infinite with an integrator."""
-    ends = np.array([0.0, pi])
-    num, den = numerator(ends).real, below(ends).real
-    vanishing = np.abs(den) <= below.rounding(ends)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        values = np.where(vanishing, np.inf, num / den)
-    return float(values[0]), float(values[1])
 
 
 def _added_delay(
@@ -103,9 +97,8 @@ def _added_delay(
 ) -> float:
     """Find the added dead time at which the loop becomes unstable, in seconds.
 
-    At every gain crossover the dead time that would turn L to -1 is the start of a search in both,
-    dead time and frequency, with the hold's true answer to fractions of a sample. Where the loop is
-    small the eigenvalues of dead times in between are computed, too.
+    At every gain crossover the dead time that would turn L to -1 starts a search in both, dead time
+    and frequency, with the hold's true answer to fractions of a sample.
     """
     dt = held.dt
 

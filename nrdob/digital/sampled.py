@@ -206,9 +206,7 @@ class SampledLoop:
     def code(
         self, limits: ActuatorLimits | None = None, *, tracking_time: float | None = None
     ) -> ControllerCode:
-        """Make the controller ready to be written as C or Python.
-
-        It is written for any loop; `stability()` judges whether the loop is stable.
+        """Make the controller ready to be written as C or Python, stable loop or not.
 
         Parameters
         ----------

@@ -41,10 +41,6 @@ def largest_sampling_time(
     The end itself is refined to rounding and counted on both of its sides, by the argument on the
     unit circle.
 
-    y is read just before the next u is written, so that a direct path of the process answers one
-    sample later. Example 2, whose process has one, stays stable up to 4.422 λ; if its direct term
-    acted within the same sample, the end would lie between 3.14 λ and 3.15 λ.
-
     Parameters
     ----------
     loop : NRDOB

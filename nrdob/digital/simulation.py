@@ -64,19 +64,15 @@ class SimulatedResponse:
 
     Attributes
     ----------
-    time : array of float, shape (N,)
-        Times of the samples, in seconds.
-    y : array of float, shape (N,)
-        The output at these times, just before u changes.
+    time, y : arrays of float, shape (N,)
+        Times of the samples, in seconds, and the output just before u changes.
     measured : array of float, shape (N,)
         What the processor reads: y with noise, in steps of the resolution.
-    u : array of float, shape (N,)
-        What the controller commands.
-    applied : array of float, shape (N,)
-        What the actuator does, from the sample (and the computation) on.
+    u, applied : arrays of float, shape (N,)
+        The controller's command, and the actuator's output from then (and the computation) on.
     d_hat : array of float, shape (N,)
         The observer's estimate of the disturbance at the input, in the unit of u.
-    time_between, y_between : array of float, shape (N n_between,)
+    time_between, y_between : arrays of float, shape (N n_between,)
         The output in continuous time; where it jumps, its value after the jump.
     """
 
@@ -328,7 +324,9 @@ def run(
 
     from_states, from_inputs, from_decisions = _over_block(recursion, m, *recursion[3:])
     over = _power(recursion.A, m)
-    to_end, decisions_to_end = _to_the_end(recursion, m)
+    to_end, decisions_to_end = (
+        _to_the_end(recursion.A, into, m) for into in (recursion.B, recursion.G)
+    )
     undecided = _all_free(from_decisions)
     from_outside, outside_to_end = grouped @ from_inputs.T, grouped @ to_end.T
 
@@ -401,10 +399,9 @@ def _over_block(
     return observed.reshape(-1, C.shape[1]), lower(D, recursion.B), lower(H, recursion.G)
 
 
-def _to_the_end(recursion: Recursion, m: int) -> tuple[FloatArray, FloatArray]:
-    """How the inputs and the decisions of m samples move the states at their end."""
-    inputs, decisions = [recursion.B], [recursion.G]
+def _to_the_end(A: FloatArray, into: FloatArray, m: int) -> FloatArray:
+    """How the inputs or the decisions of m samples move the states at their end."""
+    moved = [into]
     for _ in range(m - 1):
-        inputs.append(recursion.A @ inputs[-1])
-        decisions.append(recursion.A @ decisions[-1])
-    return np.hstack(inputs[::-1]), np.hstack(decisions[::-1])
+        moved.append(A @ moved[-1])
+    return np.hstack(moved[::-1])

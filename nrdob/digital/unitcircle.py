@@ -65,14 +65,8 @@ FREE, OPEN = -1, -2
 class Product:
     """A product of real polynomials of v, each over (1 + v)^degree, times z^-samples.
 
-    It is evaluated at z = exp(j·angle), v = j tan(angle/2), for angles from 0 to π.
-
-    Attributes
-    ----------
-    factors : tuple of arrays of float
-        Coefficients in descending powers of v. Leading zeros count as roots at z = -1.
-    samples : int
-        Dead time in samples.
+    It is evaluated at z = exp(j·angle), v = j tan(angle/2), for angles from 0 to π. The factors are
+    in descending powers of v; leading zeros count as roots at z = -1.
     """
 
     factors: tuple[FloatArray, ...]

@@ -71,18 +71,18 @@ def doubts(
 
 
 def _worth(fitted: float, foretold: float, follows: bool, gain: Parameter) -> Iterator[str]:
-    if gain.low <= 0 <= gain.high:
-        yield (
-            "the structure leaves so much of what u does to y unexplained that its gain is open: "
-            "let another structure be chosen"
-            if follows
-            else "the gain may be zero, or of either sign: the record does not show that u acts on "
-            "y; make a larger step, or repeat it"
-        )
     if foretold < 0:
         yield (
             "the part held out is foretold worse than a constant would: the process changes, "
             "something else moves y, or the record is too short; repeat the measurement"
+        )
+    if gain.low <= 0 <= gain.high:
+        yield (
+            "the structure leaves so much of what u does to y unexplained that its gain is open: "
+            "try another one, or look for what else moves y"
+            if follows
+            else "the gain may be zero, or of either sign: the record does not show that u acts on "
+            "y; make a larger step, or repeat it"
         )
     if not fitted > LITTLE and not follows:
         yield (

@@ -9,9 +9,10 @@ them it is. So all are kept, weighted by the restricted likelihood of the residu
 .. math:: |V|^{-1/2}\,|J^TV^{-1}J|^{-1/2}\,(r^TPr)^{-(N-n)/2},
 
 where V is the covariance of d over that of e, J the Jacobian of the response by its n unknowns, and
-P projects onto what V leaves to be seen beside them. Whatever the disturbance is, an estimate made
-with the filter W scatters by :math:`MVM^T` with :math:`M=(J^TW^TWJ)^{-1}J^TW^TW`. A sensor that
-rounds adds errors that are alike wherever its reading is the same, unless noise dithers it.
+P leaves of the residual what they do not explain in the sense of V. Each tells where the unknowns
+are, :math:`(J^TV^{-1}J)^{-1}J^TV^{-1}r` away from the estimate, and how surely; an interval about
+the estimate holds as much of the mixture of all as it says. A sensor that rounds adds errors that
+are alike wherever its reading is the same, unless noise dithers it.
 
 .. rubric:: References
 
@@ -30,7 +31,6 @@ from scipy.signal import lfilter
 from scipy.stats import t as student
 
 from ..numerics import BoolArray, FloatArray
-from .residuals import Whitening
 
 __all__ = ["Rounding", "Scatter", "scatter_of"]
 
@@ -65,52 +65,51 @@ class Rounding:
 
 @dataclass(frozen=True, eq=False)
 class Scatter:
-    """How far estimates scatter under each disturbance that the record does not exclude.
+    """Where the truth may be, seen from the estimates, under each possible disturbance.
 
     Attributes
     ----------
     weights : (h,) array
         Of the disturbances; their sum is 1.
+    shifts : (h, n) array
+        Means.
     covariances : (h, n, n) array
-        Of the estimates under each.
+        Covariances.
     freedom : float
         Degrees of freedom.
     """
 
     weights: FloatArray
+    shifts: FloatArray
     covariances: FloatArray
     freedom: float
 
     @property
     def covariance(self) -> FloatArray:
-        """Mean covariance; infinite where something cannot be told from the record."""
-        return np.asarray(np.tensordot(self.weights, self.covariances, 1))
+        """About the estimates; infinite where something cannot be told from the record."""
+        outer = self.shifts[:, :, None] * self.shifts[:, None]
+        return np.asarray(np.tensordot(self.weights, self.covariances + outer, 1))
 
     def reach(self, slope: FloatArray, confidence: float) -> float:
         """Half width of the confidence interval of what has this slope, (n,), by the estimates."""
         errors = np.sqrt(np.einsum("i,hij,j->h", slope, self.covariances, slope))
         if not 0 < errors.max() < np.inf:
             return float(errors.max())
-        seen = errors > 0
-        tail = (1 - confidence) / 2
+        errors = np.maximum(errors, 1e-9 * errors.max())
+        shifts = self.shifts @ slope
 
         def excess(half: float) -> float:
-            beyond = student.sf(half / errors[seen], self.freedom)
-            return float(self.weights[seen] @ beyond) - tail
+            beyond = student.sf((half + np.outer([1, -1], shifts)) / errors, self.freedom)
+            return float(self.weights @ beyond.sum(axis=0)) - (1 - confidence)
 
-        top = float(errors.max() * student.isf(tail, self.freedom))
-        return float(brentq(excess, 0.0, 1.001 * top)) if excess(0.0) > 0 else 0.0
+        top = np.abs(shifts).max() + errors.max() * student.isf((1 - confidence) / 4, self.freedom)
+        return float(brentq(excess, 0.0, float(top)))
 
 
 def scatter_of(
-    residual: FloatArray,
-    jacobian: FloatArray,
-    used: BoolArray,
-    whitening: Whitening,
-    rounding: Rounding,
-    fitted: int,
+    residual: FloatArray, jacobian: FloatArray, used: BoolArray, rounding: Rounding
 ) -> Scatter:
-    """Find how far least-squares estimates scatter that were made through a filter.
+    """Find where the truth may be, seen from estimates.
 
     Parameters
     ----------
@@ -118,63 +117,46 @@ def scatter_of(
         What the fit leaves, and which samples count.
     jacobian : (N, n) array
         Derivatives of the response by what was estimated.
-    whitening : Whitening
-        The filter.
     rounding : Rounding
         Of the sensor.
-    fitted : int
-        How many samples the estimates were made of, from the first on; all tell of the disturbance.
     """
     size = np.linalg.norm(jacobian[used], axis=0)
     scaled = jacobian / np.where(size > 0, size, 1.0)
-    seen = used & (np.arange(used.size) < fitted)
-    filtered = whitening.applied(scaled)[seen]
-    n = filtered.shape[1]
+    n = size.size
     freedom = float(max(1, used.sum() - n))
-    if np.linalg.matrix_rank(filtered) < n:
-        return Scatter(np.ones(1), np.full((1, n, n), np.inf), freedom)
-    estimator: FloatArray = np.zeros((n, residual.size))
-    estimator[:, seen] = np.linalg.pinv(filtered)
-    estimator = _backwards(*whitening.taps, estimator)
-    both = np.column_stack([scaled, residual])
+    if np.linalg.matrix_rank(scaled[used]) < n:
+        return Scatter(np.ones(1), np.zeros((1, n)), np.full((1, n, n), np.inf), freedom)
     readings = np.unique(rounding.readings, return_inverse=True)[1] if rounding.grain else None
-    logarithms, covariances = [], []
     times = np.arange(residual.size)
+    logarithms, shifts, covariances = [], [], []
     for order, pole, zero in HYPOTHESES:
         den, num = (np.poly([root] * order) for root in (pole, zero))
         if pole < 1:  # what the noise remembers from before the record
             before = abs(pole - zero) / sqrt(1 - pole**2) * pole**times
         else:  # the slope of the drift as the record begins
             before = (order - 1) * sqrt(residual.size) * (1 - zero) ** 2 * times
-        white = lfilter(den, num, np.column_stack([before, both]), axis=0)[used]
-        white = np.vstack([white, np.eye(1, n + 2)])
-        covariance = _gram(_backwards(num, den, estimator))
-        covariance += _gram((estimator @ before)[:, None])
-        corners = np.abs(np.diag(np.linalg.qr(white, mode="r")))
-        variance = float(corners[-1] ** 2) / freedom + np.finfo(float).tiny
-        logarithms.append(-np.log(corners[:-1]).sum() - 0.5 * freedom * np.log(variance))
-        covariance *= variance
+        white = lfilter(den, num, np.column_stack([before, scaled, residual]), axis=0)[used]
+        rows, corner = np.linalg.qr(np.vstack([np.eye(1, n + 2), white]))
+        variance = float(corner[-1, -1] ** 2) / freedom + np.finfo(float).tiny
+        corners = np.abs(np.diag(corner)[:-1])
+        logarithms.append(-np.log(corners).sum() - 0.5 * freedom * np.log(variance))
+        inverse = np.linalg.inv(corner[:-1, :-1])[1:]
+        covariance = variance * inverse @ inverse.T
         if readings is not None:
+            estimator: FloatArray = np.zeros((n, residual.size))
+            estimator[:, used] = inverse @ rows[1:, :-1].T
             alike = np.zeros((readings.max() + 1, n))
-            np.add.at(alike, readings, estimator.T)
-            covariance += _rounded(rounding.grain, variance) * _gram(alike.T)
+            np.add.at(alike, readings, lfilter(den, num, estimator[:, ::-1])[:, ::-1].T)
+            covariance += _rounded(rounding.grain, variance) * alike.T @ alike
+        shifts.append(inverse @ corner[:-1, -1] / size)
         covariances.append(covariance / np.outer(size, size))
     kinds = [kind[:2] for kind in HYPOTHESES]
     weights = np.exp(np.array(logarithms) - max(logarithms))
     weights /= [kinds.count(kind) for kind in kinds]  # all poles are alike beforehand
-    return Scatter(weights / weights.sum(), np.array(covariances), freedom)
+    return Scatter(weights / weights.sum(), np.array(shifts), np.array(covariances), freedom)
 
 
 def _rounded(grain: float, variance: float) -> float:
     """Variance of the rounding error that noise of this variance, rounding included, leaves."""
     dither = max(variance / grain**2 - 1 / 12, 0.0)
     return grain**2 / 12 * exp(-4 * pi**2 * dither)
-
-
-def _gram(rows: FloatArray) -> FloatArray:
-    return np.asarray(rows @ rows.T)
-
-
-def _backwards(num: FloatArray, den: FloatArray, rows: FloatArray) -> FloatArray:
-    """Multiply rows by the matrix of a filter: it runs from the last sample to the first."""
-    return np.asarray(lfilter(num, den, rows[:, ::-1])[:, ::-1])

@@ -319,15 +319,15 @@ def identified(
     )  # fmt: skip
     plain = simple_fit(whole, fit)
     gain = parameters["gain"]
-    unsure = ""
+    unsure = []
+    if best.validation < 0:
+        unsure.append("the process foretells the part held out worse than a constant would")
     if gain.low <= 0 <= gain.high:
-        unsure = (
+        unsure.append(
             "its structure leaves so much of what the input does unexplained that the gain is open"
             if follows
             else "the gain of the process may be zero, or of either sign"
         )
-    elif best.validation < 0:
-        unsure = "the process foretells the part held out worse than a constant would"
     return Identification(
         process=process_of(fit, *units),
         structure=fit.structure.name,
@@ -340,7 +340,7 @@ def identified(
         candidates=candidates,
         reason=f"{reason}; {parting}".removesuffix("; "),
         remarks=(*denied, *remarks, *record.remarks),
-        unsure=unsure,
+        unsure=", and ".join(unsure),
         corners=corners_of(fit.structure, parameters),
         plain=process_of(plain, *units) if plain else None,
         record=record,
@@ -400,8 +400,7 @@ def _judged(
 ) -> _Judged:
     rounding = Rounding(whole.grain, whole.outputs[fit.start :])
     rest, slopes, used = whole.left(fit), fit.jacobian(whole.inputs), whole.used[fit.start :]
-    fitted = problem.outputs.size - fit.start
-    scatter = scatter_of(rest, slopes, used, fit.whitening, rounding, fitted)
+    scatter = scatter_of(rest, slopes, used, rounding)
     # Over all of the record: what was held out takes part, with numbers that do not know it.
     everywhere = whole.whitening(rest).applied(rest)[used]
     misfit = max(float(np.mean(everywhere**2)), fit.misfit * TINY)

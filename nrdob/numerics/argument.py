@@ -44,8 +44,8 @@ MAX_SEGMENTS = 400_000
 MAX_STEPS = 40_000
 """Stretches of one sum at most where a dominant term is enough."""
 
-TOGETHER = 250
-"""Sums that are followed at once: their arrays stay in the processor's memory."""
+TOGETHER, LEAST_STEPS = 250, 4000
+"""Sums that are followed at once, and stretches of each of them that there may be at least."""
 
 ARCS = 32
 """Discs that cover a half circle around a zero on the axis."""
@@ -116,8 +116,9 @@ def rhp_counts(terms: Sequence[ManyTerms], scale: FloatArray) -> IntArray:
     for few in np.array_split(known, ceil(known.size / TOGETHER)) if known.size else ():
         slowest, fastest = float(low[few].min()), float(high[few].max())
         sums = Sums.between([term.of(few) for term in terms], scale[:, few], slowest, fastest)
+        limit = max(MAX_STEPS // few.size, LEAST_STEPS)
         with np.errstate(all="ignore"):  # what is not finite is not certain
-            found = certified(sums, slowest, fastest, MAX_STEPS, pass_zeros=False)
+            found = certified(sums, slowest, fastest, limit, pass_zeros=False)
             roots = (len(scale) - 1) / 2 - sums.changes(found.rounds) / pi
             whole = np.round(roots)
             settled = ~found.given_up & (np.abs(roots - whole) < 0.1)
@@ -145,9 +146,8 @@ def frequency_range(
         Whether constant and leading coefficients are more than rounding.
     """
     with np.errstate(all="ignore"):
-        low, high = _range(terms, scale)
-    certain = (low > 0) & np.isfinite(high) & np.isfinite(scale).all(axis=0)
-    return low, high, certain
+        low, high, led = _range(terms, scale)
+    return low, high, (low > 0) & led & np.isfinite(scale).all(axis=0)
 
 
 def zero_free(
@@ -275,7 +275,7 @@ def _columns(terms: Sequence[Term]) -> list[ManyTerms]:
 
 
 def _range_of_one(terms: Sequence[Term], scale: FloatArray) -> tuple[float, float]:
-    low, high = _range(_columns(terms), scale[:, None])
+    low, high, _ = _range(_columns(terms), scale[:, None])
     return float(low[0]), float(high[0])
 
 
@@ -304,11 +304,12 @@ def _of_low_degree(q: FloatArray, scale: FloatArray) -> float | None:
     return pi if (b > 0) == (c > 0) else -pi
 
 
-def _range(terms: Sequence[ManyTerms], scale: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _range(
+    terms: Sequence[ManyTerms], scale: FloatArray
+) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Frequencies below and above which the constant and the leading term dominate.
 
-    The lower one is 0 where the constant is only rounding, the upper one infinite where the
-    leading coefficient is.
+    The lower one is 0 where the constant is only rounding; whether the leading coefficient is more.
     """
     lead = np.abs(terms[0].q[0])
     rising = np.zeros((len(scale) + 1, scale.shape[1]))  # ascending
@@ -320,10 +321,8 @@ def _range(terms: Sequence[ManyTerms], scale: FloatArray) -> tuple[FloatArray, F
     constant = np.abs(sum(term.q[-1] for term in terms))
     low = 1 / _dominance_radius(rising[1:] / constant)
     high = _dominance_radius(scale[1:] / lead)
-    return (
-        np.where(constant > ROUNDING * scale[-1], low, 0.0),
-        np.where(lead > ROUNDING * scale[0], high, np.inf),
-    )
+    low = np.where(constant > ROUNDING * scale[-1], low, 0.0)
+    return low, high, lead > ROUNDING * scale[0]
 
 
 def _dominance_radius(ratios: FloatArray) -> FloatArray:

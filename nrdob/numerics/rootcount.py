@@ -73,10 +73,10 @@ def count_rhp(p: QuasiPolynomial) -> RootCount:
         return RootCount(None, str(error))
     if isnan(change.angle):
         return RootCount(None, _where(change))
-    turns = p.degree / 2 - change.angle / pi
-    count = round(turns)
-    if abs(turns - count) > 0.1:
-        return RootCount(None, "the turns of the argument do not add up to a whole number")
+    roots = p.degree / 2 - change.angle / pi
+    count = round(roots)
+    if abs(roots - count) > 0.1:
+        return RootCount(None, "the changes of the argument do not add up to a whole number")
     if change.touched:
         return RootCount(None, _where(change), count)
     return RootCount(count, at_least=count)

@@ -333,15 +333,14 @@ def certified(
         if gone.any():
             found.vanishing.append(Stretches(column, left, right, column).where(gone))
             found.given_up[column[gone]] |= not pass_zeros
-        np.add.at(steps, column, 2)
+        steps += 2 * np.bincount(column, minlength=n)
         np.logical_or(found.given_up, steps > limit, out=found.given_up)
-        more = np.repeat(~(gone | found.given_up[column]), 2)
+        more = ~(gone | found.given_up[column])
         if not more.any():
             return found
-        column = np.repeat(column, 2)[more]
-        left, right = (
-            np.stack(pair, axis=1).ravel()[more] for pair in ((left, middle), (middle, right))
-        )
+        column, left, middle, right = (each[more] for each in (column, left, middle, right))
+        column = np.concatenate([column, column])
+        left, right = np.concatenate([left, middle]), np.concatenate([middle, right])
         own = sums.of(column)
 
 

@@ -17,7 +17,6 @@ from .figure import (
     axes_for,
     colour_of,
     dress,
-    label_of,
     missing,
     styled,
 )
@@ -44,7 +43,6 @@ __all__ = [
     "diagrams",
     "dress",
     "frequency",
-    "label_of",
     "map_plot",
     "missing",
     "nyquist_plot",

@@ -106,12 +106,10 @@ def _limits(given: Any) -> tuple[float, float] | None:
     if given is None:
         return None
     needed = "the pair (low, high) of frequencies in rad/s, 0 < low < high"
-    if np.shape(given) != (2,):
+    ends = [as_number(end, "omega_limits", needed) for end in np.ravel(given).tolist()]
+    if not (len(ends) == 2 and 0 < ends[0] < ends[1]):
         raise ValueError(f"omega_limits is {given!r}; it must be {needed}")
-    low, high = (as_number(end, "omega_limits", needed) for end in given)
-    if not 0 < low < high:
-        raise ValueError(f"omega_limits is {given!r}; it must be {needed}")
-    return low, high
+    return ends[0], ends[1]
 
 
 def _frequency_range(quotients: Sequence[Quotient], margins: Margins | None) -> tuple[float, float]:

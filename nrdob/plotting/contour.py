@@ -55,20 +55,11 @@ class Approach(NamedTuple):
 
 @dataclass(frozen=True)
 class Contour:
-    """A Nyquist curve ready to draw.
+    """A Nyquist curve ready to draw: frequencies in rad/s, and the values of the loop there.
 
-    Attributes
-    ----------
-    omega : array of float
-        Frequencies from 0 or just above it, in rad/s; the last one is inf where the limit is known.
-    values : array of complex
-        The loop at these frequencies.
-    radius : float
-        Where the curve is cut because it goes to infinity; inf if it does not.
-    arcs : tuple of Arc
-        What closes the curve at that radius.
-    left_out : int
-        Turns of the dead time that are not sampled, because they lie within the line of others.
+    It is cut at `radius`, where it goes to infinity, and closed there by `arcs`. The last frequency
+    is inf where the limit is known. `left_out` counts the turns of the dead time that are not
+    sampled, because they lie within the line of others.
     """
 
     omega: FloatArray
@@ -91,13 +82,7 @@ class Contour:
 
 
 def contour(loop: Quotient) -> Contour:
-    """Sample a Nyquist curve and close it.
-
-    Parameters
-    ----------
-    loop : Quotient
-        Any map of the loop, with or without delay, proper or not.
-    """
+    """Sample the Nyquist curve of any map of the loop, and close it."""
     omega = _frequencies(loop)
     values = _values(loop, omega)
     radius = _radius(loop, omega, values)
@@ -110,17 +95,7 @@ def contour(loop: Quotient) -> Contour:
 
 
 def closest_approach(loop: Quotient, curve: Contour, point: float = -1.0) -> Approach:
-    """Find where a curve comes closest to a point of the real axis.
-
-    Parameters
-    ----------
-    loop : Quotient
-        The map that was sampled.
-    curve : Contour
-        Its samples.
-    point : float
-        The point.
-    """
+    """Find where the curve of a loop comes closest to a point of the real axis."""
     omega, values = curve.omega, curve.values
     distance = np.abs(values - point)
     lowest = float(distance.min())
@@ -219,13 +194,7 @@ def _without_like_turns(
     """Leave out turns of the dead time that lie within the line of the last one that is drawn.
 
     A turn begins where the one before ends, so that whole ones can be left out without a gap.
-
-    Returns
-    -------
-    omega : array of float
-        Frequencies; those of the turns that stay are fine enough to show them.
-    left_out : array of bool
-        Which of the steps between them leave out turns.
+    Returned are the frequencies, and which of the steps between them leave out turns.
     """
     turn = 2 * pi / loop.delay if loop.delay else inf
     finite = omega[(omega > 0) & (omega < inf)]
@@ -332,11 +301,11 @@ def _arc(start: complex, end: complex, half_turns: int, radius: float) -> Comple
     return np.asarray(radius * np.exp(1j * (begin + turn * np.linspace(0, 1, count))))
 
 
-def _inside(values: ComplexArray, radius: float) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    return np.abs(values) <= min(radius, _FAR / 2)
+def _inside(values: ComplexArray, radius: float) -> BoolArray:
+    return np.asarray(np.abs(values) <= min(radius, _FAR / 2))
 
 
-def _runs(inside: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> list[slice]:
+def _runs(inside: BoolArray) -> list[slice]:
     """Stretches of consecutive true entries."""
     edges = np.flatnonzero(np.diff(inside.astype(int), prepend=0, append=0))
     return [slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]

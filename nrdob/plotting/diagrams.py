@@ -25,15 +25,7 @@ except ImportError as error:
     raise missing(error, "notebooks") from error
 
 __all__ = [
-    "BLOCKS",
-    "INPUTS",
-    "Block",
     "Diagram",
-    "Input",
-    "Point",
-    "Sum",
-    "Term",
-    "Wire",
     "conventional",
     "delayed_model",
     "internal_model_control",
@@ -77,10 +69,7 @@ WRITTEN = {
 class Term(NamedTuple):
     """An arrow into a sum: sign times block times signal; the block of a plain wire is "1".
 
-    Attributes
-    ----------
-    sign, block, signal : int, str, str
-        1 or -1, the gain on the way, and where the way begins.
+    The sign is 1 or -1, the block the gain on the way, the signal where the way begins.
     """
 
     sign: int
@@ -93,26 +82,14 @@ class Term(NamedTuple):
 
 @dataclass(frozen=True)
 class Input:
-    """An external signal.
-
-    Attributes
-    ----------
-    at : (x, y)
-        Centre of its label, in units of the drawing.
-    """
+    """An external signal, its label centred at (x, y), in units of the drawing."""
 
     at: Point
 
 
 @dataclass(frozen=True)
 class Sum:
-    """A circle: its output, named as the part, is the signed sum of its inputs.
-
-    Attributes
-    ----------
-    at : (x, y)
-        Its centre.
-    """
+    """A circle: its output, named as the part, is the signed sum of its inputs."""
 
     at: Point
 
@@ -124,13 +101,7 @@ class Sum:
 
 @dataclass(frozen=True)
 class Block:
-    """A box: its output is its input times the part's name.
-
-    Attributes
-    ----------
-    at, width, height : (x, y), float, float
-        Its centre and size.
-    """
+    """A box: its output is its input times the part's name."""
 
     at: Point
     width: float = 1.1
@@ -146,13 +117,8 @@ class Block:
 class Wire:
     """A line through parts, given by name, and points; all of its pieces are level or upright.
 
-    Parameters
-    ----------
-    path : tuple of str or (x, y)
-        From where to where. A wire that starts at a point is a branch of the wire that passes
-        there; one that ends at a point leaves the diagram.
-    sign : int
-        With which sign it enters the sum at its end.
+    One that starts at a point is a branch of the wire that passes there; one that ends at a point
+    leaves the diagram. It enters the sum at its end with its sign.
     """
 
     path: tuple[str | Point, ...]
@@ -356,7 +322,7 @@ def nrdob() -> Diagram:
 def six_blocks() -> Diagram:
     """Draw Fig. 1 with a name for the output of each block but the process, whose output is y."""
     drawn = nrdob()
-    outputs = {"$c$": (3.52, -0.3), "$v$": (6.4, 2.65), "$g$": (5.45, 1.86),
+    outputs = {"$c$": (3.52, -0.3), "$w$": (6.4, 2.65), "$g$": (5.45, 1.86),
                "$b$": (5.45, -1.86), "$a$": (6.9, -2.05)}  # fmt: skip
     kept = {text: place for text, place in drawn.labels.items() if text != "noise reduction"}
     return replace(drawn, title="the NR-DOB loop, its six blocks", labels=kept | outputs)

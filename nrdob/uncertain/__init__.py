@@ -1,31 +1,27 @@
-"""Will it survive the real plant? Families of plants, and whole families judged at once."""
+"""Robustness to an uncertain plant: families of plants, judged together, and exact boxes."""
 
-from .designing import design_filter_for
-from .exactly import Box, delay_intervals, gain_intervals, largest_box
-from .family import Family, family
-from .farm import SweepStopped
+from .boxes import Box, delay_intervals, gain_intervals, largest_box
 from .intervalplants import IntervalShares, interval_plants
+from .plantfamily import PlantFamily, plant_family
 from .smallgain import Conservatism, SmallGain, conservatism, fit_weight, small_gain
 from .sweeping import sweep
-from .table import Share, SweepTable
+from .sweeptable import Share, SweepTable
 
 __all__ = [
     "Box",
     "Conservatism",
-    "Family",
     "IntervalShares",
+    "PlantFamily",
     "Share",
     "SmallGain",
-    "SweepStopped",
     "SweepTable",
     "conservatism",
     "delay_intervals",
-    "design_filter_for",
-    "family",
     "fit_weight",
     "gain_intervals",
     "interval_plants",
     "largest_box",
+    "plant_family",
     "small_gain",
     "sweep",
 ]

@@ -1,12 +1,12 @@
-r"""Plants whose coefficients lie in intervals: Kharitonov's polynomials, and edges.
+r"""PlantBatch whose coefficients lie in intervals: Kharitonov's polynomials, and edges.
 
 At each frequency the values of an interval polynomial fill a rectangle, whose corners are those of
 Kharitonov's four polynomials. Two tests follow, of which the second is exact:
 
 - The coefficients of :math:`p_B = D A + N B`, as if each were free in the interval that it can
   have: four polynomials decide (Kharitonov). They are not free, so that this refuses too much.
-- Numerator and denominator as they are, fixed A and B: the loop survives all of them if and only if
-  it does on 32 segments, from one corner to a neighbour in one of N and D, at a corner in the other
+- Numerator and denominator as they are, fixed A and B: the loop is stable with all if and only if
+  it is on 32 segments, from one corner to a neighbour in one of N and D, at a corner in the other
   (Chapellat and Bhattacharyya). A segment is tested by the frequencies at which both of its ends
   have one direction.
 
@@ -29,8 +29,8 @@ import numpy as np
 
 from ..loop import NRDOB
 from ..numerics import ROUNDING, FloatArray, add, hurwitz
-from .draws import Interval
-from .verdicts import Feedback
+from .batchstability import Feedback
+from .distributions import Interval
 
 __all__ = ["IntervalShares", "interval_plants"]
 
@@ -41,14 +41,14 @@ Ends = tuple[FloatArray, FloatArray]
 
 
 class IntervalShares(NamedTuple):
-    """How much of a box of coefficients around the nominal ones survives.
+    """Up to which share of a box of coefficients all loops are stable.
 
     Attributes
     ----------
     kharitonov : float
         What Kharitonov's theorem on the coefficients of p_B grants.
     exact : float
-        What survives, by the 32 segments.
+        By the 32 segments.
     """
 
     kharitonov: float
@@ -60,7 +60,7 @@ def interval_plants(
     num: Sequence[tuple[float, float]],
     den: Sequence[tuple[float, float]],
 ) -> IntervalShares:
-    """Find how much of a box of the plant's coefficients survives, by two theorems.
+    """Find up to which share of a box of coefficients all loops are stable, by two theorems.
 
     Parameters
     ----------
@@ -73,8 +73,8 @@ def interval_plants(
     Returns
     -------
     IntervalShares
-        Parts of the way from the nominal coefficients to the ends of the intervals; 1 if all of it
-        survives.
+        Parts of the way from the nominal coefficients to the ends of the intervals; 1 if all of
+        it is stable.
 
     Raises
     ------
@@ -194,11 +194,11 @@ def _stays(start: FloatArray, end: FloatArray) -> bool:
     return not np.any((t >= 0) & (t <= 1) & (moved != 0))
 
 
-def _largest(survives: Callable[[float], bool]) -> float:
-    if survives(1.0):
+def _largest(stable: Callable[[float], bool]) -> float:
+    if stable(1.0):
         return 1.0
     low, high = 0.0, 1.0
     for _ in range(HALVINGS):
         middle = (low + high) / 2
-        low, high = (middle, high) if survives(middle) else (low, middle)
+        low, high = (middle, high) if stable(middle) else (low, middle)
     return low

@@ -1,9 +1,9 @@
 r"""Small gain: a weight that holds a set of plants, and what it promises.
 
-All plants within :math:`G(1+W\Delta)`, :math:`|\Delta(j\omega)|\le1`, are survived if and only if
-:math:`|W T|<1` at all frequencies, T = L/(1 + L) = -S_η. A family lies within such a set, but is
-smaller: of its phases the weight knows nothing. What the test refuses may survive all the same; how
-much it refuses too early is what `conservatism` says.
+The loop is stable with all plants :math:`G(1+W\Delta)`, :math:`|\Delta(j\omega)|\le1`, if and only
+if :math:`|W T|<1` at all frequencies, T = L/(1 + L) = -S_η. A family lies within such a set, but is
+smaller: a weight has no phase. So what the test refuses may be stable; `conservatism` says how much
+it refuses too early.
 
 .. rubric:: References
 
@@ -25,7 +25,7 @@ from ..design import peak_gain
 from ..diagram import Quotient, as_fraction
 from ..loop import NRDOB
 from ..numerics import FloatArray, QuasiPolynomial
-from .exactly import largest_box
+from .boxes import largest_box
 
 __all__ = ["Conservatism", "SmallGain", "conservatism", "fit_weight", "small_gain"]
 
@@ -47,7 +47,7 @@ class SmallGain(NamedTuple):
     peak : float
         Largest ``|W T|``.
     robust : bool
-        Whether it is below 1, so that every plant within the weight is survived.
+        Whether it is below 1, so that the loop is stable with every plant within the weight.
     """
 
     peak: float
@@ -62,7 +62,7 @@ class Conservatism(NamedTuple):
     small_gain : float
         What part of the box the small gain theorem grants, with the best weight there can be.
     exact : float
-        What part survives.
+        What part is stable.
     """
 
     small_gain: float
@@ -82,7 +82,7 @@ def fit_weight(
     ----------
     process : as for `nrdob.NRDOB`
         The nominal plant G.
-    plants : iterable of such, or Family
+    plants : iterable of such, or PlantFamily
         The others; of a family the first 500 members.
     omega : (N,) array of float
         Frequencies at which W holds them, in rad/s; increasing, positive.
@@ -147,7 +147,7 @@ def _spectral_factor(c: FloatArray, tau: float) -> FloatArray:
 
 
 def small_gain(loop: NRDOB, weight: Any) -> SmallGain:
-    """Test whether a loop survives every plant within a weight.
+    """Test whether a loop is stable with every plant within a weight.
 
     Parameters
     ----------
@@ -183,7 +183,7 @@ def small_gain(loop: NRDOB, weight: Any) -> SmallGain:
 
 
 def conservatism(loop: NRDOB, **box: tuple[float, float]) -> Conservatism:
-    """Compare what the small gain theorem grants of a box of plants with what survives.
+    """Compare what the small gain theorem grants of a box of plants with the exact share.
 
     The weight is the best there can be: at every frequency just what the farthest plant of the box
     needs.

@@ -1,35 +1,45 @@
-"""A whole family judged: blocks of ten thousand members, here or on any number of machines."""
+"""A whole family judged: blocks of ten thousand members, many at once, the doubtful one by one."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable
 from concurrent.futures import Executor
 from functools import partial
-from math import isfinite
-from numbers import Real
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..loop import NRDOB
-from .draws import BLOCK
-from .family import Family
-from .farm import Columns, Keep, Progress, SweepStopped, gather, told
-from .judging import QUANTITIES, Job, judge_block
-from .table import SweepTable
+from ..numerics import IntArray
+from .batch import PlantBatch
+from .batchmargins import MARGINS, batch_margins
+from .batchstability import SLAB, Feedback
+from .plantfamily import PlantFamily
+from .sweeptable import SweepTable
 
-__all__ = ["sweep"]
+__all__ = ["QUANTITIES", "sweep"]
+
+QUANTITIES = ("stable", *MARGINS)
+"""What can be asked of every member."""
+
+Columns = dict[str, NDArray[Any]]
+
+
+class _Job(NamedTuple):
+    """What is the same for all blocks: loop, plants and what is asked."""
+
+    loop: NRDOB
+    family: PlantFamily
+    quantities: tuple[str, ...]
 
 
 def sweep(
     loop: NRDOB,
-    family: Family,
+    family: PlantFamily,
     quantities: Iterable[str] = QUANTITIES,
     *,
     executor: Executor | None = None,
-    progress: Progress = True,
-    keep: str | os.PathLike[str] | None = None,
-    timeout: float = 600.0,
 ) -> SweepTable:
     r"""Judge every member of a family in place of the loop's process.
 
@@ -42,27 +52,16 @@ def sweep(
     ----------
     loop : NRDOB
         The loop.
-    family : Family
-        What the plant may be, see `nrdob.family`.
+    family : PlantFamily
+        What the plant may be, see `nrdob.plant_family`.
     quantities : iterable of str
         Of "stable"; "ms", "gm", "pm", "delay_margin", the margins of the plant loop L as
-        `nrdob.analysis.Margins` has them; "peak_d", the largest ``|y|`` after a unit step of d,
-        which takes one simulation a member where there is a dead time, some 10 ms each: leave it
-        out of sweeps of many such plants. It is 1, the jump itself, unless y swings further later.
+        `nrdob.analysis.Margins` has them.
     executor : concurrent.futures.Executor, optional
-        Who does the work, by default this process: a `ProcessPoolExecutor`, or
-        ``Client.get_executor()`` of a Dask cluster. Blocks of ten thousand members are sent out
-        and brought home; the numbers are the same bit for bit, whoever computes them on the same
-        kind of machine: no verdict and no margin asks BLAS, whose threads then do not matter either
-        (give a worker one all the same, OPENBLAS_NUM_THREADS=1). Where the family has a function
-        `parameters`, workers must be able to import it.
-    progress : bool or callable
-        True shows a line where standard error is a terminal, and nothing elsewhere; a function is
-        called with the number of finished blocks and of all.
-    keep : path, optional
-        A folder in which finished blocks are kept: the same sweep again goes on from there.
-    timeout : float
-        Seconds without any result from the executor after which what is out is sent again.
+        Which processes do the work, by default this one: a `ProcessPoolExecutor`, or
+        ``client.get_executor()`` of a Dask client. The numbers are the same, bit for bit, on the
+        same kind of machine. Where the family has a function `parameters`, the processes must be
+        able to import it.
 
     Returns
     -------
@@ -73,11 +72,6 @@ def sweep(
     ------
     TypeError, ValueError
         If there is no such quantity, or an argument is of the wrong kind.
-    OSError
-        If `keep` cannot be written.
-    SweepStopped
-        A RuntimeError: if the executor dies, or a block cannot be kept. Its `.table` has what was
-        finished.
 
     See Also
     --------
@@ -90,44 +84,27 @@ def sweep(
 
     >>> import nrdob
     >>> loop = nrdob.paper.example(3)
-    >>> plants = nrdob.family(loop.process, gain=(0.5, 2.0), lag=(0.0, 0.2), samples=1000)
+    >>> plants = nrdob.plant_family(loop.process, gain=(0.5, 2.0), lag=(0.0, 0.2), samples=1000)
     >>> table = nrdob.sweep(loop, plants, ("stable", "ms"))
     >>> table["stable"].size, table["gain"].min() > 0.5, int((~table["decided"]).sum())
     (1000, np.True_, 0)
     """
     if not isinstance(loop, NRDOB):
         raise TypeError(f"loop is a {type(loop).__name__}; give an nrdob.NRDOB")
-    if not isinstance(family, Family):
-        raise TypeError(f"family is a {type(family).__name__}; make one with nrdob.family")
+    if not isinstance(family, PlantFamily):
+        raise TypeError(f"family is a {type(family).__name__}; make one with nrdob.plant_family")
     if executor is not None and not isinstance(executor, Executor):
         raise TypeError(
             f"executor is a {type(executor).__name__}; give a concurrent.futures.Executor, of a "
             "Dask client that is client.get_executor()"
         )
-    if isinstance(timeout, bool) or not isinstance(timeout, Real):
-        raise TypeError(f"timeout is {timeout!r}; give seconds as a number")
-    if not (isfinite(timeout) and timeout > 0):
-        raise ValueError(f"timeout is {timeout}; give a positive number of seconds")
     asked = _asked(quantities)
-    # A loop that remembers nothing, so that little is sent.
-    job = Job(
-        NRDOB(family.process, loop.model, loop.controller, loop.filter, loop.keep_factors),
-        family,
-        asked,
-    )
-    try:
-        done = gather(
-            partial(judge_block, job),
-            family.blocks,
-            executor=executor,
-            timeout=float(timeout),
-            keep=Keep(keep, _mark(job)) if keep is not None else None,
-            progress=told(progress),
-        )
-    except SweepStopped as stopped:
-        stopped.table = _table(family, stopped.table)
-        raise
-    return _table(family, done)
+    # A loop without cached results, so that little is sent.
+    bare = NRDOB(family.process, loop.model, loop.controller, loop.filter, loop.keep_factors)
+    work = partial(_judge_block, _Job(bare, family, asked))
+    blocks = list((executor.map if executor else map)(work, range(family.blocks)))
+    joined = {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
+    return SweepTable(family, joined, np.arange(len(family)))
 
 
 def _asked(quantities: Iterable[str]) -> tuple[str, ...]:
@@ -137,24 +114,83 @@ def _asked(quantities: Iterable[str]) -> tuple[str, ...]:
     return tuple(name for name in QUANTITIES if name in (*asked, "stable"))
 
 
-def _mark(job: Job) -> bytes:
-    """Tell this sweep from any other: by what is asked, and the numbers it is asked about."""
-    fractions, family = job.loop.fractions, job.family
-    drawn = family.drawn.block(0)
-    first, _ = family.plants({name: values[:1] for name, values in drawn.items()})
-    numbers = [part for block in (fractions.Gm, fractions.C, fractions.F) for part in block]
-    numbers += [np.array([job.loop.model_delay, len(family), job.loop.keep_factors], dtype=float)]
-    numbers += [*first, *drawn.values()]
-    text = repr((job.quantities, family.names, [part.shape for part in numbers]))
-    return text.encode() + b"".join(np.ascontiguousarray(part).tobytes() for part in numbers)
+def _judge_block(job: _Job, block: int) -> Columns:
+    """Judge the members of one block: the columns of the table."""
+    drawn = job.family.drawn.block(block)
+    plants, problems = job.family.plants(drawn)
+    found = _Found(job, plants, problems)
+    condition_i = job.loop.stability().model_loop
+    if condition_i.stable:
+        feedback = Feedback(job.loop)
+        for chosen, few in plants.groups():
+            found.judge(feedback, chosen, few)
+        for k in np.flatnonzero(~found.decided).tolist():
+            found.judge_alone(k)
+    else:
+        found.all_alike(condition_i.stable is False, f"C Gm (i): {condition_i.reason}")
+    return drawn | found.columns
 
 
-def _table(family: Family, done: dict[int, Columns]) -> SweepTable:
-    blocks = sorted(done)
-    names = list(done[blocks[0]]) if blocks else [*family.names, "stable", "decided", "alone"]
-    joined = {
-        name: np.concatenate([done[k][name] for k in blocks]) if blocks else np.zeros(0)
-        for name in names
-    }
-    rows = [k * BLOCK + np.arange(done[k]["stable"].size) for k in blocks]
-    return SweepTable(family, joined, np.concatenate([np.zeros(0, dtype=np.intp), *rows]))
+class _Found:
+    """What is known so far about the members of a block."""
+
+    def __init__(self, job: _Job, plants: PlantBatch, problems: dict[int, str]) -> None:
+        self.job, self.plants, self.problems = job, plants, problems
+        n = plants.delay.size
+        self.stable, self.decided, self.alone = (np.zeros(n, dtype=bool) for _ in range(3))
+        self.reason = np.full(n, "", dtype=object)
+        self.asked = [name for name in QUANTITIES if name in job.quantities and name != "stable"]
+        self.values = {name: np.full(n, np.nan) for name in self.asked}
+
+    @property
+    def columns(self) -> Columns:
+        flags = {"stable": self.stable, "decided": self.decided, "alone": self.alone}
+        return {**flags, **self.values, "reason": self.reason}
+
+    def all_alike(self, decided: bool, reason: str) -> None:
+        """Write down what no plant can change."""
+        self.decided[:] = decided
+        self.reason[:] = reason
+
+    def judge(self, feedback: Feedback, chosen: IntArray, plants: PlantBatch) -> None:
+        """Judge plants of the same degrees together."""
+        stable, unstable = feedback.verdicts(plants)
+        self.stable[chosen], self.decided[chosen] = stable, stable | unstable
+        if not self.asked:
+            return
+        here = np.flatnonzero(stable)
+        for first in range(0, here.size, SLAB):
+            few = here[first : first + SLAB]
+            self._ask(feedback, chosen[few], plants.of(few))
+
+    def _ask(self, feedback: Feedback, chosen: IntArray, plants: PlantBatch) -> None:
+        found, trusted = batch_margins(feedback, plants)
+        for name in self.asked:
+            self.values[name][chosen] = found[name]
+        for k in chosen[~trusted].tolist():
+            self.judge_alone(k)
+
+    def _member(self, k: int) -> NRDOB:
+        loop = self.job.loop
+        plant = self.plants.plant(k)
+        return NRDOB(plant, loop.model, loop.controller, loop.filter, loop.keep_factors)
+
+    def judge_alone(self, k: int) -> None:
+        """Judge one member as `nrdob.NRDOB` does."""
+        self.alone[k] = True
+        if k in self.problems:
+            self.reason[k] = self.problems[k]
+            return
+        try:
+            member = self._member(k)
+            verdict = member.stability()
+            self.stable[k] = verdict.stable is True
+            self.decided[k] = verdict.stable is not None
+            if verdict.stable is None:
+                self.reason[k] = verdict.reason
+            if verdict.stable and self.asked:
+                margins = member.margins().plant_loop
+                for name in self.asked:
+                    self.values[name][k] = getattr(margins, name)
+        except (ArithmeticError, TypeError, ValueError) as error:
+            self.reason[k] = str(error)

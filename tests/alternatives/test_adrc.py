@@ -11,11 +11,11 @@ import sympy as sp
 from nrdob import delay
 from nrdob.alternatives import (
     adrc_chart,
-    adrc_filters,
     adrc_stabilizing_bandwidths,
     adrc_stabilizing_gains,
     linear_adrc,
 )
+from nrdob.alternatives.adrc import adrc_filters
 
 s = ct.tf("s")
 

@@ -1,6 +1,5 @@
 """The table: the same limits for all, every number as its own function gives it, no row raises."""
 
-import csv
 from functools import cache
 from math import inf, isnan, sqrt
 
@@ -55,7 +54,6 @@ def test_the_numbers_are_those_of_the_loop():
     assert found.column("modified")["as printed"] == pytest.approx(changed, rel=1e-9)
 
 
-@pytest.mark.slow
 def test_an_unstable_plant_has_rows_that_say_why():
     _, found = examples(3)
     assert "stable or integrating processes: use an observer" in found["PI"].reason
@@ -118,17 +116,10 @@ def test_a_changed_plant_that_is_lost_is_lost_in_the_table():
     assert "lost" in repr(found)
 
 
-@pytest.mark.slow
-def test_the_table_prints_and_is_written(tmp_path):
+def test_the_table_prints_and_is_written():
     _, found = examples(4)
     assert repr(found).splitlines()[0].split()[:2] == ["tuning", "Ms"]
     assert "<table>" in found._repr_html_() and "Ms, modified" in found._repr_html_()
-    path = tmp_path / "table.csv"
-    found.to_csv(path)
-    rows = list(csv.DictReader(path.open(encoding="utf-8")))
-    assert [row["name"] for row in rows] == [row.name for row in found.rows]
-    assert float(rows[0]["ms"]) == found.rows[0].ms
-    assert float(rows[0]["modified"]) == found.rows[0].changed["modified"]
     with pytest.raises(ValueError, match="there is no column 'cost'; choose one of"):
         found.column("cost")
     with pytest.raises(KeyError, match="there is no scheme 'MPC'"):
@@ -155,9 +146,9 @@ def test_limits_that_do_not_limit_are_named():
     loop = nrdob.paper.example(1)
     each = candidates(loop.process, loop.model, loop.controller, 2)
     found = tune(each["NR-DOB"], max_ms=1.6)
-    assert not found.limited and found.text == "λ = 0.001 s, no limit"
+    assert found.text == "λ = 0.001 s, no limit"
     found = tune(each["NR-DOB"], max_ms=1.6, max_noise=10.0)
-    assert found.limited
+    assert not found.text.endswith("no limit")
     assert sqrt(found.loop.noise_variance().u) == pytest.approx(10.0, rel=1e-6)
     with pytest.raises(
         ValueError, match=r"max_noise = 1e-09 is not kept .*: missed by a factor of"
@@ -220,7 +211,6 @@ def from_the_blocks(loop, w, tau):
     return G(w) * np.exp(-dead * w), np.polyval(num, w) / open_ / Gm(w), 1 / (tau * w + 1)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(8))
 def test_the_numbers_are_those_of_a_grid_and_of_a_numerical_inverse_transform(seed):
     rng = np.random.default_rng(seed)

@@ -36,7 +36,7 @@ def seconds(task):
 def plants(number, count):
     loop = paper.example(number)
     more = {"delay": (0.0, 0.1)} if loop.delay else {"lag": (0.01, 0.2)}
-    return loop, nrdob.family(loop.process, gain=(0.5, 2.0), **more, samples=count)
+    return loop, nrdob.plant_family(loop.process, gain=(0.5, 2.0), **more, samples=count)
 
 
 def closed(loop, family, k):
@@ -102,7 +102,7 @@ def test_pade_is_wrong_where_a_sweep_is_right(note):
     lag = ct.tf([1], [1, 1])
     process = nrdob.delay(1.0) * lag * nrdob.plants.resonance(20.0, 0.02)
     loop = nrdob.NRDOB(process, lag, ct.tf([0.2], [1, 0]), nrdob.LowPassFilter(1.0, 1))
-    family = nrdob.family(process, gain=(0.5, 1.5), delay=(-0.1, 0.1), samples=FEW)
+    family = nrdob.plant_family(process, gain=(0.5, 1.5), delay=(-0.1, 0.1), samples=FEW)
     table = nrdob.sweep(loop, family, "stable")
     K, verdicts = loop.K.to_tf(), []
     for gain, delay in zip(family["gain"], family["delay"], strict=True):
@@ -122,7 +122,7 @@ import nrdob
 from concurrent.futures import ProcessPoolExecutor
 def run(count, workers):
     loop = nrdob.paper.example(3)
-    family = nrdob.family(loop.process, gain=(0.5, 2.0), lag=(0.01, 0.2), samples=count)
+    family = nrdob.plant_family(loop.process, gain=(0.5, 2.0), lag=(0.01, 0.2), samples=count)
     start = time.perf_counter()
     if workers == 1:
         nrdob.sweep(loop, family, "stable")

@@ -60,6 +60,8 @@ def test_the_slim_environment_names_all_that_chapters_import():
     }
     foreign = imported - set(sys.stdlib_module_names) - {"nrdob", "IPython"}  # Jupyter brings it
     wanted = (ROOT / "binder" / "requirements.txt").read_text("utf-8")
+    assert "./book\n" in wanted, "the course is installed from there"
+    foreign -= {"nrdob_course"}
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
     installed = [wanted, *project["dependencies"], *project["optional-dependencies"]["notebooks"]]
     assert not {name for name in foreign if name not in "".join(installed)}

@@ -30,8 +30,20 @@ def test_a_chapter_opens_with_it() -> None:
     for chapter in QUESTIONS:
         cells = nbformat.read(predictions.NOTEBOOKS / f"{chapter}.ipynb", as_version=4).cells
         (place,) = (k for k, cell in enumerate(cells) if KEY in cell.metadata)
-        first = chapter == "00_start_here"  # here the loop must be shown before
-        assert place == (5 if first else 1), chapter
+        if (
+            chapter[0] in "0A"
+        ):  # here a picture comes first, and the question where it can be answered
+            assert 1 < place < len(cells) - 2, chapter
+        else:
+            assert place == 1, chapter
+
+
+def test_a_notebook_holds_the_figures_of_its_question() -> None:
+    for chapter, question in QUESTIONS.items():
+        cells = nbformat.read(predictions.NOTEBOOKS / f"{chapter}.ipynb", as_version=4).cells
+        (cell,) = (cell for cell in cells if KEY in cell.metadata)
+        assert cell.attachments["answered_with.png"]["image/png"] == question.answered_with.png
+        assert all(f"(attachment:{name})" in cell.source for name in cell.attachments)
 
 
 def test_no_letter_is_the_right_one_all_week() -> None:
@@ -52,17 +64,18 @@ def test_a_changed_question_is_noticed_and_brought_in(
     monkeypatch.setattr(predictions, "NOTEBOOKS", tmp_path)
     monkeypatch.setattr(predictions, "read_questions", lambda: read_questions(tmp_path / "class"))
     assert predictions.main(["--check"]) == 1
-    assert "00_start_here.ipynb" in capsys.readouterr().err
-    before = (tmp_path / "01_matched.ipynb").read_bytes()
+    assert "01_can_you_compute_the_load.ipynb" in capsys.readouterr().err
+    before = (tmp_path / "03_is_a_perfect_model_perfect.ipynb").read_bytes()
     assert predictions.main([]) == 0 and predictions.main(["--check"]) == 0
-    assert "A fan runs" in (tmp_path / "00_start_here.ipynb").read_text("utf-8")
-    assert (tmp_path / "01_matched.ipynb").read_bytes() == before
+    first = (tmp_path / "01_can_you_compute_the_load.ipynb").read_text("utf-8")
+    assert "A fan runs" in first
+    assert (tmp_path / "03_is_a_perfect_model_perfect.ipynb").read_bytes() == before
 
 
 def test_a_new_chapter_gets_its_question_after_the_opening() -> None:
     cells = [nbformat.v4.new_markdown_cell(f"# {k}") for k in range(3)]
     notebook = nbformat.v4.new_notebook(cells=cells)
-    question = QUESTIONS["02_nonminimum_phase"]
+    question = QUESTIONS["05_how_slow_must_the_filter_be"]
     predictions.put_into(notebook, question)
     assert [KEY in cell.metadata for cell in notebook.cells] == [False, True, False, False]
     nbformat.validate(notebook)

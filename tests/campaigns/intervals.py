@@ -171,8 +171,8 @@ def _box(rng: np.random.Generator, loop: nrdob.NRDOB) -> list[str]:
             value = low + share * (high - low)
             plant[name] = float(nominal + (1 - 1e-4) * box.share * (value - nominal))
         told.append(_compared("box", p_B(loop, **plant), stable=True))
-    if box.lost and box.frequency:
-        terms, s = p_B(loop, **box.lost), 1j * box.frequency
+    if box.critical and box.frequency:
+        terms, s = p_B(loop, **box.critical), 1j * box.frequency
         parts = [np.polyval(q, s) * np.exp(-s * late) for q, late in terms]
         there = abs(sum(parts)) < 1e-3 * sum(map(abs, parts))
         told.append("lost: right" if there else "WRONG lost")

@@ -44,7 +44,7 @@ def plants(loop: nrdob.NRDOB, count: int, seed: int) -> nrdob.uncertain.Family:
         del ranges["zeros"]
     if loop.delay:
         ranges["delay"] = (0.0, loop.delay)
-    return nrdob.family(loop.process, **ranges, samples=count, seed=seed)
+    return nrdob.plant_family(loop.process, **ranges, samples=count, seed=seed)
 
 
 def differences(loop: nrdob.NRDOB, family: nrdob.uncertain.Family, every: int = 10) -> list[str]:

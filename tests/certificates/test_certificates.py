@@ -20,7 +20,8 @@ import pytest
 
 import nrdob
 from nrdob import LowPassFilter, paper
-from nrdob.certificates import check, checker, half_plane_points
+from nrdob.certificates import check, checker
+from nrdob.certificates.points import half_plane_points
 from nrdob.numerics import Term
 from nrdob.sampling import random_loop
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import nrdob
-from nrdob.measured import checked_record, identify
+from nrdob.measured import checked_record, identified, identify
+from nrdob.measured.disturbance import HYPOTHESES, Rounding, scatter_of
 from nrdob.measured.residuals import whitening_of
 from nrdob.reporting import propose
 from tests.campaigns.identification import response, thermal
@@ -57,6 +58,37 @@ def test_a_heater_in_a_room_that_drifts_has_the_sign_of_its_gain(kind, case):
     assert found.structure.startswith(("one lag", "two lags")) and not found.unsure
     assert gain.value == pytest.approx(true.truth["gain"], rel=0.25)
     assert gain.low * gain.high > 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("kind", "case"), [("three steps", 0), ("three steps", 3), ("step", 7), ("three steps", 7)]
+)
+def test_intervals_count_a_drift_in_that_follows_the_gain(kind, case):
+    true = thermal(kind, np.random.default_rng([0, case, len(kind)]))
+    found = identified(checked_record(true.t, true.u, true.y), (true.structure,))
+    gain = found.parameters["gain"]
+    assert gain.low < true.truth["gain"] < gain.high
+    assert gain.high - gain.low < 0.3 * abs(gain.value)
+
+
+def test_scatter_is_that_of_generalised_least_squares():
+    # For a random walk in white noise: the covariance written out, and inverted as a matrix.
+    rng = np.random.default_rng(3)
+    times, zero = np.arange(120), 0.8
+    jacobian = np.column_stack([np.ones(120), times > 40, np.exp(-times / 30)])
+    response = np.tril(np.full((120, 120), 1 - zero), -1) + np.eye(120)
+    residual = response @ rng.standard_normal(120)
+    inverse = np.linalg.inv(response @ response.T)
+    gram = np.linalg.inv(jacobian.T @ inverse @ jacobian)
+    shift = gram @ jacobian.T @ inverse @ residual
+    rest = residual - jacobian @ shift
+    variance = rest @ inverse @ rest / 117
+    found = scatter_of(residual, jacobian, np.ones(120, dtype=bool), Rounding(0.0, residual))
+    k = HYPOTHESES.index((1, 1.0, zero))
+    assert found.shifts[k] == pytest.approx(shift, rel=1e-6)
+    assert found.covariances[k] == pytest.approx(variance * gram, rel=1e-6)
+    assert found.weights.sum() == pytest.approx(1) and found.weights[k] > 1e-3
 
 
 @pytest.mark.slow

@@ -22,6 +22,8 @@ PAGES = ("README.md", "book/*.md", "book/teaching/*.md", "book/templates/*.j2")
 """Pages that a reader is shown; those of the reference, which list everything, are none."""
 
 CODE = re.compile(r"```.*?```|`[^`]+`", re.DOTALL)
+ROLE = re.compile(r"\{[\w:]+\}`[^`]+`")
+"""A link to the reference, which is no use."""
 
 
 def faults(root: Path) -> Iterator[str]:
@@ -118,7 +120,10 @@ def _told(root: Path) -> frozenset[str]:
     texts: list[str] = [p.read_text("utf-8") for glob in PAGES for p in root.glob(glob)]
     texts += [text for path in notebooks(root) for _, text in cells(path, "markdown")]
     return frozenset(
-        word for text in texts for code in CODE.findall(text) for word in re.findall(r"\w+", code)
+        word
+        for text in texts
+        for code in CODE.findall(ROLE.sub("", text))
+        for word in re.findall(r"\w+", code)
     )
 
 

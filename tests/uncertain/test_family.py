@@ -8,25 +8,25 @@ import pytest
 from scipy import stats
 
 import nrdob
-from nrdob.uncertain.draws import BLOCK
+from nrdob.uncertain.distributions import BLOCK
 
 LAG = ct.tf([1], [1, 1])
 SECOND = ct.tf([2.0, 6.0], [1.0, 0.4, 4.0, 0.0])
 
 
 def test_members_are_the_same_however_many_there_are_and_whoever_asks():
-    few = nrdob.family(LAG, gain=(0.5, 2), delay=(0, 0.1), samples=50, seed=7)
-    many = nrdob.family(LAG, gain=(0.5, 2), delay=(0, 0.1), samples=BLOCK + 50, seed=7)
+    few = nrdob.plant_family(LAG, gain=(0.5, 2), delay=(0, 0.1), samples=50, seed=7)
+    many = nrdob.plant_family(LAG, gain=(0.5, 2), delay=(0, 0.1), samples=BLOCK + 50, seed=7)
     assert np.array_equal(few["gain"], many["gain"][:50])
     assert np.array_equal(many.drawn.block(1)["delay"], many["delay"][BLOCK:])
     assert not np.array_equal(many["gain"][:50], many["gain"][BLOCK:])
-    other = nrdob.family(LAG, gain=(0.5, 2), delay=(0, 0.1), samples=50, seed=8)
+    other = nrdob.plant_family(LAG, gain=(0.5, 2), delay=(0, 0.1), samples=50, seed=8)
     assert not np.array_equal(few["gain"], other["gain"])
 
 
 def test_a_member_is_gain_lag_and_dead_time_on_top_of_the_process():
     process = nrdob.delay(0.2) * LAG
-    plants = nrdob.family(process, gain=(0.5, 2), delay=(-0.1, 0.1), lag=(0, 0.3), samples=9)
+    plants = nrdob.plant_family(process, gain=(0.5, 2), delay=(-0.1, 0.1), lag=(0, 0.3), samples=9)
     for k in (0, -1, 4):
         gain, delay, lag = (plants[name][k] for name in ("gain", "delay", "lag"))
         s = 0.3 + 0.7j
@@ -38,7 +38,7 @@ def test_a_member_is_gain_lag_and_dead_time_on_top_of_the_process():
 
 
 def test_moved_poles_and_zeros_keep_damping_integrators_and_slope_at_the_origin():
-    plants = nrdob.family(SECOND, poles=(0.5, 2), zeros=(0.5, 2), samples=20)
+    plants = nrdob.plant_family(SECOND, poles=(0.5, 2), zeros=(0.5, 2), samples=20)
     assert plants.names == ("zero 1", "pole 1")
     for k in range(3):
         moved = plants[k]
@@ -51,25 +51,25 @@ def test_moved_poles_and_zeros_keep_damping_integrators_and_slope_at_the_origin(
 
 
 def test_a_grid_has_every_combination():
-    plants = nrdob.family(LAG, gain=(1, 3), lag=(0, 1), grid={"gain": 3, "lag": 2})
+    plants = nrdob.plant_family(LAG, gain=(1, 3), lag=(0, 1), grid={"gain": 3, "lag": 2})
     assert plants["gain"].tolist() == [1, 1, 2, 2, 3, 3]
     assert plants["lag"].tolist() == [0, 1] * 3
-    two = nrdob.family(
+    two = nrdob.plant_family(
         ct.tf([1], [1, 3, 2]), poles=(0.5, 2), gain=(1, 2), grid={"poles": 3, "gain": 2}
     )
     assert len(two) == 18
 
 
 def test_distributions_and_fits_are_drawn_with_their_moments():
-    plants = nrdob.family(LAG, gain=stats.norm(2.0, 0.1), samples=BLOCK)
+    plants = nrdob.plant_family(LAG, gain=stats.norm(2.0, 0.1), samples=BLOCK)
     assert plants["gain"].mean() == pytest.approx(2, abs=0.005)
     covariance = np.array([[0.04, 0.01], [0.01, 0.09]])
-    fitted = nrdob.family(LAG, fit=({"gain": 2.0, "lag": 1.0}, covariance), samples=BLOCK)
+    fitted = nrdob.plant_family(LAG, fit=({"gain": 2.0, "lag": 1.0}, covariance), samples=BLOCK)
     drawn = np.array([fitted["gain"], fitted["lag"]])
     assert drawn.mean(axis=1) == pytest.approx([2, 1], abs=0.02)
     assert np.cov(drawn) == pytest.approx(covariance, abs=0.005)
     estimates = {name: SimpleNamespace(value=value) for name, value in (("J", 2.0), ("b", 1.0))}
-    named = nrdob.family(LAG, parameters=motor, fit=(estimates, covariance), samples=7)
+    named = nrdob.plant_family(LAG, parameters=motor, fit=(estimates, covariance), samples=7)
     assert named[3](1.0) == pytest.approx(1 / (named["J"][3] + named["b"][3]))
 
 
@@ -78,7 +78,7 @@ def motor(J, b):
 
 
 def test_a_function_makes_plants_of_parameters():
-    plants = nrdob.family(LAG, parameters=motor, J=(1, 2), b=(3, 4), gain=(5, 6), samples=5)
+    plants = nrdob.plant_family(LAG, parameters=motor, J=(1, 2), b=(3, 4), gain=(5, 6), samples=5)
     J, b, gain = (plants[name][3] for name in ("J", "b", "gain"))
     assert plants[3](1.0) == pytest.approx(gain / (J + b))
 
@@ -113,9 +113,9 @@ def test_a_function_makes_plants_of_parameters():
 )
 def test_what_is_no_family_is_refused_with_a_remedy(given, kind, said):
     with pytest.raises(kind, match=said):
-        nrdob.family(LAG, **given)
+        nrdob.plant_family(LAG, **given)
 
 
 def test_a_column_that_is_not_there_is_refused_with_those_that_are():
     with pytest.raises(KeyError, match="the columns are gain"):
-        nrdob.family(LAG, gain=(1, 2))["lag"]
+        nrdob.plant_family(LAG, gain=(1, 2))["lag"]

@@ -32,7 +32,7 @@ def test_borders_separate_the_colours_of_a_map(number, x, y):
     loop = paper.example(number)
     start = loop.delay
     ranges = {name: (low, high) for name, low, high in (x, y)}
-    family = nrdob.family(loop.process, **ranges, grid={x[0]: 12, y[0]: 12})
+    family = nrdob.plant_family(loop.process, **ranges, grid={x[0]: 12, y[0]: 12})
     table = nrdob.sweep(loop, family, "stable")
     assert 0.1 < table["stable"].mean() < 0.95 and table["decided"].all()
     rows = {"x": table[x[0]] + start * (x[0] == "delay"), "y": table[y[0]]}
@@ -58,7 +58,7 @@ def test_borders_separate_the_colours_of_a_map(number, x, y):
 
 def test_a_map_says_what_it_shows_and_wants_a_chart_of_the_same_two():
     loop = paper.example(4)
-    family = nrdob.family(loop.process, gain=(0.3, 6.0), delay=(-0.06, 0.3), grid=8)
+    family = nrdob.plant_family(loop.process, gain=(0.3, 6.0), delay=(-0.06, 0.3), grid=8)
     table = nrdob.sweep(loop, family, "stable")
     chart = nrdob.stability_chart(
         loop.process, loop.model, loop.filter, x=("delay", 0.01, 0.35), y=("gain", 0.3, 6.0)
@@ -80,7 +80,7 @@ def test_a_map_draws_no_border_at_a_lag_below_zero():
         loop.process, loop.model, loop.filter, x=("gain", 0.3, 8.0), y=("lag", 0.0, 0.3)
     )
     assert min(border.y.min() for border in chart.borders) < 0
-    family = nrdob.family(loop.process, gain=(0.3, 8.0), lag=(0.0, 0.3), grid=4)
+    family = nrdob.plant_family(loop.process, gain=(0.3, 8.0), lag=(0.0, 0.3), grid=4)
     drawn = nrdob.sweep(loop, family, "stable").plot_map("gain", "lag", chart=chart)
     lines = drawn.axes.flat[0].lines
     assert not any((np.asarray(line.get_ydata(), dtype=float) < 0).any() for line in lines)

@@ -20,7 +20,6 @@ def some_loops():
     return dict(loops(3))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", ["Example 1", "Example 2", "Example 3", "Example 4", "random 2",
                                   "random 5 with dead time", "random 8"])  # fmt: skip
 def test_a_sweep_says_of_each_member_what_is_said_of_it_alone(name):
@@ -32,7 +31,7 @@ def test_a_model_that_waits_is_swept_too():
     loop = nrdob.NRDOB(
         nrdob.delay(0.5) * LAG, nrdob.delay(0.5) * LAG, ct.tf([1], [1, 0]), LowPassFilter(0.1, 2)
     )
-    assert differences(loop, nrdob.family(loop.process, gain=(0.3, 3), delay=(-0.3, 0.3),
+    assert differences(loop, nrdob.plant_family(loop.process, gain=(0.3, 3), delay=(-0.3, 0.3),
                                           samples=40), every=4) == []  # fmt: skip
 
 
@@ -40,13 +39,15 @@ def test_a_model_that_waits_is_swept_too():
 def test_a_pure_gain_error_is_survived_up_to_the_closed_form_bound(order, bound):
     matched = ct.tf([1], [1, 3, 2])
     loop = nrdob.NRDOB(matched, matched, ct.tf([1], [1, 0]), LowPassFilter(0.05, order))
-    table = nrdob.sweep(loop, nrdob.family(matched, gain=(0.1, 2 * bound), samples=3000), "stable")
+    table = nrdob.sweep(
+        loop, nrdob.plant_family(matched, gain=(0.1, 2 * bound), samples=3000), "stable"
+    )
     assert np.array_equal(table["stable"], table["gain"] < bound) and table["decided"].all()
 
 
 def test_a_pure_dead_time_is_survived_below_half_pi_lambda():
     loop = nrdob.NRDOB(LAG, LAG, ct.tf([1], [1, 0]), LowPassFilter(0.2, 1))
-    table = nrdob.sweep(loop, nrdob.family(LAG, delay=(0, 1), samples=1000), "stable")
+    table = nrdob.sweep(loop, nrdob.plant_family(LAG, delay=(0, 1), samples=1000), "stable")
     assert np.array_equal(table["stable"], table["delay"] < math.pi / 2 * 0.2)
 
 
@@ -54,7 +55,7 @@ def test_members_on_the_border_are_judged_alone_and_flagged():
     # Example 1's plant as its own model: gain 0 is no plant, and n = 3 is lost at gain 9.
     matched = ct.tf([1], [1, 3, 2])
     loop = nrdob.NRDOB(matched, matched, ct.tf([1], [1, 0]), LowPassFilter(0.5, 3))
-    table = nrdob.sweep(loop, nrdob.family(matched, gain=(0, 18), grid=5), ("stable", "ms"))
+    table = nrdob.sweep(loop, nrdob.plant_family(matched, gain=(0, 18), grid=5), ("stable", "ms"))
     assert table["stable"].tolist() == [False, True, False, False, False]
     assert table["decided"].tolist() == [False, True, False, True, True]
     assert table["alone"].tolist() == [True, False, True, False, False]
@@ -63,7 +64,7 @@ def test_members_on_the_border_are_judged_alone_and_flagged():
 
 def test_an_unstable_model_loop_is_lost_with_every_plant():
     loop = nrdob.NRDOB(LAG, LAG, -5.0, LowPassFilter(0.2, 1))
-    table = nrdob.sweep(loop, nrdob.family(LAG, gain=(0.5, 2), samples=10))
+    table = nrdob.sweep(loop, nrdob.plant_family(LAG, gain=(0.5, 2), samples=10))
     assert table["decided"].all() and not table["stable"].any()
     assert np.isnan(table["ms"]).all() and "C Gm" in table["reason"][0]
 
@@ -83,7 +84,7 @@ def strange(k):
 
 def test_members_that_are_no_plants_are_reported_and_the_sweep_goes_on():
     loop = nrdob.NRDOB(LAG, LAG, ct.tf([1], [1, 0]), LowPassFilter(0.2, 1))
-    family = nrdob.family(LAG, parameters=strange, k=(0, 6), grid=7)
+    family = nrdob.plant_family(LAG, parameters=strange, k=(0, 6), grid=7)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         table = nrdob.sweep(loop, family)
@@ -98,30 +99,19 @@ def test_members_that_are_no_plants_are_reported_and_the_sweep_goes_on():
 
 def test_a_negative_dead_time_and_an_ill_posed_member_are_reported():
     loop = nrdob.NRDOB(LAG, LAG, ct.tf([1], [1, 0]), LowPassFilter(0.2, 1))
-    table = nrdob.sweep(loop, nrdob.family(LAG, delay=(-0.1, 0.1), grid=2), "stable")
+    table = nrdob.sweep(loop, nrdob.plant_family(LAG, delay=(-0.1, 0.1), grid=2), "stable")
     assert table["decided"].tolist() == [False, True] and "future" in table["reason"][0]
     # R = 1 - 0.01 s with λ = 0.01: 1 + F(∞) H(∞) = 0 where the gain is 1.
     process, model = ct.tf([-0.01, 1], [1, 1]), LAG
     loop = nrdob.NRDOB(process, model, ct.tf([1], [1, 0]), LowPassFilter(0.01, 1))
-    table = nrdob.sweep(loop, nrdob.family(process, gain=(0.5, 1.5), grid=3), "stable")
+    table = nrdob.sweep(loop, nrdob.plant_family(process, gain=(0.5, 1.5), grid=3), "stable")
     assert "ill-posed" in table["reason"][1] and not table["decided"][1]
 
 
-def test_a_peak_after_a_step_of_d_is_that_of_the_response():
-    loop = paper.example(3)
-    family = nrdob.family(loop.process, gain=(0.5, 2), lag=(0, 0.2), samples=100)
-    table = nrdob.sweep(loop, family, "peak_d")
-    swung = np.flatnonzero(table["peak_d"] > 1.001)
-    assert swung.size > 2 and (table["peak_d"][table["stable"]] >= 1).all()
-    for k in [*swung[:4], *np.flatnonzero(table["stable"])[:2]]:
-        one = nrdob.NRDOB(family[int(k)], loop.model, loop.controller, loop.filter)
-        y = one.step_response("d", np.linspace(0, 5, 4001)).outputs[0, 0]
-        assert table["peak_d"][k] == pytest.approx(np.abs(y).max(), rel=1e-4)
-
-
 def test_the_share_is_bounded_as_clopper_and_pearson_do():
-    table = nrdob.sweep(paper.example(1), nrdob.family(paper.example(1).process, gain=(0.5, 2),
-                                                       samples=100), "stable")  # fmt: skip
+    loop = paper.example(1)
+    plants = nrdob.plant_family(loop.process, gain=(0.5, 2), samples=100)
+    table = nrdob.sweep(loop, plants, "stable")
     share = table.stable_share()
     assert share.share == share.high == 1.0
     assert share.low == pytest.approx(0.025 ** (1 / 100))
@@ -130,36 +120,24 @@ def test_the_share_is_bounded_as_clopper_and_pearson_do():
             table.stable_share(wrong)
 
 
-@pytest.mark.slow
-def test_the_worst_come_first_and_tables_go_to_pandas_and_xarray():
+def test_the_worst_come_first():
     loop = paper.example(3)
-    family = nrdob.family(loop.process, gain=(0.5, 2), lag=(0, 0.2), grid={"gain": 5, "lag": 4})
+    family = nrdob.plant_family(
+        loop.process, gain=(0.5, 2), lag=(0, 0.2), grid={"gain": 5, "lag": 4}
+    )
     table = nrdob.sweep(loop, family, ("ms", "gm"))
     worst = table.worst(30)
     stable = worst["stable"]
     assert not stable[: (~stable).sum()].any()
     assert (np.diff(worst["ms"][stable]) <= 0).all() and len(table.worst(3)) == 3
-    data = table.to_xarray()
-    assert data["ms"].dims == ("gain", "lag")
-    assert float(data["ms"].sel(gain=0.5, lag=0.0)) == table["ms"][0]
-    frame = table.to_pandas()
-    assert frame["stable"].dtype == "boolean" and frame.loc[3, "lag"] == pytest.approx(0.2)
     with pytest.raises(KeyError, match="the columns are"):
         table["pm"]
     assert "stable" in repr(table)
 
 
-def test_an_extra_that_is_missing_is_named(monkeypatch):
-    table = nrdob.sweep(paper.example(1), nrdob.family(paper.example(1).process, gain=(0.5, 2),
-                                                       samples=3), "stable")  # fmt: skip
-    monkeypatch.setitem(__import__("sys").modules, "pandas", None)
-    with pytest.raises(ImportError, match=r'pip install "nrdob\[sweep\]"'):
-        table.to_pandas()
-
-
 def test_what_cannot_be_swept_is_refused():
     loop = paper.example(1)
-    family = nrdob.family(loop.process, gain=(0.5, 2), samples=3)
+    family = nrdob.plant_family(loop.process, gain=(0.5, 2), samples=3)
     for given, kind in (
         ((loop.process, family), TypeError),
         ((loop, [loop.process]), TypeError),
@@ -167,12 +145,7 @@ def test_what_cannot_be_swept_is_refused():
     ):
         with pytest.raises(kind):
             nrdob.sweep(*given)
-    for given, kind in (
-        ({"executor": "dask"}, TypeError),
-        ({"timeout": 0}, ValueError),
-        ({"timeout": "long"}, TypeError),
-        ({"progress": 3}, TypeError),
-    ):
+    for given, kind in (({"executor": "dask"}, TypeError),):
         with pytest.raises(kind):
             nrdob.sweep(loop, family, **given)
 
@@ -182,7 +155,7 @@ def test_a_resonance_beside_a_crossing_does_not_hide_it():
     model = ct.tf([1], [9.37512818, 13.33847147, 6.32577382, 1.0])
     controller = ct.tf([4.15167212, 1.96893166], [2.10859127, 0.0])
     loop = nrdob.NRDOB(process, model, controller, LowPassFilter(20.734760868429852, 3))
-    family = nrdob.family(process, gain=(0.3, 2.0), poles=(0.8, 1.25), samples=12, seed=10)
+    family = nrdob.plant_family(process, gain=(0.3, 2.0), poles=(0.8, 1.25), samples=12, seed=10)
     table = nrdob.sweep(loop, family, ("stable", "gm"))
     assert table["gm"][3] == pytest.approx(8.593642713, rel=1e-6)
     assert differences(loop, family, every=1) == []

@@ -14,7 +14,7 @@ from nrdob.loop import NRDOB
 from nrdob.numerics import number
 from nrdob.paper import PRINTED_FUNCTIONS, PrintedFunction, example
 from nrdob.plotting import turns
-from nrdob.uncertain import family, largest_box, sweep
+from nrdob.uncertain import largest_box, plant_family, sweep
 
 from .ledger import Finding
 from .recurring import (
@@ -343,10 +343,10 @@ def family_3() -> Finding:
     turns on both sides.
     """
     loop = example(3)
-    plants = family(loop.process, gain=(0.5, 1.0), lag=(0.0, 0.1), grid=21)
-    table = sweep(loop, plants, "stable", progress=False)
+    plants = plant_family(loop.process, gain=(0.5, 1.0), lag=(0.0, 0.1), grid=21)
+    table = sweep(loop, plants, "stable")
     routh = _routh(table["gain"], table["lag"]) > 0
-    lost = largest_box(loop, gain=(0.5, 1.0), lag=(0.0, 0.1)).lost or {}
+    lost = largest_box(loop, gain=(0.5, 1.0), lag=(0.0, 0.1)).critical or {}
     longest = float(brentq(lambda T: float(_routh(1.0, T)), 0.05, 0.1))
     highest = float(brentq(lambda k: float(_routh(k, 0.1)), 0.6, 1.0))
 

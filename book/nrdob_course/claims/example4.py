@@ -14,7 +14,7 @@ from nrdob.loop import NRDOB
 from nrdob.numerics import QuasiPolynomial, count_rhp, number
 from nrdob.paper import example
 from nrdob.plotting import turns
-from nrdob.uncertain import family, largest_box, sweep
+from nrdob.uncertain import largest_box, plant_family, sweep
 
 from .ledger import Finding
 from .recurring import (
@@ -337,8 +337,8 @@ def family_4() -> Finding:
     That no plant of the whole box has a root on the axis is decided from the frequency response.
     """
     loop = example(4)
-    plants = family(loop.process, delay=(0.0, 0.05), lag=(0.0, 0.1), grid=21)
-    table = sweep(loop, plants, "stable", progress=False)
+    plants = plant_family(loop.process, delay=(0.0, 0.05), lag=(0.0, 0.1), grid=21)
+    table = sweep(loop, plants, "stable")
     corners = [replace(loop, process=plants[k]).stability().stable for k in (0, 20, 420, 440)]
     known = corners == 4 * [True]  # without a stable nominal plant there is no box around it
     share, wider = (

@@ -13,7 +13,7 @@ from nrdob.diagram import INPUTS, LowPassFilter, Quotient
 from nrdob.loop import NRDOB
 from nrdob.numerics import ComplexArray, number
 from nrdob.paper import example
-from nrdob.uncertain import family, sweep
+from nrdob.uncertain import plant_family, sweep
 
 from .ledger import Finding
 from .recurring import (
@@ -270,8 +270,8 @@ def family_2() -> Finding:
     must be positive, which it is for every lag T if z > 2/(3λ).
     """
     loop, lam = example(2), 0.025
-    plants = family(loop.process, zeros=(0.8, 1.2), lag=(0.0, 0.1), grid=21)
-    table = sweep(loop, plants, "stable", progress=False)
+    plants = plant_family(loop.process, zeros=(0.8, 1.2), lag=(0.0, 0.1), grid=21)
+    table = sweep(loop, plants, "stable")
     z, T = 100 * table["zero 1"], table["lag"]
     by_hand = bool((lam * (2 * lam - 1 / z) + T * (3 * lam - 2 / z) > 0).all())
     corners = [replace(loop, process=plants[k]).stability().stable for k in (0, 20, 420, 440)]

@@ -1,4 +1,4 @@
-"""Limits on noise and actuator: closed forms, and the loop at the end that was found."""
+"""Designs for families of filters, models with dead time, and the peak of a step response."""
 
 from __future__ import annotations
 
@@ -14,37 +14,6 @@ from nrdob.design import Mismatch, step_peak
 s = ct.tf("s")
 lag = 1 / (s + 1)
 G, MODEL = 0.1 * (100 - s) / (s + 2), 10 / (s + 2)
-
-
-def test_noise_of_a_matched_lag_has_a_closed_form():
-    # U_η = -(s + 1)/(λs + 1)²: power (1 + λ²)/(4λ³).
-    ((low, high),) = admissible_time_constants(lag, lag, 2, max_noise=1.0)
-    assert (1 + low**2) / (4 * low**3) == pytest.approx(1.0, rel=1e-9) and high == np.inf
-
-
-def test_peak_of_u_eta_of_a_matched_lag_has_a_closed_form():
-    # |U_η| = |jω + 1|/|jλω + 1|² peaks at (λω)² = 1 - 2λ², with 1/(2λ sqrt(1 - λ²)).
-    low = admissible_time_constants(lag, lag, 2, max_u_eta=4.0)[0][0]
-    assert 1 / (2 * low * np.sqrt(1 - low**2)) == pytest.approx(4.0, rel=1e-8)
-
-
-@pytest.mark.slow
-def test_step_of_d_on_a_matched_lag_has_a_closed_form():
-    # u = -(1 + (1/λ - 1) exp(-t/λ)) for n = 1: |u(0)| = 1/λ.
-    low = admissible_time_constants(lag, lag, 1, max_u_step_d=5.0)[0][0]
-    assert low == pytest.approx(0.2, rel=1e-8)
-
-
-@pytest.mark.slow
-def test_the_filter_found_just_meets_what_binds():
-    C = (s + 2) / s
-    F = design_filter(G, MODEL, order=2, max_ms=2.5, max_u_step_R=1.1, controller=C)
-    loop = nrdob.NRDOB(G, MODEL, C, F)
-    assert loop.margins().plant_loop.ms <= 2.5 + 1e-9
-    assert np.abs(loop.step_response("R").outputs[1, 0]).max() <= 1.1 * (1 + 1e-6)
-    faster = nrdob.NRDOB(G, MODEL, C, nrdob.LowPassFilter(F.time_constant * 0.99, 2))
-    over = faster.margins().plant_loop.ms > 2.5
-    assert over or np.abs(faster.step_response("R").outputs[1, 0]).max() > 1.1
 
 
 def test_a_family_of_lags_is_judged_as_its_order_is():
@@ -69,53 +38,21 @@ def test_of_several_families_the_one_that_rejects_most_is_taken():
     assert slope(best) == pytest.approx(min(map(slope, alone)), rel=1e-6)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("options", "error", "message"),
-    [
-        ({"max_noise": -1.0}, ValueError, "positive"),
-        ({"max_u_eta": "1"}, TypeError, "real number"),
-        ({"max_u_step_R": 2.0}, ValueError, "needs the controller"),
-        ({"max_noise": 1e-9, "max_ms": 1.5}, ValueError, "closest comes"),
-        ({"order": filter_family("bessel", 2)}, ValueError, "nothing is specified"),
-    ],
-)
-def test_limits_that_are_none_are_refused(options, error, message):
-    with pytest.raises(error, match=message):
-        design_filter(G, MODEL, **options)
-
-
-def test_a_limit_on_a_step_of_the_reference_needs_a_model_loop_that_is_stable():
-    lag = ct.tf([1], [1, 1])
-    for controller, said in ((-5.0, "1 root in the right half plane"), (-1.0, "s = 0")):
-        with pytest.raises(
-            ValueError, match="needs a controller that stabilises the model"
-        ) as found:
-            design_filter(lag, lag, order=2, max_ms=2.0, max_u_step_R=2.0, controller=controller)
-        assert said in str(found.value)
-        with pytest.raises(ValueError, match="needs a controller that stabilises the model"):
-            admissible_time_constants(lag, lag, 1, max_u_step_R=2.0, controller=controller)
-
-
 # A model that waits.
 
 
-@pytest.mark.parametrize(
-    "specification", [{"max_ms": 1.6}, {"min_gm_db": 6.0, "min_pm_deg": 45.0}], ids=str
-)
 @pytest.mark.parametrize("filters", [3, filter_family("bessel", 3)], ids=repr)
-def test_the_filter_for_a_model_that_waits_just_meets_the_specification(filters, specification):
+def test_the_filter_for_a_model_that_waits_just_meets_the_specification(filters):
     example = nrdob.paper.example(4)
     model = nrdob.delay(0.06) * example.model
-    ((low, high),) = admissible_time_constants(example.process, model, filters, **specification)
+    ((low, high),) = admissible_time_constants(example.process, model, filters, max_ms=1.6)
     assert high == np.inf
-    best = design_filter(example.process, model, order=filters, **specification)
+    best = design_filter(example.process, model, order=filters, max_ms=1.6)
 
     def meets(F):
-        found = nrdob.NRDOB(example.process, model, 0.0, F).margins().plant_loop
-        if "max_ms" in specification:
-            return found.ms <= 1.6
-        return abs(found.gm_db) >= 6.0 and found.pm >= 45.0
+        return nrdob.NRDOB(example.process, model, 0.0, F).margins().plant_loop.ms <= 1.6 * (
+            1 + 1e-12
+        )
 
     family = nrdob.filter_family("binomial", 3) if filters == 3 else filters
     assert meets(best) and meets(family.at(low)) and meets(family.at(3 * low))
@@ -132,7 +69,6 @@ def test_waiting_lets_the_filter_of_example_4_be_faster():
         design_filter(example.process, waiting, order=3, max_ms=2.5)
 
 
-@pytest.mark.slow
 def test_lags_read_as_a_family_are_sampled_to_the_windows_that_their_order_excludes():
     rng = np.random.default_rng(5)
     for _ in range(4):
@@ -162,3 +98,19 @@ def test_a_slow_end_of_the_response_does_not_hide_a_fast_peak():
     early = np.abs(loop.step_response("d", np.linspace(0, 20, 20_001)).outputs[1, 0]).max()
     assert early == pytest.approx(0.7941, abs=1e-4)  # as a numerical inverse transform has it
     assert step_peak(loop, "d", "u") == pytest.approx(early, rel=1e-4)
+
+
+@pytest.mark.parametrize("max_ms", [1.2, 2.0, 4.0])
+def test_a_family_of_lags_with_dead_time_has_the_windows_of_its_order(max_ms):
+    # The two ways disagreed for 3 of 30 delayed loops, and one of them refused them.
+    rng = np.random.default_rng(11)
+    for _ in range(5):
+        _, process, model = plant_and_model(rng)
+        process = nrdob.delay(10 ** rng.uniform(-2, 0.5)) * getattr(process, "tf", process)
+        order = Mismatch.of(process, model).order
+        one = admissible_time_constants(process, model, order, max_ms=max_ms)
+        other = admissible_time_constants(
+            process, model, filter_family("binomial", order), max_ms=max_ms
+        )
+        assert len(one) == len(other)
+        assert all(a == pytest.approx(b, rel=1e-9) for a, b in zip(one, other, strict=True))

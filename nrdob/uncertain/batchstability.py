@@ -34,12 +34,12 @@ from ..numerics import (
     values_and_slopes,
     values_on_axis,
 )
-from .plants import Plants
+from .batch import PlantBatch
 
 __all__ = ["SLAB", "Feedback"]
 
 SLAB = 500
-"""Plants looked at together over frequency: what they need fits into the processor's cache."""
+"""PlantBatch looked at together over frequency: what they need fits into the processor's cache."""
 
 
 class Feedback:
@@ -59,7 +59,7 @@ class Feedback:
         self.denominator = multiply(*self.poles)
 
     @cached_property
-    def waits(self) -> bool:
+    def delayed(self) -> bool:
         """Whether the model has a dead time."""
         return self.denominator.delay > 0
 
@@ -113,12 +113,12 @@ class Feedback:
         (num, rises), (den, its_rises) = parts
         return np.asarray(num / den), np.asarray(rises - its_rises)
 
-    def characteristic(self, plants: Plants) -> tuple[list[ManyTerms], FloatArray]:
+    def characteristic(self, plants: PlantBatch) -> tuple[list[ManyTerms], FloatArray]:
         """Terms of p_B, and for each power of s the size of what is summed.
 
         Parameters
         ----------
-        plants : Plants
+        plants : PlantBatch
             Of the same degrees.
         """
         products = [
@@ -144,12 +144,12 @@ class Feedback:
         )
         return first, second
 
-    def verdicts(self, plants: Plants) -> tuple[BoolArray, BoolArray]:
+    def verdicts(self, plants: PlantBatch) -> tuple[BoolArray, BoolArray]:
         """Judge p_B for each plant.
 
         Parameters
         ----------
-        plants : Plants
+        plants : PlantBatch
             Of the same degrees, all with dead time or none.
 
         Returns

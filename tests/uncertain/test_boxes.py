@@ -40,7 +40,7 @@ def test_dead_times_may_be_survived_again_and_again():
     loop = nrdob.NRDOB(process, LAG, INTEGRATOR, LowPassFilter(1.0, 1))
     found = delay_intervals(loop, 0.0, 1.5)
     assert len(found) > 2
-    family = nrdob.family(process, delay=(0.0, 1.5), samples=2000)
+    family = nrdob.plant_family(process, delay=(0.0, 1.5), samples=2000)
     table = nrdob.sweep(loop, family, "stable")
     inside = np.any([(a < table["delay"]) & (table["delay"] < b) for a, b in found], axis=0)
     assert np.array_equal(inside, table["stable"])
@@ -61,8 +61,8 @@ def test_a_box_survives_up_to_its_share_and_not_beyond(number, names):
     asked = {name: wide[name] for name in names.split()}
     box = nrdob.largest_box(loop, **asked)
     if box.share == 1:
-        assert box.lost is None
-        table = nrdob.sweep(loop, nrdob.family(loop.process, **asked, grid=201), "stable")
+        assert box.critical is None
+        table = nrdob.sweep(loop, nrdob.plant_family(loop.process, **asked, grid=201), "stable")
         assert names == "lag" and table["stable"].all()
         return
     for factor, all_stable in ((1 - 1e-6, True), (1 + 1e-6, False)):
@@ -72,10 +72,10 @@ def test_a_box_survives_up_to_its_share_and_not_beyond(number, names):
             if name in asked
         }
         if all_stable:
-            table = nrdob.sweep(loop, nrdob.family(loop.process, **near, grid=9), "stable")
+            table = nrdob.sweep(loop, nrdob.plant_family(loop.process, **near, grid=9), "stable")
             assert table["stable"].all()
     # The plant that is named is at the limit: it is lost at the frequency that is named.
-    lost, w = box.lost, box.frequency
+    lost, w = box.critical, box.frequency
     s = 1j * w
     L = lost["gain"] * loop.L(s) * np.exp(-s * lost["delay"]) / (1 + s * lost["lag"])
     assert abs(1 + L) < 1e-3
@@ -125,7 +125,7 @@ def test_the_plant_that_is_named_waits_as_many_turns_as_the_box_allows():
         process, model, ct.tf([0.21, 0.357], [27.9, 5.95, 1]), LowPassFilter(1.12, 1)
     )
     box = nrdob.largest_box(loop, gain=(0.2152, 3.528), delay=(0.0, 9.72), lag=(0.0, 6.83))
-    s, (gain, delay, lag) = 1j * box.frequency, box.lost.values()
+    s, (gain, delay, lag) = 1j * box.frequency, box.critical.values()
     assert abs(1 + gain * loop.L(s) * np.exp(-s * delay) / (1 + s * lag)) < 1e-3
 
 
@@ -137,7 +137,7 @@ def test_a_dead_time_alone_is_lost_at_the_frequency_that_is_named():
     loop = nrdob.NRDOB(process, model, C, LowPassFilter(0.0397, 1))
     box = nrdob.largest_box(loop, delay=(0.0, 6.7))
     s = 1j * box.frequency
-    assert abs(1 + loop.L(s) * np.exp(-s * box.lost["delay"])) < 1e-8
+    assert abs(1 + loop.L(s) * np.exp(-s * box.critical["delay"])) < 1e-8
 
 
 @pytest.mark.slow
@@ -158,7 +158,7 @@ def test_intervals_and_boxes_are_those_of_an_independent_count():
 
 def test_a_box_that_survives_is_said_to():
     box = nrdob.largest_box(MATCHED, gain=(0.1, 100))
-    assert box.share == 1 and box.lost is None
+    assert box.share == 1 and box.critical is None
 
 
 @pytest.mark.parametrize(
@@ -186,7 +186,7 @@ def test_a_loop_that_is_not_stable_has_no_box_and_no_small_gain():
 
 def test_a_weight_holds_every_plant_and_touches_one():
     omega = np.geomspace(0.01, 1e3, 150)
-    family = nrdob.family(LAG, gain=(0.8, 1.3), lag=(0, 0.1), delay=(0, 0.02), samples=60)
+    family = nrdob.plant_family(LAG, gain=(0.8, 1.3), lag=(0, 0.1), delay=(0, 0.02), samples=60)
     errors = [np.abs(plant(1j * omega) / LAG(1j * omega) - 1) for plant in family]
     tightness = []
     for order in (1, 2):
@@ -236,4 +236,4 @@ def test_a_box_ends_where_a_corner_of_gain_and_no_dead_time_leave_the_lag_free()
 
     longest = brentq(rightmost, 0.05, 0.1)
     assert box.sides["lag"][1] == pytest.approx(longest, rel=1e-4)
-    assert box.lost is not None and box.lost["gain"] == pytest.approx(1.0, rel=1e-4)
+    assert box.critical is not None and box.critical["gain"] == pytest.approx(1.0, rel=1e-4)

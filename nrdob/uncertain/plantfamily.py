@@ -11,24 +11,26 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from math import ceil
-from numbers import Integral
 from typing import Any
 
 import numpy as np
 
-from ..diagram import DelayedTransferFunction, as_fraction, nonzero
+from ..analysis import judge_observer, quotient_margins
+from ..diagram import ObserverEquations, as_fraction, nonzero, undelayed
 from ..numerics import FloatArray, convolved
-from .draws import BLOCK, Grid, Samples, read_fit, read_grid, read_range
-from .plants import Moving, Plants, moving
+from .batch import Moving, PlantBatch, moving
+from .batchmargins import batch_margins
+from .batchstability import SLAB, Feedback
+from .distributions import BLOCK, Grid, Samples, read_fit, read_grid, read_range, whole_number
 
-__all__ = ["Family", "family"]
+__all__ = ["PlantFamily", "plant_family"]
 
 BUILT_IN = ("gain", "delay", "lag")
 
 
 @dataclass(frozen=True, eq=False)
-class Family:
-    """Plants around a nominal one, drawn reproducibly: ``family[i]`` is one of them.
+class PlantFamily:
+    """PlantBatch around a nominal one, drawn reproducibly: ``family[i]`` is one of them.
 
     Attributes
     ----------
@@ -73,7 +75,7 @@ class Family:
     def __repr__(self) -> str:
         return f"<family of {len(self)} plants: {', '.join(self.names)}>"
 
-    def plants(self, drawn: Mapping[str, FloatArray]) -> tuple[Plants, dict[int, str]]:
+    def plants(self, drawn: Mapping[str, FloatArray]) -> tuple[PlantBatch, dict[int, str]]:
         """Build the plants of some drawn parameters.
 
         Parameters
@@ -83,7 +85,7 @@ class Family:
 
         Returns
         -------
-        Plants
+        PlantBatch
             The plants, a column of nan where there is none.
         dict of int: str
             For some columns why there is no plant.
@@ -105,24 +107,45 @@ class Family:
             den = convolved(den, np.array([drawn["lag"], np.ones(n)]))
         if "delay" in drawn:
             delay = delay + drawn["delay"]
-        return Plants(num, den, delay), problems
+        return PlantBatch(num, den, delay), problems
+
+    def peaks(self, model: Any, filter: Any) -> FloatArray:
+        """Ms of the plant loop of every member.
+
+        Parameters
+        ----------
+        model, filter : as for `nrdob.NRDOB`
+            G̃ and F.
+
+        Returns
+        -------
+        (n,) array of float
+            inf where the loop is not known to be stable.
+        """
+        feedback = Feedback(ObserverEquations(self.process, model, filter))
+        found = [
+            _peaks(self.plants(self.drawn.block(k))[0], feedback, model, filter)
+            for k in range(self.blocks)
+        ]
+        return np.concatenate(found)
 
     @property
     def delay(self) -> float:
         """Dead time of the nominal plant, in seconds."""
-        return self.process.delay if isinstance(self.process, DelayedTransferFunction) else 0.0
+        return undelayed(self.process)[1]
 
     @cached_property
     def _parts(self) -> tuple[Moving, Moving]:
         """Numerator and denominator of the nominal plant, with roots only if these move."""
-        rational = self.process.tf if self.delay else self.process
-        num, den = as_fraction(rational, "process")
+        num, den = as_fraction(undelayed(self.process)[0], "process")
         return tuple(  # type: ignore[return-value]
             moving(p) if f"{name} 1" in self.names else Moving(p, np.empty(0, dtype=complex))
             for name, p in (("zero", num), ("pole", den))
         )
 
-    def _made(self, drawn: Mapping[str, FloatArray], n: int, problems: dict[int, str]) -> Plants:
+    def _made(
+        self, drawn: Mapping[str, FloatArray], n: int, problems: dict[int, str]
+    ) -> PlantBatch:
         """Call the user's function for every member."""
         names = [name for name in self.names if name not in BUILT_IN]
         columns = [drawn[name].tolist() for name in names]
@@ -131,18 +154,15 @@ class Family:
             values = {name: column[k] for name, column in zip(names, columns, strict=True)}
             try:
                 block = self.parameters(**values)  # type: ignore[misc]
-                if isinstance(block, DelayedTransferFunction):
-                    as_fraction(block.tf, "the plant", proper=False)
-                else:
-                    as_fraction(block, "the plant", proper=False)
+                as_fraction(undelayed(block)[0], "the plant", proper=False)
             except Exception as error:  # whatever a function of the user's may raise
                 problems[k] = f"parameters({_call(values)}): {error}"
                 block = None
             made.append(block)
-        return Plants.of_blocks(made)
+        return PlantBatch.of_blocks(made)
 
 
-def family(
+def plant_family(
     process: Any,
     *,
     gain: Any = None,
@@ -156,7 +176,7 @@ def family(
     samples: int = 1000,
     seed: int = 0,
     **others: Any,
-) -> Family:
+) -> PlantFamily:
     r"""Describe the plants that may turn up instead of the one that was expected.
 
     Every range is an interval (low, high), of which every value is as likely, or a frozen
@@ -195,7 +215,7 @@ def family(
 
     Returns
     -------
-    Family
+    PlantFamily
         With a length; ``family[i]`` is a member, ``family["gain"]`` the gains of all.
 
     Raises
@@ -207,13 +227,13 @@ def family(
     Examples
     --------
     >>> import control as ct
-    >>> plants = family(ct.tf([1], [1, 1]), gain=(0.5, 2.0), delay=(0.0, 0.1), samples=100)
+    >>> plants = plant_family(ct.tf([1], [1, 1]), gain=(0.5, 2.0), delay=(0.0, 0.1), samples=100)
     >>> len(plants), plants[7].delay < 0.1, bool(plants["gain"].min() >= 0.5)
     (100, True, True)
-    >>> family(ct.tf([1], [1, 1]), gain=(0.5, 2.0), delay=(0.0, 0.1), grid=11)
+    >>> plant_family(ct.tf([1], [1, 1]), gain=(0.5, 2.0), delay=(0.0, 0.1), grid=11)
     <family of 121 plants: gain, delay>
     """
-    fraction = nonzero(as_fraction(_rational(process), "process"), "process")
+    fraction = nonzero(as_fraction(undelayed(process)[0], "process"), "process")
     given = dict(zip(BUILT_IN, (gain, delay, lag), strict=True))
     ranges = {name: read_range(name, each) for name, each in given.items() if each is not None}
     for name, each, p in (("zero", zeros, fraction.num), ("pole", poles, fraction.den)):
@@ -249,12 +269,28 @@ def family(
             raise ValueError("a fit has no grid; leave grid or fit out")
         drawn = read_grid(_each_root(grid, ranges), ranges)
     else:
-        drawn = Samples(ranges, known, _whole(samples, "samples", 1), _whole(seed, "seed", 0))
-    return Family(process, drawn, parameters)
+        drawn = Samples(
+            ranges, known, whole_number(samples, "samples", 1), whole_number(seed, "seed", 0)
+        )
+    return PlantFamily(process, drawn, parameters)
 
 
-def _rational(process: Any) -> Any:
-    return process.tf if isinstance(process, DelayedTransferFunction) else process
+def _peaks(plants: PlantBatch, feedback: Feedback, model: Any, filter: Any) -> FloatArray:
+    """Ms of many plants together, and one by one of those that are too close to call."""
+    ms = np.full(plants.delay.size, np.nan)
+    for chosen, few in plants.groups():
+        stable, unstable = feedback.verdicts(few)
+        ms[chosen[unstable]] = np.inf
+        here = np.flatnonzero(stable)
+        for first in range(0, here.size, SLAB):
+            part = here[first : first + SLAB]
+            found, trusted = batch_margins(feedback, few.of(part))
+            ms[chosen[part]] = np.where(trusted, found["ms"], np.nan)
+    for k in np.flatnonzero(np.isnan(ms)).tolist():
+        loop = ObserverEquations(plants.plant(k), model, filter)
+        stable_one = judge_observer(loop.process, model, filter).stable
+        ms[k] = quotient_margins(loop.L, True).ms if stable_one else np.inf
+    return ms
 
 
 def _numbers(part: Moving) -> range:
@@ -270,14 +306,6 @@ def _each_root(grid: int | Mapping[str, int], ranges: Mapping[str, Any]) -> Any:
         roots = [each for each in ranges if name in ("poles", "zeros") and each[:4] == name[:4]]
         counts |= dict.fromkeys(roots or [name], count)
     return counts
-
-
-def _whole(value: Any, name: str, least: int) -> int:
-    if isinstance(value, bool) or not isinstance(value, Integral):
-        raise TypeError(f"{name} is {value!r}; give a whole number")
-    if value < least:
-        raise ValueError(f"{name} is {value}; give {least} or more")
-    return int(value)
 
 
 def _call(values: Mapping[str, float]) -> str:

@@ -30,10 +30,10 @@ from ..numerics import (
     values_on_axis,
     zero_free,
 )
-from .plants import Plants
-from .verdicts import Feedback
+from .batch import PlantBatch
+from .batchstability import Feedback
 
-__all__ = ["MARGINS", "many_margins"]
+__all__ = ["MARGINS", "batch_margins"]
 
 MARGINS = ("ms", "gm", "pm", "delay_margin")
 """Margins of L that are found here, by the names they have in `nrdob.analysis.Margins`."""
@@ -66,14 +66,16 @@ WITHIN = 1e-10
 """How well a frequency is to be known, relatively."""
 
 
-def many_margins(feedback: Feedback, plants: Plants) -> tuple[dict[str, FloatArray], BoolArray]:
+def batch_margins(
+    feedback: Feedback, plants: PlantBatch
+) -> tuple[dict[str, FloatArray], BoolArray]:
     """Compute the margins of loops that are known to be stable.
 
     Parameters
     ----------
     feedback : Feedback
         All the feedback there is.
-    plants : Plants
+    plants : PlantBatch
         Of the same degrees, all with dead time or none.
 
     Returns
@@ -155,12 +157,8 @@ class _Stretches(NamedTuple):
         return _Stretches(self.loop[chosen], self.low[chosen], self.high[chosen])
 
     def joined(self, *others: _Stretches) -> _Stretches:
-        every = (self, *others)
-        return _Stretches(
-            np.concatenate([each.loop for each in every]),
-            np.concatenate([each.low for each in every]),
-            np.concatenate([each.high for each in every]),
-        )
+        loop, low, high = map(np.concatenate, zip(self, *others, strict=True))
+        return _Stretches(loop, low, high)
 
     def halved(self) -> _Stretches:
         middle = np.sqrt(self.low * self.high)
@@ -176,6 +174,9 @@ class _Found(NamedTuple):
     omega: FloatArray
     L: ComplexArray
 
+    def of(self, kept: BoolArray) -> _Found:
+        return _Found(self.loop[kept], self.omega[kept], self.L[kept])
+
 
 class _Ends(NamedTuple):
     """L(0), and a and b of the circle a + b exp(-jωθ) that L(jω) tends to; nan where unknown."""
@@ -188,7 +189,7 @@ class _Ends(NamedTuple):
 class _Loops:
     """Plant loops on the imaginary axis."""
 
-    def __init__(self, feedback: Feedback, plants: Plants) -> None:
+    def __init__(self, feedback: Feedback, plants: PlantBatch) -> None:
         self.feedback, self.plants = feedback, plants
         self.count = plants.delay.size
         self.late = bool(plants.delay.any())
@@ -207,14 +208,14 @@ class _Loops:
             found.append((terms, p.scale[:, None]))
         return [factor for factor in found if factor[1].shape[0] > 1]
 
-    def gain(self, omega: FloatArray, of: Plants) -> ComplexArray:
+    def gain(self, omega: FloatArray, of: PlantBatch) -> ComplexArray:
         """Evaluate L(jω) of plants whose columns broadcast with the frequencies."""
         value = values_on_axis(of.num, omega) / values_on_axis(of.den, omega)
         if self.late:
             value = value * np.exp(-1j * (of.delay * omega))
         return np.asarray(value * self.feedback.gain(omega))
 
-    def motion(self, omega: FloatArray, of: Plants) -> _Motion:
+    def motion(self, omega: FloatArray, of: PlantBatch) -> _Motion:
         """Evaluate L(jω) and how it moves."""
         d, dd = values_and_slopes(of.den, omega)
         n, dn = values_and_slopes(of.num, omega)
@@ -226,10 +227,10 @@ class _Loops:
         gain, its_slope = self.feedback.gain_and_slope(omega)
         return _Motion(value * gain, 1j * omega * (slope + its_slope))
 
-    def across(self) -> Plants:
+    def across(self) -> PlantBatch:
         """Return the plants with an axis for frequencies."""
         num, den, delay = self.plants
-        return Plants(num[:, :, None], den[:, :, None], delay[:, None])
+        return PlantBatch(num[:, :, None], den[:, :, None], delay[:, None])
 
 
 def _frequencies(loops: _Loops) -> tuple[FloatArray, BoolArray, _Stretches, BoolArray]:
@@ -331,7 +332,7 @@ def _notable(
     )
     crossed = np.abs(np.abs(gain_found.L) - 1) < CROSSING
     met = np.abs(phase_found.L.imag) < CROSSING * np.abs(phase_found.L)
-    return _some(gain_found, crossed), _some(phase_found, met), nearest
+    return gain_found.of(crossed), phase_found.of(met), nearest
 
 
 Choice = Callable[[_Rows, _Rows, FloatArray, FloatArray], BoolArray]
@@ -376,28 +377,28 @@ def _nears(
     return np.asarray(turns & (np.abs(value) < 2 * width * np.abs(slope)))
 
 
-At = Callable[[_Loops, FloatArray, Plants], FloatArray]
+At = Callable[[_Loops, FloatArray, PlantBatch], FloatArray]
 
 
-def _size_at(loops: _Loops, omega: FloatArray, of: Plants) -> FloatArray:
+def _size_at(loops: _Loops, omega: FloatArray, of: PlantBatch) -> FloatArray:
     return np.log(np.abs(loops.gain(omega, of)))
 
 
-def _side_at(loops: _Loops, omega: FloatArray, of: Plants) -> FloatArray:
+def _side_at(loops: _Loops, omega: FloatArray, of: PlantBatch) -> FloatArray:
     L = loops.gain(omega, of)
     return np.asarray(L.imag / np.abs(L))
 
 
-def _retreat_at(loops: _Loops, omega: FloatArray, of: Plants) -> FloatArray:
+def _retreat_at(loops: _Loops, omega: FloatArray, of: PlantBatch) -> FloatArray:
     motion = loops.motion(omega, of)
     return np.asarray(motion.retreat / motion.distance)
 
 
-def _size_slope(loops: _Loops, omega: FloatArray, of: Plants) -> FloatArray:
+def _size_slope(loops: _Loops, omega: FloatArray, of: PlantBatch) -> FloatArray:
     return np.asarray(loops.motion(omega, of).slope.real)
 
 
-def _side_slope(loops: _Loops, omega: FloatArray, of: Plants) -> FloatArray:
+def _side_slope(loops: _Loops, omega: FloatArray, of: PlantBatch) -> FloatArray:
     return np.asarray(loops.motion(omega, of).slope.imag)
 
 
@@ -441,10 +442,6 @@ def _solved(loops: _Loops, stretches: _Stretches, at: At) -> _Found:
     return _Found(loop, omega, loops.gain(omega, few))
 
 
-def _some(found: _Found, kept: BoolArray) -> _Found:
-    return _Found(found.loop[kept], found.omega[kept], found.L[kept])
-
-
 def _ends(loops: _Loops) -> _Ends:
     feedback, (num, den, delay) = loops.feedback, loops.plants
     at = np.arange(delay.size)
@@ -455,7 +452,7 @@ def _ends(loops: _Loops) -> _Ends:
     none = np.zeros(delay.size)
     if feedback.numerator.degree + num.shape[0] < feedback.denominator.degree + den.shape[0]:
         return _Ends(dc, none, none)
-    if feedback.waits:  # the circle is more than that
+    if feedback.delayed:  # the circle is more than that
         return _Ends(dc, none + np.nan, none)
     limit = feedback.numerator.q[0] * num[0] / (feedback.denominator.q[0] * den[0])
     return _Ends(dc, none, limit) if loops.late else _Ends(dc, limit, none)
@@ -489,10 +486,10 @@ def _rotations(gain: _Found, ends: _Ends) -> dict[str, FloatArray]:
     pm = np.where(at_end, np.minimum(pm, pi - np.arccos(np.clip(cosine, -1, 1))), pm)
     margin = np.where(np.abs(a) + np.abs(b) >= 1, 0.0, np.inf)
     np.minimum.at(margin, gain.loop, np.mod(angle, 2 * pi) / gain.omega)
-    lost = np.isnan(a)
+    unknown = np.isnan(a)
     return {
-        "pm": np.where(lost, np.nan, np.degrees(pm)),
-        "delay_margin": np.where(lost, np.nan, margin),
+        "pm": np.where(unknown, np.nan, np.degrees(pm)),
+        "delay_margin": np.where(unknown, np.nan, margin),
     }
 
 

@@ -1,10 +1,9 @@
-"""What a sweep found, a row for each member: columns by name, the worst, and how many survive."""
+"""What a sweep found, a row for each member: columns by name, the worst, and the stable share."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from importlib import import_module
 from math import isfinite
 from numbers import Real
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -14,8 +13,8 @@ from numpy.typing import NDArray
 from scipy.stats import beta
 
 from ..numerics import IntArray
-from .draws import Grid
-from .family import Family
+from .distributions import Grid
+from .plantfamily import PlantFamily
 
 if TYPE_CHECKING:
     from ..design import StabilityChart
@@ -29,8 +28,6 @@ LABELS = {
     "lag": "one more lag (s)",
 }
 """What is written beside an axis."""
-
-LARGE_IS_BAD = ("ms", "peak_d")
 
 
 class Share(NamedTuple):
@@ -61,11 +58,11 @@ class SweepTable:
       one by the methods of `nrdob.NRDOB`;
     - "reason": for those, why there is no verdict, or no plant; empty otherwise.
 
-    Margins and peaks of members that are not known to be stable are nan.
+    Margins of members that are not known to be stable are nan.
 
     Attributes
     ----------
-    family : Family
+    family : PlantFamily
         Whose members these are, in the same order.
     columns : dict of str: (N,) array
         The columns.
@@ -73,7 +70,7 @@ class SweepTable:
         Numbers of the members in the family.
     """
 
-    family: Family
+    family: PlantFamily
     columns: Mapping[str, NDArray[Any]] = field(repr=False)
     rows: IntArray = field(repr=False)
 
@@ -97,7 +94,7 @@ class SweepTable:
             f"{int((decided & ~stable).sum())} not, {int((~decided).sum())} not decided; "
             f"{int(self['alone'].sum())} judged one by one"
         ]
-        for name in ("ms", "gm", "pm", "delay_margin", "peak_d"):
+        for name in ("ms", "gm", "pm", "delay_margin"):
             if name in self.columns and stable.any():
                 values = self[name][stable]
                 worst = values[self._worst_first(name, values)[0]]
@@ -155,8 +152,7 @@ class SweepTable:
         count : int
             How many.
         by : str
-            The quantity; small ones are bad, but for "ms" and "peak_d". A gain margin is the worse
-            the nearer to 1.
+            The quantity; small ones are bad, but for "ms". A gain margin is worse the nearer to 1.
 
         Returns
         -------
@@ -222,50 +218,9 @@ class SweepTable:
 
     def _worst_first(self, by: str, values: NDArray[Any]) -> IntArray:
         key = np.asarray(values, dtype=float)
-        if by in LARGE_IS_BAD:
+        if by == "ms":
             key = -key
         elif by == "gm":
             with np.errstate(divide="ignore"):
                 key = np.abs(np.log(key))
         return np.argsort(key, kind="stable")
-
-    def to_pandas(self) -> Any:
-        """Return the table as a `pandas.DataFrame`, "stable" missing where it is not decided.
-
-        Raises
-        ------
-        ImportError
-            If pandas is not installed.
-        """
-        pandas = _extra("pandas")
-        frame = pandas.DataFrame(dict(self.columns), index=pandas.Index(self.rows, name="member"))
-        frame["stable"] = frame["stable"].astype("boolean").where(self["decided"])
-        return frame
-
-    def to_xarray(self) -> Any:
-        """Return the table as an `xarray.Dataset`: over the axes of a grid, or over the members.
-
-        Raises
-        ------
-        ImportError
-            If xarray is not installed.
-        """
-        xarray = _extra("xarray")
-        drawn = self.family.drawn
-        if not (isinstance(drawn, Grid) and len(self) == drawn.count):
-            data = {name: ("member", values) for name, values in self.columns.items()}
-            return xarray.Dataset(data, coords={"member": self.rows})
-        shape = tuple(axis.size for axis in drawn.axes.values())
-        found = {name: c for name, c in self.columns.items() if name not in drawn.axes}
-        order = np.argsort(self.rows)
-        over = {name: (drawn.names, c[order].reshape(shape)) for name, c in found.items()}
-        return xarray.Dataset(over, coords=dict(drawn.axes))
-
-
-def _extra(name: str) -> Any:
-    try:
-        return import_module(name)
-    except ImportError as error:
-        from ..plotting import missing
-
-        raise missing(error, "sweep") from error

@@ -1,13 +1,13 @@
-r"""What survives exactly, not sampled: gains, dead times, and boxes of gain, dead time and lag.
+r"""Stable gains, dead times, and boxes of gain, dead time and lag: exact, not sampled.
 
-With a plant :math:`k\,G\,e^{-\tau s}/(Ts+1)` in place of G the loop is lost where
+With a plant :math:`k\,G\,e^{-\tau s}/(Ts+1)` in place of G the loop has a root at jω where
 
 .. math:: k\,L(j\omega)\,e^{-j\omega\tau} = -(1 + j\omega T) .
 
 Only L of the nominal plant is needed. At one frequency k and T follow each other, k growing from
 :math:`1/|L|` with T, and :math:`\tau` follows both up to whole turns, falling with T; so that it
 can be told in closed form whether a box holds such a plant. The share of a box at which it first
-does, least over all frequencies, is how much of it survives.
+does, least over all frequencies, is the stable share of it.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ import numpy as np
 
 from ..analysis import resolved_frequencies
 from ..design import critical_gains
-from ..diagram import DelayedTransferFunction, as_fraction
+from ..diagram import DelayedTransferFunction, as_fraction, undelayed
 from ..loop import NRDOB
 from ..numerics import BoolArray, ComplexArray, FloatArray, bisect, golden, side
-from .draws import Interval, read_range
+from .distributions import Interval, read_range
 
 __all__ = ["Box", "delay_intervals", "gain_intervals", "largest_box"]
 
@@ -47,24 +47,24 @@ MET = 1e-9
 
 
 class Box(NamedTuple):
-    """How much of a box of plants around the nominal one survives.
+    """Up to which share of a box around the nominal plant all loops are stable.
 
     Attributes
     ----------
     share : float
-        What part of the way from the nominal plant to every side; 1 if all of it survives.
+        What part of the way from the nominal plant to every side; 1 if all of it is stable.
     sides : dict of str: (float, float)
         The box of that share.
-    lost : dict of str: float or None
+    critical : dict of str: float or None
         Gain, dead time and lag of a plant on its sides that is at the limit of stability; None if
-        the whole box survives.
+        the whole box is stable.
     frequency : float
         Where that plant oscillates, rad/s; nan if there is none.
     """
 
     share: float
     sides: dict[str, tuple[float, float]]
-    lost: dict[str, float] | None
+    critical: dict[str, float] | None
     frequency: float
 
 
@@ -90,7 +90,7 @@ def gain_intervals(loop: NRDOB, low: float, high: float) -> list[tuple[float, fl
 
     Examples
     --------
-    A pure gain error and n = 3 survive up to 1 + sec³(π/3) = 9:
+    A pure gain error and n = 3 are stable up to 1 + sec³(π/3) = 9:
 
     >>> import control as ct
     >>> import nrdob
@@ -99,15 +99,15 @@ def gain_intervals(loop: NRDOB, low: float, high: float) -> list[tuple[float, fl
     >>> [(round(a, 6), round(b, 6)) for a, b in gain_intervals(loop, 0.1, 20)]
     [(0.1, 9.0)]
     """
-    range = _positive("gain", (low, high))
-    return _stable_between(range, _critical_gains(loop, range), lambda gain: _with(loop, gain=gain))
+    span = _positive("gain", (low, high))
+    return _stable_between(span, _critical_gains(loop, span), lambda gain: _with(loop, gain=gain))
 
 
-def _critical_gains(loop: NRDOB, range: Interval) -> list[float]:
+def _critical_gains(loop: NRDOB, span: Interval) -> list[float]:
     # With the largest gain all frequencies count at which a smaller one is critical.
-    largest = _with(loop, gain=range.high)
+    largest = _with(loop, gain=span.high)
     found = critical_gains(largest.L, largest.margins().plant_loop.phase_crossovers)
-    return [range.high * gain for gain in found.tolist()]
+    return [span.high * gain for gain in found.tolist()]
 
 
 def delay_intervals(loop: NRDOB, low: float, high: float) -> list[tuple[float, float]]:
@@ -140,18 +140,18 @@ def delay_intervals(loop: NRDOB, low: float, high: float) -> list[tuple[float, f
     >>> [(a, round(b, 6)) for a, b in delay_intervals(loop, 0, 1)]             # up to λπ/2
     [(0.0, 0.314159)]
     """
-    range = _interval("delay", (low, high))
-    if loop.delay + range.low < 0:
+    span = _interval("delay", (low, high))
+    if loop.delay + span.low < 0:
         raise ValueError(
             f"low is {low:g} s, and the process has a dead time of {loop.delay:g} s: nothing "
             "predicts the future; give a larger one"
         )
     return _stable_between(
-        range, _critical_delays(loop, range), lambda delay: _with(loop, delay=delay)
+        span, _critical_delays(loop, span), lambda delay: _with(loop, delay=delay)
     )
 
 
-def _critical_delays(loop: NRDOB, range: Interval) -> list[float]:
+def _critical_delays(loop: NRDOB, span: Interval) -> list[float]:
     """Dead times at which a pair of roots crosses, up to where no more can be stable.
 
     Whatever the dead time, the pair at a gain crossover goes right where the gain falls, and left
@@ -166,14 +166,14 @@ def _critical_delays(loop: NRDOB, range: Interval) -> list[float]:
     beside = np.concatenate([omega[:1] / 2, between, 2 * omega[-1:]])
     above = np.abs(loop.L(1j * beside)) > 1
     rate = float(((above[:-1] * 1.0 - above[1:]) / turn).sum())
-    last = range.high
-    if rate > 0:  # up to t after range.low a pair crosses t/turn times, or one more or less
-        last = min(last, range.low + omega.size / rate)
+    last = span.high
+    if rate > 0:  # up to t after span.low a pair crosses t/turn times, or one more or less
+        last = min(last, span.low + omega.size / rate)
     return [
         float(tau)
         for start, each in zip(first, turn, strict=True)
         for tau in start
-        + each * np.arange(np.floor((range.low - start) / each), (last - start) / each + 1)
+        + each * np.arange(np.floor((span.low - start) / each), (last - start) / each + 1)
     ]
 
 
@@ -192,11 +192,11 @@ def _critical_lags(loop: NRDOB, _: Interval) -> list[float]:
 
 
 def _stable_between(
-    range: Interval, critical: Iterable[float], loop_at: Any
+    span: Interval, critical: Iterable[float], loop_at: Any
 ) -> list[tuple[float, float]]:
     """Judge one loop between every two critical values, and join what is stable."""
-    inner = sorted({value for value in critical if range.low < value < range.high})
-    ends = [range.low, *inner, range.high]
+    inner = sorted({value for value in critical if span.low < value < span.high})
+    ends = [span.low, *inner, span.high]
     found: list[tuple[float, float]] = []
     for low, high in pairwise(ends):
         if high - low <= 1e-9 * max(abs(low), abs(high)):  # two crossings at the same value
@@ -211,7 +211,7 @@ def _stable_between(
 
 
 def largest_box(loop: NRDOB, *, gain: Any = None, delay: Any = None, lag: Any = None) -> Box:
-    """Find how much of a box of plants around the nominal one survives, exactly.
+    """Find up to which share of a box around the nominal plant all loops are stable, exactly.
 
     Parameters
     ----------
@@ -242,7 +242,7 @@ def largest_box(loop: NRDOB, *, gain: Any = None, delay: Any = None, lag: Any = 
     >>> import nrdob
     >>> loop = nrdob.paper.example(3)
     >>> box = largest_box(loop, gain=(0.5, 2.0), lag=(0.0, 0.2))
-    >>> round(box.share, 4), {name: round(value, 4) for name, value in box.lost.items()}
+    >>> round(box.share, 4), {name: round(value, 4) for name, value in box.critical.items()}
     (0.2588, {'gain': 1.2588, 'delay': 0.0, 'lag': 0.0518})
     """
     given = {"gain": gain, "delay": delay, "lag": lag}
@@ -285,8 +285,8 @@ def _in_one(loop: NRDOB, name: str, asked: dict[str, Interval]) -> Box:
     shares = [
         (value - nominal) / ((high if value > nominal else low) - nominal) for value in inside
     ]
-    share, lost = min(zip(shares, inside, strict=True))
-    moved = NOMINAL | {name: lost}
+    share, found = min(zip(shares, inside, strict=True))
+    moved = NOMINAL | {name: found}
     omega = resolved_frequencies(loop.L, PER_STRETCH, loop.p_B)
     omega = np.union1d(omega, _where_corners_meet(loop, omega, asked))
 
@@ -348,7 +348,7 @@ def _largest(loop: NRDOB, asked: dict[str, Interval]) -> Box:
         return Box(1.0, _sides(asked, 1.0), None, nan)
     sides = _sides(asked, least)
     L = np.asarray(loop.L(1j * max(frequency, 1e-300)))
-    return Box(least, sides, _lost(L, frequency, sides), frequency)
+    return Box(least, sides, _critical_plant(L, frequency, sides), frequency)
 
 
 def _where_corners_meet(loop: NRDOB, omega: FloatArray, asked: dict[str, Interval]) -> FloatArray:
@@ -426,7 +426,9 @@ def _sides(asked: dict[str, Interval], share: float) -> dict[str, tuple[float, f
     }
 
 
-def _lost(L: ComplexArray, omega: float, sides: dict[str, tuple[float, float]]) -> dict[str, float]:
+def _critical_plant(
+    L: ComplexArray, omega: float, sides: dict[str, tuple[float, float]]
+) -> dict[str, float]:
     """Return the plant of a box that oscillates at a frequency, of the smallest lag."""
     k1, k2 = sides.get("gain", (1.0, 1.0))
     t1, t2 = sides.get("delay", (0.0, 0.0))
@@ -447,9 +449,7 @@ def _lost(L: ComplexArray, omega: float, sides: dict[str, tuple[float, float]]) 
 
 def _with(loop: NRDOB, *, gain: float = 1.0, delay: float = 0.0) -> NRDOB:
     """Return the loop with another plant."""
-    process = loop.process
-    rational = process.tf if isinstance(process, DelayedTransferFunction) else process
-    num, den = as_fraction(rational, "process")
+    num, den = as_fraction(undelayed(loop.process)[0], "process")
     total = loop.delay + delay
     plant = DelayedTransferFunction((gain * num, den), total) if total else (gain * num, den)
     return NRDOB(plant, loop.model, loop.controller, loop.filter, loop.keep_factors)
@@ -458,7 +458,7 @@ def _with(loop: NRDOB, *, gain: float = 1.0, delay: float = 0.0) -> NRDOB:
 def _interval(name: str, given: Any) -> Interval:
     read = read_range(name, given)
     if not isinstance(read, Interval):
-        raise TypeError(f"{name} is a distribution; what survives exactly is asked of an interval")
+        raise TypeError(f"{name} is a distribution; exact boxes take intervals")
     return read
 
 

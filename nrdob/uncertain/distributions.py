@@ -27,6 +27,7 @@ __all__ = [
     "read_fit",
     "read_grid",
     "read_range",
+    "whole_number",
 ]
 
 BLOCK = 10_000
@@ -45,44 +46,9 @@ class Interval(NamedTuple):
     low: float
     high: float
 
-    def draw(self, rng: np.random.Generator, count: int) -> FloatArray:
-        """Draw values evenly.
 
-        Parameters
-        ----------
-        rng : numpy.random.Generator
-            Source of the numbers.
-        count : int
-            How many.
-        """
-        return rng.uniform(self.low, self.high, count)
-
-
-class Distribution(NamedTuple):
-    """A frozen distribution of scipy.stats.
-
-    Attributes
-    ----------
-    frozen : object
-        With a method `rvs`.
-    """
-
-    frozen: Any
-
-    def draw(self, rng: np.random.Generator, count: int) -> FloatArray:
-        """Draw values.
-
-        Parameters
-        ----------
-        rng : numpy.random.Generator
-            Source of the numbers.
-        count : int
-            How many.
-        """
-        return np.asarray(self.frozen.rvs(size=count, random_state=rng), dtype=float)
-
-
-Range = Interval | Distribution
+Range = Interval | Any
+"""An interval, or a frozen distribution of scipy.stats."""
 
 
 class Fit(NamedTuple):
@@ -102,19 +68,6 @@ class Fit(NamedTuple):
     mean: FloatArray
     root: FloatArray
 
-    def draw(self, rng: np.random.Generator, count: int) -> FloatArray:
-        """Draw all parameters together, of a normal distribution, one row for each.
-
-        Parameters
-        ----------
-        rng : numpy.random.Generator
-            Source of the numbers.
-        count : int
-            How many.
-        """
-        numbers = rng.standard_normal((count, len(self.names)))
-        return np.asarray(self.mean[:, None] + np.einsum("ij,kj->ik", self.root, numbers))
-
 
 @dataclass(frozen=True, eq=False)
 class Samples:
@@ -122,7 +75,7 @@ class Samples:
 
     Attributes
     ----------
-    ranges : dict of str: Interval or Distribution
+    ranges : dict of str: Interval or frozen distribution
         What is drawn by itself.
     fit : Fit or None
         What is drawn together.
@@ -151,11 +104,20 @@ class Samples:
             Which, from 0.
         """
         rng = np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(k,)))
-        drawn = {name: range.draw(rng, BLOCK) for name, range in self.ranges.items()}
+        drawn = {name: _drawn(each, rng) for name, each in self.ranges.items()}
         if self.fit:
-            drawn |= zip(self.fit.names, self.fit.draw(rng, BLOCK), strict=True)
+            numbers = rng.standard_normal((BLOCK, len(self.fit.names)))
+            together = self.fit.mean[:, None] + np.einsum("ij,kj->ik", self.fit.root, numbers)
+            drawn |= zip(self.fit.names, together, strict=True)
         here = min(BLOCK, self.count - k * BLOCK)
         return {name: values[:here] for name, values in drawn.items()}
+
+
+def _drawn(given: Range, rng: np.random.Generator) -> FloatArray:
+    """Draw the values of one block."""
+    if isinstance(given, Interval):
+        return rng.uniform(given.low, given.high, BLOCK)
+    return np.asarray(given.rvs(size=BLOCK, random_state=rng), dtype=float)
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,7 +183,7 @@ def read_range(name: str, given: Any) -> Range:
                 f"{name} is a distribution of several numbers; parameters that hang together are "
                 "given by their means and covariance, fit=({'gain': 1.0, 'lag': 0.1}, covariance)"
             )
-        return Distribution(given)
+        return given
     remedy = "give an interval, such as (0.5, 2.0), or a frozen distribution of scipy.stats"
     if not isinstance(given, Sequence | np.ndarray) or isinstance(given, str) or len(given) != 2:
         raise TypeError(f"{name} is {given!r}; {remedy}")
@@ -305,14 +267,30 @@ def read_grid(given: Any, ranges: Mapping[str, Range]) -> Grid:
             f"grid and the intervals differ in {', '.join(unknown)}; give the points on each of "
             f"{', '.join(ranges)}, or one number for all"
         )
-    axes: dict[str, FloatArray] = {}
-    for name, range in ranges.items():
-        count = counts[name]
-        if isinstance(count, bool) or not isinstance(count, Integral):
-            raise TypeError(f"grid has {count!r} points for {name}; give a whole number")
-        if count < 2:
-            raise ValueError(f"grid has {count} points for {name}; give 2 or more")
-        if not isinstance(range, Interval):
-            raise TypeError(f"{name} is a distribution, which has no grid; give an interval")
-        axes[name] = np.linspace(range.low, range.high, int(count))
-    return Grid(axes)
+    return Grid({name: _points(name, each, counts[name]) for name, each in ranges.items()})
+
+
+def _points(name: str, interval: Range, count: Any) -> FloatArray:
+    if not isinstance(interval, Interval):
+        raise TypeError(f"{name} is a distribution, which has no grid; give an interval")
+    number = whole_number(count, f"grid points for {name}", 2)
+    return np.linspace(interval.low, interval.high, number)
+
+
+def whole_number(value: Any, name: str, least: int) -> int:
+    """Return a whole number, or refuse what is none or too small.
+
+    Parameters
+    ----------
+    value : int
+        The number.
+    name : str
+        What it is called in messages.
+    least : int
+        Its smallest value.
+    """
+    if isinstance(value, bool) or not isinstance(value, Integral):
+        raise TypeError(f"{name} is {value!r}; give a whole number")
+    if value < least:
+        raise ValueError(f"{name} is {value}; give {least} or more")
+    return int(value)

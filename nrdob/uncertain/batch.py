@@ -1,6 +1,6 @@
 """Many plants as one array of coefficients each for numerators and denominators.
 
-Plants of the same degrees stand together; what no array can hold (an improper plant, one whose
+PlantBatch of the same degrees stand together; what no array can hold (an improper plant, one whose
 coefficients are no numbers) is left to be looked at by itself.
 """
 
@@ -12,13 +12,13 @@ from typing import Any, NamedTuple
 import control as ct
 import numpy as np
 
-from ..diagram import DelayedTransferFunction, as_fraction
+from ..diagram import DelayedTransferFunction, as_fraction, undelayed
 from ..numerics import BoolArray, ComplexArray, FloatArray, IntArray, convolved
 
-__all__ = ["Moving", "Plants", "moving"]
+__all__ = ["Moving", "PlantBatch", "moving"]
 
 
-class Plants(NamedTuple):
+class PlantBatch(NamedTuple):
     """Numerators, denominators and dead times, a plant in each column.
 
     Attributes
@@ -37,10 +37,10 @@ class Plants(NamedTuple):
     def regular(self) -> BoolArray:
         """Which can be computed with together: all numbers finite, nothing negative or zero."""
         finite = np.isfinite(self.num).all(axis=0) & np.isfinite(self.den).all(axis=0)
-        waits = np.isfinite(self.delay) & (self.delay >= 0)
-        return np.asarray(finite & waits & self.num.any(axis=0) & self.den.any(axis=0))
+        causal = np.isfinite(self.delay) & (self.delay >= 0)
+        return np.asarray(finite & causal & self.num.any(axis=0) & self.den.any(axis=0))
 
-    def of(self, chosen: IntArray) -> Plants:
+    def of(self, chosen: IntArray) -> PlantBatch:
         """Take some of the columns.
 
         Parameters
@@ -48,9 +48,9 @@ class Plants(NamedTuple):
         chosen : (m,) array of int
             Which.
         """
-        return Plants(self.num[:, chosen], self.den[:, chosen], self.delay[chosen])
+        return PlantBatch(self.num[:, chosen], self.den[:, chosen], self.delay[chosen])
 
-    def groups(self) -> Iterator[tuple[IntArray, Plants]]:
+    def groups(self) -> Iterator[tuple[IntArray, PlantBatch]]:
         """Regular, proper plants by degrees, with or without dead time: which, and they alone."""
         num, den = (np.argmax(c != 0, axis=0) for c in (self.num, self.den))
         proper = self.den.shape[0] - den >= self.num.shape[0] - num
@@ -80,7 +80,7 @@ class Plants(NamedTuple):
         return DelayedTransferFunction(plant, delay) if delay else plant
 
     @classmethod
-    def of_blocks(cls, blocks: list[Any]) -> Plants:
+    def of_blocks(cls, blocks: list[Any]) -> PlantBatch:
         """Gather plants of any degrees.
 
         Parameters
@@ -102,9 +102,8 @@ class Plants(NamedTuple):
 def _read(block: Any) -> tuple[tuple[FloatArray, FloatArray], float]:
     if block is None:
         return (np.full(1, np.nan), np.ones(1)), 0.0
-    delay = block.delay if isinstance(block, DelayedTransferFunction) else 0.0
-    rational = block.tf if isinstance(block, DelayedTransferFunction) else block
-    return as_fraction(rational, "the plant", proper=False), delay
+    prompt, delay = undelayed(block)
+    return as_fraction(prompt, "the plant", proper=False), delay
 
 
 class Moving(NamedTuple):

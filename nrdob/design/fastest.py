@@ -1,0 +1,256 @@
+r"""The fastest filter with which one plant, or the worst of several, meets a specification.
+
+For each plant the λ that will do are known (`admissible_time_constants`), and what several plants
+allow is what they have in common. Of a large family only few members decide: the fastest filter for
+some is tried on all, the one with the highest peak joins them, until none is too high.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache, reduce
+from typing import Any, Protocol, runtime_checkable
+
+import control as ct
+import numpy as np
+
+from ..analysis import judge_observer, quotient_margins
+from ..diagram import DelayedTransferFunction, FilterFamily, LowPassFilter, ObserverEquations
+from ..numerics import FloatArray
+from .existence import stabilizing_filter_exists
+from .mismatch import Mismatch
+from .search import FilterSearch, checked_ms, member
+from .timeconstants import intersection
+
+__all__ = ["design_filter"]
+
+EXTRA_ORDERS = 2
+"""How many orders above the lowest causal one are tried where none is asked for."""
+
+MET = 1e-6
+"""By how much Ms of a plant that decides may exceed the limit, relatively."""
+
+MOST = 60
+"""Plants that may decide."""
+
+Filters = int | FilterFamily
+
+
+@runtime_checkable
+class _Family(Protocol):
+    """Plants whose peaks are computed together, such as `nrdob.uncertain.Family`."""
+
+    def __len__(self) -> int: ...
+    def __getitem__(self, k: int) -> Any: ...
+    def peaks(self, model: Any, filter: Any) -> FloatArray: ...
+
+
+def design_filter(
+    process: Any,
+    model: Any,
+    *,
+    max_ms: float,
+    order: Filters | Sequence[Filters] | None = None,
+) -> LowPassFilter | ct.TransferFunction:
+    r"""Find the filter that rejects most with a limited peak of the sensitivity.
+
+    Of one order that is the filter of widest bandwidth, the smallest λ. Orders are compared by nλ,
+    the slope of the filter's part in S_d at low frequency, which says what a slow disturbance
+    leaves behind. Families are compared alike: where S_d ~ c s^k, by c^(1/k), one over the
+    frequency at which that line reaches 1, whatever the ramp k.
+
+    Parameters
+    ----------
+    process : as for `nrdob.NRDOB`, or several of them
+        G, with or without dead time. Of a `nrdob.plant_family`, or a list of blocks, every member
+        must meet the specification.
+    model : as for `nrdob.NRDOB`
+        G̃, with or without dead time.
+    max_ms : float
+        Largest allowed peak of ``|S_d| = |1/(1 + L)|``, above 1: margins of L = F·R/(1 - F),
+        R = G/G̃, are what a change of the plant uses up, those of F·H are not. It leaves a gain
+        margin of Ms/(Ms - 1) and a phase margin of 2 asin(1/(2 Ms)): 2 and 29° for Ms = 2.
+    order : int or FilterFamily, or several of them, optional
+        Order or family of the filter. By default the lowest causal order and the next two are
+        compared.
+
+    Returns
+    -------
+    LowPassFilter, or control.TransferFunction of another family
+        The one of smallest nλ, or what corresponds to it in a family. Of several plants it is
+        proved for these, not for what lies between.
+
+    Raises
+    ------
+    TypeError
+        If a block, the order or the limit is of the wrong type.
+    ValueError
+        If no loop can meet the limit; if no filter stabilises the loop; if none meets the limit
+        (the message gives the best that can be had, or the plants that exclude each other); or if
+        every filter does, however fast, so that noise alone must choose.
+
+    See Also
+    --------
+    nrdob.admissible_time_constants : all time constants of one order that meet it.
+
+    Examples
+    --------
+    Example 2 of the paper, a zero in the right half plane, and if its gain is uncertain:
+
+    >>> import control as ct
+    >>> s = ct.tf('s')
+    >>> G, Gm = 0.1*(100 - s)/(s + 2), 10/(s + 2)
+    >>> round(design_filter(G, Gm, order=2, max_ms=1.6).time_constant, 5)
+    0.01708
+    >>> round(design_filter([0.7 * G, 1.5 * G], Gm, order=2, max_ms=1.6).time_constant, 5)
+    0.02942
+    """
+    limit = checked_ms(max_ms)
+    plants: Any = process if _several(process) else [process]
+    if not len(plants):
+        raise ValueError("there are no plants")
+    first = plants[0]
+    found = (FilterSearch.of(first, model, n, limit) for n in _orders(first, model, order))
+    searches = sorted(found, key=_promise)
+    deciding, best = [0], None
+    for search in searches:
+        if best and _promise(search) > _sluggishness(search, best):
+            break
+        filter = _fastest(search, plants, deciding)
+        if filter and (best is None or _rejects_more(search, filter, best)):
+            best = filter
+    if best is None:
+        raise ValueError(_refusal(searches, deciding))
+    return best
+
+
+def _several(process: Any) -> bool:
+    """Tell a family or a list of blocks from a block, which may be a pair of lists."""
+    blocks = ct.TransferFunction | ct.StateSpace | DelayedTransferFunction
+    listed = isinstance(process, list | tuple) and all(isinstance(p, blocks) for p in process)
+    return listed or isinstance(process, _Family)
+
+
+def _orders(process: Any, model: Any, order: Any) -> Sequence[Filters]:
+    """Give the orders and families to be compared."""
+    if order is None:
+        lowest = Mismatch.of(process, model, waits=True).order
+        return range(lowest, lowest + EXTRA_ORDERS + 1)
+    several = tuple(order) if isinstance(order, list | tuple) else (order,)
+    if not several:
+        raise ValueError("order is an empty list; give an order, a family, or several of them")
+    return several
+
+
+def _fastest(search: FilterSearch, plants: Any, deciding: list[int]) -> Any:
+    """Find the fastest filter of one order or family; plants that decide are added to the list."""
+
+    @cache
+    def admissible(k: int) -> list[tuple[float, float]]:
+        if not k:
+            return search.admissible
+        each = FilterSearch.of(plants[k], search.model, search.family, search.max_ms)
+        return each.admissible
+
+    while True:
+        windows = reduce(intersection, map(admissible, deciding))
+        if not windows:
+            return None
+        low, high = windows[0]
+        however_fast = low == search.intervals[0][0]
+        filter = member(search.family, low if not however_fast else _fast(search, low, high))
+        peaks = _peaks(plants, search.model, filter) if len(plants) > 1 else np.ones(1)
+        k = int(peaks.argmax())
+        if peaks[k] <= search.max_ms * (1 + MET) or k in deciding:
+            if however_fast:
+                looked_at = f" (looked at down to {low:.3g} s)" if low else ""
+                raise ValueError(
+                    f"Ms ≤ {search.max_ms:g} is met by every filter of {_named(search.family)}, "
+                    f"however fast{looked_at}; let the noise choose, for example by the largest "
+                    "|U_eta| that the actuator allows"
+                )
+            return filter
+        deciding.append(k)
+        if len(deciding) > MOST:
+            raise ValueError(f"over {MOST} plants would decide; give a smaller family")
+
+
+def _fast(search: FilterSearch, low: float, high: float) -> float:
+    """Return a λ that is much smaller than those of the plant, or beside the floor."""
+    return low * (1 + MET) or 1e-3 * min(high, 1 / float(search.frequencies.mismatch.speeds.max()))
+
+
+def _peaks(plants: Any, model: Any, filter: Any) -> FloatArray:
+    """Ms of every plant; inf where the loop is not known to be stable."""
+    if isinstance(plants, _Family):
+        return plants.peaks(model, filter)
+    stable = [judge_observer(plant, model, filter).stable for plant in plants]
+    loops = [ObserverEquations(plant, model, filter) for plant in plants]
+    return np.array(
+        [
+            quotient_margins(loop.L, True).ms if each else np.inf
+            for loop, each in zip(loops, stable, strict=True)
+        ]
+    )
+
+
+def _promise(search: FilterSearch) -> float:
+    """Sluggishness of the fastest filter that is not excluded: 0 if all will do, inf if none."""
+    if search.all_fast_ones_do or search.first == np.inf:
+        return 0.0 if search.all_fast_ones_do else np.inf
+    return _sluggishness(search, member(search.family, search.first))
+
+
+def _rejects_more(search: FilterSearch, filter: Any, other: Any) -> bool:
+    return _sluggishness(search, filter) < _sluggishness(search, other)
+
+
+def _sluggishness(search: FilterSearch, filter: Any) -> float:
+    r"""Time in which the loop rejects, in seconds: the smaller, the more it rejects.
+
+    At low frequency :math:`S_d \to (1 - F)/R = c\,s^k`, and :math:`c^{1/k}` is one over the
+    frequency at which that line reaches 1: nλ/R(0) for eq. (1), comparable for ramps of all kinds.
+    """
+    S = ObserverEquations(search.process, search.model, filter).S_d
+    k = S.zeros_at_origin
+    if k <= 0:
+        return np.inf
+    num, den = (
+        np.prod([factor.without_origin.constant for factor in part]) for part in (S.num, S.den)
+    )
+    return float(abs(num / den) ** (1 / k))
+
+
+def _named(family: Filters) -> str:
+    if isinstance(family, FilterFamily):
+        return f"the {family.kind} family of order {family.order}"
+    return f"order {family}"
+
+
+def _refusal(searches: list[FilterSearch], deciding: list[int]) -> str:
+    """Say why there is no filter, and what comes closest."""
+    first, families = searches[0], [search.family for search in searches]
+    names = " or ".join(map(_named, families))
+    orders = [family for family in families if isinstance(family, int)]
+    if len(orders) == len(families):
+        names = f"order {' or '.join(map(str, sorted(orders)))}"
+    if len(deciding) > 1:
+        return (
+            f"no filter of {names} meets Ms ≤ {first.max_ms:g} with every plant: members "
+            f"{', '.join(map(str, deciding))} exclude each other; relax the specification, or "
+            "choose another model"
+        )
+    stable = [search for search in searches if search.intervals]
+    if not stable:
+        answer = stabilizing_filter_exists(first.process, first.model)
+        reason = "" if answer.holds else f" ({answer.reason})"
+        return f"no filter of {names} stabilises the loop{reason}: choose another model"
+    search = min(stable, key=lambda search: search.closest[1].ms)
+    time_constant, best = search.closest
+    which = f"n = {search.family}" if isinstance(search.family, int) else _named(search.family)
+    return (
+        f"no filter of {names} meets Ms ≤ {search.max_ms:g}; closest comes λ = "
+        f"{time_constant:.4g} s, {which}, with Ms = {best.ms:.4g}, "
+        f"GM = {abs(best.gm_db):.4g} dB, PM = {best.pm:.4g}°: relax the specification or choose "
+        "another model"
+    )

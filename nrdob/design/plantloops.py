@@ -1,0 +1,240 @@
+r"""Peaks of the sensitivity of one process with many filters of a family, all at once.
+
+.. math:: L = \frac{b\,N_f\,e^{-\theta s}}{a\,E - D N_m N_f\,e^{-\theta_m s}},
+
+all polynomials in λ at each frequency, so that many λ are read in one array. The peaks are those of
+`nrdob.analysis.margins`, found here for hundreds of loops, to see which of them come into question.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import inf, pi
+from typing import NamedTuple
+
+import numpy as np
+
+from ..numerics import ComplexArray, FloatArray, IntArray
+from .existence import roots_by_side
+from .mismatch import Mismatch
+from .mismatchgrid import Frequencies
+
+__all__ = ["Distances", "PlantLoops"]
+
+EQUAL = 1e-13
+"""Relative difference of two values that may be rounding."""
+
+DEEPEST = 1.2
+"""A dip of ``|1 + L|`` may turn out the deepest if on the grid it is this close to it."""
+
+FARTHER = 1.5
+"""How many times larger L may be beside a frequency of the grid."""
+
+NARROW = 1e-9
+"""Width of a resonance, against its frequency, below which its residue is looked at."""
+
+NOISE = 1e-2
+"""Relative rounding error of L, beside a pole or zero on the axis, from which it is none."""
+
+FAR, SPARSE = 10, 4
+"""Decades beyond the frequencies of R, and frequencies in each, for filters so slow or fast."""
+
+NARROWEST, STEPS = 1e-3, 13
+"""Smallest step beside a turn of the model's dead time, in radians, and number of steps."""
+
+ZOOMS, ACROSS = 6, 9
+"""How often a dip is looked at more closely, and at how many frequencies."""
+
+SETTLED = 1e-5
+"""Relative difference of three values from which they lie on a parabola."""
+
+AT_ONCE = 400_000
+"""Values of L that are held at a time."""
+
+
+class Distances(NamedTuple):
+    """How near to -1 the plant loops come.
+
+    Attributes
+    ----------
+    least : (k,) array of float
+        Smallest ``|1 + L|``, 1/Ms.
+    reach : (k,) array of float
+        By how much ln λ may change at least until ``|1 + L|`` falls or rises to the limit asked
+        for, at the frequencies of the grid.
+    """
+
+    least: FloatArray
+    reach: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class PlantLoops:
+    """The plant loops L of one process and model with all filters of a family.
+
+    Attributes
+    ----------
+    mismatch : Mismatch
+        Process over model, and the family.
+    omega : (N,) array of float
+        Frequencies that hold all there is to see, in rad/s.
+    """
+
+    mismatch: Mismatch
+    omega: FloatArray
+
+    @classmethod
+    def above(cls, frequencies: Frequencies, slowest: float, gain: float = 1.0) -> PlantLoops:
+        """Choose the frequencies for all λ from the smallest of interest on, up to a gain of L."""
+        mismatch, omega = frequencies.mismatch, frequencies.above(slowest, gain)
+        far = np.logspace(0, FAR, FAR * SPARSE + 1)[1:]
+        above = omega[:0] if mismatch.longest_delay else omega[-1] * far
+        omega = np.concatenate([omega[0] / far[::-1], omega, above])
+        if mismatch.wait:
+            omega = np.union1d(omega, _beside_turns(mismatch.wait, float(omega[-1])))
+        with np.errstate(over="ignore", invalid="ignore"):
+            noise, size = mismatch.uncertainty(omega)[-1], np.abs(mismatch.coefficients(omega)[-1])
+        return cls(mismatch, omega[noise < NOISE * size])
+
+    def distances(self, time_constants: FloatArray, limit: float) -> Distances:
+        """Distances of stable loops from -1, the limits at both ends of the axis included.
+
+        Parameters
+        ----------
+        time_constants : (k,) array of float
+            In seconds.
+        limit : float
+            The distance asked for, 1/Ms.
+        """
+        rows = max(1, AT_ONCE // self.omega.size)
+        parts = [
+            self._distances(time_constants[k : k + rows], limit)
+            for k in range(0, max(1, time_constants.size), rows)
+        ]
+        return Distances(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+
+    def _distances(self, time_constants: FloatArray, limit: float) -> Distances:
+        L = self._gain(time_constants[:, None], self.omega)
+        distance, size = np.abs(1 + L), np.abs(L)
+        ends = np.minimum(self.at_infinity(time_constants), self._at_zero(time_constants))
+        least = np.minimum(np.minimum(distance.min(axis=1), ends), self.at_poles(time_constants))
+        # Of two frequencies a rounding error apart both are dips: the true one lies on either side.
+        inner = distance[:, 1:-1] * (1 - EQUAL)
+        dips = (inner <= distance[:, :-2]) & (inner <= distance[:, 2:])
+        dips &= (inner <= DEEPEST * least[:, None]) & (1 - FARTHER * size[:, 1:-1] < least[:, None])
+        row, column = np.nonzero(dips)
+
+        def off(row: IntArray, omega: FloatArray) -> FloatArray:
+            return np.abs(1 + self._gain(time_constants[row, None], omega))
+
+        _lower(least, off, row, self.omega[column], self.omega[column + 2])
+        # |dL/d ln λ| is about the number of lags times |L|, at most.
+        with np.errstate(all="ignore"):
+            spare = np.nanmin((distance - limit) / size, axis=1)
+        reach = np.log1p(np.abs(spare)) / (len(self.mismatch.E) - 1)
+        return Distances(np.maximum(least, 1e-300), reach)
+
+    def _gain(self, time_constants: FloatArray, omega: FloatArray) -> ComplexArray:
+        """L at points (ω, λ); infinite at a pole."""
+        with np.errstate(all="ignore"):  # far beyond all speeds powers overflow, and L is 0
+            ahead, behind, waits = self.mismatch.terms(omega, time_constants)
+            L = behind / (ahead + waits if self.mismatch.wait else ahead)
+        return np.where(np.isfinite(L), L, inf + 0j)
+
+    def at_infinity(self, time_constants: FloatArray) -> FloatArray:
+        """Limit of ``|1 + L|`` at infinite frequency, with dead time at its worst.
+
+        Parameters
+        ----------
+        time_constants : (k,) array of float
+            In seconds.
+        """
+        with np.errstate(all="ignore"):
+            ahead, behind, waits = self.mismatch.highest(time_constants)
+            last = np.nan_to_num(behind / ahead, nan=0.0)
+            if self.mismatch.longest_delay:  # a circle
+                last = -np.abs(last) / (1 - np.abs(waits / ahead))
+        return np.abs(1 + last)
+
+    def _at_zero(self, time_constants: FloatArray) -> FloatArray:
+        """``|1 + L(0)|``; finite if an integrator of the model alone cancels."""
+        with np.errstate(all="ignore"):
+            ahead, behind, waits = self.mismatch.lowest(time_constants)
+            return np.abs(1 + np.nan_to_num(behind / (ahead + waits), nan=inf, neginf=inf))
+
+    def at_poles(self, time_constants: FloatArray) -> FloatArray:
+        """Smallest ``|1 + L|`` beside poles of R on the axis.
+
+        There L = ρ/(j(ω - ω0)) is a straight line through 0. It is looked at here where |ρ| is so
+        small that the frequencies of the grid are too far apart to show it.
+
+        Parameters
+        ----------
+        time_constants : (k,) array of float
+            In seconds.
+        """
+        distances = np.ones(time_constants.shape)
+        _, D, Nm, _ = self.mismatch.factors
+        axis = roots_by_side(D, Nm)[1]
+        for root in axis[axis.imag > 0].tolist():
+            with np.errstate(all="ignore"):
+                residue = self._residue(time_constants, root)
+            size = np.abs(residue)
+            narrow = (size > 0) & (size <= NARROW * abs(root))
+            with np.errstate(divide="ignore", invalid="ignore"):
+                along = np.abs(residue.real) / size
+            distances = np.where(narrow, np.minimum(distances, along), distances)
+        return distances
+
+    def _residue(self, time_constants: FloatArray, root: complex) -> ComplexArray:
+        """Residue ρ of each loop at a pole of R on the axis."""
+        mismatch = self.mismatch
+        E, Nf = mismatch.filters(root, time_constants)
+        ahead = np.polyval(np.polyder(mismatch.a), root) * E
+        if mismatch.wait:
+            waiting = np.polyval(np.polyder(mismatch.waiting), root)
+            ahead = ahead - waiting * Nf * np.exp(-mismatch.wait * root)
+        behind = np.polyval(mismatch.b, root) * np.exp(-mismatch.delay * root) * Nf
+        return np.asarray(behind / ahead)
+
+
+def _beside_turns(wait: float, last: float) -> FloatArray:
+    """Frequencies beside whole turns of the model's dead time, where 1 - F exp(-θm s) is small.
+
+    With a fast filter that is a resonance of L, the narrower the faster.
+    """
+    turns = 2 * pi / wait * np.arange(1, last * wait / (2 * pi) + 1)
+    steps = np.geomspace(NARROWEST, 1, STEPS) / wait
+    beside = turns[:, None] + np.concatenate([-steps, [0.0], steps])
+    return np.asarray(beside.ravel())
+
+
+def _lower(
+    least: FloatArray,
+    function: Callable[[IntArray, FloatArray], FloatArray],
+    row: IntArray,
+    low: FloatArray,
+    high: FloatArray,
+) -> None:
+    """Lower the smallest value of each loop to that between each `low` and `high`.
+
+    By looking ever more closely where it may still be lower: between three values of which the
+    middle one is lowest, a parabola and a kink lie below that by at most half of what they rise
+    from it. Where these hardly differ it is a parabola.
+    """
+    share = np.linspace(0, 1, ACROSS)
+    for _ in range(ZOOMS):
+        if not row.size:
+            break
+        omega = low[:, None] + share * (high - low)[:, None]
+        values = function(row, omega)
+        k, rows = np.clip(values.argmin(axis=1), 1, ACROSS - 2), np.arange(low.size)
+        before, middle, after = (values[rows, k + i] for i in (-1, 0, 1))
+        lowest, beside = values.min(axis=1), np.maximum(before, after)
+        settled = beside - lowest <= SETTLED * lowest
+        with np.errstate(all="ignore"):
+            drop = np.nan_to_num((before - after) ** 2 / (before - 2 * middle + after) / 8)
+            np.minimum.at(least, row, np.where(settled & (middle <= lowest), lowest - drop, lowest))
+            open_yet = ~settled & ~(lowest - (beside - lowest) > least[row])
+        row, low, high = (of[open_yet] for of in (row, omega[rows, k - 1], omega[rows, k + 1]))
