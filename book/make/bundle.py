@@ -18,7 +18,7 @@ from pages import ROOT, options
 
 TO_RUN = (
     "notebooks/*.ipynb", "notebooks/class/*", "nrdob/**/*", "book/pyproject.toml",
-    "book/nrdob_course/*.py", "book/nrdob_course/[ceg]*/*.py", "binder/requirements.txt",
+    "book/nrdob_course/*.py", "book/nrdob_course/[ceg]*/**/*.*", "binder/requirements.txt",
     "requirements.txt", "pyproject.toml", "README.md", "LICENSE", "LICENSE-text", "CITATION.cff",
 )  # fmt: skip
 """The notebooks with their outputs, the packages, and what installs them."""
