@@ -1,7 +1,6 @@
 """Links between the chapters and the ledger: inline code ``claim:ID`` leads to the entry of ID.
 
-A cell whose metadata names claims, ``{"claims": ["eq03"]}``, shows them at the right margin of its
-page.
+A cell whose metadata names claims, ``{"claims": ["eq03"]}``, shows them at the margin of its page.
 
 The way back is made here as well: the first mention of a claim in a chapter gets the label
 ``shown-<chapter>-<ID>``, to which its entry links.

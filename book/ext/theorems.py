@@ -65,6 +65,10 @@ class Boxes(SphinxTransform):
         """Turn a quotation into a box, if it is a theorem."""
         strong = leading(quotation[0]) if quotation.children else None
         match = isinstance(strong, nodes.strong) and TITLE.fullmatch(strong.astext())
+        if isinstance(strong, nodes.strong) and strong.astext() == "Standing assumptions.":
+            box = nodes.container("", *quotation.children, classes=["theorem"])
+            quotation.replace_self(box)
+            strong["classes"].append("theorem-title")
         if strong is None or not match:
             return
         box = nodes.container("", *quotation.children, classes=["theorem"])

@@ -2,8 +2,7 @@
 
 A question is written once, in the notebook of its week. Its chapter holds a copy in one Markdown
 cell, made here, with the figures attached: each choice can be opened and tells what is wrong with
-it, without a kernel or a script. The book shows the same cell with its figures
-(``book/ext/predict.py``).
+it, without a kernel or a script. The book shows the same (``book/ext/predict.py``).
 
     python book/make/predictions.py              write the cells into the chapters
     python book/make/predictions.py --check      fail if one is not what its question gives

@@ -30,9 +30,7 @@ def test_a_chapter_opens_with_it() -> None:
     for chapter in QUESTIONS:
         cells = nbformat.read(predictions.NOTEBOOKS / f"{chapter}.ipynb", as_version=4).cells
         (place,) = (k for k, cell in enumerate(cells) if KEY in cell.metadata)
-        if (
-            chapter[0] in "0A"
-        ):  # here a picture comes first, and the question where it can be answered
+        if chapter[0] in "0A":  # a picture comes first, the question where it can be answered
             assert 1 < place < len(cells) - 2, chapter
         else:
             assert place == 1, chapter

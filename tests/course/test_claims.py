@@ -40,7 +40,7 @@ SECTIONS = (
 )  # fmt: skip
 MODULES = (*SECTIONS, ledger, recurring, roots, signals)
 TEXT = {"chapter": "11_the_loop", "place": "p. 1", "says": "It is so."}
-CHAPTERS = {path.stem for path in (Path(__file__).parents[2] / "notebooks").glob("*.ipynb")}
+CHAPTERS = {path.stem for path in Path(__file__).parents[2].glob("notebooks/*.ipynb")}
 
 
 def one(finding, verdict="", id="x"):
