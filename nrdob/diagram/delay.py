@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import sys
 from math import inf, isfinite, nan
-from numbers import Integral
 from typing import Any
 
 import control as ct
 import numpy as np
 
-from ..numerics import ComplexArray, FloatArray
+from ..numerics import ComplexArray, FloatArray, is_whole
 from .blocks import as_fraction, real_number, six_digits
 
 __all__ = ["DelayedTransferFunction", "delay", "undelayed"]
@@ -124,7 +123,7 @@ class DelayedTransferFunction:
         return _as_delayed(other, "the dividend") / self
 
     def __pow__(self, exponent: int) -> DelayedTransferFunction:
-        if isinstance(exponent, bool) or not isinstance(exponent, Integral):
+        if not is_whole(exponent):
             raise TypeError(f"the exponent is {exponent!r}; a power needs a whole number")
         if exponent < 0:
             return DelayedTransferFunction(1.0, 0.0) / self.__pow__(-int(exponent))
