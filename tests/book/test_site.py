@@ -495,8 +495,8 @@ Broken = dict[str, list[tuple[str, str]]]
 """By page: a rule, and the piece of the page that breaks it."""
 
 ONE_OF_EACH_KIND = {
-    "index", "chapters/01_can_you_compute_the_load", "ledger", "search", "theorems", "glossary", "get",
-    "teaching/running", "bibliography",
+    "index", "chapters/01_can_you_compute_the_load", "ledger", "search", "theorems", "glossary",
+    "get", "teaching/running", "bibliography",
 }  # fmt: skip
 """Pages that a screen reader is asked about."""
 
