@@ -217,7 +217,26 @@ def _tracking(controller: SampledController, time: float) -> float:
             "or the integrator would overshoot at every sample"
         )
     slope = last.b2 / last.a1 if last.order == 2 else last.b1
-    return controller.dt / time / (slope * prod(section.rest for section in others))
+    share = controller.dt / time / (slope * prod(section.rest for section in others))
+    if (size := _while_limited(controller, share)) >= 1:
+        raise ValueError(
+            f"tracking_time is {time:g} s; with it C would become unstable while u is limited "
+            f"(a root z of modulus {size:.4g}), since it has more than an integrator: choose a "
+            "longer one, or leave it out"
+        )
+    return share
+
+
+def _while_limited(controller: SampledController, share: float) -> float:
+    """Largest modulus of a root z of C with tracking, while the actuator stays at its limit."""
+    num, den = np.ones(1), np.ones(1)  # powers of z - 1
+    for part in controller.sections["C"]:
+        num = np.polymul(num, [part.b0, part.b1, part.b2][: part.order + 1])
+        den = np.polymul(den, [1.0, part.a1, part.a2][: part.order + 1])
+    # What C has at once is in u already; what tracking adds acts on the states.
+    later = np.polysub(num, num[0] * den)
+    roots = np.roots(np.polyadd(den, share / controller.factor * later))
+    return float(np.abs(1 + roots).max())
 
 
 @cache

@@ -12,6 +12,7 @@ from firmware import python_class
 from nrdob.digital import ActuatorLimits
 from nrdob.sampling import random_loop
 
+s = ct.tf("s")
 LAG = ct.tf([2.0], [1.0, 1.0])
 PI = ct.tf([1.0, 1.0], [1.0, 0.0])
 
@@ -170,6 +171,20 @@ def test_back_calculation_lets_the_integrator_of_the_controller_follow():
     assert wound.limited[400:700].all()
     assert not cured.limited[420:].any()
     assert cured.y[-1] == pytest.approx(0.3, abs=1e-6)
+
+
+def test_tracking_that_would_make_a_limited_c_unstable_is_refused():
+    G = (s + 3) / ((s + 1) * (s**2 + 0.04 * s + 4))
+    lead = ct.tf([5.076, 13.04, 7.018], [0.1599, 1.304, 0])
+    sampled = nrdob.NRDOB(
+        G, (s + 3) / ((s + 1) * (s + 2) ** 2), lead, nrdob.LowPassFilter(0.0652, 2)
+    ).sampled(0.0061)
+    limits = ActuatorLimits(-2, 2)
+    for short in (0.0305, 3.0):
+        with pytest.raises(ValueError, match=r"unstable while u is limited"):
+            sampled.code(limits, tracking_time=short)
+    calm = sampled.simulate({"R": np.ones(800)}, limits=limits, tracking_time=10.0)
+    assert np.abs(calm.u).max() < 50
 
 
 def test_fed_with_what_is_applied_the_blocks_keep_their_own_poles():
