@@ -144,7 +144,7 @@ class NRDOB(LoopEquations):
         which : str
             Attribute that holds the map, as "FH", "CGm" or "L".
         point : float
-            Point of the real axis to turn around.
+            Point of the real axis to encircle.
         title : str
             Heading, which also enters the alt text.
         ax : matplotlib Axes, optional

@@ -34,10 +34,11 @@ PARTS = {
     "Sections I, II: the loop": "sec1 sec2 eq01 eq02 eq03 eq04 eq05 eq06 fig01",
     "Section III: stability and robustness": "sec3 eq07 lemma1 lemma2 cor1",
     "Example 1: the perfect model": "ex1 fig02",
-    "Example 2: the zero on the right": "ex2 eq08 eq09 eq10 fig03 fig04 fig05 fig06 fig07 fig08",
+    "Example 2: the zero in the right half plane": "ex2 eq08 eq09 eq10 fig03 fig04 fig05 "
+    "fig06 fig07 fig08",
     "Example 3: the unstable process": "ex3 eq11 eq12 eq13 eq14 eq15 fig09 fig10 fig11 fig12 fig13 "
     "fig14",
-    "Example 4: the time delay": "ex4 eq16 eq17 fig15a fig15b fig16 fig17 fig18 fig19",
+    "Example 4: the dead time": "ex4 eq16 eq17 fig15a fig15b fig16 fig17 fig18 fig19",
     "Conclusions: Section V, and the references": "concl ref02",
 }
 """The parts of the paper, and how the ids of their claims begin, up to the first dot."""

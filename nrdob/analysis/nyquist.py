@@ -1,12 +1,12 @@
 """Encirclements that can be trusted: the Nyquist criterion counted with a certificate.
 
-For a loop L = num/den the function 1 + L is p/den with p = num + den, so its turns around 0 are the
-turns of p minus those of den. Both are counted without a plot: the argument of p and that of every
-factor of den are followed along the axis in certified steps (`nrdob.numerics.argument`). That is N;
-P comes from the coefficients or roots of the factors alone, and Z = N + P. Poles on the axis, of
-any multiplicity, are left of the contour, which passes them on the right; the arcs at infinity of
-improper loops are contained in the degrees. Conventions are those of `control.nyquist_response`:
-encirclements N are positive clockwise, and Z = N + P.
+For a loop L = num/den the function 1 + L is p/den with p = num + den, so it encircles 0 as often as
+p does, less the encirclements by den. Both are counted without a plot: the argument of p and that
+of every factor of den are followed along the axis in certified steps (`nrdob.numerics.argument`).
+That is N; P comes from the coefficients or roots of the factors alone, and Z = N + P. Poles on the
+axis, of any multiplicity, are left of the contour, which passes them on the right; the arcs at
+infinity of improper loops are contained in the degrees. Conventions are those of
+`control.nyquist_response`: encirclements N are positive clockwise, and Z = N + P.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ def nyquist_count(
     if zeros.count is None:
         return NyquistCount(None, poles, None, zeros.reason)
     if closed_loop.delay and not closed_loop.q.any():
-        reason = "the curve turns for ever, so Z is counted without it: Z = N + P needs a limit"
+        reason = "infinitely many encirclements; Z is counted without them, as N has no limit"
         return NyquistCount(inf, poles, zeros.count, reason)
     if poles == inf:
         return NyquistCount(
@@ -79,7 +79,7 @@ def nyquist_count(
 
 
 def encirclements(loop: Any, point: float = -1.0) -> NyquistCount:
-    """Count the turns of a Nyquist plot around a point of the real axis.
+    """Count the encirclements of a point of the real axis by a Nyquist plot.
 
     Parameters
     ----------

@@ -59,7 +59,7 @@ def spoken(name: str) -> str:
 
 
 def turns(count: float | None, point: float = -1.0) -> str:
-    """Say how often a curve turns around a point, `count` positive clockwise.
+    """Say how often a curve encircles a point, `count` positive clockwise.
 
     Parameters
     ----------
@@ -71,19 +71,19 @@ def turns(count: float | None, point: float = -1.0) -> str:
     Examples
     --------
     >>> turns(-1)
-    'one counter-clockwise turn around −1'
+    'one counter-clockwise encirclement of −1'
     >>> turns(0, point=1)
-    'no turn around +1'
+    'no encirclement of +1'
     """
     place = f"{'+' if point > 0 else ''}{number(point)}"
     if count is None:
-        return f"no count of turns, the curve meets {place}"
+        return f"no count of encirclements, the curve meets {place}"
     if count == 0:
-        return f"no turn around {place}"
+        return f"no encirclement of {place}"
     size = abs(count)
     much = "infinitely many" if size == inf else _WORDS[int(size)] if size < 7 else f"{size:g}"
     sense = "clockwise" if count > 0 else "counter-clockwise"
-    return f"{much} {sense} turn{'s' if size != 1 else ''} around {place}"
+    return f"{much} {sense} encirclement{'s' if size != 1 else ''} of {place}"
 
 
 def frequency(omega: float) -> str:

@@ -60,7 +60,7 @@ def nyquist_plot(
     verdict : LoopStability or NyquistCount, optional
         N, P and Z if they are known; by default they are counted.
     point : float
-        Point of the real axis to turn around: -1, or +1 for the paper's G̃⁻¹G.
+        Point of the real axis to encircle: -1, or +1 for the paper's G̃⁻¹G.
     title : str
         Heading, which also begins the alt text.
     ax : matplotlib Axes, optional

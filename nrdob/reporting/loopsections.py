@@ -92,9 +92,9 @@ def _verdict(loop: NRDOB, step: float | None, title: str) -> Section:
         for part in (found.model_loop, found.observer_loop)
     )
     table = Table(
-        "Z = N + P: turns around −1, poles on the right before, roots on the right after closing "
-        "the loop, in rad/s; (i) is the controller with the model, with the roots of p_A, (ii) the "
-        "observer with the plant, with those of p_B",
+        "Z = N + P: encirclements of −1, poles in the right half plane before, roots there after "
+        "closing the loop, in rad/s; (i) is the controller with the model, with the roots of p_A, "
+        "(ii) the observer with the plant, with those of p_B",
         ("condition", "N", "P", "Z", "rightmost root", "roots, rightmost first"),
         rows,
     )

@@ -138,15 +138,15 @@ def test_the_ground_is_transparent() -> None:
 # Nyquist.
 
 TURNS = {
-    ("FH", 1, False): "no turn around −1",
-    ("FH", 2, False): "no turn around −1",
-    ("FH", 3, False): "one counter-clockwise turn around −1",
-    ("FH", 3, True): "one counter-clockwise turn around −1",
-    ("FH", 4, True): "no turn around −1",
-    ("H", 2, False): "one clockwise turn around −1",
-    ("H", 3, False): "one counter-clockwise turn around −1",
-    ("H", 4, False): "infinitely many clockwise turns around −1",
-    ("L", 3, False): "one counter-clockwise turn around −1",
+    ("FH", 1, False): "no encirclement of −1",
+    ("FH", 2, False): "no encirclement of −1",
+    ("FH", 3, False): "one counter-clockwise encirclement of −1",
+    ("FH", 3, True): "one counter-clockwise encirclement of −1",
+    ("FH", 4, True): "no encirclement of −1",
+    ("H", 2, False): "one clockwise encirclement of −1",
+    ("H", 3, False): "one counter-clockwise encirclement of −1",
+    ("H", 4, False): "infinitely many clockwise encirclements of −1",
+    ("L", 3, False): "one counter-clockwise encirclement of −1",
 }
 
 
@@ -159,14 +159,14 @@ def test_nyquist_alt_text_counts_the_turns(which: str, number: int, modified: bo
 
 def test_nyquist_alt_text_of_example_3() -> None:
     assert paper.example(3).plot_nyquist(title="Example 3").alt == (
-        "Nyquist plot of F·H, Example 3: one counter-clockwise turn around −1, "
+        "Nyquist plot of F·H, Example 3: one counter-clockwise encirclement of −1, "
         "closest approach 0.733 at 46.8 rad/s"
     )
 
 
 def test_the_papers_ratio_turns_around_plus_one() -> None:
     figure = paper.example(3).plot_nyquist("ratio", point=1)
-    assert "one counter-clockwise turn around +1" in figure.alt
+    assert "one counter-clockwise encirclement of +1" in figure.alt
 
 
 @pytest.mark.parametrize(("number", "modified"), LOOPS)
@@ -250,7 +250,7 @@ def test_a_plot_much_larger_than_one_gets_an_inset() -> None:
 
 def test_a_matched_model_has_nothing_to_encircle() -> None:
     alt = paper.example(1).plot_nyquist().alt
-    assert alt.endswith("no turn around −1, closest approach 1 at every frequency")
+    assert alt.endswith("no encirclement of −1, closest approach 1 at every frequency")
 
 
 # Bode.

@@ -32,8 +32,8 @@ def designs_exist() -> Finding:
     stable = [loop.stability().stable is True for pair in loops.values() for loop in pair]
     return Finding(
         all(features.values()) and all(stable),
-        f"{sum(stable)} of {len(stable)} loops stable: Examples 2 (zero on the right), 3 (pole on "
-        "the right), 4 (dead time), each with its plant and its modified plant",
+        f"{sum(stable)} of {len(stable)} loops stable: Examples 2 (zero in the right half "
+        "plane), 3 (pole there), 4 (dead time), each with its plant and its modified plant",
     )
 
 
@@ -43,7 +43,7 @@ def not_matching() -> Finding:
 
     Then p = D Nm (Df − exp(−θs)) + N Dm exp(−θs), which is N·D·Df for a matched rational part; the
     model of Example 4, whose rational part differs, is judged as well. So is a plant whose dead
-    time is a little longer, by turns, and filters made for the matched models.
+    time is a little longer, by encirclements, and filters made for the matched models.
     """
     filters = [LowPassFilter(lam, n) for n in (2, 3, 4) for lam in (0.01, 0.1, 1.0)]
     matched = [
@@ -108,7 +108,7 @@ def _lost_to_a_wrong_delay(error: float, delay: float, time_constant: float) -> 
 
 
 def _words(lost: bool) -> str:
-    return "lost" if lost else "stable"
+    return "unstable" if lost else "stable"
 
 
 _FREQUENCIES = np.linspace(0, 2e4, 200_001)

@@ -114,7 +114,7 @@ def negative_gain() -> Finding:
 
 @SECTION.check("ex3.rotation")
 def rotation() -> Finding:
-    """Find the zeros, see that the angle grows at every step, and count the turns around 0."""
+    """Find the zeros, see that the angle grows at every step, and count the encirclements of 0."""
     ratio = example(3).ratio
     zeros = ratio.to_tf().zeros().real
     omega = np.tan(np.linspace(-1.57, 1.57, 2001))
@@ -174,7 +174,7 @@ def model() -> Finding:
 
 @SECTION.check("fig10")
 def figure_10() -> Finding:
-    """Count the turns around +1, and find the zero of H."""
+    """Count the encirclements of +1, and find the zero of H."""
     loop = example(3)
     counted, zeros = encirclements(loop.ratio, 1.0), loop.H.numerator.roots
     own = loop.H.to_tf().zeros().real
@@ -186,7 +186,7 @@ def figure_10() -> Finding:
 
 @SECTION.check("fig10.caption")
 def caption_10() -> Finding:
-    """Count the turns of both around +1: only one can be the plot that the text describes."""
+    """Count the encirclements of +1 by both: only one can be the plot that the text describes."""
     loop = example(3)
     caption = Quotient((*loop.C.num, *loop.Gm.den), (*loop.C.den, *loop.Gm.num), "C/Gm")
     by_caption, by_text = (encirclements(q, 1.0).encirclements for q in (caption, loop.ratio))
@@ -219,7 +219,7 @@ def equation_14() -> Finding:
 
 @SECTION.check("fig11")
 def figure_11() -> Finding:
-    """Count the turns, and find the zero of 1 + H."""
+    """Count the encirclements, and find the zero of 1 + H."""
     loop = example(3)
     counted, zero = encirclements(loop.H), loop.ratio.to_tf().zeros().real
     return Finding(
@@ -265,15 +265,14 @@ def critical_point() -> Finding:
     right, wrong = decides(-1.0), decides(1.0)
     return Finding(
         wrong == len(loops),
-        f"turns around −1 tell the verdict in {right} of {len(loops)} loops, turns around +1 in "
-        f"{wrong}",
+        f"encirclements of −1 give the verdict in {right} of {len(loops)} loops, of +1 in {wrong}",
         conditions={"turns around −1 tell every verdict": right == len(loops)},
     )
 
 
 @SECTION.check("eq15")
 def filter_of_example_3() -> Finding:
-    """Judge F·H by turns and by roots; see where F/Gm ends at high frequency."""
+    """Judge F·H by encirclements and by roots; see where F/Gm ends at high frequency."""
     loop = example(3)
     part, end = loop.stability().observer_loop, abs(loop.F(1e8j) / loop.Gm(1e8j))
     return Finding(
@@ -284,7 +283,7 @@ def filter_of_example_3() -> Finding:
 
 @SECTION.check("fig12")
 def figure_12() -> Finding:
-    """Count the turns by the argument of p_B, and along the curve."""
+    """Count the encirclements by the argument of p_B, and along the curve."""
     loop = example(3)
     part = loop.stability().observer_loop
     omega = 1e4 * np.tan(np.linspace(-1.57, 1.57, 200_001)) / np.tan(1.57)
@@ -292,7 +291,7 @@ def figure_12() -> Finding:
     along = (angle[0] - angle[-1]) / (2 * pi)
     return Finding(
         npz(part) == (-1, 1, 0) and round(float(along), 3) == -1,
-        f"{npz_text(part)}; {number(float(along), 3)} turns along the curve",
+        f"{npz_text(part)}; {number(float(along), 3)} encirclements along the curve",
     )
 
 
@@ -340,7 +339,7 @@ def family_3() -> Finding:
 
     The limit of the lag comes from the frequency response. Both limits are confirmed by Routh's
     condition for the quartic that p_B is when what plant and model share is divided out, and by
-    turns on both sides.
+    encirclements on both sides.
     """
     loop = example(3)
     plants = plant_family(loop.process, gain=(0.5, 1.0), lag=(0.0, 0.1), grid=21)
@@ -360,7 +359,7 @@ def family_3() -> Finding:
     count = int((~table["stable"]).sum())
     return Finding(
         count == 0,
-        f"lost with {count} of {len(table)} plants; at full gain the lag must be below "
+        f"unstable with {count} of {len(table)} plants; at full gain the lag must be below "
         f"{number(longest, 4)} s, at the full lag the gain below {number(highest, 4)}",
         conditions={
             "the nominal and the modified loop are stable": ends == [True, True],

@@ -165,10 +165,10 @@ def _late(den: list[float], model_den: list[float], num: list[float] | None = No
 def noncausal_order() -> Finding:
     """Take a biproper plant with dead time, and models of relative degree m = 2 and 3.
 
-    For orders above m p_B must be retarded, FH come to rest, and a slow filter stabilise. At order
-    m p_B is neutral and FH circles for ever, below m it is advanced: a fast filter then leaves
-    infinitely many roots on the right. (With a strictly proper plant causality alone asks for an
-    order above m.)
+    For orders above m p_B must be retarded, FH tend to 0, and a slow filter stabilise. At order m
+    p_B is neutral and FH tends to a circle, below m it is advanced: a fast filter then leaves
+    infinitely many roots in the right half plane. (With a strictly proper plant causality alone
+    requires an order above m.)
     """
     plant, holds, ends = ([1.0, 1.0], [1.0, 2.0]), True, []
     for m, den in ((2, [4.0, 3.0]), (3, [6.0, 11.0, 6.0])):
@@ -189,7 +189,7 @@ def noncausal_order() -> Finding:
         bool(holds),
         "one or two orders above m = 2 and 3 are stable with λ = 20 s; order m is neutral: |FH| "
         f"tends to {number(ends[0], 4)} and {number(ends[1], 4)} with λ = 0.5 s, which leaves "
-        "infinitely many roots on the right",
+        "infinitely many roots in the right half plane",
     )
 
 
@@ -217,7 +217,7 @@ def radius() -> Finding:
 
 
 def _endless(loop: Quotient, point: float) -> tuple[bool, str]:
-    """Whether a map turns clockwise around a point for ever, and the turns up to 10 000 rad/s."""
+    """Whether a map encircles a point infinitely often, and how often up to 10 000 rad/s."""
     omega = np.linspace(0, 1e4, 100_001)
     angle = np.unwrap(np.angle(loop(1j * omega) - point))
     half, full = (-angle[k] / pi for k in (50_000, 100_000))  # both halves of the curve together
@@ -232,19 +232,19 @@ def _endless(loop: Quotient, point: float) -> tuple[bool, str]:
 
 @SECTION.check("fig15a")
 def figure_15a() -> Finding:
-    """Count by the argument, and follow the angle: the turns must grow as ωθ/π."""
+    """Count by the argument, and follow the angle, which must grow as ωθ."""
     return Finding(*_endless(example(4).ratio, 0.0))
 
 
 @SECTION.check("fig15b")
 def figure_15b() -> Finding:
-    """Count by the argument, and follow the angle: the turns must grow as ωθ/π."""
+    """Count by the argument, and follow the angle, which must grow as ωθ."""
     return Finding(*_endless(example(4).H, -1.0))
 
 
 @SECTION.check("eq16")
 def filter_of_example_4() -> Finding:
-    """Judge F·H by turns and by roots; find the border, and judge 12 filters on its two sides."""
+    """Judge F·H by encirclements and roots; find the border, and judge 12 filters around it."""
     loop = example(4)
     part = loop.stability().observer_loop
     smallest = border(loop, 3, 0.0125, 0.02)
@@ -256,14 +256,14 @@ def filter_of_example_4() -> Finding:
     degree = inverse_degree(loop)
     return Finding(
         part.stable is True and sides and smallest < 0.09 and degree >= 0,
-        f"p_B rightmost {number(part.rightmost.real, 4)}; with n = 3 the loop is lost below "
+        f"p_B rightmost {number(part.rightmost.real, 4)}; with n = 3 the loop is unstable below "
         f"λ = {number(smallest, 4)} s; F/Gm has relative degree {degree}",
     )
 
 
 @SECTION.check("fig16")
 def figure_16() -> Finding:
-    """Count the turns, and find the largest |FH|: below 1, with P = 0, nothing can turn."""
+    """Count the encirclements, and find the largest |FH|: below 1, there are none."""
     loop = example(4)
     part = loop.stability().observer_loop
     size = np.abs(loop.FH(1j * OMEGA)).max()

@@ -177,7 +177,7 @@ def figure_5() -> Finding:
     counted = encirclements(H)
     return Finding(
         round(line, 4) == 1,
-        f"{number(line, 4)} turns without the arc, {number(line + arc, 4)} with it; "
+        f"{number(line, 4)} encirclements without the arc, {number(line + arc, 4)} with it; "
         f"1 + H has a zero at {number(minus_point(H).roots[0].real, 4)}",
         conditions={
             "the closed curve turns once clockwise": bool(np.isclose(line + arc, 1, atol=1e-5)),
@@ -213,7 +213,7 @@ def slow_enough() -> Finding:
 
 @SECTION.check("eq10")
 def filter_2() -> Finding:
-    """Judge F·H by turns and by roots; see how fast F/Gm falls."""
+    """Judge F·H by encirclements and by roots; see how fast F/Gm falls."""
     loop = example(2)
     part = loop.stability().observer_loop
     degree = inverse_degree(loop)
@@ -225,7 +225,7 @@ def filter_2() -> Finding:
 
 @SECTION.check("fig06")
 def figure_6() -> Finding:
-    """Count the turns, and find the largest |FH|."""
+    """Count the encirclements, and find the largest |FH|."""
     loop = example(2)
     part = loop.stability().observer_loop
     size = np.abs(loop.FH(1j * np.geomspace(1, 1600, 10_001))).max()
@@ -264,7 +264,7 @@ def performance_2() -> Finding:
 
 @SECTION.check("ex2.family")
 def family_2() -> Finding:
-    """Judge 441 plants between the nominal and the modified one, and the corners by turns.
+    """Judge 441 plants between the nominal and the modified one, and the corners by encirclements.
 
     By Routh's condition for p_B divided by what plant and model share, λ(2λ − 1/z) + T(3λ − 2/z)
     must be positive, which it is for every lag T if z > 2/(3λ).
@@ -285,7 +285,7 @@ def family_2() -> Finding:
 
 @SECTION.check("ex2.nmp")
 def non_minimum_phase() -> Finding:
-    """Find the zeros of both plants, and judge both loops by turns and by roots."""
+    """Find the zeros of both plants, and judge both loops by encirclements and roots."""
     loops = [example(2, modified) for modified in (False, True)]
     zeros = [loop.G.to_tf().zeros().real[0] for loop in loops]
     return Finding(

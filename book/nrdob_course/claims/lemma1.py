@@ -342,7 +342,7 @@ def poles_of_the_mismatch() -> Finding:
 
 @SECTION.check("lemma1.N_p")
 def turns_that_condition_ii_needs() -> Finding:
-    """Follow 1 + FH point by point and count its turns; compare with the roots of p_B.
+    """Follow 1 + FH point by point and count encirclements; compare with the roots of p_B.
 
     Random loops with and without dead time, a plant with an integrator, G = Gm = 1/s with every
     factor kept and with blocks built as one, a filter that is zero on the axis, and
@@ -362,11 +362,11 @@ def turns_that_condition_ii_needs() -> Finding:
     stable = sum(condition_ii(loop) for loop in [*rational, *delayed])
     return Finding(
         every(agree) and enough_turns(hidden) == condition_ii(hidden),
-        f"turns and roots agree for {sum(agree)} of {len(agree)} random loops, of which {stable} "
-        f"fulfil condition ii; G = Gm = 1/s has {turns_around_minus_one(hidden.FH)} turns, "
-        f"N_p = {n_p(hidden)} and a root of p_B at {number(rightmost(hidden))}; "
-        f"G = Gm = 4/(2 − s − s²) has {turned} turns, N_p = {n_p(matched)} before and {after} "
-        f"after cancellation, and a root at {number(rightmost(matched), 4)}",
+        f"encirclements and roots agree for {sum(agree)} of {len(agree)} random loops, of "
+        f"which {stable} fulfil condition ii; G = Gm = 1/s has "
+        f"{turns_around_minus_one(hidden.FH)} encirclements, N_p = {n_p(hidden)} and a root of p_B at {number(rightmost(hidden))}; "
+        f"G = Gm = 4/(2 − s − s²) has {turned} encirclements, N_p = {n_p(matched)} before and "
+        f"{after} after cancellation, and a root at {number(rightmost(matched), 4)}",
         conditions={
             "turns and roots agree": every(agree),
             "both verdicts occur": 0 < stable < len(agree),

@@ -75,7 +75,7 @@ def a_zero_that_no_filter_survives() -> Finding:
 
 @SECTION.check("sec3.Z_H")
 def zeros_of_the_mismatch() -> Finding:
-    """See whether the plot meets +1 in the examples; count turns and zeros of H on random loops.
+    """See whether the plot meets +1 in the examples; count both sides on random loops.
 
     Turns are followed point by point, without and with the arc, zeros are roots of N Dm − D Nm.
     """
@@ -114,7 +114,7 @@ def _meets_plus_one(ratio: Quotient) -> bool:
 
 @SECTION.check("sec3.slow_filter_always")
 def slowing_the_filter_down() -> Finding:
-    """Slow the filter down for two H with one clockwise turn, and for random loops.
+    """Slow the filter down for two H with one clockwise encirclement, and for random loops.
 
     G/Gm = (s − 1)/(s + 1) has the wrong sign at low frequency; 10(1 − s/100)/(1 + s/100) is too
     large for n = 3. On random loops the roots of p_B for λ = 10⁵ s are compared with the rule.
@@ -133,7 +133,7 @@ def slowing_the_filter_down() -> Finding:
             wins += rule
     return Finding(
         every(count > 0 for count in stable),
-        f"(s − 1)/(s + 1), n = 1, and 10(1 − s/100)/(1 + s/100), n = 3: H turns "
+        f"(s − 1)/(s + 1), n = 1, and 10(1 − s/100)/(1 + s/100), n = 3: H encircles −1 "
         f"{numbers(turning)} times clockwise, and {numbers(stable)} of {tried.size} λ up to "
         f"10⁵ s are stable; the rule decides {sum(agree)} of {len(agree)} random cases, {wins} of "
         "them stable",
@@ -148,7 +148,7 @@ def slowing_the_filter_down() -> Finding:
 
 @SECTION.check("sec3.no_turns_no_filter")
 def turns_of_h_alone() -> Finding:
-    """Count the turns of H (with its arc) and the roots of p_B for n = 2, λ = 0.1 s.
+    """Count the encirclements by H (with its arc) and the roots of p_B for n = 2, λ = 0.1 s.
 
     For the converse 81 λ from 0.1 ms to 10⁴ s are tried, and Routh's conditions for the quartic
     (s − 1)((λs + 1)³ − 1) + 10(s + 1) computed: they ask for λ < 1 and for 3λ² > 9λ + 1 at once.
@@ -161,8 +161,8 @@ def turns_of_h_alone() -> Finding:
     stable = root < 0 and first.stability().observer_loop.stable is True
     return Finding(
         no_turn == -poles[0] or root >= 0,
-        f"P_H = {poles[0]}, H turns {number(-no_turn)} times anticlockwise, and the "
-        f"rightmost root is {number(root, 4)}; conversely P_H = {poles[1]}, H turns "
+        f"P_H = {poles[0]}, H encircles −1 {number(-no_turn)} times anticlockwise, and the "
+        f"rightmost root is {number(root, 4)}; conversely P_H = {poles[1]}, H encircles −1 "
         f"{number(-one_turn)} times, and {min(counts)} or more roots are in the right half plane "
         f"for all {len(counts)} λ",
         conditions={

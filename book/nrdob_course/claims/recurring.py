@@ -143,7 +143,7 @@ def _controller(section: Section, id: str, which: int) -> None:
 
     @section.check(id)
     def check() -> Finding:
-        """Count the turns of C·Gm and find the roots of p_A."""
+        """Count the encirclements by C·Gm and find the roots of p_A."""
         part = example(which).stability().model_loop
         rightmost = complex_number(part.rightmost)
         return Finding(part.stable is True, f"{npz_text(part)}; p_A rightmost {rightmost}")
@@ -283,7 +283,7 @@ def _steps(section: Section, id: str, which: int, modified: bool) -> None:
 
     @section.check(id)
     def check() -> Finding:
-        """Judge stability by turns and by roots; compare four ends with the maps at s = 0."""
+        """Judge stability by encirclements and roots; compare four ends with the maps at s = 0."""
         return steps_finding(example(which, modified))
 
 
