@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..diagram import real_number
+from ..numerics import FloatArray
 from .actuatorlimits import ActuatorLimits
 from .controller import SampledController
 from .equations import BLOCKS, SIGNALS, Row, equations, rendered
@@ -229,7 +230,8 @@ def _tracking(controller: SampledController, time: float) -> float:
 
 def _while_limited(controller: SampledController, share: float) -> float:
     """Largest modulus of a root z of C with tracking, while the actuator stays at its limit."""
-    num, den = np.ones(1), np.ones(1)  # powers of z - 1
+    num: FloatArray = np.ones(1)  # powers of z - 1
+    den: FloatArray = np.ones(1)
     for part in controller.sections["C"]:
         num = np.polymul(num, [part.b0, part.b1, part.b2][: part.order + 1])
         den = np.polymul(den, [1.0, part.a1, part.a2][: part.order + 1])
