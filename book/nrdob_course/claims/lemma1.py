@@ -364,7 +364,8 @@ def turns_that_condition_ii_needs() -> Finding:
         every(agree) and enough_turns(hidden) == condition_ii(hidden),
         f"encirclements and roots agree for {sum(agree)} of {len(agree)} random loops, of "
         f"which {stable} fulfil condition ii; G = Gm = 1/s has "
-        f"{turns_around_minus_one(hidden.FH)} encirclements, N_p = {n_p(hidden)} and a root of p_B at {number(rightmost(hidden))}; "
+        f"{turns_around_minus_one(hidden.FH)} encirclements, N_p = {n_p(hidden)} and a root "
+        f"of p_B at {number(rightmost(hidden))}; "
         f"G = Gm = 4/(2 − s − s²) has {turned} encirclements, N_p = {n_p(matched)} before and "
         f"{after} after cancellation, and a root at {number(rightmost(matched), 4)}",
         conditions={
