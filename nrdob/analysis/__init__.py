@@ -1,4 +1,4 @@
-"""What the loop does: its stability, its margins, its responses, its turns around -1."""
+"""What the loop does: its stability, its margins, its responses, its encirclements of -1."""
 
 from .frequencies import on_axis, resolved_frequencies, subdivided
 from .locus import Found, Locus, Notable, notable_frequencies

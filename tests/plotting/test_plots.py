@@ -137,7 +137,7 @@ def test_the_ground_is_transparent() -> None:
 
 # Nyquist.
 
-TURNS = {
+ENCIRCLEMENTS = {
     ("FH", 1, False): "no encirclement of −1",
     ("FH", 2, False): "no encirclement of −1",
     ("FH", 3, False): "one counter-clockwise encirclement of −1",
@@ -151,10 +151,10 @@ TURNS = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("which", "number", "modified"), TURNS)
-def test_nyquist_alt_text_counts_the_turns(which: str, number: int, modified: bool) -> None:
+@pytest.mark.parametrize(("which", "number", "modified"), ENCIRCLEMENTS)
+def test_nyquist_alt_text_counts_the_encirclements(which: str, number: int, modified: bool) -> None:
     figure = paper.example(number, modified).plot_nyquist(which)
-    assert TURNS[which, number, modified] in figure.alt
+    assert ENCIRCLEMENTS[which, number, modified] in figure.alt
 
 
 def test_nyquist_alt_text_of_example_3() -> None:
@@ -164,7 +164,7 @@ def test_nyquist_alt_text_of_example_3() -> None:
     )
 
 
-def test_the_papers_ratio_turns_around_plus_one() -> None:
+def test_the_papers_ratio_encircles_plus_one() -> None:
     figure = paper.example(3).plot_nyquist("ratio", point=1)
     assert "one counter-clockwise encirclement of +1" in figure.alt
 

@@ -351,7 +351,7 @@
         [-reach * ratio, reach * ratio],
         [-reach, reach],
         [...drawn, { at: [-1, 0], kind: "minus-one" }],
-        `Nyquist plot of ${CURVES[curve]}: ${isPoint ? `${drawn[0].words}. ` : ""}N = ${written(N)} clockwise turns of ${CURVES[this.kind.counted]} around −1, P = ${P}, Z = ${written(Z)}.`,
+        `Nyquist plot of ${CURVES[curve]}: ${isPoint ? `${drawn[0].words}. ` : ""}N = ${written(N)} clockwise encirclements of −1 by ${CURVES[this.kind.counted]}, P = ${P}, Z = ${written(Z)}.`,
       );
     }
 
