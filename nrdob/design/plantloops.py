@@ -166,8 +166,8 @@ class PlantLoops:
     def at_poles(self, time_constants: FloatArray) -> FloatArray:
         """Smallest ``|1 + L|`` beside poles of R on the axis.
 
-        There L = ρ/(j(ω - ω0)) is a straight line through 0. It is looked at here where ``|ρ|`` is so
-        small that the frequencies of the grid are too far apart to show it.
+        There L = ρ/(j(ω - ω0)) is a straight line through 0. It is looked at here where ``|ρ|`` is
+        so small that the frequencies of the grid are too far apart to show it.
 
         Parameters
         ----------
