@@ -375,3 +375,34 @@ def test_parts_of_different_loops_do_not_join():
     for wrong in ([*delays, *lags], [*lags, *delays], [delays[0], other], [other, other, lags[0]]):
         with pytest.raises(ValueError, match="do not join"):
             check(wrong)
+
+
+# Sampled loops.
+
+
+@pytest.mark.parametrize("number", [1, 2, 3, 4])
+@pytest.mark.parametrize("ratio", [0.1, 2.0, 20.0])
+def test_sampled_loops_are_counted_as_by_the_verdict(number, ratio):
+    loop = example(number)
+    verdict = loop.sampled(ratio * loop.filter.time_constant).stability()
+    certificate = verdict.certificate()
+    claim = certificate.content["claim"]
+    parts = verdict.model_loop, verdict.observer_loop
+    assert [claim["p_A"], claim["p_B"]] == [part.closed_loop_rhp for part in parts]
+    assert "Re w = c (z - 1)/(z + 1) >= 0" in str(certificate)
+
+
+def test_gains_of_a_sampled_loop_are_proved_up_to_the_margin():
+    sampled = example(4).sampled(0.01)
+    high = sampled.margins().gm_high
+    assert sampled.stability().certificate(gains=(0.1, 0.999 * high))
+    with pytest.raises(ArithmeticError, match="no certificate for p_B"):
+        sampled.stability().certificate(gains=(0.1, 1.001 * high))
+
+
+def test_what_a_sampled_loop_has_no_certificate_for_is_said():
+    loop = example(4)
+    with pytest.raises(ArithmeticError, match="holds 50 samples"):
+        loop.sampled(0.001).stability().certificate()
+    with pytest.raises(ValueError, match="only gains and time constants"):
+        loop.sampled(0.01).stability().certificate(delays=(0, 0.1))
