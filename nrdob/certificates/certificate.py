@@ -121,8 +121,8 @@ def certify(
     >>> import control as ct
     >>> from nrdob import LowPassFilter, delay
     >>> blocks = delay(0.1) * ct.tf([2], [1, 1]), ct.tf([1], [1, 1]), 2, LowPassFilter(0.5, 1)
-    >>> certify(LoopEquations(*blocks), (0, 0), delays=(0, 0.2)).proved.split(".")[0]
-    'Proved: the loop is internally stable for every dead time from 0 to 0'
+    >>> certify(LoopEquations(*blocks), (0, 0), delays=(0, 0.2)).proved.split(". ")[0]
+    'Proved: the loop is internally stable for every dead time from 0 to 0.2'
     """
     if reason := loop.ill_posed:
         raise ArithmeticError(f"no certificate: {reason}")
