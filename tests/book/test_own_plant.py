@@ -17,7 +17,7 @@ import nbformat
 import numpy as np
 import pytest
 
-CHAPTER = Path(__file__).resolve().parents[2] / "notebooks" / "36_your_own_plant.ipynb"
+CHAPTER = Path(__file__).resolve().parents[2] / "notebooks" / "24_your_own_plant.ipynb"
 DEAR = "answer(nrdob.report", "answer(alternatives", "answer(survivors"
 """Questions that take long; one plant is asked all of them."""
 

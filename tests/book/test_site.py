@@ -596,11 +596,11 @@ def test_the_first_picture_of_a_chapter_is_near(looks: Looks) -> None:
 QUERIES = {
     "dead time": "chapters/07_do_endless_encirclements_matter",
     "Nyquist": "chapters/05_how_slow_must_the_filter_be",
-    "how to choose lambda": "chapters/21_all_filters",
-    "Smith predictor": "chapters/26_dead_time_in_the_model",
-    "noise": "chapters/31_noise",
-    "saturation": "chapters/33_limits",
-    "PID": "chapters/15_what_it_is",
+    "how to choose lambda": "chapters/10_all_filters",
+    "Smith predictor": "chapters/15_dead_time_in_the_model",
+    "noise": "chapters/18_noise",
+    "saturation": "chapters/20_actuator_limits",
+    "PID": "chapters/16_what_it_is",
     "unstable plant": "chapters/06_why_must_the_model_be_wrong",
 }
 

@@ -521,16 +521,16 @@ def test_numbers_on_the_board_are_right() -> None:
     assert np.isclose(closedforms.smallest_for_rhp_zero(1, 1), 1)
     assert np.isclose(closedforms.smallest_for_rhp_zero(1, 2), 1 / 2)
     assert np.allclose([closedforms.gain_bound(n) for n in (1, 2, 3)], [np.inf, np.inf, 9])
-    chapter = nbformat.read(ROOT / "notebooks" / "22_rules.ipynb", as_version=4)
+    chapter = nbformat.read(ROOT / "notebooks" / "11_rules.ipynb", as_version=4)
     assert "0.9620" in str(chapter), "Ms ≤ 2 for a dead time"
 
 
 def test_sections_that_are_shown_at_the_computer_exist() -> None:
     for stem, heading in (
         ("01_can_you_compute_the_load", "The loop in ten lines"),
-        ("21_all_filters", "Move it yourself"),
-        ("23_choosing_the_model", "The recipe"),
-        ("23_choosing_the_model", "First design: the ball"),
+        ("10_all_filters", "Move it yourself"),
+        ("12_choosing_the_model", "The recipe"),
+        ("12_choosing_the_model", "First design: the ball"),
     ):
         cells = nbformat.read(ROOT / "notebooks" / f"{stem}.ipynb", as_version=4).cells
         assert any(f"## {heading}\n" in f"{cell.source}\n" for cell in cells), heading
