@@ -77,10 +77,10 @@ class ChapterMap(ChapterDirective):
         """Make the cards."""
         openings = self.openings()
         found = nodes.container(classes=["chapter-map"])
-        for begins, part in PARTS.items():
+        for part, numbers in PARTS.items():
             found += nodes.rubric(part, part)
             cards = nodes.bullet_list(classes=["chapter-cards"])
-            cards += [self.card(o) for o in openings.values() if o.number[0] in begins]
+            cards += [self.card(o) for o in openings.values() if o.number in numbers]
             found += cards
         return [found]
 

@@ -11,12 +11,12 @@ from pages import cells_of
 __all__ = ["PARTS", "Chapter", "read_chapter"]
 
 PARTS = {
-    "0": "The paper in an afternoon",
-    "12": "Design",
-    "3": "The bench",
-    "ABC": "Appendices",
+    "The paper in an afternoon": "01 02 03 04 05 06 07 08".split(),
+    "Design": "09 10 11 12 13 14 15 16 17".split(),
+    "The bench": "18 19 20 21 22 23 24".split(),
+    "Appendices": ["A", "B", "C"],
 }
-"""The parts of the book, by what a chapter's number begins with, as on the front page."""
+"""The parts of the book, with the numbers of their chapters, as on the front page."""
 
 TITLE = re.compile(r"# (.+)")
 PROMISED = re.compile(r"\*\*You will be able to\*\*(.*?)\*\*You need\*\*", re.DOTALL)

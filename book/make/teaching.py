@@ -230,8 +230,8 @@ class Pack:
     def parts(self) -> dict[str, list[Chapter]]:
         """The chapters of each part of the book."""
         return {
-            part: [chapter for stem, chapter in self.chapters.items() if stem[0] in begins]
-            for begins, part in PARTS.items()
+            part: [chapter for chapter in self.chapters.values() if chapter.number in numbers]
+            for part, numbers in PARTS.items()
         }
 
     def problems_for(self, stem: str, objective: str) -> list[str]:

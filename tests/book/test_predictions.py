@@ -26,14 +26,11 @@ def test_every_chapter_holds_its_question_as_it_is_asked_in_class() -> None:
         assert [cell.metadata[KEY] for cell in cells if KEY in cell.metadata] == [path.stem]
 
 
-def test_a_chapter_opens_with_it() -> None:
+def test_a_picture_comes_first_and_the_question_where_it_can_be_answered() -> None:
     for chapter in QUESTIONS:
         cells = nbformat.read(predictions.NOTEBOOKS / f"{chapter}.ipynb", as_version=4).cells
         (place,) = (k for k, cell in enumerate(cells) if KEY in cell.metadata)
-        if chapter[0] in "0A":  # a picture comes first, the question where it can be answered
-            assert 1 < place < len(cells) - 2, chapter
-        else:
-            assert place == 1, chapter
+        assert 1 < place < len(cells) - 2, chapter
 
 
 def test_a_notebook_holds_the_figures_of_its_question() -> None:
