@@ -530,7 +530,7 @@ def test_numbers_on_the_board_are_right() -> None:
 def test_sections_that_are_shown_at_the_computer_exist() -> None:
     for stem, heading in (
         ("01_can_you_compute_the_load", "The loop in ten lines"),
-        ("10_all_filters", "Move it yourself"),
+        ("10_all_filters", "The fastest filter to a specification"),
         ("12_choosing_the_model", "The recipe"),
         ("12_choosing_the_model", "First design: the ball"),
     ):
