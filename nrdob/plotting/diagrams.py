@@ -29,6 +29,7 @@ __all__ = [
     "conventional",
     "delayed_model",
     "internal_model_control",
+    "limited",
     "nrdob",
     "six_blocks",
     "two_degrees_of_freedom",
@@ -54,6 +55,7 @@ BLOCKS = {
     "F/Gm0": (r"$F\,\tilde{G}_0^{-1}$", "filter"),
     "(1 - F*W)*Gm0": (r"$(1-F\,e^{-\theta_ms})\,\tilde{G}_0$", "model"),
     "K": (r"$K$", "controller"),
+    "sat": ("sat", "process"),
     "C/(1 + C*Gm)": (r"$\dfrac{C}{1+C\,\tilde{G}}$", "controller"),
     "C/((1 - F)*(1 + C*Gm))": (r"$\dfrac{C}{(1-F)\,(1+C\,\tilde{G})}$", "controller"),
 }
@@ -339,6 +341,30 @@ def delayed_model() -> Diagram:
     )
     title = "the loop with a model that waits, W = exp(-θm s)"
     return replace(drawn, title=title, parts=parts, wires=wires)
+
+
+def limited() -> Diagram:
+    """Draw the loop with a limited actuator, sat: the observer receives what has been applied."""
+    drawn = nrdob()
+    moved: Parts = {
+        "e": Sum((1.2, 0)), "C": Block((2.3, 0), 1.0), "u": Sum((3.45, 0)),
+        "sat": Block((4.6, 0), 1.0), "dhat": Sum((5.55, 2.35)), "F": Block((5.55, 1.2)),
+        "(1 - F)*Gm": Block((5.55, -1.2), 2.2), "yf": Sum((5.55, -2.35)),
+    }  # fmt: skip
+    places = {4.1: 3.45, 5.2: 5.55, 1.4: 1.2}
+    wires = tuple(
+        Wire(tuple(p if isinstance(p, str) else (places.get(p[0], p[0]), p[1]) for p in wire.path),
+             wire.sign)
+        for wire in drawn.wires if wire.path != ("u", "v")
+    )  # fmt: skip
+    return replace(
+        drawn, title="the NR-DOB loop with a limited actuator", parts=drawn.parts | moved,
+        wires=(*wires, Wire(("u", "sat")), Wire(("sat", "v"))),
+        labels={"$u$": (3.92, 0.3), "$u_a$": (5.87, -0.27), "$y$": (10.6, -0.9),
+                r"$y+\eta$": (12.65, 0.3), "$e$": (1.64, 0.3), r"$\hat{\delta}$": (4.5, 2.65),
+                "$y_f$": (3.3, -2.05)},
+        shades=(),
+    )  # fmt: skip
 
 
 def conventional() -> Diagram:

@@ -27,6 +27,7 @@ DRAW: dict[str, Callable[[], Diagram]] = {
     "internal_model_control": diagrams.internal_model_control,
     "six_blocks": diagrams.six_blocks,
     "delayed_model": diagrams.delayed_model,
+    "limited": diagrams.limited,
 }
 each_diagram = pytest.mark.parametrize("draw", DRAW.values(), ids=DRAW)
 C, F, G, Gm = (sp.Symbol(name) for name in ("C", "F", "G", "Gm"))
@@ -75,6 +76,17 @@ def test_the_conventional_observer_feeds_the_measurement_itself_to_the_controlle
     assert [(t.sign, t.signal) for t in theirs["e"]] == [(1, "R"), (-1, "ym")]
     assert {name for name in theirs if theirs[name] != ours[name]} == {"e"}
     assert set(ours) - set(theirs) == {"yf"}
+
+
+def test_a_limited_loop_feeds_its_observer_with_what_is_applied() -> None:
+    limited = str(diagrams.limited()).replace("sat*", "").splitlines()
+    for ours, theirs in zip(str(diagrams.nrdob()).splitlines(), limited, strict=True):
+        name, _, terms = theirs.partition(" = ")
+        assert ours.startswith(name) and sorted(ours.partition(" = ")[2].split()) == sorted(
+            terms.replace("delta + u", "u + delta").split()
+        )
+    assert [name for name, terms in diagrams.limited().equations.items()
+            if any("sat" in term.block for term in terms)] == ["dhat", "v", "yf"]  # fmt: skip
 
 
 def test_a_model_that_waits_leaves_the_error_what_it_is_without_dead_time() -> None:
