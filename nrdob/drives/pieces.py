@@ -1,0 +1,192 @@
+r"""A linear motion over a stretch of time, as polynomials with enclosures.
+
+Over a stretch T of a linear system z' = M z every signal g z is, to rounding, a polynomial of the
+time :math:`\tau` in units of T, with the coefficients :math:`g\,(MT)^k/k!\;z`. In Bernstein's
+form they enclose it: a signal whose Bernstein coefficients are not negative is not negative in the
+stretch. Where one is, halving the stretch finds the first time at which the signal leaves, or that
+it does not. So no event is missed, however short, and none is invented.
+
+.. rubric:: References
+
+Farouki, R. T., The Bernstein polynomial basis: a centennial retrospective, Computer Aided Geometric
+Design 29 (2012) 379-419.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from math import ceil, comb
+
+import numpy as np
+
+from ..numerics import FloatArray
+
+__all__ = ["Stretch", "first_exit", "stretches"]
+
+LARGEST = 1.0
+"""Largest modulus of an eigenvalue of M T."""
+
+NEGLIGIBLE, HIGHEST = 1e-18, 40
+"""Size of the last term of a series against its largest, and the most terms."""
+
+NARROWEST = 2.0**-50
+"""Share of a stretch at which it is halved no more."""
+
+STEPS = 60
+"""Steps of the search within a stretch in which a signal falls."""
+
+
+class Stretch:
+    """The motion of z' = M z over a time, and signals that are watched.
+
+    Parameters
+    ----------
+    M : array of float, shape (m, m)
+        The generator.
+    guards : array of float, shape (g, m)
+        Rows of signals that are not to become negative.
+    time : float
+        Length T in seconds, short against the fastest mode: see `stretches`.
+    states : int
+        How many of z move; the rest is constant.
+
+    Attributes
+    ----------
+    watched : array of float, shape (states + g (K+1), m)
+        Gives the states at the end, and the Bernstein coefficients of the signals.
+    """
+
+    def __init__(self, M: FloatArray, guards: FloatArray, time: float, states: int) -> None:
+        self.time, self._guards = time, guards
+        terms = [np.eye(len(M))]
+        largest = np.abs(terms[0])
+        while len(terms) <= HIGHEST:
+            terms.append(terms[-1] @ M * (time / len(terms)))
+            size = np.abs(terms[-1])
+            largest = np.maximum(largest, size)
+            if np.all(size <= NEGLIGIBLE * largest):
+                break
+        self._terms = np.array(terms)
+        self._states = self._terms[:, :states]
+        self._signals = np.einsum("gi,kij->gkj", guards, self._terms)
+        self._bernstein = _to_bernstein(len(terms) - 1)
+        self._powers = np.arange(len(terms))
+        enclosing = np.einsum("bk,gkj->gbj", self._bernstein, self._signals)
+        self._sizes = np.abs(enclosing).max(axis=1)
+        self.watched = np.vstack([self._states.sum(axis=0), *enclosing])
+
+    def states_at(self, z: FloatArray, share: float) -> FloatArray:
+        """Compute the states after a share of the stretch, shape (states,)."""
+        return np.asarray(share**self._powers @ (self._states @ z))
+
+    def polynomial(self, z: FloatArray, row: int) -> list[float]:
+        """Give one state as coefficients of ascending powers of the share."""
+        found: list[float] = (self._states[:, row] @ z).tolist()
+        return found
+
+    def exit(self, z: FloatArray, share: float) -> tuple[float, int] | None:
+        """Find the first share, up to the given one, at which a signal leaves, and which does."""
+        scale = share**self._powers
+        tolerances = 16 * np.finfo(float).eps * (self._sizes @ np.abs(z))
+        first: tuple[float, int] | None = None
+        for guard, signal in enumerate(self._signals):
+            enclosed = self._bernstein @ (scale * (signal @ z))
+            at = first_exit(enclosed, float(tolerances[guard]))
+            if at is not None and (first is None or at * share < first[0]):
+                first = at * share, guard
+        return first
+
+
+def stretches(M: FloatArray, time: float) -> int:
+    """Count the equal stretches into which a time, in seconds, is to be divided for a generator."""
+    fastest = float(np.abs(np.linalg.eigvals(M)).max(initial=0.0))
+    return max(1, ceil(fastest * time / LARGEST))
+
+
+def first_exit(enclosed: FloatArray, tolerance: float) -> float | None:
+    """Find where a polynomial on [0, 1] first becomes negative, by more than a tolerance.
+
+    Parameters
+    ----------
+    enclosed : array of float, shape (K+1,)
+        Its coefficients in Bernstein's form.
+    tolerance : float
+        What is rounding, at least 0.
+
+    Returns
+    -------
+    float or None
+        The last place before at which it is 0, or 0 if it begins so; None if it stays.
+
+    Examples
+    --------
+    The parabola (1 - 4t)(3 - 4t), with coefficients 3, -5, 3, and one that does not reach 0:
+
+    >>> round(first_exit(np.array([3.0, -5.0, 3.0]), 1e-15), 12)
+    0.25
+    >>> first_exit(np.array([1.0, -0.9, 1.0]), 1e-15)
+    """
+    waiting = [(enclosed, 0.0, 1.0)]
+    while waiting:
+        b, low, width = waiting.pop()
+        if b.min() >= -tolerance:
+            continue
+        if b[0] < 0 and (b[0] < -tolerance or width <= NARROWEST):
+            return low
+        falls = b[-1] < -tolerance and bool(np.all(np.diff(b) <= 0))
+        if falls and b[0] >= 0:
+            return low + width * _root(b)
+        if width <= NARROWEST:
+            return low
+        left, right = _halves(b)
+        waiting += [(right, low + width / 2, width / 2), (left, low, width / 2)]
+    return None
+
+
+def _root(b: FloatArray) -> float:
+    """Find the root of a polynomial that falls from 0 or more to below 0, by regula falsi."""
+    low, high, above, below = 0.0, 1.0, float(b[0]), float(b[-1])
+    if above == 0:
+        return 0.0
+    side = 0
+    for _ in range(STEPS):
+        middle = (low * below - high * above) / (below - above)
+        value = _at(b, middle)
+        if value == 0 or not low < middle < high:
+            return min(max(middle, low), high)
+        if value > 0:
+            low, above = middle, value
+            below *= 0.5 if side > 0 else 1.0  # the Illinois rule
+            side = 1
+        else:
+            high, below = middle, value
+            above *= 0.5 if side < 0 else 1.0
+            side = -1
+        if high - low <= 4e-16:
+            break
+    return low
+
+
+def _at(b: FloatArray, t: float) -> float:
+    """Evaluate by de Casteljau's rule."""
+    while b.size > 1:
+        b = (1 - t) * b[:-1] + t * b[1:]
+    return float(b[0])
+
+
+def _halves(b: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Write a polynomial over each half of its interval."""
+    left, right = np.empty_like(b), np.empty_like(b)
+    for i in range(b.size):
+        left[i], right[b.size - 1 - i] = b[0], b[-1]
+        b = 0.5 * (b[:-1] + b[1:])
+    return left, right
+
+
+@lru_cache
+def _to_bernstein(degree: int) -> FloatArray:
+    """Matrix from coefficients of powers to those of Bernstein's form, shape (K+1, K+1)."""
+    return np.array([
+        [comb(i, k) / comb(degree, k) if k <= i else 0.0 for k in range(degree + 1)]
+        for i in range(degree + 1)
+    ])  # fmt: skip

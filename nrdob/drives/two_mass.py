@@ -1,0 +1,319 @@
+r"""What a motor turns: one inertia, or two with a shaft between them.
+
+With the motor's torque :math:`\tau`, the load's torque :math:`\delta` and the twist
+:math:`\psi=\theta_m-\theta_l`,
+
+.. math:: J_m\dot\omega_m=\tau-b\,\omega_m-T,\qquad J_l\dot\omega_l=T+\delta,\qquad
+    T=k\psi+c\,\dot\psi
+
+The motor sees an *antiresonance* :math:`\sqrt{k/J_l}`, where the load swings on a motor that stands
+still, and a *resonance* :math:`\sqrt{k(1/J_m+1/J_l)}`, where both swing against each other. Their
+ratio :math:`\sqrt{1+J_l/J_m}` knows the inertias only. Resonance-ratio control makes the motor's
+inertia look another one, so that this ratio is about :math:`\sqrt5` (Yuki, Murakami and Ohnishi).
+A disturbance observer does so by itself below the bandwidth of its filter, if its *model* is a
+drive with that ratio: it makes the plant behave like the model.
+
+.. rubric:: References
+
+Yuki, K., T. Murakami, K. Ohnishi, Vibration control of 2 mass resonant system by resonance ratio
+control, Proc. IECON (1993) 2009-2014.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import isfinite, sqrt
+from typing import NamedTuple
+
+import control as ct
+import numpy as np
+
+from ..diagram import real_number
+from ..numerics import FloatArray
+
+__all__ = ["Mechanics", "OneMass", "TwoMasses"]
+
+
+class Mechanics(NamedTuple):
+    """A mechanism as x' = A x + B τ + E δ, its first states the motor's angle and speed.
+
+    Attributes
+    ----------
+    A, B, E : arrays of float, shapes (n, n), (n,), (n,)
+        In rad, rad/s and N m. Friction of the motor acts as τ does.
+    """
+
+    A: FloatArray
+    B: FloatArray
+    E: FloatArray
+
+
+@dataclass(frozen=True)
+class OneMass:
+    """A rigid drive: all that turns is one inertia.
+
+    Parameters
+    ----------
+    inertia : float
+        J of motor and load together, in kg m².
+
+    Raises
+    ------
+    ValueError
+        If the inertia is not positive and finite.
+
+    Examples
+    --------
+    >>> G = OneMass(0.01).speed(viscous=0.1)
+    >>> float(G.dcgain()), float(G.poles()[0].real)
+    (10.0, -10.0)
+    """
+
+    inertia: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "inertia", _positive(self.inertia, "inertia", "kg m²"))
+
+    @property
+    def motor(self) -> float:
+        """Inertia on which the motor's friction acts, in kg m²."""
+        return self.inertia
+
+    def mechanics(self, viscous: float = 0.0) -> Mechanics:
+        """Give the states angle and speed.
+
+        Parameters
+        ----------
+        viscous : float
+            Viscous friction b of the motor, in N m s.
+
+        Returns
+        -------
+        Mechanics
+            Of order 2; the load acts where the motor does.
+        """
+        B = np.array([0.0, 1 / self.inertia])
+        return Mechanics(np.array([[0.0, 1.0], [0.0, -viscous / self.inertia]]), B, B)
+
+    def speed(self, viscous: float = 0.0) -> ct.TransferFunction:
+        """Give the speed from the torque, 1/(J s + b).
+
+        Parameters
+        ----------
+        viscous : float
+            As for `mechanics`.
+
+        Returns
+        -------
+        control.TransferFunction
+            From N m to rad/s.
+        """
+        return ct.tf([1.0], [self.inertia, viscous])
+
+
+@dataclass(frozen=True)
+class TwoMasses:
+    """A motor that turns its load through a shaft that gives way.
+
+    Parameters
+    ----------
+    motor, load : float
+        Inertias, in kg m².
+    stiffness : float
+        k of the shaft, in N m/rad.
+    damping : float
+        c of the shaft, in N m s/rad.
+
+    Raises
+    ------
+    ValueError
+        If an inertia or the stiffness is not positive, or the damping is negative.
+
+    Examples
+    --------
+    >>> drive = TwoMasses(1e-3, 4e-3, 10.0)
+    >>> round(drive.antiresonance, 6), round(drive.resonance, 6)
+    (50.0, 111.803399)
+    >>> round(drive.resonance_ratio**2, 6)                      # 1 + 4
+    5.0
+    """
+
+    motor: float
+    load: float
+    stiffness: float
+    damping: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name, unit in (("motor", "kg m²"), ("load", "kg m²"), ("stiffness", "N m/rad")):
+            object.__setattr__(self, name, _positive(getattr(self, name), name, unit))
+        damping = real_number(self.damping, "damping", "give c of the shaft in N m s/rad")
+        if not (isfinite(damping) and damping >= 0):
+            raise ValueError(
+                f"damping is {damping:g} N m s/rad; a shaft takes energy out: give 0 or more"
+            )
+        object.__setattr__(self, "damping", damping)
+
+    @property
+    def antiresonance(self) -> float:
+        """Frequency at which the load swings on a motor at rest, undamped, in rad/s."""
+        return sqrt(self.stiffness / self.load)
+
+    @property
+    def resonance(self) -> float:
+        """Frequency at which both swing against each other, undamped, in rad/s."""
+        return sqrt(self.stiffness * (1 / self.motor + 1 / self.load))
+
+    @property
+    def inertia_ratio(self) -> float:
+        """Load over motor."""
+        return self.load / self.motor
+
+    @property
+    def resonance_ratio(self) -> float:
+        """Resonance over antiresonance, √(1 + load/motor)."""
+        return sqrt(1 + self.inertia_ratio)
+
+    def with_resonance_ratio(self, ratio: float) -> TwoMasses:
+        """Exchange the motor for one that makes another ratio with the same shaft and load.
+
+        As the model of an NR-DOB this is resonance-ratio control: the antiresonance belongs to load
+        and shaft and stays, the resonance goes where the model has it.
+
+        Parameters
+        ----------
+        ratio : float
+            Resonance over antiresonance, above 1; √5 is customary.
+
+        Returns
+        -------
+        TwoMasses
+            With the motor's inertia load/(ratio² - 1).
+
+        Raises
+        ------
+        ValueError
+            If the ratio is not above 1.
+
+        Examples
+        --------
+        >>> round(TwoMasses(4e-3, 4e-3, 10.0).with_resonance_ratio(5**0.5).motor, 6)
+        0.001
+        """
+        ratio = real_number(ratio, "ratio", "give resonance over antiresonance")
+        if not (isfinite(ratio) and ratio > 1):
+            raise ValueError(
+                f"ratio is {ratio:g}; the resonance is always above the antiresonance: give a "
+                "ratio above 1, such as 5**0.5"
+            )
+        return replace(self, motor=self.load / (ratio**2 - 1))
+
+    @property
+    def rigid(self) -> OneMass:
+        """Both inertias as one, as the drive is far below its antiresonance."""
+        return OneMass(self.motor + self.load)
+
+    def mechanics(self, viscous: float = 0.0) -> Mechanics:
+        """Give the states: the motor's angle and speed, the twist, and the load's speed.
+
+        Parameters
+        ----------
+        viscous : float
+            Viscous friction b of the motor, in N m s.
+
+        Returns
+        -------
+        Mechanics
+            Of order 4; the load's torque acts on the load.
+        """
+        Jm, Jl, k, c = self.motor, self.load, self.stiffness, self.damping
+        A = np.array([
+            [0.0, 1.0, 0.0, 0.0],
+            [0.0, -(c + viscous) / Jm, -k / Jm, c / Jm],
+            [0.0, 1.0, 0.0, -1.0],
+            [0.0, c / Jl, k / Jl, -c / Jl],
+        ])  # fmt: skip
+        return Mechanics(A, np.array([0.0, 1 / Jm, 0.0, 0.0]), np.array([0.0, 0.0, 0.0, 1 / Jl]))
+
+    def speed(self, viscous: float = 0.0) -> ct.TransferFunction:
+        r"""Give the motor's speed from its torque.
+
+        It is :math:`(J_ls^2+cs+k)/D` with
+        :math:`D=s(J_mJ_ls^2+(J_m+J_l)(cs+k))+b(J_ls^2+cs+k)`.
+
+        Parameters
+        ----------
+        viscous : float
+            As for `mechanics`.
+
+        Returns
+        -------
+        control.TransferFunction
+            From N m to rad/s.
+        """
+        return ct.tf(self._numerator, self._denominator(viscous))
+
+    def load_speed(self, viscous: float = 0.0) -> ct.TransferFunction:
+        r"""Give the load's speed from the motor's torque, :math:`(cs+k)/D`.
+
+        By reciprocity this is also the motor's speed from the load's torque.
+
+        Parameters
+        ----------
+        viscous : float
+            As for `mechanics`.
+
+        Returns
+        -------
+        control.TransferFunction
+            From N m to rad/s.
+        """
+        return ct.tf([self.damping, self.stiffness], self._denominator(viscous))
+
+    def notch(self, width: float) -> ct.TransferFunction:
+        r"""Give a filter that takes the resonance out of the torque.
+
+        It is :math:`(s^2+2\zeta\omega_rs+\omega_r^2)/(s^2+2w\omega_rs+\omega_r^2)` with the
+        shaft's own :math:`\zeta`, so that it cancels the resonance of the nominal drive.
+
+        Parameters
+        ----------
+        width : float
+            w, the damping ratio of the new poles, positive.
+
+        Returns
+        -------
+        control.TransferFunction
+            With gain 1 at 0 and at high frequencies.
+
+        Raises
+        ------
+        ValueError
+            If the width is not positive and finite.
+
+        Examples
+        --------
+        >>> drive = TwoMasses(1e-3, 4e-3, 10.0, 1e-3)
+        >>> round(float(abs(drive.notch(0.5)(1j * drive.resonance))), 6)       # ζ/w
+        0.01118
+        """
+        width = _positive(width, "width", "1")
+        squared = self.resonance**2
+        own = self.damping * (1 / self.motor + 1 / self.load)
+        return ct.tf([1.0, own, squared], [1.0, 2 * width * self.resonance, squared])
+
+    @property
+    def _numerator(self) -> list[float]:
+        return [self.load, self.damping, self.stiffness]
+
+    def _denominator(self, viscous: float) -> FloatArray:
+        total = self.motor + self.load
+        free = [self.motor * self.load, total * self.damping, total * self.stiffness, 0.0]
+        return np.polyadd(free, viscous * np.array(self._numerator))
+
+
+def _positive(value: float, name: str, unit: str) -> float:
+    number = real_number(value, name, f"give a number in {unit}")
+    if not (isfinite(number) and number > 0):
+        remedy = "a drive without load is OneMass(inertia)" if name == "load" else "check its sign"
+        raise ValueError(f"{name} is {number:g} {unit}; it must be positive and finite: {remedy}")
+    return number
