@@ -151,8 +151,8 @@ class Motion:
         for age, time, tables in self._plan:
             z[n] = past[age]
             stretch = tables[self.mode]
-            found = stretch.watched.dot(z)
-            if found[n:].min() >= 0.0:
+            found = stretch.watched.dot(z).tolist()
+            if min(found[n:]) >= 0.0:
                 self._keep(start, stretch, 1.0)
                 z[:n] = found[:n]
             else:

@@ -187,15 +187,16 @@ class Drive:
 
         controller = code.controller
         n = controller.states
-        # States to come, command and estimate over (states, r, y); then what the applied u adds.
-        known = np.vstack([
+        # States to come, command and estimate over (states, r, y) while nothing is limited, and what
+        # they gain for each N m that the applied torque has more than the command.
+        command_row = np.append(controller.C, controller.D)
+        acting = np.concatenate([controller.B[:, 2], [0.0], controller.estimate[-1:]])
+        free = np.vstack([
             np.column_stack([controller.A, controller.B[:, :2]]),
-            np.append(controller.C, controller.D),
+            command_row,
             controller.estimate[:-1],
-        ])  # fmt: skip
-        from_applied = np.concatenate([controller.B[:, 2], [0.0], controller.estimate[-1:]])
-        from_limit = np.zeros(n + 2)
-        from_limit[controller.rows["C"]] = code.tracking * controller.blocks["C"].B
+        ]) + np.outer(acting, command_row)  # fmt: skip
+        acting[:n][controller.rows["C"]] += code.tracking * controller.blocks["C"].B
         limit = limited(code.limits, sampled.dt).apply
         z, applied = np.zeros(n + 2), 0.0
         rows: list[tuple[float, ...]] = []
@@ -204,7 +205,7 @@ class Drive:
             measured = read(angle + eta)
             z[n] = R
             z[n + 1] = R - beyond(R - measured, width) if width else measured
-            found = known.dot(z)
+            found = free.dot(z)
             command = float(found[n]) + more
             if not isfinite(command):
                 raise ArithmeticError(
@@ -212,9 +213,8 @@ class Drive:
                     f"{len(rows)}: the loop is unstable; simulate fewer samples"
                 )
             applied = limit(command, applied)
-            found += (applied - more) * from_applied
-            if command != applied:
-                found += (applied - command) * from_limit
+            if applied != command:
+                found += (applied - command) * acting
             rows.append((angle, speed, measured, command, applied, float(found[n + 1]), held))
             z[:n] = found[:n]
             motion.advance(applied, load)
