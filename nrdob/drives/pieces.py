@@ -178,7 +178,7 @@ def _halves(b: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Write a polynomial over each half of its interval."""
     left, right = np.empty_like(b), np.empty_like(b)
     for i in range(b.size):
-        left[i], right[b.size - 1 - i] = b[0], b[-1]
+        left[i], right[-1 - i] = b[0], b[-1]
         b = 0.5 * (b[:-1] + b[1:])
     return left, right
 

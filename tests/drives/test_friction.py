@@ -73,5 +73,5 @@ def test_a_first_harmonic_needs_a_motion(amplitude):
 
 
 def test_a_text_is_no_friction():
-    with pytest.raises(TypeError, match="coulomb is '0.1', a str; give it as a number"):
+    with pytest.raises(TypeError, match=r"coulomb is '0\.1', a str; give it as a number"):
         Friction("0.1")

@@ -35,7 +35,10 @@ def test_states_and_transfer_functions_are_the_same_drive(drive, viscous):
 
 
 def test_it_is_the_plant_of_the_examples():
-    mine, theirs = TwoMasses(1e-3, 4e-3, 10.0, 0.01), nrdob.plants.two_masses(1e-3, 4e-3, 10.0, 0.01)
+    mine, theirs = (
+        TwoMasses(1e-3, 4e-3, 10.0, 0.01),
+        nrdob.plants.two_masses(1e-3, 4e-3, 10.0, 0.01),
+    )
     np.testing.assert_allclose(mine.speed().num[0][0], theirs.num[0][0])
     np.testing.assert_allclose(mine.speed().den[0][0], theirs.den[0][0])
 
