@@ -108,6 +108,7 @@ class Drive:
         """
         return Motion(self.inertia, self.friction, dt, delay, angle)
 
+    @np.errstate(over="ignore", invalid="ignore")  # what is not finite is refused
     def simulate(
         self,
         sampled: SampledLoop,
@@ -202,16 +203,15 @@ class Drive:
         rows: list[tuple[float, ...]] = []
         for R, _, load, eta, more in np.column_stack([external, fed]).tolist():
             angle, speed, held = motion.angle, motion.speed, motion.at_rest
+            if not isfinite(angle):
+                raise _left(len(rows))
             measured = read(angle + eta)
             z[n] = R
             z[n + 1] = R - beyond(R - measured, width) if width else measured
             found = free.dot(z)
             command = float(found[n]) + more
             if not isfinite(command):
-                raise ArithmeticError(
-                    f"the signals leave the range of floating-point numbers near sample "
-                    f"{len(rows)}: the loop is unstable; simulate fewer samples"
-                )
+                raise _left(len(rows))
             applied = limit(command, applied)
             if applied != command:
                 found += (applied - command) * acting
@@ -223,6 +223,13 @@ class Drive:
             time, angles if self.estimate is None else speeds, readings, u, acted, d_hat,
             angle=angles, speed=speeds, at_rest=rests.astype(bool),
         )  # fmt: skip
+
+
+def _left(sample: int) -> ArithmeticError:
+    return ArithmeticError(
+        f"the signals leave the range of floating-point numbers near sample {sample}: the loop is "
+        "unstable; simulate fewer samples"
+    )
 
 
 def _reader(drive: Drive, motion: Motion, dt: float) -> Callable[[float], float]:
