@@ -1,7 +1,7 @@
 """A drive around the loop: encoder, friction, one mass or two, simulated event by event."""
 
-from .encoder import Counting, EdgeTiming, EncodedLoop, Encoder, SpeedEstimate, Tracking
-from .friction import Friction, dead_band
+from .encoder import Counting, EdgeTiming, EncodedLoop, Encoder, SpeedEstimate, Tracking, encoded
+from .friction import Friction
 from .motion import Motion
 from .simulate import Drive, DriveResponse
 from .two_mass import OneMass, TwoMasses
@@ -19,7 +19,7 @@ __all__ = [
     "SpeedEstimate",
     "Tracking",
     "TwoMasses",
-    "dead_band",
+    "encoded",
 ]
 
 

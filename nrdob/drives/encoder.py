@@ -11,7 +11,7 @@ An incremental encoder rounds the *angle*. A speed is made of its counts on the 
 
 Each one is linear, but for the rounding: the mean speed of the last sample,
 :math:`(1-z^{-1})\theta/h`, through a filter M(z) with M(1) = 1. So the verdict on a loop with an
-estimate in it is as exact as one without (`EncodedLoop`); what the rounding does is simulated.
+estimate in it is as exact as one without (`encoded`); what the rounding does is simulated.
 
 .. rubric:: References
 
@@ -22,30 +22,35 @@ wide-range speed regulator for motor drives, IEEE Trans. Industrial Electronics 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import exp, floor, inf, isfinite, pi
-from typing import Any
 
 import numpy as np
 
-from ..analysis import Margins, NoiseVariance
 from ..diagram import Fraction, LoopEquations, real_number
-from ..digital import HeldProcess, SampledLoop, SampledStability, held_in_w
+from ..digital import HeldProcess, SampledLoop, held_in_w
 from ..numerics import FloatArray, is_whole, transition
 from .motion import Motion
 
-__all__ = ["Counting", "EdgeTiming", "EncodedLoop", "Encoder", "SpeedEstimate", "Tracking"]
+__all__ = [
+    "Counting",
+    "EdgeTiming",
+    "EncodedLoop",
+    "Encoder",
+    "SpeedEstimate",
+    "Tracking",
+    "encoded",
+]
 
 Reading = Callable[[float], float]
-"""From the angle read at a sample to the speed."""
+"""From the angle of a sample to what is read."""
 
 
 @dataclass(frozen=True)
 class Encoder:
-    """An incremental encoder.
+    """An incremental encoder: it counts steps of the angle, the nearest whole number of them.
 
     Parameters
     ----------
@@ -59,9 +64,8 @@ class Encoder:
 
     Examples
     --------
-    >>> encoder = Encoder(10_000)
-    >>> round(encoder.step, 8), encoder.count(0.001)
-    (0.00062832, 2)
+    >>> round(Encoder(10_000).step, 8)
+    0.00062832
     """
 
     counts: float
@@ -80,15 +84,10 @@ class Encoder:
         """Angle of one count, in rad."""
         return 2 * pi / self.counts
 
-    def count(self, angle: float) -> int:
-        """Give the counter at an angle in rad: the nearest whole number of steps."""
-        return floor(angle / self.step + 0.5)
-
 
 class SpeedEstimate(ABC):
     """How a speed is made of angles that are read in each sample."""
 
-    @abstractmethod
     def smoothing(self, dt: float) -> tuple[FloatArray, FloatArray]:
         """Give M(z), from the mean speed of the last sample to the estimate.
 
@@ -100,30 +99,13 @@ class SpeedEstimate(ABC):
         Returns
         -------
         num, den : arrays of float, shape (n+1,)
-            In descending powers of z.
+            In descending powers of z, den monic.
         """
-
-    @abstractmethod
-    def reader(self, dt: float, encoder: Encoder | None, motion: Motion) -> Reading:
-        """Start to estimate, from rest.
-
-        Parameters
-        ----------
-        dt : float
-            Sampling time in seconds.
-        encoder : Encoder, optional
-            Whose steps the angle has.
-        motion : Motion
-            The drive, for what has happened between two samples.
-
-        Returns
-        -------
-        callable
-            Gives the speed in rad/s for the angle read in rad, sample after sample.
-        """
+        num, den = self._smoothing(dt)
+        return np.array(num), np.array(den)
 
     def delay(self, dt: float) -> float:
-        """Say how old the estimate of a slowly changing speed is: -H'(0) of its transfer function.
+        """Say how old the estimate of a slowly changing speed is, the slope of its phase.
 
         Parameters
         ----------
@@ -133,7 +115,7 @@ class SpeedEstimate(ABC):
         Returns
         -------
         float
-            In seconds, by edges that come many times in a sample.
+            In seconds, if edges come many times in a sample.
 
         Examples
         --------
@@ -141,10 +123,27 @@ class SpeedEstimate(ABC):
         (0.002, 0.009533)
         """
         num, den = self.smoothing(dt)
-        lag = (
-            np.polyval(np.polyder(den), 1) / den.sum() - np.polyval(np.polyder(num), 1) / num.sum()
-        )
-        return float((lag + 0.5) * dt)
+        slopes = [np.polyval(np.polyder(p), 1.0) / p.sum() for p in (den, num)]
+        return float((slopes[0] - slopes[1] + 0.5) * dt)
+
+    @abstractmethod
+    def _smoothing(self, dt: float) -> tuple[list[float], list[float]]: ...
+
+    def _start(self, encoder: Encoder | None, motion: Motion) -> Reading:
+        """Start M(z) on the differences of the angles that are read."""
+        num, den = self._smoothing(motion.dt)
+        first, *later = zip(num, den, strict=True)
+        states, before, dt = [0.0] * len(num), motion.angle, motion.dt
+
+        def read(angle: float) -> float:
+            nonlocal before
+            mean, before = (angle - before) / dt, angle
+            estimate = first[0] * mean + states[0]
+            for i, (b, a) in enumerate(later):
+                states[i] = states[i + 1] + b * mean - a * estimate
+            return estimate
+
+        return read
 
 
 @dataclass(frozen=True)
@@ -163,29 +162,14 @@ class Counting(SpeedEstimate):
         if not (is_whole(self.samples) and self.samples >= 1):
             raise ValueError(f"samples is {self.samples!r}; give a whole number from 1 on")
 
-    def smoothing(self, dt: float) -> tuple[FloatArray, FloatArray]:
-        """Give M(z), the mean of the last m: see `SpeedEstimate.smoothing`."""
+    def _smoothing(self, dt: float) -> tuple[list[float], list[float]]:
         m = self.samples
-        return np.full(m, 1.0 / m), np.eye(1, m)[0]
-
-    def reader(self, dt: float, encoder: Encoder | None, motion: Motion) -> Reading:
-        """Start to count: see `SpeedEstimate.reader`."""
-        past: deque[float] = deque(maxlen=self.samples)
-        whole = self.samples * dt
-
-        def read(angle: float) -> float:
-            if not past:
-                past.extend([angle] * self.samples)
-            before = past[0]
-            past.append(angle)
-            return (angle - before) / whole
-
-        return read
+        return [1 / m] * m, [1.0] + [0.0] * (m - 1)
 
 
 @dataclass(frozen=True)
 class Tracking(SpeedEstimate):
-    """A phase-locked loop on the counts, critically damped.
+    """A phase-locked loop on the counts, critically damped: M(z) = (1 - r)² z²/(z - r)².
 
     Parameters
     ----------
@@ -201,27 +185,9 @@ class Tracking(SpeedEstimate):
             raise ValueError(f"bandwidth is {value:g} rad/s; give a positive, finite one")
         object.__setattr__(self, "bandwidth", value)
 
-    def smoothing(self, dt: float) -> tuple[FloatArray, FloatArray]:
-        """Give M(z), (1 - r)² z²/(z - r)²: see `SpeedEstimate.smoothing`."""
+    def _smoothing(self, dt: float) -> tuple[list[float], list[float]]:
         r = exp(-self.bandwidth * dt)
-        return np.array([(1 - r) ** 2, 0.0, 0.0]), np.array([1.0, -2 * r, r * r])
-
-    def reader(self, dt: float, encoder: Encoder | None, motion: Motion) -> Reading:
-        """Start to track: see `SpeedEstimate.reader`."""
-        r = exp(-self.bandwidth * dt)
-        for_angle, for_speed = 1 - r * r, (1 - r) ** 2 / dt
-        expected, speed, started = 0.0, 0.0, False
-
-        def read(angle: float) -> float:
-            nonlocal expected, speed, started
-            if not started:
-                expected, started = angle, True
-            error = angle - expected
-            speed += for_speed * error
-            expected += for_angle * error + dt * speed
-            return speed
-
-        return read
+        return [(1 - r) ** 2, 0.0, 0.0], [1.0, -2 * r, r * r]
 
 
 @dataclass(frozen=True)
@@ -232,12 +198,10 @@ class EdgeTiming(SpeedEstimate):
     been seen by now: it is at most one step over the time since the last edge.
     """
 
-    def smoothing(self, dt: float) -> tuple[FloatArray, FloatArray]:
-        """Give M(z) = 1, for many edges in a sample: see `SpeedEstimate.smoothing`."""
-        return np.ones(1), np.ones(1)
+    def _smoothing(self, dt: float) -> tuple[list[float], list[float]]:
+        return [1.0], [1.0]
 
-    def reader(self, dt: float, encoder: Encoder | None, motion: Motion) -> Reading:
-        """Start to time edges: see `SpeedEstimate.reader`."""
+    def _start(self, encoder: Encoder | None, motion: Motion) -> Reading:
         if encoder is None:
             raise ValueError("EdgeTiming needs edges: give the drive an Encoder(counts)")
         step = encoder.step
@@ -246,8 +210,8 @@ class EdgeTiming(SpeedEstimate):
 
         def read(_: float) -> float:
             nonlocal edge, since, speed
-            since += dt
-            found = _last_edge(motion, step, dt)
+            since += motion.dt
+            found = motion.last_edge(step)
             if found is not None:
                 now, ago = found
                 if isfinite(since):
@@ -260,89 +224,32 @@ class EdgeTiming(SpeedEstimate):
         return read
 
 
-def _last_edge(motion: Motion, step: float, dt: float) -> tuple[float, float] | None:
-    """Find the last edge of a sample: its angle, and how long it is ago."""
-    for start, time, share, angle in motion.passages():
-        powers = np.array(angle[::-1])
-        first, last = float(powers[-1]), float(np.polyval(powers, share))
-        before, after = floor(first / step + 0.5), floor(last / step + 0.5)
-        if before == after:
-            continue
-        edge = (after - 0.5 if last > first else after + 0.5) * step
-        low, high, rising = 0.0, share, last > first
-        for _ in range(52):  # the angle does not turn back in a passage
-            middle = (low + high) / 2
-            if (np.polyval(powers, middle) > edge) == rising:
-                high = middle
-            else:
-                low = middle
-        return edge, dt - start - high * time
-    return None
+def reader(encoder: Encoder | None, estimate: SpeedEstimate | None, motion: Motion) -> Reading:
+    """Give what turns the true angle of each sample into y: see `Drive.reader`."""
+    read = estimate._start(encoder, motion) if estimate else float
+    if encoder is None:
+        return read
+    step, inverse = encoder.step, 1 / encoder.step
+    if estimate is None:
+        return lambda angle: floor(angle * inverse + 0.5) * step
+    return lambda angle: read(floor(angle * inverse + 0.5) * step)
 
 
 @dataclass(frozen=True, eq=False)
-class EncodedLoop:
-    """A sampled speed loop whose y is an estimate, judged exactly but for the rounding.
+class EncodedLoop(SampledLoop):
+    """A sampled speed loop whose y is an estimate, exact but for the rounding.
 
-    Parameters
+    It is judged as any `SampledLoop`. Signals are those at the samples; between them there is no y,
+    and of rest it knows only R = 0: `Drive.simulate` has the drive itself. Noise is added to each
+    estimate; an error of the angle with the deviation σ is coloured by σ M(z) (1 - 1/z)/dt.
+
+    Attributes
     ----------
-    sampled : SampledLoop
-        The loop with the *speed* for its process, strictly proper.
+    loop, dt, method, computation_delay : as of `SampledLoop`
+        Of the loop with the *speed* for its process, strictly proper.
     estimate : SpeedEstimate
-        How the speed is made of angles.
-
-    Raises
-    ------
-    ValueError
-        If the process has a direct path, so that its angle jumps.
-
-    Examples
-    --------
-    An observer that is stable with a measured speed, and not with a slow estimate of it:
-
-    >>> import control as ct
-    >>> import nrdob
-    >>> motor = ct.tf([1], [0.01, 0.1])
-    >>> loop = nrdob.NRDOB(motor, motor, ct.tf([0.2, 2.0], [1, 0]), nrdob.LowPassFilter(0.004, 1))
-    >>> sampled = loop.sampled(0.001)
-    >>> [EncodedLoop(sampled, each).stability().stable for each in (Counting(), Counting(20))]
-    [True, False]
+        How the speed is made of angles: see `encoded`.
     """
-
-    sampled: SampledLoop
-    estimate: SpeedEstimate
-
-    def __post_init__(self) -> None:
-        if not self.sampled.loop.fractions.G.relative_degree:
-            raise ValueError("the process has a direct path, and a speed has none: give an inertia")
-
-    @cached_property
-    def _loop(self) -> _Encoded:
-        of = self.sampled
-        return _Encoded(of.loop, of.dt, of.method, of.computation_delay, self.estimate)
-
-    def stability(self) -> SampledStability:
-        """Judge the loop: see `SampledLoop.stability`."""
-        return self._loop.stability()
-
-    def margins(self) -> Margins:
-        """Compute the margins of its plant loop: see `SampledLoop.margins`."""
-        return self._loop.margins()
-
-    def noise_variance(self, shaping: Any = None) -> NoiseVariance:
-        """Compute variances for noise added to each estimate: see `SampledLoop.noise_variance`.
-
-        Parameters
-        ----------
-        shaping : control.TransferFunction, StateSpace or number, optional
-            As there. That of an angle's error of deviation σ is σ M(z) (1 - 1/z)/dt.
-        """
-        return self._loop.noise_variance(shaping)
-
-
-@dataclass(frozen=True, eq=False)
-class _Encoded(SampledLoop):
-    """The same loop with the estimate behind its process, in state space and in the plane of w."""
 
     estimate: SpeedEstimate = Counting()
 
@@ -384,6 +291,40 @@ class _Encoded(SampledLoop):
         lead, lag = (np.poly1d([sign * alpha, 1.0]) ** samples for sign in (-1, 1))
         num, den = self.held
         return replace(self.blocks, process=(np.polymul(num, lead.coef), np.polymul(den, lag.coef)))
+
+
+def encoded(sampled: SampledLoop, estimate: SpeedEstimate) -> EncodedLoop:
+    """Put an estimate between the speed of a loop and its controller.
+
+    Parameters
+    ----------
+    sampled : SampledLoop
+        The loop with the speed for its process. A direct path in it is a ValueError.
+    estimate : SpeedEstimate
+        How the speed is made of angles.
+
+    Returns
+    -------
+    EncodedLoop
+        With the same controller.
+
+    Examples
+    --------
+    An observer that is stable with a measured speed, and not with a slow estimate of it:
+
+    >>> import control as ct
+    >>> import nrdob
+    >>> motor = ct.tf([1], [0.01, 0.1])
+    >>> filter = nrdob.LowPassFilter(0.004, 1)
+    >>> sampled = nrdob.NRDOB(motor, motor, ct.tf([0.2, 2.0], [1, 0]), filter).sampled(0.001)
+    >>> [encoded(sampled, each).stability().stable for each in (Counting(), Counting(20))]
+    [True, False]
+    """
+    if not sampled.loop.fractions.G.relative_degree:
+        raise ValueError("the process has a direct path, and a speed has none: give an inertia")
+    return EncodedLoop(
+        sampled.loop, sampled.dt, sampled.method, sampled.computation_delay, estimate
+    )
 
 
 def _in_w(p: FloatArray, alpha: float) -> FloatArray:

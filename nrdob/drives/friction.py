@@ -27,7 +27,7 @@ from numpy.typing import ArrayLike
 from ..diagram import real_number
 from ..numerics import FloatArray
 
-__all__ = ["Friction", "dead_band"]
+__all__ = ["Friction"]
 
 
 @dataclass(frozen=True)
@@ -107,12 +107,9 @@ class Friction:
         """
         omega = np.asarray(speed, dtype=float)
         size = np.abs(omega)
-        falling = np.where(
-            size < self.stribeck_speed,
-            self.breakaway - self.coulomb - self.slope * size,
-            0.0,
-        )
-        return np.asarray(np.sign(omega) * (self.coulomb + falling) + self.viscous * omega)
+        above = self.breakaway - self.coulomb - self.slope * size
+        dry = self.coulomb + np.where(size < self.stribeck_speed, above, 0.0)
+        return np.asarray(np.sign(omega) * dry + self.viscous * omega)
 
     def describing_function(self, amplitude: float) -> float:
         r"""Give the gain of the first harmonic, for a speed :math:`A\sin\varphi`.
@@ -130,11 +127,6 @@ class Friction:
         float
             In N m s.
 
-        Raises
-        ------
-        ValueError
-            If the amplitude is not positive and finite.
-
         Examples
         --------
         >>> round(Friction(0.1).describing_function(0.5) * np.pi * 0.5 / 4, 6)
@@ -142,10 +134,7 @@ class Friction:
         """
         A = real_number(amplitude, "amplitude", "give the amplitude of the speed in rad/s")
         if not (isfinite(A) and A > 0):
-            raise ValueError(
-                f"amplitude is {A:g} rad/s; the first harmonic of friction is of a moving shaft: "
-                "give a positive, finite amplitude"
-            )
+            raise ValueError(f"amplitude is {A:g} rad/s; give a positive, finite amplitude")
         gain = 4 * self.coulomb / (pi * A) + self.viscous
         if self.slope:
             until = asin(min(1.0, self.stribeck_speed / A))
@@ -153,21 +142,21 @@ class Friction:
             gain += 4 * (self.breakaway - self.coulomb) / (pi * A) * falling
         return gain
 
-    def feedforward(self, speed: ArrayLike, share: float = 1.0) -> FloatArray:
+    def feedforward(self, speed: ArrayLike) -> FloatArray:
         """Give the dry friction at a planned speed, to be added to the torque.
+
+        An observer must receive the applied torque *without* it: what is fed forward and what
+        friction takes then cancel before the observer sees either.
 
         Parameters
         ----------
         speed : array_like
             The speed that the reference plans, in rad/s. At 0 nothing is fed forward.
-        share : float
-            Share of the friction. Too much of it, above 1, drives the shaft.
 
         Returns
         -------
         array of float
-            In N m. An observer must receive the applied torque *without* it: what is fed forward
-            and what friction takes then cancel before the observer sees either.
+            In N m.
 
         Examples
         --------
@@ -175,27 +164,4 @@ class Friction:
         [-0.1, 0.0, 0.1]
         """
         omega = np.asarray(speed, dtype=float)
-        return np.asarray(share * (self.torque(omega) - self.viscous * omega))
-
-
-def dead_band(error: float, width: float) -> float:
-    """Leave out an error up to a width, and take what is beyond it from its edge on.
-
-    Parameters
-    ----------
-    error, width : float
-        In the unit of the measurement; the width is 0 or more.
-
-    Returns
-    -------
-    float
-        0 inside; outside, the error less the width: without a jump.
-
-    Examples
-    --------
-    >>> [dead_band(error, 0.5) for error in (-2.0, 0.3, 0.75)]
-    [-1.5, 0.0, 0.25]
-    """
-    if error > width:
-        return error - width
-    return error + width if error < -width else 0.0
+        return np.asarray(self.torque(omega) - self.viscous * omega)

@@ -11,7 +11,7 @@ the stiction and the motor moves its way. So a drive at rest is at rest, and doe
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
+from math import floor
 from typing import NamedTuple
 
 import numpy as np
@@ -20,9 +20,9 @@ from ..digital import in_samples
 from ..numerics import FloatArray
 from .friction import Friction
 from .pieces import Stretch, stretches
-from .two_mass import Mechanics, OneMass, TwoMasses
+from .two_mass import OneMass, TwoMasses
 
-__all__ = ["Motion", "Passage"]
+__all__ = ["Motion"]
 
 REST = 0
 """The mode at rest; -1 and 1 are on Stribeck's slope, -2 and 2 beyond it, by their direction."""
@@ -32,25 +32,6 @@ MOST_EVENTS = 10_000
 
 HELD = 1e-12
 """Share by which a torque may exceed the stiction that holds it, by rounding."""
-
-
-class Passage(NamedTuple):
-    """A part of a sample in which the motor turns one way, or stands still.
-
-    Attributes
-    ----------
-    start, time : float
-        Its beginning after that of the sample and the stretch that its polynomial is over, seconds.
-    share : float
-        How much of the stretch it takes.
-    angle : list of float
-        The angle in rad, as coefficients of ascending powers of the share.
-    """
-
-    start: float
-    time: float
-    share: float
-    angle: list[float]
 
 
 class Motion:
@@ -71,8 +52,9 @@ class Motion:
 
     Attributes
     ----------
-    events : int
-        How often the mode has changed.
+    dt, events, mode : float, int, int
+        Sampling time, how often the mode has changed, and the present one: 0 at rest, else with the
+        sign of the speed.
     """
 
     def __init__(
@@ -83,12 +65,10 @@ class Motion:
         delay: float = 0.0,
         angle: float = 0.0,
     ) -> None:
-        mechanics = inertia.mechanics(friction.viscous)
+        mechanics = _mechanics(inertia, friction.viscous)
         self._n = n = len(mechanics.A)
         self._friction = friction
-        modes = {
-            mode: _linear(mode, mechanics, inertia.motor, friction) for mode in _modes(friction)
-        }
+        modes = {mode: _linear(mode, mechanics, friction) for mode in _modes(friction)}
         self._net = modes[REST][1][0] - modes[REST][1][1]  # twice the torque that friction holds
         samples, fraction = in_samples(delay, dt)
         self._past = deque([0.0] * (samples + 2), maxlen=samples + 2)
@@ -98,7 +78,7 @@ class Motion:
             tables = {m: Stretch(*linear, share * dt / max(count, 1), n)
                       for m, linear in modes.items()} if count else {}  # fmt: skip
             self._plan += [(age, share * dt / count, tables) for _ in range(count)]
-        self.mode, self.events = REST, 0
+        self.dt, self.events, self.mode = dt, 0, REST
         self._z = np.zeros(n + 3)
         self._z[0], self._z[-1] = angle, 1.0
         self._passages: list[tuple[float, Stretch, float, FloatArray]] | None = None
@@ -124,13 +104,32 @@ class Motion:
         return np.asarray(self._z[: self._n].copy())
 
     def keep_passages(self) -> None:
-        """Keep from now on what `passages` gives."""
+        """Keep from now on what `last_edge` needs."""
         self._passages = []
 
-    def passages(self) -> Iterator[Passage]:
-        """Give the parts of the last sample, the latest first."""
+    def last_edge(self, step: float) -> tuple[float, float] | None:
+        """Find the last edge of an encoder in the last sample.
+
+        Parameters
+        ----------
+        step : float
+            Step of the encoder, in rad; edges are half a step beside whole steps.
+
+        Returns
+        -------
+        tuple of two float, or None
+            The angle in rad, and how long it is ago in seconds; None if there has been no edge, or
+            nothing was kept.
+        """
         for start, stretch, share, z in reversed(self._passages or []):
-            yield Passage(start, stretch.time, share, stretch.polynomial(z, 0))
+            first, last = z[0], stretch.states_at(z, share)[0]
+            after = floor(last / step + 0.5)
+            if after == floor(first / step + 0.5):
+                continue
+            edge = (after - 0.5 if last > first else after + 0.5) * step
+            at = stretch.crossing(z, edge, share)  # the angle does not turn back in a passage
+            return edge, self.dt - start - at * stretch.time
+        return None
 
     def advance(self, torque: float, load: float = 0.0) -> None:
         """Move through one sample.
@@ -203,13 +202,34 @@ def _modes(friction: Friction) -> tuple[int, ...]:
     return (-2, -1, REST, 1, 2) if friction.slope else (-2, REST, 2)
 
 
-def _linear(
-    mode: int, mechanics: Mechanics, inertia: float, friction: Friction
-) -> tuple[FloatArray, FloatArray]:
+class _Mechanics(NamedTuple):
+    """x' = A x + B τ + E δ, the first states the motor's angle and speed."""
+
+    A: FloatArray
+    B: FloatArray
+    E: FloatArray
+
+
+def _mechanics(inertia: OneMass | TwoMasses, viscous: float) -> _Mechanics:
+    if isinstance(inertia, OneMass):
+        B = np.array([0.0, 1 / inertia.inertia])
+        return _Mechanics(np.array([[0.0, 1.0], [0.0, -viscous / inertia.inertia]]), B, B)
+    Jm, Jl, k, c = inertia.motor, inertia.load, inertia.stiffness, inertia.damping
+    A = np.array([
+        [0.0, 1.0, 0.0, 0.0],
+        [0.0, -(c + viscous) / Jm, -k / Jm, c / Jm],
+        [0.0, 1.0, 0.0, -1.0],
+        [0.0, c / Jl, k / Jl, -c / Jl],
+    ])  # fmt: skip
+    return _Mechanics(A, np.array([0.0, 1 / Jm, 0.0, 0.0]), np.array([0.0, 0.0, 0.0, 1 / Jl]))
+
+
+def _linear(mode: int, mechanics: _Mechanics, friction: Friction) -> tuple[FloatArray, FloatArray]:
     """Write generator and guards of a mode over the states, the torque, the load, and 1."""
     n = len(mechanics.A)
     M = np.zeros((n + 3, n + 3))
     M[:n, :n], M[:n, n], M[:n, n + 1] = mechanics
+    inertia = 1 / mechanics.B[1]
     speed, one = np.eye(n + 3)[[1, -1]]
     if mode == REST:
         torque = inertia * M[1]

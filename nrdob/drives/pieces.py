@@ -14,10 +14,11 @@ Design 29 (2012) 379-419.
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import lru_cache, partial
 from math import ceil, comb
 
 import numpy as np
+from scipy.optimize import brentq
 
 from ..numerics import FloatArray
 
@@ -31,9 +32,6 @@ NEGLIGIBLE, HIGHEST = 1e-18, 40
 
 NARROWEST = 2.0**-50
 """Share of a stretch at which it is halved no more."""
-
-STEPS = 60
-"""Steps of the search within a stretch in which a signal falls."""
 
 
 class Stretch:
@@ -79,10 +77,9 @@ class Stretch:
         """Compute the states after a share of the stretch, shape (states,)."""
         return np.asarray(share**self._powers @ (self._states @ z))
 
-    def polynomial(self, z: FloatArray, row: int) -> list[float]:
-        """Give one state as coefficients of ascending powers of the share."""
-        found: list[float] = (self._states[:, row] @ z).tolist()
-        return found
+    def crossing(self, z: FloatArray, value: float, share: float) -> float:
+        """Find the share, up to the given one, at which the first state passes a value, once."""
+        return float(brentq(lambda at: self.states_at(z, at)[0] - value, 0.0, share, xtol=1e-15))
 
     def exit(self, z: FloatArray, share: float) -> tuple[float, int] | None:
         """Find the first share, up to the given one, at which a signal leaves, and which does."""
@@ -135,36 +132,12 @@ def first_exit(enclosed: FloatArray, tolerance: float) -> float | None:
             return low
         falls = b[-1] < -tolerance and bool(np.all(np.diff(b) <= 0))
         if falls and b[0] >= 0:
-            return low + width * _root(b)
+            return low + width * brentq(partial(_at, b), 0.0, 1.0, xtol=1e-16) if b[0] else low
         if width <= NARROWEST:
             return low
         left, right = _halves(b)
         waiting += [(right, low + width / 2, width / 2), (left, low, width / 2)]
     return None
-
-
-def _root(b: FloatArray) -> float:
-    """Find the root of a polynomial that falls from 0 or more to below 0, by regula falsi."""
-    low, high, above, below = 0.0, 1.0, float(b[0]), float(b[-1])
-    if above == 0:
-        return 0.0
-    side = 0
-    for _ in range(STEPS):
-        middle = (low * below - high * above) / (below - above)
-        value = _at(b, middle)
-        if value == 0 or not low < middle < high:
-            return min(max(middle, low), high)
-        if value > 0:
-            low, above = middle, value
-            below *= 0.5 if side > 0 else 1.0  # the Illinois rule
-            side = 1
-        else:
-            high, below = middle, value
-            above *= 0.5 if side < 0 else 1.0
-            side = -1
-        if high - low <= 4e-16:
-            break
-    return low
 
 
 def _at(b: FloatArray, t: float) -> float:

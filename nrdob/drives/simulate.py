@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from math import floor, isfinite
+from math import isfinite
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,15 +27,17 @@ from ..digital import (
     sample_times,
 )
 from ..numerics import BoolArray, FloatArray
-from .encoder import Encoder, SpeedEstimate
+from .encoder import Encoder, SpeedEstimate, reader
 from .friction import Friction
-from .friction import dead_band as beyond
 from .motion import Motion
 from .two_mass import OneMass, TwoMasses
 
 __all__ = ["Drive", "DriveResponse"]
 
 FRICTIONLESS = Friction()
+
+FARTHEST = 1e300
+"""Angle, in rad, at which a loop is said to have run away."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -107,6 +109,21 @@ class Drive:
             With `advance(torque, load)`.
         """
         return Motion(self.inertia, self.friction, dt, delay, angle)
+
+    def reader(self, motion: Motion) -> Callable[[float], float]:
+        """Start to read the encoder of a motion, once in each sample from the first one on.
+
+        Parameters
+        ----------
+        motion : Motion
+            Which this drive makes.
+
+        Returns
+        -------
+        callable
+            Gives y for a true angle in rad: an angle in steps, or a speed made of them.
+        """
+        return reader(self.encoder, self.estimate, motion)
 
     @np.errstate(over="ignore", invalid="ignore")  # what is not finite is refused
     def simulate(
@@ -184,11 +201,11 @@ class Drive:
         external = external_signals(inputs, noise, time, seed)
         fed = external_signals({"R": feedforward}, None, time, 0)[:, 0]
         motion = self.motion(sampled.dt, sampled.process.delay)
-        read = _reader(self, motion, sampled.dt)
+        read = self.reader(motion)
 
         controller = code.controller
         n = controller.states
-        # States to come, command and estimate over (states, r, y) while nothing is limited, and what
+        # States to come, command, estimate over (states, r, y) while nothing is limited, and what
         # they gain for each N m that the applied torque has more than the command.
         command_row = np.append(controller.C, controller.D)
         acting = np.concatenate([controller.B[:, 2], [0.0], controller.estimate[-1:]])
@@ -203,11 +220,11 @@ class Drive:
         rows: list[tuple[float, ...]] = []
         for R, _, load, eta, more in np.column_stack([external, fed]).tolist():
             angle, speed, held = motion.angle, motion.speed, motion.at_rest
-            if not isfinite(angle):
+            if not abs(angle) < FARTHEST:
                 raise _left(len(rows))
             measured = read(angle + eta)
             z[n] = R
-            z[n + 1] = R - beyond(R - measured, width) if width else measured
+            z[n + 1] = R - max(R - measured - width, min(R - measured + width, 0.0))
             found = free.dot(z)
             command = float(found[n]) + more
             if not isfinite(command):
@@ -230,16 +247,3 @@ def _left(sample: int) -> ArithmeticError:
         f"the signals leave the range of floating-point numbers near sample {sample}: the loop is "
         "unstable; simulate fewer samples"
     )
-
-
-def _reader(drive: Drive, motion: Motion, dt: float) -> Callable[[float], float]:
-    """Give what turns the true angle into the controller's y, sample after sample."""
-    encoder, estimate = drive.encoder, drive.estimate
-    speed = estimate.reader(dt, encoder, motion) if estimate else None
-    if encoder is None:
-        return speed or (lambda angle: angle)
-    step, inverse = encoder.step, 1 / encoder.step
-    if speed is None:
-        return lambda angle: floor(angle * inverse + 0.5) * step
-    read = speed
-    return lambda angle: read(floor(angle * inverse + 0.5) * step)

@@ -23,29 +23,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import isfinite, sqrt
-from typing import NamedTuple
 
 import control as ct
 import numpy as np
 
 from ..diagram import real_number
-from ..numerics import FloatArray
 
-__all__ = ["Mechanics", "OneMass", "TwoMasses"]
-
-
-class Mechanics(NamedTuple):
-    """A mechanism as x' = A x + B τ + E δ, its first states the motor's angle and speed.
-
-    Attributes
-    ----------
-    A, B, E : arrays of float, shapes (n, n), (n,), (n,)
-        In rad, rad/s and N m. Friction of the motor acts as τ does.
-    """
-
-    A: FloatArray
-    B: FloatArray
-    E: FloatArray
+__all__ = ["OneMass", "TwoMasses"]
 
 
 @dataclass(frozen=True)
@@ -56,11 +40,6 @@ class OneMass:
     ----------
     inertia : float
         J of motor and load together, in kg m².
-
-    Raises
-    ------
-    ValueError
-        If the inertia is not positive and finite.
 
     Examples
     --------
@@ -74,34 +53,13 @@ class OneMass:
     def __post_init__(self) -> None:
         object.__setattr__(self, "inertia", _positive(self.inertia, "inertia", "kg m²"))
 
-    @property
-    def motor(self) -> float:
-        """Inertia on which the motor's friction acts, in kg m²."""
-        return self.inertia
-
-    def mechanics(self, viscous: float = 0.0) -> Mechanics:
-        """Give the states angle and speed.
-
-        Parameters
-        ----------
-        viscous : float
-            Viscous friction b of the motor, in N m s.
-
-        Returns
-        -------
-        Mechanics
-            Of order 2; the load acts where the motor does.
-        """
-        B = np.array([0.0, 1 / self.inertia])
-        return Mechanics(np.array([[0.0, 1.0], [0.0, -viscous / self.inertia]]), B, B)
-
     def speed(self, viscous: float = 0.0) -> ct.TransferFunction:
         """Give the speed from the torque, 1/(J s + b).
 
         Parameters
         ----------
         viscous : float
-            As for `mechanics`.
+            Viscous friction b of the motor, in N m s.
 
         Returns
         -------
@@ -123,11 +81,6 @@ class TwoMasses:
         k of the shaft, in N m/rad.
     damping : float
         c of the shaft, in N m s/rad.
-
-    Raises
-    ------
-    ValueError
-        If an inertia or the stiffness is not positive, or the damping is negative.
 
     Examples
     --------
@@ -164,14 +117,9 @@ class TwoMasses:
         return sqrt(self.stiffness * (1 / self.motor + 1 / self.load))
 
     @property
-    def inertia_ratio(self) -> float:
-        """Load over motor."""
-        return self.load / self.motor
-
-    @property
     def resonance_ratio(self) -> float:
         """Resonance over antiresonance, √(1 + load/motor)."""
-        return sqrt(1 + self.inertia_ratio)
+        return sqrt(1 + self.load / self.motor)
 
     def with_resonance_ratio(self, ratio: float) -> TwoMasses:
         """Exchange the motor for one that makes another ratio with the same shaft and load.
@@ -189,11 +137,6 @@ class TwoMasses:
         TwoMasses
             With the motor's inertia load/(ratio² - 1).
 
-        Raises
-        ------
-        ValueError
-            If the ratio is not above 1.
-
         Examples
         --------
         >>> round(TwoMasses(4e-3, 4e-3, 10.0).with_resonance_ratio(5**0.5).motor, 6)
@@ -207,33 +150,6 @@ class TwoMasses:
             )
         return replace(self, motor=self.load / (ratio**2 - 1))
 
-    @property
-    def rigid(self) -> OneMass:
-        """Both inertias as one, as the drive is far below its antiresonance."""
-        return OneMass(self.motor + self.load)
-
-    def mechanics(self, viscous: float = 0.0) -> Mechanics:
-        """Give the states: the motor's angle and speed, the twist, and the load's speed.
-
-        Parameters
-        ----------
-        viscous : float
-            Viscous friction b of the motor, in N m s.
-
-        Returns
-        -------
-        Mechanics
-            Of order 4; the load's torque acts on the load.
-        """
-        Jm, Jl, k, c = self.motor, self.load, self.stiffness, self.damping
-        A = np.array([
-            [0.0, 1.0, 0.0, 0.0],
-            [0.0, -(c + viscous) / Jm, -k / Jm, c / Jm],
-            [0.0, 1.0, 0.0, -1.0],
-            [0.0, c / Jl, k / Jl, -c / Jl],
-        ])  # fmt: skip
-        return Mechanics(A, np.array([0.0, 1 / Jm, 0.0, 0.0]), np.array([0.0, 0.0, 0.0, 1 / Jl]))
-
     def speed(self, viscous: float = 0.0) -> ct.TransferFunction:
         r"""Give the motor's speed from its torque.
 
@@ -243,31 +159,16 @@ class TwoMasses:
         Parameters
         ----------
         viscous : float
-            As for `mechanics`.
+            Viscous friction b of the motor, in N m s.
 
         Returns
         -------
         control.TransferFunction
             From N m to rad/s.
         """
-        return ct.tf(self._numerator, self._denominator(viscous))
-
-    def load_speed(self, viscous: float = 0.0) -> ct.TransferFunction:
-        r"""Give the load's speed from the motor's torque, :math:`(cs+k)/D`.
-
-        By reciprocity this is also the motor's speed from the load's torque.
-
-        Parameters
-        ----------
-        viscous : float
-            As for `mechanics`.
-
-        Returns
-        -------
-        control.TransferFunction
-            From N m to rad/s.
-        """
-        return ct.tf([self.damping, self.stiffness], self._denominator(viscous))
+        own, total = np.array([self.load, self.damping, self.stiffness]), self.motor + self.load
+        free = [self.motor * self.load, total * self.damping, total * self.stiffness, 0.0]
+        return ct.tf(own, np.polyadd(free, viscous * own))
 
     def notch(self, width: float) -> ct.TransferFunction:
         r"""Give a filter that takes the resonance out of the torque.
@@ -285,11 +186,6 @@ class TwoMasses:
         control.TransferFunction
             With gain 1 at 0 and at high frequencies.
 
-        Raises
-        ------
-        ValueError
-            If the width is not positive and finite.
-
         Examples
         --------
         >>> drive = TwoMasses(1e-3, 4e-3, 10.0, 1e-3)
@@ -300,15 +196,6 @@ class TwoMasses:
         squared = self.resonance**2
         own = self.damping * (1 / self.motor + 1 / self.load)
         return ct.tf([1.0, own, squared], [1.0, 2 * width * self.resonance, squared])
-
-    @property
-    def _numerator(self) -> list[float]:
-        return [self.load, self.damping, self.stiffness]
-
-    def _denominator(self, viscous: float) -> FloatArray:
-        total = self.motor + self.load
-        free = [self.motor * self.load, total * self.damping, total * self.stiffness, 0.0]
-        return np.polyadd(free, viscous * np.array(self._numerator))
 
 
 def _positive(value: float, name: str, unit: str) -> float:

@@ -11,11 +11,11 @@ from nrdob.drives import (
     Counting,
     Drive,
     EdgeTiming,
-    EncodedLoop,
     Encoder,
     Friction,
     OneMass,
     Tracking,
+    encoded,
 )
 
 J, B = 0.01, 0.1
@@ -50,8 +50,7 @@ def test_a_rounded_speed_rests_beside_the_reference_and_a_rounded_angle_on_it(R,
 @pytest.mark.parametrize("estimate", [*ESTIMATES, EdgeTiming()])
 def test_the_verdict_holds_in_two_ways_and_its_loop_is_what_is_simulated(estimate, late):
     sampled = speed_loop(0.02, 0.001, late)
-    encoded = EncodedLoop(sampled, estimate)
-    verdict = encoded.stability()
+    verdict = encoded(sampled, estimate).stability()
     assert verdict.stable and len(verdict.observer_loop.ways) == 2
     if isinstance(estimate, EdgeTiming):
         return
@@ -68,7 +67,7 @@ def test_as_the_lag_falls_each_estimate_becomes_unstable_where_the_verdict_says(
         low, high = 1e-4, 0.1
         for _ in range(20):
             lag = (low * high) ** 0.5
-            stable = EncodedLoop(speed_loop(lag, 0.001), estimate).stability().stable
+            stable = encoded(speed_loop(lag, 0.001), estimate).stability().stable
             low, high = (low, lag) if stable else (lag, high)
         for lag, grows in ((0.97 * low, True), (1.03 * high, False)):
             drive = Drive(*DRIVE, None, estimate)
@@ -92,7 +91,7 @@ def test_the_delay_is_the_slope_of_the_phase():
 
 def test_an_estimate_costs_the_margin_its_delay():
     sampled = speed_loop(0.02, 0.001)
-    have = [EncodedLoop(sampled, each).margins().delay_margin for each in (Counting(), Counting(5))]
+    have = [encoded(sampled, each).margins().delay_margin for each in (Counting(), Counting(5))]
     assert have[0] - have[1] == pytest.approx(Counting(5).delay(0.001) - 0.0005, rel=0.06)
     assert sampled.margins().delay_margin - have[0] == pytest.approx(0.0005, rel=0.06)
 
@@ -100,7 +99,7 @@ def test_an_estimate_costs_the_margin_its_delay():
 def test_the_noise_of_rounding_is_what_the_variance_says():
     sampled, estimate, step = speed_loop(0.02, 0.001), Counting(), 1e-4
     shaping = ct.tf([1, -1], [1, 0], 0.001) / 0.001
-    theory = EncodedLoop(sampled, estimate).noise_variance(step * shaping)
+    theory = encoded(sampled, estimate).noise_variance(step * shaping)
     drive = Drive(*DRIVE, None, estimate)
     calm = drive.simulate(sampled, {"R": 1.0}, timepts=40.0)
     found = drive.simulate(sampled, {"R": 1.0}, noise=step, timepts=40.0, seed=1)
@@ -108,7 +107,7 @@ def test_the_noise_of_rounding_is_what_the_variance_says():
 
 
 def test_a_certificate_of_an_encoded_loop_is_given():
-    assert EncodedLoop(speed_loop(0.02, 0.001, 0.0025), Counting(3)).stability().certificate()
+    assert encoded(speed_loop(0.02, 0.001, 0.0025), Counting(3)).stability().certificate()
 
 
 # Edges.
@@ -117,7 +116,7 @@ def test_a_certificate_of_an_encoded_loop_is_given():
 def test_edges_give_a_constant_speed_exactly():
     drive = Drive(OneMass(J), Friction(0.1), Encoder(1000), EdgeTiming())
     motion = drive.motion(0.001)
-    read = drive.estimate.reader(0.001, drive.encoder, motion)
+    read = drive.reader(motion)
     found = []
     for k in range(2000):
         found.append(read(motion.angle))
@@ -131,7 +130,7 @@ def test_edges_give_a_constant_speed_exactly():
 def test_without_edges_the_speed_falls_as_one_could_have_been_seen():
     drive = Drive(OneMass(J), Friction(0.1), Encoder(100), EdgeTiming())
     motion = drive.motion(0.001)
-    read = drive.estimate.reader(0.001, drive.encoder, motion)
+    read = drive.reader(motion)
     for _ in range(500):
         read(motion.angle)
         motion.advance(0.2)
@@ -146,7 +145,7 @@ def test_without_edges_the_speed_falls_as_one_could_have_been_seen():
 def test_edges_of_a_shaft_that_turns_back_are_angles_and_no_counts():
     drive = Drive(OneMass(J), Friction(0.01, viscous=0.01), Encoder(2000), EdgeTiming())
     motion = drive.motion(0.001)
-    read = drive.estimate.reader(0.001, drive.encoder, motion)
+    read = drive.reader(motion)
     speeds, reads = [], []
     for k in range(3000):
         speeds.append(motion.speed)
@@ -160,15 +159,10 @@ def test_edges_of_a_shaft_that_turns_back_are_angles_and_no_counts():
 
 
 def test_an_encoder_rounds_to_the_nearest_count():
-    encoder = Encoder(4)
-    assert [encoder.count(angle * pi / 2) for angle in (-0.6, -0.4, 0.4, 0.6, 7.2)] == [
-        -1,
-        0,
-        0,
-        1,
-        7,
-    ]
-    assert encoder.step == pi / 2
+    drive = Drive(OneMass(J), encoder=Encoder(4))
+    read = drive.reader(drive.motion(0.1))
+    found = [read(angle * pi / 2) / (pi / 2) for angle in (-0.6, -0.4, 0.4, 0.6, 7.2)]
+    assert found == [-1, 0, 0, 1, 7]
 
 
 @pytest.mark.parametrize("counts", [0, -100, 0.5, float("nan"), float("inf")])
@@ -188,4 +182,4 @@ def test_estimates_that_cannot_be_are_named():
         ct.tf([1, 2], [1, 1]), ct.tf([1], [1, 1]), 1.0, nrdob.LowPassFilter(0.1, 1)
     )
     with pytest.raises(ValueError, match="the process has a direct path"):
-        EncodedLoop(direct.sampled(0.01), Counting())
+        encoded(direct.sampled(0.01), Counting())
