@@ -57,11 +57,6 @@ class Encoder:
     counts : float
         Counts in a turn of the motor, edges of both channels; any number behind a gear.
 
-    Raises
-    ------
-    ValueError
-        If there is less than one count.
-
     Examples
     --------
     >>> round(Encoder(10_000).step, 8)
@@ -205,7 +200,6 @@ class EdgeTiming(SpeedEstimate):
         if encoder is None:
             raise ValueError("EdgeTiming needs edges: give the drive an Encoder(counts)")
         step = encoder.step
-        motion.keep_passages()
         edge, since, speed = 0.0, inf, 0.0
 
         def read(_: float) -> float:
@@ -245,10 +239,8 @@ class EncodedLoop(SampledLoop):
 
     Attributes
     ----------
-    loop, dt, method, computation_delay : as of `SampledLoop`
-        Of the loop with the *speed* for its process, strictly proper.
-    estimate : SpeedEstimate
-        How the speed is made of angles: see `encoded`.
+    loop, dt, method, computation_delay, estimate : as of `SampledLoop` and `encoded`
+        Its process is the speed.
     """
 
     estimate: SpeedEstimate = Counting()

@@ -45,11 +45,6 @@ class Friction:
     viscous : float
         Torque for each rad/s, in N m s.
 
-    Raises
-    ------
-    ValueError
-        If a value is negative or not finite, or the stiction is below the Coulomb friction.
-
     Examples
     --------
     >>> friction = Friction(0.10, 0.15, stribeck_speed=0.2, viscous=0.1)
@@ -63,9 +58,8 @@ class Friction:
     viscous: float = 0.0
 
     def __post_init__(self) -> None:
-        if self.stiction is None:
-            object.__setattr__(self, "stiction", self.coulomb)
-        for name in ("coulomb", "stiction", "stribeck_speed", "viscous"):
+        given = [name for name in vars(self) if getattr(self, name) is not None]
+        for name in given:
             value = real_number(getattr(self, name), name, "give it as a number")
             if not (isfinite(value) and value >= 0):
                 raise ValueError(
@@ -83,8 +77,7 @@ class Friction:
     @property
     def breakaway(self) -> float:
         """Torque at which a shaft at rest begins to move, in N m."""
-        assert self.stiction is not None
-        return self.stiction
+        return self.coulomb if self.stiction is None else self.stiction
 
     @property
     def slope(self) -> float:

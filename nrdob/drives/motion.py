@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections import deque
 from math import floor
-from typing import NamedTuple
 
 import numpy as np
 
@@ -30,12 +29,14 @@ REST = 0
 MOST_EVENTS = 10_000
 """Events in one stretch of a sample."""
 
+Mechanics = tuple[FloatArray, FloatArray, FloatArray]
+
 HELD = 1e-12
 """Share by which a torque may exceed the stiction that holds it, by rounding."""
 
 
 class Motion:
-    """A drive that is moved from sample to sample.
+    """A drive that is moved from sample to sample, at rest at first.
 
     Parameters
     ----------
@@ -47,8 +48,6 @@ class Motion:
         Sampling time in seconds.
     delay : float
         Time from a command to its torque, in seconds.
-    angle : float
-        Where the motor is at rest at first, in rad, and the load with it.
 
     Attributes
     ----------
@@ -58,17 +57,13 @@ class Motion:
     """
 
     def __init__(
-        self,
-        inertia: OneMass | TwoMasses,
-        friction: Friction,
-        dt: float,
-        delay: float = 0.0,
-        angle: float = 0.0,
+        self, inertia: OneMass | TwoMasses, friction: Friction, dt: float, delay: float = 0.0
     ) -> None:
         mechanics = _mechanics(inertia, friction.viscous)
-        self._n = n = len(mechanics.A)
+        self._n = n = len(mechanics[0])
         self._friction = friction
-        modes = {mode: _linear(mode, mechanics, friction) for mode in _modes(friction)}
+        kinds = (-2, -1, REST, 1, 2) if friction.slope else (-2, REST, 2)
+        modes = {mode: _linear(mode, mechanics, friction) for mode in kinds}
         self._net = modes[REST][1][0] - modes[REST][1][1]  # twice the torque that friction holds
         samples, fraction = in_samples(delay, dt)
         self._past = deque([0.0] * (samples + 2), maxlen=samples + 2)
@@ -80,7 +75,7 @@ class Motion:
             self._plan += [(age, share * dt / count, tables) for _ in range(count)]
         self.dt, self.events, self.mode = dt, 0, REST
         self._z = np.zeros(n + 3)
-        self._z[0], self._z[-1] = angle, 1.0
+        self._z[-1] = 1.0
         self._passages: list[tuple[float, Stretch, float, FloatArray]] | None = None
 
     @property
@@ -101,14 +96,10 @@ class Motion:
     @property
     def states(self) -> FloatArray:
         """Angle and speed of the motor; of two masses also the twist and the load's speed."""
-        return np.asarray(self._z[: self._n].copy())
-
-    def keep_passages(self) -> None:
-        """Keep from now on what `last_edge` needs."""
-        self._passages = []
+        return self._z[: self._n].copy()
 
     def last_edge(self, step: float) -> tuple[float, float] | None:
-        """Find the last edge of an encoder in the last sample.
+        """Find the last edge of an encoder in the last sample; what it needs is kept from now on.
 
         Parameters
         ----------
@@ -118,10 +109,10 @@ class Motion:
         Returns
         -------
         tuple of two float, or None
-            The angle in rad, and how long it is ago in seconds; None if there has been no edge, or
-            nothing was kept.
+            The angle in rad, and how long it is ago in seconds; None if there has been no edge.
         """
-        for start, stretch, share, z in reversed(self._passages or []):
+        self._passages = self._passages or []
+        for start, stretch, share, z in reversed(self._passages):
             first, last = z[0], stretch.states_at(z, share)[0]
             after = floor(last / step + 0.5)
             if after == floor(first / step + 0.5):
@@ -198,22 +189,11 @@ class Motion:
             self.mode = REST if held else slow if torque > 0 else -slow
 
 
-def _modes(friction: Friction) -> tuple[int, ...]:
-    return (-2, -1, REST, 1, 2) if friction.slope else (-2, REST, 2)
-
-
-class _Mechanics(NamedTuple):
-    """x' = A x + B τ + E δ, the first states the motor's angle and speed."""
-
-    A: FloatArray
-    B: FloatArray
-    E: FloatArray
-
-
-def _mechanics(inertia: OneMass | TwoMasses, viscous: float) -> _Mechanics:
+def _mechanics(inertia: OneMass | TwoMasses, viscous: float) -> Mechanics:
+    """Give x' = A x + B τ + E δ, the first states the motor's angle and speed."""
     if isinstance(inertia, OneMass):
         B = np.array([0.0, 1 / inertia.inertia])
-        return _Mechanics(np.array([[0.0, 1.0], [0.0, -viscous / inertia.inertia]]), B, B)
+        return np.array([[0.0, 1.0], [0.0, -viscous / inertia.inertia]]), B, B
     Jm, Jl, k, c = inertia.motor, inertia.load, inertia.stiffness, inertia.damping
     A = np.array([
         [0.0, 1.0, 0.0, 0.0],
@@ -221,15 +201,15 @@ def _mechanics(inertia: OneMass | TwoMasses, viscous: float) -> _Mechanics:
         [0.0, 1.0, 0.0, -1.0],
         [0.0, c / Jl, k / Jl, -c / Jl],
     ])  # fmt: skip
-    return _Mechanics(A, np.array([0.0, 1 / Jm, 0.0, 0.0]), np.array([0.0, 0.0, 0.0, 1 / Jl]))
+    return A, np.array([0.0, 1 / Jm, 0.0, 0.0]), np.array([0.0, 0.0, 0.0, 1 / Jl])
 
 
-def _linear(mode: int, mechanics: _Mechanics, friction: Friction) -> tuple[FloatArray, FloatArray]:
+def _linear(mode: int, mechanics: Mechanics, friction: Friction) -> tuple[FloatArray, FloatArray]:
     """Write generator and guards of a mode over the states, the torque, the load, and 1."""
-    n = len(mechanics.A)
+    n = len(mechanics[0])
     M = np.zeros((n + 3, n + 3))
     M[:n, :n], M[:n, n], M[:n, n + 1] = mechanics
-    inertia = 1 / mechanics.B[1]
+    inertia = 1 / mechanics[1][1]
     speed, one = np.eye(n + 3)[[1, -1]]
     if mode == REST:
         torque = inertia * M[1]

@@ -37,25 +37,13 @@ NARROWEST = 2.0**-50
 class Stretch:
     """The motion of z' = M z over a time, and signals that are watched.
 
-    Parameters
-    ----------
-    M : array of float, shape (m, m)
-        The generator.
-    guards : array of float, shape (g, m)
-        Rows of signals that are not to become negative.
-    time : float
-        Length T in seconds, short against the fastest mode: see `stretches`.
-    states : int
-        How many of z move; the rest is constant.
-
-    Attributes
-    ----------
-    watched : array of float, shape (states + g (K+1), m)
-        Gives the states at the end, and the Bernstein coefficients of the signals.
+    `guards`, shape (g, m), are rows of signals that are not to become negative; the time in seconds
+    is short against the fastest mode (see `stretches`); only the first `states` of z move. The rows
+    of `watched` give the states at the end, then the Bernstein coefficients of the signals.
     """
 
     def __init__(self, M: FloatArray, guards: FloatArray, time: float, states: int) -> None:
-        self.time, self._guards = time, guards
+        self.time = time
         terms = [np.eye(len(M))]
         largest = np.abs(terms[0])
         while len(terms) <= HIGHEST:
@@ -64,9 +52,8 @@ class Stretch:
             largest = np.maximum(largest, size)
             if np.all(size <= NEGLIGIBLE * largest):
                 break
-        self._terms = np.array(terms)
-        self._states = self._terms[:, :states]
-        self._signals = np.einsum("gi,kij->gkj", guards, self._terms)
+        self._states = np.array(terms)[:, :states]
+        self._signals = np.einsum("gi,kij->gkj", guards, terms)
         self._bernstein = _to_bernstein(len(terms) - 1)
         self._powers = np.arange(len(terms))
         enclosing = np.einsum("bk,gkj->gbj", self._bernstein, self._signals)
@@ -101,19 +88,9 @@ def stretches(M: FloatArray, time: float) -> int:
 
 
 def first_exit(enclosed: FloatArray, tolerance: float) -> float | None:
-    """Find where a polynomial on [0, 1] first becomes negative, by more than a tolerance.
+    """Find where a polynomial on [0, 1] becomes negative, given by its Bernstein coefficients.
 
-    Parameters
-    ----------
-    enclosed : array of float, shape (K+1,)
-        Its coefficients in Bernstein's form.
-    tolerance : float
-        What is rounding, at least 0.
-
-    Returns
-    -------
-    float or None
-        The last place before at which it is 0, or 0 if it begins so; None if it stays.
+    The root before it is less than -tolerance for the first time; None if it never is.
 
     Examples
     --------

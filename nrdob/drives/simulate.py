@@ -36,7 +36,7 @@ __all__ = ["Drive", "DriveResponse"]
 
 FRICTIONLESS = Friction()
 
-FARTHEST = 1e300
+FARTHEST = 1e150
 """Angle, in rad, at which a loop is said to have run away."""
 
 
@@ -46,14 +46,10 @@ class DriveResponse(SimulatedResponse):
 
     Attributes
     ----------
-    time, y, measured, u, applied, d_hat : arrays of float, shape (N,)
-        As of `nrdob.digital.SimulatedResponse`; u with what is fed forward.
-    time_between, y_between : arrays of float, shape (0,)
-        Nothing.
-    angle, speed : arrays of float, shape (N,)
-        The motor's true angle and speed at the samples, in rad and rad/s.
-    at_rest : array of bool, shape (N,)
-        Whether friction holds the motor then.
+    time, y, measured, u, applied, d_hat, time_between, y_between : arrays of float
+        As of `nrdob.digital.SimulatedResponse`; u with what is fed forward, nothing in between.
+    angle, speed, at_rest : arrays of float and of bool, shape (N,)
+        The motor's true angle and speed at the samples, in rad and rad/s, and whether it is held.
     """
 
     angle: FloatArray = field(default_factory=lambda: np.zeros(0))
@@ -93,22 +89,20 @@ class Drive:
     encoder: Encoder | None = None
     estimate: SpeedEstimate | None = None
 
-    def motion(self, dt: float, delay: float = 0.0, angle: float = 0.0) -> Motion:
+    def motion(self, dt: float, delay: float = 0.0) -> Motion:
         """Start to move the drive from sample to sample.
 
         Parameters
         ----------
         dt, delay : float
-            Sampling time, and time from a command to its torque, in seconds.
-        angle : float
-            Where it is at rest at first, in rad.
+            As of `nrdob.drives.motion.Motion`.
 
         Returns
         -------
         Motion
             With `advance(torque, load)`.
         """
-        return Motion(self.inertia, self.friction, dt, delay, angle)
+        return Motion(self.inertia, self.friction, dt, delay)
 
     def reader(self, motion: Motion) -> Callable[[float], float]:
         """Start to read the encoder of a motion, once in each sample from the first one on.
@@ -170,13 +164,6 @@ class Drive:
         DriveResponse
             Which holds the true angle and speed, too.
 
-        Raises
-        ------
-        TypeError, ValueError
-            If a signal is of the wrong length or not finite, or an input is unknown.
-        ArithmeticError
-            If the signals leave the range of floating-point numbers.
-
         Examples
         --------
         A position loop pushes until the motor breaks away at 0.15 N m, and hunts:
@@ -220,30 +207,24 @@ class Drive:
         rows: list[tuple[float, ...]] = []
         for R, _, load, eta, more in np.column_stack([external, fed]).tolist():
             angle, speed, held = motion.angle, motion.speed, motion.at_rest
-            if not abs(angle) < FARTHEST:
-                raise _left(len(rows))
             measured = read(angle + eta)
             z[n] = R
             z[n + 1] = R - max(R - measured - width, min(R - measured + width, 0.0))
             found = free.dot(z)
             command = float(found[n]) + more
-            if not isfinite(command):
-                raise _left(len(rows))
             applied = limit(command, applied)
             if applied != command:
                 found += (applied - command) * acting
             rows.append((angle, speed, measured, command, applied, float(found[n + 1]), held))
             z[:n] = found[:n]
             motion.advance(applied, load)
+            if not abs(motion.angle) < FARTHEST:
+                raise ArithmeticError(
+                    f"the signals leave the range of floating-point numbers near sample "
+                    f"{len(rows)}: the loop is unstable; simulate fewer samples"
+                )
         angles, speeds, readings, u, acted, d_hat, rests = np.array(rows).T
         return DriveResponse(
             time, angles if self.estimate is None else speeds, readings, u, acted, d_hat,
             angle=angles, speed=speeds, at_rest=rests.astype(bool),
         )  # fmt: skip
-
-
-def _left(sample: int) -> ArithmeticError:
-    return ArithmeticError(
-        f"the signals leave the range of floating-point numbers near sample {sample}: the loop is "
-        "unstable; simulate fewer samples"
-    )

@@ -99,12 +99,8 @@ class TwoMasses:
     def __post_init__(self) -> None:
         for name, unit in (("motor", "kg m²"), ("load", "kg m²"), ("stiffness", "N m/rad")):
             object.__setattr__(self, name, _positive(getattr(self, name), name, unit))
-        damping = real_number(self.damping, "damping", "give c of the shaft in N m s/rad")
-        if not (isfinite(damping) and damping >= 0):
-            raise ValueError(
-                f"damping is {damping:g} N m s/rad; a shaft takes energy out: give 0 or more"
-            )
-        object.__setattr__(self, "damping", damping)
+        if self.damping != 0:
+            object.__setattr__(self, "damping", _positive(self.damping, "damping", "N m s/rad"))
 
     @property
     def antiresonance(self) -> float:
@@ -144,17 +140,13 @@ class TwoMasses:
         """
         ratio = real_number(ratio, "ratio", "give resonance over antiresonance")
         if not (isfinite(ratio) and ratio > 1):
-            raise ValueError(
-                f"ratio is {ratio:g}; the resonance is always above the antiresonance: give a "
-                "ratio above 1, such as 5**0.5"
-            )
+            raise ValueError(f"ratio is {ratio:g}; give one above 1, such as 5**0.5")
         return replace(self, motor=self.load / (ratio**2 - 1))
 
     def speed(self, viscous: float = 0.0) -> ct.TransferFunction:
         r"""Give the motor's speed from its torque.
 
-        It is :math:`(J_ls^2+cs+k)/D` with
-        :math:`D=s(J_mJ_ls^2+(J_m+J_l)(cs+k))+b(J_ls^2+cs+k)`.
+        With b = 0 it is :math:`(J_ls^2+cs+k)/\bigl(s(J_mJ_ls^2+(J_m+J_l)(cs+k))\bigr)`.
 
         Parameters
         ----------
@@ -171,10 +163,9 @@ class TwoMasses:
         return ct.tf(own, np.polyadd(free, viscous * own))
 
     def notch(self, width: float) -> ct.TransferFunction:
-        r"""Give a filter that takes the resonance out of the torque.
+        r"""Give :math:`(s^2+2\zeta\omega_rs+\omega_r^2)/(s^2+2w\omega_rs+\omega_r^2)`.
 
-        It is :math:`(s^2+2\zeta\omega_rs+\omega_r^2)/(s^2+2w\omega_rs+\omega_r^2)` with the
-        shaft's own :math:`\zeta`, so that it cancels the resonance of the nominal drive.
+        With the shaft's own :math:`\zeta` it takes the resonance of this drive out of the torque.
 
         Parameters
         ----------
