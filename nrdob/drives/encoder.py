@@ -42,6 +42,8 @@ __all__ = [
     "SpeedEstimate",
     "Tracking",
     "encoded",
+    "reader",
+    "reader",
 ]
 
 Reading = Callable[[float], float]
