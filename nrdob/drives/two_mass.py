@@ -9,14 +9,10 @@ With the motor's torque :math:`\tau`, the load's torque :math:`\delta` and the t
 The motor sees an *antiresonance* :math:`\sqrt{k/J_l}`, where the load swings on a motor that stands
 still, and a *resonance* :math:`\sqrt{k(1/J_m+1/J_l)}`, where both swing against each other. Their
 ratio :math:`\sqrt{1+J_l/J_m}` knows the inertias only. Resonance-ratio control makes the motor's
-inertia look another one, so that this ratio is about :math:`\sqrt5` (Yuki, Murakami and Ohnishi).
+inertia look another one, so that this ratio is about :math:`\sqrt5` (Yuki, Murakami and Ohnishi, Proc.
+IECON, 1993).
 A disturbance observer does so by itself below the bandwidth of its filter, if its *model* is a
 drive with that ratio: it makes the plant behave like the model.
-
-.. rubric:: References
-
-Yuki, K., T. Murakami, K. Ohnishi, Vibration control of 2 mass resonant system by resonance ratio
-control, Proc. IECON (1993) 2009-2014.
 """
 
 from __future__ import annotations
