@@ -5,7 +5,8 @@ An incremental encoder rounds the *angle*. A speed is made of its counts on the 
 - *Counting*: the counts of the last m samples, over their time. With :math:`\theta_k` the angle
   read, :math:`(\theta_k-\theta_{k-m})/(mh)`: the mean speed over a time mh, so mh/2 old.
 - *Timing edges* (M/T counting; Ohmae and others, IEEE Trans. Industrial Electronics 29, 1982): the
-  angle between the last edges of two samples, over the time between *them*. As old at high speed; at low speed by up to the time between two edges more.
+  angle between the last edges of two samples, over the time between *them*. As old at high speed;
+  at low speed by up to the time between two edges more.
 - *Tracking* (a phase-locked loop): a model of constant speed, corrected by the error of its angle,
   critically damped with both roots at :math:`r=e^{-\omega_0h}`; :math:`2h/(1-r)-3h/2` old.
 
@@ -37,7 +38,6 @@ __all__ = [
     "SpeedEstimate",
     "Tracking",
     "encoded",
-    "reader",
     "reader",
 ]
 

@@ -9,10 +9,9 @@ With the motor's torque :math:`\tau`, the load's torque :math:`\delta` and the t
 The motor sees an *antiresonance* :math:`\sqrt{k/J_l}`, where the load swings on a motor that stands
 still, and a *resonance* :math:`\sqrt{k(1/J_m+1/J_l)}`, where both swing against each other. Their
 ratio :math:`\sqrt{1+J_l/J_m}` knows the inertias only. Resonance-ratio control makes the motor's
-inertia look another one, so that this ratio is about :math:`\sqrt5` (Yuki, Murakami and Ohnishi, Proc.
-IECON, 1993).
-A disturbance observer does so by itself below the bandwidth of its filter, if its *model* is a
-drive with that ratio: it makes the plant behave like the model.
+inertia look another one, so that it is about :math:`\sqrt5` (Yuki, Murakami, Ohnishi, Proc. IECON
+1993). An observer does so by itself, below the bandwidth of its filter, if its *model* is a drive
+with that ratio: it makes the plant behave like the model.
 """
 
 from __future__ import annotations
@@ -81,8 +80,8 @@ class TwoMasses:
     Examples
     --------
     >>> drive = TwoMasses(1e-3, 4e-3, 10.0)
-    >>> round(drive.antiresonance, 6), round(drive.resonance, 6)
-    (50.0, 111.803399)
+    >>> round(drive.antiresonance, 3), round(drive.resonance, 3)
+    (50.0, 111.803)
     >>> round(drive.resonance_ratio**2, 6)                      # 1 + 4
     5.0
     """
