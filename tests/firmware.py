@@ -43,6 +43,20 @@ void run(int n, const double *r, const double *y, const double *applied,
 }}
 """
 
+STEPWISE = """
+#include "{name}.h"
+static {name}_state s;
+void begin(void);
+double output(double r, double y);
+void update(double applied);
+void begin(void) {{ {name}_init(&s); }}
+double output(double r, double y)
+{{
+    return (double){name}_output(&s, ({name}_real)r, ({name}_real)y);
+}}
+void update(double applied) {{ {name}_update(&s, ({name}_real)applied); }}
+"""
+
 TWO = """
 #include <stdio.h>
 #include "{name}.h"
@@ -124,6 +138,18 @@ def run_c(sampled, name, r, y, applied, start=None, dtype="double", **made):
             *(v.ctypes.data_as(pointer) for v in found),
         )  # fmt: skip
     return found
+
+
+@contextlib.contextmanager
+def c_controller(sampled, name, **made):
+    """Give the compiled controller, at rest, with output(r, y) and update(applied)."""
+    with built("cc", sampled, name, "double", STEPWISE, "-shared", "-fPIC", **made) as library:
+        found = ctypes.CDLL(str(library))
+        found.output.restype = ctypes.c_double
+        found.output.argtypes = [ctypes.c_double, ctypes.c_double]
+        found.update.argtypes = [ctypes.c_double]
+        found.begin()
+        yield found
 
 
 def python_class(text, name="Controller"):

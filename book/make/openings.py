@@ -11,9 +11,9 @@ from pages import cells_of
 __all__ = ["PARTS", "Chapter", "read_chapter"]
 
 PARTS = {
-    "The paper in an afternoon": "01 02 03 04 05 06 07 08".split(),
-    "Design": "09 10 11 12 13 14 15 16 17".split(),
-    "The bench": "18 19 20 21 22 23 24".split(),
+    "The paper in an afternoon": ["01", "02", "03", "04", "05", "06", "07", "08"],
+    "Design": ["09", "10", "11", "12", "13", "14", "15", "16", "17"],
+    "The bench": ["18", "19", "20", "21", "22", "23", "24"],
     "Appendices": ["A", "B", "C"],
 }
 """The parts of the book, with the numbers of their chapters, as on the front page."""

@@ -77,6 +77,18 @@ class Rule:
 def limited(limits: ActuatorLimits, dt: float) -> Rule:
     """Apply the limits of an actuator to a command: rate first, then range.
 
+    Parameters
+    ----------
+    limits : ActuatorLimits
+        Range and rate.
+    dt : float
+        Sampling time in seconds.
+
+    Returns
+    -------
+    Rule
+        Whose `apply(command, before)` is what the actuator does.
+
     Examples
     --------
     >>> rule = limited(ActuatorLimits(-1, 1, rate=10), 0.05)

@@ -153,7 +153,10 @@ class ControllerCode:
         call: Callable[[str, str], str],
         **more: Any,
     ) -> str:
-        constants = {"FACTOR": number(self.controller.factor), "TRACKING": number(self.tracking)}
+        # The factor of u[k] is divided out here: the processor has nothing left to divide by.
+        constants = {
+            "RECIPROCAL": number(1 / self.controller.factor), "TRACKING": number(self.tracking)
+        }  # fmt: skip
 
         def line(row: Row) -> tuple[str, str]:
             target, text = rendered(row, signal, call)

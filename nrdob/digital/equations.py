@@ -57,7 +57,7 @@ def equations(*, delayed: bool) -> dict[str, tuple[Row, ...]]:
     from_y = output(inverse, y)
     filtered = output(filter_u, 0)
     e = r - y_filtered - output(inner, 0)
-    u = (output(controller, e) + filtered - from_y) / FACTOR
+    u = (output(controller, e) + filtered - from_y) * RECIPROCAL
     """
     if delayed:
         late, inner = "late({})", "{} - filtered"
@@ -72,7 +72,7 @@ def equations(*, delayed: bool) -> dict[str, tuple[Row, ...]]:
             Row("from_y", "output(inverse, y)"),
             Row("filtered", f"output(filter_u, {late.format(0)})"),
             Row("e", f"r - y_filtered - output(inner, {nothing})"),
-            Row("u", "(output(controller, e) + filtered - from_y) / FACTOR"),
+            Row("u", "(output(controller, e) + filtered - from_y) * RECIPROCAL"),
         ),
         "update": (
             Row("late_u", late.format("applied")),

@@ -73,7 +73,18 @@ class HeldProcess:
         return self.samples + int(self.fraction > 0 or self.D != 0)
 
     def after(self, delay: float) -> HeldProcess:
-        """Return the same process behind another dead time, the whole of it in seconds."""
+        """Return the same process behind another dead time.
+
+        Parameters
+        ----------
+        delay : float
+            The whole of it, in seconds.
+
+        Returns
+        -------
+        HeldProcess
+            With the same matrices A, B, C and Ad.
+        """
         samples, fraction = in_samples(delay, self.dt)
         late, B0 = self.transition((1 - fraction) * self.dt)
         B1 = late @ self.transition(fraction * self.dt)[1] if fraction else np.zeros_like(B0)
@@ -143,7 +154,17 @@ def checked_times(dt: float, computation_delay: float) -> tuple[float, float]:
 
 
 def in_samples(delay: float, dt: float) -> tuple[int, float]:
-    """Divide a dead time into whole samples and a fraction of one, all times in seconds.
+    """Divide a dead time into whole samples and a fraction of one.
+
+    Parameters
+    ----------
+    delay, dt : float
+        The dead time and the sampling time, in seconds.
+
+    Returns
+    -------
+    samples, fraction : int, float
+        The fraction is at least 0 and below 1.
 
     Examples
     --------

@@ -26,6 +26,18 @@ def sample_times(
 ) -> FloatArray:
     """Find the times of the samples: as given, or as many as the signals have.
 
+    Parameters
+    ----------
+    timepts, inputs, noise : as of `SampledLoop.simulate`
+        What was given.
+    dt : float
+        Sampling time in seconds.
+
+    Returns
+    -------
+    array of float, shape (N,)
+        In seconds, from 0 on.
+
     Examples
     --------
     >>> sample_times(None, {"R": [1.0, 1.0, 2.0]}, None, 0.5).tolist()
@@ -88,7 +100,22 @@ def external_signals(
     time: FloatArray,
     seed: int | np.random.Generator,
 ) -> FloatArray:
-    """Gather R, d, δ and η as columns, shape (N, 4); noise as a number is a standard deviation."""
+    """Gather the signals of a simulation.
+
+    Parameters
+    ----------
+    inputs, noise : as of `SampledLoop.simulate`
+        What was given; noise as a number is a standard deviation.
+    time : array of float, shape (N,)
+        Times of the samples, in seconds.
+    seed : int or numpy.random.Generator
+        Of white noise.
+
+    Returns
+    -------
+    array of float, shape (N, 4)
+        R, d, δ and η as columns.
+    """
     columns = [_signal(inputs.get(name, 0.0), name, time) for name in EXTERNAL]
     if noise is None or np.ndim(noise) == 0:
         deviation = finite(noise or 0.0, "noise", "give its standard deviation, or an array")

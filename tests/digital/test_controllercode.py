@@ -265,6 +265,16 @@ def test_an_actuator_that_does_less_than_it_is_told_is_believed():
     assert abs(mute.d_hat) > 10
 
 
+@pytest.mark.parametrize("wait", [0.0, 0.13])
+@pytest.mark.parametrize("dtype", ["double", "float"])
+def test_a_processor_without_division_can_run_it(wait, dtype):
+    sampled = sampled_loop(wait=wait, lag=0.3)
+    assert abs(sampled.controller.factor - 1) > 1e-3  # there is something to divide by
+    text = sampled.code(limits=LIMITS, tracking_time=0.4).to_c("plain", dtype)
+    code = re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL)
+    assert "/" not in code and "%" not in code and "fmod" not in code
+
+
 # Blocks.
 
 

@@ -1,0 +1,192 @@
+r"""What a motor turns: one inertia, or two with a shaft between them.
+
+With the motor's torque :math:`\tau`, the load's torque :math:`\delta` and the twist
+:math:`\psi=\theta_m-\theta_l`,
+
+.. math:: J_m\dot\omega_m=\tau-b\,\omega_m-T,\qquad J_l\dot\omega_l=T+\delta,\qquad
+    T=k\psi+c\,\dot\psi
+
+The motor sees an *antiresonance* :math:`\sqrt{k/J_l}`, where the load swings on a motor that stands
+still, and a *resonance* :math:`\sqrt{k(1/J_m+1/J_l)}`, where both swing against each other. Their
+ratio :math:`\sqrt{1+J_l/J_m}` knows the inertias only. Resonance-ratio control makes the motor's
+inertia look another one, so that it is about :math:`\sqrt5` (Yuki, Murakami, Ohnishi, Proc. IECON
+1993). An observer does so by itself, below the bandwidth of its filter, if its *model* is a drive
+with that ratio: it makes the plant behave like the model.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import isfinite, sqrt
+
+import control as ct
+import numpy as np
+
+from ..diagram import real_number
+
+__all__ = ["OneMass", "TwoMasses"]
+
+
+@dataclass(frozen=True)
+class OneMass:
+    """A rigid drive: all that turns is one inertia.
+
+    Parameters
+    ----------
+    inertia : float
+        J of motor and load together, in kg m².
+
+    Examples
+    --------
+    >>> G = OneMass(0.01).speed(viscous=0.1)
+    >>> float(G.dcgain()), float(G.poles()[0].real)
+    (10.0, -10.0)
+    """
+
+    inertia: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "inertia", _positive(self.inertia, "inertia", "kg m²"))
+
+    def speed(self, viscous: float = 0.0) -> ct.TransferFunction:
+        """Give the speed from the torque, 1/(J s + b).
+
+        Parameters
+        ----------
+        viscous : float
+            Viscous friction b of the motor, in N m s.
+
+        Returns
+        -------
+        control.TransferFunction
+            From N m to rad/s.
+        """
+        return ct.tf([1.0], [self.inertia, viscous])
+
+
+@dataclass(frozen=True)
+class TwoMasses:
+    """A motor that turns its load through a shaft that gives way.
+
+    Parameters
+    ----------
+    motor, load : float
+        Inertias, in kg m².
+    stiffness : float
+        k of the shaft, in N m/rad.
+    damping : float
+        c of the shaft, in N m s/rad.
+
+    Examples
+    --------
+    >>> drive = TwoMasses(1e-3, 4e-3, 10.0)
+    >>> round(drive.antiresonance, 3), round(drive.resonance, 3)
+    (50.0, 111.803)
+    >>> round(drive.resonance_ratio**2, 6)                      # 1 + 4
+    5.0
+    """
+
+    motor: float
+    load: float
+    stiffness: float
+    damping: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name, unit in (("motor", "kg m²"), ("load", "kg m²"), ("stiffness", "N m/rad")):
+            object.__setattr__(self, name, _positive(getattr(self, name), name, unit))
+        if self.damping != 0:
+            object.__setattr__(self, "damping", _positive(self.damping, "damping", "N m s/rad"))
+
+    @property
+    def antiresonance(self) -> float:
+        """Frequency at which the load swings on a motor at rest, undamped, in rad/s."""
+        return sqrt(self.stiffness / self.load)
+
+    @property
+    def resonance(self) -> float:
+        """Frequency at which both swing against each other, undamped, in rad/s."""
+        return sqrt(self.stiffness * (1 / self.motor + 1 / self.load))
+
+    @property
+    def resonance_ratio(self) -> float:
+        """Resonance over antiresonance, √(1 + load/motor)."""
+        return sqrt(1 + self.load / self.motor)
+
+    def with_resonance_ratio(self, ratio: float) -> TwoMasses:
+        """Exchange the motor for one that makes another ratio with the same shaft and load.
+
+        As the model of an NR-DOB this is resonance-ratio control: the antiresonance belongs to load
+        and shaft and stays, the resonance goes where the model has it.
+
+        Parameters
+        ----------
+        ratio : float
+            Resonance over antiresonance, above 1; √5 is customary.
+
+        Returns
+        -------
+        TwoMasses
+            With the motor's inertia load/(ratio² - 1).
+
+        Examples
+        --------
+        >>> round(TwoMasses(4e-3, 4e-3, 10.0).with_resonance_ratio(5**0.5).motor, 6)
+        0.001
+        """
+        ratio = real_number(ratio, "ratio", "give resonance over antiresonance")
+        if not (isfinite(ratio) and ratio > 1):
+            raise ValueError(f"ratio is {ratio:g}; give one above 1, such as 5**0.5")
+        return replace(self, motor=self.load / (ratio**2 - 1))
+
+    def speed(self, viscous: float = 0.0) -> ct.TransferFunction:
+        r"""Give the motor's speed from its torque.
+
+        With b = 0 it is :math:`(J_ls^2+cs+k)/\bigl(s(J_mJ_ls^2+(J_m+J_l)(cs+k))\bigr)`.
+
+        Parameters
+        ----------
+        viscous : float
+            Viscous friction b of the motor, in N m s.
+
+        Returns
+        -------
+        control.TransferFunction
+            From N m to rad/s.
+        """
+        own, total = np.array([self.load, self.damping, self.stiffness]), self.motor + self.load
+        free = [self.motor * self.load, total * self.damping, total * self.stiffness, 0.0]
+        return ct.tf(own, np.polyadd(free, viscous * own))
+
+    def notch(self, width: float) -> ct.TransferFunction:
+        r"""Give :math:`(s^2+2\zeta\omega_rs+\omega_r^2)/(s^2+2w\omega_rs+\omega_r^2)`.
+
+        With the shaft's own :math:`\zeta` it takes the resonance of this drive out of the torque.
+
+        Parameters
+        ----------
+        width : float
+            w, the damping ratio of the new poles, positive.
+
+        Returns
+        -------
+        control.TransferFunction
+            With gain 1 at 0 and at high frequencies.
+
+        Examples
+        --------
+        >>> drive = TwoMasses(1e-3, 4e-3, 10.0, 1e-3)
+        >>> round(float(abs(drive.notch(0.5)(1j * drive.resonance))), 6)       # ζ/w
+        0.01118
+        """
+        width = _positive(width, "width", "1")
+        squared = self.resonance**2
+        own = self.damping * (1 / self.motor + 1 / self.load)
+        return ct.tf([1.0, own, squared], [1.0, 2 * width * self.resonance, squared])
+
+
+def _positive(value: float, name: str, unit: str) -> float:
+    number = real_number(value, name, f"give a number in {unit}")
+    if not (isfinite(number) and number > 0):
+        remedy = "a drive without load is OneMass(inertia)" if name == "load" else "check its sign"
+        raise ValueError(f"{name} is {number:g} {unit}; it must be positive and finite: {remedy}")
+    return number
