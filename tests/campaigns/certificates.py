@@ -15,6 +15,7 @@ import copy
 import time
 from collections import Counter
 from collections.abc import Iterator
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -66,7 +67,8 @@ def tampered(content: Content, before: Content | None) -> Iterator[tuple[str, Co
         yield "no points but the first", changed("points", name, points[:1])
         yield "a point twice", changed("points", name, [*points, points[-1]])
         yield "points in numbers", changed("points", name, [0.0, 1.0])
-    yield "a dead time more uncertain than long", content | {"within": "1000000000000"}
+    longest = max(Fraction(block["delay"]) for block in content["blocks"]["process"])
+    yield "a dead time more uncertain than long", content | {"within": str(2 * longest + 1)}
     if before is not None and before["claim"] != content["claim"]:
         yield (
             "the blocks of another loop",

@@ -50,8 +50,11 @@ FAST = ("-p", "no:cacheprovider", "-m", "not slow", "--hypothesis-profile=quick"
 
 LIBRARIES = "control", "hypothesis", "matplotlib.pyplot", "mpmath", "scipy.linalg", "scipy.optimize"
 
-BUDGET = 40.0
+BUDGET = 12.0
 """Seconds of tests for a mutant, as they took without it."""
+
+THOROUGH = 90.0
+"""The same with `--again`, for those that survived."""
 
 LIMIT = 150.0
 """Seconds after which a mutant is said to run for ever."""
@@ -250,7 +253,7 @@ def seen(tree: Path) -> tuple[dict[tuple[str, int], set[str]], dict[str, float]]
     return lines, seconds
 
 
-def tests_of(mutant: Mutant, tree: Path) -> list[str]:
+def tests_of(mutant: Mutant, tree: Path, budget: float) -> list[str]:
     """Which tests to run, in this order."""
     lines, seconds = seen(tree)
     found = lines.get((mutant.path, mutant.line), set()) - {""}
@@ -260,7 +263,7 @@ def tests_of(mutant: Mutant, tree: Path) -> list[str]:
     picked, spent = [], 0.0
     for test in sorted(found, key=lambda test: (not test.startswith(own), seconds[test], test)):
         spent += seconds[test]
-        if picked and spent > BUDGET:
+        if picked and spent > budget:
             break
         picked.append(test)
     return picked
@@ -269,21 +272,22 @@ def tests_of(mutant: Mutant, tree: Path) -> list[str]:
 # Running them.
 
 
-def judged(mutant: Mutant, tree: Path) -> str:
+def judged(mutant: Mutant, tree: Path, budget: float = BUDGET) -> str:
     """What became of a mutant: killed, by time, or survived."""
     path = tree / mutant.path
     original = path.read_text(encoding="utf-8")
     path.write_text(source(original, mutant), encoding="utf-8")
+    tests = tests_of(mutant, tree, budget)
     try:
         child = os.fork()
         if not child:
-            _child(mutant, tree)
+            _child(mutant.path, tests, tree)
         return _ended(child)
     finally:
         path.write_text(original, encoding="utf-8")
 
 
-def _child(mutant: Mutant, tree: Path) -> None:
+def _child(path: str, tests: list[str], tree: Path) -> None:
     status = 3
     try:
         os.setsid()
@@ -295,10 +299,9 @@ def _child(mutant: Mutant, tree: Path) -> None:
         nothing = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nothing, 1)
         os.dup2(nothing, 2)
-        tests = tests_of(mutant, tree)
         status = int(pytest.main(["-x", "-q", *FAST, *tests])) if tests else 5
         if status in {0, 5}:
-            status = int(pytest.main(["-x", "-q", *FAST, "--doctest-modules", mutant.path]))
+            status = int(pytest.main(["-x", "-q", *FAST, "--doctest-modules", path]))
     finally:
         os._exit(status)
 
@@ -336,14 +339,20 @@ def main() -> None:
     parser.add_argument("--only", default="", help="part of a path, as certificates/checker.py")
     parser.add_argument("--kept", type=Path, default=ROOT / "build" / "mutants.json")
     parser.add_argument("--tree", type=Path, default=ROOT / "build" / "mutants")
+    parser.add_argument("--again", action="store_true", help="more tests for the survivors")
     given = parser.parse_args()
     kept = json.loads(given.kept.read_text("utf-8")) if given.kept.exists() else []
-    if given.count:
+    if given.count or given.again:
         tree = copied(given.tree.resolve())
         if not (tree / "times.xml").exists():
             measure(tree)
         for name in LIBRARIES:  # once, for all children, and nothing of the package
             importlib.import_module(name)
+        for each in kept if given.again else ():
+            if each["end"] == "survived":
+                mutant = Mutant(*(each[name] for name in Mutant._fields))
+                each["end"] = judged(mutant, tree, THOROUGH)
+                given.kept.write_text(json.dumps(kept, indent=0) + "\n", encoding="utf-8")
         every = mutants(tree, given.only)
         drawn = picked(every, given.count, given.seed)
         known = {tuple(each[name] for name in Mutant._fields) for each in kept}

@@ -49,7 +49,7 @@ def inverse_laplace(num: fmpq_poly, den: fmpq_poly, t: fmpq) -> float:
 
 
 @cache
-def _contour(nodes: int) -> list[tuple[acb, acb]]:
+def points_of(nodes: int) -> list[tuple[acb, acb]]:
     """Points of Talbot's contour and their weights, at t = 1."""
     ctx.prec = PRECISION
     r = arb(2 * nodes) / 5
@@ -63,7 +63,7 @@ def _contour(nodes: int) -> list[tuple[acb, acb]]:
     return found
 
 
-def _inverted(num: acb_poly, den: acb_poly, t: arb, contour: list[tuple[acb, acb]]) -> arb:
+def inverted(num: acb_poly, den: acb_poly, t: arb, contour: list[tuple[acb, acb]]) -> arb:
     total = arb(0)
     for point, weight in contour:
         s = point / t
@@ -109,7 +109,7 @@ def _summed(loop: Plain, input: str, t: float, nodes: int) -> tuple[float, float
     q = sum((p for p, i, k in P if not late(i, k)), fmpq_poly([0]))
     r1 = P[2][0] if theta else fmpq_poly([0])
     r2 = P[1][0] if wait else fmpq_poly([0])
-    time, contour, values = fmpq(*float(t).as_integer_ratio()), _contour(nodes), []
+    time, contour, values = fmpq(*float(t).as_integer_ratio()), points_of(nodes), []
     for end in ends:
         total = arb(0)
         for a, i0, k0 in end:
@@ -120,6 +120,6 @@ def _summed(loop: Plain, input: str, t: float, nodes: int) -> tuple[float, float
                         break
                     num = a * (-r1) ** i * (-r2) ** k * math.comb(i + k, i)
                     den = s * beside * q ** (i + k + 1)
-                    total += _inverted(acb_poly(num), acb_poly(den), arb(left), contour)
+                    total += inverted(acb_poly(num), acb_poly(den), arb(left), contour)
         values.append(float(total.mid()))
     return values[0], values[1]
