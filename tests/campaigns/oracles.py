@@ -143,15 +143,18 @@ def steps(rng: np.random.Generator, drawn: Drawn) -> Iterator[str]:
 
 
 def time_constants(rng: np.random.Generator, drawn: Drawn) -> Iterator[str]:
-    """The set of λ: beside every end, and at random."""
+    """The set of λ: beside every end above the smallest of interest, and at random."""
     loop, (lam, order) = drawn
+    floor = lam / 100
     package = made(drawn)
     try:
-        found = nrdob.stabilizing_time_constants(package.process, package.model, order)
+        found = nrdob.stabilizing_time_constants(package.process, package.model, order, floor=floor)
     except ArithmeticError as refusal:
         yield f"refused: {str(refusal)[:40]}"
         return
     for value in _beside(found, lam * 10 ** rng.uniform(-1, 1, 2)):
+        if value < floor * (1 + 2 * BESIDE):
+            continue
         other = loop._replace(F=low_pass(value, order))
         yield _inside(value, found, contour.rhp_by_argument(p_B(other)))
 
