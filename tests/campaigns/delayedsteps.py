@@ -9,29 +9,23 @@ time; each is inverted by Talbot's contour in 120 digits, with more points until
 
 from __future__ import annotations
 
-import math
 from collections import Counter, defaultdict
 from collections.abc import Iterator
-from functools import cache
 from typing import NamedTuple
 
 import control as ct
 import numpy as np
-from flint import acb, acb_poly, arb, ctx, fmpq, fmpq_poly
+from flint import fmpq_poly
 
 import nrdob
 from nrdob.diagram import INPUTS
+from tests.oracles.inversion import talbot_step
+from tests.oracles.plain import Block, Plain
 
 from .runner import asked
 
 PROMISED = 1e-8
 """Error against the largest value since t = 0; nine digits, and coefficients that are rounded."""
-NODES = 60, 90, 135, 200, 300
-"""Points of the contour, until two sums agree."""
-PRECISION = 400
-"""Bits."""
-ECHOES = 60
-"""Echoes at most up to the last time."""
 
 Polynomial = fmpq_poly
 
@@ -63,87 +57,6 @@ class Case(NamedTuple):
 
 
 # The oracle.
-
-
-def _exact(coefficients: list[float]) -> Polynomial:
-    pairs = (float(c).as_integer_ratio() for c in reversed(coefficients))
-    return Polynomial([fmpq(*pair) for pair in pairs])
-
-
-@cache
-def _contour(nodes: int) -> list[tuple[acb, acb]]:
-    """Points of Talbot's contour and their weights, at t = 1."""
-    ctx.prec = PRECISION
-    r = arb(2 * nodes) / 5
-    found = [(acb(r), acb(r).exp() * r / (2 * nodes))]
-    for k in range(1, nodes):
-        angle = arb.pi() * k / nodes
-        cot = angle.cos() / angle.sin()
-        point = acb(r * angle * cot, r * angle)
-        slope = acb(1, angle * (1 + cot * cot) - cot)
-        found.append((point, point.exp() * slope * r / nodes))
-    return found
-
-
-def _inverted(num: acb_poly, den: acb_poly, t: arb, contour: list[tuple[acb, acb]]) -> arb:
-    total = arb(0)
-    for point, weight in contour:
-        s = point / t
-        total += (weight * num(s) / den(s)).real
-    return total / t
-
-
-def exact_step(case: Case, t: float) -> tuple[float, float]:
-    """Return y and u (for delta the plant's input) at a time off all jumps."""
-    before = (math.inf, math.inf)
-    for nodes in NODES:
-        found = _summed(case, t, nodes)
-        if all(abs(a - b) <= 1e-11 * abs(b) for a, b in zip(before, found, strict=True)):
-            return found
-        before = found
-    raise ArithmeticError("Talbot's contour does not resolve this transform")
-
-
-def _summed(case: Case, t: float, nodes: int) -> tuple[float, float]:
-    ctx.prec = PRECISION
-    (N, D), (Nm, Dm), (Nc, Dc), (Nf, Df) = (
-        (_exact(num), _exact(den)) for num, den in (case.G, case.Gm, case.C, case.F)
-    )
-    theta, wait = case.delays
-    one, s = Polynomial([1]), Polynomial([0, 1])
-    # y and u times P = D Nm Df - D Nm Nf E' + N Dm Nf E: polynomials by the dead times before them.
-    P = [(D * Nm * Df, 0, 0), (-D * Nm * Nf, 0, 1), (N * Dm * Nf, 1, 0)]
-    beside = Dm * Dc + Nm * Nc if case.input == "R" else one
-    ends = {
-        "R": ([(N * Nm * Df * Nc * Dm, 1, 0)], [(D * Nm * Df * Nc * Dm, 0, 0)]),
-        "d": ([(D * Nm * Df, 0, 0), (-D * Nm * Nf, 0, 1)], [(-D * Dm * Nf, 0, 0)]),
-        "eta": ([(-N * Dm * Nf, 1, 0)], [(-D * Dm * Nf, 0, 0)]),
-        "delta": (
-            [(N * Nm * Df, 1, 0), (-N * Nm * Nf, 1, 1)],
-            [(D * Nm * Df, 0, 0), (-D * Nm * Nf, 0, 1)],
-        ),
-    }[case.input]
-
-    def late(i: int, k: int) -> fmpq:
-        return i * fmpq(*theta.as_integer_ratio()) + k * fmpq(*wait.as_integer_ratio())
-
-    q = sum((p for p, i, k in P if not late(i, k)), Polynomial([0]))
-    r1 = P[2][0] if theta else Polynomial([0])
-    r2 = P[1][0] if wait else Polynomial([0])
-    time, contour, values = fmpq(*float(t).as_integer_ratio()), _contour(nodes), []
-    for end in ends:
-        total = arb(0)
-        for a, i0, k0 in end:
-            for i in range(ECHOES if theta else 1):
-                for k in range(ECHOES if wait else 1):
-                    left = time - late(i0 + i, k0 + k)
-                    if left <= 0:
-                        break
-                    num = a * (-r1) ** i * (-r2) ** k * math.comb(i + k, i)
-                    den = s * beside * q ** (i + k + 1)
-                    total += _inverted(acb_poly(num), acb_poly(den), arb(left), contour)
-        values.append(float(total.mid()))
-    return values[0], values[1]
 
 
 # Random loops.
@@ -212,13 +125,14 @@ def error(case: Case) -> float:
     last = case.times[-1]
     known = [k * case.delays[0] + m * case.delays[1] for k in range(99) for m in range(99)]
     moments = np.unique([moment for moment in known if moment <= 1.1 * last])
-    worst = 0.0
+    blocks = (Block(*block) for block in (case.G, case.Gm, case.C, case.F))
+    plain, worst = Plain(*blocks, *case.delays), 0.0
     picks = np.linspace(0, case.times.size - 1, 4).astype(int)[1:]
     for k in picks.tolist():
         t = float(case.times[k])
         if np.abs(moments - t).min() < 1e-6 * last or t < 1e-3 * min(filter(None, case.delays)):
             continue
-        wanted = np.array(exact_step(case, t))
+        wanted = np.array(talbot_step(plain, case.input, t))
         worst = max(
             worst, float((np.abs(found[:, k] - wanted) / np.maximum(size, abs(wanted))).max())
         )

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+from tests.oracles.plain import Block, Plain
 
 
 class Asked(NamedTuple):
@@ -21,6 +23,12 @@ def asked(description: str, count: int) -> Asked:
     parser.add_argument("--seed", type=int, default=0)
     given = parser.parse_args()
     return Asked(given.count, given.seed)
+
+
+def plain(loop: Any) -> Plain:
+    """The coefficients of a loop, as the oracles take them."""
+    G, Gm, C, F = (Block(part.num, part.den) for part in loop.fractions)
+    return Plain(G, Gm, C, F, loop.delay, loop.model_delay)
 
 
 def print_tally(

@@ -16,45 +16,19 @@ from operator import mul
 from typing import NamedTuple
 
 import numpy as np
-from flint import arb, arb_mat, ctx, fmpq, fmpq_poly
+from flint import fmpq, fmpq_poly
 
 from nrdob.analysis import step_response
 from nrdob.diagram import INPUTS, DelayedTransferFunction, LoopEquations, LowPassFilter
+from tests.oracles.inversion import inverse_laplace
+from tests.oracles.plain import exact_polynomial
 
 from .runner import asked
 
 PROMISED = 1e-9
-_CERTIFIED = 1e-13
-_MOST_BITS = 200_000
 
 
 # Certified inversion.
-
-
-def exact_polynomial(descending):
-    """Return the polynomial whose coefficients are exactly these floating-point numbers."""
-    pairs = (Fraction(float(c)).as_integer_ratio() for c in reversed(descending))
-    return fmpq_poly([fmpq(*pair) for pair in pairs])
-
-
-def inverse_laplace(num, den, t):
-    """Return the inverse of num/den, strictly proper, at one exact time t >= 0, as a float."""
-    n, lead = den.degree(), den[den.degree()]
-    bits = 300
-    while bits < _MOST_BITS:
-        ctx.prec = bits
-        A = arb_mat(n, n, [0] * n**2)
-        for i in range(n - 1):
-            A[i, i + 1] = 1
-        for i in range(n):
-            A[n - 1, i] = -arb(den[i] / lead)
-        impulse = (A * arb(t)).exp()
-        value = sum((arb(num[i] / lead) * impulse[i, n - 1] for i in range(n)), arb(0))
-        size = abs(float(value.mid()))
-        if float(value.rad()) <= max(_CERTIFIED * size, 1e-60):
-            return float(value.mid())
-        bits *= 2
-    raise ArithmeticError("not certified")
 
 
 def exact_step(loop, input, t):

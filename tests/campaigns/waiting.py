@@ -18,16 +18,16 @@ from functools import reduce
 from math import comb
 
 import control as ct
-import flint
 import numpy as np
 from flint import fmpq, fmpq_poly
 
 import nrdob
 from nrdob.diagram import INPUTS
-from tests.campaigns.steps import exact_polynomial, inverse_laplace
+from tests.oracles.contour import rhp_by_argument
+from tests.oracles.inversion import inverse_laplace
+from tests.oracles.plain import exact_polynomial, p_B
 
-MOST_BALLS = 20_000
-
+from .runner import plain
 
 # Random loops.
 
@@ -65,58 +65,6 @@ def _from_lags(lags):
 
 
 # Oracles.
-
-
-def terms(loop):
-    """The polynomials of p_B with their dead times, exactly; equal dead times are added up."""
-    N, D, Nm, Dm, _, _, Nf, Df = (exact_polynomial(p) for block in loop.fractions for p in block)
-    total = {}
-    for p, delay in (
-        (D * Nm * Df, 0.0),
-        (-D * Nm * Nf, loop.model_delay),
-        (N * Dm * Nf, loop.delay),
-    ):
-        total[delay] = total.get(delay, fmpq_poly()) + p
-    return [(p, delay) for delay, p in total.items() if p != 0]
-
-
-def rhp_by_argument(found):
-    """Roots on the right by the argument in balls; None where that takes too many."""
-    flint.ctx.prec = 100
-    lead = found[0][0]
-    n = lead.degree()
-    rest = sum(abs(float(p[n])) for p, _ in found[1:])
-    if any(p.degree() > n for p, _ in found) or rest >= abs(float(lead[n])) * (1 - 1e-9):
-        return math.nan
-    sizes = [sum(abs(float(p[k])) for p, _ in found) for k in range(n)]
-    gap = abs(float(lead[n])) - rest
-    top = max((2 * (2 * size / gap) ** (1 / (n - k)) for k, size in enumerate(sizes)), default=1.0)
-
-    def value(low, high):
-        s = flint.acb(0, flint.arb((low + high) / 2, (high - low) / 2 * 1.0001))
-        return sum((_at(p, s) * (-flint.arb(T) * s).exp() for p, T in found), flint.acb(0))
-
-    todo, angle, count = [(0.0, top)], 0.0, 0
-    while todo:
-        low, high = todo.pop()
-        count += 1
-        if count > MOST_BALLS or high - low < 1e-13 * high:
-            return None
-        if value(low, high).contains(0):
-            middle = (low + high) / 2
-            todo += [(middle, high), (low, middle)]
-            continue
-        angle += float((value(high, high) / value(low, low)).arg().mid())
-    end = flint.acb(flint.arb(lead[n])) * flint.acb(0, 1) ** n
-    angle += float((end / value(top, top)).arg().mid())
-    return round(n / 2 - angle / math.pi)
-
-
-def _at(p, s):
-    value = flint.acb(0)
-    for k in range(p.degree(), -1, -1):
-        value = value * s + flint.acb(flint.arb(p[k]))
-    return value
 
 
 def exact_step(loop, input, t):
@@ -186,7 +134,7 @@ def main():
         start = time.process_time()
         found = loop.stability().observer_loop
         seconds[len(loop.p_B.delayed)].append(time.process_time() - start)
-        true = rhp_by_argument(terms(loop))
+        true = rhp_by_argument(p_B(plain(loop)))
         if true is None or found.stable is None:
             verdicts["not known to the oracle" if true is None else "None"] += 1
             if found.stable is None:

@@ -197,6 +197,11 @@ SETTINGS: dict[str, tuple[str | bytes, str]] = {
     "a negative number": ("[late]\ngrace = -5", "late.grace = -5 is no number from 0 on"),
     "no such set": ("[deadlines]\nset99 = 2026-11-02T12:00:00", "there is no set99"),
     "a name for a table": ('[extensions]\nset1 = "Anna"', "'Anna' stands where names and times"),
+    "brackets too deep": (
+        "roster = " + "[" * 3000,
+        "course.toml cannot be read: maximum recursion",
+    ),
+    "a name that no system takes": (f'roster = "{"r" * 400}.csv"', "there is no roster "),
     "a roster that is none": ("roster = 7", "roster = 7 is no name of a file"),
     "nobody's extension": (
         'roster = "ok.csv"\n[extensions.set2]\nAna = 2026-11-02T12:00:00',

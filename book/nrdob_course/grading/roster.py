@@ -150,7 +150,7 @@ def read_course(path: Path) -> Course:
     """
     try:
         settings = tomllib.loads(path.read_text("utf-8-sig"))
-    except ValueError as error:  # no TOML, or no UTF-8
+    except (ValueError, RecursionError) as error:  # no TOML, no UTF-8, or brackets too deep
         raise ValueError(f"{path.name} cannot be read: {error}") from None
     for key in ("deadlines", "late", "extensions"):
         if not isinstance(settings.get(key, {}), dict):
@@ -208,7 +208,11 @@ def read_roster(path: Path) -> tuple[Student, ...]:
         If there is no such file, no column for names, a group that is no whole number, or two
         students who cannot be told apart.
     """
-    if not path.is_file():
+    try:
+        there = path.is_file()
+    except OSError:  # a name longer than the system takes
+        there = False
+    if not there:
         raise ValueError(f"there is no roster {path}")
     rows = read_table(path)
     columns = {(column or "").strip().casefold(): column for column in (rows[0][1] if rows else ())}
