@@ -104,7 +104,7 @@ def test_the_bar_shows_the_stabilising_set(tab: Any, number: int) -> None:
     for _ in range(8):
         at, loop = drawn(rng, number)
         found = tab.evaluate(
-            "([at, low, high]) => nrdob.stabilizing(at, low, high)", [at, low, high]
+            "([at, low, high]) => nrdob.drained(nrdob.stabilizing(at, low, high))", [at, low, high]
         )
         sets = nrdob.stabilizing_time_constants(
             loop.process, loop.model, at["order"], floor=low / 2
@@ -184,7 +184,7 @@ def test_the_sampled_loop_is_judged_as_by_the_package(tab: Any) -> None:
 def test_the_bar_of_the_sampled_loop_is_the_set_of_the_package(tab: Any) -> None:
     rng = np.random.default_rng(31)
     low, high = 0.0005, 0.5
-    script = "([at, low, high]) => nrdob.kinds.sampled.stabilizing(at, low, high)"
+    script = "([at, low, high]) => nrdob.drained(nrdob.kinds.sampled.stabilizing(at, low, high))"
     for _ in range(15):
         at, loop = drawn_sampled(rng)
         found = tab.evaluate(script, [at, low, high])
@@ -228,7 +228,7 @@ def test_adrc_is_judged_as_by_the_package(tab: Any) -> None:
 def test_the_bar_of_adrc_is_the_set_of_the_package(tab: Any) -> None:
     rng = np.random.default_rng(34)
     low, high = 3.0, 3000.0
-    script = "([at, low, high]) => nrdob.kinds.adrc.stabilizing(at, low, high)"
+    script = "([at, low, high]) => nrdob.drained(nrdob.kinds.adrc.stabilizing(at, low, high))"
     for _ in range(20):
         at, process = drawn_adrc(rng)
         found = tab.evaluate(script, [at, low, high])
@@ -261,7 +261,7 @@ UPWARDS = {"delay": (0.0, 0.3), "gain": (0.1, 10.0)}
 
 BORDERS = """([at, upwards, across, ends]) => {
   const { abs, add, late, mul, value } = nrdob.parts;
-  return [...nrdob.borders(at, upwards, across, ends)].map((curve) => curve.map((p) => {
+  return [...nrdob.borders(at, upwards, across, ends)].filter(Boolean).map((curve) => curve.map((p) => {
     const loop = nrdob.loopOf({ ...at, lambda: p.lambda, [upwards]: p.up });
     const s = [0, p.omega];
     const [q, back] = [value(loop.q, s), mul(value(loop.r, s), late(loop, p.omega))];
