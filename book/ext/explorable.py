@@ -7,8 +7,9 @@
     The caption.
     ```
 
-stands for Example 3 of the paper, `sampled` for the motor's speed loop on a processor, `adrc` for
-the same motor under linear ADRC. With `:upwards: delay` or `gain` the page has a stability chart as
+stands for Example 3 of the paper, `motor` for a motor's speed under a load, with the observer and
+without, `sampled` for the motor's speed loop on a processor, `adrc` for the same motor under linear
+ADRC. With `:upwards: delay` or `gain` the page has a stability chart as
 well: λ across, this of the plant upwards. The page carries the coefficients of its blocks, which
 come from `nrdob.paper`, and a still picture for those without a script; the script computes the
 rest. Into chapters, which are notebooks, it comes after the question that opens them: see
@@ -26,17 +27,18 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import control as ct
+import numpy as np
 from docutils import nodes
 from docutils.parsers.rst import directives
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
-from nrdob import NRDOB, LowPassFilter, paper, stability_chart
+from nrdob import NRDOB, LowPassFilter, delay, paper, stability_chart
 from nrdob.alternatives import linear_adrc
-from nrdob.plotting import COLOURS, TALL, Figure, axes_for, styled
+from nrdob.plotting import COLOURS, SHORT, TALL, Figure, axes_for, styled
 from predictions import KEY
 
-SCRIPTS = tuple(f"explore/{name}.js" for name in ("loop", "chart", "sampled", "adrc", "view"))
+SCRIPTS = tuple(f"explore/{name}.js" for name in ("loop", "curve", "chart", "sampled", "adrc", "view"))
 LEAST_ORDER, MOST_ORDER = 1, 6
 AT_REST = {"gain": 1.0, "lag": 0.0, "zero": 0.0, "delay": 0.0}
 CHAPTERS, PLACES = "chapters", "explorables.toml"
@@ -55,6 +57,7 @@ class Scene:
     start: dict[str, float]
     orders: tuple[int, int] | None
     more: dict[str, float] = field(default_factory=dict)
+    told: dict[str, Any] = field(default_factory=dict)
 
     @property
     def plant(self) -> dict[str, Any]:
@@ -69,8 +72,13 @@ class Scene:
 
 def scene(name: str) -> Scene:
     """Give what an explorable shows: an example of the paper by its number, or the motor."""
+    motor = ct.tf([1.0], [0.01, 0.1])  # torque to speed: 1/(J s + b)
+    if name == "motor":
+        loop = NRDOB(motor, motor, 1.0, LowPassFilter(0.02, 1))
+        start = {"lambda": 0.02, "order": 1, "delay": 0.005}
+        told = {"load": -1.0, "output": "speed error in rad/s"}
+        return Scene("lags", loop, start, None, told=told)
     if name == "sampled":
-        motor = ct.tf([1.0], [0.01, 0.1])  # torque to speed: 1/(J s + b)
         loop = NRDOB(motor, motor, 1.0, LowPassFilter(0.02, 2))
         return Scene(name, loop, {"lambda": 0.02, "order": 2, "T": 0.005}, (1, 4))
     if name == "adrc":
@@ -87,6 +95,8 @@ def scene(name: str) -> Scene:
 def still(shown: Scene, upwards: str, ranges: dict[str, tuple[float, float]]) -> Figure:
     """Draw what stands on a page without a script: the chart, or the curve whose turns count."""
     loop = shown.loop
+    if shown.told:
+        return under_load(shown)
     if not upwards:
         return loop.plot_nyquist("L" if shown.kind == "adrc" else "FH")
     start = AT_REST | shown.start
@@ -99,6 +109,23 @@ def still(shown: Scene, upwards: str, ranges: dict[str, tuple[float, float]]) ->
     count = chart.count(start["lambda"], start[upwards])
     said = f"; the loop of this page has {count:g} at λ = {start['lambda']:g} s"
     return Figure(chart, ax, alt=figure.alt + said)
+
+
+def under_load(shown: Scene, last: float = 0.5) -> Figure:
+    """Draw the speed under the load, with the observer and without."""
+    late = delay(shown.start["delay"]) * shown.loop.process
+    loop = NRDOB(late, shown.loop.model, shown.loop.controller, shown.loop.filter)
+    times, load = np.linspace(0.0, last, 501), shown.told["load"]
+    held = load * loop.step_response("delta", times).outputs[0, 0]
+    plain = load * ct.step_response(ct.feedback(shown.loop.process, 1), times).outputs
+    with styled():
+        (ax,) = axes_for(None, 1, SHORT)
+        ax.plot(times, plain, color=COLOURS["model"], label="without the observer")
+        ax.plot(times, held, color=COLOURS["loop"], label="with it")
+        ax.set(xlabel="time (s)", ylabel=shown.told["output"])
+        ax.legend(loc="center right")
+    said = f"{held[-1]:.2f} rad/s with the observer and {plain[-1]:.2f} without"
+    return Figure(None, ax, alt=f"Speed error after a load of {-load:g} N m: in the end {said}")
 
 
 def limits(text: str) -> tuple[float, float]:
@@ -125,6 +152,7 @@ def carried(
     return {
         "kind": shown.kind,
         "plant": shown.plant,
+        **shown.told,
         "start": AT_REST | shown.start | ({"upwards": upwards} if upwards else {}),
         "range": {
             first: ranges[first],

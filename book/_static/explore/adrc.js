@@ -3,7 +3,7 @@
 (() => {
   "use strict";
 
-  const { add, arg, between, crossed, div, joined, late, minus, mul, plantOf, sorted, times, turning, value } = nrdob.parts;
+  const { add, arg, between, crossed, div, joined, late, minus, mul, plantOf, sorted, times, turning, value, abs } = nrdob.parts;
 
   const filter = ({ observer, controller }) => {
     const [lambda, slow] = [1 / observer, 1 / controller];
@@ -17,16 +17,24 @@
   };
 
   /* At s = jω p_B is a quadratic in λ = 1/ωo; where one of its roots becomes real, λ is critical. */
-  const critical = (at, low, high) => {
+  const critical = function* (at, low, high) {
     const { N, D, theta } = plantOf(at);
     const slow = 1 / at.controller;
-    const solved = (omega) => {
+    const quadratic = (omega) => {
       const s = [0, omega];
       const own = mul([at.plant.b0, 0], mul(value(D, s), mul(s, s)));
       const back = mul(mul(value(N, s), s), late({ theta }, omega));
       const a = mul(own, add([1, 0], mul([slow, 0], s)));
       const b = add(mul([2 * slow, 0], own), mul([2, 0], mul(back, s)));
-      const c = mul(back, add([1, 0], mul([slow, 0], s)));
+      return [a, b, mul(back, add([1, 0], mul([slow, 0], s)))];
+    };
+    // No root is larger than 2 max(|b/a|, √|c/a|), and none smaller than the same of the inverse.
+    const worth = (omega) => {
+      const [a, b, c] = quadratic(omega).map(abs);
+      return 2 * Math.max(b / a, Math.sqrt(c / a)) > 1 / high && 2 * Math.max(b / c, Math.sqrt(a / c)) > low;
+    };
+    const solved = (omega) => {
+      const [a, b, c] = quadratic(omega);
       const inside = minus(mul(b, b), mul([4, 0], mul(a, c)));
       const size = Math.sqrt(Math.hypot(...inside));
       const half = arg(inside) / 2;
@@ -34,12 +42,14 @@
       const twice = mul([2, 0], a);
       return [minus(root, b), minus([-root[0], -root[1]], b)].map((top) => div(top, twice));
     };
-    const all = () => true;
-    const omegas = turning(loopOf({ ...at, observer: Math.sqrt(low * high) }), all);
-    return sorted(crossed(omegas, all, solved).map((lambda) => 1 / lambda), low, high);
+    const omegas = turning(loopOf({ ...at, observer: Math.sqrt(low * high) }), worth);
+    // A root that goes to the right as λ grows goes to the left as ωo does.
+    const found = (yield* crossed(omegas, worth, solved)).map(({ x, right }) => ({ x: 1 / x, right: -right }));
+    return sorted(found, low, high);
   };
-  const stabilizing = (at, low, high) =>
-    between(critical(at, low, high), low, high, (observer) => loopOf({ ...at, observer }));
+  const stabilizing = function* (at, low, high) {
+    return yield* between(yield* critical(at, low, high), low, high, (observer) => loopOf({ ...at, observer }));
+  };
 
   nrdob.kinds.adrc = {
     loopOf,

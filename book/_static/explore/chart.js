@@ -9,49 +9,21 @@
 (() => {
   "use strict";
 
-  const { abs, arg, minus, overModel, plantOf, turn, turning } = nrdob.parts;
+  const { abs, arg, logarithm, mul, overModel, phase, risen, turn, turning, zerosOf } = nrdob.parts;
 
   const POINTS = 1000; // frequencies of a chart
   const BESIDE = 2; // how far beside the chart λ is followed, as a factor
   const LONGEST = 0.01; // steps of a curve, against the chart
   const HALVINGS = 8;
 
-  /* ln|E| and the angle of E at x = exp(u), and how fast each grows with u. */
-  const logarithm = (zeros, u) => {
-    const x = Math.exp(u);
-    const found = { size: 0, angle: 0, growth: 0, turn: 0 };
-    for (const [re, im] of zeros) {
-      const [a, b] = [-re, x - im];
-      const square = a * a + b * b;
-      found.size += Math.log(square) / 2;
-      found.angle += Math.atan2(b, a);
-      found.growth += (x * b) / square;
-      found.turn += (x * a) / square;
-    }
-    return found;
-  };
-  /* Newton's steps towards the place where what rises is 0, and halves where they lead outside. */
-  const risen = (rising, low, high) => {
-    let u = (low + high) / 2;
-    for (let round = 0; round < 60; round++) {
-      const [off, slope] = rising(u);
-      if (off > 0) high = u;
-      else low = u;
-      const newton = u - off / slope;
-      const next = newton > low && newton < high ? newton : (low + high) / 2;
-      if (Math.abs(next - u) < 1e-15 * (1 + Math.abs(u))) break;
-      u = next;
-    }
-    return u;
-  };
-
-  /* One after the other the curves of { lambda, up, omega } over a part of the plane; `upwards` is
-     "delay" or "gain". */
+  /* One after the other the curves of { lambda, up, omega } over a part of the plane, and null now and
+     then, so that the page may answer; `upwards` is "delay" or "gain". */
   const borders = function* (at, upwards, [low, high], [bottom, top]) {
     const late = upwards === "delay";
     const loop = nrdob.loopOf({ ...at, lambda: Math.sqrt(low * high), ...(late ? { delay: 0 } : { gain: 1 }) });
-    const zeros = Array.from({ length: at.order }, (_, k) => minus(turn((2 * Math.PI * k) / at.order), [1, 0]));
-    const { ratio } = overModel(loop);
+    const zeros = zerosOf(at.order);
+    const smooth = overModel(loop).ratio;
+    const ratio = (omega) => mul(smooth(omega), turn(-phase(loop, omega)));
     const [least, most] = late ? [0, 0] : [bottom, top].map(Math.log);
     const sizes = new Map();
     const sizeOfR = (omega) => {
@@ -105,7 +77,9 @@
     const runs = [];
     let psi = 0;
     let run = null;
+    let looked = 0;
     for (const omega of turning({ ...loop, theta: loop.theta + (late ? top : 0) }, worth, POINTS)) {
+      if (++looked % 100 === 0) yield null;
       if (!worth(omega)) {
         run = null;
         continue;
@@ -124,6 +98,7 @@
         let curve = null;
         const curves = [];
         for (const place of places) {
+          if (++looked % 100 === 0) yield null;
           const here = place.on(m);
           for (const point of last ? between(last, here, m, HALVINGS) : [here]) {
             if (!seen(point)) curve = null;

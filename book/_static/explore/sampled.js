@@ -60,9 +60,10 @@
     const process = sampledPlant(plantOf(at), T);
     const { nums, den } = fraction(process, [process.late, process.early]);
     const num = process.f > 1e-9 ? plus([...nums[0], 0], nums[1]) : nums[0];
-    const behind = [...den, ...new Array(process.k + (process.f > 1e-9 ? 1 : 0)).fill(0)];
+    const behind = [...den, ...(process.f > 1e-9 ? [0] : [])];
     const n = behind.length - 1;
-    const plant = { N: mapped(num, n, [1, 1], [-1, 1]), D: mapped(behind, n, [1, 1], [-1, 1]), theta: 0 };
+    // Whole samples of dead time are 1/z^k, which only turns.
+    const plant = { N: mapped(num, n, [1, 1], [-1, 1]), D: mapped(behind, n, [1, 1], [-1, 1]), theta: 0, held: process.k };
     const inHalves = (p) => p.map((a, i) => a * (2 / T) ** (p.length - 1 - i));
     const blocks = Object.fromEntries(["Nm", "Dm", "Nc", "Dc"].map((name) => [name, inHalves(at.plant[name])]));
     const lambda = (2 * at.lambda) / T;
@@ -70,11 +71,11 @@
     return { ...joined(plant, blocks, filter), at, process, lambda, order: at.order };
   };
 
-  const stabilizing = (given, low, high) => {
+  const stabilizing = function* (given, low, high) {
     const half = given.T / 2;
     const loopAt = (lambda) => loopOf({ ...given, lambda });
-    const found = criticalTimeConstants(loopAt(low), low / half, high / half);
-    return between(found.map((x) => x * half), low, high, loopAt);
+    const found = yield* criticalTimeConstants(loopAt(low), low / half, high / half);
+    return yield* between(found.map(({ x, right }) => ({ x: x * half, right })), low, high, loopAt);
   };
 
   const MOST_SAMPLES = 4000;

@@ -1,5 +1,6 @@
 /* What can be moved on the page: sliders, two plots, the bar of stabilising filters, the verdict.
-   Numbers come from loop.js; without a script the still picture inside stays. */
+   Numbers come from loop.js; without a script the still picture inside stays. A move is answered at
+   once by verdict and plots; bar and chart follow in the background, a few milliseconds at a time. */
 (() => {
   "use strict";
 
@@ -18,7 +19,7 @@
   };
   const UPWARDS = ["delay", "gain"]; // of a chart
   const ROWS = 56; // bars in the stack of a chart
-  const PATIENCE = 10; // ms of work in the background before the page may answer
+  const PATIENCE = 8; // ms of work in the background before the page may answer
   const SIZE = { width: 340, height: 270, left: 42, right: 10, top: 12, bottom: 34 };
 
   const svg = (tag, attributes = {}, ...children) => {
@@ -32,7 +33,26 @@
     element.append(...children);
     return element;
   };
+  const whole = (x) => (Number.isFinite(x) ? String(Math.round(x)).replace("-", "−") : "∞");
   const written = (x) => (Number.isFinite(x) ? String(Number(x.toPrecision(3))).replace("-", "−") : "∞");
+
+  const plural = (n, one, many) => `${whole(n)} ${n === 1 ? one : many}`;
+  /* A time as one says it. */
+  const said = (t) => (t < 0.1 ? `${written(1000 * t)} ms` : `${written(t)} s`);
+
+  /* Work that may take long, a few milliseconds at a time until it is done or `wanted` no more. */
+  const worked = (work, wanted, took, ready) => {
+    const started = performance.now();
+    let step = { done: false };
+    while (wanted() && !step.done && performance.now() < started + PATIENCE) {
+      step = work.next();
+      if (!step.done) took(step.value);
+    }
+    nrdob.longest = Math.max(nrdob.longest ?? 0, performance.now() - started);
+    if (!wanted()) return;
+    if (step.done) ready(step.value);
+    else setTimeout(() => worked(work, wanted, took, ready));
+  };
 
   /* Round numbers across a range, some five of them. */
   const ticks = (low, high) => {
@@ -58,20 +78,34 @@
   const scaleOf = (name) => (CONTROLS[name].log ? POWERS : LINEAR);
   const named = (name, x) => `${CONTROLS[name].label} ${written(x)} ${CONTROLS[name].unit ?? ""}`.trim();
 
+  /* Of many points the least and the greatest of each of 500 pieces. */
+  const thinned = (points) => {
+    const each = Math.ceil(points.length / 500);
+    if (each < 3) return points;
+    const found = [];
+    for (let k = 0; k < points.length; k += each) {
+      const piece = points.slice(k, k + each);
+      const by = (better) => piece.reduce((a, b) => (better(b[1], a[1]) ? b : a));
+      found.push(...[by((a, b) => a < b), by((a, b) => a > b)].sort((a, b) => a[0] - b[0]));
+    }
+    return [points[0], ...found, points[points.length - 1]];
+  };
+
   class Plot {
-    constructor(title, xName, yName) {
+    constructor(kind, xName, yName) {
       this.clip = `clip-${Math.random().toString(36).slice(2)}`;
       const { width, height, left, right, top, bottom } = SIZE;
       this.frame = svg("g", { class: "frame" });
       this.data = svg("g", { "clip-path": `url(#${this.clip})` });
       this.names = [xName, yName];
-      this.title = title;
+      this.title = svg("text", { class: "title", x: left + 6, y: top + 14 });
       this.element = svg(
         "svg",
-        { viewBox: `0 0 ${width} ${height}`, role: "img" },
+        { viewBox: `0 0 ${width} ${height}`, role: "img", class: kind.toLowerCase() },
         svg("defs", {}, svg("clipPath", { id: this.clip }, svg("rect", { x: left, y: top, width: width - left - right, height: height - top - bottom }))),
         this.frame,
         this.data,
+        this.title,
       );
     }
 
@@ -100,18 +134,32 @@
       return svg("polyline", { class: kind, points: points.map(([x, y]) => `${X(x).toFixed(1)},${Y(y).toFixed(1)}`).join(" ") });
     }
 
-    draw(xs, ys, parts, said) {
+    draw(xs, ys, parts, title, told) {
       const places = this.frameFor(xs, ys);
       const { X, Y } = places;
-      this.data.replaceChildren(
-        ...parts.map(({ points, at, kind, words }) => {
-          if (points) return this.line(points, kind, places);
-          if (!words) return svg("path", { class: kind, d: `M${X(at[0]) - 5} ${Y(at[1]) - 5}l10 10m0 -10l-10 10` });
-          const dot = svg("circle", { class: kind, cx: X(at[0]), cy: Y(at[1]), r: 5 });
-          return svg("g", {}, dot, svg("text", { x: X(at[0]), y: Y(at[1]) - 12, "text-anchor": "middle" }, words));
-        }),
-      );
-      this.element.setAttribute("aria-label", said);
+      const scale = X(1) - X(0);
+      const drawn = {
+        line: ({ points, kind }) => this.line(points, kind, places),
+        cross: ({ at: [x, y], kind }) => svg("path", { class: kind, d: `M${X(x) - 5} ${Y(y) - 5}l10 10m0 -10l-10 10` }),
+        circle: ({ at: [x, y], radius, kind }) => svg("circle", { class: kind, cx: X(x), cy: Y(y), r: radius * scale }),
+        discs: ({ discs, kind }) => {
+          const round = ([[x, y], radius]) => {
+            const r = radius * scale;
+            return `M${X(x) - r} ${Y(y)}a${r} ${r} 0 1 0 ${2 * r} 0a${r} ${r} 0 1 0 ${-2 * r} 0`;
+          };
+          return svg("path", { class: kind, d: discs.map(round).join("") });
+        },
+        arrow: ({ from, to, kind }) => {
+          const angle = (Math.atan2(Y(to[1]) - Y(from[1]), X(to[0]) - X(from[0])) * 180) / Math.PI;
+          return svg("path", { class: kind, d: "M4 0l-8 -4.5v9z", transform: `translate(${X(to[0])} ${Y(to[1])}) rotate(${angle})` });
+        },
+        dot: ({ at: [x, y], kind }) => svg("circle", { class: kind, cx: X(x), cy: Y(y), r: 5 }),
+        words: ({ at: [x, y], by = [0, 0], words, kind = "", anchor = "middle" }) =>
+          svg("text", { class: kind, x: X(x) + by[0], y: Y(y) + by[1], "text-anchor": anchor }, words),
+      };
+      this.data.replaceChildren(...parts.map((part) => drawn[part.draw](part)));
+      this.title.textContent = title;
+      this.element.setAttribute("aria-label", told);
     }
   }
 
@@ -141,10 +189,11 @@
       });
       this.element.addEventListener("click", (event) => this.follow(event));
       this.element.addEventListener("keydown", (event) => {
-        const way = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowDown: [0, -1], ArrowUp: [0, 1] }[event.key];
+        const way = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowDown: [0, -1], ArrowUp: [0, 1], PageDown: [0, -1], PageUp: [0, 1], Home: [-1, 0], End: [1, 0] }[event.key];
         if (!way) return;
         event.preventDefault();
-        const step = event.shiftKey ? 0.1 : 0.01;
+        const far = { Home: 1, End: 1, PageDown: 0.1, PageUp: 0.1 }[event.key];
+        const step = far ?? (event.shiftKey ? 0.1 : 0.01);
         this.to(this.shares.map((share, k) => share + step * way[k]));
       });
     }
@@ -177,8 +226,10 @@
         const [across, above] = this.axes;
         this.places = this.frameFor(across.ends, above.ends, across, above);
         this.data.replaceChildren();
-        this.rest = this.pieces(parameters, setAt);
-        this.work(this.rest);
+        this.done = false;
+        const wanted = () => key === this.key;
+        const took = (piece) => piece && this.data.append(piece);
+        setTimeout(() => worked(this.pieces(parameters, setAt), wanted, took, () => (this.done = true)));
       }
       const [x, y] = [lambda, up].map((value, k) => this.axes[k].inner(value));
       this.shares = [x, y].map((value, k) => {
@@ -192,8 +243,8 @@
         circle.setAttribute("cy", Y(y));
       }
       const [low, high] = this.range.lambda;
-      const said = `${named("lambda", lambda)}, ${named(upwards, up)}: ${Z === 1 ? "1 root" : `${written(Z)} roots`} on the right`;
-      for (const [name, value] of Object.entries({ valuemin: low, valuemax: high, valuenow: lambda, valuetext: said })) this.element.setAttribute(`aria-${name}`, value);
+      const told = `${named("lambda", lambda)}, ${named(upwards, up)}: ${plural(Z, "root", "roots")} in the right half plane`;
+      for (const [name, value] of Object.entries({ valuemin: low, valuemax: high, valuenow: lambda, valuetext: told })) this.element.setAttribute(`aria-${name}`, value);
     }
 
     /* What is to be drawn, piece by piece. */
@@ -202,33 +253,17 @@
       const [{ inner }, above] = this.axes;
       const [low, high] = this.range.lambda;
       for (const curve of nrdob.borders(parameters, this.upwards, this.range.lambda, this.range[this.upwards])) {
-        yield this.line(curve.map(({ lambda, up }) => [inner(lambda), above.inner(up)]), "border", this.places);
+        yield curve && this.line(curve.map(({ lambda, up }) => [inner(lambda), above.inner(up)]), "border", this.places);
       }
       const [bottom, top] = above.ends;
       const tall = (top - bottom) / ROWS;
       for (let row = 0; row < ROWS; row++) {
         const foot = bottom + row * tall;
-        yield svg("g");
-        for (const [from, to] of setAt({ ...parameters, [this.upwards]: above.outer(foot + tall / 2) }, low, high)) {
+        for (const [from, to] of yield* setAt({ ...parameters, [this.upwards]: above.outer(foot + tall / 2) }, low, high)) {
           const [left, right] = [X(inner(from)), X(inner(to))];
           yield svg("rect", { class: "works", x: left, y: Y(foot + tall), width: right - left, height: Y(foot) - Y(foot + tall) });
         }
       }
-    }
-
-    /* Draw them a few at a time, until there are no more, or others are to be drawn. */
-    work(pieces) {
-      this.done = false;
-      setTimeout(() => {
-        const until = performance.now() + PATIENCE;
-        while (pieces === this.rest && performance.now() < until) {
-          const { value, done } = pieces.next();
-          this.done = done;
-          if (done) return;
-          this.data.append(value);
-        }
-        if (pieces === this.rest) this.work(pieces);
-      });
     }
   }
 
@@ -236,50 +271,97 @@
     constructor(figure) {
       this.given = JSON.parse(figure.dataset.explorable);
       this.kind = nrdob.kinds[this.given.kind];
-      this.plots = [new Plot("Nyquist", "real part", "imaginary part"), new Plot("Step", "time in s", "y")];
-      const { range, start } = this.given;
+      const { range, start, load } = this.given;
+      this.plots = [new Plot("Nyquist", "real part", "imaginary part"), new Plot("Step", "time in s", this.given.output ?? "y")];
       if (start.upwards) this.chart = new Chart(range, (moved) => this.to(moved));
       this.bar = svg("svg", { viewBox: "0 0 480 50", role: "img", class: "bar" });
       this.verdict = html("p", { className: "explorable-verdict" });
-      this.verdict.setAttribute("role", "status");
+      this.facts = html("p", { className: "explorable-facts" });
       this.words = html("p", { className: "explorable-set" });
-      this.words.setAttribute("role", "status");
-      this.state = { ...this.given.start, curve: this.kind.counted, signal: "d" };
+      // What is heard: one sentence, when the hand rests.
+      this.live = html("p", { className: "visually-hidden" });
+      this.live.setAttribute("role", "status");
+      this.state = { ...start, curve: this.kind.counted, signal: load ? "delta" : "d" };
       const still = figure.querySelector(".explorable-still");
       const plots = this.plots.map((plot) => plot.element);
+      if (load) plots.reverse();
       const filters = [html("p", { className: "explorable-bar-name" }, this.kind.said), this.bar];
       if (this.chart) {
         plots.unshift(this.chart.element);
         plots.push(html("div", {}, ...filters.splice(0), this.words));
       }
-      const board = html(
+      this.board = html(
         "div",
         { className: "explorable-board" },
         this.verdict,
+        this.tabs(),
         html("div", { className: "explorable-plots" }, ...plots),
         ...filters,
-        html("div", { className: "explorable-controls" }, ...Object.entries(this.given.range).map((each) => this.slider(...each))),
-        html("div", { className: "explorable-controls" }, this.choice("Curve", "curve", this.kind.counted === "L" ? { L: "L" } : CURVES), this.choice("Unit step", "signal", SIGNALS), ...this.upwards(), this.back()),
+        html("div", { className: "explorable-controls" }, ...Object.entries(range).map((each) => this.slider(...each))),
+        this.facts,
+        html("div", { className: "explorable-controls explorable-choices" }, this.choice("Curve", "curve", this.kind.counted === "L" ? { L: "L" } : CURVES), this.choice("Unit step", "signal", SIGNALS), ...this.upwards(), this.back()),
+        this.live,
       );
-      still.replaceWith(board);
+      this.see(this.chart ? "chart" : load ? "step" : "nyquist");
+      this.hold();
+      still.replaceWith(this.board);
       this.show();
+    }
+
+    /* On a phone one plot is seen at a time, so that it stands beside its sliders. */
+    tabs() {
+      const names = { ...(this.chart ? { chart: "Chart" } : {}), nyquist: "Nyquist curve", step: "Step response" };
+      this.choices = Object.entries(names).map(([name, text]) => {
+        const button = html("button", { type: "button", value: name }, text);
+        button.addEventListener("click", () => this.see(name));
+        return button;
+      });
+      const row = html("div", { className: "explorable-tabs" }, ...this.choices);
+      row.setAttribute("role", "group");
+      row.setAttribute("aria-label", "Plot that is shown");
+      return row;
+    }
+
+    see(name) {
+      this.board.dataset.seen = name;
+      for (const button of this.choices) button.setAttribute("aria-pressed", button.value === name);
+    }
+
+    /* The mark on the bar is dragged, or set by a click: the slider for the keyboard is below. */
+    hold() {
+      const { bar } = this.kind;
+      const [low, high] = this.given.range[bar];
+      const follow = (event) => {
+        const box = this.bar.getBoundingClientRect();
+        const share = (((event.clientX - box.left) * 480) / box.width - 8) / 464;
+        this.to({ [bar]: low * (high / low) ** Math.max(0, Math.min(1, share)) });
+      };
+      this.bar.addEventListener("pointerdown", (event) => {
+        this.bar.setPointerCapture(event.pointerId);
+        this.dragged = true;
+        follow(event);
+      });
+      this.bar.addEventListener("pointermove", (event) => this.dragged && follow(event));
+      for (const end of ["lostpointercapture", "pointercancel"]) this.bar.addEventListener(end, () => (this.dragged = false));
     }
 
     slider(name, [low, high]) {
       const { label, unit = "", integer } = CONTROLS[name];
       const { inner, outer } = scaleOf(name);
-      const input = html("input", { type: "range", min: inner(low), max: inner(high), step: integer ? 1 : (inner(high) - inner(low)) / 400 });
-      const shown = html("output");
+      const id = `explorable-${name}-${Math.random().toString(36).slice(2, 8)}`;
+      const input = html("input", { id, type: "range", min: inner(low), max: inner(high), step: integer ? 1 : (inner(high) - inner(low)) / 400 });
+      const shown = html("span", { className: "explorable-value" });
+      shown.setAttribute("aria-hidden", "true"); // the slider says it
       const put = () => {
         input.value = inner(this.state[name]);
-        shown.value = `${written(this.state[name])} ${unit}`;
-        input.setAttribute("aria-valuetext", shown.value);
+        shown.textContent = `${integer ? whole(this.state[name]) : written(this.state[name])} ${unit}`.trim();
+        input.setAttribute("aria-valuetext", shown.textContent);
       };
       input.addEventListener("input", () => {
         this.to({ [name]: integer ? Math.round(input.valueAsNumber) : outer(input.valueAsNumber) });
       });
       (this.refresh ??= []).push(put);
-      return html("label", {}, html("span", {}, label, " ", shown), input);
+      return html("div", { className: "explorable-slider" }, html("label", { htmlFor: id }, label), shown, input);
     }
 
     choice(label, name, choices) {
@@ -302,7 +384,7 @@
     }
 
     back() {
-      const button = html("button", { type: "button" }, "As at first");
+      const button = html("button", { type: "button" }, "Reset");
       button.addEventListener("click", () => this.to(this.given.start));
       return button;
     }
@@ -318,74 +400,159 @@
       this.step(loop, found);
       this.filters(parameters);
       this.chart?.show(parameters, found, this.setAt.bind(this));
-      this.last = { found, set: this.set, time: performance.now() - started };
+      this.last = { ...this.last, found, set: this.set, time: performance.now() - started };
     }
 
-    tell({ N, P, Z, Ms, stable, modelStable }) {
+    /* First in words, then in numbers. */
+    tell({ N, P, Z, Ms, stable, modelStable, delayMargin }) {
       const word = stable ? "stable" : Number.isNaN(Z) ? "undecided" : "unstable";
       this.verdict.className = `explorable-verdict ${word}`;
-      const why = modelStable ? "" : "; the model's own loop is unstable";
-      const facts = [`N = ${written(N)}`, `P = ${P}`, `Z = N + P = ${written(Z)}`, ...(stable ? [`largest sensitivity Ms = ${written(Ms)}`] : [])];
-      const told = facts.flatMap((fact, k) => [k ? ", " : ": ", html("span", { className: "explorable-fact" }, fact)]);
-      this.verdict.replaceChildren(html("strong", {}, word), ...told, why);
+      const more = this.state.delay || this.given.plant.delay ? "more dead time" : "of dead time";
+      const why = stable
+        ? Number.isFinite(delayMargin) ? `: tolerates ${said(delayMargin)} ${more}` : delayMargin === Infinity ? ": tolerates any dead time" : ""
+        : Number.isNaN(Z) ? ": on the border" : Z === Infinity ? ": infinitely many roots in the right half plane"
+        : Z > 0 ? `: ${plural(Z, "root", "roots")} in the right half plane` : ": the model’s own loop is";
+      this.verdict.replaceChildren(html("strong", {}, word[0].toUpperCase() + word.slice(1)), why);
+      const facts = [`N = ${whole(N)}`, `P = ${whole(P)}`, `Z = N + P = ${whole(Z)}`, ...(stable ? [`largest sensitivity Ms = ${written(Ms)}`] : [])];
+      if (!modelStable && Z > 0) facts.push("the model’s own loop is unstable");
+      this.facts.replaceChildren(...facts.flatMap((fact, k) => [k ? ", " : "", html("span", { className: "explorable-fact" }, fact)]));
+      clearTimeout(this.speaking);
+      const heard = `${this.verdict.textContent}. ${this.facts.textContent}.`;
+      if (this.live.textContent || this.last) this.speaking = setTimeout(() => (this.live.textContent = heard), 600);
     }
 
     nyquist(loop, { N, P, Z }) {
       const { curve } = this.state;
       const map = nrdob[curve];
-      const points = [];
-      for (const omega of nrdob.frequencies(loop, 700)) {
-        const at = map(loop, omega);
-        if (Math.hypot(...at) < 1e3) points.push(at);
-      }
-      const [first] = points;
-      const isPoint = points.length > 0 && points.every((z) => Math.hypot(z[0] - first[0], z[1] - first[1]) < 1e-9);
-      const drawn = isPoint
-        ? [{ at: first, kind: "point", words: `${CURVES[curve]} is the point ${written(Math.abs(first[0]) < 1e-9 ? 0 : first[0])}` }]
-        : [{ points: points.map(([x, y]) => [x, -y]), kind: "mirror" }, { points, kind: "curve" }];
-      const near = points.filter((z) => Math.hypot(...z) < 6);
-      const farthest = isPoint ? Math.hypot(...first) : Math.min(4, Math.max(0, ...near.map((z) => Math.hypot(...z))));
+      const name = CURVES[curve];
+      const { width, height, left, right, top, bottom } = SIZE;
+      const half = (height - top - bottom) / 2;
+      const ratio = (width - left - right) / (2 * half);
+      const coarse = nrdob.frequencies(loop, 200).map((omega) => map(loop, omega)).filter((z) => Math.hypot(...z) < 1e3);
+      const [first] = coarse;
+      const isPoint = coarse.length > 0 && coarse.every((z) => Math.hypot(z[0] - first[0], z[1] - first[1]) < 1e-9);
+      const sizes = coarse.map((z) => Math.hypot(...z)).filter((size) => size < 6);
+      const farthest = isPoint ? Math.hypot(...first) : Math.min(4, Math.max(0, ...sizes));
       const reach = Math.max(1.4, farthest) * 1.1;
-      const ratio = (SIZE.width - SIZE.left - SIZE.right) / (SIZE.height - SIZE.top - SIZE.bottom);
+      const parts = [{ draw: "circle", at: [0, 0], radius: 1, kind: "unit" }];
+      let point = "";
+      if (isPoint) {
+        point = `${name} is the point ${written(Math.abs(first[0]) < 1e-9 ? 0 : first[0])}`;
+        parts.push({ draw: "dot", at: first, kind: "point" }, { draw: "words", at: first, by: [0, -12], words: point });
+      } else {
+        const { runs, discs, hollow } = nrdob.traced(loop, map, curve, 1.3 * reach * Math.hypot(1, ratio), half / reach);
+        const mirrored = discs.map(([[x, y], radius]) => [[x, -y], radius]);
+        if (discs.length) parts.push({ draw: "discs", discs: [...discs, ...mirrored], kind: hollow ? "ring" : "filled" });
+        for (const points of runs) parts.push({ draw: "line", points: points.map(([x, y]) => [x, -y]), kind: "mirror" });
+        for (const points of runs) parts.push({ draw: "line", points, kind: "curve" });
+        parts.push(...this.arrows(runs, reach, ratio), ...this.distance(runs));
+      }
       this.plots[0].draw(
         [-reach * ratio, reach * ratio],
         [-reach, reach],
-        [...drawn, { at: [-1, 0], kind: "minus-one" }],
-        `Nyquist plot of ${CURVES[curve]}: ${isPoint ? `${drawn[0].words}. ` : ""}N = ${written(N)} clockwise encirclements of −1 by ${CURVES[this.kind.counted]}, P = ${P}, Z = ${written(Z)}.`,
+        [...parts, { draw: "cross", at: [-1, 0], kind: "minus-one" }, { draw: "words", at: [-1, 0], by: [-7, 15], words: "−1", kind: "minus-one" }],
+        `Nyquist curve of ${name}`,
+        `Nyquist plot of ${name}: ${point ? `${point}. ` : ""}N = ${whole(N)} clockwise encirclements of −1 by ${CURVES[this.kind.counted]}, P = ${whole(P)}, Z = ${whole(Z)}.`,
       );
+    }
+
+    /* The way of growing ω, at a third and two thirds of what is seen. */
+    arrows(runs, reach, ratio) {
+      const seen = ([x, y]) => Math.abs(x) < 0.95 * reach * ratio && Math.abs(y) < 0.95 * reach && Math.hypot(x, y) > 0.12 * reach;
+      const pieces = runs.flatMap((points) => points.slice(1).map((to, k) => ({ from: points[k], to })).filter(({ to }) => seen(to)));
+      const lengths = pieces.map(({ from, to }) => Math.hypot(to[0] - from[0], to[1] - from[1]));
+      const total = lengths.reduce((sum, x) => sum + x, 0);
+      if (total < 0.2 * reach) return [];
+      const arrows = [];
+      let way = 0;
+      pieces.forEach((piece, k) => {
+        const before = way;
+        way += lengths[k];
+        for (const share of [0.3, 0.7]) if (before <= share * total && way > share * total) arrows.push({ draw: "arrow", ...piece, kind: "arrow" });
+      });
+      return arrows;
+    }
+
+    /* How near the curve comes to −1. */
+    distance(runs) {
+      let nearest = null;
+      for (const points of runs) {
+        for (const z of points) {
+          const away = Math.hypot(z[0] + 1, z[1]);
+          if (!nearest || away < nearest.away) nearest = { z, away };
+        }
+      }
+      if (!nearest || nearest.away > 1.2 || nearest.away < 0.02) return [];
+      return [{ draw: "line", points: [[-1, 0], nearest.z], kind: "distance" }];
     }
 
     step(loop, { stable }) {
       const { signal } = this.state;
-      const last = this.given.last;
-      const found = this.kind.step(loop, signal, last);
-      const points = found ? found.time.map((t, k) => [t, found.y[k]]).filter(([, y]) => Number.isFinite(y)) : [];
-      const seen = points.map(([, y]) => Math.max(-3, Math.min(3, y)));
-      const [low, high] = [Math.min(-0.1, ...seen), Math.max(1.1, ...seen)];
+      const { last, load = 1 } = this.given;
+      const size = signal === "delta" ? load : 1;
+      const answer = (of) => {
+        const found = this.kind.step(of, signal, last);
+        if (!found) return [];
+        return thinned(Array.from(found.time, (t, k) => [t, size * found.y[k]]).filter(([, y]) => Number.isFinite(y)));
+      };
+      const points = answer(loop);
+      const plain = load !== 1 && (signal === "delta" || signal === "d") ? answer(nrdob.plain(loop, this.given.plant)) : [];
+      const seen = [...points, ...plain].map(([, y]) => Math.max(-3, Math.min(3, y)));
+      const [low, high] = load < 0 && signal === "delta" ? [Math.min(-1.1, ...seen), Math.max(0.3, ...seen)] : [Math.min(-0.1, ...seen), Math.max(1.1, ...seen)];
+      const margin = 0.05 * (high - low);
+      // What grows is followed to where it leaves the picture.
+      const leaves = stable ? -1 : points.findIndex(([, y]) => y > high + margin || y < low - margin);
+      const shown = leaves < 0 ? points : points.slice(0, leaves + 1);
       const end = points.length ? points[points.length - 1][1] : NaN;
+      const parts = [{ draw: "line", points: shown, kind: stable ? "curve" : "curve lost" }];
+      const words = (at, by, text, kind) => ({ draw: "words", at, by, words: text, kind, anchor: "end" });
+      if (plain.length) {
+        parts.unshift({ draw: "line", points: plain, kind: "plain" });
+        parts.push(words([last, plain[plain.length - 1][1]], [-6, -6], "without the observer", "plain"));
+        if (stable) parts.push(words([last, end], [-6, -6], "with it", "with"));
+      }
+      const what = size === 1 ? `a unit step ${SIGNALS[signal]}` : `a load of ${written(-size)} N m`;
       this.plots[1].draw(
         [0, last],
-        [low - 0.05 * (high - low), high + 0.05 * (high - low)],
-        [{ points: points.map(([t, y]) => [t, Math.max(-1e3, Math.min(1e3, y))]), kind: stable ? "curve" : "curve lost" }],
-        `Output y after a unit step ${SIGNALS[signal]}: ${stable ? `${written(end)} after ${written(last)} seconds` : "it grows, the loop is unstable"}.`,
+        [low - margin, high + margin],
+        parts,
+        size === 1 ? `y after a step ${SIGNALS[signal]}` : "",
+        `Output y after ${what}: ${stable ? `${written(end)} after ${written(last)} seconds` : "it grows, the loop is unstable"}.${plain.length ? ` Without the observer ${written(plain[plain.length - 1][1])}.` : ""}`,
       );
     }
 
-    setAt(parameters, low, high) {
-      const { modelStable } = nrdob.judge(this.kind.loopOf(parameters));
-      return modelStable ? this.kind.stabilizing(parameters, low, high) : [];
+    *setAt(parameters, low, high) {
+      const { model } = this.kind.loopOf(parameters);
+      return nrdob.onTheRight(model) ? [] : yield* this.kind.stabilizing(parameters, low, high);
     }
 
     filters(parameters) {
       const { bar } = this.kind;
       const [low, high] = this.given.range[bar];
-      const { unit } = CONTROLS[bar];
-      const { [bar]: present, ...rest } = parameters;
+      const { [bar]: present, curve, signal, ...rest } = parameters;
       const key = JSON.stringify(rest);
       if (key !== this.key) {
         this.key = key;
-        this.set = this.setAt(parameters, low, high);
+        this.ready = false;
+        const done = (set) => {
+          [this.set, this.ready] = [set, true];
+          this.last.set = set;
+          this.drawBar();
+        };
+        // The first part at once, so that what is quick does not lag behind.
+        this.last ??= {};
+        worked(this.setAt(parameters, low, high), () => key === this.key, () => {}, done);
       }
+      this.drawBar();
+    }
+
+    drawBar() {
+      const { bar } = this.kind;
+      const [low, high] = this.given.range[bar];
+      const { unit } = CONTROLS[bar];
+      const present = this.state[bar];
+      this.set ??= [];
+      this.bar.classList.toggle("pending", !this.ready);
       const X = (x) => 8 + (464 * Math.log(x / low)) / Math.log(high / low);
       const parts = [svg("rect", { class: "ground", x: 8, y: 8, width: 464, height: 12, rx: 3 })];
       for (const [from, to] of this.set) parts.push(svg("rect", { class: "works", x: X(from), y: 8, width: Math.max(1, X(to) - X(from)), height: 12, rx: 3 }));
@@ -395,13 +562,13 @@
       }
       const at = Math.max(8, Math.min(472, X(present)));
       parts.push(svg("path", { class: "present", d: `M${at} 2v24m-5 -24h10` }));
-      const said = this.set.length
+      const told = this.set.length
         ? this.set.map(([a, b]) => `from ${a <= low * 1.0001 ? "the left end" : `${written(a)} ${unit}`} to ${b >= high * 0.9999 ? "the right end" : `${written(b)} ${unit}`}`).join(" and ")
         : "nowhere in this range";
-      this.bar.setAttribute("aria-label", `${this.kind.said} ${said}. The present one is ${written(present)} ${unit}.`);
+      this.bar.setAttribute("aria-label", `${this.kind.said} ${told}. The present one is ${written(present)} ${unit}.`);
       this.bar.replaceChildren(...parts);
       const { upwards } = this.state;
-      const words = upwards && `${named(upwards, this.state[upwards])}: stable for λ ${said}.`;
+      const words = upwards && `${named(upwards, this.state[upwards])}: stable for λ ${told}.`;
       if (words && words !== this.words.textContent) this.words.textContent = words;
     }
   }
