@@ -75,6 +75,7 @@ lint: $(READY) layers ## style and formatting, and whether everything stands, an
 	$(PY) -m tests.structure
 	$(PY) book/make/teaching.py --check
 	$(PY) book/make/predictions.py --check
+	$(PY) book/make/trust.py --check
 
 types: $(READY) ## static types
 	$(PY) -m mypy
@@ -104,9 +105,10 @@ notebooks: $(READY) ## run every notebook and compare with the outputs stored in
 old-processor: $(READY) ## doctests and notebooks again, in the arithmetic of an old processor
 	$(OLD_PROCESSOR) $(PYTEST) $(NBVAL) nrdob book/nrdob_course --doctest-modules
 
-pages: $(READY) ## write what is made and stored: pages for teachers, the questions in the chapters
+pages: $(READY) ## write what is made and stored: pages for teachers, questions in the chapters, the runs
 	$(PY) book/make/teaching.py
 	$(PY) book/make/predictions.py
+	$(PY) book/make/trust.py
 
 execute: $(READY) ## run every notebook in place, store its outputs, draw the README picture
 	$(PY) book/make/notebooks.py --in-place --report

@@ -182,6 +182,14 @@ def test_a_zero_on_the_left_is_cancelled_by_the_rule_that_fits(zero, lag, time, 
     assert tuple(found) == pytest.approx((gain, 1e-3, 0, 0), rel=1e-6)
 
 
+def test_an_integrator_is_a_lag_that_is_very_long():
+    # T3 with 5τc: gain 5τc, and a lag of 5τc - T beside the one of 1 s.
+    integrating = half_rule((3 * s + 1) / (s * (s + 1)), 1, 1.0)
+    assert tuple(integrating) == pytest.approx((5.0, 2.5, 0.0, 0.5))
+    slow = half_rule(1e9 * (3 * s + 1) / ((1e9 * s + 1) * (s + 1)), 1, 1.0)
+    assert tuple(integrating) == pytest.approx(tuple(slow), rel=1e-6)
+
+
 @pytest.mark.parametrize(
     ("G", "message"),
     [
@@ -203,6 +211,8 @@ def test_a_pid_needs_two_lags_and_every_rule_a_time():
         simc_pid(1 / (s + 1), 1.0)
     with pytest.raises(ValueError, match=r"closed_loop_time is -1.0; τc is positive"):
         simc_pi(1 / (s + 1), -1.0)
+    with pytest.raises(ValueError, match=r"closed_loop_time is 0.0; τc is positive"):
+        simc_pi(1 / (s + 1), 0.0)
     with pytest.raises(TypeError, match="closed_loop_time is None"):
         simc_pi(1 / (s + 1), None)
     for order in (0, 3):

@@ -344,3 +344,22 @@ def test_a_filter_of_300_lags_leaves_a_reason_and_no_warning(delay):
     verdict = nrdob.NRDOB(nrdob.delay(delay) * 1.1 * lag, lag, 0.5, LowPassFilter(1.0, 300))
     assert verdict.stability().stable is None
     assert "within rounding" in verdict.stability().reason
+
+
+@pytest.mark.parametrize(
+    ("num", "F", "delay", "kind"),
+    [
+        ([1.0], [1.0], 0.0, "rational"),
+        ([1.0], [1.0], 0.1, "retarded"),
+        ([0.5, 1.0], [0.2, 1.0], 0.1, "neutral"),
+    ],
+)
+def test_the_kind_of_an_equation_is_that_of_its_delayed_term(num, F, delay, kind):
+    process, model = (
+        ct.tf(num, [1.0, 1.0]),
+        ct.tf([0.6, 1.0] if len(num) > 1 else [1.0], [1.0, 1.0]),
+    )
+    process = nrdob.delay(delay) * process if delay else process
+    loop = nrdob.NRDOB(process, model, ct.tf([1.0], [1.0, 0.0]), ct.tf(F, [1.0, 1.0]))
+    assert loop.stability().observer_loop.kind == kind
+    assert loop.stability().model_loop.kind == "rational"

@@ -44,7 +44,7 @@ pytestmark = pytest.mark.slow
 ROOT = Path(__file__).resolve().parents[2]
 REFERENCE_PAGES = {
     "index", "get", "ledger", "errata", "theorems", "paper_map", "notation", "glossary", "api",
-    "comparison", "bibliography", "colophon",
+    "comparison", "bibliography", "colophon", "trust",
 }  # fmt: skip
 REFERENCE_PAGES |= {f"api/{name}" for name in ("course", *apipages.pages_of(ROOT))}
 TEACHING_PAGES = {

@@ -53,7 +53,7 @@ LIBRARIES = "control", "hypothesis", "matplotlib.pyplot", "mpmath", "scipy.linal
 BUDGET = 12.0
 """Seconds of tests for a mutant, as they took without it."""
 
-THOROUGH = 90.0
+THOROUGH = 60.0
 """The same with `--again`, for those that survived."""
 
 LIMIT = 150.0
@@ -351,6 +351,8 @@ def main() -> None:
         for each in kept if given.again else ():
             if each["end"] == "survived":
                 mutant = Mutant(*(each[name] for name in Mutant._fields))
+                if tests_of(mutant, tree, BUDGET) == tests_of(mutant, tree, THOROUGH):
+                    continue
                 each["end"] = judged(mutant, tree, THOROUGH)
                 given.kept.write_text(json.dumps(kept, indent=0) + "\n", encoding="utf-8")
         every = mutants(tree, given.only)

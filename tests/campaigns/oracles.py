@@ -32,6 +32,9 @@ FIGURES = "ms", "pm", "gm_low", "gm_high", "delay_margin", "disk_margin"
 BESIDE = 1e-4
 """How far inside and outside an end the roots are counted."""
 
+PEAK = 1e-3
+"""The same for the ends of what is set by a peak."""
+
 CLOSE = 1e-7
 """Distance from the unit circle at which nobody is asked to decide."""
 
@@ -102,9 +105,6 @@ def certificate(rng: np.random.Generator, drawn: Drawn) -> Iterator[str]:
 
 def margins(rng: np.random.Generator, drawn: Drawn) -> Iterator[str]:
     """Six figures of each of the three loops, where these are stable."""
-    if drawn[0].model_delay:
-        yield "the model has a dead time"
-        return
     found = made(drawn).margins()
     for name, (gain, omega) in sweep.loop_gains(drawn[0]).items():
         if not getattr(found, name).stable:
@@ -149,7 +149,7 @@ def time_constants(rng: np.random.Generator, drawn: Drawn) -> Iterator[str]:
     package = made(drawn)
     try:
         found = nrdob.stabilizing_time_constants(package.process, package.model, order, floor=floor)
-    except ArithmeticError as refusal:
+    except (ValueError, ArithmeticError) as refusal:
         yield f"refused: {str(refusal)[:40]}"
         return
     for value in _beside(found, lam * 10 ** rng.uniform(-1, 1, 2)):
@@ -157,6 +157,29 @@ def time_constants(rng: np.random.Generator, drawn: Drawn) -> Iterator[str]:
             continue
         other = loop._replace(F=low_pass(value, order))
         yield _inside(value, found, contour.rhp_by_argument(p_B(other)))
+
+
+def admissible(rng: np.random.Generator, drawn: Drawn) -> Iterator[str]:
+    """The set of λ with a peak of the sensitivity that is small enough."""
+    loop, (lam, order) = drawn
+    package, max_ms = made(drawn), float(rng.uniform(1.3, 2.5))
+    try:
+        found = nrdob.admissible_time_constants(
+            package.process, package.model, order, max_ms=max_ms
+        )
+    except (ValueError, ArithmeticError) as refusal:
+        yield f"refused: {str(refusal)[:40]}"
+        return
+    for value in _beside(found, lam * 10 ** rng.uniform(-1, 1, 2), PEAK):
+        if value < lam / 50:  # with a dead time nothing is looked for below a floor
+            continue
+        other = loop._replace(F=low_pass(value, order))
+        count = contour.rhp_by_argument(p_B(other))
+        ms = sweep.swept(*sweep.loop_gains(other)["plant_loop"])["ms"] if count == 0 else math.inf
+        if abs(ms / max_ms - 1) < CLOSE:
+            yield "peak at its limit"
+            continue
+        yield _inside(value, found, None if count is None else int(ms > max_ms))
 
 
 def dead_times(rng: np.random.Generator, drawn: Drawn) -> Iterator[str]:
@@ -205,7 +228,7 @@ def processor(rng: np.random.Generator, drawn: Drawn) -> Iterator[str]:
 
 
 QUESTIONS = (
-    counts, certificate, margins, steps, time_constants, dead_times, gains, processor,
+    counts, certificate, margins, steps, time_constants, admissible, dead_times, gains, processor,
 )  # fmt: skip
 
 
@@ -214,9 +237,11 @@ def _same(got: Any, want: Any) -> str:
     return RIGHT if got == want else f"WRONG: {got} for {want}"
 
 
-def _beside(intervals: list[tuple[float, float]], others: np.ndarray) -> list[float]:
+def _beside(
+    intervals: list[tuple[float, float]], others: np.ndarray, share: float = BESIDE
+) -> list[float]:
     ends = [end for pair in intervals for end in pair if 0 < end < math.inf][:4]
-    return [end * (1 + side * BESIDE) for end in ends for side in (-1, 1)] + others.tolist()
+    return [end * (1 + side * share) for end in ends for side in (-1, 1)] + others.tolist()
 
 
 def _inside(value: float, intervals: Any, count: float | None) -> str:

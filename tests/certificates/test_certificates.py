@@ -406,3 +406,43 @@ def test_what_a_sampled_loop_has_no_certificate_for_is_said():
         loop.sampled(0.001).stability().certificate()
     with pytest.raises(ValueError, match="only gains and time constants"):
         loop.sampled(0.01).stability().certificate(delays=(0, 0.1))
+
+
+# What mutants of the checker have shown to be asked by no test.
+
+
+def with_a_root_at_zero() -> Content:
+    model = nrdob.delay(0.5) * ct.tf([1], [1, 1, 0])
+    process = nrdob.delay(0.6) * ct.tf([1.2], [1.1, 1, 0])
+    F = nrdob.interpolating_filter(model, 1.0)
+    loop = nrdob.NRDOB(process, model, ct.tf([1, 0.2], [0.1, 1]), F)
+    return json.loads(json.dumps(loop.stability().certificate().content))
+
+
+def test_the_first_piece_beside_a_root_at_zero_must_be_short():
+    content = with_a_root_at_zero()
+    points = content["points"]["p_B"]
+    refusals = set()
+    for k in range(2, len(points) - 1):
+        content["points"]["p_B"] = [points[0], *points[k:]]
+        with pytest.raises(ValueError, match="p_B is not proved to keep") as refused:
+            check(content)
+        refusals.add(str(refused.value))
+    assert "p_B is not proved to keep its first direction" in refusals
+
+
+def test_a_piece_that_is_too_long_is_named_wherever_it_is():
+    content = json.loads(json.dumps(example(4).stability().certificate().content))
+    points = content["points"]["p_B"]
+    for k in range(4, len(points) - 4, 5):
+        content["points"]["p_B"] = points[: k - 3] + points[k + 3 :]
+        with pytest.raises(ValueError, match=r"p_B is not proved to keep to a half plane at \d"):
+            check(content)
+
+
+def test_parts_of_an_interval_are_said_to_join():
+    loop = example(4)
+    end = loop.process.delay + 0.99 * loop.margins().plant_loop.delay_margin
+    certificate = loop.stability().certificate(delays=(0, end))
+    assert len(certificate.content) > 1
+    assert str(certificate).startswith(f"Proved in {len(certificate.content)} parts that join: ")

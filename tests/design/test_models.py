@@ -304,3 +304,8 @@ def test_a_controller_for_a_model_that_waits_keeps_its_margin_in_the_loop_that_w
     assert margins.pm == pytest.approx(68, abs=1e-6) and margins.wgc == pytest.approx(1.0)
     alone = design_controller(prompt, bandwidth=1.0, phase_margin=68)
     np.testing.assert_array_equal(controller.num[0][0], alone.num[0][0])
+
+
+def test_a_model_is_written_without_the_terms_that_it_does_not_have():
+    written = [repr(found) for found in nrdob.suggest_model(ct.tf([1], [1, 1, 0]))]
+    assert any(text.startswith("(1)/(1 s^2 + 1 s): integrator kept") for text in written)

@@ -2,7 +2,7 @@
 
 What has come around the loop i times through the plant and k times through the model is a rational
 transform behind its own dead time. One way inverts each with a certified radius, the other on a
-contour in 120 digits with more points until two sums agree.
+contour in 240 digits with more points, until it goes around all poles and two sums agree.
 """
 
 from __future__ import annotations
@@ -10,14 +10,15 @@ from __future__ import annotations
 import math
 from functools import cache
 
+import numpy as np
 from flint import acb, acb_poly, arb, arb_mat, ctx, fmpq, fmpq_poly
 
 from .plain import Plain, exact_polynomial
 
-NODES = 60, 90, 135, 200, 300
+NODES = 60, 90, 135, 200, 300, 450, 675
 """Points of the contour, until two sums agree."""
 
-PRECISION = 400
+PRECISION = 800
 """Bits."""
 
 ECHOES = 60
@@ -76,13 +77,23 @@ def talbot_step(loop: Plain, input: str, t: float) -> tuple[float, float]:
     before = (math.inf, math.inf)
     for nodes in NODES:
         found = _summed(loop, input, t, nodes)
+        if found is None:
+            continue
         if all(abs(a - b) <= 1e-11 * abs(b) for a, b in zip(before, found, strict=True)):
             return found
         before = found
     raise ArithmeticError("Talbot's contour does not resolve this transform")
 
 
-def _summed(loop: Plain, input: str, t: float, nodes: int) -> tuple[float, float]:
+def _encloses(nodes: int, p: fmpq_poly, t: float) -> bool:
+    """Whether the contour goes around all roots of p, at this time and all earlier ones."""
+    roots = np.roots([float(c) for c in reversed(p.coeffs())]) * t / (0.4 * nodes)
+    height = np.maximum(np.abs(roots.imag), 1e-9)
+    return bool(np.all((height < 2.5) & (roots.real < height / np.tan(height) - 0.1)))
+
+
+def _summed(loop: Plain, input: str, t: float, nodes: int) -> tuple[float, float] | None:
+    """y and u by so many nodes; None where a pole is not inside the contour by far."""
     ctx.prec = PRECISION
     (N, D), (Nm, Dm), (Nc, Dc), (Nf, Df) = (
         (exact_polynomial(num), exact_polynomial(den))
@@ -109,6 +120,8 @@ def _summed(loop: Plain, input: str, t: float, nodes: int) -> tuple[float, float
     q = sum((p for p, i, k in P if not late(i, k)), fmpq_poly([0]))
     r1 = P[2][0] if theta else fmpq_poly([0])
     r2 = P[1][0] if wait else fmpq_poly([0])
+    if not all(_encloses(nodes, p, t) for p in (q, beside)):
+        return None
     time, contour, values = fmpq(*float(t).as_integer_ratio()), points_of(nodes), []
     for end in ends:
         total = arb(0)

@@ -1,7 +1,6 @@
 """Margins of a loop gain by a sweep: dense frequencies, and what decides looked at ever closer.
 
 The blocks are evaluated as they were given, in long doubles, without multiplying any two of them.
-The model has no dead time here.
 """
 
 from __future__ import annotations
@@ -100,16 +99,25 @@ def _closer(function, low: np.ndarray, high: np.ndarray) -> np.ndarray:
 
 
 def loop_gains(loop: Plain) -> dict:
-    """Return the three loop gains as functions of s, with frequencies dense enough for each."""
-    delay = loop.delay
+    """Return the loop gains as functions of s, with frequencies dense enough for each.
+
+    Where the model has a dead time F H is not what is encircled, and is left out.
+    """
+    delay, wait = loop.delay, loop.model_delay
     coefficients = [q for block in (loop.G, loop.Gm, loop.C, loop.F) for q in block]
     n, d, nm, dm, nc, dc, nf, df = ([np.longdouble(c) for c in q] for q in coefficients)
     rest = list(df)
     for k in range(1, len(nf) + 1):
         rest[-k] -= nf[-k]
 
+    def late(s, T):
+        return np.exp(-s.real.dtype.type(T) * s)
+
     def process(s):
-        return _horner(n, s) / _horner(d, s) * np.exp(-s.real.dtype.type(delay) * s)
+        return _horner(n, s) / _horner(d, s) * late(s, delay)
+
+    def left_over(s):
+        return _horner(df, s) - _horner(nf, s) * late(s, wait) if wait else _horner(rest, s)
 
     def model(s):
         return _horner(nm, s) / _horner(dm, s)
@@ -117,18 +125,20 @@ def loop_gains(loop: Plain) -> dict:
     gains = {
         "model_loop": lambda s: _horner(nc, s) / _horner(dc, s) * model(s),
         "observer_loop": lambda s: _horner(nf, s) / _horner(df, s) * (process(s) / model(s) - 1),
-        "plant_loop": lambda s: _horner(nf, s) / _horner(rest, s) / model(s) * process(s),
+        "plant_loop": lambda s: _horner(nf, s) / left_over(s) / model(s) * process(s),
     }
+    if wait:
+        del gains["observer_loop"]
     products = [np.polymul(np.polymul(d, nm), rest), np.polymul(np.polymul(n, dm), nf)]
     mixed = [rest, np.polyadd(*products), np.polysub(np.polymul(n, dm), np.polymul(d, nm))]
     mixed += [np.polyadd(np.polymul(nm, nc), np.polymul(dm, dc))]
     roots = [np.roots(np.array(q, dtype=float)) for q in (*coefficients, *mixed)]
     roots = np.concatenate(roots)
-    late = (
-        _dense([gains[k] for k in ("observer_loop", "plant_loop")], roots, delay) if delay else None
-    )
+    longest = max(delay, wait)
+    around = [gain for name, gain in gains.items() if name != "model_loop"]
+    dense = _dense(around, roots, longest) if longest else None
     return {
-        name: (gain, late if delay and name != "model_loop" else _dense([gain], roots, 0.0))
+        name: (gain, dense if longest and name != "model_loop" else _dense([gain], roots, 0.0))
         for name, gain in gains.items()
     }
 

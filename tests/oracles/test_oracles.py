@@ -65,6 +65,16 @@ def test_a_matched_loop_answers_as_its_model_loop_behind_the_dead_time(t):
     assert u == pytest.approx((1 + math.exp(-2 * t)) / 2, abs=1e-12)
 
 
+def test_a_fast_pole_in_the_right_half_plane_is_inside_the_contour():
+    # u of a plant at rest by a step of d, G = 1/(s - 9), with neither controller nor observer.
+    plant, idle = Block([1.0], [1.0, -9.0]), Block([0.0], [1.0])
+    loop = Plain(plant, Block([1.0], [1.0, 1.0]), idle, low_pass(1e6, 1), 0.0, 0.0)
+    y, _ = inversion.talbot_step(loop, "delta", 12.0)
+    # (1 - F)/(1 - F + F G (s + 1)), where F is nearly nothing: 1/(s - 9) moved by 1e-6.
+    pole = np.roots(np.polyadd(np.convolve([1.0, -9.0], [1e6, 0.0]), [1.0, 1.0])).max()
+    assert y == pytest.approx((math.exp(12 * pole) - 1) / pole, rel=1e-4)
+
+
 @pytest.mark.parametrize(("gain", "T"), [(1.0, 0.5), (0.2, 3.0)])
 def test_margins_of_an_integrator_behind_a_dead_time(gain, T):
     found = sweep.swept(lambda s: gain * np.exp(-T * s) / s, np.geomspace(1e-4, 40 / T, 20_001))

@@ -62,3 +62,9 @@ def test_what_is_no_transfer_function_is_refused_in_a_sentence(text, said):
     with pytest.raises(ValueError, match=r"^--process, ") as caught:
         read_block(text, "--process")
     assert said in str(caught.value)
+
+
+@pytest.mark.parametrize("text", ["*2", "1/(s+*3)", "/s", "s+)", "(s+1)^2-/3)"])
+def test_what_stands_where_a_number_must_is_named(text):
+    with pytest.raises(ValueError, match="stands where a number, s or a bracket must"):
+        read_block(text)

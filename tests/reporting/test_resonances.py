@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import nrdob
+from nrdob.reporting.formulas import character
 from nrdob.reporting.resonances import moved, resonance_warnings
 
 s = ct.tf("s")
@@ -62,3 +63,11 @@ def test_a_moved_pair_keeps_its_damping_and_the_others():
     assert np.sort_complex(pair) == pytest.approx(
         np.sort_complex([-3, -0.22 + 1.1j * np.sqrt(99.96), -0.22 - 1.1j * np.sqrt(99.96)])
     )
+
+
+def test_a_zero_at_the_origin_is_said_and_a_missing_term_is_none():
+    def said(num):
+        return any("zero at s = 0" in text for text in character(ct.tf(num, [1, 2, 3, 1])))
+
+    assert said([1, 0]) and said([1, 2, 0])
+    assert not said([1, 0, 2]) and not said([2])
