@@ -124,6 +124,7 @@ class Stability:
 
     _title: ClassVar[str] = "NR-DOB loop"
     _root: ClassVar[str] = "rightmost root"
+    _variable: ClassVar[str] = "s"
 
     def __bool__(self) -> bool:
         """Whether the loop is stable; ValueError if that cannot be told."""
@@ -139,17 +140,22 @@ class Stability:
     ) -> Certificate:
         """Prove the counts of roots, for a checker that shares no code with this package.
 
+        Of a sampled loop the blocks are in the plane of w = (2/dt) (z - 1)/(z + 1), the process
+        behind its hold, with its samples of dead time multiplied out.
+
         Parameters
         ----------
         gains : tuple of two float, optional
             Lowest and highest factor of the process for which it is proved, too.
         delays : tuple of two float, optional
-            Shortest and longest dead time of the process, in seconds.
+            Shortest and longest dead time of the process, in seconds; of loops in continuous time.
         time_constants : tuple of two float, optional
-            Smallest and largest time constant of a `LowPassFilter`, in seconds.
+            Smallest and largest time constant of a `LowPassFilter`, in seconds; where it is
+            sampled, by Tustin's rule.
         processes : sequence of blocks
             Other processes with the same dead time, such as the corners of a box: it is proved for
-            every convex combination of their numerators and denominators.
+            every convex combination of their numerators and denominators. Of loops in continuous
+            time.
 
         Returns
         -------
@@ -158,18 +164,21 @@ class Stability:
 
         Raises
         ------
+        ValueError
+            If delays or processes are given for a sampled loop.
         ArithmeticError
             If there is none; the message says why.
         """
+        loop = self._provable(continuous_only=bool(delays or processes))
         counts = self.model_loop.closed_loop_rhp, self.observer_loop.closed_loop_rhp
         return certify(
-            self.loop,
-            counts,
-            gains=gains,
-            delays=delays,
-            time_constants=time_constants,
-            processes=processes,
-        )
+            loop, counts, gains=gains, delays=delays, time_constants=time_constants,
+            processes=processes, variable=self._variable,
+        )  # fmt: skip
+
+    def _provable(self, continuous_only: bool) -> LoopEquations:
+        """Give the loop whose roots a certificate counts; not all can be proved of every loop."""
+        return self.loop
 
     @property
     def _verdict(self) -> str:

@@ -10,15 +10,15 @@ two parts are of equal size (`nrdob.digital.delayedpair`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from math import nan
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from ..analysis import LoopStability, Stability, judge, rhp_roots
-from ..certificates import Certificate, W, certify
+from ..certificates import W
 from ..diagram import LoopEquations
 from ..numerics import ComplexArray, QuasiPolynomial
 from .closedloop import ClosedLoop
@@ -68,6 +68,7 @@ class SampledStability(Stability):
 
     _title: ClassVar[str] = "Sampled NR-DOB loop"
     _root: ClassVar[str] = "largest root z"
+    _variable: ClassVar[str] = W
 
     @property
     def spectral_radius(self) -> float:
@@ -75,47 +76,13 @@ class SampledStability(Stability):
         known = [abs(part.rightmost) for part in (self.model_loop, self.observer_loop)]
         return float(np.fmax.reduce([nan, *np.abs(self.eigenvalues[:1]), *known]))
 
-    def certificate(
-        self,
-        *,
-        gains: tuple[float, float] | None = None,
-        delays: tuple[float, float] | None = None,
-        time_constants: tuple[float, float] | None = None,
-        processes: Sequence[Any] = (),
-    ) -> Certificate:
-        """Prove the counts of roots, with the blocks in the plane of w = (2/dt) (z - 1)/(z + 1).
-
-        Parameters
-        ----------
-        gains : tuple of two float, optional
-            Lowest and highest factor of the process for which it is proved, too.
-        delays : tuple of two float, optional
-            Only of loops in continuous time.
-        time_constants : tuple of two float, optional
-            Smallest and largest time constant of a `LowPassFilter` that Tustin's rule samples.
-        processes : sequence of blocks
-            Only of loops in continuous time.
-
-        Returns
-        -------
-        Certificate
-            The process in it is behind its hold, with its samples of dead time multiplied out.
-
-        Raises
-        ------
-        ValueError
-            If delays or processes are given.
-        ArithmeticError
-            If there is none; the message says why.
-        """
-        if delays or processes:
+    def _provable(self, continuous_only: bool) -> LoopEquations:
+        if continuous_only:
             raise ValueError("of a sampled loop only gains and time constants may be given")
-        counts = self.model_loop.closed_loop_rhp, self.observer_loop.closed_loop_rhp
         try:
-            loop = self.in_w()
+            return self.in_w()
         except ValueError as reason:
             raise ArithmeticError(f"no certificate: {reason}") from reason
-        return certify(loop, counts, gains=gains, time_constants=time_constants, variable=W)
 
 
 def sampled_stability(

@@ -27,18 +27,7 @@ ROLE = re.compile(r"\{[\w:]+\}`[^`]+`")
 
 
 def faults(root: Path) -> Iterator[str]:
-    """Name every public name without a caller.
-
-    Parameters
-    ----------
-    root : Path
-        Folder of the project.
-
-    Yields
-    ------
-    str
-        A fault, with its place.
-    """
+    """Name every public name without a caller."""
     taken, told = _taken(root), _told(root)
     typed = {name for module in modules(root).values() for name in _annotations(module.tree)}
     for name, module in modules(root).items():
@@ -55,18 +44,7 @@ def faults(root: Path) -> Iterator[str]:
 
 
 def members(root: Path) -> Iterator[str]:
-    """Name members of public classes and optional parameters that nobody but tests uses.
-
-    Parameters
-    ----------
-    root : Path
-        Folder of the project.
-
-    Yields
-    ------
-    str
-        A member or a parameter, with its place.
-    """
+    """Name members of public classes and optional parameters that nobody but tests uses."""
     trees = [module.tree for module in modules(root).values()] + _outside(root)
     read = {n.attr for t in trees for n in nodes(t) if isinstance(n, ast.Attribute)}
     given = {k.arg for t in trees for n in nodes(t) if isinstance(n, ast.Call) for k in n.keywords}

@@ -38,18 +38,7 @@ MISREAD = {
 
 
 def faults(root: Path) -> Iterator[str]:
-    """Name every docstring that leaves something out, or would be misread.
-
-    Parameters
-    ----------
-    root : Path
-        Folder of the project.
-
-    Yields
-    ------
-    str
-        A fault, with its place.
-    """
+    """Name every docstring that leaves something out, or would be misread."""
     public = [m.name for m in modules(root).values() if m.is_package or m.name.count(".") == 1]
     top = _shown([PACKAGE])
     found = [

@@ -18,18 +18,7 @@ PRIVATE_BY_TEXT = re.compile(r"""["'](nrdob[\w.]*\._[a-z]\w*)["']""")
 
 
 def faults(root: Path) -> Iterator[str]:
-    """Name every import past a public API.
-
-    Parameters
-    ----------
-    root : Path
-        Folder of the project.
-
-    Yields
-    ------
-    str
-        A fault, with its place.
-    """
+    """Name every import past a public API."""
     for module in modules(root).values():
         yield from _within(root, module)
     for path in notebooks(root):

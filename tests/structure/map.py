@@ -13,18 +13,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def drawn(root: Path) -> Iterator[str]:
-    """Write the contracts, the highest layer first.
-
-    Parameters
-    ----------
-    root : Path
-        Folder of the project.
-
-    Yields
-    ------
-    str
-        A line of the map.
-    """
+    """Write the contracts, the highest layer first."""
     settings = tomllib.loads((root / "pyproject.toml").read_text("utf-8"))
     for contract in settings["tool"]["importlinter"]["contracts"]:
         for container in contract.get("containers", ()):

@@ -16,18 +16,7 @@ CONTENTS = "book/api.md"
 
 
 def faults(root: Path) -> Iterator[str]:
-    """Name every line of a page that is out of step with the code.
-
-    Parameters
-    ----------
-    root : Path
-        Folder of the project.
-
-    Yields
-    ------
-    str
-        A fault, with its place.
-    """
+    """Name every line of a page that is out of step with the code."""
     yield from _contents(root)
     yield from _table_of_subpackages(root)
     for page in CHECKED:
