@@ -261,7 +261,8 @@ UPWARDS = {"delay": (0.0, 0.3), "gain": (0.1, 10.0)}
 
 BORDERS = """([at, upwards, across, ends]) => {
   const { abs, add, late, mul, value } = nrdob.parts;
-  return [...nrdob.borders(at, upwards, across, ends)].filter(Boolean).map((curve) => curve.map((p) => {
+  const drawn = [...nrdob.borders(at, upwards, across, ends)].filter(Boolean);
+  return drawn.map((curve) => curve.map((p) => {
     const loop = nrdob.loopOf({ ...at, lambda: p.lambda, [upwards]: p.up });
     const s = [0, p.omega];
     const [q, back] = [value(loop.q, s), mul(value(loop.r, s), late(loop, p.omega))];
@@ -368,7 +369,9 @@ def test_the_point_of_the_chart_is_moved_by_keys_and_mouse(tab: Any, upwards: st
         verdict = tab.locator(".explorable-verdict").inner_text()
         assert verdict.lstrip("✓✗ ").lower().startswith(word)
         count = tab.evaluate("nrdob.explorables[0].last.found.Z")
-        assert f"{abs(count):g} roots in the right half plane" in chart.get_attribute("aria-valuetext")
+        assert f"{abs(count):g} roots in the right half plane" in chart.get_attribute(
+            "aria-valuetext"
+        )
     assert ": stable for λ from " in tab.locator(".explorable-set").inner_text()
 
 
