@@ -325,7 +325,8 @@ def _held(given: _Given, share: Exact, bits: int) -> Whole:
         M[0, k] = _fixed(-given.a[k] * step, bits)
     for k in range(1, n):
         M[k, k - 1] = _fixed(step, bits)
-    M[0, n] = _fixed(step, bits)
+    if n:  # a gain has no state, and nothing to hold
+        M[0, n] = _fixed(step, bits)
     identity = np.array(
         [[(1 << bits) * (i == j) for j in range(n + 1)] for i in range(n + 1)], dtype=object
     )

@@ -171,7 +171,7 @@ def admissible(rng: np.random.Generator, drawn: Drawn) -> Iterator[str]:
         yield f"refused: {str(refusal)[:40]}"
         return
     for value in _beside(found, lam * 10 ** rng.uniform(-1, 1, 2), PEAK):
-        if value < lam / 50:  # with a dead time nothing is looked for below a floor
+        if value < lam / 20:  # with a dead time nothing is looked for below a floor
             continue
         other = loop._replace(F=low_pass(value, order))
         count = contour.rhp_by_argument(p_B(other))
@@ -213,7 +213,9 @@ def processor(rng: np.random.Generator, drawn: Drawn) -> Iterator[str]:
         yield f"refused: {str(refusal)[:40]}"
         return
     size = np.abs(wired.poles(loop, dt, "tustin", late))
-    if np.all(np.abs(size - 1) > CLOSE):
+    if verdict.stable is None:
+        yield "undecided, with the reason" if verdict.reason else "WRONG: undecided"
+    elif np.all(np.abs(size - 1) > CLOSE):
         yield _same(verdict.stable, bool((size < 1).all()))
     if loop.model_delay:
         return

@@ -526,3 +526,14 @@ def test_a_loop_that_is_not_stable_has_no_largest_sampling_time():
         largest_sampling_time(loop)
     with pytest.raises(ValueError, match=r"with 9 s of computation"):
         largest_sampling_time(paper.example(4), computation_delay=9.0)
+
+
+@pytest.mark.parametrize("part", [0.0, 0.25])
+def test_a_gain_behind_its_hold_takes_no_time_however_slow_the_samples(part):
+    # When y is read the input is still the last one: g/z with 1/z = (1 - v)/(1 + v).
+    gain = Fraction(np.array([3.0]), np.array([1.0]))
+    for dt in (1e-9, 1.0, 1e9):
+        num, den = held_in_w(gain, dt, fraction=part)
+        v = 0.3
+        value = np.polyval(num, 2 * v / dt) / np.polyval(den, 2 * v / dt)
+        assert value == pytest.approx(3 * (1 - v) / (1 + v), rel=1e-12)
