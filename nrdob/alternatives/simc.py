@@ -141,7 +141,7 @@ def half_rule(process: Any, order: int, closed_loop_time: float) -> LagModel:
     return LagModel(gain, first, second, float(delay))
 
 
-def simc_pi(process: Any, closed_loop_time: float, *, design: Any = None) -> NRDOB:
+def simc_pi(process: Any, closed_loop_time: float) -> NRDOB:
     """Close a process with a PI controller by Skogestad's rule.
 
     Parameters
@@ -150,8 +150,6 @@ def simc_pi(process: Any, closed_loop_time: float, *, design: Any = None) -> NRD
         The process G.
     closed_loop_time : float
         τc in seconds; as large as the dead time for tight control.
-    design : as for `nrdob.NRDOB`, optional
-        The process for which the controller is designed; by default G itself.
 
     Returns
     -------
@@ -172,18 +170,18 @@ def simc_pi(process: Any, closed_loop_time: float, *, design: Any = None) -> NRD
     >>> loop.filter.num[0][0].round(6).tolist(), loop.filter.den[0][0].round(6).tolist()
     ([1.0], [2.0, 1.0])
     """
-    return _closed(process, design, 1, closed_loop_time)
+    return _closed(process, 1, closed_loop_time)
 
 
-def simc_pid(process: Any, closed_loop_time: float, *, design: Any = None) -> NRDOB:
+def simc_pid(process: Any, closed_loop_time: float) -> NRDOB:
     """Close a process with a PID controller by Skogestad's rule, its derivative filtered.
 
     Parameters
     ----------
-    process, closed_loop_time, design : as for `simc_pi`
-        G, τc in seconds, and what the controller is designed for. The filter of the derivative,
-        τD/10 or τc/2, whichever is shorter, counts as dead time: for tight control τc is as large
-        as the dead time and the filter together.
+    process, closed_loop_time : as for `simc_pi`
+        G, and τc in seconds. The filter of the derivative, τD/10 or τc/2, whichever is shorter,
+        counts as dead time: for tight control τc is as large as the dead time and the filter
+        together.
 
     Returns
     -------
@@ -203,12 +201,12 @@ def simc_pid(process: Any, closed_loop_time: float, *, design: Any = None) -> NR
     >>> round(loop.margins().plant_loop.ms, 3)
     1.575
     """
-    return _closed(process, design, 2, closed_loop_time)
+    return _closed(process, 2, closed_loop_time)
 
 
-def _closed(process: Any, design: Any, order: int, closed_loop_time: Any) -> NRDOB:
+def _closed(process: Any, order: int, closed_loop_time: Any) -> NRDOB:
     tc = _closed_loop_time(closed_loop_time)
-    found = half_rule(process if design is None else design, order, tc)
+    found = half_rule(process, order, tc)
     if order == 2 and not found.second:
         raise ValueError("the process has one lag, and a PID needs two: take a PI")
     filtered = min(found.second / DERIVATIVE, tc / LOOP)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from math import acos, asin, atan, degrees, inf, isfinite, log10, nan, pi
+from math import acos, asin, degrees, inf, isfinite, log10, nan, pi
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -64,7 +64,8 @@ class Margins:
     delay_margin : float
         Smallest extra dead time at which the loop is lost, in seconds.
     disk_margin : float
-        Symmetric disk margin :math:`\alpha = \min 2|1 + L|/|1 - L|`, see `disk_bounds`.
+        Symmetric disk margin :math:`\alpha = \min 2|1 + L|/|1 - L|`: the loop stays stable
+        with every complex factor in the disk on the diameter from (2 - α)/(2 + α) to its inverse.
     stable : bool or None
         The verdict on the closed loop, without which the numbers mean nothing.
     gain_crossovers, phase_crossovers : array of float
@@ -107,20 +108,6 @@ class Margins:
     def ms(self) -> float:
         r"""Peak of the sensitivity :math:`|1/(1 + L)|`, the inverse of the modulus margin."""
         return 1 / self.sm if self.sm else inf
-
-    @property
-    def disk_bounds(self) -> MarginBounds:
-        r"""Gains and rotations that the loop tolerates together, by its symmetric disk margin.
-
-        It stays stable with every complex factor in the disk on the diameter from
-        :math:`(2 - \alpha)/(2 + \alpha)` to its inverse: with those gains, and with rotations below
-        :math:`2\arctan(\alpha/2)`; see Seiler, Packard and Gahinet, IEEE Control Systems 40 (2020)
-        78-95. nan for a loop that is not known to be stable.
-        """
-        alpha = self.disk_margin
-        high = (2 + alpha) / (2 - alpha) if not alpha >= 2 else inf
-        low = (2 - alpha) / (2 + alpha) if not alpha >= 2 else 0.0
-        return MarginBounds(low, high, degrees(2 * atan(alpha / 2)))
 
     def __str__(self) -> str:
         if not self.stable:

@@ -113,23 +113,6 @@ class StabilityChart:
             check_value(axis.name, value)
         return self.count_at(float(x), float(y))
 
-    def region(self, x: float, y: float) -> Region | None:
-        """Return the region that holds a point; None on a border, or outside the chart.
-
-        Parameters
-        ----------
-        x, y : float
-            Values of the two parameters.
-        """
-        column, row = (
-            int(np.floor(float(axis.share(value)) * PIXELS))
-            for axis, value in ((self.x, x), (self.y, y))
-        )
-        if not (0 <= column < PIXELS and 0 <= row < PIXELS):
-            return None
-        found = int(self.labels[row, column])
-        return self.regions[found - 1] if found else None
-
     def plot(self, *, title: str = "", ax: Any = None) -> Figure:
         """Draw borders, regions and levels: see `nrdob.plotting.chart_plot`.
 

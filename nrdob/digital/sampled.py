@@ -249,7 +249,6 @@ class SampledLoop:
         tracking_time: float | None = None,
         start: float | None = None,
         resolution: float | None = None,
-        n_between: int = 0,
     ) -> SimulatedResponse:
         """Run the loop on given signals, with noise and an actuator that has limits.
 
@@ -277,13 +276,11 @@ class SampledLoop:
             first d and delta. By default everything is 0 before.
         resolution : float, optional
             Step of the converter that reads y.
-        n_between : int
-            Points in each sample at which the output is computed in continuous time.
 
         Returns
         -------
         SimulatedResponse
-            `time`, `y`, `measured`, `u`, `applied`, `d_hat`, and `time_between`, `y_between`.
+            `time`, `y`, `measured`, `u`, `applied` and `d_hat`.
 
         Raises
         ------
@@ -310,7 +307,7 @@ class SampledLoop:
         return simulate(
             self.code(limits, tracking_time=tracking_time), self.process, self._disturbed, inputs,
             noise, timepts=timepts, seed=seed, observer_input=observer_input, start=start,
-            resolution=resolution, n_between=n_between,
+            resolution=resolution,
         )  # fmt: skip
 
     @cached_property

@@ -17,7 +17,7 @@ integrator: the observer winds up.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from math import ceil, log
 from typing import Any
 
@@ -72,8 +72,6 @@ class SimulatedResponse:
         The controller's command, and the actuator's output from then (and the computation) on.
     d_hat : array of float, shape (N,)
         The observer's estimate of the disturbance at the input, in the unit of u.
-    time_between, y_between : arrays of float, shape (N n_between,)
-        The output in continuous time; where it jumps, its value after the jump.
     """
 
     time: FloatArray
@@ -82,8 +80,6 @@ class SimulatedResponse:
     u: FloatArray
     applied: FloatArray
     d_hat: FloatArray
-    time_between: FloatArray = field(default_factory=lambda: np.zeros(0))
-    y_between: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     @property
     def limited(self) -> BoolArray:
@@ -115,7 +111,6 @@ def simulate(
     observer_input: str = "applied",
     start: float | None = None,
     resolution: float | None = None,
-    n_between: int = 0,
 ) -> SimulatedResponse:
     """Simulate a sampled loop: see `SampledLoop.simulate`.
 
@@ -126,8 +121,6 @@ def simulate(
         raise ValueError(
             f"observer_input is {observer_input!r}; choose one of {', '.join(OBSERVER_INPUTS)}"
         )
-    if isinstance(n_between, bool) or not isinstance(n_between, int) or n_between < 0:
-        raise ValueError(f"n_between is {n_between!r}; how many points a sample: 0, 1, 2, …")
     dt, rounds = process.dt, resolution is not None
     time = sample_times(timepts, inputs, noise, dt)
     external = external_signals(inputs, noise, time, seed)
@@ -143,17 +136,7 @@ def simulate(
     found = run(loop.recursion, states, entering, rules, before)
     found.check_finite()
     y, measured, u, d_hat = found.outputs(loop.rows(("y", "measured", "u", "d_hat"))).T
-    response = SimulatedResponse(time, y, measured, u, found.decisions[:, -1], d_hat)
-    if not n_between:
-        return response
-    x, felt, d = _in_between(loop, found)
-    after = np.arange(n_between) * (dt / n_between)
-    between = np.column_stack([loop.output_after(t, x, felt) for t in after.tolist()])
-    return replace(
-        response,
-        time_between=(time[:, None] + after).ravel(),
-        y_between=(between + d[:, None]).ravel(),
-    )
+    return SimulatedResponse(time, y, measured, u, found.decisions[:, -1], d_hat)
 
 
 def sampled_step_response(

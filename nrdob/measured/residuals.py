@@ -149,8 +149,6 @@ class ResidualCheck:
     ----------
     white : bool
         Whether neighbouring samples have nothing to do with each other.
-    whiteness : float
-        Probability of correlations as large as these by chance, after Ljung and Box.
     independent : bool or None
         Whether nothing of the input is left in it; None where the input is too poor to tell.
     independence : float
@@ -162,7 +160,6 @@ class ResidualCheck:
     """
 
     white: bool
-    whiteness: float
     independent: bool | None
     independence: float
     standard_deviation: float
@@ -195,7 +192,7 @@ def check_residuals(residual: FloatArray, inputs: FloatArray, fitted: int) -> Re
             "this structure cannot, and the intervals do not cover that."
         )
     spread = float(np.sqrt(np.mean(residual**2)))
-    return ResidualCheck(white, chance, independent, independence, spread, " ".join(said))
+    return ResidualCheck(white, independent, independence, spread, " ".join(said))
 
 
 def _told(chance: float) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
+from campaigns.charts import region_at
 from nrdob import delay
 from nrdob.alternatives import (
     adrc_chart,
@@ -198,7 +199,7 @@ def test_the_chart_counts_what_single_loops_have():
     seen = set()
     for _ in range(25):
         wo, b0 = 100 ** rng.uniform(), 0.2 * 100 ** rng.uniform()
-        region = chart.region(wo, b0)
+        region = region_at(chart, wo, b0)
         stable = linear_adrc(G, 1, b0, wo, 2.0).stability().stable
         if region is not None:
             seen.add(stable)

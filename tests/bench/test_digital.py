@@ -53,7 +53,6 @@ def test_simulations_of_a_million_samples(same, note):
         ("limits and rate, noise", {"limits": ActuatorLimits(-0.6, 0.6, 5), "noise": 0.1}),
         ("chattering between limits", {"limits": ActuatorLimits(-0.01, 0.01), "noise": 0.5}),
         ("limits and converters", {"limits": ActuatorLimits(-0.6, 0.6, 5), "resolution": 0.01}),
-        ("4 points between samples", {"n_between": 4}),
     ):
         seconds = timed(lambda options=options: sampled.simulate({"R": R}, **options))
         note(f"a million samples, {what}: {seconds:.2f} s")

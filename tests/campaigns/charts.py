@@ -17,6 +17,7 @@ import numpy as np
 
 import nrdob
 from nrdob import filter_family
+from nrdob.design import Region, StabilityChart
 from nrdob.diagram import DelayedTransferFunction
 
 from .runner import print_tally
@@ -24,6 +25,14 @@ from .runner import print_tally
 POINTS = 40
 
 NAMES = ("time_constant", "gain", "delay", "lag")
+
+
+def region_at(chart: StabilityChart, x: float, y: float) -> Region | None:
+    """Give the region that holds a point of a chart; None on a border."""
+    rows, columns = chart.labels.shape
+    row, column = int(chart.y.share(y) * rows), int(chart.x.share(x) * columns)
+    found = int(chart.labels[row, column])
+    return chart.regions[found - 1] if found else None
 
 
 def campaign(count: int, seed: int) -> Counter[str]:
@@ -90,7 +99,7 @@ def _chart(rng: np.random.Generator, label: str) -> str:
         return f"WRONG {names}{waits}: two counts in one region"
     for u, v in points:
         x, y = float(chart.x.value(u)), float(chart.y.value(v))
-        region = chart.region(x, y)
+        region = region_at(chart, x, y)
         if region is None:
             continue
         count = judged(blocks, {chart.x.name: x, chart.y.name: y})

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import nrdob
-from campaigns.charts import campaign
+from campaigns.charts import campaign, region_at
 from nrdob import filter_family, paper, stability_chart, stabilizing_time_constants
 from nrdob.design.chartborders import ChartLoops
 
@@ -31,7 +31,7 @@ def wrong_points(chart, count, seed, least=0.8):
     rng, wrong, seen = np.random.default_rng(seed), [], 0
     for u, v in rng.random((count, 2)):
         x, y = float(chart.x.value(u)), float(chart.y.value(v))
-        region = chart.region(x, y)
+        region = region_at(chart, x, y)
         if region is not None:
             seen += 1
             if region.count != chart.count(x, y):
@@ -163,7 +163,7 @@ def test_wide_axes_of_dead_time_are_charted_up_to_many_roots(filter, y):
         rng, seen = np.random.default_rng(7), 0
         for u, v in rng.random((60, 2)):
             at = float(chart.x.value(u)), float(chart.y.value(v))
-            region = chart.region(*at)
+            region = region_at(chart, *at)
             if region is not None:
                 count, seen = chart.count(*at), seen + 1
                 assert count == region.count if region.exact else count >= region.count > 0
@@ -234,7 +234,7 @@ def test_practical_stability_is_lost_at_c_n_time_constants(n):
     )
     errors = [float(np.min(np.abs(border.y - 1) / border.x)) for border in chart.borders]
     assert min(errors) == pytest.approx(C_N[n - 1], abs=6e-5)
-    assert chart.region(0.1, 1.0).count == 0
+    assert region_at(chart, 0.1, 1.0).count == 0
 
 
 def test_levels_of_a_model_that_waits_lie_where_the_margins_have_them():

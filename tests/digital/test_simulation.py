@@ -35,7 +35,7 @@ def on_a_fine_grid(sampled, controller, num, den, delays, inputs, eta, finer):
     R, d, delta = inputs
     late_u, late_delta = [0.0] * (delays[0] + 1), [0.0] * (delays[1] + 1)
     x = np.zeros((len(A), 1))
-    ys, us, fine = [], [], []
+    ys, us = [], []
     v = 0.0
     for k in range(len(R)):
         y = float((C @ x)[0, 0] + D[0, 0] * v) + d[k]
@@ -46,9 +46,8 @@ def on_a_fine_grid(sampled, controller, num, den, delays, inputs, eta, finer):
             late_u = [u, *late_u[:-1]]
             late_delta = [delta[k], *late_delta[:-1]]
             v = late_u[delays[0]] + late_delta[delays[1]]
-            fine.append(float((C @ x)[0, 0] + D[0, 0] * v) + d[k])
             x = A @ x + B * v
-    return np.array(ys), np.array(us), np.array(fine)
+    return np.array(ys), np.array(us)
 
 
 @pytest.mark.parametrize(
@@ -71,15 +70,13 @@ def test_signals_are_those_of_a_process_stepped_a_hundred_times_finer(num, den, 
     R, d, delta, eta = rng.standard_normal((4, 120))
     controller = python_class(sampled.code(limits=limits).to_python())()
     delays = round(1000 * (delay + computation)), round(1000 * delay)
-    y, applied, between = on_a_fine_grid(
+    y, applied = on_a_fine_grid(
         sampled, controller, num, den, delays, (R, d, delta), 0.1 * eta, 100
     )
-    found = sampled.simulate({"R": R, "d": d, "delta": delta}, 0.1 * eta, limits, n_between=4)
+    found = sampled.simulate({"R": R, "d": d, "delta": delta}, 0.1 * eta, limits)
     assert found.limited.mean() > 0.2
     np.testing.assert_allclose(found.y, y, atol=1e-10)
     np.testing.assert_allclose(found.applied, applied, atol=1e-10)
-    np.testing.assert_allclose(found.y_between, between[::25], atol=1e-10)
-    np.testing.assert_allclose(found.time_between, np.arange(480) * 0.025, atol=1e-12)
 
 
 @pytest.mark.parametrize("number", [1, 2, 3, 4])
@@ -101,10 +98,11 @@ def test_without_limits_it_is_the_linear_loop_of_scipy(number):
 
 
 def test_between_samples_a_lag_answers_with_exponentials():
-    found = lag_loop().sampled(0.5).simulate({"R": 1.0}, timepts=0.5, n_between=5)
-    first = found.applied[0]
-    after = 2 * first * (1 - np.exp(-found.time_between[:5]))
-    np.testing.assert_allclose(found.y_between[:5], after, rtol=1e-12)
+    times = np.arange(5) / 10
+    found = lag_loop().sampled(0.5).step_response("R", times)
+    first = found.outputs[1, 0, 0]
+    after = 2 * first * (1 - np.exp(-times))
+    np.testing.assert_allclose(found.outputs[0, 0], after, rtol=1e-12)
 
 
 def test_limits_hold_in_every_sample():
@@ -315,7 +313,6 @@ def test_noise_is_white_of_its_deviation_and_of_its_seed():
         ({"R": 1.0}, {"timepts": inf}, ValueError, "timepts is inf"),
         ({"R": [1.0]}, {"noise": -1.0}, ValueError, "noise is -1"),
         ({"R": [1.0]}, {"observer_input": "u"}, ValueError, "observer_input is 'u'; choose one of"),
-        ({"R": [1.0]}, {"n_between": -1}, ValueError, "n_between is -1"),
         ({"R": [1.0]}, {"resolution": 0.0}, ValueError, "the resolution is 0"),
         ({"R": [1.0]}, {"start": np.nan}, ValueError, "start is nan"),
         ({"R": [1.0]}, {"tracking_time": 1e-3}, ValueError, "tracking_time is 0.001 s; .*least"),
@@ -373,9 +370,7 @@ def test_a_unit_step_is_the_step_response(method, input):
     y = sampled.step_response(input, times).outputs[0, 0]
     step = np.ones(60)
     given = ({}, step) if input == "eta" else ({input: step}, None)
-    found = sampled.simulate(*given, n_between=4)
-    # Where y itself jumps with u, both show the value after the jump.
-    np.testing.assert_allclose(found.y_between, y, atol=1e-9)
+    np.testing.assert_allclose(sampled.simulate(*given).y, y[::4], atol=1e-9)
 
 
 @pytest.mark.parametrize("lag", [0.05, 0.5, 3.0])
@@ -385,7 +380,7 @@ def test_a_matched_model_of_an_unstable_process_works_on_the_processor_too(lag):
     loop = nrdob.NRDOB(Gm, Gm, -1.0, nrdob.interpolating_filter(Gm, lag))
     sampled = loop.sampled(0.02)
     assert sampled.stability().stable
-    found = sampled.simulate({"d": np.eye(1, 3000)[0]}, n_between=2)
+    found = sampled.simulate({"d": np.eye(1, 3000)[0]})
     assert np.abs(found.y[-100:]).max() < 1e-6 * np.abs(found.y).max()
 
 

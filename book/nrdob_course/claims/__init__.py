@@ -23,7 +23,7 @@ from .signals import loop_modes
 
 __all__ = [
     "LEDGER", "Amendment", "Claim", "Entry", "Finding", "LedgerError", "Verdict",
-    "check", "check_all", "loop_modes",
+    "check", "loop_modes",
 ]  # fmt: skip
 
 _PARTS = (  # as in the paper
@@ -56,8 +56,3 @@ def check(id: str) -> Entry:
         near = [known for known in LEDGER if known.split(".")[0] == id.split(".")[0]]
         raise KeyError(f"there is no claim {id!r}; near it: {', '.join(near) or 'nothing'}")
     return settle(LEDGER[id])
-
-
-def check_all() -> list[Entry]:
-    """Run every check, in the order of the paper."""
-    return [settle(claim) for claim in LEDGER.values()]

@@ -174,9 +174,9 @@ def matched_blocks(blocks: Values) -> Values:
     return blocks._replace(G=blocks.Gm)
 
 
-def random_points(rng: np.random.Generator, count: int = 4) -> ComplexArray:
+def random_points(rng: np.random.Generator) -> ComplexArray:
     """Draw points of the right half plane, where a dead time makes nothing large."""
-    points: ComplexArray = rng.uniform(0.1, 3, count) + 1j * rng.uniform(-10, 10, count)
+    points: ComplexArray = rng.uniform(0.1, 3, 4) + 1j * rng.uniform(-10, 10, 4)
     return points
 
 
@@ -185,9 +185,9 @@ def blocks_of(loop: NRDOB, s: ComplexArray) -> Values:
     return Values(loop.G(s), loop.Gm(s), loop.C(s), loop.F(s))
 
 
-def many_loops(seed: int = 2020) -> list[NRDOB]:
+def many_loops() -> list[NRDOB]:
     """Give the seven loops of the paper, 20 random ones, and 10 random ones with dead time."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(2020)
     printed = [paper.example(number) for number in paper.EXAMPLES]
     modified = [paper.example(number, modified=True) for number in (2, 3, 4)]
     rational = [random_loop(rng) for _ in range(20)]
