@@ -9,7 +9,7 @@ E/R = 1/(1 + Gm C)::
 One signal v is delayed, everything else is rational. Without dead time y and u are rational, too,
 and their factors are taken apart by time scale before anything is simulated
 (`nrdob.numerics.timescales`). With dead time z is known on every interval of length θ from the
-interval before (`nrdob.analysis.steps`). A model that waits needs u as it was θm ago, a second
+interval before (`nrdob.analysis.steps`). A delayed model needs u as it was θm ago, a second
 delayed signal: u = … + F u(t - θm) - … is known between any two moments at which something comes
 around (`nrdob.analysis.lattice`). Where marching loses digits two more ways are at hand. The first
 few echoes can be summed up one by one. And where a window spans so many dead times that the

@@ -183,7 +183,7 @@ def stability_chart(
     >>> chart.count(0.5, 2 * 0.5 / 3.1), chart.count(0.5, 2 * 0.5 / 3.2)
     (0, 2)
 
-    A model that waits for 1 s, but for the wrong time: lost if that is wrong by c_1 λ = 1.4775 λ.
+    A model with a dead time of 1 s, which is wrong: unstable if it is wrong by c_1 λ = 1.4775 λ.
 
     >>> chart = stability_chart(
     ...     lag, delay(1.0) * lag, 1, x=("time_constant", 0.05, 0.2), y=("delay", 0.5, 1.5)

@@ -191,7 +191,7 @@ class ChartLoops:
 
         At 0 where p_B vanishes. At infinity where its leading coefficient does, or with dead time
         where those of the delayed terms together are as large as the one without: beyond, the dead
-        time of a model that waits would have to be followed for ever.
+        time of a delayed model would have to be followed for ever.
         """
         ahead, behind, waits = self.mismatch.lowest(lambdas)
         yield 0.0, -(ahead + waits), behind

@@ -144,7 +144,7 @@ def stabilizing_filter_exists(process: Any, model: Any) -> Answer:
     process, model : as for `nrdob.NRDOB`
         G and G̃, both with or without dead time. For a dead time the question is left open unless
         the signs already forbid it: at 0 and at infinity, and where both have the same dead time at
-        the zeros of b - a. A model that waits cancels no unstable poles but integrators.
+        the zeros of b - a. A delayed model cancels no unstable poles but integrators.
 
     Returns
     -------

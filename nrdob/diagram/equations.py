@@ -34,7 +34,7 @@ and condition ii is about ::
 which is what `p_B` means here; every map is the same quotient in these factors. `keep_factors=True`
 keeps gz and gp, as a diagram does in which 1 - F, Gm and 1/Gm are blocks of their own.
 
-.. rubric:: A model that waits
+.. rubric:: A delayed model
 
 A model with a dead time, Gm = Gm0 exp(-θm s), Gm0 = Nm/Dm, cannot be inverted: no block predicts.
 The inverse leaves the dead time out, and what it is compared with waits instead::
@@ -234,7 +234,7 @@ class _ObserverMaps:
 
     @cached_property
     def one_minus_F(self) -> QuasiPolynomial:
-        """Numerator Df - Nf exp(-θm s) of 1 - F, or of 1 - F exp(-θm s) in a model that waits."""
+        """Numerator Df - Nf exp(-θm s) of 1 - F, or of 1 - F exp(-θm s) in a delayed model."""
         # Both constant coefficients are exactly 1, so 1 - F keeps its zero at s = 0 exactly. Those
         # of its next powers that are only rounding are zeros of the same kind.
         num, den = self._observer_fractions.F

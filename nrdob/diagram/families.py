@@ -157,7 +157,7 @@ def filter_family(
     ramp : int, optional
         Zeros of 1 - F at s = 0, for "ramp" (by default 2) and "interpolating" (by default 1).
     model : as for `nrdob.NRDOB`, optional
-        For "interpolating"; of one that waits only integrators are interpolated.
+        For "interpolating"; of a delayed one only integrators are interpolated.
     num, den : list of rows, optional
         For "own": a row for each power of s, descending, with the coefficients of the powers of λ,
         descending; a number is a constant.

@@ -102,7 +102,7 @@ def interpolating_filter(
     >>> interpolating_filter(ct.tf([1], [1, 0, 0]), 0.1).num[0][0].round(6).tolist()
     [0.3, 1.0]
 
-    One that waits for 0.05 s: F leads by as much.
+    One with a dead time of 0.05 s: F leads by as much.
 
     >>> from nrdob import delay
     >>> waiting = delay(0.05) * ct.tf([1], [1, 0, 0])

@@ -1,6 +1,6 @@
 r"""Quasi-polynomials :math:`q(s) + r(s)\,e^{-sT} + …`: where the roots of a delayed loop live.
 
-There is one delayed term for every dead time: one in the process, one more in a model that waits.
+There is one delayed term for every dead time: one in the process, another in a delayed model.
 
 Independent ways to know the right half plane, none of which approximates the delay away:
 

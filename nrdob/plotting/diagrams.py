@@ -339,7 +339,7 @@ def delayed_model() -> Diagram:
         Wire(tuple(_DELAYED.get(p, p) if isinstance(p, str) else p for p in wire.path), wire.sign)
         for wire in drawn.wires
     )
-    title = "the loop with a model that waits, W = exp(-θm s)"
+    title = "the loop with a delayed model, W = exp(-θm s)"
     return replace(drawn, title=title, parts=parts, wires=wires)
 
 

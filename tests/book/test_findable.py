@@ -48,7 +48,7 @@ def test_the_glossary_is_in_order_and_each_word_leads_to_a_chapter() -> None:
     names = {
         "smith predictor", "imc", "youla parameter", "parity interlacing", "encirclement",
         "crossing frequency", "retarded", "neutral", "disturbance observer", "q-filter",
-        "waiting model", "adrc", "extended state observer", "anti-windup", "small gain",
+        "delayed model", "adrc", "extended state observer", "anti-windup", "small gain",
     }  # fmt: skip
     assert names <= set(every)
 

@@ -1,4 +1,4 @@
-"""A model that waits: the diagram solved by SymPy, and every map against it."""
+"""A delayed model: the diagram solved by SymPy, and every map against it."""
 
 import control as ct
 import numpy as np
