@@ -89,7 +89,8 @@ def largest_sampling_time(
             return inf
         return float(np.abs(np.linalg.eigvals(sampled.closed_loop.A)).max()) - 1
 
-    bracket = _first_unstable(excess, _times(loop, loop.delay + computation_delay))
+    longest = max(loop.delay + computation_delay, loop.model_delay)
+    bracket = _first_unstable(excess, _times(loop, longest))
     if bracket is None:
         return inf
     low, high = bracket

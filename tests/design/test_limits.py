@@ -23,6 +23,8 @@ from nrdob.design import (
 )
 from nrdob.numerics import count_rhp
 from strategies import fractions
+from tests.oracles.contour import rhp_by_argument
+from tests.oracles.plain import Block, Plain, low_pass, p_B
 
 s = ct.tf("s")
 lag = 1 / (s + 1)
@@ -356,3 +358,16 @@ def test_signs_forbid_the_same_to_a_model_that_waits(theta):
     assert stabilizing_filter_exists(late, nrdob.delay(1.0) * model).holds is False
     fitting = stabilizing_filter_exists(late, nrdob.delay(1.0) * -model)
     assert fitting.holds is None and "dead time" in fitting.reason
+
+
+@pytest.mark.parametrize(("excess", "lam"), [(0, 3e-3), (1, 3e-4)])
+def test_two_dead_times_that_are_not_alike_leave_chains_for_fast_filters(excess, lam):
+    # The count by the argument in balls, which shares nothing with the package.
+    lag, more = Block([1.0], [1.0, 1.0]), Block([1.0], np.convolve([1.0, 1.0], [0.3, 1.0]))
+    delay, wait = 1.0, 1.0471975
+    process = nrdob.delay(delay) * ct.tf(*(more if excess else lag))
+    model = nrdob.delay(wait) * ct.tf(*lag)
+    answer = stable_for_fast_filters(process, model, 1)
+    assert answer.holds is False
+    loop = Plain(more if excess else lag, lag, lag, low_pass(lam, 1), delay, wait)
+    assert rhp_by_argument(p_B(loop)) > 0

@@ -1,6 +1,7 @@
 """Loops on a processor against closed forms, brute force, scipy and python-control."""
 
 import math
+import tracemalloc
 from functools import cache
 
 import control as ct
@@ -537,3 +538,15 @@ def test_a_gain_behind_its_hold_takes_no_time_however_slow_the_samples(part):
         v = 0.3
         value = np.polyval(num, 2 * v / dt) / np.polyval(den, 2 * v / dt)
         assert value == pytest.approx(3 * (1 - v) / (1 + v), rel=1e-12)
+
+
+def test_the_search_begins_with_few_samples_in_the_dead_time_of_the_model_too():
+    lag = ct.tf([1.0], [1.0, 1.0])
+    loop = nrdob.NRDOB(lag, nrdob.delay(3.0) * lag, 0.1, nrdob.LowPassFilter(0.003, 1))
+    tracemalloc.start()
+    longest = largest_sampling_time(loop)
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert most < 50e6  # at 0.02 λ the model alone would hold 50 000 samples
+    assert loop.sampled(longest * 0.999).stability().stable is True
+    assert loop.sampled(longest * 1.001).stability().stable is False

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import nrdob
-from nrdob.reporting.formulas import character
+from nrdob.reporting.formulas import character, intervals
 from nrdob.reporting.resonances import moved, resonance_warnings
 
 s = ct.tf("s")
@@ -71,3 +71,12 @@ def test_a_zero_at_the_origin_is_said_and_a_missing_term_is_none():
 
     assert said([1, 0]) and said([1, 2, 0])
     assert not said([1, 0, 2]) and not said([2])
+
+
+def test_intervals_of_time_constants_are_written_with_both_ends():
+    inf = float("inf")
+    assert intervals([(0.0, inf)]) == "every λ > 0"
+    assert intervals([(0.0, 5.0)]) == "0 s < λ < 5 s"
+    assert intervals([(0.375, inf)]) == "λ > 0.375 s"
+    assert intervals([(0.1, 0.2), (3.0, inf)]) == "0.1 s < λ < 0.2 s or λ > 3 s"
+    assert intervals([]) == "no λ at all"
