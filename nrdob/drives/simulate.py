@@ -46,8 +46,8 @@ class DriveResponse(SimulatedResponse):
 
     Attributes
     ----------
-    time, y, measured, u, applied, d_hat, time_between, y_between : arrays of float
-        As of `nrdob.digital.SimulatedResponse`; u with what is fed forward, nothing in between.
+    time, y, measured, u, applied, d_hat : arrays of float
+        As of `nrdob.digital.SimulatedResponse`; u with what is fed forward.
     angle, speed, at_rest : arrays of float and of bool, shape (N,)
         The motor's true angle and speed at the samples, in rad and rad/s, and whether it is held.
     """

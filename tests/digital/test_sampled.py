@@ -544,9 +544,8 @@ def test_the_search_begins_with_few_samples_in_the_dead_time_of_the_model_too():
     lag = ct.tf([1.0], [1.0, 1.0])
     loop = nrdob.NRDOB(lag, nrdob.delay(3.0) * lag, 0.1, nrdob.LowPassFilter(0.003, 1))
     tracemalloc.start()
-    longest = largest_sampling_time(loop)
+    with pytest.raises(ArithmeticError, match="time scales are too far apart"):
+        largest_sampling_time(loop)
     _, most = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert most < 50e6  # at 0.02 λ the model alone would hold 50 000 samples
-    assert loop.sampled(longest * 0.999).stability().stable is True
-    assert loop.sampled(longest * 1.001).stability().stable is False
