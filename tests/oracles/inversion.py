@@ -65,6 +65,7 @@ def points_of(nodes: int) -> list[tuple[acb, acb]]:
 
 
 def inverted(num: acb_poly, den: acb_poly, t: arb, contour: list[tuple[acb, acb]]) -> arb:
+    ctx.prec = PRECISION  # of the process: another oracle may have set its own
     total = arb(0)
     for point, weight in contour:
         s = point / t
@@ -74,7 +75,6 @@ def inverted(num: acb_poly, den: acb_poly, t: arb, contour: list[tuple[acb, acb]
 
 def talbot_step(loop: Plain, input: str, t: float) -> tuple[float, float]:
     """Return y and u (for delta the plant's input) at a time off all jumps."""
-    ctx.prec = PRECISION  # of the process: another oracle may have set its own
     before = (math.inf, math.inf)
     for nodes in NODES:
         found = _summed(loop, input, t, nodes)
