@@ -169,7 +169,7 @@ DISASTERS = {
         "from IPython.display import HTML, from IPython.display import display",
         CUT,
     ),
-    "a syntax error": ("def turns(case)", 0, "", ""),
+    "a syntax error": ("def encirclements(case)", 0, "", ""),
     "too much memory": (f"much = bytearray({TOO_MUCH})", 0, "", ""),
     "a setting": ("get_ipython().ast_node_interactivity = 'all'", 1, "get_ipython", ""),
     "no input": ("input()", 0, "input", ""),

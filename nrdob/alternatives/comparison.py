@@ -153,14 +153,14 @@ class Comparison:
         every = [(name, False) for name in COLUMNS] + [(name, True) for name in self.changed]
         after = dict(every)  # a changed plant comes first, as in `column`
         shown = every if self.shown is None else [(name, after[name]) for name in self.shown]
-        heads = ["Ms, " + name if lost else COLUMNS[name] for name, lost in shown]
+        heads = ["Ms, " + name if changed else COLUMNS[name] for name, changed in shown]
         table = [["", "tuning", *heads]]
         for row in self.rows:
             numbers = [
-                _number((row.changed or {}).get(name, nan), "lost")
-                if lost
+                _number((row.changed or {}).get(name, nan), "unstable")
+                if changed
                 else _number(getattr(row, name))
-                for name, lost in shown
+                for name, changed in shown
             ]
             table.append([row.name, row.tuning, *([""] * len(shown) if row.reason else numbers)])
         return table

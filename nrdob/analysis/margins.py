@@ -51,10 +51,11 @@ class Margins:
     Attributes
     ----------
     gm : float
-        Gain factor nearest to 1 (on a log scale) at which the loop is lost; below 1 where the gain
-        must not fall. Absolute; inf if there is none.
+        Gain factor nearest to 1 (on a log scale) at which the loop becomes unstable; below 1 where
+        the gain must not fall. Absolute; inf if there is none.
     pm : float
-        Smallest rotation of the loop gain, in either sense, at which the loop is lost, degrees.
+        Smallest rotation of the loop gain, in either sense, at which the loop becomes unstable, in
+        degrees.
     sm : float
         Modulus margin :math:`\min |1 + L|`, the distance from -1.
     wpc, wgc, wms : float
@@ -62,7 +63,7 @@ class Margins:
     gm_low, gm_high : float
         The loop stays stable for every gain factor strictly between them.
     delay_margin : float
-        Smallest extra dead time at which the loop is lost, in seconds.
+        Smallest extra dead time at which the loop becomes unstable, in seconds.
     disk_margin : float
         Symmetric disk margin :math:`\alpha = \min 2|1 + L|/|1 - L|`: the loop stays stable
         with every complex factor in the disk on the diameter from (2 - α)/(2 + α) to its inverse.

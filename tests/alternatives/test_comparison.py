@@ -106,14 +106,14 @@ def test_b0_is_that_of_two_lags_where_there_are_more():
     )
 
 
-def test_a_changed_plant_that_is_lost_is_lost_in_the_table():
+def test_a_plant_that_makes_the_loop_unstable_says_so_in_the_table():
     loop = nrdob.paper.example(2)
     away = {"three times the gain": 3 * loop.process, "ten times": 10 * loop.process}
     found = nrdob.compare(loop.process, {"NR-DOB": loop}, changed=away)
     stable = [nrdob.NRDOB(plant, loop.model, loop.controller, loop.filter).stability().stable
               for plant in away.values()]  # fmt: skip
     assert [not isnan(ms) for ms in found["NR-DOB"].changed.values()] == stable
-    assert "lost" in repr(found)
+    assert "unstable" in repr(found)
 
 
 def test_the_table_prints_and_is_written():

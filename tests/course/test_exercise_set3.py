@@ -107,7 +107,7 @@ def test_a_later_border_is_no_delay_margin() -> None:
         return NRDOB(plant, loop.model, loop.controller, loop.filter).stability().stable
 
     assert stable(0.96 * later) is True and stable(1.04 * later) is False
-    assert "already lost" in PROBLEMS["3.3"].lacks(case, later)
+    assert "already unstable" in PROBLEMS["3.3"].lacks(case, later)
 
 
 def test_beyond_the_border_no_change_of_the_size_does_harm_and_before_it_one_does() -> None:

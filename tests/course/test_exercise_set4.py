@@ -8,7 +8,7 @@ import pytest
 
 from nrdob import NRDOB, LowPassFilter
 from nrdob_course.exercises import PROBLEMS, check, own_case
-from nrdob_course.exercises.set4 import borders_of, fastest_of, just_good, lost_of, peaks_of
+from nrdob_course.exercises.set4 import borders_of, fastest_of, just_good, edges_of, peaks_of
 
 GROUPS = range(1, 13)  # tests/campaigns/misconceptions.py takes more of them
 
@@ -36,7 +36,7 @@ def test_a_neglected_lag_costs_the_disturbance_and_not_the_noise(seed: int) -> N
 @pytest.mark.parametrize("group", GROUPS)
 def test_the_lowest_order_is_the_fastest_and_is_lost_first(group: int) -> None:
     case = own_case("4.2", group)
-    fastest, edges = fastest_of(case), lost_of(case)
+    fastest, edges = fastest_of(case), edges_of(case)
     assert fastest[2] > 1.08 * fastest[3] > 1.08 * fastest[4]
     assert edges[2] < edges[3] < edges[4]
     for order, bandwidth in fastest.items():

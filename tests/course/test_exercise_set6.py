@@ -81,7 +81,7 @@ def test_every_stage_earns_a_point_more() -> None:
             "Ms above its limit",
             "disturbances not held",
             "reference too slow",
-            "changed plant lost",
+            "unstable with a changed plant",
             "too much noise in u",
         )
     ]

@@ -209,16 +209,16 @@ def test_judged_apart_is_judged_alike(path: Path, kernel: Any) -> None:
 @pytest.mark.parametrize(
     ("source", "says"),
     [
-        ("def turns(case):\n    return case.nothing", "AttributeError"),
-        ("def turns(case):\n    return 1 / 0", "In the line: return 1 / 0"),
-        ("def turns(case):\n    raise SystemExit(3)", "SystemExit"),
-        ("def turns(case):\n    raise NotImplementedError", "Nothing to check yet"),
-        ("def turns(case):\n    return None", "returns nothing"),
-        ("def turns(case):\n    x = []\n    x.append(x)\n    return x", "fails"),
-        ("def turns(case):\n    return 'x' * 3_000_000", "an answer of 3000"),
-        ("def turns(case):\n    return lambda: 1", "fails"),
-        ("turns = 3", "must be a function"),
-        ("turns = ...", "Nothing to check yet"),
+        ("def encirclements(case):\n    return case.nothing", "AttributeError"),
+        ("def encirclements(case):\n    return 1 / 0", "In the line: return 1 / 0"),
+        ("def encirclements(case):\n    raise SystemExit(3)", "SystemExit"),
+        ("def encirclements(case):\n    raise NotImplementedError", "Nothing to check yet"),
+        ("def encirclements(case):\n    return None", "returns nothing"),
+        ("def encirclements(case):\n    x = []\n    x.append(x)\n    return x", "fails"),
+        ("def encirclements(case):\n    return 'x' * 3_000_000", "an answer of 3000"),
+        ("def encirclements(case):\n    return lambda: 1", "fails"),
+        ("encirclements = 3", "must be a function"),
+        ("encirclements = ...", "Nothing to check yet"),
     ],
 )
 def test_what_goes_wrong_is_told_as_the_check_tells_it(
@@ -228,7 +228,7 @@ def test_what_goes_wrong_is_told_as_the_check_tells_it(
     file.write_text(source, "utf-8")
     space: dict[str, Any] = {"GROUP": 3}
     exec(compile(source, str(file), "exec"), space)
-    test = hidden_test('score("2.1", turns, GROUP, points=3, seed=1)')
+    test = hidden_test('score("2.1", encirclements, GROUP, points=3, seed=1)')
     assert test is not None
     points, _ = judge(test, kernel(space))
     assert points == 0
@@ -245,14 +245,14 @@ def test_a_tampered_grader_gives_no_points(kernel: Any, monkeypatch: pytest.Monk
         value = {"function": True} if len(asked) == 2 else {"value": 5, "share": 1, "points": 3}
         return json.dumps(value)
 
-    test = hidden_test('score("2.1", turns, GROUP, points=3, seed=1)')
+    test = hidden_test('score("2.1", encirclements, GROUP, points=3, seed=1)')
     assert test is not None
     assert judge(test, ask)[0] == 0
     assert all("score" not in source and "seed" not in source for source in asked)
 
 
 def test_neither_seed_nor_key_is_sent() -> None:
-    assert asking("turns").endswith(".tell(turns, '')")
+    assert asking("encirclements").endswith(".tell(encirclements, '')")
     for path in sorted(SOURCE.glob("*/*.ipynb")):
         for this in posed(path):
             case = encoding.packed(PROBLEMS[this.id].cases(this.seed, 1)[0])
@@ -260,30 +260,30 @@ def test_neither_seed_nor_key_is_sent() -> None:
 
 
 def test_the_points_are_those_of_score(kernel: Any) -> None:
-    wrong = 'score("2.1", turns, GROUP, points=3, seed=1)'
+    wrong = 'score("2.1", encirclements, GROUP, points=3, seed=1)'
     test = hidden_test(wrong)
     assert test is not None
 
-    def turns(case: Any) -> Any:
+    def encirclements(case: Any) -> Any:
         return -PROBLEMS["2.1"].misconceptions[0].example(case)
 
-    points, group = judge(test, kernel({"turns": turns, "GROUP": "7"}))
-    assert points == score("2.1", turns, "7", points=3, seed=1)
+    points, group = judge(test, kernel({"encirclements": encirclements, "GROUP": "7"}))
+    assert points == score("2.1", encirclements, "7", points=3, seed=1)
     assert group == "7"
 
 
 def test_another_kind_of_test_is_left_to_nbgrader() -> None:
-    assert hidden_test("assert turns is not None") is None
+    assert hidden_test("assert encirclements is not None") is None
 
 
 # --- in a process of its own ---------------------------------------------------------------------
 
 forks = pytest.mark.skipif(not hasattr(os, "fork"), reason="needs a process that can be copied")
-TEST = HiddenTest("2.1", "turns", "GROUP", {"points": 3, "seed": 1})
+TEST = HiddenTest("2.1", "encirclements", "GROUP", {"points": 3, "seed": 1})
 
 
 def test_judged_in_a_process_of_its_own_it_is_judged_alike(kernel: Any) -> None:
-    ask = kernel({"GROUP": 5, "turns": PROBLEMS["2.1"].misconceptions[0].example})
+    ask = kernel({"GROUP": 5, "encirclements": PROBLEMS["2.1"].misconceptions[0].example})
     points, group = judge_apart(TEST, ask, 60)
     expected, _ = judge(TEST, ask)
     assert (points, points.feedback, group) == (expected, expected.feedback, 5)

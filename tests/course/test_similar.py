@@ -8,9 +8,9 @@ from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
 
 from nrdob_course.grading.similar import pairs
 
-GIVEN_OUT = "def turns(case):\n    ..."
+GIVEN_OUT = "def encirclements(case):\n    ..."
 ORIGINAL = """
-def turns(case):
+def encirclements(case):
     # count what is on the right
     poles = np.sum(case.plant_poles.real > 0) + np.sum(case.model_zeros.real > 0)
     roots = np.sum(case.closed_loop_roots.real > 0)
@@ -19,7 +19,7 @@ def turns(case):
     return roots - poles
 """
 RENAMED = """
-def turns(c):
+def encirclements(c):
     "Another text."
 
     open_ones = np.sum(c.plant_poles.real>0)+np.sum(c.model_zeros.real>0)
@@ -29,7 +29,7 @@ def turns(c):
     return closed - open_ones
 """
 OTHER = """
-def turns(case):
+def encirclements(case):
     counted = {}
     while len(counted) < 3:
         counted[len(counted)] = [root for root in case.closed_loop_roots if root.imag == 7]
@@ -80,7 +80,7 @@ def test_what_was_given_out_is_nobodys() -> None:
 
 
 def test_what_is_short_or_what_many_write_is_nobodys() -> None:
-    short = notebook("def turns(case):\n    return 2 * case.x")
+    short = notebook("def encirclements(case):\n    return 2 * case.x")
     assert found(anna=short, bo=short) == []
     assert found(**{f"s{k}": notebook(ORIGINAL) for k in range(12)}) == []
 

@@ -266,7 +266,7 @@ def critical_point() -> Finding:
     return Finding(
         wrong == len(loops),
         f"encirclements of −1 give the verdict in {right} of {len(loops)} loops, of +1 in {wrong}",
-        conditions={"turns around −1 tell every verdict": right == len(loops)},
+        conditions={"encirclements of −1 tell every verdict": right == len(loops)},
     )
 
 

@@ -1,4 +1,4 @@
-"""Set 2: counting turns, and Lemma 1."""
+"""Set 2: counting encirclements, and Lemma 1."""
 
 from __future__ import annotations
 
@@ -140,7 +140,7 @@ TURNS = pose(
     lacks=lambda case, got: (
         ""
         if same(_turns(case), got)
-        else f"that many turns do not turn P = {_poles(case)} poles into Z = "
+        else f"that many encirclements do not turn P = {_poles(case)} poles into Z = "
         f"{on_the_right(case.closed_loop_roots)} roots of p_B on the right"
     ),
     misconceptions={
@@ -148,7 +148,7 @@ TURNS = pose(
         "Z and P added": _sum_of_both,
         "poles of the model for its zeros": _poles_of_both,
         "zeros of the model forgotten": _plant_only,
-        "the turns of a stable loop": _as_if_stable,
+        "the encirclements of a stable loop": _as_if_stable,
     },
 )
 
@@ -246,7 +246,7 @@ def _plot_lacks(case: PlotCase, got: FloatArray) -> str:
     if got[0] != N:
         return (
             "the first number is not what the plot does around -1. Draw a ray from -1 to the far "
-            "left: where the plot crosses it upwards it has made a clockwise turn, where downwards "
+            "left: where the plot crosses it upwards it has made a clockwise encirclement, where downwards "
             "an anticlockwise one. Both halves count, the solid and the dashed"
         )
     if got[1] != P:
@@ -270,9 +270,9 @@ READING = pose(
     own=True,
     misconceptions={
         "P counted after cancellation": _after_cancellation,
-        "Z = P - N for clockwise turns": _mixed_conventions,
+        "Z = P - N for clockwise encirclements": _mixed_conventions,
         "the other convention, used consistently": _other_convention,
-        "turns counted in the wrong sense": _other_sense,
+        "encirclements counted in the wrong sense": _other_sense,
     },
 )
 
@@ -341,14 +341,14 @@ def _draw_half_curve(rng: np.random.Generator) -> tuple[HalfCurve, FloatArray, F
     above = polynomial(below.size - 1 + excess)
     omega = np.geomspace(1e-5, 1e5, 5001)
     ratio = np.polyval(above, 1j * omega) / np.polyval(below, 1j * omega)
-    # Small in the middle, so that the turns around -1 are not those around 0.
+    # Small in the middle, so that the encirclements of -1 are not those of 0.
     gain = rng.choice([-1, 1]) * few(rng.uniform(0.1, 0.5) / np.abs(ratio).min())
     above = gain * above
     return HalfCurve(omega, gain * ratio - 1, integrators, excess), above, below
 
 
 def _clockwise(values: ComplexArray) -> float:
-    """Clockwise turns of a curve around 0, by adding up small angles."""
+    """Clockwise encirclements of 0 by a curve, by adding up small angles."""
     return float(-np.angle(values[1:] / values[:-1]).sum() / (2 * np.pi))
 
 
@@ -431,8 +431,8 @@ def _closing_lacks(case: HalfCurve, got: float) -> str:
         if abs(got - value) < 0.05:
             return hint
     if abs(got - np.round(got)) > 0.05:
-        return "a closed curve turns a whole number of times"
-    return "that many turns do not fit the zeros of 1 + H and the poles of H on the right"
+        return "a closed curve encircles a point a whole number of times"
+    return "that many encirclements do not fit the zeros of 1 + H and the poles of H on the right"
 
 
 CLOSING = pose(
@@ -451,7 +451,7 @@ CLOSING = pose(
             lambda case: [_half_circle_missing(case), _detour_missing(case)]
         ),
         "counter-clockwise counted as positive": any_of(lambda case: [_anticlockwise(case)]),
-        "turns around 0": any_of(lambda case: [_around_zero(case)]),
+        "encirclements of 0": any_of(lambda case: [_around_zero(case)]),
         "negative frequencies forgotten": any_of(lambda case: [_one_half(case)]),
     },
 )

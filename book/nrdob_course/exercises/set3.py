@@ -261,7 +261,7 @@ def _delay_lacks(case: MeasuredCase, margin: float) -> str:
     reached = delays_of(case) <= margin * (1 - READ_OFF)
     if reached.any():
         shorter = float(delays_of(case).min())
-        return f"at a shorter dead time, {shorter:.4g} s, the loop is already lost"
+        return f"at a shorter dead time, {shorter:.4g} s, the loop is already unstable"
     if not np.any(delays_of(case) <= margin * (1 + READ_OFF)):
         return f"with a little more, {margin * (1 + READ_OFF):.4g} s, the loop is still stable"
     return ""

@@ -122,7 +122,7 @@ def _on_the_edge(case: CardCase, got: FloatArray) -> str:
 
 
 def _off_the_edge(plant: Any, order: int, value: float, edge: float) -> str:
-    """Tell whether the loop is lost just below a λ, and not just above it; empty if so."""
+    """Tell whether the loop becomes unstable just below a λ, and not just above it; empty if so."""
     if not (isfinite(value) and value >= 0):
         return "it is not a time"
     if edge == 0:
@@ -134,7 +134,7 @@ def _off_the_edge(plant: Any, order: int, value: float, edge: float) -> str:
         for factor in (EDGE, 1 / EDGE)
     )
     if above is not True:
-        return "the loop is lost at this λ"
+        return "the loop becomes unstable at this λ"
     return "smaller λ are stable, too," if below is not False else ""
 
 
@@ -188,14 +188,14 @@ class OrdersCase:
 
     def plot(self) -> Figure:
         """Draw Ms over the bandwidth of the filter, for three orders."""
-        edges, fastest = lost_of(self), fastest_of(self)
+        edges, fastest = edges_of(self), fastest_of(self)
         curves = []
         for n, role, style in zip(ORDERS, ("filter", "process", "noise"), _STYLES, strict=True):
             bandwidth = np.linspace(0.04, 0.98, 150) * edges[n]
             peaks = [_peak(self, n, w) for w in bandwidth]
             curves.append(Peaks(f"n = {n}", bandwidth, peaks, edges[n], role, style))
         read = "; ".join(
-            f"n = {n} reaches {self.max_ms:g} at {fastest[n]:.3g} and is lost at "
+            f"n = {n} reaches {self.max_ms:g} at {fastest[n]:.3g} and is unstable from "
             f"{edges[n]:.3g} rad/s"
             for n in ORDERS
         )
@@ -207,8 +207,8 @@ _STYLES = ("-", "--", "-.")
 
 
 @kept
-def lost_of(case: OrdersCase) -> dict[int, float]:
-    """Give the bandwidth in rad/s at which the loop is lost, for each order."""
+def edges_of(case: OrdersCase) -> dict[int, float]:
+    """Give the bandwidth in rad/s at which the loop becomes unstable, for each order."""
     return {
         n: LowPassFilter(
             critical_time_constants(case.plant, case.model, n)[-1].time_constant, n
@@ -219,7 +219,7 @@ def lost_of(case: OrdersCase) -> dict[int, float]:
 
 @kept
 def _grid(case: OrdersCase) -> tuple[FloatArray, Any]:
-    omega = np.geomspace(2e-2, 2e2, 1200) * lost_of(case)[2]
+    omega = np.geomspace(2e-2, 2e2, 1200) * edges_of(case)[2]
     return omega, Mismatch.of(case.plant, case.model, 2).ratio(omega)
 
 
@@ -234,7 +234,7 @@ def fastest_of(case: OrdersCase) -> dict[int, float]:
     """Give the bandwidth up to which Ms is within its limit, for each order."""
 
     def meeting(order: int) -> float:
-        edge = lost_of(case)[order]
+        edge = edges_of(case)[order]
         excess = partial(_peak, case, order)
         return float(brentq(lambda w: excess(w) - case.max_ms, 0.02 * edge, 0.97 * edge))
 
@@ -298,7 +298,7 @@ FASTEST_ORDER = pose(
     lacks=_read_well,
     own=True,
     misconceptions={
-        "judged by the edge": any_of(lambda case: _times(lost_of(case), 4, 3, 2)),
+        "judged by the edge": any_of(lambda case: _times(edges_of(case), 4, 3, 2)),
         "reciprocal of the bandwidth": any_of(lambda case: [(2, 1 / fastest_of(case)[2])]),
         "another curve than the fastest": any_of(lambda case: _times(fastest_of(case), 4, 3)),
     },

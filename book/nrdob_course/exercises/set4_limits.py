@@ -75,8 +75,8 @@ class _Facts:
 
     stable: bool
     g0: float
-    turns: int
-    lost: bool
+    encirclements: int
+    slow_unstable: bool
 
 
 def _facts(case: SlowCase, plant: Any) -> _Facts:
@@ -85,7 +85,7 @@ def _facts(case: SlowCase, plant: Any) -> _Facts:
     filters = [LowPassFilter(factor * slowest, case.order) for factor in SLOW]
     verdicts = [observer_stable(plant, case.model, F) for F in filters]
     limit = stable_for_slow_filters(plant, case.model, case.order).holds
-    # 1 + H = b/a: its zeros less its poles on the right are the clockwise turns.
+    # 1 + H = b/a: its zeros less its poles on the right are the clockwise encirclements.
     poles, zeros = (
         int(np.sum(QuasiPolynomial(p).roots.real >= 0)) for p in (mismatch.a, mismatch.b)
     )
@@ -101,12 +101,12 @@ def _refutes(case: SlowCase, got: Any) -> str:
         return "this plant is not stable"
     if not facts.g0 > 0:
         return f"G(0)/model(0) is {facts.g0:.3g}; the two are to have the same sign"
-    if not facts.lost:
+    if not facts.slow_unstable:
         return (
             f"a slow enough filter makes this loop stable; G(0)/model(0) is {facts.g0:.3g}, and H "
-            f"makes {facts.turns} clockwise turns"
+            f"makes {facts.encirclements} clockwise encirclements of -1"
         )
-    return "" if facts.turns >= 1 else "H makes no clockwise turn around -1"
+    return "" if facts.encirclements >= 1 else "H does not encircle -1 clockwise"
 
 
 SLOW_FILTER = pose(
@@ -118,7 +118,7 @@ SLOW_FILTER = pose(
         "a zero on the right alone": Misconception(
             lambda case: _mirrored(case, 1.0),
             lambda case, got: (
-                (f := _facts(case, got)).stable and f.turns >= 1 and 0 < f.g0 <= _onset(case)
+                (f := _facts(case, got)).stable and f.encirclements >= 1 and 0 < f.g0 <= _onset(case)
             ),
         ),
         "H(0) mixed up with G(0)/model(0)": Misconception(
@@ -130,7 +130,7 @@ SLOW_FILTER = pose(
         "no turn that could be avoided": Misconception(
             lambda case: (_onset(case) + 3) * case.model,
             lambda case, got: (
-                (f := _facts(case, got)).stable and f.g0 > 0 and f.lost and f.turns == 0
+                (f := _facts(case, got)).stable and f.g0 > 0 and f.slow_unstable and f.encirclements == 0
             ),
         ),
         "opposite DC signs": Misconception(

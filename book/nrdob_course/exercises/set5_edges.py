@@ -278,10 +278,10 @@ EDGE = pose(
 
 @dataclass(frozen=True, eq=False)
 class WaitingCase:
-    """A plant whose model waits for nearly the right time.
+    """A plant whose model has nearly the right dead time.
 
     `prompt`: What stands before the dead time, in the plant and in the model; `dead_time`: for how
-    long the model waits today, in seconds; `error`: by how much the plant's dead time may be
+    long the dead time of the model is today, in seconds; `error`: by how much the plant's dead time may be
     another one, in seconds, up or down; `order`: order of the filter.
     """
 
@@ -295,8 +295,8 @@ class WaitingCase:
         return f"model {factored(late)}, dead time wrong by {self.error:g} s, n = {self.order}"
 
 
-def _borne(order: int) -> float:
-    """Error of the dead time, against λ, that is borne whatever the dead time: c_n.
+def _tolerated(order: int) -> float:
+    """Error of the dead time, relative to λ, tolerated whatever the dead time: c_n.
 
     Roots reach the axis where Df = exp(-jωθm) - exp(-jωθ), of size 2 sin(ω|θ - θm|/2) at most.
     """
@@ -310,7 +310,7 @@ def _borne(order: int) -> float:
 
 @kept
 def _today(case: WaitingCase) -> float:
-    """Find the fastest filter that bears the error with the dead time of today."""
+    """Find the fastest filter that tolerates the error with the dead time of today."""
     model = delay(case.dead_time) * case.prompt
     return max(
         critical_time_constants(
@@ -322,7 +322,7 @@ def _today(case: WaitingCase) -> float:
 
 @kept
 def _unwaited(case: WaitingCase) -> float:
-    """Find the fastest filter where the error is all the dead time and the model does not wait."""
+    """Find the fastest filter where the error is all the dead time and the model has none."""
     process = delay(case.error) * case.prompt
     return float(stabilizing_time_constants(process, case.prompt, case.order)[-1][0])
 
@@ -334,11 +334,11 @@ def _ramp_bound(case: WaitingCase) -> float:
 
 
 _WRONG_WAITING: tuple[Callable[[WaitingCase], float], ...] = (
-    lambda case: case.error / _borne(1),
+    lambda case: case.error / _tolerated(1),
     _unwaited,
     _today,
     _ramp_bound,
-    lambda case: case.error * _borne(case.order),
+    lambda case: case.error * _tolerated(case.order),
 )
 
 
@@ -351,7 +351,7 @@ def _waiting_case(rng: np.random.Generator) -> WaitingCase:
         return WaitingCase(prompt, dead_time, error, int(rng.integers(2, 5)))
 
     def fits(case: WaitingCase) -> bool:
-        right = case.error / _borne(case.order)
+        right = case.error / _tolerated(case.order)
         return apart(right, *(of(case) for of in _WRONG_WAITING), by=0.004)
 
     return first_fitting(drawn, fits)
@@ -360,14 +360,14 @@ def _waiting_case(rng: np.random.Generator) -> WaitingCase:
 def _waiting_lacks(case: WaitingCase, got: float) -> str:
     if not 0 < got < inf:
         return "a time constant is a positive number"
-    borne = _borne(case.order) * got
-    if same(case.error, borne):
+    tolerated = _tolerated(case.order) * got
+    if same(case.error, tolerated):
         return ""
-    if borne > case.error:
-        return f"it is stable, but a faster filter would be, too: this one bears {borne:.4g} s"
+    if tolerated > case.error:
+        return f"it is stable, but a faster filter would be, too: this one tolerates {tolerated:.4g} s"
     return (
-        f"there are dead times with which it is not stable: this filter bears an error of "
-        f"{borne:.4g} s, not of {case.error:g} s"
+        f"there are dead times with which it is not stable: this filter tolerates an error of "
+        f"{tolerated:.4g} s, not of {case.error:g} s"
     )
 
 
@@ -376,7 +376,7 @@ WAITING = pose(
     case=_waiting_case,
     reads=one_number,
     lacks=_waiting_lacks,
-    rounded=lambda case, got: rounds(case.error / _borne(case.order), got),
+    rounded=lambda case, got: rounds(case.error / _tolerated(case.order), got),
     misconceptions={
         "order forgotten": _WRONG_WAITING[0],
         "error taken for the whole dead time": _WRONG_WAITING[1],

@@ -191,7 +191,7 @@ def _half(case: SurvivalCase) -> tuple[float, float]:
     return (1 + case.gain) / 2, case.lag / 4
 
 
-def _lost_inside(case: SurvivalCase, at: FloatArray) -> str:
+def _unstable_inside(case: SurvivalCase, at: FloatArray) -> str:
     if not _inside(case, *at):
         return "this plant is changed by more than the modified one"
     return "" if survives(case, *at) is False else "the loop is stable with this plant"
@@ -201,7 +201,7 @@ ONE_PLANT = pose(
     "6.4",
     case=_survival_case,
     reads=partial(numbers, names="gain, lag"),
-    lacks=_lost_inside,
+    lacks=_unstable_inside,
     misconceptions={
         "the modified plant itself": Misconception(
             lambda case: (case.gain, case.lag),
@@ -227,7 +227,7 @@ ONE_PLANT = pose(
         ),
         "lag and gain exchanged": Misconception(
             lambda case: (case.lag, 1.0),
-            lambda case, got: not _inside(case, *got) and not _lost_inside(case, got[::-1]),
+            lambda case, got: not _inside(case, *got) and not _unstable_inside(case, got[::-1]),
         ),
     },
 )
@@ -274,7 +274,7 @@ def _peaks(case: BenchCase, which: str = "plant_loop") -> list[list[float]]:
 
 
 def _worst(case: BenchCase) -> list[float]:
-    """Give the largest Ms for each filter, infinite where a plant is lost."""
+    """Give the largest Ms for each filter, infinite where the loop is unstable."""
     return [
         max(found.plant_loop.ms for found in row) if all(found.stable for found in row) else inf
         for row in _margins(case)
@@ -319,8 +319,8 @@ def _bench_case(rng: np.random.Generator) -> BenchCase:
     return first_fitting(drawn, fits)
 
 
-def _largest(peaks: list[list[float]], lost: float = inf) -> list[float]:
-    return [lost if any(map(isnan, row)) else max(row) for row in peaks]
+def _largest(peaks: list[list[float]], unstable: float = inf) -> list[float]:
+    return [unstable if any(map(isnan, row)) else max(row) for row in peaks]
 
 
 def _like(expected: list[float], got: FloatArray) -> bool:
@@ -343,9 +343,9 @@ def _benched(case: BenchCase, got: FloatArray) -> str:
         if right:
             continue
         if isinf(true):
-            return f"for {filter} a plant is lost"
+            return f"for {filter} the loop with a plant is unstable"
         if isinf(value):
-            return f"for {filter} no plant is lost"
+            return f"for {filter} the loop is stable with every plant"
         return f"for {filter} it is {'larger' if value < true else 'smaller'} than {value:.4g}"
     return ""
 
@@ -369,7 +369,7 @@ BENCH = pose(
         "decibels": put_right(
             lambda case: [20 * log10(value) for value in _worst(case)], lambda got: 10 ** (got / 20)
         ),
-        "lost plants left out": lambda case: [float(np.nanmax(row)) for row in _peaks(case)],
+        "unstable plants left out": lambda case: [float(np.nanmax(row)) for row in _peaks(case)],
         "peak without a verdict": lambda case: _unjudged(case),
         "margins of FH": lambda case: _largest(_peaks(case, "observer_loop")),
         "plant as it is": lambda case: [row[0] for row in _peaks(case)],

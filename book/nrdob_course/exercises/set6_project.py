@@ -139,8 +139,8 @@ def _goals(case: Project, loop: NRDOB) -> Iterator[Goal]:
     yield Goal(f"|S_d| at {case.omega:g} rad/s", size, case.max_disturbance)
     yield Goal("settled after (s)", _settled(case, loop), case.settling)
     verdicts = [observer_stable(plant, loop.model, loop.filter) for plant in case.changed]
-    lost = sum(verdict is not True for verdict in verdicts)
-    yield Goal(f"lost of {len(verdicts)} changed plants", float(lost), 0.0)
+    unstable = sum(verdict is not True for verdict in verdicts)
+    yield Goal(f"unstable with {len(verdicts)} changed plants", float(unstable), 0.0)
     yield Goal("noise in u (rms)", rms(loop.U_eta), case.max_noise)
 
 
@@ -230,7 +230,7 @@ class QuietCase:
         alt = (
             f"Ms over λ: with the modified plant below {self.max_ms:g} for λ from "
             f"{1000 * ends['fast']:.3g} to {1000 * ends['slow']:.3g} ms, with the plant up to "
-            f"{1000 * ends['nominal']:.3g} ms; lost at {curves[1].edge:.3g} and "
+            f"{1000 * ends['nominal']:.3g} ms; unstable at {curves[1].edge:.3g} and "
             f"{curves[0].edge:.3g} ms"
         )
         return draw_peaks(curves, self.max_ms, 2.2 * self.max_ms, "time constant λ (ms)", alt)
@@ -335,7 +335,7 @@ READING = 0.08
 def _quiet(case: QuietCase, value: float) -> str:
     for name, plant in (("plant", case.plant), ("modified plant", case.modified)):
         if observer_stable(plant, case.model, LowPassFilter(value, ORDER)) is not True:
-            return f"the loop with the {name} is lost there"
+            return f"the loop with the {name} is unstable there"
     if near(ends_of_quiet(case)["slow"], value, READING):
         return ""
     peak = _curves(case).peak(1, value)
@@ -441,7 +441,7 @@ DESIGN = pose(
                 controller=design_controller(mirrored_model(case), bandwidth=0.2 * case.pole),
             ),
         ),
-        "changed plant lost": lacking("changed", lambda case: _of(loop_of(case, 0.01))),
+        "unstable with a changed plant": lacking("changed", lambda case: _of(loop_of(case, 0.01))),
         "too much noise in u": lacking("noise", lambda case: _of(loop_of(case, 0.7 * _good(case)))),
     },
 )
