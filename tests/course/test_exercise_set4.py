@@ -8,7 +8,7 @@ import pytest
 
 from nrdob import NRDOB, LowPassFilter
 from nrdob_course.exercises import PROBLEMS, check, own_case
-from nrdob_course.exercises.set4 import borders_of, fastest_of, just_good, edges_of, peaks_of
+from nrdob_course.exercises.set4 import borders_of, edges_of, fastest_of, just_good, peaks_of
 
 GROUPS = range(1, 13)  # tests/campaigns/misconceptions.py takes more of them
 

@@ -47,7 +47,7 @@ class Peaks(NamedTuple):
 
 
 def draw_peaks(curves: Sequence[Peaks], limit: float, top: float, xlabel: str, alt: str) -> Figure:
-    """Draw curves of Ms, a dotted line where each loop becomes unstable, and the limit as a red line."""
+    """Draw curves of Ms, a dotted line at each edge of stability, and the limit as a red line."""
     with styled():
         (ax,) = axes_for(None, 1, TALL)
         for label, x, ms, edge, role, style in curves:
@@ -55,7 +55,13 @@ def draw_peaks(curves: Sequence[Peaks], limit: float, top: float, xlabel: str, a
             lines = ax.plot(x, ms, style, color=colour, label=label)
             ax.axvline(edge, color=colour, ls=":", lw=1.5)
             ax.text(
-                edge, 0.98 * top, f"{label} unstable ", color=colour, rotation=90, ha="right", va="top"
+                edge,
+                0.98 * top,
+                f"{label} unstable ",
+                color=colour,
+                rotation=90,
+                ha="right",
+                va="top",
             )
         ax.axhline(limit, color=COLOURS["critical"], lw=1)
         ax.minorticks_on()

@@ -246,8 +246,8 @@ def _plot_lacks(case: PlotCase, got: FloatArray) -> str:
     if got[0] != N:
         return (
             "the first number is not what the plot does around -1. Draw a ray from -1 to the far "
-            "left: where the plot crosses it upwards it has made a clockwise encirclement, where downwards "
-            "an anticlockwise one. Both halves count, the solid and the dashed"
+            "left: where the plot crosses it upwards it has made a clockwise encirclement, where "
+            "downwards an anticlockwise one. Both halves count, the solid and the dashed"
         )
     if got[1] != P:
         return (

@@ -118,7 +118,9 @@ SLOW_FILTER = pose(
         "a zero on the right alone": Misconception(
             lambda case: _mirrored(case, 1.0),
             lambda case, got: (
-                (f := _facts(case, got)).stable and f.encirclements >= 1 and 0 < f.g0 <= _onset(case)
+                (f := _facts(case, got)).stable
+                and f.encirclements >= 1
+                and 0 < f.g0 <= _onset(case)
             ),
         ),
         "H(0) mixed up with G(0)/model(0)": Misconception(
@@ -130,7 +132,10 @@ SLOW_FILTER = pose(
         "no turn that could be avoided": Misconception(
             lambda case: (_onset(case) + 3) * case.model,
             lambda case, got: (
-                (f := _facts(case, got)).stable and f.g0 > 0 and f.slow_unstable and f.encirclements == 0
+                (f := _facts(case, got)).stable
+                and f.g0 > 0
+                and f.slow_unstable
+                and f.encirclements == 0
             ),
         ),
         "opposite DC signs": Misconception(

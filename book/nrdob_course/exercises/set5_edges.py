@@ -277,12 +277,12 @@ EDGE = pose(
 
 
 @dataclass(frozen=True, eq=False)
-class WaitingCase:
+class DelayedCase:
     """A plant whose model has nearly the right dead time.
 
-    `prompt`: What stands before the dead time, in the plant and in the model; `dead_time`: for how
-    long the dead time of the model is today, in seconds; `error`: by how much the plant's dead time may be
-    another one, in seconds, up or down; `order`: order of the filter.
+    `prompt`: What stands before the dead time, in the plant and in the model; `dead_time`: that of
+    the model today, in seconds; `error`: by how much that of the plant may be another one, in
+    seconds, up or down; `order`: order of the filter.
     """
 
     prompt: ct.TransferFunction
@@ -309,7 +309,7 @@ def _tolerated(order: int) -> float:
 
 
 @kept
-def _today(case: WaitingCase) -> float:
+def _today(case: DelayedCase) -> float:
     """Find the fastest filter that tolerates the error with the dead time of today."""
     model = delay(case.dead_time) * case.prompt
     return max(
@@ -321,19 +321,19 @@ def _today(case: WaitingCase) -> float:
 
 
 @kept
-def _unwaited(case: WaitingCase) -> float:
+def _unwaited(case: DelayedCase) -> float:
     """Find the fastest filter where the error is all the dead time and the model has none."""
     process = delay(case.error) * case.prompt
     return float(stabilizing_time_constants(process, case.prompt, case.order)[-1][0])
 
 
-def _ramp_bound(case: WaitingCase) -> float:
+def _ramp_bound(case: DelayedCase) -> float:
     """Give λ with ``ω|error| |F| < 1``: the largest x/(1 + x²)^(n/2) is at x = 1/√(n - 1)."""
     n = case.order
     return float(case.error * (n - 1) ** ((n - 1) / 2) / n ** (n / 2))
 
 
-_WRONG_WAITING: tuple[Callable[[WaitingCase], float], ...] = (
+_WRONG_WAITING: tuple[Callable[[DelayedCase], float], ...] = (
     lambda case: case.error / _tolerated(1),
     _unwaited,
     _today,
@@ -342,29 +342,31 @@ _WRONG_WAITING: tuple[Callable[[WaitingCase], float], ...] = (
 )
 
 
-def _waiting_case(rng: np.random.Generator) -> WaitingCase:
-    def drawn() -> WaitingCase:
+def _waiting_case(rng: np.random.Generator) -> DelayedCase:
+    def drawn() -> DelayedCase:
         pole, other = draw(rng, 0.5, 4), draw(rng, 0.5, 4)
         prompt = few(rng.uniform(0.5, 4)) / ((s / pole + 1) * (s / other + 1))
         dead_time = draw(rng, 0.2, 1.5)
         error = few(dead_time * rng.uniform(0.08, 0.2))
-        return WaitingCase(prompt, dead_time, error, int(rng.integers(2, 5)))
+        return DelayedCase(prompt, dead_time, error, int(rng.integers(2, 5)))
 
-    def fits(case: WaitingCase) -> bool:
+    def fits(case: DelayedCase) -> bool:
         right = case.error / _tolerated(case.order)
         return apart(right, *(of(case) for of in _WRONG_WAITING), by=0.004)
 
     return first_fitting(drawn, fits)
 
 
-def _waiting_lacks(case: WaitingCase, got: float) -> str:
+def _waiting_lacks(case: DelayedCase, got: float) -> str:
     if not 0 < got < inf:
         return "a time constant is a positive number"
     tolerated = _tolerated(case.order) * got
     if same(case.error, tolerated):
         return ""
     if tolerated > case.error:
-        return f"it is stable, but a faster filter would be, too: this one tolerates {tolerated:.4g} s"
+        return (
+            f"it is stable, but a faster filter would be, too: this one tolerates {tolerated:.4g} s"
+        )
     return (
         f"there are dead times with which it is not stable: this filter tolerates an error of "
         f"{tolerated:.4g} s, not of {case.error:g} s"
