@@ -1,0 +1,379 @@
+"""Set 7: the bench, by calculation: encoder, difference equations, friction."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import ceil, exp, floor, inf, pi
+
+import control as ct
+import numpy as np
+
+import nrdob
+from nrdob.drives import Friction
+from nrdob.loop import NRDOB
+from nrdob.numerics import FloatArray
+
+from .cases import apart, draw, few, first_fitting, s
+from .comparing import rounds, same
+from .problems import pose
+from .reading import numbers
+
+__all__ = ["PROBLEMS"]
+
+
+# --- 7.1 What does one count cost? --------------------------------------------------------------
+
+COUNTS = (500, 1000, 1024, 2000, 2048, 4000, 4096, 10_000)
+
+
+@dataclass(frozen=True, eq=False)
+class CountingCase:
+    """A speed made of counts, and the observer that receives it.
+
+    `counts`: of the encoder in one turn; `dt`: sampling time in s; `inertia`: of the model, in
+    kg m²; `time_constant`: λ in s; `ripple`: largest jump of the torque, in N m.
+    """
+
+    counts: int
+    dt: float
+    inertia: float
+    time_constant: float
+    ripple: float
+
+    def __repr__(self) -> str:
+        return (
+            f"{self.counts} counts, h = {1000 * self.dt:g} ms, J = {self.inertia:g} kg m², "
+            f"λ = {1000 * self.time_constant:g} ms, ripple up to {self.ripple:g} N m"
+        )
+
+
+def _exact_window(case: CountingCase, step: float) -> float:
+    """Give the window at which one count moves the torque by just the ripple, in samples."""
+    return case.inertia / case.time_constant * step / case.ripple
+
+
+def _window(case: CountingCase) -> tuple[float, int, float]:
+    step = 2 * pi / (case.counts * case.dt)
+    count = ceil(_exact_window(case, step))
+    return step, count, count * case.dt / 2
+
+
+def _in_turns(case: CountingCase) -> tuple[float, int, float]:
+    step = 1 / (case.counts * case.dt)
+    count = max(ceil(_exact_window(case, step)), 1)
+    return step, count, count * case.dt / 2
+
+
+def _rounded_down(case: CountingCase) -> tuple[float, int, float]:
+    step, count, _ = _window(case)
+    count = floor(_exact_window(case, step))
+    return step, count, count * case.dt / 2
+
+
+def _whole_window(case: CountingCase) -> tuple[float, int, float]:
+    step, count, late = _window(case)
+    return step, count, 2 * late
+
+
+def _mean_of_speeds(case: CountingCase) -> tuple[float, int, float]:
+    step, count, late = _window(case)
+    return step, count, late - case.dt / 2
+
+
+def _counting_case(rng: np.random.Generator) -> CountingCase:
+    def drawn() -> CountingCase:
+        counts, dt = int(rng.choice(COUNTS)), float(rng.choice([0.0005, 0.001, 0.002]))
+        inertia, time_constant = draw(rng, 0.001, 0.03), draw(rng, 0.004, 0.03)
+        jump = inertia / time_constant * 2 * pi / (counts * dt)
+        return CountingCase(counts, dt, inertia, time_constant, few(jump / rng.uniform(3, 20)))
+
+    def fits(case: CountingCase) -> bool:
+        found = _exact_window(case, _window(case)[0])
+        return 2 < found < 25 and 0.03 < found % 1 < 0.97
+
+    return first_fitting(drawn, fits)
+
+
+COUNT_PARTS = ("step", "m", "delay")
+
+
+def _right_counts(case: CountingCase, got: FloatArray) -> dict[str, bool]:
+    return {
+        name: same(right, given)
+        for name, right, given in zip(COUNT_PARTS, _window(case), got, strict=True)
+    }
+
+
+def _counting_lacks(case: CountingCase, got: FloatArray) -> str:
+    right = _right_counts(case, got)
+    if not right["step"]:
+        return "the first number is not the speed, in rad/s, of one count in one sample"
+    if not right["m"]:
+        jump = case.inertia / case.time_constant * got[0] / got[1] if got[1] > 0 else inf
+        return (
+            f"with m = {got[1]:g} one count moves the torque by {jump:.3g} N m, and "
+            f"{case.ripple:g} N m are allowed: m is the smallest whole number with which it keeps "
+            "to that"
+        )
+    return "" if right["delay"] else "the last number is not the delay of that speed"
+
+
+COUNTING = pose(
+    "7.1",
+    case=_counting_case,
+    reads=lambda given: numbers(given, "step, m, delay"),
+    lacks=_counting_lacks,
+    parts=_right_counts,
+    rounded=lambda case, got: rounds(_window(case), got),
+    misconceptions={
+        "turns taken for radians": _in_turns,
+        "rounded down": _rounded_down,
+        "the whole window taken for the delay": _whole_window,
+        "the last difference taken as prompt": _mean_of_speeds,
+    },
+)
+
+
+# --- 7.2 Tustin by hand -------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class DifferenceCase:
+    """The block F/Gm with F = 1/(λs + 1) and Gm = 1/(Js + b), and a sampling time.
+
+    `inertia`: J in kg m²; `friction`: b in N m s; `time_constant`: λ in s; `dt`: h in s.
+    """
+
+    inertia: float
+    friction: float
+    time_constant: float
+    dt: float
+
+    def __repr__(self) -> str:
+        return (
+            f"J = {self.inertia:g} kg m², b = {self.friction:g} N m s, "
+            f"λ = {1000 * self.time_constant:g} ms, h = {1000 * self.dt:g} ms"
+        )
+
+
+Row = tuple[float, float, float]
+"""c0, c1 and a of ``w[k] = c0 y[k] + c1 y[k-1] + a w[k-1]``."""
+
+
+def _row(case: DifferenceCase, dz: complex, one: complex) -> Row:
+    """Put s = dz (z - 1)/(1 + one (z - 1)) into (Js + b)/(λs + 1): coefficients of z and of 1."""
+    J, b, value = case.inertia, case.friction, case.time_constant
+    top = np.polyadd([J * dz, -J * dz], [b * one, b * (1 - one)]).real
+    bottom = np.polyadd([value * dz, -value * dz], [one, 1 - one]).real
+    return (
+        float(top[0] / bottom[0]),
+        float(top[1] / bottom[0]),
+        float(-bottom[1] / bottom[0]),
+    )
+
+
+def _tustin(case: DifferenceCase) -> Row:
+    return _row(case, 1 / case.dt, 0.5)
+
+
+def _held(case: DifferenceCase) -> Row:
+    """Give the block behind a hold: J/λ at once, and the rest with the pole exp(-h/λ)."""
+    prompt, pole = case.inertia / case.time_constant, exp(-case.dt / case.time_constant)
+    return prompt, case.friction * (1 - pole) - prompt, pole
+
+
+def _without_two(case: DifferenceCase) -> Row:
+    """Put (z - 1)/(h (z + 1)) for s."""
+    return _row(case, 0.5 / case.dt, 0.5)
+
+
+def _sign_of_the_past(case: DifferenceCase) -> Row:
+    c0, c1, a = _tustin(case)
+    return c0, c1, -a
+
+
+DIFFERENCE_MISTAKES = {
+    "Euler's forward rule": lambda case: _row(case, 1 / case.dt, 0.0),
+    "Euler's backward rule": lambda case: _row(case, 1 / case.dt, 1.0),
+    "the 2 of 2/h left out": _without_two,
+    "a hold in front of the block": _held,
+    "the old value with the sign of the denominator": _sign_of_the_past,
+}
+
+
+def _difference_case(rng: np.random.Generator) -> DifferenceCase:
+    def drawn() -> DifferenceCase:
+        value = draw(rng, 0.004, 0.03)
+        inertia = draw(rng, 0.001, 0.03)
+        friction = few(inertia * rng.uniform(3, 20))
+        return DifferenceCase(inertia, friction, value, few(value / rng.uniform(1.5, 6)))
+
+    def fits(case: DifferenceCase) -> bool:
+        return apart(_tustin(case), *(wrong(case) for wrong in DIFFERENCE_MISTAKES.values()))
+
+    return first_fitting(drawn, fits)
+
+
+def _difference_lacks(case: DifferenceCase, got: FloatArray) -> str:
+    c0, c1, a = got
+    if same(_tustin(case), (c0, c1, a)):
+        return ""
+    rest = (c0 + c1) / (1 - a) if a != 1 else inf
+    if not same(case.friction, rest):
+        return (
+            f"for a constant y this comes to rest at w = {rest:.4g} y, and F/Gm at {case.friction:g} y"
+        )
+    return "for a constant y it is right, but it is not Tustin's rule: put 2/h (z - 1)/(z + 1) for s"
+
+
+DIFFERENCE = pose(
+    "7.2",
+    case=_difference_case,
+    reads=lambda given: numbers(given, "c0, c1, a"),
+    lacks=_difference_lacks,
+    rounded=lambda case, got: rounds(_tustin(case), got),
+    misconceptions=DIFFERENCE_MISTAKES,
+)
+
+
+# --- 7.5 Where does it rest? --------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class RestCase:
+    """A motor with friction, and two position loops around the same model.
+
+    `calm` and `keen`: NRDOB, 1 - F with one zero at s = 0 and with two; `friction`: what holds the
+    motor; `error`: where it stands in the second loop, in rad beside the reference.
+    """
+
+    calm: NRDOB
+    keen: NRDOB
+    friction: Friction
+    error: float
+
+    def __repr__(self) -> str:
+        J, b = self.calm.fractions.Gm.den[:2] / self.calm.fractions.Gm.num[-1]
+        return (
+            f"model 1/(s({J:g} s + {b:g})), breaks away at {self.friction.breakaway:g} N m, "
+            f"moves at {self.friction.coulomb:g} N m + {self.friction.viscous:g} ω, "
+            f"λ = {_constants(self)[0]:.3g} s, error {self.error:g} rad"
+        )
+
+
+def _constants(case: RestCase) -> tuple[float, float]:
+    """Give λ of both filters, and the friction of the model."""
+    den = case.calm.fractions.F.den  # (λs + 1)²
+    Gm = case.calm.fractions.Gm
+    return float((den[0] / den[-1]) ** 0.5), float(Gm.den[1] / Gm.num[-1])
+
+
+def _rest(case: RestCase) -> tuple[float, float]:
+    """Give the widest rest, ``|S_δ(0)|`` times stiction, and the time from -stiction to it.
+
+    S_δ(0) is that of (1 - F)Gm, whatever the plant's own friction is: K(0)G(0) is infinite.
+    """
+    value, friction = _constants(case)
+    holds = case.friction.breakaway
+    return 2 * value / friction * holds, 2 * holds * 3 * value**2 / friction / case.error
+
+
+
+
+def _times_rest(case: RestCase, widest: float, climb: float) -> tuple[float, float]:
+    right = _rest(case)
+    return right[0] * widest, right[1] * climb
+
+
+def _in_motion(case: RestCase) -> tuple[float, float]:
+    share = case.friction.coulomb / case.friction.breakaway
+    return _times_rest(case, share, share)
+
+
+def _by_the_plant(case: RestCase) -> tuple[float, float]:
+    share = _constants(case)[1] / case.friction.viscous
+    return _times_rest(case, share, share)
+
+
+def _by_the_controller(case: RestCase) -> tuple[float, float]:
+    stiff = float(case.calm.fractions.C.num[-1] / case.calm.fractions.C.den[-1])
+    return case.friction.breakaway / stiff, _rest(case)[1]
+
+
+def _from_zero(case: RestCase) -> tuple[float, float]:
+    return _times_rest(case, 1.0, 0.5)
+
+
+REST_MISTAKES = {
+    "friction in motion taken for the break-away": _in_motion,
+    "the plant's friction taken for the model's": _by_the_plant,
+    "the controller's stiffness alone": _by_the_controller,
+    "the torque starts from zero": _from_zero,
+}
+
+
+def _rest_case(rng: np.random.Generator) -> RestCase:
+    def drawn() -> RestCase:
+        inertia = draw(rng, 0.002, 0.02)
+        friction = few(inertia * rng.uniform(5, 15))
+        value = draw(rng, 0.01, 0.04)
+        angle = 1 / (s * (inertia * s + friction))
+        stiff = few(inertia * (0.3 / value) ** 2 * 9)
+        lead = stiff + few(stiff * 0.04) * s / (0.2 * value * s + 1)
+        own = few(friction * rng.uniform(1.3, 2.0))
+        process = 1 / (s * (inertia * s + own))
+        calm, keen = (
+            NRDOB(process, angle, lead, nrdob.interpolating_filter(angle, value, ramp=ramp))
+            for ramp in (1, 2)
+        )
+        dry = draw(rng, 0.05, 0.3)
+        held = Friction(dry, few(dry * rng.uniform(1.3, 1.8)), 0.05, own)
+        return RestCase(calm, keen, held, draw(rng, 0.005, 0.05))
+
+    def fits(case: RestCase) -> bool:
+        loops = (case.calm, case.keen)
+        return all(loop.stability().stable for loop in loops) and apart(
+            _rest(case), *(wrong(case) for wrong in REST_MISTAKES.values())
+        )
+
+    return first_fitting(drawn, fits)
+
+
+REST_PARTS = ("widest", "climb")
+
+
+def _right_rests(case: RestCase, got: FloatArray) -> dict[str, bool]:
+    return {
+        name: same(right, given)
+        for name, right, given in zip(REST_PARTS, _rest(case), got, strict=True)
+    }
+
+
+def _rest_lacks(case: RestCase, got: FloatArray) -> str:
+    right = _right_rests(case, got)
+    if not right["widest"]:
+        needed = got[0] / _rest(case)[0] * case.friction.breakaway
+        return (
+            f"at {got[0]:.3g} rad beside the reference the calm loop pushes with {needed:.3g} N m, "
+            f"and the motor breaks away at {case.friction.breakaway:g} N m"
+        )
+    if not right["climb"]:
+        return (
+            "the widest rest is right, the time is not: while y stands, S_δ(s) ≈ A s says how fast "
+            "the torque climbs that an error makes"
+        )
+    return ""
+
+
+REST = pose(
+    "7.5",
+    case=_rest_case,
+    reads=lambda given: numbers(given, "widest, climb"),
+    lacks=_rest_lacks,
+    parts=_right_rests,
+    rounded=lambda case, got: rounds(_rest(case), got),
+    misconceptions=REST_MISTAKES,
+)
+
+
+PROBLEMS = (COUNTING, DIFFERENCE, REST)
