@@ -120,8 +120,8 @@ def character(process: Any) -> list[str]:
     wrong = zeros[zeros.real > 0]
     if wrong.size:
         said.append(
-            f"It answers inversely: zeros on the right at {roots_listed(_sorted(wrong))} "
-            "rad/s, which no causal and stable block can undo."
+            f"It has zeros in the right half plane, at {roots_listed(_sorted(wrong))} rad/s, "
+            "which no causal and stable block can undo."
         )
     if num[-1] == 0:
         said.append("It has a zero at s = 0: at rest the input does not reach the output.")

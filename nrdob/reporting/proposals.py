@@ -330,8 +330,8 @@ def _obstacles(undelayed: Any, delay: float) -> Iterator[str]:
         )
     if not delay and not stable_model_exists(undelayed).holds:
         yield (
-            "Its real poles and zeros on the right do not interlace as they must for a stable "
-            "controller (parity interlacing): whatever stabilises it must itself be unstable."
+            "Its real poles and zeros in the right half plane do not interlace as they must for a "
+            "stable controller (parity interlacing): what stabilises it must itself be unstable."
         )
 
 
