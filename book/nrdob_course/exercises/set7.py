@@ -220,10 +220,10 @@ def _difference_lacks(case: DifferenceCase, got: FloatArray) -> str:
         return ""
     rest = (c0 + c1) / (1 - a) if a != 1 else inf
     if not same(case.friction, rest):
-        return (
-            f"for a constant y this comes to rest at w = {rest:.4g} y, and F/Gm at {case.friction:g} y"
-        )
-    return "for a constant y it is right, but it is not Tustin's rule: put 2/h (z - 1)/(z + 1) for s"
+        return f"for a constant y this comes to rest at w = {rest:.4g} y, and F/Gm at {case.friction:g} y"
+    return (
+        "for a constant y it is right, but it is not Tustin's rule: put 2/h (z - 1)/(z + 1) for s"
+    )
 
 
 DIFFERENCE = pose(
@@ -276,8 +276,6 @@ def _rest(case: RestCase) -> tuple[float, float]:
     value, friction = _constants(case)
     holds = case.friction.breakaway
     return 2 * value / friction * holds, 2 * holds * 3 * value**2 / friction / case.error
-
-
 
 
 def _times_rest(case: RestCase, widest: float, climb: float) -> tuple[float, float]:

@@ -1,0 +1,320 @@
+"""Set 7: the bench, by simulation: a generated controller, and a motor on an elastic shaft."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import control as ct
+import numpy as np
+
+from nrdob.diagram import LowPassFilter, delay
+from nrdob.digital import ActuatorLimits, SampledLoop
+from nrdob.drives import Counting, Drive, Encoder, Friction, OneMass, TwoMasses, encoded
+from nrdob.loop import NRDOB
+
+from .cases import draw, few, first_fitting, kept, not_around, s
+from .comparing import same
+from .problems import Lack, lacking, pose
+from .reading import UnreadableError, number, things
+
+__all__ = ["PROBLEMS"]
+
+
+# --- 7.4 Read a program, and run it -------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class ProgramCase:
+    """A generated controller, and the drive that it is to run.
+
+    `program`: text of a Python class `Speed`; `drive`: a `nrdob.drives.Drive`; `delay`: from a
+    command to its torque, in s; `dt`: sampling time in s; `reference`: speed in rad/s; `limit`:
+    largest torque in N m; `time`: how long the test lasts, in s.
+    """
+
+    program: str
+    drive: Drive
+    delay: float
+    dt: float
+    reference: float
+    limit: float
+    time: float
+
+    def __repr__(self) -> str:
+        inertia = self.drive.inertia.inertia if isinstance(self.drive.inertia, OneMass) else 0.0
+        return (
+            f"a program of {len(self.program.splitlines())} lines for {1000 * self.dt:g} ms; the "
+            f"drive: J = {inertia:g} kg m², {self.drive.friction.coulomb:g} N m of dry friction, "
+            f"{1000 * self.delay:g} ms from command to torque, at most {self.limit:g} N m; "
+            f"to {self.reference:g} rad/s, {self.time:g} s"
+        )
+
+
+Reading = tuple[float, float, bool]
+"""Time constant and inertia that stand in the program, and whether the drive settles."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Written:
+    """What stands behind a program."""
+
+    loop: SampledLoop
+    time_constant: float
+    inertia: float
+
+
+@kept
+def _made(case: ProgramCase) -> Reading:
+    """Read the program's tables, and run the drive with its equations."""
+    space: dict[str, Any] = {}
+    exec(case.program, space)  # a text that this module has made
+    (_, _, _, a1, *_), (b0, _, _, _, _, rest, *_) = space["FILTER"][0], space["INVERSE"][0]
+    value = case.dt * (1 / a1 - 0.5)
+    inertia = (b0 * (2 * value + case.dt) - rest * case.dt) / 2
+    controller, motion = space["Speed"](), case.drive.motion(case.dt, case.delay)
+    read, way = case.drive.reader(motion), []
+    for _ in range(round(case.time / case.dt)):
+        torque = controller.step(case.reference, read(motion.angle))
+        motion.advance(torque, 0.0)
+        way.append(motion.speed)
+    late = np.array(way[-len(way) // 5 :]) / case.reference
+    return value, inertia, bool(np.abs(late - 1).max() < SETTLED)
+
+
+SETTLED = 0.05
+"""Share of the reference within which a drive has settled."""
+
+
+def _program_case(settles: bool) -> Callable[[np.random.Generator], ProgramCase]:
+    def drawn(rng: np.random.Generator) -> tuple[ProgramCase, SampledLoop]:
+        dt = float(rng.choice([0.001, 0.002]))
+        inertia, value = draw(rng, 0.002, 0.02), few(dt * rng.uniform(3, 8))
+        friction = few(inertia * rng.uniform(3, 10))
+        model = 1 / (inertia * s + friction)
+        C = (few(8 * inertia) * s + few(8 * friction)) / s
+        late = few(value * (rng.uniform(0.1, 0.3) if settles else rng.uniform(1.0, 2.0)))
+        own = few(inertia * rng.uniform(*((0.9, 1.3) if settles else (0.4, 0.7))))
+        drive = Drive(
+            OneMass(own),
+            Friction(draw(rng, 0.02, 0.1), viscous=friction),
+            Encoder(10_000),
+            Counting(),
+        )
+        reference = few(rng.uniform(5, 30))
+        limit = few(friction * reference * 3 + 0.5 + inertia * reference / 0.05)
+        process = delay(late) * ct.tf([1], [own, friction])
+        loop = NRDOB(process, model, C, LowPassFilter(value, 1)).sampled(dt)
+        text = loop.code(ActuatorLimits(-limit, limit)).to_python("Speed")
+        return ProgramCase(text, drive, late, dt, reference, limit, 1.0), loop
+
+    def fits(pair: tuple[ProgramCase, SampledLoop]) -> bool:
+        case, loop = pair
+        assert case.drive.estimate is not None
+        verdict = encoded(loop, case.drive.estimate).stability()
+        radius = abs(verdict.eigenvalues[0]) if verdict.eigenvalues is not None else 1.0
+        if (radius < 0.995) is not settles or 0.995 <= radius < 1.05:
+            return False
+        return _made(case)[2] is settles
+
+    return lambda rng: first_fitting(lambda: drawn(rng), fits)[0]
+
+
+def _read_program(given: Any) -> Reading:
+    wanted = "three things are asked for, (time constant, inertia, True or False)"
+    value, inertia, verdict = things(given, wanted, (3,), names="lam, inertia, settles")
+    if not isinstance(verdict, bool | np.bool_):
+        raise UnreadableError("the last of the three is True if the drive settles, and else False")
+    return number(value), number(inertia), bool(verdict)
+
+
+def _right_parts(case: ProgramCase, got: Reading) -> dict[str, bool]:
+    names = ("time constant", "inertia", "verdict")
+    return {
+        name: same(right, given) for name, right, given in zip(names, _made(case), got, strict=True)
+    }
+
+
+def _program_lacks(case: ProgramCase, got: Reading) -> str:
+    right = _right_parts(case, got)
+    if not right["time constant"]:
+        return "the time constant is not the one whose filter, by Tustin's rule, is in FILTER"
+    if not right["inertia"]:
+        return "the inertia is not the one of the model that INVERSE, which is F/Gm, holds"
+    if not right["verdict"]:
+        says = "settles" if got[2] else "does not settle"
+        return f"you say that the drive {says}; run it from rest, and look at its last fifth"
+    return ""
+
+
+def _by_euler(case: ProgramCase) -> Reading:
+    value, inertia, settles = _made(case)
+    return value + case.dt / 2, inertia, settles
+
+
+def _prompt_gain(case: ProgramCase) -> Reading:
+    """Take the first coefficient of F/Gm for J/λ."""
+    value, _, settles = _made(case)
+    space: dict[str, Any] = {}
+    exec(case.program, space)
+    return value, space["INVERSE"][0][0] * value, settles
+
+
+def _on_paper(case: ProgramCase) -> Reading:
+    """Judge the loop of the program's own model, which is always stable."""
+    return (*_made(case)[:2], True)
+
+
+PROGRAM = pose(
+    "7.4",
+    case=(_program_case(True), _program_case(False)),
+    reads=_read_program,
+    lacks=_program_lacks,
+    parts=_right_parts,
+    misconceptions={
+        "Euler's rule read into Tustin's": _by_euler,
+        "the first coefficient taken for J/λ": _prompt_gain,
+        "judged on its own model": _on_paper,
+    },
+)
+
+
+# --- 7.6 A motor on an elastic shaft ------------------------------------------------------------
+
+LOADS = (0.5, 1.0, 2.0)
+"""Inertia of the load, as a share of the usual one."""
+
+
+@dataclass(frozen=True, eq=False)
+class ShaftCase:
+    """A motor that turns one of three loads through a shaft.
+
+    `motor`, `load`: inertias in kg m²; `stiffness`, `damping` of the shaft, in N m/rad and N m s;
+    `friction` of the motor, in N m s; `dt`: sampling time in s, and that of the computation;
+    `max_ms`: largest sensitivity peak; `max_sag`: how far the speed of the motor may fall, in
+    rad/s, after a step of 1 N m.
+    """
+
+    motor: float
+    load: float
+    stiffness: float
+    damping: float
+    friction: float
+    dt: float
+    max_ms: float = 1.7
+    max_sag: float = 0.0
+
+    @property
+    def processes(self) -> tuple[ct.TransferFunction, ...]:
+        """From torque to speed of the motor, with half the load, with the load, and with twice."""
+        return tuple(
+            TwoMasses(self.motor, share * self.load, self.stiffness, self.damping).speed(
+                self.friction
+            )
+            for share in LOADS
+        )
+
+    @property
+    def process(self) -> ct.TransferFunction:
+        """The one with the usual load."""
+        return self.processes[1]
+
+    def __repr__(self) -> str:
+        return (
+            f"motor {self.motor:g} and load {self.load:g} kg m², shaft {self.stiffness:g} N m/rad "
+            f"with {self.damping:g} N m s, friction {self.friction:g} N m s, "
+            f"h = {1000 * self.dt:g} ms; Ms ≤ {self.max_ms:g}, sag ≤ {self.max_sag:g} rad/s per N m"
+        )
+
+
+def _shaft_design(case: ShaftCase, value: float, rigid: bool = False, speed: float = 0.03) -> NRDOB:
+    """Design on one mass; λ in samples, and the bandwidth of the model loop as a share of 1/h."""
+    inertia = case.motor + (case.load if rigid else 0.0)
+    model = 1 / (inertia * s + case.friction)
+    C = speed / case.dt * (inertia * s + case.friction) / s if speed else 0
+    return NRDOB(case.process, model, C, LowPassFilter(value * case.dt, 1))
+
+
+def _on_bench(case: ShaftCase, loop: NRDOB, plant: ct.TransferFunction) -> SampledLoop:
+    there = NRDOB(plant, loop.model, loop.controller, loop.filter)
+    return there.sampled(case.dt, computation_delay=case.dt)
+
+
+def _peak_and_sag(loop: SampledLoop) -> tuple[float, float]:
+    """Ms from the response to an impulse of d, of which it is the spectrum; and the sag."""
+    samples = 4000
+    impulse = loop.simulate({"d": np.append(1.0, np.zeros(samples - 1))}).y
+    sag = loop.simulate({"delta": np.full(samples, -1.0)}).y
+    return float(np.abs(np.fft.rfft(impulse, 2**15)).max()), float(np.abs(sag).max())
+
+
+def _shaft_shortcoming(case: ShaftCase, got: Any) -> str:
+    if lack := not_around(case.process, got):
+        return lack
+    sag = 0.0
+    for share, plant in zip(LOADS, case.processes, strict=True):
+        loop = _on_bench(case, got, plant)
+        verdict = loop.stability()
+        if verdict.stable is not True:
+            fast = verdict.model_loop.stable is True
+            return Lack(
+                "unstable" if fast else "model loop",
+                f"with {share:g} times the load the sampled loop is not stable",
+            )
+        peak, fall = _peak_and_sag(loop)
+        if peak > case.max_ms * 1.001:
+            return Lack("ms", f"with {share:g} times the load Ms is {peak:.3g}")
+        sag = fall if share == 1 else sag
+    if sag > case.max_sag * 1.001:
+        return Lack("sag", f"the speed falls by {sag:.3g} rad/s for each N m")
+    if not abs(got.T_R.dc_gain - 1) < 1e-6:
+        return Lack("rest", f"the speed comes to rest at {got.T_R.dc_gain:.3g} of the reference")
+    return ""
+
+
+def _shaft_case(rng: np.random.Generator) -> ShaftCase:
+    def drawn() -> ShaftCase:
+        dt = float(rng.choice([0.0005, 0.001, 0.002]))
+        motor = draw(rng, 0.0005, 0.005)
+        load = few(motor * rng.uniform(2, 6))
+        frequency = rng.uniform(0.1, 0.25) / dt  # antiresonance
+        stiffness = few(load * frequency**2)
+        damping = few(2 * rng.uniform(0.02, 0.05) * stiffness / frequency)
+        friction = few(motor * rng.uniform(2, 10))
+        bare = ShaftCase(motor, load, stiffness, damping, friction, dt)
+        _, sag = _peak_and_sag(_on_bench(bare, _shaft_design(bare, 4.0), bare.process))
+        return ShaftCase(motor, load, stiffness, damping, friction, dt, 1.7, few(1.25 * sag))
+
+    def fits(case: ShaftCase) -> bool:
+        kinds = [
+            getattr(_shaft_shortcoming(case, _shaft_design(case, *how)), "kind", "")
+            for how in SHAFT_MISTAKES.values()
+        ]
+        right = _shaft_shortcoming(case, _shaft_design(case, 4.0))
+        return not right and kinds == ["unstable", "ms", "sag", "rest"]
+
+    return first_fitting(drawn, fits)
+
+
+SHAFT_MISTAKES: dict[str, tuple[Any, ...]] = {
+    "the rigid model's edge taken for the shaft's": (1.0, True),
+    "stable, and no more": (2.5,),
+    "so slow that nothing can happen": (12.0,),
+    "an observer and no controller": (4.0, False, 0.0),
+}
+
+SHAFT = pose(
+    "7.6",
+    case=_shaft_case,
+    lacks=_shaft_shortcoming,
+    misconceptions={
+        name: lacking(kind, lambda case, how=how: _shaft_design(case, *how))
+        for (name, how), kind in zip(
+            SHAFT_MISTAKES.items(), ("unstable", "ms", "sag", "rest"), strict=True
+        )
+    },
+)
+
+
+PROBLEMS = (PROGRAM, SHAFT)
