@@ -99,7 +99,7 @@ def test_fractions_without_braces_are_read_as_tex_does() -> None:
 
 def test_each_session_begins_a_sheet(printed: dict[str, BeautifulSoup]) -> None:
     weeks = [section.h2.get_text() for section in printed["boards"].select("section")]
-    assert weeks == [f"Week {number}" for number in range(1, 10)]
+    assert weeks == [f"Week {number}" for number in range(1, 11)]
     boards = [section.select("ol > li") for section in printed["boards"].select("section")]
     assert all(len(board) >= 6 for board in boards[:8])
     drawn = [section.select("figure") for section in printed["boards"].select("section")]

@@ -51,7 +51,7 @@ TEACHING_PAGES = {
     f"teaching/{name}"
     for name in (
         "index", "syllabus", "objectives", "in_class", "mistakes", "rubric", "running", "seeds",
-        "adding",
+        "adding", "exam", "bench_lab",
     )
 }  # fmt: skip
 GENERATED = ("chapters", "ledger.md", "errata.md", "objectives.md", "mistakes.md", "rubric.md")

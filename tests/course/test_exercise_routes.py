@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+import benchroutes
 import nrdob
 from nrdob import NRDOB, LowPassFilter
 from nrdob.analysis import encirclements
@@ -634,9 +635,10 @@ WRONG: dict[str, list[Route]] = {
         lambda case: [*another_design(case)[:2], LowPassFilter(0.07 / case.pole, 2)],
     ],
 }
+ROUTES |= benchroutes.ROUTES
+WRONG |= benchroutes.WRONG
 
-
-LONG = ("4.3", "5.6")
+LONG = ("4.3", "5.6", "7.6")
 """Problems whose scans take seconds."""
 
 each_route = pytest.mark.parametrize(
@@ -667,7 +669,7 @@ def test_what_only_looks_right_fails(id: str, number: int) -> None:
     assert found.recognised != "rounded"
 
 
-CHEAP = [id for id in WRONG if id not in ("4.1", "4.2", "5.3", "5.6", "6.2", "6.5", "6.6")]
+CHEAP = [id for id in WRONG if id not in ("4.1", "4.2", "5.3", "5.6", "6.2", "6.5", "6.6", "7.6")]
 
 
 # Two groups besides that of the test above; tests/campaigns/misconceptions.py has many.
@@ -735,7 +737,7 @@ DRESSES: dict[str, Route] = {
 USUAL = ("array", "text with a comma")
 """Dresses that make quick looks at, too."""
 
-BLOCKS = ("1.6", "2.5", "2.6", "3.6", "4.3", "4.5", "4.6", "5.6", "6.6")
+BLOCKS = ("1.6", "2.5", "2.6", "3.6", "4.3", "4.5", "4.6", "5.6", "6.6", "7.6")
 """Problems that ask for a filter, a plant or a loop, and not for numbers."""
 
 

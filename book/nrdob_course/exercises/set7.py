@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import ceil, exp, floor, inf, pi
 
-import control as ct
 import numpy as np
 
 import nrdob
@@ -220,7 +219,10 @@ def _difference_lacks(case: DifferenceCase, got: FloatArray) -> str:
         return ""
     rest = (c0 + c1) / (1 - a) if a != 1 else inf
     if not same(case.friction, rest):
-        return f"for a constant y this comes to rest at w = {rest:.4g} y, and F/Gm at {case.friction:g} y"
+        return (
+            f"for a constant y this comes to rest at w = {rest:.4g} y, and F/Gm at "
+            f"{case.friction:g} y"
+        )
     return (
         "for a constant y it is right, but it is not Tustin's rule: put 2/h (z - 1)/(z + 1) for s"
     )

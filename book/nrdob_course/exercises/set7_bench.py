@@ -56,15 +56,6 @@ Reading = tuple[float, float, bool]
 """Time constant and inertia that stand in the program, and whether the drive settles."""
 
 
-@dataclass(frozen=True, eq=False)
-class _Written:
-    """What stands behind a program."""
-
-    loop: SampledLoop
-    time_constant: float
-    inertia: float
-
-
 @kept
 def _made(case: ProgramCase) -> Reading:
     """Read the program's tables, and run the drive with its equations."""
@@ -113,10 +104,10 @@ def _program_case(settles: bool) -> Callable[[np.random.Generator], ProgramCase]
         case, loop = pair
         assert case.drive.estimate is not None
         verdict = encoded(loop, case.drive.estimate).stability()
-        radius = abs(verdict.eigenvalues[0]) if verdict.eigenvalues is not None else 1.0
-        if (radius < 0.995) is not settles or 0.995 <= radius < 1.05:
-            return False
-        return _made(case)[2] is settles
+        values = verdict.eigenvalues
+        radius = float(abs(values[0])) if values is not None else 1.0
+        clear = radius < 0.998 if settles else radius > 1.02
+        return clear and _made(case)[2] is settles
 
     return lambda rng: first_fitting(lambda: drawn(rng), fits)[0]
 
@@ -124,9 +115,22 @@ def _program_case(settles: bool) -> Callable[[np.random.Generator], ProgramCase]
 def _read_program(given: Any) -> Reading:
     wanted = "three things are asked for, (time constant, inertia, True or False)"
     value, inertia, verdict = things(given, wanted, (3,), names="lam, inertia, settles")
-    if not isinstance(verdict, bool | np.bool_):
-        raise UnreadableError("the last of the three is True if the drive settles, and else False")
-    return number(value), number(inertia), bool(verdict)
+    return number(value), number(inertia), _yes_or_no(verdict)
+
+
+def _yes_or_no(given: Any) -> bool:
+    """Read True or False, also as 1 or 0 and as a word."""
+    if isinstance(given, bool | np.bool_):
+        return bool(given)
+    words = {"true": True, "yes": True, "false": False, "no": False}
+    if isinstance(given, str) and given.strip().casefold() in words:
+        return words[given.strip().casefold()]
+    value = number(given)
+    if value not in (0, 1):
+        raise UnreadableError(
+            f"the last of the three is True if the drive settles, and else False, not {value:g}"
+        )
+    return bool(value)
 
 
 def _right_parts(case: ProgramCase, got: Reading) -> dict[str, bool]:
@@ -287,32 +291,35 @@ def _shaft_case(rng: np.random.Generator) -> ShaftCase:
         return ShaftCase(motor, load, stiffness, damping, friction, dt, 1.7, few(1.25 * sag))
 
     def fits(case: ShaftCase) -> bool:
-        kinds = [
-            getattr(_shaft_shortcoming(case, _shaft_design(case, *how)), "kind", "")
-            for how in SHAFT_MISTAKES.values()
-        ]
-        right = _shaft_shortcoming(case, _shaft_design(case, 4.0))
-        return not right and kinds == ["unstable", "ms", "sag", "rest"]
+        if _shaft_shortcoming(case, _shaft_design(case, 4.0)):
+            return False
+        return all(
+            getattr(_shaft_shortcoming(case, _shaft_design(case, *how)), "kind", "") == kind
+            for kind, how in SHAFT_MISTAKES.values()
+        )
 
     return first_fitting(drawn, fits)
 
 
-SHAFT_MISTAKES: dict[str, tuple[Any, ...]] = {
-    "the rigid model's edge taken for the shaft's": (1.0, True),
-    "stable, and no more": (2.5,),
-    "so slow that nothing can happen": (12.0,),
-    "an observer and no controller": (4.0, False, 0.0),
+SHAFT_MISTAKES: dict[str, tuple[str, tuple[Any, ...]]] = {
+    "the rigid model's edge taken for the shaft's": ("unstable", (1.0, True)),
+    "stable, and no more": ("ms", (2.5,)),
+    "so slow that nothing can happen": ("sag", (12.0,)),
+    "an observer and no controller": ("rest", (4.0, False, 0.0)),
 }
+"""What each of them lacks, and how it designs."""
+
+
+def _mistaken(how: tuple[Any, ...]) -> Callable[[ShaftCase], NRDOB]:
+    return lambda case: _shaft_design(case, *how)
+
 
 SHAFT = pose(
     "7.6",
     case=_shaft_case,
     lacks=_shaft_shortcoming,
     misconceptions={
-        name: lacking(kind, lambda case, how=how: _shaft_design(case, *how))
-        for (name, how), kind in zip(
-            SHAFT_MISTAKES.items(), ("unstable", "ms", "sag", "rest"), strict=True
-        )
+        name: lacking(kind, _mistaken(how)) for name, (kind, how) in SHAFT_MISTAKES.items()
     },
 )
 
