@@ -124,3 +124,16 @@ def test_the_modified_plant_survives_and_its_neighbour_does_not(group: int) -> N
         assert survives(case, 1, 0)
         assert survives(case, case.gain, case.lag)
         assert survives(case, 1, case.lag) is False
+
+
+@pytest.mark.parametrize("group", range(1, 5))
+def test_a_good_design_does_on_the_bench_what_a_slow_one_does_not(
+    group: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    case = own_case("6.6", group)
+    for filter, met in ((0.07, True), (0.25, False)):
+        loop = loop_of(case, filter)
+        case.on_bench(loop.model, loop.controller, loop.filter)
+        lines = capsys.readouterr().out.splitlines()[1:]
+        assert all("not met" not in line for line in lines) is met
+    assert 1 - np.exp(-1) < case.max_input < 1  # less than the load, and enough for some loop

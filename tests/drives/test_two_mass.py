@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import nrdob
+from nrdob.alternatives import controller_alone
 from nrdob.drives import OneMass, TwoMasses
 
 DRIVE = TwoMasses(1e-3, 4e-3, 10.0)
@@ -54,6 +55,18 @@ def test_a_notch_cancels_the_resonance():
         assert np.abs(poles - zero).min() < 1e-9 * abs(zero)
     assert notch.dcgain() == pytest.approx(1.0)
     assert abs(notch(1j * drive.resonance)) < 0.1
+
+
+def test_a_notch_saves_a_pi_loop_and_is_nothing_to_the_observers_plant_loop():
+    drive, s = TwoMasses(1e-3, 4e-3, 10.0, 2e-3), ct.tf("s")
+    plant = nrdob.delay(0.008) * drive.speed(0.01)
+    plain = 0.2 * (1 + 5 / s)
+    both = plain, plain * drive.notch(0.7)
+    alone = [controller_alone(plant, drive.speed(0.01), C).stability().stable for C in both]
+    assert alone == [False, True]
+    model, filter = drive.speed(0.01), nrdob.LowPassFilter(0.05, 1)
+    peaks = [nrdob.NRDOB(plant, model, C, filter).margins().plant_loop.ms for C in both]
+    assert peaks[0] == pytest.approx(peaks[1], rel=1e-9)
 
 
 @pytest.mark.parametrize(

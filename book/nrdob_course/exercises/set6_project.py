@@ -19,6 +19,7 @@ from nrdob.design import (
     stabilizing_time_constants,
 )
 from nrdob.diagram import LowPassFilter, Quotient, delay
+from nrdob.digital import ActuatorLimits
 from nrdob.loop import NRDOB
 from nrdob.numerics import FloatArray
 from nrdob.plotting import Figure
@@ -76,7 +77,8 @@ class Project:
     be added to each of them, in seconds; `max_ms`: limit for Ms; `omega`,
     `max_disturbance`: a frequency in rad/s, and the limit for |S_d| there; `settling`: after this
     time, in seconds, y stays within 5 % of a step of R; `max_noise`: limit for the rms value of u,
-    if white noise of unit density is at the sensor.
+    if white noise of unit density is at the sensor. On the bench, see `on_bench`: `dt`: the
+    sampling time, in seconds; `max_input`: the largest input that the actuator gives.
     """
 
     plant: ct.TransferFunction
@@ -91,6 +93,12 @@ class Project:
     max_disturbance: float = inf
     settling: float = inf
     max_noise: float = inf
+    max_input: float = 0.9
+
+    @property
+    def dt(self) -> float:
+        """Sampling time of the bench, a hundredth of the time of the unstable pole."""
+        return few(0.01 / self.pole)
 
     def __repr__(self) -> str:
         return f"plant {factored(self.plant)}"
@@ -125,6 +133,10 @@ class Project:
         """Print the table of goals."""
         print(_table(self.goals(model, controller, filter)))
 
+    def on_bench(self, model: Any, controller: Any, filter: Any) -> None:
+        """Print two goals more, without points: the loop sampled, and with a limited actuator."""
+        print(_table(_bench_goals(self, NRDOB(self.plant, model, controller, filter))))
+
 
 def _goals(case: Project, loop: NRDOB) -> Iterator[Goal]:
     verdict = loop.stability()
@@ -142,6 +154,26 @@ def _goals(case: Project, loop: NRDOB) -> Iterator[Goal]:
     unstable = sum(verdict is not True for verdict in verdicts)
     yield Goal(f"unstable with {len(verdicts)} changed plants", float(unstable), 0.0)
     yield Goal("noise in u (rms)", rms(loop.U_eta), case.max_noise)
+
+
+def _bench_goals(case: Project, loop: NRDOB) -> list[Goal]:
+    """Sample the loop, one sample for the computation; then load it for 1/pole seconds.
+
+    Whatever controls the plant, a load of 1 that lasts so long takes an input of 1 - 1/e.
+    """
+    limit = 1.1 * case.max_ms  # a sample and a half of dead time has its price
+    sampled = loop.sampled(case.dt, computation_delay=case.dt)
+    if sampled.stability().stable is not True:
+        return [Goal("sampled Ms", nan, limit)]
+    time = case.dt * np.arange(1500)
+    load = np.where(time < 1 / case.pole, 1.0, 0.0)
+    limits = ActuatorLimits(-case.max_input, case.max_input)
+    run = sampled.simulate({"delta": load}, limits=limits, timepts=time)
+    left = float(np.abs(run.y[-1]) / np.abs(run.y).max())
+    return [
+        Goal("sampled Ms", sampled.margins().ms, limit),
+        Goal("left of y after the load", left, 0.05),
+    ]
 
 
 def _settled(case: Project, loop: NRDOB) -> float:
