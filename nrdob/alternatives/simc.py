@@ -13,11 +13,11 @@ other process is brought into that form by the half rule: of the largest lag tha
 half is added to the dead time and one half to the lag before it; further lags, and what zeros on
 the right contribute, are added to the dead time.
 
-The derivative of a PID needs a filter, which is one more lag in the loop: of :math:`\tau_D/10`, or
-of :math:`\tau_c/2` where that is shorter, so that it is short against the closed loop, too. By the
-half rule it counts as dead time: :math:`\theta` above is then that of the process plus this lag.
-Tight control, :math:`\tau_c` equal to this sum, has about the Ms that the PID without a filter has
-with :math:`\tau_c` equal to the dead time alone.
+The derivative of a PID needs a filter, which is an additional lag in the loop: of
+:math:`\tau_D/10`, or of :math:`\tau_c/2` where that is shorter, so that it is short against the
+closed loop, too. By the half rule it counts as dead time: :math:`\theta` above is then that of the
+process plus this lag. Tight control, :math:`\tau_c` equal to this sum, has about the Ms that the
+PID without a filter has with :math:`\tau_c` equal to the dead time alone.
 
 .. rubric:: References
 

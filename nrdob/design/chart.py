@@ -1,10 +1,10 @@
 r"""Stability charts: where an observer loop is stable, in two parameters, with exact borders.
 
-The parameters are a gain, the dead time and one more lag of the process, and the time constant of
-the filter; the model may wait. Condition i of Lemma 1 depends on none of them: what is charted is
-condition ii. The borders are curves with roots on the axis, see `nrdob.design.chartborders`.
-Between them the number of roots on the right does not change (Neimark's D-partition); it is counted
-by the argument, at points of every region.
+The parameters are a gain, the dead time and an additional lag of the process, and the time constant
+of the filter; the model may have a dead time. Condition i of Lemma 1 depends on none of them: what
+is charted is condition ii. The borders are curves with roots on the axis, see
+`nrdob.design.chartborders`. Between them the number of roots on the right does not change
+(Neimark's D-partition); it is counted by the argument, at points of every region.
 
 .. rubric:: References
 
@@ -155,7 +155,7 @@ def stability_chart(
         order is taken.
     x, y : (name, low, high)
         Two of "time_constant" (λ of the filter, s), "gain" (a factor of the process), "delay" (its
-        dead time, s, whatever it has) and "lag" (the time constant of one more lag, s).
+        dead time, s, whatever it has) and "lag" (the time constant of an additional lag, s).
     ms : tuple of float
         Levels of the peak of the sensitivity to be drawn.
 

@@ -1,7 +1,7 @@
 r"""All loops of a stability chart, and the curves on which roots are on the axis.
 
-The process may be multiplied by a gain k, may have another dead time θ and one more lag τ, and the
-filter another time constant λ. Then
+The process may be multiplied by a gain k, may have another dead time θ and an additional lag τ,
+and the filter another time constant λ. Then
 
 .. math:: p_B = (1 + \tau s)\,A(\lambda) + k\,B(\lambda)\,e^{-\theta s},
           \qquad A = D N_m' E, \quad B = N D_m' N_f',

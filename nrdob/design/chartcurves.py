@@ -38,7 +38,7 @@ AXES = {
     "time_constant": "λ of the filter, in seconds",
     "gain": "factor of the process",
     "delay": "dead time of the process, in seconds",
-    "lag": "time constant of one more lag of the process, in seconds",
+    "lag": "time constant of an additional lag of the process, in seconds",
 }
 """What may be on an axis."""
 

@@ -475,7 +475,7 @@ class Mismatch:
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Coefficients of the highest power of s in p_B of the three `terms`, for many filters.
 
-        D may be multiplied by one more lag, whose time constant is left out.
+        D may be multiplied by an additional lag, whose time constant is left out.
 
         Parameters
         ----------

@@ -29,7 +29,7 @@ from .unitcircle import CircleFunction, count_outside
 
 __all__ = ["SampledStability", "sampled_stability"]
 
-TURNS, EIGENVALUES = "by turns on the unit circle", "by eigenvalues"
+TURNS, EIGENVALUES = "by the argument on the unit circle", "by eigenvalues"
 WHOLE_NUMBERS = "by Routh and Hurwitz's test in whole numbers"
 SIZES = "by the crossings of |P| = |Q| in p_B = P + Q/z^N"
 """The ways in which roots are counted."""

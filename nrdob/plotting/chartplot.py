@@ -15,7 +15,7 @@ LABELS = {
     "time_constant": "time constant λ (s)",
     "gain": "gain of the process, times",
     "delay": "dead time θ (s)",
-    "lag": "one more lag τ (s)",
+    "lag": "additional lag τ (s)",
     "observer_bandwidth": "bandwidth of the observer ωo (rad/s)",
     "b0": "assumed gain b0",
 }

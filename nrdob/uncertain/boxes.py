@@ -248,7 +248,7 @@ def largest_box(loop: NRDOB, *, gain: Any = None, delay: Any = None, lag: Any = 
     delay : (low, high), optional
         Dead times added, in seconds, around 0 or from there on.
     lag : (low, high), optional
-        T of one more lag 1/(Ts + 1), in seconds, from 0 on.
+        T of an additional lag 1/(Ts + 1), in seconds, from 0 on.
 
     Returns
     -------
@@ -295,7 +295,7 @@ def largest_box(loop: NRDOB, *, gain: Any = None, delay: Any = None, lag: Any = 
     if any(loop.L.at_infinity):
         raise ValueError(
             "the loop gain does not fall off at high frequency, where any lag or dead time is "
-            "felt: give the process or the filter one more lag"
+            "felt: give the process or the filter an additional lag"
         )
     alone = [name for name, each in given.items() if each is not None]
     return _in_one(loop, alone[0], asked) if len(alone) == 1 else _largest(loop, asked)

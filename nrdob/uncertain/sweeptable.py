@@ -24,7 +24,7 @@ __all__ = ["Share", "SweepTable"]
 LABELS = {
     "gain": "gain of the process, times",
     "delay": "dead time θ (s)",
-    "lag": "one more lag (s)",
+    "lag": "additional lag (s)",
 }
 """What is written beside an axis."""
 
