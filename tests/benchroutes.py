@@ -55,15 +55,9 @@ def by_trapezoids(case: Any) -> tuple[float, float, float]:
     return first, second - a * first, a
 
 
-def tables_of(case: Any) -> dict[str, Any]:
-    space: dict[str, Any] = {}
-    exec(case.program, space)
-    return space
-
-
 def behind(case: Any) -> tuple[NRDOB, float, float]:
     """Put the loop together that a program was made of, on the drive's own plant."""
-    h, tables = case.dt, tables_of(case)
+    h, tables = case.dt, case.module
     pole = 1 - tables["FILTER"][0][3]
     value = h / 2 * (1 + pole) / (1 - pole)
     b0, b1, *_ = tables["INVERSE"][0]

@@ -14,7 +14,7 @@ PARTS = {
     "The paper in an afternoon": ["01", "02", "03", "04", "05", "06", "07", "08"],
     "Design": ["09", "10", "11", "12", "13", "14", "15", "16", "17"],
     "The bench": ["18", "19", "20", "21", "22", "23", "24"],
-    "Appendices": ["A", "B", "C"],
+    "Appendices": ["A", "B", "C", "D"],
 }
 """The parts of the book, with the numbers of their chapters, as on the front page."""
 
@@ -22,7 +22,7 @@ TITLE = re.compile(r"# (.+)")
 PROMISED = re.compile(r"\*\*You will be able to\*\*(.*?)\*\*You need\*\*", re.DOTALL)
 NEEDED = re.compile(r"^\*\*You need\*\* (.+)$", re.MULTILINE)
 MINUTES = re.compile(r"\*\*Time\*\* (\d+) minutes")
-CHAPTER = re.compile(r"\((\d\d|[A-C])_\w+\.ipynb\)")
+CHAPTER = re.compile(r"\((\d\d|[A-D])_\w+\.ipynb\)")
 
 
 @dataclass(frozen=True)

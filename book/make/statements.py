@@ -30,13 +30,13 @@ from pathlib import Path
 
 from pages import prose_of
 
-HEAD = re.compile(r"\*\*Theorem (\d+|[A-C])\.(\d+) \((.+?)\)\.\*\*\s*")
+HEAD = re.compile(r"\*\*Theorem (\d+|[A-D])\.(\d+) \((.+?)\)\.\*\*\s*")
 NUMBERED = re.compile(r"\*\*Theorem\b")
 CONDITION = re.compile(r"(\d+)\.\s+(.*)", re.DOTALL)
 # A mention, such as "the loop of *Without 2*", has no colon and begins no part.
 PART = re.compile(r"\*(Then|(?:Without|Proof|Known)(?=[^*]*:\*))\b([^*]*?)[:.]?\*[:.,]?\s*")
 SENTENCE = re.compile(r"[.:;?!∎]\W*\Z|\$\Z|\|\Z")
-NUMBER = re.compile(r"(?:\d+|[A-C])\.\d+")
+NUMBER = re.compile(r"(?:\d+|[A-D])\.\d+")
 MENTION = re.compile(
     rf"\bTheorems?\s+({NUMBER.pattern}(?:(?:,\s+|,?\s+and\s+|\s+to\s+|–){NUMBER.pattern})*)"
 )

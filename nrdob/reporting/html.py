@@ -7,13 +7,14 @@ network and holds no script, and it says so to the browser that shows it.
 from __future__ import annotations
 
 import re
+from base64 import b64encode
 from dataclasses import dataclass
 from functools import cache
 from io import StringIO
 from typing import Any
 from zlib import crc32
 
-__all__ = ["Picture", "Section", "Table", "picture", "written"]
+__all__ = ["Attachment", "Picture", "Section", "Table", "picture", "written"]
 
 
 @dataclass(frozen=True)
@@ -55,6 +56,30 @@ class Picture:
 
 
 @dataclass(frozen=True)
+class Attachment:
+    """A file that the page holds, to be saved.
+
+    Attributes
+    ----------
+    name : str
+        Its name.
+    text : str
+        What is in it.
+    says : str
+        What it is good for.
+    """
+
+    name: str
+    text: str
+    says: str
+
+    @property
+    def address(self) -> str:
+        """The file itself, as the address of a link."""
+        return f"data:application/json;base64,{b64encode(self.text.encode()).decode()}"
+
+
+@dataclass(frozen=True)
 class Section:
     """A part of the page.
 
@@ -70,6 +95,8 @@ class Section:
         What must not be overlooked; also listed at the top of the page.
     alarms : tuple of str
         What speaks against using the loop, or the process; the first of a page is its headline.
+    attachments : tuple of Attachment
+        Files to be saved.
     """
 
     title: str
@@ -78,6 +105,7 @@ class Section:
     pictures: tuple[Picture, ...] = ()
     warnings: tuple[str, ...] = ()
     alarms: tuple[str, ...] = ()
+    attachments: tuple[Attachment, ...] = ()
 
 
 def written(report: Any) -> str:

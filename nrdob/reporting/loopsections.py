@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterator
 from functools import partial
 from math import inf, isfinite, isnan, log10
@@ -9,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..analysis import Margins
+from ..analysis import Margins, Stability
 from ..design import (
     StabilityChart,
     admissible_time_constants,
@@ -22,7 +23,7 @@ from ..loop import NRDOB
 from ..numerics import number, written
 from ..plotting import COLOURS, chart_plot, nyquist_plot
 from .formulas import character, formula, intervals, roots_listed
-from .html import Section, Table, picture
+from .html import Attachment, Section, Table, picture
 from .resonances import CERTAIN, resonance_warnings
 
 __all__ = ["UNDECIDED", "sections_of"]
@@ -31,6 +32,9 @@ SMALL_GAIN_DB, SMALL_PHASE, LARGE_MS = 6.0, 30.0, 2.0
 """Margins below, and sensitivity above, which a loop is called near its limit."""
 
 UNDECIDED = "Whether the loop is stable could not be decided."
+
+LONGEST_PROOF = 500_000
+"""Letters that a certificate in a page may have."""
 
 SPANS = (30.0, 10.0, 3.0)
 """How far a chart reaches below and above λ; less far where a dead time asks for too much."""
@@ -106,7 +110,25 @@ def _verdict(loop: NRDOB, step: float | None, title: str) -> Section:
     alarms = () if found.stable else (f"{says} {found.reason}.",)
     caption = "All the feedback around the plant, L = K·G; the red cross is −1."
     drawn = picture(nyquist_plot(loop.L), caption)
-    return Section(title, (says, f"{found.reason}."), (table,), (drawn,), (), alarms)
+    words, files = _proof(found)
+    says_why = (says, f"{found.reason}.", *words)
+    return Section(title, says_why, (table,), (drawn,), (), alarms, files)
+
+
+def _proof(found: Stability) -> tuple[tuple[str, ...], tuple[Attachment, ...]]:
+    """Give a certificate of the verdict, or say why there is none."""
+    try:
+        certificate = found.certificate()
+    except ArithmeticError as error:
+        return (f"There is {error}.",), ()
+    text = json.dumps(certificate.content)
+    if len(text) > LONGEST_PROOF:
+        return ("Its certificate is too long for a page: let the package save it.",), ()
+    says = (
+        f"{certificate.proved} The certificate holds the blocks in exact fractions; "
+        "python -m nrdob.certificates.checker certificate.json proves it again."
+    )
+    return (), (Attachment("certificate.json", text, says),)
 
 
 def _margins(loop: NRDOB, step: float | None, title: str) -> Section:

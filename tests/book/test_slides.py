@@ -55,7 +55,7 @@ def position(cells: list[Any], wanted: str) -> int:
 EVERY = [
     pytest.param(cells, id=data(cells[0])["chapter"]) for deck in DECKS for cells in questions(deck)
 ]
-LOOKED_UP = {"C_traps"}
+LOOKED_UP = {"C_traps", "D_a_proof_you_can_check"}
 """What is looked up and has no question for class."""
 
 each_question = pytest.mark.parametrize("cells", EVERY)

@@ -42,6 +42,9 @@ MADE = {
     for name in teaching.PAGES
 }
 
+LOOKED_UP = {"C_traps", "D_a_proof_you_can_check"}
+"""Appendices without a question for class."""
+
 LINK = r"\[[^\]]*\]\(\.\./\.\./notebooks/(\w+)\.ipynb\)"
 READ = re.compile(LINK + r" \((\d+)\)")
 
@@ -282,7 +285,7 @@ def test_the_weeks_that_may_be_left_out_are_the_bench_and_only_the_set_of_week_8
 ):
     left_out = {stem for week in (7, 8, 9) for stem in plan()[week].read}
     bench = {chapter.stem for chapter in PACK.parts["The bench"]}
-    assert left_out == {*bench, "17_will_it_survive"} | ({"C_traps"} & {*PACK.chapters})
+    assert left_out == {*bench, "17_will_it_survive", *LOOKED_UP}
     for each in PACK.sets:
         trained = {stem for task in each.tasks for stem, _ in PACK.objectives_of(task.id)}
         needs = bool(left_out & {*trained, *needed_by(each.name)})
@@ -379,7 +382,7 @@ def test_two_days_and_a_third_run_on_time_and_leave_no_question_out() -> None:
         for row in rows("| " + day)[1:]:
             asked += re.findall(r"\w+", row[3])
             assert set(re.findall(r"\d\.\d", row[4])) <= {task.id for task in PACK.tasks}
-    numbers = [stem.partition("_")[0] for stem in PACK.chapters if stem != "C_traps"]
+    numbers = [stem.partition("_")[0] for stem in PACK.chapters if stem not in LOOKED_UP]
     assert sorted(asked) == numbers
     said = re.search(r"(\d+) hours in a room.* reads (\d+) hours of chapters", PAGES["syllabus"])
     assert said
@@ -425,7 +428,7 @@ def test_a_session_asks_the_questions_of_its_chapters() -> None:
     for session, week in zip(teaching_sessions(), weeks().values(), strict=True):
         asked = re.findall(r"^\| 5 \| question (\w+), \*(.+)\* \|$", session, re.MULTILINE)
         assert sorted(f"{number} {title}" for number, title in asked) == sorted(
-            titles[stem] for stem in week.read if stem != "C_traps"
+            titles[stem] for stem in week.read if stem not in LOOKED_UP
         )
         opening = re.search(r"Open with \*(.+)\*\.", session)
         assert opening and opening[1] == asked[0][1]

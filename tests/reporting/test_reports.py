@@ -1,5 +1,7 @@
 """Reports are always written, stand alone, and say what is true."""
 
+import base64
+import json
 import re
 from dataclasses import replace
 from functools import cache
@@ -10,6 +12,7 @@ import pytest
 from bs4 import BeautifulSoup
 
 import nrdob
+from nrdob.certificates import check
 from nrdob.digital import largest_sampling_time
 from nrdob.measured import checked_record, heated_air, identify
 from nrdob.reporting import main, propose
@@ -50,13 +53,33 @@ def test_a_page_stands_alone_and_names_its_pictures(page):
         for name, value in tag.attrs.items():
             assert not name.startswith("on")
             if name in ("href", "src", "xlink:href"):
-                assert value.startswith(("#", "data:image/png;base64,"))
+                held = "data:image/png;base64,", "data:application/json;base64,"
+                assert value.startswith(("#", *held))
     assert not re.search(r"url\((?!#)", page())
     drawn = tree.find_all(attrs={"role": "img"})
     assert len(drawn) >= 4 and all(len(each["aria-label"]) > 40 for each in drawn)
     named = [tag["id"] for tag in tree.find_all(id=True)]
     assert len(named) == len(set(named))
-    assert {a["href"][1:] for a in tree.find_all("a")} <= set(named)
+    assert {a["href"][1:] for a in tree.find_all("a", download=False)} <= set(named)
+
+
+def test_a_report_holds_the_proof_of_its_verdict():
+    for process, stable in ((1 / (s + 1), True), (-1 / (s + 1), False)):
+        loop = nrdob.NRDOB(nrdob.delay(0.2) * process, 1 / (s + 1), 2, nrdob.LowPassFilter(0.5, 1))
+        tree = BeautifulSoup(nrdob.report(loop).html, "html.parser")
+        (link,) = tree.find_all("a", download=True)
+        _, _, held = link["href"].partition("base64,")
+        proved = check(json.loads(base64.b64decode(held)))
+        assert link["download"] == "certificate.json" and proved in link.parent.get_text()
+        assert ("internally stable" in proved) is stable is loop.stability().stable
+
+
+def test_a_report_says_why_there_is_no_proof():
+    # λ = 2θ/π: a root on the imaginary axis
+    edge = nrdob.LowPassFilter(0.4 / np.pi, 1)
+    loop = nrdob.NRDOB(nrdob.delay(0.2) / (s + 1), 1 / (s + 1), 2, edge)
+    page = nrdob.report(loop).html
+    assert "There is no certificate" in page and "download=" not in page
 
 
 @pytest.mark.slow

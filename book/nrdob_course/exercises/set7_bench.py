@@ -29,7 +29,7 @@ __all__ = ["PROBLEMS"]
 class ProgramCase:
     """A generated controller, and the drive that it is to run.
 
-    `program`: text of a Python class `Speed`; `drive`: a `nrdob.drives.Drive`; `delay`: from a
+    `program`: text of a Python class `Speed`, and `module`: what it defines; `drive`: a `nrdob.drives.Drive`; `delay`: from a
     command to its torque, in s; `dt`: sampling time in s; `reference`: speed in rad/s; `limit`:
     largest torque in N m; `time`: how long the test lasts, in s.
     """
@@ -41,6 +41,13 @@ class ProgramCase:
     reference: float
     limit: float
     time: float
+
+    @property
+    def module(self) -> dict[str, Any]:
+        """What the program defines, by name: FILTER, INVERSE, … and the class Speed."""
+        space: dict[str, Any] = {}
+        exec(self.program, space)  # a text that this module has made
+        return space
 
     def __repr__(self) -> str:
         inertia = self.drive.inertia.inertia if isinstance(self.drive.inertia, OneMass) else 0.0
@@ -59,8 +66,7 @@ Reading = tuple[float, float, bool]
 @kept
 def _made(case: ProgramCase) -> Reading:
     """Read the program's tables, and run the drive with its equations."""
-    space: dict[str, Any] = {}
-    exec(case.program, space)  # a text that this module has made
+    space = case.module
     (_, _, _, a1, *_), (b0, _, _, _, _, rest, *_) = space["FILTER"][0], space["INVERSE"][0]
     value = case.dt * (1 / a1 - 0.5)
     inertia = (b0 * (2 * value + case.dt) - rest * case.dt) / 2
@@ -160,9 +166,7 @@ def _by_euler(case: ProgramCase) -> Reading:
 def _prompt_gain(case: ProgramCase) -> Reading:
     """Take the first coefficient of F/Gm for J/λ."""
     value, _, settles = _made(case)
-    space: dict[str, Any] = {}
-    exec(case.program, space)
-    return value, space["INVERSE"][0][0] * value, settles
+    return value, case.module["INVERSE"][0][0] * value, settles
 
 
 def _on_paper(case: ProgramCase) -> Reading:
