@@ -29,9 +29,10 @@ __all__ = ["PROBLEMS"]
 class ProgramCase:
     """A generated controller, and the drive that it is to run.
 
-    `program`: text of a Python class `Speed`, and `module`: what it defines; `drive`: a `nrdob.drives.Drive`; `delay`: from a
-    command to its torque, in s; `dt`: sampling time in s; `reference`: speed in rad/s; `limit`:
-    largest torque in N m; `time`: how long the test lasts, in s.
+    `program`: text of a Python class `Speed`, and `module`: what it defines; `drive`: a
+    `nrdob.drives.Drive`; `delay`: from a command to its torque, in s; `dt`: sampling time in s;
+    `reference`: speed in rad/s; `limit`: largest torque in N m; `time`: how long the test lasts, in
+    s.
     """
 
     program: str
