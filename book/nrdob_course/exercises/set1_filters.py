@@ -192,7 +192,7 @@ def _wish_case(rng: np.random.Generator) -> WishCase:
     num = [1.0] if rng.random() < 0.5 else [1 / zero, 1.0]
     plant = ct.tf(draw(rng, 0.5, 5) * np.array(num), np.polymul(*([1 / p, 1] for p in poles)))
     omega_d = draw(rng, 0.2, 2)
-    order = 4 - len(num)  # one lag more than causality asks for
+    order = 4 - len(num)  # an additional lag, beyond causality
     # The slowest filter that rejects enough has λ ω_d just above 0.1/n; a fifth less is allowed.
     fastest = LowPassFilter(0.8 * REJECTION / order / omega_d, order)
     omega_hum = few(omega_d * float(rng.uniform(60, 120)))
