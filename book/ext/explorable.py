@@ -9,7 +9,7 @@
 
 stands for Example 3 of the paper, `motor` for a motor's speed under a load, with the observer and
 without, `sampled` for the motor's speed loop on a processor, `adrc` for the same motor under linear
-ADRC. With `:upwards: delay` or `gain` the page has a stability chart as
+ADRC, `proof` for Example 4 with the half planes that count its roots. With `:upwards: delay` or `gain` the page has a stability chart as
 well: λ across, this of the plant upwards. The page carries the coefficients of its blocks, which
 come from `nrdob.paper`, and a still picture for those without a script; the script computes the
 rest. Into chapters, which are notebooks, it comes after the question that opens them: see
@@ -39,7 +39,7 @@ from nrdob.plotting import COLOURS, SHORT, TALL, Figure, axes_for, styled
 from predictions import KEY
 
 SCRIPTS = tuple(
-    f"explore/{name}.js" for name in ("loop", "curve", "chart", "sampled", "adrc", "view")
+    f"explore/{name}.js" for name in ("loop", "curve", "chart", "sampled", "adrc", "proof", "view")
 )
 LEAST_ORDER, MOST_ORDER = 1, 6
 AT_REST = {"gain": 1.0, "lag": 0.0, "zero": 0.0, "delay": 0.0}
@@ -88,10 +88,12 @@ def scene(name: str) -> Scene:
         motor = ct.tf([b0], [1.0, 10.0])
         loop = linear_adrc(motor, 1, b0, start["observer"], start["controller"])
         return Scene(name, loop, start, None, {"b0": b0})
+    proof, name = name == "proof", "4" if name == "proof" else name
     loop = paper.example(int(name))
     least = loop.model.den[0][0].size - loop.model.num[0][0].size
     start = {"lambda": loop.filter.time_constant, "order": loop.filter.order}
-    return Scene("lags", loop, start, (max(least, LEAST_ORDER), MOST_ORDER))
+    kind = "proof" if proof else "lags"
+    return Scene(kind, loop, start, (max(least, LEAST_ORDER), MOST_ORDER))
 
 
 def still(shown: Scene, upwards: str, ranges: dict[str, tuple[float, float]]) -> Figure:
@@ -218,14 +220,16 @@ def fenced(place: dict[str, Any]) -> str:
 
 
 def into_chapter(app: Sphinx, page: str, source: list[str]) -> None:
-    """Lay what can be moved behind the question of a chapter that is being read."""
+    """Lay what can be moved behind the question of a chapter, or its first figure."""
     table = Path(app.srcdir) / PLACES
     place = tomllib.loads(table.read_text("utf-8")).get(page.removeprefix(f"{CHAPTERS}/"))
     if place is None or not page.startswith(f"{CHAPTERS}/"):
         return
     app.env.note_dependency(table)
     notebook = json.loads(source[0])
-    after = next(i for i, cell in enumerate(notebook["cells"]) if KEY in cell["metadata"])
+    marks = [i for i, cell in enumerate(notebook["cells"])
+             if KEY in cell["metadata"] or "figure" in cell["metadata"].get("mystnb", {})]  # fmt: skip
+    after = next((i for i in marks if KEY in notebook["cells"][i]["metadata"]), marks[0])
     cell = {"cell_type": "markdown", "id": "explorable", "metadata": {}, "source": fenced(place)}
     notebook["cells"].insert(after + 1, cell)
     source[0] = json.dumps(notebook)

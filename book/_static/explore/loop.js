@@ -612,7 +612,7 @@
   const plain = (loop, { Nc, Dc }) => ({ ...loop, q: times(loop.D, Dc), r: times(loop.N, Nc), fromDelta: times(loop.N, Dc) });
 
   window.nrdob = {
-    loopOf, judge, stabilizing, step, F, FH, H, L, roots, frequencies, countRight, delayMargin, drained, onTheRight, plain,
+    characteristic, loopOf, judge, stabilizing, step, F, FH, H, L, roots, frequencies, countRight, delayMargin, drained, onTheRight, plain,
     // For loops of another kind.
     parts: { abs, add, along, arg, between, criticalTimeConstants, crossed, div, expm, joined, lags, late, logarithm, minus, mul, overModel, phase, plantOf, plus, product, risen, sorted, times, turn, turning, value, zerosOf },
   };

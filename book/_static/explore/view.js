@@ -6,6 +6,7 @@
 
   const SIGNALS = { R: "of the reference R", d: "of d at the output", delta: "of δ at the input", eta: "of the noise η" };
   const CURVES = { FH: "F·H", H: "H", L: "L" };
+  const PROOF = { proof: "half planes of p_B" };
   const CONTROLS = {
     lambda: { label: "filter’s time constant λ", unit: "s", log: true },
     order: { label: "filter’s order n", integer: true },
@@ -134,8 +135,8 @@
       return svg("polyline", { class: kind, points: points.map(([x, y]) => `${X(x).toFixed(1)},${Y(y).toFixed(1)}`).join(" ") });
     }
 
-    draw(xs, ys, parts, title, told) {
-      const places = this.frameFor(xs, ys);
+    draw(xs, ys, parts, title, told, across = LINEAR) {
+      const places = this.frameFor(xs, ys, across);
       const { X, Y } = places;
       const scale = X(1) - X(0);
       const drawn = {
@@ -153,6 +154,7 @@
           const angle = (Math.atan2(Y(to[1]) - Y(from[1]), X(to[0]) - X(from[0])) * 180) / Math.PI;
           return svg("path", { class: kind, d: "M4 0l-8 -4.5v9z", transform: `translate(${X(to[0])} ${Y(to[1])}) rotate(${angle})` });
         },
+        band: ({ from: [x0, y0], to: [x1, y1], kind }) => svg("rect", { class: kind, x: X(x0), y: Y(y1), width: X(x1) - X(x0), height: Y(y0) - Y(y1) }),
         dot: ({ at: [x, y], kind }) => svg("circle", { class: kind, cx: X(x), cy: Y(y), r: 5 }),
         words: ({ at: [x, y], by = [0, 0], words, kind = "", anchor = "middle" }) =>
           svg("text", { class: kind, x: X(x) + by[0], y: Y(y) + by[1], "text-anchor": anchor }, words),
@@ -281,7 +283,7 @@
       // What is heard: one sentence, when the hand rests.
       this.live = html("p", { className: "visually-hidden" });
       this.live.setAttribute("role", "status");
-      this.state = { ...start, curve: this.kind.counted, signal: load ? "delta" : "d" };
+      this.state = { ...start, curve: this.kind.proof ? "proof" : this.kind.counted, signal: load ? "delta" : "d" };
       const still = figure.querySelector(".explorable-still");
       const plots = this.plots.map((plot) => plot.element);
       if (load) plots.reverse();
@@ -299,7 +301,7 @@
         ...filters,
         html("div", { className: "explorable-controls" }, ...Object.entries(range).map((each) => this.slider(...each))),
         this.facts,
-        html("div", { className: "explorable-controls explorable-choices" }, this.choice("Curve", "curve", this.kind.counted === "L" ? { L: "L" } : CURVES), this.choice("Unit step", "signal", SIGNALS), ...this.upwards(), this.back()),
+        html("div", { className: "explorable-controls explorable-choices" }, this.choice("Curve", "curve", this.kind.counted === "L" ? { L: "L" } : { ...(this.kind.proof ? PROOF : {}), ...CURVES }), this.choice("Unit step", "signal", SIGNALS), ...this.upwards(), this.back()),
         this.live,
       );
       this.see(this.chart ? "chart" : load ? "step" : "nyquist");
@@ -421,8 +423,36 @@
       if (this.live.textContent || this.last) this.speaking = setTimeout(() => (this.live.textContent = heard), 600);
     }
 
+    /* The phase of p_B, and the half planes to which pieces of the axis keep it. */
+    proof(loop) {
+      const found = nrdob.halfPlanes(loop);
+      this.plots[0].names = ["ω in rad/s", "phase of p_B in degrees"];
+      if (!found) {
+        const [words, told] = ["no half planes: a root is on the axis, or too close", "No proof: a root is on the imaginary axis, or too close to it."];
+        return this.plots[0].draw([-1, 1], [-90, 90], [{ draw: "words", at: [0, 0], words }], "", told);
+      }
+      const { pieces, roots } = found;
+      const degrees = (x) => (180 * x) / Math.PI;
+      const [low, high] = [Math.log10(pieces[0].to) - 0.5, Math.log10(pieces[pieces.length - 1].to)];
+      const at = (omega) => Math.max(low, Math.log10(omega || 1e-300));
+      const middles = pieces.map(({ middle }) => degrees(middle));
+      const bands = pieces.map(({ from, to, middle }) => ({ draw: "band", from: [at(from), degrees(middle) - 90], to: [at(to), degrees(middle) + 90], kind: "half-plane" }));
+      let phase = pieces[0].middle;
+      const line = Array.from({ length: 400 }, (_, k) => {
+        const x = low + ((high - low) * k) / 399;
+        const angle = nrdob.parts.arg(nrdob.characteristic(loop, 10 ** x));
+        phase += Math.atan2(Math.sin(angle - phase), Math.cos(angle - phase));
+        return [x, degrees(phase)];
+      });
+      const title = `${plural(pieces.length, "piece", "pieces")} of the axis, so ${plural(roots, "root", "roots")} in the right half plane`;
+      const told = `Phase of p_B on the imaginary axis: on each of ${title}.`;
+      this.plots[0].draw([low, high], [Math.min(...middles) - 100, Math.max(...middles) + 120], [...bands, { draw: "line", points: line, kind: "curve" }], title, told, POWERS);
+    }
+
     nyquist(loop, { N, P, Z }) {
       const { curve } = this.state;
+      if (curve === "proof") return this.proof(loop);
+      this.plots[0].names = ["real part", "imaginary part"];
       const map = nrdob[curve];
       const name = CURVES[curve];
       const { width, height, left, right, top, bottom } = SIZE;
