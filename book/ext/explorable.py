@@ -9,11 +9,11 @@
 
 stands for Example 3 of the paper, `motor` for a motor's speed under a load, with the observer and
 without, `sampled` for the motor's speed loop on a processor, `adrc` for the same motor under linear
-ADRC, `proof` for Example 4 with the half planes that count its roots. With `:upwards: delay` or `gain` the page has a stability chart as
-well: λ across, this of the plant upwards. The page carries the coefficients of its blocks, which
-come from `nrdob.paper`, and a still picture for those without a script; the script computes the
-rest. Into chapters, which are notebooks, it comes after the question that opens them: see
-`explorables.toml`.
+ADRC, `proof` for Example 4 with the half planes that count its roots. With `:upwards: delay` or
+`gain` the page has a stability chart as well: λ across, this of the plant upwards. The page carries
+the coefficients of its blocks, which come from `nrdob.paper`, and a still picture for those without
+a script; the script computes the rest. Into chapters, which are notebooks, it comes after the
+question that opens them: see `explorables.toml`.
 """
 
 from __future__ import annotations
@@ -227,9 +227,10 @@ def into_chapter(app: Sphinx, page: str, source: list[str]) -> None:
         return
     app.env.note_dependency(table)
     notebook = json.loads(source[0])
-    marks = [i for i, cell in enumerate(notebook["cells"])
-             if KEY in cell["metadata"] or "figure" in cell["metadata"].get("mystnb", {})]  # fmt: skip
-    after = next((i for i in marks if KEY in notebook["cells"][i]["metadata"]), marks[0])
+    metadata = [cell["metadata"] for cell in notebook["cells"]]
+    questions = [k for k, each in enumerate(metadata) if KEY in each]
+    figures = [k for k, each in enumerate(metadata) if "figure" in each.get("mystnb", {})]
+    after = (questions + figures)[0]
     cell = {"cell_type": "markdown", "id": "explorable", "metadata": {}, "source": fenced(place)}
     notebook["cells"].insert(after + 1, cell)
     source[0] = json.dumps(notebook)
