@@ -43,7 +43,7 @@ ROOT = Path(__file__).resolve().parents[2]
 WHAT = ("nrdob", "tests", "book", "notebooks", "pyproject.toml", "README.md", "CONTRIBUTING.md")
 FOLDERS = (
     "numerics", "diagram", "analysis", "certificates", "digital", "design", "measured",
-    "uncertain", "alternatives", "plotting", "reporting",
+    "uncertain", "alternatives", "drives", "plotting", "reporting",
 )  # fmt: skip
 AT_THE_TOP = ("bad_input", "paper", "plants", "reported_faults")
 FAST = ("-p", "no:cacheprovider", "-m", "not slow", "--hypothesis-profile=quick")
