@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..diagram import DelayedTransferFunction, FilterFamily
+from ..diagram import FilterFamily, undelayed
 from ..digital import process_in_w
 from ..numerics import count_rhp, is_real
 from .crossings import CriticalTimeConstant, crossings
@@ -109,7 +109,7 @@ def stabilizing_time_constants(
     Parameters
     ----------
     process, model : as for `nrdob.NRDOB`
-        G, with or without dead time, and G̃.
+        G and G̃, with or without dead time.
     order : int
         n of the filter.
     floor : float, optional
@@ -117,8 +117,8 @@ def stabilizing_time_constants(
     dt : float, optional
         Sampling time in seconds of a processor that runs the observer by Tustin's rule. In the
         plane of w Tustin's filter is the same polynomial in λ, and the process behind its hold is
-        rational, with any dead time (`nrdob.digital.wplane`): the set is exact, and complete from
-        0 on.
+        rational, with any dead time (`nrdob.digital.process_in_w`), as is a stable model with one:
+        the set is exact, and complete from 0 on.
     computation_delay : float
         Time from reading y to writing u there, in seconds.
 
@@ -164,24 +164,16 @@ def _frequencies(
     process: Any, model: Any, order: int | FilterFamily, dt: float | None, computation_delay: float
 ) -> Frequencies:
     """Read the blocks, the process behind a hold where there is a sampling time."""
-    process = _held(process, model, dt, computation_delay)
-    return Frequencies(Mismatch.of(process, model, order, waits=True))
-
-
-def _held(process: Any, model: Any, dt: float | None, computation_delay: float) -> Any:
     if dt is None:
         if computation_delay:
             raise ValueError(
                 "computation_delay belongs to a processor: give its sampling time dt, too, or "
                 "multiply the process by nrdob.delay(computation_delay)"
             )
-        return process
-    if isinstance(model, DelayedTransferFunction) and model.delay:
-        raise ValueError(
-            f"model has a dead time of {model.delay:g} s; with dt sets are computed for models "
-            "without: leave it out, or ask NRDOB(…).sampled(dt).stability() for one λ"
-        )
-    return process_in_w(process, dt, computation_delay)
+    else:
+        process = process_in_w(process, dt, computation_delay, model)
+        model, _ = undelayed(model)
+    return Frequencies(Mismatch.of(process, model, order, waits=True))
 
 
 def stabilizing_set(frequencies: Frequencies, floor: float) -> list[tuple[float, float]]:

@@ -38,8 +38,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..diagram import DelayedTransferFunction, Fraction, LoopEquations, as_fraction, nonzero
-from ..numerics import QuasiPolynomial, written
+from ..diagram import (
+    DelayedTransferFunction,
+    Fraction,
+    LoopEquations,
+    as_fraction,
+    nonzero,
+    undelayed,
+)
+from ..numerics import FloatArray, QuasiPolynomial, written
 from .hold import checked_times, in_samples
 
 __all__ = ["MULTIPLIED_OUT", "held_blocks", "held_in_w", "process_in_w"]
@@ -113,8 +120,16 @@ def held_in_w(
     )
 
 
-def process_in_w(process: Any, dt: float, computation_delay: float = 0.0) -> Fraction:
-    """Take a whole process, dead time and all, behind its hold to the plane of w, α = dt/2.
+def process_in_w(
+    process: Any, dt: float, computation_delay: float = 0.0, model: Any = None
+) -> Fraction:
+    r"""Take a whole process, dead time and all, behind its hold to the plane of w, α = dt/2.
+
+    A processor delays its model by m samples and a fraction φ of one, :math:`E=v^m(1-\varphi+
+    \varphi v)` with :math:`v=(1-\alpha w)/(1+\alpha w)`. In
+    :math:`1+F(G/\tilde G_0-E)` the bracket is :math:`G'/\tilde G_0-1` with :math:`G'=G+
+    (1-E)\tilde G_0`: that process has the same p_B with the model without its dead time, but for
+    the poles of :math:`\tilde G_0`.
 
     Parameters
     ----------
@@ -124,6 +139,8 @@ def process_in_w(process: Any, dt: float, computation_delay: float = 0.0) -> Fra
         Sampling time in seconds.
     computation_delay : float
         Time from reading y to writing u, in seconds.
+    model : DelayedTransferFunction, optional
+        A model with a dead time, stable without it: then it is the process G' that is returned.
 
     Returns
     -------
@@ -133,8 +150,8 @@ def process_in_w(process: Any, dt: float, computation_delay: float = 0.0) -> Fra
     Raises
     ------
     TypeError, ValueError
-        If dt or the delay cannot be, or both dead times together hold more samples than can be
-        multiplied out.
+        If dt or the delay cannot be, both dead times together hold more samples than can be
+        multiplied out, or a pole of the model is not in the open left half plane.
 
     Examples
     --------
@@ -148,6 +165,18 @@ def process_in_w(process: Any, dt: float, computation_delay: float = 0.0) -> Fra
     late = isinstance(process, DelayedTransferFunction)
     G = nonzero(as_fraction(process.tf if late else process, "process"), "process")
     delay = (process.delay if late else 0.0) + computation_delay
+    samples, fraction = _samples(delay, dt)
+    held = held_in_w(G, dt, fraction=fraction)
+    own, model_delay = undelayed(model) if model is not None else (None, 0.0)
+    if model_delay:
+        model = as_fraction(own, "model")
+        return _with_delayed_model(held, samples, model, _samples(model_delay, dt), dt)
+    down, up = _powers(samples, dt)
+    return Fraction(np.convolve(held.num, down), np.convolve(held.den, up))
+
+
+def _samples(delay: float, dt: float) -> tuple[int, float]:
+    """Count the samples in a dead time, and the fraction of one, if they can be multiplied out."""
     samples, fraction = in_samples(delay, dt)
     if samples > MULTIPLIED_OUT:
         raise ValueError(
@@ -155,11 +184,39 @@ def process_in_w(process: Any, dt: float, computation_delay: float = 0.0) -> Fra
             f"computed for up to {MULTIPLIED_OUT}: choose a longer dt, or ask without dt, as in "
             "continuous time"
         )
-    held = held_in_w(G, dt, fraction=fraction)
-    # Whole samples, ((1 - αw)/(1 + αw))^d.
-    lag = np.array([comb(samples, k) * (dt / 2) ** k for k in range(samples, -1, -1)])
-    signs = (-1.0) ** np.arange(samples, -1, -1)
-    return Fraction(np.convolve(held.num, lag * signs), np.convolve(held.den, lag))
+    return samples, fraction
+
+
+def _powers(samples: int, dt: float) -> tuple[FloatArray, FloatArray]:
+    """Multiply (1 - αw)^k and (1 + αw)^k out."""
+    up: FloatArray = np.array([comb(samples, k) * (dt / 2) ** k for k in range(samples, -1, -1)])
+    return up * (-1.0) ** np.arange(samples, -1, -1), up
+
+
+def _with_delayed_model(
+    held: Fraction, samples: int, model: Fraction, late: tuple[int, float], dt: float
+) -> Fraction:
+    """Give G' of a process behind its hold, with whole samples, and a delayed model."""
+    if np.any(QuasiPolynomial(model.den).roots.real >= 0):
+        raise ValueError(
+            "the model has a dead time, and a pole that is not in the open left half plane; with "
+            "dt sets of delayed models are computed for stable ones: leave the dead time out, or "
+            "ask NRDOB(…).sampled(dt).stability() for one λ"
+        )
+    whole, fraction = late
+    common = max(samples, whole + (fraction > 0))  # of (1 + αw), in both
+    own = np.convolve(_powers(samples, dt)[0], _powers(common - samples, dt)[1])
+    E: FloatArray = np.convolve(
+        _powers(whole, dt)[0], _powers(common - whole - (fraction > 0), dt)[1]
+    )
+    if fraction:
+        E = np.convolve(E, [(1 - 2 * fraction) * dt / 2, 1.0])
+    both = _powers(common, dt)[1]
+    num = np.polyadd(
+        np.convolve(np.convolve(held.num, own), model.den),
+        np.convolve(held.den, np.convolve(model.num, np.polysub(both, E))),
+    )
+    return Fraction(num, np.convolve(held.den, np.convolve(model.den, both)))
 
 
 def held_blocks(loop: LoopEquations, dt: float) -> LoopEquations:
