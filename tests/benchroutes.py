@@ -178,6 +178,10 @@ WRONG: dict[str, list[Route]] = {
         lambda case: NRDOB(case.processes[0], *_parts(scanned_shaft(case))),
         lambda case: LowPassFilter(4 * case.dt, 1),
         lambda case: NRDOB(
+            case.process, scanned_shaft(case).model, 1e-6 * scanned_shaft(case).controller,
+            LowPassFilter(4 * case.dt, 1),
+        ),
+        lambda case: NRDOB(
             case.process, scanned_shaft(case).model, scanned_shaft(case).controller,
             LowPassFilter(0.6 * case.dt, 1),
         ),
