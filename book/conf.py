@@ -36,6 +36,7 @@ extensions = [
     "claimlinks",
     "complete",
     "concordance",
+    "drawing",
     "explorable",
     "findable",
     "folds",

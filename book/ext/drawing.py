@@ -1,0 +1,33 @@
+"""A block diagram of the package on a page that is no notebook: ``{diagram} nrdob``."""
+
+from __future__ import annotations
+
+import base64
+from html import escape
+
+from docutils import nodes
+from sphinx.application import Sphinx
+from sphinx.util.docutils import SphinxDirective
+
+from nrdob.plotting import diagrams
+
+
+class BlockDiagram(SphinxDirective):
+    """Draw one of `nrdob.plotting.diagrams`, with what it shows in words."""
+
+    required_arguments = 1
+
+    def run(self) -> list[nodes.Node]:
+        """Make the picture."""
+        drawn = getattr(diagrams, self.arguments[0])().plot()
+        picture = base64.b64encode(drawn.png()).decode()
+        html = (
+            f'<img class="diagram" alt="{escape(drawn.alt)}" src="data:image/png;base64,{picture}">'
+        )
+        return [nodes.raw("", html, format="html")]
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Add the directive."""
+    app.add_directive("diagram", BlockDiagram)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
