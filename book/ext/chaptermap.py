@@ -10,11 +10,14 @@ lays out the chapters part by part, as cards: number, title, minutes, what each 
     ```
 
 writes a way: the sentence, the chapters in this order, and the sum of their times. All of it is
-read out of the openings of the chapters themselves.
+read out of the openings of the chapters themselves. The title of a chapter's page begins with its
+number.
 """
 
 from __future__ import annotations
 
+import json
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -124,8 +127,21 @@ class ReadingPath(ChapterDirective):
             yield self.link(openings[number], openings[number].title.split(":")[0])
 
 
+NUMBERED = re.compile(r"chapters/0?(\d+|[A-Z])_\w+")
+
+
+def number_title(_app: Sphinx, page: str, source: list[str]) -> None:
+    """Put the number of a chapter before its title, which then has it wherever it stands."""
+    if found := NUMBERED.fullmatch(page):
+        notebook = json.loads(source[0])
+        text = "".join(notebook["cells"][0]["source"])
+        notebook["cells"][0]["source"] = re.sub(r"\A# ", rf"# {found[1]}. ", text)
+        source[0] = json.dumps(notebook)
+
+
 def setup(app: Sphinx) -> dict[str, Any]:
-    """Add the two directives."""
+    """Add the two directives, and the numbers of the chapters."""
+    app.connect("source-read", number_title)
     app.add_directive("chapter-map", ChapterMap)
     app.add_directive("reading-path", ReadingPath)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

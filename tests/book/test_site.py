@@ -168,6 +168,19 @@ def test_every_chapter_can_be_reached_from_the_front_page(pages: dict[Path, Beau
     assert wanted <= links, f"no way from the front page to {sorted(wanted - links)}"
 
 
+def test_a_chapter_shows_its_number_wherever_its_title_stands(
+    site: Path, pages: dict[Path, BeautifulSoup]
+) -> None:
+    for path in sorted((site / "chapters").glob("*.html")):
+        number = path.stem.partition("_")[0].lstrip("0")
+        page = pages[path]
+        titles = [page.title, page.select_one("article h1"), page.select_one("nav .current > a")]
+        for title in titles:
+            assert title and title.get_text().strip().startswith(f"{number}. "), path.name
+        after = [link.get_text().strip() for link in page.select(".prev-next-title")]
+        assert any(re.match(r"(\d+|[A-Z])\. ", text) for text in after), path.name
+
+
 def test_pages_fetch_nothing_from_elsewhere(pages: dict[Path, BeautifulSoup]) -> None:
     external = [
         f"{path.name}: {tag.name} {tag[attribute]}"
