@@ -1,0 +1,59 @@
+"""What hardly any test noticed when it was changed: faults put into the package on purpose."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import control as ct
+import numpy as np
+import pytest
+
+import nrdob
+from nrdob import NRDOB, LowPassFilter, delay
+from nrdob.digital import largest_sampling_time
+from nrdob.measured import heated_air
+from nrdob.reporting.datasections import data_sections
+from nrdob.reporting.loopsections import sections_of
+
+s = ct.tf("s")
+
+
+@pytest.mark.slow
+def test_a_model_that_misses_what_the_input_does_is_a_warning() -> None:
+    found = nrdob.identify(*heated_air())
+    for independent in (True, False, None):
+        residuals = replace(found.residuals, independent=independent)
+        sections = dict(data_sections(replace(found, residuals=residuals)))
+        section = sections["The process behind it"]()
+        assert bool(section.warnings) is (independent is False)
+
+
+def test_a_report_samples_ten_times_as_fast_as_the_loop_or_its_filter_requires() -> None:
+    loop = nrdob.paper.example(2)
+    longest, filter = largest_sampling_time(loop), loop.filter
+    assert isinstance(filter, LowPassFilter)
+    dt = float(f"{min(longest, 2 * filter.time_constant) / 10:.2g}")
+    section = dict(sections_of(loop))["On a processor"]()
+    assert f"At dt = {dt:g} s, chosen here, the sampled loop is stable" in " ".join(section.words)
+
+
+@pytest.mark.parametrize("clock", ["13:00:00 pm", "0:30:00 am", "24:00:00", "12:60:00"])
+def test_a_time_that_is_none_of_a_day_is_named(tmp_path, clock: str) -> None:
+    rows = ["t,u,y", *(f"2026-01-02 {clock},{k % 2},{k}" for k in range(12))]
+    path = tmp_path / "times.csv"
+    path.write_text("\n".join(rows), encoding="utf-8")
+    with pytest.raises(ValueError, match=r"no time (of a day|like)"):
+        nrdob.read_data(path)
+
+
+def test_a_root_at_zero_that_comes_only_where_both_dead_times_are_equal_is_no_reason_to_count() -> (
+    None
+):
+    """Of s + 1 - 2 exp(-0.3s) + exp(-0.5s) the sum at equal delays keeps its root at s = 0."""
+    plant, model = delay(0.5) * (1 / (s + 1)), delay(0.3) * (1 / (s + 1))
+    found = NRDOB(plant, model, 0.5, LowPassFilter(0.4, 1)).stability()
+    values = found.observer_loop.closed_loop_rhp
+    w = np.linspace(-400, 400, 400_001)
+    curve = NRDOB(plant, model, 0.5, LowPassFilter(0.4, 1)).FH(1j * w)
+    turned = np.unwrap(np.angle(1 + curve))
+    assert values == round((turned[0] - turned[-1]) / (2 * np.pi)) == 0
