@@ -1,13 +1,15 @@
 /* The search of the site: Sphinx's index finds the pages, this puts them in order and shows what
    they say. A student is led to the chapter that introduces a word, then to those that speak of it
-   most; names of the package, pages for teachers and lists come after. Nothing is fetched, so that
-   it works from a disk, too. */
+   most; names of the package, pages for teachers and lists come after, and in a chapter its
+   literature and exercises. A word that stands nowhere is taken for the nearest one that does.
+   Nothing is fetched, so that it works from a disk, too. */
 (() => {
   "use strict";
 
   const { pages, terms } = window.TEXTS ?? { pages: {}, terms: {} };
   const FIRST = 30;
   const SHOWN = 240;
+  const LAST = /^(Known, and new here|Try it|Compute|Prove|Design|Summary)$/;
   const OF_KIND = { chapter: 1, page: 0.45, names: 0.35, teaching: 0.3 };
   // Words of a question that say nothing of what is asked.
   const EMPTY = new Set("a an and are be can do does find for how i in is it my of on or or should the to use what when where which why with".split(" "));
@@ -17,7 +19,7 @@
   const stem = (word) => LETTERS[word] ?? (word.length > 5 ? word.replace(/(ing|es|ed|e|s)$/, "") : word);
 
   const wordsOf = (query) => {
-    const all = query.toLowerCase().split(/[^\p{L}\p{N}_-]+/u).filter(Boolean).map(stem);
+    const all = query.toLowerCase().split(/[^\p{L}\p{N}_]+/u).filter(Boolean).map(stem);
     const telling = all.filter((word) => !EMPTY.has(word));
     return telling.length ? telling : all;
   };
@@ -42,10 +44,10 @@
     const { kind, title, sections } = pages[page];
     const judged = sections.map(([id, heading, text], place) => ({
       id: place ? id : "", heading: place ? heading : "", text,
-      score: 2 * said(heading, patterns) + said(`${heading} ${text}`, patterns),
+      score: (LAST.test(heading) ? 0.2 : 1) * (2 * said(heading, patterns) + said(`${heading} ${text}`, patterns)),
     }));
     const best = judged.reduce((a, b) => (b.score > a.score ? b : a), judged[0]);
-    const whole = sections.map(([, heading, text]) => `${heading} ${text}`).join(" ");
+    const whole = sections.filter(([, heading]) => !LAST.test(heading)).map(([, heading, text]) => `${heading} ${text}`).join(" ");
     let score = 3 * said(title, patterns) + said(whole, patterns) + (best?.score ?? 0);
     score *= OF_KIND[kind];
     // The glossary knows which chapter introduces a word.
@@ -54,9 +56,65 @@
       const ofTerm = wordsOf(term);
       if (ofTerm.join(" ") === words.join(" ")) score += 6;
       else if (words.every((word) => ofTerm.includes(word))) score += 3 * words.length / ofTerm.length;
+      else if (ofTerm.every((word) => words.includes(word))) score += 3 * ofTerm.length / words.length;
     }
     return { page, title, score, ...best, score };
   };
+
+  /* Every word of the site, and how often it stands there; words of titles and of the glossary count more. */
+  const vocabulary = () => {
+    const counts = new Map();
+    const put = (text, weight) => {
+      for (const word of text.toLowerCase().match(/\p{L}{3,}/gu) ?? []) counts.set(word, (counts.get(word) ?? 0) + weight);
+    };
+    for (const { title, sections } of Object.values(pages)) {
+      put(title, 10);
+      for (const [, heading, text] of sections) put(`${heading} ${text}`, 1);
+    }
+    for (const term of Object.keys(terms)) put(term, 10);
+    return counts;
+  };
+
+  /* Letters to be left out, put in, changed or exchanged with their neighbour to make b of a; or more than `most`. */
+  const apart = (a, b, most) => {
+    if (Math.abs(a.length - b.length) > most) return most + 1;
+    let [before, last] = [[], Array.from({ length: b.length + 1 }, (_, j) => j)];
+    for (let i = 1; i <= a.length; i++) {
+      const row = [i];
+      for (let j = 1; j <= b.length; j++) {
+        row[j] = Math.min(last[j] + 1, row[j - 1] + 1, last[j - 1] + (a[i - 1] === b[j - 1] ? 0 : 1));
+        if (i > 1 && j > 1 && a[i - 1] === b[j - 2] && a[i - 2] === b[j - 1]) row[j] = Math.min(row[j], before[j - 2] + 1);
+      }
+      [before, last] = [last, row];
+    }
+    return last[b.length];
+  };
+
+  /* The query with each word that stands nowhere replaced by the nearest one that does. */
+  const nearest = (query) => {
+    const counts = vocabulary();
+    const known = [...counts.keys()];
+    return query.replace(/\p{L}{4,}/gu, (given) => {
+      const word = given.toLowerCase();
+      const [beginning, most] = [stem(word), word.length > 6 ? 2 : 1];
+      if (LETTERS[word] || EMPTY.has(word) || known.some((each) => each.startsWith(beginning))) return given;
+      const near = known
+        .map((each) => ({ each, off: apart(word, each, most) - Math.min(0.9, 0.1 * Math.log(counts.get(each))) }))
+        .filter(({ off }) => off <= most)
+        .sort((a, b) => a.off - b.off);
+      return near.length ? near[0].each : given;
+    });
+  };
+
+  const ranked = (query, listed = new Set()) => {
+    const words = wordsOf(query);
+    const patterns = words.map(finder);
+    return Object.keys(pages)
+      .map((page) => judge(page, patterns, words))
+      .map((each) => ({ ...each, score: each.score + (listed.has(each.page) ? 0.05 : 0) }));
+  };
+
+  const inOrder = (found) => found.filter(({ score }) => score > 0).sort((a, b) => b.score - a.score).slice(0, FIRST);
 
   const make = (tag, properties = {}, ...children) => {
     const element = Object.assign(document.createElement(tag), properties);
@@ -95,19 +153,12 @@
       score: query.includes("_") ? 20 : 0.2,
     }));
 
-  const show = (query) => {
-    const words = wordsOf(query);
-    const asked = query.toLowerCase().trim();
-    const patterns = words.map(finder);
+  const show = (asked) => {
+    const query = asked.includes("_") ? asked : nearest(asked);
+    const patterns = wordsOf(query).map(finder);
     const results = indexed(query);
     const listed = new Set(results.map(([page]) => page));
-    const found = Object.keys(pages)
-      .map((page) => judge(page, patterns, words))
-      .map((each) => ({ ...each, score: each.score + (listed.has(each.page) ? 0.05 : 0) }))
-      .concat(named(results, asked))
-      .filter(({ score }) => score > 0)
-      .sort((a, b) => b.score - a.score)
-      .slice(0, FIRST);
+    const found = inOrder(ranked(query, listed).concat(named(results, query.toLowerCase().trim())));
     for (const { page, title, id, heading, text } of found) {
       const link = make("a", { href: `${page}.html${id ? `#${id}` : ""}` },
         heading ? `${title} › ${heading}` : title);
@@ -118,9 +169,10 @@
     Search.stopPulse();
     Search.title.textContent = "What was found";
     Search.status.textContent = found.length
-      ? `${found.length} page${found.length === 1 ? "" : "s"} for “${query}”, the best first.`
+      ? `${query === asked ? "" : `“${asked}” stands nowhere. `}${found.length} page${found.length === 1 ? "" : "s"} for “${query}”, the best first.`
       : `Nothing was found for “${query}”. Try fewer words, or look into the glossary.`;
   };
 
   Search.query = show;
+  Search.best = (asked) => inOrder(ranked(nearest(asked)));
 })();

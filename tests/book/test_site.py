@@ -6,6 +6,7 @@ the checkout stays untouched.
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
 import subprocess
@@ -615,7 +616,54 @@ QUERIES = {
     "saturation": "chapters/20_actuator_limits",
     "PID": "chapters/16_what_it_is",
     "unstable plant": "chapters/06_why_must_the_model_be_wrong",
+    "nyquits": "chapters/05_how_slow_must_the_filter_be",
+    "disturbence observer": "chapters/02_why_two_conditions",
+    "satruation": "chapters/20_actuator_limits",
+    "robutsness": "chapters/08_which_margin_is_the_plants",
+    "sensitivity": "chapters/09_the_filter",
+    "Ms": "chapters/08_which_margin_is_the_plants",
+    "discrete time sampling": "chapters/19_on_a_processor",
+    "low pass filter order": "chapters/09_the_filter",
+    "gain margin": "chapters/08_which_margin_is_the_plants",
+    "delay margin": "chapters/08_which_margin_is_the_plants",
+    "anti-windup": "chapters/20_actuator_limits",
+    "encoder": "chapters/21_a_drive",
+    "stiction": "chapters/21_a_drive",
+    "ADRC": "chapters/22_alternatives",
+    "internal model control": "chapters/16_what_it_is",
+    "parity": "chapters/06_why_must_the_model_be_wrong",
+    "waterbed": "chapters/13_limits",
+    "certificate": "chapters/D_a_proof_you_can_check",
+    "identification": "chapters/23_a_measured_plant",
+    "non-minimum phase": "chapters/14_unstable_and_non_minimum_phase",
+    "small gain": "chapters/04_what_exactly_is_lemma_1",
+    "Lemma 2": "chapters/08_which_margin_is_the_plants",
+    "two mass resonance": "chapters/21_a_drive",
+    "errata": "errata",
 }
+"""What a reader types, and the page that must come first."""
+
+RANKED = """
+const { readFileSync } = require("fs");
+globalThis.window = globalThis;
+globalThis.Search = {};
+for (const name of process.argv.slice(1)) (0, eval)(readFileSync(name, "utf8"));
+const asked = JSON.parse(readFileSync(0, "utf8"));
+process.stdout.write(JSON.stringify(asked.map((query) => Search.best(query)[0]?.page ?? "")));
+"""
+
+
+@pytest.mark.skipif(shutil.which("node") is None, reason="no node: the search was NOT asked")
+def test_thirty_queries_have_the_right_page_first(site: Path) -> None:
+    scripts = [str(site / "_static" / name) for name in ("texts.js", "search.js")]
+    done = subprocess.run(
+        ["node", "-e", RANKED, "--", *scripts], input=json.dumps([*QUERIES, "xyzzy"]), text=True,
+        capture_output=True, check=True,
+    )  # fmt: skip
+    assert len(QUERIES) >= 30
+    assert dict(zip([*QUERIES, "xyzzy"], json.loads(done.stdout), strict=True)) == QUERIES | {
+        "xyzzy": ""
+    }
 
 
 @pytest.fixture(scope="module")
