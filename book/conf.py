@@ -43,6 +43,7 @@ extensions = [
     "getting",
     "papermap",
     "predict",
+    "published",
     "solutions",
     "theorems",
     "typeset",

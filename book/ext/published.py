@@ -1,0 +1,92 @@
+"""What a site needs where it is published: canonical links, a card for links to it, sitemap, 404.
+
+The address is given by the environment, ``NRDOB_SITE``, when the site is built for its place; a
+build without it, on a disk, has none of these, and names no server.
+"""
+
+from __future__ import annotations
+
+import os
+from html import escape
+from pathlib import Path
+from typing import Any
+from urllib.parse import urljoin
+from xml.sax.saxutils import escape as xml
+
+from sphinx.application import Sphinx
+from sphinx.config import Config
+
+PICTURE = "_static/readme.png"
+SAYS = (
+    "When is a loop with a disturbance observer stable, and how far from trouble? An executable "
+    "book: every number is computed in front of you."
+)
+NOT_FOUND = """<!DOCTYPE html>
+<html lang="en"><head><meta charset="utf-8"><title>Not found</title>
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<style>body {{ font: 1.1rem/1.6 sans-serif; max-width: 36rem; margin: 3rem auto; padding: 0 1rem; }}
+:root {{ color-scheme: light dark; }}</style></head>
+<body><h1>This page is not here</h1><p>Chapters were numbered anew in the third edition. Begin at
+<a href="{address}">the front page</a>, or <a href="{search}">search the book</a>.</p></body></html>
+"""
+
+
+def set_address(_app: Sphinx, config: Config) -> None:
+    """Take the address from the environment, ending in a slash."""
+    address = os.environ.get("NRDOB_SITE", "").rstrip("/")
+    config.html_baseurl = f"{address}/" if address else ""
+
+
+def card(address: str, title: str, page: str) -> str:
+    """Write what a link to a page shows elsewhere."""
+    said = {
+        "og:type": "article" if page.startswith("chapters/") else "website",
+        "og:title": title,
+        "og:description": SAYS,
+        "og:url": urljoin(address, f"{page}.html"),
+        "og:image": urljoin(address, PICTURE),
+        "twitter:card": "summary_large_image",
+    }
+    return "\n".join(
+        f'<meta property="{name}" content="{escape(text, quote=True)}">'
+        for name, text in said.items()
+    )
+
+
+def sitemap(address: str, pages: list[str]) -> str:
+    """List the pages for search engines."""
+    places = "\n".join(
+        f"<url><loc>{xml(urljoin(address, f'{page}.html'))}</loc></url>" for page in pages
+    )
+    return (
+        '<?xml version="1.0" encoding="UTF-8"?>\n'
+        f'<urlset xmlns="http://www.sitemaps.org/schemas/sitemap/0.9">\n{places}\n</urlset>\n'
+    )
+
+
+def add_card(
+    app: Sphinx, page: str, _template: str, context: dict[str, Any], doctree: object
+) -> None:
+    """Put the card into the head of each page."""
+    if doctree is not None and (address := app.config.html_baseurl):
+        title = app.env.titles[page].astext()
+        context["metatags"] = f"{context.get('metatags', '')}\n{card(address, title, page)}"
+
+
+def write_lists(app: Sphinx, failed: Exception | None) -> None:
+    """Write the sitemap and the page for what is not there."""
+    address = app.config.html_baseurl
+    if failed is None and address and app.builder.format == "html":
+        folder = Path(app.outdir)
+        pages = sorted(app.env.found_docs)
+        (folder / "sitemap.xml").write_text(sitemap(address, pages), encoding="utf-8")
+        missing = NOT_FOUND.format(address=address, search=urljoin(address, "search.html"))
+        (folder / "404.html").write_text(missing, encoding="utf-8")
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Add the card, the sitemap and the page for what is not there."""
+    app.connect("config-inited", set_address)
+    app.connect("html-page-context", add_card)
+    app.connect("build-finished", write_lists)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
