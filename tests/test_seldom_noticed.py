@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import inf
 
 import control as ct
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 import nrdob
 from nrdob import NRDOB, LowPassFilter, delay
 from nrdob.digital import largest_sampling_time
+from nrdob.digital.unitcircle import CircleFunction, Product, count_outside
 from nrdob.measured import heated_air
 from nrdob.reporting.datasections import data_sections
 from nrdob.reporting.loopsections import sections_of
@@ -57,3 +59,34 @@ def test_a_root_at_zero_that_comes_only_where_both_dead_times_are_equal_is_no_re
     curve = NRDOB(plant, model, 0.5, LowPassFilter(0.4, 1)).FH(1j * w)
     turned = np.unwrap(np.angle(1 + curve))
     assert values == round((turned[0] - turned[-1]) / (2 * np.pi)) == 0
+
+
+def test_a_loop_that_is_stable_at_every_sampling_time_has_no_longest() -> None:
+    loop = NRDOB(1 / (s + 1), 1 / (s + 1), 0, LowPassFilter(1.0, 1))
+    assert largest_sampling_time(loop, "zoh") == inf
+
+
+def test_method_zoh_takes_a_loop_without_a_controller() -> None:
+    """Its controller became an empty list of coefficients."""
+    loop = NRDOB(1 / (s + 1), 1 / (s + 1), 0, LowPassFilter(0.5, 1)).sampled(0.02, method="zoh")
+    sizes = np.abs(np.linalg.eigvals(loop.closed_loop.A))
+    assert loop.stability().stable is True and sizes.max() == pytest.approx(np.exp(-0.02))
+
+
+def test_a_root_on_the_circle_is_no_count() -> None:
+    """z - exp(jω) and its conjugate: the argument is not defined there, and the angle is told."""
+    angle = 1.0
+    # v² - 2cos(ω)… in v = (1 - w)/(1 + w): z² - 2 cos(ω) z + 1
+    found = count_outside(
+        CircleFunction((Product((np.array([2 + 2 * np.cos(angle), 0.0, 2 - 2 * np.cos(angle)]),)),))
+    )
+    assert found.count is None and found.angle == pytest.approx(angle)
+
+
+def test_a_resonance_that_may_be_elsewhere_is_a_warning_or_an_alarm(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    said = [(1e-9, "far too near"), (0.05, "near")]
+    monkeypatch.setattr("nrdob.reporting.loopsections.resonance_warnings", lambda loop: said)
+    section = dict(sections_of(nrdob.paper.example(1)))["How nearly not?"]()
+    assert section.alarms == ("far too near",) and "near" in section.warnings

@@ -106,6 +106,8 @@ def held_in_w(
     >>> np.roots(num).round(6).tolist(), np.roots(den).round(6).tolist()
     ([20.0], [-0.999167])
     """
+    if not process.num.any():  # no controller
+        return Fraction(np.zeros(1), np.ones(1))
     a, c, direct, unit = _in_unit(tuple(process.num.tolist()), tuple(process.den.tolist()))
     given = _Given(a, c, direct, Exact(dt) / unit, Exact(fraction), at_once)
     bits, last = FIRST, None
