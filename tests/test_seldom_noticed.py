@@ -15,6 +15,7 @@ from nrdob.digital import largest_sampling_time
 from nrdob.digital.unitcircle import CircleFunction, Product, count_outside
 from nrdob.measured import heated_air
 from nrdob.reporting.datasections import data_sections
+from nrdob.reporting.formulas import character, formula
 from nrdob.reporting.loopsections import sections_of
 
 s = ct.tf("s")
@@ -90,3 +91,36 @@ def test_a_resonance_that_may_be_elsewhere_is_a_warning_or_an_alarm(
     monkeypatch.setattr("nrdob.reporting.loopsections.resonance_warnings", lambda loop: said)
     section = dict(sections_of(nrdob.paper.example(1)))["How nearly not?"]()
     assert section.alarms == ("far too near",) and "near" in section.warnings
+
+
+def test_the_heated_air_is_the_plant_that_was_fitted() -> None:
+    air = nrdob.plants.heated_air()
+    assert air.delay == 0.16
+    np.testing.assert_allclose(sorted(-1 / air.tf.poles().real), [0.12, 0.27])
+    assert air.tf.dcgain() == pytest.approx(0.93)
+
+
+def test_blocks_are_written_as_one_knows_them() -> None:
+    assert formula(LowPassFilter(0.5, 2)) == "1/(0.5 s + 1)²"
+    assert formula(LowPassFilter(0.5, 1)) == "1/(0.5 s + 1)"
+    assert formula(delay(0.3) * 2 / (s + 1)) == "2/(s + 1) · e^(−0.3 s)"
+
+
+@pytest.mark.parametrize(
+    ("process", "said"),
+    [
+        (2.0, "pure gain"), ((s + 2) / (s + 1), "lets the input through at once"),
+        (1 / s**2, "double integrator"), (s / (s + 1) ** 2, "zero at s = 0"),
+        (1 / (s**2 + 0.2 * s + 1), "resonates at 1 rad/s with a damping ratio of 0.1"),
+        (1 / (s + 1) ** 5, "order 5"), (1 / (s - 2), "unstable: poles at 2 rad/s"),
+    ],
+)  # fmt: skip
+def test_a_process_is_known_by_what_makes_it_hard(process: object, said: str) -> None:
+    assert any(said in sentence for sentence in character(process))
+    assert not any(said in sentence for sentence in character(1 / (s + 1)))
+
+
+def test_a_refusal_names_the_orders_that_were_tried() -> None:
+    third = nrdob.paper.example(3, modified=True)
+    with pytest.raises(ValueError, match=r"no filter of order 2 or 3 meets Ms ≤ 1.05"):
+        nrdob.design_filter(third.process, third.model, order=(3, 2), max_ms=1.05)
