@@ -11,12 +11,14 @@ import pytest
 
 import nrdob
 from nrdob import NRDOB, LowPassFilter, delay
+from nrdob.design.timeconstants import intersection
 from nrdob.digital import largest_sampling_time
 from nrdob.digital.unitcircle import CircleFunction, Product, count_outside
 from nrdob.measured import heated_air
 from nrdob.reporting.datasections import data_sections
 from nrdob.reporting.formulas import character, formula
 from nrdob.reporting.loopsections import sections_of
+from nrdob.reporting.trials import Trial, in_words
 
 s = ct.tf("s")
 
@@ -124,3 +126,29 @@ def test_a_refusal_names_the_orders_that_were_tried() -> None:
     third = nrdob.paper.example(3, modified=True)
     with pytest.raises(ValueError, match=r"no filter of order 2 or 3 meets Ms ≤ 1.05"):
         nrdob.design_filter(third.process, third.model, order=(3, 2), max_ms=1.05)
+
+
+def test_intervals_that_do_not_meet_have_nothing_in_common() -> None:
+    assert intersection([(0.0, 1.0), (4.0, 5.0)], [(2.0, 3.0), (4.5, 9.0)]) == [(4.5, 5.0)]
+    assert intersection([(0.0, 1.0)], [(1.0, 2.0)]) == []
+
+
+def test_trials_are_told_in_a_sentence() -> None:
+    good = Trial("the process found", False, True, 1.4)
+    bad = Trial("a corner", True, False, inf)
+    said = in_words((good, Trial("a rival", False, True, 1.6)))
+    assert said.endswith("1 rival of it and 0 corners of the intervals, it is stable on all, "
+                         "with a peak of 1.6 at most.")  # fmt: skip
+    assert "does not tell enough" in in_words((good, bad))
+
+
+@pytest.mark.parametrize(("name", "value"), [("held_out", 0.95), ("confidence", 1.5)])
+def test_shares_of_a_record_have_a_top(name: str, value: float) -> None:
+    with pytest.raises(ValueError, match=name):
+        nrdob.identify(*heated_air(), **{name: value})
+
+
+def test_a_report_is_saved_where_it_is_asked(tmp_path) -> None:
+    path = tmp_path / "report.html"
+    nrdob.report(nrdob.paper.example(1), path)
+    assert path.read_text("utf-8").startswith("<!DOCTYPE html>")

@@ -57,7 +57,7 @@ OPPOSITE_SIGNS = "with a stable process and a minimum-phase model both need the 
 
 
 def gain_bound(order: int) -> float:
-    r"""Upper bound M_n of a pure gain error that a filter of order n bears, whatever λ.
+    r"""Upper bound M_n of a pure gain error that a filter of order n tolerates, whatever λ.
 
     :math:`M_n = 1 + \sec^n(\pi/n)` for n ≥ 3, infinite for n ≤ 2: there the curve
     :math:`1 - (1 + jx)^n`, x > 0, meets the positive real axis.
@@ -364,7 +364,7 @@ def _fast_roots(mismatch: Mismatch) -> Answer:
     return Answer(
         n - m <= 2,
         f"the model has relative degree {m} more than the process, and the filter's order is "
-        f"{n - m} more than that; a difference of two is the most that is borne",
+        f"{n - m} more than that; a difference of two is the most that works",
     )
 
 
@@ -469,7 +469,7 @@ def _without_delay(mismatch: Mismatch) -> Answer:
         return Answer(
             False,
             f"the model has relative degree {m} more than the process, and the filter's order is "
-            f"{n - m} more than that; a difference of two is the most that is borne",
+            f"{n - m} more than that; a difference of two is the most that works",
         )
     if m == 0 and n >= 3:
         xi = np.tan(np.linspace(0, pi / 2, SCANNED, endpoint=False)[1:])
@@ -478,7 +478,7 @@ def _without_delay(mismatch: Mismatch) -> Answer:
             return Answer(
                 False,
                 f"the gain ratio at high frequency is {c:.4g}: a filter of order {n} that is fast "
-                "against the dead time of the model does not bear it",
+                "against the dead time of the model does not tolerate it",
             )
     return _of_limit(mismatch)
 

@@ -29,7 +29,7 @@ __all__ = ["Block", "impulse_states", "roots_by_time_scale", "split"]
 # Ratios of moduli, as powers of two:
 _GAP = 5.0  # at which a polynomial is always cut
 _NARROW_GAP = 1.5  # at which it is cut if its roots are otherwise too far apart for one block
-_SPREAD = 12.0  # what one block bears: three or four digits
+_SPREAD = 12.0  # what one block takes: three or four digits
 _REMOTE = 2.0  # roots slower than 1/(4 horizon) are not told apart
 
 _NEWTON_STEPS = 30
