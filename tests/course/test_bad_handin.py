@@ -194,7 +194,12 @@ SETTINGS: dict[str, tuple[str | bytes, str]] = {
     "no UTF-8": (b'roster = "\xff"', "course.toml cannot be read: 'utf-8' codec"),
     "no table": ('late = "never"', "course.toml: late = 'never' is no table: write [late]"),
     "a word for a number": ('[late]\nper_day = "ten"', "late.per_day = 'ten' is no number from 0"),
-    "a negative number": ("[late]\ngrace = -5", "late.grace = -5 is no number from 0 on"),
+    "a negative number": ("[late]\ngrace = -5", "late.grace = -5 is no number from 0 to"),
+    "no end of grace": ("[late]\ngrace = inf", "late.grace = inf is no number from 0 to a million"),
+    "no day of ours": (
+        "[deadlines]\nset2 = 9999-12-31T23:59:00",
+        "set2 = 9999-12-31 23:59:00 is no time like",
+    ),
     "no such set": ("[deadlines]\nset99 = 2026-11-02T12:00:00", "there is no set99"),
     "a name for a table": ('[extensions]\nset1 = "Anna"', "'Anna' stands where names and times"),
     "brackets too deep": (

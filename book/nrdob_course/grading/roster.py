@@ -118,6 +118,10 @@ class Course:
         return 0.0 if days > self.most_days else max(0.0, 1 - self.per_day * days / 100)
 
 
+MOST = 1_000_000
+"""Largest number in the rules of a course."""
+
+
 def spellings(name: str) -> set[str]:
     """Give the forms in which platforms write a name: letters only, either part first.
 
@@ -161,8 +165,10 @@ def read_course(path: Path) -> Course:
     if unknown:
         raise ValueError(f"{path.name} knows no {', '.join(sorted(unknown))}")
     for key, value in late.items():
-        if isinstance(value, bool) or not isinstance(value, int | float) or not value >= 0:
-            raise ValueError(f"{path.name}: late.{key} = {value!r} is no number from 0 on")
+        if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= MOST:
+            raise ValueError(
+                f"{path.name}: late.{key} = {value!r:.40} is no number from 0 to a million"
+            )
     if not isinstance(settings.get("roster", ""), str):
         raise ValueError(f"{path.name}: roster = {settings['roster']!r} is no name of a file")
     found = Course(
@@ -187,7 +193,7 @@ def _times(given: Any, path: Path) -> dict[str, datetime]:
     if not isinstance(given, dict):
         raise ValueError(f"{path.name}: {given!r} stands where names and times should")
     for name, value in given.items():
-        if not isinstance(value, datetime):
+        if not isinstance(value, datetime) or not 1970 < value.year < 2200:
             raise ValueError(f"{path.name}: {name} = {value} is no time like 2026-11-02T23:59:00")
     return dict(given)
 
