@@ -11,6 +11,7 @@ import pytest
 
 import nrdob
 from nrdob import NRDOB, LowPassFilter, delay
+from nrdob.design import right_half_plane_parity, stable_for_fast_filters
 from nrdob.design.timeconstants import intersection
 from nrdob.digital import largest_sampling_time
 from nrdob.digital.unitcircle import CircleFunction, Product, count_outside
@@ -152,3 +153,10 @@ def test_a_report_is_saved_where_it_is_asked(tmp_path) -> None:
     path = tmp_path / "report.html"
     nrdob.report(nrdob.paper.example(1), path)
     assert path.read_text("utf-8").startswith("<!DOCTYPE html>")
+
+
+def test_what_no_fast_filter_and_what_no_filter_stabilises() -> None:
+    late = stable_for_fast_filters(1 / (s + 1) ** 3, 1 / (s + 1), 1)
+    assert late.holds is False and "2 more lags than the model" in late.reason
+    assert right_half_plane_parity(s / (s + 1), s / (s + 2)).holds is False
+    assert right_half_plane_parity(1 / s**2, 1 / s**2).holds is None  # another filter may

@@ -41,11 +41,12 @@ def check(certificate: Any) -> str:
     """
     proofs = [prove(c) for c in (certificate if isinstance(certificate, list) else [certificate])]
     pairs = list(pairwise(proofs))  # joined by their dead times, or by a filter of both
-    late = all(a[:2] == b[:2] and b[2] <= a[3] for a, b in pairs)
+    late = all(a[:2] == b[:2] and a[2] <= b[2] <= a[3] for a, b in pairs)
     chained = all((a[0], a[1][-1], *a[2:]) == (b[0], b[1][0], *b[2:]) for a, b in pairs)
     need(bool(proofs) and (late or chained), "there are no parts, or they do not join")
     ((verdict, counts, *_), _, low, _), (*_, high) = proofs[0], proofs[-1]
-    each = f" for every dead time from {float(low):g} to {float(high):g}" if low < high else ""
+    ends = " to ".join(shown(x, low, high) for x in (low, high))
+    each = f" for every dead time from {ends}" if low < high else ""
     parts = f" in {len(proofs)} parts that join" if len(proofs) > 1 else ""
     return f"Proved{parts}: the loop is {verdict}{each}. Roots with {counts}."
 
@@ -59,8 +60,13 @@ def prove(certificate: Any) -> tuple[Any, ...]:
     processes, *others, filters = members(given, "process model controller filter")
     need(all(type(b) is list and 0 < len(b) < 65 for b in (processes, filters)), "give block lists")
     built = [build([G, *others, F], cancelled) for G, F in product(processes, filters)]
-    functions, factors, uneven, delay = built[0]
+    (functions, factors, _, *ends), uneven = built[0], max(error for _, _, error, *_ in built)
+    need(all(other[3:] == ends for other in map(list, built)), "dead times or signs of D differ")
+    delay, wait, _ = ends
+    need(len(filters) == 1 or not uneven, "with several filters only what is exact cancels")
+    need(variable == "s" or delay == wait == 0, "a sampled loop has no dead times")
     need(0 <= (reach := read([within], "points")[0]) <= delay, "the dead time becomes negative")
+    need(delay != wait or not reach, "cut the interval where the dead time is the model's")
     claims, points = (members(part, " ".join(functions)) for part in (claims, points))
     for (name, (f, power)), claim, chosen in zip(functions.items(), claims, points, strict=True):
         every = [f, *(other[name][0] for other, *_ in built if other[name][0] != f)]
@@ -70,8 +76,13 @@ def prove(certificate: Any) -> tuple[Any, ...]:
     counts += f"; {factors} cancel inside its blocks, to {float(uneven):.0e}" if factors else ""
     verdict = "unstable" if any(claims) else "internally stable"
     verdict += f" for all blocks between {len(built)}" if len(built) > 1 else ""
-    same = verdict, f"Re {variable} >= 0: {counts}", others, [G | {"delay": 0} for G in processes]
-    return same, filters, delay - reach, delay + reach
+    same = [*others, cancelled], [G | {"delay": 0} for G in processes]
+    return (verdict, f"Re {variable} >= 0: {counts}", *same), filters, delay - reach, delay + reach
+
+
+def shown(x: Fraction, low: Fraction, high: Fraction) -> str:  # short, if that is not beyond
+    short = f"{float(x):g}"
+    return short if low <= float(short) <= high else str(float(x))
 
 
 def need(condition: bool, reason: str) -> None:
@@ -93,8 +104,8 @@ def read(given: Any, kind: str = "coefficients") -> Poly:
     return [Fraction(c) for c in given]
 
 
-def build(blocks: list[Any], inside: Any) -> tuple[Any, int, Fraction, Fraction]:
-    """Build the functions and the power of s divided out; what cancels, how well; the dead time."""
+def build(blocks: list[Any], inside: Any) -> tuple[Any, ...]:
+    """Build the functions and the power of s divided out; what cancels, how well; dead times."""
     given = [members(block, "num den delay") for block in blocks]
     fractions = [(read(num), read(den)) for num, den, _ in given]
     (N, D), (Nm, Dm), (Nc, Dc), (Nf, Df) = fractions
@@ -107,18 +118,21 @@ def build(blocks: list[Any], inside: Any) -> tuple[Any, int, Fraction, Fraction]
     zeros, poles = map(read, members(inside, "zeros poles"))
     (Nm, error), (built, other), power = divided(Nm, zeros), divided(Nf, zeros), 0
     if model_delay:  # s^k, a factor of the sum, of which not every term has it
-        power = len(poles) - 1
-        need(not any([*poles[1:], *Dm[len(Dm) - power :]]), "with a delay only s = 0 cancels")
-        p_B = {ZERO: times(D, Nm, Df), model_delay: times([Fraction(-1)], D, Nm, Nf)}
+        power, rest = len(poles) - 1, {ZERO: Df, model_delay: [-c for c in Nf]}
+        need(not any(poles[1:]) and divided(Dm, poles)[1] == 0, "with a delay only s = 0 cancels")
+        p_B = {t: times(D, Nm, q) for t, q in rest.items()}
+        for values in (at_zero(rest, k) for k in range(power)):
+            error = max(error, abs(sum(values, ZERO)) / (sum(map(abs, values), ZERO) or 1))
     else:
-        (Dm, first), (E, second) = divided(Dm, poles), divided(total(Df, [-c for c in Nf]), poles)
+        (Dm, first), sizes = divided(Dm, poles), total(list(map(abs, Df)), list(map(abs, Nf)))
+        E, second = divided(total(Df, [-c for c in Nf]), poles, sizes)
         p_B, error = {ZERO: times(D, Nm, E)}, max(error, first, second)
     p_B[delay] = total(p_B.get(delay, []), times(N, Dm, built))
     degree = len(D + Nm + Df) - 2 - (len(poles) - power)
     need(len(p_B[ZERO]) - 1 == degree, "the observer loop is ill-posed")
     need(max(error, other) <= Fraction(1, 10**9), "what is said to cancel is no common factor")
     functions = {"D_F": ({ZERO: Df}, 0), "p_A": ({ZERO: p_A}, 0), "p_B": (p_B, power)}
-    return functions, len(zeros) + len(poles) - 2, max(error, other), delay
+    return functions, len(zeros) + len(poles) - 2, max(error, other), delay, model_delay, D[0] > 0
 
 
 def rhp_count(name: str, functions: list[Terms], power: int, points: Poly, moved: Poly) -> int:
@@ -130,8 +144,7 @@ def rhp_count(name: str, functions: list[Terms], power: int, points: Poly, moved
         p, n = f[ZERO], len(f[ZERO]) - 1
         rest = size({t: q[1:] if q is p else q for t, q in f.items()}, last)
         need(abs(p[0]) * last**n > rest, f"the leading term of {name} does not dominate in the end")
-        at_zero = [[q[-1] for q in derivative(f, k).values() if q] for k in range(power + 1)]
-        *zeros, first = (sum(values, ZERO) for values in at_zero)
+        *zeros, first = (sum(at_zero(f, k), ZERO) for k in range(power + 1))
         need(not any(zeros) and first != 0, f"{name} has not as many roots at s = 0 as said")
         rise = size(derivative(f, power + 1), points[1]) * points[1] / (power + 1) if power else 0
         need(rise < abs(first), f"{name} is not proved to keep its first direction")
@@ -181,7 +194,7 @@ def turn(c: Any, d: Any) -> int:
 
 def cosine_sine(x: Fraction) -> tuple[Fraction, Fraction, Fraction]:
     """Cosine and sine of x >= 0, and a bound on their errors: halved, summed up, doubled."""
-    halvings, one = int(x).bit_length() + 1, 1 << 192
+    one = 1 << 192 + (halvings := int(x).bit_length() + 1)  # so that e stays far below 1
     y = x.numerator * one // (x.denominator << halvings)  # below 1/2, less than 1 too small
     term, parts, k = one, [one, 0], 0
     while term:  # (jy)^k/k!, each known to 4: what it is rounded by, and what y is
@@ -204,6 +217,10 @@ def size(f: Terms, w: Fraction) -> Fraction:  # a bound of |f| on the imaginary 
     return sum((abs(c) * w**k for q in f.values() for k, c in enumerate(reversed(q))), ZERO)
 
 
+def at_zero(f: Terms, n: int) -> Poly:  # the terms of the n-th derivative
+    return [q[-1] for q in derivative(f, n).values() if q]
+
+
 def derivative(f: Terms, n: int) -> Terms:
     for _ in range(n):
         inner = {t: [c * k for k, c in enumerate(q[-2::-1], 1)][::-1] for t, q in f.items()}
@@ -222,19 +239,27 @@ def total(p: Poly, q: Poly) -> Poly:  # without leading zeros
     return both[::-1][next((k for k, c in enumerate(reversed(both)) if c), len(both)) :]
 
 
-def divided(p: Poly, q: Poly) -> tuple[Poly, Fraction]:
-    """Divide p by q: the quotient, and how large the rest is against the coefficients of p."""
+def divided(p: Poly, q: Poly, whole: Poly | None = None) -> tuple[Poly, Fraction]:
+    """Divide p by q: the quotient, and how large the rest is, power by power, against its terms."""
     need(len(p) >= len(q), "a cancelled factor has too many roots")
     rest, quotient = list(p), []
     for i in range(len(p) - len(q) + 1):
         quotient.append(rest[i] / q[0])
         rest[i : i + len(q)] = [x - quotient[-1] * c for x, c in zip(rest[i:], q, strict=False)]
-    return quotient, max(map(abs, rest)) / max(map(abs, p))
+    sizes = times(list(map(abs, q)), list(map(abs, quotient)))
+    sizes = total(sizes, list(map(abs, whole or p)))
+    pairs = zip(reversed(rest), reversed(sizes), strict=False)
+    return quotient, max(abs(c) / (size or 1) for c, size in pairs)
+
+
+def once(pairs: list[Any]) -> Any:
+    need(len(dict(pairs)) == len(pairs), "a name is given twice in an object")
+    return dict(pairs)
 
 
 if __name__ == "__main__":
     try:
         with open(sys.argv[1], encoding="utf-8") as file:
-            print(check(json.load(file)))
-    except (IndexError, OSError, ValueError, RecursionError) as reason:
+            print(check(json.load(file, object_pairs_hook=once)))
+    except (IndexError, OSError, ValueError, OverflowError, RecursionError) as reason:
         sys.exit(f"Not proved: {reason}")
