@@ -4,8 +4,8 @@ From the blocks it builds in exact fractions D_F, the filter's denominator, p_A 
 p_B = D Nm (Df - Nf exp(-θm s)) + N Dm Nf exp(-θ s), less what cancels inside its blocks. Between
 two points of the imaginary axis f(jω) stays in an open half plane, by Taylor's formula; beyond the
 last one the leading term dominates. So no root is on the axis, and how often f turns counts Z. What
-holds for several processes or filters in the same half planes holds for their convex combinations. That the blocks of a sampled
-loop are causal is not checked: c is not part of a certificate.
+holds for several processes or filters in the same half planes holds for their convex combinations.
+That the blocks of a sampled loop are causal is not checked: c is not part of a certificate.
 """
 
 import json
