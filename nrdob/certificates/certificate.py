@@ -190,6 +190,9 @@ def _part(
         )
         for G, F in product(blocks["process"], blocks["filter"])
     ]
+    if within and every[0].delay == every[0].model_delay:
+        # There one term of p_B would hold both, of which only one moves: a shorter part has not.
+        raise ArithmeticError("no certificate: the dead time is that of the model in the middle")
     built = every[0].built
     power = built.poles.degree if loop.model_delay else 0
     functions = {
