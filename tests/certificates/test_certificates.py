@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 
 import nrdob
-from nrdob import NRDOB, LowPassFilter, delay, paper
+from nrdob import NRDOB, LowPassFilter, paper
 from nrdob.certificates import check, checker
 from nrdob.certificates.points import half_plane_points
 from nrdob.numerics import Term
@@ -600,10 +600,10 @@ def test_a_name_that_is_given_twice_is_refused(tmp_path):
 
 def test_an_interval_around_the_dead_time_of_the_model_is_cut_there() -> None:
     s = ct.tf("s")
-    loop = NRDOB(delay(1.0) / (s + 1), delay(1.0) / (s + 1), 0.5, LowPassFilter(1.0, 1))
+    loop = NRDOB(nrdob.delay(1.0) / (s + 1), nrdob.delay(1.0) / (s + 1), 0.5, LowPassFilter(1.0, 1))
     certificate = loop.stability().certificate(delays=(0.5, 1.5))
     assert "for every dead time from 0.5 to 1.5" in certificate.proved
     assert len(certificate.content) == 2
     for theta in (0.5, 0.8, 1.2, 1.5):
-        late = NRDOB(delay(theta) / (s + 1), loop.model, 0.5, loop.filter)
+        late = NRDOB(nrdob.delay(theta) / (s + 1), loop.model, 0.5, loop.filter)
         assert late.stability().stable is True
