@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from math import log
 from typing import Any
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from nrdob.diagram import LowPassFilter
 
-__all__ = ["FOUR_DIGITS", "near", "rounds", "same"]
+__all__ = ["FOUR_DIGITS", "near", "rounds", "same", "same_parts"]
 
 FOUR_DIGITS = 6e-4
 """By how much a number may differ that is given to four digits, as a share of it."""
@@ -45,6 +45,18 @@ def same(expected: Any, got: Any, rtol: float = FOUR_DIGITS) -> bool:
     finite = np.abs(a[np.isfinite(a)])
     rounding = max(1e-12, 1e-9 * finite.max(initial=0.0))
     return bool(np.allclose(b, a, rtol=rtol, atol=rounding, equal_nan=True))
+
+
+def same_parts(names: Iterable[str], right: Iterable[Any], got: Iterable[Any]) -> dict[str, bool]:
+    """Compare an answer part by part, each part by its name.
+
+    Examples
+    --------
+    >>> same_parts(("m", "delay"), (3, 0.5), (3, 0.6))
+    {'m': True, 'delay': False}
+    """
+    pairs = zip(names, right, got, strict=True)
+    return {name: same(expected, given) for name, expected, given in pairs}
 
 
 def _numbers(value: Any) -> Any:

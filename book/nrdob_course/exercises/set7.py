@@ -13,7 +13,7 @@ from nrdob.loop import NRDOB
 from nrdob.numerics import FloatArray
 
 from .cases import apart, draw, few, first_fitting, s
-from .comparing import rounds, same
+from .comparing import rounds, same, same_parts
 from .problems import pose
 from .reading import numbers
 
@@ -97,10 +97,7 @@ COUNT_PARTS = ("step", "m", "delay")
 
 
 def _right_counts(case: CountingCase, got: FloatArray) -> dict[str, bool]:
-    return {
-        name: same(right, given)
-        for name, right, given in zip(COUNT_PARTS, _window(case), got, strict=True)
-    }
+    return same_parts(COUNT_PARTS, _window(case), got)
 
 
 def _counting_lacks(case: CountingCase, got: FloatArray) -> str:
@@ -343,10 +340,7 @@ REST_PARTS = ("widest", "climb")
 
 
 def _right_rests(case: RestCase, got: FloatArray) -> dict[str, bool]:
-    return {
-        name: same(right, given)
-        for name, right, given in zip(REST_PARTS, _rest(case), got, strict=True)
-    }
+    return same_parts(REST_PARTS, _rest(case), got)
 
 
 def _rest_lacks(case: RestCase, got: FloatArray) -> str:

@@ -15,7 +15,7 @@ from nrdob.drives import Counting, Drive, Encoder, Friction, OneMass, TwoMasses,
 from nrdob.loop import NRDOB
 
 from .cases import draw, few, first_fitting, kept, not_around, s
-from .comparing import same
+from .comparing import same_parts
 from .problems import Lack, lacking, pose
 from .reading import UnreadableError, number, things
 
@@ -141,10 +141,7 @@ def _yes_or_no(given: Any) -> bool:
 
 
 def _right_parts(case: ProgramCase, got: Reading) -> dict[str, bool]:
-    names = ("time constant", "inertia", "verdict")
-    return {
-        name: same(right, given) for name, right, given in zip(names, _made(case), got, strict=True)
-    }
+    return same_parts(("time constant", "inertia", "verdict"), _made(case), got)
 
 
 def _program_lacks(case: ProgramCase, got: Reading) -> str:
