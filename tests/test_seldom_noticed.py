@@ -65,6 +65,7 @@ def test_a_root_at_zero_that_comes_only_where_both_dead_times_are_equal_is_no_re
     assert values == round((turned[0] - turned[-1]) / (2 * np.pi)) == 0
 
 
+@pytest.mark.slow
 def test_a_loop_that_is_stable_at_every_sampling_time_has_no_longest() -> None:
     loop = NRDOB(1 / (s + 1), 1 / (s + 1), 0, LowPassFilter(1.0, 1))
     assert largest_sampling_time(loop, "zoh") == inf
@@ -149,6 +150,7 @@ def test_shares_of_a_record_have_a_top(name: str, value: float) -> None:
         nrdob.identify(*heated_air(), **{name: value})
 
 
+@pytest.mark.slow
 def test_a_report_is_saved_where_it_is_asked(tmp_path) -> None:
     path = tmp_path / "report.html"
     nrdob.report(nrdob.paper.example(1), path)

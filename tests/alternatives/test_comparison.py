@@ -116,6 +116,7 @@ def test_a_plant_that_makes_the_loop_unstable_says_so_in_the_table():
     assert "unstable" in repr(found)
 
 
+@pytest.mark.slow
 def test_the_table_prints_and_is_written():
     _, found = examples(4)
     assert repr(found).splitlines()[0].split()[:2] == ["tuning", "Ms"]

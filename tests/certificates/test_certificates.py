@@ -375,6 +375,7 @@ def test_parts_that_leave_a_gap_are_refused(interval):
                 check(wrong)
 
 
+@pytest.mark.slow
 def test_parts_of_different_loops_do_not_join():
     delays, lags = parts_of(delays=(0.0, 0.28)), parts_of(time_constants=(0.1, 9.0))
     other = example(1).stability().certificate().content

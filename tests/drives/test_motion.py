@@ -11,6 +11,7 @@ from nrdob.drives import Friction, Motion, OneMass, TwoMasses
 from nrdob.drives.pieces import first_exit
 
 
+@pytest.mark.slow
 def test_random_drives_move_as_scipy_integrates_them():
     found = campaign(10, 1)
     assert found["alike to 1e-7"] == 10 and "NOT alike" not in found
@@ -108,6 +109,7 @@ def test_where_a_polynomial_leaves_is_its_first_root():
     assert first_exit(np.array([0.0, -1.0]), 1e-14) == 0.0
 
 
+@pytest.mark.slow
 def test_a_motion_that_finds_no_end_is_refused():
     motion = Motion(OneMass(0.01), Friction(0.1), 0.01)
     with pytest.raises(ArithmeticError, match="choose a shorter dt, or a drive of one mass"):

@@ -3,9 +3,12 @@
 `python -m tests.campaigns.oracles` asks the same of many loops.
 """
 
+import pytest
+
 from tests.campaigns.oracles import QUESTIONS, RIGHT, campaign
 
 
+@pytest.mark.slow
 def test_every_public_number_is_that_of_an_oracle():
     tally, _ = campaign(24, seed=11)
     assert [name for outcomes in tally.values() for name in outcomes if "WRONG" in name] == []

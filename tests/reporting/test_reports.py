@@ -63,6 +63,7 @@ def test_a_page_stands_alone_and_names_its_pictures(page):
     assert {a["href"][1:] for a in tree.find_all("a", download=False)} <= set(named)
 
 
+@pytest.mark.slow
 def test_a_report_holds_the_proof_of_its_verdict():
     for process, stable in ((1 / (s + 1), True), (-1 / (s + 1), False)):
         loop = nrdob.NRDOB(nrdob.delay(0.2) * process, 1 / (s + 1), 2, nrdob.LowPassFilter(0.5, 1))
@@ -74,6 +75,7 @@ def test_a_report_holds_the_proof_of_its_verdict():
         assert ("internally stable" in proved) is stable is loop.stability().stable
 
 
+@pytest.mark.slow
 def test_a_report_says_why_there_is_no_proof():
     # λ = 2θ/π: a root on the imaginary axis
     edge = nrdob.LowPassFilter(0.4 / np.pi, 1)
@@ -141,6 +143,7 @@ def test_a_loop_that_is_not_stable_is_called_so():
     assert "The loop is NOT stable" in text and "no margins" in text
 
 
+@pytest.mark.slow
 def test_a_loop_has_its_blocks_already():
     with pytest.raises(ValueError, match="give the process alone"):
         nrdob.report(of_loop()[0], order=2)
