@@ -9,7 +9,14 @@ from docutils import nodes
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
-from nrdob.plotting import diagrams
+from nrdob.plotting import Figure, diagrams
+
+
+def embedded(figure: Figure, kind: str) -> str:
+    """Write a figure as an image that the page holds, of a class of the style sheet."""
+    picture = base64.b64encode(figure.png()).decode()
+    alt = escape(figure.alt, quote=True)
+    return f'<img class="{kind}" alt="{alt}" src="data:image/png;base64,{picture}">'
 
 
 class BlockDiagram(SphinxDirective):
@@ -20,11 +27,7 @@ class BlockDiagram(SphinxDirective):
     def run(self) -> list[nodes.Node]:
         """Make the picture."""
         drawn = getattr(diagrams, self.arguments[0])().plot()
-        picture = base64.b64encode(drawn.png()).decode()
-        html = (
-            f'<img class="diagram" alt="{escape(drawn.alt)}" src="data:image/png;base64,{picture}">'
-        )
-        return [nodes.raw("", html, format="html")]
+        return [nodes.raw("", embedded(drawn, "diagram"), format="html")]
 
 
 def setup(app: Sphinx) -> dict[str, bool]:

@@ -18,7 +18,6 @@ question that opens them: see `explorables.toml`.
 
 from __future__ import annotations
 
-import base64
 import json
 import tomllib
 from dataclasses import dataclass, field, replace
@@ -33,6 +32,7 @@ from docutils.parsers.rst import directives
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
+from drawing import embedded
 from nrdob import NRDOB, LowPassFilter, delay, paper, stability_chart
 from nrdob.alternatives import linear_adrc
 from nrdob.plotting import COLOURS, SHORT, TALL, Figure, axes_for, styled
@@ -88,11 +88,10 @@ def scene(name: str) -> Scene:
         motor = ct.tf([b0], [1.0, 10.0])
         loop = linear_adrc(motor, 1, b0, start["observer"], start["controller"])
         return Scene(name, loop, start, None, {"b0": b0})
-    proof, name = name == "proof", "4" if name == "proof" else name
-    loop = paper.example(int(name))
+    kind, number = ("proof", 4) if name == "proof" else ("lags", int(name))
+    loop = paper.example(number)
     least = loop.model.den[0][0].size - loop.model.num[0][0].size
     start = {"lambda": loop.filter.time_constant, "order": loop.filter.order}
-    kind = "proof" if proof else "lags"
     return Scene(kind, loop, start, (max(least, LEAST_ORDER), MOST_ORDER))
 
 
@@ -194,8 +193,7 @@ class Explorable(SphinxDirective):
         figure += nodes.raw(
             "",
             f'<div data-explorable="{escape(json.dumps(given), quote=True)}">'
-            f'<img class="explorable-still" alt="{escape(picture.alt, quote=True)}" '
-            f'src="data:image/png;base64,{base64.b64encode(picture.png()).decode()}"></div>',
+            f"{embedded(picture, 'explorable-still')}</div>",
             format="html",
         )
         caption = nodes.caption()

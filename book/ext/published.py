@@ -37,13 +37,13 @@ def set_address(_app: Sphinx, config: Config) -> None:
     config.html_baseurl = f"{address}/" if address else ""
 
 
-def card(address: str, title: str, page: str) -> str:
-    """Write what a link to a page shows elsewhere."""
+def card(address: str, title: str, page: str, place: str) -> str:
+    """Write what a link to a page, which is at this place, shows elsewhere."""
     said = {
         "og:type": "article" if page.startswith("chapters/") else "website",
         "og:title": title,
         "og:description": SAYS,
-        "og:url": urljoin(address, f"{page}.html"),
+        "og:url": place,
         "og:image": urljoin(address, PICTURE),
         "twitter:card": "summary_large_image",
     }
@@ -70,7 +70,8 @@ def add_card(
     """Put the card into the head of each page."""
     if doctree is not None and (address := app.config.html_baseurl):
         title = app.env.titles[page].astext()
-        context["metatags"] = f"{context.get('metatags', '')}\n{card(address, title, page)}"
+        said = card(address, title, page, context["pageurl"])
+        context["metatags"] = f"{context.get('metatags', '')}\n{said}"
 
 
 def write_lists(app: Sphinx, failed: Exception | None) -> None:

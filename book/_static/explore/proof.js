@@ -4,28 +4,28 @@
 (() => {
   "use strict";
 
-  const { abs, add, along, arg, late, mul } = nrdob.parts;
+  const { abs, arg, plus } = nrdob.parts;
 
   const MOST = 400; // pieces
   const derived = (p) => p.slice(0, -1).map((a, k) => a * (p.length - 1 - k));
-  const sum = (p, q, factor) => {
-    const n = Math.max(p.length, q.length);
-    const at = (r, k) => r[k - n + r.length] ?? 0;
-    return Array.from({ length: n }, (_, k) => at(p, k) + factor * at(q, k));
-  };
+  /* What stands beside exp(-θs) in the derivative of r exp(-θs). */
+  const lateDerived = (r, theta) => plus(derived(r), r.map((a) => -theta * a));
   const size = (p, omega) => p.reduce((total, a) => total * omega + Math.abs(a), 0);
+
+  /* The angle that is the same but for whole turns, and the nearest to the last one. */
+  const followed = (last, angle) => last + Math.atan2(Math.sin(angle - last), Math.cos(angle - last));
 
   /* From ω to ω: { from, to, middle }, the half plane around the direction `middle`, in rad, followed
      from p_B(0); and the roots that they count. Or null where there is no proof. */
   const halfPlanes = (loop) => {
     const { q, r, theta } = loop;
-    const [q1, r1] = [derived(q), sum(derived(r), r, -theta)];
-    const [q2, r2] = [derived(q1), sum(derived(r1), r1, -theta)];
+    const [q1, r1] = [derived(q), lateDerived(r, theta)];
+    const [q2, r2] = [derived(q1), lateDerived(r1, theta)];
     const n = q.length - 1;
     const rest = (omega) => size(q.slice(1), omega) + size(r, omega);
     let last = 1e-3;
     while (last < 1e9 && Math.abs(q[0]) * last ** n <= rest(last)) last *= 2;
-    const f = (omega, p, d) => add(along(p, omega), mul(along(d, omega), late(loop, omega)));
+    const f = (omega, p, d) => nrdob.characteristic({ ...loop, q: p, r: d }, omega);
     const start = f(0, q, r)[0];
     if (last >= 1e9 || !start) return null;
     const pieces = [];
@@ -41,13 +41,13 @@
       else if (pieces.length + waiting.length > MOST || half < 1e-9 * last) return null;
       else waiting.push([m, b], [a, m]);
     }
-    let turned = start < 0 ? Math.PI : 0;
-    const to = (angle) => (turned += Math.atan2(Math.sin(angle - turned), Math.cos(angle - turned)));
-    for (const piece of pieces) piece.middle = to(piece.angle);
-    const end = to((n * Math.PI) / 2 + (q[0] < 0 ? Math.PI : 0));
-    return { pieces, roots: Math.round(n / 2 - (end - (start < 0 ? Math.PI : 0)) / Math.PI) };
+    const of = (sign) => (sign < 0 ? Math.PI : 0);
+    let turned = of(start);
+    for (const piece of pieces) turned = piece.middle = followed(turned, piece.angle);
+    const end = followed(turned, (n * Math.PI) / 2 + of(q[0]));
+    return { pieces, roots: Math.round(n / 2 - (end - of(start)) / Math.PI) };
   };
 
-  nrdob.halfPlanes = halfPlanes;
+  Object.assign(nrdob, { followed, halfPlanes });
   nrdob.kinds.proof = { ...nrdob.kinds.lags, proof: true };
 })();

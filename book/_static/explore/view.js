@@ -440,8 +440,7 @@
       let phase = pieces[0].middle;
       const line = Array.from({ length: 400 }, (_, k) => {
         const x = low + ((high - low) * k) / 399;
-        const angle = nrdob.parts.arg(nrdob.characteristic(loop, 10 ** x));
-        phase += Math.atan2(Math.sin(angle - phase), Math.cos(angle - phase));
+        phase = nrdob.followed(phase, nrdob.parts.arg(nrdob.characteristic(loop, 10 ** x)));
         return [x, degrees(phase)];
       });
       const title = `${plural(pieces.length, "piece", "pieces")} of the axis, so ${plural(roots, "root", "roots")} in the right half plane`;

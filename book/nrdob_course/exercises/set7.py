@@ -156,15 +156,14 @@ Row = tuple[float, float, float]
 """c0, c1 and a of ``w[k] = c0 y[k] + c1 y[k-1] + a w[k-1]``."""
 
 
-def _row(case: DifferenceCase, dz: complex, one: complex) -> Row:
-    """Put s = dz (z - 1)/(1 + one (z - 1)) into (Js + b)/(λs + 1): coefficients of z and of 1."""
+def _row(case: DifferenceCase, dz: float, one: float) -> Row:
+    """Put s = dz (z - 1)/(1 + one (z - 1)) into (Js + b)/(λs + 1), both over the factor of z."""
     J, b, value = case.inertia, case.friction, case.time_constant
-    top = np.polyadd([J * dz, -J * dz], [b * one, b * (1 - one)]).real
-    bottom = np.polyadd([value * dz, -value * dz], [one, 1 - one]).real
+    lead = value * dz + one
     return (
-        float(top[0] / bottom[0]),
-        float(top[1] / bottom[0]),
-        float(-bottom[1] / bottom[0]),
+        (J * dz + b * one) / lead,
+        (b * (1 - one) - J * dz) / lead,
+        (value * dz - (1 - one)) / lead,
     )
 
 
