@@ -28,7 +28,6 @@ extensions = [
     "myst_nb",
     "numpydoc",
     "sphinx.ext.autodoc",
-    "sphinx.ext.mathjax",
     "sphinx_copybutton",
     "sphinxcontrib.bibtex",
     "apipages",
@@ -40,7 +39,10 @@ extensions = [
     "explorable",
     "findable",
     "folds",
+    "fonts",
+    "formulas",
     "getting",
+    "icons",
     "papermap",
     "predict",
     "published",
@@ -78,6 +80,7 @@ nitpick_ignore_regex = [
 ]
 
 # --- Look -------------------------------------------------------------------------------------
+html_math_renderer = "formulas"
 html_theme = "sphinx_book_theme"
 html_title = project
 html_static_path = ["_static"]
@@ -92,21 +95,6 @@ html_theme_options = {
 html_copy_source = True
 html_show_sphinx = False
 html_domain_indices = False  # the list of modules is the page of the package
-
-# --- Mathematics, readable without a network ----------------------------------------------------
-# One self-contained file; the package that carries it is no importable package, only files.
-_mathjax = next(
-    file
-    for file in distribution("sphinx-mathjax-offline").files or ()
-    if file.name == "tex-svg-full.js"
-)
-html_static_path.append(str(_mathjax.locate()))
-mathjax_path = "tex-svg-full.js"
-mathjax3_config = {
-    "tex": {"macros": {"Gm": r"\tilde{G}", "e": r"\mathrm{e}", "j": r"\mathrm{j}"}},
-    # A reader who goes from link to link by keyboard does not stop at every formula.
-    "options": {"menuOptions": {"settings": {"inTabOrder": False}}},
-}
 
 
 def copy_chapters(_app: Sphinx, config: Config) -> None:
@@ -150,9 +138,9 @@ def lead_to_chapters(_app: Sphinx, page: str, source: list[str]) -> None:
 def add_filter(
     app: Sphinx, page: str, _template: str, _context: dict[str, Any], _doctree: object
 ) -> None:
-    """Let the ledger be filtered; before MathJax, so that formulas are searched as LaTeX."""
+    """Let the ledger be filtered."""
     if page == "ledger":
-        app.add_js_file("claims.js", priority=400, loading_method="defer")
+        app.add_js_file("claims.js", loading_method="defer")
 
 
 def setup(app: Sphinx) -> None:

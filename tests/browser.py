@@ -45,7 +45,7 @@ FINDINGS = """() => {
   };
   // Marks stand beside their formula.
   const parted = (tied) => {
-    const formula = tied.querySelector("mjx-container")?.getBoundingClientRect();
+    const formula = tied.querySelector("math")?.getBoundingClientRect();
     const marks = document.createRange();
     marks.selectNodeContents(tied.lastChild);
     const { top, bottom, width } = marks.getBoundingClientRect();
@@ -53,7 +53,7 @@ FINDINGS = """() => {
       && (top > formula.bottom || bottom < formula.top);
   };
   const pieces = document.querySelectorAll(
-    ".bd-article :is(span.math, mjx-container, pre, img, table, svg[role=img], input, select)");
+    ".bd-article :is(span.math, div.math, pre, img, table, svg[role=img], input, select)");
   return {
     overflow: document.documentElement.scrollWidth - room,
     distorted: [...document.images]
@@ -61,10 +61,10 @@ FINDINGS = """() => {
       .filter((image) => Math.abs(drawn(image) / asMade(image) - 1) > 0.03)
       .map((image) => image.alt),
     cut: [...pieces]
-      .filter((piece) => piece.checkVisibility() && !piece.closest("mjx-assistive-mml"))
+      .filter((piece) => piece.checkVisibility())
       .filter((piece) => cutOff(piece) || (scrolls(piece) && hides(piece)))
       .map((piece) => piece.textContent.slice(0, 80)),
-    torn: [...document.querySelectorAll("summary span.math.wide > mjx-container")]
+    torn: [...document.querySelectorAll("summary span.math.wide > math")]
       .filter((each) => each.offsetWidth < each.closest("summary").clientWidth / 2)
       .concat([...document.querySelectorAll(".tied")].filter(parted))
       .map((each) => each.parentElement.textContent),
@@ -72,10 +72,7 @@ FINDINGS = """() => {
       ".bd-article :is(.output, pre, table, td, img, figure, details, .theorem, .explorable)")]
       .filter((each) => each.checkVisibility() && pale(each))
       .map((each) => `pale in the dark: ${each.alt || each.textContent.slice(0, 80)}`),
-    unread: [...document.querySelectorAll(
-      "mjx-container [data-mml-node=merror], mjx-container [fill=red]")]
-      .map((each) => `no formula: ${each.closest("mjx-container").parentElement.textContent}`),
-    stops: [...document.querySelectorAll("mjx-container[tabindex='0'], span.math[tabindex='0']")]
+    stops: [...document.querySelectorAll(".math[tabindex='0']")]
       .filter((each) => !scrolls(each)).length,
     picture: Math.min(...[...document.querySelectorAll(".bd-article :is(img, .explorable svg)")]
       .filter((each) => each.checkVisibility())
@@ -86,7 +83,7 @@ FINDINGS = """() => {
 # The letters of a formula and the words of code in their colours are thousands of pieces, which
 # axe would look at one by one; all are alike. What fades in is pale until it is there.
 LIGHTER = """() => {
-  document.querySelectorAll("mjx-container svg, mjx-assistive-mml").forEach((e) => e.remove());
+  document.querySelectorAll("math").forEach((e) => { e.textContent = ""; });
   document.querySelectorAll(".highlight pre").forEach((e) => { e.textContent = e.textContent; });
   document.querySelectorAll("details").forEach((e) => { e.open = true; });
   document.getAnimations().forEach((each) => each.finish());
@@ -105,7 +102,6 @@ class Look:
     cut: list[str]
     torn: list[str]
     glaring: list[str]
-    unread: list[str]
     stops: int
     picture: float
     said: list[str]
@@ -114,7 +110,7 @@ class Look:
     def amiss(self) -> list[object]:
         """What must not be, however wide the page and whatever its colours."""
         wide = [f"{self.overflow} pixels too wide"] if self.overflow > 0 else []
-        return [*wide, *self.distorted, *self.cut, *self.torn, *self.glaring, *self.unread]
+        return [*wide, *self.distorted, *self.cut, *self.torn, *self.glaring]
 
 
 @contextmanager

@@ -7,6 +7,8 @@
   const LINES = "p, li, td, dd, summary, figcaption, div";
   const SMALLEST = 0.75;
 
+  const width = (element) => element.getBoundingClientRect().width;
+
   // The nearest box around a formula that has a width: a paragraph set inline has none.
   const boxAround = (formula) => {
     let box = formula.closest(LINES);
@@ -14,53 +16,47 @@
     return box;
   };
 
-  // How wide an inline formula is, and how wide it may be beside the marks that are tied to it.
-  const widths = (formula) => {
+  // What part of a formula in a line of text has room beside the marks that are tied to it; short
+  // ones go into the next line.
+  const inlineShare = (formula) => {
     const box = boxAround(formula);
-    const drawn = formula.querySelector("mjx-container")?.offsetWidth;
-    if (!box || !drawn) return [0, Infinity];
+    const drawn = width(formula.firstElementChild);
     const marks = (formula.closest(".tied") ?? formula).offsetWidth - formula.offsetWidth;
-    if (drawn + marks <= box.clientWidth / 2) return [drawn, Infinity];
+    if (!box || !drawn || drawn + marks <= box.clientWidth / 2) return 1;
     const { paddingLeft, paddingRight } = getComputedStyle(box);
-    const room = box.clientWidth - parseFloat(paddingLeft) - parseFloat(paddingRight);
-    return [drawn, Math.floor(room - marks)];
+    return (box.clientWidth - parseFloat(paddingLeft) - parseFloat(paddingRight) - marks) / drawn;
+  };
+  const displayedShare = (formula) => {
+    const drawn = width(formula.querySelector("math"));
+    return drawn ? formula.clientWidth / Math.max(drawn, formula.scrollWidth) : 1;
   };
 
   const fit = () => {
-    const formulas = [...document.querySelectorAll("span.math")];
-    const displayed = [...document.querySelectorAll("div.math mjx-container")];
-    for (const formula of formulas) formula.classList.remove("wide");
-    for (const formula of [...formulas, ...displayed]) formula.classList.remove("smaller");
+    const formulas = [...document.querySelectorAll(".math")];
+    for (const formula of formulas) {
+      formula.classList.remove("wide");
+      formula.style.removeProperty("font-size");
+    }
     // All widths first, then all changes: the page is laid out once.
-    const inline = formulas.map(widths);
-    const shares = displayed.map((formula) => formula.clientWidth / formula.scrollWidth);
+    const shares = formulas.map((formula) => (formula.matches("span") ? inlineShare : displayedShare)(formula));
     formulas.forEach((formula, k) => {
-      const [drawn, room] = inline[k];
-      const smaller = room < drawn && SMALLEST * drawn <= room;
-      formula.classList.toggle("smaller", smaller);
-      formula.classList.toggle("wide", room < SMALLEST * drawn);
-      if (smaller) formula.style.setProperty("--room", `${room}px`);
-    });
-    displayed.forEach((formula, k) => {
-      const scrolls = 0 < shares[k] && shares[k] < SMALLEST;
-      formula.classList.toggle("smaller", SMALLEST <= shares[k] && shares[k] < 1);
-      formula.toggleAttribute("tabindex", scrolls);
-      if (scrolls) formula.tabIndex = 0;
+      if (shares[k] >= 1) return;
+      if (shares[k] < SMALLEST) formula.classList.add("wide");
+      else formula.style.fontSize = `${Math.floor(1000 * shares[k] - 5) / 10}%`;
     });
     for (const formula of formulas) {
-      if (!formula.classList.contains("wide")) formula.removeAttribute("tabindex");
-      else if (formula.scrollWidth > formula.clientWidth) formula.tabIndex = 0;
+      const scrolls = formula.classList.contains("wide") && formula.scrollWidth > formula.clientWidth;
+      formula.toggleAttribute("tabindex", scrolls);
+      if (scrolls) formula.tabIndex = 0;
     }
   };
 
-  window.addEventListener("load", () => {
-    window.MathJax?.startup?.promise.then(fit);
-    let waiting;
-    const again = () => {
-      clearTimeout(waiting);
-      waiting = setTimeout(fit, 150);
-    };
-    window.addEventListener("resize", again);
-    document.addEventListener("toggle", again, true); // what is folded has no width yet
-  });
+  document.fonts.ready.then(fit);
+  let waiting;
+  const again = () => {
+    clearTimeout(waiting);
+    waiting = setTimeout(fit, 150);
+  };
+  window.addEventListener("resize", again);
+  document.addEventListener("toggle", again, true); // what is folded has no width yet
 })();

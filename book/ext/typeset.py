@@ -141,5 +141,4 @@ def setup(app: Sphinx) -> dict[str, bool]:
     app.connect("doctree-resolved", name_corners)
     app.connect("html-page-context", name_toggles, priority=900)
     app.connect("html-page-context", name_references)
-    app.add_js_file("formulas.js", loading_method="defer")
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -8,8 +8,8 @@ __all__ = ["SETTLED", "find"]
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
 
-SETTLED = "() => window.MathJax?.startup?.promise?.then(() => true) ?? true"
-"""Once the formulas are set the page has its final form."""
+SETTLED = "() => document.fonts.ready.then(() => true)"
+"""Once the letters are there the page has its final form."""
 
 
 def find() -> str | None:

@@ -19,12 +19,12 @@ from typing import Any
 
 import matplotlib
 import nbformat
-from docutils.utils.math.latex2mathml import tex2mathml
 from markdown_it import MarkdownIt
 from markupsafe import Markup
 from mdit_py_plugins.dollarmath import dollarmath_plugin
 from nbgrader.preprocessors import ClearHiddenTests, ClearSolutions
 
+from mathml import mathml
 from nrdob.plotting import diagrams
 from pages import ROOT, TEACHING, options, render, store
 from teaching import SOLUTION, SOURCE, Pack, ProblemSet, read_pack
@@ -46,9 +46,7 @@ MARKER = re.compile(r"^ *### (?:BEGIN|END) SOLUTION\n?", re.MULTILINE)
 
 def formula(latex: str, options: dict[str, Any]) -> str:
     """Set a formula as MathML."""
-    latex = re.sub(r"\\(d?frac)(\d)(\d|\\[a-z]+)", r"\\\1{\2}{\3}", latex)
-    latex = latex.replace(r"\displaystyle", "")
-    return str(tex2mathml(latex, as_block=options["display_mode"]))
+    return mathml(latex, options["display_mode"])
 
 
 MARKDOWN = MarkdownIt("commonmark").enable("table").use(dollarmath_plugin, renderer=formula)

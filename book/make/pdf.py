@@ -44,20 +44,18 @@ PAPER = 650
 """Width of the text in pixels, as a browser counts them on paper."""
 
 FITTED = """() => {
+  const width = (piece) => piece.getBoundingClientRect().width;
   const tooWide = [];
-  for (const piece of document.querySelectorAll("mjx-container, table")) {
+  for (const piece of document.querySelectorAll("math, table")) {
     let box = piece.parentElement;
     while (getComputedStyle(box).display.startsWith("inline")) box = box.parentElement;
-    // A displayed formula scrolls, beside its number; others stick out of their box.
-    const [room, wide] = getComputedStyle(piece.parentElement).display === "flex"
-      ? [piece.clientWidth, piece.scrollWidth]
-      : [box.clientWidth, piece.getBoundingClientRect().width];
-    if (room && wide > room + 1) tooWide.push([piece, room - 1, wide]);
+    const number = piece.parentElement.querySelector(":scope > .eqno");
+    const room = box.clientWidth - (number ? width(number) : 0);
+    if (room > 0 && width(piece) > room + 1) tooWide.push([piece, (room - 1) / width(piece)]);
   }
-  for (const [piece, room, wide] of tooWide) {
-    const letters = piece.querySelector("svg");
-    if (piece.matches("table")) piece.style.zoom = room / wide;
-    else letters.style.cssText += `; height: auto; width: ${room}px`;
+  for (const [piece, share] of tooWide) {
+    if (piece.matches("table")) piece.style.zoom = share;
+    else piece.style.fontSize = `${share}em`;
   }
 }"""
 """What would be cut at the edge is set smaller; else a browser shrinks the whole book."""
@@ -188,14 +186,9 @@ def parts(site: Path) -> Iterator[Part]:
 
 
 def head(site: Path) -> Markup:
-    """Give the styles of the site, and what sets its formulas."""
-    with_formulas = min(site.glob("chapters/*.html"))
-    tree = one(read(with_formulas), "head").parent
-    wanted = [
-        *one(tree, "head").select("link[rel=stylesheet]"),  # type: ignore[arg-type]
-        *(each for each in tree.select("script") if re.search("mathjax|tex-svg", str(each), re.I)),  # type: ignore[union-attr]
-    ]
-    return Markup("".join(map(str, wanted)).replace("../_static", "_static"))
+    """Give the styles of the site."""
+    styles = one(read(min(site.glob("chapters/*.html"))), "head").select("link[rel=stylesheet]")
+    return Markup("".join(map(str, styles)).replace("../_static", "_static"))
 
 
 def headings(book: list[Part]) -> list[str]:

@@ -91,12 +91,6 @@ def test_no_formula_is_lost(printed: dict[str, BeautifulSoup], name: str) -> Non
     assert len(printed[name].select("math")) == len(formulas) > 0
 
 
-def test_fractions_without_braces_are_read_as_tex_does() -> None:
-    short, long = (paper.formula(text, {"display_mode": False}) for text in (
-        r"pT<\frac12", r"pT<\frac{1}{2}"))  # fmt: skip
-    assert short == long
-
-
 def test_each_session_begins_a_sheet(printed: dict[str, BeautifulSoup]) -> None:
     weeks = [section.h2.get_text() for section in printed["boards"].select("section")]
     assert weeks == [f"Week {number}" for number in range(1, 11)]

@@ -1,0 +1,60 @@
+"""The letters of the pages: one face for the text and one for formulas, shipped with the site.
+
+Both come out of installed packages, and are cut down to the characters of the book: what a reader
+fetches is a tenth of them.
+"""
+
+from __future__ import annotations
+
+from importlib.metadata import distribution
+from pathlib import Path
+
+from fontTools import subset
+from sphinx.application import Sphinx
+
+FACES = {
+    "text": ("rendercv-fonts", "SourceSans3-Regular.ttf"),
+    "text-italic": ("rendercv-fonts", "SourceSans3-Italic.ttf"),
+    "text-bold": ("rendercv-fonts", "SourceSans3-Bold.ttf"),
+    "math": ("ziamath", "STIXTwoMath-Regular.ttf"),
+}
+"""Each file of the site, and the package and the file that it is cut out of."""
+
+TEXT = "20-7e a0-17f 2010-2027 2030-203a 20ac 2190-2193 2212 2248 2260 2264 2265 370-3ff"
+FORMULAS = """
+20-7e a0 a8 ac af b0 b1 b7 d7 303 391-3a9 3b1-3c9 3d1 3d5 3f1 3f5 2016 2026 2032-2034 2061 210b 2110
+2112 2113 211b 212c 2130 2131 2133 2190-2194 21d2 21d4 2200-2209 220f 2211-221e 2225 222b 223c 2248
+2260-2265 226a 226b 22c5 22ef 2308-230b 239b-23b7 27e8 27e9 1d400-1d467 1d49c-1d4b5 1d5a0-1d5b9
+1d6e4-1d71b
+"""
+"""Characters, as ranges of their numbers."""
+
+
+def cut(face: Path, ranges: str, output: Path) -> None:
+    """Write the given characters of a face, and what formulas make of them, as WOFF2."""
+    # Kerning and marks of a text; the smaller forms of a formula's indices.
+    options = subset.Options(flavor="woff2", layout_features=["kern", "mark", "ssty"])
+    font = subset.load_font(str(face), options)
+    cutter = subset.Subsetter(options)
+    cutter.populate(unicodes=subset.parse_unicodes(",".join(ranges.split())))
+    cutter.subset(font)
+    subset.save_font(font, str(output), options)
+
+
+def write(app: Sphinx, error: Exception | None) -> None:
+    """Lay the faces beside the styles, once."""
+    if error or app.builder.format != "html":
+        return
+    folder = Path(app.outdir, "_static", "fonts")
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, (package, file) in FACES.items():
+        output = folder / f"{name}.woff2"
+        if not output.exists():
+            found = next(each for each in distribution(package).files or () if each.name == file)
+            cut(Path(str(found.locate())), FORMULAS if name == "math" else TEXT, output)
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Write when the pages are there."""
+    app.connect("build-finished", write)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

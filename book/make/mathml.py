@@ -1,0 +1,198 @@
+"""Formulas as MathML, set when the book is built: a browser shows them without a script.
+
+MathJax reads the LaTeX, as it does in a notebook; here it runs without a page. What it writes is
+meant for MathJax, and some of it says nothing to a browser: letters of another alphabet are
+attributes, columns have attributes of their own, and what an operator is to its neighbours stands
+in MathJax's notes. That is written as browsers read it (MathML Core).
+"""
+
+from __future__ import annotations
+
+import atexit
+import json
+from functools import cache, lru_cache
+from importlib.metadata import distribution
+from pathlib import Path
+from xml.etree import ElementTree
+
+from py_mini_racer import JSEvalException, MiniRacer
+
+MATHJAX = "tex-svg-full.js"
+MACROS = {"Gm": r"\tilde{G}", "e": r"\mathrm{e}", "j": r"\mathrm{j}"}
+
+BEFORE = """
+globalThis.window = globalThis;
+globalThis.MathJax = { startup: { typeset: false, ready() {} }, loader: { load: [] } };
+globalThis.document = {
+  currentScript: { src: "" }, head: {}, body: {}, createElement: () => ({}), addEventListener() {},
+  getElementsByTagName: () => [],
+};
+globalThis.addEventListener = globalThis.setTimeout = () => {};
+"""
+"""As much of a browser as MathJax looks for while it is loaded."""
+
+AFTER = r"""
+const { TeX } = MathJax._.input.tex_ts;
+const { MmlFactory } = MathJax._.core.MmlTree.MmlFactory;
+const { SerializedMmlVisitor } = MathJax._.core.MmlTree.SerializedMmlVisitor;
+const tex = new TeX({
+  packages: ["base", "ams", "configmacros"], macros: %s,
+  formatError(_, error) { throw new Error(error.message); },
+});
+tex.setMmlFactory(new MmlFactory());
+const visitor = new SerializedMmlVisitor();
+const nothing = () => ({ inputData: {}, outputData: {}, start: {}, end: {} });
+globalThis.read = (math, display) =>
+  visitor.visitTree(tex.compile({ ...nothing(), math, display }, { options: {}, math: [] }));
+"""
+
+ALPHABETS = {"bold": (0x1D400, 0x1D41A), "sans-serif": (0x1D5A0, 0x1D5BA), "script": (0x1D49C, 0)}
+"""Where the capital and the small letters of each begin in Unicode."""
+
+OLDER = {"ℬ": 1, "ℰ": 4, "ℱ": 5, "ℋ": 7, "ℐ": 8, "ℒ": 11, "ℳ": 12, "ℛ": 17}
+"""Script capitals that Unicode had before the others, by their place in the alphabet."""
+
+APPLIED = "\N{FUNCTION APPLICATION}"
+SIGNS, CLOSING = set("+−±∓"), set(")]}|‖!")
+KEPT = {
+    "display", "displaystyle", "linethickness", "maxsize", "minsize", "movablelimits", "stretchy",
+    "width",
+}  # fmt: skip
+"""Attributes that mean the same to a browser."""
+
+
+class TexError(ValueError):
+    """LaTeX that cannot be read."""
+
+
+@lru_cache(maxsize=1)
+def mathjax() -> MiniRacer:
+    """Load MathJax, which takes half a second, once."""
+    files = distribution("sphinx-mathjax-offline").files or ()
+    script = next(Path(str(file.locate())) for file in files if file.name == MATHJAX)
+    engine = MiniRacer()
+    atexit.register(engine.close)  # its threads would be waited for
+    for part in (BEFORE, script.read_text("utf-8"), AFTER % json.dumps(MACROS)):
+        engine.eval(part)
+    return engine
+
+
+@cache
+def mathml(latex: str, display: bool = False) -> str:
+    """Set a formula.
+
+    >>> print(mathml(r"\\Gm"))
+    <math alttext="\\Gm"><mover accent="true"><mi>G</mi><mo stretchy="false">~</mo></mover></math>
+    """
+    try:
+        written = mathjax().call("read", latex, display)
+    except JSEvalException as error:
+        raise TexError(str(error).splitlines()[0].partition("Error: ")[2]) from None
+    tree = ElementTree.fromstring(
+        str(written).replace(' xmlns="http://www.w3.org/1998/Math/MathML"', "")
+    )
+    said = plain(tree)
+    said.set("alttext", " ".join(latex.split()))
+    return ElementTree.tostring(said, encoding="unicode")
+
+
+def plain(element: ElementTree.Element) -> ElementTree.Element:
+    """Write an element, and what is in it, as a browser reads it."""
+    parts = [plain(each) for each in element]
+    role = element.get("data-mjx-texclass", "")
+    if element.tag in {"mrow", "mstyle"} and len(parts) == 1:
+        only = parts[0]
+        if element.tag == "mrow" or only.tag == "mspace":
+            return as_operator(only, role) if only.tag == "mo" else only
+    kept = {name: value for name, value in element.items() if name in KEPT}
+    new = ElementTree.Element(element.tag, kept)
+    new.text = (element.text or "").strip() if len(element) == 0 else None
+    new.extend(parts)
+    if element.tag == "mi":
+        in_alphabet(new, element.get("mathvariant", ""))
+    elif element.tag == "mo":
+        as_operator(new, role)
+    elif element.tag == "mtext":
+        new.text = element.text
+    elif element.tag == "mover":
+        new.set("accent", "true")
+    elif element.tag == "mspace" and element.get("width", "").startswith("-"):
+        new.attrib = {"style": f"margin-inline-start: {element.get('width')}"}
+    elif element.tag == "mtable":
+        in_columns(new, element)
+    if element.tag in {"math", "mrow", "mstyle", "mtd", "msqrt"}:
+        space(new)
+    return new
+
+
+def in_alphabet(letter: ElementTree.Element, variant: str) -> None:
+    """Write letters of another alphabet as what they are in Unicode."""
+    if variant == "normal":
+        letter.set("mathvariant", variant)
+    elif variant:
+        capital, small = ALPHABETS[variant]
+        text = letter.text or ""
+        places = [
+            (small, ord(each) - ord("a")) if each.islower() else (capital, ord(each) - ord("A"))
+            for each in text
+        ]
+        older = {place: sign for sign, place in OLDER.items()} if variant == "script" else {}
+        letter.text = "".join(older.get(place, chr(start + place)) for start, place in places)
+
+
+def as_operator(operator: ElementTree.Element, role: str) -> ElementTree.Element:
+    """Say where an operator stands, from which its distances follow."""
+    if role in {"OPEN", "CLOSE"}:
+        operator.set("form", "prefix" if role == "OPEN" else "postfix")
+    elif role == "ORD" or is_name(operator):
+        operator.attrib |= {"lspace": "0", "rspace": "0"}
+    return operator
+
+
+def in_columns(table: ElementTree.Element, described: ElementTree.Element) -> None:
+    """Align the columns of a table, and keep them apart."""
+    gaps = described.get("columnspacing", "1em").split()
+    sides = described.get("columnalign", "center").split()
+    for row in table:
+        last = len(row) - 1
+        for k, cell in enumerate(row):
+            side = sides[min(k, len(sides) - 1)]
+            gap = "0" if k == last else gaps[min(k, len(gaps) - 1)]
+            cell.set("style", f"text-align: {side}; padding-inline: 0 {gap}")
+
+
+def space(row: ElementTree.Element) -> None:
+    """Keep names of functions apart from their neighbours, and a sign close to its number."""
+    found: list[ElementTree.Element] = []
+    for each in row:
+        last = head(found[-1]) if found else None
+        if last is not None:
+            ended = last.tag not in {"mo", "mspace"} or last.text in CLOSING
+            if each.text in SIGNS and last.tag == "mo" and not ended:
+                each.set("form", "prefix")
+            named = is_name(last) or last.text == APPLIED
+            follows = head(each).tag not in {"mo", "mspace"}
+            if (named and follows) or (is_name(head(each)) and ended):
+                found.append(ElementTree.Element("mspace", width="0.167em"))
+        found.append(each)
+    row[:] = found
+
+
+def head(element: ElementTree.Element) -> ElementTree.Element:
+    """Give what an element begins with, its indices and limits set aside."""
+    while element.tag in {"msub", "msup", "msubsup", "munder", "munderover", "mrow"} and len(
+        element
+    ):
+        element = element[0]
+    return element
+
+
+def is_name(element: ElementTree.Element) -> bool:
+    """Say whether this is the name of a function, such as sin or max."""
+    text = element.text or ""
+    return (
+        element.tag in {"mi", "mo"}
+        and len(text) > 1
+        and text.isalpha()
+        and "mathvariant" not in element.attrib
+    )
