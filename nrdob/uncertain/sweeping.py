@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from concurrent.futures import Executor
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -38,8 +36,6 @@ def sweep(
     loop: NRDOB,
     family: PlantFamily,
     quantities: Iterable[str] = QUANTITIES,
-    *,
-    executor: Executor | None = None,
 ) -> SweepTable:
     r"""Judge every member of a family in place of the loop's process.
 
@@ -57,11 +53,6 @@ def sweep(
     quantities : iterable of str
         Of "stable"; "ms", "gm", "pm", "delay_margin", the margins of the plant loop L as
         `nrdob.analysis.Margins` has them.
-    executor : concurrent.futures.Executor, optional
-        Which processes do the work, by default this one: a `ProcessPoolExecutor`, or
-        ``client.get_executor()`` of a Dask client. The numbers are the same, bit for bit, on the
-        same kind of machine. Where the family has a function `parameters`, the processes must be
-        able to import it.
 
     Returns
     -------
@@ -93,16 +84,10 @@ def sweep(
         raise TypeError(f"loop is a {type(loop).__name__}; give an nrdob.NRDOB")
     if not isinstance(family, PlantFamily):
         raise TypeError(f"family is a {type(family).__name__}; make one with nrdob.plant_family")
-    if executor is not None and not isinstance(executor, Executor):
-        raise TypeError(
-            f"executor is a {type(executor).__name__}; give a concurrent.futures.Executor, of a "
-            "Dask client that is client.get_executor()"
-        )
     asked = _asked(quantities)
-    # A loop without cached results, so that little is sent.
-    bare = NRDOB(family.process, loop.model, loop.controller, loop.filter, loop.keep_factors)
-    work = partial(_judge_block, _Job(bare, family, asked))
-    blocks = list((executor.map if executor else map)(work, range(family.blocks)))
+    own = NRDOB(family.process, loop.model, loop.controller, loop.filter, loop.keep_factors)
+    job = _Job(own, family, asked)
+    blocks = [_judge_block(job, block) for block in range(family.blocks)]
     joined = {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
     return SweepTable(family, joined, np.arange(len(family)))
 

@@ -145,9 +145,6 @@ def test_what_cannot_be_swept_is_refused():
     ):
         with pytest.raises(kind):
             nrdob.sweep(*given)
-    for given, kind in (({"executor": "dask"}, TypeError),):
-        with pytest.raises(kind):
-            nrdob.sweep(loop, family, **given)
 
 
 def test_a_resonance_beside_a_crossing_does_not_hide_it():
