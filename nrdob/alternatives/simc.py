@@ -93,7 +93,7 @@ def half_rule(process: Any, order: int, closed_loop_time: float) -> LagModel:
     order : {1, 2}
         How many lags are kept.
     closed_loop_time : float
-        τc in seconds, against which zeros on the left are slow or fast.
+        τc in seconds, against which zeros in the left half plane are slow or fast.
 
     Returns
     -------
@@ -251,7 +251,7 @@ def _lags(den: FloatArray) -> list[float]:
 
 
 def _zeros(num: FloatArray) -> list[float]:
-    """Time constants T of zeros, in (T s + 1): negative for zeros on the right."""
+    """Time constants T of zeros, in (T s + 1): negative for zeros in the right half plane."""
     p = QuasiPolynomial(num)
     roots = p.without_origin.roots
     if p.zeros_at_origin:
@@ -270,7 +270,7 @@ def _low_frequency_gain(num: FloatArray, den: FloatArray) -> float:
 
 
 def _cancel(zero: float, lags: list[float], closed_loop_time: float) -> float:
-    """Cancel a zero on the left against a lag by rules T1 to T3; return the gain that is left."""
+    """Cancel a stable zero against a lag by rules T1 to T3; return the gain that is left."""
     if not lags:
         return 1.0
     larger = [lag for lag in lags if lag >= zero]

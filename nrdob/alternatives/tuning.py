@@ -128,8 +128,8 @@ def candidates(
     ----------
     process : as for `nrdob.NRDOB`
         G, from which PI, PID and b0 of ADRC follow; where G is not of relative degree 1 or 2, or
-        has zeros on the right, b0 follows from the model, or for more than two lags from the half
-        rule.
+        has zeros in the right half plane, b0 follows from the model, or for more than two lags from
+        the half rule.
     model : as for `nrdob.NRDOB`
         G̃ of the observers, without dead time.
     controller : as for `nrdob.NRDOB`

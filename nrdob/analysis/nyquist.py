@@ -70,7 +70,7 @@ def nyquist_count(
         return NyquistCount(inf, poles, zeros.count, reason)
     if poles == inf:
         return NyquistCount(
-            None, poles, None, "the open loop has infinitely many poles on the right"
+            None, poles, None, "the open loop has infinitely many poles in the right half plane"
         )
     # Each count is one of turns, of 1 + L's numerator and of its denominator around 0, ω from -∞
     # to ∞ and back on the large arc; what the denominator has on the axis is passed on the right.

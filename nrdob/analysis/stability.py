@@ -1,4 +1,4 @@
-"""Lemma 1, corrected: the loop is stable if and only if p_A and p_B have all roots on the left.
+"""Lemma 1, corrected: stable if and only if all roots of p_A and p_B are in the left half plane.
 
 Each condition is judged twice, before any cancellation but that inside a block that is built as
 one: by the turns of 1 + L around 0 with the poles of L, Z = N + P, and by a count that follows no
@@ -432,7 +432,7 @@ def _find(
 def _second_count(
     p: QuasiPolynomial, expected: float, roots: ComplexArray
 ) -> tuple[int | None, str]:
-    """Count without the argument: how many roots are on the right, and by which way.
+    """Count without the argument: how many roots are in the right half plane, and by which way.
 
     The roots are the cheaper way. What they say is only used where it is the same; else they may
     be too badly conditioned, and the coefficients themselves are asked.

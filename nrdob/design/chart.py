@@ -3,8 +3,8 @@ r"""Stability charts: where an observer loop is stable, in two parameters, with 
 The parameters are a gain, the dead time and an additional lag of the process, and the time constant
 of the filter; the model may have a dead time. Condition i of Lemma 1 depends on none of them: what
 is charted is condition ii. The borders are curves with roots on the axis, see
-`nrdob.design.chartborders`. Between them the number of roots on the right does not change
-(Neimark's D-partition); it is counted by the argument, at points of every region.
+`nrdob.design.chartborders`. Between them the number of roots in the right half plane does not
+change (Neimark's D-partition); it is counted by the argument, at points of every region.
 
 .. rubric:: References
 
@@ -44,7 +44,7 @@ SMALLEST = 4
 
 @dataclass(frozen=True)
 class Region:
-    """A part of the chart in which the number of roots on the right is the same.
+    """A part of the chart in which the number of roots in the right half plane is the same.
 
     Attributes
     ----------

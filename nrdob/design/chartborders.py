@@ -12,7 +12,8 @@ time is then one of A. A root is on the axis where W = -(1 + jτω) A/B equals
 :math:`\theta = (2\pi m - \arg W)/\omega`, or k where :math:`W e^{j\omega\theta}` is real, and so
 on; with λ, all of them on a curve in the plane of ω and λ. A real root crosses at ω = 0 or at
 infinity. With long dead times the curves get denser than a chart can show; they are drawn up to
-where so many roots are on the right that no more dead time brings all of them back (`most_turns`).
+where so many roots are in the right half plane that no more dead time brings all of them back
+(`most_turns`).
 """
 
 from __future__ import annotations
@@ -71,7 +72,7 @@ SLAB = 64
 """Loops whose roots are counted at once."""
 
 MANY_ROOTS = 80
-"""Where the curves of a dead time are too many there are so many roots on the right, at least."""
+"""Where the curves of a dead time are too many, at least so many roots are unstable."""
 
 LAMBDAS = 160
 """Number of λ over an axis."""
@@ -141,7 +142,7 @@ class ChartLoops:
         return p.over_s(power)
 
     def count(self, given: dict[str, float]) -> float:
-        """Count the roots on the right; an error where there are roots on the axis."""
+        """Count the roots in the right half plane; an error where there are roots on the axis."""
         p = self.p_B(given)
         found = count_rhp(p)
         if found.count is None or p.zeros_at_origin:
@@ -266,7 +267,7 @@ def _family(filter: Any) -> FilterFamily:
 
 
 def borders_of(loops: ChartLoops, x: Axis, y: Axis, most: float) -> Iterator[Border]:
-    """Give the curves on which the number of roots on the right may change."""
+    """Give the curves on which the number of roots in the right half plane may change."""
     for flipped, axes in ((False, (x, y)), (True, (y, x))):
         if crossing := CROSSING.get((axes[0].name, axes[1].name)):
             for omega, first, second in (*crossing(loops, axes, most), *_ends(loops, axes)):
@@ -279,7 +280,7 @@ def most_turns(loops: ChartLoops, x: Axis, y: Axis) -> float:
 
     Whatever θ is, a pair of roots goes right where :math:`|W| = k` and :math:`|W|` rises with ω,
     and left where it falls: up to one, so many times as θω/2π. After t seconds at least
-    t Σ ±ω/2π - K pairs are on the right, for K such frequencies.
+    t Σ ±ω/2π - K pairs are in the right half plane, for K such frequencies.
     """
     if y.name != "delay":
         x, y = y, x

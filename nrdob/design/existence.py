@@ -120,7 +120,7 @@ def stabilizing_filter_exists(process: Any, model: Any) -> Answer:
     there unless 1 - F is zero at p as often as the model is infinite; at such a zero, unless F is
     zero as often as the model. So they must cancel inside the blocks. With what is left,
     :math:`1 - F = \bar D E/D_f`, :math:`F = \bar N N_f'/D_f`, :math:`D_m = \bar D D_m'` and
-    :math:`N_m = \bar N N_m'`, two polynomials must have all roots on the left,
+    :math:`N_m = \bar N N_m'`, two polynomials must have all roots in the left half plane,
 
     .. math:: \bar D\,E + \bar N\,N_f' = D_f \quad\text{and}\quad
               D N_m'\,E + N D_m'\,N_f' = p :
@@ -128,16 +128,16 @@ def stabilizing_filter_exists(process: Any, model: Any) -> Answer:
     :math:`N_f'/E` must stabilise :math:`\bar N/\bar D` and :math:`N D_m'/(D N_m')` at once. That
     is strong stabilisation of their difference (Vidyasagar and Viswanadham): with
     :math:`E = X + \bar N Q`, :math:`N_f' = Y - \bar D Q` and :math:`\bar D X + \bar N Y` without
-    roots on the right, p is A + (a - b) Q, where a = D·Nm, b = N·Dm, and no root of a - b on the
-    right or on the axis is one of A. There :math:`p = \kappa D_f`, with
-    :math:`\kappa = D N_m'/\bar D = N D_m'/\bar N` wherever the one or the other is finite. So by
-    the parity interlacing property an F exists if and only if p/Df can keep one sign on the
-    positive real axis: if κ has one sign at s = 0, where F = 1; at each real zero s > 0 of b - a,
-    the common poles and zeros among them; and at infinity, where p/Df has the sign of a, if F·H
-    rolls off. It must, unless the process is biproper and the model is not: then F need not fall
-    faster than H grows, the leading coefficient of p has either sign, and infinity forbids nothing.
-    At s = 0 nothing is forbidden if the model integrates and the process does not. With a = b all
-    of this is true: p = κ Df, and all roots of κ are on the left.
+    roots in the right half plane, p is A + (a - b) Q, where a = D·Nm, b = N·Dm, and no root of a -
+    b there or on the axis is one of A. There :math:`p = \kappa D_f`, with :math:`\kappa = D
+    N_m'/\bar D = N D_m'/\bar N` wherever the one or the other is finite. So by the parity
+    interlacing property an F exists if and only if p/Df can keep one sign on the positive real
+    axis: if κ has one sign at s = 0, where F = 1; at each real zero s > 0 of b - a, the common
+    poles and zeros among them; and at infinity, where p/Df has the sign of a, if F·H rolls off. It
+    must, unless the process is biproper and the model is not: then F need not fall faster than H
+    grows, the leading coefficient of p has either sign, and infinity forbids nothing. At s = 0
+    nothing is forbidden if the model integrates and the process does not. With a = b all of this is
+    true: p = κ Df, and all roots of κ are in the left half plane.
 
     Parameters
     ----------
@@ -150,7 +150,7 @@ def stabilizing_filter_exists(process: Any, model: Any) -> Answer:
     -------
     Answer
         Open also where two real zeros of b - a cannot be told from a complex pair, and for a block
-        that is not in lowest terms and has a root on the right in common with the other.
+        that is not in lowest terms and has a root in the right half plane in common with the other.
 
     Raises
     ------
@@ -221,7 +221,7 @@ class _Common(NamedTuple):
     Attributes
     ----------
     roots : array of complex
-        The common roots on the right or on the axis, but for s = 0, each once.
+        The common roots in the right half plane or on the axis, but for s = 0, each once.
     process, model : array of float
         What is left of both without the common factor.
     cancels, rest : array of float
@@ -284,7 +284,7 @@ def _made_for_common_roots(mismatch: Mismatch, shared: list[complex]) -> Answer:
     if not all(signs.values()):
         return Answer(
             None,
-            "numerator and denominator of process or model have a root on the right in common, "
+            "numerator and denominator of process or model have an unstable root in common, "
             "which no feedback reaches: give both in lowest terms",
         )
     if len(set(signs.values())) < 2:
@@ -312,7 +312,7 @@ def _difference(b: FloatArray, a: FloatArray) -> QuasiPolynomial:
 
 
 def _real_zeros(difference: QuasiPolynomial) -> ComplexArray:
-    """Real zeros on the right; those that may be a complex pair keep their imaginary part."""
+    """Real zeros in the right half plane; a possible complex pair keeps its imaginary part."""
     zeros = difference.roots if difference.degree else _NONE
     zeros = zeros[(zeros.real > 0) & (zeros.imag >= 0)]
     real = (zeros.imag == 0) | (

@@ -5,16 +5,17 @@ dead time in the model :math:`p_B = a\,(D_f - e^{-\theta_m s}) + b\,e^{-\theta s
 
 .. math:: p_0 = a\,(1 - e^{-\theta_m s}) + b\,e^{-\theta s}
 
-as λ falls. A root of p_0 on the right is one of every fast loop. If p_0 has none, the rest is
-decided at high frequency, where :math:`R = b/a \to c\,s^m`:
+as λ falls. A root of p_0 in the right half plane is one of every fast loop. If p_0 has none, the
+rest is decided at high frequency, where :math:`R = b/a \to c\,s^m`:
 
 - With equal dead times :math:`p_B = a D_f + (b - a)e^{-\theta s}`, and the second term is below the
   first on the axis if :math:`|1 - R| < 1 \le |D_f|` there.
 - With two that differ, :math:`1 - e^{-\theta_m s} + R\,e^{-\theta s}` has chains of roots, and some
-  on the right, because :math:`|e^{-j\omega\theta_m} - R e^{-j\omega\theta}|` reaches 1 + c > 1
-  where the phases allow it, as they do unless the ratio of the dead times is a simple fraction.
+  in the right half plane, because :math:`|e^{-j\omega\theta_m} - R e^{-j\omega\theta}|` reaches 1 +
+  c > 1 where the phases allow it, as they do unless the ratio of the dead times is a simple
+  fraction.
 - Without dead time in the process the fast roots are those of
-  :math:`(x + 1)^n = e^{-\theta_m x/\lambda} - c`, x = λs: on the left if
+  :math:`(x + 1)^n = e^{-\theta_m x/\lambda} - c`, x = λs: in the left half plane if
   :math:`|(1 + j\xi)^n + c| > 1` for every ξ > 0, as long as c < M_n - 1.
 """
 
@@ -49,7 +50,7 @@ SIMPLE, EXACT = 12, 1e-9
 SCANNED = 20_001
 """Points at which the curve (1 + jξ)^n is looked at."""
 
-CHAINS = "ever more roots are on the right as λ falls"
+CHAINS = "ever more roots are unstable as λ falls"
 
 OPPOSITE = "a real root goes to the right; give the model the other sign"
 
@@ -200,14 +201,15 @@ def stable_for_fast_filters(process: Any, model: Any, order: int) -> Answer:
     coefficients, :math:`R \to c\,s^m`:
 
     - m = 0: :math:`(-1 + (1 - c)^{1/n})/\lambda`, in the left half plane if 0 < c < M_n;
-    - m > 0: :math:`s^{n-m} = -c/\lambda^n`, on the left if c > 0 and n - m ≤ 2;
+    - m > 0: :math:`s^{n-m} = -c/\lambda^n`, in the left half plane if c > 0 and n - m ≤ 2;
     - m = -1: :math:`s^2 = -c/(n\lambda)`, whose real part tends to
       :math:`(n-1)c/(4n) + (\sum p_R - \sum z_R)/2` if c > 0;
-    - m ≤ -2: at least one of the roots of :math:`s^{1-m} = -c/(n\lambda)` is on the right.
+    - m ≤ -2: at least one of the roots of :math:`s^{1-m} = -c/(n\lambda)` is in the right half
+      plane.
 
     A simple root :math:`s_0` of N·Dm on the axis moves by
     :math:`-n\lambda s_0 a(s_0)/b'(s_0)`, which decides to which side. A dead time leaves more and
-    more roots on the right as λ → 0, unless the model has it, too.
+    more roots in the right half plane as λ → 0, unless the model has it, too.
 
     Parameters
     ----------
@@ -235,7 +237,7 @@ def stable_for_fast_filters(process: Any, model: Any, order: int) -> Answer:
     """
     mismatch = Mismatch.of(process, model, order, waits=True)
     if mismatch.delay and not mismatch.wait:
-        return Answer(False, "with a dead time ever more roots are on the right as λ falls")
+        return Answer(False, "with a dead time ever more roots are unstable as λ falls")
     if mismatch.held_at_origin:
         return Answer(False, ROOT_AT_ORIGIN)
     if mismatch.wait:
@@ -383,7 +385,7 @@ def _fast_with_delayed_model(mismatch: Mismatch) -> Answer:
 
 
 def _of_limit(mismatch: Mismatch) -> Answer:
-    """Tell whether p_0 has roots on the right."""
+    """Tell whether p_0 has roots in the right half plane."""
     a, b = mismatch.a, mismatch.b
     waits = (Term(-a, mismatch.wait),)
     found = count_rhp(QuasiPolynomial(a, b, mismatch.delay, more=waits))
@@ -391,8 +393,10 @@ def _of_limit(mismatch: Mismatch) -> Answer:
         return Answer(None, f"the limit for λ = 0 has {found.reason}")
     if found.count:
         how = "infinitely many roots" if found.count == inf else f"{found.count:g} root(s)"
-        return Answer(False, f"with λ = 0 there are {how} on the right, and so with fast filters")
-    return Answer(True, "with λ = 0 no root is on the right, and none comes from infinity")
+        return Answer(
+            False, f"with λ = 0 there are {how} that are unstable, and so with fast filters"
+        )
+    return Answer(True, "with λ = 0 no root is unstable, and none comes from infinity")
 
 
 def _same_delay(mismatch: Mismatch) -> Answer:

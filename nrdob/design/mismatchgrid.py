@@ -119,7 +119,7 @@ class Frequencies:
 
     @cached_property
     def neutral_limit(self) -> float:
-        """λ below which a dead time leaves infinitely many roots on the right; 0 if there is none.
+        """λ below which a dead time leaves infinitely many unstable roots; 0 if there is none.
 
         Raises
         ------

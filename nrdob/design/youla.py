@@ -177,7 +177,7 @@ def stable_model_exists(controller: Any) -> Answer:
     >>> import control as ct
     >>> s = ct.tf('s')
     >>> stable_model_exists((s - 2) / ((s - 1) * (s + 5)))
-    yes: the poles of K interlace with its real zeros on the right: 0 of them between 2 and ∞
+    yes: the poles of K interlace with its real unstable zeros: 0 of them between 2 and ∞
     >>> stable_model_exists((s - 1) / ((s - 2) * (s + 5)))
     no: between the zeros 1 and ∞ of K there is an odd number of its real poles (1), at 2
     """
@@ -186,7 +186,7 @@ def stable_model_exists(controller: Any) -> Answer:
     zeros, poles = _real_right(num), _real_right(den)
     ends = [*zeros, *([np.inf] if den.degree > num.degree else [])]
     if len(ends) < 2:
-        return Answer(True, "K has no two real zeros on the right, infinity included")
+        return Answer(True, "K has no two real unstable zeros, infinity included")
     said = []
     for low, high in pairwise(ends):
         between = [pole for pole in poles if low < pole < high]
@@ -199,7 +199,7 @@ def stable_model_exists(controller: Any) -> Answer:
                 f"({len(between)}), at {where}",
             )
         said.append(f"{len(between)} of them between {ends_text}")
-    reason = "the poles of K interlace with its real zeros on the right"
+    reason = "the poles of K interlace with its real unstable zeros"
     return Answer(True, f"{reason}: {', '.join(said)}")
 
 

@@ -80,9 +80,9 @@ window. The difference of two integrators, of which one is θm late, or a runnin
 newest sample and takes off the oldest, has the same response, but it is not stable: the root at
 s = 0 has only been hidden, and what rounding, or a wrong start, once puts into the difference never
 leaves it again. That is the diagram with `keep_factors=True`. For p != 0, F(p) exp(-θm p) = 1
-holds to rounding at best; on the right the memory then grows from one end of its window to the
-other, and replacing its integral by a sum can make the loop unstable, however fine the steps (Van
-Assche et al.). Such poles are kept.
+holds to rounding at best; in the right half plane the memory then grows from one end of its window
+to the other, and replacing its integral by a sum can make the loop unstable, however fine the steps
+(Van Assche et al.). Such poles are kept.
 
 .. rubric:: References
 

@@ -55,9 +55,9 @@ def interpolating_filter(
     :math:`F = N_f/(\lambda s + 1)^n` is 0 at the model's zeros and 1 at its poles on the axis and
     right of it, with their multiplicities, and :math:`1 - F \sim s^k` at s = 0. So F/G̃ and
     (1 - F)G̃, each built as one block, have no pole there, and with :math:`G = \tilde G` the
-    observer loop has the roots of D and N on the left and n at :math:`-1/\lambda`; near a match it
-    stays stable. The price is the peak of F: between a zero z and a pole p it is at least
-    :math:`|(z + p)/(z - p)|`.
+    observer loop has the roots of D and N in the left half plane and n at :math:`-1/\lambda`; near
+    a match it stays stable. The price is the peak of F: between a zero z and a pole p it is at
+    least :math:`|(z + p)/(z - p)|`.
 
     Parameters
     ----------

@@ -244,7 +244,7 @@ class Quotient:
         return noise_power((*self.num, num), (*self.den, den), f"{name} behind the shaping filter")
 
     def check_stable(self) -> None:
-        """Raise ValueError if the denominator, hidden modes included, has roots not on the left."""
+        """Raise ValueError if the denominator, hidden modes included, has unstable roots."""
         check_stable(self.den, f"the noise power of {self.name or 'this map'}")
 
     def spectrum(self, omega: Any, shaping: Any = None) -> FloatArray:

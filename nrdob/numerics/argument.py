@@ -3,8 +3,8 @@ r"""The change in argument of :math:`\sum_i q_i(s)\,e^{-sT_i}` along the imagina
 It says how many roots are in the right half plane (Mikhailov): for one sum, or for many at once.
 The stretches of the axis on which the argument is certain are those of `nrdob.numerics.stretches`.
 Where a single sum vanishes on the axis within rounding the path leaves the axis for a half circle
-on the right, so that what lies on the axis counts as lying on the left; of many sums those that
-vanish are left open.
+on the right, so that what lies on the axis counts as lying in the left half plane; of
+many sums those that vanish are left open.
 """
 
 from __future__ import annotations
@@ -191,7 +191,7 @@ def argument_change(terms: Sequence[Term], scale: FloatArray, origin: int = 1) -
 
     Examples
     --------
-    >>> q = np.array([1.0, -1.0, 4.0])                       # two roots on the right
+    >>> q = np.array([1.0, -1.0, 4.0])                       # two roots in the right half plane
     >>> bool(np.isclose(argument_change([Term(q, 0.0)], np.abs(q)).angle, -np.pi))
     True
     """

@@ -1,10 +1,11 @@
-r"""Roots on the right counted by the crossings that a growing dead time makes.
+r"""Roots in the right half plane counted by the crossings that a growing dead time makes.
 
 As T grows from 0, the roots of :math:`q(s) + r(s)\,e^{-sT}` cross the imaginary axis only at the
 frequencies where :math:`|q(j\omega)| = |r(j\omega)|`, which do not depend on T: at :math:`\omega`
 for :math:`T = (\varphi + 2\pi m)/\omega` with :math:`e^{j\varphi} = -r/q` and m = 0, 1, 2, …, from
 left to right if :math:`|q|^2 - |r|^2` grows with frequency there, else from right to left. With
-the roots of :math:`q + r` that makes the number of roots on the right for every dead time.
+the roots of :math:`q + r` that makes the number of roots in the right half plane for every dead
+time.
 
 With a second dead time that does not change q is no polynomial but a sum of two terms, which only
 makes it harder to find the frequencies.
@@ -77,7 +78,8 @@ def crossings_between(
 
     Examples
     --------
-    s + 1 + 4 exp(-sT) - 4 exp(-s) has no roots on the right for T = 1, but ten for T = 10:
+    s + 1 + 4 exp(-sT) - 4 exp(-s) has no roots in the right half plane for T = 1, but ten for T =
+    10:
 
     >>> four = np.array([4.0])
     >>> crossings_between(np.array([1.0, 1.0]), (-four, 1.0), four, 1.0, 10.0)
@@ -198,7 +200,7 @@ def _crossing(q: FloatArray, r: FloatArray, omega: float, direction: int) -> _Cr
 
 
 def _count_without_delay(q: FloatArray, r: FloatArray, on_axis: list[float]) -> int | None:
-    """Roots of q + r on the right, those on the axis not counted: they cross from there."""
+    """Roots of q + r in the right half plane, without those on the axis: they cross from there."""
     p = total(*whole(q, r))
     if not p[-1]:
         p = p[:-1]

@@ -24,7 +24,7 @@ EPS = 4 * float(np.finfo(float).eps)
 
 
 def hurwitz(coefficients: FloatArray, off: FloatArray) -> tuple[BoolArray, BoolArray]:
-    """Tell which polynomials certainly have all roots on the left, and which certainly have not.
+    """Tell which polynomials certainly are stable, and which certainly are not.
 
     Parameters
     ----------

@@ -31,7 +31,7 @@ PEAKS = 8
 """Highest points that are looked at."""
 
 SHOWN = 400
-"""If fewer roots than this are on the right, all of them are looked for."""
+"""If fewer roots than this are in the right half plane, all of them are looked for."""
 
 PER_TURN = 12
 """Frequencies to each turn of the longest of several dead times."""

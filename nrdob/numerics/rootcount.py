@@ -26,8 +26,8 @@ class RootCount:
     reason : str
         Why the count is not known.
     at_least : float
-        Roots that are on the right whatever rounding does to those on the axis, which the path
-        passes on their right.
+        Roots that are in the right half plane whatever rounding does to those on the axis, which
+        the path passes on their right.
     """
 
     count: float | None
@@ -89,7 +89,7 @@ def _chains(p: QuasiPolynomial, ratio: float) -> RootCount:
         return RootCount(inf, at_least=inf)
     return RootCount(None, (
         f"neutral, the sizes of its delayed terms at infinite frequency add up to {ratio:.4g}, not "
-        "below 1: the smallest change of a dead time may put a chain of roots on the right"
+        "below 1: the smallest change of a dead time may make a chain of roots unstable"
     ))  # fmt: skip
 
 

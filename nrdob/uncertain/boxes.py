@@ -179,7 +179,7 @@ def _critical_delays(loop: NRDOB, span: Interval) -> list[float]:
 
     Whatever the dead time, the pair at a gain crossover goes right where the gain falls, and left
     where it rises. The turns of the former are the faster ones (the last crossover is one), so that
-    the pairs on the right are at least as many as the turns on balance.
+    the pairs in the right half plane are at least as many as the turns on balance.
     """
     omega = loop.margins().plant_loop.gain_crossovers
     omega = omega[(omega > 0) & np.isfinite(omega)]

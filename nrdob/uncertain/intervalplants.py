@@ -174,7 +174,7 @@ def _all_left(polynomials: list[FloatArray]) -> bool:
 
 
 def _stays(start: FloatArray, end: FloatArray) -> bool:
-    """Whether all between a polynomial with all roots on the left and another one have them too."""
+    """Whether all between a stable polynomial and another one are stable, too."""
     step = end - start
     if not step.any():
         return True

@@ -92,7 +92,7 @@ def fit_weight(
     Returns
     -------
     control.TransferFunction
-        Stable, with all zeros on the left.
+        Stable, with all zeros in the left half plane.
 
     Raises
     ------
@@ -137,10 +137,10 @@ def fit_weight(
 
 
 def _spectral_factor(c: FloatArray, tau: float) -> FloatArray:
-    """Polynomial with zeros on the left, whose square of size is the sum of c_i (ωτ)^2i."""
+    """Stable polynomial whose square of size is the sum of c_i (ωτ)^2i."""
     used = np.flatnonzero(c > 1e-14 * c.max())
     x = np.roots(c[used[0] : used[-1] + 1][::-1])
-    zeros = -np.sqrt(-x.astype(complex))  # s² = -x: the root on the left
+    zeros = -np.sqrt(-x.astype(complex))  # s² = -x: the root in the left half plane
     lead = np.sqrt(c[used[-1]])
     p = lead * np.real(np.poly(np.concatenate([zeros, np.zeros(used[0])])))
     return np.atleast_1d(p) * tau ** np.arange(p.size - 1, -1, -1.0)

@@ -85,4 +85,4 @@ def test_a_plant_that_is_ten_times_as_strong_refutes_for_every_order_and_model(g
     strong = check("4.5", lambda case: 10 * case.model * (1 - s) / (1 + s), group)
     weak = check("4.5", lambda case: 0.5 * case.model * (1 - s) / (1 + s), group)
     assert strong.share == 1
-    assert weak.recognised == "a zero on the right alone"
+    assert weak.recognised == "a zero in the right half plane alone"

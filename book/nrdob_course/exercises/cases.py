@@ -175,7 +175,7 @@ class UnstablePlant:
 
 
 def mirrored(case: UnstablePlant) -> ct.TransferFunction:
-    """Give the model that has the plant's pole on the left."""
+    """Give the model that has the plant's pole in the left half plane."""
     return case.gain / ((s + case.pole) * (s + case.decay))
 
 

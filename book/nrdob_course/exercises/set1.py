@@ -183,7 +183,7 @@ _PARTS = ("N", "D", "Nm", "Dm")
 
 
 def _polynomial_case(rng: np.random.Generator) -> PolynomialCase:
-    # Plant and model share the pole on the right, exactly, as a careful modeller would have it.
+    # Plant and model share the unstable pole exactly, as a careful modeller would have it.
     shared = -draw(rng, 0.5, 3)
     plant, model, zero = draw(rng, 1, 2), draw(rng, 2.5, 5), draw(rng, 6, 12)
     return PolynomialCase(

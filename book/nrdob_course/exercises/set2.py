@@ -53,7 +53,7 @@ class RootsCase:
     def __repr__(self) -> str:
         names = "plant_zeros", "plant_poles", "model_zeros", "model_poles", "closed_loop_roots"
         found = [f"{on_the_right(getattr(self, name))} {name.replace('_', ' ')}" for name in names]
-        return f"on the right: {', '.join(found)}"
+        return f"in the right half plane: {', '.join(found)}"
 
 
 def _roots_case(rng: np.random.Generator) -> RootsCase:
@@ -141,7 +141,7 @@ TURNS = pose(
         ""
         if same(_turns(case), got)
         else f"that many encirclements do not turn P = {_poles(case)} poles into Z = "
-        f"{on_the_right(case.closed_loop_roots)} roots of p_B on the right"
+        f"{on_the_right(case.closed_loop_roots)} roots of p_B in the right half plane"
     ),
     misconceptions={
         "counter-clockwise counted as positive": _counter_clockwise,
@@ -432,7 +432,7 @@ def _closing_lacks(case: HalfCurve, got: float) -> str:
             return hint
     if abs(got - np.round(got)) > 0.05:
         return "a closed curve encircles a point a whole number of times"
-    return "that many encirclements do not fit the zeros of 1 + H and the poles of H on the right"
+    return "that many encirclements do not fit the unstable zeros of 1 + H and poles of H"
 
 
 CLOSING = pose(

@@ -27,7 +27,7 @@ def _unstable_plant(rng: np.random.Generator) -> UnstablePlant:
 
 
 def _visible(open_loop: Quotient) -> ComplexArray:
-    """Zeros of 1 + L on the right after cancellation: what Lemma 1 read literally looks at."""
+    """Unstable zeros of 1 + L after cancellation: what Lemma 1 read literally looks at."""
     if not open_loop.numerator.q.any():
         return np.empty(0, dtype=complex)
     tf = open_loop.to_tf()
@@ -43,7 +43,7 @@ def _not_refuting(case: UnstablePlant, got: Any) -> str:
         if _visible(open_loop).size:
             return Lack(
                 kind,
-                f"1 + {term} has a zero on the right, so the lemma does not call this loop stable",
+                f"1 + {term} has an unstable zero, so the lemma does not call this loop stable",
             )
     verdict = got.stability().stable
     if verdict is None:
@@ -149,12 +149,12 @@ def _not_held(case: DistantZero, got: Any) -> str:
     ]
     if shared:
         return Lack(
-            "shared", "the model shares a root on the right with the plant, which stays in the loop"
+            "shared", "the model shares an unstable root with the plant, which stays in the loop"
         )
     if verdict.stable is None:
         return AT_A_BORDER
     if not right_half_plane_parity(got.process, got.model).holds:
-        return Lack("sign", "p_B has an odd number of roots on the right for every λ and n")
+        return Lack("sign", "p_B has an odd number of unstable roots for every λ and n")
     F = got.filter
     works = isinstance(F, LowPassFilter) and stabilizing_time_constants(
         got.process, got.model, F.order
@@ -162,7 +162,7 @@ def _not_held(case: DistantZero, got: Any) -> str:
     if not works:
         return "with this model and order the filter does not stabilise p_B"
     kind = "fast" if F.time_constant <= works[0][0] else "slow"
-    return Lack(kind, f"the filter is too {kind}, p_B has roots on the right")
+    return Lack(kind, f"the filter is too {kind}, p_B has roots in the right half plane")
 
 
 def _with_shared_zero(case: DistantZero) -> NRDOB:
@@ -175,7 +175,7 @@ UNTURNED = pose(
     case=_distant_zero,
     lacks=_not_held,
     misconceptions={
-        "a root shared on the right": lacking("shared", _with_shared_zero),
+        "a root shared in the right half plane": lacking("shared", _with_shared_zero),
         "the DC sign of the plant": lacking(
             "sign", lambda case: _around_mirrored(case, 0.1 / case.pole, sign=-1.0)
         ),

@@ -40,7 +40,7 @@ SLOW = (1e2, 1e3, 1e4)
 
 @dataclass(frozen=True, eq=False)
 class SlowCase:
-    """A stable model without zeros on the right, and the order of the filter.
+    """A stable model without zeros in the right half plane, and the order of the filter.
 
     `order`: 3 or more.
     """
@@ -64,7 +64,7 @@ def _slow_case(rng: np.random.Generator) -> SlowCase:
 
 
 def _mirrored(case: SlowCase, gain: float) -> ct.TransferFunction:
-    """Give the model times a gain, with a zero on the right and a pole at its mirror image."""
+    """Give the model times a gain, an unstable zero and a pole at its mirror image."""
     speed = float(np.abs(case.model.poles()).max())
     return gain * case.model * ct.tf([-1 / speed, 1], [1 / speed, 1])
 
@@ -85,7 +85,7 @@ def _facts(case: SlowCase, plant: Any) -> _Facts:
     filters = [LowPassFilter(factor * slowest, case.order) for factor in SLOW]
     verdicts = [observer_stable(plant, case.model, F) for F in filters]
     limit = stable_for_slow_filters(plant, case.model, case.order).holds
-    # 1 + H = b/a: its zeros less its poles on the right are the clockwise encirclements.
+    # 1 + H = b/a: its zeros less its poles in the right half plane are the clockwise encirclements.
     poles, zeros = (
         int(np.sum(QuasiPolynomial(p).roots.real >= 0)) for p in (mismatch.a, mismatch.b)
     )
@@ -115,7 +115,7 @@ SLOW_FILTER = pose(
     reads=block,
     lacks=_refutes,
     misconceptions={
-        "a zero on the right alone": Misconception(
+        "a zero in the right half plane alone": Misconception(
             lambda case: _mirrored(case, 1.0),
             lambda case, got: (
                 (f := _facts(case, got)).stable

@@ -129,7 +129,7 @@ def _high_frequency_sign(pair: Pair) -> float:
 
 
 def _odd(pair: Pair, sign: float) -> bool:
-    """Whether p_B has an odd number of roots on the right: by the rule, or counted for a filter."""
+    """Whether p_B has an odd number of unstable roots: by the rule, or counted for a filter."""
     loop = NRDOB(pair.process, sign * pair.model, 0, LowPassFilter(0.1, 2))
     counted = loop.stability().observer_loop.closed_loop_rhp
     return not right_half_plane_parity(loop.process, loop.model).holds or bool((counted or 0) % 2)
@@ -140,7 +140,7 @@ def _sign_lacks(case: SignCase, signs: FloatArray) -> str:
         return "give five numbers, each +1 or -1, in the order of the pairs"
     for k, (pair, sign) in enumerate(zip(case.pairs, signs, strict=True), start=1):
         if _odd(pair, float(sign)):
-            return f"with your sign, p_B of pair {k} has an odd number of roots on the right"
+            return f"with your sign, p_B of pair {k} has an odd number of unstable roots"
     return ""
 
 
@@ -186,7 +186,7 @@ def _not_refuting(case: UnstablePlant, got: tuple[ct.TransferFunction, int]) -> 
     if np.any(roots.real >= 0):
         return Lack(
             "right",
-            "the model has a pole or a zero that is not on the left; the advice asks for neither",
+            "the model has an unstable pole or zero; the advice asks for neither",
         )
     falls = as_fraction(model, "model", proper=False).relative_degree
     if falls <= 2:
@@ -308,7 +308,7 @@ def _shortcoming(case: DesignCase, got: Any) -> str:
     if np.any(np.abs(got.p_B.roots - case.pole) < 1e-6 * case.pole):
         return Lack("matched", "the plant's unstable pole is a root of p_B")
     if not right_half_plane_parity(got.process, got.model).holds:
-        return Lack("sign", "p_B has an odd number of roots on the right")
+        return Lack("sign", "p_B has an odd number of roots in the right half plane")
     if verdict.model_loop.stable is not True:
         return "the controller does not stabilise the model"
     if verdict.stable is not True:

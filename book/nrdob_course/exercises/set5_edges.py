@@ -168,7 +168,7 @@ def _edge_case(rng: np.random.Generator) -> FilterCase:
 
 
 def _draw_edge(rng: np.random.Generator, unstable: bool) -> FilterCase:
-    """Draw an unstable pole that the model mirrors, or a zero on the right that it leaves out."""
+    """Draw an unstable pole that the model mirrors, or an unstable zero that it leaves out."""
     gain, lag, speed = (draw(rng, low, high) for low, high in ((1.3, 5), (2, 9), (0.6, 6)))
     size = draw(rng, 0.5, 4)
     if unstable:

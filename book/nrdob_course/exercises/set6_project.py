@@ -141,7 +141,7 @@ class Project:
 def _goals(case: Project, loop: NRDOB) -> Iterator[Goal]:
     verdict = loop.stability()
     for name, part in (("model", verdict.model_loop), ("observer", verdict.observer_loop)):
-        # A root on the right, or no verdict: then there is no number to be signed.
+        # A root in the right half plane, or no verdict: then there is no number to be signed.
         value = part.rightmost.real if part.stable is not None else nan
         yield Goal(f"rightmost root, {name} loop", value, 0.0)
     if not verdict.stable:
@@ -186,7 +186,7 @@ def _settled(case: Project, loop: NRDOB) -> float:
 
 
 def mirrored_model(case: Project) -> ct.TransferFunction:
-    """Give the plant with its pole on the left."""
+    """Give the plant with its pole in the left half plane."""
     return mirrored_pair(case.pole, case.decay, gain=case.gain)[1]
 
 
