@@ -34,9 +34,6 @@ LEFT_OUT = ("api", "search", "genindex", "teaching/")
 UNPRINTED = "a.headerlink, script, button, .claims-filter, .toctree-wrapper, #all-chapters"
 """What needs a screen, and the map of the chapters: on paper the contents stand before it."""
 
-LONG = 14
-"""Lines of code that stay together."""
-
 NAMES = ("id", "for", "aria-labelledby", "aria-describedby", "aria-controls")
 ADDRESSES = ("href", "src")
 
@@ -75,12 +72,6 @@ class Chapter:
     def place(self) -> str:
         """The name that links lead to."""
         return anchor(self.name)
-
-    @property
-    def number(self) -> str:
-        """What its theorems are numbered with; nothing where there are none."""
-        found = re.match(r"chapters/0?(\d+)_", self.name)
-        return found.group(1) if found else ""
 
 
 @dataclass(frozen=True)
@@ -151,32 +142,7 @@ def chapter(site: Path, page: str, printed: frozenset[str]) -> Chapter:
             element["open"] = ""
     for link in filter(leads_nowhere, text.select("a[href]")):
         link.unwrap()
-    unfold(text)
-    let_break(text)
-    title = one(text, "h1")
-    found = Chapter(page, title.get_text(" ", strip=True), text)
-    if found.number:
-        title.insert(0, f"{found.number}  ")
-    return found
-
-
-def let_break(text: Tag) -> None:
-    """Mark the code that is too long to be moved to the next page as a whole."""
-    for code in text.select(".cell_input"):
-        if code.get_text().count("\n") > LONG:
-            code["class"] = " ".join([*map(str, code.get_attribute_list("class")), "long"])
-
-
-def unfold(text: Tag) -> None:
-    """Open what is folded around code; what only draws a figure is left to the notebook."""
-    for folded in text.select("details.hide"):
-        cell = folded.find_parent(class_="cell")
-        if "above-input" in folded["class"] and cell and cell.select_one(".cell_output img"):
-            folded.decompose()
-            continue
-        one(folded, "summary > .collapsed").decompose()
-        said = one(folded, "summary > .expanded")  # "Hide the check"
-        said.string = said.get_text().split(maxsplit=1)[1].capitalize()
+    return Chapter(page, one(text, "h1").get_text(" ", strip=True), text)
 
 
 def parts(site: Path) -> Iterator[Part]:
@@ -188,12 +154,13 @@ def parts(site: Path) -> Iterator[Part]:
 
 
 def head(site: Path) -> Markup:
-    """Give the styles of the site, and what sets its formulas."""
+    """Give the styles of the site, what sets its formulas, and what moves the answers."""
     with_formulas = min(site.glob("chapters/*.html"))
     tree = one(read(with_formulas), "head").parent
+    scripts = re.compile(r"mathjax|tex-svg|paper\.js", re.IGNORECASE)
     wanted = [
         *one(tree, "head").select("link[rel=stylesheet]"),  # type: ignore[arg-type]
-        *(each for each in tree.select("script") if re.search("mathjax|tex-svg", str(each), re.I)),  # type: ignore[union-attr]
+        *(each for each in tree.select("script") if scripts.search(str(each))),  # type: ignore[union-attr]
     ]
     return Markup("".join(map(str, wanted)).replace("../_static", "_static"))
 
