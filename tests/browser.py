@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from pypdf import PdfReader
+
 import chromium
 
 CHROMIUM = chromium.find()
@@ -161,3 +163,12 @@ def look_again(tab: Any, width: int, colours: str) -> Look:
     tab.evaluate("document.querySelectorAll('details').forEach((each) => { each.open = true; })")
     tab.wait_for_timeout(250)  # the formulas are fitted a moment after the last change
     return Look(**tab.evaluate(FINDINGS), said=[])
+
+
+def printed(tab: Any, page: Path, output: Path) -> PdfReader:
+    """Print a page as a browser does that nobody has told how."""
+    tab.goto(page.as_uri())
+    tab.evaluate(chromium.SETTLED)
+    tab.wait_for_timeout(300)  # the formulas are fitted, and what can be moved is drawn
+    tab.pdf(path=output, format="A4", prefer_css_page_size=True)
+    return PdfReader(output)

@@ -1,5 +1,8 @@
 """What a site needs where it is published: canonical links, a card for links to it, sitemap, 404.
 
+There the book as a PDF lies beside the pages, and they lead to it; a page shows what stands under
+``{only} published``.
+
 The address is given by the environment, ``NRDOB_SITE``, when the site is built for its place; a
 build without it, on a disk, has none of these, and names no server.
 """
@@ -17,6 +20,9 @@ from sphinx.application import Sphinx
 from sphinx.config import Config
 
 PICTURE = "_static/readme.png"
+PDF = "nrdob.pdf"
+"""The workflow that publishes the pages puts it there."""
+
 SAYS = (
     "When is a loop with a disturbance observer stable, and how far from trouble? An executable "
     "book: every number is computed in front of you."
@@ -31,10 +37,12 @@ NOT_FOUND = """<!DOCTYPE html>
 """
 
 
-def set_address(_app: Sphinx, config: Config) -> None:
+def set_address(app: Sphinx, config: Config) -> None:
     """Take the address from the environment, ending in a slash."""
     address = os.environ.get("NRDOB_SITE", "").rstrip("/")
     config.html_baseurl = f"{address}/" if address else ""
+    if address:
+        app.tags.add("published")
 
 
 def card(address: str, title: str, page: str, place: str) -> str:
@@ -74,6 +82,19 @@ def add_card(
         context["metatags"] = f"{context.get('metatags', '')}\n{said}"
 
 
+def add_pdf(
+    app: Sphinx, _page: str, _template: str, context: dict[str, Any], _doctree: object
+) -> None:
+    """Put the whole book into the menu of what can be downloaded."""
+    for group in context.get("header_buttons", []):
+        if app.config.html_baseurl and group["label"] == "download-buttons":
+            group["buttons"].append(
+                {"type": "link", "text": "The book, .pdf", "url": context["pathto"](PDF, 1),
+                 "icon": "fas fa-book", "tooltip": "Get the whole book as a PDF",
+                 "label": "download-book-button"}
+            )  # fmt: skip
+
+
 def write_lists(app: Sphinx, failed: Exception | None) -> None:
     """Write the sitemap and the page for what is not there."""
     address = app.config.html_baseurl
@@ -89,5 +110,6 @@ def setup(app: Sphinx) -> dict[str, bool]:
     """Add the card, the sitemap and the page for what is not there."""
     app.connect("config-inited", set_address)
     app.connect("html-page-context", add_card)
+    app.connect("html-page-context", add_pdf, priority=600)
     app.connect("build-finished", write_lists)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -117,5 +117,6 @@ def setup(app: Sphinx) -> dict[str, bool]:
     """Gather what belongs together, and name what is left."""
     app.add_transform(Solutions)
     app.add_transform(Prompts)
+    app.add_js_file("paper.js", loading_method="defer")
     app.add_node(HideCodeCellNode, override=True, html=(enter_folded_cell, leave_folded_cell))
     return {"parallel_read_safe": True, "parallel_write_safe": True}

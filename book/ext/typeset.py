@@ -2,9 +2,9 @@
 
 A browser may break a line between an inline formula and the comma after it, a number and its unit,
 or a word and its number; here they are tied together. Printed columns are marked, so that a phone
-does not break their lines. A picture of a chapter leads to its file, where it can be enlarged. The
-arrows that open a part of the contents get a name for those who hear the page, and so do empty
-corners of tables.
+does not break their lines, and long code, which may go on overleaf on paper. A picture of
+a chapter leads to its file, where it can be enlarged. The arrows that open a part of the contents
+get a name for those who hear the page, and so do empty corners of tables.
 """
 
 from __future__ import annotations
@@ -29,6 +29,8 @@ END = r"\s∎"
 LOOSE = re.compile(rf"(?<=\d)\s{UNIT}|{NUMBERED}|{END}")
 AFTER = re.compile(rf"[.,;:!?)\]’”]*(?:{END})?")
 AFTER_NUMBER = re.compile(rf"(?:\s{UNIT})?{AFTER.pattern}")
+LONG = 14
+"""Lines of code that stay together on paper."""
 COLUMNS = re.compile(r"\S {2,}\S")
 BEFORE = re.compile(r"[(\[“‘]+$")
 VERBATIM = (nodes.FixedTextElement, nodes.literal, nodes.math, addnodes.desc_signature)
@@ -96,6 +98,13 @@ def mark_columns(_app: Sphinx, doctree: nodes.document, _page: str) -> None:
             block["classes"].append("aligned")
 
 
+def mark_long(_app: Sphinx, doctree: nodes.document, _page: str) -> None:
+    """Mark the code that is too long to be moved to the next sheet of paper as a whole."""
+    for block in doctree.findall(nodes.literal_block):
+        if "output" not in block["classes"] and block.astext().count("\n") >= LONG:
+            block["classes"].append("long")
+
+
 def name_corners(_app: Sphinx, doctree: nodes.document, _page: str) -> None:
     """Put a word into the empty corner of a table, for those who hear the heads of its columns."""
     for head in doctree.findall(nodes.thead):
@@ -138,6 +147,7 @@ def setup(app: Sphinx) -> dict[str, bool]:
     app.connect("doctree-resolved", tie_punctuation, priority=910)
     app.connect("doctree-resolved", link_pictures, priority=900)
     app.connect("doctree-resolved", mark_columns)
+    app.connect("doctree-resolved", mark_long)
     app.connect("doctree-resolved", name_corners)
     app.connect("html-page-context", name_toggles, priority=900)
     app.connect("html-page-context", name_references)

@@ -34,9 +34,6 @@ LEFT_OUT = ("api", "search", "genindex", "teaching/")
 UNPRINTED = "a.headerlink, script, button, .claims-filter, .toctree-wrapper, #all-chapters"
 """What needs a screen, and the map of the chapters: on paper the contents stand before it."""
 
-LONG = 14
-"""Lines of code that stay together."""
-
 NAMES = ("id", "for", "aria-labelledby", "aria-describedby", "aria-controls")
 ADDRESSES = ("href", "src")
 
@@ -73,12 +70,6 @@ class Chapter:
     def place(self) -> str:
         """The name that links lead to."""
         return anchor(self.name)
-
-    @property
-    def number(self) -> str:
-        """What its theorems are numbered with; nothing where there are none."""
-        found = re.match(r"chapters/0?(\d+)_", self.name)
-        return found.group(1) if found else ""
 
 
 @dataclass(frozen=True)
@@ -149,32 +140,7 @@ def chapter(site: Path, page: str, printed: frozenset[str]) -> Chapter:
             element["open"] = ""
     for link in filter(leads_nowhere, text.select("a[href]")):
         link.unwrap()
-    unfold(text)
-    let_break(text)
-    title = one(text, "h1")
-    found = Chapter(page, title.get_text(" ", strip=True), text)
-    if found.number:
-        title.insert(0, f"{found.number}  ")
-    return found
-
-
-def let_break(text: Tag) -> None:
-    """Mark the code that is too long to be moved to the next page as a whole."""
-    for code in text.select(".cell_input"):
-        if code.get_text().count("\n") > LONG:
-            code["class"] = " ".join([*map(str, code.get_attribute_list("class")), "long"])
-
-
-def unfold(text: Tag) -> None:
-    """Open what is folded around code; what only draws a figure is left to the notebook."""
-    for folded in text.select("details.hide"):
-        cell = folded.find_parent(class_="cell")
-        if "above-input" in folded["class"] and cell and cell.select_one(".cell_output img"):
-            folded.decompose()
-            continue
-        one(folded, "summary > .collapsed").decompose()
-        said = one(folded, "summary > .expanded")  # "Hide the check"
-        said.string = said.get_text().split(maxsplit=1)[1].capitalize()
+    return Chapter(page, one(text, "h1").get_text(" ", strip=True), text)
 
 
 def parts(site: Path) -> Iterator[Part]:
@@ -186,9 +152,10 @@ def parts(site: Path) -> Iterator[Part]:
 
 
 def head(site: Path) -> Markup:
-    """Give the styles of the site."""
-    styles = one(read(min(site.glob("chapters/*.html"))), "head").select("link[rel=stylesheet]")
-    return Markup("".join(map(str, styles)).replace("../_static", "_static"))
+    """Give the styles of the site, and what moves the answers."""
+    found = one(read(min(site.glob("chapters/*.html"))), "head")
+    wanted = found.select("link[rel=stylesheet], script[src*='paper.js']")
+    return Markup("".join(map(str, wanted)).replace("../_static", "_static"))
 
 
 def headings(book: list[Part]) -> list[str]:

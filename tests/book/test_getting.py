@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import json
 import re
+import shutil
 import sys
 import tomllib
 from pathlib import Path
@@ -92,7 +93,8 @@ def test_the_address_stands_in_one_place():
 
 # --- the PDF ----------------------------------------------------------------------------------
 
-PAGE = """<html><head><title>A book</title></head><body>
+PAGE = """<html><head><title>A book</title><link rel="stylesheet" href="../_static/book.css">
+<script defer src="../_static/paper.js"></script></head><body>
 <nav class="bd-links"><p class="caption">One part</p><ul>
 <li class="toctree-l1"><a href="chapters/11_first.html">First</a></li>
 <li class="toctree-l1"><a href="notation.html">Signs</a></li>
@@ -101,10 +103,16 @@ PAGE = """<html><head><title>A book</title></head><body>
 
 TEXTS = {
     "index": '<h1>A book</h1><p><a href="notation.html#x">there</a></p>',
-    "chapters/11_first": '<h1>First, with a title that is so long that it needs more than one line'
-    ' of the page<a class="headerlink" href="#">¶</a></h1><h2 id="more">More</h2>'
+    "chapters/11_first": '<h1>11. First, with a title that is so long that it needs more than one'
+    ' line of the page<a class="headerlink" href="#">¶</a></h1><h2 id="more">More</h2>'
     '<a href="#more">up</a><a href="../notation.html#x">x</a><a href="../api.html">api</a>'
-    "<details><summary>Solution</summary>forty-two</details>",
+    "<div class='prediction'><details><summary>Twelve?</summary>No.</details></div>"
+    "<div class='cell tag_hide-input'><details class='hide above-input'><summary>How</summary>"
+    "<div class='cell_input'>plot()</div></details><div class='cell_output'>drawn</div></div>"
+    "<div class='cell tag_hide-cell'><details class='hide above-input'><summary><p>Show</p>"
+    "</summary><div class='cell_input'>assert True</div></details></div>"
+    "<details class='solution'><summary>Solution</summary>forty-two</details>"
+    "<h2>Summary</h2>",
     "notation": '<h1>Signs</h1><p id="x">x</p><a href="https://example.org">away</a>',
 }  # fmt: skip
 
@@ -114,6 +122,9 @@ def site(tmp_path: Path) -> Path:
     """A book of three pages."""
     folder = tmp_path / "html"
     (folder / "chapters").mkdir(parents=True)
+    (folder / "_static").mkdir()
+    for name in ("book.css", "paper.js"):
+        shutil.copy(ROOT / "book" / "_static" / name, folder / "_static")
     for name, text in TEXTS.items():
         (folder / f"{name}.html").write_text(PAGE.format(text=text), "utf-8")
     return folder
@@ -132,56 +143,29 @@ def test_links_lead_inside_where_their_page_is_printed(site: Path):
     assert first.text.select_one("details").has_attr("open")
 
 
-FOLDED = """<div class="cell"><details class="hide above-input"><summary>
-<p class="collapsed">Show the check</p><p class="expanded">Hide the check</p></summary>
-<div class="cell_input"><pre>{code}</pre></div></details>
-<div class="cell_output">{shown}</div></div>"""
-
-
-def test_on_paper_a_check_is_open_under_its_name():
-    text = BeautifulSoup(FOLDED.format(code="assert True", shown=""), "html.parser")
-    pdf.unfold(text)
-    assert text.summary.get_text(strip=True) == "The check" and "assert True" in text.get_text()
-
-
-def test_on_paper_a_figure_stands_without_the_code_that_draws_it():
-    text = BeautifulSoup(FOLDED.format(code="plot()", shown="<img>"), "html.parser")
-    pdf.unfold(text)
-    assert text.img and "plot()" not in text.get_text()
-
-
-def test_only_long_code_is_broken_between_pages():
-    text = BeautifulSoup(
-        "".join(FOLDED.format(code="x\n" * lines, shown="") for lines in (3, pdf.LONG + 1)),
-        "html.parser",
-    )
-    pdf.let_break(text)
-    assert ["long" in str(each["class"]) for each in text.select(".cell_input")] == [False, True]
-
-
-def test_chapters_are_numbered_as_their_theorems_are(site: Path):
-    _, part = pdf.parts(site)
-    assert [each.number for each in part.chapters] == ["11", ""]
-
-
 def test_a_site_of_another_theme_is_named():
     with pytest.raises(ValueError, match="article"):
         pdf.one(BeautifulSoup("<p>", "html.parser"), "article")
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="a PDF needs Chromium, and there is none here")
-def test_the_pdf_has_page_numbers_and_an_outline_with_whole_titles(site: Path, tmp_path: Path):
+def test_the_pdf_has_page_numbers_an_outline_and_its_answers_at_the_end(site: Path, tmp_path: Path):
     pdf.build(site, tmp_path / "book.pdf")
     printed = PdfReader(tmp_path / "book.pdf")
     titles = [entry for entry in printed.outline if not isinstance(entry, list)]
     assert [entry.title for entry in titles] == [
         "A book",
         "One part",
-        "11 First, with a title that is so long that it needs more than one line of the page",
+        "11. First, with a title that is so long that it needs more than one line of the page",
         "Signs",
     ]  # fmt: skip
     last = printed.get_destination_page_number(titles[-1]) + 1
     contents = " ".join(printed.pages[1].extract_text().split())
     assert re.search(rf"Signs {last}\b", contents)
-    assert "forty-two" in printed.pages[last - 2].extract_text()
+    chapter = printed.pages[last - 2].extract_text()
+    before, after = chapter.split("Answers")
+    assert "Twelve?" in before and "Summary" in before
+    assert "No." in after and "forty-two" in after
+    assert "drawn" in before and "Here the notebook checks this." in before
+    assert "plot()" not in chapter and "assert" not in chapter
     assert list(tmp_path.glob("*.draft.pdf")) == []

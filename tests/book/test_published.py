@@ -5,8 +5,10 @@ from __future__ import annotations
 import sys
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
+from typing import Any
 
 import pytest
+import yaml
 from bs4 import BeautifulSoup
 from sphinx.application import Sphinx
 
@@ -14,13 +16,26 @@ import published
 
 ADDRESS = "https://somebody.example/book"
 EXT = Path(published.__file__).parent
+WORKFLOWS = Path(__file__).resolve().parents[2] / ".github" / "workflows"
+
+INDEX = """A & B
+=====
+
+.. only:: published
+
+   With a PDF.
+
+.. toctree::
+
+   chapters/one
+"""
 
 
-def built(folder: Path) -> Path:
+def built(folder: Path, theme: str = "basic") -> Path:
     source = folder / "source"
-    (source / "chapters").mkdir(parents=True)
-    (source / "conf.py").write_text("extensions = ['published']\nhtml_theme = 'basic'\n")
-    (source / "index.rst").write_text("A & B\n=====\n\n.. toctree::\n\n   chapters/one\n")
+    (source / "chapters").mkdir(parents=True, exist_ok=True)
+    (source / "conf.py").write_text(f"extensions = ['published']\nhtml_theme = '{theme}'\n")
+    (source / "index.rst").write_text(INDEX)
     (source / "chapters" / "one.rst").write_text("One\n===\n\nText.\n")
     Sphinx(source, source, folder / "html", folder / "trees", "html", status=None).build()
     return folder / "html"
@@ -52,3 +67,34 @@ def test_a_book_on_a_disk_names_none(tmp_path: Path, monkeypatch: pytest.MonkeyP
     text = (site / "index.html").read_text("utf-8")
     assert "og:" not in text and "canonical" not in text
     assert "published" in sys.modules
+
+
+def test_pages_lead_to_the_pdf_only_where_it_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(str(EXT))
+    for address, links in (("", []), (ADDRESS, ["../nrdob.pdf"]), ("", [])):
+        monkeypatch.setenv("NRDOB_SITE", address)
+        site = built(tmp_path, "sphinx_book_theme")
+        page = BeautifulSoup((site / "chapters/one.html").read_text("utf-8"), "html.parser")
+        menu = page.select(".dropdown-download-buttons a[href$='.pdf']")
+        assert [link["href"] for link in menu] == links
+        assert ("With a PDF." in (site / "index.html").read_text("utf-8")) == bool(links)
+
+
+def steps(workflow: str, job: str) -> list[dict[str, Any]]:
+    text = (WORKFLOWS / f"{workflow}.yml").read_text("utf-8")
+    return list(yaml.safe_load(text)["jobs"][job]["steps"])
+
+
+def test_the_pdf_lies_where_the_published_pages_lead() -> None:
+    *_, make, copy, upload = steps("pages", "build")
+    assert make["run"] == "make pdf" and "NRDOB_SITE" in make["env"]
+    assert copy["run"] == f"cp build/nrdob.pdf build/html/{published.PDF}"
+    assert upload["with"]["path"] == "build/html"
+
+
+def test_a_release_has_the_pdf_and_a_site_that_leads_to_no_other() -> None:
+    *_, make, upload = steps("release", "book")
+    assert make == {"run": "make pdf zip"}, "without an address the pages lead to no PDF"
+    assert upload["with"]["path"].split() == ["build/nrdob.pdf", "build/nrdob-book.zip"]

@@ -35,7 +35,7 @@ import apipages
 import fonts
 import ledger
 import teaching
-from browser import CHROMIUM, LIGHTER, VIEWS, Look, browser, look, look_again
+from browser import CHROMIUM, LIGHTER, VIEWS, Look, browser, look, look_again, printed
 from digits import hanging_on_rounding
 from nrdob_course.claims import LEDGER, Entry, Verdict
 from nrdob_course.exercises import PROBLEMS
@@ -764,3 +764,49 @@ def test_the_reference_tells_of_each_thing_once_and_in_words(
         lists = soup.select("ol.upperalpha")
         assert not lists, f"{path.name}: a list begins at an initial, {lists[0].get_text()}"
     assert seen
+
+
+# --- on paper ---------------------------------------------------------------------------------
+
+NOT_ON_PAPER = (
+    ".bd-article .cell:not(.solution *):has(> .cell_output img) .cell_input pre",
+    ".bd-article .cell > details.hide .cell_input pre",
+)
+"""Code that draws, and code that checks."""
+
+
+def squeezed(text: str) -> str:
+    """Leave out where a line is broken."""
+    return re.sub(r"\s", "", text)
+
+
+def lines(page: BeautifulSoup, code: str) -> set[str]:
+    """Give the lines of some code on a page that are long enough to be known again."""
+    found = (line for pre in page.select(code) for line in pre.get_text().splitlines())
+    return {squeezed(line) for line in found if len(squeezed(line)) > 20}
+
+
+@pytest.mark.parametrize(
+    "name", ["05_how_slow_must_the_filter_be", "13_limits", "19_on_a_processor"]
+)
+def test_a_printed_chapter_is_short_and_has_its_answers_at_its_end(
+    site: Path, pages: dict[Path, BeautifulSoup], opened: Any, tmp_path: Path, name: str
+) -> None:
+    path = site / "chapters" / f"{name}.html"
+    page, tab = pages[path], opened.new_page()
+    paper = printed(tab, path, tmp_path / "chapter.pdf")
+    assert len(paper.pages) <= 16
+    text = squeezed("".join(sheet.extract_text() for sheet in paper.pages))
+    hidden = lines(page, ",".join(NOT_ON_PAPER))
+    shown = lines(page, ".bd-article .cell_input pre") - hidden
+    assert hidden and not [line for line in hidden - shown if line in text]
+    assert shown and not [line for line in shown if line not in text]
+    before, answers = text.split("Answers")
+    *_, last = page.select(".prediction > details > summary")
+    choice = max(map(squeezed, last.find_all(string=True)), key=len)
+    assert choice in before and "Summary" in before
+    for answer in page.select(".prediction > details > p > strong, .solution > summary"):
+        said = squeezed(answer.get_text())
+        assert said in answers and said not in before
+    assert not tab.query_selector(".answers"), "on the screen they come back"
+    assert tab.locator(".prediction > details > p").count() > 0

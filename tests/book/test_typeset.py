@@ -10,7 +10,7 @@ from docutils import nodes
 from docutils.utils import new_document
 
 import pdf
-from typeset import SPACE, tie_punctuation, tie_words
+from typeset import LONG, SPACE, mark_long, tie_punctuation, tie_words
 
 
 @pytest.mark.parametrize(
@@ -68,3 +68,12 @@ def test_pictures_are_no_links_on_paper(tmp_path: Path) -> None:
     printed = pdf.chapter(tmp_path, "chapters/11_x", frozenset({"chapters/11_x"}))
     assert not printed.text.select("a")
     assert printed.text.img == BeautifulSoup('<img alt="A" src="_images/a.png">', "html.parser").img
+
+
+def test_only_long_code_is_broken_between_sheets_of_paper() -> None:
+    document = new_document("page")
+    for lines, kind in ((LONG, []), (LONG + 1, []), (LONG + 1, ["output"])):
+        code = "\n".join(["x"] * lines)
+        document += nodes.literal_block(code, code, classes=list(kind))
+    mark_long(None, document, "")  # type: ignore[arg-type]
+    assert ["long" in code["classes"] for code in document.children] == [False, True, False]
