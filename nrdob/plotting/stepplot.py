@@ -62,7 +62,7 @@ def step_plot(
         if not isinstance(each, LoopEquations):
             raise TypeError(f"a {type(each).__name__} is given where a loop, an NRDOB, is needed")
     row, facts = "yu".index(signal), []
-    panels = axes_for(axes, 4, TALL)
+    panels = axes_for(axes, 4, 1.1 * TALL)
     with styled():
         lines = np.empty(4, dtype=object)
         for k, (ax, given) in enumerate(zip(panels, INPUTS, strict=True)):
