@@ -25,6 +25,8 @@ FINDINGS = """() => {
   };
   const drawn = (image) => inside(image)[0] / inside(image)[1];
   const asMade = (image) => image.naturalWidth / image.naturalHeight;
+  const wanted = (image) => parseFloat(
+    image.style.width || image.getAttribute("width") || image.naturalWidth);
   const scrolls = (box) => box.scrollWidth > box.clientWidth + 1;
   // A line that ends in dots is meant to.
   const hides = (box) => /hidden|clip/.test(getComputedStyle(box).overflowX)
@@ -77,6 +79,10 @@ FINDINGS = """() => {
       .map((each) => `no formula: ${each.closest("mjx-container").parentElement.textContent}`),
     stops: [...document.querySelectorAll("mjx-container[tabindex='0'], span.math[tabindex='0']")]
       .filter((each) => !scrolls(each)).length,
+    narrow: [...document.querySelectorAll(".bd-article img")]
+      .filter((image) => image.checkVisibility() && image.clientWidth < room - 8)
+      .filter((image) => image.clientWidth < wanted(image) - 1)
+      .map((image) => `has not the whole screen: ${image.alt}`),
     picture: Math.min(...[...document.querySelectorAll(".bd-article :is(img, .explorable svg)")]
       .filter((each) => each.checkVisibility())
       .map((each) => (each.getBoundingClientRect().top + scrollY) / innerHeight)),
@@ -106,6 +112,7 @@ class Look:
     torn: list[str]
     glaring: list[str]
     unread: list[str]
+    narrow: list[str]
     stops: int
     picture: float
     said: list[str]
@@ -114,7 +121,15 @@ class Look:
     def amiss(self) -> list[object]:
         """What must not be, however wide the page and whatever its colours."""
         wide = [f"{self.overflow} pixels too wide"] if self.overflow > 0 else []
-        return [*wide, *self.distorted, *self.cut, *self.torn, *self.glaring, *self.unread]
+        return [
+            *wide,
+            *self.distorted,
+            *self.cut,
+            *self.torn,
+            *self.glaring,
+            *self.unread,
+            *self.narrow,
+        ]
 
 
 @contextmanager

@@ -383,7 +383,11 @@ def conventional() -> Diagram:
 def two_degrees_of_freedom() -> Diagram:
     """Draw the equivalent loop: a prefilter, and one feedback K = F/((1 - F) Gm)."""
     prefilter = "C/((1 - F)*(1 + C*Gm))"
-    parts: Parts = {"R": Input((0.35, 0)), prefilter: Block((2.75, 0), 3.4, 1.6), "u": Sum((5.2, 0))}
+    parts: Parts = {
+        "R": Input((0.35, 0)),
+        prefilter: Block((2.75, 0), 3.4, 1.6),
+        "u": Sum((5.2, 0)),
+    }
     return Diagram(
         "the equivalent loop with two degrees of freedom",
         parts | _PLANT | {"K": Block((8, -1.4))},

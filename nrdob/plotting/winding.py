@@ -21,10 +21,7 @@ WALK, VALUE, BARS = 120 + 130j, 395 + 115j, 305 + 270j
 """Where the SVG has the walk, the value of f, and the bars; y downwards, as in every SVG."""
 
 ACROSS, RADIUS, TURN = 480, 75, 120
-"""Width of the SVG, radius of its circle, and length of the bar of one turn.
-
-On a phone of 360 pixels its type is three quarters as large.
-"""
+"""Width of the SVG, radius of its circle, and length of the bar of one turn."""
 
 STEP = 22
 """From one bar to the next."""
@@ -183,7 +180,8 @@ def _svg(zeros: Sequence[complex], poles: Sequence[complex]) -> str:
     tall, wide = foot + 26, PIXELS * WIDTH
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {ACROSS} {tall:.0f}" '
-        f'width="{wide:.0f}" height="{wide * tall / ACROSS:.0f}" font-family="DejaVu Sans, sans-serif" font-size="13">'
+        f'width="{wide:.0f}" height="{wide * tall / ACROSS:.0f}" '
+        'font-family="DejaVu Sans, sans-serif" font-size="13">'
         "<style>.rest{display:none}@media (prefers-reduced-motion: reduce)"
         "{.moving{display:none}.rest{display:inline}}</style>"
         f'{scene}<g class="moving">{moment(frames)}</g>'
