@@ -27,6 +27,8 @@ FINDINGS = """() => {
   };
   const drawn = (image) => inside(image)[0] / inside(image)[1];
   const asMade = (image) => image.naturalWidth / image.naturalHeight;
+  const wanted = (image) => parseFloat(
+    image.style.width || image.getAttribute("width") || image.naturalWidth);
   const scrolls = (box) => box.scrollWidth > box.clientWidth + 1;
   // A line that ends in dots is meant to.
   const hides = (box) => /hidden|clip/.test(getComputedStyle(box).overflowX)
@@ -76,6 +78,10 @@ FINDINGS = """() => {
       .map((each) => `pale in the dark: ${each.alt || each.textContent.slice(0, 80)}`),
     stops: [...document.querySelectorAll(".math[tabindex='0']")]
       .filter((each) => !scrolls(each)).length,
+    narrow: [...document.querySelectorAll(".bd-article img")]
+      .filter((image) => image.checkVisibility() && image.clientWidth < room - 8)
+      .filter((image) => image.clientWidth < wanted(image) - 1)
+      .map((image) => `has not the whole screen: ${image.alt}`),
     picture: Math.min(...[...document.querySelectorAll(".bd-article :is(img, .explorable svg)")]
       .filter((each) => each.checkVisibility())
       .map((each) => (each.getBoundingClientRect().top + scrollY) / innerHeight)),
@@ -104,6 +110,7 @@ class Look:
     cut: list[str]
     torn: list[str]
     glaring: list[str]
+    narrow: list[str]
     stops: int
     picture: float
     said: list[str]
@@ -112,7 +119,14 @@ class Look:
     def amiss(self) -> list[object]:
         """What must not be, however wide the page and whatever its colours."""
         wide = [f"{self.overflow} pixels too wide"] if self.overflow > 0 else []
-        return [*wide, *self.distorted, *self.cut, *self.torn, *self.glaring]
+        return [
+            *wide,
+            *self.distorted,
+            *self.cut,
+            *self.torn,
+            *self.glaring,
+            *self.narrow,
+        ]
 
 
 @contextmanager

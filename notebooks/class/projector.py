@@ -8,7 +8,7 @@ from typing import Any
 
 from nrdob.plotting import figure
 
-LARGE, SMALL = (5.6, 2.85), (2.8, 2.15)
+LARGE, SMALL = (5.0, 2.55), (2.8, 2.15)
 """Inches of a figure that fills a slide, and of one that shares it with a question."""
 
 figure.DPI = 240

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..numerics import number
-from .figure import COLOURS, INK, TALL, Figure, axes_for, headings, styled
+from .figure import COLOURS, INK, SMALLEST, TALL, Figure, axes_for, headings, styled
 
 __all__ = ["chart_plot"]
 
@@ -62,8 +62,9 @@ def chart_plot(chart: Any, *, title: str = "", ax: Any = None) -> Figure:
                 if k == 0:
                     at = part[len(part) // 2]
                     axes.annotate(
-                        f"$M_s$ = {level:g}", at, color=COLOURS["filter"], fontsize=8, ha="center",
-                        va="center", bbox={"fc": axes.get_facecolor(), "ec": "none", "pad": 1},
+                        f"$M_s$ = {level:g}", at, color=COLOURS["filter"], fontsize=SMALLEST,
+                        ha="center", va="center",
+                        bbox={"fc": axes.get_facecolor(), "ec": "none", "pad": 1},
                     )  # fmt: skip
         for region in chart.regions:
             if region.share >= NUMBERED:

@@ -14,7 +14,7 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 from ..diagram import INPUTS
-from .figure import COLOURS, INK, WIDTH, Figure, axes_for, missing, styled
+from .figure import COLOURS, INK, SMALLEST, WIDTH, Figure, axes_for, missing, styled
 
 try:
     import sympy as sp
@@ -37,7 +37,7 @@ __all__ = [
 
 Point = tuple[float, float]
 
-UNIT = 0.5
+UNIT = WIDTH / 14
 """Inches to a unit of the drawing: a figure is 14 units wide."""
 
 RADIUS = 0.3
@@ -304,28 +304,28 @@ class Diagram:
 def nrdob() -> Diagram:
     """Draw the loop with a noise-reduction disturbance observer, Fig. 1 of the paper."""
     parts, wires = _observer()
-    low = -2.35
+    low = -2.75
     return Diagram(
         "the NR-DOB loop",
-        parts | {"(1 - F)*Gm": Block((5.2, -1.2), 2.2), "yf": Sum((5.2, low)),
+        parts | {"(1 - F)*Gm": Block((5.2, -1.3), 2.2), "yf": Sum((5.2, low)),
                  "F'": Block((8, low))},
         (*wires,
          Wire(((5.2, 0), "(1 - F)*Gm")), Wire(("(1 - F)*Gm", "yf")),
          Wire(((13.2, 0), (13.2, low), "F'")), Wire(("F'", "yf")),
          Wire(("yf", (1.4, low), "e"), -1)),
-        -3.1, 3.1,
-        _LABELS | {"$e$": (1.95, 0.3), r"$\hat{\delta}$": (4.35, 2.65), "$y_f$": (3.3, low + 0.3),
-                   "disturbance estimate": (10.35, 2.6), "noise reduction": (9.95, low + 0.25)},
-        (_ESTIMATE, ((3.9, -0.5), (6.5, -0.5), (6.5, -1.8), (12.0, -1.8), (12.0, -2.9),
-                     (3.9, -2.9))),
+        -3.5, 3.9,
+        _LABELS | {"$e$": (1.95, 0.35), r"$\hat{\delta}$": (4.35, 3.1), "$y_f$": (3.3, low + 0.35),
+                   "disturbance estimate": _SAID, "noise reduction": (10.42, low + 0.3)},
+        (_ESTIMATE, ((3.9, -0.6), (6.5, -0.6), (6.5, -2.1), (12.0, -2.1), (12.0, -3.4),
+                     (3.9, -3.4))),
     )  # fmt: skip
 
 
 def six_blocks() -> Diagram:
     """Draw Fig. 1 with a name for the output of each block but the process, whose output is y."""
     drawn = nrdob()
-    outputs = {"$c$": (3.52, -0.3), "$w$": (6.4, 2.65), "$g$": (5.45, 1.86),
-               "$b$": (5.45, -1.86), "$a$": (6.9, -2.05)}  # fmt: skip
+    outputs = {"$c$": (3.52, -0.35), "$w$": (6.4, 3.1), "$g$": (5.55, 2.1),
+               "$b$": (5.6, -2.0), "$a$": (6.9, -2.4)}  # fmt: skip
     kept = {text: place for text, place in drawn.labels.items() if text != "noise reduction"}
     return replace(drawn, title="the NR-DOB loop, its six blocks", labels=kept | outputs)
 
@@ -334,7 +334,7 @@ def delayed_model() -> Diagram:
     """Draw the loop with a delayed model: W is its dead time, Gm0 the part that is inverted."""
     drawn = nrdob()
     parts = {_DELAYED.get(name, name): part for name, part in drawn.parts.items()}
-    parts |= {"F*W": Block((5.2, 1.2), 1.3), "(1 - F*W)*Gm0": Block((5.2, -1.2), 2.5)}
+    parts |= {"F*W": Block((5.2, 1.3), 1.7), "(1 - F*W)*Gm0": Block((5.2, -1.3), 3.6)}
     wires = tuple(
         Wire(tuple(_DELAYED.get(p, p) if isinstance(p, str) else p for p in wire.path), wire.sign)
         for wire in drawn.wires
@@ -348,8 +348,8 @@ def limited() -> Diagram:
     drawn = nrdob()
     moved: Parts = {
         "e": Sum((1.2, 0)), "C": Block((2.3, 0), 1.0), "u": Sum((3.45, 0)),
-        "sat": Block((4.6, 0), 1.0), "dhat": Sum((5.55, 2.35)), "F": Block((5.55, 1.2)),
-        "(1 - F)*Gm": Block((5.55, -1.2), 2.2), "yf": Sum((5.55, -2.35)),
+        "sat": Block((4.6, 0), 1.0), "dhat": Sum((5.55, 2.75)), "F": Block((5.55, 1.3)),
+        "(1 - F)*Gm": Block((5.55, -1.3), 2.2), "yf": Sum((5.55, -2.75)),
     }  # fmt: skip
     places = {4.1: 3.45, 5.2: 5.55, 1.4: 1.2}
     wires = tuple(
@@ -360,9 +360,8 @@ def limited() -> Diagram:
     return replace(
         drawn, title="the NR-DOB loop with a limited actuator", parts=drawn.parts | moved,
         wires=(*wires, Wire(("u", "sat")), Wire(("sat", "v"))),
-        labels={"$u$": (3.92, 0.3), "$u_a$": (5.87, -0.27), "$y$": (10.6, -0.9),
-                r"$y+\eta$": (12.65, 0.3), "$e$": (1.64, 0.3), r"$\hat{\delta}$": (4.5, 2.65),
-                "$y_f$": (3.3, -2.05)},
+        labels=_LABELS | {"$u$": (3.92, 0.35), "$u_a$": (5.87, -0.35), "$e$": (1.64, 0.35),
+                          r"$\hat{\delta}$": (4.5, 3.1), "$y_f$": (3.3, -2.4)},
         shades=(),
     )  # fmt: skip
 
@@ -374,9 +373,9 @@ def conventional() -> Diagram:
         "the loop with a conventional disturbance observer",
         parts,
         (*wires, Wire(((13.2, 0), (13.2, -1.4), (1.4, -1.4), "e"), -1)),
-        -1.6, 3.1,
-        _LABELS | {"$e$": (1.95, 0.3), r"$\hat{\delta}$": (4.35, 2.65),
-                   "disturbance estimate": (10.35, 2.6)},
+        -1.6, 3.9,
+        _LABELS | {"$e$": (1.95, 0.35), r"$\hat{\delta}$": (4.35, 3.1),
+                   "disturbance estimate": _SAID},
         (_ESTIMATE,),
     )  # fmt: skip
 
@@ -384,38 +383,42 @@ def conventional() -> Diagram:
 def two_degrees_of_freedom() -> Diagram:
     """Draw the equivalent loop: a prefilter, and one feedback K = F/((1 - F) Gm)."""
     prefilter = "C/((1 - F)*(1 + C*Gm))"
-    parts: Parts = {"R": Input((0.35, 0)), prefilter: Block((2.75, 0), 3.0, 1.3), "u": Sum((5, 0))}
+    parts: Parts = {
+        "R": Input((0.35, 0)),
+        prefilter: Block((2.75, 0), 3.4, 1.6),
+        "u": Sum((5.2, 0)),
+    }
     return Diagram(
         "the equivalent loop with two degrees of freedom",
         parts | _PLANT | {"K": Block((8, -1.4))},
         (Wire(("R", prefilter)), Wire((prefilter, "u")), Wire(("u", "v")), *_PLANT_WIRES,
-         Wire(("ym", (13.2, 0), (13.2, -1.4), "K")), Wire(("K", (5, -1.4), "u"), -1)),
-        -2.0, 1.4,
-        _LABELS | {"$u$": (5.55, 0.3)},
+         Wire(("ym", (13.2, 0), (13.2, -1.4), "K")), Wire(("K", (5.2, -1.4), "u"), -1)),
+        -2.0, 1.6,
+        _LABELS | {"$u$": (5.7, 0.35)},
     )  # fmt: skip
 
 
 def internal_model_control() -> Diagram:
     """Draw the same loop as internal model control: the error of the model is fed back."""
     prefilter = "C/(1 + C*Gm)"
-    parts: Parts = {"R": Input((0.35, 0)), prefilter: Block((2.2, 0), 1.9, 1.3), "u": Sum((4.1, 0))}
+    parts: Parts = {"R": Input((0.35, 0)), prefilter: Block((2.2, 0), 2.1, 1.6), "u": Sum((4.1, 0))}
     return Diagram(
         "the same loop as internal model control",
         parts | _PLANT
-        | {"Gm": Block((8, -1.4)), "r": Sum((11.8, -1.4)), "F/Gm": Block((8, -2.7), 1.5)},
+        | {"Gm": Block((8, -1.4)), "r": Sum((11.8, -1.4)), "F/Gm": Block((8, -2.7), 1.7)},
         (Wire(("R", prefilter)), Wire((prefilter, "u")), Wire(("u", "v")), *_PLANT_WIRES,
          Wire(("ym", (13.2, 0), (13.2, -1.4), "r")),
          Wire(((5.2, 0), (5.2, -1.4), "Gm")), Wire(("Gm", "r"), -1),
          Wire(("r", (11.8, -2.7), "F/Gm")), Wire(("F/Gm", (4.1, -2.7), "u"), -1)),
-        -3.3, 1.4,
+        -3.3, 1.6,
         _LABELS,
     )  # fmt: skip
 
 
 _PLANT: Parts = {
-    "delta": Input((6.5, 1.15)), "v": Sum((6.5, 0)), "G": Block((8, 0)),
-    "d": Input((9.5, 1.15)), "y": Sum((9.5, 0)),
-    "eta": Input((11.8, 1.15)), "ym": Sum((11.8, 0)),
+    "delta": Input((6.5, 1.25)), "v": Sum((6.5, 0)), "G": Block((8, 0)),
+    "d": Input((9.5, 1.25)), "y": Sum((9.5, 0)),
+    "eta": Input((11.8, 1.25)), "ym": Sum((11.8, 0)),
 }  # fmt: skip
 _PLANT_WIRES = (
     Wire(("delta", "v")), Wire(("v", "G")), Wire(("G", "y")), Wire(("d", "y")),
@@ -426,16 +429,18 @@ _PLANT_WIRES = (
 _DELAYED = {"F": "F*W", "F/Gm": "F/Gm0", "(1 - F)*Gm": "(1 - F*W)*Gm0"}
 """Blocks that a delayed model changes; F' of the noise reduction stays."""
 
-_LABELS = {"$u$": (4.8, 0.3), "$y$": (10.6, -0.9), r"$y+\eta$": (12.65, 0.3)}
-_ESTIMATE = ((4.55, 0.5), (6.0, 0.5), (6.0, 1.8), (12.0, 1.8), (12.0, 2.9), (4.55, 2.9))
+_LABELS = {"$u$": (4.8, 0.35), "$y$": (10.6, -0.95), r"$y+\eta$": (12.65, 0.35)}
+_ESTIMATE = ((4.3, 0.6), (6.2, 0.6), (6.2, 2.1), (12.0, 2.1), (12.0, 3.8), (4.3, 3.8))
+_SAID = (9.85, 3.5)
+"""Where the disturbance estimate is named."""
 
 
 def _observer() -> tuple[Parts, tuple[Wire, ...]]:
     """Give what both observers share: forward path, plant, disturbance estimate."""
-    high = 2.35
+    high = 2.75
     parts: Parts = {
         "R": Input((0.35, 0)), "e": Sum((1.4, 0)), "C": Block((2.75, 0)), "u": Sum((4.1, 0)),
-        "dhat": Sum((5.2, high)), "F": Block((5.2, 1.2)), "F/Gm": Block((8, high), 1.5),
+        "dhat": Sum((5.2, high)), "F": Block((5.2, 1.3)), "F/Gm": Block((8, high), 1.7),
     }  # fmt: skip
     wires = (
         Wire(("R", "e")), Wire(("e", "C")), Wire(("C", "u")), Wire(("u", "v")), *_PLANT_WIRES,
@@ -462,7 +467,7 @@ def _drawn_part(name: str, part: Input | Sum | Block) -> list[SegmentType]:
     corners = [(x - dx, y - dy), (x - dx, y + dy), (x + dx, y + dy), (x + dx, y - dy)]
     return [
         SegmentPoly(corners, color=COLOURS[role]),
-        _text(label, part.at, COLOURS[role], size=11),
+        _text(label, part.at, COLOURS[role], size=9.5),
     ]
 
 
@@ -470,9 +475,9 @@ def _beside(before: Point, end: Point) -> Point:
     """Give the place of a sign: left of an upright arrowhead, above a level one."""
     along = [(b > e) - (b < e) for b, e in zip(before, end, strict=True)]
     if along[0]:
-        return end[0] + 0.2 * along[0], end[1] + 0.25
-    return end[0] - 0.25, end[1] + 0.2 * along[1]
+        return end[0] + 0.22 * along[0], end[1] + 0.3
+    return end[0] - 0.25, end[1] + 0.45 * along[1]
 
 
-def _text(text: str, at: Point, colour: str = INK, size: float = 9.5) -> SegmentText:
+def _text(text: str, at: Point, colour: str = INK, size: float = SMALLEST) -> SegmentText:
     return SegmentText(at, text, align=("center", "center"), color=colour, fontsize=size)

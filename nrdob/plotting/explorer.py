@@ -17,7 +17,7 @@ from matplotlib.artist import Artist
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
-from .figure import DPI, Figure, missing, styled
+from .figure import DPI, PIXELS, Figure, missing, styled
 
 __all__ = ["WIDGET_VIEW", "Explorer", "Slider"]
 
@@ -167,7 +167,7 @@ class Explorer:
     def widget(self) -> Any:
         """Make sliders, picture and line of text, connected; an ImportError without ipywidgets."""
         widgets = _widgets()
-        width = round(float(96 * self.figure.figure.get_figwidth()))
+        width = round(float(PIXELS * self.figure.figure.get_figwidth()))
         picture = widgets.Image(value=self.frame(), format="png", width=width)
         line = widgets.Label(value=self.update(**self.values))
         controls = {name: slider.widget() for name, slider in self.sliders.items()}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from io import BytesIO
@@ -22,7 +23,9 @@ __all__ = [
     "COLOURS",
     "DPI",
     "INK",
+    "PIXELS",
     "SHORT",
+    "SMALLEST",
     "TALL",
     "WIDTH",
     "Figure",
@@ -32,16 +35,26 @@ __all__ = [
     "colour_of",
     "dress",
     "headings",
+    "in_lines",
     "label_of",
     "missing",
     "styled",
 ]
 
 STYLE = Path(__file__).with_name("nrdob.mplstyle")
-WIDTH, TALL, SHORT = 7.0, 4.4, 3.2
-"""Size of a figure in inches: one width, two heights."""
+WIDTH, TALL, SHORT = 5.0, 4.0, 2.8
+"""Size of a figure in inches: one width, two heights.
 
-DPI = 150
+So narrow that its type can still be read where a phone of 360 pixels shows it.
+"""
+
+SMALLEST = 8.5
+"""Size in points below which no type of a figure goes, indices apart."""
+
+PIXELS = 125
+"""CSS pixels to an inch of a figure where there is room: its labels are as large as text."""
+
+DPI = 200
 INK = "#757575"
 COLOURS = {
     "process": "#0072B2",
@@ -80,7 +93,7 @@ class Figure(ct.ControlPlot):  # type: ignore[misc]
         return self.alt
 
     def png(self) -> bytes:
-        """Render at 150 dpi on a transparent ground; the same figure gives the same bytes."""
+        """Render at 200 dpi on a transparent ground; the same figure gives the same bytes."""
         buffer = BytesIO()
         with styled():
             self.figure.savefig(
@@ -91,8 +104,7 @@ class Figure(ct.ControlPlot):  # type: ignore[misc]
     def _repr_mimebundle_(
         self, include: Any = None, exclude: Any = None
     ) -> tuple[dict[str, Any], dict[str, Any]]:
-        # 96 CSS pixels to the inch: the figure appears in its own size, sharp on fine screens.
-        width, height = (round(float(96 * inches)) for inches in self.figure.get_size_inches())
+        width, height = (round(float(PIXELS * inches)) for inches in self.figure.get_size_inches())
         data = {"image/png": self.png(), "text/plain": self.alt}
         # Left open, the inline backend would show the figure a second time; a window stays.
         if self.figure.canvas.required_interactive_framework is None:
@@ -114,7 +126,7 @@ def styled() -> Iterator[None]:
 
 
 def axes_for(given: Any, count: int, height: float) -> list[Axes]:
-    """Return the user's axes, or new ones in a figure 7 inches wide.
+    """Return the user's axes, or new ones in a figure of the one width.
 
     Parameters
     ----------
@@ -179,11 +191,46 @@ def dress(ax: Axes) -> None:
 
 
 def headings(ax: Axes, left: str, right: str = "") -> None:
-    """Write above the axes, at the left and at the right."""
+    """Write above the axes, at the left and at the right; what is too long takes more lines."""
+    figure, room = ax.figure.figure, ax.bbox.width
+    above = in_lines(figure, left, room)
+    last = above.rpartition("\n")[2]
+    if right and left and _width(figure, f"{last}    {right}") > room:
+        above += "\n"
     if left:
-        ax.set_title(left, loc="left")
+        ax.set_title(above, loc="left")
     if right:
         ax.set_title(right, loc="right")
+
+
+def in_lines(figure: Any, text: str, room: float) -> str:
+    """Break a heading into lines of at most `room` pixels; a formula stays whole.
+
+    Parameters
+    ----------
+    figure : matplotlib Figure
+        Where it will stand.
+    text : str
+        The heading.
+    room : float
+        In pixels.
+    """
+    lines: list[str] = []
+    for word in re.findall(r"(?:\$[^$]*\$|[^\s$])+", text):
+        longer = f"{lines[-1]} {word}" if lines else word
+        if lines and _width(figure, longer) <= room:
+            lines[-1] = longer
+        else:
+            lines.append(word)
+    return "\n".join(lines)
+
+
+def _width(figure: Any, text: str) -> float:
+    """Measure a heading, in pixels."""
+    written = figure.text(0, 0, text, size=mpl.rcParams["axes.titlesize"])
+    width = float(written.get_window_extent().width)
+    written.remove()
+    return width
 
 
 def colour_of(name: str) -> str:

@@ -83,7 +83,7 @@ def map_plot(
         axes.set_xlabel(x.label)
         axes.set_ylabel(y.label)
         # Above the map: wherever it stood within, members would lie behind its words.
-        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(kinds), fontsize=8)
+        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(kinds))
         headings(axes, title)
     names = " and ".join(axis.label.partition(" (")[0] for axis in (x, y))
     text = (

@@ -18,6 +18,7 @@ from .contour import Approach, Contour, closest_approach, contour
 from .figure import (
     COLOURS,
     INK,
+    SMALLEST,
     TALL,
     Figure,
     as_map,
@@ -194,7 +195,7 @@ def _arc_labels(ax: Axes, curve: Contour) -> None:
             outward = -outward  # no room outside
         ax.annotate(
             arc.label, (middle.real, middle.imag), (6 * outward.real, 7 + 6 * outward.imag),
-            textcoords="offset points", fontsize="small", va="center",
+            textcoords="offset points", fontsize=SMALLEST, va="center",
             ha="left" if outward.real > 0.3 else "right" if outward.real < -0.3 else "center",
         )  # fmt: skip
 

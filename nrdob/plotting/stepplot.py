@@ -13,7 +13,7 @@ from ..analysis import step_response
 from ..diagram import INPUTS, LoopEquations, Quotient
 from ..numerics import FloatArray, QuasiPolynomial, count_rhp
 from . import alttext
-from .figure import INK, TALL, Figure, axes_for, colour_of, label_of, styled
+from .figure import INK, TALL, Figure, axes_for, colour_of, in_lines, label_of, styled
 
 __all__ = ["step_plot"]
 
@@ -62,7 +62,7 @@ def step_plot(
         if not isinstance(each, LoopEquations):
             raise TypeError(f"a {type(each).__name__} is given where a loop, an NRDOB, is needed")
     row, facts = "yu".index(signal), []
-    panels = axes_for(axes, 4, TALL)
+    panels = axes_for(axes, 4, 1.1 * TALL)
     with styled():
         lines = np.empty(4, dtype=object)
         for k, (ax, given) in enumerate(zip(panels, INPUTS, strict=True)):
@@ -82,7 +82,9 @@ def step_plot(
         if others:
             panels[0].legend(loc="best", handlelength=2.4)
         if axes is None:
-            panels[0].figure.suptitle(title, x=0.01, ha="left", fontsize="medium")
+            whole = panels[0].figure.figure
+            above = in_lines(whole, title, 0.98 * whole.bbox.width)
+            whole.suptitle(above, x=0.01, ha="left", fontsize="medium")
     alt = alttext.steps(signal, title, facts, tuple(others))
     return Figure(lines.reshape(2, 2), np.array(panels, dtype=object).reshape(2, 2), alt)
 
@@ -102,7 +104,7 @@ def _step_facts(
 def _step_frame(ax: Axes, given: str, name: str, signal: str, *, bottom: bool) -> None:
     # As in eq. (7): an input disturbance is seen where it acts.
     reached = r"u + $\delta$" if (signal, given) == ("u", "delta") else signal
-    ax.set_title(f"{label_of(name)}   {INPUTS[given].spoken} {label_of(given)} → {reached}")
+    ax.set_title(f"{label_of(name)}   {label_of(given)} → {reached}\n{INPUTS[given].spoken}")
     ax.set(xlabel="time (s)" if bottom else "", ylabel=f"{reached} (per unit step)")
     ax.set_xlim(left=0)
     low, high = ax.get_ylim()

@@ -10,15 +10,18 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from ..numerics import ComplexArray, FloatArray
-from .figure import COLOURS, INK, SHORT, TALL, WIDTH, Figure, dress, styled
+from .figure import COLOURS, INK, PIXELS, SHORT, TALL, WIDTH, Figure, dress, styled
 
 __all__ = ["winding_animation", "winding_plot"]
 
 CIRCLE: ComplexArray = np.exp(-2j * np.pi * np.linspace(0, 1, 401))
 """The walk: clockwise, from +1 to +1."""
 
-WALK, VALUE, BARS = 150 + 140j, 560 + 120j, 330 + 294j
+WALK, VALUE, BARS = 120 + 130j, 395 + 115j, 305 + 270j
 """Where the SVG has the walk, the value of f, and the bars; y downwards, as in every SVG."""
+
+ACROSS, RADIUS, TURN = 480, 75, 120
+"""Width of the SVG, radius of its circle, and length of the bar of one turn."""
 
 STEP = 22
 """From one bar to the next."""
@@ -43,7 +46,7 @@ def winding_plot(zeros: Sequence[complex], poles: Sequence[complex]) -> Figure:
         for (above, below), k in zip(axes.T, moments, strict=True):
             _draw_walk(above, zeros, poles, k)
             _draw_value(below, _rational(zeros, poles), k)
-            above.set_title(f"{k // 100} of 4 quarters")
+            above.set_title(f"{k // 100} quarter{'s' * (k > 100)}")
             below.set_title(f"{turned[k]:+.2f} turns")
         axes[0, 0].set(xlabel="Re s", ylabel="Im s")
         axes[1, 0].set(xlabel="Re f", ylabel="Im f")
@@ -140,8 +143,8 @@ def _draw_value(ax: Axes, image: ComplexArray, k: int) -> None:
 
 def _svg(zeros: Sequence[complex], poles: Sequence[complex]) -> str:
     image = _rational(zeros, poles)
-    scale = 200 / max(np.ptp(image.real), np.ptp(image.imag))
-    walk, value = WALK + 95 * CIRCLE.conj(), VALUE + scale * image.conj()
+    scale = 170 / max(np.ptp(image.real), np.ptp(image.imag))
+    walk, value = WALK + RADIUS * CIRCLE.conj(), VALUE + scale * image.conj()
     named = [("zero", a) for a in zeros] + [("pole", a) for a in poles]
     labels = [f"{kind} at {_short(a)}" for kind, a in named] + ["their sum: turns of f"]
     x, y = BARS.real, BARS.imag
@@ -152,14 +155,14 @@ def _svg(zeros: Sequence[complex], poles: Sequence[complex]) -> str:
     def moment(frames: Any) -> str:
         parts = []
         for k, ((a, angle), colour) in enumerate(zip(swept, colours, strict=True)):
-            place, bar = WALK + 95 * np.conj(a), BARS + 1j * STEP * k
+            place, bar = WALK + RADIUS * np.conj(a), BARS + 1j * STEP * k
             parts += [
                 _stroke(frames, place, walk, colour, 1.5),
                 _dot([0], place + 0 * walk, colour),
             ]
-            parts.append(_stroke(frames, bar, bar + 150 * angle, colour, 10))
+            parts.append(_stroke(frames, bar, bar + TURN * angle, colour, 10))
         bar = BARS + 1j * STEP * len(swept)
-        parts.append(_stroke(frames, bar, bar + 150 * _swept(image), COLOURS["loop"], 10))
+        parts.append(_stroke(frames, bar, bar + TURN * _swept(image), COLOURS["loop"], 10))
         parts.append(_stroke(frames, VALUE, value, INK, 1.5))
         parts += [_dot(frames, walk, COLOURS["reference"]), _dot(frames, value, COLOURS["loop"])]
         return "".join(parts)
@@ -167,17 +170,18 @@ def _svg(zeros: Sequence[complex], poles: Sequence[complex]) -> str:
     scene = _still(walk) + _still(value)
     cross = f"M{VALUE.real - 8:.0f} {VALUE.imag:.0f}h16M{VALUE.real:.0f} {VALUE.imag - 8:.0f}v16"
     scene += f'<path d="{cross}" stroke="{COLOURS["critical"]}" stroke-width="2.5"/>'
-    scene += _text(20, 24, "s walks around the circle") + _text(340, 24, "f(s) turns around 0")
+    scene += _text(20, 24, "s walks around the circle") + _text(290, 24, "f(s) turns around 0")
     scene += "".join(_text(160, y + 4 + STEP * k, label, "end") for k, label in enumerate(labels))
     for n in (-1, 0, 1):
-        at = x + 150 * n
+        at = x + TURN * n
         scene += f'<path d="M{at:g} {y - 10:g}V{foot:g}" stroke="{INK}" stroke-width="0.6"/>'
         scene += _text(at, foot + 16, ("−1", "0", "+1")[n + 1], "middle")
     frames = np.append(np.arange(0, CIRCLE.size, 5), np.full(16, CIRCLE.size - 1))
-    tall = f"{foot + 26:.0f}"
+    tall, wide = foot + 26, PIXELS * WIDTH
     return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 672 {tall}" width="672" '
-        f'height="{tall}" font-family="DejaVu Sans, sans-serif" font-size="13">'
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {ACROSS} {tall:.0f}" '
+        f'width="{wide:.0f}" height="{wide * tall / ACROSS:.0f}" '
+        'font-family="DejaVu Sans, sans-serif" font-size="13">'
         "<style>.rest{display:none}@media (prefers-reduced-motion: reduce)"
         "{.moving{display:none}.rest{display:inline}}</style>"
         f'{scene}<g class="moving">{moment(frames)}</g>'

@@ -101,7 +101,7 @@ def _drawn(record: Record, found: Identification | None) -> Picture:
             if found.fitted < record.t.size:
                 for ax in (upper, lower):
                     ax.axvline(record.t[found.fitted], color=INK, lw=0.9, ls=":")
-                upper.set_title("left of the dotted line fitted, right of it foretold")
+                upper.set_title("left of the dotted line fitted,\nright of it foretold")
             upper.legend(loc="best")
         lower.step(t, u, where="post", color=COLOURS["controller"], lw=1.0)
         upper.set(ylabel="output y")

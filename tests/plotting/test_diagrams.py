@@ -14,6 +14,7 @@ import pytest
 import schemdraw
 import sympy as sp
 
+from lettering import LEAST, collisions, drawn_texts, shown
 from nrdob.diagram import INPUTS
 from nrdob.plotting import WIDTH, Figure, diagrams
 from nrdob.plotting.diagrams import BLOCKS, Block, Diagram, Input, Point, Sum
@@ -227,15 +228,14 @@ def test_texts_overlap_neither_each_other_nor_a_line_and_none_is_cut(
     draw: Callable[[], Diagram],
 ) -> None:
     figure = draw().plot()
-    figure.figure.canvas.draw()
     (ax,) = figure.axes.flat
-    boxes = [text.get_window_extent() for text in ax.texts]
-    canvas = figure.figure.bbox
-    assert all(canvas.contains(box.x0, box.y0) and canvas.contains(box.x1, box.y1) for box in boxes)
-    assert not any(a.overlaps(b) for a, b in combinations(boxes, 2))
+    texts = drawn_texts(figure.figure)
+    assert set(texts) == set(ax.texts)
+    assert collisions(texts, figure.figure.bbox) == []
+    assert min(shown(text.get_fontsize()) for text in texts) >= LEAST
     lines = [line.get_transform().transform(line.get_xydata()) for line in ax.lines]
     pieces = [piece for line in lines for piece in pairwise(line)]
-    assert not any(touch(piece, box.get_points()) for piece in pieces for box in boxes)
+    assert not any(touch(piece, box.get_points()) for piece in pieces for box in texts.values())
 
 
 @pytest.mark.slow

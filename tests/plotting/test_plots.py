@@ -15,7 +15,7 @@ from matplotlib.axes import Axes
 
 import nrdob
 from nrdob import LowPassFilter, delay, paper
-from nrdob.plotting import Figure, alttext, bode_plot, nyquist_plot, step_plot
+from nrdob.plotting import WIDTH, Figure, alttext, bode_plot, nyquist_plot, step_plot
 from nrdob.plotting.contour import closest_approach, contour
 
 mpl.use("Agg")
@@ -45,7 +45,7 @@ def test_a_figure_is_what_control_returns_with_alt_text(method: str) -> None:
     assert figure.axes.ndim == 2
     assert figure.axes.size == METHODS[method]
     assert figure.figure is plt.gcf()
-    assert figure.figure.get_figwidth() == 7
+    assert figure.figure.get_figwidth() == WIDTH
     assert ", Example 3" in figure.alt
     assert repr(figure) == figure.alt
 
@@ -107,9 +107,9 @@ def test_the_notebook_gets_one_png_with_alt_text_and_its_size() -> None:
     width, height = struct.unpack(">II", png[16:24])
     assert set(data) == {"image/png", "text/plain"}
     assert data["text/plain"] == metadata["image/png"]["alt"] == figure.alt
-    assert (width, height) == (1050, 660)
-    assert metadata["image/png"]["width"] == 672
-    assert metadata["image/png"]["height"] == pytest.approx(672 * height / width, abs=1)
+    assert (width, height) == (1000, 800)
+    assert metadata["image/png"]["width"] == 625
+    assert metadata["image/png"]["height"] == pytest.approx(625 * height / width, abs=1)
 
 
 @pytest.mark.slow

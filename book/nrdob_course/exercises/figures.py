@@ -168,7 +168,7 @@ def _marks(
             (1.2 * side.real, side.imag),
             textcoords="offset points",
             color=COLOURS[role],
-            fontsize="small",
+            fontsize=8.5,
             ha="center",
             va="center",
         )
