@@ -39,7 +39,8 @@ from nrdob.plotting import COLOURS, SHORT, TALL, Figure, axes_for, styled
 from predictions import KEY
 
 SCRIPTS = tuple(
-    f"explore/{name}.js" for name in ("loop", "curve", "chart", "sampled", "adrc", "proof", "view")
+    f"explore/{name}.js"
+    for name in ("loop", "curve", "chart", "sampled", "adrc", "proof", "plot", "view")
 )
 LEAST_ORDER, MOST_ORDER = 1, 6
 AT_REST = {"gain": 1.0, "lag": 0.0, "zero": 0.0, "delay": 0.0}

@@ -411,7 +411,10 @@ def test_stills_show_what_the_pages_begin_with() -> None:
 def opened(tab: Any, given: dict[str, Any]) -> None:
     """Set a page that is told this, with its scripts."""
     data, picture = escape(json.dumps(given), quote=True), '<img class="explorable-still">'
-    tab.set_content(f'<!doctype html><div data-explorable="{data}">{picture}</div>')
+    tab.set_content(
+        f'<!doctype html><div class="explorable" data-explorable="{data}">{picture}</div>'
+    )
+    tab.add_style_tag(path=str(STATIC / "book.css"))
     for script in SCRIPTS:
         tab.add_script_tag(path=str(STATIC / script))
 
@@ -426,7 +429,7 @@ def test_every_move_is_drawn_in_words_and_stays_right(tab: Any) -> None:
     }  # fmt: skip
     opened(tab, given)
     sliders = tab.locator("input[type=range]")
-    assert sliders.count() == 3
+    assert sliders.count() == 4  # with the instant of the step
     verdict = tab.locator(".explorable-verdict")
     low, high = (math.log10(end) for end in RANGE["lambda"])
     ((_, edge),) = nrdob.stabilizing_time_constants(*_example_3(), 2)
@@ -466,3 +469,192 @@ def test_a_curve_that_is_one_point_is_seen(tab: Any) -> None:
     assert nyquist.locator("polyline.curve").count() == 1
     facts = tab.locator(".explorable-fact").all_text_contents()
     assert [fact.split(" = ")[0] for fact in facts[:3]] == ["N", "P", "Z"]
+
+
+# --- Under the hand, and to the ear ---------------------------------------------------------------
+
+DELAYED = {"lambda": (0.003, 1.0), "gain": (0.1, 5.0), "lag": (0.0, 0.5), "delay": (0.0, 0.3)}
+
+
+def spoken(slider: Any) -> float:
+    """Give the value that a slider says."""
+    return float(slider.get_attribute("aria-valuetext").split()[0].replace("−", "-"))
+
+
+def dragged(tab: Any, piece: Any, by: float) -> None:
+    """Take hold of the middle of a piece of the page and drag it to the right by some pixels."""
+    box = piece.bounding_box()
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    tab.mouse.move(x, y)
+    tab.mouse.down()
+    tab.mouse.move(x + by, y)
+    tab.mouse.up()
+
+
+def test_the_filter_is_dragged_on_the_bar_and_by_keys(tab: Any) -> None:
+    opened(tab, carried(scene("4"), "", DELAYED, 8.0))
+    slider, bar = tab.get_by_label("filter’s time constant λ"), tab.locator(".bar")
+    low, high = DELAYED["lambda"]
+    dragged(tab, bar, 0.25 * bar.bounding_box()["width"])
+    share = (0.75 * 480 - 8) / 464
+    assert spoken(slider) == pytest.approx(low * (high / low) ** share, rel=0.01)
+    slider.focus()
+    heard = []
+    for key in ("Home", "ArrowRight", "PageUp", "End", "ArrowLeft", "PageDown"):
+        tab.keyboard.press(key)
+        heard.append(float(slider.input_value()))
+    first, right, far, last, left, back = heard
+    assert [first, last] == pytest.approx([math.log10(low), math.log10(high)], abs=1e-9)
+    assert first < right < far < back < left < last
+    assert far - right > 5 * (right - first)
+
+
+def test_the_step_is_dragged_to_its_instant_and_the_answer_follows(tab: Any) -> None:
+    page = tab.context.browser.new_page()  # one that was opened anew captures no pointer
+    opened(page, carried(scene("motor"), "", {"lambda": (0.003, 0.3), "gain": (0.5, 2.0)}, 0.5))
+    plot, slider = page.locator("svg.step"), page.get_by_label("the step comes at")
+    assert spoken(slider) == 0
+    dragged(page, plot.locator(".instant .grip"), 0.2 * plot.bounding_box()["width"])
+    at = spoken(slider)
+    assert 0.1 < at < 0.15
+    # Until then nothing has happened, with the observer and without.
+    mark = plot.locator(".instant").bounding_box()
+    middle = mark["x"] + mark["width"] / 2
+    begun = plot.locator("polyline").evaluate_all(
+        "all => all.map(e => new DOMPoint(e.points[1].x, 0).matrixTransform(e.getScreenCTM()).x)"
+    )
+    assert begun == pytest.approx([middle, middle], abs=1)
+    assert f"after a load of 1 N m at {slider.get_attribute('aria-valuetext')}" in (
+        plot.get_attribute("aria-label")
+    )
+    slider.press("End")
+    assert spoken(slider) == 0.25
+    page.get_by_role("button", name="Reset").click()
+    assert spoken(slider) == 0
+    page.close()
+
+
+@pytest.mark.parametrize("upwards", UPWARDS)
+def test_home_end_and_the_page_keys_move_the_point_of_the_chart(tab: Any, upwards: str) -> None:
+    opened(tab, carried(scene("4").charted(), upwards, DELAYED, 8.0))
+    tab.get_by_role("slider", name="Stability chart").focus()
+    state = "nrdob.explorables[0].state"
+    tab.keyboard.press("Home")
+    assert tab.evaluate(f"{state}.lambda") == pytest.approx(DELAYED["lambda"][0])
+    tab.keyboard.press("End")
+    assert tab.evaluate(f"{state}.lambda") == pytest.approx(DELAYED["lambda"][1])
+    before = tab.evaluate(f"{state}.{upwards}")
+    tab.keyboard.press("PageUp")
+    above = tab.evaluate(f"{state}.{upwards}")
+    tab.keyboard.press("PageDown")
+    assert above > before == pytest.approx(tab.evaluate(f"{state}.{upwards}"))
+
+
+def test_every_slider_has_a_name_and_a_value_and_one_sentence_is_spoken(tab: Any) -> None:
+    """As a screen reader is told: what the browser hands on, not what the page is written in."""
+    opened(tab, carried(scene("4").charted(), "delay", DELAYED, 8.0))
+    tab.get_by_role("slider", name="plant’s gain, times").press("ArrowRight")
+    spy = tab.context.new_cdp_session(tab)
+    nodes = spy.send("Accessibility.getFullAXTree")["nodes"]
+    heard = [node for node in nodes if not node["ignored"]]
+
+    def value_text(node: dict[str, Any]) -> str:
+        # The protocol tells no text of a value, so it is read where the browser takes it from.
+        found = spy.send("DOM.describeNode", {"backendNodeId": node["backendDOMNodeId"]})["node"]
+        given = found["attributes"]
+        return dict(zip(given[::2], given[1::2], strict=True))["aria-valuetext"]
+
+    def told(node: dict[str, Any], name: str) -> Any:
+        found = [
+            each["value"].get("value")
+            for each in node.get("properties", [])
+            if each["name"] == name
+        ]
+        return found[0] if found else None
+
+    sliders = [node for node in heard if node["role"]["value"] == "slider"]
+    assert len(sliders) == 2 + len(DELAYED) + 1  # with the order, the instant and the chart
+    for node in sliders:
+        assert node["name"]["value"] and value_text(node), node
+    assert len({node["name"]["value"] for node in sliders}) == len(sliders)
+    live = [node for node in nodes if told(node, "live") not in (None, "off")]
+    assert [(node["role"]["value"], told(node, "live")) for node in live] == [("status", "polite")]
+    # Nothing is said while the hand moves, and then the verdict, once.
+    quiet = """() => {
+      const [page] = nrdob.explorables;
+      const before = page.live.textContent;
+      return [0.1, 5, 0.2].every((gain) => (page.to({ gain }), page.live.textContent === before));
+    }"""
+    assert tab.evaluate(quiet)
+    verdict = tab.locator(".explorable-verdict").inner_text().lstrip("✓✗ ")
+    spoken = "(verdict) => document.querySelector('[role=status]').textContent.startsWith(verdict)"
+    tab.wait_for_function(spoken, arg=verdict)
+
+
+SHARPEST = """() => Math.max(...[...document.querySelectorAll(".nyquist .curve")].flatMap((e) => {
+  const points = [...e.points];
+  return points.slice(1, -1).map((b, k) => {
+    const [a, c] = [points[k], points[k + 2]];
+    const [u, v] = [[b.x - a.x, b.y - a.y], [c.x - b.x, c.y - b.y]];
+    // By so many pixels would an arc leave the two lines.
+    const angle = Math.abs(Math.atan2(u[0] * v[1] - u[1] * v[0], u[0] * v[0] + u[1] * v[1]));
+    return (Math.min(Math.hypot(...u), Math.hypot(...v)) * Math.tan(angle / 4)) / 2;
+  });
+}))"""
+
+
+def test_the_spirals_of_a_dead_time_are_round(tab: Any) -> None:
+    opened(tab, carried(scene("4"), "", DELAYED, 8.0))
+    for curve in ("FH", "H", "L"):
+        for lam in (0.003, 0.03, 0.3):
+            at = {"curve": curve, "lambda": lam, "delay": 0.3, "gain": 5.0}
+            tab.evaluate("(at) => nrdob.explorables[0].to(at)", at)
+            assert tab.locator(".nyquist .curve").count() > 0
+            assert tab.evaluate(SHARPEST) < 0.5, at
+    nyquist = tab.locator(".nyquist")
+    assert nyquist.locator(".arrow").count() > 0
+    assert nyquist.locator("circle.unit").count() == nyquist.locator("path.minus-one").count() == 1
+    assert nyquist.locator(".title").text_content() == "Nyquist curve of L"
+    tab.evaluate("nrdob.explorables[0].to({ curve: 'FH', lambda: 0.3, gain: 1 })")
+    assert nyquist.locator(".distance").count() == 1
+
+
+CROWDED = """() => [...document.querySelectorAll(".explorable svg")].flatMap((plot) => {
+  const room = plot.getBoundingClientRect();
+  const words = [...plot.querySelectorAll("text")].map((e) => [e, e.getBoundingClientRect()]);
+  const over = ([, a], [, b]) =>
+    a.left < b.right - 1 && b.left < a.right - 1 && a.top < b.bottom - 3 && b.top < a.bottom - 3;
+  const outside = words.filter(([, a]) => a.left < room.left - 1 || a.right > room.right + 1);
+  const frame = words.filter(([each]) => each.parentNode === words[0][0].parentNode);
+  return [...outside, ...frame.filter((a, k) => frame.slice(k + 1).some((b) => over(a, b)))]
+    .map(([each]) => each.textContent);
+})"""
+
+
+@pytest.mark.parametrize("shown", ["motor", "4", "proof", "sampled", "adrc"])
+def test_no_word_of_a_plot_is_cut_or_lies_over_another(tab: Any, shown: str) -> None:
+    ranges = DELAYED
+    if shown == "adrc":
+        ranges = {"observer": (3.0, 3000.0), "controller": (3.0, 300.0), "gain": (0.1, 10.0)}
+    opened(tab, carried(scene(shown), "", ranges, 0.5))
+    tab.set_viewport_size({"width": 800, "height": 900})
+    curves = tab.evaluate("Object.keys(nrdob.explorables[0].kind.curves)")
+    first = next(iter(ranges))
+    for curve in curves:
+        for signal in ("delta", "R"):
+            for lead in ranges[first]:
+                for gain in ranges["gain"]:
+                    at = {"curve": curve, "signal": signal, first: lead, "gain": gain}
+                    tab.evaluate("(at) => nrdob.explorables[0].to(at)", at)
+                    assert tab.evaluate(CROWDED) == [], at
+
+
+def test_counts_are_whole_numbers(tab: Any) -> None:
+    opened(tab, carried(scene("3"), "", {"lambda": RANGE["lambda"], "gain": RANGE["gain"]}, 8.0))
+    for lam in np.geomspace(*RANGE["lambda"], 9):
+        tab.evaluate("(at) => nrdob.explorables[0].to(at)", {"lambda": float(lam)})
+        facts = tab.locator(".explorable-fact").all_inner_texts()[:3]
+        assert all(fact.split("= ")[-1].lstrip("−").isdigit() for fact in facts), facts
+    order = tab.get_by_label("filter’s order n")
+    order.press("ArrowRight")
+    assert order.get_attribute("aria-valuetext") == "3"

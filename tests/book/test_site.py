@@ -20,22 +20,35 @@ from copy import copy
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
-from io import StringIO
+from io import BytesIO, StringIO
 from itertools import cycle
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote, unquote, urlsplit
 
+import numpy as np
 import pytest
 from axe_playwright_python.sync_playwright import Axe
 from bs4 import BeautifulSoup
 from fontTools.ttLib import TTFont
+from PIL import Image
 
 import apipages
+import chromium
 import fonts
 import ledger
 import teaching
-from browser import CHROMIUM, LIGHTER, VIEWS, Look, browser, look, look_again, printed
+from browser import (
+    CHROMIUM,
+    FINDINGS,
+    LIGHTER,
+    VIEWS,
+    Look,
+    browser,
+    look,
+    look_again,
+    printed,
+)  # fmt: skip
 from digits import hanging_on_rounding
 from nrdob_course.claims import LEDGER, Entry, Verdict
 from nrdob_course.exercises import PROBLEMS
@@ -625,6 +638,193 @@ def test_the_first_picture_of_a_chapter_is_near(looks: Looks) -> None:
     far = {page[9:11]: screens for page, screens in chapters.items() if screens > MOST_SCREENS}
     assert far == {}
     assert looks["index.html"].picture < 1
+
+
+MOVED = {
+    "index", "chapters/10_all_filters", "chapters/15_dead_time_in_the_model",
+    "chapters/19_on_a_processor", "chapters/22_alternatives", "chapters/D_a_proof_you_can_check",
+}  # fmt: skip
+"""Pages with sliders: one of each kind, with a load, a chart and the most sliders."""
+
+BESIDE = """async () => {
+  const [page] = nrdob.explorables;
+  const found = [];
+  for (const slider of page.board.querySelectorAll(".explorable-slider input")) {
+    slider.focus();
+    await new Promise((go) => requestAnimationFrame(() => setTimeout(go)));
+    const plots = [...page.board.querySelectorAll(".explorable-plots > svg")];
+    const seen = [page.verdict, plots.find((each) => each.checkVisibility()), slider];
+    const whole = (box) => box.top >= 0 && box.bottom <= innerHeight;
+    const boxes = seen.map((each) => each.getBoundingClientRect());
+    const covers = boxes[1].bottom > boxes[2].top && boxes[1].top < boxes[2].bottom;
+    if (!boxes.every(whole) || covers) found.push(slider.id);
+  }
+  return found;
+}"""
+
+HEIGHTS = """async () => {
+  const [page] = nrdob.explorables;
+  const sliders = Object.entries(page.given.range);
+  const heights = new Set();
+  for (let k = 0; k < 2 ** sliders.length; k++) {
+    page.to(Object.fromEntries(sliders.map(([name, range], i) => [name, range[(k >> i) & 1]])));
+    heights.add(Math.round(page.board.getBoundingClientRect().height));
+    await new Promise((go) => setTimeout(go, 20)); // what is found in the background
+    heights.add(Math.round(page.board.getBoundingClientRect().height));
+  }
+  return [...heights];
+}"""
+
+
+def moved(site: Path, tab: Any) -> Iterator[str]:
+    """Open one page after the other that has sliders."""
+    for page in sorted(MOVED):
+        tab.goto((site / f"{page}.html").as_uri())
+        tab.wait_for_function("() => window.nrdob?.explorables")
+        yield page
+
+
+def test_on_a_phone_verdict_and_plot_are_seen_beside_every_slider(site: Path, opened: Any) -> None:
+    tab = opened.new_page(viewport={"width": 360, "height": 740})
+    hidden = {page: tab.evaluate(BESIDE) for page in moved(site, tab)}
+    assert hidden == {page: [] for page in MOVED}
+
+
+@pytest.mark.parametrize("width", [360, 800])
+def test_nothing_jumps_while_a_slider_moves(site: Path, opened: Any, width: int) -> None:
+    tab = opened.new_page(viewport={"width": width, "height": 740})
+    heights = {page: tab.evaluate(HEIGHTS) for page in moved(site, tab)}
+    assert {page: found for page, found in heights.items() if len(found) > 1} == {}
+
+
+def test_pages_with_sliders_can_be_enlarged(site: Path, opened: Any) -> None:
+    """Twice as large on a screen of 1280 pixels, and with letters alone twice as large."""
+    tab = opened.new_page(viewport={"width": 640, "height": 400}, device_scale_factor=2)
+    for page in moved(site, tab):
+        tab.wait_for_timeout(250)
+        assert Look(**tab.evaluate(FINDINGS), said=[]).amiss == [], page
+        assert tab.evaluate(CUT) == [], page
+    tab = opened.new_page(viewport={"width": 1280, "height": 800})
+    for page in moved(site, tab):
+        tab.evaluate("document.documentElement.style.fontSize = '200%'")
+        tab.wait_for_timeout(250)
+        assert tab.evaluate(CUT) == [], page
+
+
+CUT = """() => [...document.querySelectorAll(".explorable :is(p, label, button, span, select)")]
+  .filter((each) => each.checkVisibility() && !each.closest(".visually-hidden"))
+  .filter((each) => each.scrollWidth > each.clientWidth + 1 && each.clientWidth
+    || each.getBoundingClientRect().right > document.documentElement.clientWidth)
+  .map((each) => each.textContent)"""
+
+
+def test_nothing_slides_or_fades_for_who_does_not_want_it(site: Path, opened: Any) -> None:
+    tab = opened.new_page(reduced_motion="reduce")
+    script = """() => [...document.querySelectorAll("html, body *")].filter((each) => {
+      const { transitionDuration, animationName, scrollBehavior } = getComputedStyle(each);
+      const slides = transitionDuration.split(",").some((time) => parseFloat(time) > 0);
+      return slides || animationName !== "none" || scrollBehavior === "smooth";
+    }).map((each) => each.className)"""
+    for page in moved(site, tab):
+        assert tab.evaluate(script) == [], page
+
+
+def test_with_forced_colours_what_differs_is_told_apart(site: Path, opened: Any) -> None:
+    script = """() => {
+      const style = (what) => getComputedStyle(document.querySelector(`.explorable ${what}`));
+      const canvas = getComputedStyle(document.body).backgroundColor;
+      return {
+        ground: [canvas, style(".nyquist .curve").stroke, style("path.minus-one").stroke],
+        bar: [canvas, style(".bar .ground").fill, style(".bar .works").fill],
+        mark: [style(".bar .works").fill, style(".bar .present").stroke],
+        load: [canvas, style(".step .plain").stroke, style(".step .curve").stroke],
+        words: [canvas, style(".nyquist text").fill],
+      };
+    }"""
+    for colours in ("light", "dark"):
+        tab = opened.new_page(forced_colors="active", color_scheme=colours)
+        tab.goto((site / "index.html").as_uri())
+        tab.wait_for_function("() => window.nrdob?.explorables")
+        for name, drawn in tab.evaluate(script).items():
+            assert len(set(drawn)) == len(drawn), (colours, name, drawn)
+
+
+def test_the_tab_key_reaches_the_sliders_by_one_link(site: Path, opened: Any) -> None:
+    tab = opened.new_page()
+    tab.goto((site / "chapters" / "05_how_slow_must_the_filter_be.html").as_uri())
+    tab.wait_for_function("() => window.nrdob?.explorables")
+    tab.keyboard.press("Tab")
+    assert tab.evaluate("document.activeElement.textContent") == "Skip to main content"
+    tab.keyboard.press("Tab")
+    assert tab.evaluate("document.activeElement.textContent") == "Skip to the sliders"
+    tab.keyboard.press("Enter")
+    assert tab.evaluate("document.activeElement.type") == "range"
+    tab.reload()
+    tab.keyboard.press("Tab")
+    tab.keyboard.press("Enter")
+    tab.keyboard.press("Tab")
+    assert tab.evaluate("document.activeElement.closest('main') !== null")
+
+
+SIZES = """() => {
+  const size = (each) => parseFloat(getComputedStyle(each).fontSize);
+  const code = [...document.querySelectorAll(".bd-content :is(p, li) > code")]
+    .filter((each) => each.checkVisibility());
+  const blocks = [...document.querySelectorAll(".bd-content div.cell_input pre")]
+    .filter((each) => each.checkVisibility());
+  const columns = blocks.map((block) => {
+    const letter = Object.assign(document.createElement("span"), { textContent: "0" });
+    block.append(letter);
+    const { paddingLeft, paddingRight } = getComputedStyle(block);
+    const room = block.clientWidth - parseFloat(paddingLeft) - parseFloat(paddingRight);
+    const found = room / letter.getBoundingClientRect().width;
+    letter.remove();
+    return found;
+  });
+  return {
+    code: Math.min(...code.map((each) => size(each) / size(each.parentElement))),
+    block: Math.min(...blocks.map(size)), columns: Math.min(...columns),
+  };
+}"""
+
+
+@pytest.mark.parametrize(
+    ("width", "block", "columns"), [(360, 13, 0), (800, 13, 88), (1400, 14, 88)]
+)
+def test_code_is_as_large_as_the_text(
+    site: Path, opened: Any, width: int, block: float, columns: int
+) -> None:
+    tab = opened.new_page(viewport={"width": width, "height": 800})
+    tab.goto((site / "chapters" / "05_how_slow_must_the_filter_be.html").as_uri())
+    found = tab.evaluate(SIZES)
+    assert found["code"] >= 0.95 and found["block"] >= block and found["columns"] >= columns, found
+
+
+@pytest.mark.parametrize("colours", ["light", "dark"])
+@pytest.mark.parametrize("page", ["paper_map", "chapters/11_rules"])
+def test_a_table_that_goes_on_has_a_shadow_there(
+    site: Path, opened: Any, page: str, colours: str
+) -> None:
+    tab = opened.new_page(viewport={"width": 360, "height": 740}, color_scheme=colours)
+    tab.goto((site / f"{page}.html").as_uri())
+    tab.evaluate(chromium.SETTLED)
+    boxes = tab.locator(".bd-content :is(.pst-scrollable-table-container, .output.text_html)")
+    wide = "e => e.scrollWidth > e.clientWidth + 20 && e.checkVisibility()"
+    box = next(each for each in boxes.all() if each.evaluate(wide))
+    box.evaluate("e => scrollBy({ top: e.getBoundingClientRect().top - 100, behavior: 'instant' })")
+    piece = {**box.bounding_box(), "height": 150}
+
+    def shaded() -> tuple[bool, bool]:
+        """Tell whether the left and the right edge are shaded, beside the letters."""
+        taken = Image.open(BytesIO(tab.screenshot(clip=piece)))
+        picture = np.asarray(taken.convert("L"), dtype=float)
+        picture = picture if colours == "light" else 255 - picture
+        edges = [np.percentile(picture[:, k], 90) for k in (1, -2)]
+        return tuple(bool(edge < np.percentile(picture, 90) - 25) for edge in edges)
+
+    assert shaded() == (False, True)
+    box.evaluate("e => { e.scrollLeft = e.scrollWidth; }")
+    assert shaded() == (True, False)
 
 
 QUERIES = {

@@ -55,7 +55,8 @@
     loopOf,
     stabilizing,
     step: nrdob.step,
-    counted: "L", // F·H of a model that integrates begins at -1
+    curves: { L: "L" }, // F·H of a model that integrates begins at -1
+    counted: "L",
     bar: "observer",
     said: "Bandwidths ωo of the observer for which the loop is stable:",
   };

@@ -618,7 +618,15 @@
   };
   /* What a page can move: how a loop is made, judged and answers, and what its bar is a set of. */
   window.nrdob.kinds = {
-    // N counts turns of `counted` around -1.
-    lags: { loopOf, stabilizing, step, counted: "FH", bar: "lambda", said: "Filters for which the loop is stable, by λ:" },
+    // N counts turns of `counted` around -1. Of the curves the first is drawn at first.
+    lags: {
+      loopOf,
+      stabilizing,
+      step,
+      curves: { FH: "F·H", H: "H", L: "L" },
+      counted: "FH",
+      bar: "lambda",
+      said: "Filters for which the loop is stable, by λ:",
+    },
   };
 })();

@@ -48,6 +48,46 @@
     return { pieces, roots: Math.round(n / 2 - (end - of(start)) / Math.PI) };
   };
 
-  Object.assign(nrdob, { followed, halfPlanes });
-  nrdob.kinds.proof = { ...nrdob.kinds.lags, proof: true };
+  /* The phase of p_B, and the half planes to which pieces of the axis keep it. */
+  const pictured = (loop) => {
+    const found = halfPlanes(loop);
+    if (!found) {
+      const words = "no half planes: a root is on the axis, or too close";
+      const told = "No proof: a root is on the imaginary axis, or too close to it.";
+      return { xs: [-1, 1], ys: [-90, 90], parts: [{ draw: "words", at: [0, 0], words }], title: "", told };
+    }
+    const { pieces, roots } = found;
+    const degrees = (x) => (180 * x) / Math.PI;
+    const [low, high] = [Math.log10(pieces[0].to) - 0.5, Math.log10(pieces[pieces.length - 1].to)];
+    const at = (omega) => Math.max(low, Math.log10(omega || 1e-300));
+    const middles = pieces.map(({ middle }) => degrees(middle));
+    const bands = pieces.map(({ from, to, middle }) => ({
+      draw: "band",
+      from: [at(from), degrees(middle) - 90],
+      to: [at(to), degrees(middle) + 90],
+      kind: "half-plane",
+    }));
+    let phase = pieces[0].middle;
+    const points = Array.from({ length: 400 }, (_, k) => {
+      const x = low + ((high - low) * k) / 399;
+      phase = followed(phase, arg(nrdob.characteristic(loop, 10 ** x)));
+      return [x, degrees(phase)];
+    });
+    const [of, so] = [`${pieces.length} piece${pieces.length === 1 ? "" : "s"}`, `${roots} root${roots === 1 ? "" : "s"}`];
+    return {
+      xs: [low, high],
+      ys: [Math.min(...middles) - 100, Math.max(...middles) + 120],
+      parts: [...bands, { draw: "line", points, kind: "curve" }],
+      title: `${of}, so ${so} on the right`,
+      told: `Phase of p_B on the imaginary axis: on each of ${of} it keeps to a half plane, so ${so} are in the right half plane.`,
+    };
+  };
+
+  nrdob.halfPlanes = halfPlanes;
+  const { lags } = nrdob.kinds;
+  nrdob.kinds.proof = {
+    ...lags,
+    curves: { proof: "half planes of p_B", ...lags.curves },
+    pictures: { proof: { names: ["ω in rad/s", "phase of p_B in degrees"], log: true, of: pictured } },
+  };
 })();

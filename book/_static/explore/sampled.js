@@ -144,6 +144,7 @@
     loopOf,
     stabilizing,
     step,
+    curves: nrdob.kinds.lags.curves,
     counted: "FH",
     bar: "lambda",
     said: "Filters for which the sampled loop is stable, by λ:",

@@ -4,80 +4,16 @@
 (() => {
   "use strict";
 
-  const SIGNALS = { R: "of the reference R", d: "of d at the output", delta: "of δ at the input", eta: "of the noise η" };
-  const CURVES = { FH: "F·H", H: "H", L: "L" };
-  const PROOF = { proof: "half planes of p_B" };
-  const CONTROLS = {
-    lambda: { label: "filter’s time constant λ", unit: "s", log: true },
-    order: { label: "filter’s order n", integer: true },
-    gain: { label: "plant’s gain, times", log: true },
-    lag: { label: "unknown lag", unit: "s" },
-    zero: { label: "T of an unknown zero at 1/T", unit: "s" },
-    delay: { label: "unknown dead time", unit: "s" },
-    T: { label: "sampling time T", unit: "s", log: true },
-    observer: { label: "observer’s bandwidth ωo", unit: "rad/s", log: true },
-    controller: { label: "controller’s bandwidth ωc", unit: "rad/s", log: true },
-  };
-  const UPWARDS = ["delay", "gain"]; // of a chart
-  const ROWS = 56; // bars in the stack of a chart
-  const PATIENCE = 8; // ms of work in the background before the page may answer
-  const SIZE = { width: 340, height: 270, left: 42, right: 10, top: 12, bottom: 34 };
+  const { CONTROLS, LATEST, LINEAR, POWERS, SIZE, STEPS, Chart, Plot, Steps, held, named, plural, said, scaleOf, svg, whole, worked, written } = nrdob.plots;
 
-  const svg = (tag, attributes = {}, ...children) => {
-    const element = document.createElementNS("http://www.w3.org/2000/svg", tag);
-    for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, value);
-    element.append(...children);
-    return element;
-  };
+  const SIGNALS = { R: "of the reference R", d: "of d at the output", delta: "of δ at the input", eta: "of the noise η" };
+  const UPWARDS = ["delay", "gain"]; // of a chart
+
   const html = (tag, properties = {}, ...children) => {
     const element = Object.assign(document.createElement(tag), properties);
     element.append(...children);
     return element;
   };
-  const whole = (x) => (Number.isFinite(x) ? String(Math.round(x)).replace("-", "−") : "∞");
-  const written = (x) => (Number.isFinite(x) ? String(Number(x.toPrecision(3))).replace("-", "−") : "∞");
-
-  const plural = (n, one, many) => `${whole(n)} ${n === 1 ? one : many}`;
-  /* A time as one says it. */
-  const said = (t) => (t < 0.1 ? `${written(1000 * t)} ms` : `${written(t)} s`);
-
-  /* Work that may take long, a few milliseconds at a time until it is done or `wanted` no more. */
-  const worked = (work, wanted, took, ready) => {
-    const started = performance.now();
-    let step = { done: false };
-    while (wanted() && !step.done && performance.now() < started + PATIENCE) {
-      step = work.next();
-      if (!step.done) took(step.value);
-    }
-    nrdob.longest = Math.max(nrdob.longest ?? 0, performance.now() - started);
-    if (!wanted()) return;
-    if (step.done) ready(step.value);
-    else setTimeout(() => worked(work, wanted, took, ready));
-  };
-
-  /* Round numbers across a range, some five of them. */
-  const ticks = (low, high) => {
-    const raw = (high - low) / 5;
-    const unit = 10 ** Math.floor(Math.log10(raw));
-    const step = [1, 2, 5, 10].find((m) => m * unit >= raw) * unit;
-    const found = [];
-    for (let x = Math.ceil(low / step) * step; x <= high + 1e-9 * step; x += step) found.push(Math.abs(x) < step / 1e6 ? 0 : x);
-    return found;
-  };
-
-  /* The same where a scale is of powers of ten, over their exponents. */
-  const powers = (low, high) => {
-    const found = [];
-    for (let k = Math.floor(low); k <= high; k++) {
-      for (const m of high - low < 2 ? [1, 2, 5] : [1]) found.push(k + Math.log10(m));
-    }
-    return found.filter((x) => x > low - 1e-9 && x < high + 1e-9);
-  };
-  /* From what a slider moves to its place on the scale, and back. */
-  const LINEAR = { inner: (x) => x, outer: (x) => x, marks: ticks };
-  const POWERS = { inner: Math.log10, outer: (x) => 10 ** x, marks: powers };
-  const scaleOf = (name) => (CONTROLS[name].log ? POWERS : LINEAR);
-  const named = (name, x) => `${CONTROLS[name].label} ${written(x)} ${CONTROLS[name].unit ?? ""}`.trim();
 
   /* Of many points the least and the greatest of each of 500 pieces. */
   const thinned = (points) => {
@@ -92,189 +28,13 @@
     return [points[0], ...found, points[points.length - 1]];
   };
 
-  class Plot {
-    constructor(kind, xName, yName) {
-      this.clip = `clip-${Math.random().toString(36).slice(2)}`;
-      const { width, height, left, right, top, bottom } = SIZE;
-      this.frame = svg("g", { class: "frame" });
-      this.data = svg("g", { "clip-path": `url(#${this.clip})` });
-      this.names = [xName, yName];
-      this.title = svg("text", { class: "title", x: left + 6, y: top + 14 });
-      this.element = svg(
-        "svg",
-        { viewBox: `0 0 ${width} ${height}`, role: "img", class: kind.toLowerCase() },
-        svg("defs", {}, svg("clipPath", { id: this.clip }, svg("rect", { x: left, y: top, width: width - left - right, height: height - top - bottom }))),
-        this.frame,
-        this.data,
-        this.title,
-      );
-    }
-
-    /* What lies between two values on each axis, and where a value is in the picture. */
-    frameFor([x0, x1], [y0, y1], { marks: across } = LINEAR, { marks: upwards } = LINEAR) {
-      const { width, height, left, right, top, bottom } = SIZE;
-      const X = (x) => left + ((x - x0) / (x1 - x0)) * (width - left - right);
-      const Y = (y) => height - bottom - ((y - y0) / (y1 - y0)) * (height - top - bottom);
-      const shown = (x, marks) => written(marks === powers ? 10 ** x : x);
-      const frame = [];
-      for (const x of across(x0, x1)) {
-        frame.push(svg("line", { x1: X(x), x2: X(x), y1: top, y2: height - bottom }));
-        frame.push(svg("text", { x: X(x), y: height - bottom + 13, "text-anchor": "middle" }, shown(x, across)));
-      }
-      for (const y of upwards(y0, y1)) {
-        frame.push(svg("line", { x1: left, x2: width - right, y1: Y(y), y2: Y(y) }));
-        frame.push(svg("text", { x: left - 5, y: Y(y) + 4, "text-anchor": "end" }, shown(y, upwards)));
-      }
-      frame.push(svg("text", { x: (left + width - right) / 2, y: height - 4, "text-anchor": "middle" }, this.names[0]));
-      frame.push(svg("text", { x: 11, y: height / 2, "text-anchor": "middle", transform: `rotate(-90 11 ${height / 2})` }, this.names[1]));
-      this.frame.replaceChildren(...frame);
-      return { X, Y };
-    }
-
-    line(points, kind, { X, Y }) {
-      return svg("polyline", { class: kind, points: points.map(([x, y]) => `${X(x).toFixed(1)},${Y(y).toFixed(1)}`).join(" ") });
-    }
-
-    draw(xs, ys, parts, title, told, across = LINEAR) {
-      const places = this.frameFor(xs, ys, across);
-      const { X, Y } = places;
-      const scale = X(1) - X(0);
-      const drawn = {
-        line: ({ points, kind }) => this.line(points, kind, places),
-        cross: ({ at: [x, y], kind }) => svg("path", { class: kind, d: `M${X(x) - 5} ${Y(y) - 5}l10 10m0 -10l-10 10` }),
-        circle: ({ at: [x, y], radius, kind }) => svg("circle", { class: kind, cx: X(x), cy: Y(y), r: radius * scale }),
-        discs: ({ discs, kind }) => {
-          const round = ([[x, y], radius]) => {
-            const r = radius * scale;
-            return `M${X(x) - r} ${Y(y)}a${r} ${r} 0 1 0 ${2 * r} 0a${r} ${r} 0 1 0 ${-2 * r} 0`;
-          };
-          return svg("path", { class: kind, d: discs.map(round).join("") });
-        },
-        arrow: ({ from, to, kind }) => {
-          const angle = (Math.atan2(Y(to[1]) - Y(from[1]), X(to[0]) - X(from[0])) * 180) / Math.PI;
-          return svg("path", { class: kind, d: "M4 0l-8 -4.5v9z", transform: `translate(${X(to[0])} ${Y(to[1])}) rotate(${angle})` });
-        },
-        band: ({ from: [x0, y0], to: [x1, y1], kind }) => svg("rect", { class: kind, x: X(x0), y: Y(y1), width: X(x1) - X(x0), height: Y(y0) - Y(y1) }),
-        dot: ({ at: [x, y], kind }) => svg("circle", { class: kind, cx: X(x), cy: Y(y), r: 5 }),
-        words: ({ at: [x, y], by = [0, 0], words, kind = "", anchor = "middle" }) =>
-          svg("text", { class: kind, x: X(x) + by[0], y: Y(y) + by[1], "text-anchor": anchor }, words),
-      };
-      this.data.replaceChildren(...parts.map((part) => drawn[part.draw](part)));
-      this.title.textContent = title;
-      this.element.setAttribute("aria-label", told);
-    }
-  }
-
-  /* The stability chart, with a point that is moved by mouse, finger and arrow keys. It is a stack of
-     bars: the stable filters at each height, which are found in the background, as the borders are. */
-  class Chart extends Plot {
-    constructor(range, move) {
-      super("Chart", "filter’s time constant λ in s", "");
-      this.range = range;
-      this.move = move;
-      this.height = svg("line", { class: "height", x1: SIZE.left, x2: SIZE.width - SIZE.right, "pointer-events": "none" });
-      this.handle = svg("circle", { class: "handle", r: 22 });
-      this.here = svg("circle", { class: "here", r: 6, "pointer-events": "none" });
-      this.element.append(this.height, this.handle, this.here);
-      for (const [name, value] of Object.entries({ role: "slider", tabindex: 0, class: "chart" })) this.element.setAttribute(name, value);
-      this.element.addEventListener("pointerdown", (event) => {
-        if (event.pointerType !== "mouse" && event.target !== this.handle) return;
-        this.element.setPointerCapture(event.pointerId);
-        this.held = true;
-        this.follow(event);
-      });
-      this.element.addEventListener("lostpointercapture", () => (this.held = false));
-      // A finger on the point moves it, elsewhere the page.
-      this.handle.addEventListener("touchstart", (event) => event.preventDefault(), { passive: false });
-      this.element.addEventListener("pointermove", (event) => {
-        if (this.held) this.follow(event);
-      });
-      this.element.addEventListener("click", (event) => this.follow(event));
-      this.element.addEventListener("keydown", (event) => {
-        const way = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowDown: [0, -1], ArrowUp: [0, 1], PageDown: [0, -1], PageUp: [0, 1], Home: [-1, 0], End: [1, 0] }[event.key];
-        if (!way) return;
-        event.preventDefault();
-        const far = { Home: 1, End: 1, PageDown: 0.1, PageUp: 0.1 }[event.key];
-        const step = far ?? (event.shiftKey ? 0.1 : 0.01);
-        this.to(this.shares.map((share, k) => share + step * way[k]));
-      });
-    }
-
-    get axes() {
-      return ["lambda", this.upwards].map((name) => ({ name, ...scaleOf(name), ends: this.range[name].map(scaleOf(name).inner) }));
-    }
-
-    follow(event) {
-      const { width, height, left, right, top, bottom } = SIZE;
-      const box = this.element.getBoundingClientRect();
-      const x = ((event.clientX - box.left) * width) / box.width;
-      const y = ((event.clientY - box.top) * height) / box.height;
-      this.to([(x - left) / (width - left - right), (height - bottom - y) / (height - top - bottom)]);
-    }
-
-    to(shares) {
-      const within = shares.map((share) => Math.max(0, Math.min(1, share)));
-      this.move(Object.fromEntries(this.axes.map(({ name, outer, ends: [a, b] }, k) => [name, outer(a + within[k] * (b - a))])));
-    }
-
-    show(parameters, { Z }, setAt) {
-      const { upwards, lambda, [upwards]: up, ...rest } = parameters;
-      const key = JSON.stringify([upwards, rest]);
-      if (key !== this.key) {
-        this.key = key;
-        this.upwards = upwards;
-        this.names[1] = `${CONTROLS[upwards].label}${CONTROLS[upwards].unit ? ` in ${CONTROLS[upwards].unit}` : ""}`;
-        this.element.setAttribute("aria-label", `Stability chart: the filter’s λ across, ${CONTROLS[upwards].label} upwards. Arrow keys move the point.`);
-        const [across, above] = this.axes;
-        this.places = this.frameFor(across.ends, above.ends, across, above);
-        this.data.replaceChildren();
-        this.done = false;
-        const wanted = () => key === this.key;
-        const took = (piece) => piece && this.data.append(piece);
-        setTimeout(() => worked(this.pieces(parameters, setAt), wanted, took, () => (this.done = true)));
-      }
-      const [x, y] = [lambda, up].map((value, k) => this.axes[k].inner(value));
-      this.shares = [x, y].map((value, k) => {
-        const [a, b] = this.axes[k].ends;
-        return (value - a) / (b - a);
-      });
-      const { X, Y } = this.places;
-      for (const end of ["y1", "y2"]) this.height.setAttribute(end, Y(y));
-      for (const circle of [this.handle, this.here]) {
-        circle.setAttribute("cx", X(x));
-        circle.setAttribute("cy", Y(y));
-      }
-      const [low, high] = this.range.lambda;
-      const told = `${named("lambda", lambda)}, ${named(upwards, up)}: ${plural(Z, "root", "roots")} in the right half plane`;
-      for (const [name, value] of Object.entries({ valuemin: low, valuemax: high, valuenow: lambda, valuetext: told })) this.element.setAttribute(`aria-${name}`, value);
-    }
-
-    /* What is to be drawn, piece by piece. */
-    *pieces(parameters, setAt) {
-      const { X, Y } = this.places;
-      const [{ inner }, above] = this.axes;
-      const [low, high] = this.range.lambda;
-      for (const curve of nrdob.borders(parameters, this.upwards, this.range.lambda, this.range[this.upwards])) {
-        yield curve && this.line(curve.map(({ lambda, up }) => [inner(lambda), above.inner(up)]), "border", this.places);
-      }
-      const [bottom, top] = above.ends;
-      const tall = (top - bottom) / ROWS;
-      for (let row = 0; row < ROWS; row++) {
-        const foot = bottom + row * tall;
-        for (const [from, to] of yield* setAt({ ...parameters, [this.upwards]: above.outer(foot + tall / 2) }, low, high)) {
-          const [left, right] = [X(inner(from)), X(inner(to))];
-          yield svg("rect", { class: "works", x: left, y: Y(foot + tall), width: right - left, height: Y(foot) - Y(foot + tall) });
-        }
-      }
-    }
-  }
-
   class Explorable {
     constructor(figure) {
       this.given = JSON.parse(figure.dataset.explorable);
       this.kind = nrdob.kinds[this.given.kind];
-      const { range, start, load } = this.given;
-      this.plots = [new Plot("Nyquist", "real part", "imaginary part"), new Plot("Step", "time in s", this.given.output ?? "y")];
+      const { range, start, load, last, output = "y" } = this.given;
+      this.first = { ...start, instant: 0 };
+      this.plots = [new Plot("Nyquist", "real part", "imaginary part"), new Steps(output, last, (instant) => this.to({ instant }))];
       if (start.upwards) this.chart = new Chart(range, (moved) => this.to(moved));
       this.bar = svg("svg", { viewBox: "0 0 480 50", role: "img", class: "bar" });
       this.verdict = html("p", { className: "explorable-verdict" });
@@ -283,7 +43,8 @@
       // What is heard: one sentence, when the hand rests.
       this.live = html("p", { className: "visually-hidden" });
       this.live.setAttribute("role", "status");
-      this.state = { ...start, curve: this.kind.proof ? "proof" : this.kind.counted, signal: load ? "delta" : "d" };
+      const [curve] = Object.keys(this.kind.curves);
+      this.state = { ...this.first, curve, signal: load ? "delta" : "d" };
       const still = figure.querySelector(".explorable-still");
       const plots = this.plots.map((plot) => plot.element);
       if (load) plots.reverse();
@@ -295,13 +56,11 @@
       this.board = html(
         "div",
         { className: "explorable-board" },
-        this.verdict,
-        this.tabs(),
-        html("div", { className: "explorable-plots" }, ...plots),
+        html("div", { className: "explorable-sight" }, this.verdict, this.tabs(), html("div", { className: "explorable-plots" }, ...plots)),
         ...filters,
         html("div", { className: "explorable-controls" }, ...Object.entries(range).map((each) => this.slider(...each))),
         this.facts,
-        html("div", { className: "explorable-controls explorable-choices" }, this.choice("Curve", "curve", this.kind.counted === "L" ? { L: "L" } : { ...(this.kind.proof ? PROOF : {}), ...CURVES }), this.choice("Unit step", "signal", SIGNALS), ...this.upwards(), this.back()),
+        html("div", { className: "explorable-controls explorable-choices" }, this.choice("Curve", "curve", this.kind.curves), this.choice("Unit step", "signal", SIGNALS), this.slider("instant", [0, LATEST * last]), ...this.upwards(), this.back()),
         this.live,
       );
       this.see(this.chart ? "chart" : load ? "step" : "nyquist");
@@ -338,20 +97,14 @@
         const share = (((event.clientX - box.left) * 480) / box.width - 8) / 464;
         this.to({ [bar]: low * (high / low) ** Math.max(0, Math.min(1, share)) });
       };
-      this.bar.addEventListener("pointerdown", (event) => {
-        this.bar.setPointerCapture(event.pointerId);
-        this.dragged = true;
-        follow(event);
-      });
-      this.bar.addEventListener("pointermove", (event) => this.dragged && follow(event));
-      for (const end of ["lostpointercapture", "pointercancel"]) this.bar.addEventListener(end, () => (this.dragged = false));
+      held(this.bar, follow);
     }
 
     slider(name, [low, high]) {
       const { label, unit = "", integer } = CONTROLS[name];
       const { inner, outer } = scaleOf(name);
       const id = `explorable-${name}-${Math.random().toString(36).slice(2, 8)}`;
-      const input = html("input", { id, type: "range", min: inner(low), max: inner(high), step: integer ? 1 : (inner(high) - inner(low)) / 400 });
+      const input = html("input", { id, type: "range", min: inner(low), max: inner(high), step: integer ? 1 : (inner(high) - inner(low)) / STEPS });
       const shown = html("span", { className: "explorable-value" });
       shown.setAttribute("aria-hidden", "true"); // the slider says it
       const put = () => {
@@ -387,14 +140,15 @@
 
     back() {
       const button = html("button", { type: "button" }, "Reset");
-      button.addEventListener("click", () => this.to(this.given.start));
+      button.addEventListener("click", () => this.to(this.first));
       return button;
     }
 
     show() {
       const started = performance.now();
       for (const put of this.refresh) put();
-      const parameters = { ...this.state, plant: this.given.plant };
+      const { curve, signal, instant, ...moved } = this.state; // the loop is the same for all of these
+      const parameters = { ...moved, plant: this.given.plant };
       const loop = this.kind.loopOf(parameters);
       const found = nrdob.judge(loop);
       this.tell(found);
@@ -423,46 +177,25 @@
       if (this.live.textContent || this.last) this.speaking = setTimeout(() => (this.live.textContent = heard), 600);
     }
 
-    /* The phase of p_B, and the half planes to which pieces of the axis keep it. */
-    proof(loop) {
-      const found = nrdob.halfPlanes(loop);
-      this.plots[0].names = ["ω in rad/s", "phase of p_B in degrees"];
-      if (!found) {
-        const [words, told] = ["no half planes: a root is on the axis, or too close", "No proof: a root is on the imaginary axis, or too close to it."];
-        return this.plots[0].draw([-1, 1], [-90, 90], [{ draw: "words", at: [0, 0], words }], "", told);
-      }
-      const { pieces, roots } = found;
-      const degrees = (x) => (180 * x) / Math.PI;
-      const [low, high] = [Math.log10(pieces[0].to) - 0.5, Math.log10(pieces[pieces.length - 1].to)];
-      const at = (omega) => Math.max(low, Math.log10(omega || 1e-300));
-      const middles = pieces.map(({ middle }) => degrees(middle));
-      const bands = pieces.map(({ from, to, middle }) => ({ draw: "band", from: [at(from), degrees(middle) - 90], to: [at(to), degrees(middle) + 90], kind: "half-plane" }));
-      let phase = pieces[0].middle;
-      const line = Array.from({ length: 400 }, (_, k) => {
-        const x = low + ((high - low) * k) / 399;
-        phase = nrdob.followed(phase, nrdob.parts.arg(nrdob.characteristic(loop, 10 ** x)));
-        return [x, degrees(phase)];
-      });
-      const title = `${plural(pieces.length, "piece", "pieces")} of the axis, so ${plural(roots, "root", "roots")} in the right half plane`;
-      const told = `Phase of p_B on the imaginary axis: on each of ${title}.`;
-      this.plots[0].draw([low, high], [Math.min(...middles) - 100, Math.max(...middles) + 120], [...bands, { draw: "line", points: line, kind: "curve" }], title, told, POWERS);
-    }
-
     nyquist(loop, { N, P, Z }) {
       const { curve } = this.state;
-      if (curve === "proof") return this.proof(loop);
-      this.plots[0].names = ["real part", "imaginary part"];
+      const [plot] = this.plots;
+      const own = this.kind.pictures?.[curve];
+      plot.names = own?.names ?? ["real part", "imaginary part"];
+      if (own) {
+        const { xs, ys, parts, title, told } = own.of(loop);
+        return plot.draw(xs, ys, parts, title, told, own.log ? POWERS : LINEAR);
+      }
       const map = nrdob[curve];
-      const name = CURVES[curve];
-      const { width, height, left, right, top, bottom } = SIZE;
-      const half = (height - top - bottom) / 2;
-      const ratio = (width - left - right) / (2 * half);
+      const name = this.kind.curves[curve];
+      const half = (SIZE.height - SIZE.top - SIZE.bottom) / 2;
       const coarse = nrdob.frequencies(loop, 200).map((omega) => map(loop, omega)).filter((z) => Math.hypot(...z) < 1e3);
       const [first] = coarse;
       const isPoint = coarse.length > 0 && coarse.every((z) => Math.hypot(z[0] - first[0], z[1] - first[1]) < 1e-9);
       const sizes = coarse.map((z) => Math.hypot(...z)).filter((size) => size < 6);
       const farthest = isPoint ? Math.hypot(...first) : Math.min(4, Math.max(0, ...sizes));
       const reach = Math.max(1.4, farthest) * 1.1;
+      const ratio = plot.wide([-reach, reach]) / (2 * half);
       const parts = [{ draw: "circle", at: [0, 0], radius: 1, kind: "unit" }];
       let point = "";
       if (isPoint) {
@@ -476,12 +209,12 @@
         for (const points of runs) parts.push({ draw: "line", points, kind: "curve" });
         parts.push(...this.arrows(runs, reach, ratio), ...this.distance(runs));
       }
-      this.plots[0].draw(
+      plot.draw(
         [-reach * ratio, reach * ratio],
         [-reach, reach],
         [...parts, { draw: "cross", at: [-1, 0], kind: "minus-one" }, { draw: "words", at: [-1, 0], by: [-7, 15], words: "−1", kind: "minus-one" }],
         `Nyquist curve of ${name}`,
-        `Nyquist plot of ${name}: ${point ? `${point}. ` : ""}N = ${whole(N)} clockwise encirclements of −1 by ${CURVES[this.kind.counted]}, P = ${whole(P)}, Z = ${whole(Z)}.`,
+        `Nyquist plot of ${name}: ${point ? `${point}. ` : ""}N = ${whole(N)} clockwise encirclements of −1 by ${this.kind.curves[this.kind.counted]}, P = ${whole(P)}, Z = ${whole(Z)}.`,
       );
     }
 
@@ -516,13 +249,15 @@
     }
 
     step(loop, { stable }) {
-      const { signal } = this.state;
+      const { signal, instant } = this.state;
       const { last, load = 1 } = this.given;
+      const before = instant ? [[0, 0], [instant, 0]] : [];
       const size = signal === "delta" ? load : 1;
       const answer = (of) => {
         const found = this.kind.step(of, signal, last);
         if (!found) return [];
-        return thinned(Array.from(found.time, (t, k) => [t, size * found.y[k]]).filter(([, y]) => Number.isFinite(y)));
+        const after = Array.from(found.time, (t, k) => [instant + t, size * found.y[k]]);
+        return [...before, ...thinned(after.filter(([t, y]) => t < last * (1 + 1e-9) && Number.isFinite(y)))];
       };
       const points = answer(loop);
       const plain = load !== 1 && (signal === "delta" || signal === "d") ? answer(nrdob.plain(loop, this.given.plant)) : [];
@@ -534,19 +269,26 @@
       const shown = leaves < 0 ? points : points.slice(0, leaves + 1);
       const end = points.length ? points[points.length - 1][1] : NaN;
       const parts = [{ draw: "line", points: shown, kind: stable ? "curve" : "curve lost" }];
-      const words = (at, by, text, kind) => ({ draw: "words", at, by, words: text, kind, anchor: "end" });
       if (plain.length) {
+        const [, alone] = plain[plain.length - 1];
+        // Each name stands over the end of its curve, or under it, where the other one is just above.
+        const words = (text, y, other, kind) => {
+          const under = y < other && y > other - 0.15 * (high - low);
+          const at = Math.max(low + margin, Math.min(high - margin, y));
+          return { draw: "words", at: [last, at], by: [-6, under ? 14 : -6], words: text, kind, anchor: "end" };
+        };
         parts.unshift({ draw: "line", points: plain, kind: "plain" });
-        parts.push(words([last, plain[plain.length - 1][1]], [-6, -6], "without the observer", "plain"));
-        if (stable) parts.push(words([last, end], [-6, -6], "with it", "with"));
+        parts.push(words("without the observer", alone, stable ? end : NaN, "plain"));
+        if (stable) parts.push(words("with it", end, alone, "with"));
       }
       const what = size === 1 ? `a unit step ${SIGNALS[signal]}` : `a load of ${written(-size)} N m`;
+      this.plots[1].instant = instant;
       this.plots[1].draw(
         [0, last],
         [low - margin, high + margin],
         parts,
         size === 1 ? `y after a step ${SIGNALS[signal]}` : "",
-        `Output y after ${what}: ${stable ? `${written(end)} after ${written(last)} seconds` : "it grows, the loop is unstable"}.${plain.length ? ` Without the observer ${written(plain[plain.length - 1][1])}.` : ""}`,
+        `Output y after ${what}${instant ? ` at ${said(instant)}` : ""}: ${stable ? `${written(end)} after ${written(last)} seconds` : "it grows, the loop is unstable"}.${plain.length ? ` Without the observer ${written(plain[plain.length - 1][1])}.` : ""}`,
       );
     }
 
@@ -558,7 +300,7 @@
     filters(parameters) {
       const { bar } = this.kind;
       const [low, high] = this.given.range[bar];
-      const { [bar]: present, curve, signal, ...rest } = parameters;
+      const { [bar]: present, ...rest } = parameters;
       const key = JSON.stringify(rest);
       if (key !== this.key) {
         this.key = key;
@@ -604,6 +346,9 @@
 
   const start = () => {
     nrdob.explorables = [...document.querySelectorAll("[data-explorable]")].map((figure) => new Explorable(figure));
+    // Those who move by the Tab key need not pass all the links before.
+    const slider = document.querySelector(".explorable-slider input");
+    if (slider) document.querySelector(".skip-link")?.append(" · ", html("a", { href: `#${slider.id}` }, "Skip to the sliders"));
   };
   if (document.readyState === "loading") document.addEventListener("DOMContentLoaded", start);
   else start();
