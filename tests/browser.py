@@ -184,5 +184,6 @@ def printed(tab: Any, page: Path, output: Path) -> PdfReader:
     tab.goto(page.as_uri())
     tab.evaluate(chromium.SETTLED)
     tab.wait_for_timeout(300)  # the formulas are fitted, and what can be moved is drawn
-    tab.pdf(path=output, format="A4", prefer_css_page_size=True)
+    margins = dict.fromkeys(("top", "bottom", "left", "right"), "1cm")
+    tab.pdf(path=output, format="A4", prefer_css_page_size=True, margin=margins)
     return PdfReader(output)

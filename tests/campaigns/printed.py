@@ -31,9 +31,8 @@ def whites(paper: Path) -> Iterator[float]:
         command = ["pdftoppm", "-r", "20", "-gray", "-png", str(paper), f"{folder}/page"]
         subprocess.run(command, check=True)
         for drawn in sorted(Path(folder).iterdir()):
-            rows = np.flatnonzero((imread(drawn) < WHITE).any(axis=1))
-            height = len(imread(drawn))
-            yield 1 - (rows[-1] + 1) / height if rows.size else 1.0
+            inked = (imread(drawn) < WHITE).any(axis=(1, 2))
+            yield float(np.argmax(inked[::-1])) / len(inked) if inked.any() else 1.0
 
 
 def main() -> None:

@@ -348,7 +348,7 @@
     nrdob.explorables = [...document.querySelectorAll("[data-explorable]")].map((figure) => new Explorable(figure));
     // Those who move by the Tab key need not pass all the links before.
     const slider = document.querySelector(".explorable-slider input");
-    if (slider) document.querySelector(".skip-link")?.append(" · ", html("a", { href: `#${slider.id}` }, "Skip to the sliders"));
+    if (slider) document.querySelector(".skip-link")?.append(html("a", { href: `#${slider.id}` }, "Skip to the sliders"));
   };
   if (document.readyState === "loading") document.addEventListener("DOMContentLoaded", start);
   else start();
