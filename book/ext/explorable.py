@@ -77,8 +77,8 @@ def scene(name: str) -> Scene:
     """Give what an explorable shows: an example of the paper by its number, or the motor."""
     motor = ct.tf([1.0], [0.01, 0.1])  # torque to speed: 1/(J s + b)
     if name == "motor":
-        loop = NRDOB(motor, motor, 1.0, LowPassFilter(0.02, 1))
-        start = {"lambda": 0.02, "order": 1, "delay": 0.005}
+        loop = NRDOB(motor, motor, 1.0, LowPassFilter(0.006, 1))
+        start = {"lambda": 0.006, "order": 1, "delay": 0.005}
         told = {"load": -1.0, "output": "speed error in rad/s"}
         return Scene("lags", loop, start, None, told=told)
     if name == "sampled":
@@ -124,8 +124,8 @@ def under_load(shown: Scene, last: float = 0.5) -> Figure:
     plain = load * ct.step_response(ct.feedback(shown.loop.process, 1), times).outputs
     with styled():
         (ax,) = axes_for(None, 1, SHORT)
-        ax.plot(times, plain, color=COLOURS["model"], label="without the observer")
-        ax.plot(times, held, color=COLOURS["loop"], label="with it")
+        ax.plot(times, plain, color=COLOURS["model"], label="controller alone")
+        ax.plot(times, held, color=COLOURS["loop"], label="with the observer")
         ax.set(xlabel="time (s)", ylabel=shown.told["output"])
         ax.legend(loc="center right")
     said = f"{held[-1]:.2f} rad/s with the observer and {plain[-1]:.2f} without"

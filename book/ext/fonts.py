@@ -10,6 +10,7 @@ from importlib.metadata import distribution
 from pathlib import Path
 
 from fontTools import subset
+from fontTools.ttLib import TTFont
 from sphinx.application import Sphinx
 
 FACES = {
@@ -22,10 +23,10 @@ FACES = {
 
 TEXT = "20-7e a0-17f 2010-2027 2030-203a 20ac 2190-2193 2212 2248 2260 2264 2265 370-3ff"
 FORMULAS = """
-20-7e a0 a8 ac af b0 b1 b7 d7 303 391-3a9 3b1-3c9 3d1 3d5 3f1 3f5 2016 2026 2032-2034 2061 210b 2110
-2112 2113 211b 212c 2130 2131 2133 2190-2194 21d2 21d4 2200-2209 220f 2211-221e 2225 222b 223c 2248
-2260-2265 226a 226b 22c5 22ef 2308-230b 239b-23b7 27e8 27e9 1d400-1d467 1d49c-1d4b5 1d5a0-1d5b9
-1d6e4-1d71b
+20-7e a0 a8 ac af b0 b1 b7 d7 2c6 2d9 2dc 391-3a9 3b1-3c9 3d1 3d5 3f1 3f5 2016 2026 2032-2034 2061
+210b 210e 2110 2112 2113 211b 212c 2130 2131 2133 2190-2194 21d2 21d4 2200-2209 220f 2211-221e 2225
+222b 223c 2248 2260-2265 226a 226b 22c5 22ef 2308-230b 239b-23b7 27e8 27e9 1d400-1d467 1d49c-1d4b5
+1d5a0-1d5b9 1d6e4-1d71b
 """
 """Characters, as ranges of their numbers."""
 
@@ -35,10 +36,28 @@ def cut(face: Path, ranges: str, output: Path) -> None:
     # Kerning and marks of a text; the smaller forms of a formula's indices.
     options = subset.Options(flavor="woff2", layout_features=["kern", "mark", "ssty"])
     font = subset.load_font(str(face), options)
+    if "MATH" in font:
+        narrow_roots(font)
     cutter = subset.Subsetter(options)
     cutter.populate(unicodes=subset.parse_unicodes(",".join(ranges.split())))
     cutter.subset(font)
     subset.save_font(font, str(output), options)
+
+
+def narrow_roots(font: TTFont) -> None:
+    """Give root signs of all heights one width: Chromium leaves room for the widest of them."""
+    variants = font["MATH"].table.MathVariants
+    sign = font.getBestCmap()[ord("√")]
+    signs = variants.VertGlyphConstruction[variants.VertGlyphCoverage.glyphs.index(sign)]
+    taller = [each.VariantGlyph for each in signs.MathGlyphVariantRecord]
+    taller += [part.glyph for part in signs.GlyphAssembly.PartRecords]
+    width, _ = font["hmtx"][sign]
+    for name in taller:
+        share = width / font["hmtx"][name][0]
+        glyph = font["glyf"][name]
+        glyph.coordinates.scale((share, 1))
+        glyph.recalcBounds(font["glyf"])
+        font["hmtx"][name] = (width, round(share * font["hmtx"][name][1]))
 
 
 def write(app: Sphinx, error: Exception | None) -> None:

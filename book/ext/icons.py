@@ -23,10 +23,6 @@ RULES = """:is(.fas, .fa-solid) {
   width: 1.25em;
 }
 
-.fa-lg {
-  font-size: 1.25em;
-}
-
 @media (forced-colors: active) {
   :is(.fas, .fa-solid) {
     background: buttontext;

@@ -53,7 +53,8 @@ OLDER = {"ℬ": 1, "ℰ": 4, "ℱ": 5, "ℋ": 7, "ℐ": 8, "ℒ": 11, "ℳ": 12,
 """Script capitals that Unicode had before the others, by their place in the alphabet."""
 
 APPLIED = "\N{FUNCTION APPLICATION}"
-SIGNS, CLOSING = set("+−±∓"), set(")]}|‖!")
+SIGNS, CLOSING, DOTS = set("+−±∓"), set(")]}|‖!…⋯"), set(".…⋯")
+ACCENTS, PRIMES = {"^": "ˆ", "~": "˜"}, set("′″‴")
 KEPT = {
     "display", "displaystyle", "linethickness", "maxsize", "minsize", "movablelimits", "stretchy",
     "width",
@@ -82,7 +83,7 @@ def mathml(latex: str, display: bool = False) -> str:
     """Set a formula.
 
     >>> print(mathml(r"\\Gm"))
-    <math alttext="\\Gm"><mover accent="true"><mi>G</mi><mo stretchy="false">~</mo></mover></math>
+    <math alttext="\\Gm"><mover accent="true"><mi>G</mi><mo stretchy="false">˜</mo></mover></math>
     """
     try:
         written = mathjax().call("read", latex, display)
@@ -116,8 +117,14 @@ def plain(element: ElementTree.Element) -> ElementTree.Element:
         new.text = element.text
     elif element.tag == "mover":
         new.set("accent", "true")
-    elif element.tag == "mspace" and element.get("width", "").startswith("-"):
-        new.attrib = {"style": f"margin-inline-start: {element.get('width')}"}
+        parts[1].text = ACCENTS.get(parts[1].text or "", parts[1].text)
+    elif element.tag == "msup" and set(parts[1].text or " ") <= PRIMES:
+        # At its own size a prime is raised already.
+        new.tag, parts[1].attrib = "mrow", {"lspace": "0", "rspace": "0"}
+    elif element.tag in {"msup", "msub", "msubsup"} and parts[0].tag == "mover":
+        # As in TeX, an index stands as high as beside the letter without its accent.
+        new[0] = ElementTree.Element("mpadded", height="0.7em")
+        new[0].append(parts[0])
     elif element.tag == "mtable":
         in_columns(new, element)
     if element.tag in {"math", "mrow", "mstyle", "mtd", "msqrt"}:
@@ -144,7 +151,7 @@ def as_operator(operator: ElementTree.Element, role: str) -> ElementTree.Element
     """Say where an operator stands, from which its distances follow."""
     if role in {"OPEN", "CLOSE"}:
         operator.set("form", "prefix" if role == "OPEN" else "postfix")
-    elif role == "ORD" or is_name(operator):
+    elif role == "ORD" or is_name(operator) or operator.text in DOTS:
         operator.attrib |= {"lspace": "0", "rspace": "0"}
     return operator
 
@@ -165,6 +172,8 @@ def space(row: ElementTree.Element) -> None:
     """Keep names of functions apart from their neighbours, and a sign close to its number."""
     found: list[ElementTree.Element] = []
     for each in row:
+        if each.get("width", "").startswith("-"):
+            continue  # a browser has no room that can be taken back
         last = head(found[-1]) if found else None
         if last is not None:
             ended = last.tag not in {"mo", "mspace"} or last.text in CLOSING

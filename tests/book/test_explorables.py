@@ -553,7 +553,7 @@ def test_home_end_and_the_page_keys_move_the_point_of_the_chart(tab: Any, upward
 def test_every_slider_has_a_name_and_a_value_and_one_sentence_is_spoken(tab: Any) -> None:
     """As a screen reader is told: what the browser hands on, not what the page is written in."""
     opened(tab, carried(scene("4").charted(), "delay", DELAYED, 8.0))
-    tab.get_by_role("slider", name="plant’s gain, times").press("ArrowRight")
+    tab.get_by_role("slider", name="plant’s gain over the model’s").press("ArrowRight")
     spy = tab.context.new_cdp_session(tab)
     nodes = spy.send("Accessibility.getFullAXTree")["nodes"]
     heard = [node for node in nodes if not node["ignored"]]

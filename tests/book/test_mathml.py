@@ -26,7 +26,7 @@ def letters(element: ElementTree.Element) -> str:
         (r"\mathbf{Ax}", "𝐀𝐱"),
         (r"\mathsf{ET}", "𝖤𝖳"),
         (r"\mathcal{NF}", "𝒩ℱ"),
-        (r"\Gm", "G~"),
+        (r"\Gm", "G˜"),
         (r"a\text{ in }b", "a\N{NO-BREAK SPACE}in\N{NO-BREAK SPACE}b"),
         (r"\e^{-\theta s}", "e−θs"),
     ],

@@ -58,6 +58,6 @@
     curves: { L: "L" }, // F·H of a model that integrates begins at -1
     counted: "L",
     bar: "observer",
-    said: "Bandwidths ωo of the observer for which the loop is stable:",
+    said: "The loop is stable for these bandwidths ωo of the observer:",
   };
 })();

@@ -626,7 +626,7 @@
       curves: { FH: "F·H", H: "H", L: "L" },
       counted: "FH",
       bar: "lambda",
-      said: "Filters for which the loop is stable, by λ:",
+      said: "The loop is stable for these λ:",
     },
   };
 })();

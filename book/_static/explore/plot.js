@@ -6,7 +6,7 @@
   const CONTROLS = {
     lambda: { label: "filter’s time constant λ", unit: "s", log: true },
     order: { label: "filter’s order n", integer: true },
-    gain: { label: "plant’s gain, times", log: true },
+    gain: { label: "plant’s gain over the model’s", log: true },
     lag: { label: "unknown lag", unit: "s" },
     zero: { label: "T of an unknown zero at 1/T", unit: "s" },
     delay: { label: "unknown dead time", unit: "s" },

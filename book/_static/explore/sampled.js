@@ -147,6 +147,6 @@
     curves: nrdob.kinds.lags.curves,
     counted: "FH",
     bar: "lambda",
-    said: "Filters for which the sampled loop is stable, by λ:",
+    said: "The sampled loop is stable for these λ:",
   };
 })();

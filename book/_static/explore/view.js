@@ -28,6 +28,8 @@
     return [points[0], ...found, points[points.length - 1]];
   };
 
+  const bounded = (y) => Math.max(-3, Math.min(3, y));
+
   class Explorable {
     constructor(figure) {
       this.given = JSON.parse(figure.dataset.explorable);
@@ -44,7 +46,8 @@
       this.live = html("p", { className: "visually-hidden" });
       this.live.setAttribute("role", "status");
       const [curve] = Object.keys(this.kind.curves);
-      this.state = { ...this.first, curve, signal: load ? "delta" : "d" };
+      Object.assign(this.first, { curve, signal: load ? "delta" : "d" });
+      this.state = { ...this.first };
       const still = figure.querySelector(".explorable-still");
       const plots = this.plots.map((plot) => plot.element);
       if (load) plots.reverse();
@@ -60,7 +63,7 @@
         ...filters,
         html("div", { className: "explorable-controls" }, ...Object.entries(range).map((each) => this.slider(...each))),
         this.facts,
-        html("div", { className: "explorable-controls explorable-choices" }, this.choice("Curve", "curve", this.kind.curves), this.choice("Unit step", "signal", SIGNALS), this.slider("instant", [0, LATEST * last]), ...this.upwards(), this.back()),
+        html("div", { className: "explorable-controls explorable-choices" }, this.choice("Curve", "curve", this.kind.curves), this.choice("Step", "signal", SIGNALS), this.slider("instant", [0, LATEST * last]), ...this.upwards(), this.back()),
         this.live,
       );
       this.see(this.chart ? "chart" : load ? "step" : "nyquist");
@@ -250,7 +253,7 @@
 
     step(loop, { stable }) {
       const { signal, instant } = this.state;
-      const { last, load = 1 } = this.given;
+      const { last, load = 1, output = "y" } = this.given;
       const before = instant ? [[0, 0], [instant, 0]] : [];
       const size = signal === "delta" ? load : 1;
       const answer = (of) => {
@@ -261,28 +264,31 @@
       };
       const points = answer(loop);
       const plain = load !== 1 && (signal === "delta" || signal === "d") ? answer(nrdob.plain(loop, this.given.plant)) : [];
-      const seen = [...points, ...plain].map(([, y]) => Math.max(-3, Math.min(3, y)));
+      // Of a stable loop all is seen; what grows is followed to where it leaves the picture.
+      const seen = [...points.map(([, y]) => (stable ? y : bounded(y))), ...plain.map(([, y]) => bounded(y))];
       const [low, high] = load < 0 && signal === "delta" ? [Math.min(-1.1, ...seen), Math.max(0.3, ...seen)] : [Math.min(-0.1, ...seen), Math.max(1.1, ...seen)];
       const margin = 0.05 * (high - low);
-      // What grows is followed to where it leaves the picture.
-      const leaves = stable ? -1 : points.findIndex(([, y]) => y > high + margin || y < low - margin);
-      const shown = leaves < 0 ? points : points.slice(0, leaves + 1);
+      const followed = (curve) => {
+        const leaves = curve.findIndex(([, y]) => y > high + margin || y < low - margin);
+        return leaves < 0 ? curve : curve.slice(0, leaves + 1);
+      };
       const end = points.length ? points[points.length - 1][1] : NaN;
-      const parts = [{ draw: "line", points: shown, kind: stable ? "curve" : "curve lost" }];
+      // Beside another curve each keeps its colour.
+      const parts = [{ draw: "line", points: followed(points), kind: stable || plain.length ? "curve" : "curve lost" }];
       if (plain.length) {
-        const [, alone] = plain[plain.length - 1];
+        const ending = ([, y]) => Math.max(low + margin, Math.min(high - margin, y));
+        const [mine, alone] = [points, plain].map((curve) => ending(followed(curve).at(-1)));
         // Each name stands over the end of its curve, or under it, where the other one is just above.
-        const words = (text, y, other, kind) => {
-          const under = y < other && y > other - 0.15 * (high - low);
-          const at = Math.max(low + margin, Math.min(high - margin, y));
+        const words = (text, at, other, kind) => {
+          const under = at < other && at > other - 0.15 * (high - low);
           return { draw: "words", at: [last, at], by: [-6, under ? 14 : -6], words: text, kind, anchor: "end" };
         };
-        parts.unshift({ draw: "line", points: plain, kind: "plain" });
-        parts.push(words("without the observer", alone, stable ? end : NaN, "plain"));
-        if (stable) parts.push(words("with it", end, alone, "with"));
+        parts.unshift({ draw: "line", points: followed(plain), kind: "plain" });
+        parts.push(words("controller alone", alone, mine, "plain"), words("with the observer", mine, alone, "with"));
       }
       const what = size === 1 ? `a unit step ${SIGNALS[signal]}` : `a load of ${written(-size)} N m`;
       this.plots[1].instant = instant;
+      this.plots[1].names[1] = signal === "R" || signal === "eta" ? "y" : output;
       this.plots[1].draw(
         [0, last],
         [low - margin, high + margin],
