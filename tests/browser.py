@@ -78,7 +78,7 @@ FINDINGS = """() => {
       .map((each) => `pale in the dark: ${each.alt || each.textContent.slice(0, 80)}`),
     stops: [...document.querySelectorAll(".math[tabindex='0']")]
       .filter((each) => !scrolls(each)).length,
-    narrow: [...document.querySelectorAll(".bd-article img")]
+    narrow: room > 600 ? [] : [...document.querySelectorAll(".bd-article img")]
       .filter((image) => image.checkVisibility() && image.clientWidth < room - 8)
       .filter((image) => image.clientWidth < wanted(image) - 1)
       .map((image) => `has not the whole screen: ${image.alt}`),
