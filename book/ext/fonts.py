@@ -68,7 +68,7 @@ def write(app: Sphinx, error: Exception | None) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     for name, (package, file) in FACES.items():
         output = folder / f"{name}.woff2"
-        if not output.exists():
+        if not output.exists() or output.stat().st_mtime < Path(__file__).stat().st_mtime:
             found = next(each for each in distribution(package).files or () if each.name == file)
             cut(Path(str(found.locate())), FORMULAS if name == "math" else TEXT, output)
 
