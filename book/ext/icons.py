@@ -24,6 +24,10 @@ RULES = """:is(.fas, .fa-solid) {
   width: 1.25em;
 }
 
+.btn .fa-lg {
+  font-size: 1em;
+}
+
 @media (forced-colors: active) {
   :is(.fas, .fa-solid) {
     background: buttontext;
