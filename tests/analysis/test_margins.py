@@ -399,6 +399,18 @@ def test_the_bounds_of_a_peak_lie_on_the_circle_around_minus_one(ms):
         assert abs(1 + point) == pytest.approx(1 / ms)
 
 
+def test_the_distance_of_a_loop_close_to_the_border_is_right_to_ten_digits():
+    """Smallest |1 + L|, and where, found by golden section in 40 digits."""
+    model = ct.tf([1.0, 1.0], [1e4, 1.02e4, 201.0, 1.0])
+    loop = nrdob.NRDOB(
+        ct.tf([-1.0], [-0.0392419, 1.0]), model, ct.tf([-1.0], [1.0, 1.0]), LowPassFilter(0.1, 3)
+    )
+    found = loop.margins().plant_loop
+    assert found.sm == pytest.approx(2.81710911779e-4, rel=1e-10)
+    assert found.wms == pytest.approx(15963.370716964, rel=1e-12)
+    assert found.pm == pytest.approx(0.0161408469815793, rel=1e-10)
+
+
 @pytest.mark.slow
 @given(loops())
 @settings(max_examples=30)
