@@ -18,9 +18,10 @@ from pathlib import Path
 import numpy as np
 from matplotlib.image import imread
 
-sys.path.append(str(Path(__file__).resolve().parents[1]))  # where the tests find what they share
+TESTS = Path(__file__).resolve().parents[1]
+sys.path += [str(TESTS), str(TESTS.parent / "book" / "make")]  # where the tests find their browser
 
-from browser import browser, printed
+from browser import browser, printed  # noqa: E402
 
 WHITE = 0.8
 
