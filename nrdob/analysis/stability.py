@@ -1,12 +1,11 @@
 """Lemma 1, corrected: stable if and only if all roots of p_A and p_B are in the left half plane.
 
 Each condition is judged twice, before any cancellation but that inside a block that is built as
-one: by the turns of 1 + L around 0 with the poles of L, Z = N + P, and by a count that follows no
-curve. That is one of the roots themselves; where they cannot all be computed to be trusted, it is
-Routh and Hurwitz's test in whole numbers or, with a long dead time, Walton and Marshall's count;
-with two dead times that count for two equal ones, and what crosses the axis while one of them
-becomes what it is. A verdict is given only where the two agree; otherwise it is None, with the
-reason.
+one: by Z = N + P, and by a count that follows no curve: of the roots themselves or, where not all
+can be trusted, Routh and Hurwitz's test in whole numbers or, with a long dead time, Walton and
+Marshall's count; with two dead times that count for two equal ones, and what crosses the axis while
+one of them becomes what it is. A verdict is given only where the two agree; else it is None, with
+the reason.
 """
 
 from __future__ import annotations
@@ -34,13 +33,8 @@ from ..numerics import (
 from .nyquist import NyquistCount, nyquist_count
 
 __all__ = [
-    "LoopStability",
-    "Stability",
-    "judge",
-    "judge_observer",
-    "observer_stability",
-    "stability",
-]
+    "LoopStability", "Stability", "judge", "judge_observer", "observer_stability", "stability",
+]  # fmt: skip
 
 AT_ORIGIN = "a root at s = 0 exactly"
 
@@ -496,9 +490,7 @@ def _kind(p: QuasiPolynomial) -> str:
 
 
 def _count(value: float | None) -> str:
-    if value is None:
-        return "?"
-    return f"{value:g}".replace("inf", "∞")
+    return "?" if value is None else f"{value:g}".replace("inf", "∞")
 
 
 def _rightmost(part: LoopStability) -> str:
