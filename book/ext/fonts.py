@@ -6,12 +6,13 @@ fetches is a tenth of them.
 
 from __future__ import annotations
 
-from importlib.metadata import distribution
 from pathlib import Path
 
 from fontTools import subset
 from fontTools.ttLib import TTFont
 from sphinx.application import Sphinx
+
+from pages import installed
 
 FACES = {
     "text": ("rendercv-fonts", "SourceSans3-Regular.ttf"),
@@ -69,8 +70,7 @@ def write(app: Sphinx, error: Exception | None) -> None:
     for name, (package, file) in FACES.items():
         output = folder / f"{name}.woff2"
         if not output.exists() or output.stat().st_mtime < Path(__file__).stat().st_mtime:
-            found = next(each for each in distribution(package).files or () if each.name == file)
-            cut(Path(str(found.locate())), FORMULAS if name == "math" else TEXT, output)
+            cut(installed(package, file), FORMULAS if name == "math" else TEXT, output)
 
 
 def setup(app: Sphinx) -> dict[str, bool]:

@@ -7,11 +7,12 @@ page; what is left of it is empty.
 from __future__ import annotations
 
 import re
-from importlib.metadata import distribution
 from pathlib import Path
 from urllib.parse import quote
 
 from sphinx.application import Sphinx
+
+from pages import installed
 
 SHOWN = re.compile(r'class="[^"]*\bfas?(?:-solid)? fa-([a-z-]+)')
 SCRIPT = "scripts/fontawesome.js"
@@ -52,9 +53,7 @@ def write(app: Sphinx, error: Exception | None) -> None:
     static = Path(app.outdir, "_static")
     pages = (page.read_text("utf-8") for page in Path(app.outdir).rglob("*.html"))
     shown = sorted({name for page in pages for name in SHOWN.findall(page)})
-    files = distribution("pydata-sphinx-theme").files or ()
-    script = next(each for each in files if each.match(f"static/{SCRIPT}"))
-    drawn = Path(str(script.locate())).read_text("utf-8")
+    drawn = installed("pydata-sphinx-theme", f"static/{SCRIPT}").read_text("utf-8")
     rules = "".join(icon(name, drawn) for name in shown)
     (static / "icons.css").write_text(RULES + rules, encoding="utf-8")
     (static / SCRIPT).write_text("", encoding="utf-8")

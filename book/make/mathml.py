@@ -11,13 +11,12 @@ from __future__ import annotations
 import atexit
 import json
 from functools import cache, lru_cache
-from importlib.metadata import distribution
-from pathlib import Path
 from xml.etree import ElementTree
 
 from py_mini_racer import JSEvalException, MiniRacer
 
-MATHJAX = "tex-svg-full.js"
+from pages import installed
+
 MACROS = {"Gm": r"\tilde{G}", "e": r"\mathrm{e}", "j": r"\mathrm{j}"}
 
 BEFORE = """
@@ -69,8 +68,7 @@ class TexError(ValueError):
 @lru_cache(maxsize=1)
 def mathjax() -> MiniRacer:
     """Load MathJax, which takes half a second, once."""
-    files = distribution("sphinx-mathjax-offline").files or ()
-    script = next(Path(str(file.locate())) for file in files if file.name == MATHJAX)
+    script = installed("sphinx-mathjax-offline", "tex-svg-full.js")
     engine = MiniRacer()
     atexit.register(engine.close)  # its threads would be waited for
     for part in (BEFORE, script.read_text("utf-8"), AFTER % json.dumps(MACROS)):

@@ -1,10 +1,11 @@
-"""What the programs that make pages share: templates, storing, notebooks, the command line."""
+"""What the programs that make pages share: templates, notebooks, installed files, the command line."""
 
 from __future__ import annotations
 
 import argparse
 import json
 import re
+from importlib.metadata import distribution
 from pathlib import Path
 from typing import Any
 
@@ -48,6 +49,12 @@ def store(text: str, target: Path) -> None:
     """Store a page, with Unix line ends everywhere, and only where it changed."""
     if not target.exists() or target.read_bytes() != text.encode():
         target.write_bytes(text.encode())
+
+
+def installed(package: str, end: str) -> Path:
+    """Find a file that an installed package carries, by the end of its path."""
+    files = distribution(package).files or []
+    return Path(str(next(file for file in files if file.match(end)).locate()))
 
 
 def cells_of(notebook: Path) -> list[dict[str, Any]]:

@@ -15,7 +15,6 @@ import re
 import shutil
 import sys
 from collections.abc import Iterable
-from importlib.metadata import distribution
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +22,7 @@ import nbformat
 from nbconvert.exporters import SlidesExporter
 from traitlets.config import Config
 
-from pages import NOTEBOOKS, ROOT, TEACHING, options
+from pages import NOTEBOOKS, ROOT, TEACHING, installed, options
 from predictions import split
 
 FOLDER = NOTEBOOKS / "class"
@@ -95,9 +94,8 @@ def slides(notebook: Any) -> str:
 def copy_beside(folder: Path) -> None:
     """Copy what the pages load into the folder in which they are."""
     for package, end in BESIDE:
-        files = distribution(package).files or []
-        found = next(file for file in files if str(file.as_posix()).endswith(end))
-        shutil.copyfile(str(found.locate()), folder / found.name)
+        found = installed(package, end)
+        shutil.copyfile(found, folder / found.name)
     shutil.copyfile(TEMPLATE / "slides.css", folder / "slides.css")
 
 

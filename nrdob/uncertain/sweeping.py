@@ -85,8 +85,7 @@ def sweep(
     if not isinstance(family, PlantFamily):
         raise TypeError(f"family is a {type(family).__name__}; make one with nrdob.plant_family")
     asked = _asked(quantities)
-    own = NRDOB(family.process, loop.model, loop.controller, loop.filter, loop.keep_factors)
-    job = _Job(own, family, asked)
+    job = _Job(loop, family, asked)
     blocks = [_judge_block(job, block) for block in range(family.blocks)]
     joined = {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
     return SweepTable(family, joined, np.arange(len(family)))
