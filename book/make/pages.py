@@ -1,4 +1,4 @@
-"""What the programs that make pages share: templates, notebooks, installed files, the command line."""
+"""What the programs that make pages share: templates, notebooks, installed files, options."""
 
 from __future__ import annotations
 
