@@ -118,7 +118,6 @@ class Stability:
 
     _title: ClassVar[str] = "NR-DOB loop"
     _root: ClassVar[str] = "rightmost root"
-    _variable: ClassVar[str] = "s"
 
     def __bool__(self) -> bool:
         """Whether the loop is stable; ValueError if that cannot be told."""
@@ -135,7 +134,7 @@ class Stability:
         """Prove the counts of roots, for a checker that shares no code with this package.
 
         Of a sampled loop the blocks are in the plane of w = (2/dt) (z - 1)/(z + 1), the process
-        behind its hold, with its samples of dead time multiplied out.
+        behind its hold, its samples of dead time and those of the model multiplied out.
 
         Parameters
         ----------
@@ -163,16 +162,16 @@ class Stability:
         ArithmeticError
             If there is none; the message says why.
         """
-        loop = self._provable(continuous_only=bool(delays or processes))
+        loop, given = self._provable(continuous_only=bool(delays or processes))
         counts = self.model_loop.closed_loop_rhp, self.observer_loop.closed_loop_rhp
         return certify(
             loop, counts, gains=gains, delays=delays, time_constants=time_constants,
-            processes=processes, variable=self._variable,
+            processes=processes, **given,
         )  # fmt: skip
 
-    def _provable(self, continuous_only: bool) -> LoopEquations:
-        """Give the loop whose roots a certificate counts; not all can be proved of every loop."""
-        return self.loop
+    def _provable(self, continuous_only: bool) -> tuple[LoopEquations, dict[str, Any]]:
+        """Give the loop whose roots a certificate counts, and in what; not all can be proved."""
+        return self.loop, {}
 
     @property
     def _verdict(self) -> str:

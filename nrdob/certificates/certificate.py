@@ -12,9 +12,11 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from ..diagram import DelayedTransferFunction, LoopEquations, LowPassFilter
-from ..numerics import QuasiPolynomial
-from .checker import check
+import numpy as np
+
+from ..diagram import Fraction, LoopEquations, LowPassFilter
+from ..numerics import Term
+from .checker import build, check
 from .points import half_plane_points
 
 __all__ = ["Certificate", "W", "certify"]
@@ -76,6 +78,7 @@ def certify(
     time_constants: Interval | None = None,
     processes: Sequence[Any] = (),
     variable: str = "s",
+    model_delay: Fraction | None = None,
 ) -> Certificate:
     r"""Find the points that prove a verdict, and have them checked.
 
@@ -102,6 +105,8 @@ def certify(
         convex combination of their numerators and denominators, as they are given, with its own.
     variable : {"s", W}
         Of a sampled loop the blocks are in w.
+    model_delay : Fraction, optional
+        By which the model of a sampled loop is delayed. With it no pole cancels in (1 - F)·Gm.
 
     Returns
     -------
@@ -130,21 +135,37 @@ def certify(
     if any(each.delay != loop.delay for each in every):
         raise ArithmeticError("no certificate: the processes have different dead times")
     factors = [Ratio(k) for k in _interval("gains", gains or (1.0, 1.0))]
-    fractions = loop.fractions
+    fractions, one = loop.fractions, np.ones(1)
     given = [
         ([k * c for c in _exact(each.fractions.G.num)], _exact(each.fractions.G.den))
         for k, each in product(sorted(set(factors)), every)
     ]
     others = {
-        "model": _block(_exact(fractions.Gm.num), _exact(fractions.Gm.den), loop.model_delay),
-        "controller": _block(_exact(fractions.C.num), _exact(fractions.C.den)),
+        "model": _fraction(fractions.Gm),
+        "model_delay": _fraction(model_delay or Fraction(one, one), loop.model_delay),
+        "controller": _fraction(fractions.C),
     }
+    poles = one if model_delay else loop.built.poles.q
+    cancelled = {"zeros": _texts(_exact(loop.built.zeros.q)), "poles": _texts(_exact(poles))}
 
     def part(delay: Interval, lag: Interval) -> Blocks:
         middle, within = sum(map(Ratio, delay)) / 2, (Ratio(delay[1]) - Ratio(delay[0])) / 2
         process = [_block(*fraction, middle) for fraction in given]
         blocks = {"process": process, **others, "filter": _filters(loop, lag)}
-        return _part(loop, counts, blocks, within, variable)
+        points = _points(blocks, cancelled, within)
+        return {
+            "format": "nrdob certificate",
+            "version": 1,
+            "variable": variable,
+            "blocks": blocks,
+            "within": str(within),
+            "cancelled": cancelled,
+            "claim": {
+                name: None if count is None else int(count)
+                for name, count in zip(points, (0, *counts), strict=True)
+            },
+            "points": points,
+        }
 
     delay = _interval("delays", delays or (loop.delay, loop.delay))
     lag = _interval("time_constants", time_constants or (0.0, 0.0))
@@ -174,58 +195,41 @@ def _cut(part: Callable[[Interval], Blocks], interval: Interval) -> list[Blocks]
         return [*_cut(part, (low, middle)), *_cut(part, (middle, high))]
 
 
-def _part(
-    loop: LoopEquations,
-    counts: tuple[float | None, float | None],
-    blocks: Blocks,
-    within: Ratio,
-    variable: str,
-) -> Blocks:
-    """Certify the loops of all processes and filters, whose dead time may differ by `within`."""
-    every = [
-        replace(
-            loop,
-            process=DelayedTransferFunction(_floats(G), float(Ratio(G["delay"]))),
-            filter=loop.filter if len(blocks["filter"]) == 1 else _floats(F),
-        )
-        for G, F in product(blocks["process"], blocks["filter"])
-    ]
-    if within and every[0].delay == every[0].model_delay:
+def _points(blocks: Blocks, cancelled: Blocks, within: Ratio) -> dict[str, list[str]]:
+    """Find the points for all processes and filters, whose dead time may differ by `within`."""
+    others = [blocks[name] for name in ("model", "model_delay", "controller")]
+    try:
+        built = [
+            build([G, *others, F], cancelled)
+            for G, F in product(blocks["process"], blocks["filter"])
+        ]
+    except ValueError as error:
+        raise ArithmeticError(f"no certificate: {error}") from error
+    (functions, _, _, delay, waits, _), *_ = built
+    if within and delay == waits:
         # There one term of p_B would hold both, of which only one moves: a shorter part has not.
         raise ArithmeticError("no certificate: the dead time is that of the model in the middle")
-    built = every[0].built
-    power = built.poles.degree if loop.model_delay else 0
-    functions = {
-        "D_F": ([QuasiPolynomial(each.fractions.F.den) for each in every], 0),
-        "p_A": ([loop.p_A], 0),
-        "p_B": ([each.p_B.lifted(power) for each in every], power),
-    }
-    points, moved = {}, {"delay": every[0].delay, "within": float(within)}
-    for name, (found, order) in functions.items():
+    points, moved = {}, {"delay": float(delay), "within": float(within)}
+    for name, (_, power) in functions.items():
+        every = [_terms(made[name][0]) for made, *_ in built]
         try:
-            points[name] = half_plane_points([p.terms for p in found], order, **moved)
+            found = half_plane_points(every, power, **moved)
         except ArithmeticError as error:
             raise ArithmeticError(f"no certificate for {name}: {error}") from error
-    return {
-        "format": "nrdob certificate",
-        "version": 1,
-        "variable": variable,
-        "blocks": blocks,
-        "within": str(within),
-        "cancelled": {name: _texts(_exact(getattr(built, name).q)) for name in ("zeros", "poles")},
-        "claim": {
-            name: None if count is None else int(count)
-            for name, count in zip(functions, (0, *counts), strict=True)
-        },
-        "points": {name: _texts(_exact(found)) for name, found in points.items()},
-    }
+        points[name] = _texts(_exact(found))
+    return points
+
+
+def _terms(function: dict[Ratio, Exact]) -> tuple[Term, ...]:
+    """Give a function in floating point, the term without dead time first."""
+    return tuple(Term(np.array(q, dtype=float), float(t)) for t, q in sorted(function.items()))
 
 
 def _filters(loop: LoopEquations, time_constants: Interval) -> list[Blocks]:
     """Give the loop's filter, or those between which all with these time constants are."""
     F = loop.filter
     if not any(time_constants):
-        return [_block(_exact(loop.fractions.F.num), _exact(loop.fractions.F.den))]
+        return [_fraction(loop.fractions.F)]
     if not isinstance(F, LowPassFilter):
         raise ValueError(f"time_constants are those of a LowPassFilter; the filter is {F!r}")
     if time_constants[0] <= 0:
@@ -250,16 +254,16 @@ def _interval(name: str, given: Interval) -> Interval:
     return low, high
 
 
+def _fraction(given: Fraction, delay: float = 0.0) -> Blocks:
+    return _block(_exact(given.num), _exact(given.den), delay)
+
+
 def _block(num: Exact, den: Exact, delay: float | Ratio = 0.0) -> Blocks:
     return {"num": _texts(num), "den": _texts(den), "delay": str(Ratio(delay))}
 
 
 def _texts(values: Exact) -> list[str]:
     return [str(value) for value in values]
-
-
-def _floats(block: dict[str, Any]) -> tuple[list[float], list[float]]:
-    return [float(Ratio(c)) for c in block["num"]], [float(Ratio(c)) for c in block["den"]]
 
 
 def _exact(values: Any) -> Exact:

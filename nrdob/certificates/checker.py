@@ -1,11 +1,12 @@
 """Check a certificate of an NR-DOB loop with the standard library: ``python checker.py FILE``.
 
-From the blocks it builds in exact fractions D_F, the filter's denominator, p_A = Dm Dc + Nm Nc and
-p_B = D Nm (Df - Nf exp(-θm s)) + N Dm Nf exp(-θ s), less what cancels inside its blocks. Between
-two points of the imaginary axis f(jω) stays in an open half plane, by Taylor's formula; beyond the
-last one the leading term dominates. So no root is on the axis, and how often f turns counts Z. What
-holds for several processes or filters in the same half planes holds for their convex combinations.
-That the blocks of a sampled loop are causal is not checked: c is not part of a certificate.
+From the blocks it builds in exact fractions D_F = Df Dw, p_A = Dm Dc + Nm Nc and p_B =
+D Nm (Df Dw - Nf Nw exp(-θm s)) + N Dm Nf Dw exp(-θ s), less what cancels inside its blocks; the
+model is delayed by Nw/Dw exp(-θm s), a fraction where the loop is sampled. Between two points of
+the imaginary axis f(jω) stays in an open half plane, by Taylor's formula; beyond the last one the
+leading term dominates. So no root is on the axis, and how often f turns counts Z. What holds for
+several processes or filters in the same half planes holds for their convex combinations. That the
+blocks of a sampled loop are causal is not checked: c is not part of a certificate.
 """
 
 import json
@@ -17,7 +18,7 @@ from itertools import pairwise, product, zip_longest
 from math import isqrt
 from typing import Any
 
-__all__ = ["check"]
+__all__ = ["build", "check"]
 
 Poly = list[Fraction]  # in descending powers
 Terms = dict[Fraction, Poly]  # a sum of q(s) exp(-delay s), by delay
@@ -58,7 +59,7 @@ def prove(certificate: Any) -> tuple[Any, ...]:
     *kind, variable, given, within, cancelled, claims, points = members(certificate, keys)
     need(kind == ["nrdob certificate", 1], f"format and version are {kind}")
     need(variable in ("s", "w = c (z - 1)/(z + 1)"), "the variable is neither s nor w")
-    processes, *others, filters = members(given, "process model controller filter")
+    processes, *others, filters = members(given, "process model model_delay controller filter")
     need(all(type(b) is list and 0 < len(b) < 65 for b in (processes, filters)), "give block lists")
     built = [build([G, *others, F], cancelled) for G, F in product(processes, filters)]
     (functions, factors, _, *ends), uneven = built[0], max(error for _, _, error, *_ in built)
@@ -109,26 +110,28 @@ def build(blocks: list[Any], inside: Any) -> tuple[Any, ...]:
     """Build the functions and the power of s divided out; what cancels, how well; dead times."""
     given = [members(block, "num den delay") for block in blocks]
     fractions = [(read(num), read(den)) for num, den, _ in given]
-    (N, D), (Nm, Dm), (Nc, Dc), (Nf, Df) = fractions
-    delay, model_delay, *others = read([delay for *_, delay in given], "points")
-    need(delay >= 0 and model_delay >= 0 and not any(others), "dead times")
+    (N, D), (Nm, Dm), (Nw, Dw), (Nc, Dc), (Nf, Df) = fractions
+    delay, own, model_delay, *others = read([delay for *_, delay in given], "points")
+    need(delay >= 0 and model_delay >= 0 and not any([own, *others]), "dead times")
     need(all(len(num) <= len(den) for num, den in fractions), "a block is not proper")
     need(len(Df + Nm) >= len(Dm + Nf) and Nf[-1] == Df[-1], "F/model not causal, or F(0) not 1")
+    need(Nw[-1] == Dw[-1], "the model's delay has another gain than 1")
     p_A = total(times(Dm, Dc), times(Nm, Nc))
     need(len(p_A) == len(Dm) + len(Dc) - 1, "the model loop is ill-posed")
     zeros, poles = map(read, members(inside, "zeros poles"))
     (Nm, error), (built, other), power = divided(Nm, zeros), divided(Nf, zeros), 0
+    late, Df = [-c for c in times(Nf, Nw)], times(Df, Dw)
     if model_delay:  # s^k, a factor of the sum, of which not every term has it
-        power, rest = len(poles) - 1, {ZERO: Df, model_delay: [-c for c in Nf]}
+        power, rest = len(poles) - 1, {ZERO: Df, model_delay: late}
         need(not any(poles[1:]) and divided(Dm, poles)[1] == 0, "with a delay only s = 0 cancels")
         p_B = {t: times(D, Nm, q) for t, q in rest.items()}
         for values in (at_zero(rest, k) for k in range(power)):
             error = max(error, abs(sum(values, ZERO)) / (sum(map(abs, values), ZERO) or 1))
     else:
-        (Dm, first), sizes = divided(Dm, poles), total(list(map(abs, Df)), list(map(abs, Nf)))
-        E, second = divided(total(Df, [-c for c in Nf]), poles, sizes)
+        (Dm, first), sizes = divided(Dm, poles), total(list(map(abs, Df)), list(map(abs, late)))
+        E, second = divided(total(Df, late), poles, sizes)
         p_B, error = {ZERO: times(D, Nm, E)}, max(error, first, second)
-    p_B[delay] = total(p_B.get(delay, []), times(N, Dm, built))
+    p_B[delay] = total(p_B.get(delay, []), times(N, Dm, built, Dw))
     degree = len(D + Nm + Df) - 2 - (len(poles) - power)
     need(len(p_B[ZERO]) - 1 == degree, "the observer loop is ill-posed")
     need(max(error, other) <= Fraction(1, 10**9), "what is said to cancel is no common factor")

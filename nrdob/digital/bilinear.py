@@ -49,7 +49,14 @@ from ..diagram import (
 from ..numerics import FloatArray, QuasiPolynomial, written
 from .hold import checked_times, in_samples
 
-__all__ = ["MULTIPLIED_OUT", "held_blocks", "held_in_w", "process_in_w"]
+__all__ = [
+    "MULTIPLIED_OUT",
+    "after_samples",
+    "delay_in_w",
+    "held_blocks",
+    "held_in_w",
+    "process_in_w",
+]
 
 Whole = NDArray[np.object_]
 
@@ -167,26 +174,50 @@ def process_in_w(
     late = isinstance(process, DelayedTransferFunction)
     G = nonzero(as_fraction(process.tf if late else process, "process"), "process")
     delay = (process.delay if late else 0.0) + computation_delay
-    samples, fraction = _samples(delay, dt)
+    samples, fraction = in_samples(delay, dt)
     held = held_in_w(G, dt, fraction=fraction)
     own, model_delay = undelayed(model) if model is not None else (None, 0.0)
     if model_delay:
         model = as_fraction(own, "model")
-        return _with_delayed_model(held, samples, model, _samples(model_delay, dt), dt)
-    down, up = _powers(samples, dt)
+        return _with_delayed_model(held, _few(samples, dt), model, delay_in_w(model_delay, dt), dt)
+    return after_samples(held, samples, dt)
+
+
+def after_samples(held: Fraction, samples: int, dt: float) -> Fraction:
+    """Give a process behind its hold its samples of dead time, multiplied out."""
+    down, up = _powers(_few(samples, dt), dt)
     return Fraction(np.convolve(held.num, down), np.convolve(held.den, up))
 
 
-def _samples(delay: float, dt: float) -> tuple[int, float]:
-    """Count the samples in a dead time, and the fraction of one, if they can be multiplied out."""
+def delay_in_w(delay: float, dt: float) -> Fraction:
+    """Give the samples by which a processor delays its model, and a fraction of one.
+
+    Examples
+    --------
+    (1 - 0.1 w)/(1 + 0.1 w), one sample of 0.2 s, and a quarter of the next:
+
+    >>> [np.round(p, 4).tolist() for p in delay_in_w(0.25, 0.2)]
+    [[-0.005, -0.05, 1.0], [0.01, 0.2, 1.0]]
+    """
     samples, fraction = in_samples(delay, dt)
+    down, up = _powers(_few(samples, dt), dt)
+    if not fraction:
+        return Fraction(down, up)
+    return Fraction(
+        np.trim_zeros(np.convolve(down, [(1 - 2 * fraction) * dt / 2, 1.0]), "f"),
+        np.convolve(up, [dt / 2, 1.0]),
+    )
+
+
+def _few(samples: int, dt: float) -> int:
+    """Refuse more samples of dead time than can be multiplied out."""
     if samples > MULTIPLIED_OUT:
         raise ValueError(
-            f"the dead time of {delay:g} s holds {samples} samples of dt = {dt:g} s; sets are "
-            f"computed for up to {MULTIPLIED_OUT}: choose a longer dt, or ask without dt, as in "
-            "continuous time"
+            f"the dead time of {samples * dt:g} s holds {samples} samples of dt = {dt:g} s; sets "
+            f"are computed for up to {MULTIPLIED_OUT}: choose a longer dt, or ask without dt, as "
+            "in continuous time"
         )
-    return samples, fraction
+    return samples
 
 
 def _powers(samples: int, dt: float) -> tuple[FloatArray, FloatArray]:
@@ -196,7 +227,7 @@ def _powers(samples: int, dt: float) -> tuple[FloatArray, FloatArray]:
 
 
 def _with_delayed_model(
-    held: Fraction, samples: int, model: Fraction, late: tuple[int, float], dt: float
+    held: Fraction, samples: int, model: Fraction, late: Fraction, dt: float
 ) -> Fraction:
     """Give G' of a process behind its hold, with whole samples, and a delayed model."""
     if np.any(QuasiPolynomial(model.den).roots.real >= 0):
@@ -205,15 +236,10 @@ def _with_delayed_model(
             "dt sets of delayed models are computed for stable ones: leave the dead time out, or "
             "ask NRDOB(…).sampled(dt).stability() for one λ"
         )
-    whole, fraction = late
-    common = max(samples, whole + (fraction > 0))  # of (1 + αw), in both
+    extra = max(samples - (late.den.size - 1), 0)  # powers of (1 + αw): those of the longer one
+    common = late.den.size - 1 + extra
     own = np.convolve(_powers(samples, dt)[0], _powers(common - samples, dt)[1])
-    E: FloatArray = np.convolve(
-        _powers(whole, dt)[0], _powers(common - whole - (fraction > 0), dt)[1]
-    )
-    if fraction:
-        E = np.convolve(E, [(1 - 2 * fraction) * dt / 2, 1.0])
-    both = _powers(common, dt)[1]
+    E, both = np.convolve(late.num, _powers(extra, dt)[1]), _powers(common, dt)[1]
     num = np.polyadd(
         np.convolve(np.convolve(held.num, own), model.den),
         np.convolve(held.den, np.convolve(model.num, np.polysub(both, E))),

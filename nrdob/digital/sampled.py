@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..analysis import Margins, NoiseVariance
-from ..diagram import Fraction, LoopEquations, six_digits
+from ..diagram import Fraction, LoopEquations, six_digits, undelayed
 from ..numerics import FloatArray
 from .actuatorlimits import ActuatorLimits
-from .bilinear import held_blocks, held_in_w, process_in_w
+from .bilinear import after_samples, delay_in_w, held_blocks, held_in_w
 from .closedloop import ClosedLoop
 from .code import ControllerCode, controller_code
 from .controller import ModelDelay, SampledController, sampled_controller
@@ -121,12 +121,13 @@ class SampledLoop:
             self.loop, self.blocks, self.p_B, self.process, self.controller, self._in_w
         )
 
-    def _in_w(self) -> LoopEquations:
-        """Give the loop in the plane of w, its samples of dead time multiplied out."""
-        if self.model_delay:
-            raise ValueError("the model has a dead time, which is no fraction in w")
-        process = process_in_w(self.loop.process, self.dt, self.computation_delay)
-        return replace(self.blocks, process=process)
+    def _in_w(self) -> tuple[LoopEquations, Fraction | None]:
+        """Give the loop in the plane of w, and the delay of its model, samples multiplied out."""
+        process = after_samples(self.held, self.process.samples, self.dt)
+        model, delay = undelayed(self.loop.model)
+        if not delay:
+            return replace(self.blocks, process=process), None
+        return replace(self.blocks, process=process, model=model), delay_in_w(delay, self.dt)
 
     def stability(self) -> SampledStability:
         """Judge the sampled loop by Lemma 1 on the unit circle, in two ways.
@@ -323,13 +324,15 @@ class SampledLoop:
     @cached_property
     def _numerator(self) -> Product:
         """Numerator of L = K G, N Dm Nf."""
-        built = self.blocks.built
-        F = self.blocks.fractions.F
-        degree = built.Nm.q.size + (F.den if self.model_delay else built.E.q).size
+        built, fractions = self.blocks.built, self.blocks.fractions
+        Dm, waits = built.Dm.q, built.E.q
+        if self.model_delay:  # on a processor nothing cancels in (1 - F exp(-θm s)) Gm0
+            Dm, waits = fractions.Gm.den, fractions.F.den
+        degree = built.Nm.q.size + waits.size
         return Product(
             (
                 self._in_v(self.held.num, self.held.den.size),
-                self._in_v(built.Dm.q, degree - built.Nf.q.size),
+                self._in_v(Dm, degree - built.Nf.q.size),
                 self._in_v(built.Nf.q, built.Nf.q.size),
             ),
             self.process.samples,

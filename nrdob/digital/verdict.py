@@ -13,13 +13,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from math import nan
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from ..analysis import LoopStability, Stability, judge, rhp_roots
 from ..certificates import W
-from ..diagram import LoopEquations
+from ..diagram import Fraction, LoopEquations
 from ..numerics import ComplexArray, QuasiPolynomial
 from .closedloop import ClosedLoop
 from .controller import SampledController
@@ -60,15 +60,15 @@ class SampledStability(Stability):
         Of the whole loop from sample to sample, the largest first; none if there are so many that
         they are left out.
     in_w : callable
-        Gives the loop in the plane of w, where the unit circle is the imaginary axis.
+        Gives the loop in the plane of w, where the unit circle is the imaginary axis, and the
+        fraction by which its model is delayed, if it is.
     """
 
     eigenvalues: ComplexArray = field(compare=False)
-    in_w: Callable[[], LoopEquations] = field(compare=False)
+    in_w: Callable[[], tuple[LoopEquations, Fraction | None]] = field(compare=False)
 
     _title: ClassVar[str] = "Sampled NR-DOB loop"
     _root: ClassVar[str] = "largest root z"
-    _variable: ClassVar[str] = W
 
     @property
     def spectral_radius(self) -> float:
@@ -76,13 +76,14 @@ class SampledStability(Stability):
         known = [abs(part.rightmost) for part in (self.model_loop, self.observer_loop)]
         return float(np.fmax.reduce([nan, *np.abs(self.eigenvalues[:1]), *known]))
 
-    def _provable(self, continuous_only: bool) -> LoopEquations:
+    def _provable(self, continuous_only: bool) -> tuple[LoopEquations, dict[str, Any]]:
         if continuous_only:
             raise ValueError("of a sampled loop only gains and time constants may be given")
         try:
-            return self.in_w()
+            loop, model_delay = self.in_w()
         except ValueError as reason:
             raise ArithmeticError(f"no certificate: {reason}") from reason
+        return loop, {"variable": W, "model_delay": model_delay}
 
 
 def sampled_stability(
@@ -91,7 +92,7 @@ def sampled_stability(
     p_B: CircleFunction,
     process: HeldProcess,
     controller: SampledController,
-    in_w: Callable[[], LoopEquations],
+    in_w: Callable[[], tuple[LoopEquations, Fraction | None]],
 ) -> SampledStability:
     """Judge a sampled loop.
 
@@ -193,6 +194,9 @@ def _observer_loop(
     Z, stable = counted.count, None if counted.count is None else counted.count == 0
     if Z is not None:
         reason = f"{Z or 'no'} {'root' if Z == 1 else 'roots'} outside the unit circle"
+    elif counted.angle == 0 and blocks.model_delay and blocks.fractions.Gm.den[-1] == 0:
+        stable = False
+        reason = "a root at z = 1, the delayed model's integrator: in continuous time it cancels"
     elif counted.angle == 0 and p_B.vanishes_at_one:
         stable, reason = False, "a root at z = 1 exactly, as in continuous time at s = 0"
     else:

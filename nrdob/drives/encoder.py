@@ -25,7 +25,7 @@ from math import exp, floor, inf, isfinite, pi
 
 import numpy as np
 
-from ..diagram import Fraction, LoopEquations, real_number
+from ..diagram import Fraction, real_number
 from ..digital import HeldProcess, SampledLoop, held_in_w
 from ..numerics import FloatArray, is_whole, transition
 from .motion import Motion
@@ -272,14 +272,6 @@ class EncodedLoop(SampledLoop):
         # (1 - 1/z)/dt = w/(1 + αw), and w is the angle's pole.
         den = np.polymul(angle.den[:-1], [alpha, 1.0])
         return Fraction(np.polymul(angle.num, smooth), np.polymul(den, rough))
-
-    def _in_w(self) -> LoopEquations:
-        if self.model_delay:
-            raise ValueError("the model has a dead time, which is no fraction in w")
-        alpha, samples = self.dt / 2, self.process.samples
-        lead, lag = (np.poly1d([sign * alpha, 1.0]) ** samples for sign in (-1, 1))
-        num, den = self.held
-        return replace(self.blocks, process=(np.polymul(num, lead.coef), np.polymul(den, lag.coef)))
 
 
 def encoded(sampled: SampledLoop, estimate: SpeedEstimate) -> EncodedLoop:

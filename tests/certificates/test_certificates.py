@@ -292,7 +292,7 @@ def tampered(content: Content) -> Iterator[tuple[str, Content]]:
         longer = [*parts["num"], *["0"] * len(parts["den"])]
         yield f"{block} improper", changed(f"blocks.{block}.num", longer)
         for delay in ("-1", "x", None, "5000"):
-            if block in ("process.0", "model") or delay != "0":
+            if block in ("process.0", "model_delay") or delay != "0":
                 yield f"delay of {block} {delay}", changed(f"blocks.{block}.delay", delay)
     for block in content["blocks"]:
         others = {name: given for name, given in content["blocks"].items() if name != block}
@@ -399,6 +399,23 @@ def test_sampled_loops_are_counted_as_by_the_verdict(number, ratio):
     assert "Re w = c (z - 1)/(z + 1) >= 0" in str(certificate)
 
 
+@pytest.mark.parametrize(
+    ("late", "wait", "stable"),
+    [(0.05, 0.1, 1), (0.6, 0.26, 1), (1.0, 1.0, 1), (2.0, 0.1, 0), (2.0, 0.26, 0)],
+)
+def test_sampled_loops_with_a_delayed_model_are_counted_as_by_the_verdict(late, wait, stable):
+    model = nrdob.delay(wait) * ct.tf([1], [1, 1])
+    process = nrdob.delay(late) * ct.tf([1.2], [1, 1])
+    loop = nrdob.NRDOB(process, model, ct.tf([1, 1], [1, 0]), LowPassFilter(0.4, 2))
+    verdict = loop.sampled(0.1, computation_delay=0.03).stability()
+    claim = verdict.certificate().content["claim"]
+    parts = verdict.model_loop, verdict.observer_loop
+    assert [claim["p_A"], claim["p_B"]] == [part.closed_loop_rhp for part in parts]
+    assert verdict.stable is bool(stable)
+    with pytest.raises(ArithmeticError, match="no certificate for p_B"):
+        verdict.certificate(gains=(1, 100))
+
+
 def test_gains_of_a_sampled_loop_are_proved_up_to_the_margin():
     sampled = example(4).sampled(0.01)
     high = sampled.margins().gm_high
@@ -482,7 +499,8 @@ def written(
         "variable": "s",
         "blocks": {
             "process": processes,
-            "model": model,
+            "model": model | {"delay": "0"},
+            "model_delay": block([1], [1], model["delay"]),
             "controller": controller,
             "filter": filters,
         },
@@ -543,6 +561,18 @@ def with_filters_of_which_not_all_cancel() -> Content:
     return content | {"cancelled": {"zeros": ["1", "-3", "2"], "poles": ["1"]}}
 
 
+def with_a_model_delay_that_amplifies() -> Content:
+    content = written([LAG], LAG, INTEGRATOR, [LAG])
+    content["blocks"]["model_delay"] = block([2], [1, 1])
+    return content
+
+
+def with_a_model_delay_that_grows() -> Content:
+    content = written([LAG], LAG, INTEGRATOR, [LAG])
+    content["blocks"]["model_delay"] = block([-1], [1, -1])
+    return content
+
+
 def with_a_dead_time_of_samples() -> Content:
     content = written([block([1], [1, 1], 1)], LAG, INTEGRATOR, [LAG])
     return content | {"variable": "w = c (z - 1)/(z + 1)"}
@@ -558,6 +588,8 @@ def with_a_dead_time_of_samples() -> Content:
         (with_an_improper_process_between, "dead times or signs of D differ"),
         (with_a_zero_that_is_far_from_cancelling, "no common factor"),
         (with_filters_of_which_not_all_cancel, "only what is exact cancels"),
+        (with_a_model_delay_that_amplifies, "another gain than 1"),
+        (with_a_model_delay_that_grows, "D_F has 1 such roots"),
         (with_a_dead_time_of_samples, "no dead times"),
     ],
 )

@@ -283,6 +283,18 @@ def test_a_model_with_an_integrator_is_built_without_it():
     assert kept.sampled(0.1).stability().stable is False
 
 
+@pytest.mark.parametrize("process", [1 / (s * (s + 1)), 1 / (s + 1)])
+def test_the_integrator_of_a_delayed_model_cancels_in_continuous_time_only(process):
+    # On the processor it is fed with u - F W u, whose sum need not be 0 when u is at rest again.
+    model = nrdob.delay(0.2) * (1 / (s * (s + 1)))
+    F = nrdob.LowPassFilter(1.0, 2)
+    loop = nrdob.NRDOB(nrdob.delay(0.2) * process, model, (s + 1) / (0.1 * s + 1), F)
+    assert loop.built.poles.degree == 1 and loop.stability().observer_loop.closed_loop_rhp == 0
+    found = loop.sampled(0.03).stability()
+    assert found.stable is False and "z = 1, the delayed model's integrator" in found.reason
+    assert np.abs(found.eigenvalues - 1).min() < 1e-9
+
+
 @pytest.mark.slow
 def test_a_process_that_only_amplifies_is_a_closed_form():
     # K = F/(1 - F) = 1/s: z (z - 1) + dt (z + 1) = 0, whose roots have the product dt.

@@ -111,6 +111,17 @@ def test_a_certificate_of_an_encoded_loop_is_given():
     assert encoded(speed_loop(0.02, 0.001, 0.0025), Counting(3)).stability().certificate()
 
 
+def test_a_certificate_of_an_encoded_loop_with_a_delayed_model_has_its_count():
+    loop = nrdob.NRDOB(
+        nrdob.delay(0.002) * ct.tf([1], [0.05, 1]),
+        nrdob.delay(0.0015) * ct.tf([1], [0.05, 1]),
+        ct.tf([0.5, 10], [1, 0]),
+        nrdob.LowPassFilter(0.02, 1),
+    )
+    found = encoded(loop.sampled(0.001), Counting(3)).stability()
+    assert found.certificate().content["claim"]["p_B"] == found.observer_loop.closed_loop_rhp
+
+
 # Edges.
 
 
