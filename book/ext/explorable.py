@@ -34,7 +34,7 @@ from sphinx.util.docutils import SphinxDirective
 
 from drawing import embedded
 from nrdob import NRDOB, LowPassFilter, delay, paper, stability_chart
-from nrdob.alternatives import linear_adrc
+from nrdob.alternatives import controller_alone, linear_adrc
 from nrdob.plotting import COLOURS, SHORT, TALL, Figure, axes_for, styled
 from predictions import KEY
 
@@ -120,8 +120,10 @@ def under_load(shown: Scene, last: float = 0.5) -> Figure:
     late = delay(shown.start["delay"]) * shown.loop.process
     loop = NRDOB(late, shown.loop.model, shown.loop.controller, shown.loop.filter)
     times, load = np.linspace(0.0, last, 501), shown.told["load"]
-    held = load * loop.step_response("delta", times).outputs[0, 0]
-    plain = load * ct.step_response(ct.feedback(shown.loop.process, 1), times).outputs
+    without = controller_alone(late, loop.model, loop.controller)
+    held, plain = (
+        load * each.step_response("delta", times).outputs[0, 0] for each in (loop, without)
+    )
     with styled():
         (ax,) = axes_for(None, 1, SHORT)
         ax.plot(times, plain, color=COLOURS["model"], label="controller alone")

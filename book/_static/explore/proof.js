@@ -78,7 +78,7 @@
       xs: [low, high],
       ys: [Math.min(...middles) - 100, Math.max(...middles) + 120],
       parts: [...bands, { draw: "line", points, kind: "curve" }],
-      title: `${of}, so ${so} on the right`,
+      title: `${of}, so ${so} in Re s > 0`,
       told: `Phase of p_B on the imaginary axis: on each of ${of} it keeps to a half plane, so ${so} are in the right half plane.`,
     };
   };
