@@ -9,6 +9,9 @@ PYTHON ?= python3
 VENV := .venv
 PY := $(VENV)/bin/python
 READY := $(VENV)/ready
+# PINS=requirements.lock takes only files with the hashes written there; a mirror that has built its
+# own cannot serve it.
+PINS ?= requirements.txt
 
 # Jupyter looks for its own programs on PATH.
 export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
@@ -35,11 +38,11 @@ help: ## show this list
 
 env: $(READY) ## make the environment in .venv (the other targets do it when needed)
 
-$(READY): requirements.txt pyproject.toml book/pyproject.toml
+$(READY): $(PINS) pyproject.toml book/pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or newer is needed, e.g.: make PYTHON=python3.12" if sys.version_info < (3, 11) else 0)'
 	@echo "Making the environment in $(VENV); this takes about a minute, once."
 	$(PYTHON) -m venv $(VENV)
-	$(PY) -m pip install --quiet -r requirements.txt
+	$(PY) -m pip install --quiet -r $(PINS)
 	$(PY) -m pip install --quiet --no-deps -e . -e ./book
 	@# The paths of these folders as pip notes them are UTF-8; Python before 3.13 reads them in the
 	@# encoding of the locale. Relative ones need no letters.

@@ -116,3 +116,11 @@ def test_the_release_publishes_by_trust_and_the_address_stands_in_one_place() ->
     texts = {path: path.read_bytes() for path in files if path.is_file()}
     assert not [path for path, text in texts.items() if address and address.encode() in text]
     assert len(texts) > 300
+
+
+def test_the_lock_has_the_pins_and_a_hash_for_each():
+    pins = (ROOT / "requirements.txt").read_text("utf-8").splitlines()
+    lock = (ROOT / "requirements.lock").read_text("utf-8").replace("\\\n", "").splitlines()
+    parts = [line.split("--hash=sha256:") for line in lock]
+    assert [re.sub(r"\[[\w,-]+\]", "", pin).strip() for pin, *_ in parts] == pins
+    assert all(found and all(len(each.strip()) == 64 for each in found) for _, *found in parts)
