@@ -365,7 +365,8 @@ def _circle_at_infinity(loop: Quotient) -> tuple[float, float]:
     """Return the a and b of the circle a + b exp(-jωθ) that L(jω) tends to.
 
     With a denominator 1 + c exp(-jωθm) that a model with a direct term leaves it is the image of
-    one, for c = ±1 a straight line; where two different dead times turn, the circle around 0 that holds all L comes near to.
+    one, for c = ±1 a straight line; where two different dead times turn, the circle around 0 that
+    holds all L comes near to.
     """
     a, b = loop.at_infinity
     if not loop.delay:
