@@ -266,3 +266,10 @@ def test_noise_with_a_white_part_reaches_u_with_infinite_variance():
     loop = nrdob.NRDOB(G, G, 1.0, LowPassFilter(0.5, 1))
     found = loop.noise_variance((s + 2) / (s + 1))
     assert found.y == pytest.approx(2.0, rel=1e-12) and found.u == inf
+
+
+def test_no_noise_is_no_variance_of_a_stable_loop():
+    G = 1 / (s + 1)
+    assert nrdob.NRDOB(G, G, 1.0, LowPassFilter(0.5, 1)).noise_variance(0) == (0.0, 0.0)
+    with pytest.raises(ValueError, match="make the loop stable"):
+        nrdob.NRDOB(1 / (s - 1), G, 1.0, LowPassFilter(9, 1)).noise_variance(0)
