@@ -39,6 +39,9 @@ __all__ = [
 TINY = 1e-200
 """Size of L below which it is 0."""
 
+LARGE = 2.0**27
+"""Radius of the circle that stands for a straight line."""
+
 
 @dataclass(frozen=True)
 class Margins:
@@ -362,22 +365,30 @@ def _circle_at_infinity(loop: Quotient) -> tuple[float, float]:
     """Return the a and b of the circle a + b exp(-jωθ) that L(jω) tends to.
 
     With a denominator 1 + c exp(-jωθm) that a model with a direct term leaves it is the image of
-    one; where two different dead times turn, the circle around 0 that holds all L comes near to.
+    one, for c = ±1 a straight line; where two different dead times turn, the circle around 0 that
+    holds all L comes near to.
     """
     a, b = loop.at_infinity
     if not loop.delay:
         return a, b
     num, den = loop.numerator, loop.denominator
     c = [(float(p[0] / den.q[0]), delay) for p, delay in den.delayed if p.size == den.q.size]
-    if not c or den.neutral_ratio >= 1 or not isfinite(a + b):
+    if not c or not isfinite(a + b):
         return a, b
     ratio, delay = c[0]
     size = den.neutral_ratio
+    one_turn = size == abs(ratio) and (
+        not b or (not a and num.delayed == num.delayed[:1] and num.delay == delay)
+    )
     shrink = 1 - size**2
+    if one_turn and abs(shrink) * LARGE < 1:
+        return (b * ratio if b else a) / 2 + LARGE, LARGE
+    if one_turn:
+        return (-b * ratio if b else a) / shrink, (abs(b) if b else abs(a) * size) / abs(shrink)
+    if size >= 1:
+        return a, b
     if not b:
         return a / shrink, abs(a) * size / shrink
-    if not a and len(c) == 1 and num.delayed == num.delayed[:1] and num.delay == delay:
-        return -b * ratio / shrink, abs(b) / shrink
     return a / shrink, abs(a) * size / shrink + abs(b) / (1 - size)
 
 

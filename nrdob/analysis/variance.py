@@ -67,7 +67,14 @@ def noise_variance(
     maps: tuple[Quotient, Quotient] = (
         getattr(loop, INPUTS[input].to_y), getattr(loop, f"U_{input}")
     )  # fmt: skip
-    passes = shaping is None or as_shaping(shaping).relative_degree == 0
+    passes, silent = True, False
+    if shaping is not None:
+        W = as_shaping(shaping)
+        passes, silent = W.relative_degree == 0, not W.num.any()
+    if silent:
+        for quotient in maps:
+            quotient.check_stable()
+        return NoiseVariance(0.0, 0.0)
     y, u = (_variance(quotient, shaping, passes) for quotient in maps)
     return NoiseVariance(y, u)
 

@@ -322,6 +322,8 @@ def _in_one(loop: NRDOB, name: str, asked: dict[str, Interval]) -> Box:
 
     k = int(np.clip(left_over(omega).argmin(), 1, omega.size - 2))
     frequency = float(golden(left_over, omega[[k - 1]], omega[[k + 1]])[0])
+    if name == "gain" and abs(1 + found * loop.L.dc_gain) <= MET:
+        frequency = 0.0
     return Box(share, _sides(asked, share), moved, frequency)
 
 
@@ -369,7 +371,9 @@ def _largest(loop: NRDOB, asked: dict[str, Interval]) -> Box:
     dc = loop.L.dc_gain
     if isfinite(dc) and dc < 0 and asked["gain"].high > -1 / dc > 1:
         at_zero = (-1 / dc - 1) / (asked["gain"].high - 1)
-        least, frequency = (at_zero, 0.0) if at_zero < least else (least, frequency)
+        # At the lowest frequencies plants oscillate with hardly less gain, within rounding.
+        beside = at_zero + 2 * MET / dc / (asked["gain"].high - 1)
+        least, frequency = (at_zero, 0.0) if beside <= least else (least, frequency)
     if least >= 1:
         return Box(1.0, _sides(asked, 1.0), None, nan)
     sides = _sides(asked, least)

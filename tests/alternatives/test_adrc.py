@@ -235,3 +235,24 @@ def test_axes_of_the_chart_must_span_a_factor_of_twenty():
         adrc_chart(1 / s, 1, 2.0, observer_bandwidth=(1, 100), b0=(1, 2))
     with pytest.raises(TypeError, match=r"give \(low, high\)"):
         adrc_chart(1 / s, 1, 2.0, observer_bandwidth=5, b0=(1, 20 * pi))
+
+
+@pytest.mark.parametrize("pole", [1.0, 3.0])
+def test_an_unstable_process_needs_a_fast_enough_observer(pole):
+    # y' = a y + u, u = -ωc ŷ - d̂: s^3 + p s^2 + q s + ωc ωo^2, stable for p q > ωc ωo^2.
+    wc = 2.0
+    p, q = np.array([2.0, wc - pole]), np.array([1.0, 2 * wc - 2 * pole, -pole * wc])
+    least = np.roots(np.polysub(np.polymul(p, q), [wc, 0, 0])).real.max()
+    ((low, high),) = adrc_stabilizing_bandwidths(1 / (s - pole), 1, 1.0, wc)
+    assert low == pytest.approx(least, rel=1e-9) and high == inf
+
+
+def test_the_fastest_observer_of_a_late_integrator_is_on_the_border_at_its_dead_time():
+    # u = -(((2ωc ωo + ωo²) s + ωc ωo²)/(s (s + ωc + 2ωo))) y, and s y = u, late.
+    wc, theta = 2.0, 0.1
+    ((_, high),) = adrc_stabilizing_bandwidths(delay(theta) / s, 1, 1.0, wc)
+    num, den = [2 * wc * high + high**2, wc * high**2], [1.0, wc + 2 * high, 0.0, 0.0]
+    x = np.roots([1.0, den[1] ** 2, -(num[0] ** 2), -(num[1] ** 2)])
+    omega = np.sqrt(x[np.abs(x.imag) < 1e-9].real.max())
+    turned = np.angle(-np.polyval(num, 1j * omega) / np.polyval(den, 1j * omega))
+    assert turned / omega == pytest.approx(theta, rel=1e-8)

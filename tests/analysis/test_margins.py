@@ -517,3 +517,24 @@ def test_no_margin_is_below_what_the_disk_guarantees(number):
         assert found.gm_low <= 1 / high * (1 + 1e-9)
         assert found.gm_high >= high * (1 - 1e-9)
         assert found.pm >= rotation * (1 - 1e-9)
+
+
+@pytest.mark.parametrize(
+    ("filter", "last"),
+    [
+        ((1.5 * s + 1) / (s + 1), 1.5),
+        ((1 - 2 * s) / (s + 1), 2.0),
+        ((1 - s) / (s + 1), 1.0),
+        ((s**2 + s + 1) / (s + 1) ** 2, 1.0),
+    ],
+)
+def test_a_filter_that_lets_fast_signals_through_leaves_margins_in_closed_form(filter, last):
+    # Where the model waits as the process does, L = X/(1 - X) with X = F exp(-sθ): 1 + kL vanishes
+    # where (1 - k) X = 1, 1 + L = 1/(1 - X), and (1 + L)/(1 - L) = 1/(1 - 2X). |F| tends to `last`.
+    G = nrdob.delay(1.0) * (s + 2) / (s + 1)
+    found = nrdob.NRDOB(G, G, 1.0, filter).margins().plant_loop
+    assert found.ms == pytest.approx(1 + last, rel=1e-6)
+    assert found.gm_low == pytest.approx(1 - 1 / last, abs=1e-6)
+    assert found.gm_high == pytest.approx(1 + 1 / last, rel=1e-6)
+    assert found.disk_margin == pytest.approx(2 / (1 + 2 * last), rel=1e-6)
+    assert found.pm == pytest.approx(math.degrees(2 * math.asin(0.5 / last)), rel=1e-6)

@@ -13,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from nrdob.analysis import forced_response, step_response
+from nrdob.analysis.steps import radau
 from nrdob.analysis.window import even_times
 from nrdob.diagram import INPUTS, LoopEquations, LowPassFilter, delay
 from tests.campaigns import delayedsteps
@@ -688,3 +689,9 @@ def test_huge_and_tiny_units_give_the_same_curve(size, input):
         u_unit = 1.0 if input == "delta" else size
         assert_close(again[0] * (size if input == "delta" else 1), usual.outputs[0, 0], 1e-9)
         assert_close(again[1] / u_unit, usual.outputs[1, 0], 1e-9)
+
+
+def test_collocation_integrates_powers_from_the_start_of_a_panel():
+    nodes, integral = radau()
+    for k in range(nodes.size):
+        np.testing.assert_allclose(integral @ nodes**k, nodes ** (k + 1) / (k + 1), atol=1e-13)

@@ -12,6 +12,7 @@ import nrdob
 from campaigns.charts import campaign, region_at
 from nrdob import filter_family, paper, stability_chart, stabilizing_time_constants
 from nrdob.design.chartborders import ChartLoops
+from nrdob.design.chartcurves import Axis, Border, cut
 
 s = ct.tf("s")
 lag = 1 / (s + 1)
@@ -269,3 +270,14 @@ def test_roots_of_many_loops_of_a_chart_are_counted_as_those_of_one():
         for delay in (0.0, 0.5, 0.7, 8.0)
     ]
     assert loops.counts(points) == [loops.count(point) for point in points]
+
+
+def test_a_curve_is_cut_before_the_step_that_leads_to_another_one():
+    axes = Axis("time_constant", 0.0, 1.0), Axis("gain", 0.0, 1.0)
+    x = np.array([0.1, 0.12, 0.14, 0.15, 0.17])
+    y = np.array([0.1, 0.11, 0.12, 0.9, 0.91])
+    first, last = cut(*axes, Border(x, y, np.arange(1.0, 6.0)))
+    assert first.y.tolist() == [0.1, 0.11, 0.12] and last.y.tolist() == [0.9, 0.91]
+    # A real root at 0 or at infinity has a straight border.
+    (whole,) = cut(*axes, Border(x, y, np.zeros(5)))
+    assert whole.y.tolist() == y.tolist()

@@ -20,7 +20,7 @@ from nrdob import (
     stabilizing_time_constants,
 )
 from nrdob.design import Mismatch
-from nrdob.design.columns import last_root, roots_of_columns
+from nrdob.design.columns import last_root, none_beyond, roots_of_columns
 from nrdob.design.crossings import Branches
 from nrdob.design.mismatchgrid import Frequencies
 
@@ -276,3 +276,10 @@ def _on_the_right(a, b, order, time_constant):
     lags = np.poly(np.full(order, -1 / time_constant)) * time_constant**order
     p = np.polyadd(np.convolve(a, np.polysub(lags, [1.0])), b)
     return int(np.sum(np.roots(p).real > 0))
+
+
+def test_polynomials_surely_have_no_root_beyond_their_last_one():
+    # (x - 1)(x - 2) and its negative, ascending, and x² + 1.
+    columns = np.array([[2.0, -2.0, 1.0], [-3.0, 3.0, 0.0], [1.0, -1.0, 1.0]])
+    assert none_beyond(columns, 2.5).tolist() == [True, True, True]
+    assert none_beyond(columns, 1.5).tolist() == [False, False, True]

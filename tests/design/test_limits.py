@@ -371,3 +371,14 @@ def test_two_dead_times_that_are_not_alike_leave_chains_for_fast_filters(excess,
     assert answer.holds is False
     loop = Plain(more if excess else lag, lag, lag, low_pass(lam, 1), delay, wait)
     assert rhp_by_argument(p_B(loop)) > 0
+
+
+def test_points_at_which_signs_differ_are_named_the_positive_one_first():
+    G, zero = ct.tf([4], [-1, -1, 2]), ct.tf([4, -2], [1, 3])
+    for process, model, named in (
+        (-G, G, "s = 0 and at infinity"),
+        (G, -G, "infinity and at s = 0"),
+        (zero * G, G, "s = 0 and at the common pole 1"),
+    ):
+        answer = stabilizing_filter_exists(process, model)
+        assert answer.holds is False and answer.reason.endswith(f"opposite signs at {named}")

@@ -263,3 +263,13 @@ def test_the_size_of_the_coefficients_changes_nothing(size):
 def test_coefficients_whose_products_leave_the_range_of_numbers_are_refused():
     with pytest.raises(ValueError, match="range of floating-point numbers"):
         design_filter(([1e-200], [1e-200, 1e-200]), ([1e-200], [1e-200, 1e-200]), max_ms=2)
+
+
+def test_a_resonance_that_a_long_dead_time_turns_keeps_its_distance():
+    # With a lag as model and filter L is (s + 1)/(λs) times the process.
+    mode = ct.tf([0.1, 5, 1], [0.01, 0.1, 1])
+    ((low, high),) = admissible_time_constants(nrdob.delay(30.0) * mode, lag, 1, max_ms=2.0)
+    omega = 1j * np.linspace(5.0, 20.0, 100_001)
+    L = (1 + 1 / omega) * mode(omega) * np.exp(-30 * omega)
+    peaks = [np.max(1 / np.abs(1 + L / (share * low))) for share in (1, 0.999)]
+    assert peaks[0] == pytest.approx(2.0, rel=1e-4) and peaks[1] > 2.001 and high == inf

@@ -1,4 +1,5 @@
 import warnings
+from math import inf
 
 import control as ct
 import mpmath as mp
@@ -257,3 +258,18 @@ def test_at_a_motor_noise_and_rejection_obey_a_bound_that_butterworths_filter_re
     for _ in range(20):
         den = np.poly(-rng.uniform(0.3, 3, 3))
         assert price(rng.uniform(0, 1), [rng.uniform(-1, 3) * den[-2], den[-1]], den) > 27 / 64
+
+
+def test_noise_with_a_white_part_reaches_u_with_infinite_variance():
+    # W S_eta = -2/(s + 1), and U_eta = -2 (s + 1)/(s + 2).
+    G = 1 / (s + 1)
+    loop = nrdob.NRDOB(G, G, 1.0, LowPassFilter(0.5, 1))
+    found = loop.noise_variance((s + 2) / (s + 1))
+    assert found.y == pytest.approx(2.0, rel=1e-12) and found.u == inf
+
+
+def test_no_noise_is_no_variance_of_a_stable_loop():
+    G = 1 / (s + 1)
+    assert nrdob.NRDOB(G, G, 1.0, LowPassFilter(0.5, 1)).noise_variance(0) == (0.0, 0.0)
+    with pytest.raises(ValueError, match="make the loop stable"):
+        nrdob.NRDOB(1 / (s - 1), G, 1.0, LowPassFilter(9, 1)).noise_variance(0)

@@ -5,10 +5,11 @@ from math import exp, log
 import numpy as np
 import pytest
 from scipy.interpolate import BPoly
+from scipy.linalg import expm
 
 from campaigns.drives import campaign
 from nrdob.drives import Friction, Motion, OneMass, TwoMasses
-from nrdob.drives.pieces import first_exit
+from nrdob.drives.pieces import Stretch, first_exit
 
 
 @pytest.mark.slow
@@ -114,3 +115,10 @@ def test_a_motion_that_finds_no_end_is_refused():
     motion = Motion(OneMass(0.01), Friction(0.1), 0.01)
     with pytest.raises(ArithmeticError, match="choose a shorter dt, or a drive of one mass"):
         motion.advance(np.nan)
+
+
+def test_a_stretch_moves_states_as_the_matrix_exponential_does():
+    M, z = np.array([[-1.0, 0.5], [0.25, -2.0]]), np.array([1.0, 2.0])
+    stretch = Stretch(M, np.eye(2), 0.4, 2)
+    for share in (0.5, 1.0):
+        np.testing.assert_allclose(stretch.states_at(z, share), expm(0.4 * share * M) @ z)

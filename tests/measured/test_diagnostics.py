@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 import nrdob
 from nrdob.measured import checked_record, identified, identify
 from nrdob.measured.disturbance import HYPOTHESES, Rounding, scatter_of
-from nrdob.measured.residuals import whitening_of
+from nrdob.measured.residuals import check_residuals, whitening_of
 from nrdob.reporting import propose
 from tests.campaigns.identification import response, thermal
 
@@ -233,3 +234,22 @@ def test_a_filter_is_made_slower_until_no_corner_fails():
     given = propose(found, time_constant=alone.loop.filter.time_constant)
     assert given.loop.filter.time_constant == alone.loop.filter.time_constant
     assert "does not tell enough" in given.warnings[0] or all(e.holds for e in given.trials)
+
+
+def test_the_chance_of_a_white_residual_is_that_of_ljung_and_box():
+    rng = np.random.default_rng(5)
+    e, u = rng.standard_normal(40), np.sign(rng.standard_normal(40))
+    r = [sum(e[k:] * e[: 40 - k]) / sum(e * e) for k in range(1, 6)]
+    statistic = 40 * 42 * sum(r[k - 1] ** 2 / (40 - k) for k in range(1, 6))
+    chance = chi2(5).sf(statistic)
+    assert 0.1 < chance < 0.9
+    assert f"white (p = {chance:.2g})" in check_residuals(e, u, 1).reason
+    assert "white (p = 1)" in check_residuals(np.zeros(40), u, 1).reason
+
+
+def test_a_gain_that_need_not_be_there_may_be_zero():
+    rng = np.random.default_rng(0)
+    u, y = np.sign(rng.standard_normal(60)), rng.standard_normal(60)
+    found = identify(np.arange(60), u, y, structure=ONE_LAG)
+    gain = found.parameters["gain"]
+    assert gain.low <= 0 <= gain.high and "may be zero" in found.unsure

@@ -97,3 +97,11 @@ def test_a_root_that_stays_at_the_origin_is_not_counted_but_the_real_one_that_pa
         found = count_rhp(p).count
         assert found is not None
         assert p.rhp_in_whole_numbers == found
+
+
+@pytest.mark.parametrize("zeros", [1, 2, 3])
+def test_zeros_at_the_origin_of_every_term_cross_nowhere(zeros):
+    origin = np.append(1.0, np.zeros(zeros))
+    q, r = np.convolve([1.0, 1.0], origin), 4 * origin
+    alone = crossings_between(np.array([1.0, 1.0]), (np.array([-4.0]), 1.0), np.array([4.0]), 1, 10)
+    assert crossings_between(q, (-r, 1.0), r, 1.0, 10.0) == alone == 10

@@ -15,7 +15,15 @@ from matplotlib.axes import Axes
 
 import nrdob
 from nrdob import LowPassFilter, delay, paper
-from nrdob.plotting import WIDTH, Figure, alttext, bode_plot, nyquist_plot, step_plot
+from nrdob.plotting import (
+    WIDTH,
+    Figure,
+    alttext,
+    bode_plot,
+    complex_number,
+    nyquist_plot,
+    step_plot,
+)
 from nrdob.plotting.contour import closest_approach, contour
 
 mpl.use("Agg")
@@ -494,3 +502,17 @@ def test_loops_with_two_dead_times_are_drawn(no_warning_leaks):
             assert "Nyquist" in loop.plot_nyquist(name).alt
     assert "dB" in waits.plot_bode("FH", "L", "S_d").alt
     assert waits.plot_step().alt
+
+
+@pytest.mark.parametrize(
+    ("value", "said"), [(-1 - 2j, "−1 ± 2j"), (-3 + 1e-12j, "−3"), (1e-12 + 2j, "± 2j"), (0j, "0")]
+)
+def test_a_root_is_said_with_its_mirror_image_and_without_rounding(value: complex, said: str):
+    assert complex_number(value) == said
+
+
+def test_a_loop_gain_that_ends_at_a_finite_value_has_no_arc_at_infinity() -> None:
+    G = ct.tf([1, 2], [1, 1])
+    curve = contour(nrdob.NRDOB(G, G, ct.tf([1], [1, 0]), ct.tf([0.5, 1], [1, 1])).L)
+    assert curve.values[-1] == pytest.approx(1.0)
+    assert [arc.label for arc in curve.arcs] == ["indentation"]

@@ -16,6 +16,7 @@ from nrdob.certificates import check
 from nrdob.digital import largest_sampling_time
 from nrdob.measured import checked_record, heated_air, identify
 from nrdob.reporting import main, propose
+from nrdob.reporting.choices import filter_for
 
 s = ct.tf("s")
 UNKIND = "<script>alert(1)</script>"
@@ -384,3 +385,11 @@ def test_a_model_that_keeps_its_integrator_gets_the_filter_that_was_compared():
 def test_a_resonance_gets_a_controller_that_does_not_make_it_swing():
     loop = propose(ct.tf([1], [1, 0.02, 1])).loop
     assert loop.margins().model_loop.ms < 2.001
+
+
+def test_where_only_noise_limits_the_filter_it_passes_ten_times_what_a_constant_gets():
+    # F/model = (2s + 1)/(3 (λs + 1)) tends to 2/(3λ), and is 1/3 at rest.
+    model = 3 / (2 * s + 1)
+    found, said, warnings = filter_for(model, model, 1, 1.5)
+    assert found.time_constant == pytest.approx(0.2, rel=5e-3)
+    assert "10 times" in said and warnings == []

@@ -237,3 +237,12 @@ def test_a_box_ends_where_a_corner_of_gain_and_no_dead_time_leave_the_lag_free()
     longest = brentq(rightmost, 0.05, 0.1)
     assert box.sides["lag"][1] == pytest.approx(longest, rel=1e-4)
     assert box.critical is not None and box.critical["gain"] == pytest.approx(1.0, rel=1e-4)
+
+
+@pytest.mark.parametrize("also", [{}, {"lag": (0.0, 0.1)}])
+def test_a_box_may_end_where_a_real_root_passes_zero(also):
+    # L = -0.5/(s + 1): 1 + kL vanishes at s = 0 for k = 2, a third of the way from 1 to 4.
+    loop = nrdob.NRDOB(ct.tf([-0.5], [1, 1]), INTEGRATOR, 1.0, LowPassFilter(1.0, 1))
+    box = nrdob.largest_box(loop, gain=(0.5, 4.0), **also)
+    assert box.share == pytest.approx(1 / 3, rel=1e-12) and box.frequency == 0.0
+    assert box.critical == {"gain": pytest.approx(2.0, rel=1e-12), "delay": 0.0, "lag": 0.0}

@@ -156,3 +156,13 @@ def test_a_resonance_beside_a_crossing_does_not_hide_it():
     table = nrdob.sweep(loop, family, ("stable", "gm"))
     assert table["gm"][3] == pytest.approx(8.593642713, rel=1e-6)
     assert differences(loop, family, every=1) == []
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_loop_gain_of_one_lag_is_closest_at_zero_or_at_infinity(sign):
+    # L = ±k/(2s + 2): |1 + L| falls to 1, or to 1 - k/2 at rest.
+    loop = nrdob.NRDOB(0.5 * sign * LAG, ct.tf([1], [1, 0]), 1.0, LowPassFilter(1.0, 1))
+    family = nrdob.plant_family(loop.process, gain=(0.5, 1.5), grid=3)
+    table = nrdob.sweep(loop, family, "ms")
+    peak = 1.0 if sign > 0 else 1 / (1 - table["gain"] / 2)
+    np.testing.assert_allclose(table["ms"], peak, rtol=1e-12)
