@@ -67,14 +67,14 @@ def noise_variance(
     maps: tuple[Quotient, Quotient] = (
         getattr(loop, INPUTS[input].to_y), getattr(loop, f"U_{input}")
     )  # fmt: skip
-    passes, silent = True, False
+    passes = True
     if shaping is not None:
         W = as_shaping(shaping)
-        passes, silent = W.relative_degree == 0, not W.num.any()
-    if silent:
-        for quotient in maps:
-            quotient.check_stable()
-        return NoiseVariance(0.0, 0.0)
+        passes = W.relative_degree == 0
+        if not W.num.any():
+            for quotient in maps:
+                quotient.check_stable()
+            return NoiseVariance(0.0, 0.0)
     y, u = (_variance(quotient, shaping, passes) for quotient in maps)
     return NoiseVariance(y, u)
 
