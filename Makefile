@@ -21,9 +21,10 @@ unexport PYTHONDONTWRITEBYTECODE
 # Matplotlib keeps its list of fonts here, and warns in the notebooks where a home is missing.
 export MPLCONFIGDIR := $(CURDIR)/$(VENV)/matplotlib
 
-# Two tests at a time, those of one file in one process, each with one thread of BLAS. The files come
-# in the order of tests/conftest.py, the longest first, not by the number of their tests.
-PYTEST := OPENBLAS_NUM_THREADS=1 $(PY) -m pytest -q -n 2 --dist loadfile --no-loadscope-reorder
+# Three tests at a time on two cores, as some wait for a browser or a kernel; those of one file in one
+# process, each with one thread of BLAS. The files come in the order of tests/conftest.py, the
+# longest first, not by the number of their tests.
+PYTEST := OPENBLAS_NUM_THREADS=1 $(PY) -m pytest -q -n 3 --dist loadfile --no-loadscope-reorder
 NBVAL := --nbval --nbval-current-env --nbval-cell-timeout 300 \
 	--nbval-sanitize-with tests/nbval-sanitize.cfg notebooks
 # Another processor rounds otherwise: the oldest kernels of OpenBLAS and of NumPy's own loops.

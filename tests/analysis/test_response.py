@@ -651,7 +651,7 @@ def test_real_numbers_may_be_stored_as_complex_ones():
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1])
 def test_random_loops_with_dead_times_are_summed_echo_by_echo(seed):
-    errors, refusals = delayedsteps.campaign(30, seed)
+    errors, refusals = delayedsteps.campaign(15, seed)
     assert not refusals
     assert max(error for found in errors.values() for error, _ in found) < delayedsteps.PROMISED
 

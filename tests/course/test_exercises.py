@@ -159,7 +159,7 @@ def test_the_blank_gets_nothing(this: Posed, group: int, seed: int) -> None:
 
 @pytest.mark.slow
 @each_misconception
-@pytest.mark.parametrize(("group", "seed"), GROUPS_AND_SEEDS)
+@pytest.mark.parametrize(("group", "seed"), GROUPS_AND_SEEDS[1:])
 def test_a_misconception_gets_its_message_and_its_marks(
     this: Posed, misconception: Misconception, group: int, seed: int
 ) -> None:
@@ -177,7 +177,7 @@ def test_a_misconception_gets_its_message_and_its_marks(
 
 @pytest.mark.slow
 @each_problem_of_many_cases
-@pytest.mark.parametrize(("group", "seed"), GROUPS_AND_SEEDS)
+@pytest.mark.parametrize(("group", "seed"), GROUPS_AND_SEEDS[1:])
 def test_an_answer_written_for_the_visible_cases_does_not_pass(
     this: Posed, group: int, seed: int
 ) -> None:

@@ -151,7 +151,7 @@ def test_candidates_are_written_with_what_they_allow():
 
 
 @pytest.mark.slow
-@settings(max_examples=20)
+@settings(max_examples=12)
 @given(fractions())
 def test_what_is_promised_holds(process):
     try:
