@@ -160,7 +160,7 @@ def with_turns(locus: Locus, omega: FloatArray, *loops: Quotient) -> tuple[Float
         for low, high in zip((first / step).tolist(), (behind / step).tolist(), strict=True):
             count = min(int(high) - int(low) + 2, MOST)
             found.append((max(int(low), 1) + np.arange(count)) * step)
-    return reduce(np.union1d, found), last
+    return np.unique(np.concatenate(found)), last
 
 
 def resolved_frequencies(
