@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..numerics import ComplexArray, FloatArray, IntArray
+from ..numerics import BoolArray, ComplexArray, FloatArray, IntArray
 from .existence import roots_by_side
 from .mismatch import Mismatch
 from .mismatchgrid import Frequencies
@@ -40,8 +40,11 @@ NOISE = 1e-2
 FAR, SPARSE = 10, 4
 """Decades beyond the frequencies of R, and frequencies in each, for filters so slow or fast."""
 
-NARROWEST, STEPS = 1e-3, 13
-"""Smallest step beside a turn of the model's dead time, in radians, and number of steps."""
+WITHIN, BESIDE = 3.0, 25
+"""How far beside a resonance of L it is looked at, in widths of it, and at how many frequencies."""
+
+FOUND = 8
+"""Steps in which such a resonance is found."""
 
 ZOOMS, ACROSS = 6, 9
 """How often a dip is looked at more closely, and at how many frequencies."""
@@ -91,8 +94,6 @@ class PlantLoops:
         far = np.logspace(0, FAR, FAR * SPARSE + 1)[1:]
         above = omega[:0] if mismatch.longest_delay else omega[-1] * far
         omega = np.concatenate([omega[0] / far[::-1], omega, above])
-        if mismatch.wait:
-            omega = np.union1d(omega, _beside_turns(mismatch.wait, float(omega[-1])))
         with np.errstate(over="ignore", invalid="ignore"):
             noise, size = mismatch.uncertainty(omega)[-1], np.abs(mismatch.coefficients(omega)[-1])
         return cls(mismatch, omega[noise < NOISE * size])
@@ -115,25 +116,60 @@ class PlantLoops:
         return Distances(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
     def _distances(self, time_constants: FloatArray, limit: float) -> Distances:
-        L = self._gain(time_constants[:, None], self.omega)
-        distance, size = np.abs(1 + L), np.abs(L)
+        distance, size = self._distance_and_size(time_constants[:, None], self.omega)
         ends = np.minimum(self.at_infinity(time_constants), self._at_zero(time_constants))
         least = np.minimum(np.minimum(distance.min(axis=1), ends), self.at_poles(time_constants))
-        # Of two frequencies a rounding error apart both are dips: the true one lies on either side.
-        inner = distance[:, 1:-1] * (1 - EQUAL)
-        dips = (inner <= distance[:, :-2]) & (inner <= distance[:, 2:])
-        dips &= (inner <= DEEPEST * least[:, None]) & (1 - FARTHER * size[:, 1:-1] < least[:, None])
-        row, column = np.nonzero(dips)
+        loop, beside = self._beside_turns(time_constants)
+        near, large = self._distance_and_size(time_constants[loop, None], beside)
+        np.minimum.at(least, loop, near.min(axis=1))
 
         def off(row: IntArray, omega: FloatArray) -> FloatArray:
-            return np.abs(1 + self._gain(time_constants[row, None], omega))
+            return self._distance_and_size(time_constants[row, None], omega)[0]
 
-        _lower(least, off, row, self.omega[column], self.omega[column + 2])
+        row, column = np.nonzero(_dips(distance, size, least))
+        at, k = np.nonzero(_dips(near, large, least[loop]))
+        low, high = (np.append(self.omega[column + step], beside[at, k + step]) for step in (0, 2))
+        _lower(least, off, np.append(row, loop[at]), low, high)
         # |dL/d ln λ| is about the number of lags times |L|, at most.
         with np.errstate(all="ignore"):
             spare = np.nanmin((distance - limit) / size, axis=1)
+            np.fmin.at(spare, loop, ((near - limit) / large).min(axis=1))
         reach = np.log1p(np.abs(spare)) / (len(self.mismatch.E) - 1)
         return Distances(np.maximum(least, 1e-300), reach)
+
+    def _beside_turns(self, time_constants: FloatArray) -> tuple[IntArray, FloatArray]:
+        """Loops, (m,), and frequencies, (m, BESIDE), where L may hide a narrow resonance.
+
+        That is where 1 - F exp(-θm s) is small, before each whole turn of the model's dead time:
+        the faster the filter, the nearer to it and the narrower. There L is about R/(ε + jx), x the
+        phase in radians.
+        """
+        wait, k = self.mismatch.wait, time_constants.size
+        if not wait:
+            return np.empty(0, dtype=int), np.empty((0, BESIDE))
+        turns = 2 * pi / wait * np.arange(1, self.omega[-1] * wait / (2 * pi) + 2)
+        omega = np.tile(turns, (k, 1))
+        with np.errstate(all="ignore"):
+            for step in range(FOUND + 1):
+                ahead, behind, waits = self.mismatch.terms(omega, time_constants[:, None])
+                around = -waits / ahead
+                if step < FOUND:
+                    omega = omega + np.nan_to_num(np.angle(around)) / wait
+                    omega = np.clip(omega, turns - pi / wait, turns + pi / wait)
+            R, least = np.abs(behind / ahead), np.abs(1 - around)
+            # Wider ones the frequencies of the grid show.
+            loop, which = np.nonzero((least < 4 * R) & (R + least < 1))
+        centre, width = omega[loop, which], (R + least)[loop, which] / wait
+        share = np.linspace(-WITHIN, WITHIN, BESIDE)
+        beside = centre[:, None] + np.minimum(width, centre / (2 * WITHIN))[:, None] * share
+        return loop, np.asarray(beside)
+
+    def _distance_and_size(
+        self, time_constants: FloatArray, omega: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """``|1 + L|`` and ``|L|``."""
+        L = self._gain(time_constants, omega)
+        return np.abs(1 + L), np.abs(L)
 
     def _gain(self, time_constants: FloatArray, omega: FloatArray) -> ComplexArray:
         """L at points (ω, λ); infinite at a pole."""
@@ -199,15 +235,13 @@ class PlantLoops:
         return np.asarray(behind / ahead)
 
 
-def _beside_turns(wait: float, last: float) -> FloatArray:
-    """Frequencies beside whole turns of the model's dead time, where 1 - F exp(-θm s) is small.
-
-    With a fast filter that is a resonance of L, the narrower the faster.
-    """
-    turns = 2 * pi / wait * np.arange(1, last * wait / (2 * pi) + 1)
-    steps = np.geomspace(NARROWEST, 1, STEPS) / wait
-    beside = turns[:, None] + np.concatenate([-steps, [0.0], steps])
-    return np.asarray(beside.ravel())
+def _dips(distance: FloatArray, size: FloatArray, least: FloatArray) -> BoolArray:
+    """Tell at which inner frequencies, one row for each loop, the smallest distance may be."""
+    # Of two frequencies a rounding error apart both are dips: the true one lies on either side.
+    inner = distance[:, 1:-1] * (1 - EQUAL)
+    dips = (inner <= distance[:, :-2]) & (inner <= distance[:, 2:])
+    dips &= (inner <= DEEPEST * least[:, None]) & (1 - FARTHER * size[:, 1:-1] < least[:, None])
+    return np.asarray(dips)
 
 
 def _lower(

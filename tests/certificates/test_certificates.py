@@ -49,6 +49,23 @@ def test_the_examples_of_the_paper_are_proved_stable(number):
     assert str(certificate).startswith("Proved: the loop is internally stable.")
 
 
+@pytest.mark.parametrize("power", [-300, 300])
+def test_the_unit_of_time_changes_nothing_in_a_proof(power):
+    content, unit = (
+        copy.deepcopy(example(4).stability().certificate().content),
+        Fraction(2) ** power,
+    )
+    blocks = content["blocks"]
+    for block in (*blocks["process"], blocks["model"], blocks["controller"], *blocks["filter"]):
+        block["delay"] = str(Fraction(block["delay"]) * unit)
+        for part in ("num", "den"):
+            by_power = enumerate(reversed(block[part]))
+            block[part] = [str(Fraction(c) * unit**k) for k, c in by_power][::-1]
+    points = content["points"]
+    content["points"] = {name: [str(Fraction(w) / unit) for w in points[name]] for name in points}
+    assert check(content).startswith("Proved: the loop is internally stable.")
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("delayed", [False, True])
 def test_random_loops_stable_or_not_are_counted_as_by_the_verdict(delayed):

@@ -10,7 +10,7 @@ import pytest
 
 import nrdob
 from campaigns.charts import campaign, region_at
-from nrdob import filter_family, paper, stability_chart, stabilizing_time_constants
+from nrdob import LowPassFilter, filter_family, paper, stability_chart, stabilizing_time_constants
 from nrdob.design.chartborders import ChartLoops
 from nrdob.design.chartcurves import Axis, Border, cut
 
@@ -138,6 +138,19 @@ def test_the_plot_says_what_it_shows():
 def test_what_is_no_chart_is_refused(options, error, message):
     with pytest.raises(error, match=message):
         stability_chart(lag, lag, 2, **options)
+
+
+def test_no_roots_are_counted_where_a_parameter_has_no_meaning():
+    F, delays = LowPassFilter(1.0, 1), ("delay", 0.0, 1.0)
+    gains = stability_chart(lag, lag, F, x=("gain", 0.5, 1.0), y=delays)
+    filters = stability_chart(lag, lag, F, x=("time_constant", 0.5, 1.0), y=delays)
+    assert gains.count(1.0, 0.0) == filters.count(1.0, 0.0) == 0
+    for chart, name in ((gains, "gain"), (filters, "time_constant")):
+        for value in (0.0, -1.0):
+            with pytest.raises(ValueError, match=f"{name} is .*; it must be positive"):
+                chart.count(value, 0.1)
+    with pytest.raises(ValueError, match=r"delay is -1\.0; it must be 0 or above"):
+        gains.count(1.0, -1.0)
 
 
 def test_what_would_have_to_be_followed_for_ever_is_refused_with_a_remedy():

@@ -199,6 +199,15 @@ def test_an_undamped_mode_of_the_process_is_followed():
     assert stable_for_fast_filters(process, model, 3).holds is True
 
 
+@pytest.mark.parametrize("wait", [0.3, 2.0, 3.5, 5.0, 6.0])
+def test_dead_time_turns_the_way_in_which_an_undamped_mode_moves(wait):
+    # Order 1: s (s² + 1) + (s + 1) exp(-θs)/λ = 0, whose root j moves by (1 + j) exp(-jθ)/(2λ).
+    answer = stable_for_slow_filters(nrdob.delay(wait) / (s**2 + 1), lag, 1)
+    assert answer.holds is bool(((1 + 1j) * np.exp(-1j * wait)).real < 0)
+    loop = nrdob.NRDOB(nrdob.delay(wait) / (s**2 + 1), lag, 0, nrdob.LowPassFilter(1e3, 1))
+    assert loop.stability().stable is answer.holds
+
+
 def test_an_undamped_mode_of_the_model_is_followed():
     answer = stable_for_fast_filters(lag**2, 1 / (s**2 + 1), 2)
     assert answer.holds is not None

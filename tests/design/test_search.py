@@ -124,6 +124,14 @@ def test_a_loop_that_does_not_vanish_at_infinite_frequency_has_closed_forms(max_
     assert window == (pytest.approx(max_ms / (max_ms - 1), rel=1e-8), inf)
 
 
+@pytest.mark.parametrize("max_ms", [1.01, 1.5, 3.0])
+def test_with_dead_time_the_limit_at_infinite_frequency_is_at_its_worst_phase(max_ms):
+    # n = 1, R = 0.3 (s + 0.2) exp(-0.3s): L tends to a circle of radius 0.3/λ.
+    process = nrdob.delay(0.3) * 0.3 * (s + 0.2) * lag
+    (window,) = admissible_time_constants(process, lag, 1, max_ms=max_ms)
+    assert window == (pytest.approx(0.3 * max_ms / (max_ms - 1), rel=1e-8), inf)
+
+
 @pytest.mark.parametrize("above", [1e-4, 1e-6, 1e-9])
 def test_a_peak_close_to_1_needs_a_filter_as_much_slower_than_the_dead_time(above):
     # L = exp(-θs)/(λs): |1 + L|² = 1 - 2 sin(θω)/(λω) + 1/(λω)², so Ms - 1 → θ/λ for slow filters.

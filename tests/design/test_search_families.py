@@ -69,6 +69,22 @@ def test_waiting_lets_the_filter_of_example_4_be_faster():
         design_filter(example.process, waiting, order=3, max_ms=2.5)
 
 
+@pytest.mark.parametrize(("gain", "max_ms"), [(0.7, 3.0), (1.2, 6.0), (0.9, 6.0)])
+def test_the_narrow_peaks_of_a_model_that_waits_longer_than_the_process_are_seen(gain, max_ms):
+    # Before each turn of the model's dead time 1 - F exp(-θm s) is small, the narrower the faster.
+    process = nrdob.delay(0.3) * (gain / ((8 * s + 1) * (1.1 * s + 1)))
+    model = nrdob.delay(0.43) / (15.6 * s + 1)
+    ((low, high),) = admissible_time_constants(process, model, 1, max_ms=max_ms)
+
+    def peak(time_constant):
+        L = nrdob.NRDOB(process, model, 0.0, nrdob.LowPassFilter(time_constant, 1)).L
+        w = np.concatenate([np.geomspace(0.01, 5, 3000), np.linspace(5, 60, 55_001)])
+        return (1 / abs(1 + L(1j * w))).max()
+
+    assert high == np.inf and peak(low) == pytest.approx(max_ms, rel=5e-4)
+    assert peak(0.98 * low) > max_ms > max(peak(low * factor) for factor in (1.02, 2, 10, 100))
+
+
 def test_lags_read_as_a_family_are_sampled_to_the_windows_that_their_order_excludes():
     rng = np.random.default_rng(5)
     for _ in range(4):

@@ -301,9 +301,20 @@ def test_a_process_that_only_amplifies_is_a_closed_form():
     loop = nrdob.NRDOB(ct.tf([2], [1]), ct.tf([1], [1]), 0.5 / s, nrdob.LowPassFilter(1.0, 1))
     assert largest_sampling_time(loop) == pytest.approx(1.0, rel=1e-9)
     assert loop.sampled(1 - 1e-6).stability().stable
+    assert loop.sampled(0.1).margins().gm == pytest.approx(10.0, rel=1e-9)
+
+
+def test_the_dead_time_of_a_process_that_only_amplifies_goes_by_samples():
+    # With d whole samples of it, and a part of one, z^(d + 1) (z - 1) + dt (z + 1) = 0.
+    loop = nrdob.NRDOB(ct.tf([2], [1]), ct.tf([1], [1]), 0.5 / s, nrdob.LowPassFilter(1.0, 1))
+
+    def largest(samples):
+        late = np.append(np.array([1.0, -1.0]), np.zeros(samples + 1))
+        return np.abs(np.roots(np.polyadd(late, [0.1, 0.1]))).max()
+
+    first = next(d for d in range(50) if largest(d) > 1)
     margins = loop.sampled(0.1).margins()
-    assert margins.gm == pytest.approx(10.0, rel=1e-9)
-    assert margins.delay_margin == pytest.approx(0.7, rel=1e-6)  # a direct path goes by samples
+    assert margins.delay_margin == pytest.approx(0.1 * first, rel=1e-6)
 
 
 def test_an_unstable_process_that_grows_too_far_within_a_sample_is_refused():

@@ -44,6 +44,21 @@ def test_a_filter_and_what_it_foretells_are_each_others_inverse():
     assert walk[299] - ahead == pytest.approx(found.applied(walk)[299])
 
 
+def test_a_fit_that_leaves_nothing_leaves_nothing_of_the_input():
+    found = check_residuals(np.zeros(400), switched(), 3)
+    assert found.white and found.independent is True
+    assert found.independence == 1.0 and found.standard_deviation == 0.0
+
+
+def test_an_input_just_rich_enough_tells_what_is_left_of_it_and_one_lag_fewer_does_not():
+    # White noise moves all 25 lags; so many numbers less one leave a single degree of freedom.
+    rng = np.random.default_rng(4)
+    inputs = rng.standard_normal(1000)
+    residual = rng.standard_normal(1000) + 0.5 * np.roll(inputs, 2)
+    assert check_residuals(residual, inputs, 24).independent is False
+    assert check_residuals(residual, inputs, 25).independent is None
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "case"),
@@ -104,6 +119,12 @@ def test_a_search_does_not_end_with_the_wrong_sign_of_a_slow_plant():
         assert found.parameters["gain"].value == pytest.approx(0.9596, rel=0.02)
         assert found.parameters["dead time"].value == pytest.approx(late, abs=0.5)
         assert found.validation_percent > 95
+
+
+@pytest.mark.parametrize(("held_out", "fitted"), [(0.25, 300), (0.5, 200), (0.0, 400)])
+def test_as_much_of_the_record_is_held_out_as_was_asked_for(held_out, fitted):
+    found = identify(*lag(switched()), structure=ONE_LAG, held_out=held_out)
+    assert found.fitted == fitted and np.isnan(found.validation_percent) == (not held_out)
 
 
 @pytest.mark.slow

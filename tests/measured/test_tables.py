@@ -255,6 +255,13 @@ def test_what_cannot_be_read_is_refused_with_the_place_and_the_remedy(tmp_path, 
         read_data(path)
 
 
+def test_times_with_a_day_go_on_past_midnight(tmp_path):
+    path, begin = tmp_path / "data.csv", datetime(2024, 2, 28, 23, 59, 30)
+    rows = replaced(lambda k: f"{begin + timedelta(minutes=k)},{k // 7 % 2},{k % 5}", rows=3000)
+    path.write_text(rows, encoding="utf-8")
+    assert read_data(path).t == pytest.approx(60.0 * np.arange(3000))
+
+
 def test_a_sampling_time_goes_before_times_that_are_wrong(tmp_path):
     path = tmp_path / "data.csv"
     path.write_text(replaced(lambda k: f"{k**1.3},{k // 7 % 2},{k % 5}"), encoding="utf-8")

@@ -32,6 +32,17 @@ def test_the_chain_of_a_neutral_equation_is_seen_from_its_top(ratio):
     assert root.real == pytest.approx(np.log(abs(ratio)) / delay, rel=1e-6)
 
 
+@pytest.mark.parametrize("delay", [20.0, 60.0, 150.0])
+@pytest.mark.parametrize("gains", [(1.5, -0.3), (-0.5, 0.8), (3.0, -2.0)])
+def test_of_a_product_of_two_delayed_lags_the_rightmost_root_is_that_of_one(gains, delay):
+    # (s + 1 + a exp(-sT)) (s + 1 + b exp(-sT)), each with the roots of the Lambert W function.
+    a, b = gains
+    terms = [(np.array([a * b]), 2 * delay), ((a + b) * np.array([1.0, 1.0]), delay)]
+    found = rightmost_roots(np.array([1.0, 2.0, 1.0]), terms)
+    alone = [lambertw(-each * delay * np.exp(delay)) / delay - 1 for each in gains]
+    assert found[0].real == pytest.approx(max(each.real for each in alone), rel=1e-6)
+
+
 def test_roots_agree_with_another_program():
     tdscontrol = pytest.importorskip("tdscontrol")
     rng = np.random.default_rng(5)

@@ -249,6 +249,21 @@ def test_the_curve_is_smooth() -> None:
     assert off.max() < 2e-3 * curve.size
 
 
+def test_a_way_to_infinity_is_no_peak_that_must_be_shown() -> None:
+    s = ct.tf("s")
+    loop = nrdob.NRDOB(1 / (s**2 + 1), 1 / (s + 1) ** 2, 1 / s, LowPassFilter(0.5, 2))
+    near = np.abs(loop.FH(1j * (1 + 1e-4)))
+    assert contour(loop.FH).size < 10 < 1000 < near
+
+
+def test_a_curve_within_the_unit_circle_leaves_the_circle_to_fill_the_window() -> None:
+    figure = paper.example(4).plot_nyquist()
+    assert max(np.hypot(*line.get_xydata().T).max() for line in figure.lines[0]) < 1
+    ax = figure.axes[0, 0]
+    sides = [abs(np.subtract(*limits)) for limits in (ax.get_xlim(), ax.get_ylim())]
+    assert 2 < min(sides) < 2.5
+
+
 @pytest.mark.slow
 def test_a_plot_much_larger_than_one_gets_an_inset() -> None:
     loop = paper.example(3)

@@ -128,6 +128,14 @@ def test_where_nothing_works_the_report_says_why(process, said):
     assert "No loop that works was found" in text and said in text
 
 
+def test_where_only_the_process_itself_is_a_model_that_works_it_is_proposed():
+    found = propose((s - 4) / ((s - 1) * (s + 1)))
+    peak = found.loop.margins().plant_loop.ms
+    assert found.loop.stability().stable and peak >= 5 / 3  # |(z + p)/(z - p)|
+    assert found.loop.process is found.loop.model
+    assert "at least" in found.words[1] and "an interpolating filter" in found.words[2]
+
+
 @pytest.mark.slow
 def test_a_record_without_a_process_is_still_shown():
     rng = np.random.default_rng(0)

@@ -22,7 +22,7 @@ def roots_of_loop(frequency, lag):
     return np.roots(np.polyadd(sum_of_both, frequency**2 * model))
 
 
-@pytest.mark.parametrize("lag", [0.0316, 0.05, 0.3, 1.0])
+@pytest.mark.parametrize("lag", [0.015, 0.0316, 0.05, 0.23, 0.3, 1.0])
 def test_the_first_shift_that_makes_the_loop_unstable_is_named(lag):
     loop = nrdob.NRDOB(resonance(10, 0.02), resonance(10, 0.02), 0, 1 / (lag * s + 1) ** 2)
     said = [said for _, said in resonance_warnings(loop)]

@@ -94,6 +94,15 @@ def test_a_box_that_is_narrow_in_all_but_the_dead_time_is_no_larger_than_its_dea
     assert nrdob.largest_box(loop, delay=(0.0, 8.0), **narrow).share == pytest.approx(alone, 1e-2)
 
 
+@pytest.mark.parametrize("longest", [1e-2, 1e-4, 1e-6])
+def test_a_narrow_box_of_dead_times_and_a_wide_one_of_gains_end_at_the_closed_form(longest):
+    # L = k exp(-(0.1 + τ)s)/(0.5s) is lost where k (0.1 + τ) = π/4, at the corner k = 1 + 39σ.
+    loop = nrdob.NRDOB(nrdob.delay(0.1) * LAG, LAG, INTEGRATOR, LowPassFilter(0.5, 1))
+    share = brentq(lambda x: (1 + 39 * x) * (0.1 + longest * x) - math.pi / 4, 0.0, 1.0, xtol=1e-15)
+    box = nrdob.largest_box(loop, gain=(0.5, 40.0), delay=(0.0, longest))
+    assert box.share == pytest.approx(share, rel=1e-8)
+
+
 def test_a_box_ends_where_its_plants_begin_to_oscillate_within_a_narrow_band():
     # The least share lies between an end of the band of frequencies and the next one looked at.
     process = nrdob.delay(0.37) * ct.tf(
