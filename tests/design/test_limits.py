@@ -371,3 +371,37 @@ def test_two_dead_times_that_are_not_alike_leave_chains_for_fast_filters(excess,
     assert answer.holds is False
     loop = Plain(more if excess else lag, lag, lag, low_pass(lam, 1), delay, wait)
     assert rhp_by_argument(p_B(loop)) > 0
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_process_with_two_more_lags_than_a_model_that_waits_is_lost_from_one_side(sign):
+    # R tends to ∓1/ω²: with the minus |1 + R| is below 1 at every high frequency, and the roots
+    # near those of 1 + R = exp(-s) are on the right.
+    model, process = Block([1.0], [1.0, 1.0]), Block([sign], [1.0, 3.0, 3.0, 1.0])
+    answer = stable_for_fast_filters(ct.tf(*process), nrdob.delay(1.0) * ct.tf(*model), 2)
+    assert answer.holds is (False if sign > 0 else None) and "|1 + G/model|" in answer.reason
+    if sign > 0:
+        loop = Plain(process, model, model, low_pass(1e-4, 2), 0.0, 1.0)
+        assert rhp_by_argument(p_B(loop)) > 0
+
+
+@pytest.mark.parametrize(("gain", "holds"), [(3.0, False), (-3.0, None)])
+def test_more_lags_than_the_model_are_no_gain_error_where_both_wait(gain, holds):
+    # |1 - R|² = 1 + 2 gain/ω² + …: only the side from which it tends to 1 can be told.
+    answer = stable_for_fast_filters(nrdob.delay(1.0) * (gain * lag**3), nrdob.delay(1.0) * lag, 2)
+    assert answer.holds is holds and "tends to 1" in answer.reason
+
+
+@pytest.mark.parametrize(("gain", "holds"), [(1.0, None), (-1.0, False)])
+def test_a_pair_that_leaves_the_origin_along_the_axis_is_left_open(gain, holds):
+    # With F = 1/(λs + 1), and without s, which cancels, p_B is λ(s + 1)²(s + 3) + gain·s²: near 0
+    # it has the roots of 3λ + gain·s².
+    answer = stable_for_fast_filters(gain * s * lag**2, (s + 3) / s**2, 1)
+    assert answer.holds is holds and "0" in answer.reason
+
+
+def test_zeros_of_H_without_its_dead_time_forbid_nothing_behind_one():
+    # b - a changes sign at 4.97; the real H, with exp(-s), vanishes on the right at 1 only.
+    process, model = -2 * (s - 2) / ((s - 1) * (s + 3) ** 2), (s - 6) / ((s - 1) * (s + 6))
+    assert stabilizing_filter_exists(process, model).holds is False
+    assert stabilizing_filter_exists(nrdob.delay(1.0) * process, model).holds is None
