@@ -517,3 +517,8 @@ def test_no_margin_is_below_what_the_disk_guarantees(number):
         assert found.gm_low <= 1 / high * (1 + 1e-9)
         assert found.gm_high >= high * (1 - 1e-9)
         assert found.pm >= rotation * (1 - 1e-9)
+
+
+@pytest.mark.parametrize("gain", [-0.5, 0.5])
+def test_a_loop_gain_that_is_below_1_to_the_end_has_no_phase_margin(gain):
+    assert nrdob.margins(ct.tf([gain, 0.2 * gain], [1, 1])).pm == math.inf

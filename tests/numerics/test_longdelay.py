@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 from scipy.special import lambertw
 
 from nrdob.numerics import QuasiPolynomial, count_rhp
@@ -30,6 +31,13 @@ def test_the_chain_of_a_neutral_equation_is_seen_from_its_top(ratio):
     delay = 50.0
     root = rightmost_roots(np.array([1.0, 1.0]), [(ratio * np.array([1.0, 1.0]), delay)])[0]
     assert root.real == pytest.approx(np.log(abs(ratio)) / delay, rel=1e-6)
+
+
+def test_terms_that_are_small_everywhere_leave_the_root_near_that_without_them():
+    q, delayed = np.array([1.0, 1.0]), [(np.array([0.01]), 2.0), (np.array([0.02]), 1.0)]
+    # On the real axis left of 0 the sum rises from -∞ to its largest root.
+    expected = brentq(lambda x: x + 1 + 0.01 * np.exp(-2 * x) + 0.02 * np.exp(-x), -1.5, 0.0)
+    assert rightmost_roots(q, delayed)[0] == pytest.approx(expected, rel=1e-9)
 
 
 def test_roots_agree_with_another_program():
