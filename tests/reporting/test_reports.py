@@ -16,6 +16,7 @@ from nrdob.certificates import check
 from nrdob.digital import largest_sampling_time
 from nrdob.measured import checked_record, heated_air, identify
 from nrdob.reporting import main, propose
+from nrdob.reporting.choices import filter_for
 
 s = ct.tf("s")
 UNKIND = "<script>alert(1)</script>"
@@ -384,3 +385,31 @@ def test_a_model_that_keeps_its_integrator_gets_the_filter_that_was_compared():
 def test_a_resonance_gets_a_controller_that_does_not_make_it_swing():
     loop = propose(ct.tf([1], [1, 0.02, 1])).loop
     assert loop.margins().model_loop.ms < 2.001
+
+
+def test_a_filter_that_cannot_be_found_is_named_by_its_order():
+    lag = 1 / (s + 1)
+    _, _, (warned,) = filter_for(10 * lag, lag, 4, 1.7)
+    assert warned.startswith("No filter of order 4 gives a loop")
+
+
+@pytest.mark.slow
+def test_a_model_without_any_filter_is_passed_over_for_a_slower_one_that_is_calm():
+    # The process without its resonance has the zero at 2, too: its inverse is unstable.
+    proposal = propose((2 - s) / ((s + 1) * (s**2 + 0.02 * s + 1)))
+    assert "λ is 2 times as long" in proposal.words[-1]
+    assert "designed for a crossover" in " ".join(proposal.words)
+    loop = proposal.loop
+    for factor in (0.98, 1.02):
+        process = (2 - s) / ((s + 1) * ((s / factor) ** 2 + 0.02 * s / factor + 1))
+        assert nrdob.NRDOB(process, *blocks(loop)).stability().stable
+
+
+@pytest.mark.slow
+def test_a_loop_that_is_not_stable_is_called_so_where_its_stability_cannot_be_drawn(monkeypatch):
+    def fails(*arguments):
+        raise ValueError("no ink")
+
+    monkeypatch.setattr("nrdob.reporting.loopsections.nyquist_plot", fails)
+    loop = nrdob.NRDOB(-1 / (s + 1), 1 / (s + 1), 1 / s, nrdob.LowPassFilter(1.0, 1))
+    assert nrdob.report(loop).verdict.startswith("The loop is NOT stable. But: ")
