@@ -401,7 +401,13 @@ def test_a_pair_that_leaves_the_origin_along_the_axis_is_left_open(gain, holds):
 
 
 def test_zeros_of_H_without_its_dead_time_forbid_nothing_behind_one():
-    # b - a changes sign at 4.97; the real H, with exp(-s), vanishes on the right at 1 only.
-    process, model = -2 * (s - 2) / ((s - 1) * (s + 3) ** 2), (s - 6) / ((s - 1) * (s + 6))
+    # Over the common s - 1, H has the numerator b exp(-sθ) - a. Where a < 0 it has two zeros near
+    # 3.5 without dead time, which forbid every F, and none with 1 s.
+    b = np.poly1d([100.0]) * np.poly1d([3.0, 4.0], r=True) * np.poly1d([1.0, 1.0])
+    a = np.poly1d([-1.0, -3.0, 6.0], r=True)
+    x = np.linspace(0, 6, 6001)
+    assert [np.sum(np.diff(b(x) * np.exp(-x * T) > a(x))) for T in (0.0, 1.0)] == [2, 0]
+    process = 100 * (s - 3) * (s - 4) / ((s - 1) * (s + 1) * (s + 3))
+    model = (s - 6) / ((s - 1) * (s + 1))
     assert stabilizing_filter_exists(process, model).holds is False
     assert stabilizing_filter_exists(nrdob.delay(1.0) * process, model).holds is None
