@@ -128,7 +128,7 @@ def _corners(factor: QuasiPolynomial) -> ComplexArray:
         if used.size > 1:
             p = q[used[0] : used[-1] + 1]
             found.append(polynomial_roots(p) if p.size <= 3 else companion_roots(p))
-    return found[0] if len(found) == 1 else np.concatenate([np.empty(0, dtype=complex), *found])
+    return np.concatenate([np.empty(0, dtype=complex), *found])
 
 
 def with_turns(locus: Locus, omega: FloatArray, *loops: Quotient) -> tuple[FloatArray, FloatArray]:

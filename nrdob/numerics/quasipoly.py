@@ -140,10 +140,7 @@ class QuasiPolynomial:
         """
         if not self.delay:
             return 0.0
-        sizes = [term.q.size for term in self.delayed]
-        if max(sizes) < self.q.size:
-            return 0.0
-        if max(sizes) > self.q.size or not self.q.any():
+        if max(term.q.size for term in self.delayed) > self.q.size or not self.q.any():
             return inf
         return float(sum(abs(p[0]) for p, _ in self.delayed if p.size == self.q.size)) / float(
             abs(self.q[0])

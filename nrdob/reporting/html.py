@@ -149,7 +149,6 @@ def _template() -> Any:
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
-        lstrip_blocks=True,
     )
     environment.filters["unbroken"] = _unbroken
     return environment.get_template("page.html.j2")

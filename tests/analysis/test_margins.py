@@ -538,3 +538,8 @@ def test_a_filter_that_lets_fast_signals_through_leaves_margins_in_closed_form(f
     assert found.gm_high == pytest.approx(1 + 1 / last, rel=1e-6)
     assert found.disk_margin == pytest.approx(2 / (1 + 2 * last), rel=1e-6)
     assert found.pm == pytest.approx(math.degrees(2 * math.asin(0.5 / last)), rel=1e-6)
+
+
+@pytest.mark.parametrize("gain", [-0.5, 0.5])
+def test_a_loop_gain_that_is_below_1_to_the_end_has_no_phase_margin(gain):
+    assert nrdob.margins(ct.tf([gain, 0.2 * gain], [1, 1])).pm == math.inf

@@ -263,6 +263,11 @@ def test_dead_times_much_longer_than_the_fastest_lag_are_judged(ratio):
     assert "by encirclements and by Walton and Marshall's count" in quick.reason
 
 
+def test_a_rational_loop_is_judged_by_its_roots_as_the_second_way():
+    model = 1 / (s + 1)
+    assert observer(model, model, 0.5, 2).ways == ("encirclements", "roots")
+
+
 @pytest.mark.parametrize("ratio", [1e-3, 0.3, 3.0, 1e5])
 @pytest.mark.parametrize(("factor", "stable"), [(0.9999, False), (1.0001, True)])
 def test_the_border_is_where_it_is_for_every_ratio_of_dead_time_to_lag(ratio, factor, stable):

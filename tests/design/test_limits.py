@@ -391,3 +391,43 @@ def test_points_at_which_signs_differ_are_named_the_positive_one_first():
     ):
         answer = stabilizing_filter_exists(process, model)
         assert answer.holds is False and answer.reason.endswith(f"opposite signs at {named}")
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_process_with_two_more_lags_than_a_model_that_waits_is_lost_from_one_side(sign):
+    # R tends to ∓1/ω²: with the minus |1 + R| is below 1 at every high frequency, and the roots
+    # near those of 1 + R = exp(-s) are on the right.
+    model, process = Block([1.0], [1.0, 1.0]), Block([sign], [1.0, 3.0, 3.0, 1.0])
+    answer = stable_for_fast_filters(ct.tf(*process), nrdob.delay(1.0) * ct.tf(*model), 2)
+    assert answer.holds is (False if sign > 0 else None) and "|1 + G/model|" in answer.reason
+    if sign > 0:
+        loop = Plain(process, model, model, low_pass(1e-4, 2), 0.0, 1.0)
+        assert rhp_by_argument(p_B(loop)) > 0
+
+
+@pytest.mark.parametrize(("gain", "holds"), [(3.0, False), (-3.0, None)])
+def test_more_lags_than_the_model_are_no_gain_error_where_both_wait(gain, holds):
+    # |1 - R|² = 1 + 2 gain/ω² + …: only the side from which it tends to 1 can be told.
+    answer = stable_for_fast_filters(nrdob.delay(1.0) * (gain * lag**3), nrdob.delay(1.0) * lag, 2)
+    assert answer.holds is holds and "tends to 1" in answer.reason
+
+
+@pytest.mark.parametrize(("gain", "holds"), [(1.0, None), (-1.0, False)])
+def test_a_pair_that_leaves_the_origin_along_the_axis_is_left_open(gain, holds):
+    # With F = 1/(λs + 1), and without s, which cancels, p_B is λ(s + 1)²(s + 3) + gain·s²: near 0
+    # it has the roots of 3λ + gain·s².
+    answer = stable_for_fast_filters(gain * s * lag**2, (s + 3) / s**2, 1)
+    assert answer.holds is holds and "0" in answer.reason
+
+
+def test_zeros_of_H_without_its_dead_time_forbid_nothing_behind_one():
+    # Over the common s - 1, H has the numerator b exp(-sθ) - a. Where a < 0 it has two zeros near
+    # 3.5 without dead time, which forbid every F, and none with 1 s.
+    b = np.poly1d([100.0]) * np.poly1d([3.0, 4.0], r=True) * np.poly1d([1.0, 1.0])
+    a = np.poly1d([-1.0, -3.0, 6.0], r=True)
+    x = np.linspace(0, 6, 6001)
+    assert [np.sum(np.diff(b(x) * np.exp(-x * T) > a(x))) for T in (0.0, 1.0)] == [2, 0]
+    process = 100 * (s - 3) * (s - 4) / ((s - 1) * (s + 1) * (s + 3))
+    model = (s - 6) / ((s - 1) * (s + 1))
+    assert stabilizing_filter_exists(process, model).holds is False
+    assert stabilizing_filter_exists(nrdob.delay(1.0) * process, model).holds is None

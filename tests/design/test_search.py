@@ -281,3 +281,23 @@ def test_a_resonance_that_a_long_dead_time_turns_keeps_its_distance():
     L = (1 + 1 / omega) * mode(omega) * np.exp(-30 * omega)
     peaks = [np.max(1 / np.abs(1 + L / (share * low))) for share in (1, 0.999)]
     assert peaks[0] == pytest.approx(2.0, rel=1e-4) and peaks[1] > 2.001 and high == inf
+
+
+def test_of_several_orders_the_one_tried_last_may_be_chosen():
+    process = 0.3 * (1 - s / 4.12) * lag
+    chosen = design_filter(process, lag, order=(2, 1), max_ms=2.5)
+    first, second = (design_filter(process, lag, order=n, max_ms=2.5) for n in (1, 2))
+    # nλ/R(0) is the time in which the loop rejects.
+    assert first.time_constant < 2 * second.time_constant
+    assert chosen == first
+
+
+@pytest.mark.parametrize(
+    ("family", "named"),
+    [(4, "order 4"), (nrdob.filter_family("binomial", 4), "the binomial family of order 4")],
+)
+def test_where_only_other_filters_stabilise_no_reason_against_all_is_given(family, named):
+    # (λs + 1)^4 = -9 has roots on the right whatever λ; a lag has none, (λs + 1) = -9.
+    refusal = f"^no filter of {named} stabilises the loop: choose another model"
+    with pytest.raises(ValueError, match=refusal):
+        design_filter(10 * lag, lag, order=family, max_ms=2.0)

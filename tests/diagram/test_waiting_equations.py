@@ -126,3 +126,10 @@ def test_an_integrating_model_leaves_a_zero_of_p_B_at_the_origin_unless_its_bloc
     assert loop.K(at) == pytest.approx(kept.K(at), rel=1e-9)
     assert loop.S_delta(at) == pytest.approx(kept.S_delta(at), rel=1e-9)
     assert kept.p_B.without_origin.degree == loop.p_B.degree == 4 - 1
+
+
+def test_a_filter_of_degree_1_can_match_its_dead_time_to_first_order():
+    # (s + 1) - (2s + 1) exp(-s) = 3s²/2 - …
+    model = nrdob.delay(1.0) * ((s + 2) / (s + 1))
+    loop = nrdob.NRDOB(model, model, 0.1, ct.tf([2, 1], [1, 1]))
+    assert loop.one_minus_F.zeros_at_origin == 2

@@ -544,6 +544,14 @@ def test_sets_say_which_dead_times_they_do_not_take():
         ask(G, G, 1, computation_delay=0.1)
 
 
+@pytest.mark.slow
+def test_a_matched_loop_behind_a_hold_is_stable_however_slow_the_samples():
+    # The model's loop has its root at exp(-T) - 0.1 (1 - exp(-T)), within the circle for every T.
+    model = 1 / (s + 1)
+    loop = nrdob.NRDOB(model, model, 0.1, nrdob.LowPassFilter(1.0, 1))
+    assert largest_sampling_time(loop, "zoh") == math.inf
+
+
 def test_a_loop_that_is_not_stable_has_no_largest_sampling_time():
     loop = nrdob.NRDOB(1 / (s - 1), 1 / (s + 1), 1.0, nrdob.LowPassFilter(5.0, 1))
     with pytest.raises(ValueError, match="not stable in continuous time"):

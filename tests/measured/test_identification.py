@@ -324,3 +324,23 @@ def test_a_long_record_is_fitted_as_a_short_one():
     found = identify(t, u, y + 0.05 * rng.standard_normal(8000), structure="one lag with dead time")
     told = [p.value for p in found.parameters.values()]
     assert told == pytest.approx([2.0, 1.0, 0.304], rel=0.01)
+
+
+def test_a_step_just_before_the_end_tells_no_numbers():
+    t = np.arange(100.0)
+    y = (t > 98) + 1e-3 * np.random.default_rng(0).standard_normal(100)
+    with pytest.raises(ValueError, match="does not tell the numbers of the process"):
+        identify(t, 1.0 * (t > 97), y, structure="one lag with dead time")
+
+
+def test_a_coarse_sensor_widens_the_intervals():
+    rng = np.random.default_rng(4)
+    case = measured(BY_NAME["one lag with dead time"], "binary", "white", rng, noise=1e-4)
+    grain = 0.05 * np.ptp(case.y)
+    fine, coarse = (
+        identify(case.t, case.u, y, structure="one lag with dead time").parameters
+        for y in (case.y, grain * np.round(case.y / grain))
+    )
+    for name, truth in case.truth.items():
+        assert coarse[name].low <= truth <= coarse[name].high
+        assert coarse[name].high - coarse[name].low > fine[name].high - fine[name].low

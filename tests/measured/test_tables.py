@@ -374,3 +374,19 @@ def test_a_coarse_sensor_with_printed_decimals_is_not_taken_for_cut_off(quantum)
     printed = np.round(quantum * np.round(220 + y), 3)
     assert len(set(np.diff(printed).round(6)) - {0.0}) > 2  # one step, printed in several ways
     assert checked_record(t, (t > 60) * 50.0, printed).free.all()
+
+
+def test_a_resampled_value_beside_a_cut_off_one_is_left_out_too():
+    t = np.arange(200.0)
+    t[1:-1] += 0.06 * (-1.0) ** np.arange(199)[:-1]
+    y = np.minimum(0.05 * np.maximum(t - 20.5, 0), 2.0)
+    record = checked_record(t, 1.0 * (t > 20.5), y)
+    first = int(np.argmax(y == 2.0))
+    after = np.searchsorted(t, record.t[: first + 2])
+    assert t[first - 1] < record.t[first - 1] < t[first] == t[after[first - 1]]
+    assert not record.free[first - 1] and record.free[first - 2]
+
+
+def test_a_record_is_shown_without_its_numbers():
+    shown = repr(checked_record(T, U, Y, name="pump"))
+    assert "pump" in shown and "[" not in shown

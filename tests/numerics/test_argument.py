@@ -87,3 +87,10 @@ def test_where_the_turns_are_too_many_a_dominant_term_is_enough():
     omega = zero_free_frequencies(p.terms, p.scale)
     assert omega.size < 2000
     assert np.min(np.abs(omega - 1.0)) < 1e-9  # where the terms are of equal size it is as dense
+
+
+def test_of_three_terms_one_that_is_larger_than_both_others_together_is_enough():
+    # 1.2 > 1 + 0.1, but 1.2² < 2 (1² + 0.1²): the sizes must be compared, not their squares.
+    more = [Term(np.array([0.1, 0.1]), 1e8 * pi)]
+    p = QuasiPolynomial([1.2, 1.2], [1.0, 1.0], delay=1e9, more=more)
+    assert count_rhp(p).count == 0

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 from scipy.special import lambertw
 
 from nrdob.numerics import QuasiPolynomial, count_rhp
@@ -41,6 +42,13 @@ def test_of_a_product_of_two_delayed_lags_the_rightmost_root_is_that_of_one(gain
     found = rightmost_roots(np.array([1.0, 2.0, 1.0]), terms)
     alone = [lambertw(-each * delay * np.exp(delay)) / delay - 1 for each in gains]
     assert found[0].real == pytest.approx(max(each.real for each in alone), rel=1e-6)
+
+
+def test_terms_that_are_small_everywhere_leave_the_root_near_that_without_them():
+    q, delayed = np.array([1.0, 1.0]), [(np.array([0.01]), 2.0), (np.array([0.02]), 1.0)]
+    # On the real axis left of 0 the sum rises from -∞ to its largest root.
+    expected = brentq(lambda x: x + 1 + 0.01 * np.exp(-2 * x) + 0.02 * np.exp(-x), -1.5, 0.0)
+    assert rightmost_roots(q, delayed)[0] == pytest.approx(expected, rel=1e-9)
 
 
 def test_roots_agree_with_another_program():

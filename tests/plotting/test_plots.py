@@ -15,6 +15,8 @@ from matplotlib.axes import Axes
 
 import nrdob
 from nrdob import LowPassFilter, delay, paper
+from nrdob.diagram import Quotient
+from nrdob.numerics import QuasiPolynomial
 from nrdob.plotting import (
     WIDTH,
     Figure,
@@ -531,3 +533,35 @@ def test_a_loop_gain_that_ends_at_a_finite_value_has_no_arc_at_infinity() -> Non
     curve = contour(nrdob.NRDOB(G, G, ct.tf([1], [1, 0]), ct.tf([0.5, 1], [1, 1])).L)
     assert curve.values[-1] == pytest.approx(1.0)
     assert [arc.label for arc in curve.arcs] == ["indentation"]
+
+
+def test_a_curve_that_grows_slowly_after_a_high_peak_still_reaches_its_arc() -> None:
+    # L = 8000·0.02/(s² + 0.02 s + 1) + s/1000 has the size 1 again at 1000 rad/s only.
+    den = np.array([1.0, 0.02, 1.0])
+    num = np.polyadd(np.polymul([1e-3, 0.0], den), [160.0])
+    curve = contour(Quotient((QuasiPolynomial(num),), (QuasiPolynomial(den),), "L"))
+    assert curve.radius > 8000
+    (branch,), (arc,) = curve.branches, curve.arcs
+    assert abs(branch[-1]) == pytest.approx(abs(arc.points[0]), rel=0.1)
+
+
+def test_a_curve_that_shrinks_to_a_circle_is_closest_at_infinity() -> None:
+    # |H + 1| = |R| falls to 1/2.
+    s = ct.tf("s")
+    process = delay(1.0) * ((s + 2) / (2 * (s + 1)))
+    H = nrdob.NRDOB(process, (s + 1) / (s + 3), 0.1, LowPassFilter(1.0, 1)).H
+    assert closest_approach(H, contour(H)) == (0.5, np.inf, pytest.approx(-0.5))
+
+
+@pytest.mark.parametrize(
+    ("num", "den"), [([1], [1, 1, 0]), ([1], [1, 1, 0, 0]), ([1], [1, 0, 1]), ([1, 1], [1])]
+)
+def test_the_label_of_an_arc_grows_away_from_it(num: list[float], den: list[float]) -> None:
+    loop = Quotient((QuasiPolynomial(num),), (QuasiPolynomial(den),), "L")
+    (ax,) = nyquist_plot(loop).axes.flat
+    labels = [each for each in ax.texts if each.get_text() in ("indentation", "arc at infinity")]
+    assert labels
+    for label in labels:
+        across = label.xyann[0] / 6
+        side = "left" if across > 0.3 else "right" if across < -0.3 else "center"
+        assert label.get_horizontalalignment() == side

@@ -401,3 +401,31 @@ def test_where_only_noise_limits_the_filter_it_passes_ten_times_what_a_constant_
     found, said, warnings = filter_for(model, model, 1, 1.5)
     assert found.time_constant == pytest.approx(0.2, rel=5e-3)
     assert "10 times" in said and warnings == []
+
+
+def test_a_filter_that_cannot_be_found_is_named_by_its_order():
+    lag = 1 / (s + 1)
+    _, _, (warned,) = filter_for(10 * lag, lag, 4, 1.7)
+    assert warned.startswith("No filter of order 4 gives a loop")
+
+
+@pytest.mark.slow
+def test_a_model_without_any_filter_is_passed_over_for_a_slower_one_that_is_calm():
+    # The process without its resonance has the zero at 2, too: its inverse is unstable.
+    proposal = propose((2 - s) / ((s + 1) * (s**2 + 0.02 * s + 1)))
+    assert "λ is 2 times as long" in proposal.words[-1]
+    assert "designed for a crossover" in " ".join(proposal.words)
+    loop = proposal.loop
+    for factor in (0.98, 1.02):
+        process = (2 - s) / ((s + 1) * ((s / factor) ** 2 + 0.02 * s / factor + 1))
+        assert nrdob.NRDOB(process, *blocks(loop)).stability().stable
+
+
+@pytest.mark.slow
+def test_a_loop_that_is_not_stable_is_called_so_where_its_stability_cannot_be_drawn(monkeypatch):
+    def fails(*arguments):
+        raise ValueError("no ink")
+
+    monkeypatch.setattr("nrdob.reporting.loopsections.nyquist_plot", fails)
+    loop = nrdob.NRDOB(-1 / (s + 1), 1 / (s + 1), 1 / s, nrdob.LowPassFilter(1.0, 1))
+    assert nrdob.report(loop).verdict.startswith("The loop is NOT stable. But: ")
