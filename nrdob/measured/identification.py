@@ -41,6 +41,9 @@ TINY = 1e-12
 CLOSE = 1.0
 """Per cent of the part held out that make no difference."""
 
+ALONE = 3
+"""How many times as decisive an integrator must be where no part of the record was held out."""
+
 
 @dataclass(frozen=True)
 class Candidate:
@@ -184,8 +187,9 @@ def identify(
     Integrators, one and two lags (two may be a resonance) with dead time, with and without a zero,
     are fitted: the input is held between samples, the dead time need not be a whole number of them,
     and nothing is approximated. The most likely numbers are found under noise of the sensor, its
-    memory, and a drift of y, which is a random walk. The plant must be stable or an integrator, and
-    must not be under control while it is measured.
+    memory, and a drift of y, which is a random walk; under one that is none, such as a slow wave,
+    intervals are too narrow. The plant must be stable or an integrator, and must not be under
+    control while it is measured.
 
     The structure is the one of smallest Bayesian information criterion over the whole record, the
     part held out included, or a simpler one from which the record does not tell it; an integrator
@@ -449,7 +453,11 @@ def _chosen(judged: list[_Judged], duration: float) -> tuple[_Judged, list[_Judg
     first = min(possible, key=flawed)
     equal = [each for each in possible if flawed(each)[0] == flawed(first)[0]]
     close = [each for each in equal if each.bic < first.bic + DECISIVE]
-    close = [each for each in close if not each.fit.structure.integrates] or close
+    # A drift that is no random walk looks like an integrator, and here nothing was held out.
+    alone = first.fit.structure.integrates and np.isnan(first.validation)
+    enough = DECISIVE * (ALONE if alone else 1)
+    lasting = [each for each in equal if each.bic < first.bic + enough]
+    close = [each for each in lasting if not each.fit.structure.integrates] or close
     best = min(close, key=lambda each: (each.fit.structure.told, each.bic))
     reason = "of all structures it has the smallest Bayesian information criterion"
     if len(judged) == 1:
