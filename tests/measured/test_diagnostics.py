@@ -65,7 +65,7 @@ def test_an_input_just_rich_enough_tells_what_is_left_of_it_and_one_lag_fewer_do
     [
         ("step", 1, 13), ("up and down", 1, 3), ("up and down", 1, 6),  # of the wrong sign before
         ("step", 1, 6), ("up and down", 1, 10), ("three steps", 1, 12),  # integrators before
-        ("up and down", 5, 30),  # an integrator before, where nothing is held out
+        ("up and down", 5, 30), ("up and down", 5, 56),  # integrators, where nothing is held out
     ],
 )  # fmt: skip
 def test_a_heater_in_a_room_that_drifts_has_the_sign_of_its_gain(kind, seed, case):
