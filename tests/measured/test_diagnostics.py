@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import solve_toeplitz
 from scipy.stats import chi2
 
 import nrdob
-from nrdob.measured import checked_record, identified, identify
+from nrdob.measured import STRUCTURES, checked_record, identified, identify
 from nrdob.measured.disturbance import HYPOTHESES, Rounding, scatter_of
 from nrdob.measured.residuals import check_residuals, whitening_of
 from nrdob.reporting import propose
@@ -24,6 +25,10 @@ def lag(inputs, noise=0.02, seed=0):
 def switched(count=400, seed=0):
     rng = np.random.default_rng(seed)
     return np.cumprod(np.where(rng.random(count) < 0.04, -1.0, 1.0))
+
+
+def told(t, u, y):
+    return identify(t, u, y, structure=ONE_LAG).remarks
 
 
 @pytest.mark.parametrize("theta", [1.0, 0.9, 0.5])
@@ -57,6 +62,21 @@ def test_an_input_just_rich_enough_tells_what_is_left_of_it_and_one_lag_fewer_do
     residual = rng.standard_normal(1000) + 0.5 * np.roll(inputs, 2)
     assert check_residuals(residual, inputs, 24).independent is False
     assert check_residuals(residual, inputs, 25).independent is None
+
+
+def test_a_memory_is_judged_by_the_samples_for_which_it_has_begun():
+    found = set()
+    for seed in range(20):
+        residual = np.random.default_rng(seed).standard_normal(60)
+        products = np.correlate(residual, residual, "full")[59:]
+        scores = [60 * np.log(np.mean(residual**2))]
+        for order in range(1, 5):
+            a = solve_toeplitz(products[:order], products[1 : order + 1])
+            e = np.convolve(residual, [1.0, *-a])[order:60]
+            scores.append(60 * np.log(np.mean(e**2)) + order * np.log(60))
+        assert len(whitening_of(residual).memory) == 1 + np.argmin(scores)
+        found.add(int(np.argmin(scores)))
+    assert len(found) > 1
 
 
 @pytest.mark.slow
@@ -140,6 +160,13 @@ def test_the_held_out_part_has_a_veto():
     assert refused.loop is None and "worse than a constant" in refused.warnings[0]
 
 
+def test_a_rival_with_the_same_sign_leaves_the_sign_of_the_gain_alone():
+    lags = [each for each in STRUCTURES if each.name in (ONE_LAG, "two lags with dead time")]
+    found = identified(checked_record(*lag(switched(150), noise=0.3)), tuple(lags))
+    gain = found.parameters["gain"]
+    assert 0 < gain.low < 2 < gain.high and not found.remarks and not found.unsure
+
+
 @pytest.mark.slow
 def test_no_loop_rests_on_a_gain_that_may_be_zero():
     rng = np.random.default_rng(0)
@@ -156,6 +183,22 @@ def test_outliers_are_told():
     y[[100, 250, 333]] += [3, -2, 4]
     (said,) = identify(t, u, y, structure=ONE_LAG).remarks
     assert said.startswith("3 samples of y are outliers") and "at 333 s" in said
+
+
+def test_an_outlier_upon_a_drift_is_told():
+    t, u, y = lag(switched(200))
+    y = y + np.sin(2 * np.pi * t / 200)
+    y[50] += 2
+    assert any("such as" in said and "at 50 s" in said for said in told(t, u, y))
+
+
+def test_a_sample_off_by_less_than_y_usually_moves_is_no_outlier():
+    t, u, y = lag(switched(200), noise=1e-4)
+    usual = np.median(np.abs(np.diff(y)))
+    y[120] += 2 * usual
+    assert not told(t, u, y)
+    y[120] += 20 * usual
+    assert "1 samples of y are outliers" in told(t, u, y)[0]
 
 
 @pytest.mark.slow

@@ -349,6 +349,13 @@ def test_rounded_times_are_even_times(digits):
     assert f"given to {10**-digits:g} s only" in " ".join(record.remarks)
 
 
+def test_times_off_a_clock_that_shows_only_minutes_are_even_times():
+    t = 100.0 * np.arange(200)
+    record = checked_record(60 * np.floor(t / 60), (t > t[60]) * 1.0, np.sqrt(t))
+    assert record.t == pytest.approx(t, abs=60) and record.u.size == 200
+    assert "given to 60 s only" in " ".join(record.remarks)
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_resampled_records_keep_the_dynamics(seed):
     """A drifting clock with jitter, a lag of 30 samples: closed form at the even times."""

@@ -233,6 +233,19 @@ def test_the_root_beside_a_zero_that_stays_is_told_from_it(slope, count):
     assert count_rhp(p).count == count == p.rhp_in_whole_numbers == np.sum(p.roots.real > 1e-9)
 
 
+@pytest.mark.parametrize(("size", "count"), [(1e-15, 0), (-1e-15, 1)])
+def test_a_root_far_slower_than_the_dead_time_is_told_from_the_zero_beside_it(size, count):
+    p = QuasiPolynomial([1.0, 0.0, size], [-size], 1.0)  # s (s + size - …)
+    assert count_rhp(p).count == count
+
+
+def test_no_term_with_a_third_delay_is_forgotten():
+    more = (Term(np.array([1.0]), 2.0), Term(np.array([2.0]), 1.0))
+    p = QuasiPolynomial([1.0, 1.0, 1.0], [-0.5], 3.0, more=more)
+    assert count_rhp(p).count == 2 == dense_argument_count(p, 1e3)
+    assert p.rhp_in_whole_numbers in (None, 2)
+
+
 def test_sizes_of_several_delayed_leading_terms_add_up():
     def neutral(a, b):
         return QuasiPolynomial([1.0, 2.0], [a, 0.1], 1.0, more=(Term(np.array([b, 0.3]), 0.6),))
