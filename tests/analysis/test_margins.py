@@ -517,3 +517,8 @@ def test_no_margin_is_below_what_the_disk_guarantees(number):
         assert found.gm_low <= 1 / high * (1 + 1e-9)
         assert found.gm_high >= high * (1 - 1e-9)
         assert found.pm >= rotation * (1 - 1e-9)
+
+
+def test_margins_are_shown_without_the_lists_behind_them():
+    shown = repr(paper.example(1).margins().plant_loop)
+    assert "gm=" in shown and "crossovers" not in shown and "rotations" not in shown

@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import nrdob
 from nrdob.analysis import forced_response, step_response
 from nrdob.analysis.window import even_times
 from nrdob.diagram import INPUTS, LoopEquations, LowPassFilter, delay
@@ -688,3 +689,12 @@ def test_huge_and_tiny_units_give_the_same_curve(size, input):
         u_unit = 1.0 if input == "delta" else size
         assert_close(again[0] * (size if input == "delta" else 1), usual.outputs[0, 0], 1e-9)
         assert_close(again[1] / u_unit, usual.outputs[1, 0], 1e-9)
+
+
+def test_the_window_of_an_unstable_loop_shows_a_few_of_its_e_foldings():
+    # The pole of the process at 0.05 rad/s is hidden by the exact model.
+    plant = ct.tf([1], [1, -0.05])
+    loop = nrdob.NRDOB(plant, plant, ct.tf([5], [1]), nrdob.LowPassFilter(0.1, 1))
+    assert loop.stability().stable is False
+    for input in ("R", "d"):
+        assert loop.step_response(input).time[-1] >= 6 / 0.05

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from nrdob.measured import checked_record, read_data
+from nrdob.measured.parsing import seconds_in
 
 STEP = 0.5
 COUNT = 400
@@ -367,3 +368,12 @@ def test_a_coarse_sensor_with_printed_decimals_is_not_taken_for_cut_off(quantum)
     printed = np.round(quantum * np.round(220 + y), 3)
     assert len(set(np.diff(printed).round(6)) - {0.0}) > 2  # one step, printed in several ways
     assert checked_record(t, (t > 60) * 50.0, printed).free.all()
+
+
+@pytest.mark.parametrize(
+    "cell",
+    ["2024-01-31 24:00:00", "12:60:00", "12:00:60", "2024-01-31 13:00:00 PM", "0:30:00 PM"],
+)
+def test_what_is_no_time_of_a_day_is_refused(cell):
+    with pytest.raises(ValueError, match="which is no time of a day"):
+        seconds_in([cell], "line {}".format)

@@ -494,3 +494,16 @@ def test_loops_with_two_dead_times_are_drawn(no_warning_leaks):
             assert "Nyquist" in loop.plot_nyquist(name).alt
     assert "dB" in waits.plot_bode("FH", "L", "S_d").alt
     assert waits.plot_step().alt
+
+
+@pytest.mark.parametrize(
+    ("omega", "said"),
+    [
+        (np.inf, "as ω → ∞"),
+        (0.0, "at ω = 0"),
+        (np.nan, "at every frequency"),
+        (2.5, "at 2.5 rad/s"),
+    ],
+)
+def test_a_frequency_is_named(omega: float, said: str) -> None:
+    assert alttext.frequency(omega) == said
