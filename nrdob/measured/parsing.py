@@ -57,9 +57,7 @@ def number_in(cell: str) -> float | None:
     >>> number_in("-2,5"), number_in("1,234.5"), number_in("=1+1")
     (-2.5, None, None)
     """
-    text = cell.strip()
-    if "." not in text and text.count(",") == 1:
-        text = text.replace(",", ".")
+    text = cell.strip().replace(",", ".")  # with a second one it is no number
     if "_" in text or len(text) > LONGEST:
         return None
     try:

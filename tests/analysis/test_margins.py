@@ -543,3 +543,8 @@ def test_a_filter_that_lets_fast_signals_through_leaves_margins_in_closed_form(f
 @pytest.mark.parametrize("gain", [-0.5, 0.5])
 def test_a_loop_gain_that_is_below_1_to_the_end_has_no_phase_margin(gain):
     assert nrdob.margins(ct.tf([gain, 0.2 * gain], [1, 1])).pm == math.inf
+
+
+def test_margins_are_shown_without_the_lists_behind_them():
+    shown = repr(paper.example(1).margins().plant_loop)
+    assert "gm=" in shown and "crossovers" not in shown and "rotations" not in shown

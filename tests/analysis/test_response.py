@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import nrdob
 from nrdob.analysis import forced_response, step_response
 from nrdob.analysis.steps import radau
 from nrdob.analysis.window import even_times
@@ -695,3 +696,12 @@ def test_collocation_integrates_powers_from_the_start_of_a_panel():
     nodes, integral = radau()
     for k in range(nodes.size):
         np.testing.assert_allclose(integral @ nodes**k, nodes ** (k + 1) / (k + 1), atol=1e-13)
+
+
+def test_the_window_of_an_unstable_loop_shows_a_few_of_its_e_foldings():
+    # The pole of the process at 0.05 rad/s is hidden by the exact model.
+    plant = ct.tf([1], [1, -0.05])
+    loop = nrdob.NRDOB(plant, plant, ct.tf([5], [1]), nrdob.LowPassFilter(0.1, 1))
+    assert loop.stability().stable is False
+    for input in ("R", "d"):
+        assert loop.step_response(input).time[-1] >= 6 / 0.05

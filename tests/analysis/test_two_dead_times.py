@@ -460,3 +460,32 @@ def test_a_filter_far_too_fast_for_an_integrating_model_is_decided_by_two_ways(
     found = loop.stability().observer_loop
     assert found.stable is False and len(found.ways) == 2
     assert found.closed_loop_rhp == adaptive_argument_count(loop, integrators=1)
+
+
+def test_a_gain_is_limited_by_what_turns_for_ever():
+    # p_B ~ 1 + (4k - 1)/5 exp(-sθ) at infinity, where |kR - 1||F| is largest.
+    G, F = nrdob.delay(0.1) * ct.tf([0.04, 1], [0.01, 1]), ct.tf([0.2, 1], [1, 1])
+    margins = nrdob.NRDOB(G, nrdob.delay(0.1) * ct.tf([1], [1]), 0.1 / s, F).margins().plant_loop
+    assert margins.stable and margins.gm_high == pytest.approx(1.5)
+
+
+def test_a_verdict_says_which_ways_were_used_for_which_function():
+    plant, model = nrdob.delay(2.0033) * LAG, nrdob.delay(2.0) * LAG
+    found = nrdob.NRDOB(plant, model, 1 / s, nrdob.LowPassFilter(0.002, 2)).stability()
+    first, second = (
+        " and ".join(f"by {way}" for way in part.ways)
+        for part in (found.model_loop, found.observer_loop)
+    )
+    assert first != second and found.stable
+    assert found.reason.endswith(f", p_A {first}, p_B {second}")
+
+
+def test_an_input_disturbance_of_a_gain_is_that_gain_times_an_output_disturbance():
+    loop = nrdob.NRDOB(
+        ct.tf([2.0], [1.0]), nrdob.delay(0.5) * ct.tf([1.0], [1.0]), 0.5 / s,
+        nrdob.LowPassFilter(0.5, 1),
+    )  # fmt: skip
+    times = np.linspace(0, 4, 9)
+    by_delta, by_d = (step_response(loop, name, times).outputs[:, 0] for name in ("delta", "d"))
+    assert by_delta[0] == pytest.approx(2 * by_d[0], abs=1e-9)
+    assert by_delta[1] == pytest.approx(1 + 2 * by_d[1], abs=1e-9)  # v = u + δ

@@ -294,3 +294,22 @@ def test_a_curve_is_cut_before_the_step_that_leads_to_another_one():
     # A real root at 0 or at infinity has a straight border.
     (whole,) = cut(*axes, Border(x, y, np.zeros(5)))
     assert whole.y.tolist() == y.tolist()
+
+
+def test_a_border_meets_the_edge_on_which_there_is_no_lag():
+    chart = stability_chart(
+        nrdob.delay(1.0) * lag, lag, 1, x=("time_constant", 0.3, 2.0), y=("lag", 0.0, 0.5)
+    )
+    (border,) = chart.borders
+    # Without lag λs + exp(-sθ) has its roots on the axis at λ = 2θ/π.
+    assert np.interp(0.0, border.y, border.x, left=0.0) == pytest.approx(2 / pi, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "said"),
+    [(-0.1, 1.0, "0 or above"), (0.5, 0.0, "positive"), (float("nan"), 1.0, "delay is nan")],
+)
+def test_no_roots_are_counted_where_a_parameter_has_no_meaning(x, y, said):
+    chart = stability_chart(lag, lag, 1, x=("delay", 0.1, 1.0), y=("time_constant", 0.1, 1.0))
+    with pytest.raises(ValueError, match=said):
+        chart.count(x, y)

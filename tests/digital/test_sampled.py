@@ -20,7 +20,7 @@ from nrdob.digital import (
 )
 from nrdob.digital.bilinear import held_in_w
 from nrdob.digital.hold import held_process
-from nrdob.digital.unitcircle import CircleFunction, Product, count_outside
+from nrdob.digital.unitcircle import CircleFunction, Product, TurnCount, count_outside
 from tests.campaigns import sampled as campaign
 
 s = ct.tf("s")
@@ -580,3 +580,36 @@ def test_the_search_begins_with_few_samples_in_the_dead_time_of_the_model_too():
     _, most = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert most < 50e6  # at 0.02 λ the model alone would hold 50 000 samples
+
+
+@pytest.mark.parametrize("times", [-1.0, [0.0, 2.0, 1.0], [-1.0, 0.0], [0.0, math.nan], []])
+def test_times_that_do_not_increase_from_0_are_refused(times):
+    with pytest.raises(ValueError, match="timepts must be increasing times from 0 on"):
+        paper.example(1).sampled(0.1).step_response("R", times)
+
+
+def test_a_zero_on_the_circle_is_not_counted_but_told_by_its_angle():
+    # v² + 1 has its zeros at v = ±j, where z = (1 + v)/(1 - v) = ±j.
+    found = count_outside(CircleFunction((Product((np.array([1.0, 0.0, 1.0]),)),)))
+    assert found.count is None and found.angle == pytest.approx(math.pi / 2)
+
+
+def test_a_sampled_loop_that_is_unstable_says_so_in_its_reason():
+    found = paper.example(3).sampled(0.06).stability()
+    largest = np.abs(found.eigenvalues)
+    assert found.stable is False
+    assert found.reason == f"F H (ii): {np.sum(largest > 1)} roots outside the unit circle"
+
+
+def test_two_ways_that_differ_give_no_verdict(monkeypatch):
+    monkeypatch.setattr(verdict, "count_outside", lambda p_B: TurnCount(3))
+    found = paper.example(1).sampled(0.01).stability()
+    assert found.stable is None and "3 roots are outside the unit circle" in found.reason
+    assert f"{verdict.EIGENVALUES} 0: no verdict" in found.reason
+
+
+def test_a_second_way_that_finds_nothing_gives_no_verdict(monkeypatch):
+    monkeypatch.setattr(verdict.DelayedPair, "count", lambda self: None)
+    C, F = (20 * s + 1) / (40 * s), nrdob.LowPassFilter(8.0, 1)
+    found = nrdob.NRDOB(LATE, 1 / (20 * s + 1), C, F).sampled(0.01).stability()
+    assert found.stable is None and f"{verdict.SIZES} nothing: no verdict" in found.reason

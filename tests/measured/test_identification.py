@@ -7,7 +7,9 @@ from scipy.signal import lfilter
 
 import nrdob
 from nrdob.measured import STRUCTURES, checked_record, heated_air, identified, identify, read_data
-from nrdob.measured.zoh import held_responses
+from nrdob.measured.parameters import Parameter, corners_of
+from nrdob.measured.residuals import check_residuals
+from nrdob.measured.zoh import free_responses, held_responses
 from nrdob.reporting import propose
 from tests.campaigns.identification import DISTURBANCES, held, measured, response
 
@@ -344,3 +346,27 @@ def test_a_coarse_sensor_widens_the_intervals():
     for name, truth in case.truth.items():
         assert coarse[name].low <= truth <= coarse[name].high
         assert coarse[name].high - coarse[name].low > fine[name].high - fine[name].low
+
+
+def test_what_a_second_order_plant_does_by_itself_is_spanned_by_its_modes():
+    k = np.arange(8)
+    basis = free_responses([1.0, 3.0, 2.0], k.size)  # (s + 1)(s + 2)
+    modes = np.exp(-np.outer([1, 2], k))
+    assert basis.shape == modes.shape
+    assert np.linalg.lstsq(basis.T, modes.T)[0].T @ basis == pytest.approx(modes, abs=1e-12)
+
+
+def test_every_corner_of_an_integrating_plant_integrates():
+    gain, wait = Parameter(2.0, "", 0.1, 1.0, 3.0), Parameter(0.5, "s", 0.1, 0.4, 0.6)
+    numbers = {"gain": gain, "dead time": wait}
+    found = corners_of(BY_NAME["integrator with dead time"], numbers)
+    expected = [k * np.exp(-2j * T) / 2j for k in (1, 3) for T in (0.4, 0.6)]
+    assert [each(2j) for each in found.values()] == pytest.approx(expected)
+
+
+def test_an_input_too_poor_for_so_many_numbers_leaves_independence_open():
+    # One sine has correlations in two directions, and two numbers were fitted.
+    rest = np.random.default_rng(1).standard_normal(400)
+    found = check_residuals(rest, np.sin(0.3 * np.arange(400)), 2)
+    assert found.independent is None and np.isnan(found.independence)
+    assert "too poor" in found.reason

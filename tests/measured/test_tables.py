@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from nrdob.measured import checked_record, read_data
+from nrdob.measured.parsing import seconds_in
 
 STEP = 0.5
 COUNT = 400
@@ -397,3 +398,12 @@ def test_a_resampled_value_beside_a_cut_off_one_is_left_out_too():
 def test_a_record_is_shown_without_its_numbers():
     shown = repr(checked_record(T, U, Y, name="pump"))
     assert "pump" in shown and "[" not in shown
+
+
+@pytest.mark.parametrize(
+    "cell",
+    ["2024-01-31 24:00:00", "12:60:00", "12:00:60", "2024-01-31 13:00:00 PM", "0:30:00 PM"],
+)
+def test_what_is_no_time_of_a_day_is_refused(cell):
+    with pytest.raises(ValueError, match="which is no time of a day"):
+        seconds_in([cell], "line {}".format)

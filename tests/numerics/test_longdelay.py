@@ -65,3 +65,13 @@ def test_roots_agree_with_another_program():
         ours = rightmost_roots(q, [(r, delay)])[0]
         assert abs(theirs - ours).min() < 1e-6 * abs(ours)
         assert theirs.real.max() == pytest.approx(ours.real, rel=1e-6)
+
+
+def test_a_chain_that_rises_to_its_line_has_no_rightmost_root():
+    # |r/q| rises to 1/2 at infinity: the real parts rise to -ln(2)/T, which no root has.
+    assert not rightmost_roots(np.ones(2), [(np.array([0.5, 0.1]), 50.0)]).size
+
+
+def test_where_the_argument_cannot_be_followed_no_root_is_called_the_rightmost():
+    terms = [(np.array([0.5]), 1e5), (np.array([0.4]), 1e5 / np.pi)]
+    assert not rightmost_roots(np.array([1.0, 0.001]), terms).size

@@ -565,3 +565,15 @@ def test_the_label_of_an_arc_grows_away_from_it(num: list[float], den: list[floa
         across = label.xyann[0] / 6
         side = "left" if across > 0.3 else "right" if across < -0.3 else "center"
         assert label.get_horizontalalignment() == side
+
+
+    ("omega", "said"),
+    [
+        (np.inf, "as ω → ∞"),
+        (0.0, "at ω = 0"),
+        (np.nan, "at every frequency"),
+        (2.5, "at 2.5 rad/s"),
+    ],
+)
+def test_a_frequency_is_named(omega: float, said: str) -> None:
+    assert alttext.frequency(omega) == said

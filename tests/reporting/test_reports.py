@@ -16,7 +16,8 @@ from nrdob.certificates import check
 from nrdob.digital import largest_sampling_time
 from nrdob.measured import checked_record, heated_air, identify
 from nrdob.reporting import main, propose
-from nrdob.reporting.choices import filter_for
+from nrdob.reporting.choices import controller_for, filter_for
+from nrdob.reporting.loopsections import sections_of
 
 s = ct.tf("s")
 UNKIND = "<script>alert(1)</script>"
@@ -429,3 +430,45 @@ def test_a_loop_that_is_not_stable_is_called_so_where_its_stability_cannot_be_dr
     monkeypatch.setattr("nrdob.reporting.loopsections.nyquist_plot", fails)
     loop = nrdob.NRDOB(-1 / (s + 1), 1 / (s + 1), 1 / s, nrdob.LowPassFilter(1.0, 1))
     assert nrdob.report(loop).verdict.startswith("The loop is NOT stable. But: ")
+
+
+def section(loop, title, **given):
+    return dict(sections_of(loop, **given))[title]()
+
+
+def test_filters_are_listed_for_this_order_and_the_next():
+    loop = nrdob.NRDOB(1 / (s + 1), 1 / (s + 1), 1 / s, nrdob.LowPassFilter(0.5, 1))
+    found = section(loop, "Which filters would do?")
+    assert [row[0] for row in found.tables[0].rows] == ["n = 1", "n = 2"] and not found.warnings
+
+
+def test_a_loop_that_is_stable_on_the_processor_raises_no_alarm():
+    loop = nrdob.NRDOB(1 / (s + 1), 1 / (s + 1), 1 / s, nrdob.LowPassFilter(0.5, 1))
+    assert loop.sampled(0.1).stability().stable
+    for step, chosen in ((0.1, "the plant was measured"), (None, "chosen here")):
+        found = section(loop, "On a processor", step=step)
+        assert chosen in found.words[-1] and "loop is stable" in found.words[-1]
+        assert not found.alarms
+
+
+def test_a_loop_whose_largest_sampling_time_is_not_known_is_sampled_every_tenth_of_a_second():
+    loop = nrdob.NRDOB(1 / (s + 1), nrdob.delay(3.0) / (s + 1), 0.1, 1 / (0.003 * s + 1))
+    found = section(loop, "On a processor")
+    assert "time scales are too far apart" in found.warnings[0]
+    assert "At dt = 0.1 s, chosen here, the sampled loop is " in found.words[-1]
+
+
+def test_counts_that_are_not_known_are_question_marks():
+    # λ = 2θ/π: a root on the imaginary axis
+    process, F = nrdob.delay(1.0) / (s + 1), nrdob.LowPassFilter(2 / np.pi, 1)
+    row = section(nrdob.NRDOB(process, 1 / (s + 1), 1, F), "Is it stable?").tables[0].rows[1]
+    assert row[3] == "?"
+
+
+@pytest.mark.parametrize("lam", [0.1, 0.2])
+def test_a_controller_is_designed_for_the_bandwidth_of_the_observer(lam):
+    model = 1 / (s - 1)
+    found, said = controller_for(model, nrdob.LowPassFilter(lam, 2))
+    omega = 1 / (2 * lam)
+    assert f"a crossover at {omega:g} rad/s" in said
+    assert abs(found(1j * omega) * model(1j * omega)) == pytest.approx(1.0)

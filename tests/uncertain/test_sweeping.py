@@ -166,3 +166,18 @@ def test_a_loop_gain_of_one_lag_is_closest_at_zero_or_at_infinity(sign):
     table = nrdob.sweep(loop, family, "ms")
     peak = 1.0 if sign > 0 else 1 / (1 - table["gain"] / 2)
     np.testing.assert_allclose(table["ms"], peak, rtol=1e-12)
+
+
+def test_a_gain_that_acts_at_once_is_closest_to_minus_one_at_infinity():
+    # The model is the process but for its gain k: L tends to k f/(1 - f), with f = 0.3.
+    process, F = ct.tf([1, 3], [1, 1]), ct.tf([0.3, 1], [1, 1])
+    loop = nrdob.NRDOB(process, process, ct.tf([0.5], [1, 0]), F)
+    table = nrdob.sweep(loop, nrdob.plant_family(process, gain=(0.5, 2), grid=4))
+    assert table["ms"] == pytest.approx(1 / (1 + table["gain"] * 0.3 / 0.7))
+
+
+def test_the_share_of_a_grid_is_counted():
+    matched = ct.tf([1], [1, 3, 2])
+    loop = nrdob.NRDOB(matched, matched, ct.tf([1], [1, 0]), LowPassFilter(0.05, 3))
+    plants = nrdob.plant_family(matched, gain=(2, 14), grid=4)  # lost at a gain of 9
+    assert tuple(nrdob.sweep(loop, plants, "stable").stable_share()) == (0.5, 0.5, 0.5)
