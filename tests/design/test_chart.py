@@ -309,7 +309,7 @@ def test_a_border_meets_the_edge_on_which_there_is_no_lag():
     ("x", "y", "said"),
     [(-0.1, 1.0, "0 or above"), (0.5, 0.0, "positive"), (float("nan"), 1.0, "delay is nan")],
 )
-def test_no_roots_are_counted_where_a_parameter_has_no_meaning(x, y, said):
+def test_no_roots_are_counted_where_a_dead_time_or_lag_has_no_meaning(x, y, said):
     chart = stability_chart(lag, lag, 1, x=("delay", 0.1, 1.0), y=("time_constant", 0.1, 1.0))
     with pytest.raises(ValueError, match=said):
         chart.count(x, y)

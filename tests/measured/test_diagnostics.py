@@ -160,6 +160,20 @@ def test_the_held_out_part_has_a_veto():
     assert refused.loop is None and "worse than a constant" in refused.warnings[0]
 
 
+def test_a_rival_with_a_gain_of_the_other_sign_leaves_the_sign_open():
+    # A gain of 1 that answers the wrong way first, in a record that ends before it has turned.
+    t, rng = np.arange(32.0), np.random.default_rng(39)
+    u = 1.0 * (t >= 13)
+    slow = response(np.array([1, 0.02]), np.array([0.04]), 0.0, u)
+    fast = response(np.array([1, 0.5]), np.array([0.5]), 0.0, u)
+    record = checked_record(t, u, slow - fast + 0.25 * rng.standard_normal(32))
+    names = ONE_LAG, "two lags and a zero with dead time"
+    found = identified(record, tuple(each for each in STRUCTURES if each.name in names))
+    gain = found.parameters["gain"]
+    assert any("with a gain of the other sign" in each for each in found.remarks)
+    assert gain.low <= -abs(gain.value) and gain.high >= abs(gain.value)
+
+
 def test_a_rival_with_the_same_sign_leaves_the_sign_of_the_gain_alone():
     lags = [each for each in STRUCTURES if each.name in (ONE_LAG, "two lags with dead time")]
     found = identified(checked_record(*lag(switched(150), noise=0.3)), tuple(lags))

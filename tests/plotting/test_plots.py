@@ -567,6 +567,7 @@ def test_the_label_of_an_arc_grows_away_from_it(num: list[float], den: list[floa
         assert label.get_horizontalalignment() == side
 
 
+@pytest.mark.parametrize(
     ("omega", "said"),
     [
         (np.inf, "as ω → ∞"),
