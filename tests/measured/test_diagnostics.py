@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import nrdob
-from nrdob.measured import checked_record, identified, identify
+from nrdob.measured import STRUCTURES, checked_record, identified, identify
 from nrdob.measured.disturbance import HYPOTHESES, Rounding, scatter_of
 from nrdob.measured.residuals import whitening_of
 from nrdob.reporting import propose
@@ -233,3 +233,17 @@ def test_a_filter_is_made_slower_until_no_corner_fails():
     given = propose(found, time_constant=alone.loop.filter.time_constant)
     assert given.loop.filter.time_constant == alone.loop.filter.time_constant
     assert "does not tell enough" in given.warnings[0] or all(e.holds for e in given.trials)
+
+
+def test_a_rival_with_a_gain_of_the_other_sign_leaves_the_sign_open():
+    # A gain of 1 that answers the wrong way first, in a record that ends before it has turned.
+    t, rng = np.arange(32.0), np.random.default_rng(39)
+    u = 1.0 * (t >= 13)
+    slow = response(np.array([1, 0.02]), np.array([0.04]), 0.0, u)
+    fast = response(np.array([1, 0.5]), np.array([0.5]), 0.0, u)
+    record = checked_record(t, u, slow - fast + 0.25 * rng.standard_normal(32))
+    names = ONE_LAG, "two lags and a zero with dead time"
+    found = identified(record, tuple(each for each in STRUCTURES if each.name in names))
+    gain = found.parameters["gain"]
+    assert any("with a gain of the other sign" in each for each in found.remarks)
+    assert gain.low <= -abs(gain.value) and gain.high >= abs(gain.value)
