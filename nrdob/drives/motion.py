@@ -216,7 +216,6 @@ def _linear(mode: int, mechanics: Mechanics, friction: Friction) -> tuple[FloatA
         torque[1] = 0.0
         M[:2] = 0.0
         held = friction.breakaway * one
-        M[:, 1] = 0.0  # of a shaft, too: the speed is 0
         return M, np.array([held - torque, held + torque])
     direction = 1.0 if mode > 0 else -1.0
     if abs(mode) == 1:

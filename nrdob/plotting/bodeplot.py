@@ -152,7 +152,7 @@ def _degrees(quotient: Quotient, omega: FloatArray) -> FloatArray:
     values = quotient(1j * omega)
     degrees = np.degrees(np.unwrap(np.angle(values)))
     zeros = quotient.zeros_at_origin
-    gain = (values[0] / (1j * omega[0]) ** zeros).real
+    gain = (values[0] / 1j**zeros).real
     expected = 90.0 * zeros - 180.0 * (gain < 0)
     degrees += 360 * np.round((expected - degrees[0]) / 360)
     return np.where(np.abs(values) > 0, degrees, nan)

@@ -215,7 +215,7 @@ def _plus(a: _Value, b: _Value, sign: float) -> _Value:
             f"terms with dead times {a.delay:g} and {b.delay:g} are added: only one dead time, of "
             "the whole, can be dealt with"
         )
-    if a.den.size == b.den.size and np.array_equal(a.den, b.den):
+    if np.array_equal(a.den, b.den):
         return _checked(_Value(add(a.num, sign * b.num), a.den, a.delay))
     num = add(np.convolve(a.num, b.den), sign * np.convolve(b.num, a.den))
     return _checked(_Value(num, np.convolve(a.den, b.den), a.delay))

@@ -235,6 +235,16 @@ def test_both_meshes_give_the_same_curve(monkeypatch):
     assert step_response(loop, "d", times).outputs == pytest.approx(evenly, abs=1e-11)
 
 
+def test_what_comes_later_does_not_change_the_beginning():
+    fast = 100 / (s + 100)
+    loop = nrdob.NRDOB(
+        nrdob.delay(1.0) * fast, nrdob.delay(0.9) * fast, 0.2 / s, nrdob.LowPassFilter(1.0, 1)
+    )
+    times = np.linspace(0, 30, 50)
+    whole, first = (step_response(loop, "d", t).outputs[:, 0] for t in (times, times[:10]))
+    assert whole[:, :10] == pytest.approx(first, abs=1e-12)
+
+
 def test_a_window_of_too_many_echoes_is_refused_with_the_reason():
     loop = nrdob.NRDOB(
         nrdob.delay(1.0) * LAG, nrdob.delay(1e-5) * LAG, 1 / s, nrdob.LowPassFilter(1.0, 1)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import pi, sqrt
+from math import inf, pi, sqrt
 
 import control as ct
 import numpy as np
@@ -102,6 +102,13 @@ def test_a_real_root_crosses_on_a_line_with_frequency_zero_or_infinity():
     (border,) = [border for border in chart.borders if border.omega[0] == np.inf]
     assert border.y == pytest.approx(border.x / 0.01, rel=1e-9)
     assert wrong_points(chart, 60, 3) == []
+
+
+def test_an_infinite_count_is_one():
+    # F/model and the process are biproper: neutral with the ratio k/λ, and beyond 1 lost.
+    loops = ChartLoops.of((s + 2) * lag, lag, nrdob.LowPassFilter(0.5, 1), {"gain", "delay"})
+    given = [{"gain": k, "delay": 0.1} for k in (0.4, 0.6)]
+    assert [loops.count(each) for each in given] == loops.counts(given) == [0, inf]
 
 
 def test_levels_of_the_sensitivity_lie_where_the_margins_have_them():

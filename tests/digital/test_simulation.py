@@ -359,6 +359,17 @@ def test_one_sample_is_enough():
     assert "1 samples to 0 s, u limited in 1 of them" in repr(found)
 
 
+@pytest.mark.parametrize("last", [9e4, 1.1e5])
+def test_a_step_response_of_more_than_a_million_samples_is_refused(last):
+    sampled = lag_loop().sampled(0.1)
+    if last < 1e5:
+        y, u = sampled.step_response("R", [last]).outputs[:, 0, -1]
+        assert (y, u) == (pytest.approx(1), pytest.approx(0.5))
+    else:
+        with pytest.raises(ValueError, match=r"110000\d samples .*; at most 1000000"):
+            sampled.step_response("R", [last])
+
+
 # The same by other ways.
 
 

@@ -177,6 +177,10 @@ def test_an_encoder_rounds_to_the_nearest_count():
     assert found == [-1, 0, 0, 1, 7]
 
 
+def test_an_encoder_may_have_one_count_in_a_turn():
+    assert Encoder(1).step == 2 * pi
+
+
 @pytest.mark.parametrize("counts", [0, -100, 0.5, float("nan"), float("inf")])
 def test_an_encoder_without_counts_is_refused(counts):
     with pytest.raises(ValueError, match=r"counts is .*; an encoder has at least one count"):

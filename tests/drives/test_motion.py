@@ -110,6 +110,11 @@ def test_where_a_polynomial_leaves_is_its_first_root():
     assert first_exit(np.array([0.0, -1.0]), 1e-14) == 0.0
 
 
+def test_a_signal_that_stays_at_zero_never_leaves():
+    assert first_exit(np.zeros(3), 0.0) is None
+    assert first_exit(np.array([2.0, -1e-9, 2.0]), 1e-9) is None
+
+
 @pytest.mark.slow
 def test_a_motion_that_finds_no_end_is_refused():
     motion = Motion(OneMass(0.01), Friction(0.1), 0.01)

@@ -68,6 +68,11 @@ def test_sliders_drive_the_picture(explorer):
     assert (count.min, count.max) == (2, 9) and slope.min == pytest.approx(-1)
 
 
+def test_a_slider_takes_two_hundred_steps_from_end_to_end():
+    widget = Slider("gain", 5.0, 7.0, 6.0).widget()
+    assert (widget.min, widget.max) == (5, 7) and widget.step == pytest.approx(0.01)
+
+
 def test_a_page_gets_the_picture_and_a_running_notebook_the_sliders(explorer):
     data, metadata = explorer._repr_mimebundle_()
     assert data["text/plain"] == metadata["image/png"]["alt"] == "A line of slope 0.5"

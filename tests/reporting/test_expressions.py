@@ -64,6 +64,11 @@ def test_what_is_no_transfer_function_is_refused_in_a_sentence(text, said):
     assert said in str(caught.value)
 
 
+def test_terms_over_the_same_denominator_have_no_common_factor():
+    block = read_block("1/(s-1) + 2/(s-1) - s/(s-1)")
+    assert block.tf.den[0][0].tolist() == [1, -1] and block.tf.num[0][0].tolist() == [-1, 3]
+
+
 @pytest.mark.parametrize("text", ["*2", "1/(s+*3)", "/s", "s+)", "(s+1)^2-/3)"])
 def test_what_stands_where_a_number_must_is_named(text):
     with pytest.raises(ValueError, match="stands where a number, s or a bracket must"):

@@ -207,6 +207,14 @@ def test_a_weight_holds_every_plant_and_touches_one():
     assert 1 <= tightness[1] <= tightness[0] < 1.3
 
 
+@pytest.mark.parametrize("damping", [0.3, 0.1, 1e-3])
+def test_the_peak_of_a_resonant_weight_is_found_to_the_last_digits(damping):
+    # T = 1/(0.2 s + 1) cancels, and 1/(2ζ sqrt(1 - ζ²)) is the peak of what is left.
+    weight = ct.tf([0.2 * 49, 49], [1, 14 * damping, 49])
+    peak = 1 / (2 * damping * np.sqrt(1 - damping**2))
+    assert small_gain(MATCHED, weight).peak == pytest.approx(peak, rel=1e-9)
+
+
 def test_small_gain_is_the_peak_of_a_closed_form():
     # T = 1/(0.2 s + 1) for a matched model and n = 1: a weight k gives the peak k.
     assert small_gain(MATCHED, 0.7).peak == pytest.approx(0.7)
