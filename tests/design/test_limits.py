@@ -220,8 +220,6 @@ def test_an_undamped_mode_of_the_model_is_followed():
     ("D", "Dm"), [([1, 2, 2], [1, 4, 2, 2]), ([1, 3, 2], [1, 5, 2, 2]), ([1, 2, 1], [1, 3, 1, 1])]
 )
 def test_an_undamped_zero_that_first_moves_along_the_axis_is_followed_farther(D, Dm, order):
-    E = np.poly(np.full(order, -1.0))[::-1] * 1e-4 ** np.arange(order, -1, -1)
-    p = np.polyadd(np.polymul(3 * np.array(D), [*E[:-1].tolist(), 0]), np.polymul([1, 0, 1], Dm))
 
     E = np.poly(np.full(order, -1.0)) * 1e-4 ** np.arange(order, -1, -1)
     p = np.polyadd(np.polymul(3 * np.array(D), [*E[:-1], 0]), np.polymul([1, 0, 1], Dm))
