@@ -255,7 +255,7 @@ def cut(x: Axis, y: Axis, border: Border) -> Iterator[Border]:
     with np.errstate(invalid="ignore"):
         good = np.isfinite(u) & np.isfinite(v)
         seen = good & (np.maximum(np.abs(u - 0.5), np.abs(v - 0.5)) < 0.5 + BESIDE)
-    whole = np.append(np.hypot(np.diff(u), np.diff(v)) < TORN / PIXELS, True)
+        whole = np.append(np.hypot(np.diff(u), np.diff(v)) < TORN / PIXELS, True)
     straight = np.all(border.omega == border.omega[0]) and border.omega[0] in (0.0, np.inf)
     for part in parts(within(seen) & good):
         ends = part.start + 1 + np.flatnonzero(~whole[part]) if not straight else []

@@ -7,6 +7,7 @@ from math import inf, pi, sqrt
 import control as ct
 import numpy as np
 import pytest
+from matplotlib.collections import QuadMesh
 
 import nrdob
 from campaigns.charts import campaign, region_at
@@ -104,6 +105,31 @@ def test_a_real_root_crosses_on_a_line_with_frequency_zero_or_infinity():
     assert wrong_points(chart, 60, 3) == []
 
 
+@pytest.mark.parametrize(
+    ("x", "filter", "lags"),
+    [
+        ("time_constant", 2, (1e3, 1e12)),
+        ("gain", nrdob.LowPassFilter(0.5, 2), (0.01, 1e6)),
+    ],
+)
+def test_borders_run_on_where_an_axis_is_ever_so_long(x, filter, lags):
+    process = 1 / (s**2 + 0.1 * s + 1)
+    span = {"time_constant": (1e-6, 1e3), "gain": (0.1, 1e6)}[x]
+    chart = stability_chart(process, lag**2, filter, x=(x, *span), y=("lag", *lags))
+    assert wrong_points(chart, 60, 4) == []
+    assert {region.count for region in chart.regions} == {0, 2}
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_border_that_is_nowhere_near_warns_of_nothing():
+    # λs (s + 1)(τs + 1) + k (s + 1): stable for every k and τ.
+    chart = stability_chart(
+        lag, lag, nrdob.LowPassFilter(0.3, 1), x=("gain", 0.1, 10.0), y=("lag", 0.0, 10.0)
+    )
+    (region,) = chart.regions
+    assert region.count == 0 == chart.count(7.0, 9.0)
+
+
 def test_an_infinite_count_is_one():
     # F/model and the process are biproper: neutral with the ratio k/λ, and beyond 1 lost.
     loops = ChartLoops.of((s + 2) * lag, lag, nrdob.LowPassFilter(0.5, 1), {"gain", "delay"})
@@ -128,6 +154,18 @@ def test_the_plot_says_what_it_shows():
     figure = chart.plot()
     assert "the loop is stable in 71.9 % of it" in figure.alt and "2 around" in figure.alt
     assert figure.png()[:4] == b"\x89PNG"
+
+
+def test_what_is_stable_is_coloured():
+    chart = stability_chart(
+        (1 - 0.01 * s) * lag, lag, 1, x=("time_constant", 0.001, 0.1), y=("gain", 0.1, 3.0)
+    )
+    (axes,) = chart.plot().axes.flat
+    (mesh,) = [each for each in axes.collections if isinstance(each, QuadMesh)]
+    coloured = ~np.ma.getmaskarray(mesh.get_array())
+    stable = sum(region.share for region in chart.regions if region.count == 0)
+    unstable = sum(region.share for region in chart.regions if region.count == 1)
+    assert coloured.mean() == pytest.approx(stable, abs=1e-9) and 0 < unstable != stable
 
 
 @pytest.mark.parametrize(
