@@ -10,8 +10,8 @@ many sums those that vanish are left open.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from math import ceil, nan, pi, sqrt
+from dataclasses import dataclass, replace
+from math import ceil, log2, nan, pi, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -49,6 +49,9 @@ TOGETHER, LEAST_STEPS = 250, 4000
 
 ARCS = 32
 """Discs that cover a half circle around a zero on the axis."""
+
+FAR = 1e6
+"""Longest dead time, and inverse of the shortest, whose powers are taken as they are."""
 
 SERIES = 24
 """Coefficients of exp(-sT) for |s|T <= 1, behind which less than rounding is left."""
@@ -211,6 +214,9 @@ def argument_change(terms: Sequence[Term], scale: FloatArray, origin: int = 1) -
             angle, touched = _indented(sums, found, high)
             angle += _angle(sums.constant, sums, low) - _angle(sums.lead, sums, high)
             return ArgumentChange(angle, touched)
+        if (unit := _unit(terms)) != 1:
+            found_there = argument_change(*_in_unit(terms, scale, unit), origin)
+            return replace(found_there, touched=tuple(w / unit for w in found_there.touched))
         near = _near_origin(terms, scale, high, origin)
         if near is None:
             start, angle = _pass_origin(terms, scale, high)
@@ -239,6 +245,8 @@ def zero_free_frequencies(terms: Sequence[Term], scale: FloatArray, origin: int 
         low, high = _range_of_one(terms, scale)
         before: FloatArray = np.zeros(1)
         if not low:
+            if (unit := _unit(terms)) != 1:
+                return zero_free_frequencies(*_in_unit(terms, scale, unit), origin) / unit
             near = _near_origin(terms, scale, high, origin)
             low = near.radius if near else 1e-12 * high
             if near is not None:
@@ -374,6 +382,23 @@ def _half_circles(sums: Sums, vanishing: list[Stretches]) -> list[tuple[float, f
                 centre, radius = (a + centre + radius) / 2, (centre + radius - a) / 2
         passed.append((centre - radius, centre + radius, angle))
     return passed
+
+
+def _unit(terms: Sequence[Term]) -> float:
+    """Give a unit of time, a power of 2, in which the powers of a dead time do not overflow."""
+    longest = max((T for _, T in terms), default=0.0)
+    return 1.0 if not longest or 1 / FAR < longest < FAR else 2.0 ** round(log2(longest))
+
+
+def _in_unit(
+    terms: Sequence[Term], scale: FloatArray, unit: float
+) -> tuple[list[Term], FloatArray]:
+    """Write a sum over another unit of time, which changes no digit."""
+
+    def slower(q: FloatArray) -> FloatArray:
+        return q * (1 / unit) ** np.arange(q.size - 1, -1, -1)
+
+    return [Term(slower(q), T / unit) for q, T in terms], slower(scale)
 
 
 class _Near(NamedTuple):

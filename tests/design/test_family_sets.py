@@ -117,6 +117,15 @@ def test_roots_of_many_polynomials_are_those_that_they_were_made_of(n, spread):
     assert np.all(away.min(axis=1) < 1e-9 * np.abs(found))
 
 
+def test_two_roots_that_nearly_meet_keep_the_digits_of_the_product():
+    rng = np.random.default_rng(0)
+    roots = 10 ** rng.uniform(-3, 3, (3, 2000)) * np.exp(2j * np.pi * rng.random((3, 2000)))
+    roots[1] = roots[0] * (1 + 10 ** rng.uniform(-6, -5, 2000))
+    columns = np.array([np.poly(each)[::-1] for each in roots.T]).T
+    product = np.prod(roots_of_columns(columns), axis=0)
+    assert np.abs(product / -columns[0] - 1).max() < 1e-14
+
+
 def test_multiple_roots_of_polynomials_and_those_at_0_and_infinity_are_found():
     columns = np.array([[1, 3, 3, 1], [0, 0, 0, 1], [1, 2, 1, 0], [-1, 0, 0, 1]]).T
     triple, zero, quadratic, cube = roots_of_columns(columns).T

@@ -166,6 +166,15 @@ def test_counts_and_roots_do_not_hang_on_units(unit):
         assert p.roots[:2] * time == pytest.approx(plain.roots[:2], rel=1e-9)
 
 
+@pytest.mark.parametrize("unit", [1e-30, 1e-9, 1e9, 1e18])
+@pytest.mark.parametrize(("slope", "count"), [(3.0, 0), (-3.0, 1)])
+def test_a_zero_that_the_terms_have_only_together_does_not_hang_on_the_unit(slope, count, unit):
+    # s³ + 2s² + slope s - 1 + exp(-s) = s (s² + … + slope - 1)
+    powers = unit ** np.arange(3, -1, -1)
+    p = QuasiPolynomial(np.array([1.0, 2.0, slope, -1.0]) * powers, [1.0], unit)
+    assert count_rhp(p).count == count
+
+
 @pytest.mark.parametrize("delay", [0.0, 1.0, 1e3])
 def test_roots_clearly_on_the_right_are_counted_beside_one_on_the_axis(delay):
     q, r = np.polymul([1.0, -0.6, 1.0], [1.0, 0.0, 4.0]), np.polymul([0.3], [1.0, 0.0, 4.0])
