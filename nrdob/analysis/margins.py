@@ -377,18 +377,17 @@ def _circle_at_infinity(loop: Quotient) -> tuple[float, float]:
         return a, b
     ratio, delay = c[0]
     size = den.neutral_ratio
-    one_turn = size == abs(ratio) and (
-        not b or (not a and num.delayed == num.delayed[:1] and num.delay == delay)
-    )
+    one_turn = not b or (not a and num.delayed == num.delayed[:1] and num.delay == delay)
+    one_turn = one_turn and size == abs(ratio)
+    if size >= 1 and not one_turn:
+        return a, b
     shrink = 1 - size**2
     if one_turn and abs(shrink) * LARGE < 1:
         return (b * ratio if b else a) / 2 + LARGE, LARGE
-    if one_turn:
-        return (-b * ratio if b else a) / shrink, (abs(b) if b else abs(a) * size) / abs(shrink)
-    if size >= 1:
-        return a, b
     if not b:
-        return a / shrink, abs(a) * size / shrink
+        return a / shrink, abs(a) * size / abs(shrink)
+    if one_turn:
+        return -b * ratio / shrink, abs(b) / abs(shrink)
     return a / shrink, abs(a) * size / shrink + abs(b) / (1 - size)
 
 

@@ -67,14 +67,8 @@ def noise_variance(
     maps: tuple[Quotient, Quotient] = (
         getattr(loop, INPUTS[input].to_y), getattr(loop, f"U_{input}")
     )  # fmt: skip
-    passes = True
-    if shaping is not None:
-        W = as_shaping(shaping)
-        passes = W.relative_degree == 0
-        if not W.num.any():
-            for quotient in maps:
-                quotient.check_stable()
-            return NoiseVariance(0.0, 0.0)
+    W = None if shaping is None else as_shaping(shaping)
+    passes = W is None or (W.relative_degree == 0 and bool(W.num.any()))
     y, u = (_variance(quotient, shaping, passes) for quotient in maps)
     return NoiseVariance(y, u)
 
