@@ -18,9 +18,10 @@ import pytest
 
 import nrdob
 from nrdob import paper
+from nrdob.uncertain.batchmargins import MARGINS
 
 FEW = 300
-MARGINS = ("stable", "ms", "gm", "pm", "delay_margin")
+QUANTITIES = ("stable", *MARGINS)
 
 
 def seconds(task):
@@ -65,7 +66,7 @@ def family_column(family, name):
     ("name", "number", "count", "asked"),
     [
         ("rational, stability", 3, 100_000, "stable"),
-        ("rational, with Ms and margins", 1, 20_000, MARGINS),
+        ("rational, with Ms and margins", 1, 20_000, QUANTITIES),
         ("dead time, stability, Padé(5)", 4, 20_000, "stable"),
     ],
 )

@@ -258,9 +258,7 @@ def test_a_picture_of_a_chapter_opens_by_itself(pages: dict[Path, BeautifulSoup]
 
 
 def test_links_inside_the_book_lead_somewhere(pages: dict[Path, BeautifulSoup]) -> None:
-    anchors = {
-        path.resolve(): {tag["id"] for tag in page(id=True)} for path, page in pages.items()
-    }
+    anchors = {path.resolve(): {tag["id"] for tag in page(id=True)} for path, page in pages.items()}
     dead = []
     for path, page in pages.items():
         for link in page("a", href=True):
@@ -377,7 +375,9 @@ def test_the_ledger_leads_to_the_first_citation(
 
 
 def test_only_the_ledger_has_the_filter(site: Path, pages: dict[Path, BeautifulSoup]) -> None:
-    with_filter = {path for path, page in pages.items() if page("script", src=re.compile("claims[.]js"))}
+    with_filter = {
+        path for path, page in pages.items() if page("script", src=re.compile("claims[.]js"))
+    }
     assert with_filter == {site / "ledger.html"}
     assert pages[site / "ledger.html"].select_one(".claims-filter")
     verdicts = {badge.get_text() for badge in pages[site / "ledger.html"].select("dt .verdict")}

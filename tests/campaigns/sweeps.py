@@ -15,10 +15,10 @@ import numpy as np
 
 import nrdob
 from nrdob.sampling import random_loop
+from nrdob.uncertain.batchmargins import MARGINS
 
 from .runner import print_tally
 
-MARGINS = ("ms", "gm", "pm", "delay_margin")
 RANGES = {"gain": (0.3, 2.0), "lag": (0.0, 0.2), "poles": (0.7, 1.4), "zeros": (0.7, 1.4)}
 WITHIN = 1e-6
 """How well margins must agree; those of a loop that is next to lost hang on more than that."""
