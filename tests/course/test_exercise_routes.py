@@ -261,7 +261,7 @@ def more_lags(case: Any) -> tuple[Any, str]:
 
 def turned_and_bisected(case: Any) -> float:
     """Bisect λ until the largest ``|F|·|1 - exp(-jωΔ)|`` is 1."""
-    w = np.linspace(0, pi, 200_001)[1:] / case.error
+    w = np.linspace(0, pi, 20_001)[1:] / case.error
     size = 2 * np.sin(w * case.error / 2)
     low, high = 1e-3 * case.error, 10 * case.error
     for _ in range(60):
