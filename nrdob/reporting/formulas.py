@@ -11,20 +11,12 @@ import numpy as np
 from ..diagram import LowPassFilter, as_fraction
 from ..numerics import FloatArray, number, written
 
-__all__ = ["character", "formula", "intervals", "listed", "roots_listed"]
+__all__ = ["character", "formula", "intervals", "roots_listed"]
 
 MOST_ROOTS = 12
-
+# Imaginary part, against the size, that three digits do not show: a multiple root, split.
 FLAT = 1e-4
-"""Imaginary part, against the size, that three digits do not show: a multiple root, split."""
-
 SUPERSCRIPTS = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
-
-
-def listed(items: Iterable[str]) -> str:
-    """Join words with commas and a last "and"."""
-    *most, last = items
-    return f"{', '.join(most)} and {last}" if most else last
 
 
 def formula(block: Any) -> str:
@@ -34,11 +26,6 @@ def formula(block: Any) -> str:
     ----------
     block : as for `nrdob.NRDOB`
         A process, model, controller or filter.
-
-    Returns
-    -------
-    str
-        The line.
 
     Examples
     --------
@@ -56,49 +43,37 @@ def formula(block: Any) -> str:
 
 
 def intervals(found: Iterable[tuple[float, float]]) -> str:
-    """Write intervals of time constants.
+    """Write intervals of time constants, such as "λ > 0.375 s".
 
     Parameters
     ----------
     found : iterable of (low, high)
         As `nrdob.stabilizing_time_constants` gives them, in seconds.
-
-    Returns
-    -------
-    str
-        Such as "λ > 0.375 s".
     """
-    said = []
-    for low, high in found:
-        if low == 0 and high == inf:
-            said.append("every λ > 0")
-        elif high == inf:
-            said.append(f"λ > {number(low, 4)} s")
-        else:
-            said.append(f"{number(low, 4)} s < λ < {number(high, 4)} s")
+    said = (
+        f"{number(low, 4)} s < λ < {number(high, 4)} s" if high < inf
+        else f"λ > {number(low, 4)} s" if low else "every λ > 0"
+        for low, high in found
+    )  # fmt: skip
     return " or ".join(said) or "no λ at all"
 
 
 def roots_listed(roots: Any) -> str:
     """Write roots, a pair as one, rightmost first."""
-    upper = [complex(root) for root in roots if root.imag >= 0]
+    roots = sorted(map(complex, roots), key=lambda root: -root.real)
+    upper = [root for root in roots if root.imag >= 0]
     more = len(upper) - MOST_ROOTS
     said = [written(_clean(root), number, pair=True) for root in upper[:MOST_ROOTS]]
     return ", ".join(said) + (f", and {more} more further left" if more > 0 else "") or "none"
 
 
 def character(process: Any) -> list[str]:
-    """Say what makes a process easy or hard, one sentence each.
+    """Say what makes a process easy or hard, in at least one sentence.
 
     Parameters
     ----------
     process : as for `nrdob.NRDOB`
         The process G.
-
-    Returns
-    -------
-    list of str
-        The sentences, at least one.
     """
     delay = getattr(process, "delay", 0.0)
     num, den = as_fraction(getattr(process, "tf", process) if delay else process, "process")
@@ -110,7 +85,7 @@ def character(process: Any) -> list[str]:
         said.append(f"It holds {kind}: a constant input makes the output run away.")
     unstable = poles[poles.real > 0]
     if unstable.size:
-        said.append(f"It is unstable: poles at {roots_listed(_sorted(unstable))} rad/s.")
+        said.append(f"It is unstable: poles at {roots_listed(unstable)} rad/s.")
     damped = [p for p in poles if p.imag > 0 and p.real <= 0 and -p.real < 0.3 * abs(p)]
     for p in damped[:3]:
         said.append(
@@ -120,7 +95,7 @@ def character(process: Any) -> list[str]:
     wrong = zeros[zeros.real > 0]
     if wrong.size:
         said.append(
-            f"It has zeros in the right half plane, at {roots_listed(_sorted(wrong))} rad/s, "
+            f"It has zeros in the right half plane, at {roots_listed(wrong)} rad/s, "
             "which no causal and stable block can undo."
         )
     if num[-1] == 0:
@@ -138,10 +113,6 @@ def character(process: Any) -> list[str]:
     return said or ["It is stable, without dead time, and its inverse is stable: nothing is hard."]
 
 
-def _sorted(roots: Any) -> Any:
-    return roots[np.argsort(-roots.real)]
-
-
 def _clean(root: complex) -> complex:
     return complex(root.real, 0.0) if abs(root.imag) <= FLAT * abs(root) else root
 
@@ -154,12 +125,10 @@ def _polynomial(coefficients: FloatArray) -> str:
             continue
         s = {0: "", 1: "s"}.get(power, f"s{str(power).translate(SUPERSCRIPTS)}")
         size = number(abs(value), 4)
-        term = s if s and size == "1" else f"{size} {s}".strip()
-        if "e" in size and s:
-            term = f"{size}·{s}"
-        text += (
-            (" − " if value < 0 else " + ") + term if text else ("−" if value < 0 else "") + term
-        )
+        between = "·" if "e" in size else " "
+        term = size if not s else s if size == "1" else f"{size}{between}{s}"
+        sign = "−" if value < 0 else "+"
+        text = f"{text} {sign} {term}" if text else f"{sign}{term}".removeprefix("+")
     return text or "0"
 
 
