@@ -31,8 +31,7 @@ from .figure import (
 
 __all__ = ["bode_plot"]
 
-MAX_PHASE_SPAN = 720.0
-"""Degrees below which a delay's phase is not followed."""
+MAX_PHASE_SPAN = 720.0  # degrees below which a delay's phase is not followed
 
 
 def bode_plot(
@@ -50,12 +49,8 @@ def bode_plot(
         One or more maps of the loop.
     margins : Margins, optional
         Those of the first map; finite ones are drawn, whether gain may rise or fall.
-    omega_limits : (float, float), optional
-        Frequency range in rad/s; by default what there is to see.
-    title : str
-        Heading, which also enters the alt text.
-    axes : two matplotlib Axes, optional
-        Where to draw magnitude and phase.
+    omega_limits, title, axes : optional
+        As for `nrdob.NRDOB.plot_bode`.
 
     Raises
     ------
@@ -75,15 +70,14 @@ def bode_plot(
     with styled():
         lines: list[list[Line2D]] = [[], []]
         used: set[str] = set()
-        curves: dict[str, list[alttext.BodePoint]] = {}
+        curves: dict[str, list[tuple[float, float, float]]] = {}
         for quotient in quotients:
             omega = _bode_frequencies(quotient, low, high)
             decibel, degrees = _decibels(quotient, omega), _degrees(quotient, omega)
             kind = {"color": colour_of(quotient.name), "label": label_of(quotient.name)}
             kind["ls"] = "--" if kind["color"] in used else "-"
             used.add(kind["color"])
-            ends = [alttext.BodePoint(omega[k], decibel[k], degrees[k]) for k in (0, -1)]
-            curves[quotient.name] = ends
+            curves[quotient.name] = [(omega[k], decibel[k], degrees[k]) for k in (0, -1)]
             lines[0] += magnitude.semilogx(omega, decibel, **kind)
             lines[1] += phase.semilogx(omega, degrees, **kind)
             if np.isnan(decibel).all():

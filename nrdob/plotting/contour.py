@@ -22,18 +22,11 @@ from ..numerics import BoolArray, ComplexArray, FloatArray, QuasiPolynomial, gol
 
 __all__ = ["Approach", "Arc", "Contour", "closest_approach", "contour"]
 
-SMOOTH = 1e-3
-"""Largest distance between curve and polygon, as a fraction of the curve's size."""
-
-LINE = 6e-3
-"""Width of a line, as a fraction of the curve's size: turns within it look like one."""
-
+SMOOTH = 1e-3  # largest distance between curve and polygon, as a fraction of the curve's size
+LINE = 6e-3  # width of a line, as a fraction of the curve's size: turns within it look like one
+# Samples in each certified stretch; from so many stretches on there is one in each.
 PER_SEGMENT, MANY_FREQUENCIES = 8, 20_000
-"""Samples in each certified stretch; from so many stretches on there is one in each."""
-
-MANY_TURNS = 100
-"""So many turns of the dead time are drawn one by one."""
-
+MANY_TURNS = 100  # so many turns of the dead time are drawn one by one
 _FAR = 1e200
 _TIE = 1e-9
 
@@ -151,20 +144,13 @@ def _frequencies(loop: Quotient) -> FloatArray:
     # Of very many turns most will be left out again, see `_without_like_turns`.
     if omega.size < MANY_FREQUENCIES:
         omega = subdivided(omega, PER_SEGMENT)
-    parts = [omega]
-    if np.isfinite(loop.dc_gain):
-        parts.append(np.zeros(1))
+    low = [0.0] if np.isfinite(loop.dc_gain) else omega[0] * np.geomspace(1e-12, 1, 97)
+    if loop.delay:  # A spiral or a circle needs some turns more before one sees where it ends.
+        high = omega[-1] + 2 * pi / loop.delay * np.linspace(0, 4, 4 * 64 + 1)
     else:
-        parts.append(omega[0] * np.geomspace(1e-12, 1, 97))
-    if np.isfinite(_limit(loop)):
-        parts.append(np.array([inf]))
-    if not loop.delay:
-        parts.append(omega[-1] * np.geomspace(1, 1e12 if loop.numerator.degree else 1e3, 97))
-    else:
-        # A spiral or a circle needs some turns more before one sees where it ends.
-        turn = 2 * pi / loop.delay
-        parts.append(omega[-1] + turn * np.linspace(0, 4, 4 * 64 + 1))
-    return np.unique(np.concatenate(parts))
+        high = omega[-1] * np.geomspace(1, 1e12 if loop.numerator.degree else 1e3, 97)
+    end = [inf] if np.isfinite(_limit(loop)) else []
+    return np.unique(np.concatenate([low, omega, high, end]))
 
 
 def _radius(loop: Quotient, omega: FloatArray, values: ComplexArray) -> float:
@@ -227,10 +213,7 @@ def _without_like_turns(
 
 
 def _held(loop: Quotient, omega: FloatArray) -> ComplexArray:
-    """Evaluate a loop with exp(-jωθ) held at four values, one a row, for the longest θ.
-
-    Shorter dead times turn against it as they do.
-    """
+    """Evaluate a loop with exp(-jωθ), θ the longest dead time, held at four values, one a row."""
     s, held = 1j * omega, np.array([[1], [-1j], [-1], [1j]])
 
     def value(factor: QuasiPolynomial) -> ComplexArray:

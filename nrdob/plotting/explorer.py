@@ -32,10 +32,9 @@ class Slider:
     ----------
     label : str
         Symbol and unit, as "λ (s)".
-    low, high, value : float
-        Range and initial value. Three whole numbers make a slider of whole numbers.
-    log : bool
-        Whether the scale is logarithmic.
+    low, high, value, log : float, float, float, bool
+        Range and initial value, and whether the scale is logarithmic. Three whole numbers make a
+        slider of whole numbers.
 
     Raises
     ------
@@ -64,16 +63,17 @@ class Slider:
     def widget(self) -> Any:
         """Make the slider; an ImportError without ipywidgets."""
         widgets = _widgets()
-        common = {"description": self.label, "continuous_update": True}
-        if all(isinstance(number, int) for number in (self.low, self.high, self.value)):
-            return widgets.IntSlider(min=self.low, max=self.high, value=self.value, **common)
-        if self.log:
-            ends = {"min": log10(self.low), "max": log10(self.high), "step": 0.005}
-            return widgets.FloatLogSlider(
-                value=self.value, base=10, **ends, readout_format=".3g", **common
-            )
-        ends = {"min": self.low, "max": self.high, "step": (self.high - self.low) / 200}
-        return widgets.FloatSlider(value=self.value, **ends, readout_format=".3g", **common)
+        kind, low, high = widgets.FloatSlider, self.low, self.high
+        steps = {"step": (high - low) / 200, "readout_format": ".3g"}
+        if all(isinstance(number, int) for number in (low, high, self.value)):
+            kind, steps = widgets.IntSlider, {}
+        elif self.log:
+            kind, low, high = widgets.FloatLogSlider, log10(low), log10(high)
+            steps["step"] = 0.005
+        return kind(
+            value=self.value, min=low, max=high, description=self.label, continuous_update=True,
+            **steps,
+        )  # fmt: skip
 
 
 class Explorer:

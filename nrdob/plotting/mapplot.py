@@ -18,10 +18,8 @@ class MapAxis(NamedTuple):
 
     Attributes
     ----------
-    label : str
-        What is written beside the axis.
-    values : (N,) array of float
-        Of each member.
+    label, values : str, (N,) array of float
+        What is written beside the axis, and the value of each member.
     """
 
     label: str
@@ -48,15 +46,8 @@ def map_plot(
         What becomes of each member; without a verdict it is drawn as a cross.
     borders : iterable of (x, y)
         Curves, from `nrdob.stability_chart`.
-    title : str
-        Written above it.
-    ax : matplotlib axes, optional
-        Where to draw; by default a new figure.
-
-    Returns
-    -------
-    Figure
-        The map, with alt text.
+    title, ax : str, matplotlib axes, optional
+        Heading, and where to draw.
     """
     (axes,) = axes_for(ax, 1, TALL)
     kinds: tuple[tuple[str, BoolArray, dict[str, Any]], ...] = (

@@ -32,14 +32,10 @@ from .figure import (
 
 __all__ = ["nyquist_plot"]
 
+# Distances, in points, at which a text may stand from what it belongs to.
 REACHES = (14.0, 20.0, 27.0, 35.0)
-"""Distances, in points, at which a text may stand from what it belongs to."""
-
-CROWDED = 5000
-"""So many points near a text need not be told apart by less than one point of type."""
-
-ENOUGH = 5.0
-"""Room around a text, in points, of which more is not better."""
+CROWDED = 5000  # so many points near a text need not be told apart by less than one point of type
+ENOUGH = 5.0  # room around a text, in points, of which more is not better
 
 
 def nyquist_plot(
@@ -62,10 +58,8 @@ def nyquist_plot(
         N, P and Z if they are known; by default they are counted.
     point : float
         Point of the real axis to encircle: -1, or +1 for the paper's G̃⁻¹G.
-    title : str
-        Heading, which also begins the alt text.
-    ax : matplotlib Axes, optional
-        Where to draw.
+    title, ax : optional
+        As for `nrdob.NRDOB.plot_nyquist`.
 
     Raises
     ------
@@ -153,37 +147,26 @@ def _drawn(curve: Contour) -> ComplexArray:
 def _arrows(ax: Axes, curve: Contour, colour: str) -> None:
     """Arrowheads half way along what is seen: the way of increasing frequency."""
     branch = max(curve.branches, key=lambda z: float(np.abs(np.diff(z)).sum()))
-    length = np.append(0.0, np.cumsum(np.abs(np.diff(branch))))
     view = abs(np.subtract(*ax.get_ylim()))
-    if length[-1] < 0.05 * view:
+    long = _along(branch)[-1]
+    if long < 0.05 * view:
         return
-    for z, fraction in ((branch, 0.35), (branch, 0.7), (np.conj(branch[::-1]), 0.5)):
-        along = length if z is branch else length[-1] - length[::-1]
-        _arrow(ax, along, z, fraction * min(length[-1], 4 * view), view, colour)
-    for arc in curve.arcs:
-        along = np.append(0.0, np.cumsum(np.abs(np.diff(arc.points))))
-        _arrow(ax, along, arc.points, 0.3 * along[-1], view, colour, alpha=0.6)
+    ways = [(branch, 0.35), (branch, 0.7), (np.conj(branch[::-1]), 0.5)]
+    arrows = [(z, fraction * min(long, 4 * view), 1.0) for z, fraction in ways]
+    arrows += [(arc.points, 0.3 * _along(arc.points)[-1], 0.6) for arc in curve.arcs]
+    for z, where, alpha in arrows:
+        ends = where + 0.012 * view * np.array([1, -1])
+        head, tail = np.interp(ends, _along(z), z)
+        ax.annotate(
+            "", (head.real, head.imag), (tail.real, tail.imag), zorder=4,
+            arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 0, "mutation_scale": 15,
+                        "shrinkA": 0, "shrinkB": 0, "alpha": alpha},
+        )  # fmt: skip
 
 
-def _arrow(
-    ax: Axes,
-    length: FloatArray,
-    z: ComplexArray,
-    where: float,
-    view: float,
-    colour: str,
-    alpha: float = 1.0,
-) -> None:
-    head, tail = (_at(length, z, where + shift * 0.012 * view) for shift in (1, -1))
-    ax.annotate(
-        "", (head.real, head.imag), (tail.real, tail.imag), zorder=4,
-        arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 0, "mutation_scale": 15,
-                    "shrinkA": 0, "shrinkB": 0, "alpha": alpha},
-    )  # fmt: skip
-
-
-def _at(length: FloatArray, z: ComplexArray, where: float) -> complex:
-    return complex(np.interp(where, length, z.real), np.interp(where, length, z.imag))
+def _along(z: ComplexArray) -> FloatArray:
+    """Length of a polygon up to each of its points."""
+    return np.append(0.0, np.cumsum(np.abs(np.diff(z))))
 
 
 def _arc_labels(ax: Axes, curve: Contour) -> None:
@@ -249,7 +232,7 @@ def _roomiest(
 
 def _dense(z: ComplexArray, step: float) -> ComplexArray:
     """Points along a polygon, no farther apart than `step`."""
-    length = np.append(0.0, np.cumsum(np.abs(np.diff(z))))
+    length = _along(z)
     even = np.linspace(0.0, length[-1], 2 + int(min(length[-1] / step, 1e5)))
     return np.asarray(np.interp(even, length, z), dtype=complex)
 
