@@ -10,8 +10,8 @@ from .parsing import UNITS, short
 
 __all__ = ["Choice", "checked_columns", "chosen", "known", "unit_of_time"]
 
+# First words of a heading of times; t and ts are others, if no column of these is there.
 TIME = ("time", "timestamp", "zeit", "elapsed", "seconds", "sec", "s", "date", "datetime")
-"""First words of a heading of times; t and ts are others, if no column of these is there."""
 
 BESIDE = (
     "time", "stamp", "in", "of", "since", "start", "elapsed", "utc", "local", "relative", "rel",
@@ -26,19 +26,17 @@ SIGNALS = {
 """Headings of input and output, without units and in small letters; with numbers if there are
 several."""
 
+# Headings of columns that number the rows: never taken for times.
 COUNTERS = ("sample", "samples", "index", "n", "k", "i", "no", "nr", "step", "count", "row", "id")
-"""Headings of columns that number the rows: never taken for times."""
-
 SAMPLING = "give the sampling time (--sampling-time 0.1; in Python sampling_time=0.1)"
-
 EXAMPLES = {"t": "Time", "u": "Q1", "y": "T1"}
 
 
 @dataclass(frozen=True)
 class Choice:
-    """The columns that are read: where t (if there are times), u and y stand, counted from 0.
+    """Where t (if there are times), u and y stand, from 0 on, and the unit of times if it is named.
 
-    Unit is that of the times, empty if none was named; remarks say what was taken for granted.
+    Remarks say what was taken for granted.
     """
 
     order: dict[str, int]
@@ -75,19 +73,11 @@ def unit_of_time(text: str) -> float | None:
 def chosen(
     heads: Sequence[str], width: int, asked: Mapping[str, str | int], timed: bool, table: str
 ) -> Choice:
-    """Find the columns, or ask.
+    """Find the columns, or raise a ValueError that lists them and asks.
 
-    Heads are the headings, empty if there are none; asked are columns by name or number, as for
-    `nrdob.read_data`; timed says whether there must be one of times, table what messages call it.
+    Heads may be empty; asked are columns by name or number, as for `nrdob.read_data`; timed says
+    whether there must be one of times, table what messages call it.
 
-    Raises
-    ------
-    ValueError
-        If a column that was asked for is not there, or it cannot be told which is which. The
-        message lists the columns.
-
-    Examples
-    --------
     >>> chosen(["Time [ms]", "y", "u"], 3, {}, True, "the table")
     Choice(order={'t': 0, 'u': 2, 'y': 1}, unit='ms', remarks=())
     """
@@ -187,7 +177,7 @@ def _asked(
     bare, unit = str(column).strip(), ""
     for attempt in range(2):
         if isinstance(column, str):
-            for same in (str, str.lower, lambda head: _base(head)):
+            for same in (str, str.lower, _base):
                 hits = [k for k, head in enumerate(heads) if same(head) == same(bare)]
                 if len(hits) > 1:
                     raise ValueError(

@@ -16,8 +16,7 @@ from .structures import Structure
 
 __all__ = ["starting_points"]
 
-VALLEYS = 2
-"""Dead times that are kept of each denominator."""
+VALLEYS = 2  # dead times that are kept of each denominator
 
 
 def starting_points(
@@ -29,8 +28,8 @@ def starting_points(
 ) -> list[FloatArray]:
     """Find at most so many shapes of small misfit, no two of them alike, the best first.
 
-    The input is zero at its first sample; mode is the filter through which the record is seen, and
-    whether the plant may move before the input does.
+    Mode is the filter through which the record is seen, and whether the plant may move before the
+    input does.
     """
     count = outputs.size
     whitening, moving = mode
@@ -46,9 +45,7 @@ def starting_points(
     for _, shape in found:
         if all(np.abs(shape - other).max() > 1.0 for other in kept):
             kept.append(shape)
-        if len(kept) == most:
-            break
-    return kept
+    return kept[:most]
 
 
 def _valleys(misfit: FloatArray) -> list[int]:

@@ -16,34 +16,21 @@ from ..numerics import BoolArray, FloatArray, IntArray
 
 __all__ = ["Sampled", "evenly_sampled"]
 
+# Largest distance of a sample from the even grid, in sampling times, that is left as it is.
 EVEN = 0.05
-"""Largest distance of a sample from the even grid, in sampling times, that is left as it is."""
-
-JITTER = 0.25
-"""Largest error of an interval, in sampling times, that is resampled."""
-
+JITTER = 0.25  # largest error of an interval, in sampling times, that is resampled
+# Largest share of missing samples: in the whole record, and in one gap (of more than one).
 MISSING, LONGEST = 0.05, 0.01
-"""Largest share of missing samples: in the whole record, and in one gap (of more than one)."""
-
-SMOOTH = 0.05
-"""Largest difference of two ways to interpolate y, against its standard deviation."""
-
-MINOR = 0.01
-"""Share of missing samples up to which filling them is not worth a warning."""
-
-COARSE = 2.5
-"""Largest step of rounded times, in sampling times."""
-
+SMOOTH = 0.05  # largest difference of two ways to interpolate y, against its standard deviation
+MINOR = 0.01  # share of missing samples up to which filling them is not worth a warning
+COARSE = 2.5  # largest step of rounded times, in sampling times
+# Irregular intervals that rounding must have left; fewer are missing or repeated rows.
 IRREGULAR = 3
-"""Irregular intervals that rounding must have left; fewer are missing or repeated rows."""
 
 
 @dataclass(frozen=True)
 class Sampled:
-    """A record at even times, in seconds; what was done to it is noted, or remarked if it matters.
-
-    `measured` is false where y was filled in.
-    """
+    """A record at even times, measured or filled in; what was done is noted, or remarked."""
 
     t: FloatArray
     u: FloatArray
@@ -56,21 +43,12 @@ class Sampled:
 def evenly_sampled(
     t: FloatArray, u: FloatArray, y: FloatArray, place: Callable[[int], str]
 ) -> Sampled:
-    """Bring a record to even times.
+    """Bring a record to even times, or say where these would hide something, as `place` calls it.
 
     Times within 5 % of a sampling time of an even grid are left as they are. Times that were
     rounded are taken as even. Where a few rows are missing, y is interpolated (and not used) and u
     held. Times with jitter are resampled: y along straight lines, u averaged over each interval.
-    Place gives what the sample of a number is called in messages.
 
-    Raises
-    ------
-    ValueError
-        If the times do not increase, or if even times would hide something: long gaps, a change of
-        u in a gap, large jitter, an output that moves too fast to be interpolated.
-
-    Examples
-    --------
     >>> t = np.delete(np.arange(200.0), 7)
     >>> even = evenly_sampled(t, t > 20, t, "sample {}".format)
     >>> even.t.size, even.y[7].item(), even.notes

@@ -17,31 +17,14 @@ from .zoh import free_responses, held_responses
 
 __all__ = ["STRUCTURES", "Structure"]
 
-FASTEST_LAG = 0.05
-"""In samples: a faster lag is not seen."""
-
-DAMPING = (0.003, 30.0)
-"""Damping ratios looked at."""
-
-RAMP = 100.0
-"""Samples in which the ramp of an integrator's level grows by one."""
+FASTEST_LAG = 0.05  # in samples: a faster lag is not seen
+DAMPING = (0.003, 30.0)  # damping ratios looked at
+RAMP = 100.0  # samples in which the ramp of an integrator's level grows by one
 
 
 @dataclass(frozen=True)
 class Structure:
-    """A kind of plant.
-
-    Attributes
-    ----------
-    name : str
-        In words.
-    lags : int
-        Degree of what is left of the denominator without the integrator, 0 to 2.
-    integrates : bool
-        Whether there is a pole at s = 0.
-    zero : bool
-        Whether the numerator has a zero.
-    """
+    """A kind of plant: in words, with 0 to 2 lags, a pole at s = 0 or not, a zero or not."""
 
     name: str
     lags: int
@@ -112,10 +95,7 @@ class Structure:
         return [np.array([0.0, log(omega), log(damping)]) for omega, damping in found]
 
     def forced(self, shape: FloatArray, inputs: FloatArray) -> FloatArray:
-        """Responses that the coefficients of the numerator multiply, shape (numerators, N).
-
-        The input is zero before its first sample.
-        """
+        """Responses that the coefficients of the numerator multiply, shape (numerators, N)."""
         den = self.den(shape)
         found = held_responses(den, inputs, float(shape[0]))[: self.numerators]
         return found * next(c for c in den[::-1] if c)  # so that the first coefficient is a gain
@@ -123,21 +103,16 @@ class Structure:
     def columns(
         self, shape: FloatArray, inputs: FloatArray, start: int, moving: bool
     ) -> FloatArray:
-        """All responses of which the output is a sum, from `start` on: numerator, then `own`.
-
-        The shape is (N - start, numerators + own).
-        """
+        """All responses of which the output is a sum, shape (N - start, numerators + own)."""
         forced = self.forced(shape, inputs)[:, start:]
         return np.vstack([forced, self.own(shape, forced.shape[1], moving)]).T
 
     def own(self, shape: FloatArray, count: int, moving: bool) -> FloatArray:
-        """Give what the plant does by itself: rest at a level or, moving, go on from any state.
-
-        An integrator that moves has a level of u, too, which makes a ramp.
-        """
+        """Give what the plant does by itself: rest at a level or, moving, go on from any state."""
         level = np.ones((1, count))
         if not moving:
             return level
+        # An integrator that moves has a level of u, too.
         ramp = np.arange(count)[None] / RAMP if self.integrates else level
         return np.vstack([free_responses(self.den(shape), count), ramp])
 

@@ -22,12 +22,10 @@ from .textfiles import Sheet, read_sheet
 
 __all__ = ["heated_air", "read_data"]
 
+# Times as often as y that u may change where nothing but their order says which is which.
 SWAPPED = 10
-"""Times as often as y that u may change where nothing but their order says which is which."""
-
+# Days since 1900, as spreadsheets count them, of the years 1982 to 2064.
 EXCEL_DAYS = (30_000.0, 60_000.0)
-"""Days since 1900, as spreadsheets count them, of the years 1982 to 2064."""
-
 HEATED_AIR_STEP = 0.08
 
 
@@ -135,11 +133,6 @@ def heated_air() -> Record:
     its plant, nor its sampling time. Length, levels and dynamics are those of the hot-air trainer
     PT326, a classic of system identification: a fan blows air through a tube, a resistor heats it,
     a thermistor at the outlet measures; it was sampled every 0.08 s.
-
-    Returns
-    -------
-    Record
-        The record.
 
     References
     ----------

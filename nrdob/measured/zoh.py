@@ -24,25 +24,10 @@ __all__ = ["free_responses", "held_responses"]
 
 
 def held_responses(den: Sequence[float], inputs: FloatArray, delay: float = 0.0) -> FloatArray:
-    r"""Respond from rest to a held input, by :math:`1/D(s)` and its derivatives.
+    r"""Respond from rest, shape (n, N), with :math:`e^{-\theta s}s^i/D(s)` for i from 0 to n - 1.
 
-    Parameters
-    ----------
-    den : sequence of float
-        Monic :math:`D(s)` of degree 1 or 2, descending, with the sampling time as unit of time.
-    inputs : (N,) array
-        Value of the input from each sample to the next; zero before the first.
-    delay : float
-        Dead time :math:`\theta \ge 0`, in samples.
-
-    Returns
-    -------
-    array of float, shape (n, N)
-        Responses at the samples of :math:`e^{-\theta s}s^i/D(s)` for i from 0 to n - 1.
-
-    Examples
-    --------
-    A lag of one sampling time after half a sample of dead time:
+    Den is the monic :math:`D(s)` of degree n, 1 or 2, descending; the input is zero before its
+    first sample, shape (N,). A lag of one sampling time after half a sample of dead time:
 
     >>> held_responses([1.0, 1.0], np.ones(3), 0.5).round(4)
     array([[0.    , 0.3935, 0.7769]])
@@ -70,10 +55,8 @@ def free_responses(den: Sequence[float], count: int) -> FloatArray:
     n = len(den) - 1
     step, _ = transition(*_companion(den), 1.0)
     poles = [1.0, -step[0, 0]] if n == 1 else [1.0, -np.trace(step), np.linalg.det(step)]
-    impulse = np.zeros(count)
-    impulse[0] = 1.0
-    first = lfilter([1.0], poles, impulse)
-    return first[None] if n == 1 else np.array([first, lfilter([0.0, 1.0], poles, impulse)])
+    impulse = np.eye(1, count)[0]
+    return np.array([lfilter(late, poles, impulse) for late in np.eye(n)])
 
 
 def _companion(den: Sequence[float]) -> tuple[FloatArray, FloatArray]:
