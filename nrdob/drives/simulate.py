@@ -35,9 +35,7 @@ from .two_mass import OneMass, TwoMasses
 __all__ = ["Drive", "DriveResponse"]
 
 FRICTIONLESS = Friction()
-
-FARTHEST = 1e150
-"""Angle, in rad, at which a loop is said to have run away."""
+FARTHEST = 1e150  # angle, in rad, at which a loop is said to have run away
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -63,10 +61,8 @@ class Drive:
 
     Parameters
     ----------
-    inertia : OneMass or TwoMasses
-        What the motor turns.
-    friction : Friction
-        Of the motor.
+    inertia, friction : OneMass or TwoMasses, Friction
+        What the motor turns, and its friction.
     encoder : Encoder, optional
         Which steps its angle is read in; by default none.
     estimate : SpeedEstimate, optional
@@ -96,26 +92,18 @@ class Drive:
         ----------
         dt, delay : float
             As of `nrdob.drives.motion.Motion`.
-
-        Returns
-        -------
-        Motion
-            With `advance(torque, load)`.
         """
         return Motion(self.inertia, self.friction, dt, delay)
 
     def reader(self, motion: Motion) -> Callable[[float], float]:
-        """Start to read the encoder of a motion, once in each sample from the first one on.
+        """Start to read the encoder, once in each sample from the first one on.
+
+        What is given makes y of a true angle in rad: an angle in steps, or a speed made of them.
 
         Parameters
         ----------
         motion : Motion
             Which this drive makes.
-
-        Returns
-        -------
-        callable
-            Gives y for a true angle in rad: an angle in steps, or a speed made of them.
         """
         return reader(self.encoder, self.estimate, motion)
 
@@ -145,24 +133,13 @@ class Drive:
             the times. Each value is held from its sample to the next.
         noise : float or (N,) array_like, optional
             Added to the angle before it is rounded, in rad, or the standard deviation of it.
-        limits : ActuatorLimits, optional
-            Range and rate of the torque.
-        timepts : (N,) array_like or float, optional
-            Times of the samples in seconds, or the last one; by default as many as arrays have.
-        seed : int or numpy.random.Generator
-            Of white noise.
-        tracking_time : float, optional
-            As for `SampledLoop.simulate`.
+        limits, timepts, seed, tracking_time : optional
+            As for `SampledLoop.simulate`; the limits are those of the torque.
         feedforward : Signal
             Torque that is added to the controller's, see `Friction.feedforward`.
         dead_band : float
             Error, in the unit of y, that the controller is not to see: what it reads is nearer to R
             by so much.
-
-        Returns
-        -------
-        DriveResponse
-            Which holds the true angle and speed, too.
 
         Examples
         --------

@@ -49,17 +49,12 @@ class OneMass:
         object.__setattr__(self, "inertia", _positive(self.inertia, "inertia", "kg m²"))
 
     def speed(self, viscous: float = 0.0) -> ct.TransferFunction:
-        """Give the speed from the torque, 1/(J s + b).
+        """Give the speed in rad/s from the torque in N m, 1/(J s + b).
 
         Parameters
         ----------
         viscous : float
             Viscous friction b of the motor, in N m s.
-
-        Returns
-        -------
-        control.TransferFunction
-            From N m to rad/s.
         """
         return ct.tf([1.0], [self.inertia, viscous])
 
@@ -80,10 +75,8 @@ class TwoMasses:
     Examples
     --------
     >>> drive = TwoMasses(1e-3, 4e-3, 10.0)
-    >>> round(drive.antiresonance, 3), round(drive.resonance, 3)
+    >>> round(drive.antiresonance, 3), round(drive.resonance, 3)           # their ratio is √(1 + 4)
     (50.0, 111.803)
-    >>> round(drive.resonance_ratio**2, 6)                      # 1 + 4
-    5.0
     """
 
     motor: float
@@ -107,11 +100,6 @@ class TwoMasses:
         """Frequency at which both swing against each other, undamped, in rad/s."""
         return sqrt(self.stiffness * (1 / self.motor + 1 / self.load))
 
-    @property
-    def resonance_ratio(self) -> float:
-        """Resonance over antiresonance, √(1 + load/motor)."""
-        return sqrt(1 + self.load / self.motor)
-
     def with_resonance_ratio(self, ratio: float) -> TwoMasses:
         """Exchange the motor for one that makes another ratio with the same shaft and load.
 
@@ -121,12 +109,7 @@ class TwoMasses:
         Parameters
         ----------
         ratio : float
-            Resonance over antiresonance, above 1; √5 is customary.
-
-        Returns
-        -------
-        TwoMasses
-            With the motor's inertia load/(ratio² - 1).
+            Resonance over antiresonance, above 1: √(1 + load/motor); √5 is customary.
 
         Examples
         --------
@@ -139,7 +122,7 @@ class TwoMasses:
         return replace(self, motor=self.load / (ratio**2 - 1))
 
     def speed(self, viscous: float = 0.0) -> ct.TransferFunction:
-        r"""Give the motor's speed from its torque.
+        r"""Give the motor's speed in rad/s from its torque in N m.
 
         With b = 0 it is :math:`(J_ls^2+cs+k)/\bigl(s(J_mJ_ls^2+(J_m+J_l)(cs+k))\bigr)`.
 
@@ -147,11 +130,6 @@ class TwoMasses:
         ----------
         viscous : float
             Viscous friction b of the motor, in N m s.
-
-        Returns
-        -------
-        control.TransferFunction
-            From N m to rad/s.
         """
         own, total = np.array([self.load, self.damping, self.stiffness]), self.motor + self.load
         free = [self.motor * self.load, total * self.damping, total * self.stiffness, 0.0]
@@ -166,11 +144,6 @@ class TwoMasses:
         ----------
         width : float
             w, the damping ratio of the new poles, positive.
-
-        Returns
-        -------
-        control.TransferFunction
-            With gain 1 at 0 and at high frequencies.
 
         Examples
         --------
