@@ -141,7 +141,7 @@ class Counting(SpeedEstimate):
     Parameters
     ----------
     samples : int
-        m, how many samples the counts are of.
+        How many samples the counts are of.
     """
 
     samples: int = 1
@@ -217,8 +217,6 @@ def reader(encoder: Encoder | None, estimate: SpeedEstimate | None, motion: Moti
     if encoder is None:
         return read
     step, inverse = encoder.step, 1 / encoder.step
-    if estimate is None:
-        return lambda angle: floor(angle * inverse + 0.5) * step
     return lambda angle: read(floor(angle * inverse + 0.5) * step)
 
 

@@ -19,7 +19,7 @@ compensation methods for the control of machines with friction, Automatica 30 (1
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import asin, cos, isfinite, pi, sin
+from math import asin, cos, inf, pi, sin
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -62,7 +62,7 @@ class Friction:
             if given is None:
                 continue
             value = real_number(given, name, "give it as a number")
-            if not (isfinite(value) and value >= 0):
+            if not 0 <= value < inf:
                 raise ValueError(
                     f"{name} is {value:g}; friction takes energy out, so it must be 0 or more and "
                     "finite: give its size, the sign follows the speed"
@@ -117,7 +117,7 @@ class Friction:
         0.1
         """
         A = real_number(amplitude, "amplitude", "give the amplitude of the speed in rad/s")
-        if not (isfinite(A) and A > 0):
+        if not 0 < A < inf:
             raise ValueError(f"amplitude is {A:g} rad/s; give a positive, finite amplitude")
         gain = 4 * self.coulomb / (pi * A) + self.viscous
         if self.slope:

@@ -10,8 +10,8 @@ applied, less what was fed forward. Then the drive moves to the next sample, exa
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from math import isfinite
+from dataclasses import dataclass
+from math import inf
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -50,9 +50,9 @@ class DriveResponse(SimulatedResponse):
         The motor's true angle and speed at the samples, in rad and rad/s, and whether it is held.
     """
 
-    angle: FloatArray = field(default_factory=lambda: np.zeros(0))
-    speed: FloatArray = field(default_factory=lambda: np.zeros(0))
-    at_rest: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    angle: FloatArray
+    speed: FloatArray
+    at_rest: BoolArray
 
 
 @dataclass(frozen=True)
@@ -156,7 +156,7 @@ class Drive:
         True
         """
         width = real_number(dead_band, "dead_band", "give a width in the unit of y, 0 or more")
-        if not (isfinite(width) and width >= 0):
+        if not 0 <= width < inf:
             raise ValueError(f"dead_band is {width:g}; give a width in the unit of y, 0 or more")
         if "d" in inputs:
             raise ValueError("a drive has no disturbance at its output: give the load as 'delta'")

@@ -17,7 +17,7 @@ with that ratio: it makes the plant behave like the model.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import isfinite, sqrt
+from math import inf, sqrt
 
 import control as ct
 import numpy as np
@@ -117,7 +117,7 @@ class TwoMasses:
         0.001
         """
         ratio = real_number(ratio, "ratio", "give resonance over antiresonance")
-        if not (isfinite(ratio) and ratio > 1):
+        if not 1 < ratio < inf:
             raise ValueError(f"ratio is {ratio:g}; give one above 1, such as 5**0.5")
         return replace(self, motor=self.load / (ratio**2 - 1))
 
@@ -159,7 +159,7 @@ class TwoMasses:
 
 def _positive(value: float, name: str, unit: str) -> float:
     number = real_number(value, name, f"give a number in {unit}")
-    if not (isfinite(number) and number > 0):
+    if not 0 < number < inf:
         remedy = "a drive without load is OneMass(inertia)" if name == "load" else "check its sign"
         raise ValueError(f"{name} is {number:g} {unit}; it must be positive and finite: {remedy}")
     return number

@@ -70,26 +70,25 @@ def unit_of_time(text: str) -> float | None:
     return UNITS.get(text.strip(" []()").lower())
 
 
-def chosen(
-    heads: Sequence[str], width: int, asked: Mapping[str, str | int], timed: bool, table: str
-) -> Choice:
+def chosen(heads: Sequence[str], asked: Mapping[str, str | int], timed: bool, table: str) -> Choice:
     """Find the columns, or raise a ValueError that lists them and asks.
 
-    Heads may be empty; asked are columns by name or number, as for `nrdob.read_data`; timed says
-    whether there must be one of times, table what messages call it.
+    Heads are empty texts where there are none; asked are columns by name or number, as for
+    `nrdob.read_data`; timed says whether there must be one of times, table what messages call it.
 
-    >>> chosen(["Time [ms]", "y", "u"], 3, {}, True, "the table")
+    >>> chosen(["Time [ms]", "y", "u"], {}, True, "the table")
     Choice(order={'t': 0, 'u': 2, 'y': 1}, unit='ms', remarks=())
     """
     wanted = ("t", "u", "y") if timed else ("u", "y")
     named = ", ".join(f"{k} {short(head)!r}" for k, head in enumerate(heads, 1))
+    titled, width = any(heads), len(heads)
     listed = f"{table} has " + (
-        f"the columns {named}" if heads else f"{width} column{'s' * (width > 1)} and no headings"
+        f"the columns {named}" if titled else f"{width} column{'s' * (width > 1)} and no headings"
     )
     order: dict[str, int] = {}
     unit = ""
     for what in (each for each in wanted if each in asked):
-        order[what], named = _asked(asked[what], what, heads, width, listed)
+        order[what], named = _asked(asked[what], what, heads, listed)
         unit = named if what == "t" else unit
     if len(set(order.values())) < len(order):
         raise ValueError(f"{listed}; the same one is asked for twice: t, u and y are three columns")
@@ -100,7 +99,7 @@ def chosen(
         k
         for k in range(width)
         if k not in order.values() and not any(k in each for each in several.values())
-        if not heads or (heads[k] and heads[k].lower() not in COUNTERS)
+        if not titled or (heads[k] and heads[k].lower() not in COUNTERS)
     ]
     lacking = [what for what in wanted if what not in order and what not in several]
     remarks: tuple[str, ...] = ()
@@ -110,13 +109,13 @@ def chosen(
         remarks = (
             f"the headings do not say which column holds {' and '.join(lacking)}: taken in the "
             f"order t, u, y, {taken}; name the columns to be sure ({_option(order, heads)})"
-            if heads
+            if titled
             else f"the columns were taken in the order {', '.join(wanted)}; name them to be sure "
             f"({_option(order, heads)})",
         )
     elif lacking or several:
-        raise ValueError(f"{listed}; {_question(order, several, lacking, wanted, heads, width)}")
-    if timed and heads and not unit:
+        raise ValueError(f"{listed}; {_question(order, several, lacking, heads)}")
+    if timed and not unit:
         unit = _unit(heads[order["t"]])
     return Choice({what: order[what] for what in wanted}, unit, remarks)
 
@@ -125,60 +124,50 @@ def _question(
     order: Mapping[str, int],
     several: Mapping[str, Sequence[int]],
     lacking: Sequence[str],
-    wanted: Sequence[str],
     heads: Sequence[str],
-    width: int,
 ) -> str:
     """Ask what is not known, with the option that answers it."""
-    free = [k for k in range(width) if k not in order.values()]
-    first = {what: each[0] for what, each in several.items()}
-    example = dict(order) | first
-    rest = iter([k for k in free if k not in first.values()])
-    example |= {what: k for what, k in zip(lacking, rest, strict=False)}
+    if lacking == ["t"] and not several:
+        return f"and no time: add a column t in seconds, or {SAMPLING}"
+    example = {**order, **{what: each[0] for what, each in several.items()}}
+    rest = [k for k in range(len(heads)) if k not in example.values()]
+    more = f"; without times {SAMPLING}" if "t" in lacking else ""
+    if len(rest) < len(lacking):
+        wanted = [what for what in ("t", "u", "y") if what in {*example, *lacking}]
+        return f"{len(wanted)} are needed: {', '.join(wanted)}{more}"
+    example |= dict(zip(lacking, rest, strict=False))
     asks = [
         f"{what} may be {' or '.join(_called(k, heads) for k in each)}"
         for what, each in several.items()
     ]
     if lacking:
         asks.append(f"which holds {', '.join(lacking)} is not known")
-    if lacking == ["t"] and not several:
-        return f"and no time: add a column t in seconds, or {SAMPLING}"
-    more = f"; without times {SAMPLING}" if "t" in lacking else ""
-    if len(example) < len(wanted):
-        return f"{len(wanted)} are needed: {', '.join(wanted)}{more}"
     return f"{'; '.join(asks)}: choose, such as {_option(example, heads)}{more}"
 
 
 def _option(order: Mapping[str, int], heads: Sequence[str]) -> str:
-    """Write the option that names these columns."""
-    named = {
-        what: (_plain(heads[order[what]]) if heads else "") or order[what] + 1
-        for what in ("t", "u", "y")
-        if what in order
-    }
+    """Write the option that names these columns, by number where a heading would need quotes."""
+    named: dict[str, str | int] = {w: order[w] + 1 for w in ("t", "u", "y") if w in order}
+    for what in named:
+        head = heads[order[what]]
+        if re.fullmatch(r"[^\W\d][\w .°%-]*", head) and len(head) < 20:
+            named[what] = head
     text = ",".join(f"{what}={each}" for what, each in named.items())
     quoted = f'"{text}"' if " " in text else text
     return f"--columns {quoted}; in Python columns={named}"
 
 
-def _plain(head: str) -> str:
-    """Give a heading if it can be written into an option; else nothing: its number will do."""
-    return head if re.fullmatch(r"[^\W\d][\w .°%-]*", head) and len(head) < 20 else ""
-
-
 def _called(k: int, heads: Sequence[str]) -> str:
-    return repr(short(heads[k])) if heads and heads[k] else f"column {k + 1}"
+    return repr(short(heads[k])) if heads[k] else f"column {k + 1}"
 
 
-def _asked(
-    column: str | int, what: str, heads: Sequence[str], width: int, listed: str
-) -> tuple[int, str]:
+def _asked(column: str | int, what: str, heads: Sequence[str], listed: str) -> tuple[int, str]:
     """Find a column by its name or number, maybe with a unit behind it: "2 [ms]"."""
     bare, unit = str(column).strip(), ""
     for attempt in range(2):
         if isinstance(column, str):
             for same in (str, str.lower, _base):
-                hits = [k for k, head in enumerate(heads) if same(head) == same(bare)]
+                hits = [k for k, head in enumerate(heads) if head and same(head) == same(bare)]
                 if len(hits) > 1:
                     raise ValueError(
                         f"{listed}; {len(hits)} of them are called {short(bare)!r}: give the "
@@ -186,7 +175,7 @@ def _asked(
                     )
                 if hits:
                     return hits[0], unit
-        if re.fullmatch(r"\d+", bare) and 1 <= int(bare) <= width:
+        if re.fullmatch(r"\d+", bare) and 1 <= int(bare) <= len(heads):
             return int(bare) - 1, unit
         behind = re.fullmatch(r"(.+?)\s*[\[(]\s*(\w+)\s*[\])]", bare)
         if attempt or behind is None or what != "t":

@@ -5,6 +5,11 @@ denominator :math:`\vartheta`, and with b found by linear least squares for each
 search has three unknowns at most (Golub and Pereyra's variable projection). Both sides go through
 the filter of the disturbance, see `nrdob.measured.residuals`; filter and process are found in turn.
 
+The search begins at the best of every dead time against many denominators. A whole dead time only
+shifts a response, so for one denominator the misfit at all of them comes out of a few correlations,
+computed by the fast Fourier transform. Nothing is guessed from the shape of a step; any input will
+do.
+
 .. rubric:: References
 
 Golub, G., V. Pereyra, Separable nonlinear least squares: the variable projection method and its
@@ -18,10 +23,10 @@ from math import exp, log
 from operator import attrgetter
 
 import numpy as np
+from scipy.fft import irfft, next_fast_len, rfft
 from scipy.optimize import least_squares
 
 from ..numerics import ROUNDING, BoolArray, FloatArray
-from .initialguesses import starting_points
 from .residuals import DECISIVE, Whitening, whitening_of
 from .structures import STRUCTURES, Structure
 
@@ -41,6 +46,7 @@ FAR = 0.15
 LONG = 2000  # samples to which longer records are thinned, to begin with
 DENSE = 0.95  # share of the samples that must count for a drift to be told from them
 INSIDE = 1e-9  # distance from the bounds at which a search begins
+VALLEYS = 2  # dead times that are kept of each denominator
 LOSS = attrgetter("loss")
 
 
@@ -164,11 +170,9 @@ def best_fit(structure: Structure, problem: Problem, moving: bool) -> Fit:
 
 
 def _begun(structure: Structure, problem: Problem, whitening: Whitening, moving: bool) -> Fit:
-    record = problem.inputs, problem.outputs
-    points = starting_points(structure, *record, (whitening, moving), TRIES)
-    return min(
-        (_search(structure, problem, whitening, shape, 0, moving) for shape in points), key=LOSS
-    )
+    points = _starting_points(structure, problem, whitening, moving)
+    fits = (_search(structure, problem, whitening, shape, 0, moving) for shape in points)
+    return min(fits, key=LOSS)
 
 
 def _plain_fit(structure: Structure, problem: Problem, start: int, moving: bool) -> Fit:
@@ -238,3 +242,49 @@ def _search(
     floor = (ROUNDING * np.ptp(problem.outputs)) ** 2
     misfit = float(np.mean(whitening.applied(left)[used] ** 2) + floor)
     return replace(fit, whitening=whitening.of_fit, misfit=misfit)
+
+
+def _starting_points(
+    structure: Structure, problem: Problem, whitening: Whitening, moving: bool
+) -> list[FloatArray]:
+    """Find shapes of small misfit through a filter, no two of them alike, the best first."""
+    count = problem.outputs.size
+    seen = whitening.applied(problem.inputs), whitening.applied(problem.outputs)
+    found = []
+    for shape in structure.shapes(count):
+        own, _ = np.linalg.qr(whitening.applied(structure.own(shape, count, moving).T))
+        misfit = _misfits(structure.forced(shape, seen[0]), seen[1], own.T)
+        for best in _valleys(misfit):
+            found.append((float(misfit[best]), np.concatenate([[float(best)], shape[1:]])))
+    found.sort(key=lambda each: each[0])
+    kept: list[FloatArray] = []
+    for _, shape in found:
+        if all(np.abs(shape - other).max() > 1.0 for other in kept):
+            kept.append(shape)
+    return kept[:TRIES]
+
+
+def _valleys(misfit: FloatArray) -> list[int]:
+    """Dead times, in samples, of the deepest local minima."""
+    padded = np.concatenate([[np.inf], misfit, [np.inf]])
+    low = np.flatnonzero((misfit <= padded[:-2]) & (misfit < padded[2:]))
+    return [int(k) for k in low[np.argsort(misfit[low])][:VALLEYS]]
+
+
+def _misfits(forced: FloatArray, outputs: FloatArray, own: FloatArray) -> FloatArray:
+    """Sum of squares that is left at each whole dead time, up to half the record."""
+    count, delays = outputs.size, outputs.size // 2
+    rest = outputs - (own @ outputs) @ own
+    size = next_fast_len(2 * count, real=True)
+    spectra = rfft(np.vstack([rest, own]), size)
+    shifted = rfft(forced, size).conj()
+    # correlations[i, m, d]: the i-th column against the m-th response, d samples late.
+    correlations = irfft(spectra[:, None] * shifted[None], size)[..., :delays]
+    onto, within = correlations[0], correlations[1:]
+    # Products of two responses equally late: what has not left the record yet.
+    products = np.cumsum(forced[:, None] * forced[None], axis=-1)[..., ::-1][..., :delays]
+    gram = (products - np.einsum("imd,ind->mnd", within, within)).transpose(2, 0, 1)
+    ridge = 1e-9 * np.trace(products[..., 0]) + np.finfo(float).tiny
+    gram += ridge * np.eye(forced.shape[0])
+    gain = np.linalg.solve(gram, onto.T[..., None])[..., 0]
+    return np.asarray(rest @ rest - np.einsum("md,dm->d", onto, gain))

@@ -109,14 +109,13 @@ def corners_of(
     ends = []
     for name, each in parameters.items():
         positive = name not in ("gain", "lead of the zero", "dead time")
-        low = max(each.low, LEAST * each.value) if positive else each.low
-        ends.append((low, each.high))
-    corners = {}
-    for corner in product(*ends):
-        numbers = dict(zip(parameters, corner, strict=True))
-        name = ", ".join(f"{called} {value:.3g}" for called, value in numbers.items())
-        corners[name] = _process(structure, numbers)
-    return corners
+        ends.append((max(each.low, LEAST * each.value) if positive else each.low, each.high))
+    corners = [dict(zip(parameters, corner, strict=True)) for corner in product(*ends)]
+    return {
+        ", ".join(f"{name} {value:.3g}" for name, value in numbers.items()):
+            _process(structure, numbers)
+        for numbers in corners
+    }  # fmt: skip
 
 
 def _process(structure: Structure, numbers: dict[str, float]) -> DelayedTransferFunction:

@@ -93,10 +93,10 @@ def read_data(
             raise ValueError("sampling_time and a column t are given; one of them must do")
     path = Path(path)
     sheet = read_sheet(path)
-    width = len(sheet.heads) or len(sheet.rows[0])
+    heads = sheet.heads or [""] * len(sheet.rows[0])
     table = f"line {sheet.head_line} of {short(path.name)}" if sheet.heads else short(path.name)
-    choice = chosen(sheet.heads, width, asked, sampling_time is None, table)
-    _check_widths(sheet, width)
+    choice = chosen(heads, asked, sampling_time is None, table)
+    _check_widths(sheet, len(heads))
     u, y = (_numbers(sheet, what, choice.order[what]) for what in ("u", "y"))
     if choice.remarks and _changes(u) > SWAPPED * _changes(y):
         raise ValueError(

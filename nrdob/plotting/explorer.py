@@ -127,7 +127,7 @@ class Explorer:
         return self.alt
 
     def move(self, **values: float) -> str:
-        """Set some sliders' values by name and update the artists; give the line of text.
+        """Set some sliders' values and update the artists; give the line of text.
 
         Parameters
         ----------
@@ -180,9 +180,7 @@ class Explorer:
             control.observe(follow, names="value")
         return widgets.VBox([*controls.values(), line, picture])
 
-    def _repr_mimebundle_(
-        self, include: Any = None, exclude: Any = None
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def _repr_mimebundle_(self, **_: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         # A page shows the picture; a running notebook, which knows widgets, prefers the view.
         data, metadata = self.figure._repr_mimebundle_()
         try:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from io import BytesIO
 from math import isfinite
 from pathlib import Path
@@ -102,9 +101,7 @@ class Figure(ct.ControlPlot):  # type: ignore[misc]
             )
         return buffer.getvalue()
 
-    def _repr_mimebundle_(
-        self, include: Any = None, exclude: Any = None
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def _repr_mimebundle_(self, **_: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         width, height = (round(float(PIXELS * inches)) for inches in self.figure.get_size_inches())
         data = {"image/png": self.png(), "text/plain": self.alt}
         # Left open, the inline backend would show the figure a second time; a window stays.
@@ -113,17 +110,9 @@ class Figure(ct.ControlPlot):  # type: ignore[misc]
         return data, {"image/png": {"alt": self.alt, "width": width, "height": height}}
 
 
-@contextmanager
-def styled() -> Iterator[None]:
-    """Draw in the style of this package and leave the user's settings as they are.
-
-    Yields
-    ------
-    None
-        Inside the block the style holds.
-    """
-    with plt.style.context(STYLE):
-        yield
+def styled() -> AbstractContextManager[None]:
+    """Draw in the style of this package and leave the user's settings as they are."""
+    return plt.style.context(STYLE)
 
 
 def axes_for(given: Any, count: int, height: float) -> list[Axes]:

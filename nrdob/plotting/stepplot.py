@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 
 from ..analysis import step_response
 from ..diagram import INPUTS, LoopEquations, Quotient
-from ..numerics import QuasiPolynomial, count_rhp
+from ..numerics import count_rhp
 from . import alttext
 from .figure import INK, TALL, Figure, axes_for, colour_of, in_lines, label_of, styled
 
@@ -85,7 +85,10 @@ def step_plot(
 def _final(loop: LoopEquations, given: str, through: Quotient) -> float:
     """Give the final value, by the loop's roots: inf if a response grows, nan without rest."""
     excited = (loop.p_A, loop.p_B) if given == "R" else (loop.p_B,)
-    if any(_on_the_right(p) for p in excited):
+    # Where a long dead time has more roots than are listed, they are counted.
+    if any(
+        (p.roots.real > 0).any() if p.roots_resolved else count_rhp(p).at_least for p in excited
+    ):
         return inf
     rightmost = max(p.roots[0].real if p.roots.size else -inf for p in excited)
     return nan if rightmost == 0 else through.dc_gain
@@ -101,8 +104,3 @@ def _step_frame(ax: Axes, given: str, name: str, signal: str, *, bottom: bool) -
     if high - low < 1e-6:
         ax.set_ylim(-0.5, 0.5)
     ax.axhline(0, color=INK, lw=0.6)
-
-
-def _on_the_right(p: QuasiPolynomial) -> float:
-    """Roots in the right half plane; counted where a long dead time has more than are listed."""
-    return float(np.sum(p.roots.real > 0)) if p.roots_resolved else count_rhp(p).at_least

@@ -73,10 +73,8 @@ class _Animation(Figure):
         super().__init__([], axes, alt)
         self.svg = svg
 
-    def _repr_mimebundle_(
-        self, include: Any = None, exclude: Any = None
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
-        data, metadata = super()._repr_mimebundle_(include, exclude)
+    def _repr_mimebundle_(self, **_: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        data, metadata = super()._repr_mimebundle_()
         return data | {"image/svg+xml": self.svg}, metadata
 
 

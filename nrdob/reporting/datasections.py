@@ -56,7 +56,7 @@ def _trust(found: Identification) -> Section:
             each.structure,
             str(each.parameters),
             f"{number(each.fit_percent)} %",
-            _percent(each.validation_percent),
+            "–" if isnan(each.validation_percent) else f"{number(each.validation_percent)} %",
             number(each.bic),
             "chosen" if each.structure == found.structure else "as well" * each.rival or "–",
         )
@@ -113,7 +113,3 @@ def _range(values: FloatArray) -> str:
 
 def _sentence(text: str) -> str:
     return f"{text[0].upper()}{text[1:]}."
-
-
-def _percent(value: float) -> str:
-    return "–" if isnan(value) else f"{number(value)} %"

@@ -63,7 +63,8 @@ def roots_listed(roots: Any) -> str:
     roots = sorted(map(complex, roots), key=lambda root: -root.real)
     upper = [root for root in roots if root.imag >= 0]
     more = len(upper) - MOST_ROOTS
-    said = [written(_clean(root), number, pair=True) for root in upper[:MOST_ROOTS]]
+    upper = [complex(r.real) if abs(r.imag) <= FLAT * abs(r) else r for r in upper]
+    said = [written(root, number, pair=True) for root in upper[:MOST_ROOTS]]
     return ", ".join(said) + (f", and {more} more further left" if more > 0 else "") or "none"
 
 
@@ -111,10 +112,6 @@ def character(process: Any) -> list[str]:
     if den.size > 5:
         said.append(f"It is of order {den.size - 1}.")
     return said or ["It is stable, without dead time, and its inverse is stable: nothing is hard."]
-
-
-def _clean(root: complex) -> complex:
-    return complex(root.real, 0.0) if abs(root.imag) <= FLAT * abs(root) else root
 
 
 def _polynomial(coefficients: FloatArray) -> str:

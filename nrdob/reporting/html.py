@@ -9,7 +9,6 @@ from __future__ import annotations
 import re
 from base64 import b64encode
 from dataclasses import dataclass
-from functools import cache
 from io import StringIO
 from typing import Any
 from zlib import crc32
@@ -94,7 +93,10 @@ class Section:
 
 def written(report: Any) -> str:
     """Lay a `nrdob.reporting.Report` out as a page of HTML."""
-    return str(_template().render(page=report))
+    loader = PackageLoader("nrdob.reporting", ".")
+    pages = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True)
+    pages.filters["unbroken"] = _unbroken
+    return pages.get_template("page.html.j2").render(page=report)
 
 
 def picture(figure: Any, caption: str) -> Picture:
@@ -113,18 +115,6 @@ def picture(figure: Any, caption: str) -> Picture:
     for side in ("height", " width"):
         svg = re.sub(rf'^<svg ([^>]*?){side}="[^"]*"', r"<svg \1", svg, count=1)
     return Picture(svg, figure.alt, caption)
-
-
-@cache
-def _template() -> Any:
-    environment = Environment(
-        loader=PackageLoader("nrdob.reporting", "."),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-    )
-    environment.filters["unbroken"] = _unbroken
-    return environment.get_template("page.html.j2")
 
 
 def _unbroken(text: str) -> str:

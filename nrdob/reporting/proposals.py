@@ -109,7 +109,8 @@ def propose(
         best = candidates[0]
         if not best.time_constants:
             return _matched(process, controller, max_ms, candidates)
-        why = f"Model: {_why(best.how)}. {_rank(candidates, max_ms)}"
+        how = "; ".join(REASONS.get(part, part) for part in best.how.split(", "))
+        why = f"Model: {how}. {_rank(candidates, max_ms)}"
         base = _Base(process, best.model, why, order or best.filters, controller, max_ms)
         damped = _without_resonances(process)
         if damped is not None:
@@ -218,7 +219,8 @@ def _others(
     """Give loops with other models, then slower ones with the same."""
     for other in others:
         yield "the model does not resonate", _completed(other, None, calm=True)
-    fastest = _time_constant(filter)
+    den = as_fraction(getattr(filter, "tf", filter), "filter").den  # (λs + 1)^n, but for a factor
+    fastest = float(abs(den[0] / den[-1]) ** (1 / (len(den) - 1)))
     for factor in SLOWER:
         slower = _completed(base, factor * fastest, calm=True)
         words = tuple(
@@ -226,12 +228,6 @@ def _others(
             for early, late in zip(first.words, slower.words, strict=False)
         )
         yield f"λ is {factor:g} times as long", replace(slower, words=words)
-
-
-def _time_constant(filter: Any) -> float:
-    """λ of a filter whose denominator is (λs + 1)^n."""
-    den = as_fraction(getattr(filter, "tf", filter), "filter").den
-    return float(abs(den[0] / den[-1]) ** (1 / (len(den) - 1)))
 
 
 def _without_resonances(process: Any) -> ct.TransferFunction | None:
@@ -253,10 +249,6 @@ def _rank(candidates: tuple[ModelCandidate, ...], max_ms: float) -> str:
     if candidates[0].fastest is None:
         return f"{among} comes closest to a sensitivity peak of {max_ms:g}, which none meets."
     return f"{among} lets the observer reject most at a sensitivity peak of {max_ms:g}."
-
-
-def _why(how: str) -> str:
-    return "; ".join(REASONS.get(part, part) for part in how.split(", "))
 
 
 def _matched(
