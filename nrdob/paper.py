@@ -145,10 +145,9 @@ def example(number: int, modified: bool = False) -> NRDOB:
 
     Parameters
     ----------
-    number : int
-        1 matched, 2 non-minimum phase, 3 unstable, 4 time delay.
-    modified : bool
-        With the modified plant of the robustness test; Example 1 has none.
+    number, modified : int, bool
+        1 matched, 2 non-minimum phase, 3 unstable, 4 time delay; with the modified plant of the
+        robustness test or not.
 
     Returns
     -------
@@ -158,7 +157,7 @@ def example(number: int, modified: bool = False) -> NRDOB:
     Raises
     ------
     ValueError
-        For an example that the paper does not contain.
+        For an example that the paper does not contain; Example 1 has no modified plant.
 
     Examples
     --------

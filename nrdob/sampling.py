@@ -20,10 +20,8 @@ def random_loop(rng: np.random.Generator, *, delayed: bool = False) -> NRDOB:
 
     Parameters
     ----------
-    rng : numpy.random.Generator
-        Source of the numbers: `numpy.random.default_rng(seed)`.
-    delayed : bool
-        Give the process a dead time between 0.01 and 1 s.
+    rng, delayed : numpy.random.Generator, bool
+        Source of the numbers, and whether the process has a dead time between 0.01 and 1 s.
 
     Returns
     -------

@@ -36,14 +36,12 @@ class Friction:
 
     Parameters
     ----------
-    coulomb : float
-        Torque in motion, without its viscous part, in N m.
+    coulomb, viscous : float
+        Torque in motion, in N m, and what is added to it for each rad/s, in N m s.
     stiction : float, optional
         Largest torque at rest, at least `coulomb`, in N m; by default the same.
     stribeck_speed : float
         Speed at which stiction has fallen to Coulomb friction, in rad/s; 0 if at once.
-    viscous : float
-        Torque for each rad/s, in N m s.
 
     Examples
     --------

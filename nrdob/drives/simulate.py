@@ -63,10 +63,9 @@ class Drive:
     ----------
     inertia, friction : OneMass or TwoMasses, Friction
         What the motor turns, and its friction.
-    encoder : Encoder, optional
-        Which steps its angle is read in; by default none.
-    estimate : SpeedEstimate, optional
-        How a speed is made of the angle; by default the loop is one for the angle.
+    encoder, estimate : Encoder, SpeedEstimate, optional
+        In which steps its angle is read, by default none, and how a speed is made of it; by default
+        the loop is one for the angle.
 
     Examples
     --------
@@ -135,11 +134,9 @@ class Drive:
             Added to the angle before it is rounded, in rad, or the standard deviation of it.
         limits, timepts, seed, tracking_time : optional
             As for `SampledLoop.simulate`; the limits are those of the torque.
-        feedforward : Signal
-            Torque that is added to the controller's, see `Friction.feedforward`.
-        dead_band : float
-            Error, in the unit of y, that the controller is not to see: what it reads is nearer to R
-            by so much.
+        feedforward, dead_band : Signal, float
+            Torque that is added to the controller's, see `Friction.feedforward`, and the error, in
+            the unit of y, by which what the controller reads is nearer to R.
 
         Examples
         --------

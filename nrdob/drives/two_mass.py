@@ -67,10 +67,8 @@ class TwoMasses:
     ----------
     motor, load : float
         Inertias, in kg m².
-    stiffness : float
-        k of the shaft, in N m/rad.
-    damping : float
-        c of the shaft, in N m s/rad.
+    stiffness, damping : float
+        k of the shaft, in N m/rad, and its c, in N m s/rad.
 
     Examples
     --------

@@ -138,13 +138,8 @@ def process_of(fit: Fit, step: float, unit: float) -> DelayedTransferFunction:
 
     Step and unit as for `told`.
     """
-    den = np.array(fit.structure.den(fit.shape))
-    scale = next(c for c in den[::-1] if c)
-    num = unit * fit.linear[: fit.structure.numerators][::-1]
-    powers = float(step) ** np.arange(den.size)[::-1]
-    den = den / scale * powers
-    last = next(c for c in den[::-1] if c)
-    delay = float(fit.shape[0]) * step
-    return DelayedTransferFunction(
-        (num * powers[-num.size :] / last, den / last), delay if fit.shape[0] > NO_DELAY else 0.0
-    )
+    numbers = _numbers(fit.structure, fit.unknowns, (step, unit), apart=False)
+    values = {name: value for name, (value, _) in numbers.items()}
+    if fit.shape[0] <= NO_DELAY:
+        values["dead time"] = 0.0
+    return _process(fit.structure, values)

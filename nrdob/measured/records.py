@@ -87,8 +87,7 @@ def checked_record(
     notes, remarks : tuple of str
         What was done and noticed before.
     input_before : float, optional
-        What the input was before the record, with the plant at rest: where the first sample already
-        is the step, this is what it steps from.
+        What u was before the record, with the plant at rest: what a first sample steps from.
 
     Raises
     ------
@@ -112,19 +111,20 @@ def checked_record(
     if times[0] >= SINCE_1970:
         notes = (*notes, f"times count from {times[0]:.10g} s, that of the first sample")
         times = times - times[0]
-    before = None if input_before is None else _before(input_before)
-    if before is not None:
-        notes = (*notes, f"before it u is {before:g}, as you say, and the plant at rest")
-    _check_moving(inputs if before is None else np.append(before, inputs), outputs)
+    if input_before is not None:
+        input_before = _before(input_before)
+        notes = (*notes, f"before it u is {input_before:g}, as you say, and the plant at rest")
+    moves = inputs if input_before is None else np.append(input_before, inputs)
+    _check_moving(moves, outputs)
     free, noticed = _stuck(outputs, place)
     even = evenly_sampled(times, inputs, outputs, place)
-    if np.ptp(even.u[:-1]) == 0 and before in (None, even.u[0]):
+    if np.ptp(even.u[:-1]) == 0 and input_before in (None, even.u[0]):
         raise ValueError("u changes at the last sample only: let the record go on after the step")
     if even.t.size != times.size or not np.array_equal(even.t, times):
         free = np.interp(even.t, times, free) > 1 - 1e-9
     return Record(
         even.t, even.u, even.y, free & even.measured, (*remarks, *even.remarks, *noticed), name,
-        (*notes, *even.notes), before,
+        (*notes, *even.notes), input_before,
     )  # fmt: skip
 
 

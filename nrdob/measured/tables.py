@@ -56,8 +56,7 @@ def read_data(
         Heading or number (from 1 on) of the columns of "t", "u" and "y"; those that are found by
         themselves may be left out. The unit of times may stand behind: ``{"t": "1 [ms]"}``.
     input_before : float, optional
-        What u was before the record, with the plant at rest, for a record that begins with the
-        step.
+        What u was before a record that begins with the step, with the plant at rest.
 
     Returns
     -------

@@ -96,21 +96,18 @@ def _text(path: Path) -> tuple[str, tuple[str, ...]]:
     try:
         text = raw.decode(_encoding(raw))
         wrong = re.search(r"[\0-\x08\x0e-\x1f\x7f]", text)
+        before = text[: wrong.start()].encode() if wrong else b""
     except UnicodeDecodeError as error:
         text = raw.decode("cp1252", errors="replace")
         wrong = re.search(r"[\0-\x08\x0e-\x1f\x7f\ufffd]", text)
-        if wrong:
-            raise _no_text(name, raw[: error.start].count(b"\n") + 1) from None
+        before = raw[: error.start]
         notes = ("the file is not in UTF-8; it was read as Latin-1 (Windows-1252)",)
     if wrong:
-        raise _no_text(name, text[: wrong.start()].count("\n") + 1)
+        line = before.count(b"\n") + 1
+        raise ValueError(
+            f"{name} is no table of text, see line {line}: save it as CSV, not as a spreadsheet"
+        )
     return text, notes
-
-
-def _no_text(name: str, line: int) -> ValueError:
-    return ValueError(
-        f"{name} is no table of text, see line {line}: save it as CSV, not as a spreadsheet"
-    )
 
 
 def _encoding(raw: bytes) -> str:

@@ -63,14 +63,10 @@ def chart_plot(chart: Any, *, title: str = "", ax: Any = None) -> Figure:
                     _many(region), (region.x, region.y), color=colour, ha="center",
                     va="center", weight="bold" if region.count == 0 else "normal",
                 )  # fmt: skip
-        for axis, scale, limits, name in (
-            (x, axes.set_xscale, axes.set_xlim, axes.set_xlabel),
-            (y, axes.set_yscale, axes.set_ylim, axes.set_ylabel),
-        ):
+        for way, axis in (("x", x), ("y", y)):
             if axis.logarithmic:
-                scale("log")
-            limits(axis.low, axis.high)
-            name(LABELS[axis.name])
+                axes.set(**{f"{way}scale": "log"})
+            axes.set(**{f"{way}lim": (axis.low, axis.high), f"{way}label": LABELS[axis.name]})
         headings(axes, title)
     return Figure(lines, axes, _alt(chart))
 

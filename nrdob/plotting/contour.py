@@ -64,14 +64,13 @@ class Contour:
     @property
     def branches(self) -> list[ComplexArray]:
         """Parts of the curve within the radius, for positive frequencies."""
-        inside = _inside(self.values, self.radius)
-        return [self.values[run] for run in _runs(inside)]
+        return [self.values[run] for run in _runs(self.values, self.radius)]
 
     @property
     def size(self) -> float:
         """Largest modulus of what is drawn."""
-        drawn = np.abs(self.values[_inside(self.values, self.radius)])
-        return self.radius if self.radius < inf else float(drawn.max(initial=0.0))
+        drawn = (float(np.abs(branch).max()) for branch in self.branches)
+        return self.radius if self.radius < inf else max(drawn, default=0.0)
 
 
 def contour(loop: Quotient) -> Contour:
@@ -102,11 +101,8 @@ def closest_approach(loop: Quotient, curve: Contour, point: float = -1.0) -> App
             return Approach(float(distance[end]), float(omega[end]), complex(values[end]))
     inner = 1 + np.flatnonzero((distance[1:-1] <= distance[:-2]) & (distance[1:-1] <= distance[2:]))
     near = inner[distance[inner] <= 1.05 * lowest]
-    found = golden(
-        lambda w: np.abs(loop(1j * w) - point),
-        omega[near - 1],
-        np.minimum(omega[near + 1], 10 * omega[near]),
-    )
+    ends = omega[near - 1], np.minimum(omega[near + 1], 10 * omega[near])
+    found = golden(lambda w: np.abs(loop(1j * w) - point), *ends)
     candidates = np.append(found, omega[int(np.argmin(distance))])
     nearest = float(candidates[np.argmin(np.abs(loop(1j * candidates) - point))])
     value = complex(loop(1j * nearest))
@@ -254,7 +250,7 @@ def _arcs(
     loop: Quotient, omega: FloatArray, values: ComplexArray, radius: float
 ) -> tuple[Arc, ...]:
     """Close the curve at `radius`, in the sense in which it is closed at infinity."""
-    runs = _runs(_inside(values, radius))
+    runs = _runs(values, radius)
     if radius == inf or not runs:
         return ()
     arcs = []
@@ -284,11 +280,8 @@ def _arc(start: complex, end: complex, half_turns: int, radius: float) -> Comple
     return np.asarray(radius * np.exp(1j * (begin + turn * np.linspace(0, 1, count))))
 
 
-def _inside(values: ComplexArray, radius: float) -> BoolArray:
-    return np.asarray(np.abs(values) <= min(radius, _FAR / 2))
-
-
-def _runs(inside: BoolArray) -> list[slice]:
-    """Stretches of consecutive true entries."""
+def _runs(values: ComplexArray, radius: float) -> list[slice]:
+    """Stretches of a curve within the radius."""
+    inside = np.abs(values) <= min(radius, _FAR / 2)
     edges = np.flatnonzero(np.diff(inside.astype(int), prepend=0, append=0))
     return [slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]

@@ -81,10 +81,9 @@ class Explorer:
 
     Parameters
     ----------
-    figure : Figure
-        Drawn with the initial values of the sliders; its alt text describes that state.
-    moving : sequence of matplotlib artists
-        Those that `update` changes. The axes' limits stay as they are.
+    figure, moving : Figure, sequence of matplotlib artists
+        Drawn with the initial values of the sliders, as its alt text says, and what of it `update`
+        changes. The axes' limits stay as they are.
     update : callable
         Takes the sliders' values by name, sets the data of the moving artists, and returns a line
         of text that says what is to be seen: a verdict, numbers.

@@ -67,12 +67,10 @@ def map_plot(
         drawn = list(borders)
         for curve in drawn:
             lines += axes.plot(*curve, color=INK, lw=1.2)
-        for axis, limits in ((x, axes.set_xlim), (y, axes.set_ylim)):
+        for way, axis in (("x", x), ("y", y)):
             low, high = float(axis.values.min()), float(axis.values.max())
             room = 0.02 * (high - low)
-            limits(low - room, high + room)
-        axes.set_xlabel(x.label)
-        axes.set_ylabel(y.label)
+            axes.set(**{f"{way}lim": (low - room, high + room), f"{way}label": axis.label})
         # Above the map: wherever it stood within, members would lie behind its words.
         axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(kinds))
         headings(axes, title)

@@ -81,8 +81,8 @@ def nyquist_plot(
         _arrows(ax, curve, colour)
         _arc_labels(ax, curve)
         _critical(ax, point)
-        if half := _inset_half_width(curve, approach, point):
-            _inset(ax, curve, colour, point, half, approach)
+        if curve.size > 7 * max(1.0, abs(point)):
+            _inset(ax, curve, colour, point, approach)
         else:
             _mark_approach(ax, curve, approach, point)
         # A later change of the layout may move the limits again, without a message. Reading them
@@ -208,12 +208,12 @@ def _roomiest(
     drawn = np.concatenate([_dense(piece, (axis[-1] - axis[0]) / 400) for piece in pieces])
     obstacles = np.concatenate([drawn, np.conj(drawn), way, axis, 1j * axis, circle])
     scale = 72 / ax.figure.figure.dpi
-    points = ax.transData.transform(np.column_stack([obstacles.real, obstacles.imag])) * scale
+    points = _pixels(ax, obstacles) * scale
     far = REACHES[-1] + half_width + 2 * ENOUGH
 
     def places() -> Iterator[tuple[float, complex, complex]]:
         for anchor in anchors:
-            gap = points - ax.transData.transform((anchor.real, anchor.imag)) * scale
+            gap = points - _pixels(ax, np.array([anchor])) * scale
             near = gap[np.all(np.abs(gap) < far, axis=1)]
             if len(near) > CROWDED:
                 x, y = np.round(near.T)
@@ -237,25 +237,20 @@ def _dense(z: ComplexArray, step: float) -> ComplexArray:
     return np.asarray(np.interp(even, length, z), dtype=complex)
 
 
-def _inset_half_width(curve: Contour, approach: Approach, point: float) -> float:
-    """Half-width of an inset, 0 where the point is seen well enough without."""
-    if curve.size <= 7 * max(1.0, abs(point)):
-        return 0.0
-    return max(1.3, 1.6 * min(approach.distance, 4.0))
+def _pixels(ax: Axes, z: ComplexArray) -> FloatArray:
+    """Where points are drawn, shape (N, 2)."""
+    return np.asarray(ax.transData.transform(np.column_stack([z.real, z.imag])))
 
 
-def _inset(
-    ax: Axes, curve: Contour, colour: str, point: float, half: float, approach: Approach
-) -> None:
+def _inset(ax: Axes, curve: Contour, colour: str, point: float, approach: Approach) -> None:
     """Magnify the neighbourhood of the point in the emptiest place."""
+    half = max(1.3, 1.6 * min(approach.distance, 4.0))
     size = (0.32, 0.40)
     places = [(x, y) for x in (0.03, 0.34, 0.40, 0.65) for y in (0.56, 0.30, 0.04)]
     drawn = _drawn(curve)
     drawn = np.concatenate([drawn, np.conj(drawn), np.linspace(-1.0, 1.0, 50)])
     weights = np.abs(np.diff(drawn, append=drawn[-1:]))
-    seen = ax.transAxes.inverted().transform(
-        ax.transData.transform(np.column_stack([drawn.real, drawn.imag]))
-    )
+    seen = ax.transAxes.inverted().transform(_pixels(ax, drawn))
 
     def crossed(place: tuple[float, float]) -> float:
         inside = (seen >= np.array(place) - 0.02) & (seen <= np.array(place) + size)

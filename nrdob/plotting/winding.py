@@ -61,8 +61,8 @@ def winding_animation(zeros: Sequence[complex], poles: Sequence[complex]) -> Fig
         _draw_walk(axes[0, 0], zeros, poles, CIRCLE.size - 1)
         _draw_value(axes[0, 1], f, CIRCLE.size - 1)
     whole = round(float(_swept(f)[-1]))
-    noun = "encirclement" if whole == 1 else "encirclements"
-    alt = f"The walk as an animation; in all f makes {whole} clockwise {noun} of 0"
+    many = f"{whole} clockwise encirclement{'s' * (whole != 1)}"
+    alt = f"The walk as an animation; in all f makes {many} of 0"
     return _Animation(axes, alt, _svg(zeros, poles))
 
 

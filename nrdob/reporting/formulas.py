@@ -89,10 +89,8 @@ def character(process: Any) -> list[str]:
         said.append(f"It is unstable: poles at {roots_listed(unstable)} rad/s.")
     damped = [p for p in poles if p.imag > 0 and p.real <= 0 and -p.real < 0.3 * abs(p)]
     for p in damped[:3]:
-        said.append(
-            f"It resonates at {number(abs(p))} rad/s with a damping ratio of "
-            f"{number(-p.real / abs(p))}."
-        )
+        frequency, ratio = number(abs(p)), number(-p.real / abs(p))
+        said.append(f"It resonates at {frequency} rad/s with a damping ratio of {ratio}.")
     wrong = zeros[zeros.real > 0]
     if wrong.size:
         said.append(

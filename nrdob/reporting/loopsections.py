@@ -53,9 +53,8 @@ def _blocks(loop: NRDOB, step: float | None, title: str) -> Section:
     for name in ("process G", "model G̃", "controller C", "filter F"):
         block = getattr(loop, name.split()[0])
         num, den = as_fraction(getattr(block, "tf", block), name, proper=False)
-        rows.append(
-            (name, formula(block), roots_listed(np.roots(den)), roots_listed(np.roots(num)))
-        )
+        poles, zeros = (roots_listed(np.roots(part)) for part in (den, num))
+        rows.append((name, formula(block), poles, zeros))
     head = ("block", "formula", "poles", "zeros")
     table = Table("The blocks, with poles and zeros in rad/s", head, tuple(rows))
     words = (
@@ -69,24 +68,19 @@ def _blocks(loop: NRDOB, step: float | None, title: str) -> Section:
 
 def _verdict(loop: NRDOB, step: float | None, title: str) -> Section:
     found = loop.stability()
-    rows = tuple(
-        (
-            part.name,
-            *(
-                "?" if count is None else number(count)
-                for count in (part.encirclements, part.open_loop_rhp, part.closed_loop_rhp)
-            ),
-            "none" if isnan(part.rightmost.real) else written(part.rightmost, number, pair=True),
-            roots_listed(part.roots),
-        )
-        for part in (found.model_loop, found.observer_loop)
-    )
+    rows = []
+    for part in (found.model_loop, found.observer_loop):
+        counts = part.encirclements, part.open_loop_rhp, part.closed_loop_rhp
+        n, p, z = ("?" if count is None else number(count) for count in counts)
+        rightmost = part.rightmost
+        last = "none" if isnan(rightmost.real) else written(rightmost, number, pair=True)
+        rows.append((part.name, n, p, z, last, roots_listed(part.roots)))
     table = Table(
         "Z = N + P: encirclements of −1, poles in the right half plane before, roots there after "
         "closing the loop, in rad/s; (i) is the controller with the model, with the roots of p_A, "
         "(ii) the observer with the plant, with those of p_B",
         ("condition", "N", "P", "Z", "rightmost root", "roots, rightmost first"),
-        rows,
+        tuple(rows),
     )
     says = {
         True: "The loop is stable: both conditions hold, each found in two independent ways.",

@@ -85,10 +85,8 @@ def propose(
         record about as well and at the ends of all intervals, and λ is increased until none fails.
     model, controller : as for `nrdob.NRDOB`, optional
         G̃ and C.
-    time_constant : float, optional
-        λ of the filter, in seconds; one that is given is not increased.
-    order : int, optional
-        n of the filter.
+    time_constant, order : float, int, optional
+        λ of the filter, in seconds, which is not increased if it is given, and its n.
     max_ms : float
         Largest peak of the sensitivity aimed at.
 

@@ -148,10 +148,8 @@ def report(
     ----------
     subject : NRDOB, Identification, Record, or a process as for `nrdob.NRDOB`
         What to report on.
-    path : str or path, optional
-        Where to write the page.
-    title : str
-        Heading of the page.
+    path, title : str or path, str, optional
+        Where to write the page, and its heading.
     progress : callable
         Called with the name of each part before it is worked on.
     **given : Any
@@ -165,11 +163,9 @@ def report(
 
     Raises
     ------
-    TypeError, ValueError
+    TypeError, ValueError, OSError
         If the subject is nothing of that kind, if a loop is given and a block beside it, or blocks
-        that cannot stand in a loop.
-    OSError
-        If the page cannot be written.
+        that cannot stand in a loop; if the page cannot be written.
 
     Examples
     --------

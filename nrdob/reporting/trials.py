@@ -83,10 +83,8 @@ def trial_table(trials: tuple[Trial, ...]) -> Table:
         (each.process, answer[each.stable], number(each.ms) if isfinite(each.ms) else "–")
         for each in shown
     )
-    return Table(
+    caption = (
         "The loop on what the process may be: structures that explain the record about as well, "
-        f"and the worst {len(shown) - len(trials) + len(corners)} of {len(corners)} corners of the "
-        "intervals",
-        ("process", "stable", "peak Ms"),
-        rows,
+        f"and the worst {len(corners[:SHOWN])} of {len(corners)} corners of the intervals"
     )
+    return Table(caption, ("process", "stable", "peak Ms"), rows)
