@@ -109,12 +109,9 @@ class NRDOB(LoopEquations):
 
         Parameters
         ----------
-        dt : float
-            Sampling time in seconds.
-        method : {"tustin", "zoh"}
-            How the blocks are sampled.
-        computation_delay : float
-            Time from reading y to writing u, in seconds.
+        dt, method, computation_delay : float, {"tustin", "zoh"}, float
+            Sampling time in seconds, how the blocks are sampled, and the time from reading y to
+            writing u, in seconds.
 
         Returns
         -------

@@ -82,15 +82,12 @@ class SpeedEstimate(ABC):
     def smoothing(self, dt: float) -> tuple[FloatArray, FloatArray]:
         """Give M(z), from the mean speed of the last sample to the estimate.
 
+        Numerator and denominator, shape (n+1,), are in descending powers of z, the latter monic.
+
         Parameters
         ----------
         dt : float
             Sampling time in seconds.
-
-        Returns
-        -------
-        num, den : arrays of float, shape (n+1,)
-            In descending powers of z, den monic.
         """
         num, den = self._smoothing(dt)
         return np.array(num), np.array(den)

@@ -62,10 +62,11 @@ class Motion:
         self._past = deque([0.0] * (samples + 2), maxlen=samples + 2)
         self._plan: list[tuple[int, float, dict[int, Stretch]]] = []
         for age, share in enumerate((fraction, 1 - fraction)):
-            count = max(stretches(M, share * dt) for M, _ in modes.values()) if share else 0
-            tables = {m: Stretch(*linear, share * dt / max(count, 1), n)
-                      for m, linear in modes.items()} if count else {}  # fmt: skip
-            self._plan += [(age, share * dt / count, tables) for _ in range(count)]
+            if share:
+                count = max(stretches(M, share * dt) for M, _ in modes.values())
+                time = share * dt / count
+                tables = {mode: Stretch(*linear, time, n) for mode, linear in modes.items()}
+                self._plan += [(age, time, tables)] * count
         self.dt, self.events, self.mode = dt, 0, REST
         self._z = np.zeros(n + 3)
         self._z[-1] = 1.0

@@ -205,27 +205,23 @@ def _words(head: str) -> list[str]:
 
 def _is_time(head: str) -> int:
     """2 for a heading of times, 1 for one that may be, 0 for none."""
-    words = _words(head)
-    if not words:
-        return 0
-    if len(words) == 1 and words[0] in UNITS and len(words[0]) > 1 and words[0] != "min":
+    first, *others = _words(head) or [""]
+    if not others and first in UNITS and len(first) > 1 and first != "min":
         return 2
-    behind = [word for word in words[1:] if word not in BESIDE]
-    in_brackets = re.search(r"[\[(]", head) is not None
-    if words[0] in TIME:
-        return 2 if not behind or behind[0] in UNITS or in_brackets else 0
-    if words[0] in ("t", "ts"):
-        return 1 if not behind or behind[0] in UNITS else 0
-    return 0
+    behind = [word for word in others if word not in BESIDE]
+    measured = not behind or behind[0] in UNITS
+    if first in TIME:
+        return 2 if measured or re.search(r"[\[(]", head) else 0
+    return 1 if first in ("t", "ts") and measured else 0
 
 
 def _unit(head: str) -> str:
     """Find the unit that a heading of times names; empty if it names none."""
-    words = _words(head)
-    if words and words[0] in UNITS:
-        return words[0]
-    behind = [word for word in words[1:] if word not in BESIDE]
-    return " ".join(behind) if _is_time(head) or behind[-1:] in [[unit] for unit in UNITS] else ""
+    first, *others = _words(head) or [""]
+    if first in UNITS:
+        return first
+    behind = [word for word in others if word not in BESIDE]
+    return " ".join(behind) if _is_time(head) or (behind and behind[-1] in UNITS) else ""
 
 
 def _base(head: str) -> str:

@@ -58,11 +58,10 @@ class Structure:
 
     def bounds(self, samples: int) -> tuple[FloatArray, FloatArray]:
         """Lowest and highest `shape` in a record of so many samples."""
-        slow = 20.0 * samples
+        slow = log(20.0 * samples)
+        pairs = [(log(FASTEST_LAG), slow)] * self.lags
         if self.lags == 2:
-            pairs = [(-log(slow), log(pi)), (log(DAMPING[0]), log(DAMPING[1]))]
-        else:
-            pairs = [(log(FASTEST_LAG), log(slow))] * self.lags
+            pairs = [(-slow, log(pi)), (log(DAMPING[0]), log(DAMPING[1]))]
         low, high = np.array([(0.0, 0.5 * samples), *pairs]).T
         return low, high
 
@@ -84,10 +83,8 @@ class Structure:
 
     def stretched(self, shape: FloatArray, factor: int) -> FloatArray:
         """Give a shape in samples that are shorter by a factor."""
-        logarithm = log(factor)
-        if self.lags == 2:
-            return np.array([shape[0] * factor, shape[1] - logarithm, shape[2]])
-        return np.array([shape[0] * factor, *(lag + logarithm for lag in shape[1:])])
+        more = [-log(factor), 0.0] if self.lags == 2 else [log(factor)] * self.lags
+        return np.array([shape[0] * factor, *(shape[1:] + more)])
 
     def shapes(self, samples: int) -> list[FloatArray]:
         """Denominators tried at first, without dead time."""

@@ -183,20 +183,18 @@ def _numbers(sheet: Sheet, what: str, column: int) -> FloatArray:
 
 def _check_decimals(sheet: Sheet, what: str, cells: Sequence[str]) -> None:
     """Refuse a column in which a comma may be a decimal mark or part thousands."""
-    marks = {
-        mark: [k for k, cell in enumerate(cells) if set(cell) & {",", "."} == {mark}]
-        for mark in ",."
-    }
-    if marks[","] and marks["."]:
-        k = max(marks[","][0], marks["."][0])
-        other = cells[min(marks[","][0], marks["."][0])]
+    commas, points = (
+        [k for k, cell in enumerate(cells) if set(cell) & {",", "."} == {mark}] for mark in ",."
+    )
+    if commas and points:
+        other, k = sorted((commas[0], points[0]))
         raise ValueError(
             f"line {sheet.lines[k]}: {what} is {short(cells[k])!r} where another line has "
-            f"{short(other)!r}: use one decimal mark, and no separator of thousands"
+            f"{short(cells[other])!r}: use one decimal mark, and no separator of thousands"
         )
-    thousands = [k for k in marks[","] if re.fullmatch(r"[+-]?[1-9]\d{0,2}(,\d{3})+", cells[k])]
-    unlike = len(marks[","]) < len(cells) or sheet.separator == ","
-    if thousands and len(thousands) == len(marks[","]) and unlike:
+    thousands = [k for k in commas if re.fullmatch(r"[+-]?[1-9]\d{0,2}(,\d{3})+", cells[k])]
+    unlike = len(commas) < len(cells) or sheet.separator == ","
+    if thousands and thousands == commas and unlike:
         k = thousands[0]
         raise ValueError(
             f"line {sheet.lines[k]}: {what} is {short(cells[k])!r}, which may be "

@@ -65,7 +65,8 @@ def bode_plot(
             f"margins is a {type(margins).__name__}; give those of the map that is drawn, such as "
             "loop.margins().observer_loop for loop.FH"
         )
-    low, high = _limits(omega_limits) or _frequency_range(quotients, margins)
+    asked = omega_limits is not None
+    low, high = _limits(omega_limits) if asked else _frequency_range(quotients, margins)
     magnitude, phase = axes_for(axes, 2, TALL)
     with styled():
         lines: list[list[Line2D]] = [[], []]
@@ -95,10 +96,8 @@ def bode_plot(
     return Figure(shaped, np.array([[magnitude], [phase]]), alt)
 
 
-def _limits(given: Any) -> tuple[float, float] | None:
+def _limits(given: Any) -> tuple[float, float]:
     """Check the frequency range that the user wants to see."""
-    if given is None:
-        return None
     needed = "the pair (low, high) of frequencies in rad/s, 0 < low < high"
     ends = [as_number(end, "omega_limits", needed) for end in np.ravel(given).tolist()]
     if not (len(ends) == 2 and 0 < ends[0] < ends[1]):
@@ -162,8 +161,7 @@ def _bode_frame(
     low, high = phase.get_ylim()
     phase.set_ylim(max(low, min(high, 0.0) - MAX_PHASE_SPAN), high)
     span = abs(np.subtract(*phase.get_ylim()))
-    step = next((s for s in (45, 90, 180, 360) if span / s <= 6), None)
-    if step:
+    if step := next((s for s in (45, 90, 180, 360) if span / s <= 6), None):
         phase.yaxis.set_major_locator(MultipleLocator(step))
     for ax, level in ((magnitude, 0.0), (phase, -180.0), (phase, 180.0)):
         if ax.get_ylim()[0] < level < ax.get_ylim()[1]:

@@ -113,14 +113,10 @@ class Explorer:
         **sliders: Slider,
     ) -> None:
         self.figure, self.moving, self.update, self.sliders = figure, moving, update, sliders
+        self.alt = figure.alt
         self.values: dict[str, float] = {name: s.value for name, s in sliders.items()}
         self._background: Any = None
         self.update(**self.values)
-
-    @property
-    def alt(self) -> str:
-        """Alt text of the figure in its initial state."""
-        return self.figure.alt
 
     def __repr__(self) -> str:
         return self.alt
@@ -133,8 +129,7 @@ class Explorer:
         **values : float
             By the sliders' names.
         """
-        unknown = set(values) - set(self.sliders)
-        if unknown:
+        if unknown := set(values) - set(self.sliders):
             raise ValueError(
                 f"there is no slider {', '.join(sorted(unknown))}; there are "
                 f"{', '.join(self.sliders)}"

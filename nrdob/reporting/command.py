@@ -68,8 +68,6 @@ def _report(asked: argparse.Namespace) -> Report:
         name: None if text is None else read_block(text, f"--{name}")
         for name, text in (("model", asked.model), ("controller", asked.controller))
     }
-    if blocks["controller"] is not None and not blocks["controller"].delay:
-        blocks["controller"] = blocks["controller"].tf
     of_table = {name: getattr(asked, name) for name in ("sampling_time", "columns", "input_before")}
     of_table["columns"] = None if asked.columns is None else _columns(asked.columns)
     for name, each in of_table.items():

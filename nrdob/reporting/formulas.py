@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..diagram import LowPassFilter, as_fraction
+from ..diagram import LowPassFilter, as_fraction, undelayed
 from ..numerics import FloatArray, number, written
 
 __all__ = ["character", "formula", "intervals", "roots_listed"]
@@ -35,8 +35,8 @@ def formula(block: Any) -> str:
     if isinstance(block, LowPassFilter):
         power = str(block.order).translate(SUPERSCRIPTS) if block.order > 1 else ""
         return f"1/({number(block.time_constant, 4)} s + 1){power}"
-    delay = getattr(block, "delay", 0.0)
-    num, den = as_fraction(getattr(block, "tf", block) if delay else block, "block", proper=False)
+    prompt, delay = undelayed(block)
+    num, den = as_fraction(prompt, "block", proper=False)
     top, bottom = _polynomial(num), _polynomial(den)
     text = top if den.size == 1 and den[0] == 1 else f"{_bracketed(top)}/{_bracketed(bottom)}"
     return f"{text} · e^(−{number(delay, 4)} s)" if delay else text
@@ -76,8 +76,8 @@ def character(process: Any) -> list[str]:
     process : as for `nrdob.NRDOB`
         The process G.
     """
-    delay = getattr(process, "delay", 0.0)
-    num, den = as_fraction(getattr(process, "tf", process) if delay else process, "process")
+    prompt, delay = undelayed(process)
+    num, den = as_fraction(prompt, "process")
     zeros, poles = np.roots(num), np.roots(den)
     said = []
     origin = int(np.sum(np.abs(poles) == 0))
