@@ -30,11 +30,9 @@ class NRDOB(LoopEquations):
 
     Parameters
     ----------
-    process : control.TransferFunction, StateSpace, DelayedTransferFunction or (num, den)
-        The plant G, proper, with or without dead time.
-    model : control.TransferFunction, StateSpace, DelayedTransferFunction or (num, den)
-        The process model G̃, proper. With a dead time it waits: the inverse leaves the dead time
-        out, and u waits for it, see `nrdob.diagram.equations`.
+    process, model : control.TransferFunction, StateSpace, DelayedTransferFunction or (num, den)
+        The plant G and the process model G̃, proper, with or without dead time. The inverse leaves
+        that of the model out, and u waits for it, see `nrdob.diagram.equations`.
     controller : control.TransferFunction, StateSpace, number or (num, den)
         The feedback controller C, proper.
     filter : LowPassFilter, or a stable proper block with F(0) = 1
@@ -102,10 +100,7 @@ class NRDOB(LoopEquations):
     noise_variance = analysis.noise_variance
 
     def sampled(
-        self,
-        dt: float,
-        method: str = "tustin",
-        computation_delay: float = 0.0,
+        self, dt: float, method: str = "tustin", computation_delay: float = 0.0
     ) -> SampledLoop:
         """Put the controller on a processor: see `nrdob.digital.SampledLoop`.
 
@@ -114,28 +109,19 @@ class NRDOB(LoopEquations):
 
         Parameters
         ----------
-        dt : float
-            Sampling time in seconds.
-        method : {"tustin", "zoh"}
-            How the blocks are sampled.
-        computation_delay : float
-            Time from reading y to writing u, in seconds.
+        dt, method, computation_delay : float, {"tustin", "zoh"}, float
+            Sampling time in seconds, how the blocks are sampled, and the time from reading y to
+            writing u, in seconds.
 
         Returns
         -------
         SampledLoop
-            With `stability()`, `margins()`, `step_response()` and the difference equations,
-            `.controller`.
+            With `stability()`, `margins()`, `step_response()` and `.controller`, its equations.
         """
         return SampledLoop(self, dt, method, computation_delay)
 
     def plot_nyquist(
-        self,
-        which: str = "FH",
-        *,
-        point: float = -1.0,
-        title: str = "",
-        ax: Any = None,
+        self, which: str = "FH", *, point: float = -1.0, title: str = "", ax: Any = None
     ) -> Figure:
         """Draw the Nyquist plot of one map with N, P, Z: see `nrdob.plotting.nyquist_plot`.
 
@@ -145,10 +131,8 @@ class NRDOB(LoopEquations):
             Attribute that holds the map, as "FH", "CGm" or "L".
         point : float
             Point of the real axis to encircle.
-        title : str
-            Heading, which also enters the alt text.
-        ax : matplotlib Axes, optional
-            Where to draw.
+        title, ax : str, matplotlib Axes, optional
+            Heading, which also enters the alt text, and where to draw.
 
         Returns
         -------
@@ -157,9 +141,8 @@ class NRDOB(LoopEquations):
         """
         from .plotting import nyquist_plot
 
-        quotient = self._map(which)
-        verdicts = self._stability
-        known = {"CGm": verdicts.model_loop, self.condition_ii.name: verdicts.observer_loop}
+        quotient, found = self._map(which), self._stability
+        known = {"CGm": found.model_loop, self.condition_ii.name: found.observer_loop}
         verdict = known.get(which) if point == -1 else None
         return nyquist_plot(quotient, verdict=verdict, point=point, title=title, ax=ax)
 
@@ -178,15 +161,13 @@ class NRDOB(LoopEquations):
             Attributes that hold the maps, as "FH" or "S_d".
         omega_limits : (float, float), optional
             Frequency range in rad/s; by default what there is to see.
-        title : str
-            Heading, which also enters the alt text.
-        axes : two matplotlib Axes, optional
-            Where to draw magnitude and phase.
+        title, axes : str, two matplotlib Axes, optional
+            Heading, which also enters the alt text, and where to draw magnitude and phase.
 
         Returns
         -------
         Figure
-            With `.lines`, `.axes`, `.figure` and `.alt`.
+            As of `plot_nyquist`.
         """
         from .plotting import bode_plot
 
@@ -218,15 +199,13 @@ class NRDOB(LoopEquations):
             Other loops, drawn dashed and grey.
         timepts : array_like or float, optional
             Times in seconds, or the last one; by default what there is to see.
-        title : str
-            Heading, which also enters the alt text.
-        axes : four matplotlib Axes, optional
-            Where to draw R, d, δ and η.
+        title, axes : str, four matplotlib Axes, optional
+            Heading, which also enters the alt text, and where to draw R, d, δ and η.
 
         Returns
         -------
         Figure
-            With `.lines`, `.axes`, `.figure` and `.alt`.
+            As of `plot_nyquist`.
         """
         from .plotting import step_plot
 

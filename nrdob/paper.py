@@ -21,8 +21,6 @@ __all__ = ["EXAMPLES", "PRINTED", "PRINTED_FUNCTIONS", "Printed", "PrintedFuncti
 EXAMPLES = (1, 2, 3, 4)
 """Matched, non-minimum phase, unstable, time delay."""
 
-_s = ct.tf("s")
-
 
 @dataclass(frozen=True)
 class Printed:
@@ -30,14 +28,10 @@ class Printed:
 
     Attributes
     ----------
-    value : float
-        The number; inf where the paper writes a margin "tends to infinity".
-    unit : str
-        "deg", "dB", or empty for a plain number.
-    digits : int
-        Decimals printed, so that half a unit of the last one is the tolerance.
-    place : str
-        Where in the paper it stands.
+    value, unit : float, str
+        The number, inf where the paper writes a margin "tends to infinity", in "deg" or "dB".
+    digits, place : int, str
+        Decimals printed, half of the last of which is the tolerance, and where it stands.
 
     Examples
     --------
@@ -97,10 +91,8 @@ class PrintedFunction:
 
     Attributes
     ----------
-    num, den : tuple of float
-        Coefficients in descending powers of s.
-    delay : float
-        Dead time in seconds.
+    num, den, delay : tuple of float, tuple of float, float
+        Coefficients in descending powers of s, and dead time in seconds.
     place : str
         Where in the paper it stands.
 
@@ -153,10 +145,9 @@ def example(number: int, modified: bool = False) -> NRDOB:
 
     Parameters
     ----------
-    number : int
-        1 matched, 2 non-minimum phase, 3 unstable, 4 time delay.
-    modified : bool
-        With the modified plant of the robustness test; Example 1 has none.
+    number, modified : int, bool
+        1 matched, 2 non-minimum phase, 3 unstable, 4 time delay; with the modified plant of the
+        robustness test or not.
 
     Returns
     -------
@@ -166,7 +157,7 @@ def example(number: int, modified: bool = False) -> NRDOB:
     Raises
     ------
     ValueError
-        For an example that the paper does not contain.
+        For an example that the paper does not contain; Example 1 has no modified plant.
 
     Examples
     --------
@@ -179,7 +170,7 @@ def example(number: int, modified: bool = False) -> NRDOB:
         raise ValueError(f"there is no Example {number}; the paper has 1, 2, 3 and 4")
     if number == 1 and modified:
         raise ValueError("Example 1 has no modified plant; choose 2, 3 or 4")
-    s = _s
+    s = ct.tf("s")
     G: Any
     # Only the blocks that are asked for: operations on transfer functions are slow.
     if number == 1:

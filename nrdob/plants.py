@@ -5,10 +5,13 @@ Where a source prints numbers, these are the defaults.
 
 from __future__ import annotations
 
+from functools import reduce
+
 import control as ct
 import numpy as np
 
 from .diagram import DelayedTransferFunction
+from .drives import TwoMasses
 
 __all__ = [
     "antiresonance",
@@ -41,10 +44,7 @@ def lags(*time_constants: float, gain: float = 1.0) -> ct.TransferFunction:
     >>> [round(float(c), 6) for c in lags(0.5, 0.1, gain=2.0).den[0][0]]
     [0.05, 0.6, 1.0]
     """
-    den = np.ones(1)
-    for time_constant in time_constants:
-        den = np.convolve(den, [time_constant, 1.0])
-    return ct.tf([gain], den)
+    return ct.tf([gain], reduce(np.convolve, [[T, 1.0] for T in time_constants], np.ones(1)))
 
 
 def resonance(
@@ -54,10 +54,8 @@ def resonance(
 
     Parameters
     ----------
-    natural_frequency : float
-        :math:`\omega_0`, in rad/s.
-    damping : float
-        Damping ratio :math:`\zeta`; 0 for an undamped one.
+    natural_frequency, damping : float
+        :math:`\omega_0`, in rad/s, and damping ratio :math:`\zeta`, 0 for an undamped one.
     gain : float
         Gain k at zero frequency.
 
@@ -79,10 +77,8 @@ def antiresonance(pole: float, zero: float, damping: float) -> ct.TransferFuncti
 
     Parameters
     ----------
-    pole, zero : float
-        Frequencies of the resonance and of the antiresonance, in rad/s.
-    damping : float
-        Damping ratio of both.
+    pole, zero, damping : float
+        Frequencies of resonance and antiresonance, in rad/s, and the damping ratio of both.
 
     Returns
     -------
@@ -107,14 +103,10 @@ def motor_speed(
 
     Parameters
     ----------
-    inertia : float
-        J of motor and load, in kg m².
-    friction : float
-        b, in N m s.
-    torque : float
-        Torque constant :math:`K_t`, in N m/A, which is also the voltage at 1 rad/s.
-    resistance : float
-        R of the winding, in ohm.
+    inertia, friction : float
+        J of motor and load, in kg m², and b, in N m s.
+    torque, resistance : float
+        Torque constant :math:`K_t`, in N m/A, also the voltage at 1 rad/s, and R, in ohm.
 
     Returns
     -------
@@ -161,23 +153,12 @@ def motor_position(
 def two_masses(
     motor: float, load: float, stiffness: float, damping: float = 0.0
 ) -> ct.TransferFunction:
-    r"""Speed of a motor that drives its load through a shaft, from the motor's torque.
-
-    From :math:`J_m\dot\omega_m = \tau - T`, :math:`J_l\dot\omega_l = T` and
-    :math:`\dot T = k(\omega_m-\omega_l) + c(\dot\omega_m-\dot\omega_l)` follows
-
-    .. math::
-
-        \frac{\omega_m}{\tau} = \frac{J_ls^2 + cs + k}{s\big(J_mJ_ls^2 + (J_m+J_l)(cs+k)\big)} .
+    r"""Speed of a motor that drives its load through a shaft, see `nrdob.drives.TwoMasses.speed`.
 
     Parameters
     ----------
-    motor, load : float
-        Inertias :math:`J_m` and :math:`J_l`, in kg m².
-    stiffness : float
-        k of the shaft, in N m/rad.
-    damping : float
-        c of the shaft, in N m s/rad.
+    motor, load, stiffness, damping : float
+        As for `nrdob.drives.TwoMasses`.
 
     Returns
     -------
@@ -191,10 +172,7 @@ def two_masses(
     >>> max(round(float(z.imag), 6) for z in two_masses(1e-3, 4e-3, 10.0).zeros())
     50.0
     """
-    total = motor + load
-    return ct.tf(
-        [load, damping, stiffness], [motor * load, total * damping, total * stiffness, 0.0]
-    )
+    return TwoMasses(motor, load, stiffness, damping).speed()
 
 
 def heated_air() -> DelayedTransferFunction:

@@ -20,10 +20,8 @@ def random_loop(rng: np.random.Generator, *, delayed: bool = False) -> NRDOB:
 
     Parameters
     ----------
-    rng : numpy.random.Generator
-        Source of the numbers: `numpy.random.default_rng(seed)`.
-    delayed : bool
-        Give the process a dead time between 0.01 and 1 s.
+    rng, delayed : numpy.random.Generator, bool
+        Source of the numbers, and whether the process has a dead time between 0.01 and 1 s.
 
     Returns
     -------
@@ -39,15 +37,12 @@ def random_loop(rng: np.random.Generator, *, delayed: bool = False) -> NRDOB:
     """
     while True:
         process, model = random_block(rng, 3), random_block(rng, 3)
-        relative_degree = model.den[0][0].size - model.num[0][0].size
-        loop = NRDOB(
-            process=DelayedTransferFunction(process, 10 ** rng.uniform(-2, 0))
-            if delayed
-            else process,
-            model=model,
-            controller=random_block(rng, 2),
-            filter=LowPassFilter(10 ** rng.uniform(-1.5, 0.5), max(1, relative_degree)),
-        )
+        if delayed:
+            process = DelayedTransferFunction(process, 10 ** rng.uniform(-2, 0))
+        order = max(1, model.den[0][0].size - model.num[0][0].size)
+        controller = random_block(rng, 2)
+        filter = LowPassFilter(10 ** rng.uniform(-1.5, 0.5), order)
+        loop = NRDOB(process, model, controller, filter)
         if not loop.ill_posed:
             return loop
 
@@ -57,10 +52,8 @@ def random_block(rng: np.random.Generator, max_order: int) -> ct.TransferFunctio
 
     Parameters
     ----------
-    rng : numpy.random.Generator
-        Source of the numbers.
-    max_order : int
-        Highest order drawn.
+    rng, max_order : numpy.random.Generator, int
+        Source of the numbers, and highest order drawn.
 
     Returns
     -------
@@ -68,10 +61,8 @@ def random_block(rng: np.random.Generator, max_order: int) -> ct.TransferFunctio
         The block.
     """
     order = int(rng.integers(1, max_order + 1))
-    num, den = (
-        _random_polynomial(rng, int(rng.integers(0, order + 1))),
-        _random_polynomial(rng, order),
-    )
+    degrees = int(rng.integers(0, order + 1)), order
+    num, den = (_random_polynomial(rng, degree) for degree in degrees)
     gain = rng.choice([-1, 1], p=[0.2, 0.8]) * 10 ** rng.uniform(-0.5, 0.5)
     return ct.tf(gain * num / num[-1], den / den[-1])
 

@@ -41,8 +41,7 @@ __all__ = [
     "reader",
 ]
 
-Reading = Callable[[float], float]
-"""From the angle of a sample to what is read."""
+Reading = Callable[[float], float]  # from the angle of a sample to what is read
 
 
 @dataclass(frozen=True)
@@ -64,7 +63,7 @@ class Encoder:
 
     def __post_init__(self) -> None:
         counts = real_number(self.counts, "counts", "give the counts in a turn as a number")
-        if not (isfinite(counts) and counts >= 1):
+        if not 1 <= counts < inf:
             raise ValueError(
                 f"counts is {counts:g}; an encoder has at least one count in a turn, four for each "
                 "line of its disc: leave the encoder out (None) for an angle without steps"
@@ -83,31 +82,25 @@ class SpeedEstimate(ABC):
     def smoothing(self, dt: float) -> tuple[FloatArray, FloatArray]:
         """Give M(z), from the mean speed of the last sample to the estimate.
 
+        Numerator and denominator, shape (n+1,), are in descending powers of z, the latter monic.
+
         Parameters
         ----------
         dt : float
             Sampling time in seconds.
-
-        Returns
-        -------
-        num, den : arrays of float, shape (n+1,)
-            In descending powers of z, den monic.
         """
         num, den = self._smoothing(dt)
         return np.array(num), np.array(den)
 
     def delay(self, dt: float) -> float:
-        """Say how old the estimate of a slowly changing speed is, the slope of its phase.
+        """Say how old the estimate of a slow speed is, in seconds: the slope of its phase.
+
+        That is so where edges come many times in a sample.
 
         Parameters
         ----------
         dt : float
             Sampling time in seconds.
-
-        Returns
-        -------
-        float
-            In seconds, if edges come many times in a sample.
 
         Examples
         --------
@@ -145,7 +138,7 @@ class Counting(SpeedEstimate):
     Parameters
     ----------
     samples : int
-        m, how many samples the counts are of.
+        How many samples the counts are of.
     """
 
     samples: int = 1
@@ -173,7 +166,7 @@ class Tracking(SpeedEstimate):
 
     def __post_init__(self) -> None:
         value = real_number(self.bandwidth, "bandwidth", "give rad/s as a number")
-        if not (isfinite(value) and value > 0):
+        if not 0 < value < inf:
             raise ValueError(f"bandwidth is {value:g} rad/s; give a positive, finite one")
         object.__setattr__(self, "bandwidth", value)
 
@@ -221,8 +214,6 @@ def reader(encoder: Encoder | None, estimate: SpeedEstimate | None, motion: Moti
     if encoder is None:
         return read
     step, inverse = encoder.step, 1 / encoder.step
-    if estimate is None:
-        return lambda angle: floor(angle * inverse + 0.5) * step
     return lambda angle: read(floor(angle * inverse + 0.5) * step)
 
 
@@ -279,15 +270,9 @@ def encoded(sampled: SampledLoop, estimate: SpeedEstimate) -> EncodedLoop:
 
     Parameters
     ----------
-    sampled : SampledLoop
-        The loop with the speed for its process. A direct path in it is a ValueError.
-    estimate : SpeedEstimate
-        How the speed is made of angles.
-
-    Returns
-    -------
-    EncodedLoop
-        With the same controller.
+    sampled, estimate : SampledLoop, SpeedEstimate
+        The loop with the speed for its process (a direct path in it is a ValueError), and how the
+        speed is made of angles.
 
     Examples
     --------

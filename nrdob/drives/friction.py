@@ -19,7 +19,7 @@ compensation methods for the control of machines with friction, Automatica 30 (1
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import asin, cos, isfinite, pi, sin
+from math import asin, cos, inf, pi, sin
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -36,14 +36,12 @@ class Friction:
 
     Parameters
     ----------
-    coulomb : float
-        Torque in motion, without its viscous part, in N m.
+    coulomb, viscous : float
+        Torque in motion, in N m, and what is added to it for each rad/s, in N m s.
     stiction : float, optional
         Largest torque at rest, at least `coulomb`, in N m; by default the same.
     stribeck_speed : float
         Speed at which stiction has fallen to Coulomb friction, in rad/s; 0 if at once.
-    viscous : float
-        Torque for each rad/s, in N m s.
 
     Examples
     --------
@@ -58,10 +56,11 @@ class Friction:
     viscous: float = 0.0
 
     def __post_init__(self) -> None:
-        given = [name for name in vars(self) if getattr(self, name) is not None]
-        for name in given:
-            value = real_number(getattr(self, name), name, "give it as a number")
-            if not (isfinite(value) and value >= 0):
+        for name, given in vars(self).copy().items():
+            if given is None:
+                continue
+            value = real_number(given, name, "give it as a number")
+            if not 0 <= value < inf:
                 raise ValueError(
                     f"{name} is {value:g}; friction takes energy out, so it must be 0 or more and "
                     "finite: give its size, the sign follows the speed"
@@ -86,17 +85,12 @@ class Friction:
         return drop / self.stribeck_speed if self.stribeck_speed else 0.0
 
     def torque(self, speed: ArrayLike) -> FloatArray:
-        """Compute the torque that opposes a motion.
+        """Compute the torque in N m that opposes a motion; 0 at rest, where it is what it must be.
 
         Parameters
         ----------
         speed : array_like
             In rad/s.
-
-        Returns
-        -------
-        array of float
-            In N m, of the same shape; 0 at rest, where the torque is what it must be.
         """
         omega = np.asarray(speed, dtype=float)
         size = np.abs(omega)
@@ -105,7 +99,7 @@ class Friction:
         return np.asarray(np.sign(omega) * dry + self.viscous * omega)
 
     def describing_function(self, amplitude: float) -> float:
-        r"""Give the gain of the first harmonic, for a speed :math:`A\sin\varphi`.
+        r"""Give the gain of the first harmonic in N m s, for a speed :math:`A\sin\varphi`.
 
         Coulomb friction has :math:`4F_c/(\pi A)`: like viscous friction, the more of it the smaller
         the motion. The friction force is in phase with the speed, so the gain is real.
@@ -115,18 +109,13 @@ class Friction:
         amplitude : float
             A of the speed, positive, in rad/s. The shaft does not stop in between.
 
-        Returns
-        -------
-        float
-            In N m s.
-
         Examples
         --------
         >>> round(Friction(0.1).describing_function(0.5) * np.pi * 0.5 / 4, 6)
         0.1
         """
         A = real_number(amplitude, "amplitude", "give the amplitude of the speed in rad/s")
-        if not (isfinite(A) and A > 0):
+        if not 0 < A < inf:
             raise ValueError(f"amplitude is {A:g} rad/s; give a positive, finite amplitude")
         gain = 4 * self.coulomb / (pi * A) + self.viscous
         if self.slope:
@@ -136,7 +125,7 @@ class Friction:
         return gain
 
     def feedforward(self, speed: ArrayLike) -> FloatArray:
-        """Give the dry friction at a planned speed, to be added to the torque.
+        """Give the dry friction in N m at a planned speed, to be added to the torque.
 
         An observer must receive the applied torque *without* it: what is fed forward and what
         friction takes then cancel before the observer sees either.
@@ -146,15 +135,9 @@ class Friction:
         speed : array_like
             The speed that the reference plans, in rad/s. At 0 nothing is fed forward.
 
-        Returns
-        -------
-        array of float
-            In N m.
-
         Examples
         --------
         >>> Friction(0.1, viscous=2.0).feedforward([-3.0, 0.0, 3.0]).round(6).tolist()
         [-0.1, 0.0, 0.1]
         """
-        omega = np.asarray(speed, dtype=float)
-        return np.asarray(self.torque(omega) - self.viscous * omega)
+        return np.asarray(self.torque(speed) - self.viscous * np.asarray(speed, dtype=float))

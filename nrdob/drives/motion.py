@@ -23,16 +23,13 @@ from .two_mass import OneMass, TwoMasses
 
 __all__ = ["Motion"]
 
+# The mode at rest; -1 and 1 are on Stribeck's slope, -2 and 2 beyond it, by their direction.
 REST = 0
-"""The mode at rest; -1 and 1 are on Stribeck's slope, -2 and 2 beyond it, by their direction."""
-
-MOST_EVENTS = 10_000
-"""Events in one stretch of a sample."""
+MOST_EVENTS = 10_000  # events in one stretch of a sample
 
 Mechanics = tuple[FloatArray, FloatArray, FloatArray]
 
-HELD = 1e-12
-"""Share by which a torque may exceed the stiction that holds it, by rounding."""
+HELD = 1e-12  # share by which a torque may exceed the stiction that holds it, by rounding
 
 
 class Motion:
@@ -40,14 +37,10 @@ class Motion:
 
     Parameters
     ----------
-    inertia : OneMass or TwoMasses
-        What the motor turns.
-    friction : Friction
-        Of the motor.
-    dt : float
-        Sampling time in seconds.
-    delay : float
-        Time from a command to its torque, in seconds.
+    inertia, friction : OneMass or TwoMasses, Friction
+        What the motor turns, and its friction.
+    dt, delay : float
+        Sampling time, and time from a command to its torque, in seconds.
 
     Attributes
     ----------
@@ -69,10 +62,11 @@ class Motion:
         self._past = deque([0.0] * (samples + 2), maxlen=samples + 2)
         self._plan: list[tuple[int, float, dict[int, Stretch]]] = []
         for age, share in enumerate((fraction, 1 - fraction)):
-            count = max(stretches(M, share * dt) for M, _ in modes.values()) if share else 0
-            tables = {m: Stretch(*linear, share * dt / max(count, 1), n)
-                      for m, linear in modes.items()} if count else {}  # fmt: skip
-            self._plan += [(age, share * dt / count, tables) for _ in range(count)]
+            if share:
+                count = max(stretches(M, share * dt) for M, _ in modes.values())
+                time = share * dt / count
+                tables = {mode: Stretch(*linear, time, n) for mode, linear in modes.items()}
+                self._plan += [(age, time, tables)] * count
         self.dt, self.events, self.mode = dt, 0, REST
         self._z = np.zeros(n + 3)
         self._z[-1] = 1.0
@@ -99,17 +93,15 @@ class Motion:
         return self._z[: self._n].copy()
 
     def last_edge(self, step: float) -> tuple[float, float] | None:
-        """Find the last edge of an encoder in the last sample; what it needs is kept from now on.
+        """Find the last edge of an encoder in the last sample, if there is one.
+
+        Given are its angle in rad, and how long it is ago in seconds. What is needed for it is kept
+        from the first call on.
 
         Parameters
         ----------
         step : float
             Step of the encoder, in rad; edges are half a step beside whole steps.
-
-        Returns
-        -------
-        tuple of two float, or None
-            The angle in rad, and how long it is ago in seconds; None if there has been no edge.
         """
         self._passages = self._passages or []
         for start, stretch, share, z in reversed(self._passages):
@@ -127,10 +119,9 @@ class Motion:
 
         Parameters
         ----------
-        torque : float
-            The command from now on, in N m; it reaches the motor after the delay.
-        load : float
-            Torque on the load (of one mass, on the motor) during this sample, in N m.
+        torque, load : float
+            The command from now on, which reaches the motor after the delay, and the torque on the
+            load (of one mass, on the motor) during this sample, in N m.
         """
         z, n, past = self._z, self._n, self._past
         past.append(torque)

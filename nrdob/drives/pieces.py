@@ -24,14 +24,10 @@ from ..numerics import FloatArray
 
 __all__ = ["Stretch", "first_exit", "stretches"]
 
-LARGEST = 1.0
-"""Largest modulus of an eigenvalue of M T."""
-
+LARGEST = 1.0  # largest modulus of an eigenvalue of M T
+# Size of the last term of a series against its largest, and the most terms.
 NEGLIGIBLE, HIGHEST = 1e-18, 40
-"""Size of the last term of a series against its largest, and the most terms."""
-
-NARROWEST = 2.0**-50
-"""Share of a stretch at which it is halved no more."""
+NARROWEST = 2.0**-50  # share of a stretch at which it is halved no more
 
 
 class Stretch:

@@ -10,8 +10,8 @@ applied, less what was fed forward. Then the drive moves to the next sample, exa
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from math import isfinite
+from dataclasses import dataclass
+from math import inf
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -35,9 +35,7 @@ from .two_mass import OneMass, TwoMasses
 __all__ = ["Drive", "DriveResponse"]
 
 FRICTIONLESS = Friction()
-
-FARTHEST = 1e150
-"""Angle, in rad, at which a loop is said to have run away."""
+FARTHEST = 1e150  # angle, in rad, at which a loop is said to have run away
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -52,9 +50,9 @@ class DriveResponse(SimulatedResponse):
         The motor's true angle and speed at the samples, in rad and rad/s, and whether it is held.
     """
 
-    angle: FloatArray = field(default_factory=lambda: np.zeros(0))
-    speed: FloatArray = field(default_factory=lambda: np.zeros(0))
-    at_rest: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    angle: FloatArray
+    speed: FloatArray
+    at_rest: BoolArray
 
 
 @dataclass(frozen=True)
@@ -63,14 +61,11 @@ class Drive:
 
     Parameters
     ----------
-    inertia : OneMass or TwoMasses
-        What the motor turns.
-    friction : Friction
-        Of the motor.
-    encoder : Encoder, optional
-        Which steps its angle is read in; by default none.
-    estimate : SpeedEstimate, optional
-        How a speed is made of the angle; by default the loop is one for the angle.
+    inertia, friction : OneMass or TwoMasses, Friction
+        What the motor turns, and its friction.
+    encoder, estimate : Encoder, SpeedEstimate, optional
+        In which steps its angle is read, by default none, and how a speed is made of it; by default
+        the loop is one for the angle.
 
     Examples
     --------
@@ -96,26 +91,18 @@ class Drive:
         ----------
         dt, delay : float
             As of `nrdob.drives.motion.Motion`.
-
-        Returns
-        -------
-        Motion
-            With `advance(torque, load)`.
         """
         return Motion(self.inertia, self.friction, dt, delay)
 
     def reader(self, motion: Motion) -> Callable[[float], float]:
-        """Start to read the encoder of a motion, once in each sample from the first one on.
+        """Start to read the encoder, once in each sample from the first one on.
+
+        What is given makes y of a true angle in rad: an angle in steps, or a speed made of them.
 
         Parameters
         ----------
         motion : Motion
             Which this drive makes.
-
-        Returns
-        -------
-        callable
-            Gives y for a true angle in rad: an angle in steps, or a speed made of them.
         """
         return reader(self.encoder, self.estimate, motion)
 
@@ -145,24 +132,11 @@ class Drive:
             the times. Each value is held from its sample to the next.
         noise : float or (N,) array_like, optional
             Added to the angle before it is rounded, in rad, or the standard deviation of it.
-        limits : ActuatorLimits, optional
-            Range and rate of the torque.
-        timepts : (N,) array_like or float, optional
-            Times of the samples in seconds, or the last one; by default as many as arrays have.
-        seed : int or numpy.random.Generator
-            Of white noise.
-        tracking_time : float, optional
-            As for `SampledLoop.simulate`.
-        feedforward : Signal
-            Torque that is added to the controller's, see `Friction.feedforward`.
-        dead_band : float
-            Error, in the unit of y, that the controller is not to see: what it reads is nearer to R
-            by so much.
-
-        Returns
-        -------
-        DriveResponse
-            Which holds the true angle and speed, too.
+        limits, timepts, seed, tracking_time : optional
+            As for `SampledLoop.simulate`; the limits are those of the torque.
+        feedforward, dead_band : Signal, float
+            Torque that is added to the controller's, see `Friction.feedforward`, and the error, in
+            the unit of y, by which what the controller reads is nearer to R.
 
         Examples
         --------
@@ -179,7 +153,7 @@ class Drive:
         True
         """
         width = real_number(dead_band, "dead_band", "give a width in the unit of y, 0 or more")
-        if not (isfinite(width) and width >= 0):
+        if not 0 <= width < inf:
             raise ValueError(f"dead_band is {width:g}; give a width in the unit of y, 0 or more")
         if "d" in inputs:
             raise ValueError("a drive has no disturbance at its output: give the load as 'delta'")

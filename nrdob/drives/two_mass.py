@@ -17,7 +17,7 @@ with that ratio: it makes the plant behave like the model.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import isfinite, sqrt
+from math import inf, sqrt
 
 import control as ct
 import numpy as np
@@ -49,17 +49,12 @@ class OneMass:
         object.__setattr__(self, "inertia", _positive(self.inertia, "inertia", "kg m²"))
 
     def speed(self, viscous: float = 0.0) -> ct.TransferFunction:
-        """Give the speed from the torque, 1/(J s + b).
+        """Give the speed in rad/s from the torque in N m, 1/(J s + b).
 
         Parameters
         ----------
         viscous : float
             Viscous friction b of the motor, in N m s.
-
-        Returns
-        -------
-        control.TransferFunction
-            From N m to rad/s.
         """
         return ct.tf([1.0], [self.inertia, viscous])
 
@@ -72,18 +67,14 @@ class TwoMasses:
     ----------
     motor, load : float
         Inertias, in kg m².
-    stiffness : float
-        k of the shaft, in N m/rad.
-    damping : float
-        c of the shaft, in N m s/rad.
+    stiffness, damping : float
+        k of the shaft, in N m/rad, and its c, in N m s/rad.
 
     Examples
     --------
     >>> drive = TwoMasses(1e-3, 4e-3, 10.0)
-    >>> round(drive.antiresonance, 3), round(drive.resonance, 3)
+    >>> round(drive.antiresonance, 3), round(drive.resonance, 3)           # their ratio is √(1 + 4)
     (50.0, 111.803)
-    >>> round(drive.resonance_ratio**2, 6)                      # 1 + 4
-    5.0
     """
 
     motor: float
@@ -107,11 +98,6 @@ class TwoMasses:
         """Frequency at which both swing against each other, undamped, in rad/s."""
         return sqrt(self.stiffness * (1 / self.motor + 1 / self.load))
 
-    @property
-    def resonance_ratio(self) -> float:
-        """Resonance over antiresonance, √(1 + load/motor)."""
-        return sqrt(1 + self.load / self.motor)
-
     def with_resonance_ratio(self, ratio: float) -> TwoMasses:
         """Exchange the motor for one that makes another ratio with the same shaft and load.
 
@@ -121,12 +107,7 @@ class TwoMasses:
         Parameters
         ----------
         ratio : float
-            Resonance over antiresonance, above 1; √5 is customary.
-
-        Returns
-        -------
-        TwoMasses
-            With the motor's inertia load/(ratio² - 1).
+            Resonance over antiresonance, above 1: √(1 + load/motor); √5 is customary.
 
         Examples
         --------
@@ -134,12 +115,12 @@ class TwoMasses:
         0.001
         """
         ratio = real_number(ratio, "ratio", "give resonance over antiresonance")
-        if not (isfinite(ratio) and ratio > 1):
+        if not 1 < ratio < inf:
             raise ValueError(f"ratio is {ratio:g}; give one above 1, such as 5**0.5")
         return replace(self, motor=self.load / (ratio**2 - 1))
 
     def speed(self, viscous: float = 0.0) -> ct.TransferFunction:
-        r"""Give the motor's speed from its torque.
+        r"""Give the motor's speed in rad/s from its torque in N m.
 
         With b = 0 it is :math:`(J_ls^2+cs+k)/\bigl(s(J_mJ_ls^2+(J_m+J_l)(cs+k))\bigr)`.
 
@@ -147,11 +128,6 @@ class TwoMasses:
         ----------
         viscous : float
             Viscous friction b of the motor, in N m s.
-
-        Returns
-        -------
-        control.TransferFunction
-            From N m to rad/s.
         """
         own, total = np.array([self.load, self.damping, self.stiffness]), self.motor + self.load
         free = [self.motor * self.load, total * self.damping, total * self.stiffness, 0.0]
@@ -167,11 +143,6 @@ class TwoMasses:
         width : float
             w, the damping ratio of the new poles, positive.
 
-        Returns
-        -------
-        control.TransferFunction
-            With gain 1 at 0 and at high frequencies.
-
         Examples
         --------
         >>> drive = TwoMasses(1e-3, 4e-3, 10.0, 1e-3)
@@ -186,7 +157,7 @@ class TwoMasses:
 
 def _positive(value: float, name: str, unit: str) -> float:
     number = real_number(value, name, f"give a number in {unit}")
-    if not (isfinite(number) and number > 0):
+    if not 0 < number < inf:
         remedy = "a drive without load is OneMass(inertia)" if name == "load" else "check its sign"
         raise ValueError(f"{name} is {number:g} {unit}; it must be positive and finite: {remedy}")
     return number

@@ -10,8 +10,8 @@ from .parsing import UNITS, short
 
 __all__ = ["Choice", "checked_columns", "chosen", "known", "unit_of_time"]
 
+# First words of a heading of times; t and ts are others, if no column of these is there.
 TIME = ("time", "timestamp", "zeit", "elapsed", "seconds", "sec", "s", "date", "datetime")
-"""First words of a heading of times; t and ts are others, if no column of these is there."""
 
 BESIDE = (
     "time", "stamp", "in", "of", "since", "start", "elapsed", "utc", "local", "relative", "rel",
@@ -26,19 +26,17 @@ SIGNALS = {
 """Headings of input and output, without units and in small letters; with numbers if there are
 several."""
 
+# Headings of columns that number the rows: never taken for times.
 COUNTERS = ("sample", "samples", "index", "n", "k", "i", "no", "nr", "step", "count", "row", "id")
-"""Headings of columns that number the rows: never taken for times."""
-
 SAMPLING = "give the sampling time (--sampling-time 0.1; in Python sampling_time=0.1)"
-
 EXAMPLES = {"t": "Time", "u": "Q1", "y": "T1"}
 
 
 @dataclass(frozen=True)
 class Choice:
-    """The columns that are read: where t (if there are times), u and y stand, counted from 0.
+    """Where t (if there are times), u and y stand, from 0 on, and the unit of times if it is named.
 
-    Unit is that of the times, empty if none was named; remarks say what was taken for granted.
+    Remarks say what was taken for granted.
     """
 
     order: dict[str, int]
@@ -72,34 +70,25 @@ def unit_of_time(text: str) -> float | None:
     return UNITS.get(text.strip(" []()").lower())
 
 
-def chosen(
-    heads: Sequence[str], width: int, asked: Mapping[str, str | int], timed: bool, table: str
-) -> Choice:
-    """Find the columns, or ask.
+def chosen(heads: Sequence[str], asked: Mapping[str, str | int], timed: bool, table: str) -> Choice:
+    """Find the columns, or raise a ValueError that lists them and asks.
 
-    Heads are the headings, empty if there are none; asked are columns by name or number, as for
+    Heads are empty texts where there are none; asked are columns by name or number, as for
     `nrdob.read_data`; timed says whether there must be one of times, table what messages call it.
 
-    Raises
-    ------
-    ValueError
-        If a column that was asked for is not there, or it cannot be told which is which. The
-        message lists the columns.
-
-    Examples
-    --------
-    >>> chosen(["Time [ms]", "y", "u"], 3, {}, True, "the table")
+    >>> chosen(["Time [ms]", "y", "u"], {}, True, "the table")
     Choice(order={'t': 0, 'u': 2, 'y': 1}, unit='ms', remarks=())
     """
     wanted = ("t", "u", "y") if timed else ("u", "y")
     named = ", ".join(f"{k} {short(head)!r}" for k, head in enumerate(heads, 1))
+    titled, width = any(heads), len(heads)
     listed = f"{table} has " + (
-        f"the columns {named}" if heads else f"{width} column{'s' * (width > 1)} and no headings"
+        f"the columns {named}" if titled else f"{width} column{'s' * (width > 1)} and no headings"
     )
     order: dict[str, int] = {}
     unit = ""
     for what in (each for each in wanted if each in asked):
-        order[what], named = _asked(asked[what], what, heads, width, listed)
+        order[what], named = _asked(asked[what], what, heads, listed)
         unit = named if what == "t" else unit
     if len(set(order.values())) < len(order):
         raise ValueError(f"{listed}; the same one is asked for twice: t, u and y are three columns")
@@ -110,7 +99,7 @@ def chosen(
         k
         for k in range(width)
         if k not in order.values() and not any(k in each for each in several.values())
-        if not heads or (heads[k] and heads[k].lower() not in COUNTERS)
+        if not titled or (heads[k] and heads[k].lower() not in COUNTERS)
     ]
     lacking = [what for what in wanted if what not in order and what not in several]
     remarks: tuple[str, ...] = ()
@@ -120,13 +109,13 @@ def chosen(
         remarks = (
             f"the headings do not say which column holds {' and '.join(lacking)}: taken in the "
             f"order t, u, y, {taken}; name the columns to be sure ({_option(order, heads)})"
-            if heads
+            if titled
             else f"the columns were taken in the order {', '.join(wanted)}; name them to be sure "
             f"({_option(order, heads)})",
         )
     elif lacking or several:
-        raise ValueError(f"{listed}; {_question(order, several, lacking, wanted, heads, width)}")
-    if timed and heads and not unit:
+        raise ValueError(f"{listed}; {_question(order, several, lacking, heads)}")
+    if timed and not unit:
         unit = _unit(heads[order["t"]])
     return Choice({what: order[what] for what in wanted}, unit, remarks)
 
@@ -135,60 +124,50 @@ def _question(
     order: Mapping[str, int],
     several: Mapping[str, Sequence[int]],
     lacking: Sequence[str],
-    wanted: Sequence[str],
     heads: Sequence[str],
-    width: int,
 ) -> str:
     """Ask what is not known, with the option that answers it."""
-    free = [k for k in range(width) if k not in order.values()]
-    first = {what: each[0] for what, each in several.items()}
-    example = dict(order) | first
-    rest = iter([k for k in free if k not in first.values()])
-    example |= {what: k for what, k in zip(lacking, rest, strict=False)}
+    if lacking == ["t"] and not several:
+        return f"and no time: add a column t in seconds, or {SAMPLING}"
+    example = {**order, **{what: each[0] for what, each in several.items()}}
+    rest = [k for k in range(len(heads)) if k not in example.values()]
+    more = f"; without times {SAMPLING}" if "t" in lacking else ""
+    if len(rest) < len(lacking):
+        wanted = [what for what in ("t", "u", "y") if what in {*example, *lacking}]
+        return f"{len(wanted)} are needed: {', '.join(wanted)}{more}"
+    example |= dict(zip(lacking, rest, strict=False))
     asks = [
         f"{what} may be {' or '.join(_called(k, heads) for k in each)}"
         for what, each in several.items()
     ]
     if lacking:
         asks.append(f"which holds {', '.join(lacking)} is not known")
-    if lacking == ["t"] and not several:
-        return f"and no time: add a column t in seconds, or {SAMPLING}"
-    more = f"; without times {SAMPLING}" if "t" in lacking else ""
-    if len(example) < len(wanted):
-        return f"{len(wanted)} are needed: {', '.join(wanted)}{more}"
     return f"{'; '.join(asks)}: choose, such as {_option(example, heads)}{more}"
 
 
 def _option(order: Mapping[str, int], heads: Sequence[str]) -> str:
-    """Write the option that names these columns."""
-    named = {
-        what: (_plain(heads[order[what]]) if heads else "") or order[what] + 1
-        for what in ("t", "u", "y")
-        if what in order
-    }
+    """Write the option that names these columns, by number where a heading would need quotes."""
+    named: dict[str, str | int] = {w: order[w] + 1 for w in ("t", "u", "y") if w in order}
+    for what in named:
+        head = heads[order[what]]
+        if re.fullmatch(r"[^\W\d][\w .°%-]*", head) and len(head) < 20:
+            named[what] = head
     text = ",".join(f"{what}={each}" for what, each in named.items())
     quoted = f'"{text}"' if " " in text else text
     return f"--columns {quoted}; in Python columns={named}"
 
 
-def _plain(head: str) -> str:
-    """Give a heading if it can be written into an option; else nothing: its number will do."""
-    return head if re.fullmatch(r"[^\W\d][\w .°%-]*", head) and len(head) < 20 else ""
-
-
 def _called(k: int, heads: Sequence[str]) -> str:
-    return repr(short(heads[k])) if heads and heads[k] else f"column {k + 1}"
+    return repr(short(heads[k])) if heads[k] else f"column {k + 1}"
 
 
-def _asked(
-    column: str | int, what: str, heads: Sequence[str], width: int, listed: str
-) -> tuple[int, str]:
+def _asked(column: str | int, what: str, heads: Sequence[str], listed: str) -> tuple[int, str]:
     """Find a column by its name or number, maybe with a unit behind it: "2 [ms]"."""
     bare, unit = str(column).strip(), ""
     for attempt in range(2):
         if isinstance(column, str):
-            for same in (str, str.lower, lambda head: _base(head)):
-                hits = [k for k, head in enumerate(heads) if same(head) == same(bare)]
+            for same in (str, str.lower, _base):
+                hits = [k for k, head in enumerate(heads) if head and same(head) == same(bare)]
                 if len(hits) > 1:
                     raise ValueError(
                         f"{listed}; {len(hits)} of them are called {short(bare)!r}: give the "
@@ -196,7 +175,7 @@ def _asked(
                     )
                 if hits:
                     return hits[0], unit
-        if re.fullmatch(r"\d+", bare) and 1 <= int(bare) <= width:
+        if re.fullmatch(r"\d+", bare) and 1 <= int(bare) <= len(heads):
             return int(bare) - 1, unit
         behind = re.fullmatch(r"(.+?)\s*[\[(]\s*(\w+)\s*[\])]", bare)
         if attempt or behind is None or what != "t":
@@ -226,27 +205,23 @@ def _words(head: str) -> list[str]:
 
 def _is_time(head: str) -> int:
     """2 for a heading of times, 1 for one that may be, 0 for none."""
-    words = _words(head)
-    if not words:
-        return 0
-    if len(words) == 1 and words[0] in UNITS and len(words[0]) > 1 and words[0] != "min":
+    first, *others = _words(head) or [""]
+    if not others and first in UNITS and len(first) > 1 and first != "min":
         return 2
-    behind = [word for word in words[1:] if word not in BESIDE]
-    in_brackets = re.search(r"[\[(]", head) is not None
-    if words[0] in TIME:
-        return 2 if not behind or behind[0] in UNITS or in_brackets else 0
-    if words[0] in ("t", "ts"):
-        return 1 if not behind or behind[0] in UNITS else 0
-    return 0
+    behind = [word for word in others if word not in BESIDE]
+    measured = not behind or behind[0] in UNITS
+    if first in TIME:
+        return 2 if measured or re.search(r"[\[(]", head) else 0
+    return 1 if first in ("t", "ts") and measured else 0
 
 
 def _unit(head: str) -> str:
     """Find the unit that a heading of times names; empty if it names none."""
-    words = _words(head)
-    if words and words[0] in UNITS:
-        return words[0]
-    behind = [word for word in words[1:] if word not in BESIDE]
-    return " ".join(behind) if _is_time(head) or behind[-1:] in [[unit] for unit in UNITS] else ""
+    first, *others = _words(head) or [""]
+    if first in UNITS:
+        return first
+    behind = [word for word in others if word not in BESIDE]
+    return " ".join(behind) if _is_time(head) or (behind and behind[-1] in UNITS) else ""
 
 
 def _base(head: str) -> str:

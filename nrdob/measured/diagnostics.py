@@ -17,32 +17,16 @@ from .residuals import whitening_of
 
 __all__ = ["doubts"]
 
-LITTLE = 30.0
-"""Per cent of the output explained below which a process is doubtful."""
-
-SETTLED = 2.0
-"""Lags that a record must last after the input first moves."""
-
-FAR = 8.0
-"""Deviations from the samples around it at which a sample is an outlier."""
-
-TAIL = 0.95
-"""Share of the samples from the rest of which the tails of the noise are seen."""
-
-DRIFTED = 0.05
-"""Share of the output's range from which on a drift is told."""
-
-PAST = 20
-"""Samples over which a controller is looked for."""
-
+LITTLE = 30.0  # per cent of the output explained below which a process is doubtful
+SETTLED = 2.0  # lags that a record must last after the input first moves
+FAR = 8.0  # deviations from the samples around it at which a sample is an outlier
+TAIL = 0.95  # share of the samples from the rest of which the tails of the noise are seen
+DRIFTED = 0.05  # share of the output's range from which on a drift is told
+PAST = 20  # samples over which a controller is looked for
+# Correlation of u with what disturbed y, and its probability by chance, that tell of one.
 FEEDBACK, NEVER = 0.3, 1e-6
-"""Correlation of u with what disturbed y, and its probability by chance, that tell of one."""
-
-LEVELS = 12
-"""Limits of the actuator that are tried."""
-
-CLIPPED = 0.7
-"""Misfit with a limit, against that without, that tells of one."""
+LEVELS = 12  # limits of the actuator that are tried
+CLIPPED = 0.7  # misfit with a limit, against that without, that tells of one
 
 
 def doubts(
@@ -58,15 +42,13 @@ def doubts(
     Worth: per cent explained of the part fitted and of that held out, and whether the residual, in
     units of y from the start of the fit on, still follows the input. Fitted: how many samples were.
     """
-    return tuple(
-        [
-            *_worth(*worth, parameters["gain"]),
-            *_closed_loop(record, residual, fit),
-            *_limited(record, fit),
-            *_short(record, parameters, fitted),
-            *_outliers(record, residual, fit.start),
-            *_drift(record, residual, fit),
-        ]
+    return (
+        *_worth(*worth, parameters["gain"]),
+        *_closed_loop(record, residual, fit),
+        *_limited(record, fit),
+        *_short(record, parameters, fitted),
+        *_outliers(record, residual, fit.start),
+        *_drift(record, residual, fit),
     )
 
 
@@ -113,8 +95,7 @@ def _short(record: Record, parameters: dict[str, Parameter], fitted: int) -> Ite
 def _outliers(record: Record, residual: FloatArray, start: int) -> Iterator[str]:
     """Find samples whose residual is far from the two on either side.
 
-    Far is what neither the noise, with its tails, nor the steps in which y usually changes explain:
-    a sensor that rounds leaves most samples alike, and moves the others by what it can resolve.
+    Far is what neither the noise, with its tails, nor the steps in which y usually changes explain.
     """
     around = np.lib.stride_tricks.sliding_window_view(np.pad(residual, 2, mode="edge"), 5)
     apart = np.abs(residual - np.median(around, axis=1))
@@ -196,9 +177,11 @@ def _limited(record: Record, fit: Fit) -> Iterator[str]:
         return float(rest @ rest)
 
     plain = misfit(inputs)
-    tried = [(misfit(np.minimum(inputs, c)), "above", c) for c in levels[1:-1]]
-    tried += [(misfit(np.maximum(inputs, c)), "below", c) for c in levels[1:-1]]
-    least, side, level = min(tried)
+    least, side, level = min(
+        (misfit(cut(inputs, level)), side, level)
+        for cut, side in ((np.minimum, "above"), (np.maximum, "below"))
+        for level in levels[1:-1]
+    )
     level += record.u[0] - inputs[0]
     if least < CLIPPED * plain:
         yield (

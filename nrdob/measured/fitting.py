@@ -5,6 +5,11 @@ denominator :math:`\vartheta`, and with b found by linear least squares for each
 search has three unknowns at most (Golub and Pereyra's variable projection). Both sides go through
 the filter of the disturbance, see `nrdob.measured.residuals`; filter and process are found in turn.
 
+The search begins at the best of every dead time against many denominators. A whole dead time only
+shifts a response, so for one denominator the misfit at all of them comes out of a few correlations,
+computed by the fast Fourier transform. Nothing is guessed from the shape of a step; any input will
+do.
+
 .. rubric:: References
 
 Golub, G., V. Pereyra, Separable nonlinear least squares: the variable projection method and its
@@ -15,46 +20,34 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import exp, log
+from operator import attrgetter
 
 import numpy as np
+from scipy.fft import irfft, next_fast_len, rfft
 from scipy.optimize import least_squares
 
 from ..numerics import ROUNDING, BoolArray, FloatArray
-from .initialguesses import starting_points
 from .residuals import DECISIVE, Whitening, whitening_of
 from .structures import STRUCTURES, Structure
 
 __all__ = ["Fit", "Problem", "best_fit", "refined", "simple_fit"]
 
-STEP, WIDE = 1e-5, 0.5
-"""Of logarithms, and of the dead time in samples, for derivatives."""
-
+STEP, WIDE = 1e-5, 0.5  # of logarithms, and of the dead time in samples, for derivatives
+# Of the dead time in samples: for a lag the misfit has a kink at each whole one.
 SHIFTS = (0.0, -0.5, 0.5)
-"""Of the dead time in samples: for a lag the misfit has a kink at each whole one."""
-
-ROUGHLY, FINELY = 8, 25
-"""Most steps of a search, to compare starting points and to the end."""
-
+ROUGHLY, FINELY = 8, 25  # most steps of a search, to compare starting points and to the end
+# Most times that filter and process are found in turn, and the gain in misfit that ends it.
 ROUNDS, SAME = 3, 1e-3
-"""Most times that filter and process are found in turn, and the gain in misfit that ends it."""
-
+# Filters with which a search begins: without drift, and with much.
 BEGINNINGS = (Whitening(), Whitening(theta=0.8))
-"""Filters with which a search begins: without drift, and with much."""
-
-TRIES = 3
-"""Starting points for each structure, with and without drift."""
-
+TRIES = 3  # starting points for each structure, with and without drift
+# Share of the output by which a fit with drift may explain less, from rest, than one without.
 FAR = 0.15
-"""Share of the output by which a fit with drift may explain less, from rest, than one without."""
-
-LONG = 2000
-"""Samples to which longer records are thinned, to begin with."""
-
-DENSE = 0.95
-"""Share of the samples that must count for a drift to be told from them."""
-
-INSIDE = 1e-9
-"""Distance from the bounds at which a search begins."""
+LONG = 2000  # samples to which longer records are thinned, to begin with
+DENSE = 0.95  # share of the samples that must count for a drift to be told from them
+INSIDE = 1e-9  # distance from the bounds at which a search begins
+VALLEYS = 2  # dead times that are kept of each denominator
+LOSS = attrgetter("loss")
 
 
 @dataclass(frozen=True)
@@ -110,24 +103,12 @@ class Problem:
 class Fit:
     """A structure with numbers.
 
-    Attributes
-    ----------
-    structure : Structure
-        The kind of plant.
-    shape : array of float
-        Dead time in samples, and what shapes the denominator.
-    linear : array of float
-        Coefficients of the numerator, and of what the plant does by itself.
-    start : int
-        First sample compared.
-    moving : bool
-        Whether the plant may move before the input does.
-    whitening : Whitening
-        Of the residual; a memory without drift is left in it.
-    loss : float
-        Sum of squares that the search has made least.
-    misfit : float
-        Mean square of the most likely innovations, at least what rounding makes of the output.
+    The shape is the dead time in samples and what shapes the denominator; linear are the
+    coefficients of the numerator, and of what the plant does by itself; start is the first sample
+    compared; moving says whether the plant may move before the input does. In the residual that
+    `whitening` is of, a memory without drift is left. The loss is the sum of squares that the
+    search has made least, the misfit the mean square of the most likely innovations, at least what
+    rounding makes of the output.
     """
 
     structure: Structure
@@ -159,13 +140,12 @@ class Fit:
         By the dead time over half a sample to either side: the slope jumps at each whole one.
         """
         slopes = []
-        for k in range(self.shape.size):
-            ends = [self.shape.copy(), self.shape.copy()]
+        for k, unit in enumerate(np.eye(self.shape.size)):
             step = STEP if k else WIDE
-            ends[0][k] = max(ends[0][k] - step, 0.0) if k == 0 else ends[0][k] - step
-            ends[1][k] += step
-            low, high = (self._columns(shape, inputs) for shape in ends)
-            slopes.append((high - low) @ self.linear / (ends[1][k] - ends[0][k]))
+            below, above = self.shape - step * unit, self.shape + step * unit
+            below[0] = max(below[0], 0.0)
+            low, high = (self._columns(shape, inputs) for shape in (below, above))
+            slopes.append((high - low) @ self.linear / (above[k] - below[k]))
         return np.column_stack([*slopes, self._columns(self.shape, inputs)])
 
     def _columns(self, shape: FloatArray, inputs: FloatArray) -> FloatArray:
@@ -190,11 +170,9 @@ def best_fit(structure: Structure, problem: Problem, moving: bool) -> Fit:
 
 
 def _begun(structure: Structure, problem: Problem, whitening: Whitening, moving: bool) -> Fit:
-    record = problem.inputs, problem.outputs
-    points = starting_points(structure, *record, (whitening, moving), TRIES)
-    return min(
-        (_search(structure, problem, whitening, shape, 0, moving) for shape in points), key=_loss
-    )
+    points = _starting_points(structure, problem, whitening, moving)
+    fits = (_search(structure, problem, whitening, shape, 0, moving) for shape in points)
+    return min(fits, key=LOSS)
 
 
 def _plain_fit(structure: Structure, problem: Problem, start: int, moving: bool) -> Fit:
@@ -204,7 +182,7 @@ def _plain_fit(structure: Structure, problem: Problem, start: int, moving: bool)
     shape = structure.stretched(rough, factor)
     shifts = (shape + shift * np.eye(shape.size)[0] for shift in SHIFTS)
     found = (_search(structure, problem, Whitening(), at, start, moving, FINELY) for at in shifts)
-    return replace(min(found, key=_loss), whitening=Whitening())
+    return replace(min(found, key=LOSS), whitening=Whitening())
 
 
 def simple_fit(problem: Problem, rival: Fit) -> Fit | None:
@@ -214,10 +192,6 @@ def simple_fit(problem: Problem, rival: Fit) -> Fit | None:
     return simple if problem.explained(simple) > enough else None
 
 
-def _loss(fit: Fit) -> float:
-    return fit.loss
-
-
 def refined(fit: Fit, problem: Problem, start: int) -> Fit:
     """Search on from a fit, and with the dead time half a sample off, comparing from `start`."""
 
@@ -225,19 +199,17 @@ def refined(fit: Fit, problem: Problem, start: int) -> Fit:
         moved = fit.shape + shift * np.eye(fit.shape.size)[0]
         return _search(fit.structure, problem, fit.whitening, moved, start, fit.moving, FINELY)
 
-    best = fit = min(map(searched, SHIFTS), key=_loss)
+    fit = min(map(searched, SHIFTS), key=LOSS)
     for _ in range(ROUNDS):
-        fit = searched(0.0)
-        done = abs(fit.misfit / best.misfit - 1) < SAME
-        best = fit
-        if done:
+        before, fit = fit, searched(0.0)
+        if abs(fit.misfit / before.misfit - 1) < SAME:
             break
-    if best.whitening.theta == 1:
-        return best
+    if fit.whitening.theta == 1:
+        return fit
     # A structure that is too simple leaves motion that looks like drift, and is driven to ever
     # poorer responses by the filter.
     plain = _plain_fit(fit.structure, problem, start, fit.moving)
-    return plain if problem.explained(plain) > problem.explained(best) + FAR else best
+    return plain if problem.explained(plain) > problem.explained(fit) + FAR else fit
 
 
 def _search(
@@ -270,3 +242,49 @@ def _search(
     floor = (ROUNDING * np.ptp(problem.outputs)) ** 2
     misfit = float(np.mean(whitening.applied(left)[used] ** 2) + floor)
     return replace(fit, whitening=whitening.of_fit, misfit=misfit)
+
+
+def _starting_points(
+    structure: Structure, problem: Problem, whitening: Whitening, moving: bool
+) -> list[FloatArray]:
+    """Find shapes of small misfit through a filter, no two of them alike, the best first."""
+    count = problem.outputs.size
+    seen = whitening.applied(problem.inputs), whitening.applied(problem.outputs)
+    found = []
+    for shape in structure.shapes(count):
+        own, _ = np.linalg.qr(whitening.applied(structure.own(shape, count, moving).T))
+        misfit = _misfits(structure.forced(shape, seen[0]), seen[1], own.T)
+        for best in _valleys(misfit):
+            found.append((float(misfit[best]), np.concatenate([[float(best)], shape[1:]])))
+    found.sort(key=lambda each: each[0])
+    kept: list[FloatArray] = []
+    for _, shape in found:
+        if all(np.abs(shape - other).max() > 1.0 for other in kept):
+            kept.append(shape)
+    return kept[:TRIES]
+
+
+def _valleys(misfit: FloatArray) -> list[int]:
+    """Dead times, in samples, of the deepest local minima."""
+    padded = np.concatenate([[np.inf], misfit, [np.inf]])
+    low = np.flatnonzero((misfit <= padded[:-2]) & (misfit < padded[2:]))
+    return [int(k) for k in low[np.argsort(misfit[low])][:VALLEYS]]
+
+
+def _misfits(forced: FloatArray, outputs: FloatArray, own: FloatArray) -> FloatArray:
+    """Sum of squares that is left at each whole dead time, up to half the record."""
+    count, delays = outputs.size, outputs.size // 2
+    rest = outputs - (own @ outputs) @ own
+    size = next_fast_len(2 * count, real=True)
+    spectra = rfft(np.vstack([rest, own]), size)
+    shifted = rfft(forced, size).conj()
+    # correlations[i, m, d]: the i-th column against the m-th response, d samples late.
+    correlations = irfft(spectra[:, None] * shifted[None], size)[..., :delays]
+    onto, within = correlations[0], correlations[1:]
+    # Products of two responses equally late: what has not left the record yet.
+    products = np.cumsum(forced[:, None] * forced[None], axis=-1)[..., ::-1][..., :delays]
+    gram = (products - np.einsum("imd,ind->mnd", within, within)).transpose(2, 0, 1)
+    ridge = 1e-9 * np.trace(products[..., 0]) + np.finfo(float).tiny
+    gram += ridge * np.eye(forced.shape[0])
+    gain = np.linalg.solve(gram, onto.T[..., None])[..., 0]
+    return np.asarray(rest @ rest - np.einsum("md,dm->d", onto, gain))

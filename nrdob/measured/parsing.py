@@ -12,8 +12,7 @@ from ..numerics import FloatArray
 
 __all__ = ["NUMBER", "UNITS", "is_moment", "number_in", "seconds_in", "short"]
 
-LONGEST = 60
-"""Characters of a cell or a heading that a message repeats."""
+LONGEST = 60  # characters of a cell or a heading that a message repeats
 
 UNITS = {
     unit: seconds
@@ -52,8 +51,6 @@ def short(text: str) -> str:
 def number_in(cell: str) -> float | None:
     """Read a number with a decimal point or comma, maybe nan or inf; None if it is none.
 
-    Examples
-    --------
     >>> number_in("-2,5"), number_in("1,234.5"), number_in("=1+1")
     (-2.5, None, None)
     """
@@ -78,12 +75,7 @@ def seconds_in(cells: Sequence[str], place: Callable[[int], str]) -> tuple[Float
 
     Such as 2024-01-31T12:00:00.5, 12:00:00, 31.01.2024 12:00:00 or 1/31/2024 12:00:00 PM. An order
     of day and month that is not year, month, day is not guessed: such a day may stand there as long
-    as it is the same in all rows. Place gives what messages call the cell of a number.
-
-    Raises
-    ------
-    ValueError
-        If one is no time, or days can be read in two ways.
+    as it is the same in all rows. A ValueError names the cell as `place` does.
     """
     days, clock, zones = [], np.empty(len(cells)), []
     for k, cell in enumerate(cells):

@@ -16,20 +16,12 @@ __all__ = ["SHORTEST", "Record", "checked_record", "resolution"]
 SHORTEST = 20
 """Samples below which nothing is fitted."""
 
-STUCK = 5
-"""Samples in a row at one extreme value from which on an output may be at its limit."""
-
+STUCK = 5  # samples in a row at one extreme value from which on an output may be at its limit
+# Last step before a limit, against the largest of the record, that no settling output makes.
 ABRUPT = 0.2
-"""Last step before a limit, against the largest of the record, that no settling output makes."""
-
-COARSE = 3.0
-"""Steps of a coarse sensor that the last one before a limit must exceed."""
-
-LARGEST = 1e100
-"""Above it squares overflow."""
-
-SINCE_1970 = 1e8
-"""Times in seconds that count from 1970, and not from the beginning of a test."""
+COARSE = 3.0  # steps of a coarse sensor that the last one before a limit must exceed
+LARGEST = 1e100  # above it squares overflow
+SINCE_1970 = 1e8  # times in seconds that count from 1970, and not from the beginning of a test
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,18 +30,13 @@ class Record:
 
     Attributes
     ----------
-    t : (N,) array
-        Times in seconds.
-    u, y : (N,) array
-        Input, held from each sample to the next, and output.
+    t, u, y : (N,) array
+        Times in seconds, the input, held from each sample to the next, and the output.
     free : (N,) array of bool
         Where the output was measured, and is not stuck at a limit.
-    remarks : tuple of str
-        What was noticed and must be heeded, in words.
-    name : str
-        Where it comes from.
-    notes : tuple of str
-        What was done in reading it: units converted, a few missing samples filled in.
+    remarks, notes, name : tuple of str, tuple of str, str
+        What was noticed and must be heeded, what was done in reading it (units converted, a few
+        missing samples filled in), and where it comes from.
     input_before : float or None
         What the input was before the record, with the plant at rest; None if that is not known.
     """
@@ -95,20 +82,12 @@ def checked_record(
     t, u, y : (N,) array_like
         Times in seconds, input and output. A few missing samples are filled in, and jitter of the
         times is resampled, with a note or a remark on how much.
-    name : str
-        Where the record comes from.
-    place : callable
-        What the sample of a number is called in messages.
+    name, place : str, callable
+        Where the record comes from, and what the sample of a number is called in messages.
     notes, remarks : tuple of str
         What was done and noticed before.
     input_before : float, optional
-        What the input was before the record, with the plant at rest: where the first sample already
-        is the step, this is what it steps from.
-
-    Returns
-    -------
-    Record
-        The record.
+        What u was before the record, with the plant at rest: what a first sample steps from.
 
     Raises
     ------
@@ -132,19 +111,20 @@ def checked_record(
     if times[0] >= SINCE_1970:
         notes = (*notes, f"times count from {times[0]:.10g} s, that of the first sample")
         times = times - times[0]
-    before = None if input_before is None else _before(input_before)
-    if before is not None:
-        notes = (*notes, f"before it u is {before:g}, as you say, and the plant at rest")
-    _check_moving(inputs if before is None else np.append(before, inputs), outputs)
+    if input_before is not None:
+        input_before = _before(input_before)
+        notes = (*notes, f"before it u is {input_before:g}, as you say, and the plant at rest")
+    moves = inputs if input_before is None else np.append(input_before, inputs)
+    _check_moving(moves, outputs)
     free, noticed = _stuck(outputs, place)
     even = evenly_sampled(times, inputs, outputs, place)
-    if np.ptp(even.u[:-1]) == 0 and before in (None, even.u[0]):
+    if np.ptp(even.u[:-1]) == 0 and input_before in (None, even.u[0]):
         raise ValueError("u changes at the last sample only: let the record go on after the step")
     if even.t.size != times.size or not np.array_equal(even.t, times):
         free = np.interp(even.t, times, free) > 1 - 1e-9
     return Record(
         even.t, even.u, even.y, free & even.measured, (*remarks, *even.remarks, *noticed), name,
-        (*notes, *even.notes), before,
+        (*notes, *even.notes), input_before,
     )  # fmt: skip
 
 
@@ -192,10 +172,7 @@ def _numbers(values: Any, called: str, place: Callable[[int], str]) -> FloatArra
 
 
 def _stuck(outputs: FloatArray, place: Callable[[int], str]) -> tuple[BoolArray, list[str]]:
-    """Find where the output runs into its largest or smallest value abruptly, and stays.
-
-    A settling output comes to rest in ever smaller steps; one that is cut off does not.
-    """
+    """Find where the output runs into an extreme value abruptly, not in ever smaller steps."""
     free = np.ones(outputs.size, dtype=bool)
     remarks = []
     steps = np.abs(np.diff(outputs))
@@ -204,9 +181,10 @@ def _stuck(outputs: FloatArray, place: Callable[[int], str]) -> tuple[BoolArray,
     abrupt, far = (max(ABRUPT * each.max(), coarse) for each in (steps, moves))
     for extreme, called in ((outputs.max(), "largest"), (outputs.min(), "smallest")):
         held = outputs == extreme
+        edges: IntArray = np.flatnonzero(np.diff(held.astype(int), prepend=0, append=0))
         cut = [
             first
-            for first, last in _runs(held)
+            for first, last in edges.reshape(-1, 2).tolist()
             if last - first >= STUCK
             and steps[max(first - 2, 0) : first].max(initial=0.0) > abrupt
             and moves[max(first - STUCK, 0)] > far
@@ -222,19 +200,11 @@ def _stuck(outputs: FloatArray, place: Callable[[int], str]) -> tuple[BoolArray,
 
 
 def resolution(outputs: FloatArray) -> float:
-    """Step of a coarse sensor, of which most others are multiples; 0 if there is none.
-
-    A sensor that is written with few digits has steps that differ by some per cent.
-    """
+    """Step of a coarse sensor, of which most others are multiples; 0 if there is none."""
     steps = np.abs(np.diff(outputs))
     moved = steps[steps > 0]
+    # Written with few digits, alike steps differ by some per cent.
     usual = float(np.median(moved[moved <= 1.1 * np.median(moved)]))
     multiples = moved / usual
     off = np.abs(multiples - np.round(multiples))
     return usual if np.mean(off < 0.05 * np.maximum(multiples, 1)) > 0.9 else 0.0
-
-
-def _runs(held: BoolArray) -> list[tuple[int, int]]:
-    """Stretches where something holds, as pairs of first and one past the last."""
-    edges: IntArray = np.flatnonzero(np.diff(np.concatenate([[0], held.astype(int), [0]])))
-    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]

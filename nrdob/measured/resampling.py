@@ -16,34 +16,22 @@ from ..numerics import BoolArray, FloatArray, IntArray
 
 __all__ = ["Sampled", "evenly_sampled"]
 
+# Largest distance of a sample from the even grid, in sampling times, that is left as it is.
 EVEN = 0.05
-"""Largest distance of a sample from the even grid, in sampling times, that is left as it is."""
-
-JITTER = 0.25
-"""Largest error of an interval, in sampling times, that is resampled."""
-
+JITTER = 0.25  # largest error of an interval, in sampling times, that is resampled
+# Largest share of missing samples: in the whole record, and in one gap (of more than one).
 MISSING, LONGEST = 0.05, 0.01
-"""Largest share of missing samples: in the whole record, and in one gap (of more than one)."""
-
-SMOOTH = 0.05
-"""Largest difference of two ways to interpolate y, against its standard deviation."""
-
-MINOR = 0.01
-"""Share of missing samples up to which filling them is not worth a warning."""
-
-COARSE = 2.5
-"""Largest step of rounded times, in sampling times."""
-
+SMOOTH = 0.05  # largest difference of two ways to interpolate y, against its standard deviation
+MINOR = 0.01  # share of missing samples up to which filling them is not worth a warning
+COARSE = 2.5  # largest step of rounded times, in sampling times
+# Irregular intervals that rounding must have left; fewer are missing or repeated rows.
 IRREGULAR = 3
-"""Irregular intervals that rounding must have left; fewer are missing or repeated rows."""
+IF_EVEN = "if the samples are even and only their times are wrong, give the sampling time"
 
 
 @dataclass(frozen=True)
 class Sampled:
-    """A record at even times, in seconds; what was done to it is noted, or remarked if it matters.
-
-    `measured` is false where y was filled in.
-    """
+    """A record at even times, measured or filled in; what was done is noted, or remarked."""
 
     t: FloatArray
     u: FloatArray
@@ -56,21 +44,12 @@ class Sampled:
 def evenly_sampled(
     t: FloatArray, u: FloatArray, y: FloatArray, place: Callable[[int], str]
 ) -> Sampled:
-    """Bring a record to even times.
+    """Bring a record to even times, or say where these would hide something, as `place` calls it.
 
     Times within 5 % of a sampling time of an even grid are left as they are. Times that were
     rounded are taken as even. Where a few rows are missing, y is interpolated (and not used) and u
     held. Times with jitter are resampled: y along straight lines, u averaged over each interval.
-    Place gives what the sample of a number is called in messages.
 
-    Raises
-    ------
-    ValueError
-        If the times do not increase, or if even times would hide something: long gaps, a change of
-        u in a gap, large jitter, an output that moves too fast to be interpolated.
-
-    Examples
-    --------
     >>> t = np.delete(np.arange(200.0), 7)
     >>> even = evenly_sampled(t, t > 20, t, "sample {}".format)
     >>> even.t.size, even.y[7].item(), even.notes
@@ -90,33 +69,21 @@ def evenly_sampled(
             )
             even = t[0] + spacing * np.arange(count)
             return Sampled(even, u, y, np.ones(count, dtype=bool), (), (said,))
-    _check_increasing(t, place)
     index, spacing = _numbered(t, place)
-    notes, remarks = _gaps(index, t, u, place)
+    done = _gaps(index, t, u, place)
     size = int(index[-1]) + 1
     measured = np.zeros(size, dtype=bool)
     measured[index] = True
     grid = t[0] + spacing * np.arange(size)
     if np.abs(t - grid[index]).max() <= EVEN * spacing:
         held = u[np.maximum.accumulate(np.where(measured, np.cumsum(measured) - 1, 0))]
-        return Sampled(grid, held, np.interp(grid, t, y), measured, notes, remarks)
-    said = _resampling(t, y, grid, place)
-    minor = _jitter(t) <= 2 * EVEN
-    return Sampled(
-        grid, _averaged(t, u, grid), np.interp(grid, t, y), measured,
-        (*notes, *[said] * minor), (*remarks, *[said] * (not minor)),
-    )  # fmt: skip
-
-
-def _check_increasing(t: FloatArray, place: Callable[[int], str]) -> None:
-    back = np.flatnonzero(np.diff(t) <= 0)
-    if back.size:
-        k = int(back[0]) + 1
-        raise ValueError(
-            f"t goes from {t[k - 1]:.10g} to {t[k]:.10g} at {place(k)}; times must increase: put "
-            "the samples in order, and take out what stands twice (or, if the samples are even and "
-            "only their times are wrong, give the sampling time)"
-        )
+    else:
+        held = _averaged(t, u, grid)
+        done.append((_resampling(t, y, grid, place), _jitter(t) <= 2 * EVEN))
+    notes, remarks = (
+        tuple(said for said, small in done if small == kind) for kind in (True, False)
+    )
+    return Sampled(grid, held, np.interp(grid, t, y), measured, notes, remarks)
 
 
 def _rounding(t: FloatArray) -> tuple[float, float]:
@@ -141,6 +108,12 @@ def _rounding(t: FloatArray) -> tuple[float, float]:
 def _numbered(t: FloatArray, place: Callable[[int], str]) -> tuple[IntArray, float]:
     """Give each sample its number on the even grid, and the sampling time."""
     steps = np.diff(t)
+    if (steps <= 0).any():
+        k = int(np.argmax(steps <= 0)) + 1
+        raise ValueError(
+            f"t goes from {t[k - 1]:.10g} to {t[k]:.10g} at {place(k)}; times must increase: put "
+            f"the samples in order, and take out what stands twice (or, {IF_EVEN})"
+        )
     usual = float(np.median(steps))
     off = np.abs(steps / usual - np.round(steps / usual))
     if off.max() > JITTER or steps.min() < 0.5 * usual:
@@ -148,8 +121,7 @@ def _numbered(t: FloatArray, place: Callable[[int], str]) -> tuple[IntArray, flo
         raise ValueError(
             f"t is not evenly sampled: its steps lie between {steps.min():.4g} and "
             f"{steps.max():.4g} s, the largest before {place(k)}; use a stretch without gaps, or "
-            "log at a fixed rate (if the samples are even and only their times are wrong, give the "
-            "sampling time)"
+            f"log at a fixed rate ({IF_EVEN})"
         )
     index = np.concatenate([[0], np.cumsum(np.round(steps / usual).astype(int))])
     return index, float((t[-1] - t[0]) / index[-1])
@@ -157,12 +129,12 @@ def _numbered(t: FloatArray, place: Callable[[int], str]) -> tuple[IntArray, flo
 
 def _gaps(
     index: IntArray, t: FloatArray, u: FloatArray, place: Callable[[int], str]
-) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Say how much is missing; refuse gaps that hide something."""
+) -> list[tuple[str, bool]]:
+    """Say how much is missing, each with whether it is minor; refuse gaps that hide something."""
     missing = np.diff(index) - 1
     total, size = int(missing.sum()), int(index[-1]) + 1
     if not total:
-        return (), ()
+        return []
     worst = int(np.argmax(missing))
     if total > MISSING * size or missing.max() > max(1.0, LONGEST * size):
         raise ValueError(
@@ -181,15 +153,15 @@ def _gaps(
         f"{total} of {size} samples {'is' if total == 1 else 'are'} missing: y is interpolated "
         "there, and not used"
     )
-    late = (
-        f"u changes while a sample is missing, before {place(int(moved[0]) + 1)}"
-        + (f" and {moved.size - 1} times more" if moved.size > 1 else "")
-        + ": u is taken to change after it; the dead time may be wrong by up to one sample"
-        if moved.size
-        else ""
-    )
-    minor = total <= MINOR * size
-    return (said,) * minor, (said,) * (not minor) + ((late,) if late else ())
+    done = [(said, total <= MINOR * size)]
+    if moved.size:
+        more = f" and {moved.size - 1} times more" if moved.size > 1 else ""
+        late = (
+            f"u changes while a sample is missing, before {place(int(moved[0]) + 1)}{more}: u is "
+            "taken to change after it; the dead time may be wrong by up to one sample"
+        )
+        done.append((late, False))
+    return done
 
 
 def _jitter(t: FloatArray) -> float:
@@ -206,8 +178,7 @@ def _resampling(t: FloatArray, y: FloatArray, grid: FloatArray, place: Callable[
         raise ValueError(
             f"t is not evenly sampled (intervals differ by up to {100 * _jitter(t):.2g} %), and y "
             f"moves too fast between samples to be resampled, most before {place(k)}: sample "
-            "faster, or log at a fixed rate (if the samples are even and only their times are "
-            "wrong, give the sampling time)"
+            f"faster, or log at a fixed rate ({IF_EVEN})"
         )
     return (
         f"intervals between the times differ by up to {100 * _jitter(t):.2g} %: resampled to one "

@@ -3,45 +3,39 @@ r"""Which plants a record is compared with: one or two lags with dead time, or a
 Each has few numbers that enter its response nonlinearly, and the rest linearly: the dead time
 :math:`\theta`, and what fixes the denominator, are searched for; numerator, level and initial state
 then follow by linear least squares.
+
+An input that is held between samples is answered exactly, whatever the dead time.
+Time is counted in samples. With the dead time :math:`\theta = d + f`, d whole and
+:math:`0 \le f < 1`, the input switches f after each sample, so that the state of
+:math:`\dot x = Ax + Bu(t - \theta)` goes from one sample to the next by
+
+.. math:: x_{k+1} = e^Ax_k + \Gamma(1-f)\,u_{k-d} + e^{A(1-f)}\Gamma(f)\,u_{k-d-1},
+          \qquad \Gamma(t) = \int_0^t e^{A\sigma}B\,d\sigma .
+
+The response is continuous in the dead time.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from math import exp, log, pi, sqrt
+from math import exp, floor, log, pi, sqrt
 
 import numpy as np
+from scipy.signal import lfilter
 
-from ..numerics import FloatArray
-from .zoh import free_responses, held_responses
+from ..numerics import FloatArray, transition
 
-__all__ = ["STRUCTURES", "Structure"]
+__all__ = ["STRUCTURES", "Structure", "free_responses", "held_responses"]
 
-FASTEST_LAG = 0.05
-"""In samples: a faster lag is not seen."""
-
-DAMPING = (0.003, 30.0)
-"""Damping ratios looked at."""
-
-RAMP = 100.0
-"""Samples in which the ramp of an integrator's level grows by one."""
+FASTEST_LAG = 0.05  # in samples: a faster lag is not seen
+DAMPING = (0.003, 30.0)  # damping ratios looked at
+RAMP = 100.0  # samples in which the ramp of an integrator's level grows by one
 
 
 @dataclass(frozen=True)
 class Structure:
-    """A kind of plant.
-
-    Attributes
-    ----------
-    name : str
-        In words.
-    lags : int
-        Degree of what is left of the denominator without the integrator, 0 to 2.
-    integrates : bool
-        Whether there is a pole at s = 0.
-    zero : bool
-        Whether the numerator has a zero.
-    """
+    """A kind of plant: in words, with 0 to 2 lags, a pole at s = 0 or not, a zero or not."""
 
     name: str
     lags: int
@@ -64,11 +58,10 @@ class Structure:
 
     def bounds(self, samples: int) -> tuple[FloatArray, FloatArray]:
         """Lowest and highest `shape` in a record of so many samples."""
-        slow = 20.0 * samples
+        slow = log(20.0 * samples)
+        pairs = [(log(FASTEST_LAG), slow)] * self.lags
         if self.lags == 2:
-            pairs = [(-log(slow), log(pi)), (log(DAMPING[0]), log(DAMPING[1]))]
-        else:
-            pairs = [(log(FASTEST_LAG), log(slow))] * self.lags
+            pairs = [(-slow, log(pi)), (log(DAMPING[0]), log(DAMPING[1]))]
         low, high = np.array([(0.0, 0.5 * samples), *pairs]).T
         return low, high
 
@@ -90,10 +83,8 @@ class Structure:
 
     def stretched(self, shape: FloatArray, factor: int) -> FloatArray:
         """Give a shape in samples that are shorter by a factor."""
-        logarithm = log(factor)
-        if self.lags == 2:
-            return np.array([shape[0] * factor, shape[1] - logarithm, shape[2]])
-        return np.array([shape[0] * factor, *(lag + logarithm for lag in shape[1:])])
+        more = [-log(factor), 0.0] if self.lags == 2 else [log(factor)] * self.lags
+        return np.array([shape[0] * factor, *(shape[1:] + more)])
 
     def shapes(self, samples: int) -> list[FloatArray]:
         """Denominators tried at first, without dead time."""
@@ -112,10 +103,7 @@ class Structure:
         return [np.array([0.0, log(omega), log(damping)]) for omega, damping in found]
 
     def forced(self, shape: FloatArray, inputs: FloatArray) -> FloatArray:
-        """Responses that the coefficients of the numerator multiply, shape (numerators, N).
-
-        The input is zero before its first sample.
-        """
+        """Responses that the coefficients of the numerator multiply, shape (numerators, N)."""
         den = self.den(shape)
         found = held_responses(den, inputs, float(shape[0]))[: self.numerators]
         return found * next(c for c in den[::-1] if c)  # so that the first coefficient is a gain
@@ -123,21 +111,16 @@ class Structure:
     def columns(
         self, shape: FloatArray, inputs: FloatArray, start: int, moving: bool
     ) -> FloatArray:
-        """All responses of which the output is a sum, from `start` on: numerator, then `own`.
-
-        The shape is (N - start, numerators + own).
-        """
+        """All responses of which the output is a sum, shape (N - start, numerators + own)."""
         forced = self.forced(shape, inputs)[:, start:]
         return np.vstack([forced, self.own(shape, forced.shape[1], moving)]).T
 
     def own(self, shape: FloatArray, count: int, moving: bool) -> FloatArray:
-        """Give what the plant does by itself: rest at a level or, moving, go on from any state.
-
-        An integrator that moves has a level of u, too, which makes a ramp.
-        """
+        """Give what the plant does by itself: rest at a level or, moving, go on from any state."""
         level = np.ones((1, count))
         if not moving:
             return level
+        # An integrator that moves has a level of u, too.
         ramp = np.arange(count)[None] / RAMP if self.integrates else level
         return np.vstack([free_responses(self.den(shape), count), ramp])
 
@@ -151,3 +134,47 @@ STRUCTURES = (
     Structure("two lags and a zero with dead time", 2, zero=True),
 )
 """From simple to rich."""
+
+
+def held_responses(den: Sequence[float], inputs: FloatArray, delay: float = 0.0) -> FloatArray:
+    r"""Respond from rest, shape (n, N), with :math:`e^{-\theta s}s^i/D(s)` for i from 0 to n - 1.
+
+    Den is the monic :math:`D(s)` of degree n, 1 or 2, descending; the input is zero before its
+    first sample, shape (N,). A lag of one sampling time after half a sample of dead time:
+
+    >>> held_responses([1.0, 1.0], np.ones(3), 0.5).round(4)
+    array([[0.    , 0.3935, 0.7769]])
+    """
+    whole = floor(delay)
+    part = delay - whole
+    (early, late), (before, now) = transition(*_companion(den), [part, 1 - part])
+    n = len(den) - 1
+    before, step = late @ before, late @ early
+    # (zI - step)^-1 applied to the two vectors, over the characteristic polynomial.
+    if n == 1:
+        poles = np.array([1.0, -step[0, 0]])
+        taps = np.array([[0.0, now[0], before[0]]])
+    else:
+        trace = step[0, 0] + step[1, 1]
+        poles = np.array([1.0, -trace, np.linalg.det(step)])
+        turned = step - trace * np.eye(2)
+        taps = np.stack([0 * now, now, turned @ now + before, turned @ before], axis=1)
+    shifted = np.concatenate([np.zeros(min(whole, inputs.size)), inputs[: -whole or None]])
+    return np.array([lfilter(row, poles, shifted[: inputs.size]) for row in taps])
+
+
+def free_responses(den: Sequence[float], count: int) -> FloatArray:
+    """Give a basis, shape (n, count), of what the output does by itself after any initial state."""
+    n = len(den) - 1
+    step, _ = transition(*_companion(den), 1.0)
+    poles = [1.0, -step[0, 0]] if n == 1 else [1.0, -np.trace(step), np.linalg.det(step)]
+    impulse = np.eye(1, count)[0]
+    return np.array([lfilter(late, poles, impulse) for late in np.eye(n)])
+
+
+def _companion(den: Sequence[float]) -> tuple[FloatArray, FloatArray]:
+    """Give A and B of 1/D(s)."""
+    n = len(den) - 1
+    A = np.eye(n, k=1)
+    A[-1] = -np.asarray(den, dtype=float)[:0:-1]
+    return A, np.eye(n)[-1]

@@ -22,12 +22,10 @@ from .textfiles import Sheet, read_sheet
 
 __all__ = ["heated_air", "read_data"]
 
+# Times as often as y that u may change where nothing but their order says which is which.
 SWAPPED = 10
-"""Times as often as y that u may change where nothing but their order says which is which."""
-
+# Days since 1900, as spreadsheets count them, of the years 1982 to 2064.
 EXCEL_DAYS = (30_000.0, 60_000.0)
-"""Days since 1900, as spreadsheets count them, of the years 1982 to 2064."""
-
 HEATED_AIR_STEP = 0.08
 
 
@@ -58,8 +56,7 @@ def read_data(
         Heading or number (from 1 on) of the columns of "t", "u" and "y"; those that are found by
         themselves may be left out. The unit of times may stand behind: ``{"t": "1 [ms]"}``.
     input_before : float, optional
-        What u was before the record, with the plant at rest, for a record that begins with the
-        step.
+        What u was before a record that begins with the step, with the plant at rest.
 
     Returns
     -------
@@ -95,10 +92,10 @@ def read_data(
             raise ValueError("sampling_time and a column t are given; one of them must do")
     path = Path(path)
     sheet = read_sheet(path)
-    width = len(sheet.heads) or len(sheet.rows[0])
+    heads = sheet.heads or [""] * len(sheet.rows[0])
     table = f"line {sheet.head_line} of {short(path.name)}" if sheet.heads else short(path.name)
-    choice = chosen(sheet.heads, width, asked, sampling_time is None, table)
-    _check_widths(sheet, width)
+    choice = chosen(heads, asked, sampling_time is None, table)
+    _check_widths(sheet, len(heads))
     u, y = (_numbers(sheet, what, choice.order[what]) for what in ("u", "y"))
     if choice.remarks and _changes(u) > SWAPPED * _changes(y):
         raise ValueError(
@@ -135,11 +132,6 @@ def heated_air() -> Record:
     its plant, nor its sampling time. Length, levels and dynamics are those of the hot-air trainer
     PT326, a classic of system identification: a fan blows air through a tube, a resistor heats it,
     a thermistor at the outlet measures; it was sampled every 0.08 s.
-
-    Returns
-    -------
-    Record
-        The record.
 
     References
     ----------
@@ -191,20 +183,18 @@ def _numbers(sheet: Sheet, what: str, column: int) -> FloatArray:
 
 def _check_decimals(sheet: Sheet, what: str, cells: Sequence[str]) -> None:
     """Refuse a column in which a comma may be a decimal mark or part thousands."""
-    marks = {
-        mark: [k for k, cell in enumerate(cells) if set(cell) & {",", "."} == {mark}]
-        for mark in ",."
-    }
-    if marks[","] and marks["."]:
-        k = max(marks[","][0], marks["."][0])
-        other = cells[min(marks[","][0], marks["."][0])]
+    commas, points = (
+        [k for k, cell in enumerate(cells) if set(cell) & {",", "."} == {mark}] for mark in ",."
+    )
+    if commas and points:
+        other, k = sorted((commas[0], points[0]))
         raise ValueError(
             f"line {sheet.lines[k]}: {what} is {short(cells[k])!r} where another line has "
-            f"{short(other)!r}: use one decimal mark, and no separator of thousands"
+            f"{short(cells[other])!r}: use one decimal mark, and no separator of thousands"
         )
-    thousands = [k for k in marks[","] if re.fullmatch(r"[+-]?[1-9]\d{0,2}(,\d{3})+", cells[k])]
-    unlike = len(marks[","]) < len(cells) or sheet.separator == ","
-    if thousands and len(thousands) == len(marks[","]) and unlike:
+    thousands = [k for k in commas if re.fullmatch(r"[+-]?[1-9]\d{0,2}(,\d{3})+", cells[k])]
+    unlike = len(commas) < len(cells) or sheet.separator == ","
+    if thousands and thousands == commas and unlike:
         k = thousands[0]
         raise ValueError(
             f"line {sheet.lines[k]}: {what} is {short(cells[k])!r}, which may be "

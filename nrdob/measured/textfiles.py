@@ -16,28 +16,22 @@ from .parsing import NUMBER, is_moment, number_in, short
 
 __all__ = ["Sheet", "read_sheet"]
 
-MOST_BYTES, MOST_ROWS = 50_000_000, 200_000
-"""Sizes beyond which a file is refused."""
-
-SEEN = 200
-"""Lines by which it is found how columns are separated."""
+MOST_BYTES, MOST_ROWS = 50_000_000, 200_000  # sizes beyond which a file is refused
+SEEN = 200  # lines by which it is found how columns are separated
 
 SEPARATORS = ("\t", ";", "|", " ", ",")
 """What may separate columns; where two explain the cells alike, the first. A blank is any white
 space."""
 
 COMMENT = re.compile(r"\s*(#|%|//)\s*")
-
-UPPERS = 3
-"""Lines of text above the numbers among which the headings are."""
+UPPERS = 3  # lines of text above the numbers among which the headings are
 
 
 @dataclass(frozen=True)
 class Sheet:
-    """A table of cells.
+    """A table of cells, the line of each row, and what was left out.
 
-    `lines` tells the line of each row; `heads` and `units`, the row below them, may be empty;
-    `blank` is the first empty line among the rows, or 0; `notes` say what was left out.
+    Heads and the row of units below may be empty; blank is the first empty line among the rows.
     """
 
     rows: Sequence[Sequence[str]]
@@ -51,10 +45,7 @@ class Sheet:
 
 
 def read_sheet(path: Path) -> Sheet:
-    """Split a file into cells, and find its headings.
-
-    Raises ValueError if it is no text, empty, too large, or cells go over several lines.
-    """
+    """Split a file into cells, and find its headings."""
     text, notes = _text(path)
     name = short(path.name)
     every = list(enumerate(re.split(r"\r\n|\r|\n", text), 1))
@@ -105,21 +96,18 @@ def _text(path: Path) -> tuple[str, tuple[str, ...]]:
     try:
         text = raw.decode(_encoding(raw))
         wrong = re.search(r"[\0-\x08\x0e-\x1f\x7f]", text)
+        before = text[: wrong.start()].encode() if wrong else b""
     except UnicodeDecodeError as error:
         text = raw.decode("cp1252", errors="replace")
         wrong = re.search(r"[\0-\x08\x0e-\x1f\x7f\ufffd]", text)
-        if wrong:
-            raise _no_text(name, raw[: error.start].count(b"\n") + 1) from None
+        before = raw[: error.start]
         notes = ("the file is not in UTF-8; it was read as Latin-1 (Windows-1252)",)
     if wrong:
-        raise _no_text(name, text[: wrong.start()].count("\n") + 1)
+        line = before.count(b"\n") + 1
+        raise ValueError(
+            f"{name} is no table of text, see line {line}: save it as CSV, not as a spreadsheet"
+        )
     return text, notes
-
-
-def _no_text(name: str, line: int) -> ValueError:
-    return ValueError(
-        f"{name} is no table of text, see line {line}: save it as CSV, not as a spreadsheet"
-    )
 
 
 def _encoding(raw: bytes) -> str:

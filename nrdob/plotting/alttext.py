@@ -3,48 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from math import inf, isfinite, isnan
-from typing import NamedTuple
 
 from ..analysis import Margins
 from ..diagram import MAPS
 from ..numerics import number, written
 from .contour import Approach
 
-__all__ = [
-    "BodePoint",
-    "StepFacts",
-    "bode",
-    "complex_number",
-    "frequency",
-    "nyquist",
-    "spoken",
-    "steps",
-    "turns",
-]
+__all__ = ["bode", "complex_number", "frequency", "nyquist", "spoken", "steps", "turns"]
 
 _WORDS = ("no", "one", "two", "three", "four", "five", "six")
-
-
-class BodePoint(NamedTuple):
-    """One point of a Bode diagram."""
-
-    omega: float
-    decibels: float
-    degrees: float
-
-
-@dataclass(frozen=True)
-class StepFacts:
-    """One step response: its signed peak, and its final value.
-
-    The latter is inf if the response grows without bound, nan if it does not come to rest.
-    """
-
-    input: str
-    peak: float
-    final: float
 
 
 def spoken(name: str) -> str:
@@ -59,21 +27,17 @@ def spoken(name: str) -> str:
 
 
 def turns(count: float | None, point: float = -1.0) -> str:
-    """Say how often a curve encircles a point, `count` positive clockwise.
+    """Say how often a curve encircles a point of the real axis.
 
     Parameters
     ----------
-    count : float or None
-        N; None where the curve meets the point.
-    point : float
-        Point of the real axis.
+    count, point : float or None, float
+        N, positive clockwise, None where the curve meets the point.
 
     Examples
     --------
-    >>> turns(-1)
-    'one counter-clockwise encirclement of −1'
-    >>> turns(0, point=1)
-    'no encirclement of +1'
+    >>> turns(-1), turns(0, point=1)
+    ('one counter-clockwise encirclement of −1', 'no encirclement of +1')
     """
     place = f"{'+' if point > 0 else ''}{number(point)}"
     if count is None:
@@ -102,40 +66,46 @@ def frequency(omega: float) -> str:
 
 
 def nyquist(
-    name: str,
-    title: str,
-    point: float,
-    count: float | None,
-    approach: Approach,
-    left_out: int = 0,
+    name: str, title: str, point: float, count: float | None, approach: Approach, left_out: int = 0
 ) -> str:
     """Describe a Nyquist plot, with the number of like turns that are not drawn one by one."""
     closest = f"closest approach {number(approach.distance)} {frequency(approach.omega)}"
-    like = f"; {left_out} turns of the dead time, each within the line of another, are left out"
-    return (
-        f"{_opening('Nyquist plot', [name], title)}: {turns(count, point)}, {closest}"
-        f"{like if left_out else ''}"
-    )
+    text = f"{_opening('Nyquist plot', [name], title)}: {turns(count, point)}, {closest}"
+    if left_out:
+        text += (
+            f"; {left_out} turns of the dead time, each within the line of another, are left out"
+        )
+    return text
 
 
-def bode(title: str, curves: Mapping[str, Sequence[BodePoint]], margins: Margins | None) -> str:
-    """Describe Bode diagrams: the margins if given, else where each curve starts and ends."""
+def bode(
+    title: str, curves: Mapping[str, Sequence[tuple[float, float, float]]], margins: Margins | None
+) -> str:
+    """Describe Bode diagrams: the margins if given, else where each curve starts and ends.
+
+    Each end is a frequency in rad/s, decibels and degrees.
+    """
     opening = _opening("Bode diagrams", curves, title)
     if margins:
         return f"{opening}: {_margins(margins)}"
     ways = (
-        f"{spoken(name)} from " + " to ".join(map(_bode_point, ends))
+        f"{spoken(name)} from " + " to ".join(_bode_point(*end) for end in ends)
         for name, ends in curves.items()
     )
     return f"{opening}: {'; '.join(ways)}"
 
 
-def steps(signal: str, title: str, facts: Iterable[StepFacts], compared: Iterable[str] = ()) -> str:
-    """Describe step responses."""
+def steps(
+    signal: str, title: str, facts: Iterable[tuple[str, float, float]], compared: Iterable[str] = ()
+) -> str:
+    """Describe step responses: input, signed peak and final value.
+
+    The latter is inf if a response grows without bound, nan if it does not come to rest.
+    """
     said = "; ".join(
-        f"to {f.input} " + ("grows without bound" if f.final == inf else f"peak {number(f.peak)}, "
-        + ("no final value" if isnan(f.final) else f"final value {number(f.final)}"))
-        for f in facts
+        f"to {given} " + ("grows without bound" if final == inf else f"peak {number(peak)}, "
+        + ("no final value" if isnan(final) else f"final value {number(final)}"))
+        for given, peak, final in facts
     )  # fmt: skip
     beside = f", beside {_listed(compared)}" if compared else ""
     return f"{_opening('Step responses', [signal], title)}{beside}: {said}"
@@ -155,11 +125,9 @@ def complex_number(value: complex) -> str:
     return written(complex(real, imag), number, pair=True)
 
 
-def _bode_point(point: BodePoint) -> str:
-    where = frequency(point.omega)
-    if isnan(point.decibels):
-        return f"zero {where}"
-    return f"{number(point.decibels)} dB and {number(point.degrees)}° {where}"
+def _bode_point(omega: float, decibels: float, degrees: float) -> str:
+    value = "zero" if isnan(decibels) else f"{number(decibels)} dB and {number(degrees)}°"
+    return f"{value} {frequency(omega)}"
 
 
 def _opening(kind: str, names: Iterable[str], title: str) -> str:
@@ -174,10 +142,9 @@ def _listed(names: Iterable[str]) -> str:
 def _margins(m: Margins) -> str:
     if not m.stable:
         return "no margins, the closed loop is not known to be stable"
-    gain = f"gain margin {number(m.gm_db)} dB {frequency(m.wpc)}" if isfinite(m.gm_db) else (
-        "infinite gain margin"
+    kinds = ("gain", m.gm_db, " dB", m.wpc), ("phase", m.pm, "°", m.wgc)
+    return ", ".join(
+        f"{kind} margin {number(size)}{unit} {frequency(omega)}" if isfinite(size)
+        else f"infinite {kind} margin"
+        for kind, size, unit, omega in kinds
     )  # fmt: skip
-    phase = f"phase margin {number(m.pm)}° {frequency(m.wgc)}" if isfinite(m.pm) else (
-        "infinite phase margin"
-    )  # fmt: skip
-    return f"{gain}, {phase}"

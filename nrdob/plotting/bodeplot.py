@@ -31,8 +31,7 @@ from .figure import (
 
 __all__ = ["bode_plot"]
 
-MAX_PHASE_SPAN = 720.0
-"""Degrees below which a delay's phase is not followed."""
+MAX_PHASE_SPAN = 720.0  # degrees below which a delay's phase is not followed
 
 
 def bode_plot(
@@ -50,12 +49,8 @@ def bode_plot(
         One or more maps of the loop.
     margins : Margins, optional
         Those of the first map; finite ones are drawn, whether gain may rise or fall.
-    omega_limits : (float, float), optional
-        Frequency range in rad/s; by default what there is to see.
-    title : str
-        Heading, which also enters the alt text.
-    axes : two matplotlib Axes, optional
-        Where to draw magnitude and phase.
+    omega_limits, title, axes : optional
+        As for `nrdob.NRDOB.plot_bode`.
 
     Raises
     ------
@@ -70,20 +65,20 @@ def bode_plot(
             f"margins is a {type(margins).__name__}; give those of the map that is drawn, such as "
             "loop.margins().observer_loop for loop.FH"
         )
-    low, high = _limits(omega_limits) or _frequency_range(quotients, margins)
+    asked = omega_limits is not None
+    low, high = _limits(omega_limits) if asked else _frequency_range(quotients, margins)
     magnitude, phase = axes_for(axes, 2, TALL)
     with styled():
         lines: list[list[Line2D]] = [[], []]
         used: set[str] = set()
-        curves: dict[str, list[alttext.BodePoint]] = {}
+        curves: dict[str, list[tuple[float, float, float]]] = {}
         for quotient in quotients:
             omega = _bode_frequencies(quotient, low, high)
             decibel, degrees = _decibels(quotient, omega), _degrees(quotient, omega)
             kind = {"color": colour_of(quotient.name), "label": label_of(quotient.name)}
             kind["ls"] = "--" if kind["color"] in used else "-"
             used.add(kind["color"])
-            ends = [alttext.BodePoint(omega[k], decibel[k], degrees[k]) for k in (0, -1)]
-            curves[quotient.name] = ends
+            curves[quotient.name] = [(omega[k], decibel[k], degrees[k]) for k in (0, -1)]
             lines[0] += magnitude.semilogx(omega, decibel, **kind)
             lines[1] += phase.semilogx(omega, degrees, **kind)
             if np.isnan(decibel).all():
@@ -101,10 +96,8 @@ def bode_plot(
     return Figure(shaped, np.array([[magnitude], [phase]]), alt)
 
 
-def _limits(given: Any) -> tuple[float, float] | None:
+def _limits(given: Any) -> tuple[float, float]:
     """Check the frequency range that the user wants to see."""
-    if given is None:
-        return None
     needed = "the pair (low, high) of frequencies in rad/s, 0 < low < high"
     ends = [as_number(end, "omega_limits", needed) for end in np.ravel(given).tolist()]
     if not (len(ends) == 2 and 0 < ends[0] < ends[1]):
@@ -168,8 +161,7 @@ def _bode_frame(
     low, high = phase.get_ylim()
     phase.set_ylim(max(low, min(high, 0.0) - MAX_PHASE_SPAN), high)
     span = abs(np.subtract(*phase.get_ylim()))
-    step = next((s for s in (45, 90, 180, 360) if span / s <= 6), None)
-    if step:
+    if step := next((s for s in (45, 90, 180, 360) if span / s <= 6), None):
         phase.yaxis.set_major_locator(MultipleLocator(step))
     for ax, level in ((magnitude, 0.0), (phase, -180.0), (phase, 180.0)):
         if ax.get_ylim()[0] < level < ax.get_ylim()[1]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from matplotlib.colors import ListedColormap
 
 from ..numerics import number
 from .figure import COLOURS, INK, SMALLEST, TALL, Figure, axes_for, headings, styled
@@ -20,11 +21,8 @@ LABELS = {
     "b0": "assumed gain b0",
 }
 
-NUMBERED = 0.004
-"""Regions that cover less of a chart have no number written in them."""
-
-NAMED = 3
-"""How many of the regions the alt text names."""
+NUMBERED = 0.004  # regions that cover less of a chart have no number written in them
+NAMED = 3  # how many of the regions the alt text names
 
 
 def chart_plot(chart: Any, *, title: str = "", ax: Any = None) -> Figure:
@@ -34,15 +32,8 @@ def chart_plot(chart: Any, *, title: str = "", ax: Any = None) -> Figure:
     ----------
     chart : StabilityChart
         From `nrdob.stability_chart`.
-    title : str
-        Written above it.
-    ax : matplotlib axes, optional
-        Where to draw; by default a new figure.
-
-    Returns
-    -------
-    Figure
-        The chart, with alt text.
+    title, ax : str, matplotlib axes, optional
+        Heading, and where to draw.
     """
     (axes,) = axes_for(ax, 1, TALL)
     x, y = chart.x, chart.y
@@ -51,9 +42,8 @@ def chart_plot(chart: Any, *, title: str = "", ax: Any = None) -> Figure:
         counts = np.array([np.nan, *(region.count for region in chart.regions)])[chart.labels]
         edges = [axis.value(np.linspace(0, 1, counts.shape[0] + 1)) for axis in (x, y)]
         stable = np.ma.masked_where(~(counts == 0), np.ones(counts.shape))
-        axes.pcolormesh(
-            *edges, stable, cmap=_one_colour(), alpha=0.22, shading="flat", rasterized=True
-        )
+        green = ListedColormap([COLOURS["loop"]])
+        axes.pcolormesh(*edges, stable, cmap=green, alpha=0.22, shading="flat", rasterized=True)
         for border in chart.borders:
             lines += axes.plot(border.x, border.y, color=INK, lw=1.0)
         for level, parts in chart.ms_levels.items():
@@ -73,22 +63,12 @@ def chart_plot(chart: Any, *, title: str = "", ax: Any = None) -> Figure:
                     _many(region), (region.x, region.y), color=colour, ha="center",
                     va="center", weight="bold" if region.count == 0 else "normal",
                 )  # fmt: skip
-        for axis, scale, limits, name in (
-            (x, axes.set_xscale, axes.set_xlim, axes.set_xlabel),
-            (y, axes.set_yscale, axes.set_ylim, axes.set_ylabel),
-        ):
+        for way, axis in (("x", x), ("y", y)):
             if axis.logarithmic:
-                scale("log")
-            limits(axis.low, axis.high)
-            name(LABELS[axis.name])
+                axes.set(**{f"{way}scale": "log"})
+            axes.set(**{f"{way}lim": (axis.low, axis.high), f"{way}label": LABELS[axis.name]})
         headings(axes, title)
     return Figure(lines, axes, _alt(chart))
-
-
-def _one_colour() -> Any:
-    from matplotlib.colors import ListedColormap
-
-    return ListedColormap([COLOURS["loop"]])
 
 
 def _many(region: Any) -> str:
@@ -99,12 +79,9 @@ def _many(region: Any) -> str:
 def _alt(chart: Any) -> str:
     axes = " and ".join(LABELS[axis.name].partition(" (")[0] for axis in (chart.x, chart.y))
     stable = sum(region.share for region in chart.regions if region.count == 0)
+    where = f"in {number(100 * stable)} % of it" if stable else "nowhere in it"
+    text = f"Stability chart in {axes}: the loop is stable {where}"
     others = [region for region in chart.regions if region.count]
-    text = (
-        f"Stability chart in {axes}: the loop is stable in {number(100 * stable)} % of it"
-        if stable
-        else f"Stability chart in {axes}: the loop is stable nowhere in it"
-    )
     if others:
         named = ", ".join(
             f"{_many(region)} around {number(region.x)} and {number(region.y)}"

@@ -22,18 +22,11 @@ from ..numerics import BoolArray, ComplexArray, FloatArray, QuasiPolynomial, gol
 
 __all__ = ["Approach", "Arc", "Contour", "closest_approach", "contour"]
 
-SMOOTH = 1e-3
-"""Largest distance between curve and polygon, as a fraction of the curve's size."""
-
-LINE = 6e-3
-"""Width of a line, as a fraction of the curve's size: turns within it look like one."""
-
+SMOOTH = 1e-3  # largest distance between curve and polygon, as a fraction of the curve's size
+LINE = 6e-3  # width of a line, as a fraction of the curve's size: turns within it look like one
+# Samples in each certified stretch; from so many stretches on there is one in each.
 PER_SEGMENT, MANY_FREQUENCIES = 8, 20_000
-"""Samples in each certified stretch; from so many stretches on there is one in each."""
-
-MANY_TURNS = 100
-"""So many turns of the dead time are drawn one by one."""
-
+MANY_TURNS = 100  # so many turns of the dead time are drawn one by one
 _FAR = 1e200
 _TIE = 1e-9
 
@@ -71,14 +64,13 @@ class Contour:
     @property
     def branches(self) -> list[ComplexArray]:
         """Parts of the curve within the radius, for positive frequencies."""
-        inside = _inside(self.values, self.radius)
-        return [self.values[run] for run in _runs(inside)]
+        return [self.values[run] for run in _runs(self.values, self.radius)]
 
     @property
     def size(self) -> float:
         """Largest modulus of what is drawn."""
-        drawn = np.abs(self.values[_inside(self.values, self.radius)])
-        return self.radius if self.radius < inf else float(drawn.max(initial=0.0))
+        drawn = (float(np.abs(branch).max()) for branch in self.branches)
+        return self.radius if self.radius < inf else max(drawn, default=0.0)
 
 
 def contour(loop: Quotient) -> Contour:
@@ -109,11 +101,8 @@ def closest_approach(loop: Quotient, curve: Contour, point: float = -1.0) -> App
             return Approach(float(distance[end]), float(omega[end]), complex(values[end]))
     inner = 1 + np.flatnonzero((distance[1:-1] <= distance[:-2]) & (distance[1:-1] <= distance[2:]))
     near = inner[distance[inner] <= 1.05 * lowest]
-    found = golden(
-        lambda w: np.abs(loop(1j * w) - point),
-        omega[near - 1],
-        np.minimum(omega[near + 1], 10 * omega[near]),
-    )
+    ends = omega[near - 1], np.minimum(omega[near + 1], 10 * omega[near])
+    found = golden(lambda w: np.abs(loop(1j * w) - point), *ends)
     candidates = np.append(found, omega[int(np.argmin(distance))])
     nearest = float(candidates[np.argmin(np.abs(loop(1j * candidates) - point))])
     value = complex(loop(1j * nearest))
@@ -151,20 +140,13 @@ def _frequencies(loop: Quotient) -> FloatArray:
     # Of very many turns most will be left out again, see `_without_like_turns`.
     if omega.size < MANY_FREQUENCIES:
         omega = subdivided(omega, PER_SEGMENT)
-    parts = [omega]
-    if np.isfinite(loop.dc_gain):
-        parts.append(np.zeros(1))
+    low = [0.0] if np.isfinite(loop.dc_gain) else omega[0] * np.geomspace(1e-12, 1, 97)
+    if loop.delay:  # A spiral or a circle needs some turns more before one sees where it ends.
+        high = omega[-1] + 2 * pi / loop.delay * np.linspace(0, 4, 4 * 64 + 1)
     else:
-        parts.append(omega[0] * np.geomspace(1e-12, 1, 97))
-    if np.isfinite(_limit(loop)):
-        parts.append(np.array([inf]))
-    if not loop.delay:
-        parts.append(omega[-1] * np.geomspace(1, 1e12 if loop.numerator.degree else 1e3, 97))
-    else:
-        # A spiral or a circle needs some turns more before one sees where it ends.
-        turn = 2 * pi / loop.delay
-        parts.append(omega[-1] + turn * np.linspace(0, 4, 4 * 64 + 1))
-    return np.unique(np.concatenate(parts))
+        high = omega[-1] * np.geomspace(1, 1e12 if loop.numerator.degree else 1e3, 97)
+    end = [inf] if np.isfinite(_limit(loop)) else []
+    return np.unique(np.concatenate([low, omega, high, end]))
 
 
 def _radius(loop: Quotient, omega: FloatArray, values: ComplexArray) -> float:
@@ -227,10 +209,7 @@ def _without_like_turns(
 
 
 def _held(loop: Quotient, omega: FloatArray) -> ComplexArray:
-    """Evaluate a loop with exp(-jωθ) held at four values, one a row, for the longest θ.
-
-    Shorter dead times turn against it as they do.
-    """
+    """Evaluate a loop with exp(-jωθ), θ the longest dead time, held at four values, one a row."""
     s, held = 1j * omega, np.array([[1], [-1j], [-1], [1j]])
 
     def value(factor: QuasiPolynomial) -> ComplexArray:
@@ -271,7 +250,7 @@ def _arcs(
     loop: Quotient, omega: FloatArray, values: ComplexArray, radius: float
 ) -> tuple[Arc, ...]:
     """Close the curve at `radius`, in the sense in which it is closed at infinity."""
-    runs = _runs(_inside(values, radius))
+    runs = _runs(values, radius)
     if radius == inf or not runs:
         return ()
     arcs = []
@@ -301,11 +280,8 @@ def _arc(start: complex, end: complex, half_turns: int, radius: float) -> Comple
     return np.asarray(radius * np.exp(1j * (begin + turn * np.linspace(0, 1, count))))
 
 
-def _inside(values: ComplexArray, radius: float) -> BoolArray:
-    return np.asarray(np.abs(values) <= min(radius, _FAR / 2))
-
-
-def _runs(inside: BoolArray) -> list[slice]:
-    """Stretches of consecutive true entries."""
+def _runs(values: ComplexArray, radius: float) -> list[slice]:
+    """Stretches of a curve within the radius."""
+    inside = np.abs(values) <= min(radius, _FAR / 2)
     edges = np.flatnonzero(np.diff(inside.astype(int), prepend=0, append=0))
     return [slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]

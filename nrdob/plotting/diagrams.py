@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 from ..diagram import INPUTS
 from .figure import COLOURS, INK, SMALLEST, WIDTH, Figure, axes_for, missing, styled
@@ -37,9 +37,7 @@ __all__ = [
 
 Point = tuple[float, float]
 
-UNIT = WIDTH / 14
-"""Inches to a unit of the drawing: a figure is 14 units wide."""
-
+UNIT = WIDTH / 14  # inches to a unit of the drawing: a figure is 14 units wide
 RADIUS = 0.3
 SHADE = INK + "1e"
 SIGNS = {1: "+", -1: "−"}
@@ -69,10 +67,7 @@ WRITTEN = {
 
 
 class Term(NamedTuple):
-    """An arrow into a sum: sign times block times signal; the block of a plain wire is "1".
-
-    The sign is 1 or -1, the block the gain on the way, the signal where the way begins.
-    """
+    """An arrow into a sum: sign times block times signal; the block of a plain wire is "1"."""
 
     sign: int
     block: str
@@ -87,6 +82,7 @@ class Input:
     """An external signal, its label centred at (x, y), in units of the drawing."""
 
     at: Point
+    reach: ClassVar[Point] = (RADIUS, RADIUS)
 
 
 @dataclass(frozen=True)
@@ -94,11 +90,7 @@ class Sum:
     """A circle: its output, named as the part, is the signed sum of its inputs."""
 
     at: Point
-
-    @property
-    def reach(self) -> Point:
-        """Distance from the centre to the border, sideways and upwards."""
-        return RADIUS, RADIUS
+    reach: ClassVar[Point] = (RADIUS, RADIUS)
 
 
 @dataclass(frozen=True)
@@ -144,11 +136,9 @@ class Diagram:
     wires : tuple of Wire
         Between the parts.
     bottom, top : float
-        Lower and upper edge of the picture.
-    labels : dict
-        Places of the texts that name signals and groups; `equations` does not read them.
-    shades : tuple
-        Corners of each shaded group.
+        Edges of the picture.
+    labels, shades : dict, tuple
+        Places of the texts that name signals and groups, and corners of each shaded group.
 
     Examples
     --------
@@ -246,11 +236,8 @@ class Diagram:
             for corners in self.shades
         ]
         segments += [_text(label, place) for label, place in self.labels.items()]
-        for wire in self.wires:
-            segments += self._drawn_wire(wire)
-        for name, part in self.parts.items():
-            segments += _drawn_part(name, part)
-        return segments
+        segments += [each for wire in self.wires for each in self._drawn_wire(wire)]
+        return segments + [each for item in self.parts.items() for each in _drawn_part(*item)]
 
     def _drawn_wire(self, wire: Wire) -> list[SegmentType]:
         points, start, end = self.polyline(wire), wire.path[0], wire.path[-1]
@@ -265,8 +252,7 @@ class Diagram:
     def _border(self, end: str | Point, centre: Point, other: Point) -> Point:
         if not isinstance(end, str):
             return centre
-        part = self.parts[end]
-        reach = (0.3, 0.3) if isinstance(part, Input) else part.reach
+        reach = self.parts[end].reach
         x, y = (c + r * ((o > c) - (o < c)) for c, r, o in zip(centre, reach, other, strict=True))
         return x, y
 
@@ -426,13 +412,11 @@ _PLANT_WIRES = (
 )  # fmt: skip
 """The plant with its disturbances and its sensor, the same in every diagram."""
 
+# Blocks that a delayed model changes; F' of the noise reduction stays.
 _DELAYED = {"F": "F*W", "F/Gm": "F/Gm0", "(1 - F)*Gm": "(1 - F*W)*Gm0"}
-"""Blocks that a delayed model changes; F' of the noise reduction stays."""
-
 _LABELS = {"$u$": (4.8, 0.35), "$y$": (10.6, -0.95), r"$y+\eta$": (12.65, 0.35)}
 _ESTIMATE = ((4.3, 0.6), (6.2, 0.6), (6.2, 2.1), (12.0, 2.1), (12.0, 3.8), (4.3, 3.8))
-_SAID = (9.85, 3.5)
-"""Where the disturbance estimate is named."""
+_SAID = (9.85, 3.5)  # where the disturbance estimate is named
 
 
 def _observer() -> tuple[Parts, tuple[Wire, ...]]:

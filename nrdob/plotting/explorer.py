@@ -32,10 +32,9 @@ class Slider:
     ----------
     label : str
         Symbol and unit, as "λ (s)".
-    low, high, value : float
-        Range and initial value. Three whole numbers make a slider of whole numbers.
-    log : bool
-        Whether the scale is logarithmic.
+    low, high, value, log : float, float, float, bool
+        Range and initial value, and whether the scale is logarithmic. Three whole numbers make a
+        slider of whole numbers.
 
     Raises
     ------
@@ -64,16 +63,17 @@ class Slider:
     def widget(self) -> Any:
         """Make the slider; an ImportError without ipywidgets."""
         widgets = _widgets()
-        common = {"description": self.label, "continuous_update": True}
-        if all(isinstance(number, int) for number in (self.low, self.high, self.value)):
-            return widgets.IntSlider(min=self.low, max=self.high, value=self.value, **common)
-        if self.log:
-            ends = {"min": log10(self.low), "max": log10(self.high), "step": 0.005}
-            return widgets.FloatLogSlider(
-                value=self.value, base=10, **ends, readout_format=".3g", **common
-            )
-        ends = {"min": self.low, "max": self.high, "step": (self.high - self.low) / 200}
-        return widgets.FloatSlider(value=self.value, **ends, readout_format=".3g", **common)
+        kind, low, high = widgets.FloatSlider, self.low, self.high
+        steps = {"step": (high - low) / 200, "readout_format": ".3g"}
+        if all(isinstance(number, int) for number in (low, high, self.value)):
+            kind, steps = widgets.IntSlider, {}
+        elif self.log:
+            kind, low, high = widgets.FloatLogSlider, log10(low), log10(high)
+            steps["step"] = 0.005
+        return kind(
+            value=self.value, min=low, max=high, description=self.label, continuous_update=True,
+            **steps,
+        )  # fmt: skip
 
 
 class Explorer:
@@ -81,10 +81,9 @@ class Explorer:
 
     Parameters
     ----------
-    figure : Figure
-        Drawn with the initial values of the sliders; its alt text describes that state.
-    moving : sequence of matplotlib artists
-        Those that `update` changes. The axes' limits stay as they are.
+    figure, moving : Figure, sequence of matplotlib artists
+        Drawn with the initial values of the sliders, as its alt text says, and what of it `update`
+        changes. The axes' limits stay as they are.
     update : callable
         Takes the sliders' values by name, sets the data of the moving artists, and returns a line
         of text that says what is to be seen: a verdict, numbers.
@@ -114,28 +113,23 @@ class Explorer:
         **sliders: Slider,
     ) -> None:
         self.figure, self.moving, self.update, self.sliders = figure, moving, update, sliders
+        self.alt = figure.alt
         self.values: dict[str, float] = {name: s.value for name, s in sliders.items()}
         self._background: Any = None
         self.update(**self.values)
-
-    @property
-    def alt(self) -> str:
-        """Alt text of the figure in its initial state."""
-        return self.figure.alt
 
     def __repr__(self) -> str:
         return self.alt
 
     def move(self, **values: float) -> str:
-        """Set some sliders' values by name and update the artists; give the line of text.
+        """Set some sliders' values and update the artists; give the line of text.
 
         Parameters
         ----------
         **values : float
             By the sliders' names.
         """
-        unknown = set(values) - set(self.sliders)
-        if unknown:
+        if unknown := set(values) - set(self.sliders):
             raise ValueError(
                 f"there is no slider {', '.join(sorted(unknown))}; there are "
                 f"{', '.join(self.sliders)}"
@@ -180,9 +174,7 @@ class Explorer:
             control.observe(follow, names="value")
         return widgets.VBox([*controls.values(), line, picture])
 
-    def _repr_mimebundle_(
-        self, include: Any = None, exclude: Any = None
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def _repr_mimebundle_(self, **_: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         # A page shows the picture; a running notebook, which knows widgets, prefers the view.
         data, metadata = self.figure._repr_mimebundle_()
         try:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from io import BytesIO
 from math import isfinite
 from pathlib import Path
@@ -38,6 +37,7 @@ __all__ = [
     "in_lines",
     "label_of",
     "missing",
+    "new_axes",
     "styled",
 ]
 
@@ -101,9 +101,7 @@ class Figure(ct.ControlPlot):  # type: ignore[misc]
             )
         return buffer.getvalue()
 
-    def _repr_mimebundle_(
-        self, include: Any = None, exclude: Any = None
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def _repr_mimebundle_(self, **_: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         width, height = (round(float(PIXELS * inches)) for inches in self.figure.get_size_inches())
         data = {"image/png": self.png(), "text/plain": self.alt}
         # Left open, the inline backend would show the figure a second time; a window stays.
@@ -112,17 +110,9 @@ class Figure(ct.ControlPlot):  # type: ignore[misc]
         return data, {"image/png": {"alt": self.alt, "width": width, "height": height}}
 
 
-@contextmanager
-def styled() -> Iterator[None]:
-    """Draw in the style of this package and leave the user's settings as they are.
-
-    Yields
-    ------
-    None
-        Inside the block the style holds.
-    """
-    with plt.style.context(STYLE):
-        yield
+def styled() -> AbstractContextManager[None]:
+    """Draw in the style of this package and leave the user's settings as they are."""
+    return plt.style.context(STYLE)
 
 
 def axes_for(given: Any, count: int, height: float) -> list[Axes]:
@@ -132,10 +122,8 @@ def axes_for(given: Any, count: int, height: float) -> list[Axes]:
     ----------
     given : matplotlib Axes, a sequence of them, or None
         What the user gave.
-    count : {1, 2, 4}
-        How many the figure needs.
-    height : float
-        Of a new figure, in inches.
+    count, height : {1, 2, 4}, float
+        How many the figure needs, and the height of a new one, in inches.
     """
     if given is not None:
         axes = list(np.ravel(np.asarray(given, dtype=object)))
@@ -148,15 +136,19 @@ def axes_for(given: Any, count: int, height: float) -> list[Axes]:
                     "plt.subplots() returns"
                 )
         return axes
-    shape = {1: (1, 1), 2: (2, 1), 4: (2, 2)}[count]
+    return list(new_axes({1: (1, 1), 2: (2, 1), 4: (2, 2)}[count], height).flat)
+
+
+def new_axes(shape: tuple[int, int], height: float) -> Any:
+    """Make rows and columns of axes in a figure of the one width."""
     # The first figure loads the backend, which in a notebook turns plotting interactive: within
     # the style that would be undone, and no figure of the user's would ever be shown.
     figure = plt.figure(figsize=(WIDTH, height), layout="constrained")
     with styled():
-        new = figure.subplots(*shape, squeeze=False)
-        for ax in new.flat:
+        axes = figure.subplots(*shape, squeeze=False)
+        for ax in axes.flat:
             dress(ax)
-    return list(new.flat)
+    return axes
 
 
 def as_map(given: Any) -> Quotient:
@@ -204,17 +196,7 @@ def headings(ax: Axes, left: str, right: str = "") -> None:
 
 
 def in_lines(figure: Any, text: str, room: float) -> str:
-    """Break a heading into lines of at most `room` pixels; a formula stays whole.
-
-    Parameters
-    ----------
-    figure : matplotlib Figure
-        Where it will stand.
-    text : str
-        The heading.
-    room : float
-        In pixels.
-    """
+    """Break a heading into lines of at most `room` pixels; a formula stays whole."""
     lines: list[str] = []
     for word in re.findall(r"(?:\$[^$]*\$|[^\s$])+", text):
         longer = f"{lines[-1]} {word}" if lines else word
@@ -245,13 +227,7 @@ def colour_of(name: str) -> str:
 
 
 def label_of(name: str) -> str:
-    """Write the name of a map or an input as in the book.
-
-    Parameters
-    ----------
-    name : str
-        Attribute of a loop, as "FH", or an input, as "delta".
-    """
+    """Write the name of a map or an input, as "FH" or "delta", as in the book."""
     return _NAMES[name].label if name in _NAMES else f"${name}$"
 
 
@@ -260,11 +236,8 @@ def missing(error: ImportError, extra: str) -> ImportError:
 
     Parameters
     ----------
-    error : ImportError
-        What Python says.
-    extra : str
-        The extra of this package that the library comes with.
-
+    error, extra : ImportError, str
+        What Python says, and the extra of this package that the library comes with.
     """
     return ImportError(
         f'{error.name} is not installed; it comes with an extra: pip install "nrdob[{extra}]"',

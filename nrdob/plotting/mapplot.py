@@ -18,10 +18,8 @@ class MapAxis(NamedTuple):
 
     Attributes
     ----------
-    label : str
-        What is written beside the axis.
-    values : (N,) array of float
-        Of each member.
+    label, values : str, (N,) array of float
+        What is written beside the axis, and the value of each member.
     """
 
     label: str
@@ -48,15 +46,8 @@ def map_plot(
         What becomes of each member; without a verdict it is drawn as a cross.
     borders : iterable of (x, y)
         Curves, from `nrdob.stability_chart`.
-    title : str
-        Written above it.
-    ax : matplotlib axes, optional
-        Where to draw; by default a new figure.
-
-    Returns
-    -------
-    Figure
-        The map, with alt text.
+    title, ax : str, matplotlib axes, optional
+        Heading, and where to draw.
     """
     (axes,) = axes_for(ax, 1, TALL)
     kinds: tuple[tuple[str, BoolArray, dict[str, Any]], ...] = (
@@ -76,12 +67,10 @@ def map_plot(
         drawn = list(borders)
         for curve in drawn:
             lines += axes.plot(*curve, color=INK, lw=1.2)
-        for axis, limits in ((x, axes.set_xlim), (y, axes.set_ylim)):
+        for way, axis in (("x", x), ("y", y)):
             low, high = float(axis.values.min()), float(axis.values.max())
             room = 0.02 * (high - low)
-            limits(low - room, high + room)
-        axes.set_xlabel(x.label)
-        axes.set_ylabel(y.label)
+            axes.set(**{f"{way}lim": (low - room, high + room), f"{way}label": axis.label})
         # Above the map: wherever it stood within, members would lie behind its words.
         axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(kinds))
         headings(axes, title)

@@ -32,14 +32,10 @@ from .figure import (
 
 __all__ = ["nyquist_plot"]
 
+# Distances, in points, at which a text may stand from what it belongs to.
 REACHES = (14.0, 20.0, 27.0, 35.0)
-"""Distances, in points, at which a text may stand from what it belongs to."""
-
-CROWDED = 5000
-"""So many points near a text need not be told apart by less than one point of type."""
-
-ENOUGH = 5.0
-"""Room around a text, in points, of which more is not better."""
+CROWDED = 5000  # so many points near a text need not be told apart by less than one point of type
+ENOUGH = 5.0  # room around a text, in points, of which more is not better
 
 
 def nyquist_plot(
@@ -62,10 +58,8 @@ def nyquist_plot(
         N, P and Z if they are known; by default they are counted.
     point : float
         Point of the real axis to encircle: -1, or +1 for the paper's G̃⁻¹G.
-    title : str
-        Heading, which also begins the alt text.
-    ax : matplotlib Axes, optional
-        Where to draw.
+    title, ax : optional
+        As for `nrdob.NRDOB.plot_nyquist`.
 
     Raises
     ------
@@ -87,8 +81,8 @@ def nyquist_plot(
         _arrows(ax, curve, colour)
         _arc_labels(ax, curve)
         _critical(ax, point)
-        if half := _inset_half_width(curve, approach, point):
-            _inset(ax, curve, colour, point, half, approach)
+        if curve.size > 7 * max(1.0, abs(point)):
+            _inset(ax, curve, colour, point, approach)
         else:
             _mark_approach(ax, curve, approach, point)
         # A later change of the layout may move the limits again, without a message. Reading them
@@ -153,37 +147,26 @@ def _drawn(curve: Contour) -> ComplexArray:
 def _arrows(ax: Axes, curve: Contour, colour: str) -> None:
     """Arrowheads half way along what is seen: the way of increasing frequency."""
     branch = max(curve.branches, key=lambda z: float(np.abs(np.diff(z)).sum()))
-    length = np.append(0.0, np.cumsum(np.abs(np.diff(branch))))
     view = abs(np.subtract(*ax.get_ylim()))
-    if length[-1] < 0.05 * view:
+    long = _along(branch)[-1]
+    if long < 0.05 * view:
         return
-    for z, fraction in ((branch, 0.35), (branch, 0.7), (np.conj(branch[::-1]), 0.5)):
-        along = length if z is branch else length[-1] - length[::-1]
-        _arrow(ax, along, z, fraction * min(length[-1], 4 * view), view, colour)
-    for arc in curve.arcs:
-        along = np.append(0.0, np.cumsum(np.abs(np.diff(arc.points))))
-        _arrow(ax, along, arc.points, 0.3 * along[-1], view, colour, alpha=0.6)
+    ways = [(branch, 0.35), (branch, 0.7), (np.conj(branch[::-1]), 0.5)]
+    arrows = [(z, fraction * min(long, 4 * view), 1.0) for z, fraction in ways]
+    arrows += [(arc.points, 0.3 * _along(arc.points)[-1], 0.6) for arc in curve.arcs]
+    for z, where, alpha in arrows:
+        ends = where + 0.012 * view * np.array([1, -1])
+        head, tail = np.interp(ends, _along(z), z)
+        ax.annotate(
+            "", (head.real, head.imag), (tail.real, tail.imag), zorder=4,
+            arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 0, "mutation_scale": 15,
+                        "shrinkA": 0, "shrinkB": 0, "alpha": alpha},
+        )  # fmt: skip
 
 
-def _arrow(
-    ax: Axes,
-    length: FloatArray,
-    z: ComplexArray,
-    where: float,
-    view: float,
-    colour: str,
-    alpha: float = 1.0,
-) -> None:
-    head, tail = (_at(length, z, where + shift * 0.012 * view) for shift in (1, -1))
-    ax.annotate(
-        "", (head.real, head.imag), (tail.real, tail.imag), zorder=4,
-        arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 0, "mutation_scale": 15,
-                    "shrinkA": 0, "shrinkB": 0, "alpha": alpha},
-    )  # fmt: skip
-
-
-def _at(length: FloatArray, z: ComplexArray, where: float) -> complex:
-    return complex(np.interp(where, length, z.real), np.interp(where, length, z.imag))
+def _along(z: ComplexArray) -> FloatArray:
+    """Length of a polygon up to each of its points."""
+    return np.append(0.0, np.cumsum(np.abs(np.diff(z))))
 
 
 def _arc_labels(ax: Axes, curve: Contour) -> None:
@@ -225,12 +208,12 @@ def _roomiest(
     drawn = np.concatenate([_dense(piece, (axis[-1] - axis[0]) / 400) for piece in pieces])
     obstacles = np.concatenate([drawn, np.conj(drawn), way, axis, 1j * axis, circle])
     scale = 72 / ax.figure.figure.dpi
-    points = ax.transData.transform(np.column_stack([obstacles.real, obstacles.imag])) * scale
+    points = _pixels(ax, obstacles) * scale
     far = REACHES[-1] + half_width + 2 * ENOUGH
 
     def places() -> Iterator[tuple[float, complex, complex]]:
         for anchor in anchors:
-            gap = points - ax.transData.transform((anchor.real, anchor.imag)) * scale
+            gap = points - _pixels(ax, np.array([anchor])) * scale
             near = gap[np.all(np.abs(gap) < far, axis=1)]
             if len(near) > CROWDED:
                 x, y = np.round(near.T)
@@ -249,30 +232,25 @@ def _roomiest(
 
 def _dense(z: ComplexArray, step: float) -> ComplexArray:
     """Points along a polygon, no farther apart than `step`."""
-    length = np.append(0.0, np.cumsum(np.abs(np.diff(z))))
+    length = _along(z)
     even = np.linspace(0.0, length[-1], 2 + int(min(length[-1] / step, 1e5)))
     return np.asarray(np.interp(even, length, z), dtype=complex)
 
 
-def _inset_half_width(curve: Contour, approach: Approach, point: float) -> float:
-    """Half-width of an inset, 0 where the point is seen well enough without."""
-    if curve.size <= 7 * max(1.0, abs(point)):
-        return 0.0
-    return max(1.3, 1.6 * min(approach.distance, 4.0))
+def _pixels(ax: Axes, z: ComplexArray) -> FloatArray:
+    """Where points are drawn, shape (N, 2)."""
+    return np.asarray(ax.transData.transform(np.column_stack([z.real, z.imag])))
 
 
-def _inset(
-    ax: Axes, curve: Contour, colour: str, point: float, half: float, approach: Approach
-) -> None:
+def _inset(ax: Axes, curve: Contour, colour: str, point: float, approach: Approach) -> None:
     """Magnify the neighbourhood of the point in the emptiest place."""
+    half = max(1.3, 1.6 * min(approach.distance, 4.0))
     size = (0.32, 0.40)
     places = [(x, y) for x in (0.03, 0.34, 0.40, 0.65) for y in (0.56, 0.30, 0.04)]
     drawn = _drawn(curve)
     drawn = np.concatenate([drawn, np.conj(drawn), np.linspace(-1.0, 1.0, 50)])
     weights = np.abs(np.diff(drawn, append=drawn[-1:]))
-    seen = ax.transAxes.inverted().transform(
-        ax.transData.transform(np.column_stack([drawn.real, drawn.imag]))
-    )
+    seen = ax.transAxes.inverted().transform(_pixels(ax, drawn))
 
     def crossed(place: tuple[float, float]) -> float:
         inside = (seen >= np.array(place) - 0.02) & (seen <= np.array(place) + size)

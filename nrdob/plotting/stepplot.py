@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 
 from ..analysis import step_response
 from ..diagram import INPUTS, LoopEquations, Quotient
-from ..numerics import FloatArray, QuasiPolynomial, count_rhp
+from ..numerics import count_rhp
 from . import alttext
 from .figure import INK, TALL, Figure, axes_for, colour_of, in_lines, label_of, styled
 
@@ -33,16 +33,8 @@ def step_plot(
     ----------
     loop : LoopEquations
         The loop.
-    signal : {"y", "u"}
-        Output or control signal.
-    compare : LoopEquations or dict of str: LoopEquations, optional
-        Other loops, drawn dashed and grey; one without a label is called "nominal".
-    timepts : array_like or float, optional
-        Times in seconds, or the last one; by default each panel shows what there is to see.
-    title : str
-        Heading, which also enters the alt text.
-    axes : four matplotlib Axes, optional
-        Where to draw R, d, δ and η.
+    signal, compare, timepts, title, axes : optional
+        As for `nrdob.NRDOB.plot_step`; another loop without a label is called "nominal".
 
     Raises
     ------
@@ -78,7 +70,8 @@ def step_plot(
                 lines[k] += ax.plot(times, faint, style, color=INK, lw=1.2, label=label, zorder=4)
             name = ("T_" if given == "R" else "S_") + given if signal == "y" else f"U_{given}"
             _step_frame(ax, given, name, signal, bottom=k > 1)
-            facts.append(_step_facts(loop, given, getattr(loop, name), values))
+            peak = float(values[int(np.argmax(np.abs(values)))])
+            facts.append((given, peak, _final(loop, given, getattr(loop, name))))
         if others:
             panels[0].legend(loc="best", handlelength=2.4)
         if axes is None:
@@ -89,16 +82,16 @@ def step_plot(
     return Figure(lines.reshape(2, 2), np.array(panels, dtype=object).reshape(2, 2), alt)
 
 
-def _step_facts(
-    loop: LoopEquations, given: str, through: Quotient, values: FloatArray
-) -> alttext.StepFacts:
-    """Peak and rest of one response; the loop's own roots say whether there is rest."""
+def _final(loop: LoopEquations, given: str, through: Quotient) -> float:
+    """Give the final value, by the loop's roots: inf if a response grows, nan without rest."""
     excited = (loop.p_A, loop.p_B) if given == "R" else (loop.p_B,)
+    # Where a long dead time has more roots than are listed, they are counted.
+    if any(
+        (p.roots.real > 0).any() if p.roots_resolved else count_rhp(p).at_least for p in excited
+    ):
+        return inf
     rightmost = max(p.roots[0].real if p.roots.size else -inf for p in excited)
-    unstable = any(_on_the_right(p) for p in excited)
-    final = inf if unstable else nan if rightmost == 0 else through.dc_gain
-    peak = float(values[int(np.argmax(np.abs(values)))])
-    return alttext.StepFacts(given, peak, final)
+    return nan if rightmost == 0 else through.dc_gain
 
 
 def _step_frame(ax: Axes, given: str, name: str, signal: str, *, bottom: bool) -> None:
@@ -111,8 +104,3 @@ def _step_frame(ax: Axes, given: str, name: str, signal: str, *, bottom: bool) -
     if high - low < 1e-6:
         ax.set_ylim(-0.5, 0.5)
     ax.axhline(0, color=INK, lw=0.6)
-
-
-def _on_the_right(p: QuasiPolynomial) -> float:
-    """Roots in the right half plane; counted where a long dead time has more than are listed."""
-    return float(np.sum(p.roots.real > 0)) if p.roots_resolved else count_rhp(p).at_least

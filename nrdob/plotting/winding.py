@@ -5,26 +5,22 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 
 from ..numerics import ComplexArray, FloatArray
-from .figure import COLOURS, INK, PIXELS, SHORT, TALL, WIDTH, Figure, dress, styled
+from .figure import COLOURS, INK, PIXELS, SHORT, TALL, WIDTH, Figure, new_axes, styled
 
 __all__ = ["winding_animation", "winding_plot"]
 
 CIRCLE: ComplexArray = np.exp(-2j * np.pi * np.linspace(0, 1, 401))
 """The walk: clockwise, from +1 to +1."""
 
+# Where the SVG has the walk, the value of f, and the bars; y downwards, as in every SVG.
 WALK, VALUE, BARS = 120 + 130j, 395 + 115j, 305 + 270j
-"""Where the SVG has the walk, the value of f, and the bars; y downwards, as in every SVG."""
-
+# Width of the SVG, radius of its circle, and length of the bar of one turn.
 ACROSS, RADIUS, TURN = 480, 75, 120
-"""Width of the SVG, radius of its circle, and length of the bar of one turn."""
-
-STEP = 22
-"""From one bar to the next."""
+STEP = 22  # from one bar to the next
 
 
 def winding_plot(zeros: Sequence[complex], poles: Sequence[complex]) -> Figure:
@@ -33,15 +29,10 @@ def winding_plot(zeros: Sequence[complex], poles: Sequence[complex]) -> Figure:
     Parameters
     ----------
     zeros, poles : sequence of complex
-        Of f, none of them on the circle.
-
-    Returns
-    -------
-    Figure
-        Above the walker with a vector from each zero and pole, below f(s) and its turns.
+        Of f, none of them on the circle: each is joined to the walker by a vector.
     """
     turned = _swept(_rational(zeros, poles))
-    axes, moments = _panels(2, 4, TALL), (100, 200, 300, 400)
+    axes, moments = _panels((2, 4), TALL), (100, 200, 300, 400)
     with styled():
         for (above, below), k in zip(axes.T, moments, strict=True):
             _draw_walk(above, zeros, poles, k)
@@ -57,24 +48,21 @@ def winding_plot(zeros: Sequence[complex], poles: Sequence[complex]) -> Figure:
 def winding_animation(zeros: Sequence[complex], poles: Sequence[complex]) -> Figure:
     """Animate the walk of `winding_plot`, with a bar for the angle that each vector has swept.
 
+    It moves where SVG is shown, and rests for those who ask for less motion; as PNG it is its end.
+
     Parameters
     ----------
     zeros, poles : sequence of complex
         Of f, none of them on the circle.
-
-    Returns
-    -------
-    Figure
-        Moving where SVG is shown, at rest for those who ask for less motion; as PNG its end.
     """
     f = _rational(zeros, poles)
-    axes = _panels(1, 2, SHORT)
+    axes = _panels((1, 2), SHORT)
     with styled():
         _draw_walk(axes[0, 0], zeros, poles, CIRCLE.size - 1)
         _draw_value(axes[0, 1], f, CIRCLE.size - 1)
     whole = round(float(_swept(f)[-1]))
-    noun = "encirclement" if whole == 1 else "encirclements"
-    alt = f"The walk as an animation; in all f makes {whole} clockwise {noun} of 0"
+    many = f"{whole} clockwise encirclement{'s' * (whole != 1)}"
+    alt = f"The walk as an animation; in all f makes {many} of 0"
     return _Animation(axes, alt, _svg(zeros, poles))
 
 
@@ -85,21 +73,16 @@ class _Animation(Figure):
         super().__init__([], axes, alt)
         self.svg = svg
 
-    def _repr_mimebundle_(
-        self, include: Any = None, exclude: Any = None
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
-        data, metadata = super()._repr_mimebundle_(include, exclude)
+    def _repr_mimebundle_(self, **_: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        data, metadata = super()._repr_mimebundle_()
         return data | {"image/svg+xml": self.svg}, metadata
 
 
 def _rational(zeros: Sequence[complex], poles: Sequence[complex]) -> ComplexArray:
     """Give f on the circle."""
-    value = np.ones_like(CIRCLE)
-    for a in zeros:
-        value = value * (CIRCLE - a)
-    for a in poles:
-        value = value / (CIRCLE - a)
-    return value
+    one = np.ones_like(CIRCLE)
+    num, den = (np.prod([one, *(CIRCLE - a for a in roots)], axis=0) for roots in (zeros, poles))
+    return np.asarray(num / den)
 
 
 def _swept(values: ComplexArray) -> FloatArray:
@@ -108,13 +91,10 @@ def _swept(values: ComplexArray) -> FloatArray:
     return np.append(0.0, -np.cumsum(steps) / (2 * np.pi))
 
 
-def _panels(rows: int, columns: int, height: float) -> Any:
-    figure = plt.figure(figsize=(WIDTH, height), layout="constrained")
-    with styled():
-        axes = figure.subplots(rows, columns, squeeze=False)
-        for ax in axes.flat:
-            dress(ax)
-            ax.set_aspect("equal", adjustable="datalim")
+def _panels(shape: tuple[int, int], height: float) -> Any:
+    axes = new_axes(shape, height)
+    for ax in axes.flat:
+        ax.set_aspect("equal", adjustable="datalim")
     return axes
 
 
@@ -159,8 +139,8 @@ def _svg(zeros: Sequence[complex], poles: Sequence[complex]) -> str:
             parts += [
                 _stroke(frames, place, walk, colour, 1.5),
                 _dot([0], place + 0 * walk, colour),
+                _stroke(frames, bar, bar + TURN * angle, colour, 10),
             ]
-            parts.append(_stroke(frames, bar, bar + TURN * angle, colour, 10))
         bar = BARS + 1j * STEP * len(swept)
         parts.append(_stroke(frames, bar, bar + TURN * _swept(image), COLOURS["loop"], 10))
         parts.append(_stroke(frames, VALUE, value, INK, 1.5))

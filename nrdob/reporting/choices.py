@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from math import log10
 from typing import Any
 
@@ -17,26 +16,15 @@ from ..numerics import number
 
 __all__ = ["controller_for", "filter_at", "filter_for", "slowest_lag"]
 
-ORIGIN = 1e-9
-"""Size of a root, against the largest, that is taken for 0."""
-
+ORIGIN = 1e-9  # size of a root, against the largest, that is taken for 0
+# Largest gain from noise to u against that at rest, where only noise limits the filter.
 NOISE_GAIN = 10.0
-"""Largest gain from noise to u against that at rest, where only noise limits the filter."""
-
+# Crossovers tried for the controller, against the bandwidth 1/(nλ) of the observer.
 SPEEDS = (1.0, 0.5, 0.2, 0.1, 0.05, 2.0, 5.0)
-"""Crossovers tried for the controller, against the bandwidth 1/(nλ) of the observer."""
-
-MARGINS = (60.0, 30.0, 10.0)
-"""Phase margins tried for it, in degrees."""
-
-CALM = 2.0
-"""Largest sensitivity peak of the controller with the model that is not called swinging."""
-
-INSIDE = 0.5
-"""Of the longest time constant that will do, the longest that is taken."""
-
-RELAXED = (1.2, 1.5, 2.0, 3.0, 5.0)
-"""Times the peak aimed at, tried where none meets it."""
+MARGINS = (60.0, 30.0, 10.0)  # phase margins tried for it, in degrees
+CALM = 2.0  # largest sensitivity peak of the controller with the model that is not called swinging
+INSIDE = 0.5  # of the longest time constant that will do, the longest that is taken
+RELAXED = (1.0, 1.2, 1.5, 2.0, 3.0, 5.0)  # times the peak aimed at that are tried, until one is met
 
 
 def slowest_lag(process: Any) -> float:
@@ -56,39 +44,24 @@ def filter_for(
     process: Any, model: Any, family: int | FilterFamily, max_ms: float
 ) -> tuple[LowPassFilter | ct.TransferFunction | None, str, list[str]]:
     """Choose the fastest filter that keeps the peak; where all do, what the noise allows."""
-    of_order = _named(family)
-    try:
-        found = design_filter(process, model, order=family, max_ms=max_ms)
-        return (
-            found,
-            (
-                f"Filter: the fastest {of_order} whose plant loop has a sensitivity peak of "
-                f"at most {max_ms:g}."
-            ),
-            [],
-        )
-    except ValueError as error:
-        reason = str(error)
-    if "however fast" in reason:
-        return *_by_noise(process, model, family, max_ms), []
-    for limit in RELAXED:
+    of_order, reason = _named(family), ""
+    for times in RELAXED:
+        limit = max_ms * times
         try:
-            found = design_filter(process, model, order=family, max_ms=max_ms * limit)
-        except ValueError:
+            found = design_filter(process, model, order=family, max_ms=limit)
+        except ValueError as error:
+            reason = reason or str(error)
+            if "however fast" in reason:
+                return *_by_noise(process, model, family, max_ms), []
             continue
-        return (
-            found,
-            (
-                f"Filter: none {of_order} keeps the sensitivity peak below {max_ms:g}; this "
-                f"is the fastest below {max_ms * limit:g}."
-            ),
-            [f"No filter with this model meets a sensitivity peak of {max_ms:g}: it is touchy."],
-        )
-    return (
-        None,
-        f"Filter: {reason}.",
-        [f"No filter {of_order} gives a loop that could be used with this model: {reason}."],
-    )
+        if not reason:
+            peak = f"whose plant loop has a sensitivity peak of at most {max_ms:g}"
+            return found, f"Filter: the fastest {of_order} {peak}.", []
+        said = f"none {of_order} keeps the sensitivity peak below {max_ms:g}"
+        touchy = f"No filter with this model meets a sensitivity peak of {max_ms:g}: it is touchy."
+        return found, f"Filter: {said}; this is the fastest below {limit:g}.", [touchy]
+    unusable = f"No filter {of_order} gives a loop that could be used with this model: {reason}."
+    return None, f"Filter: {reason}.", [unusable]
 
 
 def _named(family: int | FilterFamily) -> str:
@@ -146,16 +119,18 @@ def _by_noise(
 def controller_for(
     model: Any, filter: Any, calm: bool = False
 ) -> tuple[ct.TransferFunction | None, str]:
-    """Design a PI by its phase margin, or by the observer's bandwidth, whose loop is calm.
-
-    Where none of them is, the calmest.
-    """
+    """Design a calm PI by its phase margin or the observer's bandwidth; if none is, the calmest."""
     undelayed = getattr(model, "tf", model)
+    speed = (
+        1 / (filter.order * filter.time_constant)
+        if isinstance(filter, LowPassFilter)
+        else 1 / _slowest(undelayed)
+    )
+    asked: list[tuple[float | None, float]] = [] if calm else [(None, MARGINS[0])]
+    asked += [(share * speed, margin) for margin in MARGINS for share in SPEEDS]
     tried: list[tuple[float, ct.TransferFunction, str]] = []
     for limit in (CALM, None):
-        for bandwidth, margin in _asked_of_controllers(filter, undelayed):
-            if calm and bandwidth is None:
-                continue
+        for bandwidth, margin in asked:
             try:
                 found = design_controller(
                     undelayed, bandwidth=bandwidth, phase_margin=margin, max_ms=limit
@@ -177,15 +152,3 @@ def controller_for(
     if tried:
         return min(tried, key=lambda each: each[0])[1:]
     return None, "Controller: none of I, PI and PID was found that stabilises this model."
-
-
-def _asked_of_controllers(filter: Any, model: Any) -> Iterator[tuple[float | None, float]]:
-    yield None, MARGINS[0]
-    speed = (
-        1 / (filter.order * filter.time_constant)
-        if isinstance(filter, LowPassFilter)
-        else 1 / _slowest(model)
-    )
-    for margin in MARGINS:
-        for share in SPEEDS:
-            yield share * speed, margin

@@ -37,18 +37,12 @@ warning (the headline is the gravest); 1 it could not be written; 2 the command 
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command.
+    """Run the command and give its exit status, see `EXAMPLES`; argparse exits with 2 itself.
 
     Parameters
     ----------
     arguments : sequence of str, optional
         What follows the name of the command; by default that of the shell.
-
-    Returns
-    -------
-    int
-        0 if a report was written and nothing speaks against the loop, 3 if it was written with a
-        warning, 1 if it could not be written. (2, from argparse: the command was not understood.)
     """
     asked = _parser().parse_args(arguments)
     with warnings.catch_warnings():
@@ -74,27 +68,19 @@ def _report(asked: argparse.Namespace) -> Report:
         name: None if text is None else read_block(text, f"--{name}")
         for name, text in (("model", asked.model), ("controller", asked.controller))
     }
-    if blocks["controller"] is not None and not blocks["controller"].delay:
-        blocks["controller"] = blocks["controller"].tf
-    of_table = {
-        "sampling_time": asked.sampling_time,
-        "columns": None if asked.columns is None else _columns(asked.columns),
-        "input_before": asked.input_before,
-    }
+    of_table = {name: getattr(asked, name) for name in ("sampling_time", "columns", "input_before")}
+    of_table["columns"] = None if asked.columns is None else _columns(asked.columns)
     for name, each in of_table.items():
         if asked.data is None and each is not None:
             raise ValueError(f"--{name.replace('_', '-')} belongs to a file of data")
+    if asked.data is None:
+        subject: Any = read_block(asked.process, "--process")
+    else:
+        subject = read_data(asked.data, **of_table)
     return report(
-        read_block(asked.process, "--process")
-        if asked.data is None
-        else read_data(asked.data, **of_table),
-        model=blocks["model"],
-        controller=blocks["controller"],
-        time_constant=asked.time_constant,
-        order=asked.order,
-        title=asked.title,
-        progress=_progress if sys.stderr.isatty() else lambda part: None,
-    )
+        subject, title=asked.title, time_constant=asked.time_constant, order=asked.order,
+        progress=_progress if sys.stderr.isatty() else lambda part: None, **blocks,
+    )  # fmt: skip
 
 
 def _columns(text: str) -> dict[str, str | int]:
@@ -121,10 +107,8 @@ def _parser() -> argparse.ArgumentParser:
         "report",
         help="write a report on measured data, a process or a loop, as one HTML file",
         description="Write a report on measured data, a process or a loop, as one HTML file.",
-        epilog=EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        allow_abbrev=False,
-    )
+        epilog=EXAMPLES, formatter_class=argparse.RawDescriptionHelpFormatter, allow_abbrev=False,
+    )  # fmt: skip
     each.add_argument("data", nargs="?", help="a table of t, u and y (CSV)")
     each.add_argument("--output", default="report.html", help="the page (default: report.html)")
     each.add_argument("--process", metavar="FORMULA", help="the plant G, in place of data")

@@ -8,15 +8,14 @@ from math import isnan
 import numpy as np
 
 from ..measured import Identification, Record
-from ..numerics import number
+from ..numerics import FloatArray, number
 from ..plotting import COLOURS, INK, TALL, Figure, axes_for, styled
 from .formulas import formula
 from .html import Picture, Section, Table, picture
 
 __all__ = ["data_sections", "record_section"]
 
-MOST_POINTS = 4000
-"""Points of a record that are drawn; more would make the page large."""
+MOST_POINTS = 4000  # points of a record that are drawn; more would make the page large
 
 
 def data_sections(found: Identification) -> Iterator[tuple[str, Callable[[], Section]]]:
@@ -28,19 +27,11 @@ def data_sections(found: Identification) -> Iterator[tuple[str, Callable[[], Sec
 
 def record_section(record: Record, found: Identification | None = None) -> Section:
     """Show a record, and what a process found in it makes of it."""
-    words = (
-        f"{record.u.size} samples every {number(record.sampling_time, 4)} s; u lies between "
-        f"{number(record.u.min())} and {number(record.u.max())}, y between "
-        f"{number(record.y.min())} and {number(record.y.max())}.",
-        *map(_sentence, record.notes),
-    )
-    return Section(
-        "What was measured",
-        words,
-        (),
-        (_drawn(record, found),),
-        tuple(map(_sentence, (found or record).remarks)),
-    )
+    u, y = map(_range, (record.u, record.y))
+    said = f"{record.u.size} samples every {number(record.sampling_time, 4)} s"
+    words = (f"{said}; u lies {u}, y {y}.", *map(_sentence, record.notes))
+    remarks = tuple(map(_sentence, (found or record).remarks))
+    return Section("What was measured", words, (), (_drawn(record, found),), remarks)
 
 
 def _process(found: Identification) -> Section:
@@ -48,17 +39,13 @@ def _process(found: Identification) -> Section:
         (name, number(p.value, 4), p.unit, f"{number(p.low, 4)} to {number(p.high, 4)}")
         for name, p in found.parameters.items()
     )
-    percent = number(100 * found.confidence)
     words = (
         f"G = {formula(found.process)}: {found.structure}, chosen because {found.reason}.",
         found.residuals.reason,
     )
-    warnings = (
-        ("The model misses something that the input does: trust its intervals with care.",)
-        if found.residuals.independent is False
-        else ()
-    )
-    head = ("", "value", "unit", f"{percent} % interval")
+    misses = "The model misses something that the input does: trust its intervals with care."
+    warnings = (misses,) if found.residuals.independent is False else ()
+    head = ("", "value", "unit", f"{number(100 * found.confidence)} % interval")
     table = Table("What was found, in seconds and the units of the file", head, rows)
     return Section("The process behind it", words, (table,), (), warnings)
 
@@ -69,7 +56,7 @@ def _trust(found: Identification) -> Section:
             each.structure,
             str(each.parameters),
             f"{number(each.fit_percent)} %",
-            _percent(each.validation_percent),
+            "–" if isnan(each.validation_percent) else f"{number(each.validation_percent)} %",
             number(each.bic),
             "chosen" if each.structure == found.structure else "as well" * each.rival or "–",
         )
@@ -95,9 +82,8 @@ def _drawn(record: Record, found: Identification | None) -> Picture:
     with styled():
         upper.plot(t, y, color=COLOURS["process"], lw=1.0, label="measured")
         if found is not None:
-            upper.plot(
-                t, found.predicted[::every], "--", color=COLOURS["model"], lw=1.2, label="model"
-            )
+            predicted = found.predicted[::every]
+            upper.plot(t, predicted, "--", color=COLOURS["model"], lw=1.2, label="model")
             if found.fitted < record.t.size:
                 for ax in (upper, lower):
                     ax.axvline(record.t[found.fitted], color=INK, lw=0.9, ls=":")
@@ -109,9 +95,8 @@ def _drawn(record: Record, found: Identification | None) -> Picture:
         for ax in (upper, lower):
             ax.set_xlim(t[0], t[-1])
     alt = (
-        f"Record of {record.u.size} samples over {number(float(np.ptp(record.t)))} s: y between "
-        f"{number(record.y.min())} and {number(record.y.max())}, u between "
-        f"{number(record.u.min())} and {number(record.u.max())}"
+        f"Record of {record.u.size} samples over {number(float(np.ptp(record.t)))} s: "
+        f"y {_range(record.y)}, u {_range(record.u)}"
     )
     if found is not None:
         alt += f"; the model explains {number(found.fit_percent)} % of the fitted part"
@@ -122,9 +107,9 @@ def _drawn(record: Record, found: Identification | None) -> Picture:
     return picture(figure, caption)
 
 
+def _range(values: FloatArray) -> str:
+    return f"between {number(values.min())} and {number(values.max())}"
+
+
 def _sentence(text: str) -> str:
     return f"{text[0].upper()}{text[1:]}."
-
-
-def _percent(value: float) -> str:
-    return "–" if isnan(value) else f"{number(value)} %"

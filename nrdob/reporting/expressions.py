@@ -14,9 +14,9 @@ powers and the dead time ``exp(-T s)``; nothing in a text is ever run.
 from __future__ import annotations
 
 import re
+from functools import reduce
 from typing import NamedTuple
 
-import control as ct
 import numpy as np
 
 from ..diagram import DelayedTransferFunction
@@ -24,8 +24,8 @@ from ..numerics import FloatArray, add
 
 __all__ = ["read_block"]
 
+# Characters of a text, brackets within brackets, degree of a polynomial.
 LONGEST, DEEPEST, HIGHEST = 1000, 40, 40
-"""Characters of a text, brackets within brackets, degree of a polynomial."""
 
 TOKEN = re.compile(
     r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|(?P<exp>exp)|(?P<s>s)"
@@ -41,6 +41,9 @@ class _Value(NamedTuple):
     delay: float = 0.0
 
 
+ONE = _Value(np.ones(1), np.ones(1))
+
+
 def read_block(text: str, name: str = "the block") -> DelayedTransferFunction:
     """Read a transfer function out of a text.
 
@@ -50,11 +53,6 @@ def read_block(text: str, name: str = "the block") -> DelayedTransferFunction:
         Such as "2(1-s)/(s^2+3s+2)*exp(-0.3s)".
     name : str
         What it is called in messages.
-
-    Returns
-    -------
-    DelayedTransferFunction
-        The block, with a dead time of 0 where there is none.
 
     Raises
     ------
@@ -77,10 +75,8 @@ def read_block(text: str, name: str = "the block") -> DelayedTransferFunction:
         if value.delay < 0:
             raise ValueError("exp(+T s) would predict the future; a dead time is exp(-T s)")
         with np.errstate(over="ignore"):
-            num, den = value.num / value.den[0], value.den / value.den[0]
-        if not (np.isfinite(num).all() and np.isfinite(den).all()):
-            raise ValueError("its coefficients overflow; write it in other units")
-        return DelayedTransferFunction(ct.tf(num, den), value.delay)
+            found = _checked(value.num / value.den[0], value.den / value.den[0], value.delay)
+        return DelayedTransferFunction(found[:2], found.delay)
     except ValueError as error:
         raise ValueError(f"{shown}: {error}") from None
 
@@ -100,22 +96,25 @@ class _Reader:
             kind = str(match.lastgroup)
             self._tokens.append((kind, match[kind]))
             at = match.end()
+        self._tokens.append(("end", ""))
         self._at = self._depth = 0
 
     def read(self) -> _Value:
-        if not self._tokens:
+        if len(self._tokens) == 1:
             raise ValueError("it is empty; write a transfer function such as 4/(s^2+3s+2)")
         value = self._sum()
-        if self._at < len(self._tokens):
-            raise ValueError(f"{self._tokens[self._at][1]!r} stands where nothing may follow")
+        kind, text = self._tokens[self._at]
+        if kind != "end":
+            raise ValueError(f"{text!r} stands where nothing may follow")
         return value
 
     def _next(self, *wanted: str) -> str | None:
         """Take the next token if it is one of these."""
-        if self._at < len(self._tokens) and self._tokens[self._at][1] in wanted:
-            self._at += 1
-            return self._tokens[self._at - 1][1]
-        return None
+        text = self._tokens[self._at][1]
+        if text not in wanted:
+            return None
+        self._at += 1
+        return text
 
     def _sum(self) -> _Value:
         value = self._term()
@@ -125,12 +124,12 @@ class _Reader:
 
     def _term(self) -> _Value:
         value, divided = self._factor(), False
-        while self._at < len(self._tokens):
+        while True:
             sign = self._next("*", "/")
             if sign is None:
                 kind, text = self._tokens[self._at]
-                if kind == "sign" and text != "(":
-                    break
+                if kind == "end" or (kind == "sign" and text != "("):
+                    return value
                 if divided and kind != "exp":
                     raise ValueError(
                         "after a quotient a product needs a sign or brackets: 1/(s+1)/(s+2), or "
@@ -139,7 +138,6 @@ class _Reader:
             divided = sign == "/"
             other = self._factor()
             value = _over(value, other) if sign == "/" else _times(value, other)
-        return value
 
     def _factor(self) -> _Value:
         self._deeper()
@@ -159,21 +157,23 @@ class _Reader:
             power = self._whole()
             self._close()
             return sign * power
-        kind, text = self._tokens[self._at] if self._at < len(self._tokens) else ("", "nothing")
+        kind, text = self._tokens[self._at]
         if kind != "number" or not text.isdigit() or len(text) > 3:
-            raise ValueError(f"{text!r} is no power; a power is a whole number, such as s^2")
+            raise ValueError(
+                f"{text or 'nothing'!r} is no power; a power is a whole number, such as s^2"
+            )
         self._at += 1
         return sign * int(text)
 
     def _atom(self) -> _Value:
-        if self._at == len(self._tokens):
-            raise ValueError("it breaks off; something must follow")
         kind, text = self._tokens[self._at]
+        if kind == "end":
+            raise ValueError("it breaks off; something must follow")
         self._at += 1
         if kind == "number":
-            return _Value(np.array([float(text)]), np.ones(1))
+            return ONE._replace(num=np.array([float(text)]))
         if kind == "s":
-            return _Value(np.array([1.0, 0.0]), np.ones(1))
+            return ONE._replace(num=np.array([1.0, 0.0]))
         if kind == "exp":
             if not self._next("("):
                 raise ValueError("exp needs a bracket: exp(-0.3 s)")
@@ -200,7 +200,7 @@ class _Reader:
 
 
 def _times(a: _Value, b: _Value) -> _Value:
-    return _checked(_Value(np.convolve(a.num, b.num), np.convolve(a.den, b.den), a.delay + b.delay))
+    return _checked(np.convolve(a.num, b.num), np.convolve(a.den, b.den), a.delay + b.delay)
 
 
 def _over(a: _Value, b: _Value) -> _Value:
@@ -216,19 +216,17 @@ def _plus(a: _Value, b: _Value, sign: float) -> _Value:
             "the whole, can be dealt with"
         )
     if np.array_equal(a.den, b.den):
-        return _checked(_Value(add(a.num, sign * b.num), a.den, a.delay))
+        return _checked(add(a.num, sign * b.num), a.den, a.delay)
     num = add(np.convolve(a.num, b.den), sign * np.convolve(b.num, a.den))
-    return _checked(_Value(num, np.convolve(a.den, b.den), a.delay))
+    return _checked(num, np.convolve(a.den, b.den), a.delay)
 
 
 def _power(value: _Value, power: int) -> _Value:
     degree = max(value.num.size, value.den.size) - 1
     if abs(power) * max(degree, 1) > HIGHEST:
         raise ValueError(f"the power {power} makes a degree above {HIGHEST}")
-    result = _Value(np.ones(1), np.ones(1))
-    for _ in range(abs(power)):
-        result = _times(result, value)
-    return _over(_Value(np.ones(1), np.ones(1)), result) if power < 0 else result
+    result = reduce(_times, [value] * abs(power), ONE)
+    return _over(ONE, result) if power < 0 else result
 
 
 def _dead_time(value: _Value) -> _Value:
@@ -238,13 +236,13 @@ def _dead_time(value: _Value) -> _Value:
         if num.size == 1 and value.den.size == 1 and not value.delay:
             raise ValueError("exp of a number is no dead time; write exp(-T s), such as exp(-0.3s)")
         raise ValueError("exp may hold nothing but -T s, such as exp(-0.3s)")
-    return _Value(np.ones(1), np.ones(1), -float(num[0] / value.den[0]) if num.size else 0.0)
+    return ONE._replace(delay=-float(num[0] / value.den[0]) if num.size else 0.0)
 
 
-def _checked(value: _Value) -> _Value:
-    num, den = (np.trim_zeros(p, "f") if p.any() else np.zeros(1) for p in value[:2])
+def _checked(num: FloatArray, den: FloatArray, delay: float) -> _Value:
+    num, den = (np.trim_zeros(p, "f") if p.any() else np.zeros(1) for p in (num, den))
     if max(num.size, den.size) - 1 > HIGHEST:
         raise ValueError(f"its degree is above {HIGHEST}")
     if not (np.isfinite(num).all() and np.isfinite(den).all()):
         raise ValueError("its coefficients overflow; write it in other units")
-    return _Value(num, den, value.delay)
+    return _Value(num, den, delay)

@@ -8,23 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from ..diagram import LowPassFilter, as_fraction
+from ..diagram import LowPassFilter, as_fraction, undelayed
 from ..numerics import FloatArray, number, written
 
-__all__ = ["character", "formula", "intervals", "listed", "roots_listed"]
+__all__ = ["character", "formula", "intervals", "roots_listed"]
 
 MOST_ROOTS = 12
-
+# Imaginary part, against the size, that three digits do not show: a multiple root, split.
 FLAT = 1e-4
-"""Imaginary part, against the size, that three digits do not show: a multiple root, split."""
-
 SUPERSCRIPTS = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
-
-
-def listed(items: Iterable[str]) -> str:
-    """Join words with commas and a last "and"."""
-    *most, last = items
-    return f"{', '.join(most)} and {last}" if most else last
 
 
 def formula(block: Any) -> str:
@@ -35,11 +27,6 @@ def formula(block: Any) -> str:
     block : as for `nrdob.NRDOB`
         A process, model, controller or filter.
 
-    Returns
-    -------
-    str
-        The line.
-
     Examples
     --------
     >>> formula(([2.0], [1.0, 3.0, -2.0]))
@@ -48,60 +35,49 @@ def formula(block: Any) -> str:
     if isinstance(block, LowPassFilter):
         power = str(block.order).translate(SUPERSCRIPTS) if block.order > 1 else ""
         return f"1/({number(block.time_constant, 4)} s + 1){power}"
-    delay = getattr(block, "delay", 0.0)
-    num, den = as_fraction(getattr(block, "tf", block) if delay else block, "block", proper=False)
+    prompt, delay = undelayed(block)
+    num, den = as_fraction(prompt, "block", proper=False)
     top, bottom = _polynomial(num), _polynomial(den)
     text = top if den.size == 1 and den[0] == 1 else f"{_bracketed(top)}/{_bracketed(bottom)}"
     return f"{text} · e^(−{number(delay, 4)} s)" if delay else text
 
 
 def intervals(found: Iterable[tuple[float, float]]) -> str:
-    """Write intervals of time constants.
+    """Write intervals of time constants, such as "λ > 0.375 s".
 
     Parameters
     ----------
     found : iterable of (low, high)
         As `nrdob.stabilizing_time_constants` gives them, in seconds.
-
-    Returns
-    -------
-    str
-        Such as "λ > 0.375 s".
     """
-    said = []
-    for low, high in found:
-        if low == 0 and high == inf:
-            said.append("every λ > 0")
-        elif high == inf:
-            said.append(f"λ > {number(low, 4)} s")
-        else:
-            said.append(f"{number(low, 4)} s < λ < {number(high, 4)} s")
+    said = (
+        f"{number(low, 4)} s < λ < {number(high, 4)} s" if high < inf
+        else f"λ > {number(low, 4)} s" if low else "every λ > 0"
+        for low, high in found
+    )  # fmt: skip
     return " or ".join(said) or "no λ at all"
 
 
 def roots_listed(roots: Any) -> str:
     """Write roots, a pair as one, rightmost first."""
-    upper = [complex(root) for root in roots if root.imag >= 0]
+    roots = sorted(map(complex, roots), key=lambda root: -root.real)
+    upper = [root for root in roots if root.imag >= 0]
     more = len(upper) - MOST_ROOTS
-    said = [written(_clean(root), number, pair=True) for root in upper[:MOST_ROOTS]]
+    upper = [complex(r.real) if abs(r.imag) <= FLAT * abs(r) else r for r in upper]
+    said = [written(root, number, pair=True) for root in upper[:MOST_ROOTS]]
     return ", ".join(said) + (f", and {more} more further left" if more > 0 else "") or "none"
 
 
 def character(process: Any) -> list[str]:
-    """Say what makes a process easy or hard, one sentence each.
+    """Say what makes a process easy or hard, in at least one sentence.
 
     Parameters
     ----------
     process : as for `nrdob.NRDOB`
         The process G.
-
-    Returns
-    -------
-    list of str
-        The sentences, at least one.
     """
-    delay = getattr(process, "delay", 0.0)
-    num, den = as_fraction(getattr(process, "tf", process) if delay else process, "process")
+    prompt, delay = undelayed(process)
+    num, den = as_fraction(prompt, "process")
     zeros, poles = np.roots(num), np.roots(den)
     said = []
     origin = int(np.sum(np.abs(poles) == 0))
@@ -110,17 +86,15 @@ def character(process: Any) -> list[str]:
         said.append(f"It holds {kind}: a constant input makes the output run away.")
     unstable = poles[poles.real > 0]
     if unstable.size:
-        said.append(f"It is unstable: poles at {roots_listed(_sorted(unstable))} rad/s.")
+        said.append(f"It is unstable: poles at {roots_listed(unstable)} rad/s.")
     damped = [p for p in poles if p.imag > 0 and p.real <= 0 and -p.real < 0.3 * abs(p)]
     for p in damped[:3]:
-        said.append(
-            f"It resonates at {number(abs(p))} rad/s with a damping ratio of "
-            f"{number(-p.real / abs(p))}."
-        )
+        frequency, ratio = number(abs(p)), number(-p.real / abs(p))
+        said.append(f"It resonates at {frequency} rad/s with a damping ratio of {ratio}.")
     wrong = zeros[zeros.real > 0]
     if wrong.size:
         said.append(
-            f"It has zeros in the right half plane, at {roots_listed(_sorted(wrong))} rad/s, "
+            f"It has zeros in the right half plane, at {roots_listed(wrong)} rad/s, "
             "which no causal and stable block can undo."
         )
     if num[-1] == 0:
@@ -138,14 +112,6 @@ def character(process: Any) -> list[str]:
     return said or ["It is stable, without dead time, and its inverse is stable: nothing is hard."]
 
 
-def _sorted(roots: Any) -> Any:
-    return roots[np.argsort(-roots.real)]
-
-
-def _clean(root: complex) -> complex:
-    return complex(root.real, 0.0) if abs(root.imag) <= FLAT * abs(root) else root
-
-
 def _polynomial(coefficients: FloatArray) -> str:
     degree = coefficients.size - 1
     text = ""
@@ -154,12 +120,10 @@ def _polynomial(coefficients: FloatArray) -> str:
             continue
         s = {0: "", 1: "s"}.get(power, f"s{str(power).translate(SUPERSCRIPTS)}")
         size = number(abs(value), 4)
-        term = s if s and size == "1" else f"{size} {s}".strip()
-        if "e" in size and s:
-            term = f"{size}·{s}"
-        text += (
-            (" − " if value < 0 else " + ") + term if text else ("−" if value < 0 else "") + term
-        )
+        between = "·" if "e" in size else " "
+        term = size if not s else s if size == "1" else f"{size}{between}{s}"
+        sign = "−" if value < 0 else "+"
+        text = f"{text} {sign} {term}" if text else f"{sign}{term}".removeprefix("+")
     return text or "0"
 
 

@@ -9,10 +9,15 @@ from __future__ import annotations
 import re
 from base64 import b64encode
 from dataclasses import dataclass
-from functools import cache
 from io import StringIO
 from typing import Any
 from zlib import crc32
+
+import matplotlib as mpl
+import matplotlib.pyplot as plt
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from ..plotting import styled
 
 __all__ = ["Attachment", "Picture", "Section", "Table", "picture", "written"]
 
@@ -23,12 +28,8 @@ class Table:
 
     Attributes
     ----------
-    caption : str
-        What it shows.
-    head : tuple of str
-        Headings.
-    rows : tuple of tuple of str
-        Cells.
+    caption, head, rows : str, tuple of str, tuple of tuple of str
+        What it shows, the headings and the cells.
     """
 
     caption: str
@@ -42,12 +43,8 @@ class Picture:
 
     Attributes
     ----------
-    svg : str
-        The drawing, as an element of a page.
-    alt : str
-        The facts that it shows.
-    caption : str
-        What stands below it.
+    svg, alt, caption : str
+        The drawing as an element of a page, the facts that it shows, and what stands below it.
     """
 
     svg: str
@@ -57,17 +54,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class Attachment:
-    """A file that the page holds, to be saved.
-
-    Attributes
-    ----------
-    name : str
-        Its name.
-    text : str
-        What is in it.
-    says : str
-        What it is good for.
-    """
+    """A file that the page holds, to be saved: its name, what is in it, what it is good for."""
 
     name: str
     text: str
@@ -85,18 +72,14 @@ class Section:
 
     Attributes
     ----------
-    title : str
-        Its heading.
-    words : tuple of str
-        Paragraphs.
-    tables, pictures : tuple
-        What is shown.
+    title, words : str, tuple of str
+        Its heading and paragraphs.
+    tables, pictures, attachments : tuple
+        What is shown, and files to be saved.
     warnings : tuple of str
         What must not be overlooked; also listed at the top of the page.
     alarms : tuple of str
         What speaks against using the loop, or the process; the first of a page is its headline.
-    attachments : tuple of Attachment
-        Files to be saved.
     """
 
     title: str
@@ -110,20 +93,14 @@ class Section:
 
 def written(report: Any) -> str:
     """Lay a `nrdob.reporting.Report` out as a page of HTML."""
-    text: str = _template().render(page=report)
-    return text
+    loader = PackageLoader("nrdob.reporting", ".")
+    pages = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True)
+    pages.filters["unbroken"] = _unbroken
+    return pages.get_template("page.html.j2").render(page=report)
 
 
 def picture(figure: Any, caption: str) -> Picture:
-    """Turn an `nrdob.plotting.Figure` into a drawing of the page, and close it.
-
-    Names within its drawing differ from those of others.
-    """
-    import matplotlib as mpl
-    import matplotlib.pyplot as plt
-
-    from ..plotting import styled
-
+    """Draw an `nrdob.plotting.Figure` into the page, with names of its own, and close it."""
     text = StringIO()
     with styled(), mpl.rc_context({"svg.fonttype": "path"}):
         figure.figure.savefig(
@@ -135,23 +112,9 @@ def picture(figure: Any, caption: str) -> Picture:
     svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
     svg = re.sub(r'(\bid="|href="#|url\(#)', rf"\g<1>p{crc32(svg.encode()):x}-", svg)
     # The width is the page's; the height follows from the view box.
-    svg = re.sub(r'^<svg ([^>]*?)height="[^"]*"', r"<svg \1", svg, count=1)
-    svg = re.sub(r'^<svg ([^>]*?) width="[^"]*"', r"<svg \1", svg, count=1)
+    for side in ("height", " width"):
+        svg = re.sub(rf'^<svg ([^>]*?){side}="[^"]*"', r"<svg \1", svg, count=1)
     return Picture(svg, figure.alt, caption)
-
-
-@cache
-def _template() -> Any:
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    environment = Environment(
-        loader=PackageLoader("nrdob.reporting", "."),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-    )
-    environment.filters["unbroken"] = _unbroken
-    return environment.get_template("page.html.j2")
 
 
 def _unbroken(text: str) -> str:

@@ -6,17 +6,11 @@ import json
 from collections.abc import Callable, Iterator
 from functools import partial
 from math import inf, isfinite, isnan, log10
-from typing import Any
 
 import numpy as np
 
 from ..analysis import Margins, Stability
-from ..design import (
-    StabilityChart,
-    admissible_time_constants,
-    stability_chart,
-    stabilizing_time_constants,
-)
+from ..design import admissible_time_constants, stability_chart, stabilizing_time_constants
 from ..diagram import LowPassFilter, as_fraction
 from ..digital import largest_sampling_time
 from ..loop import NRDOB
@@ -28,19 +22,13 @@ from .resonances import CERTAIN, resonance_warnings
 
 __all__ = ["UNDECIDED", "sections_of"]
 
+# Margins below, and sensitivity above, which a loop is called near its limit.
 SMALL_GAIN_DB, SMALL_PHASE, LARGE_MS = 6.0, 30.0, 2.0
-"""Margins below, and sensitivity above, which a loop is called near its limit."""
-
 UNDECIDED = "Whether the loop is stable could not be decided."
-
-LONGEST_PROOF = 500_000
-"""Letters that a certificate in a page may have."""
-
+LONGEST_PROOF = 500_000  # letters that a certificate in a page may have
+# How far a chart reaches below and above λ; less far where a dead time asks for too much.
 SPANS = (30.0, 10.0, 3.0)
-"""How far a chart reaches below and above λ; less far where a dead time asks for too much."""
-
-FINE = 10.0
-"""By how much a loop is sampled faster than it must be, where no sampling time is given."""
+FINE = 10.0  # by how much a loop is sampled faster than it must be, where no sampling time is given
 
 
 def sections_of(
@@ -61,16 +49,12 @@ def sections_of(
 
 
 def _blocks(loop: NRDOB, step: float | None, title: str) -> Section:
-    named = (
-        ("process G", loop.process),
-        ("model G̃", loop.model),
-        ("controller C", loop.controller),
-        ("filter F", loop.filter),
-    )
     rows = []
-    for name, block in named:
-        num, den = as_fraction(_undelayed(block), name, proper=False)
-        rows.append((name, formula(block), _roots(den), _roots(num)))
+    for name in ("process G", "model G̃", "controller C", "filter F"):
+        block = getattr(loop, name.split()[0])
+        num, den = as_fraction(getattr(block, "tf", block), name, proper=False)
+        poles, zeros = (roots_listed(np.roots(part)) for part in (den, num))
+        rows.append((name, formula(block), poles, zeros))
     head = ("block", "formula", "poles", "zeros")
     table = Table("The blocks, with poles and zeros in rad/s", head, tuple(rows))
     words = (
@@ -84,23 +68,19 @@ def _blocks(loop: NRDOB, step: float | None, title: str) -> Section:
 
 def _verdict(loop: NRDOB, step: float | None, title: str) -> Section:
     found = loop.stability()
-    rows = tuple(
-        (
-            part.name,
-            _count(part.encirclements),
-            _count(part.open_loop_rhp),
-            _count(part.closed_loop_rhp),
-            "none" if isnan(part.rightmost.real) else written(part.rightmost, number, pair=True),
-            roots_listed(part.roots),
-        )
-        for part in (found.model_loop, found.observer_loop)
-    )
+    rows = []
+    for part in (found.model_loop, found.observer_loop):
+        counts = part.encirclements, part.open_loop_rhp, part.closed_loop_rhp
+        n, p, z = ("?" if count is None else number(count) for count in counts)
+        rightmost = part.rightmost
+        last = "none" if isnan(rightmost.real) else written(rightmost, number, pair=True)
+        rows.append((part.name, n, p, z, last, roots_listed(part.roots)))
     table = Table(
         "Z = N + P: encirclements of −1, poles in the right half plane before, roots there after "
         "closing the loop, in rad/s; (i) is the controller with the model, with the roots of p_A, "
         "(ii) the observer with the plant, with those of p_B",
         ("condition", "N", "P", "Z", "rightmost root", "roots, rightmost first"),
-        rows,
+        tuple(rows),
     )
     says = {
         True: "The loop is stable: both conditions hold, each found in two independent ways.",
@@ -111,8 +91,8 @@ def _verdict(loop: NRDOB, step: float | None, title: str) -> Section:
     caption = "All the feedback around the plant, L = K·G; the red cross is −1."
     drawn = picture(nyquist_plot(loop.L), caption)
     words, files = _proof(found)
-    says_why = (says, f"{found.reason}.", *words)
-    return Section(title, says_why, (table,), (drawn,), (), alarms, files)
+    words = (says, f"{found.reason}.", *words)
+    return Section(title, words, (table,), (drawn,), (), alarms, files)
 
 
 def _proof(found: Stability) -> tuple[tuple[str, ...], tuple[Attachment, ...]]:
@@ -137,14 +117,7 @@ def _margins(loop: NRDOB, step: float | None, title: str) -> Section:
         return Section(title, ("A loop that is not stable has no margins.",))
     rows = tuple(
         {
-            each.name: (
-                what,
-                _gain(each.gm_high),
-                _gain(each.gm_low),
-                f"{number(each.pm)}°" if isfinite(each.pm) else "any",
-                number(each.ms),
-                f"{number(each.delay_margin)} s" if isfinite(each.delay_margin) else "any",
-            )
+            each.name: (what, *_tolerated(each), _or_any(each.delay_margin, " s"))
             for what, each in (
                 ("C·G̃, the reference's loop", found.model_loop),
                 ("F·H, the observer's condition", found.observer_loop),
@@ -166,10 +139,8 @@ def _margins(loop: NRDOB, step: float | None, title: str) -> Section:
     moved = tuple(resonance_warnings(loop))
     alarms = tuple(said for error, said in moved if error <= CERTAIN)
     warnings += tuple(said for error, said in moved if error > CERTAIN)
-    words = (
-        "What a change of the plant uses up are the margins of L.",
-        (*alarms, *warnings, "None of them is small.")[0],
-    )
+    worst = (*alarms, *warnings, "None of them is small.")[0]
+    words = ("What a change of the plant uses up are the margins of L.", worst)
     return Section(title, words, (table,), (), warnings, alarms)
 
 
@@ -200,19 +171,15 @@ def _warnings(found: Margins, loop: NRDOB, step: float | None) -> Iterator[str]:
 def _filters(loop: NRDOB, step: float | None, title: str) -> Section:
     filter = loop.filter
     if not isinstance(filter, LowPassFilter):
-        return Section(
-            title,
-            ("The filter is not of the form 1/(λs + 1)^n, so there is no set of λ to look for.",),
-        )
+        said = "The filter is not of the form 1/(λs + 1)^n, so there is no set of λ to look for."
+        return Section(title, (said,))
     rows = []
     warnings: list[str] = []
     for order in (filter.order, filter.order + 1):
-        found = stabilizing_time_constants(loop.process, loop.model, order)
-        calm = (
-            admissible_time_constants(loop.process, loop.model, order, max_ms=LARGE_MS)
-            if found
-            else []
-        )
+        blocks = loop.process, loop.model, order
+        found = calm = stabilizing_time_constants(*blocks)
+        if found:
+            calm = admissible_time_constants(*blocks, max_ms=LARGE_MS)
         rows.append((f"n = {order}", intervals(found), intervals(calm)))
         if order == filter.order and not found:
             warnings.append(f"No λ stabilises the observer with this model and n = {order}.")
@@ -221,10 +188,8 @@ def _filters(loop: NRDOB, step: float | None, title: str) -> Section:
         ("order", "stable", f"peak of the sensitivity at most {LARGE_MS:g}"),
         tuple(rows),
     )
-    words = (
-        f"The filter here has λ = {number(filter.time_constant, 4)} s and n = {filter.order}.",
-    )
-    return Section(title, words, (table,), (), tuple(warnings))
+    said = f"The filter here has λ = {number(filter.time_constant, 4)} s and n = {filter.order}."
+    return Section(title, (said,), (table,), (), tuple(warnings))
 
 
 def _chart(loop: NRDOB, step: float | None, title: str) -> Section:
@@ -232,29 +197,23 @@ def _chart(loop: NRDOB, step: float | None, title: str) -> Section:
     if not isinstance(filter, LowPassFilter):
         return Section(title, ("A chart over λ needs a filter of the form 1/(λs + 1)^n.",))
     here = filter.time_constant
-    figure = chart_plot(_charted(loop, filter))
+    for span in SPANS:
+        try:
+            chart = stability_chart(
+                loop.process, loop.model, filter.order, x=("gain", 0.2, 5.0),
+                y=("time_constant", here / span, here * span),
+            )  # fmt: skip
+            break
+        except ValueError:
+            if span == SPANS[-1]:
+                raise
+    figure = chart_plot(chart)
     figure.axes[0, 0].plot(1.0, here, "+", color=COLOURS["critical"], ms=11, mew=2.2, zorder=6)
     caption = (
         "Number of unstable roots when the gain of the plant is not what it was, and for other "
         "filters; the red cross is this loop."
     )
     return Section(title, (), (), (picture(figure, caption),))
-
-
-def _charted(loop: NRDOB, filter: LowPassFilter) -> StabilityChart:
-    *wide, narrow = SPANS
-    for span in wide:
-        try:
-            return _chart_within(loop, filter, span)
-        except ValueError:
-            continue
-    return _chart_within(loop, filter, narrow)
-
-
-def _chart_within(loop: NRDOB, filter: LowPassFilter, span: float) -> StabilityChart:
-    low, high = filter.time_constant / span, filter.time_constant * span
-    axes: dict[str, Any] = {"x": ("gain", 0.2, 5.0), "y": ("time_constant", low, high)}
-    return stability_chart(loop.process, loop.model, filter.order, **axes)
 
 
 def _responses(loop: NRDOB, step: float | None, title: str) -> Section:
@@ -264,21 +223,19 @@ def _responses(loop: NRDOB, step: float | None, title: str) -> Section:
         picture(loop.plot_step(signal), f"{name} {signal} after unit steps.")
         for signal, name in (("y", "Output"), ("u", "Control signal"))
     )
-    words = []
-    peak = loop.step_response("R").outputs
-    words.append(
-        f"After a step of the reference y rises to {number(float(peak[0, 0].max()))} at most, and "
-        f"u reaches {number(float(np.abs(peak[1, 0]).max()))} per unit."
+    y, u = loop.step_response("R").outputs[:, 0]
+    reached = (
+        f"After a step of the reference y rises to {number(float(y.max()))} at most, and "
+        f"u reaches {number(float(np.abs(u).max()))} per unit."
     )
     try:
-        power = loop.U_eta.noise_power()
-        words.append(
+        noisy = (
             "White noise of unit density on the sensor makes u wander with a standard deviation of "
-            f"{number(float(np.sqrt(power)))}."
+            f"{number(float(np.sqrt(loop.U_eta.noise_power())))}."
         )
     except (ValueError, ArithmeticError) as error:
-        words.append(f"What noise does to u: {error}.")
-    return Section(title, tuple(words), (), drawn)
+        noisy = f"What noise does to u: {error}."
+    return Section(title, (reached, noisy), (), drawn)
 
 
 def _sampled(loop: NRDOB, step: float | None, title: str) -> Section:
@@ -318,10 +275,8 @@ def _sampled(loop: NRDOB, step: float | None, title: str) -> Section:
 
 def _compared(before: Margins, after: Margins, dt: float) -> tuple[Table, list[str]]:
     """Set margins before and after sampling side by side."""
-    rows = tuple(
-        (what, _gain(each.gm_high), _gain(each.gm_low), f"{number(each.pm)}°", number(each.ms))
-        for what, each in (("continuous", before), (f"dt = {number(dt, 4)} s", after))
-    )
+    named = ("continuous", before), (f"dt = {number(dt, 4)} s", after)
+    rows = tuple((what, *_tolerated(each)) for what, each in named)
     head = ("loop L", "gain may rise by", "gain may fall by", "phase", "peak Ms")
     warnings = []
     if after.ms > 1.2 * max(before.ms, LARGE_MS):
@@ -341,20 +296,13 @@ def _sampling_time(loop: NRDOB, longest: float) -> float:
     return float(f"{shortest:.2g}") if isfinite(shortest) else 0.1
 
 
-def _undelayed(block: Any) -> Any:
-    return getattr(block, "tf", block)
+def _tolerated(margins: Margins) -> tuple[str, ...]:
+    """Write the gains up and down, the phase and the peak of a loop."""
+    gains = (abs(20 * log10(g)) if 0 < g < inf else inf for g in (margins.gm_high, margins.gm_low))
+    return (
+        *(_or_any(gain, " dB") for gain in gains), _or_any(margins.pm, "°"), number(margins.ms),
+    )  # fmt: skip
 
 
-def _roots(polynomial: Any) -> str:
-    found = np.roots(polynomial)
-    return roots_listed(found[np.argsort(-found.real)])
-
-
-def _count(value: float | None) -> str:
-    return "?" if value is None else number(value)
-
-
-def _gain(factor: float) -> str:
-    if not 0 < factor < inf:
-        return "any"
-    return f"{number(abs(20 * log10(factor)))} dB"
+def _or_any(value: float, unit: str) -> str:
+    return f"{number(value)}{unit}" if isfinite(value) else "any"

@@ -9,32 +9,39 @@ from typing import Any
 import control as ct
 import numpy as np
 
-from ..design import (
-    ModelCandidate,
-    stable_model_exists,
-    suggest_model,
-)
-from ..diagram import (
-    DelayedTransferFunction,
-    FilterFamily,
-    as_fraction,
-    interpolating_filter,
-)
+from ..design import ModelCandidate, stable_model_exists, suggest_model
+from ..diagram import FilterFamily, as_fraction, interpolating_filter, undelayed
 from ..loop import NRDOB
 from ..measured import Identification
-from ..numerics import ComplexArray, number
+from ..numerics import number
 from .choices import controller_for, filter_at, filter_for, slowest_lag
 from .resonances import CERTAIN, LIGHT, resonance_warnings
 from .trials import Trial, in_words, trials_on
 
 __all__ = ["Proposal", "propose"]
 
+# Time constants of an interpolating filter, against the fastest of the process.
 SHORTER = (1.0, 0.3, 0.1, 0.03, 0.01, 3.0, 10.0)
-"""Time constants of an interpolating filter, against the fastest of the process."""
 
+REASONS = {
+    "matched":
+        "the process itself, which is stable, has no zero in the right half plane and no dead time",
+    "zeros in the right half plane left out":
+        "without the zeros in the right half plane, whose inverse would be unstable",
+    "zeros in the right half plane mirrored":
+        "with the zeros of the right half plane mirrored, because their inverse would be unstable",
+    "unstable poles mirrored": "with the unstable poles mirrored to the left, because the model is "
+        "run in parallel and must be stable",
+    "poles on the axis moved to the left":
+        "with the poles on the axis moved a little to the left, so that the model does not drift",
+    "dead time left out": "without the dead time, which cannot be inverted",
+    "dead time replaced by a lag":
+        "with a lag in place of the dead time, which cannot be inverted",
+}  # fmt: skip
+"""Why a model differs from the process, by how it does."""
 
+# Times the λ for the process found, tried where the loop fails on a process that it may be.
 SLOWER = (1.5, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0)
-"""Times the λ for the process found, tried where the loop fails on a process that it may be."""
 
 
 @dataclass(frozen=True)
@@ -44,13 +51,11 @@ class Proposal:
     Attributes
     ----------
     loop : NRDOB or None
-        The loop; None where no filter stabilises it under any model tried.
-    words : tuple of str
-        The reasons.
+        None where no filter stabilises it under any model tried.
+    words, warnings : tuple of str
+        The reasons, and what must not be overlooked, the gravest first.
     candidates : tuple of ModelCandidate
         The models compared.
-    warnings : tuple of str
-        What must not be overlooked, the gravest first.
     trials : tuple of Trial
         Of a process found in a record: the loop on all that the process may be.
     """
@@ -80,17 +85,10 @@ def propose(
         record about as well and at the ends of all intervals, and λ is increased until none fails.
     model, controller : as for `nrdob.NRDOB`, optional
         G̃ and C.
-    time_constant : float, optional
-        λ of the filter, in seconds; one that is given is not increased.
-    order : int, optional
-        n of the filter.
+    time_constant, order : float, int, optional
+        λ of the filter, in seconds, which is not increased if it is given, and its n.
     max_ms : float
         Largest peak of the sensitivity aimed at.
-
-    Returns
-    -------
-    Proposal
-        The loop and the reasons, or the reasons why there is none.
 
     Raises
     ------
@@ -109,16 +107,16 @@ def propose(
         best = candidates[0]
         if not best.time_constants:
             return _matched(process, controller, max_ms, candidates)
-        why = f"Model: {_why(best.how)}. {_rank(candidates, max_ms)}"
+        how = "; ".join(REASONS.get(part, part) for part in best.how.split(", "))
+        why = f"Model: {how}. {_rank(candidates, max_ms)}"
         base = _Base(process, best.model, why, order or best.filters, controller, max_ms)
         damped = _without_resonances(process)
         if damped is not None:
             why = "Model: the process without dead time and with its resonances critically damped."
             others = [replace(base, model=damped, why=why, family=order or _lowest(damped))]
     else:
-        base = _Base(
-            process, model, "Model: as given.", order or _lowest(model), controller, max_ms
-        )
+        family = order or _lowest(model)
+        base = _Base(process, model, "Model: as given.", family, controller, max_ms)
     first = replace(_completed(base, time_constant), candidates=candidates)
     if first.loop is None:
         return first
@@ -219,7 +217,8 @@ def _others(
     """Give loops with other models, then slower ones with the same."""
     for other in others:
         yield "the model does not resonate", _completed(other, None, calm=True)
-    fastest = _time_constant(filter)
+    den = as_fraction(getattr(filter, "tf", filter), "filter").den  # (λs + 1)^n, but for a factor
+    fastest = float(abs(den[0] / den[-1]) ** (1 / (len(den) - 1)))
     for factor in SLOWER:
         slower = _completed(base, factor * fastest, calm=True)
         words = tuple(
@@ -227,12 +226,6 @@ def _others(
             for early, late in zip(first.words, slower.words, strict=False)
         )
         yield f"λ is {factor:g} times as long", replace(slower, words=words)
-
-
-def _time_constant(filter: Any) -> float:
-    """λ of a filter whose denominator is (λs + 1)^n."""
-    den = as_fraction(getattr(filter, "tf", filter), "filter").den
-    return float(abs(den[0] / den[-1]) ** (1 / (len(den) - 1)))
 
 
 def _without_resonances(process: Any) -> ct.TransferFunction | None:
@@ -256,25 +249,6 @@ def _rank(candidates: tuple[ModelCandidate, ...], max_ms: float) -> str:
     return f"{among} lets the observer reject most at a sensitivity peak of {max_ms:g}."
 
 
-def _why(how: str) -> str:
-    reasons = {
-        "matched": "the process itself, which is stable, has no zero in the right half plane "
-        "and no dead time",
-        "zeros in the right half plane left out": "without the zeros in the right half "
-        "plane, whose inverse would be unstable",
-        "zeros in the right half plane mirrored": "with the zeros of the right half plane "
-        "mirrored, because their inverse would be unstable",
-        "unstable poles mirrored": "with the unstable poles mirrored to the left, because the "
-        "model is run in parallel and must be stable",
-        "poles on the axis moved to the left": "with the poles on the axis moved a little to "
-        "the left, so that the model does not drift",
-        "dead time left out": "without the dead time, which cannot be inverted",
-        "dead time replaced by a lag": "with a lag in place of the dead time, which cannot be "
-        "inverted",
-    }
-    return "; ".join(reasons.get(part, part) for part in how.split(", "))
-
-
 def _matched(
     process: Any, controller: Any, max_ms: float, candidates: tuple[ModelCandidate, ...]
 ) -> Proposal:
@@ -283,10 +257,9 @@ def _matched(
         f"None of the {len(candidates)} models compared can be stabilised by any low-pass filter "
         "(1/(λs + 1)^n): mirrored poles, smaller gains, the dead time left out or made a lag."
     )
-    undelayed = process.tf if isinstance(process, DelayedTransferFunction) else process
-    delay = getattr(process, "delay", 0.0)
-    words = [none, *_obstacles(undelayed, delay)]
-    loops = [] if delay else _interpolated(undelayed, controller)
+    prompt, delay = undelayed(process)
+    words = [none, *_obstacles(prompt, delay)]
+    loops = [] if delay else _interpolated(prompt, controller)
     if not loops:
         words.append(
             "What to change: "
@@ -306,10 +279,11 @@ def _matched(
     return Proposal(loop, tuple(words), candidates, warned if ms > max_ms else ())
 
 
-def _obstacles(undelayed: Any, delay: float) -> Iterator[str]:
+def _obstacles(prompt: Any, delay: float) -> Iterator[str]:
     """Tell what makes the process hard for every controller."""
-    fraction = as_fraction(undelayed, "process")
-    unstable, right = _right(fraction.den), _right(fraction.num)
+    right, unstable = (
+        roots[roots.real > 0] for roots in map(np.roots, as_fraction(prompt, "process"))
+    )
     if unstable.size and delay:
         fastest = float(unstable.real.max())
         grown = float(np.exp(fastest * delay))
@@ -317,8 +291,7 @@ def _obstacles(undelayed: Any, delay: float) -> Iterator[str]:
             f"The fastest unstable pole is at {number(fastest)} rad/s, and the dead time lasts "
             f"{number(delay)} s: their product is {number(fastest * delay)}. Whatever the "
             f"controller, the sensitivity then peaks at {number(grown - 1)} at least, because "
-            "nothing can act before the dead time is over while the pole grows by "
-            f"{number(grown)}."
+            f"nothing can act before the dead time is over while the pole grows by {number(grown)}."
         )
     zeros, poles = (np.real(r[r.imag == 0]) for r in (right, unstable))
     if zeros.size and poles.size:
@@ -328,7 +301,7 @@ def _obstacles(undelayed: Any, delay: float) -> Iterator[str]:
             f"With an unstable pole at {number(pole)} rad/s and a zero at {number(zero)} rad/s the "
             f"sensitivity peaks at {number(bound)} at least, whatever the controller."
         )
-    if not delay and not stable_model_exists(undelayed).holds:
+    if not delay and not stable_model_exists(prompt).holds:
         yield (
             "Its real poles and zeros in the right half plane do not interlace as they must for a "
             "stable controller (parity interlacing): what stabilises it must itself be unstable."
@@ -354,8 +327,3 @@ def _interpolated(process: Any, controller: Any) -> list[tuple[float, float, NRD
         if margins.stable:
             loops.append((margins.plant_loop.ms, share * base, loop))
     return loops
-
-
-def _right(den: Any) -> ComplexArray:
-    roots = np.roots(den)
-    return np.asarray(roots[roots.real > 0])

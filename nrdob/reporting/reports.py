@@ -6,7 +6,8 @@ there. The headline is the worst of what the parts found.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from html import escape
@@ -29,13 +30,8 @@ from .trials import trial_table
 __all__ = ["Report", "report"]
 
 EXPECTED = (
-    ArithmeticError,
-    AttributeError,
-    LookupError,
-    NotImplementedError,
-    TypeError,
-    ValueError,
-)
+    ArithmeticError, AttributeError, LookupError, NotImplementedError, TypeError, ValueError,
+)  # fmt: skip
 """What a part may raise that cannot be written."""
 
 PROPOSED = "What is proposed, and why"
@@ -56,20 +52,16 @@ class Report:
 
     Attributes
     ----------
-    title : str
-        Its heading.
-    sections : tuple of Section
-        Its parts.
+    title, sections : str, tuple of Section
+        Its heading and parts.
     sound : str
         What is said of the loop where nothing speaks against it.
     process : as for `nrdob.NRDOB`, or None
         The process G; None if none was found in the record.
     loop : NRDOB or None
-        The loop that was given or proposed; None if there is none.
-    identification : Identification or None
-        How the process was found in a record.
-    proposal : Proposal or None
-        What was chosen, and why, if no loop was given.
+        The loop that was given or proposed.
+    identification, proposal : Identification or None, Proposal or None
+        How the process was found in a record, and what was chosen, and why, if no loop was given.
     """
 
     title: str
@@ -110,17 +102,12 @@ class Report:
         return written(self)
 
     def save(self, path: str | PathLike[str]) -> None:
-        """Write the page into a file.
+        """Write the page into a file, or raise OSError if it cannot be written.
 
         Parameters
         ----------
         path : str or path
             The file, such as report.html.
-
-        Raises
-        ------
-        OSError
-            If it cannot be written.
         """
         Path(path).write_text(self.html, encoding="utf-8")
 
@@ -155,16 +142,14 @@ def report(
     Of a loop it says whether it is stable, with which margins, which filters stabilise it, how it
     responds, and what becomes of it on a processor. For a process alone, model, filter and
     controller are chosen first, with the reasons, see `nrdob.reporting.propose`; for a record, the
-    process is identified before. A part that cannot be written says why, and the rest is written.
+    process is identified before. A part that cannot be written says why.
 
     Parameters
     ----------
     subject : NRDOB, Identification, Record, or a process as for `nrdob.NRDOB`
         What to report on.
-    path : str or path, optional
-        Where to write the page.
-    title : str
-        Heading of the page.
+    path, title : str or path, str, optional
+        Where to write the page, and its heading.
     progress : callable
         Called with the name of each part before it is worked on.
     **given : Any
@@ -174,16 +159,13 @@ def report(
     Returns
     -------
     Report
-        The headline (``.verdict``), ``.warnings``, ``.process``, ``.loop`` and the page (``.html``,
-        ``.save(path)``).
+        With ``.verdict``, ``.warnings``, ``.process``, ``.loop``, ``.html`` and ``.save(path)``.
 
     Raises
     ------
-    TypeError, ValueError
+    TypeError, ValueError, OSError
         If the subject is nothing of that kind, if a loop is given and a block beside it, or blocks
-        that cannot stand in a loop.
-    OSError
-        If the page cannot be written.
+        that cannot stand in a loop; if the page cannot be written.
 
     Examples
     --------
@@ -222,8 +204,8 @@ def _composed(
     subject: Any, given: Mapping[str, Any], title: str, progress: Callable[[str], object]
 ) -> Report:
     sections: list[Section] = []
-    loop, proposal, identification, process = None, None, None, subject
-    name, step = "Process", None
+    loop, proposal, identification = None, None, None
+    process, name, step = subject, "Process", None
     if isinstance(subject, NRDOB):
         loop, process, name = subject, subject.process, "Loop"
     if isinstance(subject, Record):
@@ -251,17 +233,15 @@ def _composed(
 def _each_written(
     parts: Iterable[tuple[str, Callable[[], Section]]],
     progress: Callable[[str], object] = lambda part: None,
-) -> list[Section]:
+) -> Iterator[Section]:
     """Write each part, or say why it cannot be."""
-    sections = []
     for title, write in parts:
         progress(title)
         try:
-            sections.append(write())
+            yield write()
         except EXPECTED as error:
             said = f"This part cannot be written: {error}"
-            sections.append(Section(title, (said,), warnings=(f"{title} {said}.",)))
-    return sections
+            yield Section(title, (said,), warnings=(f"{title} {said}.",))
 
 
 def _identified(record: Record, sections: list[Section]) -> Identification | None:
@@ -287,31 +267,27 @@ def _proposed(process: Any, given: Mapping[str, Any]) -> Proposal:
 def _reasons(process: Any, proposal: Proposal) -> Section:
     rows = tuple(
         (
-            formula(each.model),
-            each.how,
-            str(each.order),
-            intervals(each.time_constants),
-            _peak(each),
+            formula(each.model), each.how, str(each.order), intervals(each.time_constants),
+            f"{each.ms:.3g}" if each.time_constants else "–",
         )
         for each in proposal.candidates
-    )
+    )  # fmt: skip
     head = ("model", "in what it differs", "n", "filters that stabilise", "smallest peak Ms")
-    tables = (Table("Models compared, best first", head, rows),) if rows else ()
+    tables = [Table("Models compared, best first", head, rows)] * bool(rows)
     if proposal.trials:
-        tables = (*tables, trial_table(proposal.trials))
+        tables.append(trial_table(proposal.trials))
     words = proposal.words
     if proposal.loop is None:
-        words = (f"The process is G = {_shown(process)}. {_kind(process)}", *words)
+        kind = ""
+        with suppress(*EXPECTED):
+            kind = " ".join(character(process))
+        words = (f"The process is G = {_shown(process)}. {kind}", *words)
     # Where the loop is unstable on a process that the record does not exclude, that comes first.
     grave = None if proposal.loop is None else int(any(not each.stable for each in proposal.trials))
     return Section(
-        PROPOSED, words, tables, alarms=proposal.warnings[:grave],
+        PROPOSED, words, tuple(tables), alarms=proposal.warnings[:grave],
         warnings=() if grave is None else proposal.warnings[grave:],
     )  # fmt: skip
-
-
-def _peak(candidate: Any) -> str:
-    return f"{candidate.ms:.3g}" if candidate.time_constants else "–"
 
 
 def _shown(process: Any) -> str:
@@ -319,13 +295,6 @@ def _shown(process: Any) -> str:
         return formula(process)
     except EXPECTED:
         return "…"
-
-
-def _kind(process: Any) -> str:
-    try:
-        return " ".join(character(process))
-    except EXPECTED:
-        return ""
 
 
 def _sound(loop: NRDOB | None) -> str:

@@ -19,25 +19,14 @@ LIGHT = 0.2
 CERTAIN = 0.02
 """Relative error of its frequency that every plant has."""
 
-SHIFTS = (CERTAIN, 0.05, 0.1)
-"""Relative errors of its frequency that are tried."""
+SHIFTS = (CERTAIN, 0.05, 0.1)  # relative errors of its frequency that are tried
 
 
 def resonance_warnings(loop: NRDOB) -> Iterator[tuple[float, str]]:
     """Say which small error of a resonance's frequency makes a stable loop unstable.
 
-    Parameters
-    ----------
-    loop : NRDOB
-        A stable loop.
-
-    Yields
-    ------
-    float
-        The relative error, one for each lightly damped pair of poles or zeros of the process of
-        which the frequency may not be wrong by a tenth.
-    str
-        The sentence.
+    Given are the relative error and the sentence, for each lightly damped pair of poles or zeros of
+    the process of which the frequency may not be wrong by a tenth.
 
     Examples
     --------
@@ -56,9 +45,11 @@ def resonance_warnings(loop: NRDOB) -> Iterator[tuple[float, str]]:
             if root.imag <= 0 or not 0 < damping < LIGHT:
                 continue
             for shift, sign in product(SHIFTS, (-1, 1)):
-                changed = [*fraction]
-                changed[part] = moved(fraction[part], root, 1 + sign * shift)
-                if not _with(loop, (changed[0], changed[1])).stability().stable:
+                parts = [*fraction]
+                parts[part] = moved(fraction[part], root, 1 + sign * shift)
+                plant = DelayedTransferFunction(tuple(parts), loop.delay)
+                others = loop.model, loop.controller, loop.filter, loop.keep_factors
+                if not NRDOB(plant, *others).stability().stable:
                     way = "higher" if sign > 0 else "lower"
                     yield (
                         shift,
@@ -79,8 +70,3 @@ def moved(polynomial: FloatArray, root: complex, factor: float) -> FloatArray:
     pair = np.array([1.0, -2 * root.real, abs(root) ** 2])
     rest, _ = np.polydiv(polynomial, pair)
     return np.asarray(np.polymul(rest, pair * [factor**-2, 1 / factor, 1.0]))
-
-
-def _with(loop: NRDOB, process: tuple[FloatArray, FloatArray]) -> NRDOB:
-    plant = DelayedTransferFunction(process, loop.delay) if loop.delay else process
-    return NRDOB(plant, loop.model, loop.controller, loop.filter, loop.keep_factors)

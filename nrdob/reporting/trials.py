@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from math import inf, isfinite
 
@@ -13,27 +14,16 @@ from .html import Table
 
 __all__ = ["Trial", "in_words", "trial_table", "trials_on"]
 
-TOLERATED = 2.5
-"""Largest sensitivity peak on a process that the record does not exclude."""
-
-SHOWN = 4
-"""Corners in the table, worst first."""
+TOLERATED = 2.5  # largest sensitivity peak on a process that the record does not exclude
+SHOWN = 4  # corners in the table, worst first
 
 
 @dataclass(frozen=True)
 class Trial:
     """The proposed loop on a process that the record does not exclude.
 
-    Attributes
-    ----------
-    process : str
-        Which one: a structure, or numbers at the ends of their intervals.
-    corner : bool
-        Whether it is one of the latter.
-    stable : bool or None
-        Whether the loop is stable; None if that could not be decided.
-    ms : float
-        Its sensitivity peak; infinite if it is not stable.
+    The process is a structure or a corner, numbers at the ends of their intervals; stable is None
+    if that could not be decided, and the sensitivity peak infinite where the loop is not stable.
     """
 
     process: str
@@ -57,14 +47,11 @@ def trials_on(loop: NRDOB, found: Identification | None) -> Iterator[Trial]:
         plants["one lag with dead time, plain least squares"] = found.plain
     for corner, group in ((False, plants), (True, found.corners)):
         for name, plant in group.items():
-            stable: bool | None = None
-            ms = inf
-            try:
+            stable, ms = None, inf
+            with suppress(ArithmeticError, ValueError):
                 tried = NRDOB(plant, loop.model, loop.controller, loop.filter)
                 stable = tried.stability().stable
                 ms = tried.margins().plant_loop.ms if stable else inf
-            except (ArithmeticError, ValueError):
-                pass  # the peak stays infinite, and whether it is stable undecided
             yield Trial(name, corner, stable, ms)
 
 
@@ -96,10 +83,8 @@ def trial_table(trials: tuple[Trial, ...]) -> Table:
         (each.process, answer[each.stable], number(each.ms) if isfinite(each.ms) else "–")
         for each in shown
     )
-    return Table(
+    caption = (
         "The loop on what the process may be: structures that explain the record about as well, "
-        f"and the worst {len(shown) - len(trials) + len(corners)} of {len(corners)} corners of the "
-        "intervals",
-        ("process", "stable", "peak Ms"),
-        rows,
+        f"and the worst {len(corners[:SHOWN])} of {len(corners)} corners of the intervals"
     )
+    return Table(caption, ("process", "stable", "peak Ms"), rows)

@@ -9,7 +9,7 @@ import nrdob
 from nrdob.measured import STRUCTURES, checked_record, heated_air, identified, identify, read_data
 from nrdob.measured.parameters import Parameter, corners_of
 from nrdob.measured.residuals import check_residuals
-from nrdob.measured.zoh import free_responses, held_responses
+from nrdob.measured.structures import free_responses, held_responses
 from nrdob.reporting import propose
 from tests.campaigns.identification import DISTURBANCES, held, measured, response
 
