@@ -102,6 +102,8 @@ def chosen(heads: Sequence[str], asked: Mapping[str, str | int], timed: bool, ta
         if not titled or (heads[k] and heads[k].lower() not in COUNTERS)
     ]
     lacking = [what for what in wanted if what not in order and what not in several]
+    if "t" in lacking:  # a unit of time says more than the order
+        left.sort(key=lambda k: not _unit(heads[k]))
     remarks: tuple[str, ...] = ()
     if lacking and not several and len(left) == len(lacking):
         order |= dict(zip(lacking, left, strict=True))
@@ -114,7 +116,7 @@ def chosen(heads: Sequence[str], asked: Mapping[str, str | int], timed: bool, ta
             f"({_option(order, heads)})",
         )
     elif lacking or several:
-        raise ValueError(f"{listed}; {_question(order, several, lacking, heads)}")
+        raise ValueError(f"{listed}; {_question(order, several, lacking, left, heads)}")
     if timed and not unit:
         unit = _unit(heads[order["t"]])
     return Choice({what: order[what] for what in wanted}, unit, remarks)
@@ -124,13 +126,14 @@ def _question(
     order: Mapping[str, int],
     several: Mapping[str, Sequence[int]],
     lacking: Sequence[str],
+    left: Sequence[int],
     heads: Sequence[str],
 ) -> str:
     """Ask what is not known, with the option that answers it."""
     if lacking == ["t"] and not several:
         return f"and no time: add a column t in seconds, or {SAMPLING}"
     example = {**order, **{what: each[0] for what, each in several.items()}}
-    rest = [k for k in range(len(heads)) if k not in example.values()]
+    rest = [k for k in left if k not in example.values()]
     more = f"; without times {SAMPLING}" if "t" in lacking else ""
     if len(rest) < len(lacking):
         wanted = [what for what in ("t", "u", "y") if what in {*example, *lacking}]

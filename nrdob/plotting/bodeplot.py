@@ -154,7 +154,8 @@ def _degrees(quotient: Quotient, omega: FloatArray) -> FloatArray:
 def _bode_frame(
     magnitude: Axes, phase: Axes, limits: tuple[float, float], quotients: Sequence[Quotient]
 ) -> None:
-    of = f" of {label_of(quotients[0].name)}" if len(quotients) == 1 else ""
+    label = label_of(quotients[0].name) if len(quotients) == 1 else ""
+    of = f" of {label}" if label else ""
     magnitude.set(ylabel=f"magnitude{of} (dB)", xlim=limits)
     phase.set(ylabel="phase (deg)", xlabel="frequency ω (rad/s)", xlim=limits)
     magnitude.tick_params(labelbottom=False)

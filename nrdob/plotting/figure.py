@@ -227,8 +227,8 @@ def colour_of(name: str) -> str:
 
 
 def label_of(name: str) -> str:
-    """Write the name of a map or an input, as "FH" or "delta", as in the book."""
-    return _NAMES[name].label if name in _NAMES else f"${name}$"
+    """Write the name of a map or an input, as "FH" or "delta", as in the book; "" as it is."""
+    return _NAMES[name].label if name in _NAMES else name and f"${name}$"
 
 
 def missing(error: ImportError, extra: str) -> ImportError:

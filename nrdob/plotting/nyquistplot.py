@@ -75,7 +75,7 @@ def nyquist_plot(
         colour = colour_of(quotient.name)
         lines = _draw_contour(ax, curve, colour)
         label = label_of(quotient.name)
-        ax.set(xlabel=f"Re {label}", ylabel=f"Im {label}")
+        ax.set(xlabel=f"Re {label}".strip(), ylabel=f"Im {label}".strip())
         headings(ax, title, _n_p_z(counted))
         _window(ax, curve, point)
         _arrows(ax, curve, colour)

@@ -51,26 +51,33 @@ def _process(found: Identification) -> Section:
 
 
 def _trust(found: Identification) -> Section:
-    rows = tuple(
-        (
+    head = ["structure", "numbers", "fitted part", "part held out", "BIC", "explains the record"]
+    rows = [
+        [
             each.structure,
             str(each.parameters),
             f"{number(each.fit_percent)} %",
-            "–" if isnan(each.validation_percent) else f"{number(each.validation_percent)} %",
+            f"{number(each.validation_percent)} %",
             number(each.bic),
             "chosen" if each.structure == found.structure else "as well" * each.rival or "–",
-        )
+        ]
         for each in found.candidates
+    ]
+    held = (
+        "The part held out was not used to fit anything: plant and drift go on from the state that "
+        "they are in at the end of the part fitted."
     )
+    if isnan(found.validation_percent):
+        held = "Nothing was held out, so that no part of the record confirms what was fitted."
+        for row in (head, *rows):
+            del row[3]
     table = Table(
         "All structures tried: how much of y each explains (100 % is all)",
-        ("structure", "numbers", "fitted part", "part held out", "BIC", "explains the record"),
-        rows,
-    )
+        tuple(head), tuple(map(tuple, rows)),
+    )  # fmt: skip
     words = (
-        "The part held out was not used to fit anything: plant and drift go on from the state that "
-        "they are in at the end of the part fitted. BIC weighs the fit of the whole record against "
-        "the number of parameters: 0 is best.",
+        f"{held} BIC weighs the fit of the whole record against the number of parameters: 0 is "
+        "best.",
     )
     return Section("How well is it known?", words, (table,))
 

@@ -234,6 +234,10 @@ REFUSED = {
         replaced(lambda k: f"{GOOD[k]},1,1", "Time,Q1,Q2,T1,T2"),
         "the columns 1 'Time', 2 'Q1', .* which holds u, y is not known: choose",
     ),
+    "a counter beside the times": (
+        replaced(lambda k: f"{k},20,{GOOD[k]}", "Nr,room,Uhr [min],valve,oven"),
+        "choose, such as --columns t=3,u=room,y=valve",
+    ),
     "one name twice": (
         replaced(lambda k: f"{GOOD[k]},1", "t,u,y,u"), "u may be 'u' or 'u'",
     ),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator
+from dataclasses import replace
 from io import BytesIO
 
 import control as ct
@@ -172,6 +173,13 @@ def test_nyquist_alt_text_of_example_3() -> None:
         "Nyquist plot of F·H, Example 3: one counter-clockwise encirclement of −1, "
         "closest approach 0.733 at 46.8 rad/s"
     )
+
+
+def test_a_curve_without_a_name_is_drawn_without_one() -> None:
+    quotient = replace(paper.example(3).FH, name="")
+    (ax,) = nyquist_plot(quotient).axes.flat
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("Re", "Im")
+    assert bode_plot(quotient).axes.flat[0].get_ylabel() == "magnitude (dB)"
 
 
 def test_the_papers_ratio_encircles_plus_one() -> None:

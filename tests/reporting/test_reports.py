@@ -17,6 +17,7 @@ from nrdob.digital import largest_sampling_time
 from nrdob.measured import checked_record, heated_air, identify
 from nrdob.reporting import main, propose
 from nrdob.reporting.choices import controller_for, filter_for
+from nrdob.reporting.datasections import data_sections
 from nrdob.reporting.loopsections import sections_of
 
 s = ct.tf("s")
@@ -112,6 +113,15 @@ def test_the_report_of_a_record_tells_what_was_found():
     assert "Tried on the process found" in text and "corners of the intervals" in text
     assert "The loop is stable" in text and "dt = 0.08 s, at which the plant was measured" in text
     assert "cannot be written" not in text
+
+
+def test_where_nothing_was_held_out_the_report_does_not_tell_of_it():
+    found = replace(of_record().identification, validation_percent=np.nan)
+    *_, (_, trust) = data_sections(found)
+    assert "Nothing was held out" in trust().words[0]
+    assert "part held out" not in trust().tables[0].head
+    *_, (_, trust) = data_sections(of_record().identification)
+    assert "part held out" in trust().tables[0].head
 
 
 @pytest.mark.parametrize(
