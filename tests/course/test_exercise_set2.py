@@ -8,13 +8,18 @@ import pytest
 
 from nrdob import NRDOB, LowPassFilter
 from nrdob.analysis import encirclements
-from nrdob_course.exercises import own_case
+from nrdob_course.exercises import own_case, score
 from nrdob_course.exercises.cases import first_fitting, s
 from nrdob_course.exercises.figures import draw_without_count
 from nrdob_course.exercises.set2 import CLOSING, READING
 from nrdob_course.exercises.set2_loops import LITERAL, UNTURNED
 
 GROUPS = range(1, 13)
+(FORGOTTEN,) = (
+    each
+    for each in CLOSING.misconceptions
+    if each.name == "one of the two closing pieces forgotten"
+)
 
 
 def test_a_generator_that_never_fits_says_so() -> None:
@@ -64,6 +69,22 @@ def test_the_closed_curve_has_data_enough(case: object) -> None:
     curve = 1 + case.values  # type: ignore[attr-defined]
     steps = np.abs(np.angle(curve[1:] / curve[:-1]))
     assert steps.max() < 0.5
+
+
+@pytest.mark.parametrize("whole", [float, round], ids=["as it is", "rounded"])
+@pytest.mark.parametrize("group", GROUPS[:5])
+def test_a_piece_of_the_path_forgotten_is_told_though_it_was_rounded(group: int, whole) -> None:
+    """Half a turn less may be rounded to the number that `int` leaves; never to worse marks."""
+    for number in (0, 1):
+
+        def forgetful(case: object, number: int = number) -> float:
+            return whole(FORGOTTEN.several(case)[number])
+
+        feedback = score("2.4", forgetful, group, points=1, seed=group).feedback
+        assert feedback.recognised == FORGOTTEN.name or (
+            whole is round and feedback.recognised == "cut off instead of rounded"
+        )
+        assert feedback.share >= FORGOTTEN.marks
 
 
 @pytest.mark.parametrize("case", LITERAL.cases(1, 4), ids=str)

@@ -446,10 +446,11 @@ CLOSING = pose(
             lambda case: int(_sum(case)), lambda case, got: same(int(_sum(case)), got)
         ),
         "angles that jump": any_of(lambda case: [_jumps(case)]),
-        "the curve left open": any_of(lambda case: [_axis_only(case)]),
+        # Before the curve left open: half a turn apart, one may be rounded to the other.
         "one of the two closing pieces forgotten": any_of(
             lambda case: [_half_circle_missing(case), _detour_missing(case)]
         ),
+        "the curve left open": any_of(lambda case: [_axis_only(case)]),
         "counter-clockwise counted as positive": any_of(lambda case: [_anticlockwise(case)]),
         "encirclements of 0": any_of(lambda case: [_around_zero(case)]),
         "negative frequencies forgotten": any_of(lambda case: [_one_half(case)]),
