@@ -112,23 +112,6 @@ def linear_adrc(
 def adrc_filters(order: int, controller_bandwidth: float) -> FilterFamily:
     """Return the filters of linear ADRC: a family with the time constant 1/ωo.
 
-    Parameters
-    ----------
-    order : {1, 2}
-        m.
-    controller_bandwidth : float
-        ωc, in rad/s.
-
-    Returns
-    -------
-    FilterFamily
-        To be taken wherever an order or a family is.
-
-    Raises
-    ------
-    TypeError, ValueError
-        As `linear_adrc`.
-
     Examples
     --------
     >>> F = adrc_filters(1, 4.0).at(1 / 20)
@@ -297,13 +280,7 @@ def adrc_chart(
 
 
 def high_frequency_gain(process: Any) -> tuple[int, float]:
-    """Return relative degree and leading coefficient of a process: its natural m and b0.
-
-    Parameters
-    ----------
-    process : as for `nrdob.NRDOB`
-        The process G.
-    """
+    """Return relative degree and leading coefficient of a process: its natural m and b0."""
     G = as_fraction(undelayed(process)[0], "process")
     return G.relative_degree, float(G.num[0] / G.den[0])
 

@@ -269,13 +269,7 @@ def tune(
 
 
 def checked_limits(max_ms: Any, max_noise: Any) -> None:
-    """Refuse limits that are none.
-
-    Parameters
-    ----------
-    max_ms, max_noise : as for `tune`
-        The limits, or None.
-    """
+    """Refuse limits that are none."""
     if max_ms is None and max_noise is None:
         raise ValueError("nothing limits the candidates: give max_ms or max_noise")
     for name, value, least in (("max_ms", max_ms, 1.0), ("max_noise", max_noise, 0.0)):

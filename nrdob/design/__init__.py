@@ -14,7 +14,6 @@ from .controllers import design_controller
 from .existence import Answer, right_half_plane_parity, stabilizing_filter_exists
 from .fastandslow import gain_bound, stable_for_fast_filters, stable_for_slow_filters
 from .fastest import design_filter
-from .mismatch import Mismatch
 from .models import ModelCandidate, suggest_model
 from .peaks import peak_gain, step_peak
 from .search import Bracket, admissible_time_constants, solved
@@ -31,7 +30,6 @@ __all__ = [
     "Border",
     "Bracket",
     "CriticalTimeConstant",
-    "Mismatch",
     "ModelCandidate",
     "ObserverForm",
     "Region",

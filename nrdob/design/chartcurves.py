@@ -271,14 +271,9 @@ Vanishing = Callable[[FloatArray, FloatArray], FloatArray]
 
 
 def level_set(function: Vanishing, u: FloatArray, v: FloatArray) -> Iterator[FloatArray]:
-    """Give the points, shape (2, N), of all curves that can be told from each other on a grid.
+    """Give the points, (2, N), of all curves that can be told from each other on a grid (u, v).
 
-    Parameters
-    ----------
-    function : callable
-        Of u and v; where it is no number there is no curve.
-    u, v : (N,) array of float
-        The lines of the grid, increasing.
+    Where the function is no number there is no curve.
     """
     values = np.ma.masked_invalid(function(u[None, :], v[:, None]))
     lines = [np.asarray(line, dtype=float).T for line in contour_generator(u, v, values).lines(0.0)]
@@ -326,15 +321,7 @@ def _on_edges(
 
 
 def projected(function: Vanishing, start: FloatArray) -> FloatArray:
-    """Step to where a function vanishes, at right angles to the curve; no number if that fails.
-
-    Parameters
-    ----------
-    function : callable
-        Of u and v.
-    start : (2, N) array of float
-        Points near the curve.
-    """
+    """Step from points, (2, N), at right angles to where a function vanishes; nan if that fails."""
     point = start
     for _ in range(STEPS):
         value, slope = _value_and_slope(function, point)

@@ -73,14 +73,7 @@ class CriticalTimeConstant(NamedTuple):
 def crossings(mismatch: Mismatch, omega: FloatArray, floor: float) -> list[CriticalTimeConstant]:
     """Find all critical time constants above a floor, increasing.
 
-    Parameters
-    ----------
-    mismatch : Mismatch
-        Process over model, and the filters.
-    omega : (N,) array of float
-        Frequencies between two of which none hides, in rad/s.
-    floor : float
-        In seconds.
+    No crossing may hide between two of the frequencies.
     """
     found = _on_axis(Branches.on(mismatch, omega)) + _through_ends(mismatch)
     return sorted(c for c in found if c.time_constant > floor)
@@ -88,16 +81,9 @@ def crossings(mismatch: Mismatch, omega: FloatArray, floor: float) -> list[Criti
 
 @dataclass(frozen=True, eq=False)
 class Branches:
-    """The branches of a family over a grid of frequencies.
+    """The branches jωλ of a family, (n, N), over a grid of frequencies, (N,).
 
-    Attributes
-    ----------
-    mismatch : Mismatch
-        The ratio R and the family.
-    omega : (N,) array of float
-        Frequencies, more than were asked for where branches come close to each other.
-    excess : (n, N) array of complex
-        jωλ, a row for each branch.
+    There are more frequencies than were asked for where branches come close to each other.
     """
 
     mismatch: Mismatch

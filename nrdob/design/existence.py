@@ -218,14 +218,9 @@ def stabilizing_filter_exists(process: Any, model: Any) -> Answer:
 class _Common(NamedTuple):
     """What a polynomial of the process shares with one of the model.
 
-    Attributes
-    ----------
-    roots : array of complex
-        The common roots in the right half plane or on the axis, but for s = 0, each once.
-    process, model : array of float
-        What is left of both without the common factor.
-    cancels, rest : array of float
-        All of the model's polynomial that has roots in common, and what is left of that.
+    `roots` are common, in the right half plane or on the axis but for s = 0, each once; `process`
+    and `model` are without the common factor. All of the model's that has common roots `cancels`,
+    and leaves `rest`.
     """
 
     roots: ComplexArray
@@ -322,18 +317,7 @@ def _real_zeros(difference: QuasiPolynomial) -> ComplexArray:
 
 
 def roots_by_side(*polynomials: FloatArray) -> tuple[ComplexArray, ComplexArray]:
-    """Sort the roots of polynomials: in the right half plane, and on the axis within rounding.
-
-    Parameters
-    ----------
-    polynomials : arrays of float
-        Coefficients in descending powers.
-
-    Returns
-    -------
-    right, axis : array of complex
-        The roots, rightmost first; those on the axis without their rounding error.
-    """
+    """Sort the roots of polynomials: in the right half plane, rightmost first, and on the axis."""
     right, axis = [np.empty(0, dtype=complex)], [np.empty(0, dtype=complex)]
     for coefficients in polynomials:
         p = QuasiPolynomial(coefficients)

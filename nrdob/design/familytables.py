@@ -19,7 +19,6 @@ __all__ = [
     "by_powers",
     "common_ramp",
     "exactly_on_axis",
-    "in_lambda",
     "multiplied",
     "rows",
     "stable_member",
@@ -148,29 +147,13 @@ def summed(tables: list[FloatArray]) -> FloatArray:
     return np.where(np.abs(total) <= ROUNDING * size, 0.0, total)
 
 
-def in_lambda(table: FloatArray, time_constant: float) -> FloatArray:
-    """Coefficients for one λ, the rows ascending powers of it."""
-    return np.asarray(np.polyval(table[::-1], time_constant))
-
-
 def _trimmed(p: FloatArray) -> FloatArray:
     used = np.flatnonzero(p)
     return p[used[0] :] if used.size else p[-1:]
 
 
 def multiplied(of_process: FloatArray, of_model: FloatArray) -> FloatArray:
-    """Multiply a polynomial of the process by one of the model, within the range of floats.
-
-    Parameters
-    ----------
-    of_process, of_model : array of float
-        Coefficients in descending powers.
-
-    Raises
-    ------
-    ValueError
-        If the product leaves the range of floating-point numbers.
-    """
+    """Multiply a polynomial of the process by one of the model, within the range of floats."""
     with np.errstate(over="ignore", under="ignore"):
         product = np.convolve(of_process, of_model)
     if not (np.isfinite(product).all() and product[0]):

@@ -28,11 +28,11 @@ from typing import Any
 import numpy as np
 
 from ..diagram import (
-    DelayedTransferFunction,
     FilterFamily,
     ObserverEquations,
     as_family,
     as_fraction,
+    undelayed,
 )
 from ..numerics import (
     BoolArray,
@@ -48,7 +48,6 @@ from .familytables import (
     by_powers,
     common_ramp,
     exactly_on_axis,
-    in_lambda,
     multiplied,
     rows,
     stable_member,
@@ -106,18 +105,11 @@ class Mismatch:
     ) -> Mismatch:
         """Read process and model as the loop does, with the same refusals.
 
-        Parameters
-        ----------
-        process, model : as for `nrdob.NRDOB`
-            G, with or without dead time, and G̃.
-        filters : int or FilterFamily, optional
-            n of eq. (1), or a family; without it the lowest order that is causal.
-        waits : bool
-            Whether the model may have a dead time.
+        Without filters, those of eq. (1) of the lowest order that is causal. `waits` says whether
+        the model may have a dead time.
         """
         if filters is None:
-            undelayed = model.tf if isinstance(model, DelayedTransferFunction) else model
-            filters = max(1, as_fraction(undelayed, "model").relative_degree)
+            filters = max(1, as_fraction(undelayed(model)[0], "model").relative_degree)
         family = as_family(filters)
         loop = ObserverEquations(process, model, stable_member(family))
         if loop.model_delay and not waits:
@@ -129,15 +121,7 @@ class Mismatch:
 
     @classmethod
     def in_loop(cls, loop: ObserverEquations, family: FilterFamily) -> Mismatch:
-        """Take the process and model of a loop, and a family in place of its filter.
-
-        Parameters
-        ----------
-        loop : ObserverEquations
-            With any filter.
-        family : FilterFamily
-            The filters.
-        """
+        """Take process and model of a loop, and a family in place of its filter."""
         G, Gm, wait = loop.fractions.G, loop.fractions.Gm, loop.model_delay
         held = min(QuasiPolynomial(Gm.den).zeros_at_origin, common_ramp(family, wait))
         both = min(held, QuasiPolynomial(G.den).zeros_at_origin)
@@ -218,16 +202,7 @@ class Mismatch:
         return sizes if sizes.size else np.ones(1)
 
     def ratio(self, omega: FloatArray) -> ComplexArray:
-        """R(jω), multiplied from the values of the factors.
-
-        A factor with an undamped root keeps its own accuracy there, which its product with the
-        others would lose.
-
-        Parameters
-        ----------
-        omega : array of float, shape (N,)
-            Frequencies, in rad/s.
-        """
+        """R(jω) from the factors, each of which keeps its own accuracy beside an undamped root."""
         N, D, Nm, Dm = self._values(omega)
         with np.errstate(divide="ignore", invalid="ignore"):  # at a pole on the axis
             R = N * Dm / (D * Nm)
@@ -235,17 +210,9 @@ class Mismatch:
             return np.asarray(R * np.exp(-1j * delay * omega) if delay else R)
 
     def at_pole(self, omega: FloatArray) -> BoolArray:
-        """Tell at which frequencies a pole of R lies within rounding.
-
-        Parameters
-        ----------
-        omega : array of float, shape (N,)
-            Frequencies, in rad/s.
-        """
-        values, sizes = self._values(omega), self._sizes(omega)
-        return np.asarray(
-            (np.abs(values[1]) <= ERROR * sizes[1]) | (np.abs(values[2]) <= ERROR * sizes[2])
-        )
+        """Tell at which frequencies a pole of R lies within rounding."""
+        (_, D, Nm, _), (_, of_D, of_Nm, _) = map(np.abs, self._values(omega)), self._sizes(omega)
+        return np.asarray((ERROR * of_D >= D) | (Nm <= ERROR * of_Nm))
 
     def _values(self, omega: FloatArray, exact: bool = False) -> list[ComplexArray]:
         if exact:
@@ -258,44 +225,32 @@ class Mismatch:
 
     # For one filter.
 
-    def p_B(self, time_constant: float) -> QuasiPolynomial:
+    def p_B(
+        self, time_constant: float, gain: float = 1.0, delay: float | None = None, lag: float = 0.0
+    ) -> QuasiPolynomial:
         """Characteristic function for one filter, without what cancels inside the blocks.
 
-        Parameters
-        ----------
-        time_constant : float
-            λ in seconds.
+        The process may be multiplied by a gain, and have another dead time and an additional lag.
         """
-        (ahead, behind, *waiting), sizes = self.built(time_constant)
-        more = tuple(Term(part, self.wait) for part in waiting)
-        p = QuasiPolynomial(
-            ahead, behind, self.delay, reduce(add, sizes), more, origin=self.divided
-        )
-        return p.over_s(self.divided)
-
-    def built(self, time_constant: float) -> tuple[list[FloatArray], list[FloatArray]]:
-        """Coefficients of a E, b Nf, and -D Nm Nf with a dead time in the model; and sizes summed.
-
-        Parameters
-        ----------
-        time_constant : float
-            λ in seconds.
-        """
-        parts, sizes = [], []
-        tables = [(self.E, self.a), (self.Nf, self.b)]
-        tables += [(self.Nf, -self.waiting)] if self.wait else []
+        more, parts, sizes = np.array([lag, 1.0]) if lag else np.ones(1), [], []
         with np.errstate(over="ignore"):
-            for table, factor in tables:
-                parts.append(np.convolve(factor, in_lambda(table, time_constant)))
-                sizes.append(np.convolve(np.abs(factor), in_lambda(np.abs(table), time_constant)))
-        if abs(self.order * log10(time_constant)) > 300 or not all(
-            np.isfinite(size).all() for size in sizes
-        ):
+            for table, factor, times in (
+                (self.E, self.a, more), (self.Nf, self.b, [gain]), (self.Nf, -self.waiting, more),
+            ):  # fmt: skip
+                for of, found in ((np.asarray, parts), (np.abs, sizes)):
+                    row = np.polyval(of(table)[::-1], time_constant)
+                    found.append(np.convolve(times, np.convolve(of(factor), row)))
+        in_range = abs(self.order * log10(time_constant)) <= 300
+        if not (in_range and all(np.isfinite(size).all() for size in sizes)):
             raise ArithmeticError(
                 f"time constant {time_constant:g} s to the power {self.order} leaves the range of "
                 "floating-point numbers: choose another unit of time"
             )
-        return parts, sizes
+        late = self.delay if delay is None else delay
+        waits = (Term(parts[2], self.wait),) if self.wait else ()
+        ahead, behind, scale = parts[0], parts[1], reduce(add, sizes)
+        p = QuasiPolynomial(ahead, behind, late, scale, waits, origin=self.divided)
+        return p.over_s(self.divided)
 
     @cached_property
     def waiting(self) -> FloatArray:
@@ -314,54 +269,30 @@ class Mismatch:
     def coefficients(self, omega: FloatArray, *, exact: bool = False) -> ComplexArray:
         """Coefficients of λ^k in p_B(jω), ascending, each frequency a column.
 
-        Parameters
-        ----------
-        omega : (N,) array of float
-            Frequencies, in rad/s.
-        exact : bool
-            Whether the factors are evaluated without rounding, which takes long.
+        `exact` evaluates the factors without rounding, which takes long.
         """
         (a, b, waits), (E, Nf) = self._apart(omega, exact), self._tables(omega)
         return np.asarray(a * E + (b + waits) * Nf)
 
     def uncertainty(self, omega: FloatArray) -> FloatArray:
-        """Bounds of the rounding errors of the coefficients.
-
-        Parameters
-        ----------
-        omega : (N,) array of float
-            Frequencies, in rad/s.
-        """
-        values, sizes = [np.abs(value) for value in self._values(omega)], self._sizes(omega)
-        N, D, Nm, Dm = values
+        """Bounds of the rounding errors of the coefficients."""
+        (N, D, Nm, Dm), sizes = map(np.abs, self._values(omega)), self._sizes(omega)
         off_a = sizes[1] * Nm + D * sizes[2]
         off_b = sizes[0] * Dm + N * sizes[3] + N * Dm * self.delay * omega / 8
+        if self.wait:
+            zeros = np.abs(rows(self.zeros[None], 1j * omega)[0])
+            off_b = off_b + D * zeros * self.wait * omega / 8
         off_b = off_b / omega**self.divided
         if self.wait:
-            zeros, size = (
-                np.abs(rows(self.zeros[None], 1j * omega)[0]),
-                np.polyval(np.abs(self.zeros), omega),
-            )
-            lag = np.abs(self._lag(1j * omega))
-            turned = D * zeros * self.wait * omega / 8
-            off_b = off_b + lag * (sizes[1] * zeros + D * size) + turned / omega**self.divided
+            off_zeros = sizes[1] * zeros + D * np.polyval(np.abs(self.zeros), omega)
+            off_b = off_b + np.abs(self._lag(1j * omega)) * off_zeros
         E, Nf = (rows(np.abs(table), omega) for table in (self._ahead, self.Nf))
         return np.asarray(ERROR * (off_a * E + off_b * Nf))
 
     def terms(
         self, omega: FloatArray, time_constant: FloatArray
     ) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
-        """Return a E, b Nf exp(-jωθ), and -D Nm Nf exp(-jωθm) or 0, at points (ω, λ).
-
-        Divided as p_B is. The arrays are broadcast against each other.
-
-        Parameters
-        ----------
-        omega : (N,) array of float
-            Frequencies, in rad/s.
-        time_constant : array of float
-            λ in seconds.
-        """
+        """Return a E, b Nf exp(-jωθ), and -D Nm Nf exp(-jωθm) or 0, at points (ω, λ), over s^m."""
         (a, b, waits), (E, Nf) = self._apart(omega), self._tables(omega)
         powers = [np.asarray(time_constant) ** k for k in range(len(E))]
         E, Nf = (
@@ -370,16 +301,8 @@ class Mismatch:
         return a * E, b * Nf, waits * Nf
 
     def filters(self, s: complex, time_constant: FloatArray) -> tuple[Any, Any]:
-        """Values of E and Nf for many filters at one point.
-
-        Parameters
-        ----------
-        s : complex
-            The point.
-        time_constant : array of float
-            λ in seconds.
-        """
-        powers = np.asarray(time_constant)[None, :] ** np.arange(len(self.E))[:, None]
+        """Values of E and Nf for many filters at one point."""
+        powers = time_constant ** np.arange(len(self.E))[:, None]
         return np.polyval(self.E.T, s) @ powers, np.polyval(self.Nf.T, s) @ powers
 
     def log_minus_H(self, omega: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -387,11 +310,6 @@ class Mismatch:
 
         -H is 1 - R, or behind the model's dead time exp(-jωθm) (1 - R), R with the difference of
         the dead times. Accurate for small R, too, where numpy's complex log1p is not.
-
-        Parameters
-        ----------
-        omega : (N,) array of float
-            Frequencies, in rad/s.
         """
         R = self.ratio(omega)
         with np.errstate(divide="ignore"):  # where H vanishes exactly
@@ -403,13 +321,6 @@ class Mismatch:
 
         Its last root bounds the λ with ``|L| = gain``; the critical λ are among those of gain 1.
         Two dead times are taken at their worst, so that the bound does not turn with them.
-
-        Parameters
-        ----------
-        omega : (N,) array of float
-            Frequencies, in rad/s.
-        gain : float
-            The size of L.
         """
         (a, b, waits), (E, Nf) = self._apart(omega), self._tables(omega)
         ahead, behind = a * E, (np.abs(b) / gain + np.abs(waits)) * Nf
@@ -456,13 +367,7 @@ class Mismatch:
     # At the ends of the axis.
 
     def lowest(self, time_constant: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Values of the three `terms` at s = 0 for many filters.
-
-        Parameters
-        ----------
-        time_constant : array of float
-            λ in seconds.
-        """
+        """Values of the three `terms` at s = 0 for many filters."""
         E, Nf = (
             np.polyval(table[::-1, -1], np.asarray(time_constant))
             for table in (self._ahead, self.Nf)
@@ -476,13 +381,6 @@ class Mismatch:
         """Coefficients of the highest power of s in p_B of the three `terms`, for many filters.
 
         D may be multiplied by an additional lag, whose time constant is left out.
-
-        Parameters
-        ----------
-        time_constant : array of float
-            λ in seconds.
-        lagging : bool
-            Whether there is that lag.
         """
         tables = [np.polyval(t[::-1], time_constant[:, None]) for t in (self.E, self.Nf, self.Nf)]
         leads, degrees = [], []

@@ -44,13 +44,7 @@ FASTEST = 1000
 
 @dataclass(frozen=True, eq=False)
 class Frequencies:
-    """The frequencies for one mismatch.
-
-    Attributes
-    ----------
-    mismatch : Mismatch
-        The ratio R and the family of filters.
-    """
+    """The frequencies for one mismatch."""
 
     mismatch: Mismatch
 
@@ -121,10 +115,7 @@ class Frequencies:
     def neutral_limit(self) -> float:
         """λ below which a dead time leaves infinitely many unstable roots; 0 if there is none.
 
-        Raises
-        ------
-        ValueError
-            If it does so for every large λ.
+        ValueError if it does so for every large λ.
         """
         mismatch = self.mismatch
         ahead = [(mismatch.E, mismatch.a)] + [
@@ -177,12 +168,7 @@ class Frequencies:
     def above(self, floor: float, gain: float = 1.0) -> FloatArray:
         """Frequencies that hold every crossing for λ above a floor, none hidden between two.
 
-        With a gain, all at which L may be so large.
-
-        Raises
-        ------
-        ValueError
-            If too many turns of the dead time had to be followed.
+        With a gain, all at which L may be so large; ValueError if a dead time turns too often.
         """
         omega = self.base
         longest = self.mismatch.longest_delay

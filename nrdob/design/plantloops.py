@@ -57,15 +57,10 @@ AT_ONCE = 400_000
 
 
 class Distances(NamedTuple):
-    """How near to -1 the plant loops come.
+    """How near to -1 plant loops come: the smallest ``|1 + L|``, 1/Ms, of each, (k,).
 
-    Attributes
-    ----------
-    least : (k,) array of float
-        Smallest ``|1 + L|``, 1/Ms.
-    reach : (k,) array of float
-        By how much ln λ may change at least until ``|1 + L|`` falls or rises to the limit asked
-        for, at the frequencies of the grid.
+    And by how much ln λ may change at least until ``|1 + L|`` falls or rises to the limit asked
+    for, at the frequencies of the grid.
     """
 
     least: FloatArray
@@ -74,15 +69,7 @@ class Distances(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class PlantLoops:
-    """The plant loops L of one process and model with all filters of a family.
-
-    Attributes
-    ----------
-    mismatch : Mismatch
-        Process over model, and the family.
-    omega : (N,) array of float
-        Frequencies that hold all there is to see, in rad/s.
-    """
+    """The plant loops L of one process and model with all filters of a family, at frequencies."""
 
     mismatch: Mismatch
     omega: FloatArray
@@ -99,15 +86,7 @@ class PlantLoops:
         return cls(mismatch, omega[noise < NOISE * size])
 
     def distances(self, time_constants: FloatArray, limit: float) -> Distances:
-        """Distances of stable loops from -1, the limits at both ends of the axis included.
-
-        Parameters
-        ----------
-        time_constants : (k,) array of float
-            In seconds.
-        limit : float
-            The distance asked for, 1/Ms.
-        """
+        """Distances of stable loops from -1, both ends of the axis included; the limit is 1/Ms."""
         rows = max(1, AT_ONCE // self.omega.size)
         parts = [
             self._distances(time_constants[k : k + rows], limit)
@@ -179,13 +158,7 @@ class PlantLoops:
         return np.where(np.isfinite(L), L, inf + 0j)
 
     def at_infinity(self, time_constants: FloatArray) -> FloatArray:
-        """Limit of ``|1 + L|`` at infinite frequency, with dead time at its worst.
-
-        Parameters
-        ----------
-        time_constants : (k,) array of float
-            In seconds.
-        """
+        """Limit of ``|1 + L|`` at infinite frequency, with dead time at its worst."""
         with np.errstate(all="ignore"):
             ahead, behind, waits = self.mismatch.highest(time_constants)
             last = np.nan_to_num(behind / ahead, nan=0.0)
@@ -204,11 +177,6 @@ class PlantLoops:
 
         There L = ρ/(j(ω - ω0)) is a straight line through 0. It is looked at here where ``|ρ|`` is
         so small that the frequencies of the grid are too far apart to show it.
-
-        Parameters
-        ----------
-        time_constants : (k,) array of float
-            In seconds.
         """
         distances = np.ones(time_constants.shape)
         _, D, Nm, _ = self.mismatch.factors

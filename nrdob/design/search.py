@@ -145,21 +145,7 @@ class Bracket(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class FilterSearch:
-    """The search for the filters of one order or family that meet a specification.
-
-    Attributes
-    ----------
-    process, model : as for `nrdob.NRDOB`
-        G and G̃.
-    family : int or FilterFamily
-        The filters.
-    max_ms : float
-        Largest allowed peak of the sensitivity.
-    frequencies : Frequencies
-        Where process over model is looked at.
-    intervals : list of (low, high)
-        The stabilising set.
-    """
+    """The search on the stabilising set for the filters of a family that meet a limit of Ms."""
 
     process: Any
     model: Any
@@ -270,20 +256,9 @@ class FilterSearch:
 
 @dataclass(frozen=True, eq=False)
 class Scan:
-    """Where in some intervals a slack is positive, from samples that cover all between them.
+    """Where the slack ln(1/Ms) - ln(1/limit) is positive, from samples that cover the intervals.
 
-    Attributes
-    ----------
-    loops : PlantLoops
-        The loops of all λ.
-    max_ms : float
-        The limit over which they are slack.
-    intervals : list of (low, high)
-        The intervals of λ.
-    x, slack : (N,) array of float
-        ln λ, and the slack there.
-    part : (N,) array of int
-        The number of the interval in which each lies.
+    `x` is ln λ, `slack` the slack there, `part` the number of the interval in which each lies.
     """
 
     loops: PlantLoops

@@ -177,15 +177,7 @@ def _frequencies(
 
 
 def stabilizing_set(frequencies: Frequencies, floor: float) -> list[tuple[float, float]]:
-    """Find the set of `stabilizing_time_constants` above a floor for a mismatch already read.
-
-    Parameters
-    ----------
-    frequencies : Frequencies
-        Of the mismatch.
-    floor : float
-        Smallest λ of interest, in seconds: `frequencies.lowest_floor`, or above.
-    """
+    """Find the set of `stabilizing_time_constants` above a floor, or above the lowest one."""
     mismatch = frequencies.mismatch
     intervals = _intervals(floor, crossings(mismatch, frequencies.above(floor), floor))
     counts = _counts(mismatch, intervals)
@@ -196,16 +188,6 @@ def stabilizing_set(frequencies: Frequencies, floor: float) -> list[tuple[float,
 
 def stable_filters(family: FilterFamily) -> list[tuple[float, float]]:
     """Find all λ for which the filters of a family are stable themselves.
-
-    Parameters
-    ----------
-    family : FilterFamily
-        The filters.
-
-    Returns
-    -------
-    list of (low, high)
-        Intervals in seconds.
 
     Examples
     --------
@@ -224,11 +206,6 @@ def intersection(
     first: list[tuple[float, float]], second: list[tuple[float, float]]
 ) -> list[tuple[float, float]]:
     """Intersect two increasing lists of open intervals.
-
-    Parameters
-    ----------
-    first, second : list of (low, high)
-        The intervals.
 
     Examples
     --------

@@ -19,15 +19,7 @@ __all__ = ["Moving", "PlantBatch", "moving"]
 
 
 class PlantBatch(NamedTuple):
-    """Numerators, denominators and dead times, a plant in each column.
-
-    Attributes
-    ----------
-    num, den : (k, n) array of float
-        Coefficients in descending powers.
-    delay : (n,) array of float
-        Dead times in seconds.
-    """
+    """Numerators and denominators (k, n), descending, and dead times (n,): plants in columns."""
 
     num: FloatArray
     den: FloatArray
@@ -41,13 +33,7 @@ class PlantBatch(NamedTuple):
         return np.asarray(finite & causal & self.num.any(axis=0) & self.den.any(axis=0))
 
     def of(self, chosen: IntArray) -> PlantBatch:
-        """Take some of the columns.
-
-        Parameters
-        ----------
-        chosen : (m,) array of int
-            Which.
-        """
+        """Take the columns of these numbers."""
         return PlantBatch(self.num[:, chosen], self.den[:, chosen], self.delay[chosen])
 
     def groups(self) -> Iterator[tuple[IntArray, PlantBatch]]:
@@ -62,18 +48,7 @@ class PlantBatch(NamedTuple):
             yield chosen, few._replace(num=few.num[kind[0] :], den=few.den[kind[1] :])
 
     def plant(self, k: int) -> ct.TransferFunction | DelayedTransferFunction:
-        """Return one of them as a block that `nrdob.NRDOB` takes.
-
-        Parameters
-        ----------
-        k : int
-            Which column.
-
-        Raises
-        ------
-        ValueError
-            If it is none: coefficients that are no numbers, a negative dead time.
-        """
+        """Return one as a block that `nrdob.NRDOB` takes; ValueError if it is none."""
         num, den = as_fraction((self.num[:, k], self.den[:, k]), "the plant", proper=False)
         plant = ct.tf(num, den)
         delay = float(self.delay[k])
@@ -81,13 +56,7 @@ class PlantBatch(NamedTuple):
 
     @classmethod
     def of_blocks(cls, blocks: list[Any]) -> PlantBatch:
-        """Gather plants of any degrees.
-
-        Parameters
-        ----------
-        blocks : list
-            Whatever `nrdob.NRDOB` takes as a process; None where there is no plant.
-        """
+        """Gather plants of any degrees; nan where one is None."""
         read = [_read(block) for block in blocks]
         columns = []
         for part in (0, 1):
@@ -109,30 +78,15 @@ def _read(block: Any) -> tuple[tuple[FloatArray, FloatArray], float]:
 class Moving(NamedTuple):
     """A polynomial whose roots move, each by a factor of its own, and pairs together.
 
-    Attributes
-    ----------
-    fixed : array of float
-        What does not move: roots at s = 0, and the first coefficient that is not 0.
-    roots : array of complex
-        One real root each, or the one of a pair with positive imaginary part.
+    Fixed are roots at s = 0 and the first coefficient that is not 0; of a pair there is the root
+    with positive imaginary part.
     """
 
     fixed: FloatArray
     roots: ComplexArray
 
     def moved(self, factors: list[FloatArray]) -> FloatArray:
-        """Multiply every root by its factor; the value, or slope, at s = 0 remains.
-
-        Parameters
-        ----------
-        factors : list of (n,) array of float
-            One for each of `roots`.
-
-        Returns
-        -------
-        (k, n) array of float
-            Coefficients in descending powers.
-        """
+        """Multiply every root by its factor, (n,) each; the value, or slope, at s = 0 remains."""
         product = self.fixed[:, None]
         for root, factor in zip(self.roots.tolist(), factors, strict=True):
             one = np.ones_like(factor)
@@ -146,18 +100,7 @@ class Moving(NamedTuple):
 
 
 def moving(p: FloatArray) -> Moving:
-    """Take a polynomial apart into its roots and what remains.
-
-    Parameters
-    ----------
-    p : array of float
-        Coefficients in descending powers.
-
-    Examples
-    --------
-    >>> moving(np.array([2.0, 6.0, 0.0])).roots.real.tolist()              # 2s(s + 3)
-    [-3.0]
-    """
+    """Take a polynomial, descending coefficients, apart into its roots and what remains."""
     used = np.flatnonzero(p)[-1] + 1
     fixed = np.append(p[used - 1], np.zeros(p.size - used))
     roots = np.roots(p[:used]).astype(complex)

@@ -69,21 +69,9 @@ WITHIN = 1e-10
 def batch_margins(
     feedback: Feedback, plants: PlantBatch
 ) -> tuple[dict[str, FloatArray], BoolArray]:
-    """Compute the margins of loops that are known to be stable.
+    """Compute margins (n,) by name, see `MARGINS`, of stable loops, and which are to be trusted.
 
-    Parameters
-    ----------
-    feedback : Feedback
-        All the feedback there is.
-    plants : PlantBatch
-        Of the same degrees, all with dead time or none.
-
-    Returns
-    -------
-    dict of str: (n,) array of float
-        Margins by name, see `MARGINS`.
-    (n,) array of bool
-        Which of them are to be trusted.
+    The plants are of the same degrees, all with dead time or none.
     """
     loops = _Loops(feedback, plants)
     with np.errstate(all="ignore"):  # what is not finite is looked at again

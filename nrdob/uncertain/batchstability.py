@@ -43,13 +43,7 @@ SLAB = 500
 
 
 class Feedback:
-    """All that does not depend on the plant.
-
-    Parameters
-    ----------
-    loop : LoopEquations or ObserverEquations
-        The loop, whose process does not matter.
-    """
+    """All of a loop that does not depend on the plant."""
 
     def __init__(self, loop: LoopEquations | ObserverEquations) -> None:
         built = loop.built
@@ -79,13 +73,7 @@ class Feedback:
         return zeros / poles
 
     def gain(self, omega: FloatArray) -> ComplexArray:
-        """Evaluate K(jω).
-
-        Parameters
-        ----------
-        omega : array of float
-            In rad/s.
-        """
+        """Evaluate K(jω)."""
         num, den = (
             _sum(values_on_axis(q, omega) * _late(delay, omega) for q, delay in p.terms)
             for p in (self.numerator, self.denominator)
@@ -93,13 +81,7 @@ class Feedback:
         return np.asarray(num / den)
 
     def gain_and_slope(self, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:
-        """Evaluate K(jω), and dK/ds over K there.
-
-        Parameters
-        ----------
-        omega : array of float
-            In rad/s.
-        """
+        """Evaluate K(jω), and dK/ds over K there."""
         parts = []
         for p in (self.numerator, self.denominator):
             found = [(*values_and_slopes(q, omega), delay) for q, delay in p.terms]
@@ -114,13 +96,7 @@ class Feedback:
         return np.asarray(num / den), np.asarray(rises - its_rises)
 
     def characteristic(self, plants: PlantBatch) -> tuple[list[ManyTerms], FloatArray]:
-        """Terms of p_B, and for each power of s the size of what is summed.
-
-        Parameters
-        ----------
-        plants : PlantBatch
-            Of the same degrees.
-        """
+        """Terms of p_B, and for each power of s the size of what is summed."""
         products = [
             (convolved(plants.den, _column(p)), np.full(1, delay))
             for p, delay in self.denominator.terms
@@ -145,17 +121,9 @@ class Feedback:
         return first, second
 
     def verdicts(self, plants: PlantBatch) -> tuple[BoolArray, BoolArray]:
-        """Judge p_B for each plant.
+        """Tell for which plants of the same degrees p_B is certainly stable, and unstable.
 
-        Parameters
-        ----------
-        plants : PlantBatch
-            Of the same degrees, all with dead time or none.
-
-        Returns
-        -------
-        stable, unstable : (n,) array of bool
-            What is certain; neither where it is too close to call.
+        All of them have a dead time, or none has.
         """
         terms, scale = self.characteristic(plants)
         n = scale.shape[1]

@@ -13,7 +13,7 @@ import numpy as np
 import nrdob
 from nrdob import LowPassFilter
 from nrdob.analysis import quotient_margins
-from nrdob.design import Mismatch
+from nrdob.design.mismatch import Mismatch
 from nrdob.diagram import ObserverEquations
 
 from .plants import plant_and_model

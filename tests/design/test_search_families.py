@@ -9,7 +9,8 @@ import pytest
 import nrdob
 from campaigns.plants import plant_and_model
 from nrdob import admissible_time_constants, design_filter, filter_family
-from nrdob.design import Mismatch, step_peak
+from nrdob.design import step_peak
+from nrdob.design.mismatch import Mismatch
 
 s = ct.tf("s")
 lag = 1 / (s + 1)
