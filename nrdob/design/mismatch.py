@@ -232,7 +232,9 @@ class Mismatch:
 
         The process may be multiplied by a gain, and have another dead time and an additional lag.
         """
-        more, parts, sizes = np.array([lag, 1.0]) if lag else np.ones(1), [], []
+        parts: list[FloatArray] = []
+        sizes: list[FloatArray] = []
+        more = np.array([lag, 1.0]) if lag else np.ones(1)
         with np.errstate(over="ignore"):
             for table, factor, times in (
                 (self.E, self.a, more), (self.Nf, self.b, [gain]), (self.Nf, -self.waiting, more),

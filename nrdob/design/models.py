@@ -55,11 +55,11 @@ class ModelCandidate:
     how : str
         In what it differs from the process.
     order : int
-        Order of the filter, the lowest that is causal or one more, whichever does better.
+        Of the filter, the lowest that is causal or one more, whichever does better.
     family : FilterFamily or None
         The ramp filters, where they are not those of eq. (1).
     time_constants : list of (low, high)
-        The stabilising set of that order, in seconds.
+        Its stabilising set, in seconds.
     fastest : float or None
         Smallest λ at which the plant loop has a sensitivity peak of at most the one asked for;
         0 if every small λ does, None if none does.
@@ -190,19 +190,16 @@ def _judged(process: Any, model: ct.TransferFunction, how: str, max_ms: float) -
     searches = [FilterSearch.of(process, model, n, max_ms) for n in (lowest, lowest + 1)]
     # Where one is faster the peak need not choose.
     best = min(search.promise for search in searches)
-    found = [search for search in searches if search.promise == best]
-    return min((_allowed(search, how) for search in found), key=_rank)
+    return min((_allowed(each, how) for each in searches if each.promise == best), key=_rank)
 
 
 def _allowed(search: FilterSearch, how: str) -> ModelCandidate:
     """Say what a model allows."""
-    fastest, ms = None, nan
+    fastest, ms = None, search.closest[1].ms if search.intervals else nan
     if search.admissible:
         fastest = 0.0 if search.all_fast_ones_do else search.admissible[0][0]
-    if search.intervals:
-        ms = search.closest[1].ms
-    family = search.family if isinstance(search.family, FilterFamily) else None
-    return ModelCandidate(search.model, how, search.order, search.intervals, fastest, ms, family)
+    order, family = search.family.order, None if search.family.is_binomial else search.family
+    return ModelCandidate(search.model, how, order, search.intervals, fastest, ms, family)
 
 
 def _models(
@@ -261,10 +258,7 @@ def _without(p: FloatArray, roots: ComplexArray) -> FloatArray:
     p = p[: p.size - int(np.sum(roots == 0))]
     divisor = _polynomial(roots[roots != 0])
     # Which end the division begins at decides whether slow or fast roots keep their accuracy.
-    tried = [
-        np.polydiv(p, divisor)[0],
-        np.polydiv(p[::-1], divisor[::-1])[0][::-1],
-    ]
+    tried = [np.polydiv(p[::way], divisor[::way])[0][::way] for way in (1, -1)]
     return min(tried, key=lambda left: float(np.abs(np.convolve(left, divisor) - p).max()))
 
 

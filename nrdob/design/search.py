@@ -24,14 +24,14 @@ import numpy as np
 from scipy.optimize import brentq, elementwise
 
 from ..analysis import Margins, quotient_margins
-from ..diagram import FilterFamily, LowPassFilter, ObserverEquations
+from ..diagram import FilterFamily, ObserverEquations
 from ..numerics import BoolArray, FloatArray, IntArray, bisect, is_real
 from .mismatch import Mismatch
 from .mismatchgrid import Frequencies
 from .plantloops import PlantLoops
 from .timeconstants import intersection, stabilizing_set, stable_filters
 
-__all__ = ["Bracket", "FilterSearch", "admissible_time_constants", "checked_ms", "member", "solved"]
+__all__ = ["Bracket", "FilterSearch", "admissible_time_constants", "checked_ms", "solved"]
 
 Interval = tuple[float, float]
 
@@ -123,13 +123,6 @@ def checked_ms(max_ms: Any) -> float:
     return float(max_ms)
 
 
-def member(family: int | FilterFamily, time_constant: float) -> Any:
-    """Return the filter of an order, or of a family."""
-    if isinstance(family, FilterFamily):
-        return family.at(time_constant)
-    return LowPassFilter(time_constant, family)
-
-
 class Bracket(NamedTuple):
     """An end of what meets a specification lies between these; they are equal if it is known.
 
@@ -149,25 +142,26 @@ class FilterSearch:
 
     process: Any
     model: Any
-    family: int | FilterFamily
+    family: FilterFamily
     max_ms: float
     frequencies: Frequencies
     intervals: list[Interval]
 
     @classmethod
-    def of(
-        cls, process: Any, model: Any, family: int | FilterFamily, max_ms: float
-    ) -> FilterSearch:
+    def of(cls, process: Any, model: Any, order: int | FilterFamily, max_ms: float) -> FilterSearch:
         """Find the stabilising set, in which it will be seen where the specification is met."""
-        found = Frequencies(Mismatch.of(process, model, family, waits=True))
+        found = Frequencies(Mismatch.of(process, model, order, waits=True))
+        family = found.mismatch.family
         intervals = stabilizing_set(found, found.lowest_floor)
-        intervals = intersection(intervals, stable_filters(found.mismatch.family))
+        intervals = intersection(intervals, stable_filters(family))
         return cls(process, model, family, max_ms, found, intervals)
 
     def plant_loop(self, time_constant: float) -> Margins:
         """Exact margins of L with a λ of the stabilising set."""
-        filter = member(self.family, time_constant)
-        return quotient_margins(ObserverEquations(self.process, self.model, filter).L, True)
+        return quotient_margins(self._loop(self.family.at(time_constant)).L, True)
+
+    def _loop(self, filter: Any) -> ObserverEquations:
+        return ObserverEquations(self.process, self.model, filter)
 
     @cached_property
     def slack(self) -> Callable[[float], float]:
@@ -182,11 +176,6 @@ class FilterSearch:
         return cache(slack)
 
     @property
-    def order(self) -> int:
-        """Order of the filters."""
-        return self.family if isinstance(self.family, int) else self.family.order
-
-    @property
     def first(self) -> float:
         """A λ below which all are excluded; inf where none is left."""
         return self._windows[0][0].outside if self._windows else inf
@@ -198,8 +187,25 @@ class FilterSearch:
 
     @property
     def promise(self) -> float:
-        """Smallest nλ that is not excluded, in seconds: 0 if all fast ones will do."""
-        return 0.0 if self.all_fast_ones_do else self.order * self.first
+        """Sluggishness of the fastest filter not excluded: 0 if all fast ones do, inf for none."""
+        if self.all_fast_ones_do or self.first == inf:
+            return 0.0 if self.all_fast_ones_do else inf
+        return self.sluggishness(self.family.at(self.first))
+
+    def sluggishness(self, filter: Any) -> float:
+        r"""Time in which the loop rejects, in seconds: the smaller, the more it rejects.
+
+        At low frequency :math:`S_d \to (1 - F)/R = c\,s^k`, and :math:`c^{1/k}` is one over the
+        frequency at which that line reaches 1: nλ/R(0) for eq. (1), comparable for all ramps.
+        """
+        S = self._loop(filter).S_d
+        k = S.zeros_at_origin
+        if k <= 0:
+            return inf
+        num, den = (
+            np.prod([factor.without_origin.constant for factor in part]) for part in (S.num, S.den)
+        )
+        return float(abs(num / den) ** (1 / k))
 
     @cached_property
     def admissible(self) -> list[Interval]:

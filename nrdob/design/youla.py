@@ -28,7 +28,7 @@ from typing import Any
 import control as ct
 import numpy as np
 
-from ..diagram import Fraction, as_fraction, nonzero
+from ..diagram import as_fraction, nonzero
 from ..numerics import (
     FloatArray,
     QuasiPolynomial,
@@ -46,7 +46,7 @@ REAL = 1e-7
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ObserverForm:
+class ObserverForm(Answer):
     """What a controller is as an NR-DOB, or why it is none.
 
     Attributes
@@ -60,17 +60,12 @@ class ObserverForm:
         the model, or makes the loop ill-posed.
     """
 
-    holds: bool
-    reason: str
     F: ct.TransferFunction | None = None
     inverse: ct.TransferFunction | None = None
     prediction: ct.TransferFunction | None = None
 
-    def __repr__(self) -> str:
-        return f"{'yes' if self.holds else 'no'}: {self.reason}"
-
     def __bool__(self) -> bool:
-        return self.holds
+        return bool(self.holds)
 
 
 def observer_form(controller: Any, model: Any) -> ObserverForm:
@@ -111,36 +106,34 @@ def observer_form(controller: Any, model: Any) -> ObserverForm:
     >>> found.F.num[0][0].round(6).tolist(), found.F.den[0][0].round(6).tolist()
     ([0.75, 1.0], [0.25, 1.0, 1.0])
     """
-    K, Gm = nonzero(as_fraction(controller, "controller"), "controller"), _model(model)
-    p, full = _characteristic(K, Gm)
-    if p.degree < full or not p.q.any():
+    K = nonzero(as_fraction(controller, "controller"), "controller")
+    Gm = nonzero(as_fraction(model, "model"), "model")
+    pairs = (K.den, Gm.den), (K.num, Gm.num)
+    value = add(*(np.convolve(one, other) for one, other in pairs))
+    scale = add(*(np.convolve(np.abs(one), np.abs(other)) for one, other in pairs))
+    p = QuasiPolynomial(value, scale=scale)
+    if p.degree < K.den.size + Gm.den.size - 2 or not p.q.any():
         return ObserverForm(
             False, "1 + K(∞)·model(∞) = 0: the loop of K and the model is ill-posed; change K"
         )
-    count = count_rhp(p)
-    if p.zeros_at_origin or count.count != 0:
-        roots = p.roots
-        if count.count is None or not roots.size:
-            where = count.reason
-        else:
-            where = f"1 + K·model has a zero at s = {written(complex(roots[0]))}"
+    found = count_rhp(p)
+    if p.zeros_at_origin or found.count != 0:
+        where = found.reason
+        if found.count is not None and p.roots.size:
+            where = f"1 + K·model has a zero at s = {written(complex(p.roots[0]))}"
         return ObserverForm(
             False, f"K does not stabilise the model: {where}; change K, or the model with it"
         )
-    F, inverse, prediction = (
+    blocks = [
         _block(np.convolve(one, other), p.q / p.q[-1], p.q[-1])
         for one, other in ((K.num, Gm.num), (K.num, Gm.den), (K.den, Gm.num))
-    )
-    if K.den[-1] and Gm.den[-1]:
-        dc = F.num[0][0][-1]
-        return ObserverForm(
-            False,
-            f"F(0) = {dc:.4g}, not 1: neither K nor the model integrates; give K an integrator",
-            F, inverse, prediction,
-        )  # fmt: skip
-    return ObserverForm(
-        True, "K stabilises the model, and K·model integrates", F, inverse, prediction
-    )
+    ]
+    reason = "K stabilises the model, and K·model integrates"
+    integrates = not (K.den[-1] and Gm.den[-1])
+    if not integrates:
+        dc = blocks[0].num[0][0][-1]
+        reason = f"F(0) = {dc:.4g}, not 1: neither K nor the model integrates; give K an integrator"
+    return ObserverForm(integrates, reason, *blocks)
 
 
 def stable_model_exists(controller: Any) -> Answer:
@@ -167,11 +160,6 @@ def stable_model_exists(controller: Any) -> Answer:
     TypeError, ValueError
         If the controller is no proper rational block.
 
-    References
-    ----------
-    Youla, D. C., J. J. Bongiorno, C. N. Lu, Single-loop feedback-stabilization of linear
-    multivariable dynamical plants, Automatica 10 (1974) 159-173.
-
     Examples
     --------
     >>> import control as ct
@@ -190,7 +178,7 @@ def stable_model_exists(controller: Any) -> Answer:
     said = []
     for low, high in pairwise(ends):
         between = [pole for pole in poles if low < pole < high]
-        ends_text = f"{low:.4g} and {_number(high)}"
+        ends_text = f"{low:.4g} and {'∞' if high == np.inf else f'{high:.4g}'}"
         if len(between) % 2:
             where = ", ".join(f"{pole:.4g}" for pole in between)
             return Answer(
@@ -201,18 +189,6 @@ def stable_model_exists(controller: Any) -> Answer:
         said.append(f"{len(between)} of them between {ends_text}")
     reason = "the poles of K interlace with its real unstable zeros"
     return Answer(True, f"{reason}: {', '.join(said)}")
-
-
-def _model(model: Any) -> Fraction:
-    return nonzero(as_fraction(model, "model"), "model")
-
-
-def _characteristic(K: Fraction, Gm: Fraction) -> tuple[QuasiPolynomial, int]:
-    """Give p = Dk Dm + Nk Nm with the size of its terms, and the degree that it should have."""
-    terms = (K.den, Gm.den), (K.num, Gm.num)
-    value = add(*(np.convolve(one, other) for one, other in terms))
-    scale = add(*(np.convolve(np.abs(one), np.abs(other)) for one, other in terms))
-    return QuasiPolynomial(value, scale=scale), K.den.size + Gm.den.size - 2
 
 
 def _block(num: FloatArray, den: FloatArray, constant: float) -> ct.TransferFunction:
@@ -226,7 +202,3 @@ def _real_right(p: QuasiPolynomial) -> list[float]:
     right, axis = roots_by_side(p.q) if p.degree else (np.empty(0), np.empty(0))
     real = right.real[np.abs(right.imag) <= REAL * np.abs(right)]
     return sorted([*real.tolist(), *[0.0] * int(np.sum(axis == 0))])
-
-
-def _number(value: float) -> str:
-    return "∞" if value == np.inf else f"{value:.4g}"

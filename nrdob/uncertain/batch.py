@@ -1,6 +1,6 @@
 """Many plants as one array of coefficients each for numerators and denominators.
 
-PlantBatch of the same degrees stand together; what no array can hold (an improper plant, one whose
+Plants of the same degrees stand together; what no array can hold (an improper plant, one whose
 coefficients are no numbers) is left to be looked at by itself.
 """
 

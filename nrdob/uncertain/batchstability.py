@@ -39,7 +39,7 @@ from .batch import PlantBatch
 __all__ = ["SLAB", "Feedback"]
 
 SLAB = 500
-"""PlantBatch looked at together over frequency: what they need fits into the processor's cache."""
+"""Plants looked at together over frequency: what they need fits into the processor's cache."""
 
 
 class Feedback:

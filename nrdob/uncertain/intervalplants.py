@@ -1,4 +1,4 @@
-r"""PlantBatch whose coefficients lie in intervals: Kharitonov's polynomials, and edges.
+r"""Plants whose coefficients lie in intervals: Kharitonov's polynomials, and edges.
 
 At each frequency the values of an interval polynomial fill a rectangle, whose corners are those of
 Kharitonov's four polynomials. Two tests follow, of which the second is exact:
@@ -32,7 +32,7 @@ from ..numerics import ROUNDING, FloatArray, add, hurwitz
 from .batchstability import Feedback
 from .distributions import Interval
 
-__all__ = ["IntervalShares", "interval_plants"]
+__all__ = ["IntervalShares", "interval_plants", "largest_share"]
 
 HALVINGS = 50
 """How often shares are halved."""
@@ -100,9 +100,9 @@ def interval_plants(
     A, B = feedback.denominator.q, feedback.numerator.q
 
     def free(share: float) -> bool:
-        low, high = _times(_part(D, share), A), _times(_part(N, share), B)
-        corners = _corners((add(low[0], high[0]), add(low[1], high[1])))
-        return bool(_all_left(list(corners.values())))
+        of_D, of_N = _times(_part(D, share), A), _times(_part(N, share), B)
+        corners = _corners((add(of_D[0], of_N[0]), add(of_D[1], of_N[1])))
+        return _all_left(list(corners.values()))
 
     def along_edges(share: float) -> bool:
         corners = [_corners(_part(box, share)) for box in (D, N)]
@@ -113,7 +113,7 @@ def interval_plants(
         first = [start for start, _ in ends]
         return _all_left(first) and all(_stays(start, end) for start, end in ends)
 
-    return IntervalShares(_largest(free), _largest(along_edges))
+    return IntervalShares(largest_share(free), largest_share(along_edges))
 
 
 def _box(nominal: FloatArray, given: Sequence[tuple[float, float]], name: str) -> list[FloatArray]:
@@ -194,7 +194,8 @@ def _stays(start: FloatArray, end: FloatArray) -> bool:
     return not np.any((t >= 0) & (t <= 1) & (moved != 0))
 
 
-def _largest(stable: Callable[[float], bool]) -> float:
+def largest_share(stable: Callable[[float], bool]) -> float:
+    """Find the share of the way up to which something holds, 1 for all of it."""
     if stable(1.0):
         return 1.0
     low, high = 0.0, 1.0

@@ -17,20 +17,20 @@ import numpy as np
 
 from ..analysis import judge_observer, quotient_margins
 from ..diagram import ObserverEquations, as_fraction, nonzero, undelayed
-from ..numerics import FloatArray, convolved
+from ..numerics import BoolArray, FloatArray, convolved
 from .batch import Moving, PlantBatch, moving
 from .batchmargins import batch_margins
 from .batchstability import SLAB, Feedback
 from .distributions import BLOCK, Grid, Samples, read_fit, read_grid, read_range, whole_number
 
-__all__ = ["PlantFamily", "plant_family"]
+__all__ = ["PlantFamily", "judged", "plant_family"]
 
 BUILT_IN = ("gain", "delay", "lag")
 
 
 @dataclass(frozen=True, eq=False)
 class PlantFamily:
-    """PlantBatch around a nominal one, drawn reproducibly: ``family[i]`` is one of them.
+    """Plants around a nominal one, drawn reproducibly: ``family[i]`` is one of them.
 
     Attributes
     ----------
@@ -122,12 +122,17 @@ class PlantFamily:
         (n,) array of float
             inf where the loop is not known to be stable.
         """
-        feedback = Feedback(ObserverEquations(self.process, model, filter))
-        found = [
-            _peaks(self.plants(self.drawn.block(k))[0], feedback, model, filter)
-            for k in range(self.blocks)
-        ]
-        return np.concatenate(found)
+        feedback, every = Feedback(ObserverEquations(self.process, model, filter)), []
+        for block in range(self.blocks):
+            plants, _ = self.plants(self.drawn.block(block))
+            stable, unstable, found = judged(plants, feedback, ["ms"])
+            ms = np.where(unstable, np.inf, found["ms"])
+            for k in np.flatnonzero(~(stable | unstable)).tolist():
+                loop = ObserverEquations(plants.plant(k), model, filter)
+                one = judge_observer(loop.process, model, filter).stable
+                ms[k] = quotient_margins(loop.L, True).ms if one else np.inf
+            every.append(ms)
+        return np.concatenate(every)
 
     @property
     def delay(self) -> float:
@@ -275,22 +280,25 @@ def plant_family(
     return PlantFamily(process, drawn, parameters)
 
 
-def _peaks(plants: PlantBatch, feedback: Feedback, model: Any, filter: Any) -> FloatArray:
-    """Ms of many plants together, and one by one of those that are too close to call."""
-    ms = np.full(plants.delay.size, np.nan)
+def judged(
+    plants: PlantBatch, feedback: Feedback, names: list[str]
+) -> tuple[BoolArray, BoolArray, dict[str, FloatArray]]:
+    """Tell which plants are certainly stable, which unstable, and margins of the former by name.
+
+    What is too close to call for many at once is neither, and must be judged alone.
+    """
+    stable, unstable = np.zeros((2, plants.delay.size), dtype=bool)
+    values = {name: np.full(stable.size, np.nan) for name in names}
     for chosen, few in plants.groups():
-        stable, unstable = feedback.verdicts(few)
-        ms[chosen[unstable]] = np.inf
-        here = np.flatnonzero(stable)
+        stable[chosen], unstable[chosen] = feedback.verdicts(few)
+        here = np.flatnonzero(stable[chosen] & bool(names))
         for first in range(0, here.size, SLAB):
             part = here[first : first + SLAB]
             found, trusted = batch_margins(feedback, few.of(part))
-            ms[chosen[part]] = np.where(trusted, found["ms"], np.nan)
-    for k in np.flatnonzero(np.isnan(ms)).tolist():
-        loop = ObserverEquations(plants.plant(k), model, filter)
-        stable_one = judge_observer(loop.process, model, filter).stable
-        ms[k] = quotient_margins(loop.L, True).ms if stable_one else np.inf
-    return ms
+            stable[chosen[part]] = trusted
+            for name in names:
+                values[name][chosen[part]] = np.where(trusted, found[name], np.nan)
+    return stable, unstable, values
 
 
 def _numbers(part: Moving) -> range:

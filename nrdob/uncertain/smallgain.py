@@ -12,7 +12,7 @@ Doyle, J. C., B. A. Francis, A. R. Tannenbaum, Feedback Control Theory, 1992, ch
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from itertools import islice
 from typing import Any, NamedTuple
 
@@ -26,6 +26,7 @@ from ..diagram import Quotient, as_fraction
 from ..loop import NRDOB
 from ..numerics import FloatArray, QuasiPolynomial
 from .boxes import largest_box
+from .intervalplants import largest_share
 
 __all__ = ["Conservatism", "SmallGain", "conservatism", "fit_weight", "small_gain"]
 
@@ -210,14 +211,8 @@ def conservatism(loop: NRDOB, **box: tuple[float, float]) -> Conservatism:
     exact = largest_box(loop, **box)
     omega = resolved_frequencies(loop.L, PER_STRETCH, loop.p_B)
     T = np.abs(loop.S_eta(1j * omega))
-    low, high = 0.0, 1.0
-    if (_farthest(box, 1.0, omega) * T).max() < 1:
-        return Conservatism(1.0, exact.share)
-    for _ in range(40):
-        share = (low + high) / 2
-        safe = (_farthest(box, share, omega) * T).max() < 1
-        low, high = (share, high) if safe else (low, share)
-    return Conservatism(low, exact.share)
+    granted = largest_share(lambda share: bool((_farthest(box, share, omega) * T).max() < 1))
+    return Conservatism(granted, exact.share)
 
 
 def _farthest(box: dict[str, tuple[float, float]], share: float, omega: FloatArray) -> FloatArray:
@@ -226,9 +221,7 @@ def _farthest(box: dict[str, tuple[float, float]], share: float, omega: FloatArr
         nominal + share * (np.linspace(*box.get(name, (nominal, nominal)), count) - nominal)
         for name, nominal, count in (("gain", 1.0, 2), ("delay", 0.0, ACROSS), ("lag", 0.0, ACROSS))
     )
+    gain, late, lag = (each[..., None] for each in np.meshgrid(k, tau, T))
     s = 1j * omega
-    values: Sequence[FloatArray] = [
-        np.abs(gain * np.exp(-delay * s) / (1 + lag * s) - 1)
-        for gain in k for delay in tau for lag in T
-    ]  # fmt: skip
-    return np.asarray(np.max(values, axis=0))
+    off = np.abs(gain * np.exp(-late * s) / (1 + lag * s) - 1)
+    return np.asarray(off.max(axis=(0, 1, 2)))

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..loop import NRDOB
-from ..numerics import IntArray
 from .batch import PlantBatch
-from .batchmargins import MARGINS, batch_margins
-from .batchstability import SLAB, Feedback
-from .plantfamily import PlantFamily
+from .batchmargins import MARGINS
+from .batchstability import Feedback
+from .plantfamily import PlantFamily, judged
 from .sweeptable import SweepTable
 
 __all__ = ["QUANTITIES", "sweep"]
@@ -22,14 +21,6 @@ QUANTITIES = ("stable", *MARGINS)
 """What can be asked of every member."""
 
 Columns = dict[str, NDArray[Any]]
-
-
-class _Job(NamedTuple):
-    """What is the same for all blocks: loop, plants and what is asked."""
-
-    loop: NRDOB
-    family: PlantFamily
-    quantities: tuple[str, ...]
 
 
 def sweep(
@@ -85,96 +76,58 @@ def sweep(
     if not isinstance(family, PlantFamily):
         raise TypeError(f"family is a {type(family).__name__}; make one with nrdob.plant_family")
     asked = _asked(quantities)
-    job = _Job(loop, family, asked)
-    blocks = [_judge_block(job, block) for block in range(family.blocks)]
+    blocks = [_judge_block(loop, family, asked, block) for block in range(family.blocks)]
     joined = {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
     return SweepTable(family, joined, np.arange(len(family)))
 
 
-def _asked(quantities: Iterable[str]) -> tuple[str, ...]:
+def _asked(quantities: Iterable[str]) -> list[str]:
+    """Give the margins asked for, in the order of the columns."""
     asked = (quantities,) if isinstance(quantities, str) else tuple(quantities)
     if unknown := [name for name in asked if name not in QUANTITIES]:
         raise ValueError(f"there is no {unknown[0]!r} to ask; choose from {', '.join(QUANTITIES)}")
-    return tuple(name for name in QUANTITIES if name in (*asked, "stable"))
+    return [name for name in MARGINS if name in asked]
 
 
-def _judge_block(job: _Job, block: int) -> Columns:
+def _judge_block(loop: NRDOB, family: PlantFamily, asked: list[str], block: int) -> Columns:
     """Judge the members of one block: the columns of the table."""
-    drawn = job.family.drawn.block(block)
-    plants, problems = job.family.plants(drawn)
-    found = _Found(job, plants, problems)
-    condition_i = job.loop.stability().model_loop
+    drawn = family.drawn.block(block)
+    plants, problems = family.plants(drawn)
+    n = plants.delay.size
+    reason = np.full(n, "", dtype=object)
+    condition_i = loop.stability().model_loop
     if condition_i.stable:
-        feedback = Feedback(job.loop)
-        for chosen, few in plants.groups():
-            found.judge(feedback, chosen, few)
-        for k in np.flatnonzero(~found.decided).tolist():
-            found.judge_alone(k)
+        stable, unstable, values = judged(plants, Feedback(loop), asked)
+        decided = stable | unstable
     else:
-        found.all_alike(condition_i.stable is False, f"C Gm (i): {condition_i.reason}")
-    return drawn | found.columns
+        stable, decided = np.zeros(n, dtype=bool), np.full(n, condition_i.stable is False)
+        values = {name: np.full(n, np.nan) for name in asked}
+        reason[:] = f"C Gm (i): {condition_i.reason}"
+    alone = ~decided & (condition_i.stable is True)
+    for k in np.flatnonzero(alone).tolist():
+        verdict, reason[k], found = None, problems.get(k, ""), dict.fromkeys(asked, np.nan)
+        if not reason[k]:
+            verdict, reason[k] = _alone(loop, plants, k, found)
+        stable[k], decided[k] = verdict is True, verdict is not None
+        for name, value in found.items():
+            values[name][k] = value
+    flags = {"stable": stable, "decided": decided, "alone": alone}
+    return {**drawn, **flags, **values, "reason": reason}
 
 
-class _Found:
-    """What is known so far about the members of a block."""
-
-    def __init__(self, job: _Job, plants: PlantBatch, problems: dict[int, str]) -> None:
-        self.job, self.plants, self.problems = job, plants, problems
-        n = plants.delay.size
-        self.stable, self.decided, self.alone = (np.zeros(n, dtype=bool) for _ in range(3))
-        self.reason = np.full(n, "", dtype=object)
-        self.asked = [name for name in QUANTITIES if name in job.quantities and name != "stable"]
-        self.values = {name: np.full(n, np.nan) for name in self.asked}
-
-    @property
-    def columns(self) -> Columns:
-        flags = {"stable": self.stable, "decided": self.decided, "alone": self.alone}
-        return {**flags, **self.values, "reason": self.reason}
-
-    def all_alike(self, decided: bool, reason: str) -> None:
-        """Write down what no plant can change."""
-        self.decided[:] = decided
-        self.reason[:] = reason
-
-    def judge(self, feedback: Feedback, chosen: IntArray, plants: PlantBatch) -> None:
-        """Judge plants of the same degrees together."""
-        stable, unstable = feedback.verdicts(plants)
-        self.stable[chosen], self.decided[chosen] = stable, stable | unstable
-        if not self.asked:
-            return
-        here = np.flatnonzero(stable)
-        for first in range(0, here.size, SLAB):
-            few = here[first : first + SLAB]
-            self._ask(feedback, chosen[few], plants.of(few))
-
-    def _ask(self, feedback: Feedback, chosen: IntArray, plants: PlantBatch) -> None:
-        found, trusted = batch_margins(feedback, plants)
-        for name in self.asked:
-            self.values[name][chosen] = found[name]
-        for k in chosen[~trusted].tolist():
-            self.judge_alone(k)
-
-    def _member(self, k: int) -> NRDOB:
-        loop = self.job.loop
-        plant = self.plants.plant(k)
-        return NRDOB(plant, loop.model, loop.controller, loop.filter, loop.keep_factors)
-
-    def judge_alone(self, k: int) -> None:
-        """Judge one member as `nrdob.NRDOB` does."""
-        self.alone[k] = True
-        if k in self.problems:
-            self.reason[k] = self.problems[k]
-            return
-        try:
-            member = self._member(k)
-            verdict = member.stability()
-            self.stable[k] = verdict.stable is True
-            self.decided[k] = verdict.stable is not None
-            if verdict.stable is None:
-                self.reason[k] = verdict.reason
-            if verdict.stable and self.asked:
-                margins = member.margins().plant_loop
-                for name in self.asked:
-                    self.values[name][k] = getattr(margins, name)
-        except (ArithmeticError, TypeError, ValueError) as error:
-            self.reason[k] = str(error)
+def _alone(
+    loop: NRDOB, plants: PlantBatch, k: int, margins: dict[str, float]
+) -> tuple[bool | None, str]:
+    """Judge one member as `nrdob.NRDOB` does, and enter its margins where it is stable."""
+    stable = None
+    try:
+        plant = plants.plant(k)
+        member = NRDOB(plant, loop.model, loop.controller, loop.filter, loop.keep_factors)
+        verdict = member.stability()
+        stable = verdict.stable
+        if stable and margins:
+            found = member.margins().plant_loop
+            margins |= {name: getattr(found, name) for name in margins}
+        return stable, verdict.reason if stable is None else ""
+    except (ArithmeticError, TypeError, ValueError) as error:
+        return stable, str(error)
