@@ -69,15 +69,14 @@ def linear_adrc(
 ) -> NRDOB:
     r"""Close a process with linear ADRC, written as the NR-DOB that it is.
 
-    d, δ and η meet the same loop. So does R for order 1. For order 2 the model loop of an NR-DOB
-    must bring its own zero, :math:`C = \omega_c^2(3s + \omega_c)/(b_0(s + 3\omega_c))`: ADRC with
-    its observer in the state space responds to R as this loop does behind the prefilter
-    :math:`(s + \omega_c)/(3s + \omega_c)`.
+    d, δ and η meet the same loop, and so does R for order 1. For order 2 the model loop must bring
+    its own zero, :math:`C = \omega_c^2(3s + \omega_c)/(b_0(s + 3\omega_c))`: ADRC with its observer
+    responds to R as this loop does behind the prefilter :math:`(s + \omega_c)/(3s + \omega_c)`.
 
     Parameters
     ----------
     process : as for `nrdob.NRDOB`
-        The process G.
+        G.
     order : {1, 2}
         m, as a rule the relative degree of G.
     b0 : float
@@ -110,7 +109,7 @@ def linear_adrc(
 
 
 def adrc_filters(order: int, controller_bandwidth: float) -> FilterFamily:
-    """Return the filters of linear ADRC: a family with the time constant 1/ωo.
+    """Return the filters of linear ADRC, ωc in rad/s: a family with the time constant 1/ωo.
 
     Examples
     --------
@@ -140,8 +139,7 @@ def adrc_stabilizing_bandwidths(
     process, order, b0, controller_bandwidth : as for `linear_adrc`
         G, m, b0 and ωc.
     highest : float, optional
-        Largest ωo of interest, in rad/s. With dead time the critical ones accumulate at infinity:
-        by default the list ends at one over the default floor of
+        Largest ωo of interest, in rad/s; by default, with dead time, one over the default floor of
         `nrdob.critical_time_constants`.
 
     Returns
@@ -151,10 +149,8 @@ def adrc_stabilizing_bandwidths(
 
     Raises
     ------
-    TypeError, ValueError
-        As `linear_adrc`; or if `highest` is not positive.
-    ArithmeticError
-        As `nrdob.stabilizing_time_constants`.
+    TypeError, ValueError, ArithmeticError
+        As `linear_adrc` and `nrdob.stabilizing_time_constants`; or if `highest` is not positive.
 
     Examples
     --------
@@ -174,7 +170,7 @@ def adrc_stabilizing_bandwidths(
         if highest is None:
             raise
         raise ValueError(f"highest is {highest:g} rad/s, 1/floor: {refusal}") from refusal
-    return [(1 / high, 1 / low if low else inf) for low, high in reversed(found)]
+    return _inverted(found)
 
 
 def adrc_stabilizing_gains(
@@ -194,10 +190,8 @@ def adrc_stabilizing_gains(
 
     Raises
     ------
-    TypeError, ValueError
-        As `linear_adrc`.
-    ArithmeticError
-        If a verdict cannot be given.
+    TypeError, ValueError, ArithmeticError
+        As `linear_adrc`; or if a verdict cannot be given.
 
     Examples
     --------
@@ -209,14 +203,17 @@ def adrc_stabilizing_gains(
     >>> round(low, 3), high
     (0.462, inf)
     """
-    found = []
-    for sign in (-1.0, 1.0):
-        # With b0 = ±1 a factor of the process is as good as 1/b0.
-        loop = linear_adrc(process, order, sign, observer_bandwidth, controller_bandwidth)
-        gains = gain_intervals(loop)
-        ends = [(1 / high, 1 / low if low else inf) for low, high in reversed(gains)]
-        found += ends if sign > 0 else [(-high, -low) for low, high in reversed(ends)]
-    return found
+    # With b0 = ±1 a factor of the process is as good as 1/b0.
+    bandwidths = observer_bandwidth, controller_bandwidth
+    negative, positive = (
+        _inverted(gain_intervals(linear_adrc(process, order, b0, *bandwidths)))
+        for b0 in (-1.0, 1.0)
+    )
+    return [(-high, -low) for low, high in reversed(negative)] + positive
+
+
+def _inverted(intervals: list[tuple[float, float]]) -> list[tuple[float, float]]:
+    return [(1 / high, 1 / low if low else inf) for low, high in reversed(intervals)]
 
 
 def adrc_chart(
@@ -235,8 +232,8 @@ def adrc_chart(
     process, order, controller_bandwidth : as for `linear_adrc`
         G, m and ωc.
     observer_bandwidth, b0 : (low, high)
-        The axes, both logarithmic: positive, the ends a factor of 20 or more apart. For a process
-        that needs a negative b0 chart its negative.
+        The axes: positive, the ends a factor of 20 or more apart. For a process that needs a
+        negative b0 chart its negative.
     ms : tuple of float
         Levels of the peak of the sensitivity to be drawn.
 
@@ -260,21 +257,19 @@ def adrc_chart(
     (2, 0)
     """
     family, model = adrc_filters(order, controller_bandwidth), _model(order, 1.0)
-    ranges = [_range("observer_bandwidth", observer_bandwidth), _range("b0", b0)]
-    x, y = (
-        (name, 1 / axis.high, 1 / axis.low)
-        for name, axis in zip(("time_constant", "gain"), ranges, strict=True)
-    )
+    bandwidths, gains = _range("observer_bandwidth", observer_bandwidth), _range("b0", b0)
+    x = ("time_constant", 1 / bandwidths.high, 1 / bandwidths.low)
+    y = ("gain", 1 / gains.high, 1 / gains.low)
     chart = stability_chart(process, model, family, x=x, y=y, ms=ms)
     borders = tuple(Border(1 / p.x[::-1], 1 / p.y[::-1], p.omega[::-1]) for p in chart.borders)
     regions = tuple(replace(r, x=1 / r.x, y=1 / r.y) for r in chart.regions)
     lines: dict[float, list[FloatArray]] = {
-        level: [np.asarray(1 / line) for line in each] for level, each in chart.ms_levels.items()
+        level: [1 / line for line in each] for level, each in chart.ms_levels.items()
     }
     # On logarithmic axes an inverse is a mirror image.
     labels = chart.labels[::-1, ::-1]
     return StabilityChart(
-        ranges[0], ranges[1], borders, regions, lines, labels,
+        bandwidths, gains, borders, regions, lines, labels,
         lambda bandwidth, gain: chart.count_at(1 / bandwidth, 1 / gain),
     )  # fmt: skip
 

@@ -82,9 +82,8 @@ def load_errors(loop: LoopEquations) -> LoadErrors:
     ise = loop.S_delta.step_energy()
     if ise == inf:
         return LoadErrors(inf, inf)
-    area = _area(loop)
-    last = _horizon(loop)
-    breaks = loop.delay * np.arange(1, 9) if loop.delay else np.empty(0)
+    area, last = _area(loop), _horizon(loop)
+    breaks = loop.delay * np.arange(1, 9)
     for doubled in range(ROUNDS):
         count = TIMES << doubled
         times = np.concatenate([
@@ -108,9 +107,7 @@ def _area(loop: LoopEquations) -> float:
     S = loop.S_delta
     if S.zeros_at_origin > 1:
         return 0.0
-    num, den = (
-        np.prod([factor.without_origin.constant for factor in part]) for part in (S.num, S.den)
-    )
+    num, den = (np.prod([p.without_origin.constant for p in part]) for part in (S.num, S.den))
     return float(num / den)
 
 

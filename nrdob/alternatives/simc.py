@@ -13,11 +13,10 @@ other process is brought into that form by the half rule: of the largest lag tha
 half is added to the dead time and one half to the lag before it; further lags, and what zeros on
 the right contribute, are added to the dead time.
 
-The derivative of a PID needs a filter, which is an additional lag in the loop: of
-:math:`\tau_D/10`, or of :math:`\tau_c/2` where that is shorter, so that it is short against the
-closed loop, too. By the half rule it counts as dead time: :math:`\theta` above is then that of the
-process plus this lag. Tight control, :math:`\tau_c` equal to this sum, has about the Ms that the
-PID without a filter has with :math:`\tau_c` equal to the dead time alone.
+The derivative of a PID needs a filter, an additional lag in the loop: of :math:`\tau_D/10`, or of
+:math:`\tau_c/2` where that is shorter. By the half rule it counts as dead time: :math:`\theta` is
+then that of the process plus this lag. Tight control, :math:`\tau_c` equal to this sum, has about
+the Ms that the PID without a filter has with :math:`\tau_c` equal to the dead time alone.
 
 .. rubric:: References
 
@@ -123,7 +122,7 @@ def half_rule(process: Any, order: int, closed_loop_time: float) -> LagModel:
     prompt, delay = undelayed(process)
     G = nonzero(as_fraction(prompt, "process"), "process")
     lags, zeros = _lags(G.den), _zeros(G.num)
-    gain = _low_frequency_gain(G.num, G.den)
+    gain = float(G.num[-1] / QuasiPolynomial(G.den).without_origin.constant)
     for zero in sorted((z for z in zeros if z > 0), reverse=True):
         gain *= _cancel(zero, lags, tc)
     delay += sum(-zero for zero in zeros if zero < 0)
@@ -132,11 +131,10 @@ def half_rule(process: Any, order: int, closed_loop_time: float) -> LagModel:
         raise ValueError(
             "no lag of the process is left for the rule to work on: give a process that falls off"
         )
-    kept, rest = lags[:order], lags[order:]
-    if rest:
-        half, *others = rest
-        kept[-1] += half / 2
-        delay += half / 2 + sum(others)
+    kept = lags[:order]
+    if rest := lags[order:]:
+        kept[-1] += rest[0] / 2
+        delay += rest[0] / 2 + sum(rest[1:])
     first, second, *_ = *sorted(kept, reverse=True), 0.0
     return LagModel(gain, first, second, float(delay))
 
@@ -147,7 +145,7 @@ def simc_pi(process: Any, closed_loop_time: float) -> NRDOB:
     Parameters
     ----------
     process : as for `nrdob.NRDOB`
-        The process G.
+        G.
     closed_loop_time : float
         τc in seconds; as large as the dead time for tight control.
 
@@ -179,9 +177,8 @@ def simc_pid(process: Any, closed_loop_time: float) -> NRDOB:
     Parameters
     ----------
     process, closed_loop_time : as for `simc_pi`
-        G, and τc in seconds. The filter of the derivative, τD/10 or τc/2, whichever is shorter,
-        counts as dead time: for tight control τc is as large as the dead time and the filter
-        together.
+        G, and τc in seconds: as large as the dead time and the derivative's filter, the shorter of
+        τD/10 and τc/2, together for tight control.
 
     Returns
     -------
@@ -241,11 +238,11 @@ def _lags(den: FloatArray) -> list[float]:
             f"the process has a pole at {written(complex(poles[0]))}; these rules are for stable "
             "or integrating processes: use an observer, or nrdob.alternatives.linear_adrc"
         )
-    oscillating = poles[np.abs(poles.imag) > REAL * np.abs(poles)]
-    if oscillating.size:
+    odd = poles[np.abs(poles.imag) > REAL * np.abs(poles)]
+    if odd.size:
         raise ValueError(
-            f"the process has poles at {written(complex(oscillating[0]))}; these rules are for "
-            "lags, without oscillation: design for a process with real poles (design=…)"
+            f"the process has poles at {written(complex(odd[0]))}; these rules are for "
+            "lags, without oscillation: design for a process with real poles"
         )
     return [*(-1 / poles.real).tolist(), *[inf] * p.zeros_at_origin]
 
@@ -260,26 +257,19 @@ def _zeros(num: FloatArray) -> list[float]:
     if odd.size:
         raise ValueError(
             f"the process has zeros at {written(complex(odd[0]))}; these rules take real ones: "
-            "design for a process without them (design=…)"
+            "design for a process without them"
         )
     return (-1 / roots.real).tolist() if roots.size else []
-
-
-def _low_frequency_gain(num: FloatArray, den: FloatArray) -> float:
-    return float(num[-1] / QuasiPolynomial(den).without_origin.constant)
 
 
 def _cancel(zero: float, lags: list[float], closed_loop_time: float) -> float:
     """Cancel a stable zero against a lag by rules T1 to T3; return the gain that is left."""
     if not lags:
         return 1.0
-    larger = [lag for lag in lags if lag >= zero]
-    smaller = [lag for lag in lags if lag < zero]
-    lag = min(larger, default=inf) if larger else max(smaller)
-    if larger and smaller:
-        below = max(smaller)
-        if zero / below < min(CLOSE * (1 - ROUNDED), lag / zero):
-            lag = below
+    above = min((lag for lag in lags if lag >= zero), default=0.0)
+    below = max((lag for lag in lags if lag < zero), default=0.0)
+    close = below and zero / below < min(CLOSE * (1 - ROUNDED), above / zero)
+    lag = below if close else above or below
     lags.remove(lag)
     if lag < zero:  # T1, T1a, T1b
         return zero / max(lag, closed_loop_time) if zero >= closed_loop_time else 1.0

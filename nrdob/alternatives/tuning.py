@@ -60,10 +60,8 @@ class Scheme:
 
     Attributes
     ----------
-    parameter : str
-        What it is called, as "λ".
-    unit : str
-        "s" or "rad/s", empty for a factor.
+    parameter, unit : str
+        As "λ" and "s"; no unit for a factor.
     build : callable
         Gives the loop for one value of the parameter.
     fastest, slowest : float
@@ -79,23 +77,13 @@ class Scheme:
     slowest: float
     band: tuple[float, float]
 
-    def said(self, value: float) -> str:
-        """Write the parameter with a value and its unit.
-
-        Parameters
-        ----------
-        value : float
-            What the parameter is.
-        """
-        return f"{self.parameter} = {self.value(value)}"
-
     def value(self, value: float) -> str:
         """Write a value with its unit.
 
         Parameters
         ----------
         value : float
-            What the parameter is.
+            Of the parameter.
         """
         return f"{value:.4g} {self.unit}".rstrip()
 
@@ -130,10 +118,8 @@ def candidates(
         G, from which PI, PID and b0 of ADRC follow; where G is not of relative degree 1 or 2, or
         has zeros in the right half plane, b0 follows from the model, or for more than two lags from
         the half rule.
-    model : as for `nrdob.NRDOB`
-        G̃ of the observers, without dead time.
-    controller : as for `nrdob.NRDOB`
-        C of the observers, whose gain is the parameter of C alone.
+    model, controller : as for `nrdob.NRDOB`
+        G̃, without dead time, and C of the observers, whose gain is the parameter of C alone.
     order : int, optional
         n of the observers' filters; by default the lowest that is causal.
 
@@ -162,27 +148,26 @@ def candidates(
     speeds = _speeds(probe)
     band = slowest, fastest = min(speeds) / BEYOND, BEYOND * max(speeds)
 
-    def filter(time_constant: float) -> LowPassFilter:
-        return LowPassFilter(time_constant, n)
+    def observer(make: Callable[..., NRDOB], model: Any) -> Callable[[float], NRDOB]:
+        return lambda x: make(process, model, controller, LowPassFilter(x, n))
 
-    observers: dict[str, Callable[[float], NRDOB]] = {
-        "NR-DOB": lambda x: NRDOB(process, model, controller, filter(x)),
-        "conventional observer": lambda x: conventional_observer(
-            process, model, controller, filter(x)
-        ),
+    observers = {
+        "NR-DOB": observer(NRDOB, model),
+        "conventional observer": observer(conventional_observer, model),
     }
     if probe.delay:
         delayed = model if probe.model_delay else DelayedTransferFunction(model, probe.delay)
-        observers["Smith predictor"] = lambda x: NRDOB(process, delayed, controller, filter(x))
+        observers["Smith predictor"] = observer(NRDOB, delayed)
     rules = {"PI": partial(simc_pi, process), "PID": partial(simc_pid, process)}
     timed = {
         name: Scheme(parameter, "s", build, 1 / fastest, 1 / slowest, band)
         for parameter, group in (("λ", observers), ("τc", rules))
         for name, build in group.items()
     }
+    C = as_fraction(controller, "controller")
     return timed | {
         "C alone": Scheme(
-            "gain of C", "", lambda x: controller_alone(process, model, _times(x, controller)),
+            "gain of C", "", lambda x: controller_alone(process, model, (x * C.num, C.den)),
             BEYOND, 1 / BEYOND, band,
         ),
         "ADRC": Scheme(
@@ -215,8 +200,7 @@ def tune(
     Returns
     -------
     Tuned
-        Loop and parameter; the limits are kept with it, and not with a slightly faster one. Where
-        they are kept even with the fastest one that is tried, it is that one.
+        With it the limits are kept, and not with a slightly faster one, if one was tried.
 
     Raises
     ------
@@ -262,10 +246,11 @@ def tune(
         given = {"max_ms": max_ms, "max_noise": max_noise}
         limits = " and ".join(f"{name} = {x:g}" for name, x in given.items() if x is not None)
         raise ValueError(_refusal(candidate, limits, tried, built))
-    if len(tried) == 1:
-        return Tuned(candidate.build(value), value, f"{candidate.said(value)}, no limit")
-    found = solved(lambda x: max(slack(x), -1.0), Bracket(*list(tried)[-2:])) or value
-    return Tuned(candidate.build(found), found, candidate.said(found))
+    unlimited = len(tried) == 1
+    if not unlimited:
+        value = solved(lambda x: max(slack(x), -1.0), Bracket(*list(tried)[-2:])) or value
+    text = f"{candidate.parameter} = {candidate.value(value)}{', no limit' if unlimited else ''}"
+    return Tuned(candidate.build(value), value, text)
 
 
 def checked_limits(max_ms: Any, max_noise: Any) -> None:
@@ -310,9 +295,9 @@ def _refusal(candidate: Scheme, limits: str, tried: dict[float, float], built: l
     if tried[best] <= ENDLESS:
         closest = "white noise comes to u directly; give a shaping filter that colours it"
     else:
-        factor = exp(-tried[best])
+        with_best = f"{candidate.parameter} = {candidate.value(best)}"
         closest = (
-            f"missed by a factor of {factor:.3g} at best, with {candidate.said(best)}; allow more"
+            f"missed by a factor of {exp(-tried[best]):.3g} at best, with {with_best}; allow more"
         )
     return f"{limits} is not kept with any {span}: {closest}"
 
@@ -337,12 +322,7 @@ def _integrators(loop: NRDOB) -> tuple[int, float]:
 
 def _speeds(loop: NRDOB) -> list[float]:
     """Sizes of all poles and zeros of process, model and model loop, and one over the dead time."""
-    polynomials = [QuasiPolynomial(p) for p in (*loop.fractions.G, *loop.fractions.Gm)]
-    roots = [p.without_origin.roots for p in (*polynomials, loop.p_A)]
+    blocks = (QuasiPolynomial(p) for p in (*loop.fractions.G, *loop.fractions.Gm))
+    roots = [p.without_origin.roots for p in (*blocks, loop.p_A)]
     sizes = np.abs(np.concatenate(roots)).tolist()
     return [*sizes, *([1 / loop.delay] if loop.delay else [])] or [1.0]
-
-
-def _times(gain: float, controller: Any) -> Any:
-    C = as_fraction(controller, "controller")
-    return gain * C.num, C.den

@@ -12,14 +12,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from ..analysis import Margins, judge, quotient_margins
-from ..diagram import (
-    DelayedTransferFunction,
-    Fraction,
-    LoopEquations,
-    LowPassFilter,
-    as_fraction,
-    nonzero,
-)
+from ..diagram import Fraction, LoopEquations, LowPassFilter, as_fraction, nonzero, undelayed
 from ..numerics import ComplexArray, FloatArray, IntArray, QuasiPolynomial, is_real
 
 __all__ = ["design_controller"]
@@ -78,8 +71,8 @@ def design_controller(
 
     Parameters
     ----------
-    model : control.TransferFunction, StateSpace, DelayedTransferFunction or (num, den)
-        G̃, proper, with or without dead time.
+    model : as for `nrdob.NRDOB`
+        G̃, with or without dead time.
     bandwidth : float, optional
         Crossover frequency of C·G̃, in rad/s. Without it, the PI, T_i > 0, of largest integral gain
         k/T_i that has the phase margin.
@@ -117,16 +110,8 @@ def design_controller(
     ...     print(f"peak {abs(1 / (1 + L(1j * np.linspace(0.9, 1.1, 2001)))).max():.2g}")
     peak 5e+03
     peak 1.5
-
-    The controller of a delayed model is that of the model without its dead time:
-
-    >>> from nrdob import delay
-    >>> C = design_controller(delay(0.3) * ct.tf([1], [1, 1]), bandwidth=2.0, phase_margin=80)
-    >>> [round(float(k), 3) for k in C.num[0][0]]
-    [1.211, 1.796]
     """
-    prompt = model.tf if isinstance(model, DelayedTransferFunction) else model
-    fraction = nonzero(as_fraction(prompt, "model"), "model")
+    fraction = nonzero(as_fraction(undelayed(model)[0], "model"), "model")
     options = {"bandwidth": bandwidth, "phase_margin": phase_margin, "max_ms": max_ms}
     for name, given in options.items():
         if given is not None and not is_real(given):
@@ -144,7 +129,7 @@ def design_controller(
         raise ValueError(
             f"bandwidth is {bandwidth}; it is a frequency in rad/s, positive and finite"
         )
-    missing = {sign: _missing(fraction, bandwidth, phase_margin, sign) for sign in (1, -1)}
+    missing = {sign: _missing_phase(fraction, bandwidth, phase_margin, sign) for sign in (1, -1)}
     tried = [
         _design(fraction, bandwidth, phase, sign)
         for sign, phase in missing.items()
@@ -204,16 +189,10 @@ def _calmed(model: Fraction, design: _Design, phase_margin: float, max_ms: float
     return best
 
 
-def _missing_phase(
-    model: Fraction, omega: FloatArray, phase_margin: float, sign: int
-) -> FloatArray:
-    """Phase that the controller must have at the crossover, in degrees, from -270 to 90."""
+def _missing_phase(model: Fraction, omega: Any, phase_margin: float, sign: int) -> Any:
+    """Phase that the controller must have at each crossover, in degrees, from -270 to 90."""
     angle = np.degrees(np.angle(sign * _value(model, omega)))
-    return np.asarray((phase_margin - 180 - angle + 270) % 360 - 270)
-
-
-def _missing(model: Fraction, omega: float, phase_margin: float, sign: int) -> float:
-    return float(_missing_phase(model, np.array(omega), phase_margin, sign))
+    return (phase_margin - 180 - angle + 270) % 360 - 270
 
 
 def _design(model: Fraction, omega: float, phase: float, sign: int) -> _Design:
@@ -229,7 +208,7 @@ def _design(model: Fraction, omega: float, phase: float, sign: int) -> _Design:
         slow, fast = ratio**0.5 / omega, 1 / (ratio**0.5 * omega)
         time = SLOWEST_INTEGRAL / omega
         shape = ct.tf(np.convolve([time, 1.0], [slow, 1.0]), np.convolve([time, 0.0], [fast, 1.0]))
-    gain = sign / abs(complex(shape(1j * omega)) * complex(_value(model, np.array(omega))))
+    gain = sign / abs(complex(shape(1j * omega)) * complex(_value(model, omega)))
     controller = gain * shape
     integral = abs(gain * shape.num[0][0][-1] / shape.den[0][0][-2])
     return _Design(controller, float(integral), _judged(model, controller))
@@ -289,7 +268,7 @@ def _best_of_run(
 
     def design(exponent: float) -> _Design:
         at = float(np.exp(exponent))
-        return _design(model, at, _missing(model, at, turn, sign), sign)
+        return _design(model, at, _missing_phase(model, at, turn, sign), sign)
 
     def integral_gain(exponent: float) -> float:
         at = np.exp(exponent)
@@ -332,7 +311,7 @@ def _frequencies(model: Fraction, per_decade: int) -> FloatArray:
     return np.asarray(omega[(omega >= low) & (omega <= high)])
 
 
-def _integral_gain(model: Fraction, omega: FloatArray, phase: FloatArray) -> FloatArray:
+def _integral_gain(model: Fraction, omega: Any, phase: Any) -> FloatArray:
     """k/Ti of the PI, or k of the integrator, with a given phase at each crossover."""
     with np.errstate(divide="ignore"):  # at an undamped pole the gain is 0
         share = np.where(phase <= -90, 1.0, -np.sin(np.radians(phase)))
@@ -360,7 +339,7 @@ def _smallest_rotations(
     return smallest
 
 
-def _value(model: Fraction, omega: FloatArray) -> ComplexArray:
+def _value(model: Fraction, omega: Any) -> ComplexArray:
     """G̃(jω)."""
     s = 1j * np.asarray(omega)
     return np.asarray(np.polyval(model.num, s) / np.polyval(model.den, s))

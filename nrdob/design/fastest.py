@@ -81,12 +81,10 @@ def design_filter(
 
     Raises
     ------
-    TypeError
-        If a block, the order or the limit is of the wrong type.
-    ValueError
-        If no loop can meet the limit; if no filter stabilises the loop; if none meets the limit
-        (the message gives the best that can be had, or the plants that exclude each other); or if
-        every filter does, however fast, so that noise alone must choose.
+    TypeError, ValueError
+        If a block, the order or the limit cannot be; if no filter stabilises the loop, or none
+        meets the limit (the message gives the best that can be had, or the plants that exclude each
+        other); or if every filter does, however fast, so that noise alone must choose.
 
     See Also
     --------

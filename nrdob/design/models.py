@@ -115,8 +115,7 @@ def suggest_model(process: Any, *, max_ms: float = 2.0) -> list[ModelCandidate]:
     Raises
     ------
     TypeError, ValueError
-        If the process cannot stand in the loop; or if it has a zero at s = 0, with which p_B(0) = 0
-        unless the model integrates, and nothing holds the output.
+        If the process cannot stand in the loop, or has a zero at s = 0.
 
     Examples
     --------
@@ -207,10 +206,11 @@ def _models(
 ) -> Iterator[tuple[ct.TransferFunction, str]]:
     """Give every combination of what can be done about what cannot be matched."""
     gains = GAINS if roots_by_side(den)[0].size else (1.0,)
+    lags = [(np.ones(1), "dead time left out" if delay else "")]
+    if delay:
+        lags.append((np.array([delay, 1.0]), "dead time replaced by a lag"))
     new_den, poles_how = _denominator(num, den, delay)
-    for (new_num, zeros_how), (lag, delay_how), gain in product(
-        _numerators(num), _lags(delay), gains
-    ):
+    for (new_num, zeros_how), (lag, delay_how), gain in product(_numerators(num), lags, gains):
         scaled = f"gain × {gain:g}" if gain != 1 else ""
         how = ", ".join(filter(None, (zeros_how, poles_how, delay_how, scaled)))
         yield ct.tf(gain * new_num, np.convolve(new_den, lag)), how or "matched"
@@ -262,16 +262,6 @@ def _without(p: FloatArray, roots: ComplexArray) -> FloatArray:
     return min(tried, key=lambda left: float(np.abs(np.convolve(left, divisor) - p).max()))
 
 
-def _lags(delay: float) -> list[tuple[FloatArray, str]]:
-    """Denominators that stand for the dead time."""
-    if not delay:
-        return [(np.ones(1), "")]
-    return [
-        (np.ones(1), "dead time left out"),
-        (np.array([delay, 1.0]), "dead time replaced by a lag"),
-    ]
-
-
 def _damped(roots: ComplexArray) -> ComplexArray:
     return np.asarray(roots - DETUNING * np.abs(roots))
 
@@ -282,10 +272,10 @@ def _polynomial(roots: ComplexArray) -> FloatArray:
 
 def _written(coefficients: FloatArray) -> str:
     """Write a polynomial in s."""
-    degree = coefficients.size - 1
-    terms = []
-    for power, value in zip(range(degree, -1, -1), coefficients, strict=True):
-        if value:
-            s = {0: "", 1: " s"}.get(power, f" s^{power}")
-            terms.append(f"{value:.4g}{s}")
+    powers = {0: "", 1: " s"}
+    terms = [
+        f"{value:.4g}{powers.get(power, f' s^{power}')}"
+        for power, value in zip(reversed(range(coefficients.size)), coefficients, strict=True)
+        if value
+    ]
     return " + ".join(terms).replace("+ -", "- ")

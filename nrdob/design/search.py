@@ -1,10 +1,9 @@
 r"""The fastest filter that meets a specification, judged on the loop that the plant feels.
 
-Among filters of different order "fastest" means the one that rejects most. A disturbance reaches
-the output through :math:`S_d = (1 - F)/(1 + FH)`, which at low frequency is
-:math:`n\lambda s/R(0)`: what a constant disturbance leaves behind, and how far a ramp pulls the
-output away, is proportional to nλ, and R(0) is the same for every filter. So the smallest nλ wins;
-the bandwidth of F would flatter the high orders.
+Among filters of different order "fastest" means the one that rejects most. At low frequency
+:math:`S_d = (1 - F)/(1 + FH)` is :math:`n\lambda s/R(0)`: what a constant disturbance leaves
+behind, and how far a ramp pulls the output away, is proportional to nλ, and R(0) is the same for
+every filter. So the smallest nλ wins; the bandwidth of F would flatter the high orders.
 
 Which λ meet the specification is found on the stabilising set. How near all plant loops come to -1
 is computed at many λ, and with it how far λ may change before one can reach the limit. Where two
@@ -73,20 +72,17 @@ def admissible_time_constants(
 
     Parameters
     ----------
-    process, model : as for `nrdob.NRDOB`
-        G and G̃, both with or without dead time.
-    order : int or FilterFamily
-        n of the filter 1/(λs + 1)^n, or a family from `nrdob.filter_family`.
+    process, model, order : as for `nrdob.stabilizing_time_constants`
+        G and G̃; n or a family.
     max_ms : float
         Largest allowed peak of ``|S_d|``, above 1.
 
     Returns
     -------
     list of (low, high)
-        Intervals in seconds, increasing, within those of `nrdob.stabilizing_time_constants`; empty
-        where no λ will do. `low` is 0 and `high` inf where every filter will do that is at least
-        so fast, or so slow. With dead time nothing is looked for below
-        the floor of `nrdob.stabilizing_time_constants`.
+        Intervals in seconds, increasing, within those of `nrdob.stabilizing_time_constants`, with
+        its floor; empty where no λ will do. `low` is 0 and `high` inf where every filter will do
+        that is at least so fast, or so slow.
 
     Raises
     ------
@@ -168,12 +164,13 @@ class FilterSearch:
         """Logarithm of the limit over the exact Ms, as a function of λ."""
         loops = PlantLoops(self.frequencies.mismatch, np.empty(0))
 
+        @cache
         def slack(value: float) -> float:
             # Where a mode is narrower than frequencies are rounded, it is not in the margins.
             narrow = 1 / float(loops.at_poles(np.array([value]))[0])
             return log(self.max_ms / max(self.plant_loop(value).ms, narrow))
 
-        return cache(slack)
+        return slack
 
     @property
     def first(self) -> float:
@@ -257,7 +254,7 @@ class FilterSearch:
             raise ValueError(f"max_ms is {self.max_ms}, too close to 1: {refusal}") from refusal
 
     def _scanned(self, loops: PlantLoops, intervals: list[Interval]) -> Scan:
-        return Scan.of(loops, self.max_ms, intervals, self.frequencies.mismatch.speeds)
+        return Scan.of(loops, self.max_ms, intervals)
 
 
 @dataclass(frozen=True, eq=False)
@@ -275,14 +272,9 @@ class Scan:
     part: IntArray
 
     @classmethod
-    def of(
-        cls,
-        loops: PlantLoops,
-        max_ms: float,
-        intervals: list[Interval],
-        speeds: FloatArray,
-    ) -> Scan:
+    def of(cls, loops: PlantLoops, max_ms: float, intervals: list[Interval]) -> Scan:
         """Try λ all over the intervals, more where those tried do not cover what is between."""
+        speeds = loops.mismatch.speeds
         first, last = 10.0**-DECADES / float(speeds.max()), 10.0**DECADES / float(speeds.min())
         each = [_samples(low, high, first, last) for low, high in intervals]
         part = np.repeat(np.arange(len(each)), [values.size for values in each])

@@ -12,7 +12,7 @@ does, least over all frequencies, is the stable share of it.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import partial, reduce
 from itertools import pairwise, product
 from math import inf, isfinite, nan, pi
@@ -45,14 +45,11 @@ MOST = 200_000
 FAR = 10.0
 """How far beyond all poles and zeros L is only a power of s and a dead time."""
 
-GIVE = "give a factor of the gain, a number"
-
 HALVINGS = 60
 """How often shares are halved."""
 
 PER_STRETCH, NEAR = 16, 1.5
 """Frequencies of each stretch, and up to how many times the least share one is looked into."""
-
 
 MET = 1e-9
 """Distance of a gain from 1 at which it is 1, within rounding."""
@@ -111,7 +108,8 @@ def gain_intervals(loop: NRDOB, low: float = 0.0, high: float = inf) -> list[tup
     >>> [(round(a, 6), round(b, 6)) for a, b in gain_intervals(loop, 0.1, 20)]
     [(0.1, 9.0)]
     """
-    span = Interval(real_number(low, "low", GIVE), real_number(high, "high", GIVE))
+    remedy = "give a factor of the gain, a number"
+    span = Interval(real_number(low, "low", remedy), real_number(high, "high", remedy))
     if not 0 <= span.low < span.high:
         raise ValueError(f"gains from {low:g} to {high:g}; give positive ones, the lower one first")
     return _stable_between(span, _critical_gains(loop, span), lambda gain: _with(loop, gain=gain))
@@ -138,21 +136,18 @@ def delay_intervals(loop: NRDOB, low: float, high: float) -> list[tuple[float, f
 
     Parameters
     ----------
-    loop : NRDOB
-        The loop, with its nominal plant, stable or not.
-    low, high : float
-        Between which, in seconds.
+    loop, low, high : as for `gain_intervals`
+        The ends in seconds, both needed.
 
     Returns
     -------
     list of (float, float)
-        Open intervals; their inner ends are exact, the outer ones `low` and `high`.
+        As of `gain_intervals`.
 
     Raises
     ------
     TypeError, ValueError
-        If the range is none, or less dead time than the plant has would be taken away; if a
-        verdict cannot be given.
+        As `gain_intervals`; or if more dead time than the plant has would be taken away.
 
     Examples
     --------
@@ -192,26 +187,22 @@ def _critical_delays(loop: NRDOB, span: Interval) -> list[float]:
     last = span.high
     if rate > 0:  # up to t after span.low a pair crosses t/turn times, or one more or less
         last = min(last, span.low + omega.size / rate)
-    return [
-        float(tau)
-        for start, each in zip(first, turn, strict=True)
-        for tau in start
-        + each * np.arange(np.floor((span.low - start) / each), (last - start) / each + 1)
-    ]
+    found: list[float] = []
+    for start, each in zip(first, turn, strict=True):
+        whole = np.arange(np.floor((span.low - start) / each), (last - start) / each + 1)
+        found += (start + each * whole).tolist()
+    return found
 
 
 def _critical_lags(loop: NRDOB, _: Interval) -> list[float]:
     """T with 1 + L + jωT = 0."""
-    omega = resolved_frequencies(loop.L, PER_STRETCH, loop.p_B)
 
     def real(w: FloatArray) -> FloatArray:
         return np.asarray(1 + np.real(loop.L(1j * w)))
 
-    at = real(omega)
-    crossed = np.flatnonzero(side(at[:-1]) != side(at[1:]))
-    found = bisect(real, omega[crossed], omega[crossed + 1])
+    found = _sign_changes(real, resolved_frequencies(loop.L, PER_STRETCH, loop.p_B))
     lags = -np.imag(loop.L(1j * found)) / found
-    return [float(lag) for lag in lags[np.abs(real(found)) < 1e-6]]
+    return lags[np.abs(real(found)) < 1e-6].tolist()
 
 
 def _stable_between(
@@ -222,12 +213,10 @@ def _stable_between(
     ends = [span.low, *inner, span.high]
     found: list[tuple[float, float]] = []
     for low, high in pairwise(ends):
-        if high < inf and high - low <= 1e-9 * max(
-            abs(low), abs(high)
-        ):  # two crossings at the same value
-            continue
+        # Two crossings may be at the same value.
+        same = high < inf and high - low <= 1e-9 * max(abs(low), abs(high))
         middle = (low + high) / 2 if high < inf else 2 * low or 1.0
-        if not bool(loop_at(middle).stability()):
+        if same or not bool(loop_at(middle).stability()):
             continue
         if found and low - found[-1][1] <= 1e-9 * abs(low):
             found[-1] = (found[-1][0], high)
@@ -243,12 +232,9 @@ def largest_box(loop: NRDOB, *, gain: Any = None, delay: Any = None, lag: Any = 
     ----------
     loop : NRDOB
         A stable loop, with its nominal plant.
-    gain : (low, high), optional
-        Factors of the gain, around 1.
-    delay : (low, high), optional
-        Dead times added, in seconds, around 0 or from there on.
-    lag : (low, high), optional
-        T of an additional lag 1/(Ts + 1), in seconds, from 0 on.
+    gain, delay, lag : (low, high), optional
+        Factors of the gain, around 1; dead times added, around 0 or from there on; T of an
+        additional lag 1/(Ts + 1), from 0 on; both in seconds.
 
     Returns
     -------
@@ -271,13 +257,11 @@ def largest_box(loop: NRDOB, *, gain: Any = None, delay: Any = None, lag: Any = 
     >>> round(box.share, 4), {name: round(value, 4) for name, value in box.critical.items()}
     (0.2588, {'gain': 1.2588, 'delay': 0.0, 'lag': 0.0518})
     """
-    given = {"gain": gain, "delay": delay, "lag": lag}
-    asked = {
-        name: _interval(name, each) if each is not None else Interval(nominal, nominal)
-        for (name, each), nominal in zip(given.items(), NOMINAL.values(), strict=True)
-    }
-    if all(each is None for each in given.values()):
+    every = {"gain": gain, "delay": delay, "lag": lag}
+    given = {name: _interval(name, each) for name, each in every.items() if each is not None}
+    if not given:
         raise ValueError("there is no box; give one or more of gain, delay and lag")
+    asked = {name: given.get(name, Interval(each, each)) for name, each in NOMINAL.items()}
     for name, nominal in NOMINAL.items():
         low, high = asked[name]
         if not low <= nominal <= high:
@@ -297,21 +281,21 @@ def largest_box(loop: NRDOB, *, gain: Any = None, delay: Any = None, lag: Any = 
             "the loop gain does not fall off at high frequency, where any lag or dead time is "
             "felt: give the process or the filter an additional lag"
         )
-    alone = [name for name, each in given.items() if each is not None]
-    return _in_one(loop, alone[0], asked) if len(alone) == 1 else _largest(loop, asked)
+    return _in_one(loop, *given, asked) if len(given) == 1 else _largest(loop, asked)
 
 
 def _in_one(loop: NRDOB, name: str, asked: dict[str, Interval]) -> Box:
     """Find the share of an interval; one parameter alone is critical at single frequencies."""
     (low, high), nominal = asked[name], NOMINAL[name]
     critical = CRITICAL[name](loop, asked[name])
-    inside = [value for value in critical if low <= value <= high]
-    if not inside:
-        return Box(1.0, _sides(asked, 1.0), None, nan)
     shares = [
-        (value - nominal) / ((high if value > nominal else low) - nominal) for value in inside
+        ((value - nominal) / ((high if value > nominal else low) - nominal), value)
+        for value in critical
+        if low <= value <= high
     ]
-    share, found = min(zip(shares, inside, strict=True))
+    if not shares:
+        return Box(1.0, _sides(asked, 1.0), None, nan)
+    share, found = min(shares)
     moved = NOMINAL | {name: found}
     omega = resolved_frequencies(loop.L, PER_STRETCH, loop.p_B)
     omega = np.union1d(omega, _where_corners_meet(loop, omega, asked))
@@ -399,15 +383,16 @@ def _where_corners_meet(loop: NRDOB, omega: FloatArray, asked: dict[str, Interva
     def real(gain: float, delay: float, w: FloatArray) -> FloatArray:
         return np.asarray((gain * loop.L(1j * w) * np.exp(-1j * delay * w)).real + 1)
 
-    offs = [partial(size, *corner) for corner in product(gains, lags)]
-    offs += [partial(angle, *corner) for corner in product(delays, lags)]
-    offs += [partial(real, *corner) for corner in product(gains, delays)]
-    found = []
-    for off in offs:
-        sign = side(off(omega))
-        k = np.flatnonzero(sign[:-1] != sign[1:])
-        found.append(bisect(off, omega[k], omega[k + 1]))
-    return np.unique(np.concatenate(found))
+    free = (size, gains, lags), (angle, delays, lags), (real, gains, delays)
+    offs = [partial(off, *at) for off, *corners in free for at in product(*corners)]
+    return np.unique(np.concatenate([_sign_changes(off, omega) for off in offs]))
+
+
+def _sign_changes(function: Callable[[FloatArray], FloatArray], omega: FloatArray) -> FloatArray:
+    """Find where a function changes sides between neighbouring frequencies."""
+    sides = side(function(omega))
+    k = np.flatnonzero(sides[:-1] != sides[1:])
+    return bisect(function, omega[k], omega[k + 1])
 
 
 def _share(L: ComplexArray, omega: FloatArray, asked: dict[str, Interval]) -> FloatArray:
@@ -460,9 +445,7 @@ def _critical_plant(
     L: ComplexArray, omega: float, sides: dict[str, tuple[float, float]]
 ) -> dict[str, float]:
     """Return the plant of a box that oscillates at a frequency, of the smallest lag."""
-    k1, k2 = sides.get("gain", (1.0, 1.0))
-    t1, t2 = sides.get("delay", (0.0, 0.0))
-    T1, T2 = sides.get("lag", (0.0, 0.0))
+    (k1, k2), (t1, t2), (T1, T2) = (sides.get(name, (at, at)) for name, at in NOMINAL.items())
     if not omega:
         return {"gain": k2, "delay": 0.0, "lag": 0.0}
     size, turn = float(np.abs(L)), 2 * pi / omega

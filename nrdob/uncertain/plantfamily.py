@@ -85,10 +85,8 @@ class PlantFamily:
 
         Returns
         -------
-        PlantBatch
-            The plants, a column of nan where there is none.
-        dict of int: str
-            For some columns why there is no plant.
+        PlantBatch, dict of int: str
+            The plants, nan where there is none; for some columns why.
         """
         n = next(iter(drawn.values())).size
         problems: dict[int, str] = {}
@@ -161,7 +159,8 @@ class PlantFamily:
                 block = self.parameters(**values)  # type: ignore[misc]
                 as_fraction(undelayed(block)[0], "the plant", proper=False)
             except Exception as error:  # whatever a function of the user's may raise
-                problems[k] = f"parameters({_call(values)}): {error}"
+                call = ", ".join(f"{name}={value:.6g}" for name, value in values.items())
+                problems[k] = f"parameters({call}): {error}"
                 block = None
             made.append(block)
         return PlantBatch.of_blocks(made)
@@ -191,20 +190,16 @@ def plant_family(
     ----------
     process : as for `nrdob.NRDOB`
         The nominal plant.
-    gain : range
-        Factor of the plant.
-    delay : range
-        Dead time that is added to the plant's own, in seconds.
-    lag : range
-        T of one more factor :math:`1/(Ts+1)`, in seconds.
+    gain, delay, lag : range
+        Factor of the plant; dead time that is added to its own, in seconds; T of one more factor
+        :math:`1/(Ts+1)`, in seconds.
     poles, zeros : range
         Factors by which the nominal poles, or zeros, are multiplied: real ones each by its own,
         pairs together, so that their damping remains, and so does the gain at zero frequency.
         Those at s = 0 stay. The columns are "pole 1", "pole 2", …
     parameters : callable
-        Makes a plant of parameters that `others` and `fit` name, as keyword arguments: whatever
-        `nrdob.NRDOB` takes as a process. For other processes to call it, it must be a function of
-        a module. Gain, delay and lag come on top.
+        Makes a plant, whatever `nrdob.NRDOB` takes as a process, of parameters that `others` and
+        `fit` name, as keyword arguments. Gain, delay and lag come on top.
     fit : (dict of str: float, (k, k) array_like)
         Means by name, and the covariance in the same order, of parameters that were identified
         together; they are drawn from the normal distribution. A gain named here is a factor of the
@@ -269,14 +264,13 @@ def plant_family(
     if not ranges and not known:
         raise ValueError("nothing is uncertain; give a range, such as gain=(0.5, 2.0)")
     drawn: Samples | Grid
-    if grid is not None:
-        if known:
-            raise ValueError("a fit has no grid; leave grid or fit out")
-        drawn = read_grid(_each_root(grid, ranges), ranges)
+    if grid is None:
+        count, start = whole_number(samples, "samples", 1), whole_number(seed, "seed", 0)
+        drawn = Samples(ranges, known, count, start)
+    elif known:
+        raise ValueError("a fit has no grid; leave grid or fit out")
     else:
-        drawn = Samples(
-            ranges, known, whole_number(samples, "samples", 1), whole_number(seed, "seed", 0)
-        )
+        drawn = read_grid(_each_root(grid, ranges), ranges)
     return PlantFamily(process, drawn, parameters)
 
 
@@ -314,7 +308,3 @@ def _each_root(grid: int | Mapping[str, int], ranges: Mapping[str, Any]) -> Any:
         roots = [each for each in ranges if name in ("poles", "zeros") and each[:4] == name[:4]]
         counts |= dict.fromkeys(roots or [name], count)
     return counts
-
-
-def _call(values: Mapping[str, float]) -> str:
-    return ", ".join(f"{name}={value:.6g}" for name, value in values.items())

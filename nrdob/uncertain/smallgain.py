@@ -165,7 +165,7 @@ def small_gain(loop: NRDOB, weight: Any) -> SmallGain:
     Raises
     ------
     TypeError, ValueError
-        If the weight is none or not stable, or the nominal loop is not stable.
+        If the weight is none, or it or the nominal loop is not stable.
 
     Examples
     --------
@@ -186,15 +186,14 @@ def small_gain(loop: NRDOB, weight: Any) -> SmallGain:
 def conservatism(loop: NRDOB, **box: tuple[float, float]) -> Conservatism:
     """Compare what the small gain theorem grants of a box of plants with the exact share.
 
-    The weight is the best there can be: at every frequency just what the farthest plant of the box
-    needs.
+    The weight is the best there can be: at every frequency just what the farthest plant needs.
 
     Parameters
     ----------
     loop : NRDOB
         A stable loop, with its nominal plant.
     **box : (low, high)
-        As for `nrdob.uncertain.largest_box`: gain, delay, lag.
+        As for `nrdob.largest_box`: gain, delay, lag.
 
     Returns
     -------

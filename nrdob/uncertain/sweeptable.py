@@ -30,14 +30,12 @@ LABELS = {
 
 
 class Share(NamedTuple):
-    """A share of a family, and between what it lies.
+    """A share of a family.
 
     Attributes
     ----------
-    share : float
-        Among the members looked at.
-    low, high : float
-        Bounds of the share among all that could have been drawn.
+    share, low, high : float
+        Among the members looked at, and its bounds among all that could have been drawn.
     """
 
     share: float
@@ -62,7 +60,7 @@ class SweepTable:
     Attributes
     ----------
     family : PlantFamily
-        Whose members these are, in the same order.
+        Whose members these are.
     columns : dict of str: (N,) array
         The columns.
     rows : (N,) array of int
@@ -115,7 +113,7 @@ class SweepTable:
         Returns
         -------
         Share
-            `share`, `low` and `high`.
+            The share and its bounds.
 
         Raises
         ------
@@ -175,9 +173,8 @@ class SweepTable:
     ) -> Figure:
         """Draw the members over two parameters, and the exact borders of a chart of the same two.
 
-        The borders come from the frequency response alone, the colours from verdicts on members:
-        that the ones separate the others is a check of both. A dead time is drawn as the whole one
-        of the plant, as charts have it.
+        The borders come from the frequency response alone, the colours from verdicts on members.
+        A dead time is drawn as the whole one of the plant, as charts have it.
 
         Parameters
         ----------
@@ -188,12 +185,12 @@ class SweepTable:
         title : str
             Written above it.
         ax : matplotlib axes, optional
-            Where to draw; by default a new figure.
+            Where to draw.
 
         Returns
         -------
         Figure
-            With `.lines`, `.axes`, `.figure` and `.alt`.
+            As of `nrdob.plotting.map_plot`.
         """
         from ..plotting import MapAxis, map_plot
 
