@@ -3,8 +3,7 @@ r"""Time constants at which a root of the observer loop crosses the imaginary ax
 At each ω the polynomial p_B(jω) in λ has n roots :math:`\lambda_k(\omega)`, each continuous in ω,
 and complex but where a root s = jω is on the axis: there one of them is real and positive. So one
 looks for the frequencies at which one of n branches :math:`z_k = j\omega\lambda_k` crosses the
-positive imaginary axis, with every dead time exact. For the filters of eq. (1) they are
-:math:`(-H)^{1/n} - 1`.
+positive imaginary axis, with every dead time exact.
 """
 
 from __future__ import annotations
@@ -97,11 +96,6 @@ class Branches:
         def at(omega: FloatArray) -> ComplexArray:
             return 1j * omega * roots_of_columns(mismatch.coefficients(omega))
 
-        if mismatch.family.is_binomial:
-            size, angle = mismatch.log_minus_H(omega)
-            turns = np.round((np.unwrap(angle) - angle) / (2 * np.pi))
-            turns = turns + np.arange(mismatch.order)[:, None]
-            return cls(mismatch, omega, _root_less_1(size, angle, turns, mismatch.order))
         roots, most = at(omega), MOST * omega.size
         steps = np.arange(omega.size - 1)
         for _ in range(CUTS):
@@ -128,11 +122,6 @@ class Branches:
         low, high = self.omega[cell], self.omega[cell + 1]
         share = (omega - low) / (high - low)
         guess = (1 - share) * self.excess[of, cell] + share * self.excess[of, cell + 1]
-        if self.mismatch.family.is_binomial:
-            size, angle = self.mismatch.log_minus_H(omega)
-            n = self.mismatch.order
-            turns = np.round((n * np.angle(1 + guess) - angle) / (2 * np.pi))
-            return _root_less_1(size, angle, turns, n)
         found = root_near(self.mismatch.coefficients(omega), guess / (1j * omega))
         return np.asarray(1j * omega * found)
 
@@ -146,13 +135,6 @@ class Branches:
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             found = np.nan_to_num(omega * error / np.abs(slope), posinf=1e300)
         return np.asarray(np.reshape(found, np.shape(excess)))
-
-
-def _root_less_1(size: FloatArray, angle: FloatArray, turns: FloatArray, n: int) -> ComplexArray:
-    """n-th root of exp(size + j angle), reached after some turns, less 1."""
-    # Whole turns are counted apart: an angle of 2π would leave a root near 1 only rounding.
-    angles = (angle + 2 * np.pi * (turns % n)) / n
-    return np.asarray(np.expm1(size / n + 1j * angles))
 
 
 def _near_line(excess: ComplexArray) -> BoolArray:

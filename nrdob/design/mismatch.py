@@ -201,14 +201,6 @@ class Mismatch:
         sizes = np.concatenate([np.abs(self.roots), delays, *(np.abs(found) for found in own)])
         return sizes if sizes.size else np.ones(1)
 
-    def ratio(self, omega: FloatArray) -> ComplexArray:
-        """R(jω) from the factors, each of which keeps its own accuracy beside an undamped root."""
-        N, D, Nm, Dm = self._values(omega)
-        with np.errstate(divide="ignore", invalid="ignore"):  # at a pole on the axis
-            R = N * Dm / (D * Nm)
-            delay = self.delay - self.wait
-            return np.asarray(R * np.exp(-1j * delay * omega) if delay else R)
-
     def at_pole(self, omega: FloatArray) -> BoolArray:
         """Tell at which frequencies a pole of R lies within rounding."""
         (_, D, Nm, _), (_, of_D, of_Nm, _) = map(np.abs, self._values(omega)), self._sizes(omega)
@@ -306,17 +298,6 @@ class Mismatch:
         """Values of E and Nf for many filters at one point."""
         powers = time_constant ** np.arange(len(self.E))[:, None]
         return np.polyval(self.E.T, s) @ powers, np.polyval(self.Nf.T, s) @ powers
-
-    def log_minus_H(self, omega: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Real and imaginary part of ln(-H): with eq. (1) a root is at jω where (1 + jλω)^n = -H.
-
-        -H is 1 - R, or behind the model's dead time exp(-jωθm) (1 - R), R with the difference of
-        the dead times. Accurate for small R, too, where numpy's complex log1p is not.
-        """
-        R = self.ratio(omega)
-        with np.errstate(divide="ignore"):  # where H vanishes exactly
-            size = np.log1p(-R.real * (2 - R.real) + R.imag**2) / 2
-        return size, np.arctan2(-R.imag, 1 - R.real) - self.wait * omega
 
     def off_gain(self, omega: FloatArray, gain: float = 1.0) -> FloatArray:
         """Coefficients in λ, ascending, each frequency a column, of ``|a E|^2 - |b Nf/gain|^2``.

@@ -27,7 +27,6 @@ from ..numerics import (
     frequency_range,
     side,
     values_and_slopes,
-    values_on_axis,
     zero_free,
 )
 from .batch import PlantBatch
@@ -110,9 +109,9 @@ class _Motion(NamedTuple):
     def rows(self) -> _Rows:
         real, imag = self.L.real, self.L.imag
         size = real * real + imag * imag
+        by_size, by_side = 2 * size * self.slope.real, real * self.slope.imag
         side = imag / np.sqrt(size)
-        slopes = 2 * size * self.slope.real, real * self.slope.imag
-        return _Rows(real, size - 1, slopes[0], side, slopes[1], self.retreat, self.distance)
+        return _Rows(real, size - 1, by_size, side, by_side, self.retreat, self.distance)
 
 
 class _Rows(NamedTuple):
@@ -196,13 +195,6 @@ class _Loops:
             found.append((terms, p.scale[:, None]))
         return [factor for factor in found if factor[1].shape[0] > 1]
 
-    def gain(self, omega: FloatArray, of: PlantBatch) -> ComplexArray:
-        """Evaluate L(jω) of plants whose columns broadcast with the frequencies."""
-        value = values_on_axis(of.num, omega) / values_on_axis(of.den, omega)
-        if self.late:
-            value = value * np.exp(-1j * (of.delay * omega))
-        return np.asarray(value * self.feedback.gain(omega))
-
     def motion(self, omega: FloatArray, of: PlantBatch) -> _Motion:
         """Evaluate L(jω) and how it moves."""
         d, dd = values_and_slopes(of.den, omega)
@@ -272,7 +264,7 @@ def _clear(loops: _Loops, omega: FloatArray) -> BoolArray:
         far = loops.plants.delay[:, None] * (right - left) > RADIANS
         some = np.flatnonzero(far.any(axis=0))
         if some.size:
-            large = np.abs(loops.gain(left[some], loops.across())) > SMALL
+            large = np.abs(loops.motion(left[some], loops.across()).L) > SMALL
             clear[:, some] &= ~(far[:, some] & large)
     return clear
 
@@ -288,7 +280,7 @@ def _clear_alone(loops: _Loops, stretches: _Stretches) -> BoolArray:
     if loops.late:
         few = loops.plants.of(loop)
         far = few.delay * (right - left) > RADIANS
-        clear &= ~(far & (np.abs(loops.gain(left, few)) > SMALL))
+        clear &= ~(far & (np.abs(loops.motion(left, few).L) > SMALL))
     return clear
 
 
@@ -311,12 +303,19 @@ def _notable(
         alone = own.of(choose(low, high, least[own.loop], widths[1]))
         return _Stretches(loop, shared[k], shared[k + 1]).joined(alone)
 
-    gain = gather(_sizes_differ).joined(*_hidden(loops, gather(_size_nears), _size_at, _size_slope))
-    real = gather(_sides_differ).joined(*_hidden(loops, gather(_side_nears), _side_at, _side_slope))
-    gain_found, phase_found, nearest = (
-        _solved(loops, gain, _size_at),
-        _solved(loops, _critical(loops, real), _side_at),
-        _solved(loops, gather(_nearest_between), _retreat_at),
+    def log_size(motion: _Motion) -> FloatArray:
+        return np.log(np.abs(motion.L))
+
+    def sine(motion: _Motion) -> FloatArray:
+        return np.asarray(motion.L.imag / np.abs(motion.L))
+
+    hidden = _hidden(loops, gather(_size_nears), log_size, lambda motion: motion.slope.real)
+    gain_found = _solved(loops, gather(_sizes_differ).joined(*hidden), log_size)
+    hidden = _hidden(loops, gather(_side_nears), sine, lambda motion: motion.slope.imag)
+    real = _critical(loops, gather(_sides_differ).joined(*hidden))
+    phase_found = _solved(loops, real, sine)
+    nearest = _solved(
+        loops, gather(_nearest_between), lambda motion: motion.retreat / motion.distance
     )
     crossed = np.abs(np.abs(gain_found.L) - 1) < CROSSING
     met = np.abs(phase_found.L.imag) < CROSSING * np.abs(phase_found.L)
@@ -365,29 +364,8 @@ def _nears(
     return np.asarray(turns & (np.abs(value) < 2 * width * np.abs(slope)))
 
 
-At = Callable[[_Loops, FloatArray, PlantBatch], FloatArray]
-
-
-def _size_at(loops: _Loops, omega: FloatArray, of: PlantBatch) -> FloatArray:
-    return np.log(np.abs(loops.gain(omega, of)))
-
-
-def _side_at(loops: _Loops, omega: FloatArray, of: PlantBatch) -> FloatArray:
-    L = loops.gain(omega, of)
-    return np.asarray(L.imag / np.abs(L))
-
-
-def _retreat_at(loops: _Loops, omega: FloatArray, of: PlantBatch) -> FloatArray:
-    motion = loops.motion(omega, of)
-    return np.asarray(motion.retreat / motion.distance)
-
-
-def _size_slope(loops: _Loops, omega: FloatArray, of: PlantBatch) -> FloatArray:
-    return np.asarray(loops.motion(omega, of).slope.real)
-
-
-def _side_slope(loops: _Loops, omega: FloatArray, of: PlantBatch) -> FloatArray:
-    return np.asarray(loops.motion(omega, of).slope.imag)
+At = Callable[[_Motion], FloatArray]
+"""What is to be 0, from L and its motion."""
 
 
 def _hidden(loops: _Loops, dips: _Stretches, at: At, slope: At) -> list[_Stretches]:
@@ -396,15 +374,15 @@ def _hidden(loops: _Loops, dips: _Stretches, at: At, slope: At) -> list[_Stretch
         return []
     bottom = _solved(loops, dips, slope).omega
     few = loops.plants.of(dips.loop)
-    value = at(loops, bottom, few)
-    crossed = (side(value) != side(at(loops, dips.low, few))) & (np.abs(value) > NOISE)
+    value, before = (at(loops.motion(omega, few)) for omega in (bottom, dips.low))
+    crossed = (side(value) != side(before)) & (np.abs(value) > NOISE)
     return [dips._replace(high=bottom).of(crossed), dips._replace(low=bottom).of(crossed)]
 
 
 def _critical(loops: _Loops, phase: _Stretches) -> _Stretches:
     """Leave out crossings of the negative real axis that cannot be next to -1."""
     few = loops.plants.of(phase.loop)
-    ends = [loops.gain(omega, few) for omega in (phase.low, phase.high)]
+    ends = [loops.motion(omega, few).L for omega in (phase.low, phase.high)]
     sizes = [np.log(np.abs(end)) for end in ends]
     largest, smallest = np.fmax(*sizes), np.fmin(*sizes)
     # Of those below 1 only the largest counts, of those above only the smallest: of what certainly
@@ -422,12 +400,12 @@ def _solved(loops: _Loops, stretches: _Stretches, at: At) -> _Found:
     """Find a zero of a function in every stretch."""
     loop, low, high = stretches
     few = loops.plants.of(loop)
-    omega = low
-    if loop.size:
-        omega = np.exp(
-            bisect(lambda x: at(loops, np.exp(x), few), np.log(low), np.log(high), WITHIN)
-        )
-    return _Found(loop, omega, loops.gain(omega, few))
+
+    def function(x: FloatArray) -> FloatArray:
+        return at(loops.motion(np.exp(x), few))
+
+    omega = np.exp(bisect(function, np.log(low), np.log(high), WITHIN)) if loop.size else low
+    return _Found(loop, omega, loops.motion(omega, few).L)
 
 
 def _ends(loops: _Loops) -> _Ends:

@@ -12,8 +12,7 @@ border that this matters is left to `nrdob.NRDOB.stability`.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from functools import cached_property, reduce
+from functools import cached_property
 from math import prod
 
 import numpy as np
@@ -32,7 +31,6 @@ from ..numerics import (
     padded_sum,
     rhp_counts,
     values_and_slopes,
-    values_on_axis,
 )
 from .batch import PlantBatch
 
@@ -72,25 +70,15 @@ class Feedback:
         )
         return zeros / poles
 
-    def gain(self, omega: FloatArray) -> ComplexArray:
-        """Evaluate K(jω)."""
-        num, den = (
-            _sum(values_on_axis(q, omega) * _late(delay, omega) for q, delay in p.terms)
-            for p in (self.numerator, self.denominator)
-        )
-        return np.asarray(num / den)
-
     def gain_and_slope(self, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:
         """Evaluate K(jω), and dK/ds over K there."""
         parts = []
         for p in (self.numerator, self.denominator):
-            found = [(*values_and_slopes(q, omega), delay) for q, delay in p.terms]
-            late = [_late(delay, omega) for _, _, delay in found]
-            value = _sum(at * lag for (at, _, _), lag in zip(found, late, strict=True))
-            slope = _sum(
-                (rising - delay * at) * lag
-                for (at, rising, delay), lag in zip(found, late, strict=True)
-            )
+            value = slope = np.zeros(1, dtype=complex)
+            for q, delay in p.terms:
+                at, rising = values_and_slopes(q, omega)
+                late = np.exp(-1j * delay * omega) if delay else 1.0
+                value, slope = value + at * late, slope + (rising - delay * at) * late
             parts.append((value, slope / value))
         (num, rises), (den, its_rises) = parts
         return np.asarray(num / den), np.asarray(rises - its_rises)
@@ -142,14 +130,6 @@ class Feedback:
             counts = rhp_counts([term.of(few) for term in terms], scale[:, few])
             stable[few], unstable[few] = counts == 0, counts > 0
         return stable, unstable
-
-
-def _late(delay: float, omega: FloatArray) -> ComplexArray | float:
-    return np.exp(-1j * delay * omega) if delay else 1.0
-
-
-def _sum(parts: Iterable[ComplexArray]) -> ComplexArray:
-    return reduce(np.add, parts)
 
 
 def _column(p: FloatArray) -> FloatArray:

@@ -12,7 +12,7 @@ does, least over all frequencies, is the stable share of it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from functools import partial, reduce
 from itertools import pairwise, product
 from math import inf, isfinite, nan, pi
@@ -112,14 +112,20 @@ def gain_intervals(loop: NRDOB, low: float = 0.0, high: float = inf) -> list[tup
     span = Interval(real_number(low, "low", remedy), real_number(high, "high", remedy))
     if not 0 <= span.low < span.high:
         raise ValueError(f"gains from {low:g} to {high:g}; give positive ones, the lower one first")
-    return _stable_between(span, _critical_gains(loop, span), lambda gain: _with(loop, gain=gain))
+    critical, _ = _critical_gains(loop, span)
+    return _stable_between(span, critical, lambda gain: _with(loop, gain=gain))
 
 
-def _critical_gains(loop: NRDOB, span: Interval) -> list[float]:
+Critical = tuple[FloatArray, FloatArray]
+"""Values of a parameter at which roots are on the axis, and where, in rad/s."""
+
+
+def _critical_gains(loop: NRDOB, span: Interval) -> Critical:
     # With the largest gain all frequencies count at which a smaller one is critical.
     largest = span.high if span.high < inf else _all_but_small(loop)
-    found = _with(loop, gain=largest).margins().plant_loop.critical_gains
-    return [largest * gain for gain in found[np.isfinite(found)].tolist()]
+    found = _with(loop, gain=largest).margins().plant_loop
+    finite = np.isfinite(found.critical_gains)
+    return largest * found.critical_gains[finite], found.phase_crossovers[finite]
 
 
 def _all_but_small(loop: NRDOB) -> float:
@@ -164,12 +170,11 @@ def delay_intervals(loop: NRDOB, low: float, high: float) -> list[tuple[float, f
             f"low is {low:g} s, and the process has a dead time of {loop.delay:g} s: nothing "
             "predicts the future; give a larger one"
         )
-    return _stable_between(
-        span, _critical_delays(loop, span), lambda delay: _with(loop, delay=delay)
-    )
+    critical, _ = _critical_delays(loop, span)
+    return _stable_between(span, critical, lambda delay: _with(loop, delay=delay))
 
 
-def _critical_delays(loop: NRDOB, span: Interval) -> list[float]:
+def _critical_delays(loop: NRDOB, span: Interval) -> Critical:
     """Dead times at which a pair of roots crosses, up to where no more can be stable.
 
     Whatever the dead time, the pair at a gain crossover goes right where the gain falls, and left
@@ -187,30 +192,31 @@ def _critical_delays(loop: NRDOB, span: Interval) -> list[float]:
     last = span.high
     if rate > 0:  # up to t after span.low a pair crosses t/turn times, or one more or less
         last = min(last, span.low + omega.size / rate)
-    found: list[float] = []
-    for start, each in zip(first, turn, strict=True):
-        whole = np.arange(np.floor((span.low - start) / each), (last - start) / each + 1)
-        found += (start + each * whole).tolist()
-    return found
+    found = [
+        start + each * np.arange(np.floor((span.low - start) / each), (last - start) / each + 1)
+        for start, each in zip(first, turn, strict=True)
+    ]
+    count = np.array([values.size for values in found], dtype=int)
+    return np.concatenate([*found, omega[:0]]), np.repeat(omega, count)
 
 
-def _critical_lags(loop: NRDOB, _: Interval) -> list[float]:
+def _critical_lags(loop: NRDOB, _: Interval) -> Critical:
     """T with 1 + L + jωT = 0."""
 
     def real(w: FloatArray) -> FloatArray:
         return np.asarray(1 + np.real(loop.L(1j * w)))
 
     found = _sign_changes(real, resolved_frequencies(loop.L, PER_STRETCH, loop.p_B))
-    lags = -np.imag(loop.L(1j * found)) / found
-    return lags[np.abs(real(found)) < 1e-6].tolist()
+    found = found[np.abs(real(found)) < 1e-6]
+    return -np.imag(loop.L(1j * found)) / found, found
 
 
 def _stable_between(
-    span: Interval, critical: Iterable[float], loop_at: Any
+    span: Interval, critical: FloatArray, loop_at: Any
 ) -> list[tuple[float, float]]:
     """Judge one loop between every two critical values, and join what is stable."""
-    inner = sorted({value for value in critical if span.low < value < span.high})
-    ends = [span.low, *inner, span.high]
+    inner = np.unique(critical[(critical > span.low) & (critical < span.high)])
+    ends = [span.low, *inner.tolist(), span.high]
     found: list[tuple[float, float]] = []
     for low, high in pairwise(ends):
         # Two crossings may be at the same value.
@@ -281,34 +287,22 @@ def largest_box(loop: NRDOB, *, gain: Any = None, delay: Any = None, lag: Any = 
             "the loop gain does not fall off at high frequency, where any lag or dead time is "
             "felt: give the process or the filter an additional lag"
         )
-    return _in_one(loop, *given, asked) if len(given) == 1 else _largest(loop, asked)
+    name, *others = given
+    return _largest(loop, asked) if others else _in_one(loop, name, asked)
 
 
 def _in_one(loop: NRDOB, name: str, asked: dict[str, Interval]) -> Box:
     """Find the share of an interval; one parameter alone is critical at single frequencies."""
     (low, high), nominal = asked[name], NOMINAL[name]
-    critical = CRITICAL[name](loop, asked[name])
-    shares = [
-        ((value - nominal) / ((high if value > nominal else low) - nominal), value)
-        for value in critical
-        if low <= value <= high
-    ]
-    if not shares:
+    critical, omega = CRITICAL[name](loop, asked[name])
+    inside = (critical >= low) & (critical <= high)
+    if not inside.any():
         return Box(1.0, _sides(asked, 1.0), None, nan)
-    share, found = min(shares)
-    moved = NOMINAL | {name: found}
-    omega = resolved_frequencies(loop.L, PER_STRETCH, loop.p_B)
-    omega = np.union1d(omega, _where_corners_meet(loop, omega, asked))
-
-    def left_over(w: FloatArray) -> FloatArray:
-        value = moved["gain"] * loop.L(1j * w) * np.exp(-1j * w * moved["delay"])
-        return np.asarray(np.abs(value + 1 + 1j * w * moved["lag"]))
-
-    k = int(np.clip(left_over(omega).argmin(), 1, omega.size - 2))
-    frequency = float(golden(left_over, omega[[k - 1]], omega[[k + 1]])[0])
-    if name == "gain" and abs(1 + found * loop.L.dc_gain) <= MET:
-        frequency = 0.0
-    return Box(share, _sides(asked, share), moved, frequency)
+    critical, omega = critical[inside], omega[inside]
+    shares = (critical - nominal) / (np.where(critical > nominal, high, low) - nominal)
+    k = int(shares.argmin())
+    share, plant = float(shares[k]), NOMINAL | {name: float(critical[k])}
+    return Box(share, _sides(asked, share), plant, float(omega[k]))
 
 
 CRITICAL = {"gain": _critical_gains, "delay": _critical_delays, "lag": _critical_lags}
@@ -384,7 +378,7 @@ def _where_corners_meet(loop: NRDOB, omega: FloatArray, asked: dict[str, Interva
         return np.asarray((gain * loop.L(1j * w) * np.exp(-1j * delay * w)).real + 1)
 
     free = (size, gains, lags), (angle, delays, lags), (real, gains, delays)
-    offs = [partial(off, *at) for off, *corners in free for at in product(*corners)]
+    offs = [partial(off, *at) for off, one, other in free for at in product(one, other)]
     return np.unique(np.concatenate([_sign_changes(off, omega) for off in offs]))
 
 

@@ -100,7 +100,7 @@ def _scan(
         last = 40 / (grid[0] + mismatch.delay / 100)
         turns = np.arange(0.02 / mismatch.delay, last, 0.02 / mismatch.delay)
         omega = np.union1d(omega[omega < max(20 * last, 10 / slow)], turns)
-    R = mismatch.ratio(omega)
+    R = nrdob.NRDOB(process, model, 0.0, LowPassFilter(1.0, order)).ratio(1j * omega)
     found = [1 / np.abs(1 + R / ((1 + 1j * v * omega) ** order - 1)).min() for v in grid]
     alone = [
         value
