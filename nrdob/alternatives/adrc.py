@@ -39,14 +39,8 @@ import control as ct
 import numpy as np
 from scipy.signal import convolve2d
 
-from ..design import (
-    Axis,
-    Border,
-    StabilityChart,
-    stability_chart,
-    stabilizing_time_constants,
-)
-from ..diagram import FilterFamily, as_fraction, filter_family, real_number, undelayed
+from ..design import Axis, Border, StabilityChart, stability_chart, stabilizing_time_constants
+from ..diagram import FilterFamily, filter_family, real_number
 from ..loop import NRDOB
 from ..numerics import FloatArray, is_whole
 from ..uncertain import gain_intervals
@@ -56,12 +50,10 @@ __all__ = [
     "adrc_filters",
     "adrc_stabilizing_bandwidths",
     "adrc_stabilizing_gains",
-    "high_frequency_gain",
     "linear_adrc",
 ]
 
-DECADE_AND_MORE = 20.0
-"""Ratio of the ends of an axis of the chart, at least: both are logarithmic."""
+DECADE_AND_MORE = 20.0  # ratio of the ends of an axis of the chart, at least: both are logarithmic
 
 
 def linear_adrc(
@@ -109,14 +101,7 @@ def linear_adrc(
 
 
 def adrc_filters(order: int, controller_bandwidth: float) -> FilterFamily:
-    """Return the filters of linear ADRC, ωc in rad/s: a family with the time constant 1/ωo.
-
-    Examples
-    --------
-    >>> F = adrc_filters(1, 4.0).at(1 / 20)
-    >>> F.num[0][0].round(6).tolist(), F.den[0][0].round(6).tolist()
-    ([0.35, 1.0], [0.000625, 0.0275, 0.35, 1.0])
-    """
+    """Return the filters of linear ADRC, ωc in rad/s: a family with the time constant 1/ωo."""
     m, wc = _order(order), _bandwidth(controller_bandwidth, "controller_bandwidth")
     # Tables with a row for each power of s and a column for each power of λ, both descending.
     lag, observer = np.array([[1 / wc], [1.0]]), np.array([[1.0, 0.0], [0.0, 1.0]])
@@ -272,12 +257,6 @@ def adrc_chart(
         bandwidths, gains, borders, regions, lines, labels,
         lambda bandwidth, gain: chart.count_at(1 / bandwidth, 1 / gain),
     )  # fmt: skip
-
-
-def high_frequency_gain(process: Any) -> tuple[int, float]:
-    """Return relative degree and leading coefficient of a process: its natural m and b0."""
-    G = as_fraction(undelayed(process)[0], "process")
-    return G.relative_degree, float(G.num[0] / G.den[0])
 
 
 def _order(order: Any) -> int:

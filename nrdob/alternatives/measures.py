@@ -15,22 +15,18 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from ..analysis import step_response
-from ..diagram import LoopEquations
-from ..numerics import FloatArray
+from ..diagram import LoopEquations, Quotient
+from ..numerics import FloatArray, QuasiPolynomial
 
 __all__ = ["LoadErrors", "load_errors"]
 
-ACCURACY = 1e-4
-"""How well the known integrals must come out, against the area and the energy."""
-
-TIMES, ROUNDS = 500, 6
-"""Times in the first sum, and how often their number is doubled."""
+ACCURACY = 1e-4  # how well the known integrals must come out, against the area and the energy
+TIMES, ROUNDS = 500, 6  # times in the first sum, and how often their number is doubled
 
 SETTLING, DEAD_TIMES = 16.0, 10.0
 """Length of the response, in time constants of the slowest mode and in dead times."""
 
-EARLIEST = 1e-6
-"""First time after 0, against the last."""
+EARLIEST = 1e-6  # first time after 0, against the last
 
 
 class LoadErrors(NamedTuple):
@@ -38,10 +34,8 @@ class LoadErrors(NamedTuple):
 
     Attributes
     ----------
-    iae : float
-        :math:`\int |y|\,dt`, to 1e-4 of itself; inf where an offset stays.
-    ise : float
-        :math:`\int y^2\,dt`.
+    iae, ise : float
+        :math:`\int |y|\,dt`, to 1e-4 of itself, and :math:`\int y^2\,dt`.
     """
 
     iae: float
@@ -82,7 +76,10 @@ def load_errors(loop: LoopEquations) -> LoadErrors:
     ise = loop.S_delta.step_energy()
     if ise == inf:
         return LoadErrors(inf, inf)
-    area, last = _area(loop), _horizon(loop)
+    # The integral of y is S_δ(s)/s at s = 0.
+    s = QuasiPolynomial(np.array([1.0, 0.0]))
+    area = Quotient(loop.S_delta.num, (*loop.S_delta.den, s)).dc_gain
+    last = _horizon(loop)
     breaks = loop.delay * np.arange(1, 9)
     for doubled in range(ROUNDS):
         count = TIMES << doubled
@@ -100,15 +97,6 @@ def load_errors(loop: LoopEquations) -> LoadErrors:
         f"the response to a load over {last:g} s has more swings than {3 * count} times resolve: "
         "the loop is all but unstable"
     )
-
-
-def _area(loop: LoopEquations) -> float:
-    r"""Integral of y, :math:`S_\delta(s)/s` at s = 0."""
-    S = loop.S_delta
-    if S.zeros_at_origin > 1:
-        return 0.0
-    num, den = (np.prod([p.without_origin.constant for p in part]) for part in (S.num, S.den))
-    return float(num / den)
 
 
 def _horizon(loop: LoopEquations) -> float:

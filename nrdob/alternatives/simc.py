@@ -37,25 +37,16 @@ import numpy as np
 
 from ..diagram import as_fraction, nonzero, real_number, undelayed
 from ..loop import NRDOB
-from ..numerics import FloatArray, QuasiPolynomial, written
+from ..numerics import ComplexArray, FloatArray, QuasiPolynomial, written
 from .structures import controller_alone
 
 __all__ = ["LagModel", "half_rule", "simc_pi", "simc_pid"]
 
-REAL = 0.01
-"""Imaginary part of a root, against its size, that may be left out: a damping ratio of 0.99995."""
-
-CLOSE = 1.6
-"""Ratio of a zero's time constant to a smaller lag from which it is not close any more."""
-
-ROUNDED = 1e-3
-"""How well a time constant is known that is one of several equal ones."""
-
-SHORT = 5.0
-"""Times θ: a zero's time constant from which a lag and a zero are both slow."""
-
-DERIVATIVE, LOOP = 10.0, 2.0
-"""τD, and τc, over the time constant of the derivative's filter, at least."""
+REAL = 0.01  # imaginary part of a root, against its size, left out: a damping of 0.99995
+CLOSE = 1.6  # ratio of a zero's time constant to a smaller lag from which it is not close any more
+ROUNDED = 1e-3  # how well a time constant is known that is one of several equal ones
+SHORT = 5.0  # times θ: a zero's time constant from which a lag and a zero are both slow
+DERIVATIVE, LOOP = 10.0, 2.0  # τD, and τc, over the derivative's filter, at least
 
 
 class LagModel(NamedTuple):
@@ -238,28 +229,29 @@ def _lags(den: FloatArray) -> list[float]:
             f"the process has a pole at {written(complex(poles[0]))}; these rules are for stable "
             "or integrating processes: use an observer, or nrdob.alternatives.linear_adrc"
         )
-    odd = poles[np.abs(poles.imag) > REAL * np.abs(poles)]
-    if odd.size:
-        raise ValueError(
-            f"the process has poles at {written(complex(odd[0]))}; these rules are for "
-            "lags, without oscillation: design for a process with real poles"
-        )
-    return [*(-1 / poles.real).tolist(), *[inf] * p.zeros_at_origin]
+    refusal = (
+        "poles at {}; these rules are for lags, without oscillation: design for a process with "
+        "real poles"
+    )
+    return _times(poles, refusal) + [inf] * p.zeros_at_origin
 
 
 def _zeros(num: FloatArray) -> list[float]:
     """Time constants T of zeros, in (T s + 1): negative for zeros in the right half plane."""
     p = QuasiPolynomial(num)
-    roots = p.without_origin.roots
     if p.zeros_at_origin:
         raise ValueError("the process has a zero at s = 0: no controller holds a load there")
+    return _times(
+        p.roots, "zeros at {}; these rules take real ones: design for a process without them"
+    )
+
+
+def _times(roots: ComplexArray, refusal: str) -> list[float]:
+    """-1/s of real roots, or say what the process has."""
     odd = roots[np.abs(roots.imag) > REAL * np.abs(roots)]
     if odd.size:
-        raise ValueError(
-            f"the process has zeros at {written(complex(odd[0]))}; these rules take real ones: "
-            "design for a process without them"
-        )
-    return (-1 / roots.real).tolist() if roots.size else []
+        raise ValueError(f"the process has {refusal.format(written(complex(odd[0])))}")
+    return [float(-1 / root) for root in roots.real]
 
 
 def _cancel(zero: float, lags: list[float], closed_loop_time: float) -> float:

@@ -18,40 +18,26 @@ import numpy as np
 
 from ..analysis import noise_variance, quotient_margins
 from ..design import Bracket, solved
-from ..diagram import (
-    DelayedTransferFunction,
-    LowPassFilter,
-    as_fraction,
-    real_number,
-    undelayed,
-)
+from ..diagram import DelayedTransferFunction, LowPassFilter, as_fraction, real_number
 from ..loop import NRDOB
 from ..numerics import QuasiPolynomial, count_rhp
-from .adrc import high_frequency_gain, linear_adrc
+from .adrc import linear_adrc
 from .simc import half_rule, simc_pi, simc_pid
 from .structures import controller_alone, conventional_observer
 
 __all__ = ["Scheme", "Tuned", "candidates", "checked_limits", "tune"]
 
-PER_DECADE = 6
-"""Values of the parameter tried in a decade."""
+PER_DECADE = 6  # values of the parameter tried in a decade
 
 BEYOND = 100.0
 """How much faster than the fastest of the plant a candidate is tried, and slower than the slowest.
 
 For the gain of C, how much larger and smaller than the one that is given."""
 
-RATIO = 4.0
-"""ωo over ωc of ADRC; three to ten are usual."""
-
-LOOKED_AT = 120
-"""Frequencies at which a loop is looked at, before its peak is computed."""
-
-UNSTABLE = -1e4
-"""Slack of a loop that is not stable, below that of any stable one."""
-
-ENDLESS = -1e3
-"""Slack of a loop whose u is endlessly noisy."""
+RATIO = 4.0  # ωo over ωc of ADRC; three to ten are usual
+LOOKED_AT = 120  # frequencies at which a loop is looked at, before its peak is computed
+UNSTABLE = -1e4  # slack of a loop that is not stable, below that of any stable one
+ENDLESS = -1e3  # slack of a loop whose u is endlessly noisy
 
 
 @dataclass(frozen=True)
@@ -267,10 +253,7 @@ def checked_limits(max_ms: Any, max_noise: Any) -> None:
 def _slack(
     loop: NRDOB, band: tuple[float, float], max_ms: Any, max_noise: Any, shaping: Any
 ) -> float:
-    """Logarithm of limit over value, the smaller of the two; negative where one is not kept.
-
-    Where a peak seen at a few frequencies is too high already, it is that of these.
-    """
+    """Logarithm of limit over value, or over what a few frequencies show if that is too high."""
     if loop.ill_posed or not all(map(_on_the_left, (loop.p_A, loop.p_B))):
         return UNSTABLE
     found = -UNSTABLE
@@ -308,10 +291,9 @@ def _on_the_left(p: QuasiPolynomial) -> bool:
 
 def _integrators(loop: NRDOB) -> tuple[int, float]:
     """Return the order and b0 that fit a process, for linear ADRC."""
-    for block in (loop.process, loop.model):
-        order, b0 = high_frequency_gain(block)
-        zeros = QuasiPolynomial(as_fraction(undelayed(block)[0], "process").num).roots
-        if 1 <= order <= 2 and not (zeros.real > 0).any():
+    for num, den in (loop.fractions.G, loop.fractions.Gm):
+        order, b0 = den.size - num.size, float(num[0] / den[0])
+        if 1 <= order <= 2 and not (QuasiPolynomial(num).roots.real > 0).any():
             return order, b0
     try:
         reduced = half_rule(loop.process, 2, 1 / max(_speeds(loop)))

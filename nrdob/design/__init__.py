@@ -17,11 +17,7 @@ from .fastest import design_filter
 from .models import ModelCandidate, suggest_model
 from .peaks import peak_gain, step_peak
 from .search import Bracket, admissible_time_constants, solved
-from .timeconstants import (
-    CriticalTimeConstant,
-    critical_time_constants,
-    stabilizing_time_constants,
-)
+from .timeconstants import CriticalTimeConstant, critical_time_constants, stabilizing_time_constants
 from .youla import ObserverForm, observer_form, stable_model_exists
 
 __all__ = [

@@ -32,14 +32,9 @@ __all__ = ["Axis", "Border", "Region", "StabilityChart", "stability_chart"]
 if TYPE_CHECKING:
     from ..plotting import Figure
 
-LARGEST = 300.0
-"""Bound of the logarithm of a sensitivity, so that nothing overflows."""
-
-MS_GRID = 44
-"""Points to an axis at which Ms is computed."""
-
-SMALLEST = 4
-"""Pixels of the smallest region that is counted."""
+LARGEST = 300.0  # bound of the logarithm of a sensitivity, so that nothing overflows
+MS_GRID = 44  # points to an axis at which Ms is computed
+SMALLEST = 4  # pixels of the smallest region that is counted
 
 
 @dataclass(frozen=True)
@@ -52,10 +47,8 @@ class Region:
         Roots of p_B in the right half plane; infinite beyond a neutral border.
     exact : bool
         False where there are `count` or more, and curves too close to be drawn.
-    x, y : float
-        A point well inside.
-    share : float
-        Part of the chart that it covers, on its axes.
+    x, y, share : float
+        A point well inside, and the part of the chart that it covers, on its axes.
     """
 
     count: float
@@ -118,10 +111,8 @@ class StabilityChart:
 
         Parameters
         ----------
-        title : str
-            Written above the chart.
-        ax : matplotlib axes, optional
-            Where to draw.
+        title, ax : str; matplotlib axes, optional
+            Written above the chart; where to draw.
         """
         from ..plotting import chart_plot
 
@@ -151,8 +142,7 @@ def stability_chart(
     process, model : as for `nrdob.NRDOB`
         G and G̃, both with or without dead time.
     filter : as for `nrdob.NRDOB`, or FilterFamily, or int
-        F; where its time constant is on an axis, a family, an order, or a LowPassFilter, whose
-        order is taken.
+        F; where its time constant is on an axis, a family, an order, or a LowPassFilter of it.
     x, y : (name, low, high)
         Two of "time_constant" (λ of the filter, s), "gain" (a factor of the process), "delay" (its
         dead time, s, whatever it has) and "lag" (the time constant of an additional lag, s).
@@ -167,8 +157,7 @@ def stability_chart(
     Raises
     ------
     TypeError, ValueError
-        If a block cannot stand where it is put, an axis is none, or the frequencies that a dead
-        time asks for are too many.
+        If a block cannot stand where it is put, an axis is none, or a dead time turns too often.
     ArithmeticError
         If two counts within one region differ.
 

@@ -25,13 +25,7 @@ from typing import Any
 
 import numpy as np
 
-from ..diagram import (
-    FilterFamily,
-    LowPassFilter,
-    ObserverEquations,
-    as_family,
-    undelayed,
-)
+from ..diagram import FilterFamily, LowPassFilter, ObserverEquations, as_family, undelayed
 from ..numerics import (
     ComplexArray,
     FloatArray,
@@ -60,39 +54,21 @@ from .mismatchgrid import Frequencies
 
 __all__ = ["MANY_ROOTS", "ChartLoops", "borders_of", "most_turns"]
 
-PER_DECADE, PER_TURN = 48, 24
-"""Density of the frequencies, and frequencies to a turn of a dead time that is fixed."""
-
-MANY = 20_000
-"""So many frequencies, or curves, are too many."""
-
-SLAB = 64
-"""Loops whose roots are counted at once."""
-
-MANY_ROOTS = 80
-"""Where the curves of a dead time are too many, at least so many roots are unstable."""
-
-LAMBDAS = 160
-"""Number of λ over an axis."""
-
-AT_ONCE = 256
-"""Turns of the dead time whose curves are drawn at once."""
-
-FEW = PIXELS // 2
-"""Turns of the dead time up to which all curves are drawn."""
-
-VALUES = 80
-"""Number of values of the other parameter for which the turns are counted."""
+PER_DECADE, PER_TURN = 48, 24  # density of frequencies, and those to a turn of a fixed dead time
+MANY = 20_000  # so many frequencies, or curves, are too many
+SLAB = 64  # loops whose roots are counted at once
+MANY_ROOTS = 80  # where the curves of a dead time are too many, at least so many roots are unstable
+LAMBDAS = 160  # number of λ over an axis
+AT_ONCE = 256  # turns of the dead time whose curves are drawn at once
+FEW = PIXELS // 2  # turns of the dead time up to which all curves are drawn
+VALUES = 80  # number of values of the other parameter for which the turns are counted
 
 Curve = tuple[FloatArray, FloatArray, FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
 class ChartLoops:
-    """All loops of a chart: the mismatch is that of the process without its dead time.
-
-    `fixed` holds the parameters as they are where they are on no axis.
-    """
+    """All loops of a chart; `fixed` has the parameters that are on no axis, with the dead time."""
 
     mismatch: Mismatch
     fixed: dict[str, float]

@@ -17,27 +17,17 @@ from ..numerics import ComplexArray, FloatArray, IntArray, QuasiPolynomial, is_r
 
 __all__ = ["design_controller"]
 
-SLOWEST_INTEGRAL = 5.0
-"""Largest Ti·ω: the integral action takes at least atan(1/5), 11°, at the crossover."""
-
-LARGEST_RATIO = 10.0
-"""Largest ratio of the two corners of the lead, derivative and its filter."""
+SLOWEST_INTEGRAL = 5.0  # largest Ti·ω: the integral action takes at least 11°, atan(1/5)
+LARGEST_RATIO = 10.0  # largest ratio of the two corners of the lead, derivative and its filter
 
 INTEGRAL_LAG = degrees(atan(1 / SLOWEST_INTEGRAL))
 MOST_AHEAD = degrees(asin((LARGEST_RATIO - 1) / (LARGEST_RATIO + 1))) - INTEGRAL_LAG
 """By how much a PID can be ahead at the crossover, in degrees: 43.6."""
 
-CROSSOVERS, PER_DECADE = 48, 32
-"""Crossovers tried, and frequencies at which each loop is looked at, in a decade."""
-
-ROUGH = 2.0
-"""How many degrees a phase margin read off the frequencies may be too small."""
-
-LOWERED, LOWEST = 0.7, 1e-6
-"""Step by which a gain is lowered, and the smallest that is tried, against where it began."""
-
-TRIED = 8
-"""Samples of a run that are judged exactly until one is good."""
+CROSSOVERS, PER_DECADE = 48, 32  # crossovers tried, and frequencies of each loop, in a decade
+ROUGH = 2.0  # how many degrees a phase margin read off the frequencies may be too small
+LOWERED, LOWEST = 0.7, 1e-6  # step by which a gain is lowered, and the smallest tried
+TRIED = 8  # samples of a run that are judged exactly until one is good
 
 
 @dataclass(frozen=True)
@@ -47,6 +37,11 @@ class _Design:
     controller: ct.TransferFunction
     integral_gain: float
     found: Margins
+
+    def keeps(self, phase_margin: float, max_ms: float = inf) -> bool:
+        """Tell whether the loop is stable with these margins."""
+        enough = self.found.pm >= phase_margin * (1 - 1e-6)
+        return bool(self.found.stable and enough and self.found.ms <= max_ms)
 
 
 def design_controller(
@@ -144,7 +139,7 @@ def design_controller(
             f"{phase_margin:g}° stabilises the model{needed}: choose another bandwidth"
         )
     best = max(stable, key=lambda design: design.found.pm)
-    if best.found.pm < phase_margin * (1 - 1e-6):
+    if not best.keeps(phase_margin):
         raise ValueError(
             f"|C·model| is 1 at {best.found.wgc:.4g} rad/s, too, where the phase margin is only "
             f"{best.found.pm:.1f}°: choose another bandwidth"
@@ -160,11 +155,6 @@ def design_controller(
 def _calmed(model: Fraction, design: _Design, phase_margin: float, max_ms: float) -> _Design:
     """Lower the gain until the sensitivity peaks at `max_ms` at most."""
 
-    def kept(tried: _Design) -> bool:
-        found = tried.found
-        calm = found.ms <= max_ms and found.pm >= phase_margin * (1 - 1e-6)
-        return bool(found.stable and calm)
-
     def lowered(factor: float) -> _Design:
         controller = factor * design.controller
         return _Design(controller, factor * design.integral_gain, _judged(model, controller))
@@ -172,7 +162,7 @@ def _calmed(model: Fraction, design: _Design, phase_margin: float, max_ms: float
     if design.found.ms <= max_ms:
         return design
     high, low = 1.0, LOWERED
-    while not kept(best := lowered(low)):
+    while not (best := lowered(low)).keeps(phase_margin, max_ms):
         if low < LOWEST:
             raise ValueError(
                 f"no lower gain brings the sensitivity peak below {max_ms:g}, it is "
@@ -182,7 +172,7 @@ def _calmed(model: Fraction, design: _Design, phase_margin: float, max_ms: float
         high, low = low, low * LOWERED
     while high - low > 1e-6 * high:
         middle = (low + high) / 2
-        if kept(tried := lowered(middle)):
+        if (tried := lowered(middle)).keeps(phase_margin, max_ms):
             low, best = middle, tried
         else:
             high = middle
@@ -216,9 +206,8 @@ def _design(model: Fraction, omega: float, phase: float, sign: int) -> _Design:
 
 def _judged(model: Fraction, controller: ct.TransferFunction) -> Margins:
     """Margins of C·G̃."""
-    loop = LoopEquations(
-        model, model, controller, LowPassFilter(1.0, max(1, model.relative_degree))
-    )
+    filter = LowPassFilter(1.0, max(1, model.relative_degree))
+    loop = LoopEquations(model, model, controller, filter)
     verdict = judge("C Gm", loop.CGm.den, loop.p_A, loop.ill_posed_model_loop)
     return quotient_margins(loop.CGm, verdict.stable)
 
@@ -257,12 +246,7 @@ def _largest_integral_gain(model: Fraction, phase_margin: float) -> _Design:
 
 
 def _best_of_run(
-    model: Fraction,
-    turn: float,
-    sign: int,
-    omega: FloatArray,
-    gain: FloatArray,
-    run: IntArray,
+    model: Fraction, turn: float, sign: int, omega: FloatArray, gain: FloatArray, run: IntArray
 ) -> list[_Design]:
     """Refine the largest integral gain around the best sample of a run; empty if none is good."""
 
@@ -274,27 +258,27 @@ def _best_of_run(
         at = np.exp(exponent)
         return float(_integral_gain(model, at, _missing_phase(model, at, turn, sign)))
 
-    def keeps(tried: _Design) -> bool:
-        return bool(tried.found.stable and tried.found.pm >= abs(turn) * (1 - 1e-6))
+    def keeps(exponent: float) -> bool:
+        return design(exponent).keeps(abs(turn))
 
     order = run[np.argsort(-gain[run], kind="stable")]
     # Beside the end of a run the rough margin may be a little too good.
-    best = next((k for k in order[:TRIED].tolist() if keeps(design(log(omega[k])))), None)
+    best = next((k for k in order[:TRIED].tolist() if keeps(log(omega[k]))), None)
     if best is None:
         return []
     inside = log(omega[best])
     ends = []
     for neighbour in (max(best - 1, 0), min(best + 1, omega.size - 1)):
         good, beyond = inside, log(omega[neighbour])
-        if keeps(design(beyond)):
+        if keeps(beyond):
             good = beyond  # the top may lie in between, but no end
         while abs(beyond - good) > 1e-9:
             middle = (good + beyond) / 2
-            good, beyond = (middle, beyond) if keeps(design(middle)) else (good, middle)
+            good, beyond = (middle, beyond) if keeps(middle) else (good, middle)
         ends.append(good)
     top = minimize_scalar(lambda x: -integral_gain(x), bounds=ends, method="bounded")
     tried = [design(x) for x in (inside, *ends, float(top.x))]
-    return [each for each in tried if keeps(each)]
+    return [each for each in tried if each.keeps(abs(turn))]
 
 
 def _frequencies(model: Fraction, per_decade: int) -> FloatArray:

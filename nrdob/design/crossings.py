@@ -17,37 +17,31 @@ from scipy.optimize import linear_sum_assignment
 
 from ..numerics import BoolArray, ComplexArray, FloatArray, IntArray, bisect, side
 from .columns import positive_roots, root_near, roots_of_columns, values_and_slopes
-from .familytables import summed, taylor, wide, width
+from .familytables import summed, taylor, wide
 from .mismatch import Mismatch
 
 __all__ = ["Branches", "CriticalTimeConstant", "crossings"]
 
-CLEAR = 0.35
-"""How far a branch may move between two frequencies, against its distance from the others."""
+CLEAR = 0.35  # how far a branch may move in a step, against its distance from the others
 
 AWAY = 2.0
 """By how much the way to the line and back must be longer than how far a branch moves between two
 frequencies, for it to be no matter which one it is."""
 
-NEAR = 0.3
-"""Cosine of the angle to the line below which a branch may touch it between two frequencies."""
-
-ZOOMS, ACROSS = 9, 13
-"""How often the bottom of a dip is looked at more closely, and at how many frequencies."""
+NEAR = 0.3  # cosine of the angle to the line below which a branch may touch it in a step
+ZOOMS, ACROSS = 9, 13  # how often a dip is looked at more closely, at how many frequencies
 
 CUTS, PARTS, NARROWEST, MOST = 18, 4, 1e-10, 8
 """How often a step in frequency is cut until it is clear who is who, into how many parts, its least
 width, and how many times more frequencies that may take."""
 
-ROUNDING = 1e-12
-"""Bound of the rounding error of n roots that are one, to the power n, against their size."""
+ROUNDING = 1e-12  # rounding error of n roots that are one, to the power n, against their size
 
 ROUGH, STEP, FARTHEST = 1e-11, 1e-15, 1e-3
 """Bound of the rounding error of a critical λ from which it is found exactly; step of the frequency
 for that, and by how much it may differ at most."""
 
-JUMP = 1e-6
-"""Distance from the line, against the branch's own size, at which a change of side is a jump."""
+JUMP = 1e-6  # distance from the line, against the branch's size, that makes it a jump
 
 
 class CriticalTimeConstant(NamedTuple):
@@ -70,20 +64,14 @@ class CriticalTimeConstant(NamedTuple):
 
 
 def crossings(mismatch: Mismatch, omega: FloatArray, floor: float) -> list[CriticalTimeConstant]:
-    """Find all critical time constants above a floor, increasing.
-
-    No crossing may hide between two of the frequencies.
-    """
+    """Find all critical λ above a floor, increasing; none may hide between two frequencies."""
     found = _on_axis(Branches.on(mismatch, omega)) + _through_ends(mismatch)
     return sorted(c for c in found if c.time_constant > floor)
 
 
 @dataclass(frozen=True, eq=False)
 class Branches:
-    """The branches jωλ of a family, (n, N), over a grid of frequencies, (N,).
-
-    There are more frequencies than were asked for where branches come close to each other.
-    """
+    """The branches jωλ of a family, (n, N), at frequencies, (N,), dense where they are close."""
 
     mismatch: Mismatch
     omega: FloatArray
@@ -213,10 +201,7 @@ def _on_axis(branches: Branches) -> list[CriticalTimeConstant]:
 
 
 def _exactly(mismatch: Mismatch, omega: FloatArray, critical: FloatArray) -> FloatArray:
-    """Find critical λ beside a pole of R, where λ(ω) is so steep that ω itself is too coarse.
-
-    By a secant through two neighbouring frequencies, to where λ is real.
-    """
+    """Find critical λ by a secant beside a pole of R, where for a steep λ(ω) ω is too coarse."""
     if not omega.size:
         return critical
     one, other = (
@@ -365,4 +350,5 @@ def _pair_at_infinity(mismatch: Mismatch, critical: float, slopes: tuple[float, 
 def _degree(mismatch: Mismatch) -> int:
     """Highest power of s in p_B for most λ."""
     parts = [(mismatch.E, mismatch.a), *((mismatch.Nf, p) for p, _ in mismatch.behind)]
-    return max(width(table) + p.size for table, p in parts if p.any()) - 2 - mismatch.divided
+    highest = max(wide(table).shape[1] + p.size for table, p in parts if p.any()) - 2
+    return int(highest - mismatch.divided)

@@ -25,12 +25,10 @@ __all__ = [
     "summed",
     "taylor",
     "wide",
-    "width",
     "without_shared",
 ]
 
-GENERIC = (0.71, 1.93, 0.31)
-"""Time constants, against the typical one, at which a factor must be shared to be so at all."""
+GENERIC = (0.71, 1.93, 0.31)  # λ, against the typical one, at all of which a factor is shared
 
 OWN, TRIED = "own", (1.0, 0.1, 10.0, 1e-2, 1e2, 1e-3, 1e3)
 """The only kind whose filters may be unstable, and the λ of which one should not be."""
@@ -71,10 +69,7 @@ def taylor(delay: float, count: int) -> FloatArray:
 
 
 def without_shared(table: FloatArray, block: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Divide a family's polynomial and one of the model by what they share for every λ.
-
-    Integrators stay where they are. All roots of a p(λs) change with λ.
-    """
+    """Divide a family's polynomial and one of the model by what they share for every λ but s."""
     model = QuasiPolynomial(block).without_origin
     held = block.size - model.q.size
     if model.q.size == 1 or np.array_equal(table, np.diag(np.diagonal(table))):
@@ -114,11 +109,6 @@ def wide(table: FloatArray) -> FloatArray:
     """Leave out the powers of s that no λ needs."""
     used = np.flatnonzero(table.any(axis=0))
     return table[:, used[0] :] if used.size else table[:, -1:]
-
-
-def width(table: FloatArray) -> int:
-    """Count the powers of s up to the highest that some λ needs."""
-    return int(wide(table).shape[1])
 
 
 def rows(table: FloatArray, s: Any) -> Any:

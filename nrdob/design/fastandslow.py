@@ -35,20 +35,11 @@ from .mismatch import Mismatch
 
 __all__ = ["gain_bound", "stable_for_fast_filters", "stable_for_slow_filters"]
 
-SIDEWAYS = 1e-10
-"""Share of a root's motion off the axis below which the motion is along it, within rounding."""
-
-CLUSTER = 1e-4
-"""Relative distance within which roots on the axis count as one multiple root."""
-
-FAR = 1e3
-"""Frequency, against the largest pole or zero, at which R is only its leading terms."""
-
-SIMPLE, EXACT = 12, 1e-9
-"""Largest denominator of a simple ratio of dead times, and how closely it must be met."""
-
-SCANNED = 20_001
-"""Points at which the curve (1 + jξ)^n is looked at."""
+SIDEWAYS = 1e-10  # share of a root's motion off the axis that may be rounding
+CLUSTER = 1e-4  # relative distance within which roots on the axis count as one multiple root
+FAR = 1e3  # frequency, against the largest pole or zero, at which R is only its leading terms
+SIMPLE, EXACT = 12, 1e-9  # largest denominator of a simple ratio of dead times, and how exact it is
+SCANNED = 20_001  # points at which the curve (1 + jξ)^n is looked at
 
 CHAINS = "ever more roots are unstable as λ falls"
 
@@ -322,7 +313,7 @@ def _first_decisive(answers: list[Answer]) -> Answer:
 
 def _roots_near_origin(mismatch: Mismatch) -> Answer:
     """Tell where the roots of n λ a(0) + N·Dm/s go that tend to 0 as λ falls."""
-    b = QuasiPolynomial(mismatch.delayed)
+    b = QuasiPolynomial(mismatch.b[: mismatch.b.size - mismatch.divided])
     count = b.zeros_at_origin if mismatch.integrator else 0
     if not count:
         return Answer(True, "no root of the limit is at s = 0")
@@ -461,6 +452,5 @@ def _tends_to_1(mismatch: Mismatch, sign: int) -> Answer:
     if sign * abs(R) ** 2 + 2 * R.real < 0:
         return Answer(False, f"{size} from {side}: {CHAINS}")
     return Answer(
-        None,
-        f"{size} at high frequency; take a model of the same relative degree as the process",
+        None, f"{size} at high frequency; take a model of the same relative degree as the process"
     )

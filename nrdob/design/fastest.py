@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cache, reduce
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 import control as ct
 import numpy as np
@@ -24,33 +24,15 @@ from .timeconstants import intersection
 
 __all__ = ["design_filter"]
 
-EXTRA_ORDERS = 2
-"""How many orders above the lowest causal one are tried where none is asked for."""
-
-MET = 1e-6
-"""By how much Ms of a plant that decides may exceed the limit, relatively."""
-
-MOST = 60
-"""Plants that may decide."""
+EXTRA_ORDERS = 2  # how many orders above the lowest causal one are tried where none is asked for
+MET = 1e-6  # by how much Ms of a plant that decides may exceed the limit, relatively
+MOST = 60  # plants that may decide
 
 Filters = int | FilterFamily
 
 
-@runtime_checkable
-class _Family(Protocol):
-    """Plants whose peaks are computed together, such as `nrdob.uncertain.Family`."""
-
-    def __len__(self) -> int: ...
-    def __getitem__(self, k: int) -> Any: ...
-    def peaks(self, model: Any, filter: Any) -> FloatArray: ...
-
-
 def design_filter(
-    process: Any,
-    model: Any,
-    *,
-    max_ms: float,
-    order: Filters | Sequence[Filters] | None = None,
+    process: Any, model: Any, *, max_ms: float, order: Filters | Sequence[Filters] | None = None
 ) -> LowPassFilter | ct.TransferFunction:
     r"""Find the filter that rejects most with a limited peak of the sensitivity.
 
@@ -125,7 +107,7 @@ def _several(process: Any) -> bool:
     """Tell a family or a list of blocks from a block, which may be a pair of lists."""
     blocks = ct.TransferFunction | ct.StateSpace | DelayedTransferFunction
     listed = isinstance(process, list | tuple) and all(isinstance(p, blocks) for p in process)
-    return listed or isinstance(process, _Family)
+    return listed or hasattr(process, "peaks")
 
 
 def _orders(process: Any, model: Any, order: Any) -> Sequence[Filters]:
@@ -180,8 +162,8 @@ def _fast(search: FilterSearch, low: float, high: float) -> float:
 
 def _peaks(plants: Any, model: Any, filter: Any) -> FloatArray:
     """Ms of every plant; inf where the loop is not known to be stable."""
-    if isinstance(plants, _Family):
-        return plants.peaks(model, filter)
+    if hasattr(plants, "peaks"):  # of a family they are computed together
+        return np.asarray(plants.peaks(model, filter))
     ms = np.full(len(plants), np.inf)
     for k, plant in enumerate(plants):
         if judge_observer(plant, model, filter).stable:

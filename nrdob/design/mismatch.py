@@ -27,13 +27,7 @@ from typing import Any
 
 import numpy as np
 
-from ..diagram import (
-    FilterFamily,
-    ObserverEquations,
-    as_family,
-    as_fraction,
-    undelayed,
-)
+from ..diagram import FilterFamily, ObserverEquations, as_family, as_fraction, undelayed
 from ..numerics import (
     BoolArray,
     ComplexArray,
@@ -52,13 +46,13 @@ from .familytables import (
     rows,
     stable_member,
     taylor,
+    wide,
     without_shared,
 )
 
 __all__ = ["Mismatch"]
 
-ERROR = 64 * float(np.finfo(float).eps)
-"""Bound of the rounding error of a polynomial's value, against the sum of its terms' sizes."""
+ERROR = 64 * float(np.finfo(float).eps)  # rounding error of a value, against its terms' sizes
 
 Factors = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
@@ -67,22 +61,11 @@ Factors = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 class Mismatch:
     """The ratio R = G/G̃ = b/a · exp(-(θ - θm)s) and a family of filters.
 
-    Attributes
-    ----------
-    factors : tuple of arrays
-        N, D, Nm and Dm, without what cancels inside the blocks but for the m integrators; those
-        that process and model have in common are in no factor. Their roots say where R changes.
-    delay, wait : float
-        θ and θm in seconds.
-    family : FilterFamily
-        The filters.
-    zeros : array of float
-        All of Nm.
-    E, Nf : (K, m) array of float
-        Row k holds the coefficients of λ^k, descending in s. E is all of Df where the model has a
-        dead time, else Df - Nf.
-    divided : int
-        m.
+    The factors N, D, Nm and Dm are without what cancels inside the blocks but for m integrators;
+    those that process and model have in common are in no factor. Their roots say where R changes.
+    `zeros` is all of Nm, `delay` and `wait` are θ and θm in seconds, `divided` is m. Row k of E and
+    Nf holds the coefficients of λ^k, descending in s; E is all of Df where the model has a dead
+    time, else Df - Nf.
     """
 
     factors: Factors
@@ -159,11 +142,6 @@ class Mismatch:
         return multiplied(self.factors[0], self.factors[3])
 
     @property
-    def delayed(self) -> FloatArray:
-        """Coefficients of b divided by s^m."""
-        return self.b[: self.b.size - self.divided]
-
-    @property
     def integrator(self) -> bool:
         """Whether integrators of the model cancel inside (1 - F)·model that the process has not."""
         return self.divided > 0
@@ -191,10 +169,7 @@ class Mismatch:
 
     @cached_property
     def speeds(self) -> FloatArray:
-        """Sizes of all roots and 1/θ, 1/θm, in rad/s; 1 where there are none.
-
-        The roots that the family's coefficients have in s are among them.
-        """
+        """Sizes of all roots, those of the family too, and 1/θ, 1/θm, in rad/s; 1 for none."""
         rows = [row for table in (self.E, self.Nf) for row in table if np.count_nonzero(row) > 1]
         own = [QuasiPolynomial(np.trim_zeros(row, "f")).without_origin.roots for row in rows]
         delays = [1 / delay for delay in (self.delay, self.wait) if delay]
@@ -261,10 +236,7 @@ class Mismatch:
     # On the imaginary axis: a polynomial in λ at each frequency.
 
     def coefficients(self, omega: FloatArray, *, exact: bool = False) -> ComplexArray:
-        """Coefficients of λ^k in p_B(jω), ascending, each frequency a column.
-
-        `exact` evaluates the factors without rounding, which takes long.
-        """
+        """Coefficients of λ^k in p_B(jω), ascending, frequencies in columns; `exact` takes long."""
         (a, b, waits), (E, Nf) = self._apart(omega, exact), self._tables(omega)
         return np.asarray(a * E + (b + waits) * Nf)
 
@@ -293,11 +265,6 @@ class Mismatch:
             sum(row * power for row, power in zip(table, powers, strict=True)) for table in (E, Nf)
         )
         return a * E, b * Nf, waits * Nf
-
-    def filters(self, s: complex, time_constant: FloatArray) -> tuple[Any, Any]:
-        """Values of E and Nf for many filters at one point."""
-        powers = time_constant ** np.arange(len(self.E))[:, None]
-        return np.polyval(self.E.T, s) @ powers, np.polyval(self.Nf.T, s) @ powers
 
     def off_gain(self, omega: FloatArray, gain: float = 1.0) -> FloatArray:
         """Coefficients in λ, ascending, each frequency a column, of ``|a E|^2 - |b Nf/gain|^2``.
@@ -361,18 +328,24 @@ class Mismatch:
     def highest(
         self, time_constant: FloatArray, *, lagging: bool = False
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Coefficients of the highest power of s in p_B of the three `terms`, for many filters.
+        """Values of what is `leading` for many filters."""
+        ahead, behind, waits = (
+            np.polyval(p[::-1], time_constant) for p in self.leading(lagging=lagging)
+        )
+        return ahead, behind, waits
+
+    def leading(self, *, lagging: bool = False) -> list[FloatArray]:
+        """Coefficients in λ, ascending, of the highest power of s in p_B of the three `terms`.
 
         D may be multiplied by an additional lag, whose time constant is left out.
         """
-        tables = [np.polyval(t[::-1], time_constant[:, None]) for t in (self.E, self.Nf, self.Nf)]
-        leads, degrees = [], []
-        factors = (self.a, self.b, -self.waiting)
-        for table, factor, more in zip(tables, factors, (lagging, False, lagging), strict=True):
-            used = int(np.flatnonzero(table.any(axis=0))[0])
-            leads.append(factor[0] * table[:, used])
-            degrees.append((factor.size + table.shape[1] - used if factor.any() else 0) + more)
-        ahead, behind, waits = (
-            lead * (degree == max(degrees)) for lead, degree in zip(leads, degrees, strict=True)
-        )
-        return ahead, behind, waits
+        parts = [(self.E, self.a, lagging), (self.Nf, self.b, 0), (self.Nf, -self.waiting, lagging)]
+        tables = [wide(table) for table, *_ in parts]
+        degrees = [
+            (p.size + table.shape[1] if p.any() else 0) + more
+            for table, (_, p, more) in zip(tables, parts, strict=True)
+        ]
+        return [
+            table[:, 0] * p[0] * (degree == max(degrees))
+            for table, (_, p, _), degree in zip(tables, parts, degrees, strict=True)
+        ]

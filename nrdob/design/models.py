@@ -37,11 +37,8 @@ from .search import FilterSearch, checked_ms
 
 __all__ = ["ModelCandidate", "suggest_model"]
 
-GAINS = (1.0, 0.5, 0.25)
-"""Size of the model's DC gain against the process's, tried where the process is unstable."""
-
-DETUNING = 0.1
-"""How far a pole on the axis is moved to the left, against its size or the slowest one."""
+GAINS = (1.0, 0.5, 0.25)  # DC gains of the model tried where the process is unstable
+DETUNING = 0.1  # how far a pole on the axis is moved to the left, against its size
 
 
 @dataclass(frozen=True)
@@ -251,10 +248,7 @@ def _denominator(num: FloatArray, den: FloatArray, delay: float) -> tuple[FloatA
 
 
 def _without(p: FloatArray, roots: ComplexArray) -> FloatArray:
-    """Divide a polynomial by some of its roots, those at 0 exactly.
-
-    The others stay as they are given: a multiple root is not looked for.
-    """
+    """Divide a polynomial by some of its roots, those at 0 exactly, so that the others stay."""
     p = p[: p.size - int(np.sum(roots == 0))]
     divisor = _polynomial(roots[roots != 0])
     # Which end the division begins at decides whether slow or fast roots keep their accuracy.

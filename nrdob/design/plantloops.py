@@ -22,38 +22,17 @@ from .mismatchgrid import Frequencies
 
 __all__ = ["Distances", "PlantLoops"]
 
-EQUAL = 1e-13
-"""Relative difference of two values that may be rounding."""
-
-DEEPEST = 1.2
-"""A dip of ``|1 + L|`` may turn out the deepest if on the grid it is this close to it."""
-
-FARTHER = 1.5
-"""How many times larger L may be beside a frequency of the grid."""
-
-NARROW = 1e-9
-"""Width of a resonance, against its frequency, below which its residue is looked at."""
-
-NOISE = 1e-2
-"""Relative rounding error of L, beside a pole or zero on the axis, from which it is none."""
-
-FAR, SPARSE = 10, 4
-"""Decades beyond the frequencies of R, and frequencies in each, for filters so slow or fast."""
-
-WITHIN, BESIDE = 3.0, 25
-"""How far beside a resonance of L it is looked at, in widths of it, and at how many frequencies."""
-
-FOUND = 8
-"""Steps in which such a resonance is found."""
-
-ZOOMS, ACROSS = 6, 9
-"""How often a dip is looked at more closely, and at how many frequencies."""
-
-SETTLED = 1e-5
-"""Relative difference of three values from which they lie on a parabola."""
-
-AT_ONCE = 400_000
-"""Values of L that are held at a time."""
+EQUAL = 1e-13  # relative difference of two values that may be rounding
+DEEPEST = 1.2  # a dip of ``|1 + L|`` may turn out the deepest if on the grid it is this close to it
+FARTHER = 1.5  # how many times larger L may be beside a frequency of the grid
+NARROW = 1e-9  # width of a resonance, against its frequency, below which its residue is looked at
+NOISE = 1e-2  # relative rounding error of L, beside a root on the axis, that hides it
+FAR, SPARSE = 10, 4  # decades beyond, and frequencies in each, for filters so slow or fast
+WITHIN, BESIDE = 3.0, 25  # how far beside a resonance of L, in widths, at how many frequencies
+FOUND = 8  # steps in which such a resonance is found
+ZOOMS, ACROSS = 6, 9  # how often a dip is looked at more closely, and at how many frequencies
+SETTLED = 1e-5  # relative difference of three values from which they lie on a parabola
+AT_ONCE = 400_000  # values of L that are held at a time
 
 
 class Distances(NamedTuple):
@@ -194,7 +173,8 @@ class PlantLoops:
     def _residue(self, time_constants: FloatArray, root: complex) -> ComplexArray:
         """Residue ρ of each loop at a pole of R on the axis."""
         mismatch = self.mismatch
-        E, Nf = mismatch.filters(root, time_constants)
+        powers = time_constants ** np.arange(len(mismatch.E))[:, None]
+        E, Nf = (np.polyval(table.T, root) @ powers for table in (mismatch.E, mismatch.Nf))
         ahead = np.polyval(np.polyder(mismatch.a), root) * E
         if mismatch.wait:
             waiting = np.polyval(np.polyder(mismatch.waiting), root)

@@ -23,8 +23,8 @@ import numpy as np
 from scipy.optimize import brentq, elementwise
 
 from ..analysis import Margins, quotient_margins
-from ..diagram import FilterFamily, ObserverEquations
-from ..numerics import BoolArray, FloatArray, IntArray, bisect, is_real
+from ..diagram import FilterFamily, ObserverEquations, Quotient
+from ..numerics import BoolArray, FloatArray, IntArray, QuasiPolynomial, bisect, is_real
 from .mismatch import Mismatch
 from .mismatchgrid import Frequencies
 from .plantloops import PlantLoops
@@ -34,35 +34,16 @@ __all__ = ["Bracket", "FilterSearch", "admissible_time_constants", "checked_ms",
 
 Interval = tuple[float, float]
 
-PER_DECADE, DECADES = 16, 2
-"""How densely λ are tried, up to how far beyond the time constants of the plant."""
-
-FAR, SPARSE = 12, 2
-"""How many decades beyond these, and how densely, they are tried, too."""
-
-FINEST = 0.02
-"""Step of ln λ below which only extremes are looked into."""
-
-NEARLY = 0.3
-"""Logarithm of the limit over Ms within which an extreme may lie on the other side of 0."""
-
-SHORT = 1.01
-"""How far short of the smallest forbidden gain a dead time is followed: L may tend to just that."""
-
-FLAT = 1e-7
-"""Change of the slack from one λ to the next that may be rounding."""
-
-FEW = 1500
-"""Frequencies at which all λ may be tried without asking which are left."""
-
-BEFORE = 0.8
-"""From where dead times are followed farther, against the first λ that may be left."""
-
-BESIDE = 1e-8
-"""How well an end is known, in ln λ, where it need not be known better."""
-
-ROUNDING = (0.0, 1e-12, 1e-11, 1e-10, 1e-9, 1e-8)
-"""Steps inwards from an end, in ln λ, until rounding does not matter."""
+PER_DECADE, DECADES = 16, 2  # how densely λ are tried, how far beyond the plant's time constants
+FAR, SPARSE = 12, 2  # how many decades beyond these, and how densely, they are tried, too
+FINEST = 0.02  # step of ln λ below which only extremes are looked into
+NEARLY = 0.3  # ln of the limit over Ms within which an extreme may lie beyond 0
+SHORT = 1.01  # how far short of the smallest forbidden gain, which may be L(∞), one follows
+FLAT = 1e-7  # change of the slack from one λ to the next that may be rounding
+FEW = 1500  # frequencies at which all λ may be tried without asking which are left
+BEFORE = 0.8  # from where dead times are followed farther, against the first λ that may be left
+BESIDE = 1e-8  # how well an end is known, in ln λ, where it need not be known better
+ROUNDING = (0.0, 1e-12, 1e-11, 1e-10, 1e-9, 1e-8)  # steps inwards from an end, in ln λ
 
 
 def admissible_time_constants(
@@ -199,10 +180,8 @@ class FilterSearch:
         k = S.zeros_at_origin
         if k <= 0:
             return inf
-        num, den = (
-            np.prod([factor.without_origin.constant for factor in part]) for part in (S.num, S.den)
-        )
-        return float(abs(num / den) ** (1 / k))
+        power = QuasiPolynomial(np.append(1.0, np.zeros(k)))
+        return float(abs(Quotient(S.num, (*S.den, power)).dc_gain) ** (1 / k))
 
     @cached_property
     def admissible(self) -> list[Interval]:

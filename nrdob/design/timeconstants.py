@@ -29,8 +29,7 @@ __all__ = [
     "stable_filters",
 ]
 
-SAME = 1e-9
-"""Relative distance below which two critical time constants are one."""
+SAME = 1e-9  # relative distance below which two critical time constants are one
 
 
 def critical_time_constants(
@@ -176,15 +175,7 @@ def stabilizing_set(frequencies: Frequencies, floor: float) -> list[tuple[float,
 
 
 def stable_filters(family: FilterFamily) -> list[tuple[float, float]]:
-    """Find all λ for which the filters of a family are stable themselves.
-
-    Examples
-    --------
-    >>> from nrdob import filter_family
-    >>> resonant = filter_family("own", num=[1], den=[[1, 0, 0], [-1, 2, 0], 1])
-    >>> [(low, round(high, 6)) for low, high in stable_filters(resonant)]
-    [(0.0, 2.0)]
-    """
+    """Find all λ for which the filters of a family are stable themselves."""
     if family.kind != "own":
         return [(0.0, inf)]
     # Under a process of 1 and a model of 1 the observer loop is the filter.

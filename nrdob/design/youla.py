@@ -29,20 +29,12 @@ import control as ct
 import numpy as np
 
 from ..diagram import as_fraction, nonzero
-from ..numerics import (
-    FloatArray,
-    QuasiPolynomial,
-    add,
-    count_rhp,
-    without_shared_factor,
-    written,
-)
+from ..numerics import FloatArray, QuasiPolynomial, add, count_rhp, without_shared_factor, written
 from .existence import Answer, roots_by_side
 
 __all__ = ["ObserverForm", "observer_form", "stable_model_exists"]
 
-REAL = 1e-7
-"""Imaginary part of a root, against its size, that may be rounding."""
+REAL = 1e-7  # imaginary part of a root, against its size, that may be rounding
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -141,9 +133,8 @@ def stable_model_exists(controller: Any) -> Answer:
 
     A stable G̃ that K stabilises is a stable controller for K: by the parity interlacing property
     one exists if and only if between any two neighbouring real zeros of K with Re s ≥ 0, infinity
-    among them if K is strictly proper, there is an even number of poles of K. The model is then all
-    the diagram needs that is not stable by construction; where none exists, either the model is
-    unstable, and the controller C is designed for an unstable model, or K is another one.
+    among them if K is strictly proper, there is an even number of poles of K. Where none exists,
+    either the model is unstable, and C is designed for an unstable model, or K is another one.
 
     Parameters
     ----------

@@ -58,14 +58,12 @@ class PlantBatch(NamedTuple):
     def of_blocks(cls, blocks: list[Any]) -> PlantBatch:
         """Gather plants of any degrees; nan where one is None."""
         read = [_read(block) for block in blocks]
-        columns = []
+        tables = []
         for part in (0, 1):
-            size = max((pair[part].size for pair, _ in read), default=1)
-            table = np.zeros((size, len(read)))
-            for k, (pair, _) in enumerate(read):
-                table[size - pair[part].size :, k] = pair[part]
-            columns.append(table)
-        return cls(columns[0], columns[1], np.array([delay for _, delay in read]))
+            rows = [fraction[part] for fraction, _ in read]
+            size = max(row.size for row in rows)
+            tables.append(np.array([np.pad(row, (size - row.size, 0)) for row in rows]).T)
+        return cls(*tables, np.array([delay for _, delay in read]))
 
 
 def _read(block: Any) -> tuple[tuple[FloatArray, FloatArray], float]:

@@ -34,44 +34,22 @@ from .batchstability import Feedback
 
 __all__ = ["MARGINS", "batch_margins"]
 
-MARGINS = ("ms", "gm", "pm", "delay_margin")
-"""Margins of L that are found here, by the names they have in `nrdob.analysis.Margins`."""
-
-PER_OCTAVE, AT_MOST = 8, 400
-"""Frequencies of an octave that all plants share, and all of them at most."""
-
-CLEAR = 2.0
-"""Around each stretch nothing may vanish on a disc so many times as wide."""
-
-ROUNDS, OWN = 25, 400
-"""How often stretches are halved, and how many stretches of its own a plant may have."""
-
-RADIANS = 0.5
-"""How far a dead time may turn L from one frequency to the next."""
-
-SMALL = 1e-3
-"""Size of L beyond which a dead time may turn it further: no gain margin is looked for there."""
-
-NOISE = 1e-13
-"""What is below it may be rounding, and has no sign."""
-
-CROSSING = 1e-3
-"""How well a crossing found must be one: at a pole on the axis the side of L changes by a jump."""
-
-SHALLOW = 2.7
-"""Minima of ``|1 + L|²`` that begin so many times above the least value are not looked into."""
-
-WITHIN = 1e-10
-"""How well a frequency is to be known, relatively."""
+MARGINS = ("ms", "gm", "pm", "delay_margin")  # as `nrdob.analysis.Margins` calls them
+PER_OCTAVE, AT_MOST = 8, 400  # frequencies of an octave that all plants share, and all at most
+CLEAR = 2.0  # around each stretch nothing may vanish on a disc so many times as wide
+ROUNDS, OWN = 25, 400  # how often stretches are halved, and how many a plant may have
+RADIANS = 0.5  # how far a dead time may turn L from one frequency to the next
+SMALL = 1e-3  # size of L beyond which a dead time turns it on: no gain margin is there
+NOISE = 1e-13  # what is below it may be rounding, and has no sign
+CROSSING = 1e-3  # how well a crossing must be one: at a pole on the axis L jumps
+SHALLOW = 2.7  # minima of ``|1 + L|²`` so many times above the least are left out
+WITHIN = 1e-10  # how well a frequency is to be known, relatively
 
 
 def batch_margins(
     feedback: Feedback, plants: PlantBatch
 ) -> tuple[dict[str, FloatArray], BoolArray]:
-    """Compute margins (n,) by name, see `MARGINS`, of stable loops, and which are to be trusted.
-
-    The plants are of the same degrees, all with dead time or none.
-    """
+    """Compute margins (n,) by name of stable loops of one kind, and which are to be trusted."""
     loops = _Loops(feedback, plants)
     with np.errstate(all="ignore"):  # what is not finite is looked at again
         shared, clear, own, trusted = _frequencies(loops)
@@ -149,9 +127,7 @@ class _Stretches(NamedTuple):
 
     def halved(self) -> _Stretches:
         middle = np.sqrt(self.low * self.high)
-        return _Stretches(self.loop, self.low, middle).joined(
-            _Stretches(self.loop, middle, self.high)
-        )
+        return self._replace(high=middle).joined(self._replace(low=middle))
 
 
 class _Found(NamedTuple):
@@ -227,7 +203,7 @@ def _frequencies(loops: _Loops) -> tuple[FloatArray, BoolArray, _Stretches, Bool
         high = float(highs[np.isfinite(highs)].max(initial=low))
     count = int(np.clip(PER_OCTAVE * np.log2(high / low), 1, AT_MOST))
     omega = np.geomspace(low, high, count + 1)
-    clear = _clear(loops, omega)
+    clear = _clear(loops, omega[:-1], omega[1:])
     loop, k = np.nonzero(~clear)
     doubtful = _Stretches(loop, omega[k], omega[k + 1])
     kept: list[_Stretches] = []
@@ -237,7 +213,7 @@ def _frequencies(loops: _Loops) -> tuple[FloatArray, BoolArray, _Stretches, Bool
         if not doubtful.loop.size:
             break
         halves = doubtful.halved()
-        alone = _clear_alone(loops, halves)
+        alone = _clear(loops, halves.low, halves.high, halves.loop)
         kept.append(halves.of(alone))
         doubtful = halves.of(~alone)
         own += np.bincount(halves.loop, minlength=loops.count)
@@ -253,34 +229,23 @@ def _frequencies(loops: _Loops) -> tuple[FloatArray, BoolArray, _Stretches, Bool
     return np.concatenate([below, omega, above]), clear, none.joined(*kept), trusted
 
 
-def _clear(loops: _Loops, omega: FloatArray) -> BoolArray:
-    """Tell on which stretches between shared frequencies which loops have nothing to hide."""
-    left, right = omega[:-1], omega[1:]
+def _clear(
+    loops: _Loops, left: FloatArray, right: FloatArray, loop: IntArray | None = None
+) -> BoolArray:
+    """Tell on which stretches all loops, or one loop on each, have nothing to hide."""
     centre, radius = (left + right) / 2, CLEAR * (right - left) / 2
-    clear = np.ones((loops.count, left.size), dtype=bool)
+    plants = loops.across() if loop is None else loops.plants.of(loop)
+    clear = np.ones(np.broadcast_shapes(plants.delay.shape, left.shape), dtype=bool)
     for terms, scale in loops.factors:
-        clear &= zero_free([term.across() for term in terms], scale[:, :, None], centre, radius)
+        if loop is None:
+            terms, scale = [term.across() for term in terms], scale[:, :, None]
+        else:
+            terms = [term.of(loop) for term in terms]
+            scale = scale[:, loop] if scale.shape[1] > 1 else scale
+        clear &= zero_free(terms, scale, centre, radius)
     if loops.late:
-        far = loops.plants.delay[:, None] * (right - left) > RADIANS
-        some = np.flatnonzero(far.any(axis=0))
-        if some.size:
-            large = np.abs(loops.motion(left[some], loops.across()).L) > SMALL
-            clear[:, some] &= ~(far[:, some] & large)
-    return clear
-
-
-def _clear_alone(loops: _Loops, stretches: _Stretches) -> BoolArray:
-    """Tell on which stretches their own loop has nothing to hide."""
-    loop, left, right = stretches
-    centre, radius = (left + right) / 2, CLEAR * (right - left) / 2
-    clear = np.ones(loop.size, dtype=bool)
-    for terms, scale in loops.factors:
-        of = scale[:, loop] if scale.shape[1] > 1 else scale
-        clear &= zero_free([term.of(loop) for term in terms], of, centre, radius)
-    if loops.late:
-        few = loops.plants.of(loop)
-        far = few.delay * (right - left) > RADIANS
-        clear &= ~(far & (np.abs(loops.motion(left, few).L) > SMALL))
+        far = plants.delay * (right - left) > RADIANS
+        clear &= ~(far & (np.abs(loops.motion(left, plants).L) > SMALL))
     return clear
 
 
@@ -364,8 +329,7 @@ def _nears(
     return np.asarray(turns & (np.abs(value) < 2 * width * np.abs(slope)))
 
 
-At = Callable[[_Motion], FloatArray]
-"""What is to be 0, from L and its motion."""
+At = Callable[[_Motion], FloatArray]  # what is to be 0, from L and its motion
 
 
 def _hidden(loops: _Loops, dips: _Stretches, at: At, slope: At) -> list[_Stretches]:

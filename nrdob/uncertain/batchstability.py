@@ -36,8 +36,7 @@ from .batch import PlantBatch
 
 __all__ = ["SLAB", "Feedback"]
 
-SLAB = 500
-"""Plants looked at together over frequency: what they need fits into the processor's cache."""
+SLAB = 500  # plants looked at together: what they need fits into the cache
 
 
 class Feedback:
@@ -109,10 +108,7 @@ class Feedback:
         return first, second
 
     def verdicts(self, plants: PlantBatch) -> tuple[BoolArray, BoolArray]:
-        """Tell for which plants of the same degrees p_B is certainly stable, and unstable.
-
-        All of them have a dead time, or none has.
-        """
+        """Tell for which plants of one degree p_B is certainly stable, and unstable."""
         terms, scale = self.characteristic(plants)
         n = scale.shape[1]
         q = terms[0].q

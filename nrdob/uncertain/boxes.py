@@ -23,36 +23,17 @@ import numpy as np
 from ..analysis import resolved_frequencies
 from ..diagram import DelayedTransferFunction, as_fraction, real_number, undelayed
 from ..loop import NRDOB
-from ..numerics import (
-    BoolArray,
-    ComplexArray,
-    FloatArray,
-    QuasiPolynomial,
-    bisect,
-    golden,
-    side,
-)
+from ..numerics import BoolArray, ComplexArray, FloatArray, QuasiPolynomial, bisect, golden, side
 from .distributions import Interval, read_range
 
 __all__ = ["Box", "delay_intervals", "gain_intervals", "largest_box"]
 
-NOMINAL = {"gain": 1.0, "delay": 0.0, "lag": 0.0}
-"""Where the nominal plant is."""
-
-MOST = 200_000
-"""Frequencies at most that a dead time asks for."""
-
-FAR = 10.0
-"""How far beyond all poles and zeros L is only a power of s and a dead time."""
-
-HALVINGS = 60
-"""How often shares are halved."""
-
-PER_STRETCH, NEAR = 16, 1.5
-"""Frequencies of each stretch, and up to how many times the least share one is looked into."""
-
-MET = 1e-9
-"""Distance of a gain from 1 at which it is 1, within rounding."""
+NOMINAL = {"gain": 1.0, "delay": 0.0, "lag": 0.0}  # where the nominal plant is
+MOST = 200_000  # frequencies at most that a dead time asks for
+FAR = 10.0  # how far beyond all poles and zeros L is only a power of s and a dead time
+HALVINGS = 60  # how often shares are halved
+PER_STRETCH, NEAR = 16, 1.5  # frequencies of a stretch; shares, against the least, looked into
+MET = 1e-9  # distance of a gain from 1 at which it is 1, within rounding
 
 
 class Box(NamedTuple):

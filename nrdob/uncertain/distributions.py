@@ -29,8 +29,7 @@ __all__ = [
     "whole_number",
 ]
 
-BLOCK = 10_000
-"""Members drawn together, which are also judged together, as one task."""
+BLOCK = 10_000  # members drawn together, which are also judged together, as one task
 
 
 class Interval(NamedTuple):
@@ -40,8 +39,7 @@ class Interval(NamedTuple):
     high: float
 
 
-Range = Interval | Any
-"""An interval, or a frozen distribution of scipy.stats."""
+Range = Interval | Any  # an interval, or a frozen distribution of scipy.stats
 
 
 class Fit(NamedTuple):
@@ -110,14 +108,7 @@ class Grid:
 
 
 def read_range(name: str, given: Any) -> Range:
-    """Read an interval (low, high) or a frozen distribution of scipy.stats.
-
-    Examples
-    --------
-    >>> read_range("gain", (2.0, 0.3))
-    Traceback (most recent call last):
-    ValueError: gain is (2, 0.3), from high to low; write (0.3, 2)
-    """
+    """Read an interval (low, high) or a frozen distribution of scipy.stats."""
     if hasattr(given, "rvs"):
         if np.shape(given.rvs(random_state=np.random.default_rng(0))) != ():
             raise TypeError(

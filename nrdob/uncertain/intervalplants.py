@@ -30,12 +30,10 @@ import numpy as np
 from ..loop import NRDOB
 from ..numerics import ROUNDING, FloatArray, add, hurwitz
 from .batchstability import Feedback
-from .distributions import Interval
 
 __all__ = ["IntervalShares", "interval_plants", "largest_share"]
 
-HALVINGS = 50
-"""How often shares are halved."""
+HALVINGS = 50  # how often shares are halved
 
 Ends = tuple[FloatArray, FloatArray]
 
@@ -45,10 +43,8 @@ class IntervalShares(NamedTuple):
 
     Attributes
     ----------
-    kharitonov : float
-        What Kharitonov's theorem on the coefficients of p_B grants.
-    exact : float
-        By the 32 segments.
+    kharitonov, exact : float
+        What Kharitonov's theorem on the coefficients of p_B grants, and by the 32 segments.
     """
 
     kharitonov: float
@@ -56,9 +52,7 @@ class IntervalShares(NamedTuple):
 
 
 def interval_plants(
-    loop: NRDOB,
-    num: Sequence[tuple[float, float]],
-    den: Sequence[tuple[float, float]],
+    loop: NRDOB, num: Sequence[tuple[float, float]], den: Sequence[tuple[float, float]]
 ) -> IntervalShares:
     """Find up to which share of a box of coefficients all loops are stable, by two theorems.
 
@@ -123,12 +117,10 @@ def _box(nominal: FloatArray, given: Sequence[tuple[float, float]], name: str) -
             f"{name} has {len(given)} intervals, the process {nominal.size} coefficients there: "
             f"{nominal.tolist()}"
         )
-    ends = [Interval(*map(float, pair)) for pair in given]
-    for pair, c in zip(ends, nominal.tolist(), strict=True):
-        if not pair.low <= c <= pair.high:
-            raise ValueError(f"{name} has ({pair.low:g}, {pair.high:g}), without the nominal {c:g}")
-    low, high = (np.array(part) for part in zip(*ends, strict=True))
-    return [nominal, low - nominal, high - nominal]
+    for (low, high), c in zip(given, nominal.tolist(), strict=True):
+        if not low <= c <= high:
+            raise ValueError(f"{name} has ({low:g}, {high:g}), without the nominal {c:g}")
+    return [nominal, *(np.array(given, dtype=float) - nominal[:, None]).T]
 
 
 def _part(box: list[FloatArray], share: float) -> Ends:

@@ -30,14 +30,9 @@ from .intervalplants import largest_share
 
 __all__ = ["Conservatism", "SmallGain", "conservatism", "fit_weight", "small_gain"]
 
-CORNERS = 41
-"""Corner frequencies that are tried for a weight."""
-
-MOST_PLANTS = 500
-"""Members of a family that a weight is fitted to."""
-
-PER_STRETCH, ACROSS = 4, 15
-"""Frequencies of each stretch, and values of dead time and lag at which a box is looked at."""
+CORNERS = 41  # corner frequencies that are tried for a weight
+MOST_PLANTS = 500  # members of a family that a weight is fitted to
+PER_STRETCH, ACROSS = 4, 15  # frequencies of a stretch; values of dead time and lag of a box
 
 
 class SmallGain(NamedTuple):
@@ -45,10 +40,8 @@ class SmallGain(NamedTuple):
 
     Attributes
     ----------
-    peak : float
-        Largest ``|W T|``.
-    robust : bool
-        Whether it is below 1, so that the loop is stable with every plant within the weight.
+    peak, robust : float, bool
+        Largest ``|W T|``; whether it is below 1, and the loop stable with every plant.
     """
 
     peak: float
@@ -60,10 +53,8 @@ class Conservatism(NamedTuple):
 
     Attributes
     ----------
-    small_gain : float
-        What part of the box the small gain theorem grants, with the best weight there can be.
-    exact : float
-        What part is stable.
+    small_gain, exact : float
+        What the small gain theorem grants, with the best weight there can be; what is stable.
     """
 
     small_gain: float

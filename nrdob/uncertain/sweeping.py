@@ -17,17 +17,12 @@ from .sweeptable import SweepTable
 
 __all__ = ["QUANTITIES", "sweep"]
 
-QUANTITIES = ("stable", *MARGINS)
-"""What can be asked of every member."""
+QUANTITIES = ("stable", *MARGINS)  # what can be asked of every member
 
 Columns = dict[str, NDArray[Any]]
 
 
-def sweep(
-    loop: NRDOB,
-    family: PlantFamily,
-    quantities: Iterable[str] = QUANTITIES,
-) -> SweepTable:
+def sweep(loop: NRDOB, family: PlantFamily, quantities: Iterable[str] = QUANTITIES) -> SweepTable:
     r"""Judge every member of a family in place of the loop's process.
 
     Model, controller and filter remain. Verdicts are those of `NRDOB.stability`, found for many
