@@ -9,10 +9,9 @@ from math import isnan, nan
 from typing import Any
 
 from ..analysis import noise_variance, quotient_margins
-from ..design import step_peak
 from ..diagram import as_fraction, nonzero, undelayed
 from ..loop import NRDOB
-from .measures import load_errors
+from .measures import load_errors, step_peak
 from .tuning import Scheme, checked_limits, tune
 
 __all__ = ["Comparison", "Row", "compare"]
@@ -205,10 +204,8 @@ def compare(
         by `nrdob.alternatives.tune`.
     changed : dict of str to process, optional
         What the plant may become; the schemes stay as they are.
-    shaping : control.TransferFunction, StateSpace, number or (num, den), optional
-        Colours the noise η, which is white of unit density by default.
-    max_ms, max_noise : float, optional
-        Limits for candidates, see `nrdob.alternatives.tune`.
+    shaping, max_ms, max_noise : as for `nrdob.alternatives.tune`, optional
+        What colours the noise η, and limits for candidates.
 
     Returns
     -------
@@ -276,7 +273,7 @@ def _judged(name: str, tuning: str, loop: NRDOB, shaping: Any, others: dict[str,
         found = quotient_margins(loop.L, True)
         noise = noise_variance(loop, shaping)
         errors = load_errors(loop)
-        peak = step_peak(loop, "d", "u")
+        peak = step_peak(loop)
     except ArithmeticError as refusal:  # of a loop that is all but unstable
         return Row(name, tuning, True, f"stable, but {refusal}", loop=loop)
     after = {key: _ms(replace(loop, process=plant)) for key, plant in others.items()}

@@ -56,10 +56,8 @@ class LagModel(NamedTuple):
     ----------
     gain : float
         k; k/τ1 for an integrating process, whose τ1 is infinite.
-    first, second : float
-        τ1 and τ2 in seconds, τ1 the longer one.
-    delay : float
-        θ in seconds.
+    first, second, delay : float
+        τ1, the longer one, τ2 and θ in seconds.
     """
 
     gain: float
@@ -93,8 +91,8 @@ def half_rule(process: Any, order: int, closed_loop_time: float) -> LagModel:
     Raises
     ------
     TypeError, ValueError
-        If the rule does not fit: the process is unstable, oscillates, or has no lag; if τc is not
-        positive, or the order another one.
+        If the process is unstable, oscillates, or has no lag; if τc is not positive, or the order
+        another one.
 
     Examples
     --------
@@ -135,10 +133,8 @@ def simc_pi(process: Any, closed_loop_time: float) -> NRDOB:
 
     Parameters
     ----------
-    process : as for `nrdob.NRDOB`
-        G.
-    closed_loop_time : float
-        τc in seconds; as large as the dead time for tight control.
+    process, closed_loop_time : as for `half_rule`
+        G, and τc, as large as the dead time for tight control.
 
     Returns
     -------
@@ -167,9 +163,8 @@ def simc_pid(process: Any, closed_loop_time: float) -> NRDOB:
 
     Parameters
     ----------
-    process, closed_loop_time : as for `simc_pi`
-        G, and τc in seconds: as large as the dead time and the derivative's filter, the shorter of
-        τD/10 and τc/2, together for tight control.
+    process, closed_loop_time : as for `half_rule`
+        G, and τc, as large as dead time and derivative's filter together for tight control.
 
     Returns
     -------

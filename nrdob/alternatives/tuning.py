@@ -176,10 +176,9 @@ def tune(
     ----------
     candidate : Scheme
         A scheme with one parameter.
-    max_ms : float, optional
-        Largest peak of the sensitivity :math:`|S_d|`.
-    max_noise : float, optional
-        Largest standard deviation of u for noise of unit density, as for `nrdob.design_filter`.
+    max_ms, max_noise : float, optional
+        Largest peak of the sensitivity :math:`|S_d|`; largest standard deviation of u for noise of
+        unit density.
     shaping : as for `nrdob.NRDOB.noise_variance`, optional
         Colours that noise. White noise on a K with a direct term has no finite deviation.
 

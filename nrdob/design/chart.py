@@ -74,7 +74,7 @@ class StabilityChart:
     ms_levels : dict
         For each level of Ms asked for, its lines within the stable regions, each (N, 2).
     labels : array of int
-        Which region each cell of a raster belongs to, from 1 on; 0 on a border.
+        The region of each cell of a raster, from 1 on; 0 on a border.
     count_at : callable
         What `count` asks.
     """
@@ -111,8 +111,10 @@ class StabilityChart:
 
         Parameters
         ----------
-        title, ax : str; matplotlib axes, optional
-            Written above the chart; where to draw.
+        title : str
+            Written above the chart.
+        ax : matplotlib axes, optional
+            Where to draw.
         """
         from ..plotting import chart_plot
 

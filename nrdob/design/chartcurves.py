@@ -72,8 +72,10 @@ class Axis(NamedTuple):
 
     Attributes
     ----------
-    name, low, high : str, float, float
-        What is on the axis, and its ends.
+    name : str
+        What is on the axis.
+    low, high : float
+        Its ends.
     """
 
     name: str

@@ -85,8 +85,7 @@ def design_controller(
     Raises
     ------
     TypeError, ValueError
-        If the model cannot stand in the loop, or no controller of this kind does what is asked;
-        the message says what to change.
+        If the model cannot stand in the loop, or no controller of this kind does what is asked.
 
     Examples
     --------
@@ -97,13 +96,11 @@ def design_controller(
     >>> [round(float(k), 3) for k in C.num[0][0]]
     [1.772, 2.679]
 
-    A resonance with a damping ratio of 0.01, with 60° of phase margin alone and with both:
+    A resonance with a damping ratio of 0.01:
 
     >>> resonance = ct.tf([1], [1, 0.02, 1])
-    >>> for max_ms in (None, 1.5):
-    ...     L = design_controller(resonance, max_ms=max_ms) * resonance
-    ...     print(f"peak {abs(1 / (1 + L(1j * np.linspace(0.9, 1.1, 2001)))).max():.2g}")
-    peak 5e+03
+    >>> L = design_controller(resonance, max_ms=1.5) * resonance
+    >>> print(f"peak {abs(1 / (1 + L(1j * np.linspace(0.9, 1.1, 2001)))).max():.2g}")
     peak 1.5
     """
     fraction = nonzero(as_fraction(undelayed(model)[0], "model"), "model")

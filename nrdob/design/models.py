@@ -124,12 +124,6 @@ def suggest_model(process: Any, *, max_ms: float = 2.0) -> list[ModelCandidate]:
     'unstable poles mirrored'
     >>> [float(k) for k in best.model.num[0][0] / best.model.den[0][0][0]]
     [-4.0]
-
-    A motor seen from its position, whose model may integrate as it does:
-
-    >>> kept = [each for each in suggest_model(ct.tf([1], [1, 1, 0])) if each.family]
-    >>> kept[0].how, kept[0].family, kept[0].time_constants[0][0]
-    ('integrator kept, 1 - F ~ s^2', <ramp filters of order 3>, 0.0)
     """
     limit = checked_ms(max_ms)
     blocks = ObserverEquations(process, 1.0, LowPassFilter(1.0, 1))

@@ -5,10 +5,9 @@ Among filters of different order "fastest" means the one that rejects most. At l
 behind, and how far a ramp pulls the output away, is proportional to nλ, and R(0) is the same for
 every filter. So the smallest nλ wins; the bandwidth of F would flatter the high orders.
 
-Which λ meet the specification is found on the stabilising set. How near all plant loops come to -1
-is computed at many λ, and with it how far λ may change before one can reach the limit. Where two
-neighbours do not cover what lies between them, there is another λ in the middle. The ends are
-confirmed by exact margins.
+On the stabilising set it is computed how near plant loops come to -1 at many λ, and how far λ may
+change before one can reach the limit. Where two neighbours do not cover what lies between them,
+there is another λ in the middle.
 """
 
 from __future__ import annotations

@@ -48,7 +48,7 @@ def critical_time_constants(
     process, model : as for `nrdob.NRDOB`
         G and G̃, both with or without dead time.
     order : int or FilterFamily
-        n of the filter :math:`1/(\lambda s + 1)^n`, or a family from `nrdob.filter_family`.
+        n of the filter :math:`1/(\lambda s + 1)^n`, or a family.
     floor : float, optional
         Smallest λ of interest, in seconds. With a dead time θ the critical time constants
         accumulate at 0 and the list must end somewhere: by default where every critical frequency

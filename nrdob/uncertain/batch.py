@@ -63,7 +63,8 @@ class PlantBatch(NamedTuple):
             rows = [fraction[part] for fraction, _ in read]
             size = max(row.size for row in rows)
             tables.append(np.array([np.pad(row, (size - row.size, 0)) for row in rows]).T)
-        return cls(*tables, np.array([delay for _, delay in read]))
+        num, den = tables
+        return cls(num, den, np.array([delay for _, delay in read]))
 
 
 def _read(block: Any) -> tuple[tuple[FloatArray, FloatArray], float]:

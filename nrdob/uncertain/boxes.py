@@ -13,6 +13,7 @@ does, least over all frequencies, is the stable share of it.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial, reduce
 from itertools import pairwise, product
 from math import inf, isfinite, nan, pi
@@ -440,7 +441,7 @@ def _with(loop: NRDOB, *, gain: float = 1.0, delay: float = 0.0) -> NRDOB:
     num, den = as_fraction(undelayed(loop.process)[0], "process")
     total = loop.delay + delay
     plant = DelayedTransferFunction((gain * num, den), total) if total else (gain * num, den)
-    return NRDOB(plant, loop.model, loop.controller, loop.filter, loop.keep_factors)
+    return replace(loop, process=plant)
 
 
 def _interval(name: str, given: Any) -> Interval:

@@ -14,8 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..diagram import is_number
-from ..numerics import FloatArray, is_whole
+from ..numerics import FloatArray, is_real, is_whole
 
 __all__ = [
     "BLOCK",
@@ -119,9 +118,9 @@ def read_range(name: str, given: Any) -> Range:
     remedy = "give an interval, such as (0.5, 2.0), or a frozen distribution of scipy.stats"
     if not isinstance(given, Sequence | np.ndarray) or isinstance(given, str) or len(given) != 2:
         raise TypeError(f"{name} is {given!r}; {remedy}")
-    if not all(is_number(value) and np.isreal(value) for value in given):
+    if not all(map(is_real, given)):
         raise TypeError(f"{name} is {given!r}, whose ends are no real numbers; {remedy}")
-    low, high = (float(np.real(value)) for value in given)
+    low, high = map(float, given)
     if not (isfinite(low) and isfinite(high)):
         raise ValueError(f"{name} is ({low:g}, {high:g}); both ends must be finite numbers")
     if low > high:
@@ -145,9 +144,9 @@ def read_fit(given: Any) -> Fit:
         )
     means, covariance = given
     values = [getattr(value, "value", value) for value in means.values()]
-    if not all(is_number(value) and np.isreal(value) for value in values):
+    if not all(map(is_real, values)):
         raise TypeError(f"fit has the means {means!r}; give real numbers by name")
-    mean = np.array([float(np.real(value)) for value in values])
+    mean = np.array(values, dtype=float)
     matrix = np.array(covariance, dtype=float)
     k = mean.size
     if matrix.shape != (k, k):

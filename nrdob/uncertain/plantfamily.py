@@ -206,10 +206,9 @@ def plant_family(
         process, as `gain` is; for parameters of other meaning give the function `parameters`.
     grid : int or dict of str: int
         Points on every interval, or on each by name: all their combinations in place of samples.
-    samples : int
-        How many members are drawn.
-    seed : int
-        Of all random numbers. Members 0, 1, 2, … are the same however many there are.
+    samples, seed : int
+        How many members are drawn, and of all random numbers. Members 0, 1, 2, … are the same
+        however many there are.
     **others : range
         Arguments of `parameters`, by name.
 

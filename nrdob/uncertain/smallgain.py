@@ -21,16 +21,16 @@ import numpy as np
 from scipy.optimize import linprog
 
 from ..analysis import resolved_frequencies
-from ..design import peak_gain
 from ..diagram import Quotient, as_fraction
 from ..loop import NRDOB
-from ..numerics import FloatArray, QuasiPolynomial
+from ..numerics import FloatArray, QuasiPolynomial, golden
 from .boxes import largest_box
 from .intervalplants import largest_share
 
 __all__ = ["Conservatism", "SmallGain", "conservatism", "fit_weight", "small_gain"]
 
 CORNERS = 41  # corner frequencies that are tried for a weight
+NEAR_PEAK = 0.9  # share of the largest value from which a peak is looked at
 MOST_PLANTS = 500  # members of a family that a weight is fitted to
 PER_STRETCH, ACROSS = 4, 15  # frequencies of a stretch; values of dead time and lag of a box
 
@@ -40,8 +40,10 @@ class SmallGain(NamedTuple):
 
     Attributes
     ----------
-    peak, robust : float, bool
-        Largest ``|W T|``; whether it is below 1, and the loop stable with every plant.
+    peak : float
+        Largest ``|W T|``.
+    robust : bool
+        Whether it is below 1, so that the loop is stable with every plant within the weight.
     """
 
     peak: float
@@ -170,8 +172,19 @@ def small_gain(loop: NRDOB, weight: Any) -> SmallGain:
     if not bool(loop.stability()):
         raise ValueError(f"the nominal loop is not stable: {loop.stability().reason}")
     T = loop.S_eta
-    peak = peak_gain(Quotient((num, *T.num), (den, *T.den), "W T"))
+    peak = _peak_gain(Quotient((num, *T.num), (den, *T.den), "W T"))
     return SmallGain(peak, peak < 1)
+
+
+def _peak_gain(quotient: Quotient) -> float:
+    """Largest size of a stable map on the imaginary axis, its limit at infinity included."""
+    omega = resolved_frequencies(quotient)
+    size = np.abs(quotient(1j * omega))
+    inner = 1 + np.flatnonzero((size[1:-1] >= size[:-2]) & (size[1:-1] >= size[2:]))
+    inner = inner[size[inner] > NEAR_PEAK * size.max()]
+    tops = golden(lambda w: -np.abs(quotient(1j * w)), omega[inner - 1], omega[inner + 1])
+    ends = [abs(quotient.dc_gain), sum(map(abs, quotient.at_infinity))]
+    return float(max([size.max(), *np.abs(quotient(1j * tops)).tolist(), *ends]))
 
 
 def conservatism(loop: NRDOB, **box: tuple[float, float]) -> Conservatism:

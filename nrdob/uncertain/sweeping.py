@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -116,8 +117,7 @@ def _alone(
     """Judge one member as `nrdob.NRDOB` does, and enter its margins where it is stable."""
     stable = None
     try:
-        plant = plants.plant(k)
-        member = NRDOB(plant, loop.model, loop.controller, loop.filter, loop.keep_factors)
+        member = replace(loop, process=plants.plant(k))
         verdict = member.stability()
         stable = verdict.stable
         if stable and margins:

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import beta
+from scipy.stats import binomtest
 
 from ..numerics import IntArray, is_real
+from .batchmargins import MARGINS
 from .distributions import Grid
 from .plantfamily import PlantFamily
 
@@ -79,11 +80,6 @@ class SweepTable:
     def __len__(self) -> int:
         return int(self.rows.size)
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the columns."""
-        return tuple(self.columns)
-
     def __repr__(self) -> str:
         stable, decided = self["stable"], self["decided"]
         lines = [
@@ -91,7 +87,7 @@ class SweepTable:
             f"{int((decided & ~stable).sum())} not, {int((~decided).sum())} not decided; "
             f"{int(self['alone'].sum())} judged one by one"
         ]
-        for name in ("ms", "gm", "pm", "delay_margin"):
+        for name in MARGINS:
             if name in self.columns and stable.any():
                 values = self[name][stable]
                 worst = values[self._worst_first(name, values)[0]]
@@ -101,9 +97,10 @@ class SweepTable:
     def stable_share(self, confidence: float = 0.95) -> Share:
         """Share of stable members, and what it can be among all that could have been drawn.
 
-        Clopper and Pearson's interval, which holds at least as often as it says. Members without
-        a verdict count as unstable for the lower bound and as stable for the upper one. On a grid
-        nothing is drawn: both bounds are then the share itself, up to those members.
+        Clopper and Pearson's interval (1934), which holds at least as often as it says, as of
+        `scipy.stats.binomtest`. Members without a verdict count as unstable for the lower bound
+        and as stable for the upper one. On a grid nothing is drawn: both bounds are then the share
+        itself, up to those members.
 
         Parameters
         ----------
@@ -119,11 +116,6 @@ class SweepTable:
         ------
         TypeError, ValueError
             If `confidence` is no number between 0 and 1, or the table is empty.
-
-        References
-        ----------
-        Clopper, C. J., E. S. Pearson, The use of confidence or fiducial limits illustrated in the
-        case of the binomial, Biometrika 26 (1934) 404-413.
         """
         if not is_real(confidence):
             raise TypeError(f"confidence is {confidence!r}; give a number, such as 0.95")
@@ -136,10 +128,8 @@ class SweepTable:
         perhaps = stable + int((~self["decided"]).sum())
         if isinstance(self.family.drawn, Grid):
             return Share(stable / n, stable / n, perhaps / n)
-        tail = (1 - confidence) / 2
-        low = float(beta.ppf(tail, stable, n - stable + 1)) if stable else 0.0
-        high = float(beta.ppf(1 - tail, perhaps + 1, n - perhaps)) if perhaps < n else 1.0
-        return Share(stable / n, low, high)
+        low, high = (binomtest(k, n).proportion_ci(confidence) for k in (stable, perhaps))
+        return Share(stable / n, float(low.low), float(high.high))
 
     def worst(self, count: int = 10, by: str = "ms") -> SweepTable:
         """Members that fare worst, the worst first; those not known to be stable before all.
