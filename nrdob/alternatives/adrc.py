@@ -68,7 +68,7 @@ def linear_adrc(
     Parameters
     ----------
     process : as for `nrdob.NRDOB`
-        G.
+        The process G.
     order : {1, 2}
         m, as a rule the relative degree of G.
     b0 : float

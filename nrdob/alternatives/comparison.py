@@ -228,8 +228,6 @@ def compare(
     >>> two = {name: every[name] for name in ("NR-DOB", "PI")}
     >>> late = {"late": paper.example(4, modified=True).process}
     >>> found = compare(loop.process, two, changed=late, max_ms=1.6)
-    >>> {name: round(iae, 4) for name, iae in found.column("iae").items()}
-    {'NR-DOB': 0.0616, 'PI': 0.1116}
     >>> {name: round(ms, 3) for name, ms in found.column("late").items()}
     {'NR-DOB': 3.209, 'PI': 2.416}
     """

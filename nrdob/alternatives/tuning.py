@@ -63,16 +63,6 @@ class Scheme:
     slowest: float
     band: tuple[float, float]
 
-    def value(self, value: float) -> str:
-        """Write a value with its unit.
-
-        Parameters
-        ----------
-        value : float
-            Of the parameter.
-        """
-        return f"{value:.4g} {self.unit}".rstrip()
-
 
 @dataclass(frozen=True)
 class Tuned:
@@ -234,8 +224,8 @@ def tune(
     unlimited = len(tried) == 1
     if not unlimited:
         value = solved(lambda x: max(slack(x), -1.0), Bracket(*list(tried)[-2:])) or value
-    text = f"{candidate.parameter} = {candidate.value(value)}{', no limit' if unlimited else ''}"
-    return Tuned(candidate.build(value), value, text)
+    text = f"{candidate.parameter} = {_with_unit(candidate, value)}"
+    return Tuned(candidate.build(value), value, f"{text}, no limit" if unlimited else text)
 
 
 def checked_limits(max_ms: Any, max_noise: Any) -> None:
@@ -269,7 +259,7 @@ def _slack(
 
 def _refusal(candidate: Scheme, limits: str, tried: dict[float, float], built: list[NRDOB]) -> str:
     first, *_, last = tried
-    span = f"{candidate.parameter} tried, from {first:.3g} to {candidate.value(last)}"
+    span = f"{candidate.parameter} tried, from {first:.3g} to {_with_unit(candidate, last)}"
     best = max(tried, key=lambda each: tried[each])
     if tried[best] <= UNSTABLE:
         reason = built[len(built) // 2].stability().reason
@@ -277,11 +267,15 @@ def _refusal(candidate: Scheme, limits: str, tried: dict[float, float], built: l
     if tried[best] <= ENDLESS:
         closest = "white noise comes to u directly; give a shaping filter that colours it"
     else:
-        with_best = f"{candidate.parameter} = {candidate.value(best)}"
+        with_best = f"{candidate.parameter} = {_with_unit(candidate, best)}"
         closest = (
             f"missed by a factor of {exp(-tried[best]):.3g} at best, with {with_best}; allow more"
         )
     return f"{limits} is not kept with any {span}: {closest}"
+
+
+def _with_unit(candidate: Scheme, value: float) -> str:
+    return f"{value:.4g} {candidate.unit}".rstrip()
 
 
 def _on_the_left(p: QuasiPolynomial) -> bool:

@@ -251,19 +251,17 @@ def _with_delay(loops: ChartLoops, axes: tuple[Axis, Axis], most: float) -> Iter
     """Take the gain, or the lag, from the size of W, and the dead time from its angle."""
     first, omega = axes[0], loops.frequencies(axes)
 
-    def read(omega: FloatArray) -> tuple[FloatArray, ComplexArray]:
+    def curve(place: FloatArray) -> tuple[FloatArray, FloatArray, ComplexArray]:
+        omega = np.exp(place[0])
         W = loops.ratio(omega)
         if first.name == "gain":
-            return np.abs(W), W
+            return place, np.abs(W), W
         with np.errstate(all="ignore"):
             square = 1 / np.abs(W) ** 2 - 1
             lag = np.sign(square) * np.sqrt(np.abs(square)) / omega
-        return lag, W * (1 + 1j * np.maximum(lag, 0.0) * omega)
+        return place, lag, W * (1 + 1j * np.maximum(lag, 0.0) * omega)
 
-    def curve(place: FloatArray) -> tuple[FloatArray, FloatArray, ComplexArray]:
-        return (place, *read(np.exp(place[0])))
-
-    values, W = read(omega)
+    _, values, W = curve(np.log(omega)[None])
     with np.errstate(invalid="ignore"):
         seen = np.isfinite(W) & (values <= first.high) & (values >= first.low)
     for part in parts(within(seen) & np.isfinite(W)):

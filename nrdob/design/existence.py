@@ -116,22 +116,19 @@ def stabilizing_filter_exists(process: Any, model: Any) -> Answer:
 
     The blocks F/G̃ and (1 - F)G̃ are each built as one. Let :math:`\bar D` hold the model's poles
     p, Re p ≥ 0, that the process has, too, each as often as the model has it, and :math:`\bar N`
-    such zeros. At such a pole D E vanishes whatever F is, so that p_B over what cancels is zero
-    there unless 1 - F is zero at p as often as the model is infinite; at such a zero, unless F is
-    zero as often as the model. So they must cancel inside the blocks. With what is left,
-    :math:`1 - F = \bar D E/D_f`, :math:`F = \bar N N_f'/D_f`, :math:`D_m = \bar D D_m'` and
-    :math:`N_m = \bar N N_m'`, two polynomials must have all roots in the left half plane,
+    such zeros. They must cancel inside the blocks: else p_B over what cancels is zero there,
+    whatever F is. With what is left, :math:`1 - F = \bar D E/D_f`, :math:`F = \bar N N_f'/D_f`,
+    :math:`D_m = \bar D D_m'` and :math:`N_m = \bar N N_m'`, two polynomials must have all roots in
+    the left half plane,
 
     .. math:: \bar D\,E + \bar N\,N_f' = D_f \quad\text{and}\quad
               D N_m'\,E + N D_m'\,N_f' = p :
 
-    :math:`N_f'/E` must stabilise :math:`\bar N/\bar D` and :math:`N D_m'/(D N_m')` at once. That
-    is strong stabilisation of their difference (Vidyasagar and Viswanadham): with
-    :math:`E = X + \bar N Q`, :math:`N_f' = Y - \bar D Q` and :math:`\bar D X + \bar N Y` without
-    roots in the right half plane, p is A + (a - b) Q, where a = D·Nm, b = N·Dm, and no root of a -
-    b there or on the axis is one of A. There :math:`p = \kappa D_f`, with :math:`\kappa = D
-    N_m'/\bar D = N D_m'/\bar N` wherever the one or the other is finite. So by the parity
-    interlacing property an F exists if and only if p/Df can keep one sign on the positive real
+    :math:`N_f'/E` must stabilise :math:`\bar N/\bar D` and :math:`N D_m'/(D N_m')` at once, which
+    is strong stabilisation of their difference (Vidyasagar and Viswanadham). At the zeros of b - a,
+    a = D·Nm and b = N·Dm, :math:`p = \kappa D_f` with :math:`\kappa = D N_m'/\bar D =
+    N D_m'/\bar N` wherever the one or the other is finite. So by the parity interlacing property
+    an F exists if and only if p/Df can keep one sign on the positive real
     axis: if κ has one sign at s = 0, where F = 1; at each real zero s > 0 of b - a, the common
     poles and zeros among them; and at infinity, where p/Df has the sign of a, if F·H rolls off. It
     must, unless the process is biproper and the model is not: then F need not fall faster than H

@@ -36,6 +36,8 @@ from ..numerics import (
     Term,
     add,
     exponential_rest,
+    padded_sum,
+    values_on_axis,
 )
 from .columns import size_squared
 from .familytables import (
@@ -184,8 +186,7 @@ class Mismatch:
     def _values(self, omega: FloatArray, exact: bool = False) -> list[ComplexArray]:
         if exact:
             return [exactly_on_axis(p, omega) for p in self.factors]
-        s = 1j * np.asarray(omega)
-        return [rows(p[None], s)[0] for p in self.factors]
+        return [values_on_axis(p, omega) for p in self.factors]
 
     def _sizes(self, omega: FloatArray) -> list[FloatArray]:
         return [rows(np.abs(p)[None], np.asarray(omega))[0] for p in self.factors]
@@ -246,7 +247,7 @@ class Mismatch:
         off_a = sizes[1] * Nm + D * sizes[2]
         off_b = sizes[0] * Dm + N * sizes[3] + N * Dm * self.delay * omega / 8
         if self.wait:
-            zeros = np.abs(rows(self.zeros[None], 1j * omega)[0])
+            zeros = np.abs(values_on_axis(self.zeros, omega))
             off_b = off_b + D * zeros * self.wait * omega / 8
         off_b = off_b / omega**self.divided
         if self.wait:
@@ -289,7 +290,7 @@ class Mismatch:
         turned = turned / s**self.divided if self.divided else turned
         if not self.wait:
             return D * Nm, turned, np.zeros(1, dtype=complex)
-        return D * Nm, turned, -D * rows(self.zeros[None], s)[0] * self._lag(s)
+        return D * Nm, turned, -D * values_on_axis(self.zeros, omega) * self._lag(s)
 
     def _lag(self, s: ComplexArray) -> ComplexArray:
         """exp(-θm s), or what is left of it without the first terms of its series."""
@@ -306,9 +307,7 @@ class Mismatch:
             return self.E
         lag = taylor(self.wait, m)[::-1] if self.wait else np.zeros(1)
         late = np.array([np.convolve(row, lag) for row in self.Nf])
-        columns = max(late.shape[1], self.E.shape[1])
-        late, ahead = (np.pad(p, ((0, 0), (columns - p.shape[1], 0))) for p in (late, self.E))
-        return np.asarray((ahead - late)[:, :-m])
+        return padded_sum(self.E.T, -late.T).T[:, :-m]
 
     def _tables(self, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:
         s = 1j * np.asarray(omega)

@@ -255,7 +255,7 @@ def _damped(roots: ComplexArray) -> ComplexArray:
 
 
 def _polynomial(roots: ComplexArray) -> FloatArray:
-    return np.atleast_1d(np.real(np.poly(roots))) if roots.size else np.ones(1)
+    return np.atleast_1d(np.real(np.poly(roots)))
 
 
 def _written(coefficients: FloatArray) -> str:

@@ -138,13 +138,6 @@ def stabilizing_time_constants(
     >>> (low, high), = stabilizing_time_constants(4/(2 - s - s**2), -1/((s + 1)*(s + 2)), 2)
     >>> low, round(high, 6)
     (0.0, 0.763932)
-
-    The same on a processor that samples ten times a second:
-
-    >>> (low, high), = stabilizing_time_constants(
-    ...     4/(2 - s - s**2), -1/((s + 1)*(s + 2)), 2, dt=0.1)
-    >>> round(low, 6), round(high, 6)
-    (0.111006, 0.651317)
     """
     frequencies = _frequencies(process, model, order, dt, computation_delay)
     found = stabilizing_set(frequencies, _checked_floor(frequencies, floor))

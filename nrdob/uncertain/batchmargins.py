@@ -29,8 +29,7 @@ from ..numerics import (
     values_and_slopes,
     zero_free,
 )
-from .batch import PlantBatch
-from .batchstability import Feedback
+from .batch import Feedback, PlantBatch
 
 __all__ = ["MARGINS", "batch_margins"]
 

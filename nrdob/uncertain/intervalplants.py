@@ -29,7 +29,7 @@ import numpy as np
 
 from ..loop import NRDOB
 from ..numerics import ROUNDING, FloatArray, add, hurwitz
-from .batchstability import Feedback
+from .batch import Feedback
 
 __all__ = ["IntervalShares", "interval_plants", "largest_share"]
 

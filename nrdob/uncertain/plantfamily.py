@@ -18,9 +18,8 @@ import numpy as np
 from ..analysis import judge_observer, quotient_margins
 from ..diagram import ObserverEquations, as_fraction, nonzero, undelayed
 from ..numerics import BoolArray, FloatArray, convolved
-from .batch import Moving, PlantBatch, moving
+from .batch import SLAB, Feedback, Moving, PlantBatch, moving
 from .batchmargins import batch_margins
-from .batchstability import SLAB, Feedback
 from .distributions import BLOCK, Grid, Samples, read_fit, read_grid, read_range, whole_number
 
 __all__ = ["PlantFamily", "judged", "plant_family"]

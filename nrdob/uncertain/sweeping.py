@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..loop import NRDOB
-from .batch import PlantBatch
+from .batch import Feedback, PlantBatch
 from .batchmargins import MARGINS
-from .batchstability import Feedback
 from .plantfamily import PlantFamily, judged
 from .sweeptable import SweepTable
 
@@ -57,8 +56,7 @@ def sweep(loop: NRDOB, family: PlantFamily, quantities: Iterable[str] = QUANTITI
 
     Examples
     --------
-    Example 3 of the paper, if the gain of the plant is known to a factor of two, and it has one
-    more lag:
+    Example 3 of the paper, with a gain known to a factor of two and one more lag:
 
     >>> import nrdob
     >>> loop = nrdob.paper.example(3)

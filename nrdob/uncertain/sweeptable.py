@@ -131,22 +131,20 @@ class SweepTable:
         low, high = (binomtest(k, n).proportion_ci(confidence) for k in (stable, perhaps))
         return Share(stable / n, float(low.low), float(high.high))
 
-    def worst(self, count: int = 10, by: str = "ms") -> SweepTable:
-        """Members that fare worst, the worst first; those not known to be stable before all.
+    def worst(self, count: int = 10) -> SweepTable:
+        """Members of largest Ms, the worst first; those not known to be stable before all.
 
         Parameters
         ----------
         count : int
             How many.
-        by : str
-            The quantity; small ones are bad, but for "ms". A gain margin is worse the nearer to 1.
 
         Returns
         -------
         SweepTable
             A shorter table; ``.rows`` are their numbers in the family.
         """
-        order = self._worst_first(by, self[by])
+        order = self._worst_first("ms", self["ms"])
         order = order[np.argsort(self["stable"][order], kind="stable")]
         chosen = order[:count]
         columns = {name: values[chosen] for name, values in self.columns.items()}
