@@ -168,13 +168,8 @@ def _continued(roots: ComplexArray) -> ComplexArray:
     return np.take_along_axis(roots, every.T, axis=0)
 
 
-class _Brackets(NamedTuple):
-    """Between which frequencies which branch changes sides, and from which one it is reached."""
-
-    of: IntArray
-    at: IntArray
-    low: FloatArray
-    high: FloatArray
+Brackets = tuple[IntArray, IntArray, FloatArray, FloatArray]
+"""Which branch changes sides, from which frequency on it is reached, and between which two."""
 
 
 def _on_axis(branches: Branches) -> list[CriticalTimeConstant]:
@@ -213,18 +208,18 @@ def _exactly(mismatch: Mismatch, omega: FloatArray, critical: FloatArray) -> Flo
     return np.where(np.abs(found - critical) <= FARTHEST * critical, found, critical)
 
 
-def _sign_changes(branches: Branches, known: BoolArray) -> _Brackets:
+def _sign_changes(branches: Branches, known: BoolArray) -> Brackets:
     """Bracket the changes of side between neighbouring frequencies where it is known."""
     of, columns = np.nonzero(known)
     sign = side(branches.excess.real[of, columns])
     changed = np.flatnonzero((of[1:] == of[:-1]) & (sign[1:] != sign[:-1]))
     before, after = columns[changed], columns[changed + 1]
-    return _Brackets(of[changed], before, branches.omega[before], branches.omega[after])
+    return (of[changed], before, branches.omega[before], branches.omega[after])
 
 
 def _hidden_pairs(
     branches: Branches, known: BoolArray, rounding: FloatArray
-) -> tuple[_Brackets, _Brackets]:
+) -> tuple[Brackets, Brackets]:
     """Bracket pairs of crossings that leave the same side at both neighbours, but a dip.
 
     Of two frequencies so close that only rounding tells them apart both may be the bottom.
@@ -242,7 +237,7 @@ def _hidden_pairs(
     bottom = _across(branches, of, at, way, left, right)
     through = np.isfinite(bottom)
     of, at, bottom = of[through], at[through], bottom[through]
-    return _Brackets(of, at, left[through], bottom), _Brackets(of, at, bottom, right[through])
+    return (of, at, left[through], bottom), (of, at, bottom, right[through])
 
 
 def _across(

@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf, pi
-from typing import NamedTuple
 
 import numpy as np
 
@@ -20,7 +19,7 @@ from .existence import roots_by_side
 from .mismatch import Mismatch
 from .mismatchgrid import Frequencies
 
-__all__ = ["Distances", "PlantLoops"]
+__all__ = ["PlantLoops"]
 
 EQUAL = 1e-13  # relative difference of two values that may be rounding
 DEEPEST = 1.2  # a dip of ``|1 + L|`` may turn out the deepest if on the grid it is this close to it
@@ -33,17 +32,6 @@ FOUND = 8  # steps in which such a resonance is found
 ZOOMS, ACROSS = 6, 9  # how often a dip is looked at more closely, and at how many frequencies
 SETTLED = 1e-5  # relative difference of three values from which they lie on a parabola
 AT_ONCE = 400_000  # values of L that are held at a time
-
-
-class Distances(NamedTuple):
-    """How near to -1 plant loops come: the smallest ``|1 + L|``, 1/Ms, of each, (k,).
-
-    And by how much ln λ may change at least until ``|1 + L|`` falls or rises to the limit asked
-    for, at the frequencies of the grid.
-    """
-
-    least: FloatArray
-    reach: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,16 +52,21 @@ class PlantLoops:
             noise, size = mismatch.uncertainty(omega)[-1], np.abs(mismatch.coefficients(omega)[-1])
         return cls(mismatch, omega[noise < NOISE * size])
 
-    def distances(self, time_constants: FloatArray, limit: float) -> Distances:
-        """Distances of stable loops from -1, both ends of the axis included; the limit is 1/Ms."""
+    def distances(self, time_constants: FloatArray, limit: float) -> tuple[FloatArray, FloatArray]:
+        """How near to -1 stable loops come, 1/Ms, both ends of the axis included.
+
+        And by how much ln λ may change at least until ``|1 + L|`` falls or rises to the limit, at
+        the frequencies of the grid.
+        """
         rows = max(1, AT_ONCE // self.omega.size)
         parts = [
             self._distances(time_constants[k : k + rows], limit)
             for k in range(0, max(1, time_constants.size), rows)
         ]
-        return Distances(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+        least, reach = (np.concatenate(part) for part in zip(*parts, strict=True))
+        return least, reach
 
-    def _distances(self, time_constants: FloatArray, limit: float) -> Distances:
+    def _distances(self, time_constants: FloatArray, limit: float) -> list[FloatArray]:
         distance, size = self._distance_and_size(time_constants[:, None], self.omega)
         ends = np.minimum(self.at_infinity(time_constants), self._at_zero(time_constants))
         least = np.minimum(np.minimum(distance.min(axis=1), ends), self.at_poles(time_constants))
@@ -93,7 +86,7 @@ class PlantLoops:
             spare = np.nanmin((distance - limit) / size, axis=1)
             np.fmin.at(spare, loop, ((near - limit) / large).min(axis=1))
         reach = np.log1p(np.abs(spare)) / (len(self.mismatch.E) - 1)
-        return Distances(np.maximum(least, 1e-300), reach)
+        return [np.maximum(least, 1e-300), reach]
 
     def _beside_turns(self, time_constants: FloatArray) -> tuple[IntArray, FloatArray]:
         """Loops, (m,), and frequencies, (m, BESIDE), where L may hide a narrow resonance.

@@ -275,8 +275,8 @@ class Scan:
         return scan._with_extremes(np.diff(x) > reach[1:] + reach[:-1])
 
     def _at(self, x: FloatArray) -> FloatArray:
-        found = self.loops.distances(np.exp(np.ravel(x)), 1 / self.max_ms)
-        return np.asarray(np.log(found.least * self.max_ms).reshape(np.shape(x)))
+        least, _ = self.loops.distances(np.exp(np.ravel(x)), 1 / self.max_ms)
+        return np.asarray(np.log(least * self.max_ms).reshape(np.shape(x)))
 
     def _with_extremes(self, apart: BoolArray) -> Scan:
         """Look into extremes that may lie on the other side of 0, where samples are apart."""

@@ -1,23 +1,37 @@
-"""A whole family judged: blocks of ten thousand members, many at once, the doubtful one by one."""
+"""A whole family judged, the doubtful members one by one, and the table of what was found."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import replace
-from typing import Any
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from math import isfinite
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import binomtest
 
 from ..loop import NRDOB
+from ..numerics import IntArray, is_real
 from .batch import Feedback, PlantBatch
 from .batchmargins import MARGINS
+from .distributions import Grid
 from .plantfamily import PlantFamily, judged
-from .sweeptable import SweepTable
 
-__all__ = ["QUANTITIES", "sweep"]
+if TYPE_CHECKING:
+    from ..design import StabilityChart
+    from ..plotting import Figure
+
+__all__ = ["QUANTITIES", "Share", "SweepTable", "sweep"]
 
 QUANTITIES = ("stable", *MARGINS)  # what can be asked of every member
+
+LABELS = {
+    "gain": "gain of the process, times",
+    "delay": "dead time θ (s)",
+    "lag": "additional lag (s)",
+}
+"""What is written beside an axis."""
 
 Columns = dict[str, NDArray[Any]]
 
@@ -124,3 +138,183 @@ def _alone(
         return stable, verdict.reason if stable is None else ""
     except (ArithmeticError, TypeError, ValueError) as error:
         return stable, str(error)
+
+
+class Share(NamedTuple):
+    """A share of a family.
+
+    Attributes
+    ----------
+    share, low, high : float
+        Among the members looked at, and its bounds among all that could have been drawn.
+    """
+
+    share: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SweepTable:
+    """A table with a row for each member: ``table["stable"]``, ``table["gain"]``.
+
+    Beside the parameters and the quantities asked for there are the columns
+
+    - "stable": True where that is certain;
+    - "decided": whether the verdict is known, one way or the other;
+    - "alone": members too close to call, or too odd, for many at once, which were judged one by
+      one by the methods of `nrdob.NRDOB`;
+    - "reason": for those, why there is no verdict, or no plant; empty otherwise.
+
+    Margins of members that are not known to be stable are nan.
+
+    Attributes
+    ----------
+    family : PlantFamily
+        Whose members these are.
+    columns : dict of str: (N,) array
+        The columns.
+    rows : (N,) array of int
+        Numbers of the members in the family.
+    """
+
+    family: PlantFamily
+    columns: Mapping[str, NDArray[Any]] = field(repr=False)
+    rows: IntArray = field(repr=False)
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        if name not in self.columns:
+            raise KeyError(f"there is no {name!r}; the columns are {', '.join(self.columns)}")
+        return self.columns[name]
+
+    def __len__(self) -> int:
+        return int(self.rows.size)
+
+    def __repr__(self) -> str:
+        stable, decided = self["stable"], self["decided"]
+        lines = [
+            f"<sweep of {len(self)} plants: {int(stable.sum())} stable, "
+            f"{int((decided & ~stable).sum())} not, {int((~decided).sum())} not decided; "
+            f"{int(self['alone'].sum())} judged one by one"
+        ]
+        for name in MARGINS:
+            if name in self.columns and stable.any():
+                values = self[name][stable]
+                worst = values[self._worst_first(name, values)[0]]
+                lines.append(f"  worst {name:12} {worst:.4g}")
+        return "\n".join(lines) + ">"
+
+    def stable_share(self, confidence: float = 0.95) -> Share:
+        """Share of stable members, and what it can be among all that could have been drawn.
+
+        Clopper and Pearson's interval (1934), which holds at least as often as it says, as of
+        `scipy.stats.binomtest`. Members without a verdict count as unstable for the lower bound
+        and as stable for the upper one. On a grid nothing is drawn: both bounds are then the share
+        itself, up to those members.
+
+        Parameters
+        ----------
+        confidence : float
+            How often the interval is to hold, between 0 and 1.
+
+        Returns
+        -------
+        Share
+            The share and its bounds.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If `confidence` is no number between 0 and 1, or the table is empty.
+        """
+        if not is_real(confidence):
+            raise TypeError(f"confidence is {confidence!r}; give a number, such as 0.95")
+        if not (isfinite(confidence) and 0 < confidence < 1):
+            raise ValueError(f"confidence is {confidence}; give a number between 0 and 1")
+        n = len(self)
+        if not n:
+            raise ValueError("the table is empty: there is no share of nothing")
+        stable = int(self["stable"].sum())
+        perhaps = stable + int((~self["decided"]).sum())
+        if isinstance(self.family.drawn, Grid):
+            return Share(stable / n, stable / n, perhaps / n)
+        low, high = (binomtest(k, n).proportion_ci(confidence) for k in (stable, perhaps))
+        return Share(stable / n, float(low.low), float(high.high))
+
+    def worst(self, count: int = 10) -> SweepTable:
+        """Members of largest Ms, the worst first; those not known to be stable before all.
+
+        Parameters
+        ----------
+        count : int
+            How many.
+
+        Returns
+        -------
+        SweepTable
+            A shorter table; ``.rows`` are their numbers in the family.
+        """
+        order = self._worst_first("ms", self["ms"])
+        order = order[np.argsort(self["stable"][order], kind="stable")]
+        chosen = order[:count]
+        columns = {name: values[chosen] for name, values in self.columns.items()}
+        return SweepTable(self.family, columns, self.rows[chosen])
+
+    def plot_map(
+        self,
+        x: str,
+        y: str,
+        *,
+        chart: StabilityChart | None = None,
+        title: str = "",
+        ax: Any = None,
+    ) -> Figure:
+        """Draw the members over two parameters, and the exact borders of a chart of the same two.
+
+        The borders come from the frequency response alone, the colours from verdicts on members.
+        A dead time is drawn as the whole one of the plant, as charts have it.
+
+        Parameters
+        ----------
+        x, y : str
+            Names of columns.
+        chart : StabilityChart, optional
+            Of `nrdob.stability_chart` with the nominal plant, its axes x and y.
+        title : str
+            Written above it.
+        ax : matplotlib axes, optional
+            Where to draw.
+
+        Returns
+        -------
+        Figure
+            As of `nrdob.plotting.map_plot`.
+        """
+        from ..plotting import MapAxis, map_plot
+
+        if chart and (chart.x.name, chart.y.name) != (x, y):
+            raise ValueError(
+                f"the chart is of {chart.x.name} and {chart.y.name}, the map of {x} and {y}; make "
+                "both of the same two"
+            )
+        across, up = (
+            MapAxis(LABELS.get(name, name), self[name] + (name == "delay") * self.family.delay)
+            for name in (x, y)
+        )
+        # Borders are drawn a little beyond their chart: there is no lag below zero.
+        borders = [
+            (border.x, np.where(border.y < 0, np.nan, border.y))
+            for border in (chart.borders if chart else ())
+        ]
+        return map_plot(
+            across, up, self["stable"], self["decided"], borders=borders, title=title, ax=ax
+        )
+
+    def _worst_first(self, by: str, values: NDArray[Any]) -> IntArray:
+        key = np.asarray(values, dtype=float)
+        if by == "ms":
+            key = -key
+        elif by == "gm":
+            with np.errstate(divide="ignore"):
+                key = np.abs(np.log(key))
+        return np.argsort(key, kind="stable")
