@@ -174,14 +174,14 @@ class Comparison:
         style = f'style="{padded}; text-align: right; white-space: nowrap"'
         head, *body = self._cells
         head[0] = "scheme"  # who hears a table hears the head of each column
-        rows = ["".join(f"<th {style}>{escape(cell)}</th>" for cell in head)]
+        rows = ["".join(f"<th {style}>{escape(cell)}</th>" for cell in head) + "</tr>"]
         for cells, row in zip(body, self.rows, strict=True):
             shown = [f"<td {style}>{escape(cell)}</td>" for cell in cells]
             if row.reason:
                 left = f'colspan="{len(cells) - 2}" style="{padded}; text-align: left"'
-                shown[2:] = [f"<td {left}>{escape(row.reason)}</td>"]
+                shown[2:] = [f"<td {left}>{escape(row.reason)}</td></tr>"]
             rows.append("".join(shown))
-        return f"<table>{''.join(f'<tr>{row}</tr>' for row in rows)}</table>"
+        return f"<table>{''.join(f'<tr>{row}' for row in rows)}</table>"
 
 
 def compare(
