@@ -1,11 +1,6 @@
 """Other schemes on the same plant, each as a loop that can be judged, and all in one table."""
 
-from .adrc import (
-    adrc_chart,
-    adrc_stabilizing_bandwidths,
-    adrc_stabilizing_gains,
-    linear_adrc,
-)
+from .adrc import adrc_chart, adrc_stabilizing_bandwidths, adrc_stabilizing_gains, linear_adrc
 from .comparison import Comparison, Row, compare
 from .measures import LoadErrors, load_errors
 from .simc import LagModel, half_rule, simc_pi, simc_pid

@@ -39,14 +39,8 @@ import control as ct
 import numpy as np
 from scipy.signal import convolve2d
 
-from ..design import (
-    Axis,
-    Border,
-    StabilityChart,
-    stability_chart,
-    stabilizing_time_constants,
-)
-from ..diagram import FilterFamily, as_fraction, filter_family, real_number, undelayed
+from ..design import Axis, Border, StabilityChart, stability_chart, stabilizing_time_constants
+from ..diagram import FilterFamily, filter_family, real_number
 from ..loop import NRDOB
 from ..numerics import FloatArray, is_whole
 from ..uncertain import gain_intervals
@@ -56,12 +50,10 @@ __all__ = [
     "adrc_filters",
     "adrc_stabilizing_bandwidths",
     "adrc_stabilizing_gains",
-    "high_frequency_gain",
     "linear_adrc",
 ]
 
-DECADE_AND_MORE = 20.0
-"""Ratio of the ends of an axis of the chart, at least: both are logarithmic."""
+DECADE_AND_MORE = 20.0  # ratio of the ends of an axis of the chart, at least: both are logarithmic
 
 
 def linear_adrc(
@@ -69,10 +61,9 @@ def linear_adrc(
 ) -> NRDOB:
     r"""Close a process with linear ADRC, written as the NR-DOB that it is.
 
-    d, δ and η meet the same loop. So does R for order 1. For order 2 the model loop of an NR-DOB
-    must bring its own zero, :math:`C = \omega_c^2(3s + \omega_c)/(b_0(s + 3\omega_c))`: ADRC with
-    its observer in the state space responds to R as this loop does behind the prefilter
-    :math:`(s + \omega_c)/(3s + \omega_c)`.
+    d, δ and η meet the same loop, and so does R for order 1. For order 2 the model loop must bring
+    its own zero, :math:`C = \omega_c^2(3s + \omega_c)/(b_0(s + 3\omega_c))`: ADRC with its observer
+    responds to R as this loop does behind the prefilter :math:`(s + \omega_c)/(3s + \omega_c)`.
 
     Parameters
     ----------
@@ -110,31 +101,7 @@ def linear_adrc(
 
 
 def adrc_filters(order: int, controller_bandwidth: float) -> FilterFamily:
-    """Return the filters of linear ADRC: a family with the time constant 1/ωo.
-
-    Parameters
-    ----------
-    order : {1, 2}
-        m.
-    controller_bandwidth : float
-        ωc, in rad/s.
-
-    Returns
-    -------
-    FilterFamily
-        To be taken wherever an order or a family is.
-
-    Raises
-    ------
-    TypeError, ValueError
-        As `linear_adrc`.
-
-    Examples
-    --------
-    >>> F = adrc_filters(1, 4.0).at(1 / 20)
-    >>> F.num[0][0].round(6).tolist(), F.den[0][0].round(6).tolist()
-    ([0.35, 1.0], [0.000625, 0.0275, 0.35, 1.0])
-    """
+    """Return the filters of linear ADRC, ωc in rad/s: a family with the time constant 1/ωo."""
     m, wc = _order(order), _bandwidth(controller_bandwidth, "controller_bandwidth")
     # Tables with a row for each power of s and a column for each power of λ, both descending.
     lag, observer = np.array([[1 / wc], [1.0]]), np.array([[1.0, 0.0], [0.0, 1.0]])
@@ -157,8 +124,7 @@ def adrc_stabilizing_bandwidths(
     process, order, b0, controller_bandwidth : as for `linear_adrc`
         G, m, b0 and ωc.
     highest : float, optional
-        Largest ωo of interest, in rad/s. With dead time the critical ones accumulate at infinity:
-        by default the list ends at one over the default floor of
+        Largest ωo of interest, in rad/s; by default, with dead time, one over the default floor of
         `nrdob.critical_time_constants`.
 
     Returns
@@ -168,10 +134,8 @@ def adrc_stabilizing_bandwidths(
 
     Raises
     ------
-    TypeError, ValueError
-        As `linear_adrc`; or if `highest` is not positive.
-    ArithmeticError
-        As `nrdob.stabilizing_time_constants`.
+    TypeError, ValueError, ArithmeticError
+        As `linear_adrc` and `nrdob.stabilizing_time_constants`; or if `highest` is not positive.
 
     Examples
     --------
@@ -191,7 +155,7 @@ def adrc_stabilizing_bandwidths(
         if highest is None:
             raise
         raise ValueError(f"highest is {highest:g} rad/s, 1/floor: {refusal}") from refusal
-    return [(1 / high, 1 / low if low else inf) for low, high in reversed(found)]
+    return _inverted(found)
 
 
 def adrc_stabilizing_gains(
@@ -211,10 +175,8 @@ def adrc_stabilizing_gains(
 
     Raises
     ------
-    TypeError, ValueError
-        As `linear_adrc`.
-    ArithmeticError
-        If a verdict cannot be given.
+    TypeError, ValueError, ArithmeticError
+        As `linear_adrc`; or if a verdict cannot be given.
 
     Examples
     --------
@@ -226,14 +188,17 @@ def adrc_stabilizing_gains(
     >>> round(low, 3), high
     (0.462, inf)
     """
-    found = []
-    for sign in (-1.0, 1.0):
-        # With b0 = ±1 a factor of the process is as good as 1/b0.
-        loop = linear_adrc(process, order, sign, observer_bandwidth, controller_bandwidth)
-        gains = gain_intervals(loop)
-        ends = [(1 / high, 1 / low if low else inf) for low, high in reversed(gains)]
-        found += ends if sign > 0 else [(-high, -low) for low, high in reversed(ends)]
-    return found
+    # With b0 = ±1 a factor of the process is as good as 1/b0.
+    bandwidths = observer_bandwidth, controller_bandwidth
+    negative, positive = (
+        _inverted(gain_intervals(linear_adrc(process, order, b0, *bandwidths)))
+        for b0 in (-1.0, 1.0)
+    )
+    return [(-high, -low) for low, high in reversed(negative)] + positive
+
+
+def _inverted(intervals: list[tuple[float, float]]) -> list[tuple[float, float]]:
+    return [(1 / high, 1 / low if low else inf) for low, high in reversed(intervals)]
 
 
 def adrc_chart(
@@ -252,8 +217,8 @@ def adrc_chart(
     process, order, controller_bandwidth : as for `linear_adrc`
         G, m and ωc.
     observer_bandwidth, b0 : (low, high)
-        The axes, both logarithmic: positive, the ends a factor of 20 or more apart. For a process
-        that needs a negative b0 chart its negative.
+        The axes: positive, the ends a factor of 20 or more apart. For a process that needs a
+        negative b0 chart its negative.
     ms : tuple of float
         Levels of the peak of the sensitivity to be drawn.
 
@@ -277,35 +242,21 @@ def adrc_chart(
     (2, 0)
     """
     family, model = adrc_filters(order, controller_bandwidth), _model(order, 1.0)
-    ranges = [_range("observer_bandwidth", observer_bandwidth), _range("b0", b0)]
-    x, y = (
-        (name, 1 / axis.high, 1 / axis.low)
-        for name, axis in zip(("time_constant", "gain"), ranges, strict=True)
-    )
+    bandwidths, gains = _range("observer_bandwidth", observer_bandwidth), _range("b0", b0)
+    x = ("time_constant", 1 / bandwidths.high, 1 / bandwidths.low)
+    y = ("gain", 1 / gains.high, 1 / gains.low)
     chart = stability_chart(process, model, family, x=x, y=y, ms=ms)
     borders = tuple(Border(1 / p.x[::-1], 1 / p.y[::-1], p.omega[::-1]) for p in chart.borders)
     regions = tuple(replace(r, x=1 / r.x, y=1 / r.y) for r in chart.regions)
     lines: dict[float, list[FloatArray]] = {
-        level: [np.asarray(1 / line) for line in each] for level, each in chart.ms_levels.items()
+        level: [1 / line for line in each] for level, each in chart.ms_levels.items()
     }
     # On logarithmic axes an inverse is a mirror image.
     labels = chart.labels[::-1, ::-1]
     return StabilityChart(
-        ranges[0], ranges[1], borders, regions, lines, labels,
+        bandwidths, gains, borders, regions, lines, labels,
         lambda bandwidth, gain: chart.count_at(1 / bandwidth, 1 / gain),
     )  # fmt: skip
-
-
-def high_frequency_gain(process: Any) -> tuple[int, float]:
-    """Return relative degree and leading coefficient of a process: its natural m and b0.
-
-    Parameters
-    ----------
-    process : as for `nrdob.NRDOB`
-        The process G.
-    """
-    G = as_fraction(undelayed(process)[0], "process")
-    return G.relative_degree, float(G.num[0] / G.den[0])
 
 
 def _order(order: Any) -> int:

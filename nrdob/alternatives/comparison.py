@@ -9,10 +9,9 @@ from math import isnan, nan
 from typing import Any
 
 from ..analysis import noise_variance, quotient_margins
-from ..design import step_peak
 from ..diagram import as_fraction, nonzero, undelayed
 from ..loop import NRDOB
-from .measures import load_errors
+from .measures import load_errors, step_peak
 from .tuning import Scheme, checked_limits, tune
 
 __all__ = ["Comparison", "Row", "compare"]
@@ -35,18 +34,14 @@ class Row:
 
     Attributes
     ----------
-    name : str
-        What it is called.
-    tuning : str
-        The parameter that was found, if one was looked for; "no limit" where the limits allow all.
+    name, tuning : str
+        The scheme, and the parameter that was found, if one was looked for, see `Tuned`.
     stable : bool or None
-        Whether the loop is stable; None if that is not known, or if there is no loop.
+        None if that is not known, or if there is no loop.
     reason : str
         Why there are no numbers, empty where there are.
-    ms : float
-        Peak of the sensitivity.
-    delay_margin : float
-        In seconds.
+    ms, delay_margin : float
+        Peak of the sensitivity; delay margin in seconds.
     iae, ise : float
         Integrals of ``|y|`` and of y² after a unit step of the load δ; inf where an offset stays.
     noise_y, noise_u : float
@@ -85,7 +80,7 @@ class Comparison:
     changed : tuple of str
         Names of the changed plants.
     shown : tuple of str, optional
-        Columns that are printed, see `only`; all of them by default.
+        Columns that are printed, see `only`.
     """
 
     rows: tuple[Row, ...]
@@ -93,11 +88,10 @@ class Comparison:
     shown: tuple[str, ...] | None = None
 
     def __getitem__(self, name: str) -> Row:
-        for row in self.rows:
-            if row.name == name:
-                return row
-        known = ", ".join(row.name for row in self.rows)
-        raise KeyError(f"there is no scheme {name!r}; there are {known}")
+        rows = {row.name: row for row in self.rows}
+        if name not in rows:
+            raise KeyError(f"there is no scheme {name!r}; there are {', '.join(rows)}")
+        return rows[name]
 
     def column(self, name: str) -> dict[str, Any]:
         """Return one column, by scheme.
@@ -167,15 +161,12 @@ class Comparison:
 
     def __repr__(self) -> str:
         table = self._cells
-        wide = [max(len(row[k]) for row in table) for k in range(len(table[0]))]
+        wide = [max(map(len, column)) for column in zip(*table, strict=True)]
         lines = []
-        for cells, row in zip(table, (None, *self.rows), strict=True):
-            text = [cells[0].ljust(wide[0]), cells[1].ljust(wide[1])]
-            if row is not None and row.reason:
-                text.append(row.reason)
-            else:
-                text += [cell.rjust(w) for cell, w in zip(cells[2:], wide[2:], strict=True)]
-            lines.append("  ".join(text).rstrip())
+        for cells, reason in zip(table, ("", *(row.reason for row in self.rows)), strict=True):
+            text = [cell.rjust(w) for cell, w in zip(cells, wide, strict=True)]
+            text[:2] = cells[0].ljust(wide[0]), cells[1].ljust(wide[1])
+            lines.append("  ".join([*text[:2], reason] if reason else text).rstrip())
         return "\n".join(lines)
 
     def _repr_html_(self) -> str:
@@ -183,18 +174,14 @@ class Comparison:
         style = f'style="{padded}; text-align: right; white-space: nowrap"'
         head, *body = self._cells
         head[0] = "scheme"  # who hears a table hears the head of each column
-        rows = ["<tr>" + "".join(f"<th {style}>{escape(c)}</th>" for c in head) + "</tr>"]
+        rows = ["".join(f"<th {style}>{escape(cell)}</th>" for cell in head) + "</tr>"]
         for cells, row in zip(body, self.rows, strict=True):
+            shown = [f"<td {style}>{escape(cell)}</td>" for cell in cells]
             if row.reason:
-                first = "".join(f"<td {style}>{escape(cell)}</td>" for cell in cells[:2])
-                left = (
-                    f'<td colspan="{len(cells) - 2}" style="{padded}; text-align: left">'
-                    f"{escape(row.reason)}</td>"
-                )
-                rows.append(f"<tr>{first}{left}</tr>")
-            else:
-                rows.append("<tr>" + "".join(f"<td {style}>{escape(c)}</td>" for c in cells))
-        return f"<table>{''.join(rows)}</table>"
+                left = f'colspan="{len(cells) - 2}" style="{padded}; text-align: left"'
+                shown[2:] = [f"<td {left}>{escape(row.reason)}</td></tr>"]
+            rows.append("".join(shown))
+        return f"<table>{''.join(f'<tr>{row}' for row in rows)}</table>"
 
 
 def compare(
@@ -213,14 +200,12 @@ def compare(
     process : as for `nrdob.NRDOB`
         G, on which every scheme is judged.
     candidates : dict of str to NRDOB or Scheme
-        Loops as they are; or schemes from `nrdob.alternatives.candidates`, each of which is tuned
-        to the same limits by `nrdob.alternatives.tune`.
+        Loops as they are; or schemes from `nrdob.alternatives.candidates`, tuned to the same limits
+        by `nrdob.alternatives.tune`.
     changed : dict of str to process, optional
         What the plant may become; the schemes stay as they are.
-    shaping : control.TransferFunction, StateSpace, number or (num, den), optional
-        Colours the noise η, which is white of unit density by default.
-    max_ms, max_noise : float, optional
-        Limits for candidates, see `nrdob.alternatives.tune`.
+    shaping, max_ms, max_noise : as for `nrdob.alternatives.tune`, optional
+        What colours the noise η, and limits for candidates.
 
     Returns
     -------
@@ -243,8 +228,6 @@ def compare(
     >>> two = {name: every[name] for name in ("NR-DOB", "PI")}
     >>> late = {"late": paper.example(4, modified=True).process}
     >>> found = compare(loop.process, two, changed=late, max_ms=1.6)
-    >>> {name: round(iae, 4) for name, iae in found.column("iae").items()}
-    {'NR-DOB': 0.0616, 'PI': 0.1116}
     >>> {name: round(ms, 3) for name, ms in found.column("late").items()}
     {'NR-DOB': 3.209, 'PI': 2.416}
     """
@@ -288,7 +271,7 @@ def _judged(name: str, tuning: str, loop: NRDOB, shaping: Any, others: dict[str,
         found = quotient_margins(loop.L, True)
         noise = noise_variance(loop, shaping)
         errors = load_errors(loop)
-        peak = step_peak(loop, "d", "u")
+        peak = step_peak(loop)
     except ArithmeticError as refusal:  # of a loop that is all but unstable
         return Row(name, tuning, True, f"stable, but {refusal}", loop=loop)
     after = {key: _ms(replace(loop, process=plant)) for key, plant in others.items()}

@@ -1,4 +1,4 @@
-r"""What a loop does with a step of the load: the integrals of its error.
+r"""What a loop does with a step: the integrals of its error, and the peak of u.
 
 The energy :math:`\int y^2 dt` is an integral over frequencies (`Quotient.step_energy`), exact. The
 area :math:`\int |y|\,dt` has no such form; it is summed up over an exact response. The same sum
@@ -15,22 +15,19 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from ..analysis import step_response
-from ..diagram import LoopEquations
-from ..numerics import FloatArray
+from ..diagram import LoopEquations, Quotient
+from ..numerics import FloatArray, QuasiPolynomial
 
-__all__ = ["LoadErrors", "load_errors"]
+__all__ = ["LoadErrors", "load_errors", "step_peak"]
 
-ACCURACY = 1e-4
-"""How well the known integrals must come out, against the area and the energy."""
-
-TIMES, ROUNDS = 500, 6
-"""Times in the first sum, and how often their number is doubled."""
+ACCURACY = 1e-4  # how well the known integrals must come out, against the area and the energy
+TIMES, ROUNDS = 500, 6  # times in the first sum, and how often their number is doubled
 
 SETTLING, DEAD_TIMES = 16.0, 10.0
 """Length of the response, in time constants of the slowest mode and in dead times."""
 
-EARLIEST = 1e-6
-"""First time after 0, against the last."""
+EARLIEST = 1e-6  # first time after 0, against the last
+EVENLY, CLOSER, ACROSS = 1001, 2, 65  # times of a peak: evenly, how often closely, and then
 
 
 class LoadErrors(NamedTuple):
@@ -38,10 +35,8 @@ class LoadErrors(NamedTuple):
 
     Attributes
     ----------
-    iae : float
-        :math:`\int |y|\,dt`, to 1e-4 of itself; inf where an offset stays.
-    ise : float
-        :math:`\int y^2\,dt`.
+    iae, ise : float
+        :math:`\int |y|\,dt`, to 1e-4 of itself, and :math:`\int y^2\,dt`.
     """
 
     iae: float
@@ -82,9 +77,11 @@ def load_errors(loop: LoopEquations) -> LoadErrors:
     ise = loop.S_delta.step_energy()
     if ise == inf:
         return LoadErrors(inf, inf)
-    area = _area(loop)
+    # The integral of y is S_δ(s)/s at s = 0.
+    s = QuasiPolynomial(np.array([1.0, 0.0]))
+    area = Quotient(loop.S_delta.num, (*loop.S_delta.den, s)).dc_gain
     last = _horizon(loop)
-    breaks = loop.delay * np.arange(1, 9) if loop.delay else np.empty(0)
+    breaks = loop.delay * np.arange(1, 9)
     for doubled in range(ROUNDS):
         count = TIMES << doubled
         times = np.concatenate([
@@ -101,17 +98,6 @@ def load_errors(loop: LoopEquations) -> LoadErrors:
         f"the response to a load over {last:g} s has more swings than {3 * count} times resolve: "
         "the loop is all but unstable"
     )
-
-
-def _area(loop: LoopEquations) -> float:
-    r"""Integral of y, :math:`S_\delta(s)/s` at s = 0."""
-    S = loop.S_delta
-    if S.zeros_at_origin > 1:
-        return 0.0
-    num, den = (
-        np.prod([factor.without_origin.constant for factor in part]) for part in (S.num, S.den)
-    )
-    return float(num / den)
 
 
 def _horizon(loop: LoopEquations) -> float:
@@ -135,3 +121,19 @@ def _integrals(times: FloatArray, y: FloatArray) -> tuple[float, float, float]:
     points = (times[:-1] + half)[:, None] + half[:, None] * nodes
     square = float(half @ (spline(points) ** 2 @ weights))
     return iae, float(whole(times[-1]) - whole(times[0])), square
+
+
+def step_peak(loop: LoopEquations) -> float:
+    """Largest ``|u|`` of a stable loop after a unit step of d."""
+    last = step_response(loop, "d").time[-1]
+    # A slow end must not hide a fast beginning.
+    times = last * np.union1d(np.linspace(0, 1, EVENLY), np.geomspace(EARLIEST, 1, EVENLY))
+    size = np.abs(step_response(loop, "d", times).outputs[1, 0])
+    largest = np.nanmax(size)
+    for _ in range(CLOSER):
+        k = int(np.nanargmax(size))
+        if k == 0:
+            break
+        times = np.linspace(times[k - 1], times[min(k + 1, times.size - 1)], ACROSS)
+        size = np.abs(step_response(loop, "d", times).outputs[1, 0])
+    return float(max(largest, np.nanmax(size)))

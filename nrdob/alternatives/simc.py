@@ -13,11 +13,10 @@ other process is brought into that form by the half rule: of the largest lag tha
 half is added to the dead time and one half to the lag before it; further lags, and what zeros on
 the right contribute, are added to the dead time.
 
-The derivative of a PID needs a filter, which is an additional lag in the loop: of
-:math:`\tau_D/10`, or of :math:`\tau_c/2` where that is shorter, so that it is short against the
-closed loop, too. By the half rule it counts as dead time: :math:`\theta` above is then that of the
-process plus this lag. Tight control, :math:`\tau_c` equal to this sum, has about the Ms that the
-PID without a filter has with :math:`\tau_c` equal to the dead time alone.
+The derivative of a PID needs a filter, an additional lag in the loop: of :math:`\tau_D/10`, or of
+:math:`\tau_c/2` where that is shorter. By the half rule it counts as dead time: :math:`\theta` is
+then that of the process plus this lag. Tight control, :math:`\tau_c` equal to this sum, has about
+the Ms that the PID without a filter has with :math:`\tau_c` equal to the dead time alone.
 
 .. rubric:: References
 
@@ -38,25 +37,16 @@ import numpy as np
 
 from ..diagram import as_fraction, nonzero, real_number, undelayed
 from ..loop import NRDOB
-from ..numerics import FloatArray, QuasiPolynomial, written
+from ..numerics import ComplexArray, FloatArray, QuasiPolynomial, written
 from .structures import controller_alone
 
 __all__ = ["LagModel", "half_rule", "simc_pi", "simc_pid"]
 
-REAL = 0.01
-"""Imaginary part of a root, against its size, that may be left out: a damping ratio of 0.99995."""
-
-CLOSE = 1.6
-"""Ratio of a zero's time constant to a smaller lag from which it is not close any more."""
-
-ROUNDED = 1e-3
-"""How well a time constant is known that is one of several equal ones."""
-
-SHORT = 5.0
-"""Times θ: a zero's time constant from which a lag and a zero are both slow."""
-
-DERIVATIVE, LOOP = 10.0, 2.0
-"""τD, and τc, over the time constant of the derivative's filter, at least."""
+REAL = 0.01  # imaginary part of a root, against its size, left out: a damping of 0.99995
+CLOSE = 1.6  # ratio of a zero's time constant to a smaller lag from which it is not close any more
+ROUNDED = 1e-3  # how well a time constant is known that is one of several equal ones
+SHORT = 5.0  # times θ: a zero's time constant from which a lag and a zero are both slow
+DERIVATIVE, LOOP = 10.0, 2.0  # τD, and τc, over the derivative's filter, at least
 
 
 class LagModel(NamedTuple):
@@ -66,10 +56,8 @@ class LagModel(NamedTuple):
     ----------
     gain : float
         k; k/τ1 for an integrating process, whose τ1 is infinite.
-    first, second : float
-        τ1 and τ2 in seconds, τ1 the longer one.
-    delay : float
-        θ in seconds.
+    first, second, delay : float
+        τ1, the longer one, τ2 and θ in seconds.
     """
 
     gain: float
@@ -103,8 +91,8 @@ def half_rule(process: Any, order: int, closed_loop_time: float) -> LagModel:
     Raises
     ------
     TypeError, ValueError
-        If the rule does not fit: the process is unstable, oscillates, or has no lag; if τc is not
-        positive, or the order another one.
+        If the process is unstable, oscillates, or has no lag; if τc is not positive, or the order
+        another one.
 
     Examples
     --------
@@ -123,7 +111,7 @@ def half_rule(process: Any, order: int, closed_loop_time: float) -> LagModel:
     prompt, delay = undelayed(process)
     G = nonzero(as_fraction(prompt, "process"), "process")
     lags, zeros = _lags(G.den), _zeros(G.num)
-    gain = _low_frequency_gain(G.num, G.den)
+    gain = float(G.num[-1] / QuasiPolynomial(G.den).without_origin.constant)
     for zero in sorted((z for z in zeros if z > 0), reverse=True):
         gain *= _cancel(zero, lags, tc)
     delay += sum(-zero for zero in zeros if zero < 0)
@@ -132,11 +120,10 @@ def half_rule(process: Any, order: int, closed_loop_time: float) -> LagModel:
         raise ValueError(
             "no lag of the process is left for the rule to work on: give a process that falls off"
         )
-    kept, rest = lags[:order], lags[order:]
-    if rest:
-        half, *others = rest
-        kept[-1] += half / 2
-        delay += half / 2 + sum(others)
+    kept = lags[:order]
+    if rest := lags[order:]:
+        kept[-1] += rest[0] / 2
+        delay += rest[0] / 2 + sum(rest[1:])
     first, second, *_ = *sorted(kept, reverse=True), 0.0
     return LagModel(gain, first, second, float(delay))
 
@@ -146,10 +133,8 @@ def simc_pi(process: Any, closed_loop_time: float) -> NRDOB:
 
     Parameters
     ----------
-    process : as for `nrdob.NRDOB`
-        The process G.
-    closed_loop_time : float
-        τc in seconds; as large as the dead time for tight control.
+    process, closed_loop_time : as for `half_rule`
+        G, and τc, as large as the dead time for tight control.
 
     Returns
     -------
@@ -178,10 +163,8 @@ def simc_pid(process: Any, closed_loop_time: float) -> NRDOB:
 
     Parameters
     ----------
-    process, closed_loop_time : as for `simc_pi`
-        G, and τc in seconds. The filter of the derivative, τD/10 or τc/2, whichever is shorter,
-        counts as dead time: for tight control τc is as large as the dead time and the filter
-        together.
+    process, closed_loop_time : as for `half_rule`
+        G, and τc, as large as dead time and derivative's filter together for tight control.
 
     Returns
     -------
@@ -241,45 +224,39 @@ def _lags(den: FloatArray) -> list[float]:
             f"the process has a pole at {written(complex(poles[0]))}; these rules are for stable "
             "or integrating processes: use an observer, or nrdob.alternatives.linear_adrc"
         )
-    oscillating = poles[np.abs(poles.imag) > REAL * np.abs(poles)]
-    if oscillating.size:
-        raise ValueError(
-            f"the process has poles at {written(complex(oscillating[0]))}; these rules are for "
-            "lags, without oscillation: design for a process with real poles (design=…)"
-        )
-    return [*(-1 / poles.real).tolist(), *[inf] * p.zeros_at_origin]
+    refusal = (
+        "poles at {}; these rules are for lags, without oscillation: design for a process with "
+        "real poles"
+    )
+    return _times(poles, refusal) + [inf] * p.zeros_at_origin
 
 
 def _zeros(num: FloatArray) -> list[float]:
     """Time constants T of zeros, in (T s + 1): negative for zeros in the right half plane."""
     p = QuasiPolynomial(num)
-    roots = p.without_origin.roots
     if p.zeros_at_origin:
         raise ValueError("the process has a zero at s = 0: no controller holds a load there")
+    return _times(
+        p.roots, "zeros at {}; these rules take real ones: design for a process without them"
+    )
+
+
+def _times(roots: ComplexArray, refusal: str) -> list[float]:
+    """-1/s of real roots, or say what the process has."""
     odd = roots[np.abs(roots.imag) > REAL * np.abs(roots)]
     if odd.size:
-        raise ValueError(
-            f"the process has zeros at {written(complex(odd[0]))}; these rules take real ones: "
-            "design for a process without them (design=…)"
-        )
-    return (-1 / roots.real).tolist() if roots.size else []
-
-
-def _low_frequency_gain(num: FloatArray, den: FloatArray) -> float:
-    return float(num[-1] / QuasiPolynomial(den).without_origin.constant)
+        raise ValueError(f"the process has {refusal.format(written(complex(odd[0])))}")
+    return [float(-1 / root) for root in roots.real]
 
 
 def _cancel(zero: float, lags: list[float], closed_loop_time: float) -> float:
     """Cancel a stable zero against a lag by rules T1 to T3; return the gain that is left."""
     if not lags:
         return 1.0
-    larger = [lag for lag in lags if lag >= zero]
-    smaller = [lag for lag in lags if lag < zero]
-    lag = min(larger, default=inf) if larger else max(smaller)
-    if larger and smaller:
-        below = max(smaller)
-        if zero / below < min(CLOSE * (1 - ROUNDED), lag / zero):
-            lag = below
+    above = min((lag for lag in lags if lag >= zero), default=0.0)
+    below = max((lag for lag in lags if lag < zero), default=0.0)
+    close = below and zero / below < min(CLOSE * (1 - ROUNDED), above / zero)
+    lag = below if close else above or below
     lags.remove(lag)
     if lag < zero:  # T1, T1a, T1b
         return zero / max(lag, closed_loop_time) if zero >= closed_loop_time else 1.0

@@ -10,10 +10,9 @@ Smith predictor                        :math:`C\tilde G_0/(1 + C\tilde G_0)`; th
                                        dead time
 =====================================  =====================================================
 
-with the same C and the same model: all maps from R, d, δ and η are those of the other diagram, and
-all that judges an NR-DOB judges these loops, too. The conventional observer compares y itself with
-the reference, :math:`u = C(R - y) + Fu - (F/\tilde G)y`, so that
-:math:`K = (C + F/\tilde G)/(1 - F)`.
+with the same C and model: all maps from R, d, δ and η are those of the other diagram. The
+conventional observer compares y itself with the reference,
+:math:`u = C(R - y) + Fu - (F/\tilde G)y`, so that :math:`K = (C + F/\tilde G)/(1 - F)`.
 
 .. rubric:: References
 
@@ -46,12 +45,9 @@ def controller_alone(process: Any, model: Any, controller: Any) -> NRDOB:
 
     Parameters
     ----------
-    process : as for `nrdob.NRDOB`
-        The process G.
-    model : as for `nrdob.NRDOB`
-        A model that C stabilises; nothing of the loop depends on it. Its dead time is left out.
-    controller : as for `nrdob.NRDOB`
-        C, so that C or the model integrates.
+    process, model, controller : as for `nrdob.NRDOB`
+        G; a model that C stabilises, on which nothing of the loop depends and whose dead time is
+        left out; and C, so that C or the model integrates.
 
     Returns
     -------
@@ -80,12 +76,9 @@ def smith_predictor(process: Any, model: Any, controller: Any) -> NRDOB:
 
     Parameters
     ----------
-    process : as for `nrdob.NRDOB`
-        The process G.
-    model : DelayedTransferFunction
-        The model with its dead time.
-    controller : as for `nrdob.NRDOB`
-        C, which stabilises the model without dead time; one of the two integrates.
+    process, model, controller : as for `nrdob.NRDOB`
+        G, the model with its dead time, and C, which stabilises the model without it; one of the
+        two integrates.
 
     Returns
     -------
@@ -136,9 +129,8 @@ def conventional_observer(process: Any, model: Any, controller: Any, filter: Any
     >>> loop.p_B.roots.real.round(6).tolist()           # of F, and of C·model
     [-2.0, -3.0]
     """
-    prompt = undelayed(model)[0]
+    prompt, F = undelayed(model)[0], filter_fraction(filter)
     Gm, C = as_fraction(prompt, "model"), as_fraction(controller, "controller")
-    F = filter_fraction(filter)
     opened, closing = np.convolve(C.den, Gm.den), np.convolve(C.num, Gm.num)
     p_A = QuasiPolynomial(add(opened, closing), scale=add(np.abs(opened), np.abs(closing)))
     if p_A.zeros_at_origin or count_rhp(p_A).count != 0:

@@ -18,40 +18,26 @@ import numpy as np
 
 from ..analysis import noise_variance, quotient_margins
 from ..design import Bracket, solved
-from ..diagram import (
-    DelayedTransferFunction,
-    LowPassFilter,
-    as_fraction,
-    real_number,
-    undelayed,
-)
+from ..diagram import DelayedTransferFunction, LowPassFilter, as_fraction, real_number
 from ..loop import NRDOB
 from ..numerics import QuasiPolynomial, count_rhp
-from .adrc import high_frequency_gain, linear_adrc
+from .adrc import linear_adrc
 from .simc import half_rule, simc_pi, simc_pid
 from .structures import controller_alone, conventional_observer
 
 __all__ = ["Scheme", "Tuned", "candidates", "checked_limits", "tune"]
 
-PER_DECADE = 6
-"""Values of the parameter tried in a decade."""
+PER_DECADE = 6  # values of the parameter tried in a decade
 
 BEYOND = 100.0
 """How much faster than the fastest of the plant a candidate is tried, and slower than the slowest.
 
 For the gain of C, how much larger and smaller than the one that is given."""
 
-RATIO = 4.0
-"""ωo over ωc of ADRC; three to ten are usual."""
-
-LOOKED_AT = 120
-"""Frequencies at which a loop is looked at, before its peak is computed."""
-
-UNSTABLE = -1e4
-"""Slack of a loop that is not stable, below that of any stable one."""
-
-ENDLESS = -1e3
-"""Slack of a loop whose u is endlessly noisy."""
+RATIO = 4.0  # ωo over ωc of ADRC; three to ten are usual
+LOOKED_AT = 120  # frequencies at which a loop is looked at, before its peak is computed
+UNSTABLE = -1e4  # slack of a loop that is not stable, below that of any stable one
+ENDLESS = -1e3  # slack of a loop whose u is endlessly noisy
 
 
 @dataclass(frozen=True)
@@ -60,10 +46,8 @@ class Scheme:
 
     Attributes
     ----------
-    parameter : str
-        What it is called, as "λ".
-    unit : str
-        "s" or "rad/s", empty for a factor.
+    parameter, unit : str
+        As "λ" and "s"; no unit for a factor.
     build : callable
         Gives the loop for one value of the parameter.
     fastest, slowest : float
@@ -78,26 +62,6 @@ class Scheme:
     fastest: float
     slowest: float
     band: tuple[float, float]
-
-    def said(self, value: float) -> str:
-        """Write the parameter with a value and its unit.
-
-        Parameters
-        ----------
-        value : float
-            What the parameter is.
-        """
-        return f"{self.parameter} = {self.value(value)}"
-
-    def value(self, value: float) -> str:
-        """Write a value with its unit.
-
-        Parameters
-        ----------
-        value : float
-            What the parameter is.
-        """
-        return f"{value:.4g} {self.unit}".rstrip()
 
 
 @dataclass(frozen=True)
@@ -130,10 +94,8 @@ def candidates(
         G, from which PI, PID and b0 of ADRC follow; where G is not of relative degree 1 or 2, or
         has zeros in the right half plane, b0 follows from the model, or for more than two lags from
         the half rule.
-    model : as for `nrdob.NRDOB`
-        G̃ of the observers, without dead time.
-    controller : as for `nrdob.NRDOB`
-        C of the observers, whose gain is the parameter of C alone.
+    model, controller : as for `nrdob.NRDOB`
+        G̃, without dead time, and C of the observers, whose gain is the parameter of C alone.
     order : int, optional
         n of the observers' filters; by default the lowest that is causal.
 
@@ -162,27 +124,26 @@ def candidates(
     speeds = _speeds(probe)
     band = slowest, fastest = min(speeds) / BEYOND, BEYOND * max(speeds)
 
-    def filter(time_constant: float) -> LowPassFilter:
-        return LowPassFilter(time_constant, n)
+    def observer(make: Callable[..., NRDOB], model: Any) -> Callable[[float], NRDOB]:
+        return lambda x: make(process, model, controller, LowPassFilter(x, n))
 
-    observers: dict[str, Callable[[float], NRDOB]] = {
-        "NR-DOB": lambda x: NRDOB(process, model, controller, filter(x)),
-        "conventional observer": lambda x: conventional_observer(
-            process, model, controller, filter(x)
-        ),
+    observers = {
+        "NR-DOB": observer(NRDOB, model),
+        "conventional observer": observer(conventional_observer, model),
     }
     if probe.delay:
         delayed = model if probe.model_delay else DelayedTransferFunction(model, probe.delay)
-        observers["Smith predictor"] = lambda x: NRDOB(process, delayed, controller, filter(x))
+        observers["Smith predictor"] = observer(NRDOB, delayed)
     rules = {"PI": partial(simc_pi, process), "PID": partial(simc_pid, process)}
     timed = {
         name: Scheme(parameter, "s", build, 1 / fastest, 1 / slowest, band)
         for parameter, group in (("λ", observers), ("τc", rules))
         for name, build in group.items()
     }
+    C = as_fraction(controller, "controller")
     return timed | {
         "C alone": Scheme(
-            "gain of C", "", lambda x: controller_alone(process, model, _times(x, controller)),
+            "gain of C", "", lambda x: controller_alone(process, model, (x * C.num, C.den)),
             BEYOND, 1 / BEYOND, band,
         ),
         "ADRC": Scheme(
@@ -205,18 +166,16 @@ def tune(
     ----------
     candidate : Scheme
         A scheme with one parameter.
-    max_ms : float, optional
-        Largest peak of the sensitivity :math:`|S_d|`.
-    max_noise : float, optional
-        Largest standard deviation of u for noise of unit density, as for `nrdob.design_filter`.
+    max_ms, max_noise : float, optional
+        Largest peak of the sensitivity :math:`|S_d|`; largest standard deviation of u for noise of
+        unit density.
     shaping : as for `nrdob.NRDOB.noise_variance`, optional
         Colours that noise. White noise on a K with a direct term has no finite deviation.
 
     Returns
     -------
     Tuned
-        Loop and parameter; the limits are kept with it, and not with a slightly faster one. Where
-        they are kept even with the fastest one that is tried, it is that one.
+        With it the limits are kept, and not with a slightly faster one, if one was tried.
 
     Raises
     ------
@@ -262,20 +221,15 @@ def tune(
         given = {"max_ms": max_ms, "max_noise": max_noise}
         limits = " and ".join(f"{name} = {x:g}" for name, x in given.items() if x is not None)
         raise ValueError(_refusal(candidate, limits, tried, built))
-    if len(tried) == 1:
-        return Tuned(candidate.build(value), value, f"{candidate.said(value)}, no limit")
-    found = solved(lambda x: max(slack(x), -1.0), Bracket(*list(tried)[-2:])) or value
-    return Tuned(candidate.build(found), found, candidate.said(found))
+    unlimited = len(tried) == 1
+    if not unlimited:
+        value = solved(lambda x: max(slack(x), -1.0), Bracket(*list(tried)[-2:])) or value
+    text = f"{candidate.parameter} = {_with_unit(candidate, value)}"
+    return Tuned(candidate.build(value), value, f"{text}, no limit" if unlimited else text)
 
 
 def checked_limits(max_ms: Any, max_noise: Any) -> None:
-    """Refuse limits that are none.
-
-    Parameters
-    ----------
-    max_ms, max_noise : as for `tune`
-        The limits, or None.
-    """
+    """Refuse limits that are none."""
     if max_ms is None and max_noise is None:
         raise ValueError("nothing limits the candidates: give max_ms or max_noise")
     for name, value, least in (("max_ms", max_ms, 1.0), ("max_noise", max_noise, 0.0)):
@@ -288,10 +242,7 @@ def checked_limits(max_ms: Any, max_noise: Any) -> None:
 def _slack(
     loop: NRDOB, band: tuple[float, float], max_ms: Any, max_noise: Any, shaping: Any
 ) -> float:
-    """Logarithm of limit over value, the smaller of the two; negative where one is not kept.
-
-    Where a peak seen at a few frequencies is too high already, it is that of these.
-    """
+    """Logarithm of limit over value, or over what a few frequencies show if that is too high."""
     if loop.ill_posed or not all(map(_on_the_left, (loop.p_A, loop.p_B))):
         return UNSTABLE
     found = -UNSTABLE
@@ -308,7 +259,7 @@ def _slack(
 
 def _refusal(candidate: Scheme, limits: str, tried: dict[float, float], built: list[NRDOB]) -> str:
     first, *_, last = tried
-    span = f"{candidate.parameter} tried, from {first:.3g} to {candidate.value(last)}"
+    span = f"{candidate.parameter} tried, from {first:.3g} to {_with_unit(candidate, last)}"
     best = max(tried, key=lambda each: tried[each])
     if tried[best] <= UNSTABLE:
         reason = built[len(built) // 2].stability().reason
@@ -316,11 +267,15 @@ def _refusal(candidate: Scheme, limits: str, tried: dict[float, float], built: l
     if tried[best] <= ENDLESS:
         closest = "white noise comes to u directly; give a shaping filter that colours it"
     else:
-        factor = exp(-tried[best])
+        with_best = f"{candidate.parameter} = {_with_unit(candidate, best)}"
         closest = (
-            f"missed by a factor of {factor:.3g} at best, with {candidate.said(best)}; allow more"
+            f"missed by a factor of {exp(-tried[best]):.3g} at best, with {with_best}; allow more"
         )
     return f"{limits} is not kept with any {span}: {closest}"
+
+
+def _with_unit(candidate: Scheme, value: float) -> str:
+    return f"{value:.4g} {candidate.unit}".rstrip()
 
 
 def _on_the_left(p: QuasiPolynomial) -> bool:
@@ -329,10 +284,9 @@ def _on_the_left(p: QuasiPolynomial) -> bool:
 
 def _integrators(loop: NRDOB) -> tuple[int, float]:
     """Return the order and b0 that fit a process, for linear ADRC."""
-    for block in (loop.process, loop.model):
-        order, b0 = high_frequency_gain(block)
-        zeros = QuasiPolynomial(as_fraction(undelayed(block)[0], "process").num).roots
-        if 1 <= order <= 2 and not (zeros.real > 0).any():
+    for num, den in (loop.fractions.G, loop.fractions.Gm):
+        order, b0 = den.size - num.size, float(num[0] / den[0])
+        if 1 <= order <= 2 and not (QuasiPolynomial(num).roots.real > 0).any():
             return order, b0
     try:
         reduced = half_rule(loop.process, 2, 1 / max(_speeds(loop)))
@@ -343,12 +297,7 @@ def _integrators(loop: NRDOB) -> tuple[int, float]:
 
 def _speeds(loop: NRDOB) -> list[float]:
     """Sizes of all poles and zeros of process, model and model loop, and one over the dead time."""
-    polynomials = [QuasiPolynomial(p) for p in (*loop.fractions.G, *loop.fractions.Gm)]
-    roots = [p.without_origin.roots for p in (*polynomials, loop.p_A)]
+    blocks = (QuasiPolynomial(p) for p in (*loop.fractions.G, *loop.fractions.Gm))
+    roots = [p.without_origin.roots for p in (*blocks, loop.p_A)]
     sizes = np.abs(np.concatenate(roots)).tolist()
     return [*sizes, *([1 / loop.delay] if loop.delay else [])] or [1.0]
-
-
-def _times(gain: float, controller: Any) -> Any:
-    C = as_fraction(controller, "controller")
-    return gain * C.num, C.den

@@ -14,15 +14,9 @@ from .controllers import design_controller
 from .existence import Answer, right_half_plane_parity, stabilizing_filter_exists
 from .fastandslow import gain_bound, stable_for_fast_filters, stable_for_slow_filters
 from .fastest import design_filter
-from .mismatch import Mismatch
 from .models import ModelCandidate, suggest_model
-from .peaks import peak_gain, step_peak
 from .search import Bracket, admissible_time_constants, solved
-from .timeconstants import (
-    CriticalTimeConstant,
-    critical_time_constants,
-    stabilizing_time_constants,
-)
+from .timeconstants import CriticalTimeConstant, critical_time_constants, stabilizing_time_constants
 from .youla import ObserverForm, observer_form, stable_model_exists
 
 __all__ = [
@@ -31,7 +25,6 @@ __all__ = [
     "Border",
     "Bracket",
     "CriticalTimeConstant",
-    "Mismatch",
     "ModelCandidate",
     "ObserverForm",
     "Region",
@@ -45,7 +38,6 @@ __all__ = [
     "gain_bound",
     "noise_index",
     "observer_form",
-    "peak_gain",
     "right_half_plane_parity",
     "sensitivity_floor",
     "smallest_for_delay",
@@ -58,7 +50,6 @@ __all__ = [
     "stable_for_fast_filters",
     "stable_for_slow_filters",
     "stable_model_exists",
-    "step_peak",
     "suggest_model",
 ]
 

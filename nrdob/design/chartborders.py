@@ -20,26 +20,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import reduce
 from math import ceil, inf, pi
 from typing import Any
 
 import numpy as np
 
-from ..diagram import (
-    DelayedTransferFunction,
-    FilterFamily,
-    LowPassFilter,
-    ObserverEquations,
-    as_family,
-)
+from ..diagram import FilterFamily, LowPassFilter, ObserverEquations, as_family, undelayed
 from ..numerics import (
     ComplexArray,
     FloatArray,
     ManyTerms,
     QuasiPolynomial,
     Term,
-    add,
     count_rhp,
     rhp_counts,
 )
@@ -62,44 +54,21 @@ from .mismatchgrid import Frequencies
 
 __all__ = ["MANY_ROOTS", "ChartLoops", "borders_of", "most_turns"]
 
-PER_DECADE, PER_TURN = 48, 24
-"""Density of the frequencies, and frequencies to a turn of a dead time that is fixed."""
-
-MANY = 20_000
-"""So many frequencies, or curves, are too many."""
-
-SLAB = 64
-"""Loops whose roots are counted at once."""
-
-MANY_ROOTS = 80
-"""Where the curves of a dead time are too many, at least so many roots are unstable."""
-
-LAMBDAS = 160
-"""Number of λ over an axis."""
-
-AT_ONCE = 256
-"""Turns of the dead time whose curves are drawn at once."""
-
-FEW = PIXELS // 2
-"""Turns of the dead time up to which all curves are drawn."""
-
-VALUES = 80
-"""Number of values of the other parameter for which the turns are counted."""
+PER_DECADE, PER_TURN = 48, 24  # density of frequencies, and those to a turn of a fixed dead time
+MANY = 20_000  # so many frequencies, or curves, are too many
+SLAB = 64  # loops whose roots are counted at once
+MANY_ROOTS = 80  # where the curves of a dead time are too many, at least so many roots are unstable
+LAMBDAS = 160  # number of λ over an axis
+AT_ONCE = 256  # turns of the dead time whose curves are drawn at once
+FEW = PIXELS // 2  # turns of the dead time up to which all curves are drawn
+VALUES = 80  # number of values of the other parameter for which the turns are counted
 
 Curve = tuple[FloatArray, FloatArray, FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
 class ChartLoops:
-    """All loops of a chart.
-
-    Attributes
-    ----------
-    mismatch : Mismatch
-        The process without dead time over the model, and the filters.
-    fixed : dict
-        The parameters, as they are where they are on no axis.
-    """
+    """All loops of a chart; `fixed` has the parameters that are on no axis, with the dead time."""
 
     mismatch: Mismatch
     fixed: dict[str, float]
@@ -107,39 +76,25 @@ class ChartLoops:
     @classmethod
     def of(cls, process: Any, model: Any, filter: Any, free: set[str]) -> ChartLoops:
         """Read the blocks; `free` are the parameters on the axes."""
-        delayed = isinstance(process, DelayedTransferFunction)
-        undelayed = process.tf if delayed else process
-        fixed = {"gain": 1.0, "delay": process.delay if delayed else 0.0, "lag": 0.0}
+        prompt, delay = undelayed(process)
+        fixed = {"gain": 1.0, "delay": 0.0 if "delay" in free else delay, "lag": 0.0}
         if "time_constant" in free:
-            family = _family(filter)
-            return cls(Mismatch.of(undelayed, model, family, waits=True), fixed)
+            return cls(Mismatch.of(prompt, model, _family(filter), waits=True), fixed)
         if isinstance(filter, FilterFamily | int):
             raise TypeError(
                 "filter is a whole family, but time_constant is on no axis: give one filter, such "
                 "as family.at(time_constant)"
             )
-        fixed["time_constant"] = 1.0
-        loop = ObserverEquations(undelayed, model, filter)
+        loop = ObserverEquations(prompt, model, filter)
         F = loop.fractions.F
-        return cls(
-            Mismatch.in_loop(loop, FilterFamily("own", F.num[:, None], F.den[:, None])), fixed
-        )
+        family = FilterFamily("own", F.num[:, None], F.den[:, None])
+        return cls(Mismatch.in_loop(loop, family), fixed | {"time_constant": 1.0})
 
     # One loop.
 
     def p_B(self, given: dict[str, float]) -> QuasiPolynomial:
         """Characteristic function with given parameters."""
-        values = self.fixed | given
-        (ahead, behind, *waiting), sizes = self.mismatch.built(values["time_constant"])
-        lag = np.array([values["lag"], 1.0]) if values["lag"] else np.ones(1)
-        sizes = [np.convolve(lag, sizes[0]), values["gain"] * sizes[1], *sizes[2:]]
-        sizes[2:] = [np.convolve(lag, size) for size in sizes[2:]]
-        more = tuple(Term(np.convolve(lag, part), self.mismatch.wait) for part in waiting)
-        ahead, behind = np.convolve(lag, ahead), values["gain"] * behind
-        power = self.mismatch.divided
-        scale = reduce(add, sizes)
-        p = QuasiPolynomial(ahead, behind, values["delay"], scale, more, origin=power)
-        return p.over_s(power)
+        return self.mismatch.p_B(**self.fixed | given)
 
     def count(self, given: dict[str, float]) -> float:
         """Count the roots in the right half plane; an error where there are roots on the axis."""
@@ -173,33 +128,11 @@ class ChartLoops:
     # Many of them on the axis.
 
     def ratio(self, omega: FloatArray, lam: Any = 1.0) -> ComplexArray:
-        """W = -(1 + jτω) A/B without what is on the axes; k exp(-jωθ) where a root is at jω."""
+        """W = -A/B, times exp(jωθ) where θ is on no axis."""
         ahead, behind, waits = self.mismatch.terms(omega, np.asarray(lam))
         with np.errstate(all="ignore"):
-            turned = -(ahead + waits) * (1 + 1j * self.fixed["lag"] * omega)
-            return np.asarray(turned / behind)
-
-    def turned(self, omega: FloatArray, lam: Any = 1.0) -> ComplexArray:
-        """W exp(jωθ) with the dead time of the process."""
-        return np.asarray(self.ratio(omega, lam) * np.exp(1j * omega * self.fixed["delay"]))
-
-    # Where a real root crosses.
-
-    def ends(
-        self, lambdas: FloatArray, *, lagging: bool, turning: bool
-    ) -> Iterator[tuple[float, FloatArray, FloatArray]]:
-        """Give ω = 0 or infinity, and p and q: a real root crosses there where p = k q, for each λ.
-
-        At 0 where p_B vanishes. At infinity where its leading coefficient does, or with dead time
-        where those of the delayed terms together are as large as the one without: beyond, the dead
-        time of a delayed model would have to be followed for ever.
-        """
-        ahead, behind, waits = self.mismatch.lowest(lambdas)
-        yield 0.0, -(ahead + waits), behind
-        ahead, behind, waits = self.mismatch.highest(lambdas, lagging=lagging)
-        late = np.abs(waits)
-        ahead, behind = (np.abs(ahead), np.abs(behind)) if turning else (-ahead, behind)
-        yield inf, ahead - late, behind
+            turned = np.exp(1j * omega * self.fixed["delay"])
+            return np.asarray(-(ahead + waits) / behind * turned)
 
     # The frequencies.
 
@@ -207,18 +140,13 @@ class ChartLoops:
         """Frequencies over all that there is to see, fine enough for dead times that are fixed."""
         mismatch = self.mismatch
         base = Frequencies(mismatch).base
-        highs = [axis.high for axis in axes if axis.name != "gain"]
-        lows = [
-            axis.low if axis.logarithmic else max(axis.low, axis.high / 100)
-            for axis in axes
-            if axis.name != "gain"
-        ]
-        sizes = np.concatenate([mismatch.speeds, 1 / np.array(highs), 1 / np.array(lows)])
+        times = [axis for axis in axes if axis.name != "gain"]
+        lows = [a.low if a.logarithmic else max(a.low, a.high / 100) for a in times]
+        sizes = np.append(mismatch.speeds, 1 / np.array([*lows, *(a.high for a in times)]))
         low, high = sizes.min() / 1e4, sizes.max() * 1e4
         count = int(PER_DECADE * np.log10(high / low))
         omega = np.union1d(base[(base > low) & (base < high)], np.geomspace(low, high, count))
-        names = {axis.name for axis in axes}
-        longest = max(mismatch.wait, 0.0 if "delay" in names else self.fixed["delay"])
+        longest = max(mismatch.wait, self.fixed["delay"])
         if not longest:
             return omega[~mismatch.at_pole(omega)]
         last = self._last(omega, axes)
@@ -234,13 +162,9 @@ class ChartLoops:
 
     def _last(self, omega: FloatArray, axes: tuple[Axis, Axis]) -> float:
         """Last frequency at which |A| may be as small as k |B|, whatever its dead time turns."""
-        lambdas = np.ones(1)
-        most = 1.0
-        for axis in axes:
-            if axis.name == "time_constant":
-                lambdas = np.geomspace(*axis.positive, 40)
-            if axis.name == "gain":
-                most = axis.high
+        of = {axis.name: axis for axis in axes}
+        timed, most = "time_constant" in of, of["gain"].high if "gain" in of else 1.0
+        lambdas = np.geomspace(*of["time_constant"].positive, 40) if timed else np.ones(1)
         ahead, behind, waits = map(np.abs, self.mismatch.terms(omega[:, None], lambdas))
         with np.errstate(all="ignore"):
             least = np.nanmin(ahead / (1.1 * most * behind + waits), axis=1)
@@ -294,7 +218,7 @@ def most_turns(loops: ChartLoops, x: Axis, y: Axis) -> float:
     values = values[:, None]
     size = np.abs(loops.ratio(omega, values if x.name == "time_constant" else 1.0))
     size = size * np.abs(1 + 1j * omega * values) if x.name == "lag" else size
-    large = size < (values if x.name == "gain" else loops.fixed["gain"])
+    large = size < (values if x.name == "gain" else 1.0)
     steps = large[:, :-1] * 1.0 - large[:, 1:]
     rate, crossings = (steps * omega[:-1]).sum(axis=1), np.abs(steps).sum(axis=1)
     fastest = (np.abs(steps) * omega[:-1]).max(axis=1)
@@ -309,16 +233,16 @@ def most_turns(loops: ChartLoops, x: Axis, y: Axis) -> float:
 
 
 def _gain_and_lag(loops: ChartLoops, axes: tuple[Axis, Axis], most: float) -> Iterator[Curve]:
-    """With V = W exp(jωθ): (1 + jτω) V = k."""
+    """Solve (1 + jτω) W = k."""
 
     def at(place: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         omega = np.exp(place[0])
-        V = loops.turned(omega)
+        W = loops.ratio(omega)
         with np.errstate(all="ignore"):
-            return place, np.abs(V) ** 2 / V.real, -V.imag / (omega * V.real)
+            return place, np.abs(W) ** 2 / W.real, -W.imag / (omega * W.real)
 
-    omega = beside_changes(lambda w: loops.turned(w).real, loops.frequencies(axes))
-    for part in parts(loops.turned(omega).real > 0):
+    omega = beside_changes(lambda w: loops.ratio(w).real, loops.frequencies(axes))
+    for part in parts(loops.ratio(omega).real > 0):
         place, gain, lag = drawn(axes, np.log(omega[part])[None], at, 1)
         yield np.exp(place[0]), gain, lag
 
@@ -327,19 +251,17 @@ def _with_delay(loops: ChartLoops, axes: tuple[Axis, Axis], most: float) -> Iter
     """Take the gain, or the lag, from the size of W, and the dead time from its angle."""
     first, omega = axes[0], loops.frequencies(axes)
 
-    def read(omega: FloatArray) -> tuple[FloatArray, ComplexArray]:
+    def curve(place: FloatArray) -> tuple[FloatArray, FloatArray, ComplexArray]:
+        omega = np.exp(place[0])
         W = loops.ratio(omega)
         if first.name == "gain":
-            return np.abs(W), W
+            return place, np.abs(W), W
         with np.errstate(all="ignore"):
-            square = (loops.fixed["gain"] / np.abs(W)) ** 2 - 1
+            square = 1 / np.abs(W) ** 2 - 1
             lag = np.sign(square) * np.sqrt(np.abs(square)) / omega
-        return lag, W * (1 + 1j * np.maximum(lag, 0.0) * omega)
+        return place, lag, W * (1 + 1j * np.maximum(lag, 0.0) * omega)
 
-    def curve(place: FloatArray) -> tuple[FloatArray, FloatArray, ComplexArray]:
-        return (place, *read(np.exp(place[0])))
-
-    values, W = read(omega)
+    _, values, W = curve(np.log(omega)[None])
     with np.errstate(invalid="ignore"):
         seen = np.isfinite(W) & (values <= first.high) & (values >= first.low)
     for part in parts(within(seen) & np.isfinite(W)):
@@ -386,69 +308,41 @@ def _turns(
 
 
 # With λ: where a function of ω and λ vanishes.
+OFF: dict[str, tuple[Callable[..., Any], Callable[..., Any]]] = {
+    "delay": (lambda W: np.log(np.abs(W)), lambda W, omega: W),
+    "gain": (lambda W: W.imag / np.abs(W), lambda W, omega: W.real),
+    "lag": (
+        lambda W: ((1 / W).real - 1) / (1 + np.abs(1 / W)),
+        lambda W, omega: (1 / W).imag / omega,
+    ),
+}
+"""By the other axis: what of W vanishes where its parameter has a value, and that value.
 
-Function = Callable[[ChartLoops, FloatArray, FloatArray], FloatArray]
+Of a dead time W itself: its angle gives one for each turn.
+"""
 
 
 def _with_lambda(loops: ChartLoops, axes: tuple[Axis, Axis], most: float) -> Iterator[Curve]:
     second = axes[1].name
-    function = FUNCTIONS[second]
+    off, other = OFF[second]
 
     def vanishing(u: FloatArray, v: FloatArray) -> FloatArray:
-        return function(loops, np.exp(u), np.exp(v))
-
-    def on(place: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        place = projected(vanishing, place)
-        return place, *np.exp(place)
-
-    def with_gain(place: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        place, omega, lam = on(place)
-        return place, lam, loops.turned(omega, lam).real
-
-    def with_lag(place: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        place, omega, lam = on(place)
         with np.errstate(all="ignore"):
-            return place, lam, (1 / loops.turned(omega, lam)).imag / omega
+            return np.asarray(off(loops.ratio(np.exp(u), np.exp(v))))
 
-    def with_size(place: FloatArray) -> tuple[FloatArray, FloatArray, ComplexArray]:
-        place, omega, lam = on(place)
-        return place, lam, loops.ratio(omega, lam)
+    def at(place: FloatArray) -> tuple[FloatArray, FloatArray, Any]:
+        place = projected(vanishing, place)
+        omega, lam = np.exp(place)
+        with np.errstate(all="ignore"):
+            return place, lam, other(loops.ratio(omega, lam), omega)
 
     for line in level_set(vanishing, np.log(loops.frequencies(axes)), _lambdas(axes[0])):
         if second == "delay":
-            yield from _turns(axes, line, with_size, most)
+            yield from _turns(axes, line, at, most)
             continue
-        place, lam, other = drawn(axes, line, with_gain if second == "gain" else with_lag, 2)
-        for part in parts(other > 0 if second == "gain" else np.isfinite(other)):
-            yield np.exp(place[0, part]), lam[part], other[part]
-
-
-def _size_off(loops: ChartLoops, omega: FloatArray, lam: FloatArray) -> FloatArray:
-    """For θ on the other axis: ln|W/k|."""
-    with np.errstate(all="ignore"):
-        return np.log(np.abs(loops.ratio(omega, lam)) / loops.fixed["gain"])
-
-
-def _angle_off(loops: ChartLoops, omega: FloatArray, lam: FloatArray) -> FloatArray:
-    """For k on the other axis: sine of the angle of W exp(jωθ)."""
-    V = loops.turned(omega, lam)
-    with np.errstate(all="ignore"):
-        return np.asarray(V.imag / np.abs(V))
-
-
-def _real_part_off(loops: ChartLoops, omega: FloatArray, lam: FloatArray) -> FloatArray:
-    """For τ on the other axis: the real part of k exp(-jωθ)/W, less 1."""
-    with np.errstate(all="ignore"):
-        U = 1 / loops.turned(omega, lam)
-        return np.asarray((U.real - 1) / (1 + np.abs(U)))
-
-
-FUNCTIONS: dict[str, Function] = {
-    "delay": _size_off,
-    "gain": _angle_off,
-    "lag": _real_part_off,
-}
-"""What vanishes where the parameter on the other axis can have a value."""
+        place, lam, values = drawn(axes, line, at, 2)
+        for part in parts(values > 0 if second == "gain" else np.isfinite(values)):
+            yield np.exp(place[0, part]), lam[part], values[part]
 
 
 CROSSING: dict[tuple[str, str], Callable[..., Iterator[Curve]]] = {
@@ -469,21 +363,26 @@ def _lambdas(axis: Axis) -> FloatArray:
     return np.asarray(np.log(np.concatenate([[low], lambdas[lambdas > low], [high]])))
 
 
-# Where a real root crosses.
-
-
 def _ends(loops: ChartLoops, axes: tuple[Axis, Axis]) -> Iterator[Curve]:
-    """Lines on which p_B(0), or its leading coefficient, vanishes."""
+    """Lines on which p_B(0), or its leading coefficient, vanishes: p = k q, for each λ.
+
+    With dead time, at infinity, the delayed terms together are as large as the one without: beyond,
+    the dead time of a delayed model would have to be followed for ever.
+    """
     first, second = axes
-    names = {first.name, second.name}
     values = first.value(np.linspace(0, 1, 8 * PIXELS + 1))
     if first.name == "time_constant":
         values = values[values >= first.positive[0]]
     lambdas = values if first.name == "time_constant" else np.ones(1)
     whole = np.array([second.low, second.high])
-    lagging = bool(loops.fixed["lag"]) or "lag" in names
-    turning = bool(loops.fixed["delay"]) or "delay" in names
-    for at, p, q in loops.ends(lambdas, lagging=lagging, turning=turning):
+    names, mismatch = {first.name, second.name}, loops.mismatch
+    ahead, behind, waits = mismatch.lowest(lambdas)
+    ends: list[tuple[float, FloatArray, FloatArray]] = [(0.0, -(ahead + waits), behind)]
+    ahead, behind, waits = mismatch.highest(lambdas, lagging="lag" in names)
+    if loops.fixed["delay"] or "delay" in names:
+        ahead, behind = -np.abs(ahead), np.abs(behind)
+    ends.append((inf, -ahead - np.abs(waits), behind))
+    for at, p, q in ends:
         with np.errstate(all="ignore"):
             gain = p / q
         if second.name == "gain":
@@ -493,7 +392,7 @@ def _ends(loops: ChartLoops, axes: tuple[Axis, Axis]) -> Iterator[Curve]:
             if np.isfinite(gain[0]) and gain[0] > 0:
                 yield np.full(2, at), np.full(2, gain[0]), whole
         elif first.name == "time_constant":
-            off = p - loops.fixed["gain"] * q
+            off = p - q
             for i in np.flatnonzero((off[:-1] < 0) != (off[1:] < 0)):
                 share = off[i] / (off[i] - off[i + 1])
                 lam = values[i] + share * (values[i + 1] - values[i])

@@ -42,31 +42,22 @@ AXES = {
 }
 """What may be on an axis."""
 
-PIXELS = 320
-"""Regions narrower than this part of the chart may be left out."""
-
-LOGARITHMIC = 20.0
-"""Ratio of the ends of an axis from which it is logarithmic."""
-
-ASTRAY = 0.75
-"""How far a new point may lie from the middle of a step, against the step."""
-
-TORN = 16.0
-"""Pixels of a step that leads from one curve to another."""
+PIXELS = 320  # regions narrower than this part of the chart may be left out
+LOGARITHMIC = 20.0  # ratio of the ends of an axis from which it is logarithmic
+ASTRAY = 0.75  # how far a new point may lie from the middle of a step, against the step
+TORN = 16.0  # pixels of a step that leads from one curve to another
 
 LONGEST, HALVINGS, BESIDE = 3.0, 14, 0.05
 """Pixels of the longest step of a curve, how often a step is halved at most, and how far beside the
 chart a curve is followed, against its width."""
 
-STEPS, FARTHEST, CLOSE = 9, 0.1, 1e-9
-"""Newton steps onto a curve, how far one leads at most, and how well it must then be on it."""
+STEPS, FARTHEST, CLOSE = 9, 0.1, 1e-9  # Newton steps onto a curve, the longest, how well on it then
 
 NUDGE = 1e-6
 STENCIL = np.array([[0.0, 1.0, 0.0, -1.0, 0.0], [0.0, 0.0, 1.0, 0.0, -1.0]])
 """Distance and directions in which a slope is taken."""
 
-ALONG = 0.9
-"""Cosine of the angle between a step and the curve from which the step leads along."""
+ALONG = 0.9  # cosine of the angle between a step and the curve from which the step leads along
 
 STEP, SHORTEST, MOST = 0.05, 1e-7, 400
 """Lengths of the steps by which a curve is followed, and how many there may be."""
@@ -137,9 +128,8 @@ def given_axis(which: str, given: Any) -> Axis:
     if name not in AXES:
         known = ", ".join(f'"{each}" ({what})' for each, what in AXES.items())
         raise ValueError(f"{which} is {name!r}; it must be one of {known}")
-    for end in (low, high):
-        if not is_real(end):
-            raise TypeError(f"{which} reaches from {low!r} to {high!r}; give two real numbers")
+    if not (is_real(low) and is_real(high)):
+        raise TypeError(f"{which} reaches from {low!r} to {high!r}; give two real numbers")
     if not (isfinite(low) and isfinite(high) and 0 <= low < high):
         raise ValueError(
             f"{which} reaches from {low} to {high}; give two increasing numbers, 0 or above"
@@ -149,14 +139,11 @@ def given_axis(which: str, given: Any) -> Axis:
 
 def check_value(name: str, value: Any) -> None:
     """Refuse a value that the parameter cannot have."""
-    positive = name not in ("delay", "lag")
     if not is_real(value):
         raise TypeError(f"{name} is {value!r}; give a real number")
-    number = float(value)
-    if not (isfinite(number) and (number > 0 if positive else number >= 0)):
-        raise ValueError(
-            f"{name} is {value}; it must be {'positive' if positive else '0 or above'}"
-        )
+    least = "0 or above" if name in ("delay", "lag") else "positive"
+    if not (isfinite(value) and value >= 0) or (value == 0 and least == "positive"):
+        raise ValueError(f"{name} is {value}; it must be {least}")
 
 
 class Border(NamedTuple):
@@ -164,10 +151,8 @@ class Border(NamedTuple):
 
     Attributes
     ----------
-    x, y : (N,) array of float
-        Its points.
-    omega : (N,) array of float
-        Where the roots are, in rad/s: 0 or inf for a real root.
+    x, y, omega : (N,) array of float
+        Its points, and where the roots are, in rad/s: 0 or inf for a real root.
     """
 
     x: FloatArray
@@ -266,20 +251,11 @@ def cut(x: Axis, y: Axis, border: Border) -> Iterator[Border]:
 
 # Where a function vanishes.
 
-Vanishing = Callable[[FloatArray, FloatArray], FloatArray]
-"""A function of two arrays of one shape."""
+Vanishing = Callable[[FloatArray, FloatArray], FloatArray]  # a function of two arrays of one shape
 
 
 def level_set(function: Vanishing, u: FloatArray, v: FloatArray) -> Iterator[FloatArray]:
-    """Give the points, shape (2, N), of all curves that can be told from each other on a grid.
-
-    Parameters
-    ----------
-    function : callable
-        Of u and v; where it is no number there is no curve.
-    u, v : (N,) array of float
-        The lines of the grid, increasing.
-    """
+    """Give the points, (2, N), of all curves that can be told from each other on a grid."""
     values = np.ma.masked_invalid(function(u[None, :], v[:, None]))
     lines = [np.asarray(line, dtype=float).T for line in contour_generator(u, v, values).lines(0.0)]
     if not lines:
@@ -326,15 +302,7 @@ def _on_edges(
 
 
 def projected(function: Vanishing, start: FloatArray) -> FloatArray:
-    """Step to where a function vanishes, at right angles to the curve; no number if that fails.
-
-    Parameters
-    ----------
-    function : callable
-        Of u and v.
-    start : (2, N) array of float
-        Points near the curve.
-    """
+    """Step from points, (2, N), at right angles to where a function vanishes; nan if that fails."""
     point = start
     for _ in range(STEPS):
         value, slope = _value_and_slope(function, point)

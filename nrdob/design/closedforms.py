@@ -109,7 +109,7 @@ def noise_index(order: int) -> float:
     Parameters
     ----------
     order : int
-        n of the filter, 1 or more.
+        n of the filter.
 
     Examples
     --------
@@ -130,7 +130,7 @@ def disturbance_index(order: int) -> float:
     Parameters
     ----------
     order : int
-        n of the filter, 1 or more.
+        n of the filter.
 
     Examples
     --------
@@ -151,7 +151,7 @@ def sensitivity_floor(order: int) -> float:
     Parameters
     ----------
     order : int
-        n of the filter, 1 or more.
+        n of the filter.
 
     Examples
     --------
@@ -161,11 +161,8 @@ def sensitivity_floor(order: int) -> float:
     _check(1.0, "", order)
     if order == 1:
         return 1.0  # approached at infinite frequency
-
-    def slope(phi: float) -> float:
-        return sin((order + 1) * phi) - cos(phi) ** order * sin(phi)
-
-    phi = brentq(slope, pi / (2 * order + 2), pi / (order + 1), xtol=1e-15)
+    ends = pi / (2 * order + 2), pi / (order + 1)
+    phi = brentq(lambda p: sin((order + 1) * p) - cos(p) ** order * sin(p), *ends, xtol=1e-15)
     power = cos(phi) ** order
     return sqrt(1 - 2 * power * cos(order * phi) + power**2)
 

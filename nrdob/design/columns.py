@@ -19,25 +19,15 @@ __all__ = [
     "values_and_slopes",
 ]
 
-NEWTON, FARTHEST = 2, 1e-5
-"""Steps that polish a root, and how far one may lead, against the root."""
-
-EPS = 16 * float(np.finfo(float).eps)
-"""Value of a polynomial at a root, against the sum of its terms' sizes, that is but rounding."""
-
-SAME_PRODUCT = 1e-8
-"""By how much the product of all roots may be off the one that the coefficients give."""
+NEWTON, FARTHEST = 2, 1e-5  # steps that polish a root, and how far one may lead, against the root
+EPS = 16 * float(np.finfo(float).eps)  # value at a root, against the terms, that is rounding
+SAME_PRODUCT = 1e-8  # by how much the product of all roots may be off that of the coefficients
 
 CUBE_ROOTS = np.exp(2j * np.pi / 3 * np.arange(3))
 
-SETTLING, SETTLED, SAME_ROOT = 5, 1e-11, 0.05
-"""Newton steps to a root from a guess, how small the last must be, and how far all may lead."""
-
-NEARLY_REAL = 0.2
-"""Imaginary part of a root, against the real one, with which it is near a real one."""
-
-REAL = 1e-7
-"""Imaginary part of a root, against its size, that may be rounding."""
+SETTLING, SETTLED, SAME_ROOT = 5, 1e-11, 0.05  # Newton steps from a guess, the last, and all
+NEARLY_REAL = 0.2  # imaginary part of a root, against the real one, that is near a real one
+REAL = 1e-7  # imaginary part of a root, against its size, that may be rounding
 
 Columns = TypeVar("Columns", FloatArray, ComplexArray)
 
@@ -137,10 +127,7 @@ def last_root(columns: FloatArray) -> FloatArray:
 
 
 def none_beyond(columns: FloatArray, at: float) -> BoolArray:
-    """Tell which polynomials, ascending coefficients in columns, surely have no root beyond `at`.
-
-    All their derivatives have one sign there (Budan).
-    """
+    """Tell which polynomials surely have no root beyond `at`: derivatives of one sign (Budan)."""
     n = columns.shape[0] - 1
     with np.errstate(all="ignore"):
         there = pascal(n + 1, "upper") @ (columns * at ** np.arange(n + 1)[:, None])
@@ -160,10 +147,7 @@ def values_and_slopes(
 
 
 def root_near(coefficients: ComplexArray, guess: ComplexArray) -> ComplexArray:
-    """Root of each polynomial, ascending coefficients in columns, next to a guess.
-
-    By Newton's steps, and where these do not settle the nearest of all.
-    """
+    """Root of each polynomial next to a guess: by Newton, and where that fails of all of them."""
     found = guess[None]
     with np.errstate(all="ignore"):
         for _ in range(SETTLING):

@@ -3,8 +3,7 @@ r"""Time constants at which a root of the observer loop crosses the imaginary ax
 At each ω the polynomial p_B(jω) in λ has n roots :math:`\lambda_k(\omega)`, each continuous in ω,
 and complex but where a root s = jω is on the axis: there one of them is real and positive. So one
 looks for the frequencies at which one of n branches :math:`z_k = j\omega\lambda_k` crosses the
-positive imaginary axis, with every dead time exact. For the filters of eq. (1) they are
-:math:`(-H)^{1/n} - 1`.
+positive imaginary axis, with every dead time exact.
 """
 
 from __future__ import annotations
@@ -18,37 +17,31 @@ from scipy.optimize import linear_sum_assignment
 
 from ..numerics import BoolArray, ComplexArray, FloatArray, IntArray, bisect, side
 from .columns import positive_roots, root_near, roots_of_columns, values_and_slopes
-from .familytables import summed, taylor, wide, width
+from .familytables import summed, taylor, wide
 from .mismatch import Mismatch
 
 __all__ = ["Branches", "CriticalTimeConstant", "crossings"]
 
-CLEAR = 0.35
-"""How far a branch may move between two frequencies, against its distance from the others."""
+CLEAR = 0.35  # how far a branch may move in a step, against its distance from the others
 
 AWAY = 2.0
 """By how much the way to the line and back must be longer than how far a branch moves between two
 frequencies, for it to be no matter which one it is."""
 
-NEAR = 0.3
-"""Cosine of the angle to the line below which a branch may touch it between two frequencies."""
-
-ZOOMS, ACROSS = 9, 13
-"""How often the bottom of a dip is looked at more closely, and at how many frequencies."""
+NEAR = 0.3  # cosine of the angle to the line below which a branch may touch it in a step
+ZOOMS, ACROSS = 9, 13  # how often a dip is looked at more closely, at how many frequencies
 
 CUTS, PARTS, NARROWEST, MOST = 18, 4, 1e-10, 8
 """How often a step in frequency is cut until it is clear who is who, into how many parts, its least
 width, and how many times more frequencies that may take."""
 
-ROUNDING = 1e-12
-"""Bound of the rounding error of n roots that are one, to the power n, against their size."""
+ROUNDING = 1e-12  # rounding error of n roots that are one, to the power n, against their size
 
 ROUGH, STEP, FARTHEST = 1e-11, 1e-15, 1e-3
 """Bound of the rounding error of a critical λ from which it is found exactly; step of the frequency
 for that, and by how much it may differ at most."""
 
-JUMP = 1e-6
-"""Distance from the line, against the branch's own size, at which a change of side is a jump."""
+JUMP = 1e-6  # distance from the line, against the branch's size, that makes it a jump
 
 
 class CriticalTimeConstant(NamedTuple):
@@ -71,34 +64,14 @@ class CriticalTimeConstant(NamedTuple):
 
 
 def crossings(mismatch: Mismatch, omega: FloatArray, floor: float) -> list[CriticalTimeConstant]:
-    """Find all critical time constants above a floor, increasing.
-
-    Parameters
-    ----------
-    mismatch : Mismatch
-        Process over model, and the filters.
-    omega : (N,) array of float
-        Frequencies between two of which none hides, in rad/s.
-    floor : float
-        In seconds.
-    """
+    """Find all critical λ above a floor, increasing; none may hide between two frequencies."""
     found = _on_axis(Branches.on(mismatch, omega)) + _through_ends(mismatch)
     return sorted(c for c in found if c.time_constant > floor)
 
 
 @dataclass(frozen=True, eq=False)
 class Branches:
-    """The branches of a family over a grid of frequencies.
-
-    Attributes
-    ----------
-    mismatch : Mismatch
-        The ratio R and the family.
-    omega : (N,) array of float
-        Frequencies, more than were asked for where branches come close to each other.
-    excess : (n, N) array of complex
-        jωλ, a row for each branch.
-    """
+    """The branches jωλ of a family, (n, N), at frequencies, (N,), dense where they are close."""
 
     mismatch: Mismatch
     omega: FloatArray
@@ -111,11 +84,6 @@ class Branches:
         def at(omega: FloatArray) -> ComplexArray:
             return 1j * omega * roots_of_columns(mismatch.coefficients(omega))
 
-        if mismatch.family.is_binomial:
-            size, angle = mismatch.log_minus_H(omega)
-            turns = np.round((np.unwrap(angle) - angle) / (2 * np.pi))
-            turns = turns + np.arange(mismatch.order)[:, None]
-            return cls(mismatch, omega, _root_less_1(size, angle, turns, mismatch.order))
         roots, most = at(omega), MOST * omega.size
         steps = np.arange(omega.size - 1)
         for _ in range(CUTS):
@@ -142,11 +110,6 @@ class Branches:
         low, high = self.omega[cell], self.omega[cell + 1]
         share = (omega - low) / (high - low)
         guess = (1 - share) * self.excess[of, cell] + share * self.excess[of, cell + 1]
-        if self.mismatch.family.is_binomial:
-            size, angle = self.mismatch.log_minus_H(omega)
-            n = self.mismatch.order
-            turns = np.round((n * np.angle(1 + guess) - angle) / (2 * np.pi))
-            return _root_less_1(size, angle, turns, n)
         found = root_near(self.mismatch.coefficients(omega), guess / (1j * omega))
         return np.asarray(1j * omega * found)
 
@@ -160,13 +123,6 @@ class Branches:
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             found = np.nan_to_num(omega * error / np.abs(slope), posinf=1e300)
         return np.asarray(np.reshape(found, np.shape(excess)))
-
-
-def _root_less_1(size: FloatArray, angle: FloatArray, turns: FloatArray, n: int) -> ComplexArray:
-    """n-th root of exp(size + j angle), reached after some turns, less 1."""
-    # Whole turns are counted apart: an angle of 2π would leave a root near 1 only rounding.
-    angles = (angle + 2 * np.pi * (turns % n)) / n
-    return np.asarray(np.expm1(size / n + 1j * angles))
 
 
 def _near_line(excess: ComplexArray) -> BoolArray:
@@ -212,13 +168,8 @@ def _continued(roots: ComplexArray) -> ComplexArray:
     return np.take_along_axis(roots, every.T, axis=0)
 
 
-class _Brackets(NamedTuple):
-    """Between which frequencies which branch changes sides, and from which one it is reached."""
-
-    of: IntArray
-    at: IntArray
-    low: FloatArray
-    high: FloatArray
+Brackets = tuple[IntArray, IntArray, FloatArray, FloatArray]
+"""Which branch changes sides, from which frequency on it is reached, and between which two."""
 
 
 def _on_axis(branches: Branches) -> list[CriticalTimeConstant]:
@@ -245,10 +196,7 @@ def _on_axis(branches: Branches) -> list[CriticalTimeConstant]:
 
 
 def _exactly(mismatch: Mismatch, omega: FloatArray, critical: FloatArray) -> FloatArray:
-    """Find critical λ beside a pole of R, where λ(ω) is so steep that ω itself is too coarse.
-
-    By a secant through two neighbouring frequencies, to where λ is real.
-    """
+    """Find critical λ by a secant beside a pole of R, where for a steep λ(ω) ω is too coarse."""
     if not omega.size:
         return critical
     one, other = (
@@ -260,18 +208,18 @@ def _exactly(mismatch: Mismatch, omega: FloatArray, critical: FloatArray) -> Flo
     return np.where(np.abs(found - critical) <= FARTHEST * critical, found, critical)
 
 
-def _sign_changes(branches: Branches, known: BoolArray) -> _Brackets:
+def _sign_changes(branches: Branches, known: BoolArray) -> Brackets:
     """Bracket the changes of side between neighbouring frequencies where it is known."""
     of, columns = np.nonzero(known)
     sign = side(branches.excess.real[of, columns])
     changed = np.flatnonzero((of[1:] == of[:-1]) & (sign[1:] != sign[:-1]))
     before, after = columns[changed], columns[changed + 1]
-    return _Brackets(of[changed], before, branches.omega[before], branches.omega[after])
+    return (of[changed], before, branches.omega[before], branches.omega[after])
 
 
 def _hidden_pairs(
     branches: Branches, known: BoolArray, rounding: FloatArray
-) -> tuple[_Brackets, _Brackets]:
+) -> tuple[Brackets, Brackets]:
     """Bracket pairs of crossings that leave the same side at both neighbours, but a dip.
 
     Of two frequencies so close that only rounding tells them apart both may be the bottom.
@@ -289,7 +237,7 @@ def _hidden_pairs(
     bottom = _across(branches, of, at, way, left, right)
     through = np.isfinite(bottom)
     of, at, bottom = of[through], at[through], bottom[through]
-    return _Brackets(of, at, left[through], bottom), _Brackets(of, at, bottom, right[through])
+    return (of, at, left[through], bottom), (of, at, bottom, right[through])
 
 
 def _across(
@@ -397,4 +345,5 @@ def _pair_at_infinity(mismatch: Mismatch, critical: float, slopes: tuple[float, 
 def _degree(mismatch: Mismatch) -> int:
     """Highest power of s in p_B for most λ."""
     parts = [(mismatch.E, mismatch.a), *((mismatch.Nf, p) for p, _ in mismatch.behind)]
-    return max(width(table) + p.size for table, p in parts if p.any()) - 2 - mismatch.divided
+    highest = max(wide(table).shape[1] + p.size for table, p in parts if p.any()) - 2
+    return int(highest - mismatch.divided)

@@ -34,7 +34,7 @@ __all__ = [
     "vanishes",
 ]
 
-_NONE = np.empty(0, dtype=complex)
+NONE = np.empty(0, dtype=complex)
 
 ROOT_AT_ORIGIN = (
     "p_B(0) = 0 for every filter 1/(λs + 1)^n: the process has a zero at s = 0, or the model more "
@@ -67,9 +67,9 @@ class Answer:
 def right_half_plane_parity(process: Any, model: Any) -> Answer:
     r"""Tell whether the DC signs allow a stable observer loop: a necessary condition on the model.
 
-    A root that enters the right half plane as a real one must pass through s = 0 or infinity. But
-    p_B(0) = N(0)Dm(0), and the leading coefficient of p_B is that of D·Nm·Df, if F·H is strictly
-    proper: neither depends on F. So the number of right-half-plane roots is even for every F or odd
+    A real root enters the right half plane through s = 0 or infinity. But p_B(0) = N(0)Dm(0), and
+    the leading coefficient of p_B is that of D·Nm·Df, if F·H is strictly proper: neither depends on
+    F. So the number of right-half-plane roots is even for every F or odd
     for every F: even if and only if G(0)/G̃(0) has the sign :math:`(-1)^{P}`, where P counts the
     right-half-plane poles of the process and zeros of the model.
 
@@ -116,22 +116,19 @@ def stabilizing_filter_exists(process: Any, model: Any) -> Answer:
 
     The blocks F/G̃ and (1 - F)G̃ are each built as one. Let :math:`\bar D` hold the model's poles
     p, Re p ≥ 0, that the process has, too, each as often as the model has it, and :math:`\bar N`
-    such zeros. At such a pole D E vanishes whatever F is, so that p_B over what cancels is zero
-    there unless 1 - F is zero at p as often as the model is infinite; at such a zero, unless F is
-    zero as often as the model. So they must cancel inside the blocks. With what is left,
-    :math:`1 - F = \bar D E/D_f`, :math:`F = \bar N N_f'/D_f`, :math:`D_m = \bar D D_m'` and
-    :math:`N_m = \bar N N_m'`, two polynomials must have all roots in the left half plane,
+    such zeros. They must cancel inside the blocks: else p_B over what cancels is zero there,
+    whatever F is. With what is left, :math:`1 - F = \bar D E/D_f`, :math:`F = \bar N N_f'/D_f`,
+    :math:`D_m = \bar D D_m'` and :math:`N_m = \bar N N_m'`, two polynomials must have all roots in
+    the left half plane,
 
     .. math:: \bar D\,E + \bar N\,N_f' = D_f \quad\text{and}\quad
               D N_m'\,E + N D_m'\,N_f' = p :
 
-    :math:`N_f'/E` must stabilise :math:`\bar N/\bar D` and :math:`N D_m'/(D N_m')` at once. That
-    is strong stabilisation of their difference (Vidyasagar and Viswanadham): with
-    :math:`E = X + \bar N Q`, :math:`N_f' = Y - \bar D Q` and :math:`\bar D X + \bar N Y` without
-    roots in the right half plane, p is A + (a - b) Q, where a = D·Nm, b = N·Dm, and no root of a -
-    b there or on the axis is one of A. There :math:`p = \kappa D_f`, with :math:`\kappa = D
-    N_m'/\bar D = N D_m'/\bar N` wherever the one or the other is finite. So by the parity
-    interlacing property an F exists if and only if p/Df can keep one sign on the positive real
+    :math:`N_f'/E` must stabilise :math:`\bar N/\bar D` and :math:`N D_m'/(D N_m')` at once, which
+    is strong stabilisation of their difference (Vidyasagar and Viswanadham). At the zeros of b - a,
+    a = D·Nm and b = N·Dm, :math:`p = \kappa D_f` with :math:`\kappa = D N_m'/\bar D =
+    N D_m'/\bar N` wherever the one or the other is finite. So by the parity interlacing property
+    an F exists if and only if p/Df can keep one sign on the positive real
     axis: if κ has one sign at s = 0, where F = 1; at each real zero s > 0 of b - a, the common
     poles and zeros among them; and at infinity, where p/Df has the sign of a, if F·H rolls off. It
     must, unless the process is biproper and the model is not: then F need not fall faster than H
@@ -190,25 +187,22 @@ def stabilizing_filter_exists(process: Any, model: Any) -> Answer:
         return parity
     if mismatch.delay != mismatch.wait:
         return Answer(None, "with a dead time the signs at zero and at infinity forbid nothing")
-    zeros = _real_zeros(_difference(b, a))
+    zeros = _real_zeros(b, a)
     signs = np.sign(np.polyval(a, zeros.real))
     first = b[-1]
     if mismatch.integrator:  # the sign at 0 is free
         first = signs[0] if free_at_infinity and signs.size else a[0]
     wrong = zeros[signs * first < 0]
     if wrong.size:
-        where = "below" if free_at_infinity else "above"
-        doubtful = bool((wrong.imag != 0).all())
-        sure = complex(wrong[wrong.imag == 0][0] if not doubtful else wrong[0]).real
-        return Answer(
-            None if doubtful else False,
-            f"an odd number of unstable poles of G/model lies {where} the real zero {sure:.4g} of H"
-            + (
-                ", if that is not a complex pair: within rounding either may be true"
-                if doubtful
-                else ": no stable filter that rolls off stabilises that"
-            ),
+        sure = wrong[wrong.imag == 0]
+        where, zero = "below" if free_at_infinity else "above", [*sure, *wrong][0].real
+        lies = (
+            f"an odd number of unstable poles of G/model lies {where} the real zero {zero:.4g} of H"
         )
+        if sure.size:
+            return Answer(False, f"{lies}: no stable filter that rolls off stabilises that")
+        rounding = "if that is not a complex pair: within rounding either may be true"
+        return Answer(None, f"{lies}, {rounding}")
     interlaced = "a and b - a interlace: p_B can be positive on the whole positive real axis"
     if mismatch.wait:
         return Answer(None, f"{interlaced}, and with a dead time that may not be enough")
@@ -218,14 +212,9 @@ def stabilizing_filter_exists(process: Any, model: Any) -> Answer:
 class _Common(NamedTuple):
     """What a polynomial of the process shares with one of the model.
 
-    Attributes
-    ----------
-    roots : array of complex
-        The common roots in the right half plane or on the axis, but for s = 0, each once.
-    process, model : array of float
-        What is left of both without the common factor.
-    cancels, rest : array of float
-        All of the model's polynomial that has roots in common, and what is left of that.
+    `roots` are common, in the right half plane or on the axis but for s = 0, each once; `process`
+    and `model` are without the common factor. All of the model's that has common roots `cancels`,
+    and leaves `rest`.
     """
 
     roots: ComplexArray
@@ -241,8 +230,8 @@ class _Common(NamedTuple):
         cancels, rest, again = once.common.q, once.v, once.common
         while again.degree and (more := shared_factor(rest, again)).common.degree:
             cancels, rest, again = np.convolve(cancels, more.common.q), more.u, more.common
-        right, axis = roots_by_side(once.common.q) if once.common.degree else (_NONE, _NONE)
-        roots = np.concatenate([right, axis[axis != 0]])
+        right, axis = roots_by_side(once.common.q) if once.common.degree else (NONE, NONE)
+        roots = np.append(right, axis[axis != 0])
         return cls(roots, once.u.q, once.v.q, cancels, rest.without_origin.q)
 
 
@@ -266,20 +255,18 @@ def _made_for_common_roots(mismatch: Mismatch, shared: list[complex]) -> Answer:
     which = ", ".join(dict.fromkeys(written(root, pair=True) for root in shared))
     made = f"an F made for what process and model have in common at {which}"
     signs = {"s = 0": _sign(0.0, N, poles.rest, zeros.cancels)} if not mismatch.integrator else {}
-    for p in _real(poles.roots):
+    for p in poles.roots[poles.roots.imag == 0].real.tolist():
         signs[f"the common pole {p:.4g}"] = _sign(p, N, poles.rest, zeros.cancels)
-    for z in _real(zeros.roots):
+    for z in zeros.roots[zeros.roots.imag == 0].real.tolist():
         signs[f"the common zero {z:.4g}"] = _sign(z, D, zeros.rest, poles.cancels)
     if N.size != D.size or Nm.size == Dm.size or mismatch.longest_delay:
         signs["infinity"] = float(np.sign(mismatch.a[0]))
     doubtful = False
     if not mismatch.longest_delay:
-        a = multiplied(poles.process, zeros.model)
-        b = multiplied(zeros.process, poles.model)
-        for root in _real_zeros(_difference(b, a)).tolist():
-            signs[f"the zero {root.real:.4g} of H"] = _sign(
-                root.real, D, Nm, poles.cancels, zeros.cancels
-            )
+        a, b = multiplied(poles.process, zeros.model), multiplied(zeros.process, poles.model)
+        for root in _real_zeros(b, a).tolist():
+            sign = _sign(root.real, D, Nm, poles.cancels, zeros.cancels)
+            signs[f"the zero {root.real:.4g} of H"] = sign
             doubtful |= root.imag != 0
     if not all(signs.values()):
         return Answer(
@@ -303,38 +290,19 @@ def _sign(x: float, *factors: FloatArray) -> float:
     return float(np.prod([np.sign(np.polyval(p, x)) for p in factors]))
 
 
-def _real(roots: ComplexArray) -> list[float]:
-    return [float(root.real) for root in roots if root.imag == 0]
-
-
-def _difference(b: FloatArray, a: FloatArray) -> QuasiPolynomial:
-    return QuasiPolynomial(add(b, -a), scale=add(np.abs(a), np.abs(b)))
-
-
-def _real_zeros(difference: QuasiPolynomial) -> ComplexArray:
-    """Real zeros in the right half plane; a possible complex pair keeps its imaginary part."""
-    zeros = difference.roots if difference.degree else _NONE
+def _real_zeros(b: FloatArray, a: FloatArray) -> ComplexArray:
+    """Real zeros of b - a in the right half plane; a possible pair keeps its imaginary part."""
+    difference = QuasiPolynomial(add(b, -a), scale=add(np.abs(a), np.abs(b)))
+    zeros = difference.roots if difference.degree else NONE
     zeros = zeros[(zeros.real > 0) & (zeros.imag >= 0)]
-    real = (zeros.imag == 0) | (
-        np.abs(difference(zeros.real + 0j)) <= ROUNDING * np.polyval(difference.scale, zeros.real)
-    )
+    rounding = ROUNDING * np.polyval(difference.scale, zeros.real)
+    real = (zeros.imag == 0) | (np.abs(difference(zeros.real + 0j)) <= rounding)
     return np.asarray(zeros[real])
 
 
 def roots_by_side(*polynomials: FloatArray) -> tuple[ComplexArray, ComplexArray]:
-    """Sort the roots of polynomials: in the right half plane, and on the axis within rounding.
-
-    Parameters
-    ----------
-    polynomials : arrays of float
-        Coefficients in descending powers.
-
-    Returns
-    -------
-    right, axis : array of complex
-        The roots, rightmost first; those on the axis without their rounding error.
-    """
-    right, axis = [np.empty(0, dtype=complex)], [np.empty(0, dtype=complex)]
+    """Sort the roots of polynomials: in the right half plane, rightmost first, and on the axis."""
+    right, axis = [NONE], [NONE]
     for coefficients in polynomials:
         p = QuasiPolynomial(coefficients)
         on_axis = p.near_axis(p.roots)

@@ -19,19 +19,16 @@ __all__ = [
     "by_powers",
     "common_ramp",
     "exactly_on_axis",
-    "in_lambda",
     "multiplied",
     "rows",
     "stable_member",
     "summed",
     "taylor",
     "wide",
-    "width",
     "without_shared",
 ]
 
-GENERIC = (0.71, 1.93, 0.31)
-"""Time constants, against the typical one, at which a factor must be shared to be so at all."""
+GENERIC = (0.71, 1.93, 0.31)  # λ, against the typical one, at all of which a factor is shared
 
 OWN, TRIED = "own", (1.0, 0.1, 10.0, 1e-2, 1e2, 1e-3, 1e3)
 """The only kind whose filters may be unstable, and the λ of which one should not be."""
@@ -72,10 +69,7 @@ def taylor(delay: float, count: int) -> FloatArray:
 
 
 def without_shared(table: FloatArray, block: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Divide a family's polynomial and one of the model by what they share for every λ.
-
-    Integrators stay where they are. All roots of a p(λs) change with λ.
-    """
+    """Divide a family's polynomial and one of the model by what they share for every λ but s."""
     model = QuasiPolynomial(block).without_origin
     held = block.size - model.q.size
     if model.q.size == 1 or np.array_equal(table, np.diag(np.diagonal(table))):
@@ -117,11 +111,6 @@ def wide(table: FloatArray) -> FloatArray:
     return table[:, used[0] :] if used.size else table[:, -1:]
 
 
-def width(table: FloatArray) -> int:
-    """Count the powers of s up to the highest that some λ needs."""
-    return int(wide(table).shape[1])
-
-
 def rows(table: FloatArray, s: Any) -> Any:
     """Value of each row's polynomial, descending coefficients, at the same points."""
     columns = table.T.reshape(*table.T.shape, *[1] * s.ndim)
@@ -148,29 +137,13 @@ def summed(tables: list[FloatArray]) -> FloatArray:
     return np.where(np.abs(total) <= ROUNDING * size, 0.0, total)
 
 
-def in_lambda(table: FloatArray, time_constant: float) -> FloatArray:
-    """Coefficients for one λ, the rows ascending powers of it."""
-    return np.asarray(np.polyval(table[::-1], time_constant))
-
-
 def _trimmed(p: FloatArray) -> FloatArray:
     used = np.flatnonzero(p)
     return p[used[0] :] if used.size else p[-1:]
 
 
 def multiplied(of_process: FloatArray, of_model: FloatArray) -> FloatArray:
-    """Multiply a polynomial of the process by one of the model, within the range of floats.
-
-    Parameters
-    ----------
-    of_process, of_model : array of float
-        Coefficients in descending powers.
-
-    Raises
-    ------
-    ValueError
-        If the product leaves the range of floating-point numbers.
-    """
+    """Multiply a polynomial of the process by one of the model, within the range of floats."""
     with np.errstate(over="ignore", under="ignore"):
         product = np.convolve(of_process, of_model)
     if not (np.isfinite(product).all() and product[0]):

@@ -35,22 +35,23 @@ from .mismatch import Mismatch
 
 __all__ = ["gain_bound", "stable_for_fast_filters", "stable_for_slow_filters"]
 
-SIDEWAYS = 1e-10
-"""Share of a root's motion off the axis below which the motion is along it, within rounding."""
-
-CLUSTER = 1e-4
-"""Relative distance within which roots on the axis count as one multiple root."""
-
-FAR = 1e3
-"""Frequency, against the largest pole or zero, at which R is only its leading terms."""
-
-SIMPLE, EXACT = 12, 1e-9
-"""Largest denominator of a simple ratio of dead times, and how closely it must be met."""
-
-SCANNED = 20_001
-"""Points at which the curve (1 + jξ)^n is looked at."""
+SIDEWAYS = 1e-10  # share of a root's motion off the axis that may be rounding
+CLUSTER = 1e-4  # relative distance within which roots on the axis count as one multiple root
+FAR = 1e3  # frequency, against the largest pole or zero, at which R is only its leading terms
+SIMPLE, EXACT = 12, 1e-9  # largest denominator of a simple ratio of dead times, and how exact it is
+SCANNED = 20_001  # points at which the curve (1 + jξ)^n is looked at
 
 CHAINS = "ever more roots are unstable as λ falls"
+
+FAST_AND_REAL = (
+    "process and model have opposite signs at high frequency (ratio {:.4g}): a fast root is real "
+    "and positive"
+)
+
+TOO_STEEP = (
+    "the model has relative degree {} more than the process, and the filter's order is {} more "
+    "than that; a difference of two is the most that works"
+)
 
 OPPOSITE = "a real root goes to the right; give the model the other sign"
 
@@ -213,10 +214,8 @@ def stable_for_fast_filters(process: Any, model: Any, order: int) -> Answer:
 
     Parameters
     ----------
-    process, model : as for `nrdob.NRDOB`
-        G and G̃, both with or without dead time.
-    order : int
-        n of the filter :math:`1/(\lambda s + 1)^n`.
+    process, model, order : as for `stable_for_slow_filters`
+        G, G̃ and n.
 
     Returns
     -------
@@ -226,7 +225,7 @@ def stable_for_fast_filters(process: Any, model: Any, order: int) -> Answer:
     Raises
     ------
     TypeError, ValueError
-        If a block cannot stand where it is put, or the order is no whole number.
+        As `stable_for_slow_filters`.
 
     Examples
     --------
@@ -241,7 +240,10 @@ def stable_for_fast_filters(process: Any, model: Any, order: int) -> Answer:
     if mismatch.held_at_origin:
         return Answer(False, ROOT_AT_ORIGIN)
     if mismatch.wait:
-        return _fast_with_delayed_model(mismatch)
+        if not mismatch.delay:
+            return _without_delay(mismatch)
+        equal = mismatch.delay == mismatch.wait
+        return _same_delay(mismatch) if equal else _two_delays(mismatch)
     N, _, _, Dm = mismatch.factors
     right, axis = roots_by_side(N, Dm)
     if right.size:
@@ -287,23 +289,16 @@ def _moved(
         if np.sum(np.abs(upper - root) <= CLUSTER * abs(root)) > 1:
             answers.append(Answer(None, f"{pole}, a multiple one; give it a trace of damping"))
         elif vanishes(mismatch.a, root) and vanishes(mismatch.b, root):
-            answers.append(
-                Answer(
-                    False,
-                    f"{pole}, which cancels in G/model, out of reach of every filter but one made "
-                    "for it: see nrdob.interpolating_filter",
-                )
-            )
+            remedy = "every filter but one made for it: see nrdob.interpolating_filter"
+            reason = f"{pole}, which cancels in G/model, out of reach of {remedy}"
+            answers.append(Answer(False, reason))
         else:
             off = [d for d in drift(mismatch, complex(root)) if abs(d.real) > SIDEWAYS * abs(d)]
+            moves = f"{pole}, which a {speed} filter hardly moves off the axis"
             if off:
                 side = "right" if off[0].real > 0 else "left"
                 moves = f"{pole}; a {speed} filter moves it to the {side}"
-                answers.append(Answer(off[0].real < 0, moves))
-            else:
-                answers.append(
-                    Answer(None, f"{pole}, which a {speed} filter hardly moves off the axis")
-                )
+            answers.append(Answer(off[0].real < 0 if off else None, moves))
     return _first_decisive(answers)
 
 
@@ -318,7 +313,7 @@ def _first_decisive(answers: list[Answer]) -> Answer:
 
 def _roots_near_origin(mismatch: Mismatch) -> Answer:
     """Tell where the roots of n λ a(0) + N·Dm/s go that tend to 0 as λ falls."""
-    b = QuasiPolynomial(mismatch.delayed)
+    b = QuasiPolynomial(mismatch.b[: mismatch.b.size - mismatch.divided])
     count = b.zeros_at_origin if mismatch.integrator else 0
     if not count:
         return Answer(True, "no root of the limit is at s = 0")
@@ -343,11 +338,7 @@ def _fast_roots(mismatch: Mismatch) -> Answer:
             "is needed",
         )
     if c < 0:
-        return Answer(
-            False,
-            f"process and model have opposite signs at high frequency (ratio {c:.4g}): a fast "
-            "root is real and positive",
-        )
+        return Answer(False, FAST_AND_REAL.format(c))
     if m == -1:
         sums = float(_sum_of_roots(mismatch.a) - _sum_of_roots(mismatch.b))
         real = (n - 1) * c / (4 * n) + sums / 2
@@ -363,11 +354,7 @@ def _fast_roots(mismatch: Mismatch) -> Answer:
             verdict,
             f"the gain ratio at high frequency is {c:.4g}, the bound for order {n} is {bound:.4g}",
         )
-    return Answer(
-        n - m <= 2,
-        f"the model has relative degree {m} more than the process, and the filter's order is "
-        f"{n - m} more than that; a difference of two is the most that works",
-    )
+    return Answer(n - m <= 2, TOO_STEEP.format(m, n - m))
 
 
 def _sum_of_roots(p: FloatArray) -> float:
@@ -377,18 +364,10 @@ def _sum_of_roots(p: FloatArray) -> float:
 # With a dead time in the model.
 
 
-def _fast_with_delayed_model(mismatch: Mismatch) -> Answer:
-    """Tell whether the loop is stable for every small enough λ; p_B(0) is not 0."""
-    if not mismatch.delay:
-        return _without_delay(mismatch)
-    return _same_delay(mismatch) if mismatch.delay == mismatch.wait else _two_delays(mismatch)
-
-
 def _of_limit(mismatch: Mismatch) -> Answer:
     """Tell whether p_0 has roots in the right half plane."""
-    a, b = mismatch.a, mismatch.b
-    waits = (Term(-a, mismatch.wait),)
-    found = count_rhp(QuasiPolynomial(a, b, mismatch.delay, more=waits))
+    waits = (Term(-mismatch.a, mismatch.wait),)
+    found = count_rhp(QuasiPolynomial(mismatch.a, mismatch.b, mismatch.delay, more=waits))
     if found.count is None:
         return Answer(None, f"the limit for λ = 0 has {found.reason}")
     if found.count:
@@ -412,14 +391,7 @@ def _same_delay(mismatch: Mismatch) -> Answer:
         )
     if off < 1 - ROUNDING or np.array_equal(mismatch.a, mismatch.b):
         return _of_limit(mismatch)
-    R = _far_ratio(mismatch)
-    if abs(R) ** 2 - 2 * R.real > 0:
-        return Answer(False, f"|1 - G/model| tends to 1 from above: {CHAINS}")
-    return Answer(
-        None,
-        "|1 - G/model| tends to 1 at high frequency; take a model of the same relative degree as "
-        "the process",
-    )
+    return _tends_to_1(mismatch, -1)
 
 
 def _two_delays(mismatch: Mismatch) -> Answer:
@@ -455,26 +427,11 @@ def _without_delay(mismatch: Mismatch) -> Answer:
     n, m = mismatch.order, mismatch.excess
     c = float(mismatch.b[0] / mismatch.a[0])
     if m < 0:
-        R = _far_ratio(mismatch)
-        if abs(R) ** 2 + 2 * R.real < 0:
-            return Answer(False, f"|1 + G/model| tends to 1 from below: {CHAINS}")
-        return Answer(
-            None,
-            "|1 + G/model| tends to 1 at high frequency; take a model of the same relative degree "
-            "as the process",
-        )
+        return _tends_to_1(mismatch, 1)
     if c < 0 and m < n:
-        return Answer(
-            False,
-            f"process and model have opposite signs at high frequency (ratio {c:.4g}): a fast "
-            "root is real and positive",
-        )
+        return Answer(False, FAST_AND_REAL.format(c))
     if 0 < m < n - 2:
-        return Answer(
-            False,
-            f"the model has relative degree {m} more than the process, and the filter's order is "
-            f"{n - m} more than that; a difference of two is the most that works",
-        )
+        return Answer(False, TOO_STEEP.format(m, n - m))
     if m == 0 and n >= 3:
         xi = np.tan(np.linspace(0, pi / 2, SCANNED, endpoint=False)[1:])
         nearest = float(np.min(np.abs((1 + 1j * xi) ** n + c)))
@@ -487,7 +444,13 @@ def _without_delay(mismatch: Mismatch) -> Answer:
     return _of_limit(mismatch)
 
 
-def _far_ratio(mismatch: Mismatch) -> complex:
-    """R at a high frequency, without dead times."""
+def _tends_to_1(mismatch: Mismatch, sign: int) -> Answer:
+    """Tell from which side |1 ± R| tends to 1, at a high frequency, without dead times."""
     s = 1j * FAR * float(mismatch.speeds.max())
-    return complex(np.polyval(mismatch.b, s) / np.polyval(mismatch.a, s))
+    R = complex(np.polyval(mismatch.b, s) / np.polyval(mismatch.a, s))
+    size, side = f"|1 {'-+'[sign > 0]} G/model| tends to 1", "below" if sign > 0 else "above"
+    if sign * abs(R) ** 2 + 2 * R.real < 0:
+        return Answer(False, f"{size} from {side}: {CHAINS}")
+    return Answer(
+        None, f"{size} at high frequency; take a model of the same relative degree as the process"
+    )

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cache, reduce
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 import control as ct
 import numpy as np
@@ -19,45 +19,26 @@ from ..diagram import DelayedTransferFunction, FilterFamily, LowPassFilter, Obse
 from ..numerics import FloatArray
 from .existence import stabilizing_filter_exists
 from .mismatch import Mismatch
-from .search import FilterSearch, checked_ms, member
+from .search import FilterSearch, checked_ms
 from .timeconstants import intersection
 
 __all__ = ["design_filter"]
 
-EXTRA_ORDERS = 2
-"""How many orders above the lowest causal one are tried where none is asked for."""
-
-MET = 1e-6
-"""By how much Ms of a plant that decides may exceed the limit, relatively."""
-
-MOST = 60
-"""Plants that may decide."""
+EXTRA_ORDERS = 2  # how many orders above the lowest causal one are tried where none is asked for
+MET = 1e-6  # by how much Ms of a plant that decides may exceed the limit, relatively
+MOST = 60  # plants that may decide
 
 Filters = int | FilterFamily
 
 
-@runtime_checkable
-class _Family(Protocol):
-    """Plants whose peaks are computed together, such as `nrdob.uncertain.Family`."""
-
-    def __len__(self) -> int: ...
-    def __getitem__(self, k: int) -> Any: ...
-    def peaks(self, model: Any, filter: Any) -> FloatArray: ...
-
-
 def design_filter(
-    process: Any,
-    model: Any,
-    *,
-    max_ms: float,
-    order: Filters | Sequence[Filters] | None = None,
+    process: Any, model: Any, *, max_ms: float, order: Filters | Sequence[Filters] | None = None
 ) -> LowPassFilter | ct.TransferFunction:
     r"""Find the filter that rejects most with a limited peak of the sensitivity.
 
-    Of one order that is the filter of widest bandwidth, the smallest λ. Orders are compared by nλ,
-    the slope of the filter's part in S_d at low frequency, which says what a slow disturbance
-    leaves behind. Families are compared alike: where S_d ~ c s^k, by c^(1/k), one over the
-    frequency at which that line reaches 1, whatever the ramp k.
+    Of one order that is the smallest λ. Orders are compared by nλ, the slope of the filter's part
+    in S_d at low frequency, which says what a slow disturbance leaves behind; families alike: where
+    S_d ~ c s^k, by c^(1/k), one over the frequency at which that line reaches 1.
 
     Parameters
     ----------
@@ -82,12 +63,10 @@ def design_filter(
 
     Raises
     ------
-    TypeError
-        If a block, the order or the limit is of the wrong type.
-    ValueError
-        If no loop can meet the limit; if no filter stabilises the loop; if none meets the limit
-        (the message gives the best that can be had, or the plants that exclude each other); or if
-        every filter does, however fast, so that noise alone must choose.
+    TypeError, ValueError
+        If a block, the order or the limit cannot be; if no filter stabilises the loop, or none
+        meets the limit (the message gives the best that can be had, or the plants that exclude each
+        other); or if every filter does, however fast, so that noise alone must choose.
 
     See Also
     --------
@@ -111,13 +90,13 @@ def design_filter(
         raise ValueError("there are no plants")
     first = plants[0]
     found = (FilterSearch.of(first, model, n, limit) for n in _orders(first, model, order))
-    searches = sorted(found, key=_promise)
+    searches = sorted(found, key=lambda search: search.promise)
     deciding, best = [0], None
     for search in searches:
-        if best and _promise(search) > _sluggishness(search, best):
+        if best and search.promise > search.sluggishness(best):
             break
         filter = _fastest(search, plants, deciding)
-        if filter and (best is None or _rejects_more(search, filter, best)):
+        if filter and (not best or search.sluggishness(filter) < search.sluggishness(best)):
             best = filter
     if best is None:
         raise ValueError(_refusal(searches, deciding))
@@ -128,7 +107,7 @@ def _several(process: Any) -> bool:
     """Tell a family or a list of blocks from a block, which may be a pair of lists."""
     blocks = ct.TransferFunction | ct.StateSpace | DelayedTransferFunction
     listed = isinstance(process, list | tuple) and all(isinstance(p, blocks) for p in process)
-    return listed or isinstance(process, _Family)
+    return listed or hasattr(process, "peaks")
 
 
 def _orders(process: Any, model: Any, order: Any) -> Sequence[Filters]:
@@ -136,10 +115,11 @@ def _orders(process: Any, model: Any, order: Any) -> Sequence[Filters]:
     if order is None:
         lowest = Mismatch.of(process, model, waits=True).order
         return range(lowest, lowest + EXTRA_ORDERS + 1)
-    several = tuple(order) if isinstance(order, list | tuple) else (order,)
-    if not several:
+    if not isinstance(order, list | tuple):
+        return (order,)
+    if not order:
         raise ValueError("order is an empty list; give an order, a family, or several of them")
-    return several
+    return order
 
 
 def _fastest(search: FilterSearch, plants: Any, deciding: list[int]) -> Any:
@@ -158,7 +138,7 @@ def _fastest(search: FilterSearch, plants: Any, deciding: list[int]) -> Any:
             return None
         low, high = windows[0]
         however_fast = low == search.intervals[0][0]
-        filter = member(search.family, low if not however_fast else _fast(search, low, high))
+        filter = search.family.at(low if not however_fast else _fast(search, low, high))
         peaks = _peaks(plants, search.model, filter) if len(plants) > 1 else np.ones(1)
         k = int(peaks.argmax())
         if peaks[k] <= search.max_ms * (1 + MET) or k in deciding:
@@ -182,58 +162,26 @@ def _fast(search: FilterSearch, low: float, high: float) -> float:
 
 def _peaks(plants: Any, model: Any, filter: Any) -> FloatArray:
     """Ms of every plant; inf where the loop is not known to be stable."""
-    if isinstance(plants, _Family):
-        return plants.peaks(model, filter)
-    stable = [judge_observer(plant, model, filter).stable for plant in plants]
-    loops = [ObserverEquations(plant, model, filter) for plant in plants]
-    return np.array(
-        [
-            quotient_margins(loop.L, True).ms if each else np.inf
-            for loop, each in zip(loops, stable, strict=True)
-        ]
-    )
+    if hasattr(plants, "peaks"):  # of a family they are computed together
+        return np.asarray(plants.peaks(model, filter))
+    ms = np.full(len(plants), np.inf)
+    for k, plant in enumerate(plants):
+        if judge_observer(plant, model, filter).stable:
+            ms[k] = quotient_margins(ObserverEquations(plant, model, filter).L, True).ms
+    return ms
 
 
-def _promise(search: FilterSearch) -> float:
-    """Sluggishness of the fastest filter that is not excluded: 0 if all will do, inf if none."""
-    if search.all_fast_ones_do or search.first == np.inf:
-        return 0.0 if search.all_fast_ones_do else np.inf
-    return _sluggishness(search, member(search.family, search.first))
-
-
-def _rejects_more(search: FilterSearch, filter: Any, other: Any) -> bool:
-    return _sluggishness(search, filter) < _sluggishness(search, other)
-
-
-def _sluggishness(search: FilterSearch, filter: Any) -> float:
-    r"""Time in which the loop rejects, in seconds: the smaller, the more it rejects.
-
-    At low frequency :math:`S_d \to (1 - F)/R = c\,s^k`, and :math:`c^{1/k}` is one over the
-    frequency at which that line reaches 1: nλ/R(0) for eq. (1), comparable for ramps of all kinds.
-    """
-    S = ObserverEquations(search.process, search.model, filter).S_d
-    k = S.zeros_at_origin
-    if k <= 0:
-        return np.inf
-    num, den = (
-        np.prod([factor.without_origin.constant for factor in part]) for part in (S.num, S.den)
-    )
-    return float(abs(num / den) ** (1 / k))
-
-
-def _named(family: Filters) -> str:
-    if isinstance(family, FilterFamily):
-        return f"the {family.kind} family of order {family.order}"
-    return f"order {family}"
+def _named(family: FilterFamily) -> str:
+    whose = "" if family.is_binomial else f"the {family.kind} family of "
+    return f"{whose}order {family.order}"
 
 
 def _refusal(searches: list[FilterSearch], deciding: list[int]) -> str:
     """Say why there is no filter, and what comes closest."""
     first, families = searches[0], [search.family for search in searches]
     names = " or ".join(map(_named, families))
-    orders = [family for family in families if isinstance(family, int)]
-    if len(orders) == len(families):
-        names = f"order {' or '.join(map(str, sorted(orders)))}"
+    if all(family.is_binomial for family in families):
+        names = f"order {' or '.join(map(str, sorted(family.order for family in families)))}"
     if len(deciding) > 1:
         return (
             f"no filter of {names} meets Ms ≤ {first.max_ms:g} with every plant: members "
@@ -247,7 +195,8 @@ def _refusal(searches: list[FilterSearch], deciding: list[int]) -> str:
         return f"no filter of {names} stabilises the loop{reason}: choose another model"
     search = min(stable, key=lambda search: search.closest[1].ms)
     time_constant, best = search.closest
-    which = f"n = {search.family}" if isinstance(search.family, int) else _named(search.family)
+    binomial = search.family.is_binomial
+    which = f"n = {search.family.order}" if binomial else _named(search.family)
     return (
         f"no filter of {names} meets Ms ≤ {search.max_ms:g}; closest comes λ = "
         f"{time_constant:.4g} s, {which}, with Ms = {best.ms:.4g}, "

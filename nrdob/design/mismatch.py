@@ -27,13 +27,7 @@ from typing import Any
 
 import numpy as np
 
-from ..diagram import (
-    DelayedTransferFunction,
-    FilterFamily,
-    ObserverEquations,
-    as_family,
-    as_fraction,
-)
+from ..diagram import FilterFamily, ObserverEquations, as_family, as_fraction, undelayed
 from ..numerics import (
     BoolArray,
     ComplexArray,
@@ -42,24 +36,25 @@ from ..numerics import (
     Term,
     add,
     exponential_rest,
+    padded_sum,
+    values_on_axis,
 )
 from .columns import size_squared
 from .familytables import (
     by_powers,
     common_ramp,
     exactly_on_axis,
-    in_lambda,
     multiplied,
     rows,
     stable_member,
     taylor,
+    wide,
     without_shared,
 )
 
 __all__ = ["Mismatch"]
 
-ERROR = 64 * float(np.finfo(float).eps)
-"""Bound of the rounding error of a polynomial's value, against the sum of its terms' sizes."""
+ERROR = 64 * float(np.finfo(float).eps)  # rounding error of a value, against its terms' sizes
 
 Factors = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
@@ -68,22 +63,11 @@ Factors = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 class Mismatch:
     """The ratio R = G/G̃ = b/a · exp(-(θ - θm)s) and a family of filters.
 
-    Attributes
-    ----------
-    factors : tuple of arrays
-        N, D, Nm and Dm, without what cancels inside the blocks but for the m integrators; those
-        that process and model have in common are in no factor. Their roots say where R changes.
-    delay, wait : float
-        θ and θm in seconds.
-    family : FilterFamily
-        The filters.
-    zeros : array of float
-        All of Nm.
-    E, Nf : (K, m) array of float
-        Row k holds the coefficients of λ^k, descending in s. E is all of Df where the model has a
-        dead time, else Df - Nf.
-    divided : int
-        m.
+    The factors N, D, Nm and Dm are without what cancels inside the blocks but for m integrators;
+    those that process and model have in common are in no factor. Their roots say where R changes.
+    `zeros` is all of Nm, `delay` and `wait` are θ and θm in seconds, `divided` is m. Row k of E and
+    Nf holds the coefficients of λ^k, descending in s; E is all of Df where the model has a dead
+    time, else Df - Nf.
     """
 
     factors: Factors
@@ -106,18 +90,11 @@ class Mismatch:
     ) -> Mismatch:
         """Read process and model as the loop does, with the same refusals.
 
-        Parameters
-        ----------
-        process, model : as for `nrdob.NRDOB`
-            G, with or without dead time, and G̃.
-        filters : int or FilterFamily, optional
-            n of eq. (1), or a family; without it the lowest order that is causal.
-        waits : bool
-            Whether the model may have a dead time.
+        Without filters, those of eq. (1) of the lowest order that is causal. `waits` says whether
+        the model may have a dead time.
         """
         if filters is None:
-            undelayed = model.tf if isinstance(model, DelayedTransferFunction) else model
-            filters = max(1, as_fraction(undelayed, "model").relative_degree)
+            filters = max(1, as_fraction(undelayed(model)[0], "model").relative_degree)
         family = as_family(filters)
         loop = ObserverEquations(process, model, stable_member(family))
         if loop.model_delay and not waits:
@@ -129,15 +106,7 @@ class Mismatch:
 
     @classmethod
     def in_loop(cls, loop: ObserverEquations, family: FilterFamily) -> Mismatch:
-        """Take the process and model of a loop, and a family in place of its filter.
-
-        Parameters
-        ----------
-        loop : ObserverEquations
-            With any filter.
-        family : FilterFamily
-            The filters.
-        """
+        """Take process and model of a loop, and a family in place of its filter."""
         G, Gm, wait = loop.fractions.G, loop.fractions.Gm, loop.model_delay
         held = min(QuasiPolynomial(Gm.den).zeros_at_origin, common_ramp(family, wait))
         both = min(held, QuasiPolynomial(G.den).zeros_at_origin)
@@ -175,11 +144,6 @@ class Mismatch:
         return multiplied(self.factors[0], self.factors[3])
 
     @property
-    def delayed(self) -> FloatArray:
-        """Coefficients of b divided by s^m."""
-        return self.b[: self.b.size - self.divided]
-
-    @property
     def integrator(self) -> bool:
         """Whether integrators of the model cancel inside (1 - F)·model that the process has not."""
         return self.divided > 0
@@ -207,95 +171,56 @@ class Mismatch:
 
     @cached_property
     def speeds(self) -> FloatArray:
-        """Sizes of all roots and 1/θ, 1/θm, in rad/s; 1 where there are none.
-
-        The roots that the family's coefficients have in s are among them.
-        """
+        """Sizes of all roots, those of the family too, and 1/θ, 1/θm, in rad/s; 1 for none."""
         rows = [row for table in (self.E, self.Nf) for row in table if np.count_nonzero(row) > 1]
         own = [QuasiPolynomial(np.trim_zeros(row, "f")).without_origin.roots for row in rows]
         delays = [1 / delay for delay in (self.delay, self.wait) if delay]
         sizes = np.concatenate([np.abs(self.roots), delays, *(np.abs(found) for found in own)])
         return sizes if sizes.size else np.ones(1)
 
-    def ratio(self, omega: FloatArray) -> ComplexArray:
-        """R(jω), multiplied from the values of the factors.
-
-        A factor with an undamped root keeps its own accuracy there, which its product with the
-        others would lose.
-
-        Parameters
-        ----------
-        omega : array of float, shape (N,)
-            Frequencies, in rad/s.
-        """
-        N, D, Nm, Dm = self._values(omega)
-        with np.errstate(divide="ignore", invalid="ignore"):  # at a pole on the axis
-            R = N * Dm / (D * Nm)
-            delay = self.delay - self.wait
-            return np.asarray(R * np.exp(-1j * delay * omega) if delay else R)
-
     def at_pole(self, omega: FloatArray) -> BoolArray:
-        """Tell at which frequencies a pole of R lies within rounding.
-
-        Parameters
-        ----------
-        omega : array of float, shape (N,)
-            Frequencies, in rad/s.
-        """
-        values, sizes = self._values(omega), self._sizes(omega)
-        return np.asarray(
-            (np.abs(values[1]) <= ERROR * sizes[1]) | (np.abs(values[2]) <= ERROR * sizes[2])
-        )
+        """Tell at which frequencies a pole of R lies within rounding."""
+        (_, D, Nm, _), (_, of_D, of_Nm, _) = map(np.abs, self._values(omega)), self._sizes(omega)
+        return np.asarray((ERROR * of_D >= D) | (Nm <= ERROR * of_Nm))
 
     def _values(self, omega: FloatArray, exact: bool = False) -> list[ComplexArray]:
         if exact:
             return [exactly_on_axis(p, omega) for p in self.factors]
-        s = 1j * np.asarray(omega)
-        return [rows(p[None], s)[0] for p in self.factors]
+        return [values_on_axis(p, omega) for p in self.factors]
 
     def _sizes(self, omega: FloatArray) -> list[FloatArray]:
         return [rows(np.abs(p)[None], np.asarray(omega))[0] for p in self.factors]
 
     # For one filter.
 
-    def p_B(self, time_constant: float) -> QuasiPolynomial:
+    def p_B(
+        self, time_constant: float, gain: float = 1.0, delay: float | None = None, lag: float = 0.0
+    ) -> QuasiPolynomial:
         """Characteristic function for one filter, without what cancels inside the blocks.
 
-        Parameters
-        ----------
-        time_constant : float
-            λ in seconds.
+        The process may be multiplied by a gain, and have another dead time and an additional lag.
         """
-        (ahead, behind, *waiting), sizes = self.built(time_constant)
-        more = tuple(Term(part, self.wait) for part in waiting)
-        p = QuasiPolynomial(
-            ahead, behind, self.delay, reduce(add, sizes), more, origin=self.divided
-        )
-        return p.over_s(self.divided)
-
-    def built(self, time_constant: float) -> tuple[list[FloatArray], list[FloatArray]]:
-        """Coefficients of a E, b Nf, and -D Nm Nf with a dead time in the model; and sizes summed.
-
-        Parameters
-        ----------
-        time_constant : float
-            λ in seconds.
-        """
-        parts, sizes = [], []
-        tables = [(self.E, self.a), (self.Nf, self.b)]
-        tables += [(self.Nf, -self.waiting)] if self.wait else []
+        parts: list[FloatArray] = []
+        sizes: list[FloatArray] = []
+        more = np.array([lag, 1.0]) if lag else np.ones(1)
         with np.errstate(over="ignore"):
-            for table, factor in tables:
-                parts.append(np.convolve(factor, in_lambda(table, time_constant)))
-                sizes.append(np.convolve(np.abs(factor), in_lambda(np.abs(table), time_constant)))
-        if abs(self.order * log10(time_constant)) > 300 or not all(
-            np.isfinite(size).all() for size in sizes
-        ):
+            for table, factor, times in (
+                (self.E, self.a, more), (self.Nf, self.b, [gain]), (self.Nf, -self.waiting, more),
+            ):  # fmt: skip
+                for of, found in ((np.asarray, parts), (np.abs, sizes)):
+                    row = np.polyval(of(table)[::-1], time_constant)
+                    found.append(np.convolve(times, np.convolve(of(factor), row)))
+        in_range = abs(self.order * log10(time_constant)) <= 300
+        if not (in_range and all(np.isfinite(size).all() for size in sizes)):
             raise ArithmeticError(
                 f"time constant {time_constant:g} s to the power {self.order} leaves the range of "
                 "floating-point numbers: choose another unit of time"
             )
-        return parts, sizes
+        late = self.delay if delay is None else delay
+        waits = (Term(parts[2], self.wait),) if self.wait else ()
+        ahead, behind, scale = parts[0], parts[1], reduce(add, sizes)
+        p = QuasiPolynomial(ahead, behind, late, scale, waits, origin=self.divided)
+        return p.over_s(self.divided)
 
     @cached_property
     def waiting(self) -> FloatArray:
@@ -312,56 +237,29 @@ class Mismatch:
     # On the imaginary axis: a polynomial in λ at each frequency.
 
     def coefficients(self, omega: FloatArray, *, exact: bool = False) -> ComplexArray:
-        """Coefficients of λ^k in p_B(jω), ascending, each frequency a column.
-
-        Parameters
-        ----------
-        omega : (N,) array of float
-            Frequencies, in rad/s.
-        exact : bool
-            Whether the factors are evaluated without rounding, which takes long.
-        """
+        """Coefficients of λ^k in p_B(jω), ascending, frequencies in columns; `exact` takes long."""
         (a, b, waits), (E, Nf) = self._apart(omega, exact), self._tables(omega)
         return np.asarray(a * E + (b + waits) * Nf)
 
     def uncertainty(self, omega: FloatArray) -> FloatArray:
-        """Bounds of the rounding errors of the coefficients.
-
-        Parameters
-        ----------
-        omega : (N,) array of float
-            Frequencies, in rad/s.
-        """
-        values, sizes = [np.abs(value) for value in self._values(omega)], self._sizes(omega)
-        N, D, Nm, Dm = values
+        """Bounds of the rounding errors of the coefficients."""
+        (N, D, Nm, Dm), sizes = map(np.abs, self._values(omega)), self._sizes(omega)
         off_a = sizes[1] * Nm + D * sizes[2]
         off_b = sizes[0] * Dm + N * sizes[3] + N * Dm * self.delay * omega / 8
+        if self.wait:
+            zeros = np.abs(values_on_axis(self.zeros, omega))
+            off_b = off_b + D * zeros * self.wait * omega / 8
         off_b = off_b / omega**self.divided
         if self.wait:
-            zeros, size = (
-                np.abs(rows(self.zeros[None], 1j * omega)[0]),
-                np.polyval(np.abs(self.zeros), omega),
-            )
-            lag = np.abs(self._lag(1j * omega))
-            turned = D * zeros * self.wait * omega / 8
-            off_b = off_b + lag * (sizes[1] * zeros + D * size) + turned / omega**self.divided
+            off_zeros = sizes[1] * zeros + D * np.polyval(np.abs(self.zeros), omega)
+            off_b = off_b + np.abs(self._lag(1j * omega)) * off_zeros
         E, Nf = (rows(np.abs(table), omega) for table in (self._ahead, self.Nf))
         return np.asarray(ERROR * (off_a * E + off_b * Nf))
 
     def terms(
         self, omega: FloatArray, time_constant: FloatArray
     ) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
-        """Return a E, b Nf exp(-jωθ), and -D Nm Nf exp(-jωθm) or 0, at points (ω, λ).
-
-        Divided as p_B is. The arrays are broadcast against each other.
-
-        Parameters
-        ----------
-        omega : (N,) array of float
-            Frequencies, in rad/s.
-        time_constant : array of float
-            λ in seconds.
-        """
+        """Return a E, b Nf exp(-jωθ), and -D Nm Nf exp(-jωθm) or 0, at points (ω, λ), over s^m."""
         (a, b, waits), (E, Nf) = self._apart(omega), self._tables(omega)
         powers = [np.asarray(time_constant) ** k for k in range(len(E))]
         E, Nf = (
@@ -369,47 +267,11 @@ class Mismatch:
         )
         return a * E, b * Nf, waits * Nf
 
-    def filters(self, s: complex, time_constant: FloatArray) -> tuple[Any, Any]:
-        """Values of E and Nf for many filters at one point.
-
-        Parameters
-        ----------
-        s : complex
-            The point.
-        time_constant : array of float
-            λ in seconds.
-        """
-        powers = np.asarray(time_constant)[None, :] ** np.arange(len(self.E))[:, None]
-        return np.polyval(self.E.T, s) @ powers, np.polyval(self.Nf.T, s) @ powers
-
-    def log_minus_H(self, omega: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Real and imaginary part of ln(-H): with eq. (1) a root is at jω where (1 + jλω)^n = -H.
-
-        -H is 1 - R, or behind the model's dead time exp(-jωθm) (1 - R), R with the difference of
-        the dead times. Accurate for small R, too, where numpy's complex log1p is not.
-
-        Parameters
-        ----------
-        omega : (N,) array of float
-            Frequencies, in rad/s.
-        """
-        R = self.ratio(omega)
-        with np.errstate(divide="ignore"):  # where H vanishes exactly
-            size = np.log1p(-R.real * (2 - R.real) + R.imag**2) / 2
-        return size, np.arctan2(-R.imag, 1 - R.real) - self.wait * omega
-
     def off_gain(self, omega: FloatArray, gain: float = 1.0) -> FloatArray:
         """Coefficients in λ, ascending, each frequency a column, of ``|a E|^2 - |b Nf/gain|^2``.
 
         Its last root bounds the λ with ``|L| = gain``; the critical λ are among those of gain 1.
         Two dead times are taken at their worst, so that the bound does not turn with them.
-
-        Parameters
-        ----------
-        omega : (N,) array of float
-            Frequencies, in rad/s.
-        gain : float
-            The size of L.
         """
         (a, b, waits), (E, Nf) = self._apart(omega), self._tables(omega)
         ahead, behind = a * E, (np.abs(b) / gain + np.abs(waits)) * Nf
@@ -428,7 +290,7 @@ class Mismatch:
         turned = turned / s**self.divided if self.divided else turned
         if not self.wait:
             return D * Nm, turned, np.zeros(1, dtype=complex)
-        return D * Nm, turned, -D * rows(self.zeros[None], s)[0] * self._lag(s)
+        return D * Nm, turned, -D * values_on_axis(self.zeros, omega) * self._lag(s)
 
     def _lag(self, s: ComplexArray) -> ComplexArray:
         """exp(-θm s), or what is left of it without the first terms of its series."""
@@ -445,9 +307,7 @@ class Mismatch:
             return self.E
         lag = taylor(self.wait, m)[::-1] if self.wait else np.zeros(1)
         late = np.array([np.convolve(row, lag) for row in self.Nf])
-        columns = max(late.shape[1], self.E.shape[1])
-        late, ahead = (np.pad(p, ((0, 0), (columns - p.shape[1], 0))) for p in (late, self.E))
-        return np.asarray((ahead - late)[:, :-m])
+        return padded_sum(self.E.T, -late.T).T[:, :-m]
 
     def _tables(self, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:
         s = 1j * np.asarray(omega)
@@ -456,13 +316,7 @@ class Mismatch:
     # At the ends of the axis.
 
     def lowest(self, time_constant: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Values of the three `terms` at s = 0 for many filters.
-
-        Parameters
-        ----------
-        time_constant : array of float
-            λ in seconds.
-        """
+        """Values of the three `terms` at s = 0 for many filters."""
         E, Nf = (
             np.polyval(table[::-1, -1], np.asarray(time_constant))
             for table in (self._ahead, self.Nf)
@@ -473,25 +327,24 @@ class Mismatch:
     def highest(
         self, time_constant: FloatArray, *, lagging: bool = False
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Coefficients of the highest power of s in p_B of the three `terms`, for many filters.
-
-        D may be multiplied by an additional lag, whose time constant is left out.
-
-        Parameters
-        ----------
-        time_constant : array of float
-            λ in seconds.
-        lagging : bool
-            Whether there is that lag.
-        """
-        tables = [np.polyval(t[::-1], time_constant[:, None]) for t in (self.E, self.Nf, self.Nf)]
-        leads, degrees = [], []
-        factors = (self.a, self.b, -self.waiting)
-        for table, factor, more in zip(tables, factors, (lagging, False, lagging), strict=True):
-            used = int(np.flatnonzero(table.any(axis=0))[0])
-            leads.append(factor[0] * table[:, used])
-            degrees.append((factor.size + table.shape[1] - used if factor.any() else 0) + more)
+        """Values of what is `leading` for many filters."""
         ahead, behind, waits = (
-            lead * (degree == max(degrees)) for lead, degree in zip(leads, degrees, strict=True)
+            np.polyval(p[::-1], time_constant) for p in self.leading(lagging=lagging)
         )
         return ahead, behind, waits
+
+    def leading(self, *, lagging: bool = False) -> list[FloatArray]:
+        """Coefficients in λ, ascending, of the highest power of s in p_B of the three `terms`.
+
+        D may be multiplied by an additional lag, whose time constant is left out.
+        """
+        parts = [(self.E, self.a, lagging), (self.Nf, self.b, 0), (self.Nf, -self.waiting, lagging)]
+        tables = [wide(table) for table, *_ in parts]
+        degrees = [
+            (p.size + table.shape[1] if p.any() else 0) + more
+            for table, (_, p, more) in zip(tables, parts, strict=True)
+        ]
+        return [
+            table[:, 0] * p[0] * (degree == max(degrees))
+            for table, (_, p, _), degree in zip(tables, parts, degrees, strict=True)
+        ]

@@ -3,54 +3,33 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property, reduce
+from functools import cached_property
 from math import pi
 
 import numpy as np
 
 from ..numerics import FloatArray, QuasiPolynomial, add
 from .columns import last_root, none_beyond, positive_roots
-from .familytables import wide, width
 from .mismatch import Mismatch
 
 __all__ = ["Frequencies"]
 
-PER_DECADE, DECADES = 16, 5
-"""Density of the frequencies, and how far they reach below and above all poles and zeros."""
-
-FARTHER, SPARSE = 10, 4
-"""Decades beyond the others, and frequencies in each, where R is but a power of s."""
-
-NARROWEST = 4 * float(np.finfo(float).eps)
-"""Relative width to which the surroundings of an undamped pole or zero are looked at."""
-
-LAST_DECADE = 40.0
-"""Frequencies beyond 10^40 rad/s, or below 10^-40, are not looked at."""
-
-PER_TURN = 24
-"""Frequencies to each turn of the dead time."""
+PER_DECADE, DECADES = 16, 5  # density of frequencies, how far beyond all poles and zeros
+FARTHER, SPARSE = 10, 4  # decades beyond, and frequencies in each, where R is a power of s
+NARROWEST = 4 * float(np.finfo(float).eps)  # relative width looked at beside an undamped root
+LAST_DECADE = 40.0  # frequencies beyond 10^40 rad/s, or below 10^-40, are not looked at
+PER_TURN = 24  # frequencies to each turn of the dead time
 
 MAX_FREQUENCIES = 2_000_000
 
-AT_ONCE = 6
-"""Frequencies at which roots are found at once."""
-
-TURNS = 32
-"""Turns of the dead time over which the default floor resolves the critical time constants."""
-
-FASTEST = 1000
-"""How many times faster than the dead time a filter of the default range may be."""
+AT_ONCE = 6  # frequencies at which roots are found at once
+TURNS = 32  # turns of the dead time over which the default floor resolves critical λ
+FASTEST = 1000  # how many times faster than the dead time a filter of the default range may be
 
 
 @dataclass(frozen=True, eq=False)
 class Frequencies:
-    """The frequencies for one mismatch.
-
-    Attributes
-    ----------
-    mismatch : Mismatch
-        The ratio R and the family of filters.
-    """
+    """The frequencies for one mismatch."""
 
     mismatch: Mismatch
 
@@ -119,33 +98,18 @@ class Frequencies:
 
     @cached_property
     def neutral_limit(self) -> float:
-        """λ below which a dead time leaves infinitely many unstable roots; 0 if there is none.
-
-        Raises
-        ------
-        ValueError
-            If it does so for every large λ.
-        """
-        mismatch = self.mismatch
-        ahead = [(mismatch.E, mismatch.a)] + [
-            (mismatch.Nf, p) for p, delay in mismatch.behind if not delay
-        ]
-        behind = [(mismatch.Nf, p) for p, delay in mismatch.behind if delay]
-        if not behind:
-            return 0.0
-        top = max(width(table) + p.size for table, p in (*ahead, *behind))
-        leading, delayed = (
-            [wide(table)[::-1, 0] * p[0] for table, p in part if width(table) + p.size == top]
-            for part in (ahead, behind)
-        )
-        if not delayed:
-            return 0.0
+        """λ below which a dead time leaves infinitely many unstable roots; 0 if there is none."""
+        delay, wait = self.mismatch.delay, self.mismatch.wait
+        ahead, behind, waits = (p[::-1] for p in self.mismatch.leading())
+        least = ahead + (delay == 0) * behind
         # Those with dead time are all multiples of the same polynomial in λ.
-        least: FloatArray = reduce(add, leading, np.zeros(1))
-        most: FloatArray = np.sign(delayed[0]) * sum(map(np.abs, delayed))
-        square = add(np.convolve(least, least), -np.convolve(most, most))
-        square = np.trim_zeros(square, "f")
-        if not leading or not square.size or square[0] < 0:
+        most = (delay > 0) * np.abs(behind) + np.abs(waits)
+        if delay == wait:
+            most = (delay > 0) * np.abs(behind + waits)
+        if not most.any():
+            return 0.0
+        square = np.trim_zeros(np.convolve(least, least) - np.convolve(most, most), "f")
+        if not square.size or square[0] < 0:
             raise ValueError(
                 "with dead time every slow filter of this family leaves infinitely many roots in "
                 "the right half plane: take one of higher relative degree"
@@ -177,12 +141,7 @@ class Frequencies:
     def above(self, floor: float, gain: float = 1.0) -> FloatArray:
         """Frequencies that hold every crossing for λ above a floor, none hidden between two.
 
-        With a gain, all at which L may be so large.
-
-        Raises
-        ------
-        ValueError
-            If too many turns of the dead time had to be followed.
+        With a gain, all at which L may be so large; ValueError if a dead time turns too often.
         """
         omega = self.base
         longest = self.mismatch.longest_delay

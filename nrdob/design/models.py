@@ -37,11 +37,8 @@ from .search import FilterSearch, checked_ms
 
 __all__ = ["ModelCandidate", "suggest_model"]
 
-GAINS = (1.0, 0.5, 0.25)
-"""Size of the model's DC gain against the process's, tried where the process is unstable."""
-
-DETUNING = 0.1
-"""How far a pole on the axis is moved to the left, against its size or the slowest one."""
+GAINS = (1.0, 0.5, 0.25)  # DC gains of the model tried where the process is unstable
+DETUNING = 0.1  # how far a pole on the axis is moved to the left, against its size
 
 
 @dataclass(frozen=True)
@@ -55,11 +52,11 @@ class ModelCandidate:
     how : str
         In what it differs from the process.
     order : int
-        Order of the filter, the lowest that is causal or one more, whichever does better.
+        Of the filter, the lowest that is causal or one more, whichever does better.
     family : FilterFamily or None
         The ramp filters, where they are not those of eq. (1).
     time_constants : list of (low, high)
-        The stabilising set of that order, in seconds.
+        Its stabilising set, in seconds.
     fastest : float or None
         Smallest λ at which the plant loop has a sensitivity peak of at most the one asked for;
         0 if every small λ does, None if none does.
@@ -115,8 +112,7 @@ def suggest_model(process: Any, *, max_ms: float = 2.0) -> list[ModelCandidate]:
     Raises
     ------
     TypeError, ValueError
-        If the process cannot stand in the loop; or if it has a zero at s = 0, with which p_B(0) = 0
-        unless the model integrates, and nothing holds the output.
+        If the process cannot stand in the loop, or has a zero at s = 0.
 
     Examples
     --------
@@ -128,12 +124,6 @@ def suggest_model(process: Any, *, max_ms: float = 2.0) -> list[ModelCandidate]:
     'unstable poles mirrored'
     >>> [float(k) for k in best.model.num[0][0] / best.model.den[0][0][0]]
     [-4.0]
-
-    A motor seen from its position, whose model may integrate as it does:
-
-    >>> kept = [each for each in suggest_model(ct.tf([1], [1, 1, 0])) if each.family]
-    >>> kept[0].how, kept[0].family, kept[0].time_constants[0][0]
-    ('integrator kept, 1 - F ~ s^2', <ramp filters of order 3>, 0.0)
     """
     limit = checked_ms(max_ms)
     blocks = ObserverEquations(process, 1.0, LowPassFilter(1.0, 1))
@@ -190,19 +180,16 @@ def _judged(process: Any, model: ct.TransferFunction, how: str, max_ms: float) -
     searches = [FilterSearch.of(process, model, n, max_ms) for n in (lowest, lowest + 1)]
     # Where one is faster the peak need not choose.
     best = min(search.promise for search in searches)
-    found = [search for search in searches if search.promise == best]
-    return min((_allowed(search, how) for search in found), key=_rank)
+    return min((_allowed(each, how) for each in searches if each.promise == best), key=_rank)
 
 
 def _allowed(search: FilterSearch, how: str) -> ModelCandidate:
     """Say what a model allows."""
-    fastest, ms = None, nan
+    fastest, ms = None, search.closest[1].ms if search.intervals else nan
     if search.admissible:
         fastest = 0.0 if search.all_fast_ones_do else search.admissible[0][0]
-    if search.intervals:
-        ms = search.closest[1].ms
-    family = search.family if isinstance(search.family, FilterFamily) else None
-    return ModelCandidate(search.model, how, search.order, search.intervals, fastest, ms, family)
+    order, family = search.family.order, None if search.family.is_binomial else search.family
+    return ModelCandidate(search.model, how, order, search.intervals, fastest, ms, family)
 
 
 def _models(
@@ -210,10 +197,11 @@ def _models(
 ) -> Iterator[tuple[ct.TransferFunction, str]]:
     """Give every combination of what can be done about what cannot be matched."""
     gains = GAINS if roots_by_side(den)[0].size else (1.0,)
+    lags = [(np.ones(1), "dead time left out" if delay else "")]
+    if delay:
+        lags.append((np.array([delay, 1.0]), "dead time replaced by a lag"))
     new_den, poles_how = _denominator(num, den, delay)
-    for (new_num, zeros_how), (lag, delay_how), gain in product(
-        _numerators(num), _lags(delay), gains
-    ):
+    for (new_num, zeros_how), (lag, delay_how), gain in product(_numerators(num), lags, gains):
         scaled = f"gain × {gain:g}" if gain != 1 else ""
         how = ", ".join(filter(None, (zeros_how, poles_how, delay_how, scaled)))
         yield ct.tf(gain * new_num, np.convolve(new_den, lag)), how or "matched"
@@ -254,28 +242,12 @@ def _denominator(num: FloatArray, den: FloatArray, delay: float) -> tuple[FloatA
 
 
 def _without(p: FloatArray, roots: ComplexArray) -> FloatArray:
-    """Divide a polynomial by some of its roots, those at 0 exactly.
-
-    The others stay as they are given: a multiple root is not looked for.
-    """
+    """Divide a polynomial by some of its roots, those at 0 exactly, so that the others stay."""
     p = p[: p.size - int(np.sum(roots == 0))]
     divisor = _polynomial(roots[roots != 0])
     # Which end the division begins at decides whether slow or fast roots keep their accuracy.
-    tried = [
-        np.polydiv(p, divisor)[0],
-        np.polydiv(p[::-1], divisor[::-1])[0][::-1],
-    ]
+    tried = [np.polydiv(p[::way], divisor[::way])[0][::way] for way in (1, -1)]
     return min(tried, key=lambda left: float(np.abs(np.convolve(left, divisor) - p).max()))
-
-
-def _lags(delay: float) -> list[tuple[FloatArray, str]]:
-    """Denominators that stand for the dead time."""
-    if not delay:
-        return [(np.ones(1), "")]
-    return [
-        (np.ones(1), "dead time left out"),
-        (np.array([delay, 1.0]), "dead time replaced by a lag"),
-    ]
 
 
 def _damped(roots: ComplexArray) -> ComplexArray:
@@ -283,15 +255,15 @@ def _damped(roots: ComplexArray) -> ComplexArray:
 
 
 def _polynomial(roots: ComplexArray) -> FloatArray:
-    return np.atleast_1d(np.real(np.poly(roots))) if roots.size else np.ones(1)
+    return np.atleast_1d(np.real(np.poly(roots)))
 
 
 def _written(coefficients: FloatArray) -> str:
     """Write a polynomial in s."""
-    degree = coefficients.size - 1
-    terms = []
-    for power, value in zip(range(degree, -1, -1), coefficients, strict=True):
-        if value:
-            s = {0: "", 1: " s"}.get(power, f" s^{power}")
-            terms.append(f"{value:.4g}{s}")
+    powers = {0: "", 1: " s"}
+    terms = [
+        f"{value:.4g}{powers.get(power, f' s^{power}')}"
+        for power, value in zip(reversed(range(coefficients.size)), coefficients, strict=True)
+        if value
+    ]
     return " + ".join(terms).replace("+ -", "- ")

@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf, pi
-from typing import NamedTuple
 
 import numpy as np
 
@@ -20,69 +19,24 @@ from .existence import roots_by_side
 from .mismatch import Mismatch
 from .mismatchgrid import Frequencies
 
-__all__ = ["Distances", "PlantLoops"]
+__all__ = ["PlantLoops"]
 
-EQUAL = 1e-13
-"""Relative difference of two values that may be rounding."""
-
-DEEPEST = 1.2
-"""A dip of ``|1 + L|`` may turn out the deepest if on the grid it is this close to it."""
-
-FARTHER = 1.5
-"""How many times larger L may be beside a frequency of the grid."""
-
-NARROW = 1e-9
-"""Width of a resonance, against its frequency, below which its residue is looked at."""
-
-NOISE = 1e-2
-"""Relative rounding error of L, beside a pole or zero on the axis, from which it is none."""
-
-FAR, SPARSE = 10, 4
-"""Decades beyond the frequencies of R, and frequencies in each, for filters so slow or fast."""
-
-WITHIN, BESIDE = 3.0, 25
-"""How far beside a resonance of L it is looked at, in widths of it, and at how many frequencies."""
-
-FOUND = 8
-"""Steps in which such a resonance is found."""
-
-ZOOMS, ACROSS = 6, 9
-"""How often a dip is looked at more closely, and at how many frequencies."""
-
-SETTLED = 1e-5
-"""Relative difference of three values from which they lie on a parabola."""
-
-AT_ONCE = 400_000
-"""Values of L that are held at a time."""
-
-
-class Distances(NamedTuple):
-    """How near to -1 the plant loops come.
-
-    Attributes
-    ----------
-    least : (k,) array of float
-        Smallest ``|1 + L|``, 1/Ms.
-    reach : (k,) array of float
-        By how much ln λ may change at least until ``|1 + L|`` falls or rises to the limit asked
-        for, at the frequencies of the grid.
-    """
-
-    least: FloatArray
-    reach: FloatArray
+EQUAL = 1e-13  # relative difference of two values that may be rounding
+DEEPEST = 1.2  # a dip of ``|1 + L|`` may turn out the deepest if on the grid it is this close to it
+FARTHER = 1.5  # how many times larger L may be beside a frequency of the grid
+NARROW = 1e-9  # width of a resonance, against its frequency, below which its residue is looked at
+NOISE = 1e-2  # relative rounding error of L, beside a root on the axis, that hides it
+FAR, SPARSE = 10, 4  # decades beyond, and frequencies in each, for filters so slow or fast
+WITHIN, BESIDE = 3.0, 25  # how far beside a resonance of L, in widths, at how many frequencies
+FOUND = 8  # steps in which such a resonance is found
+ZOOMS, ACROSS = 6, 9  # how often a dip is looked at more closely, and at how many frequencies
+SETTLED = 1e-5  # relative difference of three values from which they lie on a parabola
+AT_ONCE = 400_000  # values of L that are held at a time
 
 
 @dataclass(frozen=True, eq=False)
 class PlantLoops:
-    """The plant loops L of one process and model with all filters of a family.
-
-    Attributes
-    ----------
-    mismatch : Mismatch
-        Process over model, and the family.
-    omega : (N,) array of float
-        Frequencies that hold all there is to see, in rad/s.
-    """
+    """The plant loops L of one process and model with all filters of a family, at frequencies."""
 
     mismatch: Mismatch
     omega: FloatArray
@@ -98,24 +52,21 @@ class PlantLoops:
             noise, size = mismatch.uncertainty(omega)[-1], np.abs(mismatch.coefficients(omega)[-1])
         return cls(mismatch, omega[noise < NOISE * size])
 
-    def distances(self, time_constants: FloatArray, limit: float) -> Distances:
-        """Distances of stable loops from -1, the limits at both ends of the axis included.
+    def distances(self, time_constants: FloatArray, limit: float) -> tuple[FloatArray, FloatArray]:
+        """How near to -1 stable loops come, 1/Ms, both ends of the axis included.
 
-        Parameters
-        ----------
-        time_constants : (k,) array of float
-            In seconds.
-        limit : float
-            The distance asked for, 1/Ms.
+        And by how much ln λ may change at least until ``|1 + L|`` falls or rises to the limit, at
+        the frequencies of the grid.
         """
         rows = max(1, AT_ONCE // self.omega.size)
         parts = [
             self._distances(time_constants[k : k + rows], limit)
             for k in range(0, max(1, time_constants.size), rows)
         ]
-        return Distances(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+        least, reach = (np.concatenate(part) for part in zip(*parts, strict=True))
+        return least, reach
 
-    def _distances(self, time_constants: FloatArray, limit: float) -> Distances:
+    def _distances(self, time_constants: FloatArray, limit: float) -> list[FloatArray]:
         distance, size = self._distance_and_size(time_constants[:, None], self.omega)
         ends = np.minimum(self.at_infinity(time_constants), self._at_zero(time_constants))
         least = np.minimum(np.minimum(distance.min(axis=1), ends), self.at_poles(time_constants))
@@ -135,7 +86,7 @@ class PlantLoops:
             spare = np.nanmin((distance - limit) / size, axis=1)
             np.fmin.at(spare, loop, ((near - limit) / large).min(axis=1))
         reach = np.log1p(np.abs(spare)) / (len(self.mismatch.E) - 1)
-        return Distances(np.maximum(least, 1e-300), reach)
+        return [np.maximum(least, 1e-300), reach]
 
     def _beside_turns(self, time_constants: FloatArray) -> tuple[IntArray, FloatArray]:
         """Loops, (m,), and frequencies, (m, BESIDE), where L may hide a narrow resonance.
@@ -179,13 +130,7 @@ class PlantLoops:
         return np.where(np.isfinite(L), L, inf + 0j)
 
     def at_infinity(self, time_constants: FloatArray) -> FloatArray:
-        """Limit of ``|1 + L|`` at infinite frequency, with dead time at its worst.
-
-        Parameters
-        ----------
-        time_constants : (k,) array of float
-            In seconds.
-        """
+        """Limit of ``|1 + L|`` at infinite frequency, with dead time at its worst."""
         with np.errstate(all="ignore"):
             ahead, behind, waits = self.mismatch.highest(time_constants)
             last = np.nan_to_num(behind / ahead, nan=0.0)
@@ -204,11 +149,6 @@ class PlantLoops:
 
         There L = ρ/(j(ω - ω0)) is a straight line through 0. It is looked at here where ``|ρ|`` is
         so small that the frequencies of the grid are too far apart to show it.
-
-        Parameters
-        ----------
-        time_constants : (k,) array of float
-            In seconds.
         """
         distances = np.ones(time_constants.shape)
         _, D, Nm, _ = self.mismatch.factors
@@ -226,7 +166,8 @@ class PlantLoops:
     def _residue(self, time_constants: FloatArray, root: complex) -> ComplexArray:
         """Residue ρ of each loop at a pole of R on the axis."""
         mismatch = self.mismatch
-        E, Nf = mismatch.filters(root, time_constants)
+        powers = time_constants ** np.arange(len(mismatch.E))[:, None]
+        E, Nf = (np.polyval(table.T, root) @ powers for table in (mismatch.E, mismatch.Nf))
         ahead = np.polyval(np.polyder(mismatch.a), root) * E
         if mismatch.wait:
             waiting = np.polyval(np.polyder(mismatch.waiting), root)

@@ -1,15 +1,13 @@
 r"""The fastest filter that meets a specification, judged on the loop that the plant feels.
 
-Among filters of different order "fastest" means the one that rejects most. A disturbance reaches
-the output through :math:`S_d = (1 - F)/(1 + FH)`, which at low frequency is
-:math:`n\lambda s/R(0)`: what a constant disturbance leaves behind, and how far a ramp pulls the
-output away, is proportional to nλ, and R(0) is the same for every filter. So the smallest nλ wins;
-the bandwidth of F would flatter the high orders.
+Among filters of different order "fastest" means the one that rejects most. At low frequency
+:math:`S_d = (1 - F)/(1 + FH)` is :math:`n\lambda s/R(0)`: what a constant disturbance leaves
+behind, and how far a ramp pulls the output away, is proportional to nλ, and R(0) is the same for
+every filter. So the smallest nλ wins; the bandwidth of F would flatter the high orders.
 
-Which λ meet the specification is found on the stabilising set. How near all plant loops come to -1
-is computed at many λ, and with it how far λ may change before one can reach the limit. Where two
-neighbours do not cover what lies between them, there is another λ in the middle. The ends are
-confirmed by exact margins.
+On the stabilising set it is computed how near plant loops come to -1 at many λ, and how far λ may
+change before one can reach the limit. Where two neighbours do not cover what lies between them,
+there is another λ in the middle.
 """
 
 from __future__ import annotations
@@ -24,46 +22,27 @@ import numpy as np
 from scipy.optimize import brentq, elementwise
 
 from ..analysis import Margins, quotient_margins
-from ..diagram import FilterFamily, LowPassFilter, ObserverEquations
-from ..numerics import BoolArray, FloatArray, IntArray, bisect, is_real
+from ..diagram import FilterFamily, ObserverEquations, Quotient
+from ..numerics import BoolArray, FloatArray, IntArray, QuasiPolynomial, bisect, is_real
 from .mismatch import Mismatch
 from .mismatchgrid import Frequencies
 from .plantloops import PlantLoops
 from .timeconstants import intersection, stabilizing_set, stable_filters
 
-__all__ = ["Bracket", "FilterSearch", "admissible_time_constants", "checked_ms", "member", "solved"]
+__all__ = ["Bracket", "FilterSearch", "admissible_time_constants", "checked_ms", "solved"]
 
 Interval = tuple[float, float]
 
-PER_DECADE, DECADES = 16, 2
-"""How densely λ are tried, up to how far beyond the time constants of the plant."""
-
-FAR, SPARSE = 12, 2
-"""How many decades beyond these, and how densely, they are tried, too."""
-
-FINEST = 0.02
-"""Step of ln λ below which only extremes are looked into."""
-
-NEARLY = 0.3
-"""Logarithm of the limit over Ms within which an extreme may lie on the other side of 0."""
-
-SHORT = 1.01
-"""How far short of the smallest forbidden gain a dead time is followed: L may tend to just that."""
-
-FLAT = 1e-7
-"""Change of the slack from one λ to the next that may be rounding."""
-
-FEW = 1500
-"""Frequencies at which all λ may be tried without asking which are left."""
-
-BEFORE = 0.8
-"""From where dead times are followed farther, against the first λ that may be left."""
-
-BESIDE = 1e-8
-"""How well an end is known, in ln λ, where it need not be known better."""
-
-ROUNDING = (0.0, 1e-12, 1e-11, 1e-10, 1e-9, 1e-8)
-"""Steps inwards from an end, in ln λ, until rounding does not matter."""
+PER_DECADE, DECADES = 16, 2  # how densely λ are tried, how far beyond the plant's time constants
+FAR, SPARSE = 12, 2  # how many decades beyond these, and how densely, they are tried, too
+FINEST = 0.02  # step of ln λ below which only extremes are looked into
+NEARLY = 0.3  # ln of the limit over Ms within which an extreme may lie beyond 0
+SHORT = 1.01  # how far short of the smallest forbidden gain, which may be L(∞), one follows
+FLAT = 1e-7  # change of the slack from one λ to the next that may be rounding
+FEW = 1500  # frequencies at which all λ may be tried without asking which are left
+BEFORE = 0.8  # from where dead times are followed farther, against the first λ that may be left
+BESIDE = 1e-8  # how well an end is known, in ln λ, where it need not be known better
+ROUNDING = (0.0, 1e-12, 1e-11, 1e-10, 1e-9, 1e-8)  # steps inwards from an end, in ln λ
 
 
 def admissible_time_constants(
@@ -73,20 +52,17 @@ def admissible_time_constants(
 
     Parameters
     ----------
-    process, model : as for `nrdob.NRDOB`
-        G and G̃, both with or without dead time.
-    order : int or FilterFamily
-        n of the filter 1/(λs + 1)^n, or a family from `nrdob.filter_family`.
+    process, model, order : as for `nrdob.stabilizing_time_constants`
+        G and G̃; n or a family.
     max_ms : float
         Largest allowed peak of ``|S_d|``, above 1.
 
     Returns
     -------
     list of (low, high)
-        Intervals in seconds, increasing, within those of `nrdob.stabilizing_time_constants`; empty
-        where no λ will do. `low` is 0 and `high` inf where every filter will do that is at least
-        so fast, or so slow. With dead time nothing is looked for below
-        the floor of `nrdob.stabilizing_time_constants`.
+        Intervals in seconds, increasing, within those of `nrdob.stabilizing_time_constants`, with
+        its floor; empty where no λ will do. `low` is 0 and `high` inf where every filter will do
+        that is at least so fast, or so slow.
 
     Raises
     ------
@@ -123,13 +99,6 @@ def checked_ms(max_ms: Any) -> float:
     return float(max_ms)
 
 
-def member(family: int | FilterFamily, time_constant: float) -> Any:
-    """Return the filter of an order, or of a family."""
-    if isinstance(family, FilterFamily):
-        return family.at(time_constant)
-    return LowPassFilter(time_constant, family)
-
-
 class Bracket(NamedTuple):
     """An end of what meets a specification lies between these; they are equal if it is known.
 
@@ -145,60 +114,43 @@ class Bracket(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class FilterSearch:
-    """The search for the filters of one order or family that meet a specification.
-
-    Attributes
-    ----------
-    process, model : as for `nrdob.NRDOB`
-        G and G̃.
-    family : int or FilterFamily
-        The filters.
-    max_ms : float
-        Largest allowed peak of the sensitivity.
-    frequencies : Frequencies
-        Where process over model is looked at.
-    intervals : list of (low, high)
-        The stabilising set.
-    """
+    """The search on the stabilising set for the filters of a family that meet a limit of Ms."""
 
     process: Any
     model: Any
-    family: int | FilterFamily
+    family: FilterFamily
     max_ms: float
     frequencies: Frequencies
     intervals: list[Interval]
 
     @classmethod
-    def of(
-        cls, process: Any, model: Any, family: int | FilterFamily, max_ms: float
-    ) -> FilterSearch:
+    def of(cls, process: Any, model: Any, order: int | FilterFamily, max_ms: float) -> FilterSearch:
         """Find the stabilising set, in which it will be seen where the specification is met."""
-        found = Frequencies(Mismatch.of(process, model, family, waits=True))
+        found = Frequencies(Mismatch.of(process, model, order, waits=True))
+        family = found.mismatch.family
         intervals = stabilizing_set(found, found.lowest_floor)
-        intervals = intersection(intervals, stable_filters(found.mismatch.family))
+        intervals = intersection(intervals, stable_filters(family))
         return cls(process, model, family, max_ms, found, intervals)
 
     def plant_loop(self, time_constant: float) -> Margins:
         """Exact margins of L with a λ of the stabilising set."""
-        filter = member(self.family, time_constant)
-        return quotient_margins(ObserverEquations(self.process, self.model, filter).L, True)
+        return quotient_margins(self._loop(self.family.at(time_constant)).L, True)
+
+    def _loop(self, filter: Any) -> ObserverEquations:
+        return ObserverEquations(self.process, self.model, filter)
 
     @cached_property
     def slack(self) -> Callable[[float], float]:
         """Logarithm of the limit over the exact Ms, as a function of λ."""
         loops = PlantLoops(self.frequencies.mismatch, np.empty(0))
 
+        @cache
         def slack(value: float) -> float:
             # Where a mode is narrower than frequencies are rounded, it is not in the margins.
             narrow = 1 / float(loops.at_poles(np.array([value]))[0])
             return log(self.max_ms / max(self.plant_loop(value).ms, narrow))
 
-        return cache(slack)
-
-    @property
-    def order(self) -> int:
-        """Order of the filters."""
-        return self.family if isinstance(self.family, int) else self.family.order
+        return slack
 
     @property
     def first(self) -> float:
@@ -212,8 +164,23 @@ class FilterSearch:
 
     @property
     def promise(self) -> float:
-        """Smallest nλ that is not excluded, in seconds: 0 if all fast ones will do."""
-        return 0.0 if self.all_fast_ones_do else self.order * self.first
+        """Sluggishness of the fastest filter not excluded: 0 if all fast ones do, inf for none."""
+        if self.all_fast_ones_do or self.first == inf:
+            return 0.0 if self.all_fast_ones_do else inf
+        return self.sluggishness(self.family.at(self.first))
+
+    def sluggishness(self, filter: Any) -> float:
+        r"""Time in which the loop rejects, in seconds: the smaller, the more it rejects.
+
+        At low frequency :math:`S_d \to (1 - F)/R = c\,s^k`, and :math:`c^{1/k}` is one over the
+        frequency at which that line reaches 1: nλ/R(0) for eq. (1), comparable for all ramps.
+        """
+        S = self._loop(filter).S_d
+        k = S.zeros_at_origin
+        if k <= 0:
+            return inf
+        power = QuasiPolynomial(np.append(1.0, np.zeros(k)))
+        return float(abs(Quotient(S.num, (*S.den, power)).dc_gain) ** (1 / k))
 
     @cached_property
     def admissible(self) -> list[Interval]:
@@ -265,25 +232,14 @@ class FilterSearch:
             raise ValueError(f"max_ms is {self.max_ms}, too close to 1: {refusal}") from refusal
 
     def _scanned(self, loops: PlantLoops, intervals: list[Interval]) -> Scan:
-        return Scan.of(loops, self.max_ms, intervals, self.frequencies.mismatch.speeds)
+        return Scan.of(loops, self.max_ms, intervals)
 
 
 @dataclass(frozen=True, eq=False)
 class Scan:
-    """Where in some intervals a slack is positive, from samples that cover all between them.
+    """Where the slack ln(1/Ms) - ln(1/limit) is positive, from samples that cover the intervals.
 
-    Attributes
-    ----------
-    loops : PlantLoops
-        The loops of all λ.
-    max_ms : float
-        The limit over which they are slack.
-    intervals : list of (low, high)
-        The intervals of λ.
-    x, slack : (N,) array of float
-        ln λ, and the slack there.
-    part : (N,) array of int
-        The number of the interval in which each lies.
+    `x` is ln λ, `slack` the slack there, `part` the number of the interval in which each lies.
     """
 
     loops: PlantLoops
@@ -294,14 +250,9 @@ class Scan:
     part: IntArray
 
     @classmethod
-    def of(
-        cls,
-        loops: PlantLoops,
-        max_ms: float,
-        intervals: list[Interval],
-        speeds: FloatArray,
-    ) -> Scan:
+    def of(cls, loops: PlantLoops, max_ms: float, intervals: list[Interval]) -> Scan:
         """Try λ all over the intervals, more where those tried do not cover what is between."""
+        speeds = loops.mismatch.speeds
         first, last = 10.0**-DECADES / float(speeds.max()), 10.0**DECADES / float(speeds.min())
         each = [_samples(low, high, first, last) for low, high in intervals]
         part = np.repeat(np.arange(len(each)), [values.size for values in each])
@@ -324,8 +275,8 @@ class Scan:
         return scan._with_extremes(np.diff(x) > reach[1:] + reach[:-1])
 
     def _at(self, x: FloatArray) -> FloatArray:
-        found = self.loops.distances(np.exp(np.ravel(x)), 1 / self.max_ms)
-        return np.asarray(np.log(found.least * self.max_ms).reshape(np.shape(x)))
+        least, _ = self.loops.distances(np.exp(np.ravel(x)), 1 / self.max_ms)
+        return np.asarray(np.log(least * self.max_ms).reshape(np.shape(x)))
 
     def _with_extremes(self, apart: BoolArray) -> Scan:
         """Look into extremes that may lie on the other side of 0, where samples are apart."""

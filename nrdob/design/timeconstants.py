@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from itertools import pairwise
 from math import atan, inf, isfinite
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -29,8 +29,7 @@ __all__ = [
     "stable_filters",
 ]
 
-SAME = 1e-9
-"""Relative distance below which two critical time constants are one."""
+SAME = 1e-9  # relative distance below which two critical time constants are one
 
 
 def critical_time_constants(
@@ -49,17 +48,14 @@ def critical_time_constants(
     process, model : as for `nrdob.NRDOB`
         G and G̃, both with or without dead time.
     order : int or FilterFamily
-        n of the filter :math:`1/(\lambda s + 1)^n`, or a family from `nrdob.filter_family`.
+        n of the filter :math:`1/(\lambda s + 1)^n`, or a family.
     floor : float, optional
         Smallest λ of interest, in seconds. With a dead time θ the critical time constants
         accumulate at 0 and the list must end somewhere: by default where every critical frequency
         above lies within 32 turns of exp(-jωθ), and not below θ/1000. Without dead time the default
         is 0, and the list is complete.
-    dt : float, optional
-        Sampling time in seconds of a processor that runs the observer by Tustin's rule, see
-        `stabilizing_time_constants`.
-    computation_delay : float
-        Time from reading y to writing u there, in seconds.
+    dt, computation_delay : float
+        For a processor, in seconds, see `stabilizing_time_constants`.
 
     Returns
     -------
@@ -101,19 +97,14 @@ def stabilizing_time_constants(
 ) -> list[tuple[float, float]]:
     r"""Find all λ for which the filter :math:`1/(\lambda s + 1)^n` stabilises the observer loop.
 
-    That is condition ii of Lemma 1: p_B has all its roots in the open left half plane. Condition i
-    does not depend on the filter. Of a family whose filters are not all stable, those that are not
-    are left out. What F/G̃ and (1 - F)G̃ share with themselves for every λ is in no block, and so not
-    in p_B.
+    That is condition ii of Lemma 1: p_B has all its roots in the open left half plane. Of a family
+    the filters that are not stable are left out. What F/G̃ and (1 - F)G̃ share with themselves for
+    every λ is in no block, and so not in p_B.
 
     Parameters
     ----------
-    process, model : as for `nrdob.NRDOB`
-        G and G̃, with or without dead time.
-    order : int
-        n of the filter.
-    floor : float, optional
-        Smallest λ of interest, in seconds, as for `critical_time_constants`.
+    process, model, order, floor : as for `critical_time_constants`
+        G and G̃; n or a family; the smallest λ of interest, in seconds.
     dt : float, optional
         Sampling time in seconds of a processor that runs the observer by Tustin's rule. In the
         plane of w Tustin's filter is the same polynomial in λ, and the process behind its hold is
@@ -147,13 +138,6 @@ def stabilizing_time_constants(
     >>> (low, high), = stabilizing_time_constants(4/(2 - s - s**2), -1/((s + 1)*(s + 2)), 2)
     >>> low, round(high, 6)
     (0.0, 0.763932)
-
-    The same on a processor that samples ten times a second:
-
-    >>> sampled = stabilizing_time_constants(
-    ...     4/(2 - s - s**2), -1/((s + 1)*(s + 2)), 2, dt=0.1)
-    >>> [(round(low, 6), round(high, 6)) for low, high in sampled]
-    [(0.111006, 0.651317)]
     """
     frequencies = _frequencies(process, model, order, dt, computation_delay)
     found = stabilizing_set(frequencies, _checked_floor(frequencies, floor))
@@ -164,56 +148,27 @@ def _frequencies(
     process: Any, model: Any, order: int | FilterFamily, dt: float | None, computation_delay: float
 ) -> Frequencies:
     """Read the blocks, the process behind a hold where there is a sampling time."""
-    if dt is None:
-        if computation_delay:
-            raise ValueError(
-                "computation_delay belongs to a processor: give its sampling time dt, too, or "
-                "multiply the process by nrdob.delay(computation_delay)"
-            )
-    else:
+    if dt is not None:
         process = process_in_w(process, dt, computation_delay, model)
         model, _ = undelayed(model)
+    elif computation_delay:
+        raise ValueError(
+            "computation_delay belongs to a processor: give its sampling time dt, too, or multiply "
+            "the process by nrdob.delay(computation_delay)"
+        )
     return Frequencies(Mismatch.of(process, model, order, waits=True))
 
 
 def stabilizing_set(frequencies: Frequencies, floor: float) -> list[tuple[float, float]]:
-    """Find the set of `stabilizing_time_constants` above a floor for a mismatch already read.
-
-    Parameters
-    ----------
-    frequencies : Frequencies
-        Of the mismatch.
-    floor : float
-        Smallest λ of interest, in seconds: `frequencies.lowest_floor`, or above.
-    """
+    """Find the set of `stabilizing_time_constants` above a floor, or above the lowest one."""
     mismatch = frequencies.mismatch
-    intervals = _intervals(floor, crossings(mismatch, frequencies.above(floor), floor))
-    counts = _counts(mismatch, intervals)
-    return [
-        (part.low, part.high) for part, count in zip(intervals, counts, strict=True) if count == 0
-    ]
+    intervals, changes = _intervals(floor, crossings(mismatch, frequencies.above(floor), floor))
+    counts = _counts(mismatch, intervals, changes)
+    return [part for part, count in zip(intervals, counts, strict=True) if count == 0]
 
 
 def stable_filters(family: FilterFamily) -> list[tuple[float, float]]:
-    """Find all λ for which the filters of a family are stable themselves.
-
-    Parameters
-    ----------
-    family : FilterFamily
-        The filters.
-
-    Returns
-    -------
-    list of (low, high)
-        Intervals in seconds.
-
-    Examples
-    --------
-    >>> from nrdob import filter_family
-    >>> resonant = filter_family("own", num=[1], den=[[1, 0, 0], [-1, 2, 0], 1])
-    >>> [(low, round(high, 6)) for low, high in stable_filters(resonant)]
-    [(0.0, 2.0)]
-    """
+    """Find all λ for which the filters of a family are stable themselves."""
     if family.kind != "own":
         return [(0.0, inf)]
     # Under a process of 1 and a model of 1 the observer loop is the filter.
@@ -223,18 +178,7 @@ def stable_filters(family: FilterFamily) -> list[tuple[float, float]]:
 def intersection(
     first: list[tuple[float, float]], second: list[tuple[float, float]]
 ) -> list[tuple[float, float]]:
-    """Intersect two increasing lists of open intervals.
-
-    Parameters
-    ----------
-    first, second : list of (low, high)
-        The intervals.
-
-    Examples
-    --------
-    >>> intersection([(0.0, 2.0), (3.0, 5.0)], [(1.0, 4.0)])
-    [(1.0, 2.0), (3.0, 4.0)]
-    """
+    """Intersect two increasing lists of open intervals (low, high)."""
     pairs = ((max(a, c), min(b, d)) for a, b in first for c, d in second)
     return [(low, high) for low, high in pairs if low < high]
 
@@ -263,63 +207,52 @@ def _checked_floor(frequencies: Frequencies, floor: float | None) -> float:
     return float(floor)
 
 
-# What the intervals between them hold.
-
-
-class _Interval(NamedTuple):
-    """Neighbouring ends, and by how much the count of roots must change at the lower one."""
-
-    low: float
-    high: float
-    change: int
-
-
-def _intervals(floor: float, critical: list[CriticalTimeConstant]) -> list[_Interval]:
+def _intervals(
+    floor: float, critical: list[CriticalTimeConstant]
+) -> tuple[list[tuple[float, float]], list[int]]:
+    """Neighbouring ends, and by how much the count of roots changes at each lower one."""
     ends, changes = [floor], [0]
     for time_constant, frequency, direction in critical:
         if time_constant > ends[-1] * (1 + SAME) or len(ends) == 1:
             ends.append(time_constant)
             changes.append(0)
         changes[-1] += direction * (1 if frequency in (0.0, inf) else 2)
-    return [
-        _Interval(low, high, change)
-        for (low, high), change in zip(pairwise([*ends, inf]), changes, strict=True)
-    ]
+    return list(pairwise([*ends, inf])), changes
 
 
-def _counts(mismatch: Mismatch, intervals: list[_Interval]) -> list[float | None]:
+def _counts(
+    mismatch: Mismatch, intervals: list[tuple[float, float]], changes: list[int]
+) -> list[float | None]:
     """Count the roots in the right half plane in each interval; None where they cannot be.
 
     The crossings carry one count through all intervals. It is counted again by the argument at
     both ends, and wherever it is said to be 0.
     """
     counted: dict[int, float | None] = {}
-
-    def count(k: int) -> float | None:
-        if k not in counted:
-            counted[k] = _count(mismatch, intervals[k])
-        return counted[k]
-
-    last = len(intervals) - 1
-    start = next((k for k in range(last, -1, -1) if count(k) is not None), None)
-    if start is None:
+    for start in reversed(range(len(intervals))):
+        counted[start] = _count(mismatch, *intervals[start])
+        if counted[start] is not None:
+            break
+    else:
         return [None] * len(intervals)
-    carried = np.cumsum([interval.change for interval in intervals])
+    carried = np.cumsum(changes)
     carried = carried - carried[start] + counted[start]
     for k in {0, *np.flatnonzero(carried <= 0).tolist()}:
-        if (found := count(k)) is not None and found != carried[k]:
+        if k not in counted:
+            counted[k] = _count(mismatch, *intervals[k])
+        if (found := counted[k]) is not None and found != carried[k]:
+            low, high = intervals[k]
             raise ArithmeticError(
-                f"between λ = {intervals[k].low:.9g} s and {intervals[k].high:.9g} s the crossings "
-                f"leave {carried[k]:g} roots in the right half plane, but {found:g} are counted: "
-                "the loop is too stiff for a trustworthy answer; leave out what is much faster or "
-                "much slower than the filter"
+                f"between λ = {low:.9g} s and {high:.9g} s the crossings leave {carried[k]:g} "
+                f"roots in the right half plane, but {found:g} are counted: the loop is too stiff "
+                "for a trustworthy answer; leave out what is much faster or much slower than the "
+                "filter"
             )
     return [counted.get(k, float(value)) for k, value in enumerate(carried)]
 
 
-def _count(mismatch: Mismatch, interval: _Interval) -> float | None:
+def _count(mismatch: Mismatch, low: float, high: float) -> float | None:
     """Count at a λ inside; near an end a root may be too close to the axis to be counted."""
-    low, high = interval.low, interval.high
     typical = 1 / float(np.median(mismatch.speeds))
     if not low:
         low = min(typical, high) / 4

@@ -28,25 +28,17 @@ from typing import Any
 import control as ct
 import numpy as np
 
-from ..diagram import Fraction, as_fraction, nonzero
-from ..numerics import (
-    FloatArray,
-    QuasiPolynomial,
-    add,
-    count_rhp,
-    without_shared_factor,
-    written,
-)
+from ..diagram import as_fraction, nonzero
+from ..numerics import FloatArray, QuasiPolynomial, add, count_rhp, without_shared_factor, written
 from .existence import Answer, roots_by_side
 
 __all__ = ["ObserverForm", "observer_form", "stable_model_exists"]
 
-REAL = 1e-7
-"""Imaginary part of a root, against its size, that may be rounding."""
+REAL = 1e-7  # imaginary part of a root, against its size, that may be rounding
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ObserverForm:
+class ObserverForm(Answer):
     """What a controller is as an NR-DOB, or why it is none.
 
     Attributes
@@ -60,17 +52,12 @@ class ObserverForm:
         the model, or makes the loop ill-posed.
     """
 
-    holds: bool
-    reason: str
     F: ct.TransferFunction | None = None
     inverse: ct.TransferFunction | None = None
     prediction: ct.TransferFunction | None = None
 
-    def __repr__(self) -> str:
-        return f"{'yes' if self.holds else 'no'}: {self.reason}"
-
     def __bool__(self) -> bool:
-        return self.holds
+        return bool(self.holds)
 
 
 def observer_form(controller: Any, model: Any) -> ObserverForm:
@@ -111,36 +98,34 @@ def observer_form(controller: Any, model: Any) -> ObserverForm:
     >>> found.F.num[0][0].round(6).tolist(), found.F.den[0][0].round(6).tolist()
     ([0.75, 1.0], [0.25, 1.0, 1.0])
     """
-    K, Gm = nonzero(as_fraction(controller, "controller"), "controller"), _model(model)
-    p, full = _characteristic(K, Gm)
-    if p.degree < full or not p.q.any():
+    K = nonzero(as_fraction(controller, "controller"), "controller")
+    Gm = nonzero(as_fraction(model, "model"), "model")
+    pairs = (K.den, Gm.den), (K.num, Gm.num)
+    value = add(*(np.convolve(one, other) for one, other in pairs))
+    scale = add(*(np.convolve(np.abs(one), np.abs(other)) for one, other in pairs))
+    p = QuasiPolynomial(value, scale=scale)
+    if p.degree < K.den.size + Gm.den.size - 2 or not p.q.any():
         return ObserverForm(
             False, "1 + K(∞)·model(∞) = 0: the loop of K and the model is ill-posed; change K"
         )
-    count = count_rhp(p)
-    if p.zeros_at_origin or count.count != 0:
-        roots = p.roots
-        if count.count is None or not roots.size:
-            where = count.reason
-        else:
-            where = f"1 + K·model has a zero at s = {written(complex(roots[0]))}"
+    found = count_rhp(p)
+    if p.zeros_at_origin or found.count != 0:
+        where = found.reason
+        if found.count is not None and p.roots.size:
+            where = f"1 + K·model has a zero at s = {written(complex(p.roots[0]))}"
         return ObserverForm(
             False, f"K does not stabilise the model: {where}; change K, or the model with it"
         )
-    F, inverse, prediction = (
+    blocks = [
         _block(np.convolve(one, other), p.q / p.q[-1], p.q[-1])
         for one, other in ((K.num, Gm.num), (K.num, Gm.den), (K.den, Gm.num))
-    )
-    if K.den[-1] and Gm.den[-1]:
-        dc = F.num[0][0][-1]
-        return ObserverForm(
-            False,
-            f"F(0) = {dc:.4g}, not 1: neither K nor the model integrates; give K an integrator",
-            F, inverse, prediction,
-        )  # fmt: skip
-    return ObserverForm(
-        True, "K stabilises the model, and K·model integrates", F, inverse, prediction
-    )
+    ]
+    reason = "K stabilises the model, and K·model integrates"
+    integrates = not (K.den[-1] and Gm.den[-1])
+    if not integrates:
+        dc = blocks[0].num[0][0][-1]
+        reason = f"F(0) = {dc:.4g}, not 1: neither K nor the model integrates; give K an integrator"
+    return ObserverForm(integrates, reason, *blocks)
 
 
 def stable_model_exists(controller: Any) -> Answer:
@@ -148,9 +133,8 @@ def stable_model_exists(controller: Any) -> Answer:
 
     A stable G̃ that K stabilises is a stable controller for K: by the parity interlacing property
     one exists if and only if between any two neighbouring real zeros of K with Re s ≥ 0, infinity
-    among them if K is strictly proper, there is an even number of poles of K. The model is then all
-    the diagram needs that is not stable by construction; where none exists, either the model is
-    unstable, and the controller C is designed for an unstable model, or K is another one.
+    among them if K is strictly proper, there is an even number of poles of K. Where none exists,
+    either the model is unstable, and C is designed for an unstable model, or K is another one.
 
     Parameters
     ----------
@@ -166,11 +150,6 @@ def stable_model_exists(controller: Any) -> Answer:
     ------
     TypeError, ValueError
         If the controller is no proper rational block.
-
-    References
-    ----------
-    Youla, D. C., J. J. Bongiorno, C. N. Lu, Single-loop feedback-stabilization of linear
-    multivariable dynamical plants, Automatica 10 (1974) 159-173.
 
     Examples
     --------
@@ -190,7 +169,7 @@ def stable_model_exists(controller: Any) -> Answer:
     said = []
     for low, high in pairwise(ends):
         between = [pole for pole in poles if low < pole < high]
-        ends_text = f"{low:.4g} and {_number(high)}"
+        ends_text = f"{low:.4g} and {'∞' if high == np.inf else f'{high:.4g}'}"
         if len(between) % 2:
             where = ", ".join(f"{pole:.4g}" for pole in between)
             return Answer(
@@ -201,18 +180,6 @@ def stable_model_exists(controller: Any) -> Answer:
         said.append(f"{len(between)} of them between {ends_text}")
     reason = "the poles of K interlace with its real unstable zeros"
     return Answer(True, f"{reason}: {', '.join(said)}")
-
-
-def _model(model: Any) -> Fraction:
-    return nonzero(as_fraction(model, "model"), "model")
-
-
-def _characteristic(K: Fraction, Gm: Fraction) -> tuple[QuasiPolynomial, int]:
-    """Give p = Dk Dm + Nk Nm with the size of its terms, and the degree that it should have."""
-    terms = (K.den, Gm.den), (K.num, Gm.num)
-    value = add(*(np.convolve(one, other) for one, other in terms))
-    scale = add(*(np.convolve(np.abs(one), np.abs(other)) for one, other in terms))
-    return QuasiPolynomial(value, scale=scale), K.den.size + Gm.den.size - 2
 
 
 def _block(num: FloatArray, den: FloatArray, constant: float) -> ct.TransferFunction:
@@ -226,7 +193,3 @@ def _real_right(p: QuasiPolynomial) -> list[float]:
     right, axis = roots_by_side(p.q) if p.degree else (np.empty(0), np.empty(0))
     real = right.real[np.abs(right.imag) <= REAL * np.abs(right)]
     return sorted([*real.tolist(), *[0.0] * int(np.sum(axis == 0))])
-
-
-def _number(value: float) -> str:
-    return "∞" if value == np.inf else f"{value:.4g}"

@@ -4,8 +4,7 @@ from .boxes import Box, delay_intervals, gain_intervals, largest_box
 from .intervalplants import IntervalShares, interval_plants
 from .plantfamily import PlantFamily, plant_family
 from .smallgain import Conservatism, SmallGain, conservatism, fit_weight, small_gain
-from .sweeping import sweep
-from .sweeptable import Share, SweepTable
+from .sweeping import Share, SweepTable, sweep
 
 __all__ = [
     "Box",

@@ -1,33 +1,57 @@
-"""Many plants as one array of coefficients each for numerators and denominators.
+r"""Many plants as arrays of coefficients, and condition ii of Lemma 1 for all, certified.
 
-PlantBatch of the same degrees stand together; what no array can hold (an improper plant, one whose
-coefficients are no numbers) is left to be looked at by itself.
+Plants of the same degrees stand together; what no array can hold (an improper plant, one whose
+coefficients are no numbers) is left to be looked at by itself. Model, filter and controller are the
+same for all of them, so that condition i is judged once, and
+
+.. math:: p_B = D\,(N_m' E) + N\,(D_m' N_f')\,e^{-\theta s}
+
+is a sum of two products with fixed polynomials. Without dead time it is Routh's test that decides,
+with dead time, or where a sign in Routh's array is not certain, the argument along the axis. Both
+allow the coefficients to be off by what `nrdob.numerics` calls rounding: what is so close to the
+border that this matters is left to `nrdob.NRDOB.stability`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cached_property
+from math import prod
 from typing import Any, NamedTuple
 
 import control as ct
 import numpy as np
 
-from ..diagram import DelayedTransferFunction, as_fraction, undelayed
-from ..numerics import BoolArray, ComplexArray, FloatArray, IntArray, convolved
+from ..diagram import (
+    DelayedTransferFunction,
+    LoopEquations,
+    ObserverEquations,
+    as_fraction,
+    undelayed,
+)
+from ..numerics import (
+    ROUNDING,
+    BoolArray,
+    ComplexArray,
+    FloatArray,
+    IntArray,
+    ManyTerms,
+    QuasiPolynomial,
+    convolved,
+    hurwitz,
+    multiply,
+    padded_sum,
+    rhp_counts,
+    values_and_slopes,
+)
 
-__all__ = ["Moving", "PlantBatch", "moving"]
+__all__ = ["SLAB", "Feedback", "Moving", "PlantBatch", "moving"]
+
+SLAB = 500  # plants looked at together: what they need fits into the cache
 
 
 class PlantBatch(NamedTuple):
-    """Numerators, denominators and dead times, a plant in each column.
-
-    Attributes
-    ----------
-    num, den : (k, n) array of float
-        Coefficients in descending powers.
-    delay : (n,) array of float
-        Dead times in seconds.
-    """
+    """Numerators and denominators (k, n), descending, and dead times (n,): plants in columns."""
 
     num: FloatArray
     den: FloatArray
@@ -41,13 +65,7 @@ class PlantBatch(NamedTuple):
         return np.asarray(finite & causal & self.num.any(axis=0) & self.den.any(axis=0))
 
     def of(self, chosen: IntArray) -> PlantBatch:
-        """Take some of the columns.
-
-        Parameters
-        ----------
-        chosen : (m,) array of int
-            Which.
-        """
+        """Take the columns of these numbers."""
         return PlantBatch(self.num[:, chosen], self.den[:, chosen], self.delay[chosen])
 
     def groups(self) -> Iterator[tuple[IntArray, PlantBatch]]:
@@ -62,18 +80,7 @@ class PlantBatch(NamedTuple):
             yield chosen, few._replace(num=few.num[kind[0] :], den=few.den[kind[1] :])
 
     def plant(self, k: int) -> ct.TransferFunction | DelayedTransferFunction:
-        """Return one of them as a block that `nrdob.NRDOB` takes.
-
-        Parameters
-        ----------
-        k : int
-            Which column.
-
-        Raises
-        ------
-        ValueError
-            If it is none: coefficients that are no numbers, a negative dead time.
-        """
+        """Return one as a block that `nrdob.NRDOB` takes; ValueError if it is none."""
         num, den = as_fraction((self.num[:, k], self.den[:, k]), "the plant", proper=False)
         plant = ct.tf(num, den)
         delay = float(self.delay[k])
@@ -81,22 +88,15 @@ class PlantBatch(NamedTuple):
 
     @classmethod
     def of_blocks(cls, blocks: list[Any]) -> PlantBatch:
-        """Gather plants of any degrees.
-
-        Parameters
-        ----------
-        blocks : list
-            Whatever `nrdob.NRDOB` takes as a process; None where there is no plant.
-        """
+        """Gather plants of any degrees; nan where one is None."""
         read = [_read(block) for block in blocks]
-        columns = []
+        tables = []
         for part in (0, 1):
-            size = max((pair[part].size for pair, _ in read), default=1)
-            table = np.zeros((size, len(read)))
-            for k, (pair, _) in enumerate(read):
-                table[size - pair[part].size :, k] = pair[part]
-            columns.append(table)
-        return cls(columns[0], columns[1], np.array([delay for _, delay in read]))
+            rows = [fraction[part] for fraction, _ in read]
+            size = max(row.size for row in rows)
+            tables.append(np.array([np.pad(row, (size - row.size, 0)) for row in rows]).T)
+        num, den = tables
+        return cls(num, den, np.array([delay for _, delay in read]))
 
 
 def _read(block: Any) -> tuple[tuple[FloatArray, FloatArray], float]:
@@ -109,30 +109,15 @@ def _read(block: Any) -> tuple[tuple[FloatArray, FloatArray], float]:
 class Moving(NamedTuple):
     """A polynomial whose roots move, each by a factor of its own, and pairs together.
 
-    Attributes
-    ----------
-    fixed : array of float
-        What does not move: roots at s = 0, and the first coefficient that is not 0.
-    roots : array of complex
-        One real root each, or the one of a pair with positive imaginary part.
+    Fixed are roots at s = 0 and the first coefficient that is not 0; of a pair there is the root
+    with positive imaginary part.
     """
 
     fixed: FloatArray
     roots: ComplexArray
 
     def moved(self, factors: list[FloatArray]) -> FloatArray:
-        """Multiply every root by its factor; the value, or slope, at s = 0 remains.
-
-        Parameters
-        ----------
-        factors : list of (n,) array of float
-            One for each of `roots`.
-
-        Returns
-        -------
-        (k, n) array of float
-            Coefficients in descending powers.
-        """
+        """Multiply every root by its factor, (n,) each; the value, or slope, at s = 0 remains."""
         product = self.fixed[:, None]
         for root, factor in zip(self.roots.tolist(), factors, strict=True):
             one = np.ones_like(factor)
@@ -146,19 +131,101 @@ class Moving(NamedTuple):
 
 
 def moving(p: FloatArray) -> Moving:
-    """Take a polynomial apart into its roots and what remains.
-
-    Parameters
-    ----------
-    p : array of float
-        Coefficients in descending powers.
-
-    Examples
-    --------
-    >>> moving(np.array([2.0, 6.0, 0.0])).roots.real.tolist()              # 2s(s + 3)
-    [-3.0]
-    """
+    """Take a polynomial, descending coefficients, apart into its roots and what remains."""
     used = np.flatnonzero(p)[-1] + 1
     fixed = np.append(p[used - 1], np.zeros(p.size - used))
     roots = np.roots(p[:used]).astype(complex)
     return Moving(fixed, roots[roots.imag >= 0])
+
+
+class Feedback:
+    """All of a loop that does not depend on the plant."""
+
+    def __init__(self, loop: LoopEquations | ObserverEquations) -> None:
+        built = loop.built
+        self.zeros = (built.Nf, built.Dm)
+        self.poles = (built.E, built.Nm)
+        self.numerator = multiply(*self.zeros)
+        self.denominator = multiply(*self.poles)
+
+    @cached_property
+    def delayed(self) -> bool:
+        """Whether the model has a dead time."""
+        return self.denominator.delay > 0
+
+    @cached_property
+    def zeros_at_origin(self) -> int:
+        """Power of s in K; negative for poles."""
+        power = sum(factor.zeros_at_origin for factor in self.zeros)
+        return power - sum(factor.zeros_at_origin for factor in self.poles)
+
+    @cached_property
+    def level(self) -> float:
+        """K without that power of s, at s = 0."""
+        zeros, poles = (
+            prod(factor.without_origin.constant for factor in factors)
+            for factors in (self.zeros, self.poles)
+        )
+        return zeros / poles
+
+    def gain_and_slope(self, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:
+        """Evaluate K(jω), and dK/ds over K there."""
+        parts = []
+        for p in (self.numerator, self.denominator):
+            value = slope = np.zeros(1, dtype=complex)
+            for q, delay in p.terms:
+                at, rising = values_and_slopes(q, omega)
+                late = np.exp(-1j * delay * omega) if delay else 1.0
+                value, slope = value + at * late, slope + (rising - delay * at) * late
+            parts.append((value, slope / value))
+        (num, rises), (den, its_rises) = parts
+        return np.asarray(num / den), np.asarray(rises - its_rises)
+
+    def characteristic(self, plants: PlantBatch) -> tuple[list[ManyTerms], FloatArray]:
+        """Terms of p_B, and for each power of s the size of what is summed."""
+        products = [
+            (convolved(plants.den, _column(p)), np.full(1, delay))
+            for p, delay in self.denominator.terms
+        ]
+        late = convolved(plants.num, _column(self.numerator.q))
+        size = convolved(np.abs(plants.den), _column(self._sizes[0]))
+        scale = padded_sum(size, convolved(np.abs(plants.num), _column(self._sizes[1])))
+        if not plants.delay.any():
+            (prompt, none), *others = products
+            products = [(padded_sum(prompt, late), none), *others]
+        else:
+            products.append((late, plants.delay))
+        return [ManyTerms(q, delay) for q, delay in products], scale
+
+    @cached_property
+    def _sizes(self) -> tuple[FloatArray, FloatArray]:
+        """Sizes of what is multiplied with denominator and numerator of the plant."""
+        first, second = (
+            multiply(*(QuasiPolynomial(p.scale) for p in factors)).q
+            for factors in (self.poles, self.zeros)
+        )
+        return first, second
+
+    def verdicts(self, plants: PlantBatch) -> tuple[BoolArray, BoolArray]:
+        """Tell for which plants of one degree p_B is certainly stable, and unstable."""
+        terms, scale = self.characteristic(plants)
+        n = scale.shape[1]
+        q = terms[0].q
+        if q.shape[0] < scale.shape[0]:  # advanced, or ill-posed: not for arrays
+            return np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
+        if len(terms) == 1:
+            stable, unstable = hurwitz(q, ROUNDING * scale)
+        else:
+            stable, unstable = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
+        well_posed = np.abs(q[0]) > ROUNDING * scale[0]
+        unstable |= well_posed & (np.sum([term.q[-1] != 0 for term in terms], axis=0) == 0)
+        unsure = np.flatnonzero(~(stable | unstable))
+        for first in range(0, unsure.size, SLAB):
+            few = unsure[first : first + SLAB]
+            counts = rhp_counts([term.of(few) for term in terms], scale[:, few])
+            stable[few], unstable[few] = counts == 0, counts > 0
+        return stable, unstable
+
+
+def _column(p: FloatArray) -> FloatArray:
+    return p[:, None]

@@ -27,64 +27,28 @@ from ..numerics import (
     frequency_range,
     side,
     values_and_slopes,
-    values_on_axis,
     zero_free,
 )
-from .batch import PlantBatch
-from .batchstability import Feedback
+from .batch import Feedback, PlantBatch
 
 __all__ = ["MARGINS", "batch_margins"]
 
-MARGINS = ("ms", "gm", "pm", "delay_margin")
-"""Margins of L that are found here, by the names they have in `nrdob.analysis.Margins`."""
-
-PER_OCTAVE, AT_MOST = 8, 400
-"""Frequencies of an octave that all plants share, and all of them at most."""
-
-CLEAR = 2.0
-"""Around each stretch nothing may vanish on a disc so many times as wide."""
-
-ROUNDS, OWN = 25, 400
-"""How often stretches are halved, and how many stretches of its own a plant may have."""
-
-RADIANS = 0.5
-"""How far a dead time may turn L from one frequency to the next."""
-
-SMALL = 1e-3
-"""Size of L beyond which a dead time may turn it further: no gain margin is looked for there."""
-
-NOISE = 1e-13
-"""What is below it may be rounding, and has no sign."""
-
-CROSSING = 1e-3
-"""How well a crossing found must be one: at a pole on the axis the side of L changes by a jump."""
-
-SHALLOW = 2.7
-"""Minima of ``|1 + L|²`` that begin so many times above the least value are not looked into."""
-
-WITHIN = 1e-10
-"""How well a frequency is to be known, relatively."""
+MARGINS = ("ms", "gm", "pm", "delay_margin")  # as `nrdob.analysis.Margins` calls them
+PER_OCTAVE, AT_MOST = 8, 400  # frequencies of an octave that all plants share, and all at most
+CLEAR = 2.0  # around each stretch nothing may vanish on a disc so many times as wide
+ROUNDS, OWN = 25, 400  # how often stretches are halved, and how many a plant may have
+RADIANS = 0.5  # how far a dead time may turn L from one frequency to the next
+SMALL = 1e-3  # size of L beyond which a dead time turns it on: no gain margin is there
+NOISE = 1e-13  # what is below it may be rounding, and has no sign
+CROSSING = 1e-3  # how well a crossing must be one: at a pole on the axis L jumps
+SHALLOW = 2.7  # minima of ``|1 + L|²`` so many times above the least are left out
+WITHIN = 1e-10  # how well a frequency is to be known, relatively
 
 
 def batch_margins(
     feedback: Feedback, plants: PlantBatch
 ) -> tuple[dict[str, FloatArray], BoolArray]:
-    """Compute the margins of loops that are known to be stable.
-
-    Parameters
-    ----------
-    feedback : Feedback
-        All the feedback there is.
-    plants : PlantBatch
-        Of the same degrees, all with dead time or none.
-
-    Returns
-    -------
-    dict of str: (n,) array of float
-        Margins by name, see `MARGINS`.
-    (n,) array of bool
-        Which of them are to be trusted.
-    """
+    """Compute margins (n,) by name of stable loops of one kind, and which are to be trusted."""
     loops = _Loops(feedback, plants)
     with np.errstate(all="ignore"):  # what is not finite is looked at again
         shared, clear, own, trusted = _frequencies(loops)
@@ -122,9 +86,9 @@ class _Motion(NamedTuple):
     def rows(self) -> _Rows:
         real, imag = self.L.real, self.L.imag
         size = real * real + imag * imag
+        by_size, by_side = 2 * size * self.slope.real, real * self.slope.imag
         side = imag / np.sqrt(size)
-        slopes = 2 * size * self.slope.real, real * self.slope.imag
-        return _Rows(real, size - 1, slopes[0], side, slopes[1], self.retreat, self.distance)
+        return _Rows(real, size - 1, by_size, side, by_side, self.retreat, self.distance)
 
 
 class _Rows(NamedTuple):
@@ -162,9 +126,7 @@ class _Stretches(NamedTuple):
 
     def halved(self) -> _Stretches:
         middle = np.sqrt(self.low * self.high)
-        return _Stretches(self.loop, self.low, middle).joined(
-            _Stretches(self.loop, middle, self.high)
-        )
+        return self._replace(high=middle).joined(self._replace(low=middle))
 
 
 class _Found(NamedTuple):
@@ -208,13 +170,6 @@ class _Loops:
             found.append((terms, p.scale[:, None]))
         return [factor for factor in found if factor[1].shape[0] > 1]
 
-    def gain(self, omega: FloatArray, of: PlantBatch) -> ComplexArray:
-        """Evaluate L(jω) of plants whose columns broadcast with the frequencies."""
-        value = values_on_axis(of.num, omega) / values_on_axis(of.den, omega)
-        if self.late:
-            value = value * np.exp(-1j * (of.delay * omega))
-        return np.asarray(value * self.feedback.gain(omega))
-
     def motion(self, omega: FloatArray, of: PlantBatch) -> _Motion:
         """Evaluate L(jω) and how it moves."""
         d, dd = values_and_slopes(of.den, omega)
@@ -247,7 +202,7 @@ def _frequencies(loops: _Loops) -> tuple[FloatArray, BoolArray, _Stretches, Bool
         high = float(highs[np.isfinite(highs)].max(initial=low))
     count = int(np.clip(PER_OCTAVE * np.log2(high / low), 1, AT_MOST))
     omega = np.geomspace(low, high, count + 1)
-    clear = _clear(loops, omega)
+    clear = _clear(loops, omega[:-1], omega[1:])
     loop, k = np.nonzero(~clear)
     doubtful = _Stretches(loop, omega[k], omega[k + 1])
     kept: list[_Stretches] = []
@@ -257,7 +212,7 @@ def _frequencies(loops: _Loops) -> tuple[FloatArray, BoolArray, _Stretches, Bool
         if not doubtful.loop.size:
             break
         halves = doubtful.halved()
-        alone = _clear_alone(loops, halves)
+        alone = _clear(loops, halves.low, halves.high, halves.loop)
         kept.append(halves.of(alone))
         doubtful = halves.of(~alone)
         own += np.bincount(halves.loop, minlength=loops.count)
@@ -273,34 +228,23 @@ def _frequencies(loops: _Loops) -> tuple[FloatArray, BoolArray, _Stretches, Bool
     return np.concatenate([below, omega, above]), clear, none.joined(*kept), trusted
 
 
-def _clear(loops: _Loops, omega: FloatArray) -> BoolArray:
-    """Tell on which stretches between shared frequencies which loops have nothing to hide."""
-    left, right = omega[:-1], omega[1:]
+def _clear(
+    loops: _Loops, left: FloatArray, right: FloatArray, loop: IntArray | None = None
+) -> BoolArray:
+    """Tell on which stretches all loops, or one loop on each, have nothing to hide."""
     centre, radius = (left + right) / 2, CLEAR * (right - left) / 2
-    clear = np.ones((loops.count, left.size), dtype=bool)
+    plants = loops.across() if loop is None else loops.plants.of(loop)
+    clear = np.ones(np.broadcast_shapes(plants.delay.shape, left.shape), dtype=bool)
     for terms, scale in loops.factors:
-        clear &= zero_free([term.across() for term in terms], scale[:, :, None], centre, radius)
+        if loop is None:
+            terms, scale = [term.across() for term in terms], scale[:, :, None]
+        else:
+            terms = [term.of(loop) for term in terms]
+            scale = scale[:, loop] if scale.shape[1] > 1 else scale
+        clear &= zero_free(terms, scale, centre, radius)
     if loops.late:
-        far = loops.plants.delay[:, None] * (right - left) > RADIANS
-        some = np.flatnonzero(far.any(axis=0))
-        if some.size:
-            large = np.abs(loops.gain(left[some], loops.across())) > SMALL
-            clear[:, some] &= ~(far[:, some] & large)
-    return clear
-
-
-def _clear_alone(loops: _Loops, stretches: _Stretches) -> BoolArray:
-    """Tell on which stretches their own loop has nothing to hide."""
-    loop, left, right = stretches
-    centre, radius = (left + right) / 2, CLEAR * (right - left) / 2
-    clear = np.ones(loop.size, dtype=bool)
-    for terms, scale in loops.factors:
-        of = scale[:, loop] if scale.shape[1] > 1 else scale
-        clear &= zero_free([term.of(loop) for term in terms], of, centre, radius)
-    if loops.late:
-        few = loops.plants.of(loop)
-        far = few.delay * (right - left) > RADIANS
-        clear &= ~(far & (np.abs(loops.gain(left, few)) > SMALL))
+        far = plants.delay * (right - left) > RADIANS
+        clear &= ~(far & (np.abs(loops.motion(left, plants).L) > SMALL))
     return clear
 
 
@@ -323,12 +267,19 @@ def _notable(
         alone = own.of(choose(low, high, least[own.loop], widths[1]))
         return _Stretches(loop, shared[k], shared[k + 1]).joined(alone)
 
-    gain = gather(_sizes_differ).joined(*_hidden(loops, gather(_size_nears), _size_at, _size_slope))
-    real = gather(_sides_differ).joined(*_hidden(loops, gather(_side_nears), _side_at, _side_slope))
-    gain_found, phase_found, nearest = (
-        _solved(loops, gain, _size_at),
-        _solved(loops, _critical(loops, real), _side_at),
-        _solved(loops, gather(_nearest_between), _retreat_at),
+    def log_size(motion: _Motion) -> FloatArray:
+        return np.log(np.abs(motion.L))
+
+    def sine(motion: _Motion) -> FloatArray:
+        return np.asarray(motion.L.imag / np.abs(motion.L))
+
+    hidden = _hidden(loops, gather(_size_nears), log_size, lambda motion: motion.slope.real)
+    gain_found = _solved(loops, gather(_sizes_differ).joined(*hidden), log_size)
+    hidden = _hidden(loops, gather(_side_nears), sine, lambda motion: motion.slope.imag)
+    real = _critical(loops, gather(_sides_differ).joined(*hidden))
+    phase_found = _solved(loops, real, sine)
+    nearest = _solved(
+        loops, gather(_nearest_between), lambda motion: motion.retreat / motion.distance
     )
     crossed = np.abs(np.abs(gain_found.L) - 1) < CROSSING
     met = np.abs(phase_found.L.imag) < CROSSING * np.abs(phase_found.L)
@@ -377,29 +328,7 @@ def _nears(
     return np.asarray(turns & (np.abs(value) < 2 * width * np.abs(slope)))
 
 
-At = Callable[[_Loops, FloatArray, PlantBatch], FloatArray]
-
-
-def _size_at(loops: _Loops, omega: FloatArray, of: PlantBatch) -> FloatArray:
-    return np.log(np.abs(loops.gain(omega, of)))
-
-
-def _side_at(loops: _Loops, omega: FloatArray, of: PlantBatch) -> FloatArray:
-    L = loops.gain(omega, of)
-    return np.asarray(L.imag / np.abs(L))
-
-
-def _retreat_at(loops: _Loops, omega: FloatArray, of: PlantBatch) -> FloatArray:
-    motion = loops.motion(omega, of)
-    return np.asarray(motion.retreat / motion.distance)
-
-
-def _size_slope(loops: _Loops, omega: FloatArray, of: PlantBatch) -> FloatArray:
-    return np.asarray(loops.motion(omega, of).slope.real)
-
-
-def _side_slope(loops: _Loops, omega: FloatArray, of: PlantBatch) -> FloatArray:
-    return np.asarray(loops.motion(omega, of).slope.imag)
+At = Callable[[_Motion], FloatArray]  # what is to be 0, from L and its motion
 
 
 def _hidden(loops: _Loops, dips: _Stretches, at: At, slope: At) -> list[_Stretches]:
@@ -408,15 +337,15 @@ def _hidden(loops: _Loops, dips: _Stretches, at: At, slope: At) -> list[_Stretch
         return []
     bottom = _solved(loops, dips, slope).omega
     few = loops.plants.of(dips.loop)
-    value = at(loops, bottom, few)
-    crossed = (side(value) != side(at(loops, dips.low, few))) & (np.abs(value) > NOISE)
+    value, before = (at(loops.motion(omega, few)) for omega in (bottom, dips.low))
+    crossed = (side(value) != side(before)) & (np.abs(value) > NOISE)
     return [dips._replace(high=bottom).of(crossed), dips._replace(low=bottom).of(crossed)]
 
 
 def _critical(loops: _Loops, phase: _Stretches) -> _Stretches:
     """Leave out crossings of the negative real axis that cannot be next to -1."""
     few = loops.plants.of(phase.loop)
-    ends = [loops.gain(omega, few) for omega in (phase.low, phase.high)]
+    ends = [loops.motion(omega, few).L for omega in (phase.low, phase.high)]
     sizes = [np.log(np.abs(end)) for end in ends]
     largest, smallest = np.fmax(*sizes), np.fmin(*sizes)
     # Of those below 1 only the largest counts, of those above only the smallest: of what certainly
@@ -434,12 +363,12 @@ def _solved(loops: _Loops, stretches: _Stretches, at: At) -> _Found:
     """Find a zero of a function in every stretch."""
     loop, low, high = stretches
     few = loops.plants.of(loop)
-    omega = low
-    if loop.size:
-        omega = np.exp(
-            bisect(lambda x: at(loops, np.exp(x), few), np.log(low), np.log(high), WITHIN)
-        )
-    return _Found(loop, omega, loops.gain(omega, few))
+
+    def function(x: FloatArray) -> FloatArray:
+        return at(loops.motion(np.exp(x), few))
+
+    omega = np.exp(bisect(function, np.log(low), np.log(high), WITHIN)) if loop.size else low
+    return _Found(loop, omega, loops.motion(omega, few).L)
 
 
 def _ends(loops: _Loops) -> _Ends:

@@ -12,7 +12,8 @@ does, least over all frequencies, is the stable share of it.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable
+from dataclasses import replace
 from functools import partial, reduce
 from itertools import pairwise, product
 from math import inf, isfinite, nan, pi
@@ -23,39 +24,17 @@ import numpy as np
 from ..analysis import resolved_frequencies
 from ..diagram import DelayedTransferFunction, as_fraction, real_number, undelayed
 from ..loop import NRDOB
-from ..numerics import (
-    BoolArray,
-    ComplexArray,
-    FloatArray,
-    QuasiPolynomial,
-    bisect,
-    golden,
-    side,
-)
+from ..numerics import BoolArray, ComplexArray, FloatArray, QuasiPolynomial, bisect, golden, side
 from .distributions import Interval, read_range
 
 __all__ = ["Box", "delay_intervals", "gain_intervals", "largest_box"]
 
-NOMINAL = {"gain": 1.0, "delay": 0.0, "lag": 0.0}
-"""Where the nominal plant is."""
-
-MOST = 200_000
-"""Frequencies at most that a dead time asks for."""
-
-FAR = 10.0
-"""How far beyond all poles and zeros L is only a power of s and a dead time."""
-
-GIVE = "give a factor of the gain, a number"
-
-HALVINGS = 60
-"""How often shares are halved."""
-
-PER_STRETCH, NEAR = 16, 1.5
-"""Frequencies of each stretch, and up to how many times the least share one is looked into."""
-
-
-MET = 1e-9
-"""Distance of a gain from 1 at which it is 1, within rounding."""
+NOMINAL = {"gain": 1.0, "delay": 0.0, "lag": 0.0}  # where the nominal plant is
+MOST = 200_000  # frequencies at most that a dead time asks for
+FAR = 10.0  # how far beyond all poles and zeros L is only a power of s and a dead time
+HALVINGS = 60  # how often shares are halved
+PER_STRETCH, NEAR = 16, 1.5  # frequencies of a stretch; shares, against the least, looked into
+MET = 1e-9  # distance of a gain from 1 at which it is 1, within rounding
 
 
 class Box(NamedTuple):
@@ -111,17 +90,24 @@ def gain_intervals(loop: NRDOB, low: float = 0.0, high: float = inf) -> list[tup
     >>> [(round(a, 6), round(b, 6)) for a, b in gain_intervals(loop, 0.1, 20)]
     [(0.1, 9.0)]
     """
-    span = Interval(real_number(low, "low", GIVE), real_number(high, "high", GIVE))
+    remedy = "give a factor of the gain, a number"
+    span = Interval(real_number(low, "low", remedy), real_number(high, "high", remedy))
     if not 0 <= span.low < span.high:
         raise ValueError(f"gains from {low:g} to {high:g}; give positive ones, the lower one first")
-    return _stable_between(span, _critical_gains(loop, span), lambda gain: _with(loop, gain=gain))
+    critical, _ = _critical_gains(loop, span)
+    return _stable_between(span, critical, lambda gain: _with(loop, gain=gain))
 
 
-def _critical_gains(loop: NRDOB, span: Interval) -> list[float]:
+Critical = tuple[FloatArray, FloatArray]
+"""Values of a parameter at which roots are on the axis, and where, in rad/s."""
+
+
+def _critical_gains(loop: NRDOB, span: Interval) -> Critical:
     # With the largest gain all frequencies count at which a smaller one is critical.
     largest = span.high if span.high < inf else _all_but_small(loop)
-    found = _with(loop, gain=largest).margins().plant_loop.critical_gains
-    return [largest * gain for gain in found[np.isfinite(found)].tolist()]
+    found = _with(loop, gain=largest).margins().plant_loop
+    finite = np.isfinite(found.critical_gains)
+    return largest * found.critical_gains[finite], found.phase_crossovers[finite]
 
 
 def _all_but_small(loop: NRDOB) -> float:
@@ -138,21 +124,18 @@ def delay_intervals(loop: NRDOB, low: float, high: float) -> list[tuple[float, f
 
     Parameters
     ----------
-    loop : NRDOB
-        The loop, with its nominal plant, stable or not.
-    low, high : float
-        Between which, in seconds.
+    loop, low, high : as for `gain_intervals`
+        The ends in seconds, both needed.
 
     Returns
     -------
     list of (float, float)
-        Open intervals; their inner ends are exact, the outer ones `low` and `high`.
+        As of `gain_intervals`.
 
     Raises
     ------
     TypeError, ValueError
-        If the range is none, or less dead time than the plant has would be taken away; if a
-        verdict cannot be given.
+        As `gain_intervals`; or if more dead time than the plant has would be taken away.
 
     Examples
     --------
@@ -169,12 +152,11 @@ def delay_intervals(loop: NRDOB, low: float, high: float) -> list[tuple[float, f
             f"low is {low:g} s, and the process has a dead time of {loop.delay:g} s: nothing "
             "predicts the future; give a larger one"
         )
-    return _stable_between(
-        span, _critical_delays(loop, span), lambda delay: _with(loop, delay=delay)
-    )
+    critical, _ = _critical_delays(loop, span)
+    return _stable_between(span, critical, lambda delay: _with(loop, delay=delay))
 
 
-def _critical_delays(loop: NRDOB, span: Interval) -> list[float]:
+def _critical_delays(loop: NRDOB, span: Interval) -> Critical:
     """Dead times at which a pair of roots crosses, up to where no more can be stable.
 
     Whatever the dead time, the pair at a gain crossover goes right where the gain falls, and left
@@ -192,42 +174,37 @@ def _critical_delays(loop: NRDOB, span: Interval) -> list[float]:
     last = span.high
     if rate > 0:  # up to t after span.low a pair crosses t/turn times, or one more or less
         last = min(last, span.low + omega.size / rate)
-    return [
-        float(tau)
+    found = [
+        start + each * np.arange(np.floor((span.low - start) / each), (last - start) / each + 1)
         for start, each in zip(first, turn, strict=True)
-        for tau in start
-        + each * np.arange(np.floor((span.low - start) / each), (last - start) / each + 1)
     ]
+    count = np.array([values.size for values in found], dtype=int)
+    return np.concatenate([*found, omega[:0]]), np.repeat(omega, count)
 
 
-def _critical_lags(loop: NRDOB, _: Interval) -> list[float]:
+def _critical_lags(loop: NRDOB, _: Interval) -> Critical:
     """T with 1 + L + jωT = 0."""
-    omega = resolved_frequencies(loop.L, PER_STRETCH, loop.p_B)
 
     def real(w: FloatArray) -> FloatArray:
         return np.asarray(1 + np.real(loop.L(1j * w)))
 
-    at = real(omega)
-    crossed = np.flatnonzero(side(at[:-1]) != side(at[1:]))
-    found = bisect(real, omega[crossed], omega[crossed + 1])
-    lags = -np.imag(loop.L(1j * found)) / found
-    return [float(lag) for lag in lags[np.abs(real(found)) < 1e-6]]
+    found = _sign_changes(real, resolved_frequencies(loop.L, PER_STRETCH, loop.p_B))
+    found = found[np.abs(real(found)) < 1e-6]
+    return -np.imag(loop.L(1j * found)) / found, found
 
 
 def _stable_between(
-    span: Interval, critical: Iterable[float], loop_at: Any
+    span: Interval, critical: FloatArray, loop_at: Any
 ) -> list[tuple[float, float]]:
     """Judge one loop between every two critical values, and join what is stable."""
-    inner = sorted({value for value in critical if span.low < value < span.high})
-    ends = [span.low, *inner, span.high]
+    inner = np.unique(critical[(critical > span.low) & (critical < span.high)])
+    ends = [span.low, *inner.tolist(), span.high]
     found: list[tuple[float, float]] = []
     for low, high in pairwise(ends):
-        if high < inf and high - low <= 1e-9 * max(
-            abs(low), abs(high)
-        ):  # two crossings at the same value
-            continue
+        # Two crossings may be at the same value.
+        same = high < inf and high - low <= 1e-9 * max(abs(low), abs(high))
         middle = (low + high) / 2 if high < inf else 2 * low or 1.0
-        if not bool(loop_at(middle).stability()):
+        if same or not bool(loop_at(middle).stability()):
             continue
         if found and low - found[-1][1] <= 1e-9 * abs(low):
             found[-1] = (found[-1][0], high)
@@ -243,12 +220,9 @@ def largest_box(loop: NRDOB, *, gain: Any = None, delay: Any = None, lag: Any = 
     ----------
     loop : NRDOB
         A stable loop, with its nominal plant.
-    gain : (low, high), optional
-        Factors of the gain, around 1.
-    delay : (low, high), optional
-        Dead times added, in seconds, around 0 or from there on.
-    lag : (low, high), optional
-        T of an additional lag 1/(Ts + 1), in seconds, from 0 on.
+    gain, delay, lag : (low, high), optional
+        Factors of the gain, around 1; dead times added, around 0 or from there on; T of an
+        additional lag 1/(Ts + 1), from 0 on; both in seconds.
 
     Returns
     -------
@@ -271,13 +245,11 @@ def largest_box(loop: NRDOB, *, gain: Any = None, delay: Any = None, lag: Any = 
     >>> round(box.share, 4), {name: round(value, 4) for name, value in box.critical.items()}
     (0.2588, {'gain': 1.2588, 'delay': 0.0, 'lag': 0.0518})
     """
-    given = {"gain": gain, "delay": delay, "lag": lag}
-    asked = {
-        name: _interval(name, each) if each is not None else Interval(nominal, nominal)
-        for (name, each), nominal in zip(given.items(), NOMINAL.values(), strict=True)
-    }
-    if all(each is None for each in given.values()):
+    every = {"gain": gain, "delay": delay, "lag": lag}
+    given = {name: _interval(name, each) for name, each in every.items() if each is not None}
+    if not given:
         raise ValueError("there is no box; give one or more of gain, delay and lag")
+    asked = {name: given.get(name, Interval(each, each)) for name, each in NOMINAL.items()}
     for name, nominal in NOMINAL.items():
         low, high = asked[name]
         if not low <= nominal <= high:
@@ -297,34 +269,22 @@ def largest_box(loop: NRDOB, *, gain: Any = None, delay: Any = None, lag: Any = 
             "the loop gain does not fall off at high frequency, where any lag or dead time is "
             "felt: give the process or the filter an additional lag"
         )
-    alone = [name for name, each in given.items() if each is not None]
-    return _in_one(loop, alone[0], asked) if len(alone) == 1 else _largest(loop, asked)
+    name, *others = given
+    return _largest(loop, asked) if others else _in_one(loop, name, asked)
 
 
 def _in_one(loop: NRDOB, name: str, asked: dict[str, Interval]) -> Box:
     """Find the share of an interval; one parameter alone is critical at single frequencies."""
     (low, high), nominal = asked[name], NOMINAL[name]
-    critical = CRITICAL[name](loop, asked[name])
-    inside = [value for value in critical if low <= value <= high]
-    if not inside:
+    critical, omega = CRITICAL[name](loop, asked[name])
+    inside = (critical >= low) & (critical <= high)
+    if not inside.any():
         return Box(1.0, _sides(asked, 1.0), None, nan)
-    shares = [
-        (value - nominal) / ((high if value > nominal else low) - nominal) for value in inside
-    ]
-    share, found = min(zip(shares, inside, strict=True))
-    moved = NOMINAL | {name: found}
-    omega = resolved_frequencies(loop.L, PER_STRETCH, loop.p_B)
-    omega = np.union1d(omega, _where_corners_meet(loop, omega, asked))
-
-    def left_over(w: FloatArray) -> FloatArray:
-        value = moved["gain"] * loop.L(1j * w) * np.exp(-1j * w * moved["delay"])
-        return np.asarray(np.abs(value + 1 + 1j * w * moved["lag"]))
-
-    k = int(np.clip(left_over(omega).argmin(), 1, omega.size - 2))
-    frequency = float(golden(left_over, omega[[k - 1]], omega[[k + 1]])[0])
-    if name == "gain" and abs(1 + found * loop.L.dc_gain) <= MET:
-        frequency = 0.0
-    return Box(share, _sides(asked, share), moved, frequency)
+    critical, omega = critical[inside], omega[inside]
+    shares = (critical - nominal) / (np.where(critical > nominal, high, low) - nominal)
+    k = int(shares.argmin())
+    share, plant = float(shares[k]), NOMINAL | {name: float(critical[k])}
+    return Box(share, _sides(asked, share), plant, float(omega[k]))
 
 
 CRITICAL = {"gain": _critical_gains, "delay": _critical_delays, "lag": _critical_lags}
@@ -399,15 +359,16 @@ def _where_corners_meet(loop: NRDOB, omega: FloatArray, asked: dict[str, Interva
     def real(gain: float, delay: float, w: FloatArray) -> FloatArray:
         return np.asarray((gain * loop.L(1j * w) * np.exp(-1j * delay * w)).real + 1)
 
-    offs = [partial(size, *corner) for corner in product(gains, lags)]
-    offs += [partial(angle, *corner) for corner in product(delays, lags)]
-    offs += [partial(real, *corner) for corner in product(gains, delays)]
-    found = []
-    for off in offs:
-        sign = side(off(omega))
-        k = np.flatnonzero(sign[:-1] != sign[1:])
-        found.append(bisect(off, omega[k], omega[k + 1]))
-    return np.unique(np.concatenate(found))
+    free = (size, gains, lags), (angle, delays, lags), (real, gains, delays)
+    offs = [partial(off, *at) for off, one, other in free for at in product(one, other)]
+    return np.unique(np.concatenate([_sign_changes(off, omega) for off in offs]))
+
+
+def _sign_changes(function: Callable[[FloatArray], FloatArray], omega: FloatArray) -> FloatArray:
+    """Find where a function changes sides between neighbouring frequencies."""
+    sides = side(function(omega))
+    k = np.flatnonzero(sides[:-1] != sides[1:])
+    return bisect(function, omega[k], omega[k + 1])
 
 
 def _share(L: ComplexArray, omega: FloatArray, asked: dict[str, Interval]) -> FloatArray:
@@ -460,9 +421,7 @@ def _critical_plant(
     L: ComplexArray, omega: float, sides: dict[str, tuple[float, float]]
 ) -> dict[str, float]:
     """Return the plant of a box that oscillates at a frequency, of the smallest lag."""
-    k1, k2 = sides.get("gain", (1.0, 1.0))
-    t1, t2 = sides.get("delay", (0.0, 0.0))
-    T1, T2 = sides.get("lag", (0.0, 0.0))
+    (k1, k2), (t1, t2), (T1, T2) = (sides.get(name, (at, at)) for name, at in NOMINAL.items())
     if not omega:
         return {"gain": k2, "delay": 0.0, "lag": 0.0}
     size, turn = float(np.abs(L)), 2 * pi / omega
@@ -482,7 +441,7 @@ def _with(loop: NRDOB, *, gain: float = 1.0, delay: float = 0.0) -> NRDOB:
     num, den = as_fraction(undelayed(loop.process)[0], "process")
     total = loop.delay + delay
     plant = DelayedTransferFunction((gain * num, den), total) if total else (gain * num, den)
-    return NRDOB(plant, loop.model, loop.controller, loop.filter, loop.keep_factors)
+    return replace(loop, process=plant)
 
 
 def _interval(name: str, given: Any) -> Interval:

@@ -14,8 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..diagram import is_number
-from ..numerics import FloatArray, is_whole
+from ..numerics import FloatArray, is_real, is_whole
 
 __all__ = [
     "BLOCK",
@@ -29,39 +28,21 @@ __all__ = [
     "whole_number",
 ]
 
-BLOCK = 10_000
-"""Members drawn together, which are also judged together, as one task."""
+BLOCK = 10_000  # members drawn together, which are also judged together, as one task
 
 
 class Interval(NamedTuple):
-    """An interval of which every value is as likely.
-
-    Attributes
-    ----------
-    low, high : float
-        Its ends.
-    """
+    """An interval of which every value is as likely."""
 
     low: float
     high: float
 
 
-Range = Interval | Any
-"""An interval, or a frozen distribution of scipy.stats."""
+Range = Interval | Any  # an interval, or a frozen distribution of scipy.stats
 
 
 class Fit(NamedTuple):
-    """Means of some parameters and their covariance, as an identification gives them.
-
-    Attributes
-    ----------
-    names : tuple of str
-        The parameters.
-    mean : (k,) array of float
-        Their means.
-    root : (k, k) array of float
-        A square root of their covariance.
-    """
+    """Means (k,) of parameters and a square root (k, k) of their covariance, as identified."""
 
     names: tuple[str, ...]
     mean: FloatArray
@@ -70,19 +51,7 @@ class Fit(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Random members: what is drawn, how many times, from which seed.
-
-    Attributes
-    ----------
-    ranges : dict of str: Interval or frozen distribution
-        What is drawn by itself.
-    fit : Fit or None
-        What is drawn together.
-    count : int
-        How many members.
-    seed : int
-        Of all random numbers.
-    """
+    """Random members: what is drawn by itself, what together, how many times, from which seed."""
 
     ranges: Mapping[str, Range]
     fit: Fit | None
@@ -95,13 +64,7 @@ class Samples:
         return (*self.ranges, *(self.fit.names if self.fit else ()))
 
     def block(self, k: int) -> dict[str, FloatArray]:
-        """Draw one block of members.
-
-        Parameters
-        ----------
-        k : int
-            Which, from 0.
-        """
+        """Draw block k of the members, k from 0."""
         rng = np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(k,)))
         drawn = {name: _drawn(each, rng) for name, each in self.ranges.items()}
         if self.fit:
@@ -121,13 +84,7 @@ def _drawn(given: Range, rng: np.random.Generator) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """Members on a grid, the last parameter changing fastest.
-
-    Attributes
-    ----------
-    axes : dict of str: (k,) array of float
-        Values of each parameter.
-    """
+    """Members on a grid of values of each parameter, the last one changing fastest."""
 
     axes: Mapping[str, FloatArray]
 
@@ -142,13 +99,7 @@ class Grid:
         return int(np.prod([axis.size for axis in self.axes.values()], dtype=object))
 
     def block(self, k: int) -> dict[str, FloatArray]:
-        """Return one block of members.
-
-        Parameters
-        ----------
-        k : int
-            Which, from 0.
-        """
+        """Return block k of the members."""
         here = np.arange(k * BLOCK, min((k + 1) * BLOCK, self.count))
         shape = tuple(axis.size for axis in self.axes.values())
         where = np.unravel_index(here, shape)
@@ -156,26 +107,7 @@ class Grid:
 
 
 def read_range(name: str, given: Any) -> Range:
-    """Read an interval (low, high) or a frozen distribution of scipy.stats.
-
-    Parameters
-    ----------
-    name : str
-        What it is called in messages.
-    given : (low, high) or frozen distribution
-        What the user wrote.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If it is neither, empty, reversed or not finite.
-
-    Examples
-    --------
-    >>> read_range("gain", (2.0, 0.3))
-    Traceback (most recent call last):
-    ValueError: gain is (2, 0.3), from high to low; write (0.3, 2)
-    """
+    """Read an interval (low, high) or a frozen distribution of scipy.stats."""
     if hasattr(given, "rvs"):
         if np.shape(given.rvs(random_state=np.random.default_rng(0))) != ():
             raise TypeError(
@@ -186,9 +118,9 @@ def read_range(name: str, given: Any) -> Range:
     remedy = "give an interval, such as (0.5, 2.0), or a frozen distribution of scipy.stats"
     if not isinstance(given, Sequence | np.ndarray) or isinstance(given, str) or len(given) != 2:
         raise TypeError(f"{name} is {given!r}; {remedy}")
-    if not all(is_number(value) and np.isreal(value) for value in given):
+    if not all(map(is_real, given)):
         raise TypeError(f"{name} is {given!r}, whose ends are no real numbers; {remedy}")
-    low, high = (float(np.real(value)) for value in given)
+    low, high = map(float, given)
     if not (isfinite(low) and isfinite(high)):
         raise ValueError(f"{name} is ({low:g}, {high:g}); both ends must be finite numbers")
     if low > high:
@@ -204,19 +136,7 @@ def read_range(name: str, given: Any) -> Range:
 
 
 def read_fit(given: Any) -> Fit:
-    """Read means and covariance of parameters that were identified together.
-
-    Parameters
-    ----------
-    given : (dict of str: float, (k, k) array_like)
-        Means by name, numbers or what has them as its `value`, and the covariance in the same
-        order: so are `parameters` and `covariance` of an identified process.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If the shapes do not fit, a number is not finite, or the matrix is no covariance.
-    """
+    """Read means by name, numbers or what has them as `value`, and their covariance (k, k)."""
     if not (isinstance(given, tuple) and len(given) == 2 and isinstance(given[0], Mapping)):
         raise TypeError(
             f"fit is a {type(given).__name__}; give means by name and their covariance in the "
@@ -224,9 +144,9 @@ def read_fit(given: Any) -> Fit:
         )
     means, covariance = given
     values = [getattr(value, "value", value) for value in means.values()]
-    if not all(is_number(value) and np.isreal(value) for value in values):
+    if not all(map(is_real, values)):
         raise TypeError(f"fit has the means {means!r}; give real numbers by name")
-    mean = np.array([float(np.real(value)) for value in values])
+    mean = np.array(values, dtype=float)
     matrix = np.array(covariance, dtype=float)
     k = mean.size
     if matrix.shape != (k, k):
@@ -246,20 +166,7 @@ def read_fit(given: Any) -> Fit:
 
 
 def read_grid(given: Any, ranges: Mapping[str, Range]) -> Grid:
-    """Put points on every interval.
-
-    Parameters
-    ----------
-    given : int or dict of str: int
-        How many points on each interval, or on each by name.
-    ranges : dict of str: Interval
-        The intervals.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If a count is no whole number from 2 on, an interval has none, or is none.
-    """
+    """Put points on every interval, as many as one number says, or one for each name."""
     counts = dict(given) if isinstance(given, Mapping) else dict.fromkeys(ranges, given)
     if unknown := sorted(set(counts) ^ set(ranges)):
         raise ValueError(
@@ -277,17 +184,7 @@ def _points(name: str, interval: Range, count: Any) -> FloatArray:
 
 
 def whole_number(value: Any, name: str, least: int) -> int:
-    """Return a whole number, or refuse what is none or too small.
-
-    Parameters
-    ----------
-    value : int
-        The number.
-    name : str
-        What it is called in messages.
-    least : int
-        Its smallest value.
-    """
+    """Return a whole number, or refuse what is none or below the least."""
     if not is_whole(value):
         raise TypeError(f"{name} is {value!r}; give a whole number")
     if value < least:

@@ -1,4 +1,4 @@
-r"""PlantBatch whose coefficients lie in intervals: Kharitonov's polynomials, and edges.
+r"""Plants whose coefficients lie in intervals: Kharitonov's polynomials, and edges.
 
 At each frequency the values of an interval polynomial fill a rectangle, whose corners are those of
 Kharitonov's four polynomials. Two tests follow, of which the second is exact:
@@ -29,13 +29,11 @@ import numpy as np
 
 from ..loop import NRDOB
 from ..numerics import ROUNDING, FloatArray, add, hurwitz
-from .batchstability import Feedback
-from .distributions import Interval
+from .batch import Feedback
 
-__all__ = ["IntervalShares", "interval_plants"]
+__all__ = ["IntervalShares", "interval_plants", "largest_share"]
 
-HALVINGS = 50
-"""How often shares are halved."""
+HALVINGS = 50  # how often shares are halved
 
 Ends = tuple[FloatArray, FloatArray]
 
@@ -45,10 +43,8 @@ class IntervalShares(NamedTuple):
 
     Attributes
     ----------
-    kharitonov : float
-        What Kharitonov's theorem on the coefficients of p_B grants.
-    exact : float
-        By the 32 segments.
+    kharitonov, exact : float
+        What Kharitonov's theorem on the coefficients of p_B grants, and by the 32 segments.
     """
 
     kharitonov: float
@@ -56,9 +52,7 @@ class IntervalShares(NamedTuple):
 
 
 def interval_plants(
-    loop: NRDOB,
-    num: Sequence[tuple[float, float]],
-    den: Sequence[tuple[float, float]],
+    loop: NRDOB, num: Sequence[tuple[float, float]], den: Sequence[tuple[float, float]]
 ) -> IntervalShares:
     """Find up to which share of a box of coefficients all loops are stable, by two theorems.
 
@@ -100,9 +94,9 @@ def interval_plants(
     A, B = feedback.denominator.q, feedback.numerator.q
 
     def free(share: float) -> bool:
-        low, high = _times(_part(D, share), A), _times(_part(N, share), B)
-        corners = _corners((add(low[0], high[0]), add(low[1], high[1])))
-        return bool(_all_left(list(corners.values())))
+        of_D, of_N = _times(_part(D, share), A), _times(_part(N, share), B)
+        corners = _corners((add(of_D[0], of_N[0]), add(of_D[1], of_N[1])))
+        return _all_left(list(corners.values()))
 
     def along_edges(share: float) -> bool:
         corners = [_corners(_part(box, share)) for box in (D, N)]
@@ -113,7 +107,7 @@ def interval_plants(
         first = [start for start, _ in ends]
         return _all_left(first) and all(_stays(start, end) for start, end in ends)
 
-    return IntervalShares(_largest(free), _largest(along_edges))
+    return IntervalShares(largest_share(free), largest_share(along_edges))
 
 
 def _box(nominal: FloatArray, given: Sequence[tuple[float, float]], name: str) -> list[FloatArray]:
@@ -123,12 +117,10 @@ def _box(nominal: FloatArray, given: Sequence[tuple[float, float]], name: str) -
             f"{name} has {len(given)} intervals, the process {nominal.size} coefficients there: "
             f"{nominal.tolist()}"
         )
-    ends = [Interval(*map(float, pair)) for pair in given]
-    for pair, c in zip(ends, nominal.tolist(), strict=True):
-        if not pair.low <= c <= pair.high:
-            raise ValueError(f"{name} has ({pair.low:g}, {pair.high:g}), without the nominal {c:g}")
-    low, high = (np.array(part) for part in zip(*ends, strict=True))
-    return [nominal, low - nominal, high - nominal]
+    for (low, high), c in zip(given, nominal.tolist(), strict=True):
+        if not low <= c <= high:
+            raise ValueError(f"{name} has ({low:g}, {high:g}), without the nominal {c:g}")
+    return [nominal, *(np.array(given, dtype=float) - nominal[:, None]).T]
 
 
 def _part(box: list[FloatArray], share: float) -> Ends:
@@ -194,7 +186,8 @@ def _stays(start: FloatArray, end: FloatArray) -> bool:
     return not np.any((t >= 0) & (t <= 1) & (moved != 0))
 
 
-def _largest(stable: Callable[[float], bool]) -> float:
+def largest_share(stable: Callable[[float], bool]) -> float:
+    """Find the share of the way up to which something holds, 1 for all of it."""
     if stable(1.0):
         return 1.0
     low, high = 0.0, 1.0

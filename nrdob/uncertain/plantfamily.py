@@ -17,20 +17,19 @@ import numpy as np
 
 from ..analysis import judge_observer, quotient_margins
 from ..diagram import ObserverEquations, as_fraction, nonzero, undelayed
-from ..numerics import FloatArray, convolved
-from .batch import Moving, PlantBatch, moving
+from ..numerics import BoolArray, FloatArray, convolved
+from .batch import SLAB, Feedback, Moving, PlantBatch, moving
 from .batchmargins import batch_margins
-from .batchstability import SLAB, Feedback
 from .distributions import BLOCK, Grid, Samples, read_fit, read_grid, read_range, whole_number
 
-__all__ = ["PlantFamily", "plant_family"]
+__all__ = ["PlantFamily", "judged", "plant_family"]
 
 BUILT_IN = ("gain", "delay", "lag")
 
 
 @dataclass(frozen=True, eq=False)
 class PlantFamily:
-    """PlantBatch around a nominal one, drawn reproducibly: ``family[i]`` is one of them.
+    """Plants around a nominal one, drawn reproducibly: ``family[i]`` is one of them.
 
     Attributes
     ----------
@@ -85,10 +84,8 @@ class PlantFamily:
 
         Returns
         -------
-        PlantBatch
-            The plants, a column of nan where there is none.
-        dict of int: str
-            For some columns why there is no plant.
+        PlantBatch, dict of int: str
+            The plants, nan where there is none; for some columns why.
         """
         n = next(iter(drawn.values())).size
         problems: dict[int, str] = {}
@@ -122,12 +119,17 @@ class PlantFamily:
         (n,) array of float
             inf where the loop is not known to be stable.
         """
-        feedback = Feedback(ObserverEquations(self.process, model, filter))
-        found = [
-            _peaks(self.plants(self.drawn.block(k))[0], feedback, model, filter)
-            for k in range(self.blocks)
-        ]
-        return np.concatenate(found)
+        feedback, every = Feedback(ObserverEquations(self.process, model, filter)), []
+        for block in range(self.blocks):
+            plants, _ = self.plants(self.drawn.block(block))
+            stable, unstable, found = judged(plants, feedback, ["ms"])
+            ms = np.where(unstable, np.inf, found["ms"])
+            for k in np.flatnonzero(~(stable | unstable)).tolist():
+                loop = ObserverEquations(plants.plant(k), model, filter)
+                one = judge_observer(loop.process, model, filter).stable
+                ms[k] = quotient_margins(loop.L, True).ms if one else np.inf
+            every.append(ms)
+        return np.concatenate(every)
 
     @property
     def delay(self) -> float:
@@ -156,7 +158,8 @@ class PlantFamily:
                 block = self.parameters(**values)  # type: ignore[misc]
                 as_fraction(undelayed(block)[0], "the plant", proper=False)
             except Exception as error:  # whatever a function of the user's may raise
-                problems[k] = f"parameters({_call(values)}): {error}"
+                call = ", ".join(f"{name}={value:.6g}" for name, value in values.items())
+                problems[k] = f"parameters({call}): {error}"
                 block = None
             made.append(block)
         return PlantBatch.of_blocks(made)
@@ -186,30 +189,25 @@ def plant_family(
     ----------
     process : as for `nrdob.NRDOB`
         The nominal plant.
-    gain : range
-        Factor of the plant.
-    delay : range
-        Dead time that is added to the plant's own, in seconds.
-    lag : range
-        T of one more factor :math:`1/(Ts+1)`, in seconds.
+    gain, delay, lag : range
+        Factor of the plant; dead time that is added to its own, in seconds; T of one more factor
+        :math:`1/(Ts+1)`, in seconds.
     poles, zeros : range
         Factors by which the nominal poles, or zeros, are multiplied: real ones each by its own,
         pairs together, so that their damping remains, and so does the gain at zero frequency.
         Those at s = 0 stay. The columns are "pole 1", "pole 2", …
     parameters : callable
-        Makes a plant of parameters that `others` and `fit` name, as keyword arguments: whatever
-        `nrdob.NRDOB` takes as a process. For other processes to call it, it must be a function of
-        a module. Gain, delay and lag come on top.
+        Makes a plant, whatever `nrdob.NRDOB` takes as a process, of parameters that `others` and
+        `fit` name, as keyword arguments. Gain, delay and lag come on top.
     fit : (dict of str: float, (k, k) array_like)
         Means by name, and the covariance in the same order, of parameters that were identified
         together; they are drawn from the normal distribution. A gain named here is a factor of the
         process, as `gain` is; for parameters of other meaning give the function `parameters`.
     grid : int or dict of str: int
         Points on every interval, or on each by name: all their combinations in place of samples.
-    samples : int
-        How many members are drawn.
-    seed : int
-        Of all random numbers. Members 0, 1, 2, … are the same however many there are.
+    samples, seed : int
+        How many members are drawn, and of all random numbers. Members 0, 1, 2, … are the same
+        however many there are.
     **others : range
         Arguments of `parameters`, by name.
 
@@ -264,33 +262,35 @@ def plant_family(
     if not ranges and not known:
         raise ValueError("nothing is uncertain; give a range, such as gain=(0.5, 2.0)")
     drawn: Samples | Grid
-    if grid is not None:
-        if known:
-            raise ValueError("a fit has no grid; leave grid or fit out")
-        drawn = read_grid(_each_root(grid, ranges), ranges)
+    if grid is None:
+        count, start = whole_number(samples, "samples", 1), whole_number(seed, "seed", 0)
+        drawn = Samples(ranges, known, count, start)
+    elif known:
+        raise ValueError("a fit has no grid; leave grid or fit out")
     else:
-        drawn = Samples(
-            ranges, known, whole_number(samples, "samples", 1), whole_number(seed, "seed", 0)
-        )
+        drawn = read_grid(_each_root(grid, ranges), ranges)
     return PlantFamily(process, drawn, parameters)
 
 
-def _peaks(plants: PlantBatch, feedback: Feedback, model: Any, filter: Any) -> FloatArray:
-    """Ms of many plants together, and one by one of those that are too close to call."""
-    ms = np.full(plants.delay.size, np.nan)
+def judged(
+    plants: PlantBatch, feedback: Feedback, names: list[str]
+) -> tuple[BoolArray, BoolArray, dict[str, FloatArray]]:
+    """Tell which plants are certainly stable, which unstable, and margins of the former by name.
+
+    What is too close to call for many at once is neither, and must be judged alone.
+    """
+    stable, unstable = np.zeros((2, plants.delay.size), dtype=bool)
+    values = {name: np.full(stable.size, np.nan) for name in names}
     for chosen, few in plants.groups():
-        stable, unstable = feedback.verdicts(few)
-        ms[chosen[unstable]] = np.inf
-        here = np.flatnonzero(stable)
+        stable[chosen], unstable[chosen] = feedback.verdicts(few)
+        here = np.flatnonzero(stable[chosen] & bool(names))
         for first in range(0, here.size, SLAB):
             part = here[first : first + SLAB]
             found, trusted = batch_margins(feedback, few.of(part))
-            ms[chosen[part]] = np.where(trusted, found["ms"], np.nan)
-    for k in np.flatnonzero(np.isnan(ms)).tolist():
-        loop = ObserverEquations(plants.plant(k), model, filter)
-        stable_one = judge_observer(loop.process, model, filter).stable
-        ms[k] = quotient_margins(loop.L, True).ms if stable_one else np.inf
-    return ms
+            stable[chosen[part]] = trusted
+            for name in names:
+                values[name][chosen[part]] = np.where(trusted, found[name], np.nan)
+    return stable, unstable, values
 
 
 def _numbers(part: Moving) -> range:
@@ -306,7 +306,3 @@ def _each_root(grid: int | Mapping[str, int], ranges: Mapping[str, Any]) -> Any:
         roots = [each for each in ranges if name in ("poles", "zeros") and each[:4] == name[:4]]
         counts |= dict.fromkeys(roots or [name], count)
     return counts
-
-
-def _call(values: Mapping[str, float]) -> str:
-    return ", ".join(f"{name}={value:.6g}" for name, value in values.items())

@@ -12,7 +12,7 @@ Doyle, J. C., B. A. Francis, A. R. Tannenbaum, Feedback Control Theory, 1992, ch
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from itertools import islice
 from typing import Any, NamedTuple
 
@@ -21,22 +21,18 @@ import numpy as np
 from scipy.optimize import linprog
 
 from ..analysis import resolved_frequencies
-from ..design import peak_gain
 from ..diagram import Quotient, as_fraction
 from ..loop import NRDOB
-from ..numerics import FloatArray, QuasiPolynomial
+from ..numerics import FloatArray, QuasiPolynomial, golden
 from .boxes import largest_box
+from .intervalplants import largest_share
 
 __all__ = ["Conservatism", "SmallGain", "conservatism", "fit_weight", "small_gain"]
 
-CORNERS = 41
-"""Corner frequencies that are tried for a weight."""
-
-MOST_PLANTS = 500
-"""Members of a family that a weight is fitted to."""
-
-PER_STRETCH, ACROSS = 4, 15
-"""Frequencies of each stretch, and values of dead time and lag at which a box is looked at."""
+CORNERS = 41  # corner frequencies that are tried for a weight
+NEAR_PEAK = 0.9  # share of the largest value from which a peak is looked at
+MOST_PLANTS = 500  # members of a family that a weight is fitted to
+PER_STRETCH, ACROSS = 4, 15  # frequencies of a stretch; values of dead time and lag of a box
 
 
 class SmallGain(NamedTuple):
@@ -59,10 +55,8 @@ class Conservatism(NamedTuple):
 
     Attributes
     ----------
-    small_gain : float
-        What part of the box the small gain theorem grants, with the best weight there can be.
-    exact : float
-        What part is stable.
+    small_gain, exact : float
+        What the small gain theorem grants, with the best weight there can be; what is stable.
     """
 
     small_gain: float
@@ -164,7 +158,7 @@ def small_gain(loop: NRDOB, weight: Any) -> SmallGain:
     Raises
     ------
     TypeError, ValueError
-        If the weight is none or not stable, or the nominal loop is not stable.
+        If the weight is none, or it or the nominal loop is not stable.
 
     Examples
     --------
@@ -178,22 +172,32 @@ def small_gain(loop: NRDOB, weight: Any) -> SmallGain:
     if not bool(loop.stability()):
         raise ValueError(f"the nominal loop is not stable: {loop.stability().reason}")
     T = loop.S_eta
-    peak = peak_gain(Quotient((num, *T.num), (den, *T.den), "W T"))
+    peak = _peak_gain(Quotient((num, *T.num), (den, *T.den), "W T"))
     return SmallGain(peak, peak < 1)
+
+
+def _peak_gain(quotient: Quotient) -> float:
+    """Largest size of a stable map on the imaginary axis, its limit at infinity included."""
+    omega = resolved_frequencies(quotient)
+    size = np.abs(quotient(1j * omega))
+    inner = 1 + np.flatnonzero((size[1:-1] >= size[:-2]) & (size[1:-1] >= size[2:]))
+    inner = inner[size[inner] > NEAR_PEAK * size.max()]
+    tops = golden(lambda w: -np.abs(quotient(1j * w)), omega[inner - 1], omega[inner + 1])
+    ends = [abs(quotient.dc_gain), sum(map(abs, quotient.at_infinity))]
+    return float(max([size.max(), *np.abs(quotient(1j * tops)).tolist(), *ends]))
 
 
 def conservatism(loop: NRDOB, **box: tuple[float, float]) -> Conservatism:
     """Compare what the small gain theorem grants of a box of plants with the exact share.
 
-    The weight is the best there can be: at every frequency just what the farthest plant of the box
-    needs.
+    The weight is the best there can be: at every frequency just what the farthest plant needs.
 
     Parameters
     ----------
     loop : NRDOB
         A stable loop, with its nominal plant.
     **box : (low, high)
-        As for `nrdob.uncertain.largest_box`: gain, delay, lag.
+        As for `nrdob.largest_box`: gain, delay, lag.
 
     Returns
     -------
@@ -210,14 +214,8 @@ def conservatism(loop: NRDOB, **box: tuple[float, float]) -> Conservatism:
     exact = largest_box(loop, **box)
     omega = resolved_frequencies(loop.L, PER_STRETCH, loop.p_B)
     T = np.abs(loop.S_eta(1j * omega))
-    low, high = 0.0, 1.0
-    if (_farthest(box, 1.0, omega) * T).max() < 1:
-        return Conservatism(1.0, exact.share)
-    for _ in range(40):
-        share = (low + high) / 2
-        safe = (_farthest(box, share, omega) * T).max() < 1
-        low, high = (share, high) if safe else (low, share)
-    return Conservatism(low, exact.share)
+    granted = largest_share(lambda share: bool((_farthest(box, share, omega) * T).max() < 1))
+    return Conservatism(granted, exact.share)
 
 
 def _farthest(box: dict[str, tuple[float, float]], share: float, omega: FloatArray) -> FloatArray:
@@ -226,9 +224,7 @@ def _farthest(box: dict[str, tuple[float, float]], share: float, omega: FloatArr
         nominal + share * (np.linspace(*box.get(name, (nominal, nominal)), count) - nominal)
         for name, nominal, count in (("gain", 1.0, 2), ("delay", 0.0, ACROSS), ("lag", 0.0, ACROSS))
     )
+    gain, late, lag = (each[..., None] for each in np.meshgrid(k, tau, T))
     s = 1j * omega
-    values: Sequence[FloatArray] = [
-        np.abs(gain * np.exp(-delay * s) / (1 + lag * s) - 1)
-        for gain in k for delay in tau for lag in T
-    ]  # fmt: skip
-    return np.asarray(np.max(values, axis=0))
+    off = np.abs(gain * np.exp(-late * s) / (1 + lag * s) - 1)
+    return np.asarray(off.max(axis=(0, 1, 2)))

@@ -1,42 +1,42 @@
-"""A whole family judged: blocks of ten thousand members, many at once, the doubtful one by one."""
+"""A whole family judged, the doubtful members one by one, and the table of what was found."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import Any, NamedTuple
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from math import isfinite
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import binomtest
 
 from ..loop import NRDOB
-from ..numerics import IntArray
-from .batch import PlantBatch
-from .batchmargins import MARGINS, batch_margins
-from .batchstability import SLAB, Feedback
-from .plantfamily import PlantFamily
-from .sweeptable import SweepTable
+from ..numerics import IntArray, is_real
+from .batch import Feedback, PlantBatch
+from .batchmargins import MARGINS
+from .distributions import Grid
+from .plantfamily import PlantFamily, judged
 
-__all__ = ["QUANTITIES", "sweep"]
+if TYPE_CHECKING:
+    from ..design import StabilityChart
+    from ..plotting import Figure
 
-QUANTITIES = ("stable", *MARGINS)
-"""What can be asked of every member."""
+__all__ = ["QUANTITIES", "Share", "SweepTable", "sweep"]
+
+QUANTITIES = ("stable", *MARGINS)  # what can be asked of every member
+
+LABELS = {
+    "gain": "gain of the process, times",
+    "delay": "dead time θ (s)",
+    "lag": "additional lag (s)",
+}
+"""What is written beside an axis."""
 
 Columns = dict[str, NDArray[Any]]
 
 
-class _Job(NamedTuple):
-    """What is the same for all blocks: loop, plants and what is asked."""
-
-    loop: NRDOB
-    family: PlantFamily
-    quantities: tuple[str, ...]
-
-
-def sweep(
-    loop: NRDOB,
-    family: PlantFamily,
-    quantities: Iterable[str] = QUANTITIES,
-) -> SweepTable:
+def sweep(loop: NRDOB, family: PlantFamily, quantities: Iterable[str] = QUANTITIES) -> SweepTable:
     r"""Judge every member of a family in place of the loop's process.
 
     Model, controller and filter remain. Verdicts are those of `NRDOB.stability`, found for many
@@ -70,8 +70,7 @@ def sweep(
 
     Examples
     --------
-    Example 3 of the paper, if the gain of the plant is known to a factor of two, and it has one
-    more lag:
+    Example 3 of the paper, with a gain known to a factor of two and one more lag:
 
     >>> import nrdob
     >>> loop = nrdob.paper.example(3)
@@ -85,96 +84,237 @@ def sweep(
     if not isinstance(family, PlantFamily):
         raise TypeError(f"family is a {type(family).__name__}; make one with nrdob.plant_family")
     asked = _asked(quantities)
-    job = _Job(loop, family, asked)
-    blocks = [_judge_block(job, block) for block in range(family.blocks)]
+    blocks = [_judge_block(loop, family, asked, block) for block in range(family.blocks)]
     joined = {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
     return SweepTable(family, joined, np.arange(len(family)))
 
 
-def _asked(quantities: Iterable[str]) -> tuple[str, ...]:
+def _asked(quantities: Iterable[str]) -> list[str]:
+    """Give the margins asked for, in the order of the columns."""
     asked = (quantities,) if isinstance(quantities, str) else tuple(quantities)
     if unknown := [name for name in asked if name not in QUANTITIES]:
         raise ValueError(f"there is no {unknown[0]!r} to ask; choose from {', '.join(QUANTITIES)}")
-    return tuple(name for name in QUANTITIES if name in (*asked, "stable"))
+    return [name for name in MARGINS if name in asked]
 
 
-def _judge_block(job: _Job, block: int) -> Columns:
+def _judge_block(loop: NRDOB, family: PlantFamily, asked: list[str], block: int) -> Columns:
     """Judge the members of one block: the columns of the table."""
-    drawn = job.family.drawn.block(block)
-    plants, problems = job.family.plants(drawn)
-    found = _Found(job, plants, problems)
-    condition_i = job.loop.stability().model_loop
+    drawn = family.drawn.block(block)
+    plants, problems = family.plants(drawn)
+    n = plants.delay.size
+    reason = np.full(n, "", dtype=object)
+    condition_i = loop.stability().model_loop
     if condition_i.stable:
-        feedback = Feedback(job.loop)
-        for chosen, few in plants.groups():
-            found.judge(feedback, chosen, few)
-        for k in np.flatnonzero(~found.decided).tolist():
-            found.judge_alone(k)
+        stable, unstable, values = judged(plants, Feedback(loop), asked)
+        decided = stable | unstable
     else:
-        found.all_alike(condition_i.stable is False, f"C Gm (i): {condition_i.reason}")
-    return drawn | found.columns
+        stable, decided = np.zeros(n, dtype=bool), np.full(n, condition_i.stable is False)
+        values = {name: np.full(n, np.nan) for name in asked}
+        reason[:] = f"C Gm (i): {condition_i.reason}"
+    alone = ~decided & (condition_i.stable is True)
+    for k in np.flatnonzero(alone).tolist():
+        verdict, reason[k], found = None, problems.get(k, ""), dict.fromkeys(asked, np.nan)
+        if not reason[k]:
+            verdict, reason[k] = _alone(loop, plants, k, found)
+        stable[k], decided[k] = verdict is True, verdict is not None
+        for name, value in found.items():
+            values[name][k] = value
+    flags = {"stable": stable, "decided": decided, "alone": alone}
+    return {**drawn, **flags, **values, "reason": reason}
 
 
-class _Found:
-    """What is known so far about the members of a block."""
+def _alone(
+    loop: NRDOB, plants: PlantBatch, k: int, margins: dict[str, float]
+) -> tuple[bool | None, str]:
+    """Judge one member as `nrdob.NRDOB` does, and enter its margins where it is stable."""
+    stable = None
+    try:
+        member = replace(loop, process=plants.plant(k))
+        verdict = member.stability()
+        stable = verdict.stable
+        if stable and margins:
+            found = member.margins().plant_loop
+            margins |= {name: getattr(found, name) for name in margins}
+        return stable, verdict.reason if stable is None else ""
+    except (ArithmeticError, TypeError, ValueError) as error:
+        return stable, str(error)
 
-    def __init__(self, job: _Job, plants: PlantBatch, problems: dict[int, str]) -> None:
-        self.job, self.plants, self.problems = job, plants, problems
-        n = plants.delay.size
-        self.stable, self.decided, self.alone = (np.zeros(n, dtype=bool) for _ in range(3))
-        self.reason = np.full(n, "", dtype=object)
-        self.asked = [name for name in QUANTITIES if name in job.quantities and name != "stable"]
-        self.values = {name: np.full(n, np.nan) for name in self.asked}
 
-    @property
-    def columns(self) -> Columns:
-        flags = {"stable": self.stable, "decided": self.decided, "alone": self.alone}
-        return {**flags, **self.values, "reason": self.reason}
+class Share(NamedTuple):
+    """A share of a family.
 
-    def all_alike(self, decided: bool, reason: str) -> None:
-        """Write down what no plant can change."""
-        self.decided[:] = decided
-        self.reason[:] = reason
+    Attributes
+    ----------
+    share, low, high : float
+        Among the members looked at, and its bounds among all that could have been drawn.
+    """
 
-    def judge(self, feedback: Feedback, chosen: IntArray, plants: PlantBatch) -> None:
-        """Judge plants of the same degrees together."""
-        stable, unstable = feedback.verdicts(plants)
-        self.stable[chosen], self.decided[chosen] = stable, stable | unstable
-        if not self.asked:
-            return
-        here = np.flatnonzero(stable)
-        for first in range(0, here.size, SLAB):
-            few = here[first : first + SLAB]
-            self._ask(feedback, chosen[few], plants.of(few))
+    share: float
+    low: float
+    high: float
 
-    def _ask(self, feedback: Feedback, chosen: IntArray, plants: PlantBatch) -> None:
-        found, trusted = batch_margins(feedback, plants)
-        for name in self.asked:
-            self.values[name][chosen] = found[name]
-        for k in chosen[~trusted].tolist():
-            self.judge_alone(k)
 
-    def _member(self, k: int) -> NRDOB:
-        loop = self.job.loop
-        plant = self.plants.plant(k)
-        return NRDOB(plant, loop.model, loop.controller, loop.filter, loop.keep_factors)
+@dataclass(frozen=True, eq=False, repr=False)
+class SweepTable:
+    """A table with a row for each member: ``table["stable"]``, ``table["gain"]``.
 
-    def judge_alone(self, k: int) -> None:
-        """Judge one member as `nrdob.NRDOB` does."""
-        self.alone[k] = True
-        if k in self.problems:
-            self.reason[k] = self.problems[k]
-            return
-        try:
-            member = self._member(k)
-            verdict = member.stability()
-            self.stable[k] = verdict.stable is True
-            self.decided[k] = verdict.stable is not None
-            if verdict.stable is None:
-                self.reason[k] = verdict.reason
-            if verdict.stable and self.asked:
-                margins = member.margins().plant_loop
-                for name in self.asked:
-                    self.values[name][k] = getattr(margins, name)
-        except (ArithmeticError, TypeError, ValueError) as error:
-            self.reason[k] = str(error)
+    Beside the parameters and the quantities asked for there are the columns
+
+    - "stable": True where that is certain;
+    - "decided": whether the verdict is known, one way or the other;
+    - "alone": members too close to call, or too odd, for many at once, which were judged one by
+      one by the methods of `nrdob.NRDOB`;
+    - "reason": for those, why there is no verdict, or no plant; empty otherwise.
+
+    Margins of members that are not known to be stable are nan.
+
+    Attributes
+    ----------
+    family : PlantFamily
+        Whose members these are.
+    columns : dict of str: (N,) array
+        The columns.
+    rows : (N,) array of int
+        Numbers of the members in the family.
+    """
+
+    family: PlantFamily
+    columns: Mapping[str, NDArray[Any]] = field(repr=False)
+    rows: IntArray = field(repr=False)
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        if name not in self.columns:
+            raise KeyError(f"there is no {name!r}; the columns are {', '.join(self.columns)}")
+        return self.columns[name]
+
+    def __len__(self) -> int:
+        return int(self.rows.size)
+
+    def __repr__(self) -> str:
+        stable, decided = self["stable"], self["decided"]
+        lines = [
+            f"<sweep of {len(self)} plants: {int(stable.sum())} stable, "
+            f"{int((decided & ~stable).sum())} not, {int((~decided).sum())} not decided; "
+            f"{int(self['alone'].sum())} judged one by one"
+        ]
+        for name in MARGINS:
+            if name in self.columns and stable.any():
+                values = self[name][stable]
+                worst = values[self._worst_first(name, values)[0]]
+                lines.append(f"  worst {name:12} {worst:.4g}")
+        return "\n".join(lines) + ">"
+
+    def stable_share(self, confidence: float = 0.95) -> Share:
+        """Share of stable members, and what it can be among all that could have been drawn.
+
+        Clopper and Pearson's interval (1934), which holds at least as often as it says, as of
+        `scipy.stats.binomtest`. Members without a verdict count as unstable for the lower bound
+        and as stable for the upper one. On a grid nothing is drawn: both bounds are then the share
+        itself, up to those members.
+
+        Parameters
+        ----------
+        confidence : float
+            How often the interval is to hold, between 0 and 1.
+
+        Returns
+        -------
+        Share
+            The share and its bounds.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If `confidence` is no number between 0 and 1, or the table is empty.
+        """
+        if not is_real(confidence):
+            raise TypeError(f"confidence is {confidence!r}; give a number, such as 0.95")
+        if not (isfinite(confidence) and 0 < confidence < 1):
+            raise ValueError(f"confidence is {confidence}; give a number between 0 and 1")
+        n = len(self)
+        if not n:
+            raise ValueError("the table is empty: there is no share of nothing")
+        stable = int(self["stable"].sum())
+        perhaps = stable + int((~self["decided"]).sum())
+        if isinstance(self.family.drawn, Grid):
+            return Share(stable / n, stable / n, perhaps / n)
+        low, high = (binomtest(k, n).proportion_ci(confidence) for k in (stable, perhaps))
+        return Share(stable / n, float(low.low), float(high.high))
+
+    def worst(self, count: int = 10) -> SweepTable:
+        """Members of largest Ms, the worst first; those not known to be stable before all.
+
+        Parameters
+        ----------
+        count : int
+            How many.
+
+        Returns
+        -------
+        SweepTable
+            A shorter table; ``.rows`` are their numbers in the family.
+        """
+        order = self._worst_first("ms", self["ms"])
+        order = order[np.argsort(self["stable"][order], kind="stable")]
+        chosen = order[:count]
+        columns = {name: values[chosen] for name, values in self.columns.items()}
+        return SweepTable(self.family, columns, self.rows[chosen])
+
+    def plot_map(
+        self,
+        x: str,
+        y: str,
+        *,
+        chart: StabilityChart | None = None,
+        title: str = "",
+        ax: Any = None,
+    ) -> Figure:
+        """Draw the members over two parameters, and the exact borders of a chart of the same two.
+
+        The borders come from the frequency response alone, the colours from verdicts on members.
+        A dead time is drawn as the whole one of the plant, as charts have it.
+
+        Parameters
+        ----------
+        x, y : str
+            Names of columns.
+        chart : StabilityChart, optional
+            Of `nrdob.stability_chart` with the nominal plant, its axes x and y.
+        title : str
+            Written above it.
+        ax : matplotlib axes, optional
+            Where to draw.
+
+        Returns
+        -------
+        Figure
+            As of `nrdob.plotting.map_plot`.
+        """
+        from ..plotting import MapAxis, map_plot
+
+        if chart and (chart.x.name, chart.y.name) != (x, y):
+            raise ValueError(
+                f"the chart is of {chart.x.name} and {chart.y.name}, the map of {x} and {y}; make "
+                "both of the same two"
+            )
+        across, up = (
+            MapAxis(LABELS.get(name, name), self[name] + (name == "delay") * self.family.delay)
+            for name in (x, y)
+        )
+        # Borders are drawn a little beyond their chart: there is no lag below zero.
+        borders = [
+            (border.x, np.where(border.y < 0, np.nan, border.y))
+            for border in (chart.borders if chart else ())
+        ]
+        return map_plot(
+            across, up, self["stable"], self["decided"], borders=borders, title=title, ax=ax
+        )
+
+    def _worst_first(self, by: str, values: NDArray[Any]) -> IntArray:
+        key = np.asarray(values, dtype=float)
+        if by == "ms":
+            key = -key
+        elif by == "gm":
+            with np.errstate(divide="ignore"):
+                key = np.abs(np.log(key))
+        return np.argsort(key, kind="stable")

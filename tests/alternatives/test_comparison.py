@@ -10,7 +10,7 @@ import pytest
 import nrdob
 from nrdob import delay
 from nrdob.alternatives import candidates, controller_alone, linear_adrc, load_errors, simc_pi, tune
-from nrdob.design import step_peak
+from nrdob.alternatives.measures import step_peak
 from nrdob.diagram import DelayedTransferFunction
 
 s = ct.tf("s")
@@ -49,7 +49,7 @@ def test_the_numbers_are_those_of_the_loop():
     assert (row.ms, row.delay_margin) == pytest.approx((margins.ms, margins.delay_margin), rel=1e-9)
     assert (row.iae, row.ise) == pytest.approx(tuple(load_errors(loop)), rel=1e-6)
     assert (row.noise_y, row.noise_u) == pytest.approx(tuple(loop.noise_variance(NOISE)), rel=1e-9)
-    assert row.peak_u == pytest.approx(step_peak(loop, "d", "u"), rel=1e-9)
+    assert row.peak_u == pytest.approx(step_peak(loop), rel=1e-9)
     changed = nrdob.paper.example(4, modified=True).margins().plant_loop.ms
     assert found.column("modified")["as printed"] == pytest.approx(changed, rel=1e-9)
 

@@ -13,7 +13,7 @@ import numpy as np
 import nrdob
 from nrdob import LowPassFilter
 from nrdob.analysis import quotient_margins
-from nrdob.design import Mismatch
+from nrdob.design.mismatch import Mismatch
 from nrdob.diagram import ObserverEquations
 
 from .plants import plant_and_model
@@ -100,7 +100,7 @@ def _scan(
         last = 40 / (grid[0] + mismatch.delay / 100)
         turns = np.arange(0.02 / mismatch.delay, last, 0.02 / mismatch.delay)
         omega = np.union1d(omega[omega < max(20 * last, 10 / slow)], turns)
-    R = mismatch.ratio(omega)
+    R = nrdob.NRDOB(process, model, 0.0, LowPassFilter(1.0, order)).ratio(1j * omega)
     found = [1 / np.abs(1 + R / ((1 + 1j * v * omega) ** order - 1)).min() for v in grid]
     alone = [
         value

@@ -10,7 +10,7 @@ from collections import Counter
 import numpy as np
 
 import nrdob
-from nrdob.design import Mismatch
+from nrdob.design.mismatch import Mismatch
 from nrdob.design.mismatchgrid import Frequencies
 
 from .plants import plant_and_model

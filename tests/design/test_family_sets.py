@@ -19,9 +19,9 @@ from nrdob import (
     paper,
     stabilizing_time_constants,
 )
-from nrdob.design import Mismatch
 from nrdob.design.columns import last_root, none_beyond, roots_of_columns
 from nrdob.design.crossings import Branches
+from nrdob.design.mismatch import Mismatch
 from nrdob.design.mismatchgrid import Frequencies
 
 s = ct.tf("s")

@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 import nrdob
 from nrdob import paper
 from nrdob.design import (
-    Mismatch,
     gain_bound,
     right_half_plane_parity,
     stabilizing_filter_exists,
@@ -21,6 +20,7 @@ from nrdob.design import (
     stable_for_fast_filters,
     stable_for_slow_filters,
 )
+from nrdob.design.mismatch import Mismatch
 from nrdob.numerics import count_rhp
 from strategies import fractions
 from tests.oracles.contour import rhp_by_argument

@@ -16,10 +16,10 @@ import nrdob
 from campaigns.sets import campaign, floor_of
 from nrdob import paper
 from nrdob.design import (
-    Mismatch,
     critical_time_constants,
     stabilizing_time_constants,
 )
+from nrdob.design.mismatch import Mismatch
 from nrdob.numerics import count_rhp
 from nrdob.sampling import random_block
 from strategies import fractions, root_sets

@@ -13,7 +13,6 @@ import numpy as np
 from scipy.optimize import brentq
 
 from nrdob.design import (
-    Mismatch,
     critical_time_constants,
     smallest_for_delay,
     smallest_for_double_lag,
@@ -220,7 +219,7 @@ def edges_of(case: OrdersCase) -> dict[int, float]:
 @kept
 def _grid(case: OrdersCase) -> tuple[FloatArray, Any]:
     omega = np.geomspace(2e-2, 2e2, 1200) * edges_of(case)[2]
-    return omega, Mismatch.of(case.plant, case.model, 2).ratio(omega)
+    return omega, case.plant(1j * omega) / case.model(1j * omega)
 
 
 def _peak(case: OrdersCase, order: int, bandwidth: float) -> float:

@@ -10,7 +10,6 @@ import control as ct
 import numpy as np
 
 from nrdob.design import (
-    Mismatch,
     disturbance_index,
     gain_bound,
     noise_index,
@@ -19,6 +18,7 @@ from nrdob.design import (
 from nrdob.diagram import (
     DelayedTransferFunction,
     LowPassFilter,
+    ObserverEquations,
     as_fraction,
     filter_fraction,
     rational_power,
@@ -80,16 +80,16 @@ class _Facts:
 
 
 def _facts(case: SlowCase, plant: Any) -> _Facts:
-    mismatch = Mismatch.of(plant, case.model, case.order)
-    slowest = 1 / float(mismatch.speeds.min())
+    blocks = ObserverEquations(plant, case.model, LowPassFilter(1.0, case.order)).fractions
+    G, Gm = blocks.G, blocks.Gm
+    # 1 + H = b/a: its zeros less its poles in the right half plane are the clockwise encirclements.
+    a, b = QuasiPolynomial(np.convolve(G.den, Gm.num)), QuasiPolynomial(np.convolve(G.num, Gm.den))
+    slowest = 1 / min(float(np.abs(p.without_origin.roots).min(initial=inf)) for p in (a, b))
     filters = [LowPassFilter(factor * slowest, case.order) for factor in SLOW]
     verdicts = [observer_stable(plant, case.model, F) for F in filters]
     limit = stable_for_slow_filters(plant, case.model, case.order).holds
-    # 1 + H = b/a: its zeros less its poles in the right half plane are the clockwise encirclements.
-    poles, zeros = (
-        int(np.sum(QuasiPolynomial(p).roots.real >= 0)) for p in (mismatch.a, mismatch.b)
-    )
-    g0 = float(mismatch.b[-1] / mismatch.a[-1]) if mismatch.a[-1] else inf
+    poles, zeros = (int(np.sum(p.roots.real >= 0)) for p in (a, b))
+    g0 = float(b.q[-1] / a.q[-1]) if a.q[-1] else inf
     return _Facts(poles == 0, g0, zeros - poles, verdicts == [False] * 3 and limit is False)
 
 

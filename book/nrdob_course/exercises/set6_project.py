@@ -13,7 +13,6 @@ import numpy as np
 from scipy.optimize import brentq
 
 from nrdob.design import (
-    Mismatch,
     design_controller,
     right_half_plane_parity,
     stabilizing_time_constants,
@@ -274,8 +273,8 @@ class _Curves:
     def __init__(self, plant: Any, modified: Any, model: Any) -> None:
         self.speed = float(np.abs(plant.poles()).min())  # of the unstable pole
         self.omega = self.speed * np.geomspace(1e-2, 1e3, 1500)
-        plants = (plant, modified)
-        self.ratios = [Mismatch.of(each, model, ORDER).ratio(self.omega) for each in plants]
+        s, plants = 1j * self.omega, (plant, modified)
+        self.ratios = [each(s) / model(s) for each in plants]
         self.edges = [stabilizing_time_constants(each, model, ORDER)[-1][1] for each in plants]
         tried = self.tried(1)
         peaks = [self.peak(1, value) for value in tried]
