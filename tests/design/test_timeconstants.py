@@ -426,6 +426,11 @@ def test_an_exact_model_that_waits_is_stable_for_every_filter(n):
     G = nrdob.delay(2.0) * lag
     assert critical_time_constants(G, G, n) == []
     assert stabilizing_time_constants(G, G, n, floor=1e-3) == [(1e-3, inf)]
+    assert stabilizing_time_constants(G, G, n) == [(0, inf)], "no dead time is left in p_B"
+    unstable = nrdob.delay(2.0) / (s - 1)
+    assert stabilizing_time_constants(unstable, unstable, n) == []
+    low, _ = nrdob.admissible_time_constants(G, G, n, max_ms=1.6)[0]
+    assert low > 0.1, "the dead time still limits the sensitivity"
 
 
 def test_waiting_makes_example_4_stable_for_every_filter_and_a_wrong_wait_does_not():
