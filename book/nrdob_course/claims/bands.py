@@ -16,7 +16,7 @@ from nrdob.numerics import ComplexArray, number
 from nrdob.paper import EXAMPLES, example
 
 from .ledger import Finding
-from .recurring import section
+from .recurring import filtered, section
 from .signals import (
     ABOUT,
     EXACT,
@@ -202,8 +202,7 @@ def input_disturbance_at_low_frequency() -> Finding:
 
 def _biproper() -> NRDOB:
     """Give Example 2 with n = 1: causal, stable, and FH does not die out."""
-    loop = example(2)
-    return NRDOB(loop.process, loop.model, loop.controller, LowPassFilter(0.02, 1))
+    return filtered(example(2), 0.02, 1)
 
 
 def _high_band(loop: NRDOB) -> ComplexArray:
@@ -212,14 +211,9 @@ def _high_band(loop: NRDOB) -> ComplexArray:
     return 1j * np.geomspace(start, 1e6 * start, 601)
 
 
-def _dies_out(loop: NRDOB) -> bool:
-    """Whether FH is strictly proper."""
-    return max(map(abs, loop.FH.at_infinity)) < EXACT
-
-
-def _tends_to_one(loop: NRDOB, part: Callable[[NRDOB, ComplexArray], ComplexArray]) -> bool:
-    s = _high_band(loop)[-1:]
-    return bool(abs(abs(part(loop, s)[0]) - 1) < 1e-3)
+def _dying() -> list[NRDOB]:
+    """Loops whose FH is strictly proper."""
+    return [loop for loop in many_loops() if max(map(abs, loop.FH.at_infinity)) < EXACT]
 
 
 def _approach(
@@ -234,25 +228,27 @@ def _approach(
         off = float(np.abs(np.abs(part(loop, _high_band(loop))) - 1).max())
         return round(off, 9)  # for the matched example nothing but the last bit
 
+    def end(loop: NRDOB) -> float:
+        return float(abs(part(loop, _high_band(loop)[-1:])[0]))
+
     worst = _worst(deviation)
     biproper = _biproper()
     limit = abs(1 / (1 + biproper.FH.at_infinity[0]))
-    dying = [loop for loop in many_loops() if _dies_out(loop)]
     stable = biproper.stability().stable is True
     return Finding(
         every(value <= NEAR for value in worst) and deviation(biproper) <= NEAR,
         f"where |F| ≤ 0.01 {what} is off by at most {numbers(worst)} in Examples 1 to 4; in "
         f"Example 2 with n = 1, λ = 0.02 s ({'stable' if stable else 'not stable'}) it tends to "
-        f"{number(abs(part(biproper, _high_band(biproper)[-1:])[0]), 4)}",
+        f"{number(end(biproper), 4)}",
         ABOUT,
         conditions={
             f"{what} is {form}": exact,
             "Example 2 with n = 1, λ = 0.02 s is stable": stable,
             f"there {what} tends to |1/(1 + FH)| at infinity, not to 1": same(
-                abs(part(biproper, _high_band(biproper)[-1:])[0]), limit, rtol=1e-3
+                end(biproper), limit, rtol=1e-3
             ),
             f"{what} tends to 1 if FH is strictly proper": every(
-                _tends_to_one(loop, part) for loop in dying
+                abs(end(loop) - 1) < 1e-3 for loop in _dying()
             ),
         },
     )
@@ -300,7 +296,6 @@ def noise_at_high_frequency() -> Finding:
     worst = _worst(lambda loop: float(np.abs(loop.S_eta(_high_band(loop))).max()))
     biproper = _biproper()
     passes = float(np.abs(biproper.S_eta(_high_band(biproper))).min())
-    dying = [loop for loop in many_loops() if _dies_out(loop)]
     stable = biproper.stability().stable is True
     return Finding(
         every(value <= NEAR for value in worst) and passes <= NEAR,
@@ -313,7 +308,7 @@ def noise_at_high_frequency() -> Finding:
             "Example 2 with n = 1, λ = 0.02 s is stable": stable,
             "there S_η does not die out": passes > 1 - NEAR,
             "S_η dies out if FH is strictly proper": every(
-                abs(loop.S_eta(_high_band(loop)[-1])) < 1e-3 for loop in dying
+                abs(loop.S_eta(_high_band(loop)[-1])) < 1e-3 for loop in _dying()
             ),
         },
     )
@@ -348,8 +343,7 @@ def noise_against_tracking() -> Finding:
     departs, quieter = [], []
     for which in (2, 3, 4):
         loop = example(which)
-        F = LowPassFilter(4 * loop.filter.time_constant, loop.filter.order)
-        slower = NRDOB(loop.process, loop.model, loop.controller, F)
+        slower = filtered(loop, 4 * loop.filter.time_constant, loop.filter.order)
         before, after = (case.S_eta.noise_power() for case in (loop, slower))
         quieter.append(after < before and slower.stability().stable is True)
         wanted = loop.CGm(s) / (1 + loop.CGm(s))

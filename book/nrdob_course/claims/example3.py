@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import pi, sqrt
 from typing import Any
 
@@ -314,12 +315,10 @@ def variation() -> Finding:
 def performance() -> Finding:
     """Compare before and after ("kept": within 10 %), and judge the pole and the gain alone."""
     found, nominal = performance_finding(3, times=3.0), example(3)
-    pole_alone = NRDOB(
-        ([4], np.polymul([-1, -1, 2], [0.1, 1])), nominal.model, nominal.controller, nominal.filter
-    ).stability()
-    gain_alone = NRDOB(
-        ([2], [-1, -1, 2]), nominal.model, nominal.controller, nominal.filter
-    ).stability()
+    pole_alone, gain_alone = (
+        replace(nominal, process=plant).stability()
+        for plant in (([4], np.polymul([-1, -1, 2], [0.1, 1])), ([2], [-1, -1, 2]))
+    )
     right = pole_alone.observer_loop.closed_loop_rhp
     return Finding(
         found.as_printed and pole_alone.stable is True,
@@ -351,7 +350,7 @@ def family_3() -> Finding:
 
     def stable(gain: float, lag: float) -> bool:
         plant = ([4 * gain], np.polymul([-1, -1, 2], [lag, 1]))
-        return NRDOB(plant, loop.model, loop.controller, loop.filter).stability().stable is True
+        return replace(loop, process=plant).stability().stable is True
 
     sides = [stable(1, 0.999 * longest), stable(1, 1.001 * longest)]
     sides += [stable(0.999 * highest, 0.1), stable(1.001 * highest, 0.1)]
@@ -373,8 +372,9 @@ def family_3() -> Finding:
     )
 
 
-def _routh(k: Any, T: Any, lam: float = 0.05) -> Any:
+def _routh(k: Any, T: Any) -> Any:
     """Routh's condition for (s − 1)(Ts + 1)(λ²s² + 2λs) + 4k(s + 1), positive where it holds."""
+    lam = 0.05
     a4, a3, a2 = T * lam**2, (1 - T) * lam**2 + 2 * lam * T, 2 * lam * (1 - T) - lam**2
     a1, a0 = 4 * k - 2 * lam, 4 * k
     return a1 * (a2 * a3 - a1 * a4) - a0 * a3**2

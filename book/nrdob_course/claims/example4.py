@@ -52,7 +52,7 @@ def model_delay() -> Finding:
         for lam in (1e-3, 0.01, 0.09, 1.0, 100.0)
     )
     loop = example(4)
-    waits = NRDOB(loop.process, loop.process, loop.controller, loop.filter)
+    waits = replace(loop, model=loop.process)
     inverse = loop.filter(1e4) / loop.process.tf(1e4)
     left_out = abs(waits.K(1e4) / inverse - 1) < 1e-12
     x = theta / 0.09
@@ -199,8 +199,7 @@ def radius() -> Finding:
     loop = example(4)
     size = np.abs(loop.ratio(1j * np.append(0.0, OMEGA)))
     limits = {
-        k: NRDOB(k * loop.process, loop.model, loop.controller, loop.filter).ratio.at_infinity[1]
-        for k in (0.5, 1.0, 2.0)
+        k: replace(loop, process=k * loop.process).ratio.at_infinity[1] for k in (0.5, 1.0, 2.0)
     }
     far = abs(loop.ratio(1e7j))
     return Finding(
@@ -281,8 +280,7 @@ def gain_margin() -> Finding:
     by_FH, by_L = margins.observer_loop.gm, margins.plant_loop.gm
 
     def plant(k: float) -> bool | None:
-        louder = NRDOB(k * loop.process, loop.model, loop.controller, loop.filter)
-        return louder.stability().stable
+        return replace(loop, process=k * loop.process).stability().stable
 
     def scaled(k: float) -> bool:
         return count_rhp(minus_point(loop.FH, -1 / k)).count == 0

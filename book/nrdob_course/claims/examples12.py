@@ -51,7 +51,7 @@ def any_stable_filter() -> Finding:
     plant = np.polymul(loop.process.num_array[0, 0], loop.process.den_array[0, 0])
     holds = True
     for each in (*filters, *others):
-        tried = NRDOB(loop.process, loop.model, loop.controller, each, keep_factors=True)
+        tried = replace(loop, filter=each, keep_factors=True)
         den = each.den if isinstance(each, LowPassFilter) else each.den_array[0, 0]
         holds &= np.allclose(tried.p_B.q, np.polymul(plant, den), rtol=1e-12)
         holds &= tried.stability().stable is True
@@ -67,7 +67,7 @@ def any_stable_filter() -> Finding:
 def _refusal(loop: NRDOB, F: ct.TransferFunction) -> bool:
     """Whether the loop cannot be built with this filter."""
     try:
-        NRDOB(loop.process, loop.model, loop.controller, F)
+        replace(loop, filter=F)
     except ValueError:
         return True
     return False

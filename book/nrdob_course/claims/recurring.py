@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Callable
+from dataclasses import replace
 from importlib.resources import files
 from math import inf, isfinite
 
@@ -41,9 +42,7 @@ _FINAL = {"R": 1.0, "d": 0.0, "delta": 0.0, "eta": -1.0}
 
 def filtered(loop: NRDOB, time_constant: float, order: int) -> NRDOB:
     """Give the same loop with another filter of eq. (1)."""
-    return NRDOB(
-        loop.process, loop.model, loop.controller, LowPassFilter(time_constant, int(order))
-    )
+    return replace(loop, filter=LowPassFilter(time_constant, int(order)))
 
 
 def border(loop: NRDOB, order: int, low: float, high: float) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import combinations
 from typing import Any, TypeVar
 
 import control as ct
@@ -20,7 +21,7 @@ from .problems import Lack
 
 __all__ = [
     "POINTS", "TRIES", "LoopCase", "UnstablePlant", "alike", "all_pole", "apart", "draw",
-    "either_sign", "factored", "few", "first_fitting", "grid_peak", "kept", "mirrored",
+    "either_sign", "factored", "few", "first_fitting", "fitting", "grid_peak", "kept", "mirrored",
     "mirrored_pair", "not_around", "observer_stable", "on_the_right", "s",
 ]  # fmt: skip
 
@@ -70,10 +71,17 @@ def first_fitting(draw: Callable[[], T], fits: Callable[[T], bool], tries: int =
     4
     """
     for _ in range(tries):
-        case = draw()
-        if fits(case):
+        if fits(case := draw()):
             return case
     raise RuntimeError(f"none of {tries} cases drawn fits")
+
+
+Drawing = Callable[[np.random.Generator], T]
+
+
+def fitting(fits: Callable[[Any], bool]) -> Callable[[Drawing[T]], Drawing[T]]:
+    """Make the decorated function draw until a case fits, see `first_fitting`."""
+    return lambda draw: lambda rng: first_fitting(lambda: draw(rng), fits)
 
 
 def apart(*values: Any, by: float = 0.02) -> bool:
@@ -84,13 +92,8 @@ def apart(*values: Any, by: float = 0.02) -> bool:
     >>> apart(1.0, 1.5, -1.0), apart((1, 2), (1, 3)), apart(1.0, 1.01)
     (True, True, False)
     """
-    for k, a in enumerate(values):
-        for b in values[:k]:
-            first, second = np.atleast_1d(a).astype(float), np.atleast_1d(b).astype(float)
-            scale = np.maximum(np.abs(first), np.abs(second))
-            if not np.any(np.abs(first - second) > by * scale):
-                return False
-    return True
+    pairs = combinations([np.asarray(value, dtype=float) for value in values], 2)
+    return all(np.any(abs(a - b) > by * np.maximum(abs(a), abs(b))) for a, b in pairs)
 
 
 def on_the_right(*roots: Any) -> int:
@@ -199,14 +202,12 @@ def factored(block: Any) -> str:
     tf = block.tf if isinstance(block, DelayedTransferFunction) else block
     num, den = tf.num_array[0, 0], tf.den_array[0, 0]
     gain = number(num[0] / den[0], 4)
-    above, below = (_factors(polynomial) for polynomial in (num, den))
+    above, below = ("".join(_factors(polynomial)) for polynomial in (num, den))
     if above:
         gain = {"1": "", "−1": "−"}.get(gain, gain)
-    text = gain + "".join(above)
-    if below:
-        one = len(below) == 1
-        text += f"/{below[0]}" if one else f"/({''.join(below)})"
-    return late + text
+    if below and len(_factors(den)) > 1:
+        below = f"({below})"
+    return late + gain + above + (f"/{below}" if below else "")
 
 
 def _factors(polynomial: FloatArray) -> list[str]:

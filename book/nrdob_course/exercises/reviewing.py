@@ -18,7 +18,7 @@ from nrdob.diagram import LowPassFilter
 from nrdob.loop import NRDOB
 
 from .comparing import same
-from .problems import Case, Feedback, Lack, Misconception, Problem
+from .problems import BUDGET, Case, Feedback, Lack, Misconception, Problem
 from .reading import UnreadableError
 
 __all__ = [
@@ -112,10 +112,10 @@ def timed(problem: Problem, answer: Any, cases: Sequence[Case], graded: int) -> 
     start = time.perf_counter()
     found = review(problem, answer, cases)
     seconds = (time.perf_counter() - start) * graded / len(cases)
-    if seconds < 0.05 * problem.budget:
+    if seconds < 0.05 * BUDGET:
         return found
-    note = f"When it is graded it takes about {seconds:.2g} s of the {problem.budget:g} s allowed."
-    if seconds > problem.budget:
+    note = f"When it is graded it takes about {seconds:.2g} s of the {BUDGET:g} s allowed."
+    if seconds > BUDGET:
         found = replace(found, share=0.0, text=TOO_SLOW if found.share == 1 else found.text)
     return replace(found, notes=(note,))
 

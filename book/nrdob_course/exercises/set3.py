@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
-from math import asin, degrees, inf, log, log10, nan, pi, radians, sin, sqrt
+from math import asin, degrees, inf, log, nan, pi, radians, sin, sqrt
 from typing import Any
 
 import control as ct
 import numpy as np
 
-from nrdob.analysis import margin_bounds
+from nrdob.analysis import MarginBounds, margin_bounds
 from nrdob.diagram import LowPassFilter
 from nrdob.loop import NRDOB
 from nrdob.numerics import ComplexArray, FloatArray
@@ -25,11 +25,6 @@ from .problems import pose, put_right, reading
 from .reading import number, numbers
 
 __all__ = ["PROBLEMS"]
-
-
-def _changed(loop: NRDOB, plant: Any) -> bool | None:
-    """Judge the same loop around another plant; p_A stays as it is."""
-    return replace(loop, process=plant).stability().observer_loop.stable
 
 
 # --- 3.1 What M_s promises ----------------------------------------------------------------------
@@ -48,7 +43,7 @@ class PeakCase:
         return f"Ms = {self.ms:g}"
 
 
-def promised_margins(case: PeakCase) -> tuple[float, float, float]:
+def _promised(case: PeakCase) -> MarginBounds:
     return margin_bounds(case.ms)
 
 
@@ -86,11 +81,6 @@ def _promise_lacks(case: PeakCase, got: FloatArray) -> str:
     return ""
 
 
-def _in_decibels(case: PeakCase) -> tuple[float, float, float]:
-    low, high, angle = promised_margins(case)
-    return 20 * log10(low), 20 * log10(high), angle
-
-
 def _as_factors(got: FloatArray) -> FloatArray:
     """Take two gains in decibels, the lower one with its sign or without."""
     low, high, angle = map(float, got)
@@ -103,34 +93,26 @@ PROMISE = pose(
     reads=partial(numbers, names="low, high, angle", gaps=True),
     lacks=_promise_lacks,
     parts=_kept_promises,
-    rounded=lambda case, got: rounds(promised_margins(case), got),
+    rounded=lambda case, got: rounds(_promised(case), got),
     misconceptions={
-        "angle in radians": lambda case: (
-            *promised_margins(case)[:2],
-            radians(promised_margins(case)[2]),
+        "angle in radians": lambda case: _promised(case)._replace(pm=radians(_promised(case).pm)),
+        "lower gain as the inverse of the upper": lambda case: _promised(case)._replace(
+            gm_low=1 / _promised(case).gm_high
         ),
-        "lower gain as the inverse of the upper": lambda case: (
-            1 / promised_margins(case)[1],
-            *promised_margins(case)[1:],
+        "Ms taken for a gain margin": lambda case: _promised(case)._replace(
+            gm_low=1 / case.ms, gm_high=case.ms
         ),
-        "Ms taken for a gain margin": lambda case: (
-            1 / case.ms,
-            case.ms,
-            promised_margins(case)[2],
+        "distance taken for a change of gain": lambda case: _promised(case)._replace(
+            gm_low=1 - 1 / case.ms, gm_high=1 + 1 / case.ms
         ),
-        "distance taken for a change of gain": lambda case: (
-            1 - 1 / case.ms,
-            1 + 1 / case.ms,
-            promised_margins(case)[2],
+        "chord taken for a sine": lambda case: _promised(case)._replace(
+            pm=degrees(asin(1 / case.ms))
         ),
-        "chord taken for a sine": lambda case: (
-            *promised_margins(case)[:2],
-            degrees(asin(1 / case.ms)),
+        "gains in decibels": put_right(
+            lambda case: [*(20 * np.log10(_promised(case)[:2])), _promised(case).pm], _as_factors
         ),
-        "gains in decibels": put_right(_in_decibels, _as_factors),
         "low and high exchanged": put_right(
-            lambda case: (*promised_margins(case)[1::-1], promised_margins(case)[2]),
-            lambda got: got[[1, 0, 2]],
+            lambda case: np.array(_promised(case))[[1, 0, 2]], lambda got: got[[1, 0, 2]]
         ),
     },
 )
@@ -240,16 +222,6 @@ def draw_measured_loop(draw: Callable[..., Any], which: int, rng: np.random.Gene
     return first_fitting(drawn, fits)
 
 
-def _far_case(rng: np.random.Generator) -> MeasuredCase:
-    case: MeasuredCase = draw_measured_loop(draw_far, -1, rng)[0]
-    return case
-
-
-def _close_case(rng: np.random.Generator) -> MeasuredCase:
-    case: MeasuredCase = draw_measured_loop(draw_close, 0, rng)[0]
-    return case
-
-
 READ_OFF = 0.04
 """How far a delay found from measured points may be off."""
 
@@ -270,7 +242,10 @@ def _delay_lacks(case: MeasuredCase, margin: float) -> str:
 DELAY_MARGIN = pose(
     "3.3",
     alike=partial(same, rtol=READ_OFF),
-    case=(_far_case, _close_case),
+    case=(
+        lambda rng: draw_measured_loop(draw_far, -1, rng)[0],
+        lambda rng: draw_measured_loop(draw_close, 0, rng)[0],
+    ),
     reads=number,
     lacks=_delay_lacks,
     misconceptions={
@@ -355,9 +330,7 @@ def draw_noise_loop(rng: np.random.Generator) -> tuple[NoiseCase, NRDOB]:
 def _noise_lacks(case: NoiseCase, omega: float) -> str:
     if not omega > 0:
         return "a frequency in rad/s is asked for"
-    beyond, worst = case.omega >= 1.13 * omega, 0.0
-    if beyond.any():
-        worst = float(case.S_eta[beyond].max())
+    worst = float(case.S_eta[case.omega >= 1.13 * omega].max(initial=0.0))
     if worst * case.size >= 1:
         return (
             f"beyond it |S_η| is still {worst:.3g}, and |Δ S_η| may reach {worst * case.size:.3g}"

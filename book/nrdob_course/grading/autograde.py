@@ -208,16 +208,15 @@ class PatientExecute(Execute):  # type: ignore[misc]
 
     def judged(self, test: HiddenTest, cell: Any, index: int) -> Any:
         """Judge what a cell tests; its points, or what went wrong, as an output."""
-        budget = self.timeout * allowed(test.problem)
         # The machine that grades may be busier than the student's: the clock is generous.
-        end = time.monotonic() + PATIENCE * budget
+        end = time.monotonic() + PATIENCE * self.timeout
 
         def ask(source: str) -> str:
             left = max(1, ceil(end - time.monotonic()))
             asked = new_code_cell(source)
             self.size = 0
             try:
-                with temp_attrs(self, timeout=left, error_on_timeout=slow(budget)):
+                with temp_attrs(self, timeout=left, error_on_timeout=slow(self.timeout)):
                     self.execute_cell(asked, index, store_history=False)
             except Exception as error:  # the kernel is dead or deaf
                 raise Stopped(error) from error
@@ -232,7 +231,7 @@ class PatientExecute(Execute):  # type: ignore[misc]
             raise Stopped(max(errors, key=lambda out: bool(out.ename == TOO_SLOW), default=None))
 
         try:
-            points, group = judge_apart(test, ask, 1.5 * PATIENCE * budget)
+            points, group = judge_apart(test, ask, 1.5 * PATIENCE * self.timeout)
         except Stopped as stopped:
             [why] = stopped.args
             if isinstance(why, Exception):
@@ -249,8 +248,8 @@ class PatientExecute(Execute):  # type: ignore[misc]
             GROUPS.append(group)
             data = {"text/plain": repr(points), "text/html": points._repr_html_()}
             return new_output("execute_result", data=data)
-        REMARKS.append(f"{name_of(cell)} {too_slow(budget)}")
-        return failure(TOO_SLOW, too_slow(budget))
+        REMARKS.append(f"{name_of(cell)} {too_slow(self.timeout)}")
+        return failure(TOO_SLOW, too_slow(self.timeout))
 
     def process_message(self, msg: Any, cell: Any, cell_index: int) -> Any:
         """Take what the kernel says, unless it is of another cell, or the cell has said enough."""
@@ -292,12 +291,6 @@ TOO_SLOW = "TooSlow"
 
 PATIENCE = 1.5
 """How much longer the clock of the grading waits than the student was told."""
-
-
-def allowed(problem: str) -> float:
-    """Give the time that a problem allows, as a share of what the others do."""
-    common = getattr(exercises, "BUDGET", 20.0)
-    return float(getattr(exercises.PROBLEMS.get(problem), "budget", common) / common)
 
 
 def too_slow(seconds: float) -> str:

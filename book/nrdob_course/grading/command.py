@@ -20,7 +20,7 @@ import csv
 import shutil
 import sys
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -49,7 +49,7 @@ from .marks import (
 )
 from .platforms import packed, unpacked
 from .release import MARKERS, SOURCE, CourseError, found_course, generate, release, sets_in, solved
-from .roster import Course, read_course
+from .roster import UNPLANNED, Course, read_course
 from .submissions import NOTHING, Submission, find, repair
 from .tally import write_tally
 from .written import Key, Typed, read_written, write_written
@@ -70,16 +70,14 @@ def grade(
     folder: Path,
     wanted: Sequence[str] = (),
     target: Path = GRADING,
-    source: Path = SOURCE,
     jobs: int = 2,
     limit: float = 1200,
-    plan: Course | None = None,
+    plan: Course = UNPLANNED,
     trust: bool = False,
 ) -> int:
     """Grade what students handed in; the result is how many could not be graded."""
     if not folder.exists():
         raise CourseError(f"there is no folder {folder}")
-    plan = plan or Course()
     if sandbox.missing():
         print(f"{sandbox.missing()}. {NO_SANDBOX}")
     if sandbox.stays_root():
@@ -89,13 +87,13 @@ def grade(
         if packed(folder):
             faults = list(unpacked(folder, Path(place)))
             folder = Path(place)
-        submissions = find(folder, sets_in(source), wanted, plan)
+        submissions = find(folder, sets_in(SOURCE), wanted, plan)
         if not submissions:
             raise CourseError(f"there are no submissions in {folder}")
         found_course(target)
         records = Records(target / "submissions.json")
         faults += take_marks(target, records).faults.values()
-        given_out = released(target, source, {s.set for s in submissions if not s.reason})
+        given_out = released(target, {s.set for s in submissions if not s.reason})
         for fault in faults:
             print(fault, flush=True)
         ready = []
@@ -118,15 +116,15 @@ def grade(
         run(ready, target, records, jobs, limit)
         records.remark_shared_groups(plan)
     finally:  # after an interrupt, too
-        write_tables(target, records, plan, source)
-    compare(target, records, given_out, sets_in(source))
+        write_tables(target, records, plan)
+    compare(target, records, given_out, sets_in(SOURCE))
     return summary(target, submissions, records, faults)
 
 
-def released(target: Path, source: Path, names: set[str]) -> dict[str, Notebook]:
+def released(target: Path, names: set[str]) -> dict[str, Notebook]:
     """Give the students' copy of each of some sets, made anew."""
     return {
-        name: nbformat.read(generate(target, source, name) / f"{name}.ipynb", as_version=4)
+        name: nbformat.read(generate(target, SOURCE, name) / f"{name}.ipynb", as_version=4)
         for name in sorted(names)
     }
 
@@ -186,8 +184,8 @@ def compare(
     rows: list[dict[str, Any]] = []
     if path.exists():
         with path.open(newline="", encoding="utf-8", errors="replace") as file:
-            found_before = [{c: row.get(c) for c in columns} for row in csv.DictReader(file)]
-        rows = [row for row in found_before if row["set"] not in given_out]
+            before = [{c: row.get(c) for c in columns} for row in csv.DictReader(file)]
+        rows = [row for row in before if row["set"] not in given_out]
     for name, skeleton in given_out.items():
         notebooks = {
             entry["student"]: nbformat.read(
@@ -237,13 +235,7 @@ def take_marks(target: Path, records: Records, tables: Sequence[Path] = ()) -> T
     return typed
 
 
-def write_tables(
-    target: Path,
-    records: Records,
-    plan: Course,
-    source: Path = SOURCE,
-    tables: Sequence[Path] = (),
-) -> None:
+def write_tables(target: Path, records: Records, plan: Course, tables: Sequence[Path] = ()) -> None:
     """Write what the teacher reads, and what the platform imports."""
     records.save()
     typed = take_marks(target, records, tables)  # also what was typed in the meantime
@@ -252,7 +244,7 @@ def write_tables(
         write_grades(target / "grades.csv", found)
         write_course(target / "course.csv", found, plan)
         write_written(target / "written.csv", gradebook, records, typed)
-        write_marking(target / "marking.html", gradebook, records, sets_in(source), ADVICE)
+        write_marking(target / "marking.html", gradebook, records, sets_in(SOURCE), ADVICE)
         tell_late(target, found, plan)
         write_platforms(target, found, plan)
         pack_feedback(target, found)
@@ -286,7 +278,7 @@ def summary(
     return len(refused) + len(faults)
 
 
-def report(target: Path = GRADING, plan: Course | None = None, tables: Sequence[Path] = ()) -> int:
+def report(target: Path = GRADING, plan: Course = UNPLANNED, tables: Sequence[Path] = ()) -> int:
     """Enter the marks written by hand; write feedback and tables anew."""
     records = records_of(target)
     if missing := [table for table in tables if not table.is_file()]:
@@ -295,7 +287,7 @@ def report(target: Path = GRADING, plan: Course | None = None, tables: Sequence[
     for fault in faults:
         print(fault, flush=True)
     give_feedback(target, [entry for entry in records.entries if not entry["reason"]])
-    write_tables(target, records, plan or Course(), tables=tables)
+    write_tables(target, records, plan, tables)
     for fault in faults:
         print(f"  {fault}")
     print(f"Points: {target / 'grades.csv'}")
@@ -321,14 +313,14 @@ def give_feedback(target: Path, entries: Sequence[Mapping[str, Any]]) -> None:
 
 
 def override(
-    target: Path, key: Key, points: str, who: str, why: str, plan: Course | None = None
+    target: Path, key: Key, points: str, who: str, why: str, plan: Course = UNPLANNED
 ) -> int:
     """Give the points of one answer by hand, or withdraw such points; it is logged."""
     records = records_of(target)
     with course(target).gradebook as gradebook:
         entry = changes.override(gradebook, target, records, key, points, who, why)
     give_feedback(target, [entry])
-    write_tables(target, records, plan or Course())
+    write_tables(target, records, plan)
     print(f"{' '.join(key)}: {points}. The log: {target / changes.FILE}")
     return 0
 
@@ -339,10 +331,9 @@ def regrade(
     problems: Sequence[str],
     who: str,
     why: str,
-    source: Path = SOURCE,
     jobs: int = 2,
     limit: float = 1200,
-    plan: Course | None = None,
+    plan: Course = UNPLANNED,
 ) -> int:
     """Judge anew what some students have handed in, or some problems of all; it is logged.
 
@@ -361,7 +352,7 @@ def regrade(
         raise CourseError(f"nothing of {', '.join(sorted(unknown))} is graded there")
     if not chosen:
         raise CourseError(f"nothing is graded of {', '.join(problems)}")
-    released(target, source, {entry["set"] for entry in chosen})
+    released(target, {entry["set"] for entry in chosen})
     entries = {(entry["folder"], entry["set"]): entry for entry in chosen}
     ready = [(entry["folder"], Submission(entry["student"], entry["set"])) for entry in chosen]
     failed = 0
@@ -389,7 +380,7 @@ def regrade(
         for key, old, new in changed:
             print(f"{' '.join(key)}: {old} → {new}", flush=True)
     give_feedback(target, chosen)
-    write_tables(target, records, plan or Course(), source)
+    write_tables(target, records, plan)
     print(f"The log: {target / changes.FILE}")
     return failed
 
@@ -410,7 +401,7 @@ def checked(names: Sequence[str]) -> list[str]:
 def planned(path: Path | None) -> Course:
     """Read the settings of the course; without a file there are none."""
     if path is None and not COURSE.exists():
-        return Course()
+        return UNPLANNED
     try:
         found = read_course(path or COURSE)
     except OSError as error:
@@ -426,43 +417,28 @@ ROOT_STOPS = (
 )
 
 
+COMMANDS: dict[str, Callable[..., int]] = {
+    "grade": grade, "report": report, "regrade": regrade, "override": override,
+}  # fmt: skip
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line; 0 if all is well, 1 if some could not be graded, 2 if nothing was."""
-    options = parse(arguments)
+    given = vars(parse(arguments))
+    command, as_root = given.pop("command"), given.pop("as_root", True)
     try:
-        if options.command == "release":
-            release(checked(options.sets) or list(sets_in(SOURCE)), SOURCE, options.output)
+        if command == "release":
+            release(checked(given["sets"]) or list(sets_in(SOURCE)), SOURCE, given["output"])
             return 0
-        if getattr(options, "as_root", True) is False and sandbox.is_root():
+        if not as_root and sandbox.is_root():
             raise CourseError(ROOT_STOPS)
-        plan = planned(options.course)
-        if options.command == "override":
-            name = f"set{options.problem.partition('.')[0]}"
-            key = (options.student, name, options.problem)
-            left = override(options.output, key, options.points, options.who, options.why, plan)
-        elif options.command == "regrade":
-            left = regrade(
-                options.output,
-                options.student,
-                options.problem,
-                options.who,
-                options.why,
-                jobs=options.jobs,
-                limit=options.limit,
-                plan=plan,
-            )
-        elif options.command == "grade":
-            left = grade(
-                options.folder,
-                checked(options.set),
-                options.output,
-                jobs=options.jobs,
-                limit=options.limit,
-                plan=plan,
-                trust=options.trust,
-            )
-        else:
-            left = report(options.output, plan, options.tables)
+        given["plan"] = planned(given.pop("course"))
+        if command == "grade":
+            given["wanted"] = checked(given["wanted"])
+        if command == "override":
+            student, problem = given.pop("student"), given.pop("problem")
+            given["key"] = (student, f"set{problem.partition('.')[0]}", problem)
+        left = COMMANDS[command](**given)
     except (CourseError, ValueError) as error:
         print(error, file=sys.stderr)
         return 2

@@ -30,7 +30,7 @@ from math import ceil
 from pathlib import Path
 from typing import Any
 
-__all__ = ["Course", "Student", "read_course", "read_table"]
+__all__ = ["UNPLANNED", "Course", "Student", "read_course", "read_table"]
 
 
 @dataclass(frozen=True)
@@ -117,6 +117,8 @@ class Course:
         """
         return 0.0 if days > self.most_days else max(0.0, 1 - self.per_day * days / 100)
 
+
+UNPLANNED = Course()
 
 MOST = 1_000_000
 """Largest number in the rules of a course."""
