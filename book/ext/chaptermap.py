@@ -77,7 +77,6 @@ class ChapterMap(ChapterDirective):
     """All chapters, part by part."""
 
     def run(self) -> list[nodes.Node]:
-        """Make the cards."""
         openings = self.openings()
         found = nodes.container(classes=["chapter-map"])
         for part, numbers in PARTS.items():
@@ -108,7 +107,6 @@ class ReadingPath(ChapterDirective):
     has_content = True
 
     def run(self) -> list[nodes.Node]:
-        """Write the sentence, the time, and the chapters."""
         openings = self.openings()
         numbers = self.arguments[0].split()
         if unknown := sorted(set(numbers) - set(openings)):
@@ -140,7 +138,6 @@ def number_title(_app: Sphinx, page: str, source: list[str]) -> None:
 
 
 def setup(app: Sphinx) -> dict[str, Any]:
-    """Add the two directives, and the numbers of the chapters."""
     app.connect("source-read", number_title)
     app.add_directive("chapter-map", ChapterMap)
     app.add_directive("reading-path", ReadingPath)

@@ -94,6 +94,5 @@ def own_text(section: nodes.section) -> str:
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Register the transform."""
     app.add_transform(Concordance)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

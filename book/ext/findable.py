@@ -56,17 +56,12 @@ def plain(latex: str) -> str:
             text,
         )
     text = re.sub(r"\\(?:mathrm|mathcal|mathbf|operatorname|text)\s*\{?([^{}]*)\}?", r"\1", text)
+    part = r"\s*(?:\{([^{}]*)\}|(\\[A-Za-z]+|\w))"
     for _ in range(4):  # fractions stand in fractions
-        text = re.sub(
-            r"\\[dt]?frac\s*(?:\{([^{}]*)\}|(\\[A-Za-z]+|\w))\s*(?:\{([^{}]*)\}|(\\[A-Za-z]+|\w))",
-            fraction,
-            text,
-        )
+        text = re.sub(rf"\\[dt]?frac{part}{part}", fraction, text)
         text = re.sub(r"\\sqrt\s*\{([^{}]*)\}", r"√(\1)", text)
         text = re.sub(r"_\{([^{}]*)\}", r"_\1", text)
-        text = re.sub(
-            r"\^\{([^{}]*)\}|\^(\w)", lambda found: power(found[1] or found[2] or ""), text
-        )
+        text = re.sub(r"\^(?:\{([^{}]*)\}|(\w))", power, text)
     text = re.sub(r"\\([A-Za-z]+)", lambda found: LETTERS.get(found[1], ""), text)
     return " ".join(re.sub(r"\\[,;:!|]?|[{}~$]", " ", text).split())
 
@@ -81,8 +76,9 @@ def fraction(found: re.Match[str]) -> str:
     return f"{held(above)}/{held(below)}"
 
 
-def power(exponent: str) -> str:
+def power(found: re.Match[str]) -> str:
     """Write a short exponent above the line, another one behind a caret."""
+    exponent = found[1] or found[2] or ""
     raised = exponent.translate(SUPERSCRIPTS)
     return raised if re.fullmatch(r"[⁰¹²³⁴⁵⁶⁷⁸⁹⁺⁻ⁿ]+", raised) else f"^({exponent})"
 
@@ -192,7 +188,6 @@ def add_scripts(
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Write at the end of each build, and load on one page."""
     app.connect("html-page-context", add_scripts)
     app.connect("build-finished", write_texts)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -86,7 +86,6 @@ class Repository(SphinxDirective):
     """Where the project lives, in a paragraph; nothing as long as no address is set."""
 
     def run(self) -> list[nodes.Node]:
-        """Write the paragraph."""
         address = self.config.nrdob_repository
         if not address:
             return []
@@ -113,7 +112,6 @@ def write_archive(app: Sphinx, failed: Exception | None) -> None:
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Add the setting, the buttons and the archive."""
     app.add_config_value("nrdob_project", "..", "env", str)
     app.add_config_value("nrdob_repository", "", "html", str)
     app.connect("config-inited", set_repository)

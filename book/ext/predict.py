@@ -54,7 +54,6 @@ def show_pictures(app: Sphinx, page: str, source: list[str]) -> None:
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Add the setting that names the folder of questions, seen from here."""
     app.add_config_value("nrdob_class", "../notebooks/class", "env", str)
     app.connect("source-read", show_pictures)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

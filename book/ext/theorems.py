@@ -145,7 +145,6 @@ class TheoremIndex(SphinxDirective):
     """All theorems by chapter: conditions, statement, counterexamples, proof, who knew it."""
 
     def run(self) -> list[nodes.Node]:
-        """Write the index as Markdown, and let it be read like the rest of the page."""
         for path in folder(self.env).glob("*.ipynb"):
             self.env.note_dependency(path)
         text = "\n\n".join(
@@ -200,7 +199,6 @@ def indented(text: str) -> str:
 
 
 def setup(app: Sphinx) -> dict[str, Any]:
-    """Check before anything is read; box and link while it is."""
     app.add_directive("theorem-index", TheoremIndex)
     app.add_transform(Boxes)
     app.connect("builder-inited", check)

@@ -53,7 +53,6 @@ def pack(files: Iterator[tuple[str, Path]], target: Path) -> None:
 
 
 def main() -> None:
-    """Read the command line."""
     build = ROOT / "build"
     given = options(__doc__, None, site=build / "html", output=build / "nrdob-book.zip")
     if not (given.site / "index.html").exists():

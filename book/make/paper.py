@@ -143,7 +143,6 @@ def page(title: str, sections: Iterator[list[Markup]], look: str) -> str:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the command line; the result is the exit code."""
     given = options(__doc__, arguments, output=ROOT / "build" / "paper")
     print(*write(given.output), sep="\n")
     return 0

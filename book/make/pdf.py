@@ -242,7 +242,6 @@ def build(site: Path, output: Path) -> None:
 
 
 def main() -> None:
-    """Read the command line."""
     folder = ROOT / "build"
     given = options(__doc__, None, site=folder / "html", output=folder / "nrdob.pdf")
     # A browser miscounts its objects; what reads them would say so, and heals it.

@@ -198,7 +198,6 @@ def put_into(notebook: Any, question: Question) -> None:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the command line; the result is the exit code."""
     check = options(__doc__, arguments, check=True).check
     behind = []
     for chapter, question in read_questions().items():

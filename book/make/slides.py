@@ -100,7 +100,6 @@ def copy_beside(folder: Path) -> None:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the command line; the result is the exit code."""
     folder: Path = options(__doc__, arguments, output=ROOT / "build" / "slides").output
     folder.mkdir(parents=True, exist_ok=True)
     for old in folder.glob("*.html"):

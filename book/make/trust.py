@@ -26,7 +26,6 @@ def made(source: Path = SOURCE) -> str:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the command line; the result is the exit code."""
     check = options(__doc__, arguments, check=True).check
     if not check:
         store(made(), PAGE)

@@ -132,8 +132,5 @@ def year() -> Finding:
         printed == by_doi,
         f"{number(by_doi, 4)} by the DOI 10.1109/TMECH.2004.839034, {number(by_volume, 4)} by the "
         "volume",
-        conditions={
-            "the DOI says 2004": by_doi == 2004,
-            "the volume says 2004": by_volume == 2004,
-        },
+        conditions={"the DOI says 2004": by_doi == 2004, "the volume says 2004": by_volume == 2004},
     )

@@ -174,11 +174,8 @@ class LedgerError(AssertionError):
 def settle(claim: Claim) -> Entry:
     """Run the check of a claim and give the verdict that follows from it.
 
-    Raises
-    ------
-    LedgerError
-        If the statement holds but the ledger amends it, if it fails and nothing is put in its
-        place, or if what is put in its place fails as well; the conditions that fail are named.
+    A LedgerError says that the statement holds but the ledger amends it, that it fails and nothing
+    is put in its place, or that what is put in its place fails as well, and on which conditions.
     """
     finding, wrong = claim.check(), ""
     found = f"({finding.computed})"
@@ -197,14 +194,9 @@ def settle(claim: Claim) -> Entry:
 class Section:
     """The claims of one part of the paper, in its order: their texts, and a check for each.
 
-    Parameters
-    ----------
-    texts : mapping from str to mapping
-        By id: chapter, place, says and, where there are any, printed; for what does not hold as
-        printed the verdict and what is true instead. `recurs` is for `recurring.section`.
+    The texts stand by id: chapter, place, says and, where there are any, printed; for what does not
+    hold as printed the verdict and what is true instead. `recurs` is for `recurring.section`.
 
-    Examples
-    --------
     >>> part = Section({"sum": {"chapter": "chapter", "place": "p. 1", "says": "1 + 1 is 3",
     ...     "printed": "3", "verdict": "corrected", "instead": "1 + 1 is 2"}})
     >>> @part.check("sum")
@@ -224,13 +216,7 @@ class Section:
         self._entered: dict[str, Claim] = {}
 
     def check(self, id: str, **known: str) -> Callable[[Check], Check]:
-        """Enter the decorated check of a claim; `known` are texts that are computed.
-
-        Raises
-        ------
-        ValueError
-            If there is no text for it, or a check already.
-        """
+        """Enter the decorated check of a claim; `known` are texts that are computed."""
         if id not in self.texts:
             raise ValueError(f"there is no text for the claim {id!r}; write it beside the others")
         if id in self._entered:
@@ -248,13 +234,7 @@ class Section:
 
     @property
     def claims(self) -> list[Claim]:
-        """The claims, in the order of their texts.
-
-        Raises
-        ------
-        ValueError
-            If one of them has no check.
-        """
+        """The claims, in the order of their texts; each must have a check."""
         if missing := [id for id in self.texts if id not in self._entered]:
             raise ValueError(f"no check for {', '.join(missing)}; write one below @SECTION.check")
         return [self._entered[id] for id in self.texts]
@@ -263,10 +243,7 @@ class Section:
 def collect(sections: Iterable[Section]) -> dict[str, Claim]:
     """Put the claims of all sections into one ledger, in the order given.
 
-    Raises
-    ------
-    ValueError
-        If two claims have the same id: it must be known which one a chapter cites.
+    No two have the same id: it must be known which one a chapter cites.
     """
     ledger: dict[str, Claim] = {}
     for claim in (claim for section in sections for claim in section.claims):

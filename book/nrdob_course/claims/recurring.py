@@ -177,8 +177,6 @@ def _fraction_text(num: FloatArray, den: FloatArray, delay: float) -> str:
 def _polynomial_text(coefficients: FloatArray) -> str:
     """Write a polynomial in descending powers of s.
 
-    Examples
-    --------
     >>> _polynomial_text(np.array([1.0, 0.0, -3.75])), _polynomial_text(np.array([-0.01, 1.0]))
     ('s² − 3.75', '−0.01s + 1')
     """

@@ -55,11 +55,7 @@ def _noise_powers(loop: NRDOB, time_constant: float) -> FloatArray:
         np.convolve(alone[1], F.den),
     )
     return np.array(
-        [
-            matched.S_eta.noise_power(),
-            rational_power(*conventional),
-            rational_power(*alone),
-        ]
+        [matched.S_eta.noise_power(), rational_power(*conventional), rational_power(*alone)]
     )
 
 

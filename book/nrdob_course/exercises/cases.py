@@ -38,8 +38,6 @@ s = ct.tf("s")
 def few(value: float, digits: int = 2) -> float:
     """Round to a few significant digits, so that a case is short to print.
 
-    Examples
-    --------
     >>> few(0.12345), few(1234.5, 3)
     (0.12, 1230.0)
     """
@@ -57,15 +55,8 @@ def either_sign(rng: np.random.Generator) -> float:
 
 
 def first_fitting(draw: Callable[[], T], fits: Callable[[T], bool], tries: int = TRIES) -> T:
-    """Draw until a case fits.
+    """Draw until a case fits; a RuntimeError says that a generator has become too strict.
 
-    Raises
-    ------
-    RuntimeError
-        If none does, so that a generator that has become too strict says so.
-
-    Examples
-    --------
     >>> numbers = iter(range(10))
     >>> first_fitting(lambda: next(numbers), lambda n: n > 3)
     4
@@ -87,8 +78,6 @@ def fitting(fits: Callable[[Any], bool]) -> Callable[[Drawing[T]], Drawing[T]]:
 def apart(*values: Any, by: float = 0.02) -> bool:
     """Tell whether numbers, or tuples of numbers, differ from one another by more than a share.
 
-    Examples
-    --------
     >>> apart(1.0, 1.5, -1.0), apart((1, 2), (1, 3)), apart(1.0, 1.01)
     (True, True, False)
     """
@@ -123,8 +112,8 @@ def mirrored_pair(
     return lags(-1 / pole, 1 / decay, gain=-gain), lags(1 / pole, 1 / decay, gain=gain)
 
 
-POINTS = np.array([0.3 + 0.2j, 1j, 3 + 2j, 10j, 40 + 7j])
-"""Where two plants are compared."""
+POINTS = np.array([0.3 + 0.2j, 0.7j, 1 + 2j, 5j, 3 + 9j, 20j, 40 + 10j, 90j])
+"""Where functions of s are compared."""
 
 
 def alike(first: Callable[[Any], Any], second: Callable[[Any], Any]) -> bool:

@@ -103,8 +103,6 @@ def reading(readings: Callable[[Case], Mapping[str, Any]], name: str) -> Callabl
 class Lack(str):
     """What an answer lacks, in words, and in one word by which a misconception knows it.
 
-    Examples
-    --------
     >>> Lack("sign", "the gain has the wrong sign").kind
     'sign'
     """
@@ -236,7 +234,7 @@ class Problem:
 
         Parameters
         ----------
-        seed, count
+        seed, count : object, int
             As of `drawn`.
         """
         return copy.deepcopy(self.drawn(seed, count))
@@ -280,21 +278,8 @@ def pose(
 ) -> Problem:
     """Make a problem of what judges it, and of its texts in the TOML file of its set.
 
-    Parameters
-    ----------
-    id, lacks, **how
-        As of a `Problem`.
-    misconceptions : mapping from str to Misconception or callable
-        By name, in the order in which they are looked for; or the example alone.
-    alike : callable
-        Compares what an example answers with what was given.
-    texts : mapping, optional
-        The texts, if they do not stand in such a file.
-
-    Raises
-    ------
-    ValueError
-        If a misconception has no text, or a text no misconception.
+    Misconceptions come by name, in the order in which they are looked for, as such or as what is
+    answered; `alike` compares that with what was given. Each has a text, and no text is left over.
     """
     text = texts or texts_of(id.partition(".")[0])[id]
     said = text["misconceptions"]

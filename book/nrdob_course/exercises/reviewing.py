@@ -64,18 +64,9 @@ HIDDEN = (
 def review(
     problem: Problem, answer: Any, cases: Iterable[Case], shown: int | None = None
 ) -> Feedback:
-    """Judge an answer on some cases.
+    """Judge an answer on some cases; the value for an own case on the first one only.
 
-    Parameters
-    ----------
-    problem : Problem
-        The problem.
-    answer : object
-        A function of a case, or, where the problem asks for the student's own case, a value.
-    cases : iterable
-        What it is tried on; the value of an own case is tried on the first one only.
-    shown : int, optional
-        How many of them the student may see; what is said tells nothing of the others.
+    What is said tells nothing of the cases beyond those that may be `shown`.
     """
     if answer is None or answer is Ellipsis:
         return Feedback(0.0, BLANK)
@@ -100,15 +91,7 @@ def review(
 
 
 def timed(problem: Problem, answer: Any, cases: Sequence[Case], graded: int) -> Feedback:
-    """Judge an answer, and tell how much of the time allowed it takes when it is graded.
-
-    Parameters
-    ----------
-    problem, answer, cases
-        As `review` takes them.
-    graded : int
-        On how many cases it will be graded.
-    """
+    """Judge an answer, and tell how much time it takes when it is graded on so many cases."""
     start = time.perf_counter()
     found = review(problem, answer, cases)
     seconds = (time.perf_counter() - start) * graded / len(cases)

@@ -17,16 +17,13 @@ from nrdob.loop import NRDOB
 from nrdob.numerics import FloatArray
 from nrdob.plotting import Figure
 
-from .cases import apart, draw, few, first_fitting
+from .cases import POINTS, apart, draw, few, first_fitting
 from .comparing import FOUR_DIGITS, near, rounds
 from .figures import draw_gains
 from .problems import pose, put_right, reading
 from .reading import UnreadableError, number, numbers, polynomial
 
-__all__ = ["POINTS", "PROBLEMS"]
-
-POINTS = np.array([0.3 + 0.2j, 0.7j, 1 + 2j, 5j, 3 + 9j, 20j, 40 + 10j, 90j])
-"""Where functions of s are compared."""
+__all__ = ["PROBLEMS"]
 
 
 def _gain_error(rng: np.random.Generator) -> float:

@@ -13,11 +13,10 @@ from nrdob.diagram import LowPassFilter, as_fraction
 from nrdob.loop import NRDOB
 from nrdob.numerics import ComplexArray
 
-from .cases import LoopCase, draw, few, fitting
+from .cases import POINTS, LoopCase, draw, few, fitting
 from .comparing import FOUR_DIGITS
 from .problems import Lack, Misconception, lacking, pose
 from .reading import block, lowpass, number, things
-from .set1 import POINTS
 
 __all__ = ["PROBLEMS"]
 

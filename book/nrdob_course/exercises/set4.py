@@ -24,17 +24,7 @@ from nrdob.loop import NRDOB
 from nrdob.numerics import FloatArray
 from nrdob.plotting import Figure
 
-from .cases import (
-    all_pole,
-    apart,
-    draw,
-    factored,
-    few,
-    fitting,
-    grid_peak,
-    kept,
-    observer_stable,
-)
+from .cases import all_pole, apart, draw, factored, few, fitting, grid_peak, kept, observer_stable
 from .comparing import near, rounds, same
 from .figures import Peaks, draw_peaks
 from .problems import Misconception, any_of, pose, put_right

@@ -168,10 +168,7 @@ def _not_refuting(case: UnstablePlant, got: tuple[ct.TransferFunction, int]) -> 
     model, order = got
     roots = np.concatenate([model.poles(), model.zeros()])
     if np.any(roots.real >= 0):
-        return Lack(
-            "right",
-            "the model has an unstable pole or zero; the advice asks for neither",
-        )
+        return Lack("right", "the model has an unstable pole or zero; the advice asks for neither")
     falls = as_fraction(model, "model", proper=False).relative_degree
     if falls <= 2:
         return Lack(

@@ -260,10 +260,7 @@ EDGE = pose(
             side_of(case),
         ),
         "a frequency taken for the time constant": any_of(
-            lambda case: [
-                (1 / edge_of(case)[0], side_of(case)),
-                (edge_of(case)[1], side_of(case)),
-            ]
+            lambda case: [(1 / edge_of(case)[0], side_of(case)), (edge_of(case)[1], side_of(case))]
         ),
     },
 )

@@ -224,8 +224,6 @@ def _table(goals: list[Goal]) -> str:
 def rms(transfer: Quotient) -> float:
     """Root of the power of the output for white noise of unit density, the norm of order 2.
 
-    Examples
-    --------
     >>> loop = NRDOB(ct.tf([1], [1, 1]), ct.tf([1], [1, 1]), 1.0, LowPassFilter(0.5, 2))
     >>> round(rms(loop.S_eta) ** 2, 6)                  # 1/(4λ)
     0.5
@@ -446,9 +444,7 @@ DESIGN = pose(
         "filter too slow for the plant": lacking("observer", lambda case: _of(loop_of(case, 1.0))),
         "controller for the plant, not for the model": lacking(
             "controller",
-            lambda case: _of(
-                replace(loop_of(case, _good(case)), controller=-controller_of(case)),
-            ),
+            lambda case: _of(replace(loop_of(case, _good(case)), controller=-controller_of(case))),
         ),
         "Ms above its limit": lacking("Ms", _with_good(1.7)),
         "disturbances not held": lacking("disturbance", _with_good(1.3)),

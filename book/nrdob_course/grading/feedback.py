@@ -65,8 +65,6 @@ NOTE = re.compile(r"(<body>)(?:<!--note-->.*?<!--/note-->)?", re.DOTALL)
 def with_note(page: str, note: str) -> str:
     """Put a note on top of a page, in the place of an earlier one; none if it is empty.
 
-    Examples
-    --------
     >>> with_note("<body>text</body>", "late")
     '<body><!--note--><p><strong>late</strong></p><!--/note-->text</body>'
     >>> with_note(with_note("<body>text</body>", "late"), "")

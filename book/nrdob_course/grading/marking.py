@@ -47,15 +47,22 @@ def write_marking(
         path.unlink(missing_ok=True)
         return
     rubrics = tomllib.loads(advice.read_text("utf-8")) if advice.exists() else {}
+
+    def by_code(pair: tuple[Record, Any]) -> str:
+        return str(pair[0]["code"])
+
     problems = [
         {"problem": problem}
         | _problem(sets[name], cell, rubrics.get(problem, {}))
-        | {"answers": [_answer(path, *each, gradebook) for each in sorted(found, key=_by_code)]}
+        | {"answers": [_answer(path, *each, gradebook) for each in sorted(found, key=by_code)]}
         for (name, problem, cell), found in sorted(
             answers.items(), key=lambda item: in_order(item[0][1])
         )
     ]
-    style, script = (_source(f"marking.{kind}") for kind in ("css", "js"))
+    style, script = (
+        Markup(files(__package__).joinpath("pages", f"marking.{kind}").read_text("utf-8"))
+        for kind in ("css", "js")
+    )
     page = PAGES.get_template("marking.html").render(
         problems=problems,
         style=style,
@@ -64,14 +71,6 @@ def write_marking(
         key=hashlib.sha256(str(path.resolve()).encode()).hexdigest()[:8],
     )
     path.write_text(page + "\n", "utf-8")
-
-
-def _source(name: str) -> Markup:
-    return Markup(files(__package__).joinpath("pages", name).read_text("utf-8"))
-
-
-def _by_code(pair: tuple[Record, Any]) -> str:
-    return str(pair[0]["code"])
 
 
 def _problem(source: Any, name: str, advice: Mapping[str, Any]) -> dict[str, Any]:
