@@ -27,7 +27,7 @@ from .cases import (
     s,
 )
 from .comparing import same
-from .problems import Misconception, any_of, pose
+from .problems import Misconception, any_of, pose, reading
 from .reading import number as one_number
 from .reading import numbers
 
@@ -283,20 +283,14 @@ def _half_curve(way: int, rng: np.random.Generator) -> HalfCurve:
 
 def _unambiguous(case: HalfCurve) -> bool:
     """Whether every mistake gives a number of its own, which does not round to the right one."""
-    right = _closed(case)
-    mistakes = [
-        _axis_only(case),
-        _half_circle_missing(case),
-        -right,
-        _around_zero(case),
-        _one_half(case),
-    ]
+    right, found = _closed(case), _readings(case)
+    names = ("axis only", "half circle missing", "around zero", "one half")
     return (
-        apart(right, *mistakes, *_hints(case), by=0.05)
-        and apart(right, _detour_missing(case), *_hints(case), by=0.05)
-        and all(abs(value - right) > 0.4 for value in (_jumps(case), _one_half(case)))
+        apart(right, -right, *(found[name] for name in names), *_hints(case), by=0.05)
+        and apart(right, found["detour missing"], *_hints(case), by=0.05)
+        and all(abs(found[name] - right) > 0.4 for name in ("jumps", "one half"))
         # Clockwise curves of which this is true, too, are too rare to be found.
-        and (right > 0 or apart(_jumps(case), _around_zero(case), by=0.05))
+        and (right > 0 or apart(found["jumps"], found["around zero"], by=0.05))
     )
 
 
@@ -323,49 +317,26 @@ def _clockwise(values: ComplexArray) -> float:
     return float(-np.angle(values[1:] / values[:-1]).sum() / (2 * np.pi))
 
 
-def _pieces(case: HalfCurve) -> float:
-    """Count the turns of the detour around 0 and of the large half circle."""
-    return (case.poles_at_zero + case.excess) / 2
-
-
 @kept
-def _on_page(case: HalfCurve) -> float:
-    return _clockwise(1 + case.values)
-
-
-def _sum(case: HalfCurve) -> float:
-    """Add up what there is: the right number, but for rounding."""
-    return 2 * _on_page(case) + _pieces(case)
+def _readings(case: HalfCurve) -> dict[str, float]:
+    """Add up the turns, rightly but for rounding and wrongly, and those of the closing pieces."""
+    detour, half_circle = case.poles_at_zero / 2, case.excess / 2
+    on_page, pieces = _clockwise(1 + case.values), detour + half_circle
+    first, last = np.angle(1 + case.values[[0, -1]])  # as NumPy gives them, between -π and π
+    return {
+        "right": 2 * on_page + pieces,
+        "pieces": pieces,
+        "axis only": 2 * on_page,
+        "half circle missing": 2 * on_page + detour,
+        "detour missing": 2 * on_page + half_circle,
+        "around zero": 2 * _clockwise(case.values) + pieces,
+        "one half": on_page + pieces,
+        "jumps": float((first - last) / np.pi) + pieces,
+    }
 
 
 def _closed(case: HalfCurve) -> float:
-    return round(_sum(case))
-
-
-def _axis_only(case: HalfCurve) -> float:
-    return 2 * _on_page(case)
-
-
-def _half_circle_missing(case: HalfCurve) -> float:
-    return _axis_only(case) + case.poles_at_zero / 2
-
-
-def _detour_missing(case: HalfCurve) -> float:
-    return _axis_only(case) + case.excess / 2
-
-
-def _around_zero(case: HalfCurve) -> float:
-    return 2 * _clockwise(case.values) + _pieces(case)
-
-
-def _one_half(case: HalfCurve) -> float:
-    return _on_page(case) + _pieces(case)
-
-
-def _jumps(case: HalfCurve) -> float:
-    """Take the difference of two angles as NumPy gives them, between -π and π."""
-    first, last = np.angle(1 + case.values[[0, -1]])
-    return float((first - last) / np.pi) + _pieces(case)
+    return round(_readings(case)["right"])
 
 
 def _near(value: float, got: float) -> bool:
@@ -377,7 +348,7 @@ def _near(value: float, got: float) -> bool:
 
 def _hints(case: HalfCurve) -> dict[float, str]:
     """Say what other slips look like."""
-    axis, pieces = _axis_only(case), _pieces(case)
+    axis, pieces = _readings(case)["axis only"], _readings(case)["pieces"]
     return {
         axis / 2: "it is what positive frequencies alone give. Where are the mirror image, the "
         "detour, and the half circle?",
@@ -407,16 +378,19 @@ CLOSING = pose(
     lacks=_closing_lacks,
     misconceptions={
         "cut off instead of rounded": Misconception(
-            lambda case: int(_sum(case)), lambda case, got: same(int(_sum(case)), got)
+            lambda case: int(_readings(case)["right"]),
+            lambda case, got: same(int(_readings(case)["right"]), got),
         ),
-        "angles that jump": _jumps,
-        "the curve left open": _axis_only,
+        "angles that jump": reading(_readings, "jumps"),
+        "the curve left open": reading(_readings, "axis only"),
         "one of the two closing pieces forgotten": any_of(
-            lambda case: [_half_circle_missing(case), _detour_missing(case)]
+            lambda case: [
+                _readings(case)[f"{piece} missing"] for piece in ("half circle", "detour")
+            ]
         ),
         "counter-clockwise counted as positive": lambda case: -_closed(case),
-        "encirclements of 0": _around_zero,
-        "negative frequencies forgotten": _one_half,
+        "encirclements of 0": reading(_readings, "around zero"),
+        "negative frequencies forgotten": reading(_readings, "one half"),
     },
 )
 

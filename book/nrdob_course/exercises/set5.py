@@ -257,11 +257,11 @@ def _design_case(rng: np.random.Generator) -> DesignCase:
         decay=few(pole * rng.uniform(3, 6)),
         dead_time=few(rng.uniform(0.055, 0.065) / pole),
     )
-    tempting = _with_dead_time(case, _design(case, 0.2, size=0.5)).margins()
+    tempting = replace(_design(case, 0.2, size=0.5), process=case.feared).margins()
     return replace(
         case,
         max_ms=few((tempting.plant_loop.ms * tempting.observer_loop.ms) ** 0.5, 3),
-        max_noise=few(1.6 * _noise(_with_dead_time(case, _design(case, 0.1)))),
+        max_noise=few(1.6 * _noise(replace(_design(case, 0.1), process=case.feared))),
     )
 
 
@@ -270,10 +270,6 @@ def _design(case: DesignCase, value: float, size: float = 1.0, sign: float = 1.0
     model = sign * size * case.gain / ((s + case.pole) * (s / case.decay + 1))
     controller = sign * (s + case.pole) * case.pole / (size * case.gain * s)
     return NRDOB(case.process, model, controller, LowPassFilter(value / case.pole, 2))
-
-
-def _with_dead_time(case: DesignCase, loop: NRDOB) -> NRDOB:
-    return replace(loop, process=case.feared)
 
 
 def _noise(loop: NRDOB) -> float:
@@ -295,7 +291,7 @@ def _shortcoming(case: DesignCase, got: Any) -> str:
         return "the controller does not stabilise the model"
     if verdict.stable is not True:
         return f"even without the dead time it is not stable: {_which_way(got)}"
-    late = _with_dead_time(case, got)
+    late = replace(got, process=case.feared)
     if late.stability().stable is not True:
         return Lack("feared", "with the dead time the loop is not stable")
     found, noise = late.margins(), _noise(late)

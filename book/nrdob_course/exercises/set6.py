@@ -327,13 +327,11 @@ def _benched(case: BenchCase, got: FloatArray) -> str:
         return f"{got.size} numbers for {len(case.filters)} filters"
     each = zip(_by_filter(case, got).items(), _worst(case), got, strict=True)
     for (filter, right), true, value in each:
-        if right:
-            continue
-        if isinf(true):
-            return f"for {filter} the loop with a plant is unstable"
-        if isinf(value):
-            return f"for {filter} the loop is stable with every plant"
-        return f"for {filter} it is {'larger' if value < true else 'smaller'} than {value:.4g}"
+        if not right:
+            than = f"it is {'larger' if value < true else 'smaller'} than {value:.4g}"
+            stable = "the loop is stable with every plant" if isinf(value) else than
+            unstable = "the loop with a plant is unstable"
+            return f"for {filter} {unstable if isinf(true) else stable}"
     return ""
 
 
