@@ -46,11 +46,8 @@ def read_openings(folder: Path) -> dict[str, Chapter]:
 
 def told(minutes: int) -> str:
     """Write a time as one says it, to the quarter of an hour where it is long."""
-    quarters = round(minutes / 15)
-    hours, rest = divmod(quarters, 4)
-    if minutes < 60:
-        return f"{minutes} min"
-    return f"{hours}{('', '¼', '½', '¾')[rest]} h"
+    hours, rest = divmod(round(minutes / 15), 4)
+    return f"{minutes} min" if minutes < 60 else f"{hours}{('', '¼', '½', '¾')[rest]} h"
 
 
 class ChapterDirective(SphinxDirective):
@@ -65,12 +62,10 @@ class ChapterDirective(SphinxDirective):
 
     def link(self, opening: Chapter, shown: str) -> nodes.Node:
         """Lead to a chapter."""
-        name = nodes.inline("", shown)
-        link = addnodes.pending_xref(
-            "", name, reftype="doc", refdomain="std", reftarget=f"/chapters/{opening.stem}",
-            refexplicit=True, refdoc=self.env.docname,
+        return addnodes.pending_xref(
+            "", nodes.inline("", shown), reftype="doc", refdomain="std", refexplicit=True,
+            reftarget=f"/chapters/{opening.stem}", refdoc=self.env.docname,
         )  # fmt: skip
-        return link
 
 
 class ChapterMap(ChapterDirective):
@@ -80,10 +75,9 @@ class ChapterMap(ChapterDirective):
         openings = self.openings()
         found = nodes.container(classes=["chapter-map"])
         for part, numbers in PARTS.items():
-            found += nodes.rubric(part, part)
-            cards = nodes.bullet_list(classes=["chapter-cards"])
-            cards += [self.card(o) for o in openings.values() if o.number in numbers]
-            found += cards
+            cards = [self.card(o) for o in openings.values() if o.number in numbers]
+            found += [nodes.rubric(part, part)]
+            found += [nodes.bullet_list("", *cards, classes=["chapter-cards"])]
         return [found]
 
     def card(self, opening: Chapter) -> nodes.list_item:

@@ -78,10 +78,9 @@ def exercise(node: nodes.Node) -> str:
     strong = next((each for each in node.children if each.astext()), None)
     if not isinstance(strong, nodes.strong):
         return ""
-    said = strong.astext()
-    if said.startswith(BRIEF):
+    if strong.astext().startswith(BRIEF):
         return "the design brief"
-    return f"exercise {number[1]}" if (number := NUMBER.match(said)) else ""
+    return f"exercise {number[1]}" if (number := NUMBER.match(strong.astext())) else ""
 
 
 class Prompts(SphinxTransform):

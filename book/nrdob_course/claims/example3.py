@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 from math import pi, sqrt
 from typing import Any
 
@@ -55,9 +56,7 @@ def matched_fails() -> Finding:
     )
     models = [
         ([gain], -np.poly([pole, stable]))
-        for gain, pole, stable in np.stack(
-            np.meshgrid([3.6, 4.4], [0.8, 1.1], [-1.9, -2.1]), axis=-1
-        ).reshape(-1, 3)
+        for gain, pole, stable in product([3.6, 4.4], [0.8, 1.1], [-1.9, -2.1])
     ]
     loops = [NRDOB(PLANT, model, -2, each) for model in (PLANT, *models) for each in filters]
     signs = all(loop.p_B.q[0] * loop.p_B.q[-1] < 0 for loop in loops)

@@ -65,10 +65,8 @@ def model_delay() -> Finding:
     )
 
 
-def _proper_pairs() -> list[tuple[tuple[int, int], tuple[int, int]]]:
-    """Degrees (n, m) of plant and model, 0 ≤ m ≤ n ≤ 3, n ≥ 1."""
-    degrees = [(n, m) for n in range(1, 4) for m in range(n + 1)]
-    return list(product(degrees, degrees))
+PAIRS = list(product([(n, m) for n in range(1, 4) for m in range(n + 1)], repeat=2))
+"""Degrees (n, m) of plant and model, 0 ≤ m ≤ n ≤ 3, n ≥ 1."""
 
 
 def _relative_degree(plant: tuple[int, int], model: tuple[int, int]) -> int:
@@ -83,19 +81,18 @@ def _relative_degree(plant: tuple[int, int], model: tuple[int, int]) -> int:
 @SECTION.check("ex4.relative_degree")
 def ratio_degree() -> Finding:
     """Measure the relative degree for the 81 pairs of proper blocks of order 1 to 3."""
-    pairs = _proper_pairs()
-    measured = [_relative_degree(*pair) for pair in pairs]
-    printed = [n * m1 - n1 * m for (n, m), (n1, m1) in pairs]
-    subtracted = [(n - m) - (n1 - m1) for (n, m), (n1, m1) in pairs]
+    measured = [_relative_degree(*pair) for pair in PAIRS]
+    printed = [n * m1 - n1 * m for (n, m), (n1, m1) in PAIRS]
+    subtracted = [(n - m) - (n1 - m1) for (n, m), (n1, m1) in PAIRS]
 
     def agree(formula: list[int]) -> int:
         return sum(a == b for a, b in zip(formula, measured, strict=True))
 
     return Finding(
-        agree(printed) == len(pairs),
-        f"the printed formula holds for {agree(printed)} of {len(pairs)} pairs of blocks, the "
+        agree(printed) == len(PAIRS),
+        f"the printed formula holds for {agree(printed)} of {len(PAIRS)} pairs of blocks, the "
         f"difference for {agree(subtracted)}",
-        conditions={"relative degrees subtract": agree(subtracted) == len(pairs)},
+        conditions={"relative degrees subtract": agree(subtracted) == len(PAIRS)},
     )
 
 
@@ -105,12 +102,11 @@ def order_causal() -> Finding:
 
     The case is a strictly proper plant, m = 2 and n = 3, with a model of m = 0 and n = 2.
     """
-    pairs = _proper_pairs()
-    measured = {pair: _relative_degree(*pair) for pair in pairs}
-    lower = [pair for pair in pairs if pair[1][0] < pair[0][0]]
-    higher = [pair for pair in pairs if pair[1][0] > pair[0][0]]
-    failing = sum(measured[pair] <= 0 for pair in lower)
-    failing_too = sum(measured[pair] >= 0 for pair in higher)
+    measured = {pair: _relative_degree(*pair) for pair in PAIRS}
+    lower = [measured[pair] for pair in PAIRS if pair[1][0] < pair[0][0]]
+    higher = [measured[pair] for pair in PAIRS if pair[1][0] > pair[0][0]]
+    failing = sum(degree <= 0 for degree in lower)
+    failing_too = sum(degree >= 0 for degree in higher)
     rule = all((value >= 0) == (n - m >= n1 - m1) for ((n, m), (n1, m1)), value in measured.items())
     case = measured[(3, 2), (2, 0)]
     return Finding(

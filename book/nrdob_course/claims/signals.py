@@ -26,7 +26,7 @@ from .ledger import Finding
 __all__ = [
     "ABOUT", "EXACT", "NEAR", "ORDERS", "PRINTED_MAPS", "QUADRUPLES", "STOPPED", "TOLERANCE",
     "TO_OUTPUT", "Values", "blocks_of", "equations", "every", "fraction", "from_diagram",
-    "loop_modes", "many_loops", "matched_blocks", "modes", "numbers", "printed_map",
+    "is_refused", "loop_modes", "many_loops", "matched_blocks", "modes", "numbers", "printed_map",
     "random_blocks", "random_points", "same", "solve", "turns",
 ]  # fmt: skip
 
@@ -224,9 +224,18 @@ def loop_modes(loop: NRDOB) -> ComplexArray:
     return modes(*(fraction(block) for block in (loop.G, loop.Gm, loop.C, loop.F)))
 
 
-def numbers(values: Iterable[Any], digits: int = 4) -> str:
+def numbers(values: Iterable[Any]) -> str:
     """Write numbers one after the other."""
-    return ", ".join(number(float(value), digits) for value in values)
+    return ", ".join(number(float(value), 4) for value in values)
+
+
+def is_refused(*blocks: Any) -> bool:
+    """Whether no loop can be built of these blocks."""
+    try:
+        NRDOB(*blocks)
+    except ValueError:
+        return True
+    return False
 
 
 def modes(G: Fraction, Gm: Fraction, C: Fraction, F: Fraction) -> ComplexArray:

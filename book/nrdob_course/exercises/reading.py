@@ -93,11 +93,10 @@ def _real(given: Any) -> float:
 def _spelled(given: str | bytes) -> float:
     text = given.decode(errors="replace") if isinstance(given, bytes) else given
     try:
-        return _real(complex(text.strip().replace("−", "-").replace(",", ".")))
-    except ValueError as error:
-        if isinstance(error, UnreadableError):
-            raise
+        value = complex(text.strip().replace("−", "-").replace(",", "."))
+    except ValueError:
         raise UnreadableError(f"a number without a unit is asked for, not {text[:40]!r}") from None
+    return _real(value)
 
 
 def whole(given: Any) -> int:

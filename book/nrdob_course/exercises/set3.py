@@ -143,9 +143,7 @@ def draw_far(rng: np.random.Generator) -> tuple[NRDOB, float]:
     corner = pole * float(rng.uniform(0.5, 0.8))
     lead = ct.tf([1 / corner, 1], [1 / (corner * float(rng.uniform(2.0, 2.6))), 1])
     model = ct.tf([gain], [1, gain])
-    shape = antiresonance(
-        pole, pole * float(rng.uniform(0.8, 0.88)), float(rng.uniform(0.012, 0.016))
-    )
+    shape = antiresonance(pole, pole * rng.uniform(0.8, 0.88), rng.uniform(0.012, 0.016))
     return NRDOB(model * shape * lead, model, 1.0, LowPassFilter(constant, 1)), constant
 
 
@@ -156,14 +154,8 @@ def draw_close(rng: np.random.Generator) -> tuple[NRDOB, float]:
     pole, damping = float(rng.uniform(2.5, 3.5)) / constant, float(rng.uniform(0.02, 0.05))
     model = ct.tf([gain], [1, gain])
     stronger = float(rng.uniform(0.9, 1.3)) * ct.tf([1], [lag, 1]) * ct.tf([1], [lag, 1])
-    return NRDOB(
-        model * resonance(pole, damping) * stronger, model, 1.0, LowPassFilter(constant, 1)
-    ), constant
-
-
-def _measure(loop: NRDOB, constant: float) -> MeasuredCase:
-    omega = np.geomspace(0.2, 60, 3001) / constant
-    return MeasuredCase(omega, loop.L(1j * omega))
+    plant = model * resonance(pole, damping) * stronger
+    return NRDOB(plant, model, 1.0, LowPassFilter(constant, 1)), constant
 
 
 def measured_crossovers(case: MeasuredCase) -> tuple[FloatArray, ComplexArray]:
@@ -204,7 +196,8 @@ def draw_measured_loop(draw: Callable[..., Any], which: int, rng: np.random.Gene
 
     def drawn() -> tuple[MeasuredCase, NRDOB]:
         loop, constant = draw(rng)
-        return _measure(loop, constant), loop
+        omega = np.geomspace(0.2, 60, 3001) / constant
+        return MeasuredCase(omega, loop.L(1j * omega)), loop
 
     def fits(found: tuple[MeasuredCase, NRDOB]) -> bool:
         case, loop = found
@@ -232,8 +225,9 @@ def _delay_lacks(case: MeasuredCase, margin: float) -> str:
     # A dead time turns each point of the curve clockwise, by ω times it; stable until one is at -1.
     reached = delays_of(case) <= margin * (1 - READ_OFF)
     if reached.any():
-        shorter = float(delays_of(case).min())
-        return f"at a shorter dead time, {shorter:.4g} s, the loop is already unstable"
+        return (
+            f"at a shorter dead time, {delays_of(case).min():.4g} s, the loop is already unstable"
+        )
     if not np.any(delays_of(case) <= margin * (1 + READ_OFF)):
         return f"with a little more, {margin * (1 + READ_OFF):.4g} s, the loop is still stable"
     return ""

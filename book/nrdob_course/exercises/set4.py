@@ -217,13 +217,10 @@ def _peak(case: OrdersCase, order: int, bandwidth: float) -> float:
 @kept
 def fastest_of(case: OrdersCase) -> dict[int, float]:
     """Give the bandwidth up to which Ms is within its limit, for each order."""
-
-    def meeting(order: int) -> float:
-        edge = edges_of(case)[order]
-        excess = partial(_peak, case, order)
-        return float(brentq(lambda w: excess(w) - case.max_ms, 0.02 * edge, 0.97 * edge))
-
-    return {order: meeting(order) for order in ORDERS}
+    return {
+        n: float(brentq(lambda w, n=n: _peak(case, n, w) - case.max_ms, 0.02 * edge, 0.97 * edge))
+        for n, edge in edges_of(case).items()
+    }
 
 
 def _filter(order: int, bandwidth: float) -> LowPassFilter:

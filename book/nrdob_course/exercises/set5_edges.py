@@ -158,22 +158,20 @@ def side_of(case: FilterCase) -> str:
 
 
 def _edge_case(rng: np.random.Generator) -> FilterCase:
-    unstable = bool(rng.random() < 0.5)
-    return first_fitting(lambda: _draw_edge(rng, unstable), lambda case: _legible(case, unstable))
-
-
-def _draw_edge(rng: np.random.Generator, unstable: bool) -> FilterCase:
     """Draw an unstable pole that the model mirrors, or an unstable zero that it leaves out."""
-    gain, lag, speed = (draw(rng, low, high) for low, high in ((1.3, 5), (2, 9), (0.6, 6)))
-    size = draw(rng, 0.5, 4)
-    if unstable:
-        mirrored = few(speed * rng.uniform(0.6, 1.6))
-        process = few(gain * size) / ((s - speed) * (s + lag))
-        return FilterCase(process, size / ((s + mirrored) * (s + lag)), 2)
-    process = (
-        few(size * rng.uniform(0.7, 1.4)) * (1 - s / few(2 * speed)) / ((s + speed) * (s + lag))
-    )
-    return FilterCase(process, size / ((s + few(speed * rng.uniform(0.6, 1.6))) * (s + lag)), 2)
+    unstable = bool(rng.random() < 0.5)
+
+    def drawn() -> FilterCase:
+        gain, lag, speed = (draw(rng, low, high) for low, high in ((1.3, 5), (2, 9), (0.6, 6)))
+        size = draw(rng, 0.5, 4)
+        stronger = 1.0 if unstable else rng.uniform(0.7, 1.4)
+        model = size / ((s + few(speed * rng.uniform(0.6, 1.6))) * (s + lag))
+        if unstable:
+            return FilterCase(few(gain * size) / ((s - speed) * (s + lag)), model, 2)
+        process = few(size * stronger) * (1 - s / few(2 * speed)) / ((s + speed) * (s + lag))
+        return FilterCase(process, model, 2)
+
+    return first_fitting(drawn, lambda case: _legible(case, unstable))
 
 
 def _legible(case: FilterCase, unstable: bool) -> bool:

@@ -27,26 +27,12 @@ from typing import Any
 import nbformat
 from sqlalchemy.exc import DatabaseError
 
-from . import changes, sandbox, similar
+from . import changes, marks, sandbox, similar
 from .arguments import COURSE, GRADING, parse
 from .autograde import course, write_feedback
 from .batch import Batch, Outcome
 from .marking import write_marking
-from .marks import (
-    Records,
-    enter,
-    grades_of,
-    lines,
-    number,
-    pack_feedback,
-    problem_of,
-    tell_late,
-    unmarked,
-    write_course,
-    write_grades,
-    write_platforms,
-    write_table,
-)
+from .marks import Records, grades_of, number, problem_of, unmarked
 from .platforms import packed, unpacked
 from .release import MARKERS, SOURCE, CourseError, found_course, generate, release, sets_in, solved
 from .roster import UNPLANNED, Course, read_course
@@ -168,7 +154,7 @@ def run(
         entry = records.add(outcome.submission, outcome.reason, outcome.seconds)
         if not outcome.reason:
             with course(target).gradebook as gradebook:
-                enter(gradebook, entry["folder"], outcome)
+                marks.enter(gradebook, entry["folder"], outcome)
         print(f"[{count:>{len(str(len(ready)))}}/{len(ready)}] {told(outcome)}", flush=True)
 
 
@@ -201,7 +187,7 @@ def compare(
             print(f"{name}: {len(copies)} students have answers like the published ones: {path}")
         if found:
             print(f"{name}: {len(found)} pairs of students have answers that are alike: {path}")
-    write_table(path, columns, rows)
+    marks.write_table(path, columns, rows)
 
 
 def described(submission: Submission) -> str:
@@ -240,14 +226,14 @@ def write_tables(target: Path, records: Records, plan: Course, tables: Sequence[
     records.save()
     typed = take_marks(target, records, tables)  # also what was typed in the meantime
     with course(target).gradebook as gradebook:
-        found = lines(gradebook, records, plan)
-        write_grades(target / "grades.csv", found)
-        write_course(target / "course.csv", found, plan)
+        found = marks.lines(gradebook, records, plan)
+        marks.write_grades(target / "grades.csv", found)
+        marks.write_course(target / "course.csv", found, plan)
         write_written(target / "written.csv", gradebook, records, typed)
         write_marking(target / "marking.html", gradebook, records, sets_in(SOURCE), ADVICE)
-        tell_late(target, found, plan)
-        write_platforms(target, found, plan)
-        pack_feedback(target, found)
+        marks.tell_late(target, found, plan)
+        marks.write_platforms(target, found, plan)
+        marks.pack_feedback(target, found)
         write_tally(target / "class.html", target, found)
 
 
@@ -370,7 +356,7 @@ def regrade(
         }
         with course(target).gradebook as gradebook:
             before = {grade.name: grade.auto_score for grade in grades_of(gradebook, entry)}
-            enter(gradebook, entry["folder"], outcome)
+            marks.enter(gradebook, entry["folder"], outcome)
         changed = [
             ((entry["student"], entry["set"], problem_of(cell)), number(before[cell]), number(new))
             for cell, new in outcome.grades.items()

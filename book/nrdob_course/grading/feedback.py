@@ -109,8 +109,7 @@ def _convert(text: Any) -> None:
     for match in FORMULA.finditer(str(text)):
         pieces += [str(text)[end : match.start()], mathml(match)]
         end = match.end()
-    pieces.append(str(text)[end:])
-    text.replace_with(*pieces)
+    text.replace_with(*pieces, str(text)[end:])
 
 
 def mathml(match: re.Match[str]) -> Any:

@@ -39,7 +39,7 @@ def write_marking(
 ) -> None:
     """Write the page; `sets` are the sets with their solutions, `advice` a file with rubrics."""
     answers: dict[tuple[str, str, str], list[tuple[Record, Any]]] = {}
-    for entry in records.entries:
+    for entry in sorted(records.entries, key=lambda entry: str(entry.get("code"))):
         for grade in filter(to_be_marked, grades_of(gradebook, entry)):
             place = (entry["set"], problem_of(grade.name), grade.name)
             answers.setdefault(place, []).append((entry, grade))
@@ -47,14 +47,10 @@ def write_marking(
         path.unlink(missing_ok=True)
         return
     rubrics = tomllib.loads(advice.read_text("utf-8")) if advice.exists() else {}
-
-    def by_code(pair: tuple[Record, Any]) -> str:
-        return str(pair[0]["code"])
-
     problems = [
         {"problem": problem}
         | _problem(sets[name], cell, rubrics.get(problem, {}))
-        | {"answers": [_answer(path, *each, gradebook) for each in sorted(found, key=by_code)]}
+        | {"answers": [_answer(path, *each, gradebook) for each in found]}
         for (name, problem, cell), found in sorted(
             answers.items(), key=lambda item: in_order(item[0][1])
         )

@@ -36,11 +36,7 @@ Cell = Any
 LARGEST, LONGEST_CELL = 200e6, 100_000
 """Bytes of a file that is opened, and letters of a cell that is read."""
 
-NEW_CELL: dict[str, Any] = {
-    "code": new_code_cell,
-    "markdown": new_markdown_cell,
-    "raw": new_raw_cell,
-}
+NEW_CELL: dict[str, Any] = {"code": new_code_cell, "markdown": new_markdown_cell}
 SET_IN_NAME = re.compile(r"set[\s_-]*0*(\d+)", re.IGNORECASE)
 STUDENT_IN_NAME = re.compile(r"(?P<student>.*[^\s_-])[\s_-]+set[\s_-]*\d+", re.IGNORECASE)
 PICTURES = {".png", ".jpg", ".jpeg", ".gif", ".svg"}
@@ -353,15 +349,17 @@ def repair(submission: Submission, released: Notebook, assigned: int | None = No
     group_cell = next(cell for cell in released.cells if cell.source.startswith("GROUP ="))
     for previous, cell in zip([None, *released.cells], released.cells, strict=False):
         if cell.id in missing and cell is not group_cell:
-            cells.insert(_place_after(previous, cells), deepcopy(cell))
+            before = (k for k, each in enumerate(cells, 1) if previous and each.id == previous.id)
+            cells.insert(next(before, 0), deepcopy(cell))
     missing = [name for name in missing if name != group_cell.id]
     if missing:
         remarks.append(f"put back: {_listed(missing)}")
-    changed = [
-        cell.id
-        for cell in cells
-        if cell.id in known and _locked(known[cell.id]) and cell.source != known[cell.id].source
-    ]
+    locked = {
+        cell.id: cell.source
+        for cell in released.cells
+        if cell.metadata.get("nbgrader", {}).get("locked")
+    }
+    changed = [cell.id for cell in cells if locked.get(cell.id, cell.source) != cell.source]
     if changed:
         remarks.append(f"restored: {_listed(changed)}")
 
@@ -439,15 +437,6 @@ def _text(source: Any) -> str:
     if isinstance(source, list):
         return "".join(part for part in source if isinstance(part, str))
     return source if isinstance(source, str) else ""
-
-
-def _locked(cell: Cell) -> bool:
-    return bool(cell.metadata.get("nbgrader", {}).get("locked"))
-
-
-def _place_after(previous: Cell | None, cells: list[Cell]) -> int:
-    names = [cell.id for cell in cells]
-    return names.index(previous.id) + 1 if previous is not None and previous.id in names else 0
 
 
 def group_of(cells: Iterable[Cell]) -> tuple[int | None, str]:
