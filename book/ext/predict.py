@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import base64
 import json
+from functools import partial
 from pathlib import Path
 
 from sphinx.application import Sphinx
@@ -45,11 +46,8 @@ def show_pictures(app: Sphinx, page: str, source: list[str]) -> None:
         if chapter := cell["metadata"].get(KEY):
             question = questions[chapter]
             app.env.note_dependency(classes / Path(question.deck).name)
-            cell["source"] = markdown(
-                question,
-                summary,
-                lambda of, which: store_picture(Path(app.srcdir) / CHAPTERS, of, which),
-            )
+            picture = partial(store_picture, Path(app.srcdir) / CHAPTERS)
+            cell["source"] = markdown(question, summary, picture)
     source[0] = json.dumps(notebook)
 
 

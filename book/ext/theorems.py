@@ -84,9 +84,8 @@ class Boxes(SphinxTransform):
         box.parent.insert(box.parent.index(box), index)
         for paragraph in box.findall(nodes.paragraph):
             label = leading(paragraph)
-            if isinstance(label, nodes.emphasis) and label.astext().startswith(
-                ("Without", "Proof", "Known")
-            ):
+            notes = ("Without", "Proof", "Known")
+            if isinstance(label, nodes.emphasis) and label.astext().startswith(notes):
                 paragraph["classes"].append("theorem-note")
 
     def linked(self, text: nodes.Text) -> list[nodes.Node]:
@@ -135,10 +134,8 @@ def resolve(
         if not node["refdoc"].startswith(f"{CHAPTERS}/"):  # of chapters it is said already
             logger.warning("there is no Theorem %s", node["reftarget"], location=node)
         return shown
-    page = f"{CHAPTERS}/{theorem.page}"
-    return make_refnode(
-        app.builder, node["refdoc"], page, theorem.anchor, shown, re.sub(r"[$\\]", "", theorem.name)
-    )
+    page, title = f"{CHAPTERS}/{theorem.page}", re.sub(r"[$\\]", "", theorem.name)
+    return make_refnode(app.builder, node["refdoc"], page, theorem.anchor, shown, title)
 
 
 class TheoremIndex(SphinxDirective):

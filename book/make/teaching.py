@@ -179,7 +179,6 @@ class Pack:
     def misfits(self) -> list[str]:
         """Tell where problems, chapters and advice do not fit together."""
         tasks = {task.id: task for task in self.tasks}
-        written = {id: task for id, task in tasks.items() if task.written}
         told = [f"{id}: posed in no set" for id in self.problems if id not in tasks]
         told += [f"{id}: not in {ADVICE.name}" for id in tasks if id not in self.advice]
         told += [
@@ -191,8 +190,9 @@ class Pack:
                 found = [o for o in chapter.objectives if o.startswith(begins)] if chapter else []
                 if len(found) != 1:
                     told.append(f"{id}: {stem} has {len(found)} objectives that begin {begins!r}")
-        for id, task in written.items():
-            if sum(points for points, _ in self.rubric_of(task)) != task.points:
+        for id, task in tasks.items():
+            given = sum(points for points, _ in self.rubric_of(task))
+            if task.written and given != task.points:
                 told.append(f"{id}: the rubric does not give the {task.points:g} points of the set")
         return told
 

@@ -120,9 +120,8 @@ def _told(error: BaseException, answer: Any, case: str) -> str:
         name = f", {name}," if hasattr(builtins, name) else ""
         return f"Your function ends with an error{name} for {OTHER}. {HIDDEN.partition('. ')[2]}"
     file = getattr(getattr(answer, "__code__", None), "co_filename", None)
-    lines = [
-        frame.line for frame in traceback.extract_tb(error.__traceback__) if frame.filename == file
-    ]
+    frames = traceback.extract_tb(error.__traceback__)
+    lines = [frame.line for frame in frames if frame.filename == file]
     where = f" In the line: {lines[-1]}" if lines and lines[-1] else ""
     return f"Your function ends with an error, {name}, for {case}: {error}.{where}"
 
