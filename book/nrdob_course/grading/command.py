@@ -58,12 +58,13 @@ def grade(
     target: Path = GRADING,
     jobs: int = 2,
     limit: float = 1200,
-    plan: Course = UNPLANNED,
+    plan: Course | None = None,
     trust: bool = False,
 ) -> int:
     """Grade what students handed in; the result is how many could not be graded."""
     if not folder.exists():
         raise CourseError(f"there is no folder {folder}")
+    plan = plan or UNPLANNED
     if sandbox.missing():
         print(f"{sandbox.missing()}. {NO_SANDBOX}")
     if sandbox.stays_root():
@@ -264,7 +265,7 @@ def summary(
     return len(refused) + len(faults)
 
 
-def report(target: Path = GRADING, plan: Course = UNPLANNED, tables: Sequence[Path] = ()) -> int:
+def report(target: Path = GRADING, plan: Course | None = None, tables: Sequence[Path] = ()) -> int:
     """Enter the marks written by hand; write feedback and tables anew."""
     records = records_of(target)
     if missing := [table for table in tables if not table.is_file()]:
@@ -273,7 +274,7 @@ def report(target: Path = GRADING, plan: Course = UNPLANNED, tables: Sequence[Pa
     for fault in faults:
         print(fault, flush=True)
     give_feedback(target, [entry for entry in records.entries if not entry["reason"]])
-    write_tables(target, records, plan, tables)
+    write_tables(target, records, plan or UNPLANNED, tables)
     for fault in faults:
         print(f"  {fault}")
     print(f"Points: {target / 'grades.csv'}")
@@ -299,14 +300,14 @@ def give_feedback(target: Path, entries: Sequence[Mapping[str, Any]]) -> None:
 
 
 def override(
-    target: Path, key: Key, points: str, who: str, why: str, plan: Course = UNPLANNED
+    target: Path, key: Key, points: str, who: str, why: str, plan: Course | None = None
 ) -> int:
     """Give the points of one answer by hand, or withdraw such points; it is logged."""
     records = records_of(target)
     with course(target).gradebook as gradebook:
         entry = changes.override(gradebook, target, records, key, points, who, why)
     give_feedback(target, [entry])
-    write_tables(target, records, plan)
+    write_tables(target, records, plan or UNPLANNED)
     print(f"{' '.join(key)}: {points}. The log: {target / changes.FILE}")
     return 0
 
@@ -319,7 +320,7 @@ def regrade(
     why: str,
     jobs: int = 2,
     limit: float = 1200,
-    plan: Course = UNPLANNED,
+    plan: Course | None = None,
 ) -> int:
     """Judge anew what some students have handed in, or some problems of all; it is logged.
 
@@ -366,7 +367,7 @@ def regrade(
         for key, old, new in changed:
             print(f"{' '.join(key)}: {old} → {new}", flush=True)
     give_feedback(target, chosen)
-    write_tables(target, records, plan)
+    write_tables(target, records, plan or UNPLANNED)
     print(f"The log: {target / changes.FILE}")
     return failed
 
