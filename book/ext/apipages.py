@@ -127,7 +127,6 @@ def let_names_break(
 
 
 def setup(app: Sphinx) -> dict[str, Any]:
-    """Write the pages, listen to autodoc, and look at each page that it has made."""
     app.connect("config-inited", write_pages)
     app.connect("autodoc-skip-member", skip_fields)
     app.connect("autodoc-process-signature", name_functions)

@@ -46,11 +46,8 @@ def read_openings(folder: Path) -> dict[str, Chapter]:
 
 def told(minutes: int) -> str:
     """Write a time as one says it, to the quarter of an hour where it is long."""
-    quarters = round(minutes / 15)
-    hours, rest = divmod(quarters, 4)
-    if minutes < 60:
-        return f"{minutes} min"
-    return f"{hours}{('', '¼', '½', '¾')[rest]} h"
+    hours, rest = divmod(round(minutes / 15), 4)
+    return f"{minutes} min" if minutes < 60 else f"{hours}{('', '¼', '½', '¾')[rest]} h"
 
 
 class ChapterDirective(SphinxDirective):
@@ -65,26 +62,22 @@ class ChapterDirective(SphinxDirective):
 
     def link(self, opening: Chapter, shown: str) -> nodes.Node:
         """Lead to a chapter."""
-        name = nodes.inline("", shown)
-        link = addnodes.pending_xref(
-            "", name, reftype="doc", refdomain="std", reftarget=f"/chapters/{opening.stem}",
-            refexplicit=True, refdoc=self.env.docname,
+        return addnodes.pending_xref(
+            "", nodes.inline("", shown), reftype="doc", refdomain="std", refexplicit=True,
+            reftarget=f"/chapters/{opening.stem}", refdoc=self.env.docname,
         )  # fmt: skip
-        return link
 
 
 class ChapterMap(ChapterDirective):
     """All chapters, part by part."""
 
     def run(self) -> list[nodes.Node]:
-        """Make the cards."""
         openings = self.openings()
         found = nodes.container(classes=["chapter-map"])
         for part, numbers in PARTS.items():
-            found += nodes.rubric(part, part)
-            cards = nodes.bullet_list(classes=["chapter-cards"])
-            cards += [self.card(o) for o in openings.values() if o.number in numbers]
-            found += cards
+            cards = [self.card(o) for o in openings.values() if o.number in numbers]
+            found += [nodes.rubric(part, part)]
+            found += [nodes.bullet_list("", *cards, classes=["chapter-cards"])]
         return [found]
 
     def card(self, opening: Chapter) -> nodes.list_item:
@@ -108,7 +101,6 @@ class ReadingPath(ChapterDirective):
     has_content = True
 
     def run(self) -> list[nodes.Node]:
-        """Write the sentence, the time, and the chapters."""
         openings = self.openings()
         numbers = self.arguments[0].split()
         if unknown := sorted(set(numbers) - set(openings)):
@@ -140,7 +132,6 @@ def number_title(_app: Sphinx, page: str, source: list[str]) -> None:
 
 
 def setup(app: Sphinx) -> dict[str, Any]:
-    """Add the two directives, and the numbers of the chapters."""
     app.connect("source-read", number_title)
     app.add_directive("chapter-map", ChapterMap)
     app.add_directive("reading-path", ReadingPath)

@@ -25,6 +25,14 @@ CITED_IN_CODE = re.compile(r"""\bclaims\.check\(\s*["']([^"']+)["']""")
 logger = logging.getLogger(__name__)
 
 
+def claim_link(id: str, page: str, beside: nodes.Element) -> pending_xref:
+    """Make a link to the entry of a claim, which stands where this node does."""
+    name = nodes.literal(id, id, classes=["claim-link"])
+    link = pending_xref("", name, reftype="claim", reftarget=id, refdoc=page)
+    link.source, link.line = beside.source, beside.line
+    return link
+
+
 class ClaimLinks(SphinxTransform):
     """Turn citations of claims into links, and mark the first one of each claim."""
 
@@ -39,12 +47,9 @@ class ClaimLinks(SphinxTransform):
             elif isinstance(node, nodes.literal) and (
                 match := CITED_IN_PROSE.fullmatch(node.astext())
             ):
-                id = match.group(1)
-                name = nodes.literal(id, id, classes=["claim-link"])
-                link = pending_xref("", name, reftype="claim", reftarget=id)
-                link["refdoc"], link.source, link.line = self.env.docname, node.source, node.line
+                link = claim_link(match[1], self.env.docname, node)
                 node.replace_self(link)
-                self.mark(name, id, marked)
+                self.mark(link[0], match[1], marked)
 
     def mark(self, node: nodes.Element, id: str, marked: set[str]) -> None:
         """Label the first mention of a claim in a chapter."""
@@ -66,8 +71,8 @@ def show_in_margin(_app: Sphinx, page: str, source: list[str]) -> None:
         if claims := cell["metadata"].get("claims"):
             links = " ".join(f"`claim:{id}`" for id in claims)
             text = f":::{{container}} margin-claims\n{links}\n:::"
-            cells.append({"cell_type": "markdown", "metadata": {}, "source": text})
-            cells[-1] |= {"id": f"{cell['id']}-claims"[-64:]}
+            id = f"{cell['id']}-claims"[-64:]
+            cells.append({"cell_type": "markdown", "id": id, "metadata": {}, "source": text})
     source[0] = json.dumps(notebook | {"cells": cells})
 
 
@@ -86,7 +91,6 @@ def resolve(
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Register the transform and the way its links are resolved."""
     app.add_transform(ClaimLinks)
     app.connect("source-read", show_in_margin)
     app.connect("missing-reference", resolve)

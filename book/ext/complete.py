@@ -41,6 +41,5 @@ def version() -> int:
 
 
 def setup(app: Sphinx) -> dict[str, bool | int]:
-    """Check before anything is read."""
     app.connect("builder-inited", check)
     return {"env_version": version(), "parallel_read_safe": True, "parallel_write_safe": True}

@@ -7,6 +7,7 @@ often. The names of the package stay out: they have a page of their own, and wou
 from __future__ import annotations
 
 import re
+from itertools import compress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -73,14 +74,10 @@ class Concordance(SphinxTransform):
         for section in sections:
             if pattern.search(section[0].astext()):
                 return section
-        said = [
-            (section, len(pattern.findall(text)))
-            for section, text in zip(sections, prose, strict=True)
-        ]
-        introduced = word.page == self.env.docname
-        if not introduced and sum(count for _, count in said) < OFTEN:
+        counts = [len(pattern.findall(text)) for text in prose]
+        if word.page != self.env.docname and sum(counts) < OFTEN:
             return None
-        return next((section for section, count in said if count), sections[0])
+        return next(compress(sections, counts), sections[0])
 
 
 def own_text(section: nodes.section) -> str:
@@ -94,6 +91,5 @@ def own_text(section: nodes.section) -> str:
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Register the transform."""
     app.add_transform(Concordance)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -25,12 +25,10 @@ class BlockDiagram(SphinxDirective):
     required_arguments = 1
 
     def run(self) -> list[nodes.Node]:
-        """Make the picture."""
         drawn = getattr(diagrams, self.arguments[0])().plot()
         return [nodes.raw("", embedded(drawn, "diagram"), format="html")]
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Add the directive."""
     app.add_directive("diagram", BlockDiagram)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

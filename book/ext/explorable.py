@@ -115,8 +115,9 @@ def still(shown: Scene, upwards: str, ranges: dict[str, tuple[float, float]]) ->
     return Figure(chart, ax, alt=figure.alt + said)
 
 
-def under_load(shown: Scene, last: float = 0.5) -> Figure:
+def under_load(shown: Scene) -> Figure:
     """Draw the speed under the load, with the observer and without."""
+    last = 0.5
     late = delay(shown.start["delay"]) * shown.loop.process
     loop = NRDOB(late, shown.loop.model, shown.loop.controller, shown.loop.filter)
     times, load = np.linspace(0.0, last, 501), shown.told["load"]
@@ -181,7 +182,6 @@ class Explorable(SphinxDirective):
     }  # fmt: skip
 
     def run(self) -> list[nodes.Node]:
-        """Make the figure: the still, and what the script needs."""
         upwards = self.options.get("upwards", "")
         shown = scene(self.arguments[0])
         if upwards:
@@ -192,18 +192,12 @@ class Explorable(SphinxDirective):
             if f"range-{slider}" in self.options
         }
         given = carried(shown, upwards, ranges, self.options.get("last", 10.0))
-        picture = still(shown, upwards, ranges)
-        figure = nodes.figure(classes=["explorable"])
-        figure += nodes.raw(
-            "",
-            f'<div data-explorable="{escape(json.dumps(given), quote=True)}">'
-            f"{embedded(picture, 'explorable-still')}</div>",
-            format="html",
-        )
-        caption = nodes.caption()
+        picture = embedded(still(shown, upwards, ranges), "explorable-still")
+        told = escape(json.dumps(given), quote=True)
+        html = f'<div data-explorable="{told}">{picture}</div>'
         text, _ = self.parse_inline(" ".join(self.content))
-        caption += text
-        figure += caption
+        figure = nodes.figure(classes=["explorable"])
+        figure += [nodes.raw("", html, format="html"), nodes.caption("", "", *text)]
         self.env.metadata[self.env.docname]["explorable"] = "yes"
         return [figure]
 
@@ -248,7 +242,6 @@ def add_scripts(
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Add the directive, and its scripts to the pages that need them."""
     app.add_directive("explorable", Explorable)
     app.connect("source-read", into_chapter)
     app.connect("html-page-context", add_scripts)

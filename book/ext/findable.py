@@ -48,25 +48,18 @@ def plain(latex: str) -> str:
     """Write a formula in one line of plain letters, near enough to be recognised."""
     text = re.sub(r"\\tag\{\d+\}|\\(?:begin|end)\{\w+\*?\}(?:\{[lcr]+\})?|&", " ", latex)
     text = text.replace(r"\\", "; ").replace(r"^\circ", "°")
-    for name, mark in ACCENTS.items():
-        accented = rf"\\(?:wide)?{name}(?![a-z])\s*\{{?\s*(?:\\([A-Za-z]+)|([A-Za-z]))\s*\}}?"
-        text = re.sub(
-            accented,
-            lambda found, mark=mark: (found[2] or LETTERS.get(found[1], "")) + mark,  # type: ignore[misc]
-            text,
-        )
+    text = re.sub(
+        rf"\\(?:wide)?({'|'.join(ACCENTS)})(?![a-z])\s*\{{?\s*(?:\\([A-Za-z]+)|([A-Za-z]))\s*\}}?",
+        lambda found: (found[3] or LETTERS.get(found[2], "")) + ACCENTS[found[1]],
+        text,
+    )
     text = re.sub(r"\\(?:mathrm|mathcal|mathbf|operatorname|text)\s*\{?([^{}]*)\}?", r"\1", text)
+    part = r"\s*(?:\{([^{}]*)\}|(\\[A-Za-z]+|\w))"
     for _ in range(4):  # fractions stand in fractions
-        text = re.sub(
-            r"\\[dt]?frac\s*(?:\{([^{}]*)\}|(\\[A-Za-z]+|\w))\s*(?:\{([^{}]*)\}|(\\[A-Za-z]+|\w))",
-            fraction,
-            text,
-        )
+        text = re.sub(rf"\\[dt]?frac{part}{part}", fraction, text)
         text = re.sub(r"\\sqrt\s*\{([^{}]*)\}", r"√(\1)", text)
         text = re.sub(r"_\{([^{}]*)\}", r"_\1", text)
-        text = re.sub(
-            r"\^\{([^{}]*)\}|\^(\w)", lambda found: power(found[1] or found[2] or ""), text
-        )
+        text = re.sub(r"\^(?:\{([^{}]*)\}|(\w))", power, text)
     text = re.sub(r"\\([A-Za-z]+)", lambda found: LETTERS.get(found[1], ""), text)
     return " ".join(re.sub(r"\\[,;:!|]?|[{}~$]", " ", text).split())
 
@@ -81,8 +74,9 @@ def fraction(found: re.Match[str]) -> str:
     return f"{held(above)}/{held(below)}"
 
 
-def power(exponent: str) -> str:
+def power(found: re.Match[str]) -> str:
     """Write a short exponent above the line, another one behind a caret."""
+    exponent = found[1] or found[2] or ""
     raised = exponent.translate(SUPERSCRIPTS)
     return raised if re.fullmatch(r"[⁰¹²³⁴⁵⁶⁷⁸⁹⁺⁻ⁿ]+", raised) else f"^({exponent})"
 
@@ -158,13 +152,9 @@ def led_by_glossary(tree: nodes.document) -> dict[str, str]:
     """Give for each word of the glossary the chapter that its definition leads to."""
     found = {}
     for item in tree.findall(nodes.definition_list_item):
-        links = [
-            node["reftarget"]
-            for node in item.findall(addnodes.pending_xref)
-            if str(node["reftarget"]).startswith("chapters/")
-        ]
-        for term in item.findall(nodes.term):
-            if links:
+        targets = [str(node["reftarget"]) for node in item.findall(addnodes.pending_xref)]
+        if links := [target for target in targets if target.startswith("chapters/")]:
+            for term in item.findall(nodes.term):
                 found[read_aloud(term).lower()] = links[-1]
     return found
 
@@ -192,7 +182,6 @@ def add_scripts(
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Write at the end of each build, and load on one page."""
     app.connect("html-page-context", add_scripts)
     app.connect("build-finished", write_texts)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -12,6 +12,7 @@ The rest.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, ClassVar
 
 from docutils import nodes
@@ -39,7 +40,6 @@ class Fold(SphinxDirective):
     }  # fmt: skip
 
     def run(self) -> list[nodes.Node]:
-        """Part the content."""
         blocks = self.parse_content_to_nodes()
         seen = self.options.get("lines", 1)
         card = Card(
@@ -52,29 +52,16 @@ class Fold(SphinxDirective):
         return [card]
 
 
-def enter_card(translator: Any, node: Card) -> None:
-    """Begin the card."""
-    translator.body.append(translator.starttag(node, "details"))
-
-
-def leave_card(translator: Any, _node: Card) -> None:
-    """End the card."""
-    translator.body.append("</details>\n")
-
-
-def enter_line(translator: Any, node: CardLine) -> None:
-    """Begin what is always seen."""
-    translator.body.append(translator.starttag(node, "summary"))
-
-
-def leave_line(translator: Any, _node: CardLine) -> None:
-    """End it."""
-    translator.body.append("</summary>\n")
+def element(name: str) -> tuple[Callable[[Any, Any], None], Callable[[Any, Any], None]]:
+    """Give what begins an element of a page, and what ends it."""
+    return (
+        lambda translator, node: translator.body.append(translator.starttag(node, name)),
+        lambda translator, _: translator.body.append(f"</{name}>\n"),
+    )
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Add the directive and its two pieces."""
-    app.add_node(Card, html=(enter_card, leave_card))
-    app.add_node(CardLine, html=(enter_line, leave_line))
+    app.add_node(Card, html=element("details"))
+    app.add_node(CardLine, html=element("summary"))
     app.add_directive("fold", Fold)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -51,7 +51,6 @@ def visit_display(translator: Any, node: nodes.math_block) -> None:
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Register as a way to set formulas."""
     app.add_html_math_renderer("formulas", (visit_inline, None), (visit_display, None))
     app.add_js_file("formulas.js", loading_method="defer")
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -29,32 +29,19 @@ def repository(project: Path) -> str:
     return str(settings["repository"]).rstrip("/").removesuffix(".git")
 
 
-def on_github(address: str) -> str:
-    """Give owner and name of a repository on GitHub; empty where it is elsewhere."""
-    return address.partition("github.com/")[2]
-
-
-def binder(address: str, notebook: str) -> str:
-    """Give the address that opens a notebook on Binder."""
-    owner = on_github(address)
-    place = f"gh/{owner}" if owner else f"git/{quote(address, safe='')}"
-    return f"https://mybinder.org/v2/{place}/main?urlpath=lab/tree/notebooks/{notebook}"
-
-
-def colab(address: str, notebook: str) -> str:
-    """Give the address that opens a notebook on Colab, which knows GitHub only; else nothing."""
-    owner = on_github(address)
-    place = f"https://colab.research.google.com/github/{owner}/blob/main/notebooks/{notebook}"
-    return place if owner else ""
-
-
 def starts(address: str, page: str) -> dict[str, str]:
-    """Name the places where the notebook of a page can be started, with their addresses."""
+    """Name the places where the notebook of a page can be started, with their addresses.
+
+    Colab knows GitHub only.
+    """
     if not (address and page.startswith(CHAPTERS)):
         return {}
     notebook = f"{page.removeprefix(CHAPTERS)}.ipynb"
-    found = {"Binder": binder(address, notebook), "Colab": colab(address, notebook)}
-    return {name: link for name, link in found.items() if link}
+    owner = address.partition("github.com/")[2]
+    place = f"gh/{owner}" if owner else f"git/{quote(address, safe='')}"
+    binder = f"https://mybinder.org/v2/{place}/main?urlpath=lab/tree/notebooks/{notebook}"
+    colab = f"https://colab.research.google.com/github/{owner}/blob/main/notebooks/{notebook}"
+    return {"Binder": binder} | ({"Colab": colab} if owner else {})
 
 
 def link(name: str, url: str, icon: str, says: str) -> dict[str, str]:
@@ -86,14 +73,12 @@ class Repository(SphinxDirective):
     """Where the project lives, in a paragraph; nothing as long as no address is set."""
 
     def run(self) -> list[nodes.Node]:
-        """Write the paragraph."""
         address = self.config.nrdob_repository
         if not address:
             return []
         shown = nodes.reference(address, address, refuri=address)
-        return [
-            nodes.paragraph("", "", nodes.Text("The project lives at "), shown, nodes.Text("."))
-        ]
+        pieces = nodes.Text("The project lives at "), shown, nodes.Text(".")
+        return [nodes.paragraph("", "", *pieces)]
 
 
 def project_of(app: Sphinx) -> Path:
@@ -113,7 +98,6 @@ def write_archive(app: Sphinx, failed: Exception | None) -> None:
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Add the setting, the buttons and the archive."""
     app.add_config_value("nrdob_project", "..", "env", str)
     app.add_config_value("nrdob_repository", "", "html", str)
     app.connect("config-inited", set_repository)

@@ -11,7 +11,6 @@ leads from the equations, lemmas, figures and examples of the paper to chapters 
 
 from __future__ import annotations
 
-import json
 import re
 from collections import defaultdict
 from collections.abc import Iterable
@@ -19,13 +18,13 @@ from pathlib import Path
 from typing import Any
 
 from docutils import nodes
-from sphinx.addnodes import pending_xref
 from sphinx.application import Sphinx
 from sphinx.transforms import SphinxTransform
 from sphinx.util.docutils import SphinxDirective
 
+from claimlinks import claim_link
 from nrdob_course.claims import LEDGER
-from pages import prose_of
+from pages import cells_of, prose_of
 from statements import theorems_of, title_of
 
 CHAPTERS = "chapters"
@@ -75,18 +74,15 @@ class PaperNumbers(SphinxTransform):
 
     def number(self, formula: nodes.math_block, number: str) -> None:
         """Take the number out of the formula, and let the page set it, where any formula can."""
-        text = TAG.sub("", formula.astext())
-        formula.rawsource = text
+        formula.rawsource = TAG.sub("", formula.astext())
         formula.children = []
-        formula += nodes.Text(text)
+        formula += nodes.Text(formula.rawsource)
         formula["number"] = number
 
     def lead(self, formula: nodes.math_block, numbers: list[str]) -> None:
         """Give a formula its anchors, and a line that leads to the ledger."""
-        targets = []
-        for number in numbers:
-            target = nodes.target("", "", ids=[f"paper-eq-{number}"], names=[f"paper-eq-{number}"])
-            targets.append(target)
+        anchors = [f"paper-eq-{number}" for number in numbers]
+        targets = [nodes.target("", "", ids=[each], names=[each]) for each in anchors]
         if not formula.get("ids"):
             formula["ids"] = [f"paper-formula-{numbers[0]}"]
         line = nodes.paragraph("", "", classes=["paper-number"])
@@ -95,11 +91,7 @@ class PaperNumbers(SphinxTransform):
             f"The paper's equation{'s' * many} {', '.join(f'({number})' for number in numbers)}"
         )
         for k, id in enumerate(id for number in numbers for id in claims_of(f"eq{int(number):02}")):
-            line += nodes.Text("; " if k else ": ")
-            name = nodes.literal(id, id, classes=["claim-link"])
-            link = pending_xref("", name, reftype="claim", reftarget=id)
-            link["refdoc"], link.source, link.line = self.env.docname, formula.source, formula.line
-            line += link
+            line += [nodes.Text("; " if k else ": "), claim_link(id, self.env.docname, formula)]
         place = formula.parent.index(formula)
         formula.parent[place : place + 1] = [*targets, formula, line]
 
@@ -108,7 +100,6 @@ class PaperMap(SphinxDirective):
     """The table from the paper's numbers to the book."""
 
     def run(self) -> list[nodes.Node]:
-        """Write the table as Markdown, and let it be read like the rest of the page."""
         folder = Path(self.env.srcdir) / CHAPTERS
         for path in folder.glob("*.ipynb"):
             self.env.note_dependency(path)
@@ -123,7 +114,7 @@ def equations_in(cells: Iterable[str]) -> list[int]:
 
 def figures_in(notebook: Path) -> dict[str, int]:
     """Give the names of the figures of a chapter that are the paper's, with their numbers."""
-    cells = json.loads(notebook.read_text("utf-8"))["cells"]
+    cells = cells_of(notebook)
     names = (cell["metadata"].get("mystnb", {}).get("figure", {}).get("name") for cell in cells)
     matches = (FIGURE.fullmatch(name or "") for name in names)
     return {match.group(): int(match[1]) for match in matches if match}
@@ -170,7 +161,6 @@ def table(folder: Path) -> str:
 
 
 def setup(app: Sphinx) -> dict[str, Any]:
-    """Add the directive, and the transform that numbers."""
     app.add_directive("paper-map", PaperMap)
     app.add_transform(PaperNumbers)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

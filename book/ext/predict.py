@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import base64
 import json
+from functools import partial
 from pathlib import Path
 
 from sphinx.application import Sphinx
@@ -45,16 +46,12 @@ def show_pictures(app: Sphinx, page: str, source: list[str]) -> None:
         if chapter := cell["metadata"].get(KEY):
             question = questions[chapter]
             app.env.note_dependency(classes / Path(question.deck).name)
-            cell["source"] = markdown(
-                question,
-                summary,
-                lambda of, which: store_picture(Path(app.srcdir) / CHAPTERS, of, which),
-            )
+            picture = partial(store_picture, Path(app.srcdir) / CHAPTERS)
+            cell["source"] = markdown(question, summary, picture)
     source[0] = json.dumps(notebook)
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Add the setting that names the folder of questions, seen from here."""
     app.add_config_value("nrdob_class", "../notebooks/class", "env", str)
     app.connect("source-read", show_pictures)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

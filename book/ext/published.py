@@ -107,7 +107,6 @@ def write_lists(app: Sphinx, failed: Exception | None) -> None:
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Add the card, the sitemap and the page for what is not there."""
     app.connect("config-inited", set_address)
     app.connect("html-page-context", add_card)
     app.connect("html-page-context", add_pdf, priority=600)

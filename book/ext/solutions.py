@@ -15,7 +15,7 @@ from myst_nb.sphinx_ import HideCodeCellNode, visit_HideCellInput
 from sphinx.application import Sphinx
 from sphinx.transforms import SphinxTransform
 
-from folds import Card, CardLine
+from folds import Card, CardLine, element
 
 OPENS = re.compile(r"<details><summary>(?:Solution|How one knows)</summary>\s*")
 CLOSES = re.compile(r"</details>\s*")
@@ -29,7 +29,6 @@ class Solutions(SphinxTransform):
     default_priority = 500
 
     def apply(self, **_: object) -> None:
-        """Go through each part of the exercises."""
         for exercises in self.document.findall(nodes.section):
             if "try-it" in exercises["ids"]:
                 for part in list(exercises.findall(nodes.section)):
@@ -79,10 +78,9 @@ def exercise(node: nodes.Node) -> str:
     strong = next((each for each in node.children if each.astext()), None)
     if not isinstance(strong, nodes.strong):
         return ""
-    said = strong.astext()
-    if said.startswith(BRIEF):
+    if strong.astext().startswith(BRIEF):
         return "the design brief"
-    return f"exercise {number[1]}" if (number := NUMBER.match(said)) else ""
+    return f"exercise {number[1]}" if (number := NUMBER.match(strong.astext())) else ""
 
 
 class Prompts(SphinxTransform):
@@ -91,7 +89,6 @@ class Prompts(SphinxTransform):
     default_priority = 500
 
     def apply(self, **_: object) -> None:
-        """Go through the cells that have the name for all code."""
         for cell in self.document.findall(nodes.container):
             if cell.get("prompt_show") != self.config.nb_code_prompt_show:
                 continue
@@ -108,15 +105,9 @@ def enter_folded_cell(translator: Any, node: HideCodeCellNode) -> None:
     translator.body[label] = "<summary>\n"
 
 
-def leave_folded_cell(translator: Any, _node: HideCodeCellNode) -> None:
-    """End it."""
-    translator.body.append("</details>\n")
-
-
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Gather what belongs together, and name what is left."""
     app.add_transform(Solutions)
     app.add_transform(Prompts)
     app.add_js_file("paper.js", loading_method="defer")
-    app.add_node(HideCodeCellNode, override=True, html=(enter_folded_cell, leave_folded_cell))
+    app.add_node(HideCodeCellNode, override=True, html=(enter_folded_cell, element("details")[1]))
     return {"parallel_read_safe": True, "parallel_write_safe": True}

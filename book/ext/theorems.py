@@ -64,19 +64,19 @@ class Boxes(SphinxTransform):
     def box(self, quotation: nodes.block_quote) -> None:
         """Turn a quotation into a box, if it is a theorem."""
         strong = leading(quotation[0]) if quotation.children else None
-        match = isinstance(strong, nodes.strong) and TITLE.fullmatch(strong.astext())
-        if isinstance(strong, nodes.strong) and strong.astext() == "Standing assumptions.":
-            box = nodes.container("", *quotation.children, classes=["theorem"])
-            quotation.replace_self(box)
-            strong["classes"].append("theorem-title")
-        if strong is None or not match:
+        if not isinstance(strong, nodes.strong):
+            return
+        match = TITLE.fullmatch(strong.astext())
+        if not match and strong.astext() != "Standing assumptions.":
             return
         box = nodes.container("", *quotation.children, classes=["theorem"])
+        quotation.replace_self(box)
+        strong["classes"].append("theorem-title")
+        if not match:
+            return
         box["names"].append(anchor(match[1]))
         box["ids"].append(anchor(match[1]))
-        quotation.replace_self(box)
         self.document.note_explicit_target(box)
-        strong["classes"].append("theorem-title")
         # In the order of the alphabet an article counts for nothing.
         name = re.sub(r"^(A|An|The) ", "", plain(match[2])).replace(";", ",").replace("_n", "ₙ")
         entry = (f"{name[:1].upper()}{name[1:]} (Theorem {match[1]})", anchor(match[1]))
@@ -84,9 +84,8 @@ class Boxes(SphinxTransform):
         box.parent.insert(box.parent.index(box), index)
         for paragraph in box.findall(nodes.paragraph):
             label = leading(paragraph)
-            if isinstance(label, nodes.emphasis) and label.astext().startswith(
-                ("Without", "Proof", "Known")
-            ):
+            notes = ("Without", "Proof", "Known")
+            if isinstance(label, nodes.emphasis) and label.astext().startswith(notes):
                 paragraph["classes"].append("theorem-note")
 
     def linked(self, text: nodes.Text) -> list[nodes.Node]:
@@ -135,17 +134,14 @@ def resolve(
         if not node["refdoc"].startswith(f"{CHAPTERS}/"):  # of chapters it is said already
             logger.warning("there is no Theorem %s", node["reftarget"], location=node)
         return shown
-    page = f"{CHAPTERS}/{theorem.page}"
-    return make_refnode(
-        app.builder, node["refdoc"], page, theorem.anchor, shown, re.sub(r"[$\\]", "", theorem.name)
-    )
+    page, title = f"{CHAPTERS}/{theorem.page}", re.sub(r"[$\\]", "", theorem.name)
+    return make_refnode(app.builder, node["refdoc"], page, theorem.anchor, shown, title)
 
 
 class TheoremIndex(SphinxDirective):
     """All theorems by chapter: conditions, statement, counterexamples, proof, who knew it."""
 
     def run(self) -> list[nodes.Node]:
-        """Write the index as Markdown, and let it be read like the rest of the page."""
         for path in folder(self.env).glob("*.ipynb"):
             self.env.note_dependency(path)
         text = "\n\n".join(
@@ -162,25 +158,18 @@ def written(page: str, title: str, theorems: list[Theorem]) -> str:
     """Write the entries of a chapter."""
     lines = [f"## [{title}](/{CHAPTERS}/{page}.ipynb)"]
     for theorem in theorems:
-        rows = [
-            ("For", setting_of(theorem)),
-            *(("If", f"{k}. {text}") for k, text in theorem.conditions.items()),
-            ("Then", theorem.then),
-            *((f"Without {k}", text) for k, text in theorem.without.items()),
-            ("Proof", theorem.proof),
-            ("Known", theorem.known),
-        ]
-        fields: dict[str, list[str]] = {}
-        for label, text in rows:
-            fields.setdefault(label, []).append(text)
+        fields = {
+            "For": setting_of(theorem),
+            "If": "\n".join(f"{k}. {text}" for k, text in theorem.conditions.items()),
+            "Then": theorem.then,
+            **{f"Without {k}": text for k, text in theorem.without.items()},
+            "Proof": theorem.proof,
+            "Known": theorem.known,
+        }
         lines += [
             ":::{container} theorem-entry\n",
             f"**Theorem {theorem.number}** ({theorem.name})\n",
-            *(
-                f"{label}\n: " + indented("\n".join(texts)) + "\n"
-                for label, texts in fields.items()
-                if "".join(texts)
-            ),
+            *(f"{label}\n: {indented(text)}\n" for label, text in fields.items() if text),
             ":::",
         ]
     return "\n".join(lines)
@@ -200,7 +189,6 @@ def indented(text: str) -> str:
 
 
 def setup(app: Sphinx) -> dict[str, Any]:
-    """Check before anything is read; box and link while it is."""
     app.add_directive("theorem-index", TheoremIndex)
     app.add_transform(Boxes)
     app.connect("builder-inited", check)

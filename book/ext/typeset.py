@@ -10,7 +10,6 @@ get a name for those who hear the page, and so do empty corners of tables.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from typing import Any
 from urllib.parse import quote
 
@@ -54,12 +53,8 @@ def tie_punctuation(_app: Sphinx, doctree: nodes.document, _page: str) -> None:
         behind = AFTER_NUMBER if re.search(r"\d}?$", formula.astext()) else AFTER
         before, after = touching(formula, -1, BEFORE), touching(formula, 1, behind)
         if before or after:
-            formula.replace_self(
-                nodes.inline(
-                    "", "", nodes.Text(before), formula.deepcopy(), nodes.Text(after),
-                    classes=["tied"],
-                )
-            )  # fmt: skip
+            pieces = nodes.Text(before), formula.deepcopy(), nodes.Text(after)
+            formula.replace_self(nodes.inline("", "", *pieces, classes=["tied"]))
 
 
 def touching(formula: nodes.math, step: int, marks: re.Pattern[str]) -> str:
@@ -67,10 +62,10 @@ def touching(formula: nodes.math, step: int, marks: re.Pattern[str]) -> str:
     parent = formula.parent
     place = parent.index(formula) + step
     text = parent[place] if 0 <= place < len(parent) else None
-    found = (
-        (marks.match if step > 0 else marks.search)(text) if isinstance(text, nodes.Text) else None
-    )
-    if text is None or not found:
+    if not isinstance(text, nodes.Text):
+        return ""
+    found = (marks.match if step > 0 else marks.search)(text)
+    if not found:
         return ""
     parent[place] = nodes.Text(text[: found.start()] + text[found.end() :])
     return re.sub(r"\s", SPACE, found.group())
@@ -110,27 +105,19 @@ def name_corners(_app: Sphinx, doctree: nodes.document, _page: str) -> None:
     for head in doctree.findall(nodes.thead):
         for entry in head.findall(nodes.entry):
             if not entry.astext().strip():
-                entry += nodes.paragraph(
-                    "", "", nodes.inline("", "Row", classes=["visually-hidden"])
-                )
+                word = nodes.inline("", "Row", classes=["visually-hidden"])
+                entry += nodes.paragraph("", "", word)
 
 
 def name_toggles(
     _app: Sphinx, _page: str, _template: str, context: dict[str, Any], _doctree: object
 ) -> None:
     """Say what the arrows in the list of contents do."""
-    make: Callable[..., Any] | None = context.get("generate_toctree_html")
-    if make is None:
-        return
-
-    def named(*args: Any, **options: Any) -> Any:
-        return re.sub(
-            "<summary>",
-            '<summary aria-label="The pages of this part">',
-            str(make(*args, **options)),
-        )
-
-    context["generate_toctree_html"] = named
+    named = '<summary aria-label="The pages of this part">'
+    if make := context.get("generate_toctree_html"):
+        context["generate_toctree_html"] = lambda *args, **options: str(
+            make(*args, **options)
+        ).replace("<summary>", named)
 
 
 def name_references(

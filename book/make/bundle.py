@@ -47,13 +47,11 @@ def pack(files: Iterator[tuple[str, Path]], target: Path) -> None:
     target.parent.mkdir(parents=True, exist_ok=True)
     with ZipFile(target, "w", ZIP_DEFLATED) as archive:
         for name, path in files:
-            archive.writestr(
-                ZipInfo(f"nrdob-book/{name}", LONG_AGO), path.read_bytes(), ZIP_DEFLATED
-            )
+            entry = ZipInfo(f"nrdob-book/{name}", LONG_AGO)
+            archive.writestr(entry, path.read_bytes(), ZIP_DEFLATED)
 
 
 def main() -> None:
-    """Read the command line."""
     build = ROOT / "build"
     given = options(__doc__, None, site=build / "html", output=build / "nrdob-book.zip")
     if not (given.site / "index.html").exists():

@@ -45,41 +45,29 @@ PARTS = {
 
 
 @dataclass(frozen=True)
-class Citation:
-    """One mention of a claim in a chapter, with the heading above it."""
-
-    id: str
-    heading: str
-
-
-@dataclass(frozen=True)
 class Chapter:
-    """A notebook as the ledger sees it: its title and the claims it cites, in order."""
+    """A notebook as the ledger sees it: its title, and the first heading below which a claim is."""
 
     stem: str
     title: str
-    citations: tuple[Citation, ...]
-
-    def first(self, id: str) -> Citation | None:
-        """Give the first mention of a claim, if there is one."""
-        return next((citation for citation in self.citations if citation.id == id), None)
+    citations: Mapping[str, str]
 
 
 def read_chapter(path: Path) -> Chapter:
     """Read title and citations of one notebook."""
     title = heading = ""
-    citations = []
+    cited: dict[str, str] = {}
     for cell in cells_of(path):
-        if cell["cell_type"] == "code":
-            citations += [Citation(id, heading) for id in CITED_IN_CODE.findall(cell["source"])]
-        else:
-            for line in prose(cell["source"]):
-                if match := HEADING.match(line):
-                    heading = match.group(1)
-                    title = title or heading
-                citations += [Citation(id, heading) for id in CITED_IN_PROSE.findall(line)]
-        citations += [Citation(id, heading) for id in cell["metadata"].get("claims", ())]
-    return Chapter(path.stem, title or path.stem, tuple(citations))
+        ids = CITED_IN_CODE.findall(cell["source"]) if cell["cell_type"] == "code" else []
+        for line in prose(cell["source"]) if cell["cell_type"] != "code" else ():
+            if match := HEADING.match(line):
+                heading = match.group(1)
+                title = title or heading
+            for id in CITED_IN_PROSE.findall(line):
+                cited.setdefault(id, heading)
+        for id in [*ids, *cell["metadata"].get("claims", ())]:
+            cited.setdefault(id, heading)
+    return Chapter(path.stem, title or path.stem, cited)
 
 
 def prose(text: str) -> Iterator[str]:
@@ -114,11 +102,10 @@ def settle_all(
 def misfits(ledger: Mapping[str, Claim], chapters: Mapping[str, Chapter]) -> list[str]:
     """Tell where ledger and chapters do not fit together."""
     unknown = [
-        f"{citation.id}: cited in {chapter.stem}, section {citation.heading!r}, but there is no "
-        "such claim"
+        f"{id}: cited in {chapter.stem}, section {heading!r}, but there is no such claim"
         for chapter in chapters.values()
-        for citation in chapter.citations
-        if citation.id not in ledger
+        for id, heading in chapter.citations.items()
+        if id not in ledger
     ]
     without_chapter = [
         f"{claim.id}: belongs to the chapter {claim.chapter}, which does not exist"
@@ -128,7 +115,7 @@ def misfits(ledger: Mapping[str, Claim], chapters: Mapping[str, Chapter]) -> lis
     not_shown = [
         f"{claim.id}: not cited in its own chapter, {claim.chapter}"
         for claim in ledger.values()
-        if claim.chapter in chapters and not chapters[claim.chapter].first(claim.id)
+        if claim.chapter in chapters and claim.id not in chapters[claim.chapter].citations
     ]
     nowhere = [
         f"{id}: begins like no part of the paper; see PARTS in book/make/ledger.py"
@@ -162,13 +149,12 @@ def count(entries: Sequence[Entry], verdict: Verdict) -> int:
 
 def places(claim: Claim, chapters: Mapping[str, Chapter]) -> str:
     """Link every chapter that shows a claim, its own first, at the first mention in it."""
-    shown = [chapter for chapter in chapters.values() if chapter.first(claim.id)]
+    shown = [chapter for chapter in chapters.values() if claim.id in chapter.citations]
     shown.sort(key=lambda chapter: chapter.stem != claim.chapter)
     links = []
     for chapter in shown:
-        citation = chapter.first(claim.id)
-        assert citation
-        section = f" › {citation.heading}" if citation.heading != chapter.title else ""
+        heading = chapter.citations[claim.id]
+        section = f" › {heading}" if heading != chapter.title else ""
         links.append(f"[{chapter.title}{section}](#shown-{chapter.stem}-{claim.id.lower()})")
     return "; ".join(links)
 

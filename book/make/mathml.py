@@ -59,6 +59,7 @@ KEPT = {
     "width",
 }  # fmt: skip
 """Attributes that mean the same to a browser."""
+HEADED = {"msub", "msup", "msubsup", "munder", "munderover", "mrow"}
 
 
 class TexError(ValueError):
@@ -187,9 +188,7 @@ def space(row: ElementTree.Element) -> None:
 
 def head(element: ElementTree.Element) -> ElementTree.Element:
     """Give what an element begins with, its indices and limits set aside."""
-    while element.tag in {"msub", "msup", "msubsup", "munder", "munderover", "mrow"} and len(
-        element
-    ):
+    while len(element) and element.tag in HEADED:
         element = element[0]
     return element
 
@@ -197,9 +196,5 @@ def head(element: ElementTree.Element) -> ElementTree.Element:
 def is_name(element: ElementTree.Element) -> bool:
     """Say whether this is the name of a function, such as sin or max."""
     text = element.text or ""
-    return (
-        element.tag in {"mi", "mo"}
-        and len(text) > 1
-        and text.isalpha()
-        and "mathvariant" not in element.attrib
-    )
+    is_word = len(text) > 1 and text.isalpha()
+    return is_word and element.tag in {"mi", "mo"} and "mathvariant" not in element.attrib

@@ -48,7 +48,6 @@ def run(path: Path) -> Run:
 
 
 def parse(arguments: list[str] | None) -> argparse.Namespace:
-    """Read the command line."""
     parser = argparse.ArgumentParser(
         description="Run notebooks; by default all of notebooks/, in reading order, and those of "
         "notebooks/class/. A folder for the book gets the chapters only."
@@ -63,7 +62,6 @@ def parse(arguments: list[str] | None) -> argparse.Namespace:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the command line; the result is the exit code."""
     given = parse(arguments)
     paths = [path.resolve() for path in given.notebooks] or sorted(NOTEBOOKS.glob("*.ipynb"))
     if not given.notebooks and not given.output:

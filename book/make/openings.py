@@ -53,11 +53,7 @@ def read_chapter(path: Path) -> Chapter:
     """Read the first cell of a chapter."""
     opening = cells_of(path)[0]["source"]
     title = TITLE.match(opening)
-    time, promised, needed = (
-        MINUTES.search(opening),
-        PROMISED.search(opening),
-        NEEDED.search(opening),
-    )
+    time, promised, needed = (each.search(opening) for each in (MINUTES, PROMISED, NEEDED))
     lines = promised[1].splitlines() if promised else []
     objectives = [line.removeprefix("- ").rstrip(";. ") for line in lines if line.startswith("- ")]
     needs = tuple(dict.fromkeys(CHAPTER.findall(needed[1]))) if needed else None

@@ -15,7 +15,6 @@ from collections.abc import Iterator
 from html import escape
 from io import StringIO
 from pathlib import Path
-from typing import Any
 
 import matplotlib
 import nbformat
@@ -44,12 +43,11 @@ MARKER = re.compile(r"^ *### (?:BEGIN|END) SOLUTION\n?", re.MULTILINE)
 # --- Markdown into HTML -------------------------------------------------------------------------
 
 
-def formula(latex: str, options: dict[str, Any]) -> str:
-    """Set a formula as MathML."""
-    return mathml(latex, options["display_mode"])
-
-
-MARKDOWN = MarkdownIt("commonmark").enable("table").use(dollarmath_plugin, renderer=formula)
+MARKDOWN = (
+    MarkdownIt("commonmark")
+    .enable("table")
+    .use(dollarmath_plugin, renderer=lambda latex, how: mathml(latex, how["display_mode"]))
+)
 
 
 def html(markdown: str) -> Markup:
@@ -124,26 +122,21 @@ def sketch(diagram: diagrams.Diagram) -> Markup:
 
 def write(folder: Path) -> list[Path]:
     """Write all pages into a folder."""
-    pack, made = read_pack(), {}
+    pack = read_pack()
+    pages = {"boards": ("In class: minutes and boards", boards(), "boards")}
     for each in pack.sets:
         path = SOURCE / each.name / f"{each.name}.ipynb"
-        made[each.name] = page(each.title, problems(path), "set")
         answers = solutions(path, pack, each)
-        made[f"{each.name}_solutions"] = page(f"{each.title}. Solutions", answers, "solutions")
-    made["boards"] = page("In class: minutes and boards", boards(), "boards")
+        pages[each.name] = (each.title, problems(path), "set")
+        pages[f"{each.name}_solutions"] = (f"{each.title}. Solutions", answers, "solutions")
     folder.mkdir(parents=True, exist_ok=True)
-    for name, text in made.items():
+    for name, (title, sections, look) in pages.items():
+        text = render("paper.html", title=title, sections=list(sections), look=look)
         store(text, folder / f"{name}.html")
-    return [folder / f"{name}.html" for name in made]
-
-
-def page(title: str, sections: Iterator[list[Markup]], look: str) -> str:
-    """Lay the parts out on a page."""
-    return render("paper.html", title=title, sections=list(sections), look=look)
+    return [folder / f"{name}.html" for name in pages]
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the command line; the result is the exit code."""
     given = options(__doc__, arguments, output=ROOT / "build" / "paper")
     print(*write(given.output), sep="\n")
     return 0

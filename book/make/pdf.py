@@ -14,10 +14,9 @@ import re
 import sys
 import tomllib
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from urllib.parse import urldefrag, urljoin
 
 from bs4 import BeautifulSoup, Tag
@@ -58,22 +57,15 @@ FITTED = """() => {
 """What would be cut at the edge is set smaller; else a browser shrinks the whole book."""
 
 
-@dataclass(frozen=True)
-class Chapter:
-    """A page of the site, as it stands in the book."""
+class Chapter(NamedTuple):
+    """A page of the site, as it stands in the book: the name that links lead to, title and text."""
 
-    name: str
+    place: str
     title: str
     text: Tag
 
-    @property
-    def place(self) -> str:
-        """The name that links lead to."""
-        return anchor(self.name)
 
-
-@dataclass(frozen=True)
-class Part:
+class Part(NamedTuple):
     """Some chapters with a title."""
 
     title: str
@@ -119,11 +111,6 @@ def address(page: str, link: str, printed: frozenset[str]) -> str:
     return f"#{anchor(stem, name)}" if stem in printed else target
 
 
-def leads_nowhere(link: Tag) -> bool:
-    """Say whether what a link leads to does not come with the PDF."""
-    return not re.match(r"#|[a-z]+:", str(link["href"]))
-
-
 def chapter(site: Path, page: str, printed: frozenset[str]) -> Chapter:
     """Take the text out of a page; its names and links become those of the whole."""
     text = one(read(site / f"{page}.html"), "article.bd-article")
@@ -138,9 +125,10 @@ def chapter(site: Path, page: str, printed: frozenset[str]) -> Chapter:
                 element[name] = address(page, str(element[name]), printed)
         if element.name == "details":
             element["open"] = ""
-    for link in filter(leads_nowhere, text.select("a[href]")):
-        link.unwrap()
-    return Chapter(page, one(text, "h1").get_text(" ", strip=True), text)
+    for link in text.select("a[href]"):
+        if not re.match(r"#|[a-z]+:", str(link["href"])):  # what it leads to is not in the PDF
+            link.unwrap()
+    return Chapter(anchor(page), one(text, "h1").get_text(" ", strip=True), text)
 
 
 def parts(site: Path) -> Iterator[Part]:
@@ -153,19 +141,17 @@ def parts(site: Path) -> Iterator[Part]:
 
 def head(site: Path) -> Markup:
     """Give the styles of the site, and what moves the answers."""
-    found = one(read(min(site.glob("chapters/*.html"))), "head")
-    wanted = found.select("link[rel=stylesheet], script[src*='paper.js']")
+    page = read(min(site.glob("chapters/*.html")))
+    wanted = one(page, "head").select("link[rel=stylesheet], script[src*='paper.js']")
     return Markup("".join(map(str, wanted)).replace("../_static", "_static"))
 
 
-def headings(book: list[Part]) -> list[str]:
+def headings(book: list[Part]) -> Iterator[str]:
     """Give what stands in the outline, in this order; formulas as they are typed."""
-    found = []
     for part in book:
-        found += [part.title] if part.title else []
+        yield from [part.title] if part.title else []
         for each in part.chapters:
-            found += [plain(heading) for heading in each.text.select("h1, h2, h3, h4, h5, h6")]
-    return found
+            yield from map(plain, each.text.select("h1, h2, h3, h4, h5, h6"))
 
 
 def plain(heading: Tag) -> str:
@@ -186,7 +172,7 @@ def numbers(printed: Path) -> dict[str, int]:
 def finish(printed: Path, output: Path, book: list[Part], about: dict[str, Any]) -> None:
     """Write the headings into the outline as they are; a browser breaks them like its lines."""
     writer = PdfWriter(clone_from=printed)
-    titles = iter(headings(book))
+    titles = headings(book)
 
     def name(entry: Any) -> None:
         while entry is not None:
@@ -206,16 +192,11 @@ def build(site: Path, output: Path) -> None:
 
     browser_path = chromium.find()
     if browser_path is None:
-        sys.exit(
-            "The PDF is set by a browser. Install Chromium, so that `chromium` is on the path."
-        )
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+        sys.exit("The PDF is set by a browser. Install Chromium: `chromium` must be on the path.")
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["version"]
     book = list(parts(site))
-    about = {
-        "title": book[0].chapters[0].title,
-        "author": "the nrdob authors",
-        "version": project["version"],
-    }
+    title = book[0].chapters[0].title
+    about = {"title": title, "author": "the nrdob authors", "version": version}
     whole = site / "whole.html"  # beside what it shows
     draft = output.with_suffix(".draft.pdf")
     output.parent.mkdir(parents=True, exist_ok=True)
@@ -242,7 +223,6 @@ def build(site: Path, output: Path) -> None:
 
 
 def main() -> None:
-    """Read the command line."""
     folder = ROOT / "build"
     given = options(__doc__, None, site=folder / "html", output=folder / "nrdob.pdf")
     # A browser miscounts its objects; what reads them would say so, and heals it.

@@ -133,8 +133,8 @@ def in_html(markdown: str) -> str:
     """Give a line as HTML; formulas stay, Jupyter sets them wherever they stand."""
     parts = re.split(r"(\$[^$]+\$)", markdown)
     for k in range(0, len(parts), 2):
-        parts[k] = re.sub(r"\*\*(.+?)\*\*", r"<b>\1</b>", parts[k])
-        parts[k] = re.sub(r"\*(.+?)\*", r"<i>\1</i>", parts[k])
+        bold = re.sub(r"\*\*(.+?)\*\*", r"<b>\1</b>", parts[k])
+        parts[k] = re.sub(r"\*(.+?)\*", r"<i>\1</i>", bold)
     return "".join(parts)
 
 
@@ -181,13 +181,9 @@ def markdown(
 
 def put_into(notebook: Any, question: Question) -> None:
     """Put a question into its chapter: where it stands already, else after the opening."""
-    places = [cell for cell in notebook.cells if KEY in cell.metadata]
-    if not places:
-        new = nbformat.v4.new_markdown_cell(metadata={KEY: question.chapter})
-        new["id"] = KEY
-        notebook.cells.insert(1, new)
-        places = [new]
-    (cell,) = places
+    if not any(KEY in cell.metadata for cell in notebook.cells):
+        notebook.cells.insert(1, nbformat.v4.new_markdown_cell(id=KEY, metadata={KEY: ""}))
+    (cell,) = (cell for cell in notebook.cells if KEY in cell.metadata)
     cell.metadata[KEY] = question.chapter
     cell.source = markdown(question)
     cell["attachments"] = {
@@ -198,7 +194,6 @@ def put_into(notebook: Any, question: Question) -> None:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the command line; the result is the exit code."""
     check = options(__doc__, arguments, check=True).check
     behind = []
     for chapter, question in read_questions().items():

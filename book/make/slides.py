@@ -69,11 +69,8 @@ def read(path: Path) -> Any:
 
 def two_days(notebooks: Iterable[Any]) -> Any:
     """Give all questions in one notebook, in the order of the course of two days."""
-    by_number = {
-        cells[0].source.split()[1]: cells
-        for notebook in notebooks
-        for cells in split(notebook.cells)
-    }
+    questions = [cells for notebook in notebooks for cells in split(notebook.cells)]
+    by_number = {cells[0].source.split()[1]: cells for cells in questions}
     numbers = ", ".join(TWO_DAYS.findall(SYLLABUS.read_text("utf-8"))).split(", ")
     chosen = [by_number[number] for number in numbers if number in by_number]
     titles = [cells[0].source.partition("\n")[0].removeprefix("## ") for cells in chosen]
@@ -93,14 +90,11 @@ def slides(notebook: Any) -> str:
 
 def copy_beside(folder: Path) -> None:
     """Copy what the pages load into the folder in which they are."""
-    for package, end in BESIDE:
-        found = installed(package, end)
-        shutil.copyfile(found, folder / found.name)
-    shutil.copyfile(TEMPLATE / "slides.css", folder / "slides.css")
+    for file in (TEMPLATE / "slides.css", *(installed(*place) for place in BESIDE)):
+        shutil.copyfile(file, folder / file.name)
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the command line; the result is the exit code."""
     folder: Path = options(__doc__, arguments, output=ROOT / "build" / "slides").output
     folder.mkdir(parents=True, exist_ok=True)
     for old in folder.glob("*.html"):

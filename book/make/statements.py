@@ -53,11 +53,11 @@ class Theorem:
     name: str
     setting: str
     conditions: Mapping[int, str]
-    then: str
     without: Mapping[int, str]
-    proof: str
-    known: str
     listed: tuple[int, ...]
+    then: str = ""
+    proof: str = ""
+    known: str = ""
 
     @property
     def number(self) -> str:
@@ -109,32 +109,26 @@ def parse(page: str, head: re.Match[str], body: str) -> Theorem:
     """Read one theorem: its conditions before *Then*, and the parts that follow."""
     marks = list(PART.finditer(body))
     before = body[: marks[0].start()] if marks else body
-    items = [
-        found
-        for text in re.split(r"^(?=\d+\.\s)", before, flags=re.MULTILINE)
-        if (found := CONDITION.match(text.strip()))
-    ]
+    setting, *texts = re.split(r"^(?=\d+\.\s)", before, flags=re.MULTILINE)
+    items = [found for text in texts if (found := CONDITION.match(text.strip()))]
     parts: dict[str, str] = {}
     without: dict[int, str] = {}
     for mark, end in zip(marks, [*(m.start() for m in marks[1:]), len(body)], strict=True):
         kind, said = mark[1], body[mark.end() : end].strip()
         if kind == "Without":
             without |= dict.fromkeys(map(int, re.findall(r"\d+", mark[2])), said)
-        elif kind not in parts:
-            parts[kind] = said
-    setting = re.split(r"^\d+\.\s", before, maxsplit=1, flags=re.MULTILINE)[0].strip()
+        else:
+            parts.setdefault(kind.lower(), said)
     return Theorem(
         page=page,
         chapter=head[1],
         count=int(head[2]),
         name=head[3],
-        setting=setting if setting != "*Let*" else "",
+        setting=setting.strip() if setting.strip() != "*Let*" else "",
         conditions={int(item[1]): item[2].strip() for item in items},
-        then=parts.get("Then", ""),
         without=without,
-        proof=parts.get("Proof", ""),
-        known=parts.get("Known", ""),
         listed=tuple(int(item[1]) for item in items),
+        **parts,
     )
 
 
@@ -205,13 +199,14 @@ def faults_of_order(theorems: list[Theorem]) -> list[str]:
         for place, theorem in enumerate(theorems)
         if theorem.count in counts[:place]
     ]
-    if twice or counts == list(range(1, len(counts) + 1)):
-        return twice
-    return [
-        f"{theorem} comes where {expected} is expected: a number is left out, or out of order"
-        for expected, theorem in enumerate(theorems, 1)
-        if theorem.count != expected
-    ][:1]
+    return (
+        twice
+        or [
+            f"{theorem} comes where {expected} is expected: a number is left out, or out of order"
+            for expected, theorem in enumerate(theorems, 1)
+            if theorem.count != expected
+        ][:1]
+    )
 
 
 def lost_mentions(page: str, cells: Iterable[str], there: set[str]) -> list[str]:

@@ -96,14 +96,9 @@ class Advice:
 
     ask: str
     steps: int
-    trains: tuple[tuple[str, str], ...]
-    rubric: tuple[tuple[float, str], ...] = ()
-    wrong: tuple[tuple[str, str], ...] = ()
-
-
-def read_chapters(folder: Path = NOTEBOOKS) -> dict[str, Chapter]:
-    """Read every chapter, in reading order."""
-    return {path.stem: read_chapter(path) for path in sorted(folder.glob("*.ipynb"))}
+    trains: Sequence[tuple[str, str]]
+    rubric: Sequence[tuple[float, str]] = ()
+    wrong: Sequence[tuple[str, str]] = ()
 
 
 def read_set(path: Path) -> ProblemSet:
@@ -118,12 +113,13 @@ def read_set(path: Path) -> ProblemSet:
         if kind.get("grade") and (name := GRADED.fullmatch(kind["grade_id"])):
             number = f"{name[2]}.{name[3]}"
             of_task = [each for each in cells if _number(each) == number + name[4]]
+            read = " ".join(each.source for each in of_task if each.id.startswith("task-"))
             task = Task(
                 number + name[4],
                 headings.get(number, ""),
                 kind["points"],
                 name[1] == "written",
-                _reading(of_task),
+                len(read.split()) / RULE.words_read,
                 _writing(of_task),
             )
             tasks.append(task)
@@ -136,12 +132,6 @@ def _number(cell: Any) -> str:
     return f"{found[1]}.{found[2]}" if found else ""
 
 
-def _reading(cells: Sequence[Any]) -> float:
-    """Give the minutes that it takes to read a problem."""
-    text = " ".join(cell.source for cell in cells if cell.id.startswith("task-"))
-    return len(text.split()) / RULE.words_read
-
-
 def _writing(cells: Sequence[Any]) -> float:
     """Give the minutes that it takes to write the solution down, once it is known."""
     minutes = 0.0
@@ -150,34 +140,16 @@ def _writing(cells: Sequence[Any]) -> float:
             if cell.cell_type == "markdown":
                 minutes += len(solution.split()) / RULE.words_written
             else:
-                minutes += len([line for line in solution.splitlines() if _is_code(line)])
+                minutes += len(re.findall(r"^\s*[^\s#]", solution, re.MULTILINE))
     return minutes
 
 
-def _is_code(line: str) -> bool:
-    return bool(line.strip()) and not line.lstrip().startswith("#")
-
-
-def read_sets(folder: Path = SOURCE) -> list[ProblemSet]:
-    """Read every set, in order."""
-    return [read_set(path) for path in sorted(folder.glob("set*/set*.ipynb"))]
-
-
-def read_advice(path: Path = ADVICE) -> dict[str, Advice]:
+def read_advice() -> dict[str, Advice]:
     """Read what teachers know."""
-    entries = tomllib.loads(path.read_text("utf-8"))
-    return {id: _advice(entry) for id, entry in entries.items()}
-
-
-def _advice(entry: Mapping[str, Any]) -> Advice:
-    trains = (text.partition(": ") for text in entry["trains"])
-    return Advice(
-        entry["ask"],
-        entry["steps"],
-        tuple((stem, begins) for stem, _, begins in trains),
-        tuple((points, text) for points, text in entry.get("rubric", ())),
-        tuple((did, say) for did, say in entry.get("wrong", ())),
-    )
+    entries = tomllib.loads(ADVICE.read_text("utf-8"))
+    for entry in entries.values():
+        entry["trains"] = [text.partition(": ")[::2] for text in entry["trains"]]
+    return {id: Advice(**entry) for id, entry in entries.items()}
 
 
 @dataclass(frozen=True)
@@ -207,7 +179,6 @@ class Pack:
     def misfits(self) -> list[str]:
         """Tell where problems, chapters and advice do not fit together."""
         tasks = {task.id: task for task in self.tasks}
-        written = {id: task for id, task in tasks.items() if task.written}
         told = [f"{id}: posed in no set" for id in self.problems if id not in tasks]
         told += [f"{id}: not in {ADVICE.name}" for id in tasks if id not in self.advice]
         told += [
@@ -219,8 +190,9 @@ class Pack:
                 found = [o for o in chapter.objectives if o.startswith(begins)] if chapter else []
                 if len(found) != 1:
                     told.append(f"{id}: {stem} has {len(found)} objectives that begin {begins!r}")
-        for id, task in written.items():
-            if sum(points for points, _ in self.rubric_of(task)) != task.points:
+        for id, task in tasks.items():
+            given = sum(points for points, _ in self.rubric_of(task))
+            if task.written and given != task.points:
                 told.append(f"{id}: the rubric does not give the {task.points:g} points of the set")
         return told
 
@@ -265,21 +237,22 @@ class Pack:
         quick, slow = map(sum, zip(*map(self.minutes_of, tasks), strict=True))
         return round(quick / 15) / 4, round(slow / 15) / 4
 
-    def rubric_of(self, task: Task) -> tuple[tuple[float, str], ...]:
+    def rubric_of(self, task: Task) -> Sequence[tuple[float, str]]:
         """Give what earns points in a written answer."""
         return self.advice[task.id].rubric if task.id in self.advice else ()
 
 
 def read_pack() -> Pack:
-    """Read everything where it is."""
-    return Pack(read_chapters(), read_sets(), read_advice(), PROBLEMS)
+    """Read everything where it is, in its order."""
+    chapters = {path.stem: read_chapter(path) for path in sorted(NOTEBOOKS.glob("*.ipynb"))}
+    sets = [read_set(path) for path in sorted(SOURCE.glob("set*/set*.ipynb"))]
+    return Pack(chapters, sets, read_advice(), PROBLEMS)
 
 
 # --- the command line ---------------------------------------------------------------------------
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the command line; the result is the exit code."""
     given = options(__doc__, arguments, check=True, output=TEACHING)
     pack = read_pack()
     made = {name: render(name, pack=pack, rule=RULE) for name in PAGES}

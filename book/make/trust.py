@@ -10,27 +10,21 @@ from __future__ import annotations
 
 import sys
 import tomllib
-from pathlib import Path
 
 from pages import ROOT, options, render, same, store
 
 SOURCE, PAGE = ROOT / "book" / "runs.toml", ROOT / "book" / "trust.md"
 
 
-def made(source: Path = SOURCE) -> str:
-    """Make the page."""
-    runs = tomllib.loads(source.read_text("utf-8"))
-    return render(
+def main(arguments: list[str] | None = None) -> int:
+    check = options(__doc__, arguments, check=True).check
+    runs = tomllib.loads(SOURCE.read_text("utf-8"))
+    page = render(
         PAGE.name, groups=runs["group"], mended=runs["mended"], uncovered=runs["uncovered"]
     )
-
-
-def main(arguments: list[str] | None = None) -> int:
-    """Run the command line; the result is the exit code."""
-    check = options(__doc__, arguments, check=True).check
     if not check:
-        store(made(), PAGE)
-    elif not same(made(), PAGE):
+        store(page, PAGE)
+    elif not same(page, PAGE):
         print("book/trust.md is behind book/runs.toml: make pages writes it", file=sys.stderr)
         return 1
     return 0

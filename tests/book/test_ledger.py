@@ -166,7 +166,7 @@ def test_all_problems_are_told_at_once(chapters: Path, capsys: pytest.CaptureFix
 def test_citations_are_found(text: str, ids: list[str], tmp_path: Path) -> None:
     write_chapter(tmp_path, "chapter", text)
     found = ledger.read_chapter(tmp_path / "chapter.ipynb").citations
-    assert [citation.id for citation in found] == ids
+    assert list(found) == ids
 
 
 def test_the_ledger_has_every_claim(chapters: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -16,7 +16,7 @@ from nrdob.numerics import ComplexArray, number
 from nrdob.paper import EXAMPLES, example
 
 from .ledger import Finding
-from .recurring import section
+from .recurring import filtered, section
 from .signals import (
     ABOUT,
     EXACT,
@@ -63,14 +63,12 @@ def tracking_at_low_frequency() -> Finding:
     wanted = blocks.CGm / (1 + blocks.CGm)
     factor = from_diagram("T_R", blocks) / wanted
 
-    def farthest(loop: NRDOB) -> float:
-        s = _low_band(loop)
-        size = np.abs(loop.T_R(s) * (1 + loop.CGm(s)) / loop.CGm(s))
-        return float(size[np.abs(size - 1).argmax()])
-
-    def near_zero(loop: NRDOB) -> ComplexArray:
-        s = np.array([1e-7j])
+    def compared(loop: NRDOB, s: ComplexArray) -> ComplexArray:
         return np.asarray(loop.T_R(s) * (1 + loop.CGm(s)) / loop.CGm(s))
+
+    def farthest(loop: NRDOB) -> float:
+        size = np.abs(compared(loop, _low_band(loop)))
+        return float(size[np.abs(size - 1).argmax()])
 
     worst = _worst(farthest)
     return Finding(
@@ -83,7 +81,7 @@ def tracking_at_low_frequency() -> Finding:
                 factor - 1, (1 - blocks.F) * blocks.H / (1 + blocks.FH)
             ),
             "it tends to 1 with s": every(
-                same(near_zero(loop), 1, rtol=1e-4) for loop in many_loops()
+                same(compared(loop, np.array([1e-7j])), 1, rtol=1e-4) for loop in many_loops()
             ),
         },
     )
@@ -202,8 +200,7 @@ def input_disturbance_at_low_frequency() -> Finding:
 
 def _biproper() -> NRDOB:
     """Give Example 2 with n = 1: causal, stable, and FH does not die out."""
-    loop = example(2)
-    return NRDOB(loop.process, loop.model, loop.controller, LowPassFilter(0.02, 1))
+    return filtered(example(2), 0.02, 1)
 
 
 def _high_band(loop: NRDOB) -> ComplexArray:
@@ -212,14 +209,9 @@ def _high_band(loop: NRDOB) -> ComplexArray:
     return 1j * np.geomspace(start, 1e6 * start, 601)
 
 
-def _dies_out(loop: NRDOB) -> bool:
-    """Whether FH is strictly proper."""
-    return max(map(abs, loop.FH.at_infinity)) < EXACT
-
-
-def _tends_to_one(loop: NRDOB, part: Callable[[NRDOB, ComplexArray], ComplexArray]) -> bool:
-    s = _high_band(loop)[-1:]
-    return bool(abs(abs(part(loop, s)[0]) - 1) < 1e-3)
+def _dying() -> list[NRDOB]:
+    """Loops whose FH is strictly proper."""
+    return [loop for loop in many_loops() if max(map(abs, loop.FH.at_infinity)) < EXACT]
 
 
 def _approach(
@@ -234,25 +226,27 @@ def _approach(
         off = float(np.abs(np.abs(part(loop, _high_band(loop))) - 1).max())
         return round(off, 9)  # for the matched example nothing but the last bit
 
+    def end(loop: NRDOB) -> float:
+        return float(abs(part(loop, _high_band(loop)[-1:])[0]))
+
     worst = _worst(deviation)
     biproper = _biproper()
     limit = abs(1 / (1 + biproper.FH.at_infinity[0]))
-    dying = [loop for loop in many_loops() if _dies_out(loop)]
     stable = biproper.stability().stable is True
     return Finding(
         every(value <= NEAR for value in worst) and deviation(biproper) <= NEAR,
         f"where |F| ≤ 0.01 {what} is off by at most {numbers(worst)} in Examples 1 to 4; in "
         f"Example 2 with n = 1, λ = 0.02 s ({'stable' if stable else 'not stable'}) it tends to "
-        f"{number(abs(part(biproper, _high_band(biproper)[-1:])[0]), 4)}",
+        f"{number(end(biproper), 4)}",
         ABOUT,
         conditions={
             f"{what} is {form}": exact,
             "Example 2 with n = 1, λ = 0.02 s is stable": stable,
             f"there {what} tends to |1/(1 + FH)| at infinity, not to 1": same(
-                abs(part(biproper, _high_band(biproper)[-1:])[0]), limit, rtol=1e-3
+                end(biproper), limit, rtol=1e-3
             ),
             f"{what} tends to 1 if FH is strictly proper": every(
-                _tends_to_one(loop, part) for loop in dying
+                abs(end(loop) - 1) < 1e-3 for loop in _dying()
             ),
         },
     )
@@ -300,7 +294,6 @@ def noise_at_high_frequency() -> Finding:
     worst = _worst(lambda loop: float(np.abs(loop.S_eta(_high_band(loop))).max()))
     biproper = _biproper()
     passes = float(np.abs(biproper.S_eta(_high_band(biproper))).min())
-    dying = [loop for loop in many_loops() if _dies_out(loop)]
     stable = biproper.stability().stable is True
     return Finding(
         every(value <= NEAR for value in worst) and passes <= NEAR,
@@ -313,7 +306,7 @@ def noise_at_high_frequency() -> Finding:
             "Example 2 with n = 1, λ = 0.02 s is stable": stable,
             "there S_η does not die out": passes > 1 - NEAR,
             "S_η dies out if FH is strictly proper": every(
-                abs(loop.S_eta(_high_band(loop)[-1])) < 1e-3 for loop in dying
+                abs(loop.S_eta(_high_band(loop)[-1])) < 1e-3 for loop in _dying()
             ),
         },
     )
@@ -348,8 +341,7 @@ def noise_against_tracking() -> Finding:
     departs, quieter = [], []
     for which in (2, 3, 4):
         loop = example(which)
-        F = LowPassFilter(4 * loop.filter.time_constant, loop.filter.order)
-        slower = NRDOB(loop.process, loop.model, loop.controller, F)
+        slower = filtered(loop, 4 * loop.filter.time_constant, loop.filter.order)
         before, after = (case.S_eta.noise_power() for case in (loop, slower))
         quieter.append(after < before and slower.stability().stable is True)
         wanted = loop.CGm(s) / (1 + loop.CGm(s))
@@ -392,12 +384,10 @@ def disturbances_above_the_bandwidth() -> Finding:
     The peak of |1 − F| comes from the diagram with G = Gm on 20,000 frequencies.
     """
     floor = []
-    rng = np.random.default_rng(8)
     x = np.geomspace(LowPassFilter(1.0, 3).bandwidth, 1e6, 20_001)
+    perfect = matched_blocks(random_blocks(np.random.default_rng(8), x.size))
     for order in ORDERS[:3]:
-        blocks = matched_blocks(random_blocks(rng, x.size))._replace(
-            F=LowPassFilter(1.0, order)(1j * x)
-        )
+        blocks = perfect._replace(F=LowPassFilter(1.0, order)(1j * x))
         floor.append(float(np.abs(from_diagram("S_d", blocks)).max()))
 
     def peak(loop: NRDOB) -> float:

@@ -65,6 +65,7 @@ def not_matching() -> Finding:
     ]
     as_one = [loop.stability().observer_loop.stable is True for loop in made]
     lost = [_lost_to_a_wrong_delay(times * 0.001, 0.05, 0.001) for times in (3.0, 3.1)]
+    words = ["unstable" if each else "stable" for each in lost]
     own_factors = all(
         p.delay == 0 and np.allclose(p.q, np.polymul(process[1], each.den))
         for p, each in delayed[: len(filters)]
@@ -75,7 +76,7 @@ def not_matching() -> Finding:
         fails == len(matched) and works == 0,
         f"matched Examples 2 and 3: unstable in {fails} of {len(matched)} loops; Example 4 with "
         f"the path Fu delayed: stable in {works} of {len(late)}, and with n = 3, λ = 0.001 s, "
-        f"θ = 0.05 s {_words(lost[0])} with 3.0 ms more dead time, {_words(lost[1])} with 3.1 ms; "
+        f"θ = 0.05 s {words[0]} with 3.0 ms more dead time, {words[1]} with 3.1 ms; "
         f"matched with filters made for the model: stable in {sum(as_one)} of {len(as_one)}",
         conditions={
             "the matched model never works in Examples 2 and 3": fails == len(matched),
@@ -107,10 +108,6 @@ def _lost_to_a_wrong_delay(error: float, delay: float, time_constant: float) -> 
     return bool(abs(np.angle(values[1:] / values[:-1]).sum()) > np.pi / 2)
 
 
-def _words(lost: bool) -> str:
-    return "unstable" if lost else "stable"
-
-
 _FREQUENCIES = np.linspace(0, 2e4, 200_001)
 """Far enough for λ = 0.001 s, and dense enough for θ = 0.05 s."""
 
@@ -132,8 +129,5 @@ def year() -> Finding:
         printed == by_doi,
         f"{number(by_doi, 4)} by the DOI 10.1109/TMECH.2004.839034, {number(by_volume, 4)} by the "
         "volume",
-        conditions={
-            "the DOI says 2004": by_doi == 2004,
-            "the volume says 2004": by_volume == 2004,
-        },
+        conditions={"the DOI says 2004": by_doi == 2004, "the volume says 2004": by_volume == 2004},
     )

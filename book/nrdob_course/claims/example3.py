@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from itertools import product
 from math import pi, sqrt
 from typing import Any
 
@@ -54,9 +56,7 @@ def matched_fails() -> Finding:
     )
     models = [
         ([gain], -np.poly([pole, stable]))
-        for gain, pole, stable in np.stack(
-            np.meshgrid([3.6, 4.4], [0.8, 1.1], [-1.9, -2.1]), axis=-1
-        ).reshape(-1, 3)
+        for gain, pole, stable in product([3.6, 4.4], [0.8, 1.1], [-1.9, -2.1])
     ]
     loops = [NRDOB(PLANT, model, -2, each) for model in (PLANT, *models) for each in filters]
     signs = all(loop.p_B.q[0] * loop.p_B.q[-1] < 0 for loop in loops)
@@ -82,13 +82,13 @@ def negative_gain() -> Finding:
         for gain in (0.1, 1.0, 30.0)
         for lam in (0.001, 0.03, 0.3, 3.0, 100.0)
     ]
-    with_zero, reversed_sign = (
-        [
-            NRDOB(PLANT, (sign * np.array([-1, 3]), np.poly([-1, -1, -2])), sign * 0.1, F)
-            for F in (LowPassFilter(lam, 2) for lam in (0.01, 0.05, 0.2))
-        ]
-        for sign in (1, -1)
-    )
+    with_zero = [
+        NRDOB(PLANT, ([-1, 3], np.poly([-1, -1, -2])), 0.1, LowPassFilter(lam, 2))
+        for lam in (0.01, 0.05, 0.2)
+    ]
+    reversed_sign = [
+        replace(each, model=([1, -3], each.model[1]), controller=-0.1) for each in with_zero
+    ]
 
     def odd(loops: list[NRDOB]) -> int:
         counts = [loop.stability().observer_loop.closed_loop_rhp for loop in loops]
@@ -120,13 +120,11 @@ def rotation() -> Finding:
     omega = np.tan(np.linspace(-1.57, 1.57, 2001))
     angle = np.unwrap(np.angle(ratio(1j * omega)))
     counted = encirclements(ratio, 0.0)
-    holds = (
-        bool(np.all(zeros < 0))
-        and bool(np.all(np.diff(angle) > 0))
-        and round((angle[-1] - angle[0]) / (2 * pi), 2) == 1
-        and npz(counted) == (-1, 1, 0)
+    grows = (zeros < 0).all() and (np.diff(angle) > 0).all()
+    once = round((angle[-1] - angle[0]) / (2 * pi), 2) == 1 and npz(counted) == (-1, 1, 0)
+    return Finding(
+        bool(grows and once), f"zero at {number(zeros[0], 4)}; {turns(counted.encirclements, 0.0)}"
     )
-    return Finding(holds, f"zero at {number(zeros[0], 4)}; {turns(counted.encirclements, 0.0)}")
 
 
 @SECTION.check("ex3.smaller")
@@ -247,14 +245,8 @@ def fast_enough() -> Finding:
 @SECTION.check("ex3.critical_point")
 def critical_point() -> Finding:
     """See around which of the two points N = −P tells the verdict, in ten loops of both kinds."""
-    loops = [
-        filtered(example(number), lam, order)
-        for number, order, lams in (
-            (3, 2, (0.01, 0.05, 0.5, 1.0, 5.0)),
-            (4, 3, (0.005, 0.01, 0.02, 0.09, 0.9)),
-        )
-        for lam in lams
-    ]
+    loops = [filtered(example(3), lam, 2) for lam in (0.01, 0.05, 0.5, 1.0, 5.0)]
+    loops += [filtered(example(4), lam, 3) for lam in (0.005, 0.01, 0.02, 0.09, 0.9)]
     verdicts = [loop.stability().observer_loop.stable for loop in loops]
 
     def decides(point: float) -> int:
@@ -314,12 +306,10 @@ def variation() -> Finding:
 def performance() -> Finding:
     """Compare before and after ("kept": within 10 %), and judge the pole and the gain alone."""
     found, nominal = performance_finding(3, times=3.0), example(3)
-    pole_alone = NRDOB(
-        ([4], np.polymul([-1, -1, 2], [0.1, 1])), nominal.model, nominal.controller, nominal.filter
-    ).stability()
-    gain_alone = NRDOB(
-        ([2], [-1, -1, 2]), nominal.model, nominal.controller, nominal.filter
-    ).stability()
+    pole_alone, gain_alone = (
+        replace(nominal, process=plant).stability()
+        for plant in (([4], np.polymul([-1, -1, 2], [0.1, 1])), ([2], [-1, -1, 2]))
+    )
     right = pole_alone.observer_loop.closed_loop_rhp
     return Finding(
         found.as_printed and pole_alone.stable is True,
@@ -351,7 +341,7 @@ def family_3() -> Finding:
 
     def stable(gain: float, lag: float) -> bool:
         plant = ([4 * gain], np.polymul([-1, -1, 2], [lag, 1]))
-        return NRDOB(plant, loop.model, loop.controller, loop.filter).stability().stable is True
+        return replace(loop, process=plant).stability().stable is True
 
     sides = [stable(1, 0.999 * longest), stable(1, 1.001 * longest)]
     sides += [stable(0.999 * highest, 0.1), stable(1.001 * highest, 0.1)]
@@ -373,8 +363,9 @@ def family_3() -> Finding:
     )
 
 
-def _routh(k: Any, T: Any, lam: float = 0.05) -> Any:
+def _routh(k: Any, T: Any) -> Any:
     """Routh's condition for (s − 1)(Ts + 1)(λ²s² + 2λs) + 4k(s + 1), positive where it holds."""
+    lam = 0.05
     a4, a3, a2 = T * lam**2, (1 - T) * lam**2 + 2 * lam * T, 2 * lam * (1 - T) - lam**2
     a1, a0 = 4 * k - 2 * lam, 4 * k
     return a1 * (a2 * a3 - a1 * a4) - a0 * a3**2

@@ -52,7 +52,7 @@ def model_delay() -> Finding:
         for lam in (1e-3, 0.01, 0.09, 1.0, 100.0)
     )
     loop = example(4)
-    waits = NRDOB(loop.process, loop.process, loop.controller, loop.filter)
+    waits = replace(loop, model=loop.process)
     inverse = loop.filter(1e4) / loop.process.tf(1e4)
     left_out = abs(waits.K(1e4) / inverse - 1) < 1e-12
     x = theta / 0.09
@@ -65,10 +65,8 @@ def model_delay() -> Finding:
     )
 
 
-def _proper_pairs() -> list[tuple[tuple[int, int], tuple[int, int]]]:
-    """Degrees (n, m) of plant and model, 0 ≤ m ≤ n ≤ 3, n ≥ 1."""
-    degrees = [(n, m) for n in range(1, 4) for m in range(n + 1)]
-    return list(product(degrees, degrees))
+PAIRS = list(product([(n, m) for n in range(1, 4) for m in range(n + 1)], repeat=2))
+"""Degrees (n, m) of plant and model, 0 ≤ m ≤ n ≤ 3, n ≥ 1."""
 
 
 def _relative_degree(plant: tuple[int, int], model: tuple[int, int]) -> int:
@@ -83,19 +81,18 @@ def _relative_degree(plant: tuple[int, int], model: tuple[int, int]) -> int:
 @SECTION.check("ex4.relative_degree")
 def ratio_degree() -> Finding:
     """Measure the relative degree for the 81 pairs of proper blocks of order 1 to 3."""
-    pairs = _proper_pairs()
-    measured = [_relative_degree(*pair) for pair in pairs]
-    printed = [n * m1 - n1 * m for (n, m), (n1, m1) in pairs]
-    subtracted = [(n - m) - (n1 - m1) for (n, m), (n1, m1) in pairs]
+    measured = [_relative_degree(*pair) for pair in PAIRS]
+    printed = [n * m1 - n1 * m for (n, m), (n1, m1) in PAIRS]
+    subtracted = [(n - m) - (n1 - m1) for (n, m), (n1, m1) in PAIRS]
 
     def agree(formula: list[int]) -> int:
         return sum(a == b for a, b in zip(formula, measured, strict=True))
 
     return Finding(
-        agree(printed) == len(pairs),
-        f"the printed formula holds for {agree(printed)} of {len(pairs)} pairs of blocks, the "
+        agree(printed) == len(PAIRS),
+        f"the printed formula holds for {agree(printed)} of {len(PAIRS)} pairs of blocks, the "
         f"difference for {agree(subtracted)}",
-        conditions={"relative degrees subtract": agree(subtracted) == len(pairs)},
+        conditions={"relative degrees subtract": agree(subtracted) == len(PAIRS)},
     )
 
 
@@ -105,12 +102,11 @@ def order_causal() -> Finding:
 
     The case is a strictly proper plant, m = 2 and n = 3, with a model of m = 0 and n = 2.
     """
-    pairs = _proper_pairs()
-    measured = {pair: _relative_degree(*pair) for pair in pairs}
-    lower = [pair for pair in pairs if pair[1][0] < pair[0][0]]
-    higher = [pair for pair in pairs if pair[1][0] > pair[0][0]]
-    failing = sum(measured[pair] <= 0 for pair in lower)
-    failing_too = sum(measured[pair] >= 0 for pair in higher)
+    measured = {pair: _relative_degree(*pair) for pair in PAIRS}
+    lower = [measured[pair] for pair in PAIRS if pair[1][0] < pair[0][0]]
+    higher = [measured[pair] for pair in PAIRS if pair[1][0] > pair[0][0]]
+    failing = sum(degree <= 0 for degree in lower)
+    failing_too = sum(degree >= 0 for degree in higher)
     rule = all((value >= 0) == (n - m >= n1 - m1) for ((n, m), (n1, m1)), value in measured.items())
     case = measured[(3, 2), (2, 0)]
     return Finding(
@@ -199,8 +195,7 @@ def radius() -> Finding:
     loop = example(4)
     size = np.abs(loop.ratio(1j * np.append(0.0, OMEGA)))
     limits = {
-        k: NRDOB(k * loop.process, loop.model, loop.controller, loop.filter).ratio.at_infinity[1]
-        for k in (0.5, 1.0, 2.0)
+        k: replace(loop, process=k * loop.process).ratio.at_infinity[1] for k in (0.5, 1.0, 2.0)
     }
     far = abs(loop.ratio(1e7j))
     return Finding(
@@ -281,8 +276,7 @@ def gain_margin() -> Finding:
     by_FH, by_L = margins.observer_loop.gm, margins.plant_loop.gm
 
     def plant(k: float) -> bool | None:
-        louder = NRDOB(k * loop.process, loop.model, loop.controller, loop.filter)
-        return louder.stability().stable
+        return replace(loop, process=k * loop.process).stability().stable
 
     def scaled(k: float) -> bool:
         return count_rhp(minus_point(loop.FH, -1 / k)).count == 0

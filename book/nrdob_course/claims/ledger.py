@@ -1,11 +1,9 @@
 """What a claim is, how it is checked, and what may be said of it afterwards.
 
-A claim is a statement of the paper together with a check. The check computes two things: whether
-the statement holds *as printed*, and, where it does not, whether the amended statement that we put
-in its place does. An amended statement says several things at once; each is a condition with a name
-of its own, so that a check that fails tells which. The verdict follows from what the check found
-and is nowhere else to be had: a claim whose check has not run, or did not find what the ledger
-says, has none.
+A check computes whether a statement of the paper holds *as printed*, and, where it does not,
+whether the amended one that we put in its place does: each thing that it says is a condition with
+a name of its own, so that a check that fails tells which. The verdict follows from what the check
+found; a claim whose check has not run, or did not find what the ledger says, has none.
 """
 
 from __future__ import annotations
@@ -13,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from textwrap import fill
+from textwrap import TextWrapper
 from typing import Any
 
 __all__ = [
@@ -159,20 +157,14 @@ class Entry:
             "verdict": self.verdict.value,
             "instead": claim.amendment.text if claim.amendment else "",
         }
-        lines = [_wrapped(label, text) for label, text in rows.items() if text]
-        return "\n".join([f"{claim.id}, {claim.place}", *lines])
-
-
-def _wrapped(label: str, text: str) -> str:
-    """Write one row of an entry, its further lines below the first word of its text."""
-    return fill(
-        text,
-        WIDTH,
-        initial_indent=f"  {label + ':':<11}",
-        subsequent_indent=" " * 13,
-        break_long_words=False,
-        break_on_hyphens=False,
-    )
+        page = TextWrapper(
+            WIDTH, subsequent_indent=" " * 13, break_long_words=False, break_on_hyphens=False
+        )
+        lines = [f"{claim.id}, {claim.place}"]
+        for label, text in rows.items():
+            page.initial_indent = f"  {label + ':':<11}"
+            lines += [page.fill(text)] if text else []
+        return "\n".join(lines)
 
 
 class LedgerError(AssertionError):
@@ -182,44 +174,29 @@ class LedgerError(AssertionError):
 def settle(claim: Claim) -> Entry:
     """Run the check of a claim and give the verdict that follows from it.
 
-    Raises
-    ------
-    LedgerError
-        If the statement holds but the ledger amends it, if it fails and nothing is put in its
-        place, or if what is put in its place fails as well; the conditions that fail are named.
+    A LedgerError says that the statement holds but the ledger amends it, that it fails and nothing
+    is put in its place, or that what is put in its place fails as well, and on which conditions.
     """
-    finding = claim.check()
-    if claim.amendment is None:
-        if not finding.as_printed:
-            raise LedgerError(
-                f"{claim.id}: does not hold as printed ({finding.computed}), and the ledger has no "
-                "amendment for it"
-            )
-        return Entry(claim, finding, Verdict.REPRODUCED)
-    if finding.as_printed:
-        raise LedgerError(
-            f"{claim.id}: holds as printed ({finding.computed}), but the ledger amends it"
-        )
-    if not finding.amended:
+    finding, wrong = claim.check(), ""
+    found = f"({finding.computed})"
+    if claim.amendment is None and not finding.as_printed:
+        wrong = f"does not hold as printed {found}, and the ledger has no amendment for it"
+    elif claim.amendment and finding.as_printed:
+        wrong = f"holds as printed {found}, but the ledger amends it"
+    elif claim.amendment and not finding.amended:
         unmet = "; ".join(finding.unmet) or "any condition, since none was tried"
-        raise LedgerError(
-            f"{claim.id}: the amended statement fails as well ({finding.computed}); "
-            f"not met: {unmet}"
-        )
-    return Entry(claim, finding, claim.amendment.verdict)
+        wrong = f"the amended statement fails as well {found}; not met: {unmet}"
+    if wrong:
+        raise LedgerError(f"{claim.id}: {wrong}")
+    return Entry(claim, finding, claim.amendment.verdict if claim.amendment else Verdict.REPRODUCED)
 
 
 class Section:
     """The claims of one part of the paper, in its order: their texts, and a check for each.
 
-    Parameters
-    ----------
-    texts : mapping from str to mapping
-        By id: chapter, place, says and, where there are any, printed; for what does not hold as
-        printed the verdict and what is true instead. `recurs` is for `recurring.section`.
+    The texts stand by id: chapter, place, says and, where there are any, printed; for what does not
+    hold as printed the verdict and what is true instead. `recurs` is for `recurring.section`.
 
-    Examples
-    --------
     >>> part = Section({"sum": {"chapter": "chapter", "place": "p. 1", "says": "1 + 1 is 3",
     ...     "printed": "3", "verdict": "corrected", "instead": "1 + 1 is 2"}})
     >>> @part.check("sum")
@@ -239,13 +216,7 @@ class Section:
         self._entered: dict[str, Claim] = {}
 
     def check(self, id: str, **known: str) -> Callable[[Check], Check]:
-        """Enter the decorated check of a claim; `known` are texts that are computed.
-
-        Raises
-        ------
-        ValueError
-            If there is no text for it, or a check already.
-        """
+        """Enter the decorated check of a claim; `known` are texts that are computed."""
         if id not in self.texts:
             raise ValueError(f"there is no text for the claim {id!r}; write it beside the others")
         if id in self._entered:
@@ -263,13 +234,7 @@ class Section:
 
     @property
     def claims(self) -> list[Claim]:
-        """The claims, in the order of their texts.
-
-        Raises
-        ------
-        ValueError
-            If one of them has no check.
-        """
+        """The claims, in the order of their texts; each must have a check."""
         if missing := [id for id in self.texts if id not in self._entered]:
             raise ValueError(f"no check for {', '.join(missing)}; write one below @SECTION.check")
         return [self._entered[id] for id in self.texts]
@@ -278,10 +243,7 @@ class Section:
 def collect(sections: Iterable[Section]) -> dict[str, Claim]:
     """Put the claims of all sections into one ledger, in the order given.
 
-    Raises
-    ------
-    ValueError
-        If two claims have the same id: it must be known which one a chapter cites.
+    No two have the same id: it must be known which one a chapter cites.
     """
     ledger: dict[str, Claim] = {}
     for claim in (claim for section in sections for claim in section.claims):

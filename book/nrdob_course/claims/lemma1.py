@@ -224,10 +224,9 @@ def three_forms_of_h() -> Finding:
     rng = np.random.default_rng(7)
     loops = many_loops()
     blocks = random_blocks(rng)
-    agree = []
-    for loop in loops:
-        s = random_points(rng)
-        agree.append(_h_forms_agree(blocks_of(loop, s), loop.H(s)))
+    points = [random_points(rng) for _ in loops]
+    pairs = zip(loops, points, strict=True)
+    agree = [_h_forms_agree(blocks_of(loop, s), loop.H(s)) for loop, s in pairs]
     return Finding(
         _h_forms_agree(blocks, blocks.H) and every(agree),
         f"the three forms agree for {QUADRUPLES} random values of the blocks and, with the "
@@ -257,8 +256,8 @@ def what_lemma_1_does_not_see() -> Finding:
     in_a = NRDOB(-1 / (_s + 1), 1 / (_s - 1), (_s - 1) / (_s * (_s + 3)), LowPassFilter(2.0, 1))
     seen, true = [], []
     for loop in (in_b, in_a):
-        zeros = np.concatenate([_zeros_of_one_plus(loop.CGm), _zeros_of_one_plus(loop.FH)])
-        seen.append(float(zeros.real.max()))
+        zeros = [root for part in (loop.CGm, loop.FH) for root in _zeros_of_one_plus(part)]
+        seen.append(float(np.real(zeros).max()))
         true.append(float(loop_modes(loop).real.max()))
     loops = random_loops(60)
     stable = np.array([loop_modes(loop).real.max() < 0 for loop in loops])
@@ -266,8 +265,7 @@ def what_lemma_1_does_not_see() -> Finding:
         [not in_right_half(loop.p_A.q) and not in_right_half(loop.p_B.q) for loop in loops]
     )
     p_b, by_filter = _unstable_filter()
-    second = example(2)
-    ill_posed = NRDOB(second.process, second.model, second.controller, LowPassFilter(0.01, 1))
+    ill_posed = replace(example(2), filter=LowPassFilter(0.01, 1))
     return Finding(
         every((value < 0) <= (mode < 0) for value, mode in zip(seen, true, strict=True)),
         f"zeros of A and B up to {number(seen[0], 4)} but a mode at {number(true[0], 4)} "
@@ -278,9 +276,7 @@ def what_lemma_1_does_not_see() -> Finding:
         conditions={
             "modes, and p_A with p_B, give the same verdict": every(stable == hurwitz),
             "both verdicts occur": 0 < stable.sum() < len(loops),
-            "both loops with a cancellation have an unstable mode": every(
-                value > 0 for value in true
-            ),
+            "both loops with a cancellation have an unstable mode": min(true) > 0,
             "they are judged unstable": every(
                 loop.stability().stable is False for loop in (in_b, in_a)
             ),
@@ -315,16 +311,13 @@ def poles_of_the_mismatch() -> Finding:
     vanish.
     """
     before, after, stay = [], [], []
-    for which in (1, 2, 3):
-        loop = example(which)
+    for loop in map(example, (1, 2, 3)):
         roots = poles_and_zeros(loop)
-        kept = [is_pole(loop, root) for root in roots]
+        gone = [root for root in roots if not is_pole(loop, root)]
         before.append(roots.size)
-        after.append(sum(kept))
+        after.append(roots.size - len(gone))
         stay += [
-            abs(loop.p_B(root)) <= EXACT * np.polyval(loop.p_B.scale, abs(root))
-            for root, is_pole in zip(roots, kept, strict=True)
-            if not is_pole
+            abs(loop.p_B(root)) <= EXACT * np.polyval(loop.p_B.scale, abs(root)) for root in gone
         ]
     loops = random_loops(20) + random_loops(10, delayed=True)
     poles = [is_pole(loop, root) for loop in loops for root in poles_and_zeros(loop)]

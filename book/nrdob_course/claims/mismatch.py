@@ -153,7 +153,12 @@ def turns_of_h_alone() -> Finding:
     For the converse 81 λ from 0.1 ms to 10⁴ s are tried, and Routh's conditions for the quartic
     (s − 1)((λs + 1)³ − 1) + 10(s + 1) computed: they ask for λ < 1 and for 3λ² > 9λ + 1 at once.
     """
-    first, others = _stable_without_a_turn(), _turning_but_unstable()
+    plant = -(1 - 0.01 * _s) / ((_s - 1) * (_s + 2))
+    first = NRDOB(plant, -1 / ((_s + 1) * (_s + 2)), 0.0, LowPassFilter(0.1, 2))
+    model = 1 / (_s + 1) ** 3
+    others = [
+        observer(10 * (_s + 1) / (_s - 1), model, lam, 3) for lam in np.geomspace(1e-4, 1e4, 81)
+    ]
     no_turn, one_turn = _turns_of_h(first, excess=1), _turns_of_h(others[0])
     poles = [n_p(first), n_p(others[0])]
     root = rightmost(first)
@@ -174,21 +179,6 @@ def turns_of_h_alone() -> Finding:
             "by Routh's conditions none can": every(_routh(loop.filter) for loop in others),
         },
     )
-
-
-def _stable_without_a_turn() -> NRDOB:
-    """G/Gm = (s + 1)(1 − s/100)/(s − 1), with the filter n = 2, λ = 0.1 s."""
-    process = -(1 - 0.01 * _s) / ((_s - 1) * (_s + 2))
-    return NRDOB(process, -1 / ((_s + 1) * (_s + 2)), 0.0, LowPassFilter(0.1, 2))
-
-
-def _turning_but_unstable() -> list[NRDOB]:
-    """G/Gm = 10(s + 1)/(s − 1), with n = 3 and 81 λ."""
-    model = 1 / (_s + 1) ** 3
-    process = 10 * (_s + 1) / (_s - 1) * model
-    return [
-        NRDOB(process, model, 0.0, LowPassFilter(value, 3)) for value in np.geomspace(1e-4, 1e4, 81)
-    ]
 
 
 def _turns_of_h(loop: NRDOB, excess: int = 0) -> float:
@@ -307,10 +297,10 @@ def plots_of_small_mismatches() -> Finding:
     40 random pairs with parameters within 1 % are exchanged. 8 random H with |H| below 0.96 are
     tried with 5 λ and n up to 4.
     """
-    process, model = resonance(0.9, 0.01), resonance(1.0, 0.01)
 
     def resonant(time_constant: float) -> NRDOB:
-        return NRDOB(process, model, 0.0, LowPassFilter(time_constant, 2))
+        F = LowPassFilter(time_constant, 2)
+        return NRDOB(resonance(0.9, 0.01), resonance(1.0, 0.01), 0.0, F)
 
     real = resonant(1.0).H(1j * np.linspace(0.5, 1.5, 4001)).real
     fast, middle, slow = 0.01, 0.3, 100.0

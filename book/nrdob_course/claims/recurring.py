@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Callable
+from dataclasses import replace
 from importlib.resources import files
-from math import inf, isfinite
+from math import isfinite
 
 import numpy as np
 from scipy.optimize import brentq
@@ -41,9 +42,7 @@ _FINAL = {"R": 1.0, "d": 0.0, "delta": 0.0, "eta": -1.0}
 
 def filtered(loop: NRDOB, time_constant: float, order: int) -> NRDOB:
     """Give the same loop with another filter of eq. (1)."""
-    return NRDOB(
-        loop.process, loop.model, loop.controller, LowPassFilter(time_constant, int(order))
-    )
+    return replace(loop, filter=LowPassFilter(time_constant, int(order)))
 
 
 def border(loop: NRDOB, order: int, low: float, high: float) -> float:
@@ -68,8 +67,8 @@ def npz(count: NyquistCount | LoopStability) -> tuple[float | None, float, float
 
 def npz_text(count: NyquistCount | LoopStability) -> str:
     """Write N, P and Z."""
-    values = ("?" if value is None else number(value) for value in npz(count))
-    return ", ".join(f"{name} = {value}" for name, value in zip("NPZ", values, strict=True))
+    named = zip("NPZ", npz(count), strict=True)
+    return ", ".join(f"{name} = {'?' if each is None else number(each)}" for name, each in named)
 
 
 # Printed margins.
@@ -79,34 +78,29 @@ def _margin(section: Section, id: str) -> None:
     """Enter the claim that a margin has the value that the paper prints."""
     which, loop_name, kind = id.split(".")
     attribute, name = _LOOPS[loop_name]
-    word, value = "phase" if kind == "pm" else "gain", _with_unit(PRINTED[id])
-    finite = isfinite(PRINTED[id].value)
+    word, printed = "phase" if kind == "pm" else "gain", PRINTED[id]
+    finite = isfinite(printed.value)
+    digits = f"{printed.value:.{printed.digits}f}".replace("-", "−")
+    value = digits + _unit(printed) if finite else "∞"
     said = f"is {value}" if finite else "tends to infinity"
 
     @section.check(
         id,
-        place=PRINTED[id].place,
+        place=printed.place,
         says=f"In Example {which[2:]} the {word} margin of {name} {said}.",
         printed=value,
     )
     def check() -> Finding:
-        printed, loop = PRINTED[id], example(int(which[2:]))
+        loop = example(int(which[2:]))
         margins: Margins = getattr(loop.margins(), attribute)
         gain: Quotient = getattr(loop, loop_name)
         computed = margins.pm if kind == "pm" else margins.gm_db
         confirmed, text = _phase(gain, margins) if kind == "pm" else _gain(gain, margins)
-        tolerance = (
-            f"±{0.5 * 10.0**-printed.digits:g}{_unit(printed)}" if isfinite(computed) else ""
-        )
-        return Finding(printed.agrees_with(computed) and confirmed, text, tolerance)
+        allowed = f"±{0.5 * 10.0**-printed.digits:g}{_unit(printed)}"
+        right = PRINTED[id].agrees_with(computed) and confirmed
+        return Finding(right, text, allowed if isfinite(computed) else "")
 
     check.__doc__ = _METHOD[kind, finite]
-
-
-def _with_unit(printed: Printed) -> str:
-    if printed.value == inf:
-        return "∞"
-    return f"{printed.value:.{printed.digits}f}".replace("-", "−") + _unit(printed)
 
 
 def _unit(printed: Printed) -> str:
@@ -178,8 +172,6 @@ def _fraction_text(num: FloatArray, den: FloatArray, delay: float) -> str:
 def _polynomial_text(coefficients: FloatArray) -> str:
     """Write a polynomial in descending powers of s.
 
-    Examples
-    --------
     >>> _polynomial_text(np.array([1.0, 0.0, -3.75])), _polynomial_text(np.array([-0.01, 1.0]))
     ('s² − 3.75', '−0.01s + 1')
     """
@@ -239,11 +231,6 @@ def response(loop: NRDOB, input: str) -> tuple[float, float]:
     return float(closely(int(y.argmin())).min()), float(closely(int(y.argmax())).max())
 
 
-def extreme(loop: NRDOB, input: str) -> float:
-    """Give the value of y with the largest modulus after a unit step."""
-    return max(response(loop, input), key=abs)
-
-
 def to_y(loop: NRDOB, input: str) -> Quotient:
     """Give the map from an input to the output y."""
     quotient: Quotient = getattr(loop, INPUTS[input].to_y)
@@ -266,7 +253,8 @@ def comes_to_rest(loop: NRDOB) -> bool:
 def steps_finding(loop: NRDOB) -> Finding:
     """Find whether a loop is stable and its step responses end where they should."""
     peaks = ", ".join(
-        f"{name.to_y.replace('delta', 'δ').replace('eta', 'η')} {number(extreme(loop, input), 4)}"
+        f"{name.to_y.replace('delta', 'δ').replace('eta', 'η')} "
+        f"{number(max(response(loop, input), key=abs), 4)}"
         for input, name in INPUTS.items()
     )
     finals = ", ".join(number(to_y(loop, input).dc_gain, 4) for input in INPUTS)

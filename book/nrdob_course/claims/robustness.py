@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import inf
 
 import control as ct
@@ -9,9 +10,9 @@ import numpy as np
 
 from nrdob.analysis import Margins
 from nrdob.design import gain_bound
-from nrdob.diagram import Fraction, LowPassFilter, Quotient
+from nrdob.diagram import Fraction, LowPassFilter
 from nrdob.loop import NRDOB
-from nrdob.numerics import FloatArray, number
+from nrdob.numerics import number
 from nrdob.paper import example
 from nrdob.sampling import random_block
 
@@ -36,16 +37,13 @@ def margins_without_the_process() -> Finding:
     """
     loop = example(3)
     process = 4 / ((2 - _s - _s**2) * (0.1 * _s + 1))
-    lagging = NRDOB(process, loop.model, loop.controller, loop.filter)
+    lagging = replace(loop, process=process)
     pm = [case.margins().model_loop.pm for case in (loop, lagging)]
     fixed, shaped = [], []
     for which in (2, 3, 4):
         nominal, modified = example(which), example(which, modified=True)
         fixed.append(_equal(nominal.margins().model_loop, modified.margins().model_loop))
-        scaled = [
-            NRDOB(nominal.process, nominal.model, gain * nominal.controller, nominal.filter)
-            for gain in (0.5, 1.0, 2.0)
-        ]
+        scaled = [replace(nominal, controller=k * nominal.controller) for k in (0.5, 1.0, 2.0)]
         plant = [case.margins().plant_loop for case in scaled]
         fixed += [_equal(plant[0], plant[1]), _equal(plant[1], plant[2])]
         crossovers = [case.margins().model_loop.wgc for case in scaled]
@@ -108,8 +106,7 @@ def margins_of_the_mismatch() -> Finding:
 
 def _with_gain(loop: NRDOB, gain: float) -> bool:
     """Whether the loop is stable with so many times the process."""
-    changed = NRDOB(gain * loop.process, loop.model, loop.controller, loop.filter)
-    return changed.stability().stable is True
+    return replace(loop, process=gain * loop.process).stability().stable is True
 
 
 # Corollary 1.
@@ -148,7 +145,7 @@ def each_condition_dropped() -> Finding:
     The rest of the conditions is checked in each case. An integrator and a zero at s = 0 stand for
     poles and zeros on the axis.
     """
-    one, F = np.ones(1), fraction(_lag(0.1))
+    one, F = np.ones(1), fraction(NRDOB(1.0, 1.0, 0.0, LowPassFilter(0.1, 1)).F)
     zero, poles = np.array([1.0, 3.0]), np.array([1.0, 3.0, 2.0])
     G, C = Fraction(zero, poles), Fraction(one, np.array([1.0, 0.0]))
     half, gain = Fraction(0.5 * one, one), Fraction(4 * one, one)
@@ -167,12 +164,11 @@ def each_condition_dropped() -> Finding:
         right[name] = float(np.round(found, 9)) + 0.0
     dropped = [
         [
-            in_right_half(_closed(process, controller)) > 0,
+            in_right_half(np.polyadd(np.convolve(G.den, C.den), np.convolve(G.num, C.num))) > 0,
             in_right_half(low_pass.den) > 0,
-            _reaches_right(process.den),
-            _reaches_right(process.num),
+            *(bool((np.roots(part).real >= 0).any()) for part in (G.den, G.num)),
         ]
-        for process, controller, low_pass in cases.values()
+        for G, C, low_pass in cases.values()
     ]
     single = [sum(row) for row in dropped] == [0, *[1] * (len(cases) - 1)]
     return Finding(
@@ -180,22 +176,6 @@ def each_condition_dropped() -> Finding:
         "rightmost mode with one condition dropped: "
         + ", ".join(f"{name} {number(value, 4)}" for name, value in right.items()),
     )
-
-
-def _lag(time_constant: float) -> Quotient:
-    return NRDOB(1.0, 1.0, 0.0, LowPassFilter(time_constant, 1)).F
-
-
-def _closed(model: Fraction, controller: Fraction) -> FloatArray:
-    """p_A."""
-    return np.polyadd(
-        np.convolve(model.den, controller.den), np.convolve(model.num, controller.num)
-    )
-
-
-def _reaches_right(coefficients: FloatArray) -> bool:
-    """Whether a polynomial has a root in the closed right half plane."""
-    return bool((np.roots(coefficients).real >= 0).any())
 
 
 @SECTION.check("cor1.robust")
@@ -209,19 +189,18 @@ def margins_of_a_perfect_model() -> Finding:
     other = 5 * (_s + 4) / ((_s + 1) * (_s + 2))
     limits, phases, same_margins, ends = [], [], [], []
     for order in range(1, 7):
+        own = replace(first, model=first.process, filter=LowPassFilter(0.01, order))
         loops = [
-            NRDOB(first.process, first.process, first.controller, LowPassFilter(0.01, order)),
-            NRDOB(first.process, first.process, 2 * first.controller, LowPassFilter(0.01, order)),
+            own,
+            replace(own, controller=2 * own.controller),
             NRDOB(other, other, 1 / _s, LowPassFilter(0.3, order)),
         ]
         margins = [loop.margins().plant_loop for loop in loops]
         limits.append(margins[0].gm_high)
         phases.append(margins[0].pm)
-        for found in margins:
-            same_margins += [
-                same(found.pm, phases[-1], 1e-6),
-                same(found.gm_high, limits[-1], 1e-6),
-            ]
+        same_margins += [
+            same([found.pm, found.gm_high], [phases[-1], limits[-1]], 1e-6) for found in margins
+        ]
         limit = critical_gain(order)
         for loop in loops[::2]:
             ends += [_with_gain(loop, k) for k in (1e-3, 0.999 * min(limit, 1e4))]

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from functools import reduce
+from itertools import product
 from math import sqrt
 
-import control as ct
 import numpy as np
 from scipy.optimize import brentq
 
@@ -31,6 +31,7 @@ from .signals import (
     blocks_of,
     every,
     from_diagram,
+    is_refused,
     many_loops,
     matched_blocks,
     numbers,
@@ -55,11 +56,7 @@ def _noise_powers(loop: NRDOB, time_constant: float) -> FloatArray:
         np.convolve(alone[1], F.den),
     )
     return np.array(
-        [
-            matched.S_eta.noise_power(),
-            rational_power(*conventional),
-            rational_power(*alone),
-        ]
+        [matched.S_eta.noise_power(), rational_power(*conventional), rational_power(*alone)]
     )
 
 
@@ -147,21 +144,13 @@ def a_causal_choice_of_the_order() -> Finding:
             F = LowPassFilter(1.0, order)
             size = [abs(F(1j * omega) / model(1j * omega)) for omega in (1e5, 1e6)]
             causal.append(bool(size[1] < 2 * size[0]))
-            right.append(causal[-1] == (order >= degree) == _accepted(model, F))
+            right.append(causal[-1] == (order >= degree) == (not is_refused(model, model, 1.0, F)))
         possible.append(any(causal))
     return Finding(
         every(possible) and every(right),
         f"40 random models: a causal choice for {sum(possible)}; exactly from the model's "
         f"relative degree on in {sum(right)} of {len(right)} pairs of model and order",
     )
-
-
-def _accepted(model: ct.TransferFunction, F: LowPassFilter) -> bool:
-    try:
-        NRDOB(model, model, 1.0, F)
-    except ValueError:
-        return False
-    return True
 
 
 @SECTION.check("eq01.bandwidth")
@@ -191,25 +180,25 @@ def filter_in_its_pass_band() -> Finding:
     x = np.linspace(0, 1, 1001)
     filters = [LowPassFilter(0.05, order) for order in ORDERS]
     at_corner = [abs(F(1j * F.bandwidth)) for F in filters]
-    share = []
+    share: dict[float, list[float]] = {NEAR: [], 0.01: []}
     exact = []
-    for F in filters:
-        for allowed in (NEAR, 0.01):
-            limit = sqrt((1 - allowed) ** (-2 / F.order) - 1) / F.time_constant
-            omega = x * F.bandwidth
-            within = np.abs(F(1j * omega)) >= 1 - allowed
-            # On the limit itself the last digit decides; the grid does not meet it.
-            exact.append(every(within == (omega <= limit)) and 0 < limit < F.bandwidth)
-            if allowed == NEAR:
-                share.append(limit / F.bandwidth)
+    for F, allowed in product(filters, share):
+        limit = sqrt((1 - allowed) ** (-2 / F.order) - 1) / F.time_constant
+        omega = x * F.bandwidth
+        within = np.abs(F(1j * omega)) >= 1 - allowed
+        # On the limit itself the last digit decides; the grid does not meet it.
+        exact.append(every(within == (omega <= limit)) and 0 < limit < F.bandwidth)
+        share[allowed].append(limit / F.bandwidth)
     return Finding(
         min(at_corner) >= 1 - NEAR,
         f"at ω_B |F| = {numbers(set(np.round(at_corner, 9)))} for n = 1 to 4; within 10 % of 1 "
-        f"only up to {numbers(share)} of ω_B",
+        f"only up to {numbers(share[NEAR])} of ω_B",
         ABOUT,
         conditions={
             "|F| ≥ 1 − ε exactly up to ω_ε, and ω_ε < ω_B": every(exact),
-            "ω_ε is about half of ω_B for ε = 0.1": every(0.45 < value < 0.55 for value in share),
+            "ω_ε is about half of ω_B for ε = 0.1": every(
+                0.45 < value < 0.55 for value in share[NEAR]
+            ),
         },
     )
 
@@ -220,19 +209,16 @@ def filter_in_its_stop_band() -> Finding:
 
     Compare with √(ε^(−2/n) − 1)/λ, and see on a grid that |F| stays below from there on.
     """
-    width = []
+    width: dict[float, list[float]] = {0.1: [], STOPPED: [], 0.001: []}
     right = []
-    for order in ORDERS:
+    for order, allowed in product(ORDERS, width):
         F = LowPassFilter(1.0, order)
-        for allowed in (0.1, STOPPED, 0.001):
-            found = brentq(lambda x, F=F, e=allowed: abs(F(1j * x)) - e, F.bandwidth, 1e4)
-            beyond = np.abs(F(1j * np.geomspace(found, 1e6, 400)[1:]))
-            right.append(same(found, sqrt(allowed ** (-2 / order) - 1)) and beyond.max() < allowed)
-            if allowed == STOPPED:
-                width.append(found - F.bandwidth)
-    return Finding(
-        every(right), f"|F| ≤ 0.01 needs λΔ = {numbers(width)} for n = 1 to 4", TOLERANCE
-    )
+        found = brentq(lambda x, F=F, e=allowed: abs(F(1j * x)) - e, F.bandwidth, 1e4)
+        beyond = np.abs(F(1j * np.geomspace(found, 1e6, 400)[1:]))
+        right.append(same(found, sqrt(allowed ** (-2 / order) - 1)) and beyond.max() < allowed)
+        width[allowed].append(found - F.bandwidth)
+    words = f"|F| ≤ 0.01 needs λΔ = {numbers(width[STOPPED])} for n = 1 to 4"
+    return Finding(every(right), words, TOLERANCE)
 
 
 # Eqs. (3) and (4).

@@ -26,7 +26,7 @@ from .ledger import Finding
 __all__ = [
     "ABOUT", "EXACT", "NEAR", "ORDERS", "PRINTED_MAPS", "QUADRUPLES", "STOPPED", "TOLERANCE",
     "TO_OUTPUT", "Values", "blocks_of", "equations", "every", "fraction", "from_diagram",
-    "loop_modes", "many_loops", "matched_blocks", "modes", "numbers", "printed_map",
+    "is_refused", "loop_modes", "many_loops", "matched_blocks", "modes", "numbers", "printed_map",
     "random_blocks", "random_points", "same", "solve", "turns",
 ]  # fmt: skip
 
@@ -92,12 +92,7 @@ class Signals(NamedTuple):
 def equations(blocks: Values, *, conventional: bool = False) -> ComplexArray:
     """Matrix of the diagram's equations for (e, u, y), one for each point, shape (..., 3, 3).
 
-    Parameters
-    ----------
-    blocks : Values
-        The four blocks.
-    conventional : bool
-        The older observer: the measurement itself, not its filtered estimate, is compared with R.
+    Under the conventional observer the measurement, not its filtered estimate, is compared with R.
     """
     G, Gm, C, F = blocks
     one, zero = np.ones_like(G), np.zeros_like(G)
@@ -201,13 +196,7 @@ def same(a: Any, b: Any, rtol: float = EXACT) -> bool:
 
 
 def every(outcomes: Iterable[Any]) -> bool:
-    """Whether all outcomes are true; unlike `all` it refuses to say so of none.
-
-    Raises
-    ------
-    ValueError
-        If there is nothing to judge.
-    """
+    """Whether all outcomes are true; unlike `all` it refuses to say so of none."""
     found = [bool(outcome) for outcome in outcomes]
     if not found:
         raise ValueError("nothing was tried")
@@ -235,20 +224,24 @@ def loop_modes(loop: NRDOB) -> ComplexArray:
     return modes(*(fraction(block) for block in (loop.G, loop.Gm, loop.C, loop.F)))
 
 
-def numbers(values: Iterable[Any], digits: int = 4) -> str:
+def numbers(values: Iterable[Any]) -> str:
     """Write numbers one after the other."""
-    return ", ".join(number(float(value), digits) for value in values)
+    return ", ".join(number(float(value), 4) for value in values)
+
+
+def is_refused(*blocks: Any) -> bool:
+    """Whether no loop can be built of these blocks."""
+    try:
+        NRDOB(*blocks)
+    except ValueError:
+        return True
+    return False
 
 
 def modes(G: Fraction, Gm: Fraction, C: Fraction, F: Fraction) -> ComplexArray:
-    """Eigenvalues of the whole diagram, every block realised by itself; without dead time.
+    """Eigenvalues of the whole diagram, every block realised by itself; F may be unstable here.
 
     Six blocks run it: C and G, F on u, F/Gm on y, and F on y with (1 - F) Gm on u.
-
-    Parameters
-    ----------
-    G, Gm, C, F : Fraction
-        The four blocks; F need not be stable here.
     """
     F_over_Gm = Fraction(np.convolve(F.num, Gm.den), np.convolve(F.den, Gm.num))
     rest = Fraction(np.convolve(np.polysub(F.den, F.num), Gm.num), np.convolve(F.den, Gm.den))
@@ -274,17 +267,8 @@ def _state_space(block: Fraction) -> tuple[FloatArray, ...]:
 def turns(values_at: Callable[[ComplexArray], ComplexArray], excess: int = 0) -> int:
     """Clockwise turns around 0 that a closed Nyquist curve makes, followed point by point.
 
-    Parameters
-    ----------
-    values_at : callable
-        The curve at s, which runs up the imaginary axis and leaves poles on it at its left.
-    excess : int
-        By how many degrees the map is improper: so many half turns the arc at infinity adds.
-
-    Raises
-    ------
-    ArithmeticError
-        If the curve turns faster than it can be followed.
+    It is given at s, which runs up the imaginary axis and leaves poles on it at its left. The arc
+    at infinity adds a half turn for each degree of `excess`, by which the map is improper.
     """
     omega = np.append(0.0, np.geomspace(1e-5, 1e6, 2001))
     for _ in range(40):

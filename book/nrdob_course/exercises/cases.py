@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import combinations
 from typing import Any, TypeVar
 
 import control as ct
@@ -20,7 +21,7 @@ from .problems import Lack
 
 __all__ = [
     "POINTS", "TRIES", "LoopCase", "UnstablePlant", "alike", "all_pole", "apart", "draw",
-    "either_sign", "factored", "few", "first_fitting", "grid_peak", "kept", "mirrored",
+    "either_sign", "factored", "few", "first_fitting", "fitting", "grid_peak", "kept", "mirrored",
     "mirrored_pair", "not_around", "observer_stable", "on_the_right", "s",
 ]  # fmt: skip
 
@@ -37,8 +38,6 @@ s = ct.tf("s")
 def few(value: float, digits: int = 2) -> float:
     """Round to a few significant digits, so that a case is short to print.
 
-    Examples
-    --------
     >>> few(0.12345), few(1234.5, 3)
     (0.12, 1230.0)
     """
@@ -56,41 +55,34 @@ def either_sign(rng: np.random.Generator) -> float:
 
 
 def first_fitting(draw: Callable[[], T], fits: Callable[[T], bool], tries: int = TRIES) -> T:
-    """Draw until a case fits.
+    """Draw until a case fits; a RuntimeError says that a generator has become too strict.
 
-    Raises
-    ------
-    RuntimeError
-        If none does, so that a generator that has become too strict says so.
-
-    Examples
-    --------
     >>> numbers = iter(range(10))
     >>> first_fitting(lambda: next(numbers), lambda n: n > 3)
     4
     """
     for _ in range(tries):
-        case = draw()
-        if fits(case):
+        if fits(case := draw()):
             return case
     raise RuntimeError(f"none of {tries} cases drawn fits")
+
+
+Drawing = Callable[[np.random.Generator], T]
+
+
+def fitting(fits: Callable[[Any], bool]) -> Callable[[Drawing[T]], Drawing[T]]:
+    """Make the decorated function draw until a case fits, see `first_fitting`."""
+    return lambda draw: lambda rng: first_fitting(lambda: draw(rng), fits)
 
 
 def apart(*values: Any, by: float = 0.02) -> bool:
     """Tell whether numbers, or tuples of numbers, differ from one another by more than a share.
 
-    Examples
-    --------
     >>> apart(1.0, 1.5, -1.0), apart((1, 2), (1, 3)), apart(1.0, 1.01)
     (True, True, False)
     """
-    for k, a in enumerate(values):
-        for b in values[:k]:
-            first, second = np.atleast_1d(a).astype(float), np.atleast_1d(b).astype(float)
-            scale = np.maximum(np.abs(first), np.abs(second))
-            if not np.any(np.abs(first - second) > by * scale):
-                return False
-    return True
+    pairs = combinations([np.asarray(value, dtype=float) for value in values], 2)
+    return all(np.any(abs(a - b) > by * np.maximum(abs(a), abs(b))) for a, b in pairs)
 
 
 def on_the_right(*roots: Any) -> int:
@@ -120,8 +112,8 @@ def mirrored_pair(
     return lags(-1 / pole, 1 / decay, gain=-gain), lags(1 / pole, 1 / decay, gain=gain)
 
 
-POINTS = np.array([0.3 + 0.2j, 1j, 3 + 2j, 10j, 40 + 7j])
-"""Where two plants are compared."""
+POINTS = np.array([0.3 + 0.2j, 0.7j, 1 + 2j, 5j, 3 + 9j, 20j, 40 + 10j, 90j])
+"""Where functions of s are compared."""
 
 
 def alike(first: Callable[[Any], Any], second: Callable[[Any], Any]) -> bool:
@@ -199,14 +191,12 @@ def factored(block: Any) -> str:
     tf = block.tf if isinstance(block, DelayedTransferFunction) else block
     num, den = tf.num_array[0, 0], tf.den_array[0, 0]
     gain = number(num[0] / den[0], 4)
-    above, below = (_factors(polynomial) for polynomial in (num, den))
+    above, below = ("".join(_factors(polynomial)) for polynomial in (num, den))
     if above:
         gain = {"1": "", "−1": "−"}.get(gain, gain)
-    text = gain + "".join(above)
-    if below:
-        one = len(below) == 1
-        text += f"/{below[0]}" if one else f"/({''.join(below)})"
-    return late + text
+    if below and len(_factors(den)) > 1:
+        below = f"({below})"
+    return late + gain + above + (f"/{below}" if below else "")
 
 
 def _factors(polynomial: FloatArray) -> list[str]:

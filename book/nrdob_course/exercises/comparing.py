@@ -21,8 +21,6 @@ def same(expected: Any, got: Any, rtol: float = FOUR_DIGITS) -> bool:
 
     What is zero may be off by rounding, measured by the largest of the numbers compared.
 
-    Examples
-    --------
     >>> same((2, "stable"), [2.00001, "stable"])
     True
     >>> same(1, True)
@@ -50,8 +48,6 @@ def same(expected: Any, got: Any, rtol: float = FOUR_DIGITS) -> bool:
 def same_parts(names: Iterable[str], right: Iterable[Any], got: Iterable[Any]) -> dict[str, bool]:
     """Compare an answer part by part, each part by its name.
 
-    Examples
-    --------
     >>> same_parts(("m", "delay"), (3, 0.5), (3, 0.6))
     {'m': True, 'delay': False}
     """
@@ -70,8 +66,6 @@ def _numbers(value: Any) -> Any:
 def near(expected: float, got: Any, tolerance: float) -> bool:
     """Tell whether a number is right that was read off a figure: nearly the same share.
 
-    Examples
-    --------
     >>> near(2.0, 2.1, 0.08), near(2.0, 2.2, 0.08), near(2.0, -2.0, 0.08)
     (True, False, False)
     """
@@ -85,8 +79,6 @@ def rounds(right: Any, got: Any) -> bool:
     Numbers are so if they have few digits, and are off by less than one in the last of them and by
     at most 5 %; of filters, the time constants. What is right to four digits counts, too.
 
-    Examples
-    --------
     >>> rounds(0.12345, 0.123), rounds([0.12345, 2.0], [0.12, 2.0]), rounds(0.12345, 0.1236)
     (True, True, False)
     """

@@ -54,15 +54,8 @@ def draw_peaks(curves: Sequence[Peaks], limit: float, top: float, xlabel: str, a
             colour = COLOURS[role]
             lines = ax.plot(x, ms, style, color=colour, label=label)
             ax.axvline(edge, color=colour, ls=":", lw=1.5)
-            ax.text(
-                edge,
-                0.98 * top,
-                f"{label} unstable ",
-                color=colour,
-                rotation=90,
-                ha="right",
-                va="top",
-            )
+            looks: dict[str, Any] = {"color": colour, "rotation": 90, "ha": "right", "va": "top"}
+            ax.text(edge, 0.98 * top, f"{label} unstable ", **looks)
         ax.axhline(limit, color=COLOURS["critical"], lw=1)
         ax.minorticks_on()
         ax.grid(True, which="minor", color=INK, alpha=0.12, lw=0.5)
@@ -162,14 +155,7 @@ def _marks(
             continue
         side = sides[int(np.argmax(room))]
         places.append(here + point * side)
-        ax.annotate(
-            number(value, 2),
-            (here.real, here.imag),
-            (1.2 * side.real, side.imag),
-            textcoords="offset points",
-            color=COLOURS[role],
-            fontsize=8.5,
-            ha="center",
-            va="center",
-        )
+        offset = {"xytext": (1.2 * side.real, side.imag), "textcoords": "offset points"}
+        looks = {"color": COLOURS[role], "fontsize": 8.5, "ha": "center", "va": "center"}
+        ax.annotate(number(value, 2), (here.real, here.imag), **offset, **looks)
     return np.array(places, dtype=complex)

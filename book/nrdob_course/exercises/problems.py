@@ -103,8 +103,6 @@ def reading(readings: Callable[[Case], Mapping[str, Any]], name: str) -> Callabl
 class Lack(str):
     """What an answer lacks, in words, and in one word by which a misconception knows it.
 
-    Examples
-    --------
     >>> Lack("sign", "the gain has the wrong sign").kind
     'sign'
     """
@@ -203,8 +201,6 @@ class Problem:
     parts : callable, optional
         Tells which of several independent parts of an answer are right, each by its name. An answer
         earns the share of the parts that are right in every case.
-    budget : float
-        Seconds that the graded cell may take.
     drawn_as : str
         The name under which cases are drawn, if several problems share them; else their own.
     """
@@ -219,7 +215,6 @@ class Problem:
     reads: Callable[[Any], Any] = as_given
     rounded: Callable[[Case, Any], bool] | None = None
     parts: Callable[[Case, Any], Mapping[str, bool]] | None = None
-    budget: float = BUDGET
     drawn_as: str = ""
 
     def accepts(self, case: Case, got: Any) -> bool:
@@ -235,21 +230,17 @@ class Problem:
         return not self.lacks(case, self.reads(got))
 
     def cases(self, seed: Any, count: int) -> list[Case]:
-        """Give cases; the first one of a group's seed is its own.
-
-        They are copies, so that whoever changes a case changes nobody else's.
+        """Give cases as `drawn`, in copies: whoever changes a case changes nobody else's.
 
         Parameters
         ----------
-        seed : object
-            A group, or a hidden seed.
-        count : int
-            How many.
+        seed, count : object, int
+            As of `drawn`.
         """
         return copy.deepcopy(self.drawn(seed, count))
 
     def drawn(self, seed: Any, count: int) -> list[Case]:
-        """Draw cases, once; what graders have computed of them stays known.
+        """Draw cases, once, the first of them a group's own; what graders know of them stays.
 
         Parameters
         ----------
@@ -263,26 +254,17 @@ class Problem:
         # Anything can be a seed, so that a group's number that is none does not stop the grading.
         digest = hashlib.sha256(f"{self.drawn_as or self.id}/{seed}".encode()).digest()
         kinds = self.case if isinstance(self.case, tuple) else (self.case,)
-        cases = _sequence(kinds, int.from_bytes(digest[:8], "big"))
-        while len(cases.drawn) < count:
-            cases.draw()
-        return cases.drawn[:count]
+        start = int.from_bytes(digest[:8], "big")
+        rng, cases = _begun(kinds, start)
+        while len(cases) < count:
+            cases.append(kinds[(start + len(cases)) % len(kinds)](rng))
+        return cases[:count]
 
 
-class _Sequence:
-    """Cases of one seed, drawn as they are asked for."""
-
-    def __init__(self, kinds: tuple[Draw, ...], seed: int) -> None:
-        self.rng = np.random.default_rng(seed)
-        self.kinds, self.first = kinds, seed % len(kinds)
-        self.drawn: list[Case] = []
-
-    def draw(self) -> None:
-        kind = self.kinds[(self.first + len(self.drawn)) % len(self.kinds)]
-        self.drawn.append(kind(self.rng))
-
-
-_sequence = lru_cache(maxsize=512)(_Sequence)
+@lru_cache(maxsize=512)
+def _begun(kinds: tuple[Draw, ...], seed: int) -> tuple[np.random.Generator, list[Case]]:
+    """Give what draws the cases of one seed, and those that were asked for before."""
+    return np.random.default_rng(seed), []
 
 
 def pose(
@@ -296,21 +278,8 @@ def pose(
 ) -> Problem:
     """Make a problem of what judges it, and of its texts in the TOML file of its set.
 
-    Parameters
-    ----------
-    id, lacks, **how
-        As of a `Problem`.
-    misconceptions : mapping from str to Misconception or callable
-        By name, in the order in which they are looked for; or the example alone.
-    alike : callable
-        Compares what an example answers with what was given.
-    texts : mapping, optional
-        The texts, if they do not stand in such a file.
-
-    Raises
-    ------
-    ValueError
-        If a misconception has no text, or a text no misconception.
+    Misconceptions come by name, in the order in which they are looked for, as such or as what is
+    answered; `alike` compares that with what was given. Each has a text, and no text is left over.
     """
     text = texts or texts_of(id.partition(".")[0])[id]
     said = text["misconceptions"]

@@ -28,15 +28,8 @@ REAL, NOTHING = 1e-9, 1e-12
 """An imaginary part is rounding, if it is a smaller share than this, or a smaller number."""
 
 UNORDERED = (
-    str,
-    bytes,
-    dict,
-    set,
-    frozenset,
-    np.poly1d,
-    np.polynomial.Polynomial,
-    ct.InputOutputSystem,
-)
+    str, bytes, dict, set, frozenset, np.poly1d, np.polynomial.Polynomial, ct.InputOutputSystem,
+)  # fmt: skip
 """What can be gone through, but holds no numbers in an order that was meant."""
 
 
@@ -52,14 +45,6 @@ def as_given(given: Any) -> Any:
 def number(given: Any) -> float:
     """Read a real number.
 
-    Raises
-    ------
-    UnreadableError
-        If it is none.
-
-    Examples
-    --------
-    >>> import control as ct
     >>> number([0.173]), number("0,173"), number(2 + 1e-17j), number(ct.tf([6], [3]))
     (0.173, 0.173, 2.0, 2.0)
     >>> number("2 s")
@@ -69,16 +54,20 @@ def number(given: Any) -> float:
     """
     if isinstance(given, str | bytes):
         return _spelled(given)
-    if isinstance(
-        given, ct.TransferFunction | ct.StateSpace | np.polynomial.Polynomial | np.poly1d
-    ):
-        return _constant(given)
+    if isinstance(given, ct.TransferFunction | ct.StateSpace):
+        num, den = as_fraction(given, "it", proper=False)
+        if num.size == den.size == 1:
+            return float(num[0] / den[0])
+        raise UnreadableError("a number is asked for; this is a transfer function")
+    if isinstance(given, np.polynomial.Polynomial | np.poly1d):
+        if given.degree() if isinstance(given, np.polynomial.Polynomial) else given.order:
+            raise UnreadableError("a number is asked for; this is a polynomial")
+        return number(given(0))
     if isinstance(given, bool | np.bool_):
         raise UnreadableError(f"a number is asked for; this is {given}")
     if callable(given) and not isinstance(given, np.generic):
-        raise UnreadableError(
-            "a number is asked for; this is a function: call it, with its brackets"
-        )
+        words = "a number is asked for; this is a function: call it, with its brackets"
+        raise UnreadableError(words)
     if isinstance(given, dict | set | frozenset | LowPassFilter):
         raise UnreadableError(f"a number is asked for; this is a {type(given).__name__}")
     if isinstance(given, Sequence) or np.ndim(given):
@@ -104,29 +93,15 @@ def _real(given: Any) -> float:
 def _spelled(given: str | bytes) -> float:
     text = given.decode(errors="replace") if isinstance(given, bytes) else given
     try:
-        return _real(complex(text.strip().replace("−", "-").replace(",", ".")))
-    except ValueError as error:
-        if isinstance(error, UnreadableError):
-            raise
+        value = complex(text.strip().replace("−", "-").replace(",", "."))
+    except ValueError:
         raise UnreadableError(f"a number without a unit is asked for, not {text[:40]!r}") from None
-
-
-def _constant(given: Any) -> float:
-    if isinstance(given, ct.TransferFunction | ct.StateSpace):
-        num, den = as_fraction(given, "it", proper=False)
-        if num.size == den.size == 1:
-            return float(num[0] / den[0])
-        raise UnreadableError("a number is asked for; this is a transfer function")
-    if given.degree() if isinstance(given, np.polynomial.Polynomial) else given.order:
-        raise UnreadableError("a number is asked for; this is a polynomial")
-    return number(given(0))
+    return _real(value)
 
 
 def whole(given: Any) -> int:
     """Read a whole number.
 
-    Examples
-    --------
     >>> whole(3.0), whole("3")
     (3, 3)
     """
@@ -137,17 +112,8 @@ def whole(given: Any) -> int:
 
 
 def listed(given: Any, names: str = "") -> Any:
-    """Take a dictionary, or a text with several entries, for the list that it stands for.
+    """Take a dictionary with these keys, or a text of several entries, for the list that it means.
 
-    Parameters
-    ----------
-    given : object
-        An answer; what is neither a dictionary nor such a text stays as it is.
-    names : str
-        The keys that a dictionary must have, in order: "low, high, angle".
-
-    Examples
-    --------
     >>> listed({"Z": 2, "N": 1, "P": 1}, "N, P, Z"), listed("(-2, 3, 1)"), listed("0,5; 2")
     ([1, 1, 2], ['-2', '3', '1'], ['0,5', '2'])
     """
@@ -179,19 +145,10 @@ def coefficients(given: Any) -> Any:
 
 
 def numbers(given: Any, names: str = "", gaps: bool = False) -> FloatArray:
-    """Read several real numbers; as many as there are names, if there are any.
+    """Read several real numbers; as many as there are names, "low, high, angle", if there are any.
 
-    Parameters
-    ----------
-    given : object
-        A list, a tuple, an array, or whatever else can be gone through in order.
-    names : str
-        What they are called, with commas between: "low, high, angle".
-    gaps : bool
-        Whether an entry that is no number is read as nan, because each counts by itself.
+    With gaps an entry that is no number is read as nan, because each counts by itself.
 
-    Examples
-    --------
     >>> numbers((1, "2", [3.0]), "N, P, Z"), numbers([1.5, None], gaps=True)
     (array([1., 2., 3.]), array([1.5, nan]))
     """
@@ -219,8 +176,6 @@ def _or_nan(value: Any) -> float:
 def things(given: Any, wanted: str, counts: tuple[int, ...] = (2,), names: str = "") -> list[Any]:
     """Take apart what holds several things, in a list, a tuple, a dictionary or the like.
 
-    Examples
-    --------
     >>> things(np.array([2, 0.03]), "two things are asked for")
     [2.0, 0.03]
     """
@@ -235,8 +190,6 @@ def things(given: Any, wanted: str, counts: tuple[int, ...] = (2,), names: str =
 def polynomial(given: Any) -> FloatArray:
     """Read the real coefficients of a polynomial, descending, without zeros in front.
 
-    Examples
-    --------
     >>> polynomial(np.poly1d([1, 3])), polynomial(np.polynomial.Polynomial([3, 1]))
     (array([1., 3.]), array([1., 3.]))
     """
@@ -268,15 +221,8 @@ def polynomial(given: Any) -> FloatArray:
 
 
 def block(given: Any) -> Any:
-    """Read a transfer function; one with dead time stays what it is.
+    """Read a transfer function, also as numerator and denominator; a dead time stays with it.
 
-    Parameters
-    ----------
-    given : object
-        A system of python-control, a number, a `LowPassFilter`, or numerator and denominator.
-
-    Examples
-    --------
     >>> block(([1], [1, 2])).poles().real
     array([-2.])
     """
@@ -299,8 +245,6 @@ def block(given: Any) -> Any:
 def lowpass(given: Any) -> LowPassFilter:
     """Read a filter of the family, given as such or as (λ, n).
 
-    Examples
-    --------
     >>> lowpass((0.5, 2.0))
     LowPassFilter(time_constant=0.5, order=2)
     """

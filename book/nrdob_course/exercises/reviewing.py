@@ -18,7 +18,7 @@ from nrdob.diagram import LowPassFilter
 from nrdob.loop import NRDOB
 
 from .comparing import same
-from .problems import Case, Feedback, Lack, Misconception, Problem
+from .problems import BUDGET, Case, Feedback, Lack, Misconception, Problem
 from .reading import UnreadableError
 
 __all__ = [
@@ -64,18 +64,9 @@ HIDDEN = (
 def review(
     problem: Problem, answer: Any, cases: Iterable[Case], shown: int | None = None
 ) -> Feedback:
-    """Judge an answer on some cases.
+    """Judge an answer on some cases; the value for an own case on the first one only.
 
-    Parameters
-    ----------
-    problem : Problem
-        The problem.
-    answer : object
-        A function of a case, or, where the problem asks for the student's own case, a value.
-    cases : iterable
-        What it is tried on; the value of an own case is tried on the first one only.
-    shown : int, optional
-        How many of them the student may see; what is said tells nothing of the others.
+    What is said tells nothing of the cases beyond those that may be `shown`.
     """
     if answer is None or answer is Ellipsis:
         return Feedback(0.0, BLANK)
@@ -100,22 +91,14 @@ def review(
 
 
 def timed(problem: Problem, answer: Any, cases: Sequence[Case], graded: int) -> Feedback:
-    """Judge an answer, and tell how much of the time allowed it takes when it is graded.
-
-    Parameters
-    ----------
-    problem, answer, cases
-        As `review` takes them.
-    graded : int
-        On how many cases it will be graded.
-    """
+    """Judge an answer, and tell how much time it takes when it is graded on so many cases."""
     start = time.perf_counter()
     found = review(problem, answer, cases)
     seconds = (time.perf_counter() - start) * graded / len(cases)
-    if seconds < 0.05 * problem.budget:
+    if seconds < 0.05 * BUDGET:
         return found
-    note = f"When it is graded it takes about {seconds:.2g} s of the {problem.budget:g} s allowed."
-    if seconds > problem.budget:
+    note = f"When it is graded it takes about {seconds:.2g} s of the {BUDGET:g} s allowed."
+    if seconds > BUDGET:
         found = replace(found, share=0.0, text=TOO_SLOW if found.share == 1 else found.text)
     return replace(found, notes=(note,))
 
@@ -137,9 +120,8 @@ def _told(error: BaseException, answer: Any, case: str) -> str:
         name = f", {name}," if hasattr(builtins, name) else ""
         return f"Your function ends with an error{name} for {OTHER}. {HIDDEN.partition('. ')[2]}"
     file = getattr(getattr(answer, "__code__", None), "co_filename", None)
-    lines = [
-        frame.line for frame in traceback.extract_tb(error.__traceback__) if frame.filename == file
-    ]
+    frames = traceback.extract_tb(error.__traceback__)
+    lines = [frame.line for frame in frames if frame.filename == file]
     where = f" In the line: {lines[-1]}" if lines and lines[-1] else ""
     return f"Your function ends with an error, {name}, for {case}: {error}.{where}"
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from functools import partial, reduce
 from math import log, log10, nan, pi
 from typing import Any
@@ -11,21 +12,18 @@ from typing import Any
 import control as ct
 import numpy as np
 
-from nrdob.diagram import LowPassFilter, ObserverEquations
+from nrdob.diagram import LowPassFilter
 from nrdob.loop import NRDOB
 from nrdob.numerics import FloatArray
 from nrdob.plotting import Figure
 
-from .cases import apart, draw, few, first_fitting
+from .cases import POINTS, apart, draw, few, first_fitting
 from .comparing import FOUR_DIGITS, near, rounds
 from .figures import draw_gains
 from .problems import pose, put_right, reading
 from .reading import UnreadableError, number, numbers, polynomial
 
 __all__ = ["PROBLEMS"]
-
-POINTS = np.array([0.3 + 0.2j, 0.7j, 1 + 2j, 5j, 3 + 9j, 20j, 40 + 10j, 90j])
-"""Where functions of s are compared."""
 
 
 def _gain_error(rng: np.random.Generator) -> float:
@@ -75,14 +73,11 @@ def _table(given: Any) -> FloatArray:
     """Read a row for each input; a row that cannot be read is filled with nan."""
     if not isinstance(given, Mapping):
         raise UnreadableError(f"a dictionary is asked for, with the keys {', '.join(INPUTS)}")
-    return np.array([_row(given.get(name)) for name in INPUTS])
-
-
-def _row(given: Any) -> FloatArray:
-    try:
-        return numbers(given, "y, u, e")
-    except UnreadableError:
-        return np.full(3, nan)
+    rows = np.full((len(INPUTS), 3), nan)
+    for row, name in zip(rows, INPUTS, strict=True):
+        with suppress(UnreadableError):
+            row[:] = numbers(given.get(name), "y, u, e")
+    return rows
 
 
 def _unsatisfied(case: SettledCase, name: str, row: FloatArray) -> str:
@@ -110,14 +105,6 @@ def _unsettled(case: SettledCase, rows: FloatArray) -> dict[str, str]:
     return {name: _unsatisfied(case, name, row) for name, row in zip(INPUTS, rows, strict=True)}
 
 
-def _settled_lacks(case: SettledCase, rows: FloatArray) -> str:
-    return next(filter(None, _unsettled(case, rows).values()), "")
-
-
-def _same_table(expected: Table, rows: FloatArray) -> bool:
-    return bool(np.allclose(_table(expected), rows, rtol=1e-3, atol=1e-6))
-
-
 def _ordinary_loop(case: SettledCase) -> Table:
     """Settle an ordinary loop of controller and plant, without an observer."""
     S = 1 / (1 + case.C * case.G)
@@ -131,10 +118,10 @@ def _ordinary_loop(case: SettledCase) -> Table:
 
 SETTLED = pose(
     "1.1",
-    alike=_same_table,
+    alike=lambda table, rows: np.allclose(_table(table), rows, rtol=1e-3, atol=1e-6),
     case=_settled_case,
     reads=_table,
-    lacks=_settled_lacks,
+    lacks=lambda case, rows: next(filter(None, _unsettled(case, rows).values()), ""),
     parts=lambda case, rows: {name: not lack for name, lack in _unsettled(case, rows).items()},
     rounded=lambda case, rows: rounds(_table(settled_table(case)), rows),
     misconceptions={
@@ -200,20 +187,23 @@ def _product(*factors: Any) -> FloatArray:
     return np.asarray(reduce(np.polymul, factors))
 
 
-def _lags(case: PolynomialCase) -> FloatArray:
-    return LowPassFilter(case.time_constant, case.order).den
+def _filter(case: PolynomialCase) -> LowPassFilter:
+    return LowPassFilter(case.time_constant, case.order)
+
+
+def _first_term(case: PolynomialCase) -> FloatArray:
+    return _product(case.D, case.Nm, np.polysub(_filter(case).den, [1.0]))
 
 
 def _p_B(case: PolynomialCase) -> FloatArray:
-    F = LowPassFilter(case.time_constant, case.order)
-    return ObserverEquations((case.N, case.D), (case.Nm, case.Dm), F).p_B.q
+    return np.polyadd(_first_term(case), _product(case.N, case.Dm))
 
 
 def _disturbance_to_output(case: PolynomialCase, s: complex) -> complex:
     """Solve the three lines of the diagram at one s for y, after a unit of d."""
     G = np.polyval(case.N, s) / np.polyval(case.D, s)
     Gm = np.polyval(case.Nm, s) / np.polyval(case.Dm, s)
-    F = 1 / np.polyval(_lags(case), s)
+    F = 1 / np.polyval(_filter(case).den, s)
     C = 1.0  # any: it does not matter for y after d
     left = np.array([[1, (1 - F) * Gm, F], [-C, 1 - F, F / Gm], [0, -G, 1]])
     return complex(np.linalg.solve(left, np.array([0, 0, 1]))[2])
@@ -227,9 +217,8 @@ def _polynomial_lacks(case: PolynomialCase, p: FloatArray) -> str:
             f"{degree} modes, and all of them must be in p_B"
         )
     # What S_d is divided by: S_d p_B must be the numerator D Nm (Df - 1), but for a constant.
-    numerator = _product(case.D, case.Nm, np.polysub(_lags(case), [1.0]))
     S_d = np.array([_disturbance_to_output(case, s) for s in POINTS])
-    share = S_d / np.polyval(numerator, POINTS)
+    share = S_d / np.polyval(_first_term(case), POINTS)
     factor = share * np.polyval(p, POINTS)
     # Where terms cancel, four digits of each are fewer of the sum.
     slack = 2 * FOUR_DIGITS * np.abs(share) * np.polyval(np.abs(p), np.abs(POINTS))
@@ -247,17 +236,6 @@ def _same_roots(expected: FloatArray, p: FloatArray) -> bool:
     return p.size == held.size and bool(np.allclose(p / p[0], held / held[0], rtol=FOUR_DIGITS))
 
 
-def _without_shared(case: PolynomialCase) -> FloatArray:
-    shared = polynomial(case.D - case.Dm)  # vanishes where both do
-    return np.asarray(np.polydiv(_p_B(case), shared)[0])
-
-
-def _of_sign(case: PolynomialCase, sign: float) -> FloatArray:
-    """Give p_B with this sign before its second term."""
-    first = _product(case.D, case.Nm, np.polysub(_lags(case), [1.0]))
-    return np.polyadd(first, sign * _product(case.N, case.Dm))
-
-
 POLYNOMIAL = pose(
     "1.3",
     alike=_same_roots,
@@ -266,16 +244,20 @@ POLYNOMIAL = pose(
     lacks=_polynomial_lacks,
     rounded=lambda case, p: rounds(_p_B(case), p),
     misconceptions={
-        "cancelled the unstable pole": _without_shared,
+        "cancelled the unstable pole": lambda case: np.polydiv(
+            _p_B(case),
+            polynomial(case.D - case.Dm),  # vanishes where both do
+        )[0],
         "1 + F G/Gm taken for 1 + F (G/Gm - 1)": lambda case: np.polyadd(
-            _product(case.D, case.Nm, _lags(case)), _product(case.N, case.Dm)
+            _product(case.D, case.Nm, _filter(case).den), _product(case.N, case.Dm)
         ),
         "typed-in fractions": lambda case: _product(_p_B(case), case.Dm),
-        "plant and model exchanged": lambda case: np.polyadd(
-            _product(case.N, case.Dm, np.polysub(_lags(case), [1.0])),
-            _product(case.D, case.Nm),
+        "plant and model exchanged": lambda case: _p_B(
+            replace(case, N=case.D, D=case.N, Nm=case.Dm, Dm=case.Nm)
         ),
-        "minus between the two terms": lambda case: _of_sign(case, -1.0),
+        "minus between the two terms": lambda case: np.polysub(
+            _first_term(case), _product(case.N, case.Dm)
+        ),
         "ascending powers": put_right(lambda case: _p_B(case)[::-1], lambda p: p[::-1]),
     },
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,21 +13,12 @@ from nrdob.diagram import LowPassFilter, as_fraction
 from nrdob.loop import NRDOB
 from nrdob.numerics import ComplexArray
 
-from .cases import LoopCase, draw, few, first_fitting
+from .cases import POINTS, LoopCase, draw, few, fitting
 from .comparing import FOUR_DIGITS
 from .problems import Lack, Misconception, lacking, pose
 from .reading import block, lowpass, number, things
 
 __all__ = ["PROBLEMS"]
-
-POINTS = np.array([0.3 + 0.2j, 0.7j, 1 + 2j, 5j, 3 + 9j, 20j, 40 + 10j, 90j])
-"""Where functions of s are compared."""
-
-
-def _gain_error(rng: np.random.Generator) -> float:
-    """Draw a ratio that is surely not 1: a plant weaker or stronger than its model."""
-    return float(rng.uniform(1.6, 2.4) ** rng.choice([-1, 1]))
-
 
 # --- 1.5 Find the error: three degrees of freedom -----------------------------------------------
 
@@ -39,16 +31,13 @@ class TwinCase(LoopCase):
         return f"λ = {F.time_constant:g} s, n = {F.order}, Gm(0) = {self.loop.Gm.dc_gain:g}"
 
 
+@fitting(lambda case: case.loop.stability().stable is True)
 def _twin_case(rng: np.random.Generator) -> TwinCase:
-    def drawn() -> TwinCase:
-        order, gain = int(rng.integers(2, 4)), draw(rng, 0.5, 5)
-        poles = [draw(rng, 0.5, 2), draw(rng, 2.5, 8)]
-        moved = [p * float(rng.uniform(1.1, 1.4)) for p in poles]
-        model, plant = (ct.tf([gain * p * q], np.poly([-p, -q])) for p, q in (poles, moved))
-        F = LowPassFilter(draw(rng, 0.05, 0.3), order)
-        return TwinCase(NRDOB(plant, model, 0.5 / gain, F))
-
-    return first_fitting(drawn, lambda case: case.loop.stability().stable is True)
+    order, gain = int(rng.integers(2, 4)), draw(rng, 0.5, 5)
+    poles = [draw(rng, 0.5, 2), draw(rng, 2.5, 8)]
+    moved = [p * float(rng.uniform(1.1, 1.4)) for p in poles]
+    model, plant = (ct.tf([gain * p * q], np.poly([-p, -q])) for p, q in (poles, moved))
+    return TwinCase(NRDOB(plant, model, 0.5 / gain, LowPassFilter(draw(rng, 0.05, 0.3), order)))
 
 
 Twin = tuple[float, ct.TransferFunction]
@@ -203,15 +192,18 @@ WITHIN = 1.01
 """By what factor a limit may be exceeded: that is three digits of λ."""
 
 
+def _most(case: WishCase, S_d: Callable[[ComplexArray], ComplexArray]) -> float:
+    """Give the largest |S_d| where disturbances are to be reduced."""
+    return float(np.abs(S_d(1j * np.linspace(0, case.omega_d, 201))).max())
+
+
 def _rejects(case: WishCase, F: LowPassFilter) -> bool:
-    w = np.linspace(0, case.omega_d, 201)
-    return bool(np.abs(1 - F(1j * w)).max() <= REJECTION * WITHIN)
+    return _most(case, lambda s: 1 - F(s)) <= REJECTION * WITHIN
 
 
 def _wish_lacks(case: WishCase, F: LowPassFilter) -> str:
     loop = NRDOB(case.plant, case.plant, 0.1 / case.plant.dcgain(), F)
-    w = np.linspace(0, case.omega_d, 201)
-    rejection = float(np.abs(loop.S_d(1j * w)).max())
+    rejection = _most(case, loop.S_d)
     if rejection > REJECTION * WITHIN:
         return f"|S_d| reaches {rejection:.3g} below {case.omega_d:g} rad/s"
     if any(loop.U_eta.at_infinity):
@@ -228,28 +220,14 @@ def _wish_rounded(case: WishCase, F: LowPassFilter) -> bool:
     return few_digits and not _wish_lacks(case, LowPassFilter(0.95 * F.time_constant, F.order))
 
 
-def _rule(case: WishCase, order: int, share: float = 1.0) -> LowPassFilter:
-    """Choose λ = ε/(n ω_d), or a share of it."""
-    return LowPassFilter(share * REJECTION / (order * case.omega_d), order)
-
-
-def _band_edge(case: WishCase) -> LowPassFilter:
-    order = case.relative_degree + 1
-    return LowPassFilter(LowPassFilter(1.0, order).bandwidth / case.omega_d, order)
-
-
-def _within_a_tenth(case: WishCase) -> LowPassFilter:
-    """Choose λ so that |F| has fallen to 0.9 at ω_d."""
-    order = case.relative_degree + 1
-    return LowPassFilter(np.sqrt(0.9 ** (-2 / order) - 1) / case.omega_d, order)
+def _chosen(case: WishCase, rule: Callable[[int], float], more: int = 1) -> LowPassFilter:
+    """Choose λ ω_d by a rule for the order, which is that of the model and some more."""
+    order = case.relative_degree + more
+    return LowPassFilter(rule(order) / case.omega_d, order)
 
 
 def _gain_at_edge(case: WishCase, got: LowPassFilter) -> float:
     return float(abs(got(1j * case.omega_d)))
-
-
-def _order_forgotten(case: WishCase, F: LowPassFilter) -> bool:
-    return F.order > 1 and abs(F.time_constant * case.omega_d / REJECTION - 1) < 0.02
 
 
 WISHES = pose(
@@ -260,22 +238,25 @@ WISHES = pose(
     rounded=_wish_rounded,
     misconceptions={
         "order just causal": Misconception(
-            lambda case: _rule(case, case.relative_degree),
+            lambda case: _chosen(case, lambda n: REJECTION / n, more=0),
             lambda case, got: got.order == case.relative_degree and _rejects(case, got),
         ),
         "bandwidth put at the edge": Misconception(
-            _band_edge, lambda case, got: abs(_gain_at_edge(case, got) - np.sqrt(0.5)) < 0.01
+            lambda case: _chosen(case, lambda n: LowPassFilter(1.0, n).bandwidth),
+            lambda case, got: abs(_gain_at_edge(case, got) - np.sqrt(0.5)) < 0.01,
         ),
         "order forgotten in the bound": Misconception(
-            lambda case: LowPassFilter(REJECTION / case.omega_d, case.relative_degree + 1),
-            _order_forgotten,
+            lambda case: _chosen(case, lambda n: REJECTION),
+            lambda case, got: (
+                got.order > 1 and abs(got.time_constant * case.omega_d / REJECTION - 1) < 0.02
+            ),
         ),
         "1 - |F| taken for |1 - F|": Misconception(
-            _within_a_tenth,
+            lambda case: _chosen(case, lambda n: np.sqrt(0.9 ** (-2 / n) - 1)),  # |F| is 0.9 there
             lambda case, got: _gain_at_edge(case, got) >= 0.899 and not _rejects(case, got),
         ),
         "only the disturbance": Misconception(
-            lambda case: _rule(case, case.relative_degree + 1, 0.4),
+            lambda case: _chosen(case, lambda n: 0.4 * REJECTION / n),
             lambda case, got: got.order > case.relative_degree and _rejects(case, got),
         ),
     },

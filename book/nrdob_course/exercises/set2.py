@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any
 
 import control as ct
 import numpy as np
@@ -27,7 +27,7 @@ from .cases import (
     s,
 )
 from .comparing import same
-from .problems import Misconception, any_of, pose
+from .problems import Misconception, any_of, pose, reading
 from .reading import number as one_number
 from .reading import numbers
 
@@ -64,13 +64,14 @@ def _roots_case(rng: np.random.Generator) -> RootsCase:
         case, loop = drawn
         return (
             low <= _turns(case) <= high
-            and apart(_turns(case), *(wrong(case) for wrong in _TURN_MISTAKES))
+            and apart(_turns(case), *(wrong(case) for wrong in TURN_MISTAKES.values()))
             and observer_stable(loop.process, loop.model, loop.filter) is not None
         )
 
-    return first_fitting(lambda: _draw_roots(rng, 2 if low < 0 else int(rng.integers(1, 3))), fits)[
-        0
-    ]
+    def drawn() -> tuple[RootsCase, NRDOB]:
+        return _draw_roots(rng, 2 if low < 0 else int(rng.integers(1, 3)))
+
+    return first_fitting(drawn, fits)[0]
 
 
 def _draw_roots(rng: np.random.Generator, unstable: int) -> tuple[RootsCase, NRDOB]:
@@ -103,35 +104,27 @@ def _draw_sides(rng: np.random.Generator, right: int, left: int) -> ComplexArray
     return np.array(roots)
 
 
+def _roots(case: RootsCase) -> int:
+    return on_the_right(case.closed_loop_roots)
+
+
 def _poles(case: RootsCase) -> int:
     return on_the_right(case.plant_poles, case.model_zeros)
 
 
 def _turns(case: RootsCase) -> float:
-    return on_the_right(case.closed_loop_roots) - _poles(case)
+    return _roots(case) - _poles(case)
 
 
-def _counter_clockwise(case: RootsCase) -> float:
-    return -_turns(case)
-
-
-def _sum_of_both(case: RootsCase) -> float:
-    return on_the_right(case.closed_loop_roots) + _poles(case)
-
-
-def _poles_of_both(case: RootsCase) -> float:
-    return on_the_right(case.closed_loop_roots) - on_the_right(case.plant_poles, case.model_poles)
-
-
-def _plant_only(case: RootsCase) -> float:
-    return on_the_right(case.closed_loop_roots) - on_the_right(case.plant_poles)
-
-
-def _as_if_stable(case: RootsCase) -> float:
-    return -_poles(case)
-
-
-_TURN_MISTAKES = (_counter_clockwise, _sum_of_both, _poles_of_both, _plant_only, _as_if_stable)
+TURN_MISTAKES: dict[str, Callable[[RootsCase], float]] = {
+    "counter-clockwise counted as positive": lambda case: -_turns(case),
+    "Z and P added": lambda case: _roots(case) + _poles(case),
+    "poles of the model for its zeros": lambda case: (
+        _roots(case) - on_the_right(case.plant_poles, case.model_poles)
+    ),
+    "zeros of the model forgotten": lambda case: _roots(case) - on_the_right(case.plant_poles),
+    "the encirclements of a stable loop": lambda case: -_poles(case),
+}
 
 TURNS = pose(
     "2.1",
@@ -141,15 +134,9 @@ TURNS = pose(
         ""
         if same(_turns(case), got)
         else f"that many encirclements do not turn P = {_poles(case)} poles into Z = "
-        f"{on_the_right(case.closed_loop_roots)} roots of p_B in the right half plane"
+        f"{_roots(case)} roots of p_B in the right half plane"
     ),
-    misconceptions={
-        "counter-clockwise counted as positive": _counter_clockwise,
-        "Z and P added": _sum_of_both,
-        "poles of the model for its zeros": _poles_of_both,
-        "zeros of the model forgotten": _plant_only,
-        "the encirclements of a stable loop": _as_if_stable,
-    },
+    misconceptions=TURN_MISTAKES,
 )
 
 
@@ -184,19 +171,13 @@ def _draw_plot(rng: np.random.Generator, wanted: int) -> PlotCase:
         model = 1 / ((s - hidden) * (s + lag))
     else:
         model = (s - hidden) / ((s + lag) * (s + other))
-    process = ct.tf(*_product(g * above / below, model))
-    filter = LowPassFilter(draw(rng, 0.05, 2), 3 if wanted == 2 else 2)
-    return PlotCase(NRDOB(process, model, 0, filter))
-
-
-def _product(first: ct.TransferFunction, second: ct.TransferFunction) -> tuple[Any, Any]:
-    return tuple(
-        np.polymul(a, b)
-        for a, b in (
-            (first.num_array[0, 0], second.num_array[0, 0]),
-            (first.den_array[0, 0], second.den_array[0, 0]),
-        )
+    ratio = g * above / below
+    num, den = (
+        np.polymul(getattr(ratio, part)[0, 0], getattr(model, part)[0, 0])
+        for part in ("num_array", "den_array")
     )
+    filter = LowPassFilter(draw(rng, 0.05, 2), 3 if wanted == 2 else 2)
+    return PlotCase(NRDOB(ct.tf(num, den), model, 0, filter))
 
 
 def _readable(case: PlotCase, wanted: int) -> bool:
@@ -221,24 +202,8 @@ def _reading(case: PlotCase) -> Reading:
     return found.encirclements or 0, found.open_loop_rhp, found.closed_loop_rhp or 0
 
 
-def _other_sense(case: PlotCase) -> Reading:
-    N, P, _ = _reading(case)
-    return -N, P, P - N
-
-
-def _other_convention(case: PlotCase) -> Reading:
-    N, P, Z = _reading(case)
-    return -N, P, Z
-
-
-def _mixed_conventions(case: PlotCase) -> Reading:
-    N, P, _ = _reading(case)
-    return N, P, P - N
-
-
-def _after_cancellation(case: PlotCase) -> Reading:
-    N, P, Z = _reading(case)
-    return N, P - 1, Z - 1
+def _misread(wrong: Callable[[float, float, float], Reading]) -> Callable[[PlotCase], Reading]:
+    return lambda case: wrong(*_reading(case))
 
 
 def _plot_lacks(case: PlotCase, got: FloatArray) -> str:
@@ -269,10 +234,10 @@ READING = pose(
     ),
     own=True,
     misconceptions={
-        "P counted after cancellation": _after_cancellation,
-        "Z = P - N for clockwise encirclements": _mixed_conventions,
-        "the other convention, used consistently": _other_convention,
-        "encirclements counted in the wrong sense": _other_sense,
+        "P counted after cancellation": _misread(lambda N, P, Z: (N, P - 1, Z - 1)),
+        "Z = P - N for clockwise encirclements": _misread(lambda N, P, Z: (N, P, P - N)),
+        "the other convention, used consistently": _misread(lambda N, P, Z: (-N, P, Z)),
+        "encirclements counted in the wrong sense": _misread(lambda N, P, Z: (-N, P, P - N)),
     },
 )
 
@@ -318,14 +283,14 @@ def _half_curve(way: int, rng: np.random.Generator) -> HalfCurve:
 
 def _unambiguous(case: HalfCurve) -> bool:
     """Whether every mistake gives a number of its own, which does not round to the right one."""
-    right = _closed(case)
-    mistakes = [wrong(case) for wrong in _CLOSING_MISTAKES]
+    right, found = _closed(case), _readings(case)
+    names = ("axis only", "half circle missing", "around zero", "one half")
     return (
-        apart(right, *mistakes, *_hints(case), by=0.05)
-        and apart(right, _detour_missing(case), *_hints(case), by=0.05)
-        and all(abs(value - right) > 0.4 for value in (_jumps(case), _one_half(case)))
+        apart(right, -right, *(found[name] for name in names), *_hints(case), by=0.05)
+        and apart(right, found["detour missing"], *_hints(case), by=0.05)
+        and all(abs(found[name] - right) > 0.4 for name in ("jumps", "one half"))
         # Clockwise curves of which this is true, too, are too rare to be found.
-        and (right > 0 or apart(_jumps(case), _around_zero(case), by=0.05))
+        and (right > 0 or apart(found["jumps"], found["around zero"], by=0.05))
     )
 
 
@@ -352,56 +317,26 @@ def _clockwise(values: ComplexArray) -> float:
     return float(-np.angle(values[1:] / values[:-1]).sum() / (2 * np.pi))
 
 
-def _pieces(case: HalfCurve) -> float:
-    """Count the turns of the detour around 0 and of the large half circle."""
-    return (case.poles_at_zero + case.excess) / 2
-
-
 @kept
-def _on_page(case: HalfCurve) -> float:
-    return _clockwise(1 + case.values)
-
-
-def _sum(case: HalfCurve) -> float:
-    """Add up what there is: the right number, but for rounding."""
-    return 2 * _on_page(case) + _pieces(case)
+def _readings(case: HalfCurve) -> dict[str, float]:
+    """Add up the turns, rightly but for rounding and wrongly, and those of the closing pieces."""
+    detour, half_circle = case.poles_at_zero / 2, case.excess / 2
+    on_page, pieces = _clockwise(1 + case.values), detour + half_circle
+    first, last = np.angle(1 + case.values[[0, -1]])  # as NumPy gives them, between -π and π
+    return {
+        "right": 2 * on_page + pieces,
+        "pieces": pieces,
+        "axis only": 2 * on_page,
+        "half circle missing": 2 * on_page + detour,
+        "detour missing": 2 * on_page + half_circle,
+        "around zero": 2 * _clockwise(case.values) + pieces,
+        "one half": on_page + pieces,
+        "jumps": float((first - last) / np.pi) + pieces,
+    }
 
 
 def _closed(case: HalfCurve) -> float:
-    return round(_sum(case))
-
-
-def _axis_only(case: HalfCurve) -> float:
-    return 2 * _on_page(case)
-
-
-def _half_circle_missing(case: HalfCurve) -> float:
-    return _axis_only(case) + case.poles_at_zero / 2
-
-
-def _detour_missing(case: HalfCurve) -> float:
-    return _axis_only(case) + case.excess / 2
-
-
-def _anticlockwise(case: HalfCurve) -> float:
-    return -_closed(case)
-
-
-def _around_zero(case: HalfCurve) -> float:
-    return 2 * _clockwise(case.values) + _pieces(case)
-
-
-def _one_half(case: HalfCurve) -> float:
-    return _on_page(case) + _pieces(case)
-
-
-def _jumps(case: HalfCurve) -> float:
-    """Take the difference of two angles as NumPy gives them, between -π and π."""
-    first, last = np.angle(1 + case.values[[0, -1]])
-    return float((first - last) / np.pi) + _pieces(case)
-
-
-_CLOSING_MISTAKES = (_axis_only, _half_circle_missing, _anticlockwise, _around_zero, _one_half)
+    return round(_readings(case)["right"])
 
 
 def _near(value: float, got: float) -> bool:
@@ -413,7 +348,7 @@ def _near(value: float, got: float) -> bool:
 
 def _hints(case: HalfCurve) -> dict[float, str]:
     """Say what other slips look like."""
-    axis, pieces = _axis_only(case), _pieces(case)
+    axis, pieces = _readings(case)["axis only"], _readings(case)["pieces"]
     return {
         axis / 2: "it is what positive frequencies alone give. Where are the mirror image, the "
         "detour, and the half circle?",
@@ -443,17 +378,20 @@ CLOSING = pose(
     lacks=_closing_lacks,
     misconceptions={
         "cut off instead of rounded": Misconception(
-            lambda case: int(_sum(case)), lambda case, got: same(int(_sum(case)), got)
+            lambda case: int(_readings(case)["right"]),
+            lambda case, got: same(int(_readings(case)["right"]), got),
         ),
-        "angles that jump": any_of(lambda case: [_jumps(case)]),
+        "angles that jump": reading(_readings, "jumps"),
         # Before the curve left open: half a turn apart, one may be rounded to the other.
         "one of the two closing pieces forgotten": any_of(
-            lambda case: [_half_circle_missing(case), _detour_missing(case)]
+            lambda case: [
+                _readings(case)[f"{piece} missing"] for piece in ("half circle", "detour")
+            ]
         ),
-        "the curve left open": any_of(lambda case: [_axis_only(case)]),
-        "counter-clockwise counted as positive": any_of(lambda case: [_anticlockwise(case)]),
-        "encirclements of 0": any_of(lambda case: [_around_zero(case)]),
-        "negative frequencies forgotten": any_of(lambda case: [_one_half(case)]),
+        "the curve left open": reading(_readings, "axis only"),
+        "counter-clockwise counted as positive": lambda case: -_closed(case),
+        "encirclements of 0": reading(_readings, "around zero"),
+        "negative frequencies forgotten": reading(_readings, "one half"),
     },
 )
 

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
-from math import asin, degrees, inf, log, log10, nan, pi, radians, sin, sqrt
+from math import asin, degrees, inf, log, nan, pi, radians, sin, sqrt
 from typing import Any
 
 import control as ct
 import numpy as np
 
-from nrdob.analysis import margin_bounds
+from nrdob.analysis import MarginBounds, margin_bounds
 from nrdob.diagram import LowPassFilter
 from nrdob.loop import NRDOB
 from nrdob.numerics import ComplexArray, FloatArray
@@ -25,11 +25,6 @@ from .problems import pose, put_right, reading
 from .reading import number, numbers
 
 __all__ = ["PROBLEMS"]
-
-
-def _changed(loop: NRDOB, plant: Any) -> bool | None:
-    """Judge the same loop around another plant; p_A stays as it is."""
-    return replace(loop, process=plant).stability().observer_loop.stable
 
 
 # --- 3.1 What M_s promises ----------------------------------------------------------------------
@@ -48,7 +43,7 @@ class PeakCase:
         return f"Ms = {self.ms:g}"
 
 
-def promised_margins(case: PeakCase) -> tuple[float, float, float]:
+def _promised(case: PeakCase) -> MarginBounds:
     return margin_bounds(case.ms)
 
 
@@ -86,11 +81,6 @@ def _promise_lacks(case: PeakCase, got: FloatArray) -> str:
     return ""
 
 
-def _in_decibels(case: PeakCase) -> tuple[float, float, float]:
-    low, high, angle = promised_margins(case)
-    return 20 * log10(low), 20 * log10(high), angle
-
-
 def _as_factors(got: FloatArray) -> FloatArray:
     """Take two gains in decibels, the lower one with its sign or without."""
     low, high, angle = map(float, got)
@@ -103,34 +93,26 @@ PROMISE = pose(
     reads=partial(numbers, names="low, high, angle", gaps=True),
     lacks=_promise_lacks,
     parts=_kept_promises,
-    rounded=lambda case, got: rounds(promised_margins(case), got),
+    rounded=lambda case, got: rounds(_promised(case), got),
     misconceptions={
-        "angle in radians": lambda case: (
-            *promised_margins(case)[:2],
-            radians(promised_margins(case)[2]),
+        "angle in radians": lambda case: _promised(case)._replace(pm=radians(_promised(case).pm)),
+        "lower gain as the inverse of the upper": lambda case: _promised(case)._replace(
+            gm_low=1 / _promised(case).gm_high
         ),
-        "lower gain as the inverse of the upper": lambda case: (
-            1 / promised_margins(case)[1],
-            *promised_margins(case)[1:],
+        "Ms taken for a gain margin": lambda case: _promised(case)._replace(
+            gm_low=1 / case.ms, gm_high=case.ms
         ),
-        "Ms taken for a gain margin": lambda case: (
-            1 / case.ms,
-            case.ms,
-            promised_margins(case)[2],
+        "distance taken for a change of gain": lambda case: _promised(case)._replace(
+            gm_low=1 - 1 / case.ms, gm_high=1 + 1 / case.ms
         ),
-        "distance taken for a change of gain": lambda case: (
-            1 - 1 / case.ms,
-            1 + 1 / case.ms,
-            promised_margins(case)[2],
+        "chord taken for a sine": lambda case: _promised(case)._replace(
+            pm=degrees(asin(1 / case.ms))
         ),
-        "chord taken for a sine": lambda case: (
-            *promised_margins(case)[:2],
-            degrees(asin(1 / case.ms)),
+        "gains in decibels": put_right(
+            lambda case: [*(20 * np.log10(_promised(case)[:2])), _promised(case).pm], _as_factors
         ),
-        "gains in decibels": put_right(_in_decibels, _as_factors),
         "low and high exchanged": put_right(
-            lambda case: (*promised_margins(case)[1::-1], promised_margins(case)[2]),
-            lambda got: got[[1, 0, 2]],
+            lambda case: np.array(_promised(case))[[1, 0, 2]], lambda got: got[[1, 0, 2]]
         ),
     },
 )
@@ -161,9 +143,7 @@ def draw_far(rng: np.random.Generator) -> tuple[NRDOB, float]:
     corner = pole * float(rng.uniform(0.5, 0.8))
     lead = ct.tf([1 / corner, 1], [1 / (corner * float(rng.uniform(2.0, 2.6))), 1])
     model = ct.tf([gain], [1, gain])
-    shape = antiresonance(
-        pole, pole * float(rng.uniform(0.8, 0.88)), float(rng.uniform(0.012, 0.016))
-    )
+    shape = antiresonance(pole, pole * rng.uniform(0.8, 0.88), rng.uniform(0.012, 0.016))
     return NRDOB(model * shape * lead, model, 1.0, LowPassFilter(constant, 1)), constant
 
 
@@ -174,14 +154,8 @@ def draw_close(rng: np.random.Generator) -> tuple[NRDOB, float]:
     pole, damping = float(rng.uniform(2.5, 3.5)) / constant, float(rng.uniform(0.02, 0.05))
     model = ct.tf([gain], [1, gain])
     stronger = float(rng.uniform(0.9, 1.3)) * ct.tf([1], [lag, 1]) * ct.tf([1], [lag, 1])
-    return NRDOB(
-        model * resonance(pole, damping) * stronger, model, 1.0, LowPassFilter(constant, 1)
-    ), constant
-
-
-def _measure(loop: NRDOB, constant: float) -> MeasuredCase:
-    omega = np.geomspace(0.2, 60, 3001) / constant
-    return MeasuredCase(omega, loop.L(1j * omega))
+    plant = model * resonance(pole, damping) * stronger
+    return NRDOB(plant, model, 1.0, LowPassFilter(constant, 1)), constant
 
 
 def measured_crossovers(case: MeasuredCase) -> tuple[FloatArray, ComplexArray]:
@@ -222,7 +196,8 @@ def draw_measured_loop(draw: Callable[..., Any], which: int, rng: np.random.Gene
 
     def drawn() -> tuple[MeasuredCase, NRDOB]:
         loop, constant = draw(rng)
-        return _measure(loop, constant), loop
+        omega = np.geomspace(0.2, 60, 3001) / constant
+        return MeasuredCase(omega, loop.L(1j * omega)), loop
 
     def fits(found: tuple[MeasuredCase, NRDOB]) -> bool:
         case, loop = found
@@ -240,16 +215,6 @@ def draw_measured_loop(draw: Callable[..., Any], which: int, rng: np.random.Gene
     return first_fitting(drawn, fits)
 
 
-def _far_case(rng: np.random.Generator) -> MeasuredCase:
-    case: MeasuredCase = draw_measured_loop(draw_far, -1, rng)[0]
-    return case
-
-
-def _close_case(rng: np.random.Generator) -> MeasuredCase:
-    case: MeasuredCase = draw_measured_loop(draw_close, 0, rng)[0]
-    return case
-
-
 READ_OFF = 0.04
 """How far a delay found from measured points may be off."""
 
@@ -260,8 +225,9 @@ def _delay_lacks(case: MeasuredCase, margin: float) -> str:
     # A dead time turns each point of the curve clockwise, by ω times it; stable until one is at -1.
     reached = delays_of(case) <= margin * (1 - READ_OFF)
     if reached.any():
-        shorter = float(delays_of(case).min())
-        return f"at a shorter dead time, {shorter:.4g} s, the loop is already unstable"
+        return (
+            f"at a shorter dead time, {delays_of(case).min():.4g} s, the loop is already unstable"
+        )
     if not np.any(delays_of(case) <= margin * (1 + READ_OFF)):
         return f"with a little more, {margin * (1 + READ_OFF):.4g} s, the loop is still stable"
     return ""
@@ -270,7 +236,10 @@ def _delay_lacks(case: MeasuredCase, margin: float) -> str:
 DELAY_MARGIN = pose(
     "3.3",
     alike=partial(same, rtol=READ_OFF),
-    case=(_far_case, _close_case),
+    case=(
+        lambda rng: draw_measured_loop(draw_far, -1, rng)[0],
+        lambda rng: draw_measured_loop(draw_close, 0, rng)[0],
+    ),
     reads=number,
     lacks=_delay_lacks,
     misconceptions={
@@ -355,9 +324,7 @@ def draw_noise_loop(rng: np.random.Generator) -> tuple[NoiseCase, NRDOB]:
 def _noise_lacks(case: NoiseCase, omega: float) -> str:
     if not omega > 0:
         return "a frequency in rad/s is asked for"
-    beyond, worst = case.omega >= 1.13 * omega, 0.0
-    if beyond.any():
-        worst = float(case.S_eta[beyond].max())
+    worst = float(case.S_eta[case.omega >= 1.13 * omega].max(initial=0.0))
     if worst * case.size >= 1:
         return (
             f"beyond it |S_η| is still {worst:.3g}, and |Δ S_η| may reach {worst * case.size:.3g}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import inf, sqrt
 from typing import Any
 
@@ -14,16 +14,11 @@ from nrdob.analysis import LoopMargins
 from nrdob.diagram import LowPassFilter
 from nrdob.loop import NRDOB
 
-from .cases import LoopCase, draw, few, first_fitting, kept
+from .cases import LoopCase, draw, few, fitting, kept, observer_stable
 from .problems import Lack, Misconception, lacking, pose
 from .reading import lowpass, number
 
 __all__ = ["PROBLEMS"]
-
-
-def _changed(loop: NRDOB, plant: Any) -> bool | None:
-    """Judge the same loop around another plant; p_A stays as it is."""
-    return replace(loop, process=plant).stability().observer_loop.stable
 
 
 # --- 3.5 Find the error: the margin of FH -------------------------------------------------------
@@ -37,43 +32,43 @@ class GainCase(LoopCase):
         return f"a loop whose FH has a gain margin of {m.gm_db:.2f} dB"
 
 
-def _gain_case(rng: np.random.Generator) -> GainCase:
-    def drawn() -> GainCase:
-        constant, gain = draw(rng, 0.05, 0.5), draw(rng, 0.5, 5)
-        pole = draw(rng, 0.5, 3)
-        model = ct.tf([gain], [1 / pole, 1])
-        # Two kinds, so that no one number lies between the two margins of all loops.
-        stronger = float(rng.choice([rng.uniform(1.1, 1.2), rng.uniform(1.8, 2.1)]))
-        fast = float(rng.uniform(0.05, 0.12)) * constant
-        lag = rng.random() < 0.5
-        wrong = ct.tf([stronger], [fast, 1]) if lag else ct.tf([-stronger * fast, stronger], [1])
-        loop = NRDOB(model * wrong, model, ct.tf([pole], [gain, 0]), LowPassFilter(constant, 3))
-        return GainCase(loop)
-
-    def fits(case: GainCase) -> bool:
-        found = case.loop.margins()
-        fh, true = found.observer_loop, found.plant_loop
-        return bool(
-            found.stable
-            and 3.5 < fh.gm_high < inf
-            and fh.pm > 60
-            and found.model_loop.pm > 45
-            and fh.gm_high > 1.3 * true.gm_high
-        )
-
-    return first_fitting(drawn, fits)
-
-
 @kept
 def _margins(case: GainCase) -> LoopMargins:
     return case.loop.margins()
+
+
+def _seems_robust(case: GainCase) -> bool:
+    found = _margins(case)
+    fh, true = found.observer_loop, found.plant_loop
+    return bool(
+        found.stable
+        and 3.5 < fh.gm_high < inf
+        and fh.pm > 60
+        and found.model_loop.pm > 45
+        and fh.gm_high > 1.3 * true.gm_high
+    )
+
+
+@fitting(_seems_robust)
+def _gain_case(rng: np.random.Generator) -> GainCase:
+    constant, gain = draw(rng, 0.05, 0.5), draw(rng, 0.5, 5)
+    pole = draw(rng, 0.5, 3)
+    model = ct.tf([gain], [1 / pole, 1])
+    # Two kinds, so that no one number lies between the two margins of all loops.
+    stronger = float(rng.choice([rng.uniform(1.1, 1.2), rng.uniform(1.8, 2.1)]))
+    fast = float(rng.uniform(0.05, 0.12)) * constant
+    lag = rng.random() < 0.5
+    wrong = ct.tf([stronger], [fast, 1]) if lag else ct.tf([-stronger * fast, stronger], [1])
+    loop = NRDOB(model * wrong, model, ct.tf([pole], [gain, 0]), LowPassFilter(constant, 3))
+    return GainCase(loop)
 
 
 def _gain_lacks(case: GainCase, k: float) -> str:
     fh = _margins(case).observer_loop
     if not fh.gm_low < k < fh.gm_high:
         return f"the margin of F H allows gains from {fh.gm_low:.4g} to {fh.gm_high:.4g} only"
-    stable = _changed(case.loop, k * case.loop.process)
+    loop = case.loop
+    stable = observer_stable(k * loop.process, loop.model, loop.filter)  # p_A stays as it is
     if stable is False:
         return ""
     return f"with {k:.4g} times its plant the loop is " + ("stable" if stable else "on the border")
@@ -140,39 +135,34 @@ class MarginCase:
         )
 
 
+def _leaves_room(found: tuple[MarginCase, float]) -> bool:
+    """Tell whether between what F H allows and what L allows there is room for the mistake."""
+    case, good = found
+    faster = case.loop(LowPassFilter(0.88 * SHARES[0] * good, 2))
+    return bool(faster.margins().observer_loop.ms <= case.ms)
+
+
+@fitting(_leaves_room)
 def draw_margin_loop(rng: np.random.Generator) -> tuple[MarginCase, float]:
     """Draw a case, and a λ that is good for it."""
-
-    def drawn() -> tuple[MarginCase, float]:
-        lag, gain = draw(rng, 0.02, 0.3), draw(rng, 0.5, 5)
-        slow = [draw(rng, 0.05, 0.15) / lag, draw(rng, 0.2, 0.4) / lag]
-        model = ct.tf([gain], np.polymul(*([1 / p, 1] for p in slow)))
-        stronger = float(rng.uniform(1.2, 1.5))
-        plant = model * ct.tf([stronger], np.polymul([lag, 1], [lag, 1]))
-        controller = ct.tf([1 / slow[0], 1], [4 * gain / slow[1], 0])
-        good, omega = float(rng.uniform(3.5, 5)) * lag, few(0.05 / lag)
-
-        def at(share: float) -> NRDOB:
-            return NRDOB(plant, model, controller, LowPassFilter(share * good, 2))
-
-        case = MarginCase(
-            plant,
-            model,
-            controller,
-            ms=float(np.ceil(100 * at(SHARES[0]).margins().plant_loop.ms) / 100),
-            delay_margin=few(at(SHARES[1]).margins().plant_loop.delay_margin, 3),
-            omega=omega,
-            rejection=few(float(abs(at(SHARES[2]).S_d(1j * omega))), 3),
-        )
-        return case, good
-
-    def fits(found: tuple[MarginCase, float]) -> bool:
-        # Between what F H allows and what L allows there must be room for the mistake.
-        case, good = found
-        faster = case.loop(LowPassFilter(0.88 * SHARES[0] * good, 2))
-        return bool(faster.margins().observer_loop.ms <= case.ms)
-
-    return first_fitting(drawn, fits)
+    lag, gain = draw(rng, 0.02, 0.3), draw(rng, 0.5, 5)
+    slow = [draw(rng, 0.05, 0.15) / lag, draw(rng, 0.2, 0.4) / lag]
+    model = ct.tf([gain], np.polymul(*([1 / p, 1] for p in slow)))
+    stronger = float(rng.uniform(1.2, 1.5))
+    plant = model * ct.tf([stronger], np.polymul([lag, 1], [lag, 1]))
+    controller = ct.tf([1 / slow[0], 1], [4 * gain / slow[1], 0])
+    good, omega = float(rng.uniform(3.5, 5)) * lag, few(0.05 / lag)
+    loops = [NRDOB(plant, model, controller, LowPassFilter(share * good, 2)) for share in SHARES]
+    case = MarginCase(
+        plant,
+        model,
+        controller,
+        ms=float(np.ceil(100 * loops[0].margins().plant_loop.ms) / 100),
+        delay_margin=few(loops[1].margins().plant_loop.delay_margin, 3),
+        omega=omega,
+        rejection=few(float(abs(loops[2].S_d(1j * omega))), 3),
+    )
+    return case, good
 
 
 SHARES = (0.7, 0.9, 1.15)
@@ -192,11 +182,6 @@ def _fastest(case: MarginCase, which: str) -> float:
         middle = sqrt(low * high)
         low, high = (low, middle) if enough(middle) else (middle, high)
     return high
-
-
-def _filter(given: Any) -> Any:
-    """Read a filter of the family, or take one of another."""
-    return given if isinstance(given, ct.TransferFunction) else lowpass(given)
 
 
 WITHIN = 6e-3
@@ -224,26 +209,20 @@ def _trusts_FH(case: MarginCase, filter: Any) -> bool:
     return bool(found.observer_loop.ms <= case.ms * (1 + WITHIN) < found.plant_loop.ms)
 
 
-def _example(find: Callable[[MarginCase], float]) -> Callable[[MarginCase], LowPassFilter]:
-    return lambda case: LowPassFilter(find(case), 2)
+def _slower(share: float, which: str) -> Callable[[MarginCase], LowPassFilter]:
+    return lambda case: LowPassFilter(share * _fastest(case, which), 2)
 
 
 DESIGN = pose(
     "3.6",
     case=lambda rng: draw_margin_loop(rng)[0],
-    reads=_filter,
+    reads=lambda given: given if isinstance(given, ct.TransferFunction) else lowpass(given),
     lacks=_design_lacks,
     own=True,
     misconceptions={
-        "Ms of FH taken for the plant's": Misconception(
-            _example(lambda case: 1.02 * _fastest(case, "observer_loop")), _trusts_FH
-        ),
-        "delay margin not looked at": lacking(
-            "delay", _example(lambda case: 1.05 * _fastest(case, "plant_loop"))
-        ),
-        "robust only": lacking(
-            "rejection", _example(lambda case: 2.2 * _fastest(case, "plant_loop"))
-        ),
+        "Ms of FH taken for the plant's": Misconception(_slower(1.02, "observer_loop"), _trusts_FH),
+        "delay margin not looked at": lacking("delay", _slower(1.05, "plant_loop")),
+        "robust only": lacking("rejection", _slower(2.2, "plant_loop")),
     },
 )
 

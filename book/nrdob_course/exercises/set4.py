@@ -23,17 +23,7 @@ from nrdob.loop import NRDOB
 from nrdob.numerics import FloatArray
 from nrdob.plotting import Figure
 
-from .cases import (
-    all_pole,
-    apart,
-    draw,
-    factored,
-    few,
-    first_fitting,
-    grid_peak,
-    kept,
-    observer_stable,
-)
+from .cases import all_pole, apart, draw, factored, few, fitting, grid_peak, kept, observer_stable
 from .comparing import near, rounds, same
 from .figures import Peaks, draw_peaks
 from .problems import Misconception, any_of, pose, put_right
@@ -89,13 +79,10 @@ def _plants(case: CardCase) -> list[Any]:
 
 
 def _card_case(rng: np.random.Generator) -> CardCase:
-    return CardCase(
-        delay=draw(rng, 0.02, 3),
-        zero=draw(rng, 3, 60),
-        lag=draw(rng, 0.02, 3),
-        double_lag=draw(rng, 0.02, 3),
-        order=int(rng.integers(2, 4)),
+    delay, zero, lag, double_lag = (
+        draw(rng, *ends) for ends in ((0.02, 3), (3, 60), (0.02, 3), (0.02, 3))
     )
+    return CardCase(delay, zero, lag, double_lag, order=int(rng.integers(2, 4)))
 
 
 ERRORS = ("the dead time", "the zero", "the lag", "the two lags")
@@ -113,11 +100,9 @@ def _off(case: CardCase, got: FloatArray) -> dict[str, str]:
 
 
 def _on_the_edge(case: CardCase, got: FloatArray) -> str:
-    off: dict[str, list[str]] = {}
-    for name, how in _off(case, got).items():
-        if how:
-            off.setdefault(how, []).append(name)
-    return "; ".join(f"{how} for {' and '.join(names)}" for how, names in off.items())
+    off = _off(case, got)
+    names = {how: [name for name in off if off[name] == how] for how in off.values() if how}
+    return "; ".join(f"{how} for {' and '.join(names[how])}" for how in names)
 
 
 def _off_the_edge(plant: Any, order: int, value: float, edge: float) -> str:
@@ -231,30 +216,25 @@ def _peak(case: OrdersCase, order: int, bandwidth: float) -> float:
 @kept
 def fastest_of(case: OrdersCase) -> dict[int, float]:
     """Give the bandwidth up to which Ms is within its limit, for each order."""
-
-    def meeting(order: int) -> float:
-        edge = edges_of(case)[order]
-        excess = partial(_peak, case, order)
-        return float(brentq(lambda w: excess(w) - case.max_ms, 0.02 * edge, 0.97 * edge))
-
-    return {order: meeting(order) for order in ORDERS}
+    return {
+        n: float(brentq(lambda w, n=n: _peak(case, n, w) - case.max_ms, 0.02 * edge, 0.97 * edge))
+        for n, edge in edges_of(case).items()
+    }
 
 
 def _filter(order: int, bandwidth: float) -> LowPassFilter:
     return LowPassFilter(LowPassFilter(1.0, order).bandwidth / bandwidth, order)
 
 
+# The curves must be told apart, and so must the λ that the mistakes lead to.
+@fitting(lambda case: fastest_of(case)[3] < 0.9 * fastest_of(case)[2])
 def _orders_case(rng: np.random.Generator) -> OrdersCase:
-    def drawn() -> OrdersCase:
-        poles = [draw(rng, 0.5, 2), draw(rng, 2.5, 6)]
-        gain, zero = draw(rng, 0.5, 5), draw(rng, 15, 90)
-        stronger = round(float(rng.uniform(0.92, 1.08)), 2)
-        model = all_pole(*poles, gain=gain)
-        plant = stronger * model * ct.tf([-1 / zero, 1], [1 / zero, 1])
-        return OrdersCase(plant, model, float(rng.choice([1.8, 1.9, 2.0])))
-
-    # The curves must be told apart, and so must the λ that the mistakes lead to.
-    return first_fitting(drawn, lambda case: fastest_of(case)[3] < 0.9 * fastest_of(case)[2])
+    poles = [draw(rng, 0.5, 2), draw(rng, 2.5, 6)]
+    gain, zero = draw(rng, 0.5, 5), draw(rng, 15, 90)
+    stronger = round(float(rng.uniform(0.92, 1.08)), 2)
+    model = all_pole(*poles, gain=gain)
+    plant = stronger * model * ct.tf([-1 / zero, 1], [1 / zero, 1])
+    return OrdersCase(plant, model, float(rng.choice([1.8, 1.9, 2.0])))
 
 
 def _order_and_time(given: Any) -> LowPassFilter:
@@ -298,7 +278,7 @@ FASTEST_ORDER = pose(
     own=True,
     misconceptions={
         "judged by the edge": any_of(lambda case: _times(edges_of(case), 4, 3, 2)),
-        "reciprocal of the bandwidth": any_of(lambda case: [(2, 1 / fastest_of(case)[2])]),
+        "reciprocal of the bandwidth": lambda case: (2, 1 / fastest_of(case)[2]),
         "another curve than the fastest": any_of(lambda case: _times(fastest_of(case), 4, 3)),
     },
 )
@@ -391,23 +371,22 @@ def _border(order: int, gain: float, max_ms: float, of_FH: bool) -> float:
     return float(np.exp(brentq(excess, log(1.01 * edge), log(50 * edge), xtol=1e-6)))
 
 
+def _telling(case: PlantsCase) -> bool:
+    """Either of the worn plants may be the one that decides; each mistake leads elsewhere."""
+    borders = borders_of(case)
+    return min(borders) == borders[0] and apart(*borders, max(borders_of(case, True)), by=0.07)
+
+
+@fitting(_telling)
 def _plants_case(rng: np.random.Generator) -> PlantsCase:
-    def drawn() -> PlantsCase:
-        slow = draw(rng, 0.3, 3)
-        other, zero = few(slow * rng.uniform(1.5, 3)), few(slow * rng.uniform(15, 30))
-        nearer, more = few(zero / rng.uniform(1.15, 1.6)), few(rng.uniform(1.1, 1.5))
-        model = all_pole(slow, other, gain=draw(rng, 0.3, 5))
-        worn = [model * ct.tf([-1 / nearer, 1], [1]), more * model * ct.tf([-1 / zero, 1], [1])]
-        plants = [model * ct.tf([-1 / zero, 1], [1]), *(worn[k] for k in rng.permutation(2))]
-        order, max_ms = int(rng.integers(2, 4)), float(rng.choice([1.8, 1.9, 2.0]))
-        return PlantsCase(plants, model, order, max_ms)
-
-    def fits(case: PlantsCase) -> bool:
-        # Either of the other two may be the one that decides; each mistake leads elsewhere.
-        borders = borders_of(case)
-        return min(borders) == borders[0] and apart(*borders, max(borders_of(case, True)), by=0.07)
-
-    return first_fitting(drawn, fits)
+    slow = draw(rng, 0.3, 3)
+    other, zero = few(slow * rng.uniform(1.5, 3)), few(slow * rng.uniform(15, 30))
+    nearer, more = few(zero / rng.uniform(1.15, 1.6)), few(rng.uniform(1.1, 1.5))
+    model = all_pole(slow, other, gain=draw(rng, 0.3, 5))
+    worn = [model * ct.tf([-1 / nearer, 1], [1]), more * model * ct.tf([-1 / zero, 1], [1])]
+    plants = [model * ct.tf([-1 / zero, 1], [1]), *(worn[k] for k in rng.permutation(2))]
+    order, max_ms = int(rng.integers(2, 4)), float(rng.choice([1.8, 1.9, 2.0]))
+    return PlantsCase(plants, model, order, max_ms)
 
 
 def _good_for_all(case: PlantsCase, got: LowPassFilter) -> str:

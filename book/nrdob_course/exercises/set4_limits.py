@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf, pi
-from typing import Any
+from typing import Any, NamedTuple
 
 import control as ct
 import numpy as np
@@ -69,8 +70,7 @@ def _mirrored(case: SlowCase, gain: float) -> ct.TransferFunction:
     return gain * case.model * ct.tf([-1 / speed, 1], [1 / speed, 1])
 
 
-@dataclass(frozen=True)
-class _Facts:
+class _Facts(NamedTuple):
     """What matters about a plant that is offered as a counterexample."""
 
     stable: bool
@@ -109,41 +109,34 @@ def _refutes(case: SlowCase, got: Any) -> str:
     return "" if facts.encirclements >= 1 else "H does not encircle -1 clockwise"
 
 
+def _offered(
+    example: Callable[[SlowCase], Any], of_kind: Callable[[SlowCase, _Facts], bool]
+) -> Misconception:
+    """Make a misconception that is recognised by the facts about its plant."""
+    return Misconception(example, lambda case, got: of_kind(case, _facts(case, got)))
+
+
 SLOW_FILTER = pose(
     "4.5",
     case=_slow_case,
     reads=block,
     lacks=_refutes,
     misconceptions={
-        "a zero in the right half plane alone": Misconception(
+        "a zero in the right half plane alone": _offered(
             lambda case: _mirrored(case, 1.0),
-            lambda case, got: (
-                (f := _facts(case, got)).stable
-                and f.encirclements >= 1
-                and 0 < f.g0 <= _onset(case)
-            ),
+            lambda case, f: f.stable and f.encirclements >= 1 and 0 < f.g0 <= _onset(case),
         ),
-        "H(0) mixed up with G(0)/model(0)": Misconception(
+        "H(0) mixed up with G(0)/model(0)": _offered(
             lambda case: _mirrored(case, _onset(case) + 0.5),
-            lambda case, got: (
-                (f := _facts(case, got)).stable and _onset(case) < f.g0 <= _onset(case) + 1
-            ),
+            lambda case, f: f.stable and _onset(case) < f.g0 <= _onset(case) + 1,
         ),
-        "no turn that could be avoided": Misconception(
+        "no turn that could be avoided": _offered(
             lambda case: (_onset(case) + 3) * case.model,
-            lambda case, got: (
-                (f := _facts(case, got)).stable
-                and f.g0 > 0
-                and f.slow_unstable
-                and f.encirclements == 0
-            ),
+            lambda _, f: f.stable and f.g0 > 0 and f.slow_unstable and f.encirclements == 0,
         ),
-        "opposite DC signs": Misconception(
-            lambda case: -case.model, lambda case, got: (f := _facts(case, got)).stable and f.g0 < 0
-        ),
-        "unstable plant": Misconception(
-            lambda case: case.model * ct.tf([1, 1], [1, -1]),
-            lambda case, got: not _facts(case, got).stable,
+        "opposite DC signs": _offered(lambda case: -case.model, lambda _, f: f.stable and f.g0 < 0),
+        "unstable plant": _offered(
+            lambda case: case.model * ct.tf([1, 1], [1, -1]), lambda _, f: not f.stable
         ),
     },
 )
@@ -178,13 +171,7 @@ def _order(case: BetterCase) -> int:
     return as_fraction(case.model, "model").relative_degree
 
 
-def _with_equal_lags(case: BetterCase) -> float:
-    """Give the product of noise and error for equal lags."""
-    return noise_index(_order(case)) * disturbance_index(_order(case))
-
-
-@dataclass(frozen=True)
-class _Price:
+class _Price(NamedTuple):
     """What a filter costs, and whether it may be used at all."""
 
     noise: float
@@ -196,14 +183,13 @@ class _Price:
 
 def _price(case: BetterCase, filter: Any) -> _Price:
     num, den = filter_fraction(filter)
-    left = np.polysub(den, num)[:-1]  # (1 - F)/s
     poles = np.roots(den).astype(complex)
     return _Price(
-        rational_power(num, den),
-        rational_power(left, den),
-        float(np.abs(poles).max()),
-        poles,
-        den.size - num.size >= _order(case),
+        noise=rational_power(num, den),
+        error=rational_power(np.polysub(den, num)[:-1], den),  # of (1 - F)/s
+        speed=float(np.abs(poles).max()),
+        poles=poles,
+        causal=den.size - num.size >= _order(case),
     )
 
 
@@ -264,9 +250,11 @@ def _butterworth(case: BetterCase) -> ct.TransferFunction:
     return ct.tf([den[-1]], den)
 
 
-def _equal(price: _Price) -> bool:
-    mean = price.poles.mean()
-    return bool(np.abs(price.poles - mean).max() < 0.02 * abs(mean))
+def _costing(
+    example: Callable[[BetterCase], Any], of_kind: Callable[[BetterCase, _Price], Any]
+) -> Misconception:
+    """Make a misconception that is recognised by what its filter costs."""
+    return Misconception(example, lambda case, got: bool(of_kind(case, _price(case, got))))
 
 
 BETTER = pose(
@@ -276,32 +264,29 @@ BETTER = pose(
     lacks=_beats,
     own=True,
     misconceptions={
-        "too few poles": Misconception(
-            lambda case: _scaled(case, [1.0]), lambda case, got: not _price(case, got).causal
-        ),
-        "equal lags": Misconception(
+        "too few poles": _costing(lambda case: _scaled(case, [1.0]), lambda _, p: not p.causal),
+        "equal lags": _costing(
             lambda case: _scaled(case, [1.0] * _order(case)),
-            lambda case, got: _equal(_price(case, got)),
+            lambda _, p: np.abs(p.poles / p.poles.mean() - 1).max() < 0.02,
         ),
-        "flat rather than early": Misconception(
+        "flat rather than early": _costing(
             _butterworth,
-            lambda case, got: (
-                (p := _price(case, got)).noise * p.error > _with_equal_lags(case) * LEEWAY
+            lambda case, p: (
+                p.noise * p.error
+                > noise_index(_order(case)) * disturbance_index(_order(case)) * LEEWAY
             ),
         ),
-        "a pole that is too fast": Misconception(
+        "a pole that is too fast": _costing(
             lambda case: _scaled(case, [1.0] + [12.0] * (_order(case) - 1)),
-            lambda case, got: (
-                (p := _price(case, got)).speed > case.fastest * LEEWAY
+            lambda case, p: (
+                p.speed > case.fastest * LEEWAY
                 and p.noise <= case.noise * LEEWAY
                 and p.error <= case.error * LEEWAY
             ),
         ),
-        "right shape, wrong scale": Misconception(
+        "right shape, wrong scale": _costing(
             lambda case: _spread(case, 0.8 * _slow(case), 5.0),
-            lambda case, got: (
-                (p := _price(case, got)).noise * p.error <= case.noise * case.error * LEEWAY
-            ),
+            lambda case, p: p.noise * p.error <= case.noise * case.error * LEEWAY,
         ),
     },
 )

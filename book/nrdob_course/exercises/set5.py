@@ -24,6 +24,7 @@ from .cases import (
     factored,
     few,
     first_fitting,
+    fitting,
     mirrored,
     not_around,
     observer_stable,
@@ -62,15 +63,10 @@ class SignCase:
         return f"the five pairs of which the first is {self.pairs[0]}"
 
 
+@fitting(lambda case: any(np.real(pair.process(0)) < 0 for pair in case.pairs))
 def _sign_case(rng: np.random.Generator) -> SignCase:
     """Draw five pairs, not all of whose plants have a positive DC gain."""
-    return first_fitting(
-        lambda: _draw_pairs(rng),
-        lambda case: any(np.real(pair.process(0)) < 0 for pair in case.pairs),
-    )
 
-
-def _draw_pairs(rng: np.random.Generator) -> SignCase:
     def root() -> float:
         return draw(rng, 0.3, 5)
 
@@ -99,31 +95,15 @@ def _draw_pairs(rng: np.random.Generator) -> SignCase:
     return SignCase(tuple(pairs[k] for k in rng.permutation(len(pairs))))
 
 
-def _signs(case: SignCase, rule: Callable[[Pair], float]) -> list[int]:
-    return [int(np.sign(rule(pair))) for pair in case.pairs]
+def _signs(rule: Callable[[Pair], float]) -> Callable[[SignCase], list[int]]:
+    return lambda case: [int(np.sign(rule(pair))) for pair in case.pairs]
 
 
 def _dc(pair: Pair) -> float:
     return float(np.real(pair.process(0) / pair.model(0)))
 
 
-def _same_dc_sign(pair: Pair) -> float:
-    return _dc(pair)
-
-
-def _opposite_if_unstable(pair: Pair) -> float:
-    return -_dc(pair) if on_the_right(pair.process.poles()) else _dc(pair)
-
-
-def _relative_to_the_plant(pair: Pair) -> float:
-    return (-1.0) ** on_the_right(pair.process.poles(), pair.model.zeros())
-
-
-def _zeros_of_the_model_forgotten(pair: Pair) -> float:
-    return _dc(pair) * (-1.0) ** on_the_right(pair.process.poles())
-
-
-def _high_frequency_sign(pair: Pair) -> float:
+def _high_frequency(pair: Pair) -> float:
     (a, b), (c, d) = ((tf.num[0][0][0], tf.den[0][0][0]) for tf in pair)
     return float(a / b * c / d)
 
@@ -150,13 +130,17 @@ SIGN = pose(
     reads=partial(numbers, names="first, second, third, fourth, fifth"),
     lacks=_sign_lacks,
     misconceptions={
-        "the DC sign of the plant, always": lambda case: _signs(case, _same_dc_sign),
-        "the opposite sign for every unstable plant": lambda case: _signs(
-            case, _opposite_if_unstable
+        "the DC sign of the plant, always": _signs(_dc),
+        "the opposite sign for every unstable plant": _signs(
+            lambda pair: -_dc(pair) if on_the_right(pair.process.poles()) else _dc(pair)
         ),
-        "the sign of the plant left out": lambda case: _signs(case, _relative_to_the_plant),
-        "zeros of the plant counted": lambda case: _signs(case, _high_frequency_sign),
-        "zeros of the model forgotten": lambda case: _signs(case, _zeros_of_the_model_forgotten),
+        "the sign of the plant left out": _signs(
+            lambda pair: (-1) ** on_the_right(pair.process.poles(), pair.model.zeros())
+        ),
+        "zeros of the plant counted": _signs(_high_frequency),
+        "zeros of the model forgotten": _signs(
+            lambda pair: _dc(pair) * (-1) ** on_the_right(pair.process.poles())
+        ),
     },
 )
 
@@ -184,10 +168,7 @@ def _not_refuting(case: UnstablePlant, got: tuple[ct.TransferFunction, int]) -> 
     model, order = got
     roots = np.concatenate([model.poles(), model.zeros()])
     if np.any(roots.real >= 0):
-        return Lack(
-            "right",
-            "the model has an unstable pole or zero; the advice asks for neither",
-        )
+        return Lack("right", "the model has an unstable pole or zero; the advice asks for neither")
     falls = as_fraction(model, "model", proper=False).relative_degree
     if falls <= 2:
         return Lack(
@@ -276,11 +257,12 @@ def _design_case(rng: np.random.Generator) -> DesignCase:
         decay=few(pole * rng.uniform(3, 6)),
         dead_time=few(rng.uniform(0.055, 0.065) / pole),
     )
-    tempting = _with_dead_time(case, _design(case, 0.2, size=0.5))
-    found = tempting.margins()
-    max_ms = few((found.plant_loop.ms * found.observer_loop.ms) ** 0.5, 3)
-    max_noise = few(1.6 * _noise(_with_dead_time(case, _design(case, 0.1))))
-    return DesignCase(case.gain, case.pole, case.decay, case.dead_time, max_ms, max_noise)
+    tempting = replace(_design(case, 0.2, size=0.5), process=case.feared).margins()
+    return replace(
+        case,
+        max_ms=few((tempting.plant_loop.ms * tempting.observer_loop.ms) ** 0.5, 3),
+        max_noise=few(1.6 * _noise(replace(_design(case, 0.1), process=case.feared))),
+    )
 
 
 def _design(case: DesignCase, value: float, size: float = 1.0, sign: float = 1.0) -> NRDOB:
@@ -288,10 +270,6 @@ def _design(case: DesignCase, value: float, size: float = 1.0, sign: float = 1.0
     model = sign * size * case.gain / ((s + case.pole) * (s / case.decay + 1))
     controller = sign * (s + case.pole) * case.pole / (size * case.gain * s)
     return NRDOB(case.process, model, controller, LowPassFilter(value / case.pole, 2))
-
-
-def _with_dead_time(case: DesignCase, loop: NRDOB) -> NRDOB:
-    return replace(loop, process=case.feared)
 
 
 def _noise(loop: NRDOB) -> float:
@@ -313,7 +291,7 @@ def _shortcoming(case: DesignCase, got: Any) -> str:
         return "the controller does not stabilise the model"
     if verdict.stable is not True:
         return f"even without the dead time it is not stable: {_which_way(got)}"
-    late = _with_dead_time(case, got)
+    late = replace(got, process=case.feared)
     if late.stability().stable is not True:
         return Lack("feared", "with the dead time the loop is not stable")
     found, noise = late.margins(), _noise(late)
@@ -355,17 +333,14 @@ def _calmer(late: NRDOB) -> str:
     return f"; a {('faster', 'slower')[int(best)]} filter lowers it"
 
 
-def _matched_design(case: DesignCase) -> NRDOB:
-    controller = 3 * (s + case.pole) * case.pole / (case.gain * s)
-    return NRDOB(case.process, case.process, controller, LowPassFilter(0.1 / case.pole, 2))
-
-
 DESIGN = pose(
     "5.6",
     case=_design_case,
     lacks=_shortcoming,
     misconceptions={
-        "a model that matches the plant": lacking("matched", _matched_design),
+        "a model that matches the plant": lacking(
+            "matched", lambda case: replace(_design(case, 0.1, size=1 / 3), model=case.process)
+        ),
         "the DC sign of the plant": lacking("sign", lambda case: _design(case, 0.1, sign=-1.0)),
         "designed for the plant that is hoped for": lacking(
             "feared", lambda case: _design(case, 0.02)

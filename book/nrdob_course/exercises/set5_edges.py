@@ -17,10 +17,10 @@ from nrdob.diagram import LowPassFilter, delay
 from nrdob.loop import NRDOB
 from nrdob.plotting import Figure
 
-from .cases import apart, draw, factored, few, first_fitting, kept, observer_stable, s
+from .cases import apart, draw, factored, few, first_fitting, fitting, kept, observer_stable, s
 from .comparing import near, rounds, same
 from .figures import draw_crossing
-from .problems import Misconception, any_of, pose
+from .problems import Misconception, any_of, pose, reading
 from .reading import UnreadableError, things
 from .reading import number as one_number
 
@@ -83,11 +83,21 @@ def _small_gain(case: FilterCase) -> float:
     return float(brentq(excess, 1e-3 * late, 100 * late, xtol=1e-9))
 
 
+def _tells_apart(case: FilterCase) -> bool:
+    found = borders_read(case)
+    rough = [value for name, value in found.items() if name not in ("Padé 2", "frequency")]
+    sets = stabilizing_time_constants(case.process, case.model, case.order)
+    return (
+        len(sets) == 1
+        and sets[0][1] == inf
+        and apart(*rough, by=0.05)
+        and apart(found["true"], found["Padé 2"], by=0.0025)
+        and apart(found["true"], found["frequency"], by=0.5)
+    )
+
+
+@fitting(_tells_apart)
 def _late_case(rng: np.random.Generator) -> FilterCase:
-    return first_fitting(lambda: _draw_late(rng), _tells_apart)
-
-
-def _draw_late(rng: np.random.Generator) -> FilterCase:
     """Draw a plant of two lags and a dead time, and a model whose poles are a little off."""
     poles = [draw(rng, 1, 6) for _ in range(2)]
     close = [few(pole * rng.uniform(0.75, 1.35)) for pole in poles]
@@ -96,19 +106,6 @@ def _draw_late(rng: np.random.Generator) -> FilterCase:
         delay(draw(rng, 0.06, 0.4)) * (gain / ((s + poles[0]) * (s + poles[1]))),
         few(close[0] * close[1]) / ((s + close[0]) * (s + close[1])),
         int(rng.integers(2, 4)),
-    )
-
-
-def _tells_apart(case: FilterCase) -> bool:
-    found = borders_read(case)
-    rough = [value for name, value in found.items() if name not in ("Padé 2", "frequency")]
-    sets = stabilizing_time_constants(case.process, case.model, case.order)
-    one_set = len(sets) == 1 and sets[0][1] == inf
-    return (
-        one_set
-        and apart(*rough, by=0.05)
-        and apart(found["true"], found["Padé 2"], by=0.0025)
-        and apart(found["true"], found["frequency"], by=0.5)
     )
 
 
@@ -134,11 +131,9 @@ BORDER = pose(
         "Padé trusted": any_of(
             lambda case: [borders_read(case)["Padé 1"], borders_read(case)["Padé 2"]]
         ),
-        "the closed form of a pure dead time": any_of(lambda case: [borders_read(case)["2θ/π"]]),
-        "small gain taken for the border": any_of(lambda case: [borders_read(case)["small gain"]]),
-        "the first edge taken for the last": any_of(
-            lambda case: [borders_read(case)["first edge"]]
-        ),
+        "the closed form of a pure dead time": reading(borders_read, "2θ/π"),
+        "small gain taken for the border": reading(borders_read, "small gain"),
+        "the first edge taken for the last": reading(borders_read, "first edge"),
         "a frequency given for the time constant": any_of(
             lambda case: [borders_read(case)["bandwidth"], borders_read(case)["frequency"]]
         ),
@@ -163,22 +158,20 @@ def side_of(case: FilterCase) -> str:
 
 
 def _edge_case(rng: np.random.Generator) -> FilterCase:
-    unstable = bool(rng.random() < 0.5)
-    return first_fitting(lambda: _draw_edge(rng, unstable), lambda case: _legible(case, unstable))
-
-
-def _draw_edge(rng: np.random.Generator, unstable: bool) -> FilterCase:
     """Draw an unstable pole that the model mirrors, or an unstable zero that it leaves out."""
-    gain, lag, speed = (draw(rng, low, high) for low, high in ((1.3, 5), (2, 9), (0.6, 6)))
-    size = draw(rng, 0.5, 4)
-    if unstable:
-        mirrored = few(speed * rng.uniform(0.6, 1.6))
-        process = few(gain * size) / ((s - speed) * (s + lag))
-        return FilterCase(process, size / ((s + mirrored) * (s + lag)), 2)
-    process = (
-        few(size * rng.uniform(0.7, 1.4)) * (1 - s / few(2 * speed)) / ((s + speed) * (s + lag))
-    )
-    return FilterCase(process, size / ((s + few(speed * rng.uniform(0.6, 1.6))) * (s + lag)), 2)
+    unstable = bool(rng.random() < 0.5)
+
+    def drawn() -> FilterCase:
+        gain, lag, speed = (draw(rng, low, high) for low, high in ((1.3, 5), (2, 9), (0.6, 6)))
+        size = draw(rng, 0.5, 4)
+        stronger = 1.0 if unstable else rng.uniform(0.7, 1.4)
+        model = size / ((s + few(speed * rng.uniform(0.6, 1.6))) * (s + lag))
+        if unstable:
+            return FilterCase(few(gain * size) / ((s - speed) * (s + lag)), model, 2)
+        process = few(size * stronger) * (1 - s / few(2 * speed)) / ((s + speed) * (s + lag))
+        return FilterCase(process, model, 2)
+
+    return first_fitting(drawn, lambda case: _legible(case, unstable))
 
 
 def _legible(case: FilterCase, unstable: bool) -> bool:
@@ -260,14 +253,12 @@ EDGE = pose(
                 _read_alike(_other_side(case), got) and got[1] == _other_side(case)[1]
             ),
         ),
-        "x taken for the time constant": any_of(
-            lambda case: [(edge_of(case)[0] * edge_of(case)[1], side_of(case))]
+        "x taken for the time constant": lambda case: (
+            edge_of(case)[0] * edge_of(case)[1],
+            side_of(case),
         ),
         "a frequency taken for the time constant": any_of(
-            lambda case: [
-                (1 / edge_of(case)[0], side_of(case)),
-                (edge_of(case)[1], side_of(case)),
-            ]
+            lambda case: [(1 / edge_of(case)[0], side_of(case)), (edge_of(case)[1], side_of(case))]
         ),
     },
 )
@@ -333,28 +324,28 @@ def _ramp_bound(case: DelayedCase) -> float:
     return float(case.error * (n - 1) ** ((n - 1) / 2) / n ** (n / 2))
 
 
-_WRONG_WAITING: tuple[Callable[[DelayedCase], float], ...] = (
-    lambda case: case.error / _tolerated(1),
-    _unwaited,
-    _today,
-    _ramp_bound,
-    lambda case: case.error * _tolerated(case.order),
+WAITING_MISTAKES: dict[str, Callable[[DelayedCase], float]] = {
+    "order forgotten": lambda case: case.error / _tolerated(1),
+    "error taken for the whole dead time": _unwaited,
+    "the dead time of today alone": _today,
+    "sine taken for its angle": _ramp_bound,
+    "upside down": lambda case: case.error * _tolerated(case.order),
+}
+
+
+@fitting(
+    lambda case: apart(
+        case.error / _tolerated(case.order),
+        *(of(case) for of in WAITING_MISTAKES.values()),
+        by=0.004,
+    )
 )
-
-
 def _waiting_case(rng: np.random.Generator) -> DelayedCase:
-    def drawn() -> DelayedCase:
-        pole, other = draw(rng, 0.5, 4), draw(rng, 0.5, 4)
-        prompt = few(rng.uniform(0.5, 4)) / ((s / pole + 1) * (s / other + 1))
-        dead_time = draw(rng, 0.2, 1.5)
-        error = few(dead_time * rng.uniform(0.08, 0.2))
-        return DelayedCase(prompt, dead_time, error, int(rng.integers(2, 5)))
-
-    def fits(case: DelayedCase) -> bool:
-        right = case.error / _tolerated(case.order)
-        return apart(right, *(of(case) for of in _WRONG_WAITING), by=0.004)
-
-    return first_fitting(drawn, fits)
+    pole, other = draw(rng, 0.5, 4), draw(rng, 0.5, 4)
+    prompt = few(rng.uniform(0.5, 4)) / ((s / pole + 1) * (s / other + 1))
+    dead_time = draw(rng, 0.2, 1.5)
+    error = few(dead_time * rng.uniform(0.08, 0.2))
+    return DelayedCase(prompt, dead_time, error, int(rng.integers(2, 5)))
 
 
 def _waiting_lacks(case: DelayedCase, got: float) -> str:
@@ -364,9 +355,8 @@ def _waiting_lacks(case: DelayedCase, got: float) -> str:
     if same(case.error, tolerated):
         return ""
     if tolerated > case.error:
-        return (
-            f"it is stable, but a faster filter would be, too: this one tolerates {tolerated:.4g} s"
-        )
+        words = "it is stable, but a faster filter would be, too: this one tolerates"
+        return f"{words} {tolerated:.4g} s"
     return (
         f"there are dead times with which it is not stable: this filter tolerates an error of "
         f"{tolerated:.4g} s, not of {case.error:g} s"
@@ -379,13 +369,7 @@ WAITING = pose(
     reads=one_number,
     lacks=_waiting_lacks,
     rounded=lambda case, got: rounds(case.error / _tolerated(case.order), got),
-    misconceptions={
-        "order forgotten": _WRONG_WAITING[0],
-        "error taken for the whole dead time": _WRONG_WAITING[1],
-        "the dead time of today alone": _WRONG_WAITING[2],
-        "sine taken for its angle": _WRONG_WAITING[3],
-        "upside down": _WRONG_WAITING[4],
-    },
+    misconceptions=WAITING_MISTAKES,
 )
 
 

@@ -22,7 +22,7 @@ from .cases import (
     either_sign,
     factored,
     few,
-    first_fitting,
+    fitting,
     kept,
     mirrored_pair,
     observer_stable,
@@ -68,34 +68,33 @@ def _equal(case: RejectionCase) -> float:
     return case.filter.order * case.filter.time_constant * _gains(case) / case.order
 
 
+REJECTION_MISTAKES: dict[str, Callable[[RejectionCase], float]] = {
+    "same λ": lambda case: case.filter.time_constant,
+    "gain of the model forgotten": lambda case: _equal(case) / _gains(case),
+    "order forgotten": lambda case: case.filter.time_constant * _gains(case),
+    "gain upside down": lambda case: _equal(case) / _gains(case) ** 2,
+}
+
+
+def _tells_apart(case: RejectionCase) -> bool:
+    """Whether both loops are stable, and each way to go wrong leads elsewhere."""
+    value = _equal(case)
+    return bool(
+        observer_stable(case.plant, case.model, case.filter)
+        and observer_stable(case.plant, case.other, LowPassFilter(value, case.order))
+        and apart(value, *(of(case) for of in REJECTION_MISTAKES.values()), by=0.05)
+    )
+
+
+@fitting(_tells_apart)
 def _rejection_case(rng: np.random.Generator) -> RejectionCase:
-    def drawn() -> RejectionCase:
-        pole = draw(rng, 0.5, 10)
-        gain = draw(rng, 0.5, 5)
-        plant, mirrored = mirrored_pair(pole, few(pole * rng.uniform(1.5, 3)), gain=gain)
-        first, second = rng.permutation([2, 3]).tolist()
-        factor, other = rng.permutation([1.0, float(rng.choice([0.4, 0.5, 0.6]))]).tolist()
-        filter = LowPassFilter(draw(rng, 0.02 / pole, 0.05 / pole), int(first))
-        return RejectionCase(plant, factor * mirrored, filter, other * mirrored, int(second))
-
-    def fits(case: RejectionCase) -> bool:
-        value = _equal(case)
-        return bool(
-            observer_stable(case.plant, case.model, case.filter)
-            and observer_stable(case.plant, case.other, LowPassFilter(value, case.order))
-            # Each way to go wrong leads elsewhere.
-            and apart(value, *(of(case) for of in _WRONG_REJECTION), by=0.05)
-        )
-
-    return first_fitting(drawn, fits)
-
-
-_WRONG_REJECTION: tuple[Callable[[RejectionCase], float], ...] = (
-    lambda case: case.filter.time_constant,
-    lambda case: case.filter.time_constant * case.filter.order / case.order,
-    lambda case: case.filter.time_constant * _gains(case),
-    lambda case: case.filter.time_constant * case.filter.order / case.order / _gains(case),
-)
+    pole = draw(rng, 0.5, 10)
+    gain = draw(rng, 0.5, 5)
+    plant, mirrored = mirrored_pair(pole, few(pole * rng.uniform(1.5, 3)), gain=gain)
+    first, second = rng.permutation([2, 3]).tolist()
+    factor, other = rng.permutation([1.0, float(rng.choice([0.4, 0.5, 0.6]))]).tolist()
+    filter = LowPassFilter(draw(rng, 0.02 / pole, 0.05 / pole), int(first))
+    return RejectionCase(plant, factor * mirrored, filter, other * mirrored, int(second))
 
 
 def _rejects_equally(case: RejectionCase, got: float) -> str:
@@ -116,12 +115,7 @@ EQUAL_REJECTION = pose(
     case=_rejection_case,
     reads=number,
     lacks=_rejects_equally,
-    misconceptions={
-        "same λ": _WRONG_REJECTION[0],
-        "gain of the model forgotten": _WRONG_REJECTION[1],
-        "order forgotten": _WRONG_REJECTION[2],
-        "gain upside down": _WRONG_REJECTION[3],
-    },
+    misconceptions=REJECTION_MISTAKES,
 )
 
 
@@ -166,29 +160,25 @@ def _inside(case: SurvivalCase, gain: float, lag: float) -> bool:
     return bool(case.gain * (1 - slack) <= gain <= 1 + slack and 0 <= lag <= case.lag * (1 + slack))
 
 
-def _survival_case(rng: np.random.Generator) -> SurvivalCase:
-    def drawn() -> SurvivalCase:
-        pole = draw(rng, 0.5, 10)
-        gain = either_sign(rng) * draw(rng, 0.5, 5)
-        plant, mirrored = mirrored_pair(pole, few(pole * rng.uniform(1.5, 2.5)), gain=gain)
-        model = float(rng.choice([0.2, 0.25, 0.3])) * mirrored
-        filter = LowPassFilter(few(rng.uniform(0.04, 0.06) / pole), 2)
-        controller = design_controller(model, bandwidth=pole, phase_margin=60)
-        loop = NRDOB(plant, model, controller, filter)
-        less, lag = round(float(rng.uniform(0.4, 0.6)), 2), few(rng.uniform(0.08, 0.12) / pole)
-        return SurvivalCase(loop, less, lag)
-
-    def fits(case: SurvivalCase) -> bool:
-        good = ((1, 0), (case.gain, case.lag), (case.gain, 0), _half(case))
-        return survives(case, 1, case.lag) is False and all(
-            survives(case, *at) is True for at in good
-        )
-
-    return first_fitting(drawn, fits)
-
-
 def _half(case: SurvivalCase) -> tuple[float, float]:
     return (1 + case.gain) / 2, case.lag / 4
+
+
+def _deceives(case: SurvivalCase) -> bool:
+    good = ((1, 0), (case.gain, case.lag), (case.gain, 0), _half(case))
+    return survives(case, 1, case.lag) is False and all(survives(case, *at) is True for at in good)
+
+
+@fitting(_deceives)
+def _survival_case(rng: np.random.Generator) -> SurvivalCase:
+    pole = draw(rng, 0.5, 10)
+    gain = either_sign(rng) * draw(rng, 0.5, 5)
+    plant, mirrored = mirrored_pair(pole, few(pole * rng.uniform(1.5, 2.5)), gain=gain)
+    model = float(rng.choice([0.2, 0.25, 0.3])) * mirrored
+    filter = LowPassFilter(few(rng.uniform(0.04, 0.06) / pole), 2)
+    controller = design_controller(model, bandwidth=pole, phase_margin=60)
+    less, lag = round(float(rng.uniform(0.4, 0.6)), 2), few(rng.uniform(0.08, 0.12) / pole)
+    return SurvivalCase(NRDOB(plant, model, controller, filter), less, lag)
 
 
 def _unstable_inside(case: SurvivalCase, at: FloatArray) -> str:
@@ -290,33 +280,30 @@ def _unjudged(case: BenchCase) -> list[float]:
     ]
 
 
+def _telling(case: BenchCase) -> bool:
+    """Whether some filter fails and some does not, and each mistake gives other numbers."""
+    worst = _worst(case)
+    finite = [k for k, value in enumerate(worst) if value < inf]
+    others = (_largest(_peaks(case, "observer_loop")), [peaks[0] for peaks in _peaks(case)])
+    return (
+        0 < len(finite) < len(worst)
+        and all(any(abs(other[k] / worst[k] - 1) > 0.05 for k in finite) for other in others)
+        and all(peaks[0] < inf for peaks in _peaks(case))
+    )
+
+
+@fitting(_telling)
 def _bench_case(rng: np.random.Generator) -> BenchCase:
-    def drawn() -> BenchCase:
-        pole = draw(rng, 0.5, 10)
-        gain = either_sign(rng) * draw(rng, 0.5, 5)
-        plant, model = mirrored_pair(pole, few(pole * rng.uniform(1.5, 2.5)), gain=gain)
-        lags = [ct.tf([1], [few(share / pole), 1]) for share in rng.uniform(0.06, 0.11, 2)]
-        weak, strong = (round(float(rng.uniform(*ends)), 2) for ends in ((0.5, 0.8), (1.3, 1.8)))
-        plants = [plant, weak * plant * lags[0], strong * plant * lags[1]]
-        values = [few(share / pole) for share in (0.05, 0.08, 0.16)]
-        filters = [LowPassFilter(value, 3) for value in rng.permutation(values).tolist()]
-        controller = design_controller(model, bandwidth=pole, phase_margin=60)
-        return BenchCase(model, controller, plants, filters)
-
-    def fits(case: BenchCase) -> bool:
-        worst = _worst(case)
-        if not 0 < sum(map(isinf, worst)) < len(worst):
-            return False
-        finite = [k for k, value in enumerate(worst) if value < inf]
-        others = (
-            _largest(_peaks(case, "observer_loop")),
-            [peaks[0] for peaks in _peaks(case)],
-        )
-        return all(
-            any(abs(other[k] / worst[k] - 1) > 0.05 for k in finite) for other in others
-        ) and all(peaks[0] < inf for peaks in _peaks(case))
-
-    return first_fitting(drawn, fits)
+    pole = draw(rng, 0.5, 10)
+    gain = either_sign(rng) * draw(rng, 0.5, 5)
+    plant, model = mirrored_pair(pole, few(pole * rng.uniform(1.5, 2.5)), gain=gain)
+    lags = [ct.tf([1], [few(share / pole), 1]) for share in rng.uniform(0.06, 0.11, 2)]
+    weak, strong = (round(float(rng.uniform(*ends)), 2) for ends in ((0.5, 0.8), (1.3, 1.8)))
+    plants = [plant, weak * plant * lags[0], strong * plant * lags[1]]
+    values = [few(share / pole) for share in (0.05, 0.08, 0.16)]
+    filters = [LowPassFilter(value, 3) for value in rng.permutation(values).tolist()]
+    controller = design_controller(model, bandwidth=pole, phase_margin=60)
+    return BenchCase(model, controller, plants, filters)
 
 
 def _largest(peaks: list[list[float]], unstable: float = inf) -> list[float]:
@@ -340,13 +327,11 @@ def _benched(case: BenchCase, got: FloatArray) -> str:
         return f"{got.size} numbers for {len(case.filters)} filters"
     each = zip(_by_filter(case, got).items(), _worst(case), got, strict=True)
     for (filter, right), true, value in each:
-        if right:
-            continue
-        if isinf(true):
-            return f"for {filter} the loop with a plant is unstable"
-        if isinf(value):
-            return f"for {filter} the loop is stable with every plant"
-        return f"for {filter} it is {'larger' if value < true else 'smaller'} than {value:.4g}"
+        if not right:
+            than = f"it is {'larger' if value < true else 'smaller'} than {value:.4g}"
+            stable = "the loop is stable with every plant" if isinf(value) else than
+            unstable = "the loop with a plant is unstable"
+            return f"for {filter} {unstable if isinf(true) else stable}"
     return ""
 
 
@@ -370,7 +355,7 @@ BENCH = pose(
             lambda case: [20 * log10(value) for value in _worst(case)], lambda got: 10 ** (got / 20)
         ),
         "unstable plants left out": lambda case: [float(np.nanmax(row)) for row in _peaks(case)],
-        "peak without a verdict": lambda case: _unjudged(case),
+        "peak without a verdict": _unjudged,
         "margins of FH": lambda case: _largest(_peaks(case, "observer_loop")),
         "plant as it is": lambda case: [row[0] for row in _peaks(case)],
     },

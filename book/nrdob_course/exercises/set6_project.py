@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from math import inf, nan, sqrt
-from typing import Any
+from typing import Any, NamedTuple
 
 import control as ct
 import numpy as np
@@ -29,7 +29,7 @@ from .cases import (
     either_sign,
     factored,
     few,
-    first_fitting,
+    fitting,
     grid_peak,
     kept,
     mirrored_pair,
@@ -37,7 +37,7 @@ from .cases import (
 )
 from .comparing import near
 from .figures import Peaks, draw_peaks
-from .problems import Lack, Misconception, any_of, lacking, pose
+from .problems import Lack, Misconception, any_of, lacking, pose, reading
 from .reading import number, things
 
 __all__ = ["PROBLEMS"]
@@ -49,8 +49,7 @@ ORDER = 3
 """Relative degree of the model and one more, so that noise reaches u with a finite power."""
 
 
-@dataclass(frozen=True)
-class Goal:
+class Goal(NamedTuple):
     """One line of the specification.
 
     `value`, `limit`: What the design makes of it, and what it may be at most.
@@ -224,8 +223,6 @@ def _table(goals: list[Goal]) -> str:
 def rms(transfer: Quotient) -> float:
     """Root of the power of the output for white noise of unit density, the norm of order 2.
 
-    Examples
-    --------
     >>> loop = NRDOB(ct.tf([1], [1, 1]), ct.tf([1], [1, 1]), 1.0, LowPassFilter(0.5, 2))
     >>> round(rms(loop.S_eta) ** 2, 6)                  # 1/(4λ)
     0.5
@@ -320,41 +317,34 @@ def _quiet_case(project: Project) -> QuietCase:
 GAINS = (0.7, 1.0, 1.5)
 
 
-def _project(rng: np.random.Generator) -> Project:
-    def drawn() -> Project:
-        pole = draw(rng, 0.8, 20)
-        gain = either_sign(rng) * draw(rng, 0.5, 5)
-        decay = few(pole * rng.uniform(1.2, 2))
-        plant = mirrored_pair(pole, decay, gain=gain)[0]
-        lag = few(rng.uniform(0.045, 0.055) / pole)
-        less, faster = few(rng.uniform(0.8, 0.9)), few(pole * rng.uniform(1.1, 1.15), 3)
-        modified = (
-            less
-            * gain
-            * pole
-            * decay
-            * ct.tf([1], np.polymul(np.polymul([1, -faster], [1, decay]), [lag, 1]))
-        )
-        dead_time = few(rng.uniform(0.045, 0.055) / pole)
-        free = Project(plant, gain, pole, decay, modified, GAINS, dead_time, omega=few(0.1 * pole))
-        # A good λ, times the pole; up to a fifth more or a seventh less will do.
-        good = float(rng.uniform(0.06, 0.08))
-        slow = loop_of(free, SLOWEST * good)
-        return replace(
-            free,
-            max_ms=few(loop_of(free, 1.4 * good).margins().plant_loop.ms, 3),
-            max_disturbance=few(float(abs(slow.S_d(1j * free.omega)))),
-            settling=few(1.4 * _settled(free, loop_of(free, good))),
-            max_noise=few(rms(loop_of(free, 0.86 * good).U_eta)),
-        )
-
-    return first_fitting(drawn, _telling)
-
-
 def _telling(case: Project) -> bool:
     """Whether every reading of the figure and every stage of the design is told apart."""
     quiet = _quiet_case(case)
     return apart(*ends_of_quiet(quiet).values(), *_curves(quiet).edges, by=0.2)
+
+
+@fitting(_telling)
+def _project(rng: np.random.Generator) -> Project:
+    pole = draw(rng, 0.8, 20)
+    gain = either_sign(rng) * draw(rng, 0.5, 5)
+    decay = few(pole * rng.uniform(1.2, 2))
+    plant = mirrored_pair(pole, decay, gain=gain)[0]
+    lag = few(rng.uniform(0.045, 0.055) / pole)
+    less, faster = few(rng.uniform(0.8, 0.9)), few(pole * rng.uniform(1.1, 1.15), 3)
+    den = np.polymul(np.polymul([1, -faster], [1, decay]), [lag, 1])
+    modified = less * gain * pole * decay * ct.tf([1], den)
+    dead_time = few(rng.uniform(0.045, 0.055) / pole)
+    free = Project(plant, gain, pole, decay, modified, GAINS, dead_time, omega=few(0.1 * pole))
+    # A good λ, times the pole; up to a fifth more or a seventh less will do.
+    good = float(rng.uniform(0.06, 0.08))
+    slow = loop_of(free, SLOWEST * good)
+    return replace(
+        free,
+        max_ms=few(loop_of(free, 1.4 * good).margins().plant_loop.ms, 3),
+        max_disturbance=few(float(abs(slow.S_d(1j * free.omega)))),
+        settling=few(1.4 * _settled(free, loop_of(free, good))),
+        max_noise=few(rms(loop_of(free, 0.86 * good).U_eta)),
+    )
 
 
 # --- 6.2 The quietest filter --------------------------------------------------------------------
@@ -384,10 +374,10 @@ QUIETEST = pose(
     own=True,
     drawn_as="6",
     misconceptions={
-        "fast end read": any_of(lambda case: [ends_of_quiet(case)["fast"]]),
-        "modified plant left out": any_of(lambda case: [ends_of_quiet(case)["nominal"]]),
+        "fast end read": reading(ends_of_quiet, "fast"),
+        "modified plant left out": reading(ends_of_quiet, "nominal"),
         "edge taken for the specification": any_of(lambda case: _curves(case).edges[::-1]),
-        "milliseconds for seconds": any_of(lambda case: [1000 * ends_of_quiet(case)["slow"]]),
+        "milliseconds for seconds": lambda case: 1000 * ends_of_quiet(case)["slow"],
     },
 )
 
@@ -400,12 +390,6 @@ STAGES = ("model", "observer", "Ms", "disturbance", "settling", "changed", "nois
 
 WITHIN = 1 + 6e-3
 """By what factor a limit may be exceeded: that is three digits of λ."""
-
-
-def _three_blocks(given: Any) -> tuple[Any, Any, Any]:
-    wanted = "three blocks are asked for: (model, controller, filter)"
-    model, controller, filter = things(given, wanted, (3,))
-    return model, controller, filter
 
 
 def _passes(case: Project, got: Any) -> str:
@@ -422,31 +406,31 @@ def _passes(case: Project, got: Any) -> str:
     return Lack(kind, f"\n{_table(goals)}")
 
 
-def _of(loop: NRDOB, **changes: Any) -> tuple[Any, Any, Any]:
-    blocks = {"model": loop.model, "controller": loop.controller, "filter": loop.filter} | changes
-    return blocks["model"], blocks["controller"], blocks["filter"]
+Blocks = tuple[Any, Any, Any]
 
 
-def _is_matched(case: Project, got: Any) -> bool:
-    poles = got[0].poles()
-    return bool(np.abs(poles - case.pole).min() < 1e-2 * case.pole)
+def _of(loop: NRDOB) -> Blocks:
+    return loop.model, loop.controller, loop.filter
+
+
+def _with_good(times: float) -> Callable[[Project], Blocks]:
+    """Take a good λ so many times."""
+    return lambda case: _of(loop_of(case, times * _good(case)))
 
 
 DESIGN = pose(
     "6.6",
     case=_project,
-    reads=_three_blocks,
+    reads=partial(
+        things, wanted="three blocks are asked for: (model, controller, filter)", counts=(3,)
+    ),
     lacks=_passes,
     own=True,
     drawn_as="6",
     misconceptions={
         "matched model": Misconception(
-            lambda case: (
-                case.plant,
-                controller_of(case),
-                LowPassFilter(0.07 / case.pole, ORDER),
-            ),
-            _is_matched,
+            lambda case: _of(replace(loop_of(case, 0.07), model=case.plant)),
+            lambda case, got: np.abs(got[0].poles() - case.pole).min() < 1e-2 * case.pole,
         ),
         "sign of the model": Misconception(
             lambda case: (
@@ -459,21 +443,21 @@ DESIGN = pose(
         "filter too slow for the plant": lacking("observer", lambda case: _of(loop_of(case, 1.0))),
         "controller for the plant, not for the model": lacking(
             "controller",
-            lambda case: _of(loop_of(case, _good(case)), controller=-controller_of(case)),
+            lambda case: _of(replace(loop_of(case, _good(case)), controller=-controller_of(case))),
         ),
-        "Ms above its limit": lacking("Ms", lambda case: _of(loop_of(case, 1.7 * _good(case)))),
-        "disturbances not held": lacking(
-            "disturbance", lambda case: _of(loop_of(case, 1.3 * _good(case)))
-        ),
+        "Ms above its limit": lacking("Ms", _with_good(1.7)),
+        "disturbances not held": lacking("disturbance", _with_good(1.3)),
         "reference too slow": lacking(
             "settling",
             lambda case: _of(
-                loop_of(case, _good(case)),
-                controller=design_controller(mirrored_model(case), bandwidth=0.2 * case.pole),
+                replace(
+                    loop_of(case, _good(case)),
+                    controller=design_controller(mirrored_model(case), bandwidth=0.2 * case.pole),
+                )
             ),
         ),
         "unstable with a changed plant": lacking("changed", lambda case: _of(loop_of(case, 0.01))),
-        "too much noise in u": lacking("noise", lambda case: _of(loop_of(case, 0.7 * _good(case)))),
+        "too much noise in u": lacking("noise", _with_good(0.7)),
     },
 )
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from math import ceil, exp, floor, inf, pi
 
 import numpy as np
@@ -12,7 +14,7 @@ from nrdob.drives import Friction
 from nrdob.loop import NRDOB
 from nrdob.numerics import FloatArray
 
-from .cases import apart, draw, few, first_fitting, s
+from .cases import apart, draw, few, fitting, s
 from .comparing import rounds, same, same_parts
 from .problems import pose
 from .reading import numbers
@@ -46,58 +48,32 @@ class CountingCase:
         )
 
 
-def _exact_window(case: CountingCase, step: float) -> float:
+def _exact_window(case: CountingCase, turn: float = 2 * pi) -> float:
     """Give the window at which one count moves the torque by just the ripple, in samples."""
-    return case.inertia / case.time_constant * step / case.ripple
+    return case.inertia / case.time_constant * turn / (case.counts * case.dt) / case.ripple
 
 
-def _window(case: CountingCase) -> tuple[float, int, float]:
-    step = 2 * pi / (case.counts * case.dt)
-    count = ceil(_exact_window(case, step))
-    return step, count, count * case.dt / 2
+def _window(
+    case: CountingCase,
+    turn: float = 2 * pi,
+    rounded: Callable[[float], int] = ceil,
+    delay: Callable[[int], float] = lambda m: m / 2,
+) -> tuple[float, int, float]:
+    """Give the step, the window m, and its delay, which is asked for in samples here."""
+    count = max(rounded(_exact_window(case, turn)), 1)
+    return turn / (case.counts * case.dt), count, delay(count) * case.dt
 
 
-def _in_turns(case: CountingCase) -> tuple[float, int, float]:
-    step = 1 / (case.counts * case.dt)
-    count = max(ceil(_exact_window(case, step)), 1)
-    return step, count, count * case.dt / 2
-
-
-def _rounded_down(case: CountingCase) -> tuple[float, int, float]:
-    step, count, _ = _window(case)
-    count = floor(_exact_window(case, step))
-    return step, count, count * case.dt / 2
-
-
-def _whole_window(case: CountingCase) -> tuple[float, int, float]:
-    step, count, late = _window(case)
-    return step, count, 2 * late
-
-
-def _mean_of_speeds(case: CountingCase) -> tuple[float, int, float]:
-    step, count, late = _window(case)
-    return step, count, late - case.dt / 2
-
-
+@fitting(lambda case: 2 < _exact_window(case) < 25 and 0.03 < _exact_window(case) % 1 < 0.97)
 def _counting_case(rng: np.random.Generator) -> CountingCase:
-    def drawn() -> CountingCase:
-        counts, dt = int(rng.choice(COUNTS)), float(rng.choice([0.0005, 0.001, 0.002]))
-        inertia, time_constant = draw(rng, 0.001, 0.03), draw(rng, 0.004, 0.03)
-        jump = inertia / time_constant * 2 * pi / (counts * dt)
-        return CountingCase(counts, dt, inertia, time_constant, few(jump / rng.uniform(3, 20)))
-
-    def fits(case: CountingCase) -> bool:
-        found = _exact_window(case, _window(case)[0])
-        return 2 < found < 25 and 0.03 < found % 1 < 0.97
-
-    return first_fitting(drawn, fits)
-
-
-COUNT_PARTS = ("step", "m", "delay")
+    counts, dt = int(rng.choice(COUNTS)), float(rng.choice([0.0005, 0.001, 0.002]))
+    inertia, time_constant = draw(rng, 0.001, 0.03), draw(rng, 0.004, 0.03)
+    jump = inertia / time_constant * 2 * pi / (counts * dt)
+    return CountingCase(counts, dt, inertia, time_constant, few(jump / rng.uniform(3, 20)))
 
 
 def _right_counts(case: CountingCase, got: FloatArray) -> dict[str, bool]:
-    return same_parts(COUNT_PARTS, _window(case), got)
+    return same_parts(("step", "m", "delay"), _window(case), got)
 
 
 def _counting_lacks(case: CountingCase, got: FloatArray) -> str:
@@ -117,15 +93,15 @@ def _counting_lacks(case: CountingCase, got: FloatArray) -> str:
 COUNTING = pose(
     "7.1",
     case=_counting_case,
-    reads=lambda given: numbers(given, "step, m, delay"),
+    reads=partial(numbers, names="step, m, delay"),
     lacks=_counting_lacks,
     parts=_right_counts,
     rounded=lambda case, got: rounds(_window(case), got),
     misconceptions={
-        "turns taken for radians": _in_turns,
-        "rounded down": _rounded_down,
-        "the whole window taken for the delay": _whole_window,
-        "the last difference taken as prompt": _mean_of_speeds,
+        "turns taken for radians": partial(_window, turn=1.0),
+        "rounded down": partial(_window, rounded=floor),
+        "the whole window taken for the delay": partial(_window, delay=lambda m: m),
+        "the last difference taken as prompt": partial(_window, delay=lambda m: (m - 1) / 2),
     },
 )
 
@@ -177,36 +153,26 @@ def _held(case: DifferenceCase) -> Row:
     return prompt, case.friction * (1 - pole) - prompt, pole
 
 
-def _without_two(case: DifferenceCase) -> Row:
-    """Put (z - 1)/(h (z + 1)) for s."""
-    return _row(case, 0.5 / case.dt, 0.5)
-
-
-def _sign_of_the_past(case: DifferenceCase) -> Row:
-    c0, c1, a = _tustin(case)
-    return c0, c1, -a
-
-
-DIFFERENCE_MISTAKES = {
+DIFFERENCE_MISTAKES: dict[str, Callable[[DifferenceCase], Row]] = {
     "Euler's forward rule": lambda case: _row(case, 1 / case.dt, 0.0),
     "Euler's backward rule": lambda case: _row(case, 1 / case.dt, 1.0),
-    "the 2 of 2/h left out": _without_two,
+    "the 2 of 2/h left out": lambda case: _row(case, 0.5 / case.dt, 0.5),
     "a hold in front of the block": _held,
-    "the old value with the sign of the denominator": _sign_of_the_past,
+    "the old value with the sign of the denominator": lambda case: (
+        *_tustin(case)[:2],
+        -_tustin(case)[2],
+    ),
 }
 
 
+@fitting(
+    lambda case: apart(_tustin(case), *(wrong(case) for wrong in DIFFERENCE_MISTAKES.values()))
+)
 def _difference_case(rng: np.random.Generator) -> DifferenceCase:
-    def drawn() -> DifferenceCase:
-        value = draw(rng, 0.004, 0.03)
-        inertia = draw(rng, 0.001, 0.03)
-        friction = few(inertia * rng.uniform(3, 20))
-        return DifferenceCase(inertia, friction, value, few(value / rng.uniform(1.5, 6)))
-
-    def fits(case: DifferenceCase) -> bool:
-        return apart(_tustin(case), *(wrong(case) for wrong in DIFFERENCE_MISTAKES.values()))
-
-    return first_fitting(drawn, fits)
+    value = draw(rng, 0.004, 0.03)
+    inertia = draw(rng, 0.001, 0.03)
+    friction = few(inertia * rng.uniform(3, 20))
+    return DifferenceCase(inertia, friction, value, few(value / rng.uniform(1.5, 6)))
 
 
 def _difference_lacks(case: DifferenceCase, got: FloatArray) -> str:
@@ -227,7 +193,7 @@ def _difference_lacks(case: DifferenceCase, got: FloatArray) -> str:
 DIFFERENCE = pose(
     "7.2",
     case=_difference_case,
-    reads=lambda given: numbers(given, "c0, c1, a"),
+    reads=partial(numbers, names="c0, c1, a"),
     lacks=_difference_lacks,
     rounded=lambda case, got: rounds(_tustin(case), got),
     misconceptions=DIFFERENCE_MISTAKES,
@@ -281,65 +247,50 @@ def _times_rest(case: RestCase, widest: float, climb: float) -> tuple[float, flo
     return right[0] * widest, right[1] * climb
 
 
-def _in_motion(case: RestCase) -> tuple[float, float]:
-    share = case.friction.coulomb / case.friction.breakaway
-    return _times_rest(case, share, share)
-
-
-def _by_the_plant(case: RestCase) -> tuple[float, float]:
-    share = _constants(case)[1] / case.friction.viscous
-    return _times_rest(case, share, share)
-
-
 def _by_the_controller(case: RestCase) -> tuple[float, float]:
-    stiff = float(case.calm.fractions.C.num[-1] / case.calm.fractions.C.den[-1])
-    return case.friction.breakaway / stiff, _rest(case)[1]
+    C = case.calm.fractions.C
+    return case.friction.breakaway / float(C.num[-1] / C.den[-1]), _rest(case)[1]
 
 
-def _from_zero(case: RestCase) -> tuple[float, float]:
-    return _times_rest(case, 1.0, 0.5)
-
-
-REST_MISTAKES = {
-    "friction in motion taken for the break-away": _in_motion,
-    "the plant's friction taken for the model's": _by_the_plant,
+REST_MISTAKES: dict[str, Callable[[RestCase], tuple[float, float]]] = {
+    "friction in motion taken for the break-away": lambda case: _times_rest(
+        case, *[case.friction.coulomb / case.friction.breakaway] * 2
+    ),
+    "the plant's friction taken for the model's": lambda case: _times_rest(
+        case, *[_constants(case)[1] / case.friction.viscous] * 2
+    ),
     "the controller's stiffness alone": _by_the_controller,
-    "the torque starts from zero": _from_zero,
+    "the torque starts from zero": lambda case: _times_rest(case, 1.0, 0.5),
 }
 
 
+def _tells_apart(case: RestCase) -> bool:
+    return all(loop.stability().stable for loop in (case.calm, case.keen)) and apart(
+        _rest(case), *(wrong(case) for wrong in REST_MISTAKES.values())
+    )
+
+
+@fitting(_tells_apart)
 def _rest_case(rng: np.random.Generator) -> RestCase:
-    def drawn() -> RestCase:
-        inertia = draw(rng, 0.002, 0.02)
-        friction = few(inertia * rng.uniform(5, 15))
-        value = draw(rng, 0.01, 0.04)
-        angle = 1 / (s * (inertia * s + friction))
-        stiff = few(inertia * (0.3 / value) ** 2 * 9)
-        lead = stiff + few(stiff * 0.04) * s / (0.2 * value * s + 1)
-        own = few(friction * rng.uniform(1.3, 2.0))
-        process = 1 / (s * (inertia * s + own))
-        calm, keen = (
-            NRDOB(process, angle, lead, nrdob.interpolating_filter(angle, value, ramp=ramp))
-            for ramp in (1, 2)
-        )
-        dry = draw(rng, 0.05, 0.3)
-        held = Friction(dry, few(dry * rng.uniform(1.3, 1.8)), 0.05, own)
-        return RestCase(calm, keen, held, draw(rng, 0.005, 0.05))
-
-    def fits(case: RestCase) -> bool:
-        loops = (case.calm, case.keen)
-        return all(loop.stability().stable for loop in loops) and apart(
-            _rest(case), *(wrong(case) for wrong in REST_MISTAKES.values())
-        )
-
-    return first_fitting(drawn, fits)
-
-
-REST_PARTS = ("widest", "climb")
+    inertia = draw(rng, 0.002, 0.02)
+    friction = few(inertia * rng.uniform(5, 15))
+    value = draw(rng, 0.01, 0.04)
+    angle = 1 / (s * (inertia * s + friction))
+    stiff = few(inertia * (0.3 / value) ** 2 * 9)
+    lead = stiff + few(stiff * 0.04) * s / (0.2 * value * s + 1)
+    own = few(friction * rng.uniform(1.3, 2.0))
+    process = 1 / (s * (inertia * s + own))
+    calm, keen = (
+        NRDOB(process, angle, lead, nrdob.interpolating_filter(angle, value, ramp=ramp))
+        for ramp in (1, 2)
+    )
+    dry = draw(rng, 0.05, 0.3)
+    held = Friction(dry, few(dry * rng.uniform(1.3, 1.8)), 0.05, own)
+    return RestCase(calm, keen, held, draw(rng, 0.005, 0.05))
 
 
 def _right_rests(case: RestCase, got: FloatArray) -> dict[str, bool]:
-    return same_parts(REST_PARTS, _rest(case), got)
+    return same_parts(("widest", "climb"), _rest(case), got)
 
 
 def _rest_lacks(case: RestCase, got: FloatArray) -> str:
@@ -361,7 +312,7 @@ def _rest_lacks(case: RestCase, got: FloatArray) -> str:
 REST = pose(
     "7.5",
     case=_rest_case,
-    reads=lambda given: numbers(given, "widest, climb"),
+    reads=partial(numbers, names="widest, climb"),
     lacks=_rest_lacks,
     parts=_right_rests,
     rounded=lambda case, got: rounds(_rest(case), got),

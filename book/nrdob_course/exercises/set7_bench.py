@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import control as ct
 import numpy as np
@@ -14,7 +14,7 @@ from nrdob.digital import ActuatorLimits, SampledLoop
 from nrdob.drives import Counting, Drive, Encoder, Friction, OneMass, TwoMasses, encoded
 from nrdob.loop import NRDOB
 
-from .cases import draw, few, first_fitting, kept, not_around, s
+from .cases import draw, few, first_fitting, fitting, kept, not_around, s
 from .comparing import same_parts
 from .problems import Lack, lacking, pose
 from .reading import UnreadableError, number, things
@@ -60,8 +60,12 @@ class ProgramCase:
         )
 
 
-Reading = tuple[float, float, bool]
-"""Time constant and inertia that stand in the program, and whether the drive settles."""
+class Reading(NamedTuple):
+    """Time constant and inertia that stand in a program, and whether the drive settles."""
+
+    value: float
+    inertia: float
+    settles: bool
 
 
 @kept
@@ -78,7 +82,7 @@ def _made(case: ProgramCase) -> Reading:
         motion.advance(torque, 0.0)
         way.append(motion.speed)
     late = np.array(way[-len(way) // 5 :]) / case.reference
-    return value, inertia, bool(np.abs(late - 1).max() < SETTLED)
+    return Reading(value, inertia, bool(np.abs(late - 1).max() < SETTLED))
 
 
 SETTLED = 0.05
@@ -111,7 +115,7 @@ def _program_case(settles: bool) -> Callable[[np.random.Generator], ProgramCase]
         case, loop = pair
         radius = encoded(loop, Counting()).stability().spectral_radius
         clear = radius < 0.998 if settles else radius > 1.02
-        return clear and _made(case)[2] is settles
+        return clear and _made(case).settles is settles
 
     return lambda rng: first_fitting(lambda: drawn(rng), fits)[0]
 
@@ -119,7 +123,7 @@ def _program_case(settles: bool) -> Callable[[np.random.Generator], ProgramCase]
 def _read_program(given: Any) -> Reading:
     wanted = "three things are asked for, (time constant, inertia, True or False)"
     value, inertia, verdict = things(given, wanted, (3,), names="lam, inertia, settles")
-    return number(value), number(inertia), _yes_or_no(verdict)
+    return Reading(number(value), number(inertia), _yes_or_no(verdict))
 
 
 def _yes_or_no(given: Any) -> bool:
@@ -148,25 +152,9 @@ def _program_lacks(case: ProgramCase, got: Reading) -> str:
     if not right["inertia"]:
         return "the inertia is not the one of the model that INVERSE, which is F/Gm, holds"
     if not right["verdict"]:
-        says = "settles" if got[2] else "does not settle"
+        says = "settles" if got.settles else "does not settle"
         return f"you say that the drive {says}; run it from rest, and look at its last fifth"
     return ""
-
-
-def _by_euler(case: ProgramCase) -> Reading:
-    value, inertia, settles = _made(case)
-    return value + case.dt / 2, inertia, settles
-
-
-def _prompt_gain(case: ProgramCase) -> Reading:
-    """Take the first coefficient of F/Gm for J/λ."""
-    value, _, settles = _made(case)
-    return value, case.module["INVERSE"][0][0] * value, settles
-
-
-def _on_paper(case: ProgramCase) -> Reading:
-    """Judge the loop of the program's own model, which is always stable."""
-    return (*_made(case)[:2], True)
 
 
 PROGRAM = pose(
@@ -176,9 +164,13 @@ PROGRAM = pose(
     lacks=_program_lacks,
     parts=_right_parts,
     misconceptions={
-        "Euler's rule read into Tustin's": _by_euler,
-        "the first coefficient taken for J/λ": _prompt_gain,
-        "judged on its own model": _on_paper,
+        "Euler's rule read into Tustin's": lambda case: _made(case)._replace(
+            value=_made(case).value + case.dt / 2
+        ),
+        "the first coefficient taken for J/λ": lambda case: _made(case)._replace(
+            inertia=case.module["INVERSE"][0][0] * _made(case).value
+        ),
+        "judged on its own model": lambda case: _made(case)._replace(settles=True),
     },
 )
 
@@ -240,14 +232,11 @@ def _shaft_design(case: ShaftCase, value: float, rigid: bool = False, speed: flo
 
 
 def _on_bench(case: ShaftCase, loop: NRDOB, plant: ct.TransferFunction) -> SampledLoop:
-    there = NRDOB(plant, loop.model, loop.controller, loop.filter)
-    return there.sampled(case.dt, computation_delay=case.dt)
+    return replace(loop, process=plant).sampled(case.dt, computation_delay=case.dt)
 
 
 REACHED, WITHIN = 2000, 0.02
 """After how many samples the speed must be at the reference, and within which share of it."""
-
-
 SAMPLES = 2 * REACHED
 """How long a loop is simulated."""
 
@@ -287,50 +276,43 @@ def _shaft_shortcoming(case: ShaftCase, got: Any) -> str:
     return ""
 
 
-def _shaft_case(rng: np.random.Generator) -> ShaftCase:
-    def drawn() -> ShaftCase:
-        dt = float(rng.choice([0.0005, 0.001, 0.002]))
-        motor = draw(rng, 0.0005, 0.005)
-        load = few(motor * rng.uniform(2, 6))
-        frequency = rng.uniform(0.1, 0.25) / dt  # antiresonance
-        stiffness = few(load * frequency**2)
-        damping = few(2 * rng.uniform(0.02, 0.05) * stiffness / frequency)
-        friction = few(motor * rng.uniform(2, 10))
-        bare = ShaftCase(motor, load, stiffness, damping, friction, dt)
-        sag = _sag(_on_bench(bare, _shaft_design(bare, 4.0), bare.process))
-        return ShaftCase(motor, load, stiffness, damping, friction, dt, 1.7, few(1.25 * sag))
-
-    def fits(case: ShaftCase) -> bool:
-        if _shaft_shortcoming(case, _shaft_design(case, 4.0)):
-            return False
-        return all(
-            getattr(_shaft_shortcoming(case, _shaft_design(case, *how)), "kind", "") == kind
-            for kind, how in SHAFT_MISTAKES.values()
-        )
-
-    return first_fitting(drawn, fits)
-
-
-SHAFT_MISTAKES: dict[str, tuple[str, tuple[Any, ...]]] = {
-    "the rigid model's edge taken for the shaft's": ("unstable", (1.0, True)),
-    "stable, and no more": ("ms", (2.5,)),
-    "so slow that nothing can happen": ("sag", (12.0,)),
-    "an observer and no controller": ("rest", (4.0, False, 0.0)),
+SHAFT_MISTAKES: dict[str, tuple[str, Callable[[ShaftCase], NRDOB]]] = {
+    "the rigid model's edge taken for the shaft's": (
+        "unstable",
+        lambda case: _shaft_design(case, 1.0, rigid=True),
+    ),
+    "stable, and no more": ("ms", lambda case: _shaft_design(case, 2.5)),
+    "so slow that nothing can happen": ("sag", lambda case: _shaft_design(case, 12.0)),
+    "an observer and no controller": ("rest", lambda case: _shaft_design(case, 4.0, speed=0.0)),
 }
-"""What each of them lacks, and how it designs."""
+"""What each of them lacks, and what it designs."""
 
 
-def _mistaken(how: tuple[Any, ...]) -> Callable[[ShaftCase], NRDOB]:
-    return lambda case: _shaft_design(case, *how)
+def _tells_apart(case: ShaftCase) -> bool:
+    return not _shaft_shortcoming(case, _shaft_design(case, 4.0)) and all(
+        getattr(_shaft_shortcoming(case, design(case)), "kind", "") == kind
+        for kind, design in SHAFT_MISTAKES.values()
+    )
+
+
+@fitting(_tells_apart)
+def _shaft_case(rng: np.random.Generator) -> ShaftCase:
+    dt = float(rng.choice([0.0005, 0.001, 0.002]))
+    motor = draw(rng, 0.0005, 0.005)
+    load = few(motor * rng.uniform(2, 6))
+    frequency = rng.uniform(0.1, 0.25) / dt  # antiresonance
+    stiffness = few(load * frequency**2)
+    damping = few(2 * rng.uniform(0.02, 0.05) * stiffness / frequency)
+    bare = ShaftCase(motor, load, stiffness, damping, few(motor * rng.uniform(2, 10)), dt)
+    sag = _sag(_on_bench(bare, _shaft_design(bare, 4.0), bare.process))
+    return replace(bare, max_sag=few(1.25 * sag))
 
 
 SHAFT = pose(
     "7.6",
     case=_shaft_case,
     lacks=_shaft_shortcoming,
-    misconceptions={
-        name: lacking(kind, _mistaken(how)) for name, (kind, how) in SHAFT_MISTAKES.items()
-    },
+    misconceptions={name: lacking(*mistake) for name, mistake in SHAFT_MISTAKES.items()},
 )
 
 

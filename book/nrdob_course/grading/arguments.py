@@ -31,7 +31,9 @@ def parse(arguments: list[str] | None) -> argparse.Namespace:
     giving.add_argument("--output", type=Path, default=RELEASE, metavar="FOLDER")
     grading = commands.add_parser("grade", help="grade what students handed in")
     grading.add_argument("folder", type=Path, metavar="FOLDER")
-    grading.add_argument("--set", action="append", default=[], help="only this one, e.g. set2")
+    grading.add_argument(
+        "--set", dest="wanted", action="append", default=[], help="only this one, e.g. set2"
+    )
     grading.add_argument(
         "--trust", action="store_true", help="run suspicious code even where there is no sandbox"
     )
@@ -40,8 +42,10 @@ def parse(arguments: list[str] | None) -> argparse.Namespace:
         "tables", nargs="*", type=Path, metavar="TABLE", help="marked.csv, from marking.html"
     )
     again = commands.add_parser("regrade", help="judge students, or problems, anew; it is logged")
-    again.add_argument("--student", action="append", default=[], metavar="NAME")
-    again.add_argument("--problem", action="append", default=[], metavar="ID", help="e.g. 2.3")
+    for what, name, about in (("student", "NAME", None), ("problem", "ID", "e.g. 2.3")):
+        again.add_argument(
+            f"--{what}", dest=f"{what}s", action="append", default=[], metavar=name, help=about
+        )
     by_hand = commands.add_parser("override", help="change the points of one answer; it is logged")
     by_hand.add_argument("--student", required=True, metavar="NAME")
     by_hand.add_argument("--problem", required=True, metavar="ID", help="e.g. 2.3")
@@ -60,7 +64,9 @@ def parse(arguments: list[str] | None) -> argparse.Namespace:
             "--as-root", action="store_true", help="run students' code even if you are root"
         )
     for command in (grading, reporting, again, by_hand):
-        command.add_argument("--output", type=Path, default=GRADING, metavar="FOLDER")
+        command.add_argument(
+            "--output", dest="target", type=Path, default=GRADING, metavar="FOLDER"
+        )
         command.add_argument(
             "--course", type=Path, metavar="FILE", help="roster, deadlines; by default course.toml"
         )

@@ -60,12 +60,8 @@ def course(root: Path) -> NbGraderAPI:
         os.environ["PATH"] = programs + os.pathsep + os.environ["PATH"]
     config = Config(PyFileConfigLoader(SETTINGS, str(root)).load_config())
     config.CourseDirectory.root = str(root.resolve())
-    config.Autograde.autograde_preprocessors = [
-        PatientExecute,
-        LimitOutput,
-        SaveAutoGrades,
-        CheckCellMetadata,
-    ]
+    steps = [PatientExecute, LimitOutput, SaveAutoGrades, CheckCellMetadata]
+    config.Autograde.autograde_preprocessors = steps
     return NbGraderAPI(config=config)
 
 
@@ -125,8 +121,11 @@ class PatientExecute(Execute):  # type: ignore[misc]
             self.groups = [group_of(nb.cells)[0]]
             GROUPS.clear()
             try:
-                with disk.workdir() as workdir:
-                    self.workdir = lay_out(workdir, Path(resources["metadata"]["path"]))
+                with disk.workdir() as self.workdir:
+                    # What lies beside the notebook; that itself holds hidden tests.
+                    for path in Path(resources["metadata"]["path"]).iterdir():
+                        if path.is_file() and path.suffix != ".ipynb":
+                            shutil.copy(path, self.workdir)
                     given = json.dumps(handout(self.problems, self.groups[0]))
                     (self.workdir / encoding.HANDOUT).write_text(given, "utf-8")
                     with disk.watched(self.workdir, self.kernel) as full:
@@ -208,16 +207,15 @@ class PatientExecute(Execute):  # type: ignore[misc]
 
     def judged(self, test: HiddenTest, cell: Any, index: int) -> Any:
         """Judge what a cell tests; its points, or what went wrong, as an output."""
-        budget = self.timeout * allowed(test.problem)
         # The machine that grades may be busier than the student's: the clock is generous.
-        end = time.monotonic() + PATIENCE * budget
+        end = time.monotonic() + PATIENCE * self.timeout
 
         def ask(source: str) -> str:
             left = max(1, ceil(end - time.monotonic()))
             asked = new_code_cell(source)
             self.size = 0
             try:
-                with temp_attrs(self, timeout=left, error_on_timeout=slow(budget)):
+                with temp_attrs(self, timeout=left, error_on_timeout=slow(self.timeout)):
                     self.execute_cell(asked, index, store_history=False)
             except Exception as error:  # the kernel is dead or deaf
                 raise Stopped(error) from error
@@ -232,7 +230,7 @@ class PatientExecute(Execute):  # type: ignore[misc]
             raise Stopped(max(errors, key=lambda out: bool(out.ename == TOO_SLOW), default=None))
 
         try:
-            points, group = judge_apart(test, ask, 1.5 * PATIENCE * budget)
+            points, group = judge_apart(test, ask, 1.5 * PATIENCE * self.timeout)
         except Stopped as stopped:
             [why] = stopped.args
             if isinstance(why, Exception):
@@ -249,8 +247,8 @@ class PatientExecute(Execute):  # type: ignore[misc]
             GROUPS.append(group)
             data = {"text/plain": repr(points), "text/html": points._repr_html_()}
             return new_output("execute_result", data=data)
-        REMARKS.append(f"{name_of(cell)} {too_slow(budget)}")
-        return failure(TOO_SLOW, too_slow(budget))
+        REMARKS.append(f"{name_of(cell)} {too_slow(self.timeout)}")
+        return failure(TOO_SLOW, too_slow(self.timeout))
 
     def process_message(self, msg: Any, cell: Any, cell_index: int) -> Any:
         """Take what the kernel says, unless it is of another cell, or the cell has said enough."""
@@ -258,28 +256,16 @@ class PatientExecute(Execute):  # type: ignore[misc]
         if kind not in SAID:
             return super().process_message(msg, cell, cell_index) if kind in STATE else None
         content.pop("transient", None)  # a display with an id changes other cells
-        most = (
-            encoding.LONGEST + 1000
-            if encoding.MIME in content.get("data", ())
-            else self.most_output
-        )
+        is_answer = encoding.MIME in content.get("data", ())
         self.size += len(str(content))
-        if self.size > most:
-            self.flooded(cell)
+        if self.size > (encoding.LONGEST + 1000 if is_answer else self.most_output):
+            cut = f"the outputs of {name_of(cell)} were cut: more than {self.most_output} letters"
+            REMARKS.append(cut)
             return None
         return super().process_message(msg, cell, cell_index)
 
-    def flooded(self, cell: Any) -> None:
-        """Say that the rest of a cell's outputs is left out."""
-        REMARKS.append(
-            f"the outputs of {name_of(cell)} were cut: more than {self.most_output} letters"
-        )
 
-
-WHY = {
-    DeadKernelError: "it ended the kernel",
-    TimeoutError: "it could not be stopped",
-}
+WHY = {DeadKernelError: "it ended the kernel", TimeoutError: "it could not be stopped"}
 BROKE = "it broke the kernel"
 
 TOO_FULL = f"it wrote more than {disk.MOST_BYTES >> 20} MB, or {disk.MOST_FILES} files"
@@ -294,12 +280,6 @@ PATIENCE = 1.5
 """How much longer the clock of the grading waits than the student was told."""
 
 
-def allowed(problem: str) -> float:
-    """Give the time that a problem allows, as a share of what the others do."""
-    common = getattr(exercises, "BUDGET", 20.0)
-    return float(getattr(exercises.PROBLEMS.get(problem), "budget", common) / common)
-
-
 def too_slow(seconds: float) -> str:
     """Say in plain words that something took too long."""
     return f"took longer than the {seconds:g} s that the set allows"
@@ -311,22 +291,13 @@ def slow(seconds: float) -> dict[str, Any]:
     return {"ename": TOO_SLOW, "evalue": text, "traceback": [text]}
 
 
-def lay_out(workdir: Path, folder: Path) -> Path:
-    """Copy what lies beside the notebook into the workdir; the notebook holds hidden tests."""
-    for path in folder.iterdir():
-        if path.is_file() and path.suffix != ".ipynb":
-            shutil.copy(path, workdir)
-    return workdir
-
-
 def surroundings(workdir: Path) -> dict[str, str]:
     """Give the environment of a kernel: what it needs, and nothing that is the teacher's."""
     import matplotlib
 
-    wanted = {name: os.environ[name] for name in KEPT if name in os.environ}
     folders = ("HOME", "TMPDIR", "TEMP", "TMP", "IPYTHONDIR", "JUPYTER_RUNTIME_DIR")
     return {
-        **wanted,
+        **{name: os.environ[name] for name in KEPT if name in os.environ},
         **dict.fromkeys(folders, str(workdir)),
         "MPLCONFIGDIR": matplotlib.get_cachedir(),  # its list of fonts takes long to make
     }
@@ -366,17 +337,13 @@ def is_sound(output: Any) -> bool:
         case "error" if isinstance(lines, list):
             parts = [output.get("ename"), output.get("evalue"), *lines]
         case "display_data" | "execute_result" if isinstance(data, dict):
+            if not isinstance(output.get("metadata"), dict):
+                return False
             texts = [text for kind, text in data.items() if "json" not in kind]
-            return isinstance(output.get("metadata"), dict) and all(map(is_text, texts))
+            parts = [each for t in texts for each in (t if isinstance(t, list) else [t])]
         case _:
             return False
     return all(isinstance(part, str) for part in parts)
-
-
-def is_text(value: Any) -> bool:
-    """Tell whether a value is a text, or lines of one."""
-    lines = value if isinstance(value, list) else [value]
-    return all(isinstance(line, str) for line in lines)
 
 
 def grade(root: Path, student: str, set_name: str) -> dict[str, Any]:

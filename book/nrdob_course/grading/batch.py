@@ -16,7 +16,7 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, field
 from pathlib import Path
 from queue import SimpleQueue
-from threading import Timer
+from threading import Event, Timer
 
 import nrdob
 import nrdob_course
@@ -52,23 +52,22 @@ class Worker(Child):
         environment["PYTHONPATH"] = os.pathsep.join(filter(None, found))
         # Ctrl-C is for the batch, which then ends this one.
         super().__init__(WORKER, cwd=tempfile.gettempdir(), env=environment, start_new_session=True)
-        self.late = False
 
     def run(self, order: dict[str, str], limit: float) -> int | None:
         """Grade one, and give the exit code; None if it took too long."""
-        self.late = False
-        timer = Timer(limit, self.stop)
+        late = Event()
+
+        def stop() -> None:
+            late.set()
+            end(self.process.pid, itself=False)
+
+        timer = Timer(limit, stop)
         timer.start()
         try:
             code = self.ask(order)
         finally:
             timer.cancel()
-        return None if self.late else int(code)
-
-    def stop(self) -> None:
-        """End what it is grading."""
-        self.late = True
-        end(self.process.pid, itself=False)
+        return None if late.is_set() else int(code)
 
 
 class Batch:
@@ -165,8 +164,6 @@ ERROR = re.compile(r"[\w.]*(Error|Exception|Exit|Interrupt)\b.*")
 def last_line(text: str) -> str:
     r"""Give the last line that names an error, else the last one that says something.
 
-    Examples
-    --------
     >>> last_line("Traceback:\n  sqlite3.OperationalError: disk full\n[ERROR] See above.")
     'sqlite3.OperationalError: disk full'
     """

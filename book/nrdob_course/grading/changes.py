@@ -37,13 +37,7 @@ def log(root: Path, how: str, who: str, why: str, rows: Iterable[tuple[Key, str,
 
 
 def overridden(root: Path) -> dict[Key, float]:
-    """Give the points of the overrides that stand.
-
-    Raises
-    ------
-    ValueError
-        If the log cannot be read; with the file and the line.
-    """
+    """Give the points of the overrides that stand."""
     path = root / FILE
     found: dict[Key, float] = {}
     for line, row in read_table(path) if path.exists() else ():
@@ -72,37 +66,23 @@ def apply(gradebook: Gradebook, records: Records, given: Mapping[Key, float | No
 
 
 def found_grade(gradebook: Gradebook, records: Records, key: Key) -> tuple[Record, Any]:
-    """Find what is to be changed.
-
-    Raises
-    ------
-    ValueError
-        If there is no such student, set or problem; with those that there are.
-    """
+    """Find what is to be changed; a ValueError tells what there is instead."""
     student, name, problem = key
-    mine = [e for e in records.entries if e["student"] == student and not e["reason"]]
-    entry = next((e for e in mine if e["set"] == name), None)
-    if entry is None:
-        there = sorted({e["student"] for e in records.entries if e["set"] == name})
-        raise ValueError(f"nothing of {student} is graded in {name}; there are: {', '.join(there)}")
-    grades = grades_of(gradebook, entry)
-    for grade in grades:
-        if problem_of(grade.name) == problem:
-            return entry, grade
-    there = [problem_of(grade.name) for grade in grades]
-    raise ValueError(f"{name} has no problem {problem!r}; it has {', '.join(there)}")
+    entries = {e["student"]: e for e in records.entries if e["set"] == name}
+    entry = entries.get(student)
+    if entry is None or entry["reason"]:
+        there = ", ".join(sorted(entries))
+        raise ValueError(f"nothing of {student} is graded in {name}; there are: {there}")
+    grades = {problem_of(grade.name): grade for grade in grades_of(gradebook, entry)}
+    if problem not in grades:
+        raise ValueError(f"{name} has no problem {problem!r}; it has {', '.join(grades)}")
+    return entry, grades[problem]
 
 
 def override(
     gradebook: Gradebook, root: Path, records: Records, key: Key, points: str, who: str, why: str
 ) -> Record:
-    """Give points by hand, or withdraw what was given so; the entry that has changed.
-
-    Raises
-    ------
-    ValueError
-        If the points are none, or too many, or there is nothing that they could be for.
-    """
+    """Give points by hand, or withdraw what was given so; the entry that has changed."""
     entry, grade = found_grade(gradebook, records, key)
     wrong = wrong_points(points, grade.max_score) if points else "no points are given"
     if wrong and points != AUTO:

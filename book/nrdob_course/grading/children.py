@@ -14,15 +14,7 @@ __all__ = ["Child", "end", "serve"]
 
 
 class Child:
-    """Such a process, as the one sees it that has started it.
-
-    Parameters
-    ----------
-    module : str
-        What Python runs there; it calls `serve`.
-    **how
-        As of `subprocess.Popen`.
-    """
+    """Such a process, as the one sees it that has started it: Python runs a module that serves."""
 
     def __init__(self, module: str, **how: Any) -> None:
         self.module = module
@@ -36,13 +28,7 @@ class Child:
         )
 
     def ask(self, order: Mapping[str, Any]) -> Any:
-        """Give an order, and take the answer.
-
-        Raises
-        ------
-        OSError
-            If the process has ended.
-        """
+        """Give an order, and take the answer; OSError if the process has ended."""
         assert self.process.stdin and self.process.stdout
         self.process.stdin.write(json.dumps(order) + "\n")
         self.process.stdin.flush()

@@ -20,36 +20,22 @@ import csv
 import shutil
 import sys
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import nbformat
 from sqlalchemy.exc import DatabaseError
 
-from . import changes, sandbox, similar
+from . import changes, marks, sandbox, similar
 from .arguments import COURSE, GRADING, parse
 from .autograde import course, write_feedback
 from .batch import Batch, Outcome
 from .marking import write_marking
-from .marks import (
-    Records,
-    enter,
-    grades_of,
-    lines,
-    number,
-    pack_feedback,
-    problem_of,
-    tell_late,
-    unmarked,
-    write_course,
-    write_grades,
-    write_platforms,
-    write_table,
-)
+from .marks import Records, grades_of, number, problem_of, unmarked
 from .platforms import packed, unpacked
 from .release import MARKERS, SOURCE, CourseError, found_course, generate, release, sets_in, solved
-from .roster import Course, read_course
+from .roster import UNPLANNED, Course, read_course
 from .submissions import NOTHING, Submission, find, repair
 from .tally import write_tally
 from .written import Key, Typed, read_written, write_written
@@ -70,7 +56,6 @@ def grade(
     folder: Path,
     wanted: Sequence[str] = (),
     target: Path = GRADING,
-    source: Path = SOURCE,
     jobs: int = 2,
     limit: float = 1200,
     plan: Course | None = None,
@@ -79,7 +64,7 @@ def grade(
     """Grade what students handed in; the result is how many could not be graded."""
     if not folder.exists():
         raise CourseError(f"there is no folder {folder}")
-    plan = plan or Course()
+    plan = plan or UNPLANNED
     if sandbox.missing():
         print(f"{sandbox.missing()}. {NO_SANDBOX}")
     if sandbox.stays_root():
@@ -89,13 +74,13 @@ def grade(
         if packed(folder):
             faults = list(unpacked(folder, Path(place)))
             folder = Path(place)
-        submissions = find(folder, sets_in(source), wanted, plan)
+        submissions = find(folder, sets_in(SOURCE), wanted, plan)
         if not submissions:
             raise CourseError(f"there are no submissions in {folder}")
         found_course(target)
         records = Records(target / "submissions.json")
         faults += take_marks(target, records).faults.values()
-        given_out = released(target, source, {s.set for s in submissions if not s.reason})
+        given_out = released(target, {s.set for s in submissions if not s.reason})
         for fault in faults:
             print(fault, flush=True)
         ready = []
@@ -118,15 +103,15 @@ def grade(
         run(ready, target, records, jobs, limit)
         records.remark_shared_groups(plan)
     finally:  # after an interrupt, too
-        write_tables(target, records, plan, source)
-    compare(target, records, given_out, sets_in(source))
+        write_tables(target, records, plan)
+    compare(target, records, given_out, sets_in(SOURCE))
     return summary(target, submissions, records, faults)
 
 
-def released(target: Path, source: Path, names: set[str]) -> dict[str, Notebook]:
+def released(target: Path, names: set[str]) -> dict[str, Notebook]:
     """Give the students' copy of each of some sets, made anew."""
     return {
-        name: nbformat.read(generate(target, source, name) / f"{name}.ipynb", as_version=4)
+        name: nbformat.read(generate(target, SOURCE, name) / f"{name}.ipynb", as_version=4)
         for name in sorted(names)
     }
 
@@ -170,7 +155,7 @@ def run(
         entry = records.add(outcome.submission, outcome.reason, outcome.seconds)
         if not outcome.reason:
             with course(target).gradebook as gradebook:
-                enter(gradebook, entry["folder"], outcome)
+                marks.enter(gradebook, entry["folder"], outcome)
         print(f"[{count:>{len(str(len(ready)))}}/{len(ready)}] {told(outcome)}", flush=True)
 
 
@@ -186,8 +171,8 @@ def compare(
     rows: list[dict[str, Any]] = []
     if path.exists():
         with path.open(newline="", encoding="utf-8", errors="replace") as file:
-            found_before = [{c: row.get(c) for c in columns} for row in csv.DictReader(file)]
-        rows = [row for row in found_before if row["set"] not in given_out]
+            before = [{c: row.get(c) for c in columns} for row in csv.DictReader(file)]
+        rows = [row for row in before if row["set"] not in given_out]
     for name, skeleton in given_out.items():
         notebooks = {
             entry["student"]: nbformat.read(
@@ -203,7 +188,7 @@ def compare(
             print(f"{name}: {len(copies)} students have answers like the published ones: {path}")
         if found:
             print(f"{name}: {len(found)} pairs of students have answers that are alike: {path}")
-    write_table(path, columns, rows)
+    marks.write_table(path, columns, rows)
 
 
 def described(submission: Submission) -> str:
@@ -237,25 +222,19 @@ def take_marks(target: Path, records: Records, tables: Sequence[Path] = ()) -> T
     return typed
 
 
-def write_tables(
-    target: Path,
-    records: Records,
-    plan: Course,
-    source: Path = SOURCE,
-    tables: Sequence[Path] = (),
-) -> None:
+def write_tables(target: Path, records: Records, plan: Course, tables: Sequence[Path] = ()) -> None:
     """Write what the teacher reads, and what the platform imports."""
     records.save()
     typed = take_marks(target, records, tables)  # also what was typed in the meantime
     with course(target).gradebook as gradebook:
-        found = lines(gradebook, records, plan)
-        write_grades(target / "grades.csv", found)
-        write_course(target / "course.csv", found, plan)
+        found = marks.lines(gradebook, records, plan)
+        marks.write_grades(target / "grades.csv", found)
+        marks.write_course(target / "course.csv", found, plan)
         write_written(target / "written.csv", gradebook, records, typed)
-        write_marking(target / "marking.html", gradebook, records, sets_in(source), ADVICE)
-        tell_late(target, found, plan)
-        write_platforms(target, found, plan)
-        pack_feedback(target, found)
+        write_marking(target / "marking.html", gradebook, records, sets_in(SOURCE), ADVICE)
+        marks.tell_late(target, found, plan)
+        marks.write_platforms(target, found, plan)
+        marks.pack_feedback(target, found)
         write_tally(target / "class.html", target, found)
 
 
@@ -295,7 +274,7 @@ def report(target: Path = GRADING, plan: Course | None = None, tables: Sequence[
     for fault in faults:
         print(fault, flush=True)
     give_feedback(target, [entry for entry in records.entries if not entry["reason"]])
-    write_tables(target, records, plan or Course(), tables=tables)
+    write_tables(target, records, plan or UNPLANNED, tables)
     for fault in faults:
         print(f"  {fault}")
     print(f"Points: {target / 'grades.csv'}")
@@ -328,7 +307,7 @@ def override(
     with course(target).gradebook as gradebook:
         entry = changes.override(gradebook, target, records, key, points, who, why)
     give_feedback(target, [entry])
-    write_tables(target, records, plan or Course())
+    write_tables(target, records, plan or UNPLANNED)
     print(f"{' '.join(key)}: {points}. The log: {target / changes.FILE}")
     return 0
 
@@ -339,7 +318,6 @@ def regrade(
     problems: Sequence[str],
     who: str,
     why: str,
-    source: Path = SOURCE,
     jobs: int = 2,
     limit: float = 1200,
     plan: Course | None = None,
@@ -361,7 +339,7 @@ def regrade(
         raise CourseError(f"nothing of {', '.join(sorted(unknown))} is graded there")
     if not chosen:
         raise CourseError(f"nothing is graded of {', '.join(problems)}")
-    released(target, source, {entry["set"] for entry in chosen})
+    released(target, {entry["set"] for entry in chosen})
     entries = {(entry["folder"], entry["set"]): entry for entry in chosen}
     ready = [(entry["folder"], Submission(entry["student"], entry["set"])) for entry in chosen]
     failed = 0
@@ -379,7 +357,7 @@ def regrade(
         }
         with course(target).gradebook as gradebook:
             before = {grade.name: grade.auto_score for grade in grades_of(gradebook, entry)}
-            enter(gradebook, entry["folder"], outcome)
+            marks.enter(gradebook, entry["folder"], outcome)
         changed = [
             ((entry["student"], entry["set"], problem_of(cell)), number(before[cell]), number(new))
             for cell, new in outcome.grades.items()
@@ -389,7 +367,7 @@ def regrade(
         for key, old, new in changed:
             print(f"{' '.join(key)}: {old} → {new}", flush=True)
     give_feedback(target, chosen)
-    write_tables(target, records, plan or Course(), source)
+    write_tables(target, records, plan or UNPLANNED)
     print(f"The log: {target / changes.FILE}")
     return failed
 
@@ -410,7 +388,7 @@ def checked(names: Sequence[str]) -> list[str]:
 def planned(path: Path | None) -> Course:
     """Read the settings of the course; without a file there are none."""
     if path is None and not COURSE.exists():
-        return Course()
+        return UNPLANNED
     try:
         found = read_course(path or COURSE)
     except OSError as error:
@@ -426,43 +404,28 @@ ROOT_STOPS = (
 )
 
 
+COMMANDS: dict[str, Callable[..., int]] = {
+    "grade": grade, "report": report, "regrade": regrade, "override": override,
+}  # fmt: skip
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line; 0 if all is well, 1 if some could not be graded, 2 if nothing was."""
-    options = parse(arguments)
+    given = vars(parse(arguments))
+    command, as_root = given.pop("command"), given.pop("as_root", True)
     try:
-        if options.command == "release":
-            release(checked(options.sets) or list(sets_in(SOURCE)), SOURCE, options.output)
+        if command == "release":
+            release(checked(given["sets"]) or list(sets_in(SOURCE)), SOURCE, given["output"])
             return 0
-        if getattr(options, "as_root", True) is False and sandbox.is_root():
+        if not as_root and sandbox.is_root():
             raise CourseError(ROOT_STOPS)
-        plan = planned(options.course)
-        if options.command == "override":
-            name = f"set{options.problem.partition('.')[0]}"
-            key = (options.student, name, options.problem)
-            left = override(options.output, key, options.points, options.who, options.why, plan)
-        elif options.command == "regrade":
-            left = regrade(
-                options.output,
-                options.student,
-                options.problem,
-                options.who,
-                options.why,
-                jobs=options.jobs,
-                limit=options.limit,
-                plan=plan,
-            )
-        elif options.command == "grade":
-            left = grade(
-                options.folder,
-                checked(options.set),
-                options.output,
-                jobs=options.jobs,
-                limit=options.limit,
-                plan=plan,
-                trust=options.trust,
-            )
-        else:
-            left = report(options.output, plan, options.tables)
+        given["plan"] = planned(given.pop("course"))
+        if command == "grade":
+            given["wanted"] = checked(given["wanted"])
+        if command == "override":
+            student, problem = given.pop("student"), given.pop("problem")
+            given["key"] = (student, f"set{problem.partition('.')[0]}", problem)
+        left = COMMANDS[command](**given)
     except (CourseError, ValueError) as error:
         print(error, file=sys.stderr)
         return 2

@@ -30,18 +30,10 @@ MIME = "application/vnd.nrdob.answer+json"
 HANDOUT = "handout.json"
 """The file in which a kernel finds what was handed out to it."""
 
-LONGEST = 2_000_000
-"""Letters of an answer; a longer one is not taken."""
-
-
-MOST = 50
-"""Coefficients, states, numbers in a row; an answer with more is not taken."""
-
-LONGEST_TEXT = 1000
-
-PARTS = 2000
-"""Numbers and texts of an answer, all together."""
-
+LONGEST, LONGEST_TEXT = 2_000_000, 1000
+"""Letters of an answer, of which a longer one is not taken, and of a text in it."""
+MOST, PARTS = 50, 2000
+"""Coefficients, states, numbers in a row; numbers and texts of an answer, all together."""
 
 UNORDERED = (str, bytes, set, frozenset, ct.InputOutputSystem)
 
@@ -59,8 +51,6 @@ class Foreign:
 def encode(value: Any) -> Any:
     """Write a value in lists, texts and numbers, each under the name of its kind.
 
-    Examples
-    --------
     >>> encode((1, 2j))
     {'tuple': [1, {'complex': [0.0, 2.0]}]}
     >>> decode(encode(LowPassFilter(0.5, 2)))
@@ -82,7 +72,8 @@ def encode(value: Any) -> Any:
     if isinstance(value, dict):
         return {"dict": [[encode(key), encode(each)] for key, each in value.items()]}
     if isinstance(value, NRDOB):
-        return {"loop": [encode(each) for each in _blocks(value)]}
+        blocks = (value.process, value.model, value.controller, value.filter)
+        return {"loop": [encode(each) for each in blocks]}
     if isinstance(value, LowPassFilter):
         return {"filter": [float(value.time_constant), int(value.order)]}
     if isinstance(value, DelayedTransferFunction):
@@ -102,10 +93,6 @@ def encode(value: Any) -> Any:
         if poly is not None and len(poly.gens) == 1:
             return encode(np.poly1d([complex(each) for each in poly.all_coeffs()]))
     return _other(value)
-
-
-def _blocks(loop: NRDOB) -> tuple[Any, Any, Any, Any]:
-    return loop.process, loop.model, loop.controller, loop.filter
 
 
 def _other(value: Any) -> Any:
@@ -130,11 +117,8 @@ def _other(value: Any) -> Any:
 def decode(data: Any) -> Any:
     """Build a value from what `encode` has written.
 
-    Raises
-    ------
-    ValueError
-        If it was written by something else, or is larger than any answer: before anything is
-        computed with it.
+    What was written by something else, or is larger than any answer, is refused by a ValueError
+    before anything is computed with it.
     """
     if (count := _count(data)) > PARTS:
         raise ValueError(f"an answer of {count} parts; at most {PARTS} are read")
@@ -231,18 +215,16 @@ def _told(answer: Any, case: str) -> str:
     return text
 
 
+BLOCKS = (
+    ct.InputOutputSystem, DelayedTransferFunction, LowPassFilter, np.poly1d,
+    np.polynomial.Polynomial,
+)  # fmt: skip
+"""What can be called, at a complex s, and is an answer all the same."""
+
+
 def _value(answer: Any) -> Any:
-    return {"function": True} if callable(answer) and not _is_block(answer) else _returned(answer)
-
-
-def _is_block(answer: Any) -> bool:
-    """Tell whether something that can be called, at a complex s, is an answer all the same."""
-    kinds = (ct.InputOutputSystem, DelayedTransferFunction, LowPassFilter, np.poly1d)
-    return isinstance(answer, (*kinds, np.polynomial.Polynomial))
-
-
-def _returned(value: Any) -> Any:
-    return {"value": encode(value)}
+    is_function = callable(answer) and not isinstance(answer, BLOCKS)
+    return {"function": True} if is_function else {"value": encode(answer)}
 
 
 def _called(answer: Any, case: Any) -> Any:
@@ -256,4 +238,4 @@ def _called(answer: Any, case: Any) -> Any:
         lines = [frame.line for frame in frames if frame.filename == file and frame.line]
         where = f". In the line: {lines[-1]}" if lines else ""
         return {"error": [type(error).__name__, f"{error!s:.500}{where:.300}"]}
-    return _returned(got)
+    return {"value": encode(got)}

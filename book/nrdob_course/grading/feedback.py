@@ -65,8 +65,6 @@ NOTE = re.compile(r"(<body>)(?:<!--note-->.*?<!--/note-->)?", re.DOTALL)
 def with_note(page: str, note: str) -> str:
     """Put a note on top of a page, in the place of an earlier one; none if it is empty.
 
-    Examples
-    --------
     >>> with_note("<body>text</body>", "late")
     '<body><!--note--><p><strong>late</strong></p><!--/note-->text</body>'
     >>> with_note(with_note("<body>text</body>", "late"), "")
@@ -111,8 +109,7 @@ def _convert(text: Any) -> None:
     for match in FORMULA.finditer(str(text)):
         pieces += [str(text)[end : match.start()], mathml(match)]
         end = match.end()
-    pieces.append(str(text)[end:])
-    text.replace_with(*pieces)
+    text.replace_with(*pieces, str(text)[end:])
 
 
 def mathml(match: re.Match[str]) -> Any:

@@ -20,11 +20,7 @@ from .encoding import packed
 
 __all__ = ["cut", "handout", "own_cases"]
 
-TOOLS = {
-    ("cases", "factored"),
-    ("figures", "draw_without_count"),
-    ("set5_edges", "draw_edge"),
-}
+TOOLS = {("cases", "factored"), ("figures", "draw_without_count"), ("set5_edges", "draw_edge")}
 """What the notebooks import besides, by module and name."""
 
 
@@ -70,8 +66,6 @@ class _Classes(pickle.Unpickler):
 def cut(wanted: frozenset[tuple[str, str]]) -> dict[str, str]:
     """Cut definitions out of the graders, with all that they need; the sources by module.
 
-    Examples
-    --------
     >>> list(cut(frozenset({("set1", "SettledCase")})))
     ['set1']
     >>> "settled_table" in cut(frozenset({("set1", "SettledCase")}))["set1"]
@@ -85,18 +79,17 @@ def cut(wanted: frozenset[tuple[str, str]]) -> dict[str, str]:
             continue
         needed.add((module, name))
         for node in _defined(module)[name]:
-            if isinstance(node, ast.ImportFrom) and _beside(node.module or "", node.level):
-                waiting.append((node.module or "", name))
-            elif not isinstance(node, ast.Import | ast.ImportFrom):
-                waiting += [(module, used) for used in _names(node)]
+            match node:
+                case ast.ImportFrom(module=str(beside), level=1) if "." not in beside:
+                    waiting.append((beside, name))
+                case ast.Import() | ast.ImportFrom():
+                    continue
+                case _:
+                    waiting += [(module, used) for used in _names(node)]
     return {
         module: _source(module, {name for where, name in needed if where == module})
         for module in sorted({module for module, _ in needed})
     }
-
-
-def _beside(module: str, level: int) -> bool:
-    return level == 1 and "." not in module
 
 
 def _source(module: str, names: set[str]) -> str:

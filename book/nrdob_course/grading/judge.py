@@ -45,8 +45,6 @@ class HiddenTest:
 def hidden_test(source: str) -> HiddenTest | None:
     """Find the call of `score` in the source of a test cell; None if it is another kind of test.
 
-    Examples
-    --------
     >>> hidden_test('score("2.1", turns, GROUP, points=3, seed=1)').answer
     'turns'
     >>> hidden_test("assert x == 1") is None
@@ -87,14 +85,8 @@ def judge(test: HiddenTest, ask: Ask) -> tuple[Points, Any]:
 def judge_apart(test: HiddenTest, ask: Ask, seconds: float) -> tuple[Points, Any]:
     """Judge in a process of its own, which may take so long and not more memory than it needs.
 
-    Where no process can be copied, on Windows, it is done in this one, without these limits.
-
-    Raises
-    ------
-    TimeoutError
-        If it took longer.
-    MemoryError
-        If the process ended without a verdict.
+    Where no process can be copied, on Windows, it is done in this one, without these limits. Else
+    TimeoutError says that it took longer, MemoryError that the process ended without a verdict.
     """
     if not hasattr(os, "fork"):
         return judge(test, ask)

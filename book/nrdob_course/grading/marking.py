@@ -39,7 +39,7 @@ def write_marking(
 ) -> None:
     """Write the page; `sets` are the sets with their solutions, `advice` a file with rubrics."""
     answers: dict[tuple[str, str, str], list[tuple[Record, Any]]] = {}
-    for entry in records.entries:
+    for entry in sorted(records.entries, key=lambda entry: str(entry.get("code"))):
         for grade in filter(to_be_marked, grades_of(gradebook, entry)):
             place = (entry["set"], problem_of(grade.name), grade.name)
             answers.setdefault(place, []).append((entry, grade))
@@ -50,12 +50,15 @@ def write_marking(
     problems = [
         {"problem": problem}
         | _problem(sets[name], cell, rubrics.get(problem, {}))
-        | {"answers": [_answer(path, *each, gradebook) for each in sorted(found, key=_by_code)]}
+        | {"answers": [_answer(path, *each, gradebook) for each in found]}
         for (name, problem, cell), found in sorted(
             answers.items(), key=lambda item: in_order(item[0][1])
         )
     ]
-    style, script = (_source(f"marking.{kind}") for kind in ("css", "js"))
+    style, script = (
+        Markup(files(__package__).joinpath("pages", f"marking.{kind}").read_text("utf-8"))
+        for kind in ("css", "js")
+    )
     page = PAGES.get_template("marking.html").render(
         problems=problems,
         style=style,
@@ -64,14 +67,6 @@ def write_marking(
         key=hashlib.sha256(str(path.resolve()).encode()).hexdigest()[:8],
     )
     path.write_text(page + "\n", "utf-8")
-
-
-def _source(name: str) -> Markup:
-    return Markup(files(__package__).joinpath("pages", name).read_text("utf-8"))
-
-
-def _by_code(pair: tuple[Record, Any]) -> str:
-    return str(pair[0]["code"])
 
 
 def _problem(source: Any, name: str, advice: Mapping[str, Any]) -> dict[str, Any]:

@@ -79,11 +79,8 @@ class Records:
                 return str(entry["folder"])
         taken = {entry["folder"].lower() for entry in self.entries}
         base = re.sub(r"[^\w.@-]+", "_", student).strip("._") or "student"
-        name, count = base, 1
-        while name.lower() in taken:
-            count += 1
-            name = f"{base}-{count}"
-        return name
+        names = (base, *(f"{base}-{count}" for count in range(2, len(taken) + 2)))
+        return next(name for name in names if name.lower() not in taken)
 
     def code_of(self, student: str) -> str:
         """Give what stands for a student's name where answers are marked blindly."""
@@ -219,8 +216,7 @@ def lines(gradebook: Gradebook, records: Records, course: Course) -> list[Line]:
     """Give a line for each student and set."""
     found = []
     for entry in records.entries:
-        when = entry.get("handed in")
-        moment = datetime.fromisoformat(when) if when else None
+        moment = datetime.fromisoformat(when) if (when := entry.get("handed in")) else None
         days = course.days_late(entry["set"], entry["student"], moment)
         grades = grades_of(gradebook, entry)
         found.append(Line(entry, grades, days if grades else 0, course.share(days)))
@@ -319,20 +315,11 @@ def in_order_of_sets(name: str) -> tuple[int, str]:
     return (int(match[0]) if match else 10**6, name)
 
 
-MOODLE = (
-    "Identifier",
-    "Full name",
-    "Grade",
-    "Maximum Grade",
-    "Last modified (grade)",
-    "Feedback comments",
-)
 CANVAS = ("Student", "ID", "SIS User ID", "SIS Login ID", "Section")
 
 
-def write_platforms(folder: Path, found: list[Line], course: Course) -> list[Path]:
+def write_platforms(folder: Path, found: list[Line], course: Course) -> None:
     """Write what Moodle and Canvas import; points that are not final yet are left blank."""
-    files = []
     graded = [line for line in found if line.grades]
     sets = sorted({line.entry["set"] for line in graded}, key=in_order_of_sets)
     for name in sets:
@@ -349,8 +336,7 @@ def write_platforms(folder: Path, found: list[Line], course: Course) -> list[Pat
             if line.entry["set"] == name and line.entry.get("platform") == "moodle"
         ]
         if rows:
-            files.append(folder / f"moodle_{name}.csv")
-            write_table(files[-1], list(MOODLE), rows)
+            write_table(folder / f"moodle_{name}.csv", list(rows[0]), rows)
     students = by_student(graded, course)
     canvas = [
         _canvas_row(student, mine, course)
@@ -359,10 +345,8 @@ def write_platforms(folder: Path, found: list[Line], course: Course) -> list[Pat
     ]
     if canvas:
         most = {line.entry["set"]: number(line.most) for line in graded}
-        files.append(folder / "canvas.csv")
         possible = {"Student": "    Points Possible", **most}
-        write_table(files[-1], [*CANVAS, *sets], [possible, *canvas])
-    return files
+        write_table(folder / "canvas.csv", [*CANVAS, *sets], [possible, *canvas])
 
 
 def pack_feedback(folder: Path, found: Iterable[Line]) -> None:
@@ -406,8 +390,6 @@ def write_table(path: Path, columns: list[str], rows: Iterable[Mapping[str, Any]
 def harmless(value: Any) -> Any:
     """Write a text so that no spreadsheet computes it.
 
-    Examples
-    --------
     >>> harmless("=HYPERLINK(1)"), harmless("-2.5"), harmless("anna")
     ("'=HYPERLINK(1)", '-2.5', 'anna')
     """

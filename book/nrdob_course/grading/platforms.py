@@ -34,23 +34,11 @@ ONE_FILE = 200_000_000
 
 @dataclass(frozen=True)
 class Owner:
-    """Whose a file is, as the platform says it in its name.
+    """Whose a file is, as the platform, "moodle" or "canvas", says it in its name.
 
-    Attributes
-    ----------
-    student : str
-        The name, or what stands for it.
-    platform, identifier : str
-        "moodle" or "canvas", and its number for the student; empty if it is neither.
-    late : bool
-        Whether Canvas calls it late.
-    turn : tuple of int
-        Grows with each time that the same file is handed in.
-    text : bool
-        Whether it is a text that was typed into the platform.
-    back : str
-        The name under which the platform takes feedback: the folder of Moodle's, or the beginning
-        of a file's name of Canvas'.
+    `late` is what Canvas says; `turn` grows with each time that the same file is handed in; `text`
+    was typed into the platform; `back` is the name under which it takes feedback: the folder of
+    Moodle's, or the beginning of a file's name of Canvas'.
     """
 
     student: str
@@ -65,8 +53,6 @@ class Owner:
 def owner_of(name: str) -> tuple[Owner, str] | None:
     """Read the name of a file or folder; None if no platform gave it. The second is what it was.
 
-    Examples
-    --------
     >>> owner_of("Anna Müller_12345_assignsubmission_file_")[0].student
     'Anna Müller'
     >>> owner, file = owner_of("muelleranna_LATE_12345_67890_set1-2.ipynb")
@@ -81,9 +67,8 @@ def owner_of(name: str) -> tuple[Owner, str] | None:
             student = f"{student} {match['identifier']}"
         text = match["kind"] == "onlinetext"
         back = name.removesuffix(match["file"] or "").rstrip("_") + "_"
-        return Owner(student, "moodle", match["identifier"], text=text, back=back), (
-            match["file"] or ""
-        )
+        owner = Owner(student, "moodle", match["identifier"], text=text, back=back)
+        return owner, match["file"] or ""
     if match := CANVAS.match(name):
         again = AGAIN.search(match["file"])
         turn = (int(match["number"]), int(again[1]) if again else 0)
@@ -132,8 +117,6 @@ def unpacked(given: Path, place: Path) -> Iterator[str]:
 
 
 STUDENTS = re.compile(r"._set[\s_-]*\d", re.IGNORECASE)
-
-
 PACKED = "{} was not unpacked: "
 BROKEN = (ValueError, OSError, EOFError, zipfile.BadZipFile, zlib.error, RuntimeError)
 """What a broken archive leads to; NotImplementedError is a RuntimeError."""

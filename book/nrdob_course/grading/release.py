@@ -73,7 +73,9 @@ def release(names: Sequence[str], source: Path, target: Path, solutions: bool = 
             if given_out.exists():
                 shutil.rmtree(given_out)
             shutil.copytree(generate(Path(folder), source, name), given_out)
-            archive(given_out)
+            files = (path for path in given_out.rglob("*") if path.is_file())
+            members = {path.relative_to(given_out.parent).as_posix(): path for path in files}
+            pack(given_out.with_suffix(".zip"), members)
             print(f"{name}: {given_out}.zip")
     if solutions:
         for name in names:
@@ -81,13 +83,6 @@ def release(names: Sequence[str], source: Path, target: Path, solutions: bool = 
             solution.parent.mkdir(parents=True, exist_ok=True)
             solution.write_text(solved(source / name / f"{name}.ipynb"), "utf-8")
             print(f"{name}: {solution}")
-
-
-def archive(folder: Path) -> None:
-    """Pack a folder."""
-    files = (path for path in folder.rglob("*") if path.is_file())
-    names = {path.relative_to(folder.parent).as_posix(): path for path in files}
-    pack(folder.with_suffix(".zip"), names)
 
 
 def solved(path: Path) -> str:

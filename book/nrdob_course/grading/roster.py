@@ -30,7 +30,7 @@ from math import ceil
 from pathlib import Path
 from typing import Any
 
-__all__ = ["Course", "Student", "read_course", "read_table"]
+__all__ = ["UNPLANNED", "Course", "Student", "read_course", "read_table"]
 
 
 @dataclass(frozen=True)
@@ -94,8 +94,6 @@ class Course:
     def rule(self) -> str:
         """Say what being late costs.
 
-        Examples
-        --------
         >>> Course(grace=15, per_day=10).rule
         'each day begun costs 10 % of the points; 15 minutes are free'
         """
@@ -109,14 +107,14 @@ class Course:
     def share(self, days: int) -> float:
         """Give the share of the points that stay, after so many days.
 
-        Examples
-        --------
         >>> rule = Course(per_day=10, most_days=5)
         >>> rule.share(0), rule.share(2), rule.share(6)
         (1.0, 0.8, 0.0)
         """
         return 0.0 if days > self.most_days else max(0.0, 1 - self.per_day * days / 100)
 
+
+UNPLANNED = Course()
 
 MOST = 1_000_000
 """Largest number in the rules of a course."""
@@ -125,8 +123,6 @@ MOST = 1_000_000
 def spellings(name: str) -> set[str]:
     """Give the forms in which platforms write a name: letters only, either part first.
 
-    Examples
-    --------
     >>> "muelleranna" in spellings("Anna Müller") and "annamuller" in spellings("Müller, Anna")
     True
     """
@@ -135,23 +131,14 @@ def spellings(name: str) -> set[str]:
     found = set()
     for text in (low, low.translate(german)):
         plain = unicodedata.normalize("NFD", text)
-        words = re.findall(r"\w+", "".join(c for c in plain if not unicodedata.combining(c)))
-        for turn in range(len(words)):
-            found.add("".join(words[turn:] + words[:turn]))
-        letters = re.findall(r"\w+", text)
-        for turn in range(len(letters)):
-            found.add("".join(letters[turn:] + letters[:turn]))
+        for form in (text, "".join(c for c in plain if not unicodedata.combining(c))):
+            words = re.findall(r"\w+", form)
+            found |= {"".join(words[turn:] + words[:turn]) for turn in range(len(words))}
     return found
 
 
 def read_course(path: Path) -> Course:
-    """Read the settings of a course.
-
-    Raises
-    ------
-    ValueError
-        If something in the file, or in the roster that it names, is not as it must be.
-    """
+    """Read the settings of a course; a ValueError says what in it, or its roster, is wrong."""
     try:
         settings = tomllib.loads(path.read_text("utf-8-sig"))
     except (ValueError, RecursionError) as error:  # no TOML, no UTF-8, or brackets too deep
@@ -208,11 +195,8 @@ COLUMNS = {
 def read_roster(path: Path) -> tuple[Student, ...]:
     """Read a roster: a table with the columns id, name and group, or a gradebook of Canvas.
 
-    Raises
-    ------
-    ValueError
-        If there is no such file, no column for names, a group that is no whole number, or two
-        students who cannot be told apart.
+    A ValueError tells of a missing file or column, a group that is no whole number, and students
+    who cannot be told apart.
     """
     try:
         there = path.is_file()
@@ -254,10 +238,7 @@ def read_roster(path: Path) -> tuple[Student, ...]:
 def read_table(path: Path) -> list[tuple[int, dict[Any, Any]]]:
     """Read a CSV file of whatever country: each row with the number of the line where it ends.
 
-    Raises
-    ------
-    ValueError
-        If it is no text in UTF-8 or UTF-16, or no table; with the file and the line.
+    A ValueError names the file and the line where it is no table, or no text in UTF-8 or UTF-16.
     """
     data = path.read_bytes()
     encoding = "utf-16" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import ast
 import re
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import combinations
@@ -42,35 +42,34 @@ class Pair:
 
 def pairs(notebooks: Mapping[str, Any], given_out: Any) -> list[Pair]:
     """Compare the cells of one set, by student; those with the most in common come first."""
-    skeleton = {cell.id: _runs(cell) for cell in given_out.cells}
-    found: dict[tuple[str, str], list[tuple[str, float]]] = {}
-    for name, answers in _own(notebooks, skeleton).items():
+    found = Found(list)
+    for name, answers in _own(notebooks, given_out).items():
         for first, second, share in _alike(answers):
-            found.setdefault((first, second), []).append((name, round(share, 2)))
+            found[first, second].append((name, round(share, 2)))
     return _listed(found)
 
 
 def copies(notebooks: Mapping[str, Any], given_out: Any, solution: Any) -> list[Pair]:
     """List who has answers that are those of the published solution, whole and hardly more."""
-    skeleton = {cell.id: _runs(cell) for cell in given_out.cells}
-    published = _own({PUBLISHED: solution}, skeleton)
-    found: dict[tuple[str, str], list[tuple[str, float]]] = {}
-    for name, answers in _own(notebooks, skeleton).items():
+    published = _own({PUBLISHED: solution}, given_out)
+    found = Found(list)
+    for name, answers in _own(notebooks, given_out).items():
         wanted = published.get(name, {}).get(PUBLISHED, frozenset())
         for student, own in sorted(answers.items()):
             share = len(own & wanted) / max(len(own), len(wanted), 1)
             if len(wanted) >= FEWEST and share >= ALIKE:
-                found.setdefault((student, PUBLISHED), []).append((name, round(share, 2)))
+                found[student, PUBLISHED].append((name, round(share, 2)))
     return _listed(found)
 
 
 Runs = frozenset[tuple[str, ...]]
+Found = defaultdict[tuple[str, str], list[tuple[str, float]]]
+"""Cells and shares by the two who have written them."""
 
 
-def _own(
-    notebooks: Mapping[str, Any], skeleton: Mapping[str, set[tuple[str, ...]]]
-) -> dict[str, dict[str, Runs]]:
+def _own(notebooks: Mapping[str, Any], given_out: Any) -> dict[str, dict[str, Runs]]:
     """Give what each has written into the cells of a set, by cell and student."""
+    skeleton = {cell.id: _runs(cell) for cell in given_out.cells}
     cells: dict[str, dict[str, Runs]] = {}
     for student, notebook in notebooks.items():
         for cell in notebook.cells:
@@ -80,7 +79,7 @@ def _own(
     return cells
 
 
-def _listed(found: Mapping[tuple[str, str], list[tuple[str, float]]]) -> list[Pair]:
+def _listed(found: Found) -> list[Pair]:
     listed = [Pair(*both, tuple(sorted(shares))) for both, shares in found.items()]
     return sorted(listed, key=lambda pair: (-len(pair.cells), pair.first, pair.second))
 

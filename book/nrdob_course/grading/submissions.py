@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import ast
 import json
+import operator
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
@@ -25,7 +26,7 @@ from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_raw_
 
 from .platforms import Owner, owner_of
 from .remarks import suspicious
-from .roster import Course
+from .roster import UNPLANNED, Course
 
 __all__ = ["NOTHING", "PICTURES", "Submission", "find", "group_of", "read", "repair"]
 
@@ -35,11 +36,7 @@ Cell = Any
 LARGEST, LONGEST_CELL = 200e6, 100_000
 """Bytes of a file that is opened, and letters of a cell that is read."""
 
-NEW_CELL: dict[str, Any] = {
-    "code": new_code_cell,
-    "markdown": new_markdown_cell,
-    "raw": new_raw_cell,
-}
+NEW_CELL: dict[str, Any] = {"code": new_code_cell, "markdown": new_markdown_cell}
 SET_IN_NAME = re.compile(r"set[\s_-]*0*(\d+)", re.IGNORECASE)
 STUDENT_IN_NAME = re.compile(r"(?P<student>.*[^\s_-])[\s_-]+set[\s_-]*\d+", re.IGNORECASE)
 PICTURES = {".png", ".jpg", ".jpeg", ".gif", ".svg"}
@@ -85,9 +82,9 @@ class _Candidate:
     path: Path
     name: str
     shown: str
-    notebook: Notebook
     problem: str
-    set: str
+    notebook: Notebook = None
+    set: str = ""
 
     @property
     def student(self) -> str:
@@ -103,7 +100,7 @@ def find(
     folder: Path,
     sets: Mapping[str, Notebook],
     wanted: Iterable[str] = (),
-    course: Course | None = None,
+    course: Course = UNPLANNED,
 ) -> list[Submission]:
     """Find what each student handed in.
 
@@ -111,7 +108,6 @@ def find(
     nothing gets an entry with that reason, for each of the sets wanted, or for the only one that
     was handed in by others; so does everybody on the course's roster who is not there.
     """
-    course = course or Course()
     everything = [_candidate(*found, folder, sets) for found in _files(folder, course)]
     students = list(dict.fromkeys(found.student for found in everything))
     looked_for = sorted(set(wanted) or {found.set for found in everything if found.set})
@@ -216,22 +212,21 @@ def _candidate(
     shown = path.relative_to(folder).as_posix()
     if path.is_symlink():
         named = _named_set(path.name, sets)
-        return _Candidate(owner, path, name, shown, None, f"{shown}: {LINK}", named)
+        return _Candidate(owner, path, name, shown, f"{shown}: {LINK}", set=named)
     if owner.text:
         problem = "a text was typed into the platform, and no notebook handed in"
-        return _Candidate(owner, path, "", shown, None, problem, "")
+        return _Candidate(owner, path, "", shown, problem)
     if path.is_dir():
         files = ", ".join(sorted(file.name for file in path.iterdir())[:3])
         problem = "there is no notebook in the folder" + (f", but {files}" if files else "")
-        return _Candidate(owner, path, "", shown, None, problem, "")
+        return _Candidate(owner, path, "", shown, problem)
     if not _is_notebook(path, folder):
-        return _Candidate(owner, path, name, shown, None, "it is no notebook", "")
+        return _Candidate(owner, path, name, shown, "it is no notebook")
     notebook, problem = read(path)
     if owner.student == path.name:
         problem = problem or "the name of the file does not say whose it is"
     named = _named_set(name, sets) or _named_set(path.parent.name, sets)
-    found = set_of(notebook, sets) or named
-    return _Candidate(owner, path, name, shown, notebook, problem, found)
+    return _Candidate(owner, path, name, shown, problem, notebook, set_of(notebook, sets) or named)
 
 
 def _named_set(name: str, sets: Mapping[str, Notebook]) -> str:
@@ -317,20 +312,17 @@ def set_of(notebook: Notebook, sets: Mapping[str, Notebook]) -> str:
     """Tell from the cells which set a notebook belongs to; empty if it is not clear."""
     if notebook is None:
         return ""
-    names = {
-        name: {cell.metadata.nbgrader.grade_id for cell in source.cells if _graded(cell)}
+    there = {name for cell in notebook.cells for name in _names(cell)}
+    counts = {
+        name: sum(
+            bool(of.get("grade")) and of["grade_id"] in there
+            for of in (cell.metadata.get("nbgrader", {}) for cell in source.cells)
+        )
         for name, source in sets.items()
     }
-    there = {name for cell in notebook.cells for name in _names(cell)}
-    counts = Counter({name: len(ids & there) for name, ids in names.items()})
-    best = counts.most_common(2)
-    if not best or best[0][1] == 0 or (len(best) > 1 and best[1][1] == best[0][1]):
-        return ""
-    return best[0][0]
-
-
-def _graded(cell: Cell) -> bool:
-    return bool(cell.metadata.get("nbgrader", {}).get("grade"))
+    most = max(counts.values(), default=0)
+    best = [name for name, count in counts.items() if count == most > 0]
+    return best[0] if len(best) == 1 else ""
 
 
 def _names(cell: Cell) -> list[str]:
@@ -357,15 +349,17 @@ def repair(submission: Submission, released: Notebook, assigned: int | None = No
     group_cell = next(cell for cell in released.cells if cell.source.startswith("GROUP ="))
     for previous, cell in zip([None, *released.cells], released.cells, strict=False):
         if cell.id in missing and cell is not group_cell:
-            cells.insert(_place_after(previous, cells), deepcopy(cell))
+            before = (k for k, each in enumerate(cells, 1) if previous and each.id == previous.id)
+            cells.insert(next(before, 0), deepcopy(cell))
     missing = [name for name in missing if name != group_cell.id]
     if missing:
         remarks.append(f"put back: {_listed(missing)}")
-    changed = [
-        cell.id
-        for cell in cells
-        if cell.id in known and _locked(known[cell.id]) and cell.source != known[cell.id].source
-    ]
+    locked = {
+        cell.id: cell.source
+        for cell in released.cells
+        if cell.metadata.get("nbgrader", {}).get("locked")
+    }
+    changed = [cell.id for cell in cells if locked.get(cell.id, cell.source) != cell.source]
     if changed:
         remarks.append(f"restored: {_listed(changed)}")
 
@@ -396,8 +390,8 @@ def repair(submission: Submission, released: Notebook, assigned: int | None = No
     submission.remarks += remarks
 
 
-def _listed(names: list[str], most: int = 6) -> str:
-    return ", ".join(names) if len(names) <= most else f"{len(names)} cells"
+def _listed(names: list[str]) -> str:
+    return ", ".join(names) if len(names) <= 6 else f"{len(names)} cells"
 
 
 def _recognised(notebook: Notebook, known: Mapping[str, Cell]) -> tuple[list[Cell], list[str]]:
@@ -445,15 +439,6 @@ def _text(source: Any) -> str:
     return source if isinstance(source, str) else ""
 
 
-def _locked(cell: Cell) -> bool:
-    return bool(cell.metadata.get("nbgrader", {}).get("locked"))
-
-
-def _place_after(previous: Cell | None, cells: list[Cell]) -> int:
-    names = [cell.id for cell in cells]
-    return names.index(previous.id) + 1 if previous is not None and previous.id in names else 0
-
-
 def group_of(cells: Iterable[Cell]) -> tuple[int | None, str]:
     """Find the group's number; the second says what is wrong with it, empty if nothing is."""
     found: Any = None
@@ -465,14 +450,15 @@ def group_of(cells: Iterable[Cell]) -> tuple[int | None, str]:
         except (SyntaxError, ValueError, RecursionError, MemoryError):
             continue
         for statement in statements:
-            if isinstance(statement, ast.Assign):
-                targets: list[ast.expr] = statement.targets
-            elif isinstance(statement, ast.AnnAssign):
-                targets = [statement.target]
-            else:
-                continue
-            if any(isinstance(target, ast.Name) and target.id == "GROUP" for target in targets):
-                found = statement.value
+            match statement:
+                case ast.Assign(targets=targets, value=value):
+                    pass
+                case ast.AnnAssign(target=target, value=value):
+                    targets = [target]
+                case _:
+                    continue
+            if any(isinstance(each, ast.Name) and each.id == "GROUP" for each in targets):
+                found = value
     if found is None:
         return None, "GROUP is not set"
     group = _computed(found)
@@ -491,9 +477,9 @@ def _computed(expression: ast.expr) -> Any:
             return -value if type(value) is int else None
         case ast.BinOp(left=left, op=ast.Add() | ast.Sub() | ast.Mult() as sign, right=right):
             first, second = _computed(left), _computed(right)
-            if type(first) is not int or type(second) is not int:
-                return None
-            return {ast.Add: first + second, ast.Sub: first - second}.get(
-                type(sign), first * second
-            )
+            if type(first) is type(second) is int:
+                return SIGNS[type(sign)](first, second)
     return None
+
+
+SIGNS = {ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul}

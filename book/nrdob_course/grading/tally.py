@@ -25,11 +25,8 @@ __all__ = ["mistakes", "write_tally"]
 def mistakes(root: Path, found: Iterable[Line]) -> Counter[tuple[str, str]]:
     """Count the misconceptions that the feedback has named, by problem."""
     counts: Counter[tuple[str, str]] = Counter()
-    said = {
-        (id, kind.name): escape(kind.says)
-        for id, problem in PROBLEMS.items()
-        for kind in problem.misconceptions
-    }
+    known = [(id, kind) for id, problem in PROBLEMS.items() for kind in problem.misconceptions]
+    said = {(id, kind.name): escape(kind.says) for id, kind in known}
     for line in found:
         name = line.entry["set"]
         path = root / "autograded" / line.entry["folder"] / name / f"{name}.ipynb"
@@ -51,9 +48,8 @@ def write_tally(path: Path, root: Path, found: Sequence[Line]) -> None:
     graded = [line for line in found if line.grades]
     sets = sorted({line.entry["set"] for line in graded}, key=in_order_of_sets)
     counts = mistakes(root, graded)
-    parts = [
-        _set(name, [line for line in graded if line.entry["set"] == name], counts) for name in sets
-    ]
+    by_set = {name: [line for line in graded if line.entry["set"] == name] for name in sets}
+    parts = [_set(name, lines, counts) for name, lines in by_set.items()]
     page = PAGES.get_template("class.html").render(sets=parts, nowhere=NOWHERE)
     path.write_text(page + "\n", "utf-8")
 

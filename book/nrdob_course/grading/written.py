@@ -81,16 +81,23 @@ def read_written(
     except (OSError, ValueError) as error:
         told = f"{error}. Nothing was taken from it, and it stays as it is"
         return Typed({("", "", path.name): told}, readable=False)
-    entries = {key: value for entry in records.entries for key, value in _keys(entry)}
+    entries = {
+        (harmless(name), entry["set"]): entry
+        for entry in records.entries
+        for name in (entry["student"], entry.get("code"))
+        if name
+    }
     done: dict[Key, tuple[int, str]] = {}
     for line, row in rows:
         text, comment = _cell(row, "points"), _cell(row, "comment")
         if not (text or comment):
             continue
-        entry = entries.get((harmless(_cell(row, "student") or _cell(row, "code")), row["set"]))
-        student = entry["student"] if entry else _cell(row, "student") or _cell(row, "code")
+        who = _cell(row, "student") or _cell(row, "code")
+        entry = entries.get((harmless(who), row["set"]))
+        student = entry["student"] if entry else who
         key = student, _cell(row, "set"), _cell(row, "problem")
-        grade = _grade(entry, gradebook, key[2])
+        grades = filter(to_be_marked, grades_of(gradebook, entry) if entry else [])
+        grade = next((each for each in grades if problem_of(each.name) == key[2]), None)
         if entry is None or grade is None:
             name = " ".join(filter(None, key[1:])) or "?"
             problem = f"{student or 'nobody'} has no answer to {name} that is to be marked"
@@ -100,8 +107,8 @@ def read_written(
             problem = wrong_points(text, grade.max_score) or _overridden(text, overridden.get(key))
         done.setdefault(key, (line, text))
         if problem:
-            who = f"{student} {key[2]}: " if entry else ""
-            typed.faults[key] = f"{path.name}, line {line}: {who}{problem}. The line is kept"
+            whose = f"{student} {key[2]}: " if entry else ""
+            typed.faults[key] = f"{path.name}, line {line}: {whose}{problem}. The line is kept"
             typed.kept[key] = {name: _cell(row, name) for name in WRITTEN} | {"student": student}
             if done[key][0] != line:  # somebody has to decide
                 typed.kept[key] = {**typed.kept[key], "points": f"{done[key][1]} or {text}"}
@@ -118,17 +125,6 @@ def read_written(
 
 def _cell(row: Mapping[str, str | None], name: str) -> str:
     return (row.get(name) or "").strip()
-
-
-def _keys(entry: Record) -> Iterable[tuple[tuple[str, str], Record]]:
-    names = (entry["student"], entry.get("code", ""))
-    return (((harmless(name), entry["set"]), entry) for name in names if name)
-
-
-def _grade(entry: Record | None, gradebook: Gradebook, problem: str) -> Any:
-    grades = grades_of(gradebook, entry) if entry else []
-    found = (g for g in grades if problem_of(g.name) == problem and to_be_marked(g))
-    return next(found, None)
 
 
 def wrong_points(text: str, most: float) -> str:
