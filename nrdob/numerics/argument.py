@@ -1,10 +1,9 @@
 r"""The change in argument of :math:`\sum_i q_i(s)\,e^{-sT_i}` along the imaginary axis, certified.
 
 It says how many roots are in the right half plane (Mikhailov): for one sum, or for many at once.
-The stretches of the axis on which the argument is certain are those of `nrdob.numerics.stretches`.
 Where a single sum vanishes on the axis within rounding the path leaves the axis for a half circle
-on the right, so that what lies on the axis counts as lying in the left half plane; of
-many sums those that vanish are left open.
+on the right, so that what lies on the axis counts as lying in the left half plane; of many sums
+those that vanish are left open.
 """
 
 from __future__ import annotations
@@ -38,11 +37,8 @@ __all__ = [
     "zero_free_frequencies",
 ]
 
-MAX_SEGMENTS = 400_000
-"""Stretches of the axis at most where a dominant term is not enough."""
-
-MAX_STEPS = 40_000
-"""Stretches of one sum at most where a dominant term is enough."""
+MAX_SEGMENTS, MAX_STEPS = 400_000, 40_000
+"""Stretches of the axis at most, the latter where a dominant term is enough."""
 
 TOGETHER, LEAST_STEPS = 250, 4000
 """Sums that are followed at once, and stretches of each of them that there may be at least."""
@@ -63,9 +59,9 @@ class Term(NamedTuple):
     Attributes
     ----------
     q : array of float
-        Coefficients of the polynomial, in descending powers.
+        Coefficients in descending powers.
     delay : float
-        Dead time in seconds.
+        In seconds.
     """
 
     q: FloatArray
@@ -74,17 +70,11 @@ class Term(NamedTuple):
 
 @dataclass(frozen=True)
 class ArgumentChange:
-    """How much the argument changes from ω = 0 to infinity.
+    """How much the argument changes from ω = 0 to infinity, in radians counterclockwise.
 
-    Attributes
-    ----------
-    angle : float
-        In radians, counterclockwise positive, zeros on the axis passed on their right; nan if
-        one of them cannot be passed.
-    touched : tuple of float
-        Frequencies at which the function vanishes within rounding, in rad/s.
-    origin_alone : bool
-        Whether no more zeros were passed at s = 0 than are known to be there.
+    Zeros on the axis are passed on their right; nan if one of them cannot be. `touched` are the
+    frequencies at which the function vanishes within rounding, in rad/s; `origin_alone` tells
+    whether no more zeros were passed at s = 0 than are known to be there.
     """
 
     angle: float
@@ -105,7 +95,7 @@ def rhp_counts(terms: Sequence[ManyTerms], scale: FloatArray) -> IntArray:
     Returns
     -------
     (n,) array of int
-        The counts; -1 where a root is on the axis within rounding, or steps would be too many.
+        -1 where a root is on the axis within rounding, or steps would be too many.
 
     Examples
     --------
@@ -136,9 +126,7 @@ def frequency_range(
 
     Parameters
     ----------
-    terms : sequence of ManyTerms
-        As for `rhp_counts`.
-    scale : (k, n) array of float
+    terms, scale : sequence of ManyTerms, (k, n) array of float
         As for `rhp_counts`.
 
     Returns
@@ -160,17 +148,10 @@ def zero_free(
 
     Parameters
     ----------
-    terms : sequence of ManyTerms
+    terms, scale : sequence of ManyTerms, (k, ...) array of float
         As for `rhp_counts`; their columns broadcast with the discs.
-    scale : (k, ...) array of float
-        As for `rhp_counts`.
     centre, radius : array of float
-        Of the discs, in rad/s.
-
-    Returns
-    -------
-    array of bool
-        For each disc.
+        In rad/s.
     """
     with np.errstate(all="ignore"):
         sums = Sums.between(terms, scale, float(centre.min()), float(centre.max()))
@@ -183,14 +164,8 @@ def argument_change(terms: Sequence[Term], scale: FloatArray, origin: int = 1) -
     """Follow the argument of one sum from ω = 0 to infinity.
 
     The first term has no dead time and the highest degree, its leading coefficient larger than
-    those of the others together; `scale` has for each power of s (descending) the size of what was
-    summed to give the coefficients; `origin` is the multiplicity of the zero at s = 0, if there is
-    one.
-
-    Raises
-    ------
-    ArithmeticError
-        If more than `MAX_STEPS` steps would be needed.
+    those of the others together; `scale` is as for `rhp_counts`, `origin` the multiplicity of the
+    zero at s = 0, if there is one. An ArithmeticError if it would take over `MAX_STEPS` steps.
 
     Examples
     --------

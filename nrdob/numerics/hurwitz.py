@@ -1,14 +1,9 @@
 """Which of many polynomials have all roots in the left half plane, certified.
 
-Routh's array is built for all of them at once, and beside every number how far it can be from the
-truth: what the coefficients may be off, and what each step rounds. Where a sign of the first column
-is certain it is that of every polynomial within that distance; where none can be told from 0 on,
-nothing is said.
-
-.. rubric:: References
-
-Routh, E. J., A Treatise on the Stability of a Given State of Motion, 1877; F. R. Gantmacher, The
-Theory of Matrices, vol. 2, 1959, ch. XV.
+Routh's array (Gantmacher, The Theory of Matrices, vol. 2, 1959, ch. XV) is built for all of them at
+once, and beside every number how far it can be from the truth: what the coefficients may be off,
+and what each step rounds. A certain sign of the first column is that of every polynomial within
+that distance; from the first one on that is not, nothing is said.
 """
 
 from __future__ import annotations
@@ -31,7 +26,7 @@ def hurwitz(coefficients: FloatArray, off: FloatArray) -> tuple[BoolArray, BoolA
     coefficients : (k, n) array of float
         Polynomials of degree k - 1 in the columns, in descending powers.
     off : (k, n) array of float
-        By how much each coefficient may be wrong.
+        By how much each may be wrong.
 
     Returns
     -------

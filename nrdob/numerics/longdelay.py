@@ -3,41 +3,35 @@ r"""The rightmost roots of :math:`q(s) + r(s)\,e^{-sT} + …` when T is long.
 Then the roots lie where :math:`sT = \ln(-r/q) + 2\pi jk`: close to a curve along the imaginary
 axis, at a distance of :math:`\ln|r/q|/T`, and near roots of q on its right. The rightmost ones are
 those near the highest points of the curve. Newton's method finds them from there, and a count of
-the roots to the right of a vertical line shows that nothing has been missed. With a second dead
-time the guesses are where a step of Newton's method from the axis is smallest.
-
-.. rubric:: References
-
-Lichtner, M., M. Wolfrum, S. Yanchuk, The spectrum of delay differential equations with large delay,
-SIAM J. Math. Anal. 43 (2011) 788-802.
+the roots to the right of a vertical line shows that nothing has been missed (Lichtner, Wolfrum,
+Yanchuk, SIAM J. Math. Anal. 43, 2011, 788-802). With a second dead time the guesses are where a
+step of Newton's method from the axis is smallest.
 """
 
 from __future__ import annotations
 
-from math import comb, perm, pi, tau
+from math import pi, tau
 
 import numpy as np
 
 from .argument import Term, argument_change
 from .arrays import ComplexArray, FloatArray
+from .coefficients import add, pade
 from .rootfinding import Delayed, companion_roots, frequencies_beside, value_and_slope
 
 __all__ = ["rightmost_roots"]
 
-NEIGHBOURS = 6
-"""Roots that are looked for on either side of every highest point of the curve."""
-
-PEAKS = 8
-"""Highest points that are looked at."""
+PEAKS, NEIGHBOURS = 8, 6
+"""Highest points of the curve that are looked at, and roots on either side of each."""
 
 SHOWN = 400
 """If fewer roots than this are in the right half plane, all of them are looked for."""
 
-PER_TURN = 12
-"""Frequencies to each turn of the longest of several dead times."""
+PER_TURN, MOST_DIPS = 12, 100_000
+"""Frequencies to each turn of the longest of several dead times, and at most."""
 
-MOST_DIPS = 100_000
-"""Frequencies at most at which several dead times are looked at."""
+PADE_ORDER = 6
+"""Of the rational that stands for the dead time near s = 0."""
 
 BESIDE = 1e-4
 """How far to the right of the rightmost root the line is laid, against its distance."""
@@ -128,14 +122,9 @@ def _log_ratio(q: FloatArray, r: FloatArray, s: ComplexArray) -> ComplexArray:
 
 def _slow_roots(q: FloatArray, r: FloatArray, delay: float) -> ComplexArray:
     """Roots of the equation with Padé's approximation of the dead time, good near s = 0."""
-    n = 6
-    den = np.array([comb(n, k) * delay**k / perm(2 * n, k) for k in range(n, -1, -1)])
-    num = den * (-1.0) ** np.arange(n, -1, -1)
-    a, b = np.convolve(q, den), np.convolve(r, num)
-    total = a.copy()
-    total[a.size - b.size :] += b
-    found = companion_roots(np.trim_zeros(total, "f"))
-    return found[np.abs(found) * delay < 2 * n]
+    num, den = pade(PADE_ORDER, delay)
+    found = companion_roots(np.trim_zeros(add(np.convolve(q, den), np.convolve(r, num)), "f"))
+    return found[np.abs(found) * delay < 2 * PADE_ORDER]
 
 
 def _newton(q: FloatArray, delayed: Delayed, s: ComplexArray) -> ComplexArray:

@@ -24,10 +24,8 @@ def convolved(a: FloatArray, b: FloatArray) -> FloatArray:
 
     Parameters
     ----------
-    a : (k, ...) array of float
-        Coefficients in descending powers.
-    b : (l, ...) array of float
-        The same of the other factors, of a shape that broadcasts.
+    a, b : (k, ...) and (l, ...) array of float
+        Of shapes that broadcast.
 
     Examples
     --------
@@ -49,7 +47,6 @@ def padded_sum(*polynomials: FloatArray) -> FloatArray:
     Parameters
     ----------
     *polynomials : (k, ...) array of float
-        Coefficients in descending powers.
     """
     shape = np.broadcast_shapes(*(p.shape[1:] for p in polynomials))
     total = np.zeros((max(p.shape[0] for p in polynomials), *shape))
@@ -64,9 +61,8 @@ def values_on_axis(p: FloatArray, omega: FloatArray) -> ComplexArray:
     Parameters
     ----------
     p : (k, ...) array of float
-        Coefficients in descending powers.
     omega : array of float
-        Frequencies in rad/s, of a shape that broadcasts with the columns.
+        In rad/s, of a shape that broadcasts with the columns.
     """
     square = -(omega**2)
     even, odd = (_plain(p[::-1][k::2], square) for k in (0, 1))
@@ -89,10 +85,8 @@ def values_and_slopes(p: FloatArray, omega: FloatArray) -> tuple[ComplexArray, C
 
     Parameters
     ----------
-    p : (k, ...) array of float
-        Coefficients in descending powers.
-    omega : array of float
-        Frequencies in rad/s, of a shape that broadcasts with the columns.
+    p, omega : (k, ...) array of float, array of float
+        As for `values_on_axis`.
 
     Examples
     --------

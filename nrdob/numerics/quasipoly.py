@@ -1,12 +1,10 @@
 r"""Quasi-polynomials :math:`q(s) + r(s)\,e^{-sT} + …`: where the roots of a delayed loop live.
 
-There is one delayed term for every dead time: one in the process, another in a delayed model.
+There is one delayed term for every dead time: one in the process, another in a delayed model. The
+right half plane is known in independent ways, none of which approximates the delay away:
 
-Independent ways to know the right half plane, none of which approximates the delay away:
-
-- `nrdob.numerics.count_rhp` follows the argument of p along the imaginary axis (Mikhailov), in
-  steps that are certified, so that no resonance, however sharp, can slip between two frequencies:
-  see `nrdob.numerics.argument`.
+- `nrdob.numerics.count_rhp` follows the argument of p along the imaginary axis (Mikhailov) in
+  certified steps, so that no resonance, however sharp, can slip between two frequencies.
 - `QuasiPolynomial.roots` are the roots themselves: eigenvalues (`nrdob.numerics.rootfinding`), or
   with a long delay the rightmost ones (`nrdob.numerics.longdelay`).
 - `QuasiPolynomial.rhp_in_whole_numbers` asks the coefficients alone, without rounding: Routh and
@@ -62,8 +60,8 @@ class QuasiPolynomial:
     delay : float
         T >= 0, in seconds.
     scale : array_like of float, optional
-        For each power of s (descending) the size of what was summed to give the coefficient.
-        It tells how much of a small coefficient may be rounding.
+        For each power of s (descending) the size of what was summed to give the coefficient,
+        which tells how much of it may be rounding.
     more : tuple of Term, optional
         Further terms. Those with equal delays are added up; r and `delay` are then the term with
         the longest one, `more` those with the others, in descending order.
@@ -179,12 +177,11 @@ class QuasiPolynomial:
         return self.over_s(self.zeros_at_origin)
 
     def over_s(self, power: int) -> QuasiPolynomial:
-        """Divide by a power of s, of which the sum has as many roots though not every term.
+        """Divide by a power of s, at most `zeros_at_origin`, that not every term has.
 
         Parameters
         ----------
         power : int
-            At most `zeros_at_origin`.
         """
         if not power:
             return self
@@ -197,12 +194,11 @@ class QuasiPolynomial:
         return _OverS.of(p, power - shared) if power > shared else p
 
     def lifted(self, power: int) -> QuasiPolynomial:
-        """Multiply by a power of s that makes a sum of whole terms of it again.
+        """Multiply by a power of s, at least `divided`: whole terms are left.
 
         Parameters
         ----------
         power : int
-            At least `divided`.
         """
         if not power:
             return self
@@ -250,10 +246,9 @@ class QuasiPolynomial:
 
     @cached_property
     def argument_change(self) -> ArgumentChange:
-        """Change in argument from ω = 0 to infinity, see `nrdob.numerics.argument`.
+        """Change in argument of the finite part from ω = 0 to infinity.
 
-        That of the finite part: a root at s = 0, which the path passes on the right, adds a
-        quarter of a revolution.
+        A root at s = 0, which the path passes on the right, adds a quarter of a revolution.
         """
         p = self.finite_part
         return argument_change(p.terms, p.scale) if p is self else p.argument_change
@@ -264,7 +259,7 @@ class QuasiPolynomial:
         Parameters
         ----------
         roots : array of complex, shape (N,)
-            Roots of this polynomial, in rad/s.
+            Of this function, in rad/s.
         """
         near = np.abs(roots.real) <= 0.1 * np.abs(roots)
         if near.any():
@@ -313,9 +308,6 @@ class QuasiPolynomial:
     def rhp_in_whole_numbers(self) -> int | None:
         """Roots in the open right half plane, from the coefficients alone, without rounding.
 
-        By Routh and Hurwitz's test, see `nrdob.numerics.exact`, or with a delay by Walton and
-        Marshall's count, see `nrdob.numerics.crossingcount`. With two delays what their count gives
-        where the shorter one is as long as the other, and what crosses until it is what it is.
         None where there are roots on the axis; roots at s = 0 that the coefficients prove are not
         counted.
         """
@@ -345,12 +337,7 @@ class QuasiPolynomial:
 class _OverS(QuasiPolynomial):
     """A sum that vanishes at s = 0 although not all of its terms do, divided by a power of s.
 
-    Attributes
-    ----------
-    undivided : QuasiPolynomial
-        The sum, whose polynomials are also those of this object.
-    power : int
-        The power, at most the multiplicity of the root.
+    Its polynomials are those of the `undivided` sum.
     """
 
     undivided: QuasiPolynomial = field(kw_only=True)
@@ -459,7 +446,6 @@ def multiply(*factors: QuasiPolynomial) -> QuasiPolynomial:
     Parameters
     ----------
     *factors : QuasiPolynomial
-        One or more.
     """
     if len(factors) == 1:
         return factors[0]

@@ -75,7 +75,6 @@ class ManyTerms(NamedTuple):
         Parameters
         ----------
         chosen : (m,) array of int
-            Which.
         """
         delay = self.delay[chosen] if self.delay.size > 1 else self.delay
         return ManyTerms(self.q[:, chosen] if self.q.shape[1] > 1 else self.q, delay)
@@ -121,14 +120,8 @@ class Certified(NamedTuple):
 class Sums(NamedTuple):
     """Sums of terms, the first without dead time and of the highest degree.
 
-    Attributes
-    ----------
-    terms : sequence of ManyTerms
-        The terms.
-    scale : (k, n) array of float
-        For each power of s (descending) the size of what was summed to give the coefficients.
-    moderate : bool
-        Whether powers stay so far within the floating-point range that no unit is needed.
+    `scale` is as for `nrdob.numerics.rhp_counts`; `moderate` tells whether powers stay so far
+    within the floating-point range that no unit is needed.
     """
 
     terms: Sequence[ManyTerms]

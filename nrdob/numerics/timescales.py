@@ -20,11 +20,13 @@ from dataclasses import dataclass
 from math import inf, log2
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.linalg import expm, matrix_balance
 
 from .arrays import ComplexArray, FloatArray
+from .coefficients import products
 
-__all__ = ["Block", "impulse_states", "roots_by_time_scale", "split"]
+__all__ = ["Block", "impulse_states", "roots_by_time_scale", "split", "transition"]
 
 # Ratios of moduli, as powers of two:
 _GAP = 5.0  # at which a polynomial is always cut
@@ -56,19 +58,15 @@ class Block:
 def split(nums: Sequence[FloatArray], den: FloatArray, horizon: float) -> list[Block]:
     """Realise proper fractions `nums`/`den` as blocks side by side, one for each time scale.
 
+    They come from slow to fast; only the fastest one has a direct term.
+
     Parameters
     ----------
     nums : sequence of arrays of float
-        Coefficients in descending powers of s, of degree at most that of `den`.
     den : array of float
-        Coefficients in descending powers of s, the first one not zero.
+        The first coefficient not zero.
     horizon : float
         Longest time of interest, seconds. Roots much slower than that are kept together.
-
-    Returns
-    -------
-    list of Block
-        From slow to fast; only the fastest one has a direct term.
 
     Raises
     ------
@@ -93,7 +91,7 @@ def roots_by_time_scale(den: FloatArray) -> ComplexArray:
     Parameters
     ----------
     den : array of float
-        Coefficients in descending powers, the first one not zero.
+        The first coefficient not zero.
 
     Examples
     --------
@@ -186,13 +184,8 @@ def _parted(
 
 def _sylvester(g: FloatArray, h: FloatArray) -> FloatArray:
     """Matrix from the coefficients of a, of lower degree than g, and b to those of a h + b g."""
-    k, size = g.size - 1, g.size + h.size - 1
-    matrix = np.zeros((size, size))
-    for i in range(k):
-        matrix[i : i + h.size, i] = h
-    for i in range(h.size):
-        matrix[i : i + k + 1, k + i] = g
-    return matrix
+    by_h = products(h, g.size)[:, : g.size - 1]
+    return np.hstack([by_h, products(g, h.size)])
 
 
 def _solved(matrix: FloatArray, right: FloatArray) -> FloatArray:
@@ -220,16 +213,14 @@ def _realised(nums: FloatArray, den: FloatArray, modulus: float) -> Block:
 
 
 def impulse_states(block: Block, times: FloatArray, step: float | None) -> FloatArray:
-    """States x = exp(A t) B at `times`, spaced by `step` if evenly, shape (n, N).
+    """States x = exp(A t) B at increasing times in seconds, shape (n, N).
 
     Parameters
     ----------
     block : Block
-        With n states.
     times : array of float, shape (N,)
-        Increasing, in seconds.
     step : float or None
-        Distance of the times if they are evenly spaced.
+        Their distance if they are evenly spaced.
     """
     start = expm(block.A * times[0]) @ block.B if times[0] else block.B
     states: FloatArray = start[:, np.newaxis]
@@ -245,3 +236,30 @@ def impulse_states(block: Block, times: FloatArray, step: float | None) -> Float
     for i in which:
         columns.append(transitions[i] @ columns[-1])
     return np.stack(columns, axis=1)
+
+
+def transition(A: FloatArray, B: FloatArray, time: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    r"""Compute :math:`\Phi = e^{At}` and :math:`\Gamma = \int_0^te^{A\sigma}B\,d\sigma`.
+
+    So that :math:`\dot x = Ax + Bv` has x(t) = Phi x(0) + Gamma v for a constant v; infinite or nan
+    where they overflow. Both are blocks of one matrix exponential (Van Loan, IEEE Trans. Automatic
+    Control 23, 1978).
+
+    Parameters
+    ----------
+    A, B : arrays of float, shapes (n, n) and (n,)
+    time : array_like, shape (...)
+        One time or several, at least 0.
+
+    Examples
+    --------
+    >>> Phi, Gamma = transition(np.array([[-1.0]]), np.ones(1), np.log(2))
+    >>> Phi.round(6).tolist(), Gamma.round(6).tolist()
+    ([[0.5]], [0.5])
+    """
+    n = B.size
+    augmented = np.zeros((n + 1, n + 1))
+    augmented[:n, :n], augmented[:n, n] = A, B
+    with np.errstate(over="ignore", invalid="ignore"):
+        both = expm(np.multiply.outer(np.asarray(time, dtype=float), augmented))
+    return both[..., :n, :n], both[..., :n, n]
