@@ -23,15 +23,7 @@ from math import ceil, inf
 import numpy as np
 
 from ..numerics import Block, ComplexArray, FloatArray, IntArray
-from .steps import (
-    NODES,
-    all_poles,
-    collocated,
-    panel_basis,
-    panel_lengths,
-    radau,
-    resolved_to,
-)
+from .steps import NODES, all_poles, collocated, panel_basis, panel_lengths, radau, resolved_to
 
 __all__ = ["Driven", "delayed_responses"]
 
@@ -52,8 +44,7 @@ _SAME = 1e-12  # of the last time: two moments of the lattice that are one
 class Driven:
     """What one delayed signal does: blocks to (y, u), side by side, at rest at first.
 
-    The dead time is in seconds; `known` holds coefficients, in descending powers of t, of what is
-    added to u before it.
+    `known` holds coefficients, in descending powers of t, of what is added to u before its delay.
     """
 
     blocks: Sequence[Block]
@@ -72,14 +63,8 @@ def delayed_responses(
 
     The input makes (y, u) the impulse responses of the blocks in `free`; a bend gains at least
     `smoothing` derivatives on every way around the loop. What is returned takes increasing times
-    (N,) and gives y and u there, (2, N).
-
-    Raises
-    ------
-    ValueError
-        If too many panels would be needed until `last`.
-    ArithmeticError
-        If signals are too fast for the panels.
+    (N,) and gives y and u there, (2, N). A ValueError if too many panels would be needed, an
+    ArithmeticError if signals are too fast for them.
     """
     groups = [each.blocks for each in driven]
     blocks = [(block, k) for k, group in enumerate(groups) for block in group]

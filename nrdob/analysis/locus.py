@@ -61,34 +61,14 @@ same of :math:`|(1 + L)/(1 - L)|`; the derivatives of the first two with respect
 
 
 class Found(NamedTuple):
-    """Frequencies of one kind, and L there.
-
-    Attributes
-    ----------
-    omega : array of float
-        In rad/s, increasing.
-    L : array of complex
-        L(jω).
-    """
+    """Increasing frequencies of one kind, in rad/s, and L there."""
 
     omega: FloatArray
     L: ComplexArray
 
 
 class Notable(NamedTuple):
-    """Where something happens to a loop gain.
-
-    Attributes
-    ----------
-    gain : Found
-        Where ``|L|`` = 1.
-    phase : Found
-        Where L is real.
-    nearest : Found
-        Where ``|1 + L|`` is smallest.
-    disk : Found
-        Where ``|(1 + L)/(1 - L)|`` is smallest.
-    """
+    """Where ``|L|`` = 1, L is real, and ``|1 + L|`` and ``|(1 + L)/(1 - L)|`` are smallest."""
 
     gain: Found
     phase: Found
@@ -97,17 +77,11 @@ class Notable(NamedTuple):
 
 
 class Locus:
-    """Loop gains on the imaginary axis.
+    """Loop gains on the imaginary axis; a factor that several share is evaluated once.
 
     Parameters
     ----------
     *loops : Quotient
-        The loop gains; a factor that several share is evaluated once.
-
-    Attributes
-    ----------
-    count : int
-        How many loops there are.
     """
 
     def __init__(self, *loops: Quotient) -> None:
@@ -142,35 +116,25 @@ class Locus:
         self._table = np.ascontiguousarray(parts.transpose(1, 2, 0))[..., None]
 
     def values(self, omega: FloatArray) -> ComplexArray:
-        """Evaluate L(jω), zero and infinite at roots on the axis.
+        """Evaluate L(jω), shape (loops, N), zero and infinite at roots on the axis.
 
         Parameters
         ----------
         omega : (N,) array of float
-            Frequencies in rad/s.
-
-        Returns
-        -------
-        (loops, N) array of complex
-            The loop gains.
+            In rad/s.
         """
         with np.errstate(over="ignore", invalid="ignore"):
             return np.asarray(np.exp(self.log_and_slope(omega)[0]))
 
     def motion(self, omega: FloatArray, loop: IntArray | None = None) -> FloatArray:
-        """Evaluate what decides about margins: the rows named above.
+        """Evaluate what decides about margins, the rows named above: shape (rows, loops, N).
 
         Parameters
         ----------
         omega : (N,) array of float
-            Frequencies in rad/s, above 0.
+            In rad/s, above 0.
         loop : (N,) array of int, optional
-            The one loop that is asked for at each frequency.
-
-        Returns
-        -------
-        (rows, loops, N) or (rows, N) array of float
-            The rows.
+            The one loop that is asked for at each frequency: then the shape is (rows, N).
         """
         log, slope = self.log_and_slope(omega)
         if loop is not None:
@@ -196,17 +160,12 @@ class Locus:
         return rows
 
     def reach(self, omega: FloatArray) -> FloatArray:
-        """Evaluate the logarithm of what the size of L can be whatever the dead times are.
+        """Evaluate the logarithm of what the size of L can be whatever its numerator's delays are.
 
         Parameters
         ----------
         omega : (N,) array of float
-            Frequencies in rad/s.
-
-        Returns
-        -------
-        (loops, N) array of float
-            The terms of a numerator with dead times are added by their sizes.
+            In rad/s.
         """
         rows, count = np.abs(self._rows(omega)[0]), self._signs.shape[1]
         size = np.abs(self._factors(omega)[0])
@@ -216,17 +175,12 @@ class Locus:
         return self.log_and_slope(omega)[0].real + self._above @ more
 
     def log_and_slope(self, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:
-        """Evaluate log L(jω) and its derivative with respect to log ω.
+        """Evaluate log L(jω) and its derivative with respect to log ω, shapes (loops, N).
 
         Parameters
         ----------
         omega : (N,) array of float
-            Frequencies in rad/s.
-
-        Returns
-        -------
-        (loops, N) array of complex, twice
-            Both.
+            In rad/s.
         """
         p, dp = self._factors(omega)
         s = 1j * omega
@@ -286,16 +240,10 @@ def notable_frequencies(
     Parameters
     ----------
     locus : Locus
-        The loop gains.
     omega : (N,) array of float
         Increasing, in rad/s, without 0.
     last : float or (loops,) array of float
         Frequency up to which each loop is followed.
-
-    Returns
-    -------
-    list of Notable
-        Of each loop.
     """
     last = np.broadcast_to(np.asarray(last, dtype=float), locus.count)
 
@@ -407,10 +355,7 @@ def _hidden(locus: Locus, omega: FloatArray, motion: FloatArray) -> FloatArray:
 
 
 def _solved(locus: Locus, omega: FloatArray, motion: FloatArray, at: Brackets) -> FloatArray:
-    """Find the zeros of rows of the motion, each in its bracket, all together.
-
-    By Newton's steps, with slopes from differences.
-    """
+    """Find the zeros of rows of the motion, each in its bracket, by Newton's steps."""
     row, loop, low, high = at
     if not row.size:
         return omega[low]

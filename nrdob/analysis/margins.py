@@ -45,11 +45,10 @@ LARGE = 2.0**27
 
 @dataclass(frozen=True)
 class Margins:
-    r"""Margins of one loop, which unpack as `control.stability_margins` does.
+    r"""Margins of one loop; ``gm, pm, sm, wpc, wgc, wms = margins`` as `control.stability_margins`.
 
-    ``gm, pm, sm, wpc, wgc, wms = margins``. All of these, `gm_low`, `gm_high`, `delay_margin` and
-    `disk_margin` are nan unless the closed loop is known to be stable: an unstable loop has no
-    margins. At which gains and rotations the number of its unstable roots changes is still listed.
+    All margins are nan unless the closed loop is known to be stable: an unstable loop has none. At
+    which gains and rotations the number of its unstable roots changes is still listed.
 
     Attributes
     ----------
@@ -71,7 +70,7 @@ class Margins:
         Symmetric disk margin :math:`\alpha = \min 2|1 + L|/|1 - L|`: the loop stays stable
         with every complex factor in the disk on the diameter from (2 - α)/(2 + α) to its inverse.
     stable : bool or None
-        The verdict on the closed loop, without which the numbers mean nothing.
+        The verdict on the closed loop.
     gain_crossovers, phase_crossovers : array of float
         All frequencies with :math:`|L| = 1`, and all with L real and negative (0 and inf
         included), rad/s. Where dead time turns a loop gain for ever, those are left out at which
@@ -80,7 +79,6 @@ class Margins:
         By how many degrees, from -180 to 180, a rotation of L brings it to -1 at each of the
         `gain_crossovers`, and which factor of the gain does at each of the `phase_crossovers`.
     name : str
-        Which loop.
     """
 
     gm: float
@@ -147,7 +145,7 @@ class LoopMargins:
     plant_loop : Margins
         L = K·G, whose margins are those that the plant feels.
     stable : bool or None
-        Verdict of Lemma 1 on the whole NR-DOB loop.
+        The verdict of Lemma 1.
     """
 
     model_loop: Margins
@@ -189,11 +187,6 @@ def margin_bounds(ms: float) -> MarginBounds:
     ms : float
         :math:`M_s = \max|1/(1 + L)|` of a stable loop, above 1.
 
-    Returns
-    -------
-    MarginBounds
-        `gm_low`, `gm_high` and `pm`, in degrees.
-
     Raises
     ------
     TypeError, ValueError
@@ -221,9 +214,8 @@ def loop_margins(loop: LoopEquations, verdict: Stability | None = None) -> LoopM
     Parameters
     ----------
     loop : LoopEquations
-        The four blocks.
     verdict : Stability, optional
-        Its stability, if already known.
+        If already known.
     """
     verdict = stability(loop) if verdict is None else verdict
     model, observer = verdict.model_loop.stable, verdict.observer_loop.stable
@@ -270,14 +262,13 @@ def margins(loop: Any) -> Margins:
 
 
 def quotient_margins(loop: Quotient, stable: bool | None) -> Margins:
-    """Compute the margins of a loop gain whose verdict is known.
+    """Compute the margins of a loop gain L whose verdict is known.
 
     Parameters
     ----------
     loop : Quotient
-        The loop gain L.
     stable : bool or None
-        Verdict on 1 + L, None where it is not known.
+        On 1 + L, None where it is not known.
     """
     return _margins_of((loop, stable))[0]
 
@@ -335,13 +326,11 @@ def margins_at(found: Notable, ends: Ends, stable: bool | None, name: str) -> Ma
     Parameters
     ----------
     found : Notable
-        Frequencies, and L there.
     ends : Ends
-        L at the ends.
     stable : bool or None
-        Verdict on 1 + L, None where it is not known.
+        As for `quotient_margins`.
     name : str
-        Which loop.
+        Of the loop.
     """
     gains, phase = _critical_gains(found.phase, ends)
     omega, angle = found.gain.omega, np.angle(-found.gain.L)
@@ -420,10 +409,7 @@ def _closest(nearest: Found, ends: Ends) -> tuple[float, float]:
     distance = np.concatenate([np.abs(1 + nearest.L), limits])
     distance[np.isnan(distance)] = inf
     k = int(distance.argmin())
-    omega = (
-        [0.0, ends.last][k - nearest.omega.size] if k >= nearest.omega.size else nearest.omega[k]
-    )
-    return float(distance[k]), float(omega)
+    return float(distance[k]), float([*nearest.omega, 0.0, ends.last][k])
 
 
 def _disk_margin(disk: Found, ends: Ends) -> float:

@@ -3,10 +3,10 @@
 For a loop L = num/den the function 1 + L is p/den with p = num + den, so it encircles 0 as often as
 p does, less the encirclements by den. Both are counted without a plot: the argument of p and that
 of every factor of den are followed along the axis in certified steps (`nrdob.numerics.argument`).
-That is N; P comes from the coefficients or roots of the factors alone, and Z = N + P. Poles on the
-axis, of any multiplicity, are left of the contour, which passes them on the right; the arcs at
-infinity of improper loops are contained in the degrees. Conventions are those of
-`control.nyquist_response`: encirclements N are positive clockwise, and Z = N + P.
+That is N, positive clockwise as in `control.nyquist_response`; P comes from the coefficients or
+roots of the factors alone, and Z = N + P. Poles on the axis, of any multiplicity, are left of the
+contour, which passes them on the right; the arcs at infinity of improper loops are contained in the
+degrees.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ def encirclements(loop: Any, point: float = -1.0) -> NyquistCount:
     Parameters
     ----------
     loop : Quotient, or as for `nrdob.margins`
-        Any map of the loop, such as ``loop.FH``, or any other loop gain; proper or not.
+        Any map of the loop, such as ``loop.FH``, or other loop gain; proper or not.
     point : float
         The point to encircle: -1 for a loop gain, +1 for the paper's G̃⁻¹G.
 
@@ -132,9 +132,7 @@ def minus_point(loop: Quotient, point: float = -1.0) -> QuasiPolynomial:
     Parameters
     ----------
     loop : Quotient
-        L, any map of the loop.
     point : float
-        Point of the real axis.
     """
     num, den = loop.numerator, loop.denominator
     power = max(num.divided, den.divided)
@@ -150,7 +148,6 @@ def rhp_roots(factor: QuasiPolynomial) -> float:
     Parameters
     ----------
     factor : QuasiPolynomial
-        A factor, with or without delay.
     """
     if factor.finite_part.neutral_ratio >= 1:
         return inf

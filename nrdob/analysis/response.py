@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.signal import fftconvolve
 
-from ..diagram import INPUTS, LoopEquations
+from ..diagram import LoopEquations
 from ..numerics import FloatArray, IntArray
 from .ways import Solver, Way, even_step, maps, ways
 from .window import POINTS, default_response
@@ -40,7 +40,7 @@ def step_response(
     Parameters
     ----------
     loop : LoopEquations
-        The loop, stable or not.
+        Stable or not.
     input : {"R", "d", "delta", "eta"}
         Where the step enters: reference, output disturbance, input disturbance or noise.
     timepts : (N,) array_like or float, optional
@@ -68,9 +68,7 @@ def step_response(
 
     Examples
     --------
-    >>> import control as ct
-    >>> from nrdob.diagram import delay
-    >>> from nrdob.diagram import LowPassFilter
+    >>> from nrdob.diagram import LowPassFilter, delay
     >>> Gm = ct.tf([1], [1, 1])
     >>> loop = LoopEquations(delay(1.0) * Gm, Gm, 1.0, LowPassFilter(2.0, 1))
     >>> y, u = step_response(loop, "d", [0.0, 0.5, 1.0]).outputs[:, 0]
@@ -104,10 +102,8 @@ def forced_response(
 
     Parameters
     ----------
-    loop : LoopEquations
-        The loop, stable or not.
-    input : {"R", "d", "delta", "eta"}
-        Where the signal enters, see `step_response`.
+    loop, input : LoopEquations, {"R", "d", "delta", "eta"}
+        As for `step_response`.
     timepts : (N,) array_like
         Evenly spaced times from 0 on, N >= 2, in seconds.
     inputs : (N,) array_like
@@ -127,7 +123,6 @@ def forced_response(
 
     Examples
     --------
-    >>> import control as ct
     >>> from nrdob.diagram import LowPassFilter
     >>> G = ct.tf([1], [1, 1])
     >>> loop = LoopEquations(G, G, 1.0, LowPassFilter(1.0, 1))
@@ -166,8 +161,7 @@ def forced_response(
 
 
 def _check(loop: LoopEquations, input: str) -> None:
-    if input not in INPUTS:
-        raise ValueError(f"input is {input!r}; it must be one of {', '.join(map(repr, INPUTS))}")
+    maps(loop, input)  # refuses what is no input
     if loop.ill_posed:
         raise ValueError(f"no time response: {loop.ill_posed}")
 
@@ -203,9 +197,8 @@ def _convolve(signal: FloatArray, pulse: FloatArray) -> FloatArray:
 def _prepared(loop: LoopEquations, input: str, horizon: float, integrals: int = 1) -> Solver:
     """Prepare y and u up to a horizon, for as many sets of times as are asked for.
 
-    Everything is computed a second time in another unit of time, in which every coefficient is
-    rounded differently. Digits that hang on this are neither in the data nor in the result: where
-    nine of them cannot be had, the response is refused.
+    In another unit of time every coefficient is rounded differently: digits that hang on this are
+    neither in the data nor in the result.
     """
     jumps = np.array([quotient.at_once for quotient in maps(loop, input)])
     solver = cache(lambda way, attempt: way(loop, input, horizon, integrals, attempt))

@@ -59,14 +59,9 @@ _PRODUCTS_PER_PANEL = 15_000  # of matrix elements, that take the time of one pa
 class _Interval:
     """What one interval of length θ does, panel by panel (P of them, m nodes in each).
 
-    Attributes
-    ----------
-    edges : (P + 1,) array
-        Borders of the panels, from 0 to θ.
-    advance : (P, n, n) and (P, n, m) arrays
-        To the state at the end of a panel, from the state at its start and z at its nodes.
-    outputs : (P, 2, m, n) and (P, 2, m, m) arrays
-        To y and v at its nodes, likewise.
+    `edges` are the P + 1 borders of the panels; `advance`, (P, n, n) and (P, n, m), leads from the
+    state at the start of a panel and z at its nodes to the state at its end, `outputs`,
+    (P, 2, m, n) and (P, 2, m, m), to y and v at its nodes.
     """
 
     edges: FloatArray

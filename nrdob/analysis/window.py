@@ -31,8 +31,6 @@ def default_response(
 
     `prepared` takes a last time in seconds and gives what gives y and u, (2, N), at N times until
     then; both raise ValueError or ArithmeticError where that takes too long or too many digits.
-    Times and outputs last until y and u have settled, or a few e-foldings of an unstable loop; less
-    where the response over that time is refused.
     """
     window, settles = _estimate(loop, input)
     for attempt in range(_ATTEMPTS):

@@ -39,12 +39,12 @@ class Certificate:
     Attributes
     ----------
     content : dict or list of dict
-        What is written as JSON: `blocks`, of which there may be several processes and filters, with
-        numerators, denominators and dead times in exact fractions; `within`, by how much the dead
-        time of the process may differ; `cancelled`, what cancels inside the blocks F/Gm (`zeros`)
-        and (1 - F)·Gm (`poles`); `claim`, the number of roots of D_F, p_A and p_B in the right half
-        plane; `points` of the imaginary axis in rad/s, between which each function keeps to a half
-        plane. An interval of dead time may have several parts.
+        What is written as JSON: `blocks`, of which there may be several processes and filters, in
+        exact fractions; `within`, by how much the dead time of the process may differ; `cancelled`,
+        what cancels inside the blocks F/Gm (`zeros`) and (1 - F)·Gm (`poles`); `claim`, the number
+        of roots of D_F, p_A and p_B in the right half plane; `points` of the imaginary axis in
+        rad/s, between which each function keeps to a half plane. An interval of dead time may have
+        several parts.
     proved : str
         What the checker says.
     """
@@ -91,27 +91,13 @@ def certify(
     Parameters
     ----------
     loop : LoopEquations
-        The four blocks.
     counts : tuple of two float
         Roots of p_A and p_B in the right half plane.
-    gains : tuple of two float, optional
-        Lowest and highest factor of the process.
-    delays : tuple of two float, optional
-        Shortest and longest dead time of the process, in seconds.
-    time_constants : tuple of two float, optional
-        Smallest and largest time constant of a `LowPassFilter`, in seconds.
-    processes : sequence of blocks
-        Other processes with the dead time of the loop's own. What is proved then holds for every
-        convex combination of their numerators and denominators, as they are given, with its own.
+    gains, delays, time_constants, processes : as for `nrdob.analysis.Stability.certificate`
     variable : {"s", W}
         Of a sampled loop the blocks are in w.
     model_delay : Fraction, optional
         By which the model of a sampled loop is delayed. With it no pole cancels in (1 - F)·Gm.
-
-    Returns
-    -------
-    Certificate
-        Which the checker has accepted.
 
     Raises
     ------

@@ -1,7 +1,7 @@
 """What the user hands in: SISO continuous-time blocks, checked once, as exact polynomials.
 
-Every other room works on the two coefficient arrays of a `Fraction`. Whatever can be wrong with a
-block (its type, its time base, its coefficients) is found here, and named.
+Whatever can be wrong with a block (its type, its time base, its coefficients) is found here, and
+named; everything else works on the two coefficient arrays of a `Fraction`.
 """
 
 from __future__ import annotations
@@ -72,11 +72,6 @@ def as_fraction(system: Any, name: str, *, proper: bool = True) -> Fraction:
     proper : bool
         Whether a numerator of higher degree than the denominator is refused.
 
-    Returns
-    -------
-    Fraction
-        Coefficients without leading zeros.
-
     Raises
     ------
     TypeError
@@ -108,7 +103,6 @@ def nonzero(fraction: Fraction, name: str) -> Fraction:
     Parameters
     ----------
     fraction : Fraction
-        A block.
     name : str
         What it is called in the message.
     """
@@ -123,11 +117,8 @@ def real_number(value: Any, name: str, remedy: str) -> float:
     Parameters
     ----------
     value : object
-        Whatever was given.
-    name : str
-        What it is called in the message.
-    remedy : str
-        What to give instead.
+    name, remedy : str
+        What it is called in the message, and what to give instead.
 
     Examples
     --------
@@ -150,7 +141,6 @@ def six_digits(value: float) -> float:
     Parameters
     ----------
     value : float
-        Any number.
     """
     return float(f"{value:.6g}")
 
@@ -161,7 +151,6 @@ def is_number(value: Any) -> bool:
     Parameters
     ----------
     value : object
-        Anything.
     """
     if isinstance(value, np.ndarray) and value.ndim == 0:
         value = value[()]
@@ -169,7 +158,7 @@ def is_number(value: Any) -> bool:
 
 
 def _read(system: Any, name: str) -> tuple[FloatArray, FloatArray]:
-    if type(system).__name__ == "DelayedTransferFunction":  # its room is above this one
+    if type(system).__name__ == "DelayedTransferFunction":  # its module is above this one
         if system.delay:
             raise ValueError(
                 f"{name} has a dead time of {system.delay:g} s; only the process and the model may "
@@ -223,17 +212,14 @@ def _refusal(system: Any, name: str) -> str:
 
 
 def _coefficients(values: Any, name: str) -> FloatArray:
-    array = values if _is_real_array(values) else _numbers(values, name)
+    real = isinstance(values, np.ndarray) and values.dtype == float
+    array = values if real else _numbers(values, name)
     if array.ndim != 1 or array.size == 0:
         raise ValueError(f"{name} has shape {array.shape}; it must be a non-empty 1-D list")
     if not np.isfinite(array).all():
         raise ValueError(f"{name} is {values}; every coefficient must be a finite number")
     used = np.flatnonzero(array)
     return array[used[0] :] if used.size else array[-1:]
-
-
-def _is_real_array(values: Any) -> bool:
-    return isinstance(values, np.ndarray) and values.dtype == float
 
 
 def _numbers(values: Any, name: str) -> FloatArray:

@@ -89,8 +89,7 @@ class Quotient:
     def at_infinity(self) -> tuple[float, float]:
         """The a and b of the limit a + b exp(-jωθ) over an undelayed denominator.
 
-        Infinite for an improper map. With several dead times b is the sum of the sizes: what turns
-        in so many senses gets as far from a as that.
+        Infinite for an improper map. With several dead times b is the sum of the sizes.
         """
         if not self.delay:
             excess = sum([f.q.size - 1 for f in self.den]) - sum([f.q.size - 1 for f in self.num])
@@ -207,9 +206,8 @@ class Quotient:
     def noise_power(self, shaping: Any = None) -> float:
         r"""Power of the output for white noise of unit density at the input, or coloured noise.
 
-        The variance :math:`\frac1{2\pi}\int |Q(j\omega)|^2 d\omega`, square of the norm that
-        `control.norm(sys, 2)` computes, also with dead time: see `nrdob.diagram.noise`. To 1e-8 of
-        itself.
+        The variance :math:`\frac1{2\pi}\int |Q(j\omega)|^2 d\omega`, square of `control.norm(sys,
+        2)`, also with dead time, to 1e-8 of itself: see `nrdob.diagram.noise`.
 
         Parameters
         ----------
@@ -231,11 +229,8 @@ class Quotient:
         >>> import control as ct
         >>> from nrdob import NRDOB, LowPassFilter
         >>> G = ct.tf([1], [1, 1])
-        >>> loop = NRDOB(G, G, 1.0, LowPassFilter(0.5, 2))
-        >>> round(loop.S_eta.noise_power(), 12)                  # 1/(4λ)
+        >>> round(NRDOB(G, G, 1.0, LowPassFilter(0.5, 2)).S_eta.noise_power(), 12)   # 1/(4λ)
         0.5
-        >>> round(loop.S_eta.noise_power(ct.tf([1], [10, 1])), 6)    # of slow noise nearly all
-        0.046485
         """
         name = self.name or "this map"
         if shaping is None:
@@ -258,12 +253,7 @@ class Quotient:
         omega : array_like of float
             Frequencies in rad/s, of any shape.
         shaping : as for `noise_power`, optional
-            W; white noise of unit density by default.
-
-        Raises
-        ------
-        TypeError, ValueError
-            If the shaping filter is no stable block.
+            W, a stable block; white noise of unit density by default.
 
         Examples
         --------
@@ -285,12 +275,7 @@ class Quotient:
         r"""Energy :math:`\int_0^\infty q(t)^2\,dt` of the output after a unit step at the input.
 
         It is the square of the norm of Q/s, exact without dead time and to 1e-8 of itself with it;
-        infinite where an offset stays, Q(0) ≠ 0.
-
-        Raises
-        ------
-        ValueError
-            If the denominator has roots that are not in the left half plane.
+        infinite where an offset stays, Q(0) ≠ 0. A ValueError if it is not stable.
 
         Examples
         --------
@@ -309,12 +294,8 @@ class Quotient:
 
         Factors that numerator and denominator share, because blocks of the diagram share them, are
         divided out as polynomials (`nrdob.numerics.sharedfactor`); roots that are only near stay.
-        Hidden modes are then invisible: only `stability` may judge a loop.
-
-        Raises
-        ------
-        ValueError
-            If the map contains dead time, which no rational function equals.
+        Hidden modes are then invisible: only `stability` may judge a loop. A ValueError if the map
+        contains dead time, which no rational function equals.
         """
         if self.delay:
             raise ValueError(
@@ -349,14 +330,9 @@ def as_quotient(system: Any, name: str) -> Quotient:
     Parameters
     ----------
     system : control.TransferFunction, StateSpace, (num, den), number, scipy.signal.lti or Quotient
-        The block, proper or not, or a `DelayedTransferFunction`; a quotient is returned as it is.
+        Proper or not, or a `DelayedTransferFunction`; a quotient is returned as it is. A TypeError
+        or ValueError if it is no single-input single-output block in continuous time.
     name : str
-        What the block is called.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If it is no single-input single-output block in continuous time.
     """
     if isinstance(system, Quotient):
         return system
@@ -366,17 +342,11 @@ def as_quotient(system: Any, name: str) -> Quotient:
 
 
 def as_shaping(shaping: Any) -> Fraction:
-    """Read a shaping filter, which must be stable.
+    """Read a shaping filter; a TypeError or ValueError if it is not rational, proper and stable.
 
     Parameters
     ----------
     shaping : control.TransferFunction, StateSpace, number or (num, den)
-        The block.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If it is no rational block, not proper, or not stable.
     """
     fraction = as_fraction(shaping, "shaping")
     den = QuasiPolynomial(fraction.den)

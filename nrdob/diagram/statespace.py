@@ -10,12 +10,8 @@ against a faster one. What remains is that A, B, C themselves have been rounded:
 a relative degree, hidden by a change of coordinates, comes out as a number of the size of that
 rounding instead of 0. How far a coefficient moves if each entry of A, B and C is off by one
 rounding follows from the same matrices. For det A it is, up to a factor n, the componentwise
-distance to the nearest singular matrix, which does not depend on the units of the states.
-
-.. rubric:: References
-
-Demmel, J. W., The componentwise distance to the nearest singular matrix, SIAM J. Matrix Anal. Appl.
-13 (1992) 10-19.
+distance to the nearest singular matrix (Demmel, SIAM J. Matrix Anal. Appl. 13, 1992, 10-19), which
+does not depend on the units of the states.
 """
 
 from __future__ import annotations
@@ -47,18 +43,11 @@ def polynomials(system: Any, name: str) -> tuple[FloatArray, FloatArray]:
     means a relative degree, a zero or a pole at s = 0, are zero if a relative change of the entries
     below `ZERO` makes them so.
 
-    Raises
-    ------
-    TypeError
-        If an entry is complex.
-    ValueError
-        If an entry is not finite, if there are over `MAX_STATES` states, or if the entries are
-        rounded too coarsely to tell whether such a coefficient is zero.
+    A TypeError for complex entries; a ValueError for such as are not finite, over `MAX_STATES`
+    states, or entries rounded too coarsely to tell whether such a coefficient is zero.
 
     Examples
     --------
-    Time scales six decades apart stay apart:
-
     >>> import control as ct
     >>> A = np.diag([-1e4, -10, -0.1, -0.01]) + np.diag([1e4, 10, 0.1], 1)
     >>> chain = ct.ss(A, [[0], [0], [0], [0.01]], [[1, 0, 0, 0]], 0)

@@ -18,19 +18,14 @@ FINEST = 2.0**-52
 
 @dataclass(frozen=True)
 class ActuatorLimits:
-    """Limits of an actuator: the range of u, and how fast u can change.
+    """Range of u and rate of an actuator, infinite where there is no limit.
 
     Parameters
     ----------
     low, high : float
-        Range of u, low < high; infinite where there is no limit.
+        Range of u, low < high.
     rate : float
-        Largest change of u in one second, positive; infinite if there is no limit.
-
-    Raises
-    ------
-    ValueError
-        If the range is empty or the rate is not positive.
+        Largest change of u in one second, positive.
 
     Examples
     --------
@@ -80,7 +75,6 @@ def limited(limits: ActuatorLimits, dt: float) -> Rule:
     Parameters
     ----------
     limits : ActuatorLimits
-        Range and rate.
     dt : float
         Sampling time in seconds.
 

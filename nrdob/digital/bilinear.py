@@ -8,8 +8,7 @@ circle is the imaginary axis, and of the whole sampled loop only the process is 
     G_w(w) = G_z(z)                              p_B = D_w Nm (Df - Nf) + N_w Dm Nf
 
 G_w is rational, whatever the dead time: each whole sample is a factor (1 - αw)/(1 + αw). So all
-that is known about loops in continuous time holds for sampled ones, with the process G_w: verdicts,
-margins, sets of time constants.
+that is known about loops in continuous time holds for sampled ones, with the process G_w.
 
 As dt gets short, all poles and zeros of G_z move together to z = 1 and the coefficients of its
 polynomials lose the digits that tell them apart. Here they never exist as floating-point numbers:
@@ -18,28 +17,22 @@ many digits as it takes for two precisions to give the same floating-point coeff
 
 Model, controller and filter can be sampled behind a hold, too, but not every model soundly. One
 that falls off by two powers of s or more gets zeros from the sampling, with short sampling times
-near z = -1 for two powers, -3.73 for three (Åström, Hagander, Sternby). F/Gm, which inverts them,
-then rings or diverges from sample to sample. Tustin's rule puts these zeros at z = -1 in F/Gm as
-*zeros* of F.
-
-.. rubric:: References
-
-Åström, K. J., P. Hagander, J. Sternby, Zeros of sampled systems, Automatica 20 (1984) 31-38.
+near z = -1 for two powers, -3.73 for three (Åström, Hagander, Sternby, Automatica 20, 1984, 31-38).
+F/Gm, which inverts them, then rings or diverges from sample to sample. Tustin's rule puts these
+zeros at z = -1 in F/Gm as *zeros* of F.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from fractions import Fraction as Exact
 from functools import lru_cache
 from math import comb, isqrt, log2
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..diagram import (
-    DelayedTransferFunction,
     Fraction,
     LoopEquations,
     as_fraction,
@@ -78,7 +71,7 @@ AGREEMENT = 4 * float(np.finfo(float).eps)
 def held_in_w(
     process: Fraction, dt: float, *, fraction: float = 0.0, at_once: bool = False
 ) -> Fraction:
-    """Take a process behind its hold to the plane of w.
+    """Take a process behind its hold to the plane of w; the denominator is monic.
 
     Parameters
     ----------
@@ -92,17 +85,11 @@ def held_in_w(
         Whether a direct term acts at once, as it does inside the processor, and not only after
         the next sample, as it does behind it.
 
-    Returns
-    -------
-    Fraction
-        In descending powers of w, monic denominator.
-
     Raises
     ------
-    ValueError
-        If an undamped mode of the process is sampled exactly twice in each of its periods.
-    ArithmeticError
-        If the process is too stiff for this sampling time.
+    ValueError, ArithmeticError
+        If an undamped mode of the process is sampled exactly twice in each of its periods; if the
+        process is too stiff for this sampling time.
 
     Examples
     --------
@@ -144,17 +131,10 @@ def process_in_w(
     ----------
     process : control.TransferFunction, StateSpace, DelayedTransferFunction or (num, den)
         G, proper, with or without dead time.
-    dt : float
-        Sampling time in seconds.
-    computation_delay : float
-        Time from reading y to writing u, in seconds.
+    dt, computation_delay : float
+        Sampling time, and time from reading y to writing u, in seconds.
     model : DelayedTransferFunction, optional
         A model with a dead time, stable without it: then it is the process G' that is returned.
-
-    Returns
-    -------
-    Fraction
-        In descending powers of w.
 
     Raises
     ------
@@ -171,12 +151,11 @@ def process_in_w(
     4
     """
     dt, computation_delay = checked_times(dt, computation_delay)
-    late = isinstance(process, DelayedTransferFunction)
-    G = nonzero(as_fraction(process.tf if late else process, "process"), "process")
-    delay = (process.delay if late else 0.0) + computation_delay
-    samples, fraction = in_samples(delay, dt)
+    process, delay = undelayed(process)
+    G = nonzero(as_fraction(process, "process"), "process")
+    samples, fraction = in_samples(delay + computation_delay, dt)
     held = held_in_w(G, dt, fraction=fraction)
-    own, model_delay = undelayed(model) if model is not None else (None, 0.0)
+    own, model_delay = undelayed(model)
     if model_delay:
         model = as_fraction(own, "model")
         return _with_delayed_model(held, _few(samples, dt), model, delay_in_w(model_delay, dt), dt)
@@ -295,8 +274,7 @@ def _check_sound(held: Fraction, model: Fraction, dt: float) -> None:
         )
 
 
-@dataclass(frozen=True)
-class _Given:
+class _Given(NamedTuple):
     """The process x' = A x + e1 v, y = c x + direct v, A the companion matrix of a, exactly."""
 
     a: list[Exact]
@@ -389,7 +367,7 @@ def _characteristic(A: Whole, bits: int) -> list[int]:
     """Coefficients of det(zI - A), descending, by Faddeev and LeVerrier."""
     order = len(A)
     coefficients = [1 << bits]
-    identity = np.array([[int(i == j) for j in range(order)] for i in range(order)], dtype=object)
+    identity = np.eye(order, dtype=int).astype(object)
     M = identity * (1 << bits)
     for k in range(1, order + 1):
         AM = _times(A, M, bits)
@@ -405,17 +383,13 @@ def _held(given: _Given, share: Exact, bits: int) -> Whole:
     # As many squarings as there are about terms of the series take the fewest products.
     halvings = (time.numerator // time.denominator).bit_length() + isqrt(bits) // 2 + 2
     step = time / 2**halvings
-    M = np.zeros((n + 1, n + 1), dtype=object)
-    for k in range(n):
-        M[0, k] = _fixed(-given.a[k] * step, bits)
-    for k in range(1, n):
-        M[k, k - 1] = _fixed(step, bits)
+    M = np.eye(n + 1, k=-1, dtype=int).astype(object) * _fixed(step, bits)
+    M[n, :] = 0
     if n:  # a gain has no state, and nothing to hold
-        M[0, n] = _fixed(step, bits)
-    identity = np.array(
-        [[(1 << bits) * (i == j) for j in range(n + 1)] for i in range(n + 1)], dtype=object
-    )
-    total, term, k = identity, identity, 1
+        M[0] = [*(_fixed(-a * step, bits) for a in given.a), _fixed(step, bits)]
+    total: Whole = np.eye(n + 1, dtype=int).astype(object) * (1 << bits)
+    term = total
+    k = 1
     while np.abs(term).max() > 1:  # what is negative is rounded down to -1, and never to 0
         term = _times(term, M, bits) // k
         total, k = total + term, k + 1
@@ -429,12 +403,9 @@ def _bilinear(order: int) -> Whole:
     """Coefficients of (1+v)^(n-k) (1-v)^k, a row for each k, ascending powers of v."""
     rows = []
     for k in range(order + 1):
-        plus = [comb(order - k, i) for i in range(order - k + 1)]
-        minus = [comb(k, i) * (-1) ** i for i in range(k + 1)]
-        rows.append([
-            sum(plus[i] * minus[j - i] for i in range(len(plus)) if 0 <= j - i <= k)
-            for j in range(order + 1)
-        ])  # fmt: skip
+        plus = np.array([comb(order - k, i) for i in range(order - k + 1)], dtype=object)
+        minus = np.array([comb(k, i) * (-1) ** i for i in range(k + 1)], dtype=object)
+        rows.append(np.convolve(plus, minus))
     return np.array(rows, dtype=object)
 
 

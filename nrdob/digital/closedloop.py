@@ -50,24 +50,12 @@ class Recursion(NamedTuple):
 
 
 class ClosedLoop:
-    """A sampled loop as one recursion.
+    """A sampled loop as one recursion, over the states of process, past u and controller.
 
-    Parameters
-    ----------
-    controller : SampledController
-        The controller.
-    process : HeldProcess
-        With the dead time from u to y, that of computation included.
-    disturbed : HeldProcess, optional
-        The same with the dead time from δ to y; by default that of u.
-    observer_input : {"applied", "commanded"}
-        Which u the observer receives.
-    tracking : float
-        Share of u's limitation that is added to the error of C: back-calculation.
-    rounds : bool
-        Whether the reading is a decision, too.
-
-    The states of its `recursion` are those of the process, the past u, and the controller.
+    `process` has the dead time from u to y, that of computation included, `disturbed` that from δ,
+    by default the same. `observer_input` says whether the observer receives the "applied" or the
+    "commanded" u, `tracking` which share of u's limitation is added to the error of C, and `rounds`
+    whether the reading is a decision, too.
     """
 
     def __init__(

@@ -1,8 +1,8 @@
 r"""The controller as code: one C file with its header, one Python class.
 
 Both are written from the same numbers (`nrdob.digital.sections`) and the same equations
-(`nrdob.digital.equations`); the simulation runs the same sections, too. So what has been simulated
-is what runs on the processor, up to rounding.
+(`nrdob.digital.equations`). The simulation runs the same sections: what has been simulated is what
+runs on the processor, up to rounding.
 
 A `float` has 7 digits. In powers of z they are used up where the sampling is fast: a filter of the
 order n whose lag takes N samples needs them to tell :math:`N^{-n}` from 0. Here all coefficients
@@ -49,9 +49,7 @@ class ControllerCode:
     Attributes
     ----------
     controller : SampledController
-        The difference equations.
     limits : ActuatorLimits
-        Of the actuator.
     tracking : float
         Share of u's limitation that is added to the error of C: back-calculation.
     """
@@ -81,10 +79,9 @@ class ControllerCode:
 
         Raises
         ------
-        ValueError
-            If nothing is left of the name, or the type is another one.
-        OverflowError
-            If a coefficient is out of the range of `dtype`.
+        ValueError, OverflowError
+            If nothing is left of the name, or the type is another one; if a coefficient is out of
+            the range of `dtype`.
 
         Examples
         --------
@@ -101,7 +98,6 @@ class ControllerCode:
         Parameters
         ----------
         name, dtype : as for `to_c`
-            The same as there.
         """
         return self._in_c("controller.h.j2", name, dtype)
 
@@ -120,17 +116,12 @@ class ControllerCode:
                              dtype=dtype, largest=DTYPES[dtype])  # fmt: skip
 
     def to_python(self, name: str = "Controller") -> str:
-        """Write one Python class that needs nothing else, not even this package.
+        """Write one Python class, with `start`, `output`, `update` and `step`, that stands alone.
 
         Parameters
         ----------
         name : str
-            Name of the class; what Python does not allow in a name becomes "_".
-
-        Returns
-        -------
-        str
-            The module, with methods `start`, `output`, `update` and `step`.
+            Of the class; what Python does not allow in a name becomes "_".
         """
 
         def call(verb: str, block: str) -> str:

@@ -4,13 +4,8 @@ With one dead time of N samples the characteristic function is :math:`P + Q z^{-
 low degree. Where :math:`|P| > |Q|` its argument follows P, elsewhere :math:`Q z^{-N}`, both to
 within a right angle. Between the crossings, roots of :math:`|P|^2 = |Q|^2`, the argument of P is a
 sum over its zeros and that of z^-N is N times the angle. So the count is a closed form whatever N
-is, as for dead times in continuous time (Walton and Marshall), and shares nothing with the
-intervals of `nrdob.digital.unitcircle`.
-
-.. rubric:: References
-
-Walton, K., J. E. Marshall, Direct method for TDS stability analysis, IEE Proc. D 134 (1987)
-101-107.
+is, as for dead times in continuous time (`nrdob.numerics.crossingcount`), and shares nothing with
+the intervals of `nrdob.digital.unitcircle`.
 """
 
 from __future__ import annotations

@@ -8,11 +8,8 @@ the first φ dt seconds of a sample and u[k-d] for the rest of it::
     B0 = ∫ exp(A τ) B dτ from 0 to (1-φ) dt,   B1 = exp(A (1-φ) dt) ∫ exp(A τ) B dτ from 0 to φ dt
 
 y is read just before the next u is written, so that a process with a direct path answers with the
-input it has had until then, also without dead time.
-
-.. rubric:: References
-
-Åström, K. J., B. Wittenmark, Computer-Controlled Systems, 3rd ed., Prentice Hall 1997, 2.3.
+input it has had until then, also without dead time (Åström, Wittenmark, Computer-Controlled
+Systems, 3rd ed., Prentice Hall 1997, 2.3).
 """
 
 from __future__ import annotations
@@ -79,11 +76,6 @@ class HeldProcess:
         ----------
         delay : float
             The whole of it, in seconds.
-
-        Returns
-        -------
-        HeldProcess
-            With the same matrices A, B, C and Ad.
         """
         samples, fraction = in_samples(delay, self.dt)
         late, B0 = self.transition((1 - fraction) * self.dt)
@@ -108,19 +100,10 @@ class HeldProcess:
 
 
 def held_process(process: Fraction, delay: float, dt: float) -> HeldProcess:
-    """Discretise a process with dead time under zero-order hold, exactly.
-
-    Parameters
-    ----------
-    process : Fraction
-        The rational part, proper.
-    delay, dt : float
-        The whole dead time and the sampling time in seconds.
+    """Discretise a proper process, with its dead time, under zero-order hold, exactly.
 
     Examples
     --------
-    A lag of one second behind a dead time of a sample and a half:
-
     >>> import numpy as np
     >>> held = held_process(Fraction(np.array([1.0]), np.array([1.0, 1.0])), 0.15, 0.1)
     >>> held.samples, round(held.fraction, 6)
@@ -154,17 +137,12 @@ def checked_times(dt: float, computation_delay: float) -> tuple[float, float]:
 
 
 def in_samples(delay: float, dt: float) -> tuple[int, float]:
-    """Divide a dead time into whole samples and a fraction of one.
+    """Divide a dead time into whole samples and a fraction of one, at least 0 and below 1.
 
     Parameters
     ----------
     delay, dt : float
-        The dead time and the sampling time, in seconds.
-
-    Returns
-    -------
-    samples, fraction : int, float
-        The fraction is at least 0 and below 1.
+        In seconds.
 
     Examples
     --------

@@ -3,11 +3,8 @@ r"""Variances of y and u at the samples for noise in a sampled loop, exactly.
 The whole loop is one set of difference equations, :math:`x_{k+1} = A x_k + B e_k` with white
 :math:`e_k` of unit variance, behind a shaping filter if there is one. In the long run the
 covariance of x is the solution of Lyapunov's equation :math:`P = A P A^T + B B^T`, and that of a
-signal :math:`C x + D e` is :math:`C P C^T + D^2`.
-
-.. rubric:: References
-
-Åström, K. J., Introduction to Stochastic Control Theory, Academic Press 1970, chapter 4.
+signal :math:`C x + D e` is :math:`C P C^T + D^2` (Åström, Introduction to Stochastic Control
+Theory, Academic Press 1970, chapter 4).
 """
 
 from __future__ import annotations

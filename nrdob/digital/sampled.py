@@ -43,7 +43,7 @@ class SampledLoop:
     Parameters
     ----------
     loop : LoopEquations
-        The loop in continuous time.
+        In continuous time.
     dt : float
         Sampling time in seconds.
     method : {"tustin", "zoh"}
@@ -130,25 +130,15 @@ class SampledLoop:
         return replace(self.blocks, process=process, model=model), delay_in_w(delay, self.dt)
 
     def stability(self) -> SampledStability:
-        """Judge the sampled loop by Lemma 1 on the unit circle, in two ways.
-
-        Returns
-        -------
-        SampledStability
-            The verdict, and for C·G̃ and F·H the counts and roots that prove it.
-        """
+        """Judge the sampled loop by Lemma 1 on the unit circle, in two ways."""
         return self._stability
 
     def margins(self) -> Margins:
         """Compute the margins of the sampled plant loop L = K·G on the unit circle.
 
-        Returns
-        -------
-        Margins
-            Which unpack as `control.stability_margins`, with frequencies up to π/dt. The delay
-            margin is the smallest dead time that must be added to the process, or to the
-            computation, for the loop to become unstable: whole samples turn L, fractions act on
-            the hold.
+        The delay margin is the smallest dead time that must be added to the process, or to the
+        computation, for the loop to become unstable: whole samples turn L, fractions act on the
+        hold.
         """
         return self._margins
 
@@ -164,17 +154,12 @@ class SampledLoop:
 
         Parameters
         ----------
-        input : {"R", "d", "delta", "eta"}
-            Where the step enters: reference, output disturbance, input disturbance or noise.
-        timepts : (N,) array_like or float, optional
-            Increasing times from 0 on, in seconds, or the last one; by default until y and u have
-            settled.
+        input, timepts : as for `nrdob.NRDOB.step_response`
 
         Returns
         -------
         control.TimeResponseData
-            `time` (N,), and `outputs` (2, 1, N) with y and u; u is what the hold puts out, for
-            "delta" the input of the process u + δ.
+            As there; u is what the hold puts out, for "delta" the input of the process u + δ.
         """
         return sampled_step_response(
             self.controller, self.process, self._disturbed, input, timepts,
@@ -190,17 +175,10 @@ class SampledLoop:
             A stable discrete-time W(z) with the loop's sampling time, behind which the noise is
             coloured. By default η is white of unit variance; with a variance σ² give σ.
 
-        Returns
-        -------
-        NoiseVariance
-            `y`, of the process itself, and `u`.
-
         Raises
         ------
-        ValueError
-            If the sampled loop is not stable, or W is not; or if W has another sampling time.
-        TypeError
-            If `shaping` is no block.
+        TypeError, ValueError
+            If `shaping` is no such block, or the sampled loop is not stable.
         """
         return sampled_noise_variance(self.closed_loop, self.dt, shaping)
 
@@ -214,13 +192,8 @@ class SampledLoop:
         limits : ActuatorLimits, optional
             Range and rate of the actuator.
         tracking_time : float, optional
-            Time in seconds in which the integrator of C follows a u that is limited; by default it
-            does not.
-
-        Returns
-        -------
-        ControllerCode
-            With `to_c()`, `to_header()` and `to_python()`.
+            Time in seconds in which the integrator of C follows a u that is limited
+            (back-calculation); by default it does not.
 
         Raises
         ------
@@ -261,7 +234,6 @@ class SampledLoop:
         noise : float or (N,) array_like, optional
             Measurement noise, or the standard deviation of white noise.
         limits : ActuatorLimits, optional
-            Range and rate of the actuator.
         timepts : (N,) array_like or float, optional
             Times of the samples, 0, dt, 2 dt, …, in seconds, or the last one; by default as many
             as the arrays have.
@@ -270,18 +242,12 @@ class SampledLoop:
         observer_input : {"applied", "commanded"}
             Which u the observer receives: the actuator's or the controller's.
         tracking_time : float, optional
-            Time in seconds in which the integrator of C follows a u that is limited
-            (back-calculation); by default it does not.
+            As for `code`.
         start : float, optional
             A constant u to take over from without a bump, the process at rest under it and the
             first d and delta. By default everything is 0 before.
         resolution : float, optional
             Step of the converter that reads y.
-
-        Returns
-        -------
-        SimulatedResponse
-            `time`, `y`, `measured`, `u`, `applied` and `d_hat`.
 
         Raises
         ------

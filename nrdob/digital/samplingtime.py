@@ -32,7 +32,7 @@ REFINED = 1e-12
 def largest_sampling_time(
     loop: LoopEquations, method: str = "tustin", computation_delay: float = 0.0
 ) -> float:
-    r"""Find the sampling time up to which a stable loop stays stable on a processor, in seconds.
+    """Find the sampling time up to which a stable loop stays stable on a processor, in seconds.
 
     For every shorter one the sampled loop is stable. The spectral radius is evaluated on a 4 % grid
     of sampling times, from a fiftieth of the shortest time of the loop (but no more than 100
@@ -45,23 +45,20 @@ def largest_sampling_time(
     ----------
     loop : NRDOB
         Stable in continuous time, with the delay of the computation, too.
-    method : {"tustin", "zoh"}
-        How the blocks are sampled, as in `NRDOB.sampled`; "zoh" may end where it is refused.
-    computation_delay : float
-        Time from reading y to writing u, in seconds.
+    method, computation_delay : {"tustin", "zoh"}, float
+        As in `NRDOB.sampled`; "zoh" may end where it is refused.
 
     Returns
     -------
     float
-        Seconds; inf if the loop is stable for all sampling times up to a hundred times the longest
-        time of the loop.
+        Seconds; inf if the loop is stable for all sampling times up to a hundred times its longest
+        time.
 
     Raises
     ------
-    ValueError
-        If the loop is not stable in continuous time, so that no sampling time is short enough.
-    ArithmeticError
-        If the counts on both sides of the end do not confirm it.
+    ValueError, ArithmeticError
+        If the loop is not stable in continuous time, so that no sampling time is short enough; if
+        the counts on both sides of the end do not confirm it.
 
     Examples
     --------

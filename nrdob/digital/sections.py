@@ -2,18 +2,14 @@ r"""Blocks of a sampled controller as second-order sections that stay accurate a
 
 Sampled fast, every pole lies next to z = 1, and in powers of z the digits go into saying so: a lag
 of 1 s sampled at 1 ms has :math:`a_2 = 1 + a_1 + \dots`, of which six digits are about the lag. In
-powers of :math:`\delta = z - 1` nothing has to be subtracted (Middleton and Goodwin):
+powers of :math:`\delta = z - 1` nothing has to be subtracted (Middleton and Goodwin, IEEE Trans.
+Automatic Control 31, 1986, 1015-1021):
 
 .. math:: \frac{b_0\delta^2 + b_1\delta + b_2}{\delta^2 + a_1\delta + a_2}
 
 and the section is as short as the usual one, with sums in place of shifts::
 
     w  = b0 v + x1          x1 += x2 + b1 v - a1 w          x2 += b2 v - a2 w
-
-.. rubric:: References
-
-Middleton, R. H., G. C. Goodwin, Improved finite word length characteristics in digital control
-using delta operators, IEEE Trans. Automatic Control 31 (1986) 1015-1021.
 """
 
 from __future__ import annotations
@@ -40,10 +36,7 @@ AT_INFINITY = 1e-12
 
 
 class StateSpace(NamedTuple):
-    """Difference equations x[k+1] = A x[k] + B v[k], w[k] = C x[k] + D v[k].
-
-    A, B, C and D are arrays of the shapes (n, n), (n,) and (n,), and a float.
-    """
+    """Difference equations x[k+1] = A x[k] + B v[k], w[k] = C x[k] + D v[k]; B, C are vectors."""
 
     A: FloatArray
     B: FloatArray
@@ -60,7 +53,6 @@ class Section:
     Parameters
     ----------
     b0, b1, b2, a1, a2 : float
-        The coefficients.
     """
 
     b0: float

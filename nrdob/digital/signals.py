@@ -29,19 +29,8 @@ def sample_times(
     Parameters
     ----------
     timepts, inputs, noise : as of `SampledLoop.simulate`
-        What was given.
     dt : float
         Sampling time in seconds.
-
-    Returns
-    -------
-    array of float, shape (N,)
-        In seconds, from 0 on.
-
-    Examples
-    --------
-    >>> sample_times(None, {"R": [1.0, 1.0, 2.0]}, None, 0.5).tolist()
-    [0.0, 0.5, 1.0]
     """
     if not isinstance(inputs, Mapping):
         raise TypeError(
@@ -100,21 +89,14 @@ def external_signals(
     time: FloatArray,
     seed: int | np.random.Generator,
 ) -> FloatArray:
-    """Gather the signals of a simulation.
+    """Gather the signals of a simulation: R, d, δ and η as columns, shape (N, 4).
 
     Parameters
     ----------
     inputs, noise : as of `SampledLoop.simulate`
-        What was given; noise as a number is a standard deviation.
     time : array of float, shape (N,)
-        Times of the samples, in seconds.
+        Of the samples, in seconds.
     seed : int or numpy.random.Generator
-        Of white noise.
-
-    Returns
-    -------
-    array of float, shape (N, 4)
-        R, d, δ and η as columns.
     """
     columns = [_signal(inputs.get(name, 0.0), name, time) for name in EXTERNAL]
     if noise is None or np.ndim(noise) == 0:

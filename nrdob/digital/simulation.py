@@ -1,7 +1,6 @@
 r"""A sampled loop run on given signals: step responses, and simulations with an actuator's limits.
 
-The processor runs the sections that the generated code runs, too; between hold and sampler the
-process is exact. All external signals are held over a sample, as u is.
+Between hold and sampler the process is exact. All external signals are held over a sample, as u is.
 
 A loop with a limit is linear in everything but its decisions v (`nrdob.digital.closedloop`). Over a
 block of m samples all that is proposed is p = O x + T w + S v, x being the states at its beginning
@@ -64,14 +63,12 @@ class SimulatedResponse:
 
     Attributes
     ----------
-    time, y : arrays of float, shape (N,)
-        Times of the samples, in seconds, and the output just before u changes.
-    measured : array of float, shape (N,)
-        What the processor reads: y with noise, in steps of the resolution.
-    u, applied : arrays of float, shape (N,)
-        The controller's command, and the actuator's output from then (and the computation) on.
-    d_hat : array of float, shape (N,)
-        The observer's estimate of the disturbance at the input, in the unit of u.
+    time, y, measured : arrays of float, shape (N,)
+        Times of the samples, in seconds, the output just before u changes, and what the processor
+        reads: y with noise, in steps of the resolution.
+    u, applied, d_hat : arrays of float, shape (N,)
+        The controller's command, the actuator's output from then (and the computation) on, and the
+        observer's estimate of the disturbance at the input.
     """
 
     time: FloatArray
@@ -289,8 +286,6 @@ def run(
 
     Examples
     --------
-    An integrator with -x[k] fed back, at most 0.4 in a sample:
-
     >>> from nrdob.digital.actuatorlimits import ActuatorLimits, limited
     >>> one, none = np.ones((1, 1)), np.zeros((1, 0))
     >>> loop = Recursion(one, none, one, -one, none, 0 * one)

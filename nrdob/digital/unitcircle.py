@@ -48,11 +48,9 @@ __all__ = [
 TURN = 0.6
 """How far a function may get within half an interval, against its own size."""
 
-SMALLEST = 2.0**-48
-"""Half width of an interval, against its angle, at which it is halved no more."""
-
-MOST = 400_000
-"""Intervals at most."""
+SMALLEST, MOST = 2.0**-48, 400_000
+"""Half width of an interval, against its angle, at which it is halved no more; intervals at most.
+"""
 
 TOGETHER = 8
 """Samples between terms that are taken together, behind one dead time."""

@@ -55,13 +55,11 @@ class SampledStability(Stability):
     Attributes
     ----------
     stable, reason, model_loop, observer_loop, loop : as in `nrdob.analysis.Stability`
-        The verdict, why, both conditions of Lemma 1, and the loop in continuous time.
     eigenvalues : array of complex
         Of the whole loop from sample to sample, the largest first; none if there are so many that
         they are left out.
     in_w : callable
-        Gives the loop in the plane of w, where the unit circle is the imaginary axis, and the
-        fraction by which its model is delayed, if it is.
+        Gives the loop in the plane of w, and the fraction by which its model is delayed, if it is.
     """
 
     eigenvalues: ComplexArray = field(compare=False)
@@ -168,11 +166,9 @@ def _compared(
         return None, ""
     if len(ways) > 1 and second != found:
         turns, other = ways
-        told = "nothing" if second is None else f"{second}"
-        return (
-            None,
-            f"{turns} {found} roots are outside the unit circle, {other} {told}: no verdict",
-        )
+        told = "nothing" if second is None else second
+        reason = f"{turns} {found} roots are outside the unit circle, {other} {told}: no verdict"
+        return None, reason
     return found == 0, f"p_A and p_B have all roots inside the unit circle, {' and '.join(ways)}"
 
 
