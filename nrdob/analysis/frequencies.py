@@ -25,32 +25,15 @@ __all__ = ["gentle_frequencies", "on_axis", "resolved_frequencies", "subdivided"
 CLOSEST = 2.0**-40
 """How close to a root on the axis there are still frequencies, as a fraction of its own."""
 
-CUTS = 8
-"""Parts into which a stretch is cut at most before it is looked at again."""
-
-BEND = 0.5
-"""Largest product of the second derivative of log L over log ω and the square of a step."""
-
-DECADES = 8
-"""How far below and above all roots loops are followed: a size may still pass 1 there."""
-
-PER_SEGMENT = 4
-"""Frequencies in each certified stretch of a delayed factor."""
-
-RADIANS = 0.7
-"""How far a dead time may turn L from one frequency to the next, where L is not small."""
-
-TURNS = 2
-"""How many turns of a dead time are followed beyond where L is not small."""
-
-FAR = 20.0
-"""How far beyond all roots a loop gain that does not fall off is followed."""
-
-PEAK = 1e-9
-"""By how much the logarithm of the largest value of L exceeds those beside it."""
-
-MOST = 200_000
-"""Frequencies at most that a dead time asks for."""
+CUTS = 8  # parts into which a stretch is cut at most before it is looked at again
+BEND = 0.5  # largest product of the second derivative of log L over log ω and the square of a step
+DECADES = 8  # how far below and above all roots loops are followed: a size may still pass 1 there
+PER_SEGMENT = 4  # frequencies in each certified stretch of a delayed factor
+RADIANS = 0.7  # how far a dead time may turn L from one frequency to the next, where L is not small
+TURNS = 2  # how many turns of a dead time are followed beyond where L is not small
+FAR = 20.0  # how far beyond all roots a loop gain that does not fall off is followed
+PEAK = 1e-9  # by how much the logarithm of the largest value of L exceeds those beside it
+MOST = 200_000  # frequencies at most that a dead time asks for
 
 
 def gentle_frequencies(*loops: Quotient) -> FloatArray:

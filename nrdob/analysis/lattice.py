@@ -27,11 +27,8 @@ from .steps import NODES, all_poles, collocated, panel_basis, panel_lengths, rad
 
 __all__ = ["Driven", "delayed_responses"]
 
-MAX_PANELS = 60_000
-"""Panels that one march may take: a second or two."""
-
-MAX_LENGTHS = 5_000
-"""Lengths of panels that may differ: each has a matrix of its own."""
+MAX_PANELS = 60_000  # panels that one march may take: a second or two
+MAX_LENGTHS = 5_000  # lengths of panels that may differ: each has a matrix of its own
 
 SMOOTH = NODES + 3
 """Derivatives that a bend may have so that a polynomial on a short panel passes through it."""
@@ -53,11 +50,7 @@ class Driven:
 
 
 def delayed_responses(
-    driven: Sequence[Driven],
-    free: Sequence[Block],
-    last: float,
-    smoothing: int,
-    finer: float = 1.0,
+    driven: Sequence[Driven], free: Sequence[Block], last: float, smoothing: int, finer: float = 1.0
 ) -> Callable[[FloatArray], FloatArray]:
     """March from moment to moment until the last time of interest, in seconds.
 
@@ -164,10 +157,7 @@ def _graded(
 
 
 def _march(
-    blocks: Sequence[tuple[Block, int]],
-    driven: Sequence[Driven],
-    x: FloatArray,
-    edges: FloatArray,
+    blocks: Sequence[tuple[Block, int]], driven: Sequence[Driven], x: FloatArray, edges: FloatArray
 ) -> FloatArray:
     """Values (P, 2, m) of y and u at the nodes of all panels."""
     lengths = np.diff(edges)
@@ -226,10 +216,7 @@ def _matrices(blocks: Sequence[tuple[Block, int]], groups: int, lengths: FloatAr
 def _source(
     each: Driven, edges: FloatArray, some: slice
 ) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Where some panels find their delayed signal: panels, weights of their nodes, what is added.
-
-    Of shapes (P, m), (P, m, m) and (P, m).
-    """
+    """Where panels find their delayed signal: panels, weights of their nodes, what is added."""
     left, right = edges[:-1][some, None], edges[1:][some, None]
     then = left + (right - left) * radau()[0] - each.delay
     middle = (left + right) / 2 - each.delay

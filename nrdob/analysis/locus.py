@@ -26,23 +26,18 @@ from ..numerics import (
 
 __all__ = ["Found", "Locus", "Notable", "factors_of", "notable_frequencies"]
 
-NOISE = 1e-13
-"""What is below it may be rounding, and has no sign."""
+NOISE = 1e-13  # what is below it may be rounding, and has no sign
 
 CROSSING = 1e-3
 """How well a crossing found must be one: at a pole on the axis the side of L changes by a jump."""
 
-STEEP = 1e12
-"""Slope of log L over log ω beyond which a crossing is a pole or a zero on the axis."""
-
-LEEWAY = 0.1
-"""By how much the logarithm of L may leave what it is at both ends of a stretch."""
+STEEP = 1e12  # slope of log L over log ω beyond which a crossing is a pole or a zero on the axis
+LEEWAY = 0.1  # by how much the logarithm of L may leave what it is at both ends of a stretch
 
 SMALL = 0.5
 """Size of L, against 1 and its largest value, below which turns of a dead time do not matter."""
 
-CUTS = 8
-"""Parts of a stretch in which a minimum and a maximum may hide together."""
+CUTS = 8  # parts of a stretch in which a minimum and a maximum may hide together
 
 SLOPE_STEP, LAST_STEP = 1e-6, 1e-8
 """Of a bracket: over which part slopes are measured, and how long the last step may be.
@@ -50,8 +45,7 @@ SLOPE_STEP, LAST_STEP = 1e-6, 1e-8
 Where L passes close to -1 a minimum is far narrower than its bracket.
 """
 
-VANISHED = 1e-290
-"""In place of 0, the value of a factor at a root on the axis."""
+VANISHED = 1e-290  # in place of 0, the value of a factor at a root on the axis
 
 SIZE, SIDE, RETREAT, DISK_RETREAT, SIZE_SLOPE, SIDE_SLOPE, DISTANCE, DISK, COSINE = range(9)
 r"""Rows of `Locus.motion`: :math:`\log|L|`, zero at a gain crossover; :math:`\sin\arg L`, zero

@@ -1,10 +1,9 @@
 r"""Lemma 2 and the true loop: gain, phase, modulus, disk and delay margins of C·G̃, F·H and L = K·G.
 
 Where L has size 1, is real, or is nearest to -1, is bracketed on frequencies between which log L is
-nearly straight over log ω, by a bound of its second derivative from poles and zeros
-(`nrdob.analysis.frequencies`), and refined to the last digits on the factors of L, of which nothing
-is multiplied out (`nrdob.analysis.locus`). Dead times stay exact. The points ω = 0 and ω = ∞ are
-looked at too: a loop may become unstable there as well as in between.
+nearly straight over log ω (`nrdob.analysis.frequencies`), and refined to the last digits on the
+factors of L (`nrdob.analysis.locus`). Dead times stay exact. The points ω = 0 and ω = ∞ are looked
+at too: a loop may become unstable there as well as in between.
 """
 
 from __future__ import annotations
@@ -36,11 +35,8 @@ __all__ = [
 ]
 
 
-TINY = 1e-200
-"""Size of L below which it is 0."""
-
-LARGE = 2.0**27
-"""Radius of the circle that stands for a straight line."""
+TINY = 1e-200  # size of L below which it is 0
+LARGE = 2.0**27  # radius of the circle that stands for a straight line
 
 
 @dataclass(frozen=True)
@@ -54,10 +50,9 @@ class Margins:
     ----------
     gm : float
         Gain factor nearest to 1 (on a log scale) at which the loop becomes unstable; below 1 where
-        the gain must not fall. Absolute; inf if there is none.
+        the gain must not fall, inf if there is none.
     pm : float
-        Smallest rotation of the loop gain, in either sense, at which the loop becomes unstable, in
-        degrees.
+        Smallest rotation of L, in either sense, at which the loop becomes unstable, in degrees.
     sm : float
         Modulus margin :math:`\min |1 + L|`, the distance from -1.
     wpc, wgc, wms : float
@@ -164,10 +159,8 @@ class MarginBounds(NamedTuple):
 
     Attributes
     ----------
-    gm_low, gm_high : float
-        The loop stays stable for every gain factor strictly between them.
-    pm : float
-        It stays stable under every rotation smaller than this, in degrees.
+    gm_low, gm_high, pm : float
+        As for `Margins`.
     """
 
     gm_low: float
@@ -186,11 +179,6 @@ def margin_bounds(ms: float) -> MarginBounds:
     ----------
     ms : float
         :math:`M_s = \max|1/(1 + L)|` of a stable loop, above 1.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If `ms` is not a finite number above 1.
 
     Examples
     --------
@@ -225,10 +213,10 @@ def loop_margins(loop: LoopEquations, verdict: Stability | None = None) -> LoopM
 
 
 def margins(loop: Any) -> Margins:
-    r"""Judge the loop closed around any loop gain, and compute its margins.
+    r"""Judge the loop closed around any loop gain, and compute its margins, with exact dead time.
 
-    Dead time is exact, and ω = 0 and ω = ∞ are looked at. What cancels inside the loop gain before
-    it is given cannot be seen: a pole and a zero that are both there count.
+    What cancels inside the loop gain before it is given cannot be seen: a pole and a zero that are
+    both there count.
 
     Parameters
     ----------
@@ -292,12 +280,10 @@ class Ends(NamedTuple):
 
     Attributes
     ----------
-    dc_gain : float
-        L(0), infinite with an integrator.
-    undelayed, delayed : float
-        a and b.
+    dc_gain, undelayed, delayed : float
+        L(0), infinite with an integrator, a and b.
     last : float
-        Where that is: at infinite frequency, or at a sampled loop's Nyquist frequency, in rad/s.
+        Where the circle is: at infinity, or at a sampled loop's Nyquist frequency, in rad/s.
     """
 
     dc_gain: float
@@ -327,10 +313,8 @@ def margins_at(found: Notable, ends: Ends, stable: bool | None, name: str) -> Ma
     ----------
     found : Notable
     ends : Ends
-    stable : bool or None
-        As for `quotient_margins`.
-    name : str
-        Of the loop.
+    stable, name : bool or None, str
+        Of the loop, as for `quotient_margins`.
     """
     gains, phase = _critical_gains(found.phase, ends)
     omega, angle = found.gain.omega, np.angle(-found.gain.L)

@@ -40,10 +40,8 @@ class NyquistCount:
     encirclements : float or None
         N, clockwise positive; None where the curve meets the point, infinite where it circles the
         point for ever.
-    open_loop_rhp : float
-        P, poles in the open right half plane, counted before any cancellation.
-    closed_loop_rhp : float or None
-        Z, zeros of L - point in the open right half plane.
+    open_loop_rhp, closed_loop_rhp : float or None
+        P, poles in the open right half plane before any cancellation, and Z, zeros of L - point.
     reason : str
         Why a number is missing, or why Z is not N + P.
     """

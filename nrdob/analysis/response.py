@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from functools import cache
 from math import inf
+from typing import Any
 
 import control as ct
 import numpy as np
@@ -21,8 +22,6 @@ from .ways import Solver, Way, even_step, maps, ways
 from .window import POINTS, default_response
 
 __all__ = ["forced_response", "step_response"]
-
-OUTPUTS = ("y", "u")
 
 _DIRECT_CONVOLUTION = 10_000
 
@@ -45,8 +44,8 @@ def step_response(
         Where the step enters: reference, output disturbance, input disturbance or noise.
     timepts : (N,) array_like or float, optional
         Increasing times from 0 on, in seconds; evenly spaced ones are fastest. A number is the
-        last of 1,001 times. By default 1,001 until y and u have settled, or over a few
-        e-foldings of an unstable loop; fewer seconds where that cannot be computed.
+        last of 1,001 times, by default when y and u have settled, or after a few e-foldings of an
+        unstable loop; earlier where that cannot be computed.
 
     Returns
     -------
@@ -59,12 +58,9 @@ def step_response(
 
     Raises
     ------
-    ValueError
-        If `input` is none of the four, `timepts` is not increasing from 0 or later, or the loop
-        is ill-posed.
-    ArithmeticError
-        If nine digits of the largest value since t = 0 cannot be had, or not within some seconds;
-        the message says why.
+    ValueError, ArithmeticError
+        If the input or the times cannot be, or the loop is ill-posed; if nine digits of the largest
+        value since t = 0 cannot be had, or not within some seconds.
 
     Examples
     --------
@@ -81,18 +77,9 @@ def step_response(
     else:
         times = _checked_times(timepts)
         outputs = _prepared(loop, input, float(times[-1]))(times)
-    return ct.TimeResponseData(
-        times,
-        outputs[:, np.newaxis],
-        inputs=np.ones((1, 1, times.size)),
-        issiso=False,
-        output_labels=list(OUTPUTS),
-        input_labels=[input],
-        title=f"Step response to {input}",
-        trace_labels=[f"From {input}"],
-        trace_types=["step"],
-        plot_inputs=False,
-    )
+    more = {"trace_labels": [f"From {input}"], "trace_types": ["step"], "plot_inputs": False}
+    inputs = np.ones((1, 1, times.size))
+    return _data(times, outputs[:, np.newaxis], inputs, input, "Step response", **more)
 
 
 def forced_response(
@@ -114,12 +101,6 @@ def forced_response(
     control.TimeResponseData
         `time` (N,), `inputs` (1, N) and `outputs` (2, N) with rows y and u, as
         `control.forced_response` shapes them.
-
-    Raises
-    ------
-    ValueError, ArithmeticError
-        As `step_response`; or if `timepts` is not evenly spaced from 0, or `inputs` does not
-        hold one finite number for each time.
 
     Examples
     --------
@@ -149,15 +130,17 @@ def forced_response(
     outputs = signal[0] * (unit - rise)
     for row, pulse in zip(outputs, hat, strict=True):
         row[1:] += _convolve(signal[1:], pulse)
+    return _data(times, outputs, signal[np.newaxis], input, "Forced response")
+
+
+def _data(
+    times: FloatArray, outputs: FloatArray, inputs: FloatArray, input: str, kind: str, **more: Any
+) -> ct.TimeResponseData:
+    """Give y and u as python-control does."""
     return ct.TimeResponseData(
-        times,
-        outputs,
-        inputs=signal[np.newaxis],
-        issiso=False,
-        output_labels=list(OUTPUTS),
-        input_labels=[input],
-        title=f"Forced response to {input}",
-    )
+        times, outputs, inputs=inputs, issiso=False, output_labels=["y", "u"],
+        input_labels=[input], title=f"{kind} to {input}", **more,
+    )  # fmt: skip
 
 
 def _check(loop: LoopEquations, input: str) -> None:
@@ -195,11 +178,7 @@ def _convolve(signal: FloatArray, pulse: FloatArray) -> FloatArray:
 
 
 def _prepared(loop: LoopEquations, input: str, horizon: float, integrals: int = 1) -> Solver:
-    """Prepare y and u up to a horizon, for as many sets of times as are asked for.
-
-    In another unit of time every coefficient is rounded differently: digits that hang on this are
-    neither in the data nor in the result.
-    """
+    """Prepare y and u up to a horizon, for as many sets of times as are asked for."""
     jumps = np.array([quotient.at_once for quotient in maps(loop, input)])
     solver = cache(lambda way, attempt: way(loop, input, horizon, integrals, attempt))
 

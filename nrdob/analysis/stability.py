@@ -20,14 +20,7 @@ import numpy as np
 
 from ..certificates import Certificate, certify
 from ..diagram import LoopEquations, ObserverEquations
-from ..numerics import (
-    BoolArray,
-    ComplexArray,
-    QuasiPolynomial,
-    count_rhp,
-    unstable_roots,
-    written,
-)
+from ..numerics import BoolArray, ComplexArray, QuasiPolynomial, count_rhp, unstable_roots, written
 from .nyquist import NyquistCount, nyquist_count
 
 __all__ = [
@@ -36,12 +29,12 @@ __all__ = [
 
 AT_ORIGIN = "a root at s = 0 exactly"
 
+# The ways in which roots are counted:
 ENCIRCLEMENTS = "encirclements"
 ROOTS = "roots"
 CROSSINGS = "Walton and Marshall's count"
 TWO_CROSSINGS = "Walton and Marshall's count and the crossings between the two dead times"
 WHOLE_NUMBERS = "Routh and Hurwitz's test in whole numbers"
-"""The ways in which roots are counted."""
 
 
 @dataclass(frozen=True)
@@ -53,16 +46,11 @@ class LoopStability:
     name : str
         "C Gm (i)", "F H (ii)", or "L (ii)" in its place where a pole on the axis or right of it
         cancels inside (1-F)Gm.
-    stable : bool or None
-        All roots in the open left half plane; None if that cannot be told.
-    reason : str
-        Why, in words.
-    encirclements : float or None
-        N, clockwise encirclements of -1 (as in control's `count`).
-    open_loop_rhp : float
-        P, open-loop poles in the right half plane, before cancellation.
-    closed_loop_rhp : float or None
-        Z, roots of the characteristic function in the right half plane.
+    stable, reason : bool or None, str
+        All roots in the open left half plane, None if that cannot be told; and why.
+    encirclements, open_loop_rhp, closed_loop_rhp : float or None
+        N, clockwise encirclements of -1; P, open-loop poles in the right half plane, before
+        cancellation; Z, roots of the characteristic function in the right half plane.
     rightmost : complex
         Root with the largest real part (of a pair the upper one), rad/s; nan if none is known.
     roots : array of complex
@@ -97,10 +85,8 @@ class Stability:
 
     Attributes
     ----------
-    stable : bool or None
-        Whether the loop is internally stable; None if that cannot be told.
-    reason : str
-        Why, in words.
+    stable, reason : bool or None, str
+        Whether the loop is internally stable, None if that cannot be told; and why.
     model_loop, observer_loop : LoopStability
         Conditions i (C·Gm) and ii (F·H, or L) of Lemma 1.
     loop : LoopEquations
@@ -135,29 +121,18 @@ class Stability:
 
         Parameters
         ----------
-        gains : tuple of two float, optional
-            Lowest and highest factor of the process for which it is proved, too.
-        delays : tuple of two float, optional
-            Shortest and longest dead time of the process, in seconds; of loops in continuous time.
-        time_constants : tuple of two float, optional
-            Smallest and largest time constant of a `LowPassFilter`, in seconds; where it is
-            sampled, by Tustin's rule.
+        gains, delays, time_constants : tuple of two float, optional
+            Lowest and highest factor of the process for which it is proved, too, dead time of the
+            process (not of sampled loops), and time constant of a `LowPassFilter`, in seconds;
+            where it is sampled, by Tustin's rule.
         processes : sequence of blocks
             Other processes with the same dead time, such as the corners of a box: it is proved for
-            every convex combination of their numerators and denominators. Of loops in continuous
-            time.
-
-        Returns
-        -------
-        Certificate
-            Which `save` writes as JSON: see `nrdob.certificates`.
+            every convex combination of their numerators and denominators. Not of sampled loops.
 
         Raises
         ------
-        ValueError
-            If delays or processes are given for a sampled loop.
-        ArithmeticError
-            If there is none; the message says why.
+        ValueError, ArithmeticError
+            If delays or processes are given for a sampled loop; if there is no certificate.
         """
         loop, given = self._provable(continuous_only=bool(delays or processes))
         counts = self.model_loop.closed_loop_rhp, self.observer_loop.closed_loop_rhp
@@ -254,11 +229,6 @@ def judge_observer(
     -------
     LoopStability
         The verdict on p_B with its evidence.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If a block cannot stand where it is put; the message names the block and the remedy.
 
     Examples
     --------

@@ -35,18 +35,10 @@ __all__ = [
     "to_chebyshev",
 ]
 
-MAX_PANELS = 400_000
-"""Panels that one march may take: a second or two."""
-
-MAX_PANELS_PER_DELAY = 20_000
-"""Panels of one dead time that fit into memory."""
-
-MAX_DELAYS = 1_000_000
-"""Dead times that may be leapt over: rounding grows with each."""
-
-NODES = 17
-"""Nodes of a panel."""
-
+MAX_PANELS = 400_000  # panels that one march may take: a second or two
+MAX_PANELS_PER_DELAY = 20_000  # panels of one dead time that fit into memory
+MAX_DELAYS = 1_000_000  # dead times that may be leapt over: rounding grows with each
+NODES = 17  # nodes of a panel
 _GRID = np.arange(1, 33) / 32  # of the last time: where signals are looked at, too
 _REACH = 2.0  # rate times length of a panel at which nothing but rounding is left
 _LOG_ROUNDING = log(1e-16)
@@ -96,9 +88,8 @@ def delayed_response(
 
     To (y, v) z does what the blocks in `driven` do, side by side, at rest at first; the input makes
     the impulse responses of the blocks in `free`. What is returned takes increasing times (N,) from
-    0 on and gives y and v there, (2, N). It raises ValueError where times span so many panels, or
-    so many dead times, that no result could be given in reasonable time and with nine digits, and
-    ArithmeticError where signals are too fast for the panels.
+    0 on and gives y and v there, (2, N). It raises ValueError where times span too many panels or
+    dead times, and ArithmeticError where signals are too fast for the panels.
     """
     start = np.concatenate([np.zeros(sum(b.B.size for b in driven)), *(b.B for b in free)])
     idle = [Block(b.A, np.zeros_like(b.B), b.C, np.zeros_like(b.D)) for b in free]

@@ -201,10 +201,7 @@ def _waiting(
 
 
 def _behind_the_delays(loop: LoopEquations) -> list[tuple[Rational, float, bool]]:
-    """Return what delayed signals do to y and u, their dead times, and which of them is v.
-
-    That of the process is v = u + δ, what the model waits for is u.
-    """
+    """Return what delayed signals do to y and u, their dead times, and which is v = u + δ."""
     G, Gm, _, F = loop.fractions
     nothing = np.zeros(1)
     if not loop.delay:
@@ -257,11 +254,7 @@ def _product(*factors: FloatArray) -> FloatArray:
 def _short_delay(
     loop: LoopEquations, input: str, horizon: float, integrals: int, attempt: int
 ) -> Solver:
-    """Replace the dead time by a rational once the first few of them are over.
-
-    What is then left of the loop is far slower than its dead time; where it is not, two rationals
-    of different order do not agree.
-    """
+    """Replace the dead time by a rational once the first few of them are over."""
     num, den = pade(_ORDERS[attempt], loop.delay)
     G = loop.fractions.G
     rational = replace(loop, process=(np.convolve(G.num, num), np.convolve(G.den, den)))

@@ -15,9 +15,7 @@ __all__ = ["POINTS", "default_response", "even_times"]
 SETTLED = 0.002
 """A response has settled when it stays this close to its end, as a fraction of its span."""
 
-POINTS = 1001
-"""Times in a default window."""
-
+POINTS = 1001  # times in a default window
 _SHORTER = 8.0  # where a window is refused, the next one tried is that much shorter
 _ATTEMPTS = 40
 

@@ -28,8 +28,7 @@ Blocks = dict[str, Any]
 W = "w = c (z - 1)/(z + 1)"
 """The variable of a sampled loop, c > 0: the unit circle is the imaginary axis of w."""
 
-SHORTEST = 1e-4
-"""Share of the longest dead time below which no part of an interval is cut."""
+SHORTEST = 1e-4  # share of the longest dead time below which no part of an interval is cut
 
 
 @dataclass(frozen=True)

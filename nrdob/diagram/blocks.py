@@ -17,14 +17,7 @@ from scipy import signal
 from ..numerics import FloatArray
 from .statespace import polynomials
 
-__all__ = [
-    "Fraction",
-    "as_fraction",
-    "is_number",
-    "nonzero",
-    "real_number",
-    "six_digits",
-]
+__all__ = ["Fraction", "as_fraction", "is_number", "nonzero", "real_number", "six_digits"]
 
 ACCEPTED = (
     "pass a control.TransferFunction, a control.StateSpace, a scipy.signal.lti, a number, or a "
@@ -74,12 +67,10 @@ def as_fraction(system: Any, name: str, *, proper: bool = True) -> Fraction:
 
     Raises
     ------
-    TypeError
-        If `system` is none of the types above, or has coefficients that are no real numbers.
-    ValueError
-        If it is not single-input single-output, not continuous-time, has NaN or infinite
-        coefficients, a zero denominator, or is improper where that is not allowed; and for a
-        state space that does not tell whether it has an integrator.
+    TypeError, ValueError
+        If `system` is none of the types above; if it is not single-input single-output, not
+        continuous-time, has coefficients that are no finite real numbers, a zero denominator, is
+        improper where that is not allowed, or does not tell whether it has an integrator.
 
     Examples
     --------

@@ -94,15 +94,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..numerics import (
-    FloatArray,
-    QuasiPolynomial,
-    Shared,
-    Term,
-    add,
-    shared_factor,
-    unstable_roots,
-)
+from ..numerics import FloatArray, QuasiPolynomial, Shared, Term, add, shared_factor, unstable_roots
 from .blocks import Fraction, as_fraction, nonzero
 from .delay import undelayed
 from .filters import filter_fraction
@@ -239,10 +231,7 @@ class _ObserverMaps:
 
     @cached_property
     def p_B(self) -> QuasiPolynomial:
-        """Characteristic function of the observer loop, D Nm (Df - Nf e^(-θm s)) + N Dm Nf e^(-θs).
-
-        Without what has cancelled inside its blocks.
-        """
+        """Characteristic function of the observer loop, without what cancels inside its blocks."""
         G, built = self._observer_fractions.G, self.built
         power = built.E.divided  # of which the terms hold s only together
         waiting = [((G.den, built.Nm.q, p), delay) for p, delay in built.E.terms]

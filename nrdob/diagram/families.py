@@ -144,19 +144,13 @@ def filter_family(
     model : as for `nrdob.NRDOB`, optional
         For "interpolating"; of a delayed one only integrators are interpolated.
     num, den : list of rows, optional
-        For "own": a row for each power of s, descending, with the coefficients of the powers of λ,
-        descending; a number is a constant.
+        For "own", where F(0) has to be 1 for every λ: a row for each power of s, descending, with
+        the coefficients of the powers of λ, descending; a number is a constant.
 
     Returns
     -------
     FilterFamily
         `family.at(time_constant)` is a filter for `nrdob.NRDOB`.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If there is no such kind; if it lacks something, or cannot take what is given; if the
-        coefficients are no polynomials in λ, do not depend on λ, or F(0) is not 1 for every λ.
 
     References
     ----------

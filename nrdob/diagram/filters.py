@@ -14,8 +14,7 @@ from .blocks import Fraction, as_fraction, real_number, six_digits
 
 __all__ = ["LowPassFilter", "filter_fraction"]
 
-DC_GAIN_TOLERANCE = 1e-9
-"""How far F(0) may be from 1 and still count as a typed-in 1."""
+DC_GAIN_TOLERANCE = 1e-9  # how far F(0) may be from 1 and still count as a typed-in 1
 
 
 @dataclass(frozen=True, repr=False)
@@ -28,14 +27,6 @@ class LowPassFilter:
         :math:`\lambda > 0`, in seconds.
     order : int
         :math:`n \ge 1`; at least the relative degree of the model, so that F/model is causal.
-
-    Raises
-    ------
-    ValueError
-        If `time_constant` is not positive and finite, `order` is below 1, or a coefficient leaves
-        the range of floating-point numbers.
-    TypeError
-        If `time_constant` is no real number, or `order` no whole one.
 
     Examples
     --------

@@ -78,9 +78,8 @@ def interpolating_filter(
     Raises
     ------
     TypeError, ValueError
-        If the model cannot stand in the loop, or a parameter is none; if the model has a zero at
-        s = 0, or a zero where it has a pole, because F cannot be 0 and 1 there; if the order is too
-        low for the conditions.
+        If the model has a zero at s = 0, or a zero where it has a pole, because F cannot be 0 and 1
+        there; if the order is too low for the conditions.
 
     Examples
     --------

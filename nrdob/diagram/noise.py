@@ -41,8 +41,7 @@ __all__ = ["check_stable", "noise_power", "rational_power", "step_energy"]
 
 Density = Callable[[FloatArray], FloatArray]
 
-TOLERANCE = 1e-10
-"""Relative error of the integral at which no interval is halved any more."""
+TOLERANCE = 1e-10  # relative error of the integral at which no interval is halved any more
 
 MAX_INTERVALS = 2_000_000
 
@@ -142,10 +141,7 @@ def rational_power(num: FloatArray, den: FloatArray) -> float:
 
 
 def _delayed_power(
-    num: FloatArray,
-    den: tuple[QuasiPolynomial, ...],
-    product: QuasiPolynomial,
-    density: Density,
+    num: FloatArray, den: tuple[QuasiPolynomial, ...], product: QuasiPolynomial, density: Density
 ) -> float:
     top = QuasiPolynomial(num)
     q, r = QuasiPolynomial(product.q), QuasiPolynomial(product.r)

@@ -26,14 +26,12 @@ from .noise import check_stable, noise_power, step_energy
 
 __all__ = ["Quotient", "as_quotient", "as_shaping"]
 
-NEAR_ROOT = 1e-7
-"""Size of a denominator, against its terms, below which half the digits are lost."""
+NEAR_ROOT = 1e-7  # size of a denominator, against its terms, below which half the digits are lost
 
 CIRCLES = (1e-2, 1e-9), (1e-3, 1e-8), (1e-4, 1e-8), (1e-5, 1e-8)
 """Radii around such a point relative to its size, and what negative powers may be rounding."""
 
-LARGEST = 1e300
-"""In place of infinity, where a difference of two would have no value."""
+LARGEST = 1e300  # in place of infinity, where a difference of two would have no value
 
 UNIT_CIRCLE = np.exp(2j * pi * (np.arange(16) + 0.5) / 16)
 
@@ -45,9 +43,9 @@ class Quotient:
     Parameters
     ----------
     num, den : tuple of QuasiPolynomial
-        The factors, as the block diagram gives them.
+        As the block diagram gives them.
     name : str
-        How the map is written in messages and figures.
+        In messages and figures.
 
     Examples
     --------
@@ -55,8 +53,6 @@ class Quotient:
     >>> from nrdob import NRDOB, LowPassFilter
     >>> G = ct.tf([2, 10], [1, 11, 10])
     >>> loop = NRDOB(G, G, ct.tf([1.39], [1, 0]), LowPassFilter(0.01, 2))
-    >>> complex(loop.S_d(0.0))
-    0j
     >>> loop.T_R.to_tf().den[0][0].size - 1
     3
     """
@@ -92,12 +88,7 @@ class Quotient:
         Infinite for an improper map. With several dead times b is the sum of the sizes.
         """
         if not self.delay:
-            excess = sum([f.q.size - 1 for f in self.den]) - sum([f.q.size - 1 for f in self.num])
-            zero = any([f.q.size == 1 and not f.q[0] for f in self.num])
-            if zero or excess:
-                return (0.0 if zero or excess > 0 else inf), 0.0
-            top, bottom = (prod(float(f.q[0]) for f in fs) for fs in (self.num, self.den))
-            return top / bottom, 0.0
+            return self.at_once, 0.0
         num, den = self.numerator, self.denominator.q
         divided = num.divided - self.denominator.divided
         limits = []
@@ -109,23 +100,17 @@ class Quotient:
     @property
     def at_once(self) -> float:
         """The a of `at_infinity`: what a unit step makes the output jump by at t = 0."""
-        excess = 0
-        for factors, sign in ((self.num, 1), (self.den, -1)):
-            excess += sign * sum(f.q.size - 1 - f.divided for f in factors)
+        degrees = [sum(f.q.size - 1 - f.divided for f in fs) for fs in (self.num, self.den)]
+        excess = degrees[0] - degrees[1]
         if excess < 0 or not all(f.q.any() for f in self.num):
             return 0.0
         if excess or not all(f.q.any() for f in self.den):
             return inf
-        value = prod(float(f.q[0]) for f in self.num)
-        for factor in self.den:
-            value /= float(factor.q[0])
-        return value
+        top, bottom = (prod(float(f.q[0]) for f in fs) for fs in (self.num, self.den))
+        return top / bottom
 
     def __call__(self, s: complex | ComplexArray) -> Any:
-        """Evaluate at complex `s`, a number or an array of any shape.
-
-        Infinite at poles; the limit where numerator and denominator vanish together.
-        """
+        """Evaluate at complex `s`, a number or an array; infinite at poles, the limit at 0/0."""
         s = np.asarray(s, dtype=complex)
         power = self.zeros_at_origin
         with np.errstate(all="ignore"):  # what is not finite is looked at again
@@ -219,10 +204,7 @@ class Quotient:
         ------
         ValueError
             If the power is infinite: the map, with the shaping filter, is not strictly proper, or
-            its denominator, hidden modes included, has roots that are not in the left half plane;
-            or the shaping filter is not stable.
-        TypeError
-            If `shaping` is no block.
+            its denominator, hidden modes included, has roots that are not in the left half plane.
 
         Examples
         --------
@@ -310,10 +292,7 @@ class Quotient:
         return ct.tf(kept.numerator.q, kept.denominator.q)
 
     def _agrees_with(self, other: Quotient) -> bool:
-        """Compare with a quotient in lowest order, along the axis where anything happens.
-
-        Beside a root, where the coefficients' rounding moves the map itself, that much is allowed.
-        """
+        """Compare with a quotient in lowest order, along the axis where anything happens."""
         roots = np.concatenate([f.without_origin.roots for f in self.num + self.den])
         sizes = np.abs(roots) if roots.size else np.ones(1)
         s = 1j * np.unique(np.outer([0.01, 0.5, 0.9, 0.999, 1.1, 2.0, 100.0], sizes))

@@ -27,8 +27,7 @@ __all__ = ["MAX_STATES", "polynomials"]
 
 FloatArray = NDArray[np.floating[Any]]
 
-MAX_STATES = 24
-"""Whole numbers grow with the number of states; more would take over half a second."""
+MAX_STATES = 24  # whole numbers grow with the number of states; more would take over half a second
 
 ZERO, NONZERO = (roundings * float(np.finfo(float).eps) for roundings in (1e2, 1e6))
 """Size of a coefficient, against the errors of the entries, that is 0; that is certainly not."""
@@ -45,15 +44,6 @@ def polynomials(system: Any, name: str) -> tuple[FloatArray, FloatArray]:
 
     A TypeError for complex entries; a ValueError for such as are not finite, over `MAX_STATES`
     states, or entries rounded too coarsely to tell whether such a coefficient is zero.
-
-    Examples
-    --------
-    >>> import control as ct
-    >>> A = np.diag([-1e4, -10, -0.1, -0.01]) + np.diag([1e4, 10, 0.1], 1)
-    >>> chain = ct.ss(A, [[0], [0], [0], [0.01]], [[1, 0, 0, 0]], 0)
-    >>> num, den = polynomials(chain, "process")
-    >>> num.size, round(float(num[-1] / den[-1]), 12)
-    (1, 1.0)
     """
     given = [np.asarray(part) for part in (system.A, system.B, system.C, system.D)]
     if any(part.imag.any() for part in given):

@@ -59,11 +59,7 @@ class ActuatorLimits:
 
 @dataclass(frozen=True)
 class Rule:
-    """How a proposed number becomes the actual one, given the actual one a sample ago.
-
-    `leaves` tells whether values proposed for m successive samples, shape (m,), all stay as they
-    are.
-    """
+    """How a proposed number becomes the actual one; whether many proposed in turn all stay."""
 
     apply: Callable[[float, float], float]
     leaves: Callable[[FloatArray, float], bool]
@@ -115,13 +111,7 @@ def limited(limits: ActuatorLimits, dt: float) -> Rule:
 
 
 def rounded(resolution: float) -> Rule:
-    """Round a signal as a converter does: whole multiples of its resolution, ties to even.
-
-    Examples
-    --------
-    >>> rounded(0.25).apply(1.2, 0.0)
-    1.25
-    """
+    """Round a signal as a converter does: whole multiples of its resolution, ties to even."""
     if not (isfinite(resolution) and resolution > 0):
         raise ValueError(
             f"the resolution is {resolution:g}; it is one step of a converter, positive, in the "

@@ -31,15 +31,11 @@ ENTERING = ("R", "d", "eta", "delta", "delta a sample earlier")
 Rows = tuple[FloatArray, FloatArray, FloatArray]
 """Rows of signals over states, inputs and decisions."""
 
-STILL = 1e-9
-"""Rate of change, against what u and δ would cause, that is rounding."""
+STILL = 1e-9  # rate of change, against what u and δ would cause, that is rounding
 
 
 class Recursion(NamedTuple):
-    """The matrices of one sample, for n states, q inputs, p decisions: A is (n, n), H (p, p).
-
-    A decision may depend on those before it in the same sample.
-    """
+    """The matrices of one sample, for n states, q inputs, p decisions: A is (n, n), H (p, p)."""
 
     A: FloatArray
     B: FloatArray
@@ -117,11 +113,10 @@ class ClosedLoop:
         return self.A, B, C + H @ proposed, D[:, eta] + H @ direct
 
     def rows(self, names: Sequence[str]) -> Rows:
-        """Write signals as rows.
+        """Write signals as rows: "x" (of the process), "d", "y", "read" (y with noise), "measured".
 
-        They are "x" (states of the process), "felt" (u and δ as the process receives them at the
-        end of a sample and at its beginning), "d", "y", "read" (y with noise), "measured" (the
-        same, rounded), "u" and "d_hat".
+        The latter is rounded; and "u", "d_hat", and "felt", u and δ as the process receives them at
+        the end of a sample and at its beginning.
         """
         return self._split(np.vstack([self._signals[name] for name in names]))
 

@@ -1,8 +1,13 @@
 r"""The controller as code: one C file with its header, one Python class.
 
-Both are written from the same numbers (`nrdob.digital.sections`) and the same equations
-(`nrdob.digital.equations`). The simulation runs the same sections: what has been simulated is what
-runs on the processor, up to rounding.
+Both are written from the same numbers (`nrdob.digital.sections`) and the same equations, those of
+`nrdob.digital.controller` over the blocks of the diagram. The simulation runs the same sections:
+what has been simulated is what runs on the processor, up to rounding.
+
+A block knows three verbs, `output(block, v)`, what comes out at an input v; `advance(block, v)`,
+which renews its states; and `rest(block, v, w)`, which puts it at rest at v (giving w if it
+integrates). The dead time of a model knows `late(v)`, `remember(v)` and `fill(v)`. First comes what
+must be ready before u can be written, then what can be done while the actuator works.
 
 A `float` has 7 digits. In powers of z they are used up where the sampling is fast: a filter of the
 order n whose lag takes N samples needs them to tell :math:`N^{-n}` from 0. Here all coefficients
@@ -19,7 +24,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from math import isfinite, prod
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -27,19 +32,37 @@ from ..diagram import real_number
 from ..numerics import FloatArray
 from .actuatorlimits import ActuatorLimits
 from .controller import SampledController
-from .equations import BLOCKS, SIGNALS, Row, equations, rendered
 from .sections import Section
 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-__all__ = ["ControllerCode", "controller_code"]
+__all__ = ["ControllerCode", "equations", "tracking"]
+
+BLOCKS = {
+    "filter_y": "FILTER",
+    "filter_u": "FILTER",
+    "inverse": "INVERSE",
+    "inner": "INNER",
+    "controller": "CONTROLLER",
+}
+"""What has states, and whose coefficients it works with: F has two copies."""
+
+SIGNALS = {
+    "r": "reference",
+    "y": "measurement",
+    "y_filtered": "measurement, its noise reduced",
+    "from_y": "input that would explain the measurement, filtered",
+    "u": "command, before any limit",
+    "applied": "what the actuator did",
+    "d_hat": "estimate of the disturbance at the input",
+}
+"""What is kept from one call to the next."""
 
 TABLES = {"FILTER": "F", "INVERSE": "F/Gm", "INNER": "", "CONTROLLER": "C"}
 """How the diagram writes the block behind each table of coefficients; INNER is one of two."""
 
-DTYPES = {"double": "DBL_MAX", "float": "FLT_MAX"}
-"""Types of C, and the largest number of each."""
+DTYPES = {"double": "DBL_MAX", "float": "FLT_MAX"}  # types of C, and the largest number of each
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,21 +205,7 @@ class ControllerCode:
         )
 
 
-def controller_code(
-    controller: SampledController,
-    limits: ActuatorLimits | None = None,
-    tracking_time: float | None = None,
-) -> ControllerCode:
-    """Add an actuator to a sampled controller: see `SampledLoop.code`."""
-    if not isinstance(limits, ActuatorLimits | None):
-        raise TypeError(
-            f"limits is a {type(limits).__name__}; give nrdob.digital.ActuatorLimits(low, high)"
-        )
-    tracking = 0.0 if tracking_time is None else _tracking(controller, tracking_time)
-    return ControllerCode(controller, limits or ActuatorLimits(), tracking)
-
-
-def _tracking(controller: SampledController, time: float) -> float:
+def tracking(controller: SampledController, time: float) -> float:
     """Share of u's limitation that C needs as an error, for its integrator to follow in time."""
     time = real_number(time, "tracking_time", "give seconds as a number")
     *others, last = controller.sections["C"]
@@ -271,3 +280,67 @@ def _identifier(name: str) -> str:
         raise ValueError(f"name is {name!r}; give a word to name the code by")
     allowed = re.sub(r"\W", "_", name, flags=re.ASCII).lstrip("_0123456789")
     return f"{allowed}_" if keyword.iskeyword(allowed) else allowed
+
+
+class Row(NamedTuple):
+    """One equation: the signal on the left, if any, and an expression that C and Python share."""
+
+    target: str
+    expression: str
+
+
+def equations(*, delayed: bool) -> dict[str, tuple[Row, ...]]:
+    """Lay out "output" from r and y, "update" from applied, and "start" from r, y and u."""
+    if delayed:
+        late, inner = "late({})", "{} - filtered"
+        remember, fill = [Row("", "remember(applied)")], [Row("", "fill(u)")]
+    else:
+        late = inner = "{}"
+        remember, fill = [], []
+    nothing = inner.format(0) if delayed else "0"
+    return {
+        "output": (
+            Row("y_filtered", "output(filter_y, y)"),
+            Row("from_y", "output(inverse, y)"),
+            Row("filtered", f"output(filter_u, {late.format(0)})"),
+            Row("e", f"r - y_filtered - output(inner, {nothing})"),
+            Row("u", "(output(controller, e) + filtered - from_y) * RECIPROCAL"),
+        ),
+        "update": (
+            Row("late_u", late.format("applied")),
+            Row("filtered", "output(filter_u, late_u)"),
+            Row("inner_u", inner.format("applied")),
+            Row("e", "r - y_filtered - output(inner, inner_u)"),
+            Row("d_hat", "from_y - filtered"),
+            Row("", "advance(filter_y, y)"),
+            Row("", "advance(inverse, y)"),
+            Row("", "advance(filter_u, late_u)"),
+            Row("", "advance(inner, inner_u)"),
+            Row("", "advance(controller, e + TRACKING * (applied - u))"),
+            *remember,
+        ),
+        "start": (
+            *fill,
+            Row("", "rest(filter_y, y, y)"),
+            Row("", "rest(inverse, y, 0)"),
+            Row("", "rest(filter_u, u, u)"),
+            Row("y_filtered", "output(filter_y, y)"),
+            Row("from_y", "output(inverse, y)"),
+            Row("filtered", "output(filter_u, u)"),
+            Row("d_hat", "from_y - filtered"),
+            Row("inner_u", inner.format("u")),
+            Row("", "rest(inner, inner_u, 0)"),
+            Row("e", "r - y_filtered - output(inner, inner_u)"),
+            Row("", "rest(controller, e, u + d_hat)"),
+        ),
+    }
+
+
+def rendered(
+    row: Row, signal: Callable[[str], str], verb: Callable[[str, str], str]
+) -> tuple[str, str]:
+    """Write both sides of an equation, by what writes a signal, and the call of a block's verb."""
+    text = re.sub(rf"\b({'|'.join(SIGNALS)})\b", lambda f: signal(f[1]), row.expression)
+    text = re.sub(r"\b(output|advance|rest)\((\w+), ", lambda f: verb(f[1], f[2]), text)
+    text = re.sub(r"\b(late|remember|fill)\(", lambda f: verb(f[1], ""), text)
+    return signal(row.target) if row.target in SIGNALS else row.target, text

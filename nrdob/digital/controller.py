@@ -35,8 +35,7 @@ from .sections import Section, StateSpace, at_rest, bilinear_sections, state_spa
 
 __all__ = ["ModelDelay", "SampledController", "sampled_controller"]
 
-SINGULAR = 1e-12
-"""Size of the factor of u[k], against its terms, at which it is 0."""
+SINGULAR = 1e-12  # size of the factor of u[k], against its terms, at which it is 0
 
 
 @dataclass(frozen=True)

@@ -20,22 +20,14 @@ from .unitcircle import CircleFunction, Group, multiplied_out
 
 __all__ = ["DelayedPair"]
 
-WHOLE = 1e-3
-"""Distance of a count from a whole number that is rounding."""
-
-CLOSEST = 1e-9
-"""Size of a sum at a crossing, against its parts, at which it may be 0."""
-
-STARTS, STEPS, CONVERGED = 256, 50, 1e-9
-"""Where the largest root is sought from, and for how long."""
+WHOLE = 1e-3  # distance of a count from a whole number that is rounding
+CLOSEST = 1e-9  # size of a sum at a crossing, against its parts, at which it may be 0
+STARTS, STEPS, CONVERGED = 256, 50, 1e-9  # where the largest root is sought from, and for how long
 
 
 @dataclass(frozen=True, eq=False)
 class DelayedPair:
-    """P + Q z^-N on the unit circle, both parts divided by (1 + v)^degree.
-
-    P and Q are polynomials of v = (z - 1)/(z + 1) in descending powers, of equal size.
-    """
+    """P + Q z^-N on the unit circle, polynomials of v of equal size, over (1 + v)^degree."""
 
     early: Group
     late: Group

@@ -25,11 +25,8 @@ from ..numerics import FloatArray, split, transition
 
 __all__ = ["WHOLE", "HeldProcess", "checked_times", "held_process", "in_samples"]
 
-WHOLE = 1e-9
-"""Fraction of a sample that is rounding: 0.3 s are three samples of 0.1 s."""
-
-SLOWEST = 1e6
-"""Samples after which slow modes are no longer told apart."""
+WHOLE = 1e-9  # fraction of a sample that is rounding: 0.3 s are three samples of 0.1 s
+SLOWEST = 1e6  # samples after which slow modes are no longer told apart
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,18 +97,7 @@ class HeldProcess:
 
 
 def held_process(process: Fraction, delay: float, dt: float) -> HeldProcess:
-    """Discretise a proper process, with its dead time, under zero-order hold, exactly.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> held = held_process(Fraction(np.array([1.0]), np.array([1.0, 1.0])), 0.15, 0.1)
-    >>> held.samples, round(held.fraction, 6)
-    (1, 0.5)
-    >>> lag = np.exp(-0.05)
-    >>> np.allclose([held.C * held.B0, held.C * held.B1], [[1 - lag], [lag * (1 - lag)]])
-    True
-    """
+    """Discretise a proper process, with its dead time, under zero-order hold, exactly."""
     # Parts of different time scales stand side by side.
     parts = split([process.num], process.den, SLOWEST * dt)
     A = block_diag(*(part.A for part in parts)) if process.den.size > 1 else np.zeros((0, 0))

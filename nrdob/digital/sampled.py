@@ -14,23 +14,23 @@ from numpy.typing import ArrayLike
 from ..analysis import Margins, NoiseVariance
 from ..diagram import Fraction, LoopEquations, six_digits, undelayed
 from ..numerics import FloatArray
-from .actuatorlimits import ActuatorLimits
+from .actuatorlimits import ActuatorLimits, limited, rounded
 from .bilinear import after_samples, delay_in_w, held_blocks, held_in_w
 from .closedloop import ClosedLoop
-from .code import ControllerCode, controller_code
+from .code import ControllerCode, tracking
 from .controller import ModelDelay, SampledController, sampled_controller
 from .hold import HeldProcess, checked_times, held_process, in_samples
 from .margins import sampled_margins
 from .noise import sampled_noise_variance
-from .signals import Signal
-from .simulation import SimulatedResponse, sampled_step_response, simulate
+from .signals import Signal, external_signals, sample_times
+from .simulation import SimulatedResponse, sampled_step_response, simulated
 from .unitcircle import CircleFunction, Product
 from .verdict import SampledStability, sampled_stability
 
 __all__ = ["METHODS", "SampledLoop"]
 
-METHODS = ("tustin", "zoh")
-"""How a block is sampled."""
+METHODS = ("tustin", "zoh")  # how a block is sampled
+OBSERVER_INPUTS = ("applied", "commanded")  # which u the observer receives
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,10 +175,6 @@ class SampledLoop:
             A stable discrete-time W(z) with the loop's sampling time, behind which the noise is
             coloured. By default η is white of unit variance; with a variance σ² give σ.
 
-        Raises
-        ------
-        TypeError, ValueError
-            If `shaping` is no such block, or the sampled loop is not stable.
         """
         return sampled_noise_variance(self.closed_loop, self.dt, shaping)
 
@@ -195,12 +191,6 @@ class SampledLoop:
             Time in seconds in which the integrator of C follows a u that is limited
             (back-calculation); by default it does not.
 
-        Raises
-        ------
-        TypeError, ValueError
-            If the limits are something else, or there is no integrator to track with, or the
-            tracking time is too short.
-
         Examples
         --------
         >>> from nrdob import paper
@@ -209,7 +199,12 @@ class SampledLoop:
         >>> "class Heater:" in code.to_python("Heater")
         True
         """
-        return controller_code(self.controller, limits, tracking_time)
+        if not isinstance(limits, ActuatorLimits | None):
+            raise TypeError(
+                f"limits is a {type(limits).__name__}; give nrdob.digital.ActuatorLimits(low, high)"
+            )
+        share = 0.0 if tracking_time is None else tracking(self.controller, tracking_time)
+        return ControllerCode(self.controller, limits or ActuatorLimits(), share)
 
     def simulate(
         self,
@@ -251,11 +246,9 @@ class SampledLoop:
 
         Raises
         ------
-        TypeError, ValueError
-            If a signal is of the wrong length or not finite, an input is unknown, the times are
-            not those of the samples, or the process is not at rest at `start`.
-        ArithmeticError
-            If the signals leave the range of floating-point numbers.
+        TypeError, ValueError, ArithmeticError
+            If signals and times do not fit, or the process is not at rest at `start`; if the
+            signals leave the range of floating-point numbers.
 
         Examples
         --------
@@ -271,11 +264,20 @@ class SampledLoop:
         u        from 0.8 to 1.05, at last 0.8
         applied  from 0.8 to 0.9, at last 0.8
         """
-        return simulate(
-            self.code(limits, tracking_time=tracking_time), self.process, self._disturbed, inputs,
-            noise, timepts=timepts, seed=seed, observer_input=observer_input, start=start,
-            resolution=resolution,
+        if observer_input not in OBSERVER_INPUTS:
+            choices = ", ".join(OBSERVER_INPUTS)
+            raise ValueError(f"observer_input is {observer_input!r}; choose one of {choices}")
+        code = self.code(limits, tracking_time=tracking_time)
+        time = sample_times(timepts, inputs, noise, self.dt)
+        external = external_signals(inputs, noise, time, seed)
+        rules = [limited(code.limits, self.dt)]
+        if resolution is not None:
+            rules.insert(0, rounded(resolution))
+        loop = ClosedLoop(
+            self.controller, self.process, self._disturbed, observer_input=observer_input,
+            tracking=code.tracking, rounds=resolution is not None,
         )  # fmt: skip
+        return simulated(loop, rules, time, external, start)
 
     @cached_property
     def _disturbed(self) -> HeldProcess:

@@ -16,17 +16,13 @@ from .sampled import SampledLoop
 
 __all__ = ["largest_sampling_time"]
 
-STEP = 1.04
-"""Ratio of neighbouring sampling times in the search."""
+STEP = 1.04  # ratio of neighbouring sampling times in the search
 
 FASTEST, SLOWEST = 0.02, 100.0
 """Range of sampling times, against the shortest and the longest time of the loop."""
 
-SAMPLES = 100
-"""Samples in the dead time at the shortest sampling time, at most."""
-
-REFINED = 1e-12
-"""Relative error of the end."""
+SAMPLES = 100  # samples in the dead time at the shortest sampling time, at most
+REFINED = 1e-12  # relative error of the end
 
 
 def largest_sampling_time(

@@ -23,16 +23,9 @@ import numpy as np
 
 from ..numerics import ComplexArray, FloatArray, roots_by_time_scale
 
-__all__ = [
-    "Section",
-    "StateSpace",
-    "at_rest",
-    "bilinear_sections",
-    "state_space",
-]
+__all__ = ["Section", "StateSpace", "at_rest", "bilinear_sections", "state_space"]
 
-AT_INFINITY = 1e-12
-"""Size of 1 - αp for a pole p at which its image is z = ∞."""
+AT_INFINITY = 1e-12  # size of 1 - αp for a pole p at which its image is z = ∞
 
 
 class StateSpace(NamedTuple):
@@ -93,12 +86,6 @@ def bilinear_sections(
 
     It is proper and given by its factors, in descending powers of w; with α = dt/2, in seconds, and
     s for w this is Tustin's rule. A pole at w = 1/α, whose image is z = ∞, raises a ValueError.
-
-    Examples
-    --------
-    >>> lag = bilinear_sections([np.array([1.0])], [np.array([0.9, 1.0])], 0.1)[0]
-    >>> [round(c, 6) for c in (lag.b0, lag.b1, lag.a1, lag.rest)]
-    [0.1, 0.2, 0.2, 1.0]
     """
     (top, zeros), (bottom, poles) = map(_leading_and_roots, (num, den))
     if top == 0:
@@ -129,11 +116,6 @@ def at_rest(cascade: Sequence[Section], input: float, output: float) -> FloatArr
     """States of rest at a constant input, shape (n,), as `state_space` orders them.
 
     A section that integrates gets an `output`; its input at rest is 0.
-
-    Examples
-    --------
-    >>> at_rest([Section(0.3, 0.03)], 0.0, 5.0).tolist()    # a PI controller that gives 5
-    [5.0]
     """
     states: list[float] = []
     for section in cascade:

@@ -17,8 +17,7 @@ __all__ = ["EXTERNAL", "Signal", "external_signals", "finite", "sample_times"]
 Signal = ArrayLike | Callable[[FloatArray], ArrayLike]
 """A signal: a number, one value for each sample, or a function of the times."""
 
-EXTERNAL = ("R", "d", "delta")
-"""The inputs of a simulation; noise is given apart."""
+EXTERNAL = ("R", "d", "delta")  # the inputs of a simulation; noise is given apart
 
 
 def sample_times(

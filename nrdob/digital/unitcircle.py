@@ -45,18 +45,14 @@ __all__ = [
     "resolved",
 ]
 
-TURN = 0.6
-"""How far a function may get within half an interval, against its own size."""
+TURN = 0.6  # how far a function may get within half an interval, against its own size
 
 SMALLEST, MOST = 2.0**-48, 400_000
 """Half width of an interval, against its angle, at which it is halved no more; intervals at most.
 """
 
-TOGETHER = 8
-"""Samples between terms that are taken together, behind one dead time."""
-
-FREE, OPEN = -1, -2
-"""Marks of an interval: the function has no zero there; it may have one."""
+TOGETHER = 8  # samples between terms that are taken together, behind one dead time
+FREE, OPEN = -1, -2  # marks of an interval: the function has no zero there; it may have one
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,10 +176,7 @@ class Group(NamedTuple):
 
 @dataclass(frozen=True)
 class TurnCount:
-    """How many zeros lie outside the unit circle, z = ∞ included.
-
-    The count is None if one lies on the circle within rounding, at the angle in radians.
-    """
+    """Zeros outside the unit circle, z = ∞ included; None if one is on it, at the angle in rad."""
 
     count: int | None
     angle: float = nan
@@ -202,16 +195,7 @@ def multiplied_out(terms: Iterable[Product], samples: int) -> FloatArray:
 
 
 def count_outside(function: CircleFunction) -> TurnCount:
-    """Count the zeros outside the unit circle by the turn of the argument.
-
-    Examples
-    --------
-    1 - 2/z, that is v + 1 less 2 (1 - v), over 1 + v:
-
-    >>> import numpy as np
-    >>> count_outside(CircleFunction((Product((np.array([3.0, -1.0]),)),))).count
-    1
-    """
+    """Count the zeros outside the unit circle by the turn of the argument."""
     ends = np.array([0.0, pi])
     at_ends = np.abs(function(ends)) <= function.rounding(ends)
     if at_ends.any():
@@ -223,10 +207,7 @@ def count_outside(function: CircleFunction) -> TurnCount:
 
 
 def resolved(function: CircleFunction) -> FloatArray:
-    """Angles from 0 to π between which a function provably turns by less than a right angle.
-
-    An ArithmeticError if it takes too many of them.
-    """
+    """Angles from 0 to π between which a function provably turns by less than a right angle."""
     low, high, *_ = _certified(function, dominance=False)
     return np.unique(np.concatenate([low, high, (low + high) / 2]))
 

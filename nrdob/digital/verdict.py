@@ -29,10 +29,10 @@ from .unitcircle import CircleFunction, count_outside
 
 __all__ = ["SampledStability", "sampled_stability"]
 
+# The ways in which roots are counted:
 TURNS, EIGENVALUES = "by the argument on the unit circle", "by eigenvalues"
 WHOLE_NUMBERS = "by Routh and Hurwitz's test in whole numbers"
 SIZES = "by the crossings of |P| = |Q| in p_B = P + Q/z^N"
-"""The ways in which roots are counted."""
 
 MOST_STATES, MOST_ALONE = 300, 1000
 """States of a loop up to which it has eigenvalues; the latter where there is no other second way.
@@ -92,11 +92,7 @@ def sampled_stability(
     controller: SampledController,
     in_w: Callable[[], tuple[LoopEquations, Fraction | None]],
 ) -> SampledStability:
-    """Judge a sampled loop.
-
-    `loop` is in continuous time, `blocks` has model, controller and filter in the plane of w, and
-    p_B is the characteristic function of the observer loop.
-    """
+    """Judge a sampled loop; `blocks` has model, controller and filter in the plane of w."""
     dt, states = process.dt, process.B.size + process.memory + controller.states
     model_loop, pair = _model_loop(blocks, dt), DelayedPair.of(p_B)
     with_values = states <= (MOST_ALONE if pair is None else MOST_STATES)

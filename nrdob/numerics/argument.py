@@ -43,14 +43,9 @@ MAX_SEGMENTS, MAX_STEPS = 400_000, 40_000
 TOGETHER, LEAST_STEPS = 250, 4000
 """Sums that are followed at once, and stretches of each of them that there may be at least."""
 
-ARCS = 32
-"""Discs that cover a half circle around a zero on the axis."""
-
-FAR = 1e6
-"""Longest dead time, and inverse of the shortest, whose powers are taken as they are."""
-
-SERIES = 24
-"""Coefficients of exp(-sT) for |s|T <= 1, behind which less than rounding is left."""
+ARCS = 32  # discs that cover a half circle around a zero on the axis
+FAR = 1e6  # longest dead time, and inverse of the shortest, whose powers are taken as they are
+SERIES = 24  # coefficients of exp(-sT) for |s|T <= 1, behind which less than rounding is left
 
 
 class Term(NamedTuple):
@@ -166,12 +161,6 @@ def argument_change(terms: Sequence[Term], scale: FloatArray, origin: int = 1) -
     The first term has no dead time and the highest degree, its leading coefficient larger than
     those of the others together; `scale` is as for `rhp_counts`, `origin` the multiplicity of the
     zero at s = 0, if there is one. An ArithmeticError if it would take over `MAX_STEPS` steps.
-
-    Examples
-    --------
-    >>> q = np.array([1.0, -1.0, 4.0])                       # two roots in the right half plane
-    >>> bool(np.isclose(argument_change([Term(q, 0.0)], np.abs(q)).angle, -np.pi))
-    True
     """
     lead = terms[0].q
     degree = lead.size - 1
@@ -209,10 +198,9 @@ def argument_change(terms: Sequence[Term], scale: FloatArray, origin: int = 1) -
 def zero_free_frequencies(terms: Sequence[Term], scale: FloatArray, origin: int = 1) -> FloatArray:
     """Frequencies between which the argument provably changes by less than half a revolution.
 
-    In rad/s, increasing, from 0 to where the leading term dominates. Around a zero on the axis,
-    within rounding, a stretch is left in which it may change by more. If the dead time is so long
-    that more than `MAX_SEGMENTS` frequencies would be needed, there are stretches, too, in which it
-    turns with a dominant term's dead time, any number of times.
+    In rad/s, increasing, from 0 to where the leading term dominates. It may change by more around a
+    zero on the axis, within rounding, and with a dominant term's dead time where over
+    `MAX_SEGMENTS` frequencies would be needed.
     """
     if terms[0].q.size == 1:
         return np.zeros(1)
@@ -269,10 +257,7 @@ def _angle(base: FloatArray | ComplexArray, sums: Sums, omega: float) -> float:
 
 
 def _of_low_degree(q: FloatArray, scale: FloatArray) -> float | None:
-    """Change for a polynomial of degree 1 or 2, which is seen from where it crosses an axis.
-
-    None where a root is on the axis within rounding.
-    """
+    """Change for degree 1 or 2, from where it crosses an axis; None with a root on the axis."""
     a, *middle, c = q.tolist()
     *sizes, size = scale.tolist()
     if abs(c) <= ROUNDING * size:
@@ -377,10 +362,7 @@ def _in_unit(
 
 
 class _Near(NamedTuple):
-    """A sum near its zero at s = 0: this polynomial times a power of s within the radius.
-
-    Below the first frequency the polynomial's constant dominates.
-    """
+    """A sum near its zero at s = 0: within the radius a polynomial times a power of s."""
 
     rest: Term
     scale: FloatArray
@@ -391,10 +373,7 @@ class _Near(NamedTuple):
 def _near_origin(
     terms: Sequence[Term], scale: FloatArray, high: float, multiplicity: int
 ) -> _Near | None:
-    """Divide a zero at s = 0 out of the Taylor series; None if it is of higher multiplicity.
-
-    Where no dead time turns by more than one radian, so many coefficients are the sum itself.
-    """
+    """Divide a zero at s = 0 out of the Taylor series; None if it is of higher multiplicity."""
     count = multiplicity + scale.size + SERIES
     c, sizes = np.zeros(count), np.zeros(count)
     sizes[: scale.size] = scale[::-1]

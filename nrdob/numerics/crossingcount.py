@@ -37,11 +37,6 @@ def count_by_crossings(q: FloatArray, r: FloatArray, delay: float) -> int | None
 
     The leading coefficient of q dominates. None where the equation without dead time has roots on
     the axis; a root at s = 0 for every dead time, where q + r = 0, is not counted.
-
-    Examples
-    --------
-    >>> count_by_crossings(np.array([1.0, 0.0]), np.array([8.0]), 1.0)    # s + 8 exp(-s)
-    4
     """
     Q, R = whole(q, r)
     changes = positive_sign_changes(_difference(squared_size(Q), squared_size(R)))
@@ -53,7 +48,7 @@ def count_by_crossings(q: FloatArray, r: FloatArray, delay: float) -> int | None
         # A pair that starts on the axis does not come from the right: it is not lost there.
         first = 0 if angle == 0 and direction < 0 else 1
         count += 2 * direction * (floor((omega * delay - angle) / tau) + first)
-    return count + _through_zero(q, r, delay)
+    return count + _past_zero(q, (np.zeros(1), 0.0), r, 0.0, delay)
 
 
 def crossings_between(
@@ -64,12 +59,6 @@ def crossings_between(
     The term r exp(-sT) in `fixed` stays; the dead time of `moving` goes from `start` to `end`, in
     seconds. None if there are too many frequencies to look at; a root at s = 0 for all dead times,
     where q + r + moving = 0, is not counted.
-
-    Examples
-    --------
-    >>> four = np.array([4.0])                               # s + 1 + 4 exp(-sT) - 4 exp(-s)
-    >>> crossings_between(np.array([1.0, 1.0]), (-four, 1.0), four, 1.0, 10.0)
-    10
     """
     r, delay = fixed
 
@@ -125,27 +114,10 @@ def _frequencies(
     return np.asarray(omega[(omega >= low) & (omega <= high)])
 
 
-def _through_zero(q: FloatArray, r: FloatArray, delay: float) -> int:
-    """Count the real root that passes s = 0 where another one stays, (q + r)(0) = 0.
-
-    That other one divided out, (c - T r(0)) + (b - T r'(0) + T² r(0)/2) s + … is left, where c and
-    b are the next coefficients of q + r.
-    """
-    _, c, b = np.pad((q + np.pad(r, (q.size - r.size, 0)))[::-1], (0, 3))[:3]
-    if q[-1] + r[-1] or c * (c - delay * r[-1]) >= 0:
-        return 0
-    T = c / r[-1]
-    slope = b - T * (r[-2] if r.size > 1 else 0.0) + T * T * r[-1] / 2
-    return 1 if c * slope > 0 else -1
-
-
 def _past_zero(
     q: FloatArray, fixed: tuple[FloatArray, float], moving: FloatArray, start: float, end: float
 ) -> int:
-    """Count the real root that passes s = 0, where another one stays, between two dead times.
-
-    That other one divided out, slope + bend s + … is left.
-    """
+    """Count the real root that passes s = 0, where another one stays, between two dead times."""
 
     def series(delay: float, power: int) -> float:
         late = ((q, 0.0), fixed, (moving, delay))

@@ -29,12 +29,7 @@ Whole = list[int]
 
 
 def whole(*polynomials: FloatArray) -> list[Whole]:
-    """Write polynomials in whole numbers, all multiplied by the same positive number.
-
-    >>> import numpy as np
-    >>> whole(np.array([0.5, 1.0]), np.array([0.75]))
-    [[2, 4], [3]]
-    """
+    """Write polynomials in whole numbers, all multiplied by the same positive number."""
     ratios = [[c.as_integer_ratio() for c in p.tolist()] for p in polynomials]
     common = max(den for row in ratios for _, den in row)  # denominators are powers of two
     return [_stripped([num * (common // den) for num, den in row]) for row in ratios]
@@ -59,13 +54,6 @@ def rhp_count(p: Whole) -> int | None:
 
     Routh and Hurwitz's test: the real and the imaginary part of p(jω) make a Sturm chain, whose
     changes of sign at ω = ±∞ give the argument.
-
-    Examples
-    --------
-    >>> rhp_count([1, -1, 4]), rhp_count([1, 1, 1, 1])     # s² - s + 4, (s + 1)(s² + 1)
-    (2, None)
-    >>> rhp_count([1, 0, -1])
-    1
     """
     if not p[-1]:
         return None
@@ -92,10 +80,7 @@ def rhp_count(p: Whole) -> int | None:
 
 
 def _routh(a: Whole, b: Whole, odd: int) -> list[tuple[Whole, int]]:
-    """Sturm's chain of two polynomials, one even and one odd, given by every other coefficient.
-
-    Each with 1 where it is odd; `odd` is that of a.
-    """
+    """Sturm's chain of an even and an odd polynomial, by every other coefficient; with parity."""
     chain = [(a, odd)]
     while b:
         a, b = b, _negative_remainder(a, b, len(b) + 1 - odd)
@@ -114,11 +99,6 @@ def positive_sign_changes(p: Whole) -> list[tuple[float, int]]:
     """Find every x > 0 at which p changes its sign, and the sign beyond it.
 
     Each x is known to the last bit or two.
-
-    Examples
-    --------
-    >>> positive_sign_changes([1, -3, 2])                   # (x - 1)(x - 2)
-    [(1.0, -1), (2.0, 1)]
     """
     while p and not p[-1]:
         p = p[:-1]

@@ -24,17 +24,13 @@ __all__ = ["rightmost_roots"]
 PEAKS, NEIGHBOURS = 8, 6
 """Highest points of the curve that are looked at, and roots on either side of each."""
 
-SHOWN = 400
-"""If fewer roots than this are in the right half plane, all of them are looked for."""
+SHOWN = 400  # if fewer roots than this are in the right half plane, all of them are looked for
 
 PER_TURN, MOST_DIPS = 12, 100_000
 """Frequencies to each turn of the longest of several dead times, and at most."""
 
-PADE_ORDER = 6
-"""Of the rational that stands for the dead time near s = 0."""
-
-BESIDE = 1e-4
-"""How far to the right of the rightmost root the line is laid, against its distance."""
+PADE_ORDER = 6  # of the rational that stands for the dead time near s = 0
+BESIDE = 1e-4  # how far to the right of the rightmost root the line is laid, against its distance
 
 
 def rightmost_roots(q: FloatArray, delayed: Delayed) -> ComplexArray:
@@ -43,13 +39,6 @@ def rightmost_roots(q: FloatArray, delayed: Delayed) -> ComplexArray:
     The leading coefficient of q dominates; the longest dead time comes first. There may be others
     between the roots. The first one's real part is known to be the largest, to four digits; there
     are none if no such root was found.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> roots = rightmost_roots(np.array([1.0, 0.0]), [(np.array([1.0]), 1000.0)])
-    >>> print(f"{roots[0]:.4g}")
-    0.00515+0.002664j
     """
     longest = delayed[0][1]
     guesses = _guesses(q, *delayed[0]) if len(delayed) == 1 else _dips(q, delayed)
@@ -84,10 +73,7 @@ def _guesses(q: FloatArray, r: FloatArray, delay: float) -> ComplexArray:
 
 
 def _dips(q: FloatArray, delayed: Delayed) -> ComplexArray:
-    """Guesses where a sum of several terms is smallest along the axis, and poles of q.
-
-    As far as the delayed terms can be as large as q.
-    """
+    """Guesses where a sum of several terms is smallest along the axis, and poles of q."""
     poles = companion_roots(q)
     corners = [np.concatenate([poles, companion_roots(r)]) for r, _ in delayed]
     omega = _frequencies(np.concatenate(corners), delayed[0][1])

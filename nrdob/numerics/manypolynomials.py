@@ -11,12 +11,7 @@ import numpy as np
 
 from .arrays import ComplexArray, FloatArray
 
-__all__ = [
-    "convolved",
-    "padded_sum",
-    "values_and_slopes",
-    "values_on_axis",
-]
+__all__ = ["convolved", "padded_sum", "values_and_slopes", "values_on_axis"]
 
 
 def convolved(a: FloatArray, b: FloatArray) -> FloatArray:

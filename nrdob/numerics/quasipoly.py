@@ -39,14 +39,9 @@ from .exact import rhp_count, whole
 from .longdelay import rightmost_roots
 from .rootfinding import delay_roots, polynomial_roots
 
-__all__ = [
-    "QuasiPolynomial",
-    "multiply",
-    "undivided_sum",
-]
+__all__ = ["QuasiPolynomial", "multiply"]
 
-AT_ORIGIN = 1e-6
-"""Size of a root, times the dead time, that is the one at s = 0."""
+AT_ORIGIN = 1e-6  # size of a root, times the dead time, that is the one at s = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,9 +153,9 @@ class QuasiPolynomial:
         return 0
 
     @property
-    def undivided_scale(self) -> FloatArray:
-        """Sizes of what was summed in the terms: `scale`, but in some `over_s`."""
-        return self.scale
+    def undivided(self) -> QuasiPolynomial:
+        """The sum of terms itself, where it has been divided by a power of s."""
+        return self
 
     @property
     def _shared_zeros(self) -> int:
@@ -264,17 +259,17 @@ class QuasiPolynomial:
         near = np.abs(roots.real) <= 0.1 * np.abs(roots)
         if near.any():
             omega = np.abs(roots.imag[near])
-            p = undivided_sum(self)
+            p = self.undivided
             near[near] = np.abs(p(1j * omega)) <= ROUNDING * np.polyval(p.scale, omega)
         return near
 
     @cached_property
     def roots(self) -> ComplexArray:
-        """Roots, rightmost first.
+        """Roots, rightmost first: all of a polynomial.
 
-        All of them for a polynomial. With a delay: all in the right half plane and the rightmost
-        ones of the left half plane. With a delay so long that `roots_resolved` is false: roots of
-        which none lies further to the right than the first; none at all if that is not certain.
+        With a delay all in the right half plane and the rightmost of those in the left one; where
+        `roots_resolved` is false roots of which none lies further to the right than the first, or
+        none at all if that is not certain.
         """
         found = self._eigenvalues
         if found is None:
@@ -325,7 +320,7 @@ class QuasiPolynomial:
         if len(self.more) > 1:
             return None
         (moving, shorter), longer = self.more[0], self.delay
-        equal = QuasiPolynomial(self.q, add(self.r, moving), longer, self.undivided_scale)
+        equal = QuasiPolynomial(self.q, add(self.r, moving), longer, self.undivided.scale)
         if equal.zeros_at_origin != held:
             return None
         start = equal.over_s(held).rhp_in_whole_numbers
@@ -335,12 +330,9 @@ class QuasiPolynomial:
 
 @dataclass(frozen=True, eq=False)
 class _OverS(QuasiPolynomial):
-    """A sum that vanishes at s = 0 although not all of its terms do, divided by a power of s.
+    """A sum that vanishes at s = 0 although not all of its terms do, divided by a power of s."""
 
-    Its polynomials are those of the `undivided` sum.
-    """
-
-    undivided: QuasiPolynomial = field(kw_only=True)
+    whole: QuasiPolynomial = field(kw_only=True)
     power: int = field(kw_only=True)
 
     def __post_init__(self) -> None:
@@ -351,7 +343,7 @@ class _OverS(QuasiPolynomial):
         # On the right Taylor's remainder of exp(-sT) is at most T^m |s|^m/m!.
         parts = [np.convolve(np.abs(r), exponential(-T, power + 1)) for r, T in p.delayed]
         scale = reduce(add, parts, p.scale)[:-power]
-        return cls(p.q, p.r, p.delay, scale, p.more, undivided=p, power=power)
+        return cls(p.q, p.r, p.delay, scale, p.more, whole=p, power=power)
 
     @property
     def degree(self) -> int:
@@ -360,6 +352,10 @@ class _OverS(QuasiPolynomial):
     @property
     def divided(self) -> int:
         return self.power
+
+    @property
+    def undivided(self) -> QuasiPolynomial:
+        return self.whole
 
     @cached_property
     def zeros_at_origin(self) -> int:
@@ -423,21 +419,12 @@ class _OverS(QuasiPolynomial):
         return found[:0] if origin[:1].any() else found[~origin]
 
     @property
-    def undivided_scale(self) -> FloatArray:
-        return self.undivided.scale
-
-    @property
     def rhp_in_whole_numbers(self) -> int | None:
         if self.power > 1 or self.zeros_at_origin:
             return None
         if self.more:
             return self._rhp_between_delays(self.power)
         return count_by_crossings(self.q, self.r, self.delay)
-
-
-def undivided_sum(p: QuasiPolynomial) -> QuasiPolynomial:
-    """Return the sum itself, where it has been divided by s."""
-    return p.undivided if isinstance(p, _OverS) else p
 
 
 def multiply(*factors: QuasiPolynomial) -> QuasiPolynomial:
@@ -450,7 +437,7 @@ def multiply(*factors: QuasiPolynomial) -> QuasiPolynomial:
     if len(factors) == 1:
         return factors[0]
     power = sum(factor.divided for factor in factors)
-    factors = tuple(undivided_sum(factor) for factor in factors)
+    factors = tuple(factor.undivided for factor in factors)
     scale = reduce(np.convolve, [factor.scale for factor in factors])
     terms = [
         Term(reduce(np.convolve, [p for p, _ in chosen]), sum(delay for _, delay in chosen))

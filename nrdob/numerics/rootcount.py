@@ -9,7 +9,7 @@ import numpy as np
 
 from .argument import ArgumentChange, zero_free_frequencies
 from .arrays import ROUNDING, ComplexArray, FloatArray
-from .quasipoly import QuasiPolynomial, undivided_sum
+from .quasipoly import QuasiPolynomial
 
 __all__ = ["RootCount", "count_rhp", "frequency_segments", "unstable_roots"]
 
@@ -99,7 +99,7 @@ def frequency_segments(p: QuasiPolynomial) -> FloatArray:
     p : QuasiPolynomial
         Without roots at s = 0; retarded, or neutral with ratio below 1.
     """
-    terms = undivided_sum(p)
+    terms = p.undivided
     return zero_free_frequencies(terms.terms, terms.scale, max(p.divided, 1))
 
 

@@ -76,12 +76,6 @@ def delay_roots(q: FloatArray, delayed: Delayed) -> ComplexArray:
     All of those in the right half plane and the rightmost ones of the left half plane. No r is of a
     higher degree than q; the longest dead time comes first. An ArithmeticError if a delay is too
     long for the loop's speed (see `MAX_DELAY_NODES`), or numbers leave the floating-point range.
-
-    Examples
-    --------
-    >>> roots = delay_roots(np.array([1.0, 0.0]), [(np.array([np.pi / 2]), 1.0)])
-    >>> bool(abs(roots - 0.5j * np.pi).min() < 1e-12)     # j exp(jπ/2) = -1
-    True
     """
     longest = delayed[0][1]
     factors = [companion_roots(p) for p in (q, *(r for r, _ in delayed))]

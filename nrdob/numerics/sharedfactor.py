@@ -25,16 +25,14 @@ NEARNESS = (1e-6, 1e-2, 0.3)
 """Relative distances within which roots may be copies of one; multiple ones scatter widely."""
 
 
-EPS = 4 * float(np.finfo(float).eps)
-"""Rounding of a product, against the sizes of what is summed."""
+EPS = 4 * float(np.finfo(float).eps)  # rounding of a product, against the sizes of what is summed
 
 VANISHING, NO_ROOT = 1e-9, 1e-2
 """Value of a polynomial, against the size of its terms, at a root of it; above which there is none.
 A multiple root, however its copies scatter, gives small values, too.
 """
 
-FEW = 4
-"""Roots that are known to 1e-4 of themselves even if they are all the same."""
+FEW = 4  # roots that are known to 1e-4 of themselves even if they are all the same
 
 
 class Shared(NamedTuple):
@@ -100,9 +98,7 @@ def shared_factor(f: QuasiPolynomial, g: QuasiPolynomial) -> Shared:
     if not power and common.size == 1:
         return Shared(QuasiPolynomial(common), *whole)
     return Shared(
-        QuasiPolynomial(common).lifted(power),
-        f.lifted(max(excess, 0)),
-        g.lifted(max(-excess, 0)),
+        QuasiPolynomial(common).lifted(power), f.lifted(max(excess, 0)), g.lifted(max(-excess, 0))
     )
 
 

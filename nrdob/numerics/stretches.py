@@ -43,14 +43,9 @@ SAFETY = 1.05
 MODERATE = 300
 """Exponents of two: below 2^this, coefficients are multiplied by powers below 2^twice this."""
 
-FEW = 1500
-"""Points below which a product with a matrix takes less time than sums of rows."""
-
-SIGNS = (1.0, 1.0, -1.0, -1.0)
-"""Of j^k for k = 0, 1, 2, 3: real and imaginary by turns."""
-
-ZERO_FREE, UNDECIDED = -1, -2
-"""Marks of a stretch, beside the number of the dominant term."""
+FEW = 1500  # points below which a product with a matrix takes less time than sums of rows
+SIGNS = (1.0, 1.0, -1.0, -1.0)  # of j^k for k = 0, 1, 2, 3: real and imaginary by turns
+ZERO_FREE, UNDECIDED = -1, -2  # marks of a stretch, beside the number of the dominant term
 
 Numbers = TypeVar("Numbers", FloatArray, ComplexArray)
 
@@ -186,11 +181,7 @@ class Sums(NamedTuple):
         return found
 
     def changes(self, rounds: Sequence[Stretches]) -> FloatArray:
-        """By how much each argument changes from ω = 0 to infinity, in radians.
-
-        The first stretches begin where the constant terms dominate, and end where the leading ones
-        do.
-        """
+        """By how much each argument changes from ω = 0 to infinity, in radians."""
         first, *more = rounds
         across = self.across()
         each = across.values(np.append(first.left, first.right[:, -1:], axis=1))
@@ -291,11 +282,7 @@ def certified(
     dominance: bool = True,
     pass_zeros: bool = True,
 ) -> Certified:
-    """Cut the axis between two frequencies, at most `limit` times for each sum.
-
-    A dominant term may be enough; sums that vanish on the axis are given up unless zeros are
-    passed.
-    """
+    """Cut the axis between two frequencies, at most `limit` times for each sum."""
     n = sums.scale.shape[1]
     span = max(high / low, 1.0)
     count = ceil(min(max((PER_OCTAVE if dominance else 1) * log2(span), 1), AT_FIRST))

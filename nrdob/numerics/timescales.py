@@ -159,10 +159,7 @@ def _in_unit(coefficients: FloatArray, unit: int) -> FloatArray:
 def _parted(
     nums: FloatArray, p: FloatArray, k: int
 ) -> tuple[tuple[FloatArray, FloatArray], tuple[FloatArray, FloatArray]] | None:
-    """Part nums/p into a/g with the k roots well inside the unit circle, and b/h with the others.
-
-    None if Newton's method does not find the factors to rounding.
-    """
+    """Part nums/p into a/g with the k roots well inside the unit circle, and b/h, if it can be."""
     n = p.size - 1
     g, h = p[: k + 1] / p[k], p[k:].copy()
     for _ in range(_NEWTON_STEPS):
