@@ -22,9 +22,7 @@ from .nyquist import minus_point
 
 __all__ = ["gentle_frequencies", "on_axis", "resolved_frequencies", "subdivided", "with_turns"]
 
-CLOSEST = 2.0**-40
-"""How close to a root on the axis there are still frequencies, as a fraction of its own."""
-
+CLOSEST = 2.0**-40  # how close to a root on the axis there are frequencies, against its own
 CUTS = 8  # parts into which a stretch is cut at most before it is looked at again
 BEND = 0.5  # largest product of the second derivative of log L over log ω and the square of a step
 DECADES = 8  # how far below and above all roots loops are followed: a size may still pass 1 there

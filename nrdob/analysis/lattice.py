@@ -23,16 +23,21 @@ from math import ceil, inf
 import numpy as np
 
 from ..numerics import Block, ComplexArray, FloatArray, IntArray
-from .steps import NODES, all_poles, collocated, panel_basis, panel_lengths, radau, resolved_to
+from .steps import (
+    NODES,
+    all_poles,
+    panel_basis,
+    panel_lengths,
+    panel_matrices,
+    radau,
+    resolved_to,
+)
 
 __all__ = ["Driven", "delayed_responses"]
 
 MAX_PANELS = 60_000  # panels that one march may take: a second or two
 MAX_LENGTHS = 5_000  # lengths of panels that may differ: each has a matrix of its own
-
-SMOOTH = NODES + 3
-"""Derivatives that a bend may have so that a polynomial on a short panel passes through it."""
-
+SMOOTH = NODES + 3  # derivatives of a bend through which a polynomial on a short panel passes
 _CHUNK = 500  # panels, whose delayed signals are looked up together
 _SAME = 1e-12  # of the last time: two moments of the lattice that are one
 
@@ -168,7 +173,7 @@ def _march(
             f"panels of {first.size:,} different lengths would be needed, more than "
             f"{MAX_LENGTHS:,}; shorten timepts or slow the fastest block"
         )
-    matrices = _matrices(blocks, len(driven), lengths[first])
+    matrices = panel_matrices(blocks, len(driven), lengths[first])
     n, m, panels = x.size, NODES, lengths.size
     values = np.zeros((panels, 2, m))
     for begin in range(0, panels, _CHUNK):
@@ -195,22 +200,6 @@ def _march(
                 values[j:stop] = (matrices[kinds, n:] @ both).reshape(-1, 2, m)
             j = stop
     return values
-
-
-def _matrices(blocks: Sequence[tuple[Block, int]], groups: int, lengths: FloatArray) -> FloatArray:
-    """From the state and the delayed signals at the nodes to the next state and to (y, u)."""
-    n, m = sum(block.B.size for block, _ in blocks), NODES
-    matrices = np.zeros((lengths.size, n + 2 * m, n + groups * m))
-    first = 0
-    for block, group in blocks:
-        own, late = slice(first, first + block.B.size), slice(n + group * m, n + (group + 1) * m)
-        E, gamma, from_x, from_z = collocated(block, lengths)
-        matrices[:, own, own] = E
-        matrices[:, own, late] = gamma
-        matrices[:, n:, own] = from_x.reshape(lengths.size, 2 * m, -1)
-        matrices[:, n:, late] += from_z.reshape(lengths.size, 2 * m, m)
-        first = own.stop
-    return matrices
 
 
 def _source(

@@ -27,16 +27,10 @@ from ..numerics import (
 __all__ = ["Found", "Locus", "Notable", "factors_of", "notable_frequencies"]
 
 NOISE = 1e-13  # what is below it may be rounding, and has no sign
-
-CROSSING = 1e-3
-"""How well a crossing found must be one: at a pole on the axis the side of L changes by a jump."""
-
+CROSSING = 1e-3  # how well a crossing must be one: at a pole on the axis the side changes by a jump
 STEEP = 1e12  # slope of log L over log ω beyond which a crossing is a pole or a zero on the axis
 LEEWAY = 0.1  # by how much the logarithm of L may leave what it is at both ends of a stretch
-
-SMALL = 0.5
-"""Size of L, against 1 and its largest value, below which turns of a dead time do not matter."""
-
+SMALL = 0.5  # size of L, against 1 and its largest value, below which a delay's turns do not matter
 CUTS = 8  # parts of a stretch in which a minimum and a maximum may hide together
 
 SLOPE_STEP, LAST_STEP = 1e-6, 1e-8

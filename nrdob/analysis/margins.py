@@ -229,11 +229,6 @@ def margins(loop: Any) -> Margins:
     Margins
         With the verdict, ``.stable``, and the numbers, which are nan for an unstable loop.
 
-    Raises
-    ------
-    TypeError, ValueError
-        If `loop` is no single-input single-output block in continuous time.
-
     Examples
     --------
     >>> import control as ct

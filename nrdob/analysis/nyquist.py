@@ -91,11 +91,6 @@ def encirclements(loop: Any, point: float = -1.0) -> NyquistCount:
     NyquistCount
         N, P and Z = N + P; None, with the reason, where the curve meets the point.
 
-    Raises
-    ------
-    TypeError, ValueError
-        If `loop` is no single-input single-output block in continuous time.
-
     Examples
     --------
     >>> import control as ct

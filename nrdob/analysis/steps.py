@@ -26,10 +26,10 @@ __all__ = [
     "MAX_DELAYS",
     "NODES",
     "all_poles",
-    "collocated",
     "delayed_response",
     "panel_basis",
     "panel_lengths",
+    "panel_matrices",
     "radau",
     "resolved_to",
     "to_chebyshev",
@@ -177,20 +177,33 @@ def resolved(reach: FloatArray, died_out: FloatArray) -> bool:
 def _interval(blocks: Sequence[Block], lengths: FloatArray) -> _Interval:
     """Solve every panel for every block."""
     different, which = np.unique(lengths, return_inverse=True)
-    n, m = sum(block.B.size for block in blocks), NODES
-    E, gamma = np.zeros((different.size, n, n)), np.zeros((different.size, n, m))
-    from_x, from_z = np.zeros((different.size, 2, m, n)), np.zeros((different.size, 2, m, m))
+    found = panel_matrices([(block, 0) for block in blocks], 1, different)
+    n = found.shape[-1] - NODES
+    outputs = found[:, n:].reshape(different.size, 2, NODES, -1)
+    parts = found[:, :n, :n], found[:, :n, n:], outputs[..., :n], outputs[..., n:]
+    E, gamma, from_x, from_z = (part[which] for part in parts)
+    return _Interval(np.append(0.0, np.cumsum(lengths)), (E, gamma), (from_x, from_z))
+
+
+def panel_matrices(
+    blocks: Sequence[tuple[Block, int]], groups: int, lengths: FloatArray
+) -> FloatArray:
+    """From the state and the delayed signals at the nodes to the next state and to both outputs."""
+    n, m = sum(block.B.size for block, _ in blocks), NODES
+    matrices = np.zeros((lengths.size, n + 2 * m, n + groups * m))
     first = 0
-    for block in blocks:
-        own = slice(first, first + block.B.size)
-        E[:, own, own], gamma[:, own], from_x[..., own], more = collocated(block, different)
-        from_z += more
+    for block, group in blocks:
+        own, late = slice(first, first + block.B.size), slice(n + group * m, n + (group + 1) * m)
+        E, gamma, from_x, from_z = _collocated(block, lengths)
+        matrices[:, own, own] = E
+        matrices[:, own, late] = gamma
+        matrices[:, n:, own] = from_x.reshape(lengths.size, 2 * m, -1)
+        matrices[:, n:, late] += from_z.reshape(lengths.size, 2 * m, m)
         first = own.stop
-    edges = np.append(0.0, np.cumsum(lengths))
-    return _Interval(edges, (E[which], gamma[which]), (from_x[which], from_z[which]))
+    return matrices
 
 
-def collocated(
+def _collocated(
     block: Block, lengths: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Panels of the given lengths for one block, in the order of `_Interval`."""

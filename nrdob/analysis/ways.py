@@ -7,14 +7,13 @@ E/R = 1/(1 + Gm C)::
     y = G0 z + d       u = (Nc Dm/p_A) R + F u - (F/Gm)(y + η)       v = u + δ       z(t) = v(t - θ)
 
 One signal v is delayed, everything else is rational. Without dead time y and u are rational, too,
-and their factors are taken apart by time scale before anything is simulated
-(`nrdob.numerics.timescales`). With dead time z is known on every interval of length θ from the
-interval before (`nrdob.analysis.steps`). A delayed model needs u as it was θm ago, a second
-delayed signal: u = … + F u(t - θm) - … is known between any two moments at which something comes
-around (`nrdob.analysis.lattice`). Where marching loses digits two more ways are at hand. The first
-few echoes can be summed up one by one. And where a window spans so many dead times that the
-rounding of each adds up, a rational stands in for the dead time once its first echoes are over;
-there, and nowhere else, and only where one of another order gives the same ten digits.
+and taken apart by time scale (`nrdob.numerics.timescales`). With dead time z is known on every
+interval of length θ from the interval before (`nrdob.analysis.steps`). A delayed model needs u as
+it was θm ago, a second delayed signal, which is known between any two moments at which something
+comes around (`nrdob.analysis.lattice`). Where marching loses digits the first few echoes can be
+summed up one by one; and where a window spans so many dead times that the rounding of each adds up,
+a rational stands in for the dead time once its first echoes are over, there and nowhere else, and
+only where one of another order gives the same ten digits.
 """
 
 from __future__ import annotations

@@ -100,11 +100,10 @@ def certify(
 
     Raises
     ------
-    ValueError
-        If an interval is none, or the filter is not of eq. (1) where `time_constants` are given.
-    ArithmeticError
-        If there is none: a root on the imaginary axis or too close to it, infinitely many roots in
-        the right half plane, or a loop that is ill-posed.
+    ValueError, ArithmeticError
+        If an interval is none, or the filter is not of eq. (1) where `time_constants` are given; if
+        there is none: a root on the imaginary axis or too close to it, infinitely many roots in the
+        right half plane, or a loop that is ill-posed.
 
     Examples
     --------

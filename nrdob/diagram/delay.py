@@ -169,11 +169,6 @@ def delay(seconds: float) -> DelayedTransferFunction:
     DelayedTransferFunction
         With `.tf` 1; products with transfer functions keep the delay exact.
 
-    Raises
-    ------
-    TypeError, ValueError
-        If `seconds` is no real number; if it is negative or not finite.
-
     Examples
     --------
     >>> delay(2.0).delay

@@ -97,15 +97,12 @@ import numpy as np
 from ..numerics import FloatArray, QuasiPolynomial, Shared, Term, add, shared_factor, unstable_roots
 from .blocks import Fraction, as_fraction, nonzero
 from .delay import undelayed
-from .filters import filter_fraction
+from .filters import TYPED_IN, filter_fraction
 from .quotient import Quotient
 
 __all__ = ["LoopEquations", "LoopFractions", "ObserverEquations", "ObserverFractions"]
 
-TYPED_IN = 8 * float(np.finfo(float).eps)
-"""Difference of two coefficients, against their size, that are meant to be the same."""
-SAME_DELAY = 4 * float(np.finfo(float).eps)
-"""Relative difference of two dead times that are meant to be one: 0.1 + 0.2 is not 0.3."""
+SAME_DELAY = 4 * float(np.finfo(float).eps)  # of two dead times: 0.1 + 0.2 is not 0.3
 
 
 class ObserverFractions(NamedTuple):

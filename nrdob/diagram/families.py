@@ -22,13 +22,10 @@ import numpy as np
 
 from ..numerics import FloatArray
 from .blocks import is_number
-from .filters import LowPassFilter
+from .filters import TYPED_IN, LowPassFilter
 from .interpolation import check_ramp, interpolation
 
 __all__ = ["FilterFamily", "as_family", "filter_family"]
-
-TYPED_IN = 8 * float(np.finfo(float).eps)
-"""Difference of two coefficients, against their size, that are meant to be the same."""
 
 OWN = (
     "give one row for each power of s, descending, and in it the coefficients of the powers of λ, "

@@ -12,8 +12,9 @@ import numpy as np
 from ..numerics import ComplexArray, FloatArray, QuasiPolynomial, count_rhp, is_whole, written
 from .blocks import Fraction, as_fraction, real_number, six_digits
 
-__all__ = ["LowPassFilter", "filter_fraction"]
+__all__ = ["TYPED_IN", "LowPassFilter", "filter_fraction"]
 
+TYPED_IN = 8 * float(np.finfo(float).eps)  # of two coefficients that are meant to be the same
 DC_GAIN_TOLERANCE = 1e-9  # how far F(0) may be from 1 and still count as a typed-in 1
 
 
@@ -41,10 +42,10 @@ class LowPassFilter:
         remedy = "F(s) = 1/(time_constant s + 1)^n needs a positive number of seconds"
         seconds = real_number(self.time_constant, "time_constant", remedy)
         object.__setattr__(self, "time_constant", seconds)
-        if not (isfinite(self.time_constant) and self.time_constant > 0):
+        if not (isfinite(seconds) and seconds > 0):
             raise ValueError(
-                f"time_constant is {self.time_constant}; F(s) = 1/(time_constant s + 1)^n "
-                "needs a positive one, in seconds"
+                f"time_constant is {seconds}; F(s) = 1/(time_constant s + 1)^n needs a positive "
+                "one, in seconds"
             )
         if not is_whole(self.order):
             raise TypeError(f"order is {self.order!r}; it counts lags and must be a whole number")

@@ -51,18 +51,17 @@ def interpolating_filter(
     r"""Filter under which a matched model works for an unstable or non-minimum-phase process.
 
     :math:`F = N_f/(\lambda s + 1)^n` is 0 at the model's zeros and 1 at its poles on the axis and
-    right of it, with their multiplicities, and :math:`1 - F \sim s^k` at s = 0. So F/G̃ and
-    (1 - F)G̃, each built as one block, have no pole there, and with :math:`G = \tilde G` the
-    observer loop has the roots of D and N in the left half plane and n at :math:`-1/\lambda`; near
-    a match it stays stable. The price is the peak of F: between a zero z and a pole p it is at
-    least :math:`|(z + p)/(z - p)|`.
+    right of it, with their multiplicities, and :math:`1 - F \sim s^k` at s = 0. With
+    :math:`G = \tilde G` the observer loop has the roots of D and N in the left half plane and n at
+    :math:`-1/\lambda`; near a match it stays stable. The price is the peak of F: between a zero z
+    and a pole p it is at least :math:`|(z + p)/(z - p)|`.
 
     Parameters
     ----------
     model : control.TransferFunction, StateSpace, DelayedTransferFunction or (num, den)
         Proper; with a dead time it may have no poles on the axis or right of it but integrators.
     time_constant : float
-        :math:`\lambda > 0`, in seconds.
+        λ > 0, in seconds.
     order : int, optional
         n; by default the lowest for which F/G̃ is causal and F falls off.
     ramp : int
@@ -92,13 +91,6 @@ def interpolating_filter(
     [2.375, 1.0]
     >>> judge_observer(G, G, F).stable
     True
-
-    A double integrator with a dead time of 0.05 s: the ramp filter, which leads by as much.
-
-    >>> from nrdob import delay
-    >>> delayed = delay(0.05) * ct.tf([1], [1, 0, 0])
-    >>> interpolating_filter(delayed, 0.1).num[0][0].round(6).tolist()
-    [0.35, 1.0]
     """
     LowPassFilter(time_constant, 1)  # the same refusals
     conditions = interpolation(model, order, ramp)
@@ -136,8 +128,9 @@ def interpolation(model: Any, order: int | None, ramp: int) -> Interpolation:
         return Interpolation(zeros, poles, least, wait)
     LowPassFilter(1.0, order)  # the same refusals
     if order < least:
+        counts = f"{zeros.size - 1} times F = 0 and " if zeros.size > 1 else ""
         raise ValueError(
-            f"order is {order}; F has {_conditions(zeros, poles)} to meet, so that its "
+            f"order is {order}; F has {counts}{poles.size - 1} times F = 1 to meet, so that its "
             f"numerator has degree {degree}, and the model has relative degree "
             f"{Gm.relative_degree}: take order {least} or more"
         )
@@ -174,12 +167,6 @@ def _right_factor(p: FloatArray) -> FloatArray:
     if right.size == q.degree:
         return np.asarray(q.q / q.q[0])
     return factor_near(q, np.atleast_1d(np.real(np.poly(right))))
-
-
-def _conditions(zeros: FloatArray, poles: FloatArray) -> str:
-    """Count the conditions: F = 0, and F = 1."""
-    counts = f"{poles.size - 1} times F = 1"
-    return f"{zeros.size - 1} times F = 0 and {counts}" if zeros.size > 1 else counts
 
 
 def _check_integrators(poles: FloatArray, wait: float) -> None:

@@ -12,10 +12,8 @@ is missed; beyond the last one
 
 where W is rational, and X, which turns for ever on the imaginary axis, dies out to its right: there
 it is integrated. With several dead times the integral goes on until what turns cannot matter any
-more, and of what is beyond only the mean is left, which is rational.
-
-Coloured noise is white noise behind a shaping filter, one factor more. And by Parseval's theorem
-the same integral of Q/s is the energy :math:`\int_0^\infty q(t)^2 dt` of what is left of a step.
+more, and of what is beyond only the mean is left, which is rational. By Parseval's theorem the same
+integral of Q/s is the energy :math:`\int_0^\infty q(t)^2 dt` of what is left of a step.
 """
 
 from __future__ import annotations

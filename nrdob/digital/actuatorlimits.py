@@ -12,8 +12,7 @@ from ..numerics import FloatArray
 
 __all__ = ["ActuatorLimits", "Rule", "limited", "rounded"]
 
-FINEST = 2.0**-52
-"""Resolution, against the size of a signal, that floating-point numbers have anyway."""
+FINEST = 2.0**-52  # resolution, against a signal's size, of floating-point numbers
 
 
 @dataclass(frozen=True)

@@ -11,9 +11,8 @@ G_w is rational, whatever the dead time: each whole sample is a factor (1 - αw)
 that is known about loops in continuous time holds for sampled ones, with the process G_w.
 
 As dt gets short, all poles and zeros of G_z move together to z = 1 and the coefficients of its
-polynomials lose the digits that tell them apart. Here they never exist as floating-point numbers:
-the exponentials, the polynomials of z and their change to w are computed with whole numbers of as
-many digits as it takes for two precisions to give the same floating-point coefficients of w.
+polynomials lose the digits that tell them apart. So all is computed with whole numbers of as many
+digits as it takes for two precisions to give the same floating-point coefficients of w.
 
 Model, controller and filter can be sampled behind a hold, too, but not every model soundly. One
 that falls off by two powers of s or more gets zeros from the sampling, with short sampling times
@@ -80,8 +79,6 @@ def held_in_w(
 
     Examples
     --------
-    A lag behind a hold, (1 - w dt/2)/(1 + w/c) with c = (2/dt) tanh(dt/2):
-
     >>> import numpy as np
     >>> num, den = held_in_w(Fraction(np.array([1.0]), np.array([1.0, 1.0])), 0.1)
     >>> np.roots(num).round(6).tolist(), np.roots(den).round(6).tolist()

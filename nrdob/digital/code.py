@@ -24,7 +24,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from math import isfinite, prod
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -102,9 +102,8 @@ class ControllerCode:
 
         Raises
         ------
-        ValueError, OverflowError
-            If nothing is left of the name, or the type is another one; if a coefficient is out of
-            the range of `dtype`.
+        OverflowError
+            If a coefficient is out of the range of `dtype`.
 
         Examples
         --------
@@ -172,7 +171,7 @@ class ControllerCode:
             "RECIPROCAL": number(1 / self.controller.factor), "TRACKING": number(self.tracking)
         }  # fmt: skip
 
-        def line(row: Row) -> tuple[str, str]:
+        def line(row: str) -> tuple[str, str]:
             target, text = rendered(row, signal, call)
             for constant, value in constants.items():
                 text = text.replace(constant, value)
@@ -282,65 +281,57 @@ def _identifier(name: str) -> str:
     return f"{allowed}_" if keyword.iskeyword(allowed) else allowed
 
 
-class Row(NamedTuple):
-    """One equation: the signal on the left, if any, and an expression that C and Python share."""
+def equations(*, delayed: bool) -> dict[str, tuple[str, ...]]:
+    """Lay out "output" from r and y, "update" from applied, and "start" from r, y and u.
 
-    target: str
-    expression: str
-
-
-def equations(*, delayed: bool) -> dict[str, tuple[Row, ...]]:
-    """Lay out "output" from r and y, "update" from applied, and "start" from r, y and u."""
-    if delayed:
-        late, inner = "late({})", "{} - filtered"
-        remember, fill = [Row("", "remember(applied)")], [Row("", "fill(u)")]
-    else:
-        late = inner = "{}"
-        remember, fill = [], []
-    nothing = inner.format(0) if delayed else "0"
+    In expressions that C and Python share; where there is no target only states are renewed.
+    """
+    late, inner = ("late({})", "{} - filtered") if delayed else ("{}", "{}")
+    remember, fill = (["remember(applied)"], ["fill(u)"]) if delayed else ([], [])
     return {
         "output": (
-            Row("y_filtered", "output(filter_y, y)"),
-            Row("from_y", "output(inverse, y)"),
-            Row("filtered", f"output(filter_u, {late.format(0)})"),
-            Row("e", f"r - y_filtered - output(inner, {nothing})"),
-            Row("u", "(output(controller, e) + filtered - from_y) * RECIPROCAL"),
+            "y_filtered = output(filter_y, y)",
+            "from_y = output(inverse, y)",
+            f"filtered = output(filter_u, {late.format(0)})",
+            f"e = r - y_filtered - output(inner, {inner.format(0)})",
+            "u = (output(controller, e) + filtered - from_y) * RECIPROCAL",
         ),
         "update": (
-            Row("late_u", late.format("applied")),
-            Row("filtered", "output(filter_u, late_u)"),
-            Row("inner_u", inner.format("applied")),
-            Row("e", "r - y_filtered - output(inner, inner_u)"),
-            Row("d_hat", "from_y - filtered"),
-            Row("", "advance(filter_y, y)"),
-            Row("", "advance(inverse, y)"),
-            Row("", "advance(filter_u, late_u)"),
-            Row("", "advance(inner, inner_u)"),
-            Row("", "advance(controller, e + TRACKING * (applied - u))"),
+            f"late_u = {late.format('applied')}",
+            "filtered = output(filter_u, late_u)",
+            f"inner_u = {inner.format('applied')}",
+            "e = r - y_filtered - output(inner, inner_u)",
+            "d_hat = from_y - filtered",
+            "advance(filter_y, y)",
+            "advance(inverse, y)",
+            "advance(filter_u, late_u)",
+            "advance(inner, inner_u)",
+            "advance(controller, e + TRACKING * (applied - u))",
             *remember,
         ),
         "start": (
             *fill,
-            Row("", "rest(filter_y, y, y)"),
-            Row("", "rest(inverse, y, 0)"),
-            Row("", "rest(filter_u, u, u)"),
-            Row("y_filtered", "output(filter_y, y)"),
-            Row("from_y", "output(inverse, y)"),
-            Row("filtered", "output(filter_u, u)"),
-            Row("d_hat", "from_y - filtered"),
-            Row("inner_u", inner.format("u")),
-            Row("", "rest(inner, inner_u, 0)"),
-            Row("e", "r - y_filtered - output(inner, inner_u)"),
-            Row("", "rest(controller, e, u + d_hat)"),
+            "rest(filter_y, y, y)",
+            "rest(inverse, y, 0)",
+            "rest(filter_u, u, u)",
+            "y_filtered = output(filter_y, y)",
+            "from_y = output(inverse, y)",
+            "filtered = output(filter_u, u)",
+            "d_hat = from_y - filtered",
+            f"inner_u = {inner.format('u')}",
+            "rest(inner, inner_u, 0)",
+            "e = r - y_filtered - output(inner, inner_u)",
+            "rest(controller, e, u + d_hat)",
         ),
     }
 
 
 def rendered(
-    row: Row, signal: Callable[[str], str], verb: Callable[[str, str], str]
+    row: str, signal: Callable[[str], str], verb: Callable[[str, str], str]
 ) -> tuple[str, str]:
     """Write both sides of an equation, by what writes a signal, and the call of a block's verb."""
-    text = re.sub(rf"\b({'|'.join(SIGNALS)})\b", lambda f: signal(f[1]), row.expression)
+    target, _, text = row.rpartition(" = ")
+    text = re.sub(rf"\b({'|'.join(SIGNALS)})\b", lambda f: signal(f[1]), text)
     text = re.sub(r"\b(output|advance|rest)\((\w+), ", lambda f: verb(f[1], f[2]), text)
     text = re.sub(r"\b(late|remember|fill)\(", lambda f: verb(f[1], ""), text)
-    return signal(row.target) if row.target in SIGNALS else row.target, text
+    return signal(target) if target in SIGNALS else target, text

@@ -26,9 +26,7 @@ from .unitcircle import CircleFunction, Product, resolved
 __all__ = ["sampled_margins"]
 
 PER_SEGMENT = 4  # angles in each certified stretch
-
-LOWEST = 1e-8
-"""Frequency, against the lowest at which anything turns, down to which crossings are sought."""
+LOWEST = 1e-8  # of the frequencies of crossings, against the lowest at which anything turns
 
 LOOKED_AT, DEAD_TIMES = 60, 32
 """States of a loop up to which eigenvalues are computed, and at how many dead times."""

@@ -17,10 +17,7 @@ from .sampled import SampledLoop
 __all__ = ["largest_sampling_time"]
 
 STEP = 1.04  # ratio of neighbouring sampling times in the search
-
-FASTEST, SLOWEST = 0.02, 100.0
-"""Range of sampling times, against the shortest and the longest time of the loop."""
-
+FASTEST, SLOWEST = 0.02, 100.0  # sampling times, against the shortest and longest time of the loop
 SAMPLES = 100  # samples in the dead time at the shortest sampling time, at most
 REFINED = 1e-12  # relative error of the end
 
@@ -32,10 +29,9 @@ def largest_sampling_time(
 
     For every shorter one the sampled loop is stable. The spectral radius is evaluated on a 4 % grid
     of sampling times, from a fiftieth of the shortest time of the loop (but no more than 100
-    samples in a dead time) on, and refined where it comes close to 1 in between; an unstable
-    interval narrower than 4 % can be missed. Shorter sampling times are taken for continuous time.
-    The end itself is refined to rounding and counted on both of its sides, by the argument on the
-    unit circle.
+    samples in a dead time) on; an unstable interval narrower than 4 % can be missed, and shorter
+    sampling times are taken for continuous time. The end itself is refined to rounding and counted
+    on both of its sides, by the argument on the unit circle.
 
     Parameters
     ----------
@@ -53,8 +49,7 @@ def largest_sampling_time(
     Raises
     ------
     ValueError, ArithmeticError
-        If the loop is not stable in continuous time, so that no sampling time is short enough; if
-        the counts on both sides of the end do not confirm it.
+        If the loop is not stable in continuous time; if the counts do not confirm the end.
 
     Examples
     --------

@@ -38,12 +38,8 @@ from .signals import EXTERNAL, finite
 __all__ = ["SimulatedResponse", "run", "sampled_step_response", "simulated"]
 
 
-LONGEST = 64
-"""Samples in one block: the work for a sample grows with it, the work for a block is spread."""
-
-GROWTH = 1e3
-"""By how much a block may multiply what has been decided in it: so many digits are lost."""
-
+LONGEST = 64  # samples in one block: the work for a sample grows with it, for a block it is spread
+GROWTH = 1e3  # by how much a block may multiply what has been decided in it: digits are lost
 MOST_DENSE = 100  # states up to which nothing is gained by leaving out zeros
 FEWEST, MOST_BY_DEFAULT, MOST_SAMPLES = 20, 20_000, 1_000_000  # samples in a step response
 

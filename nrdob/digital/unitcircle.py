@@ -1,7 +1,6 @@
 r"""Functions on the unit circle as sums of products, and certified counts of their zeros.
 
-With v = (z - 1)/(z + 1), a polynomial of degree n in v, divided by (1 + v)^n, is a product of
-factors
+With v = (z - 1)/(z + 1), a polynomial of degree n in v, divided by (1 + v)^n, has the factors
 
 .. math:: \frac{v - v_i}{1 + v} = \frac{(1 - v_i) - (1 + v_i)\,z^{-1}}{2}
 

@@ -38,8 +38,7 @@ MOST_STATES, MOST_ALONE = 300, 1000
 """States of a loop up to which it has eigenvalues; the latter where there is no other second way.
 """
 
-CLEARLY = 1e-6
-"""Distance from the unit circle at which an eigenvalue is on its side, whatever the rounding."""
+CLEARLY = 1e-6  # distance from the circle at which an eigenvalue is on its side, however rounded
 
 Second = tuple[int | None, str]
 """The second count of the roots outside the unit circle, and its way; no way where there is none"""

@@ -4,8 +4,7 @@ from .argument import Term, frequency_range, rhp_counts, zero_free
 from .arrays import ROUNDING, BoolArray, ComplexArray, FloatArray, IntArray, is_real, is_whole
 from .coefficients import add, exponential_rest, pade
 from .crossings import bisect, golden, newton, side
-from .hurwitz import hurwitz
-from .manypolynomials import convolved, padded_sum, values_and_slopes, values_on_axis
+from .manypolynomials import convolved, hurwitz, padded_sum, values_and_slopes, values_on_axis
 from .quasipoly import QuasiPolynomial, multiply
 from .rootcount import RootCount, count_rhp, frequency_segments, unstable_roots
 from .rootfinding import companion_roots, polynomial_roots

@@ -37,12 +37,8 @@ __all__ = [
     "zero_free_frequencies",
 ]
 
-MAX_SEGMENTS, MAX_STEPS = 400_000, 40_000
-"""Stretches of the axis at most, the latter where a dominant term is enough."""
-
-TOGETHER, LEAST_STEPS = 250, 4000
-"""Sums that are followed at once, and stretches of each of them that there may be at least."""
-
+MAX_SEGMENTS, MAX_STEPS = 400_000, 40_000  # stretches at most; if dominance is enough
+TOGETHER, LEAST_STEPS = 250, 4000  # sums at once, and least limit of stretches of each
 ARCS = 32  # discs that cover a half circle around a zero on the axis
 FAR = 1e6  # longest dead time, and inverse of the shortest, whose powers are taken as they are
 SERIES = 24  # coefficients of exp(-sT) for |s|T <= 1, behind which less than rounding is left

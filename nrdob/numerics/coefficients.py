@@ -22,8 +22,7 @@ __all__ = [
     "trim",
 ]
 
-NEAR = 1.0
-"""Size of z up to which the rest of exp(z) is summed up, because the difference loses digits."""
+NEAR = 1.0  # size of z up to which the rest of exp(z) is summed up: a difference loses digits
 
 
 def exponential_rest(z: ComplexArray, m: int, *, divided: bool = False) -> ComplexArray:

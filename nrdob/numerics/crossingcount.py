@@ -22,14 +22,9 @@ from .rootfinding import companion_roots, frequencies_beside, polynomial_roots
 
 __all__ = ["count_by_crossings", "crossings_between"]
 
-PER_TURN, MAX_FREQUENCIES = 24, 1_000_000
-"""Frequencies to each turn of a dead time, and in a band at most."""
-
-BESIDE_ZERO = 1e-6
-"""Least frequency, against the slowest root or one over the dead time, beside a root at s = 0."""
-
-AT_ZERO = 1e-6
-"""Angle in radians at which a crossing belongs to the dead time zero, where it starts."""
+PER_TURN, MAX_FREQUENCIES = 24, 1_000_000  # of a dead time, and in a band at most
+BESIDE_ZERO = 1e-6  # least frequency beside a root at s = 0, against the slowest root or 1/T
+AT_ZERO = 1e-6  # angle in radians at which a crossing belongs to the dead time zero
 
 
 def count_by_crossings(q: FloatArray, r: FloatArray, delay: float) -> int | None:

@@ -21,9 +21,7 @@ from .rootfinding import Delayed, companion_roots, frequencies_beside, value_and
 
 __all__ = ["rightmost_roots"]
 
-PEAKS, NEIGHBOURS = 8, 6
-"""Highest points of the curve that are looked at, and roots on either side of each."""
-
+PEAKS, NEIGHBOURS = 8, 6  # highest points of the curve, and roots on either side of each
 SHOWN = 400  # if fewer roots than this are in the right half plane, all of them are looked for
 
 PER_TURN, MOST_DIPS = 12, 100_000

@@ -29,9 +29,7 @@ __all__ = [
 # Polynomials behind their delays in seconds.
 Delayed = Sequence[tuple[FloatArray, float]]
 
-MAX_DELAY_NODES = 120
-"""Collocation points at most: the time for eigenvalues grows with their third power, and where more
-are needed `nrdob.numerics.longdelay` finds the rightmost roots."""
+MAX_DELAY_NODES = 120  # time grows with their third power; beyond it there is `longdelay`
 
 
 def polynomial_roots(q: FloatArray) -> ComplexArray:

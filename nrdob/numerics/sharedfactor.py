@@ -21,8 +21,7 @@ from .quasipoly import QuasiPolynomial
 
 __all__ = ["Shared", "factor_near", "shared_factor", "without_shared_factor"]
 
-NEARNESS = (1e-6, 1e-2, 0.3)
-"""Relative distances within which roots may be copies of one; multiple ones scatter widely."""
+NEARNESS = (1e-6, 1e-2, 0.3)  # within which roots may be copies of one; multiple ones scatter
 
 
 EPS = 4 * float(np.finfo(float).eps)  # rounding of a product, against the sizes of what is summed

@@ -34,11 +34,8 @@ __all__ = [
     "multiplied",
 ]
 
-PER_OCTAVE, AT_FIRST = 6, 2000
-"""Stretches of an octave to begin with, and in all: many take less time than many rounds."""
-
-SAFETY = 1.05
-"""By how much a value must exceed its Taylor bound, so that no zero hides at the end of a step."""
+PER_OCTAVE, AT_FIRST = 6, 2000  # stretches to begin with: many take less time than many rounds
+SAFETY = 1.05  # value against its Taylor bound, so that no zero hides at the end of a step
 
 MODERATE = 300
 """Exponents of two: below 2^this, coefficients are multiplied by powers below 2^twice this."""
