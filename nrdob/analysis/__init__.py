@@ -5,7 +5,6 @@ from .locus import Locus, notable_frequencies
 from .margins import (
     Ends,
     LoopMargins,
-    MarginBounds,
     Margins,
     loop_margins,
     margin_bounds,
@@ -23,7 +22,6 @@ __all__ = [
     "Locus",
     "LoopMargins",
     "LoopStability",
-    "MarginBounds",
     "Margins",
     "NoiseVariance",
     "NyquistCount",

@@ -25,7 +25,6 @@ from .stability import Stability, judge, stability
 __all__ = [
     "Ends",
     "LoopMargins",
-    "MarginBounds",
     "Margins",
     "loop_margins",
     "margin_bounds",
@@ -119,7 +118,7 @@ class Margins:
     @property
     def _crossings(self) -> str:
         """Where the number of unstable roots changes next."""
-        gains, angles = self.critical_gains[self.critical_gains > 0], self.rotations
+        gains, angles = self.critical_gains, self.rotations
         said = []
         if gains.size:
             said.append(f"gain × {gains[np.argmin(np.abs(np.log(gains)))]:.4g}")
@@ -154,22 +153,8 @@ class LoopMargins:
         return "\n".join([head, *(rows | {self.plant_loop.name: str(self.plant_loop)}).values()])
 
 
-class MarginBounds(NamedTuple):
-    """Margins that a loop has at least, whatever else it is.
-
-    Attributes
-    ----------
-    gm_low, gm_high, pm : float
-        As for `Margins`.
-    """
-
-    gm_low: float
-    gm_high: float
-    pm: float
-
-
-def margin_bounds(ms: float) -> MarginBounds:
-    r"""Gain and phase margin that a peak of the sensitivity guarantees.
+def margin_bounds(ms: float) -> tuple[float, float, float]:
+    r"""`gm_low`, `gm_high` and `pm` that a peak of the sensitivity guarantees.
 
     L keeps the distance :math:`1/M_s` from -1: it may be multiplied by any gain between
     :math:`M_s/(M_s + 1)` and :math:`M_s/(M_s - 1)`, or rotated by less than
@@ -193,7 +178,7 @@ def margin_bounds(ms: float) -> MarginBounds:
             f"ms is {ms}; bounds exist for a finite peak above 1: a peak of 1 or less bounds no "
             "gain from above (the sensitivity of a loop that falls off is never below 1)"
         )
-    return MarginBounds(ms / (ms + 1), ms / (ms - 1), degrees(2 * asin(1 / (2 * ms))))
+    return ms / (ms + 1), ms / (ms - 1), degrees(2 * asin(1 / (2 * ms)))
 
 
 def loop_margins(loop: LoopEquations, verdict: Stability | None = None) -> LoopMargins:

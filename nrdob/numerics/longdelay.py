@@ -156,8 +156,4 @@ def _none_right_of(q: FloatArray, delayed: Delayed, line: float) -> bool:
 
 def _shifted(p: FloatArray, by: float) -> FloatArray:
     """Coefficients of p(s + by)."""
-    rows = p.copy()
-    for m in range(p.size - 1):
-        for i in range(1, p.size - m):
-            rows[i] += by * rows[i - 1]
-    return rows
+    return np.asarray(np.poly1d(p)(np.poly1d([1.0, by])).coeffs)
