@@ -132,8 +132,10 @@ def forced_response(
     rise = np.diff(ramp, axis=1, prepend=0.0) / step
     hat = np.diff(rise, axis=1, append=0.0)[:, :-1]
     outputs = signal[0] * (unit - rise)
+    # Direct sums are causal to the last digit; the FFT is for records too long for them.
+    convolve = np.convolve if signal.size <= _DIRECT_CONVOLUTION + 1 else fftconvolve
     for row, pulse in zip(outputs, hat, strict=True):
-        row[1:] += _convolve(signal[1:], pulse)
+        row[1:] += convolve(signal[1:], pulse)[: signal.size - 1]
     return _data(times, outputs, signal[np.newaxis], input, "Forced response")
 
 
@@ -175,12 +177,6 @@ def _real(values: ArrayLike, name: str, remedy: str) -> FloatArray:
         raise TypeError(f"{name} is {values!r}; {remedy}") from error
 
 
-def _convolve(signal: FloatArray, pulse: FloatArray) -> FloatArray:
-    # Direct sums are causal to the last digit; the FFT is for records too long for them.
-    convolve = np.convolve if signal.size <= _DIRECT_CONVOLUTION else fftconvolve
-    return np.asarray(convolve(signal, pulse)[: signal.size])
-
-
 def _prepared(loop: LoopEquations, input: str, horizon: float, integrals: int = 1) -> Solver:
     """Prepare y and u up to a horizon, for as many sets of times as are asked for."""
     jumps = np.array([quotient.at_once for quotient in maps(loop, input)])
@@ -211,7 +207,12 @@ def _prepared(loop: LoopEquations, input: str, horizon: float, integrals: int = 
             if (_largest(found - again) <= _AGREEMENT * size).all():
                 outputs[~np.isfinite(outputs)] = np.nan
                 return outputs
-            reason = reason or _undecided(input, float(times[-1]))
+            reason = reason or (
+                f"the response to {input} over {times[-1]:g} s cannot be given to nine digits: "
+                "they hang on the last digits of the coefficients, as a mode turns or grows too "
+                "often in this time or nearly cancels; shorten timepts, or give blocks without "
+                "what cancels"
+            )
         raise ArithmeticError(reason)
 
     return solve
@@ -223,14 +224,6 @@ def _looked_at(times: FloatArray) -> tuple[IntArray, FloatArray]:
     if times.size > _GRID and not times[0] and even_step(times) is not None:
         few, grid = _SPOT_CHECKS + _GRID, grid[:0]
     return np.unique(np.linspace(0, times.size - 1, few).astype(int)), grid
-
-
-def _undecided(input: str, horizon: float) -> str:
-    return (
-        f"the response to {input} over {horizon:g} s cannot be given to nine digits: they hang on "
-        "the last digits of the coefficients, as a mode turns or grows too often in this time or "
-        "nearly cancels; shorten timepts, or give blocks without what cancels"
-    )
 
 
 def _largest(signals: FloatArray) -> FloatArray:

@@ -12,7 +12,7 @@ import numpy as np
 from ..numerics import ComplexArray, FloatArray, QuasiPolynomial, count_rhp, is_whole, written
 from .blocks import Fraction, as_fraction, real_number, six_digits
 
-__all__ = ["TYPED_IN", "LowPassFilter", "filter_fraction"]
+__all__ = ["TYPED_IN", "LowPassFilter", "filter_fraction", "unstable_pole"]
 
 TYPED_IN = 8 * float(np.finfo(float).eps)  # of two coefficients that are meant to be the same
 DC_GAIN_TOLERANCE = 1e-9  # how far F(0) may be from 1 and still count as a typed-in 1
@@ -97,11 +97,10 @@ def filter_fraction(filter: Any) -> Fraction:
     if isinstance(filter, LowPassFilter):
         return Fraction(np.ones(1), filter.den)
     num, den = as_fraction(filter, "filter")
-    characteristic = QuasiPolynomial(den)
-    if characteristic.zeros_at_origin or count_rhp(characteristic).count != 0:
+    if (pole := unstable_pole(den)) is not None:
         raise ValueError(
-            f"filter has a pole at {written(complex(characteristic.roots[0]))}; F must be stable: "
-            "every pole needs a negative real part"
+            f"filter has a pole at {written(pole)}; F must be stable: every pole needs a negative "
+            "real part"
         )
     dc_gain = num[-1] / den[-1]
     if abs(dc_gain - 1) > DC_GAIN_TOLERANCE:
@@ -112,3 +111,10 @@ def filter_fraction(filter: Any) -> Fraction:
     if num.size == den.size and np.array_equal(num, den):
         raise ValueError("filter is 1 at every frequency; F must fall off, such as LowPassFilter")
     return Fraction(num, den)
+
+
+def unstable_pole(den: FloatArray) -> complex | None:
+    """Find the rightmost root if it is not in the open left half plane."""
+    p = QuasiPolynomial(den)
+    stable = not p.zeros_at_origin and count_rhp(p).count == 0
+    return None if stable else complex(p.roots[0])

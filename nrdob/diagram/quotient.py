@@ -15,13 +15,13 @@ from ..numerics import (
     ComplexArray,
     FloatArray,
     QuasiPolynomial,
-    count_rhp,
     multiply,
     without_shared_factor,
     written,
 )
 from .blocks import Fraction, as_fraction
 from .delay import undelayed
+from .filters import unstable_pole
 from .noise import check_stable, noise_power, step_energy
 
 __all__ = ["Quotient", "as_quotient", "as_shaping"]
@@ -328,11 +328,10 @@ def as_shaping(shaping: Any) -> Fraction:
     shaping : control.TransferFunction, StateSpace, number or (num, den)
     """
     fraction = as_fraction(shaping, "shaping")
-    den = QuasiPolynomial(fraction.den)
-    if den.zeros_at_origin or count_rhp(den).count != 0:
+    if (pole := unstable_pole(fraction.den)) is not None:
         raise ValueError(
-            f"shaping has a pole at {written(complex(den.roots[0]))}: behind it noise has no "
-            "finite power; every pole needs a negative real part"
+            f"shaping has a pole at {written(pole)}: behind it noise has no finite power; every "
+            "pole needs a negative real part"
         )
     return fraction
 
