@@ -89,13 +89,11 @@ def as_fraction(system: Any, name: str, *, proper: bool = True) -> Fraction:
 
 
 def nonzero(fraction: Fraction, name: str) -> Fraction:
-    """Return `fraction`, or raise ValueError if it is identically zero.
+    """Return `fraction`, or raise ValueError, with its name, if it is identically zero.
 
     Parameters
     ----------
-    fraction : Fraction
-    name : str
-        What it is called in the message.
+    fraction, name : Fraction, str
     """
     if not fraction.num.any():
         raise ValueError(f"{name} is identically zero; its numerator needs a nonzero coefficient")

@@ -65,18 +65,13 @@ class Rule:
 
 
 def limited(limits: ActuatorLimits, dt: float) -> Rule:
-    """Apply the limits of an actuator to a command: rate first, then range.
+    """Give the rule of an actuator, `apply(command, before)`: rate first, then range.
 
     Parameters
     ----------
     limits : ActuatorLimits
     dt : float
         Sampling time in seconds.
-
-    Returns
-    -------
-    Rule
-        Whose `apply(command, before)` is what the actuator does.
 
     Examples
     --------

@@ -67,12 +67,11 @@ class HeldProcess:
         return self.samples + int(self.fraction > 0 or self.D != 0)
 
     def after(self, delay: float) -> HeldProcess:
-        """Return the same process behind another dead time.
+        """Return the same process behind another dead time, in seconds.
 
         Parameters
         ----------
         delay : float
-            The whole of it, in seconds.
         """
         samples, fraction = in_samples(delay, self.dt)
         late, B0 = self.transition((1 - fraction) * self.dt)

@@ -76,17 +76,14 @@ class ArgumentChange:
 def rhp_counts(terms: Sequence[ManyTerms], scale: FloatArray) -> IntArray:
     """Count the roots of many sums in the open right half plane.
 
+    -1 stands where a root is on the axis within rounding, or steps would be too many.
+
     Parameters
     ----------
     terms : sequence of ManyTerms
         The first one without dead time and of the highest degree, its leading coefficient not 0.
     scale : (k, n) array of float
         For each power of s (descending) the size of what was summed to give the coefficients.
-
-    Returns
-    -------
-    (n,) array of int
-        -1 where a root is on the axis within rounding, or steps would be too many.
 
     Examples
     --------
@@ -113,19 +110,14 @@ def rhp_counts(terms: Sequence[ManyTerms], scale: FloatArray) -> IntArray:
 def frequency_range(
     terms: Sequence[ManyTerms], scale: FloatArray
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Frequencies below which the constant, and above which the leading term dominates.
+    """Frequencies below which the constant, and above which the leading term dominates, in rad/s.
+
+    The lower one is 0 where the constant is only rounding; and whether both are more than that.
 
     Parameters
     ----------
     terms, scale : sequence of ManyTerms, (k, n) array of float
         As for `rhp_counts`.
-
-    Returns
-    -------
-    low, high : (n,) array of float
-        In rad/s; low is 0 where the constant is only rounding.
-    certain : (n,) array of bool
-        Whether constant and leading coefficients are more than rounding.
     """
     with np.errstate(all="ignore"):
         low, high, led = _range(terms, scale)
