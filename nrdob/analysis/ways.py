@@ -89,11 +89,14 @@ def _echoes(
     """Sum up what has come around the loop, in every order, each a rational transform.
 
     ``1/(q + sum of r E)`` is the sum over the numbers of times that each r E occurs, as often as
-    they can be ordered; without dead time it is 1/q. The degrees grow, but nothing has to cancel on
-    the way through a plant after a filter so fast that the input of the plant is next to an
-    impulse and all its derivatives.
+    they can be ordered. The degrees grow, but nothing has to cancel on the way through a plant
+    after a filter so fast that the input of the plant is next to an impulse and all its
+    derivatives.
     """
     both = maps(loop, input)
+    if not (loop.delay or loop.model_delay):  # nothing comes around
+        term = [m.numerator.q for m in both], both[0].denominator.q
+        return _shifted([(0.0, term)], 0.0, horizon, integrals, attempt)
     power = max(each.divided for each in (loop.p_B, *(m.numerator for m in both)))
     p_B = loop.p_B.lifted(power)
     q, echoes = p_B.q, p_B.delayed

@@ -24,7 +24,6 @@ from numpy.typing import ArrayLike
 from scipy.linalg import expm, matrix_balance
 
 from .arrays import ComplexArray, FloatArray
-from .coefficients import products
 
 __all__ = ["Block", "impulse_states", "roots_by_time_scale", "split", "transition"]
 
@@ -181,8 +180,13 @@ def _parted(
 
 def _sylvester(g: FloatArray, h: FloatArray) -> FloatArray:
     """Matrix from the coefficients of a, of lower degree than g, and b to those of a h + b g."""
-    by_h = products(h, g.size)[:, : g.size - 1]
-    return np.hstack([by_h, products(g, h.size)])
+    k, size = g.size - 1, g.size + h.size - 1
+    matrix = np.zeros((size, size))
+    for i in range(k):
+        matrix[i : i + h.size, i] = h
+    for i in range(h.size):
+        matrix[i : i + k + 1, k + i] = g
+    return matrix
 
 
 def _solved(matrix: FloatArray, right: FloatArray) -> FloatArray:
