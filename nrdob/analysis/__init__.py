@@ -1,7 +1,7 @@
 """What the loop does: its stability, its margins, its responses, its encirclements of -1."""
 
 from .frequencies import on_axis, resolved_frequencies, subdivided
-from .locus import Found, Locus, Notable, notable_frequencies
+from .locus import Locus, notable_frequencies
 from .margins import (
     Ends,
     LoopMargins,
@@ -20,14 +20,12 @@ from .variance import NoiseVariance, noise_variance
 
 __all__ = [
     "Ends",
-    "Found",
     "Locus",
     "LoopMargins",
     "LoopStability",
     "MarginBounds",
     "Margins",
     "NoiseVariance",
-    "Notable",
     "NyquistCount",
     "Stability",
     "encirclements",

@@ -22,55 +22,26 @@ from .nyquist import minus_point
 
 __all__ = ["gentle_frequencies", "on_axis", "resolved_frequencies", "subdivided", "with_turns"]
 
-CLOSEST = 2.0**-40
-"""How close to a root on the axis there are still frequencies, as a fraction of its own."""
-
-CUTS = 8
-"""Parts into which a stretch is cut at most before it is looked at again."""
-
-BEND = 0.5
-"""Largest product of the second derivative of log L over log ω and the square of a step."""
-
-DECADES = 8
-"""How far below and above all roots loops are followed: a size may still pass 1 there."""
-
-PER_SEGMENT = 4
-"""Frequencies in each certified stretch of a delayed factor."""
-
-RADIANS = 0.7
-"""How far a dead time may turn L from one frequency to the next, where L is not small."""
-
-TURNS = 2
-"""How many turns of a dead time are followed beyond where L is not small."""
-
-FAR = 20.0
-"""How far beyond all roots a loop gain that does not fall off is followed."""
-
-PEAK = 1e-9
-"""By how much the logarithm of the largest value of L exceeds those beside it."""
-
-MOST = 200_000
-"""Frequencies at most that a dead time asks for."""
+CLOSEST = 2.0**-40  # how close to a root on the axis there are frequencies, against its own
+CUTS = 8  # parts into which a stretch is cut at most before it is looked at again
+BEND = 0.5  # largest product of the second derivative of log L over log ω and the square of a step
+DECADES = 8  # how far below and above all roots loops are followed: a size may still pass 1 there
+PER_SEGMENT = 4  # frequencies in each certified stretch of a delayed factor
+RADIANS = 0.7  # how far a dead time may turn L from one frequency to the next, where L is not small
+TURNS = 2  # how many turns of a dead time are followed beyond where L is not small
+FAR = 20.0  # how far beyond all roots a loop gain that does not fall off is followed
+PEAK = 1e-9  # by how much the logarithm of the largest value of L exceeds those beside it
+MOST = 200_000  # frequencies at most that a dead time asks for
 
 
 def gentle_frequencies(*loops: Quotient) -> FloatArray:
-    r"""Frequencies between which the logarithm of L bends little, but for dead times.
+    r"""Frequencies above 0 between which the logarithm of L bends little, but for dead times.
 
     Over log ω the logarithm of a factor :math:`j\omega - z` has a second derivative of the size
     :math:`\omega |z|/|j\omega - z|^2`. The sum over all poles and zeros of a loop, in the middle of
     each stretch, times the square of its length is at most `BEND`, so that log L is a straight line
     to within an eighth of that. Factors of the denominator that contain a dead time turn by less
     than half a revolution in `PER_SEGMENT` stretches together.
-
-    Parameters
-    ----------
-    *loops : Quotient
-        The loop gains, with or without delay.
-
-    Returns
-    -------
-    (N,) array of float
-        Increasing, in rad/s, without 0.
     """
     factors = factors_of(*loops)
     roots = [_corners(factor) for factor in factors]
@@ -81,13 +52,8 @@ def gentle_frequencies(*loops: Quotient) -> FloatArray:
     size = np.abs(z)
     square = np.maximum(np.abs(z.real), CLOSEST * size) ** 2
     # Nothing but gains and dead time: its turns give the unit.
-    speeds = (
-        size
-        if size.size
-        else np.array(
-            [pi / max(p.delay for p in factors) if any(p.delay for p in factors) else 1.0]
-        )
-    )
+    longest = max((p.delay for p in factors), default=0.0)
+    speeds = size if size.size else np.array([pi / longest if longest else 1.0])
     ends = log(speeds.min()) - DECADES * log(10), log(speeds.max()) + DECADES * log(10)
     x = np.linspace(*ends, int(ends[1] - ends[0]) + 1)
     left: FloatArray = x[:-1]
@@ -166,25 +132,20 @@ def with_turns(locus: Locus, omega: FloatArray, *loops: Quotient) -> tuple[Float
 def resolved_frequencies(
     loop: Quotient, per_segment: int = 8, closed: QuasiPolynomial | None = None
 ) -> FloatArray:
-    """Frequencies that show every turn of a loop's Nyquist plot.
+    """Frequencies above 0, in rad/s, that show every turn of a loop's Nyquist plot.
 
     Between two certified frequencies neither a factor of the loop nor 1 + L turns by more than
-    half a revolution; each such stretch is sampled `per_segment` times, and the range is wide
-    enough to hold the corner frequencies and, with a delay, two turns beyond them.
+    half a revolution, and the range is wide enough to hold the corner frequencies and, with a
+    delay, two turns beyond them.
 
     Parameters
     ----------
     loop : Quotient
-        Any map of the loop, with or without delay, proper or not.
+        With or without delay, proper or not.
     per_segment : int
-        Samples in each stretch.
+        Samples in each such stretch.
     closed : QuasiPolynomial, optional
         Numerator of 1 + L if it is known better than by adding.
-
-    Returns
-    -------
-    array of float
-        Increasing, in rad/s, without 0.
     """
     parts = [minus_point(loop) if closed is None else closed]
     for factor in (*loop.num, *loop.den):
@@ -209,9 +170,8 @@ def subdivided(omega: FloatArray, count: int) -> FloatArray:
     Parameters
     ----------
     omega : array of float, shape (N,)
-        Increasing frequencies, in rad/s.
+        Increasing.
     count : int
-        Into how many.
     """
     fractions = np.arange(count) / count
     return np.append((omega[:-1, None] + np.diff(omega)[:, None] * fractions).ravel(), omega[-1])
@@ -223,7 +183,6 @@ def on_axis(factors: Iterable[QuasiPolynomial]) -> FloatArray:
     Parameters
     ----------
     factors : iterable of QuasiPolynomial
-        The factors.
     """
     found: list[FloatArray] = [np.empty(0)]
     for factor in factors:

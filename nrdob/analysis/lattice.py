@@ -26,24 +26,18 @@ from ..numerics import Block, ComplexArray, FloatArray, IntArray
 from .steps import (
     NODES,
     all_poles,
-    collocated,
     panel_basis,
     panel_lengths,
+    panel_matrices,
     radau,
     resolved_to,
 )
 
 __all__ = ["Driven", "delayed_responses"]
 
-MAX_PANELS = 60_000
-"""Panels that one march may take: a second or two."""
-
-MAX_LENGTHS = 5_000
-"""Lengths of panels that may differ: each has a matrix of its own."""
-
-SMOOTH = NODES + 3
-"""Derivatives that a bend may have so that a polynomial on a short panel passes through it."""
-
+MAX_PANELS = 60_000  # panels that one march may take: a second or two
+MAX_LENGTHS = 5_000  # lengths of panels that may differ: each has a matrix of its own
+SMOOTH = NODES + 3  # derivatives of a bend through which a polynomial on a short panel passes
 _CHUNK = 500  # panels, whose delayed signals are looked up together
 _SAME = 1e-12  # of the last time: two moments of the lattice that are one
 
@@ -52,8 +46,7 @@ _SAME = 1e-12  # of the last time: two moments of the lattice that are one
 class Driven:
     """What one delayed signal does: blocks to (y, u), side by side, at rest at first.
 
-    The dead time is in seconds; `known` holds coefficients, in descending powers of t, of what is
-    added to u before it.
+    `known` holds coefficients, in descending powers of t, of what is added to u before its delay.
     """
 
     blocks: Sequence[Block]
@@ -62,24 +55,14 @@ class Driven:
 
 
 def delayed_responses(
-    driven: Sequence[Driven],
-    free: Sequence[Block],
-    last: float,
-    smoothing: int,
-    finer: float = 1.0,
+    driven: Sequence[Driven], free: Sequence[Block], last: float, smoothing: int, finer: float = 1.0
 ) -> Callable[[FloatArray], FloatArray]:
     """March from moment to moment until the last time of interest, in seconds.
 
     The input makes (y, u) the impulse responses of the blocks in `free`; a bend gains at least
     `smoothing` derivatives on every way around the loop. What is returned takes increasing times
-    (N,) and gives y and u there, (2, N).
-
-    Raises
-    ------
-    ValueError
-        If too many panels would be needed until `last`.
-    ArithmeticError
-        If signals are too fast for the panels.
+    (N,) and gives y and u there, (2, N). A ValueError if too many panels would be needed, an
+    ArithmeticError if signals are too fast for them.
     """
     groups = [each.blocks for each in driven]
     blocks = [(block, k) for k, group in enumerate(groups) for block in group]
@@ -179,10 +162,7 @@ def _graded(
 
 
 def _march(
-    blocks: Sequence[tuple[Block, int]],
-    driven: Sequence[Driven],
-    x: FloatArray,
-    edges: FloatArray,
+    blocks: Sequence[tuple[Block, int]], driven: Sequence[Driven], x: FloatArray, edges: FloatArray
 ) -> FloatArray:
     """Values (P, 2, m) of y and u at the nodes of all panels."""
     lengths = np.diff(edges)
@@ -193,7 +173,7 @@ def _march(
             f"panels of {first.size:,} different lengths would be needed, more than "
             f"{MAX_LENGTHS:,}; shorten timepts or slow the fastest block"
         )
-    matrices = _matrices(blocks, len(driven), lengths[first])
+    matrices = panel_matrices(blocks, len(driven), lengths[first])
     n, m, panels = x.size, NODES, lengths.size
     values = np.zeros((panels, 2, m))
     for begin in range(0, panels, _CHUNK):
@@ -222,29 +202,10 @@ def _march(
     return values
 
 
-def _matrices(blocks: Sequence[tuple[Block, int]], groups: int, lengths: FloatArray) -> FloatArray:
-    """From the state and the delayed signals at the nodes to the next state and to (y, u)."""
-    n, m = sum(block.B.size for block, _ in blocks), NODES
-    matrices = np.zeros((lengths.size, n + 2 * m, n + groups * m))
-    first = 0
-    for block, group in blocks:
-        own, late = slice(first, first + block.B.size), slice(n + group * m, n + (group + 1) * m)
-        E, gamma, from_x, from_z = collocated(block, lengths)
-        matrices[:, own, own] = E
-        matrices[:, own, late] = gamma
-        matrices[:, n:, own] = from_x.reshape(lengths.size, 2 * m, -1)
-        matrices[:, n:, late] += from_z.reshape(lengths.size, 2 * m, m)
-        first = own.stop
-    return matrices
-
-
 def _source(
     each: Driven, edges: FloatArray, some: slice
 ) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Where some panels find their delayed signal: panels, weights of their nodes, what is added.
-
-    Of shapes (P, m), (P, m, m) and (P, m).
-    """
+    """Where panels find their delayed signal: panels, weights of their nodes, what is added."""
     left, right = edges[:-1][some, None], edges[1:][some, None]
     then = left + (right - left) * radau()[0] - each.delay
     middle = (left + right) / 2 - each.delay

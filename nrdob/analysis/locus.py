@@ -26,23 +26,12 @@ from ..numerics import (
 
 __all__ = ["Found", "Locus", "Notable", "factors_of", "notable_frequencies"]
 
-NOISE = 1e-13
-"""What is below it may be rounding, and has no sign."""
-
-CROSSING = 1e-3
-"""How well a crossing found must be one: at a pole on the axis the side of L changes by a jump."""
-
-STEEP = 1e12
-"""Slope of log L over log ω beyond which a crossing is a pole or a zero on the axis."""
-
-LEEWAY = 0.1
-"""By how much the logarithm of L may leave what it is at both ends of a stretch."""
-
-SMALL = 0.5
-"""Size of L, against 1 and its largest value, below which turns of a dead time do not matter."""
-
-CUTS = 8
-"""Parts of a stretch in which a minimum and a maximum may hide together."""
+NOISE = 1e-13  # what is below it may be rounding, and has no sign
+CROSSING = 1e-3  # how well a crossing must be one: at a pole on the axis the side changes by a jump
+STEEP = 1e12  # slope of log L over log ω beyond which a crossing is a pole or a zero on the axis
+LEEWAY = 0.1  # by how much the logarithm of L may leave what it is at both ends of a stretch
+SMALL = 0.5  # size of L, against 1 and its largest value, below which a delay's turns do not matter
+CUTS = 8  # parts of a stretch in which a minimum and a maximum may hide together
 
 SLOPE_STEP, LAST_STEP = 1e-6, 1e-8
 """Of a bracket: over which part slopes are measured, and how long the last step may be.
@@ -50,8 +39,7 @@ SLOPE_STEP, LAST_STEP = 1e-6, 1e-8
 Where L passes close to -1 a minimum is far narrower than its bracket.
 """
 
-VANISHED = 1e-290
-"""In place of 0, the value of a factor at a root on the axis."""
+VANISHED = 1e-290  # in place of 0, the value of a factor at a root on the axis
 
 SIZE, SIDE, RETREAT, DISK_RETREAT, SIZE_SLOPE, SIDE_SLOPE, DISTANCE, DISK, COSINE = range(9)
 r"""Rows of `Locus.motion`: :math:`\log|L|`, zero at a gain crossover; :math:`\sin\arg L`, zero
@@ -61,34 +49,14 @@ same of :math:`|(1 + L)/(1 - L)|`; the derivatives of the first two with respect
 
 
 class Found(NamedTuple):
-    """Frequencies of one kind, and L there.
-
-    Attributes
-    ----------
-    omega : array of float
-        In rad/s, increasing.
-    L : array of complex
-        L(jω).
-    """
+    """Increasing frequencies of one kind, in rad/s, and L there."""
 
     omega: FloatArray
     L: ComplexArray
 
 
 class Notable(NamedTuple):
-    """Where something happens to a loop gain.
-
-    Attributes
-    ----------
-    gain : Found
-        Where ``|L|`` = 1.
-    phase : Found
-        Where L is real.
-    nearest : Found
-        Where ``|1 + L|`` is smallest.
-    disk : Found
-        Where ``|(1 + L)/(1 - L)|`` is smallest.
-    """
+    """Where ``|L|`` = 1, L is real, and ``|1 + L|`` and ``|(1 + L)/(1 - L)|`` are smallest."""
 
     gain: Found
     phase: Found
@@ -97,17 +65,11 @@ class Notable(NamedTuple):
 
 
 class Locus:
-    """Loop gains on the imaginary axis.
+    """Loop gains on the imaginary axis; a factor that several share is evaluated once.
 
     Parameters
     ----------
     *loops : Quotient
-        The loop gains; a factor that several share is evaluated once.
-
-    Attributes
-    ----------
-    count : int
-        How many loops there are.
     """
 
     def __init__(self, *loops: Quotient) -> None:
@@ -142,35 +104,25 @@ class Locus:
         self._table = np.ascontiguousarray(parts.transpose(1, 2, 0))[..., None]
 
     def values(self, omega: FloatArray) -> ComplexArray:
-        """Evaluate L(jω), zero and infinite at roots on the axis.
+        """Evaluate L(jω), shape (loops, N), zero and infinite at roots on the axis.
 
         Parameters
         ----------
         omega : (N,) array of float
-            Frequencies in rad/s.
-
-        Returns
-        -------
-        (loops, N) array of complex
-            The loop gains.
+            In rad/s.
         """
         with np.errstate(over="ignore", invalid="ignore"):
             return np.asarray(np.exp(self.log_and_slope(omega)[0]))
 
     def motion(self, omega: FloatArray, loop: IntArray | None = None) -> FloatArray:
-        """Evaluate what decides about margins: the rows named above.
+        """Evaluate what decides about margins, the rows named above: shape (rows, loops, N).
 
         Parameters
         ----------
         omega : (N,) array of float
-            Frequencies in rad/s, above 0.
+            In rad/s, above 0.
         loop : (N,) array of int, optional
-            The one loop that is asked for at each frequency.
-
-        Returns
-        -------
-        (rows, loops, N) or (rows, N) array of float
-            The rows.
+            The one loop that is asked for at each frequency: then the shape is (rows, N).
         """
         log, slope = self.log_and_slope(omega)
         if loop is not None:
@@ -196,17 +148,12 @@ class Locus:
         return rows
 
     def reach(self, omega: FloatArray) -> FloatArray:
-        """Evaluate the logarithm of what the size of L can be whatever the dead times are.
+        """Evaluate the logarithm of what the size of L can be whatever its numerator's delays are.
 
         Parameters
         ----------
         omega : (N,) array of float
-            Frequencies in rad/s.
-
-        Returns
-        -------
-        (loops, N) array of float
-            The terms of a numerator with dead times are added by their sizes.
+            In rad/s.
         """
         rows, count = np.abs(self._rows(omega)[0]), self._signs.shape[1]
         size = np.abs(self._factors(omega)[0])
@@ -216,17 +163,12 @@ class Locus:
         return self.log_and_slope(omega)[0].real + self._above @ more
 
     def log_and_slope(self, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:
-        """Evaluate log L(jω) and its derivative with respect to log ω.
+        """Evaluate log L(jω) and its derivative with respect to log ω, shapes (loops, N).
 
         Parameters
         ----------
         omega : (N,) array of float
-            Frequencies in rad/s.
-
-        Returns
-        -------
-        (loops, N) array of complex, twice
-            Both.
+            In rad/s.
         """
         p, dp = self._factors(omega)
         s = 1j * omega
@@ -286,16 +228,10 @@ def notable_frequencies(
     Parameters
     ----------
     locus : Locus
-        The loop gains.
     omega : (N,) array of float
         Increasing, in rad/s, without 0.
     last : float or (loops,) array of float
         Frequency up to which each loop is followed.
-
-    Returns
-    -------
-    list of Notable
-        Of each loop.
     """
     last = np.broadcast_to(np.asarray(last, dtype=float), locus.count)
 
@@ -407,10 +343,7 @@ def _hidden(locus: Locus, omega: FloatArray, motion: FloatArray) -> FloatArray:
 
 
 def _solved(locus: Locus, omega: FloatArray, motion: FloatArray, at: Brackets) -> FloatArray:
-    """Find the zeros of rows of the motion, each in its bracket, all together.
-
-    By Newton's steps, with slopes from differences.
-    """
+    """Find the zeros of rows of the motion, each in its bracket, by Newton's steps."""
     row, loop, low, high = at
     if not row.size:
         return omega[low]

@@ -1,10 +1,9 @@
 r"""Lemma 2 and the true loop: gain, phase, modulus, disk and delay margins of C·G̃, F·H and L = K·G.
 
 Where L has size 1, is real, or is nearest to -1, is bracketed on frequencies between which log L is
-nearly straight over log ω, by a bound of its second derivative from poles and zeros
-(`nrdob.analysis.frequencies`), and refined to the last digits on the factors of L, of which nothing
-is multiplied out (`nrdob.analysis.locus`). Dead times stay exact. The points ω = 0 and ω = ∞ are
-looked at too: a loop may become unstable there as well as in between.
+nearly straight over log ω (`nrdob.analysis.frequencies`), and refined to the last digits on the
+factors of L (`nrdob.analysis.locus`). Dead times stay exact. The points ω = 0 and ω = ∞ are looked
+at too: a loop may become unstable there as well as in between.
 """
 
 from __future__ import annotations
@@ -36,29 +35,24 @@ __all__ = [
 ]
 
 
-TINY = 1e-200
-"""Size of L below which it is 0."""
-
-LARGE = 2.0**27
-"""Radius of the circle that stands for a straight line."""
+TINY = 1e-200  # size of L below which it is 0
+LARGE = 2.0**27  # radius of the circle that stands for a straight line
 
 
 @dataclass(frozen=True)
 class Margins:
-    r"""Margins of one loop, which unpack as `control.stability_margins` does.
+    r"""Margins of one loop; ``gm, pm, sm, wpc, wgc, wms = margins`` as `control.stability_margins`.
 
-    ``gm, pm, sm, wpc, wgc, wms = margins``. All of these, `gm_low`, `gm_high`, `delay_margin` and
-    `disk_margin` are nan unless the closed loop is known to be stable: an unstable loop has no
-    margins. At which gains and rotations the number of its unstable roots changes is still listed.
+    All margins are nan unless the closed loop is known to be stable: an unstable loop has none. At
+    which gains and rotations the number of its unstable roots changes is still listed.
 
     Attributes
     ----------
     gm : float
         Gain factor nearest to 1 (on a log scale) at which the loop becomes unstable; below 1 where
-        the gain must not fall. Absolute; inf if there is none.
+        the gain must not fall, inf if there is none.
     pm : float
-        Smallest rotation of the loop gain, in either sense, at which the loop becomes unstable, in
-        degrees.
+        Smallest rotation of L, in either sense, at which the loop becomes unstable, in degrees.
     sm : float
         Modulus margin :math:`\min |1 + L|`, the distance from -1.
     wpc, wgc, wms : float
@@ -71,7 +65,7 @@ class Margins:
         Symmetric disk margin :math:`\alpha = \min 2|1 + L|/|1 - L|`: the loop stays stable
         with every complex factor in the disk on the diameter from (2 - α)/(2 + α) to its inverse.
     stable : bool or None
-        The verdict on the closed loop, without which the numbers mean nothing.
+        The verdict on the closed loop.
     gain_crossovers, phase_crossovers : array of float
         All frequencies with :math:`|L| = 1`, and all with L real and negative (0 and inf
         included), rad/s. Where dead time turns a loop gain for ever, those are left out at which
@@ -80,7 +74,6 @@ class Margins:
         By how many degrees, from -180 to 180, a rotation of L brings it to -1 at each of the
         `gain_crossovers`, and which factor of the gain does at each of the `phase_crossovers`.
     name : str
-        Which loop.
     """
 
     gm: float
@@ -126,7 +119,7 @@ class Margins:
     @property
     def _crossings(self) -> str:
         """Where the number of unstable roots changes next."""
-        gains, angles = self.critical_gains[self.critical_gains > 0], self.rotations
+        gains, angles = self.critical_gains, self.rotations
         said = []
         if gains.size:
             said.append(f"gain × {gains[np.argmin(np.abs(np.log(gains)))]:.4g}")
@@ -147,7 +140,7 @@ class LoopMargins:
     plant_loop : Margins
         L = K·G, whose margins are those that the plant feels.
     stable : bool or None
-        Verdict of Lemma 1 on the whole NR-DOB loop.
+        The verdict of Lemma 1.
     """
 
     model_loop: Margins
@@ -221,9 +214,8 @@ def loop_margins(loop: LoopEquations, verdict: Stability | None = None) -> LoopM
     Parameters
     ----------
     loop : LoopEquations
-        The four blocks.
     verdict : Stability, optional
-        Its stability, if already known.
+        If already known.
     """
     verdict = stability(loop) if verdict is None else verdict
     model, observer = verdict.model_loop.stable, verdict.observer_loop.stable
@@ -233,10 +225,10 @@ def loop_margins(loop: LoopEquations, verdict: Stability | None = None) -> LoopM
 
 
 def margins(loop: Any) -> Margins:
-    r"""Judge the loop closed around any loop gain, and compute its margins.
+    r"""Judge the loop closed around any loop gain, and compute its margins, with exact dead time.
 
-    Dead time is exact, and ω = 0 and ω = ∞ are looked at. What cancels inside the loop gain before
-    it is given cannot be seen: a pole and a zero that are both there count.
+    What cancels inside the loop gain before it is given cannot be seen: a pole and a zero that are
+    both there count.
 
     Parameters
     ----------
@@ -270,14 +262,13 @@ def margins(loop: Any) -> Margins:
 
 
 def quotient_margins(loop: Quotient, stable: bool | None) -> Margins:
-    """Compute the margins of a loop gain whose verdict is known.
+    """Compute the margins of a loop gain L whose verdict is known.
 
     Parameters
     ----------
     loop : Quotient
-        The loop gain L.
     stable : bool or None
-        Verdict on 1 + L, None where it is not known.
+        On 1 + L, None where it is not known.
     """
     return _margins_of((loop, stable))[0]
 
@@ -301,12 +292,10 @@ class Ends(NamedTuple):
 
     Attributes
     ----------
-    dc_gain : float
-        L(0), infinite with an integrator.
-    undelayed, delayed : float
-        a and b.
+    dc_gain, undelayed, delayed : float
+        L(0), infinite with an integrator, a and b.
     last : float
-        Where that is: at infinite frequency, or at a sampled loop's Nyquist frequency, in rad/s.
+        Where the circle is: at infinity, or at a sampled loop's Nyquist frequency, in rad/s.
     """
 
     dc_gain: float
@@ -335,13 +324,9 @@ def margins_at(found: Notable, ends: Ends, stable: bool | None, name: str) -> Ma
     Parameters
     ----------
     found : Notable
-        Frequencies, and L there.
     ends : Ends
-        L at the ends.
-    stable : bool or None
-        Verdict on 1 + L, None where it is not known.
-    name : str
-        Which loop.
+    stable, name : bool or None, str
+        Of the loop, as for `quotient_margins`.
     """
     gains, phase = _critical_gains(found.phase, ends)
     omega, angle = found.gain.omega, np.angle(-found.gain.L)
@@ -420,10 +405,7 @@ def _closest(nearest: Found, ends: Ends) -> tuple[float, float]:
     distance = np.concatenate([np.abs(1 + nearest.L), limits])
     distance[np.isnan(distance)] = inf
     k = int(distance.argmin())
-    omega = (
-        [0.0, ends.last][k - nearest.omega.size] if k >= nearest.omega.size else nearest.omega[k]
-    )
-    return float(distance[k]), float(omega)
+    return float(distance[k]), float([*nearest.omega, 0.0, ends.last][k])
 
 
 def _disk_margin(disk: Found, ends: Ends) -> float:

@@ -3,10 +3,10 @@
 For a loop L = num/den the function 1 + L is p/den with p = num + den, so it encircles 0 as often as
 p does, less the encirclements by den. Both are counted without a plot: the argument of p and that
 of every factor of den are followed along the axis in certified steps (`nrdob.numerics.argument`).
-That is N; P comes from the coefficients or roots of the factors alone, and Z = N + P. Poles on the
-axis, of any multiplicity, are left of the contour, which passes them on the right; the arcs at
-infinity of improper loops are contained in the degrees. Conventions are those of
-`control.nyquist_response`: encirclements N are positive clockwise, and Z = N + P.
+That is N, positive clockwise as in `control.nyquist_response`; P comes from the coefficients or
+roots of the factors alone, and Z = N + P. Poles on the axis, of any multiplicity, are left of the
+contour, which passes them on the right; the arcs at infinity of improper loops are contained in the
+degrees.
 """
 
 from __future__ import annotations
@@ -40,10 +40,8 @@ class NyquistCount:
     encirclements : float or None
         N, clockwise positive; None where the curve meets the point, infinite where it circles the
         point for ever.
-    open_loop_rhp : float
-        P, poles in the open right half plane, counted before any cancellation.
-    closed_loop_rhp : float or None
-        Z, zeros of L - point in the open right half plane.
+    open_loop_rhp, closed_loop_rhp : float or None
+        P, poles in the open right half plane before any cancellation, and Z, zeros of L - point.
     reason : str
         Why a number is missing, or why Z is not N + P.
     """
@@ -84,7 +82,7 @@ def encirclements(loop: Any, point: float = -1.0) -> NyquistCount:
     Parameters
     ----------
     loop : Quotient, or as for `nrdob.margins`
-        Any map of the loop, such as ``loop.FH``, or any other loop gain; proper or not.
+        Any map of the loop, such as ``loop.FH``, or other loop gain; proper or not.
     point : float
         The point to encircle: -1 for a loop gain, +1 for the paper's G̃⁻¹G.
 
@@ -132,9 +130,7 @@ def minus_point(loop: Quotient, point: float = -1.0) -> QuasiPolynomial:
     Parameters
     ----------
     loop : Quotient
-        L, any map of the loop.
     point : float
-        Point of the real axis.
     """
     num, den = loop.numerator, loop.denominator
     power = max(num.divided, den.divided)
@@ -150,7 +146,6 @@ def rhp_roots(factor: QuasiPolynomial) -> float:
     Parameters
     ----------
     factor : QuasiPolynomial
-        A factor, with or without delay.
     """
     if factor.finite_part.neutral_ratio >= 1:
         return inf

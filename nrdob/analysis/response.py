@@ -7,24 +7,27 @@ that is only nearly right.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
-from math import inf
+from math import inf, log10, pi
+from typing import Any
 
 import control as ct
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.signal import fftconvolve
 
-from ..diagram import INPUTS, LoopEquations
-from ..numerics import FloatArray, IntArray
+from ..diagram import LoopEquations
+from ..numerics import BoolArray, ComplexArray, FloatArray, IntArray, roots_by_time_scale
 from .ways import Solver, Way, even_step, maps, ways
-from .window import POINTS, default_response
 
-__all__ = ["forced_response", "step_response"]
+__all__ = ["even_times", "forced_response", "step_response"]
 
-OUTPUTS = ("y", "u")
-
-_DIRECT_CONVOLUTION = 10_000
+SETTLED = 0.002  # distance from its end, against its span, at which a response has settled
+POINTS = 1001  # times in a default window
+_SHORTER = 8.0  # where a window is refused, the next one tried is that much shorter
+_SHORTEST = _SHORTER**39  # how much shorter the last one is
+_DIRECT_CONVOLUTION = 10_000  # samples up to which sums are direct
 
 _AGREEMENT = 1e-10  # of the size of a signal: what may hang on rounding
 _TRACE = 1e-6  # of the jump at t = 0, against which what has died out is measured
@@ -40,13 +43,13 @@ def step_response(
     Parameters
     ----------
     loop : LoopEquations
-        The loop, stable or not.
+        Stable or not.
     input : {"R", "d", "delta", "eta"}
         Where the step enters: reference, output disturbance, input disturbance or noise.
     timepts : (N,) array_like or float, optional
         Increasing times from 0 on, in seconds; evenly spaced ones are fastest. A number is the
-        last of 1,001 times. By default 1,001 until y and u have settled, or over a few
-        e-foldings of an unstable loop; fewer seconds where that cannot be computed.
+        last of 1,001 times, by default when y and u have settled, or after a few e-foldings of an
+        unstable loop; earlier where that cannot be computed.
 
     Returns
     -------
@@ -59,18 +62,13 @@ def step_response(
 
     Raises
     ------
-    ValueError
-        If `input` is none of the four, `timepts` is not increasing from 0 or later, or the loop
-        is ill-posed.
-    ArithmeticError
-        If nine digits of the largest value since t = 0 cannot be had, or not within some seconds;
-        the message says why.
+    ValueError, ArithmeticError
+        If the input or the times cannot be, or the loop is ill-posed; if nine digits of the largest
+        value since t = 0 cannot be had, or not within some seconds.
 
     Examples
     --------
-    >>> import control as ct
-    >>> from nrdob.diagram import delay
-    >>> from nrdob.diagram import LowPassFilter
+    >>> from nrdob.diagram import LowPassFilter, delay
     >>> Gm = ct.tf([1], [1, 1])
     >>> loop = LoopEquations(delay(1.0) * Gm, Gm, 1.0, LowPassFilter(2.0, 1))
     >>> y, u = step_response(loop, "d", [0.0, 0.5, 1.0]).outputs[:, 0]
@@ -79,22 +77,13 @@ def step_response(
     """
     _check(loop, input)
     if timepts is None:
-        times, outputs = default_response(loop, input, lambda last: _prepared(loop, input, last))
+        times, outputs = _default_response(loop, input, lambda last: _prepared(loop, input, last))
     else:
         times = _checked_times(timepts)
         outputs = _prepared(loop, input, float(times[-1]))(times)
-    return ct.TimeResponseData(
-        times,
-        outputs[:, np.newaxis],
-        inputs=np.ones((1, 1, times.size)),
-        issiso=False,
-        output_labels=list(OUTPUTS),
-        input_labels=[input],
-        title=f"Step response to {input}",
-        trace_labels=[f"From {input}"],
-        trace_types=["step"],
-        plot_inputs=False,
-    )
+    more = {"trace_labels": [f"From {input}"], "trace_types": ["step"], "plot_inputs": False}
+    inputs = np.ones((1, 1, times.size))
+    return _data(times, outputs[:, np.newaxis], inputs, input, "Step response", **more)
 
 
 def forced_response(
@@ -104,10 +93,8 @@ def forced_response(
 
     Parameters
     ----------
-    loop : LoopEquations
-        The loop, stable or not.
-    input : {"R", "d", "delta", "eta"}
-        Where the signal enters, see `step_response`.
+    loop, input : LoopEquations, {"R", "d", "delta", "eta"}
+        As for `step_response`.
     timepts : (N,) array_like
         Evenly spaced times from 0 on, N >= 2, in seconds.
     inputs : (N,) array_like
@@ -127,7 +114,6 @@ def forced_response(
 
     Examples
     --------
-    >>> import control as ct
     >>> from nrdob.diagram import LowPassFilter
     >>> G = ct.tf([1], [1, 1])
     >>> loop = LoopEquations(G, G, 1.0, LowPassFilter(1.0, 1))
@@ -152,22 +138,25 @@ def forced_response(
     rise = np.diff(ramp, axis=1, prepend=0.0) / step
     hat = np.diff(rise, axis=1, append=0.0)[:, :-1]
     outputs = signal[0] * (unit - rise)
+    # Direct sums are causal to the last digit; the FFT is for records too long for them.
+    convolve = np.convolve if signal.size <= _DIRECT_CONVOLUTION + 1 else fftconvolve
     for row, pulse in zip(outputs, hat, strict=True):
-        row[1:] += _convolve(signal[1:], pulse)
+        row[1:] += convolve(signal[1:], pulse)[: signal.size - 1]
+    return _data(times, outputs, signal[np.newaxis], input, "Forced response")
+
+
+def _data(
+    times: FloatArray, outputs: FloatArray, inputs: FloatArray, input: str, kind: str, **more: Any
+) -> ct.TimeResponseData:
+    """Give y and u as python-control does."""
     return ct.TimeResponseData(
-        times,
-        outputs,
-        inputs=signal[np.newaxis],
-        issiso=False,
-        output_labels=list(OUTPUTS),
-        input_labels=[input],
-        title=f"Forced response to {input}",
-    )
+        times, outputs, inputs=inputs, issiso=False, output_labels=["y", "u"],
+        input_labels=[input], title=f"{kind} to {input}", **more,
+    )  # fmt: skip
 
 
 def _check(loop: LoopEquations, input: str) -> None:
-    if input not in INPUTS:
-        raise ValueError(f"input is {input!r}; it must be one of {', '.join(map(repr, INPUTS))}")
+    maps(loop, input)  # refuses what is no input
     if loop.ill_posed:
         raise ValueError(f"no time response: {loop.ill_posed}")
 
@@ -194,19 +183,8 @@ def _real(values: ArrayLike, name: str, remedy: str) -> FloatArray:
         raise TypeError(f"{name} is {values!r}; {remedy}") from error
 
 
-def _convolve(signal: FloatArray, pulse: FloatArray) -> FloatArray:
-    # Direct sums are causal to the last digit; the FFT is for records too long for them.
-    convolve = np.convolve if signal.size <= _DIRECT_CONVOLUTION else fftconvolve
-    return np.asarray(convolve(signal, pulse)[: signal.size])
-
-
 def _prepared(loop: LoopEquations, input: str, horizon: float, integrals: int = 1) -> Solver:
-    """Prepare y and u up to a horizon, for as many sets of times as are asked for.
-
-    Everything is computed a second time in another unit of time, in which every coefficient is
-    rounded differently. Digits that hang on this are neither in the data nor in the result: where
-    nine of them cannot be had, the response is refused.
-    """
+    """Prepare y and u up to a horizon, for as many sets of times as are asked for."""
     jumps = np.array([quotient.at_once for quotient in maps(loop, input)])
     solver = cache(lambda way, attempt: way(loop, input, horizon, integrals, attempt))
 
@@ -235,7 +213,12 @@ def _prepared(loop: LoopEquations, input: str, horizon: float, integrals: int = 
             if (_largest(found - again) <= _AGREEMENT * size).all():
                 outputs[~np.isfinite(outputs)] = np.nan
                 return outputs
-            reason = reason or _undecided(input, float(times[-1]))
+            reason = reason or (
+                f"the response to {input} over {times[-1]:g} s cannot be given to nine digits: "
+                "they hang on the last digits of the coefficients, as a mode turns or grows too "
+                "often in this time or nearly cancels; shorten timepts, or give blocks without "
+                "what cancels"
+            )
         raise ArithmeticError(reason)
 
     return solve
@@ -249,15 +232,80 @@ def _looked_at(times: FloatArray) -> tuple[IntArray, FloatArray]:
     return np.unique(np.linspace(0, times.size - 1, few).astype(int)), grid
 
 
-def _undecided(input: str, horizon: float) -> str:
-    return (
-        f"the response to {input} over {horizon:g} s cannot be given to nine digits: they hang on "
-        "the last digits of the coefficients, as a mode turns or grows too often in this time or "
-        "nearly cancels; shorten timepts, or give blocks without what cancels"
-    )
-
-
 def _largest(signals: FloatArray) -> FloatArray:
     """Largest size of y and of u; what has left the floating-point range does not count."""
     finite = np.isfinite(signals)
     return np.asarray(np.abs(np.where(finite, signals, 0.0)).max(axis=1))
+
+
+# The default window: long enough to settle, short enough to see.
+
+
+def _default_response(
+    loop: LoopEquations, input: str, prepared: Callable[[float], Solver]
+) -> tuple[FloatArray, FloatArray]:
+    """Choose evenly spaced times over what there is to see, and respond.
+
+    `prepared` takes a last time in seconds and gives what gives y and u, (2, N), at N times until
+    then; both raise ValueError or ArithmeticError where that takes too long or too many digits.
+    """
+    window, settles = _estimate(loop, input)
+    shortest = window / _SHORTEST
+    while True:
+        try:
+            times = even_times(window)
+            respond = prepared(float(times[-1]))
+            if settles:
+                times = even_times(_settling_time(respond, window))
+            return times, respond(times)
+        except (ValueError, ArithmeticError):
+            if window <= shortest:
+                raise
+            window /= _SHORTER
+
+
+def even_times(window: float) -> FloatArray:
+    """Return times from 0 to `window`, rounded up to 1, 2 or 5 times a power of ten."""
+    decade = 10.0 ** np.floor(log10(window))
+    nice = next(factor for factor in (1, 2, 5, 10) if factor * decade >= window * (1 - 1e-9))
+    return np.linspace(0.0, nice * decade, POINTS)
+
+
+def _estimate(loop: LoopEquations, input: str) -> tuple[float, bool]:
+    """Time in seconds after which nothing is left to see, and whether the response settles."""
+    roots, on_axis = _modes(loop, input)
+    rates, swings = roots.real[~on_axis], np.abs(roots.imag[on_axis])
+    longest = max(loop.delay, loop.model_delay)
+    growth, decay = max(rates, default=0.0), -max(rates[rates < 0], default=-inf)
+    if growth > 0:
+        return max(6 / growth, 3 * longest), False
+    periods = 10 * pi / min(swings[swings > 0], default=inf)
+    # Neither modes nor dead time: any window will do.
+    return max(12 / decay + 5 * longest, periods) or 10.0, True
+
+
+def _modes(loop: LoopEquations, input: str) -> tuple[ComplexArray, BoolArray]:
+    """Roots that `input` excites, and which of them lie on the imaginary axis within rounding."""
+    factors = [loop.p_A, loop.p_B] if input == "R" else [loop.p_B]
+    try:
+        with np.errstate(all="ignore"):
+            roots = [p.roots if p.delay else roots_by_time_scale(p.q) for p in factors]
+    except ArithmeticError:  # so long a delay that it alone sets the pace
+        return np.zeros(0, dtype=complex), np.zeros(0, dtype=bool)
+    on_axis = [p.near_axis(found) for p, found in zip(factors, roots, strict=True)]
+    return np.concatenate(roots), np.concatenate(on_axis)
+
+
+def _settling_time(respond: Solver, window: float) -> float:
+    """Time from which y and u stay near where they are at the end of `window`, seconds."""
+    final: FloatArray | None = None
+    while True:
+        times = np.linspace(0.0, window, POINTS)
+        outputs = respond(times)
+        final = outputs[:, -1:] if final is None else final
+        span = np.ptp(np.hstack([outputs, final]), axis=1, keepdims=True)
+        moving = np.flatnonzero((np.abs(outputs - final) > SETTLED * span).any(axis=0))
+        last = min(int(moving[-1]) + 1 if moving.size else 0, POINTS - 1)
+        if last > POINTS // 20 or last == 0:
+            return float(times[last]) or window
+        window = 2 * float(times[last])  # the slowest mode hardly shows: look closer

@@ -2,10 +2,8 @@
 
 Each condition is judged twice, before any cancellation but that inside a block that is built as
 one: by Z = N + P, and by a count that follows no curve: of the roots themselves or, where not all
-can be trusted, Routh and Hurwitz's test in whole numbers or, with a long dead time, Walton and
-Marshall's count; with two dead times that count for two equal ones, and what crosses the axis while
-one of them becomes what it is. A verdict is given only where the two agree; else it is None, with
-the reason.
+can be trusted, of the coefficients (`QuasiPolynomial.rhp_in_whole_numbers`). A verdict is given
+only where the two agree; else it is None, with the reason.
 """
 
 from __future__ import annotations
@@ -22,14 +20,7 @@ import numpy as np
 
 from ..certificates import Certificate, certify
 from ..diagram import LoopEquations, ObserverEquations
-from ..numerics import (
-    BoolArray,
-    ComplexArray,
-    QuasiPolynomial,
-    count_rhp,
-    unstable_roots,
-    written,
-)
+from ..numerics import BoolArray, ComplexArray, QuasiPolynomial, count_rhp, unstable_roots, written
 from .nyquist import NyquistCount, nyquist_count
 
 __all__ = [
@@ -38,12 +29,12 @@ __all__ = [
 
 AT_ORIGIN = "a root at s = 0 exactly"
 
+# The ways in which roots are counted:
 ENCIRCLEMENTS = "encirclements"
 ROOTS = "roots"
 CROSSINGS = "Walton and Marshall's count"
 TWO_CROSSINGS = "Walton and Marshall's count and the crossings between the two dead times"
 WHOLE_NUMBERS = "Routh and Hurwitz's test in whole numbers"
-"""The ways in which roots are counted."""
 
 
 @dataclass(frozen=True)
@@ -53,23 +44,17 @@ class LoopStability:
     Attributes
     ----------
     name : str
-        Which loop: "C Gm (i)", "F H (ii)", or "L (ii)" in its place where a pole on the axis or
-        right of it cancels inside (1-F)Gm.
-    stable : bool or None
-        All roots in the open left half plane; None if that cannot be told.
-    reason : str
-        Why, in words.
-    encirclements : float or None
-        N, clockwise encirclements of -1 (as in control's `count`).
-    open_loop_rhp : float
-        P, open-loop poles in the right half plane, before cancellation.
-    closed_loop_rhp : float or None
-        Z, roots of the characteristic function in the right half plane.
+        "C Gm (i)", "F H (ii)", or "L (ii)" in its place where a pole on the axis or right of it
+        cancels inside (1-F)Gm.
+    stable, reason : bool or None, str
+        All roots in the open left half plane, None if that cannot be told; and why.
+    encirclements, open_loop_rhp, closed_loop_rhp : float or None
+        N, clockwise encirclements of -1; P, open-loop poles in the right half plane, before
+        cancellation; Z, roots of the characteristic function in the right half plane.
     rightmost : complex
-        Root with the largest real part (the one with positive imaginary part of a pair), rad/s;
-        nan if there is none, or if it is not known.
+        Root with the largest real part (of a pair the upper one), rad/s; nan if none is known.
     roots : array of complex
-        Roots, rightmost first: all of them, or with a delay the rightmost ones (see
+        Rightmost first: all of them, or with a delay the rightmost ones (see
         `nrdob.numerics.quasipoly.QuasiPolynomial.roots`).
     kind : str
         "rational", "retarded", "neutral" or "advanced"; "sampled" for roots z.
@@ -100,10 +85,8 @@ class Stability:
 
     Attributes
     ----------
-    stable : bool or None
-        Whether the loop is internally stable; None if that cannot be told.
-    reason : str
-        Why, in words.
+    stable, reason : bool or None, str
+        Whether the loop is internally stable, None if that cannot be told; and why.
     model_loop, observer_loop : LoopStability
         Conditions i (C·Gm) and ii (F·H, or L) of Lemma 1.
     loop : LoopEquations
@@ -138,29 +121,18 @@ class Stability:
 
         Parameters
         ----------
-        gains : tuple of two float, optional
-            Lowest and highest factor of the process for which it is proved, too.
-        delays : tuple of two float, optional
-            Shortest and longest dead time of the process, in seconds; of loops in continuous time.
-        time_constants : tuple of two float, optional
-            Smallest and largest time constant of a `LowPassFilter`, in seconds; where it is
-            sampled, by Tustin's rule.
+        gains, delays, time_constants : tuple of two float, optional
+            Lowest and highest factor of the process for which it is proved, too, dead time of the
+            process (not of sampled loops), and time constant of a `LowPassFilter`, in seconds;
+            where it is sampled, by Tustin's rule.
         processes : sequence of blocks
             Other processes with the same dead time, such as the corners of a box: it is proved for
-            every convex combination of their numerators and denominators. Of loops in continuous
-            time.
-
-        Returns
-        -------
-        Certificate
-            Which `save` writes as JSON: see `nrdob.certificates`.
+            every convex combination of their numerators and denominators. Not of sampled loops.
 
         Raises
         ------
-        ValueError
-            If delays or processes are given for a sampled loop.
-        ArithmeticError
-            If there is none; the message says why.
+        ValueError, ArithmeticError
+            If delays or processes are given for a sampled loop; if there is no certificate.
         """
         loop, given = self._provable(continuous_only=bool(delays or processes))
         counts = self.model_loop.closed_loop_rhp, self.observer_loop.closed_loop_rhp
@@ -226,12 +198,7 @@ def stability(loop: LoopEquations) -> Stability:
     Parameters
     ----------
     loop : LoopEquations
-        The four blocks, with or without dead time in process and model.
-
-    Returns
-    -------
-    Stability
-        The verdict with its evidence, which prints as a table.
+        With or without dead time in process and model.
     """
     model_loop = judge("C Gm (i)", loop.CGm.den, loop.p_A, loop.ill_posed_model_loop)
     observer_loop = observer_stability(loop)
@@ -251,10 +218,8 @@ def judge_observer(
 
     Parameters
     ----------
-    process : control.TransferFunction, StateSpace, DelayedTransferFunction or (num, den)
-        G, proper, with or without dead time.
-    model : control.TransferFunction, StateSpace, DelayedTransferFunction or (num, den)
-        The model, proper, with or without dead time.
+    process, model : control.TransferFunction, StateSpace, DelayedTransferFunction or (num, den)
+        G and G̃, proper, with or without dead time.
     filter : LowPassFilter, or a stable proper block with F(0) = 1
         F, of at least the model's relative degree.
     keep_factors : bool
@@ -353,7 +318,7 @@ def judge(
     Parameters
     ----------
     name : str
-        What to call the loop.
+        Of the loop.
     open_loop : iterable of QuasiPolynomial
         Factors of the open-loop denominator.
     closed_loop : QuasiPolynomial
@@ -364,11 +329,9 @@ def judge(
     factors = tuple(open_loop)
     by_encirclements = nyquist_count(factors, closed_loop)
     roots = closed_loop.roots if closed_loop.neutral_ratio < 1 else np.empty(0, dtype=complex)
-    found = (
-        _Finding(None, ill_posed)
-        if ill_posed
-        else _find(closed_loop, by_encirclements, roots, factors)
-    )
+    found = _Finding(None, ill_posed)
+    if not ill_posed:
+        found = _find(closed_loop, by_encirclements, roots, factors)
     return LoopStability(
         name=name,
         stable=found.stable,
@@ -425,9 +388,9 @@ def _find(
 def _second_count(
     p: QuasiPolynomial, expected: float, roots: ComplexArray
 ) -> tuple[int | None, str]:
-    """Count without the argument: how many roots are in the right half plane, and by which way.
+    """Count without the argument, and say by which way.
 
-    The roots are the cheaper way. What they say is only used where it is the same; else they may
+    The roots are the cheaper one. What they say is only used where it is the same; else they may
     be too badly conditioned, and the coefficients themselves are asked.
     """
     if p.neutral_ratio < 1 and p.roots_resolved and not p.near_axis(roots).any():

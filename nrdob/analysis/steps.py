@@ -26,27 +26,19 @@ __all__ = [
     "MAX_DELAYS",
     "NODES",
     "all_poles",
-    "collocated",
     "delayed_response",
     "panel_basis",
     "panel_lengths",
+    "panel_matrices",
     "radau",
     "resolved_to",
     "to_chebyshev",
 ]
 
-MAX_PANELS = 400_000
-"""Panels that one march may take: a second or two."""
-
-MAX_PANELS_PER_DELAY = 20_000
-"""Panels of one dead time that fit into memory."""
-
-MAX_DELAYS = 1_000_000
-"""Dead times that may be leapt over: rounding grows with each."""
-
-NODES = 17
-"""Nodes of a panel."""
-
+MAX_PANELS = 400_000  # panels that one march may take: a second or two
+MAX_PANELS_PER_DELAY = 20_000  # panels of one dead time that fit into memory
+MAX_DELAYS = 1_000_000  # dead times that may be leapt over: rounding grows with each
+NODES = 17  # nodes of a panel
 _GRID = np.arange(1, 33) / 32  # of the last time: where signals are looked at, too
 _REACH = 2.0  # rate times length of a panel at which nothing but rounding is left
 _LOG_ROUNDING = log(1e-16)
@@ -59,14 +51,9 @@ _PRODUCTS_PER_PANEL = 15_000  # of matrix elements, that take the time of one pa
 class _Interval:
     """What one interval of length θ does, panel by panel (P of them, m nodes in each).
 
-    Attributes
-    ----------
-    edges : (P + 1,) array
-        Borders of the panels, from 0 to θ.
-    advance : (P, n, n) and (P, n, m) arrays
-        To the state at the end of a panel, from the state at its start and z at its nodes.
-    outputs : (P, 2, m, n) and (P, 2, m, m) arrays
-        To y and v at its nodes, likewise.
+    `edges` are the P + 1 borders of the panels; `advance`, (P, n, n) and (P, n, m), leads from the
+    state at the start of a panel and z at its nodes to the state at its end, `outputs`,
+    (P, 2, m, n) and (P, 2, m, m), to y and v at its nodes.
     """
 
     edges: FloatArray
@@ -101,9 +88,8 @@ def delayed_response(
 
     To (y, v) z does what the blocks in `driven` do, side by side, at rest at first; the input makes
     the impulse responses of the blocks in `free`. What is returned takes increasing times (N,) from
-    0 on and gives y and v there, (2, N). It raises ValueError where times span so many panels, or
-    so many dead times, that no result could be given in reasonable time and with nine digits, and
-    ArithmeticError where signals are too fast for the panels.
+    0 on and gives y and v there, (2, N). It raises ValueError where times span too many panels or
+    dead times, and ArithmeticError where signals are too fast for the panels.
     """
     start = np.concatenate([np.zeros(sum(b.B.size for b in driven)), *(b.B for b in free)])
     idle = [Block(b.A, np.zeros_like(b.B), b.C, np.zeros_like(b.D)) for b in free]
@@ -191,20 +177,33 @@ def resolved(reach: FloatArray, died_out: FloatArray) -> bool:
 def _interval(blocks: Sequence[Block], lengths: FloatArray) -> _Interval:
     """Solve every panel for every block."""
     different, which = np.unique(lengths, return_inverse=True)
-    n, m = sum(block.B.size for block in blocks), NODES
-    E, gamma = np.zeros((different.size, n, n)), np.zeros((different.size, n, m))
-    from_x, from_z = np.zeros((different.size, 2, m, n)), np.zeros((different.size, 2, m, m))
+    found = panel_matrices([(block, 0) for block in blocks], 1, different)
+    n = found.shape[-1] - NODES
+    outputs = found[:, n:].reshape(different.size, 2, NODES, -1)
+    parts = found[:, :n, :n], found[:, :n, n:], outputs[..., :n], outputs[..., n:]
+    E, gamma, from_x, from_z = (part[which] for part in parts)
+    return _Interval(np.append(0.0, np.cumsum(lengths)), (E, gamma), (from_x, from_z))
+
+
+def panel_matrices(
+    blocks: Sequence[tuple[Block, int]], groups: int, lengths: FloatArray
+) -> FloatArray:
+    """From the state and the delayed signals at the nodes to the next state and to both outputs."""
+    n, m = sum(block.B.size for block, _ in blocks), NODES
+    matrices = np.zeros((lengths.size, n + 2 * m, n + groups * m))
     first = 0
-    for block in blocks:
-        own = slice(first, first + block.B.size)
-        E[:, own, own], gamma[:, own], from_x[..., own], more = collocated(block, different)
-        from_z += more
+    for block, group in blocks:
+        own, late = slice(first, first + block.B.size), slice(n + group * m, n + (group + 1) * m)
+        E, gamma, from_x, from_z = _collocated(block, lengths)
+        matrices[:, own, own] = E
+        matrices[:, own, late] = gamma
+        matrices[:, n:, own] = from_x.reshape(lengths.size, 2 * m, -1)
+        matrices[:, n:, late] += from_z.reshape(lengths.size, 2 * m, m)
         first = own.stop
-    edges = np.append(0.0, np.cumsum(lengths))
-    return _Interval(edges, (E[which], gamma[which]), (from_x[which], from_z[which]))
+    return matrices
 
 
-def collocated(
+def _collocated(
     block: Block, lengths: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Panels of the given lengths for one block, in the order of `_Interval`."""

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from ..diagram import INPUTS, LoopEquations, Quotient, as_shaping
+from ..diagram import LoopEquations, Quotient, as_shaping
+from .ways import maps
 
 __all__ = ["NoiseVariance", "noise_variance"]
 
 
 class NoiseVariance(NamedTuple):
-    """Variances of the two signals.
+    """Variances of the output and of the control signal, in their units squared.
 
     Attributes
     ----------
     y, u : float
-        Of the output and of the control signal, in their units squared; inf for white noise that
-        reaches the signal directly.
+        Infinite for white noise that reaches the signal directly.
     """
 
     y: float
@@ -36,12 +36,7 @@ def noise_variance(
         A stable W: the noise has the two-sided density :math:`|W(j\omega)|^2` in units squared
         times seconds. White noise of unit density by default, of the density Φ for W = √Φ.
     input : {"R", "d", "delta", "eta"}
-        Where the noise enters.
-
-    Returns
-    -------
-    NoiseVariance
-        `y` and `u`. As in eq. (7), u is the plant input u + δ for delta.
+        Where the noise enters. As in eq. (7), u is the plant input u + δ for delta.
 
     Raises
     ------
@@ -55,21 +50,14 @@ def noise_variance(
     >>> import control as ct
     >>> from nrdob import NRDOB, LowPassFilter
     >>> G = ct.tf([1], [1, 1])
-    >>> y, u = noise_variance(NRDOB(G, G, 1.0, LowPassFilter(0.5, 1)))
-    >>> round(y, 6), u
-    (1.0, inf)
     >>> y, u = noise_variance(NRDOB(G, G, 1.0, LowPassFilter(0.5, 1)), ct.tf([1], [0.1, 1]))
     >>> round(y, 6), round(u, 6)
     (0.833333, 17.5)
     """
-    if input not in INPUTS:
-        raise ValueError(f"input is {input!r}; it must be one of {', '.join(map(repr, INPUTS))}")
-    maps: tuple[Quotient, Quotient] = (
-        getattr(loop, INPUTS[input].to_y), getattr(loop, f"U_{input}")
-    )  # fmt: skip
+    both = maps(loop, input)
     W = None if shaping is None else as_shaping(shaping)
     passes = W is None or (W.relative_degree == 0 and bool(W.num.any()))
-    y, u = (_variance(quotient, shaping, passes) for quotient in maps)
+    y, u = (_variance(quotient, shaping, passes) for quotient in both)
     return NoiseVariance(y, u)
 
 

@@ -7,14 +7,13 @@ E/R = 1/(1 + Gm C)::
     y = G0 z + d       u = (Nc Dm/p_A) R + F u - (F/Gm)(y + η)       v = u + δ       z(t) = v(t - θ)
 
 One signal v is delayed, everything else is rational. Without dead time y and u are rational, too,
-and their factors are taken apart by time scale before anything is simulated
-(`nrdob.numerics.timescales`). With dead time z is known on every interval of length θ from the
-interval before (`nrdob.analysis.steps`). A delayed model needs u as it was θm ago, a second
-delayed signal: u = … + F u(t - θm) - … is known between any two moments at which something comes
-around (`nrdob.analysis.lattice`). Where marching loses digits two more ways are at hand. The first
-few echoes can be summed up one by one. And where a window spans so many dead times that the
-rounding of each adds up, a rational stands in for the dead time once its first echoes are over;
-there, and nowhere else, and only where one of another order gives the same ten digits.
+and taken apart by time scale (`nrdob.numerics.timescales`). With dead time z is known on every
+interval of length θ from the interval before (`nrdob.analysis.steps`). A delayed model needs u as
+it was θm ago, a second delayed signal, which is known between any two moments at which something
+comes around (`nrdob.analysis.lattice`). Where marching loses digits the first few echoes can be
+summed up one by one; and where a window spans so many dead times that the rounding of each adds up,
+a rational stands in for the dead time once its first echoes are over, there and nowhere else, and
+only where one of another order gives the same ten digits.
 """
 
 from __future__ import annotations
@@ -23,12 +22,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import reduce
 from itertools import product
-from math import comb, factorial
+from math import comb
 
 import numpy as np
 
-from ..diagram import LoopEquations, Quotient
-from ..numerics import Block, FloatArray, add, impulse_states, split
+from ..diagram import INPUTS, LoopEquations, Quotient
+from ..numerics import Block, FloatArray, add, impulse_states, pade, split
 from .lattice import Driven, delayed_responses
 from .steps import MAX_DELAYS, delayed_response
 
@@ -37,8 +36,8 @@ __all__ = ["Rational", "Solver", "Way", "even_step", "maps", "ways"]
 _UNITS = 1.0, 3.0  # of time, in which coefficients are rounded differently
 _FIRST_ECHOES = 2  # delays in which the echoes are summed one by one, which is exact
 _ECHOES = 8  # delays at most whose echoes are summed one by one
+_ECHOES_OF_TWO = 4  # of the shorter of two delays, whose echoes are summed in every order
 _FEW_DELAYS = 20_000  # through which rounding does not add up
-_ALL_ECHOES = 4  # of the shorter of two delays, whose echoes are summed in every order
 _FINER = 1.0, 1.5  # panels of two marches that are compared
 _STARTING = 60  # delays, after which a short one is smooth enough to be replaced by a rational
 _ORDERS = 9, 7  # of the rational that replaces it, and of the one it is checked against
@@ -55,30 +54,24 @@ Way = Callable[..., Solver]
 
 def ways(loop: LoopEquations, horizon: float) -> tuple[Way, ...]:
     """Ways to compute a response, in the order in which they are tried."""
-    if loop.model_delay:
-        shortest = min(each for each in (loop.delay, loop.model_delay) if each)
-        if horizon < _FIRST_ECHOES * shortest:
-            return _all_echoes, _waiting
-        return (_waiting, _all_echoes) if horizon < _ALL_ECHOES * shortest else (_waiting,)
-    if not loop.delay:
-        return (_rational,)
-    if horizon > MAX_DELAYS * loop.delay:
-        return (_short_delay,)
-    if horizon > _FEW_DELAYS * loop.delay:
-        return _marching, _short_delay
-    if horizon < _FIRST_ECHOES * loop.delay:
-        return _echoes, _marching
-    return (_marching, _echoes) if horizon < _ECHOES * loop.delay else (_marching,)
+    shortest = min((each for each in (loop.delay, loop.model_delay) if each), default=0.0)
+    if not shortest:
+        return (_echoes,)
+    march = _waiting if loop.model_delay else _marching
+    if horizon < _FIRST_ECHOES * shortest:
+        return _echoes, march
+    if horizon < (_ECHOES_OF_TWO if loop.model_delay else _ECHOES) * shortest:
+        return march, _echoes
+    if loop.model_delay or horizon <= _FEW_DELAYS * loop.delay:
+        return (march,)
+    return (_marching, _short_delay) if horizon <= MAX_DELAYS * loop.delay else (_short_delay,)
 
 
 def maps(loop: LoopEquations, input: str) -> tuple[Quotient, Quotient]:
-    """Return the maps from `input` to y and to u."""
-    return {
-        "R": lambda: (loop.T_R, loop.U_R),
-        "d": lambda: (loop.S_d, loop.U_d),
-        "delta": lambda: (loop.S_delta, loop.U_delta),
-        "eta": lambda: (loop.S_eta, loop.U_eta),
-    }[input]()
+    """Return the maps from `input` to y and to u; ValueError if there is no such input."""
+    if input not in INPUTS:
+        raise ValueError(f"input is {input!r}; it must be one of {', '.join(map(repr, INPUTS))}")
+    return getattr(loop, INPUTS[input].to_y), getattr(loop, f"U_{input}")
 
 
 def even_step(times: FloatArray) -> float | None:
@@ -90,45 +83,20 @@ def even_step(times: FloatArray) -> float | None:
     return step if deviation <= 1e-8 * step else None
 
 
-def _rational(
-    loop: LoopEquations, input: str, horizon: float, integrals: int, attempt: int
-) -> Solver:
-    """Without dead time both signals are sums of exponentials."""
-    both = maps(loop, input)
-    term = [m.numerator.q for m in both], both[0].denominator.q
-    return _shifted([(0.0, term)], 0.0, horizon, integrals, attempt)
-
-
 def _echoes(
     loop: LoopEquations, input: str, horizon: float, integrals: int, attempt: int
 ) -> Solver:
-    r"""Sum up what has come around the loop k times, each a rational transform.
-
-    ``(a + b E)/(q + r E) = a/q + sum of (-r)^(k-1) (b q - a r)/q^(k+1) E^k`` with E = exp(-θs).
-    Their degree grows, but nothing has to cancel on the way through a plant after a filter so fast
-    that the input of the plant is next to an impulse and all its derivatives.
-    """
-    both = maps(loop, input)
-    q, r = loop.p_B.q, loop.p_B.r
-    rest = loop.p_A.q if input == "R" else np.ones(1)
-    ends = [(m.numerator.q, m.numerator.r) for m in both]
-    terms = [(0.0, ([a for a, _ in ends], np.convolve(rest, q)))]
-    nums = [add(np.convolve(b, q), -np.convolve(a, r)) for a, b in ends]
-    for k in range(1, int(horizon / loop.delay + 1e-9) + 1):
-        terms.append((k * loop.delay, (nums, np.convolve(terms[-1][1][1], q))))
-        nums = [-np.convolve(num, r) for num in nums]
-    return _shifted(terms, loop.delay, horizon, integrals, attempt)
-
-
-def _all_echoes(
-    loop: LoopEquations, input: str, horizon: float, integrals: int, attempt: int
-) -> Solver:
-    """Sum up what has come around in every order, with two dead times or one of two signals.
+    """Sum up what has come around the loop, in every order, each a rational transform.
 
     ``1/(q + sum of r E)`` is the sum over the numbers of times that each r E occurs, as often as
-    they can be ordered.
+    they can be ordered. The degrees grow, but nothing has to cancel on the way through a plant
+    after a filter so fast that the input of the plant is next to an impulse and all its
+    derivatives.
     """
     both = maps(loop, input)
+    if not (loop.delay or loop.model_delay):  # nothing comes around
+        term = [m.numerator.q for m in both], both[0].denominator.q
+        return _shifted([(0.0, term)], 0.0, horizon, integrals, attempt)
     power = max(each.divided for each in (loop.p_B, *(m.numerator for m in both)))
     p_B = loop.p_B.lifted(power)
     q, echoes = p_B.q, p_B.delayed
@@ -140,16 +108,17 @@ def _all_echoes(
         around = sum(k * echo.delay for k, echo in zip(occurs, echoes, strict=True))
         if around > horizon * (1 + 1e-9):
             continue
-        ways = float(comb(sum(occurs), occurs[0])) if occurs else 1.0
+        orders = float(comb(sum(occurs), occurs[0])) if occurs else 1.0
         powers = [-echo.q for k, echo in zip(occurs, echoes, strict=True) for _ in range(k)]
-        num = reduce(np.convolve, powers, np.array([ways]))
+        num = reduce(np.convolve, powers, np.array([orders]))
         den = reduce(np.convolve, [q] * sum(occurs), np.convolve(rest, q))
+        together: dict[float, list[FloatArray]] = {}  # y and u, where they begin at once
         for row, end in enumerate(ends):
             for a, delay in end:
                 if a.any():
-                    nums = [np.zeros(1), np.zeros(1)]
+                    nums = together.setdefault(around + delay, [np.zeros(1), np.zeros(1)])
                     nums[row] = np.convolve(a, num)
-                    terms.append((around + delay, (nums, den)))
+        terms += [(begin, (nums, den)) for begin, nums in together.items()]
     shortest = min((echo.delay for echo in echoes), default=0.0)
     return _shifted(terms, shortest, horizon, integrals, attempt)
 
@@ -234,10 +203,7 @@ def _waiting(
 
 
 def _behind_the_delays(loop: LoopEquations) -> list[tuple[Rational, float, bool]]:
-    """Return what delayed signals do to y and u, their dead times, and which of them is v.
-
-    That of the process is v = u + δ, what the model waits for is u.
-    """
+    """Return what delayed signals do to y and u, their dead times, and which is v = u + δ."""
     G, Gm, _, F = loop.fractions
     nothing = np.zeros(1)
     if not loop.delay:
@@ -290,19 +256,13 @@ def _product(*factors: FloatArray) -> FloatArray:
 def _short_delay(
     loop: LoopEquations, input: str, horizon: float, integrals: int, attempt: int
 ) -> Solver:
-    """Replace the dead time by a rational once the first few of them are over.
-
-    What is then left of the loop is far slower than its dead time; where it is not, two rationals
-    of different order do not agree.
-    """
-    numbers = _pade(_ORDERS[attempt], loop.delay)
+    """Replace the dead time by a rational once the first few of them are over."""
+    num, den = pade(_ORDERS[attempt], loop.delay)
     G = loop.fractions.G
-    rational = replace(
-        loop, process=(np.convolve(G.num, numbers[0]), np.convolve(G.den, numbers[1]))
-    )
+    rational = replace(loop, process=(np.convolve(G.num, num), np.convolve(G.den, den)))
     start = _STARTING * loop.delay
     early = _marching(loop, input, start, integrals, attempt)
-    late = _rational(rational, input, horizon, integrals, attempt)
+    late = _echoes(rational, input, horizon, integrals, attempt)
 
     def solve(times: FloatArray) -> FloatArray:
         outputs, first = late(times), times <= start
@@ -311,18 +271,6 @@ def _short_delay(
         return outputs
 
     return solve
-
-
-def _pade(order: int, delay: float) -> tuple[FloatArray, FloatArray]:
-    """Numerator and denominator of the diagonal Padé approximant of exp(-delay·s)."""
-    k = np.arange(order, -1, -1)
-    den = np.array([
-        factorial(2 * order - i) * factorial(order)
-        / (factorial(2 * order) * factorial(i) * factorial(order - i))
-        * delay**i
-        for i in k.tolist()
-    ])  # fmt: skip
-    return den * (-1.0) ** k, den
 
 
 def _around_the_delay(loop: LoopEquations) -> Rational:
@@ -337,9 +285,8 @@ def _before_the_delay(loop: LoopEquations, input: str) -> Rational:
     if input == "delta":
         return (nothing, one), one
     if input == "R":
-        prefilter = reduce(
-            np.convolve, (loop.fractions.C.num, loop.built.Dm.q, loop.fractions.F.den)
-        )
+        C, F = loop.fractions.C, loop.fractions.F
+        prefilter = _product(C.num, loop.built.Dm.q, F.den)
         return (nothing, prefilter), np.convolve(loop.p_A.q, loop.built.E.q)
     num, den = _feedback(loop)
     return (den if input == "d" else nothing, -num), den

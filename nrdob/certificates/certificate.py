@@ -28,8 +28,7 @@ Blocks = dict[str, Any]
 W = "w = c (z - 1)/(z + 1)"
 """The variable of a sampled loop, c > 0: the unit circle is the imaginary axis of w."""
 
-SHORTEST = 1e-4
-"""Share of the longest dead time below which no part of an interval is cut."""
+SHORTEST = 1e-4  # share of the longest dead time below which no part of an interval is cut
 
 
 @dataclass(frozen=True)
@@ -39,12 +38,12 @@ class Certificate:
     Attributes
     ----------
     content : dict or list of dict
-        What is written as JSON: `blocks`, of which there may be several processes and filters, with
-        numerators, denominators and dead times in exact fractions; `within`, by how much the dead
-        time of the process may differ; `cancelled`, what cancels inside the blocks F/Gm (`zeros`)
-        and (1 - F)·Gm (`poles`); `claim`, the number of roots of D_F, p_A and p_B in the right half
-        plane; `points` of the imaginary axis in rad/s, between which each function keeps to a half
-        plane. An interval of dead time may have several parts.
+        What is written as JSON: `blocks`, of which there may be several processes and filters, in
+        exact fractions; `within`, by how much the dead time of the process may differ; `cancelled`,
+        what cancels inside the blocks F/Gm (`zeros`) and (1 - F)·Gm (`poles`); `claim`, the number
+        of roots of D_F, p_A and p_B in the right half plane; `points` of the imaginary axis in
+        rad/s, between which each function keeps to a half plane. An interval of dead time may have
+        several parts.
     proved : str
         What the checker says.
     """
@@ -91,35 +90,20 @@ def certify(
     Parameters
     ----------
     loop : LoopEquations
-        The four blocks.
     counts : tuple of two float
         Roots of p_A and p_B in the right half plane.
-    gains : tuple of two float, optional
-        Lowest and highest factor of the process.
-    delays : tuple of two float, optional
-        Shortest and longest dead time of the process, in seconds.
-    time_constants : tuple of two float, optional
-        Smallest and largest time constant of a `LowPassFilter`, in seconds.
-    processes : sequence of blocks
-        Other processes with the dead time of the loop's own. What is proved then holds for every
-        convex combination of their numerators and denominators, as they are given, with its own.
+    gains, delays, time_constants, processes : as for `nrdob.analysis.Stability.certificate`
     variable : {"s", W}
         Of a sampled loop the blocks are in w.
     model_delay : Fraction, optional
         By which the model of a sampled loop is delayed. With it no pole cancels in (1 - F)·Gm.
 
-    Returns
-    -------
-    Certificate
-        Which the checker has accepted.
-
     Raises
     ------
-    ValueError
-        If an interval is none, or the filter is not of eq. (1) where `time_constants` are given.
-    ArithmeticError
-        If there is none: a root on the imaginary axis or too close to it, infinitely many roots in
-        the right half plane, or a loop that is ill-posed.
+    ValueError, ArithmeticError
+        If an interval is none, or the filter is not of eq. (1) where `time_constants` are given; if
+        there is none: a root on the imaginary axis or too close to it, infinitely many roots in the
+        right half plane, or a loop that is ill-posed.
 
     Examples
     --------

@@ -20,11 +20,8 @@ from ..numerics import BoolArray, ComplexArray, FloatArray, Term, add
 
 __all__ = ["half_plane_points"]
 
-SLACK = 1.02
-"""By how much values exceed their bounds here, so that they do in exact fractions, too."""
-
-MOST = 20_000
-"""Points that a certificate may have."""
+SLACK = 1.02  # by how much values exceed their bounds here, so that they do in exact fractions, too
+MOST = 20_000  # points that a certificate may have
 
 OCTAVES = np.arange(-400.0, 400.0)
 
@@ -35,34 +32,12 @@ Moved = tuple[float, float]
 def half_plane_points(
     functions: Sequence[Terms], power: int = 0, *, delay: float = 0.0, within: float = 0.0
 ) -> FloatArray:
-    """Find points of the imaginary axis that prove how often functions turn around 0.
+    """Find points of the imaginary axis that prove how often functions turn around 0, in rad/s.
 
-    Parameters
-    ----------
-    functions : sequence of tuple of Term
-        Of each the polynomials in descending powers of s with their dead times in seconds, first
-        the one without a dead time.
-    power : int
-        Roots at s = 0, which are divided out.
-    delay, within : float
-        The dead time that may be another one, and by how much, in seconds.
-
-    Returns
-    -------
-    (N,) array of float
-        Frequencies in rad/s, from 0 to one beyond which the leading term dominates.
-
-    Raises
-    ------
-    ArithmeticError
-        If a root is on the axis to rounding, or a delayed term is as large as the leading one at
-        infinite frequency.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> half_plane_points([(Term(np.array([1.0, 2.0, 2.0]), 0.0),)]).tolist()   # s² + 2s + 2
-    [0.0, 2.0, 4.0]
+    Functions are sums of terms, first the one without a dead time, of which a `power` of s is
+    divided out; `delay` is the dead time that may differ, by `within`. They are followed from 0 to
+    where the leading term dominates. An ArithmeticError if a root is on the axis to rounding, or a
+    delayed term is as large as the leading one at infinite frequency.
     """
     last = max(map(_last, functions))
     scaled = [_scaled(terms, last) for terms in functions]

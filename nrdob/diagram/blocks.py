@@ -1,7 +1,7 @@
 """What the user hands in: SISO continuous-time blocks, checked once, as exact polynomials.
 
-Every other room works on the two coefficient arrays of a `Fraction`. Whatever can be wrong with a
-block (its type, its time base, its coefficients) is found here, and named.
+Whatever can be wrong with a block (its type, its time base, its coefficients) is found here, and
+named; everything else works on the two coefficient arrays of a `Fraction`.
 """
 
 from __future__ import annotations
@@ -17,14 +17,7 @@ from scipy import signal
 from ..numerics import FloatArray
 from .statespace import polynomials
 
-__all__ = [
-    "Fraction",
-    "as_fraction",
-    "is_number",
-    "nonzero",
-    "real_number",
-    "six_digits",
-]
+__all__ = ["Fraction", "as_fraction", "is_number", "nonzero", "real_number", "six_digits"]
 
 ACCEPTED = (
     "pass a control.TransferFunction, a control.StateSpace, a scipy.signal.lti, a number, or a "
@@ -72,19 +65,12 @@ def as_fraction(system: Any, name: str, *, proper: bool = True) -> Fraction:
     proper : bool
         Whether a numerator of higher degree than the denominator is refused.
 
-    Returns
-    -------
-    Fraction
-        Coefficients without leading zeros.
-
     Raises
     ------
-    TypeError
-        If `system` is none of the types above, or has coefficients that are no real numbers.
-    ValueError
-        If it is not single-input single-output, not continuous-time, has NaN or infinite
-        coefficients, a zero denominator, or is improper where that is not allowed; and for a
-        state space that does not tell whether it has an integrator.
+    TypeError, ValueError
+        If `system` is none of the types above; if it is not single-input single-output, not
+        continuous-time, has coefficients that are no finite real numbers, a zero denominator, is
+        improper where that is not allowed, or does not tell whether it has an integrator.
 
     Examples
     --------
@@ -103,14 +89,11 @@ def as_fraction(system: Any, name: str, *, proper: bool = True) -> Fraction:
 
 
 def nonzero(fraction: Fraction, name: str) -> Fraction:
-    """Return `fraction`, or raise ValueError if it is identically zero.
+    """Return `fraction`, or raise ValueError, with its name, if it is identically zero.
 
     Parameters
     ----------
-    fraction : Fraction
-        A block.
-    name : str
-        What it is called in the message.
+    fraction, name : Fraction, str
     """
     if not fraction.num.any():
         raise ValueError(f"{name} is identically zero; its numerator needs a nonzero coefficient")
@@ -123,11 +106,8 @@ def real_number(value: Any, name: str, remedy: str) -> float:
     Parameters
     ----------
     value : object
-        Whatever was given.
-    name : str
-        What it is called in the message.
-    remedy : str
-        What to give instead.
+    name, remedy : str
+        What it is called in the message, and what to give instead.
 
     Examples
     --------
@@ -150,7 +130,6 @@ def six_digits(value: float) -> float:
     Parameters
     ----------
     value : float
-        Any number.
     """
     return float(f"{value:.6g}")
 
@@ -161,7 +140,6 @@ def is_number(value: Any) -> bool:
     Parameters
     ----------
     value : object
-        Anything.
     """
     if isinstance(value, np.ndarray) and value.ndim == 0:
         value = value[()]
@@ -169,7 +147,7 @@ def is_number(value: Any) -> bool:
 
 
 def _read(system: Any, name: str) -> tuple[FloatArray, FloatArray]:
-    if type(system).__name__ == "DelayedTransferFunction":  # its room is above this one
+    if type(system).__name__ == "DelayedTransferFunction":  # its module is above this one
         if system.delay:
             raise ValueError(
                 f"{name} has a dead time of {system.delay:g} s; only the process and the model may "
@@ -223,17 +201,14 @@ def _refusal(system: Any, name: str) -> str:
 
 
 def _coefficients(values: Any, name: str) -> FloatArray:
-    array = values if _is_real_array(values) else _numbers(values, name)
+    real = isinstance(values, np.ndarray) and values.dtype == float
+    array = values if real else _numbers(values, name)
     if array.ndim != 1 or array.size == 0:
         raise ValueError(f"{name} has shape {array.shape}; it must be a non-empty 1-D list")
     if not np.isfinite(array).all():
         raise ValueError(f"{name} is {values}; every coefficient must be a finite number")
     used = np.flatnonzero(array)
     return array[used[0] :] if used.size else array[-1:]
-
-
-def _is_real_array(values: Any) -> bool:
-    return isinstance(values, np.ndarray) and values.dtype == float
 
 
 def _numbers(values: Any, name: str) -> FloatArray:

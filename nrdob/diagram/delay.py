@@ -18,9 +18,9 @@ __all__ = ["DelayedTransferFunction", "delay", "undelayed"]
 class DelayedTransferFunction:
     r"""A process with dead time, :math:`G(s) = G_0(s)\,e^{-sT}`.
 
-    It multiplies and divides with `control.TransferFunction`, with numbers and with its own kind,
-    so that a delayed plant is written as it is read. Sums need equal dead times, powers whole
-    numbers; two are equal if dead time and coefficients are, for a denominator that starts with 1.
+    It multiplies and divides with `control.TransferFunction`, with numbers and with its own kind.
+    Sums need equal dead times, powers whole numbers; two are equal if dead time and coefficients
+    are, for a denominator that starts with 1.
 
     Parameters
     ----------
@@ -43,8 +43,6 @@ class DelayedTransferFunction:
     >>> G = delay(0.05) / (s + 2)**2
     >>> G.delay, [float(c) for c in G.tf.den[0][0]]
     (0.05, [1.0, 4.0, 4.0])
-    >>> abs(G(2j)).round(6)
-    np.float64(0.125)
     """
 
     __array_ufunc__ = None  # numpy scalars on the left then use __rmul__
@@ -68,33 +66,15 @@ class DelayedTransferFunction:
             return np.where((den == 0) | np.isnan(value), inf, value)[()]
 
     def poles(self) -> ComplexArray:
-        """Poles of the rational part, as `control.poles`; the dead time has none.
-
-        Returns
-        -------
-        array of complex, shape (n,)
-            In rad/s, with multiplicity.
-        """
+        """Poles of the rational part in rad/s, as `control.poles`; the dead time has none."""
         return np.asarray(self.tf.poles())
 
     def zeros(self) -> ComplexArray:
-        """Zeros of the rational part, as `control.zeros`; the dead time has none.
-
-        Returns
-        -------
-        array of complex, shape (m,)
-            In rad/s, with multiplicity.
-        """
+        """Zeros of the rational part in rad/s, as `control.zeros`; the dead time has none."""
         return np.asarray(self.tf.zeros())
 
     def dcgain(self) -> float:
-        """Value at s = 0, infinite with a pole there, as `control.dcgain`.
-
-        Returns
-        -------
-        float
-            Gain in units of output over input; nan for 0/0.
-        """
+        """Value at s = 0, infinite with a pole there and nan for 0/0, as `control.dcgain`."""
         num, den = (float(part[-1]) for part in self._coefficients)
         return num / den if den else inf if num else nan
 
@@ -212,17 +192,11 @@ def delay(seconds: float) -> DelayedTransferFunction:
 
 
 def undelayed(block: Any) -> tuple[Any, float]:
-    """Take the dead time off a block.
+    """Take the dead time off a block: the block without it, and the dead time in seconds.
 
     Parameters
     ----------
     block : block or DelayedTransferFunction
-        With or without a dead time.
-
-    Returns
-    -------
-    tuple of block and float
-        The block without it, and the dead time in seconds.
     """
     return (block.tf, block.delay) if isinstance(block, DelayedTransferFunction) else (block, 0.0)
 

@@ -27,12 +27,9 @@ of the model at which F = 1, are then in no block at all::
     Dm = gp Dm'     Df - Nf = gp E  gp = gcd(Dm, Df - Nf)      (1-F) Gm = E Nm/(Df Dm')
 
 With these blocks, two of F, C and G the diagram has the characteristic function Df³ p_A p_B/(gz gp)
-and condition ii is about ::
-
-    p_B/(gz gp) = D Nm' E + N Dm' Nf' exp(-θs)
-
-which is what `p_B` means here; every map is the same quotient in these factors. `keep_factors=True`
-keeps gz and gp, as a diagram does in which 1 - F, Gm and 1/Gm are blocks of their own.
+and condition ii is about ``p_B/(gz gp) = D Nm' E + N Dm' Nf' exp(-θs)``, which is what `p_B` means
+here; every map is the same quotient in these factors. `keep_factors=True` keeps gz and gp, as a
+diagram does in which 1 - F, Gm and 1/Gm are blocks of their own.
 
 .. rubric:: A delayed model
 
@@ -54,18 +51,14 @@ The inverse leaves the dead time out, and what it is compared with waits instead
     e = R - yf       u = C e + F exp(-θm s) u - (F/Gm0)(y + η)       y = G (u + δ) + d
 
 The line for u says Gm0 C e = (1 - F exp(-θm s)) Gm0 u + F (y + η): this is the only yf with
-yf = Gm0 C e, that is with E/R = 1/(1 + Gm0 C). It is also Gm0 u + F (y + η - Gm u), the output as
-it would be without dead time and the filtered error of the model with it: a Smith predictor with an
-observer. C and the model loop see no dead time, p_A stays what it is, and all other maps are the
-same quotients with ::
+yf = Gm0 C e, that is with E/R = 1/(1 + Gm0 C). It is also Gm0 u + F (y + η - Gm u), a Smith
+predictor with an observer. C and the model loop see no dead time, p_A stays what it is, and all
+other maps are the same quotients with ::
 
     1 - F exp(-θm s)                                                in place of 1 - F
     p_B = D Nm (Df - Nf exp(-θm s)) + N Dm Nf exp(-θs)              condition ii
     H   = G/Gm0 - exp(-θm s)                                        as large as G/Gm - 1
     K   = F/((1 - F exp(-θm s)) Gm0)
-
-There are two dead times in p_B, and one where θ = θm: then the terms with Nf are added up. `delay`
-is that of the process, `model_delay` that of the model.
 
 Which poles of Gm0 cancel inside the block (1 - F exp(-θm s)) Gm0 changes, too: those at which
 F(p) exp(-θm p) = 1. At s = 0 that is exact: 1 - F exp(-θm s) ~ (θm - F'(0)) s, so that one
@@ -77,28 +70,18 @@ integrator of the model cancels, and k of them if F meets exp(θm s) up to the p
 Here (1 - exp(-θm s))/s is the integral of u over the last θm, a memory of that length and no more.
 It has to be built as that: a sum over the samples in a buffer, or an integral begun anew for every
 window. The difference of two integrators, of which one is θm late, or a running sum that adds the
-newest sample and takes off the oldest, has the same response, but it is not stable: the root at
-s = 0 has only been hidden, and what rounding, or a wrong start, once puts into the difference never
-leaves it again. That is the diagram with `keep_factors=True`. For p != 0, F(p) exp(-θm p) = 1
-holds to rounding at best; in the right half plane the memory then grows from one end of its window
-to the other, and replacing its integral by a sum can make the loop unstable, however fine the steps
-(Van Assche et al.). Such poles are kept.
+newest sample and takes off the oldest, has the same response, but it is not stable: what rounding,
+or a wrong start, once puts into the difference never leaves it again. That is the diagram with
+`keep_factors=True`. For p != 0, F(p) exp(-θm p) = 1 holds to rounding at best; in the right half
+plane the memory then grows from one end of its window to the other, and replacing its integral by a
+sum can make the loop unstable, however fine the steps. Such poles are kept.
 
 .. rubric:: References
 
-Smith, O. J. M., Closer control of loops with dead time, Chem. Eng. Progress 53 (1957) 217-219.
-
-Zhong, Q.-C., J. E. Normey-Rico, Control of integral processes with dead-time. Part 1: Disturbance
-observer-based 2DOF control scheme, IEE Proc. Control Theory Appl. 149 (2002) 285-290.
-
-Palmor, Z. J., Stability properties of Smith dead-time compensator controllers, Int. J. Control 32
-(1980) 937-949.
-
-Yamanaka, K., E. Shimemura, Effects of mismatched Smith controller on stability in systems with
-time-delay, Automatica 23 (1987) 787-791.
-
-Van Assche, V., M. Dambrine, J.-F. Lafay, J.-P. Richard, Some problems arising in the implementation
-of distributed-delay control laws, Proc. 38th IEEE Conference on Decision and Control (1999).
+Smith, O. J. M., Chem. Eng. Progress 53 (1957) 217-219; Palmor, Z. J., Int. J. Control 32 (1980)
+937-949; Yamanaka, K., E. Shimemura, Automatica 23 (1987) 787-791; Zhong, Q.-C., J. E. Normey-Rico,
+IEE Proc. Control Theory Appl. 149 (2002) 285-290; on sums in place of the integral Van Assche, V.,
+M. Dambrine, J.-F. Lafay, J.-P. Richard, Proc. 38th IEEE Conference on Decision and Control (1999).
 """
 
 from __future__ import annotations
@@ -111,26 +94,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..numerics import (
-    FloatArray,
-    QuasiPolynomial,
-    Shared,
-    Term,
-    add,
-    shared_factor,
-    unstable_roots,
-)
+from ..numerics import FloatArray, QuasiPolynomial, Shared, Term, add, shared_factor, unstable_roots
 from .blocks import Fraction, as_fraction, nonzero
 from .delay import undelayed
-from .filters import filter_fraction
+from .filters import TYPED_IN, filter_fraction
 from .quotient import Quotient
 
 __all__ = ["LoopEquations", "LoopFractions", "ObserverEquations", "ObserverFractions"]
 
-TYPED_IN = 8 * float(np.finfo(float).eps)
-"""Difference of two coefficients, against their size, that are meant to be the same."""
-SAME_DELAY = 4 * float(np.finfo(float).eps)
-"""Relative difference of two dead times that are meant to be one: 0.1 + 0.2 is not 0.3."""
+SAME_DELAY = 4 * float(np.finfo(float).eps)  # of two dead times: 0.1 + 0.2 is not 0.3
 
 
 class ObserverFractions(NamedTuple):
@@ -144,12 +116,7 @@ class ObserverFractions(NamedTuple):
 class BuiltFactors(NamedTuple):
     """Factors of the blocks F/Gm = Nf Dm/(Df Nm) and (1 - F) Gm = E Nm/(Df Dm), each as one.
 
-    Attributes
-    ----------
-    Nm, Nf, Dm, E : QuasiPolynomial
-        What is left of the model's zeros, the filter's, the model's poles and Df - Nf.
-    zeros, poles : QuasiPolynomial
-        What has cancelled inside F/Gm, and inside (1 - F) Gm; 1 where nothing has.
+    `zeros` and `poles` are what has cancelled inside them; 1 where nothing has.
     """
 
     Nm: QuasiPolynomial
@@ -261,10 +228,7 @@ class _ObserverMaps:
 
     @cached_property
     def p_B(self) -> QuasiPolynomial:
-        """Characteristic function of the observer loop, D Nm (Df - Nf e^(-θm s)) + N Dm Nf e^(-θs).
-
-        Without what has cancelled inside its blocks.
-        """
+        """Characteristic function of the observer loop, without what cancels inside its blocks."""
         G, built = self._observer_fractions.G, self.built
         power = built.E.divided  # of which the terms hold s only together
         waiting = [((G.den, built.Nm.q, p), delay) for p, delay in built.E.terms]
@@ -295,9 +259,7 @@ class _ObserverMaps:
 
     # Eq. (4): to the output y.
 
-    S_d = _Map(
-        "D Nm' E", "B", "Output disturbance d to output y, eq. (4): the plant loop's sensitivity."
-    )
+    S_d = _Map("D Nm' E", "B", "Output disturbance d to output y, eq. (4): sensitivity of L.")
     S_delta = _Map("Ne Nm' E", "B", "Input disturbance δ to output y, eq. (4).")
     S_eta = _Map("-1 Ne Dm' Nf'", "B", "Measurement noise η to output y, eq. (4).")
 
@@ -305,9 +267,7 @@ class _ObserverMaps:
 
     U_d = _Map("-1 D Dm' Nf'", "B", "Output disturbance d to controller output u, eq. (7).")
     U_delta = _Map("D Nm' E", "B", "Input disturbance δ to plant input u + δ, eq. (7).")
-    U_eta = _Map(
-        "-1 D Dm' Nf'", "B", "Measurement noise η to controller output u, eq. (7): same as `U_d`."
-    )
+    U_eta = _Map("-1 D Dm' Nf'", "B", "Noise η to controller output u, eq. (7): same as `U_d`.")
 
     # Blocks and open loops.
 
@@ -359,7 +319,6 @@ class ObserverEquations(_ObserverMaps):
     Parameters
     ----------
     process, model, filter, keep_factors : as for `LoopEquations`
-        G, G̃ and F, and whether every factor is kept.
 
     Raises
     ------
@@ -390,10 +349,8 @@ class LoopEquations(_ObserverMaps):
 
     Parameters
     ----------
-    process : control.TransferFunction, StateSpace, DelayedTransferFunction or (num, den)
-        G, proper, with or without dead time.
-    model : control.TransferFunction, StateSpace, DelayedTransferFunction or (num, den)
-        Gm, proper, with or without dead time.
+    process, model : control.TransferFunction, StateSpace, DelayedTransferFunction or (num, den)
+        G and Gm, proper, with or without dead time.
     controller : control.TransferFunction, StateSpace, number or (num, den)
         C, proper.
     filter : LowPassFilter, or a stable proper block with F(0) = 1
@@ -451,11 +408,7 @@ class LoopEquations(_ObserverMaps):
     E_R = _Map("Dm Dc", "A", "Reference R to error e, eq. (7), which collapses to 1/(1 + Gm C).")
     U_R = _Map("Nc D Nm' Dm' Df", "A B", "Reference R to controller output u, eq. (7).")
     C = _Map("Nc", "Dc", "The controller.")
-    CGm = _Map(
-        "Nc Nm",
-        "Dc Dm",
-        "Model loop C G̃, condition i of Lemmas 1 and 2; the model without its dead time.",
-    )
+    CGm = _Map("Nc Nm", "Dc Dm", "Model loop C G̃, condition i; the model without its dead time.")
 
     def _makers(self) -> dict[str, Callable[[], QuasiPolynomial]]:
         C = self.fractions.C

@@ -6,8 +6,7 @@ Everything that is asked of a filter family needs only that the coefficients of
           = \frac{\sum_i s^i \sum_k n_{ik} \lambda^k}{\sum_i s^i \sum_k d_{ik} \lambda^k}
 
 are polynomials in the time constant λ. A prototype :math:`F(\lambda s)` has one power of λ to each
-power of s; the interpolating filters of a model, whose poles and zeros have a time scale of their
-own, have several.
+power of s; the interpolating filters of a model have several.
 """
 
 from __future__ import annotations
@@ -21,15 +20,12 @@ from typing import Any
 import control as ct
 import numpy as np
 
-from ..numerics import FloatArray, is_whole
+from ..numerics import FloatArray
 from .blocks import is_number
-from .filters import LowPassFilter
-from .interpolation import interpolation
+from .filters import TYPED_IN, LowPassFilter
+from .interpolation import check_ramp, interpolation
 
 __all__ = ["FilterFamily", "as_family", "filter_family"]
-
-TYPED_IN = 8 * float(np.finfo(float).eps)
-"""Difference of two coefficients, against their size, that are meant to be the same."""
 
 OWN = (
     "give one row for each power of s, descending, and in it the coefficients of the powers of λ, "
@@ -76,7 +72,8 @@ class FilterFamily:
     @cached_property
     def difference(self) -> FloatArray:
         """Coefficients of Df - Nf, without what is only rounding."""
-        num, den = _like(self.num, self.den)
+        rows, columns = np.maximum(self.num.shape, self.den.shape).tolist()
+        num, den = (_padded(table, rows, columns) for table in (self.num, self.den))
         found = den - num
         return np.where(np.abs(found) <= TYPED_IN * (np.abs(den) + np.abs(num)), 0.0, found)
 
@@ -92,32 +89,17 @@ class FilterFamily:
         ----------
         time_constant : float
             λ > 0, in seconds.
-
-        Returns
-        -------
-        float
-            In seconds to the power ramp.
         """
         low = _at(self.difference, time_constant)[self.order - self.ramp]
         return float(low / _at(self.den, time_constant)[-1])
 
     def at(self, time_constant: float) -> LowPassFilter | ct.TransferFunction:
-        """Return the filter with one time constant.
+        """Return the filter with one time constant, as `nrdob.NRDOB` takes it.
 
         Parameters
         ----------
         time_constant : float
-            λ > 0, in seconds.
-
-        Returns
-        -------
-        LowPassFilter or control.TransferFunction
-            What `nrdob.NRDOB` takes as a filter.
-
-        Raises
-        ------
-        TypeError, ValueError
-            If it is no positive number.
+            λ > 0, in seconds; a TypeError or ValueError if it is no such number.
         """
         lag = LowPassFilter(time_constant, self.order)  # the same refusals
         if self.is_binomial:
@@ -159,8 +141,8 @@ def filter_family(
     model : as for `nrdob.NRDOB`, optional
         For "interpolating"; of a delayed one only integrators are interpolated.
     num, den : list of rows, optional
-        For "own": a row for each power of s, descending, with the coefficients of the powers of λ,
-        descending; a number is a constant.
+        For "own", where F(0) has to be 1 for every λ: a row for each power of s, descending, with
+        the coefficients of the powers of λ, descending; a number is a constant.
 
     Returns
     -------
@@ -175,14 +157,12 @@ def filter_family(
 
     References
     ----------
-    Thomson, W. E., Delay networks having maximally flat frequency characteristics, Proc. IEE 96
-    (1949) 487-490; for the ramp filters T. Umeno, Y. Hori, Robust speed control of DC servomotors
-    using modern two degrees-of-freedom controller design, IEEE Trans. Ind. Electron. 38 (1991).
+    Thomson, W. E., Proc. IEE 96 (1949) 487-490; for the ramp filters T. Umeno, Y. Hori, IEEE Trans.
+    Ind. Electron. 38 (1991).
 
     Examples
     --------
-    >>> ramp = filter_family("ramp", 3, ramp=2)
-    >>> ramp.at(0.1).num[0][0].round(6).tolist()                   # 3 λ s + 1
+    >>> filter_family("ramp", 3, ramp=2).at(0.1).num[0][0].round(6).tolist()       # 3 λ s + 1
     [0.3, 1.0]
 
     A lag of a tenth of the time constant, as a sensor may have it, behind the one that is chosen:
@@ -213,7 +193,6 @@ def as_family(order: int | FilterFamily) -> FilterFamily:
     Parameters
     ----------
     order : int or FilterFamily
-        n, or a family.
     """
     return order if isinstance(order, FilterFamily) else filter_family("binomial", order)
 
@@ -236,9 +215,8 @@ def _bessel(order: int) -> tuple[FloatArray, FloatArray]:
 
 
 def _ramp(order: int, ramp: int = 2) -> tuple[FloatArray, FloatArray]:
-    if not is_whole(ramp):
-        raise TypeError(f"ramp is {ramp!r}; it counts zeros of 1 - F and must be a whole number")
-    if not 1 <= ramp <= order:
+    check_ramp(ramp)
+    if ramp > order:
         raise ValueError(
             f"ramp is {ramp}; a filter of order {order} can have 1 - F ~ s^1 to s^{order}: take a "
             "ramp between, or a higher order"
@@ -253,13 +231,8 @@ def _interpolating(
     conditions = interpolation(model, order, ramp)
     n = conditions.order
     # The conditions are linear in the denominator: they are met for each of its terms by itself.
-    parts = []
-    for k in range(n, -1, -1):
-        term = np.zeros(k + 1)
-        term[0] = comb(n, k)
-        parts.append(conditions.numerator(term))
-    rows = max(part.size for part in parts)
-    return np.array([np.pad(p, (rows - p.size, 0)) for p in parts]).T, _prototype(_lags(n))
+    terms = (np.append(comb(n, k), np.zeros(k)) for k in range(n, -1, -1))
+    return _rectangular([conditions.numerator(term) for term in terms]).T, _prototype(_lags(n))
 
 
 def _own(num: Any, den: Any) -> tuple[FloatArray, FloatArray]:
@@ -312,27 +285,25 @@ def _table(rows: Any, name: str) -> FloatArray:
     read = []
     for row in rows:
         values = [row] if is_number(row) else row
-        if not isinstance(values, list | tuple | np.ndarray) or not len(values):
-            raise TypeError(f"{name} has the row {row!r}, which is no polynomial in λ; {OWN}")
-        if not all(is_number(value) and not complex(value).imag for value in values):
+        listed = isinstance(values, list | tuple | np.ndarray) and len(values) > 0
+        if not (listed and all(is_number(v) and not complex(v).imag for v in values)):
             raise TypeError(f"{name} has the row {row!r}, which is no polynomial in λ; {OWN}")
         read.append(np.array([float(complex(value).real) for value in values]))
-    if not all(np.isfinite(row).all() for row in read):
+    table = _rectangular(read)
+    if not np.isfinite(table).all():
         raise ValueError(f"{name} is {rows!r}; every coefficient must be a finite number")
-    columns = max(row.size for row in read)
-    table = np.array([np.pad(row, (columns - row.size, 0)) for row in read])
     used, powers = np.flatnonzero(table.any(axis=1)), np.flatnonzero(table.any(axis=0))
     return table[used[0] :, powers[0] :] if used.size else table[-1:, -1:]
 
 
+def _rectangular(rows: list[FloatArray]) -> FloatArray:
+    """Put polynomials of any degrees into the rows of a table."""
+    columns = max(row.size for row in rows)
+    return np.array([np.pad(row, (columns - row.size, 0)) for row in rows])
+
+
 def _padded(table: FloatArray, rows: int, columns: int) -> FloatArray:
     return np.pad(table, ((rows - table.shape[0], 0), (columns - table.shape[1], 0)))
-
-
-def _like(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Fill up two tables with zeros, so that they can be subtracted."""
-    rows, columns = (max(sizes) for sizes in zip(a.shape, b.shape, strict=True))
-    return _padded(a, rows, columns), _padded(b, rows, columns)
 
 
 def _at(table: FloatArray, time_constant: float) -> FloatArray:

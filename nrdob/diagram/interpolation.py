@@ -11,13 +11,11 @@ one equation between polynomials for :math:`F = M X/(\lambda s + 1)^n`:
 
 .. math:: M X + Q E = (\lambda s + 1)^n .
 
-X of lower degree than Q is unique. Where the model waits for its dead time θm,
+X of lower degree than Q is unique. Where the model has a dead time θm,
 :math:`1 - F e^{-\theta_m s}` takes the place of 1 - F: at its integrators F then has to meet
 :math:`e^{\theta_m s}`, and :math:`M X + Q E = (\lambda s + 1)^n e^{\theta_m s}` to the power
 :math:`s^{k-1}`. Other poles on the axis or right of it cannot be met (`nrdob.diagram.equations`).
-
-X is computed in fractions, so that F meets the conditions to
-the rounding of its own coefficients, however far the poles and zeros are apart.
+X is computed in fractions, so that F meets the conditions to the rounding of its own coefficients.
 """
 
 from __future__ import annotations
@@ -42,7 +40,7 @@ from .blocks import Fraction, as_fraction, nonzero
 from .delay import undelayed
 from .filters import LowPassFilter
 
-__all__ = ["interpolating_filter", "interpolation"]
+__all__ = ["check_ramp", "interpolating_filter", "interpolation"]
 
 Rationals = list[Exact]
 
@@ -53,19 +51,17 @@ def interpolating_filter(
     r"""Filter under which a matched model works for an unstable or non-minimum-phase process.
 
     :math:`F = N_f/(\lambda s + 1)^n` is 0 at the model's zeros and 1 at its poles on the axis and
-    right of it, with their multiplicities, and :math:`1 - F \sim s^k` at s = 0. So F/G̃ and
-    (1 - F)G̃, each built as one block, have no pole there, and with :math:`G = \tilde G` the
-    observer loop has the roots of D and N in the left half plane and n at :math:`-1/\lambda`; near
-    a match it stays stable. The price is the peak of F: between a zero z and a pole p it is at
-    least :math:`|(z + p)/(z - p)|`.
+    right of it, with their multiplicities, and :math:`1 - F \sim s^k` at s = 0. With
+    :math:`G = \tilde G` the observer loop has the roots of D and N in the left half plane and n at
+    :math:`-1/\lambda`; near a match it stays stable. The price is the peak of F: between a zero z
+    and a pole p it is at least :math:`|(z + p)/(z - p)|`.
 
     Parameters
     ----------
     model : control.TransferFunction, StateSpace, DelayedTransferFunction or (num, den)
-        The model, proper. One with a dead time waits, and may then have no poles on the axis or
-        right of it but integrators.
+        Proper; with a dead time it may have no poles on the axis or right of it but integrators.
     time_constant : float
-        :math:`\lambda > 0`, in seconds.
+        λ > 0, in seconds.
     order : int, optional
         n; by default the lowest for which F/G̃ is causal and F falls off.
     ramp : int
@@ -81,9 +77,8 @@ def interpolating_filter(
     Raises
     ------
     TypeError, ValueError
-        If the model cannot stand in the loop, or a parameter is none; if the model has a zero at
-        s = 0, or a zero where it has a pole, because F cannot be 0 and 1 there; if the order is too
-        low for the conditions.
+        If the model has a zero at s = 0, or a zero where it has a pole, because F cannot be 0 and 1
+        there; if the order is too low for the conditions.
 
     Examples
     --------
@@ -96,18 +91,6 @@ def interpolating_filter(
     [2.375, 1.0]
     >>> judge_observer(G, G, F).stable
     True
-
-    A double integrator, as in motion control: the ramp filter.
-
-    >>> interpolating_filter(ct.tf([1], [1, 0, 0]), 0.1).num[0][0].round(6).tolist()
-    [0.3, 1.0]
-
-    One with a dead time of 0.05 s: F leads by as much.
-
-    >>> from nrdob import delay
-    >>> waiting = delay(0.05) * ct.tf([1], [1, 0, 0])
-    >>> interpolating_filter(waiting, 0.1).num[0][0].round(6).tolist()
-    [0.35, 1.0]
     """
     LowPassFilter(time_constant, 1)  # the same refusals
     conditions = interpolation(model, order, ramp)
@@ -116,17 +99,7 @@ def interpolating_filter(
 
 
 class Interpolation(NamedTuple):
-    """What an interpolating filter of a model has to meet, whatever its time constant.
-
-    Attributes
-    ----------
-    zeros, poles : array of float
-        The monic M and Q.
-    order : int
-        n.
-    wait : float
-        Dead time of the model, in seconds; the conditions are then those at integrators.
-    """
+    """What an interpolating filter of a model has to meet: the monic M and Q, n, and θm."""
 
     zeros: FloatArray
     poles: FloatArray
@@ -142,7 +115,7 @@ def interpolation(model: Any, order: int | None, ramp: int) -> Interpolation:
     """Read off a model what `interpolating_filter` has to meet, with the same refusals."""
     model, wait = undelayed(model)
     Gm = nonzero(as_fraction(model, "model"), "model")
-    _check_ramp(ramp)
+    check_ramp(ramp)
     zeros, poles = _right_factor(Gm.num), _right_factor(Gm.den)
     _check_apart(Gm, zeros, poles)
     integrators = QuasiPolynomial(Gm.den).zeros_at_origin
@@ -155,15 +128,17 @@ def interpolation(model: Any, order: int | None, ramp: int) -> Interpolation:
         return Interpolation(zeros, poles, least, wait)
     LowPassFilter(1.0, order)  # the same refusals
     if order < least:
+        counts = f"{zeros.size - 1} times F = 0 and " if zeros.size > 1 else ""
         raise ValueError(
-            f"order is {order}; F has {_conditions(zeros, poles)} to meet, so that its "
+            f"order is {order}; F has {counts}{poles.size - 1} times F = 1 to meet, so that its "
             f"numerator has degree {degree}, and the model has relative degree "
             f"{Gm.relative_degree}: take order {least} or more"
         )
     return Interpolation(zeros, poles, int(order), wait)
 
 
-def _check_ramp(ramp: int) -> None:
+def check_ramp(ramp: int) -> None:
+    """Refuse what is no number of zeros of 1 - F at s = 0."""
     if not is_whole(ramp):
         raise TypeError(f"ramp is {ramp!r}; it counts zeros of 1 - F and must be a whole number")
     if ramp < 1:
@@ -192,12 +167,6 @@ def _right_factor(p: FloatArray) -> FloatArray:
     if right.size == q.degree:
         return np.asarray(q.q / q.q[0])
     return factor_near(q, np.atleast_1d(np.real(np.poly(right))))
-
-
-def _conditions(zeros: FloatArray, poles: FloatArray) -> str:
-    """Count the conditions: F = 0, and F = 1."""
-    counts = f"{poles.size - 1} times F = 1"
-    return f"{zeros.size - 1} times F = 0 and {counts}" if zeros.size > 1 else counts
 
 
 def _check_integrators(poles: FloatArray, wait: float) -> None:
@@ -229,12 +198,8 @@ def _numerator(zeros: FloatArray, poles: FloatArray, right: Rationals) -> FloatA
     size = len(Q) - 1
     columns = [_remainder([*M, *[Exact(0)] * k], Q) for k in range(size - 1, -1, -1)]
     rows = [[*row, value] for *row, value in zip(*columns, _remainder(right, Q), strict=True)]
-    X = _solved(rows)
-    product = [Exact(0)] * (len(M) + size - 1)
-    for i, m in enumerate(M):
-        for k, x in enumerate(X):
-            product[i + k] += m * x
-    return np.trim_zeros(np.array([float(value) for value in product]), "f")
+    product = np.convolve(np.array(M, dtype=object), np.array(_solved(rows), dtype=object))
+    return np.trim_zeros(product.astype(float), "f")
 
 
 def _remainder(p: Rationals, divisor: Rationals) -> Rationals:

@@ -4,22 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-__all__ = ["CLOSED_LOOP", "INPUTS", "MAPS", "OPEN_LOOP", "Input", "Name"]
+__all__ = ["CLOSED_LOOP", "INPUTS", "MAPS", "Input", "Name"]
 
 
 @dataclass(frozen=True)
 class Name:
-    """How a map or an input is called.
-
-    Attributes
-    ----------
-    label : str
-        As the book writes it, in LaTeX.
-    spoken : str
-        As one says it.
-    role : str
-        The block it belongs to, which gives the colour: "process", "model", "loop", …
-    """
+    """How a map or an input is written, in LaTeX, and said; the role gives the colour."""
 
     label: str
     spoken: str
@@ -32,20 +22,6 @@ class Input(Name):
 
     to_y: str
 
-
-OPEN_LOOP = {
-    "FH": Name(r"$F\,H$", "F·H", "loop"),
-    "H": Name("$H$", "H", "loop"),
-    "CGm": Name(r"$C\,\tilde{G}$", "C·Gm", "model"),
-    "L": Name("$L$", "L", "process"),
-    "ratio": Name(r"$\tilde{G}^{-1}G$", "G/Gm", "loop"),
-    "K": Name("$K$", "K", "controller"),
-    "G": Name("$G$", "G", "process"),
-    "Gm": Name(r"$\tilde{G}$", "Gm", "model"),
-    "C": Name("$C$", "C", "controller"),
-    "F": Name("$F$", "F", "filter"),
-}
-"""The blocks and the open loops; the model loop is the model's, the plant loop the process's."""
 
 CLOSED_LOOP = {
     "T_R": Name("$T_R$", "T_R", "reference"),
@@ -60,7 +36,19 @@ CLOSED_LOOP = {
 }
 """The maps of eqs. (4) and (7)."""
 
-MAPS = OPEN_LOOP | CLOSED_LOOP
+MAPS = {
+    "FH": Name(r"$F\,H$", "F·H", "loop"),
+    "H": Name("$H$", "H", "loop"),
+    "CGm": Name(r"$C\,\tilde{G}$", "C·Gm", "model"),
+    "L": Name("$L$", "L", "process"),
+    "ratio": Name(r"$\tilde{G}^{-1}G$", "G/Gm", "loop"),
+    "K": Name("$K$", "K", "controller"),
+    "G": Name("$G$", "G", "process"),
+    "Gm": Name(r"$\tilde{G}$", "Gm", "model"),
+    "C": Name("$C$", "C", "controller"),
+    "F": Name("$F$", "F", "filter"),
+    **CLOSED_LOOP,
+}
 """Attributes of a loop that can be drawn by name."""
 
 INPUTS = {

@@ -12,14 +12,8 @@ is missed; beyond the last one
 
 where W is rational, and X, which turns for ever on the imaginary axis, dies out to its right: there
 it is integrated. With several dead times the integral goes on until what turns cannot matter any
-more, and of what is beyond only the mean is left, which is rational.
-
-Coloured noise is white noise behind a shaping filter, one factor more. And by Parseval's theorem
-the same integral of Q/s is the energy :math:`\int_0^\infty q(t)^2 dt` of what is left of a step.
-
-.. rubric:: References
-
-Åström, K. J., Introduction to Stochastic Control Theory, Academic Press 1970, chapter 5.
+more, and of what is beyond only the mean is left, which is rational. By Parseval's theorem the same
+integral of Q/s is the energy :math:`\int_0^\infty q(t)^2 dt` of what is left of a step.
 """
 
 from __future__ import annotations
@@ -45,8 +39,7 @@ __all__ = ["check_stable", "noise_power", "rational_power", "step_energy"]
 
 Density = Callable[[FloatArray], FloatArray]
 
-TOLERANCE = 1e-10
-"""Relative error of the integral at which no interval is halved any more."""
+TOLERANCE = 1e-10  # relative error of the integral at which no interval is halved any more
 
 MAX_INTERVALS = 2_000_000
 
@@ -119,6 +112,8 @@ def _power(num: tuple[QuasiPolynomial, ...], den: tuple[QuasiPolynomial, ...]) -
 def rational_power(num: FloatArray, den: FloatArray) -> float:
     r"""Integrate ``|num/den|²`` over all frequencies and divide by 2π, by Åström's recursion.
 
+    That of Introduction to Stochastic Control Theory, Academic Press 1970, chapter 5.
+
     Parameters
     ----------
     num, den : array of float
@@ -126,8 +121,6 @@ def rational_power(num: FloatArray, den: FloatArray) -> float:
 
     Examples
     --------
-    A lag of time constant 2 passes 1/(2·2) of white noise:
-
     >>> rational_power(np.array([1.0]), np.array([2.0, 1.0]))
     0.25
     """
@@ -146,10 +139,7 @@ def rational_power(num: FloatArray, den: FloatArray) -> float:
 
 
 def _delayed_power(
-    num: FloatArray,
-    den: tuple[QuasiPolynomial, ...],
-    product: QuasiPolynomial,
-    density: Density,
+    num: FloatArray, den: tuple[QuasiPolynomial, ...], product: QuasiPolynomial, density: Density
 ) -> float:
     top = QuasiPolynomial(num)
     q, r = QuasiPolynomial(product.q), QuasiPolynomial(product.r)
@@ -161,9 +151,8 @@ def _delayed_power(
         delayed = r(s) / q(s) * np.exp(-product.delay * s)
         return np.asarray(-rational(s) * delayed / (1 + delayed))
 
-    edges = np.unique(np.concatenate([frequency_segments(factor) for factor in den]))
-    end = edges[-1]
-    unit = np.array([0.0, 0.5, 1.0])
+    edges = _segments(den)
+    end, unit = edges[-1], np.array([0.0, 0.5, 1.0])
     body = _integral(density, edges, 0.0).real
     # Beyond: ω = end/x for the rational part, s = j end + end x/(1 - x) for the turning one.
     tail = _integral(lambda x: rational(1j * end / x) * end / x**2, unit, body).real
@@ -198,7 +187,7 @@ def _turning_power(
         twice = 3 * late**2 * sum(sizes) ** 2 / max(1 - late, 1e-3) ** 2
         return once * min(4 / float(beats.min()), omega) + twice * omega
 
-    edges = np.unique(np.concatenate([frequency_segments(factor) for factor in den]))
+    edges = _segments(den)
     body = _integral(density, edges, 0.0).real
     step = pi / delays[-1]
     while turning(edges[-1]) > TOLERANCE * body:
@@ -213,6 +202,10 @@ def _turning_power(
     end = edges[-1]
     tail = _integral(lambda x: mean(end / x) * end / x**2, np.array([0.0, 0.5, 1.0]), body).real
     return float(body + tail) / pi
+
+
+def _segments(den: tuple[QuasiPolynomial, ...]) -> FloatArray:
+    return np.unique(np.concatenate([frequency_segments(factor) for factor in den]))
 
 
 def _integral(

@@ -15,25 +15,23 @@ from ..numerics import (
     ComplexArray,
     FloatArray,
     QuasiPolynomial,
-    count_rhp,
     multiply,
     without_shared_factor,
     written,
 )
 from .blocks import Fraction, as_fraction
 from .delay import undelayed
+from .filters import unstable_pole
 from .noise import check_stable, noise_power, step_energy
 
 __all__ = ["Quotient", "as_quotient", "as_shaping"]
 
-NEAR_ROOT = 1e-7
-"""Size of a denominator, against its terms, below which half the digits are lost."""
+NEAR_ROOT = 1e-7  # size of a denominator, against its terms, below which half the digits are lost
 
 CIRCLES = (1e-2, 1e-9), (1e-3, 1e-8), (1e-4, 1e-8), (1e-5, 1e-8)
 """Radii around such a point relative to its size, and what negative powers may be rounding."""
 
-LARGEST = 1e300
-"""In place of infinity, where a difference of two would have no value."""
+LARGEST = 1e300  # in place of infinity, where a difference of two would have no value
 
 UNIT_CIRCLE = np.exp(2j * pi * (np.arange(16) + 0.5) / 16)
 
@@ -45,9 +43,9 @@ class Quotient:
     Parameters
     ----------
     num, den : tuple of QuasiPolynomial
-        The factors, as the block diagram gives them.
+        As the block diagram gives them.
     name : str
-        How the map is written in messages and figures.
+        In messages and figures.
 
     Examples
     --------
@@ -55,8 +53,6 @@ class Quotient:
     >>> from nrdob import NRDOB, LowPassFilter
     >>> G = ct.tf([2, 10], [1, 11, 10])
     >>> loop = NRDOB(G, G, ct.tf([1.39], [1, 0]), LowPassFilter(0.01, 2))
-    >>> complex(loop.S_d(0.0))
-    0j
     >>> loop.T_R.to_tf().den[0][0].size - 1
     3
     """
@@ -89,16 +85,10 @@ class Quotient:
     def at_infinity(self) -> tuple[float, float]:
         """The a and b of the limit a + b exp(-jωθ) over an undelayed denominator.
 
-        Infinite for an improper map. With several dead times b is the sum of the sizes: what turns
-        in so many senses gets as far from a as that.
+        Infinite for an improper map. With several dead times b is the sum of the sizes.
         """
         if not self.delay:
-            excess = sum([f.q.size - 1 for f in self.den]) - sum([f.q.size - 1 for f in self.num])
-            zero = any([f.q.size == 1 and not f.q[0] for f in self.num])
-            if zero or excess:
-                return (0.0 if zero or excess > 0 else inf), 0.0
-            top, bottom = (prod(float(f.q[0]) for f in fs) for fs in (self.num, self.den))
-            return top / bottom, 0.0
+            return self.at_once, 0.0
         num, den = self.numerator, self.denominator.q
         divided = num.divided - self.denominator.divided
         limits = []
@@ -110,23 +100,17 @@ class Quotient:
     @property
     def at_once(self) -> float:
         """The a of `at_infinity`: what a unit step makes the output jump by at t = 0."""
-        excess = 0
-        for factors, sign in ((self.num, 1), (self.den, -1)):
-            excess += sign * sum(f.q.size - 1 - f.divided for f in factors)
+        degrees = [sum(f.q.size - 1 - f.divided for f in fs) for fs in (self.num, self.den)]
+        excess = degrees[0] - degrees[1]
         if excess < 0 or not all(f.q.any() for f in self.num):
             return 0.0
         if excess or not all(f.q.any() for f in self.den):
             return inf
-        value = prod(float(f.q[0]) for f in self.num)
-        for factor in self.den:
-            value /= float(factor.q[0])
-        return value
+        top, bottom = (prod(float(f.q[0]) for f in fs) for fs in (self.num, self.den))
+        return top / bottom
 
     def __call__(self, s: complex | ComplexArray) -> Any:
-        """Evaluate at complex `s`, a number or an array of any shape.
-
-        Infinite at poles; the limit where numerator and denominator vanish together.
-        """
+        """Evaluate at complex `s`, a number or an array; infinite at poles, the limit at 0/0."""
         s = np.asarray(s, dtype=complex)
         power = self.zeros_at_origin
         with np.errstate(all="ignore"):  # what is not finite is looked at again
@@ -207,9 +191,8 @@ class Quotient:
     def noise_power(self, shaping: Any = None) -> float:
         r"""Power of the output for white noise of unit density at the input, or coloured noise.
 
-        The variance :math:`\frac1{2\pi}\int |Q(j\omega)|^2 d\omega`, square of the norm that
-        `control.norm(sys, 2)` computes, also with dead time: see `nrdob.diagram.noise`. To 1e-8 of
-        itself.
+        The variance :math:`\frac1{2\pi}\int |Q(j\omega)|^2 d\omega`, square of `control.norm(sys,
+        2)`, also with dead time, to 1e-8 of itself: see `nrdob.diagram.noise`.
 
         Parameters
         ----------
@@ -221,21 +204,15 @@ class Quotient:
         ------
         ValueError
             If the power is infinite: the map, with the shaping filter, is not strictly proper, or
-            its denominator, hidden modes included, has roots that are not in the left half plane;
-            or the shaping filter is not stable.
-        TypeError
-            If `shaping` is no block.
+            its denominator, hidden modes included, has roots that are not in the left half plane.
 
         Examples
         --------
         >>> import control as ct
         >>> from nrdob import NRDOB, LowPassFilter
         >>> G = ct.tf([1], [1, 1])
-        >>> loop = NRDOB(G, G, 1.0, LowPassFilter(0.5, 2))
-        >>> round(loop.S_eta.noise_power(), 12)                  # 1/(4λ)
+        >>> round(NRDOB(G, G, 1.0, LowPassFilter(0.5, 2)).S_eta.noise_power(), 12)   # 1/(4λ)
         0.5
-        >>> round(loop.S_eta.noise_power(ct.tf([1], [10, 1])), 6)    # of slow noise nearly all
-        0.046485
         """
         name = self.name or "this map"
         if shaping is None:
@@ -258,7 +235,7 @@ class Quotient:
         omega : array_like of float
             Frequencies in rad/s, of any shape.
         shaping : as for `noise_power`, optional
-            W; white noise of unit density by default.
+            W, a stable block; white noise of unit density by default.
 
         Raises
         ------
@@ -285,7 +262,7 @@ class Quotient:
         r"""Energy :math:`\int_0^\infty q(t)^2\,dt` of the output after a unit step at the input.
 
         It is the square of the norm of Q/s, exact without dead time and to 1e-8 of itself with it;
-        infinite where an offset stays, Q(0) ≠ 0.
+        infinite where an offset stays, Q(0) ≠ 0. A ValueError if it is not stable.
 
         Raises
         ------
@@ -309,7 +286,8 @@ class Quotient:
 
         Factors that numerator and denominator share, because blocks of the diagram share them, are
         divided out as polynomials (`nrdob.numerics.sharedfactor`); roots that are only near stay.
-        Hidden modes are then invisible: only `stability` may judge a loop.
+        Hidden modes are then invisible: only `stability` may judge a loop. A ValueError if the map
+        contains dead time, which no rational function equals.
 
         Raises
         ------
@@ -329,10 +307,7 @@ class Quotient:
         return ct.tf(kept.numerator.q, kept.denominator.q)
 
     def _agrees_with(self, other: Quotient) -> bool:
-        """Compare with a quotient in lowest order, along the axis where anything happens.
-
-        Beside a root, where the coefficients' rounding moves the map itself, that much is allowed.
-        """
+        """Compare with a quotient in lowest order, along the axis where anything happens."""
         roots = np.concatenate([f.without_origin.roots for f in self.num + self.den])
         sizes = np.abs(roots) if roots.size else np.ones(1)
         s = 1j * np.unique(np.outer([0.01, 0.5, 0.9, 0.999, 1.1, 2.0, 100.0], sizes))
@@ -349,14 +324,9 @@ def as_quotient(system: Any, name: str) -> Quotient:
     Parameters
     ----------
     system : control.TransferFunction, StateSpace, (num, den), number, scipy.signal.lti or Quotient
-        The block, proper or not, or a `DelayedTransferFunction`; a quotient is returned as it is.
+        Proper or not, or a `DelayedTransferFunction`; a quotient is returned as it is. A TypeError
+        or ValueError if it is no single-input single-output block in continuous time.
     name : str
-        What the block is called.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If it is no single-input single-output block in continuous time.
     """
     if isinstance(system, Quotient):
         return system
@@ -366,24 +336,17 @@ def as_quotient(system: Any, name: str) -> Quotient:
 
 
 def as_shaping(shaping: Any) -> Fraction:
-    """Read a shaping filter, which must be stable.
+    """Read a shaping filter; a TypeError or ValueError if it is not rational, proper and stable.
 
     Parameters
     ----------
     shaping : control.TransferFunction, StateSpace, number or (num, den)
-        The block.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If it is no rational block, not proper, or not stable.
     """
     fraction = as_fraction(shaping, "shaping")
-    den = QuasiPolynomial(fraction.den)
-    if den.zeros_at_origin or count_rhp(den).count != 0:
+    if (pole := unstable_pole(fraction.den)) is not None:
         raise ValueError(
-            f"shaping has a pole at {written(complex(den.roots[0]))}: behind it noise has no "
-            "finite power; every pole needs a negative real part"
+            f"shaping has a pole at {written(pole)}: behind it noise has no finite power; every "
+            "pole needs a negative real part"
         )
     return fraction
 

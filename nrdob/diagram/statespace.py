@@ -10,12 +10,8 @@ against a faster one. What remains is that A, B, C themselves have been rounded:
 a relative degree, hidden by a change of coordinates, comes out as a number of the size of that
 rounding instead of 0. How far a coefficient moves if each entry of A, B and C is off by one
 rounding follows from the same matrices. For det A it is, up to a factor n, the componentwise
-distance to the nearest singular matrix, which does not depend on the units of the states.
-
-.. rubric:: References
-
-Demmel, J. W., The componentwise distance to the nearest singular matrix, SIAM J. Matrix Anal. Appl.
-13 (1992) 10-19.
+distance to the nearest singular matrix (Demmel, SIAM J. Matrix Anal. Appl. 13, 1992, 10-19), which
+does not depend on the units of the states.
 """
 
 from __future__ import annotations
@@ -31,8 +27,7 @@ __all__ = ["MAX_STATES", "polynomials"]
 
 FloatArray = NDArray[np.floating[Any]]
 
-MAX_STATES = 24
-"""Whole numbers grow with the number of states; more would take over half a second."""
+MAX_STATES = 24  # whole numbers grow with the number of states; more would take over half a second
 
 ZERO, NONZERO = (roundings * float(np.finfo(float).eps) for roundings in (1e2, 1e6))
 """Size of a coefficient, against the errors of the entries, that is 0; that is certainly not."""
@@ -47,24 +42,8 @@ def polynomials(system: Any, name: str) -> tuple[FloatArray, FloatArray]:
     means a relative degree, a zero or a pole at s = 0, are zero if a relative change of the entries
     below `ZERO` makes them so.
 
-    Raises
-    ------
-    TypeError
-        If an entry is complex.
-    ValueError
-        If an entry is not finite, if there are over `MAX_STATES` states, or if the entries are
-        rounded too coarsely to tell whether such a coefficient is zero.
-
-    Examples
-    --------
-    Time scales six decades apart stay apart:
-
-    >>> import control as ct
-    >>> A = np.diag([-1e4, -10, -0.1, -0.01]) + np.diag([1e4, 10, 0.1], 1)
-    >>> chain = ct.ss(A, [[0], [0], [0], [0.01]], [[1, 0, 0, 0]], 0)
-    >>> num, den = polynomials(chain, "process")
-    >>> num.size, round(float(num[-1] / den[-1]), 12)
-    (1, 1.0)
+    A TypeError for complex entries; a ValueError for such as are not finite, over `MAX_STATES`
+    states, or entries rounded too coarsely to tell whether such a coefficient is zero.
     """
     given = [np.asarray(part) for part in (system.A, system.B, system.C, system.D)]
     if any(part.imag.any() for part in given):

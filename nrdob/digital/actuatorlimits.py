@@ -12,20 +12,19 @@ from ..numerics import FloatArray
 
 __all__ = ["ActuatorLimits", "Rule", "limited", "rounded"]
 
-FINEST = 2.0**-52
-"""Resolution, against the size of a signal, that floating-point numbers have anyway."""
+FINEST = 2.0**-52  # resolution, against a signal's size, of floating-point numbers
 
 
 @dataclass(frozen=True)
 class ActuatorLimits:
-    """Limits of an actuator: the range of u, and how fast u can change.
+    """Range of u and rate of an actuator, infinite where there is no limit.
 
     Parameters
     ----------
     low, high : float
-        Range of u, low < high; infinite where there is no limit.
+        Range of u, low < high.
     rate : float
-        Largest change of u in one second, positive; infinite if there is no limit.
+        Largest change of u in one second, positive.
 
     Raises
     ------
@@ -64,30 +63,20 @@ class ActuatorLimits:
 
 @dataclass(frozen=True)
 class Rule:
-    """How a proposed number becomes the actual one, given the actual one a sample ago.
-
-    `leaves` tells whether values proposed for m successive samples, shape (m,), all stay as they
-    are.
-    """
+    """How a proposed number becomes the actual one; whether many proposed in turn all stay."""
 
     apply: Callable[[float, float], float]
     leaves: Callable[[FloatArray, float], bool]
 
 
 def limited(limits: ActuatorLimits, dt: float) -> Rule:
-    """Apply the limits of an actuator to a command: rate first, then range.
+    """Give the rule of an actuator, `apply(command, before)`: rate first, then range.
 
     Parameters
     ----------
     limits : ActuatorLimits
-        Range and rate.
     dt : float
         Sampling time in seconds.
-
-    Returns
-    -------
-    Rule
-        Whose `apply(command, before)` is what the actuator does.
 
     Examples
     --------
@@ -121,13 +110,7 @@ def limited(limits: ActuatorLimits, dt: float) -> Rule:
 
 
 def rounded(resolution: float) -> Rule:
-    """Round a signal as a converter does: whole multiples of its resolution, ties to even.
-
-    Examples
-    --------
-    >>> rounded(0.25).apply(1.2, 0.0)
-    1.25
-    """
+    """Round a signal as a converter does: whole multiples of its resolution, ties to even."""
     if not (isfinite(resolution) and resolution > 0):
         raise ValueError(
             f"the resolution is {resolution:g}; it is one step of a converter, positive, in the "

@@ -8,44 +8,30 @@ circle is the imaginary axis, and of the whole sampled loop only the process is 
     G_w(w) = G_z(z)                              p_B = D_w Nm (Df - Nf) + N_w Dm Nf
 
 G_w is rational, whatever the dead time: each whole sample is a factor (1 - αw)/(1 + αw). So all
-that is known about loops in continuous time holds for sampled ones, with the process G_w: verdicts,
-margins, sets of time constants.
+that is known about loops in continuous time holds for sampled ones, with the process G_w.
 
 As dt gets short, all poles and zeros of G_z move together to z = 1 and the coefficients of its
-polynomials lose the digits that tell them apart. Here they never exist as floating-point numbers:
-the exponentials, the polynomials of z and their change to w are computed with whole numbers of as
-many digits as it takes for two precisions to give the same floating-point coefficients of w.
+polynomials lose the digits that tell them apart. So all is computed with whole numbers of as many
+digits as it takes for two precisions to give the same floating-point coefficients of w.
 
 Model, controller and filter can be sampled behind a hold, too, but not every model soundly. One
 that falls off by two powers of s or more gets zeros from the sampling, with short sampling times
-near z = -1 for two powers, -3.73 for three (Åström, Hagander, Sternby). F/Gm, which inverts them,
-then rings or diverges from sample to sample. Tustin's rule puts these zeros at z = -1 in F/Gm as
-*zeros* of F.
-
-.. rubric:: References
-
-Åström, K. J., P. Hagander, J. Sternby, Zeros of sampled systems, Automatica 20 (1984) 31-38.
+near z = -1 for two powers, -3.73 for three (Åström, Hagander, Sternby, Automatica 20, 1984, 31-38).
+F/Gm, which inverts them, then rings or diverges from sample to sample. Tustin's rule puts these
+zeros at z = -1 in F/Gm as *zeros* of F.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from fractions import Fraction as Exact
 from functools import lru_cache
 from math import comb, isqrt, log2
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..diagram import (
-    DelayedTransferFunction,
-    Fraction,
-    LoopEquations,
-    as_fraction,
-    nonzero,
-    undelayed,
-)
+from ..diagram import Fraction, LoopEquations, as_fraction, nonzero, undelayed
 from ..numerics import FloatArray, QuasiPolynomial, written
 from .hold import checked_times, in_samples
 
@@ -60,17 +46,10 @@ __all__ = [
 
 Whole = NDArray[np.object_]
 
-FIRST, LAST = 128, 16384
-"""Binary digits behind the point of the first and of the last attempt."""
-
-MULTIPLIED_OUT = 40
-"""Samples of dead time up to which powers of 1 + v and 1 - v are multiplied out."""
-
-AT_NYQUIST = 1e-12
-"""Distance of a pole from z = -1 at which it lies there."""
-
-ON_CIRCLE = 1e-9
-"""Distance from the unit circle at which a sampling zero lies on it."""
+FIRST, LAST = 128, 16384  # binary digits behind the point of the first and of the last attempt
+MULTIPLIED_OUT = 40  # samples of dead time up to which powers of 1 + v and 1 - v are multiplied out
+AT_NYQUIST = 1e-12  # distance of a pole from z = -1 at which it lies there
+ON_CIRCLE = 1e-9  # distance from the unit circle at which a sampling zero lies on it
 
 AGREEMENT = 4 * float(np.finfo(float).eps)
 
@@ -78,7 +57,7 @@ AGREEMENT = 4 * float(np.finfo(float).eps)
 def held_in_w(
     process: Fraction, dt: float, *, fraction: float = 0.0, at_once: bool = False
 ) -> Fraction:
-    """Take a process behind its hold to the plane of w.
+    """Take a process behind its hold to the plane of w; the denominator is monic.
 
     Parameters
     ----------
@@ -92,22 +71,14 @@ def held_in_w(
         Whether a direct term acts at once, as it does inside the processor, and not only after
         the next sample, as it does behind it.
 
-    Returns
-    -------
-    Fraction
-        In descending powers of w, monic denominator.
-
     Raises
     ------
-    ValueError
-        If an undamped mode of the process is sampled exactly twice in each of its periods.
-    ArithmeticError
-        If the process is too stiff for this sampling time.
+    ValueError, ArithmeticError
+        If an undamped mode of the process is sampled exactly twice in each of its periods; if the
+        process is too stiff for this sampling time.
 
     Examples
     --------
-    A lag behind a hold, (1 - w dt/2)/(1 + w/c) with c = (2/dt) tanh(dt/2):
-
     >>> import numpy as np
     >>> num, den = held_in_w(Fraction(np.array([1.0]), np.array([1.0, 1.0])), 0.1)
     >>> np.roots(num).round(6).tolist(), np.roots(den).round(6).tolist()
@@ -120,7 +91,7 @@ def held_in_w(
     bits, last = FIRST, None
     while bits <= LAST:
         found = _in_v(given, bits)
-        if last is not None and _same(found, last):
+        if last is not None and all(map(_agree, found, last)):
             return _scaled(found, dt)
         bits, last = 2 * bits, found
     raise ArithmeticError(
@@ -144,23 +115,16 @@ def process_in_w(
     ----------
     process : control.TransferFunction, StateSpace, DelayedTransferFunction or (num, den)
         G, proper, with or without dead time.
-    dt : float
-        Sampling time in seconds.
-    computation_delay : float
-        Time from reading y to writing u, in seconds.
+    dt, computation_delay : float
+        Sampling time, and time from reading y to writing u, in seconds.
     model : DelayedTransferFunction, optional
         A model with a dead time, stable without it: then it is the process G' that is returned.
-
-    Returns
-    -------
-    Fraction
-        In descending powers of w.
 
     Raises
     ------
     TypeError, ValueError
-        If dt or the delay cannot be, both dead times together hold more samples than can be
-        multiplied out, or a pole of the model is not in the open left half plane.
+        If both dead times together hold more samples than can be multiplied out, or a pole of the
+        model is not in the open left half plane.
 
     Examples
     --------
@@ -171,12 +135,11 @@ def process_in_w(
     4
     """
     dt, computation_delay = checked_times(dt, computation_delay)
-    late = isinstance(process, DelayedTransferFunction)
-    G = nonzero(as_fraction(process.tf if late else process, "process"), "process")
-    delay = (process.delay if late else 0.0) + computation_delay
-    samples, fraction = in_samples(delay, dt)
+    process, delay = undelayed(process)
+    G = nonzero(as_fraction(process, "process"), "process")
+    samples, fraction = in_samples(delay + computation_delay, dt)
     held = held_in_w(G, dt, fraction=fraction)
-    own, model_delay = undelayed(model) if model is not None else (None, 0.0)
+    own, model_delay = undelayed(model)
     if model_delay:
         model = as_fraction(own, "model")
         return _with_delayed_model(held, _few(samples, dt), model, delay_in_w(model_delay, dt), dt)
@@ -190,15 +153,7 @@ def after_samples(held: Fraction, samples: int, dt: float) -> Fraction:
 
 
 def delay_in_w(delay: float, dt: float) -> Fraction:
-    """Give the samples by which a processor delays its model, and a fraction of one.
-
-    Examples
-    --------
-    (1 - 0.1 w)/(1 + 0.1 w), one sample of 0.2 s, and a quarter of the next:
-
-    >>> [np.round(p, 4).tolist() for p in delay_in_w(0.25, 0.2)]
-    [[-0.005, -0.05, 1.0], [0.01, 0.2, 1.0]]
-    """
+    """Give the samples by which a processor delays its model, and a fraction of one."""
     samples, fraction = in_samples(delay, dt)
     down, up = _powers(_few(samples, dt), dt)
     if not fraction:
@@ -248,11 +203,7 @@ def _with_delayed_model(
 
 
 def held_blocks(loop: LoopEquations, dt: float) -> LoopEquations:
-    """Sample model, controller and filter, each behind a hold, as blocks of w; not the process.
-
-    A ValueError if F/Gm would invert a zero that only the sampling has made, on or outside the unit
-    circle.
-    """
+    """Sample model, controller and filter, each behind a hold, as blocks of w, if sound."""
     _, Gm, C, F = loop.fractions
     if loop.keep_factors:
         raise ValueError(
@@ -295,8 +246,7 @@ def _check_sound(held: Fraction, model: Fraction, dt: float) -> None:
         )
 
 
-@dataclass(frozen=True)
-class _Given:
+class _Given(NamedTuple):
     """The process x' = A x + e1 v, y = c x + direct v, A the companion matrix of a, exactly."""
 
     a: list[Exact]
@@ -351,11 +301,8 @@ def _scaled(found: Fraction, dt: float) -> Fraction:
     return Fraction(num * powers[den.size - num.size :], den * powers)
 
 
-def _same(one: Fraction, other: Fraction) -> bool:
-    return all(
-        bool(np.all(np.abs(p - q) <= AGREEMENT * np.abs(q)))
-        for p, q in zip(one, other, strict=True)
-    )
+def _agree(p: FloatArray, q: FloatArray) -> bool:
+    return np.allclose(p, q, rtol=AGREEMENT, atol=0.0)
 
 
 def _in_z(given: _Given, bits: int) -> tuple[list[int], list[int]]:
@@ -389,7 +336,7 @@ def _characteristic(A: Whole, bits: int) -> list[int]:
     """Coefficients of det(zI - A), descending, by Faddeev and LeVerrier."""
     order = len(A)
     coefficients = [1 << bits]
-    identity = np.array([[int(i == j) for j in range(order)] for i in range(order)], dtype=object)
+    identity = np.eye(order, dtype=int).astype(object)
     M = identity * (1 << bits)
     for k in range(1, order + 1):
         AM = _times(A, M, bits)
@@ -405,17 +352,13 @@ def _held(given: _Given, share: Exact, bits: int) -> Whole:
     # As many squarings as there are about terms of the series take the fewest products.
     halvings = (time.numerator // time.denominator).bit_length() + isqrt(bits) // 2 + 2
     step = time / 2**halvings
-    M = np.zeros((n + 1, n + 1), dtype=object)
-    for k in range(n):
-        M[0, k] = _fixed(-given.a[k] * step, bits)
-    for k in range(1, n):
-        M[k, k - 1] = _fixed(step, bits)
+    M = np.eye(n + 1, k=-1, dtype=int).astype(object) * _fixed(step, bits)
+    M[n, :] = 0
     if n:  # a gain has no state, and nothing to hold
-        M[0, n] = _fixed(step, bits)
-    identity = np.array(
-        [[(1 << bits) * (i == j) for j in range(n + 1)] for i in range(n + 1)], dtype=object
-    )
-    total, term, k = identity, identity, 1
+        M[0] = [*(_fixed(-a * step, bits) for a in given.a), _fixed(step, bits)]
+    total: Whole = np.eye(n + 1, dtype=int).astype(object) * (1 << bits)
+    term = total
+    k = 1
     while np.abs(term).max() > 1:  # what is negative is rounded down to -1, and never to 0
         term = _times(term, M, bits) // k
         total, k = total + term, k + 1
@@ -429,12 +372,9 @@ def _bilinear(order: int) -> Whole:
     """Coefficients of (1+v)^(n-k) (1-v)^k, a row for each k, ascending powers of v."""
     rows = []
     for k in range(order + 1):
-        plus = [comb(order - k, i) for i in range(order - k + 1)]
-        minus = [comb(k, i) * (-1) ** i for i in range(k + 1)]
-        rows.append([
-            sum(plus[i] * minus[j - i] for i in range(len(plus)) if 0 <= j - i <= k)
-            for j in range(order + 1)
-        ])  # fmt: skip
+        plus = np.array([comb(order - k, i) for i in range(order - k + 1)], dtype=object)
+        minus = np.array([comb(k, i) * (-1) ** i for i in range(k + 1)], dtype=object)
+        rows.append(np.convolve(plus, minus))
     return np.array(rows, dtype=object)
 
 

@@ -31,15 +31,11 @@ ENTERING = ("R", "d", "eta", "delta", "delta a sample earlier")
 Rows = tuple[FloatArray, FloatArray, FloatArray]
 """Rows of signals over states, inputs and decisions."""
 
-STILL = 1e-9
-"""Rate of change, against what u and δ would cause, that is rounding."""
+STILL = 1e-9  # rate of change, against what u and δ would cause, that is rounding
 
 
 class Recursion(NamedTuple):
-    """The matrices of one sample, for n states, q inputs, p decisions: A is (n, n), H (p, p).
-
-    A decision may depend on those before it in the same sample.
-    """
+    """The matrices of one sample, for n states, q inputs, p decisions: A is (n, n), H (p, p)."""
 
     A: FloatArray
     B: FloatArray
@@ -50,24 +46,12 @@ class Recursion(NamedTuple):
 
 
 class ClosedLoop:
-    """A sampled loop as one recursion.
+    """A sampled loop as one recursion, over the states of process, past u and controller.
 
-    Parameters
-    ----------
-    controller : SampledController
-        The controller.
-    process : HeldProcess
-        With the dead time from u to y, that of computation included.
-    disturbed : HeldProcess, optional
-        The same with the dead time from δ to y; by default that of u.
-    observer_input : {"applied", "commanded"}
-        Which u the observer receives.
-    tracking : float
-        Share of u's limitation that is added to the error of C: back-calculation.
-    rounds : bool
-        Whether the reading is a decision, too.
-
-    The states of its `recursion` are those of the process, the past u, and the controller.
+    `process` has the dead time from u to y, that of computation included, `disturbed` that from δ,
+    by default the same. `observer_input` says whether the observer receives the "applied" or the
+    "commanded" u, `tracking` which share of u's limitation is added to the error of C, and `rounds`
+    whether the reading is a decision, too.
     """
 
     def __init__(
@@ -129,11 +113,10 @@ class ClosedLoop:
         return self.A, B, C + H @ proposed, D[:, eta] + H @ direct
 
     def rows(self, names: Sequence[str]) -> Rows:
-        """Write signals as rows.
+        """Write signals as rows: "x" (of the process), "d", "y", "read" (y with noise), "measured".
 
-        They are "x" (states of the process), "felt" (u and δ as the process receives them at the
-        end of a sample and at its beginning), "d", "y", "read" (y with noise), "measured" (the
-        same, rounded), "u" and "d_hat".
+        The latter is rounded; and "u", "d_hat", and "felt", u and δ as the process receives them at
+        the end of a sample and at its beginning.
         """
         return self._split(np.vstack([self._signals[name] for name in names]))
 

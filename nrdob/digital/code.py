@@ -1,8 +1,13 @@
 r"""The controller as code: one C file with its header, one Python class.
 
-Both are written from the same numbers (`nrdob.digital.sections`) and the same equations
-(`nrdob.digital.equations`); the simulation runs the same sections, too. So what has been simulated
-is what runs on the processor, up to rounding.
+Both are written from the same numbers (`nrdob.digital.sections`) and the same equations, those of
+`nrdob.digital.controller` over the blocks of the diagram. The simulation runs the same sections:
+what has been simulated is what runs on the processor, up to rounding.
+
+A block knows three verbs, `output(block, v)`, what comes out at an input v; `advance(block, v)`,
+which renews its states; and `rest(block, v, w)`, which puts it at rest at v (giving w if it
+integrates). The dead time of a model knows `late(v)`, `remember(v)` and `fill(v)`. First comes what
+must be ready before u can be written, then what can be done while the actuator works.
 
 A `float` has 7 digits. In powers of z they are used up where the sampling is fast: a filter of the
 order n whose lag takes N samples needs them to tell :math:`N^{-n}` from 0. Here all coefficients
@@ -27,19 +32,37 @@ from ..diagram import real_number
 from ..numerics import FloatArray
 from .actuatorlimits import ActuatorLimits
 from .controller import SampledController
-from .equations import BLOCKS, SIGNALS, Row, equations, rendered
 from .sections import Section
 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-__all__ = ["ControllerCode", "controller_code"]
+__all__ = ["ControllerCode", "equations", "tracking"]
+
+BLOCKS = {
+    "filter_y": "FILTER",
+    "filter_u": "FILTER",
+    "inverse": "INVERSE",
+    "inner": "INNER",
+    "controller": "CONTROLLER",
+}
+"""What has states, and whose coefficients it works with: F has two copies."""
+
+SIGNALS = {
+    "r": "reference",
+    "y": "measurement",
+    "y_filtered": "measurement, its noise reduced",
+    "from_y": "input that would explain the measurement, filtered",
+    "u": "command, before any limit",
+    "applied": "what the actuator did",
+    "d_hat": "estimate of the disturbance at the input",
+}
+"""What is kept from one call to the next."""
 
 TABLES = {"FILTER": "F", "INVERSE": "F/Gm", "INNER": "", "CONTROLLER": "C"}
 """How the diagram writes the block behind each table of coefficients; INNER is one of two."""
 
-DTYPES = {"double": "DBL_MAX", "float": "FLT_MAX"}
-"""Types of C, and the largest number of each."""
+DTYPES = {"double": "DBL_MAX", "float": "FLT_MAX"}  # types of C, and the largest number of each
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,9 +72,7 @@ class ControllerCode:
     Attributes
     ----------
     controller : SampledController
-        The difference equations.
     limits : ActuatorLimits
-        Of the actuator.
     tracking : float
         Share of u's limitation that is added to the error of C: back-calculation.
     """
@@ -81,8 +102,6 @@ class ControllerCode:
 
         Raises
         ------
-        ValueError
-            If nothing is left of the name, or the type is another one.
         OverflowError
             If a coefficient is out of the range of `dtype`.
 
@@ -101,7 +120,6 @@ class ControllerCode:
         Parameters
         ----------
         name, dtype : as for `to_c`
-            The same as there.
         """
         return self._in_c("controller.h.j2", name, dtype)
 
@@ -120,17 +138,12 @@ class ControllerCode:
                              dtype=dtype, largest=DTYPES[dtype])  # fmt: skip
 
     def to_python(self, name: str = "Controller") -> str:
-        """Write one Python class that needs nothing else, not even this package.
+        """Write one Python class, with `start`, `output`, `update` and `step`, that stands alone.
 
         Parameters
         ----------
         name : str
-            Name of the class; what Python does not allow in a name becomes "_".
-
-        Returns
-        -------
-        str
-            The module, with methods `start`, `output`, `update` and `step`.
+            Of the class; what Python does not allow in a name becomes "_".
         """
 
         def call(verb: str, block: str) -> str:
@@ -158,7 +171,7 @@ class ControllerCode:
             "RECIPROCAL": number(1 / self.controller.factor), "TRACKING": number(self.tracking)
         }  # fmt: skip
 
-        def line(row: Row) -> tuple[str, str]:
+        def line(row: str) -> tuple[str, str]:
             target, text = rendered(row, signal, call)
             for constant, value in constants.items():
                 text = text.replace(constant, value)
@@ -191,21 +204,7 @@ class ControllerCode:
         )
 
 
-def controller_code(
-    controller: SampledController,
-    limits: ActuatorLimits | None = None,
-    tracking_time: float | None = None,
-) -> ControllerCode:
-    """Add an actuator to a sampled controller: see `SampledLoop.code`."""
-    if not isinstance(limits, ActuatorLimits | None):
-        raise TypeError(
-            f"limits is a {type(limits).__name__}; give nrdob.digital.ActuatorLimits(low, high)"
-        )
-    tracking = 0.0 if tracking_time is None else _tracking(controller, tracking_time)
-    return ControllerCode(controller, limits or ActuatorLimits(), tracking)
-
-
-def _tracking(controller: SampledController, time: float) -> float:
+def tracking(controller: SampledController, time: float) -> float:
     """Share of u's limitation that C needs as an error, for its integrator to follow in time."""
     time = real_number(time, "tracking_time", "give seconds as a number")
     *others, last = controller.sections["C"]
@@ -280,3 +279,59 @@ def _identifier(name: str) -> str:
         raise ValueError(f"name is {name!r}; give a word to name the code by")
     allowed = re.sub(r"\W", "_", name, flags=re.ASCII).lstrip("_0123456789")
     return f"{allowed}_" if keyword.iskeyword(allowed) else allowed
+
+
+def equations(*, delayed: bool) -> dict[str, tuple[str, ...]]:
+    """Lay out "output" from r and y, "update" from applied, and "start" from r, y and u.
+
+    In expressions that C and Python share; where there is no target only states are renewed.
+    """
+    late, inner = ("late({})", "{} - filtered") if delayed else ("{}", "{}")
+    remember, fill = (["remember(applied)"], ["fill(u)"]) if delayed else ([], [])
+    return {
+        "output": (
+            "y_filtered = output(filter_y, y)",
+            "from_y = output(inverse, y)",
+            f"filtered = output(filter_u, {late.format(0)})",
+            f"e = r - y_filtered - output(inner, {inner.format(0)})",
+            "u = (output(controller, e) + filtered - from_y) * RECIPROCAL",
+        ),
+        "update": (
+            f"late_u = {late.format('applied')}",
+            "filtered = output(filter_u, late_u)",
+            f"inner_u = {inner.format('applied')}",
+            "e = r - y_filtered - output(inner, inner_u)",
+            "d_hat = from_y - filtered",
+            "advance(filter_y, y)",
+            "advance(inverse, y)",
+            "advance(filter_u, late_u)",
+            "advance(inner, inner_u)",
+            "advance(controller, e + TRACKING * (applied - u))",
+            *remember,
+        ),
+        "start": (
+            *fill,
+            "rest(filter_y, y, y)",
+            "rest(inverse, y, 0)",
+            "rest(filter_u, u, u)",
+            "y_filtered = output(filter_y, y)",
+            "from_y = output(inverse, y)",
+            "filtered = output(filter_u, u)",
+            "d_hat = from_y - filtered",
+            f"inner_u = {inner.format('u')}",
+            "rest(inner, inner_u, 0)",
+            "e = r - y_filtered - output(inner, inner_u)",
+            "rest(controller, e, u + d_hat)",
+        ),
+    }
+
+
+def rendered(
+    row: str, signal: Callable[[str], str], verb: Callable[[str, str], str]
+) -> tuple[str, str]:
+    """Write both sides of an equation, by what writes a signal, and the call of a block's verb."""
+    target, _, text = row.rpartition(" = ")
+    text = re.sub(rf"\b({'|'.join(SIGNALS)})\b", lambda f: signal(f[1]), text)
+    text = re.sub(r"\b(output|advance|rest)\((\w+), ", lambda f: verb(f[1], f[2]), text)
+    text = re.sub(r"\b(late|remember|fill)\(", lambda f: verb(f[1], ""), text)
+    return signal(target) if target in SIGNALS else target, text

@@ -35,19 +35,12 @@ from .sections import Section, StateSpace, at_rest, bilinear_sections, state_spa
 
 __all__ = ["ModelDelay", "SampledController", "sampled_controller"]
 
-SINGULAR = 1e-12
-"""Size of the factor of u[k], against its terms, at which it is 0."""
+SINGULAR = 1e-12  # size of the factor of u[k], against its terms, at which it is 0
 
 
 @dataclass(frozen=True)
 class ModelDelay:
-    """The dead time of a model on the processor: (1 - φ) u[k-m] + φ u[k-m-1].
-
-    Attributes
-    ----------
-    samples, fraction : int, float
-        m and φ, 0 <= φ < 1.
-    """
+    """The dead time of a model on the processor: (1 - φ) u[k-m] + φ u[k-m-1], 0 <= φ < 1."""
 
     samples: int = 0
     fraction: float = 0.0
@@ -73,17 +66,9 @@ class SampledController:
     """All that the processor does from (r, y, applied u) to u.
 
     In each sample it computes ``u = C @ x + D @ (r, y)``, writes it, and then renews its states
-    with what has been applied, ``x = A @ x + B @ (r, y, applied)``.
-
-    Attributes
-    ----------
-    dt : float
-        Sampling time in seconds.
-    sections : dict of str: tuple of Section
-        The blocks "C", "F" (of which there are two copies, one of u and one of y), "F/Gm" and
-        "(1-F)Gm" (for a model with dead time "Gm", the model without it).
-    delay : ModelDelay
-        Dead time of the model.
+    with what has been applied, ``x = A @ x + B @ (r, y, applied)``. Its blocks are "C", "F" (of
+    which there are two copies, one of u and one of y), "F/Gm" and "(1-F)Gm" (for a model with dead
+    time "Gm", the model without it).
     """
 
     dt: float

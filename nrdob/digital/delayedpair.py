@@ -4,13 +4,8 @@ With one dead time of N samples the characteristic function is :math:`P + Q z^{-
 low degree. Where :math:`|P| > |Q|` its argument follows P, elsewhere :math:`Q z^{-N}`, both to
 within a right angle. Between the crossings, roots of :math:`|P|^2 = |Q|^2`, the argument of P is a
 sum over its zeros and that of z^-N is N times the angle. So the count is a closed form whatever N
-is, as for dead times in continuous time (Walton and Marshall), and shares nothing with the
-intervals of `nrdob.digital.unitcircle`.
-
-.. rubric:: References
-
-Walton, K., J. E. Marshall, Direct method for TDS stability analysis, IEE Proc. D 134 (1987)
-101-107.
+is, as for dead times in continuous time (`nrdob.numerics.crossingcount`), and shares nothing with
+the intervals of `nrdob.digital.unitcircle`.
 """
 
 from __future__ import annotations
@@ -25,22 +20,14 @@ from .unitcircle import CircleFunction, Group, multiplied_out
 
 __all__ = ["DelayedPair"]
 
-WHOLE = 1e-3
-"""Distance of a count from a whole number that is rounding."""
-
-CLOSEST = 1e-9
-"""Size of a sum at a crossing, against its parts, at which it may be 0."""
-
-STARTS, STEPS, CONVERGED = 256, 50, 1e-9
-"""Where the largest root is sought from, and for how long."""
+WHOLE = 1e-3  # distance of a count from a whole number that is rounding
+CLOSEST = 1e-9  # size of a sum at a crossing, against its parts, at which it may be 0
+STARTS, STEPS, CONVERGED = 256, 50, 1e-9  # where the largest root is sought from, and for how long
 
 
 @dataclass(frozen=True, eq=False)
 class DelayedPair:
-    """P + Q z^-N on the unit circle, both parts divided by (1 + v)^degree.
-
-    P and Q are polynomials of v = (z - 1)/(z + 1) in descending powers, of equal size.
-    """
+    """P + Q z^-N on the unit circle, polynomials of v of equal size, over (1 + v)^degree."""
 
     early: Group
     late: Group

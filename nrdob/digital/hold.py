@@ -8,11 +8,8 @@ the first φ dt seconds of a sample and u[k-d] for the rest of it::
     B0 = ∫ exp(A τ) B dτ from 0 to (1-φ) dt,   B1 = exp(A (1-φ) dt) ∫ exp(A τ) B dτ from 0 to φ dt
 
 y is read just before the next u is written, so that a process with a direct path answers with the
-input it has had until then, also without dead time.
-
-.. rubric:: References
-
-Åström, K. J., B. Wittenmark, Computer-Controlled Systems, 3rd ed., Prentice Hall 1997, 2.3.
+input it has had until then, also without dead time (Åström, Wittenmark, Computer-Controlled
+Systems, 3rd ed., Prentice Hall 1997, 2.3).
 """
 
 from __future__ import annotations
@@ -28,11 +25,8 @@ from ..numerics import FloatArray, split, transition
 
 __all__ = ["WHOLE", "HeldProcess", "checked_times", "held_process", "in_samples"]
 
-WHOLE = 1e-9
-"""Fraction of a sample that is rounding: 0.3 s are three samples of 0.1 s."""
-
-SLOWEST = 1e6
-"""Samples after which slow modes are no longer told apart."""
+WHOLE = 1e-9  # fraction of a sample that is rounding: 0.3 s are three samples of 0.1 s
+SLOWEST = 1e6  # samples after which slow modes are no longer told apart
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,17 +67,11 @@ class HeldProcess:
         return self.samples + int(self.fraction > 0 or self.D != 0)
 
     def after(self, delay: float) -> HeldProcess:
-        """Return the same process behind another dead time.
+        """Return the same process behind another dead time, in seconds.
 
         Parameters
         ----------
         delay : float
-            The whole of it, in seconds.
-
-        Returns
-        -------
-        HeldProcess
-            With the same matrices A, B, C and Ad.
         """
         samples, fraction = in_samples(delay, self.dt)
         late, B0 = self.transition((1 - fraction) * self.dt)
@@ -108,27 +96,7 @@ class HeldProcess:
 
 
 def held_process(process: Fraction, delay: float, dt: float) -> HeldProcess:
-    """Discretise a process with dead time under zero-order hold, exactly.
-
-    Parameters
-    ----------
-    process : Fraction
-        The rational part, proper.
-    delay, dt : float
-        The whole dead time and the sampling time in seconds.
-
-    Examples
-    --------
-    A lag of one second behind a dead time of a sample and a half:
-
-    >>> import numpy as np
-    >>> held = held_process(Fraction(np.array([1.0]), np.array([1.0, 1.0])), 0.15, 0.1)
-    >>> held.samples, round(held.fraction, 6)
-    (1, 0.5)
-    >>> lag = np.exp(-0.05)
-    >>> np.allclose([held.C * held.B0, held.C * held.B1], [[1 - lag], [lag * (1 - lag)]])
-    True
-    """
+    """Discretise a proper process, with its dead time, under zero-order hold, exactly."""
     # Parts of different time scales stand side by side.
     parts = split([process.num], process.den, SLOWEST * dt)
     A = block_diag(*(part.A for part in parts)) if process.den.size > 1 else np.zeros((0, 0))
@@ -154,17 +122,12 @@ def checked_times(dt: float, computation_delay: float) -> tuple[float, float]:
 
 
 def in_samples(delay: float, dt: float) -> tuple[int, float]:
-    """Divide a dead time into whole samples and a fraction of one.
+    """Divide a dead time into whole samples and a fraction of one, at least 0 and below 1.
 
     Parameters
     ----------
     delay, dt : float
-        The dead time and the sampling time, in seconds.
-
-    Returns
-    -------
-    samples, fraction : int, float
-        The fraction is at least 0 and below 1.
+        In seconds.
 
     Examples
     --------

@@ -25,17 +25,13 @@ from .unitcircle import CircleFunction, Product, resolved
 
 __all__ = ["sampled_margins"]
 
-PER_SEGMENT = 4
-"""Angles in each certified stretch."""
-
-LOWEST = 1e-8
-"""Frequency, against the lowest at which anything turns, down to which crossings are sought."""
+PER_SEGMENT = 4  # angles in each certified stretch
+LOWEST = 1e-8  # of the frequencies of crossings, against the lowest at which anything turns
 
 LOOKED_AT, DEAD_TIMES = 60, 32
 """States of a loop up to which eigenvalues are computed, and at how many dead times."""
 
-SOLVED = 1e-9
-"""What may be left of 1 + L where the loop becomes unstable."""
+SOLVED = 1e-9  # what may be left of 1 + L where the loop becomes unstable
 
 
 class _CircleLocus(Locus):
@@ -63,10 +59,7 @@ def sampled_margins(
     controller: SampledController,
     stable: bool | None,
 ) -> Margins:
-    """Compute the margins of L, numerator over the sum of the denominator's terms.
-
-    The verdict on 1 + L is `stable`, None if it is not decided.
-    """
+    """Compute the margins of L, numerator over the sum of the denominator's terms."""
     dt, below = process.dt, CircleFunction(denominator)
     closed = CircleFunction((*denominator, numerator))
     parts = [CircleFunction((term.inside,)) for term in (numerator, *denominator)]

@@ -3,11 +3,8 @@ r"""Variances of y and u at the samples for noise in a sampled loop, exactly.
 The whole loop is one set of difference equations, :math:`x_{k+1} = A x_k + B e_k` with white
 :math:`e_k` of unit variance, behind a shaping filter if there is one. In the long run the
 covariance of x is the solution of Lyapunov's equation :math:`P = A P A^T + B B^T`, and that of a
-signal :math:`C x + D e` is :math:`C P C^T + D^2`.
-
-.. rubric:: References
-
-Åström, K. J., Introduction to Stochastic Control Theory, Academic Press 1970, chapter 4.
+signal :math:`C x + D e` is :math:`C P C^T + D^2` (Åström, Introduction to Stochastic Control
+Theory, Academic Press 1970, chapter 4).
 """
 
 from __future__ import annotations
@@ -25,27 +22,13 @@ from .closedloop import ClosedLoop
 
 __all__ = ["sampled_noise_variance"]
 
-STABLE = 1 - 1e-12
-"""Spectral radius from which nothing settles any more."""
-
-SUMMED = 1e-16
-"""Relative size of what may be left out of a sum of positive terms."""
-
-SAME_DT = 1e-9
-"""Relative difference of two sampling times that are meant to be one."""
+STABLE = 1 - 1e-12  # spectral radius from which nothing settles any more
+SUMMED = 1e-16  # relative size of what may be left out of a sum of positive terms
+SAME_DT = 1e-9  # relative difference of two sampling times that are meant to be one
 
 
 def sampled_noise_variance(loop: ClosedLoop, dt: float, shaping: Any = None) -> NoiseVariance:
-    r"""Compute the variances of y and u at the samples: see `SampledLoop.noise_variance`.
-
-    Examples
-    --------
-    >>> from nrdob import NRDOB, LowPassFilter
-    >>> G = ct.tf([1], [1, 1])
-    >>> y, u = NRDOB(G, G, 1.0, LowPassFilter(0.5, 2)).sampled(0.01).noise_variance()
-    >>> round(y / 0.01, 3)                    # near 1/(4λ), as for white noise of unit density
-    0.503
-    """
+    r"""Compute the variances of y and u at the samples: see `SampledLoop.noise_variance`."""
     A, B, C, D = loop.from_noise
     if _radius(A) >= STABLE:
         raise ValueError(
@@ -66,8 +49,7 @@ def sampled_noise_variance(loop: ClosedLoop, dt: float, shaping: Any = None) -> 
 def _covariance(A: FloatArray, B: FloatArray) -> FloatArray:
     """Solve P = A P Aᵀ + B Bᵀ by the sum of A^k B Bᵀ (A^k)ᵀ, doubled in each step.
 
-    All terms are positive, and states of very different sizes do not disturb one another, as they
-    do where the equation is solved as one linear system.
+    States of very different sizes then do not disturb one another.
     """
     P: FloatArray = np.outer(B, B)
     while True:

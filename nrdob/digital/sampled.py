@@ -14,23 +14,23 @@ from numpy.typing import ArrayLike
 from ..analysis import Margins, NoiseVariance
 from ..diagram import Fraction, LoopEquations, six_digits, undelayed
 from ..numerics import FloatArray
-from .actuatorlimits import ActuatorLimits
+from .actuatorlimits import ActuatorLimits, limited, rounded
 from .bilinear import after_samples, delay_in_w, held_blocks, held_in_w
 from .closedloop import ClosedLoop
-from .code import ControllerCode, controller_code
+from .code import ControllerCode, tracking
 from .controller import ModelDelay, SampledController, sampled_controller
 from .hold import HeldProcess, checked_times, held_process, in_samples
 from .margins import sampled_margins
 from .noise import sampled_noise_variance
-from .signals import Signal
-from .simulation import SimulatedResponse, sampled_step_response, simulate
+from .signals import Signal, external_signals, sample_times
+from .simulation import SimulatedResponse, sampled_step_response, simulated
 from .unitcircle import CircleFunction, Product
 from .verdict import SampledStability, sampled_stability
 
 __all__ = ["METHODS", "SampledLoop"]
 
-METHODS = ("tustin", "zoh")
-"""How a block is sampled."""
+METHODS = ("tustin", "zoh")  # how a block is sampled
+OBSERVER_INPUTS = ("applied", "commanded")  # which u the observer receives
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +43,7 @@ class SampledLoop:
     Parameters
     ----------
     loop : LoopEquations
-        The loop in continuous time.
+        In continuous time.
     dt : float
         Sampling time in seconds.
     method : {"tustin", "zoh"}
@@ -130,25 +130,15 @@ class SampledLoop:
         return replace(self.blocks, process=process, model=model), delay_in_w(delay, self.dt)
 
     def stability(self) -> SampledStability:
-        """Judge the sampled loop by Lemma 1 on the unit circle, in two ways.
-
-        Returns
-        -------
-        SampledStability
-            The verdict, and for C·G̃ and F·H the counts and roots that prove it.
-        """
+        """Judge the sampled loop by Lemma 1 on the unit circle, in two ways."""
         return self._stability
 
     def margins(self) -> Margins:
         """Compute the margins of the sampled plant loop L = K·G on the unit circle.
 
-        Returns
-        -------
-        Margins
-            Which unpack as `control.stability_margins`, with frequencies up to π/dt. The delay
-            margin is the smallest dead time that must be added to the process, or to the
-            computation, for the loop to become unstable: whole samples turn L, fractions act on
-            the hold.
+        The delay margin is the smallest dead time that must be added to the process, or to the
+        computation, for the loop to become unstable: whole samples turn L, fractions act on the
+        hold.
         """
         return self._margins
 
@@ -164,17 +154,12 @@ class SampledLoop:
 
         Parameters
         ----------
-        input : {"R", "d", "delta", "eta"}
-            Where the step enters: reference, output disturbance, input disturbance or noise.
-        timepts : (N,) array_like or float, optional
-            Increasing times from 0 on, in seconds, or the last one; by default until y and u have
-            settled.
+        input, timepts : as for `nrdob.NRDOB.step_response`
 
         Returns
         -------
         control.TimeResponseData
-            `time` (N,), and `outputs` (2, 1, N) with y and u; u is what the hold puts out, for
-            "delta" the input of the process u + δ.
+            As there; u is what the hold puts out, for "delta" the input of the process u + δ.
         """
         return sampled_step_response(
             self.controller, self.process, self._disturbed, input, timepts,
@@ -190,10 +175,6 @@ class SampledLoop:
             A stable discrete-time W(z) with the loop's sampling time, behind which the noise is
             coloured. By default η is white of unit variance; with a variance σ² give σ.
 
-        Returns
-        -------
-        NoiseVariance
-            `y`, of the process itself, and `u`.
 
         Raises
         ------
@@ -214,13 +195,8 @@ class SampledLoop:
         limits : ActuatorLimits, optional
             Range and rate of the actuator.
         tracking_time : float, optional
-            Time in seconds in which the integrator of C follows a u that is limited; by default it
-            does not.
-
-        Returns
-        -------
-        ControllerCode
-            With `to_c()`, `to_header()` and `to_python()`.
+            Time in seconds in which the integrator of C follows a u that is limited
+            (back-calculation); by default it does not.
 
         Raises
         ------
@@ -236,7 +212,12 @@ class SampledLoop:
         >>> "class Heater:" in code.to_python("Heater")
         True
         """
-        return controller_code(self.controller, limits, tracking_time)
+        if not isinstance(limits, ActuatorLimits | None):
+            raise TypeError(
+                f"limits is a {type(limits).__name__}; give nrdob.digital.ActuatorLimits(low, high)"
+            )
+        share = 0.0 if tracking_time is None else tracking(self.controller, tracking_time)
+        return ControllerCode(self.controller, limits or ActuatorLimits(), share)
 
     def simulate(
         self,
@@ -261,7 +242,6 @@ class SampledLoop:
         noise : float or (N,) array_like, optional
             Measurement noise, or the standard deviation of white noise.
         limits : ActuatorLimits, optional
-            Range and rate of the actuator.
         timepts : (N,) array_like or float, optional
             Times of the samples, 0, dt, 2 dt, …, in seconds, or the last one; by default as many
             as the arrays have.
@@ -270,26 +250,18 @@ class SampledLoop:
         observer_input : {"applied", "commanded"}
             Which u the observer receives: the actuator's or the controller's.
         tracking_time : float, optional
-            Time in seconds in which the integrator of C follows a u that is limited
-            (back-calculation); by default it does not.
+            As for `code`.
         start : float, optional
             A constant u to take over from without a bump, the process at rest under it and the
             first d and delta. By default everything is 0 before.
         resolution : float, optional
             Step of the converter that reads y.
 
-        Returns
-        -------
-        SimulatedResponse
-            `time`, `y`, `measured`, `u`, `applied` and `d_hat`.
-
         Raises
         ------
-        TypeError, ValueError
-            If a signal is of the wrong length or not finite, an input is unknown, the times are
-            not those of the samples, or the process is not at rest at `start`.
-        ArithmeticError
-            If the signals leave the range of floating-point numbers.
+        TypeError, ValueError, ArithmeticError
+            If signals and times do not fit, or the process is not at rest at `start`; if the
+            signals leave the range of floating-point numbers.
 
         Examples
         --------
@@ -305,11 +277,20 @@ class SampledLoop:
         u        from 0.8 to 1.05, at last 0.8
         applied  from 0.8 to 0.9, at last 0.8
         """
-        return simulate(
-            self.code(limits, tracking_time=tracking_time), self.process, self._disturbed, inputs,
-            noise, timepts=timepts, seed=seed, observer_input=observer_input, start=start,
-            resolution=resolution,
+        if observer_input not in OBSERVER_INPUTS:
+            choices = ", ".join(OBSERVER_INPUTS)
+            raise ValueError(f"observer_input is {observer_input!r}; choose one of {choices}")
+        code = self.code(limits, tracking_time=tracking_time)
+        time = sample_times(timepts, inputs, noise, self.dt)
+        external = external_signals(inputs, noise, time, seed)
+        rules = [limited(code.limits, self.dt)]
+        if resolution is not None:
+            rules.insert(0, rounded(resolution))
+        loop = ClosedLoop(
+            self.controller, self.process, self._disturbed, observer_input=observer_input,
+            tracking=code.tracking, rounds=resolution is not None,
         )  # fmt: skip
+        return simulated(loop, rules, time, external, start)
 
     @cached_property
     def _disturbed(self) -> HeldProcess:

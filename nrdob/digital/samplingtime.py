@@ -16,52 +16,40 @@ from .sampled import SampledLoop
 
 __all__ = ["largest_sampling_time"]
 
-STEP = 1.04
-"""Ratio of neighbouring sampling times in the search."""
-
-FASTEST, SLOWEST = 0.02, 100.0
-"""Range of sampling times, against the shortest and the longest time of the loop."""
-
-SAMPLES = 100
-"""Samples in the dead time at the shortest sampling time, at most."""
-
-REFINED = 1e-12
-"""Relative error of the end."""
+STEP = 1.04  # ratio of neighbouring sampling times in the search
+FASTEST, SLOWEST = 0.02, 100.0  # sampling times, against the shortest and longest time of the loop
+SAMPLES = 100  # samples in the dead time at the shortest sampling time, at most
+REFINED = 1e-12  # relative error of the end
 
 
 def largest_sampling_time(
     loop: LoopEquations, method: str = "tustin", computation_delay: float = 0.0
 ) -> float:
-    r"""Find the sampling time up to which a stable loop stays stable on a processor, in seconds.
+    """Find the sampling time up to which a stable loop stays stable on a processor, in seconds.
 
     For every shorter one the sampled loop is stable. The spectral radius is evaluated on a 4 % grid
     of sampling times, from a fiftieth of the shortest time of the loop (but no more than 100
-    samples in a dead time) on, and refined where it comes close to 1 in between; an unstable
-    interval narrower than 4 % can be missed. Shorter sampling times are taken for continuous time.
-    The end itself is refined to rounding and counted on both of its sides, by the argument on the
-    unit circle.
+    samples in a dead time) on; an unstable interval narrower than 4 % can be missed, and shorter
+    sampling times are taken for continuous time. The end itself is refined to rounding and counted
+    on both of its sides, by the argument on the unit circle.
 
     Parameters
     ----------
     loop : NRDOB
         Stable in continuous time, with the delay of the computation, too.
-    method : {"tustin", "zoh"}
-        How the blocks are sampled, as in `NRDOB.sampled`; "zoh" may end where it is refused.
-    computation_delay : float
-        Time from reading y to writing u, in seconds.
+    method, computation_delay : {"tustin", "zoh"}, float
+        As in `NRDOB.sampled`; "zoh" may end where it is refused.
 
     Returns
     -------
     float
-        Seconds; inf if the loop is stable for all sampling times up to a hundred times the longest
-        time of the loop.
+        Seconds; inf if the loop is stable for all sampling times up to a hundred times its longest
+        time.
 
     Raises
     ------
-    ValueError
-        If the loop is not stable in continuous time, so that no sampling time is short enough.
-    ArithmeticError
-        If the counts on both sides of the end do not confirm it.
+    ValueError, ArithmeticError
+        If the loop is not stable in continuous time; if the counts do not confirm the end.
 
     Examples
     --------

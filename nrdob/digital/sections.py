@@ -2,18 +2,14 @@ r"""Blocks of a sampled controller as second-order sections that stay accurate a
 
 Sampled fast, every pole lies next to z = 1, and in powers of z the digits go into saying so: a lag
 of 1 s sampled at 1 ms has :math:`a_2 = 1 + a_1 + \dots`, of which six digits are about the lag. In
-powers of :math:`\delta = z - 1` nothing has to be subtracted (Middleton and Goodwin):
+powers of :math:`\delta = z - 1` nothing has to be subtracted (Middleton and Goodwin, IEEE Trans.
+Automatic Control 31, 1986, 1015-1021):
 
 .. math:: \frac{b_0\delta^2 + b_1\delta + b_2}{\delta^2 + a_1\delta + a_2}
 
 and the section is as short as the usual one, with sums in place of shifts::
 
     w  = b0 v + x1          x1 += x2 + b1 v - a1 w          x2 += b2 v - a2 w
-
-.. rubric:: References
-
-Middleton, R. H., G. C. Goodwin, Improved finite word length characteristics in digital control
-using delta operators, IEEE Trans. Automatic Control 31 (1986) 1015-1021.
 """
 
 from __future__ import annotations
@@ -27,23 +23,13 @@ import numpy as np
 
 from ..numerics import ComplexArray, FloatArray, roots_by_time_scale
 
-__all__ = [
-    "Section",
-    "StateSpace",
-    "at_rest",
-    "bilinear_sections",
-    "state_space",
-]
+__all__ = ["Section", "StateSpace", "at_rest", "bilinear_sections", "state_space"]
 
-AT_INFINITY = 1e-12
-"""Size of 1 - αp for a pole p at which its image is z = ∞."""
+AT_INFINITY = 1e-12  # size of 1 - αp for a pole p at which its image is z = ∞
 
 
 class StateSpace(NamedTuple):
-    """Difference equations x[k+1] = A x[k] + B v[k], w[k] = C x[k] + D v[k].
-
-    A, B, C and D are arrays of the shapes (n, n), (n,) and (n,), and a float.
-    """
+    """Difference equations x[k+1] = A x[k] + B v[k], w[k] = C x[k] + D v[k]; B, C are vectors."""
 
     A: FloatArray
     B: FloatArray
@@ -60,7 +46,6 @@ class Section:
     Parameters
     ----------
     b0, b1, b2, a1, a2 : float
-        The coefficients.
     """
 
     b0: float
@@ -101,12 +86,6 @@ def bilinear_sections(
 
     It is proper and given by its factors, in descending powers of w; with α = dt/2, in seconds, and
     s for w this is Tustin's rule. A pole at w = 1/α, whose image is z = ∞, raises a ValueError.
-
-    Examples
-    --------
-    >>> lag = bilinear_sections([np.array([1.0])], [np.array([0.9, 1.0])], 0.1)[0]
-    >>> [round(c, 6) for c in (lag.b0, lag.b1, lag.a1, lag.rest)]
-    [0.1, 0.2, 0.2, 1.0]
     """
     (top, zeros), (bottom, poles) = map(_leading_and_roots, (num, den))
     if top == 0:
@@ -137,11 +116,6 @@ def at_rest(cascade: Sequence[Section], input: float, output: float) -> FloatArr
     """States of rest at a constant input, shape (n,), as `state_space` orders them.
 
     A section that integrates gets an `output`; its input at rest is 0.
-
-    Examples
-    --------
-    >>> at_rest([Section(0.3, 0.03)], 0.0, 5.0).tolist()    # a PI controller that gives 5
-    [5.0]
     """
     states: list[float] = []
     for section in cascade:

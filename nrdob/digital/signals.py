@@ -17,8 +17,7 @@ __all__ = ["EXTERNAL", "Signal", "external_signals", "finite", "sample_times"]
 Signal = ArrayLike | Callable[[FloatArray], ArrayLike]
 """A signal: a number, one value for each sample, or a function of the times."""
 
-EXTERNAL = ("R", "d", "delta")
-"""The inputs of a simulation; noise is given apart."""
+EXTERNAL = ("R", "d", "delta")  # the inputs of a simulation; noise is given apart
 
 
 def sample_times(
@@ -29,19 +28,8 @@ def sample_times(
     Parameters
     ----------
     timepts, inputs, noise : as of `SampledLoop.simulate`
-        What was given.
     dt : float
         Sampling time in seconds.
-
-    Returns
-    -------
-    array of float, shape (N,)
-        In seconds, from 0 on.
-
-    Examples
-    --------
-    >>> sample_times(None, {"R": [1.0, 1.0, 2.0]}, None, 0.5).tolist()
-    [0.0, 0.5, 1.0]
     """
     if not isinstance(inputs, Mapping):
         raise TypeError(
@@ -100,21 +88,14 @@ def external_signals(
     time: FloatArray,
     seed: int | np.random.Generator,
 ) -> FloatArray:
-    """Gather the signals of a simulation.
+    """Gather the signals of a simulation: R, d, δ and η as columns, shape (N, 4).
 
     Parameters
     ----------
     inputs, noise : as of `SampledLoop.simulate`
-        What was given; noise as a number is a standard deviation.
     time : array of float, shape (N,)
-        Times of the samples, in seconds.
+        Of the samples, in seconds.
     seed : int or numpy.random.Generator
-        Of white noise.
-
-    Returns
-    -------
-    array of float, shape (N, 4)
-        R, d, δ and η as columns.
     """
     columns = [_signal(inputs.get(name, 0.0), name, time) for name in EXTERNAL]
     if noise is None or np.ndim(noise) == 0:

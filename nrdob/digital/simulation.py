@@ -1,7 +1,6 @@
 r"""A sampled loop run on given signals: step responses, and simulations with an actuator's limits.
 
-The processor runs the sections that the generated code runs, too; between hold and sampler the
-process is exact. All external signals are held over a sample, as u is.
+Between hold and sampler the process is exact. All external signals are held over a sample, as u is.
 
 A loop with a limit is linear in everything but its decisions v (`nrdob.digital.closedloop`). Over a
 block of m samples all that is proposed is p = O x + T w + S v, x being the states at its beginning
@@ -16,7 +15,7 @@ integrator: the observer winds up.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil, log
 from typing import Any
@@ -30,29 +29,19 @@ from scipy.sparse.linalg import matrix_power
 
 from ..diagram import INPUTS
 from ..numerics import BoolArray, FloatArray
-from .actuatorlimits import Rule, limited, rounded
+from .actuatorlimits import Rule
 from .closedloop import ClosedLoop, Recursion
-from .code import ControllerCode
 from .controller import SampledController
 from .hold import WHOLE, HeldProcess
-from .signals import EXTERNAL, Signal, external_signals, finite, sample_times
+from .signals import EXTERNAL, finite
 
-__all__ = ["SimulatedResponse", "run", "sampled_step_response", "simulate"]
+__all__ = ["SimulatedResponse", "run", "sampled_step_response", "simulated"]
 
-OBSERVER_INPUTS = ("applied", "commanded")
-"""Which u the observer may receive."""
 
-LONGEST = 64
-"""Samples in one block: the work for a sample grows with it, the work for a block is spread."""
-
-GROWTH = 1e3
-"""By how much a block may multiply what has been decided in it: so many digits are lost."""
-
-MOST_DENSE = 100
-"""States up to which nothing is gained by leaving out zeros."""
-
-FEWEST, MOST_BY_DEFAULT, MOST_SAMPLES = 20, 20_000, 1_000_000
-"""Samples in a step response."""
+LONGEST = 64  # samples in one block: the work for a sample grows with it, for a block it is spread
+GROWTH = 1e3  # by how much a block may multiply what has been decided in it: digits are lost
+MOST_DENSE = 100  # states up to which nothing is gained by leaving out zeros
+FEWEST, MOST_BY_DEFAULT, MOST_SAMPLES = 20, 20_000, 1_000_000  # samples in a step response
 
 POINTS, SETTLED = 1000, 1e-3
 """Times in a step response by default, at least, and what is left of it at the end."""
@@ -64,14 +53,12 @@ class SimulatedResponse:
 
     Attributes
     ----------
-    time, y : arrays of float, shape (N,)
-        Times of the samples, in seconds, and the output just before u changes.
-    measured : array of float, shape (N,)
-        What the processor reads: y with noise, in steps of the resolution.
-    u, applied : arrays of float, shape (N,)
-        The controller's command, and the actuator's output from then (and the computation) on.
-    d_hat : array of float, shape (N,)
-        The observer's estimate of the disturbance at the input, in the unit of u.
+    time, y, measured : arrays of float, shape (N,)
+        Times of the samples, in seconds, the output just before u changes, and what the processor
+        reads: y with noise, in steps of the resolution.
+    u, applied, d_hat : arrays of float, shape (N,)
+        The controller's command, the actuator's output from then (and the computation) on, and the
+        observer's estimate of the disturbance at the input.
     """
 
     time: FloatArray
@@ -99,38 +86,14 @@ class SimulatedResponse:
         return "\n".join(lines)
 
 
-def simulate(
-    code: ControllerCode,
-    process: HeldProcess,
-    disturbed: HeldProcess,
-    inputs: Mapping[str, Signal],
-    noise: float | ArrayLike | None = None,
-    *,
-    timepts: ArrayLike | None = None,
-    seed: int | np.random.Generator = 0,
-    observer_input: str = "applied",
-    start: float | None = None,
-    resolution: float | None = None,
+def simulated(
+    loop: ClosedLoop,
+    rules: Sequence[Rule],
+    time: FloatArray,
+    external: FloatArray,
+    start: float | None,
 ) -> SimulatedResponse:
-    """Simulate a sampled loop: see `SampledLoop.simulate`.
-
-    `process` and `disturbed` are the process with the dead time from u, computation included, and
-    from δ.
-    """
-    if observer_input not in OBSERVER_INPUTS:
-        raise ValueError(
-            f"observer_input is {observer_input!r}; choose one of {', '.join(OBSERVER_INPUTS)}"
-        )
-    dt, rounds = process.dt, resolution is not None
-    time = sample_times(timepts, inputs, noise, dt)
-    external = external_signals(inputs, noise, time, seed)
-    loop = ClosedLoop(
-        code.controller, process, disturbed,
-        observer_input=observer_input, tracking=code.tracking, rounds=rounds,
-    )  # fmt: skip
-    rules = [limited(code.limits, dt)]
-    if resolution is not None:
-        rules.insert(0, rounded(resolution))
+    """Run a loop on R, d, δ and η, shape (N, 4): see `SampledLoop.simulate`."""
     states, before = _start(loop, external[0], start, rules)
     entering = loop.entering(external, at_rest=start is not None)
     found = run(loop.recursion, states, entering, rules, before)
@@ -169,7 +132,8 @@ def sampled_step_response(
     free = Rule(lambda value, before: value, lambda values, before: True)
     with np.errstate(over="ignore", invalid="ignore"):
         found = run(loop.recursion, np.zeros(len(loop.recursion.A)), entering, [free], [0.0])
-        x, felt, d = _in_between(loop, found)
+        rows = found.outputs(loop.rows(("x", "felt", "d"))).T
+        x, felt, d = rows[:-5], rows[-5:-1], rows[-1]
         k = np.floor(times / dt + WHOLE).astype(int)
         inside = np.maximum(times / dt - k, 0.0)
         inside[inside < WHOLE] = 0.0
@@ -209,12 +173,6 @@ def _step_times(
             "timepts must be increasing times from 0 on, in seconds, or the last one, above 0"
         )
     return times
-
-
-def _in_between(loop: ClosedLoop, found: Run) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """States of the process, u and δ as it receives them, and d, at all samples."""
-    rows = found.outputs(loop.rows(("x", "felt", "d"))).T
-    return rows[:-5], rows[-5:-1], rows[-1]
 
 
 def _start(
@@ -286,17 +244,6 @@ def run(
 
     `states`, shape (n,), are those at the first sample, `inputs` has the shape (N, q), `rules` say
     how each of the p decisions is made, and `before` are those in the sample before the first.
-
-    Examples
-    --------
-    An integrator with -x[k] fed back, at most 0.4 in a sample:
-
-    >>> from nrdob.digital.actuatorlimits import ActuatorLimits, limited
-    >>> one, none = np.ones((1, 1)), np.zeros((1, 0))
-    >>> loop = Recursion(one, none, one, -one, none, 0 * one)
-    >>> rules = [limited(ActuatorLimits(-0.4, 0.4), 1.0)]
-    >>> run(loop, np.ones(1), np.zeros((4, 0)), rules, [0.0]).decisions[:, 0].round(6).tolist()
-    [-0.4, -0.4, -0.2, 0.0]
     """
     (n, p), samples = recursion.G.shape, len(inputs)
     m = _block_length(recursion, samples)

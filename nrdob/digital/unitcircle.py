@@ -1,7 +1,6 @@
 r"""Functions on the unit circle as sums of products, and certified counts of their zeros.
 
-With v = (z - 1)/(z + 1), a polynomial of degree n in v, divided by (1 + v)^n, is a product of
-factors
+With v = (z - 1)/(z + 1), a polynomial of degree n in v, divided by (1 + v)^n, has the factors
 
 .. math:: \frac{v - v_i}{1 + v} = \frac{(1 - v_i) - (1 + v_i)\,z^{-1}}{2}
 
@@ -45,20 +44,14 @@ __all__ = [
     "resolved",
 ]
 
-TURN = 0.6
-"""How far a function may get within half an interval, against its own size."""
+TURN = 0.6  # how far a function may get within half an interval, against its own size
 
-SMALLEST = 2.0**-48
-"""Half width of an interval, against its angle, at which it is halved no more."""
+SMALLEST, MOST = 2.0**-48, 400_000
+"""Half width of an interval, against its angle, at which it is halved no more; intervals at most.
+"""
 
-MOST = 400_000
-"""Intervals at most."""
-
-TOGETHER = 8
-"""Samples between terms that are taken together, behind one dead time."""
-
-FREE, OPEN = -1, -2
-"""Marks of an interval: the function has no zero there; it may have one."""
+TOGETHER = 8  # samples between terms that are taken together, behind one dead time
+FREE, OPEN = -1, -2  # marks of an interval: the function has no zero there; it may have one
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,10 +175,7 @@ class Group(NamedTuple):
 
 @dataclass(frozen=True)
 class TurnCount:
-    """How many zeros lie outside the unit circle, z = ∞ included.
-
-    The count is None if one lies on the circle within rounding, at the angle in radians.
-    """
+    """Zeros outside the unit circle, z = ∞ included; None if one is on it, at the angle in rad."""
 
     count: int | None
     angle: float = nan
@@ -204,16 +194,7 @@ def multiplied_out(terms: Iterable[Product], samples: int) -> FloatArray:
 
 
 def count_outside(function: CircleFunction) -> TurnCount:
-    """Count the zeros outside the unit circle by the turn of the argument.
-
-    Examples
-    --------
-    1 - 2/z, that is v + 1 less 2 (1 - v), over 1 + v:
-
-    >>> import numpy as np
-    >>> count_outside(CircleFunction((Product((np.array([3.0, -1.0]),)),))).count
-    1
-    """
+    """Count the zeros outside the unit circle by the turn of the argument."""
     ends = np.array([0.0, pi])
     at_ends = np.abs(function(ends)) <= function.rounding(ends)
     if at_ends.any():
@@ -225,10 +206,7 @@ def count_outside(function: CircleFunction) -> TurnCount:
 
 
 def resolved(function: CircleFunction) -> FloatArray:
-    """Angles from 0 to π between which a function provably turns by less than a right angle.
-
-    An ArithmeticError if it takes too many of them.
-    """
+    """Angles from 0 to π between which a function provably turns by less than a right angle."""
     low, high, *_ = _certified(function, dominance=False)
     return np.unique(np.concatenate([low, high, (low + high) / 2]))
 

@@ -29,17 +29,16 @@ from .unitcircle import CircleFunction, count_outside
 
 __all__ = ["SampledStability", "sampled_stability"]
 
+# The ways in which roots are counted:
 TURNS, EIGENVALUES = "by the argument on the unit circle", "by eigenvalues"
 WHOLE_NUMBERS = "by Routh and Hurwitz's test in whole numbers"
 SIZES = "by the crossings of |P| = |Q| in p_B = P + Q/z^N"
-"""The ways in which roots are counted."""
 
 MOST_STATES, MOST_ALONE = 300, 1000
 """States of a loop up to which it has eigenvalues; the latter where there is no other second way.
 """
 
-CLEARLY = 1e-6
-"""Distance from the unit circle at which an eigenvalue is on its side, whatever the rounding."""
+CLEARLY = 1e-6  # distance from the circle at which an eigenvalue is on its side, however rounded
 
 Second = tuple[int | None, str]
 """The second count of the roots outside the unit circle, and its way; no way where there is none"""
@@ -55,13 +54,11 @@ class SampledStability(Stability):
     Attributes
     ----------
     stable, reason, model_loop, observer_loop, loop : as in `nrdob.analysis.Stability`
-        The verdict, why, both conditions of Lemma 1, and the loop in continuous time.
     eigenvalues : array of complex
         Of the whole loop from sample to sample, the largest first; none if there are so many that
         they are left out.
     in_w : callable
-        Gives the loop in the plane of w, where the unit circle is the imaginary axis, and the
-        fraction by which its model is delayed, if it is.
+        Gives the loop in the plane of w, and the fraction by which its model is delayed, if it is.
     """
 
     eigenvalues: ComplexArray = field(compare=False)
@@ -94,11 +91,7 @@ def sampled_stability(
     controller: SampledController,
     in_w: Callable[[], tuple[LoopEquations, Fraction | None]],
 ) -> SampledStability:
-    """Judge a sampled loop.
-
-    `loop` is in continuous time, `blocks` has model, controller and filter in the plane of w, and
-    p_B is the characteristic function of the observer loop.
-    """
+    """Judge a sampled loop; `blocks` has model, controller and filter in the plane of w."""
     dt, states = process.dt, process.B.size + process.memory + controller.states
     model_loop, pair = _model_loop(blocks, dt), DelayedPair.of(p_B)
     with_values = states <= (MOST_ALONE if pair is None else MOST_STATES)
@@ -168,11 +161,9 @@ def _compared(
         return None, ""
     if len(ways) > 1 and second != found:
         turns, other = ways
-        told = "nothing" if second is None else f"{second}"
-        return (
-            None,
-            f"{turns} {found} roots are outside the unit circle, {other} {told}: no verdict",
-        )
+        told = "nothing" if second is None else second
+        reason = f"{turns} {found} roots are outside the unit circle, {other} {told}: no verdict"
+        return None, reason
     return found == 0, f"p_A and p_B have all roots inside the unit circle, {' and '.join(ways)}"
 
 

@@ -2,17 +2,15 @@
 
 from .argument import Term, frequency_range, rhp_counts, zero_free
 from .arrays import ROUNDING, BoolArray, ComplexArray, FloatArray, IntArray, is_real, is_whole
-from .coefficients import add, exponential_rest
+from .coefficients import add, exponential_rest, pade
 from .crossings import bisect, golden, newton, side
-from .hurwitz import hurwitz
-from .manypolynomials import convolved, padded_sum, values_and_slopes, values_on_axis
+from .manypolynomials import convolved, hurwitz, padded_sum, values_and_slopes, values_on_axis
 from .quasipoly import QuasiPolynomial, multiply
 from .rootcount import RootCount, count_rhp, frequency_segments, unstable_roots
 from .rootfinding import companion_roots, polynomial_roots
 from .sharedfactor import Shared, factor_near, shared_factor, without_shared_factor
 from .stretches import ManyTerms
-from .timescales import Block, impulse_states, roots_by_time_scale, split
-from .transition import transition
+from .timescales import Block, impulse_states, roots_by_time_scale, split, transition
 from .writing import number, written
 
 __all__ = [
@@ -45,6 +43,7 @@ __all__ = [
     "newton",
     "number",
     "padded_sum",
+    "pade",
     "polynomial_roots",
     "rhp_counts",
     "roots_by_time_scale",

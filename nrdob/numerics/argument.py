@@ -1,10 +1,9 @@
 r"""The change in argument of :math:`\sum_i q_i(s)\,e^{-sT_i}` along the imaginary axis, certified.
 
 It says how many roots are in the right half plane (Mikhailov): for one sum, or for many at once.
-The stretches of the axis on which the argument is certain are those of `nrdob.numerics.stretches`.
 Where a single sum vanishes on the axis within rounding the path leaves the axis for a half circle
-on the right, so that what lies on the axis counts as lying in the left half plane; of
-many sums those that vanish are left open.
+on the right, so that what lies on the axis counts as lying in the left half plane; of many sums
+those that vanish are left open.
 """
 
 from __future__ import annotations
@@ -38,23 +37,11 @@ __all__ = [
     "zero_free_frequencies",
 ]
 
-MAX_SEGMENTS = 400_000
-"""Stretches of the axis at most where a dominant term is not enough."""
-
-MAX_STEPS = 40_000
-"""Stretches of one sum at most where a dominant term is enough."""
-
-TOGETHER, LEAST_STEPS = 250, 4000
-"""Sums that are followed at once, and stretches of each of them that there may be at least."""
-
-ARCS = 32
-"""Discs that cover a half circle around a zero on the axis."""
-
-FAR = 1e6
-"""Longest dead time, and inverse of the shortest, whose powers are taken as they are."""
-
-SERIES = 24
-"""Coefficients of exp(-sT) for |s|T <= 1, behind which less than rounding is left."""
+MAX_SEGMENTS, MAX_STEPS = 400_000, 40_000  # stretches at most; if dominance is enough
+TOGETHER, LEAST_STEPS = 250, 4000  # sums at once, and least limit of stretches of each
+ARCS = 32  # discs that cover a half circle around a zero on the axis
+FAR = 1e6  # longest dead time, and inverse of the shortest, whose powers are taken as they are
+SERIES = 24  # coefficients of exp(-sT) for |s|T <= 1, behind which less than rounding is left
 
 
 class Term(NamedTuple):
@@ -63,9 +50,9 @@ class Term(NamedTuple):
     Attributes
     ----------
     q : array of float
-        Coefficients of the polynomial, in descending powers.
+        Coefficients in descending powers.
     delay : float
-        Dead time in seconds.
+        In seconds.
     """
 
     q: FloatArray
@@ -74,17 +61,11 @@ class Term(NamedTuple):
 
 @dataclass(frozen=True)
 class ArgumentChange:
-    """How much the argument changes from ω = 0 to infinity.
+    """How much the argument changes from ω = 0 to infinity, in radians counterclockwise.
 
-    Attributes
-    ----------
-    angle : float
-        In radians, counterclockwise positive, zeros on the axis passed on their right; nan if
-        one of them cannot be passed.
-    touched : tuple of float
-        Frequencies at which the function vanishes within rounding, in rad/s.
-    origin_alone : bool
-        Whether no more zeros were passed at s = 0 than are known to be there.
+    Zeros on the axis are passed on their right; nan if one of them cannot be. `touched` are the
+    frequencies at which the function vanishes within rounding, in rad/s; `origin_alone` tells
+    whether no more zeros were passed at s = 0 than are known to be there.
     """
 
     angle: float
@@ -95,17 +76,14 @@ class ArgumentChange:
 def rhp_counts(terms: Sequence[ManyTerms], scale: FloatArray) -> IntArray:
     """Count the roots of many sums in the open right half plane.
 
+    -1 stands where a root is on the axis within rounding, or steps would be too many.
+
     Parameters
     ----------
     terms : sequence of ManyTerms
         The first one without dead time and of the highest degree, its leading coefficient not 0.
     scale : (k, n) array of float
         For each power of s (descending) the size of what was summed to give the coefficients.
-
-    Returns
-    -------
-    (n,) array of int
-        The counts; -1 where a root is on the axis within rounding, or steps would be too many.
 
     Examples
     --------
@@ -132,21 +110,14 @@ def rhp_counts(terms: Sequence[ManyTerms], scale: FloatArray) -> IntArray:
 def frequency_range(
     terms: Sequence[ManyTerms], scale: FloatArray
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Frequencies below which the constant, and above which the leading term dominates.
+    """Frequencies below which the constant, and above which the leading term dominates, in rad/s.
+
+    The lower one is 0 where the constant is only rounding; and whether both are more than that.
 
     Parameters
     ----------
-    terms : sequence of ManyTerms
+    terms, scale : sequence of ManyTerms, (k, n) array of float
         As for `rhp_counts`.
-    scale : (k, n) array of float
-        As for `rhp_counts`.
-
-    Returns
-    -------
-    low, high : (n,) array of float
-        In rad/s; low is 0 where the constant is only rounding.
-    certain : (n,) array of bool
-        Whether constant and leading coefficients are more than rounding.
     """
     with np.errstate(all="ignore"):
         low, high, led = _range(terms, scale)
@@ -160,17 +131,10 @@ def zero_free(
 
     Parameters
     ----------
-    terms : sequence of ManyTerms
+    terms, scale : sequence of ManyTerms, (k, ...) array of float
         As for `rhp_counts`; their columns broadcast with the discs.
-    scale : (k, ...) array of float
-        As for `rhp_counts`.
     centre, radius : array of float
-        Of the discs, in rad/s.
-
-    Returns
-    -------
-    array of bool
-        For each disc.
+        In rad/s.
     """
     with np.errstate(all="ignore"):
         sums = Sums.between(terms, scale, float(centre.min()), float(centre.max()))
@@ -183,20 +147,8 @@ def argument_change(terms: Sequence[Term], scale: FloatArray, origin: int = 1) -
     """Follow the argument of one sum from ω = 0 to infinity.
 
     The first term has no dead time and the highest degree, its leading coefficient larger than
-    those of the others together; `scale` has for each power of s (descending) the size of what was
-    summed to give the coefficients; `origin` is the multiplicity of the zero at s = 0, if there is
-    one.
-
-    Raises
-    ------
-    ArithmeticError
-        If more than `MAX_STEPS` steps would be needed.
-
-    Examples
-    --------
-    >>> q = np.array([1.0, -1.0, 4.0])                       # two roots in the right half plane
-    >>> bool(np.isclose(argument_change([Term(q, 0.0)], np.abs(q)).angle, -np.pi))
-    True
+    those of the others together; `scale` is as for `rhp_counts`, `origin` the multiplicity of the
+    zero at s = 0, if there is one. An ArithmeticError if it would take over `MAX_STEPS` steps.
     """
     lead = terms[0].q
     degree = lead.size - 1
@@ -234,10 +186,9 @@ def argument_change(terms: Sequence[Term], scale: FloatArray, origin: int = 1) -
 def zero_free_frequencies(terms: Sequence[Term], scale: FloatArray, origin: int = 1) -> FloatArray:
     """Frequencies between which the argument provably changes by less than half a revolution.
 
-    In rad/s, increasing, from 0 to where the leading term dominates. Around a zero on the axis,
-    within rounding, a stretch is left in which it may change by more. If the dead time is so long
-    that more than `MAX_SEGMENTS` frequencies would be needed, there are stretches, too, in which it
-    turns with a dominant term's dead time, any number of times.
+    In rad/s, increasing, from 0 to where the leading term dominates. It may change by more around a
+    zero on the axis, within rounding, and with a dominant term's dead time where over
+    `MAX_SEGMENTS` frequencies would be needed.
     """
     if terms[0].q.size == 1:
         return np.zeros(1)
@@ -294,10 +245,7 @@ def _angle(base: FloatArray | ComplexArray, sums: Sums, omega: float) -> float:
 
 
 def _of_low_degree(q: FloatArray, scale: FloatArray) -> float | None:
-    """Change for a polynomial of degree 1 or 2, which is seen from where it crosses an axis.
-
-    None where a root is on the axis within rounding.
-    """
+    """Change for degree 1 or 2, from where it crosses an axis; None with a root on the axis."""
     a, *middle, c = q.tolist()
     *sizes, size = scale.tolist()
     if abs(c) <= ROUNDING * size:
@@ -402,10 +350,7 @@ def _in_unit(
 
 
 class _Near(NamedTuple):
-    """A sum near its zero at s = 0: this polynomial times a power of s within the radius.
-
-    Below the first frequency the polynomial's constant dominates.
-    """
+    """A sum near its zero at s = 0: within the radius a polynomial times a power of s."""
 
     rest: Term
     scale: FloatArray
@@ -416,10 +361,7 @@ class _Near(NamedTuple):
 def _near_origin(
     terms: Sequence[Term], scale: FloatArray, high: float, multiplicity: int
 ) -> _Near | None:
-    """Divide a zero at s = 0 out of the Taylor series; None if it is of higher multiplicity.
-
-    Where no dead time turns by more than one radian, so many coefficients are the sum itself.
-    """
+    """Divide a zero at s = 0 out of the Taylor series; None if it is of higher multiplicity."""
     count = multiplicity + scale.size + SERIES
     c, sizes = np.zeros(count), np.zeros(count)
     sizes[: scale.size] = scale[::-1]

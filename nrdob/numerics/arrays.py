@@ -20,32 +20,20 @@ ROUNDING = 1e3 * float(np.finfo(float).eps)
 
 
 def is_real(value: object) -> bool:
-    """Tell whether a value is a real number; truth values and texts are none.
+    """Tell whether a value is a real number of Python or NumPy; truth values and texts are none.
 
     Parameters
     ----------
     value : object
-        Anything.
-
-    Returns
-    -------
-    bool
-        True for a number of Python or NumPy.
     """
     return isinstance(value, Real) and not isinstance(value, bool)
 
 
 def is_whole(value: object) -> bool:
-    """Tell whether a value is a whole number by its type; truth values are none.
+    """Tell whether a value is an integer of Python or NumPy; truth values are none.
 
     Parameters
     ----------
     value : object
-        Anything.
-
-    Returns
-    -------
-    bool
-        True for an integer of Python or NumPy.
     """
     return isinstance(value, Integral) and not isinstance(value, bool)

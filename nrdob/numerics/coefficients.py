@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import factorial
+from math import comb, factorial, perm
 from typing import Any
 
 import numpy as np
@@ -15,13 +15,14 @@ __all__ = [
     "exponential",
     "exponential_rest",
     "horner",
+    "pade",
+    "products",
     "times_s",
     "trailing_zeros",
     "trim",
 ]
 
-NEAR = 1.0
-"""Size of z up to which the rest of exp(z) is summed up, because the difference loses digits."""
+NEAR = 1.0  # size of z up to which the rest of exp(z) is summed up: a difference loses digits
 
 
 def exponential_rest(z: ComplexArray, m: int, *, divided: bool = False) -> ComplexArray:
@@ -30,7 +31,6 @@ def exponential_rest(z: ComplexArray, m: int, *, divided: bool = False) -> Compl
     Parameters
     ----------
     z : array of complex
-        Any shape.
     m : int
         0 for exp(z) itself, 1 for exp(z) - 1.
     divided : bool
@@ -65,13 +65,31 @@ def exponential(delay: float, m: int) -> FloatArray:
     return np.array([(-delay) ** k / factorial(k) for k in range(m - 1, -1, -1)])
 
 
+def pade(order: int, delay: float) -> tuple[FloatArray, FloatArray]:
+    """Diagonal Padé approximant of exp(-delay·s).
+
+    Parameters
+    ----------
+    order : int
+    delay : float
+        In seconds.
+
+    Examples
+    --------
+    >>> [p.tolist() for p in pade(1, 2.0)]
+    [[-1.0, 1.0], [1.0, 1.0]]
+    """
+    k = np.arange(order, -1, -1)
+    den = np.array([comb(order, i) / perm(2 * order, i) * delay**i for i in k.tolist()])
+    return den * (-1.0) ** k, den
+
+
 def add(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Add two coefficient arrays in descending powers.
+    """Add two coefficient arrays in descending powers, of any lengths.
 
     Parameters
     ----------
     a, b : array of float
-        Of any lengths.
     """
     if a.size < b.size:
         a, b = b, a
@@ -87,6 +105,14 @@ def horner(coefficients: FloatArray, s: ComplexArray) -> Any:
     for coefficient in others:
         value = value * s + coefficient
     return value
+
+
+def products(coefficients: FloatArray, size: int) -> FloatArray:
+    """Matrix that multiplies polynomials of `size` coefficients by one."""
+    matrix = np.zeros((coefficients.size + size - 1, size))
+    for k in range(size):
+        matrix[k : k + coefficients.size, k] = coefficients
+    return matrix
 
 
 def trim(coefficients: FloatArray, scale: FloatArray) -> FloatArray:

@@ -3,23 +3,15 @@ r"""Roots in the right half plane counted by the crossings that a growing dead t
 As T grows from 0, the roots of :math:`q(s) + r(s)\,e^{-sT}` cross the imaginary axis only at the
 frequencies where :math:`|q(j\omega)| = |r(j\omega)|`, which do not depend on T: at :math:`\omega`
 for :math:`T = (\varphi + 2\pi m)/\omega` with :math:`e^{j\varphi} = -r/q` and m = 0, 1, 2, …, from
-left to right if :math:`|q|^2 - |r|^2` grows with frequency there, else from right to left. With
-the roots of :math:`q + r` that makes the number of roots in the right half plane for every dead
-time.
-
-With a second dead time that does not change q is no polynomial but a sum of two terms, which only
-makes it harder to find the frequencies.
-
-.. rubric:: References
-
-Walton, K., J. E. Marshall, Direct method for TDS stability analysis, IEE Proceedings D 134 (1987)
-101-107.
+left to right if :math:`|q|^2 - |r|^2` grows with frequency there, else from right to left (Walton
+and Marshall, IEE Proceedings D 134, 1987, 101-107). The roots of :math:`q + r` are those for T = 0.
+With a second dead time that does not change q is a sum of two terms, which only makes it harder to
+find the frequencies.
 """
 
 from __future__ import annotations
 
 from math import factorial, floor, sqrt, tau
-from typing import NamedTuple
 
 import numpy as np
 
@@ -28,43 +20,30 @@ from .crossings import side, zeros
 from .exact import Whole, multiply, positive_sign_changes, rhp_count, squared_size, total, whole
 from .rootfinding import companion_roots, frequencies_beside, polynomial_roots
 
-PER_TURN = 24
-"""Frequencies to each turn of a dead time."""
-
-MAX_FREQUENCIES = 1_000_000
-"""Frequencies of a band at most."""
-
 __all__ = ["count_by_crossings", "crossings_between"]
 
-BESIDE_ZERO = 1e-6
-"""Least frequency, against the slowest root or one over the dead time, beside a root at s = 0."""
-
-AT_ZERO = 1e-6
-"""Angle in radians at which a crossing belongs to the dead time zero, where it starts."""
+PER_TURN, MAX_FREQUENCIES = 24, 1_000_000  # of a dead time, and in a band at most
+BESIDE_ZERO = 1e-6  # least frequency beside a root at s = 0, against the slowest root or 1/T
+AT_ZERO = 1e-6  # angle in radians at which a crossing belongs to the dead time zero
 
 
 def count_by_crossings(q: FloatArray, r: FloatArray, delay: float) -> int | None:
-    """Count the roots of q + r exp(-sT) in the open right half plane, after Walton and Marshall.
+    """Count the roots of q + r exp(-sT) in the open right half plane.
 
     The leading coefficient of q dominates. None where the equation without dead time has roots on
     the axis; a root at s = 0 for every dead time, where q + r = 0, is not counted.
-
-    Examples
-    --------
-    >>> count_by_crossings(np.array([1.0, 0.0]), np.array([8.0]), 1.0)    # s + 8 exp(-s)
-    4
     """
     Q, R = whole(q, r)
     changes = positive_sign_changes(_difference(squared_size(Q), squared_size(R)))
-    crossings = [_crossing(q, r, sqrt(x), direction) for x, direction in changes]
-    count = _count_without_delay(q, r, [each.omega for each in crossings if each.angle == 0])
+    crossings = [(sqrt(x), _crossing_angle(q, r, sqrt(x)), direction) for x, direction in changes]
+    count = _count_without_delay(q, r, [omega for omega, angle, _ in crossings if angle == 0])
     if count is None:
         return None
     for omega, angle, direction in crossings:
         # A pair that starts on the axis does not come from the right: it is not lost there.
         first = 0 if angle == 0 and direction < 0 else 1
         count += 2 * direction * (floor((omega * delay - angle) / tau) + first)
-    return count + _through_zero(q, r, delay)
+    return count + _past_zero(q, (np.zeros(1), 0.0), r, 0.0, delay)
 
 
 def crossings_between(
@@ -75,15 +54,6 @@ def crossings_between(
     The term r exp(-sT) in `fixed` stays; the dead time of `moving` goes from `start` to `end`, in
     seconds. None if there are too many frequencies to look at; a root at s = 0 for all dead times,
     where q + r + moving = 0, is not counted.
-
-    Examples
-    --------
-    s + 1 + 4 exp(-sT) - 4 exp(-s) has no roots in the right half plane for T = 1, but ten for T =
-    10:
-
-    >>> four = np.array([4.0])
-    >>> crossings_between(np.array([1.0, 1.0]), (-four, 1.0), four, 1.0, 10.0)
-    10
     """
     r, delay = fixed
 
@@ -139,27 +109,10 @@ def _frequencies(
     return np.asarray(omega[(omega >= low) & (omega <= high)])
 
 
-def _through_zero(q: FloatArray, r: FloatArray, delay: float) -> int:
-    """Count the real root that passes s = 0 where another one stays, (q + r)(0) = 0.
-
-    That other one divided out, (c - T r(0)) + (b - T r'(0) + T² r(0)/2) s + … is left, where c and
-    b are the next coefficients of q + r.
-    """
-    _, c, b = np.pad((q + np.pad(r, (q.size - r.size, 0)))[::-1], (0, 3))[:3]
-    if q[-1] + r[-1] or c * (c - delay * r[-1]) >= 0:
-        return 0
-    T = c / r[-1]
-    slope = b - T * (r[-2] if r.size > 1 else 0.0) + T * T * r[-1] / 2
-    return 1 if c * slope > 0 else -1
-
-
 def _past_zero(
     q: FloatArray, fixed: tuple[FloatArray, float], moving: FloatArray, start: float, end: float
 ) -> int:
-    """Count the real root that passes s = 0, where another one stays, between two dead times.
-
-    That other one divided out, slope + bend s + … is left.
-    """
+    """Count the real root that passes s = 0, where another one stays, between two dead times."""
 
     def series(delay: float, power: int) -> float:
         late = ((q, 0.0), fixed, (moving, delay))
@@ -187,16 +140,10 @@ def _coefficient(r: FloatArray, delay: float, power: int) -> float:
     return float(low @ np.array(factors))
 
 
-class _Crossing(NamedTuple):
-    omega: float
-    angle: float
-    direction: int
-
-
-def _crossing(q: FloatArray, r: FloatArray, omega: float, direction: int) -> _Crossing:
+def _crossing_angle(q: FloatArray, r: FloatArray, omega: float) -> float:
     s = 1j * omega
     angle = float(np.angle(-np.polyval(r, s) / np.polyval(q, s)))
-    return _Crossing(omega, 0.0 if abs(angle) < AT_ZERO else angle % tau, direction)
+    return 0.0 if abs(angle) < AT_ZERO else angle % tau
 
 
 def _count_without_delay(q: FloatArray, r: FloatArray, on_axis: list[float]) -> int | None:

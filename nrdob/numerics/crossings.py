@@ -21,7 +21,6 @@ def side(values: FloatArray) -> FloatArray:
     Parameters
     ----------
     values : array of float
-        Of any shape.
     """
     return np.where(values >= 0, 1.0, -1.0)
 
@@ -31,23 +30,17 @@ def bisect(
 ) -> FloatArray:
     """Find a zero between each `low` and `high`, on which the function's sides differ.
 
-    Brackets shrink by inverse quadratic interpolation where that is safe, else by halves: on
-    smooth functions about ten evaluations reach the last bits, on jumps as many as halving needs.
-    Brackets no wider than `within` are narrow enough.
+    Brackets shrink by inverse quadratic interpolation where that is safe, else by halves
+    (Chandrupatla, Adv. Eng. Software 28, 1997, 145-149): on smooth functions about ten evaluations
+    reach the last bits, on jumps as many as halving needs.
 
     Parameters
     ----------
     function : callable
         Takes an array of the brackets' shape, and gives one.
     low, high : array of float, of one shape
-        Ends of the brackets.
     within : float
         Width at which a bracket is narrow enough.
-
-    References
-    ----------
-    Chandrupatla, T. R., A new hybrid quadratic/bisection algorithm for finding the zero of a
-    nonlinear function without using derivatives, Adv. Eng. Software 28 (1997) 145-149.
     """
     a, b = np.array(high, dtype=float), np.array(low, dtype=float)
     at_a, at_b = function(a), function(b)
@@ -93,7 +86,6 @@ def newton(
     function : callable
         Takes an array of the brackets' shape, and gives two.
     low, high, start : array of float, of one shape
-        Ends of the brackets, and where to begin.
     within : float or array of float
         Longest last step.
     """
@@ -121,7 +113,6 @@ def golden(function: Function, low: FloatArray, high: FloatArray) -> FloatArray:
     function : callable
         Takes an array of the brackets' shape, and gives one.
     low, high : array of float, of one shape
-        Ends of the brackets.
     """
     ratio = (5**0.5 - 1) / 2
     left, right = high - ratio * (high - low), low + ratio * (high - low)

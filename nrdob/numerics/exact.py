@@ -2,16 +2,13 @@ r"""Polynomials in whole numbers: what their coefficients prove about their root
 
 A floating-point number is a whole number times a power of two, so a polynomial with such
 coefficients is one in whole numbers, and Sturm's chains decide where its roots are without any
-rounding. Lists hold coefficients in descending powers, the first one not zero.
-
-.. rubric:: References
-
-Gantmacher, F. R., The Theory of Matrices, vol. 2, 1959, ch. XV: Sturm, Routh and Hurwitz.
+rounding (Gantmacher, The Theory of Matrices, vol. 2, 1959, ch. XV). Lists hold coefficients in
+descending powers, the first one not zero.
 """
 
 from __future__ import annotations
 
-from itertools import pairwise
+from itertools import pairwise, zip_longest
 from math import gcd, nextafter, sqrt
 
 from .arrays import FloatArray
@@ -32,12 +29,7 @@ Whole = list[int]
 
 
 def whole(*polynomials: FloatArray) -> list[Whole]:
-    """Write polynomials in whole numbers, all multiplied by the same positive number.
-
-    >>> import numpy as np
-    >>> whole(np.array([0.5, 1.0]), np.array([0.75]))
-    [[2, 4], [3]]
-    """
+    """Write polynomials in whole numbers, all multiplied by the same positive number."""
     ratios = [[c.as_integer_ratio() for c in p.tolist()] for p in polynomials]
     common = max(den for row in ratios for _, den in row)  # denominators are powers of two
     return [_stripped([num * (common // den) for num, den in row]) for row in ratios]
@@ -45,9 +37,7 @@ def whole(*polynomials: FloatArray) -> list[Whole]:
 
 def total(a: Whole, b: Whole) -> Whole:
     """Add two polynomials."""
-    size = max(len(a), len(b))
-    a, b = [0] * (size - len(a)) + a, [0] * (size - len(b)) + b
-    return _stripped([x + y for x, y in zip(a, b, strict=True)])
+    return _stripped([x + y for x, y in zip_longest(a[::-1], b[::-1], fillvalue=0)][::-1])
 
 
 def multiply(a: Whole, b: Whole) -> Whole:
@@ -64,13 +54,6 @@ def rhp_count(p: Whole) -> int | None:
 
     Routh and Hurwitz's test: the real and the imaginary part of p(jω) make a Sturm chain, whose
     changes of sign at ω = ±∞ give the argument.
-
-    Examples
-    --------
-    >>> rhp_count([1, -1, 4]), rhp_count([1, 1, 1, 1])     # s² - s + 4, (s + 1)(s² + 1)
-    (2, None)
-    >>> rhp_count([1, 0, -1])
-    1
     """
     if not p[-1]:
         return None
@@ -78,9 +61,8 @@ def rhp_count(p: Whole) -> int | None:
     if n == 1:
         return int((p[0] > 0) != (p[1] > 0))
     # j^k c_k: signs + + - - for the powers k = 0, 1, 2, 3; either part has every other power only.
-    every, other = (
-        _stripped([_unit(n - i) * p[i] for i in range(first, n + 1, 2)]) for first in (0, 1)
-    )
+    signed = [-c if (n - i) % 4 >= 2 else c for i, c in enumerate(p)]
+    every, other = (_stripped(signed[first::2]) for first in (0, 1))
     chain = _routh(every, other, n % 2)
     leads = [(1 if part[0] > 0 else -1, odd) for part, odd in chain]
     ahead = _sign_changes([sign for sign, _ in leads])
@@ -98,10 +80,7 @@ def rhp_count(p: Whole) -> int | None:
 
 
 def _routh(a: Whole, b: Whole, odd: int) -> list[tuple[Whole, int]]:
-    """Sturm's chain of two polynomials, one even and one odd, given by every other coefficient.
-
-    Each with 1 where it is odd; `odd` is that of a.
-    """
+    """Sturm's chain of an even and an odd polynomial, by every other coefficient; with parity."""
     chain = [(a, odd)]
     while b:
         a, b = b, _negative_remainder(a, b, len(b) + 1 - odd)
@@ -112,26 +91,14 @@ def _routh(a: Whole, b: Whole, odd: int) -> list[tuple[Whole, int]]:
 
 def squared_size(p: Whole) -> Whole:
     """Return ``|p(jω)|²`` as a polynomial in x = ω²."""
-    ascending = p[::-1]
-    parts = [[(-1) ** i * c for i, c in enumerate(ascending[odd::2])] for odd in (0, 1)]
-    square = [0] * len(p)
-    for odd, part in enumerate(parts):
-        for i, a in enumerate(part):
-            for k, b in enumerate(part):
-                square[i + k + odd] += a * b
-    return _stripped(square[::-1])
+    even, odd = ([(-1) ** i * c for i, c in enumerate(p[::-1][k::2])][::-1] for k in (0, 1))
+    return total(multiply(even, even), [*multiply(odd, odd), 0])
 
 
 def positive_sign_changes(p: Whole) -> list[tuple[float, int]]:
     """Find every x > 0 at which p changes its sign, and the sign beyond it.
 
-    Roots of even multiplicity, at which p only touches zero, are left out. Each x is known to the
-    last bit or two.
-
-    Examples
-    --------
-    >>> positive_sign_changes([1, -3, 2])                   # (x - 1)(x - 2)
-    [(1.0, -1), (2.0, 1)]
+    Each x is known to the last bit or two.
     """
     while p and not p[-1]:
         p = p[:-1]
@@ -178,11 +145,8 @@ def _negative_remainder(a: Whole, b: Whole, least: int) -> Whole:
     lead, sign = abs(b[0]), 1 if b[0] > 0 else -1
     while len(a) >= least:
         factor = sign * a[0]
-        tail = len(b)
-        a = [lead * x - factor * y for x, y in zip(a[1:tail], b[1:], strict=True)] + [
-            lead * x for x in a[tail:]
-        ]
-        a = _stripped(a)
+        pairs = zip_longest(a[1:], b[1:], fillvalue=0)
+        a = _stripped([lead * x - factor * y for x, y in pairs])
     content = gcd(*a) if a else 1
     return [-x // content for x in a]
 
@@ -224,10 +188,6 @@ def _bound(p: Whole) -> float:
 def _derivative(p: Whole) -> Whole:
     n = len(p) - 1
     return [c * (n - i) for i, c in enumerate(p[:-1])]
-
-
-def _unit(k: int) -> int:
-    return -1 if k % 4 >= 2 else 1
 
 
 def _stripped(p: Whole) -> Whole:

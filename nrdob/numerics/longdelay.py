@@ -3,44 +3,32 @@ r"""The rightmost roots of :math:`q(s) + r(s)\,e^{-sT} + …` when T is long.
 Then the roots lie where :math:`sT = \ln(-r/q) + 2\pi jk`: close to a curve along the imaginary
 axis, at a distance of :math:`\ln|r/q|/T`, and near roots of q on its right. The rightmost ones are
 those near the highest points of the curve. Newton's method finds them from there, and a count of
-the roots to the right of a vertical line shows that nothing has been missed. With a second dead
-time the guesses are where a step of Newton's method from the axis is smallest.
-
-.. rubric:: References
-
-Lichtner, M., M. Wolfrum, S. Yanchuk, The spectrum of delay differential equations with large delay,
-SIAM J. Math. Anal. 43 (2011) 788-802.
+the roots to the right of a vertical line shows that nothing has been missed (Lichtner, Wolfrum,
+Yanchuk, SIAM J. Math. Anal. 43, 2011, 788-802). With a second dead time the guesses are where a
+step of Newton's method from the axis is smallest.
 """
 
 from __future__ import annotations
 
-from math import comb, perm, pi, tau
+from math import pi, tau
 
 import numpy as np
 
 from .argument import Term, argument_change
 from .arrays import ComplexArray, FloatArray
+from .coefficients import add, pade
 from .rootfinding import Delayed, companion_roots, frequencies_beside, value_and_slope
 
 __all__ = ["rightmost_roots"]
 
-NEIGHBOURS = 6
-"""Roots that are looked for on either side of every highest point of the curve."""
+PEAKS, NEIGHBOURS = 8, 6  # highest points of the curve, and roots on either side of each
+SHOWN = 400  # if fewer roots than this are in the right half plane, all of them are looked for
 
-PEAKS = 8
-"""Highest points that are looked at."""
+PER_TURN, MOST_DIPS = 12, 100_000
+"""Frequencies to each turn of the longest of several dead times, and at most."""
 
-SHOWN = 400
-"""If fewer roots than this are in the right half plane, all of them are looked for."""
-
-PER_TURN = 12
-"""Frequencies to each turn of the longest of several dead times."""
-
-MOST_DIPS = 100_000
-"""Frequencies at most at which several dead times are looked at."""
-
-BESIDE = 1e-4
-"""How far to the right of the rightmost root the line is laid, against its distance."""
+PADE_ORDER = 6  # of the rational that stands for the dead time near s = 0
+BESIDE = 1e-4  # how far to the right of the rightmost root the line is laid, against its distance
 
 
 def rightmost_roots(q: FloatArray, delayed: Delayed) -> ComplexArray:
@@ -49,13 +37,6 @@ def rightmost_roots(q: FloatArray, delayed: Delayed) -> ComplexArray:
     The leading coefficient of q dominates; the longest dead time comes first. There may be others
     between the roots. The first one's real part is known to be the largest, to four digits; there
     are none if no such root was found.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> roots = rightmost_roots(np.array([1.0, 0.0]), [(np.array([1.0]), 1000.0)])
-    >>> print(f"{roots[0]:.4g}")
-    0.00515+0.002664j
     """
     longest = delayed[0][1]
     guesses = _guesses(q, *delayed[0]) if len(delayed) == 1 else _dips(q, delayed)
@@ -90,10 +71,7 @@ def _guesses(q: FloatArray, r: FloatArray, delay: float) -> ComplexArray:
 
 
 def _dips(q: FloatArray, delayed: Delayed) -> ComplexArray:
-    """Guesses where a sum of several terms is smallest along the axis, and poles of q.
-
-    As far as the delayed terms can be as large as q.
-    """
+    """Guesses where a sum of several terms is smallest along the axis, and poles of q."""
     poles = companion_roots(q)
     corners = [np.concatenate([poles, companion_roots(r)]) for r, _ in delayed]
     omega = _frequencies(np.concatenate(corners), delayed[0][1])
@@ -128,14 +106,9 @@ def _log_ratio(q: FloatArray, r: FloatArray, s: ComplexArray) -> ComplexArray:
 
 def _slow_roots(q: FloatArray, r: FloatArray, delay: float) -> ComplexArray:
     """Roots of the equation with Padé's approximation of the dead time, good near s = 0."""
-    n = 6
-    den = np.array([comb(n, k) * delay**k / perm(2 * n, k) for k in range(n, -1, -1)])
-    num = den * (-1.0) ** np.arange(n, -1, -1)
-    a, b = np.convolve(q, den), np.convolve(r, num)
-    total = a.copy()
-    total[a.size - b.size :] += b
-    found = companion_roots(np.trim_zeros(total, "f"))
-    return found[np.abs(found) * delay < 2 * n]
+    num, den = pade(PADE_ORDER, delay)
+    found = companion_roots(np.trim_zeros(add(np.convolve(q, den), np.convolve(r, num)), "f"))
+    return found[np.abs(found) * delay < 2 * PADE_ORDER]
 
 
 def _newton(q: FloatArray, delayed: Delayed, s: ComplexArray) -> ComplexArray:
@@ -183,8 +156,4 @@ def _none_right_of(q: FloatArray, delayed: Delayed, line: float) -> bool:
 
 def _shifted(p: FloatArray, by: float) -> FloatArray:
     """Coefficients of p(s + by)."""
-    rows = p.copy()
-    for m in range(p.size - 1):
-        for i in range(1, p.size - m):
-            rows[i] += by * rows[i - 1]
-    return rows
+    return np.asarray(np.poly1d(p)(np.poly1d([1.0, by])).coeffs)

@@ -1,12 +1,10 @@
 r"""Quasi-polynomials :math:`q(s) + r(s)\,e^{-sT} + …`: where the roots of a delayed loop live.
 
-There is one delayed term for every dead time: one in the process, another in a delayed model.
+There is one delayed term for every dead time: one in the process, another in a delayed model. The
+right half plane is known in independent ways, none of which approximates the delay away:
 
-Independent ways to know the right half plane, none of which approximates the delay away:
-
-- `nrdob.numerics.count_rhp` follows the argument of p along the imaginary axis (Mikhailov), in
-  steps that are certified, so that no resonance, however sharp, can slip between two frequencies:
-  see `nrdob.numerics.argument`.
+- `nrdob.numerics.count_rhp` follows the argument of p along the imaginary axis (Mikhailov) in
+  certified steps, so that no resonance, however sharp, can slip between two frequencies.
 - `QuasiPolynomial.roots` are the roots themselves: eigenvalues (`nrdob.numerics.rootfinding`), or
   with a long delay the rightmost ones (`nrdob.numerics.longdelay`).
 - `QuasiPolynomial.rhp_in_whole_numbers` asks the coefficients alone, without rounding: Routh and
@@ -41,14 +39,9 @@ from .exact import rhp_count, whole
 from .longdelay import rightmost_roots
 from .rootfinding import delay_roots, polynomial_roots
 
-__all__ = [
-    "QuasiPolynomial",
-    "multiply",
-    "undivided_sum",
-]
+__all__ = ["QuasiPolynomial", "multiply"]
 
-AT_ORIGIN = 1e-6
-"""Size of a root, times the dead time, that is the one at s = 0."""
+AT_ORIGIN = 1e-6  # size of a root, times the dead time, that is the one at s = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,8 +55,8 @@ class QuasiPolynomial:
     delay : float
         T >= 0, in seconds.
     scale : array_like of float, optional
-        For each power of s (descending) the size of what was summed to give the coefficient.
-        It tells how much of a small coefficient may be rounding.
+        For each power of s (descending) the size of what was summed to give the coefficient,
+        which tells how much of it may be rounding.
     more : tuple of Term, optional
         Further terms. Those with equal delays are added up; r and `delay` are then the term with
         the longest one, `more` those with the others, in descending order.
@@ -160,9 +153,9 @@ class QuasiPolynomial:
         return 0
 
     @property
-    def undivided_scale(self) -> FloatArray:
-        """Sizes of what was summed in the terms: `scale`, but in some `over_s`."""
-        return self.scale
+    def undivided(self) -> QuasiPolynomial:
+        """The sum of terms itself, where it has been divided by a power of s."""
+        return self
 
     @property
     def _shared_zeros(self) -> int:
@@ -179,12 +172,11 @@ class QuasiPolynomial:
         return self.over_s(self.zeros_at_origin)
 
     def over_s(self, power: int) -> QuasiPolynomial:
-        """Divide by a power of s, of which the sum has as many roots though not every term.
+        """Divide by a power of s, at most `zeros_at_origin`, that not every term has.
 
         Parameters
         ----------
         power : int
-            At most `zeros_at_origin`.
         """
         if not power:
             return self
@@ -197,12 +189,11 @@ class QuasiPolynomial:
         return _OverS.of(p, power - shared) if power > shared else p
 
     def lifted(self, power: int) -> QuasiPolynomial:
-        """Multiply by a power of s that makes a sum of whole terms of it again.
+        """Multiply by a power of s, at least `divided`: whole terms are left.
 
         Parameters
         ----------
         power : int
-            At least `divided`.
         """
         if not power:
             return self
@@ -250,10 +241,9 @@ class QuasiPolynomial:
 
     @cached_property
     def argument_change(self) -> ArgumentChange:
-        """Change in argument from ω = 0 to infinity, see `nrdob.numerics.argument`.
+        """Change in argument of the finite part from ω = 0 to infinity.
 
-        That of the finite part: a root at s = 0, which the path passes on the right, adds a
-        quarter of a revolution.
+        A root at s = 0, which the path passes on the right, adds a quarter of a revolution.
         """
         p = self.finite_part
         return argument_change(p.terms, p.scale) if p is self else p.argument_change
@@ -264,22 +254,22 @@ class QuasiPolynomial:
         Parameters
         ----------
         roots : array of complex, shape (N,)
-            Roots of this polynomial, in rad/s.
+            Of this function, in rad/s.
         """
         near = np.abs(roots.real) <= 0.1 * np.abs(roots)
         if near.any():
             omega = np.abs(roots.imag[near])
-            p = undivided_sum(self)
+            p = self.undivided
             near[near] = np.abs(p(1j * omega)) <= ROUNDING * np.polyval(p.scale, omega)
         return near
 
     @cached_property
     def roots(self) -> ComplexArray:
-        """Roots, rightmost first.
+        """Roots, rightmost first: all of a polynomial.
 
-        All of them for a polynomial. With a delay: all in the right half plane and the rightmost
-        ones of the left half plane. With a delay so long that `roots_resolved` is false: roots of
-        which none lies further to the right than the first; none at all if that is not certain.
+        With a delay all in the right half plane and the rightmost of those in the left one; where
+        `roots_resolved` is false roots of which none lies further to the right than the first, or
+        none at all if that is not certain.
         """
         found = self._eigenvalues
         if found is None:
@@ -313,9 +303,6 @@ class QuasiPolynomial:
     def rhp_in_whole_numbers(self) -> int | None:
         """Roots in the open right half plane, from the coefficients alone, without rounding.
 
-        By Routh and Hurwitz's test, see `nrdob.numerics.exact`, or with a delay by Walton and
-        Marshall's count, see `nrdob.numerics.crossingcount`. With two delays what their count gives
-        where the shorter one is as long as the other, and what crosses until it is what it is.
         None where there are roots on the axis; roots at s = 0 that the coefficients prove are not
         counted.
         """
@@ -333,7 +320,7 @@ class QuasiPolynomial:
         if len(self.more) > 1:
             return None
         (moving, shorter), longer = self.more[0], self.delay
-        equal = QuasiPolynomial(self.q, add(self.r, moving), longer, self.undivided_scale)
+        equal = QuasiPolynomial(self.q, add(self.r, moving), longer, self.undivided.scale)
         if equal.zeros_at_origin != held:
             return None
         start = equal.over_s(held).rhp_in_whole_numbers
@@ -343,17 +330,9 @@ class QuasiPolynomial:
 
 @dataclass(frozen=True, eq=False)
 class _OverS(QuasiPolynomial):
-    """A sum that vanishes at s = 0 although not all of its terms do, divided by a power of s.
+    """A sum that vanishes at s = 0 although not all of its terms do, divided by a power of s."""
 
-    Attributes
-    ----------
-    undivided : QuasiPolynomial
-        The sum, whose polynomials are also those of this object.
-    power : int
-        The power, at most the multiplicity of the root.
-    """
-
-    undivided: QuasiPolynomial = field(kw_only=True)
+    whole: QuasiPolynomial = field(kw_only=True)
     power: int = field(kw_only=True)
 
     def __post_init__(self) -> None:
@@ -364,7 +343,7 @@ class _OverS(QuasiPolynomial):
         # On the right Taylor's remainder of exp(-sT) is at most T^m |s|^m/m!.
         parts = [np.convolve(np.abs(r), exponential(-T, power + 1)) for r, T in p.delayed]
         scale = reduce(add, parts, p.scale)[:-power]
-        return cls(p.q, p.r, p.delay, scale, p.more, undivided=p, power=power)
+        return cls(p.q, p.r, p.delay, scale, p.more, whole=p, power=power)
 
     @property
     def degree(self) -> int:
@@ -373,6 +352,10 @@ class _OverS(QuasiPolynomial):
     @property
     def divided(self) -> int:
         return self.power
+
+    @property
+    def undivided(self) -> QuasiPolynomial:
+        return self.whole
 
     @cached_property
     def zeros_at_origin(self) -> int:
@@ -436,10 +419,6 @@ class _OverS(QuasiPolynomial):
         return found[:0] if origin[:1].any() else found[~origin]
 
     @property
-    def undivided_scale(self) -> FloatArray:
-        return self.undivided.scale
-
-    @property
     def rhp_in_whole_numbers(self) -> int | None:
         if self.power > 1 or self.zeros_at_origin:
             return None
@@ -448,23 +427,17 @@ class _OverS(QuasiPolynomial):
         return count_by_crossings(self.q, self.r, self.delay)
 
 
-def undivided_sum(p: QuasiPolynomial) -> QuasiPolynomial:
-    """Return the sum itself, where it has been divided by s."""
-    return p.undivided if isinstance(p, _OverS) else p
-
-
 def multiply(*factors: QuasiPolynomial) -> QuasiPolynomial:
     """Multiply quasi-polynomials; dead times add up, and so do powers of s in denominators.
 
     Parameters
     ----------
     *factors : QuasiPolynomial
-        One or more.
     """
     if len(factors) == 1:
         return factors[0]
     power = sum(factor.divided for factor in factors)
-    factors = tuple(undivided_sum(factor) for factor in factors)
+    factors = tuple(factor.undivided for factor in factors)
     scale = reduce(np.convolve, [factor.scale for factor in factors])
     terms = [
         Term(reduce(np.convolve, [p for p, _ in chosen]), sum(delay for _, delay in chosen))

@@ -9,7 +9,7 @@ import numpy as np
 
 from .argument import ArgumentChange, zero_free_frequencies
 from .arrays import ROUNDING, ComplexArray, FloatArray
-from .quasipoly import QuasiPolynomial, undivided_sum
+from .quasipoly import QuasiPolynomial
 
 __all__ = ["RootCount", "count_rhp", "frequency_segments", "unstable_roots"]
 
@@ -21,10 +21,10 @@ class RootCount:
     Attributes
     ----------
     count : float or None
-        The number, infinite for an advanced or an unstable neutral equation; None where roots on
+        Infinite for an advanced or an unstable neutral equation; None where roots on
         the axis, within rounding, leave it open.
     reason : str
-        Why the count is not known.
+        Why it is not known.
     at_least : float
         Roots that are in the right half plane whatever rounding does to those on the axis, which
         the path passes on their right.
@@ -38,18 +38,13 @@ class RootCount:
 def count_rhp(p: QuasiPolynomial) -> RootCount:
     """Count the roots in the open right half plane by the argument along the imaginary axis.
 
-    Roots at s = 0 that the coefficients prove are divided out first and not counted.
+    Roots at s = 0 that the coefficients prove are divided out first and not counted. Open are the
+    counts with a root on the axis within rounding, and of a neutral equation at its limit.
 
     Parameters
     ----------
     p : QuasiPolynomial
         Not identically zero.
-
-    Returns
-    -------
-    RootCount
-        The count (infinite for an advanced or an unstable neutral equation), or None with the
-        reason: a root on the axis within rounding, or a neutral equation at its limit.
 
     Examples
     --------
@@ -96,20 +91,15 @@ def _chains(p: QuasiPolynomial, ratio: float) -> RootCount:
 def frequency_segments(p: QuasiPolynomial) -> FloatArray:
     """Frequencies between which p provably turns by less than half a revolution.
 
-    See `nrdob.numerics.argument.zero_free_frequencies` for roots on the axis and for very long
-    delays.
+    In rad/s, increasing, from 0 to where the leading term dominates; for roots on the axis and very
+    long delays see `nrdob.numerics.argument.zero_free_frequencies`.
 
     Parameters
     ----------
     p : QuasiPolynomial
         Without roots at s = 0; retarded, or neutral with ratio below 1.
-
-    Returns
-    -------
-    array of float
-        Increasing frequencies in rad/s from 0 to where the leading term dominates.
     """
-    terms = undivided_sum(p)
+    terms = p.undivided
     return zero_free_frequencies(terms.terms, terms.scale, max(p.divided, 1))
 
 
@@ -120,17 +110,11 @@ def _where(change: ArgumentChange) -> str:
 
 
 def unstable_roots(p: QuasiPolynomial) -> ComplexArray:
-    """Roots right of the imaginary axis, or on it within rounding; not those at s = 0 exactly.
+    """Roots in rad/s right of the axis, or on it within rounding; not those at s = 0 exactly.
 
     Parameters
     ----------
     p : QuasiPolynomial
-        Its roots are computed.
-
-    Returns
-    -------
-    array of complex
-        In rad/s.
 
     Examples
     --------

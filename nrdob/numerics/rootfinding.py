@@ -3,15 +3,8 @@ r"""Roots of :math:`q(s) + \sum_i r_i(s)\,e^{-sT_i}`: eigenvalues, polished by N
 A polynomial is the characteristic polynomial of its companion matrix. With delays, p = 0 says that
 :math:`u = -\sum_i (r_i/q)\,w_i` closes a loop in which :math:`w_i` is u some time ago: one delay
 line, as long as the longest delay, is collocated at Chebyshev points and read at its end and, by
-interpolation, further in. The loop becomes a matrix, too.
-
-.. rubric:: References
-
-Michiels, W., S.-I. Niculescu, Stability, Control, and Computation for Time-Delay Systems, SIAM
-2014.
-
-Breda, D., S. Maset, R. Vermiglio, Pseudospectral differencing methods for characteristic roots of
-delay differential equations, SIAM J. Sci. Comput. 27 (2005) 482-495.
+interpolation, further in. The loop becomes a matrix, too (Breda, Maset, Vermiglio, SIAM J. Sci.
+Comput. 27, 2005, 482-495).
 """
 
 from __future__ import annotations
@@ -36,21 +29,16 @@ __all__ = [
 # Polynomials behind their delays in seconds.
 Delayed = Sequence[tuple[FloatArray, float]]
 
-MAX_DELAY_NODES = 120
-"""Collocation points at most: the time for eigenvalues grows with their third power.
-
-A loop that needs more is so fast for its delay that `nrdob.numerics.longdelay` finds its rightmost
-roots.
-"""
+MAX_DELAY_NODES = 120  # time grows with their third power; beyond it there is `longdelay`
 
 
 def polynomial_roots(q: FloatArray) -> ComplexArray:
-    """Find all roots of a polynomial.
+    """Find all roots of a polynomial in descending powers.
 
     Parameters
     ----------
     q : array of float
-        Coefficients in descending powers, neither the first nor the last one zero.
+        Neither the first nor the last coefficient is zero.
 
     Examples
     --------
@@ -70,7 +58,7 @@ def companion_roots(q: FloatArray) -> ComplexArray:
     Parameters
     ----------
     q : array of float
-        Coefficients in descending powers, the first one not zero.
+        The first coefficient is not zero.
     """
     if q.size == 1:
         return np.empty(0, dtype=complex)
@@ -84,19 +72,8 @@ def delay_roots(q: FloatArray, delayed: Delayed) -> ComplexArray:
     """Find the roots of q + sum of r exp(-sT) that matter for stability.
 
     All of those in the right half plane and the rightmost ones of the left half plane. No r is of a
-    higher degree than q; the longest dead time comes first.
-
-    Raises
-    ------
-    ArithmeticError
-        If a delay is too long for the loop's speed to be resolved (see `MAX_DELAY_NODES`), or
-        coefficients leave the range of floating-point numbers on the way.
-
-    Examples
-    --------
-    >>> roots = delay_roots(np.array([1.0, 0.0]), [(np.array([np.pi / 2]), 1.0)])
-    >>> bool(abs(roots - 0.5j * np.pi).min() < 1e-12)     # j exp(jπ/2) = -1
-    True
+    higher degree than q; the longest dead time comes first. An ArithmeticError if a delay is too
+    long for the loop's speed (see `MAX_DELAY_NODES`), or numbers leave the floating-point range.
     """
     longest = delayed[0][1]
     factors = [companion_roots(p) for p in (q, *(r for r, _ in delayed))]
@@ -193,16 +170,12 @@ def _reach(
     There |q(s)| <= sum of |r(s)| exp(-T·abscissa). With s = abscissa + z, Re z >= 0, a factor z + a
     of q with real a > 0 is at least as large as |z| and as a: fast stable lags do not count.
     """
-    growths = [float(np.exp(-delay * abscissa)) for _, delay in delayed]
-    neutral = sum(
-        growth * abs(r[0] / q[0])
-        for growth, (r, _) in zip(growths, delayed, strict=True)
-        if r.size == q.size
-    )
+    grown = [(r, float(np.exp(-delay * abscissa))) for r, delay in delayed]
+    neutral = sum(growth * abs(r[0] / q[0]) for r, growth in grown if r.size == q.size)
     # A neutral equation has chains of roots that no radius bounds: those further left are left out.
     shrink = min(1.0, 0.999 / neutral) if neutral else 1.0
     poles, *zeros = (roots - abscissa for roots in factors)
-    leading = [shrink * growth * abs(r[0]) for growth, (r, _) in zip(growths, delayed, strict=True)]
+    leading = [shrink * growth * abs(r[0]) for r, growth in grown]
     sizes = np.concatenate([np.abs(poles), *map(np.abs, zeros)])
     top = 4 * float(np.max(sizes, initial=0.0)) + 4 * max(
         _crossover(q, r, size) for (r, _), size in zip(delayed, leading, strict=True)
@@ -215,13 +188,11 @@ def _reach(
     )
     with np.errstate(divide="ignore"):
         lower = np.log(gap).sum(axis=1) + np.log(abs(q[0]))
-    upper = reduce(
-        np.logaddexp,
-        [
-            np.log(radius[:, None] + np.abs(each)).sum(axis=1) + np.log(size)
-            for each, size in zip(zeros, leading, strict=True)
-        ],
+    bounds = (
+        np.log(radius[:, None] + np.abs(each)).sum(axis=1) + np.log(size)
+        for each, size in zip(zeros, leading, strict=True)
     )
+    upper = reduce(np.logaddexp, bounds)
     inside = np.flatnonzero(lower <= upper)
     return float(radius[min(inside[-1] + 1, 499)] if inside.size else radius[0]) + abs(abscissa)
 

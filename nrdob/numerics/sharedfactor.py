@@ -3,13 +3,9 @@ r"""The factor that two polynomials share, found as a polynomial and never root 
 A block that occurs on both sides of a quotient, or in every term of p_A or p_B, leaves a factor d
 in numerator and denominator: f = d·u, g = d·v. Roots that are only near give no such d; multiple
 roots, which rounding scatters, do. So the roots only suggest d; it is then fitted to the
-coefficients of f and g together (Gauss and Newton), each against its own size, and it counts
-only if d·u and d·v give back every single coefficient.
-
-.. rubric:: References
-
-Zeng, Z., The numerical greatest common divisor of univariate polynomials, Contemporary Mathematics
-556 (2011) 187-217.
+coefficients of f and g together (Gauss and Newton; Zeng, Contemporary Mathematics 556, 2011,
+187-217), each against its own size, and it counts only if d·u and d·v give back every single
+coefficient.
 """
 
 from __future__ import annotations
@@ -20,24 +16,22 @@ from typing import NamedTuple
 import numpy as np
 
 from .arrays import ROUNDING, BoolArray, ComplexArray, FloatArray, IntArray
+from .coefficients import products
 from .quasipoly import QuasiPolynomial
 
 __all__ = ["Shared", "factor_near", "shared_factor", "without_shared_factor"]
 
-NEARNESS = (1e-6, 1e-2, 0.3)
-"""Relative distances within which roots may be copies of one; multiple ones scatter widely."""
+NEARNESS = (1e-6, 1e-2, 0.3)  # within which roots may be copies of one; multiple ones scatter
 
 
-EPS = 4 * float(np.finfo(float).eps)
-"""Rounding of a product, against the sizes of what is summed."""
+EPS = 4 * float(np.finfo(float).eps)  # rounding of a product, against the sizes of what is summed
 
 VANISHING, NO_ROOT = 1e-9, 1e-2
 """Value of a polynomial, against the size of its terms, at a root of it; above which there is none.
 A multiple root, however its copies scatter, gives small values, too.
 """
 
-FEW = 4
-"""Roots that are known to 1e-4 of themselves even if they are all the same."""
+FEW = 4  # roots that are known to 1e-4 of themselves even if they are all the same
 
 
 class Shared(NamedTuple):
@@ -45,10 +39,8 @@ class Shared(NamedTuple):
 
     Attributes
     ----------
-    common : QuasiPolynomial
-        The factor in both.
-    u, v : QuasiPolynomial
-        The cofactors.
+    common, u, v : QuasiPolynomial
+        The factor in both, and the cofactors.
     """
 
     common: QuasiPolynomial
@@ -59,17 +51,11 @@ class Shared(NamedTuple):
 def without_shared_factor(
     f: QuasiPolynomial, g: QuasiPolynomial
 ) -> tuple[QuasiPolynomial, QuasiPolynomial]:
-    """Divide two polynomials by what they share.
+    """Divide two polynomials by what they share: the u and v of `shared_factor`.
 
     Parameters
     ----------
     f, g : QuasiPolynomial
-        Without dead time. Their `scale` says how much of each coefficient is rounding.
-
-    Returns
-    -------
-    u, v : QuasiPolynomial
-        The cofactors: f = d u and g = d v, every coefficient within rounding.
 
     Examples
     --------
@@ -86,7 +72,7 @@ def shared_factor(f: QuasiPolynomial, g: QuasiPolynomial) -> Shared:
     Parameters
     ----------
     f, g : QuasiPolynomial
-        As for `without_shared_factor`.
+        Without dead time. Their `scale` says how much of each coefficient is rounding.
 
     Examples
     --------
@@ -111,9 +97,7 @@ def shared_factor(f: QuasiPolynomial, g: QuasiPolynomial) -> Shared:
     if not power and common.size == 1:
         return Shared(QuasiPolynomial(common), *whole)
     return Shared(
-        QuasiPolynomial(common).lifted(power),
-        f.lifted(max(excess, 0)),
-        g.lifted(max(-excess, 0)),
+        QuasiPolynomial(common).lifted(power), f.lifted(max(excess, 0)), g.lifted(max(-excess, 0))
     )
 
 
@@ -125,7 +109,7 @@ def factor_near(p: QuasiPolynomial, divisor: FloatArray) -> FloatArray:
     p : QuasiPolynomial
         Without dead time.
     divisor : array of float
-        Descending powers, the first coefficient 1: what computed roots make of the factor.
+        Monic, what computed roots make of the factor.
 
     Raises
     ------
@@ -213,7 +197,7 @@ def _fitted(f: QuasiPolynomial, g: QuasiPolynomial, divisor: FloatArray) -> Shar
     weights = tuple(1 / _sizes(p) for p in (f, g))
     with np.errstate(all="ignore"):
         u, v = (
-            _least_squares(_products(divisor, p.q.size - m) * w[:, None], p.q * w)
+            _least_squares(products(divisor, p.q.size - m) * w[:, None], p.q * w)
             for p, w in zip((f, g), weights, strict=True)
         )
         for _ in range(5):
@@ -224,12 +208,12 @@ def _fitted(f: QuasiPolynomial, g: QuasiPolynomial, divisor: FloatArray) -> Shar
             error = max(float(np.abs(e).max()) for e in errors)
             if not error > ROUNDING / 20:
                 break
-            rows_f, rows_g = f.q.size, g.q.size
-            jacobian = np.zeros((rows_f + rows_g, m + u.size + v.size))
-            jacobian[:rows_f, :m] = _products(u, m + 1)[:, 1:] * weights[0][:, None]
-            jacobian[rows_f:, :m] = _products(v, m + 1)[:, 1:] * weights[1][:, None]
-            jacobian[:rows_f, m : m + u.size] = _products(divisor, u.size) * weights[0][:, None]
-            jacobian[rows_f:, m + u.size :] = _products(divisor, v.size) * weights[1][:, None]
+            rows = f.q.size
+            jacobian = np.zeros((rows + g.q.size, m + u.size + v.size))
+            jacobian[:, :m] = np.vstack([products(c, m + 1)[:, 1:] for c in (u, v)])
+            jacobian[:rows, m : m + u.size] = products(divisor, u.size)
+            jacobian[rows:, m + u.size :] = products(divisor, v.size)
+            jacobian *= np.concatenate(weights)[:, None]
             step = _least_squares(jacobian, np.concatenate(errors))
             divisor = divisor + np.concatenate([[0.0], step[:m]])
             u, v = u + step[m : m + u.size], v + step[m + u.size :]
@@ -252,14 +236,6 @@ def _sizes(p: QuasiPolynomial) -> FloatArray:
     there = np.flatnonzero(sizes)
     sizes[sizes == 0] = np.exp(np.interp(k, there, np.log(sizes[there])))[sizes == 0]
     return sizes
-
-
-def _products(coefficients: FloatArray, size: int) -> FloatArray:
-    """Matrix that multiplies polynomials of `size` coefficients by one."""
-    matrix = np.zeros((coefficients.size + size - 1, size))
-    for k in range(size):
-        matrix[k : k + coefficients.size, k] = coefficients
-    return matrix
 
 
 def _least_squares(matrix: FloatArray, target: FloatArray) -> FloatArray:

@@ -34,23 +34,15 @@ __all__ = [
     "multiplied",
 ]
 
-PER_OCTAVE, AT_FIRST = 6, 2000
-"""Stretches of an octave to begin with, and in all: many take less time than many rounds."""
-
-SAFETY = 1.05
-"""By how much a value must exceed its Taylor bound, so that no zero hides at the end of a step."""
+PER_OCTAVE, AT_FIRST = 6, 2000  # stretches to begin with: many take less time than many rounds
+SAFETY = 1.05  # value against its Taylor bound, so that no zero hides at the end of a step
 
 MODERATE = 300
 """Exponents of two: below 2^this, coefficients are multiplied by powers below 2^twice this."""
 
-FEW = 1500
-"""Points below which a product with a matrix takes less time than sums of rows."""
-
-SIGNS = (1.0, 1.0, -1.0, -1.0)
-"""Of j^k for k = 0, 1, 2, 3: real and imaginary by turns."""
-
-ZERO_FREE, UNDECIDED = -1, -2
-"""Marks of a stretch, beside the number of the dominant term."""
+FEW = 1500  # points below which a product with a matrix takes less time than sums of rows
+SIGNS = (1.0, 1.0, -1.0, -1.0)  # of j^k for k = 0, 1, 2, 3: real and imaginary by turns
+ZERO_FREE, UNDECIDED = -1, -2  # marks of a stretch, beside the number of the dominant term
 
 Numbers = TypeVar("Numbers", FloatArray, ComplexArray)
 
@@ -75,7 +67,6 @@ class ManyTerms(NamedTuple):
         Parameters
         ----------
         chosen : (m,) array of int
-            Which.
         """
         delay = self.delay[chosen] if self.delay.size > 1 else self.delay
         return ManyTerms(self.q[:, chosen] if self.q.shape[1] > 1 else self.q, delay)
@@ -121,14 +112,8 @@ class Certified(NamedTuple):
 class Sums(NamedTuple):
     """Sums of terms, the first without dead time and of the highest degree.
 
-    Attributes
-    ----------
-    terms : sequence of ManyTerms
-        The terms.
-    scale : (k, n) array of float
-        For each power of s (descending) the size of what was summed to give the coefficients.
-    moderate : bool
-        Whether powers stay so far within the floating-point range that no unit is needed.
+    `scale` is as for `nrdob.numerics.rhp_counts`; `moderate` tells whether powers stay so far
+    within the floating-point range that no unit is needed.
     """
 
     terms: Sequence[ManyTerms]
@@ -193,11 +178,7 @@ class Sums(NamedTuple):
         return found
 
     def changes(self, rounds: Sequence[Stretches]) -> FloatArray:
-        """By how much each argument changes from ω = 0 to infinity, in radians.
-
-        The first stretches begin where the constant terms dominate, and end where the leading ones
-        do.
-        """
+        """By how much each argument changes from ω = 0 to infinity, in radians."""
         first, *more = rounds
         across = self.across()
         each = across.values(np.append(first.left, first.right[:, -1:], axis=1))
@@ -298,11 +279,7 @@ def certified(
     dominance: bool = True,
     pass_zeros: bool = True,
 ) -> Certified:
-    """Cut the axis between two frequencies, at most `limit` times for each sum.
-
-    A dominant term may be enough; sums that vanish on the axis are given up unless zeros are
-    passed.
-    """
+    """Cut the axis between two frequencies, at most `limit` times for each sum."""
     n = sums.scale.shape[1]
     span = max(high / low, 1.0)
     count = ceil(min(max((PER_OCTAVE if dominance else 1) * log2(span), 1), AT_FIRST))

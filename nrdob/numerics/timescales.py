@@ -20,11 +20,12 @@ from dataclasses import dataclass
 from math import inf, log2
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.linalg import expm, matrix_balance
 
 from .arrays import ComplexArray, FloatArray
 
-__all__ = ["Block", "impulse_states", "roots_by_time_scale", "split"]
+__all__ = ["Block", "impulse_states", "roots_by_time_scale", "split", "transition"]
 
 # Ratios of moduli, as powers of two:
 _GAP = 5.0  # at which a polynomial is always cut
@@ -56,19 +57,15 @@ class Block:
 def split(nums: Sequence[FloatArray], den: FloatArray, horizon: float) -> list[Block]:
     """Realise proper fractions `nums`/`den` as blocks side by side, one for each time scale.
 
+    They come from slow to fast; only the fastest one has a direct term.
+
     Parameters
     ----------
     nums : sequence of arrays of float
-        Coefficients in descending powers of s, of degree at most that of `den`.
     den : array of float
-        Coefficients in descending powers of s, the first one not zero.
+        The first coefficient not zero.
     horizon : float
         Longest time of interest, seconds. Roots much slower than that are kept together.
-
-    Returns
-    -------
-    list of Block
-        From slow to fast; only the fastest one has a direct term.
 
     Raises
     ------
@@ -93,7 +90,7 @@ def roots_by_time_scale(den: FloatArray) -> ComplexArray:
     Parameters
     ----------
     den : array of float
-        Coefficients in descending powers, the first one not zero.
+        The first coefficient not zero.
 
     Examples
     --------
@@ -161,10 +158,7 @@ def _in_unit(coefficients: FloatArray, unit: int) -> FloatArray:
 def _parted(
     nums: FloatArray, p: FloatArray, k: int
 ) -> tuple[tuple[FloatArray, FloatArray], tuple[FloatArray, FloatArray]] | None:
-    """Part nums/p into a/g with the k roots well inside the unit circle, and b/h with the others.
-
-    None if Newton's method does not find the factors to rounding.
-    """
+    """Part nums/p into a/g with the k roots well inside the unit circle, and b/h, if it can be."""
     n = p.size - 1
     g, h = p[: k + 1] / p[k], p[k:].copy()
     for _ in range(_NEWTON_STEPS):
@@ -220,16 +214,14 @@ def _realised(nums: FloatArray, den: FloatArray, modulus: float) -> Block:
 
 
 def impulse_states(block: Block, times: FloatArray, step: float | None) -> FloatArray:
-    """States x = exp(A t) B at `times`, spaced by `step` if evenly, shape (n, N).
+    """States x = exp(A t) B at increasing times in seconds, shape (n, N).
 
     Parameters
     ----------
     block : Block
-        With n states.
     times : array of float, shape (N,)
-        Increasing, in seconds.
     step : float or None
-        Distance of the times if they are evenly spaced.
+        Their distance if they are evenly spaced.
     """
     start = expm(block.A * times[0]) @ block.B if times[0] else block.B
     states: FloatArray = start[:, np.newaxis]
@@ -245,3 +237,30 @@ def impulse_states(block: Block, times: FloatArray, step: float | None) -> Float
     for i in which:
         columns.append(transitions[i] @ columns[-1])
     return np.stack(columns, axis=1)
+
+
+def transition(A: FloatArray, B: FloatArray, time: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    r"""Compute :math:`\Phi = e^{At}` and :math:`\Gamma = \int_0^te^{A\sigma}B\,d\sigma`.
+
+    So that :math:`\dot x = Ax + Bv` has x(t) = Phi x(0) + Gamma v for a constant v; infinite or nan
+    where they overflow. Both are blocks of one matrix exponential (Van Loan, IEEE Trans. Automatic
+    Control 23, 1978).
+
+    Parameters
+    ----------
+    A, B : arrays of float, shapes (n, n) and (n,)
+    time : array_like, shape (...)
+        One time or several, at least 0.
+
+    Examples
+    --------
+    >>> Phi, Gamma = transition(np.array([[-1.0]]), np.ones(1), np.log(2))
+    >>> Phi.round(6).tolist(), Gamma.round(6).tolist()
+    ([[0.5]], [0.5])
+    """
+    n = B.size
+    augmented = np.zeros((n + 1, n + 1))
+    augmented[:n, :n], augmented[:n, n] = A, B
+    with np.errstate(over="ignore", invalid="ignore"):
+        both = expm(np.multiply.outer(np.asarray(time, dtype=float), augmented))
+    return both[..., :n, :n], both[..., :n, n]

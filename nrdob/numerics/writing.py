@@ -16,14 +16,7 @@ def number(value: float, digits: int = 3) -> str:
     Parameters
     ----------
     value : float
-        The number.
     digits : int
-        Significant digits.
-
-    Returns
-    -------
-    str
-        The number as prose writes it.
 
     Examples
     --------
@@ -58,16 +51,10 @@ def written(
     Parameters
     ----------
     value : complex
-        The number.
     write : callable
         How its parts are written.
     pair : bool
         Write the number and its conjugate as one.
-
-    Returns
-    -------
-    str
-        The number.
 
     Examples
     --------

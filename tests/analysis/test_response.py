@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 
 import nrdob
 from nrdob.analysis import forced_response, step_response
+from nrdob.analysis.response import even_times
 from nrdob.analysis.steps import radau
-from nrdob.analysis.window import even_times
 from nrdob.diagram import INPUTS, LoopEquations, LowPassFilter, delay
 from tests.campaigns import delayedsteps
 from tests.campaigns.steps import campaign, exact_step
