@@ -112,9 +112,10 @@ def filter_fraction(filter: Any) -> Fraction:
         )
     dc_gain = num[-1] / den[-1]
     if abs(dc_gain - 1) > DC_GAIN_TOLERANCE:
-        raise ValueError(
-            f"filter has F(0) = {dc_gain:.6g}; the observer needs 1: divide it by its DC gain"
-        )
+        remedy = "divide it by its DC gain"
+        if num.size == den.size == 1:
+            remedy = f"for a time constant of that many seconds LowPassFilter({dc_gain:.6g}, 2)"
+        raise ValueError(f"filter has F(0) = {dc_gain:.6g}; the observer needs 1: {remedy}")
     num, den = num / num[-1], den / den[-1]
     if num.size == den.size and np.array_equal(num, den):
         raise ValueError("filter is 1 at every frequency; F must fall off, such as LowPassFilter")

@@ -43,6 +43,7 @@ def test_one_minus_filter_vanishes_exactly_at_zero():
         (ct.tf([1.0], [1.0, 0.0]), "stable"),
         (ct.tf([1.0, 1.0, 1.0], [1.0, 1.0]), "improper"),
         (1.0, "1 at every frequency"),
+        (0.3, r"needs 1: for a time constant of that many seconds LowPassFilter\(0.3, 2\)"),
         (ct.tf([1.0, 2.0], [1.0, 2.0]), "1 at every frequency"),
     ],
 )
