@@ -18,7 +18,9 @@ applications, Inverse Problems 19 (2003) R1-R26.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from math import exp, log
 from operator import attrgetter
 
@@ -47,10 +49,9 @@ LONG = 2000  # samples to which longer records are thinned, to begin with
 DENSE = 0.95  # share of the samples that must count for a drift to be told from them
 INSIDE = 1e-9  # distance from the bounds at which a search begins
 VALLEYS = 2  # dead times that are kept of each denominator
-LOSS = attrgetter("loss")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Problem:
     """What is to be explained: the record, less its values at rest, and which samples count.
 
@@ -68,6 +69,8 @@ class Problem:
 
     def thinned(self, factor: int) -> Problem:
         """Take means of so many samples."""
+        if factor == 1:
+            return self
         count = self.outputs.size // factor * factor
         inputs, outputs, used = (
             each[:count].reshape(-1, factor) for each in (self.inputs, self.outputs, self.used)
@@ -161,7 +164,7 @@ def best_fit(structure: Structure, problem: Problem, moving: bool) -> Fit:
     if factor > 1:
         rough = best_fit(structure, problem.thinned(factor), moving)
         shape = structure.stretched(rough.shape, factor)
-        return _search(structure, problem, rough.whitening, shape, 0, moving)
+        return _least([_search(structure, problem, rough.whitening, shape, 0, moving)], problem)
     # Where it rests a drift may hide the plant; where it moves its own motion takes that part.
     drifts = problem.dense and moving == structure.integrates
     best = [_begun(structure, problem, whitening, moving) for whitening in BEGINNINGS[: 1 + drifts]]
@@ -169,10 +172,11 @@ def best_fit(structure: Structure, problem: Problem, moving: bool) -> Fit:
     return best[-1] if best[-1].misfit * doubt < best[0].misfit else best[0]
 
 
+@lru_cache(maxsize=32)  # a fit is made with a filter, and may be made again without
 def _begun(structure: Structure, problem: Problem, whitening: Whitening, moving: bool) -> Fit:
     points = _starting_points(structure, problem, whitening, moving)
     fits = (_search(structure, problem, whitening, shape, 0, moving) for shape in points)
-    return min(fits, key=LOSS)
+    return _least(fits, problem)
 
 
 def _plain_fit(structure: Structure, problem: Problem, start: int, moving: bool) -> Fit:
@@ -182,7 +186,7 @@ def _plain_fit(structure: Structure, problem: Problem, start: int, moving: bool)
     shape = structure.stretched(rough, factor)
     shifts = (shape + shift * np.eye(shape.size)[0] for shift in SHIFTS)
     found = (_search(structure, problem, Whitening(), at, start, moving, FINELY) for at in shifts)
-    return replace(min(found, key=LOSS), whitening=Whitening())
+    return replace(_least(found, problem), whitening=Whitening())
 
 
 def simple_fit(problem: Problem, rival: Fit) -> Fit | None:
@@ -199,9 +203,9 @@ def refined(fit: Fit, problem: Problem, start: int) -> Fit:
         moved = fit.shape + shift * np.eye(fit.shape.size)[0]
         return _search(fit.structure, problem, fit.whitening, moved, start, fit.moving, FINELY)
 
-    fit = min(map(searched, SHIFTS), key=LOSS)
+    fit = _least(map(searched, SHIFTS), problem)
     for _ in range(ROUNDS):
-        before, fit = fit, searched(0.0)
+        before, fit = fit, _least([searched(0.0)], problem)
         if abs(fit.misfit / before.misfit - 1) < SAME:
             break
     if fit.whitening.theta == 1:
@@ -236,12 +240,17 @@ def _search(
         max_nfev=most, xtol=1e-8, ftol=1e-10, gtol=1e-14,
     )  # fmt: skip
     linear, rest = solved(result.x)
-    fit = Fit(structure, result.x, linear, start, moving, whitening, float(rest @ rest), 0.0)
+    return Fit(structure, result.x, linear, start, moving, whitening, float(rest @ rest), 0.0)
+
+
+def _least(fits: Iterable[Fit], problem: Problem) -> Fit:
+    """Take the fit of least loss, and find the filter of what it leaves."""
+    fit = min(fits, key=attrgetter("loss"))
     left = problem.left(fit)
     whitening = problem.whitening(left)
     floor = (ROUNDING * np.ptp(problem.outputs)) ** 2
-    misfit = float(np.mean(whitening.applied(left)[used] ** 2) + floor)
-    return replace(fit, whitening=whitening.of_fit, misfit=misfit)
+    misfit = np.mean(whitening.applied(left)[problem.used[fit.start :]] ** 2) + floor
+    return replace(fit, whitening=whitening.of_fit, misfit=float(misfit))
 
 
 def _starting_points(
