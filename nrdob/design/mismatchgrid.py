@@ -81,21 +81,16 @@ class Frequencies:
             first = max((slowest - size / n) * n / (n + m), -LAST_DECADE)
         return first, last
 
-    @property
-    def _matched(self) -> bool:
-        """Whether process and model, with the same dead time, leave none in p_B."""
-        return not any(term.q.any() for term in self.mismatch.behind)
-
     @cached_property
     def lowest_floor(self) -> float:
         """Smallest time constant down to which sets are complete by default, in seconds.
 
-        0 where no dead time is left in p_B. With a dead time θ: the λ above which every critical
-        frequency lies within the first 32 turns of exp(-jωθ), and at least θ/1000.
+        0 without dead time. With a dead time θ: the λ above which every critical frequency lies
+        within the first 32 turns of exp(-jωθ), and at least θ/1000.
         """
         mismatch = self.mismatch
         longest = mismatch.longest_delay
-        if not longest or self._matched:
+        if not longest:
             return 0.0
         last = 2 * pi * TURNS / longest
         beyond = np.append(last, self.base[self.base > last])
@@ -150,7 +145,7 @@ class Frequencies:
         """
         omega = self.base
         longest = self.mismatch.longest_delay
-        if not longest or (gain == 1 and self._matched):
+        if not longest:
             return omega
         last = omega[min(self._last_above(omega, floor, gain) + 1, omega.size - 1)]
         step = 2 * pi / (longest * PER_TURN)

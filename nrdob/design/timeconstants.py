@@ -80,7 +80,7 @@ def critical_time_constants(
     """
     frequencies = _frequencies(process, model, order, dt, computation_delay)
     floor = _checked_floor(frequencies, floor)
-    found = crossings(frequencies.mismatch, frequencies.above(floor), floor)
+    found = _crossings(frequencies, floor)
     if dt is None:
         return found
     return [c._replace(frequency=2 / dt * atan(c.frequency * dt / 2)) for c in found]
@@ -162,9 +162,19 @@ def _frequencies(
 def stabilizing_set(frequencies: Frequencies, floor: float) -> list[tuple[float, float]]:
     """Find the set of `stabilizing_time_constants` above a floor, or above the lowest one."""
     mismatch = frequencies.mismatch
-    intervals, changes = _intervals(floor, crossings(mismatch, frequencies.above(floor), floor))
+    intervals, changes = _intervals(floor, _crossings(frequencies, floor))
     counts = _counts(mismatch, intervals, changes)
     return [part for part, count in zip(intervals, counts, strict=True) if count == 0]
+
+
+def _crossings(frequencies: Frequencies, floor: float) -> list[CriticalTimeConstant]:
+    omega = frequencies.base if _matched(frequencies) else frequencies.above(floor)
+    return crossings(frequencies.mismatch, omega, floor)
+
+
+def _matched(frequencies: Frequencies) -> bool:
+    """Whether process and model, with the same dead time, leave none in p_B."""
+    return not any(term.q.any() for term in frequencies.mismatch.behind)
 
 
 def stable_filters(family: FilterFamily) -> list[tuple[float, float]]:
@@ -186,7 +196,7 @@ def intersection(
 def _checked_floor(frequencies: Frequencies, floor: float | None) -> float:
     """Return the floor asked for, or the default; an error for one that cannot be."""
     if floor is None:
-        return frequencies.lowest_floor
+        return 0.0 if _matched(frequencies) else frequencies.lowest_floor
     if not is_real(floor):
         raise TypeError(
             f"floor is {floor!r}; it is the smallest time constant of interest, a number of "
