@@ -52,8 +52,8 @@ def critical_time_constants(
     floor : float, optional
         Smallest λ of interest, in seconds. With a dead time θ the critical time constants
         accumulate at 0 and the list must end somewhere: by default where every critical frequency
-        above lies within 32 turns of exp(-jωθ), and not below θ/1000. Without dead time the default
-        is 0, and the list is complete.
+        above lies within 32 turns of exp(-jωθ), and not below θ/1000. Where none is left in p_B,
+        as with a model that is the process, the default is 0, and the list is complete.
     dt, computation_delay : float
         For a processor, in seconds, see `stabilizing_time_constants`.
 
@@ -117,7 +117,7 @@ def stabilizing_time_constants(
     -------
     list of (low, high)
         Open intervals in seconds, increasing; `high` may be inf. Empty where no λ works. Without
-        dead time the list is complete and `low` may be 0. With dead time it is complete above the
+        dead time in p_B the list is complete and `low` may be 0. With one it is complete above the
         floor, and an interval that begins at the floor may reach below it. A single λ at which a
         root touches the axis and turns back is not left out: rounding cannot tell it from one
         that comes near.

@@ -133,12 +133,11 @@ def _question(
     if lacking == ["t"] and not several:
         return f"and no time: add a column t in seconds, or {SAMPLING}"
     example = {**order, **{what: each[0] for what, each in several.items()}}
-    rest = [k for k in left if k not in example.values()]
     more = f"; without times {SAMPLING}" if "t" in lacking else ""
-    if len(rest) < len(lacking):
+    if len(left) < len(lacking):
         wanted = [what for what in ("t", "u", "y") if what in {*example, *lacking}]
         return f"{len(wanted)} are needed: {', '.join(wanted)}{more}"
-    example |= dict(zip(lacking, rest, strict=False))
+    example |= dict(zip(lacking, left, strict=False))
     asks = [
         f"{what} may be {' or '.join(_called(k, heads) for k in each)}"
         for what, each in several.items()

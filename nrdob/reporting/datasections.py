@@ -51,35 +51,35 @@ def _process(found: Identification) -> Section:
 
 
 def _trust(found: Identification) -> Section:
-    head = ["structure", "numbers", "fitted part", "part held out", "BIC", "explains the record"]
-    rows = [
-        [
+    held = found.fitted < found.record.u.size
+    rows = tuple(
+        (
             each.structure,
             str(each.parameters),
             f"{number(each.fit_percent)} %",
-            f"{number(each.validation_percent)} %",
+            *["–" if isnan(each.validation_percent) else f"{number(each.validation_percent)} %"]
+            * held,
             number(each.bic),
             "chosen" if each.structure == found.structure else "as well" * each.rival or "–",
-        ]
+        )
         for each in found.candidates
-    ]
-    held = (
-        "The part held out was not used to fit anything: plant and drift go on from the state that "
-        "they are in at the end of the part fitted."
     )
-    if isnan(found.validation_percent):
-        held = "Nothing was held out, so that no part of the record confirms what was fitted."
-        for row in (head, *rows):
-            del row[3]
     table = Table(
         "All structures tried: how much of y each explains (100 % is all)",
-        tuple(head), tuple(map(tuple, rows)),
+        (
+            "structure", "numbers", "fitted part", *["part held out"] * held, "BIC",
+            "explains the record",
+        ),
+        rows,
     )  # fmt: skip
-    words = (
-        f"{held} BIC weighs the fit of the whole record against the number of parameters: 0 is "
-        "best.",
+    said = (
+        "The part held out was not used to fit anything: plant and drift go on from the state that "
+        "they are in at the end of the part fitted."
+        if held
+        else "Nothing was held out, so that no part of the record confirms what was fitted."
     )
-    return Section("How well is it known?", words, (table,))
+    bic = "BIC weighs the fit of the whole record against the number of parameters: 0 is best."
+    return Section("How well is it known?", (f"{said} {bic}",), (table,))
 
 
 def _drawn(record: Record, found: Identification | None) -> Picture:

@@ -116,11 +116,12 @@ def test_the_report_of_a_record_tells_what_was_found():
 
 
 def test_where_nothing_was_held_out_the_report_does_not_tell_of_it():
-    found = replace(of_record().identification, validation_percent=np.nan)
+    told = of_record().identification
+    found = replace(told, validation_percent=np.nan, fitted=told.record.u.size)
     *_, (_, trust) = data_sections(found)
     assert "Nothing was held out" in trust().words[0]
     assert "part held out" not in trust().tables[0].head
-    *_, (_, trust) = data_sections(of_record().identification)
+    *_, (_, trust) = data_sections(told)
     assert "part held out" in trust().tables[0].head
 
 
