@@ -3,8 +3,11 @@ r"""What disturbs the output, and how far it scatters the numbers of a fit.
 The disturbance is taken as :math:`d=\bigl(\frac{1-\theta z^{-1}}{1-\varphi z^{-1}}\bigr)^me` with
 white noise e: white noise alone for :math:`\theta=\varphi`, coloured noise for
 :math:`|\varphi|<1`, and for :math:`\varphi=1` a drift with white noise of the sensor on top, which
-is a random walk (m = 1) or smooth, noise integrated twice (m = 2). A record seldom tells which of
-them it is. So all are kept, weighted by the restricted likelihood of the residual r,
+is a random walk (m = 1) or smooth, noise integrated twice (m = 2). Beside a random walk passes a
+slow wave of unknown size, as of a room by day and by night: it is not seen in the changes from
+sample to sample, and moves the gain all the more. A record seldom tells which of these three kinds
+it is. So all are kept, each as likely beforehand, weighted by the restricted likelihood of the
+residual r,
 
 .. math:: |V|^{-1/2}\,|J^TV^{-1}J|^{-1/2}\,(r^TPr)^{-(N-n)/2},
 
@@ -23,6 +26,7 @@ problems, Journal of the American Statistical Association 72 (1977) 320-338.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import chain
 from math import exp, pi, sqrt
 
 import numpy as np
@@ -48,11 +52,14 @@ SMOOTH = SHARES[1:8]
 
 HYPOTHESES = (
     [(1, 0.0, 0.0), (1, -0.3, 0.0), (1, -0.6, 0.0)]
-    + [(1, pole, pole * (1 - far)) for pole in COLOURED for far in SHARES if pole * far > LEAST]
-    + [(1, 1.0, 1 - far) for far in SHARES]
-    + [(2, 1.0, 1 - far) for far in SMOOTH]
+    + [(1, pole, pole * (1 - far)) for pole in COLOURED for far in SHARES if pole * far > LEAST],
+    [(1, 1.0, 1 - far) for far in SHARES],
+    [(2, 1.0, 1 - far) for far in SMOOTH],
 )
-"""Order m, φ and θ."""
+"""Order m, φ and θ: of noise, of a random walk, of a smooth drift."""
+
+WAVE = 10.0, 0.7
+"""Size of the wave beside a random walk, over e, and how many of its periods the record holds."""
 
 
 @dataclass(frozen=True)
@@ -127,33 +134,41 @@ def scatter_of(
     if np.linalg.matrix_rank(scaled[used]) < n:
         return Scatter(np.ones(1), np.zeros((1, n)), np.full((1, n, n), np.inf), freedom)
     readings = np.unique(rounding.readings, return_inverse=True)[1] if rounding.grain else None
-    times = np.arange(residual.size)
     logarithms, shifts, covariances = [], [], []
-    for order, pole, zero in HYPOTHESES:
+    for order, pole, zero in chain(*HYPOTHESES):
         den, num = (np.poly([root] * order) for root in (pole, zero))
-        if pole < 1:  # what the noise remembers from before the record
-            before = abs(pole - zero) / sqrt(1 - pole**2) * pole**times
-        else:  # the slope of the drift as the record begins
-            before = (order - 1) * sqrt(residual.size) * (1 - zero) ** 2 * times
-        white = lfilter(den, num, np.column_stack([before, scaled, residual]), axis=0)[used]
-        rows, corner = np.linalg.qr(np.vstack([np.eye(1, n + 2), white]))
+        beside = _beside(order, pole, zero, residual.size)
+        count = len(beside)
+        white = lfilter(den, num, np.column_stack([*beside, scaled, residual]), axis=0)[used]
+        rows, corner = np.linalg.qr(np.vstack([np.eye(count, count + n + 1), white]))
         variance = float(corner[-1, -1] ** 2) / freedom + np.finfo(float).tiny
         corners = np.abs(np.diag(corner)[:-1])
         logarithms.append(-np.log(corners).sum() - 0.5 * freedom * np.log(variance))
-        inverse = np.linalg.inv(corner[:-1, :-1])[1:]
+        inverse = np.linalg.inv(corner[:-1, :-1])[count:]
         covariance = variance * inverse @ inverse.T
         if readings is not None:
             estimator: FloatArray = np.zeros((n, residual.size))
-            estimator[:, used] = inverse @ rows[1:, :-1].T
+            estimator[:, used] = inverse @ rows[count:, :-1].T
             alike = np.zeros((readings.max() + 1, n))
             np.add.at(alike, readings, lfilter(den, num, estimator[:, ::-1])[:, ::-1].T)
             covariance += _rounded(rounding.grain, variance) * alike.T @ alike
         shifts.append(inverse @ corner[:-1, -1] / size)
         covariances.append(covariance / np.outer(size, size))
-    kinds = [kind[:2] for kind in HYPOTHESES]
     weights = np.exp(np.array(logarithms) - max(logarithms))
-    weights /= [kinds.count(kind) for kind in kinds]  # all poles are alike beforehand
+    weights /= np.repeat([len(kind) for kind in HYPOTHESES], [len(kind) for kind in HYPOTHESES])
     return Scatter(weights / weights.sum(), np.array(shifts), np.array(covariances), freedom)
+
+
+def _beside(order: int, pole: float, zero: float, samples: int) -> list[FloatArray]:
+    """List what enters the output beside filtered noise; the size of each varies as e does."""
+    times = np.arange(samples)
+    if pole < 1:  # what the noise remembers from before the record
+        return [abs(pole - zero) / sqrt(1 - pole**2) * pole**times]
+    if order > 1:  # the slope of the drift as the record begins
+        return [sqrt(samples) * (1 - zero) ** 2 * times]
+    size, periods = WAVE
+    angle = 2 * pi * periods * times / samples
+    return [size * np.sin(angle), size * np.cos(angle)]
 
 
 def _rounded(grain: float, variance: float) -> float:

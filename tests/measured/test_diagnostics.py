@@ -1,5 +1,7 @@
 """Records that mislead a fit: drift, rivals of the other sign, and what must be told by name."""
 
+from itertools import chain
+
 import numpy as np
 import pytest
 from scipy.linalg import solve_toeplitz
@@ -110,22 +112,43 @@ def test_intervals_allow_for_a_drift_that_looks_like_a_change_of_the_gain(kind, 
 
 
 def test_scatter_is_that_of_generalised_least_squares():
-    # For a random walk in white noise: the covariance written out, and inverted as a matrix.
+    # For a random walk in white noise, a slow wave beside it: the covariance written out, and
+    # inverted as a matrix.
     rng = np.random.default_rng(3)
     times, zero = np.arange(120), 0.8
     jacobian = np.column_stack([np.ones(120), times > 40, np.exp(-times / 30)])
     response = np.tril(np.full((120, 120), 1 - zero), -1) + np.eye(120)
-    residual = response @ rng.standard_normal(120)
-    inverse = np.linalg.inv(response @ response.T)
+    angle = 2 * np.pi * 0.7 * times / 120
+    wave = 10 * np.column_stack([np.sin(angle), np.cos(angle)])
+    residual = response @ rng.standard_normal(120) + wave @ rng.standard_normal(2)
+    inverse = np.linalg.inv(response @ response.T + wave @ wave.T)
     gram = np.linalg.inv(jacobian.T @ inverse @ jacobian)
     shift = gram @ jacobian.T @ inverse @ residual
     rest = residual - jacobian @ shift
     variance = rest @ inverse @ rest / 117
     found = scatter_of(residual, jacobian, np.ones(120, dtype=bool), Rounding(0.0, residual))
-    k = HYPOTHESES.index((1, 1.0, zero))
+    k = [*chain(*HYPOTHESES)].index((1, 1.0, zero))
     assert found.shifts[k] == pytest.approx(shift, rel=1e-6)
     assert found.covariances[k] == pytest.approx(variance * gram, rel=1e-6)
     assert found.weights.sum() == pytest.approx(1) and found.weights[k] > 1e-3
+
+
+def test_intervals_hold_the_gain_while_a_slow_wave_passes():
+    # A step of unit gain, linear in what is estimated; 47 of these 60 were held before.
+    rng = np.random.default_rng(8)
+    times = np.arange(400)
+    late = np.maximum(times - 60, 0) / 40
+    jacobian = np.column_stack([1 - np.exp(-late), late * np.exp(-late), np.ones(400)])
+    held = 0
+    for _ in range(60):
+        wave = 5 * rng.normal(size=2) @ [f(times * np.pi / 250) for f in (np.sin, np.cos)]
+        walk = 0.1 * np.cumsum(rng.standard_normal(400))
+        residual = wave + walk + rng.standard_normal(400)
+        estimate = np.linalg.lstsq(jacobian, residual, rcond=None)[0]
+        rest = residual - jacobian @ estimate
+        scatter = scatter_of(rest, jacobian, np.ones(400, dtype=bool), Rounding(0.0, rest))
+        held += abs(estimate[0]) < scatter.reach(np.eye(3)[0], 0.95)
+    assert held >= 53
 
 
 @pytest.mark.slow
