@@ -15,14 +15,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial, reduce
-from itertools import pairwise, product
+from itertools import product
 from math import inf, isfinite, nan, pi
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..analysis import resolved_frequencies
-from ..diagram import DelayedTransferFunction, as_fraction, real_number, undelayed
+from ..analysis import Locus, resolved_frequencies
+from ..diagram import DelayedTransferFunction, Quotient, as_fraction, real_number, undelayed
 from ..loop import NRDOB
 from ..numerics import BoolArray, ComplexArray, FloatArray, QuasiPolynomial, bisect, golden, side
 from .distributions import Interval, read_range
@@ -34,6 +34,7 @@ MOST = 200_000  # frequencies at most that a dead time asks for
 FAR = 10.0  # how far beyond all poles and zeros L is only a power of s and a dead time
 HALVINGS = 60  # how often shares are halved
 PER_STRETCH, NEAR = 16, 1.5  # frequencies of a stretch; shares, against the least, looked into
+TOUCHING = 1e-6  # slope, against its size, with which roots touch the axis and cross or not
 MET = 1e-9  # distance of a gain from 1 at which it is 1, within rounding
 
 
@@ -78,6 +79,8 @@ def gain_intervals(loop: NRDOB, low: float = 0.0, high: float = inf) -> list[tup
     ------
     TypeError, ValueError
         If the range is none, or begins below 0; if a verdict cannot be given.
+    ArithmeticError
+        If a verdict contradicts the roots that have crossed the axis.
 
     Examples
     --------
@@ -94,8 +97,7 @@ def gain_intervals(loop: NRDOB, low: float = 0.0, high: float = inf) -> list[tup
     span = Interval(real_number(low, "low", remedy), real_number(high, "high", remedy))
     if not 0 <= span.low < span.high:
         raise ValueError(f"gains from {low:g} to {high:g}; give positive ones, the lower one first")
-    critical, _ = _critical_gains(loop, span)
-    return _stable_between(span, critical, lambda gain: _with(loop, gain=gain))
+    return _stable_between(loop, span, _critical_gains(loop, span), "gain")
 
 
 Critical = tuple[FloatArray, FloatArray]
@@ -152,8 +154,7 @@ def delay_intervals(loop: NRDOB, low: float, high: float) -> list[tuple[float, f
             f"low is {low:g} s, and the process has a dead time of {loop.delay:g} s: nothing "
             "predicts the future; give a larger one"
         )
-    critical, _ = _critical_delays(loop, span)
-    return _stable_between(span, critical, lambda delay: _with(loop, delay=delay))
+    return _stable_between(loop, span, _critical_delays(loop, span), "delay")
 
 
 def _critical_delays(loop: NRDOB, span: Interval) -> Critical:
@@ -194,23 +195,57 @@ def _critical_lags(loop: NRDOB, _: Interval) -> Critical:
 
 
 def _stable_between(
-    span: Interval, critical: FloatArray, loop_at: Any
+    loop: NRDOB, span: Interval, critical: Critical, name: str
 ) -> list[tuple[float, float]]:
-    """Judge one loop between every two critical values, and join what is stable."""
-    inner = np.unique(critical[(critical > span.low) & (critical < span.high)])
-    ends = [span.low, *inner.tolist(), span.high]
+    """Judge the loop between every two critical values where it may be stable, and join these.
+
+    Each pair of roots on the axis goes the way that the slope of L there says, so that their number
+    on the right is known from one stretch to the next. The last one is judged in any case.
+    """
+    values, omega = critical
+    inside = (values > span.low) & (values < span.high)
+    order = np.argsort(values[inside])
+    inner, pairs = values[inside][order].tolist(), _going_right(loop.L, omega[inside][order], name)
     found: list[tuple[float, float]] = []
-    for low, high in pairwise(ends):
+    right = nan  # roots in the right half plane, where they are known
+    for low, high, more in zip(
+        [span.low, *inner], [*inner, span.high], [nan, *pairs.tolist()], strict=True
+    ):
+        right += 2 * more
         # Two crossings may be at the same value.
         same = high < inf and high - low <= 1e-9 * max(abs(low), abs(high))
-        middle = (low + high) / 2 if high < inf else 2 * low or 1.0
-        if same or not bool(loop_at(middle).stability()):
+        if same or (right > 0 and high < span.high):
             continue
+        middle = (low + high) / 2 if high < inf else 2 * low or 1.0
+        verdict = _with(loop, **{name: middle}).stability()
+        if not verdict:
+            if not verdict.model_loop:  # whatever the process
+                return []
+            right = verdict.observer_loop.closed_loop_rhp or nan
+            continue
+        if right > 0:
+            raise ArithmeticError(
+                f"the loop is stable with {name} = {middle:.6g}, but {right:g} roots have crossed "
+                "the imaginary axis to the right before"
+            )
+        right = 0.0
         if found and low - found[-1][1] <= 1e-9 * abs(low):
             found[-1] = (found[-1][0], high)
         else:
             found.append((low, high))
     return found
+
+
+def _going_right(L: Quotient, omega: FloatArray, name: str) -> FloatArray:
+    """Pairs that go right as the gain or the dead time grows: 1, -1, or nan where it is open."""
+    pairs = np.full(omega.size, nan)
+    inside = np.flatnonzero((omega > 0) & np.isfinite(omega))
+    if inside.size:
+        slope = Locus(L).log_and_slope(omega[inside])[1][0]
+        along = -slope.imag if name == "gain" else -slope.real
+        clear = np.abs(along) > TOUCHING * (1 + np.abs(slope))
+        pairs[inside[clear]] = np.sign(along[clear])
+    return pairs
 
 
 def largest_box(loop: NRDOB, *, gain: Any = None, delay: Any = None, lag: Any = None) -> Box:

@@ -182,8 +182,9 @@ def thermal(kind: str, rng: np.random.Generator) -> Measured:
 def heaters(count: int, seed: int) -> dict[str, int]:
     """How often the sign is right on thermal plants, and the gain, and the interval of the gain."""
     tally: dict[str, int] = {}
+    counts = "wrong sign", "sign left open", "gain off by over a quarter"
     for kind in STEPS:
-        found = {"wrong sign": 0, "sign left open": 0, "gain off by over a quarter": 0, "held": 0}
+        found = dict.fromkeys([*counts, "held", "true structure", "held with it"], 0)
         for case in range(count):
             true = thermal(kind, np.random.default_rng([seed, case, len(kind)]))
             told = identify(true.t, true.u, true.y)
@@ -194,7 +195,10 @@ def heaters(count: int, seed: int) -> dict[str, int]:
             lasts = told.structure.startswith(("one lag", "two lags"))
             off = abs(gain.value / true.truth["gain"] - 1) > 0.25
             found["gain off by over a quarter"] += (off or not lasts) and not open_sign
-            found["held"] += gain.low <= true.truth["gain"] <= gain.high and lasts
+            held = gain.low <= true.truth["gain"] <= gain.high and lasts
+            found["held"] += held
+            found["true structure"] += told.structure == true.structure.name
+            found["held with it"] += told.structure == true.structure.name and held
         tally |= {f"{kind}: records": count} | {f"{kind}: {k}": int(v) for k, v in found.items()}
     return tally
 

@@ -11,7 +11,7 @@ from nrdob import LowPassFilter, delay
 from nrdob.diagram import ObserverEquations
 from nrdob.numerics import count_rhp
 from nrdob.sampling import random_loop
-from nrdob.uncertain import gain_intervals
+from nrdob.uncertain import boxes, gain_intervals
 
 s = ct.tf("s")
 
@@ -64,3 +64,22 @@ def test_a_resonance_leaves_two_intervals(theta):
                           (high * 0.999, True), (high * 1.001, False)):  # fmt: skip
             if k:
                 assert nrdob.judge_observer(k * G, 1 / (s + 1), F).stable is stable
+
+
+def test_few_verdicts_are_asked_for_however_often_a_long_dead_time_turns_L(monkeypatch):
+    # 1,759 gains below 20 have roots on the axis; with a verdict beside each it took a minute.
+    G, asked = 1 / (s + 1), []
+    loop = nrdob.NRDOB(delay(500) * G, G, 0.1 / s, LowPassFilter(0.5, 1))
+    judge = nrdob.NRDOB.stability
+    monkeypatch.setattr(nrdob.NRDOB, "stability", lambda loop: asked.append(loop) or judge(loop))
+    ((low, high),) = gain_intervals(loop)
+    assert low == 0 and len(asked) < 8
+    beside = [nrdob.judge_observer(high * k * loop.process, G, loop.filter) for k in (0.999, 1.001)]
+    assert [each.stable for each in beside] == [True, False]
+
+
+def test_a_verdict_that_contradicts_the_crossings_is_told(monkeypatch):
+    loop = nrdob.paper.example(3)
+    monkeypatch.setattr(boxes, "_going_right", lambda L, omega, name: np.ones(omega.size))
+    with pytest.raises(ArithmeticError, match="have crossed the imaginary axis"):
+        gain_intervals(loop)
