@@ -33,20 +33,19 @@ def doubts(
     record: Record,
     parameters: dict[str, Parameter],
     worth: tuple[float, float, bool],
-    fitted: int,
     residual: FloatArray,
     fit: Fit,
 ) -> tuple[str, ...]:
     """Look for all that is known to mislead a fit; the gravest first.
 
     Worth: per cent explained of the part fitted and of that held out, and whether the residual, in
-    units of y from the start of the fit on, still follows the input. Fitted: how many samples were.
+    units of y from the start of the fit on, still follows the input.
     """
     return (
         *_worth(*worth, parameters["gain"]),
         *_closed_loop(record, residual, fit),
         *_limited(record, fit),
-        *_short(record, parameters, fitted),
+        *_short(record, parameters),
         *_outliers(record, residual, fit.start),
         *_drift(record, residual, fit),
     )
@@ -74,9 +73,9 @@ def _worth(fitted: float, foretold: float, follows: bool, gain: Parameter) -> It
         )
 
 
-def _short(record: Record, parameters: dict[str, Parameter], fitted: int) -> Iterator[str]:
+def _short(record: Record, parameters: dict[str, Parameter]) -> Iterator[str]:
     moved = int(np.flatnonzero(record.inputs)[0])
-    duration = record.sampling_time * (fitted - moved)
+    duration = record.sampling_time * (record.t.size - moved)
     for name, found in parameters.items():
         if found.unit != "s":
             continue

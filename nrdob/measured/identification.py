@@ -1,8 +1,9 @@
 """A process out of a record: several structures fitted, one chosen, all of it shown.
 
 Each structure is fitted to one part of the record, and then has to foretell the other part: the
-state goes on, and nothing is fitted anew. A drift of the output is taken for what it is, a random
-walk, and not for dynamics. The plant rests before the record, or moves, whichever is more likely.
+state goes on, and nothing is fitted anew. Only then the one chosen is fitted to all of it. A drift
+of the output is taken for what it is, a random walk, and not for dynamics. The plant rests before
+the record, or moves, whichever is more likely.
 """
 
 from __future__ import annotations
@@ -93,9 +94,10 @@ class Identification:
     confidence : float
         Of the intervals.
     fit_percent : float
-        ``100 (1 - |y - model| / |y - mean of y|)`` in the part that was fitted.
+        ``100 (1 - |y - model| / |y - mean of y|)`` in the part that was fitted first.
     validation_percent : float
-        The same in the part held out, simulated on from the fitted part; nan if none was held out.
+        The same in the part held out, which that fit foretells; nan if none was held out. The
+        process and its numbers are of the whole record.
     residuals : ResidualCheck
         Is what is left noise, and nothing of the input?
     candidates : tuple of Candidate
@@ -114,9 +116,9 @@ class Identification:
     record : Record
         What was measured.
     predicted : (N,) array
-        The model's output on the record; nan before the first sample compared.
+        Output of the first fit, the part held out foretold; nan before the first sample compared.
     fitted : int
-        How many samples, from the first on, were fitted.
+        How many samples, from the first on, were fitted first.
     """
 
     process: DelayedTransferFunction
@@ -187,9 +189,8 @@ def identify(
     Integrators, one and two lags (two may be a resonance) with dead time, with and without a zero,
     are fitted: the input is held between samples, the dead time need not be a whole number of them,
     and nothing is approximated. The most likely numbers are found under noise of the sensor, its
-    memory, and a drift of y, which is a random walk; under one that is none, such as a slow wave,
-    intervals are too narrow. The plant must be stable or an integrator, and must not be under
-    control while it is measured.
+    memory, and a drift of y: a random walk with a slow wave beside it, or a smooth one. The plant
+    must be stable or an integrator, and must not be under control while it is measured.
 
     The structure is the one of smallest Bayesian information criterion over the whole record, the
     part held out included, or a simpler one from which the record does not tell it; an integrator
@@ -206,8 +207,8 @@ def identify(
     structure : str, optional
         One of `nrdob.measured.STRUCTURES` by name; by default it is chosen.
     held_out : float
-        Share of the record, at its end, on which the process is tried; 0 to fit all of it. All is
-        fitted, too, where the input does not move enough in both parts.
+        Share of the record, at its end, on which the process is tried before all of it is fitted;
+        0 for none. None is held out, too, where the input does not move enough in both parts.
     confidence : float
         Of the intervals, between 0 and 1.
 
@@ -299,6 +300,11 @@ def identified(
     units = record.sampling_time, float(sizes[1] / sizes[0])
     judged = [_judged(fit, whole, problem, units, confidence) for fit in fits]
     best, rivals, reason = _chosen(judged, count)
+    if count < outputs.size:  # what was held out has been foretold: now it counts, too
+        problem, samples = whole, float(whole.used[start:].sum())
+        again = {each: _again(each, whole, start, units, confidence) for each in (best, *rivals)}
+        judged = [again.get(each, each) for each in judged]
+        best, rivals = again[best], [again[each] for each in rivals]
     fit = best.fit
     rest = sizes[1] * np.where(problem.used[start:], problem.left(fit), 0.0)
     residuals = check_residuals(rest, problem.inputs[start:], fit.structure.told)
@@ -317,7 +323,7 @@ def identified(
     )  # fmt: skip
     parameters, denied = _denied(best, rivals, needless)
     remarks = doubts(
-        record, parameters, (best.fit_percent, best.validation, follows), count,
+        record, parameters, (best.fit_percent, best.validation, follows),
         sizes[1] * np.where(record.free[start:], whole.left(fit), 0.0), fit,
     )  # fmt: skip
     plain = simple_fit(whole, fit)
@@ -401,9 +407,7 @@ def _resting_or_moving(fits: list[Fit], samples: float) -> Fit:
 def _judged(
     fit: Fit, whole: Problem, problem: Problem, units: tuple[float, float], confidence: float
 ) -> _Judged:
-    rounding = Rounding(whole.grain, whole.outputs[fit.start :])
-    rest, slopes, used = whole.left(fit), fit.jacobian(whole.inputs), whole.used[fit.start :]
-    scatter = scatter_of(rest, slopes, used, rounding)
+    rest, used = whole.left(fit), whole.used[fit.start :]
     # Over all of the record: what was held out takes part, with numbers that do not know it.
     everywhere = whole.whitening(rest).applied(rest)[used]
     misfit = max(float(np.mean(everywhere**2)), fit.misfit * TINY)
@@ -413,8 +417,26 @@ def _judged(
         _criterion(replace(fit, misfit=misfit), everywhere.size),
         *percents,
         predicted,
-        *told(fit, scatter, units, confidence),
+        *_numbers(fit, whole, units, confidence),
     )
+
+
+def _again(
+    found: _Judged, whole: Problem, start: int, units: tuple[float, float], confidence: float
+) -> _Judged:
+    """Search on over the whole record."""
+    fit = refined(found.fit, whole, start)
+    parameters, covariance = _numbers(fit, whole, units, confidence)
+    return replace(found, fit=fit, parameters=parameters, covariance=covariance)
+
+
+def _numbers(
+    fit: Fit, whole: Problem, units: tuple[float, float], confidence: float
+) -> tuple[dict[str, Parameter], FloatArray]:
+    rounding = Rounding(whole.grain, whole.outputs[fit.start :])
+    used = whole.used[fit.start :]
+    scatter = scatter_of(whole.left(fit), fit.jacobian(whole.inputs), used, rounding)
+    return told(fit, scatter, units, confidence)
 
 
 def _foretold(fit: Fit, whole: Problem, problem: Problem) -> tuple[FloatArray, tuple[float, float]]:

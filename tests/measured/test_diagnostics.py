@@ -172,6 +172,18 @@ def test_as_much_of_the_record_is_held_out_as_was_asked_for(held_out, fitted):
 
 
 @pytest.mark.slow
+def test_what_was_held_out_counts_in_the_end():
+    # A half that is all noise tells little; the numbers come from both, the foretelling from one.
+    t, u, y = lag(switched())
+    y[:200] += 0.5 * np.random.default_rng(4).standard_normal(200)
+    found = identify(t, u, y, structure=ONE_LAG)
+    alone = identify(t[:200], u[:200], y[:200], structure=ONE_LAG, held_out=0)
+    one, both = (each.parameters["gain"] for each in (alone, found))
+    assert both.high - both.low < (one.high - one.low) / 1.3
+    assert found.fit_percent == pytest.approx(alone.fit_percent, abs=1)
+
+
+@pytest.mark.slow
 def test_the_held_out_part_has_a_veto():
     # After the first half the plant answers the other way round: nothing foretells that.
     t, u, y = lag(switched())
