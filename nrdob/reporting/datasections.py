@@ -73,8 +73,8 @@ def _trust(found: Identification) -> Section:
         rows,
     )  # fmt: skip
     said = (
-        "The part held out was not used to fit anything: plant and drift go on from the state that "
-        "they are in at the end of the part fitted."
+        "To be tried, each was fitted to the first part alone and foretold the part held out: plant "
+        "and drift go on from the state that they are in. The one chosen was then fitted to all."
         if held
         else "Nothing was held out, so that no part of the record confirms what was fitted."
     )
