@@ -28,7 +28,6 @@ from nrdob_course.claims import (
     mismatch,
     recurring,
     robustness,
-    roots,
     section2,
     settle,
     signals,
@@ -38,7 +37,7 @@ from nrdob_course.claims.ledger import WIDTH, Section, collect
 SECTIONS = (
     section2, bands, lemma1, mismatch, robustness, examples12, example3, example4, conclusions,
 )  # fmt: skip
-MODULES = (*SECTIONS, ledger, recurring, roots, signals)
+MODULES = (*SECTIONS, ledger, recurring, signals)
 TEXT = {"chapter": "11_the_loop", "place": "p. 1", "says": "It is so."}
 CHAPTERS = {path.stem for path in Path(__file__).parents[2].glob("notebooks/*.ipynb")}
 

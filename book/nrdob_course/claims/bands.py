@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 
 from nrdob.diagram import LowPassFilter
 from nrdob.loop import NRDOB
-from nrdob.numerics import ComplexArray, number
+from nrdob.numerics import ComplexArray, FloatArray, number
 from nrdob.paper import EXAMPLES, example
 
 from .ledger import Finding
@@ -24,6 +24,7 @@ from .signals import (
     ORDERS,
     STOPPED,
     Values,
+    blocks_of,
     every,
     from_diagram,
     many_loops,
@@ -198,9 +199,12 @@ def input_disturbance_at_low_frequency() -> Finding:
 # Eq. (6): high frequency.
 
 
-def _biproper() -> NRDOB:
-    """Give Example 2 with n = 1: causal, stable, and FH does not die out."""
-    return filtered(example(2), 0.02, 1)
+def _biproper() -> tuple[NRDOB, bool, str]:
+    """Give Example 2 with n = 1, where FH does not die out, whether it is stable, and say it."""
+    loop = filtered(example(2), 0.02, 1)
+    stable = loop.stability().stable is True
+    said = f"in Example 2 with n = 1, λ = 0.02 s ({'stable' if stable else 'not stable'})"
+    return loop, stable, said
 
 
 def _high_band(loop: NRDOB) -> ComplexArray:
@@ -215,72 +219,72 @@ def _dying() -> list[NRDOB]:
 
 
 def _approach(
-    part: Callable[[NRDOB, ComplexArray], ComplexArray], what: str, form: str, exact: bool
-) -> Finding:
-    """Judge a statement of eq. (6) by the ratio of both sides, `part`, which should be 1.
+    name: str,
+    computed: str,
+    what: str,
+    form: str,
+    ratio: Callable[[Values, ComplexArray], ComplexArray],
+    exactly: Callable[[Values], ComplexArray],
+) -> None:
+    """Enter the check of a map of eq. (6) by its `ratio` to what it should be near, called `what`.
 
-    `form` is what the ratio is said to be exactly, and `exact` whether it is.
+    `form` is in words what the ratio is `exactly`, of the four blocks.
     """
 
-    def deviation(loop: NRDOB) -> float:
-        off = float(np.abs(np.abs(part(loop, _high_band(loop))) - 1).max())
-        return round(off, 9)  # for the matched example nothing but the last bit
+    @SECTION.check(f"eq06.{name}")
+    def check() -> Finding:
+        def size(loop: NRDOB, s: ComplexArray) -> FloatArray:
+            return np.abs(ratio(blocks_of(loop, s), getattr(loop, name)(s)))
 
-    def end(loop: NRDOB) -> float:
-        return float(abs(part(loop, _high_band(loop)[-1:])[0]))
+        def deviation(loop: NRDOB) -> float:
+            off = float(np.abs(size(loop, _high_band(loop)) - 1).max())
+            return round(off, 9)  # for the matched example nothing but the last bit
 
-    worst = _worst(deviation)
-    biproper = _biproper()
-    limit = abs(1 / (1 + biproper.FH.at_infinity[0]))
-    stable = biproper.stability().stable is True
-    return Finding(
-        every(value <= NEAR for value in worst) and deviation(biproper) <= NEAR,
-        f"where |F| ≤ 0.01 {what} is off by at most {numbers(worst)} in Examples 1 to 4; in "
-        f"Example 2 with n = 1, λ = 0.02 s ({'stable' if stable else 'not stable'}) it tends to "
-        f"{number(end(biproper), 4)}",
-        ABOUT,
-        conditions={
-            f"{what} is {form}": exact,
-            "Example 2 with n = 1, λ = 0.02 s is stable": stable,
-            f"there {what} tends to |1/(1 + FH)| at infinity, not to 1": same(
-                end(biproper), limit, rtol=1e-3
-            ),
-            f"{what} tends to 1 if FH is strictly proper": every(
-                abs(end(loop) - 1) < 1e-3 for loop in _dying()
-            ),
-        },
+        def end(loop: NRDOB) -> float:
+            return float(size(loop, _high_band(loop)[-1:])[0])
+
+        blocks = random_blocks(np.random.default_rng(6))
+        worst = _worst(deviation)
+        biproper, stable, said = _biproper()
+        limit = abs(1 / (1 + biproper.FH.at_infinity[0]))
+        return Finding(
+            every(value <= NEAR for value in worst) and deviation(biproper) <= NEAR,
+            f"where |F| ≤ 0.01 {what} is off by at most {numbers(worst)} in Examples 1 to 4; "
+            f"{said} it tends to {number(end(biproper), 4)}",
+            ABOUT,
+            conditions={
+                f"{what} is {form}": same(
+                    ratio(blocks, from_diagram(name, blocks)), exactly(blocks)
+                ),
+                "Example 2 with n = 1, λ = 0.02 s is stable": stable,
+                f"there {what} tends to |1/(1 + FH)| at infinity, not to 1": same(
+                    end(biproper), limit, rtol=1e-3
+                ),
+                f"{what} tends to 1 if FH is strictly proper": every(
+                    abs(end(loop) - 1) < 1e-3 for loop in _dying()
+                ),
+            },
+        )
+
+    check.__doc__ = (
+        f"Compute {computed} where |F| ≤ 0.01, in the examples and for a biproper FH.\n\n"
+        f"The exact {'factor' if 'factor' in what else 'form'} is compared with the diagram at "
+        "random values, its limit on random loops."
     )
 
 
-@SECTION.check("eq06.T_R")
-def tracking_at_high_frequency() -> Finding:
-    """Compute T_R (1 + C Gm)/(C G) where |F| ≤ 0.01, in the examples and for a biproper FH.
-
-    The exact factor is compared with the diagram at random values, its limit on random loops.
-    """
-    blocks = random_blocks(np.random.default_rng(6))
-    factor = from_diagram("T_R", blocks) * (1 + blocks.CGm) / (blocks.C * blocks.G)
-    return _approach(
-        lambda loop, s: loop.T_R(s) * (1 + loop.CGm(s)) / (loop.C(s) * loop.G(s)),
-        "the factor between the two",
-        "1/(1 + FH)",
-        same(factor, 1 / (1 + blocks.FH)),
-    )
-
-
-@SECTION.check("eq06.S_d")
-def output_disturbance_at_high_frequency() -> Finding:
-    """Compute |S_d| where |F| ≤ 0.01, in the examples and for a biproper FH.
-
-    The exact form is compared with the diagram at random values, its limit on random loops.
-    """
-    blocks = random_blocks(np.random.default_rng(6))
-    return _approach(
-        lambda loop, s: np.asarray(loop.S_d(s)),
-        "|S_d|",
-        "|(1 − F)/(1 + FH)|",
-        same(from_diagram("S_d", blocks), (1 - blocks.F) / (1 + blocks.FH)),
-    )
+_approach(
+    "T_R", "T_R (1 + C Gm)/(C G)", "the factor between the two", "1/(1 + FH)",
+    lambda v, T_R: T_R * (1 + v.CGm) / (v.C * v.G), lambda v: 1 / (1 + v.FH),
+)  # fmt: skip
+_approach(
+    "S_d", "|S_d|", "|S_d|", "|(1 − F)/(1 + FH)|",
+    lambda v, S_d: S_d, lambda v: (1 - v.F) / (1 + v.FH),
+)  # fmt: skip
+_approach(
+    "S_delta", "|S_δ/G|", "|S_δ/G|", "|(1 − F)/(1 + FH)|",
+    lambda v, S_delta: S_delta / v.G, lambda v: (1 - v.F) / (1 + v.FH),
+)  # fmt: skip
 
 
 @SECTION.check("eq06.S_eta")
@@ -292,14 +296,12 @@ def noise_at_high_frequency() -> Finding:
     blocks = random_blocks(np.random.default_rng(6))
     exact = -blocks.F * (1 + blocks.H) / (1 + blocks.FH)
     worst = _worst(lambda loop: float(np.abs(loop.S_eta(_high_band(loop))).max()))
-    biproper = _biproper()
+    biproper, stable, said = _biproper()
     passes = float(np.abs(biproper.S_eta(_high_band(biproper))).min())
-    stable = biproper.stability().stable is True
     return Finding(
         every(value <= NEAR for value in worst) and passes <= NEAR,
-        f"where |F| ≤ 0.01 |S_η| is at most {numbers(worst)} in Examples 1 to 4; in Example 2 "
-        f"with n = 1, λ = 0.02 s ({'stable' if stable else 'not stable'}) it is nowhere below "
-        f"{number(passes, 4)}",
+        f"where |F| ≤ 0.01 |S_η| is at most {numbers(worst)} in Examples 1 to 4; {said} it is "
+        f"nowhere below {number(passes, 4)}",
         ABOUT,
         conditions={
             "S_η = −F(1 + H)/(1 + FH)": same(from_diagram("S_eta", blocks), exact),
@@ -309,21 +311,6 @@ def noise_at_high_frequency() -> Finding:
                 abs(loop.S_eta(_high_band(loop)[-1])) < 1e-3 for loop in _dying()
             ),
         },
-    )
-
-
-@SECTION.check("eq06.S_delta")
-def input_disturbance_at_high_frequency() -> Finding:
-    """Compute |S_δ/G| where |F| ≤ 0.01, in the examples and for a biproper FH.
-
-    The exact form is compared with the diagram at random values, its limit on random loops.
-    """
-    blocks = random_blocks(np.random.default_rng(6))
-    return _approach(
-        lambda loop, s: np.asarray(loop.S_delta(s) / loop.G(s)),
-        "|S_δ/G|",
-        "|(1 − F)/(1 + FH)|",
-        same(from_diagram("S_delta", blocks), blocks.G * (1 - blocks.F) / (1 + blocks.FH)),
     )
 
 

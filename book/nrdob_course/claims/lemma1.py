@@ -16,17 +16,6 @@ from nrdob.paper import example
 
 from .ledger import Finding
 from .recurring import section
-from .roots import (
-    condition_ii,
-    enough_turns,
-    in_right_half,
-    is_pole,
-    n_p,
-    poles_and_zeros,
-    random_loops,
-    rightmost,
-    turns_around_minus_one,
-)
 from .signals import (
     EXACT,
     PRINTED_MAPS,
@@ -34,17 +23,26 @@ from .signals import (
     TOLERANCE,
     Values,
     blocks_of,
+    condition_ii,
+    enough_turns,
     equations,
     every,
+    in_right_half,
+    is_pole,
     loop_modes,
     many_loops,
     modes,
+    n_p,
     numbers,
+    poles_and_zeros,
     printed_map,
     random_blocks,
+    random_loops,
     random_points,
+    rightmost,
     same,
     solve,
+    turns_around_minus_one,
 )
 
 __all__ = ["SECTION"]

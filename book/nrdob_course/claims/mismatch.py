@@ -18,28 +18,25 @@ from nrdob.plants import resonance
 
 from .ledger import Finding
 from .recurring import section
-from .roots import (
-    critical_gain,
-    in_right_half,
-    n_p,
-    observer,
-    random_loops,
-    rightmost,
-    turns_around_minus_one,
-)
 from .signals import (
     EXACT,
     QUADRUPLES,
     TOLERANCE,
     Values,
+    critical_gain,
     every,
-    fraction,
+    in_right_half,
+    n_p,
     numbers,
+    observer,
     random_blocks,
+    random_loops,
     random_points,
+    rightmost,
     same,
     solve,
     turns,
+    turns_around_minus_one,
 )
 
 __all__ = ["SECTION"]
@@ -276,7 +273,7 @@ def ratio_at_high_frequency() -> Finding:
     """
     right, vanish = [], []
     for loop in _normalised_loops(40):
-        G, Gm = fraction(loop.G), fraction(loop.Gm)
+        G, Gm, *_ = loop.fractions
         M = G.num[0] * Gm.den[0] / (Gm.num[0] * G.den[0])
         right.append(abs(loop.ratio(1e9j) / M - 1) < 1e-6 and same(loop.ratio.at_infinity[0], M))
         den = np.append(Gm.den[0] / M, Gm.den[1:])

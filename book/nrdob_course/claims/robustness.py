@@ -18,8 +18,7 @@ from nrdob.sampling import random_block
 
 from .ledger import Finding
 from .recurring import section
-from .roots import critical_gain, in_right_half
-from .signals import every, fraction, loop_modes, modes, numbers, same
+from .signals import critical_gain, every, in_right_half, loop_modes, modes, numbers, same
 
 __all__ = ["SECTION"]
 
@@ -145,7 +144,7 @@ def each_condition_dropped() -> Finding:
     The rest of the conditions is checked in each case. An integrator and a zero at s = 0 stand for
     poles and zeros on the axis.
     """
-    one, F = np.ones(1), fraction(NRDOB(1.0, 1.0, 0.0, LowPassFilter(0.1, 1)).F)
+    one, F = np.ones(1), Fraction(np.ones(1), np.array([0.1, 1.0]))
     zero, poles = np.array([1.0, 3.0]), np.array([1.0, 3.0, 2.0])
     G, C = Fraction(zero, poles), Fraction(one, np.array([1.0, 0.0]))
     half, gain = Fraction(0.5 * one, one), Fraction(4 * one, one)

@@ -10,13 +10,15 @@ eigenvalues know nothing of p_A, p_B or any encirclement.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from math import inf
 from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.linalg import block_diag
+from scipy.optimize import brentq
 
 from nrdob import paper
-from nrdob.diagram import Fraction, Quotient
+from nrdob.diagram import Fraction, LowPassFilter, Quotient
 from nrdob.loop import NRDOB
 from nrdob.numerics import ComplexArray, FloatArray, number
 from nrdob.sampling import random_loop
@@ -25,9 +27,11 @@ from .ledger import Finding
 
 __all__ = [
     "ABOUT", "EXACT", "NEAR", "ORDERS", "PRINTED_MAPS", "QUADRUPLES", "STOPPED", "TOLERANCE",
-    "TO_OUTPUT", "Values", "blocks_of", "equations", "every", "fraction", "from_diagram",
-    "is_refused", "loop_modes", "many_loops", "matched_blocks", "modes", "numbers", "printed_map",
-    "random_blocks", "random_points", "same", "solve", "turns",
+    "TO_OUTPUT", "Values", "blocks_of", "condition_ii", "critical_gain", "enough_turns",
+    "equations", "every", "from_diagram", "in_right_half", "is_pole", "is_refused", "loop_modes",
+    "many_loops", "matched_blocks", "modes", "n_p", "numbers", "observer", "poles_and_zeros",
+    "printed_map", "random_blocks", "random_loops", "random_points", "rightmost", "same", "solve",
+    "turns", "turns_around_minus_one",
 ]  # fmt: skip
 
 EXACT = 1e-8
@@ -203,11 +207,6 @@ def every(outcomes: Iterable[Any]) -> bool:
     return all(found)
 
 
-def fraction(quotient: Quotient) -> Fraction:
-    """Numerator and denominator of a block of a loop without dead time, nothing cancelled."""
-    return Fraction(quotient.numerator.q, quotient.denominator.q)
-
-
 def loop_modes(loop: NRDOB) -> ComplexArray:
     """Modes of a loop without dead time.
 
@@ -221,7 +220,7 @@ def loop_modes(loop: NRDOB) -> ComplexArray:
     array of complex
         Eigenvalues of the whole diagram, every block realised by itself, in rad/s.
     """
-    return modes(*(fraction(block) for block in (loop.G, loop.Gm, loop.C, loop.F)))
+    return modes(*loop.fractions)
 
 
 def numbers(values: Iterable[Any]) -> str:
@@ -279,6 +278,71 @@ def turns(values_at: Callable[[ComplexArray], ComplexArray], excess: int = 0) ->
             return round(excess / 2 - float(steps.sum()) / np.pi)
         omega = np.insert(omega, wide + 1, (omega[wide] + omega[wide + 1]) / 2)
     raise ArithmeticError("the curve turns faster than it can be followed")
+
+
+def observer(ratio: Any, model: Any, time_constant: float, order: int) -> NRDOB:
+    """Give a loop by its ratio G/Gm; the controller does not matter."""
+    return NRDOB(ratio * model, model, 0.0, LowPassFilter(time_constant, order))
+
+
+def rightmost(loop: NRDOB) -> float:
+    """Largest real part of the roots of p_B, for a loop without dead time."""
+    return float(np.roots(loop.p_B.q).real.max())
+
+
+def in_right_half(coefficients: FloatArray) -> int:
+    """Roots of a polynomial with positive real part."""
+    return int(np.sum(np.roots(coefficients).real > 0))
+
+
+def critical_gain(order: int) -> float:
+    """M_n, the gain factor at which F/(1 − F) is lost, by the roots of (s + 1)^n − 1 + k."""
+
+    def rightmost_root(gain: float) -> float:
+        coefficients = np.poly(-np.ones(order))
+        coefficients[-1] += gain - 1
+        return float(np.roots(coefficients).real.max())
+
+    return inf if rightmost_root(1e3) < 0 else float(brentq(rightmost_root, 1.0, 1e3))
+
+
+def random_loops(count: int, *, delayed: bool = False) -> list[NRDOB]:
+    """Draw loops, always the same ones."""
+    rng = np.random.default_rng(11)
+    return [random_loop(rng, delayed=delayed) for _ in range(count)]
+
+
+def poles_and_zeros(loop: NRDOB) -> ComplexArray:
+    """Poles of G and zeros of Gm."""
+    return np.concatenate([loop.G.denominator.roots, loop.Gm.numerator.roots])
+
+
+def is_pole(loop: NRDOB, root: complex) -> bool:
+    """Whether |H| grows as its argument comes closer to `root`."""
+    far, close = np.abs(loop.H(root + np.array([1e-6j, 1e-9j])))
+    return bool(close > 100 * far > 0)
+
+
+def n_p(loop: NRDOB) -> int:
+    """Right half plane poles of G and zeros of Gm, before cancellation."""
+    return in_right_half(loop.G.denominator.q) + in_right_half(loop.Gm.numerator.q)
+
+
+def enough_turns(loop: NRDOB) -> bool:
+    """Whether FH turns around −1 as often as Lemma 1 requires."""
+    return turns_around_minus_one(loop.FH) == -n_p(loop)
+
+
+def turns_around_minus_one(open_loop: Quotient, excess: int = 0) -> int:
+    """Clockwise turns, followed point by point."""
+    return turns(lambda s: 1 + open_loop(s), excess)
+
+
+def condition_ii(loop: NRDOB) -> bool:
+    """Whether all roots of p_B are in the open left half plane."""
+    if loop.delay:
+        return loop.stability().observer_loop.stable is True
+    return bool(rightmost(loop) < -1e-9)
 
 
 def printed_map(name: str) -> Finding:

@@ -27,7 +27,7 @@ from .submissions import Submission
 
 __all__ = ["Batch", "Outcome"]
 
-WORKER = f"{__package__}.worker"
+WORKER = f"{__package__}.autograde"
 FOUND = [str(Path(module.__file__ or "").resolve().parents[1]) for module in (nrdob, nrdob_course)]
 """Where the packages were found, so that the graders find the same."""
 
@@ -44,7 +44,7 @@ class Outcome:
 
 
 class Worker(Child):
-    """A process that grades one submission after the other, see `worker`."""
+    """A process that grades one submission after the other, see `autograde`."""
 
     def __init__(self) -> None:
         environment = kernel_environment()

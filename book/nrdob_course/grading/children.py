@@ -1,16 +1,24 @@
-"""Processes that take an order in each line of their input, and answer it in a line: JSON both."""
+"""Processes that take an order in each line of their input, and answer it in a line: JSON both.
+
+Of such a process Jupyter gets its kernels: copies of one that has read their libraries, which takes
+seconds. It knows no more than a kernel does, and nothing of the graders, see `kernel`.
+"""
 
 from __future__ import annotations
 
 import json
+import os
+import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
 import psutil
+from jupyter_client.provisioning.local_provisioner import LocalProvisioner
 
-__all__ = ["Child", "end", "serve"]
+__all__ = ["Child", "Provisioner", "end", "serve"]
 
 
 class Child:
@@ -62,3 +70,51 @@ def end(pid: int, itself: bool = True) -> None:
             member.kill()
         except psutil.NoSuchProcess:
             continue
+
+
+class Kernel:
+    """A kernel, with what Jupyter wants to know of a process of its own."""
+
+    stdin = stdout = stderr = None
+
+    def __init__(self, server: Child, arguments: list[str], environment: dict[str, str]) -> None:
+        self.server, self.code = server, None
+        self.pid = server.ask({"start": arguments, "environment": environment})
+
+    def poll(self) -> int | None:
+        """Give the exit code, if it has ended."""
+        if self.code is None:
+            self.code = self.server.ask({"ended": self.pid})
+        return self.code
+
+    def wait(self) -> int:
+        """Wait for its end."""
+        while (code := self.poll()) is None:
+            time.sleep(0.01)
+        return code
+
+    def send_signal(self, number: int) -> None:
+        """Send a signal, if it has not ended."""
+        if self.poll() is None:
+            os.kill(self.pid, number)
+
+    def terminate(self) -> None:
+        """Ask it to end."""
+        self.send_signal(signal.SIGTERM)
+
+    def kill(self) -> None:
+        """End it."""
+        self.send_signal(signal.SIGKILL)
+
+
+class Provisioner(LocalProvisioner):
+    """Lets Jupyter start its kernels so."""
+
+    server: Child
+
+    async def launch_kernel(self, cmd: list[str], **kwargs: Any) -> Any:
+        """Start a kernel; of its command, python -P -m kernel CONNECTION WORKDIR, the last two."""
+        kernel: Any = Kernel(self.server, cmd[4:6], kwargs["env"])
+        self.process, self.pid = kernel, kernel.pid
+        self.pgid = None
+        return self.connection_info

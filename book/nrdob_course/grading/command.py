@@ -27,17 +27,16 @@ from typing import Any
 import nbformat
 from sqlalchemy.exc import DatabaseError
 
-from . import changes, marks, sandbox, similar
+from . import marks, sandbox, similar, written
 from .arguments import COURSE, GRADING, parse
 from .autograde import course, write_feedback
 from .batch import Batch, Outcome
-from .marking import write_marking
+from .marking import write_marking, write_tally
 from .marks import Records, grades_of, number, problem_of, unmarked
 from .platforms import packed, unpacked
 from .release import MARKERS, SOURCE, CourseError, found_course, generate, release, sets_in, solved
 from .roster import UNPLANNED, Course, read_course
 from .submissions import NOTHING, Submission, find, repair
-from .tally import write_tally
 from .written import Key, Typed, read_written, write_written
 
 __all__ = [
@@ -214,11 +213,11 @@ def take_marks(target: Path, records: Records, tables: Sequence[Path] = ()) -> T
     typed = Typed()
     if not (target / "gradebook.db").exists():
         return typed
-    given = changes.overridden(target)
+    given = written.overridden(target)
     with course(target).gradebook as gradebook:
         for table in (target / "written.csv", *tables):
             typed.add(read_written(table, gradebook, records, given))
-        changes.apply(gradebook, records, given)
+        written.apply(gradebook, records, given)
     return typed
 
 
@@ -305,10 +304,10 @@ def override(
     """Give the points of one answer by hand, or withdraw such points; it is logged."""
     records = records_of(target)
     with course(target).gradebook as gradebook:
-        entry = changes.override(gradebook, target, records, key, points, who, why)
+        entry = written.override(gradebook, target, records, key, points, who, why)
     give_feedback(target, [entry])
     write_tables(target, records, plan or UNPLANNED)
-    print(f"{' '.join(key)}: {points}. The log: {target / changes.FILE}")
+    print(f"{' '.join(key)}: {points}. The log: {target / written.LOG}")
     return 0
 
 
@@ -363,12 +362,12 @@ def regrade(
             for cell, new in outcome.grades.items()
             if number(before[cell]) != number(new)
         ]
-        changes.log(target, "regrade", who, why, changed)
+        written.log(target, "regrade", who, why, changed)
         for key, old, new in changed:
             print(f"{' '.join(key)}: {old} → {new}", flush=True)
     give_feedback(target, chosen)
     write_tables(target, records, plan or UNPLANNED)
-    print(f"The log: {target / changes.FILE}")
+    print(f"The log: {target / written.LOG}")
     return failed
 
 

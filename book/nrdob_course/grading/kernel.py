@@ -5,7 +5,8 @@
 CONNECTION is Jupyter's file of ports; WORKDIR the only folder that the code can write. What every
 notebook imports is imported before the sandbox is built and the clock runs. In the place of the
 graders stands what was handed out, see `handout`, in a file that is gone when the code begins.
-Without arguments it starts kernels on demand, see `forkserver`.
+Without arguments it starts kernels as copies of itself: an order has the arguments of a kernel and
+its environment, or asks whether one has ended.
 """
 
 from __future__ import annotations
@@ -30,8 +31,8 @@ from ipykernel.kernelapp import IPKernelApp
 import nrdob  # noqa: F401
 
 from . import sandbox
+from .children import serve
 from .encoding import HANDOUT
-from .forkserver import fork_kernels
 
 __all__ = ["AnotherGroupError", "Graders", "Note", "leave", "main"]
 
@@ -124,8 +125,37 @@ def main(arguments: list[str]) -> None:
     app.start()
 
 
+def answered(order: dict[str, Any]) -> int | None:
+    """Start a kernel, and tell its process; or tell the exit code of one that may have ended."""
+    if "ended" not in order:
+        if not (child := os.fork()):
+            become_a_kernel(order)
+        return child
+    try:
+        done, status = os.waitpid(order["ended"], os.WNOHANG)
+    except ChildProcessError:
+        return 1
+    return os.waitstatus_to_exitcode(status) if done else None
+
+
+def become_a_kernel(order: dict[str, Any]) -> None:
+    """Leave all that is the server's, its pipes above all, and be a kernel."""
+    code = 1
+    try:
+        os.setsid()
+        for number in (0, 1, 2):
+            os.dup2(os.open(os.devnull, os.O_RDWR), number)
+        os.closerange(3, 1024)
+        os.environ.clear()
+        os.environ.update(order["environment"])
+        main(order["start"])
+        code = 0
+    finally:
+        os._exit(code)
+
+
 if __name__ == "__main__":
     if sys.argv[1:]:
         main(sys.argv[1:])
     else:
-        fork_kernels(main)
+        serve(answered)
