@@ -13,7 +13,8 @@ from nrdob.numerics import QuasiPolynomial, number
 from nrdob.paper import example
 
 from .ledger import Finding
-from .recurring import section
+from .recurring import both, section
+from .signals import counted, every, is_stable
 
 __all__ = ["REFERENCE_2", "SECTION"]
 
@@ -23,16 +24,14 @@ SECTION = section("conclusions")
 @SECTION.check("concl.unstable_nmp_delay")
 def designs_exist() -> Finding:
     """See that the plants of Examples 2, 3, 4 are what they should be, and judge all six loops."""
-    loops = {k: [example(k, modified) for modified in (False, True)] for k in (2, 3, 4)}
-    features = {
-        2: all(loop.G.to_tf().zeros().real.max() > 0 for loop in loops[2]),
-        3: all(loop.G.to_tf().poles().real.max() > 0 for loop in loops[3]),
-        4: all(loop.delay > 0 for loop in loops[4]),
-    }
-    stable = [loop.stability().stable is True for pair in loops.values() for loop in pair]
+    second, third, fourth = (both(k) for k in (2, 3, 4))
+    features = [loop.G.to_tf().zeros().real.max() > 0 for loop in second]
+    features += [loop.G.to_tf().poles().real.max() > 0 for loop in third]
+    features += [loop.delay > 0 for loop in fourth]
+    stable = [*map(is_stable, second + third + fourth)]
     return Finding(
-        all(features.values()) and all(stable),
-        f"{sum(stable)} of {len(stable)} loops stable: Examples 2 (zero in the right half "
+        every(features) and every(stable),
+        f"{counted(stable)} loops stable: Examples 2 (zero in the right half "
         "plane), 3 (pole there), 4 (dead time), each with its plant and its modified plant",
     )
 
@@ -46,9 +45,10 @@ def not_matching() -> Finding:
     time is a little longer, by encirclements, and filters made for the matched models.
     """
     filters = [LowPassFilter(lam, n) for n in (2, 3, 4) for lam in (0.01, 0.1, 1.0)]
+    plants = [example(which).process for which in (2, 3)]
     matched = [
-        NRDOB(loop.process, loop.process, 0.1, each).stability().observer_loop.stable
-        for loop in (example(2), example(3))
+        NRDOB(plant, plant, 0.1, each).stability().observer_loop.stable
+        for plant in plants
         for each in filters
     ]
     process, model = ([1.0], [1.0, 4.0, 4.0]), ([1.0], [1.0, 4.0, 3.75])
@@ -59,8 +59,8 @@ def not_matching() -> Finding:
     ]
     late = [judge("", [QuasiPolynomial(each.den)], p).stable for p, each in delayed]
     made = [
-        NRDOB(loop.process, loop.process, 0.1, interpolating_filter(loop.process, lam))
-        for loop in (example(2), example(3))
+        NRDOB(plant, plant, 0.1, interpolating_filter(plant, lam))
+        for plant in plants
         for lam in (0.01, 0.1, 1.0)
     ]
     as_one = [loop.stability().observer_loop.stable is True for loop in made]
@@ -77,7 +77,7 @@ def not_matching() -> Finding:
         f"matched Examples 2 and 3: unstable in {fails} of {len(matched)} loops; Example 4 with "
         f"the path Fu delayed: stable in {works} of {len(late)}, and with n = 3, λ = 0.001 s, "
         f"θ = 0.05 s {words[0]} with 3.0 ms more dead time, {words[1]} with 3.1 ms; "
-        f"matched with filters made for the model: stable in {sum(as_one)} of {len(as_one)}",
+        f"matched with filters made for the model: stable in {counted(as_one)}",
         conditions={
             "the matched model never works in Examples 2 and 3": fails == len(matched),
             "dead time can be matched with the path Fu delayed": works == len(late),

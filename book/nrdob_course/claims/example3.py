@@ -21,6 +21,7 @@ from nrdob.uncertain import largest_box, plant_family, sweep
 from .ledger import Finding
 from .recurring import (
     border,
+    both,
     filtered,
     map_text,
     npz,
@@ -28,7 +29,9 @@ from .recurring import (
     performance_finding,
     printed_text,
     section,
+    variation_finding,
 )
+from .signals import counted, every, is_stable, same
 
 __all__ = ["SECTION"]
 
@@ -47,12 +50,8 @@ def matched_fails() -> Finding:
     """
     filters = [LowPassFilter(lam, n) for n in (2, 3, 4) for lam in (0.001, 0.03, 0.3, 3.0, 100.0)]
     exact = all(
-        np.allclose(
-            NRDOB(PLANT, PLANT, -2, each).p_B.q,
-            np.polymul(np.polymul(*PLANT), each.den),
-            rtol=1e-12,
-        )
-        for each in filters
+        same(NRDOB(PLANT, PLANT, -2, F).p_B.q, np.polymul(np.polymul(*PLANT), F.den), 1e-12)
+        for F in filters
     )
     models = [
         ([gain], -np.poly([pole, stable]))
@@ -60,13 +59,17 @@ def matched_fails() -> Finding:
     ]
     loops = [NRDOB(PLANT, model, -2, each) for model in (PLANT, *models) for each in filters]
     signs = all(loop.p_B.q[0] * loop.p_B.q[-1] < 0 for loop in loops)
-    counts = [loop.stability().observer_loop.closed_loop_rhp or 0 for loop in loops]
-    odd = sum(count % 2 == 1 for count in counts)
+    counts = [_unstable_roots(loop) or 0 for loop in loops]
+    odd = [count % 2 == 1 for count in counts]
     return Finding(
-        exact and signs and odd == len(loops),
-        f"an odd number of roots in the right half plane, {number(min(counts))} or more, in {odd} "
-        f"of {len(loops)} loops",
+        exact and signs and every(odd),
+        f"an odd number of roots in the right half plane, {number(min(counts))} or more, in "
+        f"{counted(odd)} loops",
     )
+
+
+def _unstable_roots(loop: NRDOB) -> float | None:
+    return loop.stability().observer_loop.closed_loop_rhp
 
 
 @SECTION.check("ex3.negative_gain")
@@ -87,14 +90,13 @@ def negative_gain() -> Finding:
         for lam in (0.01, 0.05, 0.2)
     ]
     reversed_sign = [
-        replace(each, model=([1, -3], each.model[1]), controller=-0.1) for each in with_zero
+        replace(loop, model=([1, -3], loop.model[1]), controller=-0.1) for loop in with_zero
     ]
 
     def odd(loops: list[NRDOB]) -> int:
-        counts = [loop.stability().observer_loop.closed_loop_rhp for loop in loops]
-        return sum(count is not None and count % 2 == 1 for count in counts)
+        return sum((_unstable_roots(loop) or 0) % 2 == 1 for loop in loops)
 
-    stable = all(loop.stability().stable is True for loop in with_zero)
+    stable = all(map(is_stable, with_zero))
     paper, gain = example(3), with_zero[0].Gm.dc_gain
     return Finding(
         not (stable and gain > 0),
@@ -106,7 +108,7 @@ def negative_gain() -> Finding:
             "with a zero on the right a positive gain is stable": stable and gain > 0,
             "with it a negative gain is unstable": odd(reversed_sign) == len(reversed_sign),
             "the model of Example 3 has a negative gain and is stable": (
-                paper.Gm.dc_gain < 0 and paper.stability().stable is True
+                paper.Gm.dc_gain < 0 and is_stable(paper)
             ),
         },
     )
@@ -144,7 +146,7 @@ def smaller() -> Finding:
     )
     louder = loop(8, 0.05)
     sizes = np.abs(louder.ratio(1j * np.geomspace(1e-3, 1e4, 201)))
-    works = louder.stability().stable is True and bool(sizes.max() < 1)
+    works = is_stable(louder) and bool(sizes.max() < 1)
     return Finding(
         not works,
         f"with Gm = −8/(s² + 3s + 2), |G/Gm| is {number(sizes.max(), 4)} and the loop "
@@ -290,16 +292,7 @@ def figure_12() -> Finding:
 @SECTION.check("ex3.variation")
 def variation() -> Finding:
     """Compare DC gains and poles of the two plants."""
-    before, after = (example(3, modified).G for modified in (False, True))
-    poles = [np.sort(g.to_tf().poles().real) for g in (before, after)]
-    holds = np.isclose(after.dc_gain, 0.5 * before.dc_gain) and np.allclose(
-        poles[1], [-10, *poles[0]]
-    )
-    return Finding(
-        bool(holds),
-        f"DC gain {number(before.dc_gain, 4)} → {number(after.dc_gain, 4)}; poles "
-        f"{', '.join(number(p, 4) for p in poles[1])}",
-    )
+    return variation_finding(3, "DC gain", lambda loop: loop.G.dc_gain, 0.5)
 
 
 @SECTION.check("ex3.performance")
@@ -341,18 +334,17 @@ def family_3() -> Finding:
 
     def stable(gain: float, lag: float) -> bool:
         plant = ([4 * gain], np.polymul([-1, -1, 2], [lag, 1]))
-        return replace(loop, process=plant).stability().stable is True
+        return is_stable(replace(loop, process=plant))
 
     sides = [stable(1, 0.999 * longest), stable(1, 1.001 * longest)]
     sides += [stable(0.999 * highest, 0.1), stable(1.001 * highest, 0.1)]
-    ends = [loop.stability().stable, example(3, modified=True).stability().stable]
     count = int((~table["stable"]).sum())
     return Finding(
         count == 0,
         f"unstable with {count} of {len(table)} plants; at full gain the lag must be below "
         f"{number(longest, 4)} s, at the full lag the gain below {number(highest, 4)}",
         conditions={
-            "the nominal and the modified loop are stable": ends == [True, True],
+            "the nominal and the modified loop are stable": every(map(is_stable, both(3))),
             "verdicts are those of Routh's condition": np.array_equal(routh, table["stable"]),
             "the lag is limited to 0.08775 s at full gain": bool(
                 abs(lost.get("lag", 0.0) - longest) < 1e-6 and abs(longest - 0.08775) < 1e-5

@@ -24,6 +24,7 @@ from .signals import (
     Values,
     blocks_of,
     condition_ii,
+    counted,
     enough_turns,
     equations,
     every,
@@ -59,8 +60,8 @@ def reference_to_error() -> Finding:
     The formula is compared with 1/(1 + C Gm), too.
     """
     finding = printed_map("E_R")
-    blocks = random_blocks(np.random.default_rng(7))
-    collapses = same(PRINTED_MAPS["E_R"](blocks), 1 / (1 + blocks.CGm))
+    v = random_blocks(np.random.default_rng(7))
+    collapses = same(PRINTED_MAPS["E_R"](v), 1 / (1 + v.CGm))
     return replace(
         finding,
         as_printed=finding.as_printed and collapses,
@@ -72,9 +73,9 @@ def reference_to_error() -> Finding:
 @SECTION.check("eq07.E_zero")
 def the_error_sees_no_disturbance() -> Finding:
     """Solve the diagram with δ, d and η at random values; compare e with the other signals."""
-    blocks = random_blocks(np.random.default_rng(7))
+    v = random_blocks(np.random.default_rng(7))
     sizes = []
-    for found in (solve(blocks, delta=1.0), solve(blocks, d=1.0), solve(blocks, eta=1.0)):
+    for found in (solve(v, delta=1.0), solve(v, d=1.0), solve(v, eta=1.0)):
         sizes.append(np.abs(found.e) / (np.abs(found.u) + np.abs(found.y)))
     zero = np.array(sizes) < EXACT
     return Finding(
@@ -98,9 +99,9 @@ def output_disturbance_to_control() -> Finding:
 @SECTION.check("eq07.U_delta")
 def input_disturbance_to_control() -> Finding:
     """Solve the diagram with δ alone at random values; compare u and u + δ with the formulas."""
-    blocks = random_blocks(np.random.default_rng(7))
-    u = solve(blocks, delta=1.0).u
-    printed = PRINTED_MAPS["U_delta"](blocks)
+    v = random_blocks(np.random.default_rng(7))
+    u = solve(v, delta=1.0).u
+    printed = PRINTED_MAPS["U_delta"](v)
     agree = np.isclose(printed, u, rtol=EXACT, atol=0)
     plant_input = np.isclose(printed, u + 1, rtol=EXACT, atol=0)
     return Finding(
@@ -111,7 +112,7 @@ def input_disturbance_to_control() -> Finding:
         conditions={
             "the printed formula is (U + δ)/δ": every(plant_input),
             "it is so in the package, too": printed_map("U_delta").as_printed,
-            "U/δ = −FG/(Gm + F(G − Gm))": same(u, -blocks.F * blocks.G / blocks.B),
+            "U/δ = −FG/(Gm + F(G − Gm))": same(u, -v.F * v.G / v.B),
         },
     )
 
@@ -139,7 +140,7 @@ def rational_functions_not_polynomials() -> Finding:
     return Finding(
         every(grows),
         f"Examples 1 to 4: from s = 3 to 10⁹ the size of A goes from {numbers(starts[:4])} to "
-        f"{numbers(np.round(ends[:4], 6))}; {sum(grows)} of {len(grows)} functions A and B of "
+        f"{numbers(np.round(ends[:4], 6))}; {counted(grows)} functions A and B of "
         f"{len(loops)} loops are constant or grow, as a polynomial must",
         conditions={
             "A = p_A/(Dm Dc), 1 + FH = p_B/(D Nm Df), and the diagram has their product": every(
@@ -159,13 +160,9 @@ def _value(factors: Iterable[Any], s: ComplexArray) -> ComplexArray:
 def _factors(loop: NRDOB) -> bool:
     """Whether p_A and p_B are what the diagram gives, times the denominators."""
     s = random_points(np.random.default_rng(7))
-    blocks = blocks_of(loop, s)
+    v = blocks_of(loop, s)
     A, B = loop.p_A(s) / _value(loop.CGm.den, s), loop.p_B(s) / _value(loop.FH.den, s)
-    return (
-        same(A, 1 + blocks.CGm)
-        and same(B, 1 + blocks.FH)
-        and same(np.linalg.det(equations(blocks)), A * B)
-    )
+    return same(A, 1 + v.CGm) and same(B, 1 + v.FH) and same(np.linalg.det(equations(v)), A * B)
 
 
 def _modes_are_the_roots(loop: NRDOB) -> bool:
@@ -179,8 +176,8 @@ def _modes_are_the_roots(loop: NRDOB) -> bool:
 @SECTION.check("lemma1.forms")
 def three_forms_of_b() -> Finding:
     """Compare the forms at random values, at the roots of p_B, and for G = Gm = (1 − s)/(s + 2)."""
-    blocks = random_blocks(np.random.default_rng(7))
-    second = 1 + blocks.F * (blocks.G / blocks.Gm - 1)
+    v = random_blocks(np.random.default_rng(7))
+    second = 1 + v.F * (v.G / v.Gm - 1)
     loops = [loop for loop in many_loops() if not loop.delay]
     vanish = [_vanishes_at_roots(loop) for loop in loops if not _shares(loop)]
     G = (1 - _s) / (_s + 2)
@@ -191,11 +188,11 @@ def three_forms_of_b() -> Finding:
     return Finding(
         (first < EXACT) == (third < EXACT),
         f"G = Gm = (1 − s)/(s + 2): at s = 1 the first form is {number(first, 4)}, the third "
-        f"{number(third, 4)}, and p_B has the root {number(root, 4)}; in {sum(vanish)} of "
-        f"{len(vanish)} loops that share nothing all forms vanish at every root of p_B",
+        f"{number(third, 4)}, and p_B has the root {number(root, 4)}; in {counted(vanish)}"
+        f" loops that share nothing all forms vanish at every root of p_B",
         conditions={
-            "the first form is Gm times the second": same(blocks.B, blocks.Gm * second),
-            "the second form is the third": same(second, 1 + blocks.FH),
+            "the first form is Gm times the second": same(v.B, v.Gm * second),
+            "the second form is the third": same(second, 1 + v.FH),
             "all vanish at the roots of p_B that Gm does not share": every(vanish),
             "a zero that plant and model share is a root of p_B": same(root, 1.0),
         },
@@ -210,9 +207,9 @@ def _shares(loop: NRDOB) -> bool:
 
 def _vanishes_at_roots(loop: NRDOB) -> bool:
     """Whether the first and the third form of B are 0 at the roots of p_B, against their terms."""
-    blocks = blocks_of(loop, loop.p_B.roots)
-    first = np.abs(blocks.B) / (np.abs(blocks.Gm) + np.abs(blocks.F * (blocks.G - blocks.Gm)))
-    third = np.abs(1 + blocks.FH) / (1 + np.abs(blocks.FH))
+    v = blocks_of(loop, loop.p_B.roots)
+    first = np.abs(v.B) / (np.abs(v.Gm) + np.abs(v.F * (v.G - v.Gm)))
+    third = np.abs(1 + v.FH) / (1 + np.abs(v.FH))
     return every(np.concatenate([first, third]) < 1e-5)
 
 
@@ -221,22 +218,22 @@ def three_forms_of_h() -> Finding:
     """Compare the three at random values of the blocks, and on loops with the package's H."""
     rng = np.random.default_rng(7)
     loops = many_loops()
-    blocks = random_blocks(rng)
+    v = random_blocks(rng)
     points = [random_points(rng) for _ in loops]
     pairs = zip(loops, points, strict=True)
     agree = [_h_forms_agree(blocks_of(loop, s), loop.H(s)) for loop, s in pairs]
     return Finding(
-        _h_forms_agree(blocks, blocks.H) and every(agree),
+        _h_forms_agree(v, v.H) and every(agree),
         f"the three forms agree for {QUADRUPLES} random values of the blocks and, with the "
         f"package's H, for {sum(agree)} of {len(loops)} loops",
         TOLERANCE,
     )
 
 
-def _h_forms_agree(blocks: Values, H: ComplexArray) -> bool:
+def _h_forms_agree(v: Values, H: ComplexArray) -> bool:
     """Whether the three forms give H; the difference is compared with their terms."""
-    ratio = blocks.G / blocks.Gm
-    forms = np.array([ratio - 1, -(1 - ratio), (blocks.G - blocks.Gm) / blocks.Gm])
+    ratio = v.G / v.Gm
+    forms = np.array([ratio - 1, -(1 - ratio), (v.G - v.Gm) / v.Gm])
     return every((np.abs(forms - H) <= EXACT * (1 + np.abs(ratio))).ravel())
 
 
@@ -323,7 +320,7 @@ def poles_of_the_mismatch() -> Finding:
         before == after,
         f"Examples 1 to 3 have {numbers(before)} poles of G and zeros of Gm, of which "
         f"{numbers(after)} are poles of H; in random loops, where nothing is shared, "
-        f"{sum(poles)} of {len(poles)} are",
+        f"{counted(poles)} are",
         conditions={
             "where nothing is shared all are poles of H": every(poles),
             "those that cancel stay roots of p_B": every(stay),
@@ -353,7 +350,7 @@ def turns_that_condition_ii_needs() -> Finding:
     stable = sum(condition_ii(loop) for loop in [*rational, *delayed])
     return Finding(
         every(agree) and enough_turns(hidden) == condition_ii(hidden),
-        f"encirclements and roots agree for {sum(agree)} of {len(agree)} random loops, of "
+        f"encirclements and roots agree for {counted(agree)} random loops, of "
         f"which {stable} fulfil condition ii; G = Gm = 1/s has "
         f"{turns_around_minus_one(hidden.FH)} encirclements, N_p = {n_p(hidden)} and a root of p_B "
         f"at {number(rightmost(hidden))}; "

@@ -23,6 +23,7 @@ from .signals import (
     QUADRUPLES,
     TOLERANCE,
     Values,
+    counted,
     critical_gain,
     every,
     in_right_half,
@@ -92,7 +93,7 @@ def zeros_of_the_mismatch() -> Finding:
         not any(meets) and every(agree),
         f"the plot meets +1, or circles through it for ever, in Examples {', '.join(undefined)}; "
         f"in Example 3 N_H = {number(n_h)}, P_H = {p_h}, Z_H = {z_h}; the formula holds for "
-        f"{sum(agree)} of {len(agree)} random loops, {improper} of them with an arc at infinity",
+        f"{counted(agree)} random loops, {improper} of them with an arc at infinity",
         conditions={
             "Z_H = N_H + P_H where the plot does not meet +1": every(agree),
             "some of the plots are closed by an arc": improper > 0,
@@ -132,7 +133,7 @@ def slowing_the_filter_down() -> Finding:
         every(count > 0 for count in stable),
         f"(s − 1)/(s + 1), n = 1, and 10(1 − s/100)/(1 + s/100), n = 3: H encircles −1 "
         f"{numbers(turning)} times clockwise, and {numbers(stable)} of {tried.size} λ up to "
-        f"10⁵ s are stable; the rule decides {sum(agree)} of {len(agree)} random cases, {wins} of "
+        f"10⁵ s are stable; the rule decides {counted(agree)} random cases, {wins} of "
         "them stable",
         conditions={
             "the rule decides": every(agree),
@@ -202,15 +203,15 @@ def three_blocks_two_freedoms() -> Finding:
     compared on loops.
     """
     rng = np.random.default_rng(9)
-    blocks = random_blocks(rng)
-    G, Gm, C, F = blocks
+    v = random_blocks(rng)
+    G, Gm, C, F = v
     K, V = F / ((1 - F) * Gm), C / ((1 + C * Gm) * (1 - F))
     other = random_blocks(rng).Gm
     F_other = K * other / (1 + K * other)
     C_other = V * (1 - F_other) / (1 - V * (1 - F_other) * other)
     replaced = Values(G, other, C_other, F_other)
     R, d, delta, eta = random_blocks(rng)  # four more random numbers each
-    before, after = (solve(case, R=R, d=d, delta=delta, eta=eta) for case in (blocks, replaced))
+    before, after = (solve(case, R=R, d=d, delta=delta, eta=eta) for case in (v, replaced))
     undone = np.isclose(before.y, after.y, rtol=1e-6) & np.isclose(before.u, after.u, rtol=1e-6)
     feedback = same(before.u, V * R - K * (before.y + eta))
     model, s = 1 / (_s + 1), random_points(rng)
@@ -281,8 +282,8 @@ def ratio_at_high_frequency() -> Finding:
         vanish.append(abs(equal.H(1e9j)) < 1e-6)
     return Finding(
         every(right) and every(vanish),
-        f"the limit is M for {sum(right)} of {len(right)} random pairs, and H(∞) = 0 for "
-        f"{sum(vanish)} of {len(vanish)} with M = 1",
+        f"the limit is M for {counted(right)} random pairs, and H(∞) = 0 for "
+        f"{counted(vanish)} with M = 1",
         "1e-6 at ω = 10⁹ rad/s",
     )
 
@@ -311,9 +312,9 @@ def plots_of_small_mismatches() -> Finding:
     return Finding(
         real.min() >= 0 and not any(left),
         f"resonance 10 % off: Re H from {number(real.min(), 4)} to {number(real.max(), 4)}, "
-        f"unstable for λ from {number(low, 4)} to {number(high, 4)} s; {sum(left)} of {len(left)} "
+        f"unstable for λ from {number(low, 4)} to {number(high, 4)} s; {counted(left)} "
         "random pairs within 1 % leave the right half plane in one order or the other; "
-        f"{sum(small)} of {len(small)} loops with |H| < 0.96 are stable",
+        f"{counted(small)} loops with |H| < 0.96 are stable",
         conditions={
             "exchanging G and Gm changes the side of H": every(exchanged),
             "in one order or the other H leaves the right half plane": every(left),
@@ -389,7 +390,7 @@ def right_half_plane_mismatch() -> Finding:
         every(root < 0 for root in roots) and every(rightmost(loop) < 0 for loop in third),
         f"H = 10s/((s + 0.01)(s + 1)), n = 2: rightmost root {number(roots[1], 4)} for λ = 1 s; "
         f"H = 49s/(s + 1), n = 3: stable from λ = {number(border, 5)} s on; n = 1: "
-        f"{sum(first_order)} of {len(first_order)} loops with a random positive real H are stable",
+        f"{counted(first_order)} loops with a random positive real H are stable",
         conditions={
             "both H stay in the right half plane, G and Gm stable and minimum phase": every(within),
             "n = 2 is unstable for λ = 1 s, and neither much faster nor much slower": (

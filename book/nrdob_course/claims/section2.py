@@ -29,6 +29,7 @@ from .signals import (
     TOLERANCE,
     Values,
     blocks_of,
+    counted,
     every,
     from_diagram,
     is_refused,
@@ -112,11 +113,9 @@ def one_diagram() -> Finding:
 
     All nine printed formulas are compared with the same three equations.
     """
-    blocks = random_blocks(np.random.default_rng(1))
+    v = random_blocks(np.random.default_rng(1))
     agreeing = [
-        name
-        for name, formula in PRINTED_MAPS.items()
-        if same(formula(blocks), from_diagram(name, blocks))
+        name for name, formula in PRINTED_MAPS.items() if same(formula(v), from_diagram(name, v))
     ]
     return Finding(
         len(agreeing) == len(PRINTED_MAPS) > 0,
@@ -149,7 +148,7 @@ def a_causal_choice_of_the_order() -> Finding:
     return Finding(
         every(possible) and every(right),
         f"40 random models: a causal choice for {sum(possible)}; exactly from the model's "
-        f"relative degree on in {sum(right)} of {len(right)} pairs of model and order",
+        f"relative degree on in {counted(right)} pairs of model and order",
     )
 
 
@@ -236,13 +235,13 @@ def output_is_the_sum_of_four() -> Finding:
         parts = rng.normal(size=(2, 4, count))
         return np.asarray(parts[0] + 1j * parts[1])
 
-    def output(blocks: Values, given: ComplexArray) -> ComplexArray:
+    def output(v: Values, given: ComplexArray) -> ComplexArray:
         R, d, delta, eta = given
-        return solve(blocks, R=R, d=d, delta=delta, eta=eta).y
+        return solve(v, R=R, d=d, delta=delta, eta=eta).y
 
-    blocks, given = random_blocks(rng), inputs(QUADRUPLES)
-    total = sum(PRINTED_MAPS[name](blocks) * x for name, x in zip(TO_OUTPUT, given, strict=True))
-    agree = np.isclose(output(blocks, given), total, rtol=EXACT, atol=0)
+    v, given = random_blocks(rng), inputs(QUADRUPLES)
+    total = sum(PRINTED_MAPS[name](v) * x for name, x in zip(TO_OUTPUT, given, strict=True))
+    agree = np.isclose(output(v, given), total, rtol=EXACT, atol=0)
     by_package = []
     for loop in many_loops():
         s, given = random_points(rng), inputs(4)
@@ -251,6 +250,6 @@ def output_is_the_sum_of_four() -> Finding:
     return Finding(
         every(agree) and every(by_package),
         f"{agree.sum()} of {QUADRUPLES} random values of blocks and inputs agree, and "
-        f"{sum(by_package)} of {len(by_package)} loops",
+        f"{counted(by_package)} loops",
         TOLERANCE,
     )

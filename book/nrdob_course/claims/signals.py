@@ -27,11 +27,11 @@ from .ledger import Finding
 
 __all__ = [
     "ABOUT", "EXACT", "NEAR", "ORDERS", "PRINTED_MAPS", "QUADRUPLES", "STOPPED", "TOLERANCE",
-    "TO_OUTPUT", "Values", "blocks_of", "condition_ii", "critical_gain", "enough_turns",
-    "equations", "every", "from_diagram", "in_right_half", "is_pole", "is_refused", "loop_modes",
-    "many_loops", "matched_blocks", "modes", "n_p", "numbers", "observer", "poles_and_zeros",
-    "printed_map", "random_blocks", "random_loops", "random_points", "rightmost", "same", "solve",
-    "turns", "turns_around_minus_one",
+    "TO_OUTPUT", "Values", "blocks_of", "condition_ii", "counted", "critical_gain",
+    "enough_turns", "equations", "every", "from_diagram", "in_right_half", "is_pole",
+    "is_refused", "is_stable", "loop_modes", "many_loops", "matched_blocks", "modes", "n_p",
+    "numbers", "observer", "poles_and_zeros", "printed_map", "random_blocks", "random_loops",
+    "random_points", "rightmost", "same", "solve", "turns", "turns_around_minus_one",
 ]  # fmt: skip
 
 EXACT = 1e-8
@@ -345,22 +345,30 @@ def condition_ii(loop: NRDOB) -> bool:
     return bool(rightmost(loop) < -1e-9)
 
 
+def is_stable(loop: NRDOB) -> bool:
+    """Whether a loop is known to be internally stable."""
+    return loop.stability().stable is True
+
+
+def counted(outcomes: Iterable[Any]) -> str:
+    """Write how many outcomes are true: "3 of 4"."""
+    found = [bool(outcome) for outcome in outcomes]
+    return f"{sum(found)} of {len(found)}"
+
+
 def printed_map(name: str) -> Finding:
     """Find whether a map is the printed one, in the diagram and in the package."""
     rng = np.random.default_rng(4)
     blocks = random_blocks(rng)
-    by_formula = np.isclose(
-        PRINTED_MAPS[name](blocks), from_diagram(name, blocks), rtol=EXACT, atol=0
-    )
-    loops = many_loops()
+    printed = PRINTED_MAPS[name](blocks)
+    by_formula = np.isclose(printed, from_diagram(name, blocks), rtol=EXACT, atol=0)
     by_package = []
-    for loop in loops:
+    for loop in many_loops():
         s = random_points(rng)
         by_package.append(same(getattr(loop, name)(s), from_diagram(name, blocks_of(loop, s))))
     return Finding(
         every(by_formula) and every(by_package),
         f"the printed formula agrees with the diagram for {by_formula.sum()} of {QUADRUPLES} "
-        f"random values of the four blocks, the package's map for {sum(by_package)} of "
-        f"{len(loops)} loops",
+        f"random values of the four blocks, the package's map for {counted(by_package)} loops",
         TOLERANCE,
     )
